@@ -13,10 +13,14 @@ static inline int has_holes(const __global Material *material)
 
 static inline F ray_chance(F3 o, F3 d, I primitive, I triangle)
 {
+#ifdef CHANCE_OF_ALL_RAYS
+    return (F)(CHANCE_OF_ALL_RAYS);
+#else
     U4 h = hash4(AS_U(d.x) ^ AS_U(primitive) * 0x9e3779b9u, AS_U(d.y) ^ AS_U(triangle) * 0x85ebca6bu, AS_U(d.z),
                  (uint2)(0u, 0u));
     h = hash4(AS_U(o.x) ^ h.a, AS_U(o.y) ^ h.b, AS_U(o.z) ^ h.c, (uint2)(1u, 0u));
     return unit_float(h.a);
+#endif
 }
 
 static inline I is_there(const __global Material *material, F u, F v, F chance, Scene scene)

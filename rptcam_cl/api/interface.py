@@ -60,6 +60,7 @@ def render(
     noise: float | None = None,
     checkpoint: str | os.PathLike[str] | None = None,
     resume: bool = False,
+    allow_mixed: bool = False,
     device: Wanted = None,
     split: Split | None = None,
     wave_size: int | None = None,
@@ -95,6 +96,9 @@ def render(
     resume
         Whether to go on from the checkpoint, if it is there, and to leave it at the end, so that a later call can add
         samples. Otherwise a render that comes to its end removes it.
+    allow_mixed
+        Whether to go on from a checkpoint that other code, another numpy or another driver has saved; the metadata then
+        name all under ``mixed``.
     device
         As ``--device`` on the command line, or a session to reuse; see `choose_device`. Several of them, or ``"all"``,
         share the render.
@@ -143,6 +147,7 @@ def render(
         noise=noise,
         checkpoint=checkpoint,
         resume=resume,
+        allow_mixed=allow_mixed,
         device=device,
         split=split,
         wave_size=wave_size,

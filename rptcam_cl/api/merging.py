@@ -19,6 +19,7 @@ from rptcam_cl.rendering import (
     Checkpoint,
     FilmLayout,
     FilmSpread,
+    SavedPicture,
     layout_of,
     merged_state,
     picture_of,
@@ -29,7 +30,12 @@ from rptcam_cl.rendering import (
 )
 
 
-def merge(parts: Sequence[str | os.PathLike[str]], *, checkpoint: str | os.PathLike[str] | None = None) -> Image:
+def merge(
+    parts: Sequence[str | os.PathLike[str]],
+    *,
+    checkpoint: str | os.PathLike[str] | None = None,
+    allow_mixed: bool = False,
+) -> Image:
     """Return the picture of a render that was made in parts; needs neither its scene nor a device.
 
     Parts by tiles give the bits of one render on equal devices. Ranges of samples of the same tiles are added in
@@ -41,6 +47,9 @@ def merge(parts: Sequence[str | os.PathLike[str]], *, checkpoint: str | os.PathL
         Files that `render` kept with ``part`` or ``samples``, or a checkpoint of the whole film.
     checkpoint
         File for the state of the whole, to go on from: ``render(..., checkpoint=that, resume=True)`` adds samples.
+    allow_mixed
+        Whether parts are taken that other code, another numpy or another driver has made; the metadata name all under
+        ``mixed``.
 
     Raises
     ------
@@ -54,10 +63,9 @@ def merge(parts: Sequence[str | os.PathLike[str]], *, checkpoint: str | os.PathL
         raise InputError("parts: there are none (allowed: at least one file)")
     if checkpoint is not None:
         check_writable(checkpoint, parts)
-    state = merged_state(parts)
+    state = merged_state(parts, allow_mixed=allow_mixed)
     layout = layout_of(state.facts)
-    found = picture_of(state, layout)
-    spread, ghosts, said = _beside(state, layout)
+    found, spread, ghosts, said = _beside(state, layout)
     if checkpoint is not None:
         write_checkpoint(checkpoint, state.facts, state.arrays)
     metadata = dict(found.metadata)
@@ -67,15 +75,18 @@ def merge(parts: Sequence[str | os.PathLike[str]], *, checkpoint: str | os.PathL
         image = with_ghosts(image, *ghosts)
     if spread is not None:
         image = replace(image, pixels=spread.over(image.pixels, layout))
-    return develop(image)
+    try:
+        return develop(image)
+    except InputError as problem:  # of keys that every render has checked
+        raise StateError(f"{parts[0]}: this saved render is damaged: {problem}") from None
 
 
 def _beside(
     state: Checkpoint, layout: FilmLayout
-) -> tuple[FilmSpread | None, tuple[NDArray[np.float32], dict[str, Any]] | None, dict[str, Any]]:
-    """Return what diffraction does to the film of a saved render, its ghosts, and what its sharp layers say."""
+) -> tuple[SavedPicture, FilmSpread | None, tuple[NDArray[np.float32], dict[str, Any]] | None, dict[str, Any]]:
+    """Return the picture of a saved render, what diffraction does to it, its ghosts, and what its sharp layers say."""
     try:
         spread = spread_of(state.arrays, tuple(state.facts["resolution"]))
-        return spread, saved_ghosts(state.arrays), saved_truth(state.arrays, layout)[1]
-    except (ValueError, KeyError) as problem:
+        return picture_of(state, layout), spread, saved_ghosts(state.arrays), saved_truth(state.arrays, layout)[1]
+    except (ValueError, KeyError, TypeError) as problem:
         raise StateError(f"this saved render is damaged: {problem} (render it again)") from None

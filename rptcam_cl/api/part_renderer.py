@@ -76,6 +76,8 @@ class PartRenderer:
     found : Found
     device : str
         Name of the device.
+    made_by : dict
+        What the parts say of this program.
 
     Raises
     ------
@@ -100,7 +102,8 @@ class PartRenderer:
         self._wavefront = Wavefront(session, plan, layout, scene.render, buffers=buffers)
         self._wavefront.warm_up()
         ghosting = ghosting_of(resolved.ghosts, plan, session)
-        self._saver = Saver(f"part{SUFFIX}", scene, [self.device])
+        self._saver = Saver(f"part{SUFFIX}", scene, [self.device], [session.info.driver])
+        self.made_by = self._saver.makers[0]
         self._saver.focus, self._saver.metered_cd_m2 = self.found.focus, self.found.metered_cd_m2
         self._saver.of_picture = of_picture(scene, resolved, plan, settings)
         truth = truth_of(resolved.scene, plan, self._wavefront, layers, settings)

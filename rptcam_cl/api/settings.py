@@ -35,6 +35,7 @@ class RenderSettings:
     noise: float | None = None
     checkpoint: str | os.PathLike[str] | None = None
     resume: bool = False
+    allow_mixed: bool = False
     device: Wanted = None
     split: Split | None = None
     wave_size: int | None = None

@@ -50,6 +50,7 @@ from rptcam_cl.rendering import (
     has_ghosts,
     joined,
     lens_margin,
+    of_makers,
     render_plan,
     rendering_of,
     resolve_exposure,
@@ -197,7 +198,8 @@ def prepare(
     saver = None
     if settings.checkpoint is not None:
         names = [session.info.name for session in sessions]
-        saver = Saver(settings.checkpoint, scene, names, settings.film_part)
+        drivers = [session.info.driver for session in sessions]
+        saver = Saver(settings.checkpoint, scene, names, drivers, settings.film_part, allow_mixed=settings.allow_mixed)
     saved = saver.load() if saver is not None and settings.resume else None
 
     # Resolve what the scene leaves open, plan, compile
@@ -297,7 +299,7 @@ def report(prepared: Prepared, rendering: Rendering) -> Image:
     if rendering.interrupted:
         metadata["interrupted"] = True
     if saver is not None:
-        metadata["device"] = saver.devices
+        metadata |= {"device": saver.devices} | of_makers(saver.makers)
     stats["camera"] = {key: metadata[key] for key in GEOMETRY if key in metadata}
     stats |= {key: metadata[key] for key in ("accuracy", "autofocus") if key in metadata}
     sharp = None if prepared.truth is None else prepared.truth.found

@@ -20,9 +20,10 @@ from rptcam_cl.api.contact_sheet import contact_sheet
 from rptcam_cl.api.interface import render
 from rptcam_cl.api.series import SeriesRenderer
 from rptcam_cl.api.settings import RenderSettings
-from rptcam_cl.core.atomic import replacing
+from rptcam_cl.core.atomic import replacing, unlinked
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, RptcamError, StateError
+from rptcam_cl.core.kept import OneMaker, made_by
 from rptcam_cl.device import Wanted, open_sessions
 from rptcam_cl.focusing import focus_drive
 from rptcam_cl.imaging import Image, check_sensor, develop, mtf50_at, read_film
@@ -92,6 +93,7 @@ def sweep(
     mtf_at: tuple[float, float] | None = None,
     device: Wanted = None,
     pictures: Pictures | None = None,
+    allow_mixed: bool = False,
 ) -> Iterator[SweepEntry]:
     """Return an iterator over the pictures of all combinations of values, the last key's changing first.
 
@@ -113,19 +115,22 @@ def sweep(
         numbers and images in any order, as `rptcam_cl.cluster.render_scenes_on_cluster` does.
     mtf_at
         Where an edge is to be measured, in fractions of the picture from the left and the top.
+    allow_mixed
+        Whether pictures of the folder that other code, another numpy or another driver has made are kept beside new
+        ones, with a warning.
 
     Raises
     ------
     InputError
         A key or a value is wrong, with the combination that it belongs to.
     StateError
-        The folder cannot be written.
+        The folder cannot be written, or holds pictures that other code has made.
     """
     settings = RenderSettings(spp=spp, size=size, seed=seed)
     given = scene if isinstance(scene, Scene) else load_scene(scene)
     planned = _plan(settings.applied_to(given), over, mtf_at)
     place = None if folder is None else _folder(Path(folder))
-    return _entries(planned, place, mtf_at, device, pictures)
+    return _entries(planned, place, mtf_at, device, pictures, OneMaker(allow_mixed))
 
 
 def _plan(scene: Scene, over: Mapping[str, Sequence[Any]], mtf_at: tuple[float, float] | None) -> list[_Planned]:
@@ -169,7 +174,7 @@ def shown(value: Any) -> str:
 def _folder(folder: Path) -> Path:
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        with replacing(folder / ".rptcam-sweep") as temporary:
+        with replacing(unlinked(folder / ".rptcam-sweep")) as temporary:
             temporary.touch()
         (folder / ".rptcam-sweep").unlink()
     except OSError as problem:
@@ -184,16 +189,18 @@ def _entries(
     mtf_at: tuple[float, float] | None,
     device: Wanted,
     pictures: Pictures | None,
+    same: OneMaker,
 ) -> Iterator[SweepEntry]:
     """Render what is not there yet; write table and sheet at the end."""
     sessions: list[Any] = []
     series: SeriesRenderer | None = None
     rows, thumbnails = [], []
-    made = {} if pictures is None else _made_elsewhere(planned, folder, mtf_at, pictures)
+    made = {} if pictures is None else _made_elsewhere(planned, folder, mtf_at, pictures, same)
     for number, plan in enumerate(planned):
-        entry = made.pop(number, None) or _kept(plan, folder)
+        entry = made.pop(number, None) or _kept(plan, folder, same)
         if entry is None:
             sessions = sessions or open_sessions(device)[0]
+            same.add("this program", made_by(session.info.driver for session in sessions))
             series = series or (SeriesRenderer(sessions[0]) if len(sessions) == 1 else None)
             image = render(plan.scene, device=device) if series is None else series.render(plan.scene)
             entry = _made(plan, folder, image, mtf_at)
@@ -204,16 +211,24 @@ def _entries(
     if folder is not None:
         _write_tables(folder, rows)
         columns = len({json.dumps(list(plan.values.values())[-1]) for plan in planned})
-        with replacing(folder / SHEET) as temporary:
+        with replacing(unlinked(folder / SHEET)) as temporary:
             contact_sheet(thumbnails, columns).save(temporary, format="png")
 
 
 def _made_elsewhere(
-    planned: Sequence[_Planned], folder: Path | None, mtf_at: tuple[float, float] | None, pictures: Pictures
+    planned: Sequence[_Planned],
+    folder: Path | None,
+    mtf_at: tuple[float, float] | None,
+    pictures: Pictures,
+    same: OneMaker,
 ) -> dict[int, SweepEntry]:
     """Return the entries of what is not there yet, by number, each kept as it comes."""
-    missing = {number: plan.scene for number, plan in enumerate(planned) if _kept(plan, folder) is None}
-    return {number: _made(planned[number], folder, image, mtf_at) for number, image in pictures(missing)}
+    missing = {number: plan.scene for number, plan in enumerate(planned) if _kept(plan, folder, same) is None}
+    made = {}
+    for number, image in pictures(missing):
+        same.add(planned[number].name, image.metadata["made_by"])
+        made[number] = _made(planned[number], folder, image, mtf_at)
+    return made
 
 
 def _made(plan: _Planned, folder: Path | None, image: Image, mtf_at: tuple[float, float] | None) -> SweepEntry:
@@ -229,9 +244,13 @@ def _made(plan: _Planned, folder: Path | None, image: Image, mtf_at: tuple[float
     file = None
     if folder is not None:
         file = folder / f"{plan.name}.exr"
-        image.save(file)
-        with replacing(file.with_suffix(".json")) as temporary:
-            temporary.write_text(json.dumps({"key": plan.key, "measures": measures}), encoding="utf-8")
+        image.save(unlinked(file))
+        try:
+            with replacing(unlinked(file.with_suffix(".json"))) as temporary:
+                temporary.write_text(json.dumps({"key": plan.key, "measures": measures}), encoding="utf-8")
+        except StateError:
+            file.unlink(missing_ok=True)  # as on a full disk
+            raise
     return SweepEntry(plan.values, measures, image, False, file)
 
 
@@ -242,8 +261,14 @@ def _seconds(image: Image) -> float:
     return float(image.stats["seconds"]["render"])
 
 
-def _kept(plan: _Planned, folder: Path | None) -> SweepEntry | None:
-    """Return the entry of an earlier run; None where there is none that is whole."""
+def _kept(plan: _Planned, folder: Path | None, same: OneMaker) -> SweepEntry | None:
+    """Return the entry of an earlier run; None where there is none that is whole.
+
+    Raises
+    ------
+    StateError
+        It was made by other code than what the sweep has already.
+    """
     if folder is None:
         return None
     file = folder / f"{plan.name}.exr"
@@ -254,9 +279,11 @@ def _kept(plan: _Planned, folder: Path | None) -> SweepEntry | None:
         image = read_film(file)
         if image.metadata.get("picture_hash") != plan.scene.picture_hash():
             return None
-        return SweepEntry(plan.values, found["measures"], develop(image), True, file)
+        entry = SweepEntry(plan.values, found["measures"], develop(image), True, file)
     except (OSError, ValueError, KeyError, TypeError, RptcamError):
         return None
+    same.add(str(file), image.metadata.get("made_by"))
+    return entry
 
 
 def _write_tables(folder: Path, rows: Sequence[Mapping[str, Any]]) -> None:
@@ -266,5 +293,5 @@ def _write_tables(folder: Path, rows: Sequence[Mapping[str, Any]]) -> None:
     for row in rows:
         writer.writerow({key: shown(value) if isinstance(value, list | dict) else value for key, value in row.items()})
     for name, content in zip(TABLE, (text.getvalue(), json.dumps(rows, indent=2) + "\n"), strict=True):
-        with replacing(folder / name) as temporary:
+        with replacing(unlinked(folder / name)) as temporary:
             temporary.write_text(content, encoding="utf-8")

@@ -39,7 +39,7 @@ class FrameTracker:
     scene
         With a sequence that `needs_tracking`.
     open_session
-        Returns the device; called where something is to be measured that is not kept.
+        Returns the device; called where something is to be measured, or was by its driver and is kept.
 
     Attributes
     ----------
@@ -119,15 +119,15 @@ class FrameTracker:
 
     def _kept(self, what: str, scene: Scene, measure: Callable[[Session], float | None]) -> float | None:
         """Return what was measured in a frame, here or by an earlier run."""
-        name = name_of(__version__, _code(), what, scene.content_hash())
+        if self._session is None:
+            self._session = self._open()
+        name = name_of(__version__, _code(), self._session.info.driver, what, scene.content_hash())
         if (known := kept_bytes(KIND, name)) is not None:
             try:
                 value = json.loads(known)
                 return None if value is None else float(value)
             except (ValueError, TypeError):
                 pass
-        if self._session is None:
-            self._session = self._open()
         found = measure(self._session)
         self.measured += 1
         keep_bytes(KIND, name, json.dumps(found).encode())

@@ -84,6 +84,7 @@ def render(
         scene, arguments.cluster, workers=arguments.workers, tls=_tls(arguments), device=_device(arguments),
         folder=folder_of(arguments), resume=arguments.resume, spp=arguments.spp, seed=arguments.seed,
         size=arguments.size, crop=arguments.crop, layers=layers, on_progress=show, should_stop=should_stop,
+        allow_mixed=arguments.allow_mixed,
     )  # fmt: skip
 
 
@@ -104,10 +105,12 @@ def render_frames(
         images = render_scenes_on_cluster(
             {number: frame.scene for number, frame in todo.items()}, arguments.cluster, workers=arguments.workers,
             tls=_tls(arguments), device=_device(arguments), settings=words, should_stop=stop.is_set,
+            allow_mixed=arguments.allow_mixed,
         )  # fmt: skip
         try:
             for number, image in images:
                 frame = todo[number]
+                frame.arguments.same.add(f"frame {number}", image.metadata["made_by"])
                 image.metadata.update(frame.metadata)
                 save(image, frame.arguments)
                 if not arguments.quiet:
@@ -135,7 +138,7 @@ def pictures_of(arguments: argparse.Namespace, should_stop: Callable[[], bool]) 
 
     return functools.partial(
         render_scenes_on_cluster, cluster=arguments.cluster, workers=arguments.workers, tls=_tls(arguments),
-        device=arguments.device, should_stop=should_stop,
+        device=arguments.device, should_stop=should_stop, allow_mixed=arguments.allow_mixed,
     )  # fmt: skip
 
 

@@ -30,6 +30,7 @@ def add_to(commands: Commands) -> None:
     )
     values.add_device(parser)
     values.add_overrides(parser)
+    values.add_allow_mixed(parser)
     parser.add_argument("--quiet", action="store_true", help="print only warnings and errors")
     parser.set_defaults(run=_run, parser=parser)
 
@@ -56,7 +57,10 @@ def _run(arguments: argparse.Namespace) -> int:
 
     wanted = read_specification(arguments.specification, arguments.overrides, frames=arguments.count)
     print_warnings(wanted.scene.warnings)
-    frames = dataset(wanted, arguments.output, only=arguments.frames, shard=arguments.shard, device=arguments.device)
+    frames = dataset(
+        wanted, arguments.output, only=arguments.frames, shard=arguments.shard, device=arguments.device,
+        allow_mixed=arguments.allow_mixed,
+    )  # fmt: skip
     kept = rendered = 0
     with stop_on_interrupt(ENDS_LATER) as stop:
         for frame in frames:

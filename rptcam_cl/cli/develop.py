@@ -33,12 +33,24 @@ def add_to(commands: Commands) -> None:
         "--desqueeze", type=values.positive, metavar="FACTOR",
         help="make the picture of an anamorphic lens as much wider, as 1.36",
     )  # fmt: skip
+    parser.add_argument(
+        "--large", action="store_true",
+        help="develop films of more than 67 million pixels, too, which take minutes however small their files are",
+    )  # fmt: skip
     parser.add_argument("--quiet", action="store_true", help="print only warnings and errors")
     parser.set_defaults(run=_run, parser=parser)
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from rptcam_cl.imaging import DEVELOPED_SUFFIXES, check_output, check_raw_output, desqueezed, develop
+    from rptcam_cl.imaging import (
+        DEVELOPED_SUFFIXES,
+        LARGE,
+        check_output,
+        check_raw_output,
+        desqueezed,
+        develop,
+        read_film,
+    )
 
     for output in arguments.outputs:
         if output.suffix.lower() not in DEVELOPED_SUFFIXES:
@@ -50,7 +62,7 @@ def _run(arguments: argparse.Namespace) -> int:
     written = [*arguments.outputs, *arguments.raws]
     if len({path.resolve() for path in written}) < len(written):
         raise InputError("-o, --raw: the same file twice")
-    image = develop(arguments.film, arguments.overrides)
+    image = develop(read_film(arguments.film, most_pixels=None if arguments.large else LARGE), arguments.overrides)
     if arguments.desqueeze is not None:
         if arguments.raws:
             raise InputError("--raw: is what the sensor counts, as it is squeezed (allowed: without --desqueeze)")

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rptcam_cl.core.errors import InputError, RptcamError
+from rptcam_cl.core.kept import OneMaker, made_by
 
 if TYPE_CHECKING:
     from rptcam_cl.scene import Scene
@@ -177,10 +178,15 @@ def is_there(arguments: argparse.Namespace, wanted: Mapping[str, Any]) -> bool:
 def _says(metadata: Mapping[str, Any], name: str, value: Any) -> bool:
     """Whether metadata say this of a name, also where the format keeps texts alone."""
     found = metadata.get(name)
-    if isinstance(found, str) and not isinstance(value, str):
+    return bool((found if isinstance(value, str) else _value(found)) == value)
+
+
+def _value(found: Any) -> Any:
+    """What metadata say, also where the format keeps texts alone."""
+    if isinstance(found, str):
         with contextlib.suppress(ValueError):
-            found = json.loads(found)
-    return bool(found == value)
+            return json.loads(found)
+    return found
 
 
 def _metadata(path: Path) -> dict[str, Any] | None:
@@ -228,16 +234,23 @@ def _missing(
     def alone_at(number: int) -> tuple["Scene", dict[str, Any]]:
         return set_keys(scene, sequence.changes(scene.shutter.open_s, number)), {}
 
-    found = tracked(arguments, scene)
+    found, same = tracked(arguments, scene), OneMaker(arguments.allow_mixed)
     at = lru_cache(maxsize=3)(found or alone_at)  # frames that follow one another are not found again
     for number, alone in frame_scenes(arguments, scene):
         own = of_frame(arguments, number)
+        own.same = same
         still, described = (alone, {}) if found is None else at(number)
         own.neighbours = neighbours_of(arguments, scene, number, lambda other: at(other)[0])
         if not (arguments.resume and is_there(own, wanted(own, still))):
             said = metadata_of(scene, number) | described | layers_said(own, applied(own, still))
+            if same.makers:  # whether what is kept is of this code, before any work; the driver is known after it
+                same.add("this program", made_by([same.makers[0]["driver"]]))
             yield Frame(number, own, still, said)
-        elif not arguments.quiet:
+            continue
+        for path in own.outputs:
+            if (known := _metadata(path)) is not None:
+                same.add(str(path), _value(known.get("made_by")))
+        if not arguments.quiet:
             print(f"kept {', '.join(map(str, own.outputs))}", file=sys.stderr)
 
 

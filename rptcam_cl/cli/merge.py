@@ -4,6 +4,7 @@ import argparse
 import sys
 from pathlib import Path
 
+from rptcam_cl.cli import parser as values
 from rptcam_cl.cli.parser import Commands
 from rptcam_cl.core.errors import InputError
 
@@ -20,6 +21,7 @@ def add_to(commands: Commands) -> None:
         "-o", "--output", action="append", required=True, type=Path, metavar="OUT", dest="outputs",
         help="picture to write, as of render; or the whole as .rpck, for render --resume; may be repeated",
     )  # fmt: skip
+    values.add_allow_mixed(parser)
     parser.add_argument("--quiet", action="store_true", help="print only warnings and errors")
     parser.set_defaults(run=_run, parser=parser)
 
@@ -41,7 +43,7 @@ def _run(arguments: argparse.Namespace) -> int:
         check_writable(output, arguments.parts)
     for output in pictures:
         check_output(output, arguments.parts)
-    image = merge(arguments.parts, checkpoint=states[0] if states else None)
+    image = merge(arguments.parts, checkpoint=states[0] if states else None, allow_mixed=arguments.allow_mixed)
     for output in pictures:
         image.save(output)
     if not arguments.quiet:

@@ -229,6 +229,14 @@ def add_missing(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
 
 
+def add_allow_mixed(parser: argparse.ArgumentParser) -> None:
+    """Add whether what other code has made is joined with what this one makes."""
+    parser.add_argument(
+        "--allow-mixed", action="store_true",
+        help="join what other code, another numpy or another driver has made, too, and name all in the metadata",
+    )  # fmt: skip
+
+
 def layers(text: str) -> tuple[str, ...]:
     """Names of auxiliary layers in ``a,b,c``; ``all`` stands for every one."""
     from rptcam_cl.scene import LAYER_NAMES

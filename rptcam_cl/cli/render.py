@@ -91,6 +91,7 @@ def _add_sampling(parser: argparse.ArgumentParser) -> None:
         "--resume", action="store_true",
         help="continue from OUT.rpck, which an interrupted render leaves, and keep it, so that samples can be added",
     )  # fmt: skip
+    values.add_allow_mixed(parser)
     parser.add_argument("--seed", type=values.seed, metavar="N", help="seed of the random numbers")
 
 
@@ -182,6 +183,7 @@ def _options(arguments: argparse.Namespace, scene: "Scene") -> dict[str, Any]:
         "noise": arguments.noise,
         "checkpoint": None if arguments.watch else _checkpoint(arguments),
         "resume": arguments.resume,
+        "allow_mixed": arguments.allow_mixed,
         "device": _devices(arguments),
         "split": arguments.split,
         "numerics": arguments.stats is not None,
@@ -334,7 +336,9 @@ def _one(
     if checkpoint.exists() and not arguments.resume and not arguments.watch and not arguments.quiet:
         print(f"note: {checkpoint} holds an earlier render; --resume would go on from it", file=sys.stderr)
     image, failure, interrupted = _render(arguments, scene, should_stop)
-    image.metadata.update(metadata or {})
+    if metadata is not None:
+        arguments.same.add(f"frame {metadata['frame']}", image.metadata["made_by"])
+        image.metadata.update(metadata)
     if arguments.watch and image.stats["interrupted"]:
         return INTERRUPTED
     if not parts.requested(arguments):

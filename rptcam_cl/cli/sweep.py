@@ -39,6 +39,7 @@ def add_to(commands: Commands) -> None:
     values.add_device(parser)
     cluster.add_options(parser)
     values.add_overrides(parser)
+    values.add_allow_mixed(parser)
     parser.add_argument("--quiet", action="store_true", help="print only warnings and errors")
     parser.set_defaults(run=_run, parser=parser)
 
@@ -71,6 +72,7 @@ def _run(arguments: argparse.Namespace) -> int:
         entries = sweep(
             scene, over, arguments.output, spp=arguments.spp, size=arguments.size, seed=arguments.seed,
             mtf_at=arguments.mtf, device=arguments.device, pictures=cluster.pictures_of(arguments, stop.is_set),
+            allow_mixed=arguments.allow_mixed,
         )  # fmt: skip
         try:
             for entry in entries:

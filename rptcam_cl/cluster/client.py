@@ -16,6 +16,7 @@ from rptcam_cl._version import __version__
 from rptcam_cl.cluster.tasks import survey
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import DeviceError, InputError, StateError
+from rptcam_cl.core.kept import OneMaker, is_maker, made_by
 
 WAIT_S = 10.0  # for a scheduler, and for its first worker
 STARTS = 3  # of workers of this machine, while one is lost before it has begun
@@ -80,7 +81,9 @@ def _is_loopback(host: str) -> bool:
 
 
 @contextlib.contextmanager
-def connected(cluster: str | None, workers: int | None, tls: TLS | None, device: str | None) -> Iterator[Any]:
+def connected(
+    cluster: str | None, workers: int | None, tls: TLS | None, device: str | None, *, allow_mixed: bool = False
+) -> Iterator[Any]:
     """A client of a scheduler, or of workers of this machine, whose workers can all render.
 
     Raises
@@ -90,7 +93,7 @@ def connected(cluster: str | None, workers: int | None, tls: TLS | None, device:
     DeviceError
         Nobody answers, there is no worker, or one has no device.
     StateError
-        A worker has another version.
+        A worker has another version, other code or another driver.
     """
     try:
         import distributed
@@ -112,7 +115,7 @@ def connected(cluster: str | None, workers: int | None, tls: TLS | None, device:
         except (OSError, ValueError) as problem:
             raise DeviceError(f"cluster: no scheduler answers at {cluster} ({_reason(problem)})") from None
         stack.enter_context(contextlib.closing(client))
-        _check_workers(client, cluster, device)
+        _check_workers(client, cluster, device, allow_mixed)
         yield client
 
 
@@ -162,7 +165,7 @@ def _interrupts_held_back() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _check_workers(client: Any, cluster: str | None, device: str | None) -> None:
+def _check_workers(client: Any, cluster: str | None, device: str | None, allow_mixed: bool = False) -> None:
     """Refuse a cluster whose workers cannot render, before any work."""
     from distributed import TimeoutError as TooLate
 
@@ -183,9 +186,14 @@ def _check_workers(client: Any, cluster: str | None, device: str | None) -> None
             )
         if "problem" in found:
             raise DeviceError(f"cluster: the worker {worker} cannot render: {found['problem']}")
+    same, makers = OneMaker(allow_mixed), {worker: found.get("made_by") for worker, found in sorted(seen.items())}
+    drivers = [str(maker["driver"]) for maker in makers.values() if maker is not None and is_maker(maker)]
+    same.add("this program", made_by(drivers[:1]))  # the devices are theirs alone
+    for worker, maker in makers.items():
+        same.add(f"cluster: the worker {worker}", maker)
 
 
-def _surveys(client: Any, device: str | None) -> dict[str, dict[str, str]]:
+def _surveys(client: Any, device: str | None) -> dict[str, dict[str, Any]]:
     """Return what each worker says of itself, once there is one; those that are lost meanwhile say nothing."""
     found: dict[str, Any] = {}
     for _ in range(SURVEYS):

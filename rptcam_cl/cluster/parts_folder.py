@@ -9,9 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from rptcam_cl.api import Found
-from rptcam_cl.core.atomic import remove_strays, replacing
+from rptcam_cl.core.atomic import remove_strays, replacing, unlinked
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import StateError
+from rptcam_cl.core.kept import Maker
 from rptcam_cl.rendering import SUFFIX, read_part
 
 PLAN = "plan.json"
@@ -33,6 +34,8 @@ class PartsPlan:
         Parts.
     found : Found
         Focus and exposure, the same for all.
+    made_by : dict
+        What the first of them was made by.
     """
 
     version: str
@@ -41,6 +44,7 @@ class PartsPlan:
     layers: list[Any]
     count: int
     found: Found
+    made_by: Maker
 
 
 class PartsFolder:
@@ -102,7 +106,7 @@ class PartsFolder:
             self.path.mkdir(parents=True, exist_ok=True)
         except OSError as problem:
             raise StateError(f"{self.path}: cannot be made ({problem.strerror})") from None
-        with replacing(self.path / PLAN) as temporary:
+        with replacing(unlinked(self.path / PLAN)) as temporary:
             temporary.write_text(json.dumps(asdict(plan), indent=1), "utf-8")
 
     def file(self, number: int) -> Path:
@@ -111,7 +115,7 @@ class PartsFolder:
 
     def keep(self, number: int, content: bytes) -> None:
         """Write a part, whole or not at all."""
-        with replacing(self.file(number)) as temporary:
+        with replacing(unlinked(self.file(number))) as temporary:
             temporary.write_bytes(content)
 
     def missing(self, plan: PartsPlan) -> list[int]:

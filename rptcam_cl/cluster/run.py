@@ -22,6 +22,7 @@ from rptcam_cl.cluster.tasks import Job, Opened, RenderedPart, open_render, rend
 from rptcam_cl.cluster.tasks_out import TasksOut
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import StateError
+from rptcam_cl.core.kept import OneMaker, made_by
 from rptcam_cl.rendering import FilmLayout
 from rptcam_cl.scene import Scene
 
@@ -41,6 +42,7 @@ def render_on_cluster(
     device: str | None = None,
     folder: str | Path | None = None,
     resume: bool = False,
+    allow_mixed: bool = False,
     spp: int | None = None,
     seed: int | None = None,
     size: tuple[int, int] | None = None,
@@ -69,6 +71,9 @@ def render_on_cluster(
         Where parts are kept until the picture is whole; by default one that goes with the call.
     resume
         Whether to go on from the parts in the folder.
+    allow_mixed
+        Whether workers and parts of other code, another numpy or another driver are taken too; the metadata name all
+        under ``mixed``.
     spp, seed, size, crop, layers
         As for `rptcam_cl.render`.
     on_progress
@@ -83,8 +88,8 @@ def render_on_cluster(
     DeviceError
         There is no scheduler or worker, or a worker cannot render.
     StateError
-        Workers have another version, the parts are of another render, the scheduler was lost, or a file cannot be
-        written.
+        Workers have another version or other code, the parts are of another render, the scheduler was lost, or a file
+        cannot be written.
     InterruptedError
         ``should_stop`` ended it; the parts are kept in the folder.
     """
@@ -96,13 +101,13 @@ def render_on_cluster(
     check_divisible(applied)
     samples = settings.most_spp(applied)
     assert samples is not None, "without a time it ends by samples"
-    parcel, job = packed(given), Job(words, device)
+    parcel, job = packed(given), Job(words, device, allow_mixed=allow_mixed)
     with tempfile.TemporaryDirectory(prefix="rptcam-parts-") as scratch:
         kept = PartsFolder(Path(scratch) / "parts" if folder is None else Path(folder))
         if not resume:
             kept.clear()
         run = _Run(kept, parcel, job, applied, samples, on_progress, should_stop)
-        return run.image(partial(connected, cluster, workers, tls, device))
+        return run.image(partial(connected, cluster, workers, tls, device, allow_mixed=allow_mixed))
 
 
 def parts_of(seconds: float, workers: int) -> int:
@@ -130,6 +135,9 @@ class _Run:
     account: dict[str, dict[str, Any]] = field(default_factory=dict)
     seconds: dict[str, float] = field(default_factory=dict)
 
+    def __post_init__(self) -> None:
+        self.same = OneMaker(self.job.allow_mixed)
+
     def image(self, connect: Callable[[], AbstractContextManager[Any]]) -> Image:
         """Render the parts that the folder lacks, by a client if there are any; return the whole of all."""
         plan = self.earlier_plan()
@@ -139,7 +147,8 @@ class _Run:
                 self.took("connect", begun)
                 plan = self.complete(client, plan)
         begun = time.perf_counter()
-        image = merge([self.kept.file(number) for number in range(1, plan.count + 1)])
+        files = [self.kept.file(number) for number in range(1, plan.count + 1)]
+        image = merge(files, allow_mixed=self.job.allow_mixed)
         self.took("merge", begun)
         image.stats["cluster"] = {"parts": plan.count, "workers": self.account, "seconds": self.seconds}
         return image
@@ -159,6 +168,8 @@ class _Run:
                     f"{self.kept.path}: holds parts of another render: its {name} is {getattr(plan, name)}, not {value}"
                     " (remove it, or render without --resume)"
                 )
+        self.same.add(str(self.kept.path), plan.made_by)
+        self.same.add("this program", made_by([str(plan.made_by.get("driver"))]))  # the devices are the workers'
         return plan
 
     def facts(self) -> dict[str, Any]:
@@ -172,7 +183,7 @@ class _Run:
         if plan is None:
             opened: Opened = self._wait_for(sent, lambda: sent.submit_to_all(open_render, self.job))
             count = min(parts_of(opened.seconds, len(client.nthreads())), FilmLayout.of(self.scene.film).tiles)
-            plan = PartsPlan(**self.facts(), count=count, found=opened.found)
+            plan = PartsPlan(**self.facts(), count=count, found=opened.found, made_by=opened.made_by)
             self.kept.begin(plan)
         self.job = replace(self.job, found=plan.found, count=plan.count)
         self.took("open", begun)
@@ -205,6 +216,7 @@ class _Run:
             self._check(sent)
 
     def _take(self, worker: str, part: RenderedPart) -> None:
+        self.same.add(f"cluster: the worker {worker}", part.made_by)
         self.kept.keep(part.number, part.content)
         row = self.account.setdefault(worker, {"device": part.device, "parts": 0, "seconds": 0.0})
         row["parts"] += 1

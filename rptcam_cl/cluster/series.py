@@ -28,6 +28,7 @@ def render_scenes_on_cluster(
     tls: TLS | None = None,
     device: str | None = None,
     settings: Mapping[str, Any] | None = None,
+    allow_mixed: bool = False,
     should_stop: Callable[[], bool] | None = None,
 ) -> Iterator[tuple[int, Image]]:
     """Return an iterator over the pictures of scenes by number, as they come from the workers of a cluster.
@@ -42,6 +43,8 @@ def render_scenes_on_cluster(
         As for `render_on_cluster`.
     settings
         ``spp``, ``seed``, ``size``, ``crop`` and ``layers``, as for `rptcam_cl.render`.
+    allow_mixed
+        Whether workers of other code, another numpy or another driver are taken too.
     should_stop
         Called several times a second; True ends it.
 
@@ -61,7 +64,7 @@ def render_scenes_on_cluster(
     parcel = packed(*scenes.values())
     with (
         tempfile.TemporaryDirectory(prefix="rptcam-frames-") as scratch,
-        connected(cluster, workers, tls, device) as to,
+        connected(cluster, workers, tls, device, allow_mixed=allow_mixed) as to,
     ):
         sent, todo, left = TasksOut(to, parcel), deque(scenes), len(scenes)
         while left:
@@ -69,7 +72,8 @@ def render_scenes_on_cluster(
             while todo and sent.under_way < AHEAD * sent.workers:
                 number = todo.popleft()
                 scene = scenes[number]
-                sent.submit(render_scene, Job(words, device), number, plain_data(scene), scene.content_hash())
+                job = Job(words, device, allow_mixed=allow_mixed)
+                sent.submit(render_scene, job, number, plain_data(scene), scene.content_hash())
             came = sent.next()
             if came is not None:
                 left -= 1

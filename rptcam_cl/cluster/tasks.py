@@ -11,6 +11,7 @@ from rptcam_cl.api import Found, PartRenderer, RenderSettings
 from rptcam_cl.cluster.parcel import Parcel, scene_of
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import RptcamError, StateError
+from rptcam_cl.core.kept import Maker, OneMaker, made_by
 from rptcam_cl.device import choose_device
 from rptcam_cl.rendering import FilmPart
 from rptcam_cl.scene import load_scene
@@ -30,8 +31,10 @@ class Job:
         Focus and exposure, once they are known.
     count : int
         Parts of the film.
-    version : str
+    version, code
         Of the client's program.
+    allow_mixed : bool
+        Whether a worker may have other code.
     """
 
     settings: dict[str, Any]
@@ -39,34 +42,39 @@ class Job:
     found: Found | None = None
     count: int = 1
     version: str = field(default=__version__)
+    code: Maker = field(default_factory=lambda: made_by(()))
+    allow_mixed: bool = False
 
 
 @dataclass(frozen=True)
 class Opened:
-    """What the first worker finds: focus and exposure for all, and how long the whole film would take it [s]."""
+    """What the first worker finds: focus and exposure for all, how long the film would take it [s], and what it is."""
 
     found: Found
     seconds: float
+    made_by: Maker
 
 
 @dataclass(frozen=True)
 class RenderedPart:
-    """A part: its number, the content of its file, the device, and how long it took there [s]."""
+    """A part: its number, the content of its file, the device, how long it took there [s], and what made it."""
 
     number: int
     content: bytes
     device: str
     seconds: float
+    made_by: Maker
 
 
 _ONE = threading.Lock()  # a worker with several threads has one device all the same
 _OPEN: dict[tuple[Any, ...], PartRenderer] = {}
 
 
-def survey(device: str | None = None) -> dict[str, str]:
-    """Return the version of a worker's program and its device, or under ``problem`` why it has none."""
+def survey(device: str | None = None) -> dict[str, Any]:
+    """Return the version of a worker's program, what it is, and its device, or under ``problem`` why it has none."""
     try:
-        return {"version": __version__, "device": choose_device(device).name}
+        info = choose_device(device)
+        return {"version": __version__, "device": info.name, "made_by": made_by([info.driver])}
     except RptcamError as problem:
         return {"version": __version__, "problem": str(problem)}
 
@@ -75,7 +83,7 @@ def open_render(parcel: Parcel, job: Job) -> Opened:
     """Prepare a render: find focus and exposure, compile, measure the speed."""
     with _ONE:
         renderer = _renderer(parcel, job)
-        return Opened(renderer.found, renderer.seconds())
+        return Opened(renderer.found, renderer.seconds(), renderer.made_by)
 
 
 def render_part(parcel: Parcel, job: Job, number: int) -> RenderedPart:
@@ -83,7 +91,7 @@ def render_part(parcel: Parcel, job: Job, number: int) -> RenderedPart:
     with _ONE:
         renderer = _renderer(parcel, job)
         content, seconds = renderer.render(FilmPart(number, job.count))
-        return RenderedPart(number, content, renderer.device, seconds)
+        return RenderedPart(number, content, renderer.device, seconds, renderer.made_by)
 
 
 def render_scene(parcel: Parcel, job: Job, number: int, data: dict[str, Any], digest: str) -> RenderedPart:
@@ -95,12 +103,16 @@ def render_scene(parcel: Parcel, job: Job, number: int, data: dict[str, Any], di
             raise StateError("the scene is not the one that was sent: a file has changed, or a link leads elsewhere")
         renderer = PartRenderer(scene, RenderSettings(**job.settings), job.device)
         content, seconds = renderer.render(FilmPart())
-        return RenderedPart(number, content, renderer.device, seconds)
+        return RenderedPart(number, content, renderer.device, seconds, renderer.made_by)
 
 
 def _check_version(job: Job) -> None:
     if job.version != __version__:
         raise StateError(f"a worker runs version {__version__}, and the client {job.version} (allowed: the same)")
+    if job.code != made_by(()) and not job.allow_mixed:
+        same = OneMaker()
+        same.add("the client", job.code)
+        same.add("cluster: a worker", made_by(()))
 
 
 def _renderer(parcel: Parcel, job: Job) -> PartRenderer:

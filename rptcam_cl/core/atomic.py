@@ -88,6 +88,24 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
             temporary.unlink()
 
 
+def unlinked(path: Path) -> Path:
+    """Return the path of a file in a folder that the program fills; a symbolic link in its place is removed.
+
+    Links that a user names as an output are written through. In such a folder they would lead files out of it.
+
+    Raises
+    ------
+    StateError
+        It cannot be removed.
+    """
+    try:
+        if path.is_symlink():
+            path.unlink()
+    except OSError as error:
+        raise StateError(f"{path}: is a link, and cannot be replaced: {_reason(error)}") from error
+    return path
+
+
 def _reason(error: Exception) -> str:
     if isinstance(error, OSError) and error.strerror:
         return error.strerror

@@ -19,7 +19,7 @@ from rptcam_cl.datasets.folder import DatasetFolder
 from rptcam_cl.datasets.numbered import numbered
 from rptcam_cl.datasets.specification import MOST_FRAMES, DatasetSpecification, read_specification, whole
 from rptcam_cl.device import Wanted, open_sessions
-from rptcam_cl.imaging import LABELS, Image
+from rptcam_cl.imaging import LABELS, Image, with_classes
 from rptcam_cl.scene import Scene, change_scene
 
 POSE = {"eye", "target", "up", "keyframes", "exposure", "shutter_s", "iso"}
@@ -65,6 +65,7 @@ def dataset(
     only: Iterable[int] | None = None,
     shard: int | None = None,
     device: Wanted = None,
+    allow_mixed: bool = False,
 ) -> Iterator[DatasetFrame]:
     """Return an iterator over the frames of a dataset, in their order.
 
@@ -85,6 +86,9 @@ def dataset(
         Frames in each shard, a TAR file as WebDataset reads it, in place of loose files.
     device
         As for `render`.
+    allow_mixed
+        Whether frames of the folder that other code, another numpy or another driver has made are kept beside new ones;
+        each says what made it.
 
     Raises
     ------
@@ -106,7 +110,7 @@ def dataset(
             raise InputError(f"shard: needs a folder (got {shard}; allowed: with a folder to write to)")
     if folder is not None and not isinstance(folder, str | os.PathLike):
         raise InputError(f"folder: must be a path (got {folder!r}; allowed: as out/balls)")
-    place = None if folder is None else DatasetFolder(Path(folder), wanted, shard)
+    place = None if folder is None else DatasetFolder(Path(folder), wanted, shard, allow_mixed=allow_mixed)
     if place is not None:
         place.begin()
     return _frames(wanted, place, chosen, device)
@@ -138,14 +142,21 @@ def _frames(
             yield DatasetFrame(index, known["values"], known, None)
             continue
         values, scene = wanted.frame(index)
-        renderer = renderer or SeriesRenderer(open_sessions(device)[0][0])
+        if renderer is None:
+            renderer = SeriesRenderer(open_sessions(device)[0][0])
+            if place is not None:
+                place.join([renderer.device.info.driver])
         with numbered(index):
             if scene.requested_autofocus is not None:
                 scene = load_scene(settle(scene, device=renderer.device).scene, base_dir=scene.base_dir)
             image = renderer.render(_with_labels(scene) if wanted.truth else scene)
+            if "class_names" in image.metadata:
+                layers, metadata = with_classes(image.layers, image.metadata, wanted.classes)
+                image = replace(image, layers=layers, metadata=metadata)
             record = {
                 "frame": index,
                 "version": __version__,
+                "made_by": image.metadata["made_by"],
                 "scene_hash": image.metadata["scene_hash"],
                 "seed": scene.render.seed,
                 **{key: image.metadata[key] for key in SAMPLES if key in image.metadata},
@@ -156,6 +167,7 @@ def _frames(
                 record["boards"] = image.metadata["boards"]
             if place is not None:
                 record = place.keep(index, image, scene.render.layers, record)
+                place.pack(index)
         yield DatasetFrame(index, values, record, image)
     if place is not None:
         place.finish()

@@ -48,6 +48,8 @@ class DatasetSpecification:
         Whether each frame also has masks and annotations.
     camera_model : str
         The model in the manifest: ``none``, ``auto`` (the simplest that fits) or one of `COEFFICIENTS`.
+    classes : tuple of str
+        Names of the classes that objects of any frame may have, by their number; 0 is none.
     """
 
     scene: Scene
@@ -58,6 +60,7 @@ class DatasetSpecification:
     truth: bool
     camera_model: str
     content: Mapping[str, Any] = field(repr=False)
+    classes: tuple[str, ...] = ("",)
 
     @property
     def key(self) -> str:
@@ -66,6 +69,8 @@ class DatasetSpecification:
         facts = [__version__, self.scene.picture_hash(), render.most_spp, render.layers, self.content]
         if render.layers:
             facts.append(render.layers_spp)
+        if render.layers or self.truth:  # names and labels are in files of theirs alone
+            facts.append([self.classes, [(item.name, item.label) for item in self.scene.objects]])
         return hashlib.sha256(json.dumps(facts, sort_keys=True, default=str).encode()).hexdigest()[:16]
 
     def frame(self, index: int) -> tuple[dict[str, Any], Scene]:
@@ -127,13 +132,15 @@ def read_specification(
         raise InputError(f"{where(())}frames: is missing (allowed: a whole number, here or by -n)")
     seed = whole(data["seed"], "seed", 0, MOST_SEED, where(("seed",))) if "seed" in data else 0
     scene = _scene(data, base, where, overrides)
-    vary = _vary(data, scene, where)
+    vary, classes = _vary(data, scene, where)
     scene = _sharing(scene, vary)
     truth = _truth(data, scene, where)
     content = {key: data.get(key) for key in ("vary", "seed", "files", "camera_model")} | (
         {"truth": True} if truth else {}
     )
-    return DatasetSpecification(scene, vary, count, seed, _files(data, where), truth, _model(data, where), content)
+    return DatasetSpecification(
+        scene, vary, count, seed, _files(data, where), truth, _model(data, where), content, classes
+    )
 
 
 def _sharing(scene: Scene, vary: Mapping[str, Distribution]) -> Scene:
@@ -208,11 +215,13 @@ def _scene(data: Mapping[str, Any], base: Path, where: Where, overrides: Sequenc
     return scene
 
 
-def _vary(data: Mapping[str, Any], scene: Scene, where: Where) -> dict[str, Distribution]:
+def _vary(data: Mapping[str, Any], scene: Scene, where: Where) -> tuple[dict[str, Distribution], tuple[str, ...]]:
+    """Return what is drawn, and the classes of all objects that may be: none first, then the scene's in its order."""
     given = data.get("vary")
     if not isinstance(given, Mapping) or not given:
         raise InputError(f"{where(('vary',))}vary: names no key (allowed: as camera.f_number: {{choice: [2, 4]}})")
     vary: dict[str, Distribution] = {}
+    labels = dict.fromkeys(["", *(item.label or "" for item in scene.objects)])
     for key, described in given.items():
         path: KeyPath = ("vary", str(key))
         try:
@@ -225,9 +234,10 @@ def _vary(data: Mapping[str, Any], scene: Scene, where: Where) -> dict[str, Dist
                 changed = set_keys(scene, {str(key): value})
                 if changed.camera.kind != "environment" and changed.requested_autofocus is None:
                     view(changed)  # whether the lens opens and focuses so far
+                labels |= dict.fromkeys(item.label or "" for item in changed.objects)
             except RptcamError as problem:
                 raise InputError(f"{where(path)}vary: {problem}") from None
-    return vary
+    return vary, tuple(labels)
 
 
 def _files(data: Mapping[str, Any], where: Where) -> tuple[str, ...]:

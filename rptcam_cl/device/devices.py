@@ -16,7 +16,7 @@ class DeviceInfo:
     """One OpenCL device; ``id`` is ``platform:device`` as used by ``--device``.
 
     ``failure`` is the error of its driver when it was queried. Most other members are then unknown, and ``handle`` is
-    None where there is only a driver.
+    None where there is only a driver. ``driver`` is what tells versions of it apart.
     """
 
     id: str
@@ -28,6 +28,7 @@ class DeviceInfo:
     fp64: bool
     handle: Any
     failure: str | None = None
+    driver: str = ""
 
 
 def problem_of(device: DeviceInfo) -> str | None:
@@ -81,6 +82,7 @@ def _described(cl: Any, identity: str, platform: Any, device: Any) -> DeviceInfo
             memory_bytes=int(device.global_mem_size),
             fp64="cl_khr_fp64" in device.extensions.split(),
             handle=device,
+            driver=" ".join(f"{platform.version} {device.driver_version}".split()),
         )
     except Exception as error:
         return _unknown(identity, platform, device, f"its driver does not describe it: {error}")

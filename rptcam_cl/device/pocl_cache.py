@@ -72,6 +72,16 @@ def make_pocl_cache_usable() -> None:
     warnings.warn(f"{folder}: {barred}; compiled kernels are not kept", stacklevel=1)
 
 
+def lack_of_room() -> str | None:
+    """Return why PoCL finds no place for what it compiles, in its cache or among temporary files; else None."""
+    folder = pocl_cache_folder()
+    barred = _barred(folder)
+    if barred is None:
+        return None
+    place = f"{folder}: {barred}, and compiled kernels take {ROOM >> 20} MiB"
+    return f"{place} (make room there, or set TMPDIR or {VARIABLE} to another folder)"
+
+
 def is_code_noted(name: str) -> bool:
     """Return whether PoCL has the code of a program in its cache, by what `note_code` has put down."""
     return (pocl_cache_folder() / _NOTES / name).exists()

@@ -32,7 +32,7 @@ from rptcam_cl.core.resources import cache_dir
 from rptcam_cl.device.at_work import end_work
 from rptcam_cl.device.likeness import Likeness, LikenessEndedError, fork_likeness
 from rptcam_cl.device.opencl import load_opencl
-from rptcam_cl.device.pocl_cache import make_pocl_cache_usable
+from rptcam_cl.device.pocl_cache import lack_of_room, make_pocl_cache_usable
 from rptcam_cl.device.pocl_processor import AVX2, AVX512, own_name, processor_flags, rename_as_before, rename_processor
 
 AVX512_ARCH = "skylake-avx512"
@@ -195,6 +195,8 @@ def _ended(place: tuple[int, int], tries: int) -> subprocess.CompletedProcess[by
 
 def _ending(code: int, said: str) -> str:
     """Return how the process of a trial ended that printed no result."""
+    if full := lack_of_room():  # which ends PoCL
+        return f"error: {full}"
     if code < 0:
         name = signal.Signals(-code).name if -code in signal.valid_signals() else f"signal {-code}"
         return f"error: the driver crashed on a trivial kernel ({name})"

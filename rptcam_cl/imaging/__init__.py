@@ -5,7 +5,7 @@ from rptcam_cl.imaging.cryptomatte import ranked
 from rptcam_cl.imaging.denoise import GUIDES, check_denoiser
 from rptcam_cl.imaging.desqueeze import desqueezed
 from rptcam_cl.imaging.development import Development, developed_values, quantised
-from rptcam_cl.imaging.film_files import FILM_SUFFIXES, read_film
+from rptcam_cl.imaging.film_files import FILM_SUFFIXES, LARGE, read_film
 from rptcam_cl.imaging.image import Image
 from rptcam_cl.imaging.marks import MARKED
 from rptcam_cl.imaging.picture_settings import develop, with_picture_settings
@@ -13,7 +13,7 @@ from rptcam_cl.imaging.raw import RawImage, check_raw_output
 from rptcam_cl.imaging.scene_sensor import check_sensor, sensor_of
 from rptcam_cl.imaging.slanted_edge import mtf50_at
 from rptcam_cl.imaging.tone import srgb_from_linear
-from rptcam_cl.imaging.truth_files import LABELS, MOST_INSTANCES, TRUTH_FILES
+from rptcam_cl.imaging.truth_files import LABELS, MOST_INSTANCES, TRUTH_FILES, categories_of, with_classes
 from rptcam_cl.imaging.video import check_video, write_video
 from rptcam_cl.imaging.white_balance import Gains, Grey, GreyWorld, KnownLight
 from rptcam_cl.imaging.writers import DEVELOPED_SUFFIXES, LAYER_SUFFIXES, SUFFIXES, check_output, holds_layers
@@ -24,6 +24,7 @@ __all__ = [
     "FILM_SUFFIXES",
     "GUIDES",
     "LABELS",
+    "LARGE",
     "LAYER_SUFFIXES",
     "MARKED",
     "MOST_INSTANCES",
@@ -36,6 +37,7 @@ __all__ = [
     "Image",
     "KnownLight",
     "RawImage",
+    "categories_of",
     "check_denoiser",
     "check_output",
     "check_raw_output",
@@ -51,6 +53,7 @@ __all__ = [
     "read_film",
     "sensor_of",
     "srgb_from_linear",
+    "with_classes",
     "with_picture_settings",
     "write_video",
 ]

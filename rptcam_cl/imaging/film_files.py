@@ -21,12 +21,18 @@ from rptcam_cl.imaging.photographic import ALL_METADATA, from_exr_attributes
 
 FILM_SUFFIXES = (".exr", ".npy", ".npz")
 _NAME = re.compile(r"[A-Za-z]\w{0,60}", re.ASCII)  # of metadata, which become keys in all formats
+LARGE = 1 << 26  # pixels of a film, from which on small files may be meant to keep a machine busy
 NEEDED = 3  # times its own size, to read and to develop a film; measured at 48 million pixels
 _CLOSE = 1e-3  # in chromaticity: programs round those of sRGB differently
 
 
-def read_film(path: str | os.PathLike[str]) -> Image:
+def read_film(path: str | os.PathLike[str], *, most_pixels: int | None = None) -> Image:
     """Return the film of a file, with the metadata it holds and without layers.
+
+    Parameters
+    ----------
+    most_pixels
+        Of a film that is read; by its head alone, larger ones are refused.
 
     Raises
     ------
@@ -39,7 +45,11 @@ def read_film(path: str | os.PathLike[str]) -> Image:
     if suffix not in FILM_SUFFIXES:
         raise InputError(f"{path}: is no linear film (got {suffix or 'no suffix'}; allowed {' '.join(FILM_SUFFIXES)})")
     try:
-        _check_memory(_size(path, suffix))
+        size, pixels_there = _size(path, suffix)
+        if most_pixels is not None and pixels_there > most_pixels:
+            found, most = pixels_there / 1e6, most_pixels / 1e6
+            raise InputError(f"has {found:.4g} million pixels (allowed: {most:.4g}, or any with --large)")
+        _check_memory(size)
         pixels, metadata = _exr(path) if suffix == ".exr" else _numpy(path)
         known = metadata.items() if isinstance(metadata, dict) else ()
         return Image(np.asarray(pixels, np.float32), {key: value for key, value in known if _NAME.fullmatch(key)})
@@ -51,8 +61,8 @@ def read_film(path: str | os.PathLike[str]) -> Image:
         raise InputError(f"{path}: is damaged, or holds no film ({str(problem) or type(problem).__name__})") from None
 
 
-def _size(path: str | os.PathLike[str], suffix: str) -> int:
-    """Return how many bytes the film of a file takes in memory, by what its head says, without unpacking it."""
+def _size(path: str | os.PathLike[str], suffix: str) -> tuple[int, int]:
+    """Return how many bytes the film of a file takes in memory, and its pixels, by its head, without unpacking it."""
     if suffix == ".exr":
         import OpenEXR
 
@@ -61,27 +71,27 @@ def _size(path: str | os.PathLike[str], suffix: str) -> int:
         with OpenEXR.File(str(path), separate_channels=True, header_only=True) as file:
             header = dict(file.header())
         (left, top), (right, bottom) = header["dataWindow"]
-        # All channels of the file are read, at most 4 bytes each.
-        return max(0, int(right) - int(left) + 1) * max(0, int(bottom) - int(top) + 1) * 4 * len(header["channels"])
+        count = max(0, int(right) - int(left) + 1) * max(0, int(bottom) - int(top) + 1)
+        return count * 4 * len(header["channels"]), count  # all channels of the file are read, at most 4 bytes each
     with Path(path).open("rb") as file:
         if not zipfile.is_zipfile(file):
             file.seek(0)
             return _bytes_of_array(file)
         with zipfile.ZipFile(file) as archive:
             wanted = [name for name in ("rgb.npy", "metadata.npy") if name in archive.namelist()]
-            sizes = []
+            sizes = [(0, 0)]
             for name in wanted:
                 with archive.open(name) as member:
                     sizes.append(_bytes_of_array(member))
-            return sum(sizes)
+            return sum(size for size, _ in sizes), max(count for _, count in sizes)
 
 
-def _bytes_of_array(stream: IO[bytes]) -> int:
-    """Return the bytes of an array by the head of its file (``numpy.lib.format``)."""
+def _bytes_of_array(stream: IO[bytes]) -> tuple[int, int]:
+    """Return the bytes of an array, and its pixels if it is a film, by the head of its file (``numpy.lib.format``)."""
     major, _ = np.lib.format.read_magic(stream)
     read = np.lib.format.read_array_header_1_0 if major == 1 else np.lib.format.read_array_header_2_0
     shape, _, dtype = read(stream)
-    return math.prod(shape) * dtype.itemsize
+    return math.prod(shape) * dtype.itemsize, math.prod(shape[:2])
 
 
 def _check_memory(size: int) -> None:

@@ -34,6 +34,7 @@ CHANNELS: dict[str, tuple[str, ...]] = {
     "crypto_object": rank_channels("crypto_object"),
     "crypto_material": rank_channels("crypto_material"),
     "sharp_depth": ("sharp.Z",),
+    "pupil_depth": ("pupil_depth.Z",),
     "sharp_position": ("sharp_position.X", "sharp_position.Y", "sharp_position.Z"),
     "sharp_normal": ("sharp_N.X", "sharp_N.Y", "sharp_N.Z"),
     "sharp_object_id": ("sharp_object_id.X",),

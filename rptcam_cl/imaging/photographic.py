@@ -6,6 +6,9 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from rptcam_cl.imaging import tag_directory as tags
 
 Metadata = Mapping[str, Any]
@@ -38,6 +41,25 @@ def exr_attributes(metadata: Metadata) -> dict[str, str | float]:
     numbers = {name: _positive(metadata, key) for key, name in _EXR_NUMBERS.items()}
     texts = {name: str(metadata[key]) for key, name in _EXR_TEXTS.items() if metadata.get(key)}
     return {name: number for name, number in numbers.items() if number is not None} | texts
+
+
+def world_to_camera(metadata: Metadata) -> dict[str, NDArray[np.float32]]:
+    """Return the standard attribute of the camera's pose, in metres; nothing of metadata without one.
+
+    It multiplies rows from the right, as Imath has it. The camera looks along -z, y up, and stands at its entrance
+    pupil, from which programs take the perspective; at its eye where the pupil has no place.
+    """
+    try:
+        pose = np.array(metadata["world_from_camera"], np.float64)
+        pupil = (metadata.get("entrance_pupil") or {}).get("world_m")
+        if pose.shape != (4, 4):
+            return {}
+        if pupil is not None:
+            pose[:3, 3] = pupil
+        matrix = np.linalg.inv(pose).T
+    except (KeyError, TypeError, ValueError, AttributeError, np.linalg.LinAlgError):
+        return {}
+    return {"worldToCamera": np.ascontiguousarray(matrix, np.float32)} if np.isfinite(matrix).all() else {}
 
 
 def from_exr_attributes(attributes: Metadata) -> dict[str, Any]:

@@ -7,21 +7,21 @@ down the columns, as text of six bits a letter.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.core.atomic import replacing
+from rptcam_cl.core.atomic import replacing, unlinked
 from rptcam_cl.core.errors import InputError, StateError
 
 NEEDS = ("sharp_object_id", "sharp_class_id")
-LABELS = (*NEEDS, "occlusion")  # layers of masks and annotations
-TRUTH_FILES = ("coco.json", "instances.png", "classes.png")
+LABELS = (*NEEDS, "occlusion", "pupil_depth")  # layers of masks, annotations and depth
+TRUTH_FILES = ("coco.json", "instances.png", "classes.png", "depth.npy")  # the last with its layer alone
 MOST_INSTANCES = 65535  # of a mask of 16 bits
-UNLABELLED = "object"  # category of what has no label
+UNLABELLED = "object"  # category of what has no label, the last one
 
 
 def run_lengths(mask: NDArray[np.bool_]) -> list[int]:
@@ -62,12 +62,12 @@ def coco(
         When a layer is missing.
     """
     check_layers_of_truth(layers)
+    check_names(layers, metadata)
     objects, names = layers["sharp_object_id"], metadata["object_names"]
     classes, of_object = metadata["class_names"], metadata["object_classes"]
     hidden, (height, width) = metadata.get("occlusion"), objects.shape
-    plain = 0 in (of_object[index] for index in np.unique(objects[objects >= 0]).tolist())
-    categories = [{"id": number, "name": name} for number, name in enumerate(classes) if number]
-    categories += [{"id": len(classes), "name": UNLABELLED}] if plain else []
+    categories = categories_of(classes)
+    number_of = {each["name"]: each["id"] for each in categories}
     picture, before = (1, 0) if image_id is None else (image_id, image_id * (MOST_INSTANCES + 1))
     annotations = []
     for index in np.unique(objects[objects >= 0]).tolist():
@@ -77,7 +77,7 @@ def coco(
         annotations.append(
             {
                 "id": before + index + 1, "image_id": picture,
-                "category_id": of_object[index] or len(classes), "iscrowd": 0,
+                "category_id": of_object[index] or number_of[UNLABELLED], "iscrowd": 0,
                 "segmentation": {"size": [height, width], "counts": run_text(run_lengths(mask))},
                 "area": int(mask.sum()), "bbox": [float(value) for value in box], "name": names[index],
                 **({} if hidden is None else {"occlusion": hidden[index]}),
@@ -87,10 +87,36 @@ def coco(
     return {"images": [image], "categories": categories, "annotations": annotations}
 
 
+def categories_of(classes: Sequence[str]) -> list[dict[str, Any]]:
+    """Return the categories of class names, of which the first stands for what has none: by their index, it last."""
+    named = classes if UNLABELLED in classes else [*classes, UNLABELLED]
+    return [{"id": number, "name": name} for number, name in enumerate(named) if number]
+
+
+def with_classes(
+    layers: Mapping[str, NDArray[Any]], metadata: Mapping[str, Any], classes: Sequence[str]
+) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+    """Return layers and metadata of a picture with the numbers of a table of classes that has all of its own."""
+    places = np.array([classes.index(name) for name in metadata["class_names"]], np.int32)
+    numbers = places[metadata["object_classes"]].tolist()
+    said = {"class_names": list(classes), "object_classes": numbers}
+    return {**layers, "sharp_class_id": places[layers["sharp_class_id"]]}, {**metadata, **said}
+
+
 def check_layers_of_truth(layers: Mapping[str, NDArray[Any]]) -> None:
     """Refuse a picture without the layers of instances and classes."""
     if missing := [name for name in NEEDS if name not in layers]:
         raise InputError(f"annotations need the layers {' and '.join(NEEDS)} (missing: {', '.join(missing)})")
+
+
+def check_names(layers: Mapping[str, NDArray[Any]], metadata: Mapping[str, Any]) -> None:
+    """Refuse metadata that do not name the objects and classes of a picture."""
+    count = int(layers["sharp_object_id"].max(initial=-1)) + 1
+    names, classes, of_object = (metadata.get(key) for key in ("object_names", "class_names", "object_classes"))
+    lists = [each for each in (names, classes, of_object) if isinstance(each, list | tuple)]
+    known = len(lists) == 3 and min(len(lists[0]), len(lists[2])) >= count
+    if not (known and all(isinstance(each, int) and 0 <= each < len(lists[1]) for each in lists[2])):
+        raise InputError("annotations need object_names, class_names and object_classes of all objects in the metadata")
 
 
 def save_truth(
@@ -102,7 +128,7 @@ def save_truth(
     image_id: int | None = None,
     prefix: str = "",
 ) -> list[Path]:
-    """Write `coco.json`, masks of 16 bits and, with the layers of rays, `rays.npz` into a folder; return the files.
+    """Write `coco.json`, masks of 16 bits and, with their layers, `depth.npy` and `rays.npz`; return the files.
 
     Parameters
     ----------
@@ -126,14 +152,19 @@ def save_truth(
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as problem:
         raise StateError(f"{folder}: cannot be made ({problem.strerror})") from None
-    written = [folder / f"{prefix}{name}" for name in TRUTH_FILES]
+    written = [unlinked(folder / f"{prefix}{name}") for name in TRUTH_FILES]
+    depth = written.pop()
     with replacing(written[0]) as temporary:
         temporary.write_text(json.dumps(said) + "\n", encoding="utf-8")
     _write_mask(written[1], layers["sharp_object_id"] + 1)
     _write_mask(written[2], layers["sharp_class_id"])
+    if "pupil_depth" in layers:
+        written.append(depth)
+        with replacing(depth) as temporary, temporary.open("xb") as stream:
+            np.save(stream, layers["pupil_depth"])
     rays = {name: layers[name] for name in ("ray_origin", "ray_direction") if name in layers}
     if rays:
-        written.append(folder / f"{prefix}rays.npz")
+        written.append(unlinked(folder / f"{prefix}rays.npz"))
         with replacing(written[-1]) as temporary, temporary.open("xb") as stream:
             np.savez_compressed(stream, **rays)  # type: ignore[arg-type]
     return written

@@ -21,7 +21,7 @@ from rptcam_cl.imaging.development import Development, developed_codes
 from rptcam_cl.imaging.icc import profile
 from rptcam_cl.imaging.layers import Layer, exr_channels
 from rptcam_cl.imaging.marks import MARKED, with_rectangles
-from rptcam_cl.imaging.photographic import ALL_METADATA, exif_bytes, exr_attributes
+from rptcam_cl.imaging.photographic import ALL_METADATA, exif_bytes, exr_attributes, world_to_camera
 from rptcam_cl.imaging.png import write_png_to
 from rptcam_cl.imaging.tiff import write_tiff_to
 from rptcam_cl.imaging.white_balance import WHOLE, Part
@@ -209,6 +209,7 @@ def _write_exr(path: Path, pixels: Pixels, metadata: Metadata, development: Deve
     header = {
         **attributes,
         **exr_attributes(metadata),
+        **world_to_camera(metadata),
         **_exr_timecode(metadata),
         **header_of(layers, metadata),
         ALL_METADATA: _text(dict(metadata)),

@@ -6,6 +6,7 @@ from rptcam_cl.rendering.account import (
     clamp_text,
     described,
     described_before,
+    of_makers,
     self_knowledge,
     statistics,
     summary,
@@ -30,7 +31,7 @@ from rptcam_cl.rendering.metering import SPOT_AREA, metered_cd_m2, reading_cd_m2
 from rptcam_cl.rendering.metering import weights as metering_weights
 from rptcam_cl.rendering.precise_lens import check_precision
 from rptcam_cl.rendering.progressive import Progress, Rendering, render_plan, render_state, rendering_of
-from rptcam_cl.rendering.saved_picture import picture_of
+from rptcam_cl.rendering.saved_picture import SavedPicture, picture_of
 from rptcam_cl.rendering.several import AnyWavefront, SharedWavefront
 from rptcam_cl.rendering.shares import Part, joined, split_of, split_text
 from rptcam_cl.rendering.tracer import Wavefront, signature
@@ -61,6 +62,7 @@ __all__ = [
     "Part",
     "Progress",
     "Rendering",
+    "SavedPicture",
     "SavedState",
     "Saver",
     "SceneBuffers",
@@ -88,6 +90,7 @@ __all__ = [
     "merged_state",
     "metered_cd_m2",
     "metering_weights",
+    "of_makers",
     "order",
     "picture_of",
     "read_part",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from rptcam_cl._version import __version__
 from rptcam_cl.cameras import camera_geometry, pupil_in_world
+from rptcam_cl.core.kept import Maker, made_by
 from rptcam_cl.plan import LargestAlbedo, Plan
 from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.rendering.float32_margin import LensMargin
@@ -142,6 +143,7 @@ def statistics(
         What float32 costs in the lens, where it was measured.
     """
     devices = devices_of(wavefront, rendering)
+    several = wavefront.wavefronts if isinstance(wavefront, SharedWavefront) else [wavefront]
     stats: dict[str, Any] = {
         "samples": int(rendering.samples.sum(dtype=np.uint64)),
         "spp": rendering.spp,
@@ -149,6 +151,7 @@ def statistics(
         "msamples_per_second": rendering.new_samples / max(rendering.seconds, 1e-9) / 1e6,
         "device": ", ".join(dict.fromkeys(device["name"] for device in devices)),
         "devices": devices,
+        "made_by": made_by(each.session.info.driver for each in several),
         "wave_size": wavefront.capacity,
         "not_finite": wavefront.not_finite(),
         "interrupted": rendering.interrupted,
@@ -192,6 +195,7 @@ def described(
     found = {
         "software": f"rptcam_cl {__version__}",
         "version": __version__,
+        "made_by": stats["made_by"],
         "scene_hash": content_hash,
         "picture_hash": scene.picture_hash(content_hash),
         "seed": scene.render.seed,
@@ -219,6 +223,11 @@ def described(
     return found
 
 
+def of_makers(makers: Sequence[Maker]) -> dict[str, Any]:
+    """Return what metadata say of what made a picture: the first, and all where others have worked on it."""
+    return {"made_by": makers[0]} | ({"mixed": list(makers)} if len(makers) > 1 else {})
+
+
 def clamp_text(limit: float, removed_share: float) -> str:
     """Return what metadata say of a limit of the samples."""
     return f"biased: samples above {limit:g} scaled down, {removed_share:.2%} of the light removed"
@@ -232,7 +241,7 @@ def described_before(scene: Scene, plan: Plan, found_before: Mapping[str, Any]) 
         "truncation": truncation(plan.albedo, scene.render.max_depth),
         f"{'float64' if traces_in_float64(plan.camera) else 'float32'}_lens": None,
     }
-    stats: dict[str, Any] = {"device": "", "work": [], "numerics": knowledge}
+    stats: dict[str, Any] = {"device": "", "made_by": None, "work": [], "numerics": knowledge}
     if scene.render.clamp is not None:
         stats["clamp"] = {"limit": scene.render.clamp, "removed_share": 0.0}
     return described(scene, plan, 0, stats, found_before)

@@ -25,10 +25,12 @@ from rptcam_cl._version import __version__
 from rptcam_cl.core.atomic import replacing
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import StateError
+from rptcam_cl.core.kept import Maker, OneMaker, made_by
 from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.rendering.film_part import WHOLE, FilmPart, part_of_facts
 from rptcam_cl.rendering.film_run import SavedState
-from rptcam_cl.rendering.shares import Part, joined
+from rptcam_cl.rendering.layers import LayerPlanes
+from rptcam_cl.rendering.shares import Part, joined, split_of
 from rptcam_cl.scene import Scene
 
 MAGIC = b"RPTCAMCK"
@@ -149,12 +151,23 @@ class Saver:
         lens, meshes, pictures, seed, film, layers and version; not the number of samples, the time or the output.
     devices : list of str
         Names of the devices.
+    drivers : list of str
+        Their drivers.
     part
         What this run renders of the film.
+    allow_mixed
+        Whether a state that other code, or another driver, has saved is gone on from.
     """
 
     def __init__(
-        self, path: str | os.PathLike[str], scene: Scene, devices: Sequence[str], part: FilmPart = WHOLE
+        self,
+        path: str | os.PathLike[str],
+        scene: Scene,
+        devices: Sequence[str],
+        drivers: Sequence[str],
+        part: FilmPart = WHOLE,
+        *,
+        allow_mixed: bool = False,
     ) -> None:
         self.path, self.part = Path(path), part
         self._layout = FilmLayout.of(scene.film)
@@ -170,6 +183,7 @@ class Saver:
             "part": part.facts(),
         }
         self._devices = list(dict.fromkeys(devices))
+        self._drivers, self._same = list(drivers), OneMaker(allow_mixed)
         self.parts: list[Part] = []
         """Which device took which samples of the saved render once it is loaded."""
         self.parts_since: Callable[[int], list[Part]] = lambda done: []
@@ -197,14 +211,24 @@ class Saver:
             return None
         try:
             found = self._fitting()
+            self.makers  # noqa: B018 -- this program is the first of them
+            self._same.add(str(self.path), found.facts.get("made_by"))
         except StateError as problem:
             raise StateError(f"{problem} (remove it, or render without --resume)") from None
         self._devices = list(dict.fromkeys([*found.facts["devices"], *self._devices]))
         self.metered_cd_m2 = found.facts.get("metered_cd_m2")
         self.focus = found.facts.get("focus")
         self.parts = list(found.facts.get("work", []))
+        warn_of_not_finite(self.path, found)
         arrays = self.part.unpacked(found.arrays, self._layout.tiles, self._layout.pixels)
         return SavedState(int(found.facts["done"]), arrays)
+
+    @property
+    def makers(self) -> list[Maker]:
+        """What has made the picture: this program, and others that are allowed."""
+        if not self._same.makers:
+            self._same.add("this program", made_by(self._drivers))
+        return self._same.makers
 
     def _fitting(self) -> Checkpoint:
         found = read_checkpoint(self.path)
@@ -248,7 +272,7 @@ class Saver:
         resolved = {"metered_cd_m2": self.metered_cd_m2, "focus": self.focus}
         work = joined(self.parts, self.parts_since(state.done))
         facts = {**self._facts, **resolved, "done": state.done, "devices": self._devices, "work": work}
-        facts |= {"picture": self.of_picture, "part": part.facts()}
+        facts |= {"picture": self.of_picture, "part": part.facts(), "made_by": self.makers}
         return facts, part.packed({**state.arrays, **self.beside()}, self._layout.tiles)
 
     def _try_to_save(self, state: Callable[[], SavedState]) -> bool:
@@ -270,6 +294,27 @@ class Saver:
         return None
 
 
+def warn_of_not_finite(path: Path, saved: Checkpoint) -> None:
+    """Warn of pixels whose sums are no finite numbers, as failing memory or an overflow leaves them: they stay so."""
+    film, layers = saved.arrays.get("film"), saved.arrays.get("layers")
+    summed = [] if film is None else [film]
+    if layers is not None:
+        summed.append(layers[: 2 * LayerPlanes(saved.facts["layers"]).sums])
+    bad = np.zeros(1, np.bool_)
+    for planes in summed:
+        with np.errstate(invalid="ignore"):
+            whole = planes.sum(dtype=np.float64)
+        if not np.isfinite(whole):
+            bad = bad | ~np.isfinite(planes).all(axis=0)
+    if count := int(bad.sum()):
+        what = f"{count} pixel{'s' * (count > 1)}"
+        warnings.warn(
+            f"{path}: {what} of its film hold no finite numbers, and the picture neither (render it again)",
+            UserWarning,
+            stacklevel=2,
+        )
+
+
 def check_facts(path: Path, facts: dict[str, Any]) -> None:
     """Refuse a saved render whose facts are not of the kinds that one writes.
 
@@ -278,13 +323,13 @@ def check_facts(path: Path, facts: dict[str, Any]) -> None:
     StateError
         It names the fact.
     """
-    light, work = facts.get("metered_cd_m2"), facts.get("work", [])
+    light, work, focus = facts.get("metered_cd_m2"), facts.get("work", []), facts.get("focus")
     known = {
         "done": type(facts.get("done")) is int and 0 <= facts["done"] < 2**31,
         "devices": _are(str, facts.get("devices")),
         "metered_cd_m2": light is None or (type(light) in (int, float) and 0 < light < math.inf),
-        "focus": facts.get("focus") is None or isinstance(facts["focus"], dict),
-        "work": _are(dict, work),
+        "focus": focus is None or (_has_dicts(focus, "camera") and _has_dicts(focus, "metadata")),
+        "work": _are(dict, work) and all(map(_is_work, work)),
         "part": _is_part(facts.get("part")),
         "picture": isinstance(facts.get("picture", {}), dict),
     }
@@ -299,6 +344,18 @@ def _is_part(fact: Any) -> bool:
     except (ValueError, TypeError):
         return False
     return True
+
+
+def _has_dicts(fact: Any, key: str) -> bool:
+    return isinstance(fact, dict) and isinstance(fact.get(key), dict)
+
+
+def _is_work(fact: dict[str, Any]) -> bool:
+    try:
+        first, end = fact["samples"]
+        return type(first) is type(end) is int and bool(split_of(fact["split"]))
+    except (ValueError, TypeError, KeyError, AttributeError):
+        return False
 
 
 def _are(kind: type, values: Any) -> bool:

@@ -76,7 +76,8 @@ class GroundTruth:
     @cached_property
     def _layers(self) -> dict[LayerName, Callable[[], NDArray[Any]]]:
         return {
-            "sharp_depth": self._depth,
+            "sharp_depth": lambda: self._depth.astype(np.float32),
+            "pupil_depth": self._pupil_depth,
             "sharp_position": lambda: np.where(self._met, self._points[:, :3], np.nan),
             "sharp_normal": lambda: self._hits.normals.astype(np.float32),
             "sharp_object_id": lambda: self._hits.objects,
@@ -150,10 +151,16 @@ class GroundTruth:
         near = np.hstack([origins + lengths[:, None] * directions, np.ones((len(self._places), 1))])
         return np.where(self._met, near, far)
 
-    def _depth(self) -> NDArray[np.float32]:
+    @cached_property
+    def _depth(self) -> Array:
         away = self._points[:, :3] - self._poses[:, :3, 3]
         depth = -np.einsum("ni,ni->n", away, self._poses[:, :3, 2])
-        return np.where(self._hits.met, depth, np.inf).astype(np.float32)
+        return np.where(self._hits.met, depth, np.inf)
+
+    def _pupil_depth(self) -> NDArray[np.float32]:
+        """Return depths from the entrance pupil; nan where that is infinitely far away."""
+        ahead_mm = self.plan.camera.metadata.get("entrance_pupil", {}).get("ahead_of_eye_mm", 0.0)
+        return (self._depth - (np.nan if ahead_mm is None else ahead_mm * 1e-3)).astype(np.float32)
 
     def _classes(self) -> NDArray[np.int32]:
         of_object = np.array([*classes_of(self.scene)["object_classes"], 0], np.int32)  # the last for nothing

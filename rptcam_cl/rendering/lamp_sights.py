@@ -49,7 +49,7 @@ def _name_of_sights(plan: Plan, session: Session) -> str | None:
     if plan.facts["HAS_OPACITY"]:
         return None
     info = session.info
-    driver = info.name, info.platform, session.kind, session.lanes
+    driver = info.name, info.driver, session.kind, session.lanes
     code = identity_of_code(("plan", "rendering"), ("common", "geometry", "pass"))
     shapes = [plan.primitives, plan.kind_end, plan.movements.segments, plan.movements.of_primitive]
     meshes: list[object] = []

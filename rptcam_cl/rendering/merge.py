@@ -16,11 +16,13 @@ from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import StateError
-from rptcam_cl.rendering.checkpoint import Checkpoint, check_facts, read_checkpoint
-from rptcam_cl.rendering.film import PLANES, TILE, FilmLayout
+from rptcam_cl.core.kept import OneMaker
+from rptcam_cl.core.records import RayStatus
+from rptcam_cl.rendering.checkpoint import Checkpoint, check_facts, read_checkpoint, warn_of_not_finite
+from rptcam_cl.rendering.film import PLANES, TILE, TILE_PIXELS, FilmLayout
 from rptcam_cl.rendering.film_part import SHARP, FilmPart, part_of_facts, pixels_of
 from rptcam_cl.rendering.layers import OWNER_SLOTS, SLOT_PLANES, LayerPlanes
-from rptcam_cl.scene import SHARP_LAYERS, Film
+from rptcam_cl.scene import LAYER_NAMES, SHARP_LAYERS, Film
 
 Arrays = dict[str, NDArray[Any]]
 Planes = NDArray[np.float32]
@@ -83,14 +85,18 @@ def read_part(path: str | os.PathLike[str]) -> SavedPart:
     saved = read_checkpoint(path)
     facts = saved.facts
     check_facts(path, facts)
-    layers = facts.get("layers") or ()
+    _check(path, {"layers": _is_list(str, facts.get("layers")) and set(facts["layers"]) <= set(LAYER_NAMES)})
+    layers = facts["layers"]
     if facts.get("noise") is not None or "variance" in layers:
         raise StateError(f"{path}: a render with a noise target or the layer variance cannot be merged")
     picture = facts.get("picture") or {}
     if not isinstance(picture.get("metadata"), dict):
         raise StateError(f"{path}: was saved by a version that could not merge (render it again)")
+    spp, metadata = picture.get("spp"), picture["metadata"]
+    right = {name: isinstance(metadata.get(name, {}), dict) for name in (prefix.rstrip("_") for prefix in BESIDE)}
+    _check(path, right | {"scene": isinstance(facts.get("scene"), str), "spp": spp is None or type(spp) is int})
     made = {prefix.rstrip("_"): prefix for prefix in BESIDE}
-    wanted = {what: prefix for what, prefix in made.items() if (picture["metadata"].get(what) or {}).get("on", False)}
+    wanted = {what: prefix for what, prefix in made.items() if metadata.get(what, {}).get("on", False)}
     wanted |= {f"the layer {name}": f"{SHARP}{name}" for name in layers if name in SHARP_LAYERS}
     for what, prefix in wanted.items():
         if not any(name.startswith(prefix) for name in saved.arrays):
@@ -98,8 +104,54 @@ def read_part(path: str | os.PathLike[str]) -> SavedPart:
                 f"{path}: was saved whole, or by a version that could not merge {what} (render parts again)"
             )
     part, done = part_of_facts(facts.get("part")), facts["done"]
-    end = part.end or (done if part.count == 1 else picture.get("spp") or done)
+    end = part.end or (done if part.count == 1 else spp or done)
     return SavedPart(path, saved, part, done, max(end, done))
+
+
+def _check(path: Path, right: dict[str, bool]) -> None:
+    """Refuse a file by the first of its facts or arrays that is not right."""
+    for name, is_right in right.items():
+        if not is_right:
+            raise StateError(f"{path}: this saved render is damaged: {name}")
+
+
+def _is_list(kind: type | tuple[type, ...], data: Any, count: int | None = None) -> bool:
+    """Return whether data are a list of a kind, none of them true or false, of so many if that is said."""
+    right = isinstance(data, list) and all(isinstance(each, kind) and type(each) is not bool for each in data)
+    return right and count in (None, len(data))
+
+
+def check_whole(part: SavedPart) -> None:
+    """Refuse a saved render that lacks what the picture is made with, or has something else in its place.
+
+    Raises
+    ------
+    StateError
+        It names the first fact or array.
+    """
+    facts, picture, arrays = part.saved.facts, part.saved.facts["picture"], part.saved.arrays
+    metadata, clamp = picture["metadata"], picture.get("clamp")
+    counts = arrays.get("counts", np.zeros(0))
+    right = {
+        "resolution": _is_list(int, facts.get("resolution"), 2),
+        "crop": facts.get("crop") == [] or _is_list((int, float), facts.get("crop"), 4),
+        "numerics": isinstance(metadata.get("numerics"), dict),
+        "eye_m": _is_list((int, float), picture.get("eye_m"), 3),
+        "has_lens": isinstance(picture.get("has_lens"), bool),
+        "clamp": clamp is None or (type(clamp) in (int, float) and clamp > 0),
+        "counts": counts.shape == (len(RayStatus) + 2,) and counts.dtype == np.uint64,
+    }
+    for layer, name in (("crypto_object", "object_names"), ("crypto_material", "material_names")):
+        right[name] = layer not in facts["layers"] or _is_list(str, metadata.get(name))
+    _check(part.path, right)
+    try:
+        layout = layout_of(facts)
+    except ValueError:
+        raise StateError(f"{part.path}: this saved render is damaged: resolution or crop") from None
+    held, count = arrays.get("film", counts).shape, part.part.count
+    pixels = layout.pixels if count == 1 else TILE_PIXELS * (layout.tiles // count)  # of a part, or a tile more
+    if len(held) != 2 or held[1] not in (pixels, pixels + TILE_PIXELS * (count > 1)):
+        raise StateError(f"{part.path}: this saved render is damaged: its array film does not fit")
 
 
 def check_same(parts: Sequence[SavedPart]) -> None:
@@ -228,18 +280,17 @@ def merged_arrays(parts: Sequence[SavedPart], layout: FilmLayout) -> Arrays:
 
 
 def _check_fit(part: SavedPart, arrays: Arrays, found: Arrays, counts: NDArray[np.uint64]) -> None:
-    shapes = {name: array.shape for name, array in found.items()} | {"counts": counts.shape}
-    for name, shape in shapes.items():
-        if name not in arrays or arrays[name].shape != shape:
+    for name, whole in (found | {"counts": counts}).items():
+        if name not in arrays or (arrays[name].shape, arrays[name].dtype) != (whole.shape, whole.dtype):
             raise StateError(f"{part.path}: this saved render is damaged: its array {name} does not fit")
 
 
 def _put_sharp(part: SavedPart, arrays: Arrays, found: Arrays, pixels: NDArray[np.int64]) -> None:
     """Put the sharp layers of some pixels beside those of others; all parts know the same of each."""
     for name in (f"{SHARP}{layer}" for layer in part.saved.facts["layers"] if layer in SHARP_LAYERS):
-        own = arrays[name]
+        own = arrays.get(name, np.zeros(0))
         whole = found.setdefault(name, np.zeros_like(own))
-        if own.shape != (len(whole), found["film"].shape[1]) or own.dtype != whole.dtype:
+        if whole.ndim != 2 or own.shape != (len(whole), found["film"].shape[1]) or own.dtype != whole.dtype:
             raise StateError(f"{part.path}: this saved render is damaged: its array {name} does not fit")
         whole[:, pixels] = own[:, pixels]
 
@@ -279,8 +330,13 @@ def _add(whole: Planes, part: Planes, pixels: NDArray[np.int64], sums: int) -> N
     whole[: 2 * sums, pixels] = np.where(old.any(axis=0), both, new)
 
 
-def merged_state(paths: Sequence[str | os.PathLike[str]]) -> Checkpoint:
+def merged_state(paths: Sequence[str | os.PathLike[str]], *, allow_mixed: bool = False) -> Checkpoint:
     """Return the saved render that several parts of it come to.
+
+    Parameters
+    ----------
+    allow_mixed
+        Whether parts that other code, or other drivers, have made are taken too.
 
     Raises
     ------
@@ -289,15 +345,22 @@ def merged_state(paths: Sequence[str | os.PathLike[str]]) -> Checkpoint:
     """
     parts = [read_part(path) for path in paths]
     check_same(parts)
+    same = OneMaker(allow_mixed)
+    for part in parts:
+        same.add(str(part.path), part.saved.facts.get("made_by"))
+    for part in parts:
+        check_whole(part)
     layout = layout_of(parts[0].saved.facts)
     for part in parts:
         if part.part.count > layout.tiles:
             raise StateError(f"{part.path}: this saved render is damaged: part")
     end = check_complete(parts, layout)
     arrays = merged_arrays(parts, layout)
+    for part in parts:
+        warn_of_not_finite(part.path, part.saved)
     facts = parts[0].saved.facts
     devices = list(dict.fromkeys(name for part in parts for name in part.saved.facts["devices"]))
-    whole = facts | {"part": None, "done": end, "devices": devices, "work": _work(parts)}
+    whole = facts | {"part": None, "done": end, "devices": devices, "work": _work(parts), "made_by": same.makers}
     whole["picture"] = facts["picture"] | {"parts": [_described(part) for part in parts]}
     return Checkpoint(whole, arrays)
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.rendering.account import clamp_text
+from rptcam_cl.rendering.account import clamp_text, of_makers
 from rptcam_cl.rendering.checkpoint import Checkpoint
 from rptcam_cl.rendering.film import TILE_PIXELS, FilmLayout
 from rptcam_cl.rendering.film_buffers import outcomes_of, share_removed
@@ -53,6 +53,7 @@ def picture_of(saved: Checkpoint, layout: FilmLayout) -> SavedPicture:
         "device": ", ".join(facts["devices"]),
         "not_finite": int(counts[-2]),
         "parts": picture.get("parts", []),
+        "made_by": facts["made_by"],
     }
     if picture["has_lens"]:
         stats["lens"] = outcomes_of(counts)
@@ -69,7 +70,7 @@ def picture_of(saved: Checkpoint, layout: FilmLayout) -> SavedPicture:
 
 def _metadata(before: dict[str, Any], stats: dict[str, Any]) -> dict[str, Any]:
     """Return metadata with what follows from the samples, in the order that a render gives them."""
-    found = before | {"spp": stats["spp"], "device": stats["device"]}
+    found = before | {"spp": stats["spp"], "device": stats["device"]} | of_makers(stats["made_by"])
     found["numerics"] = before["numerics"] | {
         "samples_dropped": stats["not_finite"],
         "rays_not_converged": stats["lens"]["no_convergence"] if "lens" in stats else 0,

@@ -29,6 +29,7 @@ LayerName = Literal[
     "crypto_object",
     "crypto_material",
     "sharp_depth",
+    "pupil_depth",
     "sharp_position",
     "sharp_normal",
     "sharp_object_id",

@@ -8,6 +8,7 @@ import pytest
 
 from rptcam_cl import api
 from rptcam_cl.cli import main
+from rptcam_cl.core.kept import made_by
 from rptcam_cl.imaging import Image
 
 SCENE = """\
@@ -36,7 +37,7 @@ class Renderer:
     image: Image = field(
         default_factory=lambda: Image(
             np.full((6, 8, 3), 0.5, np.float32),
-            metadata={"spp": 4},
+            metadata={"spp": 4, "made_by": made_by(["fake"])},
             stats={
                 "spp": 4,
                 "samples": 192,

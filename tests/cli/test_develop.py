@@ -1,3 +1,4 @@
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -7,8 +8,9 @@ import PIL.Image
 import pytest
 
 import rptcam_cl
+from rptcam_cl import imaging
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.imaging import Development, Image, KnownLight, quantised
+from rptcam_cl.imaging import Development, Image, KnownLight, film_files, quantised
 
 Command = Callable[..., Any]
 
@@ -76,6 +78,24 @@ def test_wrong_request_is_one_line(rptcam: Command, film: Image, words: list[str
     assert message in run.err
     assert run.err.count("\n") == 1
     assert not Path("a.png").exists()
+
+
+@pytest.mark.parametrize("suffix", ["exr", "npz", "npy"])
+def test_large_film_in_a_small_file_is_refused_by_its_head_unless_told(
+    tmp_path: Path, rptcam: Command, monkeypatch: pytest.MonkeyPatch, suffix: str
+) -> None:
+    path = tmp_path / f"film.{suffix}"
+    Image(np.zeros((30, 40, 3), np.float32)).save(path)
+    monkeypatch.setattr(imaging, "LARGE", 30 * 40 - 1)
+    words = ("develop", str(path), "-o", str(tmp_path / "a.png"))
+    with monkeypatch.context() as unread:
+        unread.setattr(film_files, "_exr", None)
+        unread.setattr(film_files, "_numpy", None)
+        run = rptcam(*words)
+    assert run.code == 2 and re.search(r"has 0\.0012 million pixels .*--large", run.err), run.err
+    assert rptcam(*words, "--large").code == 0
+    monkeypatch.setattr(imaging, "LARGE", 30 * 40)
+    assert rptcam(*words).code == 0
 
 
 def test_render_develops_as_the_scene_says(tmp_path: Path) -> None:

@@ -64,7 +64,9 @@ def test_focus_waits_goes_and_arrives_and_exposure_follows_the_light(following: 
     assert share == pytest.approx(1 - np.exp(-0.1 * np.arange(1, 6) / 0.5), abs=0.02)
 
 
-def test_frame_alone_is_the_frame_of_its_sequence_to_the_byte(following: Path, rptcam: Command) -> None:
+def test_frame_alone_is_the_frame_of_its_sequence_to_the_byte(
+    following: Path, rptcam: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
     words = ("render", "scene.yaml", "-o", "out.####.exr", "--spp", "2", "--frames")
     run = rptcam(*words, "7-9")
     assert run.code == 0, run.err
@@ -73,6 +75,11 @@ def test_frame_alone_is_the_frame_of_its_sequence_to_the_byte(following: Path, r
     tracker = FrameTracker(rptcam_cl.load_scene(following), lambda: open_session(None))
     tracker.frame(9)
     assert tracker.measured == 0  # all of it was kept
+    with monkeypatch.context() as other:
+        other.setitem(vars(open_session(None).info), "driver", "another")
+        tracker = FrameTracker(rptcam_cl.load_scene(following), lambda: open_session(None))
+        tracker.frame(1)
+        assert tracker.measured == 2  # what another driver has measured is not taken for it
     assert rptcam(*words, "9").code == 0
     assert Path("out.0009.exr").read_bytes() == before
     assert "kept out.0009.exr" in rptcam(*words, "9", "--resume").err

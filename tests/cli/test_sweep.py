@@ -11,6 +11,8 @@ import pytest
 
 from rptcam_cl.api import SeriesRenderer
 from rptcam_cl.cli import main
+from rptcam_cl.core import kept
+from rptcam_cl.device import open_session
 
 Command = Callable[..., Any]
 
@@ -23,6 +25,51 @@ def test_sweep_prints_a_table_and_goes_on_where_it_was(scene: Path, rptcam: Comm
     assert run.err == "fov_degrees 30: rendered\nfov_degrees 50: rendered\n"
     assert rptcam(*words).err == "fov_degrees 30: kept\nfov_degrees 50: kept\n"
     assert len(list(Path("out").glob("*.exr"))) == 2
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("sweep", "scene.yaml", "--over", "camera.fov_degrees=30,50", "-o", "out", "--spp", "1"),
+        ("dataset", "spec.yaml", "-o", "out"),
+        ("dataset", "spec.yaml", "-o", "out", "--shard", "1"),
+        (
+            "render",
+            "scene.yaml",
+            "-o",
+            "out/a.##.exr",
+            "-o",
+            "out/a.##.png",
+            "--frames",
+            "1-2",
+            "--resume",
+            "--spp",
+            "1",
+        ),
+        ("render", "scene.yaml", "-o", "out/a.##.png", "--frames", "1-2", "--resume", "--spp", "1"),
+    ],
+)
+@pytest.mark.parametrize("what", ["code", "driver"])
+def test_folder_of_other_code_or_of_another_driver_is_gone_on_with_only_when_told(
+    scene: Path, rptcam: Command, monkeypatch: pytest.MonkeyPatch, words: tuple[str, ...], what: str
+) -> None:
+    Path("out").mkdir()
+    Path("spec.yaml").write_text("scene: scene.yaml\nframes: 2\nvary: {picture.ev: {uniform: [0, 1]}}\n")
+    one = ("--frames", "0") if words[0] == "dataset" else ()
+    with monkeypatch.context() as other:
+        if what == "code":
+            other.setattr(kept, "code_digest", lambda: "other")
+        else:
+            other.setitem(vars(open_session().info), "driver", "old")
+        assert rptcam(*(word.replace("=30,50", "=30").replace("1-2", "1") for word in words), *one).code == 0
+    files = {path: path.read_bytes() for path in Path("out").iterdir() if path.is_file()}
+    run = rptcam(*words)
+    assert run.code == 4 and re.search(rf": its {what} is \w+.*, and that of .*--allow-mixed", run.err), run.err
+    for path, content in files.items():
+        assert path.read_bytes() == content
+    run = rptcam(*words, "--allow-mixed")
+    assert run.code == 0 and re.search(rf"warning: .*: its {what} is ", run.err), run.err
+    assert re.search("kept", run.err), run.err
 
 
 @pytest.mark.parametrize(

@@ -28,10 +28,12 @@ def test_truth_lies_beside_the_picture(scene, tmp_path):
     folder, picture = tmp_path / "new" / "truth", tmp_path / "ball.npz"
     words = ["render", str(scene), "-o", str(picture), "--layers", "depth", "--truth", str(folder), "--quiet"]
     assert main(words) == 0
-    assert sorted(path.name for path in folder.iterdir()) == ["classes.png", "coco.json", "instances.png", "rays.npz"]
+    assert sorted(path.name for path in folder.iterdir()) == [
+        "classes.png", "coco.json", "depth.npy", "instances.png", "rays.npz",
+    ]  # fmt: skip
     said = json.loads((folder / "coco.json").read_text())
     assert said["images"][0]["file_name"] == "ball.npz"
-    assert [each["name"] for each in said["categories"]] == ["toy"]
+    assert [each["name"] for each in said["categories"]] == ["toy", "object"]
     (ball,) = said["annotations"]
     assert ball["occlusion"] == 0
     with np.load(folder / "rays.npz") as rays:

@@ -1,5 +1,6 @@
 """Renders on a cluster: the bits of one run, whoever renders which part; a cluster that cannot render says why."""
 
+import functools
 import json
 import math
 import multiprocessing
@@ -21,9 +22,10 @@ from PIL import Image as Picture
 import rptcam_cl
 from rptcam_cl import DeviceError, InputError, StateError, render_on_cluster
 from rptcam_cl.api import Found, PartRenderer, RenderSettings, load_scene, merge
-from rptcam_cl.cluster import TLS, client, tasks, tasks_out
+from rptcam_cl.cluster import TLS, client, run, tasks, tasks_out
 from rptcam_cl.cluster.parcel import packed
-from rptcam_cl.rendering import FilmPart, read_part
+from rptcam_cl.rendering import FilmPart, read_part, write_checkpoint
+from rptcam_cl.rendering.checkpoint import read_checkpoint
 from rptcam_cl.scene import set_keys
 from tests.cluster.conftest import cluster
 
@@ -298,6 +300,48 @@ def test_worker_that_joins_with_another_version_ends_the_render(
     monkeypatch.setattr(tasks, "__version__", "0.0.1")
     with pytest.raises(StateError, match=r"a worker runs version 0\.0\.1, and the client"):
         render_on_cluster(scene_file, address)
+
+
+def test_workers_and_parts_of_other_code_are_refused_or_named(
+    scene_file: Path, address: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    mine = tasks.survey()["made_by"]
+    with monkeypatch.context() as other:
+        other.setattr(
+            tasks, "survey", lambda device: {"version": rptcam_cl.__version__, "made_by": mine | {"code": "other"}}
+        )
+        other.setattr(client, "survey", tasks.survey)
+        with pytest.raises(
+            StateError, match=r"^cluster: the worker tcp://.*: its code is other, and that of this program "
+        ):
+            render_on_cluster(scene_file, address)
+    with monkeypatch.context() as late:  # it joins after the survey
+        late.setattr(client, "_check_workers", lambda *words: None)
+        late.setattr(run, "Job", functools.partial(tasks.Job, code=mine | {"numpy": "other", "driver": ""}))
+        with pytest.raises(StateError, match=r"^cluster: a worker: its numpy is .*, and that of the client other "):
+            render_on_cluster(scene_file, address)
+
+    rendered: list[float] = []
+    words: dict[str, Any] = {"folder": tmp_path / "parts", "resume": True, "on_progress": rendered.append}
+    with pytest.raises(InterruptedError):
+        render_on_cluster(scene_file, address, should_stop=lambda: len(rendered) > 0, **words)
+    plan = json.loads((tmp_path / "parts/plan.json").read_text())
+    assert plan["made_by"] == mine
+    (tmp_path / "parts/plan.json").write_text(json.dumps(plan | {"made_by": mine | {"driver": "old"}}))
+    with pytest.raises(StateError, match=r"its driver is .*, and that of .*parts old .*--allow-mixed"):
+        render_on_cluster(scene_file, address, **words)
+    (tmp_path / "parts/plan.json").write_text(json.dumps(plan | {"made_by": mine | {"code": "old"}}))
+    with pytest.raises(StateError, match=r"^this program: its code is .*, and that of .*parts old .*--allow-mixed"):
+        render_on_cluster(scene_file, address, **words)
+    (tmp_path / "parts/plan.json").write_text(json.dumps(plan))
+    [part, *_] = (tmp_path / "parts").glob("*.rpck")
+    saved = read_checkpoint(part)
+    write_checkpoint(part, saved.facts | {"made_by": [mine | {"code": "old"}]}, saved.arrays)
+    with pytest.warns(UserWarning, match="its code is "):
+        image = render_on_cluster(scene_file, address, allow_mixed=True, **words)
+    assert {each["code"] for each in image.metadata["mixed"]} == {mine["code"], "old"}
+    with pytest.raises(StateError, match=r"its code is .*--allow-mixed"):
+        render_on_cluster(scene_file, address, **words)
 
 
 def test_scenes_that_cannot_be_divided_are_refused(scene_file: Path, address: str) -> None:

@@ -1,9 +1,11 @@
 """Frames of datasets: the same bytes alone, together, in shards and after a kill; cameras; errors."""
 
+import errno
 import hashlib
 import json
 import os
 import random
+import shutil
 import signal
 import subprocess
 import sys
@@ -109,6 +111,66 @@ def test_a_run_killed_after_the_last_frame_of_a_shard_leaves_what_the_next_one_p
     assert main(command) == 0
     assert bytes_of(place / "out") == whole
     assert not (place / "out/unfinished").exists()
+
+
+def test_two_runs_share_a_folder_of_shards(place: Path) -> None:
+    """The first to end leaves the folder of loose frames to the other."""
+    list(dataset("spec.yaml", "whole", shard=2))
+    late, early = (dataset("spec.yaml", "out", shard=2, only=only) for only in ([2, 3], [0, 1, 4]))
+    list(early)
+    list(late)
+    assert bytes_of(place / "out") == bytes_of(place / "whole")
+    assert not (place / "out/unfinished").exists()
+
+
+@pytest.mark.parametrize(
+    "words", [("dataset", "spec.yaml"), ("dataset", "spec.yaml", "--shard", "5"), ("sweep", "scene.yaml")]
+)
+def test_links_in_a_folder_are_replaced_and_not_written_through(place: Path, words: tuple[str, ...]) -> None:
+    more = ("--over", "film.width_mm=36,40") if words[0] == "sweep" else ()
+    command = [*words, *more, "-o", "out", "--quiet"]
+    assert main(command) == 0
+    names = sorted(path.name for path in (place / "out").iterdir())
+    whole = bytes_of(place / "out")
+    shutil.rmtree(place / "out")
+    (place / "out").mkdir()
+    (place / "elsewhere").mkdir()
+    for name in names:
+        (place / "elsewhere" / name).write_text("mine")
+        (place / "out" / name).symlink_to(place / "elsewhere" / name)
+    (place / "out/unfinished").symlink_to(place / "elsewhere")
+    if words[0] == "dataset":
+        for path in (place / "out").glob("*.json"):
+            path.unlink()  # other files than frames are refused
+    assert main(command) == 0
+    assert {path.read_text() for path in (place / "elsewhere").iterdir()} == {"mine"}
+    made = {path.name for path in (place / "out").iterdir() if not path.is_symlink()}
+    assert made >= set(names)
+    if words[0] == "dataset":
+        assert {name: digest for name, digest in bytes_of(place / "out").items() if name in whole} == whole
+
+
+@pytest.mark.parametrize("shard", [None, 2])
+def test_full_disk_leaves_nothing_of_the_frame_under_way(
+    place: Path, monkeypatch: pytest.MonkeyPatch, shard: int | None, capsys: Any
+) -> None:
+    command = ["dataset", "spec.yaml", "-o", "out", *(() if shard is None else ("--shard", str(shard))), "--quiet"]
+    folder = place / ("out" if shard is None else "out/unfinished")
+    sync, calls = os.fsync, iter(range(3))
+
+    def full(descriptor: int) -> None:
+        if (folder / "000001.exr").exists() and next(calls, None) is None:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        sync(descriptor)
+
+    with monkeypatch.context() as disk:
+        disk.setattr(os, "fsync", full)
+        assert main(command) == 4
+    assert "000001" in capsys.readouterr().err and next(calls, None) is None
+    assert sorted(path.name for path in folder.glob("0*")) == ["000000.exr", "000000.json", "000000.png"]
+    assert main(command) == 0
+    assert main([*command[:3], "other", *command[4:]]) == 0
+    assert bytes_of(place / "out") == bytes_of(place / "other")
 
 
 def test_states_drawn_from_a_continuum_share_pupils_and_frames_stay_what_they_are_alone(

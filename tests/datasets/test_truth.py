@@ -6,7 +6,9 @@ import tarfile
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
+import OpenEXR
 import PIL.Image
 import pytest
 from pycocotools.coco import COCO
@@ -38,7 +40,7 @@ vary:
   objects.0.radius: {uniform: [0.3, 0.5]}
 """
 LABELLED = PLAIN.replace("vary:", "truth: true\nvary:")
-TRUTH = ("coco.json", "instances.png", "classes.png")
+TRUTH = ("coco.json", "instances.png", "classes.png", "depth.npy")
 
 
 @pytest.fixture
@@ -113,10 +115,10 @@ def test_a_dataset_without_truth_is_the_same_whether_it_says_so(place: Path) -> 
 def test_frames_with_truth_have_the_same_bytes_alone_damaged_and_in_shards(place: Path, capsys: Any) -> None:
     list(dataset("spec.yaml", "all"))
     whole = bytes_of(place / "all")
-    assert len(whole) == 4 * 6 + 2
+    assert len(whole) == 4 * 7 + 2
     list(dataset("spec.yaml", "one", only=[2]))
     alone = bytes_of(place / "one")
-    assert sum(name.startswith("000002.") for name in alone) == 6
+    assert sum(name.startswith("000002.") for name in alone) == 7
     assert all(content == whole[name] for name, content in alone.items() if name.startswith("000002."))
 
     (place / "all/000001.instances.png").write_bytes(b"broken")
@@ -141,6 +143,94 @@ def test_frames_with_truth_have_the_same_bytes_alone_damaged_and_in_shards(place
             content = shard.extractfile(member)
             assert content is not None and content.read() == whole[member.name]
     assert (place / "packed/manifest.jsonl").read_bytes() == whole["manifest.jsonl"]
+
+
+DRAWN = {
+    "a label": "objects.1.label: {choice: [cup, mug, vase]}",
+    "a label, in brackets": "'objects[1].label': {grid: [mug, cup, null]}",
+    "whole objects": """objects: {grid: [
+    [{shape: sphere, center: [0.6, 0.5, 0], radius: 0.5, material: grey, label: mug},
+     {shape: sphere, center: [-0.6, 0.5, 0], radius: 0.4, material: grey}],
+    [{shape: sphere, center: [-0.6, 0.5, 0], radius: 0.4, material: grey, label: crate},
+     {shape: sphere, center: [0.6, 0.5, 0], radius: 0.5, material: grey, label: ball}]]}""",
+}
+
+
+@pytest.mark.parametrize("drawn", DRAWN)
+def test_a_class_has_one_number_in_all_frames_masks_and_annotations(place: Path, drawn: str) -> None:
+    text = LABELLED.replace("objects.0.radius: {uniform: [0.3, 0.5]}", DRAWN[drawn])
+    text = text.replace("[depth]", "[sharp_class_id]").replace("frames: 4", "frames: 6")
+    (place / "spec.yaml").write_text(text, "utf-8")
+    seen: dict[str, set[int]] = {}
+    for frame in dataset("spec.yaml", "out"):
+        scene = read_specification("spec.yaml").frame(frame.index)[1]
+        said = json.loads((place / f"out/{frame.index:06d}.coco.json").read_text())
+        instances, classes = (
+            np.asarray(PIL.Image.open(place / f"out/{frame.index:06d}.{name}.png")) for name in ("instances", "classes")
+        )
+        layer = np.load(place / f"out/{frame.index:06d}.npz")["sharp_class_id"]
+        assert said["categories"] == json.loads((place / "out/dataset.json").read_text())["categories"]
+        of_object = {each["id"] % 65536 - 1: each["category_id"] for each in said["annotations"]}
+        assert of_object
+        for index, category in of_object.items():
+            label = scene.objects[index].label
+            seen.setdefault(label or "object", set()).add(category)
+            assert set(classes[instances == index + 1].tolist()) == {category if label else 0}
+            assert set(layer[instances == index + 1].tolist()) == {category if label else 0}
+    assert len(seen) >= 3 and all(len(numbers) == 1 for numbers in seen.values())
+    assert len(set.union(*seen.values())) == len(seen)
+    known = json.loads((place / "out/dataset.json").read_text())["categories"]
+    assert known[-1]["name"] == "object" and {each["name"]: {each["id"]} for each in known}.items() >= seen.items()
+
+
+BOARD = """\
+scene:
+  film: {resolution: [160, 120], width_mm: 36}
+  camera: {kind: realistic, lens: dgauss-50mm, eye: [0.3, 0.5, 1.2], target: [0, 0, 0], focus: {distance_m: 1.3}}
+  objects:
+    - {shape: board, kind: checker, columns: 9, rows: 7, pitch: 0.2, name: target}
+  environment: {kind: constant, radiance: 1}
+set: {render.layers: [sharp_position, sharp_depth], render.spp: 1, film.crop: [0.1, 0.95, 0, 1]}
+files: [exr, png]
+frames: 2
+truth: true
+vary: {camera.lens: {grid: [dgauss-50mm, retrofocus-35mm]}}
+"""
+
+
+def test_depths_of_frames_unproject_by_their_matrix_and_pose_to_where_the_board_is(place: Path) -> None:
+    """By OpenCV, whose pixels have their centres half a pixel earlier."""
+    (place / "board.yaml").write_text(BOARD, "utf-8")
+    for frame in dataset("board.yaml", "out"):
+        depth, camera = np.load(place / f"out/{frame.index:06d}.depth.npy").astype(np.float64), frame.record["camera"]
+        matrix = np.array(camera["matrix"]) - [[0, 0, 0.5], [0, 0, 0.5], [0, 0, 0]]
+        bent = np.array([camera["parameters"].get(name, 0.0) for name in ("k1", "k2", "p1", "p2", "k3")])
+        assert camera["model"] in ("pinhole", "brown_conrady")
+        rows, columns = np.nonzero(np.isfinite(depth))
+        pixels = np.stack([columns, rows], axis=-1).reshape(-1, 1, 2).astype(np.float64)
+        ends = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 200, 1e-12)
+        away = cv2.undistortPoints(pixels, matrix, bent, None, None, None, ends).reshape(-1, 2)
+        seen = np.column_stack([away, np.ones(len(away))]) * depth[rows, columns, None]
+        points = seen @ np.array(camera["world_from_camera"])[:3, :3].T + np.array(camera["world_from_camera"])[:3, 3]
+        assert len(points) > 8000
+        assert np.abs(points[:, 2]).max() < 1e-4  # the board is the plane z = 0
+        away_m = np.linalg.norm(points - frame.image["sharp_position"][rows, columns], axis=1)
+        assert away_m.max() < 2e-4 and np.median(away_m) < 5e-5  # along a ray that leaves the drifting pupil
+        film = frame.image["sharp_depth"][rows, columns] - depth[rows, columns]
+        np.testing.assert_allclose(film, camera["entrance_pupil"]["ahead_of_eye_mm"] * 1e-3, atol=1e-6)
+
+        with OpenEXR.File(str(place / f"out/{frame.index:06d}.exr")) as file:  # rows times the matrix, y up, z back
+            moved = np.column_stack([points, np.ones(len(points))]) @ np.array(file.header()["worldToCamera"])
+        np.testing.assert_allclose(moved[:, :3], seen * [1, -1, -1], atol=1e-6)
+        np.testing.assert_allclose(moved[:, 3], 1, atol=1e-6)
+
+
+def test_frames_that_were_labelled_otherwise_are_not_kept(place: Path) -> None:
+    before = read_specification("spec.yaml")
+    plain = read_specification("plain.yaml")
+    (place / "scene.yaml").write_text(SCENE.replace("label: ball", "label: globe"), "utf-8")
+    assert read_specification("spec.yaml").key != before.key
+    assert before.classes == ("", "ball") and plain.classes == before.classes
 
 
 def test_annotations_name_the_first_file_where_no_frame_has_a_picture(place: Path) -> None:

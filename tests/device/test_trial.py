@@ -2,6 +2,8 @@
 
 import json
 import os
+import re
+import shutil
 import sys
 
 import pytest
@@ -45,6 +47,16 @@ def test_driver_that_crashes_is_told_and_tried_again(handle, monkeypatch, tmp_pa
     child(monkeypatch, "import os; os.abort()")
     assert "SIGABRT" in fresh(handle).problem
     assert not (tmp_path / "devices").exists()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no signals")
+def test_full_folder_of_kernels_is_told_and_no_crash_of_the_driver(handle, monkeypatch):
+    usage = shutil.disk_usage("/")
+    monkeypatch.setattr("shutil.disk_usage", lambda folder: usage._replace(free=1000))
+    child(monkeypatch, "import os; os.abort()")
+    problem = fresh(handle).problem
+    assert re.search(r"the disk is full, and compiled kernels take 8 MiB .*set TMPDIR or POCL_CACHE_DIR", problem)
+    assert "crash" not in problem
 
 
 def test_driver_that_ends_the_process_is_told(handle, monkeypatch):

@@ -124,7 +124,10 @@ def test_changed_header_is_refused_however_it_is_signed(path):
 
 @pytest.mark.parametrize(
     ("name", "value"), [("done", None), ("done", -1), ("done", True), ("done", 2**40), ("devices", "a"),
-                        ("devices", [1]), ("metered_cd_m2", "x"), ("metered_cd_m2", -1.0), ("focus", []), ("work", [1])]
+                        ("devices", [1]), ("metered_cd_m2", "x"), ("metered_cd_m2", -1.0), ("focus", []), ("work", [1]),
+                        ("focus", {"camera": {}}), ("focus", {"camera": 1, "metadata": {}}), ("work", [{}]),
+                        ("work", [{"samples": [0], "split": "0:0=1"}]), ("work", [{"samples": [0, 1], "split": "x"}]),
+                        ("work", [{"samples": [0, 1], "split": {}}])]
 )  # fmt: skip
 def test_facts_of_another_kind_are_refused(path, name, value):
     right = {"done": 1, "devices": ["a"], "metered_cd_m2": None, "focus": None}

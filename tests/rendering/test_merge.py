@@ -1,6 +1,10 @@
 """Parts of a render that were made apart come to the picture of one run; what does not belong together is refused."""
 
+import contextlib
+import copy
 import json
+import random
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -71,6 +75,36 @@ def test_ranges_of_samples_differ_by_the_rounding_of_float32_alone(whole, folder
     np.testing.assert_array_equal(merged["object_id"], whole["object_id"])
     np.testing.assert_allclose(merged["depth"], whole["depth"], rtol=2.5e-7)
     assert merged.stats["lens"] == whole.stats["lens"]
+
+
+@pytest.mark.parametrize("spectrum", ["rgb", "spectral"])
+def test_ranges_of_samples_differ_by_two_units_of_the_largest_channel_also_in_spectral_scenes(spectrum, tmp_path):
+    words = {"scene": rptcam_cl.load_scene(scene(), [f"spectrum={spectrum}"]), "size": (24, 16)}
+    files = [tmp_path / f"{first}.rpck" for first in (0, 1, 3, 9)]
+    for file, samples in zip(files, ((0, 1), (1, 3), (3, 9), (9, 24)), strict=True):
+        rptcam_cl.render(samples=samples, checkpoint=file, **words)
+    merged, whole = rptcam_cl.merge(files).pixels, rptcam_cl.render(spp=24, **words).pixels
+    away = np.abs(merged.astype(np.float64) - whole)
+    assert (away <= 2 * np.spacing(np.abs(whole).max(axis=2, keepdims=True))).all()
+    assert 0.01 < np.mean(away > 0) < 0.2
+
+
+@pytest.mark.parametrize("array", ["film", "layers"])
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_part_with_what_is_no_number_is_named(array, value, folder, tmp_path, recwarn):
+    rptcam_cl.merge(parts(folder, 1, 2, 3))
+    assert not recwarn.list
+    saved = read_checkpoint(folder / "2.rpck")
+    planes = saved.arrays[array].copy()
+    planes[1, [3, 70]] = value
+    bad = tmp_path / "2.rpck"
+    write_checkpoint(bad, saved.facts, saved.arrays | {array: planes})
+    with pytest.warns(UserWarning, match=rf"{bad}: 2 pixels of its film hold no finite numbers"):
+        merged = rptcam_cl.merge([*parts(folder, 1, 3), bad])
+    if array == "film":
+        assert (~np.isfinite(merged.pixels)).any(axis=2).sum() == 2
+    with pytest.warns(UserWarning, match=rf"{bad}: 2 pixels"):
+        rptcam_cl.render(scene(), spp=SPP, part="2/3", checkpoint=bad, resume=True, **OPTIONS)
 
 
 def test_merged_state_goes_on_to_the_bits_of_one_run(folder, tmp_path):
@@ -147,10 +181,77 @@ def test_parts_of_another_render_are_refused(other, folder, tmp_path):
     assert str(stranger) in str(refusal.value)
 
 
+@pytest.mark.parametrize("what", ["code", "numpy", "driver", None])
+def test_parts_and_states_of_other_code_or_drivers_are_refused_or_named(what, folder, tmp_path):
+    [maker] = read_checkpoint(folder / "2.rpck").facts["made_by"]
+    made_by = None if what is None else [maker | {what: "another"}]
+    stranger = changed(folder / "2.rpck", tmp_path / "2.rpck", made_by=made_by)
+    others = parts(folder, 1, 3)
+    message = "says nothing of the code" if what is None else f"its {what} is another, and that of "
+    with pytest.raises(StateError, match=f"{stranger}: {message}.*--allow-mixed"):
+        rptcam_cl.merge([others[0], stranger, others[1]])
+    with pytest.raises(StateError, match=message):
+        rptcam_cl.render(scene(), spp=SPP, part="2/3", checkpoint=stranger, resume=True, **OPTIONS)
+    with pytest.warns(UserWarning, match=message):
+        mixed = rptcam_cl.merge([others[0], stranger, others[1]], checkpoint=tmp_path / "all.rpck", allow_mixed=True)
+    assert mixed.metadata["made_by"] == maker
+    assert [each == maker for each in mixed.metadata["mixed"]] == [True, False]
+    go_on = OPTIONS | {"spp": SPP + 1, "checkpoint": tmp_path / "all.rpck", "resume": True}
+    with pytest.raises(StateError, match=r"all\.rpck: "):
+        rptcam_cl.render(scene(), **go_on)
+    with pytest.warns(UserWarning):
+        more = rptcam_cl.render(scene(), allow_mixed=True, **go_on)
+    assert len(more.metadata["mixed"]) == 2 and more.metadata["made_by"] == maker
+
+
 def test_file_that_is_no_part_is_not_to_be_removed(tmp_path):
     (tmp_path / "scene.yaml").write_text("film: {}")
     with pytest.raises(StateError, match=r"scene\.yaml: is not a saved render$"):
         rptcam_cl.merge([tmp_path / "scene.yaml"])
+
+
+ODD = [None, {}, "x", 1.5, -1, True, 10**12, ["x"], [[1, 2], [3]], {"a": 1}]
+
+
+def every_place(data, path=()):
+    """Yield the keys that lead to everything in facts, lists by their first element."""
+    found = data.items() if isinstance(data, dict) else enumerate(data[:1]) if isinstance(data, list) else ()
+    for key, value in found:
+        yield (*path, key)
+        yield from every_place(value, (*path, key))
+
+
+def test_sealed_files_with_anything_in_place_of_a_fact_or_an_array_are_refused_or_merged(folder, tmp_path, monkeypatch):
+    """Whoever makes a file seals it, too: odd facts and arrays end in one error that names the file."""
+    saved, refused, chances = read_checkpoint(folder / "1.rpck"), 0, random.Random(6)
+    monkeypatch.setattr("os.fsync", lambda descriptor: None)  # most of the time of a thousand files
+
+    def merge_with(facts, arrays):
+        nonlocal refused
+        write_checkpoint(tmp_path / "odd.rpck", facts, arrays)
+        with warnings.catch_warnings(), contextlib.suppress(StateError):
+            warnings.simplefilter("ignore")
+            refused += 1
+            rptcam_cl.merge([tmp_path / "odd.rpck", *parts(folder, 2, 3)])
+            refused -= 1
+
+    places = [place for place in every_place(saved.facts) if "metadata" not in place[:-2]]
+    for *path, last in places:
+        for value in (..., *chances.sample(ODD, 3)):
+            facts = copy.deepcopy(saved.facts)
+            target = facts
+            for key in path:
+                target = target[key]
+            if value is ...:
+                del target[last]
+            else:
+                target[last] = value
+            merge_with(facts, saved.arrays)
+    for name, array in saved.arrays.items():
+        merge_with(saved.facts, {other: each for other, each in saved.arrays.items() if other != name})
+        for odd in (array[:0], array[..., :1], array.ravel(), array.astype(np.float64), array[None]):
+            merge_with(saved.facts, saved.arrays | {name: odd})
+    assert len(places) > 60 and refused > 130
 
 
 def test_array_of_another_size_is_refused(folder, tmp_path):

@@ -86,7 +86,7 @@ def _kept_or_built(
     lower: NDArray[np.float32], upper: NDArray[np.float32], session: Session
 ) -> tuple[NDArray[np.float32], NDArray[np.int32], int]:
     """Return nodes, the boxes in the order of the leaves, and the size of the stack; kept from one run to the next."""
-    driver = session.info.name, session.info.platform, session.kind, session.loop_limit
+    driver = session.info.name, session.info.driver, session.kind, session.loop_limit
     boxes = hashlib.sha256(lower.tobytes() + upper.tobytes()).hexdigest()
     name = name_of(builder_identity(), identity_of_code(("rendering/trees",)), driver, boxes)
     if (kept := kept_arrays(KEPT, name)) is not None:

@@ -37,6 +37,40 @@ def test_depth_of_a_flat_wall_is_flat_to_1e_minus_5(camera: dict[str, Any]) -> N
     np.testing.assert_array_equal(image["sharp_normal"], np.broadcast_to([0, 0, 1], (32, 48, 3)))
 
 
+@pytest.mark.parametrize("kind", ["rectangle", "mesh", "sphere"])
+def test_surfaces_with_holes_are_there_from_an_opacity_of_one_half_on(kind: str) -> None:
+    """Not here and there at random, as rays of the picture find them."""
+    wall, names = panel(-6.0, 9.0), ["sharp_object_id", "sharp_depth"]
+    veil = panel(-2.0, 0.4)
+    if kind == "mesh":
+        corners = [[-0.4, -0.4, -2], [0.4, -0.4, -2], [0.4, 0.4, -2], [-0.4, 0.4, -2]]
+        veil = {"shape": "mesh", "vertices": corners, "faces": [[0, 1, 2, 3]]}
+    elif kind == "sphere":
+        veil = {"shape": "sphere", "center": [0, 0, -2], "radius": 0.4}
+    tangent = np.tan(np.radians(20)) / 24
+    x, y = np.meshgrid((np.arange(48) - 23.5) * tangent, (15.5 - np.arange(32)) * tangent)
+    inside = (
+        np.hypot(x, y) < np.tan(np.arcsin(0.2)) if kind == "sphere" else (np.abs(2 * x) < 0.4) & (np.abs(2 * y) < 0.4)
+    )
+    for opacity, there in ((0.5, True), (0.75, True), (0.45, False), (0.05, False)):
+        thin = veil | {"material": GREY | {"opacity": opacity}}
+        image = rptcam_cl.render(world(PINHOLE, thin, wall), spp=1, layers=names)
+        np.testing.assert_array_equal(image["sharp_object_id"], np.where(inside & there, 0, 1))
+        assert (image["sharp_depth"] < 3).sum() == inside.sum() * there
+
+
+def test_textured_holes_end_where_opacity_is_one_half() -> None:
+    checks = {"kind": "checker", "even": 0.3, "odd": 0.8, "scale": [4, 4]}
+    veil = panel(-2.0, 0.4) | {"material": GREY | {"opacity": checks}}
+    image = rptcam_cl.render(world(PINHOLE, veil, panel(-6.0, 9.0)), spp=1, layers=["sharp_object_id"])
+    tangent = np.tan(np.radians(20)) / 24
+    x, y = np.meshgrid((np.arange(48) - 23.5) * tangent, (15.5 - np.arange(32)) * tangent)
+    u, v = 2 * x / 0.8 + 0.5, 2 * y / 0.8 + 0.5
+    odd = (np.floor(4 * u) + np.floor(4 * v)) % 2 == 1
+    inside = (np.abs(u - 0.5) < 0.5) & (np.abs(v - 0.5) < 0.5)
+    np.testing.assert_array_equal(image["sharp_object_id"], np.where(inside & odd, 0, 1))
+
+
 def test_sharp_layers_of_a_pinhole_are_those_of_the_middles_of_its_pixels() -> None:
     near, far = panel(-3.0, 0.5, name="near", label="card"), panel(-6.0, 1.0, x=0.6, name="far")
     names = ["sharp_object_id", "sharp_class_id", "sharp_depth", "ray_origin", "ray_direction", "occlusion"]
