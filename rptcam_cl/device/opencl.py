@@ -32,7 +32,7 @@ VARIABLES = ("OCL_ICD_VENDORS", "OPENCL_VENDOR_PATH", "OCL_ICD_FILENAMES")  # a 
 SYSTEM = Path("/etc/OpenCL/vendors")
 # PoCL 7 cuts a kernel at its loops into regions, as if there were barriers, and reads memory anew in a later region
 # where it needs a value of an earlier one: also where that memory has been written in between, so that camera rays were
-# garbage. The second is mended in PoCL by "WorkitemLoops: do not rematerialize mutable loads" (July 2026, after 7.2-RC1).
+# garbage. PoCL mends the second by "WorkitemLoops: do not rematerialize mutable loads" (July 2026, not in 7.2-RC1).
 # Without the first, kernels without barriers are one region, and compile in three quarters of the time.
 AS_BEFORE_POCL_7 = ("POCL_FORCE_PARALLEL_OUTER_LOOP", "POCL_PREGION_VALUE_REMAT")
 

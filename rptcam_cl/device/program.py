@@ -99,7 +99,9 @@ def options_of(device: Any, source: str) -> tuple[str, ...]:
     version = re.search(r"PoCL (\d+)", device.platform.version)
     if version is None:
         return BUILD_OPTIONS
-    if int(version[1]) >= 7:  # its cache tells programs apart by these, but not by the settings that they are built with
+    if (
+        int(version[1]) >= 7
+    ):  # its cache tells programs apart by these, but not by the settings that they are built with
         return (*BUILD_OPTIONS, *(f"-D{name}={int(os.environ.get(name) == '1')}" for name in AS_BEFORE_POCL_7))
     return (*BUILD_OPTIONS, _NOT_OPTIMISED) if source.startswith(_QUICK) else BUILD_OPTIONS
 

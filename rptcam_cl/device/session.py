@@ -275,6 +275,17 @@ class Session:
         other._launched = []
         return other
 
+    def alone(self) -> Session:
+        """Return a session as `beside`, whose programs are not among those of this one."""
+        other = self.beside()
+        other._programs = OrderedDict()
+        return other
+
+    @property
+    def is_quick(self) -> bool:
+        """Whether it is one of `quick`."""
+        return self._is_quick
+
     def quick(self) -> Session:
         """Return this session with quick programs in place of those whose code the driver has to generate.
 

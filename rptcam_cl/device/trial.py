@@ -31,7 +31,7 @@ from rptcam_cl.core.kept import keep_bytes, kept_bytes
 from rptcam_cl.core.resources import cache_dir
 from rptcam_cl.device.at_work import end_work
 from rptcam_cl.device.likeness import Likeness, LikenessEndedError, fork_likeness
-from rptcam_cl.device.opencl import load_opencl
+from rptcam_cl.device.opencl import AS_BEFORE_POCL_7, load_opencl
 from rptcam_cl.device.pocl_cache import make_pocl_cache_usable
 from rptcam_cl.device.pocl_processor import AVX2, AVX512, own_name, processor_flags, rename_as_before, rename_processor
 
@@ -44,6 +44,8 @@ _CHILD = (
     "import json, sys; sys.path[:] = json.loads(sys.argv[1]); from rptcam_cl.device import trial; "
     "trial.print_trial(int(sys.argv[2]), int(sys.argv[3]))"
 )
+
+_REFUSED = ".refused"
 
 _likeness: list[Likeness] = []  # one at most
 _tried_there: set[tuple[int, int]] = set()  # places of devices
@@ -67,7 +69,7 @@ class Trial:
 def try_device(handle: Any) -> Trial:
     """Return what a trivial kernel shows on the pyopencl device ``handle``; where PoCL needs help, after helping."""
     try:
-        name = _record_name(handle)
+        name = driver_name(handle) + ".json"
     except Exception as error:  # a driver may raise anything
         return Trial(problem=f"its driver does not describe it: {error}")
     kept = _recalled(name)
@@ -87,12 +89,24 @@ def first_error(log: str) -> str:
     return next((line for line in lines if "error" in line.lower()), lines[0] if lines else "no message")
 
 
-def _record_name(handle: Any) -> str:
-    """Return a name for all that a trial depends on: driver, device, processor and this package."""
+def driver_name(handle: Any) -> str:
+    """Return a name for all that a trial depends on: driver with its settings, device, processor and this package."""
     driver = [handle.platform.name, handle.platform.version, handle.name, handle.driver_version]
-    facts = [__version__, platform.platform(), *driver, *sorted(processor_flags())]
+    settings = [f"{name}={os.environ.get(name)}" for name in AS_BEFORE_POCL_7]
+    facts = [__version__, platform.platform(), *driver, *settings, *sorted(processor_flags())]
     code = Path(__file__).read_bytes() + Path(__file__).with_name("pocl_processor.py").read_bytes()
-    return hashlib.sha256("\n".join(facts).encode() + code).hexdigest() + ".json"
+    return hashlib.sha256("\n".join(facts).encode() + code).hexdigest()
+
+
+def keep_refusal(handle: Any, why: str) -> None:
+    """Keep why a device that builds kernels cannot be used."""
+    keep_bytes("devices", driver_name(handle) + _REFUSED, why.encode())
+
+
+def refusal(handle: Any) -> str | None:
+    """Return what `keep_refusal` has kept of a device; None where there is nothing."""
+    kept = kept_bytes("devices", driver_name(handle) + _REFUSED)
+    return None if kept is None else kept.decode(errors="replace")
 
 
 def _recalled(name: str) -> Trial | None:

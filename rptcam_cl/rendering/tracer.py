@@ -12,11 +12,13 @@ from rptcam_cl.cameras import CameraModel
 from rptcam_cl.device import Session
 from rptcam_cl.plan import Plan
 from rptcam_cl.rendering.buffers import SceneBuffers
+from rptcam_cl.rendering.driver_trial import Way, way_of
 from rptcam_cl.rendering.film import BLOCK, PLANES, FilmLayout
 from rptcam_cl.rendering.film_buffers import FilmBuffers, outcomes_of, planes_of, share_removed
 from rptcam_cl.rendering.layers import LayerPass, LayerPlanes
 from rptcam_cl.rendering.memory import check_memory, memory_needs
 from rptcam_cl.rendering.passes import (
+    PACKETS,
     CameraPasses,
     DepthPasses,
     Launches,
@@ -52,7 +54,9 @@ class Wavefront:
     wave_size
         Slots of a wave; rounded to a multiple of 256. The film does not depend on it.
     organisation
-        "stream" or "passes" (see `rptcam_cl.rendering.passes`); by default what suits the device.
+        "stream" or "passes" (see `rptcam_cl.rendering.passes`); by default what suits the device and is right on it.
+    packets
+        Of rays that a work item takes through a lens together, on a CPU; not read without ``organisation``.
     buffers
         The scene on the device, where it is there already; by default that of the plan is uploaded.
     scouts
@@ -89,11 +93,15 @@ class Wavefront:
         *,
         scouts: bool = True,
         single: bool = False,
+        packets: int = PACKETS,
     ) -> None:
         self._scouts = scouts
         self.session, self.layout, self.settings = session, layout, settings
         self.seed = settings.seed
-        self.organisation = organisation or ORGANISATION[session.kind]
+        self._way = (
+            Way(organisation, packets) if organisation else way_of(session, ORGANISATION[session.kind], Wavefront)
+        )
+        self.organisation = self._way.organisation
         self.tiles = layout.whole_list()
         slots, stream = wave_size or wave_slots(session.kind, session.info.compute_units), self.organisation == "stream"
         self._waves = Waves(
@@ -135,10 +143,12 @@ class Wavefront:
         session, stream = self.session, self.organisation == "stream"
         made = makes_rays(plan, self.settings, stream=stream)
         kept = keeps_rays(plan, self.settings, stream=stream)
-        camera = None if made else CameraPasses(session, plan, held, stream=stream)
+        camera = None if made else CameraPasses(session, plan, held, stream=stream, packets=self._way.packets)
         paths: StreamPass | DepthPasses
         if stream:
-            paths = StreamPass(session, plan, self.settings, held, makes_rays=made, keeps_rays=kept)
+            paths = StreamPass(
+                session, plan, self.settings, held, makes_rays=made, keeps_rays=kept, packets=self._way.packets
+            )
         else:
             paths = DepthPasses(session, plan, self.settings, held)
         return Passes(camera, paths, self._layer_pass(plan, held, stream, beside))
@@ -304,8 +314,9 @@ class Wavefront:
         scene = SceneBuffers(self.session, plan, self._held.scene) if self._plan.steps else self._held.scene
         layout, settings = scouted(self.layout), self.settings.model_copy(update={"layers_spp": 0})
         scout = Wavefront(
-            self.session, plan, layout, settings, layout.pixels, self.organisation, scene, scouts=False, single=True
-        )
+            self.session, plan, layout, settings, layout.pixels, self.organisation, scene, scouts=False, single=True,
+            packets=self._way.packets,
+        )  # fmt: skip
         scout.seed = SCOUTING_SEED
         for wave in scout.waves(0, 1):
             scout.enqueue(*wave)
