@@ -41,8 +41,13 @@ def problem_of(device: DeviceInfo) -> str | None:
     return refusal(device.handle) if problem is None else f"it builds no kernel: {first_error(problem)}"
 
 
+def speed_of(device: DeviceInfo) -> float:
+    """Return how fast a GPU is, see `Trial`; nothing of one that cannot be used."""
+    return 0.0 if problem_of(device) is not None else try_device(device.handle).speed or 0.0
+
+
 def refuse(device: DeviceInfo, why: str) -> str:
-    """Have a device not be used from now on, in other processes too; return what is to be told."""
+    """Have a device not be used from now on, in other processes too; return what an error says of it."""
     keep_refusal(device.handle, why)
     return f"device {device.id} {device.name} cannot be used: {why}; {instead()}"
 

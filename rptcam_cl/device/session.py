@@ -171,6 +171,11 @@ class Session:
         return LLVMPIPE_LOOP_LIMIT if is_llvmpipe(self.info.handle) else None
 
     @property
+    def largest_buffer_bytes(self) -> int:
+        """How large a buffer may be; a driver offers a quarter of its memory at least."""
+        return int(self.info.handle.max_mem_alloc_size)
+
+    @property
     def lanes(self) -> int:
         """Lanes per work item that suit the device: a register's on CPUs, 8 or, with AVX-512, 16; 1 on GPUs.
 

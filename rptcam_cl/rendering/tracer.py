@@ -169,8 +169,9 @@ class Wavefront:
             bytes_of_state(each, capacity, stream=stream) if keeps_rays(each, self.settings, stream=stream) else 0
             for each in plan.steps or (plan,)
         )
-        film = (4 * planes_of(clamped) + LayerPlanes(self.settings.layers).bytes_per_pixel) * layout.pixels
-        self.needs = memory_needs(plan, session, film=film, paths=state + bytes_of_lens_rays(plan, capacity))
+        bytes_of_planes = 4 * planes_of(clamped), LayerPlanes(self.settings.layers).bytes_per_pixel
+        film = [each * layout.pixels for each in bytes_of_planes]
+        self.needs = memory_needs(plan, session, film=film, paths=[state, bytes_of_lens_rays(plan, capacity)])
         check_memory(self.needs, session)
         tiles = session.allocate(self.tiles.nbytes)
         session.write(tiles, self.tiles)

@@ -109,6 +109,25 @@ def test_standard_error_may_be_closed(handle):
         os.close(kept)
 
 
+def test_speed_of_a_gpu_is_measured_in_its_trial(handle, monkeypatch):
+    cl = load_opencl()
+    seeming = SimpleNamespace(device_type=SimpleNamespace(GPU=handle.type), Context=cl.Context, Program=cl.Program)
+    for name in ("CommandQueue", "Buffer", "mem_flags", "enqueue_fill_buffer"):
+        setattr(seeming, name, getattr(cl, name))
+    assert trial.try_here(handle).speed is None
+    monkeypatch.setattr(trial, "load_opencl", lambda: seeming)
+    monkeypatch.setattr(trial, "is_pocl", lambda handle: False)
+    assert 1e6 < trial.try_here(handle).speed < 1e12  # 33 reads, sums and products a step
+
+
+def test_speed_of_a_gpu_is_kept(handle, monkeypatch, tmp_path):
+    known = {"problem": None, "library_arch": None, "renamed": None, "speed": 1.25e10}
+    child(monkeypatch, f"print(); print({json.dumps(known)!r})")
+    assert fresh(handle).speed == 1.25e10
+    child(monkeypatch, "raise SystemExit(1)")
+    assert fresh(handle).speed == 1.25e10
+
+
 def test_pocl_7_compiles_as_its_earlier_versions_and_its_cache_tells_settings_apart(monkeypatch):
     # It reads memory anew where it needs a value that it had read before: camera rays were garbage, pictures black.
     names = ("POCL_FORCE_PARALLEL_OUTER_LOOP", "POCL_PREGION_VALUE_REMAT")
