@@ -27,6 +27,7 @@ from rptcam_cl.core.records import WAVE, device_declarations, floats_per_slot
 from rptcam_cl.device import Launch, Program, Session
 from rptcam_cl.plan import Plan
 from rptcam_cl.rendering.buffers import SceneBuffers, camera_buffers
+from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.rendering.film_buffers import FilmBuffers
 from rptcam_cl.rendering.layers import LayerPass, LayerPlanes
 from rptcam_cl.rendering.precise_lens import BYTES_PER_SLOT, PreciseLens, traces_in_float64
@@ -311,3 +312,12 @@ def _tracing_program(
 ) -> Program:
     facts = {**plan.facts, **buffers.scene.tree_facts, "VW": session.lanes, **more}
     return session.program(files, facts, device_declarations())
+
+
+def signature(plan: Plan, scene: SceneBuffers, layout: FilmLayout, settings: RenderSettings) -> tuple[Any, ...]:
+    """Return all that programs and sizes of a `Wavefront` follow from: one can render all plans of its signature."""
+    camera = plan.camera
+    facts = (plan.facts, camera.facts, scene.tree_facts, plan.spectrum.facts)
+    compiled = tuple(tuple(sorted(each.items())) for each in facts)
+    film = layout, settings.layers, settings.clamp is None
+    return compiled, camera.kernel, camera.has_lens, plan.camera_filter.cells, film

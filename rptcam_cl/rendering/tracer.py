@@ -98,9 +98,8 @@ class Wavefront:
         self._scouts = scouts
         self.session, self.layout, self.settings = session, layout, settings
         self.seed = settings.seed
-        self._way = (
-            Way(organisation, packets) if organisation else way_of(session, ORGANISATION[session.kind], Wavefront)
-        )
+        usual = ORGANISATION[session.kind]
+        self._way = Way(organisation, packets) if organisation else way_of(session, usual, Wavefront)
         self.organisation = self._way.organisation
         self.tiles = layout.whole_list()
         slots, stream = wave_size or wave_slots(session.kind, session.info.compute_units), self.organisation == "stream"
@@ -140,15 +139,13 @@ class Wavefront:
         self._camera, self._paths, self._layers = bound.camera, bound.paths, bound.layers
 
     def _passes(self, plan: Plan, held: WaveBuffers, beside: LayerPass | None) -> Passes:
-        session, stream = self.session, self.organisation == "stream"
+        session, stream, packets = self.session, self.organisation == "stream", self._way.packets
         made = makes_rays(plan, self.settings, stream=stream)
         kept = keeps_rays(plan, self.settings, stream=stream)
-        camera = None if made else CameraPasses(session, plan, held, stream=stream, packets=self._way.packets)
+        camera = None if made else CameraPasses(session, plan, held, stream=stream, packets=packets)
         paths: StreamPass | DepthPasses
         if stream:
-            paths = StreamPass(
-                session, plan, self.settings, held, makes_rays=made, keeps_rays=kept, packets=self._way.packets
-            )
+            paths = StreamPass(session, plan, self.settings, held, makes_rays=made, keeps_rays=kept, packets=packets)
         else:
             paths = DepthPasses(session, plan, self.settings, held)
         return Passes(camera, paths, self._layer_pass(plan, held, stream, beside))
@@ -401,12 +398,3 @@ class Wavefront:
     def not_finite(self) -> int:
         """Return how many samples were dropped because they were not finite, up to the last `finish`."""
         return int(self._film.counts[-1])
-
-
-def signature(plan: Plan, scene: SceneBuffers, layout: FilmLayout, settings: RenderSettings) -> tuple[Any, ...]:
-    """Return all that programs and sizes of a `Wavefront` follow from: one can render all plans of its signature."""
-    camera = plan.camera
-    facts = (plan.facts, camera.facts, scene.tree_facts, plan.spectrum.facts)
-    compiled = tuple(tuple(sorted(each.items())) for each in facts)
-    film = layout, settings.layers, settings.clamp is None
-    return compiled, camera.kernel, camera.has_lens, plan.camera_filter.cells, film

@@ -57,7 +57,7 @@ def sheet(corners, scale, material, **keys):
 
 
 def sheets(scale, instance=1.0):
-    """Return a lamp over a smooth floor and a brushed wall, all of them meshes; ``instance`` of the scale is a transform."""
+    """Return meshes: a lamp over a smooth floor and a brushed wall; ``instance`` of the scale is a transform."""
     brushed = {"kind": "conductor", "metal": "gold", "roughness": 0.3, "anisotropy": 0.8}
     own = scale / instance
     placed = {"transform": [{"scale": instance}]} if instance != 1.0 else {}
