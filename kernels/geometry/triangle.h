@@ -9,6 +9,14 @@
 // A corner as it lies in memory: position, normal (zero: none), texture coordinates.
 static inline Eight corner(Scene scene, I index) { return load_eight(scene.vertices, index * 8); }
 
+// The power of two that brings the largest of six coordinates to between 1 and 2: products of four edges, as the square of a
+// normal, stay within float32, and all bits stay as they are.
+static inline F scale_of_edges(F3 a, F3 b)
+{
+    F3 each = f3(MAX(absolute(a.x), absolute(b.x)), MAX(absolute(a.y), absolute(b.y)), MAX(absolute(a.z), absolute(b.z)));
+    return AS_F((I)(2 * EXPONENT_BIAS << EXPONENT_SHIFT) - (AS_I(max3(each)) & (I)(INFINITE)));
+}
+
 static inline F blend(F a, F b, F c, F b0, F b1, F b2) { return b0 * a + b1 * b + b2 * c; }
 
 // Bound of the rounding of a blended coordinate: seven roundings of its terms (Pharr, Jakob, Humphreys 2016, 3.9.4).
@@ -49,6 +57,9 @@ static SurfacePoint point_on_mesh(Hit hit, I on, Scene scene)
                   blend_error(a.f[2], b.f[2], c.f[2], b0, b1, b2));
     F3 ab = f3(b.f[0] - a.f[0], b.f[1] - a.f[1], b.f[2] - a.f[2]);
     F3 ac = f3(c.f[0] - a.f[0], c.f[1] - a.f[1], c.f[2] - a.f[2]);
+    F unit = scale_of_edges(ab, ac);
+    ab = scale(ab, unit);
+    ac = scale(ac, unit);
     s.ng = cross3(ab, ac);
     s.n = f3(blend(a.f[3], b.f[3], c.f[3], b0, b1, b2), blend(a.f[4], b.f[4], c.f[4], b0, b1, b2),
              blend(a.f[5], b.f[5], c.f[5], b0, b1, b2));

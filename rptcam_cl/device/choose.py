@@ -7,7 +7,7 @@ import os
 import re
 
 from rptcam_cl.core.errors import DeviceError
-from rptcam_cl.device.devices import DeviceInfo, list_devices, problem_of
+from rptcam_cl.device.devices import DeviceInfo, list_devices, problem_of, speed_of
 from rptcam_cl.device.opencl import instead
 
 KINDS = ("cpu", "gpu")
@@ -22,15 +22,17 @@ _INDEX = re.compile(r"\d+(:\d+)?")
 def default_device(devices: list[DeviceInfo]) -> DeviceInfo:
     """Return the device that ``auto`` means, of those that build a trivial kernel.
 
-    That is the GPU with most compute units, else PoCL's processor, which is the fastest way to run on one, else the
-    first one. No more devices are tried than it takes.
+    That is the GPU that its trial found to be the fastest, else PoCL's processor, which is the fastest way to run on
+    one, else the first one. Units do not tell how fast GPUs are: those of one maker do ten times the work of another's.
+    No more devices are tried than it takes.
 
     Raises
     ------
     DeviceError
         When none builds; the message has the reason of each.
     """
-    ordered = sorted(devices, key=_rank)
+    several = sum(device.type == "gpu" for device in devices) > 1
+    ordered = sorted(devices, key=lambda device: _rank(device, several))
     chosen = next((device for device in ordered if problem_of(device) is None), None)
     if chosen is None:
         reasons = "; ".join(f"{device.id} {device.name}: {problem_of(device)}" for device in devices)
@@ -38,9 +40,9 @@ def default_device(devices: list[DeviceInfo]) -> DeviceInfo:
     return chosen
 
 
-def _rank(device: DeviceInfo) -> tuple[int, int]:
+def _rank(device: DeviceInfo, several: bool) -> tuple[int, float]:
     if device.type == "gpu":
-        return 0, -device.compute_units
+        return 0, -speed_of(device) if several else 0.0
     return (1 if "portable computing language" in device.platform.lower() else 2), 0
 
 

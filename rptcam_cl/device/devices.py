@@ -7,8 +7,8 @@ from typing import Any
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import DeviceError
-from rptcam_cl.device.opencl import load_opencl, to_install
-from rptcam_cl.device.trial import Trial, first_error, try_device
+from rptcam_cl.device.opencl import instead, load_opencl, to_install
+from rptcam_cl.device.trial import Trial, first_error, keep_refusal, refusal, try_device
 
 
 @dataclass(frozen=True)
@@ -32,11 +32,25 @@ class DeviceInfo:
 
 
 def problem_of(device: DeviceInfo) -> str | None:
-    """Return in a line why a device cannot be used, None where it builds a trivial kernel. Tried once per process."""
+    """Return in a line why a device cannot be used, None where it builds a trivial kernel. Tried once per process.
+
+    One that `refuse` has refused for its pictures cannot be used before its driver is another one.
+    """
     if device.failure is not None:
         return device.failure
     problem = try_device(device.handle).problem
-    return None if problem is None else f"it builds no kernel: {first_error(problem)}"
+    return refusal(device.handle) if problem is None else f"it builds no kernel: {first_error(problem)}"
+
+
+def speed_of(device: DeviceInfo) -> float:
+    """Return how fast a GPU is, see `Trial`; nothing of one that cannot be used."""
+    return 0.0 if problem_of(device) is not None else try_device(device.handle).speed or 0.0
+
+
+def refuse(device: DeviceInfo, why: str) -> str:
+    """Have a device not be used from now on, in other processes too; return what an error says of it."""
+    keep_refusal(device.handle, why)
+    return f"device {device.id} {device.name} cannot be used: {why}; {instead()}"
 
 
 def list_devices() -> list[DeviceInfo]:

@@ -30,6 +30,11 @@ PACKAGE = "intel-opencl-rt"
 LIBRARY = "libintelocl.so"
 VARIABLES = ("OCL_ICD_VENDORS", "OPENCL_VENDOR_PATH", "OCL_ICD_FILENAMES")  # a user who sets one knows better
 SYSTEM = Path("/etc/OpenCL/vendors")
+# PoCL 7 cuts a kernel at its loops into regions, as if there were barriers, and reads memory anew in a later region
+# where it needs a value of an earlier one: also where that memory has been written in between, so that camera rays were
+# garbage. PoCL mends the second by "WorkitemLoops: do not rematerialize mutable loads" (July 2026, not in 7.2-RC1).
+# Without the first, kernels without barriers are one region, and compile in three quarters of the time.
+AS_BEFORE_POCL_7 = ("POCL_FORCE_PARALLEL_OUTER_LOOP", "POCL_PREGION_VALUE_REMAT")
 
 
 @lru_cache(maxsize=1)
@@ -41,6 +46,7 @@ def load_opencl() -> Any:
     - pyopencl's own caches are off. One is a database that stops everything when it cannot be written or is damaged,
       and saves nothing that can be measured; the other is replaced by `rptcam_cl.device.program`.
     - PoCL's cache lies where it can be written, and holds no damaged files.
+    - PoCL 7 compiles kernels without barriers as its earlier versions do, see `AS_BEFORE_POCL_7`.
     - Intel's runtime is found where pip has put it.
 
     Raises
@@ -49,6 +55,8 @@ def load_opencl() -> Any:
         When it cannot be imported.
     """
     os.environ.setdefault("PYOPENCL_NO_CACHE", "1")
+    for name in AS_BEFORE_POCL_7:
+        os.environ.setdefault(name, "0")
     if sys.platform.startswith("linux"):
         make_pocl_cache_usable()
         show_intel_runtime()

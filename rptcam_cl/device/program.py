@@ -20,7 +20,7 @@ from typing import Any
 from rptcam_cl.core.errors import DeviceError
 from rptcam_cl.core.kept import keep_bytes, kept_bytes
 from rptcam_cl.core.resources import kernels_dir
-from rptcam_cl.device.opencl import load_opencl
+from rptcam_cl.device.opencl import AS_BEFORE_POCL_7, load_opencl
 from rptcam_cl.device.signature import kernel_parameters
 from rptcam_cl.device.trial import AVX512_ARCH, first_error, target_pragma
 
@@ -97,8 +97,13 @@ def quick_source(source: str) -> str:
 def options_of(device: Any, source: str) -> tuple[str, ...]:
     """Return the options that a program is built with for a pyopencl device."""
     version = re.search(r"PoCL (\d+)", device.platform.version)
-    optimises_late = version is not None and int(version[1]) < 7
-    return (*BUILD_OPTIONS, _NOT_OPTIMISED) if optimises_late and source.startswith(_QUICK) else BUILD_OPTIONS
+    if version is None:
+        return BUILD_OPTIONS
+    if (
+        int(version[1]) >= 7
+    ):  # its cache tells programs apart by these, but not by the settings that they are built with
+        return (*BUILD_OPTIONS, *(f"-D{name}={int(os.environ.get(name) == '1')}" for name in AS_BEFORE_POCL_7))
+    return (*BUILD_OPTIONS, _NOT_OPTIMISED) if source.startswith(_QUICK) else BUILD_OPTIONS
 
 
 def source_key(files: list[str], facts: Mapping[str, int | str], declarations: str) -> tuple[Any, ...]:

@@ -149,7 +149,7 @@ class Session:
         self._finding, self._building = threading.Lock(), threading.Lock()
         self._launched: list[Program] = []  # whose code is not noted
         self._foreseen: dict[str, Program] = {}  # by their sources
-        self._is_quick = self._takes_kept_only = False
+        self.is_quick = self._takes_kept_only = False  # see `quick`, `kept_only`
         self._few_left = [FEW_SAMPLES]  # the same list in every copy
 
     @property
@@ -169,6 +169,11 @@ class Session:
     def loop_limit(self) -> int | None:
         """Steps that all loops of a work item may take together; None where they may take as many as they like."""
         return LLVMPIPE_LOOP_LIMIT if is_llvmpipe(self.info.handle) else None
+
+    @property
+    def largest_buffer_bytes(self) -> int:
+        """How large a buffer may be; a driver offers a quarter of its memory at least."""
+        return int(self.info.handle.max_mem_alloc_size)
 
     @property
     def lanes(self) -> int:
@@ -206,12 +211,12 @@ class Session:
             See `kept_only`.
         """
         key = source_key(files, facts, declarations)
-        keys = [key, ("quick", *key)] if self._is_quick else [key]
+        keys = [key, ("quick", *key)] if self.is_quick else [key]
         for each in keys:
             if (known := self._known_program(each)) is not None:
                 return known
         source = assemble(files, facts, declarations, library_arch=self._library_arch)
-        if (self._takes_kept_only or self._is_quick) and not is_code_noted(program_name(self.info.handle, source)):
+        if (self._takes_kept_only or self.is_quick) and not is_code_noted(program_name(self.info.handle, source)):
             if self._takes_kept_only:
                 raise NotKeptError
             key, source = keys[1], quick_source(source)
@@ -275,13 +280,19 @@ class Session:
         other._launched = []
         return other
 
+    def alone(self) -> Session:
+        """Return a session as `beside`, whose programs are not among those of this one."""
+        other = self.beside()
+        other._programs = OrderedDict()
+        return other
+
     def quick(self) -> Session:
         """Return this session with quick programs in place of those whose code the driver has to generate.
 
         They compile in 0.4 to 0.55 of the time and run at 0.5 to 0.7 of the speed. What they compute is the same.
         """
         other = copy.copy(self)
-        other._is_quick = self.generates_late
+        other.is_quick = self.generates_late
         return other
 
     def for_samples(self, samples: int) -> Session:

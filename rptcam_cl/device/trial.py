@@ -18,6 +18,7 @@ import platform
 import signal
 import subprocess
 import sys
+import time
 import warnings
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -31,7 +32,7 @@ from rptcam_cl.core.kept import keep_bytes, kept_bytes
 from rptcam_cl.core.resources import cache_dir
 from rptcam_cl.device.at_work import end_work
 from rptcam_cl.device.likeness import Likeness, LikenessEndedError, fork_likeness
-from rptcam_cl.device.opencl import load_opencl
+from rptcam_cl.device.opencl import AS_BEFORE_POCL_7, load_opencl
 from rptcam_cl.device.pocl_cache import lack_of_room, make_pocl_cache_usable
 from rptcam_cl.device.pocl_processor import AVX2, AVX512, own_name, processor_flags, rename_as_before, rename_processor
 
@@ -45,6 +46,28 @@ _CHILD = (
     "trial.print_trial(int(sys.argv[2]), int(sys.argv[3]))"
 )
 
+_REFUSED = ".refused"
+# What a ray does to a device: it reads at places that it cannot foresee, and computes in between.
+_WALK = """
+__kernel void walk(__global float *table, uint last, uint steps)
+{
+    uint at = (uint)get_global_id(0) * 2654435761u;
+    float x = 1.0f;
+    for (uint i = 0; i < steps; ++i) {
+        float y = table[at & last];
+        for (int k = 0; k < 32; ++k)
+            x = x * 0.5f + y;
+        at = at * 1664525u + (uint)x + 1013904223u;
+    }
+    if (x < 0.0f)
+        table[at & last] = x;
+}
+"""
+WALKERS = 1 << 17
+WALK_WORDS = 1 << 20
+WALK_SECONDS = 0.02
+MOST_STEPS = 1 << 16
+
 _likeness: list[Likeness] = []  # one at most
 _tried_there: set[tuple[int, int]] = set()  # places of devices
 
@@ -55,19 +78,21 @@ class Trial:
 
     ``problem`` is why it cannot be used, None where it can. ``library_arch`` is the processor that PoCL's built-ins
     were compiled for, where kernels must match it. ``renamed`` holds the processor's name by PoCL and the one
-    that it was given in its place, see `rptcam_cl.device.pocl_processor`.
+    that it was given in its place, see `rptcam_cl.device.pocl_processor`. ``speed`` is how many steps of a walk through
+    memory it takes in a second; None of processors, which are not ranked by it.
     """
 
     problem: str | None = None
     library_arch: str | None = None
     renamed: tuple[str, str] | None = None
+    speed: float | None = None
 
 
 @lru_cache(maxsize=64)
 def try_device(handle: Any) -> Trial:
     """Return what a trivial kernel shows on the pyopencl device ``handle``; where PoCL needs help, after helping."""
     try:
-        name = _record_name(handle)
+        name = driver_name(handle) + ".json"
     except Exception as error:  # a driver may raise anything
         return Trial(problem=f"its driver does not describe it: {error}")
     kept = _recalled(name)
@@ -87,12 +112,24 @@ def first_error(log: str) -> str:
     return next((line for line in lines if "error" in line.lower()), lines[0] if lines else "no message")
 
 
-def _record_name(handle: Any) -> str:
-    """Return a name for all that a trial depends on: driver, device, processor and this package."""
+def driver_name(handle: Any) -> str:
+    """Return a name for all that a trial depends on: driver with its settings, device, processor and this package."""
     driver = [handle.platform.name, handle.platform.version, handle.name, handle.driver_version]
-    facts = [__version__, platform.platform(), *driver, *sorted(processor_flags())]
+    settings = [f"{name}={os.environ.get(name)}" for name in AS_BEFORE_POCL_7]
+    facts = [__version__, platform.platform(), *driver, *settings, *sorted(processor_flags())]
     code = Path(__file__).read_bytes() + Path(__file__).with_name("pocl_processor.py").read_bytes()
-    return hashlib.sha256("\n".join(facts).encode() + code).hexdigest() + ".json"
+    return hashlib.sha256("\n".join(facts).encode() + code).hexdigest()
+
+
+def keep_refusal(handle: Any, why: str) -> None:
+    """Keep why a device that builds kernels cannot be used."""
+    keep_bytes("devices", driver_name(handle) + _REFUSED, why.encode())
+
+
+def refusal(handle: Any) -> str | None:
+    """Return what `keep_refusal` has kept of a device; None where there is nothing."""
+    kept = kept_bytes("devices", driver_name(handle) + _REFUSED)
+    return None if kept is None else kept.decode(errors="replace")
 
 
 def _recalled(name: str) -> Trial | None:
@@ -103,7 +140,8 @@ def _recalled(name: str) -> Trial | None:
         arch = found["library_arch"]
         if arch not in (None, AVX2_ARCH, AVX512_ARCH):
             return None
-        return Trial(library_arch=arch, renamed=None if renamed is None else (str(renamed[0]), str(renamed[1])))
+        speed = None if found["speed"] is None else float(found["speed"])
+        return Trial(None, arch, None if renamed is None else (str(renamed[0]), str(renamed[1])), speed)
     except (ValueError, KeyError, TypeError, IndexError):
         return None
 
@@ -223,7 +261,9 @@ def print_trial(platform_number: int, device_number: int) -> None:
 def try_here(handle: Any) -> Trial:
     """Return what a trivial kernel shows on the pyopencl device ``handle`` in this process."""
     if not is_pocl(handle):
-        return Trial(problem=_build(handle, _source(None, "")))
+        problem = _build(handle, _source(None, ""))
+        is_gpu = problem is None and handle.type & load_opencl().device_type.GPU
+        return Trial(problem=problem, speed=measured_speed(handle) if is_gpu else None)
     arch = pocl_library_arch()
     # The name is part of the text: PoCL's cache must not return what was compiled under another name.
     own = own_name(handle)
@@ -236,6 +276,32 @@ def try_here(handle: Any) -> Trial:
     if arch is not None and _build(handle, _source(None, own)) is None:
         return Trial()  # built-ins are called and not inlined: right, but slow
     return Trial(problem=log)
+
+
+def measured_speed(handle: Any) -> float | None:
+    """Return how many steps of `_WALK` a device takes in a second; None where its driver cannot run it.
+
+    The work grows until the driver's own time for a launch is small beside it.
+    """
+    import numpy as np
+
+    cl = load_opencl()
+    try:
+        context = cl.Context([handle])
+        queue = cl.CommandQueue(context, handle)
+        table = cl.Buffer(context, cl.mem_flags.READ_WRITE, 4 * WALK_WORDS)
+        cl.enqueue_fill_buffer(queue, table, np.ones(1, np.float32), 0, 4 * WALK_WORDS)
+        kernel = cl.Program(context, _WALK).build(options=["-w"], devices=[handle]).walk
+        steps, seconds = 1, 0.0
+        while seconds < WALK_SECONDS and steps < MOST_STEPS:
+            steps *= 2
+            kernel(queue, (WALKERS,), None, table, np.uint32(WALK_WORDS - 1), np.uint32(steps)).wait()  # made ready
+            begun = time.perf_counter()
+            kernel(queue, (WALKERS,), None, table, np.uint32(WALK_WORDS - 1), np.uint32(steps)).wait()
+            seconds = time.perf_counter() - begun
+        return WALKERS * steps / seconds
+    except Exception:  # a driver may raise anything
+        return None
 
 
 def is_pocl(handle: Any) -> bool:

@@ -29,12 +29,13 @@ from rptcam_cl.rendering.memory import amount
 from rptcam_cl.rendering.merge import layout_of, merged_state, read_part
 from rptcam_cl.rendering.metering import SPOT_AREA, metered_cd_m2, reading_cd_m2, resolve_exposure
 from rptcam_cl.rendering.metering import weights as metering_weights
+from rptcam_cl.rendering.passes import signature
 from rptcam_cl.rendering.precise_lens import check_precision
 from rptcam_cl.rendering.progressive import Progress, Rendering, render_plan, render_state, rendering_of
 from rptcam_cl.rendering.saved_picture import SavedPicture, picture_of
 from rptcam_cl.rendering.several import AnyWavefront, SharedWavefront
 from rptcam_cl.rendering.shares import Part, joined, split_of, split_text
-from rptcam_cl.rendering.tracer import Wavefront, signature
+from rptcam_cl.rendering.tracer import Wavefront
 from rptcam_cl.rendering.trees.cache import cache_folder
 from rptcam_cl.rendering.trees.scene_trees import scene_trees
 from rptcam_cl.rendering.wavefront_pool import WavefrontPool

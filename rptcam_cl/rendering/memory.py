@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.host_memory import free_host_bytes
@@ -14,6 +16,9 @@ SHARE = 0.8  # of the memory that a render may plan to use
 # smooth meshes, whose blocks are nine tenths full), and on a CPU what building them takes besides for a while.
 TREE_BYTES_PER_TRIANGLE = 80
 BUILD_BYTES_PER_TRIANGLE = 90
+SMALLER_FILM = "render a part with crop, or lower film.resolution"
+FEWER_TRIANGLES = "use meshes of fewer triangles, or several objects of one mesh"
+SMALLER_PICTURES = "use smaller pictures"
 
 
 @dataclass(frozen=True)
@@ -26,6 +31,8 @@ class MemoryNeeds:
         Sums and layers per pixel; state of a wave; meshes with their trees; texels; all other arrays of the scene.
     building : int
         Needed only while trees are built, and only where device and host share their memory.
+    largest : tuple
+        The largest buffer: for what it is, its bytes, and what would make it smaller.
     """
 
     film: int
@@ -34,6 +41,7 @@ class MemoryNeeds:
     textures: int
     rest: int
     building: int
+    largest: tuple[str, int, str] = ("nothing", 0, "")
 
     @property
     def total(self) -> int:
@@ -41,8 +49,8 @@ class MemoryNeeds:
         return self.film + self.triangles + self.textures + self.rest + max(self.paths, self.building)
 
 
-def memory_needs(plan: Plan, session: Session, *, film: int, paths: int) -> MemoryNeeds:
-    """Return what a plan needs besides ``film`` and ``paths`` [bytes]."""
+def memory_needs(plan: Plan, session: Session, *, film: Sequence[int], paths: Sequence[int]) -> MemoryNeeds:
+    """Return what a plan needs besides the buffers of ``film`` and ``paths`` [bytes each]."""
     triangles = building = 0
     if plan.meshes is not None:
         count = len(plan.meshes.triangles)
@@ -52,17 +60,36 @@ def memory_needs(plan: Plan, session: Session, *, film: int, paths: int) -> Memo
     rest = plan.primitives.nbytes + plan.materials.nbytes + plan.emitters.records.nbytes + plan.emitters.curve.nbytes
     rest += plan.emitters.tree.nodes.nbytes if plan.emitters.tree is not None else 0
     rest += plan.caustics.surfaces.nbytes + PHOTON_BYTES if plan.caustics.active else 0
-    return MemoryNeeds(film, paths, triangles, textures, rest, building)
+    buffers = [
+        ("the film", max(film), SMALLER_FILM),
+        ("the paths of a wave", max(paths), "use waves of fewer paths"),
+        ("the pixels of pictures", plan.textures.texels.nbytes, SMALLER_PICTURES),
+        ("the picture around the scene", plan.surroundings.distribution.nbytes, SMALLER_PICTURES),
+    ]
+    if plan.meshes is not None:
+        buffers += [
+            ("vertices", plan.meshes.vertices.nbytes, FEWER_TRIANGLES),
+            ("triangles", plan.meshes.triangles.nbytes, FEWER_TRIANGLES),
+        ]
+    return MemoryNeeds(
+        sum(film), sum(paths), triangles, textures, rest, building, max(buffers, key=lambda each: each[1])
+    )
 
 
 def check_memory(needs: MemoryNeeds, session: Session) -> None:
-    """Refuse a render that the device cannot hold.
+    """Refuse a render that the device cannot hold, all together or in one of its buffers.
 
     Raises
     ------
     InputError
         With every use that matters, and what would make it smaller.
     """
+    what, size, cure = needs.largest
+    if size > session.largest_buffer_bytes:
+        raise InputError(
+            f"the scene needs {amount(size)} for {what}; device {session.info.id} takes at most"
+            f" {amount(session.largest_buffer_bytes)} in one piece ({cure})"
+        )
     budget = memory_budget(session)
     if needs.total <= budget:
         return
@@ -76,9 +103,9 @@ def check_memory(needs: MemoryNeeds, session: Session) -> None:
     }
     listed = ", ".join(f"{amount(count)} for {name}" for name, count in parts.items() if count >= 0.01 * needs.total)
     cure = max(
-        (needs.film, "render a part with crop, or lower film.resolution"),
-        (needs.triangles + needs.building, "use meshes of fewer triangles, or several objects of one mesh"),
-        (needs.textures, "use smaller pictures"),
+        (needs.film, SMALLER_FILM),
+        (needs.triangles + needs.building, FEWER_TRIANGLES),
+        (needs.textures, SMALLER_PICTURES),
     )[1]
     raise InputError(
         f"the scene needs {amount(needs.total)}: {listed}; device {session.info.id} offers {amount(budget)} ({cure})"

@@ -27,6 +27,7 @@ from rptcam_cl.core.records import WAVE, device_declarations, floats_per_slot
 from rptcam_cl.device import Launch, Program, Session
 from rptcam_cl.plan import Plan
 from rptcam_cl.rendering.buffers import SceneBuffers, camera_buffers
+from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.rendering.film_buffers import FilmBuffers
 from rptcam_cl.rendering.layers import LayerPass, LayerPlanes
 from rptcam_cl.rendering.precise_lens import BYTES_PER_SLOT, PreciseLens, traces_in_float64
@@ -142,11 +143,12 @@ class CameraPasses:
         When the lens is to be traced in float64 and the device has none.
     """
 
-    def __init__(self, session: Session, plan: Plan, buffers: WaveBuffers, *, stream: bool) -> None:
+    def __init__(self, session: Session, plan: Plan, buffers: WaveBuffers, *, stream: bool, packets: int) -> None:
         self._session, camera, scene = session, plan.camera, buffers.scene
         precise = traces_in_float64(camera)
         lanes = LENS_LANES if camera.has_lens and session.lanes > 1 else session.lanes
-        packets = 2 if camera.crosses_surfaces and not precise and session.lanes > 1 else 1  # that an item traces
+        most = 2 if camera.crosses_surfaces and not precise and session.lanes > 1 else 1  # that an item traces
+        packets = min(most, packets)
         self._slots_per_item = packets * lanes
         facts = _camera_facts(plan) | {"STREAM": int(stream), "CAMERA_PACKETS": packets, "VW": lanes}
         program = session.program(["pass/generate.cl"], facts, device_declarations())
@@ -195,6 +197,7 @@ class StreamPass:
         *,
         makes_rays: bool,
         keeps_rays: bool,
+        packets: int,
     ) -> None:
         self._session, self._lanes, scene = session, session.lanes, buffers.scene
         self._camera_names = ("camera", "tables", "surfaces", "stop") if keeps_rays else ("camera", "tables")
@@ -204,8 +207,8 @@ class StreamPass:
             facts["BLOCKS_MANY"] = int(plan.camera.blocks_many)
         made: dict[str, Any] = {}
         if makes_rays:
-            packets = PACKETS if plan.camera.crosses_surfaces and session.lanes > 1 else 1
-            facts |= _camera_facts(plan) | {"CAMERA_PACKETS": packets}
+            together = packets if plan.camera.crosses_surfaces and session.lanes > 1 else 1
+            facts |= _camera_facts(plan) | {"CAMERA_PACKETS": together}
             facts["RAYS_FILE"] = f"integrator/{'kept' if keeps_rays else 'made'}_rays.h"
             made = {**self._of_camera(scene.camera), "filter": scene.filter, **scene.trajectory}
         self._makes_rays, self._alike = makes_rays, buffers.kindness
@@ -309,3 +312,12 @@ def _tracing_program(
 ) -> Program:
     facts = {**plan.facts, **buffers.scene.tree_facts, "VW": session.lanes, **more}
     return session.program(files, facts, device_declarations())
+
+
+def signature(plan: Plan, scene: SceneBuffers, layout: FilmLayout, settings: RenderSettings) -> tuple[Any, ...]:
+    """Return all that programs and sizes of a `Wavefront` follow from: one can render all plans of its signature."""
+    camera = plan.camera
+    facts = (plan.facts, camera.facts, scene.tree_facts, plan.spectrum.facts)
+    compiled = tuple(tuple(sorted(each.items())) for each in facts)
+    film = layout, settings.layers, settings.clamp is None
+    return compiled, camera.kernel, camera.has_lens, plan.camera_filter.cells, film

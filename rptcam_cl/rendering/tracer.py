@@ -12,11 +12,13 @@ from rptcam_cl.cameras import CameraModel
 from rptcam_cl.device import Session
 from rptcam_cl.plan import Plan
 from rptcam_cl.rendering.buffers import SceneBuffers
+from rptcam_cl.rendering.driver_trial import Way, way_of
 from rptcam_cl.rendering.film import BLOCK, PLANES, FilmLayout
 from rptcam_cl.rendering.film_buffers import FilmBuffers, outcomes_of, planes_of, share_removed
 from rptcam_cl.rendering.layers import LayerPass, LayerPlanes
 from rptcam_cl.rendering.memory import check_memory, memory_needs
 from rptcam_cl.rendering.passes import (
+    PACKETS,
     CameraPasses,
     DepthPasses,
     Launches,
@@ -52,7 +54,9 @@ class Wavefront:
     wave_size
         Slots of a wave; rounded to a multiple of 256. The film does not depend on it.
     organisation
-        "stream" or "passes" (see `rptcam_cl.rendering.passes`); by default what suits the device.
+        "stream" or "passes" (see `rptcam_cl.rendering.passes`); by default what suits the device and is right on it.
+    packets
+        Of rays that a work item takes through a lens together, on a CPU; not read without ``organisation``.
     buffers
         The scene on the device, where it is there already; by default that of the plan is uploaded.
     scouts
@@ -89,11 +93,14 @@ class Wavefront:
         *,
         scouts: bool = True,
         single: bool = False,
+        packets: int = PACKETS,
     ) -> None:
         self._scouts = scouts
         self.session, self.layout, self.settings = session, layout, settings
         self.seed = settings.seed
-        self.organisation = organisation or ORGANISATION[session.kind]
+        usual = ORGANISATION[session.kind]
+        self._way = Way(organisation, packets) if organisation else way_of(session, usual, Wavefront)
+        self.organisation = self._way.organisation
         self.tiles = layout.whole_list()
         slots, stream = wave_size or wave_slots(session.kind, session.info.compute_units), self.organisation == "stream"
         self._waves = Waves(
@@ -132,13 +139,13 @@ class Wavefront:
         self._camera, self._paths, self._layers = bound.camera, bound.paths, bound.layers
 
     def _passes(self, plan: Plan, held: WaveBuffers, beside: LayerPass | None) -> Passes:
-        session, stream = self.session, self.organisation == "stream"
+        session, stream, packets = self.session, self.organisation == "stream", self._way.packets
         made = makes_rays(plan, self.settings, stream=stream)
         kept = keeps_rays(plan, self.settings, stream=stream)
-        camera = None if made else CameraPasses(session, plan, held, stream=stream)
+        camera = None if made else CameraPasses(session, plan, held, stream=stream, packets=packets)
         paths: StreamPass | DepthPasses
         if stream:
-            paths = StreamPass(session, plan, self.settings, held, makes_rays=made, keeps_rays=kept)
+            paths = StreamPass(session, plan, self.settings, held, makes_rays=made, keeps_rays=kept, packets=packets)
         else:
             paths = DepthPasses(session, plan, self.settings, held)
         return Passes(camera, paths, self._layer_pass(plan, held, stream, beside))
@@ -159,8 +166,9 @@ class Wavefront:
             bytes_of_state(each, capacity, stream=stream) if keeps_rays(each, self.settings, stream=stream) else 0
             for each in plan.steps or (plan,)
         )
-        film = (4 * planes_of(clamped) + LayerPlanes(self.settings.layers).bytes_per_pixel) * layout.pixels
-        self.needs = memory_needs(plan, session, film=film, paths=state + bytes_of_lens_rays(plan, capacity))
+        bytes_of_planes = 4 * planes_of(clamped), LayerPlanes(self.settings.layers).bytes_per_pixel
+        film = [each * layout.pixels for each in bytes_of_planes]
+        self.needs = memory_needs(plan, session, film=film, paths=[state, bytes_of_lens_rays(plan, capacity)])
         check_memory(self.needs, session)
         tiles = session.allocate(self.tiles.nbytes)
         session.write(tiles, self.tiles)
@@ -304,8 +312,9 @@ class Wavefront:
         scene = SceneBuffers(self.session, plan, self._held.scene) if self._plan.steps else self._held.scene
         layout, settings = scouted(self.layout), self.settings.model_copy(update={"layers_spp": 0})
         scout = Wavefront(
-            self.session, plan, layout, settings, layout.pixels, self.organisation, scene, scouts=False, single=True
-        )
+            self.session, plan, layout, settings, layout.pixels, self.organisation, scene, scouts=False, single=True,
+            packets=self._way.packets,
+        )  # fmt: skip
         scout.seed = SCOUTING_SEED
         for wave in scout.waves(0, 1):
             scout.enqueue(*wave)
@@ -389,12 +398,3 @@ class Wavefront:
     def not_finite(self) -> int:
         """Return how many samples were dropped because they were not finite, up to the last `finish`."""
         return int(self._film.counts[-1])
-
-
-def signature(plan: Plan, scene: SceneBuffers, layout: FilmLayout, settings: RenderSettings) -> tuple[Any, ...]:
-    """Return all that programs and sizes of a `Wavefront` follow from: one can render all plans of its signature."""
-    camera = plan.camera
-    facts = (plan.facts, camera.facts, scene.tree_facts, plan.spectrum.facts)
-    compiled = tuple(tuple(sorted(each.items())) for each in facts)
-    film = layout, settings.layers, settings.clamp is None
-    return compiled, camera.kernel, camera.has_lens, plan.camera_filter.cells, film

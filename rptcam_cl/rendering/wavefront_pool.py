@@ -9,7 +9,8 @@ from rptcam_cl.device import Session
 from rptcam_cl.plan import Plan
 from rptcam_cl.rendering.buffers import SceneBuffers
 from rptcam_cl.rendering.film import FilmLayout
-from rptcam_cl.rendering.tracer import Wavefront, signature
+from rptcam_cl.rendering.passes import signature
+from rptcam_cl.rendering.tracer import Wavefront
 from rptcam_cl.scene import RenderSettings
 
 MOST = 3  # wavefronts that are kept: one of the picture, two of its glances

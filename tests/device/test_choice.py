@@ -32,10 +32,14 @@ def no_environment(monkeypatch):
     monkeypatch.delenv("PYOPENCL_CTX", raising=False)
 
 
+SPEEDS = {"1:0": 2e9, "1:1": 9e9}
+
+
 @pytest.fixture
 def four(monkeypatch):
     monkeypatch.setattr(choose, "list_devices", lambda: DEVICES)
     monkeypatch.setattr(choose, "problem_of", lambda device: None)
+    monkeypatch.setattr(choose, "speed_of", lambda device: SPEEDS[device.id])
 
 
 @pytest.fixture
@@ -149,6 +153,19 @@ def test_where_no_device_builds_the_reasons_and_a_remedy_are_told(broken):
     broken(*(device.id for device in DEVICES))
     with pytest.raises(DeviceError, match=r"0:0 pthread.*unknown target CPU.*2:0 Other CPU.*install "):
         choose_device()
+
+
+def test_the_faster_gpu_is_chosen_and_not_that_of_more_units(monkeypatch, four):
+    gpus = [device("0:0", "Iris Xe", "gpu", 96), device("1:0", "RTX 4060 Laptop", "gpu", 24)]
+    monkeypatch.setattr(choose, "list_devices", lambda: gpus)
+    monkeypatch.setattr(choose, "speed_of", lambda gpu: {"0:0": 2e9, "1:0": 1.1e10}[gpu.id])
+    assert choose_device().id == choose_device("gpu").id == "1:0"
+
+
+def test_a_gpu_alone_is_chosen_without_a_look_at_its_speed(monkeypatch, four):
+    monkeypatch.setattr(choose, "list_devices", lambda: DEVICES[:2])
+    monkeypatch.setattr(choose, "speed_of", lambda gpu: pytest.fail("looked at"))
+    assert choose_device().id == "1:0"
 
 
 def test_processors_of_pocl_go_before_others(monkeypatch, four):

@@ -5,11 +5,14 @@ import os
 import re
 import shutil
 import sys
+from types import SimpleNamespace
 
 import pytest
 
 from rptcam_cl.core.resources import CACHE_VARIABLE
 from rptcam_cl.device import trial
+from rptcam_cl.device.opencl import load_opencl
+from rptcam_cl.device.program import BUILD_OPTIONS, options_of
 from rptcam_cl.device.trial import Trial, first_error, try_device
 from tests.device.probes import open_session
 
@@ -116,6 +119,40 @@ def test_standard_error_may_be_closed(handle):
     finally:
         os.dup2(kept, 2)
         os.close(kept)
+
+
+def test_speed_of_a_gpu_is_measured_in_its_trial(handle, monkeypatch):
+    cl = load_opencl()
+    seeming = SimpleNamespace(device_type=SimpleNamespace(GPU=handle.type), Context=cl.Context, Program=cl.Program)
+    for name in ("CommandQueue", "Buffer", "mem_flags", "enqueue_fill_buffer"):
+        setattr(seeming, name, getattr(cl, name))
+    assert trial.try_here(handle).speed is None
+    monkeypatch.setattr(trial, "load_opencl", lambda: seeming)
+    monkeypatch.setattr(trial, "is_pocl", lambda handle: False)
+    assert 1e6 < trial.try_here(handle).speed < 1e12  # 33 reads, sums and products a step
+
+
+def test_speed_of_a_gpu_is_kept(handle, monkeypatch, tmp_path):
+    known = {"problem": None, "library_arch": None, "renamed": None, "speed": 1.25e10}
+    child(monkeypatch, f"print(); print({json.dumps(known)!r})")
+    assert fresh(handle).speed == 1.25e10
+    child(monkeypatch, "raise SystemExit(1)")
+    assert fresh(handle).speed == 1.25e10
+
+
+def test_pocl_7_compiles_as_its_earlier_versions_and_its_cache_tells_settings_apart(monkeypatch):
+    # It reads memory anew where it needs a value that it had read before: camera rays were garbage, pictures black.
+    names = ("POCL_FORCE_PARALLEL_OUTER_LOOP", "POCL_PREGION_VALUE_REMAT")
+    load_opencl()
+    assert all(os.environ[name] == "0" for name in names)
+
+    def options(version):
+        return options_of(SimpleNamespace(platform=SimpleNamespace(version=version)), "")
+
+    sound = options("OpenCL 3.0 PoCL 7.1+debian  Linux")
+    monkeypatch.setenv(names[1], "1")
+    assert options("OpenCL 3.0 PoCL 7.1+debian  Linux") != sound
+    assert options("OpenCL 3.0 PoCL 6.0+debian  Linux") == options("OpenCL 3.0 PoCL 3.0-rc2  Linux") == BUILD_OPTIONS
 
 
 def test_part_of_a_device_leaves_no_record_for_the_whole(handle, tmp_path):

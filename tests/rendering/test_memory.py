@@ -10,6 +10,7 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.device import Session, choose_device
 from rptcam_cl.plan import make_plan
 from rptcam_cl.rendering import Wavefront
+from rptcam_cl.rendering.driver_trial import way_of
 from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.rendering.memory import MemoryNeeds, check_memory, memory_needs
 from rptcam_cl.scene import load_scene
@@ -21,7 +22,9 @@ VIEW = looking([0, -5, 0], [0, 0, 0])
 
 @pytest.fixture(scope="module")
 def session() -> Session:
-    return Session(choose_device())
+    made = Session(choose_device())
+    way_of(made, "stream", Wavefront)  # so that no test sees the trial of the driver
+    return made
 
 
 def test_every_array_of_a_scene_of_meshes_is_counted(session):
@@ -33,7 +36,7 @@ def test_every_array_of_a_scene_of_meshes_is_counted(session):
     watched.upload = lambda array, **keys: allocated.append(array.nbytes) or Session.upload(watched, array, **keys)
     plan = make_plan(scene)
     Wavefront(watched, plan, FilmLayout.of(scene.film), scene.render)
-    needs = memory_needs(plan, session, film=0, paths=0)
+    needs = memory_needs(plan, session, film=[0], paths=[0])
     assert sum(allocated) <= needs.triangles + needs.textures + needs.rest + 65536  # records of camera, lens and tables
     assert needs.triangles <= 2.2 * sum(allocated)
 
@@ -45,6 +48,20 @@ def test_scene_too_large_for_the_device_names_what_it_needs(session, monkeypatch
     with pytest.raises(
         InputError, match=r"needs 4 GB: 3 GB for triangles.*, 1 GB for building.*offers .*fewer triangles"
     ):
+        check_memory(needs, session)
+
+
+def test_buffer_larger_than_the_driver_takes_is_refused_before_anything_is_allocated(session, monkeypatch):
+    monkeypatch.setattr(Session, "largest_buffer_bytes", 4_000_000)  # of a device of many gigabytes
+    monkeypatch.setattr(Session, "allocate", lambda *_, **__: pytest.fail("allocated before it was refused"))
+    scene = load_scene(scene_of([], VIEW, resolution=(640, 360)))
+    with pytest.raises(InputError, match=r"5.54 MB for the film; device .* at most 4 MB in one piece \(render a part"):
+        Wavefront(session, make_plan(scene), FilmLayout.of(scene.film), scene.render)
+    points, faces = globe(200, 400)
+    ball = {"shape": "mesh", "vertices": points.tolist(), "faces": faces.tolist(), "material": MATTE}
+    needs = memory_needs(make_plan(load_scene(scene_of([ball], VIEW))), session, film=[0], paths=[0])
+    monkeypatch.setattr(Session, "largest_buffer_bytes", 2_000_000)
+    with pytest.raises(InputError, match=r"2.5\d MB for (triangles|vertices); .* \(use meshes of fewer triangles"):
         check_memory(needs, session)
 
 

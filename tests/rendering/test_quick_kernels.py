@@ -81,5 +81,5 @@ def test_a_driver_that_optimises_late_need_not_do_so_at_first() -> None:
     quick = quick_source("__kernel void one() {}\n")
     assert options("OpenCL 3.0 PoCL 3.0-rc2  Linux, Release", quick) == ["-cl-opt-disable"]
     assert options("OpenCL 3.0 PoCL 6.0  Linux, Release", quick) == ["-cl-opt-disable"]
-    assert options("OpenCL 3.0 PoCL 7.1  Linux, Release", quick) == []
+    assert "-cl-opt-disable" not in options("OpenCL 3.0 PoCL 7.1  Linux, Release", quick)
     assert options("OpenCL 3.0 PoCL 3.0-rc2  Linux, Release", "__kernel void one() {}\n") == []

@@ -46,3 +46,45 @@ def test_scenes_of_any_size_give_the_same_bits(material):
     assert film.min() > 0
     for exponent in (-13, 20):
         np.testing.assert_array_equal(pixels(room(material, 2.0**exponent), spp=8), film)
+
+
+def sheet(corners, scale, material, **keys):
+    """Return two triangles with texture coordinates and normals."""
+    uvs = [[0, 0], [1, 0], [1, 1], [0, 1]]
+    points = (np.array(corners) * scale).tolist()
+    faces = [[0, 1, 2], [0, 2, 3]]
+    return {"shape": "mesh", "vertices": points, "faces": faces, "uvs": uvs, "material": material, **keys}
+
+
+def sheets(scale, instance=1.0):
+    """Return meshes: a lamp over a smooth floor and a brushed wall; ``instance`` of the scale is a transform."""
+    brushed = {"kind": "conductor", "metal": "gold", "roughness": 0.3, "anisotropy": 0.8}
+    own = scale / instance
+    placed = {"transform": [{"scale": instance}]} if instance != 1.0 else {}
+    objects = [
+        sheet([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], own, MATTE, normals="smooth", **placed),
+        sheet([[-1, 0.8, 0], [1, 0.8, 0], [1, 0.8, 0.5], [-1, 0.8, 0.5]], own, brushed, **placed),
+        sheet([[-0.5, 0.5, 0.6], [0.5, 0.5, 0.6], [0.5, -0.5, 0.6], [-0.5, -0.5, 0.6]], own, LAMP, **placed),
+    ]
+    camera = looking((np.array([0.1, -0.9, 0.5]) * scale).tolist(), (np.array([0.1, 0.2, 0.0]) * scale).tolist(), 30)
+    return scene_of(objects, camera, depth=2, resolution=(16, 16))
+
+
+MATTE, LAMP = {"kind": "matte", "reflectance": 0.5}, {"kind": "emissive", "radiance": 1.0}
+
+
+@pytest.mark.parametrize(("exponent", "instance"), [(34, 0), (38, 0), (34, 34), (-38, 0), (-38, -38)])
+def test_meshes_of_any_size_within_the_limit_give_the_same_bits(exponent, instance):
+    film = pixels(sheets(1.0), spp=16)
+    np.testing.assert_array_equal(pixels(sheets(2.0**exponent, 2.0**instance), spp=16), film)
+
+
+def test_floor_of_a_mesh_under_a_lamp_of_ten_billion_metres_is_as_bright_as_the_integral():
+    scale = 1e10
+    x, y = np.meshgrid(*[(np.arange(400) + 0.5) / 400 - 0.5] * 2)
+    squared = (x - 0.1) ** 2 + (y - 0.2) ** 2 + 0.6**2
+    expected = 0.5 / np.pi * np.mean(0.6**2 / squared**2)  # of a square metre
+    scene = sheets(scale)
+    scene["objects"].pop(1)
+    film = pixels(scene | {"film": {"resolution": [15, 15]}}, spp=4096)
+    assert film[7, 7] == pytest.approx(expected, rel=0.02)

@@ -14,6 +14,7 @@ from rptcam_cl.rendering.trees.builder import GROUP, build_program, scale_of
 
 ROUNDS = 4  # more gain less than 1 %
 MOST_MOVES = 1 << 16  # in a round, the best ones: they run one after the other, which takes a GPU long
+MOVES_OF_LAUNCH = 1 << 11  # a GPU that shows a screen, too, ends a launch that keeps it for seconds
 STEPS_OF_MOVE = 6 * 128  # at most: five ways up a tree, taken together with the loop over the moves
 
 
@@ -40,7 +41,7 @@ def reinserted(tree: BinaryTree, max_depth: int, session: Session) -> BinaryTree
     places, gains = session.allocate(4 * nodes), session.allocate(4 * nodes)
     search = session.bind(program, "search", **on_device, places=places, gains=gains, count=np.int32(nodes))
     group = GROUP[session.kind]
-    most = MOST_MOVES if session.loop_limit is None else session.loop_limit // STEPS_OF_MOVE
+    most = MOVES_OF_LAUNCH if session.loop_limit is None else session.loop_limit // STEPS_OF_MOVE
     for _ in range(ROUNDS):
         search.enqueue(-(-nodes // group) * group, group)
         found, gain = session.read(places, np.int32, nodes), session.read(gains, np.float32, nodes)

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.rendering.trees import build, build_bvh, wide_tree
+from rptcam_cl.device import Session
+from rptcam_cl.rendering.trees import build, build_bvh, reinsertion, wide_tree
 from rptcam_cl.rendering.trees.binary_tree import binary_tree
 from rptcam_cl.rendering.trees.reinsertion import reinserted
 from rptcam_cl.rendering.trees.wide_tree import MAX_STACK, quality, widen
@@ -90,6 +91,25 @@ def test_moving_nodes_takes_area_away_and_keeps_boxes_exact(session):
     assert np.array_equal(inner[:, 3:], np.maximum(left, right)[:, 3:])
     hanging = np.sort(np.append(better.children.ravel(), better.root))
     assert np.array_equal(hanging, np.arange(len(better.bounds)))
+
+
+def test_no_launch_moves_more_nodes_than_a_screen_waits_for(session, monkeypatch):
+    lower, upper = boxes_of(soup(4000))
+    bounds = np.concatenate([lower, upper], axis=1)[np.argsort(lower[:, 0])]
+    tree = binary_tree(halving_depths(0, len(bounds)), bounds)
+    counts = []
+
+    def bind(program, kernel, /, **arguments):
+        if kernel == "reinsert":
+            counts.append(int(arguments["count"]))
+        return Session.bind(session, program, kernel, **arguments)
+
+    monkeypatch.setattr(session, "bind", bind)
+    split = reinserted(tree, 127, session)
+    assert max(counts) <= 2048 < sum(counts[:2])
+    monkeypatch.setattr(reinsertion, "MOVES_OF_LAUNCH", 1 << 16)
+    np.testing.assert_array_equal(split.children, reinserted(tree, 127, session).children)
+    assert max(counts) > 2048
 
 
 def halving_depths(first, last):
