@@ -46,8 +46,10 @@ class Comm {
 /** Called by the notebook for each view of the widget. */
 export function render({ model, el }) {
   const root = document.createElement("div");
-  root.dataset.lmSuppressShortcuts = "true"; // keys pressed here are not the notebook's: it listens before the page does
   root.dataset.jpSuppressContextMenu = "true";
+  // Keys pressed here are not the notebook's. JupyterLab listens before the page does, and looks at what has the focus.
+  root.addEventListener("focusin", ({ target }) => { target.dataset.lmSuppressShortcuts = "true"; });
+  for (const type of ["keydown", "keypress", "keyup"]) root.addEventListener(type, (event) => event.stopPropagation()); // others listen after it
   el.append(root);
   const comm = new Comm(model);
   const finder = new Viewfinder(root, comm);
