@@ -126,7 +126,8 @@ def test_bundle_is_one_module_with_every_style() -> None:
 HOST = """() => {
     document.body.className = 'jp-OutputArea-output';
     const sheet = document.createElement('style');
-    sheet.textContent = `.jp-OutputArea-output dl, .jp-OutputArea-output dt, .jp-OutputArea-output dd { display: block; }
+    sheet.textContent = `
+        .jp-OutputArea-output dl, .jp-OutputArea-output dt, .jp-OutputArea-output dd { display: block; }
         .jp-OutputArea-output dl { width: 100%; overflow: hidden; padding: 0; margin: 0; }
         .jp-OutputArea-output dt { font-weight: bold; float: left; width: 20%; padding: 0; margin: 0; }
         .jp-OutputArea-output dd { float: left; width: 80%; padding: 0; margin: 0; }`;

@@ -130,7 +130,7 @@ LIMITS: dict[str, tuple[float, float]] = {}  # of focus and zoom, as the server 
 
 
 def engraved(metres: float, steps: float) -> float:
-    """Return the mark of the focus scale so many marks beyond a distance between two: even in 1 / distance, 96 of them."""
+    """Return the mark so many marks beyond a distance between two: 96 on the focus scale, even in 1 / distance."""
     marks = [LIMITS["focus_m"][0] / (1 - k / 96) for k in range(96)]
     return [mark for mark in marks if mark > metres * (1 + 1e-3)][int(steps) - 1]
 
