@@ -15,7 +15,7 @@ import yaml
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.viewfinder import notebook
 from rptcam_cl.viewfinder.bundle import module_text, style_text
-from tests.support.browsing import CHROMIUM, chromium
+from tests.support.browsing import chromium, needs_chromium
 from tests.viewfinder.page_client import SCENE
 
 PING = json.dumps({"type": "ping"})
@@ -154,7 +154,7 @@ DELIVERING = """([content, buffers]) => window.listeners.forEach((listen) => lis
     buffers.map((text) => new DataView(Uint8Array.from(atob(text), (each) => each.charCodeAt(0)).buffer))))"""
 
 
-@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this machine")
+@needs_chromium
 def test_page_in_a_notebook_shows_the_picture(widget: tuple[Any, Messages]) -> None:
     made, sent = widget
     with chromium() as browser:

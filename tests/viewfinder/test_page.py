@@ -7,10 +7,10 @@ import yaml
 from playwright.sync_api import Page
 
 from rptcam_cl.viewfinder import Viewfinder
-from tests.support.browsing import CHROMIUM, chromium, mean, reached, repeated, served, until, visited
+from tests.support.browsing import chromium, mean, needs_chromium, reached, repeated, served, until, visited
 from tests.viewfinder.page_client import SCENE
 
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this machine")
+pytestmark = needs_chromium
 
 
 @pytest.fixture(scope="module")

@@ -10,12 +10,12 @@ from PIL import Image
 from playwright.sync_api import Browser, Page
 
 from rptcam_cl.viewfinder import Viewfinder, ViewServer
-from tests.support.browsing import CHROMIUM, mean, reached, served, standing, visited
+from tests.support.browsing import mean, needs_chromium, reached, served, standing, visited
 from tests.viewfinder.conftest import SIZE
 
 pytestmark = [
     pytest.mark.slow,
-    pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this machine"),
+    needs_chromium,
 ]
 
 

@@ -7,11 +7,11 @@ import pytest
 from playwright.sync_api import Page
 
 from rptcam_cl.viewfinder import Viewfinder
-from tests.support.browsing import CHROMIUM, mean, reached, repeated, settled, standing, until
+from tests.support.browsing import mean, needs_chromium, reached, repeated, settled, standing, until
 
 pytestmark = [
     pytest.mark.slow,
-    pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this machine"),
+    needs_chromium,
 ]
 
 

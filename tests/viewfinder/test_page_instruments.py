@@ -5,11 +5,11 @@ import re
 import pytest
 from playwright.sync_api import Page
 
-from tests.support.browsing import CHROMIUM, mean, until
+from tests.support.browsing import mean, needs_chromium, until
 
 pytestmark = [
     pytest.mark.slow,
-    pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this machine"),
+    needs_chromium,
 ]
 
 
