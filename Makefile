@@ -10,8 +10,17 @@ demo: $(VENV)/.demo
 	@echo "The picture is $(CURDIR)/out/first_light.png"
 	@echo "Next: . $(BIN)/activate, then docs/tutorial.md"
 
-test: $(VENV)/.test
+test: $(VENV)/.test browser
 	$(BIN)/python -m pytest -q
+
+# The tests of pages need the system's Chromium. As root on Debian it is installed; elsewhere they are skipped, as the end of the run says.
+browser:
+	@for each in chromium chromium-browser google-chrome; do command -v $$each >/dev/null && exit 0; done; \
+	if [ "$$(id -u)" = 0 ] && grep -qs '^ID=debian' /etc/os-release; then \
+		echo "Installing Chromium for the tests of pages"; \
+		(apt-get -qq update && DEBIAN_FRONTEND=noninteractive timeout 300 apt-get -qq install -y --no-install-recommends chromium) >/dev/null 2>&1 && exit 0; \
+	fi; \
+	echo "No Chromium: the tests of pages are skipped (apt-get install chromium)"
 
 # Not --quiet: with it mkdocs does not count the warnings that `strict` is about.
 docs: $(VENV)/.docs
@@ -45,4 +54,4 @@ $(VENV)/.lint: pyproject.toml | $(BIN)/python
 clean:
 	rm -rf $(VENV) out
 
-.PHONY: demo test docs lint clean
+.PHONY: demo test browser docs lint clean

@@ -4,7 +4,17 @@ from __future__ import annotations
 
 from typing import Any
 
-from rptcam_cl.scene import SIDES_MM, TONES, Aperture, CircularAperture, LensCamera, Scene, ThinLensCamera
+from rptcam_cl.scene import (
+    COOLEST,
+    HOTTEST,
+    SIDES_MM,
+    TONES,
+    Aperture,
+    CircularAperture,
+    LensCamera,
+    Scene,
+    ThinLensCamera,
+)
 from rptcam_cl.viewfinder.depth_of_field import INFINITY_M, focus_scale, nearest_focus_m, perspective
 from rptcam_cl.viewfinder.dials import BALANCES
 from rptcam_cl.viewfinder.exposure_dials import METERINGS
@@ -21,6 +31,12 @@ LINKED = {
     "shutter_s": ("A", "P"),
 }
 FOCUS_STEPS = 96
+SRGB_KELVIN = 6500.0  # which leaves a picture in sRGB nearly as it is
+# Correlated colour temperatures of the lights [K]; CIE 15:2018, tables of illuminants.
+KELVIN = {
+    "A": 2856, "D50": 5003, "D55": 5503, "D65": 6504, "D75": 7504, "E": 5455, "F2": 4230, "F7": 6500, "F11": 4000,
+    "LED-B1": 2733, "LED-B2": 2998, "LED-B3": 4103, "LED-B4": 5109, "LED-B5": 6598,
+}  # fmt: skip
 
 
 def dial_list(dials: Dials, scene: Scene, resolved: Scene) -> list[Entry]:
@@ -169,7 +185,7 @@ def _development(panel: Panel) -> list[Entry]:
         _choice("white_balance", "white balance", value, words),
         _entry(
             "temperature_k", "temperature", "number", kelvin, "" if kelvin is None else f"{kelvin:.0f} K", unit="K",
-            min=1800, max=40000, step=50,
+            min=COOLEST, max=HOTTEST, step=50, start=KELVIN.get(value, SRGB_KELVIN),
         ),
         _choice("tone", "tone", picture.tone.kind, {name: name for name in TONES}),
     ]  # fmt: skip

@@ -5,7 +5,9 @@ A client names a lens of this list and nothing else: no path that it sends is ev
 
 from __future__ import annotations
 
+import contextlib
 import math
+import os
 from dataclasses import asdict
 from functools import cache, lru_cache
 from pathlib import Path
@@ -23,7 +25,7 @@ SUFFIXES = (".yaml", ".yml", ".json", ".dat", ".zmx", ".seq", ".txt")
 _MIXED = (".yaml", ".yml", ".json")
 FOLDERS = ("", "lenses")  # of the scene's folder, that are searched
 KEPT = "lens-list"  # folder of the cache on disk
-MOST_FILES = 200
+MOST_FILES = 1000
 MOST_BYTES = 1 << 20
 
 
@@ -84,32 +86,38 @@ def _finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def _files(folders: Folders) -> list[LensEntry]:
-    """Return the lenses among the files of the scene's folder; what is none is passed over."""
-    found = []
+def _candidates(folders: Folders) -> list[os.DirEntry[str]]:
+    """Return the files of the scene's folders that may be lenses by their suffix, in the order of names."""
+    found: list[os.DirEntry[str]] = []
     for folder in FOLDERS:
-        place = folders.base / folder
-        paths = sorted(place.iterdir())[:MOST_FILES] if place.is_dir() else []
-        for path in paths:
-            name = path.relative_to(folders.base).as_posix()
-            if path.suffix.lower() in SUFFIXES and (entry := _of_file(folders, name)) is not None:
-                found.append(entry)
+        with contextlib.suppress(OSError), os.scandir(folders.base / folder) as entries:
+            files = [each for each in entries if each.name.lower().endswith(SUFFIXES) and each.is_file()]
+            found += sorted(files, key=lambda each: each.path)
     return found
 
 
-def _of_file(folders: Folders, name: str) -> LensEntry | None:
+def files_left_out(scene: Scene) -> int:
+    """Return how many files in the scene's folders may be lenses and are not looked at, because there are so many."""
+    return max(0, len(_candidates(scene.folders)) - MOST_FILES)
+
+
+def _files(folders: Folders) -> list[LensEntry]:
+    """Return the lenses among the files of the scene's folder; what is none is passed over."""
+    found = []
+    for each in _candidates(folders)[:MOST_FILES]:
+        with contextlib.suppress(OSError):  # it has gone meanwhile
+            status = each.stat()
+            if status.st_size <= MOST_BYTES:
+                found.append(_read(each.path, folders, (status.st_mtime_ns, status.st_size, status.st_ino)))
+    return [entry for entry in found if entry is not None]
+
+
+@lru_cache(maxsize=2 * MOST_FILES)
+def _read(place: str, folders: Folders, stamp: tuple[int, int, int]) -> LensEntry | None:
+    """Return the lens of a file, None where it is something else; read again when it has changed, by its stamp."""
+    name = Path(place).relative_to(folders.base).as_posix()
     try:
         path = folders.find(name)
-        status = path.stat()
-        return _read(path, folders, name, status.st_mtime_ns) if status.st_size <= MOST_BYTES else None
-    except (RptcamError, OSError):
-        return None
-
-
-@lru_cache(maxsize=4 * MOST_FILES)
-def _read(path: Path, folders: Folders, name: str, changed_ns: int) -> LensEntry | None:
-    """Return the lens of a file, None where it is something else; read again when it has changed."""
-    try:
         if path.suffix.lower() in _MIXED and b"surfaces" not in path.read_bytes():
             return None  # a scene, or something else
         return _entry(name, load_lens(path, References(folders.beside(path))), "file")

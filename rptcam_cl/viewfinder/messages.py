@@ -143,8 +143,8 @@ class Magnify(_Place):
     """Where the magnifier is."""
 
     type: Literal["magnify"]
-    width: Annotated[int, Field(ge=16, le=1024)] = 256
-    height: Annotated[int, Field(ge=16, le=1024)] = 256
+    width: Annotated[int, Field(ge=4, le=1024)] = 256
+    height: Annotated[int, Field(ge=4, le=1024)] = 256
 
 
 class Compare(Message):

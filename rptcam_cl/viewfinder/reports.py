@@ -45,12 +45,14 @@ class Reports:
         resting = slot.rests_in() <= 0
         if not resting and time.monotonic() < self._last_state + STATE_S:
             return
-        reported = (slot.session.generation, slot.dials, slot.messages, self._studio.paused, resting, *self._compared())
+        answers = tuple((client.number, client.answers) for client in clients)
+        here = (slot.session.generation, slot.dials, slot.messages, self._studio.paused, resting)
+        reported = (*here, *self._compared(), answers)
         if reported != self._reported and not slot.wants_glance:
             self._reported, self._last_state = reported, time.monotonic()
             message = state_message(self._studio, slot, detailed=resting)
             for client in clients:
-                client.outbox.news("state", message)
+                client.outbox.news("state", message | {"answers": client.answers})
 
     def prepare(self) -> None:
         """Find what the first client will want to know, while it is still on its way."""

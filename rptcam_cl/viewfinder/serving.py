@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import os
 import signal
@@ -20,6 +21,8 @@ from rptcam_cl.viewfinder.finder import Viewfinder
 from rptcam_cl.viewfinder.messages import MOST_BYTES
 
 NEEDED = "the viewfinder in a browser needs starlette, uvicorn and websockets: pip install 'rptcam_cl[view]'"
+REQUEST_S = 5.0  # from a connection, or the first byte of another request on it, to the whole request
+MOST_REQUESTS = 32  # that are there in part; the oldest makes room
 _CLOSING_S = 0.3  # that connections have to end
 
 
@@ -81,6 +84,7 @@ class ViewServer:
         self.tokens = Tokens()
         config = uvicorn.Config(
             make_app(finder, self.tokens, host, self.port),
+            http=_patient_protocol(),
             ws="websockets-sansio",
             ws_max_size=MOST_BYTES,
             ws_per_message_deflate=False,
@@ -106,6 +110,45 @@ class ViewServer:
         """End soon, telling the pages; any thread, and signal handlers."""
         self._finder.tell({"type": "bye", "text": "the server has ended"})
         self._server.should_exit = True
+
+
+def _patient_protocol() -> Any:
+    """Return uvicorn's protocol of HTTP that waits for requests, as it does not by itself, for so long and so many."""
+    from uvicorn.protocols.http.h11_impl import H11Protocol
+
+    waiting: dict[Any, asyncio.TimerHandle] = {}  # in the order in which they came
+
+    class Patient(H11Protocol):
+        def connection_made(self, transport: Any) -> None:
+            super().connection_made(transport)
+            self._wait()
+
+        def data_received(self, data: bytes) -> None:
+            super().data_received(data)
+            if self.scope is None or (self.cycle is not None and self.cycle.response_complete):
+                self._wait()  # for the rest of a request
+            else:
+                self._arrived()
+
+        def connection_lost(self, exc: Exception | None) -> None:
+            self._arrived()
+            super().connection_lost(exc)
+
+        def _wait(self) -> None:
+            if self not in waiting and not self.transport.is_closing():
+                if len(waiting) >= MOST_REQUESTS:
+                    next(iter(waiting))._give_up()
+                waiting[self] = self.loop.call_later(REQUEST_S, self._give_up)
+
+        def _arrived(self) -> None:
+            if self in waiting:
+                waiting.pop(self).cancel()
+
+        def _give_up(self) -> None:
+            self._arrived()
+            self.transport.abort()
+
+    return Patient
 
 
 def _quiet_server(config: Any) -> Any:

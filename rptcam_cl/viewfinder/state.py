@@ -8,10 +8,11 @@ from rptcam_cl._version import __version__
 from rptcam_cl.scene import METHODS, LensCamera
 from rptcam_cl.viewfinder.dial_list import dial_list
 from rptcam_cl.viewfinder.dials import meter_needle, wheel
-from rptcam_cl.viewfinder.lens_choice import lens_entries
+from rptcam_cl.viewfinder.lens_choice import MOST_FILES, files_left_out, lens_entries
 from rptcam_cl.viewfinder.messages import MOST_BYTES, VERSION
 from rptcam_cl.viewfinder.outbox import MOST_UNACKNOWLEDGED
 from rptcam_cl.viewfinder.overlays import false_colour_legend
+from rptcam_cl.viewfinder.pictures import FILE_MEDIA
 from rptcam_cl.viewfinder.slot import Slot
 from rptcam_cl.viewfinder.studio import Studio
 
@@ -38,11 +39,14 @@ def hello_message(studio: Studio, slot: Slot, client: int) -> dict[str, Any]:
 
 
 def _left_out(slot: Slot) -> list[str]:
-    """Return what a saved picture has and the one on the screen has not."""
+    """Return what a saved picture has and the one on the screen has not, and which lenses are not offered."""
+    found = []
+    if count := files_left_out(slot.scene):
+        found.append(f"Of the files in the scene's folder {count} are not looked at for lenses (at most {MOST_FILES})")
     shown_by_image = slot.scene.sensor is not None or slot.session.metadata.get("diffraction", {}).get("on", False)
     if "ghosts" in slot.session.metadata and not shown_by_image:
-        return ["Ghosts of the lens are in saved pictures alone"]
-    return []
+        found.append("Ghosts of the lens are in saved pictures alone")
+    return found
 
 
 def state_message(studio: Studio, slot: Slot, *, detailed: bool) -> dict[str, Any]:
@@ -69,6 +73,7 @@ def state_message(studio: Studio, slot: Slot, *, detailed: bool) -> dict[str, An
         "compare": studio.compare,
         "changed": list(slot.changes.as_dict()),
         "paused": studio.paused,
+        "files": [name for name in FILE_MEDIA if name != "dng" or slot.scene.sensor is not None],
         "needle": meter_needle(slot.dials, slot.scene, slot.resolved, slot.reading_cd_m2),
         "messages": [*slot.messages, *_left_out(slot), *(studio.b.messages if studio.b is not None else ())],
     }

@@ -22,7 +22,7 @@ from benchmarks.scenes import reference_scene
 from benchmarks.worker import Worker, WorkerError
 from rptcam_cl import load_lens, render
 from rptcam_cl.device import choose_device
-from tests.support.browsing import CHROMIUM
+from tests.support.browsing import needs_chromium
 
 FOLDER = Path(__file__).resolve().parents[2] / "benchmarks"
 
@@ -354,7 +354,7 @@ def test_viewfinder_answers_dials_and_a_drag(checkout: Path, tmp_path: Path) -> 
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this machine")
+@needs_chromium
 def test_viewfinder_is_measured_in_a_browser(checkout: Path, tmp_path: Path) -> None:
     printed, results = quick(checkout, tmp_path, "viewfinder_browser")
     assert "pictures painted a second" in printed

@@ -27,7 +27,7 @@ from docs.site.key_reference import key_page
 from docs.site.python_reference import PROPERTIES, ROOMS, examples, module_of, room_page, signature
 from examples.show_keys import models
 from rptcam_cl.scene import scene_json_schema
-from tests.support.browsing import CHROMIUM, chromium
+from tests.support.browsing import chromium, needs_chromium
 from tests.support.pages import all_blocks
 
 
@@ -108,7 +108,7 @@ def test_pages_load_nothing_from_another_host_and_their_links_lead_somewhere(sit
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this machine")
+@needs_chromium
 def test_search_finds_words_from_the_folder_without_a_network_and_over_http(site: Path) -> None:
     server = ThreadingHTTPServer(("127.0.0.1", 0), partial(SimpleHTTPRequestHandler, directory=str(site)))
     threading.Thread(target=server.serve_forever, daemon=True).start()

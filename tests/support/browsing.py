@@ -1,21 +1,25 @@
 """A viewfinder's server in this process, and a real browser before it."""
 
+import json
 import shutil
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
+import pytest
 from playwright.sync_api import Browser, ConsoleMessage, Page, sync_playwright
 
 from rptcam_cl.viewfinder import Viewfinder, ViewServer
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+needs_chromium = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this machine: apt-get install chromium")
 WITHOUT_ALL_ELSE = [
     "--headless",
     "--no-sandbox",
     "--disable-gpu",
+    "--disable-quic",
     "--no-first-run",
     "--disable-background-networking",
     "--disable-component-update",
@@ -105,3 +109,39 @@ def mean(page: Page, slot: str = "A", layer: str = "picture") -> list[float]:
         [slot, layer],
     )
     return found
+
+
+def repeated(page: Page, act: Callable[[], object], count: int, hertz: float) -> None:
+    """Do the same so many times, at a rate that a hand has."""
+    begun = time.monotonic()
+    for number in range(count):
+        act()
+        page.wait_for_timeout(max(0.0, 1e3 * (begun + (number + 1) / hertz - time.monotonic())))
+
+
+def standing(finder: Viewfinder) -> dict[str, Any]:
+    """Return the dials by name as the server has them, from a client of its own."""
+    client = finder.connect(lambda: None)
+    try:
+        end = time.monotonic() + 60
+        while time.monotonic() < end:
+            for message in client.outbox.take():
+                if isinstance(message, str) and json.loads(message)["type"] == "hello":
+                    return {dial["name"]: dial for dial in json.loads(message)["dials"]}
+            time.sleep(0.01)
+        raise TimeoutError("hello")
+    finally:
+        finder.disconnect(client)
+
+
+def reached(page: Page, finder: Viewfinder, name: str, value: Any, seconds: float = 10.0) -> None:
+    """Assert that a dial comes to a value, at the server and on the page, and stays there."""
+    end = time.monotonic() + seconds
+    while (found := standing(finder)[name])["value"] != value and time.monotonic() < end:
+        page.wait_for_timeout(50)
+    page.wait_for_timeout(400)
+    found = standing(finder)[name]
+    assert found["value"] == value, (name, found["value"])
+    if found["kind"] == "number":
+        text = found["text"].removeprefix(f"{found['label']} ")
+        until(page, f"document.querySelector('[data-dial={name}]').ariaValueText === {json.dumps(text)}", seconds)

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, Page
 
+from rptcam_cl.viewfinder import Viewfinder
 from tests.support.browsing import chromium, served, settled, until, visited
 
 SIZE = (320, 180)
@@ -27,9 +28,19 @@ def scene_file(checkout: Path, tmp_path_factory: pytest.TempPathFactory) -> Path
 
 
 @pytest.fixture(scope="module")
-def address(scene_file: Path) -> Iterator[str]:
-    with served(scene_file, size=SIZE) as (_, found):
+def viewing(scene_file: Path) -> Iterator[tuple[Viewfinder, str]]:
+    with served(scene_file, size=SIZE) as found:
         yield found
+
+
+@pytest.fixture
+def finder(viewing: tuple[Viewfinder, str]) -> Viewfinder:
+    return viewing[0]
+
+
+@pytest.fixture(scope="module")
+def address(viewing: tuple[Viewfinder, str]) -> str:
+    return viewing[1]
 
 
 @pytest.fixture

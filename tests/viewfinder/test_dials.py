@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 import yaml
 
+from rptcam_cl.colour import illuminant, xyz_from_spectrum
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.resources import CACHE_VARIABLE
 from rptcam_cl.optics import list_lenses
@@ -17,7 +18,7 @@ from rptcam_cl.scene import Scene, load_scene
 from rptcam_cl.scene.change import apply_overrides
 from rptcam_cl.viewfinder import lens_choice
 from rptcam_cl.viewfinder.depth_of_field import INFINITY_M, nearest_focus_m
-from rptcam_cl.viewfinder.dial_list import dial_list
+from rptcam_cl.viewfinder.dial_list import KELVIN, dial_list
 from rptcam_cl.viewfinder.dials import (
     DIALS,
     Dials,
@@ -288,6 +289,34 @@ def test_lens_files_are_those_of_the_scenes_folder(tmp_path: Path) -> None:
     for name in ("link.yaml", "../outside.yaml", str(tmp_path / "outside.yaml"), "broken.yaml"):
         with pytest.raises(InputError, match="not one of the list"):
             turn_dial(dials, scene, scene, "lens", name)
+
+
+def test_every_lens_file_of_a_full_folder_is_offered_and_what_is_too_much_is_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    text = (Path(__file__).parents[2] / "lenses" / "biconvex.yaml").read_text("utf-8")
+    (tmp_path / "scene.yaml").write_text(yaml.safe_dump({"camera": LENS}), "utf-8")
+    (tmp_path / "dangling.yaml").symlink_to("nowhere.yaml")
+    for number in range(300):
+        (tmp_path / f"a{number:03}.png").touch()
+        (tmp_path / f"b{number:03}.yaml").write_text("materials: {}", "utf-8")
+    (tmp_path / "z.yaml").write_text(text, "utf-8")
+    scene = load_scene(tmp_path / "scene.yaml")
+    assert [entry.name for entry in lens_entries(scene) if entry.kind == "file"] == ["z.yaml"]
+    assert lens_choice.files_left_out(scene) == 0
+    (tmp_path / "z.yaml").write_text("materials: {}", "utf-8")  # read again when it has changed
+    assert "z.yaml" not in [entry.name for entry in lens_entries(scene)]
+    monkeypatch.setattr(lens_choice, "MOST_FILES", 200)
+    assert lens_choice.files_left_out(scene) == 102
+
+
+def test_temperature_begins_at_daylight_or_at_the_light_that_was_chosen() -> None:
+    assert Body().listed("temperature_k")["start"] == 6500
+    for name, kelvin in KELVIN.items():
+        x, y, z = xyz_from_spectrum(illuminant(name))
+        n = (x / (x + y + z) - 0.3320) / (0.1858 - y / (x + y + z))
+        assert kelvin == pytest.approx(449 * n**3 + 3525 * n**2 + 6823.3 * n + 5520.33, rel=0.01)  # McCamy 1992
+        assert Body().turn("white_balance", name).listed("temperature_k")["start"] == kelvin
 
 
 def test_wheel_zooms_a_zoom_widens_a_pinhole_and_crops_a_prime() -> None:

@@ -15,7 +15,7 @@ import yaml
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.viewfinder import notebook
 from rptcam_cl.viewfinder.bundle import module_text, style_text
-from tests.support.browsing import CHROMIUM, chromium
+from tests.support.browsing import chromium, needs_chromium
 from tests.viewfinder.page_client import SCENE
 
 PING = json.dumps({"type": "ping"})
@@ -121,6 +121,22 @@ def test_bundle_is_one_module_with_every_style() -> None:
     assert style_text().index(".vf {") < style_text().index("@container")
 
 
+# How JupyterLab 4 lays out the output of cells, and where it hears keys: before the page in some programs, after it in
+# others, unless what has the focus says that it wants them (jupyterlab/packages/outputarea/style/base.css; Lumino).
+HOST = """() => {
+    document.body.className = 'jp-OutputArea-output';
+    const sheet = document.createElement('style');
+    sheet.textContent = `
+        .jp-OutputArea-output dl, .jp-OutputArea-output dt, .jp-OutputArea-output dd { display: block; }
+        .jp-OutputArea-output dl { width: 100%; overflow: hidden; padding: 0; margin: 0; }
+        .jp-OutputArea-output dt { font-weight: bold; float: left; width: 20%; padding: 0; margin: 0; }
+        .jp-OutputArea-output dd { float: left; width: 80%; padding: 0; margin: 0; }`;
+    document.body.append(sheet, Object.assign(document.createElement('textarea'), { id: 'cell' }));
+    window.heard = [];
+    const wanted = ({ target }) => target.hasAttribute('data-lm-suppress-shortcuts');
+    document.addEventListener('keydown', (event) => wanted(event) || window.heard.push(event.key), true);
+    document.addEventListener('keydown', (event) => window.heard.push(event.key));
+}"""
 LOADING = """async ([module, style]) => {
     const address = URL.createObjectURL(new Blob([module], {type: 'text/javascript'}));
     const { default: widget } = await import(address);
@@ -138,11 +154,12 @@ DELIVERING = """([content, buffers]) => window.listeners.forEach((listen) => lis
     buffers.map((text) => new DataView(Uint8Array.from(atob(text), (each) => each.charCodeAt(0)).buffer))))"""
 
 
-@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this machine")
+@needs_chromium
 def test_page_in_a_notebook_shows_the_picture(widget: tuple[Any, Messages]) -> None:
     made, sent = widget
     with chromium() as browser:
         page = browser.new_page(viewport={"width": 700, "height": 700})
+        page.evaluate(HOST)
         page.evaluate(LOADING, [module_text(), style_text()])
         until = time.monotonic() + SOON
         while not page.evaluate("window.painted") and time.monotonic() < until:
@@ -153,7 +170,20 @@ def test_page_in_a_notebook_shows_the_picture(widget: tuple[Any, Messages]) -> N
                 content, buffers = sent.get()
                 page.evaluate(DELIVERING, [content, [base64.b64encode(each).decode() for each in buffers]])
         assert page.evaluate("window.painted") > 0
-        assert page.locator("[data-dial=f_number]").is_visible()
+        boxes = [page.locator(f"[data-reading={name}]").bounding_box() for name in ("scale", "spp", "ms", "noise")]
+        assert len({box["y"] for box in boxes if box is not None}) == 1
+        stage, dial = (page.locator(name).bounding_box() for name in (".vf-stage", "[data-dial=f_number]"))
+        assert stage is not None and dial is not None and dial["y"] >= stage["y"] + stage["height"]
+        page.locator("[data-dial=f_number]").click()  # as Playwright clicks, nothing may lie over it
+        page.click(".vf-stage")
+        for key in ("b", "x", "d", "]", "Enter"):
+            page.keyboard.press(key)
+        assert page.evaluate("window.heard") == []
+        page.evaluate("window.said.length = 0")
+        page.click("#cell")
+        page.keyboard.type("z]")
+        assert page.input_value("#cell") == "z]"
+        assert not page.evaluate("window.said.filter(({text}) => /dial|overlays/.test(text)).length")
         page.evaluate("window.leave()")
         for content in page.evaluate("window.said.splice(0)"):
             say(made, content)

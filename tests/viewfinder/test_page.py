@@ -6,16 +6,22 @@ import pytest
 import yaml
 from playwright.sync_api import Page
 
-from tests.support.browsing import CHROMIUM, chromium, mean, served, until, visited
+from rptcam_cl.viewfinder import Viewfinder
+from tests.support.browsing import chromium, mean, needs_chromium, reached, repeated, served, until, visited
 from tests.viewfinder.page_client import SCENE
 
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this machine")
+pytestmark = needs_chromium
 
 
 @pytest.fixture(scope="module")
-def page() -> Iterator[Page]:
-    with chromium() as browser, served(yaml.safe_load(SCENE)) as (_, address), visited(browser, address) as page:
-        yield page
+def viewing() -> Iterator[tuple[Viewfinder, Page]]:
+    with chromium() as browser, served(yaml.safe_load(SCENE)) as (finder, address), visited(browser, address) as page:
+        yield finder, page
+
+
+@pytest.fixture
+def page(viewing: tuple[Viewfinder, Page]) -> Page:
+    return viewing[1]
 
 
 def test_page_shows_the_picture_and_what_it_is_worth(page: Page) -> None:
@@ -31,6 +37,112 @@ def test_dial_that_is_turned_answers_with_a_picture(page: Page) -> None:
     number = page.evaluate("window.sent.findLast((each) => each.type === 'dial' && each.name === 'f_number').id")
     until(page, f"window.painted.some((each) => each.answers >= {number})")
     until(page, f"document.querySelector('[data-dial=f_number]').ariaValueText !== {before!r}")
+
+
+def test_hand_brings_a_dial_to_where_it_turns_it(viewing: tuple[Viewfinder, Page]) -> None:
+    """In short; all dials at all rates are in test_page_controls.py."""
+    finder, page = viewing
+    knob = page.locator("[data-dial=f_number]")
+
+    def typed(text: str) -> None:
+        knob.focus()
+        page.keyboard.press("Enter")
+        page.keyboard.type(text)
+        page.keyboard.press("Enter")
+
+    typed("f/2.8")
+    reached(page, finder, "f_number", pytest.approx(2**1.5))
+    page.focus(".vf-stage")
+    repeated(page, lambda: page.keyboard.press("]"), 9, 8)
+    reached(page, finder, "f_number", pytest.approx(8))
+    knob.hover()
+    repeated(page, lambda: page.mouse.wheel(0, 4), 30, 60)  # 120 pixels of a trackpad
+    reached(page, finder, "f_number", pytest.approx(2 ** (3 - 2 / 6)))
+    typed("many")
+    assert page.locator(".vf-dial-input").get_attribute("aria-invalid") == "true"
+    page.keyboard.press("Escape")
+    reached(page, finder, "f_number", pytest.approx(2 ** (3 - 2 / 6)))
+
+
+PRESS = """(keys) => document.querySelector('.vf-stage').dispatchEvent(
+    new KeyboardEvent('keydown', {bubbles: true, cancelable: true, ...keys}))"""
+
+
+def test_keys_that_need_altgr_or_option_act_and_others_with_these_do_not(page: Page) -> None:
+    page.evaluate("window.sent = []")
+    page.evaluate(PRESS, {"key": "]", "ctrlKey": True, "altKey": True, "modifierAltGraph": True})  # Windows, German
+    page.evaluate(PRESS, {"key": "]", "modifierAltGraph": True})  # X11
+    page.evaluate(PRESS, {"key": "]", "altKey": True})  # macOS
+    for other in ("altKey", "ctrlKey", "metaKey"):
+        page.evaluate(PRESS, {"key": "z", other: True})
+    page.evaluate(PRESS, {"key": "]", "ctrlKey": True})
+    told = page.evaluate("window.sent.filter(({type}) => type !== 'pointer').map(({type, name}) => [type, name])")
+    assert told == [["dial", "f_number"]] * 3
+
+
+def test_keys_of_one_character_can_be_switched_off(page: Page) -> None:
+    page.keyboard.press("?")
+    page.click("[data-name=keys]")
+    page.keyboard.press("Escape")
+    page.focus(".vf-stage")
+    page.evaluate("window.sent = []")
+    for key in "z]5x ?":
+        page.keyboard.press(key)
+    assert page.evaluate("window.sent.filter(({type}) => type !== 'pointer')") == []
+    assert not page.locator(".vf-help").is_visible()
+    page.keyboard.press("ArrowRight")
+    until(page, "window.sent.some(({type}) => type === 'move')")
+    assert page.evaluate("localStorage.getItem('rptcam-keys')") == "off"
+    page.click("[data-name=help]")
+    page.click("[data-name=keys]")
+    page.keyboard.press("Escape")
+    page.focus(".vf-stage")
+    for _ in range(2):
+        page.keyboard.press("z")
+    until(page, "window.sent.some(({overlays}) => overlays)")
+
+
+def test_magnifier_shows_less_of_the_picture_and_so_many_times_as_large(page: Page) -> None:
+    """The film of 48 pixels is shown larger than one to one, so that this is left out."""
+    picture = page.locator(".vf-frame[data-slot=A]").bounding_box()
+    assert picture is not None
+    page.focus(".vf-stage")
+    for times in (5, 10):
+        page.keyboard.press("x")
+        shown = "document.querySelector('.vf-loupe figcaption').textContent"
+        until(page, f"{shown}.startsWith('{times}×')")
+        program = "([canvas]) => canvas.clientWidth / canvas.width"
+        pixel = page.eval_on_selector_all(".vf-loupe canvas", program)
+        assert pixel == pytest.approx(times * picture["width"] / 48, rel=0.01)
+    page.keyboard.press("x")
+    assert not page.locator(".vf-loupe").is_visible()
+
+
+def test_raw_files_are_offered_with_a_sensor_alone(page: Page) -> None:
+    page.click("[data-tab=out]")
+    offered = "[...document.querySelectorAll('[data-name=format] input')].filter((each) => each.checkVisibility())"
+    until(page, f"{offered}.length === 3")
+    assert page.evaluate(f"{offered}.map((each) => each.value)") == ["png", "jpeg", "exr"]
+
+
+def test_silent_server_is_asked_and_then_taken_for_gone(page: Page) -> None:
+    program = """async () => {
+        const { Link } = await import('/link.js');
+        const said = [];
+        const link = new Link({ send: (text) => said.push(JSON.parse(text).type), silent: () => said.push('silent') });
+        link.close(); // the test looks instead
+        link.receive('{"type": "hello"}');
+        link.look();
+        link.heardAt -= 4000;
+        link.look(); link.look();
+        link.pingedAt -= 10000;
+        link.heardAt -= 10000;
+        link.look();
+        link.receive('{"type": "done", "id": 0}');
+        link.look();
+        return said;
+    }"""
+    assert page.evaluate(program) == ["ping", "silent"]
 
 
 def test_what_is_refused_is_said_in_words(page: Page) -> None:
@@ -49,20 +161,34 @@ def test_question_mark_opens_the_keys_and_escape_closes_them(page: Page) -> None
 
 
 @pytest.mark.parametrize(
-    ("text", "value"),
+    ("text", "unit", "value"),
     [
-        ("2.8", 2.8),
-        ("f/2.8", 2.8),
-        ("1/125", 0.008),
-        ("65 cm", 0.65),
-        ("0,5 s", 0.5),
-        ("∞", 1e6),
-        ("−1", -1),
-        ("x", None),
+        ("2.8", "", 2.8),
+        ("f/2.8", "", 2.8),
+        ("ISO 400", "", 400),
+        ("1/125", "s", 0.008),
+        ("8 ms", "s", 0.008),
+        ("0,5 s", "s", 0.5),
+        ("65 cm", "m", 0.65),
+        ("∞", "m", 1e6),
+        ("50 mm", "mm", 50),
+        ("5.5 cm", "mm", 55),
+        ("5600 K", "K", 5600),
+        ("−1", "EV", -1),
+        ("-1⅔ EV", "EV", -5 / 3),
+        ("+⅓", "EV", 1 / 3),
+        ("±0 EV", "EV", 0),
+        ("2 kg", "m", None),
+        ("3 s", "m", None),
+        ("1/0", "s", None),
+        ("x", "", None),
+        ("", "", None),
     ],
 )
-def test_typed_values_are_read_as_photographers_write_them(page: Page, text: str, value: float | None) -> None:
-    found = page.evaluate("async (text) => (await import('/numbers.js')).typed(text)", text)
+def test_typed_values_are_read_as_photographers_write_them(
+    page: Page, text: str, unit: str, value: float | None
+) -> None:
+    found = page.evaluate("async ([text, unit]) => (await import('/numbers.js')).typed(text, unit)", [text, unit])
     assert found == (value if value is None else pytest.approx(value))
 
 

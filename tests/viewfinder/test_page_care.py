@@ -2,18 +2,20 @@
 
 import io
 import re
+import threading
 from pathlib import Path
 
 import pytest
 from PIL import Image
 from playwright.sync_api import Browser, Page
 
-from tests.support.browsing import CHROMIUM, mean, served, visited
+from rptcam_cl.viewfinder import Viewfinder, ViewServer
+from tests.support.browsing import mean, needs_chromium, reached, served, standing, visited
 from tests.viewfinder.conftest import SIZE
 
 pytestmark = [
     pytest.mark.slow,
-    pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this machine"),
+    needs_chromium,
 ]
 
 
@@ -32,13 +34,7 @@ def test_picture_is_saved_as_a_file(page: Page, tmp_path: Path, form: str, start
         assert Image.open(io.BytesIO(data)).size == SIZE
 
 
-def test_raw_file_is_saved_of_a_scene_with_a_sensor_and_refused_in_words_without(
-    page: Page, browser: Browser, scene_file: Path, tmp_path: Path
-) -> None:
-    page.click("[data-tab=out]")
-    page.check("[data-name=format] input[value=dng]")
-    page.click("[data-name=save]")
-    assert "sensor" in page.locator(".vf-toast-bad").inner_text()
+def test_raw_file_is_saved_of_a_scene_with_a_sensor(browser: Browser, scene_file: Path, tmp_path: Path) -> None:
     file = tmp_path / "scene.yaml"
     file.write_text(scene_file.read_text("utf-8") + "\nexposure: auto\nsensor: {}\n", "utf-8")
     with served(file, size=(64, 36)) as (_, address), visited(browser, address) as other:
@@ -87,15 +83,37 @@ def test_error_in_the_scene_file_is_shown_with_its_line_until_it_is_mended(
         page.wait_for_selector(".vf-fault", state="hidden", timeout=10_000)
 
 
-def test_page_says_that_the_server_is_gone_and_comes_back(browser: Browser, scene_file: Path) -> None:
-    context = browser.new_context()
-    page = context.new_page()
-    with served(scene_file, size=(64, 36)) as (_, address):
-        page.goto(address)
+def test_page_says_over_the_picture_that_the_server_is_gone_and_comes_back(browser: Browser, scene_file: Path) -> None:
+    with Viewfinder(scene_file, size=(64, 36)) as finder:
+        first = ViewServer(finder)
+        thread = threading.Thread(target=first.run, daemon=True)
+        thread.start()
+        context = browser.new_context()
+        page = context.new_page()
+        page.goto(first.address(first.tokens.lasting))
         page.wait_for_selector(".vf-link[data-state=open]")
-    page.wait_for_selector(".vf-link[data-state=lost]", timeout=10_000)
-    assert "gone" in page.inner_text(".vf-link-words")
-    context.close()
+        gone = page.locator(".vf-gone")
+        assert not gone.is_visible()
+        first.stop()
+        thread.join(10)
+        gone.wait_for(state="visible", timeout=10_000)
+        assert "The server is gone" in gone.inner_text()
+        box, stage = gone.bounding_box(), page.locator(".vf-stage").bounding_box()
+        assert box == stage  # over all of the picture
+        assert page.evaluate("document.querySelector('.vf-foot').inert && document.querySelector('.vf-side').inert")
+        assert "no connection" in page.title()
+        second = ViewServer(finder, port=first.port)
+        second.tokens.lasting = first.tokens.lasting
+        thread = threading.Thread(target=second.run, daemon=True)
+        thread.start()
+        gone.wait_for(state="hidden", timeout=15_000)
+        assert not page.evaluate("document.querySelector('.vf-foot').inert")
+        page.focus("[data-dial=f_number]")
+        page.keyboard.press("End")
+        reached(page, finder, "f_number", pytest.approx(standing(finder)["f_number"]["max"]))
+        second.stop()
+        thread.join(10)
+        context.close()
 
 
 def test_wrong_token_is_refused_in_words(browser: Browser, address: str) -> None:

@@ -5,11 +5,11 @@ import re
 import pytest
 from playwright.sync_api import Page
 
-from tests.support.browsing import CHROMIUM, mean, until
+from tests.support.browsing import mean, needs_chromium, until
 
 pytestmark = [
     pytest.mark.slow,
-    pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this machine"),
+    needs_chromium,
 ]
 
 
@@ -55,11 +55,14 @@ def test_lens_panel_draws_surfaces_rays_spot_and_mtf(page: Page) -> None:
 
 
 def test_magnifier_shows_pixels_one_to_one(page: Page) -> None:
+    page.set_viewport_size({"width": 300, "height": 800})  # a film of 320 pixels in less
+    page.wait_for_timeout(300)
     page.keyboard.press("x")
     until(page, "window.painted.some((each) => each.kind === 'magnifier')")
     drawn, shown = page.eval_on_selector(".vf-loupe canvas", "(canvas) => [canvas.width, canvas.clientWidth]")
     assert drawn == pytest.approx(shown, abs=0.5)
-    page.keyboard.press("x")
+    for _ in ("5×", "10×", "off"):
+        page.keyboard.press("x")
     assert not page.locator(".vf-loupe").is_visible()
 
 

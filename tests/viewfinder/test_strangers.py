@@ -1,5 +1,6 @@
 """Who is no page of ours: each is refused, and the server and its pages go on."""
 
+import contextlib
 import http.client
 import json
 import socket
@@ -11,6 +12,7 @@ import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from rptcam_cl.viewfinder import Viewfinder, ViewServer
+from rptcam_cl.viewfinder import serving as serving_module
 from tests.viewfinder.page_client import SCENE, at_rest, opened, page, serving
 
 Served = tuple[Viewfinder, ViewServer, Path]
@@ -127,3 +129,44 @@ def test_client_killed_in_the_middle_of_a_frame_harms_nothing(served: Served) ->
         while len(finder.clients()) > 1 and time.monotonic() < deadline:
             time.sleep(0.01)
         assert len(finder.clients()) == 1
+
+
+def still_open(connection: socket.socket) -> bool:
+    connection.setblocking(False)
+    try:
+        return connection.recv(1) != b""
+    except BlockingIOError:
+        return True
+    except OSError:
+        return False
+
+
+def test_half_sent_requests_are_bounded_in_number_and_closed_soon(
+    served: Served, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(serving_module, "REQUEST_S", 1.0)
+    server = served[1]
+    host = b"Host: 127.0.0.1:%d\r\n" % server.port
+    whole = b"GET /icon.svg HTTP/1.1\r\n" + host + b"\r\n"
+    halves = [b"", b"GET / HTTP/1.1\r\n" + host, b"POST / HTTP/1.1\r\nContent-Length: 9999\r\n" + host + b"\r\n"]
+    connections = []
+    for i in range(90):
+        connections.append(socket.create_connection(("127.0.0.1", server.port)))
+        connections[-1].sendall(halves[i % 2])
+    with page(server) as client:  # who comes meanwhile is served
+        assert client.ask(5, "ping").type == "done"
+    assert sum(map(still_open, connections)) <= serving_module.MOST_REQUESTS
+    slow = []
+    for first in (*halves, whole + halves[1]):
+        slow.append(socket.create_connection(("127.0.0.1", server.port)))
+        slow[-1].sendall(first)
+    ends = time.monotonic() + 2.5
+    while time.monotonic() < ends:
+        time.sleep(0.1)
+        for connection in slow:
+            with contextlib.suppress(OSError):  # bytes that trickle in do not prolong it
+                connection.sendall(b"x")
+                connection.recv(1 << 16, socket.MSG_DONTWAIT)
+    assert [still_open(each) for each in (*connections, *slow)] == [False] * 94
+    for each in (*connections, *slow):
+        each.close()

@@ -33,13 +33,14 @@ export class Viewfinder {
     this.guides = new Guides(this.link, this.stage);
     this.lens = new LensView(this.link);
     this.out = new Out(this.link, this.toasts);
-    this.help = helpSheet();
+    this.help = helpSheet(root);
     this.gestures = new Gestures(this.stage, this.link, { pointed: (point) => this.pointed(point), clicked: (point) => this.clicked(point) });
     this.meterTag();
     this.scaleKey();
     root.classList.add("vf");
     root.replaceChildren(this.body());
     this.toasts.follow(this.link);
+    this.link.on("link", ({ state, words }) => this.connection(state, words));
     this.link.on("hello", () => this.opened());
     this.link.on("painted", (header) => root.dispatchEvent(new CustomEvent("vf-painted", { detail: header })));
     this.link.on("told", (message) => root.dispatchEvent(new CustomEvent("vf-sent", { detail: message })));
@@ -49,15 +50,17 @@ export class Viewfinder {
 
   body() {
     this.tools = choice("What a drag does", TOOLS, (tool) => this.gestures.use(tool), { value: "tilt", name: "tool" });
-    const foot = h("div", { class: "vf-foot" },
+    const foot = this.foot = h("div", { class: "vf-foot" },
       h("div", { class: "vf-tools" }, this.tools, meterNeedle(this.link), h("span", { class: "vf-wheel" }),
         h("button", { type: "button", class: "vf-button vf-ask", "aria-label": "Keys", "data-name": "help", on: { click: () => this.help.open() } }, "?")),
       this.status.messages, this.dials.strip);
-    this.link.on("state", ({ wheel }) => {
-      foot.querySelector(".vf-wheel").textContent = wheel?.text ? `Wheel: ${wheel.text}` : "";
+    this.link.on("state", ({ wheel, paused }) => {
+      if (paused === this.pausing) this.pausing = null; // until then more presses go by what was asked
+      const words = foot.querySelector(".vf-wheel");
+      words.textContent = words.title = wheel?.text ? `Wheel: ${wheel.text}` : "";
     });
     this.tabs = new Tabs("Instruments", this.panels(), () => this.wanted());
-    const side = h("aside", { class: "vf-side", "aria-label": "Instruments" }, histogramView(this.link), this.tabs.element);
+    const side = this.side = h("aside", { class: "vf-side", "aria-label": "Instruments" }, histogramView(this.link), this.tabs.element);
     return h("div", { class: "vf-body" }, this.status.element, h("main", { class: "vf-main" }, this.toasts.fault, this.stage.element, this.toasts.element), foot, side, this.help.element);
   }
 
@@ -74,6 +77,14 @@ export class Viewfinder {
     ];
   }
 
+  /** Without a connection nothing acts, and what is shown is old: that is said over the picture until it is back. */
+  connection(state, words) {
+    this.isDead = state === "lost" || state === "refused" || (state === "connecting" && Boolean(this.isDead));
+    this.foot.inert = this.side.inert = this.isDead;
+    this.stage.bury(this.isDead, state === "connecting" ? null : words);
+    this.pausing = null;
+  }
+
   /** After each hello, also of a server that came back: say again what this page shows. */
   opened() {
     this.stage.tellSize(true);
@@ -85,7 +96,7 @@ export class Viewfinder {
   /** Ask for the data of the panels in sight; those that are not cost nothing. */
   wanted() {
     const panels = ["histogram", "meter", ...(this.tabs?.name === "lens" ? ["lens"] : [])];
-    if (this.link.last.link?.state === "open") this.link.tell("view", { panels });
+    if (this.link.isOpen) this.link.tell("view", { panels });
   }
 
   pointed(point) {
@@ -137,7 +148,7 @@ export class Viewfinder {
   }
 
   pause() {
-    const paused = Boolean(this.link.last.state?.paused);
-    this.link.ask(paused ? "resume" : "pause").catch(() => {});
+    this.pausing = !(this.pausing ?? this.link.last.state?.paused);
+    this.link.ask(this.pausing ? "pause" : "resume").catch(() => { this.pausing = null; });
   }
 }

@@ -1,11 +1,11 @@
 /** One dial of the camera: drawn like a ring with its marks, turned by drag, wheel, arrow keys or by typing a value. */
 
-import { h, newId } from "./dom.js";
+import { h, newId, Notches } from "./dom.js";
 import { capital, dialText, typed } from "./numbers.js";
 
 const NOTCH = 12; // [CSS pixels] of a drag from step to step
 const REST = 250; // [ms] after the last turn of the wheel
-const PATIENCE = 400; // [ms] for the state that follows an answer
+const ON_STEP = 0.05; // of the way to the next step, within which a value is the step's
 const SMOOTH = 120; // steps over the reach of a dial without steps of its own
 
 /** The values that a dial clicks through. */
@@ -30,10 +30,10 @@ function nearest(steps, value) {
 }
 
 export class Dial {
-  /** `turned(name, value, transient)` is called with each new value; it returns a promise of the answer when that is final. */
+  /** `turned(name, value, transient)` is called with each new value; transient while more will come at once. */
   constructor(description, turned) {
     this.send = turned;
-    this.unanswered = 0;
+    this.notches = new Notches();
     this.label = h("span", { class: "vf-dial-label", id: newId("dial") });
     this.value = h("span", { class: "vf-dial-value" });
     this.ring = h("span", { class: "vf-dial-ring" });
@@ -50,19 +50,21 @@ export class Dial {
     this.show(description);
   }
 
-  /** Show what the server says of the dial, unless it is in the user's hand. */
-  show(description) {
+  /** Show what the server says of the dial, or what the hand has turned it to meanwhile. */
+  show(description, inHand = undefined) {
     this.dial = description;
     this.steps = stepsOf(description);
     this.label.textContent = capital(description.label);
     this.element.classList.toggle("vf-linked", Boolean(description.linked));
     this.knob.setAttribute("aria-disabled", String(!description.enabled));
     this.knob.title = `${this.label.textContent}: ${description.linked || "drag, turn the wheel or press Enter to type"}`;
-    if (!(this.held || this.unanswered) || description.value === this.steps[this.at]) this.display(description.value, description.text);
+    if (inHand === undefined) this.display(description.value, description.text);
+    else this.display(inHand);
   }
 
   display(value, text = null) {
-    this.at = value === null ? 0 : nearest(this.steps, value);
+    this.current = value;
+    this.at = nearest(this.steps, value ?? this.dial.start ?? this.steps[0]);
     const written = text || dialText(this.dial, value);
     const { label } = this.dial;
     const shown = written.startsWith(`${label} `) ? written.slice(label.length + 1) : written;
@@ -74,33 +76,28 @@ export class Dial {
     this.knob.setAttribute("aria-valuenow", this.at);
   }
 
-  /** Send a value. What the server said before it has answered is older than what the dial shows. */
-  async turned(name, value, transient) {
-    if (transient) {
-      this.send(name, value, true);
-      return;
-    }
-    this.unanswered += 1;
-    const refused = await this.send(name, value, false).then(() => false, () => true);
-    this.unanswered -= 1;
-    const again = () => this.held || this.unanswered || this.display(this.dial.value, this.dial.text);
-    if (refused) again();
-    else setTimeout(again, PATIENCE);
+  /** The place of the step that so many clicks lead to. The first click from between two steps goes to one of them. */
+  reached(by) {
+    const { at, current, steps } = this;
+    const off = current === null ? -by : current - steps[at];
+    const next = steps[at + Math.sign(off)] ?? steps[at];
+    const begins = current === null || (Math.abs(off) > ON_STEP * Math.abs(next - steps[at]) && off * by < 0);
+    return Math.min(steps.length - 1, Math.max(0, at + by - (begins ? Math.sign(by) : 0)));
   }
 
-  /** Turn by so many steps. */
+  /** Turn by so many steps; return whether it turns. */
   turn(by, transient = false) {
-    if (!this.dial.enabled) return;
-    const between = this.steps[this.at] !== this.dial.value && Math.abs(by) === 1 && !this.held && !this.unanswered;
-    const past = between && Math.sign(this.steps[this.at] - this.dial.value) === Math.sign(by);
-    const at = Math.min(this.steps.length - 1, Math.max(0, this.at + (past ? 0 : by)));
-    if (at === this.at && !past) return;
-    this.display(this.steps[at]);
-    this.turned(this.dial.name, this.steps[at], transient);
+    if (!this.dial.enabled || !by) return false;
+    const value = this.steps[this.reached(by)];
+    if (value === this.current) return false;
+    this.display(value);
+    this.send(this.dial.name, value, transient);
+    return true;
   }
 
   key(event) {
     const by = { ArrowLeft: -1, ArrowDown: -1, ArrowRight: 1, ArrowUp: 1, PageDown: -3, PageUp: 3, Home: -1e6, End: 1e6 }[event.key];
+    if (event.altKey || event.ctrlKey || event.metaKey) return;
     if (by !== undefined) this.turn(by);
     else if (event.key === "Enter") this.type();
     else return;
@@ -111,52 +108,66 @@ export class Dial {
   down(event) {
     if (event.button !== 0 || !this.dial.enabled) return;
     this.knob.setPointerCapture(event.pointerId);
-    const from = { x: event.clientX, at: this.at };
-    const before = this.at;
+    let clicks = 0;
+    let turned = false;
     const move = (later) => {
-      this.held = true;
-      const by = Math.round((later.clientX - from.x) / NOTCH) - (this.at - from.at);
-      if (by) this.turn(by, true);
+      const by = Math.round((later.clientX - event.clientX) / NOTCH) - clicks;
+      clicks += by;
+      turned = this.turn(by, true) || turned;
     };
     const end = () => {
       this.knob.removeEventListener("pointermove", move);
-      if (this.held && this.at !== before) this.turned(this.dial.name, this.steps[this.at], false);
-      this.held = false;
+      if (turned) this.send(this.dial.name, this.current, false);
     };
     this.knob.addEventListener("pointermove", move);
-    this.knob.addEventListener("pointerup", end, { once: true });
-    this.knob.addEventListener("pointercancel", end, { once: true });
+    this.knob.addEventListener("lostpointercapture", end, { once: true });
   }
 
   wheel(event) {
-    if (!this.dial.enabled) return;
+    if (!this.dial.enabled || event.ctrlKey) return; // with Ctrl the page is made larger
     event.preventDefault();
-    this.held = true;
-    this.turn(event.deltaY < 0 ? 1 : -1, true);
+    this.wheeled = this.turn(this.notches.of(event), true) || this.wheeled;
     clearTimeout(this.resting);
     this.resting = setTimeout(() => {
-      this.held = false;
-      this.turned(this.dial.name, this.steps[this.at], false);
+      if (this.wheeled) this.send(this.dial.name, this.current, false);
+      this.wheeled = false;
     }, REST);
   }
 
-  /** Let the user type a value. */
+  /** Let the user type a value: Enter or leaving takes it, Escape does not; what cannot be read stays to be mended. */
   type() {
-    if (!this.dial.enabled) return;
+    if (!this.dial.enabled || this.typing) return;
+    const before = this.value.textContent;
     const input = h("input", { class: "vf-dial-input", type: "text", inputmode: "text", "aria-label": `${this.dial.label}: type a value` });
-    input.value = this.value.textContent;
-    const end = (accept) => {
-      if (!input.isConnected) return;
-      const value = accept ? typed(input.value) : null;
+    input.value = before;
+    this.typing = true;
+    const close = (value) => {
+      if (!this.typing) return; // removing an input takes its focus, which closes it
+      this.typing = false;
+      const focused = document.activeElement === input;
       input.remove();
-      this.knob.focus();
-      if (value !== null) this.turned(this.dial.name, value, false);
+      if (focused) this.knob.focus();
+      if (value === null) return;
+      this.display(value);
+      this.send(this.dial.name, value, false);
+    };
+    const accept = () => {
+      const value = input.value.trim() === before ? null : typed(input.value, this.dial.unit);
+      if (value === null && input.value.trim() !== before) refuse();
+      else close(value);
+    };
+    const refuse = () => {
+      input.setAttribute("aria-invalid", "true");
+      input.title = `This is no value of ${this.dial.label}`;
+      input.select();
     };
     input.addEventListener("keydown", (event) => {
       event.stopPropagation();
-      if (event.key === "Enter" || event.key === "Escape") end(event.key === "Enter");
+      if (event.key === "Enter") accept();
+      if (event.key === "Escape") close(null);
     });
-    input.addEventListener("blur", () => end(false));
+    input.addEventListener("input", () => input.removeAttribute("aria-invalid"));
+    input.addEventListener("blur", () => close(input.value.trim() === before ? null : typed(input.value, this.dial.unit)));
     this.element.append(input);
     input.focus();
     input.select();

@@ -88,18 +88,26 @@ export class Dials {
   constructor(link) {
     this.link = link;
     this.known = new Map();
+    this.hands = new Map(); // what dials were turned to, until a state comes that has it
+    this.latest = new Map();
     this.strip = h("div", { class: "vf-dials", role: "group", "aria-label": "Dials" });
     this.others = h("div", { class: "vf-others" });
+    link.on("link", () => this.hands.clear()); // what was under way is lost
     link.on("hello", (message) => this.show(message.dials ?? []));
-    link.on("state", (message) => this.show(message.dials ?? []));
+    link.on("state", ({ dials = [], answers }) => this.show(dials, answers ?? 0));
   }
 
-  show(dials) {
+  /** Show dials as the server lists them, after the message `answers` of this page; those in the user's hand stay as they are. */
+  show(dials, answers = 0) {
     this.latest = new Map(dials.map((each) => [each.name, each]));
+    this.answers = answers;
     const turned = (...how) => this.turned(...how);
     for (const dial of dials) {
       if (!this.known.has(dial.name)) this.add(dial.name, made(dial, turned));
-      this.known.get(dial.name).show(dial);
+      const hand = this.hands.get(dial.name);
+      if (hand && !hand.held && !hand.asked && answers >= hand.after) this.hands.delete(dial.name);
+      if (this.hands.has(dial.name)) this.known.get(dial.name).show({ ...dial, value: hand.value, text: null }, hand.value);
+      else this.known.get(dial.name).show(dial);
     }
     for (const [name, { element }] of this.known) element.hidden = !this.latest.has(name);
   }
@@ -117,15 +125,21 @@ export class Dials {
   }
 
   /** Send a new value; while the control is held at most one for each picture of the screen. */
-  turned(name, value, transient) {
+  async turned(name, value, transient) {
+    const hand = this.hands.get(name) ?? { asked: 0, after: 0 };
+    this.hands.set(name, Object.assign(hand, { value, held: transient }));
     if (transient) {
       this.link.soon(`dial ${name}`, "dial", { name, value, transient });
-      return null;
+      return;
     }
     this.link.flush();
-    const answer = this.link.ask("dial", { name, value, transient });
-    answer.catch(() => this.show([...this.latest.values()])); // the message shows why
-    return answer;
+    hand.asked += 1;
+    try {
+      const { id, superseded } = await this.link.ask("dial", { name, value, transient });
+      if (!superseded) hand.after = Math.max(hand.after, id);
+    } catch { /* the message shows why */ }
+    hand.asked -= 1;
+    if (this.hands.get(name) === hand) this.show([...this.latest.values()], this.answers);
   }
 
   /** Turn a dial by steps, as keys do. */
@@ -136,11 +150,13 @@ export class Dials {
 
   /** Go to the next choice, or press a button, as keys do. */
   next(name) {
-    const dial = this.latest?.get(name);
+    const dial = this.latest.get(name);
     if (!dial?.enabled) return;
-    if (dial.kind === "bool") this.turned(name, !dial.value, false);
-    if (dial.kind !== "choice") return;
-    const at = dial.choices.findIndex((each) => each.value === dial.value);
-    this.turned(name, dial.choices[(at + 1) % dial.choices.length].value, false);
+    const value = this.hands.get(name)?.value ?? dial.value;
+    let wanted = !value;
+    if (dial.kind === "choice") wanted = dial.choices[(dial.choices.findIndex((each) => each.value === value) + 1) % dial.choices.length].value;
+    else if (dial.kind !== "bool") return;
+    this.known.get(name).show({ ...dial, value: wanted, text: null }, wanted);
+    this.turned(name, wanted, false);
   }
 }

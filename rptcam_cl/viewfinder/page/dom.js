@@ -64,8 +64,9 @@ export function choice(label, choices, chosen, { value = null, name = null } = {
     type: "radio", name: group, value: each.value, checked: each.value === value, "aria-keyshortcuts": each.key,
     on: { change: () => chosen(each.value) },
   }));
-  const element = h("fieldset", { class: "vf-choice", "data-name": name }, h("legend", { class: "vf-hidden" }, label),
-    choices.map((each, i) => h("label", { title: each.title }, inputs[i], h("span", {}, each.label))));
+  const labels = choices.map((each, i) => h("label", { title: each.title }, inputs[i], h("span", {}, each.label)));
+  const element = h("fieldset", { class: "vf-choice", "data-name": name }, h("legend", { class: "vf-hidden" }, label), labels);
+  element.offer = (values) => labels.forEach((each, i) => { each.hidden = !values.includes(choices[i].value); });
   element.show = (wanted) => inputs.forEach((input, i) => { input.checked = choices[i].value === wanted; });
   element.enable = (enabled) => { element.disabled = !enabled; };
   return element;
@@ -102,4 +103,41 @@ export function range(label, { min, max, step, value, text, changed, name = null
   const element = h("div", { class: "vf-field vf-range" }, h("label", { for: id }, label), shown, input);
   element.show = show;
   return element;
+}
+
+const PIXELS = 100; // [CSS pixels] that a trackpad slides for a notch of a wheel
+const COARSE = 40; // [CSS pixels] of an event from which it may be a notch, whatever the page's zoom makes of it
+const TOUCH = 0.04; // [notches] of the first event of a hand that turn a step at once
+const LET_GO = 600; // [ms] without an event, after which a hand begins anew
+const LINES = 3; // of a notch, where a browser counts lines
+const TICK = 120; // what a notch is in `wheelDelta`
+
+/** How far an event turns a wheel towards larger values [notches]; a trackpad turns it by parts of one. */
+export function wheelTurn(event) {
+  const { deltaMode, deltaX, deltaY, wheelDeltaX = 0, wheelDeltaY = 0 } = event;
+  const [delta, ticks] = deltaY || !event.shiftKey ? [deltaY, wheelDeltaY] : [deltaX, wheelDeltaX]; // Shift turns a wheel sideways
+  if (deltaMode === 2) return -Math.sign(delta);
+  if (deltaMode === 1) return -delta / LINES;
+  const isWheel = Math.abs(delta) >= COARSE && ticks !== 0 && ticks % TICK === 0 && ticks !== -3 * delta; // trackpads count three a pixel
+  return isWheel ? ticks / TICK : -delta / PIXELS;
+}
+
+/** Whole notches of a wheel; what a trackpad slides less than one is kept until the hand lets go or turns back. */
+export class Notches {
+  constructor() {
+    this.part = 0;
+    this.last = -LET_GO;
+  }
+
+  of(event) {
+    const turn = wheelTurn(event);
+    const begins = event.timeStamp - this.last >= LET_GO;
+    this.last = event.timeStamp;
+    if (begins || turn * this.part < 0) this.part = 0;
+    if (begins && Math.abs(turn) >= TOUCH && Math.abs(turn) < 1) return Math.sign(turn);
+    this.part += turn;
+    const whole = Math.trunc(this.part + Math.sign(this.part) * 1e-9);
+    this.part -= whole;
+    return whole;
+  }
 }

@@ -128,6 +128,6 @@ export class Focus {
       h("h3", {}, "Autofocus"), this.method,
       h("div", { class: "vf-row" }, this.start, this.useZone), this.result, this.curve,
       h("h3", {}, "By eye"),
-      h("div", { class: "vf-row" }, this.overlays.button("peaking", "Peaking", "p"), magnifier.button), level);
+      h("div", { class: "vf-row" }, this.overlays.button("peaking", "Peaking", "p"), magnifier.button, magnifier.levels), level);
   }
 }

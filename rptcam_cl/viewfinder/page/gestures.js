@@ -1,5 +1,7 @@
 /** Moving the camera by pointer, wheel, touch and keys, and what the pointer points at. */
 
+import { wheelTurn } from "./dom.js";
+
 const CLICK = 5; // [CSS pixels] that a click may slip
 const REST = 200; // [ms] after the last turn of the wheel
 const DEPTH = 20; // steps of dolly for a drag over the height of the picture
@@ -107,8 +109,7 @@ export class Gestures {
   wheel(event) {
     if (!this.stage.at(event)) return;
     event.preventDefault();
-    const clicks = -event.deltaY / (event.deltaMode === 0 ? 100 : 3);
-    this.zoom(clicks);
+    this.zoom(wheelTurn(event));
   }
 
   zoom(clicks) {

@@ -9,6 +9,10 @@ export function parted(buffer) {
   return { header, bytes: new Uint8Array(view.buffer, at + length, view.byteLength - 4 - length) };
 }
 
+const LOOK = 1000; // [ms] between looks whether the other side is still there
+const QUIET = 3000; // [ms] without a word from it, after which it is asked
+const SILENT = 9000; // [ms] without an answer, after which it is taken for gone
+
 export class Link {
   constructor(transport) {
     this.transport = transport;
@@ -17,6 +21,8 @@ export class Link {
     this.waiting = new Map(); // answers by the number of their question
     this.soonest = new Map(); // messages of which only the last counts
     this.number = 0;
+    this.heardAt = this.pingedAt = 0;
+    this.looking = setInterval(() => this.look(), LOOK);
     transport.onmessage = (data) => this.receive(data);
     transport.onstate = (state, words) => this.stateChanged(state, words);
   }
@@ -40,7 +46,29 @@ export class Link {
     this.emit("link", { state, words });
   }
 
+  get isOpen() {
+    return this.last.link?.state === "open";
+  }
+
+  /** Ask whether the other side is there when it has been quiet, and tell the transport when it does not answer. */
+  look() {
+    const now = performance.now();
+    if (!this.isOpen) return;
+    if (this.pingedAt > this.heardAt) {
+      if (now - this.pingedAt > SILENT) this.transport.silent();
+    } else if (now - this.heardAt > QUIET) {
+      this.pingedAt = now;
+      this.transport.send(JSON.stringify({ type: "ping", id: 0 }));
+    }
+  }
+
+  /** End; the transport is closed by whoever opened it. */
+  close() {
+    clearInterval(this.looking);
+  }
+
   receive(data) {
+    this.heardAt = performance.now();
     if (typeof data !== "string") {
       const { header, bytes } = parted(data);
       this.emit(header.type, header, bytes);
@@ -72,6 +100,7 @@ export class Link {
 
   /** Send a message; return a promise of its answer, broken by an error. */
   ask(type, keys = {}) {
+    if (!this.isOpen) return Promise.reject(new Error("There is no connection."));
     const id = this.tell(type, keys);
     return new Promise((resolve, reject) => this.waiting.set(id, { resolve, reject }));
   }

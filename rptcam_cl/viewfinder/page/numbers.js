@@ -58,12 +58,17 @@ export function dialText(dial, value) {
   return known ? known(value) : `${digits(value)}${dial.unit ? `\u00a0${dial.unit}` : ""}`;
 }
 
-/** The number that somebody typed: 2.8, f/2.8, 1/125, 0.65 m, 65 cm, ∞. Null when it is none. */
-export function typed(text) {
-  const plain = text.trim().toLowerCase().replace("−", "-").replace(",", ".");
+const UNITS = { m: { mm: 1e-3, cm: 1e-2, m: 1 }, mm: { mm: 1, cm: 10, m: 1e3 }, s: { ms: 1e-3, s: 1 } };
+const THIRDS = { "⅓": 1 / 3, "½": 1 / 2, "⅔": 2 / 3 };
+
+/** The number that somebody typed, in the unit of its dial: 2.8, f/2.8, 1/125, ISO 400, 65 cm, −1⅓ EV, ∞. Null when it is none. */
+export function typed(text, unit = "") {
+  const plain = text.trim().toLowerCase().replace("−", "-").replace(",", ".").replace(/^±/, "").replace(/^(?:f\s*\/|iso)\s*/, "");
   if (/^(∞|inf|infinity)$/.test(plain)) return 1e6;
-  const found = /^(?:f\s*\/\s*)?([-+]?\d*\.?\d+)(?:\s*\/\s*(\d*\.?\d+))?\s*(mm|cm|m|s|ev|k|°)?$/.exec(plain);
-  if (!found) return null;
-  const value = Number(found[1]) / (found[2] ? Number(found[2]) : 1);
-  return value * ({ mm: 0.001, cm: 0.01 }[found[3]] ?? 1);
+  const found = /^([-+]?)(\d*\.?\d*)([⅓½⅔]?)(?:\s*\/\s*(\d*\.?\d+))?\s*(mm|cm|m|ms|s|ev|k|°)?$/.exec(plain);
+  if (!found || !/\d|[⅓½⅔]/.test(found[2] + found[3])) return null;
+  const [, sign, whole, part, below, given] = found;
+  const factor = given && unit in UNITS ? UNITS[unit][given] : 1;
+  const value = ((Number(whole || 0) + (THIRDS[part] ?? 0)) / Number(below ?? 1)) * (factor ?? Number.NaN);
+  return Number.isFinite(value) ? (sign === "-" ? -value : value) : null;
 }

@@ -37,7 +37,15 @@ export class Out {
     Object.assign(this, { link, toast, format: "png", scene: "picture" });
     this.formats = choice("Format", FORMATS, (value) => { this.format = value; }, { value: "png", name: "format" });
     this.text = h("textarea", { id: newId("text"), rows: 8, readonly: true, spellcheck: "false", hidden: true, "data-name": "text", "aria-label": "Text to copy" });
+    link.on("state", ({ files }) => files && this.offer(files));
     link.on("hello", ({ scene }) => { this.scene = (scene ?? "picture").replace(/\.\w+$/, ""); });
+  }
+
+  /** Offer the formats that the scene has: raw files are of scenes with a sensor alone. */
+  offer(files) {
+    if (!files.includes(this.format)) [this.format] = files;
+    this.formats.offer(files);
+    this.formats.show(this.format);
   }
 
   /** Save the picture in the format chosen. */

@@ -2,7 +2,7 @@
 
 const KEPT = "rptcam-token";
 const FIRST_WAIT = 500; // [ms], doubled at each failure
-const LONGEST_WAIT = 8000;
+const LONGEST_WAIT = 4000;
 
 const REFUSALS = {
   4400: "The server did not understand this page. Reload it.",
@@ -57,7 +57,19 @@ export class Socket {
       this.onstate("refused", REFUSALS[event.code]);
       return;
     }
-    this.onstate("lost", "The server is gone. Trying again.");
+    this.lost("The server is gone. Trying again.");
+  }
+
+  /** Begin anew with a server that does not answer. */
+  silent() {
+    const { socket } = this;
+    socket.onmessage = socket.onclose = () => {};
+    socket.close();
+    this.lost("The server does not answer. Trying again.");
+  }
+
+  lost(words) {
+    this.onstate("lost", words);
     setTimeout(() => this.ended || this.open(), this.wait);
     this.wait = Math.min(2 * this.wait, LONGEST_WAIT);
   }

@@ -40,9 +40,10 @@ export class Stage {
       "aria-valuemin": 0, "aria-valuemax": 100, on: { pointerdown: (event) => this.grab(event), keydown: (event) => this.key(event) },
     });
     this.banner = h("div", { class: "vf-banner", role: "status", hidden: true });
+    this.gone = h("div", { class: "vf-gone", role: "alert", hidden: true }, h("strong"), h("span", {}, "This is the last picture that came, and nothing here acts until the connection is back."));
     this.element = h("div", {
       class: "vf-stage", tabindex: 0, role: "group", "aria-label": "Picture. Press question mark for the keys.",
-    }, this.panes.A.element, this.panes.B.element, this.over, this.wipe, this.banner);
+    }, this.panes.A.element, this.panes.B.element, this.over, this.wipe, this.banner, this.gone);
     new Frames(link, (header, bitmap) => this.draw(header, bitmap));
     new ResizeObserver(() => this.layout()).observe(this.element);
     link.on("hello", (hello) => this.resolution(hello.size));
@@ -62,7 +63,16 @@ export class Stage {
     this.banner.textContent = text ?? "";
   }
 
+  /** Say over the picture, paler then, that there is no connection; words that are null stay. */
+  bury(dead, words) {
+    this.gone.hidden = !dead;
+    this.element.classList.toggle("vf-dead", dead);
+    if (words !== null) this.gone.firstChild.textContent = words;
+    if (dead) this.announce(null);
+  }
+
   resolution([width, height]) {
+    this.full = [width, height];
     if (this.aspect === width / height) return;
     this.aspect = width / height;
     this.element.style.setProperty("--aspect", this.aspect);

@@ -2,8 +2,6 @@
 
 import { Viewfinder } from "./app.js";
 
-const PULSE = 20000; // [ms] between signs of life; the kernel forgets a view that gives none
-
 /** A transport over a widget's messages. Each view of a widget is a client of its own. */
 class Comm {
   constructor(model) {
@@ -18,14 +16,21 @@ class Comm {
     this.model.on("msg:custom", this.listener);
     this.onstate("connecting", "Connecting to the kernel");
     this.send(JSON.stringify({ type: "ping" }));
-    this.pulse = setInterval(() => this.send(JSON.stringify({ type: "ping" })), PULSE);
   }
 
   receive({ view, text, gone }, buffers) {
     if (view !== this.view) return;
+    if (this.isSilent) this.onstate("open", "Connected");
+    this.isSilent = false;
     if (gone) this.onstate("refused", gone);
     else if (text !== undefined) this.onmessage(text);
     else for (const buffer of buffers) this.onmessage(buffer);
+  }
+
+  /** Wait for a kernel that does not answer: what it was asked waits there, and its answer shows that it is back. */
+  silent() {
+    this.isSilent = true;
+    this.onstate("lost", "The kernel does not answer: it computes a cell, or has ended.");
   }
 
   send(text) {
@@ -33,7 +38,6 @@ class Comm {
   }
 
   close() {
-    clearInterval(this.pulse);
     this.model.off("msg:custom", this.listener);
     this.model.send({ view: this.view, closed: true });
   }
@@ -42,9 +46,16 @@ class Comm {
 /** Called by the notebook for each view of the widget. */
 export function render({ model, el }) {
   const root = document.createElement("div");
+  root.dataset.jpSuppressContextMenu = "true";
+  // Keys pressed here are not the notebook's. JupyterLab listens before the page does, and looks at what has the focus.
+  root.addEventListener("focusin", ({ target }) => { target.dataset.lmSuppressShortcuts = "true"; });
+  for (const type of ["keydown", "keypress", "keyup"]) root.addEventListener(type, (event) => event.stopPropagation()); // others listen after it
   el.append(root);
   const comm = new Comm(model);
-  new Viewfinder(root, comm);
+  const finder = new Viewfinder(root, comm);
   comm.open();
-  return () => comm.close();
+  return () => {
+    finder.link.close();
+    comm.close();
+  };
 }
