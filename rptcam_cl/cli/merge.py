@@ -5,6 +5,7 @@ import sys
 from pathlib import Path
 
 from rptcam_cl.cli.parser import Commands
+from rptcam_cl.cli.saving import save
 from rptcam_cl.core.errors import InputError
 
 
@@ -42,8 +43,8 @@ def _run(arguments: argparse.Namespace) -> int:
     for output in pictures:
         check_output(output, arguments.parts)
     image = merge(arguments.parts, checkpoint=states[0] if states else None)
-    for output in pictures:
-        image.save(output)
+    if pictures:
+        save(image, argparse.Namespace(outputs=pictures, raws=[], stats=None))
     if not arguments.quiet:
         names, count = ", ".join(map(str, outputs)), len(arguments.parts)
         made = f"{image.width} x {image.height}, {image.stats['spp']} spp, of {count} part{'s' * (count > 1)}"

@@ -49,6 +49,21 @@ def scratch_folder() -> "tempfile.TemporaryDirectory[str]":
     return tempfile.TemporaryDirectory(prefix=_name_of_process(), suffix=".tmp", ignore_cleanup_errors=True)
 
 
+@contextlib.contextmanager
+def utf8_name(path: str | os.PathLike[str]) -> Iterator[str]:
+    """A name of a file for libraries that take UTF-8 alone: its own, or else a link to it."""
+    try:
+        name = os.fspath(path)
+        name.encode()
+    except UnicodeEncodeError:
+        with scratch_folder() as folder:
+            link = os.path.join(folder, f"link{Path(path).suffix}")  # noqa: PTH118
+            os.symlink(os.path.abspath(path), link)  # noqa: PTH100, PTH211
+            yield link
+    else:
+        yield name
+
+
 def _is_alive(pid: int) -> bool:
     if os.name != "posix":
         return True  # signal 0 is a query on POSIX only; elsewhere it would be sent
