@@ -16,7 +16,7 @@ from typing import Any, TextIO, cast
 
 from rptcam_cl._version import __version__
 from rptcam_cl.cli.interrupt import INTERRUPTED
-from rptcam_cl.cli.parser import Parser, nearest
+from rptcam_cl.cli.parser import Parser
 from rptcam_cl.core.errors import InputError, RptcamError, StateError
 
 DEBUG = "--debug"
@@ -60,8 +60,7 @@ def _run(arguments: Sequence[str]) -> int:
     command = arguments[0] if arguments and arguments[0] in COMMANDS else None
     parsed, unknown = build_parser(command).parse_known_args(arguments)
     if unknown:
-        options = [name.strip("-") for name in parsed.parser.option_names() if name.startswith("--")]
-        hint = nearest(unknown[0].partition("=")[0].strip("-"), options, "--")
+        hint = parsed.parser.near_option(unknown[0])
         raise InputError(f"{parsed.parser.prog}: unknown argument {unknown[0]}{hint}; see {parsed.parser.prog} --help")
     code: int = parsed.run(parsed)
     sys.stdout.flush()
