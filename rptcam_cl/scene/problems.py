@@ -83,6 +83,8 @@ def _line(item: Any, data: Any, where: Where) -> str:
     if item["type"] in ("union_tag_invalid", "union_tag_not_found"):
         path, value = (*path, _tag_key(context["discriminator"])), context.get("tag")
     found = _explain(item["type"], item["msg"], context, value)
+    if found.problem == "unknown key" and isinstance(data, Mapping) and "camera" in data:  # of a scene
+        found = found._replace(problem=found.problem + _elsewhere(str(path[-1])))
     details = "; ".join(part for part in (found.got, found.allowed and f"allowed: {found.allowed}") if part)
     subject = f"{dotted(path)}: " if path else ""
     return f"{where(path, found.at_key)}{subject}{found.problem}" + (f" ({details})" if details else "")
@@ -128,8 +130,6 @@ def _explain(kind: str, message: str, context: dict[str, Any], value: Any) -> _F
     got = f"got {shown(context.get('got', value))}"
     if kind == REFUSED:
         problem = context["problem"]
-        if problem == "unknown key":
-            problem += _elsewhere(str(value if isinstance(value, str) else context.get("got")))
         return _Finding(problem, got, context["allowed"], at_key=problem.startswith("unknown key"))
     if kind in _COMPARISONS:
         name, words = _COMPARISONS[kind]
