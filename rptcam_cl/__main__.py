@@ -19,6 +19,7 @@ def run() -> int:
     Until all is imported, an interrupt ends the process at once and in silence: nothing is begun that could be lost.
     Its end does not take apart what the process has in memory, which the system takes back sooner.
     """
+    _open_closed_streams()
     python_interrupt = signal.getsignal(signal.SIGINT)
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     ended_with: list[int] = []
@@ -31,6 +32,23 @@ def run() -> int:
     signal.signal(signal.SIGINT, python_interrupt)
     ended_with.append(main())
     return ended_with[0]
+
+
+def _open_closed_streams() -> None:
+    """Open what the caller has closed, as by ``2>&-``; else the next file would get its number and what is said.
+
+    Standard output that was closed takes no writing, so that data does not vanish in silence.
+    """
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        try:
+            os.fstat(number)
+        except OSError:
+            found = os.open(os.devnull, os.O_WRONLY if name == "stderr" else os.O_RDONLY)
+            if found != number:  # as where one before it is in use again
+                os.dup2(found, number)
+                os.close(found)
+        if getattr(sys, name) is None:
+            setattr(sys, name, os.fdopen(number, "r" if name == "stdin" else "w", errors="backslashreplace"))
 
 
 def _leave(ended_with: list[int]) -> None:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from rptcam_cl.calibration.point_images import PointImages
 from rptcam_cl.calibration.stmap import StMaps
 from rptcam_cl.calibration.view import View
+from rptcam_cl.core.atomic import utf8_name
 
 Pixels = NDArray[np.float32]
 
@@ -25,8 +26,8 @@ def _write_exr(path: Path, channels: Mapping[str, Pixels], said: Mapping[str, An
     header: dict[str, Any] = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     header |= {key: value if isinstance(value, str) else json.dumps(value) for key, value in said.items()}
     named = {name: np.ascontiguousarray(values, np.float32) for name, values in channels.items()}
-    with OpenEXR.File(header, named) as file:
-        file.write(str(path))
+    with OpenEXR.File(header, named) as file, utf8_name(path) as name:
+        file.write(name)
 
 
 def st_exr(view: View, maps: StMaps, which: Literal["distort", "undistort"], path: Path) -> None:

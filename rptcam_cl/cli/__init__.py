@@ -11,12 +11,12 @@ import sys
 import tempfile
 import traceback
 import warnings
-from collections.abc import Iterator, Sequence
-from typing import Any, TextIO
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, TextIO, cast
 
 from rptcam_cl._version import __version__
 from rptcam_cl.cli.interrupt import INTERRUPTED
-from rptcam_cl.cli.parser import Parser, nearest
+from rptcam_cl.cli.parser import Parser
 from rptcam_cl.core.errors import InputError, RptcamError, StateError
 
 DEBUG = "--debug"
@@ -60,8 +60,7 @@ def _run(arguments: Sequence[str]) -> int:
     command = arguments[0] if arguments and arguments[0] in COMMANDS else None
     parsed, unknown = build_parser(command).parse_known_args(arguments)
     if unknown:
-        options = [name.strip("-") for name in parsed.parser.option_names() if name.startswith("--")]
-        hint = nearest(unknown[0].partition("=")[0].strip("-"), options, "--")
+        hint = parsed.parser.near_option(unknown[0])
         raise InputError(f"{parsed.parser.prog}: unknown argument {unknown[0]}{hint}; see {parsed.parser.prog} --help")
     code: int = parsed.run(parsed)
     sys.stdout.flush()
@@ -88,7 +87,7 @@ def _file_trouble(error: OSError) -> int:
     """Say which file could not be read or written, and return the exit code."""
     name = error.filename or "a file could not be read or written"
     if name == STANDARD_OUTPUT:
-        _abandon_output()
+        _abandon(sys.stdout)
     print(f"error: {name}: {error.strerror or error}", file=sys.stderr)
     return StateError.exit_code
 
@@ -113,6 +112,31 @@ class _StandardOutput:
         return getattr(self._stream, name)
 
 
+class _StandardError:
+    """Standard error whose reader may go: nobody hears of it then, and the work goes on."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+
+    def write(self, text: str) -> int:
+        """Write text."""
+        self._attempt(lambda: self._stream.write(text))
+        return len(text)
+
+    def flush(self) -> None:
+        """Send on what is held back."""
+        self._attempt(self._stream.flush)
+
+    def _attempt(self, call: Callable[[], object]) -> None:
+        try:
+            call()
+        except OSError:
+            _abandon(self._stream)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+
 @contextlib.contextmanager
 def _named() -> Iterator[None]:
     try:
@@ -122,9 +146,11 @@ def _named() -> Iterator[None]:
         raise
 
 
-def _abandon_output() -> None:
-    """Send what standard output still holds nowhere, so that the interpreter does not complain at its end."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+def _abandon(stream: TextIO) -> None:
+    """Send what a stream still holds nowhere, so that the interpreter does not complain at its end."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, stream.fileno())
+    os.close(nowhere)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -137,22 +163,26 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
     debug = DEBUG in words
-    with warnings.catch_warnings():
+    with warnings.catch_warnings(), contextlib.redirect_stderr(cast("TextIO", _StandardError(sys.stderr))):
         warnings.simplefilter("default", UserWarning)
         warnings.showwarning = _warn
         try:
             with contextlib.redirect_stdout(_StandardOutput(sys.stdout)):
-                return _run([word for word in words if word != DEBUG])
+                try:
+                    return _run([word for word in words if word != DEBUG])
+                except SystemExit:  # of --help and --version
+                    sys.stdout.flush()
+                    raise
         except RptcamError as error:
             print(f"error: {error}", file=sys.stderr)
             return error.exit_code
         except KeyboardInterrupt:
             print("interrupted", file=sys.stderr)
             return INTERRUPTED
-        except BrokenPipeError:  # the reader has seen enough
-            _abandon_output()
-            return 0
         except OSError as error:
+            if isinstance(error, BrokenPipeError) and error.filename == STANDARD_OUTPUT:  # its reader has seen enough
+                _abandon(sys.stdout)
+                return 0
             if debug:
                 raise
             return _file_trouble(error)

@@ -6,7 +6,7 @@ import re
 import sys
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from rptcam_cl.cli.frames import Frame
 from rptcam_cl.cli.interrupt import INTERRUPTED, stop_on_interrupt
@@ -34,7 +34,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--workers", type=int, metavar="N", help="render in N processes of this machine, likewise")
     parser.add_argument(
         "--tls", metavar="CA,CERT,KEY",
-        help="certificate files (PEM) for an address tls://…: authority, certificate, key",
+        help="certificate files (PEM) for an address tls://…: authority, certificate, key; none: take tcp:// on a"
+        " machine where all users are trusted",
     )  # fmt: skip
 
 
@@ -142,12 +143,14 @@ def pictures_of(arguments: argparse.Namespace, should_stop: Callable[[], bool]) 
     )  # fmt: skip
 
 
-def _tls(arguments: argparse.Namespace) -> "TLS | None":
-    """The certificates, where some are given."""
+def _tls(arguments: argparse.Namespace) -> "TLS | Literal[False] | None":
+    """The certificates, where some are given; False where none are wanted."""
     from rptcam_cl.cluster import TLS
 
     if arguments.tls is None:
         return None
+    if arguments.tls == "none":
+        return False
     names = re.split(r"\s*,\s*", arguments.tls.strip())
     if len(names) != 3:
         raise InputError(f"--tls: three files (got {arguments.tls}; allowed: as ca.pem,cert.pem,key.pem)")

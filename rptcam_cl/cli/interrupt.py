@@ -19,7 +19,7 @@ ENDS_LATER = "interrupted: the picture at hand is finished first; Ctrl-C again e
 
 @contextlib.contextmanager
 def stop_on_interrupt(words: str | None = None) -> Iterator[threading.Event]:
-    """An event that the first Ctrl-C (or termination) sets; the second raises `KeyboardInterrupt` at once.
+    """An event that the first Ctrl-C sets, or termination, or the end of the terminal; the second interrupts at once.
 
     So does a device that fails after the first: Ctrl-C takes a compiler's files away while it works.
     Outside the main thread, where signals do not arrive, the event stays unset.
@@ -39,6 +39,9 @@ def stop_on_interrupt(words: str | None = None) -> Iterator[threading.Event]:
                 os.write(sys.stderr.fileno(), f"{words}\n".encode())
 
     before = {number: signal.signal(number, handle) for number in (signal.SIGINT, signal.SIGTERM)}
+    closed = getattr(signal, "SIGHUP", None)  # the terminal is closed; what nohup starts is to go on
+    if closed is not None and signal.getsignal(closed) == signal.SIG_DFL:
+        before[closed] = signal.signal(closed, handle)
     try:
         yield stop
     except DeviceError:

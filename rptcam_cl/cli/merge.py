@@ -6,6 +6,7 @@ from pathlib import Path
 
 from rptcam_cl.cli import parser as values
 from rptcam_cl.cli.parser import Commands
+from rptcam_cl.cli.saving import save
 from rptcam_cl.core.errors import InputError
 
 
@@ -44,8 +45,8 @@ def _run(arguments: argparse.Namespace) -> int:
     for output in pictures:
         check_output(output, arguments.parts)
     image = merge(arguments.parts, checkpoint=states[0] if states else None, allow_mixed=arguments.allow_mixed)
-    for output in pictures:
-        image.save(output)
+    if pictures:
+        save(image, argparse.Namespace(outputs=pictures, raws=[], stats=None))
     if not arguments.quiet:
         names, count = ", ".join(map(str, outputs)), len(arguments.parts)
         made = f"{image.width} x {image.height}, {image.stats['spp']} spp, of {count} part{'s' * (count > 1)}"

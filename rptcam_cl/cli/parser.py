@@ -28,10 +28,21 @@ class Parser(argparse.ArgumentParser):
 
     def __init__(self, **options: Any) -> None:
         super().__init__(allow_abbrev=False, **options)
+        self._words: list[str] = []
 
-    def option_names(self) -> list[str]:
-        """All the options that this parser knows, ``-o`` and ``--output`` alike."""
-        return list(self._option_string_actions)
+    def near_option(self, word: str) -> str:
+        """The text ``; did you mean ...?`` with the option most like a word, by all its names, or nothing."""
+        options = [name.strip("-") for name in self._option_string_actions if name.startswith("--")]
+        near = nearest(word.partition("=")[0].strip("-"), options)
+        if not near:
+            return ""
+        name = "--" + near.removeprefix("; did you mean ").removesuffix("?")
+        return f"; did you mean {'/'.join(self._option_string_actions[name].option_strings)}?"
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Parse words, which an error may have to look at."""
+        self._words = [word for word in args or () if isinstance(word, str)]
+        return super().parse_known_args(args, namespace)
 
     def error(self, message: str) -> NoReturn:
         """Raise `InputError` in place of printing and leaving."""
@@ -40,6 +51,11 @@ class Parser(argparse.ArgumentParser):
             message = f"there is no command {choice[1]}"
             if choice[1].endswith((".yaml", ".yml")):
                 message += f"; to render it: rptcam render {shlex.quote(choice[1])} -o OUT.png"
+        if message.startswith("the following arguments are required"):
+            for word in self._words:
+                if word.startswith("--") and word.partition("=")[0] not in self._option_string_actions:
+                    message = f"unknown argument {word}{self.near_option(word)}, and {message}"
+                    break
         hint = nearest(choice[1], re.findall(r"[\w-]+", choice[2])) if choice else ""
         raise InputError(f"{self.prog}: {message}{hint}; see {self.prog} --help")
 

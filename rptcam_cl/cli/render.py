@@ -346,6 +346,7 @@ def _one(
         truth.save(arguments, image)
     elif image.stats.get("checkpoint") is None:
         raise StateError(f"{checkpoint}: could not be written")
+    print_warnings(summary.blocked_warning(image))
     print_warnings(f"autofocus: {line}" for line in image.metadata.get("autofocus", {}).get("warnings", ()))
     if not arguments.quiet:
         if "diffraction" in image.metadata:

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import argparse
 import os
+import sys
 import tempfile
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,40 +23,53 @@ def save(image: Image, arguments: argparse.Namespace) -> None:
     from rptcam_cl.core.atomic import replacing
     from rptcam_cl.imaging import FILM_SUFFIXES
 
-    failures: list[RptcamError] = []
-    film_is_written = False
-    for output in arguments.outputs:
+    failures: list[Exception] = []
+
+    def attempt(write: Callable[[], object]) -> bool:
         try:
-            image.save(output)
-            film_is_written |= output.suffix.lower() in FILM_SUFFIXES
-        except RptcamError as error:
+            write()
+        except Exception as error:  # whatever a library raises: the picture is not lost with it
             failures.append(error)
+            return False
+        return True
+
+    def write_stats() -> None:
+        with replacing(arguments.stats) as temporary:
+            temporary.write_text(as_json(image.stats) + "\n", encoding="utf-8", errors="backslashreplace")
+
+    # A list, and not a generator: all are attempted.
+    films = [attempt(partial(image.save, path)) and path.suffix.lower() in FILM_SUFFIXES for path in arguments.outputs]
     for raw in arguments.raws:
-        try:
-            image.raw().save(raw)
-        except RptcamError as error:
-            failures.append(error)
+        attempt(partial(_save_raw, image, raw))
     if arguments.stats is not None:
-        try:
-            with replacing(arguments.stats) as temporary:
-                temporary.write_text(as_json(image.stats) + "\n", encoding="utf-8")
-        except RptcamError as error:
-            failures.append(error)
-    if failures:
-        where = "" if film_is_written else _rescued(image)
+        attempt(write_stats)
+    if not failures:
+        return
+    where = "" if any(films) else rescued(image)
+    if isinstance(failures[0], RptcamError):
         raise type(failures[0])(f"{failures[0]}{where}")
+    if where:
+        print(f"note: the picture could not be written{where}", file=sys.stderr)
+    raise failures[0]
 
 
-def _rescued(image: Image) -> str:
-    """Write the film of a picture that cannot go where it was to go into the folder for temporary files; say so."""
-    try:
-        descriptor, name = tempfile.mkstemp(prefix="rptcam-", suffix=".exr")
-    except OSError:
-        return ""
-    os.close(descriptor)
-    try:
-        image.save(Path(name))
-    except RptcamError:
-        Path(name).unlink(missing_ok=True)
-        return ""
-    return f" (the film is kept in {name}, for rptcam develop)"
+def _save_raw(image: Image, path: Path) -> None:
+    image.raw().save(path)
+
+
+def rescued(image: Image) -> str:
+    """Write the film of a picture that cannot go where it was to go to the first place that takes it; say where."""
+    for folder in dict.fromkeys((tempfile.gettempdir(), os.path.expanduser("~"), os.getcwd())):  # noqa: PTH109, PTH111
+        for suffix in (".exr", ".npz"):
+            try:
+                descriptor, name = tempfile.mkstemp(prefix="rptcam-", suffix=suffix, dir=folder)
+                os.close(descriptor)
+            except OSError:
+                continue
+            try:
+                image.save(Path(name))
+            except Exception:  # as above
+                Path(name).unlink(missing_ok=True)
+            else:
+                return f" (the film is kept in {name}, for rptcam develop)"
+    return " (and no place was found where the film could be kept)"

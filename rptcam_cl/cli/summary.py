@@ -8,6 +8,8 @@ from rptcam_cl.cli.progress import as_duration
 if TYPE_CHECKING:
     from rptcam_cl.imaging import Image
 
+MUCH_BLOCKED = 0.1  # of the rays pass at least, or something is wrong
+
 
 def _metered(metadata: dict[str, Any]) -> str:
     """What exposure ``auto`` has chosen: the light, and time and ISO where there are any."""
@@ -42,6 +44,20 @@ def summary(image: "Image", outputs: list[Path]) -> str:
     if "metered_cd_m2" in image.metadata:
         parts.append(_metered(image.metadata))
     return f"wrote {', '.join(map(str, outputs))}: {', '.join(parts)}"
+
+
+def blocked_warning(image: "Image") -> list[str]:
+    """Return what to say where hardly a ray passes the lens: most of the film is dark then, or noisy."""
+    outcomes = image.stats.get("lens")
+    if not outcomes or not sum(outcomes.values()) or outcomes["passed"] >= MUCH_BLOCKED * sum(outcomes.values()):
+        return []
+    share = 1 - outcomes["passed"] / sum(outcomes.values())
+    size = image.metadata.get("film_size_mm")
+    film = f" of {size[0]:.4g} x {size[1]:.4g} mm" if isinstance(size, list | tuple) and len(size) == 2 else ""
+    return [
+        f"the lens blocked {100 * share:.0f} % of the rays: the film{film} is perhaps larger than its image circle"
+        " (rptcam lens info says how large that is; film.width_mm or film.format sets the film)"
+    ]
 
 
 def shared(stats: dict[str, Any]) -> str | None:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import hashlib
-import tempfile
+import threading
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from rptcam_cl.core.atomic import scratch_folder
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.core.references import named_files, read_whole
@@ -123,14 +124,28 @@ def _words(data: Any) -> tuple[str, ...]:
     return (data,) if isinstance(data, str) else ()
 
 
-_FOLDERS: dict[str, tuple[Any, Scene]] = {}  # of parcels that are unpacked in this process
+MOST_KEPT = 3  # scenes, where as many clients have the same workers
+_FOLDERS: dict[str, tuple[Any, Scene]] = {}  # of parcels that are unpacked in this process, the last used one last
+_ONE = threading.Lock()
 
 
-def scene_of(parcel: Parcel) -> Scene:
-    """Return the scene of a parcel, unpacked once in this process; its folder goes with the process or the next one."""
-    if parcel.digest not in _FOLDERS:
-        folder = tempfile.TemporaryDirectory(prefix="rptcam-scene-")
-        scene = parcel.unpacked(Path(folder.name))
-        _FOLDERS.clear()
-        _FOLDERS[parcel.digest] = folder, scene
-    return _FOLDERS[parcel.digest][1]
+def keep_scene(parcel: Parcel) -> None:
+    """Unpack a parcel, once in this process; its folder goes with the process, or with others after it."""
+    with _ONE:
+        if (digest := parcel.digest) not in _FOLDERS:
+            folder = scratch_folder()
+            _FOLDERS[digest] = folder, parcel.unpacked(Path(folder.name))
+            for old in list(_FOLDERS)[:-MOST_KEPT]:
+                del _FOLDERS[old]
+
+
+def has_scene(digest: str) -> bool:
+    """Whether the parcel with this digest is unpacked in this process."""
+    return digest in _FOLDERS
+
+
+def scene_of(digest: str) -> Scene:
+    """Return the scene of a parcel that is unpacked in this process."""
+    with _ONE:
+        _FOLDERS[digest] = _FOLDERS.pop(digest)
+        return _FOLDERS[digest][1]

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-import tempfile
 import time
-from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import field, replace
@@ -15,11 +13,12 @@ from typing import Any
 
 from rptcam_cl._version import __version__
 from rptcam_cl.api import Image, Progress, RenderSettings, check_divisible, load_scene, merge
-from rptcam_cl.cluster.client import TLS, check_cluster, connected
+from rptcam_cl.cluster.client import Credentials, check_cluster, connected
 from rptcam_cl.cluster.parcel import Parcel, packed
 from rptcam_cl.cluster.parts_folder import PartsFolder, PartsPlan
 from rptcam_cl.cluster.tasks import Job, Opened, RenderedPart, open_render, render_part
 from rptcam_cl.cluster.tasks_out import TasksOut
+from rptcam_cl.core.atomic import scratch_folder
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import StateError
 from rptcam_cl.core.kept import OneMaker, made_by
@@ -30,7 +29,6 @@ PART_S = 0.03  # that a part costs beside its rendering [s]
 LONGEST_S = 10.0  # of a part, where the client keeps up: so much is lost with a worker [s]
 CLIENT_S = 0.04  # that a part costs the client at most, so that it keeps up with many workers [s]
 PARTS_A_WORKER = 4  # at least, so that all end at about the same time
-AHEAD = 2  # parts with each worker: the one that it renders, and the next
 
 
 def render_on_cluster(
@@ -38,7 +36,7 @@ def render_on_cluster(
     cluster: str | None = None,
     *,
     workers: int | None = None,
-    tls: TLS | None = None,
+    tls: Credentials = None,
     device: str | None = None,
     folder: str | Path | None = None,
     resume: bool = False,
@@ -64,7 +62,8 @@ def render_on_cluster(
     workers
         In place of an address: processes of this machine, which end with the render.
     tls
-        Certificates, for an address that begins with ``tls://``.
+        Certificates, for an address that begins with ``tls://``; False for ``tcp://`` on a machine where all users
+        are trusted, since any of them can run programs by it.
     device
         Of each worker, as for `choose_device`.
     folder
@@ -102,11 +101,12 @@ def render_on_cluster(
     samples = settings.most_spp(applied)
     assert samples is not None, "without a time it ends by samples"
     parcel, job = packed(given), Job(words, device, allow_mixed=allow_mixed)
-    with tempfile.TemporaryDirectory(prefix="rptcam-parts-") as scratch:
+    with scratch_folder() as scratch:
         kept = PartsFolder(Path(scratch) / "parts" if folder is None else Path(folder))
         if not resume:
             kept.clear()
-        run = _Run(kept, parcel, job, applied, samples, on_progress, should_stop)
+        says_kept = "" if folder is None else f"; {kept.path} holds the parts that came back (--resume goes on)"
+        run = _Run(kept, parcel, job, applied, samples, on_progress, should_stop, says_kept)
         return run.image(partial(connected, cluster, workers, tls, device, allow_mixed=allow_mixed))
 
 
@@ -132,6 +132,7 @@ class _Run:
     spp: int
     on_progress: Callable[[Progress], Any] | None
     should_stop: Callable[[], bool] | None
+    says_kept: str
     account: dict[str, dict[str, Any]] = field(default_factory=dict)
     seconds: dict[str, float] = field(default_factory=dict)
 
@@ -143,9 +144,9 @@ class _Run:
         plan = self.earlier_plan()
         if plan is None or self.kept.missing(plan):
             begun = time.perf_counter()
-            with connect() as client:
+            with connect() as (client, workers):
                 self.took("connect", begun)
-                plan = self.complete(client, plan)
+                plan = self.complete(client, workers, plan)
         begun = time.perf_counter()
         files = [self.kept.file(number) for number in range(1, plan.count + 1)]
         image = merge(files, allow_mixed=self.job.allow_mixed)
@@ -177,43 +178,24 @@ class _Run:
         layers = [*self.scene.render.layers, self.scene.render.layers_spp] if self.scene.render.layers else []
         return {"version": __version__, "scene": self.scene.picture_hash(), "spp": self.spp, "layers": layers}
 
-    def complete(self, client: Any, plan: PartsPlan | None) -> PartsPlan:
+    def complete(self, client: Any, workers: Sequence[str], plan: PartsPlan | None) -> PartsPlan:
         """Render all parts that are missing, and return the plan."""
-        sent, begun = TasksOut(client, self.parcel), time.perf_counter()
+        sent, begun = TasksOut(client, self.parcel, workers, self.says_kept), time.perf_counter()
+        check = partial(self._check, sent)
         if plan is None:
-            opened: Opened = self._wait_for(sent, lambda: sent.submit_to_all(open_render, self.job))
-            count = min(parts_of(opened.seconds, len(client.nthreads())), FilmLayout.of(self.scene.film).tiles)
+            opened: Opened = sent.first(open_render, (self.job,), check)
+            count = min(parts_of(opened.seconds, len(workers)), FilmLayout.of(self.scene.film).tiles)
             plan = PartsPlan(**self.facts(), count=count, found=opened.found, made_by=opened.made_by)
             self.kept.begin(plan)
         self.job = replace(self.job, found=plan.found, count=plan.count)
         self.took("open", begun)
-        begun = time.perf_counter()
-        self._render(sent, plan)
+        todo, begun = self.kept.missing(plan), time.perf_counter()
+        parts = sent.results(render_part, ((self.job, number) for number in todo), check)
+        for left, (worker, part) in zip(reversed(range(len(todo))), parts, strict=True):
+            self._take(worker, part)
+            self._tell(1 - left / plan.count, time.perf_counter() - begun)
         self.took("render", begun)
         return plan
-
-    def _wait_for(self, sent: TasksOut, begin: Callable[[], None]) -> Any:
-        begin()
-        while (came := sent.next()) is None:
-            self._check(sent)
-        return came[1]
-
-    def _render(self, sent: TasksOut, plan: PartsPlan) -> None:
-        todo = deque(self.kept.missing(plan))
-        left, begun = len(todo), time.perf_counter()
-        while left:
-            while todo and sent.under_way < AHEAD * sent.workers:
-                sent.submit(render_part, self.job, todo.popleft())
-            if (came := sent.next()) is None:
-                self._check(sent)
-                continue
-            worker, part = came
-            if isinstance(part, Opened):  # of a worker that opened the render beside the first one
-                continue
-            self._take(worker, part)
-            left -= 1
-            self._tell(1 - left / plan.count, time.perf_counter() - begun)
-            self._check(sent)
 
     def _take(self, worker: str, part: RenderedPart) -> None:
         self.same.add(f"cluster: the worker {worker}", part.made_by)
@@ -233,7 +215,3 @@ class _Run:
         if self.should_stop is not None and self.should_stop():
             sent.cancel()
             raise InterruptedError(f"the parts that are done are in {self.kept.path}")
-        if sent.silent:
-            raise StateError(
-                f"cluster: the scheduler is gone; {self.kept.path} holds the parts that came back (--resume goes on)"
-            )

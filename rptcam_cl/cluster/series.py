@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-import tempfile
-from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 from rptcam_cl.api import Image, RenderSettings, check_divisible, merge
-from rptcam_cl.cluster.client import TLS, check_cluster, connected
+from rptcam_cl.cluster.client import Credentials, check_cluster, connected
 from rptcam_cl.cluster.parcel import packed, plain_data
-from rptcam_cl.cluster.tasks import Job, RenderedPart, render_scene
+from rptcam_cl.cluster.tasks import Job, RenderedPart, hold_scene, render_scene
 from rptcam_cl.cluster.tasks_out import TasksOut
-from rptcam_cl.core.errors import StateError
+from rptcam_cl.core.atomic import scratch_folder
 from rptcam_cl.rendering import SUFFIX
 from rptcam_cl.scene import Scene
-
-AHEAD = 2  # pictures with each worker: the one that it renders, and the next
 
 
 def render_scenes_on_cluster(
@@ -25,7 +21,7 @@ def render_scenes_on_cluster(
     cluster: str | None = None,
     *,
     workers: int | None = None,
-    tls: TLS | None = None,
+    tls: Credentials = None,
     device: str | None = None,
     settings: Mapping[str, Any] | None = None,
     allow_mixed: bool = False,
@@ -62,22 +58,22 @@ def render_scenes_on_cluster(
     if not scenes:
         return
     parcel = packed(*scenes.values())
-    with (
-        tempfile.TemporaryDirectory(prefix="rptcam-frames-") as scratch,
-        connected(cluster, workers, tls, device, allow_mixed=allow_mixed) as to,
-    ):
-        sent, todo, left = TasksOut(to, parcel), deque(scenes), len(scenes)
-        while left:
-            _check(sent, should_stop)
-            while todo and sent.under_way < AHEAD * sent.workers:
-                number = todo.popleft()
-                scene = scenes[number]
-                job = Job(words, device, allow_mixed=allow_mixed)
-                sent.submit(render_scene, job, number, plain_data(scene), scene.content_hash())
-            came = sent.next()
-            if came is not None:
-                left -= 1
-                yield came[1].number, _image(came[1], came[0], Path(scratch))
+    todo = (
+        (Job(words, device, allow_mixed=allow_mixed), number, plain_data(scene), scene.content_hash())
+        for number, scene in scenes.items()
+    )
+    to_cluster = connected(cluster, workers, tls, device, allow_mixed=allow_mixed)
+    with scratch_folder() as scratch, to_cluster as (client, there):
+        sent = TasksOut(client, parcel, there, "; the pictures that are done are written (--resume goes on)")
+
+        def check() -> None:
+            if should_stop is not None and should_stop():
+                sent.cancel()
+                raise InterruptedError("the pictures that are done are written")
+
+        sent.first(hold_scene, (), check)
+        for worker, part in sent.results(render_scene, todo, check):
+            yield part.number, _image(part, worker, Path(scratch))
 
 
 def _image(part: RenderedPart, worker: str, scratch: Path) -> Image:
@@ -89,10 +85,3 @@ def _image(part: RenderedPart, worker: str, scratch: Path) -> Image:
     image.stats["cluster"] = {"parts": 1, "workers": {worker: row}}
     return image
 
-
-def _check(sent: TasksOut, should_stop: Callable[[], bool] | None) -> None:
-    if should_stop is not None and should_stop():
-        sent.cancel()
-        raise InterruptedError("the pictures that are done are written")
-    if sent.silent:
-        raise StateError("cluster: the scheduler is gone; the pictures that are done are written (--resume goes on)")

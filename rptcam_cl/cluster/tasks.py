@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 from dataclasses import field, replace
 from typing import Any
 
 from rptcam_cl._version import __version__
 from rptcam_cl.api import Found, PartRenderer, RenderSettings
-from rptcam_cl.cluster.parcel import Parcel, scene_of
+from rptcam_cl.cluster.parcel import Parcel, has_scene, keep_scene, scene_of
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import RptcamError, StateError
 from rptcam_cl.core.kept import Maker, OneMaker, made_by
@@ -79,27 +80,44 @@ def survey(device: str | None = None) -> dict[str, Any]:
         return {"version": __version__, "problem": str(problem)}
 
 
-def open_render(parcel: Parcel, job: Job) -> Opened:
+def at_worker(function: Callable[..., Any], digest: str, parcel: Parcel | None, *words: Any) -> tuple[str, Any]:
+    """Return the address of this worker, and what a function returns for a scene; None where it is not here.
+
+    A worker keeps the scenes of the last parcels, so that no task waits for another worker to send one.
+    """
+    from distributed import get_worker
+
+    if parcel is not None:
+        keep_scene(parcel)
+    return get_worker().address, function(digest, *words) if has_scene(digest) else None
+
+
+def hold_scene(digest: str) -> str:
+    """Do nothing: what is to be done is that the scene is there."""
+    return digest
+
+
+def open_render(digest: str, job: Job) -> Opened:
     """Prepare a render: find focus and exposure, compile, measure the speed."""
     with _ONE:
-        renderer = _renderer(parcel, job)
+        renderer = _renderer(digest, job)
         return Opened(renderer.found, renderer.seconds(), renderer.made_by)
 
 
-def render_part(parcel: Parcel, job: Job, number: int) -> RenderedPart:
+def render_part(digest: str, job: Job, number: int) -> RenderedPart:
     """Render one part."""
     with _ONE:
-        renderer = _renderer(parcel, job)
+        renderer = _renderer(digest, job)
         content, seconds = renderer.render(FilmPart(number, job.count))
         return RenderedPart(number, content, renderer.device, seconds, renderer.made_by)
 
 
-def render_scene(parcel: Parcel, job: Job, number: int, data: dict[str, Any], digest: str) -> RenderedPart:
-    """Render a whole picture of a scene whose files are in the parcel; ``digest`` is its content hash."""
+def render_scene(digest: str, job: Job, number: int, data: dict[str, Any], content_hash: str) -> RenderedPart:
+    """Render a whole picture of a scene whose files are in the parcel, and that has this content hash."""
     with _ONE:
         _check_version(job)
-        scene = load_scene(data, base_dir=scene_of(parcel).base_dir)
-        if scene.content_hash() != digest:
+        scene = load_scene(data, base_dir=scene_of(digest).base_dir)
+        if scene.content_hash() != content_hash:
             raise StateError("the scene is not the one that was sent: a file has changed, or a link leads elsewhere")
         renderer = PartRenderer(scene, RenderSettings(**job.settings), job.device)
         content, seconds = renderer.render(FilmPart())
@@ -115,12 +133,12 @@ def _check_version(job: Job) -> None:
         same.add("cluster: a worker", made_by(()))
 
 
-def _renderer(parcel: Parcel, job: Job) -> PartRenderer:
+def _renderer(digest: str, job: Job) -> PartRenderer:
     """Return what renders the parts of a job: prepared once, unless another worker has found other focus or light."""
     _check_version(job)
-    key = (parcel.digest, repr(replace(job, found=None, count=1)))
+    key = (digest, repr(replace(job, found=None, count=1)))
     renderer = _OPEN.get(key)
     if renderer is None or (job.found is not None and not job.found.is_same(renderer.found)):
         _OPEN.clear()
-        _OPEN[key] = renderer = PartRenderer(scene_of(parcel), RenderSettings(**job.settings), job.device, job.found)
+        _OPEN[key] = renderer = PartRenderer(scene_of(digest), RenderSettings(**job.settings), job.device, job.found)
     return renderer

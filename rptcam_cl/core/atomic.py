@@ -7,8 +7,12 @@ import secrets
 import time
 from collections.abc import Iterable, Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rptcam_cl.core.errors import InputError, StateError
+
+if TYPE_CHECKING:
+    import tempfile
 
 STRAY_SECONDS = 7 * 24 * 3600  # after which a file that is still being written has been left behind
 
@@ -29,8 +33,35 @@ def _process_space() -> str:
 _SPACE = _process_space()
 
 
+def _name_of_process() -> str:
+    return f".rptcam-{_SPACE or 'unknown'}-{os.getpid()}-"
+
+
 def _temporary_name() -> str:
-    return f".rptcam-{_SPACE or 'unknown'}-{os.getpid()}-{secrets.token_hex(4)}.tmp"
+    return f"{_name_of_process()}{secrets.token_hex(4)}.tmp"
+
+
+def scratch_folder() -> "tempfile.TemporaryDirectory[str]":
+    """A folder among the system's temporary ones; where the process is killed, it goes with the next such folder."""
+    import tempfile
+
+    remove_strays(Path(tempfile.gettempdir()))
+    return tempfile.TemporaryDirectory(prefix=_name_of_process(), suffix=".tmp", ignore_cleanup_errors=True)
+
+
+@contextlib.contextmanager
+def utf8_name(path: str | os.PathLike[str]) -> Iterator[str]:
+    """A name of a file for libraries that take UTF-8 alone: its own, or else a link to it."""
+    try:
+        name = os.fspath(path)
+        name.encode()
+    except UnicodeEncodeError:
+        with scratch_folder() as folder:
+            link = os.path.join(folder, f"link{Path(path).suffix}")  # noqa: PTH118
+            os.symlink(os.path.abspath(path), link)  # noqa: PTH100, PTH211
+            yield link
+    else:
+        yield name
 
 
 def _is_alive(pid: int) -> bool:
@@ -46,13 +77,24 @@ def _is_alive(pid: int) -> bool:
 
 
 def remove_strays(folder: Path) -> None:
-    """Remove temporary files that killed runs left in a folder: those of this system and container, or a week old."""
+    """Remove temporary files and folders that killed runs left: those of this system and container, or a week old."""
     for stray in folder.glob(".rptcam-*-*.tmp"):
         space, pid = stray.name.split("-")[1:3]
         with contextlib.suppress(OSError):
-            dead = _SPACE and space == _SPACE and pid.isdecimal() and not _is_alive(int(pid))
-            if dead or stray.lstat().st_mtime < time.time() - STRAY_SECONDS:
+            is_here = bool(_SPACE) and space == _SPACE and pid.isdecimal()
+            is_dead = is_here and not _is_alive(int(pid))
+            is_old = stray.lstat().st_mtime < time.time() - STRAY_SECONDS
+            if stray.is_dir() and not stray.is_symlink():
+                if is_dead or (is_old and not is_here):
+                    _remove_tree(stray)
+            elif is_dead or is_old:
                 stray.unlink()
+
+
+def _remove_tree(folder: Path) -> None:
+    import shutil
+
+    shutil.rmtree(folder, ignore_errors=True)
 
 
 def _sync(path: Path, flags: int) -> None:

@@ -17,12 +17,12 @@ import os
 import platform
 import shutil
 import sys
-import tempfile
 from functools import lru_cache
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+from rptcam_cl.core.atomic import scratch_folder
 from rptcam_cl.core.errors import DeviceError
 from rptcam_cl.device.pocl_cache import make_pocl_cache_usable
 
@@ -75,8 +75,9 @@ def show_intel_runtime() -> None:
     if library is None:
         return
     with contextlib.suppress(OSError):
-        folder = Path(tempfile.mkdtemp(prefix="rptcam_cl-drivers-"))
-        atexit.register(shutil.rmtree, folder, ignore_errors=True)
+        place = scratch_folder()
+        atexit.register(place.cleanup)
+        folder = Path(place.name)
         for driver in sorted(SYSTEM.glob("*.icd")):
             if LIBRARY not in driver.read_text(errors="replace"):  # the same driver, installed twice
                 shutil.copyfile(driver, folder / driver.name)

@@ -24,6 +24,7 @@ import warnings
 from collections.abc import Iterator
 from pathlib import Path
 
+from rptcam_cl.core.atomic import scratch_folder
 from rptcam_cl.core.resources import cache_dir
 from rptcam_cl.device.at_work import left_behind, mark_work
 
@@ -64,11 +65,11 @@ def make_pocl_cache_usable() -> None:
             _forget(left)
         return
     try:
-        place = tempfile.mkdtemp(prefix="rptcam_cl-kernels-")
+        place = scratch_folder()
     except OSError:
         return  # PoCL says what is wrong
-    atexit.register(shutil.rmtree, place, ignore_errors=True)
-    os.environ[VARIABLE] = place
+    atexit.register(place.cleanup)
+    os.environ[VARIABLE] = place.name
     warnings.warn(f"{folder}: {barred}; compiled kernels are not kept", stacklevel=1)
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.colour import SRGB_PRIMARIES, SRGB_WHITE
+from rptcam_cl.core.atomic import utf8_name
 from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.core.host_memory import free_host_bytes
 from rptcam_cl.imaging.image import Image
@@ -68,7 +69,7 @@ def _size(path: str | os.PathLike[str], suffix: str) -> tuple[int, int]:
 
         with Path(path).open("rb"):
             pass  # the library's own words for a file that is not there name no reason
-        with OpenEXR.File(str(path), separate_channels=True, header_only=True) as file:
+        with utf8_name(path) as name, OpenEXR.File(name, separate_channels=True, header_only=True) as file:
             header = dict(file.header())
         (left, top), (right, bottom) = header["dataWindow"]
         count = max(0, int(right) - int(left) + 1) * max(0, int(bottom) - int(top) + 1)
@@ -115,7 +116,7 @@ def _numpy(path: str | os.PathLike[str]) -> tuple[NDArray[Any], dict[str, Any]]:
 def _exr(path: str | os.PathLike[str]) -> tuple[NDArray[Any], dict[str, Any]]:
     import OpenEXR
 
-    with OpenEXR.File(str(path), separate_channels=True) as file:
+    with utf8_name(path) as name, OpenEXR.File(name, separate_channels=True) as file:
         header = dict(file.header())  # the file empties its own when it closes
         planes = [file.channels()[name].pixels for name in "RGB"]
     primaries = header.get("chromaticities")

@@ -23,6 +23,7 @@ FORMATS: dict[str, tuple[str, str, str, dict[str, str]]] = {
     ".mp4": ("mp4", "libx264", "yuv420p", {"crf": "16", "preset": "slow"}),
     ".webm": ("webm", "libsvtav1", "yuv420p10le", {"crf": "24"}),
 }
+_EXACT = {"fflags": "+bitexact"}  # else Matroska draws numbers at random for each file
 _CLOCK = 1_000_000  # denominators of frame rates, at most
 
 # Numbers of ITU-T H.273. Players take what is not said for either of two matrices, by the height of the picture.
@@ -71,7 +72,7 @@ def write_video(path: str | os.PathLike[str], images: Iterable[Image], frames_pe
     count = 0
     with replacing(path) as temporary:
         try:
-            with av.open(str(temporary), "w", format=container) as file:
+            with av.open(str(temporary), "w", format=container, options=_EXACT) as file:
                 stream: Any = None
                 for image in images:
                     codes = quantised(image.developed(), 16).astype(np.uint16)
@@ -104,10 +105,13 @@ def _say_colours(codec: Any, curve: int, *, is_rgb: bool) -> None:
 
 
 def _frame(codes: NDArray[np.uint16], kind: str) -> Any:
-    """Return codes (height, width, 3) as a frame of the codec's pixels, by the matrix that `_say_colours` names."""
+    """Return codes (height, width, 3) as a frame of the codec's pixels, by the matrix that `_say_colours` names.
+
+    By one thread: where FFmpeg's filters share a picture among several, one in some hundred has a few other bits.
+    """
     import av
 
     frame = av.VideoFrame.from_ndarray(codes, format="rgb48le")
     if kind.startswith("gbr"):
-        return frame.reformat(format=kind)
-    return frame.reformat(format=kind, dst_colorspace=_REC_709, dst_color_range=_LIMITED)
+        return frame.reformat(format=kind, threads=1)
+    return frame.reformat(format=kind, dst_colorspace=_REC_709, dst_color_range=_LIMITED, threads=1)

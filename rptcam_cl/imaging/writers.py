@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.colour import SRGB_PRIMARIES, SRGB_WHITE
-from rptcam_cl.core.atomic import check_writable, replacing
+from rptcam_cl.core.atomic import check_writable, replacing, utf8_name
 from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.imaging.cryptomatte import header_of
 from rptcam_cl.imaging.development import Development, developed_codes
@@ -221,8 +221,8 @@ def _write_exr(path: Path, pixels: Pixels, metadata: Metadata, development: Deve
         **_windows(metadata, pixels),
     }
     channels = {"RGB": np.ascontiguousarray(pixels), **dict(exr_channels(layers))}
-    with OpenEXR.File(header, channels) as file:
-        file.write(str(path))
+    with OpenEXR.File(header, channels) as file, utf8_name(path) as name:
+        file.write(name)
 
 
 def _write_npy(path: Path, pixels: Pixels, metadata: Metadata, development: Development, layers: Layers) -> None:

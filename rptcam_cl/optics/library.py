@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import difflib
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
@@ -164,9 +165,22 @@ def _unknown(name: str) -> InputError:
     if names_a_file(name):
         near = difflib.get_close_matches(Path(name).stem, known, n=1, cutoff=0.8)
         return InputError(f"{name}: no such lens file" + (f"; did you mean {near[0]}, of the library?" if near else ""))
-    near = difflib.get_close_matches(name, known, n=3, cutoff=0.4)
+    near = _like(name, known)
     hint = f"did you mean {', '.join(near)}?" if near else f"names: {', '.join(known)}"
     return InputError(f"{name}: no such lens file or name; {hint}")
+
+
+def _like(name: str, known: Sequence[str]) -> list[str]:
+    """Return the names of lenses most like one: those with a word and the focal length of it, or with one of both."""
+    length = re.search(r"\d+(?:\.\d+)?mm", name)
+    words = {word for word in re.split(r"[^a-z]+", name.lower().replace("mm", "")) if len(word) > 2}
+    same_words = [other for other in known if words & set(re.split(r"[^a-z]+", other))]
+    same_length = [other for other in known if length and other.endswith(f"-{length[0]}")]
+    both = [other for other in same_words if other in same_length]
+    close = difflib.get_close_matches(name, known, n=3, cutoff=0.75)
+    return list(dict.fromkeys((*both, *close, *same_words, *same_length)))[:3] or difflib.get_close_matches(
+        name, known, n=3, cutoff=0.4
+    )
 
 
 def _read_text(path: Path) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import json
+import shlex
 from collections.abc import Iterable, Mapping
 from os import PathLike
 from pathlib import Path
@@ -26,6 +27,11 @@ from rptcam_cl.scene.scene import Scene
 from rptcam_cl.scene.shape import Object
 
 Missing = Literal["error", "grey"]
+
+# What becomes a scene first, and how.
+_MODELS = (".glb", ".gltf", ".obj", ".ply", ".stl")
+NO_SCENES = {".pbrt": "rptcam convert {} scene.yaml makes one of it"}
+NO_SCENES |= dict.fromkeys(_MODELS, "rptcam new scene.yaml --model {} makes one round it")
 
 
 def load_scene(
@@ -65,6 +71,8 @@ def load_scene(
         data: Any = copy.deepcopy(dict(source))
         folder = Path.cwd()
     else:
+        if (hint := NO_SCENES.get(Path(source).suffix.lower())) is not None:
+            raise InputError(f"{source}: is no scene file; {hint.format(shlex.quote(str(source)))}")
         document = read_yaml(Path(source))
         data, folder = document.data, Path(source).absolute().parent
     data = _as_scene_mapping(data, document)

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any, NamedTuple, get_args
 
 from pydantic import ValidationError
 from pydantic_core import PydanticCustomError
 
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.strict_yaml import KeyPath, dotted
-from rptcam_cl.scene.base import REFUSED, listed, near_name
+from rptcam_cl.scene.base import REFUSED, SceneModel, listed, near_name
 from rptcam_cl.scene.lens_settings import IN_WORDS, LAYERED
 from rptcam_cl.scene.metal import MEASURED, WRITTEN_OUT
 from rptcam_cl.scene.quantities import SPECTRUM
@@ -20,6 +20,7 @@ from rptcam_cl.scene.real_lens import DESIGN, REAL
 from rptcam_cl.scene.texture import CONSTANT
 
 MAX_REPORTED = 5
+SECTIONS = ("camera", "film", "exposure", "shutter", "sequence", "sensor", "spectrum", "render", "picture")
 
 # Names of forms that a value without a kind may have; no keys.
 FORMS = (CONSTANT, SPECTRUM, MEASURED, DESIGN, REAL, IN_WORDS, LAYERED)
@@ -82,6 +83,8 @@ def _line(item: Any, data: Any, where: Where) -> str:
     if item["type"] in ("union_tag_invalid", "union_tag_not_found"):
         path, value = (*path, _tag_key(context["discriminator"])), context.get("tag")
     found = _explain(item["type"], item["msg"], context, value)
+    if found.problem == "unknown key" and isinstance(data, Mapping) and "camera" in data:  # of a scene
+        found = found._replace(problem=found.problem + _elsewhere(str(path[-1])))
     details = "; ".join(part for part in (found.got, found.allowed and f"allowed: {found.allowed}") if part)
     subject = f"{dotted(path)}: " if path else ""
     return f"{where(path, found.at_key)}{subject}{found.problem}" + (f" ({details})" if details else "")
@@ -143,6 +146,24 @@ def _explain(kind: str, message: str, context: dict[str, Any], value: Any) -> _F
     if kind in _WRONG_TYPE:
         return _Finding(f"must be {_WRONG_TYPE[kind]}", got)
     return _Finding(message[:1].lower() + message[1:], got)
+
+
+def _elsewhere(key: str) -> str:
+    """Return ``; did you mean section.key?`` for a key that a section of the scene has, or nothing."""
+    from rptcam_cl.scene.scene import Scene
+
+    for name in SECTIONS:
+        if any(key in model.model_fields for model in _models(Scene.model_fields[name].annotation)):
+            return f"; did you mean {name}.{key}?"
+    return ""
+
+
+def _models(annotation: Any) -> Iterator[type[SceneModel]]:
+    """Yield the models that a type is made of."""
+    if isinstance(annotation, type) and issubclass(annotation, SceneModel):
+        yield annotation
+    for part in get_args(annotation):
+        yield from _models(part)
 
 
 def refusal_text(refusal: PydanticCustomError) -> str:

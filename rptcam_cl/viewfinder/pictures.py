@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import tempfile
 from pathlib import Path
 from typing import Any, Literal
 
@@ -11,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image as Pillow
 
+from rptcam_cl.core.atomic import scratch_folder
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.imaging import Image, quantised
 
@@ -76,7 +76,7 @@ def file_bytes(image: Image, kind: str) -> bytes:
     InputError
         A raw file is requested, and the scene has no sensor.
     """
-    with tempfile.TemporaryDirectory(prefix="rptcam-") as folder:
+    with scratch_folder() as folder:
         path = Path(folder) / f"picture{_SUFFIXES[kind]}"
         if kind == "dng":
             try:

@@ -9,10 +9,12 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from rptcam_cl import cli
 from rptcam_cl.device.program import _build_failure
+from rptcam_cl.imaging import read_film
 
 
 def broken(arguments: object) -> int:
@@ -97,6 +99,80 @@ def test_full_standard_output_is_named() -> None:
         )
     assert done.returncode == 4
     assert done.stderr == "error: standard output: No space left on device\n"
+
+
+SCENE = """
+film: {resolution: [8, 6]}
+camera: {kind: pinhole, eye: [0, 0, 3], target: [0, 0, 0], fov_degrees: 30}
+environment: {kind: constant, radiance: 1}
+sensor: {}
+"""
+
+
+def in_shell(line: str, folder: Path) -> subprocess.CompletedProcess[bytes]:
+    line = line.replace("rptcam", f"{sys.executable} -m rptcam_cl", 1)
+    return subprocess.run(["bash", "-c", line], cwd=folder, capture_output=True, check=False)
+
+
+@pytest.mark.parametrize("streams", ["2>&-", "<&- >&- 2>&-", "2>/dev/full", "2> >(true)"])
+def test_closed_streams_hold_no_picture_up_and_nothing_is_written_into_it(streams: str, tmp_path: Path) -> None:
+    (tmp_path / "scene.yaml").write_text(SCENE, "utf-8")
+    done = in_shell(f"rptcam render scene.yaml --spp 1 -o a.png -o a.exr {streams}", tmp_path)
+    assert (done.returncode, done.stdout, done.stderr) == (0, b"", b"")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.exr", "a.png", "scene.yaml"]
+    assert read_film(tmp_path / "a.exr").pixels.shape == (6, 8, 3)
+
+
+@pytest.mark.parametrize(
+    ("line", "code", "said"),
+    [
+        ("rptcam schema >&-", 4, b"error: standard output: Bad file descriptor\n"),
+        ("rptcam --help >&-", 4, b"error: standard output: Bad file descriptor\n"),
+        ("rptcam schema >&- 2>&-", 4, b""),
+        ("rptcam render no.yaml -o a.png 2>&-", 2, b""),
+        ("rptcam render no.yaml -o a.png 2>&1 | true; exit ${PIPESTATUS[0]}", 2, b""),
+        ("rptcam schema | true; exit ${PIPESTATUS[0]}", 0, b""),
+    ],
+)
+def test_closed_streams_end_in_the_right_code_and_no_traceback(
+    line: str, code: int, said: bytes, tmp_path: Path
+) -> None:
+    done = in_shell(line, tmp_path)
+    assert (done.returncode, done.stderr) == (code, said)
+
+
+def test_pictures_go_into_folders_whose_name_is_no_utf_8(tmp_path: Path) -> None:
+    (tmp_path / "scene.yaml").write_text(SCENE, "utf-8")
+    odd = os.fsdecode(os.fsencode(tmp_path) + b"/caf\xe9")
+    Path(odd).mkdir()
+    names = [f"{odd}/a.{suffix}" for suffix in ("exr", "npz", "png", "jpg", "tif", "npy")]
+    outputs = [word for name in names for word in ("-o", name)]
+    words = ["render", str(tmp_path / "scene.yaml"), "--spp", "1", *outputs, "--raw", f"{odd}/a.dng"]
+    assert cli.main([*words, "--stats", f"{odd}/stats.json", "--quiet"]) == 0
+    film = read_film(f"{odd}/a.exr")
+    np.testing.assert_array_equal(film.pixels, read_film(f"{odd}/a.npz").pixels)
+    assert cli.main(["develop", f"{odd}/a.exr", "-o", f"{odd}/again.png", "--quiet"]) == 0
+
+
+def test_picture_that_a_library_refuses_to_write_is_kept_elsewhere(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    from rptcam_cl.imaging import writers
+
+    def refuses(*words: object) -> None:
+        raise ValueError("never thought of")
+
+    for suffix in (".png", ".exr"):
+        monkeypatch.setitem(writers._WRITERS, suffix, refuses)
+    (tmp_path / "scene.yaml").write_text(SCENE, "utf-8")
+    (tmp_path / "temporary").mkdir()
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "temporary"))
+    words = ["render", str(tmp_path / "scene.yaml"), "--spp", "1", "-o", str(tmp_path / "a.png"), "--quiet"]
+    assert cli.main(words) == cli.FAULT
+    said = capsys.readouterr().err
+    kept = re.search(r"the film is kept in (\S+\.npz), for rptcam develop", said)
+    assert kept is not None, said
+    assert read_film(kept[1]).pixels.shape == (6, 8, 3)
 
 
 def test_log_of_a_compiler_has_a_name_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

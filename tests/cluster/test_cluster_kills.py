@@ -10,6 +10,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+import psutil
 import pytest
 
 import rptcam_cl
@@ -46,7 +47,7 @@ class Cluster:
         )
 
     def client(self, words: list[str] = WORDS) -> subprocess.Popen:
-        return self._begun(RENDER, *words, "--cluster", self.address, err=subprocess.PIPE)
+        return self._begun(RENDER, *words, "--cluster", self.address, "--tls", "none", err=subprocess.PIPE)
 
     def _begun(self, program: str, *words: str, err: int = subprocess.PIPE) -> subprocess.Popen:
         return subprocess.Popen(
@@ -105,3 +106,104 @@ def test_killed_processes_damage_no_file_and_come_to_the_same_picture(kind: str,
         assert kind != "worker" or ends >= KILLS
     finally:
         cluster.close()
+
+
+LONG = ["render", "scene.json", "--size", "480x360", "--spp", "64", "-o", "a.exr", "--resume", "--quiet"]
+
+
+def wait_for_parts(folder: Path, client: subprocess.Popen, count: int = 2) -> None:
+    while len(list((folder / "a.parts").glob("*.rpck"))) < count:
+        assert client.poll() is None, client.stderr.read()
+        time.sleep(0.05)
+
+
+def check_whole(folder: Path) -> None:
+    whole = rptcam_cl.render(folder / "scene.json", size=(480, 360), spp=64)
+    np.testing.assert_array_equal(read_film(folder / "a.exr").pixels, whole.pixels)
+    assert not (folder / "a.parts").exists()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("kind", "number", "said"),
+    [
+        ("scheduler", signal.SIGKILL, "the scheduler is gone"),
+        ("scheduler", signal.SIGSTOP, "the scheduler is gone"),
+        ("workers", signal.SIGKILL, "all workers are gone"),
+    ],
+)
+def test_lost_cluster_is_said_in_one_line_and_the_parts_are_gone_on_from(
+    kind: str, number: signal.Signals, said: str, tmp_path: Path
+) -> None:
+    (tmp_path / "scene.json").write_text(json.dumps(still_life()))
+    cluster = Cluster(tmp_path)
+    try:
+        client = cluster.client(LONG)
+        wait_for_parts(tmp_path, client)
+        for victim in [cluster.scheduler] if kind == "scheduler" else cluster.workers:
+            victim.send_signal(number)
+        assert client.wait(120) == 4
+        line = client.stderr.read()
+        assert line == f"error: cluster: {said}; a.parts holds the parts that came back (--resume goes on)\n"
+    finally:
+        cluster.close()
+    kept = len(list((tmp_path / "a.parts").glob("*.rpck")))
+    assert kept >= 2
+    cluster = Cluster(tmp_path)
+    try:
+        client = cluster.client([word for word in LONG if word != "--quiet"])
+        assert client.wait(300) == 0, client.stderr.read()
+        check_whole(tmp_path)
+    finally:
+        cluster.close()
+
+
+@pytest.mark.slow
+def test_frozen_worker_holds_neither_the_picture_nor_the_next_one(tmp_path: Path) -> None:
+    (tmp_path / "scene.json").write_text(json.dumps(still_life()))
+    cluster = Cluster(tmp_path)
+    try:
+        client = cluster.client(LONG)
+        wait_for_parts(tmp_path, client)
+        cluster.workers[0].send_signal(signal.SIGSTOP)
+        assert client.wait(200) == 0, client.stderr.read()
+        check_whole(tmp_path)
+        (tmp_path / "a.exr").unlink()
+        client = cluster.client(LONG)  # it does not answer from the beginning
+        assert client.wait(200) == 0, client.stderr.read()
+        check_whole(tmp_path)
+    finally:
+        cluster.close()
+
+
+def local(folder: Path) -> subprocess.Popen:
+    """A render by two processes of this machine, whose temporary files are in a folder of their own."""
+    (folder / "temporary").mkdir(exist_ok=True)
+    return subprocess.Popen(
+        [sys.executable, "-c", RENDER, *LONG, "--workers", "2"], cwd=folder, stderr=subprocess.PIPE, text=True,
+        env={**os.environ, "TMPDIR": str(folder / "temporary")},
+    )  # fmt: skip
+
+
+@pytest.mark.slow
+def test_killed_and_frozen_processes_of_this_machine_leave_nothing_after_the_next_run(tmp_path: Path) -> None:
+    (tmp_path / "scene.json").write_text(json.dumps(still_life()))
+    client = local(tmp_path)
+    wait_for_parts(tmp_path, client)
+    family = psutil.Process(client.pid).children(recursive=True)
+    client.kill()
+    client.wait(60)
+    assert not psutil.wait_procs(family, timeout=60)[1]
+    assert list((tmp_path / "temporary").iterdir())
+    client = local(tmp_path)
+    wait_for_parts(tmp_path, client, len(list((tmp_path / "a.parts").glob("*.rpck"))) + 1)
+    family = psutil.Process(client.pid).children(recursive=True)
+    next(child for child in family if "spawn_main" in " ".join(child.cmdline())).suspend()
+    assert client.wait(200) == 0, client.stderr.read()
+    assert client.stderr.read() == ""
+    assert not psutil.wait_procs(family, timeout=60)[1]
+    check_whole(tmp_path)
+    (tmp_path / "a.exr").unlink()
+    client = local(tmp_path)
+    assert client.wait(200) == 0, client.stderr.read()
+    assert list((tmp_path / "temporary").iterdir()) == []

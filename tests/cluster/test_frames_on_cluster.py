@@ -11,6 +11,7 @@ from PIL import Image
 import rptcam_cl
 from rptcam_cl.cluster import render_scenes_on_cluster
 from rptcam_cl.cluster.run import parts_of
+from rptcam_cl.cluster.tasks import RenderedPart
 from rptcam_cl.cluster.tasks_out import TasksOut
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.imaging import read_film
@@ -49,12 +50,12 @@ def test_frames_have_the_bytes_of_one_machine_and_those_that_are_there_are_kept(
 ) -> None:
     words = ("render", "scene.yaml", "--spp", "2", "--frames", "1-4", "-o")
     assert rptcam(*words, "here.##.exr").code == 0
-    run = rptcam(*words, "out.##.exr", "--cluster", address)
+    run = rptcam(*words, "out.##.exr", "--cluster", address, "--tls", "none")
     assert run.code == 0, run.err
     for frame in range(1, 5):
         assert Path(f"out.0{frame}.exr").read_bytes() == Path(f"here.0{frame}.exr").read_bytes()
     Path("out.03.exr").unlink()
-    run = rptcam(*words, "out.##.exr", "--cluster", address, "--resume")
+    run = rptcam(*words, "out.##.exr", "--cluster", address, "--tls", "none", "--resume")
     assert (run.err.count("kept"), run.err.count("wrote")) == (3, 1)
     assert Path("out.03.exr").read_bytes() == Path("here.03.exr").read_bytes()
 
@@ -62,7 +63,7 @@ def test_frames_have_the_bytes_of_one_machine_and_those_that_are_there_are_kept(
 def test_files_that_only_some_frames_name_are_sent_too(scene: Path, address: str) -> None:
     given = rptcam_cl.load_scene(scene)
     other = set_keys(given, {"objects.0.material.reflectance.file": "other.png"})
-    found = dict(render_scenes_on_cluster({7: given, 9: other}, address, settings={"spp": 1}))
+    found = dict(render_scenes_on_cluster({7: given, 9: other}, address, tls=False, settings={"spp": 1}))
     for number, alone in ((7, given), (9, other)):
         np.testing.assert_array_equal(found[number].pixels, rptcam_cl.render(alone, spp=1).pixels)
 
@@ -75,14 +76,15 @@ def test_picture_that_comes_with_the_stop_is_given_out(
 
     def noted(tasks: TasksOut) -> Any:
         found = plain(tasks)
-        came.extend([found] if found else [])
+        came.extend([found] if found and isinstance(found[1], RenderedPart) else [])
         return found
 
     monkeypatch.setattr(TasksOut, "next", noted)
     given = dict.fromkeys(range(20), rptcam_cl.load_scene(scene))
     pictures: list[int] = []
     with pytest.raises(InterruptedError):
-        for number, _ in render_scenes_on_cluster(given, address, settings={"spp": 1}, should_stop=lambda: bool(came)):
+        words = {"tls": False, "settings": {"spp": 1}, "should_stop": lambda: bool(came)}
+        for number, _ in render_scenes_on_cluster(given, address, **words):
             pictures.append(number)
     assert len(pictures) == len(came) == 1
 
@@ -94,7 +96,7 @@ def test_sweep_on_a_cluster_has_the_films_of_one_machine(
 ) -> None:
     words = ("sweep", "scene.yaml", "--over", "camera.fov_degrees=30,40", "--spp", "2", "-o")
     assert rptcam(*words, "here").code == 0
-    run = rptcam(*words, "there", "--cluster", address)
+    run = rptcam(*words, "there", "--cluster", address, "--tls", "none")
     assert run.code == 0, run.err
     assert run.err.count("rendered") == 2
     films = sorted(path.name for path in Path("here").glob("*.exr"))
@@ -102,15 +104,15 @@ def test_sweep_on_a_cluster_has_the_films_of_one_machine(
     for name in films:
         np.testing.assert_array_equal(read_film(Path("there") / name).pixels, read_film(Path("here") / name).pixels)
     assert Path("there/contact_sheet.png").read_bytes() == Path("here/contact_sheet.png").read_bytes()
-    assert rptcam(*words, "there", "--cluster", address).err.count("kept") == 2
+    assert rptcam(*words, "there", "--cluster", address, "--tls", "none").err.count("kept") == 2
     assert "--tls: is for a cluster" in rptcam(*words, "there", "--tls", "a,b,c").err
 
 
 def test_frames_that_cannot_be_sent_are_refused_before_any_work(scene: Path, address: str) -> None:
     noisy = set_keys(rptcam_cl.load_scene(scene), {"render.noise": 0.1})
     with pytest.raises(InputError, match="a noise target needs the whole film"):
-        next(render_scenes_on_cluster({1: noisy}, address))
-    assert dict(render_scenes_on_cluster({}, address)) == {}
+        next(render_scenes_on_cluster({1: noisy}, address, tls=False))
+    assert dict(render_scenes_on_cluster({}, address, tls=False)) == {}
 
 
 def test_equal_workers_have_as_many_parts_each() -> None:

@@ -1,5 +1,6 @@
 """Renders on a cluster: the bits of one run, whoever renders which part; a cluster that cannot render says why."""
 
+import contextlib
 import functools
 import json
 import math
@@ -7,15 +8,20 @@ import multiprocessing
 import os
 import pickle
 import signal
+import socket
 import subprocess
 import sys
+import threading
+import time
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
+from unittest.mock import Mock
 
 import dask
 import distributed
 import numpy as np
+import psutil
 import pytest
 from PIL import Image as Picture
 
@@ -57,7 +63,7 @@ def scene_file(tmp_path: Path) -> Path:
 def test_picture_has_the_bits_and_the_metadata_of_one_run(address: str, scene_file: Path, tmp_path: Path) -> None:
     seen = []
     image = render_on_cluster(
-        scene_file, address, spp=9, layers=["depth"], folder=tmp_path / "parts", on_progress=seen.append
+        scene_file, address, tls=False, spp=9, layers=["depth"], folder=tmp_path / "parts", on_progress=seen.append
     )
     alone = rptcam_cl.render(scene_file, spp=9, layers=["depth"])
     np.testing.assert_array_equal(image.pixels, alone.pixels)
@@ -71,21 +77,21 @@ def test_picture_has_the_bits_and_the_metadata_of_one_run(address: str, scene_fi
 
 def test_lost_and_damaged_parts_alone_are_rendered_again(address: str, scene_file: Path, tmp_path: Path) -> None:
     folder = tmp_path / "parts"
-    first = render_on_cluster(scene_file, address, folder=folder)
+    first = render_on_cluster(scene_file, address, tls=False, folder=folder)
     (folder / "2.rpck").unlink()
     (folder / "3.rpck").write_bytes((folder / "3.rpck").read_bytes()[:-1])
-    image = render_on_cluster(scene_file, address, folder=folder, resume=True)
+    image = render_on_cluster(scene_file, address, tls=False, folder=folder, resume=True)
     np.testing.assert_array_equal(image.pixels, first.pixels)
     assert sum(row["parts"] for row in image.stats["cluster"]["workers"].values()) == 2
-    whole = render_on_cluster(scene_file, "tcp://127.0.0.1:1", folder=folder, resume=True)  # nothing is left to do
+    whole = render_on_cluster(scene_file, "tcp://127.0.0.1:1", tls=False, folder=folder, resume=True)  # nothing to do
     np.testing.assert_array_equal(whole.pixels, first.pixels)
     with pytest.raises(StateError, match="parts of another render: its spp is 8, not 9"):
-        render_on_cluster(scene_file, address, folder=folder, resume=True, spp=9)
+        render_on_cluster(scene_file, address, tls=False, folder=folder, resume=True, spp=9)
     with pytest.raises(StateError, match=r"parts of another render: its layers is \[\], not \['depth'"):
-        render_on_cluster(scene_file, address, folder=folder, resume=True, layers=["depth"])
+        render_on_cluster(scene_file, address, tls=False, folder=folder, resume=True, layers=["depth"])
     brighter = set_keys(load_scene(scene_file), {"picture.ev": 1})
     with pytest.raises(StateError, match="parts of another render: its scene is"):
-        render_on_cluster(brighter, address, folder=folder, resume=True)
+        render_on_cluster(brighter, address, tls=False, folder=folder, resume=True)
 
 
 def test_render_is_prepared_once_for_all_parts_of_a_worker(
@@ -99,7 +105,7 @@ def test_render_is_prepared_once_for_all_parts_of_a_worker(
             super().__init__(*words)
 
     monkeypatch.setattr(tasks, "PartRenderer", Counted)
-    image = render_on_cluster(scene_file, address, spp=3)  # another number than before: nothing is prepared for it yet
+    image = render_on_cluster(scene_file, address, tls=False, spp=3)  # another number than before: not prepared yet
     assert image.stats["cluster"]["parts"] >= 8
     assert len(made) == 1  # both workers are threads of this process
 
@@ -147,6 +153,31 @@ def test_workers_of_this_machine_spend_no_time_on_watching_themselves(monkeypatc
     assert dask.config.get(profiled) is True  # what others do in this process is theirs
 
 
+def test_who_has_not_the_credentials_of_workers_of_this_machine_is_refused_by_each_of_their_ports() -> None:
+    with client.workers_here(1, threads=1) as local:
+        address = local.scheduler_address.partition("://")[2]
+        for scheme, security in (("tcp", None), ("tls", distributed.Security.temporary())):
+            with pytest.raises(OSError, match=r"Timed out|certificate|closed"):
+                distributed.Client(f"{scheme}://{address}", security=security, timeout=2.0)
+        here = psutil.Process()
+        family = [here, *here.children(recursive=True)]
+        ports = {c.laddr.port for each in family for c in each.net_connections() if c.status == psutil.CONN_LISTEN}
+        assert len(ports) >= 3  # scheduler, nanny and worker
+        for port in ports:
+            with socket.create_connection(("127.0.0.1", port), timeout=10) as plain:
+                plain.sendall(b"GET /info/main/workers.html HTTP/1.0\r\n\r\n")
+                with contextlib.suppress(ConnectionResetError):
+                    assert b"200 OK" not in plain.recv(4096)
+        with distributed.Client(local, set_as_default=False) as known:
+            assert list(known.run(os.getpid).values()) == [family[-1].pid]
+
+
+def test_without_cryptography_workers_of_this_machine_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "cryptography", None)
+    with pytest.raises(InputError, match=r"workers: need cryptography .install rptcam_cl\[cluster\]"):
+        client.workers_here(1, threads=1)
+
+
 def test_workers_of_this_machine_leave_interrupts_to_the_client(monkeypatch: pytest.MonkeyPatch) -> None:
     asks = "import signal; print(signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, ()))"
     context = multiprocessing.get_context("spawn")
@@ -156,7 +187,7 @@ def test_workers_of_this_machine_leave_interrupts_to_the_client(monkeypatch: pyt
         worker = context.Process(target=int)  # as the engine starts them
         worker.start()
         worker.join()
-        os.kill(os.getpid(), signal.SIGINT)
+        signal.pthread_kill(threading.get_ident(), signal.SIGINT)  # other threads of the tests hear of it at once
         heard.append("not yet")
         return subprocess.run([sys.executable, "-c", asks], stdout=subprocess.PIPE, text=True, check=True).stdout
 
@@ -164,7 +195,7 @@ def test_workers_of_this_machine_leave_interrupts_to_the_client(monkeypatch: pyt
     with pytest.raises(KeyboardInterrupt):
         client.workers_here(2, threads=1)
     assert heard == ["not yet"]
-    monkeypatch.setattr(os, "kill", lambda pid, number: None)
+    monkeypatch.setattr(signal, "pthread_kill", lambda thread, number: None)
     assert client.workers_here(2, threads=1) == "True\n"
     assert subprocess.run([sys.executable, "-c", asks], stdout=subprocess.PIPE, check=True).stdout == b"False\n"
 
@@ -188,8 +219,9 @@ def test_stopped_render_keeps_its_parts(address: str, scene_file: Path, tmp_path
     done: list[Any] = []
     with pytest.raises(InterruptedError, match="parts"):
         render_on_cluster(
-            scene_file, address, folder=tmp_path / "parts", on_progress=done.append, should_stop=lambda: len(done) >= 3
-        )
+            scene_file, address, tls=False, folder=tmp_path / "parts", on_progress=done.append,
+            should_stop=lambda: len(done) >= 3,
+        )  # fmt: skip
     files = sorted((tmp_path / "parts").glob("*.rpck"))
     assert len(files) == 3
     assert all(read_part(file).done == 8 for file in files)
@@ -198,7 +230,7 @@ def test_stopped_render_keeps_its_parts(address: str, scene_file: Path, tmp_path
 def test_file_where_parts_are_to_be_kept_is_refused_before_any_work(scene_file: Path, tmp_path: Path) -> None:
     (tmp_path / "parts").touch()
     with pytest.raises(StateError, match=r"parts: is no folder, and parts are kept there"):
-        render_on_cluster(scene_file, "tcp://127.0.0.1:1", folder=tmp_path / "parts")
+        render_on_cluster(scene_file, "tcp://127.0.0.1:1", tls=False, folder=tmp_path / "parts")
 
 
 def test_workers_need_no_file_of_the_client(scene_file: Path, tmp_path: Path) -> None:
@@ -233,7 +265,11 @@ def test_files_outside_the_folder_are_not_sent(scene_file: Path, tmp_path: Path)
         ({"cluster": "tls://farm.example:8786"}, "needs certificates"),
         ({"cluster": "tls://farm.example:8786", "tls": TLS("no.pem", "no.pem", "no.pem")}, "no.pem: no such file"),
         ({"cluster": "tcp://[::1]:8786", "tls": TLS("a", "b", "c")}, "is not encrypted"),
-        ({"workers": 2, "tls": TLS("a", "b", "c")}, "need none"),
+        ({"workers": 2, "tls": TLS("a", "b", "c")}, "make their own"),
+        ({"workers": 2, "tls": False}, "make their own"),
+        ({"cluster": "tcp://127.0.0.1:8786"}, "asks for no credentials, and every user of this machine"),
+        ({"cluster": "tls://127.0.0.1:8786", "tls": False}, "needs certificates"),
+        ({"cluster": "tcp://192.168.0.7:8786", "tls": False}, "is open to the network"),
     ],
 )
 def test_wrong_addresses_are_refused(words: dict[str, Any], message: str, scene_file: Path) -> None:
@@ -241,9 +277,9 @@ def test_wrong_addresses_are_refused(words: dict[str, Any], message: str, scene_
         render_on_cluster(scene_file, **words)
 
 
-def test_addresses_of_this_machine_need_no_certificates() -> None:
+def test_addresses_of_this_machine_need_no_certificates_where_all_its_users_are_trusted() -> None:
     for address in ("tcp://127.0.0.1:8786", "tcp://localhost:8786", "tcp://[::1]:8786", "tcp://127.1.2.3:1"):
-        client.check_cluster(address, None, None)
+        client.check_cluster(address, None, tls=False)
 
 
 def test_cluster_that_cannot_render_is_refused_before_any_work(
@@ -251,55 +287,63 @@ def test_cluster_that_cannot_render_is_refused_before_any_work(
 ) -> None:
     monkeypatch.setattr(client, "WAIT_S", 1.0)
     with pytest.raises(DeviceError, match=r"no scheduler answers at tcp://127\.0\.0\.1:1 "):
-        render_on_cluster(scene_file, "tcp://127.0.0.1:1")
+        render_on_cluster(scene_file, "tcp://127.0.0.1:1", tls=False)
     with cluster(0) as empty, pytest.raises(DeviceError, match=r"has no worker .start one: dask worker tcp"):
-        render_on_cluster(scene_file, empty)
+        render_on_cluster(scene_file, empty, tls=False)
     with pytest.raises(DeviceError, match=r"cannot render: .*fits no OpenCL device"):
-        render_on_cluster(scene_file, address, device="nothing-like-it")
+        render_on_cluster(scene_file, address, tls=False, device="nothing-like-it")
     monkeypatch.setattr(tasks, "__version__", "0.0.1")
     with pytest.raises(StateError, match=r"has version 0\.0\.1, and this is"):
-        render_on_cluster(scene_file, address)
+        render_on_cluster(scene_file, address, tls=False)
 
 
 def test_worker_that_is_lost_while_it_is_surveyed_does_not_end_the_render() -> None:
     """As where it is killed at that moment: the engine returns an error of the connection in place of its answer."""
     answers = iter([{"a": OSError("closed")}, {"a": OSError("closed"), "b": tasks.survey()}])
-    fake = SimpleNamespace(wait_for_workers=lambda *words, **more: None, run=lambda *words, **more: next(answers))
-    client._check_workers(fake, "tcp://127.0.0.1:1", None)
-    assert next(answers, None) is None
-    missing = SimpleNamespace(
-        wait_for_workers=fake.wait_for_workers, run=lambda *w, **m: {"a": ModuleNotFoundError("")}
+    fake = SimpleNamespace(
+        wait_for_workers=lambda *words, **more: None, nthreads=lambda: {"all": 1}, run=lambda *w, **m: next(answers)
     )
+    assert client._check_workers(fake, "tcp://127.0.0.1:1", None) == ["b"]
+    assert next(answers, None) is None
+    missing = SimpleNamespace(**{**vars(fake), "run": lambda *w, **m: {"a": ModuleNotFoundError("")}})
     with pytest.raises(DeviceError, match="a worker lacks"):
         client._check_workers(missing, "tcp://127.0.0.1:1", None)
 
 
 def test_worker_that_is_lost_while_the_scene_is_sent_does_not_end_the_render(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tasks_out, "SEND_AGAIN_S", 0.0)
-    sent = SimpleNamespace(status="finished")
-    answers: list[Any] = [OSError("Stream is closed"), TimeoutError("No valid workers found"), sent]
+    monkeypatch.setattr(tasks_out, "COUNT_WORKERS_S", 0.0)
+    answers: list[Any] = [OSError("Stream is closed"), TimeoutError("No valid workers"), AttributeError("scatter")]
+    workers = {"a": 1}
 
-    def scatter(parcel: Any, broadcast: bool) -> Any:
-        answer = answers.pop(0) if len(answers) > 1 else answers[0]
-        if isinstance(answer, OSError):
-            raise answer
-        return answer
+    def submit(*words: Any, **more: Any) -> Any:
+        if answers:
+            raise answers.pop(0)
+        return Mock()
 
-    out = tasks_out.TasksOut(SimpleNamespace(scatter=scatter), cast("Any", None))
-    assert out._send_scene() is sent
-    answers[:] = [OSError("Stream is closed")]
-    monkeypatch.setattr(tasks_out, "SILENCE_S", 0.0)
-    with pytest.raises(DeviceError, match=r"no worker takes the scene .Stream is closed.*--resume"):
-        out._send_scene()
+    parcel = SimpleNamespace(digest="", files={})
+    engine = SimpleNamespace(status="running", submit=submit, nthreads=lambda: workers, scatter=lambda *w, **m: None)
+    out = tasks_out.TasksOut(engine, cast("Any", parcel), ["a"], "; all is kept")
+    out._tasks[0] = tasks.render_part, ()
+    out._send(0)
+    assert next(iter(out._out.values()))[0] == 0
+    workers.clear()
+    monkeypatch.setattr(tasks_out, "SILENCE_S", 0.01)
+    time.sleep(0.02)
+    with pytest.raises(StateError, match="all workers are gone; all is kept"):
+        out.check_reached()
+    engine.status = "closed"
+    with pytest.raises(StateError, match="the scheduler is gone; all is kept"):
+        out.check_reached()
 
 
 def test_worker_that_joins_with_another_version_ends_the_render(
     scene_file: Path, address: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(client, "_check_workers", lambda *words: None)
+    monkeypatch.setattr(client, "_check_workers", lambda engine, *words: list(engine.nthreads()))
     monkeypatch.setattr(tasks, "__version__", "0.0.1")
     with pytest.raises(StateError, match=r"a worker runs version 0\.0\.1, and the client"):
-        render_on_cluster(scene_file, address)
+        render_on_cluster(scene_file, address, tls=False)
 
 
 def test_workers_and_parts_of_other_code_are_refused_or_named(
@@ -314,39 +358,39 @@ def test_workers_and_parts_of_other_code_are_refused_or_named(
         with pytest.raises(
             StateError, match=r"^cluster: the worker tcp://.*: its code is other, and that of this program "
         ):
-            render_on_cluster(scene_file, address)
+            render_on_cluster(scene_file, address, tls=False)
     with monkeypatch.context() as late:  # it joins after the survey
-        late.setattr(client, "_check_workers", lambda *words: None)
+        late.setattr(client, "_check_workers", lambda engine, *words: list(engine.nthreads()))
         late.setattr(run, "Job", functools.partial(tasks.Job, code=mine | {"numpy": "other", "driver": ""}))
         with pytest.raises(StateError, match=r"^cluster: a worker: its numpy is .*, and that of the client other "):
-            render_on_cluster(scene_file, address)
+            render_on_cluster(scene_file, address, tls=False)
 
     rendered: list[float] = []
     words: dict[str, Any] = {"folder": tmp_path / "parts", "resume": True, "on_progress": rendered.append}
     with pytest.raises(InterruptedError):
-        render_on_cluster(scene_file, address, should_stop=lambda: len(rendered) > 0, **words)
+        render_on_cluster(scene_file, address, tls=False, should_stop=lambda: len(rendered) > 0, **words)
     plan = json.loads((tmp_path / "parts/plan.json").read_text())
     assert plan["made_by"] == mine
     (tmp_path / "parts/plan.json").write_text(json.dumps(plan | {"made_by": mine | {"driver": "old"}}))
     with pytest.raises(StateError, match=r"its driver is .*, and that of .*parts old .*--allow-mixed"):
-        render_on_cluster(scene_file, address, **words)
+        render_on_cluster(scene_file, address, tls=False, **words)
     (tmp_path / "parts/plan.json").write_text(json.dumps(plan | {"made_by": mine | {"code": "old"}}))
     with pytest.raises(StateError, match=r"^this program: its code is .*, and that of .*parts old .*--allow-mixed"):
-        render_on_cluster(scene_file, address, **words)
+        render_on_cluster(scene_file, address, tls=False, **words)
     (tmp_path / "parts/plan.json").write_text(json.dumps(plan))
     [part, *_] = (tmp_path / "parts").glob("*.rpck")
     saved = read_checkpoint(part)
     write_checkpoint(part, saved.facts | {"made_by": [mine | {"code": "old"}]}, saved.arrays)
     with pytest.warns(UserWarning, match="its code is "):
-        image = render_on_cluster(scene_file, address, allow_mixed=True, **words)
+        image = render_on_cluster(scene_file, address, tls=False, allow_mixed=True, **words)
     assert {each["code"] for each in image.metadata["mixed"]} == {mine["code"], "old"}
     with pytest.raises(StateError, match=r"its code is .*--allow-mixed"):
-        render_on_cluster(scene_file, address, **words)
+        render_on_cluster(scene_file, address, tls=False, **words)
 
 
 def test_scenes_that_cannot_be_divided_are_refused(scene_file: Path, address: str) -> None:
     with pytest.raises(InputError, match="variance needs the whole film"):
-        render_on_cluster(scene_file, address, layers=["variance"])
+        render_on_cluster(scene_file, address, tls=False, layers=["variance"])
 
 
 def test_without_dask_the_extra_is_named(scene_file: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -238,6 +238,10 @@ def test_a_mapping_is_named_by_its_lens():
 
 
 def test_an_unknown_name_is_answered_with_near_ones(tmp_path):
+    with pytest.raises(InputError, match=r"canon-50mm: no such .*; did you mean cooke-triplet-50mm, dgauss-50mm"):
+        load_lens("canon-50mm")
+    with pytest.raises(InputError, match=r"petzval: no such .*; did you mean petzval-50mm, petzval-51mm\?"):
+        load_lens("petzval")
     with pytest.raises(InputError, match=r"dgaus-50mm: no such lens file or name; did you mean dgauss-50mm"):
         load_lens("dgaus-50mm")
     for odd in ("a\0b", "x" * 5000, "/", "."):

@@ -319,3 +319,15 @@ def test_pipe_is_not_read(tmp_path: Path, load: Load) -> None:
 def test_missing_scene_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(RptcamError, match=r"nowhere\.yaml: no such file"):
         load_scene(tmp_path / "nowhere.yaml")
+
+
+@pytest.mark.parametrize(
+    ("name", "remedy"),
+    [("my.glb", "rptcam new scene.yaml --model .*my.glb makes"), ("old.pbrt", "rptcam convert .*old.pbrt scene.yaml")],
+)
+def test_file_of_another_kind_is_refused_with_the_command_that_makes_a_scene_of_it(
+    name: str, remedy: str, tmp_path: Path
+) -> None:
+    (tmp_path / name).write_bytes(b"glTF\x02\x00\x80")
+    with pytest.raises(InputError, match=f"{name}: is no scene file; {remedy}"):
+        load_scene(tmp_path / name)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.assets.pictures.picture import Picture, check_size, checked_floats
+from rptcam_cl.core.atomic import utf8_name
 from rptcam_cl.core.errors import InputError
 
 _MAGIC = b"\x76\x2f\x31\x01"
@@ -31,14 +32,14 @@ def read(path: Path) -> Picture:
     import OpenEXR
 
     try:
-        with OpenEXR.File(str(path), separate_channels=True, header_only=True) as file:
+        with utf8_name(path) as name, OpenEXR.File(name, separate_channels=True, header_only=True) as file:
             header = dict(file.header())  # emptied when the file closes
         data, display = _window(header, "dataWindow"), _window(header, "displayWindow")
         for window in (data, display):
             check_size(window[2] - window[0], window[3] - window[1])
         if header["type"] not in (OpenEXR.scanlineimage, OpenEXR.tiledimage):
             raise InputError("is a deep OpenEXR file (allowed: scan lines or tiles)")
-        with OpenEXR.File(str(path), separate_channels=True) as file:
+        with utf8_name(path) as name, OpenEXR.File(name, separate_channels=True) as file:
             channels = {name: channel.pixels for name, channel in file.channels().items()}
     except (RuntimeError, ValueError, KeyError, TypeError, MemoryError, OSError) as problem:
         raise InputError(f"is damaged ({problem})") from None

@@ -119,7 +119,8 @@ def _orthographic(context: Context, camera: Entity, frame: Frame, raster: Raster
     reach = ORTHOGRAPHIC_REACH * max(half_x, half_y)
     context.report.approximated(
         camera.place,
-        f"{camera.what}: a pinhole {reach:g} units back whose rays are parallel to {1 / ORTHOGRAPHIC_REACH:g} rad",
+        f"{camera.what}: a pinhole {reach:g} units back, so that what lies N times half the picture's width nearer or"
+        f" farther than the camera is N/{ORTHOGRAPHIC_REACH:g} too large or small (2.8 % for 14)",
     )
     if camera.parameters.number("lensradius", 0.0) > 0:
         context.report.ignored(camera.place, f"{camera.what}: the lens radius of a parallel view")

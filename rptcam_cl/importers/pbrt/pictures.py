@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.assets.pictures import LARGEST_PIXELS, SUFFIXES, read_picture
+from rptcam_cl.core.atomic import utf8_name
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.importers.pbrt.context import Context
 from rptcam_cl.importers.pbrt.source import Place, read_limited
@@ -117,5 +118,5 @@ def write_exr(pixels: Pixels, path: Path) -> None:
     import OpenEXR
 
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-    with OpenEXR.File(header, {"RGB": np.ascontiguousarray(pixels)}) as file:
-        file.write(str(path))
+    with OpenEXR.File(header, {"RGB": np.ascontiguousarray(pixels)}) as file, utf8_name(path) as name:
+        file.write(name)

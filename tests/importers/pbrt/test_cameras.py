@@ -149,7 +149,7 @@ def test_parallel_view_is_a_far_pinhole(convert: Convert) -> None:
     # 6 units behind the plane of the camera at 1000 units' distance: 0.6 % nearer to the middle
     np.testing.assert_allclose(seen_at(done.scene), np.stack([x, y], axis=1), atol=0.01 * 32)
     assert done.scene.camera.near_m == 1000
-    assert done.says("orthographic", "parallel to 0.002 rad")
+    assert done.says("orthographic", "N/500 too large or small")
 
 
 LENS = "# doublet\n40 4 1.6 20\n-60 2 1 20\n0 3 0 8\n50 3 1.5 18\n-80 0 1 18\n"
