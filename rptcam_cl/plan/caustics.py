@@ -26,7 +26,7 @@ PHOTONS = "on: photons (biased: what they bring is blurred, less with more sampl
 SURFACE, RECEIVER = 1, 2  # roles of primitives
 SMALL_LAMP_SR = 0.01  # a lamp that glass or a mirror sees so large is found by paths
 LEAST_SHARE = 0.1  # of the lamps' light on glass and mirrors that must come from smaller ones
-LEAST_LOOKS, MOST_LOOKS = 4, 64  # pieces of glass and mirrors that are asked how large they see the lamps
+LEAST_VIEWS, MOST_VIEWS = 4, 64  # pieces of glass and mirrors that are asked how large they see the lamps
 # Least GGX alpha of a principled receiver: the highlight of a smoother one shows what it mirrors, which photons blur.
 LEAST_ALPHA = 0.04
 WITHOUT_SIZE = (EmitterKind.POINT, EmitterKind.SPOT, EmitterKind.PROFILE, EmitterKind.DIRECTIONAL)
@@ -256,8 +256,8 @@ def _share_of_small_lamps(
     centres = (lamps["a"] + middle * (lamps["u"] + lamps["v"]))[:, :3].astype(np.float64)
     brightness = luminance(lamps["radiance"][:, :3].astype(np.float64))
     small = every = 0.0
-    looks = int(np.clip(10**6 // len(lamps), LEAST_LOOKS, MOST_LOOKS))
-    for k in np.unique(np.linspace(0, len(surfaces) - 1, looks).astype(int)):
+    views = int(np.clip(10**6 // len(lamps), LEAST_VIEWS, MOST_VIEWS))
+    for k in np.unique(np.linspace(0, len(surfaces) - 1, views).astype(int)):
         nearest = places[k] if surfaces[k]["kind"] == Kind.MESH else _nearest(surfaces[k], centres)
         distance2 = ((nearest - centres) ** 2).sum(axis=1)
         angle = np.minimum(size / np.where(suns, 1.0, np.maximum(distance2, 1e-12)), 2 * np.pi)
