@@ -2,6 +2,8 @@
 
     python -m benchmarks.caustics [--seeds 4] [--spp 64] [--scenes NAME ...] [--pictures FOLDER] [--json FILE]
 
+A name that ends in .yaml is a scene file, at its own shape and no wider than 160 pixels.
+
 The error is that of pictures against a reference by photons of a third of the radius, with 32 times the samples and
 seeds of its own: squared, divided per pixel by the square of the reference (plus that of a tenth of its mean). Its mean
 over the picture times the processor time is what equal time compares. The bias is the error of the mean over the seeds
@@ -20,10 +22,11 @@ from PIL import Image as Bitmap
 from benchmarks.report import arguments, machine, print_machine, print_table, write_json
 from benchmarks.scenes import render_samples, wavefront_of
 from benchmarks.stopwatch import timed
+from rptcam_cl.api.stages import resolve
 from rptcam_cl.device import Session, choose_device
 from rptcam_cl.rendering import photons
 from rptcam_cl.rendering.tracer import Wavefront
-from rptcam_cl.scene import Scene, load_scene
+from rptcam_cl.scene import Scene, change_scene, load_scene
 
 GLASS = {"kind": "dielectric", "index": 1.5}
 WOOD = {"kind": "matte", "reflectance": [0.55, 0.42, 0.3]}
@@ -120,8 +123,14 @@ def mirror() -> dict[str, Any]:
 SCENES = {"rings": rings, "pane": pane, "mirror": mirror}
 
 
-def scene_of(name: str, size: tuple[int, int], caustics: str) -> Scene:
+def scene_of(name: str, size: tuple[int, int], caustics: str, session: Session) -> Scene:
     """Return a scene with caustics by photons ("on") or by paths ("off")."""
+    if name not in SCENES:
+        scene = load_scene(name)
+        width, height = scene.film.resolution
+        across = min(160, width)
+        small = change_scene(scene, film={"resolution": (across, round(across * height / width))})
+        return change_scene(resolve(small, session).scene, render={"caustics": caustics, "noise": None})
     made = SCENES[name]()
     film = {"resolution": list(size)} | made.pop("film", {})
     return load_scene(made | {"film": film, "render": {"max_depth": 8, "caustics": caustics}})
@@ -153,10 +162,10 @@ def error_of(picture: Film, reference: Film) -> float:
 
 def measured(name: str, session: Session, size: tuple[int, int], spp: int, seeds: int) -> dict[str, float]:
     """Return errors and times of both ways, their products, and the bias of photons."""
-    reference = reference_of(scene_of(name, size, "on"), session, 32 * spp)
+    reference = reference_of(scene_of(name, size, "on", session), session, 32 * spp)
     found, films = {}, {}
     for way in ("off", "on"):
-        wavefront = wavefront_of(scene_of(name, size, way), session)
+        wavefront = wavefront_of(scene_of(name, size, way, session), session)
         results = [render(wavefront, seed, spp) for seed in range(seeds)]
         films[way] = np.array([film for film, _ in results])
         found[f"error {way}"] = float(np.mean([error_of(film, reference) for film in films[way]]))
@@ -173,7 +182,7 @@ def measured(name: str, session: Session, size: tuple[int, int], spp: int, seeds
 
 def save_pictures(name: str, session: Session, size: tuple[int, int], spp: int, folder: Path) -> tuple[int, int]:
     """Save both ways beside each other at equal processor time; return the samples of each."""
-    ways = {way: wavefront_of(scene_of(name, size, way), session) for way in ("off", "on")}
+    ways = {way: wavefront_of(scene_of(name, size, way, session), session) for way in ("off", "on")}
     picture, seconds = render(ways["on"], 1, spp)
     _, once = render(ways["off"], 1, spp)
     paths = max(round(spp * seconds / once), 1)
@@ -182,7 +191,7 @@ def save_pictures(name: str, session: Session, size: tuple[int, int], spp: int, 
     shown = [np.clip(film / white, 0, 1) ** (1 / 2.2) for film in films]
     gap = np.ones((size[1], 6, 3))
     Bitmap.fromarray((np.hstack([shown[0], gap, shown[1]]) * 255 + 0.5).astype(np.uint8)).save(
-        folder / f"caustics_{name}.png"
+        folder / f"caustics_{Path(name).stem}.png"
     )
     return paths, spp
 
@@ -192,9 +201,11 @@ def main() -> None:
     parser = arguments("Caustics by photons and by paths.")
     parser.add_argument("--seeds", type=int, default=4)
     parser.add_argument("--spp", type=int, default=64)
-    parser.add_argument("--scenes", nargs="+", choices=sorted(SCENES), default=list(SCENES))
+    parser.add_argument("--scenes", nargs="+", default=list(SCENES), metavar="NAME")
     parser.add_argument("--pictures", type=Path, metavar="FOLDER")
     options = parser.parse_args()
+    if unknown := [name for name in options.scenes if name not in SCENES and not name.endswith(".yaml")]:
+        parser.error(f"--scenes: {unknown[0]} is neither a .yaml file nor one of {', '.join(SCENES)}")
     device = choose_device(options.device)
     session, facts = Session(device), machine(device)
     size, spp, seeds = ((24, 16), 4, 2) if options.quick else (SIZE, options.spp, options.seeds)

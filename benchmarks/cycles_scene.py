@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from benchmarks.mitsuba_scene import quads_of
 from rptcam_cl.calibration import osl_text, view
+from rptcam_cl.plan.environment import axes
 from rptcam_cl.plan.meshes import mesh_parts
 from rptcam_cl.scene import Scene
 from tests.support.mesh_scene import icosphere
@@ -52,16 +53,24 @@ def describe(scene: Scene, *, roulette: bool, folder: Path) -> dict[str, Any]:
             flat.setdefault(item.material, []).extend(quads_of(item))
     for material, quads in flat.items():
         add(np.concatenate(quads), np.arange(4 * len(quads)).reshape(-1, 4), material)
-    environment = scene.environment
-    assert environment is None or environment.kind == "constant"
     return {
         "size": scene.film.resolution,
         "camera": _camera(scene, folder),
         "meshes": meshes,
-        "environment": [0.0, 0.0, 0.0] if environment is None else list(environment.radiance),
+        "environment": _environment(scene),
         "bounces": scene.render.max_depth - 2,  # Cycles counts those before the last vertex that a lamp lights
         "unshortened": 0 if roulette else NEVER,
     }
+
+
+def _environment(scene: Scene) -> dict[str, Any]:
+    """Return the colour all round, or a picture with the directions right, up and forward of its middle."""
+    environment = scene.environment
+    if environment is None or environment.kind == "constant":
+        return {"color": [0.0, 0.0, 0.0] if environment is None else list(environment.radiance)}
+    assert environment.kind == "image"
+    ways = axes(environment.up, environment.rotation_degrees).tolist()
+    return {"file": str(scene.content_of(environment)), "gain": environment.gain, "axes": ways}
 
 
 def _camera(scene: Scene, folder: Path) -> dict[str, Any]:

@@ -75,7 +75,7 @@ def _load(bpy: Any, description: dict[str, Any], folder: Path) -> None:
         _add_mesh(bpy, scene, mesh)
     world = bpy.data.worlds.new("world")
     world.use_nodes = True
-    world.node_tree.nodes["Background"].inputs["Color"].default_value = (*description["environment"], 1.0)
+    _add_environment(bpy, world.node_tree, description["environment"])
     scene.world = world
 
 
@@ -100,6 +100,28 @@ def _add_camera(bpy: Any, scene: Any, camera: dict[str, Any]) -> None:
     said: list[Any] = []
     if not importlib.import_module("cycles.osl").update_custom_camera_shader(data, lambda *words: said.append(words)):
         raise WorkerError(f"Cycles does not compile the shader of the lens: {said}")
+
+
+def _add_environment(bpy: Any, tree: Any, environment: dict[str, Any]) -> None:
+    """Fill in what shines from all round; the middle of Cycles' picture lies along +x, and +y is on its left."""
+    nodes, links = tree.nodes, tree.links
+    background = nodes["Background"]
+    if "color" in environment:
+        background.inputs["Color"].default_value = (*environment["color"], 1.0)
+        return
+    way, local, picture = (nodes.new(f"ShaderNode{name}") for name in ("TexCoord", "CombineXYZ", "TexEnvironment"))
+    right, up, forward = environment["axes"]
+    for name, axis in (("X", forward), ("Y", [-value for value in right]), ("Z", up)):
+        along = nodes.new("ShaderNodeVectorMath")
+        along.operation = "DOT_PRODUCT"
+        links.new(way.outputs["Generated"], along.inputs[0])
+        along.inputs[1].default_value = axis
+        links.new(along.outputs["Value"], local.inputs[name])
+    links.new(local.outputs["Vector"], picture.inputs["Vector"])
+    picture.image = bpy.data.images.load(environment["file"])
+    picture.image.colorspace_settings.name = "Non-Color"  # linear, as it is
+    links.new(picture.outputs["Color"], background.inputs["Color"])
+    background.inputs["Strength"].default_value = environment["gain"]
 
 
 def _add_mesh(bpy: Any, scene: Any, mesh: dict[str, Any]) -> None:

@@ -1,4 +1,4 @@
-"""Noise at equal time beside Mitsuba 3: relative mean squared error of scenes A, A_lens, B and C after the same time.
+"""Noise at equal time beside Mitsuba 3: relative mean squared error of scenes A, A_lens, B, C, D after the same time.
 
     python -m benchmarks.equal_time [--seconds 20] [--seeds 3] [--mitsuba-python PATH] [--cycles-python PATH]
 
@@ -8,10 +8,10 @@ that against the other renderer's pictures, which are independent and in two hal
 mean((x - r1) (x - r2) / (b^2 + (0.01 mean b)^2)). How bright a pixel is, b, all pictures of both renderers say
 together: by those of the other one alone, short runs would weigh pixels most whose own noise makes them too dark. It
 counts noise and bias, and is scaled to the exact time as 1/t: Mitsuba's stratified samplers round the number of
-samples up, so that they get numbers only that they take as they are. Its lens of A_lens is that of
+samples up, so that they get numbers only that they take as they are. Its lens of A_lens and D is that of
 `benchmarks.mitsuba_lens`. Beside it stands the noise alone, from the differences between seeds.
 
-With ``--cycles-python`` Blender's Cycles renders, too, with its default sampler; A_lens through the shader that
+With ``--cycles-python`` Blender's Cycles renders, too, with its default sampler; A_lens and D through the shader that
 ``rptcam camera --osl`` writes. Its error is that against our pictures, and ours goes by Mitsuba's as before. Its time
 holds what a call takes at least, 0.1 s: it hands its picture over as a file.
 """
@@ -37,7 +37,7 @@ from benchmarks.stopwatch import cores
 from benchmarks.worker import Worker, WorkerError
 from rptcam_cl.device import choose_device
 
-GOALS = {"A": 10, "A_lens": 10, "B": 10, "C": 4}  # times less error than Mitsuba with any sampler
+GOALS = {"A": 10, "A_lens": 10, "B": 10, "C": 4, "D": 4}  # times less error than Mitsuba with any sampler
 OURS = ("lattice", "independent")  # the first is the default
 MITSUBAS = ("independent", "multijitter", "ldsampler")
 CYCLES = ("default",)

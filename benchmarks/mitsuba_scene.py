@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.mitsuba_lens import prescription
+from rptcam_cl.plan.environment import axes
 from rptcam_cl.plan.meshes import mesh_parts
 from rptcam_cl.scene import Scene
 from tests.support.mesh_scene import write_ply
@@ -45,11 +46,25 @@ def describe(scene: Scene, *, roulette: bool, folder: Path, others: dict[str, An
     if others is not None:
         shapes = scene.model_copy(update={"objects": tuple(item for item in scene.objects if item.shape != "mesh")})
         return description | others | _objects(shapes, folder)
-    environment = scene.environment
-    if environment is not None:
-        assert environment.kind == "constant"
-        description["environment"] = {"type": "constant", "radiance": _rgb(environment.radiance)}
+    if scene.environment is not None:
+        description["environment"] = _environment(scene)
     return description | _objects(scene, folder)
+
+
+def _environment(scene: Scene) -> dict[str, Any]:
+    environment = scene.environment
+    if environment.kind == "constant":
+        return {"type": "constant", "radiance": _rgb(environment.radiance)}
+    assert environment.kind == "image"
+    # The middle of Mitsuba's picture lies along +z of its own frame, and longitude grows towards -x.
+    right, up, forward = axes(environment.up, environment.rotation_degrees)
+    place = _matrix(-right, up, forward, np.zeros(3))
+    return {
+        "type": "envmap",
+        "filename": str(scene.content_of(environment)),
+        "scale": environment.gain,
+        "to_world": place,
+    }
 
 
 def _rgb(color: Any) -> dict[str, Any]:

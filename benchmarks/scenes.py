@@ -16,13 +16,15 @@ from rptcam_cl.scene import Scene, change_scene, load_scene
 from tests.support.mesh_scene import write_meshes
 
 REFERENCE = Path(__file__).resolve().parents[1] / "tests" / "data" / "reference"
-FULL_SIZE = {"A": (640, 360), "A_thin": (640, 360), "A_lens": (640, 360), "B": (512, 512), "C": (640, 360)}
+STUDIO = REFERENCE.parents[2] / "examples" / "studio"  # the meshes and the light of D
+FULL_SIZE = dict.fromkeys(("A", "A_thin", "A_lens", "C", "D"), (640, 360)) | {"B": (512, 512)}
 MEANING = {
     "A": "three spheres on a checker, pinhole",
     "A_thin": "the same, thin lens",
     "A_lens": "the same, double Gauss of eleven surfaces",
     "B": "Cornell box, pinhole",
     "C": "two meshes of 303,104 triangles, pinhole",
+    "D": "a room of meshes, a picture of light and two lamps, the double Gauss",
 }
 
 
@@ -39,7 +41,7 @@ def reference_scene(name: str, *, shrink: int = 1, roulette: bool = False, **ren
     Parameters
     ----------
     name
-        A, A_thin, A_lens, B or C, whose meshes are made by formula in a temporary folder.
+        A, A_thin, A_lens, B, C, whose meshes are made by formula in a temporary folder, or D.
     shrink
         Divides width and height of the full size.
     roulette
@@ -48,9 +50,8 @@ def reference_scene(name: str, *, shrink: int = 1, roulette: bool = False, **ren
         Other settings of the scene's ``render``.
     """
     width, height = FULL_SIZE[name]
-    scene = load_scene(
-        read_yaml(REFERENCE / f"{name}.yaml").data, base_dir=_mesh_folder() if name == "C" else REFERENCE
-    )
+    folder = _mesh_folder() if name == "C" else STUDIO if name == "D" else REFERENCE
+    scene = load_scene(read_yaml(REFERENCE / f"{name}.yaml").data, base_dir=folder)
     defaults = type(scene.render)()
     if name == "A_lens":  # its file aims as the other renderer of the tests did; benchmarks are of what users get
         scene = change_scene(scene, camera={"pupil": type(scene.camera).model_fields["pupil"].default})

@@ -2,6 +2,7 @@
 
 import argparse
 import contextlib
+import shlex
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -34,7 +35,7 @@ def add_to(commands: Commands) -> None:
         type=values.duration,
         metavar="TIME",
         default=60.0,
-        help="about how long to measure, as 60s or 5min (default 60s)",
+        help="how long to measure, as 60s or 5min (default 60s)",
     )
     parser.add_argument(
         "--time",
@@ -83,7 +84,8 @@ def _run(arguments: argparse.Namespace) -> int:
     if arguments.json == PRINTED:
         print(as_json(report.as_dict()))
     else:
-        _print(report, details=arguments.details)
+        overrides = "".join(f" --set {shlex.quote(text)}" for text in arguments.overrides)
+        _print(report, f"rptcam render {shlex.quote(str(arguments.scene))}{overrides}", details=arguments.details)
     return 0
 
 
@@ -101,15 +103,15 @@ def _check_outputs(arguments: argparse.Namespace) -> None:
         check_picture(arguments.plot, str(arguments.scene))
 
 
-def _print(report: "TradeoffReport", *, details: bool) -> None:
-    """Print the advice, and the tables and how they were found if that is wanted."""
-    from rptcam_cl.tradeoff import caveats, recommendation, summary, tables
+def _print(report: "TradeoffReport", command: str, *, details: bool) -> None:
+    """Print the advice, whose commands may be pasted, and the tables and how they were found if that is wanted."""
+    from rptcam_cl.tradeoff import COMMAND, caveats, recommendation, summary, tables
 
     if not details:
-        print("\n".join(summary(report)))
+        print("\n".join(summary(report)).replace(COMMAND, command))
         return
 
-    print("\n".join(recommendation(report)), end="\n\n")
+    print("\n".join(recommendation(report)).replace(COMMAND, command), end="\n\n")
     for table in tables(report):
         print_table(table.columns, table.rows, table.title)
         print()

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.colour import luminance
 from rptcam_cl.core.curves import curves
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
@@ -18,14 +19,17 @@ from rptcam_cl.core.kinds import EmitterKind
 from rptcam_cl.core.records import CAUSTIC_SURFACE, Kind
 from rptcam_cl.plan.emitters import Emitters, triangle_emitters
 from rptcam_cl.plan.primitives import Primitive
+from rptcam_cl.plan.solid_lamps import SOLIDS, area_of_solid
 from rptcam_cl.scene import Dielectric, Material, Matte, Mirror, Mix, Plastic, Principled, Scene, ThinGlass, has_holes
 
 PHOTONS = "on: photons (biased: what they bring is blurred, less with more samples)"
 SURFACE, RECEIVER = 1, 2  # roles of primitives
-SMALL_LAMP_SR = 0.05  # a lamp that glass or a mirror sees so large is found by paths
+SMALL_LAMP_SR = 0.01  # a lamp that glass or a mirror sees so large is found by paths
+LEAST_SHARE = 0.1  # of the lamps' light on glass and mirrors that must come from smaller ones
+LEAST_VIEWS, MOST_VIEWS = 4, 64  # pieces of glass and mirrors that are asked how large they see the lamps
 # Least GGX alpha of a principled receiver: the highlight of a smoother one shows what it mirrors, which photons blur.
 LEAST_ALPHA = 0.04
-WITHOUT_SIZE = (EmitterKind.POINT, EmitterKind.SPOT, EmitterKind.PROFILE, EmitterKind.DIRECTIONAL, EmitterKind.SUN)
+WITHOUT_SIZE = (EmitterKind.POINT, EmitterKind.SPOT, EmitterKind.PROFILE, EmitterKind.DIRECTIONAL)
 
 # Area of the canonical shapes [1].
 _AREA = {
@@ -47,7 +51,7 @@ class Caustics:
     active : bool
         Whether photons are traced.
     choice : str or None
-        What was decided and why; None where the scene leaves it off.
+        What was decided and why; None where the scene leaves it off, or has none and does not ask.
     surfaces : array of CausticSurface
         Smooth glass and mirrors; boxes as their faces, meshes as triangles.
     curve : (n,) array
@@ -94,16 +98,15 @@ def pack_caustics(
         return _without(None)
     roles = np.array([_role(primitive) for primitive in primitives] or [0], np.int32)
     if reason := _nothing_to_do(roles, emitters):
-        return _without(reason)
+        return _without(reason if "caustics" in scene.render.model_fields_set else None)
     if any(primitive.trajectory is not None for primitive in primitives):
         if wanted == "on":
             raise InputError("render.caustics: objects that move have none (allowed: off or auto, or objects at rest)")
         return _without("objects move")
     eye = np.array(scene.camera.eye) * scene.metres_per_unit
-    surfaces, areas = _surfaces(primitives, first_triangles, roles, eye)
-    largest = _largest_lamp(surfaces, emitters)
-    if wanted == "auto" and largest > SMALL_LAMP_SR:
-        return _without(f"paths find the brightest lamp, {largest:.2g} sr large as glass or mirrors see it")
+    surfaces, areas, places = _surfaces(primitives, first_triangles, roles, eye)
+    if wanted == "auto" and (reason := _left_to_paths(scene, primitives, emitters, surfaces, places)):
+        return _without(reason)
     curve, _ = curves(areas[None])
     return Caustics(True, PHOTONS, surfaces, curve.ravel(), roles)
 
@@ -154,24 +157,27 @@ def _nothing_to_do(roles: NDArray[np.int32], emitters: Emitters) -> str | None:
 
 def _surfaces(
     primitives: Sequence[Primitive], first_triangles: Sequence[int], roles: NDArray[np.int32], eye: NDArray[np.float64]
-) -> tuple[NDArray[np.void], NDArray[np.float64]]:
-    """Return the records of smooth glass and mirrors, and their areas [m²]."""
-    records, areas = [], []
+) -> tuple[NDArray[np.void], NDArray[np.float64], NDArray[np.float64]]:
+    """Return the records of smooth glass and mirrors, their areas [m²], and of triangles the middles about the eye."""
+    records, areas, places = [], [], []
     first_mesh = len(primitives) - len(first_triangles)
     for index, primitive in enumerate(primitives):
         if roles[index] != SURFACE:
             continue
         if primitive.mesh is not None:
-            _, area = triangle_emitters(primitive.mesh, primitive.placement, eye)
+            triangles, area = triangle_emitters(primitive.mesh, primitive.placement, eye)
+            place = (triangles["a"] + (triangles["u"] + triangles["v"]) / 3)[:, :3]
             found = CAUSTIC_SURFACE.zeros(len(area))
             found["kind"], found["area"] = Kind.MESH, area
             found["triangle"] = first_triangles[index - first_mesh] + np.arange(len(area))
         else:
             found, area = _shape_surfaces(primitive)
+            place = np.zeros((len(found), 3))
         found["primitive"] = index
         records.append(found)
         areas.append(area)
-    return np.concatenate(records), np.concatenate(areas)
+        places.append(place)
+    return np.concatenate(records), np.concatenate(areas), np.concatenate(places)
 
 
 def _shape_surfaces(primitive: Primitive) -> tuple[NDArray[np.void], NDArray[np.float64]]:
@@ -217,18 +223,76 @@ def _area_of(kind: Kind, linear: NDArray[np.float64]) -> float:
     return float(_AREA[kind] * np.linalg.norm(normals @ cofactors.T, axis=1).mean())
 
 
-def _largest_lamp(surfaces: NDArray[np.void], emitters: Emitters) -> float:
-    """Return the solid angle [sr] under which the surfaces see the brightest lamp, 0 where it has no size."""
+def _left_to_paths(
+    scene: Scene,
+    primitives: Sequence[Primitive],
+    emitters: Emitters,
+    surfaces: NDArray[np.void],
+    places: NDArray[np.float64],
+) -> str | None:
+    """Return why `auto` leaves the light of glass and mirrors to paths, None where photons are worth their cost."""
+    if scene.shutter.keys:
+        return "keys move while the shutter is open"
+    if scene.render.clamp is not None:
+        return "render.clamp takes away what paths find seldom"
     records = emitters.records[: emitters.count]
-    lamp = records[np.argmax(records["pick"])]
-    kind = EmitterKind(int(lamp["kind"]))
-    if kind in WITHOUT_SIZE:
-        return 0.0
-    extent = float(lamp["a"][3])
-    size = np.pi * extent**2 if kind is EmitterKind.SPHERE else extent
-    solid = surfaces[surfaces["kind"] != Kind.MESH]
-    if not len(solid):
-        return 0.0
-    places = np.stack([solid["row_x"][:, 3], solid["row_y"][:, 3], solid["row_z"][:, 3]], axis=1)
-    distance2 = ((places - lamp["a"][:3]) ** 2).sum(axis=1).min()
-    return float(size / max(distance2, 1e-12))
+    if np.isin(records["kind"], WITHOUT_SIZE).any():
+        return None
+    share = _share_of_small_lamps(primitives, records[records["kind"] != EmitterKind.ENVIRONMENT], surfaces, places)
+    if share >= LEAST_SHARE:
+        return None
+    return f"paths find the lamps: those below {SMALL_LAMP_SR} sr bring {share:.0%} of their light to glass and mirrors"
+
+
+def _share_of_small_lamps(
+    primitives: Sequence[Primitive], lamps: NDArray[np.void], surfaces: NDArray[np.void], places: NDArray[np.float64]
+) -> float:
+    """Return how much of the lamps' irradiance on glass and mirrors comes from lamps that are seen small from there."""
+    suns = lamps["kind"] == EmitterKind.SUN
+    _, lamp = np.unique(np.where(suns, -1 - np.arange(len(lamps)), lamps["primitive"]), return_inverse=True)
+    size = _sizes(primitives, lamps)
+    corner = np.isin(lamps["kind"], (EmitterKind.RECTANGLE, EmitterKind.TRIANGLE))
+    middle = np.where(lamps["kind"] == EmitterKind.TRIANGLE, 1 / 3, 0.5 * corner)[:, None]
+    centres = (lamps["a"] + middle * (lamps["u"] + lamps["v"]))[:, :3].astype(np.float64)
+    brightness = luminance(lamps["radiance"][:, :3].astype(np.float64))
+    small = every = 0.0
+    views = int(np.clip(10**6 // len(lamps), LEAST_VIEWS, MOST_VIEWS))
+    for k in np.unique(np.linspace(0, len(surfaces) - 1, views).astype(int)):
+        nearest = places[k] if surfaces[k]["kind"] == Kind.MESH else _nearest(surfaces[k], centres)
+        distance2 = ((nearest - centres) ** 2).sum(axis=1)
+        angle = np.minimum(size / np.where(suns, 1.0, np.maximum(distance2, 1e-12)), 2 * np.pi)
+        whole = np.bincount(lamp, angle)
+        light = np.bincount(lamp, angle * brightness)
+        small, every = small + light[whole < SMALL_LAMP_SR].sum(), every + light.sum()
+    return float(small / every) if every > 0 else 0.0
+
+
+def _sizes(primitives: Sequence[Primitive], lamps: NDArray[np.void]) -> NDArray[np.float64]:
+    """Return the area that lamps show [m²]; of suns their solid angle [sr]."""
+    kinds, extents = lamps["kind"], lamps["a"][:, 3].astype(np.float64)
+    sizes = np.where(np.isin(kinds, (EmitterKind.SPHERE, EmitterKind.SUN)), np.pi * extents, extents)
+    sizes = np.where(kinds == EmitterKind.SPHERE, sizes * extents, sizes)
+    for k in np.flatnonzero(np.isin(kinds, list(SOLIDS.values()))):
+        solid = primitives[int(lamps["primitive"][k])]
+        sizes[k] = area_of_solid(solid.kind, solid.placement[:3, :3]) / 4  # what a convex body shows on average
+    return sizes
+
+
+def _nearest(surface: np.void, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the points of a shape near to points (n, 3): the nearest ones where it is not stretched."""
+    placement = np.array([surface[name] for name in ("row_x", "row_y", "row_z")], np.float64)
+    x, y, z = (np.linalg.pinv(placement[:, :3]) @ (points - placement[:, 3]).T).astype(np.float64)
+    kind, radius = surface["kind"], np.maximum(np.hypot(x, y), 1e-12)
+    if kind == Kind.RECTANGLE:
+        inside = np.stack([np.clip(x, 0, 1), np.clip(y, 0, 1), 0 * z])
+    elif kind == Kind.DISK:
+        inside = np.stack([x, y, 0 * z]) / np.maximum(radius, 1)
+    elif kind == Kind.CYLINDER:
+        inside = np.stack([x / radius, y / radius, np.clip(z, 0, 1)])
+    elif kind == Kind.CONE:
+        height = np.clip(z, 0, 1)
+        inside = np.stack([(1 - height) * x / radius, (1 - height) * y / radius, height])
+    else:
+        assert kind in (Kind.SPHERE, Kind.ELLIPSOID), kind
+        inside = np.stack([x, y, z]) / np.maximum(np.sqrt(x * x + y * y + z * z), 1e-12)
+    return np.asarray((placement[:, :3] @ inside).T + placement[:, 3])

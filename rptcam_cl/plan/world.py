@@ -70,7 +70,8 @@ def world_of(scene: Scene, parts: PlanParts) -> World:
     named = tuple(scene.materials), tuple(scene.materials.values())
     shown = tuple(solid.shown_materials() for solid in solids)
     files = tuple(scene.digest_of(reference) for _, reference in file_references((shown, far)))
-    about = scene.camera.eye, scene.metres_per_unit, scene.shutter, scene.render.caustics
+    caustics = scene.render.caustics, "caustics" in scene.render.model_fields_set, scene.render.clamp is None
+    about = scene.camera.eye, scene.metres_per_unit, scene.shutter, caustics
     of = scene.objects, solids, named, far, files, about
     return parts.part("world", of, lambda: _made(scene, parts, files))
 

@@ -142,6 +142,8 @@ def _relative(scene: Scene, *, small: bool = False) -> Scene:
         across = 2 * down if scene.camera.kind == "environment" else max(round(columns * factor), 1)
         film = {"resolution": (across, down), "size_mm": tuple(side * 1e3 for side in scene.film.size_m())}
         kept = {name: getattr(scene.render, name) for name in ("max_depth", "roulette_depth", "sampler")}
+        clamped = scene.render.clamp is not None and scene.render.caustics == "auto"
+        kept["caustics"] = "off" if clamped else scene.render.caustics
         update["film"] = Film.model_validate(film | {"filter": FilmFilter()})
         update["render"] = RenderSettings(spp=max(SAMPLES // (across * down), 1), seed=SEED, **kept)
     return scene.model_copy(update=update)

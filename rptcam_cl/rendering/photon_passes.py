@@ -16,7 +16,10 @@ SHORT_PASSES = (0, 1, 2, 4, 8)  # first samples, so that few samples have a pict
 PASS_SAMPLES = 16  # samples of every later pass
 PHOTONS_PER_SAMPLE = 0.25  # and pixel of the whole film
 LEAST_PHOTONS, MOST_PHOTONS = 1 << 12, 1 << 18  # of a pass; a lattice is good for so many
-PHOTON_BYTES = 2 * 4 * 8 * MOST_PHOTONS + 4 * (MOST_PHOTONS + 1)  # as traced and as sorted, and the cells
+# Cells repeat after so many for a photon, so that few of those that a vertex looks into hold photons of elsewhere.
+CELL_BITS_MORE = 3
+MOST_CELLS = MOST_PHOTONS << CELL_BITS_MORE
+PHOTON_BYTES = 2 * 4 * 8 * MOST_PHOTONS + 4 * (MOST_CELLS + 1)  # as traced and as sorted, and the cells
 # The radius shrinks with samples to this power: with the bias of a disk, radius², and the variance,
 # 1 / (samples radius²), their mean square falls fastest so, with samples^(-2/3).
 SHRINKING = -1 / 6

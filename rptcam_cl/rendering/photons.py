@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from rptcam_cl.core.records import PHOTON_GRID, PHOTON_PASS, device_declarations
 from rptcam_cl.device import Session
 from rptcam_cl.plan import Plan
-from rptcam_cl.rendering.photon_passes import MOST_PHOTONS, PhotonPass, pass_of
+from rptcam_cl.rendering.photon_passes import CELL_BITS_MORE, MOST_CELLS, MOST_PHOTONS, PhotonPass, pass_of
 from rptcam_cl.rendering.waves import seed_words
 
 PHOTON_FLOATS = 8
@@ -30,7 +30,7 @@ class PhotonBuffers:
 
     def __init__(self, session: Session, plan: Plan) -> None:
         self.photons = session.allocate(4 * PHOTON_FLOATS * MOST_PHOTONS)
-        self.cells = session.allocate(4 * (MOST_PHOTONS + 1))
+        self.cells = session.allocate(4 * (MOST_CELLS + 1))
         self.grid = session.upload(PHOTON_GRID.zeros(1))
         self.current: tuple[Any, ...] | None = None
         self.arguments = {
@@ -133,7 +133,8 @@ def sorted_by_cell(photons: Photons, radius: float) -> tuple[NDArray[np.void], N
     places = photons[:, :3]
     low, high = places.min(axis=0), places.max(axis=0)
     per_cell = np.float32(0.5 / radius)
-    bits = _periods((high - low) * per_cell, max(len(photons).bit_length(), 3))
+    most = min(len(photons).bit_length() + CELL_BITS_MORE, MOST_CELLS.bit_length() - 1)
+    bits = _periods((high - low) * per_cell, most)
     grid["low"][0], grid["high"][0] = (*(low - radius), per_cell), (*(high + radius), radius)
     masks = (1 << bits) - 1
     grid["mask_x"], grid["mask_y"], grid["mask_z"] = masks

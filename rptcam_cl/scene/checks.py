@@ -133,7 +133,7 @@ def check_keys_of_shutter(shutter: Shutter, camera: Camera, render: RenderSettin
         ("camera", "ghosts"): getattr(camera, "ghosts", "off") != "off",
         ("camera", "accuracy"): getattr(camera, "accuracy", None) is not None,
         ("camera", "precision"): getattr(camera, "precision", "single") != "single",
-        ("render", "caustics"): render.caustics != "off",
+        ("render", "caustics"): render.caustics == "on",
         ("render", "layers"): bool({"position", *SHARP_LAYERS} & set(render.layers)),
     }
     for path, wrong in faults.items():

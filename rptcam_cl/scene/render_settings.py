@@ -94,9 +94,9 @@ class RenderSettings(SceneModel):
     clamp: Annotated[float, Field(ge=1e-6, le=1e30), NUMBER] | None = None
     """Most that a sample may bring to a channel of the film; brighter ones are scaled down, which is biased."""
 
-    caustics: Literal["off", "auto", "on"] = "off"
+    caustics: Literal["off", "auto", "on"] = "auto"
     """Whether photons bring the light that smooth glass and mirrors throw onto surfaces that scatter it; `auto`: where
-    the scene has such light from lamps that paths hardly find."""
+    the scene has such light from lamps that paths hardly find, and no `clamp`."""
 
     layers: Layers = ()
     """Auxiliary layers to record beside the picture, as depth and normal."""

@@ -10,6 +10,7 @@ from rptcam_cl.tradeoff.ladder import AS_IT_IS, REFERENCE
 from rptcam_cl.tradeoff.words import between, bias, odds, per_cent, seconds
 
 FULL = "full accuracy"
+COMMAND = "rptcam render SCENE"
 PROBABLE = 0.75  # odds from which one configuration is called probably better
 LONGER = 4  # times the measurement, which halves its intervals
 
@@ -38,16 +39,16 @@ def _wish(advice: Advice) -> str:
     return f"in {seconds(advice.amount)}" if advice.wish == "time" else f"to an error of {per_cent(advice.amount)}"
 
 
-def _settings(report: Comparison, name: str) -> str:
+def _settings(report: Comparison, name: str, samples: int = 0) -> str:
     found = report.named(name)
-    sets = " ".join(f"--set '{text}'" for text in found.settings)
-    return f"{sets} ({called(report, name)})" if sets else f"nothing, {called(report, name)}"
+    sets = " ".join(f" --set '{text}'" for text in found.settings)
+    return f"{COMMAND}{sets}{f' --spp {samples}' if samples else ''} ({called(report, name)})"
 
 
 def _set(report: Comparison, advice: Advice) -> str:
     if advice.chosen is None:
         return f"{_wish(advice)} nothing does"
-    return f"{_wish(advice)} {_settings(report, advice.chosen)}"
+    return f"{_wish(advice)} {_settings(report, advice.chosen, advice.samples)}"
 
 
 def _cost(report: Comparison, advice: Advice) -> str:

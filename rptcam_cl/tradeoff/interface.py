@@ -74,7 +74,8 @@ def measure_tradeoff(
     scene
         A scene, or anything that `load_scene` takes.
     budget
-        About how long the comparison may take [s]; compilation may take longer.
+        How long the comparison may take on an idle machine [s], within a tenth where preparing takes less than two
+        thirds of it and the fewest renders fit the rest; else the report says what took longer.
     seconds, error
         What to advise for: a time to render [s], and a relative error (root of relMSE).
     size

@@ -24,6 +24,8 @@ MOST_MAPS = 4
 LOW, HIGH = 0.003, 1.0  # differences between which the shade of a map changes, by logarithm
 POINTS = 200  # of a curve
 FINEST, COARSEST = 0.005, 3.0  # errors that the chart reaches from the one to the other, about
+# Colours after those of `series`, so that no two curves share one.
+MORE = ("#e377c2", "#8c564b", "#6fb7ff", "#a7c957", "#000000", "#ffa62b", "#7a0c2e", "#a9a2e8", "#63d2a1", "#c9ada7")
 DASHES = {"thick_lens": "--"}  # which often lies on the thin lens's curve
 
 
@@ -45,7 +47,8 @@ def tradeoff_plot(report: Comparison, title: str) -> Figure:
     if shown:
         _draw_maps(rooms[1, 0], report, shown)
     left, right = charts.subplots(1, 2, width_ratios=WIDTHS)
-    colours = {found.name: series(number) for number, found in enumerate(report.measurements)}
+    different = [*dict.fromkeys(map(series, range(len(MORE)))), *MORE]
+    colours = {found.name: different[number % len(different)] for number, found in enumerate(report.measurements)}
     _errors_over_time(left, report.measurements, colours)
     _errors_over_field(right, report, colours)
     add_key(charts, left.lines)
@@ -66,7 +69,7 @@ def _errors_over_time(axes: Axes, found: Sequence[Measurement], colours: dict[st
     axes.xaxis.set_major_formatter(lambda value, _: seconds(value))
     axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
     for number, each in enumerate(found):
-        colour, line = colours[each.name], "-" if series(number) not in list(colours.values())[:number] else "--"
+        colour, line = colours[each.name], "-" if colours[each.name] not in list(colours.values())[:number] else "--"
         band = [100 * np.maximum(_error(each, times, end), low / 10) for end in ("low", "high")]
         axes.fill_between(times, *band, color=colour, alpha=0.16, linewidth=0)
         axes.plot(times, 100 * np.maximum(curves[each.name], low / 10), line, color=colour, label=each.name)

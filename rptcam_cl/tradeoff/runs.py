@@ -121,6 +121,11 @@ def run(ready: Ready, tiles: SpreadTiles, samples: int, seed: int) -> Run:
     return Run(mean.astype(np.float32), wall, cpu)
 
 
+def undisturbed_clock(device_type: str) -> Callable[[], float]:
+    """Return a clock [s] that other work on the machine does not move: of a processor its time over all cores."""
+    return (lambda: time.process_time() / cores()) if device_type == "cpu" else time.perf_counter
+
+
 def cores() -> int:
     """Return how many processor cores this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -7,7 +7,7 @@ from rptcam_cl.tradeoff.comparison import Comparison
 from rptcam_cl.tradeoff.headline import headline
 from rptcam_cl.tradeoff.ladder import REFERENCE
 from rptcam_cl.tradeoff.measurement import TARGETS, Measurement
-from rptcam_cl.tradeoff.text import MEANT, caveats, recommendation, unsure
+from rptcam_cl.tradeoff.text import MEANT, caveats, longer, recommendation, unsure
 from rptcam_cl.tradeoff.tiers.errors import FIELDS
 from rptcam_cl.tradeoff.words import bias, crossing, ends, noise, per_cent, pixels, seconds
 
@@ -70,7 +70,8 @@ def _cameras(report: Comparison) -> list[list[str]]:
 
 def summary(report: Comparison) -> list[str]:
     """Return the lines that the command prints without its details: the advice, its terms, and doubts."""
-    return [*headline(report), "", MEANT, *unsure(report), "All numbers and how they were found: --details."]
+    doubts = [*unsure(report), *longer(report)]
+    return [*headline(report), "", MEANT, *doubts, "All numbers and how they were found: --details."]
 
 
 def plain_text(report: Comparison) -> str:

@@ -14,6 +14,7 @@ from rptcam_cl.tradeoff.tiers.errors import FIELDS, TierError
 from rptcam_cl.tradeoff.words import bias, per_cent, pixels, seconds
 
 MEANT = "Errors are relative to each pixel's brightness (root mean square over the picture), noise included."
+LATE = 1.1  # times the budget, from which the report says what took longer
 SHOWS_LOAD = 1.3  # ratio of wall time to CPU time from which the report mentions it
 PLACES = (("top", "middle", "bottom"), ("left", "centre", "right"))
 
@@ -38,7 +39,7 @@ def caveats(report: Comparison) -> list[str]:
         f" {report.resolution[0]} x {report.resolution[1]} pixels, {report.seeds} seeds with {first} and {second}"
         f" samples per pixel, {report.long_tiles} tiles with {most}. Brackets are intervals of 95 %."
     ]
-    said += unsure(report)
+    said += [*unsure(report), *longer(report)]
     clock = report.measurements[0].wall_sample_s.value / report.measurements[0].sample_s.value
     if report.by_cpu:
         said.append("Times are CPU times divided by the number of cores: those of a render on an idle machine.")
@@ -61,6 +62,21 @@ def unsure(report: Comparison) -> list[str]:
     return [
         f"The noise of {' and of '.join(rare)} comes from rare bright paths: errors and times may be off by more than"
         " the intervals show; a longer measurement (--budget) meets more of them."
+    ]
+
+
+def longer(report: Comparison) -> list[str]:
+    """Return why measuring took longer than it was to."""
+    if not report.budget or report.seconds <= LATE * report.budget:
+        return []
+    preparing = sum(found.start_s for found in report.measurements)
+    first = report.measurements[0]
+    busy = first.wall_sample_s.value / first.sample_s.value
+    shared = f"; renders took {busy:.1f} times as long as on an idle machine" if busy > SHOWS_LOAD else ""
+    return [
+        f"Measuring took {seconds(report.seconds)} in place of {seconds(report.budget)}: preparing"
+        f" {len(report.measurements)} ways to render took {seconds(preparing)}, renders and all else"
+        f" {seconds(report.seconds - preparing)}{shared}."
     ]
 
 

@@ -48,7 +48,7 @@ def scene_of(
     return {
         "film": {"resolution": list(resolution), **rest.pop("film", {})},
         "camera": dict(camera),
-        "render": {"spp": 16, "max_depth": depth, "roulette_depth": roulette},
+        "render": {"spp": 16, "max_depth": depth, "roulette_depth": roulette, "caustics": "off"},
         "objects": objects,
         **rest,
     }

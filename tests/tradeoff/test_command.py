@@ -3,6 +3,7 @@
 import itertools
 import json
 import math
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -11,15 +12,16 @@ import pytest
 from rptcam_cl.cli import main
 from rptcam_cl.cli import parser as values
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.device import Session, choose_device
+from rptcam_cl.device import Session, choose_device, open_session
 from rptcam_cl.scene import load_scene
-from rptcam_cl.tradeoff import measure_tradeoff
+from rptcam_cl.tradeoff import measure_tradeoff, schedule
 from rptcam_cl.tradeoff.interface import _ghosts
 from rptcam_cl.tradeoff.ladder import ladder, most_accurate
 from rptcam_cl.tradeoff.plot import tradeoff_plot
-from rptcam_cl.tradeoff.runs import prepare
+from rptcam_cl.tradeoff.runs import prepare, run
 from rptcam_cl.tradeoff.table import summary, tables
 from rptcam_cl.tradeoff.text import recommendation
+from rptcam_cl.tradeoff.tiles import spread_tiles
 
 BOARD = {"kind": "matte", "reflectance": {"kind": "checker", "even": 0.8, "odd": 0.1, "scale": [60, 60]}}
 LAMP = {"kind": "emissive", "radiance": 2.0}
@@ -133,7 +135,7 @@ def test_depth_is_bounded_by_the_reflectance(report):
 def test_report_reads_well(report):
     said = recommendation(report)
     assert [line.partition(":")[0] for line in said[:3]] == ["Set", "Costs", "Gains"]
-    assert said[0].startswith("Set: in 1 s ") and "; to an error of 5 % " in said[0]
+    assert said[0].startswith("Set: in 1 s rptcam render SCENE ") and "; to an error of 5 % rptcam render" in said[0]
     assert any(line.startswith("Full accuracy (full in the tables) is the most accurate way") for line in said)
     errors, costs, cameras = tables(report)
     assert all(len(row) == len(table.columns) for table in (errors, costs, cameras) for row in table.rows)
@@ -147,6 +149,39 @@ def test_report_reads_well(report):
     assert len(tradeoff_plot(report, "a scene").axes) > 2
 
 
+def test_what_took_longer_than_the_budget_is_said(report):
+    late = replace(report, budget=1.0, seconds=3.0)
+    assert summary(late)[-2].startswith("Measuring took 3 s in place of 1 s: preparing ")
+    assert not any("in place of" in line for line in summary(replace(report, budget=3.0, seconds=3.2)))
+
+
+def test_turns_end_where_they_take_longer_than_the_first_said(monkeypatch):
+    steps = {step.name: step for step in ladder(load_scene(SCENE)).configurations}
+    ready, _ = prepare([steps["thin lens"], steps["thick lens"]], open_session(), lambda name, done: None)
+    extent = spread_tiles(ready[0].wavefront.layout, 24, np.random.default_rng(0)), 1
+    monkeypatch.setattr(schedule, "_extent", lambda *_: extent)
+
+    def slowly(*work):
+        until = time.process_time() + 0.1
+        while time.process_time() < until:
+            pass
+        return run(*work)
+
+    monkeypatch.setattr(schedule, "run", slowly)
+    hurried = schedule.render_by_turns(ready, 1.0, 1, lambda words, share: None)
+    assert hurried.seeds == 4 and len(hurried.long.chosen) == 16
+    assert all(part.shape[0] == 4 for each in hurried.pixels for part in each)
+    assert all(len(timing.wall) == 4 for timing in hurried.timings)
+    assert schedule.render_by_turns(ready, 60.0, 1, lambda words, share: None).seeds == 8
+
+
+def test_curves_of_the_plot_have_colours_of_their_own(report):
+    charts = [axes for axes in tradeoff_plot(report, "a scene").axes if axes.get_ylabel().startswith("error: root")]
+    curves = charts[0].lines[:-1]  # but for the slope of noise
+    assert len(curves) == len(report.measurements) > 7
+    assert len({curve.get_color() for curve in curves}) == len(curves)
+
+
 def test_summary_is_short_and_has_no_table(report):
     lines = summary(report)
     assert lines[:3] == recommendation(report)[:3]
@@ -158,7 +193,7 @@ def test_summary_is_short_and_has_no_table(report):
 @pytest.mark.parametrize(
     ("share", "expected"),
     [
-        (0.9, "Probably better in 1 s, odds 9 to 1: --set"),
+        (0.9, "Probably better in 1 s, odds 9 to 1: rptcam render SCENE --set"),
         (0.6, "and the thin lens, odds 1 to 1.5: measure longer (--budget"),
         (None, "Perhaps better in 1 s: the thin lens; measure longer (--budget"),
     ],
@@ -263,4 +298,4 @@ def test_command_writes_what_it_is_asked_for(tmp_path, capsys):
     assert "pinhole" in [found["name"] for found in told["measurements"]]
     assert "depth 2" in (tmp_path / "out.md").read_text()
     assert (tmp_path / "out.svg").read_text().startswith("<svg")
-    assert "Set: in 60 s " in capsys.readouterr().out
+    assert f"Set: in 60 s rptcam render {scene} " in capsys.readouterr().out

@@ -113,7 +113,7 @@ def repeated(repetitions, size=(32, 24)):
     truth, found = Truth(), []
     with patch.object(schedule, "_extent", lambda *_: extent), patch.object(measurement, "TARGETS", TARGETS):
         for repetition in range(repetitions):
-            pictures = render_by_turns(ready, 0.0, 100 * repetition, lambda words, share: None)
+            pictures = render_by_turns(ready, np.inf, 100 * repetition, lambda words, share: None)
             found.append(_measured(ready, pictures))
             truth.take(pictures)
     return found, truth, noise_between(ready, truth)

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from rptcam_cl.plan import make_plan
-from rptcam_cl.rendering.photon_passes import MOST_PHOTONS, pass_of, within_passes
+from rptcam_cl.rendering.photon_passes import MOST_CELLS, MOST_PHOTONS, pass_of, within_passes
 from rptcam_cl.rendering.photons import first_radius, sorted_by_cell
 from rptcam_cl.scene import load_scene
-from tests.rendering.caustics.test_photons import ball, glasses, lamp, scene
+from tests.rendering.caustics.test_photons import LAMP, ball, glasses, lamp, scene
 
 
 def test_every_sample_sees_one_pass_and_passes_follow_each_other():
@@ -52,6 +52,12 @@ def test_cells_hold_their_photons_in_order():
         assert list(order[starts[number] : starts[number + 1]]) == list(np.flatnonzero(numbers == number))
 
 
+def test_cells_of_the_largest_pass_fit_their_buffer():
+    places = np.random.default_rng(3).uniform(-1, 1, (MOST_PHOTONS, 3))
+    _, _, starts = sorted_by_cell(photons_at(places), 1e-4)
+    assert len(starts) <= MOST_CELLS + 1
+
+
 def test_no_photons_have_no_place():
     grid, order, _ = sorted_by_cell(photons_at(np.zeros((0, 3))), 0.1)
     assert len(order) == 0 and np.all(grid[0]["low"][:3] > grid[0]["high"][:3])
@@ -68,11 +74,36 @@ def test_radius_follows_the_density_of_most_photons():
 GREY_BALL = {"kind": "matte", "reflectance": 0.5}
 
 
+GLASS_MESH = {"shape": "mesh", "vertices": [[0, 0, 0.1], [0.1, 0, 0.1], [0, 0.1, 0.1]], "faces": [[0, 1, 2]],
+              "material": {"kind": "mirror"}}  # fmt: skip
+# A lamp of 20 x 20 cm in 3200 triangles, and a mirror of 20 m that passes 20 cm below a lamp of 4 cm
+ACROSS = np.linspace(-0.1, 0.1, 41)
+SMALL_TRIANGLES = {
+    "shape": "mesh", "vertices": [[float(x), float(y), 0.5] for x in ACROSS for y in ACROSS],
+    "faces": [[41 * i + j + k, 41 * i + 41 + j, 41 * i + 1 + j + 41 * k]
+              for i in range(40) for j in range(40) for k in (0, 1)],
+    "material": {"kind": "emissive", "radiance": 10.0},
+}  # fmt: skip
+LAMP_OF_4_CM = {"shape": "sphere", "center": [3, 0.5, 0.4], "radius": 0.02, "material": SMALL_TRIANGLES["material"]}
+LONG_MIRROR = {"shape": "rectangle", "corner": [-10, 0, 0.2], "edge_u": [20, 0, 0], "edge_v": [0, 1, 0],
+           "material": {"kind": "mirror"}}  # fmt: skip
+SKY = {"kind": "sky", "sun_elevation_degrees": 30}
+
+
 @pytest.mark.parametrize(
     ("made", "says"),
     [
         (scene(lamp(0.02), ball(), caustics="auto"), "on: photons"),
         (scene(lamp(0.3), ball(), caustics="auto"), "off: paths find"),
+        (scene(lamp(0.06), ball(), caustics="auto"), "off: paths find"),  # 0.028 sr
+        (scene(lamp(0.06), GLASS_MESH, caustics="auto"), "off: paths find"),
+        (scene(lamp(0.02), GLASS_MESH, caustics="auto"), "on: photons"),
+        (scene(SMALL_TRIANGLES, ball(), caustics="auto"), "off: paths find"),
+        (scene(lamp(0.3), lamp(0.02, 1000.0), ball(), caustics="auto"), "on: photons"),  # 0.31 of the light
+        (scene(lamp(0.3), lamp(0.02, 1.0), ball(), caustics="auto"), "off: paths find"),
+        (scene(lamp(0.3), ball(), caustics="auto", environment=SKY), "on: photons"),
+        (scene(lamp(0.3), ball(), caustics="auto", lights=[LAMP]), "on: photons"),
+        (scene(LAMP_OF_4_CM, LONG_MIRROR, caustics="auto"), "off: paths find"),
         (scene(lamp(), ball() | {"material": GREY_BALL}), "off: no smooth glass"),
         (scene(ball(), environment={"kind": "constant", "radiance": 1.0}), "off: no lamp"),
         (scene(lamp(), ball(alpha=0.2)), "off: no smooth glass"),
@@ -84,5 +115,18 @@ def test_choice_says_what_the_scene_has(made, says):
     assert caustics.facts == {"CAUSTICS": int(says.startswith("on"))}
 
 
-def test_scene_without_the_key_is_left_alone():
+def test_scene_without_lamps_or_glass_is_left_alone():
+    without = scene(lamp(0.02))
+    del without["render"]["caustics"]
+    found = make_plan(load_scene(without)).caustics
+    assert (found.choice, found.active) == (None, False)
     assert make_plan(load_scene(glasses(caustics="off"))).caustics.choice is None
+
+
+def test_small_lamp_and_glass_have_photons_unless_the_scene_says_otherwise():
+    made = scene(lamp(0.02), ball())
+    del made["render"]["caustics"]
+    assert make_plan(load_scene(made)).caustics.active
+    clamped = load_scene(made, ["render.clamp=10"])
+    assert make_plan(clamped).caustics.choice.startswith("off: render.clamp")
+    assert not make_plan(load_scene(made, ["render.caustics=off"])).caustics.active
