@@ -223,7 +223,7 @@ def test_spread_of_a_node_is_that_of_all_points_of_its_lamps() -> None:
     rng = np.random.default_rng(3)
     offsets = rng.normal(size=(5, 400, 3)) * [[[1.0]], [[0.5]], [[2.0]], [[0.1]], [[0.7]]]
     offsets -= offsets.mean(axis=1, keepdims=True)
-    middles, power = rng.normal(size=(5, 3)) + [50.0, 0, 0], np.array([0.1, 0.3, 0.2, 0.25, 0.15])
+    middles, power = rng.normal([50.0, 0, 0], 1, (5, 3)), np.array([0.1, 0.3, 0.2, 0.25, 0.15])
     lamps = replace(lamps_at(middles, power), extent2=(offsets**2).sum(axis=2).mean(axis=1))
     points = middles[:, None] + offsets
     tree = light_tree(lamps)
