@@ -100,7 +100,7 @@ SWAPS = {
 }  # fmt: skip
 PAIRS = ("min max", "minimum maximum", "sin cos", "any all", "floor ceil")
 NAMES = dict((pair.split() for pair in PAIRS), **{b: a for a, b in map(str.split, PAIRS)})
-EITHER_WAY = {"min", "max", "minimum", "maximum", "hypot", "isclose", "array_equal", "gcd", "Record"}
+EITHER_WAY = {"min", "max", "minimum", "maximum", "hypot", "isclose", "array_equal", "union1d", "Record"}
 
 
 def _left_out(node: ast.AST) -> Iterator[ast.AST]:
