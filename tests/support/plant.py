@@ -41,6 +41,7 @@ TESTS = {
     "tolerances": "cli/test_lens_tolerance cameras/test_as_built",
     "imaging": "cli/test_develop cli/test_layers",
     "lenstools": "cli/test_lens_views cli/test_lens cli/test_breathing",
+    "scene": "plan imaging/sensor tolerances/test_specification cameras/test_losses rendering/test_honest_errors",
     "core": "device/test_layout device/test_signatures rendering/test_world assets/test_remembered_pictures",
     "plan": "rendering/light rendering/caustics rendering/test_emitters scene/test_warnings rendering/test_shapes",
     "api": "rendering/test_honest_errors",
@@ -245,18 +246,15 @@ _LINES: dict[str, set[int]] = defaultdict(set)
 
 
 def _tracer(frame: Any, event: str, arg: object) -> Any:
-    name = frame.f_code.co_filename
-    if not name.startswith(os.environ[TRACED]):
+    if not frame.f_code.co_filename.startswith(os.environ[TRACED]):
         return None
-    lines = _LINES[name]
-    lines.add(frame.f_lineno)
+    lines = _LINES[frame.f_code.co_filename]
 
     def within(frame: Any, event: str, arg: object) -> Any:
-        if event == "line":
-            lines.add(frame.f_lineno)
+        lines.add(frame.f_lineno)
         return within
 
-    return within
+    return within(frame, event, arg)
 
 
 @pytest.hookimpl(wrapper=True)
@@ -320,8 +318,12 @@ class Copy:
         """Learn which tests run which lines, from a run of them all, kept in a file; what does not pass is left out."""
         if not kept.exists():
             to = {TRACE: str(self.folder / "trace"), TRACED: f"{self.tree / 'rptcam_cl' / self.room}{os.sep}"}
-            _, text = self.run("-p", "tests.support.plant", *self.tests, limit_s=None, **to)
-            failed = set(re.findall(r"^(?:FAILED|ERROR) (\S+)", text, re.MULTILINE))
+            paths = [self.tree / place for place in self.tests]
+            files = [file for path in paths for file in (sorted(path.rglob("test_*.py")) if path.is_dir() else [path])]
+            failed: set[str] = set()
+            for file in dict.fromkeys(files):  # apart, as what is remembered would run in the first of them alone
+                _, text = self.run("-p", "tests.support.plant", str(file.relative_to(self.tree)), limit_s=None, **to)
+                failed |= set(re.findall(r"^(?:FAILED|ERROR) (\S+)", text, re.MULTILINE))
             lines = Path(to[TRACE]).read_text("utf-8").splitlines(keepends=True)
             kept.write_text("".join(line for line in lines if json.loads(line)[0].split(" ")[0] not in failed), "utf-8")
         for line in kept.read_text("utf-8").splitlines():
@@ -331,8 +333,8 @@ class Copy:
     def tests_for(self, fault: Fault, source: str) -> list[str]:
         """Return the tests to ask, the fastest of those that run the statement first, then the others of their files.
 
-        Fixtures are shared, so that a test may see what another one has run. What a module does as it is imported is
-        run by all tests of the module, or of the room.
+        Fixtures are shared, so that a test may see what another one has run. What a module does as it is imported, all
+        tests of the room may see.
         """
         if not self.runs:
             return self.tests
@@ -346,9 +348,7 @@ class Copy:
         lines = set(range(statement.lineno, body[0].lineno if body else (statement.end_lineno or first) + 1))
         inside = any(isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) for node in holders if node != statement)
         own = {name for name, _, runs in self.runs if fault.path in runs and (not inside or runs[fault.path] & lines)}
-        if not inside and not own:
-            own = {name for name, _, _ in self.runs}
-        files = {name.split("::")[0] for name in own}
+        files = {name.split("::")[0] for name in (own if inside else {name for name, _, _ in self.runs})}
         asked = [(name not in own, seconds, name) for name, seconds, _ in self.runs if name.split("::")[0] in files]
         return [name for _, _, name in sorted(asked)]
 
@@ -366,7 +366,7 @@ class Copy:
         if code == 0:
             return False, f"{len(tests)} tests pass"
         by = re.search(r"^(?:FAILED|ERROR) (\S+)", text, re.MULTILINE)
-        return True, "out of time" if code == -1 else by[1] if by else f"pytest ends with {code}"
+        return True, by[1] if by else "out of time" if code == -1 else f"pytest ends with {code}"
 
 
 def main() -> None:
