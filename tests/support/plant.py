@@ -42,7 +42,7 @@ TESTS = {
     "imaging": "cli/test_develop rendering/truth/test_cryptomatte",
     "lenstools": "cli/test_lens_views cli/test_lens cli/test_breathing",
     "scene": "plan imaging/sensor tolerances/test_specification cameras/test_losses rendering/test_transmission",
-    "optics": "lenstools tolerances",
+    "optics": "lenstools tolerances rendering/layers/test_blur",
     "core": "device/test_layout device/test_signatures rendering/test_world assets/test_remembered_pictures",
     "plan": "rendering/light rendering/caustics rendering/test_emitters scene/test_warnings rendering/test_shapes",
     "api": "rendering/test_honest_errors",
@@ -69,6 +69,11 @@ TESTS = {
 EQUIVALENT = {
     "core/kept.py: path.unlink(missing_ok=False)": "the caller passes over it, and the next call deletes what is left",
     'imaging/raw.py: planarconfig="contig" if (not (raw.numbers.ndim == 3)) else None,': "tifffile finds the same",
+    "optics/ghost_rays.py: turns = np.full((len(entered), max(map(len, ways), default=0) + 2), NOWHERE)": "more room",
+    "optics/files/checks.py: backwards = [k for k, s in enumerate(lens.surfaces) if s.is_mirror and lens.senses[k] <= 0"
+    " and s.pose is None]": "a sense is 1 or -1",
+    "optics/copies_trace.py: return Hits(hit, to_plane + step, normal, cosine, np.isfinite(step) & (normal[2] > 0)"
+    " & (cosine >= 0))": "only rays along the surface itself",
 }
 
 
@@ -217,13 +222,10 @@ def faults_of(room: str, tree: Path) -> list[Fault]:
     folder = tree / room if room.startswith("kernels/") else tree / "rptcam_cl" / room
     if not folder.is_dir():
         raise SystemExit(f"ROOM={room}: is no folder (allowed: one of rptcam_cl, as optics, or kernels/NAME)")
-    found = []
+    found: list[Fault] = []
     for path in sorted(folder.rglob("*")):
-        name = path.relative_to(tree).as_posix()
-        if path.suffix == ".py":
-            found += python_faults(name, path.read_text("utf-8"))
-        elif path.suffix in (".h", ".cl"):
-            found += kernel_faults(name, path.read_text("utf-8"))
+        of_suffix = {".py": python_faults, ".h": kernel_faults, ".cl": kernel_faults}.get(path.suffix)
+        found += of_suffix(path.relative_to(tree).as_posix(), path.read_text("utf-8")) if of_suffix else []
     return found
 
 
@@ -284,11 +286,7 @@ class Copy:
 
     def __init__(self, room: str, folder: Path) -> None:
         self.room, self.folder, self.tree = room, folder, folder / "tree"
-        listed = subprocess.check_output(["git", "ls-files", "-z", "-co", "--exclude-standard"], cwd=ROOT, text=True)
-        for name in listed.split("\0"):
-            if (ROOT / name).is_file():
-                (self.tree / name).parent.mkdir(parents=True, exist_ok=True)
-                shutil.copy2(ROOT / name, self.tree / name)
+        shutil.copytree(ROOT, self.tree, ignore=shutil.ignore_patterns(".*", "__pycache__", "out", "dist"))
         names = [f"tests/{name}" for name in (room, *TESTS.get(room, "").split())]
         places = [name if (self.tree / name).is_dir() else f"{name}.py" for name in names]
         self.tests = [place for place in places if (self.tree / place).exists()]
