@@ -31,6 +31,12 @@ lint: $(VENV)/.lint
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 
+# Plants random faults in a room and says which its tests find: make mutants ROOM=optics COUNT=30 SEED=2
+COUNT ?= 20
+SEED ?= 1
+mutants: $(VENV)/.test
+	$(BIN)/python -m tests.support.plant $(ROOM) --count $(COUNT) --seed $(SEED)
+
 # Each stamp says which extras the environment has; a change of pyproject.toml brings it up to date.
 $(BIN)/python:
 	$(PYTHON) -m venv $(VENV)
@@ -54,4 +60,4 @@ $(VENV)/.lint: pyproject.toml | $(BIN)/python
 clean:
 	rm -rf $(VENV) out
 
-.PHONY: demo test browser docs lint clean
+.PHONY: demo test browser docs lint mutants clean

@@ -1,9 +1,12 @@
 """What every test may ask for."""
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
+
+from rptcam_cl.device import session
 
 # The same examples on every run: a machine's fast tests pass or fail by the code alone.
 settings.register_profile("repeatable", derandomize=True, deadline=None)
@@ -14,3 +17,14 @@ settings.load_profile("repeatable")
 def checkout() -> Path:
     """Root folder of the checkout that the tests lie in."""
     return Path(__file__).resolve().parents[1]
+
+
+@pytest.fixture(scope="session", autouse=True)
+def pictures_that_compile_soonest() -> Iterator[None]:
+    """All pictures have the kernels that compile soonest, as the first ones of a process do; their bits are the same.
+
+    Compiling takes most of the time of the tests. Full kernels are compared in `rendering/test_quick_kernels.py`.
+    """
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(session, "FEW_SAMPLES", 1 << 40)
+        yield

@@ -217,6 +217,8 @@ class _Builder:
         mark = problem.problem_mark or problem.context_mark
         if mark is None:
             return InputError(f"{self.name}:1:1: not valid YAML ({problem.problem})")
+        if "nesting depth" in (problem.problem or ""):  # PyYAML from 6.0.4 on reads ahead, to a limit of its own
+            return self._fail(mark, f"nested deeper than {MAX_DEPTH} levels")
         lines = text.splitlines()
         line = lines[mark.line] if mark.line < len(lines) else ""
         if "\t" in line[: mark.column + 1]:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.rendering.account import clamp_text, of_makers
 from rptcam_cl.rendering.checkpoint import Checkpoint
-from rptcam_cl.rendering.film import TILE_PIXELS, FilmLayout
+from rptcam_cl.rendering.film import PLANES, TILE_PIXELS, FilmLayout
 from rptcam_cl.rendering.film_buffers import outcomes_of, share_removed
 from rptcam_cl.rendering.ground_truth import saved_truth
 from rptcam_cl.rendering.layers import LayerArrays, LayerPlanes
@@ -59,7 +59,7 @@ def picture_of(saved: Checkpoint, layout: FilmLayout) -> SavedPicture:
         stats["lens"] = outcomes_of(counts)
     if picture["clamp"] is not None:
         stats["clamp"] = {"limit": picture["clamp"], "removed_share": share_removed(arrays["film"])}
-    named["direct"] = pixels = layout.picture(arrays["film"], tiles)
+    named["direct"] = pixels = layout.picture(arrays["film"][:PLANES], tiles)
     named["ghosts"] = np.zeros_like(pixels)  # they are added by `merge`
     named |= saved_truth(arrays, layout)[0]
     return SavedPicture(

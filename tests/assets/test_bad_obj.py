@@ -21,6 +21,7 @@ FILES: list[Row] = [
     ("f word", "a.obj", SQUARE + "f a b c\n", r":5: is not a corner"),
     ("f 1/2/3/4", "a.obj", SQUARE + "f 1/2/3/4 1 2\n", r":5: is not a corner"),
     ("two corners in OBJ", "a.obj", SQUARE + "f 1 2\n", r":5: is a face of 2 corners"),
+    ("two corners after three", "a.obj", SQUARE + "f 1 2 3\nf 1 2\n", r":6: is a face of 2 corners"),
     ("no corners in OBJ", "a.obj", SQUARE + "f\n", r":5: is a face of 0 corners"),
     (
         "too far back",

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 import rptcam_cl
+from rptcam_cl.cameras import camera_model
 from rptcam_cl.optics import load_lens
 from rptcam_cl.optics.irradiance import on_axis_irradiance
+from rptcam_cl.scene import load_scene
 from tests.cameras.marginal import LENSES, axial_irradiance
 from tests.rendering.pictures import WHITE, flat_mean, pixels, scene_of
 from tests.support.statistics import assert_equivalent
@@ -42,6 +44,17 @@ def test_unit_radiance_gives_the_irradiance_of_the_tables_on_the_axis(name, stop
     mean, error = flat_mean(scene, f"{name} {stop}", spp=256)
     value = 683 / 50 * 100 / 78
     assert_equivalent(mean[0] / value, error[0] / value, expected, 0.005 * expected)
+
+
+@pytest.mark.parametrize("iso", [100, 25, 800])
+def test_exposure_value_is_that_of_a_photographer_at_iso_100(iso):
+    """EV100 = lb(N² / t · 100 / S), ISO 2720, of the f-number whose cone of π L sin² θ' is the light on the axis."""
+    scene = through("dgauss-50mm", FILM_MM["dgauss-50mm"], {"mode": "physical", "iso": iso}, stop_diameter_mm=8.55)
+    told = camera_model(load_scene(scene)).metadata
+    light = axial_irradiance("dgauss-50mm", FILM_MM["dgauss-50mm"], 8.55)
+    expected = math.log2(math.pi / (4 * light) * 50) - math.log2(iso / 100)
+    assert told["ev100"] == pytest.approx(expected, abs=0.005)
+    assert told["iso"] == iso
 
 
 def test_half_the_telephotos_aperture_gives_the_ratio_of_the_documents():

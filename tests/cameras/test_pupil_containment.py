@@ -191,7 +191,12 @@ def film_of(name):
     return lens, back, min(lit, abs(lens.first_order().focal_length_mm))
 
 
-@pytest.mark.parametrize("name", list_lenses())
+QUICK = {*CONTAINED, "mirror-500mm", "zoom-70-200mm", "petzval-51mm"}
+
+
+@pytest.mark.parametrize(
+    "name", [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in list_lenses()]
+)
 def test_nine_of_ten_rays_pass(name):
     lens, back, radius = film_of(name)
     forget_tables()

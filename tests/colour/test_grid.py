@@ -3,7 +3,17 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.colour import METALS, WAVELENGTHS_NM, exact_luminance, lines_on_grid, metal_optics, on_grid, within_srgb
+from rptcam_cl.colour import (
+    METALS,
+    WAVELENGTHS_NM,
+    cie_1931,
+    exact_luminance,
+    lines_on_grid,
+    metal_optics,
+    on_grid,
+    rgb_basis,
+    within_srgb,
+)
 
 
 def test_grid_goes_from_380_to_780_nm():
@@ -53,3 +63,9 @@ def test_gold_has_its_measured_index():
     # Johnson and Christy 1972: 2.26 eV, 548.6 nm
     n, k = (np.interp(1239.84198 / 2.26, WAVELENGTHS_NM, part) for part in metal_optics("gold"))
     assert (n, k) == (pytest.approx(0.43, abs=0.01), pytest.approx(2.455, abs=0.01))
+
+
+@pytest.mark.parametrize("table", [cie_1931, rgb_basis])
+def test_tables_that_all_share_cannot_be_written_to(table) -> None:
+    with pytest.raises(ValueError, match="read-only"):
+        table()[0] = 0.0

@@ -161,3 +161,17 @@ def test_threads_that_want_a_method_together_all_get_it() -> None:
         for thread in threads:
             thread.join()
         assert found == [3] * 8
+
+
+def test_a_class_may_have_fields_of_one_base_and_methods_of_another() -> None:
+    class Movable:
+        def moved(self) -> str:
+            return f"{self.name} elsewhere"  # type: ignore[attr-defined]
+
+    @dataclass(frozen=True)
+    class Torch(Movable, Lamp):
+        battery: int = 2
+
+    torch = Torch("a", battery=3)
+    assert (torch.moved(), torch) == ("a elsewhere", Torch("a", 1.0, [4], 3))
+    assert hash(torch) == hash(Torch("a", 1.0, [4], 3)) != hash(Torch("a"))

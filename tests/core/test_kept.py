@@ -66,6 +66,18 @@ def test_least_recently_used_makes_room(monkeypatch, folder):
     assert {path.name for path in (folder / "things").iterdir()} == {"a", "0"}
 
 
+def test_large_things_make_room_whatever_their_name_and_small_ones_by_one_in_sixteen(monkeypatch, folder):
+    monkeypatch.setattr(kept, "MOST_BYTES", 2560)
+    for name in ("a", "b"):
+        keep_bytes("things", name, bytes(10))
+        os.utime(folder / "things" / name, (1e9, 1e9))
+    keep_bytes("things", "c", bytes(2560))
+    assert {path.name for path in (folder / "things").iterdir()} == {"c"}
+    monkeypatch.setattr(kept, "MOST_BYTES", 1)
+    keep_bytes("things", "d", b"")
+    assert (folder / "things" / "c").exists()
+
+
 def test_names_differ_where_parts_do():
     assert name_of(1, 2) == name_of(1, 2)
     assert len({name_of(1, 2), name_of(12), name_of("1", 2), name_of((1, 2)), name_of(1.0, 2)}) == 5

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rptcam_cl.core.records import RECORDS, Record, device_declarations
+from rptcam_cl.core.records import RECORDS, STATE_FIELDS, Record, device_declarations, floats_per_slot
 from tests.device.probes import GROUP
 
 IN_ARRAYS = ("Primitive", "Material", "Emitter", "Environment", "Surface", "Camera", "View")
@@ -64,3 +64,14 @@ def test_upload_and_read_return_what_was_there(session):
 def test_zeroed_buffer_is_zero(session):
     buffer = session.allocate(4000, zeroed=True)
     assert not session.read(buffer, np.uint32, 1000).any()
+
+
+@pytest.mark.parametrize(
+    ("needed", "last"),
+    [((), "T"), (("emitters",), "CZ"), (("meshes",), "TARGET_TRIANGLE"), (("emitters", "moves"), "TIME"),
+     (("colours", "meshes"), "WAVELENGTH_SAMPLE"), (("light_tree",), "NZ"), (("caustics",), "SINCE_RECEIVER")],
+)  # fmt: skip
+def test_slot_of_a_path_ends_with_the_last_field_that_a_scene_needs(needed: tuple[str, ...], last: str) -> None:
+    names = ("emitters", "meshes", "moves", "colours", "light_tree", "caustics")
+    floats = floats_per_slot(stream=False, **{name: name in needed for name in names})
+    assert STATE_FIELDS[:floats][-1] == last

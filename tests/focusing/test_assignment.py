@@ -40,9 +40,7 @@ def cone_before(lens, front_mm, film_mm, zone, texture, method):
 
 
 CASES = [
-    (CLOSEUP, "noise", "laplacian"),
     (BACKGROUND, "checks", "laplacian"),
-    (TELEPHOTO, "noise", "laplacian"),
     (CLOSEUP, "noise", "depth"),
     (TELEPHOTO, "checks", "contrast"),
 ]

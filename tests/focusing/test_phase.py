@@ -69,7 +69,7 @@ def matches(view, seen, sigma, rng, count):
         yield match
 
 
-@pytest.mark.parametrize("displacement", [-6.0, 0.3, pytest.param(9.0, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("displacement", [-6.0, *(pytest.param(d, marks=pytest.mark.slow) for d in (0.3, 9.0))])
 def test_match_finds_the_distance_of_noisy_half_pictures(displacement):
     # Pictures by exact rays of a random target, through a thin lens; noise is added to each half.
     view = HalfView.of(pupil_rays(scene_of([], THIN), places_round((200.0, 90.0))), "x")

@@ -92,18 +92,19 @@ def test_gallery_shows_the_picture_of_every_command() -> None:
     assert len(set(shown)) == len(shown) > 15
 
 
-@pytest.mark.parametrize("arguments", RENDERS, ids=name_of)
-def test_command_of_the_gallery_parses_and_its_files_exist(arguments: list[str]) -> None:
-    parsed, unknown = build_parser().parse_known_args(arguments)
-    assert unknown == []
-    scene = rptcam_cl.load_scene(ROOT / parsed.scene, parsed.overrides)
-    path = ROOT / picture_of(arguments)
-    with Image.open(path) as picture:
-        size, crop = parsed.size or scene.film.resolution, scene.film.crop or (0, 1, 0, 1)
-        wanted = (size[0] * (crop[1] - crop[0]), size[1] * (crop[3] - crop[2]))
-        assert np.abs(np.subtract(picture.size, wanted)).max() <= (1 if scene.film.crop else 0)
-        assert picture.width <= 1920
-    assert path.stat().st_size < LARGEST_PICTURE
+def test_commands_of_the_gallery_parse_and_their_files_exist() -> None:
+    parser = build_parser()
+    for arguments in RENDERS:
+        parsed, unknown = parser.parse_known_args(arguments)
+        assert unknown == []
+        scene = rptcam_cl.load_scene(ROOT / parsed.scene, parsed.overrides)
+        path = ROOT / picture_of(arguments)
+        with Image.open(path) as picture:
+            size, crop = parsed.size or scene.film.resolution, scene.film.crop or (0, 1, 0, 1)
+            wanted = (size[0] * (crop[1] - crop[0]), size[1] * (crop[3] - crop[2]))
+            assert np.abs(np.subtract(picture.size, wanted)).max() <= (1 if scene.film.crop else 0), path
+            assert picture.width <= 1920, path
+        assert path.stat().st_size < LARGEST_PICTURE, path
 
 
 @pytest.mark.slow
@@ -115,9 +116,9 @@ def test_command_of_the_gallery_shows_something(arguments: list[str]) -> None:
     assert shows_something(rptcam_cl.render(scene, spp=8, size=(width // 5, height // 5)))
 
 
-@pytest.mark.parametrize("link", re.findall(r"\]\(([^)#]+)\)", PAGE))
-def test_links_of_the_gallery_lead_to_files(link: str) -> None:
-    assert (ROOT / "examples" / link).exists()
+def test_links_of_the_gallery_lead_to_files() -> None:
+    links = re.findall(r"\]\(([^)#]+)\)", PAGE)
+    assert [link for link in links if not (ROOT / "examples" / link).exists()] == []
 
 
 def test_page_names_only_commands_that_there_are() -> None:

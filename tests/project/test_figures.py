@@ -29,15 +29,6 @@ from tests.support.statistics import assert_equivalent
 
 OWN = [figure for figure in figures() if figure.folder == "figures"]
 COMPARISONS = [compare for section in SECTIONS for group in section.groups for compare in group.numbers]
-LONG = {
-    "irradiances",
-    "passing_shares",
-    "retries",
-    "half_stop",
-    "lit_floors",
-    "autofocus_targets",
-    "found_by_autofocus",
-}
 DOCUMENTS = ("gallery.md", "theory.md")
 MOST_BYTES = 5_500_000
 
@@ -47,14 +38,8 @@ def page() -> str:
     return (ROOT / "docs" / "gallery.md").read_text("utf-8")
 
 
-FOUND = ("assignment_autofocus_closest", "assignment_autofocus_farthest")  # test_examples.py renders their scene
-
-
-@pytest.mark.parametrize(
-    "figure",
-    [pytest.param(figure, marks=pytest.mark.slow if figure.name in FOUND else ()) for figure in OWN],
-    ids=lambda figure: figure.name,
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("figure", OWN, ids=lambda figure: figure.name)
 def test_figure_shows_something(figure: Figure) -> None:
     width, height = figure.size
     pixels = np.asarray(rptcam_cl.render(figure.load(), spp=4, size=(width // 10, height // 10)))
@@ -107,11 +92,8 @@ def test_script_renders_a_wanted_picture_and_the_page(tmp_path, monkeypatch) -> 
     assert made == {"gallery.md", "images/figures/paper_5_15.jpg"}
 
 
-@pytest.mark.parametrize(
-    "compare",
-    [pytest.param(compare, marks=pytest.mark.slow if compare.__name__ in LONG else ()) for compare in COMPARISONS],
-    ids=lambda compare: compare.__name__,
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("compare", COMPARISONS, ids=lambda compare: compare.__name__)
 def test_numbers_are_those_of_the_documents_and_of_the_page(compare: Callable[[], Numbers], page: str) -> None:
     numbers = compare()
     assert numbers.misses() == []
@@ -124,7 +106,6 @@ def test_numbers_are_those_of_the_documents_and_of_the_page(compare: Callable[[]
 
 def test_every_document_has_its_numbers() -> None:
     assert len(COMPARISONS) >= 30 and len({compare.__name__ for compare in COMPARISONS}) == len(COMPARISONS)
-    assert {compare.__name__ for compare in COMPARISONS} >= LONG
 
 
 @pytest.mark.parametrize(
@@ -188,6 +169,7 @@ def test_an_interrupted_run_keeps_its_pictures_and_goes_on(
     assert "is there" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_half_the_telephotos_stop_costs_two_stops_less_the_front_rim() -> None:
     cases = [("telephoto-250mm", 123.7439, 40.5), ("telephoto-250mm", 123.7439, 20.25)]
     (full, full_error), (half, half_error) = (irradiance_by_radius(*case, spp=4096) for case in cases)
@@ -198,6 +180,7 @@ def test_half_the_telephotos_stop_costs_two_stops_less_the_front_rim() -> None:
     assert (ratio[: RADII.index(25)] < 3.9).all() and ratio[0] > 3.7
 
 
+@pytest.mark.slow
 def test_middle_of_the_picture_is_as_bright_as_the_reference() -> None:
     lamp, predicted, reference = LIT_FLOORS["cones_dgauss"]
     found = lit_floor("cones_dgauss", lamp, 256)

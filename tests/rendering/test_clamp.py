@@ -55,6 +55,13 @@ def test_wave_size_and_interruption_do_not_change_a_bit(tmp_path):
     assert part.stats["clamp"] == whole.stats["clamp"]
 
 
+def test_ranges_of_samples_add_up_what_the_limit_took(tmp_path):
+    parts = [tmp_path / f"{first}.rpck" for first in (0, 1, 4)]
+    for path, samples in zip(parts, ((0, 1), (1, 4), (4, 5)), strict=True):
+        rendered(wall([8.0, 4.0, 0.0]), 2.0, samples=samples, checkpoint=path)
+    assert rptcam_cl.merge(parts).stats["clamp"]["removed_share"] == pytest.approx(0.75, rel=1e-6)
+
+
 @pytest.mark.parametrize("limit", [0, -1, ".inf", ".nan"])
 def test_wrong_limit_is_refused(limit):
     with pytest.raises(InputError, match=r"render\.clamp"):

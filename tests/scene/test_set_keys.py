@@ -64,6 +64,8 @@ def test_one_material_alone_is_made_anew_with_what_shows_it(scene: Scene) -> Non
     moved = set_keys(brighter, {"camera.eye": [0, -4, 1]})
     assert moved.environment is brighter.environment
     assert set_keys(moved, {"camera.up": [1, 0, 1]}).environment.up == (1.0, 0.0, 1.0)
+    both = set_keys(moved, {"objects.0.radius": 2, "camera.up": [1, 0, 1]})
+    assert both.environment.up == (1.0, 0.0, 1.0)
 
 
 def test_mixed_materials_take_new_parts() -> None:

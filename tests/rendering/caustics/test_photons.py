@@ -92,6 +92,30 @@ def test_floor_in_water_gets_what_the_water_leaves():
     assert film.mean(axis=(0, 1)) == pytest.approx(expected, rel=0.01)
 
 
+AIR = {"kind": "dielectric", "index": 1.0}
+SOLIDS = {
+    "sphere": {"shape": "sphere", "center": [0, 0, 0.1], "radius": 0.05},
+    "ellipsoid": {"shape": "sphere", "center": [0, 0, 0], "radius": 0.05,
+                  "transform": [{"scale": [1, 1.4, 0.6]}, {"translate": [0.3, 0, 0.1]}]},
+    "cylinder": {"shape": "cylinder", "base": [0.56, 0, 0.1], "top": [0.64, 0, 0.1], "radius": 0.04},
+    "cone": {"shape": "cone", "base": [0.9, 0, 0.05], "apex": [0.9, 0, 0.15], "radius": 0.05},
+    "disk": {"shape": "disk", "center": [1.2, 0, 0.1], "normal": [0.2, 0, 1], "radius": 0.05},
+    "box": {"shape": "box", "min": [1.46, -0.05, 0.05], "max": [1.54, 0.05, 0.15]},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("shape", SOLIDS)
+def test_solid_of_index_1_takes_no_light_from_the_floor_behind_it(shape):
+    """Whatever its shape: photons that start all over it, by its area, bring what would come without it."""
+    place = 0.3 * list(SOLIDS).index(shape)
+    sun = {"kind": "directional", "direction": [0, 0, -1], "irradiance": [2.0, 2.0, 2.0]}
+    camera = looking([place, -0.4, 0.2], [place, 0, 0], fov=3)
+    solids = [solid | {"material": AIR} for solid in SOLIDS.values()]
+    film = pixels(scene(*solids, camera=camera, lights=[sun], size=(16, 16), depth=4), spp=512, seed=1)
+    expected = np.array(GREY["reflectance"]) / math.pi * 2.0
+    assert film.mean(axis=(0, 1)) == pytest.approx(expected, rel=0.04)  # four times the noise of the ball
+
+
 @pytest.fixture(scope="module")
 def whole():
     return pixels(glasses(), spp=21, seed=5)

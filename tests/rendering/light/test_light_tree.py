@@ -219,12 +219,37 @@ def test_every_lamp_has_a_leaf_of_its_own(count) -> None:
     assert nodes[1, 3] == pytest.approx(lamps.power @ ((lamps.middle - middle) ** 2).sum(axis=1), rel=1e-5, abs=1e-9)
 
 
+def test_spread_of_a_node_is_that_of_all_points_of_its_lamps() -> None:
+    rng = np.random.default_rng(3)
+    offsets = rng.normal(size=(5, 400, 3)) * [[[1.0]], [[0.5]], [[2.0]], [[0.1]], [[0.7]]]
+    offsets -= offsets.mean(axis=1, keepdims=True)
+    middles, power = rng.normal([50.0, 0, 0], 1, (5, 3)), np.array([0.1, 0.3, 0.2, 0.25, 0.15])
+    lamps = replace(lamps_at(middles, power), extent2=(offsets**2).sum(axis=2).mean(axis=1))
+    points = middles[:, None] + offsets
+    tree = light_tree(lamps)
+    node_of = 4 + (tree.leaf_of >> 2)  # of the four below the root, node 1; the leaves are below these
+    for node in (1, *set(node_of.tolist())):
+        share = power * ((node == 1) | (node_of == node))
+        mean = share @ middles / share.sum()
+        spread = share @ ((points - mean) ** 2).sum(axis=2).mean(axis=1) / share.sum()
+        assert tree.nodes[8 * node + 3] == pytest.approx(spread, rel=1e-5)
+
+
 def test_variance_by_power_has_its_closed_form() -> None:
     # two equal point lamps at distances 1 and 2: light 1 and 1/4, so that 2 (1 + 1/16) / (5/4)^2 - 1
     lamps = lamps_at([[0, 0, 1], [0, 0, -2]])
     found = variance_by_power(lamps, np.zeros((1, 3)))
     assert found == pytest.approx(2 * (1 + 1 / 16) / (5 / 4) ** 2 - 1, rel=1e-6)
     assert variance_by_power(lamps_at([[0, 0, 1], [0, 0, -1]]), np.zeros((1, 3))) == pytest.approx(0, abs=1e-12)
+    # the same two, the farther one a ball of radius 1 and the nearer a panel that faces away: its cosine is -1
+    lamps = replace(lamps, extent2=np.array([0.5, 1.0]), axis=np.array([[0, 0, 1.0], [0, 0, 0]]))
+    light = []
+    for distance2, extent2, cosine, round_ in ((1, 0.5, -1, 0), (4, 1, 0, 1)):
+        spread = extent2 / (distance2 + extent2) / 2
+        cosine *= math.sqrt(distance2 / (distance2 + extent2))
+        light.append((cosine + math.sqrt(cosine**2 + spread + round_ / 4)) / 2 / (distance2 + extent2))
+    expected = 2 * (light[0] ** 2 + light[1] ** 2) / sum(light) ** 2 - 1
+    assert variance_by_power(lamps, np.zeros((1, 3))) == pytest.approx(expected, rel=1e-6)
 
 
 @pytest.mark.parametrize(("pitch", "height", "tree"), [(4.0, 2.5, 1), (0.3, 3.0, 0)])

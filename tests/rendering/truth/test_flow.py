@@ -118,6 +118,47 @@ def test_motion_is_that_of_the_projection_over_the_shutter() -> None:
     np.testing.assert_allclose(image["flow_forward"] - image["flow_backward"], image["motion"], atol=1e-5)
 
 
+@pytest.mark.parametrize("direction", [None, "right_left"])
+def test_flow_of_a_panorama_leads_across_its_seam_the_short_way(direction: str | None) -> None:
+    degrees = 12.0  # by which the camera turns to the right from picture to picture, about the upright axis
+    rolling = {} if direction is None else {"kind": "rolling", "readout_s": 0.02, "direction": direction}
+
+    def turned(angle: float) -> Scene:
+        target = [np.sin(np.radians(angle)), 0, -np.cos(np.radians(angle))]
+        camera = {"kind": "environment", "eye": [0, 0, 0], "target": target, "up": [0, 1, 0]}
+        shutter = {"time_s": 0.01} | rolling
+        return load_scene({"film": {"resolution": [60, 30]}, "camera": camera, "environment": SKY, "shutter": shutter})
+
+    names = ["flow_forward", "flow_backward"]
+    image = rptcam_cl.render(turned(0), spp=1, layers=names, neighbours=(turned(-degrees), turned(degrees)))
+    for name, way in zip(names, (-degrees, degrees), strict=True):
+        shift = np.broadcast_to([way / 360 * 60, 0], (30, 60, 2))  # at the seam, too
+        np.testing.assert_allclose(image[name], shift, atol=1e-5)
+
+
+@pytest.mark.parametrize("rolling", [{}, {"kind": "rolling", "readout_s": 0.039}])
+def test_way_over_the_shutter_is_halved_at_the_middle_of_each_pixels_own_exposure(rolling: dict[str, Any]) -> None:
+    # the card stands still until the middle of the exposure of row 19.5 of 40 and moves from there on
+    time_s, speed, depth = 0.05, 1.5, 3.0
+    begin = time_s / 2 + (0.0195 if rolling else 0.0)
+    way = [
+        {"time_s": 0, "translate": [0, 0, 0]}, {"time_s": begin, "translate": [0, 0, 0]},
+        {"time_s": begin + 1, "translate": [speed, 0, 0]},
+    ]  # fmt: skip
+    scene = {
+        "film": FINE, "camera": PINHOLE, "objects": [panel(-depth, 0.6, motion=way)], "environment": SKY,
+        "shutter": {"time_s": time_s} | rolling,
+    }  # fmt: skip
+    image = rptcam_cl.render(scene, spp=1, layers=["flow_forward", "flow_backward", "sharp_object_id"])
+    on = image["sharp_object_id"] == 0
+    middle = moment_of(load_scene(scene), np.arange(40) + 0.5)
+    focal = 30 / np.tan(np.radians(20))
+    for name, end in (("flow_backward", middle - time_s / 2), ("flow_forward", middle + time_s / 2)):
+        moved = np.maximum(end - begin, 0) - np.maximum(middle - begin, 0)
+        expected = np.broadcast_to((focal * speed / depth * moved)[:, None], (40, 60))
+        np.testing.assert_allclose(image[name][on][:, 0], expected[on], atol=1e-5)
+
+
 def test_flow_follows_keys_that_change_and_ends_where_an_object_is_no_more() -> None:
     ball = {"shape": "sphere", "center": [0, 0, -4], "radius": 0.8, "material": GREY}
     scene = {"film": FINE, "camera": PINHOLE, "objects": [ball], "environment": SKY}
