@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,7 @@ AZIMUTHS = (90.0, 0.0, 270.0, 180.0)
 BISECTIONS = 24
 OUTLINE = 96  # directions from the middle of a beam in which it is asked what bounds it
 SECTIONS, ROUNDS = 16, 4  # into which each round parts what is left between two of them
+TERMS, HIGHEST = 0.6, 14  # most terms of a polynomial over a beam, for each of its rays, and its highest degree
 MOST_CORNERS = 16  # beyond which rims that coincide make no corners
 
 
@@ -38,18 +40,40 @@ class FieldRays:
         In the frame of the lens [mm]; directions of unit length.
     weights : (rays,) array
         The share of the beam's area, in the plane of the first vertex, that each stands for.
+    places : (rays, 2) array
+        Where they cross that plane, from the middle of the beam in units of its size.
+    finer : ((n, rays), (n,) arrays) or None
+        What gives at more places what the rays have at theirs, and the shares of those places.
     """
 
     beam: Beam
     origins: Array
     directions: Array
     weights: Array
+    places: Array
+    finer: tuple[Array, Array] | None = None
 
     def turned(self, beam: Beam) -> FieldRays:
         """Return the rays of the same field seen from another side."""
         angle = np.radians(beam.azimuth_degrees - self.beam.azimuth_degrees)
         turn = np.array([[np.cos(angle), np.sin(angle), 0], [-np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
-        return FieldRays(beam, self.origins @ turn, self.directions @ turn, self.weights)
+        return replace(self, beam=beam, origins=self.origins @ turn, directions=self.directions @ turn)
+
+    def filled_in(self, finer: FieldRays) -> FieldRays:
+        """Return the same with what gives at the places of other rays, that are more, what these have at theirs.
+
+        It is the polynomial over the beam with the least squared difference.
+        """
+        degree = min(int(math.sqrt(2 * TERMS * len(self.weights)) - 1.5), HIGHEST)
+        root = np.sqrt(self.weights)[:, None]
+        fit = np.linalg.pinv(root * _polynomials(self.places, degree)) * root.T
+        return replace(self, finer=(_polynomials(finer.places, degree) @ fit, finer.weights))
+
+
+def _polynomials(places: Array, degree: int) -> Array:
+    """Return the products of Legendre polynomials in x and y up to a degree (n, terms)."""
+    x, y = (np.polynomial.legendre.legvander(values, degree) for values in places.T)
+    return np.stack([x[:, i] * y[:, j] for i in range(degree + 1) for j in range(degree + 1 - i)], axis=1)
 
 
 def default_fields(lens: Lens, film_distance_mm: float, object_distance_mm: float, wavelength_nm: float) -> list[float]:
@@ -152,7 +176,7 @@ def _beam_rays(
     weights = np.where(lens.trace(origins, directions, wavelength_nm, "scene").passed, weights, 0.0)
     if not weights.sum() > 0:
         raise InputError(f"{lens.name}: nothing of a beam at {beam.field_degrees:g} degrees comes through")
-    return FieldRays(beam, np.array(origins), directions, weights / weights.sum())
+    return FieldRays(beam, np.array(origins), directions, weights / weights.sum(), (places - middle) / edge.max())
 
 
 def _directions(corners: Array, arms: int) -> tuple[Array, Array]:

@@ -24,9 +24,9 @@ from rptcam_cl.tolerances.statistics import Interval, percentile, rank, share
 
 Array = NDArray[np.float64]
 
-RINGS = (6, 8, 12, 16, 24, 32, 48, 64)  # of rays in a beam, with twice as many in a ring, till figures stay
+RINGS = (6, 8, 12, 16, 24, 32, 48)  # of rays in a beam, with twice as many in a ring, till figures stay
 STAYS = 0.0025  # the share of a spot, and the modulation, by which more rays may change a field
-PROBES = 8  # copies that are tried
+PROBES = 3  # copies that are tried
 
 
 @dataclass(frozen=True)
@@ -229,38 +229,54 @@ def _judge(given: Specification, tried: Copies, front: float) -> tuple[Judge, tu
         rays = [field.rays(RINGS[1], 2 * RINGS[1]) for field in fields]
     except InputError as problem:
         raise given.problem(("merit", "fields_degrees"), str(problem)) from None
-    film += Judge(lens, sum(rays, []), merit, film).best_shift(lens)
-    shifts = Judge(lens, sum(rays, []), merit, film).scores(tried, given.tolerances.refocus).shifts_mm
+
+    def judge(rays: Sequence[list[FieldRays]], film: float) -> Judge:
+        return Judge(lens, [one for each in rays for one in each], merit, film)
+
+    film += judge(rays, film).best_shift(lens)
+    shifts = judge(rays, film).scores(tried, given.tolerances.refocus).shifts_mm
     found = [_enough(field, merit, film, tried, shifts) for field in fields]
     rays = [field_rays for field_rays, _ in found]
     few, many = (_joined([scores[k] for _, scores in found]) for k in (0, 1))
-    film += Judge(lens, sum(rays, []), merit, film).best_shift(lens)
+    film += judge(rays, film).best_shift(lens)
     errors = _moves(few.spot_um, many.spot_um, many.spot_um), _moves(few.modulation, many.modulation, 1.0)
-    return Judge(lens, sum(rays, []), merit, film), degrees, errors
+    return judge(rays, film), degrees, errors
 
 
 def _enough(
     field: Field, merit: Merit, film: float, tried: Copies, shifts: Array
 ) -> tuple[list[FieldRays], tuple[Scores, Scores]]:
-    """Return the rays of a field, and what some copies are worth by them and by more."""
+    """Return the rays of a field, and what some copies are worth by them and by more.
 
-    def judged(rings: int, arms: int) -> tuple[list[FieldRays], Scores]:
-        rays = field.rays(rings, arms)
-        return rays, Judge(tried.lens, rays, merit, film).scores(tried, False, shifts)
+    They are as many as spots need. Modulation needs many more where spots are large: what rays do between these is by
+    polynomials, which traced rays confirm.
+    """
+
+    def judged(rays: list[FieldRays]) -> Scores:
+        return Judge(tried.lens, rays, merit, film).scores(tried, False, shifts)
+
+    def spots_move(few: Scores, many: Scores) -> float:
+        return _moves(few.spots_um, many.spots_um, many.spots_um)
+
+    def modulation_moves(few: Scores, many: Scores) -> float:
+        return _moves(few.modulation, many.modulation, 1.0)
 
     if merit.rings is not None or merit.arms is not None:
-        rings = merit.rings or max(2, merit.arms // 2)
-        arms = merit.arms or 2 * rings
-        rays, few = judged(rings, arms)
-        return rays, (few, judged(2 * rings, 2 * arms)[1])
-    rays, few = judged(RINGS[0], 2 * RINGS[0])
-    for rings in RINGS[1:]:
-        more, many = judged(rings, 2 * rings)
-        stays = max(_moves(few.spots_um, many.spots_um, many.spots_um), _moves(few.mtf, many.mtf, 1.0)) <= STAYS
-        if stays or rings == RINGS[-1]:
-            break
-        rays, few = more, many
-    return rays, (few, many)
+        rings = merit.rings or max(2, (merit.arms or 0) // 2)
+        rays = field.rays(rings, merit.arms or 2 * rings)
+        return rays, (judged(rays), judged(field.rays(2 * rings, 2 * (merit.arms or 2 * rings))))
+    tries = [field.rays(rings, 2 * rings) for rings in RINGS[:2]]
+    scores = [judged(rays) for rays in tries]
+    while len(tries) < len(RINGS) and max(modulation_moves(*scores[-2:]), spots_move(*scores[-2:])) > STAYS:
+        tries.append(field.rays(RINGS[len(tries)], 2 * RINGS[len(tries)]))
+        scores.append(judged(tries[-1]))
+    for number, rays in enumerate(tries[:-2]):
+        if spots_move(scores[number], scores[-1]) <= STAYS:
+            filled = [few.filled_in(many) for few, many in zip(rays, tries[-2], strict=True)]
+            found = judged(filled)
+            if modulation_moves(found, scores[-1]) <= STAYS:
+                return filled, (found, scores[-1])
+    return tries[-2], (scores[-2], scores[-1])
 
 
 def _joined(scores: Sequence[Scores]) -> Scores:

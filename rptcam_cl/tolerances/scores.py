@@ -14,7 +14,7 @@ from rptcam_cl.tolerances.beams import FieldRays
 
 Array = NDArray[np.float64]
 
-POINTS_TOGETHER = 2**21  # on the films of some copies, which are held at a time
+POINTS_TOGETHER = 2**20  # on the films of some copies, which are held at a time
 
 
 @dataclass(frozen=True)
@@ -68,6 +68,7 @@ class Judge:
         self.merit, self.film = merit, film_distance_mm
         self.origins = np.concatenate([field.origins for field in rays])
         self.directions = np.concatenate([field.directions for field in rays])
+        self.finer = [field.finer for field in rays]
         self.counts = np.array([len(field.weights) for field in rays])
         self.starts = np.cumsum(self.counts) - self.counts
         waves = len(merit.wavelengths_nm)
@@ -145,13 +146,24 @@ class Judge:
         return self.radial, np.stack([-self.radial[:, 1], self.radial[:, 0]], axis=1)
 
     def _modulation(self, weights: Array, points: Array) -> Array:
-        """Return the mean of tangential and sagittal modulation, as `lens mtf` has them, of centred points."""
-        wave = -2j * np.pi * self.merit.mtf_per_mm
-        both = []
-        for number, axis in enumerate(self._axes()):
-            along = points[..., 0] * axis[:, 0] + points[..., 1] * axis[:, 1]
-            both.append(np.abs(self._sums(weights * np.exp(wave * along))) * self.limits[number])
-        return np.asarray((both[0] + both[1]) / 2)
+        """Return the mean of tangential and sagittal modulation, as `lens mtf` has them, of centred points.
+
+        Where a field has finer places, what the points are there counts, of copies that let all rays through.
+        """
+        found = np.zeros((len(points), len(self.counts)))
+        for limits, axis in zip(self.limits, self._axes(), strict=True):
+            along = 2 * np.pi * self.merit.mtf_per_mm * (points[..., 0] * axis[:, 0] + points[..., 1] * axis[:, 1])
+            cosines, sines = (self._sums(weights * function(along)) for function in (np.cos, np.sin))
+            modulation = np.hypot(cosines, sines)
+            for k, finer in enumerate(self.finer):
+                rays = slice(self.starts[k], self.starts[k] + self.counts[k])
+                if finer is not None:
+                    full = np.all((weights[..., rays] > 0) == (self.weights[:, rays] > 0), axis=(1, 2))
+                    there = along[full][..., rays] @ finer[0].T
+                    both = ((function(there) @ finer[1]).mean(axis=1) for function in (np.cos, np.sin))
+                    modulation[full, k] = np.hypot(*both)
+            found += modulation * limits / 2
+        return found
 
     def _limits(self, lens: Lens) -> Array:
         """Return the modulation that diffraction leaves the design (2, fields), along the field and across it."""
