@@ -25,7 +25,7 @@ AZIMUTHS = (90.0, 0.0, 270.0, 180.0)
 BISECTIONS = 24
 OUTLINE = 96  # directions from the middle of a beam in which it is asked what bounds it
 SECTIONS, ROUNDS = 16, 4  # into which each round parts what is left between two of them
-TERMS, HIGHEST = 0.6, 14  # most terms of a polynomial over a beam, for each of its rays, and its highest degree
+TERMS, HIGHEST = 0.4, 14  # most terms of a polynomial over a beam, for each of its rays, and its highest degree
 MOST_CORNERS = 16  # beyond which rims that coincide make no corners
 
 
@@ -194,12 +194,12 @@ def _directions(corners: Array, arms: int) -> tuple[Array, Array]:
 def _corners(lens: Lens, beam: Beam, wavelength_nm: float, middle: Array, limit: float) -> Array:
     """Return the angles about the middle of a beam, ascending, between which one surface bounds it."""
 
-    def bounds(angles: Array) -> Array:
+    def bounds(angles: Array) -> NDArray[np.int32]:
         """Return which surface stops the first ray beyond the edge."""
         outward = np.stack([np.cos(angles), np.sin(angles)], axis=-1).reshape(-1, 2)
         edge = _edge(lens, beam, wavelength_nm, middle, outward, limit)
         beyond = middle + (edge + limit * 2.0 ** (1 - BISECTIONS))[:, None] * outward
-        return lens.trace(*beam.rays(beyond), wavelength_nm, "scene").surface.reshape(angles.shape)
+        return np.reshape(lens.trace(*beam.rays(beyond), wavelength_nm, "scene").surface, angles.shape)
 
     angles = 2 * np.pi * np.arange(OUTLINE) / OUTLINE
     surfaces = bounds(angles)

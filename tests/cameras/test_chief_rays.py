@@ -155,7 +155,7 @@ def throwaway() -> Scene:
     ],
 )
 def test_a_camera_of_an_unknown_kind_is_refused_by_what_it_lacks(door: Callable[[Scene], object], lacks: str) -> None:
-    with pytest.raises(InputError, match=f"camera.kind: throwaway lacks {lacks}"):
+    with pytest.raises(InputError, match=rf"camera.kind: throwaway lacks {lacks}"):
         door(throwaway())
 
 
@@ -163,10 +163,10 @@ def test_a_camera_that_says_no_intrinsics_has_no_model(monkeypatch: pytest.Monke
     plain = camera_model(scene_of({"kind": "environment"}))  # what CONTRIBUTING asks for, and no more
     monkeypatch.setitem(cameras._MODELS, "throwaway", lambda scene: plain)
     assert camera_model(throwaway()).kernel == "camera/environment.h"
-    with pytest.raises(InputError, match="camera.kind: throwaway lacks entrance_pupil in the metadata"):
+    with pytest.raises(InputError, match=r"camera.kind: throwaway lacks entrance_pupil in the metadata"):
         view(throwaway())
     pupil = {"entrance_pupil": {"diameter_mm": 0.0}}
     with_pupil = dataclasses.replace(plain, metadata=plain.metadata | pupil)
     monkeypatch.setitem(cameras._MODELS, "throwaway", lambda scene: with_pupil)
-    with pytest.raises(InputError, match="camera.kind: throwaway lacks intrinsics in the metadata"):
+    with pytest.raises(InputError, match=r"camera.kind: throwaway lacks intrinsics in the metadata"):
         calibrate(view(throwaway()), "pinhole")
