@@ -28,11 +28,13 @@ def residual_chart(view: View, calibration: Calibration) -> Figure:
     )
     axes = figure.add_subplot()
     length = np.linalg.norm(calibration.errors, axis=-1)
-    shown = axes.imshow(length, cmap="viridis", extent=(0, columns, rows, 0), vmin=0.0, aspect="equal")
-    axes.set(xlabel="column [px]", ylabel="row [px]")
-    axes.grid(visible=False)
     down, across = length.shape
-    x, y = np.meshgrid((np.arange(across) + 0.5) * columns / across, (np.arange(down) + 0.5) * rows / down)
+    x, y = np.meshgrid(np.linspace(0, columns, across), np.linspace(0, rows, down))
+    left, top = x[0, 1] / 2, y[1, 0] / 2  # half of what a place at the edge stands for lies beside the picture
+    around = (-left, columns + left, rows + top, -top)
+    shown = axes.imshow(length, cmap="viridis", extent=around, vmin=0.0, aspect="equal")
+    axes.set(xlabel="column [px]", ylabel="row [px]", xlim=(0, columns), ylim=(rows, 0))
+    axes.grid(visible=False)
     part = np.s_[EVERY // 2 :: EVERY, EVERY // 2 :: EVERY]
     if calibration.max_px > 0:
         errors = calibration.errors[part] / calibration.max_px

@@ -44,6 +44,7 @@ HELD: dict[str, tuple[str, ...]] = {
     "osl": ALL,
 }
 OPENTRACKIO_VERSION = [1, 0, 1]
+LONGEST_NAME = 1023  # characters, by its schema
 SAME_FOCUS = 1e-3  # share by which fx and fy may differ [mm] where a file has one focal length
 
 
@@ -187,7 +188,7 @@ def openlensio_text(view: View, calibration: Calibration) -> str:
                 },
                 "activeSensorResolution": {"width": view.size[0], "height": view.size[1]},
             },
-            "lens": {"model": view.name, "distortionIsProjection": True},
+            "lens": {"model": view.name[:LONGEST_NAME]},
         },
         "lens": lens,
         "transforms": [_transform(view)],

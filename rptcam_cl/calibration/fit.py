@@ -1,14 +1,14 @@
 """Camera models fitted to the chief rays of a lens, and by how much each errs.
 
 The fit makes the sum of squared errors in the picture least (Levenberg 1944, Marquardt 1963). Its residual is measured
-at other places than those of the fit.
+at more places than those of the fit, to the very corners and to the edge of the light.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from functools import cached_property, lru_cache
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,7 +33,10 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 FITTED = (25, 19)  # places across and down that the fit goes by, from edge to edge
-CHECKED = (36, 27)  # places that the residual is measured at
+CHECKED = (37, 29)  # places across and down that the residual is measured at, from edge to edge; 1 more than 4 n
+FINER = (
+    8  # times as fine along edges and diagonals, where models err fastest, and between places with and without light
+)
 LEAST_PLACES = 40  # with light, below which nothing can be fitted
 ROUNDS = 120
 DAMPING = 1e-3
@@ -55,7 +58,7 @@ class Calibration:
     max_px, rms_px : float
         Largest and root mean square error over the places of the picture that have light [pixels].
     errors : (rows, columns, 2) array
-        Model less lens [pixels], at the centres of cells that part the picture evenly; not-a-number where it is dark.
+        Model less lens [pixels], at places spread evenly from edge to edge; not-a-number where it is dark.
     lit_share : float
         Share of the picture that has light.
     """
@@ -109,13 +112,29 @@ class Seen:
 
 
 @dataclass(frozen=True)
-class Cells:
-    """Centres of cells that part a picture, or its upper left quarter, evenly: places (rows, columns, 2), their
-    directions and which have light."""
+class Checked:
+    """Where a residual is measured.
+
+    Attributes
+    ----------
+    places, directions : (rows, columns, 2), (rows, columns, 3) arrays
+        Spread evenly over a picture from edge to edge, or over its upper left quarter to the middle.
+    lit : (rows, columns) array
+    more_places, more_directions : (n, 2), (n, 3) arrays
+        With light, along edges and diagonals, and where some of four neighbours have light and others none.
+    weights : (m,) array
+        In the mean over the picture, of the places with light, first those spread evenly.
+    lit_share : float
+        Of the picture.
+    """
 
     places: Array
     directions: Array
     lit: Mask
+    more_places: Array
+    more_directions: Array
+    weights: Array
+    lit_share: float
 
 
 def calibrate(view: View, model: str) -> Calibration:
@@ -132,14 +151,14 @@ def calibrate(view: View, model: str) -> Calibration:
 def _tried(view: View, model: str) -> _Fit:
     if model not in COEFFICIENTS:
         raise InputError(f"model: unknown camera model (got {model}; allowed {', '.join(COEFFICIENTS)})")
-    seen, cells = _samples(view)
+    seen, checked = _samples(view)
     count = int(seen.weights.sum())
     if count < LEAST_PLACES:
         raise InputError(
             f"{view.name}: the picture shows nothing to fit a camera model to: light reaches {count} of"
             f" {FITTED[0] * FITTED[1]} places (allowed: a film inside the image circle)"
         )
-    directions = cells.directions[cells.lit]
+    directions = np.concatenate([checked.directions[checked.lit], checked.more_directions])
     if not in_reach(model, np.concatenate([seen.directions, directions])).all():
         widest = np.degrees(np.arccos(seen.directions[:, 2].min()))
         raise InputError(
@@ -147,24 +166,26 @@ def _tried(view: View, model: str) -> _Fit:
             f" (allowed: {BY_ANGLE}, or a film with less field)"
         )
     parameters = _fitted(model, seen)
-    errors = np.full_like(cells.places, np.nan)
-    errors[cells.lit] = placed(model, parameters, normal_points(model, directions)) - cells.places[cells.lit]
-    return _Fit(model, parameters, errors, seen.middle is not None)
+    places = np.concatenate([checked.places[checked.lit], checked.more_places])
+    off = placed(model, parameters, normal_points(model, directions)) - places
+    errors = np.full_like(checked.places, np.nan)
+    errors[checked.lit] = off[: np.count_nonzero(checked.lit)]
+    squares = off[:, 0] ** 2 + off[:, 1] ** 2
+    max_px, rms_px = math.sqrt(squares.max()), math.sqrt(float(checked.weights @ squares / checked.weights.sum()))
+    return _Fit(model, parameters, errors, max_px, rms_px, checked.lit_share, seen.middle is not None)
 
 
 @dataclass(frozen=True)
 class _Fit:
-    """Parameters of a model, and its errors at the cells of a picture or of its quarter."""
+    """A calibration whose errors may be those of a quarter of the picture."""
 
     model: str
     parameters: Array
     errors: Array
+    max_px: float
+    rms_px: float
+    lit_share: float
     of_quarter: bool
-
-    @cached_property
-    def max_px(self) -> float:
-        """Largest error."""
-        return math.sqrt(float(np.nanmax(self.errors[..., 0] ** 2 + self.errors[..., 1] ** 2)))
 
     def calibration(self) -> Calibration:
         """Return it with the errors over the whole picture."""
@@ -172,14 +193,11 @@ class _Fit:
         if self.of_quarter:
             for axis, number in enumerate(CHECKED):
                 errors = _unfolded(errors, number, axis)
-        squares = errors[..., 0] ** 2 + errors[..., 1] ** 2
-        rms_px = math.sqrt(float(np.nanmean(squares)))
-        lit_share = float(np.isfinite(squares).mean())
-        return Calibration(self.model, self.parameters, self.max_px, rms_px, errors, lit_share)
+        return Calibration(self.model, self.parameters, self.max_px, self.rms_px, errors, self.lit_share)
 
 
 def _unfolded(errors: Array, count: int, axis: int) -> Array:
-    """Return the errors of some columns (axis 0) or rows, the first half of which is given, by their mirror image."""
+    """Return the errors of some columns (axis 0) or rows, given up to the one in the middle, by their mirror image."""
     first = errors[:, : count // 2] if axis == 0 else errors[: count // 2]
     other = np.flip(first, axis=1 - axis) * np.where(np.arange(2) == axis, -1.0, 1.0)
     return np.concatenate([errors, other], axis=1 - axis)
@@ -204,28 +222,56 @@ def calibrate_best(view: View, models: Sequence[str], allowed_px: float) -> Cali
 
 
 @lru_cache(maxsize=8)
-def _samples(view: View) -> tuple[Seen, Cells]:
+def _samples(view: View) -> tuple[Seen, Checked]:
     """Return what the fit goes by, and what its residual is measured at."""
-    places, cells, weights = _places(view.size, mirrored=view.is_mirrored)
-    found, lit = view.directions(np.concatenate([places, cells.reshape(-1, 2)]))
-    n = len(places)
+    places, weights, even, lines = _places(view.size, mirrored=view.is_mirrored)
+    found, lit = view.directions(np.concatenate([places, even.reshape(-1, 2), lines]))
+    n, m, shape = len(places), len(places) + even.shape[0] * even.shape[1], even.shape[:2]
     middle = np.array(view.size) / 2 if view.is_mirrored else None
     seen = Seen(places[lit[:n]], found[:n][lit[:n]], weights[lit[:n]], middle)
-    return seen, Cells(cells, found[n:].reshape(*cells.shape[:2], 3), lit[n:].reshape(cells.shape[:2]))
+    more, away, shines = lines, found[m:], lit[m:]
+    directions, lit = found[n:m].reshape(*shape, 3), lit[n:m].reshape(shape)
+    weights, share = np.outer(_simpson(shape[0]), _simpson(shape[1])).ravel(), 1.0
+    of_lines = np.zeros(np.count_nonzero(shines))
+    if lit.all():
+        return seen, Checked(even, directions, lit, more[shines], away[shines], np.append(weights, of_lines), share)
+    corners = np.stack([lit[:-1, :-1], lit[:-1, 1:], lit[1:, :-1], lit[1:, 1:]])
+    whole = corners.all(axis=0)
+    each = np.pad(whole.astype(np.float64), 1) / 4
+    weights = (each[:-1, :-1] + each[:-1, 1:] + each[1:, :-1] + each[1:, 1:])[lit]
+    within = (np.stack(np.meshgrid(*[np.arange(FINER)] * 2), axis=-1).reshape(-1, 2) + 0.5) / FINER
+    mixed = np.argwhere(corners.any(axis=0) & ~whole)[:, None, ::-1]
+    edge = (even[0, 0] + (mixed + within) * (even[1, 1] - even[0, 0])).reshape(-1, 2)
+    there, bright = view.directions(edge)
+    more, away = (np.concatenate([a[shines], b[bright]]) for a, b in ((more, edge), (away, there)))
+    weights = np.concatenate([weights, of_lines, np.full(len(more) - len(of_lines), 1.0 / FINER**2)])
+    return seen, Checked(even, directions, lit, more, away, weights, float(weights.sum()) / whole.size)
+
+
+def _simpson(count: int) -> Array:
+    """Return the weights of Simpson's rule."""
+    return np.array([1.0, *[4.0, 2.0] * ((count - 3) // 2), 4.0, 1.0])
 
 
 @lru_cache(maxsize=8)
-def _places(size: tuple[int, int], *, mirrored: bool) -> tuple[Array, Array, Array]:
-    """Return the places (n, 2) of the fit, the cells' centres (rows, columns, 2), and the weights of the places."""
-    x, y = (np.linspace(0.0, side, n) for side, n in zip(size, FITTED, strict=True))
-    at_x, at_y = ((np.arange(n) + 0.5) * side / n for side, n in zip(size, CHECKED, strict=True))
+def _places(size: tuple[int, int], *, mirrored: bool) -> tuple[Array, Array, Array, Array]:
+    """Return places (n, 2) of the fit and their weights, and those of the residual: spread evenly (rows, columns, 2),
+    and along edges and diagonals (n, 2).
+    """
+    x, y, at_x, at_y = (
+        np.linspace(0.0, side, n) for counts in (FITTED, CHECKED) for side, n in zip(size, counts, strict=True)
+    )
     if mirrored:
         x, y, at_x, at_y = (values[: (len(values) + 1) // 2] for values in (x, y, at_x, at_y))
-    places, cells = (np.stack(np.meshgrid(*axes), axis=-1) for axes in ((x, y), (at_x, at_y)))
+    places, even = (np.stack(np.meshgrid(*axes), axis=-1) for axes in ((x, y), (at_x, at_y)))
     weights = (
         np.prod(np.where(places < np.array(size) / 2, 2.0, 1.0), axis=-1) if mirrored else np.ones(places.shape[:2])
     )
-    return places.reshape(-1, 2), cells, weights.ravel()
+    steps = np.linspace(0.0, 1.0, FINER * max(CHECKED) + 1)
+    zero = np.zeros_like(steps)
+    rest = () if mirrored else ((steps, zero + 1.0), (zero + 1.0, steps), (steps, 1.0 - steps))
+    lines = np.concatenate([np.stack(pair, axis=1) for pair in ((steps, zero), (zero, steps), (steps, steps), *rest)])
+    return places.reshape(-1, 2), weights.ravel(), even, lines * (at_x[-1], at_y[-1])
 
 
 def _fitted(model: str, seen: Seen) -> Array:

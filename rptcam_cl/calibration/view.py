@@ -30,7 +30,7 @@ from rptcam_cl.cameras import (
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import fan_chief_rays, film_chief_rays, image_circle, round_chief_rays
-from rptcam_cl.scene import LensCamera, RealisticCamera, Scene, at_opening, pose_matrix
+from rptcam_cl.scene import LensCamera, RealisticCamera, Scene, at_opening, pose_matrix, unknown_camera
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -80,7 +80,7 @@ class View:
     def pupil(self) -> EntrancePupil:
         """The entrance pupil; that of an ideal camera without surfaces is its opening, at the eye."""
         if self.setting is None:
-            return EntrancePupil(diameter_mm=camera_model(self.scene).metadata["entrance_pupil"]["diameter_mm"])
+            return EntrancePupil(diameter_mm=self._metadata("entrance_pupil")["diameter_mm"])
         return entrance_pupil(self.scene, self.setting)
 
     @property
@@ -214,7 +214,7 @@ class View:
 
     def _ideal(self, places: Array) -> Array:
         """Return the directions of a camera that has intrinsics and nothing beside."""
-        known = camera_model(self.scene).metadata["intrinsics"]
+        known = self._metadata("intrinsics")
         at = places + self.window[:2]
         if "matrix" in known:
             seen = np.column_stack([at, np.ones(len(at))]) @ np.linalg.inv(np.array(known["matrix"])).T
@@ -226,6 +226,13 @@ class View:
     def grid(self, columns: int, rows: int) -> Array:
         """Return places (rows x columns, 2) spread evenly over the picture from edge to edge, row by row."""
         return _grid(self.size, columns, rows)
+
+    def _metadata(self, name: str) -> Any:
+        """Return what the model of an ideal camera says of itself."""
+        model = camera_model(self.scene)
+        if name not in model.metadata:
+            raise unknown_camera(self.scene.camera.kind, f"{name} in the metadata of its CameraModel")
+        return model.metadata[name]
 
     def facts(self) -> dict[str, Any]:
         """Return what programs want to know of the camera beside its projection."""

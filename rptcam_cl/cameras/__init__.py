@@ -37,7 +37,7 @@ from rptcam_cl.cameras.setting import (
 from rptcam_cl.cameras.stop_dirt import dirt_edges, edges_of
 from rptcam_cl.cameras.thick_lens import ThickLens, thick_lens_of
 from rptcam_cl.cameras.trajectory import camera_trajectory, exposure_timing
-from rptcam_cl.scene import LensColour, RealisticCamera, Scene, at_opening
+from rptcam_cl.scene import LensColour, RealisticCamera, Scene, at_opening, unknown_camera
 
 _MODELS: dict[str, Callable[[Scene], CameraModel]] = {
     "pinhole": pinhole.build,
@@ -60,6 +60,8 @@ def camera_model(scene: Scene, lens_colour: LensColour = "off", *, coarse: bool 
     scene = at_opening(scene)
     if isinstance(scene.camera, RealisticCamera):
         return exposed(realistic.build(scene, lens_colour, coarse=coarse), scene)
+    if scene.camera.kind not in _MODELS:
+        raise unknown_camera(scene.camera.kind, "what makes its records (_MODELS in rptcam_cl/cameras/__init__.py)")
     return exposed(_MODELS[scene.camera.kind](scene), scene)
 
 

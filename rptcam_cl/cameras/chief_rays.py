@@ -18,7 +18,16 @@ from rptcam_cl.cameras.setting import LensSetting, lens_setting
 from rptcam_cl.cameras.thick_lens import thick_lens_of
 from rptcam_cl.cameras.thin_lens import optics_of
 from rptcam_cl.optics import ChiefRays, aimed_rays, film_chief_rays
-from rptcam_cl.scene import PinholeCamera, RealisticCamera, Scene, ThickLensCamera, ThinLensCamera, at_opening
+from rptcam_cl.scene import (
+    EnvironmentCamera,
+    PinholeCamera,
+    RealisticCamera,
+    Scene,
+    ThickLensCamera,
+    ThinLensCamera,
+    at_opening,
+    unknown_camera,
+)
 
 Array = NDArray[np.float64]
 
@@ -160,7 +169,7 @@ def chief_rays(scene: Scene) -> CameraRays:
     Raises
     ------
     InputError
-        When the lens cannot be set as requested.
+        When the lens cannot be set as requested, and for a kind of camera whose chief rays are not known.
     """
     scene = at_opening(scene)
     camera = scene.camera
@@ -179,4 +188,6 @@ def chief_rays(scene: Scene) -> CameraRays:
             across, _, _ = optics_of(camera, scene.film)
         per_mm = across / half_film_mm(scene)[0]
         return _Perspective(scene, 0.0, -per_mm, per_mm, 0.0)
-    return _WholeSphere(scene)
+    if isinstance(camera, EnvironmentCamera):
+        return _WholeSphere(scene)
+    raise unknown_camera(scene.camera.kind, "its chief rays (rptcam_cl/cameras/chief_rays.py)")

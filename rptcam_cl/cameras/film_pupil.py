@@ -19,7 +19,16 @@ from rptcam_cl.cameras.thin_lens import optics_of, radius_of
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import Lens, StopMask, StopShape, passing, with_wider_stop
-from rptcam_cl.scene import RealisticCamera, Scene, ThickLensCamera, ThinLensCamera, at_opening
+from rptcam_cl.scene import (
+    EnvironmentCamera,
+    PinholeCamera,
+    RealisticCamera,
+    Scene,
+    ThickLensCamera,
+    ThinLensCamera,
+    at_opening,
+    unknown_camera,
+)
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -137,6 +146,8 @@ def film_pupils(scene: Scene) -> FilmPupils:
         if radius > 0:
             slopes = (-1e-3 / distance, radius / distance)
             return FilmPupils(_flat(slopes, stop_shape(scene, camera.aperture), 1.0), 1.0, 1e3 * radius)
+    elif not isinstance(camera, PinholeCamera | EnvironmentCamera):
+        raise unknown_camera(scene.camera.kind, "what says its opening (rptcam_cl/cameras/film_pupil.py)")
     raise InputError(
         "camera.diffraction: the camera has no opening that diffracts"
         " (allowed: off, or a camera with an f-number: thin_lens, thick_lens, realistic)"

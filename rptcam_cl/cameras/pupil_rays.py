@@ -14,7 +14,15 @@ from rptcam_cl.cameras.thin_lens import optics_of, radius_of
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import FilmFrame, Lens, cells, grid, narrowing_probes, pupil_boxes
-from rptcam_cl.scene import LensCamera, RealisticCamera, Scene, ThinLensCamera
+from rptcam_cl.scene import (
+    EnvironmentCamera,
+    LensCamera,
+    PinholeCamera,
+    RealisticCamera,
+    Scene,
+    ThinLensCamera,
+    unknown_camera,
+)
 
 Array = NDArray[np.float64]
 
@@ -67,6 +75,8 @@ def pupil_rays(scene: Scene, places: Array) -> PupilRays:
         return thin_lens_rays(scene, camera, places)
     if isinstance(camera, LensCamera):
         return lens_rays(scene, lens_setting(scene), places)
+    if not isinstance(camera, PinholeCamera | EnvironmentCamera):
+        raise unknown_camera(scene.camera.kind, "the rays of its pupil (rptcam_cl/cameras/pupil_rays.py)")
     raise InputError(f"camera.kind: {camera.kind} has no pupil (allowed: thin_lens, thick_lens, realistic)")
 
 

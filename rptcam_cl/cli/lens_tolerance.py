@@ -79,6 +79,7 @@ def _print(run: "ToleranceRun", limit: float | None) -> None:
         interval = f"{row['low']:.4g} to {row['high']:.4g}"
         rows.append([f"{row['percent']:g}", row["spot_um"], row["mtf"], interval, row["shift_mm"], str(row["copy"])])
     print_table(columns, rows, f"{head}; ranked by {'spot' if by_spot else 'modulation'}")
+    print(f"more rays change spots by at most {100 * run.spot_error:.2g} %, modulation by {run.mtf_error:.2g}")
     if limit is not None:
         share, low, high = (100 * value for value in run.yield_at(limit))
         what = f"a spot of {limit:g} µm or less" if by_spot else f"a modulation of {limit:g} or more"

@@ -248,11 +248,11 @@ def _surveys(client: Any, device: str | None) -> dict[str, dict[str, Any]]:
     found: dict[str, Any] = {}
     for _ in range(SURVEYS):
         client.wait_for_workers(1, timeout=WAIT_S)
-        asked = [
+        surveys = [
             ask(client.run, survey, device, workers=[worker], on_error="return") for worker in client.nthreads()
         ]
-        wait(asked, SURVEY_S, FIRST_COMPLETED)
-        done = wait(asked, LATER_S).done
+        wait(surveys, SURVEY_S, FIRST_COMPLETED)
+        done = wait(surveys, LATER_S).done
         if not done:
             raise DeviceError(f"cluster: no worker has answered in {SURVEY_S + LATER_S:g} s")
         seen = {worker: said for answer in done for worker, said in answer.result().items()}

@@ -19,14 +19,14 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import field
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import TYPE_CHECKING, Any
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import StateError
 from rptcam_cl.core.resources import cache_dir, kernels_dir, package_dir
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 STARTED = time.time()  # when this process had read hardly more than this
 MOST_BYTES = 256 << 20  # of each kind
@@ -100,6 +100,8 @@ def kept_arrays(kind: str, name: str) -> tuple[dict[str, NDArray[Any]], dict[str
     content = kept[HASH_BYTES:]
     if hashlib.sha256(content).digest() != kept[:HASH_BYTES]:
         return None
+    import numpy as np  # late, as help texts need none of it
+
     head, _, numbers = content.partition(b"\n")
     found = json.loads(head)
     arrays, place = {}, 0
@@ -126,6 +128,8 @@ def identity_of_code(rooms: tuple[str, ...], kernels: tuple[str, ...] = ()) -> s
 
     What is kept under it is what would be computed anew, bit by bit.
     """
+    import numpy as np
+
     files = [path for room in rooms for path in (package_dir() / room).rglob("*.py")]
     files += [path for folder in kernels for path in (kernels_dir() / folder).iterdir()]
     stats = [(str(path), path.stat().st_size, path.stat().st_mtime_ns) for path in sorted(files)]
@@ -167,6 +171,8 @@ def _digest(files: Sequence[tuple[str, str]]) -> str:
 
 def made_by(drivers: Iterable[str]) -> Maker:
     """Return what a file says of the program that makes it, on devices with some drivers."""
+    import numpy as np
+
     return {"code": code_digest(), "numpy": np.__version__, "driver": " + ".join(sorted(set(drivers)))}
 
 

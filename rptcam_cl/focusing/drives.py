@@ -14,7 +14,7 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.focusing.lens_drive import GroupDrive, WholeLens
 from rptcam_cl.focusing.probe import Drive, Zone, circle_of_confusion
-from rptcam_cl.scene import LensCamera, Scene, ThinLensCamera
+from rptcam_cl.scene import EnvironmentCamera, LensCamera, PinholeCamera, Scene, ThinLensCamera, unknown_camera
 
 FARTHEST_M = 1e6
 
@@ -169,6 +169,8 @@ def focus_drive(scene: Scene) -> Drive:
     if isinstance(scene.camera, LensCamera):
         lens = lens_to_focus(scene, scene.camera)
         return GroupDrive(scene, lens) if lens.focuses_by_group else WholeLens(scene, lens)
+    if not isinstance(scene.camera, PinholeCamera | EnvironmentCamera):
+        raise unknown_camera(scene.camera.kind, "what moves when it focuses (rptcam_cl/focusing/drives.py)")
     raise InputError(
         f"camera.kind: {scene.camera.kind}: everything it sees is sharp, so there is no focus to find"
         " (allowed: thin_lens, thick_lens, realistic)"

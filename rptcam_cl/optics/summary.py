@@ -11,6 +11,7 @@ from rptcam_cl.colour import LINE_D_NM
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.irradiance import on_axis_irradiance
 from rptcam_cl.optics.probe import FilmProbe, grid, narrowed
+from rptcam_cl.optics.pupil_boxes import box_near, narrowing_probes, pupil_boxes
 from rptcam_cl.optics.transmission import IDEAL, LensTransmission, axial_transmittance
 from rptcam_cl.optics.variable import brought_to_focus
 
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
     from rptcam_cl.optics.lens import Lens
 
 LARGEST_FIELD = 8.0  # image circles are searched up to this many focal lengths from the axis
-HALF_STEPS, HALF_RAYS = 7, (72, 72)
+HALF_STEPS, HALF_NODES, HALF_RAYS = 7, 33, (72, 72)
 INSIDE = 0.997  # of the image circle, where more than a sliver of the pupil is left
 QUICK = (40, 40)
 FAN = (4096, 1)
@@ -149,11 +150,14 @@ def half_light_radius(lens: Lens, film_distance_mm: float, circle_mm: float, wav
         Radius of the image circle, which is the result where there is more light to its edge.
     """
 
-    probe = FilmProbe(lens, film_distance_mm, wavelength_nm)
+    probes = narrowing_probes(lens, film_distance_mm, wavelength_nm)
+    nodes = np.linspace(0.0, circle_mm, HALF_NODES)
+    node_boxes, _ = pupil_boxes(probes, np.column_stack([nodes, np.zeros(HALF_NODES)]), in_order=True)
 
     def light(radius: float) -> float:  # D^2 / (D^2 + rho^2)^2 over what passes of a plane through the last vertex
         film = np.array([[radius, 0.0]])
-        boxes, found = narrowed(probe, film, probe.windows(film), HALF_RAYS)
+        near, _ = box_near(probes[-1], film, node_boxes[np.abs(nodes - radius).argmin()], radial=False)
+        boxes, found = narrowed(probes[-1], film, near[None], HALF_RAYS)
         points = grid(boxes, *HALF_RAYS)[0]
         targets = np.column_stack([points, np.full(len(points), lens.length)])
         start = np.array([radius, 0.0, lens.film_z(film_distance_mm)])

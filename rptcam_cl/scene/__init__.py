@@ -15,6 +15,7 @@ from rptcam_cl.scene.camera import (
     RealisticCamera,
     ThickLensCamera,
     ThinLensCamera,
+    unknown_camera,
 )
 from rptcam_cl.scene.change import apply_overrides, change_scene, with_camera
 from rptcam_cl.scene.dielectric import AbsorbingMaterial, Dielectric, ThinGlass
@@ -263,6 +264,7 @@ __all__ = [
     "scene_json_schema_text",
     "scene_text",
     "set_keys",
+    "unknown_camera",
     "with_camera",
 ]
 

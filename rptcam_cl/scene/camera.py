@@ -312,3 +312,8 @@ class RealisticCamera(LensCamera):
 Camera = Annotated[
     PinholeCamera | EnvironmentCamera | ThinLensCamera | ThickLensCamera | RealisticCamera, Field(discriminator="kind")
 ]
+
+
+def unknown_camera(kind: str, lacks: str) -> InputError:
+    """Return the error of a kind of camera that some part of the program does not know, by what it lacks there."""
+    return InputError(f"camera.kind: {kind} lacks {lacks}")

@@ -135,11 +135,11 @@ class Merit(SceneModel):
     mtf_per_mm: Annotated[float, Field(gt=0, le=1e4), NUMBER] = 30.0
     """Frequency on the film at which modulation is taken [cycles/mm]."""
 
-    rings: Annotated[int, Field(ge=2, le=64), WHOLE_NUMBER] = 6
-    """Rings of rays in a beam."""
+    rings: Annotated[int, Field(ge=2, le=64), WHOLE_NUMBER] | None = None
+    """Rings of rays in a beam; by default, in each field as many as leave spots and modulation where they are."""
 
-    arms: Annotated[int, Field(ge=4, le=256), WHOLE_NUMBER] = 12
-    """Rays in a ring."""
+    arms: Annotated[int, Field(ge=4, le=256), WHOLE_NUMBER] | None = None
+    """About how many rays in a ring; twice as many as rings by default."""
 
 
 class Tolerances(SceneModel):

@@ -61,6 +61,7 @@ def report(run: ToleranceRun) -> dict[str, Any]:
         "mtf_per_mm": merit.mtf_per_mm,
         "film_distance_mm": run.film_distance_mm,
         "design": {"spot_um": float(run.design.spot_um[0]), "mtf": float(run.design.modulation[0])},
+        "sampling_error": {"spot_share": run.spot_error, "mtf": run.mtf_error},
         "percentiles": percentile_rows(run),
         "yield": [{"limit": limit, **found._asdict()} for limit, found in yield_curve(run)],
         "sensitivities": [asdict(one) for one in run.sensitivities],

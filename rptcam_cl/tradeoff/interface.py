@@ -74,7 +74,7 @@ def measure_tradeoff(
     scene
         A scene, or anything that `load_scene` takes.
     budget
-        How long the comparison may take on an idle machine [s], within a tenth where preparing takes less than two
+        The most that the comparison takes on an idle machine [s], to a tenth, where preparing takes less than two
         thirds of it and the fewest renders fit the rest; else the report says what took longer.
     seconds, error
         What to advise for: a time to render [s], and a relative error (root of relMSE).

@@ -18,6 +18,7 @@ from rptcam_cl.scene import (
     Scene,
     ThinLensCamera,
     change_scene,
+    unknown_camera,
 )
 from rptcam_cl.viewfinder.light import irradiance_per_radiance
 from rptcam_cl.viewfinder.linked import Light, Limits, Mode, Settings
@@ -214,7 +215,9 @@ def focal_length_mm(scene: Scene) -> float | None:
     if isinstance(camera, LensCamera):
         found = lens_setting(scene).lens.first_order(camera.wavelength_nm).focal_length_mm
         return found if math.isfinite(found) else None
-    return float(camera_model(scene).metadata["focal_length_mm"])
+    if isinstance(camera, ThinLensCamera):
+        return float(camera_model(scene).metadata["focal_length_mm"])
+    raise unknown_camera(scene.camera.kind, "its focal length (rptcam_cl/viewfinder/panel.py)")
 
 
 def has_opening(scene: Scene) -> bool:
@@ -232,7 +235,14 @@ def read_dials(scene: Scene, before: Dials | None = None) -> Dials:
         As requested.
     before
         The state so far, which stays where the scene's exposure and film are what it wrote.
+
+    Raises
+    ------
+    InputError
+        For a kind of camera that the dials do not know.
     """
+    if not isinstance(scene.camera, PinholeCamera | EnvironmentCamera | ThinLensCamera | LensCamera):
+        raise unknown_camera(scene.camera.kind, "dials in the viewfinder (rptcam_cl/viewfinder/panel.py)")
     size = film_mm(scene)
     whole = before.whole_mm if before is not None and is_same_size(before.cropped_mm, size) else size
     if before is not None and before.written == scene.exposure:

@@ -3,7 +3,9 @@
 import json
 import subprocess
 import sys
+from pathlib import Path
 
+import jsonschema
 import numpy as np
 import pytest
 import yaml
@@ -103,6 +105,26 @@ def test_openlensio_has_millimetres(seen, brown):
     assert about_z @ about_x @ about_y == pytest.approx(axes, abs=1e-9)
     place = sample["transforms"][0]["translation"]
     assert [place["x"], place["y"], place["z"]] == pytest.approx([1.0, -3.0, 2.0], abs=1e-9)  # the eye
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {},
+        {"f_number": None, "focus": {"distance_m": 1e9}, "movements": {}},
+        {"kind": "thick_lens", "movements": {}, "lens": "cooke-triplet-50mm"},
+        {"kind": "pinhole", "fov_degrees": 40, "lens": None, "f_number": None, "focus": None, "movements": {}},
+    ],
+)
+def test_openlensio_is_what_the_published_schema_allows(changes):
+    schema = json.loads((Path(__file__).parents[1] / "data/opentrackio.schema.json").read_text())
+    camera = {key: value for key, value in (SCENE["camera"] | changes).items() if value is not None}
+    seen = view(load_scene(SCENE | {"camera": camera}))
+    for model in ("brown_conrady", "rational"):
+        text = openlensio_text(seen, calibrate(seen, model))
+        assert "Infinity" not in text and "NaN" not in text
+        validator = jsonschema.Draft202012Validator(schema)
+        assert [error.message for error in validator.iter_errors(json.loads(text))] == []
 
 
 def by_openlensio(sample, directions):

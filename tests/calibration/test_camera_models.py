@@ -6,6 +6,7 @@ import pytest
 from rptcam_cl.calibration import COEFFICIENTS, calibrate, calibrate_best, project, subject, view
 from rptcam_cl.calibration.fit import FITTED
 from rptcam_cl.calibration.models import distorted, slopes
+from rptcam_cl.cli import main
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import chief_ray, film_chief_rays, load_lens, round_chief_rays
 from rptcam_cl.scene import load_scene
@@ -130,6 +131,37 @@ def test_residual_is_that_of_the_corners_without_opencv():
     assert off.max() <= found.max_px <= ALLOWED_PX
     assert found.rms_px < found.max_px
     assert np.nanmax(np.linalg.norm(found.errors, axis=-1)) == pytest.approx(found.max_px)
+
+
+@pytest.mark.parametrize(
+    ("lens", "model", "size", "film"),
+    [
+        ("phone-5.6mm", "brown_conrady", (240, 180), (5.3, 4.0)),  # once 0.19 for 0.42 px, which lie in the corners
+        ("phone-5.6mm", "rational", (240, 180), (5.3, 4.0)),  # along the edges
+        ("phone-5.6mm", "rational", (240, 180), (6.1, 4.6)),  # at the edge of the light
+        ("fisheye-10mm", "rational", (1024, 768), (21.0, 15.75)),
+        ("anamorphic-100mm", "brown_conrady", (600, 400), (36.0, 24.0)),
+    ],
+)
+def test_residual_is_that_of_the_whole_picture_to_its_edges(lens, model, size, film):
+    seen = camera(lens, size, film, ("camera.focus.film_distance_mm=null", "camera.focus.distance_m=1e6"))
+    found = calibrate(seen, model)
+    places = seen.grid(121, 91)
+    directions, lit = seen.directions(places)
+    off = np.linalg.norm(found.project(directions[lit]) - places[lit], axis=1)
+    assert found.max_px > 0.98 * off.max()  # between places the error may be a little larger
+    assert found.max_px < (1.01 if lit.all() else 1.15) * off.max()  # the grid misses the very edge of the light
+    at_edge = np.any((places == 0) | (places == size), axis=1)
+    area = np.where(at_edge, 0.5, 1.0)
+    assert found.lit_share == (1.0 if lit.all() else pytest.approx(area @ lit / area.sum(), abs=2e-4))
+    assert found.rms_px == pytest.approx(np.sqrt(area[lit] @ off**2 / area[lit].sum()), rel=0.03)
+
+
+def test_model_that_errs_in_the_corners_alone_is_refused(capsys):
+    words = ["--size", "240x180", "--film", "5.3x4", "--set", "camera.focus.film_distance_mm=null"]
+    words += ["--set", "camera.focus.distance_m=1e6", "--model", "brown_conrady", "--max-residual-px", "0.35"]
+    assert main(["camera", "phone-5.6mm", *words]) == 2
+    assert "brown_conrady errs by 0.42 px" in capsys.readouterr().err
 
 
 def test_simplest_model_that_fits_is_chosen():

@@ -1,14 +1,23 @@
 """Chief rays: through the middle of the opening, and back from points to the places that see them."""
 
-from typing import Any
+import dataclasses
+from collections.abc import Callable
+from typing import Any, Literal
 
 import numpy as np
 import pytest
 
-from rptcam_cl.cameras import camera_model, chief_rays, lens_setting, seen_places
+from rptcam_cl import cameras
+from rptcam_cl.calibration import calibrate, view
+from rptcam_cl.cameras import camera_model, chief_rays, film_pupils, lens_setting, seen_places
 from rptcam_cl.cameras.film_grid import FilmGrid
+from rptcam_cl.cameras.pupil_rays import pupil_rays
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.focusing.drives import focus_drive
 from rptcam_cl.optics import limiting_surface
 from rptcam_cl.scene import Scene, load_scene
+from rptcam_cl.scene.pose import Pose
+from rptcam_cl.viewfinder.panel import focal_length_mm, read_dials
 
 POSE = {"eye": [0, 0, 0], "target": [0, 0, -1]}
 MOVED = {"movements": {"tilt_degrees": 8, "rise_mm": 3}}
@@ -118,3 +127,46 @@ def test_a_grid_gives_cubics_exactly_and_continues_parabolas() -> None:
     holed[np.hypot(x, y) > 1.1] = np.nan
     np.testing.assert_allclose(FilmGrid(holed, 1.25).at(places)[:, 1], expected[:, 1], atol=1e-12)
     assert np.isnan(FilmGrid(values, 1.25).at(np.array([[1.3, 0.0]]))).all()
+
+
+class Throwaway(Pose):
+    """A camera of a kind that nothing knows."""
+
+    kind: Literal["throwaway"]
+
+
+def throwaway() -> Scene:
+    scene = scene_of(IDEAL["pinhole"])
+    pose = {name: getattr(scene.camera, name) for name in ("eye", "target", "up")}
+    return scene.model_copy(update={"camera": Throwaway(kind="throwaway", **pose)})
+
+
+@pytest.mark.parametrize(
+    ("door", "lacks"),
+    [
+        (camera_model, "what makes its records"),
+        (chief_rays, "its chief rays"),
+        (film_pupils, "what says its opening"),
+        (lambda scene: pupil_rays(scene, np.zeros((1, 2))), "the rays of its pupil"),
+        (focus_drive, "what moves when it focuses"),
+        (lambda scene: view(scene).pupil, "what makes its records"),
+        (read_dials, "dials in the viewfinder"),
+        (focal_length_mm, "its focal length"),
+    ],
+)
+def test_a_camera_of_an_unknown_kind_is_refused_by_what_it_lacks(door: Callable[[Scene], object], lacks: str) -> None:
+    with pytest.raises(InputError, match=rf"camera.kind: throwaway lacks {lacks}"):
+        door(throwaway())
+
+
+def test_a_camera_that_says_no_intrinsics_has_no_model(monkeypatch: pytest.MonkeyPatch) -> None:
+    plain = camera_model(scene_of({"kind": "environment"}))  # what CONTRIBUTING asks for, and no more
+    monkeypatch.setitem(cameras._MODELS, "throwaway", lambda scene: plain)
+    assert camera_model(throwaway()).kernel == "camera/environment.h"
+    with pytest.raises(InputError, match=r"camera.kind: throwaway lacks entrance_pupil in the metadata"):
+        view(throwaway())
+    pupil = {"entrance_pupil": {"diameter_mm": 0.0}}
+    with_pupil = dataclasses.replace(plain, metadata=plain.metadata | pupil)
+    monkeypatch.setitem(cameras._MODELS, "throwaway", lambda scene: with_pupil)
+    with pytest.raises(InputError, match=r"camera.kind: throwaway lacks intrinsics in the metadata"):
+        calibrate(view(throwaway()), "pinhole")

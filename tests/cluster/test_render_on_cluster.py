@@ -153,15 +153,25 @@ def test_workers_of_this_machine_spend_no_time_on_watching_themselves(monkeypatc
     assert dask.config.get(profiled) is True  # what others do in this process is theirs
 
 
+def family() -> list[psutil.Process]:
+    """This process and those that it has begun."""
+    here = psutil.Process()
+    return [here, *here.children(recursive=True)]
+
+
+def listening() -> set[int]:
+    """The ports at which the family listens."""
+    return {c.laddr.port for each in family() for c in each.net_connections() if c.status == psutil.CONN_LISTEN}
+
+
 def test_who_has_not_the_credentials_of_workers_of_this_machine_is_refused_by_each_of_their_ports() -> None:
+    before = listening()
     with client.workers_here(1, threads=1) as local:
         address = local.scheduler_address.partition("://")[2]
         for scheme, security in (("tcp", None), ("tls", distributed.Security.temporary())):
             with pytest.raises(OSError, match=r"Timed out|certificate|closed"):
                 distributed.Client(f"{scheme}://{address}", security=security, timeout=2.0)
-        here = psutil.Process()
-        family = [here, *here.children(recursive=True)]
-        ports = {c.laddr.port for each in family for c in each.net_connections() if c.status == psutil.CONN_LISTEN}
+        ports = listening() - before
         assert len(ports) >= 3  # scheduler, nanny and worker
         for port in ports:
             with socket.create_connection(("127.0.0.1", port), timeout=10) as plain:
@@ -169,7 +179,7 @@ def test_who_has_not_the_credentials_of_workers_of_this_machine_is_refused_by_ea
                 with contextlib.suppress(ConnectionResetError):
                     assert b"200 OK" not in plain.recv(4096)
         with distributed.Client(local, set_as_default=False) as known:
-            assert list(known.run(os.getpid).values()) == [family[-1].pid]
+            assert list(known.run(os.getpid).values()) == [family()[-1].pid]
 
 
 def test_without_cryptography_workers_of_this_machine_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
