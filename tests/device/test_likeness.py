@@ -48,6 +48,16 @@ counts.append(built())
 trial.end_trials()
 print(counts)
 """
+# It waits no time for orders, and is given the time to end.
+GONE = """\
+from rptcam_cl.device import likeness
+likeness.IDLE = 0.0
+prepare = trial.prepare_trial
+def prepare_and_wait():
+    prepare()
+    os.waitid(os.P_PID, trial._likeness[0]._process, os.WEXITED | os.WNOWAIT)
+trial.prepare_trial = prepare_and_wait
+"""
 CRASH = "trial.try_here = lambda handle: os.abort()"
 HANG = """\
 ask = trial.Likeness.ask
@@ -98,8 +108,7 @@ def test_driver_that_hangs_is_tried_again_in_a_process_that_is_started(tmp_path:
 
 
 def test_one_that_has_waited_too_long_is_not_missed(tmp_path: Path) -> None:
-    change = "from rptcam_cl.device import likeness; likeness.IDLE = 0.0"
-    found, started, *_ = tried(tmp_path, change)
+    found, started, *_ = tried(tmp_path, GONE)
     assert found["problem"] is None and started == 1
 
 
