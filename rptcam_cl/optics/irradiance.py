@@ -155,10 +155,10 @@ def _pupil_boxes(probe: FilmProbe, film: Array) -> tuple[Array, NDArray[np.bool_
     for _ in range(WIDENED if len(lit) else 0):  # the tips of a sliver may lie between the rays of a coarse grid
         low, high = boxes[lit][:, ::2], boxes[lit][:, 1::2]
         around = np.stack([low - (high - low) / 2, high + (high - low) / 2], axis=2).reshape(-1, 4)
-        wider, still = narrowed(probe, film[lit], around, GRID)
+        beyond, still = narrowed(probe, film[lit], around, GRID)
         cell = 2 * (high - low) / GRID
-        grown = still & np.any((wider[:, ::2] < low - cell) | (wider[:, 1::2] > high + cell), axis=1)
-        boxes[lit[grown]] = wider[grown]
+        grown = still & np.any((beyond[:, ::2] < low - cell) | (beyond[:, 1::2] > high + cell), axis=1)
+        boxes[lit[grown]] = beyond[grown]
         lit = lit[grown]
         if not len(lit):
             break
