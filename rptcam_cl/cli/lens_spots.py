@@ -33,7 +33,6 @@ if TYPE_CHECKING:
     from rptcam_cl.lenstools import Setting
 
 NUMBERS = (".npy",)
-ACROSS = 64
 
 
 def add_to(commands: Commands) -> None:
@@ -100,7 +99,7 @@ def lens_command(commands: Commands, name: str, text: str, waves: tuple[float, .
         "--rays",
         type=count,
         metavar="N",
-        help=f"rays across the beam each way (default: {ACROSS}; by wave optics as many as the wavefront needs)",
+        help="rays across the beam each way (default: as many as the figures need)",
     )
     return parser
 
@@ -126,12 +125,24 @@ def _spot(arguments: argparse.Namespace) -> int:
 
     check_picture(arguments.output, arguments.lens)
     state = focused_state(arguments)
-    spots = film_spots(state, arguments.fields, arguments.wavelengths, arguments.rays or ACROSS)
+    spots = film_spots(state, arguments.fields, arguments.wavelengths, arguments.rays)
     rows = spot_table(spots)
     if arguments.json:
         print(_document(state, spots=rows))
     else:
-        columns = ("field [°]", "wavelength [nm]", "rays", "x [mm]", "y [mm]", "rms [µm]", "in x", "in y", "largest")
+        columns = (
+            "field [°]",
+            "wavelength [nm]",
+            "rays",
+            "x [mm]",
+            "y [mm]",
+            "rms [µm]",
+            "in x",
+            "in y",
+            "largest",
+            "rms ±",
+            "largest ±",
+        )
         shown = [["all" if key == "wavelength_nm" and value is None else value for key, value in row.items()]
                  for row in rows]  # fmt: skip
         print_table(columns, shown, f"{state.lens.name}, film at {state.film:.6g} mm")
@@ -141,7 +152,15 @@ def _spot(arguments: argparse.Namespace) -> int:
 
 
 def _mtf(arguments: argparse.Namespace) -> int:
-    from rptcam_cl.lenstools import field_waves, film_spots, mtf_chart, mtf_table, wave_mtf_chart, wave_mtf_table
+    from rptcam_cl.lenstools import (
+        field_waves,
+        film_spots,
+        mtf_chart,
+        mtf_moves,
+        mtf_table,
+        wave_mtf_chart,
+        wave_mtf_table,
+    )
 
     check_picture(arguments.output, arguments.lens)
     if min(arguments.frequencies) < 0 or max(arguments.frequencies) <= 0:
@@ -153,13 +172,15 @@ def _mtf(arguments: argparse.Namespace) -> int:
         rows = wave_mtf_table(waves, arguments.frequencies)
         chart = partial(wave_mtf_chart, state, waves, max(arguments.frequencies))
     else:
-        spots = film_spots(state, arguments.fields, arguments.wavelengths, arguments.rays or ACROSS)
+        moves = mtf_moves(arguments.frequencies)
+        spots = film_spots(state, arguments.fields, arguments.wavelengths, arguments.rays, moves)
         rows = mtf_table(spots, arguments.frequencies)
         chart = partial(mtf_chart, state, spots, max(arguments.frequencies))
     if arguments.json:
         print(_document(state, mtf=rows))
     else:
-        columns = ("field [°]", "cycles/mm", "tangential", "sagittal", "limit tang.", "limit sag.")
+        columns = ["field [°]", "cycles/mm", "tangential", "sagittal", "limit tang.", "limit sag."]
+        columns += [] if arguments.diffraction else ["±"]
         print_table(columns, [list(row.values()) for row in rows], f"{state.lens.name}, film at {state.film:.6g} mm")
     if arguments.output is not None:
         write_picture(chart(), arguments.output)
@@ -167,7 +188,15 @@ def _mtf(arguments: argparse.Namespace) -> int:
 
 
 def _psf(arguments: argparse.Namespace) -> int:
-    from rptcam_cl.lenstools import field_waves, film_spots, npy_bytes, point_image, psf_chart, wave_point_image
+    from rptcam_cl.lenstools import (
+        field_waves,
+        film_spots,
+        image_moves,
+        npy_bytes,
+        point_image,
+        psf_chart,
+        wave_point_image,
+    )
 
     output = arguments.output
     if not abs(arguments.field) <= STEEPEST:
@@ -178,7 +207,7 @@ def _psf(arguments: argparse.Namespace) -> int:
         waves = field_waves(state, [arguments.field], arguments.wavelengths, arguments.rays)
         image = wave_point_image(waves, arguments.pixels, arguments.width_um)
     else:
-        spots = film_spots(state, [arguments.field], arguments.wavelengths, arguments.rays or ACROSS)
+        spots = film_spots(state, [arguments.field], arguments.wavelengths, arguments.rays, image_moves)
         image = point_image(spots, arguments.pixels, arguments.width_um)
     facts = {"field_degrees": arguments.field, "width_um": image.width_um, "pixels": arguments.pixels, **image.facts}
     if arguments.json:

@@ -33,11 +33,11 @@ from rptcam_cl.lenstools.fields import default_fields
 from rptcam_cl.lenstools.foreign import left_out
 from rptcam_cl.lenstools.ghosts import draw_ghost, ghost_summary, ghost_table, way_text
 from rptcam_cl.lenstools.lens_state import Setting, setting
-from rptcam_cl.lenstools.mtf import field_mtf, mtf_chart, mtf_table
+from rptcam_cl.lenstools.mtf import field_mtf, mtf_chart, mtf_moves, mtf_table
 from rptcam_cl.lenstools.pbrt_table import loses_dispersion, pbrt_text
 from rptcam_cl.lenstools.picture import Drawing, svg_text
 from rptcam_cl.lenstools.prescription import lens_text
-from rptcam_cl.lenstools.psf import npy_bytes, point_image, psf_chart
+from rptcam_cl.lenstools.psf import image_moves, npy_bytes, point_image, psf_chart
 from rptcam_cl.lenstools.ray_paths import Tracer, reference
 from rptcam_cl.lenstools.spots import FilmSpot, at_best_focus, film_spots, spot_chart, spot_table
 from rptcam_cl.lenstools.tolerance_chart import tolerance_chart
@@ -86,11 +86,13 @@ __all__ = [
     "ghost_summary",
     "ghost_table",
     "glass",
+    "image_moves",
     "left_out",
     "lens_text",
     "lines",
     "loses_dispersion",
     "mtf_chart",
+    "mtf_moves",
     "mtf_table",
     "new_chart",
     "new_figure",

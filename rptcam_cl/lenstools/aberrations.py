@@ -15,6 +15,7 @@ from rptcam_cl.lenstools.charts import add_key, new_chart, series, styled
 from rptcam_cl.lenstools.colours import INK
 from rptcam_cl.lenstools.fields import at_plane, default_fields
 from rptcam_cl.lenstools.lens_state import Setting
+from rptcam_cl.lenstools.spots import MOST_ACROSS, NOTHING, STAYS
 from rptcam_cl.optics import Beam, Rays, chief_ray, passing_beam, unobstructed
 
 if TYPE_CHECKING:
@@ -27,6 +28,7 @@ Row = dict[str, Any]
 
 NEAR = 1e-5  # of the size of the first surface: how far from the chief ray the rays lie that say where it is sharp
 ACROSS = 64  # rays across a beam whose width, or middle, is sought
+FEWEST = 32  # of a spot, at first
 
 
 def _through(setting: Setting, lens: Lens, degrees: float, wavelength_nm: float, points: Array) -> Rays:
@@ -106,24 +108,41 @@ def curvature_rows(setting: Setting, fields: Sequence[float], wavelengths_nm: Se
 
 
 def focus_rows(
-    setting: Setting, fields: Sequence[float], wavelengths_nm: Sequence[float], shifts_mm: Array, across: int
+    setting: Setting, fields: Sequence[float], wavelengths_nm: Sequence[float], shifts_mm: Array, across: int | None
 ) -> list[Row]:
-    """Return the rms spot of each field, its wavelengths together, over shifts of the film away from the lens."""
+    """Return the rms spot of each field, its wavelengths together, over shifts of the film away from the lens.
+
+    By default as many rays as its least and its largest spot need.
+    """
     rows: list[Row] = []
     for degrees in fields:
-        beam = Beam(degrees, setting.object_distance_mm)
-        passed = [passing_beam(setting.lens, beam, wavelength, across)[1] for wavelength in wavelengths_nm]
-        origins, directions = (
-            np.concatenate([getattr(rays, name) for rays in passed]) for name in ("origins", "directions")
-        )
-        for shift in shifts_mm.tolist():
-            moved = replace(setting, film_distance_mm=setting.film + shift)
-            at = at_plane(origins, directions, moved.film_z)[:, :2]
-            x, y = (np.std(at, axis=0) * 1e3).tolist()
-            rows.append(
-                {"field_degrees": degrees, "shift_mm": shift, "rms_um": math.hypot(x, y), "rms_x_um": x, "rms_y_um": y}
-            )
+        count = across or FEWEST
+        before, sides = None, _through_focus(setting, degrees, wavelengths_nm, shifts_mm, count)
+        while (
+            across is None
+            and count < MOST_ACROSS
+            and (before is None or np.max(np.abs(before - sides) / (STAYS * np.hypot(*sides) + NOTHING)) > 1)
+        ):
+            count *= 2
+            before, sides = sides, _through_focus(setting, degrees, wavelengths_nm, shifts_mm, count)
+        rows += [
+            {"field_degrees": degrees, "shift_mm": shift, "rms_um": math.hypot(x, y), "rms_x_um": x, "rms_y_um": y}
+            for shift, x, y in zip(shifts_mm.tolist(), *(1e3 * sides).tolist(), strict=True)
+        ]
     return rows
+
+
+def _through_focus(
+    setting: Setting, degrees: float, wavelengths_nm: Sequence[float], shifts_mm: Array, across: int
+) -> Array:
+    """Return the rms of a spot in x and in y (2, shifts) over shifts of the film [mm]."""
+    beam = Beam(degrees, setting.object_distance_mm)
+    passed = [passing_beam(setting.lens, beam, wavelength, across)[1] for wavelength in wavelengths_nm]
+    origins, directions = (
+        np.concatenate([getattr(rays, name) for rays in passed]) for name in ("origins", "directions")
+    )
+    moved = (replace(setting, film_distance_mm=setting.film + shift).film_z for shift in shifts_mm.tolist())
+    return np.stack([np.std(at_plane(origins, directions, z)[:, :2], axis=0) for z in moved], axis=1)
 
 
 @styled()

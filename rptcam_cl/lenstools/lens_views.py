@@ -73,7 +73,7 @@ class Measurable(Lens):
             return Measured.of_rows(
                 f"{self.name}: MTF", rows, lambda: wave_images.wave_mtf_chart(state, waves, highest), **_about(state)
             )
-        found = spots.film_spots(state, fields, wavelengths_nm, rays or spots.ACROSS)
+        found = spots.film_spots(state, fields, wavelengths_nm, rays, mtf.mtf_moves(frequencies_per_mm))
         rows = mtf.mtf_table(found, frequencies_per_mm)
         return Measured.of_rows(
             f"{self.name}: MTF", rows, lambda: mtf.mtf_chart(state, found, highest), **_about(state)
@@ -93,7 +93,7 @@ class Measurable(Lens):
 
         _check_given(fields=fields, wavelengths_nm=wavelengths_nm)
         state = self._state(f_number, focus_distance_m)
-        found = spots.film_spots(state, fields, wavelengths_nm, rays or spots.ACROSS)
+        found = spots.film_spots(state, fields, wavelengths_nm, rays)
         points = {(one.field_degrees, one.wavelength_nm): one.points for one in found}
         return Measured.of_rows(
             f"{self.name}: spots", spots.spot_table(found), lambda: spots.spot_chart(state, found),
@@ -121,7 +121,7 @@ class Measurable(Lens):
             waves = wavefronts.field_waves(state, [field_degrees], wavelengths_nm, rays)
             image = wave_images.wave_point_image(waves, pixels, width_um)
         else:
-            found = spots.film_spots(state, [field_degrees], wavelengths_nm, rays or spots.ACROSS)
+            found = spots.film_spots(state, [field_degrees], wavelengths_nm, rays, psf.image_moves)
             image = psf.point_image(found, pixels, width_um)
         facts: dict[str, Any] = {"field_degrees": field_degrees, "width_um": image.width_um, **image.facts}
         return Measured.of_rows(
@@ -228,7 +228,7 @@ class Measurable(Lens):
         f_number: float | None = None,
         focus_distance_m: float | None = None,
         steps: int = THROUGH,
-        rays: int = 48,
+        rays: int | None = None,
     ) -> Measured:
         """Return the rms spot of each field over shifts of the film up to a range either way.
 

@@ -7,6 +7,7 @@ which the geometrical one stands here: right where aberrations are none or many 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -16,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from rptcam_cl.lenstools.charts import add_key, new_chart, series, styled
 from rptcam_cl.lenstools.colours import FAINT, INK
 from rptcam_cl.lenstools.lens_state import Setting
-from rptcam_cl.lenstools.spots import FilmSpot, by_field
+from rptcam_cl.lenstools.spots import FilmSpot, Moves, by_field, fewer
 from rptcam_cl.optics import diffraction_mtf
 
 if TYPE_CHECKING:
@@ -27,6 +28,7 @@ Array = NDArray[np.float64]
 
 CURVE = 101
 COLUMNS = ("tangential", "sagittal", "tangential_limit", "sagittal_limit")
+STAYS = 0.005  # modulation by which twice as many rays across may change it
 
 
 def geometric_mtf(points: Array, frequencies_per_mm: ArrayLike) -> tuple[Array, Array]:
@@ -65,10 +67,43 @@ def field_mtf(group: Sequence[FilmSpot], frequencies_per_mm: ArrayLike) -> list[
     return [*(shape * limit for shape, limit in zip(drawn, most, strict=True)), *most]
 
 
+def mtf_moves(frequencies_per_mm: Sequence[float]) -> Moves:
+    """Return what says how far the modulation of a field moves with more rays, in units of what it may.
+
+    Rays that lie farther apart on the film than half a period of the finest lines show nothing of these.
+    """
+
+    def moves(few: Sequence[FilmSpot], many: Sequence[FilmSpot]) -> float:
+        for spot in few:
+            if len(spot.points) and np.ptp(spot.points, axis=0).max() * max(frequencies_per_mm) > math.sqrt(
+                len(spot.points)
+            ):
+                return math.inf
+        one, other = (field_mtf(group, frequencies_per_mm) for group in (few, many))
+        if one is None or other is None:
+            return 0.0 if one is other else math.inf
+        return float(max(np.abs(a - b).max() for a, b in zip(one[:2], other[:2], strict=True))) / STAYS
+
+    return moves
+
+
 def mtf_table(spots: Sequence[FilmSpot], frequencies_per_mm: Sequence[float]) -> list[dict[str, Any]]:
-    """Return a row for each field and frequency, the wavelengths of a field together; None where no light passes."""
-    fields = {degrees: field_mtf(group, frequencies_per_mm) for degrees, group in by_field(spots).items()}
-    return table_of(fields, frequencies_per_mm)
+    """Return a row for each field and frequency, the wavelengths of a field together; None where no light passes.
+
+    ``error`` is what half as many rays across change of either modulation.
+    """
+    groups = by_field(spots)
+    fields = {degrees: field_mtf(group, frequencies_per_mm) for degrees, group in groups.items()}
+    rows = table_of(fields, frequencies_per_mm)
+    before = table_of(
+        {degrees: field_mtf(less, frequencies_per_mm) if (less := fewer(group)) else None
+         for degrees, group in groups.items()},
+        frequencies_per_mm,
+    )  # fmt: skip
+    for row, other in zip(rows, before, strict=True):
+        known = row["tangential"] is not None and other["tangential"] is not None
+        row["error"] = max(abs(row[name] - other[name]) for name in COLUMNS[:2]) if known else None
+    return rows
 
 
 def table_of(

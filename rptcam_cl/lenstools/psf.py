@@ -13,7 +13,7 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.lenstools.charts import new_figure, styled
 from rptcam_cl.lenstools.lens_state import Setting
-from rptcam_cl.lenstools.spots import FilmSpot, spot_facts
+from rptcam_cl.lenstools.spots import NOTHING, STAYS, FilmSpot, fewer, spot_facts, spots_move
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -36,7 +36,8 @@ class PointImage:
     width_um : float
         Side of the image on the film, about the centroid [micrometres].
     facts : mapping
-        Centroid, rms, and radii about the centroid that enclose shares of the light [micrometres].
+        Centroid, rms, and radii about the centroid that enclose shares of the light [micrometres], and by how much rms
+        and radii change with half as many rays across.
     """
 
     shares: Array
@@ -59,14 +60,32 @@ def point_image(spots: Sequence[FilmSpot], pixels: int, width_um: float | None =
     if pixels < 2:
         raise InputError(f"an image needs at least 2 pixels a side (got {pixels})")
     points = np.concatenate([spot.points for spot in spots])
-    facts = spot_facts(points)
-    off = (points - points.mean(axis=0)) * 1e3
-    radii = np.hypot(off[:, 0], off[:, 1])
-    for share in SHARES:
-        facts[f"radius_of_{100 * share:.0f}_percent_um"] = float(np.quantile(radii, share))
+    facts, less = spot_facts(points), fewer(spots)
+    off, radii = _radii(points)
+    names = [f"radius_of_{100 * share:.0f}_percent_um" for share in SHARES]
+    facts |= dict(zip(names, np.quantile(radii, SHARES).tolist(), strict=True))
+    if less and len(before := np.concatenate([spot.points for spot in less])):
+        facts["rms_error_um"] = abs(facts["rms_um"] - spot_facts(before)["rms_um"])
+        changes = np.quantile(_radii(before)[1], SHARES) - np.quantile(radii, SHARES)
+        facts["radius_error_um"] = float(np.abs(changes).max())
     half = (width_um or 2 * ROOM * max(float(np.quantile(radii, 0.99)), 1e-6)) / 2
     counts, _, _ = np.histogram2d(-off[:, 1], off[:, 0], bins=pixels, range=[[-half, half], [-half, half]])
     return PointImage(counts / len(points), 2 * half, facts)
+
+
+def image_moves(few: Sequence[FilmSpot], many: Sequence[FilmSpot]) -> float:
+    """Return how far rms and radii of an image of a point move with more rays, in units of what they may."""
+    one, other = (np.concatenate([spot.points for spot in group]) for group in (few, many))
+    if not len(one) or not len(other):
+        return 0.0 if len(one) == len(other) else np.inf
+    one, other = (np.quantile(_radii(points)[1], SHARES) for points in (one, other))
+    return max(spots_move(few, many), float(np.max(np.abs(one - other) / (STAYS * other + 1e3 * NOTHING))))
+
+
+def _radii(points: Array) -> tuple[Array, Array]:
+    """Return points (n, 2) from their centroid, and how far they are from it (n,) [micrometres]."""
+    off = (points - points.mean(axis=0)) * 1e3
+    return off, np.hypot(off[:, 0], off[:, 1])
 
 
 def npy_bytes(image: PointImage) -> bytes:

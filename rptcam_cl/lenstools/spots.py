@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -23,7 +23,10 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-ACROSS = 64
+ACROSS, MOST_ACROSS = 64, 1024  # rays that span a beam each way: at first, and at most
+STAYS = 0.005  # share of a figure by which twice as many rays across may change it
+SMALL_PART = 0.05  # of a spot's rms, below which that across or down counts by as much
+NOTHING = 1e-9  # [mm], of no account
 FACTS = ("centroid_x_mm", "centroid_y_mm", "rms_um", "rms_x_um", "rms_y_um", "largest_um")
 PANELS = 3  # side by side
 PANEL, REST = 2.9, 0.9  # height of a row of panels, and of title and key [inches]
@@ -42,16 +45,26 @@ class FilmSpot:
         Where they meet the film, x and y [mm]; none when nothing of the beam passes.
     cone : (x, y)
         Half widths of the cone of light on the film, in x and y: numerical apertures.
+    fewer : (m, 2) array or None
+        The points by half as many rays across.
     """
 
     field_degrees: float
     wavelength_nm: float
     points: Array
     cone: tuple[float, float] = (0.0, 0.0)
+    fewer: Array | None = None
+
+
+Moves = Callable[[Sequence[FilmSpot], Sequence[FilmSpot]], float]
 
 
 def film_spots(
-    setting: Setting, fields: Sequence[float] | None, wavelengths_nm: Sequence[float], across: int = ACROSS
+    setting: Setting,
+    fields: Sequence[float] | None,
+    wavelengths_nm: Sequence[float],
+    across: int | None = None,
+    moves: Moves | None = None,
 ) -> list[FilmSpot]:
     """Return the spots of each field and wavelength, traced in float64.
 
@@ -61,31 +74,61 @@ def film_spots(
     fields : sequence of float, optional
         Angles from the axis [degrees]; the axis and two more when absent.
     wavelengths_nm : sequence of float
-    across : int
-        Rays that span the beam each way.
+    across : int, optional
+        Rays that span the beam each way; in each field twice as many, and again, till figures stay, when absent.
+    moves : function, optional
+        Of the spots of a field by few rays and by more: how far its figures move, in units of what they may. Those of
+        `spots_move` when absent.
 
     Raises
     ------
     InputError
         When nothing of any beam passes; of one among others the spot is empty.
     """
-    film_z = setting.film_z
-    spots: list[FilmSpot] = []
     refused: InputError | None = None
-    for degrees in default_fields(setting) if fields is None else fields:
+
+    def traced(degrees: float, across: int) -> list[FilmSpot]:
+        nonlocal refused
+        spots = []
         for wavelength in wavelengths_nm:
-            beam = Beam(degrees, setting.object_distance_mm)
             try:
-                _, rays, _ = passing_beam(setting.lens, beam, wavelength, across)
+                _, rays, _ = passing_beam(setting.lens, Beam(degrees, setting.object_distance_mm), wavelength, across)
             except InputError as problem:
                 spots.append(FilmSpot(degrees, wavelength, np.zeros((0, 2))))
                 refused = problem
                 continue
-            points = at_plane(rays.origins, rays.directions, film_z)[:, :2]
+            points = at_plane(rays.origins, rays.directions, setting.film_z)[:, :2]
             spots.append(FilmSpot(degrees, wavelength, points, _cone(setting, wavelength, rays.directions)))
-    if refused is not None and not any(len(spot.points) for spot in spots):
+        return spots
+
+    found: list[FilmSpot] = []
+    for degrees in default_fields(setting) if fields is None else fields:
+        count = across or ACROSS
+        few, many = traced(degrees, max(count // 2, 1)), traced(degrees, count)
+        while across is None and count < MOST_ACROSS and (moves or spots_move)(few, many) > 1:
+            count *= 2
+            few, many = many, traced(degrees, count)
+        found += [replace(more, fewer=less.points) for less, more in zip(few, many, strict=True)]
+    if refused is not None and not any(len(spot.points) for spot in found):
         raise refused
-    return spots
+    return found
+
+
+def spots_move(few: Sequence[FilmSpot], many: Sequence[FilmSpot]) -> float:
+    """Return how far the rms of spots moves with more rays, in units of what it may: of the whole, across and down."""
+    return max((_rms_moves(less.points, more.points) for less, more in zip(few, many, strict=True)), default=0.0)
+
+
+def _rms_moves(few: Array, many: Array) -> float:
+    if not len(many) or not len(few):
+        return 0.0 if len(many) == len(few) else math.inf
+    one, other = np.std(few, axis=0), np.std(many, axis=0)
+    return float(np.max(np.abs(one - other) / (STAYS * np.maximum(other, SMALL_PART * np.hypot(*other)) + NOTHING)))
+
+
+def fewer(group: Sequence[FilmSpot]) -> list[FilmSpot]:
+    """Return the spots of a field by half as many rays across, which show how exact they are."""
+    return [replace(spot, points=spot.fewer) for spot in group if spot.fewer is not None]
 
 
 def _cone(setting: Setting, wavelength_nm: float, directions: Array) -> tuple[float, float]:
@@ -131,15 +174,27 @@ def spot_facts(points: Array) -> dict[str, Any]:
 
 
 def spot_table(spots: Sequence[FilmSpot]) -> list[dict[str, Any]]:
-    """Return a row for each spot, and for each field of several wavelengths one of all together (wavelength None)."""
+    """Return a row for each spot, and for each field of several wavelengths one of all together (wavelength None).
+
+    ``rms_error_um`` and ``largest_error_um`` are what half as many rays across change.
+    """
     rows: list[dict[str, Any]] = []
     for degrees, group in by_field(spots).items():
         for spot in group:
-            rows.append({"field_degrees": degrees, "wavelength_nm": spot.wavelength_nm, **spot_facts(spot.points)})
+            rows.append(_row(degrees, spot.wavelength_nm, [spot]))
         if len(group) > 1:
-            together = np.concatenate([spot.points for spot in group])
-            rows.append({"field_degrees": degrees, "wavelength_nm": None, **spot_facts(together)})
+            rows.append(_row(degrees, None, group))
     return rows
+
+
+def _row(degrees: float, wavelength_nm: float | None, group: Sequence[FilmSpot]) -> dict[str, Any]:
+    facts, errors = spot_facts(np.concatenate([spot.points for spot in group])), {}
+    less = fewer(group)
+    before = spot_facts(np.concatenate([spot.points for spot in less])) if less else facts
+    for name in ("rms", "largest"):
+        value, other = facts[f"{name}_um"], before[f"{name}_um"]
+        errors[f"{name}_error_um"] = None if value is None or other is None or not less else abs(value - other)
+    return {"field_degrees": degrees, "wavelength_nm": wavelength_nm, **facts, **errors}
 
 
 @styled()

@@ -13,14 +13,13 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.lenstools.charts import add_key, new_chart, series, styled
 from rptcam_cl.lenstools.colours import FAINT
 from rptcam_cl.lenstools.lens_state import Setting
-from rptcam_cl.optics import FilmProbe, cells, film_irradiance, grid, image_circle, narrowed
+from rptcam_cl.optics import film_irradiance, image_circle, pass_areas
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
 
-GRID = (96, 96)
 Row = dict[str, float | None]
 
 
@@ -41,7 +40,7 @@ def vignetting_table(setting: Setting, radii_mm: Array) -> list[Row]:
     values = film_irradiance(setting.lens, setting.film, radii_mm, setting.wavelength_nm)
     if not values[0] > 0:
         raise InputError(f"{setting.lens.name}: no light reaches the centre of the film")
-    areas = pass_areas(setting, radii_mm)
+    areas = pass_areas(setting.lens, setting.film, radii_mm, setting.wavelength_nm)
     pupil = setting.lens.first_order(setting.wavelength_nm).exit_pupil.distance_mm
     rows: list[Row] = []
     for radius, value, area in zip(radii_mm.tolist(), values.tolist(), areas.tolist(), strict=True):
@@ -60,17 +59,6 @@ def vignetting_table(setting: Setting, radii_mm: Array) -> list[Row]:
             }
         )
     return rows
-
-
-def pass_areas(setting: Setting, radii_mm: Array) -> Array:
-    """Return the area of the plane of the last vertex through which light reaches each film radius [mm2]."""
-    probe = FilmProbe(setting.lens, setting.film, setting.wavelength_nm)
-    film = np.stack([radii_mm, np.zeros_like(radii_mm)], axis=1)
-    boxes = probe.windows(film)
-    for _ in range(2):
-        boxes, _found = narrowed(probe, film, boxes, GRID)
-    hits = probe.passes(film[:, None], grid(boxes, *GRID))
-    return np.asarray(hits.sum(axis=1) * cells(boxes, *GRID).prod(axis=1))
 
 
 @styled()

@@ -65,7 +65,7 @@ from rptcam_cl.optics.glass import (
     known_range,
 )
 from rptcam_cl.optics.heat import BARRELS, Heat, thermal_of
-from rptcam_cl.optics.irradiance import axial_irradiance, film_irradiance, on_axis_irradiance
+from rptcam_cl.optics.irradiance import axial_irradiance, film_irradiance, on_axis_irradiance, pass_areas
 from rptcam_cl.optics.layer_stack import Layer, LayerStack
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.library import digests_of_lens, list_lenses, load_lens, named_lens, names_a_file
@@ -275,6 +275,7 @@ __all__ = [
     "narrowing_probes",
     "object_distance",
     "on_axis_irradiance",
+    "pass_areas",
     "passed_rays",
     "passing",
     "passing_beam",

@@ -24,8 +24,10 @@ Array = NDArray[np.float64]
 
 GRID = (40, 40)
 DENSE_GRID = (200, 200)  # finds the slivers of pupil that remain near the edge of the image circle
-AZIMUTHS = 256
+AZIMUTHS, MOST_AZIMUTHS = 256, 4096
+STAYS = 0.005  # share of an integral by which its two halves may differ, of every other azimuth
 STEPS = 48
+WIDENED = 6  # times that a box grows where it cut a pupil off
 MANY_STEPS = 1024  # along an azimuth, where the pupil has parts besides the main one
 STRAYS = 4096  # rays of a film point over the whole rear window, in search of such parts
 LEAST_SHARE = 1e-7  # of the window's radius, from which a pupil on the axis is found
@@ -61,8 +63,9 @@ def film_irradiance(
 
     Notes
     -----
-    Relative accuracy about 1e-4 for pupils without thin parts: 256 azimuths about the centre of the pupil; along each
-    the ends of every passing stretch are found by bisection, and Gauss-Legendre quadrature integrates up to them.
+    Relative accuracy about 1e-4 for pupils without thin parts: 256 azimuths about the centre of the pupil, more where
+    those with even and with odd numbers disagree; along each the ends of every passing stretch are found by bisection,
+    and Gauss-Legendre quadrature integrates up to them.
     """
     probe = FilmProbe(lens, film_distance_mm, wavelength_nm)
     radii = np.asarray(radii_mm, dtype=np.float64)
@@ -77,6 +80,20 @@ def film_irradiance(
     # Radiance over the squared index is what a ray keeps, so a film in water or in an eye receives more.
     indices = lens.indices(wavelength_nm)
     return result.reshape(radii.shape) * float(indices[-1] / indices[0]) ** 2
+
+
+def pass_areas(lens: Lens, film_distance_mm: float, radii_mm: Array, wavelength_nm: float = LINE_D_NM) -> Array:
+    """Return the area of the plane of the last vertex through which light reaches film points (n,) [mm2].
+
+    Found as `film_irradiance` finds its integral, at distances from the axis along x.
+    """
+    probe = FilmProbe(lens, film_distance_mm, wavelength_nm)
+    film = np.stack([radii_mm, np.zeros_like(radii_mm)], axis=1)
+    found = zip(film, *_pupil_boxes(probe, film), strict=True)
+    return np.array([
+        _integrate(probe, point, box, parted=bool(parted), of_area=True) if lit else 0.0
+        for point, box, lit, parted in found
+    ])  # fmt: skip
 
 
 def on_axis_irradiance(
@@ -135,6 +152,16 @@ def _pupil_boxes(probe: FilmProbe, film: Array) -> tuple[Array, NDArray[np.bool_
     lit = np.flatnonzero(found)
     if len(lit):
         boxes[lit], _ = narrowed(probe, film[lit], boxes[lit], GRID)
+    for _ in range(WIDENED if len(lit) else 0):  # the tips of a sliver may lie between the rays of a coarse grid
+        low, high = boxes[lit][:, ::2], boxes[lit][:, 1::2]
+        around = np.stack([low - (high - low) / 2, high + (high - low) / 2], axis=2).reshape(-1, 4)
+        beyond, still = narrowed(probe, film[lit], around, GRID)
+        cell = 2 * (high - low) / GRID
+        grown = still & np.any((beyond[:, ::2] < low - cell) | (beyond[:, 1::2] > high + cell), axis=1)
+        boxes[lit[grown]] = beyond[grown]
+        lit = lit[grown]
+        if not len(lit):
+            break
     parted = np.zeros(len(film), dtype=bool)
     for i, point in enumerate(film):
         wider = _axial_box(probe) if _is_alike(probe, point) else _with_strays(probe, point, boxes[i], bool(found[i]))
@@ -185,10 +212,19 @@ def _with_strays(probe: FilmProbe, film: Array, box: Array, found: bool) -> Arra
     return np.array([low[0], high[0], low[1], high[1]])
 
 
-def _integrate(probe: FilmProbe, film: Array, box: Array, *, parted: bool = False) -> float:
+def _integrate(
+    probe: FilmProbe,
+    film: Array,
+    box: Array,
+    *,
+    parted: bool = False,
+    of_area: bool = False,
+    azimuths: int = AZIMUTHS,
+) -> float:
+    """Return the integral for the irradiance of a film point over what passes, or the area of that [mm2]."""
     centre = np.array([box[0] + box[1], box[2] + box[3]]) / 2
     reach = np.hypot(box[1] - box[0], box[3] - box[2]) / 2
-    azimuths, steps = AZIMUTHS, np.linspace(0.0, reach, MANY_STEPS if parted else STEPS)
+    steps = np.linspace(0.0, reach, MANY_STEPS if parted else STEPS)
     if _is_alike(probe, film):
         centre, azimuths = film, 1
         if parted:
@@ -199,7 +235,7 @@ def _integrate(probe: FilmProbe, film: Array, box: Array, *, parted: bool = Fals
     hits[:, -1] = False
     change = np.diff(hits.astype(np.int8), axis=1)
     if not parted and np.any(np.count_nonzero(change, axis=1) > 1):  # a thin part may lie between the steps elsewhere
-        return _integrate(probe, film, box, parted=True)
+        return _integrate(probe, film, box, parted=True, of_area=of_area, azimuths=azimuths)
     ray, step = np.nonzero(change)
     ends = _bisect(probe, film, centre, rays[ray], steps[step], steps[step + 1], hits[ray, step])
     sign = np.where(change[ray, step] > 0, -1.0, 1.0)
@@ -208,8 +244,13 @@ def _integrate(probe: FilmProbe, film: Array, box: Array, *, parted: bool = Fals
     s = ends[:, None] * (nodes + 1) / 2
     at = centre + rays[ray][:, None] * s[..., None]
     square = np.sum((at - film) ** 2, axis=-1)
-    inner = np.sum(weights * s * (probe.distance / (probe.distance**2 + square)) ** 2, axis=1) * ends / 2
-    return float(np.sum(sign * inner) * 2 * np.pi / azimuths)
+    density = np.ones_like(s) if of_area else (probe.distance / (probe.distance**2 + square)) ** 2
+    inner = sign * np.sum(weights * s * density, axis=1) * ends / 2
+    total = float(np.sum(inner))
+    odd = float(np.sum(inner[ray % 2 == 1]))
+    if 1 < azimuths < MOST_AZIMUTHS and abs(total - 2 * odd) > STAYS * abs(total):
+        return _integrate(probe, film, box, parted=parted, of_area=of_area, azimuths=2 * azimuths)
+    return total * 2 * np.pi / azimuths
 
 
 def _mean_transmittance(probe: FilmProbe, film: Array, box: Array, transmission: LensTransmission) -> float:
