@@ -57,7 +57,10 @@ $(VENV)/.lint: pyproject.toml | $(BIN)/python
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[pocl,dev]'
 	@touch $@ $(VENV)/.demo $(VENV)/.test
 
+size: $(VENV)/.test
+	$(BIN)/python -m benchmarks.size
+
 clean:
 	rm -rf $(VENV) out
 
-.PHONY: demo test browser docs lint mutants clean
+.PHONY: demo test browser docs lint size mutants clean

@@ -20,12 +20,12 @@ from typing import Any
 
 from benchmarks.obtained import Obtained, Reference, rendered
 from benchmarks.report import arguments, machine, print_machine, table, write_json
-from rptcam_cl.device import Session, choose_device, open_session
-from rptcam_cl.scene import load_scene
-from rptcam_cl.tradeoff import Advice, TradeoffReport, measure_tradeoff
-from rptcam_cl.tradeoff.ladder import REFERENCE
-from rptcam_cl.tradeoff.text import caveats, recommendation
-from rptcam_cl.tradeoff.words import per_cent, seconds
+from rptcam_cl.device.devices import choose_device
+from rptcam_cl.device.session import Session, open_session
+from rptcam_cl.scene.load import load_scene
+from rptcam_cl.studies.tradeoff import TradeoffReport, caveats, measure_tradeoff, per_cent, recommendation, seconds
+from rptcam_cl.studies.tradeoff_errors import REFERENCE
+from rptcam_cl.studies.tradeoff_runs import Advice
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
 RENDERS, REFERENCES = 3, 4

@@ -12,10 +12,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from benchmarks.report import arguments, machine, print_machine, print_table, write_json
-from rptcam_cl.device import choose_device, open_session
-from rptcam_cl.tradeoff import TradeoffReport, measure_tradeoff
-from rptcam_cl.tradeoff.advice import for_error, for_time
-from rptcam_cl.tradeoff.ladder import REFERENCE
+from rptcam_cl.device.devices import choose_device
+from rptcam_cl.device.session import open_session
+from rptcam_cl.studies.tradeoff import TradeoffReport, for_error, for_time, measure_tradeoff
+from rptcam_cl.studies.tradeoff_errors import REFERENCE
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
 SECONDS = (1.0, 10.0, 60.0, 600.0, 3600.0)

@@ -29,7 +29,7 @@ from benchmarks.report import arguments, machine, print_machine, print_table, sp
 from benchmarks.scenes import FULL_SIZE, REFERENCE, reference_scene
 from benchmarks.stopwatch import cores
 from benchmarks.worker import Worker, WorkerError
-from rptcam_cl.device import choose_device
+from rptcam_cl.device.devices import choose_device
 
 GOAL = {"A": 5.0, "A_thin": 5.0, "A_lens": 5.0, "B": 7.5, "C": 1.5, "D": 1.5}
 THEIRS = {"A": "A", "A_thin": "A_thin", "A_lens": "A", "B": "B", "C": "C", "D": "D"}

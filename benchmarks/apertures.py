@@ -20,8 +20,10 @@ from benchmarks.report import arguments, machine, print_machine, print_table, wr
 from benchmarks.samplers import SAMPLERS
 from benchmarks.samplers import measure as measure_noise
 from benchmarks.scenes import wavefront_of
-from rptcam_cl.device import Session, choose_device
-from rptcam_cl.scene import Scene, change_scene, load_scene
+from rptcam_cl.device.devices import choose_device
+from rptcam_cl.device.session import Session
+from rptcam_cl.scene.load import change_scene, load_scene
+from rptcam_cl.scene.scene import Scene
 
 MASK = "mask.png"
 SHAPES: dict[str, dict[str, Any]] = {

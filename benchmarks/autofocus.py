@@ -20,10 +20,13 @@ from numpy.typing import NDArray
 
 from benchmarks.report import arguments, machine, print_machine, print_table, write_json
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.device import Session, choose_device
-from rptcam_cl.focusing import METHODS, NoContrast, Policy, ProbeRenderer, Zone
-from rptcam_cl.focusing.search import Task
-from rptcam_cl.scene import Scene, load_scene
+from rptcam_cl.device.devices import choose_device
+from rptcam_cl.device.session import Session
+from rptcam_cl.scene.load import load_scene
+from rptcam_cl.scene.scene import Scene
+from rptcam_cl.studies.focus.controller import METHODS
+from rptcam_cl.studies.focus.probe import NoContrast, Policy, Zone
+from rptcam_cl.studies.focus.renderer import ProbeRenderer, Task
 
 SEEKING = ("contrast", "laplacian", "phase", "hybrid", "depth")
 BRUTE_SPP = 256

@@ -21,12 +21,18 @@ from numpy.typing import NDArray
 
 from benchmarks.report import arguments, machine, print_machine, print_table, write_json
 from benchmarks.stopwatch import Times, fastest, timed
-from rptcam_cl.device import Session, choose_device
-from rptcam_cl.rendering.trees.binary_tree import binary_tree
-from rptcam_cl.rendering.trees.build import build_bvh, sort_into_leaves
-from rptcam_cl.rendering.trees.reinsertion import reinserted
-from rptcam_cl.rendering.trees.scene_trees import WIDTH
-from rptcam_cl.rendering.trees.wide_tree import max_binary_depth, quality, widen
+from rptcam_cl.device.devices import choose_device
+from rptcam_cl.device.session import Session
+from rptcam_cl.rendering.tree_build import (
+    binary_tree,
+    build_bvh,
+    max_binary_depth,
+    quality,
+    reinserted,
+    sort_into_leaves,
+    widen,
+)
+from rptcam_cl.rendering.trees import WIDTH
 from tests.support.mesh_scene import bumpy_ball, torus_knot
 
 Triangles = tuple[NDArray[np.float32], NDArray[np.int32]]

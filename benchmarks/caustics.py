@@ -23,10 +23,12 @@ from benchmarks.report import arguments, machine, print_machine, print_table, wr
 from benchmarks.scenes import render_samples, wavefront_of
 from benchmarks.stopwatch import timed
 from rptcam_cl.api.stages import resolve
-from rptcam_cl.device import Session, choose_device
-from rptcam_cl.rendering import photons
+from rptcam_cl.device.devices import choose_device
+from rptcam_cl.device.session import Session
+from rptcam_cl.rendering import scene_buffers
 from rptcam_cl.rendering.tracer import Wavefront
-from rptcam_cl.scene import Scene, change_scene, load_scene
+from rptcam_cl.scene.load import change_scene, load_scene
+from rptcam_cl.scene.scene import Scene
 
 GLASS = {"kind": "dielectric", "index": 1.5}
 WOOD = {"kind": "matte", "reflectance": [0.55, 0.42, 0.3]}
@@ -146,12 +148,12 @@ def render(wavefront: Wavefront, seed: int, spp: int) -> tuple[Film, float]:
 
 def reference_of(scene: Scene, session: Session, spp: int) -> Film:
     """Return a picture by photons of a third of the radius."""
-    usual = photons.FIRST_PHOTONS
-    photons.FIRST_PHOTONS = usual / 9
+    usual = scene_buffers.FIRST_PHOTONS
+    scene_buffers.FIRST_PHOTONS = usual / 9
     try:
         return render(wavefront_of(scene, session), 1000, spp)[0]
     finally:
-        photons.FIRST_PHOTONS = usual
+        scene_buffers.FIRST_PHOTONS = usual
 
 
 def error_of(picture: Film, reference: Film) -> float:

@@ -27,9 +27,10 @@ import distributed
 import numpy as np
 
 from benchmarks.report import arguments, machine, print_machine, print_table, write_json
-from rptcam_cl import render_on_cluster
-from rptcam_cl.cluster import run, workers_here
-from rptcam_cl.device import choose_device
+from rptcam_cl.batch import cluster_run
+from rptcam_cl.batch.cluster import workers_here
+from rptcam_cl.batch.cluster_run import render_on_cluster
+from rptcam_cl.device.devices import choose_device
 
 SCENE = Path(__file__).resolve().parents[1] / "examples" / "first_light.yaml"
 WORKERS = (1, 10, 30, 100, 300, 1000)
@@ -89,7 +90,7 @@ def render(address: str, **words: Any) -> Rendered:
 
 def of_many_parts(address: str, parts: int) -> tuple[float, float]:
     """Return what a picture of so many parts costs the client, and the worker [s of CPU time]."""
-    with mock.patch.object(run, "PARTS_A_WORKER", parts):
+    with mock.patch.object(cluster_run, "PARTS_A_WORKER", parts):
         found = render(address, spp=1, size=(512, 512))
     assert found.account["parts"] == parts
     return found.client_cpu, found.workers_cpu
@@ -135,7 +136,7 @@ def measured(long_s: float, pairs: int) -> tuple[Costs, list[float], list[float]
 
 def modelled(work_s: float, workers: int, costs: Costs) -> float:
     """Return the efficiency of a cluster: work of one worker [s] over workers times the time that they take."""
-    parts = run.parts_of(work_s, workers)
+    parts = cluster_run.parts_of(work_s, workers)
     rng = np.random.default_rng(1)
     each = iter(work_s / parts * np.exp(rng.normal(0, costs.spread, parts) - costs.spread**2 / 2) + costs.worker)
     # The end of the part at hand of each worker, and when the client has sent the one after it: they are sent ahead

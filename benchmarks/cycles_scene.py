@@ -14,10 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.mitsuba_scene import quads_of
-from rptcam_cl.calibration import osl_text, view
-from rptcam_cl.plan.environment import axes
-from rptcam_cl.plan.meshes import mesh_parts
-from rptcam_cl.scene import Scene
+from rptcam_cl.exchange.camera_files import osl_text
+from rptcam_cl.exchange.camera_view import view
+from rptcam_cl.rendering.plan.environment import axes
+from rptcam_cl.rendering.plan.primitives import mesh_parts
+from rptcam_cl.scene.scene import Scene
 from tests.support.mesh_scene import icosphere
 
 LEVELS = 6  # how often the icosahedron of a sphere is divided

@@ -19,12 +19,11 @@ from typing import Any
 
 import rptcam_cl.api.stages as stages
 from benchmarks.report import arguments, machine, print_machine, print_table, write_json
-from rptcam_cl.cameras.pupil import forget_tables
-from rptcam_cl.cameras.shared_pupil import forget_shared
-from rptcam_cl.core.resources import CACHE_VARIABLE
-from rptcam_cl.datasets import dataset
-from rptcam_cl.datasets.folder import DatasetFolder
-from rptcam_cl.device import choose_device
+from rptcam_cl.batch.dataset import DatasetFolder, dataset
+from rptcam_cl.core.files import CACHE_VARIABLE
+from rptcam_cl.device.devices import choose_device
+from rptcam_cl.rendering.cameras.pupil import forget_tables
+from rptcam_cl.rendering.cameras.shared_pupil import forget_shared
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
 FIRST, FIRST_OF_STATES = 4, 60  # frames that do not count; where states of a lens share tables

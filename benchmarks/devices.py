@@ -20,10 +20,11 @@ from numpy.typing import NDArray
 from benchmarks.report import arguments, machine, print_machine, table, write_json
 from benchmarks.scenes import MEANING, reference_scene, wavefront_of
 from benchmarks.stopwatch import Times, timed
-from rptcam_cl.device import DeviceInfo, Session, choose_device, list_devices
-from rptcam_cl.device.trial import is_pocl
-from rptcam_cl.rendering import Wavefront, render_plan
-from rptcam_cl.selfcheck.suite import outcomes
+from rptcam_cl.device.devices import DeviceInfo, choose_device, is_pocl, list_devices
+from rptcam_cl.device.session import Session
+from rptcam_cl.rendering.progressive import render_plan
+from rptcam_cl.rendering.tracer import Wavefront
+from rptcam_cl.studies.selfcheck_suite import outcomes
 
 SCENES = ("A", "A_lens", "B", "C")
 SAMPLES = 16  # per pixel

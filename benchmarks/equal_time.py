@@ -35,7 +35,7 @@ from benchmarks.report import arguments, machine, print_machine, print_table, wr
 from benchmarks.scenes import FULL_SIZE, reference_scene
 from benchmarks.stopwatch import cores
 from benchmarks.worker import Worker, WorkerError
-from rptcam_cl.device import choose_device
+from rptcam_cl.device.devices import choose_device
 
 GOALS = {"A": 10, "A_lens": 10, "B": 10, "C": 4, "D": 4}  # times less error than Mitsuba with any sampler
 OURS = ("lattice", "independent")  # the first is the default

@@ -18,8 +18,10 @@ from typing import Any
 from benchmarks.report import arguments, machine, print_machine, print_table, write_json
 from benchmarks.scenes import FULL_SIZE, reference_scene, render_samples, wavefront_of
 from rptcam_cl.core.errors import RptcamError
-from rptcam_cl.device import Session, choose_device
-from rptcam_cl.scene import Scene, change_scene, load_scene
+from rptcam_cl.device.devices import choose_device
+from rptcam_cl.device.session import Session
+from rptcam_cl.scene.load import change_scene, load_scene
+from rptcam_cl.scene.scene import Scene
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
 ORGANISATIONS = ("stream", "passes")

@@ -18,9 +18,10 @@ import numpy as np
 
 import rptcam_cl
 from benchmarks.report import arguments, machine, print_machine, print_table, write_json
-from rptcam_cl.device import Session, choose_device
-from rptcam_cl.focusing import ProbeRenderer, Zone
-from rptcam_cl.focusing.measures import MEASURES, Measured, Probe, peak_of
+from rptcam_cl.device.devices import choose_device
+from rptcam_cl.device.session import Session
+from rptcam_cl.studies.focus.probe import MEASURES, Measured, Probe, Zone, peak_of
+from rptcam_cl.studies.focus.renderer import ProbeRenderer
 
 ZONE = Zone(0.47, 0.53, 0.46, 0.54)
 DISTANCE_M = 2.0

@@ -17,9 +17,11 @@ from typing import Any
 from benchmarks.report import arguments, machine, print_machine, print_table, write_json
 from benchmarks.scenes import reference_scene, render_samples, wavefront_of
 from benchmarks.stopwatch import cores, fastest, timed
-from rptcam_cl.device import Session, choose_device
-from rptcam_cl.rendering import Wavefront
-from rptcam_cl.scene import Scene, change_scene, load_scene
+from rptcam_cl.device.devices import choose_device
+from rptcam_cl.device.session import Session
+from rptcam_cl.rendering.tracer import Wavefront
+from rptcam_cl.scene.load import change_scene, load_scene
+from rptcam_cl.scene.scene import Scene
 
 Points = Iterator[tuple[str, Wavefront]]
 SMALL = 4  # divides width and height where a sample is dear

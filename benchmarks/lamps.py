@@ -17,8 +17,10 @@ from numpy.typing import NDArray
 
 from benchmarks.report import arguments, machine, print_machine, print_table, write_json
 from benchmarks.samplers import SAMPLERS, measure
-from rptcam_cl.device import Session, choose_device
-from rptcam_cl.scene import Scene, change_scene, load_scene
+from rptcam_cl.device.devices import choose_device
+from rptcam_cl.device.session import Session
+from rptcam_cl.scene.load import change_scene, load_scene
+from rptcam_cl.scene.scene import Scene
 from tests.rendering.light.pictures import save_exr
 
 GREY = {"kind": "matte", "reflectance": 0.7}

@@ -15,15 +15,15 @@ from numpy.typing import NDArray
 
 from benchmarks.report import arguments, machine, print_machine, print_table, write_json
 from benchmarks.surface_costs import Row
-from rptcam_cl.cameras.records import LensRecords, lens_records
-from rptcam_cl.colour import LINE_D_NM
-from rptcam_cl.device import Session, choose_device
-from rptcam_cl.optics import Lens, load_lens
+from rptcam_cl.core.vectors import LINE_D_NM
+from rptcam_cl.device.devices import choose_device
+from rptcam_cl.device.session import Session
 from rptcam_cl.optics.coating import MAGNESIUM_FLUORIDE, MeasuredReflectance
-from rptcam_cl.optics.focus import film_distance
-from rptcam_cl.optics.glass import AIR, AbbeCauchy
-from rptcam_cl.optics.glass_table import GLASSES
-from rptcam_cl.optics.transmission import COATED, IDEAL, UNCOATED, LensTransmission, with_coating
+from rptcam_cl.optics.glass import AIR, GLASSES, AbbeCauchy
+from rptcam_cl.optics.lens import Lens, film_distance
+from rptcam_cl.optics.library import load_lens
+from rptcam_cl.optics.ray_trace import COATED, IDEAL, UNCOATED, LensTransmission, with_coating
+from rptcam_cl.rendering.cameras.lens_records import LensRecords, lens_records
 
 ROUNDS = 15
 WITHIN = 0.9  # of the exit pupil

@@ -21,9 +21,10 @@ import numpy as np
 import trimesh
 
 from benchmarks.report import arguments, machine, print_machine, print_table, write_json
-from rptcam_cl.assets.meshes import Draft, MeshSurface, Polygons, as_triangles, make_contents, read_mesh_file
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.device import choose_device
+from rptcam_cl.device.devices import choose_device
+from rptcam_cl.scene.assets.mesh import Draft, MeshSurface, Polygons, as_triangles, make_contents
+from rptcam_cl.scene.meshes import read_mesh_file
 from tests.support.mesh_scene import torus_knot
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -80,7 +81,7 @@ def _cells(found: dict[str, float] | str) -> list[str]:
 
 def damaged(folder: Path) -> dict[str, Counter[str]]:
     """Return what becomes of each damaged file of the tests, by format and library."""
-    from tests.assets import test_bad_ply, test_bad_stl
+    from tests.scene.assets import test_bad_ply, test_bad_stl
 
     found: dict[str, Counter[str]] = {}
     for form, rows in (("PLY", test_bad_ply.FILES), ("STL", test_bad_stl.FILES)):

@@ -20,11 +20,12 @@ from benchmarks.bvh_build import large_mesh
 from benchmarks.report import arguments, machine, print_machine, print_table, write_json
 from benchmarks.scenes import reference_scene
 from rptcam_cl.core.records import floats_per_slot
-from rptcam_cl.device import Session, choose_device
-from rptcam_cl.plan import make_plan
+from rptcam_cl.device.devices import choose_device
+from rptcam_cl.device.session import Session
+from rptcam_cl.rendering.film import WAVE_SLOTS
+from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.rendering.tracer import ORGANISATION
-from rptcam_cl.rendering.trees.scene_trees import scene_trees
-from rptcam_cl.rendering.waves import WAVE_SLOTS
+from rptcam_cl.rendering.trees import scene_trees
 from tests.support.mesh_scene import write_ply
 
 ROOT = Path(__file__).resolve().parents[1]

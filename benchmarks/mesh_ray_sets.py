@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.scene import Scene
+from rptcam_cl.scene.scene import Scene
 
 Array = NDArray[np.float64]
 Nearest = Callable[["Rays"], tuple[NDArray[np.float32], NDArray[np.int32]]]

@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.mitsuba_lens import prescription
-from rptcam_cl.plan.environment import axes
-from rptcam_cl.plan.meshes import mesh_parts
-from rptcam_cl.scene import Scene
+from rptcam_cl.rendering.plan.environment import axes
+from rptcam_cl.rendering.plan.primitives import mesh_parts
+from rptcam_cl.scene.scene import Scene
 from tests.support.mesh_scene import write_ply
 
 NO_ROULETTE = 1 << 20  # an edge that no path reaches

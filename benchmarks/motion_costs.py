@@ -14,8 +14,10 @@ from typing import Any
 from benchmarks.report import arguments, machine, print_machine, print_table, spread, write_json
 from benchmarks.scenes import MEANING, reference_scene, render_samples, wavefront_of
 from benchmarks.stopwatch import timed
-from rptcam_cl.device import Session, choose_device
-from rptcam_cl.scene import Scene, load_scene
+from rptcam_cl.device.devices import choose_device
+from rptcam_cl.device.session import Session
+from rptcam_cl.scene.load import load_scene
+from rptcam_cl.scene.scene import Scene
 
 SCENES = ("A", "B", "C")
 MOVING = {"A": 1, "B": -1, "C": 1}  # the object that moves: a ball, a block, a mesh

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.stopwatch import cores
-from rptcam_cl.api import render
-from rptcam_cl.device import Session
-from rptcam_cl.scene import Scene
+from rptcam_cl.api.interface import render
+from rptcam_cl.device.session import Session
+from rptcam_cl.scene.scene import Scene
 
 Picture = NDArray[np.float64]
 

@@ -14,8 +14,10 @@ from benchmarks.scenes import reference_scene, wavefront_of
 from benchmarks.stopwatch import timed_picture
 from benchmarks.worker import serve
 from rptcam_cl._version import __version__
-from rptcam_cl.device import Session, choose_device
-from rptcam_cl.rendering import Wavefront, render_plan
+from rptcam_cl.device.devices import choose_device
+from rptcam_cl.device.session import Session
+from rptcam_cl.rendering.progressive import render_plan
+from rptcam_cl.rendering.tracer import Wavefront
 
 
 def start() -> tuple[str, Callable[[dict[str, Any]], dict[str, Any]]]:

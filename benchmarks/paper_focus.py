@@ -14,13 +14,14 @@ from numpy.typing import NDArray
 
 import rptcam_cl
 from benchmarks.report import arguments, machine, print_machine, print_table, write_json
-from rptcam_cl.colour import LUMINANCE
-from rptcam_cl.device import Session, choose_device
-from rptcam_cl.focusing import ProbeRenderer, Zone
-from rptcam_cl.focusing.measures import BEST, MEASURES
-from rptcam_cl.imaging import srgb_from_linear
-from rptcam_cl.lenstools import add_key, encoded, new_chart, series, styled
-from rptcam_cl.scene import change_scene
+from rptcam_cl.core.colour import LUMINANCE
+from rptcam_cl.device.devices import choose_device
+from rptcam_cl.device.session import Session
+from rptcam_cl.imaging.development import srgb_from_linear
+from rptcam_cl.optics.charts import add_key, encoded, new_chart, series, styled
+from rptcam_cl.scene.load import change_scene
+from rptcam_cl.studies.focus.probe import BEST, MEASURES, Zone
+from rptcam_cl.studies.focus.renderer import ProbeRenderer
 
 SCENE = Path(__file__).parents[1] / "examples" / "paper" / "autofocus.yaml"
 DISTANCES = [15, 16, 18, 20, 22.5, 24, 25, 26, 27.5, 30, 32.5, 35, 40, 45, 50, 55, 60]  # units: mm

@@ -14,9 +14,10 @@ from typing import Any
 from benchmarks.report import arguments, machine, print_machine, print_table, write_json
 from benchmarks.scenes import MEANING, reference_scene, render_samples, wavefront_of
 from benchmarks.stopwatch import cores, timed
-from rptcam_cl.device import Session, choose_device
-from rptcam_cl.rendering import Wavefront
-from rptcam_cl.scene import change_scene
+from rptcam_cl.device.devices import choose_device
+from rptcam_cl.device.session import Session
+from rptcam_cl.rendering.tracer import Wavefront
+from rptcam_cl.scene.load import change_scene
 
 SCENES = ("A", "A_lens", "B", "C")
 PUPILS = ("rear", "thick", "bounds", "tight")

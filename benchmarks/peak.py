@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.stopwatch import fastest
-from rptcam_cl.device import Program, Session
+from rptcam_cl.device.programs import Program
+from rptcam_cl.device.session import Session
 
 KERNEL = Path(__file__).with_name("multiply_add.cl")
 CHAINS = 10  # per lane; with the two factors they fill, but do not exceed, sixteen vector registers

@@ -15,18 +15,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.report import arguments, machine, print_machine, print_table, write_json
-from rptcam_cl.cameras.pupil import forget_tables, pupil_sampling
-from rptcam_cl.cameras.pupil_check import outlines_around
-from rptcam_cl.cameras.pupil_sampling import PupilCircle, PupilGrid, PupilSampling
-from rptcam_cl.colour import LINE_D_NM
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.records import PupilKind
-from rptcam_cl.device import choose_device
-from rptcam_cl.optics import Lens, list_lenses, load_lens
-from rptcam_cl.optics.focus import film_distance
-from rptcam_cl.optics.probe import FilmProbe
-from rptcam_cl.optics.pupil_shape import DIRECTIONS
-from rptcam_cl.optics.summary import image_circle
+from rptcam_cl.core.vectors import LINE_D_NM
+from rptcam_cl.device.devices import choose_device
+from rptcam_cl.optics.design import image_circle
+from rptcam_cl.optics.lens import Lens, film_distance
+from rptcam_cl.optics.library import list_lenses, load_lens
+from rptcam_cl.optics.pupils import DIRECTIONS, FilmProbe
+from rptcam_cl.rendering.cameras.pupil import (
+    PupilCircle,
+    PupilGrid,
+    PupilSampling,
+    forget_tables,
+    outlines_around,
+    pupil_sampling,
+)
 
 Array = NDArray[np.float64]
 TIERS = ("rear", "thick", "bounds", "tight")

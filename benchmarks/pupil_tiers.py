@@ -16,7 +16,7 @@ import numpy as np
 
 import rptcam_cl
 from benchmarks.report import arguments, machine, print_machine, print_table, write_json
-from rptcam_cl.device import choose_device
+from rptcam_cl.device.devices import choose_device
 
 TIERS = ("rear", "thick", "bounds", "tight")
 # last vertex to film and width of the film [mm]; the film is 3 : 2

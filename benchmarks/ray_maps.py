@@ -16,13 +16,15 @@ from benchmarks.passes import measure
 from benchmarks.report import arguments, machine, print_machine, print_table, write_json
 from benchmarks.scenes import reference_scene, wavefront_of
 from benchmarks.stopwatch import fastest
-from rptcam_cl.cameras import camera_model
-from rptcam_cl.cameras.dispersion import disperses
-from rptcam_cl.cameras.rays import forget_maps
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.device import Session, choose_device
-from rptcam_cl.optics import load_lens
-from rptcam_cl.scene import Scene, change_scene, load_scene, with_camera
+from rptcam_cl.device.devices import choose_device
+from rptcam_cl.device.session import Session
+from rptcam_cl.optics.library import load_lens
+from rptcam_cl.rendering.cameras.lens_records import disperses
+from rptcam_cl.rendering.cameras.ray_map import forget_maps
+from rptcam_cl.rendering.cameras.realistic import camera_model
+from rptcam_cl.scene.load import change_scene, load_scene, with_camera
+from rptcam_cl.scene.scene import Scene
 
 LENSES: tuple[tuple[str, dict[str, Any], float], ...] = (  # with what is set of it, and the width of the film [mm]
     ("achromat-100mm", {"f_number": 8}, 24.0),

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.stopwatch import cores
-from rptcam_cl.device import DeviceInfo
+from rptcam_cl.device.devices import DeviceInfo
 
 
 def arguments(description: str) -> argparse.ArgumentParser:

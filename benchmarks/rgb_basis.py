@@ -13,10 +13,8 @@ import argparse
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.colour import cie_1931, daylight_65, srgb_from_xyz
-from rptcam_cl.colour.spectrum import WAVELENGTHS_NM
-from rptcam_cl.core.atomic import replacing
-from rptcam_cl.core.resources import spectra_dir
+from rptcam_cl.core.colour import WAVELENGTHS_NM, cie_1931, daylight_65, srgb_from_xyz
+from rptcam_cl.core.files import replacing, spectra_dir
 
 Array = NDArray[np.float64]
 HEAD = """\

@@ -15,8 +15,10 @@ from numpy.typing import NDArray
 from benchmarks.report import arguments, machine, print_machine, print_table, write_json
 from benchmarks.scenes import reference_scene, render_samples, wavefront_of
 from benchmarks.stopwatch import timed
-from rptcam_cl.device import Session, choose_device
-from rptcam_cl.scene import Scene, change_scene, load_scene
+from rptcam_cl.device.devices import choose_device
+from rptcam_cl.device.session import Session
+from rptcam_cl.scene.load import change_scene, load_scene
+from rptcam_cl.scene.scene import Scene
 
 SAMPLERS = ("independent", "lattice")
 GREY = {"kind": "matte", "reflectance": 0.7}

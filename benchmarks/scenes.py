@@ -8,11 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from rptcam_cl.core.strict_yaml import read_yaml
-from rptcam_cl.device import Session
-from rptcam_cl.plan import make_plan
-from rptcam_cl.rendering import Wavefront
+from rptcam_cl.device.session import Session
 from rptcam_cl.rendering.film import FilmLayout
-from rptcam_cl.scene import Scene, change_scene, load_scene
+from rptcam_cl.rendering.plan.plan import make_plan
+from rptcam_cl.rendering.tracer import Wavefront
+from rptcam_cl.scene.load import change_scene, load_scene
+from rptcam_cl.scene.scene import Scene
 from tests.support.mesh_scene import write_meshes
 
 REFERENCE = Path(__file__).resolve().parents[1] / "tests" / "data" / "reference"

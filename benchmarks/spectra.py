@@ -18,12 +18,14 @@ from numpy.typing import NDArray
 from benchmarks.report import arguments, machine, print_machine, print_table, write_json
 from benchmarks.scenes import REFERENCE, reference_scene, render_samples, wavefront_of
 from benchmarks.stopwatch import timed
-from rptcam_cl.colour import LUMINANCE
+from rptcam_cl.core.colour import LUMINANCE
 from rptcam_cl.core.strict_yaml import read_yaml
-from rptcam_cl.device import Session, choose_device
-from rptcam_cl.plan import make_plan
-from rptcam_cl.rendering import Wavefront
-from rptcam_cl.scene import Scene, change_scene, load_scene
+from rptcam_cl.device.devices import choose_device
+from rptcam_cl.device.session import Session
+from rptcam_cl.rendering.plan.plan import make_plan
+from rptcam_cl.rendering.tracer import Wavefront
+from rptcam_cl.scene.load import change_scene, load_scene
+from rptcam_cl.scene.scene import Scene
 
 MODES = ("rgb", "dispersive", "spectral")
 GLASS = {"kind": "dielectric", "glass": "SF11"}

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.report import arguments, machine, print_machine, print_table, write_json
-from rptcam_cl.device import choose_device
+from rptcam_cl.device.devices import choose_device
 
 ROOT = Path(__file__).resolve().parents[1]
 SCENE = ROOT / "examples" / "first_light.yaml"

@@ -16,13 +16,16 @@ from numpy.typing import NDArray
 
 from benchmarks.report import arguments, machine, print_machine, print_table, write_json
 from benchmarks.stopwatch import fastest
-from rptcam_cl.cameras.records import LensRecords, lens_records
-from rptcam_cl.colour import LINE_D_NM
 from rptcam_cl.core.records import device_declarations
-from rptcam_cl.device import Session, choose_device
-from rptcam_cl.lenstools.device_tracing import PACKETS
-from rptcam_cl.optics import Biconic, Lens, Surface, Toroid
+from rptcam_cl.core.vectors import LINE_D_NM
+from rptcam_cl.device.devices import choose_device
+from rptcam_cl.device.session import Session
 from rptcam_cl.optics.glass import AIR, ConstantIndex
+from rptcam_cl.optics.lens import Lens
+from rptcam_cl.optics.shapes import Biconic, Toroid
+from rptcam_cl.optics.surface import Surface
+from rptcam_cl.rendering.cameras.lens_records import LensRecords, lens_records
+from rptcam_cl.rendering.traceable_lens import PACKETS
 
 COUNT = 16
 GROUP = 16

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from benchmarks.rgb_basis import weights
-from rptcam_cl.colour import (
+from rptcam_cl.core.colour import (
     WAVELENGTHS_NM,
     illuminant,
     on_grid,

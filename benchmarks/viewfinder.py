@@ -30,8 +30,8 @@ from typing import Any
 from websockets.sync.client import ClientConnection, connect
 
 from benchmarks.report import arguments, machine, print_machine, print_table, write_json
-from rptcam_cl.device import choose_device
-from rptcam_cl.viewfinder import Viewfinder
+from rptcam_cl.device.devices import choose_device
+from rptcam_cl.viewfinder.engine import Viewfinder
 
 ROOT = Path(__file__).resolve().parents[1]
 SCENE = ROOT / "examples" / "first_light.yaml"

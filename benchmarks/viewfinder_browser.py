@@ -20,7 +20,7 @@ from playwright.sync_api import Page, sync_playwright
 
 from benchmarks.report import arguments, machine, print_machine, print_table, write_json
 from benchmarks.viewfinder import REST_S, SIZE, cpu_seconds, row, viewing
-from rptcam_cl.device import choose_device
+from rptcam_cl.device.devices import choose_device
 
 KEYS = {"f_number": "][", "focus_m": "kj"}
 PATIENCE_S = 60.0

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from rptcam_cl import RenderSession
+from rptcam_cl.api.session import RenderSession
 
 SCENE = "examples/first_light.yaml"
 FILE = Path("docs/images/focus_pull.webp")

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from rptcam_cl import develop
+from rptcam_cl.imaging.image import develop
 
 FRAMES, RATE = 240, 24
 # Moments [s] and distances in focus [m from the film]: the doll's face, the doll behind, the lamps.

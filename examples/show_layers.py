@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 import rptcam_cl
-from rptcam_cl.imaging import srgb_from_linear
+from rptcam_cl.imaging.development import srgb_from_linear
 
 Panel = NDArray[np.floating]
 

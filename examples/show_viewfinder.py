@@ -14,7 +14,8 @@ from pathlib import Path
 
 from playwright.sync_api import Browser, Page, sync_playwright
 
-from rptcam_cl.viewfinder import Viewfinder, ViewServer
+from rptcam_cl.viewfinder.engine import Viewfinder
+from rptcam_cl.viewfinder.server import ViewServer
 
 SCENE = Path("examples/first_light.yaml")
 FOLDER = Path("docs/images/viewfinder")

@@ -9,30 +9,39 @@ TYPE_CHECKING = False  # as of `typing`, which takes longer to import than an in
 if TYPE_CHECKING:
     from typing import Any
 
-    from rptcam_cl.api import (
-        Change,
-        FocusReport,
-        Frame,
-        Image,
-        Progress,
-        RenderSession,
-        Scene,
-        autofocus,
-        choose_device,
-        develop,
-        devices,
-        focused_scene,
-        load_lens,
-        load_scene,
-        measure_tradeoff,
-        merge,
-        render,
-        settle,
-        sweep,
-        tolerance,
-    )
-    from rptcam_cl.cluster import render_on_cluster
-    from rptcam_cl.datasets import dataset
+    from rptcam_cl.api.interface import devices, load_lens, merge, render, settle
+    from rptcam_cl.api.session import Change, Frame, RenderSession
+    from rptcam_cl.api.sweeping import sweep
+    from rptcam_cl.batch.cluster_run import render_on_cluster
+    from rptcam_cl.batch.dataset import dataset
+    from rptcam_cl.device.devices import choose_device
+    from rptcam_cl.imaging.image import Image, develop
+    from rptcam_cl.rendering.progressive import Progress
+    from rptcam_cl.rendering.tolerances import tolerance
+    from rptcam_cl.scene.load import load_scene
+    from rptcam_cl.scene.scene import Scene
+    from rptcam_cl.studies.focus.controller import autofocus, focused_scene
+    from rptcam_cl.studies.focus.probe import FocusReport
+    from rptcam_cl.studies.tradeoff import measure_tradeoff
+
+# Where the interface is, imported at the first use of a name, so that ``rptcam_cl.optics`` alone needs no OpenCL.
+_MODULES = {
+    "api.interface": "devices load_lens merge render settle",
+    "api.session": "Change Frame RenderSession",
+    "api.sweeping": "sweep",
+    "batch.cluster_run": "render_on_cluster",
+    "batch.dataset": "dataset",
+    "device.devices": "choose_device",
+    "imaging.image": "Image develop",
+    "render.progressive": "Progress",
+    "render.tolerances": "tolerance",
+    "scene.load": "load_scene",
+    "scene.scene": "Scene",
+    "studies.focus.controller": "autofocus focused_scene",
+    "studies.focus.probe": "FocusReport",
+    "studies.tradeoff": "measure_tradeoff",
+}
+_MODULE_OF = {name: module for module, names in _MODULES.items() for name in names.split()}
 
 __all__ = [
     "Change",
@@ -67,17 +76,10 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    """Import the interface at first use, so that ``rptcam_cl.optics`` alone needs no OpenCL."""
-    if name == "render_on_cluster":
-        from rptcam_cl import cluster
+    """Import a name of the interface at its first use."""
+    if name not in _MODULE_OF:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from importlib import import_module
 
-        return cluster.render_on_cluster
-    if name == "dataset":
-        from rptcam_cl import datasets
-
-        return datasets.dataset
-    if name in __all__:
-        from rptcam_cl import api
-
-        return getattr(api, name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    globals()[name] = value = getattr(import_module(f"{__name__}.{_MODULE_OF[name]}"), name)
+    return value

@@ -6,7 +6,8 @@ from collections.abc import Iterator
 from typing import Any
 
 from docs.site.contents import ROOT
-from rptcam_cl.scene import Scene, scene_json_schema
+from rptcam_cl.scene.load import scene_json_schema
+from rptcam_cl.scene.scene import Scene
 
 PICTURES = ROOT / "docs" / "images" / "keys"  # made by examples/show_keys.py
 COLUMNS = 4

@@ -2,6 +2,7 @@
 
 import importlib
 import inspect
+import pkgutil
 import re
 from collections.abc import Iterator
 from functools import cache, cached_property
@@ -13,10 +14,10 @@ from pydantic import BaseModel
 from docs.site.contents import ROOT, linked
 from docs.site.docstrings import as_markdown
 
-# Rooms that programs may import; the others serve them and may change without notice.
+# Rooms and modules that programs may import; the others serve them and may change without notice.
 ROOMS = (
-    "", "optics", "scene", "colour", "imaging", "lenstools", "focusing", "tolerances", "tradeoff", "cluster",
-    "viewfinder",
+    "", "optics", "optics.image_quality", "scene", "core.colour", "imaging", "studies.focus", "studies.tiers",
+    "render.tolerances", "batch", "viewfinder",
 )  # fmt: skip
 PROPERTIES = (property, cached_property)
 EXAMPLES = "docs/python-examples.md"
@@ -34,7 +35,27 @@ def room_page(room: str) -> str:
     text = f"# {module.__name__}\n\n{as_markdown(inspect.getdoc(module) or '')}\n"
     if example := examples().get(module.__name__):
         text += f"\nAn example:\n\n{example}\n"
-    return text + "".join(entry(module, name) for name in sorted(module.__all__, key=str.lower))
+    if not room:
+        return text + "".join(entry(module, name) for name in sorted(module.__all__, key=str.lower))
+    for each in modules_of(module):
+        text += "" if each is module else f"\n## {each.__name__}\n\n{as_markdown(inspect.getdoc(each) or '')}\n"
+        text += "".join(entry(each, name) for name in public_names(each))
+    return text
+
+
+def modules_of(module: ModuleType) -> list[ModuleType]:
+    """A module, or the modules of a package: not those of the packages within, nor those with pages of their own."""
+    if not hasattr(module, "__path__"):
+        return [module]
+    names = [f"{module.__name__}.{each.name}" for each in pkgutil.iter_modules(module.__path__) if not each.ispkg]
+    return [importlib.import_module(name) for name in names if name.partition(".")[2] not in ROOMS]
+
+
+def public_names(module: ModuleType) -> list[str]:
+    """Classes and functions that a module defines, without those that are private, by name."""
+    values = vars(module).items()
+    named = [name for name, value in values if getattr(value, "__module__", "") == module.__name__]
+    return sorted((name for name in named if not name.startswith("_")), key=str.lower)
 
 
 @cache

@@ -8,7 +8,7 @@ import numpy as np
 
 from examples.figures.blur import confusion, thin_lens_blurs
 from examples.figures.figure import shared
-from rptcam_cl.lenstools import add_key, new_figure, series, styled
+from rptcam_cl.optics.charts import add_key, new_figure, series, styled
 
 DISTANCES = (2.0, 3.0, 4.0)  # of the balls [m]; the middle one is in focus
 FOCAL_M = 0.75  # of the drawing alone: the blur in the scene does not depend on it

@@ -8,10 +8,10 @@ import numpy as np
 
 from examples.figures.numbers import Numbers, Ours, Row
 from examples.figures.paper_lens_numbers import blur_on_film, paper_doublet
-from rptcam_cl import load_lens, render
+from rptcam_cl.api.interface import load_lens, render
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics.focus import object_distance
 from rptcam_cl.optics.glass import AbbeLinear
+from rptcam_cl.optics.lens import object_distance
 
 WAVELENGTHS_NM = (400, 486.1, 589.3, 656.3, 700)
 COLUMNS = tuple(f"{wavelength:g} nm" for wavelength in WAVELENGTHS_NM)

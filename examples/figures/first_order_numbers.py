@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 
 from examples.figures.numbers import Numbers, Ours, Row
-from rptcam_cl import load_lens
+from rptcam_cl.api.interface import load_lens
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics.focus import film_distance, object_distance
-from rptcam_cl.optics.summary import image_circle, stop_diameter_by_sine
+from rptcam_cl.optics.design import image_circle, stop_diameter_by_sine
+from rptcam_cl.optics.lens import film_distance, object_distance
 
 PIXEL_MM = 70 / math.hypot(300, 300)  # of the assignment of 2015: 300 x 300 pixels, 70 mm across
 

@@ -6,10 +6,13 @@ import numpy as np
 
 from examples.figures.figure import ROOT
 from examples.figures.numbers import Numbers, Row
-from rptcam_cl import Scene, autofocus, load_lens, load_scene
-from rptcam_cl.colour import LINE_D_NM
-from rptcam_cl.lenstools.device_tracing import TraceableLens
-from rptcam_cl.optics.focus import film_distance
+from rptcam_cl.api.interface import load_lens
+from rptcam_cl.core.vectors import LINE_D_NM
+from rptcam_cl.optics.lens import film_distance
+from rptcam_cl.rendering.traceable_lens import TraceableLens
+from rptcam_cl.scene.load import load_scene
+from rptcam_cl.scene.scene import Scene
+from rptcam_cl.studies.focus.controller import autofocus
 
 SCENE = ROOT / "examples" / "assignment" / "autofocus.yaml"
 METHODS = ("contrast", "depth")

@@ -11,10 +11,11 @@ from examples.figures.blur import card_blur, thin_lens_blurs
 from examples.figures.figure import ROOT
 from examples.figures.numbers import Numbers, Row
 from examples.figures.paper_lens_numbers import blur_on_film, paper_singlet
-from rptcam_cl import autofocus, load_scene, render
-from rptcam_cl.imaging import srgb_from_linear
-from rptcam_cl.optics.focus import film_distance
-from rptcam_cl.scene import change_scene
+from rptcam_cl.api.interface import render
+from rptcam_cl.imaging.development import srgb_from_linear
+from rptcam_cl.optics.lens import film_distance
+from rptcam_cl.scene.load import change_scene, load_scene
+from rptcam_cl.studies.focus.controller import autofocus
 
 # Figure 1: lamps by colour; the green one is in focus.
 LAMPS = {"pink": (0.5, 4, 1), "orange": (3.15, -0.7, 1.5), "blue": (-1.7, -0.2, 1.1), "white": (1.2, 0.4, 0.5)}

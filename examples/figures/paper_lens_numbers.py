@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 
 from examples.figures.numbers import Numbers, Row
-from rptcam_cl import load_lens
-from rptcam_cl.colour import LINE_D_NM
-from rptcam_cl.lenstools.device_tracing import TraceableLens
+from rptcam_cl.api.interface import load_lens
+from rptcam_cl.core.vectors import LINE_D_NM
 from rptcam_cl.optics.design import GlassChoice, doublet_radii, image_distances
-from rptcam_cl.optics.focus import film_distance, object_distance
+from rptcam_cl.optics.lens import film_distance, object_distance
+from rptcam_cl.rendering.traceable_lens import TraceableLens
 
 NEAR_AXIS = 0.01  # share of the clear radius
 THICKNESS = 0.01

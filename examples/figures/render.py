@@ -21,11 +21,11 @@ from examples.figures.figure import ROOT, Drawing, Figure, Group, Section
 from examples.figures.paper import PAPER
 from examples.figures.report import REPORT
 from rptcam_cl.cli import main as rptcam
-from rptcam_cl.core.atomic import replacing
 from rptcam_cl.core.errors import InputError, RptcamError
-from rptcam_cl.imaging.picture_settings import SETTINGS
-from rptcam_cl.lenstools import encoded
-from rptcam_cl.scene import change_scene
+from rptcam_cl.core.files import replacing
+from rptcam_cl.imaging.image import SETTINGS
+from rptcam_cl.optics.charts import encoded
+from rptcam_cl.scene.load import change_scene
 
 SECTIONS = (PAPER, REPORT, ASSIGNMENT_2015, ASSIGNMENT_2003)
 # Factors on the size and on the samples, and whether the noise that is left may be removed.

@@ -1,6 +1,6 @@
 // Reconstruction filters by importance sampling: a sample belongs to its own pixel, and its place round the pixel's centre
 // is drawn from the filter's magnitude along each axis (Ernst, Stamminger, Greiner 2006), so that no sample is shared and
-// noise stays white. Negative lobes weigh with their sign. The table (rptcam_cl/cameras/filter.py): where the filter
+// noise stays white. Negative lobes weigh with their sign. The table (rptcam_cl/rendering/cameras/model.py): where the filter
 // changes its sign [pixels from the centre], the weight |f| has more than f, then the place for u = 0, 1 / FILTER, ..., 1.
 // Facts: FILTER, cells of the table; 0 for a box of one pixel, which needs none.
 #ifndef FILTER_H

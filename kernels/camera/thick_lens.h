@@ -1,7 +1,7 @@
 // A ray from the film through the paraxial exit pupil, continued by first-order optics to the entrance pupil and the
 // object point. The weight is the paraxial irradiance cos^4 A / Z^2 of the pupil's disk.
 // All is linear in the film point [mm] and in the point of the unit disk that the pupil is
-// (rptcam_cl/cameras/thick_lens.py).
+// (rptcam_cl/rendering/cameras/ideal.py).
 #include "camera/film_point.h"
 #include "lens/half_pupil.h"
 #define PUPIL_HOLDS(fx, fy, x, y) ((x) * (x) + (y) * (y) < 1.0f)

@@ -1,7 +1,7 @@
 // When the light of a path falls on its pixel, and where a moving camera is then. Times are seconds since the shutter opens.
 // The trajectory: time that the shutter is open, start of pixel (0, 0), how much later each column and row start; number of
 // segments; then six rows for each segment: eye [m] (w: when the segment begins), its change (w: 1 / duration), view and its
-// change, up and its change (rptcam_cl/cameras/trajectory.py).
+// change, up and its change (rptcam_cl/rendering/cameras/model.py).
 // Fact: CAMERA_SEGMENTS, 0 for a camera that stands still, 1 for one segment, 2 for more.
 #ifndef TRAJECTORY_H
 #define TRAJECTORY_H

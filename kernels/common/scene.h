@@ -1,5 +1,5 @@
 // The scene as the kernels read it: one list of buffers, in the order in which the host binds them
-// (rptcam_cl/rendering/buffers.py). SCENE_PARAMETERS stands first among the parameters of every kernel that meets the
+// (rptcam_cl/rendering/scene_buffers.py). SCENE_PARAMETERS stands first among the parameters of every kernel that meets the
 // scene, others following it without a comma; SCENE makes the struct of them.
 #ifndef SCENE_H
 #define SCENE_H

@@ -1,5 +1,5 @@
 // The wavelengths of a path. Its wavelength sample, 0 to 1, chooses among cells that are equally likely. `colours` holds
-// (rptcam_cl/plan/spectrum.py) for each cell the wavelength [nm] where it starts and what light of the cell adds to red,
+// (rptcam_cl/rendering/plan/plan.py) for each cell the wavelength [nm] where it starts and what light of the cell adds to red,
 // green and blue of the film, and one row more. Spectral light is followed at two wavelengths more, a third and two
 // thirds of the cells ahead (hero wavelengths: Wilkie et al. 2014); the table then goes on with the share of each cell's
 // light that a red, a green and a blue surface reflect and the light of white, then with the spectra of the scene.

@@ -164,7 +164,7 @@ static BlurHere blur_here(Lane lane, const __global Camera *camera, const __glob
     return here;
 }
 
-// Diameter of the circle of confusion [pixels] of a point with a vergence [1/m]; rptcam_cl/cameras/blur.py has the formula.
+// Diameter of the circle of confusion [pixels] of a point with a vergence [1/m]; rptcam_cl/rendering/cameras/model.py has the formula.
 static inline F circle_of_confusion(BlurHere here, F vergence, const __global View *view)
 {
     F away = vergence - view->blur_focus;

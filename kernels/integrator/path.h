@@ -175,7 +175,7 @@ static ShadowRay light_sample(Path path, Vertex vertex, I on, Hit hit, Scene sce
 #endif
 
 // What roulette multiplies the throughput of a path by, by the cell of the film that its pixel lies in: great where the picture
-// is dark and what little light a path brings shows (rptcam_cl/rendering/roulette.py).
+// is dark and what little light a path brings shows (rptcam_cl/rendering/film.py).
 static inline F kindness_at(Lane lane, Limits limits, const __global float *kindness)
 {
     I column = MIN(lane.x >> (int)(limits.cell_shift), (I)(limits.cells_across - 1));

@@ -1,6 +1,6 @@
 // A uniform point of an aperture of radius 1, without rejection, by warps that keep areas and tear nothing apart which the
 // sampler spreads evenly: u turns and v goes outwards, through the disc or a fan of triangles; in a mask, u goes through the
-// rows and v along one. Tables come from rptcam_cl/cameras/aperture.py:
+// rows and v along one. Tables come from rptcam_cl/rendering/cameras/ideal.py:
 //   APERTURE_PARTS  the curve of so many triangles, and of each one its apex and two edges, from there and then on
 //   APERTURE_ROWS   the curve of so many rows of a mask, from the bottom, and those of as many cells of each row
 #ifndef APERTURE_H

@@ -1,7 +1,7 @@
 // Aiming at lamps out of focus. A small lamp that the film sees unsharp fills a small part of the pupil, which rays that are
 // spread over all of it hardly ever find. So some of the rays of a film point aim where the lamp should be. The density of a
 // ray is the sum over both ways to choose it, whatever the tables say, which therefore change noise and never the mean.
-// Tables (rptcam_cl/cameras/lamp_aim.py), from camera->lamp_table on:
+// Tables (rptcam_cl/rendering/cameras/lamp_aim.py), from camera->lamp_table on:
 //   area of the aperture of a thin lens;
 //   per block of pixels: where its lamps stand, and how many;
 //   per lamp of a block, LAMP floats: the share of the rays; the place in the pupil as an affine map of the film point (u: of

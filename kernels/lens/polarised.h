@@ -1,4 +1,4 @@
-// Polarisation that is carried through a lens, as rptcam_cl/optics/polarised_beam.py does: of two orthogonal polarisations
+// Polarisation that is carried through a lens, as rptcam_cl/optics/ghosts.py does: of two orthogonal polarisations
 // of the source the amplitudes across a ray, along a vector and along direction x vector. Complex with LENS_LAYERS, whose
 // coatings turn the phase; that of total reflection is left out. A surface that reflects a ghost is a mirror whose `eta`
 // says what lies behind it. Facts: LENS_LAYERS, LENS_STACKS,
@@ -87,7 +87,7 @@ static inline Amplitude layer_amplitude(F r, F t, F sine, F cosine, int reflects
 #endif
 
 #if LENS_STACKS
-// What several layers make of light, from the fields before them (rptcam_cl/optics/layer_stack.py).
+// What several layers make of light, from the fields before them (rptcam_cl/optics/coating.py).
 static inline Amplitude stack_amplitude(Fields a, F front, F behind, int reflects)
 {
     Amplitude whole, above;

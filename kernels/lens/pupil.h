@@ -4,7 +4,7 @@
 //   PUPIL_BOXES     a box per cell of the film
 //   PUPIL_OUTLINES  the true outline, interpolated between nodes: along a film radius (PUPIL_RADIAL), or along lines all
 //                   round the axis and between them
-// Tables come from rptcam_cl/cameras/pupil.py.
+// Tables come from rptcam_cl/rendering/cameras/pupil.py.
 #ifndef PUPIL_H
 #define PUPIL_H
 #include "common/records.h"

@@ -1,4 +1,4 @@
-// Polynomials in place of the surfaces of a lens (rptcam_cl/cameras/ray_map.py). With x the film point and y the place in
+// Polynomials in place of the surfaces of a lens (rptcam_cl/rendering/cameras/ray_map.py). With x the film point and y the place in
 // the pupil, both scaled, heights and sideways directions are A x + B y; A, B and what lies along the axis are polynomials
 // in x.x, x.y, y.y and the colour. `map` holds 1 / scale of x, how far y moves with x, 1 / scale of y, a free place; per
 // term A and B of the point, A and B of the direction, and both along the axis; then per term A and B of the height at each

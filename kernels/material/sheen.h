@@ -37,7 +37,7 @@ static inline F sheen_reflect(Closure closure, F3 wi, F3 wo, F3 h)
     return above ? density / (4.0f * ci * (1.0f + lambdas)) : ZERO;
 }
 
-// Share of light of cosine `mu` that a white sheen sends back: the logarithm is a quartic in the root of mu (plan/sheen.py).
+// Share of light of cosine `mu` that a white sheen sends back: the logarithm is a quartic in the root of mu (rendering/plan/materials.py).
 static inline F sheen_albedo(Cover e, F mu)
 {
     F t = sqrt(mu);

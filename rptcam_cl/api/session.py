@@ -8,32 +8,441 @@ from collections.abc import Callable, Hashable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.api.ahead import key_of
-from rptcam_cl.api.frames import Change, Frame, NoiseAtHand, Pace
-from rptcam_cl.api.preparation import Preparation, of_glance
-from rptcam_cl.api.scene_state import (
-    OF_DEVELOPMENT,
-    SceneState,
-    changed_parts,
-    focused_as,
-    focuses_anew,
-    image_of,
-    kind_of,
-    reading_of,
-    scaled,
+from rptcam_cl.api.stages import (
+    Ahead,
+    Prepared,
+    RenderOptions,
+    Resolved,
+    compile_here,
+    key_of,
+    report,
+    resolve,
+    truth_of,
 )
-from rptcam_cl.api.settings import RenderSettings
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, StateError
-from rptcam_cl.device import Session, open_sessions
-from rptcam_cl.imaging import Image, check_sensor
-from rptcam_cl.plan import Plan
-from rptcam_cl.rendering import FilmLayout, FilmRun, SceneBuffers, window
-from rptcam_cl.scene import Scene, load_scene, set_keys
+from rptcam_cl.device.session import NotKeptError, Session, open_sessions
+from rptcam_cl.imaging.image import Image
+from rptcam_cl.imaging.sensor import check_sensor
+from rptcam_cl.rendering.account import window
+from rptcam_cl.rendering.film import FilmLayout
+from rptcam_cl.rendering.ghosts import ghosting_of
+from rptcam_cl.rendering.highlights import aimed_plan
+from rptcam_cl.rendering.metering import reading_cd_m2
+from rptcam_cl.rendering.plan.plan import Plan, make_plan, with_film, with_lens, with_pose
+from rptcam_cl.rendering.plan.primitives import PlanParts
+from rptcam_cl.rendering.progressive import FilmRun, rendering_of
+from rptcam_cl.rendering.scene_buffers import SceneBuffers
+from rptcam_cl.rendering.tracer import WavefrontPool
+from rptcam_cl.scene.exposure import LEAST_CD_M2, MOST_CD_M2
+from rptcam_cl.scene.film import Film, RenderSettings
+from rptcam_cl.scene.load import load_scene, set_keys
+from rptcam_cl.scene.scene import Scene
+
+# What a render session hands out: frames, and what a change came to.
+
+Kind = Literal["none", "picture", "camera", "scene", "program"]
+
+QUEUE_SECONDS = 0.012  # of work that is enqueued before the device is waited for
+FIRST_SLOTS = 1 << 14  # of the first wave, whose time is not known
+
+
+@dataclass(frozen=True)
+class Change:
+    """What a change of a session's scene came to.
+
+    Attributes
+    ----------
+    kind : str
+        The dearest that it took. ``none``: nothing has changed. ``picture``: the film stays, it is developed in another
+        way. ``camera``: records of the camera. ``scene``: other records too, or another film. ``program``: kernels.
+    keys : tuple of str
+        The parts of the scene that are others now.
+    ready : bool
+        False while kernels are compiled in the background and the session still shows the scene before.
+    """
+
+    kind: Kind
+    keys: tuple[str, ...]
+    ready: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """A picture of a session.
+
+    Attributes
+    ----------
+    pixels : (height, width, 3) float32 array
+        Linear film; each pixel is the mean of its samples.
+    spp : int
+        Samples that every pixel has.
+    complete : bool
+        False where `RenderSession.cancel` left it within a sample.
+    seconds : float
+        What it took [s].
+    noise : float or None
+        Relative standard error of the whole picture, estimated when the samples last doubled and scaled to their
+        number; None for less than two, and for glances.
+    scale : float
+        Share of the film's resolution.
+    generation : int
+        Counts the changes that are shown.
+    """
+
+    pixels: NDArray[np.float32]
+    spp: int
+    complete: bool
+    seconds: float
+    noise: float | None
+    scale: float
+    generation: int
+
+
+class NoiseAtHand:
+    """The noise of one film: estimated whenever its samples have doubled, as that takes long, and scaled between."""
+
+    def __init__(self) -> None:
+        self._samples = 1  # at which it was estimated
+        self._noise: float | None = None
+
+    def of(self, run: FilmRun, sums: NDArray[np.float32]) -> float | None:
+        """Return the relative standard error of a film with these sums; None for less than two samples."""
+        if run.is_whole and run.done >= 2 * self._samples:
+            achieved = run.watch.achieved(run.done, sums)
+            self._noise = None if achieved is None else achieved.picture
+            self._samples = 1 if achieved is None else run.done
+        return None if self._noise is None else float(self._noise * np.sqrt(self._samples / run.done))
+
+
+class Pace:
+    """Keeps the queue of a device so short that work is given up at once when it is cancelled.
+
+    Parameters
+    ----------
+    finish
+        Waits for the device.
+    """
+
+    def __init__(self, cancelled: threading.Event) -> None:
+        self._cancelled = cancelled
+        self._rate: float | None = None  # slots per second
+        self._pending, self._since = 0, 0.0
+
+    @property
+    def slots(self) -> int:
+        """Most of a wave."""
+        return FIRST_SLOTS if self._rate is None else max(int(self._rate * QUEUE_SECONDS), 1)
+
+    def enqueued(self, finish: Callable[[], None]) -> Callable[[int], bool]:
+        """Return what counts waves of so many slots, and says whether to give up; ``finish`` waits for the device."""
+        self._pending, self._since = 0, time.perf_counter()
+
+        def count(slots: int) -> bool:
+            self._pending += slots
+            if self._pending >= self.slots:
+                finish()
+                now = time.perf_counter()
+                self._rate = self._pending / max(now - self._since, 1e-6)
+                self._pending, self._since = 0, now
+            return self._cancelled.is_set()
+
+        return count
+
+
+# A scene as a session renders it, and what changes of it come to.
+
+ANOTHER_LENS = ("kind", "lens", "zoom", "focal_length_mm")  # keys of the camera after which a focus found is void
+OF_DEVELOPMENT = {"picture"}  # parts of a scene that change no film
+OF_THE_LENS = {"camera", "exposure", "picture"}  # parts of a scene that objects and lights do not go by
+
+
+@dataclass(frozen=True, eq=False)
+class SceneState:
+    """A scene with all that rendering it takes.
+
+    Attributes
+    ----------
+    scene : Scene
+        As requested.
+    found : Resolved
+    plan : Plan
+    buffers : SceneBuffers
+        The plan on the device.
+    is_final : bool
+        Whether exposure and pupil are those of a render, and not found in a quicker way for glances.
+    """
+
+    scene: Scene
+    found: Resolved
+    plan: Plan
+    buffers: SceneBuffers
+    is_final: bool
+
+
+def focuses_anew(changes: Mapping[str, Any], scene: Scene) -> bool:
+    """Return whether a change asks for autofocus in the scene that it leads to, or takes another lens."""
+    keys = [key.split(".") for key in changes]
+    if any(key[0] == "camera" and (len(key) == 1 or key[1] in ANOTHER_LENS) for key in keys):
+        return True
+    return scene.requested_autofocus is not None and any(key[:2] == ["camera", "focus"] for key in keys)
+
+
+def focused_as(state: SceneState, scene: Scene) -> Scene:
+    """Return a scene with the focus that was found for another state of it, where it asks for autofocus."""
+    known = state.found.focus
+    if known is None or scene.requested_autofocus is None:
+        return scene
+    return set_keys(scene, {f"camera.{key}": value for key, value in known["camera"].items()})
+
+
+def changed_parts(before: Scene, after: Scene) -> tuple[str, ...]:
+    """Return the keys at the top of a scene that say something else."""
+    one, other = before.made_of, after.made_of
+    return tuple(name for name in Scene.model_fields if not _is_same(one.get(name), other.get(name)))
+
+
+def _is_same(one: Any, other: Any) -> bool:
+    if one is other:
+        return True
+    try:
+        return bool(one == other)
+    except ValueError:  # of arrays in them
+        return False
+
+
+def kind_of(before: Plan, after: Plan, compiled: bool, keys: tuple[str, ...]) -> Kind:
+    """Return the dearest that another plan takes."""
+    if not compiled:
+        return "program"
+    return "camera" if before.facts == after.facts and set(keys) <= {"camera", "exposure", "shutter"} else "scene"
+
+
+def plan_beside(before: SceneState, scene: Scene, resolved: Scene, parts: PlanParts) -> Plan:
+    """Return the plan of a scene for glances, made of the plan before where nothing but the lens is another."""
+    same_time = before.found.scene.shutter == resolved.shutter  # where things that move are
+    if same_time and set(changed_parts(before.scene, scene)) <= OF_THE_LENS:
+        if _moves_alone(before, scene, resolved):
+            return with_pose(before.plan, resolved, parts)
+        return with_lens(before.plan, resolved, coarse=True)
+    return make_plan(resolved, coarse=True, parts=parts)
+
+
+def _moves_alone(before: SceneState, scene: Scene, resolved: Scene) -> bool:
+    """Return whether nothing but the place of a camera is another, which focuses by no point of the scene."""
+    earlier, camera = before.found.scene, resolved.camera
+    focus = getattr(scene.camera, "focus", None)
+    if getattr(focus, "point", None) or getattr(focus, "object", None):
+        return False
+    if camera.motion or scene.shutter.keys or before.plan.facts["MOVES"]:
+        return False
+    place = {"eye": camera.eye, "target": camera.target, "up": camera.up}
+    alike = earlier.film == resolved.film and earlier.exposure == resolved.exposure
+    return alike and earlier.camera.model_copy(update=place) == camera
+
+
+def scaled(state: SceneState, scale: float, reading: float | None) -> tuple[Plan, Film]:
+    """Return the plan of a state with a film of fewer pixels, exposed by a reading of the meter; and that film."""
+    film = state.found.scene.film
+    columns, rows = (max(round(side * scale), 1) for side in film.resolution)
+    if state.scene.camera.kind == "environment":
+        columns = 2 * rows
+    smaller = film.model_copy(update={"resolution": (columns, rows)})
+    plan, metered = with_film(state.plan, state.found.scene, smaller), state.found.metered_cd_m2
+    if metered is not None and reading is not None:
+        plan.camera.record["exposure"] *= metered / reading
+    return plan, smaller
+
+
+def image_of(
+    state: SceneState, plan: Plan, run: FilmRun, settings: RenderOptions, *, seconds: float, begun: float
+) -> Image:
+    """Return a film as `render` returns it.
+
+    Parameters
+    ----------
+    state, plan, run, settings
+        What was rendered, with the plan of its film, its whole film, and the settings of `render` that stand for it.
+    seconds, begun
+        What the samples took [s], and when all of it began, by `time.perf_counter` [s].
+    """
+    rendering = rendering_of(run, start=0, seconds=seconds, new_samples=run.wavefront.camera_rays, interrupted=False)
+    layers = state.scene.render.layers
+    truth = truth_of(state.found.scene, state.plan, run.wavefront, layers, settings)
+    prepared = Prepared(
+        settings, state.scene, layers, state.found.scene, state.found.metadata, plan,
+        run.wavefront, None, None, begun, {"start": 0.0, "compile": 0.0}, state.found.diffraction,
+        ghosting_of(state.found.ghosts, state.plan, run.wavefront.session), truth,
+    )  # fmt: skip
+    return report(prepared, rendering)
+
+
+def reading_of(pixels: NDArray[np.float32], plan: Plan, state: SceneState, film: Film) -> float | None:
+    """Return what the exposure meter reads of a glance; None where it has seen a part of the film, or hardly light."""
+    if film.crop is not None or state.scene.exposure.lock_cd_m2:
+        return None
+    per_radiance = float(plan.camera.record["exposure"][0]) * plan.camera.axial_weight
+    reading = reading_cd_m2(pixels, state.scene.exposure, film) / per_radiance
+    return reading if LEAST_CD_M2 <= reading <= MOST_CD_M2 else None
+
+
+#
+# What a session does before samples can be taken: focus, exposure, plans, kernels.
+#
+# Quick kernels compile in half the time and run twice as long. So the glances of a session that does not wait have
+# them until another process has compiled the full ones.
+
+
+class Preparation:
+    """Makes scenes ready on a device.
+
+    Parameters
+    ----------
+    device
+        The device.
+    waits
+        Whether everything is done with the full kernels.
+
+    Attributes
+    ----------
+    ahead : Ahead
+        What is compiled, and under way.
+    pool : WavefrontPool
+        Wavefronts of the full kernels.
+    """
+
+    def __init__(self, device: Session, *, waits: bool) -> None:
+        self._device = device
+        self.ahead, self.pool = Ahead(device), WavefrontPool(device)
+        self._parts = PlanParts()
+        self._quick: Session | None = None
+        if not waits and device.generates_late and device.lanes > 1:
+            self._quick = device.quick()
+            self._quick_pool = WavefrontPool(self._quick)
+        self._quick_keys: set[Hashable] = set()  # of what quick kernels were compiled for
+
+    def first(self, scene: Scene) -> SceneState:
+        """Return a scene ready to be rendered; not final where its exposure was metered with quick kernels."""
+        found, is_final = self._resolved(scene)
+        return self._planned(scene, found, make_plan(found.scene, parts=self._parts), is_final=is_final)
+
+    def beside(self, before: SceneState, scene: Scene, reading: float | None) -> SceneState:
+        """Return a scene ready for glances: by the last reading of the meter and coarse tables."""
+        found = resolve(scene, self._device, metered_cd_m2=reading)
+        plan = plan_beside(before, scene, found.scene, self._parts)
+        if plan.camera.facts != before.plan.camera.facts:  # coarse tables may be of another kind
+            plan = make_plan(found.scene, parts=self._parts)
+        return self._planned(scene, found, plan, is_final=False)
+
+    def final(self, state: SceneState) -> SceneState:
+        """Return a state as `render` has it."""
+        found = resolve(state.scene, self._device, state.found.focus)
+        return self._planned(state.scene, found, make_plan(found.scene, parts=self._parts), is_final=True)
+
+    def of_film(self, state: SceneState) -> tuple[Plan, SceneBuffers]:
+        """Return the plan of a final state's film, and its arrays: camera rays may aim at lamps."""
+        plan, buffers = aimed_plan(state.plan, self._device, state.scene.render.layers, state.buffers)
+        return plan, buffers or state.buffers
+
+    def close(self) -> None:
+        """Compile nothing more; let go of everything on the device."""
+        self.ahead.close()
+        self.pool.close()
+        if self._quick is not None:
+            self._quick_pool.close()
+
+    def knows(self, state: SceneState) -> bool:
+        """Return whether a state can be shown at once."""
+        return self._key(state) in self._quick_keys or self.ahead.knows(*self._of_glances(state))
+
+    def compile(self, state: SceneState) -> None:
+        """Compile what showing a state takes, unless it can be shown."""
+        if not self.knows(state):
+            self.ahead.compile(*self._of_glances(state))
+
+    def compile_soonest(self, state: SceneState) -> None:
+        """Compile what glances of a state take: quick kernels, unless full ones are kept."""
+        if self._quick is None or not self.is_quick(state):
+            self.compile(state)
+        else:
+            compile_here(self._quick, *self._of_glances(state))
+            self._quick_keys.add(self._key(state))
+
+    def begin(self, state: SceneState) -> None:
+        """Compile it in the background."""
+        self.ahead.begin(*self._of_glances(state))
+
+    def is_quick(self, state: SceneState) -> bool:
+        """Return whether glances of a state have quick kernels."""
+        return self._quick is not None and not self.ahead.takes_kept(*self._of_glances(state))
+
+    def pool_of_glances(self, state: SceneState) -> WavefrontPool:
+        """Return the wavefronts that glances of a state take."""
+        if not self.is_quick(state):
+            return self.pool
+        self._quick_keys.add(self._key(state))
+        return self._quick_pool
+
+    def is_film_ready(self, state: SceneState, of_film: Callable[[], tuple[Plan, SceneBuffers]]) -> bool:
+        """Return whether the film of a state can have samples at once; otherwise its kernels are compiled meanwhile.
+
+        So are those of its glances, afterwards.
+
+        Parameters
+        ----------
+        of_film
+            Returns the plan of its film and the arrays of that.
+        """
+        if self._quick is None:
+            return True
+        if not state.is_final and self.is_quick(state):  # full kernels meter for a film
+            return self._begun(self._of_glances(state))
+        plan, buffers = of_film()
+        wanted = plan, buffers, state.scene.render
+        if not self.ahead.takes_kept(*wanted):
+            return self._begun(wanted)
+        if self.is_quick(state):
+            self._begun(self._of_glances(state))
+        return True
+
+    def _begun(self, wanted: tuple[Plan, SceneBuffers, RenderSettings]) -> bool:
+        """Compile something in the background as soon as nothing else is; return False, as it is not ready."""
+        if self.ahead.ready:
+            self.ahead.begin(*wanted)
+        return False
+
+    def _of_glances(self, state: SceneState) -> tuple[Plan, SceneBuffers, RenderSettings]:
+        """Return what has to be compiled before a state is shown."""
+        settings = state.scene.render if self._quick is None else of_glance(state.scene)
+        return state.plan, state.buffers, settings
+
+    def _key(self, state: SceneState) -> Hashable:
+        return key_of(*self._of_glances(state))
+
+    def _planned(self, scene: Scene, found: Resolved, plan: Plan, *, is_final: bool) -> SceneState:
+        return SceneState(scene, found, plan, self.pool.upload(plan), is_final)
+
+    def _resolved(self, scene: Scene) -> tuple[Resolved, bool]:
+        """Return a scene resolved as soon as can be, and whether full kernels were at it.
+
+        Autofocus takes millions of samples, for which full kernels are worth their time.
+        """
+        if self._quick is None or scene.requested_autofocus is not None:
+            return resolve(scene, self._device), True
+        try:
+            return resolve(scene, self._device.kept_only()), True
+        except NotKeptError:
+            return resolve(scene, self._quick), False
+
+
+def of_glance(scene: Scene) -> RenderSettings:
+    """Return the settings of glances."""
+    return scene.render.model_copy(update={"layers": (), "noise": None})
 
 
 class RenderSession:
@@ -77,7 +486,7 @@ class RenderSession:
         wait: bool = True,
     ) -> None:
         self._begun = time.perf_counter()
-        self._settings = RenderSettings(size=size, seed=seed)
+        self._settings = RenderOptions(size=size, seed=seed)
         given = self._given(scene)
         sessions, _ = open_sessions(device)
         if len(sessions) > 1:
@@ -153,7 +562,7 @@ class RenderSession:
         return self._preparation.is_film_ready(self._shown, self._film_plan)
 
     def change(self, changes: Mapping[str, Any], *, wait: bool = True) -> Change:
-        """Set keys of the scene, as `rptcam_cl.scene.set_keys` does; the film is empty then, unless it stays the same.
+        """Set keys of the scene, as `rptcam_cl.scene.load` does; the film is empty then, unless it stays the same.
 
         Parameters
         ----------

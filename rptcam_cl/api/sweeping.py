@@ -1,4 +1,4 @@
-"""Sweeps: one picture for each combination of values of some keys of a scene, and a table of measures."""
+"""Many pictures: sweeps over values of keys, contact sheets, and focus and exposure that follow from frame to frame."""
 
 from __future__ import annotations
 
@@ -10,25 +10,285 @@ import json
 import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from rptcam_cl._version import __version__
-from rptcam_cl.api.contact_sheet import contact_sheet
 from rptcam_cl.api.interface import render
-from rptcam_cl.api.series import SeriesRenderer
-from rptcam_cl.api.settings import RenderSettings
-from rptcam_cl.core.atomic import replacing, unlinked
+from rptcam_cl.api.stages import Kept, RenderOptions, prepare, report, run
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, RptcamError, StateError
-from rptcam_cl.core.kept import OneMaker, made_by
-from rptcam_cl.device import Wanted, open_sessions
-from rptcam_cl.focusing import focus_drive
-from rptcam_cl.imaging import Image, check_sensor, develop, mtf50_at, read_film
-from rptcam_cl.rendering import window
-from rptcam_cl.scene import Scene, load_scene, set_keys
+from rptcam_cl.core.files import (
+    OneMaker,
+    identity_of_code,
+    keep_bytes,
+    kept_bytes,
+    kernels_dir,
+    made_by,
+    name_of,
+    replacing,
+    unlinked,
+)
+from rptcam_cl.device.session import Session, Wanted, open_sessions
+from rptcam_cl.imaging.development import quantised
+from rptcam_cl.imaging.image import Image, develop, read_film
+from rptcam_cl.imaging.sensor import check_sensor
+from rptcam_cl.imaging.slanted_edge import mtf50_at
+from rptcam_cl.rendering.account import window
+from rptcam_cl.rendering.metering import resolve_exposure
+from rptcam_cl.rendering.plan.plan import Plan
+from rptcam_cl.scene.load import at_rest, change_scene, load_scene, set_keys
+from rptcam_cl.scene.scene import Scene
+from rptcam_cl.studies.focus.drives import focus_drive
+
+if TYPE_CHECKING:
+    from PIL.Image import Image as Picture
+
+
+# Contact sheets: developed pictures in a grid, each with its label.
+
+WIDTH_PX = 320  # of a picture at most
+GAP_PX, TEXT_PX = 8, 14
+PAPER, INK = (24, 24, 24), (230, 230, 230)
+
+
+def contact_sheet(pictures: Sequence[tuple[str, Image]], columns: int) -> Picture:
+    """Return a sheet of pictures with their labels below, row after row.
+
+    Parameters
+    ----------
+    pictures
+        Label, of one or more lines, and image of each.
+    columns
+        Pictures in a row.
+    """
+    from PIL import Image as Pillow
+    from PIL import ImageDraw, ImageFont
+
+    small = [(label, _small(image)) for label, image in pictures]
+    width = max(max(picture.width for _, picture in small), 160)
+    height = max(picture.height for _, picture in small)
+    font = ImageFont.load_default(TEXT_PX)
+    lines = max(len(label.splitlines()) for label, _ in small)
+    across, down = width + GAP_PX, height + (lines + 1) * TEXT_PX + GAP_PX
+    rows = -(-len(small) // columns)
+    sheet = Pillow.new("RGB", (columns * across + GAP_PX, rows * down + GAP_PX), PAPER)
+    draw = ImageDraw.Draw(sheet)
+    for index, (label, picture) in enumerate(small):
+        x, y = GAP_PX + index % columns * across, GAP_PX + index // columns * down
+        sheet.paste(picture, (x + (width - picture.width) // 2, y))
+        for number, line in enumerate(label.splitlines()):
+            while draw.textlength(line, font) > width and len(line) > 1:
+                line = f"{line.rstrip('…')[:-1]}…"
+            place = (x + width / 2, y + height + TEXT_PX // 4 + number * TEXT_PX)
+            draw.text(place, line, INK, font, anchor="ma")
+    return sheet
+
+
+def _small(image: Image) -> Picture:
+    from PIL import Image as Pillow
+
+    codes = np.asarray(quantised(image.developed(), 8))
+    picture = Pillow.fromarray(codes)
+    scale = min(WIDTH_PX / image.width, 1.0)
+    if scale == 1.0:
+        return picture
+    return picture.resize((WIDTH_PX, max(round(image.height * scale), 1)), Pillow.Resampling.BOX)
+
+
+# Many pictures one after the other: what they share stays on the device.
+
+
+class SeriesRenderer:
+    """Renders scenes on one device, each as `render` does.
+
+    Parameters
+    ----------
+    device
+        The device.
+
+    Attributes
+    ----------
+    plan : Plan or None
+        That of the last picture.
+    """
+
+    def __init__(self, device: Session) -> None:
+        self.device = device
+        self.plan: Plan | None = None
+        self._settings, self._kept = RenderOptions(device=device), Kept(device)
+
+    def render(self, scene: Scene) -> Image:
+        """Return the picture that the camera of a scene takes."""
+        prepared = prepare(scene, self._settings, self._kept)
+        self.plan = prepared.plan
+        return report(prepared, run(prepared))
+
+
+#
+# Focus and exposure that follow from all frames before: each frame is measured alone, and a policy goes over them.
+#
+# What is measured in a frame does not depend on other frames, so that it is kept on disk: a frame that is rendered
+# alone, anywhere, has the focus and exposure that it has in its sequence, and finds what another run has measured
+# already.
+
+KIND = "frames"
+ROOMS = ("core", "device", "optics", "scene", "rendering", "studies", "api")
+
+
+def needs_tracking(scene: Scene) -> bool:
+    """Return whether focus or exposure of a frame follow from the frames before."""
+    return scene.sequence is not None and (
+        scene.sequence.continuous_focus is not None or scene.sequence.exposure_time_constant_s is not None
+    )
+
+
+class FrameTracker:
+    """The frames of a sequence with their focus and exposure, from the first one on.
+
+    Parameters
+    ----------
+    scene
+        With a sequence that `needs_tracking`.
+    open_session
+        Returns the device; called where something is to be measured, or was by its driver and is kept.
+
+    Attributes
+    ----------
+    measured : int
+        Frames that were measured here.
+    """
+
+    def __init__(self, scene: Scene, open_session: Callable[[], Session]) -> None:
+        assert scene.sequence is not None, "of a scene with frames"
+        self._scene, self._sequence, self._open = scene, scene.sequence, open_session
+        self._session: Session | None = None
+        self._number = 0
+        self._frame: tuple[Scene, dict[str, Any]] | None = None
+        self._following: Any = None
+        self._lens: Any = None
+        self._reading: float | None = None
+        self.measured = 0
+
+    def frame(self, number: int) -> tuple[Scene, dict[str, Any]]:
+        """Return the scene of a frame in focus and exposed, and metadata of how it came about.
+
+        Raises
+        ------
+        InputError
+            When the first frame has nothing to focus on, or a frame no light to meter.
+        """
+        if number < self._number:
+            self._number, self._following, self._reading = 0, None, None
+        while self._number < number or self._frame is None:
+            self._number += 1
+            self._frame = self._next(self._number)
+        return self._frame
+
+    def _next(self, number: int) -> tuple[Scene, dict[str, Any]]:
+        still = set_keys(self._scene, self._sequence.changes(self._scene.shutter.open_s, number))
+        metadata: dict[str, Any] = {}
+        try:
+            if self._sequence.continuous_focus is not None and at_rest(still).requested_autofocus is not None:
+                still, metadata = self._focused(still)
+            if self._sequence.exposure_time_constant_s is not None and _is_metered(still):
+                still = self._exposed(still, self._sequence.exposure_time_constant_s)
+        except InputError as problem:
+            raise type(problem)(f"frame {number}: {problem}") from None
+        return still, metadata
+
+    def _focused(self, still: Scene) -> tuple[Scene, dict[str, Any]]:
+        from rptcam_cl.studies.focus.controller import Following, after
+        from rptcam_cl.studies.focus.drives import focus_drive  # few scenes have it
+
+        manner, frame_s = self._sequence.continuous_focus, 1 / self._sequence.frames_per_second
+        assert manner is not None
+        scene = at_rest(still)
+        state = self._kept("focus", scene, lambda session: _state_of(scene, session))
+        drive = focus_drive(scene)
+        measured = None if state is None else drive.coordinate(state)
+        lens = _lens_of(scene)
+        if self._following is None or (lens != self._lens and measured is not None):
+            if measured is None:
+                raise InputError("camera.focus.auto: nothing to focus on in the first frame")
+            self._following = Following(measured)
+        else:
+            self._following = after(self._following, measured, drive.depth_of_focus, manner, frame_s)
+        self._lens = lens
+        found = state if measured is not None and self._following.place == measured else None
+        where = drive.state_at(self._following.place) if found is None else found
+        metadata = {"state": where, "measured": state, "moving": self._following.moving}
+        return change_scene(still, camera=drive.camera_keys(where)), {"continuous_focus": metadata}
+
+    def _exposed(self, still: Scene, time_constant_s: float) -> Scene:
+        read = self._kept("meter", still, lambda session: _reading_of(still, session))
+        assert read is not None, "auto exposure is metered"
+        if self._reading is None:
+            self._reading = read
+        else:
+            share = -math.expm1(-1 / (self._sequence.frames_per_second * time_constant_s))
+            self._reading *= (read / self._reading) ** share
+        return set_keys(still, {"exposure.lock_cd_m2": self._reading})
+
+    def _kept(self, what: str, scene: Scene, measure: Callable[[Session], float | None]) -> float | None:
+        """Return what was measured in a frame, here or by an earlier run."""
+        if self._session is None:
+            self._session = self._open()
+        name = name_of(__version__, _code(), self._session.info.driver, what, scene.content_hash())
+        if (known := kept_bytes(KIND, name)) is not None:
+            try:
+                value = json.loads(known)
+                return None if value is None else float(value)
+            except (ValueError, TypeError):
+                pass
+        found = measure(self._session)
+        self.measured += 1
+        keep_bytes(KIND, name, json.dumps(found).encode())
+        return found
+
+
+@lru_cache(maxsize=1)
+def _code() -> str:
+    """Return what changes with the code that measures."""
+    return identity_of_code(ROOMS, tuple(sorted(path.name for path in kernels_dir().iterdir())))
+
+
+def _is_metered(scene: Scene) -> bool:
+    return scene.exposure.mode == "auto" and scene.exposure.lock_cd_m2 is None
+
+
+def _reading_of(scene: Scene, session: Session) -> float | None:
+    """Return what the meter reads; a scene that focuses for itself is metered in focus."""
+    if at_rest(scene).requested_autofocus is not None:
+        from rptcam_cl.studies.focus.controller import in_focus
+
+        scene = in_focus(at_rest(scene), session)[0]
+    return resolve_exposure(scene, session).metered_cd_m2
+
+
+def _state_of(scene: Scene, session: Session) -> float | None:
+    """Return the focus state that autofocus finds; None where it finds none."""
+    from rptcam_cl.studies.focus.controller import find_focus
+    from rptcam_cl.studies.focus.probe import NoContrast, OutOfReach
+
+    settings = scene.requested_autofocus
+    assert settings is not None, "of a scene with autofocus"
+    try:
+        return find_focus(scene, session, settings).state
+    except (NoContrast, OutOfReach):
+        return None
+
+
+def _lens_of(scene: Scene) -> tuple[Any, ...]:
+    """Return what says which coordinate a focus has: another lens or another zoom has others."""
+    camera = scene.camera
+    return tuple(getattr(camera, name, None) for name in ("kind", "lens", "zoom", "focal_length_mm", "fov_degrees"))
+
+
+# Sweeps: one picture for each combination of values of some keys of a scene, and a table of measures.
 
 MOST_ENTRIES = 10_000
 SHEET, TABLE = "contact_sheet.png", ("table.csv", "table.json")
@@ -126,7 +386,7 @@ def sweep(
     StateError
         The folder cannot be written, or holds pictures that other code has made.
     """
-    settings = RenderSettings(spp=spp, size=size, seed=seed)
+    settings = RenderOptions(spp=spp, size=size, seed=seed)
     given = scene if isinstance(scene, Scene) else load_scene(scene)
     planned = _plan(settings.applied_to(given), over, mtf_at)
     place = None if folder is None else _folder(Path(folder))

@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any, TextIO, cast
 
 from rptcam_cl._version import __version__
-from rptcam_cl.cli.interrupt import INTERRUPTED
+from rptcam_cl.cli.output import INTERRUPTED
 from rptcam_cl.cli.parser import Parser
 from rptcam_cl.core.errors import InputError, RptcamError, StateError
 
@@ -24,11 +24,27 @@ STANDARD_OUTPUT = "standard output"
 FAULT = 1  # exit code of an unexpected error
 
 
-# In the order of the help; each is a module that adds itself to the parser.
-COMMANDS = (
-    "demo", "examples", "new", "render", "merge", "settle", "sweep", "dataset", "view", "focus", "tradeoff", "develop",
-    "convert", "lens", "camera", "devices", "doctor", "schema",
-)  # fmt: skip
+# The module of each command, in the order of the help; its function ``add_…`` adds it to the parser.
+COMMANDS = {
+    "demo": "examples",
+    "examples": "examples",
+    "new": "convert",
+    "render": "render",
+    "merge": "merge",
+    "settle": "merge",
+    "sweep": "cluster",
+    "dataset": "cluster",
+    "view": "examples",
+    "focus": "focus",
+    "tradeoff": "focus",
+    "develop": "merge",
+    "convert": "convert",
+    "lens": "lens",
+    "camera": "camera",
+    "devices": "devices",
+    "doctor": "devices",
+    "schema": "devices",
+}
 
 
 def build_parser(command: str | None = None) -> Parser:
@@ -38,7 +54,7 @@ def build_parser(command: str | None = None) -> Parser:
     parser.add_argument(DEBUG, action="store_true", help="show where in the program an unexpected error arose")
     commands = parser.add_commands("command")
     for name in COMMANDS if command is None else (command,):
-        importlib.import_module(f"rptcam_cl.cli.{name}").add_to(commands)
+        getattr(importlib.import_module(f"rptcam_cl.cli.{COMMANDS[name]}"), f"add_{name}")(commands)
     return parser
 
 

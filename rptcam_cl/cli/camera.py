@@ -2,19 +2,212 @@
 
 import argparse
 import math
+import os
 import sys
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, suppress
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rptcam_cl.cli import parser as values
-from rptcam_cl.cli.camera_files import TEXTS, check_outputs, write_files
-from rptcam_cl.cli.camera_maps import add_maps
+from rptcam_cl.cli.lens_options import wavelengths
 from rptcam_cl.cli.output import as_json, print_table, print_warnings
-from rptcam_cl.cli.parser import Commands
-from rptcam_cl.core.errors import InputError
+from rptcam_cl.cli.parser import Commands, add_overrides, positive, size
+from rptcam_cl.core.errors import InputError, StateError
 
 if TYPE_CHECKING:
-    from rptcam_cl.calibration import Calibration, View
+    from rptcam_cl.exchange.camera_models import Calibration
+    from rptcam_cl.exchange.camera_view import View
+
+
+# The options of ``rptcam camera`` that write maps of the lens: a value for each pixel, a kernel for each field.
+
+EXR = ("stmap_distort", "stmap_undistort", "vignetting", "coc")
+NAMES = (*EXR, "psf_grid")
+
+
+def distances(text: str) -> list[float]:
+    """Distances of ``a,b,c``, which may be far away: ``inf`` [m]."""
+    try:
+        found = [float(part) for part in text.split(",")]
+    except ValueError:
+        found = []
+    if not found or not all(value > 0 for value in found):
+        raise argparse.ArgumentTypeError(f"got {text}; allowed distances above 0 m, as 0.8,2,inf")
+    return found
+
+
+def add_maps(parser: argparse.ArgumentParser) -> None:
+    """Add the maps and what they need."""
+    maps = parser.add_argument_group("maps of the lens")
+    for name, text in (
+        ("--stmap-distort", "ST map that bends a straight picture as the lens does"),
+        ("--stmap-undistort", "ST map that makes a picture of the lens straight, with overscan"),
+        ("--vignetting", "light of each pixel over that on the axis"),
+        ("--coc", "circle of confusion of each pixel [px], at --distances-m"),
+    ):
+        maps.add_argument(name, type=Path, metavar="F.exr", help=text)
+    maps.add_argument("--psf-grid", type=Path, metavar="F.npz", help="images of points over the picture, as kernels")
+    maps.add_argument("--psf-cells", type=size, metavar="WxH", default=(5, 3), help="of them (default: 5x3)")
+    maps.add_argument(
+        "--distances-m",
+        type=distances,
+        metavar="D,D,…",
+        help="of points, in metres or inf (default: the plane of focus)",
+    )
+    maps.add_argument("--wavelengths", type=wavelengths, metavar="W,W,…", help="in nanometres (default: the camera's)")
+
+
+def check_maps(arguments: argparse.Namespace) -> None:
+    """Refuse maps whose names say another kind of file."""
+    for name in NAMES:
+        path: Path | None = getattr(arguments, name)
+        if path is None:
+            continue
+        suffix = ".exr" if name in EXR else ".npz"
+        if path.suffix.lower() != suffix:
+            option = f"--{name.replace('_', '-')}"
+            raise InputError(f"{option}: {path}: such a file is {suffix} (got {path.suffix or 'none'})")
+
+
+def written_maps(arguments: argparse.Namespace, seen: "View") -> Iterator[tuple[Path, Callable[[Path], object]]]:
+    """Yield files and what writes them, each map having been made."""
+    from rptcam_cl.exchange.camera_maps import (
+        coc_exr,
+        coc_map,
+        point_images,
+        psf_npz,
+        st_exr,
+        st_maps,
+        vignetting_exr,
+        vignetting_map,
+    )
+
+    if arguments.stmap_distort is not None or arguments.stmap_undistort is not None:
+        maps = st_maps(seen)
+        if arguments.stmap_distort is not None:
+            yield arguments.stmap_distort, lambda path: st_exr(seen, maps, "distort", path)
+        if arguments.stmap_undistort is not None:
+            yield arguments.stmap_undistort, lambda path: st_exr(seen, maps, "undistort", path)
+    if arguments.vignetting is not None:
+        light = vignetting_map(seen)
+        yield arguments.vignetting, lambda path: vignetting_exr(seen, light, path)
+    away = arguments.distances_m or [seen.distance_m]
+    if arguments.coc is not None:
+        blur = coc_map(seen, away)
+        yield arguments.coc, lambda path: coc_exr(seen, blur, away, path)
+    if arguments.psf_grid is not None:
+        data = psf_npz(point_images(seen, arguments.psf_cells, arguments.wavelengths or (), away))
+        yield arguments.psf_grid, lambda path: path.write_bytes(data)
+
+
+# The files of ``rptcam camera``: all are checked before anything is traced, and all are made before one is written.
+
+File = tuple[Path, Callable[[Path], object]]  # and what writes it
+
+TEXTS = ("opencv", "ros", "openlensio", "usd", "osl")
+COLMAP = ("cameras.txt", "images.txt", "points3D.txt")
+USD = (".usda", ".usd")  # of text; a file .usdc is binary
+
+
+def check_outputs(arguments: argparse.Namespace) -> None:
+    """Refuse, before anything is traced, files that could not be written.
+
+    Raises
+    ------
+    InputError, StateError
+    """
+    from rptcam_cl.core.files import check_writable
+
+    if (usd := arguments.usd) is not None and usd.suffix.lower() not in USD:
+        raise InputError(f"--usd: {usd}: such a file is {' or '.join(USD)} (got {usd.suffix or 'none'})")
+    if arguments.plot is not None:
+        from rptcam_cl.optics.charts import check_suffix
+
+        check_suffix(arguments.plot)
+    check_maps(arguments)
+    _check_apart(arguments)
+    folder: Path | None = arguments.colmap
+    if folder is not None and not folder.is_dir():
+        if os.path.lexists(folder):
+            raise StateError(f"--colmap: {folder} is no folder (allowed: a folder, which is made if it is missing)")
+        check_writable(folder)
+    for _, path in _outputs(arguments):
+        if path.parent != folder or folder.is_dir():
+            check_writable(path, [arguments.source])
+
+
+def _outputs(arguments: argparse.Namespace) -> Iterator[tuple[str, Path]]:
+    """Yield options and the files that they name."""
+    for name in (*TEXTS, "plot", *NAMES):
+        if (path := getattr(arguments, name)) is not None:
+            yield f"--{name.replace('_', '-')}", path
+    if arguments.colmap is not None:
+        for name in COLMAP:
+            yield "--colmap", arguments.colmap / name
+
+
+def _check_apart(arguments: argparse.Namespace) -> None:
+    """Refuse outputs that would overwrite one another."""
+    files = list(_outputs(arguments))
+    if arguments.colmap is not None:
+        files.append(("--colmap", arguments.colmap))
+    known: dict[str, str] = {}
+    for option, path in files:
+        first = known.setdefault(os.path.realpath(path), option)
+        if first != option:
+            raise InputError(f"{option}: {path} is the output of {first} too (allowed: a name of its own)")
+
+
+def write_files(arguments: argparse.Namespace, seen: "View", chosen: "Calibration") -> None:
+    """Write what is requested, all or nothing."""
+    files, folder = list(_files(arguments, seen, chosen)), arguments.colmap
+    is_new = folder is not None and not folder.is_dir()
+    if is_new:
+        folder.mkdir()
+    try:
+        _write(files)
+    except BaseException:
+        if is_new:
+            with suppress(OSError):
+                folder.rmdir()
+        raise
+    for path, _ in files:
+        if path.parent != folder or path.name not in COLMAP:
+            print(f"wrote {path}", file=sys.stderr)
+    if folder is not None:
+        print(f"wrote {folder}", file=sys.stderr)
+
+
+def _files(arguments: argparse.Namespace, seen: "View", chosen: "Calibration") -> Iterator["File"]:
+    from rptcam_cl.exchange.camera_files import WRITTEN, colmap_texts
+    from rptcam_cl.exchange.camera_models import residual_chart
+    from rptcam_cl.optics.charts import encoded
+
+    for name in TEXTS:
+        if (path := getattr(arguments, name)) is not None:
+            yield path, partial(_put, WRITTEN[name](seen, chosen).encode())
+    if arguments.plot is not None:
+        yield arguments.plot, partial(_put, encoded(residual_chart(seen, chosen), arguments.plot))
+    yield from written_maps(arguments, seen)
+    if arguments.colmap is not None:
+        picture = f"{Path(arguments.source).stem.replace(' ', '_')}.png"
+        for name, text in colmap_texts(seen, chosen, picture).items():
+            yield arguments.colmap / name, partial(_put, text.encode())
+
+
+def _put(data: bytes, path: Path) -> None:
+    path.write_bytes(data)
+
+
+def _write(files: list["File"]) -> None:
+    """Write all files beside their places, and then give them their names."""
+    from rptcam_cl.core.files import replacing
+
+    with ExitStack() as whole:
+        for path, writer in files:
+            writer(whole.enter_context(replacing(path)))
+
 
 MODELS = ("auto", "pinhole", "brown_conrady", "rational", "thin_prism", "kannala_brandt")
 GOOD_PX = 0.05  # residual at which the search for a model ends, where no other is given
@@ -34,10 +227,10 @@ def film(text: str) -> tuple[float, float]:
 
 def distance(text: str) -> float:
     """Distance of an object, which may be far away: ``inf`` [m]."""
-    return math.inf if text.lower() == "inf" else values.positive(text)
+    return math.inf if text.lower() == "inf" else positive(text)
 
 
-def add_to(commands: Commands) -> None:
+def add_camera(commands: Commands) -> None:
     """Add the command."""
     parser = commands.add_parser(
         "camera",
@@ -46,8 +239,8 @@ def add_to(commands: Commands) -> None:
         " lens.",
     )
     parser.add_argument("source", metavar="SCENE|LENS", help="scene file, or a lens by name or file")
-    values.add_overrides(parser)
-    parser.add_argument("--size", type=values.size, metavar="WxH", help="resolution (default: the scene's, 768x512)")
+    add_overrides(parser)
+    parser.add_argument("--size", type=size, metavar="WxH", help="resolution (default: the scene's, 768x512)")
     parser.add_argument("--film", type=film, metavar="WxH", help="film in millimetres (default: the scene's, 36x24)")
     parser.add_argument(
         "--distance-m", type=distance, metavar="D",
@@ -66,7 +259,7 @@ def add_to(commands: Commands) -> None:
         help="the model by angles, for fisheyes: --model kannala_brandt",
     )  # fmt: skip
     parser.add_argument(
-        "--max-residual-px", type=values.positive, metavar="R", help="refuse a model that errs by more anywhere"
+        "--max-residual-px", type=positive, metavar="R", help="refuse a model that errs by more anywhere"
     )
     parser.add_argument("--json", action="store_true", help="print everything as JSON, all models with their residuals")
     parser.add_argument("--opencv", type=Path, metavar="F.yaml", help="write a file for OpenCV")
@@ -79,12 +272,12 @@ def add_to(commands: Commands) -> None:
     parser.add_argument("--osl", type=Path, metavar="F.osl", help="write a shader for Cycles, which traces the lens")
     parser.add_argument("--plot", type=Path, metavar="FILE", help="plot the residual, .svg, .png or .pdf")
     add_maps(parser)
-    parser.set_defaults(run=_run, parser=parser)
+    parser.set_defaults(run=_run_camera, parser=parser)
 
 
-def _run(arguments: argparse.Namespace) -> int:
-    from rptcam_cl.calibration import subject, view
-    from rptcam_cl.scene import camera_changes
+def _run_camera(arguments: argparse.Namespace) -> int:
+    from rptcam_cl.exchange.camera_view import subject, view
+    from rptcam_cl.scene.load import camera_changes
 
     check_outputs(arguments)
     scene = subject(arguments.source, arguments.overrides, size=arguments.size, film_mm=arguments.film)
@@ -105,7 +298,8 @@ def _run(arguments: argparse.Namespace) -> int:
 
 def _chosen(arguments: argparse.Namespace, seen: "View") -> "Calibration":
     """The requested model, or the simplest that fits and that all files to be written can hold."""
-    from rptcam_cl.calibration import COEFFICIENTS, HELD, calibrate, calibrate_best, check_held
+    from rptcam_cl.exchange.camera_files import HELD, check_held
+    from rptcam_cl.exchange.camera_models import COEFFICIENTS, calibrate, calibrate_best
 
     forms = [name for name in (*TEXTS, "colmap") if getattr(arguments, name) is not None]
     allowed = arguments.max_residual_px
@@ -131,7 +325,8 @@ def _chosen(arguments: argparse.Namespace, seen: "View") -> "Calibration":
 
 
 def _report(arguments: argparse.Namespace, seen: "View", chosen: "Calibration") -> None:
-    from rptcam_cl.calibration import COEFFICIENTS, calibrate, document, object_text
+    from rptcam_cl.exchange.camera_files import document, object_text
+    from rptcam_cl.exchange.camera_models import COEFFICIENTS, calibrate
 
     if not arguments.json:
         rows = [[name, value] for name, value in chosen.named.items()]

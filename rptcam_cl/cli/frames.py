@@ -1,4 +1,4 @@
-"""``rptcam render --frames``: a sequence of pictures, each the one that its frame gives alone."""
+"""``rptcam render --frames``, a sequence of pictures, and ``--watch``, again whenever a file changes."""
 
 import argparse
 import contextlib
@@ -6,16 +6,21 @@ import copy
 import json
 import re
 import sys
+import threading
+import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rptcam_cl.core.errors import InputError, RptcamError
-from rptcam_cl.core.kept import OneMaker, made_by
+from rptcam_cl.core.files import OneMaker, made_by, named_files
 
 if TYPE_CHECKING:
-    from rptcam_cl.scene import Scene
+    from rptcam_cl.scene.scene import Scene
+
+
+# ``rptcam render --frames``: a sequence of pictures, each the one that its frame gives alone.
 
 PLACE = re.compile(r"#+")
 # Options that are of a single picture.
@@ -23,7 +28,7 @@ SINGLE = {"watch": "--watch", "preview": "--preview", "stats": "--stats", "plan"
 SINGLE |= {"samples": "--samples"}
 
 
-def add_option(parser: argparse.ArgumentParser) -> None:
+def add_frames_option(parser: argparse.ArgumentParser) -> None:
     """Add the option."""
     parser.add_argument(
         "--frames", type=frame_range, metavar="FIRST-LAST[:STEP]",
@@ -50,7 +55,8 @@ def frame_range(text: str) -> range:
 
 def frame_scenes(arguments: argparse.Namespace, scene: "Scene") -> list[tuple[int, "Scene"]]:
     """The scene of each frame, checked before any is rendered."""
-    from rptcam_cl.scene import FrameSequence, at_rest, set_keys
+    from rptcam_cl.scene.exposure import FrameSequence
+    from rptcam_cl.scene.load import at_rest, set_keys
 
     sequence = scene.sequence or FrameSequence()
     found = []
@@ -66,15 +72,16 @@ def frame_scenes(arguments: argparse.Namespace, scene: "Scene") -> list[tuple[in
 
 def tracked(arguments: argparse.Namespace, scene: "Scene") -> Callable[[int], tuple["Scene", dict[str, Any]]] | None:
     """What returns a frame with focus and exposure that follow from those before; None where each stands for itself."""
-    from rptcam_cl.api import FrameTracker, RenderSettings, needs_tracking
+    from rptcam_cl.api.stages import RenderOptions
+    from rptcam_cl.api.sweeping import FrameTracker, needs_tracking
 
     if not needs_tracking(scene):
         return None
-    from rptcam_cl.device import open_sessions
+    from rptcam_cl.device.session import open_sessions
 
     given = arguments.devices
     wanted = given[0] if given is not None and len(given) == 1 else given
-    settings = RenderSettings(seed=arguments.seed, size=arguments.size, crop=arguments.crop)
+    settings = RenderOptions(seed=arguments.seed, size=arguments.size, crop=arguments.crop)
     return FrameTracker(settings.applied_to(scene), lambda: open_sessions(wanted)[0][0]).frame
 
 
@@ -88,7 +95,7 @@ def neighbours_of(
     return frame_of(frame - 1) if frame > 1 else None, frame_of(frame + 1)
 
 
-def check_options(arguments: argparse.Namespace) -> None:
+def check_frame_options(arguments: argparse.Namespace) -> None:
     """Refuse options of a single picture, and outputs that would overwrite one another."""
     for name, words in SINGLE.items():
         if getattr(arguments, name):
@@ -98,7 +105,7 @@ def check_options(arguments: argparse.Namespace) -> None:
             raise InputError(f"{path}: every frame would overwrite it (allowed: a name with ####, as out.####.exr)")
 
     if arguments.video is not None:
-        from rptcam_cl.imaging import check_video
+        from rptcam_cl.imaging.image import check_video
 
         check_video(arguments.video, [arguments.scene])
         if _film(arguments) is None:
@@ -112,8 +119,8 @@ def _film(arguments: argparse.Namespace) -> Path | None:
 
 def _write_video(arguments: argparse.Namespace, scene: "Scene") -> None:
     """Write the developed films of all frames as a video."""
-    from rptcam_cl.imaging import develop, write_video
-    from rptcam_cl.scene import FrameSequence
+    from rptcam_cl.imaging.image import develop, write_video
+    from rptcam_cl.scene.exposure import FrameSequence
 
     film = _film(arguments)
     assert film is not None
@@ -138,7 +145,7 @@ def _named(path: Path, frame: int) -> Path:
 
 def metadata_of(scene: "Scene", frame: int) -> dict[str, Any]:
     """What the files of a frame say of it."""
-    from rptcam_cl.scene import FrameSequence
+    from rptcam_cl.scene.exposure import FrameSequence
 
     sequence = scene.sequence or FrameSequence()
     rate = sequence.frames_per_second
@@ -191,7 +198,7 @@ def _value(found: Any) -> Any:
 
 def _metadata(path: Path) -> dict[str, Any] | None:
     """The metadata of a picture; None for formats that keep none for us to read, nothing of a damaged file."""
-    from rptcam_cl.imaging import read_film
+    from rptcam_cl.imaging.image import read_film
 
     try:
         if path.suffix.lower() in (".exr", ".npz"):
@@ -227,7 +234,8 @@ def _missing(
     wanted: Wanted,
 ) -> Iterator[Frame]:
     """Yield the frames that are not there yet; all are checked before the first."""
-    from rptcam_cl.scene import FrameSequence, set_keys
+    from rptcam_cl.scene.exposure import FrameSequence
+    from rptcam_cl.scene.load import set_keys
 
     sequence = scene.sequence or FrameSequence()
 
@@ -283,3 +291,75 @@ def render_frames(
     if arguments.video is not None:
         _write_video(arguments, scene)
     return 0
+
+
+# ``rptcam render --watch``: a picture is rendered again whenever a file that it comes from has changed.
+
+INTERVAL_S = 0.2  # between two times that files are compared
+
+State = tuple[int, int, int] | None
+
+
+class Files:
+    """Files as they were, to be compared with what they are.
+
+    Parameters
+    ----------
+    first
+        A file that counts from the beginning.
+    more
+        Grows as others are named; each counts from the first comparison on.
+    """
+
+    def __init__(self, first: Path, more: Iterable[Path]) -> None:
+        self._more = more
+        self._known = {first: _state(first)}
+        self._compared = time.monotonic()
+        self._changed = False
+
+    def changed(self) -> bool:
+        """Return whether one has changed, by comparing them a few times a second at most."""
+        if not self._changed and time.monotonic() - self._compared >= INTERVAL_S:
+            self._compared = time.monotonic()
+            for path in tuple(self._more):
+                self._known.setdefault(path, _state(path))
+            self._changed = any(_state(path) != state for path, state in self._known.items())
+        return self._changed
+
+    def wait_for_rest(self) -> None:
+        """Wait until they stay the same: whoever writes them has come to the end."""
+        last = None
+        while last != (last := {path: _state(path) for path in self._known}):
+            time.sleep(INTERVAL_S)
+
+
+def render_again(scene: Path, stop: threading.Event, picture: Callable[[Callable[[], bool]], object]) -> None:
+    """Make a picture, and again whenever files change, until ``stop`` is set; errors are printed, and waited out.
+
+    Parameters
+    ----------
+    scene
+        The scene file.
+    picture
+        Makes the picture; it asks the function that it is given whether to give up.
+    """
+    while not stop.is_set():
+        with named_files() as named:
+            files = Files(scene, named)
+            try:
+                picture(lambda files=files: stop.is_set() or files.changed())  # type: ignore[misc]
+            except RptcamError as error:
+                if not stop.is_set():  # else a compiler, whose files Ctrl-C takes away
+                    print(f"error: {error}", file=sys.stderr)
+            while not (stop.is_set() or files.changed()):
+                stop.wait(INTERVAL_S)
+        if not stop.is_set():
+            files.wait_for_rest()
+
+
+def _state(path: Path) -> State:
+    try:
+        found = path.stat()
+    except OSError:
+        return None
+    return found.st_mtime_ns, found.st_size, found.st_ino

@@ -2,33 +2,289 @@
 
 import argparse
 import math
+import sys
+from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rptcam_cl.cli import (
-    lens_breathing,
-    lens_convert,
-    lens_design,
-    lens_draw,
-    lens_field,
-    lens_ghosts,
-    lens_glare,
-    lens_losses,
-    lens_spots,
-    lens_tolerance,
-    lens_trace,
-    lens_wavefront,
+from rptcam_cl.cli.lens_field import add_lens_breathing, add_lens_field, add_lens_tolerance, add_lens_trace
+from rptcam_cl.cli.lens_image import (
+    add_lens_ghosts,
+    add_lens_glare,
+    add_lens_losses,
+    add_lens_spots,
+    add_lens_wavefront,
 )
-from rptcam_cl.cli.lens_options import add_coating, add_lens, coated_lens, wavelength, zoomed_lens
+from rptcam_cl.cli.lens_options import (
+    FDC,
+    add_catalogue,
+    add_coating,
+    add_fields,
+    add_lens_argument,
+    add_wavelengths,
+    check_file,
+    check_picture,
+    coated_lens,
+    count,
+    lens_in_use,
+    load,
+    number,
+    tracer_of,
+    wavelength,
+    write,
+    write_picture,
+    zoomed_lens,
+)
 from rptcam_cl.cli.output import as_json
-from rptcam_cl.cli.parser import Commands
-from rptcam_cl.core.constants import LINE_D_NM
+from rptcam_cl.cli.parser import Commands, Parser, positive
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.vectors import LINE_D_NM
 
 if TYPE_CHECKING:
-    from rptcam_cl.optics import Lens, LensTransmission
+    from rptcam_cl.optics.design import GlassChoice
+    from rptcam_cl.optics.lens import Lens
+    from rptcam_cl.optics.ray_trace import LensTransmission
 
 
-def add_to(commands: Commands) -> None:
+# ``rptcam lens convert``: a lens file of any known kind becomes one of ours, of pbrt, of Zemax or of CODE V.
+
+_SUFFIXES = (".yaml", ".yml", ".dat", ".zmx", ".seq")
+
+
+def add_lens_convert(commands: Commands) -> None:
+    """Add the command."""
+    text = "write a lens as a file of ours (.yaml), a pbrt table (.dat) or for Zemax (.zmx) or CODE V (.seq)"
+    parser = commands.add_parser("convert", help=text, description=text.capitalize() + ".")
+    parser.add_argument("lens", metavar="LENS", help="a name from the list, or a lens file of any known kind")
+    parser.add_argument("-o", "--output", type=Path, metavar="FILE", required=True, help=".yaml, .dat, .zmx or .seq")
+    add_catalogue(parser)
+    parser.add_argument("--f-number", type=positive, metavar="N", help="stop down (default: as in the file)")
+    parser.add_argument(
+        "--focal-length-mm", type=positive, metavar="F", help="set a zoom lens and write it as it then is"
+    )
+    parser.add_argument(
+        "--wavelength-nm", type=wavelength, metavar="W", default=LINE_D_NM,
+        help="wavelength of the indices in a .dat table (default: %(default)s)",
+    )  # fmt: skip
+    parser.set_defaults(run=_run_lens_convert, parser=parser)
+
+
+def _run_lens_convert(arguments: argparse.Namespace) -> int:
+    from rptcam_cl.optics.files.export import codev_text, left_out, lens_text, loses_dispersion, pbrt_text, zemax_text
+    from rptcam_cl.optics.lens import zoomed
+    from rptcam_cl.optics.ray_trace import has_coatings
+
+    suffix = arguments.output.suffix.lower()
+    if suffix not in _SUFFIXES:
+        raise InputError(f"{arguments.output}: unknown kind of lens file to write (allowed: {', '.join(_SUFFIXES)})")
+    check_file(arguments.output, arguments.lens)
+    lens = load(arguments.lens, arguments.catalogue)
+    comments = []
+    if arguments.focal_length_mm is not None:
+        lens = replace(zoomed(lens, arguments.focal_length_mm), configurations=(), published={})
+        comments.append(f"Set to a focal length of {arguments.focal_length_mm:g} mm.")
+    if arguments.f_number is not None:
+        lens = lens.with_stop_diameter(lens.stop_diameter_for(arguments.f_number))
+        lens = replace(lens, published={"marked_f_number": lens.first_order().f_number})
+        comments.append(f"Stopped down to f/{arguments.f_number:g}.")
+    if suffix in (".zmx", ".seq"):
+        text = zemax_text(lens) if suffix == ".zmx" else codev_text(lens)
+        for note in left_out(lens):
+            print(f"a {suffix} file: {note}", file=sys.stderr)
+    elif suffix != ".dat":
+        text = lens_text(lens, comments)
+    else:
+        text = pbrt_text(lens, arguments.wavelength_nm)
+        if loses_dispersion(lens):
+            print(f"a .dat table has no dispersion: its indices are those at {arguments.wavelength_nm:g} nm",
+                  file=sys.stderr)  # fmt: skip
+        if has_coatings(lens):
+            print("a .dat table has no coatings: they are left out", file=sys.stderr)
+        if lens.focusing is not None:
+            print("a .dat table has no focusing group: the lens is written focused at infinity", file=sys.stderr)
+    write(text.encode(), arguments.output)
+    return 0
+
+
+# ``rptcam lens design``: single lenses and achromats from closed forms, as lens files.
+
+_CONSTRAINTS = ("r1=r2", "r2=r3", "flat-r3")
+
+
+def add_lens_design(commands: Commands) -> None:
+    """Add the command with its own commands."""
+    text = "make a lens file of a single lens or an achromatic doublet"
+    design = commands.add_parser("design", help=text, description=text.capitalize() + ".")
+    inner = design.add_commands("design_command")
+    text = "a single lens by the lensmaker's equation"
+    single = inner.add_parser("singlet", help=text, description=text.capitalize() + ".")
+    _add_common(single)
+    single.add_argument("--glass", metavar="G", default="N-BK7", help=f"{_GLASS_HELP} (default: %(default)s)")
+    single.add_argument(
+        "--bending", type=number, metavar="Q", default=0.0,
+        help="(R2 + R1) / (R2 - R1): 0 equal radii, 1 plane on the film side, -1 on the scene side (default: 0)",
+    )  # fmt: skip
+    single.add_argument(
+        "--focus-distance-m",
+        type=positive,
+        metavar="D",
+        help="also write the distances that focus an object this far from the film",
+    )
+    single.set_defaults(run=_singlet, parser=single)
+    text = "a cemented achromat from two glasses and one more condition"
+    double = inner.add_parser("doublet", help=text, description=text.capitalize() + ".")
+    _add_common(double)
+    double.add_argument("--crown", metavar="G", default="N-BK7", help=f"{_GLASS_HELP} (default: %(default)s)")
+    double.add_argument("--flint", metavar="G", default="F2", help="glass on the film side (default: %(default)s)")
+    third = double.add_mutually_exclusive_group()
+    third.add_argument(
+        "--constraint", choices=_CONSTRAINTS, default="r1=r2",
+        help="biconvex first lens, biconcave second lens, or plane last surface (default: %(default)s)",
+    )  # fmt: skip
+    third.add_argument("--r1-mm", type=number, metavar="R", help="first radius, in place of a constraint")
+    double.set_defaults(run=_doublet, parser=double)
+
+
+_GLASS_HELP = "a name as N-BK7, n_d/V_d as 1.517/64.2, or an index as 1.5"
+
+
+def _add_common(parser: Parser) -> None:
+    parser.add_argument("--focal-length-mm", type=number, required=True, metavar="F", help="below 0: a diverging lens")
+    parser.add_argument("--diameter-mm", type=positive, required=True, metavar="D", help="clear diameter")
+    parser.add_argument("-o", "--output", type=Path, metavar="FILE", help="write here (default: standard output)")
+
+
+def _glass(text: str) -> "GlassChoice":
+    """The glass that a word names."""
+    from rptcam_cl.optics.design import GlassChoice
+    from rptcam_cl.optics.files.glasses import read_glass
+    from rptcam_cl.optics.files.native import document_of
+    from rptcam_cl.optics.glass import abbe_number
+
+    entry: Any = text
+    parts = text.split("/")
+    try:
+        numbers = [float(part) for part in parts]
+        entry = {"index": numbers[0]} if len(numbers) == 1 else {"nd": numbers[0], "vd": numbers[1]}
+    except ValueError:
+        pass
+    medium = read_glass(document_of({"name": "design", "glass": entry}), ("glass",))
+    return GlassChoice(float(medium.index(LINE_D_NM)), abbe_number(medium), entry)
+
+
+def _focal_lengths(lens: "Lens") -> list[str]:
+    first = lens.first_order()
+    lines = [f"focal length {first.focal_length_mm:.6g} mm at n_d, f/{first.f_number:.4g}"]
+    lines.append(f"last surface to rear focal point {first.back_focal_distance_mm:.6g} mm")
+    names = zip("FdC", (lens.first_order(wave).focal_length_mm for wave in FDC), strict=True)
+    lines.append("focal length at " + ", ".join(f"{name} {length:.6g}" for name, length in names) + " mm")
+    return lines
+
+
+def _written(arguments: argparse.Namespace, lens: "Lens", comments: list[str]) -> int:
+    from rptcam_cl.optics.files.export import lens_text
+
+    text = lens_text(lens, [*comments, *_focal_lengths(lens)])
+    if arguments.output is None:
+        print(text, end="")
+    else:
+        write(text.encode(), arguments.output)
+    return 0
+
+
+def _singlet(arguments: argparse.Namespace) -> int:
+    from rptcam_cl.optics.design import image_distances, singlet
+    from rptcam_cl.optics.lens import film_distance
+    from rptcam_cl.optics.library import load_lens
+
+    check_file(arguments.output, "")
+    glass = _glass(arguments.glass)
+    lens = load_lens(singlet(arguments.focal_length_mm, glass, arguments.diameter_mm, arguments.bending))
+    comments = []
+    if arguments.focus_distance_m is not None:
+        distance = 1000 * arguments.focus_distance_m
+        near, far = image_distances(arguments.focal_length_mm, distance)
+        comments.append(
+            f"object {arguments.focus_distance_m:g} m from the film: thin lens {near:.6g} mm (or {far:.6g} mm) before "
+            f"the film; this lens: last surface to film {film_distance(lens, distance):.6g} mm"
+        )
+    return _written(arguments, lens, comments)
+
+
+def _doublet(arguments: argparse.Namespace) -> int:
+    from rptcam_cl.optics.design import doublet, doublet_radii
+    from rptcam_cl.optics.library import load_lens
+
+    check_file(arguments.output, "")
+    crown, flint = _glass(arguments.crown), _glass(arguments.flint)
+    if math.isinf(crown.abbe) or math.isinf(flint.abbe):
+        raise InputError("an achromat needs glasses that disperse: name them, or give n_d/V_d as 1.517/64.2")
+    constraint, r1 = arguments.constraint.replace("-", " "), 0.0
+    if arguments.r1_mm is not None:
+        constraint, r1 = "r1", arguments.r1_mm
+    focal_length = arguments.focal_length_mm
+    lens = load_lens(doublet(focal_length, crown, flint, arguments.diameter_mm, constraint, r1))
+    radii = doublet_radii(focal_length, crown, flint, constraint, r1)
+    shown = ", ".join("plane" if math.isinf(radius) else f"{radius:.6g}" for radius in radii)
+    return _written(arguments, lens, [f"thin achromat of {focal_length:g} mm: radii {shown} mm"])
+
+
+# ``rptcam lens draw``: a lens in cross-section with its rays.
+
+
+def add_lens_draw(commands: Commands) -> None:
+    """Add the command."""
+    text = "draw a lens in cross-section, with rays traced by a device"
+    parser = commands.add_parser(
+        "draw", help=text, description=text.capitalize() + "; a red cross is where a ray was blocked."
+    )
+    add_lens_argument(parser)
+    parser.add_argument(
+        "-o", "--output", type=Path, metavar="FILE", help=".svg, .png or .pdf (default: SVG to standard output)"
+    )
+    parser.add_argument(
+        "--section", choices=("y", "x"), default="y", help="the y-z plane or the x-z plane (default: %(default)s)"
+    )
+    add_fields(parser)
+    add_wavelengths(parser, (LINE_D_NM,))
+    parser.add_argument(
+        "--rays", type=count, metavar="N", default=7,
+        help="rays that pass, for each field and wavelength (default: %(default)s)",
+    )  # fmt: skip
+    parser.add_argument("--only-passing", action="store_true", help="leave out the rays that are blocked")
+    parser.add_argument(
+        "--device", metavar="SPEC",
+        help="traces the rays: an index as 0:0, a part of a name, cpu, gpu, auto, or none for the float64 reference "
+        "on the host (default: auto, or the reference where there is no device)",
+    )  # fmt: skip
+    parser.set_defaults(run=_run_lens_draw, parser=parser)
+
+
+def _run_lens_draw(arguments: argparse.Namespace) -> int:
+    from rptcam_cl.optics.charts import DRAWN, svg_text
+    from rptcam_cl.optics.drawing import View, draw_lens
+
+    check_picture(arguments.output, arguments.lens, DRAWN)
+    state = lens_in_use(arguments, arguments.wavelengths[len(arguments.wavelengths) // 2])
+    tracer, name = tracer_of(arguments.device)
+    view = View(
+        section=arguments.section,
+        fields=arguments.fields,
+        rays=arguments.rays,
+        wavelengths_nm=arguments.wavelengths,
+        blocked=not arguments.only_passing,
+    )
+    picture = draw_lens(state, view, tracer)
+    print(f"rays traced {name}", file=sys.stderr)
+    if state.film_distance_mm is None:
+        print("this lens forms no real image of a distant object: no film is drawn", file=sys.stderr)
+    if arguments.output is None:
+        print(svg_text(picture), end="")
+    write_picture(picture, arguments.output)
+    return 0
+
+
+def add_lens(commands: Commands) -> None:
     """Add the command with its own commands."""
     text = "list, examine, draw, measure, convert and design lenses"
     lens = commands.add_parser("lens", help=text, description=text.capitalize() + ".")
@@ -41,7 +297,7 @@ def add_to(commands: Commands) -> None:
     listing.set_defaults(run=_list, parser=listing)
     text = "print the first-order data of a lens"
     info = inner.add_parser("info", help=text, description=text.capitalize() + ".")
-    add_lens(info)
+    add_lens_argument(info)
     info.add_argument(
         "--wavelength-nm", type=wavelength, metavar="W", default=LINE_D_NM,
         help="wavelength in nanometres (default: %(default)s)",
@@ -53,25 +309,25 @@ def add_to(commands: Commands) -> None:
     add_coating(info)
     info.add_argument("--json", action="store_true", help="print JSON")
     info.set_defaults(run=_info, parser=info)
-    for command in (
-        lens_draw,
-        lens_spots,
-        lens_wavefront,
-        lens_field,
-        lens_losses,
-        lens_breathing,
-        lens_tolerance,
-        lens_ghosts,
-        lens_glare,
-        lens_trace,
-        lens_convert,
-        lens_design,
+    for add in (
+        add_lens_draw,
+        add_lens_spots,
+        add_lens_wavefront,
+        add_lens_field,
+        add_lens_losses,
+        add_lens_breathing,
+        add_lens_tolerance,
+        add_lens_ghosts,
+        add_lens_glare,
+        add_lens_trace,
+        add_lens_convert,
+        add_lens_design,
     ):
-        command.add_to(inner)
+        add(inner)
 
 
 def _list(arguments: argparse.Namespace) -> int:
-    from rptcam_cl.optics import list_lenses, load_lens
+    from rptcam_cl.optics.library import list_lenses, load_lens
 
     lenses = {name: load_lens(name) for name in list_lenses()}
     if arguments.json or arguments.markdown:
@@ -127,7 +383,7 @@ def _lines(facts: dict[str, Any], indent: str = "") -> list[str]:
 
 def _transmission(arguments: argparse.Namespace, lens: "Lens") -> "LensTransmission":
     """The losses by the options."""
-    from rptcam_cl.optics import BY_NAME, has_coatings
+    from rptcam_cl.optics.ray_trace import BY_NAME, has_coatings
 
     name = arguments.transmission or ("ideal" if arguments.coating is None else "coated")
     if name != "coated" and arguments.coating is not None:
@@ -138,7 +394,7 @@ def _transmission(arguments: argparse.Namespace, lens: "Lens") -> "LensTransmiss
 
 
 def _info(arguments: argparse.Namespace) -> int:
-    from rptcam_cl.optics import lens_info
+    from rptcam_cl.optics.design import lens_info
 
     lens = coated_lens(arguments, zoomed_lens(arguments, arguments.wavelength_nm))
     distance = math.inf if arguments.focus_distance_m is None else 1000 * arguments.focus_distance_m

@@ -1,33 +1,153 @@
-"""``rptcam lens vignette`` and ``distortion``: how a lens draws over the field."""
+"""``rptcam lens trace``, ``vignette``, ``distortion``, ``breathing`` and ``tolerance``."""
 
 import argparse
+import math
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from rptcam_cl.cli import parser as values
 from rptcam_cl.cli.lens_options import (
     FDC,
+    RayList,
+    add_catalogue,
+    add_coating,
     add_fields,
-    add_lens,
+    add_lens_argument,
     add_plot,
     add_wavelengths,
     check_picture,
+    coated_lens,
     count,
     lens_in_use,
+    load,
+    number,
+    read_rays,
     wavelength,
     write_picture,
+    zoomed_lens,
 )
 from rptcam_cl.cli.output import as_json, print_table
-from rptcam_cl.cli.parser import Commands
-from rptcam_cl.core.constants import LINE_D_NM
+from rptcam_cl.cli.parser import Commands, positive
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.vectors import LINE_D_NM
+
+if TYPE_CHECKING:
+    from rptcam_cl.optics.image_quality import Setting
+    from rptcam_cl.optics.lens import Lens
+    from rptcam_cl.optics.ray_trace import Rays
+    from rptcam_cl.rendering.tolerances import ToleranceRun
+    from rptcam_cl.rendering.traceable_lens import Precision
+
+
+# ``rptcam lens trace``: the path and fate of single rays.
+
+
+def add_lens_trace(commands: Commands) -> None:
+    """Add the command."""
+    text = "trace single rays: where they leave the lens, or which surface stops them"
+    parser = commands.add_parser(
+        "trace", help=text,
+        description=text.capitalize() + ". Millimetres; z = 0 at the first vertex, +z towards the film.",
+    )  # fmt: skip
+    add_lens_argument(parser)
+    parser.add_argument(
+        "rays", metavar="RAYS", nargs="?",
+        help="JSON [{origin, direction, wavelength_nm}], or CSV x,y,z,dx,dy,dz[,wavelength_nm]; - reads standard input",
+    )  # fmt: skip
+    parser.add_argument("--film-point", type=number, nargs=2, metavar=("X", "Y"), help="one ray from here on the film")
+    parser.add_argument(
+        "--through", type=number, nargs=2, metavar=("U", "V"), default=(0.0, 0.0),
+        help="to this point of the plane of the last vertex (default: 0 0)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--start", choices=("film", "scene"), default="film", help="side where rays begin (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--wavelength-nm", type=wavelength, metavar="W", default=LINE_D_NM,
+        help="of rays that have none of their own (default: %(default)s)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--device", metavar="SPEC",
+        help="an index as 0:0, a part of a name, cpu, gpu or auto (default: the float64 reference on the host)",
+    )  # fmt: skip
+    parser.add_argument("--precision", choices=("single", "double"), help="arithmetic of the device (default: single)")
+    parser.add_argument("--json", action="store_true", help="print JSON")
+    parser.set_defaults(run=_run_lens_trace, parser=parser)
+
+
+def _rays(arguments: argparse.Namespace, state: "Setting") -> RayList:
+    if (arguments.rays is None) == (arguments.film_point is None):
+        raise InputError("rptcam lens trace: needs either a file of rays or --film-point")
+    if arguments.rays is not None:
+        return read_rays(arguments.rays, arguments.wavelength_nm)
+    if arguments.start != "film":
+        raise InputError("--film-point: such a ray starts from the film (leave out --start scene)")
+    (x, y), (u, v) = arguments.film_point, arguments.through
+    return RayList([[x, y, state.film_z]], [[u - x, v - y, -state.film]], [arguments.wavelength_nm])
+
+
+def _trace(arguments: argparse.Namespace, state: "Setting", rays: RayList) -> "tuple[Rays, str]":
+    """The rays behind the lens, and what traced them."""
+    from rptcam_cl.optics.ray_trace import trace
+
+    parts = (rays.origins, rays.directions, rays.wavelengths, arguments.start)
+    if arguments.device in (None, "none"):
+        if arguments.precision is not None:
+            raise InputError("--precision: belongs to a device; name one with --device")
+        return trace(state.lens, *parts), "in float64 on the host"
+    from rptcam_cl.device.session import open_session
+    from rptcam_cl.rendering.traceable_lens import trace_on_device
+
+    session = open_session(arguments.device)
+    precision: Precision = arguments.precision or "single"
+    name = f"on {session.info.id} {session.info.name}, {precision} precision"
+    return trace_on_device(state.lens, session, *parts, precision), name
+
+
+def _rows(rays: "Rays", wavelengths: list[float]) -> list[dict[str, Any]]:
+    from rptcam_cl.optics.ray_trace import Status
+
+    return [
+        {
+            "status": Status(int(rays.status[i])).name,
+            "surface": int(rays.surface[i]) if rays.surface[i] >= 0 else None,
+            "origin": rays.origins[i].tolist(),
+            "direction": rays.directions[i].tolist(),
+            "wavelength_nm": wavelengths[i],
+        }
+        for i in range(len(wavelengths))
+    ]
+
+
+def _run_lens_trace(arguments: argparse.Namespace) -> int:
+    state = lens_in_use(arguments, arguments.wavelength_nm)
+    rays = _rays(arguments, state)
+    traced, name = _trace(arguments, state, rays)
+    rows = _rows(traced, rays.wavelengths)
+    print(f"{len(rows)} rays traced {name}", file=sys.stderr)
+    if arguments.json:
+        print(as_json({"lens": state.lens.name, "start": arguments.start, "rays": rows}))
+        return 0
+    columns = ("ray", "status", "surface", "x", "y", "z", "dx", "dy", "dz", "wavelength [nm]")
+    cells = [
+        [i, row["status"].replace("_", " "), row["surface"], *row["origin"], *row["direction"], row["wavelength_nm"]]
+        for i, row in enumerate(rows)
+    ]
+    print_table(columns, cells, f"{state.lens.name}, rays from the {arguments.start}")
+    return 0
+
+
+# ``rptcam lens vignette`` and ``distortion``: how a lens draws over the field.
 
 _SHARES = (0.0, 0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875, 1.0)
 
 
-def add_to(commands: Commands) -> None:
+def add_lens_field(commands: Commands) -> None:
     """Add the two commands."""
     text = "how the film darkens towards its edge, by the pupil and by cos^4"
     vignette = commands.add_parser("vignette", help=text, description=text.capitalize() + ".")
-    add_lens(vignette)
-    vignette.add_argument("--film-radius-mm", type=values.positive, metavar="R", help="how far (default: image circle)")
+    add_lens_argument(vignette)
+    vignette.add_argument("--film-radius-mm", type=positive, metavar="R", help="how far (default: image circle)")
     vignette.add_argument("--steps", type=count, metavar="N", default=16, help="radii (default: %(default)s)")
     vignette.add_argument(
         "--wavelength-nm", type=wavelength, metavar="W", default=LINE_D_NM,
@@ -37,7 +157,7 @@ def add_to(commands: Commands) -> None:
     vignette.set_defaults(run=_vignette, parser=vignette)
     text = "where chief rays meet the film against an ideal projection, and lateral colour"
     distortion = commands.add_parser("distortion", help=text, description=text.capitalize() + ".")
-    add_lens(distortion)
+    add_lens_argument(distortion)
     add_fields(distortion, steep=True)
     add_wavelengths(distortion, FDC)
     distortion.add_argument(
@@ -50,7 +170,7 @@ def add_to(commands: Commands) -> None:
 
 
 def _vignette(arguments: argparse.Namespace) -> int:
-    from rptcam_cl.lenstools import film_radii, vignetting_chart, vignetting_table
+    from rptcam_cl.optics.field_measures import film_radii, vignetting_chart, vignetting_table
 
     check_picture(arguments.output, arguments.lens)
     state = lens_in_use(arguments, arguments.wavelength_nm)
@@ -66,13 +186,8 @@ def _vignette(arguments: argparse.Namespace) -> int:
 
 
 def _distortion(arguments: argparse.Namespace) -> int:
-    from rptcam_cl.lenstools import (
-        PROJECTIONS,
-        default_fields,
-        distortion_chart,
-        distortion_table,
-        followed_projection,
-    )
+    from rptcam_cl.optics.field_measures import PROJECTIONS, distortion_chart, distortion_table, followed_projection
+    from rptcam_cl.optics.image_quality import default_fields
 
     check_picture(arguments.output, arguments.lens)
     state = lens_in_use(arguments)
@@ -91,3 +206,155 @@ def _distortion(arguments: argparse.Namespace) -> int:
     if arguments.output is not None:
         write_picture(distortion_chart(state, rows, projection), arguments.output)
     return 0
+
+
+# ``rptcam lens breathing``: field of view and speed of a lens over its focus and its zoom.
+
+DISTANCES_M = "inf,10,5,3,2,1.5"
+
+
+def add_lens_breathing(commands: Commands) -> None:
+    """Add the command."""
+    text = "field of view, f-number and T-number over focus and zoom"
+    parser = commands.add_parser("breathing", help=text, description=text[0].upper() + text[1:] + ".")
+    add_lens_argument(parser)
+    parser.add_argument(
+        "--distances-m", type=distances, metavar="A,B,…", default=DISTANCES_M,
+        help="from the object to the film in metres, the first is what others are compared with; inf is infinity"
+        " (default: %(default)s)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--film-width-mm", type=positive, metavar="W", default=36.0, help="of the film (default: %(default)s)"
+    )
+    add_coating(parser)
+    parser.add_argument("--csv", action="store_true", help="print comma-separated values")
+    add_plot(parser)
+    parser.set_defaults(run=_breathing, parser=parser)
+
+
+def distances(text: str) -> list[float]:
+    """Distances of ``inf,2,1`` [m]."""
+    try:
+        found = [float(part) for part in text.split(",")]
+    except ValueError:
+        found = []
+    if not found or not all(0 < value < 1e9 or value == math.inf for value in found):
+        raise argparse.ArgumentTypeError(f"got {text}; allowed distances above 0 with commas between, as inf,5,2,1")
+    return found
+
+
+def _positions(arguments: argparse.Namespace) -> list[tuple[str, "Lens"]]:
+    """The lens in each of its zoom positions, or in the one that the options choose, stopped down."""
+    from rptcam_cl.optics.lens import configured
+
+    lens = coated_lens(arguments, zoomed_lens(arguments, LINE_D_NM))
+    if lens.configurations and arguments.zoom is None and arguments.focal_length_mm is None:
+        found = [(each.name, configured(lens, each.name)) for each in lens.configurations]
+    else:
+        found = [(arguments.zoom or "", lens)]
+    if arguments.f_number is None:
+        return found
+    return [(name, each.with_stop_diameter(each.stop_diameter_for(arguments.f_number))) for name, each in found]
+
+
+def _breathing(arguments: argparse.Namespace) -> int:
+    from rptcam_cl.optics.ray_trace import COATED, UNCOATED, has_coatings
+    from rptcam_cl.rendering.cameras.chief_rays import breathing_chart, breathing_csv, breathing_table
+
+    check_picture(arguments.output, arguments.lens)
+    if arguments.focus_distance_m is not None:
+        raise InputError("--focus-distance-m: has no effect on breathing (allowed: --distances-m)")
+    positions = _positions(arguments)
+    lens = positions[0][1]
+    losses = COATED if has_coatings(lens) else UNCOATED
+    rows = breathing_table(positions, arguments.distances_m, arguments.film_width_mm, LINE_D_NM, losses)
+    if arguments.json:
+        print(as_json({"lens": lens.name, "film_width_mm": arguments.film_width_mm, "breathing": rows}))
+    elif arguments.csv:
+        print(breathing_csv(rows), end="")
+    else:
+        columns = ("zoom", "focus [m]", "f [mm]", "film [mm]", "field [°]", "breathing [%]", "magnification", "f/", "T")
+        print_table(columns, [list(row.values()) for row in rows], lens.name)
+    if arguments.output is not None:
+        write_picture(breathing_chart(lens.name, rows), arguments.output)
+    return 0
+
+
+# ``rptcam lens tolerance``: how copies of a lens turn out within tolerances.
+
+MOST_COPIES = 100_000
+
+
+def add_lens_tolerance(commands: Commands) -> None:
+    """Add the command."""
+    text = "copies of a lens made within tolerances: yield, percentiles and worst offenders"
+    parser = commands.add_parser("tolerance", help=text, description=text[0].upper() + text[1:] + ".")
+    parser.add_argument("lens", metavar="LENS", help="a name from the list, or a lens file")
+    parser.add_argument(
+        "spec", metavar="SPEC", help="a YAML file of tolerances, or a grade: commercial, precision, high_precision"
+    )
+    add_catalogue(parser)
+    default = "(default: as the specification says)"
+    parser.add_argument("--copies", type=_copies, metavar="N", help=f"how many lenses to make {default}")
+    parser.add_argument("--seed", type=_seed, metavar="S", help=f"which lenses {default}")
+    parser.add_argument(
+        "--limit", type=number, metavar="X",
+        help="print which share of the copies has this spot [micrometres], or modulation (0 to 1), or a better one",
+    )  # fmt: skip
+    add_plot(parser)
+    parser.set_defaults(run=_run_lens_tolerance, parser=parser)
+
+
+def _copies(text: str) -> int:
+    if not (text.isascii() and text.isdigit() and 10 <= int(text) <= MOST_COPIES):
+        raise argparse.ArgumentTypeError(f"got {text}; allowed 10 to {MOST_COPIES}")
+    return int(text)
+
+
+def _seed(text: str) -> int:
+    if not (text.isascii() and text.isdigit() and int(text) < 2**63):
+        raise argparse.ArgumentTypeError(f"got {text}; allowed whole numbers from 0")
+    return int(text)
+
+
+def _run_lens_tolerance(arguments: argparse.Namespace) -> int:
+    from rptcam_cl.rendering.tolerances import report, tolerance, tolerance_chart
+
+    check_picture(arguments.output, arguments.lens)
+    if arguments.output is not None and arguments.output.resolve() == Path(arguments.spec).resolve():
+        raise InputError(f"{arguments.output}: would overwrite the specification")
+    run = tolerance(
+        load(arguments.lens, arguments.catalogue), arguments.spec, copies=arguments.copies, seed=arguments.seed
+    )
+    if arguments.json:
+        found = {} if arguments.limit is None else {"limit": arguments.limit} | run.yield_at(arguments.limit)._asdict()
+        print(as_json(report(run) | ({"yield_at": found} if found else {})))
+    else:
+        _print(run, arguments.limit)
+    if arguments.output is not None:
+        write_picture(tolerance_chart(run), arguments.output)
+    return 0
+
+
+def _print(run: "ToleranceRun", limit: float | None) -> None:
+    from rptcam_cl.rendering.tolerances import percentile_rows
+
+    by_spot = run.rank_by == "spot"
+    head = f"{run.lens.name}, {run.copies.count} copies, fields {', '.join(f'{a:g}' for a in run.fields_degrees)}°"
+    modulation = f"MTF at {run.tolerances.merit.mtf_per_mm:g}/mm"
+    columns = ("copies [%]", "rms spot [µm]", modulation, "95 % interval", "refocus [mm]", "copy")
+    rows: list[list[object]] = [["design", float(run.design.spot_um[0]), float(run.design.modulation[0]), "", 0.0, ""]]
+    for row in percentile_rows(run):
+        interval = f"{row['low']:.4g} to {row['high']:.4g}"
+        rows.append([f"{row['percent']:g}", row["spot_um"], row["mtf"], interval, row["shift_mm"], str(row["copy"])])
+    print_table(columns, rows, f"{head}; ranked by {'spot' if by_spot else 'modulation'}")
+    print(f"more rays change spots by at most {100 * run.spot_error:.2g} %, modulation by {run.mtf_error:.2g}")
+    if limit is not None:
+        share, low, high = (100 * value for value in run.yield_at(limit))
+        what = f"a spot of {limit:g} µm or less" if by_spot else f"a modulation of {limit:g} or more"
+        print(f"{share:.1f} % of the copies have {what} (95 %: {low:.1f} to {high:.1f} %)")
+    offenders = [
+        [one.label, one.direction, one.spot_change_um, one.mtf_change, one.shift_mm] for one in run.worst_offenders()
+    ]
+    changes = ("worst offenders", "at", "spot [µm]", "MTF", "refocus [mm]")
+    print_table(changes, offenders, "Each tolerance alone, less the design")

@@ -1,22 +1,30 @@
 """What the commands that look at a lens have in common: the lens in use, its tracer, and files to write."""
 
 import argparse
+import csv
+import json
 import math
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from rptcam_cl.cli import parser as values
 from rptcam_cl.cli.output import print_warnings
-from rptcam_cl.core.constants import LINE_C_NM, LINE_D_NM, LINE_F_NM
-from rptcam_cl.core.errors import DeviceError
+from rptcam_cl.cli.parser import positive
+from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.core.errors import DeviceError, InputError
+from rptcam_cl.core.vectors import LINE_C_NM, LINE_D_NM, LINE_F_NM
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from rptcam_cl.lenstools import Drawing, Precision, Setting, Tracer
-    from rptcam_cl.optics import Coating, Layer, Lens
+    from rptcam_cl.optics.charts import Drawing
+    from rptcam_cl.optics.coating import Coating, Layer
+    from rptcam_cl.optics.drawing import Tracer
+    from rptcam_cl.optics.image_quality import Setting
+    from rptcam_cl.optics.lens import Lens
+    from rptcam_cl.rendering.traceable_lens import Precision
+
 
 STEEPEST = 130.0  # degrees; fisheyes see up to 110
 FDC = (LINE_F_NM, LINE_D_NM, LINE_C_NM)  # [nm], the F, d and C lines
@@ -84,12 +92,12 @@ def wavelength(text: str) -> float:
     return found
 
 
-def add_lens(parser: argparse.ArgumentParser) -> None:
+def add_lens_argument(parser: argparse.ArgumentParser) -> None:
     """Add the lens and how it is set."""
     parser.add_argument("lens", metavar="LENS", help="a name from the list, or a lens file")
-    parser.add_argument("--f-number", type=values.positive, metavar="N", help="stop down (default: as in the file)")
+    parser.add_argument("--f-number", type=positive, metavar="N", help="stop down (default: as in the file)")
     parser.add_argument(
-        "--focus-distance-m", type=values.positive, metavar="D",
+        "--focus-distance-m", type=positive, metavar="D",
         help="distance from the object to the film in metres (default: infinity)",
     )  # fmt: skip
     add_catalogue(parser)
@@ -107,7 +115,7 @@ def add_lens(parser: argparse.ArgumentParser) -> None:
     zoom = parser.add_mutually_exclusive_group()
     zoom.add_argument("--zoom", metavar="NAME", help="position of a zoom lens, by its name (default: the first)")
     zoom.add_argument(
-        "--focal-length-mm", type=values.positive, metavar="F", help="set a zoom lens, between its positions too"
+        "--focal-length-mm", type=positive, metavar="F", help="set a zoom lens, between its positions too"
     )
 
 
@@ -130,7 +138,7 @@ def pressure(text: str) -> float:
 
 def barrel(text: str) -> str | float:
     """A material, or a linear expansion [1/K]."""
-    from rptcam_cl.optics import BARRELS
+    from rptcam_cl.optics.as_built import BARRELS
 
     if text in BARRELS:
         return text
@@ -153,7 +161,8 @@ def add_catalogue(parser: argparse.ArgumentParser) -> None:
 
 def coating(text: str) -> "Coating":
     """The coating of a word, of a reflectance such as 0.005, or of layers such as 1.38:99.6,2.1:131."""
-    from rptcam_cl.optics import WORDS, constant_reflectance, layered
+    from rptcam_cl.optics.coating import constant_reflectance
+    from rptcam_cl.optics.files.glasses import WORDS, layered
 
     if text in WORDS:
         return WORDS[text]
@@ -172,8 +181,8 @@ def coating(text: str) -> "Coating":
 
 def _layers(text: str) -> "tuple[Layer, ...]":
     """The layers of ``index:nm`` or ``index:nm:extinction`` with commas between, from the air to the glass."""
-    from rptcam_cl.core.camera_records import MOST_LAYERS
-    from rptcam_cl.optics import Layer
+    from rptcam_cl.core.records import MOST_LAYERS
+    from rptcam_cl.optics.coating import Layer
 
     try:
         rows = [[float(value) for value in part.split(":")] for part in text.split(",")]
@@ -203,7 +212,7 @@ def add_coating(parser: argparse.ArgumentParser) -> None:
 
 def coated_lens(arguments: argparse.Namespace, lens: "Lens") -> "Lens":
     """The lens with the coating by the options."""
-    from rptcam_cl.optics import with_coating
+    from rptcam_cl.optics.ray_trace import with_coating
 
     return lens if arguments.coating is None else with_coating(lens, arguments.coating)
 
@@ -233,7 +242,7 @@ def add_plot(parser: argparse.ArgumentParser) -> None:
 
 def lens_in_use(arguments: argparse.Namespace, wavelength_nm: float = LINE_D_NM) -> "Setting":
     """The lens as the options set it; doubts about it go to standard error."""
-    from rptcam_cl.lenstools import setting
+    from rptcam_cl.optics.image_quality import setting
 
     lens = zoomed_lens(arguments, wavelength_nm)
     return setting(lens, arguments.f_number, arguments.focus_distance_m, wavelength_nm)
@@ -241,7 +250,7 @@ def lens_in_use(arguments: argparse.Namespace, wavelength_nm: float = LINE_D_NM)
 
 def zoomed_lens(arguments: argparse.Namespace, wavelength_nm: float) -> "Lens":
     """The lens at the focal length by the options; doubts about it go to standard error."""
-    from rptcam_cl.optics import at_position
+    from rptcam_cl.optics.lens import at_position
 
     lens = load(arguments.lens, arguments.catalogue)
     lens = at_position(lens, arguments.zoom, arguments.focal_length_mm, wavelength_nm)
@@ -249,7 +258,7 @@ def zoomed_lens(arguments: argparse.Namespace, wavelength_nm: float) -> "Lens":
         print_warnings(lens.speed_note(arguments.f_number, wavelength_nm))
     if (arguments.temperature_c, arguments.pressure_hpa) == (20.0, 1013.25):
         return lens
-    from rptcam_cl.optics import BARRELS, Heat
+    from rptcam_cl.optics.as_built import BARRELS, Heat
 
     held = arguments.barrel if isinstance(arguments.barrel, float) else BARRELS[arguments.barrel]
     return Heat(arguments.temperature_c, arguments.pressure_hpa, held).lens(lens)
@@ -257,7 +266,7 @@ def zoomed_lens(arguments: argparse.Namespace, wavelength_nm: float) -> "Lens":
 
 def load(source: str, catalogues: Sequence[str] = ()) -> "Lens":
     """A lens; doubts about it go to standard error."""
-    from rptcam_cl.optics import load_lens
+    from rptcam_cl.optics.library import load_lens
 
     lens = load_lens(source, catalogues=catalogues)
     print_warnings(lens.warnings)
@@ -274,8 +283,9 @@ def tracer_of(spec: str | None, precision: "Precision" = "single") -> "tuple[Tra
     precision
         Of a device: ``single`` or ``double``.
     """
-    from rptcam_cl.device import open_session
-    from rptcam_cl.lenstools import device_tracer, reference
+    from rptcam_cl.device.session import open_session
+    from rptcam_cl.optics.drawing import reference
+    from rptcam_cl.rendering.traceable_lens import device_tracer
 
     if spec == "none":
         return reference, "in float64 on the host"
@@ -290,7 +300,7 @@ def tracer_of(spec: str | None, precision: "Precision" = "single") -> "tuple[Tra
 
 def check_file(output: Path | None, lens: str) -> None:
     """Refuse, before anything is traced, a file that could not be written."""
-    from rptcam_cl.core.atomic import check_writable
+    from rptcam_cl.core.files import check_writable
 
     if output is not None:
         check_writable(output, [lens])
@@ -298,7 +308,7 @@ def check_file(output: Path | None, lens: str) -> None:
 
 def check_picture(output: Path | None, lens: str, plain: Sequence[str] = ()) -> None:
     """Refuse, before anything is traced, a picture that could not be written; `plain` suffixes need no matplotlib."""
-    from rptcam_cl.lenstools import check_suffix
+    from rptcam_cl.optics.charts import check_suffix
 
     if output is not None:
         check_suffix(output, plain)
@@ -307,7 +317,7 @@ def check_picture(output: Path | None, lens: str, plain: Sequence[str] = ()) -> 
 
 def write(data: bytes, output: Path) -> None:
     """Write a file, whole or not at all, and say so."""
-    from rptcam_cl.core.atomic import replacing
+    from rptcam_cl.core.files import replacing
 
     with replacing(output) as temporary:
         temporary.write_bytes(data)
@@ -316,7 +326,111 @@ def write(data: bytes, output: Path) -> None:
 
 def write_picture(picture: "Drawing | Figure", output: Path | None) -> None:
     """Write a picture, if a file is given."""
-    from rptcam_cl.lenstools import encoded
+    from rptcam_cl.optics.charts import encoded
 
     if output is not None:
         write(encoded(picture, output), output)
+
+
+# Rays from files: JSON, or CSV with columns x, y, z, dx, dy, dz and perhaps wavelength_nm.
+
+COLUMNS = ("x", "y", "z", "dx", "dy", "dz")
+
+_Ray = tuple[list[float], float | None]  # point and direction, and perhaps a wavelength
+
+
+@dataclass(frozen=True)
+class RayList:
+    """Rays to trace: points [mm], directions and wavelengths [nm]."""
+
+    origins: list[list[float]]
+    directions: list[list[float]]
+    wavelengths: list[float]
+
+
+def read_rays(name: str, wavelength_nm: float) -> RayList:
+    """The rays of a file, or of standard input for ``-``; those without a wavelength get the one given."""
+    try:
+        if name == "-":
+            text = sys.stdin.read()
+        else:
+            with open(name, encoding="utf-8-sig") as file:  # noqa: PTH123, as a Path would turn "-" into a name
+                text = file.read()
+    except UnicodeDecodeError:
+        raise InputError(f"{name}: is not text; rays are JSON or CSV") from None
+    start = text.lstrip()[:1]
+    if not start:
+        raise InputError(f"{name}: holds no rays")
+    rows = _from_json(text, name) if start in "[{" else _from_csv(text, name)
+    rays = RayList([], [], [])
+    for place, (values, wavelength) in rows:
+        _check(place, values, wavelength)
+        rays.origins.append(values[:3])
+        rays.directions.append(values[3:])
+        rays.wavelengths.append(wavelength_nm if wavelength is None else wavelength)
+    if not rays.origins:
+        raise InputError(f"{name}: holds no rays")
+    return rays
+
+
+def _check(place: str, values: list[float], wavelength: float | None) -> None:
+    if not all(map(math.isfinite, values)):
+        raise InputError(f"{place}: every number must be finite")
+    if not any(values[3:]):
+        raise InputError(f"{place}: the direction is 0, 0, 0")
+    if wavelength is not None and not 0 < wavelength < math.inf:
+        raise InputError(f"{place}: wavelength_nm must be above 0 (got {wavelength:g})")
+
+
+def _from_json(text: str, name: str) -> list[tuple[str, _Ray]]:
+    try:
+        data = json.loads(text)
+    except (json.JSONDecodeError, RecursionError) as error:
+        raise InputError(f"{name}: is not JSON: {error}") from None
+    rows = data.get("rays") if isinstance(data, dict) else data
+    if not isinstance(rows, list):
+        raise InputError(f'{name}: expected a list of rays, or {{"rays": [...]}}')
+    return [(f"{name}: ray {i}", _from_mapping(row, f"{name}: ray {i}")) for i, row in enumerate(rows)]
+
+
+def _from_mapping(row: Any, place: str) -> _Ray:
+    form = '{"origin": [x, y, z], "direction": [dx, dy, dz], "wavelength_nm": w}'
+    if not isinstance(row, dict) or not {"origin", "direction"} <= row.keys():
+        raise InputError(f"{place}: expected {form}")
+    unknown = row.keys() - {"origin", "direction", "wavelength_nm"}
+    if unknown:
+        raise InputError(f"{place}: unknown key {sorted(unknown)[0]!r}; expected {form}")
+    values = [row["origin"], row["direction"]]
+    if not all(isinstance(part, list) and len(part) == 3 and all(map(_is_number, part)) for part in values):
+        raise InputError(f"{place}: origin and direction are three numbers each")
+    wavelength = row.get("wavelength_nm")
+    if wavelength is not None and not _is_number(wavelength):
+        raise InputError(f"{place}: wavelength_nm must be a number")
+    return [float(value) for part in values for value in part], None if wavelength is None else float(wavelength)
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < 1e300
+
+
+def _from_csv(text: str, name: str) -> list[tuple[str, _Ray]]:
+    rows: list[tuple[str, _Ray]] = []
+    for number, words in enumerate(csv.reader(text.splitlines()), start=1):
+        place = f"{name}:{number}"
+        cells = [word.strip() for word in words]
+        if not any(cells) or cells[0].startswith("#"):
+            continue
+        if not rows and cells[0] == COLUMNS[0]:
+            if tuple(cells[:6]) != COLUMNS or cells[6:] not in ([], ["wavelength_nm"]):
+                raise InputError(f"{place}: expected the columns {', '.join(COLUMNS)} and perhaps wavelength_nm")
+            continue
+        if len(cells) not in (6, 7):
+            raise InputError(
+                f"{place}: expected {', '.join(COLUMNS)} and perhaps wavelength_nm (got {len(cells)} cells)"
+            )
+        try:
+            values = [float(cell) for cell in cells]
+        except ValueError as error:
+            raise InputError(f"{place}: expected numbers ({error})") from None
+        rows.append((place, (values[:6], values[6] if len(values) == 7 else None)))
+    return rows

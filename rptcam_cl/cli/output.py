@@ -1,12 +1,28 @@
-"""What the commands print: JSON that every reader accepts, numbers for people, and tables."""
+"""What the commands print: JSON, numbers for people, tables, progress and summary; and what Ctrl-C does."""
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
+import os
+import signal
 import sys
-from collections.abc import Iterable, Sequence
-from typing import Any
+import threading
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from pathlib import Path
+from types import FrameType
+from typing import TYPE_CHECKING, Any, TextIO
+
+from rptcam_cl.core.errors import DeviceError
+
+if TYPE_CHECKING:
+    from rptcam_cl.imaging.image import Image
+    from rptcam_cl.rendering.progressive import Progress
+
+
+# What the commands print: JSON that every reader accepts, numbers for people, and tables.
 
 
 def _plain(value: Any) -> Any:
@@ -77,3 +93,278 @@ def _print_ruled(columns: Sequence[str], cells: Sequence[Sequence[str]], title: 
     for row in cells:
         table.add_row(*map(escape, row))
     Console().print(table)
+
+
+# How a render is coming along: a bar where somebody watches, a line now and then where the text is kept.
+
+Show = Callable[["Progress"], None]
+
+_LINE_INTERVAL = 10.0  # [s]
+_LAST = 0.02  # share of the tiles of a render with a noise target, whose time is reported at its end
+_WORTH = 0.1  # share of the time from which on it is
+_LONG = 10.0  # [s], of the whole render
+
+
+def as_duration(seconds: float) -> str:
+    """A time for people, as ``4.2 s``, ``42 s`` or ``1 h 02 min``."""
+    if seconds < 9.95:
+        return f"{seconds:.1f} s"
+    whole = round(seconds)
+    if whole < 60:
+        return f"{whole} s"
+    if whole < 3600:
+        return f"{whole // 60} min {whole % 60:02d} s"
+    return f"{whole // 3600} h {whole % 3600 // 60:02d} min"
+
+
+def fraction_done(progress: Progress, time_limit: float | None) -> float | None:
+    """Share of the work that is done, 0..1, by the nearer of the two ends; nothing when there is no end.
+
+    Parameters
+    ----------
+    progress
+        How far the render is.
+    time_limit
+        When it is to end, however many samples are done [s].
+    """
+    shares = []
+    if progress.tiles_left is not None:
+        shares.append(progress.seconds / (progress.seconds + progress.tiles_left.seconds))
+    elif progress.tiles_done is not None:
+        shares.append(progress.tiles_done)
+    elif progress.spp_target and progress.spp_target > progress.samples_at_start:
+        here = progress.samples_done - progress.samples_at_start
+        shares.append(here / (progress.spp_target - progress.samples_at_start))
+    if time_limit:
+        shares.append(progress.seconds / time_limit)
+    return min(max(shares), 1.0) if shares else None
+
+
+def describe(progress: Progress, time_limit: float | None = None) -> str:
+    """The state of a render in one line: samples, speed, time left, share of rays that the lens blocked.
+
+    With a noise target its tiles and their time come first: a terminal of 80 columns cuts off the rest.
+    """
+    if progress.stage != "render":
+        return f"{progress.stage} ..."
+    target = f"/{progress.spp_target}" if progress.spp_target else ""
+    samples = [f"{progress.samples_done}{target} spp"]
+    if progress.seconds > 0 and progress.samples_done > 0:
+        here = progress.samples_done - progress.samples_at_start
+        samples.append(f"{here / progress.seconds:.3g} spp/s")
+        samples.append(f"{progress.msamples_per_second:.3g} Msamples/s")
+    done = fraction_done(progress, time_limit)
+    left = [] if not done else [f"{as_duration(progress.seconds * (1 - done) / done)} left"]
+    if progress.tiles_done is None:
+        parts = samples + left
+    else:
+        parts = [f"{100 * progress.tiles_done:.0f} % of the tiles done"]
+        if (tiles := progress.tiles_left) is not None:
+            parts += [f"about {text}" for text in left]
+            if tiles.few:
+                noise, wanted = 100 * tiles.worst, 100 * tiles.target
+                parts.append(f"{tiles.count} have up to {noise:.2g} % noise for {wanted:.2g} %")
+        parts += samples
+    if progress.blocked_share is not None:
+        parts.append(f"lens blocks {100 * progress.blocked_share:.0f} %")
+    return ", ".join(parts)
+
+
+class LastTiles:
+    """How long the last 2 % of the tiles of a render with a noise target take, and why."""
+
+    def __init__(self) -> None:
+        self._began = 0.0  # [s], when no more than these were left
+        self._left: tuple[int, float, float] | None = None  # how many they were, their worst noise, and the target
+        self._seconds = 0.0
+
+    def note(self, progress: Progress) -> None:
+        """Take a report."""
+        if progress.tiles_done is None:
+            return
+        self._seconds = progress.seconds
+        left = progress.tiles_left
+        if self._left is None and left is not None and progress.tiles_done >= 1 - _LAST:
+            self._began, self._left = progress.seconds, (left.count, left.worst, left.target)
+
+    def said(self) -> str | None:
+        """What to say at the end; None where it is not worth it."""
+        if self._left is None or self._seconds < _LONG:
+            return None
+        share = 1 - self._began / self._seconds
+        if share < _WORTH:
+            return None
+        count, worst, target = self._left
+        return (
+            f"the last {count} tiles took {100 * share:.0f} % of the time: they had up to {100 * worst:.2g} % noise"
+            f" when all others met {100 * target:.2g} % (--spp limits the samples of a pixel)"
+        )
+
+
+@contextlib.contextmanager
+def _bar(time_limit: float | None) -> Iterator[Show]:
+    from rich.console import Console
+    from rich.progress import BarColumn, TextColumn
+    from rich.progress import Progress as Bar
+
+    columns = (BarColumn(bar_width=None), TextColumn("{task.description}", markup=False))
+    with Bar(*columns, console=Console(stderr=True), transient=True, expand=True, refresh_per_second=5) as bar:
+        task = bar.add_task("start ...", total=None)
+
+        def show(progress: Progress) -> None:
+            bar.update(task, description=describe(progress, time_limit))
+            done = fraction_done(progress, time_limit)
+            if progress.stage == "render" and done is not None:
+                bar.update(task, total=1.0, completed=done)
+
+        yield show
+
+
+def _lines(stream: TextIO, time_limit: float | None, clock: Callable[[], float] = time.monotonic) -> Show:
+    last = clock()
+
+    def show(progress: Progress) -> None:
+        nonlocal last
+        if clock() - last >= _LINE_INTERVAL:
+            last = clock()
+            print(describe(progress, time_limit), file=stream, flush=True)
+
+    return show
+
+
+@contextlib.contextmanager
+def progress_on_stderr(time_limit: float | None = None) -> Iterator[Show]:
+    """A function that shows each report it is given.
+
+    On a terminal it moves a bar, which goes away at the end; elsewhere it prints a line every ten seconds. At the end
+    it says why the last tiles of a noise target took long, if they did.
+
+    Parameters
+    ----------
+    time_limit
+        When the render is to end [s], if by time.
+    """
+    last = LastTiles()
+    with _bar(time_limit) if sys.stderr.isatty() else contextlib.nullcontext(_lines(sys.stderr, time_limit)) as show:
+
+        def note(progress: Progress) -> None:
+            last.note(progress)
+            show(progress)
+
+        yield note
+    if text := last.said():
+        print(text, file=sys.stderr)
+
+
+# What is said of a render when it has ended.
+
+MUCH_BLOCKED = 0.1  # of the rays pass at least, or something is wrong
+
+
+def _metered(metadata: dict[str, Any]) -> str:
+    """What exposure ``auto`` has chosen: the light, and time and ISO where there are any."""
+    chosen = f"metered {metadata['metered_cd_m2']:.4g} cd/m²"
+    if "exposure_time_s" in metadata:
+        time_s = metadata["exposure_time_s"]
+        chosen += f", {f'1/{1 / time_s:.0f}' if time_s < 0.1 else f'{time_s:.3g}'} s at ISO {metadata['iso']:.4g}"
+    return chosen
+
+
+def samples_text(stats: dict[str, Any]) -> str:
+    """How many samples the pixels have; with a noise target each tile has as many as it takes."""
+    spread = stats.get("noise", {"spp_min": stats["spp"]})
+    if spread["spp_min"] == stats["spp"]:
+        return f"{stats['spp']} spp"
+    return f"{spread['spp_mean']:.0f} spp on average ({spread['spp_min']} to {stats['spp']})"
+
+
+def summary(image: Image, outputs: list[Path]) -> str:
+    """How large the picture is, where it went, how long it took, and what the lens and the meter have done."""
+    stats: dict[str, Any] = image.stats
+    seconds = stats["seconds"]
+    parts = [
+        f"{image.width} x {image.height}",
+        samples_text(stats),
+        f"{as_duration(seconds['total'])} ({as_duration(seconds['render'])} rendering)",
+        f"{stats['msamples_per_second']:.3g} Msamples/s",
+    ]
+    outcomes = stats.get("lens")
+    if outcomes and sum(outcomes.values()):
+        parts.append(f"the lens blocked {100 * (1 - outcomes['passed'] / sum(outcomes.values())):.0f} % of the rays")
+    if "metered_cd_m2" in image.metadata:
+        parts.append(_metered(image.metadata))
+    return f"wrote {', '.join(map(str, outputs))}: {', '.join(parts)}"
+
+
+def blocked_warning(image: Image) -> list[str]:
+    """Return what to say where hardly a ray passes the lens: most of the film is dark then, or noisy."""
+    outcomes = image.stats.get("lens")
+    if not outcomes or not sum(outcomes.values()) or outcomes["passed"] >= MUCH_BLOCKED * sum(outcomes.values()):
+        return []
+    share = 1 - outcomes["passed"] / sum(outcomes.values())
+    size = image.metadata.get("film_size_mm")
+    film = f" of {size[0]:.4g} x {size[1]:.4g} mm" if isinstance(size, list | tuple) and len(size) == 2 else ""
+    return [
+        f"the lens blocked {100 * share:.0f} % of the rays: the film{film} is perhaps larger than its image circle"
+        " (rptcam lens info says how large that is; film.width_mm or film.format sets the film)"
+    ]
+
+
+def shared_text(stats: dict[str, Any]) -> str | None:
+    """What each of several devices has done, and how to have the same again; nothing for a device alone."""
+    if len(stats.get("devices", ())) < 2:
+        return None
+    done = [
+        f"{device['id']} {device['name']} "
+        + ("was dropped" if "dropped" in device else f"took {device['share']:.1%}")
+        + f" at {device['msamples_per_second']:.3g} Msamples/s"
+        for device in stats["devices"]
+    ]
+    again = {part["split"] for part in stats["work"]}
+    repeat = f"; --split {again.pop()} repeats it" if len(again) == 1 else ""
+    return f"devices: {', '.join(done)}{repeat}"
+
+
+# Ctrl-C that ends a render after the pass at hand instead of losing it.
+
+INTERRUPTED = 128 + signal.SIGINT
+"""Exit code of an interrupted command, as shells count."""
+
+ENDS_LATER = "interrupted: the picture at hand is finished first; Ctrl-C again ends at once"
+"""What the first Ctrl-C says where it ends a whole picture later, and not a pass."""
+
+
+@contextlib.contextmanager
+def stop_on_interrupt(words: str | None = None) -> Iterator[threading.Event]:
+    """An event that the first Ctrl-C sets, or termination, or the end of the terminal; the second interrupts at once.
+
+    So does a device that fails after the first: Ctrl-C takes a compiler's files away while it works.
+    Outside the main thread, where signals do not arrive, the event stays unset.
+    With words, the first says them, for a command that goes on for longer than a pass.
+    """
+    stop = threading.Event()
+    if threading.current_thread() is not threading.main_thread():
+        yield stop
+        return
+
+    def handle(number: int, frame: FrameType | None) -> None:
+        if stop.is_set():
+            raise KeyboardInterrupt
+        stop.set()
+        if words is not None:  # past Python's buffers, which may be in the middle of another line
+            with contextlib.suppress(OSError, ValueError):
+                os.write(sys.stderr.fileno(), f"{words}\n".encode())
+
+    before = {number: signal.signal(number, handle) for number in (signal.SIGINT, signal.SIGTERM)}
+    closed = getattr(signal, "SIGHUP", None)  # the terminal is closed; what nohup starts is to go on
+    if closed is not None and signal.getsignal(closed) == signal.SIG_DFL:
+        before[closed] = signal.signal(closed, handle)
+    try:
+        yield stop
+    except DeviceError:
+        if stop.is_set():
+            raise KeyboardInterrupt from None
+        raise
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

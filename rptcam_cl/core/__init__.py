@@ -1,1 +1,1 @@
-"""What every other part stands on: errors, files of the package, YAML, and the records that kernels share."""
+"""What all else stands on: errors, files, strict YAML, spectra, and the records that kernels share."""

@@ -2,42 +2,438 @@
 
 from __future__ import annotations
 
+import re
+from enum import IntEnum
 from functools import cache
 
-from rptcam_cl.core.camera_records import CAMERA as CAMERA
-from rptcam_cl.core.camera_records import DISPERSION_NM as DISPERSION_NM
-from rptcam_cl.core.camera_records import DISPERSION_SCALE as DISPERSION_SCALE
-from rptcam_cl.core.camera_records import DISPERSION_SHIFT as DISPERSION_SHIFT
-from rptcam_cl.core.camera_records import DISPERSION_TERMS as DISPERSION_TERMS
-from rptcam_cl.core.camera_records import EVEN_TERMS as EVEN_TERMS
-from rptcam_cl.core.camera_records import HALF_PUPIL as HALF_PUPIL
-from rptcam_cl.core.camera_records import LOSS_TABLE_LENGTH as LOSS_TABLE_LENGTH
-from rptcam_cl.core.camera_records import LOSS_TABLE_NM as LOSS_TABLE_NM
-from rptcam_cl.core.camera_records import ODD_TERMS as ODD_TERMS
-from rptcam_cl.core.camera_records import OWN_CAMERA as OWN_CAMERA
-from rptcam_cl.core.camera_records import PINHOLE_CAMERA as PINHOLE_CAMERA
-from rptcam_cl.core.camera_records import PUPIL as PUPIL
-from rptcam_cl.core.camera_records import PUPIL_CIRCLE as PUPIL_CIRCLE
-from rptcam_cl.core.camera_records import PUPIL_GRID as PUPIL_GRID
-from rptcam_cl.core.camera_records import PUPIL_LINES as PUPIL_LINES
-from rptcam_cl.core.camera_records import REALISTIC_CAMERA as REALISTIC_CAMERA
-from rptcam_cl.core.camera_records import SURFACE as SURFACE
-from rptcam_cl.core.camera_records import THICK_LENS_CAMERA as THICK_LENS_CAMERA
-from rptcam_cl.core.camera_records import THIN_LENS_CAMERA as THIN_LENS_CAMERA
-from rptcam_cl.core.kinds import EmitterKind as EmitterKind
-from rptcam_cl.core.kinds import EnvironmentKind as EnvironmentKind
-from rptcam_cl.core.kinds import Kind as Kind
-from rptcam_cl.core.kinds import MaterialKind as MaterialKind
-from rptcam_cl.core.kinds import PupilKind as PupilKind
-from rptcam_cl.core.kinds import RayStatus as RayStatus
-from rptcam_cl.core.kinds import RegionKind as RegionKind
-from rptcam_cl.core.kinds import StopKind as StopKind
-from rptcam_cl.core.kinds import SurfaceKind as SurfaceKind
-from rptcam_cl.core.kinds import TexelFormat as TexelFormat
-from rptcam_cl.core.kinds import TextureKind as TextureKind
-from rptcam_cl.core.kinds import Wrap as Wrap
-from rptcam_cl.core.kinds import kind_constants
-from rptcam_cl.core.record import Record as Record
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.core.dataclass import dataclass
+
+#
+# A record that host and device share: one declaration, the numpy dtype and the OpenCL typedef come from it.
+#
+# Members are ``float``, ``int``, ``uint``, ``float4``, ``uint2``, ``real`` (float or double, with arrays of it), and
+# records of ``float`` and ``int``. Members of 16 bytes stand on multiples of 16, and a record that stands in arrays
+# is a multiple of 16 bytes long, so that no compiler pads it. A device test checks this.
+
+_MEMBER = re.compile(r"(\w+)(?:\[(\d+)\])?")
+_NUMPY_TYPE: dict[str, tuple[str, tuple[int, ...]]] = {
+    "float": ("<f4", ()),
+    "int": ("<i4", ()),
+    "uint": ("<u4", ()),
+    "float4": ("<f4", (4,)),
+    "uint2": ("<u4", (2,)),
+}
+
+
+@dataclass(frozen=True)
+class Record:
+    """A struct of the device: name and ``(type, member)`` pairs in order; of a union the members lie upon each other.
+
+    A type is one of OpenCL C or a record that stands before.
+    """
+
+    name: str
+    members: tuple[tuple[str | Record, str], ...]
+    is_union: bool = False
+
+    @cache  # noqa: B019 -- records are declared once
+    def dtype_of(self, real: str) -> np.dtype[np.void]:
+        """Return the numpy structured type with the same layout; ``real`` is the numpy type of ``real`` members."""
+        names, formats = [], []
+        for kind, member in self.members:
+            name, length = _split(member)
+            names.append(name)
+            if isinstance(kind, Record):
+                formats.append(np.dtype((kind.dtype_of(real), length)))
+            else:
+                scalar, shape = (real, ()) if kind == "real" else _NUMPY_TYPE[kind]
+                formats.append(np.dtype((scalar, shape + length)))
+        if self.is_union:
+            return np.dtype({"names": names, "formats": formats, "offsets": [0] * len(names)})
+        return np.dtype({"names": names, "formats": formats})
+
+    @property
+    def dtype(self) -> np.dtype[np.void]:
+        """The numpy structured type with the same layout, ``real`` being float32."""
+        return self.dtype_of("<f4")
+
+    @property
+    def typedef(self) -> str:
+        """The OpenCL C declaration."""
+        types = [kind.name if isinstance(kind, Record) else kind for kind, _ in self.members]
+        body = " ".join(f"{kind} {member};" for kind, (_, member) in zip(types, self.members, strict=True))
+        return f"typedef {'union' if self.is_union else 'struct'} {{ {body} }} {self.name};"
+
+    def zeros(self, count: int, real: str = "<f4") -> NDArray[np.void]:
+        """An array of ``count`` (at least one, as OpenCL has no empty buffers) zeroed records."""
+        return np.zeros(max(count, 1), self.dtype_of(real))
+
+
+def _split(member: str) -> tuple[str, tuple[int, ...]]:
+    match = _MEMBER.fullmatch(member)
+    assert match is not None
+    return match[1], (int(match[2]),) if match[2] else ()
+
+
+# The records of cameras and their lenses; see `rptcam_cl.core.records`.
+
+DISPERSION_TERMS = 12
+DISPERSION_NM = (380.0, 780.0)  # wavelengths that the polynomials in x = scale / wavelength - shift, -1 to 1, are for
+DISPERSION_SCALE = 2.0 / (1.0 / DISPERSION_NM[0] - 1.0 / DISPERSION_NM[1])
+DISPERSION_SHIFT = (DISPERSION_NM[1] + DISPERSION_NM[0]) / (DISPERSION_NM[1] - DISPERSION_NM[0])
+
+EVEN_TERMS = 12
+ODD_TERMS = 12
+LOSS_TABLE_NM, LOSS_TABLE_LENGTH = 380, 401  # one number per nm
+MOST_LAYERS = 12  # of a stack on a surface
+
+SURFACE = Record(
+    "Surface",
+    (
+        # All in the frame of travel: millimetres, z along the direction of travel.
+        ("real", "curvature"),  # positive when the centre lies ahead
+        ("real", "gap"),  # from the previous vertex
+        ("real", "semi_diameter2"),
+        ("real", "eta"),  # index before over index after
+        ("real", "conic"),
+        ("real", "weight_x"),  # 1, or 0 where a cylinder is straight
+        ("real", "weight_y"),
+        ("real", "half_width"),  # region
+        ("real", "half_height"),
+        ("real", "edge"),
+        ("real", "edge_x"),
+        ("real", "edge_y"),
+        ("real", "stop_radius"),  # half the side of a mask
+        ("real", "refracts"),  # 0 where the media before and after are the same, -1 where a mirror turns z round
+        ("real", f"even[{EVEN_TERMS}]"),  # coefficients of r^2, r^4, ...
+        ("real", f"odd[{ODD_TERMS}]"),  # coefficients of r, r^3, ...
+        ("real", "offset[4]"),  # pose
+        ("real", "rotation[12]"),  # rows of a 3x3 matrix
+        ("real", f"dispersion[{DISPERSION_TERMS}]"),  # eta over the inverse wavelength, constant first
+        ("real", "layer"),  # index of a quarter-wave layer, 0 without one; these are for kernels/lens/coating.h
+        ("real", "layer_turns"),  # turns of its phase at a right angle; with tables times the wavelength [nm]
+        ("real", f"stack[{2 * MOST_LAYERS}]"),  # of layers from behind: index, turns of the phase as above, halved
+        ("real", f"extinction[{MOST_LAYERS}]"),  # of the same layers
+        ("real", "index"),  # before the surface
+        ("real", "gain"),  # of the transmittance over that of the bare surface
+        ("real", "attenuation"),  # before the surface [1/mm], 0 before the first one
+        ("real", "inner_semi_diameter2"),
+        ("real", "own[4]"),  # what a kind with numbers of its own writes in its `fill`
+        ("int", "kind"),
+        ("int", "even_terms"),
+        ("int", "odd_terms"),
+        ("int", "posed"),
+        ("int", "region"),
+        ("int", "inverted"),
+        ("int", "stop_count"),  # edges of the outline, or cells along a side of the mask, that shape the stop
+        ("int", "stop_shape"),
+        ("int", "index_table"),  # where tables over the wavelength stand behind the shape of the stop, -1 without one
+        ("int", "gain_table"),
+        ("int", "attenuation_table"),
+        ("int", "stacked"),  # layers of the stack
+    ),
+)
+
+PINHOLE_CAMERA = Record(
+    "PinholeCamera",
+    (
+        ("float", "half_width"),  # tangents of half the field of view
+        ("float", "half_height"),
+        ("float", "near_distance"),  # [m]
+    ),
+)
+
+THIN_LENS_CAMERA = Record(
+    "ThinLensCamera",
+    (
+        ("float", "half_width"),  # tangents of half the field of view
+        ("float", "half_height"),
+        ("float", "focus_distance"),  # of the plane of focus [m]
+        ("float", "aperture_radius"),  # [m]
+    ),
+)
+
+THICK_LENS_CAMERA = Record(
+    "ThickLensCamera",
+    (
+        ("float", "film_half_width"),  # [mm]
+        ("float", "film_half_height"),
+        ("float", "weight"),  # of a ray along the axis
+        ("float", "metres_per_mm"),
+        ("float", "first_vertex_z"),  # in the camera's frame [m]
+        ("float", "film_slope_per_film"),  # slope at the film per mm of the film point
+        ("float", "film_slope_per_pupil"),  # and per radius of the pupil
+        ("float", "height_per_film"),  # height in the plane of the first vertex [mm], likewise
+        ("float", "height_per_pupil"),
+        ("float", "slope_per_film"),  # slope in the scene, likewise
+        ("float", "slope_per_pupil"),
+    ),
+)
+
+PUPIL_CIRCLE = Record(
+    "PupilCircle",
+    (
+        ("float", "shift"),  # of its centre per mm of the film point
+        ("float", "radius"),  # [mm]
+    ),
+)
+
+PUPIL_GRID = Record(
+    "PupilGrid",  # cells of boxes, or outlines along a film radius, whole numbers of them
+    (
+        ("float", "per_mm_across"),
+        ("float", "per_mm_down"),
+        ("float", "across"),
+        ("float", "down"),
+    ),
+)
+
+PUPIL_LINES = Record(
+    "PupilLines",  # outlines along lines from the axis outwards, whole numbers of them
+    (
+        ("float", "per_quarter"),  # lines in a quarter of a turn
+        ("float", "nodes"),  # of a line
+        ("float", "lines"),
+    ),
+)
+
+PUPIL = Record(
+    "Pupil",  # see kernels/lens/pupil.h
+    ((PUPIL_CIRCLE, "circle"), (PUPIL_GRID, "grid"), (PUPIL_LINES, "lines")),
+    is_union=True,
+)
+
+REALISTIC_CAMERA = Record(
+    "RealisticCamera",
+    (
+        ("float", "film_half_width"),  # [mm]
+        ("float", "film_half_height"),
+        ("float", "film_distance"),  # from the film to the last vertex [mm]
+        ("float", "gain"),  # of every ray's weight
+        ("float", "metres_per_mm"),
+        ("float", "first_vertex_z"),  # in the camera's frame [m]
+        ("int", "surfaces"),
+        ("int", "first_polynomial"),  # where they stand behind the pupil's table
+        (PUPIL, "pupil"),
+    ),
+)
+
+OWN_CAMERA = Record(
+    "OwnCamera",  # what a camera of each kind has of its own; an environment camera has nothing
+    (
+        (PINHOLE_CAMERA, "pinhole"),
+        (THIN_LENS_CAMERA, "thin_lens"),
+        (THICK_LENS_CAMERA, "thick_lens"),
+        (REALISTIC_CAMERA, "realistic"),
+    ),
+    is_union=True,
+)
+
+HALF_PUPIL = Record(
+    "HalfPupil",  # see kernels/lens/half_pupil.h
+    (
+        ("float", "normal_x"),  # of the line that parts the pupil
+        ("float", "normal_y"),
+        ("float", "offset"),  # of the line along its normal
+        ("float", "share"),  # of the film point by which the line moves
+        ("int", "beyond"),  # whether the half beyond the line is meant
+    ),
+)
+
+CAMERA = Record(
+    "Camera",
+    (
+        ("float4", "right"),
+        ("float4", "up"),
+        ("float4", "back"),
+        # Of a film that is moved (rendering/cameras/setting.py), x to the right, y up, z away from the lens: [mm], or in
+        # film distances of a camera without a lens of surfaces.
+        ("float4", "film_centre"),  # w: 1 / film distance [1/m]
+        ("float4", "film_across"),  # half the film
+        ("float4", "film_up"),
+        ("float4", "film_normal"),  # unit
+        ("float", "width"),  # [pixels]
+        ("float", "height"),
+        ("float", "per_width"),  # 1 / width, negative where the picture is shown as it lies on the film
+        ("float", "per_height"),
+        ("float", "exposure"),  # factor of every ray's weight
+        ("float", "wavelength"),  # of all rays, where they have one [nm]
+        (HALF_PUPIL, "half_pupil"),
+        (OWN_CAMERA, "own"),
+        ("int", "lamp_table"),  # see kernels/lens/lamp_aim.h: where it stands among the tables
+        ("int", "lamp_across"),  # blocks of pixels
+        ("int", "lamp_down"),
+        ("int", "lamp_shift"),  # log2 of their side
+        ("int", "reserved"),
+    ),
+)
+
+
+# Kinds shared by host and device: the OpenCL constants are derived from the enumerations here.
+
+
+class Kind(IntEnum):
+    """Kinds of primitive, in the order in which they are sorted."""
+
+    SPHERE = 0
+    ELLIPSOID = 1
+    RECTANGLE = 2
+    DISK = 3
+    PLANE = 4
+    BOX = 5
+    CYLINDER = 6
+    CONE = 7
+    MESH = 8
+
+
+class MaterialKind(IntEnum):
+    """Kinds of material."""
+
+    MATTE = 0
+    MIRROR = 1
+    CONDUCTOR = 2
+    DIELECTRIC = 3
+    EMISSIVE = 4
+    METAL = 5  # a conductor by its optical constants
+    ROUGH_DIELECTRIC = 6
+    PLASTIC = 7  # with a smooth cover
+    ROUGH_PLASTIC = 8
+    THIN_GLASS = 9
+    PRINCIPLED = 10
+    MIX = 11
+
+
+class TextureKind(IntEnum):
+    """Kinds of texture."""
+
+    CHECKER = 0
+    GRID = 1
+    GRADIENT = 2
+    NOISE = 3
+    IMAGE = 4
+
+
+class TexelFormat(IntEnum):
+    """How the texels of an image are stored."""
+
+    SRGB = 0  # one word: red, green, blue of 8 bits from the low byte on
+    LINEAR = 1  # the same, not encoded
+    HALF = 2  # two words: red and green, blue as halves
+
+
+class Wrap(IntEnum):
+    """What continues an image beyond its edges."""
+
+    REPEAT = 0
+    CLAMP = 1
+    MIRROR = 2
+
+
+class EmitterKind(IntEnum):
+    """Kinds of emitter that light sampling can choose."""
+
+    RECTANGLE = 0
+    DISK = 1
+    SPHERE = 2
+    POINT = 3
+    DIRECTIONAL = 4
+    TRIANGLE = 5
+    SPOT = 6
+    PROFILE = 7  # a point whose intensity in each direction is a picture
+    SUN = 8
+    ENVIRONMENT = 9
+    BOX = 10  # this one and those below are solids, see kernels/light/solids.h
+    ELLIPSOID = 11
+    CYLINDER = 12
+    CONE = 13
+
+
+class EnvironmentKind(IntEnum):
+    """What surrounds the scene."""
+
+    NONE = 0
+    CONSTANT = 1
+    GRADIENT = 2
+    IMAGE = 3
+
+
+class SpectrumKind(IntEnum):
+    """What the three numbers of a path's light are."""
+
+    RGB = 0  # red, green, blue
+    DISPERSIVE = 1  # the same, of light of one wavelength
+    SPECTRAL = 2  # at three wavelengths
+
+
+class RayStatus(IntEnum):
+    """What became of a ray in a lens; the values agree with `rptcam_cl.optics.Status`."""
+
+    OK = 0
+    MISSED = 1
+    CLIPPED = 2
+    TOTAL_INTERNAL_REFLECTION = 3
+    NO_CONVERGENCE = 4
+
+
+class SurfaceKind(IntEnum):
+    """Kinds of lens surface, by what must be solved to meet them."""
+
+    SPHERE = 0
+    CONIC_KIND = 1
+    ASPHERE = 2
+    BICONIC = 3
+    TOROID = 4
+
+
+class PupilKind(IntEnum):
+    """How a lens camera chooses where its rays aim."""
+
+    CIRCLE = 0
+    BOXES = 1
+    OUTLINES = 2
+
+
+class RegionKind(IntEnum):
+    """What the clear region of a lens surface does."""
+
+    NONE = 0
+    BLOCKS = 1
+    OPENS = 2  # first surface of a half lens: rays outside pass beside it
+    GOES_ON = 3  # a further surface of it
+
+
+class StopKind(IntEnum):
+    """The shape of a stop within its circle."""
+
+    ROUND = 0
+    OUTLINE = 1  # a polygon
+    MASK = 2  # the open cells of a square
+
+
+_PREFIXES: dict[str, type[IntEnum]] = {
+    "LENS": SurfaceKind,
+    "REGION": RegionKind,
+    "PUPIL": PupilKind,
+    "STOP": StopKind,
+    "KIND": Kind,
+    "MATERIAL": MaterialKind,
+    "TEXTURE": TextureKind,
+    "TEXEL": TexelFormat,
+    "WRAP": Wrap,
+    "EMITTER": EmitterKind,
+    "ENVIRONMENT": EnvironmentKind,
+    "SPECTRUM": SpectrumKind,
+    "RAY": RayStatus,
+}
+
+
+def kind_constants() -> list[str]:
+    """Return a line of OpenCL C per member of every enumeration that kernels name."""
+    return [f"#define {prefix}_{kind.name} {kind.value}" for prefix, kinds in _PREFIXES.items() for kind in kinds]
+
 
 PRIMITIVE = Record(
     "Primitive",
@@ -47,7 +443,10 @@ PRIMITIVE = Record(
         ("float4", "row_z"),
         ("int", "material"),
         ("int", "emitter"),  # index of the sampled emitter (of a mesh: of its first triangle's), or -1
-        ("int", "instance"),  # of a mesh; of rectangles and disks how many share its plane, plan/primitives.py
+        (
+            "int",
+            "instance",
+        ),  # of a mesh; of rectangles and disks how many share its plane, rendering/plan/primitives.py
         ("int", "first_triangle"),
     ),
 )

@@ -16,7 +16,7 @@ import yaml
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, StateError
-from rptcam_cl.core.references import References, read_whole
+from rptcam_cl.core.files import References, read_whole
 
 MAX_BYTES = 4_000_000
 MAX_DEPTH = 32

@@ -1,14 +1,371 @@
-"""The OpenCL devices there are, and what their drivers say of them."""
+"""The OpenCL devices there are, whether their drivers work, and the one that a user chooses."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import contextlib
+import difflib
+import hashlib
+import json
+import os
+import platform
+import re
+import signal
+import subprocess
+import sys
+import time
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
+from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
+from rptcam_cl._version import __version__
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import DeviceError
-from rptcam_cl.device.opencl import instead, load_opencl, to_install
-from rptcam_cl.device.trial import Trial, first_error, keep_refusal, refusal, try_device
+from rptcam_cl.core.files import cache_dir, keep_bytes, kept_bytes
+from rptcam_cl.device.drivers import (
+    AS_BEFORE_POCL_7,
+    AVX2,
+    AVX512,
+    instead,
+    lack_of_room,
+    load_opencl,
+    make_pocl_cache_usable,
+    own_name,
+    processor_flags,
+    rename_as_before,
+    rename_processor,
+    to_install,
+)
+from rptcam_cl.device.fork_server import Likeness, LikenessEndedError, end_work, fork_likeness
+
+#
+# Whether a device builds a trivial kernel: what has to be known before it is chosen, and before kernels are written.
+#
+# A driver may fail, crash or never come back. So it is tried in a process of its own, which costs half a second; what
+# that one showed of a driver that works is kept, and costs the next run nothing. One that does not come back is tried
+# once more: of thousands of trials of a sound driver, one has hung.
+#
+# In a process that builds programs, PoCL reads its library of built-in functions first, for 0.4 s. Where the process
+# of the first trial has done so, it builds for this one, too, which finds the programs in PoCL's cache.
+
+AVX512_ARCH = "skylake-avx512"
+AVX2_ARCH = "haswell"
+PATIENCE = 60  # [s] for a trivial kernel; a busy processor takes ten
+TRIES = 2
+PATIENCE_WITH_PROGRAMS = 600  # [s] for one to be built
+_CHILD = (
+    "import json, sys; sys.path[:] = json.loads(sys.argv[1]); from rptcam_cl.device import devices; "
+    "devices.print_trial(int(sys.argv[2]), int(sys.argv[3]))"
+)
+
+_REFUSED = ".refused"
+# What a ray does to a device: it reads at places that it cannot foresee, and computes in between.
+_WALK = """
+__kernel void walk(__global float *table, uint last, uint steps)
+{
+    uint at = (uint)get_global_id(0) * 2654435761u;
+    float x = 1.0f;
+    for (uint i = 0; i < steps; ++i) {
+        float y = table[at & last];
+        for (int k = 0; k < 32; ++k)
+            x = x * 0.5f + y;
+        at = at * 1664525u + (uint)x + 1013904223u;
+    }
+    if (x < 0.0f)
+        table[at & last] = x;
+}
+"""
+WALKERS = 1 << 17
+WALK_WORDS = 1 << 20
+WALK_SECONDS = 0.02
+MOST_STEPS = 1 << 16
+
+_likeness: list[Likeness] = []  # one at most
+_tried_there: set[tuple[int, int]] = set()  # places of devices
+
+
+@dataclass(frozen=True)
+class Trial:
+    """What the trial of a device showed.
+
+    ``problem`` is why it cannot be used, None where it can. ``library_arch`` is the processor that PoCL's built-ins
+    were compiled for, where kernels must match it. ``renamed`` holds the processor's name by PoCL and the one
+    that it was given in its place, see `rptcam_cl.device.drivers`. ``speed`` is how many steps of a walk through
+    memory it takes in a second; None of processors, which are not ranked by it.
+    """
+
+    problem: str | None = None
+    library_arch: str | None = None
+    renamed: tuple[str, str] | None = None
+    speed: float | None = None
+
+
+@lru_cache(maxsize=64)
+def try_device(handle: Any) -> Trial:
+    """Return what a trivial kernel shows on the pyopencl device ``handle``; where PoCL needs help, after helping."""
+    try:
+        name = driver_name(handle) + ".json"
+    except Exception as error:  # a driver may raise anything
+        return Trial(problem=f"its driver does not describe it: {error}")
+    kept = _recalled(name)
+    if kept is not None and _helped(handle, kept):
+        return kept
+    trial = _tried_apart(handle)
+    if trial.problem is None and _place(handle) is not None:
+        keep_bytes("devices", name, json.dumps(asdict(trial)).encode())
+        if not _helped(handle, trial):
+            return Trial(problem="PoCL's record of the device is not as it was in another process")
+    return trial
+
+
+def first_error(log: str) -> str:
+    """Return the first line of a compiler's log that speaks of an error, else its first line."""
+    lines = [line.strip() for line in log.splitlines() if line.strip()]
+    return next((line for line in lines if "error" in line.lower()), lines[0] if lines else "no message")
+
+
+def driver_name(handle: Any) -> str:
+    """Return a name for all that a trial depends on: driver with its settings, device, processor and this package."""
+    driver = [handle.platform.name, handle.platform.version, handle.name, handle.driver_version]
+    settings = [f"{name}={os.environ.get(name)}" for name in AS_BEFORE_POCL_7]
+    facts = [__version__, platform.platform(), *driver, *settings, *sorted(processor_flags())]
+    code = Path(__file__).read_bytes() + Path(__file__).with_name("drivers.py").read_bytes()
+    return hashlib.sha256("\n".join(facts).encode() + code).hexdigest()
+
+
+def keep_refusal(handle: Any, why: str) -> None:
+    """Keep why a device that builds kernels cannot be used."""
+    keep_bytes("devices", driver_name(handle) + _REFUSED, why.encode())
+
+
+def refusal(handle: Any) -> str | None:
+    """Return what `keep_refusal` has kept of a device; None where there is nothing."""
+    kept = kept_bytes("devices", driver_name(handle) + _REFUSED)
+    return None if kept is None else kept.decode(errors="replace")
+
+
+def _recalled(name: str) -> Trial | None:
+    """Return what an earlier trial showed of a driver that works; None where nothing sound is kept."""
+    try:
+        found = json.loads(kept_bytes("devices", name) or b"")
+        renamed = found["renamed"]
+        arch = found["library_arch"]
+        if arch not in (None, AVX2_ARCH, AVX512_ARCH):
+            return None
+        speed = None if found["speed"] is None else float(found["speed"])
+        return Trial(None, arch, None if renamed is None else (str(renamed[0]), str(renamed[1])), speed)
+    except (ValueError, KeyError, TypeError, IndexError):
+        return None
+
+
+def _helped(handle: Any, trial: Trial) -> bool:
+    """Rename the processor here as in the trial; return whether that succeeded or was not needed."""
+    return trial.renamed is None or rename_as_before(handle, *trial.renamed)
+
+
+def _tried_apart(handle: Any) -> Trial:
+    """Return the trial of a device in a process of its own."""
+    place = _place(handle)
+    if place is None or not sys.executable:  # a part of a device, or Python within another program
+        return try_here(handle)
+    tries = TRIES
+    if _likeness and _likeness[0].is_there:
+        try:
+            found = _trial_of(_likeness[0].ask("try", *place, patience=PATIENCE))
+        except LikenessEndedError as ended:
+            if ended.code != 0:  # else it has waited too long
+                return Trial(problem=_ending(ended.code, ended.said))
+        except TimeoutError:
+            tries -= 1
+        else:
+            _tried_there.add(place)
+            return found
+    try:
+        done = _ended(place, tries)
+    except OSError:  # no process can be started
+        return try_here(handle)
+    if done is None:
+        return Trial(problem=f"error: the driver did not build a trivial kernel within {PATIENCE} s, {TRIES} times")
+    try:
+        return _trial_of(json.loads(done.stdout.splitlines()[-1]))
+    except (ValueError, IndexError):
+        return Trial(problem=_ending(done.returncode, done.stderr.decode(errors="replace")))
+
+
+def _trial_of(found: dict[str, Any]) -> Trial:
+    renamed = found.pop("renamed")
+    return Trial(**found, renamed=None if renamed is None else (renamed[0], renamed[1]))
+
+
+def prepare_trial() -> None:
+    """Make a process for the first trial, where none is kept; to be called before drivers and threads begin."""
+    load_opencl()
+    has_begun = _likeness or try_device.cache_info().currsize
+    if not has_begun and not any(cache_dir("devices").glob("*.json")):
+        made = fork_likeness(_carry_out)
+        _likeness.extend([] if made is None else [made])
+
+
+def end_trials() -> None:
+    """Have the process of the first trial end, where there is one."""
+    while _likeness:
+        _likeness.pop().close()
+
+
+def builds_apart(handle: Any) -> bool:
+    """Return whether the process of its trial builds programs for a pyopencl device."""
+    return bool(_likeness) and _likeness[0].is_there and _place(handle) in _tried_there
+
+
+def build_apart(handle: Any, source: str, options: Sequence[str]) -> None:
+    """Have a program built into PoCL's cache; what fails there does so again here."""
+    if builds_apart(handle):
+        with contextlib.suppress(LikenessEndedError, TimeoutError):
+            _likeness[0].ask("build", *(_place(handle) or ()), source, *options, patience=PATIENCE_WITH_PROGRAMS)
+
+
+def _carry_out(what: str, platform_number: int, device_number: int, *order: str) -> Any:
+    """Carry out an order in the process that was made for the trial."""
+    handle = load_opencl().get_platforms()[platform_number].get_devices()[device_number]
+    if what == "try":
+        make_pocl_cache_usable()  # with a mark of its own
+        return asdict(try_here(handle))
+    source, *options = order
+    return _build(handle, source, options)
+
+
+def _ended(place: tuple[int, int], tries: int) -> subprocess.CompletedProcess[bytes] | None:
+    """Return the process of a trial after its end; None where it does not come to one."""
+    command = [sys.executable, "-c", _CHILD, json.dumps(sys.path), *map(str, place)]
+    for _ in range(tries):
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            return subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, timeout=PATIENCE, check=False)
+    return None
+
+
+def _ending(code: int, said: str) -> str:
+    """Return how the process of a trial ended that printed no result."""
+    if full := lack_of_room():  # which ends PoCL
+        return f"error: {full}"
+    if code < 0:
+        name = signal.Signals(-code).name if -code in signal.valid_signals() else f"signal {-code}"
+        return f"error: the driver crashed on a trivial kernel ({name})"
+    last = next((line for line in reversed(said.splitlines()) if line.strip()), "")
+    return f"error: the driver ended the process on a trivial kernel (exit code {code:#x}) {last}".rstrip()
+
+
+def _place(handle: Any) -> tuple[int, int] | None:
+    """Return the numbers of a device's platform and of the device among its own."""
+    for p, each in enumerate(load_opencl().get_platforms()):
+        if each == handle.platform:
+            return next(((p, d) for d, device in enumerate(each.get_devices()) if device == handle), None)
+    return None
+
+
+def print_trial(platform_number: int, device_number: int) -> None:
+    """Try a device in this process, print what it showed as a line of JSON, and end the process."""
+    handle = load_opencl().get_platforms()[platform_number].get_devices()[device_number]
+    print("\n" + json.dumps(asdict(try_here(handle))), flush=True)
+    end_work()
+    os._exit(0)  # a driver may never come back from tidying up
+
+
+def try_here(handle: Any) -> Trial:
+    """Return what a trivial kernel shows on the pyopencl device ``handle`` in this process."""
+    if not is_pocl(handle):
+        problem = _build(handle, _source(None, ""))
+        is_gpu = problem is None and handle.type & load_opencl().device_type.GPU
+        return Trial(problem=problem, speed=measured_speed(handle) if is_gpu else None)
+    arch = pocl_library_arch()
+    # The name is part of the text: PoCL's cache must not return what was compiled under another name.
+    own = own_name(handle)
+    log = _build(handle, _source(arch, own))
+    if log is None:
+        return Trial(library_arch=arch)
+    renamed = rename_processor(handle, log)
+    if renamed is not None and _build(handle, _source(arch, renamed[1])) is None:
+        return Trial(library_arch=arch, renamed=renamed)
+    if arch is not None and _build(handle, _source(None, own)) is None:
+        return Trial()  # built-ins are called and not inlined: right, but slow
+    return Trial(problem=log)
+
+
+def measured_speed(handle: Any) -> float | None:
+    """Return how many steps of `_WALK` a device takes in a second; None where its driver cannot run it.
+
+    The work grows until the driver's own time for a launch is small beside it.
+    """
+    import numpy as np
+
+    cl = load_opencl()
+    try:
+        context = cl.Context([handle])
+        queue = cl.CommandQueue(context, handle)
+        table = cl.Buffer(context, cl.mem_flags.READ_WRITE, 4 * WALK_WORDS)
+        cl.enqueue_fill_buffer(queue, table, np.ones(1, np.float32), 0, 4 * WALK_WORDS)
+        kernel = cl.Program(context, _WALK).build(options=["-w"], devices=[handle]).walk
+        steps, seconds = 1, 0.0
+        while seconds < WALK_SECONDS and steps < MOST_STEPS:
+            steps *= 2
+            kernel(queue, (WALKERS,), None, table, np.uint32(WALK_WORDS - 1), np.uint32(steps)).wait()  # made ready
+            begun = time.perf_counter()
+            kernel(queue, (WALKERS,), None, table, np.uint32(WALK_WORDS - 1), np.uint32(steps)).wait()
+            seconds = time.perf_counter() - begun
+        return WALKERS * steps / seconds
+    except Exception:  # a driver may raise anything
+        return None
+
+
+def is_pocl(handle: Any) -> bool:
+    """Return whether a device belongs to PoCL on this very processor."""
+    return "portable computing language" in handle.platform.name.lower() and handle.name.startswith(("pthread", "cpu"))
+
+
+def pocl_library_arch() -> str | None:
+    """Return the processor that PoCL's library of built-ins was compiled for, where kernels must match it.
+
+    That is so on x86-64 with AVX2: "haswell", or "skylake-avx512" with AVX-512. None elsewhere.
+    """
+    flags = processor_flags()
+    if platform.machine() not in ("x86_64", "AMD64"):
+        return None
+    if flags >= AVX512 | AVX2:
+        return AVX512_ARCH
+    return AVX2_ARCH if flags >= AVX2 and "avx512f" not in flags else None
+
+
+def target_pragma(arch: str | None) -> str:
+    """Return the line that lets PoCL's built-ins be inlined into all functions that follow; see `assemble`."""
+    if arch is None:
+        return ""
+    return f'#pragma clang attribute push(__attribute__((target("arch={arch}"))), apply_to=function)\n'
+
+
+def _source(arch: str | None, name: str) -> str:
+    wide = "float16" if arch == AVX512_ARCH else "float8"
+    return (
+        f"/* for the processor named {name} */\n{target_pragma(arch)}"
+        f"static {wide} at_least_one({wide} x) {{ return fmax(x, 1.0f); }}\n"
+        "__kernel void trial(__global float *out) { out[0] = at_least_one(out[0]).s0; }\n"
+        + ("#pragma clang attribute pop\n" if arch else "")
+    )
+
+
+def _build(handle: Any, source: str, options: Sequence[str] = ("-cl-std=CL1.2", "-w")) -> str | None:
+    """Return what the compiler says of a program that fails; None when it builds."""
+    cl = load_opencl()
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            cl.Program(cl.Context([handle]), source).build(options=list(options), devices=[handle])
+    except Exception as error:  # a driver may raise anything
+        return str(error) or type(error).__name__
+    return None
+
+
+# The OpenCL devices there are, and what their drivers say of them.
 
 
 @dataclass(frozen=True)
@@ -67,8 +424,8 @@ def list_devices() -> list[DeviceInfo]:
     except Exception as error:
         raise DeviceError(f"no OpenCL platform was found ({error}); {to_install()}") from error
     found = []
-    for p, platform in enumerate(platforms):
-        found += _devices_of(cl, p, platform)
+    for p, each in enumerate(platforms):
+        found += _devices_of(cl, p, each)
     if not found:
         raise DeviceError(f"no OpenCL device was found; {to_install()}")
     return found
@@ -114,8 +471,8 @@ def device_details(info: DeviceInfo) -> dict[str, Any]:
     """Return everything about a device that its drivers report and that matters here.
 
     ``problem`` is why it cannot be used, if so. ``renamed`` holds the processor's name by PoCL and the one that it
-    got in its place (see `rptcam_cl.device.pocl_processor`). ``kernel_target`` is the processor that PoCL's kernels
-    are compiled for, so that its built-ins can be inlined (see `rptcam_cl.device.program`); None where the compiler
+    got in its place (see `rptcam_cl.device.drivers`). ``kernel_target`` is the processor that PoCL's kernels
+    are compiled for, so that its built-ins can be inlined (see `rptcam_cl.device.programs`); None where the compiler
     needs no such help. What a driver does not report is None.
     """
     trial = Trial() if info.failure else try_device(info.handle)
@@ -151,3 +508,133 @@ def opencl_version() -> str | None:
         return str(load_opencl().VERSION_TEXT)
     except DeviceError:
         return None
+
+
+# The devices that a user chooses by a word, a list as ``0:0,1:0`` or the environment. There is no prompt.
+
+KINDS = ("cpu", "gpu")
+ALL = "all"
+_REMEDY = {
+    "gpu": "install the OpenCL driver of your GPU, or leave the option out to render on what there is",
+    "cpu": 'pip install "rptcam_cl[pocl]" brings one for the processor',
+}
+_INDEX = re.compile(r"\d+(:\d+)?")
+
+
+def default_device(devices: list[DeviceInfo]) -> DeviceInfo:
+    """Return the device that ``auto`` means, of those that build a trivial kernel.
+
+    That is the GPU that its trial found to be the fastest, else PoCL's processor, which is the fastest way to run on
+    one, else the first one. Units do not tell how fast GPUs are: those of one maker do ten times the work of another's.
+    No more devices are tried than it takes.
+
+    Raises
+    ------
+    DeviceError
+        When none builds; the message has the reason of each.
+    """
+    several = sum(device.type == "gpu" for device in devices) > 1
+    ordered = sorted(devices, key=lambda device: _rank(device, several))
+    chosen = next((device for device in ordered if problem_of(device) is None), None)
+    if chosen is None:
+        reasons = "; ".join(f"{device.id} {device.name}: {problem_of(device)}" for device in devices)
+        raise DeviceError(f"no OpenCL device can be used ({reasons}); {instead()}")
+    return chosen
+
+
+def _rank(device: DeviceInfo, several: bool) -> tuple[int, float]:
+    if device.type == "gpu":
+        return 0, -speed_of(device) if several else 0.0
+    return (1 if "portable computing language" in device.platform.lower() else 2), 0
+
+
+def choose_device(spec: str | None = None) -> DeviceInfo:
+    """Return the device that ``spec`` names, else ``RPTCAM_DEVICE``, else ``PYOPENCL_CTX``, else ``auto``.
+
+    Parameters
+    ----------
+    spec
+        An index such as ``0:0``, a part of a device or platform name in any case, ``cpu``, ``gpu`` or ``auto``. Where
+        it fits several devices, `default_device` of those is meant.
+
+    Raises
+    ------
+    DeviceError
+        When there is no device, or none that fits, or none of those that fit can be used; the message lists those
+        there are, or the reasons.
+    """
+    devices = list_devices()
+    fitting, source = fitting_devices(devices, spec)
+    if source is None:
+        return default_device(fitting)
+    try:
+        return default_device(fitting)
+    except DeviceError as error:
+        others = [device for device in devices if device not in fitting and problem_of(device) is None]
+        hint = f"; these can: {_listing(others)}" if others else ""
+        raise DeviceError(f"{source}: {error}{hint}") from None
+
+
+def fitting_devices(devices: list[DeviceInfo], spec: str | None = None) -> tuple[list[DeviceInfo], str | None]:
+    """Return which of ``devices`` a ``spec`` of `choose_device` fits, usable or not, and in words where it was given.
+
+    Raises
+    ------
+    DeviceError
+        When it fits none; the message lists ``devices``.
+    """
+    for source, value in (
+        ("--device", spec),
+        ("RPTCAM_DEVICE", first_listed(os.environ.get("RPTCAM_DEVICE"))),
+        ("PYOPENCL_CTX", os.environ.get("PYOPENCL_CTX")),
+    ):
+        if value is not None and value.strip():
+            return _match(devices, value.strip(), source), f"{source} {value.strip()!r}"
+    return devices, None
+
+
+def _match(devices: list[DeviceInfo], spec: str, source: str) -> list[DeviceInfo]:
+    wanted = spec.lower()
+    if wanted == "auto":
+        return devices
+    if wanted in KINDS:
+        fitting = [device for device in devices if device.type == wanted]
+    elif _INDEX.fullmatch(wanted):
+        identity = wanted if ":" in wanted else f"{wanted}:0"
+        fitting = [device for device in devices if device.id == identity]
+    else:
+        fitting = [device for device in devices if wanted in device.name.lower() or wanted in device.platform.lower()]
+    if fitting:
+        return fitting
+    if wanted in KINDS:
+        raise DeviceError(
+            f"{source} {spec!r}: this machine has no {wanted.upper()} that OpenCL finds; "
+            f"there are: {_listing(devices)}; {_REMEDY[wanted]}"
+        )
+    near = difflib.get_close_matches(spec, [*(device.name for device in devices), *KINDS, "auto"], 1)
+    hint = f" (did you mean {near[0]!r}?)" if near and near[0] != wanted else ""
+    raise DeviceError(f"{source} {spec!r} fits no OpenCL device{hint}; there are: {_listing(devices)}")
+
+
+def _listing(devices: list[DeviceInfo]) -> str:
+    return "; ".join(f"{device.id} {device.name} [{device.type}]" for device in devices)
+
+
+def listed(spec: str) -> list[str]:
+    """Return the devices that ``spec`` lists: indices with commas between them, else the one that it is."""
+    words = [word.strip() for word in spec.split(",")]
+    return words if all(_INDEX.fullmatch(word) for word in words) else [spec.strip()]
+
+
+def several_of_environment() -> list[str] | None:
+    """Return the devices that ``RPTCAM_DEVICE`` lists, where they are several or "all"; else None."""
+    words = listed(os.environ.get("RPTCAM_DEVICE", ""))
+    return words if len(words) > 1 or words == [ALL] else None
+
+
+def first_listed(spec: str | None) -> str | None:
+    """Return the device that a command takes that takes one: the first of a list, the best of all."""
+    if spec is None:
+        return None
+    first = listed(spec)[0]
+    return "auto" if first.lower() == ALL else first

@@ -1,12 +1,15 @@
-"""A chosen device with its context, queue and built programs."""
+"""A chosen device with its context, queue and built programs; one that opens early, and several for one render."""
 
 from __future__ import annotations
 
+import contextlib
 import copy
+import math
+import re
 import threading
 import warnings
 from collections import OrderedDict
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import lru_cache
 from typing import Any
@@ -15,12 +18,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.errors import DeviceError
-from rptcam_cl.device.choose import choose_device
-from rptcam_cl.device.devices import DeviceInfo, problem_of
-from rptcam_cl.device.opencl import instead, load_opencl
-from rptcam_cl.device.pocl_cache import is_code_noted, note_code
-from rptcam_cl.device.program import Parameters, Program, assemble, options_of, program_name, quick_source, source_key
-from rptcam_cl.device.trial import AVX512_ARCH, build_apart, builds_apart, is_pocl, try_device
+from rptcam_cl.core.files import identity_of_code, keep_arrays, kept_arrays, name_of
+from rptcam_cl.device.devices import (
+    ALL,
+    AVX512_ARCH,
+    DeviceInfo,
+    build_apart,
+    builds_apart,
+    choose_device,
+    end_trials,
+    is_pocl,
+    list_devices,
+    listed,
+    prepare_trial,
+    problem_of,
+    several_of_environment,
+    try_device,
+)
+from rptcam_cl.device.drivers import instead, is_code_noted, load_opencl, note_code
+from rptcam_cl.device.fork_server import unfinished_work
+from rptcam_cl.device.programs import Parameters, Program, assemble, options_of, program_name, quick_source, source_key
+
+# A chosen device with its context, queue and built programs.
 
 # llvmpipe is the processor as Mesa's rusticl offers it. Its compiler takes eight work items together, and counts the
 # steps of all their loops in one counter; when that has reached 65535, every loop ends after its step, and the kernel
@@ -396,3 +415,193 @@ class Session:
             yield
         except cl.Error as error:
             raise DeviceError(f"device {self.info.id} {self.info.name} stopped: {error}") from error
+
+
+#
+# The device opened by a thread, while the rest of the program is imported and the scene is read.
+#
+# A driver takes its time outside Python's lock: to start, to be tried, and to build what the same command had built
+# the last time, which is kept. For a command that is new, PoCL reads its library of built-in functions meanwhile,
+# which takes it 0.4 s in every process that compiles.
+#
+# Nothing fails here: what goes wrong does so again where it is wanted, and is reported there.
+
+Built = list[tuple[str, Parameters]]  # sources, and the names of their kernels' parameters
+
+KEPT = "commands"  # folder of the cache on disk
+MOST_CHARACTERS = 4 << 20  # of all sources of a command
+
+
+def open_early(spec: str | None, *command: object) -> Callable[[], None]:
+    """Open the device that ``spec`` names in a thread; return what is to be called when the command has ended well.
+
+    All that is imported for it is imported here: two threads that import the same packages can get in each other's way.
+
+    Parameters
+    ----------
+    command
+        What tells commands that build other programs apart; without it, the device is opened and nothing built.
+    """
+    name = name_of(identity_of_code(("device",)), spec, *command) if command else ""
+    kept = kept_arrays(KEPT, name) if command else None
+    built: Built = [] if kept is None else [tuple(each) for each in kept[1]["built"]]
+    try:
+        prepare_trial()
+        from pyopencl import characterize  # noqa: F401 -- wanted by the first build
+    except (DeviceError, ImportError):
+        return lambda: None
+    threading.Thread(target=_open, args=(spec, name, built), daemon=True).start()
+    return lambda: _remember(spec, name, built)
+
+
+def _open(spec: str | None, name: str, built: Built) -> None:
+    with unfinished_work(), contextlib.suppress(Exception):  # whatever a driver may raise
+        session = open_session(spec)
+        if built:
+            session.foresee(built)
+        elif name:
+            session.read_library(name)
+
+
+def _remember(spec: str | None, name: str, before: Built) -> None:
+    """Keep what was built, where that is not what was built before."""
+    end_trials()
+    programs = open_session(spec).programs
+    if [program.source for program in programs] == [source for source, _ in before]:
+        return
+    if sum(len(program.source) for program in programs) <= MOST_CHARACTERS:
+        keep_arrays(KEPT, name, {}, {"built": [(program.source, program.parameters) for program in programs]})
+
+
+# Several devices for one render: which ones are meant, and what share of the work each is to have.
+
+Split = str | Mapping[str, float]
+Wanted = str | Session | Sequence[str | Session] | None
+
+ROUNDING = 0.005  # that the sum of the shares may be off by, as that of 0.333, 0.333 and 0.333
+EXAMPLE = "--split 0:0=0.7,1:0=0.3"
+
+
+def open_sessions(wanted: Wanted = None, split: Split | None = None) -> tuple[list[Session], list[float] | None]:
+    """Return the sessions of the devices that are to share a render, and their shares where they are given.
+
+    Parameters
+    ----------
+    wanted
+        One device or several, each as `choose_device` takes it or as a session; ``"all"`` is every device that builds
+        a kernel. None: those that ``split`` names, else what the environment says.
+    split
+        Shares by device, which add up to 1: a mapping, or text as ``0:0=0.7,1:0=0.3``.
+
+    Raises
+    ------
+    DeviceError
+        A device that is unknown, unusable or named twice, or shares that are not those of the devices.
+    """
+    shares = None if split is None else _shares(split)
+    if wanted is None and shares is not None:
+        wanted = list(shares)
+    sessions = _opened(wanted)
+    seen: set[str] = set()
+    for session in sessions:
+        if session.info.id in seen:
+            raise DeviceError(f"--device: {session.info.id} {session.info.name} twice (name each device once)")
+        seen.add(session.info.id)
+    return sessions, None if shares is None else _in_order(shares, sessions)
+
+
+def means_all(wanted: Wanted) -> bool:
+    """Return whether `all` devices were requested rather than named ones; one that cannot begin is then left out."""
+    if wanted is None:
+        return several_of_environment() == [ALL]
+    return not isinstance(wanted, Session) and ALL in ([wanted] if isinstance(wanted, str) else wanted)
+
+
+def means_one(wanted: str | None, split: Split | None = None) -> bool:
+    """Return whether a single device is meant, whichever it is."""
+    if wanted is None:
+        return split is None and several_of_environment() is None
+    return listed(wanted) == [wanted.strip()] and wanted.strip() != ALL
+
+
+def _opened(wanted: Wanted) -> list[Session]:
+    if isinstance(wanted, Session):
+        return [wanted]
+    if wanted is None:
+        wanted = several_of_environment()
+        if wanted is None:
+            return [open_session(None)]
+    entries = [wanted] if isinstance(wanted, str) else list(wanted)
+    if not entries:
+        raise DeviceError("--device: no device is named (allowed: one or more, or none to have one chosen)")
+    words: list[str | Session] = []
+    for entry in entries:
+        words += listed(entry) if isinstance(entry, str) else [entry]
+    if ALL in words:
+        if len(words) > 1:
+            raise DeviceError("--device: 'all' stands alone (or name the devices)")
+        return [open_session(info.id) for info in usable_devices()]
+    return [word if isinstance(word, Session) else open_session(word) for word in words]
+
+
+def usable_devices() -> list[DeviceInfo]:
+    """Return every device that builds a kernel, with a warning for each that does not.
+
+    Raises
+    ------
+    DeviceError
+        When none does.
+    """
+    found, reasons = [], []
+    for info in list_devices():
+        problem = problem_of(info)
+        if problem is None:
+            found.append(info)
+        else:
+            reasons.append(f"device {info.id} {info.name} cannot be used: {problem}")
+    if not found:
+        raise DeviceError(f"{'; '.join(reasons)}; {instead()}")
+    for reason in reasons:
+        warnings.warn(f"{reason}; it is left out", UserWarning, stacklevel=2)
+    return found
+
+
+def _shares(split: Split) -> dict[str, float]:
+    """Return the shares by the names that were given, in their order."""
+    if isinstance(split, str):
+        pairs = [part.rpartition("=") for part in split.split(",")]
+        given = [(name.strip(), share.strip()) for name, _, share in pairs]
+    else:
+        given = [(str(name).strip(), str(share)) for name, share in split.items()]
+    found: dict[str, float] = {}
+    for name, text in given:
+        share = float(text) if re.fullmatch(r"[0-9.]*[0-9][0-9.]*(e-?\d+)?", text) and text.count(".") < 2 else math.nan
+        if not name or not 0 < share <= 1:
+            what = f"{name}={text}" if name else text
+            raise DeviceError(f"--split: got {what}; allowed a device and its share, above 0 and up to 1, as {EXAMPLE}")
+        if name in found:
+            raise DeviceError(f"--split: {name} twice (give each device one share)")
+        found[name] = share
+    total = math.fsum(found.values())
+    if abs(total - 1) > ROUNDING:
+        raise DeviceError(f"--split: the shares add up to {total:g} (allowed: 1, as {EXAMPLE})")
+    return found
+
+
+def _in_order(shares: Mapping[str, float], sessions: Sequence[Session]) -> list[float]:
+    """Return the shares in the order of the sessions."""
+    by_id: dict[str, float] = {}
+    for name, share in shares.items():
+        identity = name if any(session.info.id == name for session in sessions) else choose_device(name).id
+        if identity in by_id:
+            raise DeviceError(f"--split: {name} is {identity}, which has a share already (give each device one share)")
+        by_id[identity] = share
+    chosen = [session.info.id for session in sessions]
+    if strangers := [identity for identity in by_id if identity not in chosen]:
+        raise DeviceError(
+            f"--split: {', '.join(strangers)} is not among the devices of this render, {', '.join(chosen)}"
+            " (name the same devices in --device, or leave --device out)"
+        )
+    if missing := [identity for identity in chosen if identity not in by_id]:
+        raise DeviceError(f"--split: no share for device {', '.join(missing)} (give every device one, as {EXAMPLE})")
+    return [by_id[identity] for identity in chosen]

@@ -2,18 +2,309 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import importlib.util
+import warnings
+from collections.abc import Callable, Iterator
+from functools import partial
+from importlib.metadata import version
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.colour import luminance
+from rptcam_cl.core.colour import (
+    BRADFORD,
+    RGB_FROM_XYZ,
+    SRGB_WHITE,
+    XYZ_FROM_RGB,
+    Matrix,
+    adaptation,
+    luminance,
+    xyz_of,
+)
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.imaging.tone import aces, agx, reinhard, srgb_from_linear
-from rptcam_cl.imaging.white_balance import WHOLE, Adaptation, Part, WhiteBalance, balance_matrix
+from rptcam_cl.core.errors import InputError
+
+#
+# Removing noise by Intel Open Image Denoise, guided by the layers albedo and normal. It runs on the processor.
+#
+# The network guesses what the noise hides: the result looks clean, yet its error has no bound and does not vanish as
+# samples are added. The picture's metadata say so.
 
 Pixels = NDArray[np.float32]
+
+GUIDES = ("albedo", "normal")
+MARGIN_PX = 16  # with 8 or 32 the error is the same within a tenth
+
+
+def check_denoiser() -> None:
+    """Raise an error when the package that denoises is not installed.
+
+    Raises
+    ------
+    InputError
+        It says how to install it.
+    """
+    if importlib.util.find_spec("pyoidn") is None:
+        raise InputError('denoising needs the package pyoidn (pip install "rptcam_cl[denoise]")')
+
+
+def denoised(pixels: Pixels, albedo: Pixels, normal: Pixels) -> tuple[Pixels, str]:
+    """Return the picture without its noise, and the name of what removed it.
+
+    Parameters
+    ----------
+    pixels
+        (height, width, 3), linear.
+    albedo, normal
+        Layers of the same shape.
+
+    Raises
+    ------
+    InputError
+        The denoiser is missing or fails.
+    """
+    check_denoiser()
+    try:
+        import pyoidn
+
+        wide, guide, facing = (_with_margin(values) for values in (pixels, albedo, normal))
+        clean = _within_channels(partial(pyoidn.denoise, normal=facing, hdr=True), wide, guide)
+    except (ImportError, OSError, RuntimeError) as error:
+        raise InputError(f"denoising failed: {error}") from error
+    inside = slice(MARGIN_PX, -MARGIN_PX)
+    return np.ascontiguousarray(
+        clean[inside, inside], np.float32
+    ), f"Open Image Denoise (pyoidn {version('pyoidn')}), biased"
+
+
+def _with_margin(values: Pixels) -> Pixels:
+    """Return a picture that goes on mirrored: the network takes what is beyond its edges for black."""
+    return np.pad(values, ((MARGIN_PX, MARGIN_PX), (MARGIN_PX, MARGIN_PX), (0, 0)), mode="symmetric")
+
+
+def _within_channels(denoise: Callable[..., Pixels], pixels: Pixels, albedo: Pixels) -> Pixels:
+    """Return what a denoiser makes of a picture, which takes channels below 0, as spectral colours have, for 0.
+
+    Such a picture goes through it in CIE XYZ, where every colour of light is positive, scaled so that white is
+    (1, 1, 1) there, too.
+    """
+    if not (pixels < 0).any():
+        return denoise(pixels, albedo=albedo)
+    matrix = XYZ_FROM_RGB / XYZ_FROM_RGB.sum(axis=1, keepdims=True)
+    seen, guide = (np.asarray(values @ matrix.T, np.float32) for values in (pixels, albedo))
+    return np.asarray(denoise(seen, albedo=guide) @ np.linalg.inv(matrix).T)
+
+
+# Tone curves: from linear light without an upper limit to the linear light of a display, and sRGB's encoding of it.
+
+ACES_WHITE = 7.25  # from here on the fit is above 1
+
+# T. Sobotka, AgX, config.ocio at github.com/sobotka/AgX. The published rows sum to 1 within 1.4e-4; divided by their
+# sums they leave grey exactly grey.
+_PUBLISHED_INSET = np.array(
+    [
+        [0.842479062253094, 0.0784335999999992, 0.0792237451477643],
+        [0.0423282422610123, 0.878468636469772, 0.0791661274605434],
+        [0.0423756549057051, 0.0784336, 0.879142973793104],
+    ]
+)
+INSET = _PUBLISHED_INSET / _PUBLISHED_INSET.sum(axis=1, keepdims=True)
+OUTSET = np.linalg.inv(INSET)
+LEAST_LOG2, MOST_LOG2 = -12.47393, 4.026069  # 10 stops below a grey of 0.18, 6.5 above it
+AGX_WHITE = 2.0**MOST_LOG2
+_PIVOT, _PIVOT_SHOWN, _SLOPE = 10 / 16.5, 0.5, 2.0  # the grey in the range, what it becomes, and the slope there
+_TOE, _SHOULDER = 3.0, 3.25  # powers
+_DISPLAY_POWER = 2.2
+
+
+def srgb_from_linear(linear: NDArray[np.floating]) -> Pixels:
+    """sRGB-encoded values of linear ones, both in 0..1 (IEC 61966-2-1).
+
+    Values outside 0..1 are clipped; not-a-number becomes 0.
+    """
+    numbers = np.fmax(linear, 0.0)  # 0 where there is none
+    clipped: Pixels = np.fmin(numbers, 1.0).astype(np.float32, copy=False)
+    foot = clipped * np.float32(12.92)
+    curve = np.float32(1.055) * clipped ** np.float32(1 / 2.4) - np.float32(0.055)
+    return np.where(clipped <= np.float32(0.0031308), foot, curve)
+
+
+def linear_from_srgb(encoded: Pixels) -> Pixels:
+    """Linear values of sRGB-encoded ones in 0..1 (IEC 61966-2-1)."""
+    curve = ((encoded + np.float32(0.055)) / np.float32(1.055)) ** np.float32(2.4)
+    return np.where(encoded <= np.float32(0.04045), encoded / np.float32(12.92), curve)
+
+
+def reinhard(linear: Pixels, white: float) -> Pixels:
+    """Reinhard, Stark, Shirley and Ferwerda, SIGGRAPH 2002, eq. 4, on luminance: hue and saturation stay.
+
+    Parameters
+    ----------
+    linear
+        Colours (…, 3) from 0 up.
+    white
+        Luminance that becomes 1.
+    """
+    brightness = luminance(linear, np.float32)[..., None]
+    shown: Pixels = linear * ((1 + brightness / np.float32(white**2)) / (1 + brightness))
+    return shown
+
+
+def aces(linear: Pixels) -> Pixels:
+    """K. Narkowicz, "ACES Filmic Tone Mapping Curve", 2016: his fit of the ACES reference rendering, per channel."""
+    x = np.minimum(linear, np.float32(ACES_WHITE))
+    fit: Pixels = x * (np.float32(2.51) * x + np.float32(0.03))
+    fit /= x * (np.float32(2.43) * x + np.float32(0.59)) + np.float32(0.14)
+    return np.minimum(fit, np.float32(1))
+
+
+def agx(linear: Pixels) -> Pixels:
+    """T. Sobotka's AgX with the outset of B. Wrensch, "Minimal AgX Implementation", 2023; docs/picture.md.
+
+    A matrix mixes the channels, a sigmoid shapes the logarithm of each, and the mixing is undone: bright colours pale
+    towards white and do not turn to the nearest primary. The result is the light of a display of power 2.2, as AgX
+    means it; it may leave 0..1 a little.
+    """
+    mixed = linear @ INSET.T.astype(np.float32)
+    with np.errstate(divide="ignore"):
+        stops = np.log2(mixed)
+    share = (stops - np.float32(LEAST_LOG2)) / np.float32(MOST_LOG2 - LEAST_LOG2)
+    encoded = agx_contrast(np.clip(share, 0, 1)) @ OUTSET.T.astype(np.float32)
+    # Below 0 there is no power: the sign is kept, and the gamut deals with it.
+    light: Pixels = np.copysign(np.abs(encoded) ** np.float32(_DISPLAY_POWER), encoded)
+    return light
+
+
+def agx_contrast(share: Pixels) -> Pixels:
+    """Return the encoded value for a share of the range of stops, both 0..1: AgX's default contrast.
+
+    Two hyperbolas d / (1 + d^p)^(1/p) leave the pivot with the slope there, scaled to end in 0 and 1: the curve of
+    J. Smith that Sobotka's table samples.
+    """
+    toe = _PIVOT_SHOWN - _hyperbola(np.maximum(_PIVOT - share, 0), _PIVOT, _PIVOT_SHOWN, _TOE)
+    shoulder = _hyperbola(np.maximum(share - _PIVOT, 0), 1 - _PIVOT, 1 - _PIVOT_SHOWN, _SHOULDER)
+    return (toe + shoulder).astype(np.float32, copy=False)
+
+
+def _hyperbola(distance: Pixels, reach: float, height: float, power: float) -> Pixels:
+    """Return how far the curve rises over a distance from the pivot; over the whole reach it is the height."""
+    rise = _SLOPE * reach
+    scale = rise / ((rise / height) ** power - 1) ** (1 / power)
+    ahead = np.float32(_SLOPE / scale) * distance
+    risen: Pixels = np.float32(scale) * ahead / (1 + ahead ** np.float32(power)) ** np.float32(1 / power)
+    return risen
+
+
+# White balance: what the picture's light is taken to be, and the matrix on linear RGB that makes it grey.
+
+Colour = NDArray[np.float64]
+Part = tuple[float, float, float, float]
+Adaptation = Literal["channels", "bradford"]
+
+WHOLE: Part = (0.0, 1.0, 0.0, 1.0)
+_NEIGHBOURS = 2  # pixels on each side of a point that are averaged with it
+_ROUNDING = 1e-6  # pixels: a point between two belongs to the same one in a part of the film as in the whole
+_LEAST = 1e-3  # of a light's luminance that each of three responses must have to be scaled to white
+
+
+@dataclass(frozen=True)
+class KnownLight:
+    """The scene's light by its linear sRGB colour."""
+
+    colour: tuple[float, float, float]
+
+    def light(self, linear: Pixels, part: Part) -> Colour:
+        """Return the light's linear sRGB colour."""
+        return np.array(self.colour)
+
+
+@dataclass(frozen=True)
+class Grey:
+    """A place that is grey in truth: a point [x, y] or a rectangle [x0, x1, y0, y1] in fractions of the film."""
+
+    place: tuple[float, ...]
+
+    def light(self, linear: Pixels, part: Part) -> Colour:
+        """Return the mean linear sRGB colour there."""
+        return _mean(linear[self._window(linear.shape, part)])
+
+    def _window(self, shape: tuple[int, ...], part: Part) -> tuple[slice, slice]:
+        """Return rows and columns of the pixels in the place, at least one."""
+        half = len(self.place) // 2
+        across, down = (
+            [(edge - start) / (end - start) * count for edge in edges]
+            for edges, start, end, count in (
+                (self.place[:half], *part[:2], shape[1]),
+                (self.place[half:], *part[2:], shape[0]),
+            )
+        )
+        return _pixels(down, shape[0]), _pixels(across, shape[1])
+
+
+@dataclass(frozen=True)
+class GreyWorld:
+    """The picture's mean is grey (G. Buchsbaum, J. Franklin Institute 310, 1980); pixels beyond white do not count."""
+
+    def light(self, linear: Pixels, part: Part) -> Colour:
+        """Return the mean linear sRGB colour."""
+        shown = (linear <= 1).all(axis=-1)
+        return _mean(linear[shown] if shown.any() else linear)
+
+
+@dataclass(frozen=True)
+class Gains:
+    """Factors on red, green and blue."""
+
+    factors: tuple[float, float, float]
+
+
+WhiteBalance = KnownLight | Gains | Grey | GreyWorld
+
+
+def balance_matrix(balance: WhiteBalance, linear: Pixels, part: Part, by: Adaptation) -> Matrix:
+    """Return the 3 x 3 matrix for linear colours as columns; that of no change where there is no light to balance.
+
+    Parameters
+    ----------
+    balance
+        What is to become grey, keeping its luminance, or the factors themselves.
+    linear
+        The picture, (height, width, 3).
+    part
+        Which part of the film it is.
+    by
+        Whether red, green and blue are scaled, or the responses of the Bradford transform. A light without red, green
+        or blue can only be balanced by these.
+    """
+    if isinstance(balance, Gains):
+        return np.diag(np.array(balance.factors, np.float64))
+    light = balance.light(linear, part)
+    xyz = XYZ_FROM_RGB @ light
+    if xyz[1] <= 0 or (BRADFORD @ xyz <= _LEAST * xyz[1]).any():
+        warnings.warn(
+            "white balance: what should be grey is black or of no colour that light has; left as it is", stacklevel=2
+        )
+        return np.eye(3)
+    if by == "channels" and (light > _LEAST * xyz[1]).all():
+        return np.diag(xyz[1] / light)
+    adapted: Matrix = RGB_FROM_XYZ @ adaptation(xyz / xyz[1], xyz_of(SRGB_WHITE)) @ XYZ_FROM_RGB
+    return adapted
+
+
+def _pixels(edges: list[float], count: int) -> slice:
+    """Return the pixels of a row or column between two edges, or round a point, in pixels."""
+    if len(edges) == 2:
+        first = min(max(round(edges[0]), 0), count - 1)
+        return slice(first, max(round(edges[1]), first + 1))
+    middle = min(max(int(edges[0] + _ROUNDING), 0), count - 1)
+    return slice(max(middle - _NEIGHBOURS, 0), middle + _NEIGHBOURS + 1)
+
+
+def _mean(colours: Pixels) -> Colour:
+    return np.asarray(colours.reshape(-1, 3).mean(axis=0, dtype=np.float64))
+
+
 Tone = Literal["srgb", "linear", "reinhard", "aces", "agx"]
 Gamut = Literal["clip", "desaturate"]
 

@@ -1,28 +1,48 @@
-"""A rendered film with its metadata, statistics and layers, and the pictures that are developed from it."""
+"""A rendered film with its metadata and layers, and the pictures and videos that are developed from it."""
 
 from __future__ import annotations
 
 import io
+import json
+import math
 import os
-from collections.abc import Mapping
+import re
+import zipfile
+from collections.abc import Iterable, Mapping
 from dataclasses import field, replace
+from fractions import Fraction
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from rptcam_cl.colour import luminance
+from rptcam_cl.core.colour import SRGB_PRIMARIES, SRGB_WHITE, luminance
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.core.errors import InputError
-from rptcam_cl.imaging import truth_files, writers
-from rptcam_cl.imaging.denoise import GUIDES, denoised
-from rptcam_cl.imaging.development import PLAIN, Development, developed_values
-from rptcam_cl.imaging.layers import Layer, check_layers
-from rptcam_cl.imaging.raw import RawImage
-from rptcam_cl.imaging.raw_frame import exposed
-from rptcam_cl.imaging.sensor import SensorModel
+from rptcam_cl.core.errors import InputError, StateError
+from rptcam_cl.core.files import check_writable, free_host_bytes, replacing, utf8_name
+from rptcam_cl.imaging.development import (
+    GUIDES,
+    PLAIN,
+    Adaptation,
+    Development,
+    Gains,
+    Grey,
+    GreyWorld,
+    KnownLight,
+    denoised,
+    developed_values,
+    quantised,
+)
+from rptcam_cl.imaging.formats import ALL_METADATA, RawImage, from_exr_attributes
+from rptcam_cl.imaging.sensor import SensorModel, exposed
+from rptcam_cl.imaging.truth_files import coco, save_truth
+from rptcam_cl.imaging.writers import PNG_BITS, Layer, check_layers, film_part, is_developed, png_to, write
+from rptcam_cl.scene.film import PictureSettings, WhiteBalance
+from rptcam_cl.scene.load import load_picture
+
+# A rendered film with its metadata, statistics and layers, and the pictures that are developed from it.
 
 SENSOR = "sensor"  # where metadata keep the sensor behind the film
 
@@ -116,12 +136,12 @@ class Image:
         StateError
             The file cannot be written.
         """
-        pixels = self.seen if writers.is_developed(path) else self.pixels
-        writers.write(path, pixels, self.metadata, self.development, self.layers)
+        pixels = self.seen if is_developed(path) else self.pixels
+        write(path, pixels, self.metadata, self.development, self.layers)
 
     def developed(self) -> NDArray[np.float32]:
         """Return the picture as a screen shows it, (height, width, 3) from 0 to 1; see docs/picture.md."""
-        return developed_values(self.seen, self.development, writers.film_part(self.metadata, self.seen))
+        return developed_values(self.seen, self.development, film_part(self.metadata, self.seen))
 
     def denoised(self) -> Image:
         """Return the image with its noise removed, guided by its layers ``albedo`` and ``normal``; see docs/layers.md.
@@ -152,7 +172,7 @@ class Image:
         InputError
             A layer is missing.
         """
-        return truth_files.coco(self.layers, self.metadata, file_name, image_id)
+        return coco(self.layers, self.metadata, file_name, image_id)
 
     def save_truth(
         self,
@@ -180,9 +200,7 @@ class Image:
         StateError
             A file cannot be written.
         """
-        return truth_files.save_truth(
-            Path(folder), self.layers, self.metadata, file_name, image_id=image_id, prefix=prefix
-        )
+        return save_truth(Path(folder), self.layers, self.metadata, file_name, image_id=image_id, prefix=prefix)
 
     def __getitem__(self, name: str) -> Layer:
         try:
@@ -198,10 +216,339 @@ class Image:
 
     def _repr_png_(self) -> bytes:
         stream = io.BytesIO()
-        writers.png_to(stream, self.seen, self.metadata, self.development, writers.PNG_BITS)
+        png_to(stream, self.seen, self.metadata, self.development, PNG_BITS)
         return stream.getvalue()
 
     def __repr__(self) -> str:
         mean, spp = self.metadata.get("spp_mean"), self.metadata.get("spp")
         spp = f"{mean:.0f}" if isinstance(mean, float) else spp
         return f"<Image {self.width} x {self.height}" + (f", {spp} spp>" if spp is not None else ">")
+
+
+# Linear films that were saved: OpenEXR and NumPy files with their metadata, to be developed anew.
+
+FILM_SUFFIXES = (".exr", ".npy", ".npz")
+_NAME = re.compile(r"[A-Za-z]\w{0,60}", re.ASCII)  # of metadata, which become keys in all formats
+LARGE = 1 << 26  # pixels of a film, from which on small files may be meant to keep a machine busy
+NEEDED = 3  # times its own size, to read and to develop a film; measured at 48 million pixels
+_CLOSE = 1e-3  # in chromaticity: programs round those of sRGB differently
+
+
+def read_film(path: str | os.PathLike[str], *, most_pixels: int | None = None) -> Image:
+    """Return the film of a file, with the metadata it holds and without layers.
+
+    Parameters
+    ----------
+    most_pixels
+        Of a film that is read; by its head alone, larger ones are refused.
+
+    Raises
+    ------
+    InputError
+        The file is none of these formats, is damaged, or is not of linear colours with the primaries of sRGB.
+    StateError
+        The file cannot be read.
+    """
+    suffix = Path(path).suffix.lower()
+    if suffix not in FILM_SUFFIXES:
+        raise InputError(f"{path}: is no linear film (got {suffix or 'no suffix'}; allowed {' '.join(FILM_SUFFIXES)})")
+    try:
+        size, pixels_there = _size(path, suffix)
+        if most_pixels is not None and pixels_there > most_pixels:
+            found, most = pixels_there / 1e6, most_pixels / 1e6
+            raise InputError(f"has {found:.4g} million pixels (allowed: {most:.4g}, or any with --large)")
+        _check_memory(size)
+        pixels, metadata = _exr(path) if suffix == ".exr" else _numpy(path)
+        known = metadata.items() if isinstance(metadata, dict) else ()
+        return Image(np.asarray(pixels, np.float32), {key: value for key, value in known if _NAME.fullmatch(key)})
+    except InputError as problem:
+        raise InputError(f"{path}: {problem}") from None
+    except OSError as problem:
+        raise StateError(f"{path}: cannot be read: {problem.strerror or problem}") from None
+    except Exception as problem:  # numpy, zipfile, tokenize and OpenEXR raise nearly anything for a damaged file
+        raise InputError(f"{path}: is damaged, or holds no film ({str(problem) or type(problem).__name__})") from None
+
+
+def _size(path: str | os.PathLike[str], suffix: str) -> tuple[int, int]:
+    """Return how many bytes the film of a file takes in memory, and its pixels, by its head, without unpacking it."""
+    if suffix == ".exr":
+        import OpenEXR
+
+        with Path(path).open("rb"):
+            pass  # the library's own words for a file that is not there name no reason
+        with utf8_name(path) as name, OpenEXR.File(name, separate_channels=True, header_only=True) as file:
+            header = dict(file.header())
+        (left, top), (right, bottom) = header["dataWindow"]
+        count = max(0, int(right) - int(left) + 1) * max(0, int(bottom) - int(top) + 1)
+        return count * 4 * len(header["channels"]), count  # all channels of the file are read, at most 4 bytes each
+    with Path(path).open("rb") as file:
+        if not zipfile.is_zipfile(file):
+            file.seek(0)
+            return _bytes_of_array(file)
+        with zipfile.ZipFile(file) as archive:
+            wanted = [name for name in ("rgb.npy", "metadata.npy") if name in archive.namelist()]
+            sizes = [(0, 0)]
+            for name in wanted:
+                with archive.open(name) as member:
+                    sizes.append(_bytes_of_array(member))
+            return sum(size for size, _ in sizes), max(count for _, count in sizes)
+
+
+def _bytes_of_array(stream: IO[bytes]) -> tuple[int, int]:
+    """Return the bytes of an array, and its pixels if it is a film, by the head of its file (``numpy.lib.format``)."""
+    major, _ = np.lib.format.read_magic(stream)
+    read = np.lib.format.read_array_header_1_0 if major == 1 else np.lib.format.read_array_header_2_0
+    shape, _, dtype = read(stream)
+    return math.prod(shape) * dtype.itemsize, math.prod(shape[:2])
+
+
+def _check_memory(size: int) -> None:
+    """Refuse a film whose development takes more memory than the machine has free."""
+    free = free_host_bytes()
+    if free is not None and size * NEEDED > free:
+        raise InputError(
+            f"takes {size * NEEDED / 1e9:.3g} GB to develop, and {free / 1e9:.3g} GB of memory are free"
+            " (allowed: a smaller film, as of a part with crop)"
+        )
+
+
+def _numpy(path: str | os.PathLike[str]) -> tuple[NDArray[Any], dict[str, Any]]:
+    held = np.load(path, allow_pickle=False)
+    if isinstance(held, np.ndarray):
+        return held, {}
+    with held:
+        return held["rgb"], json.loads(str(held["metadata"])) if "metadata" in held else {}
+
+
+def _exr(path: str | os.PathLike[str]) -> tuple[NDArray[Any], dict[str, Any]]:
+    import OpenEXR
+
+    with utf8_name(path) as name, OpenEXR.File(name, separate_channels=True) as file:
+        header = dict(file.header())  # the file empties its own when it closes
+        planes = [file.channels()[name].pixels for name in "RGB"]
+    primaries = header.get("chromaticities")
+    expected = np.ravel([*SRGB_PRIMARIES, SRGB_WHITE])
+    if primaries is not None and not np.allclose(np.ravel(primaries), expected, atol=_CLOSE):
+        got = ", ".join(f"{number:.4g}" for number in np.ravel(primaries))
+        raise InputError(f"has other primaries than sRGB (got {got}; allowed {', '.join(map(str, expected))})")
+    metadata = header.get(ALL_METADATA)
+    return np.stack(planes, axis=-1), json.loads(metadata) if isinstance(metadata, str) else from_exr_attributes(header)
+
+
+#
+# Anamorphic pictures made wide again: a film that a lens has squeezed sideways, on as many more columns.
+#
+# Every new column is the mean of the film over what it covers (box integration), so that light is kept: the mean of
+# the picture stays, and a film that is even across stays so.
+
+LEAST, MOST = 1.0, 4.0
+OF_PIXELS = ("window", "resolution", "intrinsics", SENSOR)  # metadata of the pixels as they were
+
+
+def desqueezed(image: Image, factor: float) -> Image:
+    """Return an image that is wider by a factor, with metadata ``desqueezed``; its layers stay behind.
+
+    Parameters
+    ----------
+    image
+        Rendered through a lens that squeezes.
+    factor
+        By which: the ratio of its focal lengths, up and down over across. The width is rounded to whole columns.
+
+    Raises
+    ------
+    InputError
+        For a factor out of range, or a film that was desqueezed before.
+    """
+    if not LEAST <= factor <= MOST:
+        raise InputError(f"desqueeze: is out of range (got {factor:g}; allowed: {LEAST:g} to {MOST:g})")
+    if "desqueezed" in image.metadata:
+        raise InputError("desqueeze: the film was desqueezed before (allowed: once)")
+    width = max(round(image.width * factor), 1)
+    metadata = {key: value for key, value in image.metadata.items() if key not in OF_PIXELS}
+    pixels = _resampled(image.seen, width)  # a sensor counts the pixels that are squeezed
+    return replace(image, pixels=pixels, metadata=metadata | {"desqueezed": width / image.width}, layers={})
+
+
+def _resampled(pixels: NDArray[np.float32], width: int) -> NDArray[np.float32]:
+    """Return rows of as many columns or more, each the mean of the one or two that it covers."""
+    columns = pixels.shape[1]
+    # Whole numbers, in parts of 1 / width of a column: each new one has `columns` of them, from `starts` on.
+    starts = np.arange(width, dtype=np.int64) * columns
+    first = starts // width
+    share = np.minimum((first + 1) * width - starts, columns)[:, None] / columns
+    beside = pixels[:, np.minimum(first + 1, columns - 1)]
+    beside = np.where(share < 1, beside, 0)  # what is not covered does not count, be it no number
+    return np.asarray(share * pixels[:, first] + (1 - share) * beside, dtype=np.float32)
+
+
+# Developing films as the picture settings of a scene say: when rendered, or later without rendering anew.
+
+SETTINGS = "picture"  # where metadata keep what a scene says of the picture
+
+
+def develop(film: Image | str | os.PathLike[str], overrides: Iterable[str] = (), **settings: Any) -> Image:
+    """Return an image of the same film that develops with other settings.
+
+    Parameters
+    ----------
+    film
+        A rendered image, or a file of one (``.exr``, ``.npy``, ``.npz``).
+    overrides
+        Settings as text, ``picture.tone=agx``.
+    **settings
+        Keys of ``picture`` in scene files: ``tone="agx"``, ``white_balance={"temperature_k": 3200}``, ``ev=1``. Those
+        not given stay as they are in the film's metadata.
+
+    Raises
+    ------
+    InputError
+        A setting is wrong, or the file holds no film.
+    StateError
+        The file cannot be read.
+    """
+    image = film if isinstance(film, Image) else read_film(film)
+    known = image.metadata.get(SETTINGS)
+    return with_picture_settings(
+        image, load_picture({**(known if isinstance(known, dict) else {}), **settings}, overrides)
+    )
+
+
+def with_picture_settings(image: Image, picture: PictureSettings) -> Image:
+    """Return an image that develops by the picture settings of a scene, which its metadata keep."""
+    kept = picture.model_dump(mode="json", exclude_defaults=True)
+    others = {key: value for key, value in image.metadata.items() if key != SETTINGS}
+    metadata = others | ({SETTINGS: kept} if kept else {})
+    return replace(image, metadata=metadata, development=development_of(picture, metadata))
+
+
+def development_of(picture: PictureSettings, metadata: Mapping[str, Any]) -> Development:
+    """Return the numbers of picture settings, for a film with such metadata."""
+    wanted = picture.white_balance
+    # Light of RGB has multiplied reflectances channel by channel, and dividing so undoes it exactly; light of spectra
+    # has not.
+    suited: Adaptation = "bradford" if metadata.get("spectrum") == "spectral" else "channels"
+    return Development(
+        ev=picture.ev,
+        white_balance=None if wanted is None else _white_balance(wanted),
+        adaptation=suited if wanted is None or wanted.adaptation is None else wanted.adaptation,
+        tone=picture.tone.kind,
+        tone_white=picture.tone.shown_white,
+        gamut=picture.gamut,
+        bits=picture.bits,
+        jpeg_quality=picture.jpeg_quality,
+    )
+
+
+def _white_balance(wanted: WhiteBalance) -> KnownLight | Gains | Grey | GreyWorld:
+    if wanted.gains is not None:
+        return Gains(wanted.gains)
+    if wanted.grey is not None:
+        return Grey(wanted.grey)
+    if (colour := wanted.light_colour()) is None:
+        return GreyWorld()
+    red, green, blue = (float(channel) for channel in colour)
+    return KnownLight((red, green, blue))
+
+
+# Videos of developed pictures, by PyAV (the extra ``video``).
+
+# By suffix: container, codec, its pixels, and its options. ProRes 422 HQ of 10 bits; FFV1 without loss.
+FORMATS: dict[str, tuple[str, str, str, dict[str, str]]] = {
+    ".mov": ("mov", "prores_ks", "yuv422p10le", {"profile": "3"}),
+    ".mkv": ("matroska", "ffv1", "gbrp16le", {"level": "3"}),
+    ".mp4": ("mp4", "libx264", "yuv420p", {"crf": "16", "preset": "slow"}),
+    ".webm": ("webm", "libsvtav1", "yuv420p10le", {"crf": "24"}),
+}
+_EXACT = {"fflags": "+bitexact"}  # else Matroska draws numbers at random for each file
+_CLOCK = 1_000_000  # denominators of frame rates, at most
+
+# Numbers of ITU-T H.273. Players take what is not said for either of two matrices, by the height of the picture.
+_REC_709, _SRGB_CURVE, _NO_CURVE, _RGB = 1, 13, 8, 0
+_LIMITED, _FULL = 1, 2  # ranges, as FFmpeg numbers them
+
+
+def check_video(path: str | os.PathLike[str], inputs: Iterable[str | os.PathLike[str]] = ()) -> None:
+    """Raise an error, before anything is rendered, when a video could not be written.
+
+    Raises
+    ------
+    InputError
+        The suffix is unknown, or PyAV or its codec is not there.
+    StateError
+        The file cannot be written.
+    """
+    suffix = Path(path).suffix.lower()
+    if suffix not in FORMATS:
+        raise InputError(f"{path}: is no video (got {suffix or 'no suffix'}; allowed {' '.join(FORMATS)})")
+    try:
+        import av
+    except ImportError:
+        raise InputError(f'{path}: videos need PyAV (pip install "rptcam_cl[video]")') from None
+    if FORMATS[suffix][1] not in av.codecs_available:
+        raise InputError(f"{path}: this PyAV has no codec {FORMATS[suffix][1]} (allowed: another suffix)")
+    check_writable(path, inputs)
+
+
+def write_video(path: str | os.PathLike[str], images: Iterable[Image], frames_per_second: float) -> int:
+    """Write the developed pictures as a video, whole or not at all; return how many.
+
+    A column or a row is left out where the codec needs an even number of them.
+
+    Raises
+    ------
+    InputError
+        As `check_video`, or a picture is of another size than the first.
+    StateError
+        The file cannot be written.
+    """
+    check_video(path)
+    import av
+
+    container, codec, kind, options = FORMATS[Path(path).suffix.lower()]
+    count = 0
+    with replacing(path) as temporary:
+        try:
+            with av.open(str(temporary), "w", format=container, options=_EXACT) as file:
+                stream: Any = None
+                for image in images:
+                    codes = quantised(image.developed(), 16).astype(np.uint16)
+                    codes = np.ascontiguousarray(codes[: len(codes) // 2 * 2, : codes.shape[1] // 2 * 2])
+                    if codes.size == 0:
+                        got = f"got {image.width} x {image.height}; allowed: at least 2 x 2"
+                        raise InputError(f"{path}: pictures of a video need more pixels ({got})")
+                    if stream is None:
+                        rate = Fraction(frames_per_second).limit_denominator(_CLOCK)
+                        stream = file.add_stream(codec, rate=rate, options=options)
+                        stream.width, stream.height, stream.pix_fmt = codes.shape[1], codes.shape[0], kind
+                        curve = _NO_CURVE if image.development.tone == "linear" else _SRGB_CURVE
+                        _say_colours(stream.codec_context, curve, is_rgb=kind.startswith("gbr"))
+                    if codes.shape[:2] != (stream.height, stream.width):
+                        raise InputError(f"{path}: pictures of a video have one size")
+                    file.mux(stream.encode(_frame(codes, kind)))
+                    count += 1
+                if stream is None:
+                    raise InputError(f"{path}: a video needs at least one picture")
+                file.mux(stream.encode())
+        except av.FFmpegError as problem:
+            raise StateError(f"{path}: cannot be written: {problem}") from problem
+    return count
+
+
+def _say_colours(codec: Any, curve: int, *, is_rgb: bool) -> None:
+    """Write into a video how its numbers are to be understood."""
+    codec.color_primaries, codec.color_trc = _REC_709, curve
+    codec.colorspace, codec.color_range = (_RGB, _FULL) if is_rgb else (_REC_709, _LIMITED)
+
+
+def _frame(codes: NDArray[np.uint16], kind: str) -> Any:
+    """Return codes (height, width, 3) as a frame of the codec's pixels, by the matrix that `_say_colours` names.
+
+    By one thread: where FFmpeg's filters share a picture among several, one in some hundred has a few other bits.
+    """
+    import av
+
+    frame = av.VideoFrame.from_ndarray(codes, format="rgb48le")
+    if kind.startswith("gbr"):
+        return frame.reformat(format=kind, threads=1)
+    return frame.reformat(format=kind, dst_colorspace=_REC_709, dst_color_range=_LIMITED, threads=1)

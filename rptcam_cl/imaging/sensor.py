@@ -2,16 +2,123 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import struct
+from collections.abc import Iterator, Mapping
 from dataclasses import fields
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.colour import LUMENS_PER_WATT, srgb_from_xyz
+from rptcam_cl.core.colour import electrons_per_joule, srgb_from_xyz
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.vectors import LUMENS_PER_WATT
+from rptcam_cl.scene.scene import Scene
+
+# Colour filter mosaics: which pixel sees which colour, and the colours that are missing.
+
+CHANNELS = {"R": 0, "G": 1, "B": 2}
+
+
+def is_mosaic(pattern: str) -> bool:
+    """Return whether a pattern is one of colours, as RGGB, and not ``none`` or ``monochrome``."""
+    return set(pattern) <= CHANNELS.keys()
+
+
+def check_size(bayer: str, width: int, height: int) -> None:
+    """Raise an error when a picture is too small for a mosaic.
+
+    Raises
+    ------
+    InputError
+        It says what would be large enough.
+    """
+    if is_mosaic(bayer) and min(width, height) < 2:
+        raise InputError(
+            f"sensor.bayer: a mosaic needs more pixels (got {width} x {height};"
+            " allowed: at least 2 x 2, or bayer: none)"
+        )
+
+
+def places(pattern: str) -> Iterator[tuple[int, tuple[slice, slice]]]:
+    """Yield the channel of each of the 2 x 2 places of a pattern, and the index of its pixels."""
+    for place, colour in enumerate(pattern):
+        yield CHANNELS[colour], (slice(place // 2, None, 2), slice(place % 2, None, 2))
+
+
+def mosaic(values: NDArray[Any], pattern: str) -> NDArray[Any]:
+    """Return what the pixels behind a mosaic see (height, width) of values (height, width, 3)."""
+    seen = np.empty(values.shape[:2], values.dtype)
+    for channel, index in places(pattern):
+        seen[index] = values[(*index, channel)]
+    return seen
+
+
+Array = NDArray[np.float64]
+
+# H. Malvar, L. He and R. Cutler, "High-quality linear interpolation for demosaicing of Bayer-patterned color images",
+# ICASSP 2004, figure 2: eighths of the pixels round the one whose colour is missing.
+_GREEN = np.array([[0, 0, -1, 0, 0], [0, 0, 2, 0, 0], [-1, 2, 4, 2, -1], [0, 0, 2, 0, 0], [0, 0, -1, 0, 0]]) / 8
+_ALONG_ROW = np.array(
+    [[0, 0, 0.5, 0, 0], [0, -1, 0, -1, 0], [-1, 4, 5, 4, -1], [0, -1, 0, -1, 0], [0, 0, 0.5, 0, 0]]
+) / 8  # fmt: skip
+_ACROSS = np.array(
+    [[0, 0, -1.5, 0, 0], [0, 2, 0, 2, 0], [-1.5, 0, 6, 0, -1.5], [0, 2, 0, 2, 0], [0, 0, -1.5, 0, 0]]
+) / 8  # fmt: skip
+
+# Means of the nearest pixels that have the colour.
+_NEAREST_GREEN = np.array([[0, 1, 0], [1, 0, 1], [0, 1, 0]]) / 4
+_NEAREST_IN_ROW = np.array([[0, 0, 0], [1, 0, 1], [0, 0, 0]]) / 2
+_NEAREST_DIAGONAL = np.array([[1, 0, 1], [0, 0, 0], [1, 0, 1]]) / 4
+
+KERNELS = {"malvar": (_GREEN, _ALONG_ROW, _ACROSS), "bilinear": (_NEAREST_GREEN, _NEAREST_IN_ROW, _NEAREST_DIAGONAL)}
+
+
+def _filtered(values: Array, kernel: Array) -> Array:
+    """Return the sum of the pixels round each, weighted; values go on mirrored, which keeps the mosaic in step."""
+    reach = kernel.shape[0] // 2
+    height, width = values.shape
+    wide = np.pad(values, reach, mode="reflect")
+    total = np.zeros_like(values)
+    for (row, column), weight in np.ndenumerate(kernel):
+        if weight:
+            total += weight * wide[row : row + height, column : column + width]
+    return total
+
+
+def demosaiced(values: NDArray[np.floating], pattern: str, method: str = "malvar") -> Array:
+    """Return all three colours of every pixel (height, width, 3).
+
+    Parameters
+    ----------
+    values : (height, width) array
+        What the pixels saw, white balanced; at least 2 x 2.
+    pattern : str
+        Colours of the upper left 2 x 2 pixels by rows, as ``RGGB``.
+    method : str
+        ``malvar`` (gradient-corrected, Malvar 2004) or ``bilinear``.
+    """
+    seen = np.asarray(values, np.float64)
+    green, along, across = KERNELS[method]
+    filtered = {"green": _filtered(seen, green), "row": _filtered(seen, along)}
+    filtered |= {"column": _filtered(seen, along.T), "across": _filtered(seen, across)}
+    colours = np.empty((*seen.shape, 3))
+    found = list(places(pattern))
+    for place, (channel, index) in enumerate(found):
+        beside = found[place ^ 1][0]  # the other colour of the row
+        for wanted in range(3):
+            if wanted == channel:
+                source = seen
+            elif wanted == 1:
+                source = filtered["green"]
+            elif channel == 1:
+                source = filtered["row" if wanted == beside else "column"]
+            else:
+                source = filtered["across"]
+            colours[(*index, wanted)] = source[index]
+    return colours
+
 
 PATTERNS = ("RGGB", "BGGR", "GRBG", "GBRG", "none", "monochrome")
 DEMOSAICS = ("malvar", "bilinear")
@@ -181,3 +288,189 @@ def rgb_from_balanced(sensor: SensorModel) -> NDArray[np.float64]:
 def camera_from_xyz(sensor: SensorModel) -> NDArray[np.float64]:
     """Return the matrix (3, 3) from CIE XYZ under D65 to raw channels, whose highest is 1 for white of Y = 1."""
     return np.asarray(sensor.electrons.T @ srgb_from_xyz() / sensor.white_electrons.max())
+
+
+# What a sensor puts out: light of the film becomes electrons and numbers (EMVA 1288), and a linear picture again.
+
+MOST_ELECTRONS = 1e15  # of a pixel; beyond any well, and within what random numbers of a Poisson law are made for
+_PHOTONS, _READING, _SENSITIVITY, _OFFSET = range(4)
+
+
+@dataclass(frozen=True, eq=False)
+class RawFrame:
+    """What a sensor puts out.
+
+    Attributes
+    ----------
+    numbers : uint16 array, (height, width) or (height, width, 3)
+        The raw numbers [DN].
+    sensor : SensorModel
+    """
+
+    numbers: NDArray[np.uint16]
+    sensor: SensorModel
+
+
+def exposed(film: NDArray[np.floating], sensor: SensorModel) -> RawFrame:
+    """Return the raw frame of a linear film; the same seeds give the same numbers with one version of NumPy.
+
+    Parameters
+    ----------
+    film : (height, width, 3) array
+        Linear film; not-a-number counts as 0, and so does light that a channel would see as less than nothing.
+    sensor : SensorModel
+
+    Raises
+    ------
+    InputError
+        The picture is too small for a Bayer mosaic.
+    """
+    mean = mean_electrons(film, sensor) * (1.0 + sensor.prnu * _pattern(_SENSITIVITY, film.shape, sensor))
+    light = np.clip(mean + sensor.dark_e, 0.0, MOST_ELECTRONS)
+    charge = _generator(_PHOTONS, sensor.seed).poisson(light).astype(np.float64)
+    charge += sensor.dsnu_e * _pattern(_OFFSET, film.shape, sensor)
+    np.minimum(charge, sensor.full_well_e, out=charge)
+    if sensor.read_noise_e:
+        charge += sensor.read_noise_e * _generator(_READING, sensor.seed).standard_normal(charge.shape)
+    level = np.floor(sensor.black_level_dn + sensor.system_gain_dn_per_e * charge + 0.5)
+    return RawFrame(np.clip(level, 0, sensor.top_dn).astype(np.uint16), sensor)
+
+
+def mean_electrons(film: NDArray[np.floating], sensor: SensorModel) -> Array:
+    """Return the mean electrons that light sets free in each pixel, (height, width) or (height, width, 3)."""
+    check_size(sensor.bayer, film.shape[1], film.shape[0])
+    largest = float(np.finfo(np.float32).max)
+    light = np.nan_to_num(np.asarray(film, np.float64), nan=0.0, posinf=largest, neginf=-largest)
+    electrons = np.maximum(light @ sensor.electrons, 0.0)
+    if sensor.bayer == "monochrome":
+        return np.asarray(electrons.sum(axis=2))
+    return mosaic(electrons, sensor.pattern) if is_mosaic(sensor.bayer) else electrons
+
+
+def _generator(stream: int, seed: int, *more: int) -> np.random.Generator:
+    return np.random.Generator(np.random.Philox(np.random.SeedSequence(seed, spawn_key=(stream, *more))))
+
+
+def _pattern(stream: int, shape: tuple[int, ...], sensor: SensorModel) -> Array:
+    """Return standard normal numbers that belong to the pixels of the whole film, whatever part of it is seen."""
+    amount = sensor.prnu if stream == _SENSITIVITY else sensor.dsnu_e
+    height, width = shape[:2]
+    depth = 3 if sensor.bayer == "none" else 1
+    if not amount:
+        return np.zeros((1, 1, 1) if depth == 3 else (1, 1))
+    left, top = sensor.origin
+    rows = np.empty((height, width, depth))
+    for row in range(height):
+        numbers = _generator(stream, sensor.pattern_seed, top + row).standard_normal((left + width, depth))
+        rows[row] = numbers[left:]
+    return rows if depth == 3 else rows[..., 0]
+
+
+def linear_picture(frame: RawFrame) -> NDArray[np.float32]:
+    """Return the linear picture (height, width, 3) of a raw frame, in the scale of the film and in linear sRGB.
+
+    Highlights stay neutral: all channels end where, after white balance, the first of them saturates.
+    """
+    sensor = frame.sensor
+    scale = 1.0 / (sensor.system_gain_dn_per_e * sensor.white_electrons)
+    if is_mosaic(sensor.bayer):
+        shape = (*frame.numbers.shape, 3)
+        per_pixel = mosaic(np.broadcast_to(scale, shape), sensor.pattern)
+    else:
+        per_pixel = scale if sensor.bayer == "none" else scale[0]
+    ceiling = (sensor.white_level_dn - sensor.dark_level_dn) * scale.min()
+    balanced = np.minimum((frame.numbers - sensor.dark_level_dn) * per_pixel, ceiling)
+    if sensor.bayer == "monochrome":
+        return np.repeat(balanced[..., None], 3, axis=2).astype(np.float32)
+    colours = demosaiced(balanced, sensor.pattern, sensor.demosaic) if is_mosaic(sensor.bayer) else balanced
+    return np.asarray(colours @ rgb_from_balanced(sensor).T, np.float32)
+
+
+# The sensor that a scene describes, behind the film that a render made.
+
+WELL_E_PER_UM2 = 2000.0  # a usual density; of the presets, from 720 (kac-12040) to 3400 (imx477)
+
+
+def sensor_of(scene: Scene, metadata: Mapping[str, Any]) -> SensorModel | None:
+    """Return the scene's sensor, ready for the film of a render; None when the scene has none.
+
+    With ``exposure: relative`` the film's 1 of white just saturates the sensor. Otherwise the film is an irradiance in
+    the scale that the metadata give, over the time of the exposure.
+
+    Parameters
+    ----------
+    scene : Scene
+        With its exposure resolved.
+    metadata : mapping
+        Of the rendered image: its window, and what the exposure came to.
+    """
+    settings = scene.sensor
+    if settings is None:
+        return None
+    per_joule = electrons_per_joule(settings.response, settings.quantum_efficiency)
+    white_per_joule = float(electrons_of_white(per_joule, settings.bayer).max())
+    area = _pixel_area_m2(scene)
+    well = settings.full_well_e or max(1.0, WELL_E_PER_UM2 * area * 1e12)
+    saturation = well
+    if (iso := metadata.get("iso")) is not None:
+        saturation = min(well, white_electrons_at_iso(white_per_joule, area, float(iso)))
+    top, black = 2**settings.bit_depth - 1, settings.black_dn
+    gain = settings.system_gain_dn_per_e or system_gain(top, black, saturation)
+    if scene.exposure.mode == "relative":
+        if settings.system_gain_dn_per_e is not None:
+            saturation = min(well, (top - black) / gain)
+        electrons = per_joule * (saturation / white_per_joule)
+    else:
+        electrons = per_joule * _joules_per_value(scene, metadata, area)
+    x, y, _, _ = metadata["window"]
+    return SensorModel(
+        electrons=np.asarray(electrons),
+        full_well_e=well,
+        read_noise_e=settings.read_noise_e,
+        system_gain_dn_per_e=gain,
+        black_level_dn=black,
+        bit_depth=settings.bit_depth,
+        bayer=settings.bayer,
+        dark_e=settings.dark_current() * scene.shutter.time_s,
+        prnu=settings.prnu,
+        dsnu_e=settings.dsnu_e,
+        demosaic=settings.demosaic,
+        seed=_seed_at(scene.shutter.open_s, scene.render.seed if settings.seed is None else settings.seed),
+        pattern_seed=settings.pattern_seed,
+        origin=(int(x), int(y)),
+    )
+
+
+def _seed_at(open_s: float, seed: int) -> int:
+    """Return the seed of an exposure that begins at a moment [s]: frames of a sequence do not share their noise."""
+    if open_s == 0.0:
+        return seed
+    words = struct.unpack("<2I", struct.pack("<d", open_s))
+    return int(np.random.SeedSequence([seed, *words]).generate_state(1, np.uint64)[0])
+
+
+def _joules_per_value(scene: Scene, metadata: Mapping[str, Any], area_m2: float) -> float:
+    """Return the energy [J] that a film of value 1 brings to a pixel during the exposure."""
+    filtered = 2.0**-scene.exposure.neutral_density_stops
+    joules: float = area_m2 * scene.shutter.time_s * filtered / float(metadata["values_per_irradiance"])
+    return joules
+
+
+def check_sensor(scene: Scene, width: int, height: int) -> None:
+    """Raise an error, before anything is rendered, when a picture of so many pixels is too small for the sensor.
+
+    Raises
+    ------
+    InputError
+        It says what would be large enough.
+    """
+    if scene.sensor is not None:
+        check_size(scene.sensor.bayer, width, height)
+
+
+def _pixel_area_m2(scene: Scene) -> float:
+    """Return the area on which a pixel gathers light [m²]."""
+    if scene.sensor is not None and scene.sensor.pixel_pitch_um is not None:
+        return float(scene.sensor.pixel_pitch_um * 1e-6) ** 2
+    (width, height), (columns, rows) = scene.film.size_m(), scene.film.resolution
+    return width / columns * height / rows

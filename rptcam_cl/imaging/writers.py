@@ -1,10 +1,12 @@
 """The picture files: PNG, JPEG and TIFF for screens, OpenEXR and NumPy arrays for the linear film and its layers."""
 
+from __future__ import annotations
+
 import itertools
 import json
 import math
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from fractions import Fraction
 from pathlib import Path
 from types import MappingProxyType
@@ -13,18 +15,122 @@ from typing import Any, BinaryIO, TypeGuard
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.colour import SRGB_PRIMARIES, SRGB_WHITE
-from rptcam_cl.core.atomic import check_writable, replacing, utf8_name
+from rptcam_cl.core.colour import SRGB_PRIMARIES, SRGB_WHITE
 from rptcam_cl.core.errors import InputError, StateError
-from rptcam_cl.imaging.cryptomatte import header_of
-from rptcam_cl.imaging.development import Development, developed_codes
-from rptcam_cl.imaging.icc import profile
-from rptcam_cl.imaging.layers import Layer, exr_channels
-from rptcam_cl.imaging.marks import MARKED, with_rectangles
-from rptcam_cl.imaging.photographic import ALL_METADATA, exif_bytes, exr_attributes, world_to_camera
-from rptcam_cl.imaging.png import write_png_to
-from rptcam_cl.imaging.tiff import write_tiff_to
-from rptcam_cl.imaging.white_balance import WHOLE, Part
+from rptcam_cl.core.files import check_writable, replacing, utf8_name
+from rptcam_cl.imaging.development import WHOLE, Development, Part, developed_codes
+from rptcam_cl.imaging.formats import (
+    ALL_METADATA,
+    exif_bytes,
+    exr_attributes,
+    profile,
+    world_to_camera,
+    write_png_to,
+    write_tiff_to,
+)
+from rptcam_cl.imaging.truth_files import header_of, rank_channels
+
+# Auxiliary layers of a picture: what each is called in files, and the check of their arrays.
+
+Layer = NDArray[Any]
+
+# EXR channels by layer, as compositors know them: a plain Z is the depth, N the normal.
+CHANNELS: dict[str, tuple[str, ...]] = {
+    "depth": ("Z",),
+    "distance": ("distance.X",),
+    "position": ("position.X", "position.Y", "position.Z"),
+    "normal": ("N.X", "N.Y", "N.Z"),
+    "geometric_normal": ("Ng.X", "Ng.Y", "Ng.Z"),
+    "albedo": ("albedo.R", "albedo.G", "albedo.B"),
+    "coverage": ("coverage.X",),
+    "coc": ("coc.X",),
+    "object_id": ("object_id.X",),
+    "material_id": ("material_id.X",),
+    "uv": ("uv.U", "uv.V"),
+    "pupil": ("pupil.X", "pupil.Y"),
+    "samples": ("samples.X",),
+    "variance": ("variance.Y",),
+    "direct": ("direct.R", "direct.G", "direct.B"),
+    "ghosts": ("ghosts.R", "ghosts.G", "ghosts.B"),
+    "crypto_object": rank_channels("crypto_object"),
+    "crypto_material": rank_channels("crypto_material"),
+    "sharp_depth": ("sharp.Z",),
+    "pupil_depth": ("pupil_depth.Z",),
+    "sharp_position": ("sharp_position.X", "sharp_position.Y", "sharp_position.Z"),
+    "sharp_normal": ("sharp_N.X", "sharp_N.Y", "sharp_N.Z"),
+    "sharp_object_id": ("sharp_object_id.X",),
+    "sharp_material_id": ("sharp_material_id.X",),
+    "sharp_class_id": ("sharp_class_id.X",),
+    "occlusion": ("occlusion.X",),
+    "flow_forward": ("forward.u", "forward.v"),
+    "flow_backward": ("backward.u", "backward.v"),
+    "motion": ("motion.u", "motion.v"),
+    "ray_origin": ("ray_origin.X", "ray_origin.Y", "ray_origin.Z"),
+    "ray_direction": ("ray_direction.X", "ray_direction.Y", "ray_direction.Z"),
+}
+
+
+def check_layers(layers: Mapping[str, Layer], height: int, width: int) -> None:
+    """Refuse layers that are not of a picture of this size.
+
+    Raises
+    ------
+    InputError
+        A layer is not one of `CHANNELS`, or its shape does not fit the picture.
+    """
+    for name, values in layers.items():
+        if name not in CHANNELS:
+            raise InputError(f"layers: unknown layer (got {name}; allowed {', '.join(CHANNELS)})")
+        count = len(CHANNELS[name])
+        shape = (height, width) if count == 1 else (height, width, count)
+        if np.shape(values) != shape:
+            raise InputError(f"layers: {name}: wrong shape (got {np.shape(values)}; allowed {shape})")
+
+
+def exr_channels(layers: Mapping[str, Layer]) -> Iterator[tuple[str, NDArray[np.float32]]]:
+    """Yield name and values (height, width) of each EXR channel; identifiers are floats there, as readers expect."""
+    for name, values in layers.items():
+        planes = values[..., None] if values.ndim == 2 else values
+        for index, channel in enumerate(CHANNELS[name]):
+            yield channel, np.ascontiguousarray(planes[..., index], np.float32)
+
+
+# Marks of focus zones: their outlines in a developed picture.
+
+Codes = NDArray[np.unsignedinteger[Any]]
+
+MARKED = "marked_zones"  # in the metadata: rectangles [left, right, top, bottom] in fractions of the whole film
+LINES_PER_SIDE = 400  # a line is as thick as the shorter side over this, at least a pixel
+
+
+def with_rectangles(codes: Codes, rectangles: Sequence[Sequence[float]], part: Part) -> Codes:
+    """Return a picture (height, width, 3) with the outlines of rectangles in white.
+
+    Parameters
+    ----------
+    rectangles
+        Left, right, top and bottom of each, in fractions of the whole film.
+    part
+        Which part of the film the picture is.
+    """
+    drawn = codes.copy()
+    height, width = codes.shape[:2]
+    thick = max(round(min(height, width) / LINES_PER_SIDE), 1)
+    x0, x1, y0, y1 = part
+    for left, right, top, bottom in rectangles:
+        columns = [round((x - x0) / (x1 - x0) * width) for x in (left, right)]
+        rows = [round((y - y0) / (y1 - y0) * height) for y in (top, bottom)]
+        box = np.zeros((height, width), np.bool_)
+        box[_span(rows, 0, height), _span(columns, 0, width)] = True
+        box[_span(rows, thick, height), _span(columns, thick, width)] = False
+        drawn[box] = np.iinfo(codes.dtype).max
+    return drawn
+
+
+def _span(ends: Sequence[int], inset: int, size: int) -> slice:
+    first, last = ends[0] + inset, ends[1] - inset
+    return slice(min(max(first, 0), size), min(max(last, 0), size))
+
 
 Pixels = NDArray[np.float32]
 Metadata = Mapping[str, Any]
@@ -37,7 +143,7 @@ _EXR_RESERVED = {
 }  # fmt: skip
 _TIMECODE_FLAGS = 14  # drop frame, colour frame, phase, three group flags and eight groups of user bits: none
 # The same colours by the name of the Color Interop Forum, which OpenEXR 3.4 recommends.
-_COLOUR_SPACE = "lin_rec709_scene"
+_EXR_COLOUR_SPACE = "lin_rec709_scene"
 MOST_MARKS = 1000
 PNG_BITS, TIFF_BITS = 8, 16  # unless the picture says otherwise
 JPEG_BITS = 8  # whatever the picture says: the format has no other
@@ -216,7 +322,7 @@ def _write_exr(path: Path, pixels: Pixels, metadata: Metadata, development: Deve
         "compression": OpenEXR.ZIP_COMPRESSION,
         "type": OpenEXR.scanlineimage,
         "chromaticities": (*itertools.chain(*SRGB_PRIMARIES), *SRGB_WHITE),
-        "colorInteropID": _COLOUR_SPACE,
+        "colorInteropID": _EXR_COLOUR_SPACE,
         **_exr_pixel_aspect(metadata),
         **_windows(metadata, pixels),
     }

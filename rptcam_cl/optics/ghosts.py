@@ -1,24 +1,862 @@
-"""Ghosts: light of one source that surfaces of a lens reflect an even number of times before it reaches the film.
-
-First some rays are parted at every surface. Then each way that reaches the film gets rays of its own, over the part of
-the front whose light takes it.
-"""
+"""Ghosts: light of one source that surfaces reflect an even number of times, with its polarisation."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import field, fields, replace
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics.ghost_path import Way, check_lens, check_order, with_wider_stop
-from rptcam_cl.optics.ghost_rays import Start, followed
-from rptcam_cl.optics.ghost_tree import RAYS, Account, Landed, Lit, Tree
+from rptcam_cl.optics.coating import Amplitude, Interface, LayerStack, Polarised, constant_reflectance
+from rptcam_cl.optics.glass import attenuation
+from rptcam_cl.optics.lens import Lens, system_matrix
+from rptcam_cl.optics.ray_trace import COATED, LensTransmission, reflect, refract
+from rptcam_cl.optics.spot import Beam
+from rptcam_cl.optics.surface import IN_PLACE, Prescription, Surface
+
+#
+# A beam on its way through a lens, forwards or backwards, with the light and the polarisation that its rays have
+# left.
+#
+# Every ray carries the amplitudes that two orthogonal polarisations of its source have grown into (Chipman, Lam and
+# Young, Polarized Light and Optical Systems, 2018, chapter 9), so that skew rays and layers count exactly. Of an
+# unpolarised source the light is the mean of both.
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+
+LEAST_SINE2 = 1e-24  # of incidence, below which no plane of incidence is known; any is as good
+
+
+@dataclass(frozen=True)
+class LensAtWavelength:
+    """What light of one wavelength meets in a lens.
+
+    Attributes
+    ----------
+    prescription : Prescription
+    wavelength_nm : float
+    transmission : LensTransmission
+        Whether coatings and absorption count. Surfaces always reflect.
+    """
+
+    prescription: Prescription
+    wavelength_nm: float
+    transmission: LensTransmission = COATED
+
+    @cached_property
+    def indices(self) -> list[float]:
+        """Index before the first surface and behind each one."""
+        return [float(index) for index in self.prescription.indices(self.wavelength_nm)]
+
+    @cached_property
+    def attenuations(self) -> list[float]:
+        """Absorption before the first surface and behind each one [1/mm]; the spaces outside do not count."""
+        media = self.prescription.media[1:-1]
+        inside = [float(attenuation(medium, self.wavelength_nm)) for medium in media]
+        return [0.0, *(inside if self.transmission.absorption else [0.0] * len(inside)), 0.0]
+
+    def reflects(self, k: int) -> bool:
+        """Return whether part of the light is reflected at a surface that lets light through."""
+        return not self.prescription.surfaces[k].is_mirror and self.indices[k] != self.indices[k + 1]
+
+
+@dataclass(frozen=True)
+class PolarisedBeam:
+    """Rays at one place of their way, in the frame of the lens [mm].
+
+    Attributes
+    ----------
+    rows : (n,) array
+        Numbers of the rays.
+    points, directions : (3, n) arrays
+    across : (3, n) array
+        Unit vectors across the rays: those of the first component; the second is along directions x across.
+    jones : (2, 2, n) array
+        Amplitudes of both components (first axis), for both polarisations of the source.
+    flux : (n,) array
+        Of each ray at the source.
+    """
+
+    rows: NDArray[np.intp]
+    points: Array
+    directions: Array
+    across: Array
+    jones: Amplitude
+    flux: Array
+
+    @staticmethod
+    def unpolarised(points: ArrayLike, directions: ArrayLike, flux: ArrayLike) -> PolarisedBeam:
+        """Return rays (n, 3) of unit direction with their flux (n,), before the lens."""
+        p, d = (np.ascontiguousarray(np.asarray(part, dtype=np.float64).T) for part in (points, directions))
+        across = np.stack([d[2], np.zeros_like(d[0]), -d[0]])
+        across /= np.sqrt(np.sum(across * across, axis=0))
+        jones = np.zeros((2, 2, p.shape[1]))
+        jones[0, 0] = jones[1, 1] = 1.0
+        return PolarisedBeam(np.arange(p.shape[1]), p, d, across, jones, np.asarray(flux, dtype=np.float64))
+
+    @property
+    def light(self) -> Array:
+        """Flux that each ray still carries (n,)."""
+        return self.flux * _power(self.jones)
+
+    def kept(self, good: Mask) -> PolarisedBeam:
+        """Return some of the rays."""
+        if good.all():
+            return self
+        return PolarisedBeam(
+            self.rows[good], self.points[:, good], self.directions[:, good], self.across[:, good],
+            self.jones[:, :, good], self.flux[good],
+        )  # fmt: skip
+
+    @staticmethod
+    def joined(beams: Sequence[PolarisedBeam]) -> PolarisedBeam:
+        """Return several beams that are at the same surface as one."""
+        if len(beams) == 1:
+            return beams[0]
+        return PolarisedBeam(*(
+            np.concatenate([getattr(beam, field.name) for beam in beams], axis=-1) for field in fields(PolarisedBeam)
+        ))  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Arrival:
+    """Rays that have met a surface inside its rim, and the light that was lost before.
+
+    Attributes
+    ----------
+    beam : PolarisedBeam
+        On the surface, its directions those before it.
+    normals, cosines : (3, n) and (n,) arrays
+        Of the surface in the frame of the lens, along the rays.
+    missed, blocked, absorbed : float
+        Flux of rays that do not meet the surface, that its rim stops, and that the glass before it takes.
+    """
+
+    beam: PolarisedBeam
+    normals: Array
+    cosines: Array
+    missed: float = 0.0
+    blocked: float = 0.0
+    absorbed: float = 0.0
+
+    def some(self, chosen: Mask) -> Arrival:
+        """Return some of the rays."""
+        if chosen.all():
+            return self
+        return Arrival(self.beam.kept(chosen), self.normals[:, chosen], self.cosines[chosen])
+
+
+def meet(lens: LensAtWavelength, beam: PolarisedBeam, k: int, forward: bool, *, counted: bool = False) -> Arrival:
+    """Return a beam that has gone on to a surface, towards the film or away from it.
+
+    Parameters
+    ----------
+    lens : LensAtWavelength
+    beam : PolarisedBeam
+    k : int
+        Number of the surface.
+    forward : bool
+        Whether it travels to the film.
+    counted : bool
+        Whether the light that is lost on the way is noted.
+    """
+    surface = lens.prescription.surfaces[k]
+    sense = lens.prescription.senses[k] if forward else -lens.prescription.senses[k + 1]
+    pose, shift = surface.pose or IN_PLACE, np.array([[0.0], [0.0], [float(lens.prescription.vertices[k])]])
+    points = beam.points - shift
+    points, directions = pose.inward(points, beam.directions) if surface.pose else (points, beam.directions)
+    hits = surface.meet(points, directions)
+    met = hits.met & np.isfinite(hits.distances) & (directions[2] * sense > 0)
+    good = met & surface.clears(hits.points[0], hits.points[1])
+    light, missed, blocked = np.zeros(len(good)), 0.0, 0.0
+    if counted:
+        light = beam.light
+        missed, blocked = float(light[~met].sum()), float(light[met & ~good].sum())
+    at, normals, cosines, lengths = hits.points, hits.normals, hits.cosines, hits.distances
+    if not good.all():
+        beam, light = beam.kept(good), light[good]
+        at, normals, cosines, lengths = at[:, good], normals[:, good], cosines[good], lengths[good]
+    beam = replace(beam, points=(pose.outward(at, at)[0] if surface.pose else at) + shift)
+    absorbed, per_mm = 0.0, lens.attenuations[k if forward else k + 1]
+    if per_mm:
+        left = np.exp(-0.5 * per_mm * np.abs(lengths))
+        absorbed = float((light * (1.0 - left * left)).sum())
+        beam = replace(beam, jones=beam.jones * left)
+    normals = pose.matrix() @ normals if surface.pose else normals
+    return Arrival(beam, normals, cosines, missed, blocked, absorbed)
+
+
+class Crossing:
+    """A beam on a surface that parts it, as light that travels to the film or away from it.
+
+    Attributes
+    ----------
+    parts : bool
+        Whether light is both let through and reflected.
+    """
+
+    def __init__(self, lens: LensAtWavelength, arrival: Arrival, k: int, forward: bool) -> None:
+        self.lens, self.arrival, self.surface = lens, arrival, lens.prescription.surfaces[k]
+        self.parts = lens.reflects(k)
+        n, m = lens.indices[k], lens.indices[k + 1]
+        self.media = (n, m) if forward else (m, n)
+
+    @cached_property
+    def _bent(self) -> tuple[Array, Mask]:
+        n, m = self.media
+        return refract(self.arrival.beam.directions, self.arrival.normals, self.arrival.cosines, np.asarray(n / m))
+
+    @cached_property
+    def _turned(self) -> Array:
+        return reflect(self.arrival.beam.directions, self.arrival.normals, self.arrival.cosines)
+
+    @cached_property
+    def _amplitudes(self) -> Polarised:
+        (n, m), incidence = self.media, np.abs(self.arrival.cosines)
+        square = 1.0 - (n / m) ** 2 * (1.0 - incidence * incidence)
+        behind = np.sqrt(square if self._bent[1].all() else square + 0j)
+        coating = self.lens.transmission.coating_of(self.surface)
+        return coating.polarised(Interface(n, m, incidence, behind), self.lens.wavelength_nm)
+
+    @cached_property
+    def _components(self) -> tuple[Array, Amplitude]:
+        return _in_plane_of_incidence(self.arrival.beam, self.arrival.normals)
+
+    def _onward(self, directions: Array, s: Amplitude, p: Amplitude) -> PolarisedBeam:
+        across, jones = self._components
+        jones = jones * np.array([s, p])[:, None]
+        return replace(self.arrival.beam, directions=directions, across=across, jones=jones)
+
+    @property
+    def mirror_share(self) -> float:
+        """Share of the light that a mirror reflects."""
+        return float(self.lens.transmission.mirror_share(self.surface, self.lens.wavelength_nm))
+
+    @property
+    def absorbs(self) -> bool:
+        """Whether layers on the surface do."""
+        coating = self.lens.transmission.coating_of(self.surface)
+        return isinstance(coating, LayerStack) and coating.absorbs
+
+    def onward(self) -> PolarisedBeam:
+        """Return the light that goes the way of the lens: what passes, or what a mirror reflects."""
+        if self.surface.is_mirror:
+            r = np.sqrt(np.asarray(self.mirror_share))
+            return self._onward(self._turned, -r, r)
+        if not self.parts:
+            return self.arrival.beam
+        directions, through = self._bent
+        return self._onward(directions, self._amplitudes.passed_s, self._amplitudes.passed_p).kept(through)
+
+    def reflected(self) -> PolarisedBeam:
+        """Return the light that a surface between two media reflects, all of it where it is totally reflected."""
+        return self._onward(self._turned, self._amplitudes.reflected_s, self._amplitudes.reflected_p)
+
+
+def _in_plane_of_incidence(beam: PolarisedBeam, normals: Array) -> tuple[Array, Amplitude]:
+    """Return vectors across the plane of incidence, and the amplitudes along them and along direction x vector."""
+    d, old = beam.directions, beam.across
+    across = _cross(d, normals)
+    sine2 = _dot(across, across)
+    head_on = sine2 < LEAST_SINE2
+    across /= np.sqrt(np.where(head_on, 1.0, sine2))
+    if head_on.any():
+        across = np.where(head_on, old, across)
+    c, s = _dot(old, across), _dot(_cross(d, old), across)
+    first, second = beam.jones
+    return across, np.stack([first * c + second * s, second * c - first * s])
+
+
+def _dot(a: Array, b: Array) -> Array:
+    return np.asarray(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
+
+
+def _cross(a: Array, b: Array) -> Array:
+    product = np.empty(np.broadcast_shapes(a.shape, b.shape))
+    for k, (i, j) in enumerate(((1, 2), (2, 0), (0, 1))):
+        np.subtract(a[i] * b[j], a[j] * b[i], out=product[k])
+    return product
+
+
+def _power(jones: Amplitude) -> Array:
+    """Return the share of unpolarised light (n,) that amplitudes stand for."""
+    if np.iscomplexobj(jones):
+        return np.asarray(np.sum(jones.real**2 + jones.imag**2, axis=(0, 1)) / 2)
+    return np.asarray(np.sum(jones * jones, axis=(0, 1)) / 2)
+
+
+#
+# Ways of light that is reflected between surfaces on its way to the film, and their first-order data.
+#
+# A way is named by the surfaces that reflect it, in order: (6, 3) passes surfaces 0 to 5, is reflected at 6, goes
+# back through 5 and 4, is reflected at 3 and passes 4 to the last. Unfolded, such a way is a lens with mirrors.
+
+Way = tuple[int, ...]
+
+ORDERS = (2, 4)
+
+
+class Step(NamedTuple):
+    """A surface on a way: its number, whether light comes to it on the way to the film, and whether it is reflected."""
+
+    surface: int
+    forward: bool
+    reflects: bool
+
+
+def check_order(order: int) -> None:
+    """Raise an error when light that is reflected so often never reaches the film, or is not followed."""
+    if order not in ORDERS:
+        raise InputError(
+            f"order: light reaches the film after an even number of reflections (got {order}; allowed: 2 or 4)"
+        )
+
+
+def check_lens(lens: Lens) -> None:
+    """Raise an error when ghosts of a lens are not known."""
+    if any(surface.region is not None and not surface.region.blocks for surface in lens.surfaces):
+        raise InputError(f"{lens.name}: a half lens has rays beside its glass, so its ghosts are not known")
+
+
+def with_film(lens: Lens, film_distance_mm: float, reflectance: float = 0.0) -> Lens:
+    """Return the lens with its film as a last surface, a mirror of some reflectance."""
+    last = replace(lens.surfaces[-1], thickness=lens.sense * film_distance_mm)
+    film = Surface(glass=last.glass, is_mirror=True, coating=constant_reflectance(reflectance))
+    return replace(lens, surfaces=(*lens.surfaces[:-1], last, film), configurations=(), focusing=None, floating=())
+
+
+def with_wider_stop(lens: Lens, factor: float) -> Lens:
+    """Return the lens with its stop wider by a factor, so that rays spread over the front find the way of the light."""
+    k = lens.stop_index
+    assert k is not None
+    wider = replace(lens.surfaces[k], semi_diameter=lens.surfaces[k].semi_diameter * factor)
+    return replace(lens, surfaces=(*lens.surfaces[:k], wider, *lens.surfaces[k + 1 :]))
+
+
+def steps(way: Way, surfaces: int) -> Iterator[Step]:
+    """Yield the surfaces that light meets on a way through so many of them."""
+    k, forward = 0, True
+    for turn in way:
+        while k != turn:
+            yield Step(k, forward, False)
+            k += 1 if forward else -1
+        yield Step(k, forward, True)
+        forward = not forward
+        k += 1 if forward else -1
+    for rest in range(k, surfaces):
+        yield Step(rest, True, False)
+
+
+def unfolded(lens: Lens, way: Way) -> Lens:
+    """Return a way as a lens of its own, whose mirrors are the surfaces that reflect."""
+    met = list(steps(way, len(lens.surfaces)))
+    media, vertices = lens.media, lens.vertices
+    surfaces = []
+    for here, following in zip(met, [*met[1:], None], strict=True):
+        k = here.surface
+        thickness = 0.0 if following is None else float(vertices[following.surface] - vertices[k])
+        onward = here.forward != here.reflects
+        surfaces.append(replace(
+            lens.surfaces[k], thickness=thickness, glass=media[k + 1] if onward else media[k],
+            is_mirror=here.reflects or lens.surfaces[k].is_mirror,
+        ))  # fmt: skip
+    stop = next((i for i, step in enumerate(met) if step.surface == lens.stop_index), None)
+    return replace(lens, surfaces=tuple(surfaces), stop_index=stop, configurations=(), focusing=None, floating=())
+
+
+@dataclass(frozen=True)
+class GhostImage:
+    """Where the image lies that paraxial light of a way forms [mm].
+
+    Attributes
+    ----------
+    focal_length_mm : float
+        Infinite where the way as a whole bends no light.
+    image_distance_mm : float
+        From the last vertex, of an object at infinity; positive towards the film.
+    film_per_height, film_per_slope : float
+        How far the ray on the film moves with its height and its slope in the plane of the first vertex.
+    """
+
+    focal_length_mm: float
+    image_distance_mm: float
+    film_per_height: float
+    film_per_slope: float
+
+
+def ghost_image(
+    lens: Lens, way: Way, film_distance_mm: float, wavelength_nm: float, object_distance_mm: float = np.inf
+) -> GhostImage:
+    """Return the paraxial image of a way in the y-z section; a near object stands so far before the first vertex."""
+    (a, b), (c, d) = system_matrix(unfolded(lens, way), wavelength_nm).tolist()
+    n, m = (float(index) for index in lens.indices(wavelength_nm)[[0, -1]])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        if np.isinf(object_distance_mm):
+            image = -m * np.float64(a) / c
+        else:
+            reduced = object_distance_mm / n
+            image = -m * np.float64(b + a * reduced) / (d + c * reduced)
+        focal = -m / np.float64(c)
+    reach = film_distance_mm / m
+    return GhostImage(float(focal), float(image), a + reach * c, n * (b + reach * d))
+
+
+def ghost_magnification(lens: Lens, way: Way, wavelength_nm: float, object_distance_mm: float) -> float:
+    """Return the transverse magnification of an object so far before the first vertex [mm]."""
+    _, (c, d) = system_matrix(unfolded(lens, way), wavelength_nm).tolist()
+    n = float(lens.indices(wavelength_nm)[0])
+    with np.errstate(divide="ignore"):
+        return float(1.0 / np.float64(d + c * object_distance_mm / n))
+
+
+# Light of one source on the front of a lens: rays spread evenly over the first surface, each with its flux.
+
+GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0  # steps that fill a line most evenly: lattices of any number of points
+
+
+@dataclass(frozen=True)
+class Box:
+    """A rectangle across the first surface [mm]."""
+
+    low: tuple[float, float]
+    high: tuple[float, float]
+
+    @property
+    def area(self) -> float:
+        """In mm2."""
+        return (self.high[0] - self.low[0]) * (self.high[1] - self.low[1])
+
+
+class Entry:
+    """The first surface of a lens in the light of a source.
+
+    Parameters
+    ----------
+    lens : Lens
+    source : Beam
+        In the y-z plane: a parallel beam of irradiance 1 across it, or a lamp of intensity 1 at its distance.
+
+    Attributes
+    ----------
+    is_even : bool
+        Whether lens and light are the same left and right, so that rays of one side stand for both.
+
+    Raises
+    ------
+    InputError
+        When the first surface has no rim, and when the light comes from behind the lens.
+    """
+
+    def __init__(self, lens: Lens, source: Beam) -> None:
+        self.source, self.first = source, lens.surfaces[0]
+        if not np.isfinite(self.first.semi_diameter):
+            raise InputError(f"{lens.name}: the first surface needs a diameter")
+        if not abs(source.field_degrees) < 90:
+            raise InputError(
+                f"light at {source.field_degrees:g} degrees does not come from the scene (allowed: below 90)"
+            )
+        self.is_even = lens.is_rotational and all(surface.stop_shape is None for surface in lens.surfaces)
+
+    def everywhere(self, count: int) -> tuple[Array, float]:
+        """Return points (n, 2) spread over the surface, and the area that each stands for [mm2]."""
+        numbers, reach = np.arange(count), self.first.semi_diameter
+        radius, turn = reach * np.sqrt((numbers + 0.5) / count), np.mod(numbers * GOLDEN, 1.0)
+        angle = np.pi * (turn - 0.5) if self.is_even else 2.0 * np.pi * turn
+        return np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1), np.pi * reach**2 / count
+
+    def within(self, box: Box, count: int) -> tuple[Array, float]:
+        """Return points (n, 2) spread over a box, and the area that each stands for [mm2]."""
+        numbers = np.arange(count)
+        places = np.stack([(numbers + 0.5) / count, np.mod((numbers + 0.5) * GOLDEN, 1.0)], axis=1)
+        low, high = np.array(box.low), np.array(box.high)
+        return low + places * (high - low), box.area / count * (2.0 if self.is_even else 1.0)
+
+    def around(self, points: Array, spacing: float) -> Box:
+        """Return the box about points (n, 2) with room of a spacing [mm], on one side where light is even."""
+        reach = self.first.semi_diameter
+        low, high = np.maximum(points.min(axis=0) - spacing, -reach), np.minimum(points.max(axis=0) + spacing, reach)
+        if self.is_even:
+            low[0] = max(low[0], 0.0)
+        return Box((float(low[0]), float(low[1])), (float(high[0]), float(high[1])))
+
+    def rays(self, points: Array, area: float) -> Arrival:
+        """Return the rays that meet the surface above points (n, 2), inside its rim."""
+        x, y = points.T
+        z, zx, zy = self.first.sag_and_slopes(x, y)
+        good = self.first.clears(x, y) & np.isfinite(z)
+        pose = self.first.pose or IN_PLACE
+        at = np.stack([x, y, z])[:, good]
+        slopes = np.stack([-zx, -zy, np.ones_like(zx)])[:, good]
+        at, slopes = pose.outward(at, slopes)
+        directions, irradiance = self._light(at)
+        flux = np.sum(directions * slopes, axis=0) * irradiance * area
+        lit = flux > 0
+        normals = slopes[:, lit] / np.sqrt(np.sum(slopes[:, lit] ** 2, axis=0))
+        beam = PolarisedBeam.unpolarised(at[:, lit].T, directions[:, lit].T, flux[lit])
+        return Arrival(beam, normals, np.sum(normals * beam.directions, axis=0), 0.0, 0.0, 0.0)
+
+    def _light(self, at: Array) -> tuple[Array, Array]:
+        """Return unit directions (3, n) of the light at points, and its irradiance across them."""
+        origins, directions = self.source.rays(np.zeros((1, 2)))
+        if np.isinf(self.source.object_distance_mm):
+            return np.broadcast_to(directions.T, at.shape), np.ones(at.shape[1])
+        way = at - origins.T
+        square = np.sum(way * way, axis=0)
+        directions = way / np.sqrt(square)
+        return directions, (directions[2] if self.source.is_diffuse else 1.0) / square
+
+
+#
+# Light of one source through a lens, parted at every surface, so that all of it is accounted for.
+#
+# What reaches the film after an even number of reflections is the image and its ghosts.
+
+RAYS = {2: 1500, 4: 1000}  # over the front, by the order
+FAINT = 1e-8  # share of the light below which rays with more than two reflections are not followed
+
+
+@dataclass(frozen=True)
+class Lit:
+    """A lens, its film and the light of a source.
+
+    Attributes
+    ----------
+    lens : Lens
+    film_distance_mm : float
+        Last vertex to film.
+    source : Beam
+        A parallel beam of irradiance 1, or a lamp of intensity 1.
+    wavelength_nm : float
+    film_mm : (width, height)
+        Of the frame.
+    transmission : LensTransmission
+        Whether coatings and absorption count.
+    film_reflectance : float
+        Share of the light that the film reflects like a mirror.
+    """
+
+    lens: Lens
+    film_distance_mm: float
+    source: Beam = field(default_factory=Beam)
+    wavelength_nm: float = 550.0
+    film_mm: tuple[float, float] = (36.0, 24.0)
+    transmission: LensTransmission = COATED
+    film_reflectance: float = 0.0
+
+    @cached_property
+    def at_wavelength(self) -> LensAtWavelength:
+        """The lens with its film as the last surface, at the wavelength."""
+        lens = with_film(self.lens, self.film_distance_mm, self.film_reflectance)
+        return LensAtWavelength(lens, self.wavelength_nm, self.transmission)
+
+    def in_frame(self, points: Array) -> Mask:
+        """Return which points (2, n) of the film lie in the frame."""
+        width, height = self.film_mm
+        return np.asarray((np.abs(points[0]) <= width / 2) & (np.abs(points[1]) <= height / 2))
+
+
+@dataclass
+class Account:
+    """Where the light goes that meets the front: everything but `entered` adds up to it.
+
+    Attributes
+    ----------
+    entered, image, ghosts, absorbed : float
+        What the film keeps of the image and of ghosts, and what glass and mirrors keep.
+    blocked, missed : float
+        Stopped by rims and the stop, and past a surface.
+    out : float
+        Leaves through the front.
+    reflected_on : float
+        Reflected more often than is followed, or too faint to be followed.
+    """
+
+    entered: float = 0.0
+    image: float = 0.0
+    ghosts: float = 0.0
+    absorbed: float = 0.0
+    blocked: float = 0.0
+    missed: float = 0.0
+    out: float = 0.0
+    reflected_on: float = 0.0
+
+
+@dataclass(frozen=True)
+class Landed:
+    """Rays of one way on the film.
+
+    Attributes
+    ----------
+    points : (n, 2) array
+        Of the front that they come through [mm].
+    light : (n,) array
+    inside : (n,) array
+        Which are in the frame.
+    """
+
+    points: Array
+    light: Array
+    inside: Mask
+
+
+class Tree:
+    """Rays parted at every surface, and what they say of each way.
+
+    Attributes
+    ----------
+    account : Account
+    landed : dict
+        The rays of each way.
+    blocked : dict
+        Light of the image that each rim stops.
+    """
+
+    def __init__(self, lit: Lit, order: int, rays: int | None = None) -> None:
+        self.lit, self.order, self.film = lit, order, len(lit.lens.surfaces)
+        self.lens = lit.at_wavelength
+        self.account = Account()
+        self.landed: dict[Way, Landed] = {}
+        self.blocked: dict[int, float] = {}
+        entry = Entry(lit.lens, lit.source)
+        front = entry.rays(*entry.everywhere(rays or RAYS[order]))
+        self.points = front.beam.points[:2].T
+        self.account.entered = float(front.beam.flux.sum())
+        if not self.account.entered > 0:
+            raise InputError(f"{lit.lens.name}: no light of the source meets the first surface")
+        self._follow(self._crossed(front, 0, True, ()), 1, True, ())
+
+    def _follow(self, beam: PolarisedBeam, k: int, forward: bool, way: Way) -> None:
+        """Follow light before a surface to the film or the front, and what is reflected on the way."""
+        while len(beam.rows):
+            if k < 0:
+                self.account.out += float(beam.light.sum())
+                return
+            arrival = meet(self.lens, beam, k, forward, counted=True)
+            self.account.missed += arrival.missed
+            self.account.blocked += arrival.blocked
+            if not way:
+                self.blocked[k] = arrival.blocked
+            self.account.absorbed += arrival.absorbed
+            if k == self.film:
+                self._land(arrival, way)
+                return
+            beam = self._crossed(arrival, k, forward, way)
+            k += 1 if forward else -1
+
+    def _crossed(self, arrival: Arrival, k: int, forward: bool, way: Way) -> PolarisedBeam:
+        """Return light behind a surface, once what that reflects has been followed."""
+        crossing = Crossing(self.lens, arrival, k, forward)
+        if crossing.parts:
+            reflected = crossing.reflected()
+            if crossing.absorbs:
+                left = float(reflected.light.sum()) + float(crossing.onward().light.sum())
+                self.account.absorbed += float(arrival.beam.light.sum()) - left
+            self._reflect(reflected, k, forward, way)
+        if crossing.surface.is_mirror:
+            self.account.absorbed += float(arrival.beam.light.sum()) * (1.0 - crossing.mirror_share)
+        return crossing.onward()
+
+    def _reflect(self, beam: PolarisedBeam, k: int, forward: bool, way: Way) -> None:
+        """Follow what a surface has reflected, if it may still reach the film and is worth it."""
+        light = float(beam.light.sum())
+        faint = len(way) > 1 and light < FAINT * self.account.entered
+        if len(way) == self.order or faint:
+            self.account.reflected_on += light
+        else:
+            self._follow(beam, k - 1 if forward else k + 1, not forward, (*way, k))
+
+    def _land(self, arrival: Arrival, way: Way) -> None:
+        """Note light on the film, and follow what that reflects."""
+        light, share = arrival.beam.light, self.lit.film_reflectance
+        kept = float(light.sum()) * (1.0 - share)
+        if way:
+            self.account.ghosts += kept
+        else:
+            self.account.image += kept
+        lit = light > 0
+        inside = self.lit.in_frame(arrival.beam.points)[lit]
+        self.landed[way] = Landed(self.points[arrival.beam.rows[lit]], light[lit], inside)
+        if share:
+            self._reflect(Crossing(self.lens, arrival, self.film, True).onward(), self.film, True, way)
+
+
+#
+# Rays of chosen ways between the surfaces of a lens, followed together wherever they travel the same way.
+#
+# All rays pass the surfaces to the film, leave where their way is first reflected, go back together, and so on: a
+# lens is passed three times for all its pairs of reflections.
+
+Numbers = NDArray[np.intp]
+
+CHUNK = 8192  # rays whose components stay in the processor's cache
+NOWHERE = -1  # where a way is not reflected any more
+
+
+@dataclass(frozen=True)
+class Start:
+    """Where rays of a way shall enter.
+
+    Attributes
+    ----------
+    points : (n, 2) array
+        Of the front, known to lead to the film [mm].
+    spacing : float
+        Between them [mm].
+    count : int
+        Rays to be followed.
+    """
+
+    points: Array
+    spacing: float
+    count: int
+
+
+@dataclass(frozen=True)
+class Found:
+    """Rays of one way on the film.
+
+    Attributes
+    ----------
+    points : (n, 2) array
+        Of the front that they came through [mm].
+    film : (2, n) array
+        Where they meet the film [mm].
+    light : (n,) array
+    inside : (n,) array
+        Which are in the frame.
+    spacing : float
+        Between rays on the front [mm].
+    is_even : bool
+        Whether each ray stands for one on the other side as well.
+    """
+
+    points: Array
+    film: Array
+    light: Array
+    inside: Mask
+    spacing: float
+    is_even: bool
+
+    def again(self, count: int, *, in_frame: bool = False) -> Start:
+        """Return where more such rays shall enter, perhaps only those to the frame."""
+        return Start(self.points[self.inside] if in_frame else self.points, self.spacing, count)
+
+    def in_frame(self) -> tuple[float, tuple[float, float], float]:
+        """Return flux in the frame, its centroid and its rms radius [mm]."""
+        weight, at = self.light[self.inside], self.film[:, self.inside]
+        total = float(weight.sum())
+        if not total > 0:
+            return 0.0, (np.nan, np.nan), np.nan
+        centre = at @ weight / total
+        if self.is_even:
+            centre[0] = 0.0
+        square = float(np.sum((at - centre[:, None]) ** 2, axis=0) @ weight) / total
+        return total, (float(centre[0]), float(centre[1])), float(np.sqrt(square))
+
+
+def followed(lit: Lit, starts: Mapping[Way, Start]) -> dict[Way, Found]:
+    """Return the rays of each way on the film, once through an even lattice about where they are known to enter."""
+    entry, found = Entry(lit.lens, lit.source), dict[Way, Found]()
+    for ways in _chunks(starts):
+        fronts, areas = [], []
+        for way in ways:
+            start = starts[way]
+            points, area = entry.within(entry.around(start.points, start.spacing), start.count)
+            fronts.append(entry.rays(points, area))
+            areas.append(area)
+        found |= _landed(lit, entry, ways, fronts, areas)
+    return found
+
+
+def _chunks(starts: Mapping[Way, Start]) -> Iterator[list[Way]]:
+    """Yield ways by as many as have rays enough together; those without a known ray are left out."""
+    chunk: list[Way] = []
+    for way, start in starts.items():
+        if len(start.points):
+            chunk.append(way)
+        if sum(starts[other].count for other in chunk) >= CHUNK:
+            yield chunk
+            chunk = []
+    if chunk:
+        yield chunk
+
+
+def _landed(lit: Lit, entry: Entry, ways: list[Way], fronts: list[Arrival], areas: list[float]) -> dict[Way, Found]:
+    """Return rays of several ways on the film."""
+    counts = [len(front.cosines) for front in fronts]
+    ends = np.cumsum(counts)
+    front = _joined(fronts)
+    entered = front.beam.points[:2].T
+    turns = np.full((len(entered), max(map(len, ways), default=0) + 1), NOWHERE)
+    for way, first, end in zip(ways, ends - counts, ends, strict=True):
+        turns[first:end, : len(way)] = way
+    beam = together(lit.at_wavelength, front, turns)
+    light, inside, owner = beam.light, lit.in_frame(beam.points), np.searchsorted(ends, beam.rows, side="right")
+    found = {}
+    for number, (way, area) in enumerate(zip(ways, areas, strict=True)):
+        own = owner == number
+        found[way] = Found(
+            entered[beam.rows[own]], beam.points[:2, own], light[own], inside[own], float(np.sqrt(area)), entry.is_even
+        )
+    return found
+
+
+def _joined(fronts: list[Arrival]) -> Arrival:
+    """Return rays on the first surface as one, numbered through."""
+    beam = PolarisedBeam.joined([front.beam for front in fronts])
+    beam = replace(beam, rows=np.arange(len(beam.rows)))
+    normals, cosines = (np.concatenate([getattr(f, name) for f in fronts], axis=-1) for name in ("normals", "cosines"))
+    return Arrival(beam, normals, cosines)
+
+
+def together(lens: LensAtWavelength, front: Arrival, turns: Numbers) -> PolarisedBeam:
+    """Return rays on the first surface as they meet the film, each by its own way; the film is the last surface.
+
+    Parameters
+    ----------
+    lens : LensAtWavelength
+    front : Arrival
+        Rays numbered through.
+    turns : (n, m) array
+        Which surfaces reflect each ray, in order, `NOWHERE` behind the last.
+    """
+    film = len(lens.prescription.surfaces) - 1
+    landed: list[PolarisedBeam] = []
+    joining: dict[int, list[PolarisedBeam]] = {0: [front.beam]}
+    for phase in range(turns.shape[1]):
+        forward, turned = phase % 2 == 0, defaultdict(list)
+        beam: PolarisedBeam | None = None
+        for k in range(film + 1) if forward else range(film, -1, -1):
+            beams = [*([beam] if beam is not None else []), *joining.get(k, [])]
+            if not beams:
+                continue
+            at = front if phase == 0 and k == 0 else meet(lens, PolarisedBeam.joined(beams), k, forward)
+            bounces = turns[at.beam.rows, phase] == k
+            if bounces.any():
+                crossing = Crossing(lens, at.some(bounces), k, forward)
+                back = crossing.onward() if crossing.surface.is_mirror else crossing.reflected()
+                turned[k - 1 if forward else k + 1].append(back)
+            rest = at.some(~bounces)
+            if k == film and forward:
+                landed.append(rest.beam)
+            goes_on = len(rest.cosines) > 0 and not (k == film and forward)
+            beam = Crossing(lens, rest, k, forward).onward() if goes_on else None
+        joining = turned
+    return PolarisedBeam.joined(landed or [front.beam.kept(np.zeros(len(turns), dtype=bool))])
+
+
+#
+# Ghosts: light of one source that surfaces of a lens reflect an even number of times before it reaches the film.
+#
+# First some rays are parted at every surface. Then each way that reaches the film gets rays of its own, over the part
+# of the front whose light takes it.
 
 OWN_RAYS, LEAST, MOST = 60_000, 256, 12_000  # of all ways, and of each one
 IMAGE_RAYS = 20_000  # of the image itself

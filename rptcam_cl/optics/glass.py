@@ -1,23 +1,120 @@
-"""Media between the surfaces: refractive index against wavelength, each law with its valid range.
-
-Wavelengths are in nanometres in air, indices relative to air. Dispersion formulas take the wavelength in micrometres.
-"""
+"""Media between surfaces: index against wavelength, absorption, heat, and the glasses that files may name."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import field
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rptcam_cl.colour import LINE_C_NM, LINE_D_NM, LINE_F_NM
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics.absorption import Absorption
-from rptcam_cl.optics.thermal import Thermal
+from rptcam_cl.core.vectors import LINE_C_NM, LINE_D_NM, LINE_F_NM
+
+# How heat changes air and glass: indices by temperature and pressure, and linear expansion.
 
 Array = NDArray[np.float64]
+
+STANDARD_C, STANDARD_HPA = 20.0, 1013.25  # of catalogues
+
+
+@dataclass(frozen=True)
+class Thermal:
+    """What a maker says about a glass under heat.
+
+    Attributes
+    ----------
+    dispersion : tuple of float, or None
+        Schott's D0 [1/K], D1 [1/K^2], D2 [1/K^3], E0 [um^2/K], E1 [um^2/K^2] and lambda_TK [um].
+    expansion_per_k : float or None
+        Linear expansion [1/K].
+    reference_c : float
+        Temperature of the index in the catalogue, from which the dispersion counts [degrees Celsius].
+    """
+
+    dispersion: tuple[float, ...] | None = None
+    expansion_per_k: float | None = None
+    reference_c: float = STANDARD_C
+
+    def index(self, at_reference: ArrayLike, wavelength_nm: ArrayLike, celsius: float, pressure_hpa: float) -> Array:
+        """Return the index relative to air of a temperature and pressure, of that relative to air of the catalogue.
+
+        With t from the reference temperature, the absolute index n changes by (n^2 - 1) / (2 n) times
+        D0 t + D1 t^2 + D2 t^3 + (E0 t + E1 t^2) / (L^2 - L_TK^2) (Schott, TIE-19: Temperature Coefficient of the
+        Refractive Index, 2016).
+        """
+        assert self.dispersion is not None
+        d0, d1, d2, e0, e1, resonance = self.dispersion
+        cold_air = air_index(wavelength_nm, self.reference_c, STANDARD_HPA)
+        absolute = np.asarray(at_reference) * cold_air
+        t, square = celsius - self.reference_c, (np.asarray(wavelength_nm) * cold_air / 1e3) ** 2
+        terms = t * (d0 + t * (d1 + t * d2) + (e0 + t * e1) / (square - resonance * resonance))
+        change = (absolute * absolute - 1.0) / (2.0 * absolute) * terms
+        return np.asarray((absolute + change) / air_index(wavelength_nm, celsius, pressure_hpa))
+
+
+def air_index(wavelength_nm: ArrayLike, celsius: float, pressure_hpa: float) -> Array:
+    """Return the index of dry air (Kohlrausch, Praktische Physik, 1968, as in Schott's TIE-19), wavelengths in air."""
+    square = (np.asarray(wavelength_nm, dtype=np.float64) / 1e3) ** 2
+    at_15 = 1e-8 * (6432.8 + 2949810.0 * square / (146.0 * square - 1.0) + 25540.0 * square / (41.0 * square - 1.0))
+    return np.asarray(1.0 + at_15 / (1.0 + 3.4785e-3 * (celsius - 15.0)) * (pressure_hpa / STANDARD_HPA))
+
+
+# How much light a medium swallows on the way: its absorption coefficient against wavelength.
+
+OPAQUE = 1e-6  # an internal transmittance that a catalogue rounds to 0 counts as this
+
+
+@dataclass(frozen=True)
+class Absorption:
+    """The coefficient a of Beer's law: the share exp(-a d) of the light comes through a thickness d.
+
+    Attributes
+    ----------
+    wavelengths_nm : tuple of float
+        Where it was measured, rising.
+    per_mm : tuple of float
+        a [1/mm]; straight lines join the values.
+    """
+
+    wavelengths_nm: tuple[float, ...]
+    per_mm: tuple[float, ...]
+
+    @classmethod
+    def from_transmittance(
+        cls, wavelengths_nm: Sequence[float], transmittances: Sequence[float], thickness_mm: ArrayLike
+    ) -> Absorption:
+        """Return the absorption that gives internal transmittances (surfaces left out) over a thickness [mm]."""
+        inside = np.maximum(np.asarray(transmittances, dtype=np.float64), OPAQUE)
+        per_mm = np.maximum(-np.log(inside), 0.0) / np.asarray(thickness_mm, dtype=np.float64)
+        return cls(tuple(float(w) for w in wavelengths_nm), tuple(per_mm.tolist()))
+
+    def at(self, wavelength_nm: ArrayLike, name: str = "") -> Array:
+        """Return the coefficient [1/mm] at each wavelength [nm]; `name` is that of the medium, for messages."""
+        return interpolated(wavelength_nm, self.wavelengths_nm, self.per_mm, f"absorption of {name or 'a glass'}")
+
+
+def interpolated(
+    wavelength_nm: ArrayLike, wavelengths_nm: tuple[float, ...], values: tuple[float, ...], what: str
+) -> Array:
+    """Return tabulated values at wavelengths [nm], by straight lines; a single value holds at every wavelength."""
+    wavelength = np.asarray(wavelength_nm, dtype=np.float64)
+    low, high = wavelengths_nm[0], wavelengths_nm[-1]
+    outside = (wavelength < low) | (wavelength > high)
+    if len(wavelengths_nm) > 1 and np.any(outside):
+        bad = float(np.extract(outside, wavelength)[0])
+        raise InputError(f"the {what} is known from {low:g} to {high:g} nm (requested {bad:g} nm)")
+    return np.asarray(np.interp(wavelength, wavelengths_nm, values), dtype=np.float64)
+
+
+#
+# Media between the surfaces: refractive index against wavelength, each law with its valid range.
+#
+# Wavelengths are in nanometres in air, indices relative to air. Dispersion formulas take the wavelength in
+# micrometres.
+
 Range = tuple[float, float]
 
 NO_DISPERSION = 1e6  # V_d by which files say that an index is the same at every wavelength
@@ -304,3 +401,93 @@ def _root(square: ArrayLike, name: str) -> Array:
     if not np.all(value > 0):
         raise InputError(f"glass {name or '(unnamed)'} has no real index at a requested wavelength")
     return np.sqrt(value)
+
+
+#
+# Media that lens files may name: Sellmeier coefficients b, c [square micrometres], valid range [nm], transmittance.
+#
+# Glasses: SCHOTT catalogue of 2017-01-20, as collected by refractiveindex.info (public domain); internal
+# transmittance turned back from its extinction coefficients k by tau = exp(-4 pi k d / L): every number came out as
+# the catalogue's decimals to within 5e-5, and glasses without one have none published. Others: fused silica,
+# Malitson, J. Opt. Soc. Am. 55, 1205 (1965); calcium fluoride, Malitson, Appl. Opt. 2, 1103 (1963); water at 20
+# degrees, Daimon and Masumura, Appl. Opt. 46, 3811 (2007).
+
+_SELLMEIER: dict[str, tuple[tuple[float, ...], tuple[float, ...], tuple[float, float]]] = {
+    "N-BK7": ((1.03961212, 0.231792344, 1.01046945), (0.00600069867, 0.0200179144, 103.560653), (300, 2500)),
+    "K10": ((1.15687082, 0.0642625444, 0.872376139), (0.00809424251, 0.0386051284, 104.74773), (300, 2500)),
+    "N-BAK1": ((1.12365662, 0.309276848, 0.881511957), (0.00644742752, 0.0222284402, 107.297751), (300, 2500)),
+    "N-BALF4": ((1.31004128, 0.142038259, 0.964929351), (0.0079659645, 0.0330672072, 109.19732), (350, 2500)),
+    "N-SK2": ((1.28189012, 0.257738258, 0.96818604), (0.0072719164, 0.0242823527, 110.377773), (310, 2500)),
+    "N-SK4": ((1.32993741, 0.228542996, 0.988465211), (0.00716874107, 0.0246455892, 100.886364), (334, 2500)),
+    "N-SK11": ((1.17963631, 0.229817295, 0.935789652), (0.00680282081, 0.0219737205, 101.513232), (300, 2500)),
+    "N-SK15": ((1.30417786, 0.28584116, 0.974781572), (0.00695051276, 0.0232023703, 99.016884), (334, 2500)),
+    "N-SK16": ((1.34317774, 0.241144399, 0.994317969), (0.00704687339, 0.0229005, 92.7508526), (310, 2500)),
+    "N-SSK2": ((1.4306027, 0.153150554, 1.01390904), (0.00823982975, 0.0333736841, 106.870822), (350, 2500)),
+    "N-LAK12": ((1.17365704, 0.588992398, 0.978014394), (0.00577031797, 0.0200401678, 95.4873482), (320, 2500)),
+    "LLF1": ((1.21640125, 0.13366454, 0.883399468), (0.00857807248, 0.0420143003, 107.59306), (310, 2500)),
+    "LF5": ((1.28035628, 0.163505973, 0.893930112), (0.00929854416, 0.0449135769, 110.493685), (320, 2325)),
+    "F2": ((1.34533359, 0.209073176, 0.937357162), (0.00997743871, 0.0470450767, 111.886764), (320, 2500)),
+    "F5": ((1.3104463, 0.19603426, 0.96612977), (0.00958633048, 0.0457627627, 115.011883), (320, 2500)),
+    "SF1": ((1.55912923, 0.284246288, 0.968842926), (0.0121481001, 0.0534549042, 112.174809), (350, 2500)),
+    "SF4": ((1.61957826, 0.339493189, 1.02566931), (0.0125502104, 0.0544559822, 117.652222), (365, 2500)),
+    "SF5": ((1.46141885, 0.247713019, 0.949995832), (0.0111826126, 0.0508594669, 112.041888), (350, 2500)),
+    "SF6": ((1.72448482, 0.390104889, 1.04572858), (0.0134871947, 0.0569318095, 118.557185), (365, 2500)),
+    "SF10": ((1.61625977, 0.259229334, 1.07762317), (0.0127534559, 0.0581983954, 116.60768), (380, 2500)),
+    "SF11": ((1.73848403, 0.311168974, 1.17490871), (0.0136068604, 0.0615960463, 121.922711), (390, 2500)),
+    "N-FK51A": ((0.971247817, 0.216901417, 0.904651666), (0.00472301995, 0.0153575612, 168.68133), (290, 2500)),
+    "N-KZFS4": ((1.35055424, 0.197575506, 1.09962992), (0.0087628207, 0.0371767201, 90.3866994), (334, 2500)),
+    "fused silica": ((0.6961663, 0.4079426, 0.8974794), (0.0684043**2, 0.1162414**2, 9.896161**2), (210, 6700)),
+    "CaF2": ((0.5675888, 0.4710914, 3.8484723), (0.050263605**2, 0.1003909**2, 34.649040**2), (230, 9700)),
+    "water": (
+        (0.5684027565, 0.1726177391, 0.02086189578, 0.1130748688),
+        (0.005101829712, 0.01821153936, 0.02620722293, 10.69792721),
+        (182, 1129),
+    ),
+}
+
+THICKNESS_MM = 25.0
+
+_PER_TEN_THOUSAND = """
+nm        300  310  320  334  350  365  370  380  390  400  405  420  436  460  500  546  580  620  660  700 1060
+N-BK7     500 2500 5200 7800 9200 9710 9770 9830 9890 9920 9930 9930 9920 9930 9940 9960 9950 9940 9940 9960 9970
+K10       200 1300 3100 7200 9100 9580 9660 9730 9820 9860 9870 9880 9880 9900 9910 9920 9930 9930 9940 9970 9960
+N-BAK1    700 2900 5700 8200 9300 9690 9770 9830 9880 9900 9900 9900 9890 9900 9920 9950 9950 9950 9950 9970 9960
+N-BALF4     -    -    -    - 3800 7500 8200 9000 9400 9640 9700 9810 9830 9860 9930 9950 9960 9950 9950 9970 9930
+N-SK2       -  400 1800 4900 7800 9200 9400 9700 9790 9840 9850 9840 9820 9830 9900 9950 9950 9940 9940 9950 9950
+N-SK4       -    -    - 2000 6100 8300 8700 9300 9600 9750 9790 9830 9830 9850 9920 9950 9950 9950 9950 9960 9930
+N-SK11    200 1600 4100 7100 8800 9400 9500 9630 9700 9750 9800 9850 9880 9900 9940 9970 9960 9950 9950 9960 9950
+N-SK15      -    -    - 1800 5630 8000 8500 9100 9410 9600 9660 9740 9780 9820 9900 9930 9930 9920 9920 9940 9910
+N-SK16      -  200 1100 4000 7000 8600 8900 9300 9560 9700 9740 9790 9810 9840 9910 9940 9940 9930 9940 9960 9950
+N-SSK2      -    -    -    - 2500 6700 7500 8600 9200 9540 9630 9750 9800 9850 9920 9950 9950 9930 9940 9960 9920
+N-LAK12     -    -  100 1500 4600 7300 7900 8700 9200 9400 9430 9520 9580 9680 9860 9910 9900 9880 9890 9930 9920
+LLF1        -  100 3000 8100 9550 9810 9840 9880 9920 9933 9940 9950 9960 9960 9960 9970 9970 9960 9960 9970 9960
+LF5         -    -  400 5700 8800 9540 9610 9730 9840 9920 9920 9930 9940 9950 9960 9968 9970 9980 9980 9980 9980
+F2          -    -    - 2110 7800 9210 9400 9630 9770 9850 9870 9910 9930 9940 9970 9980 9980 9980 9970 9980 9980
+F5          -    -    - 3000 7600 9100 9300 9600 9730 9820 9850 9880 9900 9910 9940 9950 9950 9950 9960 9970 9980
+SF1         -    -    -    -  300 5000 6400 7900 8700 9200 9300 9610 9760 9840 9930 9960 9960 9950 9950 9960 9960
+SF4         -    -    -    -    - 2800 4500 6900 8200 8900 9100 9500 9670 9800 9910 9960 9960 9950 9950 9960 9960
+SF5         -    -    -    - 3100 7300 8000 8800 9200 9500 9590 9730 9820 9880 9930 9960 9960 9950 9950 9960 9960
+SF6         -    -    -    -    -  300 1300 4400 6600 8000 8400 9200 9550 9780 9910 9960 9964 9954 9955 9965 9990
+SF10        -    -    -    -    -    -    -  600 3700 6900 7900 9200 9610 9780 9890 9950 9950 9930 9930 9950 9970
+SF11        -    -    -    -    -    -    -    -  100 2000 3400 7000 8600 9400 9760 9890 9910 9910 9910 9930 9970
+N-FK51A   350 1200 3000 6300 8750 9630 9760 9880 9920 9930 9930 9920 9920 9930 9960 9970 9970 9960 9950 9950 9940
+N-KZFS4     -    -    - 1500 6000 8200 8600 9100 9300 9480 9520 9610 9680 9760 9870 9920 9930 9920 9930 9940 9960
+"""
+
+
+def _absorptions() -> dict[str, Absorption]:
+    """Return the absorption of each glass by its name."""
+    head, *rows = (line.split() for line in _PER_TEN_THOUSAND.strip().splitlines())
+    result = {}
+    for name, *values in rows:
+        known = [(float(nm), int(value) / 1e4) for nm, value in zip(head[1:], values, strict=True) if value != "-"]
+        wavelengths, transmittances = zip(*known, strict=True)
+        result[name] = Absorption.from_transmittance(wavelengths, transmittances, THICKNESS_MM)
+    return result
+
+
+_ABSORPTIONS = _absorptions()
+GLASSES = {
+    name: Sellmeier(b, c, range_nm=limits, name=name, absorption=_ABSORPTIONS.get(name))
+    for name, (b, c, limits) in _SELLMEIER.items()
+}

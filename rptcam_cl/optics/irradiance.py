@@ -1,24 +1,32 @@
-"""Irradiance of the film under a uniform world of unit radiance, by deterministic quadrature over the exit pupil.
-
-E = integral over the passing rays of cos(theta) dOmega = integral of D^2 / (D^2 + rho^2)^2 dA over the plane of the
-last vertex, D being its distance to the film and rho the sideways distance from the film point (Kolb 1995, sec. 3.3).
-"""
+"""Irradiance of the film under a uniform world, by quadrature over the exit pupil; veiling glare."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import math
+from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rptcam_cl.colour import LINE_D_NM
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics.probe import FilmProbe, narrowed, spread_points
-from rptcam_cl.optics.pupil_boxes import narrowing_probes, pupil_boxes
-from rptcam_cl.optics.transmission import IDEAL, LensTransmission, axial_transmittance
+from rptcam_cl.core.vectors import LINE_D_NM
+from rptcam_cl.optics.chief_rays import crossed, geometry_but_stop
+from rptcam_cl.optics.ghosts import Lit, Tree, check_lens
+from rptcam_cl.optics.glass import Medium
+from rptcam_cl.optics.lens import Lens, limiting_surface
+from rptcam_cl.optics.pupils import FilmProbe, narrowed, narrowing_probes, pupil_boxes, spread_points
+from rptcam_cl.optics.ray_trace import COATED, IDEAL, LensTransmission, axial_transmittance
+from rptcam_cl.optics.spot import Beam
+from rptcam_cl.optics.surface import Surface
 
-if TYPE_CHECKING:
-    from rptcam_cl.optics.lens import Lens
+#
+# Irradiance of the film under a uniform world of unit radiance, by deterministic quadrature over the exit pupil.
+#
+# E = integral over the passing rays of cos(theta) dOmega = integral of D^2 / (D^2 + rho^2)^2 dA over the plane of the
+# last vertex, D being its distance to the film and rho the sideways distance from the film point (Kolb 1995, sec.
+# 3.3).
 
 Array = NDArray[np.float64]
 
@@ -293,3 +301,254 @@ def _bisect(
         low, high = places[each, first], places[each, first + 1]
         left -= depth
     return (low + high) / 2
+
+
+#
+# Irradiance of the middle of the film through a round pupil, without tracing anew in each state of film and stop.
+#
+# Where rays from the axis of the film cross each surface is kept as polynomials in the distance of the film and in
+# the height of the ray. They say which rim stops rays first, and at which height: the pupil is a disk of that radius.
+
+FILM_NODES = 6  # in a cell of film distances
+HEIGHT_NODES = (16, 32)  # of a beam, where the first are too few
+EXACT = 1e-12  # share of a quantity that its last polynomials may have
+CELLS_OF_DISTANCE = 16  # while it doubles
+STEPS_OF_HEIGHT = 8  # widths of beams while they double
+WIDER = 8  # steps by which a beam may have to be wider than first-order optics says
+PLACES = 65  # at which a search begins
+ROUNDS = 4  # of Newton's method
+REMEMBERED = 128  # lenses whose beams are kept
+
+_BEAMS: dict[tuple[object, ...], dict[tuple[int, int], _Beam | None]] = {}
+
+
+def disk_irradiance(lens: Lens, film_distance_mm: float, wavelength_nm: float = LINE_D_NM) -> float | None:
+    """Return what `on_axis_irradiance` does without losses for a lens of whose pupil nothing lies apart.
+
+    None where the lens is not round, has mirrors, a hole or a shaped stop, or its rays are too bent for polynomials.
+    """
+    shaped = lens.stop is not None and lens.stop.stop_shape is not None
+    if shaped or lens.has_mirrors or lens.is_obstructed or not lens.is_rotational:
+        return None
+    stop, pupil = limiting_surface(lens, wavelength_nm), lens.first_order(wavelength_nm).exit_pupil
+    away = film_distance_mm - pupil.distance_mm
+    if not (math.isfinite(away) and away != 0):
+        return None
+    height = abs(pupil.diameter_mm / 2 * film_distance_mm / away)
+    cell = math.floor(CELLS_OF_DISTANCE * math.log2(film_distance_mm))
+    step = math.ceil(STEPS_OF_HEIGHT * math.log2(height))
+    key = geometry_but_stop(lens, stop, wavelength_nm)
+    if key not in _BEAMS:
+        if len(_BEAMS) >= REMEMBERED:
+            _BEAMS.clear()
+        _BEAMS[key] = {}
+    beams = _BEAMS[key]
+    for width in range(step, step + WIDER):
+        if (cell, width) not in beams:
+            beams[cell, width] = _traced(lens, wavelength_nm, cell, 2.0 ** (width / STEPS_OF_HEIGHT))
+        beam = beams[cell, width]
+        if beam is None:
+            return None
+        if (square := beam.square_of_pupil(lens, film_distance_mm)) is not None:
+            indices = lens.indices(wavelength_nm)
+            return float(math.pi * square / (film_distance_mm**2 + square) * (indices[-1] / indices[0]) ** 2)
+    return None
+
+
+def _traced(lens: Lens, wavelength_nm: float, cell: int, height: float) -> _Beam | None:
+    """Return the beam of a cell; None where a ray is lost or polynomials of so low a degree leave errors."""
+    ends = 2.0 ** (cell / CELLS_OF_DISTANCE), 2.0 ** ((cell + 1) / CELLS_OF_DISTANCE)
+    indices, order = lens.indices(wavelength_nm), range(len(lens.surfaces) - 1, -1, -1)
+    at_film, to_film = _nodes(FILM_NODES)
+    distances = np.mean(ends) + np.ptp(ends) / 2 * at_film
+    for count in HEIGHT_NODES:
+        at_height, to_height = _nodes(count)
+        heights = height * np.sqrt((1.0 + at_height) / 2)
+        far, across = (values.ravel() for values in np.meshgrid(distances, heights, indexing="ij"))
+        p, d = np.zeros((3, len(far))), np.stack([across, np.zeros(len(far)), -far])
+        p[2] = lens.length + far
+        crossings, _, _ = crossed(lens, order, p, d / np.hypot(across, far), indices)
+        values = (crossings[..., 0] / across).T.reshape(FILM_NODES, count, -1)
+        if not np.isfinite(values).all():
+            return None
+        polynomials = to_height @ np.tensordot(to_film, values, 1)
+        if np.all(np.abs(polynomials[:, -2:]) <= EXACT * np.abs(values).max(axis=(0, 1))):
+            return _Beam(height, (float(ends[0]), float(ends[1])), polynomials)
+    return None
+
+
+def _nodes(count: int) -> tuple[Array, Array]:
+    """Return nodes from -1 to 1, and the matrix from values there to Chebyshev polynomials."""
+    angles = (np.arange(count) + 0.5) * np.pi / count
+    matrix = 2.0 / count * np.cos(np.outer(np.arange(count), angles))
+    matrix[0] /= 2
+    return np.cos(angles), matrix
+
+
+@dataclass(frozen=True, eq=False)
+class _Beam:
+    """Rays from the axis of the film.
+
+    Attributes
+    ----------
+    height : float
+        On the plane of the last vertex, up to which they go [mm].
+    distances : (float, float)
+        Of the film, between which they begin [mm].
+    polynomials : (distances, heights, surfaces) array
+        Of the distance of the film and the square of the height: where rays cross each surface, over the height.
+    """
+
+    height: float
+    distances: tuple[float, float]
+    polynomials: Array
+
+    @cached_property
+    def _begin(self) -> tuple[Array, Array]:
+        """Heights, and their Chebyshev polynomials."""
+        heights = np.linspace(0.0, self.height, PLACES)
+        angles = np.arccos(np.clip(2 * (heights / self.height) ** 2 - 1, -1.0, 1.0))
+        return heights, np.cos(np.outer(angles, np.arange(self.polynomials.shape[1])))
+
+    def _terms(self, height: float) -> tuple[Array, Array]:
+        """Return the Chebyshev polynomials at a height, and those that their derivatives go by."""
+        degrees = np.arange(self.polynomials.shape[1])
+        x = 2 * (height / self.height) ** 2 - 1
+        angle = math.acos(min(max(x, -1.0), 1.0))
+        slopes = degrees * np.sin(degrees * angle) / max(math.sin(angle), 1e-12)
+        return np.cos(degrees * angle), slopes * (4 * height / self.height**2)
+
+    def square_of_pupil(self, lens: Lens, film_distance_mm: float) -> float | None:
+        """Return the square of the radius of the pupil [mm2]; None where no rim stops rays within the beam."""
+        low, high = self.distances
+        x = (2 * film_distance_mm - low - high) / (high - low)
+        here = np.tensordot(np.cos(np.arange(FILM_NODES) * math.acos(min(max(x, -1.0), 1.0))), self.polynomials, 1)
+        heights, terms = self._begin
+        rims = np.array([surface.semi_diameter for surface in lens.surfaces])
+        beyond = np.abs(heights[:, None] * (terms @ here)) > rims
+        rows = beyond.any(axis=1)
+        first = int(np.argmax(rows))
+        if first == 0:
+            return None
+        found = [
+            self._meeting(here[:, k], float(rims[k]), float(heights[first])) for k in np.flatnonzero(beyond[first])
+        ]
+        return min(found) ** 2
+
+    def _meeting(self, polynomial: Array, rim: float, height: float) -> float:
+        """Return the height of the ray that meets a rim, sought from one near it."""
+        for _ in range(ROUNDS):
+            terms, slopes = self._terms(height)
+            scale = float(terms @ polynomial)
+            off = height * scale - math.copysign(rim, scale)
+            height -= off / (scale + height * float(slopes @ polynomial))
+        return height
+
+
+#
+# Veiling glare: light that an even, bright surrounding sends to a black spot in the middle of the film.
+#
+# Light may be followed either way. A diffuse point of the film shines backwards through the lens: what leaves towards
+# the scene straight is what would form the image there, what leaves after two reflections is the veil; what comes
+# back to the film, and what rims behind the stop catch, is light that a film or a barrel that is not black would add.
+
+RAYS = 12_000  # over the rear surface
+SKY_MM = 1e5  # from the front to a plane that all light towards the scene meets
+
+
+@dataclass(frozen=True)
+class Glare:
+    """Veiling glare in the middle of the film, in parts of the irradiance of a white film.
+
+    Attributes
+    ----------
+    surfaces : float
+        By two reflections between surfaces of the lens.
+    film, barrel : float
+        By light that the film scatters to the lens and back, and that rims behind the stop scatter.
+    """
+
+    surfaces: float
+    film: float
+    barrel: float
+
+    @property
+    def index(self) -> float:
+        """Veiling glare index of ISO 9358: irradiance of the black spot over that of the white around it."""
+        veil = self.surfaces + self.film + self.barrel
+        return veil / (1.0 + veil)
+
+
+def veiling_glare(
+    lens: Lens,
+    film_distance_mm: float,
+    wavelength_nm: float = 550.0,
+    transmission: LensTransmission = COATED,
+    *,
+    film_reflectance: float = 0.0,
+    barrel_reflectance: float = 0.0,
+) -> Glare:
+    """Return the veiling glare of a lens under a hemisphere of even light.
+
+    Parameters
+    ----------
+    lens : Lens
+    film_distance_mm : float
+        Last vertex to film.
+    wavelength_nm : float
+    transmission : LensTransmission
+    film_reflectance : float
+        Share of the light that the film scatters evenly. The whole plane of the film counts as lit.
+    barrel_reflectance : float
+        Share that rims behind the stop scatter evenly. They count as lit like the film.
+
+    Raises
+    ------
+    InputError
+        For a lens that has mirrors, is not round, or whose last surface has no rim; and for shares outside of 0 to 1.
+    """
+    for name, share in (("film", film_reflectance), ("barrel", barrel_reflectance)):
+        if not 0 <= share < 1:
+            raise InputError(f"the {name} reflects a share from 0 to below 1 (got {share:g})")
+    check_lens(lens)
+    point = Beam(0.0, film_distance_mm, is_diffuse=True)
+    tree = Tree(Lit(reversed_lens(lens), SKY_MM, point, wavelength_nm, (np.inf, np.inf), transmission), 2, RAYS)
+    account, image = tree.account, tree.account.image
+    if not image > 0:
+        raise InputError(f"{lens.name}: no light reaches the middle of the film")
+    stop = lens.stop_index if lens.stop_index is not None else 0
+    behind = len(lens.surfaces) - 1 - stop
+    caught = sum(light for k, light in tree.blocked.items() if k < behind)
+    return Glare(account.ghosts / image, film_reflectance * account.out / np.pi, barrel_reflectance * caught / np.pi)
+
+
+def reversed_lens(lens: Lens) -> Lens:
+    """Return a lens that light passes from its film side.
+
+    Raises
+    ------
+    InputError
+        When a surface is a mirror, not round, or of a kind that is not known turned round.
+    """
+    if any(s.is_mirror or s.form is not None or not s.is_rotational for s in lens.surfaces):
+        raise InputError(f"{lens.name}: glare is known of lenses with round surfaces of powers of r, without mirrors")
+    media = lens.media
+    surfaces = [
+        _turned(surface, media[k], lens.surfaces[k - 1].thickness if k else 0.0)
+        for k, surface in reversed(list(enumerate(lens.surfaces)))
+    ]
+    stop = None if lens.stop_index is None else len(surfaces) - 1 - lens.stop_index
+    return replace(
+        lens,
+        surfaces=tuple(surfaces),
+        object_medium=media[-1],
+        stop_index=stop,
+        configurations=(),
+        focusing=None,
+        floating=(),
+    )
+
+
+def _turned(surface: Surface, medium: Medium, thickness: float) -> Surface:
+    odd = tuple((power, -value) for power, value in surface.aspheric)
+    return replace(surface, curvature=-surface.curvature, aspheric=odd, glass=medium, thickness=thickness)

@@ -12,16 +12,21 @@ from pathlib import Path
 from typing import Any
 
 from rptcam_cl.core.errors import InputError, StateError
-from rptcam_cl.core.references import Folders, References, digest, read_whole
-from rptcam_cl.core.resources import lenses_dir
+from rptcam_cl.core.files import Folders, References, digest, lenses_dir, read_whole
 from rptcam_cl.core.strict_yaml import MAX_BYTES, Document, read_yaml
 from rptcam_cl.optics.files.codev import read_codev
-from rptcam_cl.optics.files.deeplens import is_deeplens, read_deeplens
-from rptcam_cl.optics.files.glass_names import chosen_makers
-from rptcam_cl.optics.files.iset import is_iset, is_ray_transfer, read_iset
+from rptcam_cl.optics.files.glass_catalogues import chosen_makers
 from rptcam_cl.optics.files.native import document_of, read_native
-from rptcam_cl.optics.files.optical_bench import is_optical_bench, read_optical_bench
-from rptcam_cl.optics.files.pbrt import read_pbrt
+from rptcam_cl.optics.files.tables import (
+    is_deeplens,
+    is_iset,
+    is_optical_bench,
+    is_ray_transfer,
+    read_deeplens,
+    read_iset,
+    read_optical_bench,
+    read_pbrt,
+)
 from rptcam_cl.optics.files.zemax import read_zemax
 from rptcam_cl.optics.lens import Lens
 

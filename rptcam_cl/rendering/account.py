@@ -1,24 +1,147 @@
-"""What a render reports: statistics, metadata for the files of the picture, and its errors."""
+"""What a render reports, what it will take, and what float32 costs in its lens."""
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rptcam_cl._version import __version__
-from rptcam_cl.cameras import camera_geometry, pupil_in_world
-from rptcam_cl.core.kept import Maker, made_by
-from rptcam_cl.plan import LargestAlbedo, Plan
-from rptcam_cl.rendering.film import FilmLayout
-from rptcam_cl.rendering.float32_margin import LensMargin
-from rptcam_cl.rendering.precise_lens import traces_in_float64
-from rptcam_cl.rendering.progressive import Rendering
-from rptcam_cl.rendering.several import AnyWavefront, SharedWavefront
-from rptcam_cl.rendering.shares import is_shared
-from rptcam_cl.scene import Board, Scene
+from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.files import Maker, made_by
+from rptcam_cl.device.session import Session
+from rptcam_cl.optics.lens import Lens
+from rptcam_cl.optics.pupils import UNMOVED, FilmFrame, FilmProbe
+from rptcam_cl.optics.ray_trace import Rays
+from rptcam_cl.rendering.cameras.ideal import stop_shape, thick_lens_of
+from rptcam_cl.rendering.cameras.model import camera_geometry
+from rptcam_cl.rendering.cameras.setting import LensSetting, film_frame, half_film_mm, lens_setting, pupil_in_world
+from rptcam_cl.rendering.film import BLOCK, TILE_PIXELS, FilmLayout
+from rptcam_cl.rendering.passes import traces_in_float64
+from rptcam_cl.rendering.plan.materials import LargestAlbedo
+from rptcam_cl.rendering.plan.plan import Plan
+from rptcam_cl.rendering.progressive import FilmRun, Rendering
+from rptcam_cl.rendering.scene_buffers import MemoryNeeds
+from rptcam_cl.rendering.several import WHOLE, AnyWavefront, FilmPart, SharedWavefront, is_shared
+from rptcam_cl.scene.camera import RealisticCamera
+from rptcam_cl.scene.scene import Scene
+from rptcam_cl.scene.shapes import Board
+
+# What a device's arithmetic costs in a lens: the same rays by the float64 reference and by the code that renders.
+
+RAYS = 512
+SEED = 20
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class LensMargin:
+    """The largest differences between float32, or float64, on a device and float64 on the host.
+
+    Attributes
+    ----------
+    rays, passed : int
+        Rays that were sent from the film, and those that pass in float64.
+    other_fate : int
+        Rays that pass in one and not in the other.
+    position_mm, direction : float or None
+        Of the rays that pass both: where they leave the lens [mm], and their unit direction; None when none does.
+    pixels : float or None
+        The same in the plane in focus, in pixels at the scale of the picture's centre; None also for a lens that has
+        no focal length.
+    """
+
+    rays: int
+    passed: int
+    other_fate: int
+    position_mm: float | None
+    direction: float | None
+    pixels: float | None
+
+
+def lens_margin(scene: Scene, session: Session) -> LensMargin | None:
+    """Return what its precision costs in the lens of a scene's camera; None for cameras that trace no lens."""
+    camera = scene.camera
+    if not isinstance(camera, RealisticCamera) or camera.rays == "fitted":
+        return None
+    from rptcam_cl.rendering.traceable_lens import (
+        trace_on_device,
+    )  # few renders measure this, and the room takes long to import
+
+    setting = lens_setting(scene)
+    lens, wavelength_nm = setting.lens, camera.wavelength_nm
+    shape = stop_shape(scene, camera.aperture)
+    if shape is not None and lens.stop is not None:
+        lens = lens.with_stop_shape(shape)
+    frame = film_frame(camera)
+    origins, directions = film_rays(lens, setting.film_distance_mm, half_film_mm(scene), wavelength_nm, frame=frame)
+    exact = lens.trace(origins, directions, wavelength_nm)
+    traced = trace_on_device(lens, session, origins, directions, wavelength_nm, "film", camera.precision)
+    return _compared(exact, traced, _pixels_per_radian(scene, setting), setting.focus_distance_mm)
+
+
+def film_rays(
+    lens: Lens,
+    film_mm: float,
+    half_film_mm: tuple[float, float],
+    wavelength_nm: float,
+    count: int = RAYS,
+    frame: FilmFrame = UNMOVED,
+) -> tuple[Array, Array]:
+    """Return origins on the film and directions (n, 3) [mm], half to all of the last surface, half to the exit pupil.
+
+    A lens whose exit pupil is infinitely far gets all of them over its last surface.
+    """
+    rng = np.random.default_rng(SEED)
+    points = frame.points(rng.uniform(-1, 1, (count, 2)) * half_film_mm)
+    film, depth = points[:, :2], points[:, 2]
+    boxes = FilmProbe(lens, film_mm, wavelength_nm, frame).windows(film)
+    aims = boxes[:, ::2] + rng.random(film.shape) * (boxes[:, 1::2] - boxes[:, ::2])
+    aims = np.column_stack([aims, np.full(count, lens.length)])
+    pupil = lens.first_order(wavelength_nm).exit_pupil
+    if np.isfinite(pupil.distance_mm) and np.isfinite(pupil.diameter_mm) and pupil.distance_mm < film_mm:
+        half = count // 2
+        radius, turn = pupil.diameter_mm / 2 * np.sqrt(rng.random(half)), 2 * np.pi * rng.random(half)
+        there = np.full(half, lens.film_z(pupil.distance_mm))
+        aims[:half] = np.column_stack([radius * np.cos(turn), radius * np.sin(turn), there])
+    origins = np.column_stack([film, lens.film_z(film_mm) + lens.sense * depth])
+    return origins, aims - origins
+
+
+def _pixels_per_radian(scene: Scene, setting: LensSetting) -> float | None:
+    """Return the scale of the picture at its centre, None for a lens that has none."""
+    try:
+        thick = thick_lens_of(setting.lens, setting.film_distance_mm, setting.camera.wavelength_nm)
+    except InputError:
+        return None
+    return scene.film.resolution[0] / (scene.film.size_m()[0] * 1e3) / abs(float(thick.slope[0]))
+
+
+def _compared(exact: Rays, traced: Rays, pixels_per_radian: float | None, focus_mm: float | None) -> LensMargin:
+    both = exact.passed & traced.passed
+    passed, other = int(exact.passed.sum()), int((exact.passed != traced.passed).sum())
+    if not both.any():
+        return LensMargin(len(both), passed, other, None, None, None)
+    apart = np.linalg.norm((traced.origins - exact.origins)[both], axis=1)
+    turned = np.linalg.norm((traced.directions - exact.directions)[both], axis=1)
+    angles = turned + (0.0 if focus_mm is None else apart / abs(focus_mm))
+    return LensMargin(
+        rays=len(both),
+        passed=passed,
+        other_fate=other,
+        position_mm=float(apart.max()),
+        direction=float(turned.max()),
+        pixels=None if pixels_per_radian is None else float(angles.max()) * pixels_per_radian,
+    )
+
+
+# What a render reports: statistics, metadata for the files of the picture, and its errors.
 
 OTHER_FATES = 0.01  # share of the rays that float32 may send elsewhere; near a rim a few do
 LARGEST_ERROR_PX = 0.1  # that float32 may make in a lens
@@ -245,3 +368,88 @@ def described_before(scene: Scene, plan: Plan, found_before: Mapping[str, Any]) 
     if scene.render.clamp is not None:
         stats["clamp"] = {"limit": scene.render.clamp, "removed_share": 0.0}
     return described(scene, plan, 0, stats, found_before)
+
+
+# What a render will take, before it is rendered: memory, kernel launches, and the time, by a measured piece of it.
+
+MEASURED_SECONDS = 2.0
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """What a render will take.
+
+    Attributes
+    ----------
+    samples : int
+        Of the picture's pixels.
+    devices : dict
+        What each device will hold, by its identifier.
+    saved_bytes : int
+        Of the file that its state is kept in.
+    launches : int
+        Of kernels.
+    seconds : float
+        Of rendering, without preparing it [s].
+    measured_seconds : float
+        How long the piece took that this follows from [s].
+    at_most : bool
+        Whether a noise target may end it earlier.
+    """
+
+    samples: int
+    devices: dict[str, MemoryNeeds]
+    saved_bytes: int
+    launches: int
+    seconds: float
+    measured_seconds: float
+    at_most: bool
+
+
+def forecast(
+    wavefront: AnyWavefront, first: int, end: int, part: FilmPart = WHOLE, measure_s: float = MEASURED_SECONDS
+) -> Forecast:
+    """Return what the samples of each pixel from ``first`` to before ``end`` take; the film is of no use afterwards.
+
+    Tiles all over the picture are rendered for a while, after a first wave that is not counted.
+
+    Parameters
+    ----------
+    wavefront
+        Compiled, its film is overwritten.
+    part
+        Which tiles; its samples do not matter here.
+    measure_s
+        How long to measure [s].
+    """
+    layout = wavefront.layout
+    held = wavefront.wavefronts if isinstance(wavefront, SharedWavefront) else [wavefront]
+    saved = sum(array.nbytes for array in part.packed(FilmRun(wavefront).state().arrays, layout.tiles).values())
+    tiles = part.tiles(layout.tiles)
+    at_once = max(wavefront.capacity // wavefront.samples_per_wave, BLOCK) // TILE_PIXELS
+    step = -(-len(tiles) // at_once)
+    wavefront.choose_tiles(tiles[::step])
+    some = len(tiles[::step])
+    done = _render(wavefront, 0)
+    begun, start, before = time.perf_counter(), done, sum(each.launches for each in held)
+    while (seconds := time.perf_counter() - begun) < measure_s or done == start:
+        done = _render(wavefront, done)
+    share = (end - first) * len(tiles) / ((done - start) * some)
+    return Forecast(
+        samples=int(layout.pixels_of_tile[tiles].sum()) * (end - first),
+        devices={each.session.info.id: each.needs for each in held},
+        saved_bytes=saved,
+        launches=int(np.ceil((sum(each.launches for each in held) - before) * share)),
+        seconds=seconds * share,
+        measured_seconds=seconds,
+        at_most=wavefront.settings.noise is not None,
+    )
+
+
+def _render(wavefront: AnyWavefront, first: int) -> int:
+    """Render some samples of the chosen tiles, and return the number of the next one."""
+    count = wavefront.samples_per_wave
+    for wave in wavefront.waves(first, count):
+        wavefront.enqueue(*wave)
+    wavefront.finish()
+    return first + count

@@ -1,15 +1,88 @@
-"""The film on the device: compensated sums per pixel, in tiles of 8 x 8 pixels, each of four of 4 x 4."""
+"""The film on the device, the waves of samples that fill it, and their Russian roulette."""
 
 from __future__ import annotations
 
-from functools import cached_property
+from collections.abc import Iterator
+from functools import cached_property, lru_cache
+from math import fsum
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.scene import Film
+from rptcam_cl.core.records import LIMITS, WAVE, RayStatus
+from rptcam_cl.device.session import Session
+from rptcam_cl.scene.film import Film, RenderSettings
+
+#
+# Which photons belong to which samples: the passes of the photon map, their sizes and radii.
+#
+# Every sample of the film sees the photons of one pass, which is a function of the sample's number alone: so are its
+# radius and its photons. The picture then depends on neither waves nor tiles, and parts of its samples can be merged.
+# The mean over the passes converges to the truth as their radius shrinks (Hachisuka et al. 2008; independent passes:
+# Knaus and Zwicker 2011).
+
+SHORT_PASSES = (0, 1, 2, 4, 8)  # first samples, so that few samples have a picture as well
+PASS_SAMPLES = 16  # samples of every later pass
+PHOTONS_PER_SAMPLE = 0.25  # and pixel of the whole film
+LEAST_PHOTONS, MOST_PHOTONS = 1 << 12, 1 << 18  # of a pass; a lattice is good for so many
+# Cells repeat after so many for a photon, so that few of those that a vertex looks into hold photons of elsewhere.
+CELL_BITS_MORE = 3
+MOST_CELLS = MOST_PHOTONS << CELL_BITS_MORE
+PHOTON_BYTES = 2 * 4 * 8 * MOST_PHOTONS + 4 * (MOST_CELLS + 1)  # as traced and as sorted, and the cells
+# The radius shrinks with samples to this power: with the bias of a disk, radius², and the variance,
+# 1 / (samples radius²), their mean square falls fastest so, with samples^(-2/3).
+SHRINKING = -1 / 6
+
+
+@dataclass(frozen=True)
+class PhotonPass:
+    """One pass.
+
+    Attributes
+    ----------
+    number : int
+    first, samples : int
+        The film's samples that see it.
+    """
+
+    number: int
+    first: int
+    samples: int
+
+    def photons(self, pixels: int) -> int:
+        """Return how many photons it has for a film of so many pixels, a power of two."""
+        wanted = self.samples * pixels * PHOTONS_PER_SAMPLE
+        return min(max(1 << max(round(wanted), 1).bit_length() - 1, LEAST_PHOTONS), MOST_PHOTONS)
+
+    @property
+    def shrinkage(self) -> float:
+        """What its radius is of that of the first pass."""
+        return float((self.first + 0.5 * (self.samples + 1)) ** SHRINKING)
+
+
+def pass_of(sample: int) -> PhotonPass:
+    """Return the pass that a sample sees."""
+    if sample >= PASS_SAMPLES:
+        number, first = divmod(sample, PASS_SAMPLES)[0], sample - sample % PASS_SAMPLES
+        return PhotonPass(number + len(SHORT_PASSES) - 1, first, PASS_SAMPLES)
+    ends = (*SHORT_PASSES[1:], PASS_SAMPLES)
+    number = sum(sample >= end for end in ends)
+    return PhotonPass(number, SHORT_PASSES[number], ends[number] - SHORT_PASSES[number])
+
+
+def within_passes(first: int, samples: int, most: int) -> Iterator[tuple[int, int]]:
+    """Yield first sample and number of the pieces of a range of samples that see one pass each, at most so long."""
+    end = first + samples
+    while first < end:
+        seen = pass_of(first)
+        count = min(most, end - first, seen.first + seen.samples - first)
+        yield first, count
+        first += count
+
+
+# The film on the device: compensated sums per pixel, in tiles of 8 x 8 pixels, each of four of 4 x 4.
 
 Scalar = TypeVar("Scalar", bound=np.generic)
 
@@ -122,3 +195,298 @@ class FilmLayout:
         split = tiles.reshape(-1, rows, across, halves, halves, QUARTER, QUARTER).transpose(0, 1, 3, 5, 2, 4, 6)
         whole = split.reshape(-1, rows * TILE, across * TILE)
         return whole[:, : self.height, : self.width]
+
+
+# How the samples of a film are cut into waves, and the record that says which samples a wave holds.
+
+# Paths of a wave, at least. On two CPU cores 256k render meshes 1.3 times as fast as 64k, whose ends leave a core idle.
+WAVE_SLOTS = {"cpu": 1 << 18, "gpu": 1 << 20}
+# And of each CPU core: three spheres keep it for a millisecond, where 64 cores that share 256k paths would be done with
+# them in the time that it takes to wake them.
+SLOTS_OF_CORE = 1 << 15
+STREAM_SAMPLES = 16  # samples per pixel of a wave: what a lane may run through before it idles
+STEPS_OF_SAMPLE = 4096  # that all loops of a kernel take for one sample, at most: those of trees and lenses
+
+Wave = tuple[int, int, int, int]
+"""First pixel (in the list of tiles), pixels, first sample, samples per pixel."""
+
+
+def wave_slots(kind: str, compute_units: int) -> int:
+    """Return how many paths a wave of a device has, "cpu" or "gpu"; the film does not depend on it."""
+    return max(WAVE_SLOTS[kind], SLOTS_OF_CORE * compute_units if kind == "cpu" else 0)
+
+
+class Waves:
+    """Sizes of the waves of one film.
+
+    Parameters
+    ----------
+    layout
+        The film.
+    slots
+        Of a wave, at most; rounded to a multiple of 256.
+    stream
+        Whether a lane carries its pixel through all samples of the wave.
+    loop_limit
+        Steps that all loops of a work item may take together; None where they may take as many as they like.
+    photons
+        Whether the samples of a wave must see the same pass of photons.
+    single
+        Whether a wave has one sample of each pixel.
+
+    Attributes
+    ----------
+    pixels, samples : int
+        Pixels of a wave, and samples per pixel.
+    """
+
+    def __init__(
+        self,
+        layout: FilmLayout,
+        slots: int,
+        *,
+        stream: bool,
+        loop_limit: int | None,
+        photons: bool = False,
+        single: bool = False,
+    ) -> None:
+        self._layout = layout
+        self._photons = photons
+        at_least = STREAM_SAMPLES if stream and not single else 1
+        self.pixels = min(max(slots // at_least // BLOCK, 1) * BLOCK, layout.pixels)
+        most = (loop_limit or slots * STEPS_OF_SAMPLE) // STEPS_OF_SAMPLE
+        self.samples = 1 if single else min(max(slots // self.pixels, 1), most)
+
+    @property
+    def capacity(self) -> int:
+        """Slots of a wave."""
+        return self.pixels * self.samples
+
+    def over(self, tiles: int, first_sample: int, samples: int) -> list[Wave]:
+        """Return the waves that render a range of samples of so many tiles."""
+        found, pixels = [], tiles * TILE_PIXELS
+        for start, count in self._pieces(first_sample, samples):
+            for pixel in range(0, pixels, self.pixels):
+                found.append((pixel, min(self.pixels, pixels - pixel), start, count))
+        return found
+
+    def _pieces(self, first_sample: int, samples: int) -> Iterator[tuple[int, int]]:
+        """Yield first sample and number of what goes into a wave together."""
+        if self._photons:
+            yield from within_passes(first_sample, samples, self.samples)
+            return
+        for start in range(first_sample, first_sample + samples, self.samples):
+            yield start, min(self.samples, first_sample + samples - start)
+
+    def rays_of(self, wave: Wave, tiles: NDArray[np.uint32]) -> int:
+        """Return how many samples of the picture's pixels a wave holds; ``tiles`` is the list that it goes through."""
+        first_pixel, pixels, _, samples = wave
+        taken = tiles[first_pixel // TILE_PIXELS : (first_pixel + pixels) // TILE_PIXELS]
+        return samples * int(self._layout.pixels_of_tile[taken].sum())
+
+    def record(self, wave: Wave, seed: int) -> bytes:
+        """Return the record ``WAVE`` of a wave."""
+        layout, record = self._layout, WAVE.zeros(1)
+        record["seed"][0] = seed_words(seed)
+        record["first_pixel"], record["pixels"], record["first_sample"], record["samples"] = wave
+        record["tiles_across"], record["full_width"] = layout.tiles_across, layout.full_width
+        record["width"], record["height"] = layout.width, layout.height
+        record["crop_x"], record["crop_y"] = layout.x, layout.y
+        record["tiles_skipped"] = layout.tiles_skipped
+        return record.tobytes()
+
+
+@lru_cache(maxsize=4)
+def _shuffled(cycle: int, steps: int) -> NDArray[np.intp]:
+    """Return the numbers below ``steps`` in an order that neighbouring cycles do not share."""
+    return np.argsort([seed_words(cycle * steps + step)[0] for step in range(steps)], kind="stable")
+
+
+def step_of(sample: int, steps: int) -> int:
+    """Return which step of the exposure a sample of every pixel is of: so many samples have each of them once."""
+    cycle, place = divmod(sample, steps)
+    return int(_shuffled(cycle, steps)[place])
+
+
+def seed_words(seed: int) -> tuple[int, int]:
+    """Return two 32-bit words of a 64-bit seed, mixed so that neighbouring seeds are unrelated (splitmix64)."""
+    mask = (1 << 64) - 1
+    z = (seed + 0x9E3779B97F4A7C15) & mask
+    z = ((z ^ (z >> 30)) * 0xBF58476D1CE4E5B9) & mask
+    z = ((z ^ (z >> 27)) * 0x94D049BB133111EB) & mask
+    z ^= z >> 31
+    return z & 0xFFFFFFFF, z >> 32
+
+
+# The film and the counters of its rays on the device, and their way to the host and back.
+
+
+class FilmBuffers:
+    """Sums per pixel and counters of rays.
+
+    Parameters
+    ----------
+    session, layout
+        The device, and the film.
+    clamped
+        Whether the samples have a limit: one plane more adds up what it removes.
+
+    Attributes
+    ----------
+    sums, counters : buffers
+        As the kernels take them.
+    pixels : int
+        Pixels of the buffer.
+    counts : (statuses + 1,) array
+        Rays by status, then samples that were not finite, up to the last `finish`.
+    rays : int
+        Camera rays of the picture, up to the last `finish`.
+    """
+
+    def __init__(self, session: Session, layout: FilmLayout, *, clamped: bool) -> None:
+        self._session, self.pixels = session, layout.pixels
+        self._planes = planes_of(clamped)
+        self.sums = session.allocate(self._bytes, zeroed=True)
+        self.counts = np.zeros(len(RayStatus) + 1, np.uint64)
+        self.counters = session.allocate(4 * len(self.counts), zeroed=True)
+        self.rays, self._enqueued = 0, 0
+
+    @property
+    def _bytes(self) -> int:
+        return 4 * self._planes * self.pixels
+
+    def clear(self) -> None:
+        """Empty the film and every counter."""
+        self._session.fill_zero(self.sums, self._bytes)
+        self._session.fill_zero(self.counters, 4 * len(self.counts))
+        self.clear_counts()
+        self._enqueued = 0
+
+    def clear_counts(self) -> None:
+        """Count from 0 on."""
+        self.counts[:] = 0
+        self.rays = 0
+
+    def expect(self, rays: int) -> None:
+        """Take note of camera rays that have been enqueued."""
+        self._enqueued += rays
+
+    def finish(self) -> None:
+        """Take over the counters of everything enqueued, which has come to its end."""
+        self.rays += self._enqueued
+        self._enqueued = 0
+        self.counts += self._session.read(self.counters, np.uint32, len(self.counts))  # 32 bits would wrap
+        self._session.fill_zero(self.counters, 4 * len(self.counts))
+
+    def planes(self) -> NDArray[np.float32]:
+        """Return the sums, their compensations and, with a limit of the samples, what it has removed."""
+        read = self._session.read(self.sums, np.float32, self._planes * self.pixels)
+        return read.reshape(self._planes, -1)
+
+    def all_counts(self) -> NDArray[np.uint64]:
+        """Return ``counts`` with the camera rays behind them."""
+        return np.append(self.counts, np.uint64(self.rays))
+
+    def restore(self, planes: NDArray[Any], counts: NDArray[Any]) -> None:
+        """Put back what `planes` and `all_counts` returned."""
+        self._session.write(self.sums, np.ascontiguousarray(planes, np.float32))
+        self.counts[:], self.rays = counts[:-1], int(counts[-1])
+
+
+def planes_of(clamped: bool) -> int:
+    """Return how many planes a film has, with a limit of the samples or without."""
+    return PLANES + int(clamped)
+
+
+def outcomes_of(counts: NDArray[np.uint64]) -> dict[str, int]:
+    """Return how many camera rays passed the lens, and how many failed and why, of `FilmBuffers.all_counts`."""
+    stopped = {status.name.lower(): int(counts[status]) for status in list(RayStatus)[1:]}
+    return {"passed": int(counts[-1]) - sum(stopped.values()), **stopped}
+
+
+def share_removed(planes: NDArray[np.float32]) -> float:
+    """Return the share of the light of a whole film that the limit of the samples has removed."""
+    exact = planes.astype(np.float64)
+    removed, kept = exact[PLANES:].sum(), np.abs(exact[:3] - exact[3:PLANES]).sum() / 3
+    return float(removed / (removed + kept)) if removed else 0.0
+
+
+#
+# How kind Russian roulette is, by cell of the film: before its first sample a render looks at a few tiles, once.
+#
+# A path goes on with the chance of its throughput times a factor that is great where the picture is dark: what a path
+# brings counts by what its pixel shows. Light per throughput is about the same for all paths of a scene: measured on
+# six, it is 1.0 to 2.5 times the square of the mean root of the picture. That mean resists lamps and single bright
+# samples, and that of noisy places lies below their light, so that their paths live longer.
+
+KINDNESS = 2.0  # where the picture is as bright as on the whole
+KINDEST = 40.0  # times that, at most
+MOST_TILES = 512  # that are looked at
+SCOUTING_SEED = 0x726F756C65747465  # the same for all seeds, parts and continuations of a picture
+
+
+@dataclass(frozen=True)
+class Roulette:
+    """How kind roulette is where.
+
+    Attributes
+    ----------
+    kindness : (down, across) array
+        What throughputs are multiplied by, float32.
+    cell_shift : int
+        Binary logarithm of the pixels across a cell.
+    """
+
+    kindness: NDArray[np.float32]
+    cell_shift: int
+
+    def limits(self, settings: RenderSettings) -> bytes:
+        """Return the record ``LIMITS`` of a render."""
+        record = LIMITS.zeros(1)
+        record["max_depth"], record["roulette_depth"] = settings.max_depth, settings.roulette_depth
+        record["cell_shift"] = self.cell_shift
+        record["cells_down"], record["cells_across"] = self.kindness.shape
+        return record.tobytes()
+
+
+ALIKE = Roulette(np.full((1, 1), KINDNESS, np.float32), 3)
+"""As kind everywhere."""
+
+
+def plays(settings: RenderSettings) -> bool:
+    """Return whether roulette ends any path."""
+    return 0 < settings.roulette_depth < settings.max_depth
+
+
+def scouted(layout: FilmLayout) -> FilmLayout:
+    """Return the tiles that are looked at, spread over the whole film, whatever part of it is rendered."""
+    step = 1
+    while (layout.full_width // (TILE * step)) * (layout.full_height // (TILE * step)) > MOST_TILES:
+        step *= 2
+    width, height = (
+        min(TILE * max(full // (TILE * step), 1), full) for full in (layout.full_width, layout.full_height)
+    )
+    first = TILE * ((step - 1) // 2)
+    return FilmLayout(layout.full_width, layout.full_height, first, first, width, height, step - 1)
+
+
+def roulette_of(picture: NDArray[np.floating], layout: FilmLayout) -> Roulette:
+    """Return how kind roulette is by a picture (height, width, 3) of the tiles of `scouted`.
+
+    Sums are taken in an order that no processor changes.
+    """
+    height, width = picture.shape[:2]
+    down, across = -(-height // TILE), -(-width // TILE)
+    channels = picture.astype(np.float64)
+    roots = np.sqrt(np.maximum(channels[..., 0] + channels[..., 1] + channels[..., 2], 0.0))
+    split = roots.reshape(down, height // down, across, width // across)
+    cells = np.zeros((down, across))
+    for y in range(split.shape[1]):
+        for x in range(split.shape[3]):
+            cells += split[:, y, :, x]
+    whole = fsum(cells.ravel()) / cells.size
+    if whole <= 0.0:
+        return ALIKE
+    ratio = whole / np.maximum(cells, whole / KINDEST**0.5)
+    shift = (TILE * (layout.tiles_skipped + 1)).bit_length() - 1
+    return Roulette((KINDNESS * ratio * ratio).astype(np.float32), shift)

@@ -7,24 +7,594 @@ result depends on the scene alone, not on samples, waves or devices that share t
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from rptcam_cl.cameras import ghost_setting
+from rptcam_cl.core.colour import WAVELENGTHS_NM, luminance
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.device import Session
-from rptcam_cl.optics import veiling_glare
-from rptcam_cl.plan import Plan
+from rptcam_cl.core.records import EmitterKind, SpectrumKind, device_declarations
+from rptcam_cl.device.session import Session
+from rptcam_cl.optics.ghosts import with_wider_stop
+from rptcam_cl.optics.irradiance import veiling_glare
+from rptcam_cl.optics.lens import Lens
+from rptcam_cl.optics.ray_trace import LensTransmission
+from rptcam_cl.rendering.cameras.lens_records import WayRecords, ghost_setting, ghosts_have_colours, usable_nm
+from rptcam_cl.rendering.cameras.setting import LensSetting
+from rptcam_cl.rendering.diffraction import shares_of_white
 from rptcam_cl.rendering.film import FilmLayout
-from rptcam_cl.rendering.ghost_film import GhostFilm
-from rptcam_cl.scene import RealisticCamera, Scene
+from rptcam_cl.rendering.highlights import (
+    Front,
+    Pencils,
+    highlights,
+    lamps_among,
+    lattice,
+    occluded,
+    points_at,
+    points_of,
+)
+from rptcam_cl.rendering.plan.environment import bright_parts
+from rptcam_cl.rendering.plan.plan import Plan, observer
+from rptcam_cl.rendering.scene_buffers import SceneBuffers
+from rptcam_cl.scene.camera import RealisticCamera
+from rptcam_cl.scene.load import at_opening
+from rptcam_cl.scene.scene import Scene
+
+# What lights the front of a lens: points of lamps and suns, in the lens's frame, as far as nothing hides them.
 
 Array = NDArray[np.float64]
+
+FRONT_POINTS = 8  # that look for what hides them
+MOST = 512  # points that light is traced from
+STEEPEST = 85.0  # degrees from the axis
+FAINT = 1e-3  # of all light, below which the faintest sources beside highlights are left out
+PENCIL = 2.0  # in place of 0 and 1, of a source whose light has the curvature of its own
+SHORT = 0.999  # of the way to a lamp, which does not hide itself
+
+
+@dataclass(frozen=True)
+class Sources:
+    """Points that light a lens.
+
+    Attributes
+    ----------
+    places : (n, 4) or (n, 12) array
+        Direction in which light of a source at infinity travels, or where a lamp is [mm], in the frame of the lens;
+        the last number is 1 of a lamp, 2 of a mirrored highlight. Where there are such, also how its direction changes
+        along x and y of the first vertex's plane [1/mm].
+    irradiance : (n, 3) array
+        Across the light before the front of the lens [W/m2].
+    left_out : tuple of str
+        Kinds of lamps whose ghosts are not known.
+    dropped_share : float
+        Of all that light, what fainter sources than the brightest have.
+    known : (n, 2) array
+        Number of the spectrum of a lamp, 0 of one that has none, and how many times it is the irradiance.
+    mirrored : int
+        How many are mirrored highlights.
+    """
+
+    places: Array
+    irradiance: Array
+    left_out: tuple[str, ...]
+    dropped_share: float
+    known: Array
+    mirrored: int = 0
+
+    @property
+    def tilt(self) -> float:
+        """Largest tangent of the angle between the light and the axis."""
+        sideways = np.hypot(self.places[:, 0], self.places[:, 1])
+        return float(np.max(sideways / np.abs(self.places[:, 2]), initial=0.0))
+
+
+def ghost_sources(
+    scene: Scene, plan: Plan, buffers: SceneBuffers, session: Session, lens: Lens, film_z: float
+) -> Sources:
+    """Return the sources of a scene that light the front of a lens from less than 85 degrees and are not hidden.
+
+    Parameters
+    ----------
+    scene : Scene
+    plan : Plan
+        Its plan, whose emitters count.
+    buffers : SceneBuffers
+    session : Session
+    lens : Lens
+    film_z : float
+        Of the film in the frame of the lens [mm].
+    """
+    turn = at_opening(scene).camera.world_from_camera()[:3, :3]
+    front = _front(lens, film_z, turn)
+    found, left_out, parts = [], set(), []
+    records = plan.emitters.records[: plan.emitters.count]
+    for record in records:
+        points = points_of(record, front.vertex)
+        if int(record["kind"]) == EmitterKind.ENVIRONMENT:
+            parts = [points_at(*part, record) for part in _parts(scene)]
+            found += [(*part, _known(record, part[1])) for part in parts]
+            left_out.add("dim parts of the surroundings" if parts else "surroundings")
+        elif points is None:
+            left_out.add(EmitterKind(int(record["kind"])).name.lower())
+        else:
+            found.append((*points, _known(record, points[1])))
+    if not found:
+        return Sources(np.zeros((0, 4)), np.zeros((0, 3)), tuple(sorted(left_out)), 0.0, np.zeros((0, 2)))
+    at, light, target, known = (np.concatenate(column) for column in zip(*found, strict=True))
+    places = np.column_stack([at[:, :3] @ turn, at[:, 3]])
+    lamps = places[:, 3] > 0
+    places[:, :3] = np.where(lamps[:, None], (places[:, :3] - [0.0, 0.0, -film_z * 1e-3]) * 1e3, -places[:, :3])
+    seen = _ahead(np.where(lamps[:, None], -places[:, :3], places[:, :3])) & (luminance(light) > 0)
+    places, light, target, at, known = places[seen], light[seen], target[seen], at[seen], known[seen]
+    order = np.argsort(-luminance(light), kind="stable")[:MOST]
+    dropped = 1.0 - float(luminance(light[order]).sum() / luminance(light).sum()) if len(order) else 0.0
+    places, light, target, at, known = places[order], light[order], target[order], at[order], known[order]
+    visible = _visible(session, plan, buffers, at, target, front)
+    bright, kinds = visible > 0, tuple(sorted(left_out))
+    known[:, 1] *= visible
+    direct = Sources(places[bright], light[bright] * visible[bright, None], kinds, dropped, known[bright])
+    pencils = highlights(plan, session, buffers, lamps_among(records, parts, front.vertex), front)
+    return direct if pencils is None else _with_pencils(direct, pencils, turn)
+
+
+def _known(record: np.void, irradiance: Array) -> Array:
+    """Return the number of an emitter's spectrum, and how many times it its points give (n, 2)."""
+    brightest = int(np.argmax(record["radiance"][:3]))
+    times = irradiance[:, brightest] / max(float(record["radiance"][brightest]), 1e-300)
+    return np.column_stack([np.full(len(irradiance), float(record["radiance"][3])), times])
+
+
+def _front(lens: Lens, film_z: float, turn: Array) -> Front:
+    """Return the front of a lens in the world about the eye."""
+    vertex, radius = np.array([0.0, 0.0, -film_z * 1e-3]), lens.surfaces[0].semi_diameter * 1e-3
+    u, v = lattice(FRONT_POINTS)
+    angle, reach = 2 * np.pi * v, radius * np.sqrt(u)
+    spots = vertex + np.stack([reach * np.cos(angle), reach * np.sin(angle), np.zeros(FRONT_POINTS)], axis=1)
+    return Front(turn @ vertex, spots @ turn.T, radius)
+
+
+def _parts(scene: Scene) -> list[tuple[Array, float, Array]]:
+    """Return the bright parts of the surroundings one by one, as `points_at` takes them."""
+    towards, irradiance = bright_parts(scene)
+    return [(towards[k : k + 1], 0.0, irradiance[k : k + 1]) for k in range(len(towards))]
+
+
+def _ahead(ways: Array) -> NDArray[np.bool_]:
+    """Return whether light that travels so (n, 3) comes from before the lens."""
+    return np.asarray(ways[:, 2] > np.cos(np.radians(STEEPEST)) * np.linalg.norm(ways, axis=1))
+
+
+def _with_pencils(direct: Sources, pencils: Pencils, turn: Array) -> Sources:
+    """Return sources with mirrored highlights; the faintest of all are left out."""
+    ways, bends = pencils.ways @ turn, turn.T @ pencils.bends @ turn * 1e-3
+    ahead = _ahead(ways) & np.all(np.isfinite(bends), axis=(1, 2))
+    places, first = np.zeros((len(direct.places) + int(ahead.sum()), 12)), len(direct.places)
+    places[:first, :4] = direct.places
+    places[first:, :3], places[first:, 3] = ways[ahead], PENCIL
+    places[first:, 4:7], places[first:, 8:11] = bends[ahead, :, 0], bends[ahead, :, 1]
+    light = np.concatenate([direct.irradiance, pencils.irradiance[ahead]])
+    bright = luminance(light)
+    order = np.argsort(-bright, kind="stable")
+    share = np.cumsum(bright[order]) / max(float(bright.sum()), 1e-300)
+    order = np.sort(order[: min(int(np.searchsorted(share, 1.0 - FAINT)) + 1, MOST)])
+    mirrored = int((order >= first).sum())
+    if not mirrored:
+        return direct
+    every = float(bright[:first].sum()) / (1.0 - direct.dropped_share) + float(bright[first:].sum())
+    dropped = 1.0 - float(bright[order].sum()) / every
+    known = np.concatenate([direct.known, np.zeros((int(ahead.sum()), 2))])
+    return Sources(places[order], light[order], direct.left_out, dropped, known[order], mirrored)
+
+
+def _visible(session: Session, plan: Plan, buffers: SceneBuffers, at: Array, target: Array, front: Front) -> Array:
+    """Return the share of the front of the lens (n,) that each source lights; `at` as `points_of` has it."""
+    origins = np.tile(front.spots, (len(at), 1))
+    places, lamps = np.repeat(at[:, :3], FRONT_POINTS, axis=0), np.repeat(at[:, 3], FRONT_POINTS) > 0
+    way = np.where(lamps[:, None], places - origins, places)
+    length = np.linalg.norm(way, axis=1)
+    reach = np.where(lamps, SHORT * length, np.finfo(np.float32).max / 4)
+    targets = np.repeat(target, FRONT_POINTS, axis=0)
+    dark = occluded(session, plan, buffers, origins, way / length[:, None], reach, targets)
+    return np.asarray(1.0 - dark.reshape(len(at), FRONT_POINTS).mean(axis=1))
+
+
+# Wavelengths at which light of ghosts is traced, and what each source gives the film's colours at them.
+
+WAVES_NM = (425.0, 475.0, 525.0, 575.0, 625.0, 675.0)  # where colours differ
+
+
+class Band(NamedTuple):
+    """A wavelength [nm] that stands for some, and the light of the sources (n, 3) in them [W/m2]."""
+
+    nm: float
+    light: Array
+
+
+def bands(scene: Scene, plan: Plan, setting: LensSetting, sources: Sources) -> list[Band]:
+    """Return wavelengths for light given as red, green and blue, and for each spectrum of a lamp its own.
+
+    A film of red, green and blue knows no spectra. Beyond what the lens is known for its last wavelength stands in.
+    """
+    tinted, numbers = ghosts_have_colours(setting), sources.known[:, 0].astype(int)
+    if plan.spectrum.kind == SpectrumKind.RGB:
+        numbers = np.zeros_like(numbers)
+    waves = WAVES_NM if tinted else (setting.camera.wavelength_nm,)
+    shares = shares_of_white(WAVES_NM) if tinted else np.ones((1, 3))
+    limits = usable_nm(setting.lens, setting.transmission) if tinted else (0.0, np.inf)
+
+    def known(nm: float) -> float:
+        return float(np.clip(nm, *limits))
+
+    plain, found = numbers == 0, []
+    if plain.any() or not len(plain):
+        light = np.where(plain[:, None], sources.irradiance, 0.0)
+        found = [Band(known(nm), light * share) for nm, share in zip(waves, shares, strict=True)]
+    matching = observer(scene)[1]
+    for number in np.unique(numbers[~plain]):
+        times = np.where(numbers == number, sources.known[:, 1], 0.0)[:, None]
+        for nm, seen in _of_spectrum(plan.colours[0].samples[number - 1][:, None] * matching, waves):
+            found.append(Band(known(nm), times * seen))
+    return found
+
+
+def _of_spectrum(seen: Array, waves: tuple[float, ...]) -> Iterator[tuple[float, Array]]:
+    """Yield the middle [nm] of light (401, 3) in each band about some waves, and its sum (3,); none of dark ones."""
+    places = np.argmin(np.abs(WAVELENGTHS_NM[:, None] - np.array(waves)), axis=1)
+    for place, wave in enumerate(waves):
+        own = seen[places == place]
+        strength = np.abs(own).sum(axis=1)
+        if strength.any():
+            middle = float(WAVELENGTHS_NM[places == place] @ strength / strength.sum())
+            yield middle if len(waves) > 1 else wave, own.sum(axis=0)
+
+
+# Rays of ghosts: from the sources of a scene through boxes on the front of its lens, by a pair of its surfaces.
+
+Way = tuple[int, ...]
+
+GROUP = 4
+SCOUTS = 1024  # rays of a source that look for the light of each way
+SURE = 32.0  # of them that shall come through the opening; where fewer would, they look through wider ones first
+CLOSING = 4.0  # how far the stop is then closed at a time
+LATTICE = 2654435769  # over 2^32, the second coordinate's step from ray to ray: the kernel's
+ONE_LIGHT = float(1 << 36)  # units of the device's whole numbers
+
+
+class Opening(NamedTuple):
+    """A lens at a wavelength, and the shape of its stop on the device."""
+
+    records: WayRecords
+    stop: Any
+
+
+class GhostRays:
+    """What sends light of ghosts onto the film of a scene."""
+
+    def __init__(self, scene: Scene, plan: Plan, session: Session) -> None:
+        self.session = session
+        setting = ghost_setting(scene)
+        self.lens, self.film_distance = setting.lens, setting.film_distance_mm
+        film_z = self.lens.film_z(self.film_distance)
+        buffers = SceneBuffers(session, plan)
+        self.sources: Sources = ghost_sources(scene, plan, buffers, session, self.lens, film_z)
+        self.bands = bands(scene, plan, setting, self.sources)
+        self.lenses = [self._opening(self.lens, band.nm, setting.transmission) for band in self.bands]
+        middle = len(self.bands) // 2
+        wider = [self._opening(lens, self.bands[middle].nm, setting.transmission) for lens in self._wider()]
+        self.openings = [*wider, self.lenses[middle]]
+        (self.columns, self.rows), (width, height) = scene.film.resolution, scene.film.size_m()
+        sense = -1.0 if scene.camera.flip else 1.0
+        across, down = sense * self.columns / (1e3 * width), -sense * self.rows / (1e3 * height)
+        self.to_pixels = np.array([self.columns / 2, across, self.rows / 2, down], np.float32)
+        self.pixel_mm2 = 1e6 * width * height / (self.columns * self.rows)
+        pencils = int(self.sources.mirrored > 0)
+        facts = self.lenses[0].records.facts | {"VW": session.lanes, "DOUBLE": 0, "GHOST_PENCILS": pencils}
+        self.programs = {
+            scout: session.program(["pass/ghosts.cl"], facts | {"GHOST_SCOUT": scout}, device_declarations())
+            for scout in (0, 1)
+        }
+
+    @property
+    def reach(self) -> float:
+        """Half the side of the square on the plane of the first vertex through which all light comes [mm]."""
+        first = self.lens.surfaces[0]
+        depth = abs(float(np.nan_to_num(first.rim_sag(first.semi_diameter * (1 - 1e-9)))))
+        return first.semi_diameter + depth * self.sources.tilt
+
+    def _wider(self) -> list[Lens]:
+        """Return the lens with wider stops, widest first, where few scouts would come through its own."""
+        if self.lens.stop_index is None:
+            return []
+        pupil = self.lens.first_order().entrance_pupil.diameter_mm / 2
+        factor = float(np.sqrt(SURE / SCOUTS)) * 2 * self.reach / (float(np.sqrt(np.pi)) * pupil) if pupil > 0 else 1.0
+        stages = range(int(np.log(factor) / np.log(CLOSING)) + 1) if factor > 1 else range(0)
+        return [with_wider_stop(self.lens, factor / CLOSING**k) for k in stages]
+
+    def _opening(self, lens: Lens, nm: float, transmission: LensTransmission) -> Opening:
+        records = WayRecords.of(lens, nm, transmission)
+        return Opening(records, self.session.upload(records.stop))
+
+    def add(
+        self, film: Any, way: Way, record: int, places: Array, boxes: Array, weights: Array, first: Array, rays: int
+    ) -> None:
+        """Add rays of sources to a film, each with its weight in the film's colours and its lattice's first point.
+
+        Its buffer holds whole numbers, of which `ONE_LIGHT` is 1.
+        """
+        self._launch(0, way, self.lenses[record], self._table(places, boxes, weights, first), len(boxes), rays, film)
+
+    def landed(self, way: Way, opening: Opening, places: Array, boxes: Array, rays: int) -> tuple[Array, Array, Array]:
+        """Return column, row and share of the light (n, rays) of rays through boxes; no share beside the film."""
+        count = len(places)
+        memory = self.session.allocate(12 * count * rays)
+        self._launch(1, way, opening, self._table(places, boxes, np.ones((count, 3))), count, rays, memory)
+        landed = self.session.read(memory, np.float32, 3 * count * rays).astype(np.float64)
+        x, y, share = landed.reshape(3, count, rays)
+        columns, rows = self.to_pixels[0] + self.to_pixels[1] * x, self.to_pixels[2] + self.to_pixels[3] * y
+        with np.errstate(invalid="ignore"):
+            inside = (share > 0) & (columns >= 0) & (rows >= 0) & (columns < self.columns) & (rows < self.rows)
+        return columns, rows, np.where(inside, share, 0.0)
+
+    def lit(self, boxes: Array, record: int) -> NDArray[np.bool_]:
+        """Return which sources shine at a wavelength and have boxes."""
+        return np.asarray((boxes[:, 2] > 0) & self.bands[record].light.any(axis=1))
+
+    def whole_groups(self, rays: float) -> int:
+        """Return a number of rays of a source that fills whole work groups."""
+        step = self.session.lanes * GROUP
+        return max(int(np.ceil(rays / step)) * step, step)
+
+    def _table(self, places: Array, boxes: Array, weights: Array, first: ArrayLike = (0.5, 0.0)) -> Any:
+        """Return sources with their boxes, weights (n, 3) and first points of their lattices on the device."""
+        table = np.zeros((len(boxes), 3 + places.shape[1] // 4, 4), np.float32)
+        table[:, 0], table[:, 1], table[:, 2, :3], table[:, 3, :2] = places[:, :4], boxes, weights, first
+        table[:, 4:] = places[:, 4:].reshape(len(boxes), -1, 4)
+        return self.session.upload(table)
+
+    def _launch(self, scout: int, way: Way, opening: Opening, table: Any, count: int, rays: int, out: Any) -> None:
+        surfaces = opening.records.way(way)
+        launch = self.session.bind(
+            self.programs[scout], "ghosts", surfaces=self.session.upload(surfaces), count=np.int32(len(surfaces)),
+            stop=opening.stop, sources=table, source_count=np.uint32(count), rays=np.uint32(rays),
+            film_distance=np.float32(self.film_distance), pixels=self.to_pixels.tobytes(),
+            size=np.array([self.columns, self.rows], np.uint32).tobytes(), film=out,
+        )  # fmt: skip
+        launch.enqueue(count * rays // self.session.lanes, GROUP)
+
+
+# What some rays say of the light of ghosts by a pair of surfaces: where it enters, how much arrives, and where.
+
+MORE = 4  # times as many over the whole front, where the opening is small in it
+SECOND_SCOUTS = 4096  # of all sources and wavelengths of a way, where the first have found light
+CELLS = (24, 16)  # columns and rows of the coarse film by which rays are shared out
+
+
+@dataclass(frozen=True)
+class Scouted:
+    """What some rays say of a way.
+
+    Attributes
+    ----------
+    boxes : (n, 4) array
+        Of each source on the plane of the first vertex: corner and sides [mm]; without sides where nothing arrives.
+    flux : (waves, 3) array
+        Of all sources on the film, of each wavelength in the film's colours [W/m2 mm2].
+    cells : (rows, columns, waves) array
+        Share of each wavelength's flux in the cells of a coarse film.
+    arriving : float
+        Share of rays through the boxes that reach the film.
+    largest : float
+        Largest share of a ray's light that arrives.
+    """
+
+    boxes: Array
+    flux: Array
+    cells: Array
+    arriving: float
+    largest: float
+
+
+def scout(rays: GhostRays, way: Way) -> Scouted:
+    """Return how much light a way brings at each wavelength, and where."""
+    boxes, waves = _boxes(rays, way), len(rays.lenses)
+    flux, cells = np.zeros((waves, 3)), np.zeros((CELLS[1], CELLS[0], waves))
+    sent, arrived, largest = 0, 0, 0.0
+    for record in range(waves):
+        lit = rays.lit(boxes, record)
+        own, light = boxes[lit], rays.bands[record].light[lit]
+        if not len(own):
+            continue
+        sample = rays.whole_groups(SECOND_SCOUTS / (len(own) * waves))
+        area = (own[:, 2] * own[:, 3] / sample)[:, None]
+        x, y, share = rays.landed(way, rays.lenses[record], rays.sources.places[lit], own, sample)
+        flux[record] = np.abs((share.sum(axis=1)[:, None] * area * light).sum(axis=0))
+        hits = share > 0
+        at = [(place[hits] * cell / size).astype(int)
+              for place, cell, size in ((y, CELLS[1], rays.rows), (x, CELLS[0], rays.columns))]  # fmt: skip
+        carried = (share * area * np.abs(light).sum(axis=1)[:, None])[hits]
+        np.add.at(cells[..., record], tuple(at), carried / max(float(carried.sum()), 1e-300))
+        sent, arrived = sent + sample * len(own), arrived + int(hits.sum())
+        largest = max(largest, float(share.max()))
+    return Scouted(boxes, flux, cells, max(arrived / max(sent, 1), 1e-3), largest)
+
+
+def _boxes(rays: GhostRays, way: Way) -> Array:
+    """Return where the light of a way enters (n, 4), by rays over the whole front at a middle wavelength.
+
+    Where few of them would find a small opening, they look for the ways through wider ones first.
+    """
+    reach = rays.reach
+    boxes = np.tile([-reach, -reach, 2 * reach, 2 * reach], (len(rays.sources.places), 1))
+    for stage, opening in enumerate(rays.openings):
+        first_of_several = stage == 0 and len(rays.openings) > 1
+        boxes = _narrowed(rays, way, boxes, opening, MORE * SCOUTS if first_of_several else SCOUTS)
+    return boxes
+
+
+def _narrowed(rays: GhostRays, way: Way, boxes: Array, opening: Opening, scouts: int) -> Array:
+    """Return the part of each box (n, 4) through which light gets to the film, some room about it."""
+    lit = np.flatnonzero(boxes[:, 2] > 0)
+    found, margin = np.zeros_like(boxes), 1.5 / np.sqrt(scouts)
+    if not len(lit):
+        return found
+    inside = rays.landed(way, opening, rays.sources.places[lit], boxes[lit], scouts)[2] > 0
+    numbers = np.arange(scouts, dtype=np.uint64)
+    u = (numbers + 0.5) / scouts
+    v = ((numbers * LATTICE % (1 << 32)) >> 8).astype(np.float64) / (1 << 24)
+    for source, hit in zip(lit, inside, strict=True):
+        if hit.any():
+            low = np.clip([u[hit].min() - margin, v[hit].min() - margin], 0.0, 1.0)
+            high = np.clip([u[hit].max() + margin, v[hit].max() + margin], 0.0, 1.0)
+            corner, sides = boxes[source, :2], boxes[source, 2:]
+            found[source] = [*(low * sides + corner), *((high - low) * sides)]
+    return found
+
+
+#
+# The light of ghosts on a film: rays of every pair of reflecting surfaces, shared out by the light that they bring.
+#
+# Scouts tell how much light each pair brings, and where. The others are shared out so that the film errs least, and
+# added in whole numbers.
+
+LEAST_SHARE = 1e-3  # of all ghosts in each colour, below which a way is left out
+DARK = 0.2  # of the mean light: darker cells are no reason for more rays
+PER_PIXEL, LEAST_RAYS, MOST_RAYS = 40.0, 1 << 20, 1 << 25  # of all ways
+SHARING = 0.7  # power to which ways share rays: between alike and by what each needs, found by trial
+WIDTH, FINER = 1.7, 1.6  # of the spread of a way's light [pixels], by trial; ratio of one width to the next
+LEAST_SPREAD = 2  # steps from one pixel, below which the points of a sun would show
+STEP = LATTICE / (1 << 32)
+PLASTIC = np.array([0.7548776662466927, 0.5698402909980532])  # steps of the plane's plastic sequence (Roberts 2018)
+
+
+class GhostFilm:
+    """The film of a scene under the light of ghosts."""
+
+    def __init__(self, scene: Scene, plan: Plan, session: Session) -> None:
+        self.rays = GhostRays(scene, plan, session)
+        self.shape = (self.rays.rows, self.rays.columns, 3)
+        self.value = float(plan.camera.metadata["values_per_irradiance"]) / self.rays.pixel_mm2  # of 1 W/m2 over 1 mm2
+
+    def light(self) -> tuple[Array, dict[str, Any]]:
+        """Return the film's values (rows, columns, 3) of all ghosts, and what metadata should say."""
+        sources = self.rays.sources
+        metadata: dict[str, Any] = {"sources": len(sources.places)}
+        if sources.mirrored:
+            metadata["mirrored"] = sources.mirrored
+        if sources.left_out:
+            metadata["left_out"] = list(sources.left_out)
+        if not len(sources.places):
+            return np.zeros(self.shape), metadata | {"ways": 0, "dropped_share": 0.0}
+        scouted = {way: scout(self.rays, way) for way in _pairs(self.rays.lens)}
+        fluxes = {way: found.flux.sum(axis=0) for way, found in scouted.items()}
+        total = sum(fluxes.values())
+        kept = {way: found for way, found in scouted.items() if np.any(fluxes[way] > LEAST_SHARE * total)}
+        dropped = 1.0 - float(sum(fluxes[way].sum() for way in kept) / total.sum()) if kept else 0.0
+        dropped = 1.0 - (1.0 - dropped) * (1.0 - sources.dropped_share)
+        film = self._splatted(kept) if kept else np.zeros(self.shape)
+        return film, metadata | {"ways": len(kept), "dropped_share": dropped}
+
+    def _shared_out(self, kept: Mapping[Way, Scouted]) -> dict[Way, Array]:
+        """Return how many rays each wavelength of each way gets.
+
+        The mean square of what light on a pixel errs by, relative to all light there, is least when rays are shared
+        out by flux / light (Cauchy and Schwarz), over the root of the share of the rays that arrive. Wide faint ways
+        are spread more, and need less.
+        """
+        light = sum(np.einsum("ijk,kc->ijc", found.cells, found.flux) for found in kept.values())
+        light = np.maximum(light, DARK * light.mean(axis=(0, 1)))
+        weights = {}
+        for way, found in kept.items():
+            over = np.einsum("ijk,ijc->kc", found.cells, 1.0 / np.maximum(light, 1e-100) ** 2)
+            needs = np.sqrt(np.sum(found.flux**2 * over, axis=1))
+            weights[way] = needs * needs.sum() ** (SHARING - 1.0) / np.sqrt(found.arriving)
+        total = float(np.clip(PER_PIXEL * self.shape[0] * self.shape[1], LEAST_RAYS, MOST_RAYS))
+        scale = total / sum(float(weight.sum()) for weight in weights.values())
+        return {way: scale * weight for way, weight in weights.items()}
+
+    def _spread_steps(self, found: Scouted, rays: float) -> int:
+        """Return over how many steps of `FINER` from one pixel the light of a way is spread, which has got some rays.
+
+        What is spread over a width w errs at its edges, as the edges' length times w, and has noise, as 1 / rays / w^2:
+        together least where w^3 goes as the root of the area over the rays that arrive on a pixel of it.
+        """
+        shares = found.cells.mean(axis=2)
+        area = shares.sum() ** 2 / np.sum(shares**2) * self.shape[0] * self.shape[1] / shares.size
+        width = WIDTH * np.cbrt(area**1.5 / (rays * found.arriving))
+        return max(round(float(np.log(width) / np.log(FINER))), LEAST_SPREAD)
+
+    def _splatted(self, kept: Mapping[Way, Scouted]) -> Array:
+        """Return the light of ways on the film, each spread by its own width."""
+        shared, largest = self._shared_out(kept), 0.0
+        launches: dict[int, list[Any]] = {}
+        for way, found in kept.items():
+            alike = launches.setdefault(self._spread_steps(found, float(shared[way].sum())), [])
+            for record, band in enumerate(self.rays.bands):
+                lit = self.rays.lit(found.boxes, record)
+                boxes = found.boxes[lit]
+                if not len(boxes):
+                    continue
+                count = self.rays.whole_groups(shared[way][record] / len(boxes))
+                weights = band.light[lit] * (boxes[:, 2] * boxes[:, 3] / count)[:, None]
+                brightest = 4.0 * found.largest * float(np.abs(weights).max())  # a ray may bring more than scouts
+                largest = max(largest, brightest)
+                alike.append((way, record, self.rays.sources.places[lit], boxes, weights, count))
+        film, session = np.zeros(self.shape), self.rays.session
+        for steps, alike in sorted(launches.items()):
+            words = session.allocate(8 * film.size, zeroed=True)
+            for way, record, places, boxes, weights, count in alike:
+                first = _shifts(len(boxes) * record + np.arange(len(boxes)), count)
+                self.rays.add(words, way, record, places, boxes, weights / largest, first, count)
+            units = session.read(words, "<i8", film.size).astype(np.float64)
+            film += _spread(units.reshape(film.shape), FINER**steps)
+        return film * (largest / ONE_LIGHT * self.value)
+
+
+def _shifts(numbers: NDArray[np.intp], rays: int) -> Array:
+    """Return where lattices begin (n, 2) so that all of them together, and some in a row, are even as well.
+
+    The first coordinate is in points of the lattice. They are points of the plane's plastic sequence (Roberts 2018) in
+    the shortest basis of the lattice (n / rays, n g mod 1), which Gauss's reduction finds.
+    """
+    a, b = np.array([1.0 / rays, STEP]), np.array([0.0, 1.0])
+    while True:
+        a, b = (a, b) if a @ a <= b @ b else (b, a)
+        steps = np.rint(a @ b / (a @ a))
+        if steps == 0:
+            break
+        b = b - steps * a
+    u, v = (np.mod(numbers[:, None] * PLASTIC + 0.5, 1.0) @ np.array([a, b])).T
+    whole = np.floor(u * rays)
+    return np.column_stack([u * rays - whole, np.mod(v - whole * STEP, 1.0)])
+
+
+def _pairs(lens: Lens) -> Iterator[Way]:
+    """Yield the pairs of surfaces that reflect: the first one, and one before it."""
+    indices = lens.indices(550.0)
+    partly = [k for k, s in enumerate(lens.surfaces) if not s.is_mirror and indices[k] != indices[k + 1]]
+    for j in partly:
+        yield from ((j, i) for i in partly if i < j)
+
+
+def _spread(film: Array, width: float) -> Array:
+    """Return a film whose light is spread by a tent of a half width [pixels], and mirrored at its border."""
+    reach = int(np.ceil(width))
+    tent = np.maximum(width - np.abs(np.arange(-reach, reach + 1)), 0.0)
+    tent /= tent.sum()
+    if len(tent) <= 3 and tent[1] == 1.0:
+        return film
+    for axis in (0, 1):
+        widths = [(0, 0)] * 3
+        widths[axis] = (reach, reach)
+        padded = np.pad(film, widths, mode="symmetric")
+        size = film.shape[axis]
+        film = np.zeros_like(film)
+        for i, weight in enumerate(tent):
+            film += weight * (padded[i : i + size] if axis == 0 else padded[:, i : i + size])
+    return film
 
 
 @dataclass(frozen=True)

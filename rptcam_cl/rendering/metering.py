@@ -9,31 +9,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.cameras import camera_model, on_axis_irradiance, values_per_irradiance
-from rptcam_cl.colour import LUMENS_PER_WATT, luminance
+from rptcam_cl.core.colour import luminance
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.device import Session
-from rptcam_cl.plan import make_plan
+from rptcam_cl.core.vectors import LUMENS_PER_WATT
+from rptcam_cl.device.session import Session
+from rptcam_cl.rendering.cameras.model import camera_irradiance, values_per_irradiance
+from rptcam_cl.rendering.cameras.realistic import camera_model
 from rptcam_cl.rendering.film import FilmLayout
+from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.rendering.progressive import render_plan
 from rptcam_cl.rendering.tracer import Wavefront
-from rptcam_cl.scene import (
-    LEAST_CD_M2,
-    LEAST_ISO,
-    LONGEST_S,
-    MOST_CD_M2,
-    MOST_ISO,
-    MOST_STOPS,
-    SHORTEST_S,
-    Exposure,
-    Film,
-    FilmFilter,
-    RenderSettings,
-    Scene,
-    at_rest,
-    set_keys,
-)
+from rptcam_cl.scene.exposure import LEAST_CD_M2, LEAST_ISO, MOST_CD_M2, MOST_ISO, MOST_STOPS, Exposure
+from rptcam_cl.scene.film import Film, FilmFilter, RenderSettings
+from rptcam_cl.scene.load import at_rest, set_keys
+from rptcam_cl.scene.quantities import LONGEST_S, SHORTEST_S
+from rptcam_cl.scene.scene import Scene
 
 LONGEST_SIDE = 96  # pixels
 SAMPLES = 1 << 17  # of the whole metered frame
@@ -79,7 +70,7 @@ def resolve_exposure(scene: Scene, session: Session, known_cd_m2: float | None =
         return ResolvedExposure(scene)
     reading = exposure.lock_cd_m2 or known_cd_m2 or metered_cd_m2(scene, session)
     metadata = {"metered_cd_m2": reading, "metering": "locked" if exposure.lock_cd_m2 else exposure.metering}
-    on_axis = on_axis_irradiance(camera_model(_relative(scene), coarse=True), exposure)
+    on_axis = camera_irradiance(camera_model(_relative(scene), coarse=True), exposure)
     keys = (
         _compensation(exposure, reading) if on_axis is None else _settings(scene, reading / LUMENS_PER_WATT * on_axis)
     )

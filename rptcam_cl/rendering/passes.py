@@ -1,38 +1,142 @@
-"""The passes of one scene: its kernels, compiled and bound to their buffers, and the order in which a wave takes them.
-
-A wave is a batch of camera rays, one per slot, made by the pass generate, or by the stream itself where no layers want
-the rays and no lens is traced in float64. Two organisations take it to the film:
-
-passes
-    Per depth of the paths the kernels intersect, shade and shadow run over all slots, then film adds the radiances.
-    State lives in memory and stays in place; groups of slots without a living path are skipped.
-stream
-    One kernel carries a few neighbouring pixels through all samples of the wave, with the same steps; a lane whose path
-    has ended starts the next camera ray of its pixel. No state in memory, no idle lanes, three launches a depth fewer.
-    Measured on two CPU cores: 1.15 times the passes on three spheres, 1.55 on a Cornell box. Rays without a lens are
-    made by the lanes that start them, 1.2 to 1.3 times as fast as with generate; those behind a lens by each work item
-    for its pixels, packets side by side, before it starts: 1.15 times.
-"""
+"""The passes of one scene: kernels compiled, bound and ordered; rays of lenses in float64; the trial of a driver."""
 
 from __future__ import annotations
 
+import threading
+import warnings
 from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 
-from rptcam_cl.cameras import CameraModel
 from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.core.errors import DeviceError
+from rptcam_cl.core.files import keep_bytes, kept_bytes, name_of
 from rptcam_cl.core.records import WAVE, device_declarations, floats_per_slot
-from rptcam_cl.device import Launch, Program, Session
-from rptcam_cl.plan import Plan
-from rptcam_cl.rendering.buffers import SceneBuffers, camera_buffers
-from rptcam_cl.rendering.film import FilmLayout
-from rptcam_cl.rendering.film_buffers import FilmBuffers
+from rptcam_cl.device.devices import driver_name, refuse
+from rptcam_cl.device.programs import Program
+from rptcam_cl.device.session import Launch, Session
+from rptcam_cl.rendering.cameras.model import CameraModel
+from rptcam_cl.rendering.film import ALIKE, FilmBuffers, FilmLayout
 from rptcam_cl.rendering.layers import LayerPass, LayerPlanes
-from rptcam_cl.rendering.precise_lens import BYTES_PER_SLOT, PreciseLens, traces_in_float64
-from rptcam_cl.rendering.roulette import ALIKE
-from rptcam_cl.scene import RenderSettings
+from rptcam_cl.rendering.plan.plan import Plan, make_plan
+from rptcam_cl.rendering.scene_buffers import SceneBuffers, camera_buffers
+from rptcam_cl.scene.film import RenderSettings
+from rptcam_cl.scene.load import load_scene
+
+#
+# Two passes in front of `generate` that take the rays of a wave through the lens in float64.
+#
+# The first chooses film point and aim in float32, as `generate` does; the second, compiled for double, traces.
+
+DOUBLE_LANES = 8  # per work item of a CPU
+PRECISE_PACKETS = 2  # of lanes that a work item traces side by side
+BYTES_PER_SLOT = 32  # see kernels/lens/float64.h
+
+
+def traces_in_float64(camera: CameraModel) -> bool:
+    """Return whether a camera's rays go through its lens in float64."""
+    return camera.facts.get("LENS_FLOAT64", 0) > 0
+
+
+def check_precision(session: Session, camera: CameraModel) -> None:
+    """Refuse a camera that a device cannot trace.
+
+    Raises
+    ------
+    DeviceError
+        When its lens is to be traced in float64 and the device has none.
+    """
+    if traces_in_float64(camera) and not session.info.fp64:
+        raise DeviceError(
+            f"camera.precision: double needs float64, which device {session.info.id} {session.info.name} lacks"
+            " (use single, or another device)"
+        )
+
+
+class PreciseLens:
+    """The passes ``aim_rays`` and ``trace_lens`` with the rays between them.
+
+    Parameters
+    ----------
+    session
+        The device.
+    camera
+        Whose lens it is; its kernel and its facts are those of every later camera.
+    facts
+        Of the pass ``generate``, whose random numbers, film points and aims are used.
+    capacity
+        Slots of a wave.
+    buffers
+        Of the camera, as `rptcam_cl.rendering.scene_buffers.camera_buffers` returns them.
+    tiles, filter_table, colours : buffers
+        As ``generate`` takes them.
+
+    Raises
+    ------
+    DeviceError
+        When the device has no float64.
+    """
+
+    def __init__(
+        self,
+        session: Session,
+        camera: CameraModel,
+        facts: dict[str, int | str],
+        capacity: int,
+        buffers: Mapping[str, Any],
+        tiles: Any,
+        filter_table: Any,
+        colours: Any,
+    ) -> None:
+        check_precision(session, camera)
+        self.rays = session.allocate(BYTES_PER_SLOT * capacity)
+        self._aim_lanes = int(facts["VW"])
+        lanes = DOUBLE_LANES if session.lanes > 1 else 1
+        self._trace_lanes = PRECISE_PACKETS * lanes
+        aiming = session.program(["pass/aim_rays.cl"], facts, device_declarations())
+        tracing = session.program(
+            ["pass/trace_lens.cl"], camera.facts | {"VW": lanes, "DOUBLE": 1}, device_declarations()
+        )
+        slots, empty = np.uint32(capacity), bytes(WAVE.dtype.itemsize)
+        self._aim = session.bind(
+            aiming, "aim_rays", **_of(buffers, "camera", "tables"), wave=empty, tiles=tiles, filter=filter_table,
+            colours=colours, rays=self.rays, capacity=slots,
+        )  # fmt: skip
+        self._trace = session.bind(
+            tracing, "trace_lens", **_of(buffers, "surfaces", "stop"), count=np.int32(len(camera.surfaces)),
+            rays=self.rays, capacity=slots,
+        )  # fmt: skip
+
+    def use_camera(self, buffers: Mapping[str, Any]) -> None:
+        """Trace for another camera: its record, tables, surfaces and stop on the device."""
+        self._aim.set(**_of(buffers, "camera", "tables"))
+        self._trace.set(**_of(buffers, "surfaces", "stop"))
+
+    def enqueue(self, wave: bytes, slots: int, run: Callable[[Launch, int], None]) -> None:
+        """Enqueue both passes over a wave; ``run`` takes a launch and the number of its work items."""
+        self._aim.set(wave=wave)
+        run(self._aim, slots // self._aim_lanes)
+        run(self._trace, slots // self._trace_lanes)
+
+
+def _of(buffers: Mapping[str, Any], *names: str) -> dict[str, Any]:
+    return {name: buffers[name] for name in names}
+
+
+#
+# The passes of one scene: its kernels, compiled and bound to their buffers, and the order in which a wave takes them.
+#
+# A wave is a batch of camera rays, one per slot, made by the pass generate, or by the stream itself where no layers
+# want the rays and no lens is traced in float64. Two organisations take it to the film:
+#
+# passes Per depth of the paths the kernels intersect, shade and shadow run over all slots, then film adds the
+# radiances. State lives in memory and stays in place; groups of slots without a living path are skipped. stream One
+# kernel carries a few neighbouring pixels through all samples of the wave, with the same steps; a lane whose path has
+# ended starts the next camera ray of its pixel. No state in memory, no idle lanes, three launches a depth fewer.
+# Measured on two CPU cores: 1.15 times the passes on three spheres, 1.55 on a Cornell box. Rays without a lens are
+# made by the lanes that start them, 1.2 to 1.3 times as fast as with generate; those behind a lens by each work item
+# for its pixels, packets side by side, before it starts: 1.15 times.
 
 LENS_LANES = 16  # lanes per work item that trace a lens on a CPU: its surfaces are long chains of roots
 PACKETS = 4  # of lanes that a work item of a CPU takes through a lens side by side
@@ -321,3 +425,131 @@ def signature(plan: Plan, scene: SceneBuffers, layout: FilmLayout, settings: Ren
     compiled = tuple(tuple(sorted(each.items())) for each in facts)
     film = layout, settings.layers, settings.clamp is None
     return compiled, camera.kernel, camera.has_lens, plan.camera_filter.cells, film
+
+
+#
+# Whether a driver renders right pictures: one small known scene, rendered the way that a picture will be.
+#
+# A compiler may make garbage of a kernel that it builds and runs without an error: PoCL 7.1 did so of rays that go
+# through a lens side by side. So the first picture on a driver waits until it has rendered a scene whose film is
+# known: a lens in front of a mesh that a lamp lights, and of a lamp. Where the usual way is wrong, others are tried.
+# What passes is kept for this driver, device and version, and costs the next run nothing. Of quick programs, which
+# the compiler takes otherwise, there is a trial of their own.
+
+SCALE = 256
+SAMPLES = 2 * PACKETS  # two steps of a work item that keeps rays
+# The left half shows the mesh, the upper right the lamp, the lower right nothing.
+SCENE: dict[str, Any] = {
+    "film": {"resolution": [16, 16]},
+    "camera": {
+        "kind": "realistic", "lens": "dgauss-50mm", "focus": {"distance_m": 0.5}, "eye": [0, 0, 0],
+        "target": [0, 0, -1], "up": [0, 1, 0],
+    },
+    "render": {"spp": SAMPLES, "max_depth": 3, "roulette_depth": 8},
+    "objects": [
+        {
+            "shape": "mesh", "vertices": [[-2, -2, -2], [0, -2, -2], [0, 2, -2], [-2, 2, -2]],
+            "faces": [[0, 1, 2], [0, 2, 3]], "material": {"kind": "matte", "reflectance": 0.5},
+        },
+        {
+            "shape": "rectangle", "corner": [0.05, 0.05, -2], "edge_u": [2, 0, 0], "edge_v": [0, 2, 0],
+            "material": {"kind": "emissive", "radiance": 1},
+        },
+    ],
+    "lights": [{"kind": "point", "position": [-0.3, 0, -1], "intensity": 3}],
+}  # fmt: skip
+KNOWN = bytes.fromhex(
+    "0d11161a1a211b152f6c69624a4b372e0f181f1c26222a2b3c747f656a5a4136191b242831353731309d81877a6958421f1f333b3c374639519ba69f8e7a6658"
+    "252e3a444b51524f40c9b8a79d897361282a393e56595d5c47dacdbc91977e6826363a535b6456334fe9dacbb498855f283248465e685b492158374d2e4b3120"
+    "30334859626a714a00000000000000002d3944535f63684700000000000000002a35373e52595f4e00000000000000001c2f39443c4c52360d00000000000000"
+    "1d292f363f4245450b000000000000001822242c29353931080000000000000013191b2426272b2406000000000000000a10121b1c1a20150000000000000000"
+)  # the film, row by row: SCALE times the radiance
+PASSED = 1971  # of 2048 rays, through the lens
+CLOSE = 2  # by which rounding may change a pixel, in the same unit
+ELSEWHERE = 0.03  # share of pixels that paths rounding sends elsewhere may change
+
+_passed: dict[tuple[Any, ...], Way] = {}
+_trying = threading.Lock()
+
+
+@dataclass(frozen=True)
+class Way:
+    """How a device renders: "stream" or "passes", and packets of rays that go through a lens together."""
+
+    organisation: str
+    packets: int
+
+    def __str__(self) -> str:
+        together = "" if self.packets == 1 else f" with {self.packets} packets of rays together"
+        return f"{self.organisation}{together}"
+
+
+def way_of(session: Session, organisation: str, wavefront: Callable[..., Any]) -> Way:
+    """Return the way in which a device renders right pictures: the usual one, else one that goes round its fault.
+
+    Parameters
+    ----------
+    organisation
+        The usual one.
+    wavefront
+        `rptcam_cl.rendering.tracer.Wavefront`.
+
+    Raises
+    ------
+    DeviceError
+        When the device renders wrong pictures in every way.
+    """
+    many = (Way(organisation, PACKETS),) if session.lanes > 1 else ()
+    ways = tuple(dict.fromkeys((*many, Way(organisation, 1), Way("passes", 1))))
+    facts = session.lanes, session.is_quick, ways
+    with _trying:
+        key = session.info.id, *facts
+        if key not in _passed:
+            _passed[key] = _kept_or_found(session, ways, name_of(driver_name(session.info.handle), facts), wavefront)
+        return _passed[key]
+
+
+def _kept_or_found(session: Session, ways: tuple[Way, ...], name: str, wavefront: Callable[..., Any]) -> Way:
+    kept = kept_bytes("devices", name)
+    if kept is not None and kept.isdigit() and int(kept) < len(ways):
+        found = int(kept)
+    else:
+        found = _found(session, ways, wavefront)
+        keep_bytes("devices", name, b"%d" % found)
+    if found > 0:
+        device = f"device {session.info.id} {session.info.name}"
+        warnings.warn(
+            f"{device}: its driver renders wrong pictures as {ways[0]}, so it renders as {ways[found]}, slower",
+            stacklevel=1,
+        )
+    return ways[found]
+
+
+def _found(session: Session, ways: tuple[Way, ...], wavefront: Callable[..., Any]) -> int:
+    """Return the place of the first way that passes."""
+    faults = []
+    for place, way in enumerate(ways):
+        fault = fault_of(session, way, wavefront)
+        if fault is None:
+            return place
+        faults.append(f"as {way}, {fault}")
+    raise DeviceError(refuse(session.info, f"its driver renders wrong pictures: {'; '.join(faults)}"))
+
+
+def fault_of(session: Session, way: Way, wavefront: Callable[..., Any]) -> str | None:
+    """Return what of the known picture is wrong as a device renders it in a way; None where it is right."""
+    scene = load_scene(SCENE)
+    made = wavefront(
+        session.alone(), make_plan(scene), FilmLayout.of(scene.film), scene.render, organisation=way.organisation,
+        packets=way.packets, scouts=False,
+    )  # fmt: skip
+    for wave in made.waves(0, SAMPLES):
+        made.enqueue(*wave)
+    made.finish()
+    film = made.picture(SAMPLES).astype(np.float64).mean(axis=2).ravel()
+    known = np.frombuffer(KNOWN, np.uint8) / SCALE
+    wrong = int((~(np.abs(film - known) <= CLOSE / SCALE)).sum())
+    if wrong > ELSEWHERE * known.size:
+        return f"{wrong} of {known.size} pixels (mean {film.mean():.3g} for {known.mean():.3g})"
+    passed = made.outcomes()["passed"]
+    return None if abs(passed - PASSED) <= ELSEWHERE * PASSED else f"{passed} rays through the lens for {PASSED}"

@@ -1,8 +1,4 @@
-"""One render shared by several devices: each has tiles of the picture, and a failed one's are rendered by the others.
-
-Random numbers are keyed by pixel and sample, and every pixel belongs to one device: devices that compute alike give the
-bits that each of them gives alone, however the tiles are dealt out. Where they do not, the bits follow from the shares.
-"""
+"""One render shared: parts of a film, and devices with tiles each; a failed one's go to the others."""
 
 from __future__ import annotations
 
@@ -10,22 +6,340 @@ import functools
 import threading
 import time
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.core.errors import DeviceError, RptcamError
-from rptcam_cl.device import Session
-from rptcam_cl.plan import Plan
-from rptcam_cl.rendering.film import PLANES, TILE_PIXELS, FilmLayout
-from rptcam_cl.rendering.film_buffers import outcomes_of, share_removed
-from rptcam_cl.rendering.shares import Part, begun, ended, measured_speed, owners, shares_of, split_text
+from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.core.errors import DeviceError, InputError, RptcamError
+from rptcam_cl.device.session import Session
+from rptcam_cl.rendering.film import BLOCK, PLANES, TILE_PIXELS, FilmLayout, outcomes_of, share_removed
+from rptcam_cl.rendering.plan.plan import Plan
 from rptcam_cl.rendering.tracer import Wavefront
-from rptcam_cl.rendering.worker import Job, Worker, by_tile
-from rptcam_cl.scene import RenderSettings
+from rptcam_cl.scene.film import RenderSettings
+
+# How devices share a picture: how large a share each is worth, its tiles, and the record of who took which samples.
+
+MEASURED_SECONDS = 0.3  # that each device renders before its share is known
+STEPS = 1000  # shares are whole numbers of these parts, so that their text repeats them exactly
+GOLDEN = (5**0.5 - 1) / 2  # its multiples, less their whole parts, are spread evenly, however many there are
+
+Part = dict[str, Any]
+"""``samples``: first and end; ``split``: shares by device, as ``--split`` takes them; ``dropped``: devices and why."""
+
+
+def owners(tiles: int, shares: Sequence[float]) -> NDArray[np.intp]:
+    """Return which device renders each tile: the place of its share among ``shares``.
+
+    Tiles of one device are spread over the picture, so that each has its part of the costly ones. The choice follows
+    from the number of a tile and the shares alone.
+    """
+    places = np.modf((np.arange(tiles) + 0.5) * GOLDEN)[0]
+    ends = np.cumsum(np.asarray(shares, np.float64) / np.sum(shares))[:-1]
+    return np.asarray(np.searchsorted(ends, places, side="right"), np.intp)
+
+
+def measured_speed(wavefront: Wavefront) -> float:
+    """Return how many samples per second a device renders of tiles all over the picture; its film is empty after."""
+    layout = wavefront.layout
+    at_once = max(wavefront.capacity // wavefront.samples_per_wave, BLOCK) // TILE_PIXELS
+    step = -(-layout.tiles // at_once)
+    wavefront.choose_tiles(np.arange(0, layout.tiles, step, dtype=np.uint32))
+    samples, first, begun = 0, 0, time.perf_counter()
+    while time.perf_counter() - begun < MEASURED_SECONDS or not samples:
+        for wave in wavefront.waves(first, wavefront.samples_per_wave):
+            wavefront.enqueue(*wave)
+            samples += wave[1] * wave[3]
+        first += wavefront.samples_per_wave
+        wavefront.finish()
+    seconds = time.perf_counter() - begun
+    wavefront.clear()
+    return samples / seconds
+
+
+def shares_of(speeds: Sequence[float]) -> list[float]:
+    """Return shares in proportion to speeds, in thousandths that add up to 1, each at least one."""
+    parts = [max(round(STEPS * speed / sum(speeds)), 1) for speed in speeds]
+    parts[int(np.argmax(parts))] += STEPS - sum(parts)
+    return [part / STEPS for part in parts]
+
+
+def split_text(shares: Mapping[str, float]) -> str:
+    """Return shares by device as ``--split`` takes them."""
+    return ",".join(f"{identity}={share:.15g}" for identity, share in shares.items())
+
+
+def split_of(text: str) -> dict[str, float]:
+    """Return shares by device of what `split_text` returned."""
+    return {identity: float(share) for identity, _, share in (part.rpartition("=") for part in text.split(","))}
+
+
+def begun(parts: Sequence[Part], first: int, split: str, dropped: Mapping[str, str] | None = None) -> list[Part]:
+    """Return the parts with one more, from sample ``first`` on; what was recorded of later samples gives way."""
+    gone: dict[str, str] = {}
+    for part in parts:
+        if part["samples"][0] >= first:
+            gone |= part.get("dropped", {})
+    gone |= dropped or {}
+    kept = [part for part in parts if part["samples"][0] < first]
+    return [*kept, {"samples": [first, first], "split": split} | ({"dropped": gone} if gone else {})]
+
+
+def ended(parts: Sequence[Part], done: int) -> list[Part]:
+    """Return the parts, each ending where the next begins, the last after ``done`` samples."""
+    ends = [*(part["samples"][0] for part in parts[1:]), done][: len(parts)]
+    found = [part | {"samples": [part["samples"][0], end]} for part, end in zip(parts, ends, strict=True)]
+    return [part for part in found if part["samples"][1] > part["samples"][0]]
+
+
+def joined(earlier: Sequence[Part], later: Sequence[Part]) -> list[Part]:
+    """Return the parts of a render before and after it was interrupted; those with the same shares as one."""
+    if not earlier or not later or {"dropped"} & (earlier[-1].keys() | later[0].keys()):
+        return [*earlier, *later]
+    if earlier[-1]["split"] != later[0]["split"]:
+        return [*earlier, *later]
+    both = later[0] | {"samples": [earlier[-1]["samples"][0], later[0]["samples"][1]]}
+    return [*earlier[:-1], both, *later[1:]]
+
+
+def is_shared(parts: Sequence[Part]) -> bool:
+    """Return whether more than one device took part."""
+    return (
+        any("dropped" in part for part in parts)
+        or len({device for part in parts for device in split_of(part["split"])}) > 1
+    )
+
+
+# Which part of a film one of several runs renders, each anywhere: tiles of the picture, and samples of its pixels.
+
+Arrays = dict[str, NDArray[Any]]
+SHARP = "sharp:"  # begins the names of those of sharp layers
+IN_PIXELS = ("film", "layers", SHARP)  # begin the names of those whose last axis is the pixels of the film's buffer
+
+
+@dataclass(frozen=True)
+class FilmPart:
+    """Tiles and samples of a film.
+
+    Attributes
+    ----------
+    number, count : int
+        Part ``number`` of ``count`` parts with as many tiles each, give or take one, from 1 on.
+    first : int
+        The first sample of its pixels.
+    end : int or None
+        The sample that it ends before; None: as the render says.
+    """
+
+    number: int = 1
+    count: int = 1
+    first: int = 0
+    end: int | None = None
+
+    def check(self, tiles: int) -> None:
+        """Refuse a part of a film with so many tiles that would have none.
+
+        Raises
+        ------
+        InputError
+        """
+        if self.count > tiles:
+            raise InputError(
+                f"part: the film has fewer tiles of 8 x 8 pixels than parts (got {self.number}/{self.count}; allowed:"
+                f" at most {tiles} parts, or parts by samples)"
+            )
+
+    def tiles(self, tiles: int) -> NDArray[np.uint32]:
+        """Return which of so many tiles are its own; those of one part are spread over the picture."""
+        places = np.argsort(np.modf((np.arange(tiles) + 0.5) * GOLDEN)[0], kind="stable")
+        bounds = [tiles * each // self.count for each in (self.number - 1, self.number)]
+        return np.sort(places[slice(*bounds)]).astype(np.uint32)
+
+    def samples_of_tiles(self, ends: NDArray[np.uint32], tiles: int) -> NDArray[np.uint32]:
+        """Return how many samples per pixel each tile of the buffer has, from the sample that it is rendered up to."""
+        if self == WHOLE:
+            return ends
+        own, samples = self.tiles(tiles), np.zeros_like(ends)
+        samples[own] = ends[own] - self.first
+        return samples
+
+    def packed(self, arrays: Arrays, tiles: int) -> Arrays:
+        """Return the arrays of a saved render with its own tiles alone."""
+        if self.count == 1:
+            return arrays
+        pixels = pixels_of(self.tiles(tiles))
+        return arrays | {name: array[:, pixels] for name, array in arrays.items() if name.startswith(IN_PIXELS)}
+
+    def unpacked(self, arrays: Arrays, tiles: int, pixels: int) -> Arrays:
+        """Return the arrays that `packed` was given, of a buffer of so many pixels, other tiles empty.
+
+        Arrays that do not fit are left as they are.
+        """
+        own = pixels_of(self.tiles(tiles))
+        found = dict(arrays)
+        for name, packed in arrays.items():
+            if self.count > 1 and name.startswith(IN_PIXELS) and packed.ndim == 2 and packed.shape[1] == len(own):
+                found[name] = np.zeros((len(packed), pixels), packed.dtype)
+                found[name][:, own] = packed
+        return found
+
+    def facts(self) -> list[int | None] | None:
+        """Return what a saved render says of it: number, count, first sample and end; None for the whole."""
+        return None if self == WHOLE else [self.number, self.count, self.first, self.end]
+
+    @property
+    def title(self) -> str:
+        """Its name as people read it."""
+        names = [f"part {self.number}/{self.count}"] if self.count > 1 else []
+        if self.end is not None:
+            names.append(f"samples {self.first}:{self.end}")
+        return ", ".join(names) or "the whole film"
+
+
+WHOLE = FilmPart()
+
+
+def part_of_facts(facts: Any) -> FilmPart:
+    """Return the part that `FilmPart.facts` described.
+
+    Raises
+    ------
+    ValueError
+        They describe none.
+    """
+    if facts is None:
+        return WHOLE
+    number, count, first, end = facts
+    if not all(type(value) is int and 0 <= value < 2**32 for value in (number, count, first)):
+        raise ValueError("part")
+    if not 1 <= number <= count or not (end is None or (type(end) is int and first < end < 2**32)):
+        raise ValueError("part")
+    return FilmPart(number, count, first, end)
+
+
+def pixels_of(tiles: NDArray[np.uint32]) -> NDArray[np.int64]:
+    """Return the pixels of some tiles in the film's buffer."""
+    return (tiles.astype(np.int64)[:, None] * TILE_PIXELS + np.arange(TILE_PIXELS)).ravel()
+
+
+# One of several devices that share a render: the tiles that are its own, and what it has done.
+
+QUEUE_SECONDS = 0.2  # of work that a device is given before it is waited for
+
+
+@dataclass(frozen=True)
+class Job:
+    """What a device has to do.
+
+    Attributes
+    ----------
+    ranges : list
+        Tiles, their first sample and how many, one after the other.
+    taken_over : array
+        Tiles that were another device's until now.
+    base : dict
+        What those held; nothing where they were empty.
+    """
+
+    ranges: list[tuple[NDArray[np.uint32], int, int]]
+    taken_over: NDArray[np.intp] = field(default_factory=lambda: np.zeros(0, np.intp))
+    base: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+
+
+@dataclass
+class Worker:
+    """A device at work.
+
+    Attributes
+    ----------
+    share : float
+        Of the picture.
+    owned : (tiles,) array of bool
+        The tiles that are its own.
+    kept : int
+        Camera rays that are safe on the host.
+    made, seconds : int, float
+        Camera rays made in all, and the time that took.
+    dropped : str or None
+        Why it no longer works.
+    """
+
+    wavefront: Wavefront
+    share: float = 0.0
+    owned: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, np.bool_))
+    kept: int = 0
+    made: int = 0
+    seconds: float = 0.0
+    dropped: str | None = None
+
+    @property
+    def id(self) -> str:
+        """Of the device."""
+        return self.wavefront.session.info.id
+
+    def run(self, job: Job, halt: threading.Event) -> None:
+        """Do a job and wait for it; leave early once ``halt`` is set."""
+        begun, before = time.perf_counter(), self.wavefront.camera_rays
+        if len(job.taken_over):
+            self._take_over(job.taken_over, job.base)
+        for tiles, first, samples in job.ranges:
+            self._render(tiles, first, samples, halt)
+        self.made += self.wavefront.camera_rays - before
+        self.seconds += time.perf_counter() - begun
+
+    def _render(self, tiles: NDArray[np.uint32], first: int, samples: int, halt: threading.Event) -> None:
+        wavefront, pending = self.wavefront, 0
+        wavefront.choose_tiles(tiles)
+        for wave in wavefront.waves(first, samples):
+            wavefront.enqueue(*wave)
+            pending += wave[1] * wave[3]
+            if pending > self.made / max(self.seconds, 1e-9) * QUEUE_SECONDS:
+                wavefront.finish()
+                pending = 0
+                if halt.is_set():
+                    return
+        wavefront.finish()
+
+    def _take_over(self, tiles: NDArray[np.intp], base: Mapping[str, NDArray[Any]]) -> None:
+        arrays = self.wavefront.state()
+        for name in arrays.keys() & {"film", "layers"}:
+            by_tile(arrays[name])[:, tiles] = by_tile(base[name])[:, tiles] if base else 0.0
+        self.wavefront.restore(arrays)
+
+    def keep(self) -> None:
+        """Take all that the device has made for safe."""
+        self.kept += self.wavefront.camera_rays
+        self.wavefront.clear_counts()
+
+    def described(self) -> dict[str, Any]:
+        """Return what it has done."""
+        working = self.dropped is None
+        return {
+            "id": self.id,
+            "name": self.wavefront.session.info.name,
+            "share": self.share if working else 0.0,
+            "samples": self.kept + (self.wavefront.camera_rays if working else 0),
+            "seconds": self.seconds,
+            "msamples_per_second": self.made / max(self.seconds, 1e-9) / 1e6,
+            **({} if working else {"dropped": self.dropped}),
+        }
+
+
+def by_tile(planes: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return a view of planes (planes, tiles, pixels of a tile)."""
+    return planes.reshape(len(planes), -1, TILE_PIXELS)
+
+
+#
+# One render shared by several devices: each has tiles of the picture, and a failed one's are rendered by the others.
+#
+# Random numbers are keyed by pixel and sample, and every pixel belongs to one device: devices that compute alike give
+# the bits that each of them gives alone, however the tiles are dealt out. Where they do not, the bits follow from the
+# shares.
 
 ROUND_SECONDS = 0.5  # of work between two times that the devices wait for each other
 MOST_OF_A_ROUND = 4096  # samples per pixel

@@ -1,32 +1,209 @@
-"""The camera models."""
+"""The camera models, where a camera stands and looks, and the movements of a view camera."""
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar
 
 import numpy as np
+from numpy.polynomial import Polynomial
+from numpy.typing import NDArray
 from pydantic import Field, model_validator
 from pydantic_core import PydanticCustomError
 
-from rptcam_cl.colour import LINE_D_NM
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics import Heat
-from rptcam_cl.scene.autofocus import FoundFocus
-from rptcam_cl.scene.base import AlsoAccepts, Alternatives, refuse
-from rptcam_cl.scene.focus import Focus
+from rptcam_cl.core.vectors import LINE_D_NM, cross
+from rptcam_cl.optics.as_built import Heat
+from rptcam_cl.scene.base import AlsoAccepts, Alternatives, SceneModel, refuse
 from rptcam_cl.scene.lens_settings import (
     AUTO,
+    CLEAN,
     EVERY_FORM,
     IDEAL,
     Accuracy,
     Aperture,
+    AsBuilt,
     CircularAperture,
+    Focus,
+    FoundFocus,
+    LensOrDesign,
+    RealLens,
+    Stop,
     Transmission,
 )
-from rptcam_cl.scene.movements import NO_MOVEMENTS, Movements
-from rptcam_cl.scene.pose import Pose
-from rptcam_cl.scene.quantities import NUMBER, Metres, Millimetres
-from rptcam_cl.scene.real_lens import AsBuilt, LensOrDesign, RealLens
+from rptcam_cl.scene.placement import CameraMotion, Vector, place_between
+from rptcam_cl.scene.quantities import NUMBER, SMALLEST_LENGTH, Direction, Metres, Millimetres, Position
+
+#
+# The movements of a view camera: how its film stands behind the lens.
+#
+# The lens stays where the pose has it, on the line from the eye to the target; the eye is the point of the axis where
+# the film stands without movements. The film is first turned about its centre, then moved. Rise and shift are named
+# by what the picture gains: as a lens turns the picture over, the film itself goes down and to the left. Tilt and
+# swing turn the film about the right and the up of the camera, by the right-hand rule. The lower half of the picture
+# lies on the upper half of the film, so that a film whose top leans back focuses nearer at the bottom of the picture.
+
+Turn = Annotated[float, Field(ge=-80, le=80), NUMBER]
+Move = Annotated[float, Field(ge=-1e6, le=1e6), NUMBER]
+Triple = tuple[float, float, float]
+
+
+class Movements(SceneModel):
+    """How the film stands behind the lens: rise and shift move it, tilt and swing turn it about its centre."""
+
+    rise_mm: Move = 0.0
+    """How far the film goes down, so that the picture shows more of what is above [mm]."""
+
+    shift_mm: Move = 0.0
+    """How far the film goes to the left, so that the picture shows more of what is on the right [mm]."""
+
+    tilt_degrees: Turn = 0.0
+    """Turn about the horizontal; positive: the top of the film leans back, what is low in the picture is sharp near."""
+
+    swing_degrees: Turn = 0.0
+    """Turn about the vertical, after the tilt; positive: the left of the film leans back, what is right in the picture
+    is sharp near."""
+
+    @property
+    def turns(self) -> bool:
+        """Whether the film is turned out of the plane across the axis."""
+        return self.tilt_degrees != 0.0 or self.swing_degrees != 0.0
+
+    def sides(self) -> tuple[Triple, Triple]:
+        """Return unit vectors along the film to the right and up: x to the right, y up, z away from the lens."""
+        tilt, swing = math.radians(self.tilt_degrees), math.radians(self.swing_degrees)
+        across = (math.cos(swing), 0.0, -math.sin(swing))
+        up = (math.sin(swing) * math.sin(tilt), math.cos(tilt), math.cos(swing) * math.sin(tilt))
+        return across, up
+
+
+NO_MOVEMENTS = Movements()
+
+
+# Where a camera stands and looks, at rest and while it moves.
+
+# Sine of the smallest angle between up and the viewing direction that still fixes the roll in float32.
+SMALLEST_ROLL_SINE = 1e-6
+
+
+class Pose(SceneModel):
+    """Where a camera stands and looks. It looks along -z of its own frame, with +y up and +x to the right."""
+
+    eye: Position
+    """Where the camera stands [scene units]; with a `lens`, the centre of the film."""
+
+    target: Position
+    """A point that the camera looks at [scene units]."""
+
+    up: Direction = (0.0, 1.0, 0.0)
+    """Direction that appears upwards; any length, not parallel to the view."""
+
+    flip: bool = Field(default=True, strict=True)
+    """Whether the picture is turned upright; false keeps the inverted image as it lies on the film."""
+
+    motion: CameraMotion = ()
+    """Where it is over time; without keyframes it stands still."""
+
+    diffraction: Literal["off", "auto", "on"] = "off"
+    """Whether the opening diffracts the light; `auto`: where the Airy radius is half a pixel or more."""
+
+    stop: Stop = CLEAN
+    """What lies in the plane of the stop."""
+
+    @model_validator(mode="after")
+    def _check_stop(self) -> Self:
+        if self.stop.dirt is not None and self.diffraction == "off":
+            raise refuse(
+                "scatters light by diffraction, which is off",
+                allowed="with diffraction: on or auto",
+                path=("stop", "dirt"),
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _check_pose(self) -> Self:
+        forward = np.subtract(self.target, self.eye)
+        distance = float(np.linalg.norm(forward))
+        if distance < SMALLEST_LENGTH:
+            raise refuse("equals the eye, so there is no viewing direction", got=list(self.target), path=("target",))
+        roll = cross(forward / distance, np.divide(self.up, np.linalg.norm(self.up)))
+        if np.linalg.norm(roll) < SMALLEST_ROLL_SINE:
+            raise refuse(
+                "is parallel to the viewing direction", got=list(self.up), allowed="any other direction", path=("up",)
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _check_motion(self) -> Self:
+        if not self.motion:
+            return self
+        own = np.array([self.eye, self.target, self.up])
+        poses = np.array([self._pose_of(index, own) for index in range(len(self.motion))])
+        following = np.concatenate([poses[1:], poses[-1:]])
+        for index in np.flatnonzero(~_turns_little(poses, following)).tolist():
+            if not _keeps_a_view(poses[index], following[index]):
+                raise refuse(
+                    "leads to a moment without a viewing direction, or with one parallel to up",
+                    got=self.motion[index].time_s,
+                    allowed="eye, target and up that give a view at every moment; keyframes in between help",
+                    path=("motion", index),
+                )
+        return self
+
+    def pose_at(self, time_s: float) -> Vector:
+        """Return eye, target and up at a moment, (3, 3): each goes straight from keyframe to keyframe."""
+        own = np.array([self.eye, self.target, self.up])
+        if not self.motion:
+            return own
+        index, share = place_between(self.motion, time_s)
+        first, second = (self._pose_of(place, own) for place in (index, min(index + 1, len(self.motion) - 1)))
+        return np.asarray(first + share * (second - first))
+
+    def _pose_of(self, index: int, own: Vector) -> Vector:
+        frame = self.motion[index]
+        given = (frame.eye, frame.target, frame.up)
+        return np.array([row if value is None else value for value, row in zip(given, own, strict=True)])
+
+    def world_from_camera(self) -> NDArray[np.float64]:
+        """Return the 4x4 matrix whose columns are right, up, back and eye, in scene units; keyframes do not count."""
+        return pose_matrix(np.array([self.eye, self.target, self.up]))
+
+
+def pose_matrix(pose: Vector) -> Vector:
+    """Return the 4x4 matrix whose columns are right, up, back and eye, of eye, target and up (3, 3)."""
+    eye, target, up = pose
+    back = (eye - target) / np.linalg.norm(eye - target)
+    right = cross(up, back)
+    right /= np.linalg.norm(right)
+    matrix = np.eye(4)
+    matrix[:3, 0], matrix[:3, 1], matrix[:3, 2], matrix[:3, 3] = right, cross(back, right), back, eye
+    return matrix
+
+
+def _turns_little(first: Vector, second: Vector) -> NDArray[np.bool_]:
+    """Return where (n,) a camera between two poses (n, 3, 3) surely keeps a view, because its turn is small."""
+    view, up = first[:, 1] - first[:, 0], first[:, 2]
+    view_step, up_step = second[:, 1] - second[:, 0] - view, second[:, 2] - up
+    view_length, up_length, view_change, up_change = (
+        np.linalg.norm(vectors, axis=1) for vectors in (view, up, view_step, up_step)
+    )
+    side = np.linalg.norm(np.cross(up, view), axis=1)
+    change = up_change * view_length + up_length * view_change + up_change * view_change
+    return np.asarray(side - change > 0.01 * view_length * up_length)
+
+
+def _keeps_a_view(first: Vector, second: Vector) -> bool:
+    """Return whether a camera that goes from one pose to another always has a view and an upright."""
+    views = [Polynomial([a, b - a]) for a, b in zip(first[1] - first[0], second[1] - second[0], strict=True)]
+    ups = [Polynomial([a, b - a]) for a, b in zip(first[2], second[2], strict=True)]
+    sides = [ups[k] * views[k - 2] - ups[k - 2] * views[k] for k in (1, 2, 0)]
+    side2, view2, up2 = (sum((part * part for part in parts), Polynomial([0.0])) for parts in (sides, views, ups))
+    turning = np.real(side2.deriv().roots())
+    least = SMALLEST_ROLL_SINE**2 * max(view2(0.0), view2(1.0)) * max(up2(0.0), up2(1.0))
+    return all(side2(share) > least for share in (0.0, 1.0, *turning[(turning > 0) & (turning < 1)]))
+
+
+# The camera models.
 
 Degrees = Annotated[float, Field(gt=0, lt=180), NUMBER]
 FovAxis = Literal["horizontal", "vertical", "diagonal"]

@@ -1,16 +1,274 @@
-"""What a scene says about its lens: which one, its opening, its losses, and the largest error of a cheaper model."""
+"""What a scene says about its lens: which one, its opening, losses and tolerances; where it is focused, by whom."""
 
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, Literal, Self
+import re
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal, Self, get_args
 
 from pydantic import BeforeValidator, Discriminator, Field, Tag, WithJsonSchema, model_validator
 
-from rptcam_cl.core.camera_records import MOST_LAYERS
-from rptcam_cl.scene.base import SceneModel, read_number, refuse
-from rptcam_cl.scene.file_reference import FileName, FileReference
-from rptcam_cl.scene.quantities import NUMBER, WHOLE_NUMBER, list_of
+from rptcam_cl.core.errors import InputError, StateError
+from rptcam_cl.core.records import MOST_LAYERS
+from rptcam_cl.optics.as_built import BARRELS, Heat
+from rptcam_cl.optics.glass import STANDARD_C, STANDARD_HPA
+from rptcam_cl.scene.base import (
+    AlsoAccepts,
+    Alternatives,
+    FileName,
+    FileReference,
+    SceneModel,
+    listed,
+    near_name,
+    read_number,
+    refuse,
+)
+from rptcam_cl.scene.quantities import NUMBER, WHOLE_NUMBER, Fraction, Metres, Millimetres, Position, list_of
+
+# Autofocus settings of a scene: the method, where in the picture, and which of several zones is used.
+
+LARGEST = 1 << 20  # bytes
+MOST_ZONES = 1000
+COLUMNS = 4
+_WORD = re.compile("[A-Za-z_]+")
+
+
+def read_zones(source: Path | bytes, name: str) -> tuple[ZoneFractions, ...]:
+    """Return the zones of a file.
+
+    A line holds xleft, xright, ytop and ybottom as fractions of the picture from its top left corner, separated by
+    blanks, tabs or commas. What follows a # is a comment; empty lines and a heading of four words are left out.
+
+    Parameters
+    ----------
+    source
+        The file, or its content.
+    name
+        What errors call it.
+
+    Raises
+    ------
+    InputError
+        ``NAME:LINE: ...`` when a line is not a zone, or there is none.
+    StateError
+        When the file cannot be read.
+    """
+    try:
+        data = source if isinstance(source, bytes) else _start_of(source)
+    except OSError as problem:
+        raise StateError(f"{name}: cannot be read ({problem.strerror})") from None
+    try:
+        text = data[:LARGEST].decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise InputError(f"{name}: is not a text file (allowed: lines of xleft xright ytop ybottom)") from None
+    zones: list[ZoneFractions] = []
+    heading = False
+    for number, line in enumerate(text.splitlines(), start=1):
+        words = re.split(r"[\s,;]+", line.partition("#")[0].strip(" \t,;"))
+        if words == [""]:
+            continue
+        if not (zones or heading) and len(words) == COLUMNS and all(map(_WORD.fullmatch, words)):
+            heading = True
+            continue
+        zones.append(_zone(words, f"{name}:{number}"))
+    if not zones:
+        raise InputError(f"{name}: holds no zones (allowed: a line each of xleft xright ytop ybottom)")
+    if len(zones) > MOST_ZONES or len(data) > LARGEST:
+        raise InputError(f"{name}: is too long (allowed: up to {MOST_ZONES} zones)")
+    return tuple(zones)
+
+
+def _start_of(file: Path) -> bytes:
+    """Return as much of a file as may be read, and a byte more where it is longer."""
+    with file.open("rb") as stream:
+        return stream.read(LARGEST + 1)
+
+
+def _zone(words: list[str], place: str) -> ZoneFractions:
+    try:
+        left, right, top, bottom = (float(word) for word in words)
+    except ValueError:
+        raise InputError(
+            f"{place}: is not a zone (got {' '.join(words)[:80]}; allowed: four numbers xleft xright ytop ybottom)"
+        ) from None
+    if not (0 <= left < right <= 1 and 0 <= top < bottom <= 1 and math.isfinite(left + right + top + bottom)):
+        raise InputError(
+            f"{place}: is not inside the picture (got {' '.join(words)};"
+            " allowed: 0 <= xleft < xright <= 1 and 0 <= ytop < ybottom <= 1)"
+        )
+    return left, right, top, bottom
+
+
+Method = Literal["contrast", "laplacian", "variance", "depth", "phase", "hybrid"]
+METHODS: tuple[Method, ...] = get_args(Method)
+Policy = Literal["closest", "farthest", "centre", "weighted"]
+POLICIES: tuple[Policy, ...] = get_args(Policy)
+ObjectName = Annotated[str, Field(max_length=200)]
+ZONE = "[x0, x1, y0, y1]"
+
+ZoneFractions = tuple[float, float, float, float]
+"""Left, right, top and bottom of a zone in fractions of the picture from its left and top edges."""
+
+
+def _list_of_zones(value: Any) -> Any:
+    if not isinstance(value, (list, tuple)) or not value:
+        raise refuse("must be a list of zones", allowed=f"as [{ZONE}, …], in fractions of the picture")
+    for index, zone in enumerate(value):
+        list_of(4, ZONE)(zone) if isinstance(zone, (list, tuple)) else _not_a_zone(zone, index)
+    return value
+
+
+def _not_a_zone(value: Any, index: int) -> None:
+    raise refuse(f"must be {ZONE}", got=value, allowed="four fractions of the picture", path=(index,))
+
+
+class ZonesFile(FileReference):
+    """Zones in a text file: a line each of left, right, top and bottom in fractions of the picture."""
+
+
+class AutoFocus(SceneModel):
+    """Autofocus. At most one of `zones`, `zones_from`, `point` and `object`; by default a zone in the middle."""
+
+    alternatives: ClassVar[tuple[Alternatives, ...]] = (
+        Alternatives(("zones", "zones_from", "point", "object"), required=False),
+    )
+
+    method: Method = "contrast"
+    """How the focus is found."""
+
+    zones: (
+        Annotated[
+            tuple[tuple[Fraction, Fraction, Fraction, Fraction], ...],
+            BeforeValidator(_list_of_zones),
+        ]
+        | None
+    ) = None
+    """Rectangles of the picture to focus on, [x0, x1, y0, y1] each as fractions from its left and top edges."""
+
+    zones_from: ZonesFile | None = None
+    """The same from a file."""
+
+    point: Annotated[tuple[Fraction, Fraction], BeforeValidator(list_of(2, "[x, y]"))] | None = None
+    """A point of the picture to focus on, as fractions from its left and top edges."""
+
+    object: ObjectName | None = None
+    """Name of the object to focus on, wherever it is seen."""
+
+    policy: Policy = "closest"
+    """Which of several zones decides."""
+
+    draw_zones: Annotated[bool, Field(strict=True)] = False
+    """Whether the zones are drawn into PNG files as white rectangles."""
+
+    @model_validator(mode="after")
+    def _check_zones(self) -> Self:
+        for index, zone in enumerate(self.zones or ()):
+            if not (zone[0] < zone[1] and zone[2] < zone[3]):
+                raise refuse(
+                    "has no area",
+                    got=list(zone),
+                    allowed="0 <= x0 < x1 <= 1 and 0 <= y0 < y1 <= 1",
+                    path=("zones", index),
+                )
+        return self
+
+
+def _from_method(value: object) -> object:
+    """Return the mapping of an autofocus that is only a method."""
+    if not isinstance(value, str):
+        return value
+    if value not in METHODS:
+        raise refuse(f"is no method{near_name(value, METHODS)}", got=value, allowed=f"{listed(METHODS)} or a mapping")
+    return {"method": value}
+
+
+AutoFocusOrMethod = Annotated[
+    AutoFocus, BeforeValidator(_from_method), AlsoAccepts({"enum": list(METHODS), "description": "A method alone."})
+]
+
+
+class FoundFocus(SceneModel):
+    """Focus of a thin lens that is found: by autofocus, or on an object. Exactly one of these."""
+
+    alternatives: ClassVar[tuple[Alternatives, ...]] = (Alternatives(("auto", "object"), required=True),)
+
+    auto: AutoFocusOrMethod | None = None
+    """Autofocus."""
+
+    object: ObjectName | None = None
+    """Name of an object that the focus follows, as with other lenses."""
+
+
+# Where a real lens is focused.
+
+
+class Focus(SceneModel):
+    """Focus of a real lens: where the object plane, the film or the group is. Exactly one of these, or `auto`.
+
+    The eye is the centre of the film, so `distance_m`, `point` and `object` fix a plane of the scene, at right angles
+    to the axis. `front_distance_m` fixes it relative to the lens: the plane lies farther from the eye by the length of
+    the lens and the film distance, which follow from it.
+    """
+
+    alternatives: ClassVar[tuple[Alternatives, ...]] = (
+        Alternatives(
+            ("distance_m", "front_distance_m", "point", "object", "film_distance_mm", "group_shift_mm", "auto"),
+            required=True,
+        ),
+    )
+
+    distance_m: Metres | None = None
+    """Distance from the object plane in focus to the film [m]."""
+
+    front_distance_m: Metres | None = None
+    """Distance from the object plane in focus to the first vertex of the lens [m]."""
+
+    point: Position | None = None
+    """A point of the object plane in focus [scene units]."""
+
+    object: ObjectName | None = None
+    """Name of an object that the focus follows: the object plane goes through the middle of the box round it, where
+    camera and object are when the shutter opens."""
+
+    film_distance_mm: Millimetres | None = None
+    """Distance from the last vertex of the lens to the film [mm]."""
+
+    group_shift_mm: Annotated[float, Field(ge=-1e6, le=1e6), NUMBER] | None = None
+    """How far the focusing group of the lens stands towards the film from its place in the lens file [mm]; of
+    floating groups the change of the gap that changes most."""
+
+    auto: AutoFocusOrMethod | None = None
+    """Autofocus."""
+
+    method: Literal["thick", "spot"] = "thick"
+    """How the film distance of an object plane is found: first-order optics, or the least spot of traced rays."""
+
+    field: Annotated[tuple[Fraction, Fraction], BeforeValidator(list_of(2, "[x, y]"))] | None = None
+    """With method `spot`: where in the picture the spot is least, as fractions from its left and top edges; on the
+    axis by default."""
+
+    @model_validator(mode="after")
+    def _check_method(self) -> Self:
+        given = [key for key in ("film_distance_mm", "group_shift_mm", "auto") if getattr(self, key) is not None]
+        if self.method != "thick" and given:
+            raise refuse(
+                f"seeks the film distance, which {given[0]} gives already",
+                got=self.method,
+                allowed="distance_m, front_distance_m, point or object beside it",
+                path=("method",),
+            )
+        if self.field is not None and self.method != "spot":
+            raise refuse(
+                "says where the spot is least",
+                got=list(self.field),
+                allowed="method: spot beside it",
+                path=("field",),
+            )
+        return self
+
+
+# What a scene says about its lens: which one, its opening, its losses, and the largest error of a cheaper model.
 
 MAX_TEXT = 1000
 MAX_DEPTH = 16
@@ -292,3 +550,106 @@ class Accuracy(SceneModel):
         if value != "auto":
             raise refuse("is not what a camera may err by", allowed="auto, or a mapping of bounds")
         return {}
+
+
+# A lens that is not quite its design: a copy made within tolerances.
+
+GRADES = ("commercial", "precision", "high_precision")
+DESIGN, REAL = "a design", "a real lens"  # forms of a lens; not keys
+_PERCENT = re.compile(r"([0-9]{1,3}(?:\.[0-9]{1,6})?) *%")
+_PATTERN = r"^[0-9]{1,3}(\.[0-9]{1,6})? *%$"
+
+
+def _check_percent(value: Any) -> str:
+    """Return a percentage that is written with its sign."""
+    match = _PERCENT.fullmatch(value.strip()) if isinstance(value, str) else None
+    if match is None or not 0 < float(match[1]) <= 100:
+        raise refuse("is no percentage of copies", allowed="above 0 % to 100 %, with its sign: 90%")
+    return str(value)
+
+
+LEAST_EXPANSION, MOST_EXPANSION = -1e-5, 1e-3  # of barrels [1/K]
+PERCENTAGE = {"type": "string", "pattern": _PATTERN}
+Percent = Annotated[str, BeforeValidator(_check_percent), WithJsonSchema(PERCENTAGE)]
+
+
+class AsBuilt(SceneModel):
+    """One of many copies of the lens that are made within tolerances."""
+
+    percentile: Percent
+    """Which copy: so many of all are as good or better, `90%` one of the worse."""
+
+    spec: Annotated[str, Field(min_length=1, max_length=MAX_TEXT)] = "commercial"
+    """The tolerances: a grade (`commercial`, `precision`, `high_precision`), or a file in the scene's folder."""
+
+    @property
+    def percent(self) -> float:
+        """The number of the percentile."""
+        return float(self.percentile.strip().removesuffix("%"))
+
+
+def _from_percentile(value: Any) -> Any:
+    return value if isinstance(value, (dict, SceneModel)) else {"percentile": value}
+
+
+def _check_barrel(value: Any) -> str | float:
+    """Return a material, or an expansion."""
+    allowed = f"{', '.join(BARRELS)}, or a linear expansion from {LEAST_EXPANSION:g} to {MOST_EXPANSION:g} per kelvin"
+    if isinstance(value, str):
+        if value not in BARRELS:
+            raise refuse(f"is no material of a barrel{near_name(value, list(BARRELS))}", allowed=allowed)
+        return value
+    number = read_number(value)
+    if not LEAST_EXPANSION <= number <= MOST_EXPANSION:
+        raise refuse("is no linear expansion", allowed=allowed)
+    return number
+
+
+BARREL_FORMS = {
+    "anyOf": [
+        {"enum": list(BARRELS)},
+        {"type": "number", "minimum": LEAST_EXPANSION, "maximum": MOST_EXPANSION},
+    ]
+}
+
+
+class RealLens(SceneModel):
+    """A lens as it is made, or as heat has it."""
+
+    design: LensReference
+    """The lens by name, file or prescription, as `lens` alone would be."""
+
+    as_built: Annotated[AsBuilt, BeforeValidator(_from_percentile), AlsoAccepts(PERCENTAGE)] | None = None
+    """Which copy of it; the design itself by default."""
+
+    temperature_c: Annotated[float, Field(ge=-100, le=140), NUMBER] = 20.0
+    """Temperature of the lens and the air around it [degrees Celsius]."""
+
+    pressure_hpa: Annotated[float, Field(ge=0, le=2000), NUMBER] = 1013.25
+    """Pressure of that air [hPa]."""
+
+    barrel: Annotated[str | float, BeforeValidator(_check_barrel), WithJsonSchema(BARREL_FORMS)] = "aluminium"
+    """What holds elements and film: a material, or its linear expansion [1/K]."""
+
+    @property
+    def heat(self) -> Heat | None:
+        """What it is exposed to; None at 20 degrees and standard pressure."""
+        barrel = self.barrel if isinstance(self.barrel, float) else BARRELS[self.barrel]
+        heat = Heat(self.temperature_c, self.pressure_hpa, barrel)
+        return None if (heat.celsius, heat.pressure_hpa) == (STANDARD_C, STANDARD_HPA) else heat
+
+
+def _form(value: Any) -> str:
+    return REAL if isinstance(value, RealLens) or (isinstance(value, dict) and "design" in value) else DESIGN
+
+
+LensOrDesign = Annotated[
+    Annotated[LensReference, Tag(DESIGN)] | Annotated[RealLens, Tag(REAL)],
+    Discriminator(_form),
+]
+
+
+def with_design(value: Any, key: str) -> Any:
+    """Return the data of a lens that has keys of a `RealLens`, one of which is to be set."""
+    has_keys = not isinstance(value, (str, dict)) or (isinstance(value, dict) and "design" in value)
+    return value if value is None or has_keys or key not in RealLens.model_fields else {"design": value}

@@ -2,25 +2,727 @@
 
 from __future__ import annotations
 
+import contextlib
+import math
+import os
 from collections.abc import Callable
-from typing import Any
+from dataclasses import asdict, replace
+from functools import cache, lru_cache
+from pathlib import Path
+from typing import Any, Literal, get_args
 
-from rptcam_cl.core.errors import InputError
-from rptcam_cl.scene import COOLEST, HOTTEST, LIGHTS, NO_BALANCE, TONES, Scene, listed, near_name
-from rptcam_cl.viewfinder import exposure_dials, optics_dials
-from rptcam_cl.viewfinder.panel import Dials, Panel, Turned, number, read_dials, word
+from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.core.errors import InputError, RptcamError
+from rptcam_cl.core.files import Folders, References, identity_of_code, keep_arrays, kept_arrays, lenses_dir, name_of
+from rptcam_cl.core.vectors import LUMENS_PER_WATT
+from rptcam_cl.optics.lens import Lens, configured
+from rptcam_cl.optics.library import list_lenses, load_lens, named_lens
+from rptcam_cl.rendering.cameras.model import values_per_irradiance
+from rptcam_cl.scene.base import listed, near_name
+from rptcam_cl.scene.camera import (
+    EnvironmentCamera,
+    LensCamera,
+    PinholeCamera,
+    RealisticCamera,
+    ThickLensCamera,
+    ThinLensCamera,
+)
+from rptcam_cl.scene.exposure import LEAST_CD_M2, MOST_CD_M2, MOST_STOPS, Exposure
+from rptcam_cl.scene.film import COOLEST, HOTTEST, LIGHTS, NO_BALANCE, SIDES_MM, TONES
+from rptcam_cl.scene.lens_settings import CircularAperture, PolygonAperture
+from rptcam_cl.scene.load import change_scene, with_camera
+from rptcam_cl.scene.scene import Scene
+from rptcam_cl.viewfinder.lens_panel import INFINITY_M, focus_keys, nearest_focus_m, perspective
+from rptcam_cl.viewfinder.panel import (
+    F_NUMBERS,
+    SPEEDS,
+    TIMES,
+    Dials,
+    Linked,
+    Mode,
+    Panel,
+    Settings,
+    Turned,
+    by_optics,
+    exposure_of,
+    f_number_of_camera,
+    f_numbers,
+    film_mm,
+    flag,
+    focal_length_mm,
+    has_opening,
+    is_same_size,
+    linked,
+    number,
+    value_per_radiance,
+    word,
+)
 
-__all__ = [
-    "DIALS",
-    "Dials",
-    "Turned",
-    "follow_light",
-    "meter_needle",
-    "read_dials",
-    "turn_dial",
-    "wheel",
-    "zoom_clicks",
-]
+#
+# Which lenses the viewfinder offers: those of the library, and lens files that lie in the scene's own folder.
+#
+# A client names a lens of this list and nothing else: no path that it sends is ever opened.
+
+SUFFIXES = (".yaml", ".yml", ".json", ".dat", ".zmx", ".seq", ".txt")
+_MIXED = (".yaml", ".yml", ".json")
+FOLDERS = ("", "lenses")  # of the scene's folder, that are searched
+KEPT = "lens-list"  # folder of the cache on disk
+MOST_FILES = 1000
+MOST_BYTES = 1 << 20
+
+
+@dataclass(frozen=True)
+class LensEntry:
+    """A lens to choose.
+
+    Attributes
+    ----------
+    name : str
+        What the scene says: a name of the library, or a file relative to the scene's folder.
+    title : str
+        What the lens is called.
+    focal_length_mm, f_number : float or None
+        At the first position of a zoom; None for a lens without focal length.
+    zoom : bool
+    kind : str
+        ``library`` or ``file``.
+    """
+
+    name: str
+    title: str
+    focal_length_mm: float | None
+    f_number: float | None
+    zoom: bool
+    kind: Literal["library", "file"]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the entry as plain values."""
+        return asdict(self)
+
+
+def lens_entries(scene: Scene) -> list[LensEntry]:
+    """Return the lenses that a scene can be seen through, the library first; a scene's own prescription is not here."""
+    return [*_library(), *_files(scene.folders)]
+
+
+@cache
+def _library() -> tuple[LensEntry, ...]:
+    """Return the lenses of the library, as kept from an earlier run: reading them all takes longer than a picture."""
+    files = [(path.name, path.stat().st_size, path.stat().st_mtime_ns) for path in sorted(lenses_dir().glob("*.yaml"))]
+    name = name_of(identity_of_code(("optics", "viewfinder")), files)
+    if (kept := kept_arrays(KEPT, name)) is not None:
+        return tuple(LensEntry(**entry) for entry in kept[1]["lenses"])
+    found = tuple(_entry(name, named_lens(name), "library") for name in list_lenses())
+    keep_arrays(KEPT, name, {}, {"lenses": [entry.as_dict() for entry in found]})
+    return found
+
+
+def _entry(name: str, lens: Lens, kind: Literal["library", "file"]) -> LensEntry:
+    first = lens.first_order()
+    return LensEntry(
+        name, lens.name, _finite(first.focal_length_mm), _finite(first.f_number), len(lens.configurations) > 1, kind
+    )
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def _candidates(folders: Folders) -> list[os.DirEntry[str]]:
+    """Return the files of the scene's folders that may be lenses by their suffix, in the order of names."""
+    found: list[os.DirEntry[str]] = []
+    for folder in FOLDERS:
+        with contextlib.suppress(OSError), os.scandir(folders.base / folder) as entries:
+            files = [each for each in entries if each.name.lower().endswith(SUFFIXES) and each.is_file()]
+            found += sorted(files, key=lambda each: each.path)
+    return found
+
+
+def files_left_out(scene: Scene) -> int:
+    """Return how many files in the scene's folders may be lenses and are not looked at, because there are so many."""
+    return max(0, len(_candidates(scene.folders)) - MOST_FILES)
+
+
+def _files(folders: Folders) -> list[LensEntry]:
+    """Return the lenses among the files of the scene's folder; what is none is passed over."""
+    found = []
+    for each in _candidates(folders)[:MOST_FILES]:
+        with contextlib.suppress(OSError):  # it has gone meanwhile
+            status = each.stat()
+            if status.st_size <= MOST_BYTES:
+                found.append(_read(each.path, folders, (status.st_mtime_ns, status.st_size, status.st_ino)))
+    return [entry for entry in found if entry is not None]
+
+
+@lru_cache(maxsize=2 * MOST_FILES)
+def _read(place: str, folders: Folders, stamp: tuple[int, int, int]) -> LensEntry | None:
+    """Return the lens of a file, None where it is something else; read again when it has changed, by its stamp."""
+    name = Path(place).relative_to(folders.base).as_posix()
+    try:
+        path = folders.find(name)
+        if path.suffix.lower() in _MIXED and b"surfaces" not in path.read_bytes():
+            return None  # a scene, or something else
+        return _entry(name, load_lens(path, References(folders.beside(path))), "file")
+    except (RptcamError, OSError):
+        return None
+
+
+def chosen_lens(scene: Scene, name: str) -> LensEntry:
+    """Return the entry of a lens by its name.
+
+    Raises
+    ------
+    InputError
+        None of that name is offered.
+    """
+    entries = {entry.name: entry for entry in lens_entries(scene)}
+    if name not in entries:
+        raise InputError(
+            f"lens: is not one of the list{near_name(name, list(entries))}"
+            f" (got {name[:80]!r}; allowed: {listed(list(entries))})"
+        )
+    return entries[name]
+
+
+def current_name(scene: Scene) -> str | None:
+    """Return the name of the scene's lens; of a prescription written out, what it is called; None without one."""
+    if not isinstance(scene.camera, LensCamera):
+        return None
+    lens = scene.camera.design
+    return lens if isinstance(lens, str) else str(lens.get("name", "own prescription"))
+
+
+#
+# The dials of exposure: mode, f-number, time, ISO, compensation, lock and metering, linked as on a camera.
+#
+# What the scene can say itself, it says: A is `exposure: auto` by aperture, M with automatic ISO the same by shutter,
+# so that a render meters as the viewfinder does. S and P, and what limits hold back, become `exposure: physical` with
+# the settings that were found.
+
+MODES: tuple[Mode, ...] = get_args(Mode)
+METERINGS = ("average", "centre_weighted", "spot")
+STEADY_EV = 0.02  # change of the light that nothing follows
+MOST_EV = 5.0
+NO_FILM = "the camera has no lens opening: choose M, A, S or P first, and it is exposed as behind an ideal lens"
+
+
+def turn_mode(panel: Panel, value: Any) -> Turned:
+    """Choose M, A, S, P, or the scene's own scale of values; the picture stays as bright as it is, or is metered."""
+    mode: Mode = next(known for known in MODES if known == word("mode", value, MODES))
+    dials = panel.dials
+    if mode == dials.mode:
+        return panel.same()
+    if mode == "relative":
+        return _as_values(panel)
+    settings, pushed = panel.settings, 0.0
+    words = f"the camera has no lens opening: it is exposed as behind an ideal lens at f/{settings.f_number:g}"
+    messages = (words,) if panel.without_film else ()
+    if dials.mode == "relative" or panel.without_film:
+        settings, dials = _as_bright(panel, settings), replace(dials, ev=0.0)
+    elif dials.mode == "M" and not dials.auto_iso:
+        pushed = dials.ev
+    if mode == "M" and not dials.auto_iso:  # the settings hold what the meter and the compensation had brought
+        dials = replace(dials, ev=0.0, locked_cd_m2=None)
+    new = replace(panel, dials=replace(dials, mode=mode))
+    turned = _relinked(new, settings, standing=settings, ev_change=pushed)
+    return replace(turned, messages=(*messages, *turned.messages))
+
+
+def _as_values(panel: Panel) -> Turned:
+    """Return the scene with values that stand for radiance, as bright as it is."""
+    ev = math.log2(value_per_radiance(panel.resolved))
+    exposure = Exposure(mode="relative", ev=min(max(ev, -MOST_STOPS), MOST_STOPS))
+    dials = replace(panel.dials, mode="relative", auto_iso=False, ev=exposure.ev, locked_cd_m2=None, written=exposure)
+    return Turned(dials, {"exposure": _said(exposure)})
+
+
+def _as_bright(panel: Panel, settings: Settings) -> Settings:
+    """Return settings that make a picture as bright as the scene's own scale: by the time, then by the ISO."""
+    wanted = value_per_radiance(panel.resolved) * 2.0**panel.resolved.exposure.neutral_density_stops
+    low, high = panel.limits.time_s
+    light = panel.light(settings.f_number)
+    time_s = min(max(wanted / (light * values_per_irradiance(1.0, settings.iso)), low), high)
+    if low < time_s < high:
+        return replace(settings, time_s=time_s)
+    return replace(settings, time_s=time_s, iso=wanted / (light * values_per_irradiance(time_s, 1.0)))
+
+
+def turn_f_number(panel: Panel, value: Any) -> Turned:
+    """Set the f-number, in M and A."""
+    wanted = F_NUMBERS.exact(number("f_number", value))
+    if panel.dials.mode in ("S", "P"):
+        return panel.same(f"the f-number follows in {panel.dials.mode}")
+    if panel.without_film:
+        return panel.same(NO_FILM)
+    low, high = panel.limits.f_number
+    f_number = min(max(wanted, low), high)
+    messages = () if f_number == wanted else (f"the lens goes from f/{low:.3g} to f/{high:.3g}",)
+    settings = replace(panel.settings, f_number=f_number)
+    turned = _relinked(panel, settings)
+    return replace(turned, messages=(*messages, *turned.messages))
+
+
+def turn_time(panel: Panel, value: Any) -> Turned:
+    """Set the exposure time, in M and S; where values stand for radiance it only smears what moves."""
+    wanted = TIMES.exact(number("shutter_s", value))
+    if panel.dials.mode in ("A", "P"):
+        return panel.same(f"the time follows in {panel.dials.mode}")
+    low, high = panel.limits.time_s
+    time_s = min(max(wanted, low), high)
+    messages = () if time_s == wanted else (f"the shutter goes from {TIMES.text(low)} to {TIMES.text(high)}",)
+    if panel.dials.mode == "relative":
+        words = "values stand for radiance, whatever the time: choose M, A, S or P to expose"
+        return Turned(panel.dials, {"shutter.time_s": time_s}, (*messages, words))
+    turned = _relinked(panel, replace(panel.settings, time_s=time_s))
+    return replace(turned, messages=(*messages, *turned.messages))
+
+
+def turn_iso(panel: Panel, value: Any) -> Turned:
+    """Set the ISO."""
+    wanted = SPEEDS.exact(number("iso", value))
+    if panel.dials.mode == "relative":
+        return panel.same("values stand for radiance, whatever the ISO: choose M, A, S or P to expose")
+    if panel.dials.auto_iso:
+        return panel.same("the ISO is automatic")
+    low, high = panel.limits.iso
+    iso = min(max(wanted, low), high)
+    messages = () if iso == wanted else (f"the ISO goes from {low:.3g} to {high:.6g}",)
+    turned = _relinked(panel, replace(panel.settings, iso=iso))
+    return replace(turned, messages=(*messages, *turned.messages))
+
+
+def turn_auto_iso(panel: Panel, value: Any) -> Turned:
+    """Leave the ISO to the meter, or keep what it has found."""
+    on = flag("auto_iso", value)
+    if panel.dials.mode == "relative":
+        return panel.same("values stand for radiance, whatever the ISO: choose M, A, S or P to expose")
+    if on == panel.dials.auto_iso:
+        return panel.same()
+    dials, pushed = replace(panel.dials, auto_iso=on), 0.0
+    if panel.dials.mode == "M":
+        pushed = panel.dials.ev if on else 0.0
+        dials = dials if on else replace(dials, ev=0.0, locked_cd_m2=None)  # the ISO that was found holds it
+    return _relinked(replace(panel, dials=dials), panel.settings, ev_change=pushed)
+
+
+def turn_ev(panel: Panel, value: Any) -> Turned:
+    """Set the compensation: what is free follows; in M, and where values stand for radiance, it scales the film."""
+    wanted = number("ev", value)
+    ev = min(max(wanted, -MOST_EV), MOST_EV)
+    messages = () if ev == wanted else (f"compensation goes from -{MOST_EV:g} to +{MOST_EV:g} EV",)
+    new = replace(panel, dials=replace(panel.dials, ev=ev))
+    turned = _relinked(new, panel.settings, ev_change=ev - panel.dials.ev)
+    return replace(turned, messages=(*messages, *turned.messages))
+
+
+def turn_lock(panel: Panel, value: Any) -> Turned:
+    """Hold the reading of the meter, or let it go."""
+    on = flag("lock", value)
+    dials = panel.dials
+    if not _follows(panel):
+        return panel.same("nothing follows the meter, so there is nothing to lock") if on else panel.same()
+    stands = panel.reading_cd_m2 or _standing_reading(panel)
+    reading = min(max(stands, LEAST_CD_M2), MOST_CD_M2) if on else None
+    return _relinked(replace(panel, dials=replace(dials, locked_cd_m2=reading)), panel.settings)
+
+
+def turn_metering(panel: Panel, value: Any) -> Turned:
+    """Choose what the meter weighs: the frame, its middle, or a spot."""
+    metering = word("metering", value, METERINGS)
+    dials = replace(panel.dials, metering=metering)
+    if metering != "spot":
+        dials = replace(dials, spot_at=(0.5, 0.5))
+    return _written(replace(panel, dials=dials), Linked(panel.settings, 0.0, ()))
+
+
+def panel_follow_light(panel: Panel) -> Turned:
+    """Return what follows when the meter reads something new; nothing where the scene's own metering follows.
+
+    Parameters
+    ----------
+    panel
+        With the new reading.
+    """
+    if panel.reading_cd_m2 is None or panel.dials.locked_cd_m2 is not None or not _follows(panel):
+        return panel.same()
+    if panel.without_film:
+        return panel.same()
+    turned = _relinked(panel, panel.settings)
+    if panel.dials.written.mode == "physical" and turned.dials.written.mode == "physical":
+        wanted = _wanted(panel, panel.settings, 0.0)
+        off = abs(math.log2(exposure_of(panel.settings, panel.light) / wanted))
+        if off < STEADY_EV:
+            return replace(panel.same(), messages=turned.messages)
+    return turned
+
+
+def panel_needle(panel: Panel) -> float | None:
+    """Return how much brighter the settings make the metered part than its target [EV]; None without a reading."""
+    reading = panel.dials.locked_cd_m2 or panel.reading_cd_m2
+    if reading is None or panel.resolved.exposure.mode == "auto":
+        return None
+    value = reading / LUMENS_PER_WATT * value_per_radiance(panel.resolved)
+    return math.log2(value / panel.dials.target)
+
+
+def _follows(panel: Panel) -> bool:
+    return panel.dials.mode in ("A", "S", "P") or (panel.dials.mode == "M" and panel.dials.auto_iso)
+
+
+def _standing_reading(panel: Panel) -> float:
+    """Return the reading for which the settings as they stand would be right [cd/m²]."""
+    dials, exposure = panel.dials, panel.resolved.exposure
+    lets = exposure_of(panel.settings, panel.light) * 2.0**-exposure.neutral_density_stops
+    return float(dials.target * 2.0**dials.ev / lets * LUMENS_PER_WATT)
+
+
+def _wanted(panel: Panel, standing: Settings, ev_change: float) -> float:
+    """Return the film value per radiance that the meter asks for, before the filter takes its part.
+
+    Without a reading, that of the settings as they stood, and the change of compensation.
+    """
+    dials = panel.dials
+    reading = dials.locked_cd_m2 or panel.reading_cd_m2
+    if reading is None:
+        return float(exposure_of(standing, panel.light) * 2.0**ev_change)
+    stops = dials.ev + panel.resolved.exposure.neutral_density_stops
+    return float(dials.target * 2.0**stops / reading * LUMENS_PER_WATT)
+
+
+def _relinked(panel: Panel, settings: Settings, standing: Settings | None = None, ev_change: float = 0.0) -> Turned:
+    """Return the settings with what is free found anew, and written into the scene."""
+    dials = panel.dials
+    if not _follows(panel) or _is_metered_by_scene_alone(panel):
+        return _written(panel, Linked(settings, 0.0, ()))
+    wanted = _wanted(panel, standing or panel.settings, ev_change)
+    return _written(panel, linked(dials.mode, dials.auto_iso, settings, wanted, panel.limits, panel.light))
+
+
+def _is_metered_by_scene_alone(panel: Panel) -> bool:
+    """Return whether the exposure is `auto` of a camera without a film: compensation is the only dial that counts."""
+    return panel.without_film and panel.scene.exposure.mode == "auto" and panel.dials.mode == "A"
+
+
+def _written(panel: Panel, found: Linked) -> Turned:
+    """Return the changes of the scene that settings stand for, and the limits that hold them back."""
+    dials, settings, scene = panel.dials, found.settings, panel.scene
+    exposure = _exposure(panel, found)
+    changes: dict[str, Any] = {}
+    if has_opening(scene) and settings.f_number != panel.settings.f_number:
+        changes["camera.f_number"] = settings.f_number
+    if (exposure.mode == "physical" or dials.auto_iso) and settings.time_s != scene.shutter.time_s:
+        changes["shutter.time_s"] = settings.time_s
+    if exposure != scene.exposure:
+        changes["exposure"] = _said(exposure)
+    return Turned(replace(dials, written=exposure), changes, _words(panel, found))
+
+
+def _exposure(panel: Panel, found: Linked) -> Exposure:
+    """Return the exposure of a scene that stands for the state of the body."""
+    dials, scene, settings = panel.dials, panel.scene, found.settings
+    old = scene.exposure
+    f_number = None if has_opening(scene) else settings.f_number
+    if dials.mode == "relative":
+        return old.model_copy(update={"ev": dials.ev})
+    kept: dict[str, Any] = {"neutral_density_stops": old.neutral_density_stops, "iso": settings.iso}
+    if _is_metered_by_scene_alone(panel):
+        update = {
+            "ev": dials.ev,
+            "metering": dials.metering,
+            "spot_at": dials.spot_at,
+            "lock_cd_m2": dials.locked_cd_m2,
+        }
+        return old.model_copy(update=update)
+    if f_number is not None:
+        kept["f_number"] = f_number
+    automatic = (dials.mode == "A" and not dials.auto_iso) or (dials.mode == "M" and dials.auto_iso)
+    if automatic and not found.clamped:
+        spot = {"spot_at": dials.spot_at} if dials.metering == "spot" else {}
+        priority = "aperture" if dials.mode == "A" else "shutter"
+        kept |= {"target": dials.target, "metering": dials.metering, "lock_cd_m2": dials.locked_cd_m2} | spot
+        return Exposure.model_validate({"mode": "auto", "ev": dials.ev, "priority": priority} | kept)
+    ev = dials.ev if dials.mode == "M" and not dials.auto_iso else 0.0
+    return Exposure.model_validate({"mode": "physical", "ev": ev} | kept)
+
+
+def _said(exposure: Exposure) -> dict[str, Any]:
+    """Return an exposure as a scene file says it, without what is so by default."""
+    names = [name for name in type(exposure).model_fields if name == "mode" or exposure.says(name)]
+    plain = exposure.model_dump(mode="json")
+    return {name: plain[name] for name in names}
+
+
+def _words(panel: Panel, found: Linked) -> tuple[str, ...]:
+    if not found.clamped:
+        return ()
+    settings = found.settings
+    texts = {
+        "f_number": F_NUMBERS.text(settings.f_number),
+        "time_s": TIMES.text(settings.time_s),
+        "iso": SPEEDS.text(settings.iso),
+    }
+    lens = " of the lens" if isinstance(panel.scene.camera, LensCamera) and found.clamped == ("f_number",) else ""
+    ends = " and ".join(texts[name] for name in found.clamped)
+    how = "bright" if found.off_ev > 0 else "dark"
+    return (f"{ends} is the limit{lens}: the picture is {abs(found.off_ev):.1f} EV too {how}",)
+
+
+# The dials of the optics: focus, zoom, lens, shape of the stop, film format.
+
+CLICK = 1.03  # of the focal length
+MOST_CROP = 8.0
+WIDEST_DEGREES, NARROWEST_DEGREES = 170.0, 0.5
+SHAPES = ("circle", "polygon", "star", "heart")
+BLADES = (3, 64)
+DEFAULT_BLADES = 7
+INFINITE_M = 1e5  # from here on the focus is at infinity
+
+ZoomKind = Literal["zoom", "angle", "crop", "none"]
+ZOOM_TEXTS: dict[ZoomKind, str] = {
+    "zoom": "the lens zooms",
+    "angle": "the camera's field of view changes",
+    "crop": "a prime cannot zoom: the film is cropped, as by an extender",
+    "none": "a camera that sees the whole sphere has nothing to zoom",
+}
+
+
+def turn_focus(panel: Panel, value: Any) -> Turned:
+    """Focus at a distance [m]; from 100 km on at infinity."""
+    metres, camera = number("focus_m", value), panel.scene.camera
+    if not isinstance(camera, (LensCamera, ThinLensCamera)):
+        return panel.same("everything is sharp through this camera: there is no focus to set")
+    if not metres > 0:
+        raise InputError(f"focus_m: must be above 0 (got {metres:g})")
+    nearest = nearest_focus_m(panel.view)
+    reached = INFINITY_M if metres >= INFINITE_M else max(metres, nearest or 0.0)
+    messages = (f"the nearest focus is {nearest:.3g} m",) if nearest is not None and metres < nearest else ()
+    return Turned(panel.dials, _as_paths(focus_keys(panel.scene, reached)), messages)
+
+
+def _as_paths(keys: dict[str, Any]) -> dict[str, Any]:
+    """Return keys of the camera as key paths of the scene; those that others replace are left out."""
+    return {f"camera.{name}": value for name, value in keys.items() if value is not None}
+
+
+@by_optics
+def zoom_kind(scene: Scene) -> ZoomKind:
+    """Return what zooming does with a camera."""
+    camera = scene.camera
+    if isinstance(camera, EnvironmentCamera):
+        return "none"
+    if isinstance(camera, LensCamera):
+        return "zoom" if len(scene.load_lens().configurations) > 1 else "crop"
+    return "angle"
+
+
+def zoom_range(panel: Panel) -> tuple[float, float] | None:
+    """Return the shortest and the longest focal length to zoom to [mm]; of a crop, as behind the whole film."""
+    focal_mm = focal_length_mm(panel.view)
+    kind = zoom_kind(panel.scene)
+    if focal_mm is None or kind == "none":
+        return None
+    if kind == "zoom":
+        return _zoom_ends(panel.scene)
+    if kind == "crop":
+        return focal_mm, focal_mm * MOST_CROP
+    half = panel.view.film.diagonal_m() * 1e3 / 2
+    ends = tuple(half / math.tan(math.radians(degrees) / 2) for degrees in (WIDEST_DEGREES, NARROWEST_DEGREES))
+    return ends[0], ends[1]
+
+
+@by_optics
+def _zoom_ends(scene: Scene) -> tuple[float, float]:
+    assert isinstance(scene.camera, LensCamera)
+    lens, wavelength_nm = scene.load_lens(), scene.camera.wavelength_nm
+    states = [configured(lens, state.name) for state in lens.configurations]
+    lengths = [state.first_order(wavelength_nm).focal_length_mm for state in states]
+    return min(lengths), max(lengths)
+
+
+def zoomed_mm(panel: Panel) -> float | None:
+    """Return the focal length that the camera is zoomed to [mm]; of a crop, as behind the whole film."""
+    focal_mm = focal_length_mm(panel.view)
+    if focal_mm is None or zoom_kind(panel.scene) != "crop":
+        return focal_mm
+    return focal_mm * panel.dials.whole_mm[0] / panel.dials.cropped_mm[0]
+
+
+def zoom_by(panel: Panel, clicks: float) -> Turned:
+    """Zoom by clicks of a wheel."""
+    here = zoomed_mm(panel)
+    if here is None:
+        return panel.same(ZOOM_TEXTS["none"])
+    return turn_zoom(panel, here * CLICK ** number("zoom", clicks))
+
+
+def turn_zoom(panel: Panel, value: Any) -> Turned:
+    """Zoom to a focal length [mm]."""
+    wanted, ends = number("zoom", value), zoom_range(panel)
+    if ends is None:
+        return panel.same(ZOOM_TEXTS["none"])
+    reached = min(max(wanted, ends[0]), ends[1])
+    messages = (f"it goes from {ends[0]:.4g} to {ends[1]:.4g} mm",) if abs(reached - wanted) > 1e-9 * wanted else ()
+    kind = zoom_kind(panel.scene)
+    if kind == "crop":
+        return _cropped(panel, reached / ends[0], messages)
+    if kind == "zoom":
+        return Turned(panel.dials, _zoomed(panel, reached), messages)
+    return Turned(panel.dials, _widened(panel, reached), messages)
+
+
+def _cropped(panel: Panel, factor: float, messages: tuple[str, ...]) -> Turned:
+    """Return a film that is smaller by a factor than the whole one."""
+    width, height = panel.dials.whole_mm
+    size = (width / factor, height / factor) if factor > 1 + 1e-9 else (width, height)
+    dials = replace(panel.dials, cropped_mm=size)
+    if is_same_size(size, film_mm(panel.scene)):
+        return Turned(dials, {}, messages)
+    return Turned(dials, {"film.size_mm": list(size)}, messages)
+
+
+SIZES = ("format", "size_mm", "width_mm", "diagonal_mm", "pixel_pitch_um")
+
+
+def _zoomed(panel: Panel, focal_mm: float) -> dict[str, Any]:
+    """Return the changes that zoom a lens; an f-number beyond the zoomed lens's widest becomes that."""
+    changes: dict[str, Any] = {"camera.focal_length_mm": focal_mm}
+    camera = panel.scene.camera
+    assert isinstance(camera, LensCamera)
+    if camera.f_number is not None:
+        keys = {"focal_length_mm": focal_mm, "zoom": None, "f_number": None}
+        widest = f_numbers(change_scene(panel.scene, camera=keys))[0]
+        if camera.f_number < widest:
+            changes["camera.f_number"] = widest
+    return changes
+
+
+def _widened(panel: Panel, focal_mm: float) -> dict[str, Any]:
+    """Return the changes that give an ideal camera another field."""
+    camera, here = panel.scene.camera, focal_length_mm(panel.view)
+    assert isinstance(camera, (PinholeCamera, ThinLensCamera)) and here is not None
+    if camera.fov_degrees is None:
+        return {"camera.focal_length_mm": focal_mm}
+    tangent = math.tan(math.radians(camera.fov_degrees) / 2) * here / focal_mm
+    return {"camera.fov_degrees": math.degrees(2 * math.atan(tangent))}
+
+
+def turn_lens(panel: Panel, value: Any) -> Turned:
+    """Change the lens for another of the list; f-number and focus stay as far as it reaches."""
+    if not isinstance(value, str):
+        raise InputError(f"lens: must be a name of the list (got {str(value)[:40]!r})")
+    scene = panel.scene
+    if value == current_name(scene) and isinstance(scene.camera, LensCamera):
+        return panel.same()
+    entry = chosen_lens(scene, value)
+    changed = with_camera(scene, _keys_behind(panel, entry.name, {"distance_m": INFINITY_M}))
+    messages: tuple[str, ...] = ()
+    keys: dict[str, Any] = {"camera.lens": entry.name}
+    f_number, (widest, narrowest) = f_number_of_camera(panel.view), f_numbers(changed)
+    if f_number is not None and widest < narrowest:
+        keys["camera.f_number"] = min(max(f_number, widest), narrowest)
+        if f_number < widest * (1 - 1e-9):
+            messages = (f"{entry.title} opens to f/{widest:.3g}",)
+    nearest, metres = nearest_focus_m(changed), _focus_m(panel.view)
+    if nearest is not None and metres < nearest:
+        messages, metres = (*messages, f"its nearest focus is {nearest:.3g} m"), nearest
+    keys["camera.focus"] = {"distance_m": metres}
+    shape = getattr(scene.camera, "aperture", CircularAperture()).shape
+    if isinstance(scene.camera, RealisticCamera) and shape != "circle" and changed.load_lens().stop is None:
+        keys["camera.aperture"] = {"shape": "circle"}
+        messages = (*messages, f"{entry.title} has no stop to shape: its rims are round")
+    if not isinstance(scene.camera, LensCamera):
+        camera = _keys_behind(panel, entry.name, keys["camera.focus"])
+        f_keys = {"f_number": keys["camera.f_number"]} if "camera.f_number" in keys else {}
+        return Turned(panel.dials, {"camera": _plain(camera | f_keys)}, messages)
+    return Turned(panel.dials, keys | _without(scene.camera, keys), messages)
+
+
+def _without(camera: LensCamera, keys: dict[str, Any]) -> dict[str, Any]:
+    """Return the removals of keys that belong to the lens that was taken off."""
+    gone = [name for name in ("zoom", "focal_length_mm") if getattr(camera, name) is not None]
+    if camera.stop_diameter_mm is not None and "camera.f_number" not in keys:
+        gone.append("stop_diameter_mm")
+    if camera.f_number is not None and "camera.f_number" not in keys:
+        gone.append("f_number")
+    return {f"camera.{name}": None for name in gone}
+
+
+def _keys_behind(panel: Panel, lens: str, focus: dict[str, Any]) -> dict[str, Any]:
+    """Return the keys of the scene's camera behind another lens, wide open."""
+    camera = panel.scene.camera
+    pose = {name: getattr(camera, name) for name in ("eye", "target", "up", "flip", "motion")}
+    kept = {}
+    if isinstance(camera, LensCamera):
+        own = ("lens", "zoom", "focal_length_mm", "stop_diameter_mm", "f_number", "focus", "kind")
+        kept = {name: getattr(camera, name) for name in camera.model_fields_set if name not in own}
+    kind = camera.kind if isinstance(camera, LensCamera) else "realistic"
+    return pose | kept | {"kind": kind, "lens": lens, "focus": focus}
+
+
+def _plain(keys: dict[str, Any]) -> dict[str, Any]:
+    """Return keys of a camera as plain values of YAML, without a motion that is none."""
+    plain = {name: list(value) if isinstance(value, tuple) else value for name, value in keys.items()}
+    motion = [frame.model_dump(mode="json", exclude_none=True) for frame in plain.pop("motion")]
+    return plain | ({"motion": motion} if motion else {})
+
+
+def _focus_m(scene: Scene) -> float:
+    """Return the distance of the plane in focus [m], to the film of a real lens; infinity where there is none."""
+    found = perspective(scene)
+    if found is not None and math.isfinite(found.focus_mm):
+        return min(found.focus_mm * 1e-3, INFINITY_M)
+    if isinstance(scene.camera, PinholeCamera):
+        return float(math.dist(scene.camera.eye, scene.camera.target)) * scene.metres_per_unit
+    return INFINITY_M
+
+
+def turn_stop(panel: Panel, value: Any) -> Turned:
+    """Give the stop another shape."""
+    shape = word("stop", value, SHAPES)
+    if (words := stop_is_fixed(panel.scene)) is not None:
+        return panel.same(words)
+    aperture: dict[str, Any] = {"shape": shape}
+    if shape == "polygon":
+        aperture["blades"] = DEFAULT_BLADES
+    return Turned(panel.dials, {"camera.aperture": aperture})
+
+
+def turn_blades(panel: Panel, value: Any) -> Turned:
+    """Make the stop of so many blades; 0 makes it round."""
+    count = number("blades", value)
+    if count != round(count):
+        raise InputError(f"blades: must be a whole number (got {count:g})")
+    if (words := stop_is_fixed(panel.scene)) is not None:
+        return panel.same(words)
+    if count == 0:
+        return Turned(panel.dials, {"camera.aperture": {"shape": "circle"}})
+    blades = int(min(max(count, BLADES[0]), BLADES[1]))
+    messages = () if blades == count else (f"a stop has from {BLADES[0]} to {BLADES[1]} blades",)
+    aperture = getattr(panel.scene.camera, "aperture", None)
+    kept = {}
+    if isinstance(aperture, PolygonAperture):
+        kept = {name: getattr(aperture, name) for name in ("curvature", "rotation_degrees") if getattr(aperture, name)}
+    return Turned(panel.dials, {"camera.aperture": {"shape": "polygon", "blades": blades} | kept}, messages)
+
+
+@by_optics
+def stop_is_fixed(scene: Scene) -> str | None:
+    """Return why the stop of a camera cannot be shaped; None where it can."""
+    camera = scene.camera
+    if isinstance(camera, ThickLensCamera):
+        return "the stop of a thick lens is round"
+    if isinstance(camera, RealisticCamera):
+        return None if scene.load_lens().stop is not None else "this lens has no stop: its rims limit the light"
+    return None if isinstance(camera, ThinLensCamera) else "this camera has no opening"
+
+
+def turn_format(panel: Panel, value: Any) -> Turned:
+    """Put another film behind the lens."""
+    name = word("format", value, tuple(SIDES_MM))
+    film = change_scene(panel.scene, film=dict.fromkeys(SIZES) | {"format": name})
+    size = film_mm(film)
+    return Turned(replace(panel.dials, whole_mm=size, cropped_mm=size), {"film.format": name})
+
 
 BALANCES = (NO_BALANCE, *LIGHTS)
 
@@ -50,20 +752,20 @@ def turn_tone(panel: Panel, value: Any) -> Turned:
 
 
 DIALS: dict[str, Callable[[Panel, Any], Turned]] = {
-    "mode": exposure_dials.turn_mode,
-    "f_number": exposure_dials.turn_f_number,
-    "shutter_s": exposure_dials.turn_time,
-    "iso": exposure_dials.turn_iso,
-    "auto_iso": exposure_dials.turn_auto_iso,
-    "ev": exposure_dials.turn_ev,
-    "lock": exposure_dials.turn_lock,
-    "metering": exposure_dials.turn_metering,
-    "focus_m": optics_dials.turn_focus,
-    "zoom": optics_dials.turn_zoom,
-    "lens": optics_dials.turn_lens,
-    "stop": optics_dials.turn_stop,
-    "blades": optics_dials.turn_blades,
-    "format": optics_dials.turn_format,
+    "mode": turn_mode,
+    "f_number": turn_f_number,
+    "shutter_s": turn_time,
+    "iso": turn_iso,
+    "auto_iso": turn_auto_iso,
+    "ev": turn_ev,
+    "lock": turn_lock,
+    "metering": turn_metering,
+    "focus_m": turn_focus,
+    "zoom": turn_zoom,
+    "lens": turn_lens,
+    "stop": turn_stop,
+    "blades": turn_blades,
+    "format": turn_format,
     "white_balance": turn_white_balance,
     "temperature_k": turn_temperature,
     "tone": turn_tone,
@@ -98,20 +800,20 @@ def turn_dial(
 
 def follow_light(dials: Dials, scene: Scene, resolved: Scene, reading_cd_m2: float | None) -> Turned:
     """Return what follows a new reading of the meter; no change within 0.02 EV, and where nothing follows."""
-    return exposure_dials.follow_light(Panel(dials, scene, resolved, reading_cd_m2))
+    return panel_follow_light(Panel(dials, scene, resolved, reading_cd_m2))
 
 
 def meter_needle(dials: Dials, scene: Scene, resolved: Scene, reading_cd_m2: float | None) -> float | None:
     """Return how much brighter the metered part is than the meter's target [EV]; None without a reading."""
-    return exposure_dials.meter_needle(Panel(dials, scene, resolved, reading_cd_m2))
+    return panel_needle(Panel(dials, scene, resolved, reading_cd_m2))
 
 
 def wheel(scene: Scene) -> dict[str, str]:
     """Return what the wheel does with this camera: ``zoom``, ``angle``, ``crop`` or ``none``, and how to say it."""
-    does = optics_dials.zoom_kind(scene)
-    return {"does": does, "text": optics_dials.ZOOM_TEXTS[does]}
+    does = zoom_kind(scene)
+    return {"does": does, "text": ZOOM_TEXTS[does]}
 
 
 def zoom_clicks(dials: Dials, scene: Scene, resolved: Scene, clicks: float) -> Turned:
     """Return what turning the wheel changes; a click is 3 % of the focal length."""
-    return optics_dials.zoom_by(Panel(dials, scene, resolved), clicks)
+    return zoom_by(Panel(dials, scene, resolved), clicks)

@@ -1,24 +1,350 @@
-"""The thread that owns the device: it answers requests, renders what somebody waits for, and sleeps otherwise."""
+"""The viewfinder: the thread that owns the device, answers requests and renders what somebody waits for."""
 
 from __future__ import annotations
 
 import logging
 import threading
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
 
-from rptcam_cl.core.errors import RptcamError
-from rptcam_cl.core.host_memory import give_back
-from rptcam_cl.viewfinder.client import Client
+from rptcam_cl.core.errors import DeviceError, InputError, RptcamError, StateError
+from rptcam_cl.core.files import give_back
+from rptcam_cl.scene.scene import Scene
 from rptcam_cl.viewfinder.delivery import Delivery
-from rptcam_cl.viewfinder.inbox import Inbox, Request
-from rptcam_cl.viewfinder.messages import Compare, Dial, Message, Move, Set
-from rptcam_cl.viewfinder.reports import Reports
-from rptcam_cl.viewfinder.requests import Requests
-from rptcam_cl.viewfinder.slot import Slot
-from rptcam_cl.viewfinder.studio import Studio
+from rptcam_cl.viewfinder.dials import lens_entries, turn_dial, zoom_clicks
+from rptcam_cl.viewfinder.messages import (
+    FILE_MEDIA,
+    Ack,
+    Autofocus,
+    BadMessageError,
+    Client,
+    CommandLine,
+    Compare,
+    Dial,
+    Focus,
+    Hello,
+    Inbox,
+    Magnify,
+    Message,
+    Move,
+    Pause,
+    Ping,
+    Pointer,
+    Request,
+    Reset,
+    Resume,
+    Save,
+    SceneRead,
+    SceneText,
+    Set,
+    View,
+    file_bytes,
+    file_name,
+    read_message,
+)
+from rptcam_cl.viewfinder.moves import FocusOrder, focus_at, focus_zones, moved, viewpoint_of
+from rptcam_cl.viewfinder.state import MOST_CLIENTS, hello_message, state_message
+from rptcam_cl.viewfinder.studio import Origin, Slot, Studio, Watch, place_of, scene_error, text_of
+
+# What the engine says to clients without a request: how the camera stands, and what lies under the pointer.
+
+STATE_S = 0.3  # between two states of a camera that moves; finding the depth of field takes longer than a glance
+PANEL_S = 0.1  # between two traces of the rays under the pointer while it moves
+
+
+class Reports:
+    """Reports to clients what has changed; only the engine's thread uses it.
+
+    Parameters
+    ----------
+    studio
+        What the reports are about.
+    delivery
+        Makes the figures of the picture.
+    """
+
+    def __init__(self, studio: Studio, delivery: Delivery) -> None:
+        self._studio, self._delivery = studio, delivery
+        self._reported: tuple[Any, ...] = ()
+        self._is_prepared = False
+        self._last_panel = self._last_state = 0.0
+
+    def inform(self, clients: list[Client]) -> None:
+        """Tell clients how the camera stands, where that has changed, and what lies under their pointers."""
+        slot = self._studio.a
+        if slot is not None:
+            self._state(slot, clients)
+            self._point(slot, clients)
+        for each in self._studio.slots:
+            self._delivery.count(each, clients)
+
+    def _state(self, slot: Slot, clients: list[Client]) -> None:
+        resting = slot.rests_in() <= 0
+        if not resting and time.monotonic() < self._last_state + STATE_S:
+            return
+        answers = tuple((client.number, client.answers) for client in clients)
+        here = (slot.session.generation, slot.dials, slot.messages, self._studio.paused, resting)
+        reported = (*here, *self._compared(), answers)
+        if reported != self._reported and not slot.wants_glance:
+            self._reported, self._last_state = reported, time.monotonic()
+            message = state_message(self._studio, slot, detailed=resting)
+            for client in clients:
+                client.outbox.news("state", message | {"answers": client.answers})
+
+    def prepare(self) -> None:
+        """Find what the first client will want to know, while it is still on its way."""
+        studio = self._studio
+        if studio.a is not None and not self._is_prepared:
+            self._is_prepared = True
+            hello_message(studio, studio.a, 0)
+            state_message(studio, studio.a, detailed=True)
+
+    def greet(self, client: Client) -> None:
+        """Tell a new client what there is and how the camera stands."""
+        studio = self._studio
+        if studio.a is None or client.was_greeted:
+            return
+        token = {} if client.token is None else {"token": client.token}
+        client.outbox.answer(hello_message(studio, studio.a, client.number) | token)
+        client.outbox.news("state", state_message(studio, studio.a, detailed=True))
+        client.was_greeted = studio.was_seen = True
+        if studio.file_error is not None:
+            client.outbox.answer(studio.file_error)
+
+    def _compared(self) -> tuple[Any, ...]:
+        compare = self._studio.compare
+        return (compare["mode"], compare["model"], repr(compare["changes"]), compare["difference"])
+
+    def _point(self, slot: Slot, clients: list[Client]) -> None:
+        """Meter and trace at the pointers that have moved, or under which the picture has changed."""
+        shown = slot.shown
+        for client in clients:
+            place = (client.pointer, None if shown is None else shown.number)
+            if place != client.pointed_at:
+                self._delivery.meter(slot, client)
+                self._lens(slot, client)
+                client.pointed_at = place
+
+    def _lens(self, slot: Slot, client: Client) -> None:
+        panel = self._studio.panel
+        if panel is None or "lens" not in client.wishes.panels:
+            return
+        at = (client.pointer, slot.session.generation)
+        now = time.monotonic()
+        if at == client.lens_at or (slot.rests_in() > 0 and now - self._last_panel < PANEL_S):
+            return
+        self._last_panel = now
+        message: dict[str, Any] = {"type": "lens", "generation": slot.session.generation, "pointer": None}
+        if client.lens_at is None or client.lens_at[1] != at[1]:
+            message |= {"section": panel.section(slot.resolved), "numbers": panel.numbers(slot.resolved)}
+        if client.pointer is not None:
+            message["pointer"] = panel.pointer(slot.resolved, *client.pointer)
+        client.lens_at = at
+        client.outbox.news("lens" if "section" not in message else "lens with section", message)
+
+
+# What the engine does for each kind of message.
 
 LOG = logging.getLogger("rptcam_cl.viewfinder")
+
+
+class Requests:
+    """Answers messages; only the engine's thread uses it.
+
+    Parameters
+    ----------
+    studio
+        What the messages are about.
+    """
+
+    def __init__(self, studio: Studio) -> None:
+        self._studio = studio
+        self._waiting: list[Request] = []
+        self._announced: list[Request] = []  # those whose clients know that they wait
+        self._handlers: dict[type[Message], Callable[[Client | None, Any], None]] = {
+            Set: self._set,
+            Dial: self._dial,
+            Move: self._move,
+            Reset: self._reset,
+            Focus: self._focus,
+            Autofocus: self._autofocus,
+            Pointer: self._pointer,
+            Magnify: self._magnify,
+            Compare: self._compare,
+            Save: self._save,
+            SceneText: self._scene,
+            CommandLine: self._command,
+            Pause: self._pause,
+            Resume: self._pause,
+            View: self._view,
+            SceneRead: self._scene_read,
+        }
+
+    def answer(self, request: Request) -> None:
+        """Do what a message asks; what is wrong with it is reported to its client."""
+        client, message = request.client, request.message
+        try:
+            self._handlers[type(message)](client, message)
+        except (InputError, StateError) as problem:
+            self._refuse(client, message, problem)
+            return
+        except Exception as problem:
+            LOG.exception("the viewfinder met an unexpected error in a message %s", type(message).__name__)
+            if client is not None:
+                client.error(text_of(problem), message.id, "device" if isinstance(problem, DeviceError) else "change")
+            if isinstance(problem, DeviceError):
+                raise
+            return
+        if client is not None and isinstance(message, Set | Dial | Move):
+            client.answers = message.id
+        if client is not None and not isinstance(message, _WITH_OWN_ANSWER):
+            client.done(message.id, self._studio.generation)
+
+    def _refuse(self, client: Client | None, message: Message, problem: RptcamError) -> None:
+        if client is not None:
+            text = str(problem)
+            source = "save" if isinstance(message, Save) else "change"
+            client.error(text, message.id, source, place_of(text))
+
+    def _set(self, client: Client | None, message: Set) -> None:
+        self._studio.change(message.slot, message.changes, transient=message.transient)
+
+    def _dial(self, client: Client | None, message: Dial) -> None:
+        slot = self._studio.slot(message.slot)
+        turned = turn_dial(slot.dials, slot.scene, slot.resolved, message.name, message.value, slot.reading_cd_m2)
+        slot.messages = turned.messages
+        if turned.changes:
+            self._studio.change(message.slot, turned.changes, transient=message.transient, dials=turned.dials)
+        slot.dials = turned.dials
+
+    def _move(self, client: Client | None, message: Move) -> None:
+        slot = self._studio.slot("A")
+        if message.kind == "zoom":
+            turned = zoom_clicks(slot.dials, slot.scene, slot.resolved, message.dy)
+            slot.messages = turned.messages
+            if turned.changes:
+                self._studio.change("A", turned.changes, transient=message.transient, dials=turned.dials)
+        else:
+            before = viewpoint_of(slot.resolved)
+            keys = moved(before, message.kind, message.dx, message.dy, message.dz).changes(before)
+            if keys:
+                self._studio.change("A", keys, transient=message.transient)
+
+    def _reset(self, client: Client | None, message: Reset) -> None:
+        self._studio.reset("camera" if message.what == "camera" else "")
+
+    @property
+    def any_waits(self) -> bool:
+        """Whether requests wait until their kernels are compiled."""
+        return bool(self._waiting)
+
+    def answer_waiting(self) -> None:
+        """Answer the requests whose kernels have been compiled meanwhile."""
+        self._announced, self._waiting = self._waiting, []
+        for request in self._announced:
+            self.answer(request)
+
+    def _compiles(self, client: Client | None, message: Focus | Autofocus, **place: Any) -> bool:
+        """Return whether another process is still at the kernels of a search for focus; the picture goes on then."""
+        slot = self._studio.slot("A")
+        method = message.method if isinstance(message, Autofocus) else None
+        order = FocusOrder(slot.session.device.info.id, slot.scene, method, place)
+        if slot.session.is_carried_out(("focus", method), order.pickled):
+            return False
+        request = Request(client, message)
+        if client is not None and request not in self._announced:
+            text = "autofocus: its kernels are being compiled, the picture goes on"
+            client.outbox.news("focus", {"type": "notice", "kind": "focus", "ok": True, "text": text})
+        self._waiting.append(request)
+        return True
+
+    def _focus(self, client: Client | None, message: Focus) -> None:
+        if not self._compiles(client, message, point=(message.x, message.y)):
+            slot = self._studio.slot("A")
+            self._focused(client, message, focus_at(slot.scene, slot.session.device, message.x, message.y))
+
+    def _autofocus(self, client: Client | None, message: Autofocus) -> None:
+        zones = None if message.zones is None else [tuple(zone) for zone in message.zones]
+        if not self._compiles(client, message, zones=zones):
+            slot = self._studio.slot("A")
+            self._focused(client, message, focus_zones(slot.scene, slot.session.device, message.method, zones))
+
+    def _focused(self, client: Client | None, message: Message, focused: Any) -> None:
+        self._studio.change("A", focused.changes)
+        if client is not None:
+            client.outbox.answer({"type": "focused", "id": message.id, **focused.as_dict()})
+
+    def _pointer(self, client: Client | None, message: Pointer) -> None:
+        if client is not None:
+            client.pointer = message.place
+
+    def _magnify(self, client: Client | None, message: Magnify) -> None:
+        if client is not None:
+            client.magnifier = None if message.place is None else message
+            client.shown.pop("A", None)
+
+    def _view(self, client: Client | None, message: View) -> None:
+        if client is not None:
+            client.wishes = client.wishes.changed(message)
+            client.forget_pictures()
+
+    def _compare(self, client: Client | None, message: Compare) -> None:
+        wanted = message.model_dump(include={"mode", "model", "changes", "difference"})
+        now = self._studio.compare
+        both_on = "off" not in (wanted["mode"], now["mode"])
+        if both_on and all(wanted[key] == now[key] for key in ("model", "changes")):
+            self._studio.compare = wanted
+        else:
+            self._studio.set_compare(wanted)
+
+    def _save(self, client: Client | None, message: Save) -> None:
+        slot = self._studio.slot(message.slot)
+        if slot.session.spp == 0:
+            slot.session.take(1)
+        data = file_bytes(slot.session.image(), message.format)
+        name = file_name(message.name, message.format)
+        if client is not None:
+            media = FILE_MEDIA[message.format]
+            client.outbox.answer({"type": "file", "id": message.id, "name": name, "media": media}, data)
+
+    def _scene(self, client: Client | None, message: SceneText) -> None:
+        slot = self._studio.slot(message.slot)
+        text = self._studio.origin.text(slot.scene)
+        if client is not None:
+            client.outbox.answer({"type": "scene", "id": message.id, "yaml": text, "name": self._studio.origin.name})
+
+    def _command(self, client: Client | None, message: CommandLine) -> None:
+        slot = self._studio.slot(message.slot)
+        text = self._studio.origin.command(slot.scene, slot.session.spp)
+        if client is not None:
+            client.outbox.answer({"type": "command", "id": message.id, "text": text})
+
+    def _pause(self, client: Client | None, message: Pause | Resume) -> None:
+        self._studio.paused = isinstance(message, Pause)
+
+    def _scene_read(self, client: Client | None, message: SceneRead) -> None:
+        try:
+            dropped = self._studio.replace(message.scene)
+        except InputError as problem:
+            self._studio.file_error = scene_error(str(problem))
+            self._studio.tell(self._studio.file_error)
+            return
+        self._studio.file_error = None
+        text = "; ".join(("the scene file was read again", *(f"no longer possible: {item}" for item in dropped)))
+        self._studio.tell({"type": "notice", "kind": "watch", "ok": True, "text": text})
+
+
+_WITH_OWN_ANSWER = (
+    Focus, Autofocus, Save, SceneText, CommandLine, Pointer,
+    Magnify,
+)  # fmt: skip
+
+
+# The thread that owns the device: it answers requests, renders what somebody waits for, and sleeps otherwise.
+
 LINGER_S = 0.4  # after the last client has gone, for a page that is only loaded again
 COURTESY_S = 0.06  # for pages to paint a first picture, before anything else takes the processor
 TIDY_S = 10.0  # between two times that freed memory is given back, which takes some milliseconds
@@ -213,3 +539,142 @@ class Engine:
                     slot.show(frame, False, answers)
         finally:
             self._refining = None
+
+
+# The viewfinder of one scene, for any number of pages over any transport.
+
+
+class TooManyClientsError(RptcamError):
+    """As many clients as there may be look through the viewfinder."""
+
+
+class Viewfinder:
+    """A scene that is rendered while pages look at it and turn its dials.
+
+    Parameters
+    ----------
+    scene
+        A scene file, which is watched, or what else `load_scene` takes.
+    overrides
+        Changes of the scene as ``--set`` takes them.
+    device
+        As ``--device`` on the command line.
+    size
+        Resolution [pixels] in place of the scene's.
+
+    Raises
+    ------
+    InputError, StateError
+        The scene cannot be used.
+    """
+
+    def __init__(
+        self,
+        scene: Scene | str | Path | Mapping[str, Any],
+        overrides: Iterable[str] = (),
+        *,
+        device: str | None = None,
+        size: tuple[int, int] | None = None,
+    ) -> None:
+        self._lock = threading.Lock()
+        self._clients: dict[int, Client] = {}
+        self._last_number = 0
+        self.origin = Origin(scene, overrides)
+        self._studio = Studio(self.origin, device, size, self.clients)
+        found = self._studio.load()
+        self.warnings = found.warnings
+        self._engine = Engine(self._studio, self.clients)
+        self._engine.start()
+        lens_entries(found)  # which the first page wants to know; meanwhile the engine opens the device
+        self._watch: Watch | None = None
+        if self.origin.path is not None:
+            self._watch = Watch(lambda: self.origin.files, self._read_again)
+            self._watch.start()
+
+    def clients(self) -> list[Client]:
+        """Return those that are connected."""
+        with self._lock:
+            return list(self._clients.values())
+
+    @property
+    def holds_device(self) -> bool:
+        """Whether a device is held: while a page looks, and before the first has come."""
+        return not self._studio.is_closed
+
+    def connect(self, wake: Callable[[], None], token: str | None = None) -> Client:
+        """Return a new client.
+
+        Parameters
+        ----------
+        wake
+            Called, from any thread, when the client's outbox has something to take.
+        token
+            What the client is to come back with, where it does not know that.
+
+        Raises
+        ------
+        TooManyClientsError
+            There are four already.
+        """
+        with self._lock:
+            if len(self._clients) >= MOST_CLIENTS:
+                raise TooManyClientsError(f"{MOST_CLIENTS} pages look through this viewfinder; close one of them")
+            self._last_number += 1
+            client = Client(self._last_number, wake, token)
+            self._clients[client.number] = client
+        self._engine.wake()
+        return client
+
+    def disconnect(self, client: Client) -> None:
+        """Forget a client; the device is freed when it was the last."""
+        with self._lock:
+            self._clients.pop(client.number, None)
+        self._engine.wake()
+
+    def receive(self, client: Client, text: str) -> None:
+        """Take a message of a client; whatever is wrong with it is reported to the client alone."""
+        try:
+            message = read_message(text)
+        except BadMessageError as problem:
+            client.error(str(problem), problem.id, "message", place_of(str(problem)))
+            return
+        if isinstance(message, Ack):
+            client.outbox.acknowledged(message.frame)
+            self._engine.wake()
+        elif isinstance(message, Ping | Hello):
+            client.done(message.id, self._studio.generation)
+        else:
+            try:
+                self._engine.post(client, message)
+            except OverflowError:
+                client.error("too many requests wait; this one is left out", message.id, "message")
+
+    def tell(self, message: Mapping[str, Any]) -> None:
+        """Say something to all clients."""
+        self._studio.tell(message)
+
+    def _read_again(self) -> None:
+        """Show the scene as its files are now; an error leaves the last good picture."""
+        try:
+            scene = self.origin.load()
+        except Exception as problem:  # the watch goes on, whatever a file holds
+            if not isinstance(problem, RptcamError):
+                LOG.exception("the scene file could not be read")
+            self._studio.file_error = scene_error(text_of(problem))
+            self.tell(self._studio.file_error)
+            return
+        self._engine.post(None, SceneRead(scene=scene))
+
+    def close(self, timeout_s: float = 0.6) -> bool:
+        """End; return whether the device was freed in time, and not still compiling."""
+        if self._watch is not None:
+            self._watch.stop()
+        return self._engine.stop(timeout_s)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close(10.0)

@@ -1,14 +1,106 @@
-"""What clients may say: each message is checked whole before anything is done."""
+"""What clients may say and hear: messages checked whole, and what waits to be done and to be sent."""
 
 from __future__ import annotations
 
+import io
+import json
 import math
 import re
+import struct
+import threading
+from collections.abc import Callable, Hashable, Mapping
+from dataclasses import asdict, field, is_dataclass, replace
+from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self
 
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image as Pillow
 from pydantic import BaseModel, ConfigDict, Field, JsonValue, TypeAdapter, ValidationError, model_validator
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.files import scratch_folder
+from rptcam_cl.imaging.development import quantised
+from rptcam_cl.imaging.image import Image
+
+# Films as image data: those of frames, made small enough for the client, and those of files to keep.
+
+Codes = NDArray[np.uint8]
+Format = Literal["jpeg", "webp", "png"]
+MEDIA = {"jpeg": "image/jpeg", "webp": "image/webp", "png": "image/png"}
+FILE_MEDIA = {"png": "image/png", "jpeg": "image/jpeg", "exr": "image/x-exr", "dng": "image/x-adobe-dng"}
+_SUFFIXES = {"png": ".png", "jpeg": ".jpg", "exr": ".exr", "dng": ".dng"}
+_OPTIONS: dict[str, dict[str, Any]] = {
+    "jpeg": {"subsampling": "4:2:0"},
+    "webp": {"method": 0},
+    "png": {"compress_level": 1},
+}
+
+
+def codes_of(image: Image) -> Codes:
+    """Return the developed picture in codes of 8 bits, as PNG files have them."""
+    return np.asarray(quantised(image.developed(), 8), np.uint8)
+
+
+def fitted(codes: Codes, width: int, height: int) -> Codes:
+    """Return codes that are made smaller, by the means of areas, where they have more pixels than they are shown with.
+
+    Parameters
+    ----------
+    codes
+        (height, width, 3 or 4).
+    width, height
+        What the client shows them with [pixels].
+    """
+    rows, columns = codes.shape[:2]
+    scale = min(width / columns, height / rows)
+    if scale >= 1:
+        return codes
+    size = (max(1, round(columns * scale)), max(1, round(rows * scale)))
+    return np.asarray(Pillow.fromarray(codes).resize(size, Pillow.Resampling.BOX))
+
+
+def encoded(codes: Codes, form: Format, quality: int) -> bytes:
+    """Return codes, (height, width, 3 or 4), as an image file."""
+    stream = io.BytesIO()
+    options = _OPTIONS[form] | ({} if form == "png" else {"quality": quality})
+    Pillow.fromarray(codes).save(stream, form.upper(), **options)
+    return stream.getvalue()
+
+
+def file_name(name: str, kind: str) -> str:
+    """Return the name of the file that a client is offered: the one that it requests, with the suffix of its kind."""
+    suffix = _SUFFIXES[kind]
+    return name if name.lower().endswith(suffix) else f"{name}{suffix}"
+
+
+def file_bytes(image: Image, kind: str) -> bytes:
+    """Return what a file of the picture holds.
+
+    Parameters
+    ----------
+    kind
+        One of ``png``, ``jpeg``, ``exr`` and ``dng``.
+
+    Raises
+    ------
+    InputError
+        A raw file is requested, and the scene has no sensor.
+    """
+    with scratch_folder() as folder:
+        path = Path(folder) / f"picture{_SUFFIXES[kind]}"
+        if kind == "dng":
+            try:
+                image.raw().save(path)
+            except InputError:
+                raise InputError("a DNG holds what a sensor puts out (allowed: scenes with `sensor: {}`)") from None
+        else:
+            image.save(path)
+        return path.read_bytes()
+
+
+# What clients may say: each message is checked whole before anything is done.
 
 VERSION = 1
 MOST_BYTES = 64 << 10  # of one message
@@ -277,3 +369,272 @@ def _check_value(key: str, value: Any, number: int | None) -> None:
         raise BadMessageError(f"{key}: files are named by the scene file, not from the page", number)
     elif isinstance(value, str) and _PATH.search(value):
         raise BadMessageError(f"{key}: {value[:80]!r} could name a file; files are named by the scene file", number)
+
+
+# What waits to be sent to one client: answers in their order, and of everything else only the newest.
+
+MOST_UNACKNOWLEDGED = 2  # frames on their way to a client
+MOST_ANSWERS = 512  # that a client may leave unread
+
+
+@dataclass(frozen=True)
+class FrameData:
+    """A frame without its number: header and image bytes."""
+
+    header: Mapping[str, Any]
+    data: bytes
+
+
+def plain(value: Any) -> Any:
+    """Return a value as JSON can say it: arrays are lists, records mappings, and what is not finite is None."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if is_dataclass(value) and not isinstance(value, type):
+        return plain(asdict(value))
+    if isinstance(value, list | tuple):
+        return plain(value._asdict()) if hasattr(value, "_asdict") else [plain(item) for item in value]
+    if hasattr(value, "tolist"):
+        return plain(value.tolist())
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def as_text(message: Mapping[str, Any]) -> str:
+    """Return a message as JSON text, in which what is not finite is null."""
+    return json.dumps(plain(message), ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+
+
+def as_bytes(header: Mapping[str, Any], data: bytes) -> bytes:
+    """Return a binary message: length of the header, header, data."""
+    text = as_text(header).encode()
+    return struct.pack("<I", len(text)) + text + data
+
+
+class Outbox:
+    """Messages for one client; any thread may put, one takes.
+
+    Parameters
+    ----------
+    wake : callable
+        Called, from any thread, when there is something to take.
+    """
+
+    def __init__(self, wake: Callable[[], None]) -> None:
+        self._wake = wake
+        self._lock = threading.Lock()
+        self._answers: list[str | bytes] = []
+        self._news: dict[Hashable, Mapping[str, Any]] = {}
+        self._frames: dict[Hashable, FrameData] = {}
+        self._under_way: set[int] = set()
+        self._last_number = 0
+        self.overflowed = False
+
+    def answer(self, message: Mapping[str, Any], data: bytes | None = None) -> None:
+        """Add a message that is sent whatever comes after it."""
+        with self._lock:
+            if len(self._answers) >= MOST_ANSWERS:
+                self.overflowed = True
+            else:
+                self._answers.append(as_text(message) if data is None else as_bytes(message, data))
+        self._wake()
+
+    def news(self, key: Hashable, message: Mapping[str, Any]) -> None:
+        """Add a message that replaces an earlier one of its key."""
+        with self._lock:
+            self._news[key] = message
+        self._wake()
+
+    def frame(self, key: Hashable, frame: FrameData) -> None:
+        """Add a frame that replaces an earlier one of its key, and takes its place."""
+        with self._lock:
+            self._frames[key] = frame
+        self._wake()
+
+    def acknowledged(self, number: int) -> None:
+        """Note that a frame has arrived."""
+        with self._lock:
+            self._under_way.discard(number)
+        self._wake()
+
+    @property
+    def has_room(self) -> bool:
+        """Whether a frame that is made now could leave."""
+        return len(self._under_way) + len(self._frames) < MOST_UNACKNOWLEDGED
+
+    @property
+    def is_clear(self) -> bool:
+        """Whether the client has all frames that were made for it."""
+        return not (self._under_way or self._frames)
+
+    def take(self) -> list[str | bytes]:
+        """Return what can be sent now."""
+        with self._lock:
+            found: list[str | bytes] = list(self._answers)
+            found += [as_text(message) for message in self._news.values()]
+            self._answers.clear()
+            self._news.clear()
+            while self._frames and len(self._under_way) < MOST_UNACKNOWLEDGED:
+                frame = self._frames.pop(next(iter(self._frames)))
+                self._last_number += 1
+                self._under_way.add(self._last_number)
+                found.append(as_bytes({**frame.header, "frame": self._last_number}, frame.data))
+            return found
+
+
+# One page that looks through the viewfinder: what it wants to see, and what waits for it.
+
+
+@dataclass(frozen=True)
+class Wishes:
+    """How a client wants its pictures; see `View`."""
+
+    width: int = 1920
+    height: int = 1080
+    overlays: Mapping[str, bool] = field(default_factory=dict)
+    zebra_level: float = 0.95
+    peaking_level: float = 0.5
+    format: Format = "jpeg"
+    quality: int = 85
+    panels: tuple[str, ...] = ()
+
+    def changed(self, view: View) -> Wishes:
+        """Return the wishes with those that a message gives."""
+        given = view.model_dump(exclude_none=True, exclude={"type", "id"})
+        if "panels" in given:
+            given["panels"] = tuple(given["panels"])
+        if "overlays" in given:
+            given["overlays"] = {**self.overlays, **given["overlays"]}
+        return replace(self, **given)
+
+    def overlays_on(self) -> tuple[str, ...]:
+        """Return the names of the overlays that are wanted."""
+        return tuple(name for name, wanted in self.overlays.items() if wanted)
+
+
+class Client:
+    """A page, its wishes and its outbox.
+
+    Parameters
+    ----------
+    number
+        Of the client, from 1.
+    wake
+        Called, from any thread, when there is something to send.
+    token
+        What it is to come back with; None where it knows that.
+    """
+
+    def __init__(self, number: int, wake: Callable[[], None], token: str | None = None) -> None:
+        self.token = token
+        self.number = number
+        self.outbox = Outbox(wake)
+        self.wishes = Wishes()
+        self.pointer: tuple[float, float] | None = None
+        self.magnifier: Magnify | None = None
+        self.shown: dict[str, int] = {}  # by slot: number of the picture that was sent last
+        self.counted: dict[str, int] = {}  # and of the one whose histogram was sent last
+        self.answers: int | None = None  # the change of this client that is in force
+        self.lens_at: tuple[tuple[float, float] | None, int] | None = None  # pointer and generation of the last panel
+        self.pointed_at: tuple[tuple[float, float] | None, int | None] | None = None  # and the picture under it
+        self.was_greeted = False
+
+    def forget_pictures(self) -> None:
+        """Take whatever comes next for new."""
+        self.shown.clear()
+        self.counted.clear()
+        self.lens_at = self.pointed_at = None
+
+    def done(self, number: int | None, generation: int, **more: Any) -> None:
+        """Say that a request is in force."""
+        if number is not None:
+            self.outbox.answer({"type": "done", "id": number, "generation": generation, **more})
+
+    def error(self, message: str, number: int | None, source: str, where: str | None = None) -> None:
+        """Say what is wrong."""
+        self.outbox.answer({"type": "error", "id": number, "message": message, "where": where, "source": source})
+
+
+# What clients ask of the engine: newer requests replace older ones that they make needless.
+
+MOST_WAITING = 256
+
+
+@dataclass(frozen=True)
+class Request:
+    """A message and the client that sent it; None where nobody waits for an answer."""
+
+    client: Client | None
+    message: Message
+
+
+def _key(request: Request) -> Hashable:
+    """Return what a request shares with those that it replaces; None where it replaces none."""
+    message = request.message
+    if isinstance(message, Dial):
+        return ("dial", message.slot, message.name)
+    if isinstance(message, Set):
+        return ("set", message.slot, frozenset(message.changes))
+    if isinstance(message, Move):
+        return ("move", message.kind)
+    if isinstance(message, Pointer | Magnify):
+        return (message.type, request.client)
+    return None
+
+
+def _joined(older: Request, newer: Request) -> Request:
+    """Return what stands for two requests of one key: the newer, and of moves both."""
+    if not (isinstance(newer.message, Move) and isinstance(older.message, Move)):
+        return newer
+    before, after = older.message, newer.message
+    steps = {name: getattr(before, name) + getattr(after, name) for name in ("dx", "dy", "dz")}
+    return Request(newer.client, after.model_copy(update=steps))
+
+
+class Inbox:
+    """Requests in their order; any thread puts, the engine takes."""
+
+    def __init__(self) -> None:
+        self._requests: dict[Hashable, Request] = {}
+        self._changed = threading.Condition()
+        self._woken = False
+        self._count = 0
+
+    def put(self, request: Request) -> Request | None:
+        """Add a request; return the one that it replaces.
+
+        Raises
+        ------
+        OverflowError
+            Too many wait.
+        """
+        with self._changed:
+            key = _key(request)
+            if key is None:
+                self._count += 1
+                key = self._count
+            older = self._requests.pop(key, None)
+            if older is None and len(self._requests) >= MOST_WAITING:
+                raise OverflowError
+            self._requests[key] = request if older is None else _joined(older, request)
+            self._woken = True
+            self._changed.notify()
+            return older
+
+    def wake(self) -> None:
+        """Let the engine look around."""
+        with self._changed:
+            self._woken = True
+            self._changed.notify()
+
+    def take(self, timeout_s: float | None) -> list[Request]:
+        """Return all requests, once there is one, the engine is woken, or the time is over."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._woken, timeout_s)
+            self._woken = False
+            found = list(self._requests.values())
+            self._requests.clear()
+            return found
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether nothing waits."""
+        return not self._requests

@@ -3,27 +3,407 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections import OrderedDict
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import field, replace
-from typing import Any
+from functools import wraps
+from pathlib import Path
+from typing import Any, Literal, TypeVar
 
-from rptcam_cl.cameras import camera_model, design_to_focus, lens_setting
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.scene import (
+from rptcam_cl.optics.irradiance import on_axis_irradiance as lens_irradiance
+from rptcam_cl.rendering.cameras.ideal import stop_shape
+from rptcam_cl.rendering.cameras.model import camera_irradiance, values_per_irradiance
+from rptcam_cl.rendering.cameras.realistic import camera_model
+from rptcam_cl.rendering.cameras.setting import design_to_focus, lens_setting
+from rptcam_cl.scene.camera import (
     EnvironmentCamera,
-    Exposure,
     LensCamera,
     PinholeCamera,
-    Scene,
+    RealisticCamera,
     ThinLensCamera,
-    change_scene,
     unknown_camera,
 )
-from rptcam_cl.viewfinder.light import irradiance_per_radiance
-from rptcam_cl.viewfinder.linked import Light, Limits, Mode, Settings
-from rptcam_cl.viewfinder.remembered import by_optics
-from rptcam_cl.viewfinder.scales import SPEEDS, TIMES
+from rptcam_cl.scene.exposure import Exposure
+from rptcam_cl.scene.lens_settings import ImageAperture
+from rptcam_cl.scene.load import at_opening, change_scene
+from rptcam_cl.scene.scene import Scene
+
+# Results that depend on a scene's optics alone, kept for the last few of them: most dials leave the lens as it is.
+
+KEPT = 48  # lens states
+
+T = TypeVar("T")
+
+
+def by_optics(function: Callable[[Scene], T]) -> Callable[[Scene], T]:
+    """Return a function of a scene that remembers what it returned for the same camera, film and files.
+
+    Where the camera stands does not count, unless its focus is a point of the scene.
+    """
+    known: OrderedDict[Hashable, T] = OrderedDict()
+
+    @wraps(function)
+    def remembered(scene: Scene) -> T:
+        key = optics_key(scene)
+        if key not in known:
+            known[key] = function(scene)
+            if len(known) > KEPT:
+                known.popitem(last=False)
+        known.move_to_end(key)
+        return known[key]
+
+    return remembered
+
+
+def optics_key(scene: Scene) -> Hashable:
+    """Return what the optics of a scene depend on; a file counts by its place and the time of its last change."""
+    camera = at_opening(scene).camera
+    pose: set[str] = {"eye", "target", "up", "motion"}
+    if isinstance(camera, LensCamera) and camera.focus.point is not None:
+        pose = set()
+    return (
+        camera.model_dump_json(exclude=pose),
+        scene.film.size_m(),
+        scene.exposure.f_number,
+        scene.metres_per_unit,
+        _files(scene),
+    )
+
+
+def _files(scene: Scene) -> Hashable:
+    source, aperture = scene.lens_source(), getattr(scene.camera, "aperture", None)
+    found = [source] if isinstance(source, Path) else []
+    if isinstance(aperture, ImageAperture) and isinstance(content := scene.content_of(aperture), Path):
+        found.append(content)
+    return tuple((str(path), path.stat().st_mtime_ns) for path in found)
+
+
+#
+# The light at the film: what a lens brings of a scene's radiance, and what of that becomes a film value.
+#
+# The exposure model is that of `cameras`: a film value is radiance times the irradiance of the film's centre per
+# radiance, times what time and ISO make of it (ISO 12232), times compensation and filter.
+
+
+@by_optics
+def irradiance_per_radiance(scene: Scene) -> float | None:
+    """Return the irradiance of the film's centre for radiance 1 everywhere; None where there is no film to speak of.
+
+    Parameters
+    ----------
+    scene
+        In focus.
+    """
+    camera = scene.camera
+    if not isinstance(camera, RealisticCamera):
+        plain = scene.model_copy(update={"exposure": Exposure()})
+        return camera_irradiance(camera_model(plain), scene.exposure)
+    setting, shape = lens_setting(scene), stop_shape(scene, camera.aperture)
+    lens = setting.lens if shape is None else setting.lens.with_stop_shape(shape)
+    return float(lens_irradiance(lens, setting.film_distance_mm, camera.wavelength_nm, setting.transmission))
+
+
+def value_per_radiance(resolved: Scene) -> float:
+    """Return the film's value for radiance 1 [W/(m² sr)] in the middle of the picture.
+
+    Parameters
+    ----------
+    resolved
+        With its exposure resolved.
+    """
+    exposure = resolved.exposure
+    if exposure.mode not in ("irradiance", "physical"):
+        return exposure.factor
+    light = irradiance_per_radiance(resolved)
+    assert light is not None, "a scene with such an exposure has a film"
+    scale = values_per_irradiance(resolved.shutter.time_s, exposure.iso) if exposure.mode == "physical" else 1.0
+    return light * scale * exposure.factor
+
+
+#
+# The linked dials of a camera: which of f-number, time and ISO follows when the light or another dial changes.
+#
+# Exposure here is what the exposure model makes of it: a film value is luminance / 683 times E(N) times 683 t S / 78,
+# with E(N) the irradiance of the film's centre per radiance at the f-number N. `wanted` below is what 683 E t S / 78
+# has to be.
+#
+# | mode | stays | follows | with automatic ISO | |---|---|---|---| | M | N, t | nothing | ISO | | A | N | t, at any
+# length | t up to the hand-held limit, then ISO | | S | t | N | N down to wide open, then ISO | | P | – | N and t by
+# the program | both, then ISO |
+#
+# The program keeps the lens wide open until the time is as short as hands hold, 1 / (focal length on 36 x 24 mm) s;
+# light beyond that is shared between N and t half and half.
+
+Mode = Literal["M", "A", "S", "P", "relative"]
+Light = Callable[[float], float]
+"""Irradiance of the film's centre per radiance, by f-number."""
+
+CLAMPED_EV = 1e-3  # beyond which a limit is worth a word
+INVERTED = 1e-5  # relative error of the light of an f-number that is sought: 1.4e-5 EV
+ROUNDS = 40  # at most; lenses need three
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What the three dials stand at."""
+
+    f_number: float
+    time_s: float
+    iso: float
+
+
+@dataclass(frozen=True)
+class Limits:
+    """How far the dials go.
+
+    Attributes
+    ----------
+    f_number, time_s, iso : (least, most)
+    auto_iso : (least, most)
+        What automatic ISO may choose.
+    hand_held_s : float
+        Longest time that it and the program choose without need.
+    """
+
+    f_number: tuple[float, float]
+    time_s: tuple[float, float]
+    iso: tuple[float, float]
+    auto_iso: tuple[float, float]
+    hand_held_s: float
+
+
+@dataclass(frozen=True)
+class Linked:
+    """Settings that were found.
+
+    Attributes
+    ----------
+    settings : Settings
+    off_ev : float
+        By how much the picture is brighter than wanted, as the dials go no further.
+    clamped : tuple of str
+        Dials that stand at an end: ``f_number``, ``time_s``, ``iso``.
+    """
+
+    settings: Settings
+    off_ev: float
+    clamped: tuple[str, ...]
+
+
+def exposure_of(settings: Settings, light: Light) -> float:
+    """Return the film's value per radiance at given settings, without filter and compensation."""
+    return light(settings.f_number) * values_per_irradiance(settings.time_s, settings.iso)
+
+
+def exposure_value(settings: Settings, light: Light) -> float:
+    """Return the EV at ISO 100: log2(N² / t · 100 / S) with the f-number that the light stands for."""
+    square = math.pi / (4.0 * light(settings.f_number))
+    return math.log2(square / settings.time_s * 100.0 / settings.iso)
+
+
+def linked(mode: Mode, auto_iso: bool, settings: Settings, wanted: float, limits: Limits, light: Light) -> Linked:
+    """Return the settings that bring an exposure, as far as the dials go.
+
+    Parameters
+    ----------
+    settings
+        Where the dials stand; what is free is found anew.
+    wanted
+        Film value per radiance.
+    """
+    if auto_iso:
+        settings = replace(settings, iso=settings.iso if mode == "M" else limits.auto_iso[0])
+    if mode == "A":
+        settings = _by_time(settings, wanted, limits, light, slowest=limits.hand_held_s if auto_iso else None)
+    elif mode == "S":
+        settings = _by_f_number(settings, wanted, limits, light)
+    elif mode == "P":
+        settings = _by_program(settings, wanted, limits, light)
+    if auto_iso:
+        settings = _by_iso(settings, wanted, limits, light)
+        if mode in ("A", "P"):  # as a last resort the time goes beyond what hands hold
+            settings = _only_longer(settings, wanted, limits, light)
+    off = math.log2(exposure_of(settings, light) / wanted)
+    if (mode == "M" and not auto_iso) or abs(off) <= CLAMPED_EV:
+        return Linked(settings, off, ())
+    return Linked(settings, off, _at_an_end(mode, auto_iso, settings, limits))
+
+
+def _at_an_end(mode: Mode, auto_iso: bool, settings: Settings, limits: Limits) -> tuple[str, ...]:
+    free = {"A": ("time_s",), "S": ("f_number",), "P": ("f_number", "time_s")}.get(mode, ())
+    names = (*free, "iso") if auto_iso else free
+    ends = {name: limits.auto_iso if name == "iso" else getattr(limits, name) for name in names}
+    return tuple(name for name, (low, high) in ends.items() if not low < getattr(settings, name) < high)
+
+
+def _within(value: float, ends: tuple[float, float]) -> float:
+    return min(max(value, ends[0]), ends[1])
+
+
+def _by_time(settings: Settings, wanted: float, limits: Limits, light: Light, slowest: float | None) -> Settings:
+    low, high = limits.time_s
+    time_s = wanted / (light(settings.f_number) * values_per_irradiance(1.0, settings.iso))
+    high = high if slowest is None else min(high, max(low, slowest))
+    return replace(settings, time_s=_within(time_s, (low, high)))
+
+
+def _only_longer(settings: Settings, wanted: float, limits: Limits, light: Light) -> Settings:
+    longer = _by_time(settings, wanted, limits, light, slowest=None)
+    return longer if longer.time_s > settings.time_s and exposure_of(settings, light) < wanted else settings
+
+
+def _by_iso(settings: Settings, wanted: float, limits: Limits, light: Light) -> Settings:
+    iso = wanted / (light(settings.f_number) * values_per_irradiance(settings.time_s, 1.0))
+    return replace(settings, iso=_within(iso, limits.auto_iso))
+
+
+def _by_f_number(settings: Settings, wanted: float, limits: Limits, light: Light) -> Settings:
+    bright = wanted / values_per_irradiance(settings.time_s, settings.iso)
+    return replace(settings, f_number=f_number_of(bright, settings.f_number, limits.f_number, light))
+
+
+def f_number_of(bright: float, start: float, ends: tuple[float, float], light: Light) -> float:
+    """Return the f-number that lets so much light through, within the ends of the dial.
+
+    The light goes nearly as 1 / N², so that a few rounds from anywhere are exact.
+    """
+    f_number = _within(start, ends)
+    for _ in range(ROUNDS):
+        share = light(f_number) / bright
+        if abs(share - 1.0) <= INVERTED:
+            return f_number
+        new = _within(f_number * math.sqrt(share), ends)
+        if new == f_number:
+            return new
+        f_number = new
+    return f_number
+
+
+def _by_program(settings: Settings, wanted: float, limits: Limits, light: Light) -> Settings:
+    widest = replace(settings, f_number=limits.f_number[0])
+    open_s = wanted / (light(widest.f_number) * values_per_irradiance(1.0, settings.iso))
+    spare = math.log2(limits.hand_held_s / open_s)
+    if spare > 0:
+        half = light(widest.f_number) * 2.0 ** (-spare / 2)
+        f_number = f_number_of(half, widest.f_number, limits.f_number, light)
+        widest = replace(settings, f_number=f_number)
+    return _by_time(widest, wanted, limits, light, slowest=None)
+
+
+#
+# The scales engraved on dials: f-numbers, exposure times and ISO in thirds of a stop.
+#
+# A step is an exact third, 2^(1/6) in f-number and 2^(1/3) in time and ISO, so that steps on two dials cancel to the
+# bit of rounding; what is written on it is the rounded number that cameras write (ISO 517, APEX), f/5.6 for 2^2.5.
+
+THIRDS = 3  # steps of a stop
+SAME = 1e-6  # relative difference within which a number is the one that is engraved
+
+
+@dataclass(frozen=True)
+class Scale:
+    """A dial in thirds of a stop.
+
+    Attributes
+    ----------
+    per_stop : float
+        Stops of light for a factor of two: 2 for f-numbers, 1 for times and ISO.
+    origin : float
+        Value of step 0.
+    first : int
+        Step of the first engraving.
+    engraved : tuple of str
+        What is written on the steps.
+    numbers : tuple of float
+        The same as numbers.
+    prefix, suffix : str
+        Around what is written.
+    """
+
+    per_stop: float
+    origin: float
+    first: int
+    engraved: tuple[str, ...]
+    numbers: tuple[float, ...]
+    prefix: str = ""
+    suffix: str = ""
+
+    @property
+    def last(self) -> int:
+        """The last step."""
+        return self.first + len(self.engraved) - 1
+
+    def value(self, step: int) -> float:
+        """Return the exact value of a step."""
+        return float(self.origin * 2.0 ** (step / (THIRDS * self.per_stop)))
+
+    def nearest(self, value: float) -> int:
+        """Return the step nearest to a value, on the scale."""
+        step = round(THIRDS * self.per_stop * math.log2(value / self.origin))
+        return min(max(step, self.first), self.last)
+
+    def exact(self, value: float) -> float:
+        """Return the exact value of a step where a value is what is engraved on it, else the value."""
+        for place, number in enumerate(self.numbers):
+            if math.isclose(value, number, rel_tol=SAME):
+                return self.value(self.first + place)
+        return value
+
+    def text(self, value: float) -> str:
+        """Return what a value is called: the engraving of its step, or its own digits between and beyond steps."""
+        step = self.nearest(value)
+        off = THIRDS * self.per_stop * math.log2(value / self.value(step))
+        if abs(off) <= 0.51 and step == round(THIRDS * self.per_stop * math.log2(value / self.origin)):
+            return f"{self.prefix}{self.engraved[step - self.first]}{self.suffix}"
+        return f"{self.prefix}{value:.3g}{self.suffix}"
+
+    def steps(self, low: float, high: float) -> list[float]:
+        """Return the exact values of the steps from a value to another, these included."""
+        values = [self.value(step) for step in range(self.first, self.last + 1)]
+        return [value for value in values if low * (1 - SAME) <= value <= high * (1 + SAME)]
+
+
+def _engraved(text: str) -> tuple[str, ...]:
+    return tuple(text.split())
+
+
+_F = _engraved(
+    "0.5 0.56 0.63 0.7 0.8 0.9 1 1.1 1.2 1.4 1.6 1.8 2 2.2 2.5 2.8 3.2 3.5 4 4.5 5 5.6 6.3 7.1 8 9 10 11 13 14 16 18 20"
+    " 22 25 29 32 36 40 45 51 57 64"
+)
+_FRACTIONS = _engraved(
+    "32000 25600 20000 16000 12800 10000 8000 6400 5000 4000 3200 2500 2000 1600 1250 1000 800 640 500 400 320 250 200"
+    " 160 125 100 80 60 50 40 30 25 20 15 13 10 8 6 5 4"
+)
+_SECONDS = _engraved("0.3 0.4 0.5 0.6 0.8 1 1.3 1.6 2 2.5 3.2 4 5 6 8 10 13 15 20 25 30 40 50 60")
+_SPEEDS = _engraved(
+    "6 8 10 12 16 20 25 32 40 50 64 80 100 125 160 200 250 320 400 500 640 800 1000 1250 1600 2000 2500 3200 4000 5000"
+    " 6400 8000 10000 12800 16000 20000 25600 32000 40000 51200 64000 80000 102400 128000 160000 204800 256000 320000"
+    " 409600"
+)
+
+F_NUMBERS = Scale(2.0, 1.0, -6, _F, tuple(map(float, _F)), prefix="f/")
+TIMES = Scale(
+    1.0,
+    1.0,
+    -45,
+    (*(f"1/{text}" for text in _FRACTIONS), *(f"{text} s" for text in _SECONDS)),
+    (*(1.0 / float(text) for text in _FRACTIONS), *map(float, _SECONDS)),
+)
+SPEEDS = Scale(1.0, 100.0, -12, _SPEEDS, tuple(map(float, _SPEEDS)), prefix="ISO ")
+EV_STEPS = [step / THIRDS for step in range(-5 * THIRDS, 5 * THIRDS + 1)]
+
+
+def ev_text(ev: float) -> str:
+    """Return exposure compensation as cameras write it, in thirds where it is thirds."""
+    thirds = round(ev * THIRDS)
+    if abs(ev * THIRDS - thirds) > 1e-9:
+        return f"{ev:+.2f} EV"
+    sign, (whole, rest) = ("-" if thirds < 0 else "+" if thirds else "±"), divmod(abs(thirds), THIRDS)
+    return f"{sign}{whole if whole or not rest else ''}{('', '⅓', '⅔')[rest]} EV"
+
 
 NARROWEST = 32.0
 IDEAL_F_NUMBERS = (0.5, 64.0)

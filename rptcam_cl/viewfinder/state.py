@@ -1,20 +1,207 @@
-"""How the camera stands, as the page shows it."""
+"""How the camera stands and its dials look, as the page shows them."""
 
 from __future__ import annotations
 
 from typing import Any
 
 from rptcam_cl._version import __version__
-from rptcam_cl.scene import METHODS, LensCamera
-from rptcam_cl.viewfinder.dial_list import dial_list
-from rptcam_cl.viewfinder.dials import meter_needle, wheel
-from rptcam_cl.viewfinder.lens_choice import MOST_FILES, files_left_out, lens_entries
-from rptcam_cl.viewfinder.messages import MOST_BYTES, VERSION
-from rptcam_cl.viewfinder.outbox import MOST_UNACKNOWLEDGED
-from rptcam_cl.viewfinder.overlays import false_colour_legend
-from rptcam_cl.viewfinder.pictures import FILE_MEDIA
-from rptcam_cl.viewfinder.slot import Slot
-from rptcam_cl.viewfinder.studio import Studio
+from rptcam_cl.scene.camera import LensCamera, ThinLensCamera
+from rptcam_cl.scene.film import COOLEST, HOTTEST, SIDES_MM, TONES
+from rptcam_cl.scene.lens_settings import METHODS, Aperture, CircularAperture
+from rptcam_cl.scene.scene import Scene
+from rptcam_cl.viewfinder.dials import (
+    BALANCES,
+    METERINGS,
+    MOST_FILES,
+    SHAPES,
+    ZOOM_TEXTS,
+    current_name,
+    files_left_out,
+    lens_entries,
+    meter_needle,
+    stop_is_fixed,
+    wheel,
+    zoom_kind,
+    zoom_range,
+    zoomed_mm,
+)
+from rptcam_cl.viewfinder.instruments import false_colour_legend
+from rptcam_cl.viewfinder.lens_panel import INFINITY_M, focus_scale, nearest_focus_m, perspective
+from rptcam_cl.viewfinder.messages import FILE_MEDIA, MOST_BYTES, MOST_UNACKNOWLEDGED, VERSION
+from rptcam_cl.viewfinder.panel import EV_STEPS, F_NUMBERS, SPEEDS, TIMES, Dials, Panel, ev_text
+from rptcam_cl.viewfinder.studio import Slot, Studio
+
+# The dials as a page draws them: name, kind, value, text, limits or steps, and whether the exposure mode sets them.
+
+Entry = dict[str, Any]
+
+MODE_LABELS = {"M": "manual", "A": "aperture", "S": "shutter", "P": "program", "relative": "scene values"}
+LINKED = {
+    "f_number": ("S", "P"),
+    "shutter_s": ("A", "P"),
+}
+FOCUS_STEPS = 96
+SRGB_KELVIN = 6500.0  # which leaves a picture in sRGB nearly as it is
+# Correlated colour temperatures of the lights [K]; CIE 15:2018, tables of illuminants.
+KELVIN = {
+    "A": 2856, "D50": 5003, "D55": 5503, "D65": 6504, "D75": 7504, "E": 5455, "F2": 4230, "F7": 6500, "F11": 4000,
+    "LED-B1": 2733, "LED-B2": 2998, "LED-B3": 4103, "LED-B4": 5109, "LED-B5": 6598,
+}  # fmt: skip
+
+
+def dial_list(dials: Dials, scene: Scene, resolved: Scene) -> list[Entry]:
+    """Return every dial as plain values, in the order of a camera: exposure, optics, development."""
+    panel = Panel(dials, scene, resolved)
+    return [*_exposure(panel), *_optics(panel), *_development(panel)]
+
+
+def _entry(name: str, label: str, kind: str, value: Any, text: str, **more: Any) -> Entry:
+    return {
+        "name": name,
+        "label": label,
+        "kind": kind,
+        "value": value,
+        "text": text,
+        "enabled": True,
+        "linked": None,
+    } | (more)
+
+
+def _choice(name: str, label: str, value: Any, choices: dict[Any, str], **more: Any) -> Entry:
+    listed = [{"value": key, "label": words} for key, words in choices.items()]
+    return _entry(name, label, "choice", value, choices.get(value, str(value)), choices=listed, **more)
+
+
+def _exposure(panel: Panel) -> list[Entry]:
+    dials, settings, limits = panel.dials, panel.settings, panel.limits
+    exposes = dials.mode != "relative" and not (panel.without_film and dials.written.mode == "auto")
+    follows = dials.mode in ("A", "S", "P") or dials.auto_iso
+
+    def linked(name: str, by_iso: bool = False) -> str | None:
+        if by_iso and dials.auto_iso:
+            return "computed by automatic ISO"
+        return f"computed by exposure mode {dials.mode}" if dials.mode in LINKED.get(name, ()) else None
+
+    widest, narrowest = limits.f_number
+    stops = [widest, *(value for value in F_NUMBERS.steps(widest, narrowest) if value > widest * 1.02)]
+    fixed = widest == narrowest or panel.without_film
+    return [
+        _choice("mode", "exposure mode", dials.mode, MODE_LABELS),
+        _entry(
+            "f_number", "f-number", "number", settings.f_number, F_NUMBERS.text(settings.f_number), unit="",
+            min=widest, max=narrowest, steps=stops, linked=linked("f_number"),
+            enabled=not fixed and linked("f_number") is None,
+        ),
+        _entry(
+            "shutter_s", "shutter", "number", settings.time_s, TIMES.text(settings.time_s), unit="s",
+            min=limits.time_s[0], max=limits.time_s[1], steps=TIMES.steps(*limits.time_s),
+            linked=linked("shutter_s"), enabled=linked("shutter_s") is None,
+        ),
+        _entry(
+            "iso", "ISO", "number", settings.iso, SPEEDS.text(settings.iso), unit="", min=limits.iso[0],
+            max=limits.iso[1], steps=SPEEDS.steps(*limits.iso), linked=linked("iso", by_iso=True),
+            enabled=exposes and not dials.auto_iso,
+        ),
+        _entry("auto_iso", "automatic ISO", "bool", dials.auto_iso, "on" if dials.auto_iso else "off", enabled=exposes),
+        _entry(
+            "ev", "compensation", "number", dials.ev, ev_text(dials.ev), unit="EV", min=EV_STEPS[0], max=EV_STEPS[-1],
+            steps=EV_STEPS,
+        ),
+        _entry(
+            "lock", "exposure lock", "bool", dials.locked_cd_m2 is not None,
+            "" if dials.locked_cd_m2 is None else f"{dials.locked_cd_m2:.3g} cd/m²", enabled=follows,
+        ),
+        _choice(
+            "metering", "metering", dials.metering, {name: name.replace("_", " ") for name in METERINGS},
+            enabled=follows,
+        ),
+    ]  # fmt: skip
+
+
+def _optics(panel: Panel) -> list[Entry]:
+    scene = panel.scene
+    entries = lens_entries(scene)
+    lenses = {entry.name: entry.title for entry in entries}
+    own = current_name(scene)
+    if own is not None and own not in lenses:
+        lenses = {own: own} | lenses
+    film_format = scene.film.format
+    formats = {name: name.replace("_", " ") for name in SIDES_MM}
+    width, height = (side * 1e3 for side in scene.film.size_m())
+    size = f"{width:.4g} × {height:.4g} mm"
+    return [
+        _choice("lens", "lens", own, lenses if own is not None else {None: "no lens"} | lenses),
+        _focus(panel),
+        _zoom(panel),
+        *_stop(panel),
+        _choice("format", "film", film_format, ({} if film_format else {None: size}) | formats, detail=size),
+    ]  # fmt: skip
+
+
+def _focus(panel: Panel) -> Entry:
+    camera = panel.scene.camera
+    if not isinstance(camera, (LensCamera, ThinLensCamera)):
+        return _entry("focus_m", "focus", "number", None, "everything", unit="m", enabled=False)
+    found, nearest = perspective(panel.view), nearest_focus_m(panel.view)
+    here = None if found is None else min(found.focus_mm * 1e-3, INFINITY_M)
+    text = "nowhere" if here is None else "∞" if here >= INFINITY_M / 10 else f"{here:.3g} m"
+    least = nearest or 0.01
+    steps = [least / (1 - k / FOCUS_STEPS) for k in range(FOCUS_STEPS)] + [INFINITY_M]
+    return _entry(
+        "focus_m", "focus", "number", here, text, unit="m", min=least, max=INFINITY_M, steps=steps,
+        scale=focus_scale(panel.view),
+    )  # fmt: skip
+
+
+def _zoom(panel: Panel) -> Entry:
+    ends, here, kind = zoom_range(panel), zoomed_mm(panel), zoom_kind(panel.scene)
+    if ends is None or here is None:
+        return _entry("zoom", "zoom", "number", None, "", unit="mm", enabled=False, detail=ZOOM_TEXTS[kind])
+    text = f"{here:.3g} mm"
+    if kind == "crop" and here > ends[0] * (1 + 1e-9):
+        text = f"{here / ends[0]:.2f}× crop"
+    return _entry(
+        "zoom", "zoom", "number", here, text, unit="mm", min=ends[0], max=ends[1], step=(ends[1] - ends[0]) / 100,
+        enabled=ends[0] < ends[1], detail=ZOOM_TEXTS[kind],
+    )  # fmt: skip
+
+
+def _stop(panel: Panel) -> list[Entry]:
+    aperture: Aperture = getattr(panel.scene.camera, "aperture", CircularAperture())
+    fixed = stop_is_fixed(panel.scene)
+    shapes = {shape: shape for shape in SHAPES}
+    blades = getattr(aperture, "blades", 0)
+    return [
+        _choice(
+            "stop", "stop", aperture.shape, shapes | {aperture.shape: aperture.shape}, enabled=fixed is None,
+            detail=fixed,
+        ),
+        _entry(
+            "blades", "blades", "number", blades, str(blades) if blades else "round", unit="", min=0, max=16,
+            steps=[0, *range(3, 17)], enabled=fixed is None,
+        ),
+    ]  # fmt: skip
+
+
+def _development(panel: Panel) -> list[Entry]:
+    picture = panel.scene.picture
+    balance = picture.white_balance
+    value: str = "none" if balance is None else balance.light or "own"
+    words = {name: name for name in BALANCES}
+    if value == "own":
+        words = {"own": "set by hand"} | words
+    kelvin = None if balance is None else balance.temperature_k
+    return [
+        _choice("white_balance", "white balance", value, words),
+        _entry(
+            "temperature_k", "temperature", "number", kelvin, "" if kelvin is None else f"{kelvin:.0f} K", unit="K",
+            min=COOLEST, max=HOTTEST, step=50, start=KELVIN.get(value, SRGB_KELVIN),
+        ),
+        _choice("tone", "tone", picture.tone.kind, {name: name for name in TONES}),
+    ]  # fmt: skip
+
+
+# How the camera stands, as the page shows it.
 
 MOST_CLIENTS = 4
 _FOCUS = ("distance_m", "near_m", "far_m", "hyperfocal_m")

@@ -3,19 +3,561 @@
 from __future__ import annotations
 
 import contextlib
+import json
+import math
+import re
+import shlex
+import threading
+import time
 from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
 from typing import Any
 
-from rptcam_cl.api import RenderSession
+from pydantic import BaseModel
+
+from rptcam_cl.api.session import Change, Frame, RenderSession
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, RptcamError
-from rptcam_cl.scene import Scene, change_scene, set_keys
-from rptcam_cl.viewfinder.client import Client
-from rptcam_cl.viewfinder.compare import as_model
-from rptcam_cl.viewfinder.dials import Dials, read_dials
+from rptcam_cl.core.files import named_files
+from rptcam_cl.imaging.formats import RawImage
+from rptcam_cl.imaging.image import Image, with_picture_settings
+from rptcam_cl.scene.camera import LensCamera
+from rptcam_cl.scene.load import change_scene, load_scene, plain, scene_text, set_keys
+from rptcam_cl.scene.scene import Scene
+from rptcam_cl.viewfinder.dials import follow_light
+from rptcam_cl.viewfinder.instruments import as_model, film_reading
 from rptcam_cl.viewfinder.lens_panel import LensPanel
-from rptcam_cl.viewfinder.opening import WITHOUT_METER, open_session
-from rptcam_cl.viewfinder.origin import Changes, Origin, scene_error
-from rptcam_cl.viewfinder.slot import Slot
+from rptcam_cl.viewfinder.messages import Client, Codes, codes_of
+from rptcam_cl.viewfinder.panel import Dials, read_dials
+
+# How much to render at once: the scale of a glance and the samples of a take, from the speed measured.
+
+SCALES = (1.0, 0.5, 0.25, 0.125)
+GLANCE_S = 0.07  # a glance may take: with the way to the page, more than ten of them a second
+TAKE_S = 0.15  # samples of a resting picture may take, so that what the user does next is not kept waiting
+_HEADROOM = 0.6  # of the time that a larger scale may be foreseen to take before it is tried
+_NEWS = 0.5  # weight of the last measurement
+_MOST_SAMPLES = 4096  # of one take
+
+
+class Pace:
+    """Chooses the scale of glances and the samples of takes so that each keeps its time.
+
+    A glance takes a fixed time and one in proportion to its pixels; both are unknown, so that the smaller scales are
+    foreseen by the share of their pixels alone, which is never too little for a larger and never too much for a smaller
+    scale.
+    """
+
+    def __init__(self, glance_s: float = GLANCE_S, take_s: float = TAKE_S) -> None:
+        self._glance_s, self._take_s = glance_s, take_s
+        self._index = 1
+        self._measured = False
+        self._sample_s: float | None = None
+
+    @property
+    def scale(self) -> float:
+        """Scale of the next glance."""
+        return SCALES[self._index]
+
+    @property
+    def samples(self) -> int:
+        """Samples per pixel of the next take."""
+        if self._sample_s is None:
+            return 1
+        return max(1, min(_MOST_SAMPLES, int(self._take_s / max(self._sample_s, 1e-6))))
+
+    def glanced(self, scale: float, seconds: float) -> None:
+        """Note what a glance took; the scale goes down at once where it was too slow, and up where there is room."""
+        if scale != self.scale:
+            return
+        if seconds > self._glance_s and self._index < len(SCALES) - 1:
+            steps = 1 if seconds <= 4 * self._glance_s else 2
+            self._index = min(self._index + steps, len(SCALES) - 1)
+        elif self._index > 0 and seconds * 4 < _HEADROOM * self._glance_s:
+            self._index -= 1
+
+    def took(self, samples: int, seconds: float) -> None:
+        """Note what a take took."""
+        if samples > 0:
+            each = seconds / samples
+            self._sample_s = each if self._sample_s is None else _NEWS * each + (1 - _NEWS) * self._sample_s
+
+
+# The first picture of a scene, by hand where its camera finds no focus or no light by itself.
+
+WITHOUT_METER = {"exposure": "relative"}
+
+
+@dataclass(frozen=True)
+class Opened:
+    """A session, what was set by hand in the scene for it, and why."""
+
+    session: RenderSession
+    by_hand: dict[str, Any]
+    problem: InputError | None = None
+
+
+def open_session(scene: Scene, device: str | None) -> Opened:
+    """Return a session of a scene.
+
+    Where autofocus or the exposure meter fails, the focus is set to the target of the camera and the exposure to
+    ``relative``, so that there is a picture to aim by.
+
+    Raises
+    ------
+    InputError, DeviceError
+        It cannot be rendered by hand either; the error is that of the scene as it is.
+    """
+    try:
+        return Opened(RenderSession(scene, device=device, wait=False), {})
+    except InputError as problem:
+        for by_hand in _ways_by_hand(scene):
+            try:
+                session = RenderSession(set_keys(scene, by_hand), device=device, wait=False)
+            except InputError:
+                continue
+            return Opened(session, by_hand, problem)
+        raise
+
+
+def _ways_by_hand(scene: Scene) -> list[dict[str, Any]]:
+    """Return the keys that set what the camera of a scene is to find: the focus, the exposure, both."""
+    focus: dict[str, Any] = {}
+    exposure: dict[str, Any] = {}
+    camera = scene.camera
+    if scene.requested_autofocus is not None:
+        distance_m = scene.metres_per_unit * math.dist(camera.eye, camera.target)
+        focus = {f"camera.focus{'.' if isinstance(camera, LensCamera) else '_'}distance_m": distance_m}
+    if scene.exposure.mode == "auto":
+        exposure = dict(WITHOUT_METER)
+    return [keys for keys in (focus, exposure, {**focus, **exposure} if focus and exposure else {}) if keys]
+
+
+# Where a scene comes from, and what the page has changed of it: as a scene, as YAML, as a command line.
+
+_PLACE = re.compile(r"^(?P<where>\S[^:\n]*:\d+:\d+): |^(?P<key>[A-Za-z_][\w.\[\]]*): ")
+
+
+class Changes:
+    """Keys of a scene that were changed, each once, in the order of their last change."""
+
+    def __init__(self, keys: Mapping[str, Any] | None = None) -> None:
+        self._keys: dict[str, Any] = {}
+        self.add(keys or {})
+
+    def add(self, keys: Mapping[str, Any]) -> None:
+        """Take further changes; those of keys below a changed key are forgotten with it."""
+        for key, value in keys.items():
+            for old in [old for old in self._keys if old == key or old.startswith((f"{key}.", f"{key}["))]:
+                del self._keys[old]
+            self._keys[key] = value
+
+    def drop(self, prefix: str = "") -> None:
+        """Forget the changes of a part, or all."""
+        for old in [old for old in self._keys if old.startswith(prefix)]:
+            del self._keys[old]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the values by their keys; None removes a key."""
+        return dict(self._keys)
+
+
+class Origin:
+    """The scene file, or the data, that a viewfinder was opened with.
+
+    Parameters
+    ----------
+    scene
+        A path, a mapping as of a scene file, or a scene.
+    overrides
+        As ``--set`` takes them.
+    """
+
+    def __init__(self, scene: Scene | str | Path | Mapping[str, Any], overrides: Iterable[str] = ()) -> None:
+        self.path = Path(scene) if isinstance(scene, str | Path) else None
+        self._given = scene
+        self._overrides = tuple(overrides)
+        self._loaded: Scene | None = None
+        self.files: frozenset[Path] = frozenset()
+
+    @property
+    def name(self) -> str:
+        """File name of the scene, without its folder."""
+        return "scene.yaml" if self.path is None else self.path.name
+
+    def load(self) -> Scene:
+        """Return the scene as it is now in its files; `files` are then those that it names, and its own.
+
+        Raises
+        ------
+        InputError, StateError
+            As `load_scene` does; `files` are then the earlier ones and those that were named up to the error.
+        """
+        own = frozenset() if self.path is None else frozenset({self.path.resolve()})
+        with named_files() as named:
+            try:
+                scene = self._given if isinstance(self._given, Scene) else load_scene(self._given, self._overrides)
+                if isinstance(scene.camera, LensCamera):
+                    scene.load_lens()
+            except BaseException:
+                self.files = self.files | own | named
+                raise
+        self.files = own | named
+        self._loaded = scene
+        return scene
+
+    def text(self, shown: Scene) -> str:
+        """Return the scene that is shown as YAML."""
+        beside = f"; lies beside {self.name}, whose files it names" if len(self.files) > 1 else ""
+        return scene_text(_data(shown), (f"{self.name} as the viewfinder showed it{beside}",))
+
+    def command(self, shown: Scene, spp: int) -> str:
+        """Return the command that renders what is shown.
+
+        Parameters
+        ----------
+        spp
+            Samples per pixel that it is to have.
+        """
+        assert self._loaded is not None, "a scene is loaded before it is shown"
+        changes = _differences("", _data(self._loaded), _data(shown))
+        own = [f"{key}={json.dumps(value, ensure_ascii=False)}" for key, value in changes.items()]
+        sets = [word for text in (*self._overrides, *own) for word in ("--set", text)]
+        name = self.name if self.path is None else str(self.path)
+        output = f"{Path(self.name).stem}.png"
+        return shlex.join(["rptcam", "render", name, *sets, "--spp", str(max(spp, 1)), "-o", output])
+
+
+def _data(scene: Scene) -> dict[str, Any]:
+    """Return what a scene file of a scene holds; parts of a scene made in Python are written out."""
+    given = {name: value for name, value in scene.made_of.items() if value is not None}
+    if all(map(_is_plain, given.values())):
+        return dict(plain(given))
+    dumped = scene.model_dump(mode="json", exclude_unset=True)
+    return {name: plain(value) if _is_plain(value) else dumped.get(name) for name, value in given.items()}
+
+
+def _is_plain(value: Any) -> bool:
+    if isinstance(value, Mapping):
+        return all(map(_is_plain, value.values()))
+    if isinstance(value, list | tuple):
+        return all(map(_is_plain, value))
+    return not isinstance(value, BaseModel)
+
+
+def _differences(path: str, before: Any, after: Any) -> dict[str, Any]:
+    """Return the values of keys that make one part of a scene's data the other; None removes a key."""
+    if before == after:
+        return {}
+    if not (isinstance(before, dict) and isinstance(after, dict)):
+        return {path: after}
+    inside = f"{path}." if path else ""
+    found: dict[str, Any] = {f"{inside}{key}": None for key in before if key not in after}
+    for key, value in after.items():
+        if key not in before:
+            found[f"{inside}{key}"] = value
+        else:
+            found |= _differences(f"{inside}{key}", before[key], value)
+    return found
+
+
+def scene_error(text: str) -> dict[str, Any]:
+    """Return the message of an error in the scene file."""
+    return {"type": "error", "id": None, "message": text, "where": place_of(text), "source": "scene"}
+
+
+def place_of(text: str) -> str | None:
+    """Return the file, line and column, or else the key path, that an error begins with."""
+    found = _PLACE.match(text)
+    return None if found is None else found["where"] or found["key"]
+
+
+# Watches files by looking at them several times a second.
+
+INTERVAL_S = 0.2  # an edit is seen after two looks: when it is there, and when it has come to rest
+
+_State = tuple[int, int, int] | None
+
+
+class Watch:
+    """Calls back when files have changed and then stayed the same for one look.
+
+    Parameters
+    ----------
+    files : callable
+        Returns the files to watch; asked at each look. A missing file counts as one that may come.
+    on_change : callable
+        Called from a thread of the watch's own.
+    """
+
+    def __init__(
+        self, files: Callable[[], Iterable[Path]], on_change: Callable[[], object], interval_s: float = INTERVAL_S
+    ) -> None:
+        self._files, self._on_change, self._interval_s = files, on_change, interval_s
+        self._known: dict[Path, _State] = {}
+        self._end = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="rptcam-watch", daemon=True)
+
+    def start(self) -> None:
+        """Begin; what the files are now is what they are compared with."""
+        self._known = self._states()
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End; no call comes after this unless one is under way."""
+        self._end.set()
+
+    def _states(self) -> dict[Path, _State]:
+        return {path: _state(path) for path in self._files()}
+
+    def _run(self) -> None:
+        changed = False
+        while not self._end.wait(self._interval_s):
+            found = self._states()
+            moving = any(path in self._known and self._known[path] != state for path, state in found.items())
+            self._known = found
+            if moving:
+                changed = True
+            elif changed:
+                changed = False
+                self._on_change()
+
+
+def _state(path: Path) -> _State:
+    try:
+        state = path.stat()
+    except OSError:
+        return None
+    return (state.st_mtime_ns, state.st_size, state.st_ino)
+
+
+# One picture of the viewfinder: a render session, the dials of its camera, and how far it is.
+
+REST_S = 0.25  # after the last movement of what is held, before the picture is refined
+PAUSE = 2.0  # times what a take took, that the old picture leaves to the compilation of what comes after it
+POLL_S = 0.05  # between two looks whether the kernels of the film are there
+_SAME_FILM = ("none", "picture")  # kinds of change after which the film is as it was
+_BODY = ("exposure", "shutter", "sensor", "camera")  # parts of the scene that the dials read
+
+
+@dataclass(frozen=True)
+class Shown:
+    """A frame that was rendered, developed."""
+
+    number: int
+    frame: Frame
+    codes: Codes
+    moving: bool
+    stale: bool
+    answers: Mapping[int, int | None]  # by client: its last change that the frame shows
+    raw: RawImage | None = None  # what the sensor puts out for it, where there is one
+
+
+class Slot:
+    """A picture, ``A`` or ``B``. Only the engine's thread uses it.
+
+    Parameters
+    ----------
+    name
+        ``A`` or ``B``.
+    session
+        What renders; the slot closes it.
+    changes
+        Those that lead from the scene file to the scene of the session.
+    dials
+        The state of the camera's body; read from the scene by default.
+    """
+
+    def __init__(self, name: str, session: RenderSession, changes: Changes, dials: Dials | None = None) -> None:
+        self.name = name
+        self.session = session
+        self.changes = changes
+        self.dials = read_dials(session.scene) if dials is None else dials
+        self.pace = Pace()
+        self.shown: Shown | None = None
+        self.reading_cd_m2: float | None = None
+        self.messages: tuple[str, ...] = ()
+        self._follows = True  # dials that go by the light may change once for each change of the user's
+        self.wants_glance, self.wants_showing = True, False
+        self.compiling = False  # the last change waits for its kernels, and the picture is the one before
+        self.awaits_kernels = False  # of the film, while glances have theirs
+        self._moving_until = self._paused_until = 0.0
+        self.shown_changes = (Changes(changes.as_dict()), self.dials)  # those of the last picture
+        self._number = self._metered = 0
+        self._answers: Mapping[int, int | None] = {}
+        self._next_samples = 1
+        self._last: Frame | None = None  # of what is there now
+        self._reaches_noise = False  # the requested noise
+        self._unread = False  # whether the film has samples that no picture was made of
+
+    @property
+    def scene(self) -> Scene:
+        """As requested."""
+        return self.session.scene
+
+    @property
+    def resolved(self) -> Scene:
+        """In focus and exposed."""
+        return self.session.resolved
+
+    @property
+    def target_spp(self) -> int:
+        """Samples per pixel at which the picture is done."""
+        return self.scene.render.most_spp
+
+    def change(self, keys: Mapping[str, Any], *, transient: bool = False, dials: Dials | None = None) -> Change:
+        """Change the scene, at once or not at all.
+
+        Parameters
+        ----------
+        keys
+            Values by key path; None removes.
+        transient
+            Whether more will come at once, as from a control that is held.
+        dials
+            The camera's body afterwards; without it the scene says.
+
+        Raises
+        ------
+        InputError
+            A value is wrong; nothing is changed.
+        """
+        change = self.session.change(dict(keys), wait=False)
+        self.changes.add(keys)
+        if dials is not None:
+            self.dials = dials
+        elif any(part in _BODY for part in change.keys):
+            self.dials = read_dials(self.scene, self.dials)
+        self.touched(transient, change)
+        return change
+
+    def touched(self, transient: bool, change: Change) -> None:
+        """Note what a change came to: the picture is another from here on, or the film is developed in another way."""
+        self._follows = True
+        self._moving_until = time.monotonic() + (REST_S if transient else 0.0)
+        self.compiling = self.session.is_waiting
+        if change.kind in _SAME_FILM and self._last is not None and not self.wants_glance:
+            self.wants_showing = True
+        elif not self.compiling:
+            self._begin_anew()
+
+    def arrive(self) -> bool:
+        """Show the change that has waited for its kernels, if they are there now; return whether they are."""
+        if not (self.compiling and self.session.ready):
+            return False
+        self.compiling, self._follows = False, True
+        self._begin_anew()
+        return True
+
+    def _begin_anew(self) -> None:
+        self.wants_glance, self._last = True, None
+        self._reaches_noise = self._unread = False
+        self._next_samples = 1
+
+    @property
+    def next_generation(self) -> int:
+        """The generation whose frames show the last change."""
+        return self.session.generation + self.compiling
+
+    def rests_in(self) -> float:
+        """Return the time until the picture is refined [s]; 0 where nothing moves."""
+        return max(0.0, self._moving_until - time.monotonic())
+
+    def refines_in(self) -> float:
+        """Return the time until more samples are taken [s]; longer while another program compiles."""
+        pause = self._paused_until - time.monotonic() if self.compiling or self.awaits_kernels else 0.0
+        return max(pause, self.rests_in())
+
+    @property
+    def is_done(self) -> bool:
+        """Whether there is nothing left to render."""
+        return not self.wants_glance and not self._unread and self._has_all
+
+    @property
+    def _has_all(self) -> bool:
+        return self._reaches_noise or self.session.spp >= self.target_spp
+
+    def glance(self) -> Frame:
+        """Return a first picture of what is there now, at the scale that keeps pace."""
+        scale = self.pace.scale
+        self.wants_glance = self.wants_showing = False
+        self._last = self.session.glance(scale)
+        self.pace.glanced(scale, self._last.seconds)
+        return self._last
+
+    def again(self) -> Frame:
+        """Return the picture that is there, to be developed anew."""
+        assert self._last is not None, "there is one where a change leaves the film"
+        self.wants_showing = False
+        return self._last
+
+    def refine(self, is_wanted: Callable[[], bool]) -> Frame | None:
+        """Return the picture with more samples; None where it cannot have any yet, or was left within the first.
+
+        Parameters
+        ----------
+        is_wanted
+            Whether it is still wanted once the samples are there: otherwise nothing is made of them.
+        """
+        if not self._has_all:
+            self.awaits_kernels = not self.session.is_film_ready()
+            if self.awaits_kernels:
+                self._paused_until = time.monotonic() + POLL_S
+                return None
+            self._add()
+        self._unread = not is_wanted()
+        if self.session.spp == 0 or self._unread:
+            return None
+        self._last = self.session.frame()
+        return self._last
+
+    def _add(self) -> None:
+        before, begun = self.session.spp, time.monotonic()
+        count = max(1, min(self._next_samples, self.pace.samples, self.target_spp - before))
+        complete = self.session.add(count)
+        took = time.monotonic() - begun
+        self.pace.took(self.session.spp - before, took)
+        self._next_samples = 2 * count
+        self._paused_until = begun + (1 + PAUSE) * took
+        self._reaches_noise = complete and self.session.spp == before
+
+    def show(self, frame: Frame, moving: bool, answers: Mapping[int, int | None]) -> None:
+        """Develop a frame."""
+        self._number += 1
+        stale = self.compiling
+        if not stale:
+            self._answers = answers
+            self.shown_changes = (Changes(self.changes.as_dict()), self.dials)
+        image = self.image_of(frame)
+        raw = image.raw() if image.has_sensor else None
+        self.shown = Shown(self._number, frame, codes_of(image), moving, stale, self._answers, raw)
+
+    def follow(self) -> None:
+        """Meter what is shown, once it is on its way; dials that follow the light follow it."""
+        shown = self.shown
+        if shown is None or shown.stale or shown.number == self._metered:
+            return
+        self._metered = shown.number
+        self.reading_cd_m2 = film_reading(shown.frame.pixels, self.resolved, self.dials.meter)
+        if self._follows:
+            turned = follow_light(self.dials, self.scene, self.resolved, self.reading_cd_m2)
+            if turned.changes:
+                self.change(turned.changes, dials=turned.dials, transient=shown.moving)
+            self.dials, self._follows = turned.dials, False
+
+    def image_of(self, frame: Frame) -> Image:
+        """Return a frame as an image that develops as the scene says; glances leave sensor and diffraction out."""
+        found = self.session.metadata
+        comes_last = self.scene.sensor is not None or found.get("diffraction", {}).get("on", False)
+        if comes_last and frame.scale == 1 and self.session.spp > 0:
+            return self.session.image()
+        metadata = {"spectrum": found.get("spectrum", "rgb")}
+        return with_picture_settings(Image(frame.pixels, metadata), self.scene.picture)
+
+    def close(self) -> None:
+        """Free the device."""
+        self.session.close()
+
 
 NO_COMPARISON: dict[str, Any] = {"mode": "off", "model": None, "changes": {}, "difference": False}
 

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 import rptcam_cl
-from rptcam_cl import RenderSession
-from rptcam_cl.device import Session, choose_device
-from rptcam_cl.rendering import Compiler
+from rptcam_cl.api.session import RenderSession
+from rptcam_cl.device.devices import choose_device
+from rptcam_cl.device.session import Session
+from rptcam_cl.rendering.tracer import Compiler
 
 SCENE: dict[str, Any] = {
     "film": {"resolution": [48, 32]},

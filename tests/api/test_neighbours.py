@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rptcam_cl import load_scene, render
+from rptcam_cl.api.interface import render
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.scene.load import load_scene
 
 SCENE: dict[str, Any] = {
     "film": {"resolution": [24, 16]},

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import rptcam_cl
-from rptcam_cl import InputError, RenderSession, StateError
-from rptcam_cl.api.frames import Pace
-from rptcam_cl.device import open_session
+from rptcam_cl.api.session import Pace, RenderSession
+from rptcam_cl.core.errors import InputError, StateError
+from rptcam_cl.device.session import open_session
 
 POSE = {"eye": [0, -6, 1.5], "target": [0, 0, 0.8], "up": [0, 0, 1]}
 WORLD: dict[str, Any] = {
@@ -132,7 +132,7 @@ def cancel_after_each_wave(session: RenderSession, monkeypatch: pytest.MonkeyPat
 
         return counted
 
-    monkeypatch.setattr("rptcam_cl.api.frames.QUEUE_SECONDS", 5e-4)
+    monkeypatch.setattr("rptcam_cl.api.session.QUEUE_SECONDS", 5e-4)
     monkeypatch.setattr(Pace, "enqueued", cut)
 
 

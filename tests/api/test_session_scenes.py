@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rptcam_cl import RenderSession, load_scene
+from rptcam_cl.api.session import RenderSession
+from rptcam_cl.scene.load import load_scene
 from tests.api.test_session import PINHOLE, POSE, WORLD, assert_has_bits_of_render
 
 LENS = {"kind": "realistic", "lens": "dgauss-50mm", "focus": {"distance_m": 6}, **POSE}

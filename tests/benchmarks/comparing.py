@@ -7,7 +7,7 @@ import numpy as np
 
 from benchmarks.mitsuba_scene import describe
 from benchmarks.worker import Worker
-from rptcam_cl.scene import Scene
+from rptcam_cl.scene.scene import Scene
 from tests.support.statistics import ALPHA, Sampled, assert_equivalent, overall, sampled, sidak, tiles, welch
 
 BATCHES = 4

@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from benchmarks.worker import Worker
-from rptcam_cl import load_scene
-from rptcam_cl.scene import Scene
-from tests.assets.gltf_writer import GltfWriter
+from rptcam_cl.scene.load import load_scene
+from rptcam_cl.scene.scene import Scene
 from tests.benchmarks.comparing import BATCHES, assert_same_mean, assert_same_tiles, theirs
 from tests.rendering.light.pictures import save_exr
 from tests.rendering.pictures import batches, lamp, looking
+from tests.scene.assets.gltf_writer import GltfWriter
 from tests.support.statistics import Sampled
 
 Array = NDArray[np.float64]

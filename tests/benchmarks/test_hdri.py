@@ -8,8 +8,8 @@ import pytest
 from numpy.typing import NDArray
 
 from benchmarks.worker import Worker
-from rptcam_cl import load_scene
-from rptcam_cl.scene import Scene
+from rptcam_cl.scene.load import load_scene
+from rptcam_cl.scene.scene import Scene
 from tests.benchmarks.comparing import BATCHES, assert_same_mean, assert_same_tiles, theirs
 from tests.rendering.light.pictures import save_exr
 from tests.rendering.pictures import batches, looking

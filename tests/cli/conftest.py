@@ -6,10 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rptcam_cl import api
 from rptcam_cl.cli import main
-from rptcam_cl.core.kept import made_by
-from rptcam_cl.imaging import Image
+from rptcam_cl.core.files import made_by
+from rptcam_cl.imaging.image import Image
 
 SCENE = """\
 film: {resolution: [8, 6]}
@@ -60,7 +59,7 @@ class Renderer:
 @pytest.fixture
 def renderer(monkeypatch: pytest.MonkeyPatch) -> Renderer:
     stand_in = Renderer()
-    monkeypatch.setattr(api, "render", stand_in)
+    monkeypatch.setattr("rptcam_cl.api.interface.render", stand_in)
     return stand_in
 
 

@@ -8,9 +8,10 @@ import PIL.Image
 import pytest
 
 import rptcam_cl
-from rptcam_cl import imaging
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.imaging import Development, Image, KnownLight, film_files, quantised
+from rptcam_cl.imaging import image as film_files
+from rptcam_cl.imaging.development import Development, KnownLight, quantised
+from rptcam_cl.imaging.image import Image
 
 Command = Callable[..., Any]
 
@@ -86,7 +87,7 @@ def test_large_film_in_a_small_file_is_refused_by_its_head_unless_told(
 ) -> None:
     path = tmp_path / f"film.{suffix}"
     Image(np.zeros((30, 40, 3), np.float32)).save(path)
-    monkeypatch.setattr(imaging, "LARGE", 30 * 40 - 1)
+    monkeypatch.setattr("rptcam_cl.imaging.image.LARGE", 30 * 40 - 1)
     words = ("develop", str(path), "-o", str(tmp_path / "a.png"))
     with monkeypatch.context() as unread:
         unread.setattr(film_files, "_exr", None)
@@ -94,7 +95,7 @@ def test_large_film_in_a_small_file_is_refused_by_its_head_unless_told(
         run = rptcam(*words)
     assert run.code == 2 and re.search(r"has 0\.0012 million pixels .*--large", run.err), run.err
     assert rptcam(*words, "--large").code == 0
-    monkeypatch.setattr(imaging, "LARGE", 30 * 40)
+    monkeypatch.setattr("rptcam_cl.imaging.image.LARGE", 30 * 40)
     assert rptcam(*words).code == 0
 
 

@@ -13,8 +13,8 @@ import pytest
 
 import rptcam_cl
 from rptcam_cl.cli import render
-from rptcam_cl.imaging import read_film
-from rptcam_cl.scene import set_keys
+from rptcam_cl.imaging.image import read_film
+from rptcam_cl.scene.load import set_keys
 
 Command = Callable[..., Any]
 SEQUENCE = """

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import rptcam_cl
-from rptcam_cl.api import FrameTracker
+from rptcam_cl.api.sweeping import FrameTracker
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.device import open_session
-from rptcam_cl.imaging import read_film
+from rptcam_cl.device.session import open_session
+from rptcam_cl.imaging.image import read_film
 
 Command = Callable[..., Any]
 SCENE = """

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from rptcam_cl import cli
-from rptcam_cl.device.program import _build_failure
-from rptcam_cl.imaging import read_film
+from rptcam_cl.device.programs import _build_failure
+from rptcam_cl.imaging.image import read_film
 
 
 def broken(arguments: object) -> int:

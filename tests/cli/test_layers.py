@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rptcam_cl.scene.render_settings import LAYER_NAMES
+from rptcam_cl.scene.film import LAYER_NAMES
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rptcam_cl.optics import load_lens
+from rptcam_cl.optics.library import load_lens
 
 Command = Callable[..., Any]
 

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from rptcam_cl.cli.lens_options import coating
-from rptcam_cl.optics import WORDS, Layer, LayerStack, QuarterWave
+from rptcam_cl.optics.coating import Layer, LayerStack, QuarterWave
+from rptcam_cl.optics.files.glasses import WORDS
 from rptcam_cl.scene.lens_settings import COATINGS
 
 Command = Callable[..., Any]
@@ -47,13 +48,12 @@ def test_drawing_is_traced_by_a_device_unless_told_otherwise(rptcam: Command, tm
 
 
 def test_drawing_without_a_device_falls_back_and_says_so(rptcam: Command, monkeypatch: pytest.MonkeyPatch) -> None:
-    from rptcam_cl import device
     from rptcam_cl.core.errors import DeviceError
 
     def fail(spec: str | None) -> None:
         raise DeviceError("no OpenCL platform was found")
 
-    monkeypatch.setattr(device, "open_session", fail)
+    monkeypatch.setattr("rptcam_cl.device.session.open_session", fail)
     run = rptcam("lens", "draw", "ball")
     assert run.code == 0
     assert "no OpenCL device" in run.err

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from rptcam_cl.cli import main
-from rptcam_cl.core.resources import SCENES
-from rptcam_cl.scene import load_scene
+from rptcam_cl.core.files import SCENES
+from rptcam_cl.scene.load import load_scene
 
 
 def test_every_scene_that_comes_along_is_listed_with_a_sentence(capsys: pytest.CaptureFixture[str]) -> None:

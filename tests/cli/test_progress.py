@@ -5,9 +5,9 @@ from typing import Any
 
 import pytest
 
-from rptcam_cl.cli import progress as module
+from rptcam_cl.cli import output as module
+from rptcam_cl.cli.output import LastTiles, as_duration, describe, fraction_done, progress_on_stderr
 from rptcam_cl.cli.parser import duration
-from rptcam_cl.cli.progress import LastTiles, as_duration, describe, fraction_done, progress_on_stderr
 
 
 def report(**changes: Any) -> Any:

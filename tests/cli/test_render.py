@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from rptcam_cl.core.errors import DeviceError, StateError
-from rptcam_cl.imaging import Image, read_film
+from rptcam_cl.imaging.image import Image, read_film
 
 Command = Callable[..., Any]
 

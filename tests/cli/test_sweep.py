@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 
-from rptcam_cl.api import SeriesRenderer
+from rptcam_cl.api.sweeping import SeriesRenderer
 from rptcam_cl.cli import main
-from rptcam_cl.core import kept
-from rptcam_cl.device import open_session
+from rptcam_cl.core import files as kept
+from rptcam_cl.device.session import open_session
 
 Command = Callable[..., Any]
 

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 from rptcam_cl.cli import main
-from rptcam_cl.cli.watch import render_again
+from rptcam_cl.cli.frames import render_again
 from rptcam_cl.core.errors import DeviceError, InputError
-from rptcam_cl.core.references import Folders
+from rptcam_cl.core.files import Folders
 
 SCENE = """\
 film: {resolution: [24, 16]}
@@ -113,7 +113,7 @@ def test_watched_render_does_not_resume(tmp_path: Path, capsys: pytest.CaptureFi
 
 
 def test_preview_writes_the_picture_so_far(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from rptcam_cl.imaging import Image
+    from rptcam_cl.imaging.image import Image
 
     saved: list[Image] = []
     keep = Image.save

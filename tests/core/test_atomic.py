@@ -7,9 +7,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from rptcam_cl.core import atomic
-from rptcam_cl.core.atomic import check_writable, replacing
+from rptcam_cl.core import files
 from rptcam_cl.core.errors import StateError
+from rptcam_cl.core.files import check_writable, replacing
 
 
 def names(folder: Path) -> list[str]:
@@ -45,7 +45,7 @@ def test_full_disk_is_reported_and_keeps_the_old_file(tmp_path: Path, monkeypatc
 
     target = tmp_path / "file.json"
     target.write_text("old")
-    monkeypatch.setattr(atomic.os, "fsync", full)
+    monkeypatch.setattr(files.os, "fsync", full)
     with pytest.raises(StateError, match="No space left"), replacing(target) as temporary:
         temporary.write_text("new")
     assert target.read_text() == "old"
@@ -65,14 +65,14 @@ def test_link_keeps_pointing_at_the_replaced_file(tmp_path: Path) -> None:
 
 def test_strays_of_dead_runs_go_and_those_of_living_ones_stay(tmp_path: Path) -> None:
     killed = (
-        "import os, signal, sys; from rptcam_cl.core.atomic import replacing\n"
+        "import os, signal, sys; from rptcam_cl.core.files import replacing\n"
         "with replacing(sys.argv[1]) as temporary:\n"
         "    temporary.write_text('half'); os.kill(os.getpid(), signal.SIGKILL)"
     )
     target = tmp_path / "file.json"
     subprocess.run([sys.executable, "-c", killed, str(target)], check=False)
     assert len(names(tmp_path)) == 1  # the stray
-    living = tmp_path / f".rptcam-{atomic._SPACE}-{os.getppid()}-0.tmp"
+    living = tmp_path / f".rptcam-{files._SPACE}-{os.getppid()}-0.tmp"
     living.touch()
     with replacing(target) as temporary:
         temporary.write_text("whole")
@@ -94,16 +94,16 @@ def test_files_of_another_container_stay_for_a_week(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(not Path("/proc/self/ns/pid").exists(), reason="a system without spaces of process numbers")
 def test_name_of_the_host_does_not_tell_whose_a_file_is(monkeypatch: pytest.MonkeyPatch) -> None:
-    space = atomic._process_space()
+    space = files._process_space()
     monkeypatch.setattr("socket.gethostname", lambda: "other")
-    assert atomic._process_space() == space != ""
+    assert files._process_space() == space != ""
     stat = os.stat
 
     def elsewhere(path: object) -> object:
         return SimpleNamespace(st_ino=1) if path == "/proc/self/ns/pid" else stat(str(path))
 
-    monkeypatch.setattr(atomic.os, "stat", elsewhere)
-    assert atomic._process_space() != space
+    monkeypatch.setattr(files.os, "stat", elsewhere)
+    assert files._process_space() != space
 
 
 def test_link_that_leads_to_itself_is_refused(tmp_path: Path) -> None:
@@ -115,7 +115,7 @@ def test_link_that_leads_to_itself_is_refused(tmp_path: Path) -> None:
 def test_read_only_file_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     target = tmp_path / "file.json"
     target.write_text("old")
-    monkeypatch.setattr(atomic.os, "access", lambda path, mode: False)  # as root, nothing is read-only
+    monkeypatch.setattr(files.os, "access", lambda path, mode: False)  # as root, nothing is read-only
     with pytest.raises(StateError, match="may not be overwritten"):
         check_writable(target)
 

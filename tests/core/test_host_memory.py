@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from rptcam_cl.core.host_memory import give_back
+from rptcam_cl.core.files import give_back
 
 BLOCK, COUNT = 64 << 10, 1024  # below what the C library maps on its own
 

@@ -6,9 +6,10 @@ import time
 import numpy as np
 import pytest
 
-from rptcam_cl.core import kept
+from rptcam_cl.core import files as kept
 from rptcam_cl.core.errors import StateError
-from rptcam_cl.core.kept import (
+from rptcam_cl.core.files import (
+    CACHE_VARIABLE,
     OneMaker,
     code_digest,
     identity_of_code,
@@ -19,7 +20,6 @@ from rptcam_cl.core.kept import (
     made_by,
     name_of,
 )
-from rptcam_cl.core.resources import CACHE_VARIABLE
 
 ARRAYS = {"table": np.arange(6, dtype=np.float32).reshape(2, 3), "order": np.array([2, 0, 1], np.int32)}
 FACTS = {"tier": "tight", "shift": 0.1, "far": float("inf")}

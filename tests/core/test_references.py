@@ -7,10 +7,9 @@ from typing import Any
 import pytest
 
 from rptcam_cl.core.errors import InputError, RptcamError
-from rptcam_cl.core.references import Folders, References, open_regular, read_whole
-from rptcam_cl.optics import load_lens
-from rptcam_cl.optics.library import READERS, SUFFIXES, names_a_file
-from rptcam_cl.scene import load_scene
+from rptcam_cl.core.files import Folders, References, open_regular, read_whole
+from rptcam_cl.optics.library import READERS, SUFFIXES, load_lens, names_a_file
+from rptcam_cl.scene.load import load_scene
 
 GLASS = "DATA:\n  - {{type: formula 5, wavelength_range: 0.3 2.0, coefficients: {index}}}\n"
 LENS = """

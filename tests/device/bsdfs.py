@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from rptcam_cl.plan.covers import internal_reflectance, rough_albedo, smooth_mean
+from rptcam_cl.rendering.plan.materials import internal_reflectance, rough_albedo, smooth_mean
 
 
 def dielectric(cosine, eta):

@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 
 import rptcam_cl
-from rptcam_cl.device import Session, open_session, program, session
-from rptcam_cl.rendering import tracer
-from rptcam_cl.rendering.trees import builder, primitive_tree
-from rptcam_cl.scene.render_settings import LAYER_NAMES
+from rptcam_cl.device import programs, session
+from rptcam_cl.device.session import Session, open_session
+from rptcam_cl.rendering import tracer, tree_build, trees
+from rptcam_cl.scene.film import LAYER_NAMES
 from tests.device.test_kernels import EVERY_MATERIAL
 from tests.rendering.test_bokeh import CASES
 from tests.rendering.test_determinism import LENS
@@ -59,7 +59,7 @@ def lens() -> None:
 
 def meshes() -> None:
     """Instances of a mesh of which trees are built from large nodes and small ones; layers of what is seen."""
-    builder.SMALL = dict.fromkeys(builder.SMALL, 16)
+    tree_build.SMALL = dict.fromkeys(tree_build.SMALL, 16)
     mesh = {
         "vertices": soup(40, 0.5).reshape(-1, 3).tolist(),
         "faces": [[3 * k, 3 * k + 1, 3 * k + 2] for k in range(40)],
@@ -72,7 +72,7 @@ def meshes() -> None:
 
 def tree_of_shapes() -> None:
     """A tree over shapes that the device builds, however few."""
-    primitive_tree.BREAK_EVEN = primitive_tree.FEW = 0
+    trees.BREAK_EVEN = trees.FEW = 0
     shown(still_life())
 
 
@@ -111,7 +111,7 @@ RENDERS: dict[str, tuple[Callable[[], None], set[str]]] = {
 def heed_oclgrind() -> None:
     """Go round what Oclgrind 21.10 has wrong."""
     # optimised, the mirrored digits of the lattice become an instruction that it does not know
-    program.BUILD_OPTIONS = (*program.BUILD_OPTIONS, "-cl-opt-disable")
+    programs.BUILD_OPTIONS = (*programs.BUILD_OPTIONS, "-cl-opt-disable")
     # it takes memory that a command has filled for uninitialised
     Session.fill_zero = lambda self, buffer, size: self.write(buffer, np.zeros(size, np.uint8))  # type: ignore[method-assign]
     # and new memory in the place of old for initialised, so that none is given back

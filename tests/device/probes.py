@@ -12,12 +12,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.cameras import CameraModel
 from rptcam_cl.core.records import WAVE, device_declarations
-from rptcam_cl.device import Session, choose_device
-from rptcam_cl.plan import make_plan
+from rptcam_cl.device.devices import choose_device
+from rptcam_cl.device.session import Session
+from rptcam_cl.rendering.cameras.model import CameraModel
 from rptcam_cl.rendering.film import FilmLayout
-from rptcam_cl.scene import Scene, load_scene
+from rptcam_cl.rendering.plan.plan import make_plan
+from rptcam_cl.scene.load import load_scene
+from rptcam_cl.scene.scene import Scene
 
 FOLDER = Path(__file__).parent / "kernels"
 GROUP = 16

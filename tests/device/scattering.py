@@ -5,11 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.device import Session
-from rptcam_cl.plan.materials import pack_materials
-from rptcam_cl.plan.optical_constants import KnownSpectra
-from rptcam_cl.plan.textures import TextureTable
-from rptcam_cl.scene import load_scene
+from rptcam_cl.device.session import Session
+from rptcam_cl.rendering.plan.materials import pack_materials
+from rptcam_cl.rendering.plan.textures import KnownSpectra, TextureTable
+from rptcam_cl.scene.load import load_scene
 from tests.device.probes import run
 from tests.rendering.test_world import still_life
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from PIL import Image, ImageDraw
 
-from rptcam_cl.cameras.aperture import stop_shape
-from rptcam_cl.scene import load_scene
+from rptcam_cl.rendering.cameras.ideal import stop_shape
+from rptcam_cl.scene.load import load_scene
 from tests.device.probes import camera_rays, open_session
 from tests.support.statistics import chi_squared
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.colour import METALS
-from rptcam_cl.plan.optical_constants import metal_colour, metal_constants, reflectance
-from rptcam_cl.plan.sheen import sheen_lobe
+from rptcam_cl.core.colour import METALS
+from rptcam_cl.rendering.plan.materials import sheen_lobe
+from rptcam_cl.rendering.plan.textures import metal_colour, metal_constants, reflectance
 from tests.device import bsdfs
 from tests.device.scattering import direction, scatter
 

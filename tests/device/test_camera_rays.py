@@ -6,9 +6,9 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from rptcam_cl.cameras.setting import lens_setting
-from rptcam_cl.scene import load_scene
+from rptcam_cl.rendering.cameras.setting import lens_setting
 from rptcam_cl.scene.camera import RealisticCamera
+from rptcam_cl.scene.load import load_scene
 from tests.device.probes import camera_rays, camera_slots
 from tests.support.statistics import ALPHA, Z, chi_squared, moment_scores
 

@@ -8,10 +8,11 @@ import pytest
 
 from rptcam_cl.cli import main
 from rptcam_cl.core.errors import DeviceError
-from rptcam_cl.device import Session, choose, devices
-from rptcam_cl.device.choose import DeviceInfo, choose_device, list_devices
-from rptcam_cl.device.devices import device_details
-from rptcam_cl.device.opencl import load_opencl
+from rptcam_cl.device import devices
+from rptcam_cl.device import devices as choose
+from rptcam_cl.device.devices import DeviceInfo, choose_device, device_details, list_devices
+from rptcam_cl.device.drivers import load_opencl
+from rptcam_cl.device.session import Session
 
 
 def device(identity, name, kind, units=4, platform="Some Platform"):
@@ -249,7 +250,7 @@ def test_device_that_cannot_be_used_is_told_by_the_commands(monkeypatch, capsys,
     def problem(device):
         return "it builds no kernel: error: unknown target CPU 'generic'"
 
-    for module in ("device.choose", "device.devices", "api.interface"):
+    for module in ("device.devices", "api.interface"):
         monkeypatch.setattr(f"rptcam_cl.{module}.problem_of", problem)
     assert main(["devices"]) == 0
     assert "cannot be used: it builds no kernel: error: unknown target CPU 'generic'" in capsys.readouterr().out

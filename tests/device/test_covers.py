@@ -5,7 +5,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rptcam_cl.plan.covers import cover_mean, fresnel, internal_reflectance, rough_albedo, rough_cover, smooth_mean
+from rptcam_cl.rendering.plan.materials import (
+    cover_mean,
+    fresnel,
+    internal_reflectance,
+    rough_albedo,
+    rough_cover,
+    smooth_mean,
+)
 from tests.device.scattering import direction, scatter
 
 WHITE = [1.0, 1.0, 1.0]

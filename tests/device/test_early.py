@@ -7,10 +7,13 @@ import threading
 import pytest
 
 from rptcam_cl.core.errors import DeviceError
-from rptcam_cl.core.resources import CACHE_VARIABLE
-from rptcam_cl.device import Session, at_work, early, means_one, open_early, open_session, program
+from rptcam_cl.core.files import CACHE_VARIABLE
+from rptcam_cl.device import fork_server
+from rptcam_cl.device import programs as program
+from rptcam_cl.device import session as early
 from rptcam_cl.device import session as sessions
-from rptcam_cl.device.program import Program
+from rptcam_cl.device.programs import Program
+from rptcam_cl.device.session import Session, means_one, open_early, open_session
 
 SOURCES = {f"__kernel void {name}(__global float *out) {{ out[0] = 1.0f; }}\n": name for name in ("one", "two")}
 SCENE = """\
@@ -128,10 +131,10 @@ def test_errors_of_the_thread_are_left_to_who_wants_the_device(monkeypatch, tmp_
 
 
 def test_process_that_ends_amid_the_work_of_a_thread_has_not_ended_well(tmp_path):
-    at_work.mark_work(tmp_path, ended_well=lambda: True)
+    fork_server.mark_work(tmp_path, ended_well=lambda: True)
     [mark] = tmp_path.iterdir()
-    with at_work.unfinished_work():
-        at_work.end_work()
+    with fork_server.unfinished_work():
+        fork_server.end_work()
     assert mark.exists()
 
 

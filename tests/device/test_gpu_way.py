@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import rptcam_cl
-from rptcam_cl.device import Session
+from rptcam_cl.device.session import Session
 from tests.device.probes import open_session
 from tests.device.test_kernels import sheet
 from tests.rendering.test_determinism import LENS

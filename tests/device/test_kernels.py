@@ -7,15 +7,15 @@ from pathlib import Path
 import pyopencl as cl
 import pytest
 
+from rptcam_cl.core.files import kernels_dir
 from rptcam_cl.core.records import device_declarations
-from rptcam_cl.core.resources import kernels_dir
-from rptcam_cl.device.program import BUILD_OPTIONS, assemble
-from rptcam_cl.device.trial import try_device
-from rptcam_cl.plan import make_plan
+from rptcam_cl.device.devices import try_device
+from rptcam_cl.device.programs import BUILD_OPTIONS, assemble
 from rptcam_cl.rendering.layers import LayerPlanes
-from rptcam_cl.rendering.trees.builder import FACTS, FILES
-from rptcam_cl.scene import load_scene
-from rptcam_cl.scene.render_settings import LAYER_NAMES
+from rptcam_cl.rendering.plan.plan import make_plan
+from rptcam_cl.rendering.tree_build import FACTS, FILES
+from rptcam_cl.scene.film import LAYER_NAMES
+from rptcam_cl.scene.load import load_scene
 from tests.rendering.test_world import PLANE, still_life
 
 PASSES = sorted(path.relative_to(kernels_dir()).as_posix() for path in (kernels_dir() / "pass").glob("*.cl"))

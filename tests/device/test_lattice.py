@@ -6,9 +6,8 @@ import re
 import numpy as np
 import pytest
 
-from rptcam_cl.core.resources import kernels_dir
-from rptcam_cl.selfcheck.check import random_numbers
-from rptcam_cl.selfcheck.number_checks import CORNERS, pcg4d
+from rptcam_cl.core.files import kernels_dir
+from rptcam_cl.studies.selfcheck import CORNERS, pcg4d, random_numbers
 from tests.support.statistics import ALPHA, Z, assert_equivalent, chi_squared, sidak
 
 MASK = (1 << 32) - 1

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from rptcam_cl.core.resources import CACHE_VARIABLE
+from rptcam_cl.core.files import CACHE_VARIABLE
 
 pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="it is made on Linux alone")
 
@@ -18,18 +18,18 @@ pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="it
 TRIAL = """\
 import json, os, subprocess, sys, time
 from dataclasses import asdict
-from rptcam_cl.device import at_work, trial
-from rptcam_cl.device.opencl import load_opencl
+from rptcam_cl.device import devices, fork_server
+from rptcam_cl.device.drivers import load_opencl
 started = []
 run = subprocess.run
 subprocess.run = lambda words, **named: started.extend(w for w in words if w == sys.executable) or run(words, **named)
 {change}
-trial.prepare_trial()
-waiting = len(trial._likeness)
+devices.prepare_trial()
+waiting = len(devices._likeness)
 handle = load_opencl().get_platforms()[0].get_devices()[0]
-found = trial.try_device(handle)
+found = devices.try_device(handle)
 {more}
-marks = [mark for mark in at_work._of_this_process if mark.exists()]
+marks = [mark for mark in fork_server._of_this_process if mark.exists()]
 print(json.dumps([asdict(found), len(started), waiting, len(marks)]))
 """
 # Counts the programs in PoCL's cache before and after another is built, in the process that was made and here.
@@ -40,29 +40,29 @@ def built():
     return len(list(Path(os.environ["POCL_CACHE_DIR"]).rglob("program.bc")))
 counts = [built()]
 {before}
-assert trial.builds_apart(handle) == {apart}
-trial.build_apart(handle, SOURCE, ["-cl-std=CL1.2", "-w"])
+assert devices.builds_apart(handle) == {apart}
+devices.build_apart(handle, SOURCE, ["-cl-std=CL1.2", "-w"])
 counts.append(built())
-trial._build(handle, SOURCE)
+devices._build(handle, SOURCE)
 counts.append(built())
-trial.end_trials()
+devices.end_trials()
 print(counts)
 """
 # It waits no time for orders, and is given the time to end.
 GONE = """\
-from rptcam_cl.device import likeness
-likeness.IDLE = 0.0
-prepare = trial.prepare_trial
+from rptcam_cl.device import fork_server
+fork_server.IDLE = 0.0
+prepare = devices.prepare_trial
 def prepare_and_wait():
     prepare()
-    os.waitid(os.P_PID, trial._likeness[0]._process, os.WEXITED | os.WNOWAIT)
-trial.prepare_trial = prepare_and_wait
+    os.waitid(os.P_PID, devices._likeness[0]._process, os.WEXITED | os.WNOWAIT)
+devices.prepare_trial = prepare_and_wait
 """
-CRASH = "trial.try_here = lambda handle: os.abort()"
+CRASH = "devices.try_here = lambda handle: os.abort()"
 HANG = """\
-ask = trial.Likeness.ask
-trial.Likeness.ask = lambda self, *order, patience: ask(self, *order, patience=0.5)
-trial.try_here = lambda handle: time.sleep(60)
+ask = devices.Likeness.ask
+devices.Likeness.ask = lambda self, *order, patience: ask(self, *order, patience=0.5)
+devices.try_here = lambda handle: time.sleep(60)
 """
 
 
@@ -83,7 +83,7 @@ def marks(cache: Path) -> list[Path]:
 
 
 def test_first_trial_starts_no_process_and_later_ones_make_none(tmp_path: Path) -> None:
-    found, started, waiting, own = tried(tmp_path, more="trial.end_trials()")
+    found, started, waiting, own = tried(tmp_path, more="devices.end_trials()")
     assert found["problem"] is None and (started, waiting, own) == (0, 1, 1)
     assert tried(tmp_path) == [found, 0, 0, 1]  # which is kept
     assert not marks(tmp_path)
@@ -96,14 +96,14 @@ def test_driver_that_crashes_is_told_and_leaves_its_mark(tmp_path: Path) -> None
 
 
 def test_driver_that_ends_it_is_told(tmp_path: Path) -> None:
-    found, *_ = tried(tmp_path, "trial.try_here = lambda handle: sys.exit('LLVM is angry')")
+    found, *_ = tried(tmp_path, "devices.try_here = lambda handle: sys.exit('LLVM is angry')")
     assert "LLVM is angry" in found["problem"]
 
 
 def test_driver_that_hangs_is_tried_again_in_a_process_that_is_started(tmp_path: Path) -> None:
     found, started, *_ = tried(tmp_path / "twice", HANG)
     assert found["problem"] is None and started == 1
-    found, started, *_ = tried(tmp_path / "once", f"{HANG}trial.TRIES = 1\n")
+    found, started, *_ = tried(tmp_path / "once", f"{HANG}devices.TRIES = 1\n")
     assert "did not build a trivial kernel" in found["problem"] and started == 0
 
 
@@ -123,21 +123,21 @@ def test_programs_come_out_of_the_cache_that_it_has_built(tmp_path: Path) -> Non
     assert apart == before + 1 == here
 
 
-@pytest.mark.parametrize("end", ["os.kill(trial._likeness[0]._process, 9); time.sleep(0.1)", "trial.end_trials()"])
+@pytest.mark.parametrize("end", ["os.kill(devices._likeness[0]._process, 9); time.sleep(0.1)", "devices.end_trials()"])
 def test_programs_are_built_here_where_it_has_ended(tmp_path: Path, end: str) -> None:
-    more = BUILD.format(before=end, apart="trial.builds_apart(handle)")
+    more = BUILD.format(before=end, apart="devices.builds_apart(handle)")
     before, apart, here = ran(tmp_path, TRIAL.format(change="", more=more))[0]
     assert (apart, here) == (before, before + 1)
 
 
 def test_it_builds_nothing_for_a_device_that_it_has_not_tried(tmp_path: Path) -> None:
-    more = BUILD.format(before="trial._tried_there.clear()", apart=False)
+    more = BUILD.format(before="devices._tried_there.clear()", apart=False)
     before, apart, here = ran(tmp_path, TRIAL.format(change="", more=more))[0]
     assert (apart, here) == (before, before + 1)
 
 
 def test_a_process_that_nobody_asks_ends_with_its_maker(tmp_path: Path) -> None:
-    script = "from rptcam_cl.device import trial; trial.prepare_trial(); print(trial._likeness[0]._process)"
+    script = "from rptcam_cl.device import devices; devices.prepare_trial(); print(devices._likeness[0]._process)"
     (process,) = ran(tmp_path, script)
     state = Path("/proc") / str(process) / "stat"
     for _ in range(100_000):

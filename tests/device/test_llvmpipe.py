@@ -3,14 +3,15 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.device import Session, session
-from rptcam_cl.plan import make_plan
-from rptcam_cl.rendering import Wavefront
-from rptcam_cl.rendering.film import FilmLayout
-from rptcam_cl.rendering.trees import build_bvh, reinsertion
-from rptcam_cl.rendering.waves import STEPS_OF_SAMPLE
-from rptcam_cl.scene import load_scene
-from rptcam_cl.selfcheck.picture_checks import cavity, picture
+from rptcam_cl.device import session
+from rptcam_cl.device.session import Session
+from rptcam_cl.rendering import tree_build
+from rptcam_cl.rendering.film import STEPS_OF_SAMPLE, FilmLayout
+from rptcam_cl.rendering.plan.plan import make_plan
+from rptcam_cl.rendering.tracer import Wavefront
+from rptcam_cl.rendering.tree_build import build_bvh
+from rptcam_cl.scene.load import load_scene
+from rptcam_cl.studies.selfcheck_suite import cavity, picture
 from tests.device.probes import open_session
 from tests.rendering.trees.meshes import boxes_of, soup
 from tests.rendering.trees.trees import check
@@ -51,7 +52,7 @@ def test_trees_are_right_when_built_in_short_loops(limited, monkeypatch):
     lower, upper = boxes_of(soup(3000))
     tree = build_bvh(lower, upper, width=4, leaf_size=4, session=limited)
     check(tree, lower, upper, 4, 4)
-    monkeypatch.setattr(reinsertion, "STEPS_OF_MOVE", 1)  # all moves in one launch
+    monkeypatch.setattr(tree_build, "STEPS_OF_MOVE", 1)  # all moves in one launch
     at_once = build_bvh(lower, upper, width=4, leaf_size=4, session=limited)
     np.testing.assert_array_equal(tree.blocks, at_once.blocks)
     np.testing.assert_array_equal(tree.children, at_once.children)

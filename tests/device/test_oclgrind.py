@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from rptcam_cl.core.resources import kernels_dir
+from rptcam_cl.core.files import kernels_dir
 from tests.device.every_kernel import RENDERS
 
 WATCH = ("--data-races", "--uninitialized", "--max-errors", "20", "--global-mem-size", "2000000000")

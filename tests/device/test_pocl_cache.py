@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from rptcam_cl.core.resources import CACHE_VARIABLE
-from rptcam_cl.device import pocl_cache
-from rptcam_cl.device.pocl_cache import VARIABLE, is_code_noted, make_pocl_cache_usable, note_code, pocl_cache_folder
-from rptcam_cl.device.trial import is_pocl
+from rptcam_cl.core.files import CACHE_VARIABLE
+from rptcam_cl.device import drivers
+from rptcam_cl.device.devices import is_pocl
+from rptcam_cl.device.drivers import VARIABLE, is_code_noted, make_pocl_cache_usable, note_code, pocl_cache_folder
 from tests.device.probes import open_session
 
 pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="PoCL's cache is looked after on Linux")
@@ -22,7 +22,7 @@ pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="Po
 def environment(monkeypatch, tmp_path):
     monkeypatch.setenv(VARIABLE, str(tmp_path / "kcache"))
     monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "cache"))
-    monkeypatch.setattr(pocl_cache, "WRITING", 0.0)
+    monkeypatch.setattr(drivers, "WRITING", 0.0)
 
 
 def test_folder_that_can_be_written_is_left(tmp_path):
@@ -44,7 +44,7 @@ def test_folder_that_cannot_be_made_gives_way_with_a_word(monkeypatch, tmp_path,
 
 def test_full_disk_gives_way_with_a_word(monkeypatch):
     usage = shutil.disk_usage("/")
-    monkeypatch.setattr(pocl_cache.shutil, "disk_usage", lambda _: usage._replace(free=1000))
+    monkeypatch.setattr(drivers.shutil, "disk_usage", lambda _: usage._replace(free=1000))
     with pytest.warns(UserWarning, match="the disk is full; compiled kernels are not kept"):
         make_pocl_cache_usable()
 
@@ -60,7 +60,7 @@ def damaged_kernel(folder, *, program="CD", written=1e9):
 
 def in_a_process(code):
     """Run code in a process that uses the cache, however that ends."""
-    program = f"import os\nfrom rptcam_cl.device.pocl_cache import make_pocl_cache_usable\n{code}"
+    program = f"import os\nfrom rptcam_cl.device.drivers import make_pocl_cache_usable\n{code}"
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
     return subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, check=False)
 
@@ -83,7 +83,7 @@ def test_processes_at_work_are_no_reason_to_look(sound):
     kernel = damaged_kernel(sound)
     done = in_a_process(
         "make_pocl_cache_usable()\nimport subprocess, sys\n"
-        "more = 'from rptcam_cl.device.pocl_cache import make_pocl_cache_usable; make_pocl_cache_usable()'\n"
+        "more = 'from rptcam_cl.device.drivers import make_pocl_cache_usable; make_pocl_cache_usable()'\n"
         "sys.exit(subprocess.run([sys.executable, '-c', more]).returncode)"
     )
     assert done.returncode == 0
@@ -108,7 +108,7 @@ def test_files_are_looked_through_after_a_process_that_did_not_end_well(sound, e
 
 
 def test_files_are_looked_through_after_a_full_disk(sound):
-    in_a_process("import rptcam_cl.device.pocl_cache as c\nmake_pocl_cache_usable()\nc.ROOM = 1 << 62")
+    in_a_process("import rptcam_cl.device.drivers as c\nmake_pocl_cache_usable()\nc.ROOM = 1 << 62")
     kernel = damaged_kernel(sound, written=time.time())
     with pytest.warns(UserWarning, match="damaged kernels"):
         make_pocl_cache_usable()

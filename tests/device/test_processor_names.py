@@ -8,16 +8,16 @@ from types import SimpleNamespace
 
 import pytest
 
-from rptcam_cl.device import pocl_processor
-from rptcam_cl.device.pocl_processor import AVX2, AVX512, known_processor, rename_as_before, rename_processor
-from rptcam_cl.device.trial import is_pocl
+from rptcam_cl.device import drivers
+from rptcam_cl.device.devices import is_pocl
+from rptcam_cl.device.drivers import AVX2, AVX512, known_processor, rename_as_before, rename_processor
 from tests.device.probes import open_session
 
 UNKNOWN = """
 import ctypes, sys
 from rptcam_cl.device import Session, list_devices
-from rptcam_cl.device.pocl_processor import _point, processor_field, processor_name
-from rptcam_cl.device.trial import try_here
+from rptcam_cl.device.drivers import _point, processor_field, processor_name
+from rptcam_cl.device.devices import try_here
 info = next(device for device in list_devices() if "portable" in device.platform.lower())
 place = processor_field(info.handle.int_ptr)
 _point(place, "generic")
@@ -54,7 +54,7 @@ def test_name_is_the_best_that_the_features_allow():
 
 
 def test_nothing_is_touched_for_another_error(monkeypatch):
-    monkeypatch.setattr(pocl_processor, "processor_field", lambda _: pytest.fail("the record was read"))
+    monkeypatch.setattr(drivers, "processor_field", lambda _: pytest.fail("the record was read"))
     assert rename_processor(None, "error: use of undeclared identifier") is None
 
 
@@ -86,7 +86,7 @@ def record(*texts):
 )
 def test_field_is_found_only_where_the_record_is_as_expected(texts, found):
     words, _kept = record(*texts)
-    place = pocl_processor.processor_field(ctypes.addressof(words))
+    place = drivers.processor_field(ctypes.addressof(words))
     assert place == (None if found is None else ctypes.addressof(words) + 8 * found)
 
 
@@ -95,5 +95,5 @@ def test_what_lies_behind_the_record_is_not_read():
     words, kept = record(b"pthread", b"x86_64-unknown-linux-gnu", b"generic")
     for left in range(128, 299):
         words[left], words[left + 1] = ctypes.addressof(kept[1]), ctypes.addressof(kept[2])
-        assert pocl_processor.processor_field(ctypes.addressof(words)) == ctypes.addressof(words) + 24
+        assert drivers.processor_field(ctypes.addressof(words)) == ctypes.addressof(words) + 24
         words[left] = words[left + 1] = 0

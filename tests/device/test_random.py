@@ -3,8 +3,16 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.selfcheck.check import random_numbers, run_probe
-from rptcam_cl.selfcheck.number_checks import CORNERS, INCREMENT, MASK, MULTIPLIER, pcg4d, wrong_random_numbers
+from rptcam_cl.studies.selfcheck import (
+    CORNERS,
+    INCREMENT,
+    MASK,
+    MULTIPLIER,
+    pcg4d,
+    random_numbers,
+    run_probe,
+    wrong_random_numbers,
+)
 from tests.support.statistics import ALPHA, Z, chi_squared, moment_scores, sidak
 
 COUNT = 1 << 18

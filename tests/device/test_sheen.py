@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.plan.sheen import sheen_albedo, sheen_lobe
+from rptcam_cl.rendering.plan.materials import sheen_albedo, sheen_lobe
 from tests.device import bsdfs
 from tests.device.scattering import direction, scatter
 

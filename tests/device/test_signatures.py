@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from rptcam_cl.core.records import device_declarations
-from rptcam_cl.device.program import BUILD_OPTIONS, assemble
-from rptcam_cl.device.signature import kernel_parameters
+from rptcam_cl.device.programs import BUILD_OPTIONS, assemble, kernel_parameters
 
 SOURCE = """
 #define VW 8

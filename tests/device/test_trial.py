@@ -9,11 +9,11 @@ from types import SimpleNamespace
 
 import pytest
 
-from rptcam_cl.core.resources import CACHE_VARIABLE
-from rptcam_cl.device import trial
-from rptcam_cl.device.opencl import load_opencl
-from rptcam_cl.device.program import BUILD_OPTIONS, options_of
-from rptcam_cl.device.trial import Trial, first_error, try_device
+from rptcam_cl.core.files import CACHE_VARIABLE
+from rptcam_cl.device import devices
+from rptcam_cl.device.devices import Trial, first_error, try_device
+from rptcam_cl.device.drivers import load_opencl
+from rptcam_cl.device.programs import BUILD_OPTIONS, options_of
 from tests.device.probes import open_session
 
 
@@ -29,7 +29,7 @@ def fresh(handle):
 
 
 def child(monkeypatch, text):
-    monkeypatch.setattr(trial, "_CHILD", text)
+    monkeypatch.setattr(devices, "_CHILD", text)
 
 
 def test_trial_is_kept_and_the_next_run_starts_no_process(handle, monkeypatch, tmp_path):
@@ -68,14 +68,14 @@ def test_driver_that_ends_the_process_is_told(handle, monkeypatch):
 
 
 def test_driver_that_hangs_is_given_up(handle, monkeypatch):
-    monkeypatch.setattr(trial, "PATIENCE", 0.2)
+    monkeypatch.setattr(devices, "PATIENCE", 0.2)
     child(monkeypatch, "import time; time.sleep(60)")
     assert "within 0.2 s, 2 times" in fresh(handle).problem
 
 
 def test_driver_that_hangs_once_is_tried_again(handle, monkeypatch, tmp_path):
     mark = tmp_path / "tried"
-    monkeypatch.setattr(trial, "PATIENCE", 2)
+    monkeypatch.setattr(devices, "PATIENCE", 2)
     hangs = f"p = pathlib.Path({str(mark)!r}); p.exists() or (p.touch(), time.sleep(60))"
     told = json.dumps({"problem": None, "library_arch": None, "renamed": None})
     child(monkeypatch, f"import pathlib, time; {hangs}; print({told!r})")
@@ -84,8 +84,8 @@ def test_driver_that_hangs_once_is_tried_again(handle, monkeypatch, tmp_path):
 
 def test_trial_ends_its_process_without_the_driver(monkeypatch, handle):
     # What a driver does at the end of a process, here what Python does, may hang.
-    child(monkeypatch, "import atexit, time; atexit.register(time.sleep, 60); " + trial._CHILD)
-    monkeypatch.setattr(trial, "PATIENCE", 20)
+    child(monkeypatch, "import atexit, time; atexit.register(time.sleep, 60); " + devices._CHILD)
+    monkeypatch.setattr(devices, "PATIENCE", 20)
     assert fresh(handle).problem is None
 
 
@@ -126,10 +126,10 @@ def test_speed_of_a_gpu_is_measured_in_its_trial(handle, monkeypatch):
     seeming = SimpleNamespace(device_type=SimpleNamespace(GPU=handle.type), Context=cl.Context, Program=cl.Program)
     for name in ("CommandQueue", "Buffer", "mem_flags", "enqueue_fill_buffer"):
         setattr(seeming, name, getattr(cl, name))
-    assert trial.try_here(handle).speed is None
-    monkeypatch.setattr(trial, "load_opencl", lambda: seeming)
-    monkeypatch.setattr(trial, "is_pocl", lambda handle: False)
-    assert 1e6 < trial.try_here(handle).speed < 1e12  # 33 reads, sums and products a step
+    assert devices.try_here(handle).speed is None
+    monkeypatch.setattr(devices, "load_opencl", lambda: seeming)
+    monkeypatch.setattr(devices, "is_pocl", lambda handle: False)
+    assert 1e6 < devices.try_here(handle).speed < 1e12  # 33 reads, sums and products a step
 
 
 def test_speed_of_a_gpu_is_kept(handle, monkeypatch, tmp_path):

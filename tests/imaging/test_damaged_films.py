@@ -11,7 +11,9 @@ import pytest
 
 from rptcam_cl.cli import main
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.imaging import Development, GreyWorld, Image, read_film, writers
+from rptcam_cl.imaging import writers
+from rptcam_cl.imaging.development import Development, GreyWorld
+from rptcam_cl.imaging.image import Image, read_film
 
 SUFFIXES = (".exr", ".npy", ".npz")
 ODD = (None, True, -1, 1e300, "", "x" * 50, [], [[]], {}, [1, 2, 3, 4], {"a": [1]}, [None] * 4, float("nan"))

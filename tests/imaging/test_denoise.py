@@ -5,7 +5,7 @@ import pytest
 
 import rptcam_cl
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.imaging import Image
+from rptcam_cl.imaging.image import Image
 
 BALL = {"shape": "sphere", "center": [0, 1, 0], "radius": 1}
 FLOOR = {"shape": "plane", "point": [0, 0, 0], "normal": [0, 1, 0]}

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.imaging import Image, desqueezed
+from rptcam_cl.imaging.image import Image, desqueezed
 
 
 def image_of(columns, height=3, **metadata):

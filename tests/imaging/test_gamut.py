@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.imaging import Development, developed_values
+from rptcam_cl.imaging.development import Development, developed_values
 
 WEIGHTS = np.array([0.2126, 0.7152, 0.0722])
 

@@ -5,7 +5,8 @@ import PIL.Image
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.imaging import Development, Image, developed_values, quantised
+from rptcam_cl.imaging.development import Development, developed_values, quantised
+from rptcam_cl.imaging.image import Image
 
 
 @pytest.fixture

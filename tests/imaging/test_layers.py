@@ -6,9 +6,9 @@ import OpenEXR
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.imaging import Image
-from rptcam_cl.imaging.layers import CHANNELS
-from rptcam_cl.scene.render_settings import LAYER_NAMES
+from rptcam_cl.imaging.image import Image
+from rptcam_cl.imaging.writers import CHANNELS
+from rptcam_cl.scene.film import LAYER_NAMES
 
 SHAPE = (5, 7)
 

@@ -16,9 +16,9 @@ import tifffile
 from PIL import ImageCms
 from PIL.ExifTags import IFD, Base
 
-from rptcam_cl.imaging import Development, Image, quantised
-from rptcam_cl.imaging.icc import profile
-from rptcam_cl.imaging.tag_directory import rational
+from rptcam_cl.imaging.development import Development, quantised
+from rptcam_cl.imaging.formats import profile, rational
+from rptcam_cl.imaging.image import Image
 
 METADATA: dict[str, Any] = {
     "software": "rptcam_cl 1.2",

@@ -9,7 +9,7 @@ import PIL.Image
 import png as pypng
 import pytest
 
-from rptcam_cl.imaging.png import _BAND_BYTES, write_png_to
+from rptcam_cl.imaging.formats import _BAND_BYTES, write_png_to
 
 EXIF = b"MM\0*\0\0\0\x08\0\0\0\0\0\0"
 

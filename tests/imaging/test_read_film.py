@@ -8,7 +8,7 @@ import OpenEXR
 import pytest
 
 from rptcam_cl.core.errors import InputError, StateError
-from rptcam_cl.imaging import Image, read_film
+from rptcam_cl.imaging.image import Image, read_film
 
 METADATA = {
     "lens": "Tessar",

@@ -7,7 +7,7 @@ import numpy as np
 import OpenEXR
 import pytest
 
-from rptcam_cl.imaging import Image, read_film
+from rptcam_cl.imaging.image import Image, read_film
 
 
 def header_of(path: Path, **metadata: object) -> dict[str, object]:

@@ -5,9 +5,17 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from rptcam_cl.imaging import Development, developed_values, quantised, srgb_from_linear
-from rptcam_cl.imaging.development import Tone
-from rptcam_cl.imaging.tone import AGX_WHITE, agx, agx_contrast, linear_from_srgb
+from rptcam_cl.imaging.development import (
+    AGX_WHITE,
+    Development,
+    Tone,
+    agx,
+    agx_contrast,
+    developed_values,
+    linear_from_srgb,
+    quantised,
+    srgb_from_linear,
+)
 
 TONES = get_args(Tone)
 WHITES = {"srgb": 1.0, "linear": 1.0, "reinhard": 4.0, "aces": 7.25, "agx": AGX_WHITE}

@@ -9,7 +9,7 @@ import pytest
 from pycocotools.coco import COCO
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.imaging import Image
+from rptcam_cl.imaging.image import Image
 from rptcam_cl.imaging.truth_files import run_lengths, run_text
 
 

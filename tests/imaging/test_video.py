@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from rptcam_cl.core.errors import InputError, StateError
-from rptcam_cl.imaging import Development, Image, check_video, quantised, write_video
+from rptcam_cl.imaging.development import Development, quantised
+from rptcam_cl.imaging.image import Image, check_video, write_video
 
 LEVELS = (0.05, 0.2, 0.6)
 

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.colour import WAVELENGTHS_NM, blackbody, illuminant, srgb_from_reflectance, srgb_from_spectrum
-from rptcam_cl.imaging import Development, Grey, GreyWorld, Image, KnownLight, developed_values
-from rptcam_cl.imaging.picture_settings import development_of
-from rptcam_cl.scene import load_picture
-from rptcam_cl.scene.picture import LIGHTS
+from rptcam_cl.core.colour import WAVELENGTHS_NM, blackbody, illuminant, srgb_from_reflectance, srgb_from_spectrum
+from rptcam_cl.imaging.development import Development, Grey, GreyWorld, KnownLight, developed_values
+from rptcam_cl.imaging.image import Image, development_of
+from rptcam_cl.scene.film import LIGHTS
+from rptcam_cl.scene.load import load_picture
 
 WEIGHTS = np.array([0.2126, 0.7152, 0.0722])
 

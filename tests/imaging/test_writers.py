@@ -7,7 +7,9 @@ import PIL.Image
 import pytest
 
 from rptcam_cl.core.errors import InputError, StateError
-from rptcam_cl.imaging import Development, Image, check_output, quantised
+from rptcam_cl.imaging.development import Development, quantised
+from rptcam_cl.imaging.image import Image
+from rptcam_cl.imaging.writers import check_output
 
 METADATA = {
     "scene_hash": "5e1f",

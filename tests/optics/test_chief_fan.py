@@ -5,8 +5,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rptcam_cl.optics import chief_fan, film_chief_rays, film_distance, load_lens, round_chief_rays, zoomed
-from rptcam_cl.optics.lens import Lens
+from rptcam_cl.optics import chief_rays
+from rptcam_cl.optics.chief_rays import film_chief_rays, round_chief_rays
+from rptcam_cl.optics.lens import Lens, film_distance, zoomed
+from rptcam_cl.optics.library import load_lens
 
 NM = 587.56
 
@@ -40,14 +42,14 @@ def states(name: str) -> tuple[Lens, float]:
 def test_rays_of_a_fan_are_those_that_are_traced(name: str, radius_mm: float, monkeypatch: pytest.MonkeyPatch) -> None:
     lens, back_mm = states(name)
     check(lens, back_mm, radius_mm)
-    monkeypatch.setattr(chief_fan, "film_chief_rays", None)  # whatever traces each ray fails
+    monkeypatch.setattr(chief_rays, "film_chief_rays", None)  # whatever traces each ray fails
     round_chief_rays(lens, points(lens, back_mm, radius_mm), NM)
 
 
 def test_a_fan_serves_all_states_of_film_and_stop(monkeypatch: pytest.MonkeyPatch) -> None:
     lens, back_mm = states("retrofocus-35mm")
     check(lens, back_mm, 18.0)
-    monkeypatch.setattr(chief_fan, "_traced", None)  # whatever traces another fan fails
+    monkeypatch.setattr(chief_rays, "_traced", None)  # whatever traces another fan fails
     check(lens.with_stop_diameter(1.0), back_mm, 18.0)
     check(lens, 1.01 * back_mm, 18.1)
     with pytest.raises(TypeError):
@@ -59,7 +61,7 @@ def test_where_no_fan_goes_rays_are_traced(name: str, monkeypatch: pytest.Monkey
     lens, back_mm = states(name)
     film = points(lens, back_mm, 2 * abs(lens.first_order().focal_length_mm))
     calls: list[Any] = []
-    monkeypatch.setattr(chief_fan, "film_chief_rays", lambda *args: calls.append(args) or film_chief_rays(*args))
+    monkeypatch.setattr(chief_rays, "film_chief_rays", lambda *args: calls.append(args) or film_chief_rays(*args))
     found = round_chief_rays(lens, film, NM)
     assert len(calls) == 1
     np.testing.assert_array_equal(found.clear, film_chief_rays(lens, film, NM).clear)

@@ -7,13 +7,12 @@ import pytest
 import yaml
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.core.references import Folders, References
-from rptcam_cl.lenstools.prescription import lens_text
-from rptcam_cl.optics import load_lens
-from rptcam_cl.optics.coating import BARE, MAGNESIUM_FLUORIDE, MeasuredReflectance, QuarterWave
-from rptcam_cl.optics.files.catalogue import read_agf, read_refractive_index
+from rptcam_cl.core.files import Folders, References
+from rptcam_cl.optics.coating import BARE, MAGNESIUM_FLUORIDE, Layer, LayerStack, MeasuredReflectance, QuarterWave
+from rptcam_cl.optics.files.export import lens_text
+from rptcam_cl.optics.files.glass_catalogues import read_agf, read_refractive_index
 from rptcam_cl.optics.glass import attenuation
-from rptcam_cl.optics.layer_stack import Layer, LayerStack
+from rptcam_cl.optics.library import load_lens
 
 LAYERS = {"layers": [{"index": 1.38, "thickness_nm": 99.6}, {"index": 2.1, "thickness_nm": 131}]}
 SPECTRUM = {"wavelengths_nm": [400, 550, 700], "values": [0.01, 0.002, 0.02]}

@@ -4,8 +4,16 @@ import numpy as np
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics.coating import BARE, MAGNESIUM_FLUORIDE, Interface, MeasuredReflectance, QuarterWave, amplitudes
-from rptcam_cl.optics.layer_stack import Layer, LayerStack
+from rptcam_cl.optics.coating import (
+    BARE,
+    MAGNESIUM_FLUORIDE,
+    Interface,
+    Layer,
+    LayerStack,
+    MeasuredReflectance,
+    QuarterWave,
+    amplitudes,
+)
 
 BK7 = 1.5168
 MEASURED = MeasuredReflectance((400.0, 700.0), (0.004, 0.010))

@@ -6,7 +6,7 @@ import random
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics import load_lens
+from rptcam_cl.optics.library import load_lens
 
 from .test_foreign_features import DEEPLENS, FLOAT
 

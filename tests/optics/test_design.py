@@ -5,7 +5,6 @@ import math
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics import load_lens
 from rptcam_cl.optics.design import (
     GlassChoice,
     doublet,
@@ -14,7 +13,8 @@ from rptcam_cl.optics.design import (
     lensmaker_focal_length,
     singlet,
 )
-from rptcam_cl.optics.focus import film_distance
+from rptcam_cl.optics.lens import film_distance
+from rptcam_cl.optics.library import load_lens
 from tests.optics.truth import truth
 
 ACHROMAT = truth("achromat_open")

@@ -5,9 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rptcam_cl.optics import Lens, Status, Surface, load_lens
 from rptcam_cl.optics.glass import AIR, ConstantIndex
-from rptcam_cl.optics.ray_trace import refract
+from rptcam_cl.optics.lens import Lens
+from rptcam_cl.optics.library import load_lens
+from rptcam_cl.optics.ray_trace import Status, refract
+from rptcam_cl.optics.surface import Surface
 from tests.optics.truth import truth, truth_lens
 
 EXTREMES = truth("extremes_open")

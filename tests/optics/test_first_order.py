@@ -2,8 +2,8 @@
 
 import pytest
 
-from rptcam_cl.colour import LINE_D_NM
-from rptcam_cl.optics import list_lenses, load_lens
+from rptcam_cl.core.vectors import LINE_D_NM
+from rptcam_cl.optics.library import list_lenses, load_lens
 from tests.optics.truth import CASES, NAMES, truth, truth_lens
 
 RELATIVE = 1e-10

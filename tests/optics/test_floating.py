@@ -6,16 +6,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rptcam_cl.cameras.setting import focused, lens_setting
 from rptcam_cl.cli import main
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.strict_yaml import read_yaml
-from rptcam_cl.focusing import focus_drive
-from rptcam_cl.lenstools.prescription import lens_text
-from rptcam_cl.optics import configured, load_lens, zoom_range_mm, zoomed
-from rptcam_cl.optics.focus import film_distance, object_distance
-from rptcam_cl.optics.variable import floated
-from rptcam_cl.scene import load_scene
+from rptcam_cl.optics.files.export import lens_text
+from rptcam_cl.optics.lens import configured, film_distance, floated, object_distance, zoom_range_mm, zoomed
+from rptcam_cl.optics.library import load_lens
+from rptcam_cl.rendering.cameras.setting import focused, lens_setting
+from rptcam_cl.scene.load import load_scene
+from rptcam_cl.studies.focus.drives import focus_drive
 
 # A lens of our own: for the close focus two gaps change by 2 and 1 mm, and the film is 6 mm farther.
 BENCH = """\

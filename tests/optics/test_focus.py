@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics import load_lens
 from rptcam_cl.optics.best_focus import best_film_distance
-from rptcam_cl.optics.focus import film_distance, nearest_object_distance, object_distance
+from rptcam_cl.optics.lens import film_distance, nearest_object_distance, object_distance
+from rptcam_cl.optics.library import load_lens
 from tests.optics.truth import NAMES, truth, truth_lens
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics import load_lens
+from rptcam_cl.optics.library import load_lens
 
 FRONT = ["STOP", "CURV 0.02", "DISZ 5", "GLAS N-BK7 0 0 1.5 40", "DIAM 10"]
 BACK = ["CURV -0.02", "DISZ 45", "DIAM 10"]

@@ -7,7 +7,7 @@ import pytest
 
 from rptcam_cl.cli import main
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics import load_lens
+from rptcam_cl.optics.library import load_lens
 
 
 def load_text(tmp_path, text, name, **how):

@@ -6,13 +6,11 @@ from typing import Any, ClassVar
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.core.kinds import SurfaceKind
-from rptcam_cl.lenstools.codev_file import codev_text
-from rptcam_cl.lenstools.pbrt_table import pbrt_text
-from rptcam_cl.lenstools.zemax_file import zemax_text
-from rptcam_cl.optics import Biconic, Form, load_lens
-from rptcam_cl.optics.files import shapes
-from rptcam_cl.optics.shapes import FORMS
+from rptcam_cl.core.records import SurfaceKind
+from rptcam_cl.optics.files import native
+from rptcam_cl.optics.files.export import codev_text, pbrt_text, zemax_text
+from rptcam_cl.optics.library import load_lens
+from rptcam_cl.optics.shapes import FORMS, Biconic, Form
 
 
 @dataclass(frozen=True)
@@ -37,7 +35,7 @@ def test_every_kind_has_its_own_number() -> None:
 
 
 def test_a_surface_of_two_kinds_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(shapes, "FORMS", (Biconic, Biconic))
+    monkeypatch.setattr(native, "FORMS", (Biconic, Biconic))
     row = {"radius": 50.0, "radius_x": 40.0, "diameter": 10.0}
     with pytest.raises(InputError, match=r"surfaces\[0\]: is of two curvatures and of two curvatures: leave"):
         load_lens({"surfaces": [row]})

@@ -8,28 +8,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics import (
+from rptcam_cl.core.vectors import LINE_D_NM
+from rptcam_cl.optics.coating import (
     BARE,
     MAGNESIUM_FLUORIDE,
-    UNCOATED,
-    Beam,
-    Ghosts,
     Interface,
     Layer,
     LayerStack,
-    Lens,
-    Lit,
     QuarterWave,
-    axial_transmittance,
     constant_reflectance,
-    find_ghosts,
-    ghost_image,
-    ghost_magnification,
-    load_lens,
-    with_coating,
 )
+from rptcam_cl.optics.ghosts import Ghosts, Lit, find_ghosts, ghost_image, ghost_magnification
+from rptcam_cl.optics.lens import Lens
+from rptcam_cl.optics.library import load_lens
+from rptcam_cl.optics.ray_trace import UNCOATED, axial_transmittance, with_coating
+from rptcam_cl.optics.spot import Beam
 from tests.optics.truth import truth
 
 TRUTH = json.loads((Path(__file__).parents[1] / "data" / "wave_truth" / "ghosts.json").read_text())

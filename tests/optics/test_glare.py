@@ -3,7 +3,10 @@
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics import MAGNESIUM_FLUORIDE, load_lens, veiling_glare, with_coating
+from rptcam_cl.optics.coating import MAGNESIUM_FLUORIDE
+from rptcam_cl.optics.irradiance import veiling_glare
+from rptcam_cl.optics.library import load_lens
+from rptcam_cl.optics.ray_trace import with_coating
 
 
 def plates(count: int, index: float = 1.5):

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics import glass_named, known_range, load_lens
-from rptcam_cl.optics.files.catalogue import read_agf, read_refractive_index
-from rptcam_cl.optics.glass import TabulatedIndex, abbe_number, stated_range
-from rptcam_cl.optics.glass_table import GLASSES
+from rptcam_cl.optics.files.glass_catalogues import glass_named, read_agf, read_refractive_index
+from rptcam_cl.optics.glass import GLASSES, TabulatedIndex, abbe_number, known_range, stated_range
+from rptcam_cl.optics.library import load_lens
 
 # Index and Abbe number as the SCHOTT catalogue prints them.
 PRINTED = {

@@ -6,20 +6,20 @@ import sys
 import numpy as np
 import pytest
 
-from rptcam_cl.colour import LINE_D_NM
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics import load_lens
-from rptcam_cl.optics.files.glass_names import (
+from rptcam_cl.core.vectors import LINE_D_NM
+from rptcam_cl.optics.files.glass_catalogues import (
+    MAKERS,
     chosen_makers,
     glass_named,
+    glasses_of,
     makers_of,
     named_glass,
     near_glass_words,
     near_names,
 )
-from rptcam_cl.optics.files.makers import MAKERS, glasses_of
-from rptcam_cl.optics.glass import abbe_number, attenuation, stated_range
-from rptcam_cl.optics.glass_table import GLASSES
+from rptcam_cl.optics.glass import GLASSES, abbe_number, attenuation, stated_range
+from rptcam_cl.optics.library import load_lens
 
 # n_d and V_d as the makers' data sheets print them
 DATA_SHEETS = {
@@ -106,7 +106,8 @@ def test_glasses_absorb_as_their_maker_says():
 
 def test_no_catalogue_is_read_for_bundled_lenses():
     code = (
-        "from rptcam_cl.optics import load_lens\nfrom rptcam_cl.optics.files import makers\n"
+        "from rptcam_cl.optics.library import load_lens\n"
+        "from rptcam_cl.optics.files import glass_catalogues as makers\n"
         "load_lens('cooke-triplet-50mm')\nassert makers._text.cache_info().currsize == 0"
     )
     subprocess.run([sys.executable, "-c", code], check=True)

@@ -6,11 +6,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rptcam_cl import InputError
-from rptcam_cl.lenstools import lens_text
-from rptcam_cl.optics import AIR, BARRELS, Heat, Melt, air_index, configured, glass_named, load_lens, thermal_of
-from rptcam_cl.optics.files.makers import MAKERS, glasses_of, law_of
-from rptcam_cl.optics.glass import Heated, Law
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.optics.as_built import BARRELS, Heat, thermal_of
+from rptcam_cl.optics.files.export import lens_text
+from rptcam_cl.optics.files.glass_catalogues import MAKERS, glass_named, glasses_of, law_of
+from rptcam_cl.optics.glass import AIR, Heated, Law, Melt, air_index
+from rptcam_cl.optics.lens import configured
+from rptcam_cl.optics.library import load_lens
 
 E_NM, G_NM, IR_NM = 546.074, 435.835, 1060.0
 D_NM = 587.5618

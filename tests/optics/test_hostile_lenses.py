@@ -8,7 +8,8 @@ from hypothesis import given, seed, settings
 from hypothesis import strategies as st
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics import Status, load_lens
+from rptcam_cl.optics.library import load_lens
+from rptcam_cl.optics.ray_trace import Status
 
 BASE = {
     "name": "base",

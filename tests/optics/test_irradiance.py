@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics import load_lens
 from rptcam_cl.optics.irradiance import axial_irradiance, film_irradiance, on_axis_irradiance
+from rptcam_cl.optics.library import load_lens
 from tests.optics.truth import NAMES, truth, truth_lens
 
 

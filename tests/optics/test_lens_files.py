@@ -8,10 +8,10 @@ import pytest
 
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.strict_yaml import read_yaml
-from rptcam_cl.lenstools.prescription import lens_text
-from rptcam_cl.optics import list_lenses, load_lens
-from rptcam_cl.optics.files.checks import LONGEST_PLAUSIBLE_MM, crossed_surfaces
+from rptcam_cl.optics.files.export import lens_text
+from rptcam_cl.optics.files.native import LONGEST_PLAUSIBLE_MM, crossed_surfaces
 from rptcam_cl.optics.glass import abbe_number
+from rptcam_cl.optics.library import list_lenses, load_lens
 
 SINGLET = """\
 name: Singlet

@@ -9,10 +9,10 @@ import pytest
 
 from rptcam_cl.cli import main
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.core.resources import lenses_dir
+from rptcam_cl.core.files import lenses_dir
 from rptcam_cl.core.strict_yaml import read_yaml
-from rptcam_cl.optics import list_lenses, load_lens
-from rptcam_cl.optics.files.schema import lens_json_schema, lens_json_schema_text
+from rptcam_cl.optics.files.keys import lens_json_schema, lens_json_schema_text
+from rptcam_cl.optics.library import list_lenses, load_lens
 
 SCHEMA = jsonschema.Draft202012Validator(lens_json_schema())
 

@@ -3,12 +3,14 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.lenstools import distortion, setting
-from rptcam_cl.lenstools.aberrations import curvature_rows
-from rptcam_cl.lenstools.wavefronts import field_waves
-from rptcam_cl.optics import film_chief_rays, film_distance, load_lens, unobstructed
+from rptcam_cl.optics import field_measures
+from rptcam_cl.optics.chief_rays import film_chief_rays, unobstructed
+from rptcam_cl.optics.design import stop_diameter_by_sine
+from rptcam_cl.optics.field_measures import curvature_rows
+from rptcam_cl.optics.image_quality import field_waves, setting
+from rptcam_cl.optics.lens import film_distance
+from rptcam_cl.optics.library import load_lens
 from rptcam_cl.optics.spot import chief_ray
-from rptcam_cl.optics.summary import stop_diameter_by_sine
 
 STOP = {"stop": True, "diameter": 20}
 
@@ -53,7 +55,7 @@ def test_a_stop_at_the_centre_of_a_spherical_mirror_gives_a_concentric_image_als
 
 def test_distortion_of_a_mirror_telephoto_is_that_of_its_wavefront():
     state = setting(load_lens("mirror-500mm"))
-    rows = distortion.distortion_table(state, [0.0, 1.0], [587.5618], "tan")
+    rows = field_measures.distortion_table(state, [0.0, 1.0], [587.5618], "tan")
     assert rows[0]["height_mm"] == pytest.approx(0, abs=1e-9)
     wave = field_waves(state, [1.0], [587.5618], 32)[0]
     assert rows[1]["height_mm"] == pytest.approx(wave.pupil.chief[1], rel=1e-9)

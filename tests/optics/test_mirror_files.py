@@ -3,10 +3,8 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.lenstools.codev_file import codev_text
-from rptcam_cl.lenstools.prescription import lens_text
-from rptcam_cl.lenstools.zemax_file import zemax_text
-from rptcam_cl.optics import load_lens
+from rptcam_cl.optics.files.export import codev_text, lens_text, zemax_text
+from rptcam_cl.optics.library import load_lens
 from tests.optics.test_mirrors import BEAM, axial, cassegrain, crossing
 
 N_BK7 = 1.5168000345

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics import Toroid, load_lens
-from rptcam_cl.optics.variable import configured
+from rptcam_cl.optics.lens import configured
+from rptcam_cl.optics.library import load_lens
+from rptcam_cl.optics.shapes import Toroid
 
 
 def load_text(tmp_path, text, name):

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.optics import load_lens, passed_rays
+from rptcam_cl.optics.library import load_lens
+from rptcam_cl.optics.ray_trace import passed_rays
 
 LENSES = ("dgauss-50mm", "fisheye-10mm", "mirror-500mm", "phone-5.6mm", "anamorphic-100mm", "zoom-70-200mm")
 

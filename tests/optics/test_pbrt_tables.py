@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics import load_lens
+from rptcam_cl.optics.library import load_lens
 
 # Radius, thickness to the next row, index, diameter (dgauss.50mm.dat).
 TO_NEXT = """\

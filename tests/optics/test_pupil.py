@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.colour import LINE_D_NM
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics import load_lens
-from rptcam_cl.optics.probe import FilmProbe
-from rptcam_cl.optics.pupil_shape import pupil_shapes
+from rptcam_cl.core.vectors import LINE_D_NM
+from rptcam_cl.optics.library import load_lens
+from rptcam_cl.optics.pupils import FilmProbe, pupil_shapes
 
 
 def test_nodes_end_where_the_light_does():

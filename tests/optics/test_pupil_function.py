@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics import (
+from rptcam_cl.optics.lens import Lens
+from rptcam_cl.optics.library import load_lens
+from rptcam_cl.optics.spot import Beam
+from rptcam_cl.optics.waves import (
     AIRY,
-    Beam,
-    Lens,
     PupilFunction,
     centroid,
     encircled,
-    load_lens,
     peak_to_valley,
     pupil_function,
     rms_waves,
@@ -160,7 +160,7 @@ def test_wavefront_of_a_lens_whose_exit_pupil_is_at_infinity() -> None:
 
 @pytest.mark.parametrize("shape", [0, 1, 2])
 def test_stop_shapes_have_their_closed_patterns(shape: int) -> None:
-    from rptcam_cl.optics import polygon
+    from rptcam_cl.optics.stop_shape import polygon
 
     expected = json.loads((WAVES / "stop_shapes.json").read_text())
     row, n = expected["shapes"][shape], 16.0

@@ -5,8 +5,8 @@ import pytest
 from numpy.polynomial import Polynomial
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics import load_lens
-from rptcam_cl.optics.files.qcon import even_powers, qcon_coefficients
+from rptcam_cl.optics.files.native import even_powers, qcon_coefficients
+from rptcam_cl.optics.library import load_lens
 
 # Forbes 2007, table of the first polynomials, multiplied out.
 PRINTED = {

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.optics import Status
+from rptcam_cl.optics.ray_trace import Status
 from tests.optics.truth import CASES, NAMES, truth, truth_lens
 
 POSITION = 1e-9  # mm; the tables agree with two other programs to 1e-12
@@ -86,7 +86,7 @@ def test_a_failed_ray_has_a_reason_and_a_surface():
 
 
 def test_total_internal_reflection_is_named():
-    from rptcam_cl.optics import load_lens
+    from rptcam_cl.optics.library import load_lens
 
     wedge = load_lens(
         {

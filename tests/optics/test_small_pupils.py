@@ -5,12 +5,12 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from rptcam_cl.colour import LINE_D_NM
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics import list_lenses, load_lens
-from rptcam_cl.optics.focus import film_distance
+from rptcam_cl.core.vectors import LINE_D_NM
+from rptcam_cl.optics.design import lens_info
 from rptcam_cl.optics.irradiance import film_irradiance
-from rptcam_cl.optics.summary import lens_info
+from rptcam_cl.optics.lens import film_distance
+from rptcam_cl.optics.library import list_lenses, load_lens
 
 STOPS = [1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0, 256.0, 512.0]
 STOPPED = [name for name in list_lenses() if load_lens(name).stop is not None]

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics import load_lens
-from rptcam_cl.optics.focus import film_distance, object_distance
+from rptcam_cl.optics.design import lens_info
 from rptcam_cl.optics.irradiance import film_irradiance
-from rptcam_cl.optics.pupil_shape import pupil_shapes
-from rptcam_cl.optics.summary import lens_info
+from rptcam_cl.optics.lens import film_distance, object_distance
+from rptcam_cl.optics.library import load_lens
+from rptcam_cl.optics.pupils import pupil_shapes
 
 RADIUS = 0.2
 FILM = 35.0

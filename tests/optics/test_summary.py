@@ -7,9 +7,11 @@ import pytest
 
 from rptcam_cl.cli import main
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics import Lens, Surface, list_lenses, load_lens
+from rptcam_cl.optics.design import image_circle, lens_info, stop_diameter_by_sine, t_number, working_f_number
 from rptcam_cl.optics.glass import ConstantIndex
-from rptcam_cl.optics.summary import image_circle, lens_info, stop_diameter_by_sine, t_number, working_f_number
+from rptcam_cl.optics.lens import Lens
+from rptcam_cl.optics.library import list_lenses, load_lens
+from rptcam_cl.optics.surface import Surface
 
 
 @pytest.mark.parametrize(

@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics import Lens, Status, Surface, load_lens
 from rptcam_cl.optics.glass import AIR, ConstantIndex
-from rptcam_cl.optics.placement import SurfacePose
+from rptcam_cl.optics.lens import Lens
+from rptcam_cl.optics.library import load_lens
+from rptcam_cl.optics.ray_trace import Status
 from rptcam_cl.optics.shapes import Biconic, Toroid
+from rptcam_cl.optics.surface import Surface, SurfacePose
 
 RNG = np.random.default_rng(17)
 

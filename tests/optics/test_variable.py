@@ -3,10 +3,11 @@
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.lenstools import setting
-from rptcam_cl.optics import lens_info, load_lens, variable
-from rptcam_cl.optics.focus import film_distance, object_distance
-from rptcam_cl.optics.variable import configured, focused_by_group, moved, zoomed
+from rptcam_cl.optics import lens as variable
+from rptcam_cl.optics.design import lens_info
+from rptcam_cl.optics.image_quality import setting
+from rptcam_cl.optics.lens import configured, film_distance, focused_by_group, moved, object_distance, zoomed
+from rptcam_cl.optics.library import load_lens
 
 ZOOMS = {"zoom-80-200mm": [80, 200], "zoom-70-200mm": [72.1, 135, 194], "zoom-35-51mm": [35, 51]}
 
@@ -64,7 +65,7 @@ def telephoto_with_group(travel=(-8.0, 10.0)):
     # The rear group of the 250 mm telephoto, behind its stop, moves.
     from pathlib import Path
 
-    from rptcam_cl.core.resources import lenses_dir
+    from rptcam_cl.core.files import lenses_dir
 
     text = Path(lenses_dir() / "telephoto-250mm.yaml").read_text()
     return text + f"focusing: {{surfaces: [4, 6], travel: [{travel[0]}, {travel[1]}]}}\n"

@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.colour import LINE_D_NM
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics import load_lens
-from rptcam_cl.optics.spot import Beam, chief_ray, passing_beam
-from rptcam_cl.optics.wide_beam import passing_steep_beam, steep_chief_ray
+from rptcam_cl.core.vectors import LINE_D_NM
+from rptcam_cl.optics.library import load_lens
+from rptcam_cl.optics.spot import Beam, chief_ray, passing_beam, passing_steep_beam, steep_chief_ray
 
 # A strong meniscus far before its stop: it sees more than a half space.
 MENISCUS = {

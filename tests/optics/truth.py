@@ -4,7 +4,8 @@ import json
 from functools import cache
 from pathlib import Path
 
-from rptcam_cl.optics import Lens, load_lens
+from rptcam_cl.optics.lens import Lens
+from rptcam_cl.optics.library import load_lens
 
 FOLDER = Path(__file__).parents[1] / "data" / "lens_truth"
 

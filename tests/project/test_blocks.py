@@ -11,12 +11,13 @@ from typing import Any
 
 import pytest
 
+from rptcam_cl.batch.specification import read_specification
 from rptcam_cl.cli import build_parser
 from rptcam_cl.core.strict_yaml import read_yaml
-from rptcam_cl.datasets import read_specification
-from rptcam_cl.optics import load_lens
-from rptcam_cl.scene import Missing, Scene, load_scene
-from rptcam_cl.tolerances import specification
+from rptcam_cl.optics.library import load_lens
+from rptcam_cl.rendering.tolerances import specification
+from rptcam_cl.scene.load import Missing, load_scene
+from rptcam_cl.scene.scene import Scene
 from tests.support.pages import (
     FENCE,
     LANGUAGES,

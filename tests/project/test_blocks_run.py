@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from rptcam_cl.cli import build_parser, main
-from rptcam_cl.scene import load_scene
+from rptcam_cl.scene.load import load_scene
 from tests.support.pages import ROOT, all_blocks, reduced
 
 BLOCKS = [block for block in all_blocks("sh", "python", "yaml") if block.why is None]

@@ -6,8 +6,7 @@ from pathlib import Path
 import pytest
 
 ROOTS = (
-    "", "kernels", "kernels/pass", "rptcam_cl", "rptcam_cl/focusing", "rptcam_cl/cameras", "rptcam_cl/api",
-    "rptcam_cl/optics/shapes", "kernels/material",
+    "", "kernels", "kernels/pass", "rptcam_cl", "rptcam_cl/studies/focus", "rptcam_cl/api", "kernels/material",
 )  # fmt: skip
 TO_BE_WRITTEN = re.compile(r"(^|/)(name|velvet)\.")  # files of whoever adds something
 

@@ -78,8 +78,8 @@ def test_contents_of_the_scene_reference_list_every_heading(checkout: Path) -> N
 
 
 def test_every_example_is_a_valid_scene_or_dataset(checkout: Path) -> None:
-    from rptcam_cl.datasets import read_specification
-    from rptcam_cl.scene import load_scene
+    from rptcam_cl.batch.specification import read_specification
+    from rptcam_cl.scene.load import load_scene
 
     examples = sorted((checkout / "examples").rglob("*.yaml"))
     assert examples

@@ -14,10 +14,10 @@ from PIL import Image
 
 import rptcam_cl
 from rptcam_cl.cli import build_parser
-from rptcam_cl.importers.pbrt import convert_scene
-from rptcam_cl.plan import make_plan
-from rptcam_cl.plan.meshes import MeshPart, mesh_parts
-from rptcam_cl.scene import MeshObject
+from rptcam_cl.exchange.pbrt.convert import convert_scene
+from rptcam_cl.rendering.plan.plan import make_plan
+from rptcam_cl.rendering.plan.primitives import MeshPart, mesh_parts
+from rptcam_cl.scene.meshes import MeshObject
 
 ROOT = Path(__file__).resolve().parents[2]
 SCENES = sorted(path for path in (ROOT / "examples").rglob("*.yaml") if "\nvary:" not in path.read_text("utf-8"))

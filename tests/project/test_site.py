@@ -26,7 +26,7 @@ from docs.site.generated import NAV, PAGES
 from docs.site.key_reference import key_page
 from docs.site.python_reference import PROPERTIES, ROOMS, examples, module_of, room_page, signature
 from examples.show_keys import models
-from rptcam_cl.scene import scene_json_schema
+from rptcam_cl.scene.load import scene_json_schema
 from tests.support.browsing import chromium, needs_chromium
 from tests.support.pages import all_blocks
 

@@ -1,26 +1,35 @@
-"""Files small enough to read in one go."""
+"""Rooms keep to their budgets of code, and functions are short enough to read in one go."""
 
 import ast
 from pathlib import Path
 
-MOST_LINES = 600
-CODE = (".py", ".cl", ".h")
+from benchmarks.size import TOP, Size, budget, rooms, size_of
+
+MOST_FILES, MOST_ROOMS = 190, 12
 
 
-def lines(path: Path) -> int:
-    return len(path.read_text("utf-8").splitlines())
+def test_no_room_has_more_code_than_its_budget() -> None:
+    sizes, most = rooms(), budget()
+    assert {*sizes} - {TOP} == {*most}
+    assert {room: size.code for room, size in sizes.items() if room != TOP and size.code > most[room]} == {}
 
 
-def test_no_file_is_longer_than_600_lines(checkout: Path, tracked: list[str]) -> None:
-    long = {name: n for name in tracked if name.endswith(CODE) and (n := lines(checkout / name)) > MOST_LINES}
-    assert long == {}
+def test_budgets_are_what_rooms_need(checkout: Path) -> None:
+    # A budget far above what there is bounds nothing.
+    sizes = rooms()
+    assert {room: most for room, most in budget().items() if most > 1.05 * sizes[room].code + 50} == {}
 
 
-def test_one_module_in_ten_at_most_is_shorter_than_60_lines(checkout: Path, tracked: list[str]) -> None:
-    # One idea a file: what is shorter is mostly a piece of a neighbour's idea. The faces of rooms and commands are not.
-    modules = [name for name in tracked if name.startswith("rptcam_cl/") and name.endswith(".py")]
-    sizes = [lines(checkout / name) for name in modules if "__" not in name and "/cli/" not in name]
-    assert sum(size < 60 for size in sizes) <= 0.1 * len(sizes)
+def test_the_house_has_few_rooms_and_files() -> None:
+    sizes = rooms()
+    assert len(sizes) - 1 <= MOST_ROOMS
+    assert sum(sizes.values(), Size()).files <= MOST_FILES
+
+
+def test_code_is_what_is_neither_blank_nor_comment_nor_docstring() -> None:
+    head = '"""A\nmodule."""\n\nimport math  # why\n# a comment\n\n\n'
+    source = head + 'class A:\n    """One."""\n\n    b = """not\n    one"""\n_c = 1\n'
+    assert size_of(source) == Size(files=1, code=5, imports=1, classes=1, public=1)
 
 
 def test_nine_of_ten_functions_have_at_most_40_lines(checkout: Path, tracked: list[str]) -> None:

@@ -13,7 +13,7 @@ from hatchling.builders.sdist import SdistBuilder
 from hatchling.builders.wheel import WheelBuilder
 from packaging.requirements import Requirement
 
-from rptcam_cl.core.resources import EXAMPLES, SCENES
+from rptcam_cl.core.files import EXAMPLES, SCENES
 
 ONE_FILE = [f"examples/{name}.yaml" for name in EXAMPLES]
 DATA = ("kernels/", "lenses/", *(f"examples/{file}" for files in SCENES.values() for file in files))
@@ -67,8 +67,8 @@ def test_installed_package_finds_its_kernels_and_lenses(wheel: Path, tmp_path: P
         archive.extractall(tmp_path)
     program = (
         f"import sys; sys.path.insert(0, {str(tmp_path)!r})\n"
-        "from rptcam_cl.optics import list_lenses, load_lens\n"
-        "from rptcam_cl.core.resources import kernels_dir, lenses_dir\n"
+        "from rptcam_cl.optics.library import list_lenses, load_lens\n"
+        "from rptcam_cl.core.files import kernels_dir, lenses_dir\n"
         "assert list_lenses()\n"
         "print(kernels_dir(), lenses_dir(), sep='\\n')"
     )

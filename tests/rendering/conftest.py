@@ -2,7 +2,7 @@
 
 import pytest
 
-from rptcam_cl.device import Session
+from rptcam_cl.device.session import Session
 from tests.device.probes import open_session
 
 

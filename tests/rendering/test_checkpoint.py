@@ -10,7 +10,7 @@ import pytest
 
 from rptcam_cl.core.errors import StateError
 from rptcam_cl.rendering.checkpoint import MAGIC, VERSION, check_facts, read_checkpoint, write_checkpoint
-from rptcam_cl.rendering.film_run import check_fits
+from rptcam_cl.rendering.progressive import check_fits
 
 FACTS = {"done": 7, "scene": "ab", "crop": [0.5, 1.0]}
 ARRAYS = {

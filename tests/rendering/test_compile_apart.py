@@ -6,11 +6,14 @@ from typing import Any
 
 import pytest
 
-from rptcam_cl.core.resources import CACHE_VARIABLE
-from rptcam_cl.device import open_session, pocl_cache_folder
-from rptcam_cl.plan import make_plan
-from rptcam_cl.rendering import SMALL, Compiler, SceneBuffers, Wavefront, order
-from rptcam_cl.scene import Scene, load_scene
+from rptcam_cl.core.files import CACHE_VARIABLE
+from rptcam_cl.device.drivers import pocl_cache_folder
+from rptcam_cl.device.session import open_session
+from rptcam_cl.rendering.plan.plan import make_plan
+from rptcam_cl.rendering.scene_buffers import SceneBuffers
+from rptcam_cl.rendering.tracer import SMALL, Compiler, Wavefront, order
+from rptcam_cl.scene.load import load_scene
+from rptcam_cl.scene.scene import Scene
 
 WORLD: dict[str, Any] = {
     "film": {"resolution": [16, 16]},

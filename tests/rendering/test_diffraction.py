@@ -7,16 +7,27 @@ import pytest
 from scipy.special import j0, j1
 
 import rptcam_cl
-from rptcam_cl.cameras import dirt_edges, edges_of
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics import Beam, load_lens, pupil_function, transfer
-from rptcam_cl.optics.focus import film_distance
-from rptcam_cl.rendering.diffraction import SHOWS_PX, diffracted, diffraction_of, spread_of
-from rptcam_cl.rendering.diffraction_kernel import WAVES_NM, kernel, of_wavelength, white_shares
+from rptcam_cl.optics.lens import film_distance
+from rptcam_cl.optics.library import load_lens
+from rptcam_cl.optics.spot import Beam
+from rptcam_cl.optics.waves import pupil_function, transfer
+from rptcam_cl.rendering.cameras.ideal import dirt_edges, edges_of
+from rptcam_cl.rendering.diffraction import (
+    SHOWS_PX,
+    WAVES_NM,
+    FarLight,
+    blurred,
+    diffracted,
+    diffraction_of,
+    kernel,
+    of_wavelength,
+    spread_of,
+    white_shares,
+)
 from rptcam_cl.rendering.film import FilmLayout
-from rptcam_cl.rendering.patch_blur import blurred
-from rptcam_cl.rendering.starburst import FarLight
-from rptcam_cl.scene import Dirt, load_scene
+from rptcam_cl.scene.lens_settings import Dirt
+from rptcam_cl.scene.load import load_scene
 from tests.rendering.pictures import scene_of
 
 POSE = {"eye": [0, 0, 0], "target": [0, 0, -1]}

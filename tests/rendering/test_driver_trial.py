@@ -6,13 +6,17 @@ import numpy as np
 import pytest
 
 from rptcam_cl.core.errors import DeviceError
-from rptcam_cl.core.kept import forget
-from rptcam_cl.core.resources import CACHE_VARIABLE
-from rptcam_cl.device import Session, problem_of, program
-from rptcam_cl.plan import make_plan
-from rptcam_cl.rendering import FilmLayout, Wavefront, driver_trial, render_plan
-from rptcam_cl.rendering.driver_trial import KNOWN, SCALE, SCENE, Way, way_of
-from rptcam_cl.scene import load_scene
+from rptcam_cl.core.files import CACHE_VARIABLE, forget
+from rptcam_cl.device import programs
+from rptcam_cl.device.devices import problem_of
+from rptcam_cl.device.session import Session
+from rptcam_cl.rendering import passes
+from rptcam_cl.rendering.film import FilmLayout
+from rptcam_cl.rendering.passes import KNOWN, SCALE, SCENE, Way, way_of
+from rptcam_cl.rendering.plan.plan import make_plan
+from rptcam_cl.rendering.progressive import render_plan
+from rptcam_cl.rendering.tracer import Wavefront
+from rptcam_cl.scene.load import load_scene
 from tests.device.probes import open_session
 
 # Of two packets of rays the second takes the fields of the first, as PoCL 7.1 compiled it.
@@ -26,7 +30,7 @@ def untried(monkeypatch, tmp_path):
     session = open_session().alone()
     assert problem_of(session.info) is None  # tried and kept where all other tests have it
     monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "cache"))
-    monkeypatch.setattr(driver_trial, "_passed", {})
+    monkeypatch.setattr(passes, "_passed", {})
     return session
 
 
@@ -38,7 +42,7 @@ def plant(monkeypatch, tmp_path, checkout):
         text = (kernels / file).read_text()
         assert right in text
         (kernels / file).write_text(text.replace(right, wrong))
-        monkeypatch.setattr(program, "kernels_dir", lambda: kernels)
+        monkeypatch.setattr(programs, "kernels_dir", lambda: kernels)
 
     return plant
 
@@ -63,7 +67,7 @@ def test_known_picture_is_as_bright_as_the_formula_says():
 
 def test_a_driver_that_is_right_is_tried_once_and_renders_as_it_does_usually(untried, monkeypatch, recwarn):
     assert way_of(untried, "stream", Wavefront) == Way("stream", 4)
-    monkeypatch.setattr(driver_trial, "_passed", {})
+    monkeypatch.setattr(passes, "_passed", {})
 
     def nothing(*_, **__):
         raise AssertionError("tried again")
@@ -75,7 +79,7 @@ def test_a_driver_that_is_right_is_tried_once_and_renders_as_it_does_usually(unt
 def test_a_fault_of_packets_is_gone_round_with_a_word(untried, plant):
     right = film(open_session())
     plant(*GARBAGE)
-    driver_trial._passed.clear()
+    passes._passed.clear()
     forget("devices")
     with pytest.warns(UserWarning, match=r"wrong pictures as stream with 4 packets .*, so it renders as stream,"):
         wavefront = film(untried)

@@ -5,8 +5,8 @@ import pytest
 from scipy.integrate import quad
 
 import rptcam_cl
-from rptcam_cl.cameras.filter import filter_table
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.rendering.cameras.model import filter_table
 from rptcam_cl.scene.film import FilmFilter
 from tests.rendering.pictures import WHITE, lamp, pixels, scene_of, seed_of
 from tests.support.statistics import InconclusiveError, assert_equivalent

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.api import RenderSettings, prepare, run
-from rptcam_cl.rendering import FilmPart, forecast
+from rptcam_cl.api.stages import RenderOptions, prepare, run
+from rptcam_cl.rendering.account import forecast
 from rptcam_cl.rendering.checkpoint import read_checkpoint
+from rptcam_cl.rendering.several import FilmPart
 from tests.rendering.test_world import still_life
 
 SHORT = 0.02  # [s]
@@ -14,7 +15,7 @@ SHORT = 0.02  # [s]
 @pytest.mark.parametrize(("part", "wave_size"), [(None, 4096), ("2/3", 4096), (None, None)])
 def test_samples_launches_and_bytes_are_those_of_the_render(part, wave_size, tmp_path):
     options = {"spp": 64, "size": (50, 37), "part": part, "wave_size": wave_size}
-    settings = RenderSettings(**options, checkpoint=tmp_path / "a.rpck", resume=True)
+    settings = RenderOptions(**options, checkpoint=tmp_path / "a.rpck", resume=True)
     prepared = prepare(still_life(), settings)
     before = prepared.wavefront.launches
     rendering = run(prepared)
@@ -22,7 +23,7 @@ def test_samples_launches_and_bytes_are_those_of_the_render(part, wave_size, tmp
     prepared.saver.end(rendering.state, keep=True)
     saved = sum(array.nbytes for array in read_checkpoint(tmp_path / "a.rpck").arrays.values())
 
-    planned = prepare(still_life(), RenderSettings(**options))
+    planned = prepare(still_life(), RenderOptions(**options))
     found = forecast(planned.wavefront, 0, 64, planned.settings.film_part, SHORT)
     assert found.samples == rendering.new_samples == int(rendering.samples.sum(dtype=np.uint64))
     assert found.launches == pytest.approx(launches, rel=0.15)  # the last waves of a render are shorter
@@ -32,7 +33,7 @@ def test_samples_launches_and_bytes_are_those_of_the_render(part, wave_size, tmp
 
 
 def test_time_and_launches_grow_with_the_samples_and_shrink_with_the_part():
-    settings = RenderSettings(size=(50, 37), wave_size=4096)
+    settings = RenderOptions(size=(50, 37), wave_size=4096)
     plans = [
         forecast(prepare(still_life(), settings).wavefront, first, end, part, SHORT)
         for first, end, part in ((0, 64, FilmPart()), (0, 640, FilmPart()), (600, 640, FilmPart(1, 5)))

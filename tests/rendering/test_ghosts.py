@@ -9,33 +9,21 @@ import numpy as np
 import pytest
 
 import rptcam_cl
-from rptcam_cl.colour import luminance, srgb_from_spectrum
-from rptcam_cl.colour.spectrum import lines_on_grid
+from rptcam_cl.core.colour import lines_on_grid, luminance, srgb_from_spectrum
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.device import Session
-from rptcam_cl.optics import (
-    MAGNESIUM_FLUORIDE,
-    UNCOATED,
-    Beam,
-    Coating,
-    Layer,
-    LayerStack,
-    Lit,
-    QuarterWave,
-    blades,
-    find_ghosts,
-    load_lens,
-    steps,
-    unfolded,
-    veiling_glare,
-    with_coating,
-)
-from rptcam_cl.plan import make_plan
-from rptcam_cl.rendering import ghost_film
-from rptcam_cl.rendering.diffraction_kernel import shares_of_white
-from rptcam_cl.rendering.ghost_colours import WAVES_NM
-from rptcam_cl.rendering.ghost_film import GhostFilm
-from rptcam_cl.scene import load_scene
+from rptcam_cl.device.session import Session
+from rptcam_cl.optics.coating import MAGNESIUM_FLUORIDE, Coating, Layer, LayerStack, QuarterWave
+from rptcam_cl.optics.ghosts import Lit, find_ghosts, steps, unfolded
+from rptcam_cl.optics.irradiance import veiling_glare
+from rptcam_cl.optics.library import load_lens
+from rptcam_cl.optics.ray_trace import UNCOATED, with_coating
+from rptcam_cl.optics.spot import Beam
+from rptcam_cl.optics.stop_shape import blades
+from rptcam_cl.rendering import ghosts as ghost_film
+from rptcam_cl.rendering.diffraction import shares_of_white
+from rptcam_cl.rendering.ghosts import WAVES_NM, GhostFilm
+from rptcam_cl.rendering.plan.plan import make_plan
+from rptcam_cl.scene.load import load_scene
 
 FILM = {"resolution": [48, 32], "width_mm": 36}
 PIXEL_MM2 = (36 / 48) ** 2

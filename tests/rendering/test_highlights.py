@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import rptcam_cl
-from rptcam_cl.optics import load_lens
+from rptcam_cl.optics.library import load_lens
 from tests.rendering.test_ghosts import scene
 
 TILT = np.array([0.0, np.sin(np.radians(10)), np.cos(np.radians(10))])  # normal of the mirror

@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.colour import LUMINANCE
-from rptcam_cl.plan import make_plan
-from rptcam_cl.rendering import Wavefront, render_plan
+from rptcam_cl.core.colour import LUMINANCE
 from rptcam_cl.rendering.film import TILE, FilmLayout
-from rptcam_cl.scene import change_scene, load_scene
+from rptcam_cl.rendering.plan.plan import make_plan
+from rptcam_cl.rendering.progressive import render_plan
+from rptcam_cl.rendering.tracer import Wavefront
+from rptcam_cl.scene.load import change_scene, load_scene
 from tests.device.probes import open_session
 from tests.rendering.pictures import seed_of
 from tests.rendering.test_determinism import LENS

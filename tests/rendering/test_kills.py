@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import rptcam_cl
-from rptcam_cl.imaging import read_film
+from rptcam_cl.imaging.image import read_film
 from rptcam_cl.rendering.checkpoint import read_checkpoint
 from tests.rendering.pictures import seed_of
 from tests.rendering.test_world import still_life

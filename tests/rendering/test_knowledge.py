@@ -9,10 +9,11 @@ import pytest
 import rptcam_cl
 from rptcam_cl.cli import main
 from rptcam_cl.core.errors import NumericError
-from rptcam_cl.core.resources import kernels_dir
-from rptcam_cl.device import program
-from rptcam_cl.plan.albedo import largest_albedo
-from rptcam_cl.scene import Checker, Conductor, Dielectric, Emissive, Matte, Mix, SpectralColour
+from rptcam_cl.core.files import kernels_dir
+from rptcam_cl.device import programs
+from rptcam_cl.rendering.plan.materials import largest_albedo
+from rptcam_cl.scene.materials import Checker, Conductor, Dielectric, Emissive, Matte, Mix
+from rptcam_cl.scene.quantities import SpectralColour
 from tests.rendering.pictures import pixels
 from tests.rendering.test_determinism import LENS
 from tests.rendering.test_furnaces import lit_cavity
@@ -123,7 +124,7 @@ def poisoned(tmp_path, monkeypatch):
     text = film.read_text("utf-8")
     assert text.count(ADDED) == 1
     film.write_text(text.replace(ADDED, f"{ADDED}\n    value.x = value.x > 3.0f ? (F)(NAN) : value.x;"))
-    monkeypatch.setattr(program, "kernels_dir", lambda: folder)
+    monkeypatch.setattr(programs, "kernels_dir", lambda: folder)
 
 
 def test_strict_render_fails_with_its_picture(poisoned):

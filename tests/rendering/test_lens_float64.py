@@ -5,12 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rptcam_cl.device import Session
-from rptcam_cl.plan import make_plan
-from rptcam_cl.rendering import Wavefront
-from rptcam_cl.rendering.film import FilmLayout
-from rptcam_cl.rendering.waves import seed_words
-from rptcam_cl.scene import change_scene, load_scene
+from rptcam_cl.device.session import Session
+from rptcam_cl.rendering.film import FilmLayout, seed_words
+from rptcam_cl.rendering.plan.plan import make_plan
+from rptcam_cl.rendering.tracer import Wavefront
+from rptcam_cl.scene.load import change_scene, load_scene
 from tests.device.probes import camera_rays, open_session
 from tests.rendering.pictures import lamp, scene_of, seed_of
 from tests.support.statistics import Z

@@ -9,8 +9,8 @@ import pytest
 from scipy.interpolate import PchipInterpolator
 
 import rptcam_cl
-from rptcam_cl.optics import load_lens
 from rptcam_cl.optics.irradiance import film_irradiance
+from rptcam_cl.optics.library import load_lens
 from tests.rendering.pictures import WHITE, batches, flat_mean, pixels, scene_of, seed_of
 from tests.support.statistics import assert_equivalent, assert_same_tiles
 

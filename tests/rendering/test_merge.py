@@ -12,8 +12,10 @@ import pytest
 
 import rptcam_cl
 from rptcam_cl.core.errors import InputError, StateError
-from rptcam_cl.rendering import FilmLayout, FilmPart, merge
+from rptcam_cl.rendering import checkpoint
 from rptcam_cl.rendering.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
+from rptcam_cl.rendering.film import FilmLayout
+from rptcam_cl.rendering.several import FilmPart
 from tests.rendering.test_determinism import LENS
 from tests.rendering.test_world import still_life
 
@@ -298,6 +300,6 @@ def test_compensated_sums_keep_what_float32_alone_would_lose():
         facts = {"layers": [], "picture": {"clamp": None}}
         arrays = {"film": planes, "counts": np.zeros(3, np.uint64)}
         part = FilmPart(1, 1, 4 * index, 4 * index + 4)
-        saved.append(merge.SavedPart(Path("a"), Checkpoint(facts, arrays), part, part.end, part.end))
-    film = merge.merged_arrays(saved, layout)["film"].astype(np.float64)[:, :64]
+        saved.append(checkpoint.SavedPart(Path("a"), Checkpoint(facts, arrays), part, part.end, part.end))
+    film = checkpoint.merged_arrays(saved, layout)["film"].astype(np.float64)[:, :64]
     np.testing.assert_allclose(film[:3] - film[3:], exact.sum(axis=0)[:, :64], rtol=1e-14)

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from rptcam_cl import load_scene
-from tests.assets.gltf_writer import GltfWriter
+from rptcam_cl.scene.load import load_scene
 from tests.rendering.pictures import looking, pixels
+from tests.scene.assets.gltf_writer import GltfWriter
 
 # Upper left, upper right; lower left, lower right.
 COLOURS = np.array([[[1, 0, 0], [0, 1, 0]], [[0, 0, 1], [1, 1, 1]]], np.float64)

@@ -5,14 +5,16 @@ import hashlib
 import numpy as np
 import pytest
 
-import rptcam_cl.plan.meshes
-import rptcam_cl.rendering.trees.scene_trees as scene_trees
-from rptcam_cl.device import Session, choose_device
-from rptcam_cl.plan import make_plan
-from rptcam_cl.rendering import Wavefront, render_plan
+import rptcam_cl.rendering.plan.primitives as meshes
+import rptcam_cl.rendering.trees as scene_trees
+from rptcam_cl.device.devices import choose_device
+from rptcam_cl.device.session import Session
 from rptcam_cl.rendering.film import FilmLayout
-from rptcam_cl.scene import load_scene
-from rptcam_cl.selfcheck.scenes import globe
+from rptcam_cl.rendering.plan.plan import make_plan
+from rptcam_cl.rendering.progressive import render_plan
+from rptcam_cl.rendering.tracer import Wavefront
+from rptcam_cl.scene.load import load_scene
+from rptcam_cl.studies.selfcheck import globe
 from tests.rendering.pictures import MATTE, batches, looking, scene_of
 from tests.support.statistics import assert_same_tiles
 
@@ -65,7 +67,7 @@ def film(mapping, organisation, session=None):
 
 @pytest.mark.parametrize("copied", [0, pytest.param(1 << 30, marks=pytest.mark.slow)], ids=["instances", "copies"])
 def test_stream_and_passes_make_the_same_bits_of_meshes(monkeypatch, copied):
-    monkeypatch.setattr(rptcam_cl.plan.meshes, "MOST_COPIED", copied)
+    monkeypatch.setattr(meshes, "MOST_COPIED", copied)
     films = [film(balls(), organisation) for organisation in ("stream", "passes")]
     assert films[0].max() > 1
     assert hashlib.sha256(films[0]).digest() == hashlib.sha256(films[1]).digest()
@@ -88,7 +90,7 @@ def compare(name, first, second, spp):
 def test_instances_and_copies_make_the_same_picture(monkeypatch):
     films = []
     for copied in (0, 1 << 30):
-        monkeypatch.setattr(rptcam_cl.plan.meshes, "MOST_COPIED", copied)
+        monkeypatch.setattr(meshes, "MOST_COPIED", copied)
         films.append(batches(balls(), f"held {copied}", 4, spp=64))
     assert_same_tiles(*films)
 

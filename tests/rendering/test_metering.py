@@ -7,10 +7,11 @@ import pytest
 
 import rptcam_cl
 from rptcam_cl.cli import main
-from rptcam_cl.colour import LUMINANCE
+from rptcam_cl.core.colour import LUMINANCE
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.rendering import metering
-from rptcam_cl.scene import Exposure, Film
+from rptcam_cl.scene.exposure import Exposure
+from rptcam_cl.scene.film import Film
 from tests.rendering.pictures import WHITE, pixels, scene_of
 
 POSE = {"eye": [0, 0, 0], "target": [0, 0, -1]}

@@ -6,8 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rptcam_cl.plan import make_plan
-from tests.cameras import test_exposure as exposure
+from rptcam_cl.rendering.plan.plan import make_plan
 from tests.device import test_bsdf_sampling as bsdf_sampling
 from tests.device import test_bsdf_values as bsdf_values
 from tests.device import test_camera_rays as rays
@@ -20,6 +19,7 @@ from tests.rendering import test_lens_light as lens
 from tests.rendering import test_material_maps as maps
 from tests.rendering import test_materials as materials
 from tests.rendering import test_world as world
+from tests.rendering.cameras import test_exposure as exposure
 from tests.rendering.light import test_light_tree as tree
 from tests.rendering.light import test_solid_lamps as solids
 from tests.rendering.pictures import WHITE, looking, pixels, scene_of

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 import rptcam_cl
-from rptcam_cl.colour import LUMINANCE
+from rptcam_cl.core.colour import LUMINANCE
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.device import open_session
-from rptcam_cl.plan import make_plan
-from rptcam_cl.rendering import Wavefront, render_plan
+from rptcam_cl.device.session import open_session
 from rptcam_cl.rendering.film import TILE_PIXELS, FilmLayout
-from rptcam_cl.rendering.noise import MOST_RUNS, NoiseEstimate, next_end, run_length
+from rptcam_cl.rendering.plan.plan import make_plan
+from rptcam_cl.rendering.progressive import MOST_RUNS, NoiseEstimate, next_end, render_plan, run_length
+from rptcam_cl.rendering.tracer import Wavefront
 from tests.rendering.pictures import pixels, seed_of
 from tests.rendering.test_world import still_life
 from tests.support.statistics import assert_equivalent

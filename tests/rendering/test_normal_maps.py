@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from rptcam_cl.plan.primitives import turn_to
-from rptcam_cl.scene.transform import TransformStep, product
+from rptcam_cl.rendering.plan.primitives import turn_to
+from rptcam_cl.scene.placement import TransformStep, product
 from tests.rendering.layers.scenes import one_sample
 from tests.rendering.pictures import MATTE, looking, scene_of, seed_of
 

@@ -10,11 +10,12 @@ import pytest
 
 import rptcam_cl
 from rptcam_cl.core.errors import MissingFileError
-from rptcam_cl.core.resources import example_scenes
-from rptcam_cl.device import Session, choose_device
+from rptcam_cl.core.files import example_scenes
 from rptcam_cl.device import session as sessions
-from rptcam_cl.device.program import BUILD_OPTIONS, options_of, quick_source
-from rptcam_cl.scene import load_scene
+from rptcam_cl.device.devices import choose_device
+from rptcam_cl.device.programs import BUILD_OPTIONS, options_of, quick_source
+from rptcam_cl.device.session import Session
+from rptcam_cl.scene.load import load_scene
 from tests.rendering.test_determinism import LENS
 from tests.rendering.test_world import still_life
 

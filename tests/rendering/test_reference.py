@@ -7,7 +7,7 @@ import pytest
 
 import rptcam_cl
 from rptcam_cl.core.strict_yaml import read_yaml
-from rptcam_cl.scene import load_scene
+from rptcam_cl.scene.load import load_scene
 from tests.rendering.pictures import batches
 from tests.support.mesh_scene import write_meshes
 from tests.support.statistics import ALPHA, Sampled, assert_equivalent, overall, sidak, tiles, welch

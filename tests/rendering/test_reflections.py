@@ -6,13 +6,22 @@ import numpy as np
 import pytest
 
 import rptcam_cl
-from rptcam_cl.plan import Faces, lobes_of, make_plan, polished_faces
 from rptcam_cl.rendering import highlights as of_highlights
-from rptcam_cl.rendering.buffers import SceneBuffers
-from rptcam_cl.rendering.highlights import Front, highlights, lamps_among
-from rptcam_cl.rendering.lamp_points import points_of
-from rptcam_cl.rendering.reflections import Reflections, Sights, may_reflect, reflections
-from rptcam_cl.scene import Scene
+from rptcam_cl.rendering.highlights import (
+    Front,
+    MirrorSights,
+    Reflections,
+    highlights,
+    lamps_among,
+    may_reflect,
+    points_of,
+    reflections,
+)
+from rptcam_cl.rendering.plan.materials import lobes_of
+from rptcam_cl.rendering.plan.mirror_faces import Faces, polished_faces
+from rptcam_cl.rendering.plan.plan import make_plan
+from rptcam_cl.rendering.scene_buffers import SceneBuffers
+from rptcam_cl.scene.scene import Scene
 from tests.device.probes import open_session
 
 CENTRE, RADIUS = np.array([0.3, -0.2, -1.0]), 0.03
@@ -30,7 +39,7 @@ def ball(material: dict[str, Any] = MIRROR) -> dict[str, Any]:
 
 def seen(faces: Faces, eye: np.ndarray, lamp: np.ndarray) -> Reflections:
     count = len(faces)
-    sights = Sights(faces, np.tile(eye, (count, 1)), np.tile(lamp, (count, 1)), np.zeros((count, 2)))
+    sights = MirrorSights(faces, np.tile(eye, (count, 1)), np.tile(lamp, (count, 1)), np.zeros((count, 2)))
     may = may_reflect(sights, np.zeros(count))
     assert may.sum() < count / 4
     return reflections(sights[may], 1e9)

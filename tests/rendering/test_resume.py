@@ -12,7 +12,7 @@ import pytest
 import rptcam_cl
 from rptcam_cl.core.errors import StateError
 from rptcam_cl.rendering import checkpoint as saving
-from rptcam_cl.scene import load_scene
+from rptcam_cl.scene.load import load_scene
 from tests.rendering.pictures import seed_of
 from tests.rendering.test_determinism import LENS
 from tests.rendering.test_world import still_life

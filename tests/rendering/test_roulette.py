@@ -5,9 +5,18 @@ import pytest
 
 import rptcam_cl
 from rptcam_cl.core.records import LIMITS
-from rptcam_cl.rendering.film import FilmLayout
-from rptcam_cl.rendering.roulette import ALIKE, KINDEST, KINDNESS, MOST_TILES, Roulette, plays, roulette_of, scouted
-from rptcam_cl.scene import RenderSettings
+from rptcam_cl.rendering.film import (
+    ALIKE,
+    KINDEST,
+    KINDNESS,
+    MOST_TILES,
+    FilmLayout,
+    Roulette,
+    plays,
+    roulette_of,
+    scouted,
+)
+from rptcam_cl.scene.film import RenderSettings
 from tests.rendering.pictures import MATTE, looking, scene_of
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import rptcam_cl
-from rptcam_cl.api import RenderSettings, prepare, report, run
+from rptcam_cl.api.stages import RenderOptions, prepare, report, run
 from rptcam_cl.core.errors import InputError
 
 SCENE: dict[str, Any] = {
@@ -24,7 +24,7 @@ SCENE: dict[str, Any] = {
 
 def test_stages_one_by_one_make_the_picture_of_render() -> None:
     stages: list[str] = []
-    settings = RenderSettings(spp=3, seed=5, layers=["depth"], on_progress=lambda state: stages.append(state.stage))
+    settings = RenderOptions(spp=3, seed=5, layers=["depth"], on_progress=lambda state: stages.append(state.stage))
     prepared = prepare(SCENE, settings)
     assert stages == ["compile"]
     assert prepared.resolved.exposure.mode != "auto"
@@ -42,19 +42,19 @@ def test_stages_one_by_one_make_the_picture_of_render() -> None:
 
 def test_settings_are_the_keywords_of_render() -> None:
     keywords = inspect.signature(rptcam_cl.render).parameters
-    assert [each.name for each in fields(RenderSettings)] == [name for name in keywords if name != "scene"]
-    assert all(each.default == keywords[each.name].default for each in fields(RenderSettings))
+    assert [each.name for each in fields(RenderOptions)] == [name for name in keywords if name != "scene"]
+    assert all(each.default == keywords[each.name].default for each in fields(RenderOptions))
 
 
 def test_settings_do_not_change() -> None:
     with pytest.raises(FrozenInstanceError):
-        RenderSettings().spp = 4  # type: ignore[misc]
+        RenderOptions().spp = 4  # type: ignore[misc]
 
 
 @pytest.mark.parametrize("seconds", [0.0, -1.0, float("inf"), float("nan")])
 def test_time_that_is_none_is_refused(seconds: float) -> None:
     with pytest.raises(InputError, match=r"seconds: is out of range .*allowed: a finite number above 0"):
-        RenderSettings(seconds=seconds)
+        RenderOptions(seconds=seconds)
 
 
 @pytest.mark.parametrize(
@@ -64,4 +64,4 @@ def test_time_that_is_none_is_refused(seconds: float) -> None:
 )  # fmt: skip
 def test_samples_are_limited_by_what_is_given(given: dict[str, Any], most: int | None) -> None:
     scene = rptcam_cl.load_scene(SCENE | {"render": {"spp": 7}})
-    assert RenderSettings(**given).most_spp(scene) == most
+    assert RenderOptions(**given).most_spp(scene) == most

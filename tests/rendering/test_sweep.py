@@ -8,10 +8,10 @@ import pytest
 from PIL import Image as Pillow
 
 import rptcam_cl
-from rptcam_cl.api import SeriesRenderer
+from rptcam_cl.api.sweeping import SeriesRenderer
 from rptcam_cl.cli import main
 from rptcam_cl.core.errors import InputError, StateError
-from rptcam_cl.scene import set_keys
+from rptcam_cl.scene.load import set_keys
 from tests.rendering.test_world import still_life
 
 OVER = {"camera.fov_degrees": [30, 50.0], "picture.ev": [0, 1, 2]}

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from rptcam_cl.rendering.film import TILE_PIXELS, FilmLayout
-from rptcam_cl.rendering.noise import NoiseEstimate, next_end
-from rptcam_cl.rendering.time_left import TimeLeft
+from rptcam_cl.rendering.progressive import NoiseEstimate, TimeLeft, next_end
 
 LAYOUT = FilmLayout(64, 64, 0, 0, 64, 64)
 SAMPLES_PER_SECOND = 1e5

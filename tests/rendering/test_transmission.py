@@ -5,13 +5,13 @@ import pytest
 
 import rptcam_cl
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics import load_lens
 from rptcam_cl.optics.coating import MAGNESIUM_FLUORIDE
-from rptcam_cl.optics.focus import film_distance
 from rptcam_cl.optics.irradiance import film_irradiance
-from rptcam_cl.optics.transmission import COATED, UNCOATED, axial_transmittance, with_coating
-from rptcam_cl.plan import make_plan
-from rptcam_cl.scene import load_scene
+from rptcam_cl.optics.lens import film_distance
+from rptcam_cl.optics.library import load_lens
+from rptcam_cl.optics.ray_trace import COATED, UNCOATED, axial_transmittance, with_coating
+from rptcam_cl.rendering.plan.plan import make_plan
+from rptcam_cl.scene.load import load_scene
 from tests.rendering.pictures import WHITE, flat_mean, pixels, scene_of
 from tests.support.statistics import assert_equivalent
 

@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from rptcam_cl.scene import Scene, load_scene
+from rptcam_cl.scene.load import load_scene
+from rptcam_cl.scene.scene import Scene
 
 EVERYTHING = """\
 metres_per_unit: 1.0

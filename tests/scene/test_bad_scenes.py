@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from rptcam_cl.core.errors import InputError, RptcamError
-from rptcam_cl.scene import load_scene
+from rptcam_cl.scene.load import load_scene
 
 from .conftest import EVERYTHING, SMALL, Load
 

@@ -7,9 +7,10 @@ import cv2
 import numpy as np
 import pytest
 
-from rptcam_cl.assets.boards import DICTIONARIES, marker_bits
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.scene import Board, load_scene
+from rptcam_cl.scene.assets.boards import DICTIONARIES, marker_bits
+from rptcam_cl.scene.load import load_scene
+from rptcam_cl.scene.shapes import Board
 
 KINDS = ("checker", "charuco", "aruco", "circles", "siemens", "slanted_edge")
 

@@ -3,7 +3,7 @@
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.scene import change_scene, load_scene
+from rptcam_cl.scene.load import change_scene, load_scene
 
 from .conftest import EVERYTHING, SMALL, Load
 

@@ -8,8 +8,10 @@ import pytest
 from numpy.testing import assert_allclose
 
 from rptcam_cl.core.strict_yaml import read_yaml
-from rptcam_cl.scene import Film, SceneObject, load_scene
-from rptcam_cl.scene.checks import world_corners
+from rptcam_cl.scene.film import Film
+from rptcam_cl.scene.load import load_scene
+from rptcam_cl.scene.placement import SceneObject
+from rptcam_cl.scene.scene import world_corners
 
 from .conftest import SMALL, Load
 

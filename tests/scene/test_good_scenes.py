@@ -11,18 +11,12 @@ from pydantic import ValidationError
 
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.strict_yaml import read_yaml
-from rptcam_cl.scene import (
-    Checker,
-    ConstantEnvironment,
-    GradientEnvironment,
-    Grid,
-    Matte,
-    RealisticCamera,
-    Scene,
-    Sphere,
-    ThickLensCamera,
-    load_scene,
-)
+from rptcam_cl.scene.camera import RealisticCamera, ThickLensCamera
+from rptcam_cl.scene.lights import ConstantEnvironment, GradientEnvironment
+from rptcam_cl.scene.load import load_scene
+from rptcam_cl.scene.materials import Checker, Grid, Matte
+from rptcam_cl.scene.scene import Scene
+from rptcam_cl.scene.shapes import Sphere
 
 from .conftest import EVERYTHING, SMALL, Load
 
@@ -162,7 +156,7 @@ def test_hash_sees_what_changes_the_film(load: Load, override: str) -> None:
 
 
 def test_hash_is_the_same_in_every_session(checkout: Path, load: Load) -> None:
-    program = "import sys; from rptcam_cl.scene import load_scene; print(load_scene(sys.argv[1]).content_hash())"
+    program = "import sys; from rptcam_cl.scene.load import load_scene; print(load_scene(sys.argv[1]).content_hash())"
     path = load(EVERYTHING).base_dir / "scene.yaml"
     run = [sys.executable, "-c", program, str(path)]
     done = subprocess.run(run, env={"PYTHONHASHSEED": "1", "PYTHONPATH": str(checkout)}, capture_output=True, text=True)

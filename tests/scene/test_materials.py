@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.scene import load_scene
+from rptcam_cl.scene.load import load_scene
 
 HEAD = """
 camera: {kind: pinhole, eye: [0, 1, 5], target: [0, 1, 0], fov_degrees: 40}

@@ -9,8 +9,8 @@ import pytest
 
 import rptcam_cl
 from rptcam_cl.core.errors import InputError, MissingFileError
-from rptcam_cl.scene import load_scene
-from tests.importers.pbrt.test_files import TRIANGLE
+from rptcam_cl.scene.load import load_scene
+from tests.exchange.pbrt.test_files import TRIANGLE
 
 SCENE: dict[str, Any] = {
     "film": {"resolution": [8, 8]},

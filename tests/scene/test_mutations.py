@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.strict_yaml import read_yaml
-from rptcam_cl.scene import Scene, load_scene
+from rptcam_cl.scene.load import load_scene
+from rptcam_cl.scene.scene import Scene
 
 from .conftest import EVERYTHING, SMALL
 

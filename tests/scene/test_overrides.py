@@ -1,7 +1,9 @@
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.scene import Matte, RealisticCamera, Sphere
+from rptcam_cl.scene.camera import RealisticCamera
+from rptcam_cl.scene.materials import Matte
+from rptcam_cl.scene.shapes import Sphere
 
 from .conftest import EVERYTHING, SMALL, Load
 

@@ -3,10 +3,13 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.cameras import camera_model, film_frame, lens_setting
-from rptcam_cl.optics import floated, load_lens
-from rptcam_cl.plan import make_plan
-from rptcam_cl.scene import FrameSequence, load_scene, set_keys
+from rptcam_cl.optics.lens import floated
+from rptcam_cl.optics.library import load_lens
+from rptcam_cl.rendering.cameras.realistic import camera_model
+from rptcam_cl.rendering.cameras.setting import film_frame, lens_setting
+from rptcam_cl.rendering.plan.plan import make_plan
+from rptcam_cl.scene.exposure import FrameSequence
+from rptcam_cl.scene.load import load_scene, set_keys
 from tests.optics.test_floating import BENCH
 
 LENS = {"kind": "realistic", "lens": "zoom-70-200mm", "eye": [0, 0, 0], "target": [0, 0, -1]}

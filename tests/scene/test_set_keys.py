@@ -8,7 +8,8 @@ from typing import Any
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.scene import Scene, change_scene, load_scene, set_keys
+from rptcam_cl.scene.load import change_scene, load_scene, set_keys
+from rptcam_cl.scene.scene import Scene
 
 DATA: dict[str, Any] = {
     "camera": {"kind": "thin_lens", "eye": [0, -5, 1], "target": [0, 0, 1], "up": [0, 0, 1], "fov_degrees": 40,

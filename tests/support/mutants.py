@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from rptcam_cl.device import program
+from rptcam_cl.device import programs
 
 
 class Mutant:
@@ -40,10 +40,10 @@ def changed_kernels(text: str, other: str) -> Iterator[None]:
     """Build programs from a copy of the kernels in which a piece of text is another."""
     with tempfile.TemporaryDirectory() as scratch, pytest.MonkeyPatch.context() as patch:
         folder = Path(scratch) / "kernels"
-        shutil.copytree(program.kernels_dir(), folder)
+        shutil.copytree(programs.kernels_dir(), folder)
         place = place_of(text, folder)
         place.write_text(place.read_text("utf-8").replace(text, other), "utf-8")
-        patch.setattr(program, "kernels_dir", lambda: folder)
+        patch.setattr(programs, "kernels_dir", lambda: folder)
         yield
 
 

@@ -2,12 +2,12 @@
 
 import pytest
 
-from rptcam_cl.core.resources import kernels_dir
-from rptcam_cl.device import program
-from tests.cameras import test_loss_mutants as losses
-from tests.cameras import test_mutants as lenses
+from rptcam_cl.core.files import kernels_dir
+from rptcam_cl.device import programs
 from tests.rendering import test_lamp_mutants as lamps
 from tests.rendering import test_mutants as render
+from tests.rendering.cameras import test_loss_mutants as losses
+from tests.rendering.cameras import test_mutants as lenses
 from tests.rendering.layers import test_mutants as layers
 from tests.rendering.meshes import test_mutants as meshes
 from tests.rendering.motion import test_mutants as motion
@@ -20,7 +20,7 @@ FILE, TEXT = "common/records.h", "#define RECORDS_H"
 
 def read():
     """Fail where the text is gone from the kernels that programs are built from."""
-    assert TEXT in (program.kernels_dir() / FILE).read_text("utf-8")
+    assert TEXT in (programs.kernels_dir() / FILE).read_text("utf-8")
 
 
 @pytest.mark.parametrize("module", MODULES, ids=lambda module: module.__name__.removeprefix("tests."))

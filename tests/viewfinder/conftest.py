@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, Page
 
-from rptcam_cl.viewfinder import Viewfinder
+from rptcam_cl.viewfinder.engine import Viewfinder
 from tests.support.browsing import chromium, served, settled, until, visited
 
 SIZE = (320, 180)

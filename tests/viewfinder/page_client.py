@@ -14,7 +14,8 @@ from typing import Any
 
 from websockets.sync.client import ClientConnection, connect
 
-from rptcam_cl.viewfinder import Viewfinder, ViewServer
+from rptcam_cl.viewfinder.engine import Viewfinder
+from rptcam_cl.viewfinder.server import ViewServer
 
 PATIENCE_S = 60.0
 

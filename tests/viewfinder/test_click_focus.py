@@ -6,14 +6,14 @@ from typing import Any
 
 import pytest
 
-from rptcam_cl.cameras import lens_setting
 from rptcam_cl.cli import main
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.device import open_session
-from rptcam_cl.focusing import NoContrast
-from rptcam_cl.scene import Scene, load_scene
-from rptcam_cl.scene.change import apply_overrides
-from rptcam_cl.viewfinder.click_focus import focus_at, focus_zones
+from rptcam_cl.device.session import open_session
+from rptcam_cl.rendering.cameras.setting import lens_setting
+from rptcam_cl.scene.load import apply_overrides, load_scene
+from rptcam_cl.scene.scene import Scene
+from rptcam_cl.studies.focus.probe import NoContrast
+from rptcam_cl.viewfinder.moves import focus_at, focus_zones
 
 CHECKER = {
     "kind": "matte",

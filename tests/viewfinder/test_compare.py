@@ -7,11 +7,12 @@ from typing import Any
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.scene import PinholeCamera, Scene, load_scene
-from rptcam_cl.scene.change import apply_overrides
-from rptcam_cl.viewfinder.compare import as_model
-from rptcam_cl.viewfinder.depth_of_field import perspective
-from rptcam_cl.viewfinder.light import value_per_radiance
+from rptcam_cl.scene.camera import PinholeCamera
+from rptcam_cl.scene.load import apply_overrides, load_scene
+from rptcam_cl.scene.scene import Scene
+from rptcam_cl.viewfinder.instruments import as_model
+from rptcam_cl.viewfinder.lens_panel import perspective
+from rptcam_cl.viewfinder.panel import value_per_radiance
 
 POSE = {"eye": [0, 0, 0], "target": [0, 0, -2]}
 LENS = {"kind": "realistic", "lens": "dgauss-50mm", "focus": {"distance_m": 2}, "f_number": 4, **POSE}

@@ -10,27 +10,17 @@ from typing import Any
 import pytest
 import yaml
 
-from rptcam_cl.colour import illuminant, xyz_from_spectrum
+from rptcam_cl.core.colour import illuminant, xyz_from_spectrum
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.core.resources import CACHE_VARIABLE
-from rptcam_cl.optics import list_lenses
-from rptcam_cl.scene import Scene, load_scene
-from rptcam_cl.scene.change import apply_overrides
-from rptcam_cl.viewfinder import lens_choice
-from rptcam_cl.viewfinder.depth_of_field import INFINITY_M, nearest_focus_m
-from rptcam_cl.viewfinder.dial_list import KELVIN, dial_list
-from rptcam_cl.viewfinder.dials import (
-    DIALS,
-    Dials,
-    follow_light,
-    meter_needle,
-    read_dials,
-    turn_dial,
-    wheel,
-    zoom_clicks,
-)
-from rptcam_cl.viewfinder.lens_choice import lens_entries
-from rptcam_cl.viewfinder.light import value_per_radiance
+from rptcam_cl.core.files import CACHE_VARIABLE
+from rptcam_cl.optics.library import list_lenses
+from rptcam_cl.scene.load import apply_overrides, load_scene
+from rptcam_cl.scene.scene import Scene
+from rptcam_cl.viewfinder import dials as lens_choice
+from rptcam_cl.viewfinder.dials import DIALS, follow_light, lens_entries, meter_needle, turn_dial, wheel, zoom_clicks
+from rptcam_cl.viewfinder.lens_panel import INFINITY_M, nearest_focus_m
+from rptcam_cl.viewfinder.panel import Dials, read_dials, value_per_radiance
+from rptcam_cl.viewfinder.state import KELVIN, dial_list
 
 POSE = {"eye": [0, 0, 0], "target": [0, 0, -2]}
 LENS = {"kind": "realistic", "lens": "dgauss-50mm", "focus": {"distance_m": 2}, "f_number": 4, **POSE}

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.viewfinder.difference import difference, legend
+from rptcam_cl.viewfinder.delivery import difference, legend
 
 
 def test_relmse_is_that_of_the_tradeoff_tables() -> None:

@@ -11,10 +11,11 @@ from typing import Any
 import pytest
 import yaml
 
-from rptcam_cl.device import Session, choose_device
-from rptcam_cl.rendering import Compiler
-from rptcam_cl.viewfinder import Viewfinder
-from rptcam_cl.viewfinder.client import Client
+from rptcam_cl.device.devices import choose_device
+from rptcam_cl.device.session import Session
+from rptcam_cl.rendering.tracer import Compiler
+from rptcam_cl.viewfinder.engine import Viewfinder
+from rptcam_cl.viewfinder.messages import Client
 from tests.viewfinder.page_client import PATIENCE_S, SCENE
 
 

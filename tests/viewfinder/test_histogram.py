@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from rptcam_cl.imaging import RawImage
-from rptcam_cl.imaging.raw_frame import RawFrame
-from rptcam_cl.imaging.sensor import SensorModel
-from rptcam_cl.viewfinder.histogram import clipping, histogram, raw_histogram, stop_histogram, thinned
+from rptcam_cl.imaging.formats import RawImage
+from rptcam_cl.imaging.sensor import RawFrame, SensorModel
+from rptcam_cl.viewfinder.instruments import clipping, histogram, raw_histogram, stop_histogram, thinned
 
 
 @pytest.fixture(scope="module")

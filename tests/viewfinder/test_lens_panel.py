@@ -8,15 +8,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rptcam_cl.cameras import film_point, lens_setting
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.device import open_session
-from rptcam_cl.lenstools import Setting, field_mtf, film_spots
-from rptcam_cl.optics import Lens, film_distance, image_circle, limiting_surface
-from rptcam_cl.scene import LensCamera, Scene, load_scene
-from rptcam_cl.viewfinder.depth_of_field import depth_of_field
-from rptcam_cl.viewfinder.lens_panel import LensPanel
-from rptcam_cl.viewfinder.lens_state import LINES_NM, lens_state
+from rptcam_cl.device.session import open_session
+from rptcam_cl.optics.design import image_circle
+from rptcam_cl.optics.image_quality import Setting, field_mtf, film_spots
+from rptcam_cl.optics.lens import Lens, film_distance, limiting_surface
+from rptcam_cl.rendering.cameras.setting import film_point, lens_setting
+from rptcam_cl.scene.camera import LensCamera
+from rptcam_cl.scene.load import load_scene
+from rptcam_cl.scene.scene import Scene
+from rptcam_cl.viewfinder.lens_panel import LINES_NM, LensPanel, depth_of_field, lens_state
 
 POSE = {"eye": [0, 0, 0], "target": [0, 0, -2]}
 POINT_MM = 1e-4  # float32 through up to 34 surfaces, as for mirrors in tests/cameras; 2e-5 is met

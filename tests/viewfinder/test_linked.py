@@ -7,8 +7,21 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rptcam_cl.viewfinder.linked import Limits, Mode, Settings, exposure_of, exposure_value, f_number_of, linked
-from rptcam_cl.viewfinder.scales import EV_STEPS, F_NUMBERS, SPEEDS, TIMES, Scale, ev_text
+from rptcam_cl.viewfinder.panel import (
+    EV_STEPS,
+    F_NUMBERS,
+    SPEEDS,
+    TIMES,
+    Limits,
+    Mode,
+    Scale,
+    Settings,
+    ev_text,
+    exposure_of,
+    exposure_value,
+    f_number_of,
+    linked,
+)
 
 WIDE = Limits((0.01, 1e4), (1e-12, 1e12), (1e-9, 1e12), (1e-9, 1e12), 1 / 50)
 CAMERA = Limits((1.8, 22.0), (1 / 8000, 30.0), (100.0, 6400.0), (100.0, 6400.0), 1 / 50)

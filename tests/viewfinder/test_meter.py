@@ -7,13 +7,15 @@ import numpy as np
 import pytest
 
 import rptcam_cl
-from rptcam_cl.cameras import camera_model
-from rptcam_cl.device import open_session
-from rptcam_cl.rendering import resolve_exposure
-from rptcam_cl.scene import Exposure, Scene, load_scene
-from rptcam_cl.viewfinder.dials import read_dials, turn_dial
-from rptcam_cl.viewfinder.light import irradiance_per_radiance, value_per_radiance
-from rptcam_cl.viewfinder.meter import film_reading, spot_meter
+from rptcam_cl.device.session import open_session
+from rptcam_cl.rendering.cameras.realistic import camera_model
+from rptcam_cl.rendering.metering import resolve_exposure
+from rptcam_cl.scene.exposure import Exposure
+from rptcam_cl.scene.load import load_scene
+from rptcam_cl.scene.scene import Scene
+from rptcam_cl.viewfinder.dials import turn_dial
+from rptcam_cl.viewfinder.instruments import film_reading, spot_meter
+from rptcam_cl.viewfinder.panel import irradiance_per_radiance, read_dials, value_per_radiance
 
 AGREEMENT_EV = 0.01
 METERINGS: list[dict[str, Any]] = [

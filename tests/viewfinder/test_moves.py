@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.scene import load_scene
+from rptcam_cl.scene.load import load_scene
 from rptcam_cl.viewfinder.moves import DOLLY, Viewpoint, moved, viewpoint_of
 
 

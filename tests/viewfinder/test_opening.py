@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from rptcam_cl.scene import load_scene, set_keys
-from rptcam_cl.viewfinder.opening import open_session
+from rptcam_cl.scene.load import load_scene, set_keys
+from rptcam_cl.viewfinder.studio import open_session
 from tests.viewfinder.page_client import SCENE, at_rest, page, serving
 
 EVEN = SCENE.replace("[0.7, 0.6, 0.5]", "0").replace("environment: {kind: constant, radiance: [0.4, 0.5, 0.6]}", "")

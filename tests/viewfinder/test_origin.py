@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.core.references import named_files
-from rptcam_cl.scene import load_scene, set_keys
-from rptcam_cl.viewfinder.origin import Changes, Origin
+from rptcam_cl.core.files import named_files
+from rptcam_cl.scene.load import load_scene, set_keys
+from rptcam_cl.viewfinder.studio import Changes, Origin
 
 SCENE = """
 film: {resolution: [16, 8]}

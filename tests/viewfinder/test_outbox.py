@@ -4,7 +4,7 @@ import json
 import struct
 from typing import Any
 
-from rptcam_cl.viewfinder.outbox import MOST_ANSWERS, FrameData, Outbox
+from rptcam_cl.viewfinder.messages import MOST_ANSWERS, FrameData, Outbox
 
 
 def header_of(message: str | bytes) -> dict[str, Any]:

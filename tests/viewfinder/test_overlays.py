@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.viewfinder import overlays
+from rptcam_cl.viewfinder import instruments
 
 
 @pytest.fixture(scope="module")
@@ -19,27 +19,27 @@ def film() -> NDArray[np.float32]:
 def test_zebra_marks_what_reaches_the_display_level(film: NDArray[np.float32], level: float) -> None:
     signal = np.where(film <= 0.0031308, 12.92 * film, 1.055 * np.maximum(film, 1e-9) ** (1 / 2.4) - 0.055)
     expected = [[bool(max(pixel) >= level - 1e-7) for pixel in row] for row in signal]
-    assert np.array_equal(overlays.zebra(film, level), expected)
+    assert np.array_equal(instruments.zebra(film, level), expected)
 
 
 @pytest.mark.parametrize("level", [-0.1, 1.5, float("nan")])
 def test_zebra_refuses_what_is_no_signal(film: NDArray[np.float32], level: float) -> None:
     with pytest.raises(InputError, match="0 to 1"):
-        overlays.zebra(film, level)
+        instruments.zebra(film, level)
 
 
 def test_false_colour_is_the_zone_of_the_luminance(film: NDArray[np.float32]) -> None:
     stops = np.log2((film.astype(np.float64) @ [0.2126, 0.7152, 0.0722]) / 0.18)
     zones = np.clip(np.floor(stops + 0.5) + 5, 0, 7)
     zones[stops >= np.log2(1 / 0.18)] = 8
-    assert np.array_equal(overlays.false_colour(film), zones)
+    assert np.array_equal(instruments.false_colour(film), zones)
 
 
 def test_false_colour_has_a_scale_without_gaps() -> None:
-    legend = overlays.false_colour_legend()
+    legend = instruments.false_colour_legend()
     assert [band["name"] for band in legend] == ["0", "I", "II", "III", "IV", "V", "VI", "VII", "clipped"]
     assert [band["high_ev"] for band in legend[:-1]] == [band["low_ev"] for band in legend[1:]]
-    shown = overlays.false_colour_rgba(np.array([[5, 8]], np.uint8))
+    shown = instruments.false_colour_rgba(np.array([[5, 8]], np.uint8))
     assert shown.tolist() == [[[*legend[5]["colour"], 255], [*legend[8]["colour"], 255]]]
 
 
@@ -101,12 +101,12 @@ def edges() -> NDArray[np.float32]:
 
 @pytest.mark.parametrize("level", [0.2, 0.5, 0.9])
 def test_peaking_is_the_contrast_of_neighbouring_pixels(edges: NDArray[np.float32], level: float) -> None:
-    assert np.array_equal(overlays.peaking(edges, level), peaks(edges, level))
-    assert np.array_equal(overlays.peaking(edges, level, 0.05), peaks(edges, level, 0.05))
+    assert np.array_equal(instruments.peaking(edges, level), peaks(edges, level))
+    assert np.array_equal(instruments.peaking(edges, level, 0.05), peaks(edges, level, 0.05))
 
 
 def test_peaking_marks_the_sharp_edge_and_neither_the_soft_one_nor_a_speck(edges: NDArray[np.float32]) -> None:
-    columns = np.flatnonzero(overlays.peaking(edges).any(axis=0))
+    columns = np.flatnonzero(instruments.peaking(edges).any(axis=0))
     assert columns.tolist() == [14, 15]
 
 
@@ -125,17 +125,17 @@ def few_samples(spp: int) -> NDArray[np.float32]:
 @pytest.mark.parametrize("spp", [1, 4, 16, 64])
 @pytest.mark.parametrize("level", [0.5, 1.0])
 def test_peaking_does_not_sparkle_where_samples_are_few(spp: int, level: float) -> None:
-    assert overlays.peaking(few_samples(spp), level).mean() < SPARKLE
+    assert instruments.peaking(few_samples(spp), level).mean() < SPARKLE
     noise = np.sqrt(np.mean(LIT**2) * (1 / 0.2 - 1 + 1 / 0.2 / spp) / spp) / np.mean(LIT)  # of binomial and gamma
-    assert overlays.peaking(few_samples(spp), level, float(noise)).mean() < SPARKLE
+    assert instruments.peaking(few_samples(spp), level, float(noise)).mean() < SPARKLE
 
 
 def test_peaking_finds_fine_texture_once_the_noise_is_known_to_be_little() -> None:
     board = 0.2 + 0.4 * (np.add.outer(np.arange(64) // 2, np.arange(96) // 2) % 2)
     film = np.repeat(board[..., None], 3, axis=2).astype(np.float32)
     film[:, 48:] = film[:, 48:].mean()
-    assert not overlays.peaking(film)[:, :47].any()  # noise may look like this
-    sharp = overlays.peaking(film, noise=0.02)
+    assert not instruments.peaking(film)[:, :47].any()  # noise may look like this
+    sharp = instruments.peaking(film, noise=0.02)
     assert sharp[:, 1:47].mean() > 0.9
     assert not sharp[:, 50:].any()
 
@@ -143,16 +143,16 @@ def test_peaking_finds_fine_texture_once_the_noise_is_known_to_be_little() -> No
 def test_overlay_mixes_by_alpha() -> None:
     picture = np.full((1, 3, 3), 100, np.uint8)
     layer = np.array([[[200, 0, 100, 255], [200, 0, 100, 0], [200, 0, 100, 51]]], np.uint8)
-    assert overlays.overlay(picture, layer).tolist() == [[[200, 0, 100], [100, 100, 100], [120, 80, 100]]]
+    assert instruments.overlay(picture, layer).tolist() == [[[200, 0, 100], [100, 100, 100], [120, 80, 100]]]
     with pytest.raises(InputError, match="size"):
-        overlays.overlay(picture, layer[:, :2])
+        instruments.overlay(picture, layer[:, :2])
 
 
 def test_zebra_and_peaking_pictures_are_clear_where_nothing_is_marked() -> None:
     mask = np.eye(16, dtype=bool)
-    for picture in (overlays.zebra_rgba(mask), overlays.peaking_rgba(mask)):
+    for picture in (instruments.zebra_rgba(mask), instruments.peaking_rgba(mask)):
         assert np.array_equal(picture[..., 3] > 0, mask)
-    stripes = overlays.zebra_rgba(np.ones((8, 16), bool))[0, :, 0]
+    stripes = instruments.zebra_rgba(np.ones((8, 16), bool))[0, :, 0]
     assert np.array_equal(stripes == 255, np.arange(16) % 8 < 4)
 
 
@@ -161,11 +161,11 @@ def test_zebra_and_peaking_pictures_are_clear_where_nothing_is_marked() -> None:
 )
 def test_magnifier_is_a_crop_of_the_pixels(x: float, y: float, first: tuple[int, int]) -> None:
     picture = np.arange(40 * 40).reshape(40, 40, 1)
-    crop, place = overlays.magnifier(picture, x, y, 10, 10)
+    crop, place = instruments.magnifier(picture, x, y, 10, 10)
     assert place == first
     assert np.array_equal(crop, picture[first[1] : first[1] + 10, first[0] : first[0] + 10])
 
 
 def test_magnifier_of_a_small_picture_is_the_whole() -> None:
-    crop, place = overlays.magnifier(np.zeros((8, 12, 3)), 0.9, 0.9)
+    crop, place = instruments.magnifier(np.zeros((8, 12, 3)), 0.9, 0.9)
     assert (crop.shape, place) == ((8, 12, 3), (0, 0))

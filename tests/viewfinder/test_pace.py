@@ -1,6 +1,6 @@
 """The pace of the picture: its scale and its samples follow the speed measured."""
 
-from rptcam_cl.viewfinder.pace import GLANCE_S, SCALES, TAKE_S, Pace
+from rptcam_cl.viewfinder.studio import GLANCE_S, SCALES, TAKE_S, Pace
 
 
 def run(pace: Pace, seconds_at_full: float, fixed: float, turns: int = 30) -> list[float]:

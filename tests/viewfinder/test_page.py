@@ -6,7 +6,7 @@ import pytest
 import yaml
 from playwright.sync_api import Page
 
-from rptcam_cl.viewfinder import Viewfinder
+from rptcam_cl.viewfinder.engine import Viewfinder
 from tests.support.browsing import chromium, mean, needs_chromium, reached, repeated, served, until, visited
 from tests.viewfinder.page_client import SCENE
 

@@ -9,7 +9,8 @@ import pytest
 from PIL import Image
 from playwright.sync_api import Browser, Page
 
-from rptcam_cl.viewfinder import Viewfinder, ViewServer
+from rptcam_cl.viewfinder.engine import Viewfinder
+from rptcam_cl.viewfinder.server import ViewServer
 from tests.support.browsing import mean, needs_chromium, reached, served, standing, visited
 from tests.viewfinder.conftest import SIZE
 

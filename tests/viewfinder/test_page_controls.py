@@ -6,7 +6,7 @@ from collections.abc import Callable
 import pytest
 from playwright.sync_api import Page
 
-from rptcam_cl.viewfinder import Viewfinder
+from rptcam_cl.viewfinder.engine import Viewfinder
 from tests.support.browsing import mean, needs_chromium, reached, repeated, settled, standing, until
 
 pytestmark = [

@@ -9,12 +9,10 @@ import pytest
 import yaml
 
 import rptcam_cl
-from rptcam_cl.viewfinder.client import Client, Wishes
 from rptcam_cl.viewfinder.delivery import Delivery
 from rptcam_cl.viewfinder.dials import meter_needle, turn_dial
-from rptcam_cl.viewfinder.origin import Changes
-from rptcam_cl.viewfinder.pictures import codes_of
-from rptcam_cl.viewfinder.slot import Slot
+from rptcam_cl.viewfinder.messages import Client, Wishes, codes_of
+from rptcam_cl.viewfinder.studio import Changes, Slot
 from tests.viewfinder.page_client import SCENE
 
 SPP = 8

@@ -10,13 +10,15 @@ import numpy as np
 import pytest
 from PIL import Image as Pillow
 
-from rptcam_cl.api import RenderSession, render
-from rptcam_cl.device import open_session
-from rptcam_cl.imaging import read_film
-from rptcam_cl.rendering import Compiler
-from rptcam_cl.scene import load_scene
-from rptcam_cl.viewfinder import Viewfinder, ViewServer
-from rptcam_cl.viewfinder.click_focus import FocusOrder
+from rptcam_cl.api.interface import render
+from rptcam_cl.api.session import RenderSession
+from rptcam_cl.device.session import open_session
+from rptcam_cl.imaging.image import read_film
+from rptcam_cl.rendering.tracer import Compiler
+from rptcam_cl.scene.load import load_scene
+from rptcam_cl.viewfinder.engine import Viewfinder
+from rptcam_cl.viewfinder.moves import FocusOrder
+from rptcam_cl.viewfinder.server import ViewServer
 from tests.viewfinder.page_client import SCENE, Page, at_rest, left_alone, page, serving
 
 Served = tuple[Viewfinder, ViewServer, Path]

@@ -11,8 +11,9 @@ from pathlib import Path
 import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
-from rptcam_cl.viewfinder import Viewfinder, ViewServer
-from rptcam_cl.viewfinder import serving as serving_module
+from rptcam_cl.viewfinder import server as serving_module
+from rptcam_cl.viewfinder.engine import Viewfinder
+from rptcam_cl.viewfinder.server import ViewServer
 from tests.viewfinder.page_client import SCENE, at_rest, opened, page, serving
 
 Served = tuple[Viewfinder, ViewServer, Path]

@@ -4,7 +4,7 @@ import os
 import time
 from pathlib import Path
 
-from rptcam_cl.viewfinder.watch import Watch
+from rptcam_cl.viewfinder.studio import Watch
 
 
 class Calls:

@@ -1,4 +1,4 @@
-"""The `glass` key of a lens file: a name, or a mapping that holds one dispersion law."""
+"""The keys `glass` and `coating` of a lens file: a name, or a mapping that holds one law."""
 
 from __future__ import annotations
 
@@ -7,35 +7,222 @@ from dataclasses import replace
 from pathlib import Path
 
 from rptcam_cl.core.errors import InputError, StateError
+from rptcam_cl.core.records import MOST_LAYERS
 from rptcam_cl.core.strict_yaml import MAX_BYTES, Document, KeyPath
-from rptcam_cl.optics.absorption import Absorption
-from rptcam_cl.optics.files.catalogue import LARGEST_FILE, glasses_of_agf, read_refractive_index
-from rptcam_cl.optics.files.coatings import read_spectrum
+from rptcam_cl.core.vectors import LINE_D_NM
+from rptcam_cl.optics.coating import (
+    BARE,
+    MAGNESIUM_FLUORIDE,
+    MULTILAYER,
+    Bare,
+    Coating,
+    Layer,
+    LayerStack,
+    MeasuredReflectance,
+    QuarterWave,
+    constant_reflectance,
+)
 from rptcam_cl.optics.files.fields import Fields, problem, rises, value_at
-from rptcam_cl.optics.files.glass_names import glass_named, near_names
+from rptcam_cl.optics.files.glass_catalogues import (
+    LARGEST_FILE,
+    glass_named,
+    glasses_of_agf,
+    near_names,
+    read_refractive_index,
+)
 from rptcam_cl.optics.files.keys import (
+    COATING,
+    COATING_WORDS,
     GLASS,
     HIGHEST_INDEX,
     INDEX_TABLE,
     LAWS,
+    LAYER,
     LINEAR_ABBE,
     LOWEST_INDEX,
+    QUARTER_WAVE,
+    REFLECTANCE,
     SELLMEIER,
     THERMAL,
     TRANSMITTANCE,
 )
 from rptcam_cl.optics.glass import (
     AIR,
+    STANDARD_C,
     AbbeCauchy,
     AbbeLinear,
+    Absorption,
     ConstantIndex,
     Law,
     Medium,
     PowerSeries,
     Sellmeier,
     TabulatedIndex,
+    Thermal,
 )
-from rptcam_cl.optics.thermal import STANDARD_C, Thermal
+from rptcam_cl.optics.ray_trace import meets_air
+from rptcam_cl.optics.surface import Surface
+
+# The `coating` key of a lens file: a word, a quarter-wave layer, several layers, or a measured reflectance.
+
+WORDS: dict[str, Coating] = dict(zip(COATING_WORDS, (BARE, MAGNESIUM_FLUORIDE, MULTILAYER), strict=True))
+COATING_FORMS = f"{', '.join(COATING_WORDS)}, {{quarter_wave: …}}, {{layers: …}} or {{reflectance: …}}"
+
+
+def coated(document: Document, surfaces: tuple[Surface, ...], object_medium: Medium) -> tuple[Surface, ...]:
+    """Return the surfaces with their coatings: their own, or between glass and air that of the lens."""
+    common = read_coating(document, ("coating",)) if "coating" in document.data else None
+    result, before = [], object_medium
+    for k, surface in enumerate(surfaces):
+        coating = common if meets_air(before, surface.glass) else None
+        if "coating" in document.data["surfaces"][k]:
+            path: KeyPath = ("surfaces", k, "coating")
+            coating = read_coating(document, path)
+            fault = _misfit(coating, before, surface)
+            if fault:
+                raise problem(document, path, fault)
+        elif fault := _misfit(coating, before, surface):
+            raise problem(document, ("coating",), f"does not suit surface {k}: {fault}")
+        result.append(replace(surface, coating=coating) if coating else surface)
+        before = surface.glass
+    return tuple(result)
+
+
+def _misfit(coating: Coating | None, before: Medium, surface: Surface) -> str:
+    """Return why a coating cannot lie on a surface behind a medium, nothing when it can."""
+    after = surface.glass
+    if coating is None or isinstance(coating, Bare):
+        return ""
+    if surface.is_mirror:
+        return "" if isinstance(coating, MeasuredReflectance) else "a mirror takes its reflectance alone"
+    if before == after:
+        return f"has {after.name or 'the same medium'} on both sides, so there is nothing to coat"
+    least = min(float(medium.index(LINE_D_NM)) for medium in (before, after))
+    layers = coating.layers if isinstance(coating, LayerStack) else ()
+    layers = (Layer(coating.index, 0.0),) if isinstance(coating, QuarterWave) else layers
+    thinnest = min((layer.index for layer in layers if not layer.extinction), default=least)
+    if thinnest < least:
+        return f"a layer of index {thinnest:g} is less dense than both media (from {least:.4g}); cement has none"
+    return ""
+
+
+def read_coating(document: Document, path: KeyPath) -> Coating:
+    """Return the coating at a key path of a lens file."""
+    value = value_at(document, path)
+    if isinstance(value, str):
+        if value not in WORDS:
+            raise problem(document, path, f"unknown coating; allowed: {COATING_FORMS}", value)
+        return WORDS[value]
+    if not isinstance(value, dict):
+        raise problem(document, path, f"allowed: {COATING_FORMS}", value)
+    fields = Fields(document, path, COATING)
+    if len(value) != 1:
+        raise fields.fail(None, f"needs exactly one of {', '.join(COATING)}")
+    if "layers" in fields:
+        return _layers(fields)
+    return _quarter_wave(fields) if "quarter_wave" in fields else _measured(fields)
+
+
+def _quarter_wave(fields: Fields) -> Coating:
+    inner = fields.inner("quarter_wave", QUARTER_WAVE)
+    return QuarterWave(_index(inner), inner.positive("wavelength_nm"))
+
+
+def _index(fields: Fields) -> float:
+    index = fields.number("index")
+    if not 1 <= index <= 5:
+        raise fields.fail("index", "the index of a layer lies between 1 and 5")
+    return index
+
+
+def _layer(fields: Fields) -> Layer:
+    extinction = fields.number("extinction") if "extinction" in fields else 0.0
+    if not 0 <= extinction <= 20:
+        raise fields.fail("extinction", "lies between 0 and 20")
+    index = fields.positive("index") if extinction > 0 else _index(fields)
+    if index > 5:
+        raise fields.fail("index", "the index of a layer that absorbs lies above 0, up to 5")
+    return Layer(index, fields.positive("thickness_nm"), extinction)
+
+
+def _layers(fields: Fields) -> Coating:
+    rows = fields.rows("layers", LAYER, "[{index: 1.38, thickness_nm: 99.6}]")
+    if not 1 <= len(rows) <= MOST_LAYERS:
+        raise fields.fail("layers", f"has 1 to {MOST_LAYERS} layers, not {len(rows)}")
+    return layered(tuple(map(_layer, rows)))
+
+
+def layered(layers: tuple[Layer, ...]) -> Coating:
+    """Return the coating of some layers; a clear single one is a quarter wave of some wavelength."""
+    if len(layers) == 1 and not layers[0].extinction:
+        return QuarterWave(layers[0].index, 4 * layers[0].index * layers[0].thickness_nm)
+    return LayerStack(layers)
+
+
+def _measured(fields: Fields) -> Coating:
+    value = fields.get("reflectance")
+    if isinstance(value, str):
+        return _read_reflectance(fields, value)
+    if isinstance(value, dict):
+        inner = fields.inner("reflectance", REFLECTANCE)
+        return MeasuredReflectance(*read_spectrum(inner, "reflectance"))
+    share = fields.number("reflectance")
+    if not 0 <= share < 1:
+        raise fields.fail("reflectance", "lies between 0 and 1, not in percent")
+    return constant_reflectance(share)
+
+
+def read_spectrum(fields: Fields, what: str) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Return `wavelengths_nm`, which rise, and `values` from 0 to 1, as many."""
+    wavelengths, values = fields.numbers("wavelengths_nm"), fields.numbers("values")
+    fault = spectrum_fault(wavelengths, values, what)
+    if fault:
+        raise fields.fail(*fault)
+    return wavelengths, values
+
+
+def spectrum_fault(wavelengths: tuple[float, ...], values: tuple[float, ...], what: str) -> tuple[str, str] | None:
+    """Return the key at fault and what is wrong, None when a spectrum is as it should be."""
+    if len(wavelengths) < 2:
+        return "wavelengths_nm", "needs at least two wavelengths"
+    if not rises(wavelengths):
+        return "wavelengths_nm", "must rise, above 0"
+    if len(values) != len(wavelengths):
+        return "values", f"needs as many numbers as wavelengths_nm ({len(values)} and {len(wavelengths)})"
+    if not all(0 <= value <= 1 for value in values):
+        return "values", f"a {what} lies between 0 and 1, not in percent"
+    return None
+
+
+def _read_reflectance(fields: Fields, name: str) -> MeasuredReflectance:
+    """Return the coating of a CSV file: wavelength [nm] and reflectance (0 to 1) in each line, perhaps under a head."""
+    try:
+        path, content = fields.document.files.read(name, MAX_BYTES)
+        text = content.decode("utf-8-sig")
+    except (InputError, StateError) as trouble:
+        raise fields.fail("reflectance", str(trouble)) from None
+    except UnicodeDecodeError:
+        raise fields.fail("reflectance", "is not text in UTF-8") from None
+    rows: list[tuple[float, float]] = []
+    for number, line in enumerate(text.splitlines(), start=1):
+        words = line.split("#")[0].replace(",", " ").replace(";", " ").split()
+        try:
+            pair = tuple(float(word) for word in words)
+        except ValueError:
+            if rows:
+                raise InputError(f"{path}:{number}: expected a wavelength and a reflectance (got {line!r})") from None
+            continue
+        if pair and len(pair) != 2:
+            raise InputError(f"{path}:{number}: expected a wavelength and a reflectance (got {line!r})")
+        rows += [(pair[0], pair[1])] if pair else []
+    wavelengths, values = tuple(row[0] for row in rows), tuple(row[1] for row in rows)
+    fault = spectrum_fault(wavelengths, values, "reflectance")
+    if fault:
+        raise InputError(f"{path}: {fault[0]}: {fault[1]}")
+    return MeasuredReflectance(wavelengths, values)
+
+
+# The `glass` key of a lens file: a name, or a mapping that holds one dispersion law.
 
 
 def read_glass(document: Document, path: KeyPath) -> Medium:
@@ -51,11 +238,11 @@ def read_glass(document: Document, path: KeyPath) -> Medium:
         raise fields.fail(None, f"needs exactly one of {', '.join(LAWS)} (has {', '.join(given) or 'none'})")
     medium = _LAWS[given[0]](fields)
     if "thermal" in fields or "expansion_per_k" in fields:
-        medium = replace(medium, thermal=_thermal(fields, medium.thermal or Thermal()))
-    return replace(medium, absorption=_absorption(fields)) if "transmittance" in fields else medium
+        medium = replace(medium, thermal=_read_thermal(fields, medium.thermal or Thermal()))
+    return replace(medium, absorption=_read_absorption(fields)) if "transmittance" in fields else medium
 
 
-def _thermal(fields: Fields, known: Thermal) -> Thermal:
+def _read_thermal(fields: Fields, known: Thermal) -> Thermal:
     expansion = fields.number("expansion_per_k") if "expansion_per_k" in fields else known.expansion_per_k
     if "thermal" not in fields:
         return replace(known, expansion_per_k=expansion)
@@ -67,7 +254,7 @@ def _thermal(fields: Fields, known: Thermal) -> Thermal:
     return Thermal((*d, *e, inner.positive("resonance_um")), expansion, inner.number("reference_c", STANDARD_C))
 
 
-def _absorption(fields: Fields) -> Absorption:
+def _read_absorption(fields: Fields) -> Absorption:
     inner = fields.inner("transmittance", TRANSMITTANCE)
     return Absorption.from_transmittance(*read_spectrum(inner, "transmittance"), inner.positive("thickness_mm"))
 

@@ -3,26 +3,458 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from math import comb, fsum
 from typing import Any
 
 import numpy as np
+from numpy.polynomial import Chebyshev, Polynomial
+from numpy.typing import NDArray
 
-from rptcam_cl.core.references import References
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.files import References
 from rptcam_cl.core.strict_yaml import Document, KeyPath
-from rptcam_cl.optics.files.checks import check_lens
-from rptcam_cl.optics.files.coatings import coated
-from rptcam_cl.optics.files.fields import Fields, problem
-from rptcam_cl.optics.files.glasses import read_glass
-from rptcam_cl.optics.files.keys import GROUP, LENS, LONGEST_MM, SHORTEST_MM, SURFACE, UNITS_MM
-from rptcam_cl.optics.files.shapes import read_pose, read_shape
-from rptcam_cl.optics.files.variable import read_configurations, read_floating, read_focusing
-from rptcam_cl.optics.glass import AIR, Medium
-from rptcam_cl.optics.lens import Lens
-from rptcam_cl.optics.placement import IN_PLACE
-from rptcam_cl.optics.surface import Surface
-from rptcam_cl.optics.variable import configured
+from rptcam_cl.core.vectors import LINE_D_NM
+from rptcam_cl.optics.files.fields import Fields, as_number, problem
+from rptcam_cl.optics.files.glasses import coated, read_glass
+from rptcam_cl.optics.files.keys import (
+    CLEAR,
+    CONFIGURATION,
+    FLOATING,
+    FOCUSING,
+    GROUP,
+    HIGHEST_POWER,
+    LENS,
+    LONGEST_MM,
+    QCON,
+    SHAPE,
+    SHORTEST_MM,
+    SURFACE,
+    UNITS_MM,
+)
+from rptcam_cl.optics.glass import AIR, Medium, continued_words
+from rptcam_cl.optics.lens import Lens, configured, first_order
+from rptcam_cl.optics.shapes import FORMS, Form
+from rptcam_cl.optics.stop_shape import StopShape, blades, heart, polygon, star
+from rptcam_cl.optics.surface import IN_PLACE, Configuration, FocusingGroup, FocusState, Region, Surface, SurfacePose
+
+#
+# Forbes's polynomials, Qcon and Qbfs, by which telephone lenses give their aspheres, as even powers of r.
+#
+# With u = r / radius they add u^4 (a_0 Q_0(u^2) + a_1 Q_1(u^2) + ...) to the conic. Q_m(x) is the Jacobi polynomial
+# P_m^(0,4)(2 x - 1), so that each a_m says by how much the surface leaves the conic (G. Forbes, Shape specification
+# for axially symmetric optical surfaces, Opt. Express 15, 5218 (2007), sec. 3).
+
+Array = NDArray[np.float64]
+
+FIRST_POWER = 4
+BFS_POWERS = 11  # r^2 to r^22, as many as a device takes
+BFS_NODES = 64
+SHIFT = 4  # the second index of the Jacobi polynomials
+
+
+def qcon_coefficients(order: int) -> list[int]:
+    """Return the whole numbers c_k of Q_order(x) = sum of c_k x^k."""
+    return [(-1) ** (order - k) * comb(order, k) * comb(order + k + SHIFT, order) for k in range(order + 1)]
+
+
+def even_powers(coefficients: tuple[float, ...], radius: float) -> dict[int, float]:
+    """Return the powers of r and their coefficients, for a_0, a_1, ... and the radius at which u is 1.
+
+    The c_k alternate and grow: with ten terms a sum loses seven digits of sixteen, of what a_9 adds.
+    """
+    table = [qcon_coefficients(order) for order in range(len(coefficients))]
+    result = {}
+    for k in range(len(coefficients)):
+        value = fsum(a * table[order][k] for order, a in enumerate(coefficients) if order >= k)
+        result[FIRST_POWER + 2 * k] = value / radius ** (FIRST_POWER + 2 * k)
+    return result
+
+
+def bfs_powers(
+    coefficients: tuple[float, ...], radius: float, rim: float, curvature: float, conic: float
+) -> tuple[dict[int, float], float]:
+    """Return even powers of r that add up to Qbfs polynomials within a rim, and their largest error there [unit].
+
+    With u = r / radius they add u^2 (1 - u^2) sqrt(1 - k c^2 r^2) / sqrt(1 - (1 + k) c^2 r^2) (a_0 Q_0(u^2) + ...),
+    along the normal of the conic (G. Forbes, Opt. Express 15, 5218 (2007), sec. 4, has the factor of a sphere, k = 0).
+    """
+
+    def added(square: Array) -> Array:  # at squares of r, over r^2
+        x, bent = square / radius**2, curvature**2 * square
+        steep = np.sqrt((1 - conic * bent) / (1 - (1 + conic) * bent))
+        return np.asarray((1 - x) * steep * _bfs_sum(coefficients, x) / radius**2)
+
+    domain = (0.0, rim * rim)
+    curve = Chebyshev.interpolate(added, BFS_POWERS - 1, domain=domain)
+    values = curve.convert(kind=Polynomial).coef
+    nodes = np.linspace(*domain, BFS_NODES)
+    error = float(np.max(nodes * np.abs(Polynomial(values)(nodes) - added(nodes))))
+    return {2 * k + 2: float(value) for k, value in enumerate(values) if value}, error
+
+
+def _bfs_sum(coefficients: tuple[float, ...], x: Array) -> Array:
+    """Return the sum of a_m Q_m(x) by the recurrence of G. Forbes, Opt. Express 18, 19700 (2010), eq. A.13 to A.15."""
+    f, g, h = [2.0, np.sqrt(19.0) / 2], [-0.5], []
+    p, q = [np.full_like(x, 2.0), 6 - 8 * x], [np.ones_like(x), (13 - 16 * x) / np.sqrt(19.0)]
+    for m in range(2, len(coefficients)):
+        h.append(-m * (m - 1) / (2 * f[m - 2]))
+        g.append(-(1 + g[m - 2] * h[m - 2]) / f[m - 1])
+        f.append(float(np.sqrt(m * (m + 1) + 3 - g[m - 1] ** 2 - h[m - 2] ** 2)))
+        p.append((2 - 4 * x) * p[m - 1] - p[m - 2])
+        q.append((p[m] - g[m - 1] * q[m - 1] - h[m - 2] * q[m - 2]) / f[m])
+    return np.asarray(sum(a * part for a, part in zip(coefficients, q, strict=False)))
+
+
+# Geometric sanity of a prescription: what cannot be a lens is refused, what is doubtful becomes a warning.
+
+Report = Callable[[int, str, str], InputError]
+
+LONGEST_PLAUSIBLE_MM = 10_000.0
+DENSER_THAN_AIR = 1e-3
+ROUNDING_MM = 1e-6  # of a thickness that is meant to be 0
+FASTEST = 0.25  # f-number below which something is wrong with the numbers: a lens in air ends at f/0.5
+THINNEST = 1 - 1e-6
+INSIDE_THE_RIM = 1 - 1e-9  # where a surface that is a whole hemisphere still has a sag
+
+
+def check_lens(lens: Lens, report: Report) -> Lens:
+    """Return the lens with its warnings, or raise the `report(surface, key, text)` of its first impossibility."""
+    for index, surface in enumerate(lens.surfaces):
+        _check_reach(surface, index, report)
+        _check_way(surface, lens.senses[index + 1], index, report)
+    _check_half_lenses(lens, report)
+    return replace(lens, warnings=(*lens.warnings, *_doubts(lens)))
+
+
+def _check_reach(surface: Surface, index: int, report: Report) -> None:
+    """Refuse a surface that ends before its rim."""
+    rim = surface.semi_diameter * INSIDE_THE_RIM
+    angles = np.linspace(0.0, np.pi, 9)
+    if np.all(np.isfinite(surface.sag(rim * np.cos(angles), rim * np.sin(angles)))) or not np.isfinite(rim):
+        return
+    diameter = f"the diameter {2 * surface.semi_diameter:g} mm"
+    if surface.is_sphere:
+        raise report(
+            index,
+            "diameter",
+            f"{diameter} is more than twice the radius {abs(surface.radius):g} mm; the surface does not reach its rim",
+        )
+    raise report(index, "diameter", f"{diameter} is more than the shape (radius, conic) reaches")
+
+
+def _check_way(surface: Surface, sense: float, index: int, report: Report) -> None:
+    """Refuse a mirror behind which light would go on."""
+    if surface.is_mirror and sense * surface.thickness < 0:
+        way = "-z: the thickness must not be positive" if sense < 0 else "+z: the thickness must not be negative"
+        raise report(index, "thickness", f"the mirror sends light to {way} (got {surface.thickness:g} mm)")
+
+
+def _check_half_lenses(lens: Lens, report: Report) -> None:
+    """Refuse a half lens whose outside is not one medium: what passes beside it would have to be bent somewhere."""
+    half = [surface.region if surface.region and not surface.region.blocks else None for surface in lens.surfaces]
+    media = [lens.object_medium, *(surface.glass for surface in lens.surfaces)]
+    first = 0
+    for index, region in enumerate(half):
+        if region is None:
+            continue
+        if index == 0 or half[index - 1] != region:
+            first = index
+        if (index == len(half) - 1 or half[index + 1] != region) and media[index + 1] != media[first]:
+            raise report(index, "glass", "must be the medium before the half lens, which ends with this surface")
+
+
+def backward_gaps(lens: Lens) -> tuple[str, ...]:
+    """Return a doubt for each negative thickness but those beside the stop, which are common."""
+    return tuple(
+        f"the thickness behind surface {index} is negative ({surface.thickness:g} mm): surface {index + 1} stands in "
+        f"front of it, and rays meet surface {index} first all the same"
+        for index, surface in enumerate(lens.surfaces)
+        if lens.senses[index + 1] * surface.thickness < -ROUNDING_MM
+        and not (surface.is_stop or lens.surfaces[index + 1].is_stop)
+    )
+
+
+def crossed_surfaces(lens: Lens) -> tuple[str, ...]:
+    """Return a doubt for neighbouring surfaces that cross, inside their rims or, of glass, at them.
+
+    Rays go through such surfaces in their order, back where they must: patents round their numbers, and stops that
+    cut flare stand inside lenses. A plane stop has no body to cross.
+    """
+    doubts = []
+    indices = lens.indices(LINE_D_NM)
+    for index, (first, second) in enumerate(zip(lens.surfaces, lens.surfaces[1:], strict=False)):
+        if first.is_stop or second.is_stop or first.pose or second.pose:
+            continue
+        sense = lens.senses[index + 1]
+        if sense * first.thickness < 0 or not np.isfinite(first.semi_diameter + second.semi_diameter):
+            continue
+        height = min(first.semi_diameter, second.semi_diameter) * INSIDE_THE_RIM
+        gap = sense * (first.thickness + second.rim_sag(height) - first.rim_sag(height))
+        if gap < -1e-6 * max(1.0, height):
+            where = f"they overlap by {-gap:.4g} mm at {height:g} mm from the axis"
+            doubts.append(f"surfaces {index} and {index + 1} cross: {where}; rays meet them in their order")
+        elif abs(indices[index + 1] - 1) >= DENSER_THAN_AIR:
+            front, rear = (part.rim_sag(part.semi_diameter * INSIDE_THE_RIM) for part in (first, second))
+            edge = sense * (first.thickness + rear - front)
+            if edge < -1e-6 * max(first.semi_diameter, second.semi_diameter):
+                doubts.append(f"the rims of the glass between surfaces {index} and {index + 1} cross by {-edge:.4g} mm")
+    return tuple(doubts)
+
+
+def _doubts(lens: Lens) -> tuple[str, ...]:
+    doubts = []
+    data = first_order(lens, LINE_D_NM)
+    length = abs(data.focal_length_mm)
+    if LONGEST_PLAUSIBLE_MM < length < np.inf:
+        doubts.append(f"focal length {data.focal_length_mm:.6g} mm: are the lengths in metres or micrometres?")
+    if data.f_number < FASTEST and _widest(lens) > length:
+        doubts.append(
+            f"focal length {data.focal_length_mm:.4g} mm behind an opening of "
+            f"{data.entrance_pupil.diameter_mm:.4g} mm, f/{data.f_number:.2g}, cannot be (f/0.5 is the limit): "
+            "are the radii curvatures?"
+        )
+    for index, surface in enumerate(lens.surfaces):
+        if surface.aspheric and not _monotone(surface):
+            doubts.append(f"surface {index}: its sag turns back inside the rim; check the aspheric coefficients")
+    doubts += [*backward_gaps(lens), *crossed_surfaces(lens), *_in_the_way(lens)]
+    doubts += filter(None, dict.fromkeys(continued_words(medium) for medium in lens.media))
+    for place, value in enumerate(lens.indices(LINE_D_NM)):
+        if value < THINNEST:
+            where = f"behind surface {place - 1}" if place else "in front of the lens"
+            doubts.append(
+                f"the medium {where} has the index {value:g}, below 1, which no glass has: indices count from air, "
+                "not from the medium beside"
+            )
+    return tuple(doubts)
+
+
+def _widest(lens: Lens) -> float:
+    return max(surface.semi_diameter for surface in lens.surfaces)
+
+
+def _in_the_way(lens: Lens) -> tuple[str, ...]:
+    """Return a doubt about the first mirror that stands in light on its way to another one, where nothing says so."""
+    backwards = [k for k, s in enumerate(lens.surfaces) if s.is_mirror and lens.senses[k] < 0 and s.pose is None]
+    if not backwards or lens.is_obstructed:
+        return ()
+    return (
+        f"surface {backwards[0]}: this mirror stands in the light that enters, which passes it all the same;"
+        " inner_diameter on a surface before it would make a ring of the pupil",
+    )
+
+
+def _monotone(surface: Surface) -> bool:
+    """Return whether the sag of an asphere turns back at most once, as the gull wings of telephone lenses do."""
+    height = np.linspace(0.0, min(surface.semi_diameter, 1e9), 64)
+    sag = (
+        surface.sag(height, np.zeros_like(height))
+        if surface.cylinder == "x"
+        else surface.sag(np.zeros_like(height), height)
+    )
+    steps = np.sign(np.diff(sag))
+    return int(np.count_nonzero(np.diff(steps[steps != 0]))) <= 1
+
+
+# The keys of a lens file that make a surface more than a centred sphere: asphere, cylinder, tilt, clear part.
+
+
+def read_shape(fields: Fields, scale: float) -> dict[str, Any]:
+    """Return the arguments of `Surface` that describe its shape, place and clear part."""
+    cylinder = fields.get("cylinder")
+    if cylinder not in (None, "x", "y"):
+        raise fields.fail("cylinder", "allowed: x (power in x only), y (power in y only)")
+    return {
+        "conic": fields.number("conic", 0.0),
+        "aspheric": _with_qcon(fields, scale, _aspheric(fields, scale)),
+        "cylinder": cylinder,
+        "form": _form(fields, scale),
+        "pose": read_pose(fields, scale),
+        "region": _region(fields, scale),
+        "stop_shape": _stop_shape(fields),
+    }
+
+
+def _form(fields: Fields, scale: float) -> Form | None:
+    """Return the one kind of surface with numbers of its own that the keys speak of, None where they do not."""
+    found = [form for kind in FORMS if (form := kind.read(fields, scale)) is not None]
+    if len(found) > 1:
+        raise fields.fail(None, f"is {' and '.join(form.description for form in found)}: leave the keys of one out")
+    return found[0] if found else None
+
+
+def read_pose(fields: Fields, scale: float) -> SurfacePose | None:
+    """Return the pose of `decentre` [lengths] and `tilt_degrees`, None when neither is given."""
+    if "decentre" not in fields and "tilt_degrees" not in fields:
+        return None
+    decentre = fields.numbers("decentre") if "decentre" in fields else (0.0, 0.0)
+    if len(decentre) not in (2, 3):
+        raise fields.fail("decentre", "expected [x, y] or [x, y, z]")
+    tilt = fields.numbers("tilt_degrees") if "tilt_degrees" in fields else (0.0, 0.0, 0.0)
+    if len(tilt) not in (2, 3):
+        raise fields.fail("tilt_degrees", "expected turns about [x, y] or [x, y, z]")
+    dx, dy, dz = (*(scale * d for d in decentre), 0.0)[:3]
+    rx, ry, rz = (*tilt, 0.0)[:3]
+    return SurfacePose.of((dx, dy, dz), (rx, ry, rz))
+
+
+def _stop_shape(fields: Fields) -> StopShape | None:
+    """Return the shape of a stop: `heart`, or one of {blades, star, polygon} with its options."""
+    if "shape" not in fields:
+        return None
+    if not fields.flag("stop"):
+        raise fields.fail("shape", "belongs to the stop (mark it with stop: true)")
+    try:
+        if fields.get("shape") == "heart":
+            return heart()
+        inner = fields.inner("shape", SHAPE)
+        kinds = [kind for kind in ("blades", "star", "polygon") if kind in inner]
+        if len(kinds) != 1:
+            raise fields.fail("shape", "allowed: heart, {blades: n}, {star: n} or {polygon: [[x, y], ...]}")
+        if kinds[0] == "polygon":
+            rows = inner.get("polygon")
+            if not isinstance(rows, list) or not all(isinstance(row, list) and len(row) == 2 for row in rows):
+                raise inner.fail("polygon", "expected a list of points [x, y] in units of the stop's radius")
+            places = [[(*inner.path, "polygon", i, axis) for axis in (0, 1)] for i in range(len(rows))]
+            return polygon([(as_number(inner.document, x), as_number(inner.document, y)) for x, y in places])
+        count = inner.number(kinds[0])
+        if count % 1:
+            raise inner.fail(kinds[0], "expected a whole number")
+        turn = inner.number("rotation_degrees", 0.0 if kinds[0] == "blades" else 90.0)
+        if kinds[0] == "blades":
+            return blades(int(count), turn, inner.number("curvature", 0.0))
+        return star(int(count), inner.number("inner", 0.4), turn)
+    except InputError as error:
+        if str(error).startswith(fields.document.name):
+            raise
+        raise fields.fail("shape", str(error)) from None
+
+
+def _aspheric(fields: Fields, scale: float) -> tuple[tuple[int, float], ...]:
+    table = fields.get("aspheric")
+    if table is None:
+        return ()
+    if not isinstance(table, dict):
+        raise fields.fail("aspheric", "expected a mapping of powers of r to coefficients, such as {4: 1.0e-5}")
+    fault = f"a power of r is a whole number from 1 to {HIGHEST_POWER}"
+    powers = fields.paths_by_number("aspheric", 1, HIGHEST_POWER, fault)
+    return tuple((power, as_number(fields.document, path) * scale ** (1 - power)) for power, path in powers)
+
+
+def _with_qcon(fields: Fields, scale: float, terms: tuple[tuple[int, float], ...]) -> tuple[tuple[int, float], ...]:
+    """Return the terms of an asphere with those of its Qcon polynomials, by rising power."""
+    result = dict(terms)
+    if "qcon" in fields:
+        inner = fields.inner("qcon", QCON)
+        radius, coefficients = inner.positive("radius"), inner.numbers("coefficients")
+        most = (HIGHEST_POWER - FIRST_POWER) // 2 + 1
+        if len(coefficients) > most:
+            raise inner.fail("coefficients", f"at most {most}, which reach r^{HIGHEST_POWER}")
+        for power, value in even_powers(tuple(scale * a for a in coefficients), radius * scale).items():
+            result[power] = result.get(power, 0.0) + value
+    return tuple(sorted(term for term in result.items() if term[1] != 0))
+
+
+def _region(fields: Fields, scale: float) -> Region | None:
+    outside = fields.text("outside", "block")
+    if outside not in ("block", "pass"):
+        raise fields.fail("outside", "allowed: block (clip the light), pass (nothing there: it goes straight on)")
+    if "clear" not in fields:
+        if "outside" in fields:
+            raise fields.fail("outside", "needs a clear region beside it")
+        return None
+    inner = fields.inner("clear", CLEAR)
+    width, height = math.inf, math.inf
+    if "rectangle" in inner:
+        size = inner.numbers("rectangle")
+        if len(size) != 2 or min(size) <= 0:
+            raise inner.fail("rectangle", "expected [width, height], both above 0")
+        width, height = size
+    normal = inner.number("half_plane_degrees") if "half_plane_degrees" in inner else None
+    edge = inner.number("edge", 0.0) * scale
+    return Region(width * scale / 2, height * scale / 2, normal, edge, outside == "block")
+
+
+# The keys `configurations`, `focusing` and `floating` of a lens file: zoom positions and groups that move to focus.
+
+
+def read_configurations(top: Fields, count: int, scale: float) -> tuple[Configuration, ...]:
+    """Return the zoom positions: a list of {name, gaps: {surface: thickness}}."""
+    result = []
+    for index, fields in enumerate(top.rows("configurations", CONFIGURATION, "[{name: wide, gaps: {4: 1.9}}]")):
+        gaps = _gaps(fields, count, scale)
+        stop = fields.positive("stop_diameter") * scale if "stop_diameter" in fields else None
+        near = _states(fields, count, scale)
+        if near and "focusing" in top:
+            raise fields.fail("floating", "a lens with floating groups has no focusing group")
+        result.append(Configuration(fields.text("name") or str(index), gaps, stop, near))
+    if len({row.name for row in result}) < len(result):
+        raise top.fail("configurations", "two configurations have the same name")
+    if any({k for k, _ in row.gaps} != {k for k, _ in result[0].gaps} for row in result):
+        raise top.fail("configurations", "every configuration must give the same gaps")
+    return tuple(result)
+
+
+def read_floating(top: Fields, count: int, scale: float) -> tuple[FocusState, ...]:
+    """Return the states of floating groups: a list of {distance, gaps: {surface: thickness}}."""
+    if "floating" in top and ("focusing" in top or "configurations" in top):
+        raise top.fail(
+            "floating",
+            "a lens with floating groups has neither focusing nor configurations; each of these has its own floating",
+        )
+    return _states(top, count, scale)
+
+
+def _states(fields: Fields, count: int, scale: float) -> tuple[FocusState, ...]:
+    rows = fields.rows("floating", FLOATING, "[{distance: 450, gaps: {4: 1.9}}]")
+    states = [
+        FocusState(
+            row.positive("distance") * scale,
+            _gaps(row, count, scale),
+            row.number("film_shift") * scale if "film_shift" in row else None,
+        )
+        for row in rows
+    ]
+    if any({k for k, _ in row.gaps} != {k for k, _ in states[0].gaps} for row in states):
+        raise fields.fail("floating", "every state must give the same gaps")
+    if len({row.film_shift_mm is None for row in states}) > 1:
+        raise fields.fail("floating", "every state must give film_shift, or none")
+    if len({row.distance_mm for row in states}) < len(states):
+        raise fields.fail("floating", "two states have the same distance")
+    return tuple(states)
+
+
+def _gaps(fields: Fields, count: int, scale: float) -> tuple[tuple[int, float], ...]:
+    """Return the thickness behind each surface that `gaps` names [mm]."""
+    gaps = fields.get("gaps")
+    if not isinstance(gaps, dict) or not gaps:
+        raise fields.fail(
+            "gaps" if "gaps" in fields else None, "needs gaps, such as {4: 1.9}: thickness behind a surface"
+        )
+    values = []
+    for number, path in fields.paths_by_number(
+        "gaps", 0, count - 2, f"a gap lies behind a surface from 0 to {count - 2}"
+    ):
+        gap = as_number(fields.document, path) * scale
+        if gap < 0:
+            raise problem(fields.document, path, "must not be negative", gaps[path[-1]])
+        values.append((number, gap))
+    return tuple(sorted(values))
+
+
+def read_focusing(top: Fields, count: int, scale: float) -> FocusingGroup | None:
+    """Return the focusing group: {surfaces: [first, last], travel: [least, greatest]}."""
+    if "focusing" not in top:
+        return None
+    fields = top.inner("focusing", FOCUSING)
+    first, last = fields.span("surfaces", count)
+    travel = fields.numbers("travel")
+    if first == 0 and last == count - 1:
+        raise fields.fail("surfaces", "the group is the whole lens; leave focusing out")
+    if len(travel) != 2 or not travel[0] < travel[1]:
+        raise fields.fail("travel", "expected [least, greatest] shift towards the film")
+    return FocusingGroup(first, last, (travel[0] * scale, travel[1] * scale))
 
 
 def document_of(mapping: Mapping[str, Any], files: References | None = None) -> Document:

@@ -8,10 +8,9 @@ from typing import Any
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics.files.breaks import AxisFrame
-from rptcam_cl.optics.files.glass_names import makers_of
-from rptcam_cl.optics.files.qcon import bfs_powers
-from rptcam_cl.optics.files.table import LensTable, model, numbers
+from rptcam_cl.optics.files.glass_catalogues import makers_of
+from rptcam_cl.optics.files.native import bfs_powers
+from rptcam_cl.optics.files.table import AxisFrame, LensTable, model, numbers
 from rptcam_cl.optics.lens import Lens
 
 UNITS = {"MM": "mm", "CM": "cm", "IN": "in", "METER": "m"}

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.colour.response import electrons_per_joule
+from rptcam_cl.core.colour import electrons_per_joule
 from rptcam_cl.imaging.sensor import SensorModel
 
 STRIPS = 16

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.imaging.raw_frame import exposed
-from rptcam_cl.imaging.sensor import SensorModel
+from rptcam_cl.imaging.sensor import SensorModel, exposed
 from tests.imaging.sensor.sensors import Transfer, flat, photon_transfer, sensor
 from tests.support.statistics import assert_equivalent
 

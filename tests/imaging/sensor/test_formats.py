@@ -8,8 +8,9 @@ from typing import Any, get_args
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.scene import Film, Scene, load_scene
-from rptcam_cl.scene.film import SIDES_MM, _Name
+from rptcam_cl.scene.film import SIDES_MM, Film, _Name
+from rptcam_cl.scene.load import load_scene
+from rptcam_cl.scene.scene import Scene
 
 CAMERA = {"kind": "pinhole", "eye": [0, 0, 5], "target": [0, 0, 0], "fov_degrees": 40}
 

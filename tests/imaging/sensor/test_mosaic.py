@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from rptcam_cl.imaging.mosaic import demosaiced, mosaic
-from rptcam_cl.imaging.raw_frame import exposed, linear_picture
+from rptcam_cl.imaging.sensor import demosaiced, exposed, linear_picture, mosaic
 from tests.imaging.sensor.sensors import flat, sensor
 
 ORDERS = ("RGGB", "BGGR", "GRBG", "GBRG")

@@ -9,11 +9,10 @@ import pytest
 import rawpy
 import tifffile
 
-from rptcam_cl.colour.response import RESPONSES
+from rptcam_cl.core.colour import RESPONSES
 from rptcam_cl.core.errors import InputError, StateError
-from rptcam_cl.imaging.raw import RawImage, check_raw_output
-from rptcam_cl.imaging.raw_frame import exposed
-from rptcam_cl.imaging.sensor import SensorModel
+from rptcam_cl.imaging.formats import RawImage, check_raw_output
+from rptcam_cl.imaging.sensor import SensorModel, exposed
 from tests.imaging.sensor.sensors import sensor
 from tests.imaging.sensor.test_mosaic import CHART
 

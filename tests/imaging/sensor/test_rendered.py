@@ -12,9 +12,8 @@ import rawpy
 import rptcam_cl
 from rptcam_cl.cli import main
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.device import Session, open_session
-from rptcam_cl.imaging.raw_frame import exposed
-from rptcam_cl.imaging.sensor import SensorModel
+from rptcam_cl.device.session import Session, open_session
+from rptcam_cl.imaging.sensor import SensorModel, exposed
 from tests.imaging.sensor.sensors import photon_transfer
 from tests.support.statistics import assert_equivalent
 

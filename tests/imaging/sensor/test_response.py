@@ -3,9 +3,18 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.colour import WAVELENGTHS_NM, daylight_65, exact_luminance, rgb_basis, srgb_from_reflectance
-from rptcam_cl.colour.response import RESPONSES, electrons_per_joule, response, response_curves
-from rptcam_cl.core.resources import response_curves_dir
+from rptcam_cl.core.colour import (
+    RESPONSES,
+    WAVELENGTHS_NM,
+    daylight_65,
+    electrons_per_joule,
+    exact_luminance,
+    response,
+    response_curves,
+    rgb_basis,
+    srgb_from_reflectance,
+)
+from rptcam_cl.core.files import response_curves_dir
 from rptcam_cl.imaging.sensor import rgb_from_balanced, system_gain, white_electrons_at_iso
 from tests.imaging.sensor.sensors import sensor
 

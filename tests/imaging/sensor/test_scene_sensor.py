@@ -6,13 +6,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rptcam_cl.colour.response import RESPONSES
+from rptcam_cl.core.colour import RESPONSES
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.imaging.raw_frame import exposed
-from rptcam_cl.imaging.scene_sensor import sensor_of
-from rptcam_cl.imaging.sensor import SensorModel
-from rptcam_cl.scene import Scene, load_scene
-from rptcam_cl.scene.sensor import PRESETS, PresetName, ResponseName
+from rptcam_cl.imaging.sensor import SensorModel, exposed, sensor_of
+from rptcam_cl.scene.film import PRESETS, PresetName, ResponseName
+from rptcam_cl.scene.load import load_scene
+from rptcam_cl.scene.scene import Scene
 
 CAMERA = {
     "kind": "thin_lens", "eye": [0, 0, 5], "target": [0, 0, 0], "focal_length_mm": 50, "f_number": 4,

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import rptcam_cl
-from rptcam_cl.colour import on_grid, srgb_from_spectrum
-from rptcam_cl.colour.response import response_curves
+from rptcam_cl.core.colour import on_grid, response_curves, srgb_from_spectrum
 from tests.support.statistics import assert_equivalent
 
 # A lamp of two broad lines, which no mixture of RGB colours is.
@@ -43,7 +42,7 @@ def test_film_holds_what_the_camera_takes_a_spectrum_for(response: str) -> None:
 
 def channels(response: str, lamp: np.ndarray) -> np.ndarray:
     """Shares of the raw channels by the published curves alone, as electrons per joule."""
-    from rptcam_cl.colour.response import response as curves
+    from rptcam_cl.core.colour import response as curves
 
     seen = lamp @ curves(response)
     energy = 1 / np.arange(380, 781)

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.plan import make_plan
-from rptcam_cl.rendering.photon_passes import MOST_CELLS, MOST_PHOTONS, pass_of, within_passes
-from rptcam_cl.rendering.photons import first_radius, sorted_by_cell
-from rptcam_cl.scene import load_scene
+from rptcam_cl.rendering.film import MOST_CELLS, MOST_PHOTONS, pass_of, within_passes
+from rptcam_cl.rendering.plan.plan import make_plan
+from rptcam_cl.rendering.scene_buffers import first_radius, sorted_by_cell
+from rptcam_cl.scene.load import load_scene
 from tests.rendering.caustics.test_photons import LAMP, ball, glasses, lamp, scene
 
 

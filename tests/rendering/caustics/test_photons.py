@@ -7,10 +7,11 @@ import pytest
 
 import rptcam_cl
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.device import open_session
-from rptcam_cl.plan import make_plan
-from rptcam_cl.rendering import FilmLayout, Wavefront
-from rptcam_cl.scene import load_scene
+from rptcam_cl.device.session import open_session
+from rptcam_cl.rendering.film import FilmLayout
+from rptcam_cl.rendering.plan.plan import make_plan
+from rptcam_cl.rendering.tracer import Wavefront
+from rptcam_cl.scene.load import load_scene
 from tests.rendering.pictures import batches, looking, pixels, scene_of
 from tests.support.statistics import overall
 

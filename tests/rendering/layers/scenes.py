@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import rptcam_cl
-from rptcam_cl.scene import load_scene
+from rptcam_cl.scene.load import load_scene
 
 EYE, TARGET, UP = [1.0, 2.0, 6.0], [0.5, 0.3, 0.0], [0.1, 1.0, 0.0]
 POSE = {"eye": EYE, "target": TARGET, "up": UP}

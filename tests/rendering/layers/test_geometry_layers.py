@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.cameras.setting import lens_setting
-from rptcam_cl.scene import load_scene
+from rptcam_cl.rendering.cameras.setting import lens_setting
+from rptcam_cl.scene.load import load_scene
 from tests.rendering.layers.scenes import (
     BALL,
     CAMERAS,

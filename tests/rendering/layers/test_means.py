@@ -5,12 +5,14 @@ import pytest
 
 import rptcam_cl
 from rptcam_cl.core.errors import InputError, StateError
-from rptcam_cl.device import Session, choose_device, open_session
-from rptcam_cl.plan import make_plan
-from rptcam_cl.rendering import Wavefront, render_plan
+from rptcam_cl.device.devices import choose_device
+from rptcam_cl.device.session import Session, open_session
 from rptcam_cl.rendering.film import FilmLayout
-from rptcam_cl.scene import load_scene
-from rptcam_cl.scene.render_settings import LAYER_NAMES
+from rptcam_cl.rendering.plan.plan import make_plan
+from rptcam_cl.rendering.progressive import render_plan
+from rptcam_cl.rendering.tracer import Wavefront
+from rptcam_cl.scene.film import LAYER_NAMES
+from rptcam_cl.scene.load import load_scene
 from tests.rendering.layers.scenes import CAMERAS, GREY, RED, world
 
 FACING = {"shape": "rectangle", "edge_u": [2, 0, 0], "edge_v": [0, 2, 0]}

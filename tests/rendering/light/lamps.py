@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.device import Session
-from rptcam_cl.plan import Plan
-from rptcam_cl.rendering.buffers import SceneBuffers
+from rptcam_cl.device.session import Session
+from rptcam_cl.rendering.plan.plan import Plan
+from rptcam_cl.rendering.scene_buffers import SceneBuffers
 from tests.device.probes import run
 
 Array = NDArray[np.float64]

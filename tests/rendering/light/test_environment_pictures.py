@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import rptcam_cl
-from rptcam_cl.plan import make_plan
-from rptcam_cl.rendering import Wavefront
 from rptcam_cl.rendering.film import FilmLayout
-from rptcam_cl.scene import load_scene
+from rptcam_cl.rendering.plan.plan import make_plan
+from rptcam_cl.rendering.tracer import Wavefront
+from rptcam_cl.scene.load import load_scene
 from tests.device.probes import open_session
 from tests.rendering.light.pictures import irradiance, rough_sky, save_exr
 from tests.rendering.pictures import MATTE, looking, scene_of, seed_of

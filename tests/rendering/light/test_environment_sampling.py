@@ -5,12 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rptcam_cl.colour import LUMINANCE
-from rptcam_cl.device import Session
-from rptcam_cl.plan import make_plan
-from rptcam_cl.plan.environment import cell_shares, compensated
-from rptcam_cl.rendering.buffers import SceneBuffers
-from rptcam_cl.scene import load_scene
+from rptcam_cl.core.colour import LUMINANCE
+from rptcam_cl.device.session import Session
+from rptcam_cl.rendering.plan.environment import cell_shares, compensated
+from rptcam_cl.rendering.plan.plan import make_plan
+from rptcam_cl.rendering.scene_buffers import SceneBuffers
+from rptcam_cl.scene.load import load_scene
 from tests.device.probes import open_session, run
 from tests.rendering.light.pictures import bilinear, direction_of, rough_sky, save_exr
 from tests.rendering.pictures import MATTE, looking, pixels, scene_of

@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 import rptcam_cl
-from rptcam_cl.assets.luminaire import LUMENS_PER_WATT, read_luminaire
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.plan import make_plan
-from rptcam_cl.scene import load_scene
+from rptcam_cl.core.vectors import LUMENS_PER_WATT
+from rptcam_cl.rendering.plan.plan import make_plan
+from rptcam_cl.scene.lights import read_luminaire
+from rptcam_cl.scene.load import load_scene
 from tests.rendering.pictures import MATTE, flat_mean, looking, pixels, scene_of, seed_of
 from tests.support.statistics import assert_equivalent
 

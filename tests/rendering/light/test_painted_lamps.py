@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import rptcam_cl
-from rptcam_cl.plan import make_plan
-from rptcam_cl.scene import load_scene
+from rptcam_cl.rendering.plan.plan import make_plan
+from rptcam_cl.scene.load import load_scene
 from tests.rendering.light.pictures import save_exr
 from tests.rendering.light.test_environment_pictures import batches
 from tests.rendering.light.test_textures import expected_colours

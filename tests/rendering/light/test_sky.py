@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 import rptcam_cl
-from rptcam_cl.colour import LUMINANCE
-from rptcam_cl.plan.sky import COLUMNS, LUMENS_PER_WATT, ROWS, SUN_RADIUS_DEGREES, bake_sky, sun_irradiance
-from rptcam_cl.scene import SkyEnvironment
+from rptcam_cl.core.colour import LUMINANCE
+from rptcam_cl.core.vectors import LUMENS_PER_WATT
+from rptcam_cl.rendering.plan.environment import COLUMNS, ROWS, SUN_RADIUS_DEGREES, bake_sky, sun_irradiance
+from rptcam_cl.scene.lights import SkyEnvironment
 from tests.rendering.light.pictures import irradiance
 from tests.rendering.pictures import MATTE, flat_mean, looking, pixels, scene_of
 from tests.support.statistics import assert_equivalent

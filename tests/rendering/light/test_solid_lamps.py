@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from rptcam_cl.core.records import Kind
-from rptcam_cl.device import Session
-from rptcam_cl.plan import make_plan
-from rptcam_cl.plan.primitives import scene_primitives
-from rptcam_cl.plan.solid_lamps import area_of_solid
-from rptcam_cl.scene import load_scene
+from rptcam_cl.device.session import Session
+from rptcam_cl.rendering.plan.emitters import area_of_solid
+from rptcam_cl.rendering.plan.plan import make_plan
+from rptcam_cl.rendering.plan.primitives import scene_primitives
+from rptcam_cl.scene.load import load_scene
 from tests.device.probes import open_session
 from tests.rendering.light.lamps import lit, picks, unit_numbers
 from tests.rendering.light.test_environment_pictures import batches

@@ -7,10 +7,10 @@ import PIL.Image
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.device import Session
-from rptcam_cl.plan import make_plan
-from rptcam_cl.rendering.buffers import SceneBuffers
-from rptcam_cl.scene import load_scene
+from rptcam_cl.device.session import Session
+from rptcam_cl.rendering.plan.plan import make_plan
+from rptcam_cl.rendering.scene_buffers import SceneBuffers
+from rptcam_cl.scene.load import load_scene
 from tests.device.probes import open_session, run
 from tests.rendering.light.pictures import save_exr
 

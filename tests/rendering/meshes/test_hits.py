@@ -3,11 +3,17 @@
 import numpy as np
 import pytest
 
-import rptcam_cl.plan.meshes
-import rptcam_cl.rendering.trees.scene_trees
-from rptcam_cl.selfcheck.geometry_checks import departures, leaks, mesh_rays_of
-from rptcam_cl.selfcheck.rays import MATTE, MeshScene, mesh_object
-from rptcam_cl.selfcheck.scenes import directions, globe
+import rptcam_cl.rendering.trees as scene_trees
+from rptcam_cl.studies.selfcheck import (
+    RAY_MATTE,
+    MeshScene,
+    departures,
+    directions,
+    globe,
+    leaks,
+    mesh_object,
+    mesh_rays_of,
+)
 
 
 def rng_of(name: str) -> np.random.Generator:
@@ -23,7 +29,7 @@ def test_no_ray_leaks_through_edges_or_vertices(session, place):
 @pytest.mark.parametrize("kind", ["random", "axis", "denormal"])
 @pytest.mark.parametrize("shape", ["globe", "flat grid"])
 def test_tree_finds_what_every_triangle_finds(session, monkeypatch, shape, kind, width):
-    monkeypatch.setattr(rptcam_cl.rendering.trees.scene_trees, "WIDTH", {"cpu": width, "gpu": width})
+    monkeypatch.setattr(scene_trees, "WIDTH", {"cpu": width, "gpu": width})
     rng = rng_of(f"{shape} {kind}")
     if shape == "globe":
         points, faces = globe(24, 32)
@@ -72,13 +78,13 @@ def test_instances_are_met_where_copies_are(session, monkeypatch, turn):
         [*turn, {"scale": 0.25}, {"translate": [0.5, -1, -4]}],
     ]
     meshes = {"globe": {"vertices": points.tolist(), "faces": faces.tolist()}}
-    objects = [{"shape": "mesh", "mesh": "globe", "material": MATTE, "transform": steps} for steps in placed]
+    objects = [{"shape": "mesh", "mesh": "globe", "material": RAY_MATTE, "transform": steps} for steps in placed]
     n = 32768
     o = rng.uniform(-1, 1, (n, 3)) + np.array([0, 0, 4])
     d = np.concatenate([rng.uniform(-3, 3, (n // 2, 3)) - np.array([0, 0, 8]) - o[: n // 2], directions(rng, n // 2)])
     d /= np.linalg.norm(d, axis=1, keepdims=True)
     copies = MeshScene(session, objects, meshes=meshes)
-    monkeypatch.setattr(rptcam_cl.plan.meshes, "MOST_COPIED", 0)
+    monkeypatch.setattr(meshes, "MOST_COPIED", 0)
     shared = MeshScene(session, objects, meshes=meshes)
     assert copies.plan.facts["HAS_INSTANCES"] == 0
     assert shared.plan.facts["HAS_INSTANCES"] == 1

@@ -2,7 +2,8 @@
 
 import pytest
 
-from rptcam_cl.device import Session, choose_device
+from rptcam_cl.device.devices import choose_device
+from rptcam_cl.device.session import Session
 from tests.rendering import test_meshes as pictures
 from tests.rendering import test_opacity as opacity
 from tests.rendering.meshes import test_hits as hits

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.scene import at_opening, load_scene
+from rptcam_cl.scene.load import at_opening, load_scene
 from tests.rendering.motion.pictures import PINHOLE, scene_with
 
 LENS = {

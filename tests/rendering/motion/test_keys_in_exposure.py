@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import rptcam_cl
-from rptcam_cl.plan import make_plan
-from rptcam_cl.rendering.waves import step_of
-from rptcam_cl.scene import exposure_steps, load_scene, set_keys
+from rptcam_cl.rendering.film import step_of
+from rptcam_cl.rendering.plan.plan import make_plan
+from rptcam_cl.scene.load import exposure_steps, load_scene, set_keys
 
 BALL = {"name": "ball", "shape": "sphere", "center": [0, 0, 0], "radius": 1}
 SCENE = {

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import rptcam_cl
-from rptcam_cl.device import Session
+from rptcam_cl.device.session import Session
 from rptcam_cl.rendering import tracer
 from tests.device.probes import open_session
 from tests.rendering.motion.pictures import BALL, FLOOR, GREY, PAIRS, PINHOLE, exposures, film, scene_with, still_mean

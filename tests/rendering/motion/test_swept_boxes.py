@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.plan import make_plan
-from rptcam_cl.scene import load_scene
+from rptcam_cl.rendering.plan.plan import make_plan
+from rptcam_cl.scene.load import load_scene
 from tests.rendering.motion.pictures import PINHOLE, scene_with
 
 

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rptcam_cl.plan import make_plan
-from rptcam_cl.rendering import Wavefront
 from rptcam_cl.rendering.film import FilmLayout
-from rptcam_cl.scene import load_scene
+from rptcam_cl.rendering.plan.plan import make_plan
+from rptcam_cl.rendering.tracer import Wavefront
+from rptcam_cl.scene.load import load_scene
 
 ROOM = {
     "film": {"resolution": [48, 32]},

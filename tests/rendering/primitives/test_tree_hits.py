@@ -5,11 +5,19 @@ from zlib import crc32
 import numpy as np
 import pytest
 
+from rptcam_cl.core.files import CACHE_VARIABLE
 from rptcam_cl.core.records import Kind
-from rptcam_cl.core.resources import CACHE_VARIABLE
-from rptcam_cl.rendering.trees.primitive_tree import primitive_bounds, primitive_tree
-from rptcam_cl.selfcheck.rays import ObjectRays, mesh_object
-from rptcam_cl.selfcheck.scenes import axis_rays, crowd, directions, globe, random_rays, slanting_rays
+from rptcam_cl.rendering.trees import primitive_bounds, primitive_tree
+from rptcam_cl.studies.selfcheck import (
+    ObjectRays,
+    axis_rays,
+    crowd,
+    directions,
+    globe,
+    mesh_object,
+    random_rays,
+    slanting_rays,
+)
 from tests.rendering.primitives.trees import with_tree
 
 RAYS = {"random": random_rays, "axis": axis_rays, "slanting": slanting_rays}
@@ -109,7 +117,7 @@ def test_tree_is_kept_for_the_next_run(session, monkeypatch, tmp_path):
     tree, _ = both(session, monkeypatch, crowd(rng_of("kept"), 60))
     with_tree(monkeypatch, True)
     built = primitive_tree(tree.plan.primitives, tree.plan.kind_end, session)
-    monkeypatch.setattr("rptcam_cl.rendering.trees.primitive_tree.tree_of_few", None)
+    monkeypatch.setattr("rptcam_cl.rendering.trees.tree_of_few", None)
     again = primitive_tree(tree.plan.primitives, tree.plan.kind_end, session)
     assert again.facts == built.facts
     assert again.nodes.tobytes() == built.nodes.tobytes()

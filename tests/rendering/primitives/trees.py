@@ -2,9 +2,9 @@
 
 import pytest
 
-from rptcam_cl.rendering.trees import primitive_tree
+from rptcam_cl.rendering import trees
 
 
 def with_tree(monkeypatch: pytest.MonkeyPatch, wanted: bool) -> None:
     """Make scenes get a tree over their primitives however few they are, or never."""
-    monkeypatch.setattr(primitive_tree, "BREAK_EVEN", 0 if wanted else 1 << 30)
+    monkeypatch.setattr(trees, "BREAK_EVEN", 0 if wanted else 1 << 30)

@@ -4,9 +4,11 @@ from collections.abc import Iterator
 
 import pytest
 
-from rptcam_cl.device import DeviceInfo, Session, several
-from rptcam_cl.device import choose as choosing
+from rptcam_cl.device import devices as choosing
 from rptcam_cl.device import session as sessions
+from rptcam_cl.device import session as several
+from rptcam_cl.device.devices import DeviceInfo
+from rptcam_cl.device.session import Session
 from tests.rendering.several.devices import Fragile, processor_and_cores
 
 

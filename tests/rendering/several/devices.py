@@ -4,9 +4,8 @@ from dataclasses import replace
 from typing import Any
 
 from rptcam_cl.core.errors import DeviceError
-from rptcam_cl.device import DeviceInfo, Session, choose_device
-from rptcam_cl.device.session import Launch
-from rptcam_cl.device.trial import try_device
+from rptcam_cl.device.devices import DeviceInfo, choose_device, try_device
+from rptcam_cl.device.session import Launch, Session
 
 
 class Fragile(Session):

@@ -7,9 +7,10 @@ import pytest
 
 from rptcam_cl.cli import main
 from rptcam_cl.core.errors import DeviceError
-from rptcam_cl.device import choose_device, devices, open_sessions
-from rptcam_cl.device.trial import Trial, try_device
-from rptcam_cl.rendering.shares import begun, ended, is_shared, joined, split_of, split_text
+from rptcam_cl.device import devices
+from rptcam_cl.device.devices import Trial, choose_device, try_device
+from rptcam_cl.device.session import open_sessions
+from rptcam_cl.rendering.several import begun, ended, is_shared, joined, split_of, split_text
 
 SCENE = """\
 film: {resolution: [24, 16]}

@@ -12,8 +12,7 @@ import pytest
 import rptcam_cl
 from rptcam_cl.core.errors import DeviceError
 from rptcam_cl.rendering import checkpoint as saving
-from rptcam_cl.rendering.shares import owners, shares_of
-from rptcam_cl.rendering.worker import Worker
+from rptcam_cl.rendering.several import Worker, owners, shares_of
 from tests.rendering.test_determinism import LENS
 from tests.rendering.test_resume import SIZE, bits, scene, until
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.colour import LUMINANCE
-from rptcam_cl.plan.spectrum import least_noise, primary_spectra
+from rptcam_cl.core.colour import LUMINANCE
+from rptcam_cl.rendering.plan.plan import least_noise, primary_spectra
 from tests.rendering.pictures import WHITE, looking, pixels, scene_of, seed_of
 from tests.rendering.spectrum.scenes import SINGLET_BACK_MM, room, singlet, white_wall
 from tests.rendering.spectrum.test_modes import FORCED, GLASS_BALL

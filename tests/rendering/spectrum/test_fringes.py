@@ -8,9 +8,9 @@ spot whose rays lie where the reference traces them: for an even disk of diamete
 import numpy as np
 import pytest
 
-from rptcam_cl.colour import WAVELENGTHS_NM, cie_1931, daylight_65, srgb_from_xyz
-from rptcam_cl.optics import load_lens
-from rptcam_cl.plan.spectrum import primary_spectra
+from rptcam_cl.core.colour import WAVELENGTHS_NM, cie_1931, daylight_65, srgb_from_xyz
+from rptcam_cl.optics.library import load_lens
+from rptcam_cl.rendering.plan.plan import primary_spectra
 from tests.rendering.pictures import pixels, scene_of, seed_of
 from tests.rendering.spectrum.scenes import (
     DOUBLET_BACK_MM,

@@ -7,15 +7,14 @@ import pytest
 from scipy import stats
 
 import rptcam_cl
-from rptcam_cl.colour import WAVELENGTHS_NM
+from rptcam_cl.core.colour import WAVELENGTHS_NM
 from rptcam_cl.core.records import device_declarations
-from rptcam_cl.device import Session
-from rptcam_cl.optics import load_lens
+from rptcam_cl.device.session import Session
 from rptcam_cl.optics.irradiance import on_axis_irradiance
-from rptcam_cl.plan import make_plan
-from rptcam_cl.plan.spectrum import WAVELENGTH_CELLS, least_noise, primary_spectra, wavelength_table
+from rptcam_cl.optics.library import load_lens
 from rptcam_cl.rendering import tracer
-from rptcam_cl.scene import load_scene
+from rptcam_cl.rendering.plan.plan import WAVELENGTH_CELLS, least_noise, make_plan, primary_spectra, wavelength_table
+from rptcam_cl.scene.load import load_scene
 from tests.device.probes import open_session
 from tests.rendering.pictures import WHITE, batches, looking, pixels, scene_of, seed_of
 from tests.rendering.spectrum.scenes import SINGLET_BACK_MM, paper_camera, room, singlet, white_wall

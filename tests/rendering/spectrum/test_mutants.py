@@ -2,8 +2,8 @@
 
 import pytest
 
-from tests.cameras import test_wavelengths as rays
 from tests.device.probes import open_session
+from tests.rendering.cameras import test_wavelengths as rays
 from tests.rendering.spectrum import test_colour_noise as noise
 from tests.rendering.spectrum import test_fringes as fringes
 from tests.rendering.spectrum import test_modes as modes

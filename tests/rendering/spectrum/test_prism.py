@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from rptcam_cl.optics import load_lens
+from rptcam_cl.optics.library import load_lens
 from tests.rendering.pictures import pixels, scene_of, seed_of
 
 HALF_APEX = np.radians(20)

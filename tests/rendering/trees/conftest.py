@@ -2,7 +2,7 @@
 
 import pytest
 
-from rptcam_cl.device import Session, open_session
+from rptcam_cl.device.session import Session, open_session
 
 
 @pytest.fixture(scope="session")

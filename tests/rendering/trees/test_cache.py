@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rptcam_cl.rendering.trees import Bvh, build_bvh, cache, load_or_build
-from rptcam_cl.rendering.trees.wide_tree import EMPTY, is_sound, quality
+from rptcam_cl.rendering import trees
+from rptcam_cl.rendering.tree_build import EMPTY, Bvh, build_bvh, is_sound, quality
+from rptcam_cl.rendering.trees import load_or_build
 from tests.rendering.trees.meshes import boxes_of, soup
 
 
@@ -21,7 +22,7 @@ def tree(session):
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    monkeypatch.setenv(cache.VARIABLE, str(tmp_path))
+    monkeypatch.setenv(trees.VARIABLE, str(tmp_path))
     return tmp_path / "trees"
 
 
@@ -37,7 +38,7 @@ class Build:
 
 
 def same(one: Bvh, two: Bvh) -> bool:
-    return all(np.array_equal(getattr(one, name), getattr(two, name)) for name in cache.ARRAYS)
+    return all(np.array_equal(getattr(one, name), getattr(two, name)) for name in trees.ARRAYS)
 
 
 def only_file(folder: Path) -> Path:
@@ -63,7 +64,7 @@ def test_other_key_is_another_tree(folder, tree):
 def test_tree_does_not_outlive_the_code_that_built_it(folder, tree, monkeypatch):
     build = Build(tree)
     load_or_build("a", build)
-    monkeypatch.setattr(cache, "builder_identity", lambda: "another version")
+    monkeypatch.setattr(trees, "builder_identity", lambda: "another version")
     load_or_build("a", build)
     assert build.calls == 2
 
@@ -107,7 +108,7 @@ def test_no_flipped_bit_gives_another_tree(folder, tree):
 
 
 def wrong_trees(tree: Bvh) -> dict[str, dict[str, np.ndarray]]:
-    whole = {name: getattr(tree, name) for name in cache.ARRAYS}
+    whole = {name: getattr(tree, name) for name in trees.ARRAYS}
 
     def changed(name, place, value):
         array = whole[name].copy()
@@ -166,9 +167,9 @@ def test_changed_numbers_give_a_sound_tree_or_none(tree):
     sound = 0
     for changes in range(150):
         random = np.random.default_rng(changes)
-        arrays = {name: getattr(tree, name).copy() for name in cache.ARRAYS}
+        arrays = {name: getattr(tree, name).copy() for name in trees.ARRAYS}
         for _ in range(random.integers(1, 4)):
-            array = arrays[str(random.choice(cache.ARRAYS))]
+            array = arrays[str(random.choice(trees.ARRAYS))]
             place = tuple(int(random.integers(size)) for size in array.shape)
             array[place] = random.choice([0, -1, 1, 2, 299, 300, len(tree.children), EMPTY, -(2**31)])
         changed = Bvh(**arrays)
@@ -182,7 +183,7 @@ def test_changed_numbers_give_a_sound_tree_or_none(tree):
 
 
 def write_many(folder: str, tree: Bvh) -> None:
-    os.environ[cache.VARIABLE] = folder
+    os.environ[trees.VARIABLE] = folder
     for _ in range(30):
         assert same(load_or_build("a", lambda: tree), tree)
         for path in (Path(folder) / "trees").glob("*.npz"):
@@ -198,11 +199,11 @@ def test_writers_at_the_same_time_leave_a_whole_tree(folder, tree):
         writer.join()
     assert [writer.exitcode for writer in writers] == [0, 0]
     assert same(load_or_build("a", Build(tree)), tree)
-    assert same(cache._load(only_file(folder)), tree)
+    assert same(trees._load(only_file(folder)), tree)
 
 
 def test_tree_unused_longest_goes_first(folder, tree, monkeypatch):
-    monkeypatch.setattr(cache, "MOST_BYTES", int(2.5 * tree.nbytes))
+    monkeypatch.setattr(trees, "MOST_BYTES", int(2.5 * tree.nbytes))
     kept = {}
     for key in "ab":
         before = set(folder.glob("*")) if folder.exists() else set()
@@ -219,7 +220,7 @@ def test_tree_unused_longest_goes_first(folder, tree, monkeypatch):
 
 
 def test_tree_beyond_the_limit_is_not_kept(folder, tree, monkeypatch):
-    monkeypatch.setattr(cache, "MOST_BYTES", tree.nbytes - 1)
+    monkeypatch.setattr(trees, "MOST_BYTES", tree.nbytes - 1)
     load_or_build("a", Build(tree))
     assert not list(folder.glob("*"))
 
@@ -237,7 +238,7 @@ def test_what_a_killed_run_left_is_removed_after_a_while(folder, tree):
 
 def test_folder_that_cannot_be_made_means_no_cache(tmp_path, tree, monkeypatch):
     (tmp_path / "file").touch()
-    monkeypatch.setenv(cache.VARIABLE, str(tmp_path / "file"))
+    monkeypatch.setenv(trees.VARIABLE, str(tmp_path / "file"))
     build = Build(tree)
     for _ in range(2):
         assert same(load_or_build("a", build), tree)
@@ -250,18 +251,18 @@ def test_full_disk_means_no_cache_and_no_leftovers(folder, tree, monkeypatch):
         with Path("/dev/full").open("wb", buffering=0) as device:
             device.write(b"x")
 
-    monkeypatch.setattr(cache.np, "savez", full)
+    monkeypatch.setattr(trees.np, "savez", full)
     assert same(load_or_build("a", Build(tree)), tree)
     assert not list(folder.iterdir())
 
 
 @pytest.mark.skipif(sys.platform in ("win32", "darwin"), reason="these systems have folders of their own")
 def test_folder_follows_the_environment(monkeypatch, tmp_path):
-    monkeypatch.delenv(cache.VARIABLE, raising=False)
+    monkeypatch.delenv(trees.VARIABLE, raising=False)
     monkeypatch.setenv("HOME", "/home/somebody")
     monkeypatch.setenv("XDG_CACHE_HOME", "/var/caches")
-    assert cache.cache_folder() == Path("/var/caches/rptcam_cl/trees")
+    assert trees.cache_folder() == Path("/var/caches/rptcam_cl/trees")
     monkeypatch.setenv("XDG_CACHE_HOME", "relative")
-    assert cache.cache_folder() == Path("/home/somebody/.cache/rptcam_cl/trees")
-    monkeypatch.setenv(cache.VARIABLE, str(tmp_path))
-    assert cache.cache_folder() == tmp_path / "trees"
+    assert trees.cache_folder() == Path("/home/somebody/.cache/rptcam_cl/trees")
+    monkeypatch.setenv(trees.VARIABLE, str(tmp_path))
+    assert trees.cache_folder() == tmp_path / "trees"

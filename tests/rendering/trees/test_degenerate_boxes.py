@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.rendering.trees import build_bvh
-from rptcam_cl.rendering.trees.wide_tree import EMPTY, quality
+from rptcam_cl.rendering.tree_build import EMPTY, build_bvh, quality
 from tests.rendering.trees.trees import check
 
 

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.rendering.trees import build_bvh, few_boxes
-from rptcam_cl.rendering.trees.few_boxes import FEW, tree_of_few
-from rptcam_cl.rendering.trees.wide_tree import quality
+from rptcam_cl.rendering import tree_build
+from rptcam_cl.rendering.tree_build import FEW, build_bvh, quality, tree_of_few
 from tests.rendering.trees.test_degenerate_boxes import SETS
 from tests.rendering.trees.trees import check
 
@@ -33,7 +32,7 @@ def test_few_points_make_a_tree(name):
 
 
 def test_boxes_that_a_split_takes_one_by_one_stay_within_the_depth(monkeypatch):
-    monkeypatch.setattr(few_boxes, "max_binary_depth", lambda width: 6)
+    monkeypatch.setattr(tree_build, "max_binary_depth", lambda width: 6)
     lower = SETS["crowded"][:FEW]
     bvh = tree_of_few(lower, lower, LEAF)
     check(bvh, lower, lower, 2, LEAF)

@@ -3,11 +3,9 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.device import Session
-from rptcam_cl.rendering.trees import build, build_bvh, reinsertion, wide_tree
-from rptcam_cl.rendering.trees.binary_tree import binary_tree
-from rptcam_cl.rendering.trees.reinsertion import reinserted
-from rptcam_cl.rendering.trees.wide_tree import MAX_STACK, quality, widen
+from rptcam_cl.device.session import Session
+from rptcam_cl.rendering import tree_build
+from rptcam_cl.rendering.tree_build import MAX_STACK, binary_tree, build_bvh, quality, reinserted, widen
 from tests.rendering.trees.meshes import boxes_of, hall, knot, soup
 
 WIDTH, LEAF = 8, 8
@@ -107,7 +105,7 @@ def test_no_launch_moves_more_nodes_than_a_screen_waits_for(session, monkeypatch
     monkeypatch.setattr(session, "bind", bind)
     split = reinserted(tree, 127, session)
     assert max(counts) <= 2048 < sum(counts[:2])
-    monkeypatch.setattr(reinsertion, "MOVES_OF_LAUNCH", 1 << 16)
+    monkeypatch.setattr(tree_build, "MOVES_OF_LAUNCH", 1 << 16)
     np.testing.assert_array_equal(split.children, reinserted(tree, 127, session).children)
     assert max(counts) > 2048
 
@@ -128,7 +126,7 @@ def halving_depths(first, last):
 def test_moving_nodes_helps_where_large_and_small_things_mix(session, monkeypatch):
     lower, upper = boxes_of(np.concatenate([hall(), soup(3000, size=3) * 20]))
     with_it = quality(build_bvh(lower, upper, session=session)).cost
-    monkeypatch.setattr(build, "reinserted", lambda tree, depth, session: tree)
+    monkeypatch.setattr(tree_build, "reinserted", lambda tree, depth, session: tree)
     assert with_it < 0.97 * quality(build_bvh(lower, upper, session=session)).cost
 
 
@@ -154,10 +152,10 @@ def nested_things(scales):
 
 def test_traversal_stack_stays_bounded_in_the_deepest_trees(monkeypatch):
     tree = nested_things(48)
-    assert tree.height[tree.root] <= wide_tree.max_binary_depth(WIDTH)
+    assert tree.height[tree.root] <= tree_build.max_binary_depth(WIDTH)
     blocks = np.arange(tree.leaves, dtype=np.int32)[:, None]
     figures = quality(widen(tree, blocks, WIDTH))
     assert figures.stack <= MAX_STACK
-    assert figures.depth <= wide_tree.max_levels(WIDTH)
-    monkeypatch.setattr(wide_tree, "MAX_STACK", 10_000)
+    assert figures.depth <= tree_build.max_levels(WIDTH)
+    monkeypatch.setattr(tree_build, "MAX_STACK", 10_000)
     assert quality(widen(tree, blocks, WIDTH)).stack > MAX_STACK

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.rendering.trees import build_bvh
-from rptcam_cl.rendering.trees.wide_tree import STACK_STEP, quality, stack_size
+from rptcam_cl.rendering.tree_build import STACK_STEP, build_bvh, quality, stack_size
 from tests.rendering.trees.meshes import boxes_of, hall, knot, nearest, rays_through, soup
 from tests.rendering.trees.trees import check, traverse
 

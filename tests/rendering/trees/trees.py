@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from rptcam_cl.rendering.trees.wide_tree import EMPTY, MAX_STACK, quality
+from rptcam_cl.rendering.tree_build import EMPTY, MAX_STACK, quality
 from tests.rendering.trees.meshes import hits
 
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import rptcam_cl
-from rptcam_cl.cameras import chief_rays, seen_places
-from rptcam_cl.scene import load_scene
+from rptcam_cl.rendering.cameras.chief_rays import chief_rays, seen_places
+from rptcam_cl.scene.load import load_scene
 
 BOARDS: dict[str, dict[str, Any]] = {
     "checker": {"kind": "checker", "columns": 7, "rows": 5},

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import rptcam_cl
-from rptcam_cl.cameras import chief_rays, seen_places
 from rptcam_cl.core.errors import StateError
-from rptcam_cl.scene import load_scene
+from rptcam_cl.rendering.cameras.chief_rays import chief_rays, seen_places
+from rptcam_cl.scene.load import load_scene
 
 GREY = {"kind": "matte", "reflectance": 0.5}
 POSE = {"eye": [0, 0, 0], "target": [0, 0, -1]}

@@ -1,1 +1,0 @@
-"""Files that scenes bring along: meshes, pictures and measured luminaires. Knows nothing of scenes."""

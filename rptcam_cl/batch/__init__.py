@@ -1,0 +1,1 @@
+"""Many pictures: renders on a cluster or in several processes, and datasets with exact truth."""

@@ -1,0 +1,309 @@
+"""Renders on a cluster: parts or frames go out, and files come back."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import field, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from rptcam_cl._version import __version__
+from rptcam_cl.api.interface import merge
+from rptcam_cl.api.stages import RenderOptions, check_divisible
+from rptcam_cl.batch.cluster import (
+    Credentials,
+    Job,
+    Opened,
+    Parcel,
+    PartsFolder,
+    PartsPlan,
+    RenderedPart,
+    TasksOut,
+    check_cluster,
+    connected,
+    hold_scene,
+    open_render,
+    packed,
+    plain_data,
+    render_part,
+    render_scene,
+)
+from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.core.errors import StateError
+from rptcam_cl.core.files import OneMaker, made_by, scratch_folder
+from rptcam_cl.imaging.image import Image
+from rptcam_cl.rendering.checkpoint import SUFFIX
+from rptcam_cl.rendering.film import FilmLayout
+from rptcam_cl.rendering.progressive import Progress
+from rptcam_cl.scene.load import load_scene
+from rptcam_cl.scene.scene import Scene
+
+# A render on a cluster: parts go out, files come back, and their whole is the picture.
+
+PART_S = 0.03  # that a part costs beside its rendering [s]
+LONGEST_S = 10.0  # of a part, where the client keeps up: so much is lost with a worker [s]
+CLIENT_S = 0.04  # that a part costs the client at most, so that it keeps up with many workers [s]
+PARTS_A_WORKER = 4  # at least, so that all end at about the same time
+
+
+def render_on_cluster(
+    scene: Scene | str | Path | Mapping[str, Any],
+    cluster: str | None = None,
+    *,
+    workers: int | None = None,
+    tls: Credentials = None,
+    device: str | None = None,
+    folder: str | Path | None = None,
+    resume: bool = False,
+    allow_mixed: bool = False,
+    spp: int | None = None,
+    seed: int | None = None,
+    size: tuple[int, int] | None = None,
+    crop: tuple[float, float, float, float] | None = None,
+    layers: Sequence[str] | None = None,
+    on_progress: Callable[[Progress], Any] | None = None,
+    should_stop: Callable[[], bool] | None = None,
+) -> Image:
+    """Return the picture that the camera of a scene takes, rendered by the workers of a cluster.
+
+    On equal devices it has the bits of `rptcam_cl.render`. Otherwise the metadata list each device with its parts.
+
+    Parameters
+    ----------
+    scene
+        A scene, or anything that `load_scene` takes; it goes to each worker once, with its files.
+    cluster
+        Address of a scheduler of dask.distributed: ``tls://host:8786``, or ``tcp://127.0.0.1:8786``.
+    workers
+        In place of an address: processes of this machine, which end with the render.
+    tls
+        Certificates, for an address that begins with ``tls://``; False for ``tcp://`` on a machine where all users
+        are trusted, since any of them can run programs by it.
+    device
+        Of each worker, as for `choose_device`.
+    folder
+        Where parts are kept until the picture is whole; by default one that goes with the call.
+    resume
+        Whether to go on from the parts in the folder.
+    allow_mixed
+        Whether workers and parts of other code, another numpy or another driver are taken too; the metadata name all
+        under ``mixed``.
+    spp, seed, size, crop, layers
+        As for `rptcam_cl.render`.
+    on_progress
+        Called with a `Progress` after each part.
+    should_stop
+        Asked several times a second; True ends the render and raises `InterruptedError`.
+
+    Raises
+    ------
+    InputError
+        Something in the scene or the arguments is wrong, or dask.distributed is missing.
+    DeviceError
+        There is no scheduler or worker, or a worker cannot render.
+    StateError
+        Workers have another version or other code, the parts are of another render, the scheduler was lost, or a file
+        cannot be written.
+    InterruptedError
+        ``should_stop`` ended it; the parts are kept in the folder.
+    """
+    check_cluster(cluster, workers, tls)
+    given = scene if isinstance(scene, Scene) else load_scene(scene)
+    words: dict[str, Any] = {"spp": spp, "seed": seed, "size": size, "crop": crop, "layers": layers}
+    settings = RenderOptions(**words)
+    applied = settings.applied_to(given)
+    check_divisible(applied)
+    samples = settings.most_spp(applied)
+    assert samples is not None, "without a time it ends by samples"
+    parcel, job = packed(given), Job(words, device, allow_mixed=allow_mixed)
+    with scratch_folder() as scratch:
+        kept = PartsFolder(Path(scratch) / "parts" if folder is None else Path(folder))
+        if not resume:
+            kept.clear()
+        says_kept = "" if folder is None else f"; {kept.path} holds the parts that came back (--resume goes on)"
+        run = _Run(kept, parcel, job, applied, samples, on_progress, should_stop, says_kept)
+        return run.image(partial(connected, cluster, workers, tls, device, allow_mixed=allow_mixed))
+
+
+def parts_of(seconds: float, workers: int) -> int:
+    """Return how many parts a render of so many seconds of one worker has: as many for each, for equal ones.
+
+    At the end workers wait half a part on average, and each part costs `PART_S`: both together are least for parts of
+    the square root of twice that times what each worker renders.
+    """
+    best = min(math.sqrt(2 * PART_S * seconds / workers), LONGEST_S)
+    least = max(int(seconds / max(best, CLIENT_S * workers)) + 1, PARTS_A_WORKER * workers)
+    return -(-least // workers) * workers
+
+
+@dataclass
+class _Run:
+    """One render on a cluster."""
+
+    kept: PartsFolder
+    parcel: Parcel
+    job: Job
+    scene: Scene
+    spp: int
+    on_progress: Callable[[Progress], Any] | None
+    should_stop: Callable[[], bool] | None
+    says_kept: str
+    account: dict[str, dict[str, Any]] = field(default_factory=dict)
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.same = OneMaker(self.job.allow_mixed)
+
+    def image(self, connect: Callable[[], AbstractContextManager[Any]]) -> Image:
+        """Render the parts that the folder lacks, by a client if there are any; return the whole of all."""
+        plan = self.earlier_plan()
+        if plan is None or self.kept.missing(plan):
+            begun = time.perf_counter()
+            with connect() as (client, workers):
+                self.took("connect", begun)
+                plan = self.complete(client, workers, plan)
+        begun = time.perf_counter()
+        files = [self.kept.file(number) for number in range(1, plan.count + 1)]
+        image = merge(files, allow_mixed=self.job.allow_mixed)
+        self.took("merge", begun)
+        image.stats["cluster"] = {"parts": plan.count, "workers": self.account, "seconds": self.seconds}
+        return image
+
+    def took(self, what: str, begun: float) -> None:
+        """Note how long something took that began at a time of `time.perf_counter`."""
+        self.seconds[what] = round(time.perf_counter() - begun, 3)
+
+    def earlier_plan(self) -> PartsPlan | None:
+        """Return the plan that the folder holds, if it is of this render."""
+        plan = self.kept.plan()
+        if plan is None:
+            return None
+        for name, value in self.facts().items():
+            if getattr(plan, name) != value:
+                raise StateError(
+                    f"{self.kept.path}: holds parts of another render: its {name} is {getattr(plan, name)}, not {value}"
+                    " (remove it, or render without --resume)"
+                )
+        self.same.add(str(self.kept.path), plan.made_by)
+        self.same.add("this program", made_by([str(plan.made_by.get("driver"))]))  # the devices are the workers'
+        return plan
+
+    def facts(self) -> dict[str, Any]:
+        """Return what a plan of this render says of it."""
+        layers = [*self.scene.render.layers, self.scene.render.layers_spp] if self.scene.render.layers else []
+        return {"version": __version__, "scene": self.scene.picture_hash(), "spp": self.spp, "layers": layers}
+
+    def complete(self, client: Any, workers: Sequence[str], plan: PartsPlan | None) -> PartsPlan:
+        """Render all parts that are missing, and return the plan."""
+        sent, begun = TasksOut(client, self.parcel, workers, self.says_kept), time.perf_counter()
+        check = partial(self._check, sent)
+        if plan is None:
+            opened: Opened = sent.first(open_render, (self.job,), check)
+            count = min(parts_of(opened.seconds, len(workers)), FilmLayout.of(self.scene.film).tiles)
+            plan = PartsPlan(**self.facts(), count=count, found=opened.found, made_by=opened.made_by)
+            self.kept.begin(plan)
+        self.job = replace(self.job, found=plan.found, count=plan.count)
+        self.took("open", begun)
+        todo, begun = self.kept.missing(plan), time.perf_counter()
+        parts = sent.results(render_part, ((self.job, number) for number in todo), check)
+        for left, (worker, part) in zip(reversed(range(len(todo))), parts, strict=True):
+            self._take(worker, part)
+            self._tell(1 - left / plan.count, time.perf_counter() - begun)
+        self.took("render", begun)
+        return plan
+
+    def _take(self, worker: str, part: RenderedPart) -> None:
+        self.same.add(f"cluster: the worker {worker}", part.made_by)
+        self.kept.keep(part.number, part.content)
+        row = self.account.setdefault(worker, {"device": part.device, "parts": 0, "seconds": 0.0})
+        row["parts"] += 1
+        row["seconds"] = round(row["seconds"] + part.seconds, 3)
+
+    def _tell(self, share: float, seconds: float) -> None:
+        if self.on_progress is not None:
+            pixels = self.scene.film.resolution[0] * self.scene.film.resolution[1]
+            rate = share * pixels * self.spp / max(seconds, 1e-9) / 1e6
+            done = round(share * self.spp)
+            self.on_progress(Progress("render", done, self.spp, seconds, rate, None, tiles_done=share))
+
+    def _check(self, sent: TasksOut) -> None:
+        if self.should_stop is not None and self.should_stop():
+            sent.cancel()
+            raise InterruptedError(f"the parts that are done are in {self.kept.path}")
+
+
+# Many pictures on a cluster, each a task of its own: the frames of a sequence.
+
+
+def render_scenes_on_cluster(
+    scenes: Mapping[int, Scene],
+    cluster: str | None = None,
+    *,
+    workers: int | None = None,
+    tls: Credentials = None,
+    device: str | None = None,
+    settings: Mapping[str, Any] | None = None,
+    allow_mixed: bool = False,
+    should_stop: Callable[[], bool] | None = None,
+) -> Iterator[tuple[int, Image]]:
+    """Return an iterator over the pictures of scenes by number, as they come from the workers of a cluster.
+
+    Each worker renders whole pictures. On equal devices they have the bits of `rptcam_cl.render`.
+
+    Parameters
+    ----------
+    scenes
+        By number, in one folder; their files go to each worker once.
+    cluster, workers, tls, device
+        As for `render_on_cluster`.
+    settings
+        ``spp``, ``seed``, ``size``, ``crop`` and ``layers``, as for `rptcam_cl.render`.
+    allow_mixed
+        Whether workers of other code, another numpy or another driver are taken too.
+    should_stop
+        Called several times a second; True ends it.
+
+    Raises
+    ------
+    InputError, DeviceError, StateError
+        As `render_on_cluster` does.
+    InterruptedError
+        ``should_stop`` ended it.
+    """
+    check_cluster(cluster, workers, tls)
+    words = dict(settings or {})
+    for scene in scenes.values():
+        check_divisible(RenderOptions(**words).applied_to(scene))
+    if not scenes:
+        return
+    parcel = packed(*scenes.values())
+    todo = (
+        (Job(words, device, allow_mixed=allow_mixed), number, plain_data(scene), scene.content_hash())
+        for number, scene in scenes.items()
+    )
+    to_cluster = connected(cluster, workers, tls, device, allow_mixed=allow_mixed)
+    with scratch_folder() as scratch, to_cluster as (client, there):
+        sent = TasksOut(client, parcel, there, "; the pictures that are done are written (--resume goes on)")
+
+        def check() -> None:
+            if should_stop is not None and should_stop():
+                sent.cancel()
+                raise InterruptedError("the pictures that are done are written")
+
+        sent.first(hold_scene, (), check)
+        for worker, part in sent.results(render_scene, todo, check):
+            yield part.number, _image(part, worker, Path(scratch))
+
+
+def _image(part: RenderedPart, worker: str, scratch: Path) -> Image:
+    path = scratch / f"{part.number}{SUFFIX}"
+    path.write_bytes(part.content)
+    image = merge([path])
+    path.unlink()
+    row = {"device": part.device, "parts": 1, "seconds": round(part.seconds, 3)}
+    image.stats["cluster"] = {"parts": 1, "workers": {worker: row}}
+    return image

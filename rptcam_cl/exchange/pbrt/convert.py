@@ -1,0 +1,180 @@
+"""From a pbrt scene file to a scene of ours."""
+
+from __future__ import annotations
+
+import tempfile
+from dataclasses import field
+from pathlib import Path
+from typing import Any
+
+from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.core.errors import InputError, StateError
+from rptcam_cl.core.files import replacing
+from rptcam_cl.core.strict_yaml import MAX_NODES
+from rptcam_cl.exchange.pbrt.camera import convert_camera, exposure_ev, filter_keys, frame_of, raster_of, render_keys
+from rptcam_cl.exchange.pbrt.files import Context, FileStore
+from rptcam_cl.exchange.pbrt.lights import convert_lights, convert_sky
+from rptcam_cl.exchange.pbrt.shapes import Objects, count_values
+from rptcam_cl.exchange.pbrt.source import Parameters, Report
+from rptcam_cl.exchange.pbrt.world import PbrtScene, read_world
+from rptcam_cl.scene.load import Missing, load_scene, plain, scene_text
+
+# Parameters of every camera that concern motion, which is not converted.
+SHUTTER = ("shutteropen", "shutterclose")
+
+
+@dataclass(frozen=True, eq=False)
+class Conversion:
+    """A converted scene, not yet written.
+
+    Attributes
+    ----------
+    scene : dict
+        The mapping of a scene of ours.
+    report : Report
+        What was ignored or approximated.
+    files : FileStore
+        The files that the scene needs beside it.
+    """
+
+    source: Path
+    scene: dict[str, Any]
+    report: Report
+    files: FileStore = field(repr=False)
+
+    def write(self, target: Path) -> tuple[str, ...]:
+        """Write the scene file and the files beside it, once the whole is known to be a scene that can be used.
+
+        All is written to a hidden folder first and read from there; then the files are moved to their places, the
+        scene file last.
+
+        Returns
+        -------
+        tuple of str
+            Warnings about the scene.
+
+        Raises
+        ------
+        InputError
+            When what the pbrt scene became cannot be used; nothing is left of it.
+        StateError
+            When the files cannot be written.
+        """
+        try:
+            with tempfile.TemporaryDirectory(prefix=".rptcam-convert-", dir=target.parent) as name:
+                staged = Path(name)
+                self.files.stage(staged)
+                warnings = self._checked(staged, target)
+                self.files.place(staged)
+        except OSError as problem:
+            raise StateError(f"{target}: cannot be written ({problem.strerror})") from None
+        text = scene_text(self.scene, (f"Converted from {self.source.name}.",))
+        with replacing(target) as temporary:
+            temporary.write_text(text, "utf-8")
+        return warnings
+
+    def _checked(self, staged: Path, target: Path) -> tuple[str, ...]:
+        """Return the warnings of the scene with its staged files, which have their later names there."""
+        prefix = f"{staged.name}/"
+        try:
+            scene = load_scene(self.files.named_in(staged, self.scene), base_dir=target.parent)
+            return tuple(text.replace(prefix, "") for text in scene.warnings)
+        except InputError as problem:
+            reason = str(problem).replace(prefix, "")
+            raise InputError(f"{self.source}: became a scene that cannot be used: {reason}") from None
+
+
+def convert_scene(source: Path, target: Path, *, missing: Missing = "error") -> Conversion:
+    """Return what a pbrt scene file says as a scene of ours.
+
+    Parameters
+    ----------
+    source
+        A scene file of pbrt-v2, v3 or v4.
+    target
+        Where the scene of ours is to go; files that it names lie in the folder of it.
+    missing
+        What becomes of pictures and meshes that are not there: an error that names them all, or grey in place of
+        pictures and no object in place of meshes; the report lists them.
+
+    Raises
+    ------
+    InputError
+        ``FILE:LINE:COL: problem`` for what is not a pbrt scene, or cannot be said.
+    """
+    report = Report()
+    pbrt = read_world(source, report)
+    context = Context(pbrt, report, source.parent, FileStore(target.parent, target.stem, report), missing)
+    scene = _scene_keys(context, source)
+    context.refuse_missing()
+    _note_unused(context)
+    if count_values(scene) > MAX_NODES:
+        raise InputError(
+            f"{source}: becomes {len(scene['objects'])} objects in {count_values(scene)} values, too many for a scene "
+            f"file (allowed: {MAX_NODES} values, some 2000 instances)"
+        )
+    return Conversion(source, scene, report, context.files)
+
+
+def _scene_keys(context: Context, source: Path) -> dict[str, Any]:
+    options = context.scene.options
+    camera = options.get("Camera")
+    if camera is None:
+        raise InputError(f"{source}: has no Camera; is it a part that another file includes?")
+    frame = frame_of(camera)
+    film = options.get("Film")
+    raster = raster_of(context, film)
+    camera_keys = convert_camera(context, camera, frame, raster, film)
+    if film is not None:
+        film.parameters.skip("diagonal")
+    scene: dict[str, Any] = {
+        "film": {**camera_keys.film, **filter_keys(context)},
+        "camera": camera_keys.camera,
+        **camera_keys.scene,
+    }
+    scene["render"] = render_keys(context)
+    if frame.metres_per_unit != 1:
+        scene["metres_per_unit"] = frame.metres_per_unit
+    if ev := exposure_ev(context, film, camera):
+        scene["picture"] = {"ev": ev}
+    camera.parameters.skip(*SHUTTER)
+    objects = Objects(context, frame)
+    objects.add_all()
+    sections = objects.keys()
+    if "objects" not in sections:
+        context.refuse_missing()
+        raise InputError(_no_objects(context, source))
+    scene |= sections
+    lights = convert_lights(context, frame)
+    if lights.items:
+        scene["lights"] = lights.items
+    if (sky := convert_sky(context, frame, lights)) is not None:
+        scene["environment"] = sky
+    return dict(plain(scene))
+
+
+def _no_objects(context: Context, source: Path) -> str:
+    """Return the error for a scene in which nothing could be seen, with the first reason."""
+    count = sum(1 for _ in context.scene.placed())
+    if not count:
+        return f"{source}: 0 objects: the scene has no shapes that are placed"
+    why = next((line for line in context.report if "ignored: Shape" in line), "")
+    return f"{source}: 0 objects: none of its {count} shapes can be shown{f'; {why}' if why else ''}"
+
+
+def _note_unused(context: Context) -> None:
+    """Report every parameter that was never looked up."""
+    for parameters in _all_parameters(context.scene):
+        for item in parameters.unused():
+            context.report.ignored(item.place, f'{parameters.what}: "{item.kind} {item.name}"')
+
+
+def _all_parameters(scene: PbrtScene) -> list[Parameters]:
+    found = [entity.parameters for entity in (*scene.options.values(), *scene.lights)]
+    for use, _, _ in scene.placed():
+        material = scene.material_of(use.material)
+        for entity in (use.shape, material, use.lamp):
+            if entity is not None:
+                found.append(entity.parameters)
+                found += [texture.parameters for texture in entity.textures.values()]
+    return list(dict.fromkeys(found))

@@ -1,0 +1,573 @@
+"""Materials of pbrt-v4 and pbrt-v3 as materials of ours, one function a kind."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.core.colour import luminance
+from rptcam_cl.exchange.pbrt.files import Context, is_readable, picture_name
+from rptcam_cl.exchange.pbrt.textures import Array, Shade, number_shade, samples_of, shade, single, value
+from rptcam_cl.exchange.pbrt.world import Entity, MaterialName
+
+# Materials of ours as plain keys, and pbrt's roughness as GGX's alpha.
+
+Keys = dict[str, Any]
+
+# A rough surface whose index is nearer to 1 has no distinguishable facets (see scene.dielectric).
+LEAST_BEND = 0.01
+
+# A share of light that is too small to matter.
+NOTHING = 1e-6
+
+
+def matte(reflectance: Shade | NDArray[np.float64]) -> Keys:
+    """Return a surface that scatters evenly."""
+    shade = reflectance if isinstance(reflectance, Shade) else Shade(reflectance)
+    return {"kind": "matte", "reflectance": shade.keys()}
+
+
+def conductor(metal: Keys, alphas: tuple[float, float] | None) -> Keys:
+    """Return a metal; ours are rough, a smooth one has the least alpha there is."""
+    return {"kind": "conductor", **metal, **alpha_keys(alphas or (0.0, 0.0))}
+
+
+def dielectric(index: float, alphas: tuple[float, float] | None) -> Keys:
+    """Return a transparent solid; one with an index near 1 is smooth, as ours must be."""
+    rough = alpha_keys(alphas) if abs(index - 1) >= LEAST_BEND else {}
+    return {"kind": "dielectric", "index": index, **rough}
+
+
+def has_effect(shade: Shade) -> bool:
+    """Return whether a share is more than nothing."""
+    return shade.texture is not None or bool(shade.colour.max() > NOTHING)
+
+
+# Ours is smooth below; pbrt-v4 calls a surface smooth below it, too (TrowbridgeReitzDistribution::EffectivelySmooth).
+SMOOTH = 1e-3
+ONLY_V3 = (
+    "matte", "plastic", "glass", "metal", "mirror", "uber", "substrate", "translucent", "disney", "kdsubsurface",
+    "fourier",
+)  # fmt: skip
+
+
+def alpha_of(roughness: float, *, version: int) -> float:
+    """Return GGX's alpha of a roughness that is to be remapped.
+
+    pbrt-v3 fits a polynomial to the logarithm (TrowbridgeReitzDistribution::RoughnessToAlpha), pbrt-v4 takes the root.
+    """
+    if version == 4:
+        return math.sqrt(max(roughness, 0.0))
+    x = math.log(max(roughness, 1e-3))
+    return 1.62142 + 0.819955 * x + 0.1734 * x**2 + 0.0171201 * x**3 + 0.000640711 * x**4
+
+
+def alphas(context: Context, entity: Entity, default: float, prefix: str = "") -> tuple[float, float] | None:
+    """Return alpha along u and v of a material, None where it is smooth."""
+    version = 3 if entity.kind in ONLY_V3 else 4
+    both = value(context, entity, f"{prefix}roughness", default)
+    pair = (
+        value(context, entity, f"{prefix}uroughness", both),
+        value(context, entity, f"{prefix}vroughness", both),
+    )
+    # 0 is smooth in either release: pbrt-v3 asks before it remaps, pbrt-v4 after
+    if max(pair) <= 0:
+        entity.parameters.boolean("remaproughness", True)
+        return None
+    if entity.parameters.boolean("remaproughness", True):
+        pair = (alpha_of(pair[0], version=version), alpha_of(pair[1], version=version))
+    return None if max(pair) < SMOOTH else pair
+
+
+def alpha_keys(pair: tuple[float, float] | None) -> dict[str, object]:
+    """Return the key of a rough material, nothing for a smooth one."""
+    if pair is None:
+        return {}
+    u, v = (min(max(alpha, SMOOTH), 1.0) for alpha in pair)
+    return {"alpha": u if u == v else [u, v]}
+
+
+# Refractive indices of metals and glasses: by pbrt's names, as numbers or as spectra.
+
+# Metals of pbrt that ours have by name.
+METALS = {"Au": "gold", "Ag": "silver", "Al": "aluminium", "Cu": "copper"}
+# Others. Brass: linear sRGB at normal incidence, as physicallybased.info has it. The oxides are transparent: n at the
+# sodium D line from the CRC Handbook of Chemistry and Physics, no k.
+OTHER_METALS: dict[str, dict[str, Any]] = {
+    "CuZn": {"reflectance": [0.910, 0.778, 0.423]},
+    "MgO": {"metal": {"n": [1.736] * 3, "k": [1e-3] * 3}},
+    "TiO2": {"metal": {"n": [2.609] * 3, "k": [1e-3] * 3}},
+}
+
+# Index at the helium d line (587.6 nm), from the makers' catalogues.
+GLASSES = {
+    "glass-BK7": 1.5168, "glass-BAF10": 1.6700, "glass-F11": 1.6206, "glass-FK51A": 1.4866, "glass-LASF9": 1.8503,
+    "glass-SF5": 1.6727, "glass-F5": 1.6034, "glass-SF10": 1.7283, "glass-SF11": 1.7847,
+}  # fmt: skip
+
+# Wavelengths near the middle of red, green and blue [nm], at which spectra of n and k are read.
+CHANNELS_NM = np.array([610.0, 550.0, 465.0])
+LOWEST, HIGHEST = 1e-3, 100.0
+
+
+def index_of(context: Context, entity: Entity, name: str = "eta", default: float = 1.5) -> float:
+    """Return the refractive index of a transparent material: one number, as ours have no dispersion."""
+    parameters = entity.parameters
+    for key in (name, "index") if name == "eta" else (name,):
+        item = parameters.get(key, "float", "spectrum", "rgb", "color", "texture")
+        if item is None:
+            continue
+        if item.kind == "float":
+            index = parameters.number(key, default)
+        elif item.kind == "spectrum":
+            index = _spectral_index(context, entity, key)
+        else:
+            index = _mean_index(context, entity, key)
+            context.report.approximated(item.place, f'{entity.what}: "{key}" as the number {index:g}')
+        if not 0.2 <= index <= 5:
+            raise item.place.error(f'{entity.what}: "{key}" must lie between 0.2 and 5 (got {index:g})')
+        return index
+    return default
+
+
+def _mean_index(context: Context, entity: Entity, key: str) -> float:
+    """Return the mean of an index that is a colour, or a texture (of numbers, or of colours that are cut at 1)."""
+    values = entity.parameters.items[key].values
+    return float(np.mean(values)) if isinstance(values, np.ndarray) else value(context, entity, key, 1.5)
+
+
+def _spectral_index(context: Context, entity: Entity, key: str) -> float:
+    item = entity.parameters.items[key]
+    name = str(item.values[0]) if len(item.values) == 1 else ""
+    if name in GLASSES:
+        index = GLASSES[name]
+    else:
+        index = float(np.interp(589.0, *_sorted(samples_of(context, item))))
+    context.report.approximated(item.place, f'{entity.what}: "{key}" without dispersion, {index:g} at all wavelengths')
+    return index
+
+
+def metal_keys(context: Context, entity: Entity, prefix: str = "") -> dict[str, Any]:
+    """Return what a metal reflects, as keys of a conductor: by name, by n and k, or by a colour."""
+    parameters = entity.parameters
+    if parameters.has(f"{prefix}reflectance"):
+        return {"reflectance": shade(context, entity, f"{prefix}reflectance", 1.0).keys()}
+    names = [_name(entity, f"{prefix}{key}") for key in ("eta", "k")]
+    metals = {name.removeprefix("metal-").removesuffix(f"-{key}") for name, key in zip(names, ("eta", "k"), strict=True)
+              if name}  # fmt: skip
+    if len(metals) == 1 and all(name.startswith("metal-") or not name for name in names):
+        (metal,) = metals
+        if metal in METALS:
+            parameters.skip(f"{prefix}eta", f"{prefix}k")
+            return {"metal": METALS[metal]}
+        if metal in OTHER_METALS:
+            parameters.skip(f"{prefix}eta", f"{prefix}k")
+            context.report.approximated(entity.place, f"{entity.what}: {metal} by constants in three channels")
+            return dict(OTHER_METALS[metal])
+    if not parameters.has(f"{prefix}eta") and not parameters.has(f"{prefix}k"):
+        return {"metal": "copper"}
+    n, k = (_channels(context, entity, f"{prefix}{key}", default) for key, default in (("eta", 0.2), ("k", 3.9)))
+    return {"metal": {"n": n, "k": k}}
+
+
+def _name(entity: Entity, key: str) -> str:
+    item = entity.parameters.items.get(key)
+    if item is None or item.kind != "spectrum" or isinstance(item.values, np.ndarray) or len(item.values) != 1:
+        return ""
+    return str(item.values[0])
+
+
+def _channels(context: Context, entity: Entity, key: str, default: float) -> list[float]:
+    """Return n or k in red, green and blue."""
+    item = entity.parameters.get(key, "spectrum", "rgb", "color", "float")
+    if item is None:
+        values = np.full(3, default)
+    elif item.kind == "spectrum":
+        values = np.interp(CHANNELS_NM, *_sorted(samples_of(context, item)))
+    else:
+        values = np.broadcast_to(np.asarray(item.values, np.float64), (3,))
+    return np.clip(values, LOWEST, HIGHEST).tolist()  # type: ignore[no-any-return]
+
+
+def _sorted(samples: tuple[Any, Any]) -> tuple[Any, Any]:
+    order = np.argsort(samples[0], kind="stable")
+    return samples[0][order], samples[1][order]
+
+
+# Materials that pbrt-v3 has and pbrt-v4 has not, or calls by other names.
+
+
+def note_sigma(context: Context, material: Entity) -> None:
+    """Report the roughness of a matte surface (Oren and Nayar), which ours has not."""
+    if value(context, material, "sigma", 0.0) > 0:
+        context.report.approximated(material.place, f"{material.what}: Lambert's law in place of Oren and Nayar's")
+
+
+def _matte(context: Context, material: Entity) -> Keys:
+    note_sigma(context, material)
+    return matte(shade(context, material, "Kd", 0.5))
+
+
+def _plastic(context: Context, material: Entity) -> Keys:
+    """Return a matte base under a clear cover.
+
+    pbrt adds a gloss of index 1.5, Ks strong, to the base. Ours shares the light out between the two.
+    """
+    diffuse, gloss = shade(context, material, "Kd", 0.25), shade(context, material, "Ks", 0.25)
+    return _glossy(context, material, diffuse, gloss, 1.5)
+
+
+def _glossy(context: Context, material: Entity, diffuse: Shade, gloss: Shade, index: float) -> Keys:
+    return _covered(context, material, diffuse, gloss, index, alphas(context, material, 0.1))
+
+
+def _covered(
+    context: Context, material: Entity, diffuse: Shade, gloss: Shade, index: float, pair: tuple[float, float] | None
+) -> Keys:
+    """Return a base under a clear cover of the index that gives the gloss its reflectance head-on."""
+    if not has_effect(gloss) or index <= 1:
+        return matte(diffuse)
+    if gloss.texture is not None or np.abs(gloss.colour - 1).max() > 0.01:
+        context.report.approximated(
+            material.place, f"{material.what}: its gloss as that of a clear cover with the same reflectance"
+        )
+    normal = ((index - 1) / (index + 1)) ** 2 * float(luminance(gloss.colour))
+    root = math.sqrt(normal)
+    index = max((1 + root) / (1 - root), 1.001)
+    return {"kind": "plastic", "reflectance": diffuse.keys(), "index": index, **alpha_keys(pair)}
+
+
+def _mirror(context: Context, material: Entity) -> Keys:
+    tint = shade(context, material, "Kr", 0.9)
+    if tint.texture is not None:
+        context.report.approximated(material.place, f'{material.what}: "Kr" is its mean, not a texture')
+    return {"kind": "mirror", "reflectance": tint.colour.tolist()}
+
+
+def _glass(context: Context, material: Entity) -> Keys:
+    pair = (value(context, material, "uroughness", 0.0), value(context, material, "vroughness", 0.0))
+    rough = alphas(context, material, 0.0) if max(pair) > 0 else None
+    material.parameters.boolean("remaproughness", True)
+    index = index_of(context, material)
+    tints = [shade(context, material, name, 1.0) for name in ("Kr", "Kt")]
+    if any(tint.texture is not None or np.abs(tint.colour - 1).max() > 0.01 for tint in tints):
+        context.report.ignored(
+            material.place, f"{material.what}: the tints Kr and Kt; clear glass neither adds nor takes"
+        )
+    if not has_effect(tints[1]):
+        context.report.approximated(material.place, f"{material.what}: without Kt it is a mirror of its index")
+        return conductor({"metal": {"n": [index] * 3, "k": [1e-3] * 3}}, rough)
+    return dielectric(index, rough)
+
+
+def _metal(context: Context, material: Entity) -> Keys:
+    return conductor(metal_keys(context, material), alphas(context, material, 0.01))
+
+
+def _shiny_metal(context: Context, material: Entity) -> Keys:
+    """Return the metal of pbrt-v2 that has a rough reflection Ks and a smooth one Kr: the stronger of the two."""
+    rough, smooth = shade(context, material, "Ks", 1.0), shade(context, material, "Kr", 1.0)
+    exponent = 1 / max(value(context, material, "roughness", 0.1), 1e-4)
+    context.report.approximated(material.place, f"{material.what}: the stronger of its reflections Ks and Kr")
+    if float(luminance(smooth.colour)) > float(luminance(rough.colour)):
+        return conductor({"reflectance": smooth.keys()}, None)
+    alpha = math.sqrt(2 / (exponent + 2))  # of Blinn's lobe with that exponent (Walter et al. 2007)
+    return conductor({"reflectance": rough.keys()}, (alpha, alpha))
+
+
+def _uber(context: Context, material: Entity) -> Keys:
+    """Return a glossy base, clear glass, or a mixture of both.
+
+    pbrt adds a matte part Kd, a rough gloss Ks, a smooth one Kr, and what passes Kt, under one index of refraction. The
+    stronger gloss is kept.
+    """
+    diffuse, rough = shade(context, material, "Kd", 0.25), shade(context, material, "Ks", 0.25)
+    smooth, through = shade(context, material, "Kr", 0.0), shade(context, material, "Kt", 0.0)
+    index = index_of(context, material)
+    if has_effect(rough) and has_effect(smooth):
+        context.report.approximated(material.place, f"{material.what}: the stronger gloss of Ks and Kr")
+    holes = opacity_keys(context, material, "opacity", number_or_colour(context, material, "opacity"))
+    passing = min(float(luminance(through.colour)), 1.0)
+    glass: Keys = {"kind": "dielectric", "index": index}
+    if passing > NOTHING and not has_effect(diffuse):
+        material.parameters.skip("roughness", "uroughness", "vroughness", "remaproughness")
+        return glass | holes
+    if float(luminance(smooth.colour)) > float(luminance(rough.colour)):
+        material.parameters.skip("roughness", "uroughness", "vroughness", "remaproughness")
+        pair = None
+        gloss = smooth
+    else:
+        pair = alphas(context, material, 0.1)
+        gloss = rough
+    if passing <= NOTHING:
+        return _covered(context, material, diffuse, gloss, index, pair) | holes
+    context.report.approximated(material.place, f"{material.what}: {passing:.3g} of it clear glass, the rest opaque")
+    opaque = diffuse.scaled(np.full(3, 1 / max(1 - passing, 0.01)))
+    base = _covered(context, material, opaque, gloss, index, pair)
+    return {"kind": "mix", "materials": [base, glass], "factor": passing} | holes
+
+
+def number_or_colour(context: Context, material: Entity, name: str, default: float = 1.0) -> Shade:
+    """Return an opacity or the share of a mixture, which pbrt-v3 takes as a colour."""
+    item = material.parameters.items.get(name)
+    if item is not None and (item.kind == "float" or (item.kind == "texture" and _is_float(material, name))):
+        return number_shade(context, material, name, default)
+    return shade(context, material, name, default)
+
+
+def _is_float(material: Entity, name: str) -> bool:
+    return ("spectrum", str(material.parameters.items[name].values[0])) not in material.textures
+
+
+def opacity_keys(context: Context, entity: Entity, name: str, opacity: Shade) -> Keys:
+    """Return the key of a surface with holes, nothing where it is whole."""
+    if opacity.texture is not None:
+        return {"opacity": opacity.texture}
+    share = single(context, entity, name, opacity)
+    return {} if share >= 1 else {"opacity": max(share, 0.0)}
+
+
+def _substrate(context: Context, material: Entity) -> Keys:
+    """Return a matte base under a clear cover whose reflectance at right angles is Ks (Ashikhmin and Shirley)."""
+    diffuse, gloss = shade(context, material, "Kd", 0.5), shade(context, material, "Ks", 0.5)
+    rough = alphas(context, material, 0.1)
+    normal = min(float(luminance(gloss.colour)), 0.4)
+    context.report.approximated(material.place, f"{material.what}: a clear cover that reflects {normal:.3g} head-on")
+    if normal < 1e-4:
+        return matte(diffuse)
+    root = math.sqrt(normal)
+    index = min((1 + root) / (1 - root), 5.0)
+    return {"kind": "plastic", "reflectance": diffuse.keys(), "index": index, **alpha_keys(rough)}
+
+
+def _translucent(context: Context, material: Entity) -> Keys:
+    """Return the side that is lit; light does not pass."""
+    diffuse, gloss = shade(context, material, "Kd", 0.25), shade(context, material, "Ks", 0.25)
+    reflect, _ = shade(context, material, "reflect", 0.5), shade(context, material, "transmit", 0.5)
+    context.report.approximated(material.place, f"{material.what}: what it reflects; what shines through is left out")
+    return _glossy(context, material, diffuse.scaled(reflect.colour), gloss.scaled(reflect.colour), 1.5)
+
+
+def _disney(context: Context, material: Entity) -> Keys:
+    """Return the principled material; sheen, tints of gloss and flatness have no counterpart."""
+    found: Keys = {
+        "kind": "principled",
+        "base_color": shade(context, material, "color", 0.5).keys(),
+        "metallic": _share(context, material, "metallic", 0.0),
+        "roughness": _share(context, material, "roughness", 0.5),
+        "anisotropy": _cut(value(context, material, "anisotropic", 0.0)),
+        "index": max(index_of(context, material), 1.0),
+        "transmission": _cut(value(context, material, "spectrans", 0.0)),
+        "clearcoat": _cut(value(context, material, "clearcoat", 0.0)),
+    }
+    gloss = value(context, material, "clearcoatgloss", 1.0)
+    found["clearcoat_roughness"] = math.sqrt(_cut(0.1 + (0.001 - 0.1) * gloss))  # alpha runs from 0.1 to 0.001
+    if found["transmission"] > 0:
+        found["index"] = max(found["index"], 1.02)
+    left = [name for name in ("sheen", "speculartint", "flatness", "thin", "scatterdistance", "difftrans", "sheentint")
+            if material.parameters.has(name)]  # fmt: skip
+    if left:
+        material.parameters.skip(*left)
+        context.report.ignored(material.place, f"{material.what}: {', '.join(left)}")
+    return found
+
+
+def _share(context: Context, material: Entity, name: str, default: float) -> object:
+    found = number_shade(context, material, name, default)
+    return found.texture if found.texture is not None else _cut(single(context, material, name, found))
+
+
+def _cut(number: float) -> float:
+    return min(max(number, 0.0), 1.0)
+
+
+def _unknown(context: Context, material: Entity) -> Keys:
+    material.parameters.used.update(material.parameters.items)
+    context.report.approximated(material.place, f"{material.what}: matte grey 0.5")
+    return matte(np.full(3, 0.5))
+
+
+KINDS: dict[str, Callable[[Context, Entity], Keys]] = {
+    "matte": _matte, "plastic": _plastic, "mirror": _mirror, "glass": _glass, "metal": _metal, "uber": _uber,
+    "substrate": _substrate, "translucent": _translucent, "disney": _disney, "kdsubsurface": _unknown,
+    "fourier": _unknown, "shinymetal": _shiny_metal,
+}  # fmt: skip
+
+
+# Materials of pbrt as materials of ours: one function a kind, those of pbrt-v3 in a module of their own.
+
+# Mixed deeper than materials are on purpose.
+DEEPEST_MIX = 8
+
+
+def convert_material(context: Context, material: Entity | None, depth: int = 0) -> Keys | None:
+    """Return the keys of a material of ours; None for what has no surface, such as the boundary of a medium."""
+    if material is None:
+        return matte(np.full(3, 0.5))
+    if material.kind in ("", "none", "interface"):
+        return None
+    if material.kind == "mix":
+        return _mix_material(context, material, depth)
+    kinds = {**_KINDS, **KINDS}
+    if material.kind not in kinds:
+        raise material.place.error(f'unknown material "{material.kind}" (allowed: {", ".join(kinds)}, mix, interface)')
+    found = kinds[material.kind](context, material)
+    _note_bumps(context, material, found)
+    return found
+
+
+def _note_bumps(context: Context, material: Entity, found: Keys) -> None:
+    """Take the normal map of pbrt-v4 where ours has the key; other bumps are left out."""
+    parameters = material.parameters
+    for name in ("bumpmap", "displacement"):
+        if parameters.has(name):
+            parameters.skip(name)
+            context.report.ignored(parameters.items[name].place, f"{material.what}: {name}; the surface stays smooth")
+    name = parameters.text("normalmap", "")
+    if not name:
+        return
+    place = parameters.items["normalmap"].place
+    path = context.find_or_note(name, place, "the surface stays smooth")
+    if path is None:
+        return
+    if is_readable(path) and found["kind"] not in ("mirror", "thin_glass", "mix"):
+        found["normal_map"] = {"file": picture_name(context, path, place)}
+    else:
+        context.report.ignored(place, f"{material.what}: the normal map {name}")
+
+
+def _diffuse(context: Context, material: Entity) -> Keys:
+    note_sigma(context, material)
+    return matte(shade(context, material, "reflectance", 0.5))
+
+
+def _coated_diffuse(context: Context, material: Entity) -> Keys:
+    """Return a matte base under a clear cover; pbrt walks at random between the two, we sum the series."""
+    _note_layer(context, material)
+    rough = alpha_keys(alphas(context, material, 0.0))
+    index = index_of(context, material)
+    reflectance = shade(context, material, "reflectance", 0.5)
+    if index <= 1:
+        return matte(reflectance)
+    return {"kind": "plastic", "reflectance": reflectance.keys(), "index": index, **rough}
+
+
+def _note_layer(context: Context, material: Entity) -> None:
+    """Report what lies between cover and base."""
+    parameters = material.parameters
+    parameters.skip("maxdepth", "nsamples", "thickness", "twosided")
+    if parameters.has("albedo") and shade(context, material, "albedo", 0.0).colour.max() > 0:
+        context.report.ignored(material.place, f"{material.what}: scattering between cover and base")
+    parameters.skip("g", "albedo")
+
+
+def _conductor(context: Context, material: Entity) -> Keys:
+    return conductor(metal_keys(context, material), alphas(context, material, 0.0))
+
+
+def _coated_conductor(context: Context, material: Entity) -> Keys:
+    """Return the metal alone with the roughness that both faces have together."""
+    _note_layer(context, material)
+    metal = metal_keys(context, material, "conductor.")
+    pairs = [alphas(context, material, 0.0, prefix) for prefix in ("interface.", "conductor.")]
+    index_of(context, material, "interface.eta")
+    context.report.approximated(material.place, f"{material.what}: the metal without its clear cover")
+    known = [pair for pair in pairs if pair is not None]
+    return conductor(metal, (max(pair[0] for pair in known), max(pair[1] for pair in known)) if known else None)
+
+
+def _dielectric(context: Context, material: Entity) -> Keys:
+    return dielectric(index_of(context, material), alphas(context, material, 0.0))
+
+
+def _thin_dielectric(context: Context, material: Entity) -> Keys:
+    return {"kind": "thin_glass", "index": index_of(context, material)}
+
+
+def _diffuse_transmission(context: Context, material: Entity) -> Keys:
+    """Return the matte side; light does not pass."""
+    scale = value(context, material, "scale", 1.0)
+    found = shade(context, material, "reflectance", 0.25).scaled(np.full(3, scale))
+    through = shade(context, material, "transmittance", 0.25)
+    if has_effect(through):
+        context.report.approximated(
+            material.place, f"{material.what}: matte of the reflectance; what shines through is left out"
+        )
+    return matte(found)
+
+
+def _subsurface(context: Context, material: Entity) -> Keys:
+    material.parameters.used.update(material.parameters.items)
+    context.report.approximated(material.place, f"{material.what}: plastic; light does not pass below the surface")
+    given = material.parameters.has("reflectance")
+    colour = shade(context, material, "reflectance", 0.5) if given else shade(context, material, "Kd", 0.5)
+    return {"kind": "plastic", "reflectance": colour.keys(), "index": index_of(context, material, default=1.33),
+            **alpha_keys(alphas(context, material, 0.0))}  # fmt: skip
+
+
+def _plain(context: Context, material: Entity) -> Keys:
+    material.parameters.used.update(material.parameters.items)
+    context.report.approximated(material.place, f"{material.what}: matte grey 0.5")
+    return matte(np.full(3, 0.5))
+
+
+_KINDS: dict[str, Callable[[Context, Entity], Keys]] = {
+    "diffuse": _diffuse, "coateddiffuse": _coated_diffuse, "conductor": _conductor,
+    "coatedconductor": _coated_conductor, "dielectric": _dielectric, "thindielectric": _thin_dielectric,
+    "diffusetransmission": _diffuse_transmission, "subsurface": _subsurface, "measured": _plain, "hair": _plain,
+}  # fmt: skip
+
+
+def _mix_material(context: Context, material: Entity, depth: int) -> Keys | None:
+    """Return a mixture: pbrt-v3 gives the share of the first material, pbrt-v4 that of the second."""
+    parameters = material.parameters
+    if depth > DEEPEST_MIX:
+        raise material.place.error(f"{material.what}: materials mix each other more than {DEEPEST_MIX} deep")
+    if parameters.has("materials"):
+        item = parameters.get("materials", "string")
+        assert item is not None
+        names = [str(name) for name in item.values]
+    else:
+        names = [parameters.text(key, "") for key in ("namedmaterial1", "namedmaterial2")]
+    if len(names) != 2 or not all(names):
+        raise material.place.error(
+            f"{material.what} needs the names of two materials (got {len([*filter(None, names)])})"
+        )
+    amount = number_or_colour(context, material, "amount", 0.5)
+    if not parameters.has("materials"):
+        names.reverse()  # the share of the first material becomes that of the second
+        if amount.texture is not None:
+            context.report.approximated(material.place, f"{material.what}: the textured amount is inverted")
+    parts = [
+        convert_material(context, context.scene.material_of(MaterialName(name, material.place)), depth + 1)
+        for name in names
+    ]
+    first, second = parts
+    if first is None or second is None or "mix" in (first["kind"], second["kind"]):
+        context.report.approximated(
+            material.place, f"{material.what}: the one of its materials that is a plain surface"
+        )
+        return next((part for part in parts if part is not None and part["kind"] != "mix"), first or second)
+    mixed = [{key: value for key, value in part.items() if key != "opacity"} for part in (first, second)]
+    if mixed != [first, second]:
+        context.report.ignored(material.place, f"{material.what}: the opacity of its materials")
+    if amount.texture is None and np.ptp(amount.colour) > 0 and (blend := _blended(mixed, amount.colour)) is not None:
+        return blend
+    factor: Any = amount.texture
+    if factor is None:
+        factor = float(np.clip(single(context, material, "amount", amount), 0, 1))
+    return {"kind": "mix", "materials": mixed, "factor": factor}
+
+
+def _blended(parts: list[Keys], amount: Array) -> Keys | None:
+    """Return two matte colours mixed channel by channel, which is exact; None for other materials."""
+    if any(part.keys() != {"kind", "reflectance"} or part["kind"] != "matte" for part in parts):
+        return None
+    first, second = (part["reflectance"] for part in parts)
+    if isinstance(first, dict) or isinstance(second, dict):
+        return None
+    return matte((1 - amount) * np.array(first) + amount * np.array(second))

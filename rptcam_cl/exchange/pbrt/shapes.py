@@ -1,0 +1,887 @@
+"""Shapes of pbrt as objects of ours."""
+
+from __future__ import annotations
+
+import json
+import math
+import tempfile
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.exchange.pbrt.camera import Frame
+from rptcam_cl.exchange.pbrt.files import Context
+from rptcam_cl.exchange.pbrt.lights import lamp_radiance
+from rptcam_cl.exchange.pbrt.materials import convert_material, opacity_keys
+from rptcam_cl.exchange.pbrt.source import Parameters, Place, read_limited
+from rptcam_cl.exchange.pbrt.textures import number_shade
+from rptcam_cl.exchange.pbrt.world import (
+    ODD,
+    Entity,
+    Instance,
+    Matrix,
+    ShapeUse,
+    apply,
+    apply_to_normals,
+    is_bearable,
+    is_similarity,
+    is_transform_of_ours,
+    mean_scale,
+    reflects,
+    tidy,
+)
+from rptcam_cl.scene.meshes import read_mesh_file
+
+# Triangle meshes on their way from pbrt to a scene of ours.
+
+Array = NDArray[np.float64]
+Faces = NDArray[np.int64]
+
+# Corners of two triangles of a parallelogram agree to this, relative to its size: files carry six digits or so.
+PARALLELOGRAM_TOLERANCE = 1e-5
+CORNERS_UV = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float64)
+
+
+@dataclass(frozen=True, eq=False)
+class MeshData:
+    """A mesh; the front side is that from which a face runs counter-clockwise.
+
+    Attributes
+    ----------
+    vertices : (n, 3) array
+    faces : (m, 3) array of int
+    normals : (n, 3) array or None
+    uvs : (n, 2) array or None
+    """
+
+    vertices: Array
+    faces: Faces
+    normals: Array | None = None
+    uvs: Array | None = None
+
+    def transformed(self, matrix: Matrix) -> MeshData:
+        """Return the mesh in another place; its front side is carried along, also by a reflection."""
+        normals = None if self.normals is None else apply_to_normals(matrix, self.normals)
+        faces = self.faces[:, ::-1] if reflects(matrix) else self.faces
+        return replace(self, vertices=apply(matrix, self.vertices), faces=faces, normals=normals)
+
+    def reversed(self) -> MeshData:
+        """Return the mesh with front and back exchanged."""
+        return replace(self, faces=self.faces[:, ::-1], normals=None if self.normals is None else -self.normals)
+
+    def facing_its_normals(self) -> MeshData:
+        """Return the mesh with the front of each face on the side of its vertex normals, as pbrt takes it."""
+        if self.normals is None:
+            return self
+        behind = (self.crosses() * self.normals[self.faces].sum(axis=1)).sum(axis=1) < 0
+        return replace(self, faces=np.where(behind[:, None], self.faces[:, ::-1], self.faces))
+
+    def crosses(self) -> Array:
+        """Return the cross product of two edges of each face (m, 3): its normal, twice its area long."""
+        a, b, c = (self.vertices[self.faces[:, k]] for k in range(3))
+        return np.cross(b - a, c - a)
+
+    def areas(self) -> Array:
+        """Return the area of each face (m,)."""
+        return np.asarray(np.linalg.norm(self.crosses(), axis=1) / 2)
+
+    def keys(self) -> dict[str, Any]:
+        """Return the keys of a mesh that is written out."""
+        found: dict[str, Any] = {"vertices": tidy(self.vertices), "faces": self.faces.tolist()}
+        if self.normals is not None:
+            found["normals"] = tidy(self.normals)
+        if self.uvs is not None:
+            found["uvs"] = self.uvs.tolist()
+        return found
+
+    def ply(self) -> bytes:
+        """Return the mesh as a binary PLY file."""
+        columns = [self.vertices]
+        names = ["x", "y", "z"]
+        if self.normals is not None:
+            columns.append(self.normals)
+            names += ["nx", "ny", "nz"]
+        if self.uvs is not None:
+            columns.append(self.uvs)
+            names += ["u", "v"]
+        rows = np.zeros(len(self.faces), np.dtype([("count", "u1"), ("vertices", "<i4", 3)]))
+        rows["count"], rows["vertices"] = 3, self.faces
+        header = [
+            "ply", "format binary_little_endian 1.0", f"element vertex {len(self.vertices)}",
+            *(f"property float {name}" for name in names),
+            f"element face {len(self.faces)}", "property list uchar int vertex_indices", "end_header\n",
+        ]  # fmt: skip
+        return "\n".join(header).encode() + np.concatenate(columns, axis=1).astype("<f4").tobytes() + rows.tobytes()
+
+    def write_ply(self, path: Path) -> None:
+        """Write the mesh as a binary PLY file."""
+        path.write_bytes(self.ply())
+
+
+def rectangle_of(mesh: MeshData, *, textured: bool, oriented: bool) -> dict[str, Any] | None:
+    """Return the keys of a rectangle for a mesh of two triangles that are one; None when they are not.
+
+    Parameters
+    ----------
+    textured
+        Whether the texture coordinates must be those of a rectangle, from (0, 0) to (1, 1).
+    oriented
+        Whether the front must stay the front.
+    """
+    ring = _ring(mesh)
+    if ring is None:
+        return None
+    a, b, c, d = corners = mesh.vertices[ring]
+    size = np.ptp(corners, axis=0).max()
+    if np.abs(a + c - b - d).max() > PARALLELOGRAM_TOLERANCE * size or not _is_flat(mesh, ring):
+        return None
+    if textured:
+        if mesh.uvs is None:
+            return None
+        turns = [ring] if oriented else [ring, ring[::-1]]
+        fits = [turn for way in turns for turn in _turns(way) if np.allclose(mesh.uvs[turn], CORNERS_UV, atol=1e-6)]
+        if not fits:
+            return None
+        ring = fits[0]
+    a, b, _, d = mesh.vertices[ring]
+    if np.linalg.norm(np.cross(b - a, d - a)) < 1e-9 * size * size:
+        return None
+    return {"shape": "rectangle", "corner": tidy(a), "edge_u": tidy(b - a), "edge_v": tidy(d - a)}
+
+
+def _ring(mesh: MeshData) -> list[int] | None:
+    """Return the four corners of two triangles that share an edge, from the first corner on, in its order."""
+    if len(mesh.faces) != 2 or len(set(mesh.faces.reshape(-1).tolist())) != 4:
+        return None
+    first, second = mesh.faces.tolist()
+    for k in range(3):
+        apex, p, q = first[k], first[(k + 1) % 3], first[(k + 2) % 3]
+        for j in range(3):
+            if (second[j], second[(j + 1) % 3]) == (q, p):
+                ring = [apex, p, second[(j + 2) % 3], q]
+                start = ring.index(first[0])
+                return ring[start:] + ring[:start]
+    return None
+
+
+def _turns(ring: list[int]) -> list[list[int]]:
+    return [ring[k:] + ring[:k] for k in range(4)]
+
+
+def _is_flat(mesh: MeshData, ring: list[int]) -> bool:
+    """Return whether the vertex normals, if any, are the normal of the plane."""
+    if mesh.normals is None:
+        return True
+    normal = mesh.crosses()[0]
+    length = np.linalg.norm(normal)
+    lengths = np.linalg.norm(mesh.normals[ring], axis=1)
+    return bool(np.all(mesh.normals[ring] @ normal > (1 - 1e-6) * length * lengths))
+
+
+# Meshes of a pbrt scene: triangles, bilinear patches, control meshes, and PLY files of their own.
+
+Indices = NDArray[np.int64]
+
+# Cells along each side of a bilinear patch that is not flat.
+PATCH_CELLS = 8
+
+
+def triangle_mesh(context: Context, shape: Entity) -> tuple[MeshData, int]:
+    """Return a triangle mesh, and its number of triangles; those without area are left out."""
+    parameters = shape.parameters
+    vertices = _points(shape)
+    corners = _indices(shape, len(vertices), 3)
+    normals = parameters.rows("N", 3, "normal", "normal3", "float")
+    uvs = _uvs(parameters)
+    parameters.skip("faceIndices")
+    for name, values in (("N", normals), ("uv", uvs)):
+        if values is not None and len(values) != len(vertices):
+            raise shape.place.error(f"{shape.what}: {name} has {len(values)} entries, P has {len(vertices)}")
+    return _clean(context, shape, MeshData(vertices, corners, normals, uvs)), len(corners)
+
+
+def control_mesh(context: Context, shape: Entity) -> tuple[MeshData, int]:
+    """Return the control mesh of a subdivision surface, with normals that smooth it."""
+    levels = shape.parameters.integer("levels", 3) if shape.parameters.has("levels") else (
+        shape.parameters.integer("nlevels", 3))  # fmt: skip
+    shape.parameters.skip("scheme")
+    vertices = _points(shape)
+    mesh = _clean(context, shape, MeshData(vertices, _indices(shape, len(vertices), 3)))
+    normals = np.zeros_like(vertices)
+    for k in range(3):
+        np.add.at(normals, mesh.faces[:, k], mesh.crosses())
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    context.report.approximated(
+        shape.place, f"{shape.what}: its control mesh with smooth normals, not subdivided {levels} times"
+    )
+    return MeshData(vertices, mesh.faces, normals / np.where(lengths > 0, lengths, 1)), len(mesh.faces)
+
+
+def bilinear_patches(context: Context, shape: Entity) -> tuple[MeshData, int]:
+    """Return bilinear patches as triangles, and the number of patches; flat parallelograms are exact."""
+    vertices = _points(shape)
+    quads = _indices(shape, len(vertices), 4)
+    parameters = shape.parameters
+    uvs, normals = _uvs(parameters), parameters.rows("N", 3, "normal", "normal3", "float")
+    parameters.skip("faceIndices")
+    if len(quads) == 1 and uvs is None:
+        uvs = np.zeros((len(vertices), 2))
+        uvs[quads[0]] = [[0, 0], [1, 0], [0, 1], [1, 1]]
+    if _are_parallelograms(vertices, quads):
+        p00, p10, p01, p11 = quads.T
+        faces = np.concatenate([np.stack([p00, p10, p11], axis=1), np.stack([p00, p11, p01], axis=1)])
+        return _clean(context, shape, MeshData(vertices, faces, normals, uvs)), len(quads)
+    context.report.approximated(
+        shape.place, f"{shape.what}: each patch as {PATCH_CELLS} x {PATCH_CELLS} cells of two triangles"
+    )
+    return _clean(context, shape, _tessellated(vertices, quads, normals, uvs)), len(quads)
+
+
+def _tessellated(vertices: Array, quads: Indices, normals: Array | None, uvs: Array | None) -> MeshData:
+    """Return patches cut into cells, each patch with vertices of its own."""
+    cells = PATCH_CELLS
+    t = np.linspace(0, 1, cells + 1)
+    v, u = (axis.reshape(-1) for axis in np.meshgrid(t, t, indexing="ij"))
+    weights = np.stack([(1 - u) * (1 - v), u * (1 - v), (1 - u) * v, u * v])  # of p00, p10, p01, p11
+
+    def spread(values: Array) -> Array:
+        return np.asarray(np.einsum("kn,pkc->pnc", weights, values[quads]).reshape(-1, values.shape[1]))
+
+    k, n = np.meshgrid(np.arange(cells), np.arange(cells), indexing="ij")
+    corner = (k * (cells + 1) + n).reshape(-1)
+    right, up, far = corner + 1, corner + cells + 1, corner + cells + 2
+    one = np.concatenate([np.stack([corner, right, far], axis=1), np.stack([corner, far, up], axis=1)])
+    faces = (one[None] + (np.arange(len(quads)) * len(u))[:, None, None]).reshape(-1, 3)
+    new_uvs = np.tile(np.stack([u, v], axis=1), (len(quads), 1)) if uvs is None else spread(uvs)
+    return MeshData(spread(vertices), faces, None if normals is None else spread(normals), new_uvs)
+
+
+def _are_parallelograms(vertices: Array, quads: Indices) -> bool:
+    p00, p10, p01, p11 = (vertices[quads[:, k]] for k in range(4))
+    size = np.abs(p11 - p00).max() + np.abs(p10 - p01).max()
+    return bool(np.abs(p00 + p11 - p10 - p01).max() <= 1e-6 * size)
+
+
+def _points(shape: Entity) -> Array:
+    points = shape.parameters.rows("P", 3, "point", "point3")
+    if points is None or not len(points):
+        raise shape.place.error(f'{shape.what} needs vertices, "point3 P" [x y z …]')
+    return points
+
+
+def _uvs(parameters: Parameters) -> Array | None:
+    for name in ("uv", "st"):
+        if parameters.has(name):
+            return parameters.rows(name, 2, "point2", "vector2", "float")
+    return None
+
+
+def _indices(shape: Entity, count: int, corners: int) -> Indices:
+    """Return the corners of the faces, (n, corners); those of a single face may be left out."""
+    parameters = shape.parameters
+    values = parameters.numbers("indices", "integer")
+    if values is None:
+        if count != corners:
+            raise shape.place.error(f'{shape.what} needs "integer indices" for more than {corners} vertices')
+        return np.arange(corners)[None]
+    item = parameters.items["indices"]
+    if len(values) % corners:
+        raise item.place.error(f"{shape.what}: indices hold {len(values)} numbers, not a multiple of {corners}")
+    if np.any(values != np.round(values)) or (len(values) and (values.min() < 0 or values.max() >= count)):
+        raise item.place.error(f"{shape.what}: indices must be whole numbers from 0 to {count - 1}")
+    return values.astype(np.int64).reshape(-1, corners)
+
+
+def _clean(context: Context, shape: Entity, mesh: MeshData) -> MeshData:
+    """Return a mesh without faces that have no area."""
+    areas = mesh.areas()
+    kept = areas > 0
+    if (count := int((~kept).sum())) and kept.any():
+        context.report.ignored(shape.place, f"{shape.what}: {count} triangles without area")
+    return MeshData(mesh.vertices, mesh.faces[kept], mesh.normals, mesh.uvs)
+
+
+LARGEST_FILE = 4 << 30
+
+
+def ply_name(use: ShapeUse) -> tuple[str, Place]:
+    """Return the file that a shape names, and where it does."""
+    parameters = use.shape.parameters
+    name = parameters.text("filename", "")
+    if not name:
+        raise use.shape.place.error(f'{use.shape.what} needs a parameter "string filename"')
+    return name, parameters.items["filename"].place
+
+
+def facing_mesh(context: Context, use: ShapeUse) -> tuple[MeshData, bool]:
+    """Return the mesh of a file with its front where pbrt has it, and whether that changed the mesh."""
+    name, place = ply_name(use)
+    mesh = _read(context.find(name, place), place)
+    facing = mesh.facing_its_normals()
+    changed = not np.array_equal(facing.faces, mesh.faces)
+    return (facing.reversed(), True) if use.reverse else (facing, changed)
+
+
+def _read(path: Path, place: Place) -> MeshData:
+    try:
+        if path.suffix.lower() != ".gz":
+            contents = read_mesh_file(path, lambda other: other)
+        else:
+            with tempfile.TemporaryDirectory() as folder:
+                unpacked = Path(folder) / path.stem
+                unpacked.write_bytes(read_limited(path, path.name, LARGEST_FILE))
+                contents = read_mesh_file(unpacked, lambda other: other)
+    except InputError as problem:
+        raise place.error(str(problem)) from None
+    (part,) = contents.parts
+    mesh = part.mesh
+    return MeshData(
+        mesh.positions.astype(np.float64) + mesh.origin,
+        mesh.faces.astype(np.int64),
+        None if mesh.normals is None else mesh.normals.astype(np.float64),
+        None if mesh.uvs is None else mesh.uvs.astype(np.float64),
+    )
+
+
+# Surfaces of revolution as meshes: parts of spheres, disks and cylinders, and the shapes that only pbrt-v3 has.
+
+AROUND, ALONG = 128, 64  # quadrilaterals of a full turn and of a curved profile
+
+
+@dataclass(frozen=True, eq=False)
+class Profile:
+    """The curve that turns about the z axis.
+
+    Attributes
+    ----------
+    points, tangents : (n, 3) arrays
+        From v = 0 to v = 1.
+    full : bool
+        Whether a turn of 360 degrees makes the whole shape, which our own one then is.
+    area : float
+        Of the surface of a full turn.
+    """
+
+    points: Array
+    tangents: Array
+    full: bool
+    area: float
+
+
+def sphere(parameters: Parameters) -> Profile:
+    """Return the profile of a sphere between zmin and zmax."""
+    radius = positive(parameters, "radius", 1.0)
+    low = np.clip(parameters.number("zmin", -radius) / radius, -1, 1)
+    high = np.clip(parameters.number("zmax", radius) / radius, -1, 1)
+    low, high = min(low, high), max(low, high)
+    angle = np.linspace(math.acos(low), math.acos(high), ALONG + 1)
+    zero = np.zeros_like(angle)
+    points = radius * np.stack([np.sin(angle), zero, np.cos(angle)], axis=1)
+    tangents = np.stack([-np.cos(angle), zero, np.sin(angle)], axis=1)
+    return Profile(points, tangents, low == -1 and high == 1, 2 * math.pi * radius**2 * (high - low))
+
+
+def disk(parameters: Parameters) -> Profile:
+    """Return the profile of a disk, from the rim to the hole."""
+    height, radius = parameters.number("height", 0.0), positive(parameters, "radius", 1.0)
+    inner = min(parameters.number("innerradius", 0.0), radius)
+    area = math.pi * (radius**2 - inner**2)
+    return _segment((radius, 0, height), (inner, 0, height), inner == 0, area)
+
+
+def cylinder(parameters: Parameters) -> Profile:
+    """Return the profile of a cylinder without caps."""
+    radius = positive(parameters, "radius", 1.0)
+    low, high = parameters.number("zmin", -1.0), parameters.number("zmax", 1.0)
+    low, high = min(low, high), max(low, high)
+    return _segment((radius, 0, low), (radius, 0, high), True, 2 * math.pi * radius * (high - low))
+
+
+def cone(parameters: Parameters) -> Profile:
+    """Return the profile of a cone without a cap."""
+    radius, height = positive(parameters, "radius", 1.0), positive(parameters, "height", 1.0)
+    return _segment((radius, 0, 0), (0, 0, height), True, math.pi * radius * math.hypot(radius, height))
+
+
+def paraboloid(parameters: Parameters) -> Profile:
+    """Return the profile z = zmax (r / radius)^2 between zmin and zmax."""
+    radius, top = positive(parameters, "radius", 1.0), positive(parameters, "zmax", 1.0)
+    bottom = max(parameters.number("zmin", 0.0), 0.0)
+    heights = top * np.linspace(math.sqrt(bottom / top), 1, ALONG + 1) ** 2  # denser where it curves most
+    radii = radius * np.sqrt(heights / top)
+    points = np.stack([radii, np.zeros_like(radii), heights], axis=1)
+    tangents = np.stack([np.ones_like(radii), np.zeros_like(radii), 2 * top * radii / radius**2], axis=1)
+    return Profile(points, tangents, False, 0.0)
+
+
+def hyperboloid(parameters: Parameters) -> Profile:
+    """Return the segment from p1 to p2."""
+    return _segment(parameters.vector("p1", (0, 0, 0)), parameters.vector("p2", (1, 1, 1)), False, 0.0, steps=ALONG)
+
+
+PROFILES = {
+    "sphere": sphere, "disk": disk, "cylinder": cylinder, "cone": cone, "paraboloid": paraboloid,
+    "hyperboloid": hyperboloid,
+}  # fmt: skip
+
+
+def positive(parameters: Parameters, name: str, default: float) -> float:
+    """Return a number above 0."""
+    value = parameters.number(name, default)
+    if not value > 0:
+        raise parameters.items[name].place.error(f'{parameters.what}: "{name}" must be above 0 (got {value:g})')
+    return value
+
+
+def turned(profile: Profile, degrees: float) -> MeshData:
+    """Return the mesh that a profile sweeps from +x over +y; its front is that of pbrt: along du x dv.
+
+    u and v of the mesh run from 0 to 1 along the turn and along the profile. Of a profile without extent there are no
+    faces.
+    """
+    around, along = max(3, round(AROUND * degrees / 360)), len(profile.points)
+    angles = np.radians(np.linspace(0, degrees, around + 1))
+    cos, sin, zero, one = np.cos(angles), np.sin(angles), np.zeros_like(angles), np.ones_like(angles)
+    turns = np.array([[cos, -sin, zero], [sin, cos, zero], [zero, zero, one]])
+    vertices = np.einsum("ijk,nj->kni", turns, profile.points).reshape(-1, 3)
+    normals = np.einsum("ijk,nj->kni", turns, _profile_normals(profile)).reshape(-1, 3)
+    u, v = np.meshgrid(np.linspace(0, 1, around + 1), np.linspace(0, 1, along), indexing="ij")
+    k, n = np.meshgrid(np.arange(around), np.arange(along - 1), indexing="ij")
+    corner = (k * along + n).reshape(-1)
+    right, up, far = corner + along, corner + 1, corner + along + 1
+    faces = np.concatenate([np.stack([corner, right, far], axis=1), np.stack([corner, far, up], axis=1)])
+    mesh = MeshData(vertices, faces, normals, np.stack([u, v], axis=-1).reshape(-1, 2))
+    areas = mesh.areas()
+    return MeshData(vertices, faces[areas > 1e-12 * areas.max()], normals, mesh.uvs)
+
+
+def _profile_normals(profile: Profile) -> Array:
+    x, y, _ = profile.points.T
+    radii = np.hypot(x, y)
+    safe = np.where(radii > 0, radii, 1)
+    azimuth = np.stack([np.where(radii > 0, -y / safe, 0), np.where(radii > 0, x / safe, 1), np.zeros_like(x)], axis=1)
+    normals = np.cross(azimuth, profile.tangents)
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    return np.asarray(normals / np.where(lengths > 0, lengths, 1))
+
+
+def _segment(start: object, end: object, full: bool, area: float, steps: int = 1) -> Profile:
+    first, last = np.asarray(start, np.float64), np.asarray(end, np.float64)
+    points = first + np.linspace(0, 1, steps + 1)[:, None] * (last - first)
+    return Profile(points, np.broadcast_to(last - first, points.shape), full, area)
+
+
+Keys = dict[str, Any]
+
+# Faces up to which a mesh stands in the scene file itself.
+MOST_INLINE = 200
+
+
+@dataclass(frozen=True)
+class ShapeMaterial:
+    """What a shape's material asks of its shape.
+
+    Attributes
+    ----------
+    textured : bool
+        Whether texture coordinates matter.
+    oriented : bool
+        Whether front and back differ: lamps of one side, glass, normal maps.
+    """
+
+    textured: bool
+    oriented: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """A shape to be converted.
+
+    Attributes
+    ----------
+    world : (4, 4) array
+        From the shape's space to the world of ours.
+    shared : bool
+        Whether the shape stands in several places, so that a mesh keeps its own space.
+    """
+
+    use: ShapeUse
+    world: Matrix
+    material: ShapeMaterial
+    shared: bool
+
+    @property
+    def shape(self) -> Entity:
+        """The shape itself."""
+        return self.use.shape
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """An object of ours without its material; a mesh is still data.
+
+    Attributes
+    ----------
+    keys : dict
+        Of the object; without a shape for a mesh.
+    area : float
+        Mean area of the parts that pbrt takes for lamps of their own [square units of pbrt's scene]; 0 if unknown.
+    """
+
+    keys: Keys
+    area: float
+    mesh: MeshData | None = None
+
+
+def convert_shape(context: Context, placed: Placed) -> Piece | None:
+    """Return a shape as an object of ours; None, with a report, when it has no counterpart."""
+    shape = placed.shape
+    kinds: dict[str, Callable[[Context, Placed], Piece | None]] = {
+        "sphere": _sphere, "disk": _round, "cylinder": _round, "cone": _round, "paraboloid": _round,
+        "hyperboloid": _round, "trianglemesh": _mesh, "bilinearmesh": _mesh, "loopsubdiv": _mesh, "plymesh": _ply,
+    }  # fmt: skip
+    if shape.kind in ("curve", "nurbs", "heightfield", "heightfield2"):
+        shape.parameters.used.update(shape.parameters.items)
+        context.report.ignored(shape.place, f"{shape.what}: there is no such shape")
+        return None
+    if shape.kind not in kinds:
+        raise shape.place.error(f'unknown shape "{shape.kind}" (allowed: {", ".join(kinds)}, curve)')
+    return kinds[shape.kind](context, placed)
+
+
+def transform_keys(matrix: Matrix) -> Keys:
+    """Return the key of a transform, nothing for the identity."""
+    if np.array_equal(matrix, np.eye(4)):
+        return {}
+    if np.array_equal(matrix[:3, :3], np.eye(3)):
+        return {"transform": {"translate": tidy(matrix[:3, 3])}}
+    linear = tidy(matrix[:3, :3])
+    return {"transform": {"matrix": [[*axes, shift] for axes, shift in zip(linear, tidy(matrix[:3, 3]), strict=True)]}}
+
+
+def _sphere(context: Context, placed: Placed) -> Piece | None:
+    """Return a sphere; a textured one keeps the turn of its transform, and u and v of ours run as pbrt's do."""
+    parameters = placed.shape.parameters
+    profile = sphere(parameters)
+    degrees = parameters.number("phimax", 360.0)
+    if not profile.full or degrees < 360 or (placed.use.reverse and placed.material.oriented):
+        return _revolved_mesh(context, placed, profile, degrees)
+    radius = parameters.number("radius", 1.0)
+    if is_similarity(placed.world) and not placed.material.textured:
+        scaled = radius * mean_scale(placed.world)
+        return Piece({"shape": "sphere", "center": tidy(placed.world[:3, 3]), "radius": scaled}, profile.area)
+    keys = {"shape": "sphere", "center": [0, 0, 0], "radius": radius}
+    return Piece(keys | transform_keys(placed.world), profile.area)
+
+
+def _round(context: Context, placed: Placed) -> Piece | None:
+    """Return a disk, cylinder or cone, or the mesh of what is only a part of one."""
+    parameters = placed.shape.parameters
+    profile = PROFILES[placed.shape.kind](parameters)
+    degrees = parameters.number("phimax", 360.0)
+    flips = placed.use.reverse and placed.material.oriented
+    skewed = (
+        placed.shape.kind == "disk" and placed.material.textured
+    )  # our disk has u and v across, pbrt's run round it
+    first, last = profile.points[0], profile.points[-1]
+    partial = not profile.full or degrees < 360 or np.array_equal(first, last)
+    if partial or skewed or (flips and placed.shape.kind != "disk"):
+        return _revolved_mesh(context, placed, profile, degrees)
+    radius = float(first[0])
+    if placed.shape.kind == "disk":
+        front = [0, 0, -1 if flips else 1]
+        keys: Keys = {"shape": "disk", "center": [0, 0, float(first[2])], "normal": front, "radius": radius}
+    else:
+        end = "apex" if placed.shape.kind == "cone" else "top"
+        keys = {"shape": placed.shape.kind, "base": [0, 0, float(first[2])], end: [0, 0, float(last[2])],
+                "radius": radius, "capped": False}  # fmt: skip
+    return Piece(keys | transform_keys(placed.world), profile.area)
+
+
+def _revolved_mesh(context: Context, placed: Placed, profile: Profile, degrees: float) -> Piece | None:
+    if not 0 < degrees <= 360:
+        raise placed.shape.place.error(f"{placed.shape.what}: phimax must lie between 0 and 360 (got {degrees:g})")
+    mesh = turned(profile, degrees)
+    if not len(mesh.faces):
+        _note_no_area(context, placed.shape)
+        return None
+    context.report.approximated(placed.shape.place, f"{placed.shape.what}: a mesh of {len(mesh.faces)} triangles")
+    return _piece(placed, mesh, profile.area * degrees / 360)
+
+
+def _mesh(context: Context, placed: Placed) -> Piece | None:
+    makers = {"trianglemesh": triangle_mesh, "bilinearmesh": bilinear_patches, "loopsubdiv": control_mesh}
+    mesh, parts = makers[placed.shape.kind](context, placed.shape)
+    if not len(mesh.faces):
+        _note_no_area(context, placed.shape)
+        return None
+    if placed.material.textured and mesh.uvs is None:
+        context.report.approximated(placed.shape.place, f"{placed.shape.what}: a texture without texture coordinates")
+    area = float(mesh.transformed(placed.shape.world_from_object).areas().sum()) / parts
+    return _piece(placed, mesh, area)
+
+
+def _note_no_area(context: Context, shape: Entity) -> None:
+    context.report.ignored(shape.place, f"{shape.what}: has no faces of any area")
+
+
+def _piece(placed: Placed, mesh: MeshData, area: float) -> Piece:
+    mesh = mesh.facing_its_normals()
+    if placed.use.reverse:
+        mesh = mesh.reversed()
+    if placed.shared:
+        return Piece(transform_keys(placed.world), area, mesh)
+    mesh = mesh.transformed(placed.world)
+    rectangle = rectangle_of(mesh, textured=placed.material.textured, oriented=placed.material.oriented)
+    return Piece({}, area, mesh) if rectangle is None else Piece(rectangle, area)
+
+
+def _ply(context: Context, placed: Placed) -> Piece | None:
+    """Return a mesh file by its name, or a copy of it where pbrt has its front on the other side; None without it."""
+    name, place = ply_name(placed.use)
+    if (path := context.find_or_note(name, place, "the object is left out")) is None:
+        return None
+    keys = transform_keys(placed.world)
+    area = 0.0
+    if placed.material.oriented or placed.use.lamp is not None:
+        mesh, changed = facing_mesh(context, placed.use)
+        area = float(mesh.transformed(placed.shape.world_from_object).areas().mean())
+        if changed and placed.material.oriented:
+            context.report.noted(place, f"{name}: written anew with its front where pbrt has it")
+            return Piece(keys, area, mesh)
+    return Piece({"shape": "mesh", "file": context.files.reference(path, place), **keys}, area)
+
+
+# The objects of a scene of ours: shapes with their materials, each material and shared mesh once.
+
+# Of the 50 000 values that a scene file may hold (see strict_yaml), with room for what is not objects.
+MOST_VALUES = 45_000
+
+
+def count_values(value: Any) -> int:
+    """Return the number of values that a part of a scene takes in a file: lists, mappings, keys and scalars."""
+    if isinstance(value, Mapping):
+        return 1 + sum(1 + count_values(item) for item in value.values())
+    if isinstance(value, list | tuple):
+        return 1 + sum(map(count_values, value))
+    return count_values(value.tolist()) if isinstance(value, np.ndarray) else 1
+
+
+def form_of(mesh: MeshData) -> tuple[bool, bool]:
+    """Return what meshes must have in common to be put together: normals and texture coordinates."""
+    return mesh.normals is not None, mesh.uvs is not None
+
+
+def joined(meshes: Iterable[MeshData]) -> MeshData:
+    """Return meshes of one form as one."""
+    parts = list(meshes)
+    starts = np.cumsum([0, *(len(part.vertices) for part in parts[:-1])])
+    normals, uvs = [part.normals for part in parts], [part.uvs for part in parts]
+    return MeshData(
+        np.concatenate([part.vertices for part in parts]),
+        np.concatenate([part.faces + start for part, start in zip(parts, starts, strict=True)]),
+        np.concatenate([rows for rows in normals if rows is not None]) if normals[0] is not None else None,
+        np.concatenate([rows for rows in uvs if rows is not None]) if uvs[0] is not None else None,
+    )
+
+
+ONE_SIDED = ("emissive", "dielectric", "principled")
+
+
+@dataclass
+class Objects:
+    """Takes the shapes of a pbrt scene one by one."""
+
+    context: Context
+    frame: Frame
+    items: list[Keys] = field(default_factory=list)
+    materials: dict[str, Keys] = field(default_factory=dict)
+    meshes: dict[str, Keys] = field(default_factory=dict)
+    _names: dict[str, str] = field(default_factory=dict)
+    _converted: dict[int, tuple[Entity | None, Keys | None]] = field(default_factory=dict)
+    _shared: dict[int, tuple[ShapeUse, str]] = field(default_factory=dict)
+    _counts: Counter[str] = field(default_factory=Counter)
+    _loose: dict[int, tuple[ShapeUse, MeshData]] = field(default_factory=dict)
+
+    def keys(self) -> Keys:
+        """Return the sections of the scene."""
+        sizes = {index: count_values(mesh.keys()) if len(mesh.faces) <= MOST_INLINE else 2
+                 for index, (_, mesh) in self._loose.items()}  # fmt: skip
+        if count_values(self.items) + sum(sizes.values()) > MOST_VALUES:
+            self._merge()
+        for index, (use, mesh) in self._loose.items():
+            self.items[index] = {"shape": "mesh", **self._mesh_keys(use, mesh), **self.items[index]}
+        self.items = [item for item in self.items if item]
+        sections = {"materials": self.materials, "meshes": self.meshes, "objects": self.items}
+        return {name: section for name, section in sections.items() if section}
+
+    def add_all(self) -> None:
+        """Add every shape at every place."""
+        placed = list(self.context.scene.placed())
+        uses = Counter(id(use) for use, _, _ in placed)
+        for use, world, instance in placed:
+            self._add(use, np.asarray(self.frame.world @ world), instance, shared=uses[id(use)] > 1)
+        self._note_unplaced({id(use) for use, _, _ in placed})
+
+    def _note_unplaced(self, placed: set[int]) -> None:
+        for name, shapes in self.context.scene.objects.items():
+            if shapes and not any(id(use) in placed for use in shapes):
+                self.context.report.noted(shapes[0].shape.place, f'object "{name}" is never placed')
+
+    def _add(self, use: ShapeUse, world: Matrix, instance: Instance | None, *, shared: bool) -> None:
+        if not is_bearable(world):
+            self._leave_out(use, instance)
+            return
+        lamp = use.lamp if instance is None else None
+        if use.lamp is not None and instance is not None:
+            self.context.report.ignored(use.lamp.place, f"{use.lamp.what}: lamps in objects do not shine, as in pbrt")
+        material = self._material(use)
+        opacity = self._opacity(use)
+        if material is None and lamp is None:
+            self.context.report.ignored(
+                use.shape.place, f"{use.shape.what}: the boundary of a medium, without a surface"
+            )
+            use.shape.parameters.used.update(use.shape.parameters.items)
+            return
+        if opacity.get("opacity") == 0 and lamp is None:
+            self.context.report.ignored(use.shape.place, f"{use.shape.what}: wholly transparent")
+            use.shape.parameters.used.update(use.shape.parameters.items)
+            return
+        shape_material = _material_of_lamp(lamp) if lamp is not None else _material_of({**(material or {}), **opacity})
+        piece = convert_shape(self.context, Placed(use, world, shape_material, shared))
+        if piece is None:
+            return
+        if "transform" in piece.keys and not is_transform_of_ours(world):
+            self._leave_out(use, instance)
+            return
+        if lamp is not None:
+            material = self._lamp(lamp, piece, use, opacity)
+        else:
+            material = {**(material or {}), **opacity}
+        name = self._name(material, self._wanted_name(use, lamp))
+        if piece.mesh is not None and not shared:
+            self._loose[len(self.items)] = use, piece.mesh
+        self.items.append({**self._shape_keys(use, piece, shared), "material": name})
+
+    def _leave_out(self, use: ShapeUse, instance: Instance | None) -> None:
+        """Report a shape whose transform flattens space, or leads out of it."""
+        what = use.shape.what if instance is None else f'{use.shape.what} of "{instance.name}"'
+        self.context.report.ignored((instance or use.shape).place, f"{what}: {ODD}")
+        use.shape.parameters.used.update(use.shape.parameters.items)
+
+    def _material(self, use: ShapeUse) -> Keys | None:
+        entity = self.context.scene.material_of(use.material)
+        if id(entity) not in self._converted:
+            self._converted[id(entity)] = entity, convert_material(self.context, entity)
+        return self._converted[id(entity)][1]
+
+    def _opacity(self, use: ShapeUse) -> Keys:
+        """Return the holes of a shape, which pbrt gives as ``alpha``."""
+        parameters = use.shape.parameters
+        parameters.skip("shadowalpha")
+        if not parameters.has("alpha"):
+            return {}
+        return opacity_keys(self.context, use.shape, "alpha", number_shade(self.context, use.shape, "alpha", 1.0))
+
+    def _lamp(self, lamp: Entity, piece: Piece, use: ShapeUse, opacity: Keys) -> Keys:
+        radiance, two_sided = lamp_radiance(self.context, lamp, piece.area)
+        if opacity:
+            self.context.report.ignored(use.shape.place, f"{use.shape.what}: alpha of a lamp, which stays visible")
+        reflecting = self._material(use)
+        if reflecting is not None and reflecting.get("reflectance") != [0.0, 0.0, 0.0]:
+            self.context.report.approximated(lamp.place, f"{lamp.what}: the lamp reflects nothing")
+        keys: Keys = {"kind": "emissive", "radiance": radiance.tolist()}
+        return keys | ({"two_sided": True} if two_sided else {})
+
+    def _shape_keys(self, use: ShapeUse, piece: Piece, shared: bool) -> Keys:
+        if piece.mesh is None:
+            return piece.keys
+        if not shared:
+            return piece.keys
+        if id(use) not in self._shared:
+            name = self._unique("mesh")
+            self._shared[id(use)] = use, name
+            self.meshes[name] = self._mesh_keys(use, piece.mesh)
+        return {"shape": "mesh", "mesh": self._shared[id(use)][1], **piece.keys}
+
+    def _merge(self) -> None:
+        """Put the meshes of each material together that stand in one place only."""
+        groups: dict[tuple[object, ...], list[int]] = {}
+        for index, (_, mesh) in self._loose.items():
+            if "transform" not in self.items[index]:
+                groups.setdefault((self.items[index]["material"], *form_of(mesh)), []).append(index)
+        for (material, *_), (first, *others) in groups.items():
+            if not others:
+                continue
+            use, _ = self._loose[first]
+            self._loose[first] = use, joined(self._loose[index][1] for index in (first, *others))
+            for index in others:
+                del self._loose[index]
+                self.items[index] = {}
+            self.context.report.noted(
+                use.shape.place,
+                f"{1 + len(others)} meshes of {material} became one: a scene file holds no more objects",
+            )
+
+    def _mesh_keys(self, use: ShapeUse, mesh: MeshData) -> Keys:
+        """Return a small mesh written out, a large one as a file beside the scene."""
+        if len(mesh.faces) <= MOST_INLINE:
+            return mesh.keys()
+        name = f"{use.shape.kind}-{use.shape.place.line_number}.ply"
+        return {"file": self.context.files.add("meshes", name, mesh.write_ply)}
+
+    def _wanted_name(self, use: ShapeUse, lamp: Entity | None) -> str:
+        if lamp is not None:
+            return "lamp"
+        entity = self.context.scene.material_of(use.material)
+        if entity is None:
+            return "default"
+        named = entity.what.startswith("MakeNamedMaterial")
+        return (entity.what.split(" ", 1)[1].strip('"') if named else entity.kind)[:100] or entity.kind
+
+    def _name(self, material: Keys, wanted: str) -> str:
+        """Return the name of a material; equal ones have one."""
+        content = json.dumps(material, sort_keys=True)
+        if content not in self._names:
+            name = self._unique(wanted)
+            self._names[content] = name
+            self.materials[name] = material
+        return self._names[content]
+
+    def _unique(self, wanted: str) -> str:
+        taken = self.materials.keys() | self.meshes.keys()
+        while True:
+            self._counts[wanted] += 1
+            count = self._counts[wanted]
+            name = wanted if count == 1 and wanted != "mesh" else f"{wanted}-{count}"
+            if name not in taken:
+                return name
+
+
+def _material_of_lamp(lamp: Entity) -> ShapeMaterial:
+    return ShapeMaterial(textured=False, oriented=not lamp.parameters.boolean("twosided", False))
+
+
+def _material_of(material: Keys) -> ShapeMaterial:
+    return ShapeMaterial(_is_textured(material), _has_front(material))
+
+
+def _has_front(material: Keys) -> bool:
+    """Return whether the front of a material is not as its back: of bumps the back has dents."""
+    parts = material.get("materials", ())
+    return material["kind"] in ONE_SIDED or "normal_map" in material or any(map(_has_front, parts))
+
+
+def _is_textured(value: Any) -> bool:
+    """Return whether some part of a material is a texture."""
+    if isinstance(value, dict):
+        is_texture = value.get("kind") in ("image", "checker") or "file" in value
+        return is_texture or any(_is_textured(item) for item in value.values())
+    return isinstance(value, list) and any(_is_textured(item) for item in value)

@@ -1,0 +1,663 @@
+"""Text of pbrt files: tokens, statements, parameter lists, and what a conversion reports with its lines."""
+
+from __future__ import annotations
+
+import difflib
+import gzip
+import re
+import zlib
+from bisect import bisect_right
+from collections.abc import Iterator, Sequence
+from dataclasses import field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.core.errors import InputError, RptcamError, StateError
+from rptcam_cl.core.files import Folders
+
+# Text of a pbrt file, and places in it.
+
+# What one file may hold, unpacked: far more than the largest published scenes have in one text file.
+MAX_BYTES = 1 << 30
+
+LONGEST_MESSAGE = 1000
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """The text of one file.
+
+    Attributes
+    ----------
+    name : str
+        File name for messages.
+    text : str
+    path : Path
+        Where it was read from.
+    """
+
+    name: str
+    text: str = field(repr=False)
+    path: Path
+
+    @cached_property
+    def _line_starts(self) -> list[int]:
+        if self.text.isascii():
+            characters: NDArray[Any] = np.frombuffer(self.text.encode("ascii"), np.uint8)
+        else:
+            characters = np.frombuffer(self.text.encode("utf-32-le"), np.uint32)
+        ends = np.flatnonzero(characters == ord("\n"))
+        return [0, *(ends + 1).tolist()]
+
+    def line_and_column(self, offset: int) -> tuple[int, int]:
+        """Return line and column, from 1, of a character."""
+        line = bisect_right(self._line_starts, offset)
+        return line, offset - self._line_starts[line - 1] + 1
+
+
+@dataclass(frozen=True)
+class Place:
+    """A character of a file."""
+
+    source: Source
+    offset: int
+
+    @property
+    def line_number(self) -> int:
+        """Line, from 1."""
+        return self.source.line_and_column(self.offset)[0]
+
+    @property
+    def line(self) -> str:
+        """``FILE:LINE``."""
+        return f"{self.source.name}:{self.line_number}"
+
+    def error(self, problem: str) -> InputError:
+        """Return the error of this place: ``FILE:LINE:COL: problem``."""
+        line, column = self.source.line_and_column(self.offset)
+        return InputError(f"{self.source.name}:{line}:{column}: {one_line(problem)}")
+
+
+def one_line(message: str) -> str:
+    """Return a message fit for one line of a terminal: names of a file may hold anything."""
+    shown = message if len(message) <= LONGEST_MESSAGE else message[:LONGEST_MESSAGE] + "…"
+    return "".join(mark if mark.isprintable() else f"\\x{ord(mark):02x}" for mark in shown)
+
+
+def read_source(path: Path, name: str) -> Source:
+    """Return the text of a pbrt file; one that ends in .gz is unpacked.
+
+    Raises
+    ------
+    InputError
+        When it is missing, not a regular file, too large or no text.
+    StateError
+        When it cannot be read.
+    """
+    raw = read_limited(path, name, MAX_BYTES)
+    if raw.startswith((b"\xff\xfe", b"\xfe\xff")):
+        raise InputError(f"{name}:1:1: is UTF-16 text; save it as UTF-8")
+    try:
+        text = raw.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = raw.decode("latin-1")  # comments of old exporters; names of files stay what the bytes say
+    if (index := text.find("\0")) >= 0:
+        raise Place(Source(name, text, path), index).error("contains a NUL byte; this is not a text file")
+    return Source(name, text.replace("\r\n", "\n").replace("\r", "\n"), path)
+
+
+def read_limited(path: Path, name: str, limit: int) -> bytes:
+    """Return the content of a regular file of at most ``limit`` bytes; a .gz file is unpacked, to no more than that."""
+    try:
+        if not path.is_file():
+            raise InputError(f"{name}: {'is not a regular file' if path.exists() else 'no such file'} (got {path})")
+        with gzip.open(path) if path.suffix.lower() == ".gz" else path.open("rb") as file:
+            raw = file.read(limit + 1)
+    except (zlib.error, EOFError, gzip.BadGzipFile) as problem:
+        raise InputError(f"{name}: is not a whole gzip file ({problem})") from None
+    except OSError as problem:
+        raise StateError(one_line(f"{name}: cannot be read ({problem.strerror})")) from None
+    except ValueError as problem:  # a NUL byte in the name
+        raise InputError(f"{name!r}: is not a usable path ({problem})") from None
+    if len(raw) > limit:
+        raise InputError(f"{name}: holds more than {limit} bytes")
+    return raw
+
+
+# Tokens of a pbrt file: words, quoted strings, brackets; comments begin with #.
+
+_TOKEN = re.compile(
+    r"""(?P<blank>\s+|\#[^\n]*) | (?P<string>"(?:[^"\\\n]|\\.)*") | (?P<bracket>[\[\]]) | (?P<word>[^\s"\[\]#]+)""",
+    re.VERBOSE,
+)
+_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)
+_ESCAPES = {"b": "\b", "f": "\f", "n": "\n", "r": "\r", "t": "\t", "\\": "\\", "'": "'", '"': '"'}
+LONGEST_SHOWN = 60
+
+
+@dataclass(frozen=True)
+class Token:
+    """A token: ``kind`` is string, bracket or word; ``text`` that of a string is without quotes and escapes."""
+
+    kind: str
+    text: str
+    place: Place
+
+    def shown(self) -> str:
+        """Return the token as an error quotes it."""
+        text = f'"{self.text}"' if self.kind == "string" else self.text
+        return text if len(text) <= LONGEST_SHOWN else text[:LONGEST_SHOWN] + "…"
+
+
+class Tokens:
+    """The tokens of one file, one after another."""
+
+    def __init__(self, source: Source) -> None:
+        self.source = source
+        self._offset = 0
+        self._ahead: Token | None = None
+
+    def peek(self) -> Token | None:
+        """Return the next token without taking it; None at the end of the file."""
+        if self._ahead is None:
+            self._ahead = self._read()
+        return self._ahead
+
+    def take(self) -> Token | None:
+        """Return the next token; None at the end of the file."""
+        token, self._ahead = self.peek(), None
+        return token
+
+    def numbers_in_brackets(self) -> NDArray[np.float64] | None:
+        """Take a bracketed list that holds nothing but numbers at once; None, taking nothing, when it holds more.
+
+        The long lists of meshes are read here, at the speed of ``str.split``.
+        """
+        opening = self.peek()
+        if opening is None or opening.text != "[" or opening.kind != "bracket":
+            return None
+        text, start = self.source.text, opening.place.offset + 1
+        end = text.find("]", start)
+        if end < 0:
+            raise opening.place.error("this [ is never closed")
+        inside = text[start:end]
+        if any(mark in inside for mark in '"#[_') or "n" in inside.lower():
+            return None
+        try:
+            numbers = np.array(inside.split(), np.float64)
+        except ValueError:
+            return None
+        if not np.isfinite(numbers).all():
+            return None
+        self._ahead, self._offset = None, end + 1
+        return numbers
+
+    def _read(self) -> Token | None:
+        for match in self._matches():
+            place = Place(self.source, match.start())
+            if match.lastgroup == "string":
+                return Token("string", _unescaped(match[0][1:-1], place), place)
+            if match.lastgroup != "blank":
+                return Token(str(match.lastgroup), match[0], place)
+        return None
+
+    def _matches(self) -> Iterator[re.Match[str]]:
+        text = self.source.text
+        while self._offset < len(text):
+            match = _TOKEN.match(text, self._offset)
+            if match is None:  # only a quotation mark begins no token
+                raise Place(self.source, self._offset).error('this " has no partner on its line')
+            self._offset = match.end()
+            yield match
+
+
+def number_of(token: Token) -> float:
+    """Return the number that a word says."""
+    if token.kind != "word" or not _NUMBER.fullmatch(token.text):
+        raise token.place.error(f"expected a number (got {token.shown()})")
+    number = float(token.text)
+    if abs(number) == float("inf"):
+        raise token.place.error(f"{token.shown()} is beyond the range of numbers (about 1.8e308)")
+    return number
+
+
+def _unescaped(text: str, place: Place) -> str:
+    if "\\" not in text:
+        return text
+
+    def replaced(match: re.Match[str]) -> str:
+        if match[1] not in _ESCAPES:
+            known = " ".join(f"\\{mark}" for mark in _ESCAPES)
+            raise place.error(f"unknown escape \\{match[1]} in a string (allowed: {known}; folders end in /)")
+        return _ESCAPES[match[1]]
+
+    return re.sub(r"\\(.)", replaced, text)
+
+
+# What a conversion ignored or approximated, with the lines of the source.
+
+# Lines named per message; a scene of ten thousand shapes may break one rule ten thousand times.
+LINES_NAMED = 8
+
+
+@dataclass
+class Report:
+    """Messages in the order of files and lines, each with all the lines that it concerns."""
+
+    _lines: dict[str, set[tuple[str, int]]] = field(default_factory=dict)
+
+    def ignored(self, place: Place, what: str) -> None:
+        """Note something that the scene of ours does not have."""
+        self._note(place, f"ignored: {what}")
+
+    def approximated(self, place: Place, what: str) -> None:
+        """Note something that the scene of ours has in another way."""
+        self._note(place, f"approximated: {what}")
+
+    def noted(self, place: Place, what: str) -> None:
+        """Note something that a user may want to know, such as a file that was copied."""
+        self._note(place, f"note: {what}")
+
+    def _note(self, place: Place, message: str) -> None:
+        self._lines.setdefault(one_line(message), set()).add((place.source.name, place.line_number))
+
+    def __iter__(self) -> Iterator[str]:
+        placed = sorted((sorted(places), message) for message, places in self._lines.items())
+        for ((file, line), *others), message in placed:
+            named = ", ".join(str(other) if name == file else f"{name}:{other}" for name, other in others[:LINES_NAMED])
+            rest = len(others) - LINES_NAMED
+            more = f" (also on {named}{f' and {rest} more' if rest > 0 else ''})" if others else ""
+            yield f"{file}:{line}: {message}{more}"
+
+    def __len__(self) -> int:
+        return len(self._lines)
+
+
+# Parameter lists of pbrt directives: read, looked up by name; those that were never looked up are reported.
+
+Values = NDArray[np.float64] | tuple[str, ...] | tuple[bool, ...]
+
+# Numbers in one value of each type; "" for types whose values are words.
+SIZES = {
+    "float": 1, "integer": 1, "point": 3, "point2": 2, "point3": 3, "vector": 3, "vector2": 2, "vector3": 3,
+    "normal": 3, "normal3": 3, "rgb": 3, "color": 3, "xyz": 3, "blackbody": 1, "spectrum": 1,
+}  # fmt: skip
+WORDS = ("string", "texture", "spectrum")
+TYPES = (*SIZES, "bool", "string", "texture")
+_BOOLS = {"true": True, "false": False}
+
+
+@dataclass(frozen=True, eq=False)
+class Parameter:
+    """One parameter, such as ``"rgb Kd" [.5 .4 .3]``.
+
+    Attributes
+    ----------
+    kind : str
+        Its type, a key of `SIZES` or one of `WORDS` or ``bool``.
+    values : array of float64, or tuple of str or of bool
+    place : Place
+    """
+
+    kind: str
+    name: str
+    values: Values
+    place: Place
+
+
+@dataclass(eq=False)
+class Parameters:
+    """The parameters of one directive.
+
+    Attributes
+    ----------
+    what : str
+        The directive, for messages.
+    place : Place
+        Where the directive stands.
+    items : dict of str to Parameter
+        By name; of a name that is given more than once the last.
+    used : set of str
+        Names that were looked up.
+    repeated : list of Parameter
+        Those in whose place a later one of the same name came.
+    """
+
+    what: str
+    place: Place
+    items: dict[str, Parameter] = field(default_factory=dict)
+    used: set[str] = field(default_factory=set)
+    repeated: list[Parameter] = field(default_factory=list)
+
+    def get(self, name: str, *kinds: str) -> Parameter | None:
+        """Return a parameter of one of some types, None when there is none of the name."""
+        item = self.items.get(name)
+        if item is None:
+            return None
+        self.used.add(name)
+        if kinds and item.kind not in kinds:
+            raise item.place.error(f'{self.what}: "{name}" is a {item.kind} (allowed: {", ".join(kinds)})')
+        return item
+
+    def numbers(self, name: str, *kinds: str) -> NDArray[np.float64] | None:
+        """Return the numbers of a parameter, None when it is absent."""
+        item = self.get(name, *(kinds or ("float",)))
+        return None if item is None else np.asarray(item.values, np.float64)
+
+    def number(self, name: str, default: float, *kinds: str) -> float:
+        """Return a single number."""
+        values = self.numbers(name, *kinds)
+        return default if values is None else float(self._single(name, list(values)))
+
+    def integer(self, name: str, default: int) -> int:
+        """Return a single whole number."""
+        value = self.number(name, default, "integer", "float")
+        if value != int(value):
+            raise self.items[name].place.error(f'{self.what}: "{name}" must be a whole number (got {value:g})')
+        return int(value)
+
+    def boolean(self, name: str, default: bool) -> bool:
+        """Return a truth value; pbrt-v3 writes it as text."""
+        item = self.get(name, "bool", "string")
+        if item is None:
+            return default
+        value = self._single(name, list(item.values))
+        if isinstance(value, str):
+            if value not in _BOOLS:
+                raise item.place.error(f'{self.what}: "{name}" must be true or false (got "{value}")')
+            return _BOOLS[value]
+        return bool(value)
+
+    def text(self, name: str, default: str) -> str:
+        """Return a single text."""
+        item = self.get(name, "string")
+        return default if item is None else str(self._single(name, list(item.values)))
+
+    def vector(self, name: str, default: Sequence[float]) -> NDArray[np.float64]:
+        """Return a point, vector or normal, shape (3,)."""
+        values = self.numbers(name, "point", "point3", "vector", "vector3", "normal", "normal3")
+        if values is None:
+            return np.asarray(default, np.float64)
+        if len(values) != 3:
+            raise self.items[name].place.error(f'{self.what}: "{name}" needs 3 numbers (got {len(values)})')
+        return values
+
+    def rows(self, name: str, width: int, *kinds: str) -> NDArray[np.float64] | None:
+        """Return a list of points or vectors, shape (n, width)."""
+        values = self.numbers(name, *kinds)
+        if values is None:
+            return None
+        if len(values) % width:
+            raise self.items[name].place.error(
+                f'{self.what}: "{name}" holds {len(values)} numbers, not a multiple of {width}'
+            )
+        return values.reshape(-1, width)
+
+    def has(self, name: str) -> bool:
+        """Return whether there is a parameter of a name; asking does not use it up."""
+        return name in self.items
+
+    def skip(self, *names: str) -> None:
+        """Use up parameters that change speed, noise or naming only."""
+        self.used.update(names)
+
+    def unused(self) -> Iterator[Parameter]:
+        """Yield the parameters that were never looked up."""
+        return (item for name, item in self.items.items() if name not in self.used)
+
+    def _single(self, name: str, values: list[float] | list[str] | list[bool]) -> float | str | bool:
+        if len(values) != 1:
+            raise self.items[name].place.error(f'{self.what}: "{name}" needs one value (got {len(values)})')
+        return values[0]
+
+
+def read_parameters(tokens: Tokens, what: str, place: Place) -> Parameters:
+    """Take the parameters that follow in a file, up to the next directive."""
+    found = Parameters(what, place)
+    while (token := tokens.peek()) is not None and token.kind == "string":
+        tokens.take()
+        kind, name = _declaration(token, what)
+        if name in found.items:
+            found.repeated.append(found.items.pop(name))
+        found.items[name] = Parameter(kind, name, _values(tokens, token, kind), token.place)
+    return found
+
+
+def _declaration(token: Token, what: str) -> tuple[str, str]:
+    words = token.text.split()
+    if len(words) != 2:
+        raise token.place.error(f'{what}: expected a parameter such as "float fov" (got {token.shown()})')
+    kind, name = words
+    if kind not in TYPES:
+        raise token.place.error(f"{what}: unknown type {kind} of parameter {name} (allowed: {', '.join(TYPES)})")
+    return kind, name
+
+
+def _values(tokens: Tokens, declared: Token, kind: str) -> Values:
+    values: Values | None = tokens.numbers_in_brackets()
+    if values is None:
+        values = _of_words(_listed(tokens, declared), declared)
+    is_text = isinstance(values, tuple) and all(isinstance(value, str) for value in values)
+    name = declared.shown()
+    if isinstance(values, tuple) and not is_text and kind != "bool":
+        raise declared.place.error(f"{name} must hold numbers or text, not true or false")
+    if kind == "bool" and isinstance(values, np.ndarray) and len(values):
+        raise declared.place.error(f"{name} must hold true or false")
+    if is_text and values and kind not in (*WORDS, "bool"):
+        raise declared.place.error(f"{name} must hold numbers, not text")
+    if kind in ("string", "texture") and isinstance(values, np.ndarray):
+        raise declared.place.error(f"{name} must hold text in quotes")
+    if isinstance(values, np.ndarray) and len(values) % SIZES.get(kind, 1):
+        raise declared.place.error(f"{name} holds {len(values)} numbers, not a multiple of {SIZES[kind]}")
+    return values
+
+
+def _listed(tokens: Tokens, declared: Token) -> list[Token]:
+    """Take the value, or the values in brackets, of a parameter."""
+    token = tokens.take()
+    if token is None:
+        raise declared.place.error(f"{declared.shown()} has no value: the file ends here")
+    if token.kind != "bracket":
+        return [token]
+    if token.text == "]":
+        raise token.place.error(f"expected the value of {declared.shown()} (got ])")
+    found = []
+    while (item := tokens.take()) is not None:
+        if item.kind != "bracket":
+            found.append(item)
+        elif item.text == "]":
+            return found
+        else:
+            raise item.place.error(f"a second [ in the values of {declared.shown()}")
+    raise token.place.error("this [ is never closed")
+
+
+def _of_words(found: list[Token], declared: Token) -> Values:
+    if found and found[0].kind == "string":
+        for token in found:
+            if token.kind != "string":
+                raise token.place.error(f"{declared.shown()} mixes text with other values (got {token.shown()})")
+        return tuple(token.text for token in found)
+    if found and found[0].text in _BOOLS:
+        for token in found:
+            if token.text not in _BOOLS or token.kind != "word":
+                raise token.place.error(f"expected true or false (got {token.shown()})")
+        return tuple(_BOOLS[token.text] for token in found)
+    if found and re.match(r"[A-Z]", found[0].text):
+        raise declared.place.error(f"{declared.shown()} has no value; {found[0].shown()} follows")
+    return np.array([number_of(token) for token in found], np.float64)
+
+
+# Statements of pbrt files: a directive with its arguments, in the order in which included files bring them.
+
+# Numbers after a directive.
+NUMBERS = {"LookAt": 9, "Translate": 3, "Scale": 3, "Rotate": 4, "Transform": 16, "ConcatTransform": 16,
+           "TransformTimes": 2}  # fmt: skip
+BARE = ("WorldBegin", "WorldEnd", "AttributeBegin", "AttributeEnd", "TransformBegin", "TransformEnd", "ObjectEnd",
+        "ReverseOrientation", "Identity")  # fmt: skip
+# Texts after a directive, and whether parameters follow.
+TEXTS = {
+    "Include": 1, "Import": 1, "CoordinateSystem": 1, "CoordSysTransform": 1, "NamedMaterial": 1, "ObjectBegin": 1,
+    "ObjectInstance": 1, "ColorSpace": 1, "MediumInterface": 2,
+}  # fmt: skip
+WITH_PARAMETERS = {
+    "Camera": 1, "Film": 1, "Sampler": 1, "Integrator": 1, "PixelFilter": 1, "Accelerator": 1, "Material": 1,
+    "MakeNamedMaterial": 1, "MakeNamedMedium": 1, "LightSource": 1, "AreaLightSource": 1, "Shape": 1, "Attribute": 1,
+    "Texture": 3, "Option": 0, "SurfaceIntegrator": 1, "VolumeIntegrator": 1, "Renderer": 1, "Volume": 1,
+}  # fmt: skip
+OLDER = ("SearchPath", "Exterior", "Interior")
+DIRECTIVES = (*NUMBERS, *BARE, *TEXTS, *WITH_PARAMETERS, "ActiveTransform")
+
+# Files that one scene may include, counted each time; the largest published scene has some thousand.
+MOST_FILES = 20_000
+
+
+@dataclass(frozen=True, eq=False)
+class Statement:
+    """A directive with what follows it.
+
+    Attributes
+    ----------
+    texts : tuple of str
+        Its words and quoted texts.
+    numbers : float64 array
+    """
+
+    directive: str
+    place: Place
+    texts: tuple[str, ...] = ()
+    numbers: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+    parameters: Parameters | None = None
+
+    def with_parameters(self) -> Parameters:
+        """Return the parameters of a directive that takes some."""
+        assert self.parameters is not None
+        return self.parameters
+
+    def described(self) -> str:
+        """Return directive and type, as messages name them."""
+        return " ".join([self.directive, *(f'"{text}"' for text in self.texts)])
+
+
+@dataclass
+class _Open:
+    """A file that is being read, by its real path."""
+
+    path: Path
+    tokens: Tokens
+    imported: Place | None = None
+
+
+def read_statements(path: Path) -> Iterator[Statement]:
+    """Yield the statements of a scene file and of the files that it includes.
+
+    Names of files start at the folder of the scene file, as pbrt has it. An imported file stands between
+    ``AttributeBegin`` and ``AttributeEnd``: its state does not reach beyond it.
+    """
+    stack = [_Open(path.resolve(), Tokens(read_source(path, str(path))))]
+    files = 1
+    while stack:
+        token = stack[-1].tokens.take()
+        if token is None:
+            if (place := stack.pop().imported) is not None:
+                yield Statement("AttributeEnd", place)
+            continue
+        statement = _statement(token, stack[-1].tokens)
+        if statement.directive not in ("Include", "Import"):
+            yield statement
+            continue
+        files += 1
+        if files > MOST_FILES:
+            raise statement.place.error(f"more than {MOST_FILES} files are included")
+        imported = statement.place if statement.directive == "Import" else None
+        if imported is not None:
+            yield Statement("AttributeBegin", statement.place)
+        stack.append(_included(statement, path.parent, stack))
+        stack[-1].imported = imported
+
+
+def _included(statement: Statement, folder: Path, stack: list[_Open]) -> _Open:
+    (name,) = statement.texts
+    try:
+        real = Folders(folder, owner="pbrt scene").find(name)
+        if any(level.path == real for level in stack):
+            raise InputError(f"{name} includes itself, by way of {len(stack)} files")
+        return _Open(real, Tokens(read_source(real, str(folder / name))))
+    except RptcamError as problem:
+        raise statement.place.error(f"{statement.directive}: {problem}") from None
+
+
+def _statement(token: Token, tokens: Tokens) -> Statement:
+    name = token.text
+    if token.kind != "word" or name not in DIRECTIVES:
+        raise token.place.error(_no_directive(token))
+    if name in NUMBERS:
+        return Statement(name, token.place, numbers=_numbers(tokens, token, NUMBERS[name]))
+    if name in BARE:
+        return Statement(name, token.place)
+    if name == "ActiveTransform":
+        return Statement(name, token.place, (_active(tokens, token),))
+    if name in TEXTS:
+        texts = _texts(tokens, token, TEXTS[name])
+        return Statement(name, token.place, texts)
+    texts = _texts(tokens, token, WITH_PARAMETERS[name])
+    what = " ".join([name, *(f'"{text}"' for text in texts)])
+    return Statement(name, token.place, texts, parameters=read_parameters(tokens, what, token.place))
+
+
+def _no_directive(token: Token) -> str:
+    if token.text in OLDER:
+        return f"{token.text} is a directive of pbrt-v1 or of LuxRender (allowed: scenes of pbrt-v2, v3 and v4)"
+    matches = difflib.get_close_matches(token.text, DIRECTIVES, n=1)
+    hint = f"; did you mean {matches[0]}?" if matches else " such as Shape or Camera"
+    return f"expected a directive (got {token.shown()}){hint}"
+
+
+def _numbers(tokens: Tokens, directive: Token, count: int) -> NDArray[np.float64]:
+    """Take the numbers of a directive, with brackets or without."""
+    listed = tokens.numbers_in_brackets()
+    if listed is None:
+        values: list[float] = []
+        while len(values) < count:
+            token = tokens.take()
+            if token is None:
+                raise directive.place.error(f"{directive.text} needs {count} numbers (got {len(values)})")
+            if token.kind != "bracket":
+                values.append(number_of(token))
+            elif token.text == "]" or values:
+                raise token.place.error(f"{directive.text} needs {count} numbers (got {len(values)})")
+        listed = np.array(values)
+        if (token := tokens.peek()) is not None and token.kind == "bracket" and token.text == "]":
+            tokens.take()
+    if len(listed) != count:
+        raise directive.place.error(f"{directive.text} needs {count} numbers (got {len(listed)})")
+    return listed
+
+
+def _texts(tokens: Tokens, directive: Token, count: int) -> tuple[str, ...]:
+    """Take the quoted texts of a directive; a MediumInterface may have one instead of two."""
+    found: list[str] = []
+    while len(found) < count:
+        token = tokens.peek()
+        if token is None or token.kind != "string":
+            if directive.text == "MediumInterface" and found:
+                break
+            got = "the end of the file" if token is None else token.shown()
+            raise directive.place.error(f"{directive.text} needs {count} text{'s' * (count > 1)} in quotes (got {got})")
+        tokens.take()
+        found.append(token.text)
+    return tuple(found)
+
+
+def _active(tokens: Tokens, directive: Token) -> str:
+    token = tokens.take()
+    allowed = ("StartTime", "EndTime", "All")
+    if token is None or token.text not in allowed:
+        got = "the end of the file" if token is None else token.shown()
+        raise directive.place.error(f"ActiveTransform needs one of {', '.join(allowed)} (got {got})")
+    return token.text

@@ -1,0 +1,486 @@
+"""Textures of pbrt as textures of ours, or as the colour that comes nearest."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import cached_property, partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rptcam_cl.core.colour import WAVELENGTHS_NM, blackbody, cie_1931, planck_radiance
+from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.exchange.pbrt.files import OTHERS, Context, is_readable, mean_colour, picture_name, write_exr
+from rptcam_cl.exchange.pbrt.source import Parameter, read_limited
+from rptcam_cl.exchange.pbrt.world import Entity
+from rptcam_cl.scene.assets.pictures import SUFFIXES
+
+# Spectra and colours of other spaces as linear sRGB (ITU-R BT.709 primaries, white D65).
+
+Array = NDArray[np.float64]
+
+D65 = (0.3127, 0.3290)
+ACES_WHITE = (0.32168, 0.33767)
+# Primaries and white as CIE x, y: BT.709, BT.2020, SMPTE RP 431-2 with D65 as pbrt has it, SMPTE ST 2065-1.
+_PRIMARIES = {
+    "srgb": ((0.64, 0.33), (0.30, 0.60), (0.15, 0.06), D65),
+    "rec2020": ((0.708, 0.292), (0.170, 0.797), (0.131, 0.046), D65),
+    "dci-p3": ((0.680, 0.320), (0.265, 0.690), (0.150, 0.060), D65),
+    "aces2065-1": ((0.7347, 0.2653), (0.0, 1.0), (0.0001, -0.077), ACES_WHITE),
+}
+
+
+def xyz_of(xy: ArrayLike) -> Array:
+    """Return X, Y = 1, Z of a chromaticity."""
+    x, y = np.asarray(xy, np.float64)
+    return np.array([x / y, 1.0, (1 - x - y) / y])
+
+
+def _xyz_from_rgb(space: str) -> Array:
+    *primaries, white = _PRIMARIES[space]
+    columns = np.stack([xyz_of(xy) if xy[1] else np.array([1.0, 0.0, 0.0]) for xy in primaries], axis=1)
+    return np.asarray(columns * np.linalg.solve(columns, xyz_of(white)))
+
+
+XYZ_FROM_SRGB = _xyz_from_rgb("srgb")
+SRGB_FROM_XYZ = np.linalg.inv(XYZ_FROM_SRGB)
+
+
+def srgb_from(space: str, rgb: ArrayLike) -> Array:
+    """Return linear sRGB of the colour (…, 3) of a space; white stays white, as in the space's own light."""
+    values = np.asarray(rgb, np.float64)
+    if space == "srgb":
+        return values
+    matrix = SRGB_FROM_XYZ @ _xyz_from_rgb(space)
+    # scaled per channel so that (1, 1, 1) stays so, also where the whites differ
+    return np.asarray(values @ (matrix / (matrix @ np.ones(3))[:, None]).T)
+
+
+def srgb_of_white(xy: ArrayLike) -> Array:
+    """Return linear sRGB of a light of some chromaticity and of luminance 1."""
+    return np.asarray(SRGB_FROM_XYZ @ xyz_of(xy))
+
+
+WIEN = 2.897771955e6  # temperature times the wavelength where a black body is brightest [nm K], CODATA 2018
+LUMINOUS = float(cie_1931()[:, 1].sum())
+
+# Chromaticities x, y of standard illuminants, 2 degrees (CIE 15:2004, table T.3 and T.5); ACES: SMPTE ST 2065-1.
+ILLUMINANTS = {
+    "stdillum-A": (0.44758, 0.40745), "stdillum-D50": (0.34567, 0.35851), "stdillum-D65": D65,
+    "stdillum-F1": (0.3131, 0.3371), "stdillum-F2": (0.3721, 0.3751), "stdillum-F3": (0.4091, 0.3941),
+    "stdillum-F4": (0.4402, 0.4031), "stdillum-F5": (0.3138, 0.3452), "stdillum-F6": (0.3779, 0.3882),
+    "stdillum-F7": (0.3129, 0.3292), "stdillum-F8": (0.3458, 0.3586), "stdillum-F9": (0.3741, 0.3727),
+    "stdillum-F10": (0.3458, 0.3588), "stdillum-F11": (0.3805, 0.3769), "stdillum-F12": (0.4370, 0.4042),
+    "illum-acesD60": ACES_WHITE,
+}  # fmt: skip
+
+
+def xyz_of_samples(wavelengths_nm: ArrayLike, values: ArrayLike) -> Array:
+    """Return X, Y, Z of a spectrum, linear between its samples; one that is 1 everywhere has Y = 1.
+
+    Beyond its first and last sample a spectrum keeps their values.
+    """
+    order = np.argsort(np.asarray(wavelengths_nm, np.float64), kind="stable")
+    samples = np.interp(WAVELENGTHS_NM, np.asarray(wavelengths_nm)[order], np.asarray(values)[order])
+    return np.asarray(samples @ cie_1931() / LUMINOUS)
+
+
+def reflectance_srgb(wavelengths_nm: ArrayLike, values: ArrayLike) -> Array:
+    """Return linear sRGB of a reflectance spectrum; one that reflects everything is (1, 1, 1)."""
+    white = SRGB_FROM_XYZ @ xyz_of_samples([500.0], [1.0])
+    return np.asarray(SRGB_FROM_XYZ @ xyz_of_samples(wavelengths_nm, values) / white)
+
+
+def light_srgb(wavelengths_nm: ArrayLike, values: ArrayLike, *, luminance: float | None = None) -> Array:
+    """Return linear sRGB of a light's spectrum, scaled to a luminance if one is given."""
+    xyz = xyz_of_samples(wavelengths_nm, values)
+    if luminance is not None:
+        xyz = xyz * (luminance / xyz[1]) if xyz[1] > 0 else np.zeros(3)
+    return np.asarray(SRGB_FROM_XYZ @ xyz)
+
+
+def planck(kelvin: float) -> Array:
+    """Return a black body's radiance at `WAVELENGTHS_NM`, 1 at its peak (Wien's law), wherever that lies."""
+    return np.asarray(blackbody(kelvin) / planck_radiance(WIEN / kelvin, kelvin))
+
+
+def black_body_srgb(kelvin: float, *, luminance: float | None) -> Array:
+    """Return linear sRGB of a black body of a temperature [K]: of a luminance, or with its spectrum's peak at 1."""
+    return light_srgb(WAVELENGTHS_NM, planck(kelvin), luminance=luminance)
+
+
+def illuminant_srgb(name: str) -> Array:
+    """Return linear sRGB of a standard illuminant of luminance 1."""
+    return srgb_of_white(ILLUMINANTS[name])
+
+
+# Colours of parameters: reflectances, lights and indices, whichever way pbrt lets them be written.
+
+COLOURS = ("rgb", "color", "xyz", "spectrum", "blackbody", "float")
+LARGEST_SPECTRUM = 10_000_000
+
+
+def reflectance(context: Context, entity: Entity, name: str, default: float | Array) -> Array:
+    """Return a reflectance or another share, linear sRGB from 0 to 1."""
+    item = entity.parameters.get(name, *COLOURS)
+    if item is None:
+        return np.broadcast_to(np.asarray(default, np.float64), (3,)).copy()
+    if item.kind == "spectrum":
+        wavelengths, values = samples_of(context, item)
+        colour = reflectance_srgb(wavelengths, values)
+    else:
+        colour = _plain(item, entity)
+    if colour.min() < 0 or colour.max() > 1:
+        context.report.approximated(item.place, f'{entity.what}: "{name}" is cut to 0 … 1')
+    return np.clip(colour, 0, 1)
+
+
+def light(context: Context, entity: Entity, name: str) -> Array:
+    """Return the colour of a light, linear sRGB from 0 up; 1 when the parameter is absent.
+
+    pbrt-v4 scales every light to luminance 1 whose colour is a spectrum; one given as ``rgb`` it takes as it is.
+    """
+    item = entity.parameters.get(name, *COLOURS)
+    if item is None:
+        return np.ones(3)
+    luminance = 1.0 if context.scene.version == 4 else None
+    values = item.values
+    if item.kind == "blackbody" and isinstance(values, np.ndarray):
+        if len(values) > 2 or not len(values) or not values[0] > 0:
+            raise item.place.error(f'{entity.what}: "{name}" needs a temperature above 0 [K] (got {_shown(values)})')
+        scale = float(values[1]) if len(values) == 2 else 1.0
+        colour = scale * black_body_srgb(float(values[0]), luminance=luminance)
+    elif item.kind == "spectrum" and len(values) == 1 and str(values[0]) in ILLUMINANTS:
+        colour = illuminant_srgb(str(values[0]))
+    elif item.kind == "spectrum":
+        colour = light_srgb(*samples_of(context, item), luminance=luminance)
+    else:
+        colour = _plain(item, entity)
+    if colour.min() < 0:
+        context.report.approximated(item.place, f'{entity.what}: "{name}" lies outside sRGB; cut at 0')
+    return np.maximum(colour, 0)
+
+
+def scale_factor(context: Context, entity: Entity, name: str = "scale") -> Array:
+    """Return the factor on a light: a number in pbrt-v4, a colour in pbrt-v3."""
+    item = entity.parameters.get(name, *COLOURS)
+    if item is None:
+        return np.ones(3)
+    if item.kind == "spectrum":
+        return np.maximum(reflectance_srgb(*samples_of(context, item)), 0)
+    return np.maximum(_plain(item, entity), 0)
+
+
+def samples_of(context: Context, item: Parameter) -> tuple[Array, Array]:
+    """Return wavelengths [nm] and values of a spectrum: of pairs, of a file of pairs, or a single number."""
+    if isinstance(item.values, np.ndarray):
+        return _pairs(np.asarray(item.values, np.float64), item)
+    (name, *others) = (str(value) for value in item.values)
+    if others:
+        raise item.place.error(f'"{item.name}" needs one spectrum (got {1 + len(others)})')
+    text = read_limited(context.find(name, item.place), name, LARGEST_SPECTRUM).decode("latin-1")
+    words = [word for line in text.splitlines() for word in line.split("#", 1)[0].replace(",", " ").split()]
+    try:
+        numbers = np.array(words, np.float64)
+    except ValueError:
+        raise item.place.error(f"{name}: must hold pairs of a wavelength [nm] and a value") from None
+    return _pairs(numbers, item)
+
+
+def _pairs(numbers: Array, item: Parameter) -> tuple[Array, Array]:
+    if len(numbers) == 1:
+        return np.array([500.0]), numbers
+    if len(numbers) % 2 or not len(numbers) or not np.isfinite(numbers).all():
+        raise item.place.error(
+            f'"{item.name}" needs pairs of a wavelength [nm] and a value (got {len(numbers)} numbers)'
+        )
+    return numbers[::2], numbers[1::2]
+
+
+def _plain(item: Parameter, entity: Entity) -> Array:
+    """Return the colour of rgb, xyz or a single number."""
+    if item.kind == "blackbody" or not isinstance(item.values, np.ndarray):
+        raise item.place.error(f'{entity.what}: "{item.name}" cannot be a {item.kind}')
+    values = item.values
+    if item.kind == "float" and len(values) == 1:
+        return np.full(3, float(values[0]))
+    if len(values) != 3:
+        raise item.place.error(f'{entity.what}: "{item.name}" needs 3 numbers (got {len(values)})')
+    if item.kind == "xyz":
+        return np.asarray(SRGB_FROM_XYZ @ values)
+    return srgb_from(entity.color_space, values)
+
+
+def _shown(values: Array) -> str:
+    return " ".join(f"{value:g}" for value in values) or "nothing"
+
+
+Keys = dict[str, Any]
+
+WRAPS = {"repeat": "repeat", "clamp": "clamp", "octahedralsphere": "clamp"}
+# Parameters of filtering, which is ours to choose.
+FILTERING = ("maxanisotropy", "trilinear", "filter")
+GREY = 0.5
+# Along each side of the picture of u and v.
+UV_TEXELS = 256
+# Nested deeper than textures are on purpose; a name that refers to itself never gets here.
+DEEPEST = 32
+
+
+@dataclass(frozen=True, eq=False)
+class Shade:
+    """What a parameter of a material is: one colour, or a texture of ours with its mean.
+
+    Attributes
+    ----------
+    mean : (3,) array, or a function that returns it
+        The colour, or the mean of the texture, for where ours takes no texture.
+    texture : dict or None
+        Keys of a texture.
+    """
+
+    mean: Array | Callable[[], Array]
+    texture: Keys | None = None
+
+    @cached_property
+    def colour(self) -> Array:
+        """The mean; that of a picture is computed on demand, as the whole picture must be read."""
+        return self.mean() if callable(self.mean) else self.mean
+
+    def keys(self) -> Any:
+        """Return what a key of ours that takes colours and textures is set to."""
+        return self.colour.tolist() if self.texture is None else self.texture
+
+    def scaled(self, factor: Array) -> Shade:
+        """Return the shade times a colour, as near as a texture of ours can."""
+        texture = self.texture
+        if texture is not None:
+            texture = dict(texture)
+            for name in ("even", "odd"):
+                if name in texture:
+                    texture[name] = np.clip(np.array(texture[name]) * factor, 0, 1).tolist()
+            if texture["kind"] == "image":
+                texture["gain"] = _plainest(np.maximum(np.multiply(texture.get("gain", 1.0), factor), 0))
+        return Shade(lambda: np.clip(self.colour * factor, 0, 1), texture)
+
+
+def _plainest(gain: Array) -> float | list[float]:
+    """Return a gain as a number where its channels are equal."""
+    return float(gain[0]) if np.ptp(gain) == 0 else list(gain.tolist())
+
+
+def shade(context: Context, entity: Entity, name: str, default: float | Array, depth: int = 0) -> Shade:
+    """Return a colour parameter of a material or texture."""
+    item = entity.parameters.get(name, "texture", *COLOURS)
+    if item is None or item.kind != "texture":
+        return Shade(reflectance(context, entity, name, default))
+    return _named(context, entity, item, "spectrum", depth)
+
+
+def value(context: Context, entity: Entity, name: str, default: float) -> float:
+    """Return a number parameter; a texture or colour is replaced by its mean."""
+    found = number_shade(context, entity, name, default)
+    if found.texture is not None:
+        place = entity.parameters.items[name].place
+        context.report.approximated(place, f'{entity.what}: "{name}" is its mean, not a texture')
+    return single(context, entity, name, found)
+
+
+def number_shade(context: Context, entity: Entity, name: str, default: float) -> Shade:
+    """Return a number parameter that may vary over the surface; one given as a colour stays a colour."""
+    item = entity.parameters.get(name, "texture", *COLOURS)
+    if item is None or item.kind == "float":
+        return Shade(np.full(3, default if item is None else entity.parameters.number(name, default)))
+    if item.kind == "texture":
+        return _named(context, entity, item, "float", 0)
+    return Shade(reflectance(context, entity, name, default))
+
+
+def single(context: Context, entity: Entity, name: str, found: Shade) -> float:
+    """Return the mean over the channels of a parameter where ours takes one number; a colour is reported."""
+    if np.ptp(found.colour) > 1e-6:
+        place = entity.parameters.items[name].place
+        context.report.approximated(place, f'{entity.what}: the colour "{name}" as its mean over the channels')
+    return float(found.colour.mean())
+
+
+def _named(context: Context, entity: Entity, item: Parameter, kind: str, depth: int) -> Shade:
+    (name, *others) = (str(text) for text in item.values)
+    texture = entity.textures.get((kind, name))
+    if texture is None or others:
+        other = entity.textures.get(("float" if kind == "spectrum" else "spectrum", name))
+        hint = f"; one of the other type is, on {other.place.line}" if other is not None else ""
+        raise item.place.error(f'no {kind} texture is named "{name}"{hint}')
+    if depth > DEEPEST:
+        raise item.place.error(f"textures refer to each other more than {DEEPEST} deep")
+    found = context.known.get(id(texture))
+    if not isinstance(found, Shade):
+        found = context.known[id(texture)] = _converted(context, texture, depth + 1)
+    return found
+
+
+def _converted(context: Context, texture: Entity, depth: int) -> Shade:
+    """Return a texture as one of ours."""
+    match texture.kind:
+        case "constant":
+            return Shade(_constant(context, texture))
+        case "imagemap":
+            return _image(context, texture)
+        case "checkerboard":
+            return _checkerboard(context, texture, depth)
+        case "scale":
+            return _scale(context, texture, depth)
+        case "mix":
+            return _mix(context, texture, depth)
+        case "bilerp":
+            corners = {"v00": 0.0, "v01": 1.0, "v10": 0.0, "v11": 1.0}
+            found = [shade(context, texture, name, default, depth).colour for name, default in corners.items()]
+            context.report.approximated(texture.place, f"{texture.what}: the mean of its corners")
+            return Shade(np.mean(found, axis=0))
+        case "dots":
+            return _dots(context, texture, depth)
+        case "uv":
+            return _coordinates(context, texture)
+    known = ("fbm", "wrinkled", "windy", "marble", "ptex", "directionmix")
+    if texture.kind not in known:
+        drawn = ("constant", "imagemap", "checkerboard", "scale", "mix", "bilerp", "dots", "uv")
+        allowed = ", ".join((*drawn, *known))
+        raise texture.place.error(f'unknown texture "{texture.kind}" (allowed: {allowed})')
+    texture.parameters.used.update(texture.parameters.items)
+    context.report.approximated(texture.place, f"{texture.what}: grey {GREY:g}")
+    return Shade(np.full(3, GREY))
+
+
+def _constant(context: Context, texture: Entity) -> Array:
+    item = texture.parameters.get("value", *COLOURS)
+    if item is not None and item.kind == "float":
+        return np.full(3, texture.parameters.number("value", 1.0))
+    return reflectance(context, texture, "value", 1.0)
+
+
+def _mapping(context: Context, texture: Entity) -> Keys:
+    parameters = texture.parameters
+    mapping = parameters.text("mapping", "uv")
+    if mapping != "uv":
+        parameters.skip("v1", "v2")
+        context.report.approximated(texture.place, f'{texture.what}: the mapping "{mapping}" as that of u and v')
+    scale = [parameters.number("uscale", 1.0), parameters.number("vscale", 1.0)]
+    offset = [parameters.number("udelta", 0.0), parameters.number("vdelta", 0.0)]
+    return ({"scale": scale} if scale != [1, 1] else {}) | ({"offset": offset} if offset != [0, 0] else {})
+
+
+def _image(context: Context, texture: Entity) -> Shade:
+    parameters = texture.parameters
+    parameters.skip(*FILTERING)
+    name = parameters.text("filename", "")
+    if not name:
+        raise texture.place.error(f'{texture.what} needs a parameter "string filename"')
+    place = parameters.items["filename"].place
+    path = context.find_or_note(name, place, f"grey {GREY:g}")
+    if path is None:
+        texture.parameters.used.update(texture.parameters.items)
+        return Shade(np.full(3, GREY))
+    wrap = parameters.text("wrap", "repeat")
+    found: Keys = {"kind": "image"}
+    if parameters.boolean("invert", False):
+        context.report.ignored(place, f"{texture.what}: invert")
+    if not is_readable(path):
+        allowed = " ".join((*SUFFIXES, *OTHERS))
+        context.report.approximated(
+            place, f"{name}: a kind of picture that is not read (grey {GREY:g}; allowed: {allowed})"
+        )
+        for unused in ("wrap", "scale", "encoding", "gamma", "uscale", "vscale", "udelta", "vdelta", "mapping"):
+            parameters.skip(unused)
+        return Shade(np.full(3, GREY))
+    found["file"] = picture_name(context, path, place)
+    if wrap in WRAPS and WRAPS[wrap] != "repeat":
+        found["wrap"] = WRAPS[wrap]
+    elif wrap not in WRAPS:
+        context.report.approximated(place, f'{texture.what}: wrap "{wrap}" as clamp')
+        found["wrap"] = "clamp"
+    found |= _encoding(context, texture)
+    if (gain := max(parameters.number("scale", 1.0), 0.0)) != 1:
+        found["gain"] = gain
+    linear = found.get("color_space") == "linear"
+    return Shade(
+        lambda: np.clip(gain * mean_colour(path, place, linear=linear), 0, 1), found | _mapping(context, texture)
+    )
+
+
+def _encoding(context: Context, texture: Entity) -> Keys:
+    """Return how the picture's numbers are meant: ``encoding`` in pbrt-v4, ``gamma`` in pbrt-v3."""
+    parameters = texture.parameters
+    if not parameters.has("encoding") and not parameters.has("gamma"):
+        return {}
+    encoding = parameters.text("encoding", "") if parameters.has("encoding") else (
+        "sRGB" if parameters.boolean("gamma", True) else "linear")  # fmt: skip
+    if encoding.startswith("gamma"):
+        context.report.approximated(texture.place, f'{texture.what}: encoding "{encoding}" as sRGB')
+        encoding = "sRGB"
+    return {"color_space": "srgb" if encoding == "sRGB" else "linear"}
+
+
+def _checkerboard(context: Context, texture: Entity, depth: int) -> Shade:
+    if texture.parameters.integer("dimension", 2) != 2:
+        context.report.approximated(texture.place, f"{texture.what}: in u and v, not in space")
+    texture.parameters.skip("aamode")
+    even, odd = (shade(context, texture, name, default, depth) for name, default in (("tex1", 1.0), ("tex2", 0.0)))
+    if even.texture is not None or odd.texture is not None:
+        context.report.approximated(texture.place, f"{texture.what}: its textures as one colour each")
+    keys = {"kind": "checker", "even": even.colour.tolist(), "odd": odd.colour.tolist()}
+    return Shade((even.colour + odd.colour) / 2, keys | _mapping(context, texture))
+
+
+def _scale(context: Context, texture: Entity, depth: int) -> Shade:
+    """Return the product of two textures: ``tex`` and ``scale`` in pbrt-v4, ``tex1`` and ``tex2`` in pbrt-v3."""
+    names = ("tex", "scale") if texture.parameters.has("tex") or texture.parameters.has("scale") else ("tex1", "tex2")
+    first, second = (_factor(context, texture, name, depth) for name in names)
+    if first.texture is not None and second.texture is not None:
+        context.report.approximated(texture.place, f"{texture.what}: the second texture as one colour")
+    if first.texture is None:
+        first, second = second, first
+    return first.scaled(second.colour)
+
+
+def _factor(context: Context, texture: Entity, name: str, depth: int) -> Shade:
+    item = texture.parameters.get(name, "texture", *COLOURS)
+    if item is not None and item.kind in ("float", "rgb", "color") and len(item.values) in (1, 3):
+        return Shade(np.broadcast_to(np.asarray(item.values, np.float64), (3,)).copy())  # may exceed 1
+    return shade(context, texture, name, 1.0, depth)
+
+
+def _mix(context: Context, texture: Entity, depth: int) -> Shade:
+    """Return a mixture; an amount that is a colour mixes each channel by its own share."""
+    first, second = (shade(context, texture, name, default, depth) for name, default in (("tex1", 0.0), ("tex2", 1.0)))
+    amount = number_shade(context, texture, "amount", 0.5)
+    for part, other in ((first, 1 - amount.colour), (second, amount.colour)):
+        if amount.texture is None and np.all(other == 1):
+            return part
+    if any(part.texture is not None for part in (first, second, amount)):
+        context.report.approximated(texture.place, f"{texture.what}: its textures as one colour each")
+    return Shade((1 - amount.colour) * first.colour + amount.colour * second.colour)
+
+
+def _dots(context: Context, texture: Entity, depth: int) -> Shade:
+    """Return the mean of spots and ground: every other cell of u and v has a spot of radius 0.35."""
+    inside, outside = (
+        shade(context, texture, name, default, depth).colour for name, default in (("inside", 1.0), ("outside", 0.0))
+    )
+    _mapping(context, texture)
+    context.report.approximated(texture.place, f"{texture.what}: the mean of its spots and their ground")
+    spots = 0.5 * math.pi * 0.35**2
+    return Shade(spots * inside + (1 - spots) * outside)
+
+
+def _coordinates(context: Context, texture: Entity) -> Shade:
+    """Return u as red and v as green: a picture, whose texels hold what their centres have."""
+    if "uv" not in context.pictures:
+        steps = (np.arange(UV_TEXELS) + 0.5) / UV_TEXELS
+        red, green = np.meshgrid(steps, steps[::-1])  # the top row is that of the largest v
+        pixels = np.stack([red, green, np.zeros_like(red)], axis=-1).astype(np.float32)
+        context.pictures["uv"] = context.files.add("files", "uv.exr", partial(write_exr, pixels))
+        context.report.noted(texture.place, f"{texture.what}: written as a picture, to {context.pictures['uv']}")
+    keys = {"kind": "image", "file": context.pictures["uv"]}
+    return Shade(np.array([0.5, 0.5, 0.0]), keys | _mapping(context, texture))

@@ -1,0 +1,587 @@
+"""From statements to a pbrt scene: the directives one by one, under a stack of graphics states."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.exchange.pbrt.source import NUMBERS, Parameter, Parameters, Place, Report, Statement, read_statements
+
+#
+# Transforms of pbrt: 4x4 matrices that act on columns, in float64.
+#
+# pbrt says left-handed, but a matrix is a matrix: the numbers are what its directives make of them. Handedness
+# matters once, when a picture is compared with another (see ``cameras.frame_of``).
+
+Matrix = NDArray[np.float64]
+SMALLEST = 1e-12
+# Beyond what coordinates of ours may be (see scene.quantities).
+LARGEST = 1e12
+# Ratio of stretches from which on ours takes a transform (see scene.transform); vertices may be flattened further.
+LEAST_RATIO = 1e-6
+
+# Where nothing is: the transform of what stands under one that cannot be used.
+NOWHERE = np.full((4, 4), np.nan)
+
+ODD = "its transform flattens space, or leads beyond what a scene can hold"
+
+# Decimal digits that coordinates keep: far more than float32 has, fewer than float64 leaves after an inverse.
+DIGITS = 13
+
+
+class OddTransformError(ValueError):
+    """A transform that places nothing, with what is odd about it."""
+
+
+def step_matrix(statement: Statement) -> Matrix:
+    """Return the matrix that a transforming directive multiplies the current one with, from the right.
+
+    Raises
+    ------
+    OddTransformError
+        When it flattens space, or fixes no view or axis.
+    """
+    numbers = statement.numbers
+    result = np.eye(4)
+    match statement.directive:
+        case "Translate":
+            result[:3, 3] = numbers
+        case "Scale":
+            if not numbers.all():
+                raise OddTransformError("Scale by 0 flattens space")
+            result[:3, :3] = np.diag(numbers)
+        case "Rotate":
+            result[:3, :3] = _rotation(statement)
+        case "LookAt":
+            result = _camera_from_world(statement)
+        case _:
+            result = checked(statement)
+    return result
+
+
+def checked(statement: Statement) -> Matrix:
+    """Return the matrix of ``Transform`` or ``ConcatTransform``, which pbrt writes column by column.
+
+    Raises
+    ------
+    OddTransformError
+        When it is not affine, or cannot be inverted.
+    """
+    matrix = statement.numbers.reshape(4, 4).T.copy()
+    if not np.allclose(matrix[3], (0, 0, 0, matrix[3, 3]), rtol=0, atol=1e-9) or abs(matrix[3, 3]) < SMALLEST:
+        raise OddTransformError(
+            f"{statement.directive} is not affine: every fourth number must be 0, the last one 1 (written by columns)"
+        )
+    matrix /= matrix[3, 3]
+    if not is_invertible(matrix):
+        raise OddTransformError(f"{statement.directive} cannot be inverted: it flattens space")
+    return matrix
+
+
+def is_invertible(matrix: Matrix) -> bool:
+    """Return whether a transform is finite, and its linear part keeps three dimensions apart."""
+    if not np.isfinite(matrix).all():
+        return False
+    stretches = np.linalg.svd(matrix[:3, :3], compute_uv=False)
+    return bool(stretches[-1] > SMALLEST * stretches[0])
+
+
+def is_bearable(matrix: Matrix) -> bool:
+    """Return whether a transform places things where a scene of ours can hold them."""
+    if not is_invertible(matrix):
+        return False
+    stretches = np.linalg.svd(matrix[:3, :3], compute_uv=False)
+    return bool(stretches[-1] > SMALLEST and stretches[0] < LARGEST and np.abs(matrix[:3, 3]).max() < LARGEST)
+
+
+def is_transform_of_ours(matrix: Matrix) -> bool:
+    """Return whether a scene of ours takes a matrix as the transform of an object."""
+    stretches = np.linalg.svd(matrix[:3, :3], compute_uv=False)
+    return bool(stretches[-1] > LEAST_RATIO * (1 + LEAST_RATIO) * stretches[0])
+
+
+def _rotation(statement: Statement) -> Matrix:
+    """Return the 3x3 turn about an axis (Rodrigues)."""
+    degrees, *axis = statement.numbers
+    length = math.hypot(*axis)
+    if length < SMALLEST:
+        raise OddTransformError("Rotate needs an axis (got 0 0 0)")
+    unit = np.array(axis) / length
+    angle = math.radians(degrees)
+    aligned = np.outer(unit, unit)
+    return np.asarray(aligned + math.cos(angle) * (np.eye(3) - aligned) + math.sin(angle) * np.cross(np.eye(3), unit))
+
+
+def _camera_from_world(statement: Statement) -> Matrix:
+    """Return the matrix of ``LookAt``: +z of the camera looks at the target, +y is up, +x is up x forward."""
+    eye, target, up = statement.numbers.reshape(3, 3)
+    forward = target - eye
+    right = np.cross(up, forward)
+    if np.linalg.norm(right) <= SMALLEST * float(np.linalg.norm(up)) * float(np.linalg.norm(forward)):
+        raise OddTransformError("LookAt: eye, target and up fix no view (allowed: eye off the target, up not along)")
+    forward = forward / np.linalg.norm(forward)
+    right = right / np.linalg.norm(right)
+    world_from_camera = np.eye(4)
+    world_from_camera[:3] = np.stack([right, np.cross(forward, right), forward, eye], axis=1)
+    return np.asarray(np.linalg.inv(world_from_camera))
+
+
+def apply(matrix: Matrix, points: Matrix) -> Matrix:
+    """Return points (n, 3) transformed."""
+    return np.asarray(points @ matrix[:3, :3].T + matrix[:3, 3])
+
+
+def apply_to_normals(matrix: Matrix, normals: Matrix) -> Matrix:
+    """Return unit normals (n, 3) transformed: by the inverse transpose."""
+    turned = normals @ np.linalg.inv(matrix[:3, :3])
+    lengths = np.linalg.norm(turned, axis=1, keepdims=True)
+    return np.asarray(turned / np.where(lengths > 0, lengths, 1))
+
+
+def reflects(matrix: Matrix) -> bool:
+    """Return whether a transform makes a left hand of a right one."""
+    return bool(np.linalg.det(matrix[:3, :3]) < 0)
+
+
+def is_similarity(matrix: Matrix) -> bool:
+    """Return whether the linear part turns, reflects and scales evenly, and nothing else."""
+    gram = matrix[:3, :3].T @ matrix[:3, :3]
+    return bool(np.allclose(gram, gram[0, 0] * np.eye(3), rtol=0, atol=1e-5 * gram[0, 0]))
+
+
+def tidy(values: ArrayLike) -> list[Any]:
+    """Return an array as nested lists, rounded to `DIGITS` of its largest number: what inverses leave vanishes."""
+    array = np.asarray(values, np.float64)
+    largest = float(np.abs(array).max(initial=0))
+    if not 0 < largest < math.inf:
+        return list(array.tolist())
+    decimals = DIGITS - 1 - math.floor(math.log10(largest))
+    return list((np.round(array, decimals) + 0.0).tolist())  # + 0.0 makes no zero negative
+
+
+def mean_scale(matrix: Matrix) -> float:
+    """Return the factor of lengths of a similarity; of another transform the mean over its axes."""
+    return float(np.cbrt(abs(np.linalg.det(matrix[:3, :3]))))
+
+
+# What the statements of a pbrt scene set up: a graphics state, and the things made under it.
+
+TextureKey = tuple[str, str]
+
+
+@dataclass(frozen=True, eq=False)
+class Entity:
+    """A light, material, texture, shape or camera, with the state in which it was declared.
+
+    Attributes
+    ----------
+    kind : str
+        Its type, such as ``perspective`` or ``matte``.
+    world_from_object : (4, 4) array
+        The current transform; that of a camera goes the other way, from the world to the camera.
+    color_space : str
+        Which red, green and blue its ``rgb`` parameters mean.
+    textures : mapping
+        The textures that its parameters name, by (float or spectrum, name).
+    """
+
+    kind: str
+    parameters: Parameters
+    world_from_object: Matrix
+    color_space: str = "srgb"
+    textures: Mapping[TextureKey, Entity] = field(default_factory=dict)
+
+    @property
+    def place(self) -> Place:
+        """Where it was declared."""
+        return self.parameters.place
+
+    @property
+    def what(self) -> str:
+        """The directive, for messages."""
+        return self.parameters.what
+
+
+@dataclass(frozen=True, eq=False)
+class MaterialName:
+    """A material called by its name, which may be defined later."""
+
+    name: str
+    place: Place
+
+
+@dataclass(frozen=True, eq=False)
+class ShapeUse:
+    """A shape with what it is made of."""
+
+    shape: Entity
+    material: Entity | MaterialName | None
+    lamp: Entity | None
+    reverse: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Instance:
+    """A named object placed in the world."""
+
+    name: str
+    world_from_instance: Matrix
+    place: Place
+
+
+@dataclass
+class PbrtScene:
+    """Everything that a scene file declares.
+
+    Attributes
+    ----------
+    options : dict
+        Camera, Film, Sampler, Integrator, PixelFilter: the last one of each.
+    objects : dict
+        Shapes of named objects, for instances.
+    version : int
+        3 or 4: which release of pbrt the file was written for.
+    """
+
+    options: dict[str, Entity] = field(default_factory=dict)
+    shapes: list[ShapeUse | Instance] = field(default_factory=list)
+    objects: dict[str, list[ShapeUse]] = field(default_factory=dict)
+    lights: list[Entity] = field(default_factory=list)
+    materials: dict[str, Entity] = field(default_factory=dict)
+    version: int = 4
+
+    def material_of(self, use: Entity | MaterialName | None) -> Entity | None:
+        """Return a material, looked up when it is called by its name; None for pbrt's default."""
+        if not isinstance(use, MaterialName):
+            return use
+        if use.name not in self.materials:
+            known = ", ".join(list(self.materials)[:10]) or "none"
+            raise use.place.error(f'no material is named "{use.name}" (named are: {known})')
+        return self.materials[use.name]
+
+    def placed(self) -> Iterator[tuple[ShapeUse, Matrix, Instance | None]]:
+        """Yield every shape with its placement in the world, once for each instance."""
+        for item in self.shapes:
+            if isinstance(item, ShapeUse):
+                yield item, item.shape.world_from_object, None
+                continue
+            if item.name not in self.objects:
+                raise item.place.error(f'no object is named "{item.name}"')
+            for use in self.objects[item.name]:
+                yield use, item.world_from_instance @ use.shape.world_from_object, item
+
+
+@dataclass(frozen=True, eq=False)
+class GraphicsState:
+    """What ``AttributeBegin`` keeps and ``AttributeEnd`` brings back."""
+
+    ctm: Matrix = field(default_factory=lambda: np.eye(4))
+    moving: bool = True
+    reverse: bool = False
+    material: Entity | MaterialName | None = None
+    lamp: Entity | None = None
+    color_space: str = "srgb"
+    defaults: Mapping[str, tuple[Parameter, ...]] = field(default_factory=dict)
+
+
+COLOR_SPACES = ("srgb", "rec2020", "dci-p3", "aces2065-1")
+OPTIONS = ("Camera", "Film", "Sampler", "Integrator", "SurfaceIntegrator", "PixelFilter")
+IGNORED = {
+    "Accelerator": "how rays find surfaces is decided by the renderer",
+    "MakeNamedMedium": "there are no media such as fog",
+    "MediumInterface": "there are no media such as fog",
+    "TransformTimes": "nothing moves while the shutter is open",
+    "Option": "it steers pbrt itself",
+    "Renderer": "it steers pbrt-v2 itself",
+    "Volume": "there are no media such as fog",
+    "VolumeIntegrator": "there are no media such as fog",
+}
+# Targets of ``Attribute`` by the directive that takes the defaults.
+TARGETS = {"Shape": "shape", "LightSource": "light", "AreaLightSource": "light", "Material": "material",
+           "MakeNamedMaterial": "material", "Texture": "texture"}  # fmt: skip
+# Nested deeper than any scene that was written on purpose.
+DEEPEST = 10_000
+
+
+@dataclass
+class _Saved:
+    kind: str
+    state: GraphicsState
+    place: Place
+
+
+@dataclass
+class World:
+    """Takes statements in their order."""
+
+    report: Report
+    scene: PbrtScene = field(default_factory=PbrtScene)
+    state: GraphicsState = field(default_factory=GraphicsState)
+    saved: list[_Saved] = field(default_factory=list)
+    spaces: dict[str, Matrix] = field(default_factory=dict)
+    textures: dict[TextureKey, Entity] = field(default_factory=dict)
+    in_world: bool = False
+    current_object: str | None = None
+
+    def take(self, statement: Statement) -> None:
+        """Carry out one statement."""
+        name = statement.directive
+        if statement.parameters is not None:
+            for item in statement.parameters.repeated:
+                what = f'{statement.described()}: "{item.name}" is given twice; the last one counts'
+                self.report.noted(item.place, what)
+        if name in IGNORED:
+            self.report.ignored(statement.place, f"{statement.described()}: {IGNORED[name]}")
+            return
+        if name in NUMBERS:
+            self._transform(statement)
+            return
+        if name in OPTIONS:
+            self._option(statement)
+            return
+        _ACTIONS[name](self, statement)
+
+    def finish(self) -> PbrtScene:
+        """Return the scene, once all blocks are closed."""
+        if self.saved:
+            last = self.saved[-1]
+            raise last.place.error(f"{last.kind}Begin is never closed by {last.kind}End")
+        return self.scene
+
+    def entity(self, statement: Statement, kind: str, parameters: Parameters | None = None) -> Entity:
+        """Return what a statement declares, with the defaults of ``Attribute`` and the textures that it names."""
+        given = parameters or statement.with_parameters()
+        for item in self.state.defaults.get(TARGETS.get(statement.directive, ""), ()):
+            given.items.setdefault(item.name, item)
+        bound: dict[TextureKey, Entity] = {}
+        for item in given.items.values():
+            if item.kind == "texture":
+                for text in item.values:
+                    bound |= {key: self.textures[key] for key in _keys(str(text)) if key in self.textures}
+        return Entity(kind, given, self.state.ctm, self.state.color_space, bound)
+
+    def _transform(self, statement: Statement) -> None:
+        if not self.state.moving:
+            self.report.ignored(statement.place, f"{statement.directive} at the end time: nothing moves")
+            return
+        try:
+            is_whole = statement.directive == "Transform"
+            with np.errstate(over="ignore", invalid="ignore"):
+                found = checked(statement) if is_whole else self.state.ctm @ step_matrix(statement)
+            if not np.isfinite(found).all() and np.isfinite(self.state.ctm).all():
+                raise OddTransformError(f"{statement.directive} leads beyond the range of numbers")
+            self.set_transform(found)
+        except OddTransformError as problem:
+            self.report.noted(statement.place, f"{problem}; what stands under it is left out")
+            self.set_transform(NOWHERE)
+
+    def set_transform(self, matrix: Matrix) -> None:
+        """Make a matrix the current transform."""
+        self.state = replace(self.state, ctm=matrix)
+
+    def _option(self, statement: Statement) -> None:
+        name = "Integrator" if statement.directive == "SurfaceIntegrator" else statement.directive
+        if self.in_world:
+            raise statement.place.error(f"{statement.directive} belongs before WorldBegin")
+        if name in self.scene.options:
+            self.report.ignored(self.scene.options[name].place, f"{name}: a later one takes its place")
+        self.scene.options[name] = self.entity(statement, statement.texts[0])
+        if name == "Camera":
+            found = np.linalg.inv(self.state.ctm) if is_invertible(self.state.ctm) else NOWHERE
+            self.spaces["camera"] = np.asarray(found, np.float64)
+        if statement.directive == "SurfaceIntegrator" or (name == "Film" and statement.texts[0] == "image"):
+            self.scene.version = 3
+
+    def push(self, kind: str, place: Place) -> None:
+        """Keep the state for the end of a block."""
+        if len(self.saved) >= DEEPEST:
+            raise place.error(f"{kind}Begin: blocks are nested more than {DEEPEST} deep")
+        self.saved.append(_Saved(kind, self.state, place))
+
+    def pop(self, kind: str, place: Place) -> GraphicsState:
+        """Return the state from the beginning of a block."""
+        if not self.saved:
+            raise place.error(f"{kind}End without {kind}Begin")
+        last = self.saved.pop()
+        if last.kind != kind:
+            raise place.error(f"{kind}End closes the {last.kind}Begin of {last.place.line}")
+        return last.state
+
+
+def _keys(name: str) -> tuple[TextureKey, TextureKey]:
+    return ("float", name), ("spectrum", name)
+
+
+def _world_begin(world: World, statement: Statement) -> None:
+    if world.in_world:
+        raise statement.place.error("a second WorldBegin")
+    world.in_world = True
+    world.state = replace(world.state, ctm=np.eye(4), moving=True)
+    world.spaces["world"] = np.eye(4)
+
+
+def _world_end(world: World, statement: Statement) -> None:
+    world.scene.version = 3
+    if not world.in_world:
+        raise statement.place.error("WorldEnd without WorldBegin")
+
+
+def _attribute_begin(world: World, statement: Statement) -> None:
+    world.push("Attribute", statement.place)
+
+
+def _attribute_end(world: World, statement: Statement) -> None:
+    world.state = world.pop("Attribute", statement.place)
+
+
+def _transform_begin(world: World, statement: Statement) -> None:
+    world.push("Transform", statement.place)
+
+
+def _transform_end(world: World, statement: Statement) -> None:
+    kept = world.pop("Transform", statement.place)
+    world.state = replace(world.state, ctm=kept.ctm, moving=kept.moving)
+
+
+def _object_begin(world: World, statement: Statement) -> None:
+    if world.current_object is not None:
+        raise statement.place.error("ObjectBegin inside another object")
+    (name,) = statement.texts
+    if name in world.scene.objects:
+        world.report.noted(statement.place, f'object "{name}" is defined again; instances use the last one')
+    world.push("Object", statement.place)
+    world.current_object = name
+    world.scene.objects[name] = []
+
+
+def _object_end(world: World, statement: Statement) -> None:
+    world.state = world.pop("Object", statement.place)
+    world.current_object = None
+
+
+def _object_instance(world: World, statement: Statement) -> None:
+    if world.current_object is not None:
+        raise statement.place.error("ObjectInstance inside an object")
+    world.scene.shapes.append(Instance(statement.texts[0], world.state.ctm, statement.place))
+
+
+def _coordinate_system(world: World, statement: Statement) -> None:
+    world.spaces[statement.texts[0]] = world.state.ctm
+
+
+def _coordinate_system_transform(world: World, statement: Statement) -> None:
+    (name,) = statement.texts
+    if name not in world.spaces:
+        known = ", ".join(world.spaces) or "none yet"
+        raise statement.place.error(f'no coordinate system is named "{name}" (named are: {known})')
+    world.set_transform(world.spaces[name])
+
+
+def _identity(world: World, statement: Statement) -> None:
+    if world.state.moving:
+        world.set_transform(np.eye(4))
+
+
+def _active_transform(world: World, statement: Statement) -> None:
+    world.state = replace(world.state, moving=statement.texts[0] != "EndTime")
+
+
+def _reverse(world: World, statement: Statement) -> None:
+    world.state = replace(world.state, reverse=not world.state.reverse)
+
+
+def _color_space(world: World, statement: Statement) -> None:
+    (name,) = statement.texts
+    if name not in COLOR_SPACES:
+        raise statement.place.error(f'unknown ColorSpace "{name}" (allowed: {", ".join(COLOR_SPACES)})')
+    world.state = replace(world.state, color_space=name)
+
+
+def _attribute(world: World, statement: Statement) -> None:
+    (target,) = statement.texts
+    allowed = (*dict.fromkeys(TARGETS.values()), "medium")
+    if target not in allowed:
+        raise statement.place.error(f'unknown target "{target}" of Attribute (allowed: {", ".join(allowed)})')
+    if target == "medium":
+        world.report.ignored(statement.place, f"{statement.described()}: {IGNORED['MakeNamedMedium']}")
+    items = (*statement.with_parameters().items.values(), *world.state.defaults.get(target, ()))
+    world.state = replace(world.state, defaults={**world.state.defaults, target: items})
+
+
+def _material(world: World, statement: Statement) -> None:
+    world.state = replace(world.state, material=world.entity(statement, statement.texts[0]))
+
+
+def _named_material(world: World, statement: Statement) -> None:
+    (name,) = statement.texts
+    found = world.scene.materials.get(name)
+    world.state = replace(world.state, material=found or MaterialName(name, statement.place))
+
+
+def _make_named_material(world: World, statement: Statement) -> None:
+    (name,) = statement.texts
+    parameters = statement.with_parameters()
+    if not parameters.has("type"):
+        raise statement.place.error(f'{statement.described()} needs a parameter "string type"')
+    if name in world.scene.materials:
+        world.report.noted(statement.place, f'material "{name}" is defined again')
+    world.scene.materials[name] = world.entity(statement, parameters.text("type", ""))
+
+
+def _texture(world: World, statement: Statement) -> None:
+    name, kind, form = statement.texts
+    kinds = {"float": "float", "spectrum": "spectrum", "color": "spectrum"}
+    if kind not in kinds:
+        raise statement.place.error(f'{statement.described()}: unknown type "{kind}" (allowed: float, spectrum)')
+    world.textures[kinds[kind], name] = world.entity(statement, form)
+
+
+def _check_world(world: World, statement: Statement) -> None:
+    if not world.in_world:
+        raise statement.place.error(f"{statement.directive} belongs after WorldBegin")
+
+
+def _light(world: World, statement: Statement) -> None:
+    _check_world(world, statement)
+    world.scene.lights.append(world.entity(statement, statement.texts[0]))
+
+
+def _area_light(world: World, statement: Statement) -> None:
+    world.state = replace(world.state, lamp=world.entity(statement, statement.texts[0]))
+
+
+def _shape(world: World, statement: Statement) -> None:
+    _check_world(world, statement)
+    state = world.state
+    use = ShapeUse(world.entity(statement, statement.texts[0]), state.material, state.lamp, state.reverse)
+    if world.current_object is None:
+        world.scene.shapes.append(use)
+    else:
+        world.scene.objects[world.current_object].append(use)
+
+
+_ACTIONS: dict[str, Callable[[World, Statement], None]] = {
+    "WorldBegin": _world_begin, "WorldEnd": _world_end, "AttributeBegin": _attribute_begin,
+    "AttributeEnd": _attribute_end, "TransformBegin": _transform_begin, "TransformEnd": _transform_end,
+    "ObjectBegin": _object_begin, "ObjectEnd": _object_end, "ObjectInstance": _object_instance,
+    "CoordinateSystem": _coordinate_system, "CoordSysTransform": _coordinate_system_transform, "Identity": _identity,
+    "ActiveTransform": _active_transform, "ReverseOrientation": _reverse, "ColorSpace": _color_space,
+    "Attribute": _attribute, "Material": _material, "NamedMaterial": _named_material,
+    "MakeNamedMaterial": _make_named_material, "Texture": _texture, "LightSource": _light,
+    "AreaLightSource": _area_light, "Shape": _shape,
+}  # fmt: skip
+
+
+def read_world(path: Path, report: Report) -> PbrtScene:
+    """Return what a scene file and the files that it includes declare."""
+    world = World(report)
+    for statement in read_statements(path):
+        world.take(statement)
+    return world.finish()

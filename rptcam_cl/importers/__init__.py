@@ -1,1 +1,0 @@
-"""Scenes of other renderers, read and said again as scenes of ours."""

@@ -1,0 +1,454 @@
+"""Lenses as they are, not as designed: at another temperature, and copies with errors of manufacture."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.vectors import LINE_D_NM
+from rptcam_cl.optics.files.glass_catalogues import bundled_thermal
+from rptcam_cl.optics.glass import AIR, STANDARD_C, STANDARD_HPA, Heated, Law, Medium, Melt, Thermal
+from rptcam_cl.optics.lens import Lens
+from rptcam_cl.optics.ray_trace import refract
+from rptcam_cl.optics.shapes import Biconic, Hits, Iterated, Toroid
+from rptcam_cl.optics.surface import IN_PLACE, Configuration, FocusState, Surface, SurfacePose
+
+# A lens at another temperature: its glass has another index, and glass and barrel are longer.
+
+# Linear expansion near room temperature [1/K] as handbooks have it (ASM Metals Handbook, vols. 1 and 2) for the usual
+# alloys: 6061, C36000, 304, 416, Ti-6Al-4V, Invar 36; polycarbonate as its makers print it (ISO 11359-2).
+BARRELS = {
+    "aluminium": 23.6e-6, "brass": 20.5e-6, "stainless_steel": 17.3e-6, "steel_416": 9.9e-6, "titanium": 8.6e-6,
+    "invar": 1.3e-6, "polycarbonate": 65e-6,
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Heat:
+    """What a lens is exposed to.
+
+    Attributes
+    ----------
+    celsius : float
+        Temperature of lens, barrel and air.
+    pressure_hpa : float
+        Of the air.
+    barrel_per_k : float
+        Linear expansion of what holds the elements and the film [1/K].
+    """
+
+    celsius: float = STANDARD_C
+    pressure_hpa: float = STANDARD_HPA
+    barrel_per_k: float = BARRELS["aluminium"]
+
+    @property
+    def barrel_scale(self) -> float:
+        """By how much spaces in the barrel are longer than at 20 degrees."""
+        return 1.0 + self.barrel_per_k * (self.celsius - STANDARD_C)
+
+    def lens(self, lens: Lens) -> Lens:
+        """Return a lens, made and measured at 20 degrees, under this heat; itself where nothing differs.
+
+        Glass keeps its shape and grows, air spaces grow as the barrel does; a cemented surface as the glass behind it.
+
+        Raises
+        ------
+        InputError
+            When a catalogue does not say how a glass changes, or for mirrors, whose body is not known.
+        """
+        if self.celsius == STANDARD_C and self.pressure_hpa == STANDARD_HPA:
+            return lens
+        if lens.has_mirrors:
+            raise InputError(f"{lens.name}: has mirrors, of which no file says how they expand")
+        media = [self._medium(lens, f"surfaces[{k}]", lens.surfaces[k].glass) for k in range(len(lens.surfaces))]
+        growth = [self._growth(lens, k) for k in range(len(lens.surfaces))]
+        bodies = [growth[k] if s.glass != AIR or k == 0 else growth[k - 1] for k, s in enumerate(lens.surfaces)]
+        surfaces = [
+            replace(_grown(surface, body), thickness=surface.thickness * gap, glass=medium)
+            for surface, body, gap, medium in zip(lens.surfaces, bodies, growth, media, strict=True)
+        ]
+
+        def gaps(given: tuple[tuple[int, float], ...]) -> tuple[tuple[int, float], ...]:
+            return tuple((k, gap * growth[k]) for k, gap in given)
+
+        def position(given: Configuration) -> Configuration:
+            stop = given.stop_diameter_mm
+            if stop is not None and lens.stop_index is not None:
+                stop *= bodies[lens.stop_index]
+            return Configuration(given.name, gaps(given.gaps), stop, tuple(map(focus, given.floating)))
+
+        def focus(given: FocusState) -> FocusState:
+            shift = given.film_shift_mm
+            return FocusState(given.distance_mm, gaps(given.gaps), None if shift is None else shift * self.barrel_scale)
+
+        group = lens.focusing
+        if group is not None:
+            least, most = group.travel_mm
+            group = replace(group, travel_mm=(least * self.barrel_scale, most * self.barrel_scale))
+        return replace(
+            lens,
+            surfaces=tuple(surfaces),
+            focusing=group,
+            object_medium=self._medium(lens, "object_medium", lens.object_medium),
+            configurations=tuple(position(given) for given in lens.configurations),
+            floating=tuple(map(focus, lens.floating)),
+        )
+
+    def film(self, film_distance_mm: float) -> float:
+        """Return where a film stands, behind the last vertex, that the barrel held at a distance at 20 degrees [mm]."""
+        return film_distance_mm * self.barrel_scale
+
+    def _medium(self, lens: Lens, where: str, glass: Medium) -> Medium:
+        """Return a medium of a lens, hot."""
+        if glass == AIR:
+            return glass
+        thermal = thermal_of(glass)
+        if thermal is None or thermal.dispersion is None:
+            key = "thermal: {d: [D0, D1, D2], e: [E0, E1], …}"
+            raise _unknown(lens, where, glass, "its index changes with temperature", key)
+        assert isinstance(glass, Law)
+        return Heated.of(glass, thermal, self.celsius, self.pressure_hpa)
+
+    def _growth(self, lens: Lens, k: int) -> float:
+        """Return by how much the space behind a surface is longer."""
+        glass = lens.surfaces[k].glass
+        if glass == AIR:
+            return self.barrel_scale
+        thermal = thermal_of(glass)
+        if thermal is None or thermal.expansion_per_k is None:
+            raise _unknown(lens, f"surfaces[{k}]", glass, "it expands", "expansion_per_k")
+        return 1.0 + thermal.expansion_per_k * (self.celsius - STANDARD_C)
+
+
+def thermal_of(glass: Medium) -> Thermal | None:
+    """Return what is known of a glass under heat, by itself or by its name."""
+    if isinstance(glass, Melt):
+        return thermal_of(glass.glass)
+    own = glass.thermal if isinstance(glass, Law) else None
+    return own if own is not None else bundled_thermal(glass)
+
+
+def _unknown(lens: Lens, where: str, glass: Medium, what: str, key: str) -> InputError:
+    name = glass.name or "(unnamed)"
+    return InputError(
+        f"{lens.name}: {where}: nothing says how glass {name} takes heat: how {what}"
+        f" (give {key} beside its law, or the name of a glass of SCHOTT, OHARA, HOYA, HIKARI, CDGM or SUMITA)"
+    )
+
+
+def _grown(surface: Surface, scale: float) -> Surface:
+    """Return a surface that is larger by a factor, and of the same shape."""
+    form, pose, region = surface.form, surface.pose, surface.region
+    if isinstance(form, Biconic | Toroid):
+        form = replace(form, curvature_x=form.curvature_x / scale)
+    if pose is not None:
+        x, y, z = pose.offset
+        pose = replace(pose, offset=(x * scale, y * scale, z * scale))
+    if region is not None:
+        width, height = region.half_width * scale, region.half_height * scale
+        region = replace(region, half_width=width, half_height=height, edge=region.edge * scale)
+    return replace(
+        surface,
+        curvature=surface.curvature / scale,
+        semi_diameter=surface.semi_diameter * scale,
+        inner_semi_diameter=surface.inner_semi_diameter * scale,
+        aspheric=tuple((power, a * scale ** (1 - power)) for power, a in surface.aspheric),
+        form=form,
+        pose=pose,
+        region=region,
+    )
+
+
+#
+# Copies of a lens, each with its own errors of manufacture: one of them as a lens, or all of them as arrays.
+#
+# A `Deviation` is one number, or one pair of numbers, that may be off. Its values over the copies make the `Copies`.
+# A copy whose values are all 0 has the numbers of the lens to the last bit.
+
+Array = NDArray[np.float64]
+
+DeviationKind = Literal["radius", "curvature", "thickness", "index", "abbe", "decentre", "tilt"]
+PAIRS = ("decentre", "tilt")  # deviations across the axis, which have an x and a y
+
+
+@dataclass(frozen=True)
+class Deviation:
+    """One thing that manufacture may get wrong.
+
+    Attributes
+    ----------
+    kind : str
+        ``radius`` as a share of the radius, ``curvature`` [1/mm], ``thickness`` [mm], ``index``, ``abbe`` as a share of
+        the Abbe number, ``decentre`` along x and y [mm], or ``tilt`` about x and y [radians].
+    first, last : int
+        Surfaces that move together about the vertex of the first; of the other kinds the one surface, which has the
+        radius or is followed by the gap or the glass.
+    """
+
+    kind: DeviationKind
+    first: int
+    last: int
+
+    @property
+    def is_pair(self) -> bool:
+        """Whether it has an x and a y."""
+        return self.kind in PAIRS
+
+
+@dataclass(frozen=True)
+class Copies:
+    """Copies of a lens.
+
+    Attributes
+    ----------
+    lens : Lens
+        The design.
+    deviations : sequence of Deviation
+        Those of surfaces before those of what carries them: tilts and decentres act in this order.
+    values : (copies, deviations, 2) array
+        In the units of `Deviation`; a deviation that is no pair has its value in the first place.
+    """
+
+    lens: Lens
+    deviations: Sequence[Deviation]
+    values: Array
+
+    @property
+    def count(self) -> int:
+        """How many copies there are."""
+        return len(self.values)
+
+    def part(self, low: int, high: int) -> Copies:
+        """Return the copies of a range."""
+        return Copies(self.lens, self.deviations, self.values[low:high])
+
+    @cached_property
+    def curvatures(self) -> Array:
+        """Curvature of each surface (copies, surfaces) [1/mm]."""
+        of_design = self._rows([surface.curvature for surface in self.lens.surfaces])
+        return of_design / (1.0 + self._sums("radius")) + self._sums("curvature")
+
+    @cached_property
+    def thicknesses(self) -> Array:
+        """Thickness behind each surface (copies, surfaces) [mm]."""
+        return self._rows([surface.thickness for surface in self.lens.surfaces]) + self._sums("thickness")
+
+    @cached_property
+    def vertices(self) -> Array:
+        """Position z of each vertex (copies, surfaces) [mm]."""
+        places = np.zeros_like(self.thicknesses)
+        np.cumsum(self.thicknesses[:, :-1], axis=1, out=places[:, 1:])
+        return places
+
+    def indices(self, wavelength_nm: float) -> Array:
+        """Return the index before the first surface and after each one (copies, surfaces + 1)."""
+        found = self._rows(self.lens.indices(wavelength_nm))
+        shift, share = self._sums("index"), self._sums("abbe")
+        found[:, 1:] += shift
+        for k in np.flatnonzero(np.any(share != 0, axis=0)).tolist():
+            glass = self.lens.surfaces[k].glass
+            off_d = float(glass.index(wavelength_nm) - glass.index(LINE_D_NM))
+            found[:, k + 1] += off_d * (1.0 / (1.0 + share[:, k]) - 1.0)
+        return found
+
+    @cached_property
+    def poses(self) -> dict[int, tuple[Array, Array]]:
+        """Rotation (copies, 3, 3) and offset (copies, 3) [mm] of each surface that has any."""
+        found: dict[int, tuple[Array, Array]] = {}
+        for k, surface in enumerate(self.lens.surfaces):
+            if surface.pose is not None:
+                found[k] = (self._rows(surface.pose.matrix()), self._rows(surface.pose.offset))
+        for number, deviation in enumerate(self.deviations):
+            if not deviation.is_pair:
+                continue
+            value = self.values[:, number]
+            for k in range(deviation.first, deviation.last + 1):
+                start = (self._rows(np.eye(3)), np.zeros((self.count, 3)))
+                arm = float(self.lens.vertices[k] - self.lens.vertices[deviation.first])
+                found[k] = _moved(*found.get(k, start), deviation, value, arm)
+        return found
+
+    def copy(self, number: int) -> Lens:
+        """Return one of the copies as a lens."""
+        one = self.part(number, number + 1)
+        surfaces = list(self.lens.surfaces)
+        shift, share = one._sums("index")[0], one._sums("abbe")[0]
+        for k, surface in enumerate(surfaces):
+            if shift[k] or share[k]:
+                surface = replace(surface, glass=Melt.of(_law(surface.glass), float(shift[k]), float(share[k])))
+            curvature, thickness = float(one.curvatures[0, k]), float(one.thicknesses[0, k])
+            surfaces[k] = replace(surface, curvature=curvature, thickness=thickness, pose=one._pose(k))
+        return replace(self.lens, surfaces=tuple(surfaces))
+
+    def _pose(self, k: int) -> SurfacePose | None:
+        """Return the pose of a surface of the first copy; None where it stands as the design has it, without one."""
+        if k not in self.poses:
+            return None
+        rotation, offset = self.poses[k][0][0], self.poses[k][1][0]
+        pose = SurfacePose(tuple(offset.tolist()), tuple(tuple(row) for row in rotation.tolist()))  # type: ignore[arg-type]
+        return None if pose == IN_PLACE and self.lens.surfaces[k].pose is None else pose
+
+    def _rows(self, of_lens: ArrayLike) -> Array:
+        """Return numbers of the design for each copy."""
+        values = np.asarray(of_lens, dtype=np.float64)
+        return np.repeat(values[None], self.count, axis=0)
+
+    def _sums(self, kind: DeviationKind) -> Array:
+        """Return the deviations of a kind, added up over what concerns each surface (copies, surfaces)."""
+        total = np.zeros((self.count, len(self.lens.surfaces)))
+        for number, deviation in enumerate(self.deviations):
+            if deviation.kind == kind:
+                total[:, deviation.first] += self.values[:, number, 0]
+        return total
+
+
+def _moved(rotation: Array, offset: Array, deviation: Deviation, value: Array, arm: float) -> tuple[Array, Array]:
+    """Return poses after a further tilt or decentre about a vertex that lies `arm` [mm] before theirs.
+
+    As `SurfacePose.carried_by`, for many copies.
+    """
+    if deviation.kind == "decentre":
+        return rotation, offset + np.pad(value, ((0, 0), (0, 1)))
+    turn, place = turns(value[:, 0], value[:, 1]), np.array([0.0, 0.0, arm])
+    return turn @ rotation, np.einsum("mij,mj->mi", turn, offset + place) - place
+
+
+def turns(about_x: Array, about_y: Array) -> Array:
+    """Return matrices (n, 3, 3) of turns about x, then y [radians], right handed."""
+    (cx, sx), (cy, sy) = ((np.cos(angle), np.sin(angle)) for angle in (about_x, about_y))
+    zero = np.zeros_like(cx)
+    rows = [[cy, sy * sx, sy * cx], [zero, cx, -sx], [-sy, cy * sx, cy * cx]]
+    return np.moveaxis(np.array(rows), -1, 0)
+
+
+def _law(glass: object) -> Law:
+    assert isinstance(glass, Law)
+    return glass
+
+
+#
+# Rays through many copies of a lens at once, in float64: those of `ray_trace.trace`, but that rims stop none.
+#
+# A tolerance run compares copies by the same rays, which pass the design. What the rim of a decentred surface takes
+# from the edge of a beam is left out: it would make the number of rays jump, and with it every sensitivity.
+
+RAYS_TOGETHER = 8192  # whose components stay in the processor's cache
+NEWTON_STEPS = 24
+LAST_STEP = 1e-9  # of the distance scale, as in `optics.shapes.iterated`
+
+
+def check_copies(lens: Lens) -> None:
+    """Refuse a lens whose copies cannot be traced.
+
+    Raises
+    ------
+    InputError
+        For mirrors, whose surfaces light may meet twice, and parts of lenses that light passes beside.
+    """
+    if lens.has_mirrors:
+        raise InputError(
+            f"{lens.name}: has mirrors, so light may meet a surface twice, whose errors are the same both times;"
+            " tolerances are for lenses without"
+        )
+    if any(surface.region is not None and not surface.region.blocks for surface in lens.surfaces):
+        raise InputError(f"{lens.name}: light passes beside some of its surfaces; tolerances are for whole lenses")
+
+
+def film_points(
+    copies: Copies, origins: Array, directions: Array, wavelength_nm: float, film_distance_mm: float
+) -> tuple[Array, Array]:
+    """Return where rays from the scene meet the films of all copies, and their slopes there.
+
+    Parameters
+    ----------
+    copies : Copies
+    origins, directions : (rays, 3) arrays
+        The same for all copies [mm]; directions of unit length.
+    wavelength_nm : float
+    film_distance_mm : float
+        From the last vertex of each copy to its film.
+
+    Returns
+    -------
+    points, slopes : (copies, rays, 2) arrays
+        x and y [mm], and dx/dz and dy/dz; NaN for rays that miss a surface or are totally reflected.
+    """
+    rays = len(origins)
+    points, slopes = np.empty((2, copies.count, rays, 2))
+    step = max(1, RAYS_TOGETHER // rays)
+    with np.errstate(all="ignore"):
+        for low in range(0, copies.count, step):
+            some = copies.part(low, low + step)
+            p, d = _through(some, origins, directions, wavelength_nm)
+            slope = d[:2] / d[2]
+            at = p[:2] + slope * (np.repeat(some.vertices[:, -1], rays) + film_distance_mm - p[2])
+            shape = (2, some.count, rays)
+            points[low : low + step] = np.moveaxis(at.reshape(shape), 0, -1)
+            slopes[low : low + step] = np.moveaxis(slope.reshape(shape), 0, -1)
+    return points, slopes
+
+
+def _through(copies: Copies, origins: Array, directions: Array, wavelength_nm: float) -> tuple[Array, Array]:
+    """Return points and directions (3, copies * rays) behind the last surface."""
+    rays, indices = len(origins), copies.indices(wavelength_nm)
+    p, d = np.tile(origins.T, copies.count), np.tile(directions.T, copies.count)
+    for k, surface in enumerate(copies.lens.surfaces):
+        shift = np.zeros((3, 1)) + np.repeat(copies.vertices[:, k], rays) * [[0.0], [0.0], [1.0]]
+        pose = copies.poses.get(k)
+        q, v = (p - shift, d) if pose is None else _inward(pose, p - shift, d, rays)
+        hits = _meet(surface, np.repeat(copies.curvatures[:, k], rays), q, v)
+        good = hits.met & np.isfinite(hits.distances) & (v[2] > 0)
+        if not np.array_equal(indices[:, k], indices[:, k + 1]):
+            v, through = refract(v, hits.normals, hits.cosines, np.repeat(indices[:, k] / indices[:, k + 1], rays))
+            good &= through
+        q = np.where(good, hits.points, np.nan)
+        q, v = (q, v) if pose is None else _outward(pose, q, v, rays)
+        p, d = q + shift, v
+    return p, d
+
+
+def _inward(pose: tuple[Array, Array], p: Array, d: Array, rays: int) -> tuple[Array, Array]:
+    rotation, offset = pose
+    return _turned(np.swapaxes(rotation, 1, 2), p - np.repeat(offset.T, rays, axis=1), d, rays)
+
+
+def _outward(pose: tuple[Array, Array], p: Array, d: Array, rays: int) -> tuple[Array, Array]:
+    rotation, offset = pose
+    p, d = _turned(rotation, p, d, rays)
+    return p + np.repeat(offset.T, rays, axis=1), d
+
+
+def _turned(rotation: Array, p: Array, d: Array, rays: int) -> tuple[Array, Array]:
+    """Return points and directions (3, copies * rays), those of each copy turned by its matrix."""
+    m = [[np.repeat(rotation[:, i, j], rays) for j in range(3)] for i in range(3)]
+    turned = (np.stack([row[0] * v[0] + row[1] * v[1] + row[2] * v[2] for row in m]) for v in (p, d))
+    return next(turned), next(turned)
+
+
+def _meet(surface: Surface, curvatures: Array, p: Array, d: Array) -> Hits:
+    """Return where rays meet surfaces that differ in their curvature alone (rays,)."""
+    profile = replace(surface, curvature=curvatures)  # type: ignore[arg-type]
+    shape = surface.shape
+    if not isinstance(shape, Iterated):
+        return shape.meet(profile, p, d)
+    to_plane = -p[2] / d[2]
+    x, y = p[0] + to_plane * d[0], p[1] + to_plane * d[1]
+    step = shape.first_guess(profile, x, y, d)
+    least = LAST_STEP * (np.abs(x) + np.abs(y) + np.abs(step)) + 1e-300
+    for _ in range(NEWTON_STEPS):
+        change, _side = shape.newton_step(profile, x + step * d[0], y + step * d[1], step * d[2], d)
+        step = step - change
+        if np.all((np.abs(change) <= least) | ~np.isfinite(change)):
+            break
+    hit = np.stack([x + step * d[0], y + step * d[1], step * d[2]])
+    normal = shape.normal_at(profile, *hit)
+    normal /= np.sqrt(np.sum(normal * normal, axis=0))
+    cosine = np.sum(normal * d, axis=0)
+    return Hits(hit, to_plane + step, normal, cosine, np.isfinite(step) & (normal[2] > 0) & (cosine > 0))

@@ -1,0 +1,596 @@
+"""What a lens does over its field: aberrations, distortion, vignetting, transmittance, ghosts."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, replace
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.optics.charts import (
+    FAINT,
+    INK,
+    SERIES,
+    Drawing,
+    Path,
+    Text,
+    add_key,
+    new_chart,
+    series,
+    styled,
+    wavelength_colour,
+)
+from rptcam_cl.optics.chief_rays import unobstructed
+from rptcam_cl.optics.design import image_circle, t_number
+from rptcam_cl.optics.drawing import (
+    APPROACH,
+    MARGIN,
+    WIDTH,
+    Frame,
+    View,
+    blades,
+    draw_glass,
+    draw_surfaces,
+    profile,
+    ray_paths,
+    reference,
+    size_of,
+)
+from rptcam_cl.optics.ghosts import Ghosts, ghost_image, steps, unfolded, with_film
+from rptcam_cl.optics.image_quality import (
+    MOST_ACROSS,
+    NOTHING,
+    STAYS,
+    Setting,
+    at_plane,
+    default_fields,
+    fan_points,
+    section_rays,
+)
+from rptcam_cl.optics.irradiance import film_irradiance, pass_areas
+from rptcam_cl.optics.ray_trace import COATED, UNCOATED, LensTransmission, Rays, axial_transmittance, has_coatings
+from rptcam_cl.optics.spot import Beam, chief_ray, passing_beam
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from rptcam_cl.optics.lens import Lens
+
+
+# Aberrations of a beam as curves: its ray fans, where its sections are sharp, and its spot through focus.
+
+Array = NDArray[np.float64]
+Row = dict[str, Any]
+
+NEAR = 1e-5  # of the size of the first surface: how far from the chief ray the rays lie that say where it is sharp
+ACROSS = 64  # rays across a beam whose width, or middle, is sought
+FEWEST = 32  # of a spot, at first
+
+
+def _through(setting: Setting, lens: Lens, degrees: float, wavelength_nm: float, points: Array) -> Rays:
+    origins, directions = Beam(degrees, setting.object_distance_mm).rays(points)
+    return lens.trace(origins, directions, wavelength_nm, "scene")
+
+
+def fan_rows(setting: Setting, fields: Sequence[float], wavelengths_nm: Sequence[float], rays: int) -> list[Row]:
+    """Return where the rays of the tangential and the sagittal fan of each field land beside its chief ray [um].
+
+    `pupil` goes from -1 to 1 over what passes in the plane of the first vertex, along y and along x; at 0 is the chief
+    ray of the setting's wavelength, or, where none of the field reaches the middle of the stop, the ray through the
+    middle of what passes. What does not pass has no row.
+    """
+    rows: list[Row] = []
+    for degrees in fields:
+        beam, main = Beam(degrees, setting.object_distance_mm), setting.wavelength_nm
+        points, _, _ = passing_beam(setting.lens, beam, main, ACROSS)
+        try:
+            height, chief = chief_ray(setting.lens, degrees, main, setting.object_distance_mm)
+        except InputError:
+            height = float(points[:, 1].mean())
+            chief = _through(setting, unobstructed(setting.lens), degrees, main, np.array([[0.0, height]]))
+        middle = at_plane(chief.origins, chief.directions, setting.film_z)[0, :2]
+        for axis in (1, 0):
+            start = np.array([0.0, height])
+            reach = float(np.abs(points[:, axis] - start[axis]).max())
+            steps = np.linspace(-1.0, 1.0, rays)
+            line = np.tile(start, (rays, 1))
+            line[:, axis] += steps * reach
+            for wavelength in wavelengths_nm:
+                traced = _through(setting, setting.lens, degrees, wavelength, line)
+                off = (at_plane(traced.origins, traced.directions, setting.film_z)[:, :2] - middle) * 1e3
+                rows += [
+                    {"field_degrees": degrees, "wavelength_nm": wavelength, "tangential": float(axis == 1),
+                     "pupil": float(steps[k]), "off_um": float(off[k, axis])}
+                    for k in np.flatnonzero(traced.passed)
+                ]  # fmt: skip
+    return rows
+
+
+def curvature_rows(setting: Setting, fields: Sequence[float], wavelengths_nm: Sequence[float]) -> list[Row]:
+    """Return where thin pencils about the chief ray are sharp, along the axis from the film [mm], as Coddington has it.
+
+    By rays close beside the chief ray on both sides, through obstructions in the middle of the lens. Positive: behind
+    the film. None where rims stop them, or no ray of the field reaches the middle of the stop.
+
+    Raises
+    ------
+    InputError
+        When no ray of any field reaches the stop.
+    """
+    refused: InputError | None = None
+    step = NEAR * min(setting.lens.surfaces[0].semi_diameter, 1e3)
+    rows: list[Row] = []
+    for degrees in fields:
+        for wavelength in wavelengths_nm:
+            try:
+                height, _ = chief_ray(setting.lens, degrees, wavelength, setting.object_distance_mm)
+            except InputError as problem:  # what passes goes nowhere near the middle of the stop
+                refused, height = problem, math.nan
+            beside = np.array([0.0, height]) + step * np.array([[0.0, 1.0], [0.0, -1.0], [1.0, 0.0], [-1.0, 0.0]])
+            traced = _through(setting, unobstructed(setting.lens), degrees, wavelength, beside)
+            at = at_plane(traced.origins, traced.directions, setting.film_z)
+            slopes = setting.lens.sense * traced.directions[:, :2] / traced.directions[:, 2:]
+            off = [
+                float(-(at[a, k] - at[b, k]) / (slopes[a, k] - slopes[b, k])) if traced.passed[[a, b]].all() else None
+                for a, b, k in ((0, 1, 1), (2, 3, 0))
+            ]
+            rows.append(
+                {"field_degrees": degrees, "wavelength_nm": wavelength, "tangential_mm": off[0], "sagittal_mm": off[1],
+                 "astigmatism_mm": None if None in off else off[0] - off[1]}  # type: ignore[operator]
+            )  # fmt: skip
+    if refused is not None and all(row["tangential_mm"] is row["sagittal_mm"] is None for row in rows):
+        raise refused
+    return rows
+
+
+def focus_rows(
+    setting: Setting, fields: Sequence[float], wavelengths_nm: Sequence[float], shifts_mm: Array, across: int | None
+) -> list[Row]:
+    """Return the rms spot of each field, its wavelengths together, over shifts of the film away from the lens.
+
+    By default as many rays as its least and its largest spot need.
+    """
+    rows: list[Row] = []
+    for degrees in fields:
+        count = across or FEWEST
+        before, sides = None, _through_focus(setting, degrees, wavelengths_nm, shifts_mm, count)
+        while (
+            across is None
+            and count < MOST_ACROSS
+            and (before is None or np.max(np.abs(before - sides) / (STAYS * np.hypot(*sides) + NOTHING)) > 1)
+        ):
+            count *= 2
+            before, sides = sides, _through_focus(setting, degrees, wavelengths_nm, shifts_mm, count)
+        rows += [
+            {"field_degrees": degrees, "shift_mm": shift, "rms_um": math.hypot(x, y), "rms_x_um": x, "rms_y_um": y}
+            for shift, x, y in zip(shifts_mm.tolist(), *(1e3 * sides).tolist(), strict=True)
+        ]
+    return rows
+
+
+def _through_focus(
+    setting: Setting, degrees: float, wavelengths_nm: Sequence[float], shifts_mm: Array, across: int
+) -> Array:
+    """Return the rms of a spot in x and in y (2, shifts) over shifts of the film [mm]."""
+    beam = Beam(degrees, setting.object_distance_mm)
+    passed = [passing_beam(setting.lens, beam, wavelength, across)[1] for wavelength in wavelengths_nm]
+    origins, directions = (
+        np.concatenate([getattr(rays, name) for rays in passed]) for name in ("origins", "directions")
+    )
+    moved = (replace(setting, film_distance_mm=setting.film + shift).film_z for shift in shifts_mm.tolist())
+    return np.stack([np.std(at_plane(origins, directions, z)[:, :2], axis=0) for z in moved], axis=1)
+
+
+@styled()
+def curves_over(
+    title: str, rows: Sequence[Row], across: tuple[str, str], up: Sequence[tuple[str, str]], unit: str, by: str
+) -> Figure:
+    """Return curves of columns (name, label) over another, in a colour for each value of a third."""
+    values = [row[across[0]] for row in rows]
+    figure, axes = new_chart(title, (across[1], unit), (min(values), max(values)))
+    axes.axhline(0.0, color=INK, linewidth=0.8)
+    for number, kind in enumerate(dict.fromkeys(row[by] for row in rows)):
+        own = [row for row in rows if row[by] == kind]
+        for line, (name, label) in zip(("-", "--"), up, strict=False):
+            shown = [np.nan if row[name] is None else row[name] for row in own]
+            said = f"{kind:g} {label}"
+            axes.plot([row[across[0]] for row in own], shown, line, color=series(number), label=said)
+    add_key(figure, axes.lines[1:])
+    return figure
+
+
+def fields_of(setting: Setting, fields: Sequence[float] | None, shares: Sequence[float]) -> list[float]:
+    """Return the fields given, or shares of the widest [degrees]."""
+    return default_fields(setting, shares) if fields is None else list(fields)
+
+
+# Where chief rays meet the film, against an ideal projection: distortion, and between wavelengths lateral colour.
+
+DistortionRow = dict[str, float | None]
+
+# Film height per focal length at an angle, and in words (Kingslake, A History of the Photographic Lens; ISO 17850).
+PROJECTIONS: dict[str, tuple[Callable[[float], float], str]] = {
+    "tan": (math.tan, "f tan(angle)"),
+    "theta": (lambda angle: angle, "f angle"),
+    "stereographic": (lambda angle: 2 * math.tan(angle / 2), "2 f tan(angle / 2)"),
+    "equisolid": (lambda angle: 2 * math.sin(angle / 2), "2 f sin(angle / 2)"),
+    "orthographic": (math.sin, "f sin(angle)"),
+}
+NARROW = 30.0  # degrees up to which all projections are alike, and f tan(angle) is what is meant
+RECTILINEAR = 0.1  # largest distortion of a lens that counts as keeping lines straight, as a share of the height
+DISTORTION_ACROSS = 48  # rays across a beam whose middle is sought
+BARREL = 90.0  # degrees at which f tan(angle) has no height
+
+
+def followed_projection(setting: Setting, fields: Sequence[float]) -> str:
+    """Return the projection that a lens follows best over fields [degrees], by its chief rays.
+
+    "tan" for narrow fields, and for lenses that keep lines straight within a tenth of the height: they are meant to.
+    """
+    widest = max(map(abs, fields))
+    if widest <= NARROW:
+        return "tan"
+    heights = {degrees: film_height(setting, degrees, setting.wavelength_nm) for degrees in fields if degrees}
+    seen = {degrees: height for degrees, height in heights.items() if height is not None}
+    if not seen or max(map(abs, seen)) <= NARROW:
+        return "tan"
+    off = {}
+    for name in PROJECTIONS:
+        ideals = {degrees: ideal_height(setting, degrees, name) for degrees in seen}
+        errors = [
+            math.inf if (ideal := ideals[degrees]) is None else abs(height / ideal - 1)
+            for degrees, height in seen.items()
+        ]
+        off[name] = max(errors)
+    return "tan" if off["tan"] <= RECTILINEAR else min(off, key=lambda name: off[name])
+
+
+def ideal_height(setting: Setting, field_degrees: float, projection: str) -> float | None:
+    """Return the film height [mm] that a projection gives a field, by the lens's focal length and magnification.
+
+    None where it gives none: f tan(angle) from 90 degrees on, f sin(angle) beyond.
+    """
+    if projection not in PROJECTIONS:
+        raise InputError(f"projection must be one of {', '.join(PROJECTIONS)} (got {projection!r})")
+    first = setting.lens.first_order(setting.wavelength_nm)
+    angle = math.radians(field_degrees)
+    if (projection == "tan" and abs(field_degrees) >= BARREL) or (
+        projection == "orthographic" and abs(field_degrees) > BARREL
+    ):
+        return None
+    spread = PROJECTIONS[projection][0](angle)
+    if math.isinf(setting.object_distance_mm):
+        return first.front_focal_length_mm * spread
+    # Newton: magnification f / x, x from the object plane to the front focal point
+    to_focal_point = setting.object_distance_mm + first.front_focal_distance_mm
+    return first.front_focal_length_mm / to_focal_point * setting.object_distance_mm * spread
+
+
+def film_height(setting: Setting, field_degrees: float, wavelength_nm: float) -> float | None:
+    """Return the film height of the chief ray [mm]; None when something blocks it.
+
+    Where no ray of the field reaches the centre of the stop, as at the edge of a fisheye's field, that of the middle of
+    what passes.
+    """
+    try:
+        _, rays = chief_ray(setting.lens, field_degrees, wavelength_nm, setting.object_distance_mm)
+    except InputError:
+        return _beam_height(setting, field_degrees, wavelength_nm)
+    if not rays.passed[0]:
+        return None
+    return float(at_plane(rays.origins, rays.directions, setting.film_z)[0, 1])
+
+
+def _beam_height(setting: Setting, field_degrees: float, wavelength_nm: float) -> float | None:
+    try:
+        _, rays, _ = passing_beam(
+            setting.lens, Beam(field_degrees, setting.object_distance_mm), wavelength_nm, DISTORTION_ACROSS
+        )
+    except InputError:
+        return None
+    return float(at_plane(rays.origins, rays.directions, setting.film_z)[:, 1].mean())
+
+
+def distortion_table(
+    setting: Setting, fields: Sequence[float], wavelengths_nm: Sequence[float], projection: str
+) -> list[DistortionRow]:
+    """Return a row for each field and wavelength: height, ideal height, their difference, and lateral colour.
+
+    Lateral colour is the height less that at the wavelength of the setting. A field that nothing reaches has None.
+
+    Raises
+    ------
+    InputError
+        When no ray of any field reaches the stop.
+    """
+    rows: list[DistortionRow] = []
+    for degrees in fields:
+        ideal = ideal_height(setting, degrees, projection)
+        main = film_height(setting, degrees, setting.wavelength_nm)
+        for wavelength in wavelengths_nm:
+            height = film_height(setting, degrees, wavelength)
+            off = None if height is None or ideal is None else height - ideal
+            rows.append(
+                {
+                    "field_degrees": degrees,
+                    "wavelength_nm": wavelength,
+                    "height_mm": height,
+                    "ideal_mm": ideal,
+                    "distortion_mm": off,
+                    "distortion_percent": None if off is None or not ideal else 100 * off / ideal,
+                    "lateral_colour_um": None if height is None or main is None else 1e3 * (height - main),
+                }
+            )
+    if fields and all(row["height_mm"] is None for row in rows):  # then say why
+        chief_ray(setting.lens, fields[0], setting.wavelength_nm, setting.object_distance_mm)
+    return rows
+
+
+@styled()
+def distortion_chart(setting: Setting, rows: Sequence[DistortionRow], projection: str) -> Figure:
+    """Return distortion over the field, a curve for each wavelength."""
+    fields = [row["field_degrees"] or 0.0 for row in rows]
+    title = f"{setting.lens.name}: distortion against {PROJECTIONS[projection][1]}"
+    labels = ("angle from the axis [degrees]", "distortion [%]")
+    figure, axes = new_chart(title, labels, (min(*fields, 0.0), max(*fields, 1e-3)))
+    axes.axhline(0.0, color=INK, linewidth=0.8)
+    waves = dict.fromkeys(row["wavelength_nm"] or 0.0 for row in rows)
+    curves = []
+    for wave in waves:
+        own = [row for row in rows if row["wavelength_nm"] == wave]
+        curves += axes.plot(
+            [row["field_degrees"] or 0.0 for row in own],
+            [np.nan if row["distortion_percent"] is None else row["distortion_percent"] for row in own],
+            marker=".",
+            color=wavelength_colour(wave) if len(waves) > 1 else series(0),
+            label=f"{wave:g} nm",
+        )
+    add_key(figure, curves)
+    return figure
+
+
+# How the film darkens from the centre outwards, and which part of that is the pupil's and which is cos^4's.
+
+VignettingRow = dict[str, float | None]
+
+
+def film_radii(setting: Setting, steps: int, film_radius_mm: float | None = None) -> Array:
+    """Return radii from the centre to a film radius [mm], that of the image circle when absent."""
+    if film_radius_mm is None:
+        film_radius_mm = image_circle(setting.lens, setting.film, setting.wavelength_nm)
+    return np.linspace(0.0, film_radius_mm, steps + 1)
+
+
+def vignetting_table(setting: Setting, radii_mm: Array) -> list[VignettingRow]:
+    """Return a row for each film radius.
+
+    Each has the irradiance under a uniform world of unit radiance, the same over that of the centre, in stops below it,
+    the angle at which light from the centre of the exit pupil arrives, cos^4 of it, the area of the plane of the last
+    vertex through which light passes, and that area over the one of the centre.
+    """
+    values = film_irradiance(setting.lens, setting.film, radii_mm, setting.wavelength_nm)
+    if not values[0] > 0:
+        raise InputError(f"{setting.lens.name}: no light reaches the centre of the film")
+    areas = pass_areas(setting.lens, setting.film, radii_mm, setting.wavelength_nm)
+    pupil = setting.lens.first_order(setting.wavelength_nm).exit_pupil.distance_mm
+    rows: list[VignettingRow] = []
+    for radius, value, area in zip(radii_mm.tolist(), values.tolist(), areas.tolist(), strict=True):
+        angle = math.atan2(radius, abs(setting.film - pupil)) if math.isfinite(pupil) else 0.0
+        relative = value / float(values[0])
+        rows.append(
+            {
+                "film_radius_mm": radius,
+                "irradiance": value,
+                "relative": relative,
+                "stops": math.log2(relative) if relative > 0 else None,
+                "angle_degrees": math.degrees(angle),
+                "cos4": math.cos(angle) ** 4,
+                "pass_area_mm2": area,
+                "pass_share": area / float(areas[0]),
+            }
+        )
+    return rows
+
+
+@styled()
+def vignetting_chart(setting: Setting, rows: Sequence[VignettingRow]) -> Figure:
+    """Return the curves over the film radius."""
+    radii = [row["film_radius_mm"] or 0.0 for row in rows]
+    title = f"{setting.lens.name}: light falling off over the film"
+    labels = ("distance from the axis on the film [mm]", "of the value at the centre [%]")
+    figure, axes = new_chart(title, labels, (0.0, radii[-1]))
+    for label, name, colour, line in (
+        ("relative irradiance", "relative", series(0), "-"),
+        ("area through which light passes", "pass_share", series(1), "--"),
+        ("cos^4 of the angle on the film", "cos4", FAINT, ":"),
+    ):
+        axes.plot(radii, [100 * (row[name] or 0.0) for row in rows], line, color=colour, label=label)
+    axes.set_ylim(bottom=0.0)
+    add_key(figure, axes.lines)
+    return figure
+
+
+# How much light of each wavelength a lens lets through along its axis.
+
+GLASS_ALONE = LensTransmission(fresnel=False, coatings=False)
+STEPS = 121  # of a curve
+
+TransmittanceRow = dict[str, float | None]
+
+
+def transmittance_table(setting: Setting, wavelengths_nm: Sequence[float]) -> list[TransmittanceRow]:
+    """Return a row for each wavelength.
+
+    Each has the share of light on the axis that is left by the glass alone, as far as its absorption is known, by glass
+    and bare surfaces, and by glass and coated surfaces (None when the lens does not say how it is coated); then the
+    T-numbers of the last two, of the film in the middle (None without one).
+    """
+    rows: list[TransmittanceRow] = []
+    for wavelength in wavelengths_nm:
+        glass, bare, coated = (
+            float(axial_transmittance(setting.lens, wavelength, losses)) for losses in (GLASS_ALONE, UNCOATED, COATED)
+        )
+        known, film = has_coatings(setting.lens), setting.film_distance_mm
+        t_bare, t_coated = (
+            t_number(setting.lens, film, wavelength, losses) if film is not None and passed > 0 else None
+            for passed, losses in ((bare, UNCOATED), (coated if known else 0.0, COATED))
+        )
+        rows.append(
+            {
+                "wavelength_nm": wavelength,
+                "glass": glass,
+                "bare": bare,
+                "coated": coated if known else None,
+                "t_number_bare": t_bare,
+                "t_number_coated": t_coated,
+            }
+        )
+    return rows
+
+
+@styled()
+def transmittance_chart(setting: Setting, rows: Sequence[TransmittanceRow]) -> Figure:
+    """Return curves from the shortest to the longest wavelength of the rows."""
+    ends = [row["wavelength_nm"] or 0.0 for row in rows]
+    low, high = min(ends), max(ends)
+    if low == high:
+        low, high = low - 1.0, high + 1.0
+    waves = np.linspace(low, high, STEPS)
+    title, labels = f"{setting.lens.name}: light let through on the axis", ("wavelength [nm]", "transmittance [%]")
+    figure, axes = new_chart(title, labels, (low, high), (0.0, 104.0))
+    curves = [("glass alone", GLASS_ALONE, FAINT, ":"), ("bare surfaces", UNCOATED, series(1), "--")]
+    if has_coatings(setting.lens):
+        curves.append(("coated surfaces", COATED, series(0), "-"))
+    for label, losses, colour, line in curves:
+        axes.plot(waves, 100 * axial_transmittance(setting.lens, waves, losses), line, color=colour, label=label)
+    add_key(figure, axes.lines)
+    return figure
+
+
+# Ghosts of a lens as a table, and the way of one of them in cross-section.
+
+RAYS = 9  # of the way that is drawn
+PHASES = ("to the first reflection", "back", "on to the film")
+
+
+def way_text(way: tuple[int, ...]) -> str:
+    """Return a way by the surfaces that reflect it, as ``6, 3``."""
+    return ", ".join(map(str, way))
+
+
+def ghost_table(found: Ghosts) -> list[dict[str, Any]]:
+    """Return a row for each ghost, brightest in the frame first.
+
+    Shares are of the image's light. `focus_mm` is how far behind the film its paraxial image lies; `blur_mm` the
+    diameter on the film of a full beam from the axis.
+    """
+    lit = found.lit
+    with_its_film = with_film(lit.lens, lit.film_distance_mm)
+    pupil = lit.lens.first_order(lit.wavelength_nm).entrance_pupil.diameter_mm
+    rows = []
+    for ghost in found.ghosts:
+        image = ghost_image(with_its_film, ghost.way, 0.0, lit.wavelength_nm, lit.source.object_distance_mm)
+        rows.append({
+            "surfaces": list(ghost.way),
+            "share_in_frame": ghost.flux_in_frame / found.reference,
+            "share": ghost.flux / found.reference,
+            "x_mm": ghost.centroid_mm[0],
+            "y_mm": ghost.centroid_mm[1],
+            "rms_mm": ghost.rms_mm,
+            "focus_mm": image.image_distance_mm,
+            "blur_mm": abs(image.film_per_height) * pupil,
+        })  # fmt: skip
+    return rows
+
+
+def ghost_summary(found: Ghosts) -> dict[str, Any]:
+    """Return the sums, the worst ghost and where the light goes, as shares of what enters."""
+    account, reference_flux = asdict(found.account), found.reference
+    entered = account.pop("entered")
+    worst = max(found.ghosts, key=lambda ghost: ghost.flux_in_frame, default=None)
+    densest = max(found.ghosts, key=_density, default=None)
+    return {
+        "image_share": found.image.flux / entered,
+        "ghosts_in_frame": sum(ghost.flux_in_frame for ghost in found.ghosts) / reference_flux,
+        "ghosts": sum(ghost.flux for ghost in found.ghosts) / reference_flux,
+        "shares_are_of": "image" if found.image.flux else "light that enters",
+        "worst": None if worst is None else list(worst.way),
+        "densest": None if densest is None else list(densest.way),
+        "account": {name: value / entered for name, value in account.items()},
+    }
+
+
+def _density(ghost: Any) -> float:
+    """Return light over the area of a disk of the same rms radius."""
+    return float(ghost.flux_in_frame / max(ghost.rms_mm, 1e-3) ** 2) if ghost.flux_in_frame else 0.0
+
+
+def draw_ghost(setting: Setting, found: Ghosts, way: tuple[int, ...]) -> Drawing:
+    """Return the lens in cross-section with rays of one way: coming, going back and going on in their colours.
+
+    Raises
+    ------
+    InputError
+        When no ray of the cross-section takes that way.
+    """
+    lit = found.lit
+    folded = with_film(lit.lens, lit.film_distance_mm)
+    rays = _rays(setting, found, way)
+    if not rays:
+        raise InputError(f"{setting.lens.name}: no ray of the cross-section is reflected at {way_text(way)}")
+    view = View()
+    film = np.array([[setting.film_z, -lit.film_mm[1] / 2], [setting.film_z, lit.film_mm[1] / 2]])
+    outline = [profile(lit.lens, k, "y") for k in range(len(folded.surfaces) - 1)] + blades(lit.lens, "y")
+    frame = Frame.around([*outline, film, *rays], setting)
+    picture = Drawing(WIDTH, frame.height, _title(found, way))
+    draw_glass(picture, frame, setting, view)
+    picture.add(Path(frame.axis(), FAINT, 0.8, dash=(10, 3, 2, 3)))
+    met = list(steps(way, len(folded.surfaces)))
+    ends = [0, *(1 + i for i, step in enumerate(met) if step.reflects), len(met)]
+    for ray in rays:
+        for number, (start, end) in enumerate(pairwise(ends)):
+            picture.add(Path(frame.places(ray[start : end + 1]), SERIES[number % len(SERIES)], 0.9))
+    draw_surfaces(picture, frame, setting, view)
+    picture.add(Path(frame.places(film), INK, 2.0, note="film"))
+    _draw_words(picture, len(way))
+    return picture
+
+
+def _rays(setting: Setting, found: Ghosts, way: tuple[int, ...]) -> list[Array]:
+    """Return corners (m, 2), z and height, of rays of the cross-section that take a way to the film."""
+    lit = found.lit
+    lens = unfolded(with_film(lit.lens, lit.film_distance_mm), way)
+    at = Setting(lit.lens, setting.film_distance_mm, lit.source.object_distance_mm, lit.wavelength_nm)
+    points = fan_points(at, lit.source.field_degrees, "y")
+    origins, directions = section_rays(at, lit.source.field_degrees, points, "y")
+    passed = np.flatnonzero(lens.trace(origins, directions, lit.wavelength_nm, "scene").passed)
+    if not len(passed):
+        return []
+    chosen = passed[np.unique(np.linspace(0, len(passed) - 1, RAYS).round().astype(int))]
+    paths = ray_paths(lens, origins[chosen], directions[chosen], lit.wavelength_nm, reference)
+    corners = np.moveaxis(paths.points, 0, 1).copy()
+    along = directions[chosen] / np.linalg.norm(directions[chosen], axis=1)[:, None]
+    reach = min(APPROACH * size_of(lit.lens), lit.source.object_distance_mm)
+    corners[:, 0] = corners[:, 1] - along * reach
+    return [line[:, [2, 1]] for line in corners]
+
+
+def _title(found: Ghosts, way: tuple[int, ...]) -> str:
+    ghost = next(ghost for ghost in found.ghosts if ghost.way == way)
+    share = ghost.flux_in_frame / found.reference
+    return f"{found.lit.lens.name}; reflected at surfaces {way_text(way)}: {share:.2g} of the image's light"
+
+
+def _draw_words(picture: Drawing, reflections: int) -> None:
+    picture.add(Text((MARGIN, 24), picture.title, 15))
+    place, below = MARGIN, picture.height - 32
+    words = PHASES if reflections == 2 else [f"after {number} reflections" for number in range(reflections + 1)]
+    for number, word in enumerate(words):
+        line = [(place, below - 4), (place + 22, below - 4)]
+        picture.add(Path(line, SERIES[number % len(SERIES)], 2.5), Text((place + 28, below), word))
+        place += 28 + 7 * len(word) + 22

@@ -1,0 +1,849 @@
+"""How sharply a lens draws points: spots, transfer, point images and wavefronts of fields and wavelengths."""
+
+from __future__ import annotations
+
+import io
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.vectors import LINE_D_NM
+from rptcam_cl.optics.best_focus import best_film_distance
+from rptcam_cl.optics.charts import FAINT, INK, SIZE, add_key, new_chart, new_figure, series, styled, wavelength_colour
+from rptcam_cl.optics.lens import brought_to_focus
+from rptcam_cl.optics.spot import Beam, passing_beam
+from rptcam_cl.optics.waves import (
+    AIRY,
+    PupilFunction,
+    centroid,
+    diffraction_mtf,
+    encircling,
+    peak_to_valley,
+    pupil_function,
+    radius_of_share,
+    rms_waves,
+    spread,
+    strehl,
+    transfer,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.figure import Figure
+
+    from rptcam_cl.optics.lens import Lens
+
+
+# A lens as it stands on a camera: stopped down, zoomed, focused, with its film.
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A lens in use.
+
+    Attributes
+    ----------
+    lens : Lens
+        At its working aperture and focal length.
+    film_distance_mm : float or None
+        Last vertex to film; None when the lens forms no real image.
+    object_distance_mm : float
+        Object plane to first vertex; infinite for a distant object.
+    wavelength_nm : float
+        For which it is focused.
+    """
+
+    lens: Lens
+    film_distance_mm: float | None
+    object_distance_mm: float = math.inf
+    wavelength_nm: float = LINE_D_NM
+
+    @property
+    def film(self) -> float:
+        """Last vertex to film [mm]; an error without a real image."""
+        if self.film_distance_mm is None:
+            raise InputError(f"{self.lens.name}: forms no real image of a distant object, so there is no film")
+        return self.film_distance_mm
+
+    @property
+    def film_z(self) -> float:
+        """Film plane in the frame of the lens [mm]."""
+        return self.lens.film_z(self.film)
+
+
+def setting(
+    lens: Lens,
+    f_number: float | None = None,
+    focus_distance_m: float | None = None,
+    wavelength_nm: float = LINE_D_NM,
+) -> Setting:
+    """Return a lens in use.
+
+    Parameters
+    ----------
+    lens : Lens
+        Zoomed already.
+    f_number : float, optional
+        To stop down to; as wide as the file has it when absent.
+    focus_distance_m : float, optional
+        Object plane to film [m]; infinity when absent.
+    wavelength_nm : float
+    """
+    if f_number is not None:
+        lens = lens.with_stop_diameter(lens.stop_diameter_for(f_number, wavelength_nm))
+    if focus_distance_m is not None:
+        lens, film = brought_to_focus(lens, 1000 * focus_distance_m, wavelength_nm)
+        return Setting(lens, film, 1000 * focus_distance_m - lens.sense * film - lens.length, wavelength_nm)
+    first = lens.first_order(wavelength_nm)
+    real = 0 < first.focal_length_mm < math.inf and first.back_focal_distance_mm > 0
+    return Setting(lens, first.back_focal_distance_mm if real else None, math.inf, wavelength_nm)
+
+
+# Fields of view worth looking at, and fans of rays across a beam.
+
+Array = NDArray[np.float64]
+
+SHARES = (0.0, 0.7, 1.0)
+LEFT_OPEN = 0.5  # share of the axial fan that the widest field keeps
+LARGEST_SPOT = 0.02  # rms of its fan on the film, in focal lengths, unless that on the axis is larger
+STEEPEST = 85.0  # degrees
+FAN = 401
+
+
+def widest_field(setting: Setting, section: str = "y") -> float:
+    """Return the largest field [degrees] at which the lens still draws a picture.
+
+    Half of the meridional fan of the axis passes, and what passes stays together on the film.
+    """
+    low, high = 0.0, STEEPEST
+    axis, blur = _passing(setting, 0.0, section)
+    if axis == 0:
+        raise InputError(f"{setting.lens.name}: the ray on the axis does not come through")
+    focal_length = abs(setting.lens.first_order(setting.wavelength_nm, section).focal_length_mm)
+    largest = max(LARGEST_SPOT * focal_length, 2 * blur)
+    for _ in range(12):
+        middle = (low + high) / 2
+        width, spread = _passing(setting, middle, section)
+        low, high = (middle, high) if width >= LEFT_OPEN * axis and spread <= largest else (low, middle)
+    return low
+
+
+def default_fields(setting: Setting, shares: Sequence[float] = SHARES, section: str = "y") -> list[float]:
+    """Return the axis and parts of the widest field [degrees], rounded to be read."""
+    widest = widest_field(setting, section)
+    digits = 1 - math.floor(math.log10(widest)) if widest > 0 else 0
+    return [round(share * widest, max(digits, 0)) for share in shares]
+
+
+def fan_points(setting: Setting, field_degrees: float, section: str, count: int = FAN) -> Array:
+    """Return points (count, 2) of the plane of the first vertex, in a line along the section, over the first surface.
+
+    Their rays are all those of the beam that meet the first surface inside its rim, and a few more.
+    """
+    first = setting.lens.surfaces[0]
+    if not np.isfinite(first.semi_diameter):
+        raise InputError(f"{setting.lens.name}: the first surface needs a diameter")
+    heights = np.linspace(-first.semi_diameter, first.semi_diameter, 65)
+    zero = np.zeros_like(heights)
+    sag = first.sag(zero, heights) if section == "y" else first.sag(heights, zero)
+    source = -math.tan(math.radians(field_degrees)) * setting.object_distance_mm
+    slope = (
+        math.tan(math.radians(field_degrees))
+        if math.isinf(setting.object_distance_mm)
+        else (heights - source) / setting.object_distance_mm
+    )
+    at_vertex = heights - np.nan_to_num(sag) * slope
+    line = np.linspace(at_vertex.min(), at_vertex.max(), count)
+    return _along(line, section)
+
+
+def section_rays(setting: Setting, field_degrees: float, points: Array, section: str) -> tuple[Array, Array]:
+    """Return origins and directions (n, 3) of the rays of a beam through points of the plane of the first vertex.
+
+    The beam is tilted in the section: light of a positive field travels towards +y, or +x.
+    """
+    beam = Beam(field_degrees, setting.object_distance_mm)
+    origins, directions = beam.rays(points if section == "y" else points[:, ::-1])
+    if section == "x":
+        return origins[:, [1, 0, 2]], directions[:, [1, 0, 2]]
+    return origins, directions
+
+
+def _along(line: Array, section: str) -> Array:
+    zero = np.zeros_like(line)
+    return np.stack([zero, line] if section == "y" else [line, zero], axis=1)
+
+
+def _passing(setting: Setting, field_degrees: float, section: str) -> tuple[float, float]:
+    """Return the width across the beam of its meridional fan that passes, and the rms of that fan on the film [mm].
+
+    The rms is 0 without a film, or when less than two rays pass.
+    """
+    points = fan_points(setting, field_degrees, section)
+    origins, directions = section_rays(setting, field_degrees, points, section)
+    rays = setting.lens.trace(origins, directions, setting.wavelength_nm, "scene")
+    good = rays.passed
+    width = float(good.sum()) * float(np.abs(points[1] - points[0]).sum()) * math.cos(math.radians(field_degrees))
+    if setting.film_distance_mm is None or good.sum() < 2:
+        return width, 0.0
+    return width, float(
+        np.std(at_plane(rays.origins[good], rays.directions[good], setting.film_z)[:, :2], axis=0).max()
+    )
+
+
+def at_plane(origins: Array, directions: Array, z: float) -> Array:
+    """Return the points (n, 3) where rays cross a plane across the axis."""
+    return origins + directions * ((z - origins[:, 2]) / directions[:, 2])[:, None]
+
+
+# Spots: where the rays of beams from fields and wavelengths meet the film.
+
+ACROSS, MOST_ACROSS = 64, 1024  # rays that span a beam each way: at first, and at most
+STAYS = 0.005  # share of a figure by which twice as many rays across may change it
+SMALL_PART = 0.05  # of a spot's rms, below which that across or down counts by as much
+NOTHING = 1e-9  # [mm], of no account
+FACTS = ("centroid_x_mm", "centroid_y_mm", "rms_um", "rms_x_um", "rms_y_um", "largest_um")
+PANELS = 3  # side by side
+PANEL, REST = 2.9, 0.9  # height of a row of panels, and of title and key [inches]
+MOST_DOTS = 700  # of each colour in a panel
+FILL = 0.45  # half width of the largest spot, in widths of a panel
+
+
+@dataclass(frozen=True)
+class FilmSpot:
+    """The rays of one field and wavelength on the film.
+
+    Attributes
+    ----------
+    field_degrees, wavelength_nm : float
+    points : (n, 2) array
+        Where they meet the film, x and y [mm]; none when nothing of the beam passes.
+    cone : (x, y)
+        Half widths of the cone of light on the film, in x and y: numerical apertures.
+    fewer : (m, 2) array or None
+        The points by half as many rays across.
+    """
+
+    field_degrees: float
+    wavelength_nm: float
+    points: Array
+    cone: tuple[float, float] = (0.0, 0.0)
+    fewer: Array | None = None
+
+
+Moves = Callable[[Sequence[FilmSpot], Sequence[FilmSpot]], float]
+
+
+def film_spots(
+    setting: Setting,
+    fields: Sequence[float] | None,
+    wavelengths_nm: Sequence[float],
+    across: int | None = None,
+    moves: Moves | None = None,
+) -> list[FilmSpot]:
+    """Return the spots of each field and wavelength, traced in float64.
+
+    Parameters
+    ----------
+    setting : Setting
+    fields : sequence of float, optional
+        Angles from the axis [degrees]; the axis and two more when absent.
+    wavelengths_nm : sequence of float
+    across : int, optional
+        Rays that span the beam each way; in each field twice as many, and again, till figures stay, when absent.
+    moves : function, optional
+        Of the spots of a field by few rays and by more: how far its figures move, in units of what they may. Those of
+        `spots_move` when absent.
+
+    Raises
+    ------
+    InputError
+        When nothing of any beam passes; of one among others the spot is empty.
+    """
+    refused: InputError | None = None
+
+    def traced(degrees: float, across: int) -> list[FilmSpot]:
+        nonlocal refused
+        spots = []
+        for wavelength in wavelengths_nm:
+            try:
+                _, rays, _ = passing_beam(setting.lens, Beam(degrees, setting.object_distance_mm), wavelength, across)
+            except InputError as problem:
+                spots.append(FilmSpot(degrees, wavelength, np.zeros((0, 2))))
+                refused = problem
+                continue
+            points = at_plane(rays.origins, rays.directions, setting.film_z)[:, :2]
+            spots.append(FilmSpot(degrees, wavelength, points, _cone(setting, wavelength, rays.directions)))
+        return spots
+
+    found: list[FilmSpot] = []
+    for degrees in default_fields(setting) if fields is None else fields:
+        count = across or ACROSS
+        few, many = traced(degrees, max(count // 2, 1)), traced(degrees, count)
+        while across is None and count < MOST_ACROSS and (moves or spots_move)(few, many) > 1:
+            count *= 2
+            few, many = many, traced(degrees, count)
+        found += [replace(more, fewer=less.points) for less, more in zip(few, many, strict=True)]
+    if refused is not None and not any(len(spot.points) for spot in found):
+        raise refused
+    return found
+
+
+def spots_move(few: Sequence[FilmSpot], many: Sequence[FilmSpot]) -> float:
+    """Return how far the rms of spots moves with more rays, in units of what it may: of the whole, across and down."""
+    return max((_rms_moves(less.points, more.points) for less, more in zip(few, many, strict=True)), default=0.0)
+
+
+def _rms_moves(few: Array, many: Array) -> float:
+    if not len(many) or not len(few):
+        return 0.0 if len(many) == len(few) else math.inf
+    one, other = np.std(few, axis=0), np.std(many, axis=0)
+    return float(np.max(np.abs(one - other) / (STAYS * np.maximum(other, SMALL_PART * np.hypot(*other)) + NOTHING)))
+
+
+def fewer(group: Sequence[FilmSpot]) -> list[FilmSpot]:
+    """Return the spots of a field by half as many rays across, which show how exact they are."""
+    return [replace(spot, points=spot.fewer) for spot in group if spot.fewer is not None]
+
+
+def _cone(setting: Setting, wavelength_nm: float, directions: Array) -> tuple[float, float]:
+    """Return the numerical apertures in x and y of the ellipse with the second moments of a bundle's directions.
+
+    Twice the standard deviation is the half axis of an ellipse that is evenly filled.
+    """
+    x, y = 2.0 * float(setting.lens.indices(wavelength_nm)[-1]) * np.std(directions[:, :2], axis=0)
+    return float(x), float(y)
+
+
+def at_best_focus(setting: Setting, wavelengths_nm: Sequence[float], field_degrees: float = 0.0) -> Setting:
+    """Return the setting with its film where the spot of a field is least: on the axis of all wavelengths together."""
+    _ = setting.film
+    distance = best_film_distance(setting.lens, setting.object_distance_mm, "front", wavelengths_nm, field_degrees)
+    return replace(setting, film_distance_mm=distance)
+
+
+def by_field(spots: Sequence[FilmSpot]) -> dict[float, list[FilmSpot]]:
+    """Return the spots of each field, in order."""
+    groups: dict[float, list[FilmSpot]] = {}
+    for spot in spots:
+        groups.setdefault(spot.field_degrees, []).append(spot)
+    return groups
+
+
+def spot_facts(points: Array) -> dict[str, Any]:
+    """Return centroid [mm], and rms and largest distance from it [micrometres], of points (n, 2); None without any."""
+    if not len(points):
+        return {"rays": 0} | dict.fromkeys(FACTS)
+    centroid = points.mean(axis=0)
+    off = (points - centroid) * 1e3
+    rms_x, rms_y = np.sqrt(np.mean(off * off, axis=0))
+    return {
+        "rays": len(points),
+        "centroid_x_mm": float(centroid[0]),
+        "centroid_y_mm": float(centroid[1]),
+        "rms_um": float(np.hypot(rms_x, rms_y)),
+        "rms_x_um": float(rms_x),
+        "rms_y_um": float(rms_y),
+        "largest_um": float(np.hypot(off[:, 0], off[:, 1]).max()),
+    }
+
+
+def spot_table(spots: Sequence[FilmSpot]) -> list[dict[str, Any]]:
+    """Return a row for each spot, and for each field of several wavelengths one of all together (wavelength None).
+
+    ``rms_error_um`` and ``largest_error_um`` are what half as many rays across change.
+    """
+    rows: list[dict[str, Any]] = []
+    for degrees, group in by_field(spots).items():
+        for spot in group:
+            rows.append(_row(degrees, spot.wavelength_nm, [spot]))
+        if len(group) > 1:
+            rows.append(_row(degrees, None, group))
+    return rows
+
+
+def _row(degrees: float, wavelength_nm: float | None, group: Sequence[FilmSpot]) -> dict[str, Any]:
+    facts, errors = spot_facts(np.concatenate([spot.points for spot in group])), {}
+    less = fewer(group)
+    before = spot_facts(np.concatenate([spot.points for spot in less])) if less else facts
+    for name in ("rms", "largest"):
+        value, other = facts[f"{name}_um"], before[f"{name}_um"]
+        errors[f"{name}_error_um"] = None if value is None or other is None or not less else abs(value - other)
+    return {"field_degrees": degrees, "wavelength_nm": wavelength_nm, **facts, **errors}
+
+
+@styled()
+def spot_chart(setting: Setting, spots: Sequence[FilmSpot]) -> Figure:
+    """Return the spot diagrams of all fields side by side, to the same scale, about their centroids."""
+    from matplotlib.lines import Line2D
+
+    spots = [spot for spot in spots if len(spot.points)]
+    groups = by_field(spots)
+    rows = math.ceil(len(groups) / PANELS)
+    columns = min(len(groups), PANELS)
+    figure = new_figure(f"{setting.lens.name}: spots on the film", (SIZE[0], rows * PANEL + REST))
+    panels = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
+    centres = {field: np.concatenate([spot.points for spot in group]).mean(axis=0) for field, group in groups.items()}
+    reach = max(float(np.abs(spot.points - centres[spot.field_degrees]).max()) for spot in spots) * 1e3
+    half = max(reach * 0.5 / FILL, 1e-6)
+    for axes, (degrees, group) in zip(panels.flat, groups.items(), strict=False):
+        rms = spot_facts(np.concatenate([spot.points for spot in group]))["rms_um"]
+        axes.set_title(f"{degrees:g}°, y = {round(centres[degrees][1], 4) + 0.0:g} mm\nrms {rms:.3g} µm")
+        axes.set(xlabel="x [µm]", xlim=(-half, half), ylim=(-half, half), aspect="equal")
+        for spot in group:
+            shown = np.random.default_rng(0).permutation(len(spot.points))[:MOST_DOTS]
+            off = (spot.points[shown] - centres[degrees]) * 1e3
+            axes.plot(*off.T, "o", color=wavelength_colour(spot.wavelength_nm), markersize=1.3, markeredgewidth=0,
+                      rasterized=True)  # fmt: skip
+    for axes in panels[:, 0]:
+        axes.set_ylabel("y [µm]")
+    for axes in panels.flat[len(groups) :]:
+        axes.set_visible(False)
+    waves = dict.fromkeys(spot.wavelength_nm for spot in spots)
+    add_key(figure, [Line2D([], [], color=wavelength_colour(wave), linestyle="", marker="o", label=f"{wave:g} nm")
+                     for wave in waves])  # fmt: skip
+    return figure
+
+
+#
+# Modulation transfer: that of the spots times that of diffraction at the aperture that each field has.
+#
+# The geometrical transfer knows no diffraction and exceeds its limit where a lens is sharp. The transfer of a lens is
+# that of its perfect pupil times a factor of its aberrations (Wetherell, The Calculation of Image Quality, 1980), for
+# which the geometrical one stands here: right where aberrations are none or many waves, and never above the limit.
+
+CURVE = 101
+COLUMNS = ("tangential", "sagittal", "tangential_limit", "sagittal_limit")
+
+
+def geometric_mtf(points: Array, frequencies_per_mm: ArrayLike) -> tuple[Array, Array]:
+    """Return the modulation (tangential, sagittal) of light spread over points (n, 2) of the film [mm].
+
+    Tangential lines lie along x, so that they blur in y; sagittal ones along y. Each is the length of the mean of
+    exp(-2 pi i f y) over the rays, the Fourier transform of the spot.
+    """
+    waves = -2j * np.pi * np.asarray(frequencies_per_mm, dtype=np.float64)[:, None]
+    off = points - points.mean(axis=0)
+    tangential, sagittal = (np.abs(np.mean(np.exp(waves * off[:, axis]), axis=1)) for axis in (1, 0))
+    return tangential, sagittal
+
+
+def limits(group: Sequence[FilmSpot], frequencies_per_mm: ArrayLike) -> tuple[Array, Array]:
+    """Return the modulation (tangential, sagittal) that diffraction leaves the spots of one field.
+
+    The mean over the wavelengths by their rays. A pupil that is not round counts as the ellipse of its second moments.
+    """
+    rays = np.array([len(spot.points) for spot in group], dtype=np.float64)
+    curves = [
+        np.average([diffraction_mtf(frequencies_per_mm, spot.cone[axis], spot.wavelength_nm) for spot in group],
+                   axis=0, weights=rays)
+        for axis in (1, 0)
+    ]  # fmt: skip
+    return curves[0], curves[1]
+
+
+def field_mtf(group: Sequence[FilmSpot], frequencies_per_mm: ArrayLike) -> list[Array] | None:
+    """Return tangential and sagittal modulation and the limit of each, of one field; None when no light passes."""
+    points = np.concatenate([spot.points for spot in group])
+    if not len(points):
+        return None
+    most = limits(group, frequencies_per_mm)
+    drawn = geometric_mtf(points, frequencies_per_mm)
+    return [*(shape * limit for shape, limit in zip(drawn, most, strict=True)), *most]
+
+
+def mtf_moves(frequencies_per_mm: Sequence[float]) -> Moves:
+    """Return what says how far the modulation of a field moves with more rays, in units of what it may.
+
+    Rays that lie farther apart on the film than half a period of the finest lines show nothing of these.
+    """
+
+    def moves(few: Sequence[FilmSpot], many: Sequence[FilmSpot]) -> float:
+        for spot in few:
+            if len(spot.points) and np.ptp(spot.points, axis=0).max() * max(frequencies_per_mm) > math.sqrt(
+                len(spot.points)
+            ):
+                return math.inf
+        one, other = (field_mtf(group, frequencies_per_mm) for group in (few, many))
+        if one is None or other is None:
+            return 0.0 if one is other else math.inf
+        return float(max(np.abs(a - b).max() for a, b in zip(one[:2], other[:2], strict=True))) / STAYS
+
+    return moves
+
+
+def mtf_table(spots: Sequence[FilmSpot], frequencies_per_mm: Sequence[float]) -> list[dict[str, Any]]:
+    """Return a row for each field and frequency, the wavelengths of a field together; None where no light passes.
+
+    ``error`` is what half as many rays across change of either modulation.
+    """
+    groups = by_field(spots)
+    fields = {degrees: field_mtf(group, frequencies_per_mm) for degrees, group in groups.items()}
+    rows = table_of(fields, frequencies_per_mm)
+    before = table_of(
+        {degrees: field_mtf(less, frequencies_per_mm) if (less := fewer(group)) else None
+         for degrees, group in groups.items()},
+        frequencies_per_mm,
+    )  # fmt: skip
+    for row, other in zip(rows, before, strict=True):
+        known = row["tangential"] is not None and other["tangential"] is not None
+        row["error"] = max(abs(row[name] - other[name]) for name in COLUMNS[:2]) if known else None
+    return rows
+
+
+def table_of(
+    fields: Mapping[float, Sequence[Array] | None], frequencies_per_mm: Sequence[float]
+) -> list[dict[str, Any]]:
+    """Return a row for each field and frequency, of curves as `field_mtf` has them."""
+    rows = []
+    for degrees, curves in fields.items():
+        for k, frequency in enumerate(frequencies_per_mm):
+            values = [None] * len(COLUMNS) if curves is None else [float(curve[k]) for curve in curves]
+            modulation = dict(zip(COLUMNS, values, strict=True))
+            rows.append({"field_degrees": degrees, "frequency_per_mm": frequency, **modulation})
+    return rows
+
+
+def mtf_chart(setting: Setting, spots: Sequence[FilmSpot], highest_per_mm: float) -> Figure:
+    """Return the curves of every field up to a frequency."""
+    frequencies = np.linspace(0.0, highest_per_mm, CURVE)
+    curves = {degrees: field_mtf(group, frequencies) for degrees, group in by_field(spots).items()}
+    return curves_chart(f"{setting.lens.name}: MTF, geometrical times diffraction", frequencies, curves)
+
+
+@styled()
+def curves_chart(title: str, frequencies: Array, fields: Mapping[float, Sequence[Array] | None]) -> Figure:
+    """Return a chart of curves as `field_mtf` has them: tangential full, sagittal dashed, the first limit dotted."""
+    from matplotlib.lines import Line2D
+
+    labels = ("frequency on the film [cycles/mm]", "modulation [%]")
+    figure, axes = new_chart(title, labels, (0.0, float(frequencies[-1])), (0.0, 102.0))
+    keys: list[Artist] = []
+    for number, (degrees, curves) in enumerate(fields.items()):
+        if curves is None:
+            continue
+        tangential, sagittal, limit, _ = (100 * curve for curve in curves)
+        if number == 0:
+            axes.plot(frequencies, limit, ":", color=FAINT)
+        keys += axes.plot(frequencies, tangential, color=series(number), label=f"{degrees:g}°")
+        axes.plot(frequencies, sagittal, "--", color=series(number))
+    keys.append(Line2D([], [], color=INK, label="tangential"))
+    keys.append(Line2D([], [], color=INK, linestyle="--", label="sagittal"))
+    keys.append(Line2D([], [], color=FAINT, linestyle=":", label="diffraction limit"))
+    add_key(figure, keys)
+    return figure
+
+
+# The image of a point by geometrical optics: the share of its light that each small square of the film receives.
+
+SIDE = 6.0  # of the plot [inches]
+PSF_SHARES = (0.5, 0.8, 0.95)
+ROOM = 1.1  # half width of the image over the radius that holds nearly all light, when none is given
+
+
+@dataclass(frozen=True)
+class PointImage:
+    """The image of a point.
+
+    Attributes
+    ----------
+    shares : (n, n) array
+        Share of the light in each pixel, row 0 at the top (largest y). What falls outside is missing from the sum.
+    width_um : float
+        Side of the image on the film, about the centroid [micrometres].
+    facts : mapping
+        Centroid, rms, and radii about the centroid that enclose shares of the light [micrometres], and by how much rms
+        and radii change with half as many rays across.
+    """
+
+    shares: Array
+    width_um: float
+    facts: dict[str, float]
+
+
+def point_image(spots: Sequence[FilmSpot], pixels: int, width_um: float | None = None) -> PointImage:
+    """Return the image of one field, its wavelengths together.
+
+    Parameters
+    ----------
+    spots : sequence of FilmSpot
+        Of one field.
+    pixels : int
+        Along each side.
+    width_um : float, optional
+        Side of the image; as large as the light needs when absent.
+    """
+    if pixels < 2:
+        raise InputError(f"an image needs at least 2 pixels a side (got {pixels})")
+    points = np.concatenate([spot.points for spot in spots])
+    facts, less = spot_facts(points), fewer(spots)
+    off, radii = _radii(points)
+    names = [f"radius_of_{100 * share:.0f}_percent_um" for share in PSF_SHARES]
+    facts |= dict(zip(names, np.quantile(radii, PSF_SHARES).tolist(), strict=True))
+    if less and len(before := np.concatenate([spot.points for spot in less])):
+        facts["rms_error_um"] = abs(facts["rms_um"] - spot_facts(before)["rms_um"])
+        changes = np.quantile(_radii(before)[1], PSF_SHARES) - np.quantile(radii, PSF_SHARES)
+        facts["radius_error_um"] = float(np.abs(changes).max())
+    half = (width_um or 2 * ROOM * max(float(np.quantile(radii, 0.99)), 1e-6)) / 2
+    counts, _, _ = np.histogram2d(-off[:, 1], off[:, 0], bins=pixels, range=[[-half, half], [-half, half]])
+    return PointImage(counts / len(points), 2 * half, facts)
+
+
+def image_moves(few: Sequence[FilmSpot], many: Sequence[FilmSpot]) -> float:
+    """Return how far rms and radii of an image of a point move with more rays, in units of what they may."""
+    one, other = (np.concatenate([spot.points for spot in group]) for group in (few, many))
+    if not len(one) or not len(other):
+        return 0.0 if len(one) == len(other) else np.inf
+    one, other = (np.quantile(_radii(points)[1], PSF_SHARES) for points in (one, other))
+    return max(spots_move(few, many), float(np.max(np.abs(one - other) / (STAYS * other + 1e3 * NOTHING))))
+
+
+def _radii(points: Array) -> tuple[Array, Array]:
+    """Return points (n, 2) from their centroid, and how far they are from it (n,) [micrometres]."""
+    off = (points - points.mean(axis=0)) * 1e3
+    return off, np.hypot(off[:, 0], off[:, 1])
+
+
+def npy_bytes(image: PointImage) -> bytes:
+    """Return the shares as a NumPy file, float32."""
+    out = io.BytesIO()
+    np.save(out, image.shares.astype(np.float32))
+    return out.getvalue()
+
+
+@styled()
+def psf_chart(setting: Setting, image: PointImage, field_degrees: float) -> Figure:
+    """Return the image of a point as it is seen, bright on dark, with the share of light that a pixel receives."""
+    figure = new_figure(f"{setting.lens.name}: image of a point at {field_degrees:g}°", (SIDE + 1.4, SIDE))
+    axes = figure.add_subplot()
+    half = image.width_um / 2
+    shown = axes.imshow(100 * image.shares, cmap="inferno", vmin=0.0, extent=(-half, half, -half, half))
+    axes.set(xlabel="x from the centroid [µm]", ylabel="y from the centroid [µm]")
+    axes.grid(visible=False)
+    pixel = image.width_um / len(image.shares)
+    figure.colorbar(shown, ax=axes, label=f"light in a square of {pixel:.3g} µm [% of all]")
+    return figure
+
+
+# Wavefronts of fields and wavelengths: path differences, Strehl ratios, and the map over the pupil.
+
+WAVEFRONT_PANEL, WAVEFRONT_REST = 2.9, 0.6  # height of a row of panels, and of the title [inches]
+
+
+@dataclass(frozen=True)
+class FieldWave:
+    """The light of one field and wavelength behind the lens."""
+
+    field_degrees: float
+    wavelength_nm: float
+    pupil: PupilFunction
+
+
+def field_waves(
+    setting: Setting, fields: Sequence[float] | None, wavelengths_nm: Sequence[float], across: int | None = None
+) -> list[FieldWave]:
+    """Return the light of each field and wavelength; fields whose light does not pass are left out.
+
+    Parameters
+    ----------
+    setting : Setting
+    fields : sequence of float, optional
+        Angles from the axis [degrees]; the axis and two more when absent.
+    wavelengths_nm : sequence of float
+    across : int, optional
+        Cells across each pupil; as many as its wavefront needs when absent.
+
+    Raises
+    ------
+    InputError
+        When nothing of any beam passes, or the lens has no film.
+    """
+    film = setting.film
+    waves: list[FieldWave] = []
+    refused: InputError | None = None
+    for degrees in default_fields(setting) if fields is None else fields:
+        for wavelength in wavelengths_nm:
+            beam = Beam(degrees, setting.object_distance_mm)
+            try:
+                pupil = pupil_function(setting.lens, film, beam, wavelength, across)
+            except InputError as problem:
+                refused = problem
+                continue
+            waves.append(FieldWave(degrees, wavelength, pupil))
+    if refused is not None and not waves:
+        raise refused
+    return waves
+
+
+def waves_by_field(waves: Sequence[FieldWave]) -> dict[float, list[FieldWave]]:
+    """Return the light of each field, in order."""
+    groups: dict[float, list[FieldWave]] = {}
+    for wave in waves:
+        groups.setdefault(wave.field_degrees, []).append(wave)
+    return groups
+
+
+def wavefront_table(waves: Sequence[FieldWave]) -> list[dict[str, Any]]:
+    """Return a row for each wavefront, up to the sphere about the chief ray's point: rms, range, Strehl ratios."""
+    rows = []
+    for wave in waves:
+        pupil, ratio = wave.pupil, strehl(wave.pupil)
+        rows.append({
+            "field_degrees": wave.field_degrees,
+            "wavelength_nm": wave.wavelength_nm,
+            "rms_waves": rms_waves(pupil, pupil.waves_on_sphere),
+            "rms_waves_without_tilt": rms_waves(pupil, pupil.waves_on_sphere, without_tilt=True),
+            "peak_to_valley_waves": peak_to_valley(pupil, pupil.waves_on_sphere),
+            "strehl": ratio.at_chief_ray,
+            "strehl_at_peak": ratio.at_peak,
+            "chief_y_mm": float(pupil.chief[1]),
+        })  # fmt: skip
+    return rows
+
+
+@styled()
+def wavefront_chart(setting: Setting, waves: Sequence[FieldWave]) -> Figure:
+    """Return the maps of path differences over the pupil side by side, to one scale, in direction cosines."""
+    rows = math.ceil(len(waves) / PANELS)
+    columns = min(len(waves), PANELS)
+    figure = new_figure(
+        f"{setting.lens.name}: wavefront at the exit pupil", (SIZE[0], rows * WAVEFRONT_PANEL + WAVEFRONT_REST)
+    )
+    panels = figure.subplots(rows, columns, squeeze=False)
+    maps = [_map(wave.pupil) for wave in waves]
+    most = max(float(np.nanmax(np.abs(part))) for part in maps) or 1.0
+    for axes, wave, part in zip(panels.flat, waves, maps, strict=False):
+        pupil = wave.pupil
+        extent = (pupil.cosines_x[0], pupil.cosines_x[-1], pupil.cosines_y[0], pupil.cosines_y[-1])
+        shown = axes.imshow(part, cmap="RdBu_r", vmin=-most, vmax=most, origin="lower", extent=extent)
+        rms = rms_waves(pupil, pupil.waves_on_sphere)
+        axes.set_title(f"{wave.field_degrees:g}°, {wave.wavelength_nm:g} nm\nrms {rms:.3g} waves")
+        axes.set(xlabel="direction cosine in x", ylabel="in y" if axes in panels[:, 0] else "")
+        axes.locator_params(nbins=4)
+        axes.grid(visible=False)
+    for axes in panels.flat[len(waves) :]:
+        axes.set_visible(False)
+    figure.colorbar(shown, ax=panels, label="ahead of the chief ray [waves]", shrink=0.8)
+    return figure
+
+
+def _map(pupil: PupilFunction) -> Array:
+    """Return the path differences about their mean; NaN outside of the pupil."""
+    weight = pupil.flux / pupil.flux.sum()
+    mean = float(np.sum(weight * pupil.waves_on_sphere))
+    return np.where(pupil.coverage >= 0.5, pupil.waves_on_sphere - mean, np.nan)
+
+
+# The image of a point and the transfer of a lens by wave optics, over all wavelengths of a field.
+
+WIDEST = 48.0  # radius of the first circle that is searched, in Airy radii
+SHOWN = 1.2  # half width of the image over the radius that holds 80 % of the light
+FINEST = 16.0  # points per wavelength times f-number that pixels are averaged over at least; 4 leave 2 % at the peak
+MOST_POINTS = 1200  # along each side of the image
+
+
+def wave_transfer(group: Sequence[FieldWave], frequencies_per_mm: ArrayLike) -> list[Array]:
+    """Return tangential and sagittal modulation of one field, and what its perfect pupil would leave of each."""
+    weights = _weights(group)
+    origin = group[0].pupil.chief
+    parts, limits = [], []
+    for wave in group:
+        off = origin - wave.pupil.chief
+        parts.append(transfer(wave.pupil, frequencies_per_mm, (float(off[0]), float(off[1]))))
+        limits.append([np.abs(curve) for curve in transfer(wave.pupil.without_aberrations(), frequencies_per_mm)])
+    curves = [np.abs(np.tensordot(weights, [part[axis] for part in parts], 1)) for axis in (0, 1)]
+    return [*curves, *(np.tensordot(weights, [limit[axis] for limit in limits], 1) for axis in (0, 1))]
+
+
+def wave_mtf_table(waves: Sequence[FieldWave], frequencies_per_mm: Sequence[float]) -> list[dict[str, Any]]:
+    """Return a row for each field and frequency, the wavelengths of a field together."""
+    fields = {degrees: wave_transfer(group, frequencies_per_mm) for degrees, group in waves_by_field(waves).items()}
+    return table_of(fields, frequencies_per_mm)
+
+
+def wave_mtf_chart(setting: Setting, waves: Sequence[FieldWave], highest_per_mm: float) -> Figure:
+    """Return the curves of every field up to a frequency."""
+    frequencies = np.linspace(0.0, highest_per_mm, CURVE)
+    fields = {degrees: wave_transfer(group, frequencies) for degrees, group in waves_by_field(waves).items()}
+    return curves_chart(f"{setting.lens.name}: MTF by wave optics", frequencies, fields)
+
+
+def wave_point_image(group: Sequence[FieldWave], pixels: int, width_um: float | None = None) -> PointImage:
+    """Return the image of one field, its wavelengths together, about the middle of its light.
+
+    Parameters
+    ----------
+    group : sequence of FieldWave
+        Of one field.
+    pixels : int
+        Along each side.
+    width_um : float, optional
+        Side of the image; as large as the light needs when absent.
+    """
+    if pixels < 2:
+        raise InputError(f"an image needs at least 2 pixels a side (got {pixels})")
+    weights = _weights(group)
+    middles = np.array([wave.pupil.chief + centroid(wave.pupil) for wave in group])
+    middle = weights @ middles
+    offsets = [middle - wave.pupil.chief for wave in group]
+    facts = _facts(group, weights, offsets)
+    facts |= {"centroid_x_mm": float(middle[0]), "centroid_y_mm": float(middle[1])}
+    half = (width_um or 2 * SHOWN * facts["radius_of_80_percent_um"]) / 2e3
+    shares = np.zeros((pixels, pixels))
+    for wave, weight, offset in zip(group, weights, offsets, strict=True):
+        shares += weight * _pixel_shares(wave.pupil, offset, half, pixels)
+    return PointImage(shares, 2e3 * half, facts)
+
+
+def _weights(group: Sequence[FieldWave]) -> Array:
+    """Return the share of each wavelength: that of the light of its beam."""
+    light = np.array([wave.pupil.flux.sum() * wave.pupil.step**2 for wave in group])
+    return np.asarray(light / light.sum())
+
+
+def _facts(group: Sequence[FieldWave], weights: Array, offsets: Sequence[Array]) -> dict[str, float]:
+    """Return the Strehl ratios and the radii about the middle of the light that hold shares of it [micrometres]."""
+    ratios = [strehl(wave.pupil) for wave in group]
+    facts = {
+        "strehl": float(weights @ [ratio.at_chief_ray for ratio in ratios]),
+        "strehl_at_peak": float(weights @ [ratio.at_peak for ratio in ratios]),
+    }
+
+    circles = [encircling(wave.pupil, (float(off[0]), float(off[1]))) for wave, off in zip(group, offsets, strict=True)]
+
+    def within(radii: Array) -> Array:
+        return np.asarray(weights @ [shares(radii) for shares in circles])
+
+    airy = [_airy_radius(wave.pupil) for wave in group]
+    held = [float(shares(np.array([radius]))[0]) for shares, radius in zip(circles, airy, strict=True)]
+    facts |= {"airy_radius_um": 1e3 * float(weights @ airy), "share_within_airy_radius": float(weights @ held)}
+    widest = WIDEST * max(airy)
+    room = min(wave.pupil.length_mm / wave.pupil.step for wave in group) / 2  # beyond it the light repeats
+    while widest < room and within(np.array([widest]))[0] < max(PSF_SHARES):
+        widest = min(2 * widest, room)
+    for share in PSF_SHARES:
+        facts[f"radius_of_{100 * share:.0f}_percent_um"] = 1e3 * radius_of_share(within, share, widest)
+    return facts
+
+
+def _airy_radius(pupil: PupilFunction) -> float:
+    """Return the first dark ring of a round pupil of the same area in direction cosines [mm]."""
+    diameter = 2 * float(np.sqrt(pupil.coverage.sum() * pupil.step**2 / np.pi))
+    return AIRY * pupil.length_mm / diameter
+
+
+def _pixel_shares(pupil: PupilFunction, offset: Array, half_mm: float, pixels: int) -> Array:
+    """Return the share of light in each pixel, row 0 at the top, about a point off C; by the mean over its points."""
+    pixel = 2 * half_mm / pixels
+    finer = int(np.ceil(pixel * FINEST * AIRY / _airy_radius(pupil)))
+    finer = max(1, min(finer, MOST_POINTS // pixels))
+    count = pixels * finer
+    places = ((np.arange(count) + 0.5) / count * 2 - 1) * half_mm
+    light = spread(pupil, offset[0] + places, offset[1] - places)
+    return np.asarray(light.reshape(pixels, finer, pixels, finer).sum(axis=(1, 3)) * (pixel / finer) ** 2)

@@ -1,0 +1,887 @@
+"""Pupils as points of the film see them: which rays come through, their outline, and at every width of a round stop."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.vectors import LINE_D_NM
+from rptcam_cl.optics.chief_rays import ChiefRays, crossed, round_chief_rays
+from rptcam_cl.optics.lens import limiting_surface
+from rptcam_cl.optics.ray_trace import passing
+
+if TYPE_CHECKING:
+    from rptcam_cl.optics.lens import Lens
+    from rptcam_cl.optics.surface import Surface
+
+
+#
+# How the film of a camera stands behind its lens: straight across the axis, or moved, tilted and swung.
+#
+# Film points have two names. *On the film*: millimetres along its own sides from its centre, as the lens draws them,
+# so that what is right in an upright picture is left on the film. *In the frame of the lens*: x to the right, y up,
+# and how much deeper than the film distance the point lies. A film that is not moved has the same x and y in both.
+
+Array = NDArray[np.float64]
+Triple = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class FilmFrame:
+    """Where the film stands; without arguments where its lens expects it.
+
+    Attributes
+    ----------
+    centre : (x, y)
+        Of the film, in the frame of the lens [mm]. It lies at the film distance.
+    across, up : (x, y, depth)
+        Unit vectors along the film's sides, right and up in the frame of the lens where it is not turned.
+    """
+
+    centre: tuple[float, float] = (0.0, 0.0)
+    across: Triple = (1.0, 0.0, 0.0)
+    up: Triple = (0.0, 1.0, 0.0)
+
+    @property
+    def is_flat(self) -> bool:
+        """Whether the film stands across the axis, so that all of it lies at the film distance."""
+        return self.across[2] == 0.0 and self.up[2] == 0.0
+
+    @property
+    def is_moved(self) -> bool:
+        """Whether it stands in another way than its lens expects."""
+        return self != UNMOVED
+
+    @cached_property
+    def normal(self) -> Triple:
+        """Unit vector across the film, away from the lens."""
+        x, y, z = np.cross(self.across, self.up).tolist()
+        return x, y, z
+
+    @cached_property
+    def slopes(self) -> tuple[float, float]:
+        """How much deeper the film lies per millimetre to the right and up."""
+        x, y, z = self.normal
+        return -x / z, -y / z
+
+    def depth(self, points: Array) -> Array:
+        """Return how far behind the film distance points (..., 2) of the film lie, x and y in the frame of the lens."""
+        away = points - np.array(self.centre)
+        return np.asarray(away[..., 0] * self.slopes[0] + away[..., 1] * self.slopes[1])
+
+    def points(self, film: Array) -> Array:
+        """Return points (..., 2) on the film in the frame of the lens, (..., 3) with their depths [mm]."""
+        film = np.asarray(film, dtype=np.float64)
+        along = film[..., :1] * np.array(self.across) + film[..., 1:] * np.array(self.up)
+        return np.asarray(along + np.array([*self.centre, 0.0]))
+
+    def on_film(self, points: Array) -> Array:
+        """Return points (..., 2) of the frame of the lens that lie in the film's plane as points on the film."""
+        columns = np.array([self.across[:2], self.up[:2]]).T
+        return np.asarray((points - np.array(self.centre)) @ np.linalg.inv(columns).T)
+
+    def corners(self, half_mm: tuple[float, float]) -> Array:
+        """Return the corners (4, 3) of a film of such half sides, in order round it."""
+        return self.points(np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * np.array(half_mm))
+
+    def bounds(self, half_mm: tuple[float, float]) -> tuple[float, float]:
+        """Return half the sides of the rectangle about the axis that holds the film, across the axis [mm]."""
+        if not self.is_moved:
+            return half_mm
+        x, y = np.abs(self.corners(half_mm)[:, :2]).max(axis=0).tolist()
+        return x, y
+
+    def grid(self, half_mm: tuple[float, float], count: int) -> Array:
+        """Return points (count, count, 2) from edge to edge of the film, rows upwards, x and y in the lens's frame."""
+        x, y = (np.linspace(-half, half, count) for half in half_mm)
+        return self.points(np.stack(np.meshgrid(x, y), axis=-1))[..., :2]
+
+    def reach(self, half_mm: tuple[float, float], directions: Array) -> Array:
+        """Return how far from the axis the film goes in directions (n, 2), 0 where it is not [mm]."""
+        corners = self.corners(half_mm)[:, :2]
+        sides = np.roll(corners, -1, axis=0) - corners
+        with np.errstate(divide="ignore", invalid="ignore"):
+            turn = directions[:, :1] * sides[:, 1] - directions[:, 1:] * sides[:, 0]
+            out = (corners[:, 0] * sides[:, 1] - corners[:, 1] * sides[:, 0]) / turn
+            along = (corners[:, 0] * directions[:, 1:] - corners[:, 1] * directions[:, :1]) / turn
+        slack = 1e-12
+        meets = (turn != 0) & (out > 0) & (along >= -slack) & (along <= 1 + slack)
+        return np.asarray(np.where(meets, out, 0.0).max(axis=1))
+
+
+UNMOVED = FilmFrame()
+
+
+#
+# Which rays from points of the film come through the lens: the ground on which pupils and irradiance are measured.
+#
+# A ray is named by its film point (x, y on the film) and the point (u, v) where it crosses the plane of the last
+# vertex.
+
+PATCH_AZIMUTHS = 32
+PATCH_RADII = 257  # so many that the outline of a bulging surface, which lies between two, is met within 1e-4
+BULGE = 1e-4
+LEAST_GAP = 1e-3  # of the film distance, between the last surface and points whose windows are sought
+
+Mask = NDArray[np.bool_]
+Wavelengths = float | tuple[float, ...]
+
+
+class FilmProbe:
+    """Traces bundles of rays from film points through a lens.
+
+    Parameters
+    ----------
+    lens : Lens
+    film_distance_mm : float
+        Last vertex to film.
+    wavelength_nm : float or tuple
+        With several, rays pass that pass at any of them.
+    frame : FilmFrame
+        How the film stands; points in front of the last surface see no light.
+    azimuth : (x, y)
+        Unit vector: direction of the first axis of film points and points of the rear plane; the second is a quarter of
+        a turn ahead.
+    """
+
+    def __init__(
+        self,
+        lens: Lens,
+        film_distance_mm: float,
+        wavelength_nm: Wavelengths,
+        frame: FilmFrame = UNMOVED,
+        azimuth: tuple[float, float] = (1.0, 0.0),
+    ) -> None:
+        if not np.isfinite(lens.surfaces[-1].semi_diameter):
+            raise InputError(f"{lens.name}: the last surface needs a diameter")
+        self.patch = _patch(lens.surfaces[-1], lens.sense)
+        if not film_distance_mm > max(0.0, float(self.patch[:, 2].max())):
+            raise InputError(
+                f"{lens.name}: the film must stand behind the last surface "
+                f"(got {film_distance_mm:g} mm from its vertex)"
+            )
+        self.lens = lens
+        self.frame = frame
+        self.azimuth = azimuth
+        if not lens.surfaces[-1].is_rotational:
+            self.patch[:, :2] = self.turned(self.patch[:, :2], back=True)
+        self.distance = float(film_distance_mm)
+        self.wavelength_nm, *self.others_nm = wavelength_nm if isinstance(wavelength_nm, tuple) else (wavelength_nm,)
+
+    def turned(self, points: Array, *, back: bool = False) -> Array:
+        """Return points (..., 2) of the probe's axes in those of the lens, or back."""
+        c, s = self.azimuth
+        if s == 0.0 and c == 1.0:
+            return points
+        x, y = points[..., 0], points[..., 1] * (-1.0 if back else 1.0)
+        return np.stack([c * x - s * y, (s * x + c * y) * (-1.0 if back else 1.0)], axis=-1)
+
+    def distances(self, film: Array) -> Array:
+        """Return how far behind the last vertex film points (..., 2) lie [mm]."""
+        if self.frame.is_flat:
+            return np.full(film.shape[:-1], self.distance)
+        return self.distance + self.frame.depth(self.turned(film))
+
+    def windows(self, film: Array) -> Array:
+        """Return boxes (m, 4) u0, u1, v0, v1 [mm] that hold every ray from film points (m, 2) to the last surface."""
+        points = film[:1] if self.frame.is_flat else film
+        distances = np.maximum(self.distances(points), LEAST_GAP * self.distance + self.patch[:, 2].max())[:, None]
+        scale = distances / (distances - self.patch[:, 2])
+        crossing = film[:, None, :] * (1.0 - scale)[..., None] + self.patch[:, :2] * scale[..., None]
+        low, high = crossing.min(axis=1), crossing.max(axis=1)
+        ring = crossing[:, -(len(self.patch) // PATCH_RADII) :]
+        if np.any(ring.min(axis=1) > low) or np.any(ring.max(axis=1) < high):  # a bulge beyond the rim
+            middle, half = (low + high) / 2, (high - low) / 2 * (1.0 + BULGE)
+            low, high = middle - half, middle + half
+        if not self.lens.surfaces[-1].is_rotational:  # the rim bulges between the azimuths that were taken
+            middle, half = (low + high) / 2, (high - low) / 2 / np.cos(np.pi / PATCH_AZIMUTHS)
+            low, high = middle - half, middle + half
+        return np.stack([low[:, 0], high[:, 0], low[:, 1], high[:, 1]], axis=1)
+
+    def passes(self, film: Array, rear: Array) -> Mask:
+        """Return which rays pass: film points (..., 2) through points (..., 2) of the plane of the last vertex."""
+        film, rear = np.broadcast_arrays(film, rear)
+        shape = rear.shape[:-1]
+        distances = self.distances(film)
+        origins = np.empty((*shape, 3))
+        origins[..., :2] = self.turned(film)
+        origins[..., 2] = self.lens.length + self.lens.sense * distances
+        directions = np.empty((*shape, 3))
+        directions[..., :2] = self.turned(rear - film)
+        directions[..., 2] = -self.lens.sense * distances
+        origins, directions = origins.reshape(-1, 3), directions.reshape(-1, 3)
+        passed = passing(self.lens, origins, directions, self.wavelength_nm)
+        for wavelength_nm in self.others_nm:
+            dark = np.flatnonzero(~passed)
+            passed[dark] = passing(self.lens, origins[dark], directions[dark], wavelength_nm)
+        return passed.reshape(shape)
+
+    def reaches_lens(self, half_film_mm: tuple[float, float]) -> bool:
+        """Return whether some corner of a film of such half sides stands in or in front of the last surface."""
+        corners = self.frame.corners(half_film_mm)
+        return bool(np.any(self.distance + corners[:, 2] <= max(0.0, float(self.patch[:, 2].max()))))
+
+
+def _patch(surface: Surface, sense: float) -> Array:
+    """Return points (n, 3) spread over the clear area of the last surface about its vertex, z towards the film."""
+    azimuths = 4 if surface.is_rotational else PATCH_AZIMUTHS
+    angles = np.arange(azimuths) * 2 * np.pi / azimuths
+    radii = np.linspace(0.0, surface.semi_diameter * (1 - 1e-12), PATCH_RADII)
+    x, y = (np.outer(radii, turn(angles)).ravel() for turn in (np.cos, np.sin))
+    points = np.stack([x, y, surface.sag(x, y)])
+    if surface.pose:
+        points, _ = surface.pose.outward(points, points)
+    return points.T * [1.0, 1.0, sense]
+
+
+def grid(boxes: Array, nu: int, nv: int) -> Array:
+    """Return the centres (m, nu * nv, 2) of the cells of boxes (m, 4) u0, u1, v0, v1."""
+    u = boxes[:, 0, None] + (boxes[:, 1] - boxes[:, 0])[:, None] * (np.arange(nu) + 0.5) / nu
+    v = boxes[:, 2, None] + (boxes[:, 3] - boxes[:, 2])[:, None] * (np.arange(nv) + 0.5) / nv
+    points = np.empty((len(boxes), nu, nv, 2))
+    points[..., 0] = u[:, :, None]
+    points[..., 1] = v[:, None, :]
+    return points.reshape(len(boxes), nu * nv, 2)
+
+
+def spread_points(boxes: Array, count: int) -> Array:
+    """Return points (m, count, 2) spread over boxes (m, 4) more evenly than by chance (R2, Roberts 2018)."""
+    share = (0.5 + np.arange(1, count + 1)[:, None] * np.array([0.7548776662466927, 0.5698402909980532])) % 1.0
+    low, high = boxes[:, None, ::2], boxes[:, None, 1::2]
+    return np.asarray(low + (high - low) * share)
+
+
+def cells(boxes: Array, nu: int, nv: int) -> Array:
+    """Return the size (m, 2) of the cells of boxes."""
+    return np.stack([(boxes[:, 1] - boxes[:, 0]) / nu, (boxes[:, 3] - boxes[:, 2]) / nv], axis=1)
+
+
+def narrowed(probe: FilmProbe, film: Array, boxes: Array, shape: tuple[int, int]) -> tuple[Array, Mask]:
+    """Return boxes round the rays of a grid that pass, widened by a cell, and which film points have any.
+
+    Film points (m, 2) and boxes (m, 4) as in `FilmProbe.windows`; without a passing ray the box stays as it was.
+    """
+    points = grid(boxes, *shape)
+    hits = probe.passes(film[:, None], points)
+    margin = cells(boxes, *shape)
+    low = np.where(hits[..., None], points, np.inf).min(axis=1) - margin
+    high = np.where(hits[..., None], points, -np.inf).max(axis=1) + margin
+    found: Mask = np.asarray(np.any(hits, axis=1))
+    tight = np.stack([low[:, 0], high[:, 0], low[:, 1], high[:, 1]], axis=1)
+    return np.where(found[:, None], tight, boxes), found
+
+
+# Boxes round the pupils that film points see: found even where they are much smaller than the rear element.
+
+COARSE = (16, 16)
+FINE = (32, 16)  # half of a pupil, at one film point
+NEAR = 1.0  # sizes of a pupil, round it, in which that of the next film point is sought
+
+
+def narrowing_probes(
+    lens: Lens,
+    film_distance_mm: float,
+    wavelength_nm: Wavelengths,
+    frame: FilmFrame = UNMOVED,
+    azimuth: tuple[float, float] = (1.0, 0.0),
+) -> list[FilmProbe]:
+    """Return probes of the lens with its stop ever smaller: first as wide as any rim, then half that, last its own.
+
+    A small pupil slips through a grid over the rear element; the next wider one tells where to look for it.
+    """
+    stops = [lens]
+    if lens.stop is not None and lens.stop_index is not None:
+        widest = max(surface.semi_diameter for surface in lens.surfaces if np.isfinite(surface.semi_diameter))
+        while (radius := _stop_radius(stops[0])) < widest:
+            surfaces = list(lens.surfaces)
+            surfaces[lens.stop_index] = replace(lens.stop, semi_diameter=2 * radius)
+            stops.insert(0, replace(lens, surfaces=tuple(surfaces)))
+    return [FilmProbe(stopped, film_distance_mm, wavelength_nm, frame, azimuth) for stopped in stops]
+
+
+def _stop_radius(lens: Lens) -> float:
+    assert lens.stop is not None
+    return lens.stop.semi_diameter
+
+
+def pupil_boxes(
+    probes: list[FilmProbe],
+    film: Array,
+    shape: tuple[int, int] = COARSE,
+    *,
+    radial: bool = False,
+    in_order: bool = False,
+) -> tuple[Array, Mask]:
+    """Return boxes (m, 4) round the pupil as seen from film points (m, 2), a cell wider, and where it is open.
+
+    Film points along +x of a rotationally symmetric lens (`radial`) see pupils that are the same above as below, so
+    that half of each is enough. Of film points `in_order` each is near the one before.
+    """
+    if radial:
+        shape = (shape[0], shape[1] // 2)
+    boxes = _upper(probes[-1].windows(film), radial)
+    found = np.ones(len(film), dtype=bool)
+    for probe in (*probes, probes[-1]):
+        boxes, hit = narrowed(probe, film, boxes, shape)
+        boxes = _upper(boxes, radial)
+        found &= hit
+    if not found.all():
+        near = _upper(_paraxial_boxes(probes[-1], film[~found]), radial)
+        for _ in range(2):
+            near, again = narrowed(probes[-1], film[~found], near, shape)
+            near = _upper(near, radial)
+        boxes[~found] = near
+        found[~found] = again
+    if radial or in_order:
+        _follow(probes[-1], film, boxes, found, radial)
+    if radial:
+        boxes[:, 2] = -boxes[:, 3]
+    return boxes, found
+
+
+def _follow(probe: FilmProbe, film: Array, boxes: Array, found: Mask, radial: bool) -> None:
+    """Find pupils that slipped through, near those of the film points before: they shrink and move step by step."""
+    for k in range(1, len(film)):
+        if found[k - 1] and not found[k]:
+            boxes[k], found[k] = box_near(probe, film[k : k + 1], boxes[k - 1], radial=radial)
+
+
+def box_near(probe: FilmProbe, film: Array, box: Array, *, radial: bool) -> tuple[Array, bool]:
+    """Return the box round the pupil seen from one film point (1, 2), sought near another one's, and if it is open."""
+    width, height = NEAR * (box[1] - box[0]), box[3] if radial else NEAR * (box[3] - box[2])
+    low, high = (0.0, (1.0 + NEAR) * height) if radial else (box[2] - height, box[3] + height)
+    around = np.array([[box[0] - width, box[1] + width, low, high]])
+    around, hit = narrowed(probe, film, around, FINE)
+    return around[0], bool(hit[0])
+
+
+def _upper(boxes: Array, radial: bool) -> Array:
+    """Return boxes without their lower halves."""
+    if radial:
+        boxes[:, 2] = 0.0
+    return boxes
+
+
+def _paraxial_boxes(probe: FilmProbe, film: Array) -> Array:
+    """Return boxes (m, 4) thrice as large as the paraxial exit pupil, on the plane of the last vertex."""
+    pupil = probe.lens.first_order(probe.wavelength_nm).exit_pupil
+    distances = probe.distances(film)[:, None]
+    from_film = distances - pupil.distance_mm
+    if not np.all(np.isfinite(from_film) & (from_film != 0.0)):
+        return probe.windows(film)
+    shrink = distances / from_film
+    centres, reach = film * (1.0 - shrink), 1.5 * abs(shrink) * pupil.diameter_mm
+    low, high = centres - reach, centres + reach
+    return np.stack([low[:, 0], high[:, 0], low[:, 1], high[:, 1]], axis=1)
+
+
+#
+# The true outline of the exit pupil, seen from film points on the plane of the last vertex: the tight pupil.
+#
+# Rays drawn inside the outline nearly all pass. The outline is kept as a star-shaped curve: a centre, two half axes,
+# and in their frame a radius r per direction, near 1. A point drawn by direction theta (uniform) and rho = r(theta)
+# sqrt(u) has the density 1 / (pi a b r(theta)^2), so any r that holds the pupil gives the same picture; a loose one
+# only wastes rays. Outlines stand at nodes of the film and are interpolated between them; they are wide enough to
+# hold the pupils traced between the nodes as well.
+#
+# Nodes lie on lines from the axis outwards, up to where the light ends or the film: there pupils close to slivers,
+# and on a grid of squares would close within a cell. A round lens and a film across its axis need one line.
+
+DIRECTIONS = 64  # of the table, all round
+RING_SCAN = 40  # points along a direction where the middle is obstructed, beside which slivers of light may pass
+LIT_SCAN = 14  # film points
+LIT_BISECTIONS = 8
+FARTHEST = 1.75  # in the frame of the box round the pupil
+EDGE_NODES = 2  # nearest to the edge of the light, where the pupil closes faster than nodes follow
+EDGE_MARGIN = 0.15
+LINE_EDGE_MARGIN = 0.03  # the same on lines, whose nodes are dense there
+BEYOND_LIT = 0.0005  # share of the way to the edge of the light by which lines of a lens that is not round go on
+
+
+@dataclass(frozen=True)
+class Fineness:
+    """How finely outlines are traced; coarse ones are wider, and hold the pupil all but for slivers.
+
+    Attributes
+    ----------
+    radial_nodes : int
+        Along a film radius, where one line is enough.
+    line_nodes : int
+        Along each line of a lens without rotational symmetry.
+    lines, round_lines : int
+        In a quarter of a turn, of such a lens, and of a round one before a film that is tilted.
+    directions : int
+        Traced per direction of the table.
+    scan, bisections : int
+        Points along a direction, and steps between two of them.
+    margin, tilted_margin : float
+        Share of the radius beyond what was traced; for a round lens before a film that is tilted.
+    """
+
+    radial_nodes: int
+    line_nodes: int
+    lines: int
+    round_lines: int
+    directions: int
+    scan: int
+    bisections: int
+    margin: float
+    tilted_margin: float
+
+
+FINE_OUTLINES = Fineness(41, 21, 8, 2, 2, 10, 6, 0.003, 0.006)
+COARSE_OUTLINES = Fineness(9, 7, 3, 1, 1, 7, 4, 0.02, 0.02)
+
+
+@dataclass(frozen=True)
+class PupilShapes:
+    """Outlines of the pupil at nodes of the film.
+
+    Attributes
+    ----------
+    reach : (lines,) array
+        How far from the axis each line goes [mm], of one line (a lens without need of more) or of lines all round:
+        line k has the direction `direction_of(4 k / lines)`. Nodes lie evenly on each, the first on the axis.
+    centres : (lines, nodes, 2) array
+        Centre of each outline on the plane of the last vertex [mm], along the line and a quarter of a turn ahead.
+    axes : (lines, nodes, 2) array
+        Half axes in the same directions [mm]; 0 where no light arrives.
+    radii : (lines, nodes, DIRECTIONS) array
+        Radius in the frame of the axes, per direction k / DIRECTIONS of a turn.
+    """
+
+    reach: Array
+    centres: Array
+    axes: Array
+    radii: Array
+
+    @property
+    def radial(self) -> bool:
+        """Whether one line stands for all."""
+        return len(self.reach) == 1
+
+
+def direction_of(quarters: float) -> tuple[float, float]:
+    """Return the unit vector at a place round the axis, 0 to 4: on the square |x| + |y| = 1 it goes evenly."""
+    x, y = abs(quarters % 4 - 2) - 1, abs((quarters + 3) % 4 - 2) - 1
+    length = float(np.hypot(x, y))
+    return x / length, y / length
+
+
+def quarters_of(points: Array) -> Array:
+    """Return the places round the axis of points (..., 2), the inverse of `direction_of`."""
+    x, y = points[..., 0], points[..., 1]
+    share = y / np.maximum(np.abs(x) + np.abs(y), 1e-300)
+    return np.asarray(np.where(x >= 0, share, 2 - share) % 4)
+
+
+def pupil_shapes(
+    lens: Lens,
+    film_distance_mm: float,
+    half_film_mm: tuple[float, float],
+    wavelength_nm: Wavelengths = LINE_D_NM,
+    fineness: Fineness = FINE_OUTLINES,
+    frame: FilmFrame = UNMOVED,
+) -> PupilShapes:
+    """Return the outlines of the pupil over the film.
+
+    Parameters
+    ----------
+    lens : Lens
+    film_distance_mm : float
+        Last vertex to film.
+    half_film_mm : (width, height)
+        Half the sides of the film.
+    wavelength_nm : float or tuple
+        With several, the outlines hold the pupil of each.
+    fineness : Fineness
+        `COARSE_OUTLINES` take a fifth of the time.
+    frame : FilmFrame
+        How the film stands.
+
+    Raises
+    ------
+    InputError
+        When no light reaches the film at all.
+    """
+    if lens.is_rotational and frame.is_flat:
+        radius = float(np.hypot(*frame.corners(half_film_mm)[:, :2].T).max()) if frame.is_moved else None
+        line = _one_line(lens, film_distance_mm, radius or float(np.hypot(*half_film_mm)), wavelength_nm, fineness)
+    else:
+        line = _lines(lens, film_distance_mm, half_film_mm, wavelength_nm, fineness, frame)
+    if not line.axes.any():
+        raise InputError(f"{lens.name}: no light reaches the film {film_distance_mm:g} mm behind the lens")
+    return line
+
+
+def shared_shapes(
+    states: Sequence[tuple[Lens, float]], radius_mm: float, wavelength_nm: Wavelengths = LINE_D_NM
+) -> PupilShapes:
+    """Return outlines along one line that hold the pupils of a round lens in several states.
+
+    Parameters
+    ----------
+    states
+        The lens, and its last vertex to film [mm]. A film point of another state than the first stands at the place of
+        the first's that lies in its direction from the last vertex.
+    radius_mm
+        Of the film of the first.
+    """
+    (lens, back_mm), *others = states
+    return _one_line(lens, back_mm, radius_mm, wavelength_nm, FINE_OUTLINES, others)
+
+
+def _one_line(
+    lens: Lens,
+    film_distance_mm: float,
+    radius_mm: float,
+    wavelength_nm: Wavelengths,
+    fineness: Fineness,
+    others: Sequence[tuple[Lens, float]] = (),
+) -> PupilShapes:
+    probes = narrowing_probes(lens, film_distance_mm, wavelength_nm)
+    beside = [(narrowing_probes(other, back, wavelength_nm), back / film_distance_mm) for other, back in others]
+    # Coarse outlines find out by tracing them whether light reaches the corner; fine ones find how far it reaches.
+    lit = radius_mm if fineness is COARSE_OUTLINES else _lit_radius(probes, radius_mm, radial=True)
+    lit = max([lit, *(_lit_radius(of, radius_mm * scale, radial=True) / scale for of, scale in beside)])
+    film = film_line(lit, fineness.radial_nodes)
+    centres, axes = _frames(probes, film, radial=True)
+    if fineness is COARSE_OUTLINES and not axes.all():
+        lit = _lit_radius(probes, radius_mm, radial=True)
+        film = film_line(lit, fineness.radial_nodes)
+        centres, axes = _frames(probes, film, radial=True)
+    reaches = [
+        reach_of(of[-1], scale * film, between(centres), between(axes), fineness, mirrored=True)
+        for of, scale in ((probes, 1.0), *beside)
+    ]
+    reach = np.max(reaches, axis=0)
+    radii = envelope(reach[None], fineness.directions) * (1.0 + fineness.margin)
+    if lit < radius_mm:
+        radii[:, -EDGE_NODES:] *= 1.0 + EDGE_MARGIN
+    return PupilShapes(np.array([lit]), centres[None], axes[None], radii)
+
+
+def _lines(
+    lens: Lens,
+    film_distance_mm: float,
+    half_film_mm: tuple[float, float],
+    wavelength_nm: Wavelengths,
+    fineness: Fineness,
+    frame: FilmFrame,
+) -> PupilShapes:
+    """Return outlines along lines all round the axis; their neighbours hold what lines in between see."""
+    count = 8 * (fineness.round_lines if lens.is_rotational else fineness.lines)
+    turns = [direction_of(4 * k / count) for k in range(count)]
+    like = _alike(lens, frame, count)
+    probes = {
+        k: narrowing_probes(lens, film_distance_mm, wavelength_nm, frame, turns[k])
+        for k in sorted({k for k, _ in like})
+    }
+    ends = _film_ends(frame, half_film_mm, turns)
+    found = {k: _lit_radius(probe, float(ends[k])) if ends[k] > 0 else 0.0 for k, probe in probes.items()}
+    lit = np.array([found[k] for k, _ in like])
+    reach = _held(np.where(lit < ends, (1.0 + BEYOND_LIT) * lit, ends))
+    nodes = fineness.line_nodes
+    centres, axes = np.zeros((count, 2 * nodes - 1, 2)), np.zeros((count, 2 * nodes - 1, 2))
+    for k in range(0, count, 2):
+        other, mirrored = like[k]
+        if other == k and reach[k] > 0:
+            centres[k], axes[k] = (between(values) for values in _frames(probes[k], _closing_line(reach[k], nodes)))
+        centres[k], axes[k] = centres[other] * (1.0, -1.0 if mirrored else 1.0), axes[other]
+    for values in (centres, axes):
+        values[1::2] = (values[::2] + np.roll(values[::2], -1, axis=0)) / 2
+    edges = np.zeros((count, 2 * nodes - 1, fineness.directions * DIRECTIONS))
+    for k, (other, mirrored) in enumerate(like):
+        if other == k and axes[k].any():
+            edges[k] = reach_of(probes[k][-1], _closing_line(reach[k], nodes), centres[k], axes[k], fineness)
+        edges[k] = np.roll(edges[other][:, ::-1], 1, axis=1) if mirrored else edges[other]
+    margin = fineness.tilted_margin if lens.is_rotational else fineness.margin
+    radii = envelope(edges, fineness.directions) * (1.0 + margin)
+    radii[(lit < ends)[::2], -EDGE_NODES:] *= 1.0 + LINE_EDGE_MARGIN
+    return PupilShapes(reach[::2], centres[::2, ::2], axes[::2, ::2], radii)
+
+
+def _alike(lens: Lens, frame: FilmFrame, count: int) -> list[tuple[int, bool]]:
+    """Return for each line which one sees the same pupils, itself or one before it, and whether in a mirror."""
+    even = all(surface.is_even for surface in lens.surfaces)
+    left_right = even and frame.centre[0] == 0.0 and frame.across == (1.0, 0.0, 0.0)
+    up_down = even and frame.centre[1] == 0.0 and frame.up == (0.0, 1.0, 0.0)
+    found = []
+    for k in range(count):
+        same = [(k, False)]
+        if left_right:
+            same.append(((count // 2 - k) % count, True))
+        if up_down:
+            same.append((-k % count, True))
+        if left_right and up_down:
+            same.append(((k + count // 2) % count, False))
+        found.append(min(same))
+    return found
+
+
+def _film_ends(frame: FilmFrame, half_film_mm: tuple[float, float], turns: list[tuple[float, float]]) -> Array:
+    """Return how far lines have to go, so that lines and what lies between them hold the film."""
+    fine = 8
+    quarters = np.arange(fine * len(turns)) * 4 / (fine * len(turns))
+    corners = quarters_of(frame.corners(half_film_mm)[:, :2])
+    found = frame.reach(half_film_mm, np.array([direction_of(q) for q in [*quarters.tolist(), *corners.tolist()]]))
+    place = np.concatenate([np.arange(len(quarters)) / fine, corners * len(turns) / 4])
+    apart = np.abs((place - np.arange(len(turns))[:, None] + len(turns) / 2) % len(turns) - len(turns) / 2)
+    return np.asarray(np.where(apart <= 2.0, found, 0.0).max(axis=1))
+
+
+def _held(reach: Array) -> Array:
+    """Return lengths of lines that, interpolated from every second one, are at least those of the ones in between."""
+    even, odd = reach[::2].copy(), reach[1::2]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        short = np.maximum(np.nan_to_num(odd / ((even + np.roll(even, -1)) / 2), nan=1.0, posinf=1.0), 1.0)
+    even *= np.maximum(short, np.roll(short, 1))
+    held = np.empty_like(reach)
+    held[::2], held[1::2] = even, (even + np.roll(even, -1)) / 2
+    return held
+
+
+def film_line(reach: float, nodes: int) -> Array:
+    """Return points (2 nodes - 1, 2) on a line of a length: the nodes and the middles between them."""
+    x = _with_middles(np.linspace(0.0, reach, nodes))
+    return np.stack([x, np.zeros(len(x))], axis=1)
+
+
+def _closing_line(reach: float, nodes: int) -> Array:
+    """Return the same, ever denser towards the end, where pupils close: at 1 - (1 - t)^2 of the way for even t."""
+    x = reach * (1.0 - (1.0 - _with_middles(np.linspace(0.0, 1.0, nodes))) ** 2)
+    return np.stack([x, np.zeros(len(x))], axis=1)
+
+
+def _lit_radius(probes: list[FilmProbe], film_radius: float, *, radial: bool = False) -> float:
+    """Return the film radius up to which light arrives, at most `film_radius`: by a scan and by following the pupil."""
+    radii = np.linspace(0.0, film_radius, LIT_SCAN)
+    film = np.stack([radii, np.zeros(LIT_SCAN)], axis=1)
+    boxes, found = pupil_boxes(probes, film, radial=radial, in_order=True)
+    last = int(np.flatnonzero(found)[-1]) if found.any() else 0
+    if last == LIT_SCAN - 1 or not found[last]:
+        return float(film_radius)
+    low, high, box = radii[last], radii[last + 1], boxes[last]
+    for _ in range(LIT_BISECTIONS):
+        middle = (low + high) / 2
+        there, hit = box_near(probes[-1], np.array([[middle, 0.0]]), box, radial=radial)
+        low, high, box = (middle, high, there) if hit else (low, middle, box)
+    return float(high)
+
+
+def _frames(probes: list[FilmProbe], film: Array, *, radial: bool = False) -> tuple[Array, Array]:
+    """Return centres and half axes of boxes round the pupil at the nodes of a line (nodes, 2); 0 where it is closed.
+
+    A closed node next to open ones takes the mean of theirs, so that interpolation reaches the edge of the light.
+    """
+    nodes = film[::2].copy()
+    nodes[-1, 0] -= 0.1 * (nodes[1, 0] - nodes[0, 0])  # at the edge itself the pupil has closed
+    boxes, found = pupil_boxes(probes, nodes, radial=radial, in_order=True)
+    lit = found[:, None]
+    low, high = boxes[:, ::2], boxes[:, 1::2]
+    centres, axes = (low + high) / 2, np.where(lit, (high - low) / 2, 0.0)
+    weight = _neighbours(lit.astype(np.float64))
+    borrow = ~lit & (weight > 0)
+    weight = np.maximum(weight, 1.0)
+    return (
+        np.where(borrow, _neighbours(np.where(lit, centres, 0.0)) / weight, centres),
+        np.where(borrow, _neighbours(axes) / weight, axes),
+    )
+
+
+def _neighbours(values: Array) -> Array:
+    """Return the sums over the neighbours of the nodes of a line (nodes, components), themselves included."""
+    padded = np.pad(values, ((1, 1), (0, 0)))
+    return np.asarray(padded[:-2] + padded[1:-1] + padded[2:], dtype=np.float64)
+
+
+def _with_middles(nodes: Array) -> Array:
+    """Return nodes and the middles between them."""
+    return np.interp(np.arange(2 * len(nodes) - 1) / 2, np.arange(len(nodes)), nodes)
+
+
+def between(values: Array) -> Array:
+    """Return values at the nodes of a line (nodes, components) and, by interpolation, at the middles."""
+    fine = np.empty((2 * len(values) - 1, *values.shape[1:]))
+    fine[::2], fine[1::2] = values, (values[1:] + values[:-1]) / 2
+    return fine
+
+
+def reach_of(
+    probe: FilmProbe, film: Array, centres: Array, axes: Array, fineness: Fineness, *, mirrored: bool = False
+) -> Array:
+    """Return how far the pupil reaches in its frame, shape (film points, directions); `mirrored`: as above, so below.
+
+    Along each direction points are tried from the outside inwards until one passes, then the edge behind it is
+    bisected; so an outline that is not star-shaped from the centre is still held.
+    """
+    directions = fineness.directions * DIRECTIONS
+    count = directions // 2 + 1 if mirrored else directions
+    angles = np.arange(count) * 2 * np.pi / directions
+    across = axes[:, None, :] * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    points, origins = (np.broadcast_to(values[:, None, :], across.shape) for values in (film, centres))
+    scan = RING_SCAN if probe.lens.is_obstructed else fineness.scan
+    step = FARTHEST / scan
+
+    def passing(rho: Array, of: Mask) -> Mask:
+        return probe.passes(points[of], origins[of] + across[of] * rho[:, None])
+
+    low = np.zeros((len(film), count))
+    for k in range(scan, 0, -1):
+        dark = low == 0.0
+        low[dark] = np.where(passing(np.full(int(dark.sum()), k * step), dark), k * step, 0.0)
+    high, lit = low + step, low > 0
+    for _ in range(fineness.bisections):
+        middle = (low[lit] + high[lit]) / 2
+        inside = passing(middle, lit)
+        low[lit], high[lit] = np.where(inside, middle, low[lit]), np.where(inside, high[lit], middle)
+    reach = np.where(lit.any(axis=1, keepdims=True), high, 0.0)
+    return np.concatenate([reach, reach[:, -2:0:-1]], axis=1) if mirrored else reach
+
+
+def envelope(reach: Array, directions: int) -> Array:
+    """Return radii at the nodes that, interpolated over film and direction, hold the outlines traced at every point.
+
+    Parameters
+    ----------
+    reach
+        (lines, points, directions): of one line, or of twice as many lines as hold them.
+    """
+    around = np.maximum(reach, np.maximum(np.roll(reach, 1, axis=2), np.roll(reach, -1, axis=2)))[..., ::directions]
+    nodes, middles = around[:, ::2].copy(), around[:, 1::2]
+    nodes[:, :-1] = np.maximum(nodes[:, :-1], middles)
+    nodes[:, 1:] = np.maximum(nodes[:, 1:], middles)
+    if len(nodes) == 1:
+        return nodes
+    return np.maximum(nodes[::2], np.maximum(nodes[1::2], np.roll(nodes[1::2], 1, axis=0)))
+
+
+#
+# Pupils of a round lens at every width of its stop, from rays traced once.
+#
+# From where the chief ray of a film point crosses the plane of the last vertex, rays are traced outwards: how far
+# they pass with the stop wide open, and at which height each crosses the stop. Along each direction a narrower stop
+# lets rays through up to the height of its rim, or as far as other rims let them.
+
+FINENESS = replace(FINE_OUTLINES, scan=10, bisections=8, margin=0.005)
+LEVELS = 8  # of rays between the middle and the farthest that passes
+WIDEST = 0.95  # first-order radii of the pupil, of which rays are sought up to `FARTHEST` times as far
+
+
+@dataclass(frozen=True, eq=False)
+class StoppedPupils:
+    """Rays of some states of a lens that are near each other: of its film, its focus or the wavelength.
+
+    Attributes
+    ----------
+    radius_mm : float
+        Of the film of the first state, up to which it goes. A film point of another stands at the place of the first's
+        that lies in its direction from the last vertex.
+    centres : (states, points) array
+        Where chief rays of points on a film radius cross the plane of the last vertex [mm].
+    reach : (states, points, directions) array
+        How far from there rays pass with the stop wide open [mm], over half a turn.
+    heights : (states, levels, points, directions) array
+        Where rays at 1, 2, … of so many parts of this reach cross the stop: distance from its middle [mm].
+    """
+
+    radius_mm: float
+    centres: Array
+    reach: Array
+    heights: Array
+
+    def shapes(self, semi_diameter_mm: float) -> PupilShapes | None:
+        """Return outlines that hold the pupils of all states with a stop of some radius; None where they are not
+        star-shaped."""
+        angles = np.linspace(0.0, np.pi, self.reach.shape[-1])
+        reach = self._reach(semi_diameter_mm)
+        u, v = self.centres[..., None] + reach * np.cos(angles), reach * np.sin(angles)
+        low, high = u.min(axis=(0, 2))[::2], u.max(axis=(0, 2))[::2]
+        axes = np.stack([(high - low) / 2, v.max(axis=(0, 2))[::2]], axis=1)
+        centres = np.stack([(low + high) / 2, np.zeros(len(low))], axis=1)
+        middle, half = between(centres)[:, :1], between(axes)
+        u, v = (u - middle) / half[:, :1], v / half[:, 1:]
+        turns, radii = np.arctan2(v, u), np.hypot(u, v)
+        turns[..., 0], turns[..., -1] = 0.0, np.pi
+        if not (np.all(np.diff(turns) > 0) and np.all(u[..., 0] > 0) and np.all(u[..., -1] < 0)):
+            return None
+        pairs = zip(turns.reshape(-1, len(angles)), radii.reshape(-1, len(angles)), strict=True)
+        even = np.array([np.interp(angles, turn, radius) for turn, radius in pairs]).reshape(reach.shape).max(axis=0)
+        outline = np.concatenate([even, even[:, -2:0:-1]], axis=1)
+        wider = envelope(outline[None], FINENESS.directions) * (1.0 + FINENESS.margin)
+        return PupilShapes(np.array([self.radius_mm]), centres[None], axes[None], wider)
+
+    def _reach(self, height: float) -> Array:
+        """Return how far rays pass a stop that is open up to a height."""
+        levels = np.arange(1, LEVELS + 1)[:, None, None] / LEVELS
+        scales = levels * self.reach[:, None] / self.heights
+        above = np.clip(np.sum(self.heights <= height, axis=1, keepdims=True), 1, LEVELS - 1)
+        low, high = above - 1, above
+        h0, h1 = (np.take_along_axis(self.heights, at, axis=1)[:, 0] for at in (low, high))
+        s0, s1 = (np.take_along_axis(scales, at, axis=1)[:, 0] for at in (low, high))
+        return np.minimum(height * (s0 + (s1 - s0) * (height - h0) / (h1 - h0)), self.reach)
+
+
+def stopped_pupils(
+    states: Sequence[tuple[Lens, float]], radius_mm: float, wavelengths_nm: Sequence[float]
+) -> StoppedPupils | None:
+    """Return what rays of a round lens with its stop wide open, and last vertex to film [mm], say of narrower stops.
+
+    It goes as far as the film, or as chief rays come through. None where something stands in the middle of a pupil or
+    where rays bend too much to say.
+    """
+    back_mm, line = states[0][1], film_line(radius_mm, FINENESS.radial_nodes)
+    clear = np.logical_and.reduce([
+        _chief(lens, back, line * (back / back_mm), nm).clear for lens, back in states for nm in wavelengths_nm
+    ])  # fmt: skip
+    if not clear.all():
+        radius_mm = float(line[max(int(np.argmin(clear)) - 1, 0), 0])
+    if not radius_mm > 0:
+        return None
+    film = film_line(radius_mm, FINENESS.radial_nodes)
+    found = []
+    for lens, back in states:
+        for wavelength_nm in wavelengths_nm:
+            of_state = _traced(lens, back, film * (back / back_mm), wavelength_nm)
+            if of_state is None:
+                return None
+            found.append(of_state)
+    centres, reach, heights = (np.array(values) for values in zip(*found, strict=True))
+    return StoppedPupils(radius_mm, centres, reach, heights)
+
+
+def _chief(lens: Lens, back_mm: float, film: Array, wavelength_nm: float) -> ChiefRays:
+    return round_chief_rays(lens, np.column_stack([film, np.full(len(film), lens.film_z(back_mm))]), wavelength_nm)
+
+
+def _traced(lens: Lens, back_mm: float, film: Array, wavelength_nm: float) -> tuple[Array, Array, Array] | None:
+    """Return centres, reach and heights of one state."""
+    stop, pupil = limiting_surface(lens, wavelength_nm), lens.first_order(wavelength_nm).exit_pupil
+    size = abs(WIDEST * pupil.diameter_mm / 2 * back_mm / (back_mm - pupil.distance_mm))
+    chief = _chief(lens, back_mm, film, wavelength_nm)
+    if not (np.isfinite(size) and chief.clear.all()) or lens.is_obstructed:
+        return None
+    centres, axes = chief.aims, np.full(film.shape, size)
+    half = reach_of(FilmProbe(lens, back_mm, wavelength_nm), film, centres, axes, FINENESS, mirrored=True)
+    reach = half[:, : half.shape[1] // 2 + 1] * size
+    if not (reach.all() and reach.max() < (1.0 - 1.0 / FINENESS.scan) * FARTHEST * size):
+        return None
+    angles = np.linspace(0.0, np.pi, reach.shape[1])
+    away = np.arange(1, LEVELS + 1)[:, None, None] / LEVELS * reach
+    u, v = centres[:, :1] + away * np.cos(angles), away * np.sin(angles)
+    points = np.zeros((3, u.size))
+    points[0], points[2] = np.broadcast_to(film[:, :1], u.shape).ravel(), lens.film_z(back_mm)
+    across = np.stack([u.ravel() - points[0], v.ravel(), np.full(u.size, -back_mm)])
+    order = range(len(lens.surfaces) - 1, stop - 1, -1)
+    at, _, _ = crossed(lens, order, points, across / np.sqrt(np.sum(across**2, axis=0)), lens.indices(wavelength_nm))
+    heights = np.hypot(at[0, :, 0], at[0, :, 1]).reshape(u.shape)
+    if not (np.isfinite(heights).all() and heights[0].min() > 0 and np.all(np.diff(heights, axis=0) > 0)):
+        return None
+    return centres[:, 0], reach, heights

@@ -1,0 +1,520 @@
+"""Wave optics of one point: the pupil function, and its image, Strehl ratio, transfer and encircled energy."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.optics.ray_trace import Rays
+from rptcam_cl.optics.spot import Beam, chief_ray, is_steep, passing_beam
+from rptcam_cl.optics.stop_shape import StopMask
+
+if TYPE_CHECKING:
+    from rptcam_cl.optics.lens import Lens
+
+
+#
+# The pupil function of a lens: amplitude and path differences of the light of one point, over its directions.
+#
+# Behind the lens a ray has the direction cosines (l, m) in x and y, true ones, also off the axis. On a regular grid
+# of them, found by Newton's iteration on traced rays, lie the flux of the rays and the optical path that each is
+# short of the chief ray, up to the foot of the perpendicular from the chief ray's point C on the film (the angle
+# characteristic). The field on the film is then a plain Fourier integral, in a wide cone and off the axis too (Born
+# and Wolf, Principles of Optics, chapters 4.7 and 8.8).
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+ACROSS = 160  # cells across the pupil
+MOST_ACROSS = 640
+FEWEST_ACROSS = 16
+STEP = 0.25  # waves that the path may change between two cells, before more are taken
+FIT_ACROSS = 48  # rays across the beam that the inverse of the ray map is fitted to
+POWERS = 10  # of that fit
+ROOM = 1.06  # width of the grid in widths of the pupil
+NEWTON = 8
+EXACT = 1e-12  # direction cosines to which a ray meets its place on the grid
+FINER = 8  # rays across a cell that the edge of the pupil runs through
+MM_PER_NM = 1e-6
+NEVER_0 = float(np.finfo(np.float64).tiny)
+
+
+@dataclass(frozen=True)
+class PupilFunction:
+    """Light of one point and wavelength behind the lens, on a square grid of direction cosines.
+
+    Attributes
+    ----------
+    wavelength_nm : float
+        In vacuum.
+    index : float
+        Of the medium in front of the film.
+    chief : (2,) array
+        C, where the chief ray meets the film: x, y [mm].
+    cosines_x, cosines_y : (n,) arrays
+        l of the columns and m of the rows, evenly spaced, each step the same.
+    coverage : (n, n) array
+        Share of each cell that lies in the pupil.
+    density : (n, n) array
+        Flux per unit of l times m, to a common factor.
+    waves : (n, n) array
+        How far the path is shorter than the chief ray's, up to the foot of the perpendicular from C [wavelengths].
+    waves_on_sphere : (n, n) array
+        The same up to the sphere about C through the axial point of the exit pupil.
+    """
+
+    wavelength_nm: float
+    index: float
+    chief: Array
+    cosines_x: Array
+    cosines_y: Array
+    coverage: Array
+    density: Array
+    waves: Array
+    waves_on_sphere: Array
+
+    @property
+    def step(self) -> float:
+        """Side of a cell in direction cosines."""
+        return float(self.cosines_x[1] - self.cosines_x[0])
+
+    @property
+    def length_mm(self) -> float:
+        """Wavelength in front of the film [mm]."""
+        return self.wavelength_nm * MM_PER_NM / self.index
+
+    @property
+    def flux(self) -> Array:
+        """Flux of each cell (n, n)."""
+        return self.density * self.coverage
+
+    @cached_property
+    def field(self) -> NDArray[np.complex128]:
+        """The complex amplitude of each cell (n, n)."""
+        return np.asarray(np.sqrt(self.density) * self.coverage * np.exp(-2j * np.pi * self.waves))
+
+    def without_aberrations(self) -> PupilFunction:
+        """Return the same pupil with a perfect wavefront."""
+        zero = np.zeros_like(self.waves)
+        return replace(self, waves=zero, waves_on_sphere=zero)
+
+
+def pupil_function(
+    lens: Lens,
+    film_distance_mm: float,
+    beam: Beam | None = None,
+    wavelength_nm: float = 587.5618,
+    across: int | None = None,
+    sphere_z: float | None = None,
+) -> PupilFunction:
+    """Return the pupil function of a beam in the y-z plane.
+
+    Parameters
+    ----------
+    lens : Lens
+    film_distance_mm : float
+        Last vertex to film.
+    beam : Beam, optional
+        From the axis at infinity when absent.
+    wavelength_nm : float
+    across : int, optional
+        Cells across the pupil; as many as the wavefront needs when absent.
+    sphere_z : float, optional
+        Axial point of the reference sphere [mm]; the paraxial exit pupil when absent.
+
+    Raises
+    ------
+    InputError
+        When nothing of the beam passes, from the side or behind, when parts of the lens are beside others, and when
+        two rays of the beam leave the lens in one direction.
+    """
+    beam = beam or Beam()
+    _check(lens, beam)
+    if across is not None and across < FEWEST_ACROSS:
+        raise InputError(f"a wavefront needs at least {FEWEST_ACROSS} rays across the beam (got {across})")
+    exit_rays = _ExitRays(lens, beam, wavelength_nm, lens.film_z(film_distance_mm), sphere_z)
+    box = exit_rays.box
+    if across is not None:
+        return exit_rays.on_grid(box, across)
+    found = exit_rays.on_grid(box, ACROSS)
+    steepest = _steepest(found)
+    if steepest <= STEP:
+        return found
+    return exit_rays.on_grid(box, min(int(np.ceil(ACROSS * steepest / STEP)), MOST_ACROSS))
+
+
+def _check(lens: Lens, beam: Beam) -> None:
+    if is_steep(beam.field_degrees) or beam.azimuth_degrees != 90.0:
+        raise InputError(
+            f"{lens.name}: the wavefront is known for fields up to 85 degrees (got {beam.field_degrees:g})"
+        )
+    if any(surface.region is not None and not surface.region.blocks for surface in lens.surfaces):
+        raise InputError(f"{lens.name}: a half lens has no single wavefront, so its diffraction is not known")
+
+
+def _steepest(pupil: PupilFunction) -> float:
+    """Return the largest difference of path between neighbouring cells of the pupil [waves]."""
+    waves = np.where(pupil.coverage > 0, pupil.waves, np.nan)
+    steps = np.concatenate([np.abs(np.diff(waves, axis=axis)).ravel() for axis in (0, 1)])
+    return float(np.max(steps, where=np.isfinite(steps), initial=0.0))
+
+
+def _exit_pupil_z(lens: Lens) -> float:
+    """Return where the paraxial exit pupil of the d line stands on the axis [mm]."""
+    return lens.length + lens.sense * lens.first_order().exit_pupil.distance_mm
+
+
+def _without_rims(lens: Lens) -> Lens:
+    """Return the lens that blocks no ray; whether rays pass is another question than where they go."""
+    wide = (
+        replace(surface, semi_diameter=np.inf, inner_semi_diameter=0.0, region=None, stop_shape=None)
+        for surface in lens.surfaces
+    )
+    return replace(lens, surfaces=tuple(wide))
+
+
+class _ExitRays:
+    """The rays of a beam by their directions behind the lens."""
+
+    def __init__(self, lens: Lens, beam: Beam, wavelength_nm: float, film_z: float, sphere_z: float | None) -> None:
+        self.lens, self.beam, self.wavelength_nm, self.film_z = lens, beam, wavelength_nm, film_z
+        self.open = _without_rims(lens)
+        indices = lens.indices(wavelength_nm)
+        self.first_index, self.index = float(indices[0]), float(indices[-1])
+        pupil_z = _exit_pupil_z(lens) if sphere_z is None else sphere_z
+        points, rays, _ = passing_beam(lens, beam, wavelength_nm, FIT_ACROSS)
+        if len(points) < 12:
+            raise InputError(f"{lens.name}: too little of a beam at {beam.field_degrees:g} degrees comes through")
+        cosines = rays.directions[:, :2]
+        low, high = cosines.min(axis=0), cosines.max(axis=0)
+        self.box = np.stack([(low + high) / 2, np.full(2, float((high - low).max()) * ROOM / 2)])
+        self.inverse = _Polynomial(self.box, cosines, points)
+        height, _ = chief_ray(lens, beam.field_degrees, wavelength_nm, beam.object_distance_mm)
+        chief = self._traced(np.array([[0.0, height]]))
+        if not chief.passed[0]:
+            raise InputError(f"{lens.name}: the chief ray at {beam.field_degrees:g} degrees does not reach the film")
+        step = (film_z - chief.origins[0, 2]) / chief.directions[0, 2]
+        self.chief = chief.origins[0] + step * chief.directions[0]
+        self.chief_path = float(self._path(np.array([[0.0, height]]), chief)[0])
+        self.sphere_radius = float(np.linalg.norm(self.chief - [0.0, 0.0, pupil_z]))
+        self.sphere_sense = float(np.sign((film_z - pupil_z) * lens.sense)) or 1.0
+
+    def _traced(self, points: Array) -> Rays:
+        return self.open.trace(*self.beam.rays(points), self.wavelength_nm, start="scene")
+
+    def _path(self, points: Array, rays: Rays) -> Array:
+        """Return the optical path from the source, or its wavefront, to the foot of the perpendicular from C [mm]."""
+        behind = np.einsum("ij,ij->i", self.chief - rays.origins, rays.directions)
+        path = rays.optical_path + self.index * behind
+        if np.isfinite(self.beam.object_distance_mm):
+            return np.asarray(path)  # from the source on
+        return np.asarray(path + self.first_index * np.einsum("ij,ij->i", *self.beam.rays(points)))
+
+    def on_grid(self, box: Array, across: int) -> PupilFunction:
+        """Return the pupil function on a grid over a box (middle, half width) of direction cosines."""
+        cells = int(np.ceil(across * ROOM))
+        offsets = ((np.arange(cells) + 0.5) / cells * 2 - 1) * box[1, 0]
+        cosines_x, cosines_y = box[0, 0] + offsets, box[0, 1] + offsets
+        step = float(offsets[1] - offsets[0])
+        targets = np.stack(np.meshgrid(cosines_x, cosines_y), axis=-1)
+        points, rays, met = self._met(targets.reshape(-1, 2))
+        plane, sphere = (np.where(met, part, 0.0).reshape(cells, cells) for part in self._waves(points, rays))
+        points = np.where(met[:, None], points, np.nan).reshape(cells, cells, 2)
+        density = self._density(points, step)
+        coverage = np.where(np.isfinite(density), self._coverage(points, targets, step), 0.0)
+        return PupilFunction(
+            self.wavelength_nm, self.index, self.chief[:2].copy(), cosines_x, cosines_y, coverage,
+            np.where(coverage > 0, density, 0.0), plane, sphere,
+        )  # fmt: skip
+
+    def _waves(self, points: Array, rays: Rays) -> tuple[Array, Array]:
+        """Return by how much paths are shorter than the chief ray's: to the foot from C, and to the sphere."""
+        length = self.wavelength_nm * MM_PER_NM
+        plane = (self.chief_path - self._path(points, rays)) / length
+        to_chief = self.chief - rays.origins
+        foot = np.einsum("ij,ij->i", to_chief, rays.directions)
+        miss = np.sum(to_chief * to_chief, axis=1) - foot * foot
+        root = np.sqrt(np.maximum(self.sphere_radius**2 - miss, 0.0))
+        depth = -np.minimum(miss, self.sphere_radius**2) / np.maximum(root + self.sphere_radius, NEVER_0)
+        return plane, plane + self.index * self.sphere_sense * depth / length
+
+    def _met(self, targets: Array) -> tuple[Array, Rays, Mask]:
+        """Return the points of the first vertex plane whose rays leave in given directions, the rays, and which do."""
+        guess = self.inverse(targets)
+        points = guess.copy()
+        for _ in range(NEWTON):
+            rays = self._traced(points)
+            good = rays.passed
+            off = np.where(good[:, None], targets - rays.directions[:, :2], 0.0)
+            if np.abs(off).max(initial=0.0) < EXACT:
+                break
+            points = points + guess - self.inverse(targets - off)
+        near = np.abs(off).max(axis=1) < 1e-9
+        return points, rays, good & near
+
+    def _density(self, points: Array, step: float) -> Array:
+        """Return the flux per unit of direction cosines: of even light on a plane, or even intensity of a source."""
+        (xm, xl), (ym, yl) = (np.gradient(points[..., axis], step) for axis in (0, 1))
+        area = np.abs(xl * ym - xm * yl)
+        distance = self.beam.object_distance_mm
+        if np.isinf(distance):
+            return np.asarray(area)
+        source = -np.array([0.0, np.tan(np.radians(self.beam.field_degrees)), 1.0]) * distance
+        reach = np.sum((points - source[:2]) ** 2, axis=-1) + distance**2
+        return np.asarray(area * distance**3 / reach**1.5)
+
+    def _coverage(self, points: Array, targets: Array, step: float) -> Array:
+        """Return the share of each cell that passes every rim; of cells on an edge by rays within them."""
+        shape = points.shape[:2]
+        finite = np.isfinite(points).all(axis=-1)
+        passes = np.zeros(shape, dtype=bool)
+        passes[finite] = self._passes(points[finite])
+        edge: Mask = finite & _by_an_edge(passes)
+        if any(isinstance(surface.stop_shape, StopMask) for surface in self.lens.surfaces):
+            edge = np.asarray(finite)  # the holes of a mask may be smaller than a cell
+        coverage = passes.astype(np.float64)
+        within = (np.arange(FINER) + 0.5) / FINER - 0.5
+        moves = np.stack(np.meshgrid(within, within), axis=-1).reshape(-1, 2) * step
+        guess = self.inverse(targets[edge])
+        correction = points[edge] - guess
+        total = np.zeros(int(edge.sum()))
+        for move in moves:
+            total += self._passes(self.inverse(targets[edge] + move) + correction)
+        coverage[edge] = total / len(moves)
+        return coverage
+
+    def _passes(self, points: Array) -> Mask:
+        return self.lens.trace(*self.beam.rays(points), self.wavelength_nm, start="scene").passed
+
+
+def _by_an_edge(passes: Mask) -> Mask:
+    """Return which cells touch one that differs."""
+    wide = np.pad(passes, 1, mode="edge")
+    shape = passes.shape
+    near = [wide[i : i + shape[0], j : j + shape[1]] for i in range(3) for j in range(3)]
+    return np.asarray(np.logical_or.reduce(near) & ~np.logical_and.reduce(near))
+
+
+class _Polynomial:
+    """Points of the first vertex plane as a polynomial of direction cosines, by least squares over a beam."""
+
+    def __init__(self, box: Array, cosines: Array, points: Array) -> None:
+        self.middle, self.half = box
+        powers = min(POWERS, int(np.sqrt(len(points))) - 2)
+        self.powers = [(i, j) for i in range(powers + 1) for j in range(powers + 1 - i)]
+        self.factors = np.linalg.lstsq(self._terms(cosines), points, rcond=1e-13)[0]
+
+    def _terms(self, cosines: Array) -> Array:
+        x, y = ((cosines - self.middle) / self.half).T
+        most = max(i for i, _ in self.powers)
+        in_x = np.polynomial.chebyshev.chebvander(x, most)
+        in_y = np.polynomial.chebyshev.chebvander(y, most)
+        return np.stack([in_x[:, i] * in_y[:, j] for i, j in self.powers], axis=1)
+
+    def __call__(self, cosines: Array) -> Array:
+        return np.asarray(self._terms(cosines) @ self.factors)
+
+
+#
+# The wave-optical image of a point, of its pupil function: Strehl ratio, spread, transfer and encircled energy.
+#
+# The field on the film is U(x, y) = integral of a exp(2 pi i (l x + m y) / wavelength) dl dm, (x, y) from the chief
+# ray's point; it is summed for the very points wanted, by two matrices, so no point lies between two of a transform.
+
+Waves = NDArray[np.complex128]
+
+AIRY = 1.2196698912665045  # radius of the first dark ring of a round pupil, in wavelength times f-number
+PADDED = 2  # the transform's room in widths of the pupil: none of its correlation wraps round
+BESSEL_STEPS = 2048
+FAR = 25.0  # argument from which Hankel's expansion of J1 is exact enough
+WINDOW = 21  # points across the search of the peak
+
+
+@dataclass(frozen=True)
+class Strehl:
+    """Strehl ratios: light at a point over that of the same pupil with a perfect wavefront."""
+
+    at_chief_ray: float
+    at_peak: float
+    peak: tuple[float, float]  # x, y from the chief ray's point [mm]
+
+
+def rms_waves(pupil: PupilFunction, waves: Array, without_tilt: bool = False) -> float:
+    """Return the rms of a wavefront over the flux about its mean, or about its best plane in l and m [waves]."""
+    weight = pupil.flux.ravel()
+    weight = weight / weight.sum()
+    axes = np.meshgrid(pupil.cosines_x, pupil.cosines_y)
+    off = waves.ravel() - weight @ waves.ravel()
+    if without_tilt:
+        tilt = np.stack([(axis - np.mean(axis)).ravel() for axis in axes] + [np.ones(len(off))], axis=1)
+        root = np.sqrt(weight)[:, None]
+        off = off - tilt @ np.linalg.lstsq(tilt * root, off * root[:, 0], rcond=None)[0]
+    return float(np.sqrt(weight @ off**2))
+
+
+def peak_to_valley(pupil: PupilFunction, waves: Array) -> float:
+    """Return the largest less the smallest path difference inside the pupil [waves]."""
+    return float(np.ptp(waves[pupil.coverage >= 0.5]))
+
+
+def spread(pupil: PupilFunction, x: ArrayLike, y: ArrayLike) -> Array:
+    """Return the share of all light per mm2 at the points of a grid: x of the columns, y of the rows [mm] from C."""
+    field = _field(pupil, np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64))
+    area = pupil.step**2
+    return np.asarray(np.abs(field) ** 2 * area**2 / (pupil.flux.sum() * area * pupil.length_mm**2))
+
+
+def _field(pupil: PupilFunction, x: Array, y: Array) -> Waves:
+    turn = 2j * np.pi / pupil.length_mm
+    rows, columns = np.exp(turn * np.outer(y, pupil.cosines_y)), np.exp(turn * np.outer(pupil.cosines_x, x))
+    return np.asarray(rows @ pupil.field @ columns)
+
+
+def centroid(pupil: PupilFunction) -> tuple[float, float]:
+    """Return the middle of the light on the film, x, y from C [mm]: the mean gradient of the wavefront."""
+    both = [_slopes(pupil, axis) for axis in (1, 0)]
+    return both[0], both[1]
+
+
+def _slopes(pupil: PupilFunction, axis: int) -> float:
+    slope = np.gradient(pupil.waves, pupil.step, axis=axis)
+    inner = np.minimum(np.roll(pupil.coverage, 1, axis), np.roll(pupil.coverage, -1, axis)) > 0
+    weight = np.where(inner, pupil.flux, 0.0)
+    return float(np.sum(weight * slope) / weight.sum()) * pupil.length_mm
+
+
+def strehl(pupil: PupilFunction) -> Strehl:
+    """Return the Strehl ratios at the chief ray's point and at the brightest point of the film."""
+    perfect = float((np.sqrt(pupil.density) * pupil.coverage).sum()) ** 2
+    size = 1 << int(np.ceil(np.log2(PADDED * len(pupil.coverage))))
+    light = np.abs(np.fft.fft2(pupil.field, (size, size))) ** 2
+    row, column = np.unravel_index(int(np.argmax(light)), light.shape)
+    width = pupil.length_mm / (size * pupil.step)
+    x, y = (-np.fft.fftfreq(size)[k] * size * width for k in (column, row))
+    half = width
+    for _ in range(4):
+        xs, ys = x + np.linspace(-half, half, WINDOW), y + np.linspace(-half, half, WINDOW)
+        near = np.abs(_field(pupil, xs, ys)) ** 2
+        row, column = np.unravel_index(int(np.argmax(near)), near.shape)
+        x, y, half = float(xs[column]), float(ys[row]), half / 8
+    at_chief_ray = float(np.abs(pupil.field.sum()) ** 2)
+    at_peak = max(float(near.max()), at_chief_ray)  # which may be the same point, summed in another order
+    return Strehl(at_chief_ray / perfect, at_peak / perfect, (x, y))
+
+
+def transfer(
+    pupil: PupilFunction, frequencies_per_mm: ArrayLike, about: tuple[float, float] = (0.0, 0.0)
+) -> tuple[Waves, Waves]:
+    """Return the transfer (tangential, sagittal): the integral of a(l + wavelength f) a*(l) over that at f = 0.
+
+    Its length is the modulation that the film receives; its phase counts from a point, x, y from C [mm]. Tangential
+    frequencies run along y, sagittal ones along x.
+    """
+    frequencies = np.asarray(frequencies_per_mm, dtype=np.float64)
+    shifts = frequencies * pupil.length_mm / pupil.step
+    turns = (np.exp(2j * np.pi * frequencies * about[axis]) for axis in (1, 0))
+    tangential, sagittal = (_correlated(pupil, shifts, axis) * turn for axis, turn in zip((0, 1), turns, strict=True))
+    return tangential, sagittal
+
+
+def _correlated(pupil: PupilFunction, shifts: Array, axis: int) -> Waves:
+    """Return the correlation of the pupil with itself moved along an axis by parts of cells, over its flux.
+
+    By the spread of a line on the film, which is its transform; each point counts on that side of the middle of the
+    light where it lies nearer.
+    """
+    count = PADDED * len(pupil.coverage)
+    line = (np.abs(np.fft.fft(pupil.field, count, axis=axis)) ** 2).sum(axis=1 - axis)
+    line /= count * pupil.flux.sum()
+    places = np.fft.fftfreq(count) * count
+    middle = float(np.angle(line @ np.exp(2j * np.pi * places / count))) * count / (2 * np.pi)
+    places = (places - middle + count / 2) % count - count / 2 + middle
+    found = np.exp(2j * np.pi / count * np.outer(shifts, places)) @ line
+    found += (1.0 - line.sum()) * np.maximum(1.0 - shifts, 0.0)  # unmoved, cells on the edge count by their flux
+    return np.where(shifts < len(pupil.coverage), found, 0.0)
+
+
+def encircled(pupil: PupilFunction, radii_mm: ArrayLike, about: tuple[float, float]) -> Array:
+    """Return the share of the light inside circles of given radii about a point, x, y from C [mm]."""
+    return encircling(pupil, about)(np.atleast_1d(np.asarray(radii_mm, dtype=np.float64)))
+
+
+def encircling(pupil: PupilFunction, about: tuple[float, float]) -> Callable[[Array], Array]:
+    """Return the function that gives the share of the light inside circles of radii [mm] about a point.
+
+    The integral over a circle of the transform of the light: 2 pi r J1(2 pi f r) / (2 pi f), over all frequencies f;
+    those of one length, in whole cells, count together.
+    """
+    size = 1 << int(np.ceil(np.log2(PADDED * len(pupil.coverage))))
+    correlation = np.fft.ifft2(np.abs(np.fft.fft2(pupil.field, (size, size))) ** 2)
+    cells = np.rint(np.fft.fftfreq(size) * size).astype(np.int64)
+    unit = pupil.step / pupil.length_mm
+    across, along = (np.exp(-2j * np.pi * unit * cells * part) for part in about)
+    real = np.real(np.conj(correlation) * along[:, None] * across[None, :])
+    squares = cells[None, :] ** 2 + cells[:, None] ** 2
+    sums = np.bincount(squares.ravel(), weights=real.ravel())
+    found = np.flatnonzero(sums)
+    f = unit * np.sqrt(found[found > 0])
+    middle, others = sums[0], sums[found[found > 0]] / f
+    scale = unit**2 / pupil.flux.sum()
+
+    def shares(radii: Array) -> Array:
+        return np.array([scale * (middle * np.pi * r * r + r * (others @ _bessel_1(2 * np.pi * r * f))) for r in radii])
+
+    return shares
+
+
+def _bessel_1(x: Array) -> Array:
+    """Return J1: from its integral by the trapezoidal rule, and far out by Hankel's expansion (Watson, 7.21)."""
+    steps = int(FAR) + 64
+    t = (np.arange(steps) + 0.5) * np.pi / steps
+    known = np.linspace(0.0, FAR, BESSEL_STEPS)
+    values = np.cos(t - known[:, None] * np.sin(t)).mean(axis=1)
+    far = np.maximum(x, FAR)
+    turn = far - 0.75 * np.pi
+    even = 1 + 15 / (128 * far**2) - 4725 / (32768 * far**4)
+    odd = 3 / (8 * far) - 105 / (1024 * far**3)
+    hankel = np.sqrt(2 / (np.pi * far)) * (even * np.cos(turn) - odd * np.sin(turn))
+    return np.asarray(np.where(x < FAR, np.interp(x, known, values), hankel))
+
+
+def radius_of_share(shares_within: Callable[[Array], Array], share: float, most_mm: float) -> float:
+    """Return the radius [mm] of the circle that holds a share of the light.
+
+    Parameters
+    ----------
+    shares_within : callable
+        Gives the shares of the light inside circles of given radii [mm].
+    share : float
+    most_mm : float
+        Radius of the largest circle that is looked at.
+    """
+    low, high = 0.0, most_mm
+    for _ in range(3):
+        radii = np.linspace(low, high, 18)[1:]
+        shares = shares_within(radii)
+        k = int(np.argmax(shares >= share)) if (shares >= share).any() else len(radii) - 1
+        low, high = (radii[k - 1] if k else low), float(radii[k])
+    return (float(low) + high) / 2
+
+
+def diffraction_mtf(frequencies_per_mm: ArrayLike, aperture: float, wavelength_nm: float) -> Array:
+    """Return the modulation of a perfect lens with a round pupil; 0 from 2 aperture / wavelength on.
+
+    Parameters
+    ----------
+    aperture : float
+        Numerical aperture on the film, along the direction of the modulation: 1 / (2 f-number).
+    """
+    if not aperture > 0:
+        return np.where(np.asarray(frequencies_per_mm, dtype=np.float64) == 0, 1.0, 0.0)
+    share = np.asarray(frequencies_per_mm, dtype=np.float64) * wavelength_nm * 1e-6 / (2.0 * aperture)
+    inside = np.minimum(np.abs(share), 1.0)
+    return np.asarray(2 / np.pi * (np.arccos(inside) - inside * np.sqrt(1 - inside * inside)))

@@ -1,0 +1,512 @@
+"""The opening of a camera as points of its film see it: which directions light comes from.
+
+Directions are cosines (l, m) in x and y of the lens's frame, true ones also off the axis: in them the field that an
+opening diffracts onto the film is a Fourier integral.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.optics.ghosts import with_wider_stop
+from rptcam_cl.optics.lens import Lens
+from rptcam_cl.optics.pupils import FilmFrame, cells, grid, narrowing_probes, pupil_boxes
+from rptcam_cl.optics.ray_trace import passing
+from rptcam_cl.optics.stop_shape import StopMask, StopShape
+from rptcam_cl.rendering.cameras.ideal import optics_of, radius_of, stop_shape, thick_lens_of
+from rptcam_cl.rendering.cameras.model import CameraModel
+from rptcam_cl.rendering.cameras.ray_map import allowed_px, fitted_map
+from rptcam_cl.rendering.cameras.setting import LensSetting, film_frame, lens_setting
+from rptcam_cl.scene.camera import (
+    EnvironmentCamera,
+    LensCamera,
+    PinholeCamera,
+    RealisticCamera,
+    ThickLensCamera,
+    ThinLensCamera,
+    unknown_camera,
+)
+from rptcam_cl.scene.load import at_opening
+from rptcam_cl.scene.scene import Scene
+
+# The rays that points of the film receive, in float64: what `kernels/camera` draws at random, on a grid.
+
+Array = NDArray[np.float64]
+
+ACROSS = 40  # rays across a pupil
+
+
+@dataclass(frozen=True)
+class PupilRays:
+    """Rays of m film points, n each, in the camera's frame.
+
+    Attributes
+    ----------
+    origins : (m, n, 3) array
+        Where they leave the lens [m].
+    slopes : (m, n, 2) array
+        Sideways per metre ahead.
+    weights : (m, n) array
+        Their shares in the light of the film point; 0 for those that the lens blocks. A row sums to 1.
+    pupil : (m, n, 2) array
+        The point of the pupil as the camera's kernel chooses it: of the plane of the last vertex [mm] or a unit disk.
+    cell : (m, 2) array
+        How far these points stand apart.
+    film : (m, 2) array
+        The film points [mm]; zero where the pupil's coordinates do not depend on them.
+    """
+
+    origins: Array
+    slopes: Array
+    weights: Array
+    pupil: Array
+    cell: Array
+    film: Array
+
+    def seen(self, vergence: float) -> Array:
+        """Return where rays meet the plane at 1 / vergence [m] in front of the eye, over that distance (m, n, 2)."""
+        ahead = 1.0 + vergence * self.origins[..., 2:]
+        return np.asarray(vergence * self.origins[..., :2] + ahead * self.slopes)
+
+
+def pupil_rays(scene: Scene, places: Array) -> PupilRays:
+    """Return the rays of places of the picture (m, 2), right and down in pixels.
+
+    Raises
+    ------
+    InputError
+        When the camera has no aperture, or a place receives no light.
+    """
+    camera = scene.camera
+    if isinstance(camera, ThinLensCamera):
+        return thin_lens_rays(scene, camera, places)
+    if isinstance(camera, LensCamera):
+        return lens_rays(scene, lens_setting(scene), places)
+    if not isinstance(camera, PinholeCamera | EnvironmentCamera):
+        raise unknown_camera(scene.camera.kind, "the rays of its pupil (rptcam_cl/rendering/cameras/film_pupil.py)")
+    raise InputError(f"camera.kind: {camera.kind} has no pupil (allowed: thin_lens, thick_lens, realistic)")
+
+
+def _on_film(scene: Scene, places: Array) -> Array:
+    """Return places right and up in the upright picture, to 1 at its edges."""
+    film = 2.0 * np.asarray(places, np.float64) / scene.film.resolution - 1.0
+    return np.asarray(film * (1.0, -1.0) * (1.0 if scene.camera.flip else -1.0))
+
+
+def _unit_grid() -> Array:
+    steps = (np.arange(ACROSS) + 0.5) * 2 / ACROSS - 1
+    return np.stack(np.meshgrid(steps, steps, indexing="ij"), axis=-1).reshape(-1, 2)
+
+
+def thin_lens_rays(scene: Scene, camera: ThinLensCamera, places: Array) -> PupilRays:
+    """Return the rays of places of the picture as `pupil_rays` does, for a thin lens on the scene's film."""
+    across, _, focal_length = optics_of(camera, scene.film)
+    distance = scene.film.size_m()[0] / 2 / across
+    film = film_frame(camera).points(-_on_film(scene, places) * np.array(scene.film.size_m()) * 500.0) * 1e-3 / distance
+    nearer = 1.0 + film[:, None, 2:]
+    points, shape = _unit_grid(), stop_shape(scene, camera.aperture)
+    x, y = points.T
+    points = points[np.hypot(x, y) <= 1.0 if shape is None else shape.holds(x, y)]
+    many = (len(film), len(points), 2)
+    on_lens = np.broadcast_to(points * radius_of(camera, focal_length), many)
+    vergence = 1.0 / camera.plane_m + (1.0 - 1.0 / nearer) / distance
+    slopes = -film[:, None, :2] / nearer - on_lens * vergence
+    origins = np.concatenate([on_lens, np.zeros((*many[:2], 1))], axis=-1)
+    weights = np.full(many[:2], 1.0 / len(points))
+    cell = np.full((len(film), 2), 2.0 / ACROSS)
+    return PupilRays(origins, slopes, weights, np.broadcast_to(points, many), cell, np.zeros_like(film[:, :2]))
+
+
+def lens_rays(scene: Scene, setting: LensSetting, places: Array) -> PupilRays:
+    """Return the rays of places of the picture as `pupil_rays` does, for a lens as it is set."""
+    frame = film_frame(scene.camera)
+    film_mm = frame.points(-_on_film(scene, places) * np.array(scene.film.size_m()) * 500.0)  # a lens inverts
+    if isinstance(setting.camera, RealisticCamera):
+        return _traced(scene, setting, film_mm, frame)
+    return _thick(setting, film_mm, np.array(frame.normal))
+
+
+def _thick(setting: LensSetting, film_mm: Array, normal: Array) -> PupilRays:
+    thick = thick_lens_of(setting.lens, setting.film_distance_mm, setting.camera.wavelength_nm)
+    points = _unit_grid()
+    points = points[np.hypot(*points.T) <= 1.0]
+    many = (len(film_mm), len(points), 2)
+    depth, slope = film_mm[:, None, 2:], thick.film_slope
+    nearer = 1.0 + depth * slope[0]
+    there = (film_mm[:, None, :2] - depth * slope[1] * points) / nearer  # in the plane through the film's centre
+
+    def together(factors: tuple[float, float]) -> Array:
+        return np.asarray(factors[0] * there + factors[1] * points)
+
+    z = np.full((*many[:2], 1), -setting.lens.film_z(setting.film_distance_mm) * 1e-3)
+    origins = np.concatenate([together(thick.height) * 1e-3, z], axis=-1)
+    slopes = together(slope)
+    facing = np.maximum(slopes @ normal[:2] + normal[2], 0.0)
+    cos4 = (1.0 + np.sum(slopes**2, axis=-1)) ** -2 * facing
+    cell = np.full((len(film_mm), 2), 2.0 / ACROSS)
+    weights = cos4 / cos4.sum(axis=1, keepdims=True)
+    film = np.zeros_like(film_mm[:, :2])
+    return PupilRays(origins, together(thick.slope), weights, np.broadcast_to(points, many), cell, film)
+
+
+def _traced(scene: Scene, setting: LensSetting, points_mm: Array, frame: FilmFrame) -> PupilRays:
+    film_mm, depths = points_mm[:, :2], points_mm[:, 2]
+    lens, back, wavelength = setting.lens, setting.film_distance_mm, setting.camera.wavelength_nm
+    assert isinstance(setting.camera, RealisticCamera)
+    shape = stop_shape(scene, setting.camera.aperture)
+    lens = lens if shape is None else lens.with_stop_shape(shape)
+    boxes, lit = pupil_boxes(narrowing_probes(lens, back, wavelength, frame), film_mm)
+    if not lit.all():
+        x, y = film_mm[~lit][0]
+        raise InputError(f"{lens.name}: no light reaches the film point ({x:g}, {y:g}) mm")
+    rear = grid(boxes, ACROSS, ACROSS)
+    distances = np.broadcast_to((back + depths)[:, None, None], (*rear.shape[:2], 1))
+    away = np.concatenate([rear - film_mm[:, None], -distances], axis=-1)
+    film = np.broadcast_to(film_mm[:, None], rear.shape)
+    origins, directions, passed = _through(scene, setting, lens, film, rear, distances)
+    facing = np.maximum(-away @ np.array(frame.normal), 0.0) / distances[..., 0]
+    weights = np.where(passed, np.sum(away * away, axis=-1) ** -2 * facing, 0.0)  # cos^4, as Z is the same
+    weights /= weights.sum(axis=1, keepdims=True)
+    keep = passed[..., None]
+    origins = np.where(keep, (origins - [0.0, 0.0, lens.film_z(back)]) * 1e-3, 0.0)
+    slopes = np.where(keep, directions[..., :2] / -np.where(keep, directions[..., 2:], -1.0), 0.0)
+    return PupilRays(origins, slopes, weights, rear, cells(boxes, ACROSS, ACROSS), film_mm)
+
+
+def _through(
+    scene: Scene, setting: LensSetting, lens: Lens, film: Array, rear: Array, distances: Array
+) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Return where rays from film points through places of the plane of the last vertex (m, n, 2) leave the lens, their
+    directions (m, n, 3), and which do, as the camera lets them: traced, or by polynomials."""
+    camera, shape = setting.camera, (*rear.shape[:2], 3)
+    if isinstance(camera, RealisticCamera) and camera.rays == "fitted":
+        found = fitted_map(lens, setting, scene.film, None, allowed_px(camera))
+        flat = film.reshape(-1, 2), rear.reshape(-1, 2), np.zeros(film.size // 2)
+        origins, directions = (values * (1.0, 1.0, -1.0) for values in found.trace(*flat))
+        passed = found.passes(lens, *flat)
+    else:
+        start = np.concatenate([film, lens.length + lens.sense * distances], axis=-1)
+        away = np.concatenate([rear - film, -lens.sense * distances], axis=-1)
+        rays = lens.trace(start.reshape(-1, 3), away.reshape(-1, 3), camera.wavelength_nm)
+        origins, directions, passed = rays.origins, rays.directions, rays.passed
+    return origins.reshape(shape), directions.reshape(shape), passed.reshape(shape[:2])
+
+
+Mask = NDArray[np.bool_]
+
+PUPIL_ACROSS = 144  # cells across the opening
+FIRST_ACROSS = 48  # of the search for it
+WIDER = (64.0, 16.0, 4.0)  # times the stop, through which an opening is found that no direction of the search meets
+FINER = 4  # points across a cell that the edge runs through
+CORNERS = 1024  # of an outline
+HALVINGS = 24  # that find each
+SAME_AREA = 0.02  # within which an outline and the cells inside it are one opening
+OpenTo = Callable[[Array], Mask]  # which directions (n, 2), as cosines, are open
+
+
+@dataclass(frozen=True)
+class FilmPupil:
+    """The opening as one point of the film sees it, on a square grid.
+
+    Attributes
+    ----------
+    coverage : (n, n) array
+        Share of each cell that is open; rows by m, columns by l.
+    cosines_x, cosines_y : (n,) arrays
+        l of the columns and m of the rows.
+    index : float
+        Of the medium in front of the film.
+    """
+
+    coverage: Array
+    cosines_x: Array
+    cosines_y: Array
+    index: float
+
+    @property
+    def step(self) -> float:
+        """Side of a cell in direction cosines."""
+        return float(self.cosines_x[1] - self.cosines_x[0])
+
+    @property
+    def aperture(self) -> float:
+        """Numerical aperture of the round opening of the same area, in the medium."""
+        return float(np.sqrt(self.coverage.sum() / np.pi)) * self.step
+
+
+@dataclass(frozen=True)
+class FilmPupils:
+    """What gives the opening that a point of the film (x, y) sees [mm], in the frame of the lens.
+
+    Attributes
+    ----------
+    directions : callable
+        Gives which directions are open to a point, and the middle and half width of a square of cosines about them.
+    index : float
+        Of the medium in front of the film.
+    radius_mm : float
+        Of the stop: of the circle that its shape touches.
+    """
+
+    directions: Callable[[Array], tuple[OpenTo, Array]]
+    index: float
+    radius_mm: float
+
+    def __call__(self, point: Array) -> FilmPupil:
+        """Return the opening as a grid.
+
+        Raises
+        ------
+        InputError
+            Where no light reaches the film.
+        """
+        return _pupil(*self.directions(point), self.index)
+
+    def outline(self, point: Array) -> Array | None:
+        """Return corners (n, 2) of the outline in direction cosines, anticlockwise about its middle, within 1e-6.
+
+        None where a line from the middle crosses the outline twice, as in a mask of several holes.
+        """
+        opens, box = self.directions(point)
+        grid = _pupil(opens, box, self.index)
+        share = grid.coverage / grid.coverage.sum()
+        middle = np.array([share.sum(axis=0) @ grid.cosines_x, share.sum(axis=1) @ grid.cosines_y])
+        angles = 2 * np.pi * (np.arange(CORNERS) + 0.5) / CORNERS
+        towards = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+        near, far = np.zeros(CORNERS), np.full(CORNERS, grid.step * PUPIL_ACROSS * np.sqrt(2))
+        for _ in range(HALVINGS):
+            half = (near + far) / 2
+            inside = opens(middle + half[:, None] * towards)
+            near, far = np.where(inside, half, near), np.where(inside, far, half)
+        area = 0.5 * np.sin(2 * np.pi / CORNERS) * float(near @ np.roll(near, -1))
+        if abs(area / (grid.coverage.sum() * grid.step**2) - 1) > SAME_AREA:
+            return None
+        return np.asarray(middle + near[:, None] * towards)
+
+
+def film_pupils(scene: Scene) -> FilmPupils:
+    """Return what gives the opening that points of the film see.
+
+    Raises
+    ------
+    InputError
+        For a camera without an opening.
+    """
+    scene = at_opening(scene)
+    camera = scene.camera
+    if isinstance(camera, RealisticCamera):
+        return _trace_pupils(_shaped(scene, camera, lens_setting(scene)))
+    if isinstance(camera, ThickLensCamera):
+        setting = lens_setting(scene)
+        thick = thick_lens_of(setting.lens, setting.film_distance_mm, camera.wavelength_nm)
+        index = float(setting.lens.indices(camera.wavelength_nm)[-1])
+        return FilmPupils(_flat(thick.film_slope, None, -1.0), index, _stop_radius(setting.lens))
+    if isinstance(camera, ThinLensCamera):
+        across, _, focal_length = optics_of(camera, scene.film)
+        radius, distance = radius_of(camera, focal_length), scene.film.size_m()[0] / 2 / across
+        if radius > 0:
+            slopes = (-1e-3 / distance, radius / distance)
+            return FilmPupils(_flat(slopes, stop_shape(scene, camera.aperture), 1.0), 1.0, 1e3 * radius)
+    elif not isinstance(camera, PinholeCamera | EnvironmentCamera):
+        raise unknown_camera(scene.camera.kind, "what says its opening (rptcam_cl/rendering/cameras/film_pupil.py)")
+    raise InputError(
+        "camera.diffraction: the camera has no opening that diffracts"
+        " (allowed: off, or a camera with an f-number: thin_lens, thick_lens, realistic)"
+    )
+
+
+def _shaped(scene: Scene, camera: RealisticCamera, setting: LensSetting) -> LensSetting:
+    shape = stop_shape(scene, camera.aperture)
+    return setting if shape is None else replace(setting, lens=setting.lens.with_stop_shape(shape))
+
+
+def _stop_radius(lens: Lens) -> float:
+    stop = lens.stop or lens.surfaces[0]
+    return float(stop.semi_diameter)
+
+
+def _trace_pupils(setting: LensSetting) -> FilmPupils:
+    """Return the openings by rays traced from the film."""
+    lens, wavelength = setting.lens, setting.camera.wavelength_nm
+    if not any(np.isfinite(lens.first_order(wavelength, section).focal_length_mm) for section in "xy"):
+        raise InputError(f"camera.diffraction: {lens.name}: is afocal, so it forms no image (allowed: off)")
+    film_z = lens.film_z(setting.film_distance_mm)
+    rear = lens.surfaces[-1].semi_diameter
+
+    def seen(point: Array) -> tuple[OpenTo, Array]:
+        origin = np.array([point[0], point[1], film_z])
+
+        def opens_through(stopped: Lens) -> OpenTo:
+            def opens(cosines: Array) -> Mask:
+                square = np.sum(cosines * cosines, axis=1)
+                inside = square < 1
+                along = -lens.sense * np.sqrt(np.where(inside, 1 - square, 1.0))
+                directions = np.column_stack([-cosines, along])
+                origins = np.broadcast_to(origin, directions.shape)
+                passed = passing(stopped, np.ascontiguousarray(origins), directions, wavelength)
+                return np.asarray(inside & passed)
+
+            return opens
+
+        opens, box = opens_through(lens), _rear_box(lens, origin, rear)
+        for factor in WIDER if lens.stop_index is not None and not len(_found(opens, box)) else ():
+            found = _found(opens_through(with_wider_stop(lens, factor)), box)
+            if not len(found):
+                break
+            box = _about(found, box)
+        return opens, box
+
+    return FilmPupils(seen, float(lens.indices(wavelength)[-1]), _stop_radius(lens))
+
+
+def _rear_box(lens: Lens, origin: Array, rear: float) -> Array:
+    """Return the middle and half width of a square of cosines that holds every ray through the rear surface."""
+    turns = np.linspace(0.0, 2 * np.pi, 65)
+    edge = rear * np.stack([np.cos(turns), np.sin(turns)], axis=1)
+    depths = lens.length + np.linspace(0.0, lens.surfaces[-1].rim_sag(rear * (1 - 1e-9)), 3)
+    to_film = np.concatenate([np.column_stack([origin[:2] - edge, np.full(len(edge), origin[2] - z)]) for z in depths])
+    cosines = to_film[:, :2] / np.linalg.norm(to_film, axis=1)[:, None]
+    low, high = cosines.min(axis=0), cosines.max(axis=0)
+    return np.stack([(low + high) / 2, np.full(2, float((high - low).max()) / 2 * 1.02)])
+
+
+def _flat(
+    slopes: tuple[float, float], shape: StopShape | StopMask | None, sense: float
+) -> Callable[[Array], tuple[OpenTo, Array]]:
+    """Return the openings of an ideal lens: its pupil is a disk across the axis.
+
+    Parameters
+    ----------
+    slopes
+        Sideways per unit of the axis, for a film point [mm] and for the edge of the pupil.
+    sense
+        1 where the slopes are those towards the pupil, and light has the opposite ones.
+    """
+
+    def seen(point: Array) -> tuple[OpenTo, Array]:
+        middle = slopes[0] * np.asarray(point, dtype=np.float64)
+
+        def opens(cosines: Array) -> Mask:
+            square = np.sum(cosines * cosines, axis=1)
+            towards = -sense * cosines / np.sqrt(np.where(square < 1, 1 - square, 1.0))[:, None]
+            x, y = ((towards - middle) / slopes[1]).T
+            inside = (square < 1) & (x * x + y * y <= 1)
+            return np.asarray(inside if shape is None else inside & shape.holds(x, y))
+
+        turns = np.linspace(0.0, 2 * np.pi, 65)
+        edge = middle + abs(slopes[1]) * np.stack([np.cos(turns), np.sin(turns)], axis=1)
+        cosines = -sense * edge / np.sqrt(1 + np.sum(edge * edge, axis=1))[:, None]
+        low, high = cosines.min(axis=0), cosines.max(axis=0)
+        return opens, np.stack([(low + high) / 2, np.full(2, float((high - low).max()) / 2 * 1.02)])
+
+    return seen
+
+
+def _pupil(opens: OpenTo, box: Array, index: float) -> FilmPupil:
+    """Return the opening that lies within a box (middle, half width) of cosines."""
+    for _ in range(4):  # a small opening behind a large rear surface is found step by step
+        found, before = _found(opens, box), box
+        if not len(found):
+            raise InputError("camera.diffraction: no light reaches the film there (allowed: off, or a smaller film)")
+        box = _about(found, before)
+        if not box[1, 0] < 0.7 * before[1, 0]:
+            break
+    x, y = _axes(box, PUPIL_ACROSS)
+    grid = np.stack(np.meshgrid(x, y), axis=-1)
+    within = ((np.arange(FINER) + 0.5) / FINER - 0.5) * (x[1] - x[0])
+    moves = np.stack(np.meshgrid(within, within), axis=-1).reshape(-1, 2)
+    centre = opens(grid.reshape(-1, 2)).reshape(PUPIL_ACROSS, PUPIL_ACROSS)
+    edge = _by_an_edge(centre)
+    coverage = centre.astype(np.float64)
+    coverage[edge] = np.mean([opens(grid[edge] + move) for move in moves], axis=0)
+    return FilmPupil(coverage, x, y, index)
+
+
+def _found(opens: OpenTo, box: Array) -> Array:
+    """Return those of some directions (n, 2) over a box that are open."""
+    points = np.stack(np.meshgrid(*_axes(box, FIRST_ACROSS)), axis=-1).reshape(-1, 2)
+    return np.asarray(points[opens(points)])
+
+
+def _about(found: Array, box: Array) -> Array:
+    """Return the box about directions that `_found` has found, with room of a step."""
+    x, _ = _axes(box, FIRST_ACROSS)
+    step = x[1] - x[0]
+    low, high = found.min(axis=0) - step, found.max(axis=0) + step
+    return np.stack([(low + high) / 2, np.full(2, float((high - low).max()) / 2)])
+
+
+def _axes(box: Array, count: int) -> tuple[Array, Array]:
+    offsets = ((np.arange(count) + 0.5) / count * 2 - 1) * box[1, 0]
+    return box[0, 0] + offsets, box[0, 1] + offsets
+
+
+def _by_an_edge(inside: Mask) -> Mask:
+    """Return which cells touch one that differs; outside of the grid nothing is open."""
+    wide = np.pad(inside, 1)
+    count = len(inside)
+    near = [wide[i : i + count, j : j + count] for i in range(3) for j in range(3)]
+    return np.asarray(np.logical_or.reduce(near) & ~np.logical_and.reduce(near))
+
+
+# Half pupils: the line that parts the pupil into two halves of equal light, as a zone of the picture sees it.
+
+Split = Literal["x", "y"]
+
+
+@dataclass(frozen=True)
+class PupilLine:
+    """A line across the pupil, in the coordinates in which the camera's kernel chooses a point of it.
+
+    Attributes
+    ----------
+    normal : (x, y)
+        Unit vector across the line.
+    offset : float
+        Points q and film points f [mm] with ``normal . (q + share * f) > offset`` lie beyond it.
+    share : float
+        How far the line moves against the film point, so that it stays in the middle of the pupil.
+    """
+
+    normal: tuple[float, float]
+    offset: float
+    share: float
+
+    def beyond(self, rays: PupilRays) -> Array:
+        """Return which share (m, n) of the cell of the pupil that each ray stands for lies beyond the line."""
+        normal = np.array(self.normal)
+        place = (rays.pupil + self.share * rays.film[:, None]) @ normal - self.offset
+        width = rays.cell @ np.abs(normal)
+        return np.asarray(np.clip(0.5 + place / width[:, None], 0.0, 1.0))
+
+
+def pupil_line(rays: PupilRays, split: Split) -> PupilLine:
+    """Return the line through the middle of the light that a zone receives.
+
+    Parameters
+    ----------
+    rays
+        Of the middle of the zone, first, and of places round it.
+    split
+        ``x``: a left and a right half; ``y``: a lower and an upper one.
+    """
+    axis = ("x", "y").index(split)
+    normal = (1.0, 0.0) if split == "x" else (0.0, 1.0)
+    middle = np.sum(rays.weights[..., None] * rays.pupil, axis=1)[:, axis]
+    away = rays.film[1:, axis] - rays.film[0, axis]
+    share = -float(away @ (middle[1:] - middle[0]) / (away @ away)) if away.any() else 0.0
+    return PupilLine(normal, float(middle[0] + share * rays.film[0, axis]), share)
+
+
+def halved(model: CameraModel, line: PupilLine, *, beyond: bool) -> CameraModel:
+    """Return a camera that lets only the light of one half of its pupil count."""
+    record = model.record.copy()
+    record["half_pupil"] = (*line.normal, line.offset, line.share, beyond)
+    return replace(model, record=record, facts=model.facts | {"HALF_PUPIL": 1})

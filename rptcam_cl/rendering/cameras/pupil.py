@@ -1,0 +1,604 @@
+"""Pupil sampling of a lens camera: tables of where rays aim, as tiers that change the noise and nothing else."""
+
+from __future__ import annotations
+
+import pickle
+from dataclasses import field, replace
+from functools import lru_cache
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.files import forget, identity_of_code, keep_arrays, kept_arrays, name_of
+from rptcam_cl.core.records import PupilKind
+from rptcam_cl.optics.lens import Lens
+from rptcam_cl.optics.pupils import (
+    BULGE,
+    COARSE_OUTLINES,
+    DIRECTIONS,
+    PATCH_RADII,
+    UNMOVED,
+    FilmFrame,
+    FilmProbe,
+    PupilShapes,
+    Wavelengths,
+    cells,
+    grid,
+    narrowing_probes,
+    pupil_boxes,
+    pupil_shapes,
+    quarters_of,
+    spread_points,
+)
+
+# Values known at nodes all over a film and beside it, and between them by cubics.
+
+Array = NDArray[np.float64]
+
+NEIGHBOURS = [(row, column) for row in (-1, 0, 1) for column in (-1, 0, 1) if row or column]
+
+
+class FilmGrid:
+    """A square grid of nodes; what is missing is continued from what is there.
+
+    Parameters
+    ----------
+    values : (n, n, k) array
+        At the nodes, rows upwards and columns to the right; nan where unknown.
+    reach : float
+        Where the outermost nodes are, in half films.
+    """
+
+    def __init__(self, values: Array, reach: float) -> None:
+        self._values, self._reach = _continued(values), reach
+        self._per_side = (len(values) - 1) / (2 * reach)
+
+    def at(self, places: Array) -> Array:
+        """Return the values (m, k) at places (m, 2) right and up, to 1 at the edges of the film; nan beyond the nodes.
+
+        Cubics through four nodes each way.
+        """
+        count, flat = len(self._values), self._values.reshape(-1, self._values.shape[2])
+        with np.errstate(invalid="ignore"):
+            scaled = (places + self._reach) * self._per_side
+            known = np.all((scaled >= -1e-9) & (scaled <= count - 1 + 1e-9), axis=1)
+        scaled = np.where(known[:, None], scaled, 1.0)
+        first = np.clip(np.floor(scaled).astype(np.int64) - 1, 0, count - 4)
+        (across, along), found = (_weights(t) for t in (scaled - first).T), np.zeros((len(places), flat.shape[1]))
+        for row in range(4):
+            start = (first[:, 1] + row) * count + first[:, 0]
+            for column in range(4):
+                found += (along[row] * across[column])[:, None] * flat[start + column]
+        found[~known] = np.nan
+        return found
+
+
+def _weights(t: Array) -> tuple[Array, Array, Array, Array]:
+    """Return the weights of the nodes 0, 1, 2 and 3 at places between them (Lagrange)."""
+    a, b, c = t - 1.0, t - 2.0, t - 3.0
+    return -a * b * c / 6.0, t * b * c / 2.0, -t * a * c / 2.0, t * a * b / 6.0
+
+
+def _continued(values: Array) -> Array:
+    """Return values (n, n, k) without nan: each missing node goes on straight or in a parabola."""
+    values, count = values.copy(), len(values)
+    known = np.asarray(np.isfinite(values).all(axis=2))
+    while known.any() and not known.all():
+        sums, votes = np.zeros_like(values), np.zeros((count, count, 1))
+        for row, column in NEIGHBOURS:
+            (one, near), (two, far), (three, last) = (_moved(values, known, row * k, column * k) for k in (1, 2, 3))
+            bent = near & far & last
+            guess = np.where(bent[..., None], 3 * one - 3 * two + three, 2 * one - two)
+            usable = (near & far & ~known)[..., None]
+            sums += np.where(usable, guess, 0.0)
+            votes += usable
+        fresh = votes[..., 0] > 0
+        if not fresh.any():
+            break
+        values[fresh] = sums[fresh] / votes[fresh]
+        known |= fresh
+    return values
+
+
+def _moved(values: Array, known: NDArray[np.bool_], rows: int, columns: int) -> tuple[Array, NDArray[np.bool_]]:
+    """Return what the node so many rows and columns farther holds, and whether it is known."""
+    count = len(values)
+    index = np.arange(count)
+    row, column = np.clip(index + rows, 0, count - 1), np.clip(index + columns, 0, count - 1)
+    inside = ((index + rows == row)[:, None]) & ((index + columns == column)[None, :])
+    there = np.ix_(row, column)
+    return np.nan_to_num(values[there]), known[there] & inside
+
+
+# A sampling of the pupil as the camera's kernel reads it: kind and facts, a few numbers and a table.
+
+
+class PupilCircle(NamedTuple):
+    """One circle: how far its centre moves per mm of the film point, and its radius [mm]."""
+
+    shift: float
+    radius: float
+
+
+class PupilGrid(NamedTuple):
+    """Boxes of the film's cells, or outlines along a film radius: how many there are per mm, and how many in all."""
+
+    per_mm_across: float
+    per_mm_down: float
+    across: float
+    down: float
+
+
+class PupilLines(NamedTuple):
+    """Outlines along lines from the axis outwards: lines in a quarter of a turn, nodes of each, and lines in all."""
+
+    per_quarter: float
+    nodes: float
+    lines: float
+
+
+@dataclass(frozen=True)
+class PupilSampling:
+    """What `kernels/lens/pupil.h` reads: kind and facts, a few numbers and a table."""
+
+    tier: str
+    kind: PupilKind
+    parameters: PupilCircle | PupilGrid | PupilLines
+    table: NDArray[np.float32] = field(default_factory=lambda: np.zeros(1, np.float32))
+    instead_of: str = ""  # the requested tier, where its tables would lose light
+    widened: float = 1.0  # factor on the paraxial pupil of the thick tier, without which it would lose light
+
+    def facts_but_table(self) -> dict[str, Any]:
+        """Return all but the table, as JSON holds it; see `of_facts`."""
+        facts = {name: value for name, value in vars(self).items() if name != "table"}
+        return facts | {"kind": int(self.kind), "parameters": [float(value) for value in self.parameters]}
+
+    @classmethod
+    def of_facts(cls, facts: dict[str, Any], table: NDArray[np.float32]) -> PupilSampling:
+        """Return the sampling of a table and of what `facts_but_table` returned."""
+        numbers = facts["parameters"]
+        parameters = next(each for each in (PupilCircle, PupilGrid, PupilLines) if len(each._fields) == len(numbers))
+        made = parameters(*numbers)
+        return cls(**facts | {"kind": PupilKind(facts["kind"]), "parameters": made}, table=table)
+
+    @property
+    def radial(self) -> bool:
+        """Whether outlines along one film radius stand for all."""
+        return self.kind == PupilKind.OUTLINES and isinstance(self.parameters, PupilGrid)
+
+    @property
+    def member(self) -> str:
+        """Which member of the record ``Pupil`` the parameters are."""
+        return {PupilCircle: "circle", PupilGrid: "grid", PupilLines: "lines"}[type(self.parameters)]
+
+    @property
+    def metadata(self) -> dict[str, str | float]:
+        """What the picture's metadata should say."""
+        said: dict[str, str | float] = {"pupil": self.tier}
+        if self.instead_of:
+            said["pupil_instead_of"] = f"{self.instead_of}: the pupil has parts that its tables do not hold"
+        return said | ({"pupil_widened": self.widened} if self.widened > 1.0 else {})
+
+    @property
+    def facts(self) -> dict[str, int]:
+        """Facts for the compilation."""
+        return {"PUPIL_KIND": int(self.kind), "PUPIL_RADIAL": int(self.radial), "PUPIL_DIRECTIONS": DIRECTIONS}
+
+
+#
+# Whether a sampling of the pupil holds the rays that pass: what lies apart from the main pupil slips through tables.
+#
+# A ball behind a small window, for one, also passes a ring of rays round its main pupil: they cross the axis within
+# the glass, and spherical aberration brings them back to the window.
+
+Mask = NDArray[np.bool_]
+
+RAYS = 6000  # over the rear window, from each film point that is tried
+FILM_RADII = 9  # film points, of a rotationally symmetric lens
+FARTHEST = 0.97  # of the way to the corner: at the corner itself pupils close, and tables blur their slivers
+FILM_NODES = 4  # the same along each side of the film, of other lenses
+APART = 0.03  # sizes of the pupil by which a ray lies outside of it, and not at an edge that tables blur
+FEW = 2  # such rays, that prove a part of its own
+
+
+def loses_light(sampling: PupilSampling, probe: FilmProbe, half_film_mm: tuple[float, float]) -> bool:
+    """Return whether rays pass that lie well outside of what a sampling draws from."""
+    corners = probe.frame.corners(half_film_mm)[:, :2]
+    if probe.lens.is_rotational and probe.frame.is_flat:
+        farthest = corners[np.argmax(np.hypot(*corners.T))]
+        corner = (float(np.hypot(*farthest)), 0.0) if sampling.radial else farthest
+        film = np.linspace(0.0, FARTHEST, FILM_RADII)[:, None] * corner
+    else:
+        film = probe.frame.grid(half_film_mm, FILM_NODES).reshape(-1, 2)
+    points = spread_points(probe.windows(film), RAYS)
+    which = np.repeat(np.arange(len(film)), RAYS)
+    film, points = film[which], points.reshape(-1, 2)
+    outside = left_out(sampling, probe.frame.bounds(half_film_mm), film, points, APART)
+    return bool(probe.passes(film[outside], points[outside]).sum() >= FEW)
+
+
+def left_out(
+    sampling: PupilSampling, half_film_mm: tuple[float, float], film: Array, points: Array, margin: float = 0.0
+) -> Mask:
+    """Return which points (n, 2) of the plane of the last vertex a sampling never draws from film points (n, 2).
+
+    Parameters
+    ----------
+    sampling
+        For outlines along a film radius, only film points on +x are given.
+    margin
+        Shares of the pupil's size by which a point must lie outside.
+    """
+    if isinstance(sampling.parameters, PupilCircle):
+        shift, radius = sampling.parameters
+        return np.asarray(np.hypot(*(points - shift * film).T) > (1.0 + margin) * radius)
+    if sampling.kind == PupilKind.BOXES:
+        return _out_of_boxes(sampling, half_film_mm, film, points, margin)
+    return _out_of_outlines(sampling, film, points, margin)
+
+
+def _out_of_boxes(
+    sampling: PupilSampling, half_film_mm: tuple[float, float], film: Array, points: Array, margin: float
+) -> Mask:
+    assert isinstance(sampling.parameters, PupilGrid)
+    count = np.array([sampling.parameters.across, sampling.parameters.down])
+    cell = np.clip((film / half_film_mm + 1) / 2 * count, 0, count - 1).astype(int)
+    table = sampling.table.reshape(int(count[1]), int(count[0]), 4).astype(np.float64)
+    low, size = np.split(table[cell[:, 1], cell[:, 0]], 2, axis=1)
+    out = (points < low - margin * size) | (points > low + (1.0 + margin) * size)
+    return np.asarray(np.any(out, axis=1) & (size[:, 0] > 0))
+
+
+def _out_of_outlines(sampling: PupilSampling, film: Array, points: Array, margin: float) -> Mask:
+    nodes, start, corners, turn = outlines_around(sampling, film)
+    frames = sampling.table[: 4 * nodes].reshape(-1, 4).astype(np.float64)
+    radii = sampling.table[start:][: 4 * nodes * DIRECTIONS].reshape(-1, DIRECTIONS, 4)[..., 0]
+    frame = sum((share[:, None] * frames[node] for node, share in corners), np.zeros((len(film), 4)))
+    x, y = points.T
+    points = np.stack([x * turn[:, 0] + y * turn[:, 1], y * turn[:, 0] - x * turn[:, 1]], axis=1)
+    away = (points - frame[:, :2]) / np.maximum(frame[:, 2:], 1e-300)
+    place = np.arctan2(away[:, 1], away[:, 0]) / (2 * np.pi) % 1.0 * DIRECTIONS
+    first = np.minimum(place.astype(int), DIRECTIONS - 1)
+    here, ahead = (
+        sum((share * radii[node, k % DIRECTIONS] for node, share in corners), np.zeros(len(film)))
+        for k in (first, first + 1)
+    )
+    radius = here + (place - first) * (ahead - here)
+    return np.asarray((np.hypot(*away.T) > radius + margin) & (frame[:, 2] > 0))
+
+
+def outlines_around(
+    sampling: PupilSampling, film: Array
+) -> tuple[int, int, list[tuple[NDArray[np.int64], Array]], Array]:
+    """Return how many nodes a table has, where its radii start, the nodes round film points with the share that each
+    has in what lies between, and the directions (n, 2) of the axes of the outlines there."""
+    radius = np.hypot(*film.T)
+    if isinstance(sampling.parameters, PupilLines):
+        per_quarter, columns, lines = sampling.parameters
+        nodes = int(lines + 1) * int(columns)
+        start = 4 * (nodes + 1)
+        reaches = sampling.table[start + 4 * (nodes * DIRECTIONS + 1) :].astype(np.float64)
+        along = quarters_of(film) * per_quarter
+        line = np.minimum(along.astype(int), int(lines) - 1)
+        rows = [(line, 1.0 - (along - line)), (line + 1, along - line)]
+        share_of_line = radius / sum(share * reaches[row] for row, share in rows)
+        places = (1.0 - np.sqrt(np.maximum(1.0 - share_of_line, 0.0))) * (columns - 1)
+        turn = np.where(radius[:, None] > 0, film / np.maximum(radius, 1e-300)[:, None], [1.0, 0.0])
+    else:
+        assert isinstance(sampling.parameters, PupilGrid)
+        columns = sampling.parameters.across
+        nodes, rows = int(columns), [(np.zeros(len(film), int), np.ones(len(film)))]
+        start, places = 4 * (nodes + 1), radius * sampling.parameters.per_mm_across
+        turn = np.broadcast_to([1.0, 0.0], film.shape)  # such film points are given on +x
+    places = np.clip(places, 0.0, columns - 1)
+    low = np.minimum(places.astype(int), int(columns) - 2)
+    beside = [(low, 1.0 - (places - low)), (low + 1, places - low)]
+    corners = [(row * int(columns) + column, share * other) for row, share in rows for column, other in beside]
+    return nodes, start, corners, np.asarray(turn)
+
+
+Tier = Literal["auto", "rear", "thick", "bounds", "tight"]
+KEPT = "pupils"  # folder of the cache on disk
+REMEMBERED = 64  # lens states whose tables are kept, of 30 to 150 kB each
+NOWHERE = (np.inf, -np.inf)  # low and high corner of a box that holds nothing
+CELLS = 16  # of the film across and down, for the boxes
+SPREAD = 0.05  # share of its size that a box is widened by, for what lies between the corners of its cell
+EDGE_SPREAD = 0.2  # the same where the pupil closes within the cell
+PROBES = (18, 18)  # rays per box and film point
+MOVED_GRID = 9  # points along each side of a film that is moved, seen from which the rear rim is held
+
+
+def pupil_sampling(
+    lens: Lens,
+    film_distance_mm: float,
+    half_film_mm: tuple[float, float],
+    wavelength_nm: Wavelengths,
+    tier: Tier,
+    frame: FilmFrame = UNMOVED,
+) -> PupilSampling:
+    """Return the sampling of a tier.
+
+    Parameters
+    ----------
+    half_film_mm
+        Half the sides of the film.
+    wavelength_nm
+        With several, the sampling holds the rays of each.
+    tier
+        ``rear``: the whole rear element (CS348b 2015). ``thick``: the paraxial image of the stop (CS348b 2003), widened
+        where it would lose light. ``bounds``: a box per film cell (pbrt). ``tight``: the outline of the true pupil.
+        A table that proves to lose light, as with a pupil of several parts, gives way to ``rear``.
+        ``auto``: tight, which needs the fewest samples on the four lenses it was measured on.
+    frame
+        How the film stands.
+    """
+    return _remembered(ByContent(without_shape(lens)), film_distance_mm, half_film_mm, wavelength_nm, tier, frame)
+
+
+def coarse_pupil(
+    lens: Lens,
+    film_distance_mm: float,
+    half_film_mm: tuple[float, float],
+    wavelength_nm: Wavelengths,
+    tier: Tier,
+    frame: FilmFrame = UNMOVED,
+) -> PupilSampling:
+    """Return a sampling that is made in a fifth of the time of the tier ``tight``, and not checked; others as they are.
+
+    It may leave out slivers of the pupil, less than a thousandth of the light of the lenses that it was tried on.
+    """
+    if tier not in ("auto", "tight"):
+        return pupil_sampling(lens, film_distance_mm, half_film_mm, wavelength_nm, tier, frame)
+    return _remembered_coarse(ByContent(without_shape(lens)), film_distance_mm, half_film_mm, wavelength_nm, frame)
+
+
+def without_shape(lens: Lens) -> Lens:
+    """Return the lens with a round stop: what holds it holds every shape in it."""
+    return lens.with_stop_shape(None) if has_shape(lens) else lens
+
+
+def has_shape(lens: Lens) -> bool:
+    """Return whether the stop of a lens is not round."""
+    return lens.stop is not None and lens.stop.stop_shape is not None
+
+
+def content_of(lens: Lens) -> tuple[object, ...]:
+    """Return all that rays through a lens follow from, and its name."""
+    return lens.name, lens.surfaces, lens.stop_index, lens.object_medium
+
+
+@dataclass(frozen=True)
+class ByContent:
+    """A lens that equals every other one of the same name and surfaces."""
+
+    lens: Lens
+
+    def name_of(self, *state: object) -> str:
+        """Return the name of what follows from the lens in some state, by this code."""
+        code = identity_of_code(("core", "optics", "rendering/cameras"))
+        return name_of(code, pickle.dumps(content_of(self.lens)), *state)
+
+    def __hash__(self) -> int:
+        return hash(content_of(self.lens))
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, ByContent) and content_of(self.lens) == content_of(other.lens)
+
+
+@lru_cache(maxsize=REMEMBERED)
+def _remembered(
+    content: ByContent,
+    film_distance_mm: float,
+    half_film_mm: tuple[float, float],
+    wavelength_nm: Wavelengths,
+    tier: Tier,
+    frame: FilmFrame,
+) -> PupilSampling:
+    """Return the sampling, ready for the next picture with the lens in the same state, in this process or another."""
+    state = (film_distance_mm, half_film_mm, wavelength_nm, tier, *((frame,) if frame.is_moved else ()))
+    name = content.name_of(state)
+    kept = kept_arrays(KEPT, name)
+    if kept is None:
+        sampling = _checked(content.lens, film_distance_mm, half_film_mm, wavelength_nm, tier, frame)
+        keep_arrays(KEPT, name, {"table": sampling.table}, sampling.facts_but_table())
+    else:
+        sampling = PupilSampling.of_facts(kept[1], kept[0]["table"])
+    sampling.table.flags.writeable = False
+    return sampling
+
+
+def _checked(
+    lens: Lens,
+    film_distance_mm: float,
+    half_film_mm: tuple[float, float],
+    wavelength_nm: Wavelengths,
+    tier: Tier,
+    frame: FilmFrame,
+) -> PupilSampling:
+    """Return the sampling of a tier, or of another one where its tables would lose light."""
+    sampling = _made(lens, film_distance_mm, half_film_mm, wavelength_nm, tier, frame)
+    probe = FilmProbe(lens, film_distance_mm, wavelength_nm, frame)
+    if tier != "rear" and loses_light(sampling, probe, half_film_mm):
+        rear = _rear(lens, film_distance_mm, half_film_mm, wavelength_nm, frame)
+        sampling = replace(rear, instead_of=sampling.tier)
+    return sampling
+
+
+@lru_cache(maxsize=REMEMBERED)
+def _remembered_coarse(
+    content: ByContent,
+    film_distance_mm: float,
+    half_film_mm: tuple[float, float],
+    wavelength_nm: Wavelengths,
+    frame: FilmFrame,
+) -> PupilSampling:
+    shapes = pupil_shapes(content.lens, film_distance_mm, half_film_mm, wavelength_nm, COARSE_OUTLINES, frame)
+    sampling = tight_sampling(shapes)
+    sampling.table.flags.writeable = False
+    return sampling
+
+
+def forget_tables() -> None:
+    """Make the next sampling of every lens be computed anew."""
+    forget(KEPT)
+    _remembered.cache_clear()
+    _remembered_coarse.cache_clear()
+
+
+def _made(
+    lens: Lens,
+    film_distance_mm: float,
+    half_film_mm: tuple[float, float],
+    wavelength_nm: Wavelengths,
+    tier: Tier,
+    frame: FilmFrame,
+) -> PupilSampling:
+    if tier == "rear":
+        return _rear(lens, film_distance_mm, half_film_mm, wavelength_nm, frame)
+    if tier == "thick":
+        return _thick(lens, film_distance_mm, half_film_mm, wavelength_nm, frame)
+    if tier == "bounds":
+        return _bounds(narrowing_probes(lens, film_distance_mm, wavelength_nm, frame), frame.bounds(half_film_mm))
+    return tight_sampling(pupil_shapes(lens, film_distance_mm, half_film_mm, wavelength_nm, frame=frame))
+
+
+def _rear(
+    lens: Lens,
+    film_distance_mm: float,
+    half_film_mm: tuple[float, float],
+    wavelength_nm: Wavelengths,
+    frame: FilmFrame,
+) -> PupilSampling:
+    """The rear rim, projected from the film point on the plane of the last vertex.
+
+    A rim at depth t behind that plane shows as a circle, scaled by Z / (Z + t) and shifted towards the film point.
+    Where the surface bulges out of the cone to its rim, as a ball's does, the circle is widened to hold it.
+    """
+    probe = FilmProbe(lens, film_distance_mm, wavelength_nm)
+    scale = film_distance_mm / (film_distance_mm - probe.patch[:, 2])
+    shift = 1.0 - scale[-1]  # of the rim, the last ring of the patch
+    film = np.linspace(0.0, float(np.hypot(*half_film_mm)), 9)[:, None]
+    if frame.is_moved:
+        return PupilSampling("rear", PupilKind.CIRCLE, _round_windows(probe, half_film_mm, frame, float(shift)))
+    u = film * (1.0 - scale) + probe.patch[:, 0] * scale - shift * film
+    reach = np.hypot(u, probe.patch[:, 1] * scale)
+    radius = float(reach.max())
+    if radius > reach[:, -(len(scale) // PATCH_RADII) :].max():
+        radius *= 1.0 + BULGE
+    return PupilSampling("rear", PupilKind.CIRCLE, PupilCircle(float(shift), radius))
+
+
+def _round_windows(probe: FilmProbe, half_film_mm: tuple[float, float], frame: FilmFrame, shift: float) -> PupilCircle:
+    """Return the circle that holds the rear rim as points all over a film that is moved see it."""
+    moved = FilmProbe(probe.lens, probe.distance, probe.wavelength_nm, frame)
+    film = frame.grid(half_film_mm, MOVED_GRID).reshape(-1, 2)
+    boxes = moved.windows(film)
+    middles, halves = (boxes[:, 1::2] + boxes[:, ::2]) / 2, (boxes[:, 1::2] - boxes[:, ::2]) / 2
+    reach = np.hypot(*(np.abs(middles - shift * film) + halves).T)
+    return PupilCircle(shift, float(reach.max()))
+
+
+def _thick(
+    lens: Lens,
+    film_distance_mm: float,
+    half_film_mm: tuple[float, float],
+    wavelength_nm: Wavelengths,
+    frame: FilmFrame,
+) -> PupilSampling:
+    """The paraxial exit pupil, seen on the plane of the last vertex; widened where it would lose light."""
+    pupil = lens.first_order(wavelength_nm[0] if isinstance(wavelength_nm, tuple) else wavelength_nm).exit_pupil
+    from_film = film_distance_mm - pupil.distance_mm
+    if not (np.isfinite(from_film) and from_film > 0):
+        raise InputError(
+            f"camera.pupil: {lens.name}: its exit pupil lies behind the film, so it bounds no rays"
+            " (allowed: rear, bounds, tight)"
+        )
+    shrink = film_distance_mm / from_film
+    shift, radius = 1.0 - shrink, pupil.diameter_mm / 2 * shrink
+    needed = _needed_radius(narrowing_probes(lens, film_distance_mm, wavelength_nm, frame), half_film_mm, shift)
+    widened = max(1.0, needed / radius)
+    return PupilSampling("thick", PupilKind.CIRCLE, PupilCircle(shift, radius * widened), widened=widened)
+
+
+def _film_points(half_film_mm: tuple[float, float], count: int) -> NDArray[np.float64]:
+    x, y = (np.linspace(-half, half, count) for half in half_film_mm)
+    return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+
+
+def _needed_radius(probes: list[FilmProbe], half_film_mm: tuple[float, float], shift: float) -> float:
+    """Return the radius [mm] of a circle, shifted with the film point, that holds every probed ray that passes."""
+    radial = probes[-1].lens.is_rotational and not probes[-1].frame.is_moved
+    if radial:
+        film = np.stack([np.linspace(0.0, float(np.hypot(*half_film_mm)), 17), np.zeros(17)], axis=1)
+    else:
+        film = probes[-1].frame.grid(half_film_mm, 11).reshape(-1, 2)
+    windows, found = pupil_boxes(probes, film, PROBES, radial=radial)
+    film, windows = film[found], windows[found]
+    points = grid(windows, 2 * PROBES[0], 2 * PROBES[1])
+    passes = probes[-1].passes(film[:, None], points)
+    away = points - shift * film[:, None]
+    cell = np.hypot(*cells(windows, 2 * PROBES[0], 2 * PROBES[1]).T)[:, None]
+    return float(np.max((np.hypot(away[..., 0], away[..., 1]) + cell) * passes, initial=0.0))
+
+
+def _bounds(probes: list[FilmProbe], half_film_mm: tuple[float, float]) -> PupilSampling:
+    """A box per film cell that holds the pupils of its corners, and a little more."""
+    low, high, found = _corner_boxes(probes, half_film_mm)
+    corners = [(slice(i, i + CELLS), slice(j, j + CELLS)) for i in (0, 1) for j in (0, 1)]
+    low = np.min([low[corner] for corner in corners], axis=0)
+    high = np.max([high[corner] for corner in corners], axis=0)
+    lit = np.isfinite(low[..., 0])
+    closed = ~np.all([found[corner] for corner in corners], axis=0)
+    spread = np.where(closed, EDGE_SPREAD, SPREAD)[..., None] * np.where(lit[..., None], high - low, 0.0)
+    low, high = low - spread, high + spread
+    if not lit.any():
+        where = f"the film {probes[-1].distance:g} mm behind the lens"
+        raise InputError(f"{probes[-1].lens.name}: no light reaches {where}")
+    size = np.where(lit[..., None], high - low, 0.0)
+    table = np.concatenate([np.where(lit[..., None], low, 0.0), size], axis=-1).astype(np.float32).ravel()
+    per_mm = (CELLS / (2 * half_film_mm[0]), CELLS / (2 * half_film_mm[1]))
+    return PupilSampling("bounds", PupilKind.BOXES, PupilGrid(*per_mm, CELLS, CELLS), table)
+
+
+def _corner_boxes(probes: list[FilmProbe], half_film_mm: tuple[float, float]) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Return the low and high corners (n, n, 2) of boxes round the pupils at the corners of the film's cells, and where
+    it is open. Of a rotationally symmetric lens a quarter of the film is traced."""
+    count = CELLS + 1
+    film = _film_points(half_film_mm, count).reshape(count, count, 2)
+    symmetric = probes[-1].lens.is_rotational and probes[-1].frame.is_flat
+    part = film[CELLS // 2 :, CELLS // 2 :] if symmetric else film
+    boxes, found = pupil_boxes(probes, part.reshape(-1, 2), PROBES)
+    lit = found.reshape(part.shape[:2])
+    low, high = (np.where(lit[..., None], boxes[:, k::2].reshape(part.shape), none) for k, none in enumerate(NOWHERE))
+    if symmetric:
+        for axis in (0, 1):
+            low, high = _unfolded(low, high, axis)
+    return low, high, np.isfinite(low[..., 0])
+
+
+def _unfolded(low: Array, high: Array, axis: int) -> tuple[Array, Array]:
+    """Return boxes over half a film, of rows along y (axis 0) or columns along x, with their mirror images before."""
+    other_low, other_high = (np.flip(np.delete(values, 0, axis), axis).copy() for values in (low, high))
+    component = 1 - axis
+    other_low[..., component], other_high[..., component] = -other_high[..., component], -other_low[..., component]
+    return np.concatenate([other_low, low], axis=axis), np.concatenate([other_high, high], axis=axis)
+
+
+def tight_sampling(shapes: PupilShapes) -> PupilSampling:
+    """Return the sampling of outlines."""
+    frames = np.concatenate([shapes.centres, shapes.axes], axis=-1)
+    rows = np.stack([shapes.radii, np.roll(shapes.radii, -1, axis=-1)], axis=-1)
+    ahead = np.concatenate([rows[:, 1:], rows[:, -1:]], axis=1)
+    radii, last = np.concatenate([rows, ahead], axis=-1), np.zeros(4)
+    lines, nodes = frames.shape[:2]
+    if shapes.radial:
+        parameters: PupilGrid | PupilLines = PupilGrid(1 / (shapes.reach[0] / (nodes - 1)), 0.0, nodes, 1)
+        table = [frames.ravel(), last, radii.ravel(), last]
+    else:  # the first line follows on the last
+        parameters = PupilLines(lines / 4, nodes, lines)
+        frames, radii = (np.concatenate([values, values[:1]]) for values in (frames, radii))
+        table = [frames.ravel(), last, radii.ravel(), last, shapes.reach, shapes.reach[:1]]
+    return PupilSampling("tight", PupilKind.OUTLINES, parameters, np.concatenate(table).astype(np.float32))

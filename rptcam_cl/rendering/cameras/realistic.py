@@ -1,0 +1,361 @@
+"""The realistic camera, whose rays are traced through every surface of a lens, and the choice of any camera's model."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import field
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.files import kept_or_found
+from rptcam_cl.optics.irradiance import axial_irradiance, disk_irradiance, on_axis_irradiance
+from rptcam_cl.optics.lens import Lens
+from rptcam_cl.optics.ray_trace import IDEAL, LensTransmission, axial_transmittance, is_tinted
+from rptcam_cl.rendering.cameras.ideal import (
+    environment_camera,
+    pinhole_camera,
+    stop_shape,
+    thick_lens_camera,
+    thick_lens_of,
+    thin_lens_camera,
+)
+from rptcam_cl.rendering.cameras.lens_records import colour_error_px, disperses, usable_nm
+from rptcam_cl.rendering.cameras.model import (
+    CameraModel,
+    CameraView,
+    camera_record,
+    entrance_pupil_view,
+    exposed,
+    intrinsics,
+    lens_reach,
+    traced_blur,
+)
+from rptcam_cl.rendering.cameras.pupil import KEPT, ByContent, PupilSampling, coarse_pupil, has_shape, pupil_sampling
+from rptcam_cl.rendering.cameras.ray_map import allowed_px, fitted_rays, traced_rays
+from rptcam_cl.rendering.cameras.setting import (
+    LensSetting,
+    check_film,
+    entrance_pupil,
+    film_frame,
+    lens_setting,
+    movements_metadata,
+    place_film,
+)
+from rptcam_cl.rendering.cameras.shared_pupil import Window, paraxial_irradiance, pupil_in_windows, shared_sampling
+from rptcam_cl.scene.camera import RealisticCamera, unknown_camera
+from rptcam_cl.scene.film import Film, LensColour
+from rptcam_cl.scene.load import at_opening
+from rptcam_cl.scene.scene import Scene
+
+# The realistic camera: every ray is traced through every surface of a lens.
+
+SHOWS_PX = 0.5  # colour error that a picture shows [pixels]
+SHOWS_TINT = 0.01  # share of the light by which colours differ that it shows
+TINTS_NM = (450.0, 545.0, 610.0)  # about what blue, green and red see
+AXIAL_SAMPLES = 9  # wavelengths at which the irradiance on the axis is found
+LOSS_SAMPLES = 101  # and those at which losses are
+REMEMBERED = 256  # numbers of lens states that are kept: irradiance, at some wavelengths, and errors
+
+
+def realistic_camera(scene: Scene, lens_colour: LensColour = "off", *, coarse: bool = False) -> CameraModel:
+    """Return the camera for the device; arguments as in `camera_model`.
+
+    Raises
+    ------
+    InputError
+        When the lens cannot be focused or stopped as requested, or lets no light through to the centre of the film.
+    """
+    return realistic_model(scene, lens_setting(scene), lens_colour=lens_colour, coarse=coarse)
+
+
+def realistic_model(
+    scene: Scene,
+    setting: LensSetting,
+    windows: Sequence[Window] = (),
+    *,
+    lens_colour: LensColour = "off",
+    coarse: bool = False,
+) -> CameraModel:
+    """Return the camera of a scene with its lens set in some other way than the scene says.
+
+    Parameters
+    ----------
+    windows
+        Parts of the film that will be rendered, where not the whole is: then only the pupils seen from there are found,
+        in a tenth of the time, and `exposure: relative` goes by first-order optics.
+    """
+    camera = scene.camera
+    assert isinstance(camera, RealisticCamera)
+    check_film(setting.lens, setting.film_distance_mm, scene)
+    lens, back_mm = _shaped(scene, camera, setting.lens), setting.film_distance_mm
+    losses = setting.transmission
+    colour = _colour(scene, setting, lens_colour)
+    low, high = usable_nm(lens, losses if colour.dispersive else IDEAL)
+    sampled_nm = (camera.wavelength_nm, low, high) if colour.dispersive else (camera.wavelength_nm,)
+    shares = camera.pupil == "shared" and not (windows or coarse)
+    shared = shared_sampling(scene, setting, sampled_nm) if shares else None
+    on_axis_of = _on_axis if shared is None else _on_axis_of_disk
+    irradiance = paraxial_irradiance if windows else _on_axis_soon if coarse else on_axis_of
+    clear, on_axis = _irradiance(lens, back_mm, camera.wavelength_nm, losses, irradiance)
+    balanced = (IDEAL, clear) if shows_losses(scene) else (losses, on_axis)
+    pupil = shared or _pupil(scene, camera, setting, lens, sampled_nm, windows, coarse)
+    if camera.rays == "fitted":
+        through = fitted_rays(lens, setting, scene.film, (low, high) if colour.dispersive else None, allowed_px(camera))
+    else:
+        through = traced_rays(lens, camera, back_mm, colour.dispersive, losses)
+    said = through.metadata | setting.metadata | {"on_axis_irradiance": on_axis}
+    if losses:
+        said["transmittance"] = on_axis / clear
+    record = _record(scene, camera, setting, lens, pupil, len(through.surfaces))
+    entrance = None if windows else entrance_pupil(scene, setting, drifts=not coarse)
+    return CameraModel(
+        through.kernel,
+        record,
+        facts=through.facts | pupil.facts | place_film(record, scene),
+        tables=np.concatenate([pupil.table, through.table]),
+        surfaces=through.surfaces,
+        stop=through.stop,
+        has_lens=True,
+        metadata={"camera": "realistic"}
+        | said
+        | pupil.metadata
+        | movements_metadata(camera)
+        | colour.metadata
+        | _projection(scene, camera, setting)
+        | ({} if entrance is None else {"entrance_pupil": entrance.described()}),
+        view=_view(scene, setting),
+        on_axis_irradiance=on_axis,
+        passed=on_axis / clear,
+        axial_weight=on_axis,
+        usable_nm=(low, high),
+        reach=lens_reach(lens, back_mm, camera.wavelength_nm, _half_film_mm(scene)),
+        axial_colour=_axial_colour(on_axis_of, lens, back_mm, *balanced, (low, high)) if colour.dispersive else None,
+        setting=setting,
+        pupil=None if coarse else entrance,
+    )
+
+
+@dataclass(frozen=True)
+class _Colour:
+    """Whether a lens refracts each wavelength separately, and what the picture's metadata should say of it."""
+
+    dispersive: bool
+    metadata: dict[str, Any] = field(default_factory=dict)
+
+
+def _irradiance(
+    lens: Lens, back_mm: float, wavelength_nm: float, losses: LensTransmission, irradiance: Callable[..., float]
+) -> tuple[float, float]:
+    """Return the irradiance in the centre of the film under unit radiance, without losses in the lens and with them."""
+    clear = irradiance(lens, back_mm, wavelength_nm)
+    on_axis = irradiance(lens, back_mm, wavelength_nm, losses) if losses else clear
+    if not on_axis > 0:
+        raise InputError(
+            f"camera.lens: {lens.name}: no ray from the centre of the film passes the lens"
+            f" (film distance {back_mm:g} mm)"
+        )
+    return clear, on_axis
+
+
+def _pupil(
+    scene: Scene,
+    camera: RealisticCamera,
+    setting: LensSetting,
+    lens: Lens,
+    sampled_nm: tuple[float, ...],
+    windows: Sequence[Window],
+    coarse: bool,
+) -> PupilSampling:
+    """Return how rays aim at the pupil that all wavelengths see, from the whole film or from windows of it."""
+    half_film_mm, frame, back_mm = _half_film_mm(scene), film_frame(camera), setting.film_distance_mm
+    if windows:
+        bounds = frame.bounds(half_film_mm)
+        return pupil_in_windows(lens, back_mm, bounds, camera.wavelength_nm, windows, frame)
+    sampling = coarse_pupil if coarse else pupil_sampling
+    tier = "auto" if camera.pupil == "shared" else camera.pupil
+    return sampling(lens, back_mm, half_film_mm, sampled_nm, tier, frame)
+
+
+def _half_film_mm(scene: Scene) -> tuple[float, float]:
+    width_mm, height_mm = (side * 1e3 for side in scene.film.size_m())
+    return width_mm / 2, height_mm / 2
+
+
+def _on_axis(lens: Lens, back_mm: float, wavelength_nm: float, losses: LensTransmission = IDEAL) -> float:
+    """Return the irradiance on the axis; that of a round stop is remembered."""
+    if has_shape(lens):
+        return on_axis_irradiance(lens, back_mm, wavelength_nm, losses)
+    return _remembered_on_axis(ByContent(lens), back_mm, wavelength_nm, losses)
+
+
+def _on_axis_of_disk(lens: Lens, back_mm: float, wavelength_nm: float, losses: LensTransmission = IDEAL) -> float:
+    """Return the same where nothing lies apart from the pupil, as the table shows that states share."""
+    found = None if losses else disk_irradiance(lens, back_mm, wavelength_nm)
+    return _on_axis(lens, back_mm, wavelength_nm, losses) if found is None else found
+
+
+def _on_axis_soon(lens: Lens, back_mm: float, wavelength_nm: float, losses: LensTransmission = IDEAL) -> float:
+    """Return the same for a glance: without losses through a round pupil within 2e-5."""
+    found = None if losses else _remembered_axial(ByContent(lens), back_mm, wavelength_nm)
+    return _on_axis(lens, back_mm, wavelength_nm, losses) if found is None else found
+
+
+@lru_cache(maxsize=REMEMBERED)
+def _remembered_axial(content: ByContent, back_mm: float, wavelength_nm: float) -> float | None:
+    return axial_irradiance(content.lens, back_mm, wavelength_nm)
+
+
+@lru_cache(maxsize=REMEMBERED)
+def _remembered_on_axis(content: ByContent, back_mm: float, wavelength_nm: float, losses: LensTransmission) -> float:
+    def find() -> float:
+        return on_axis_irradiance(content.lens, back_mm, wavelength_nm, losses)
+
+    return find() if losses else float(kept_or_found(KEPT, content.name_of("on axis", back_mm, wavelength_nm), find))
+
+
+def _record(
+    scene: Scene, camera: RealisticCamera, setting: LensSetting, lens: Lens, pupil: PupilSampling, surfaces: int
+) -> NDArray[np.void]:
+    width_mm, height_mm = (side * 1e3 for side in scene.film.size_m())
+    record = camera_record(
+        camera, scene.film, "realistic",
+        film_half_width=width_mm / 2, film_half_height=height_mm / 2,
+        film_distance=setting.film_distance_mm, gain=setting.gain,
+        metres_per_mm=1e-3, first_vertex_z=-lens.film_z(setting.film_distance_mm) * 1e-3,
+        surfaces=surfaces, first_polynomial=len(pupil.table),
+    )  # fmt: skip
+    aim = record["own"]["realistic"]["pupil"][pupil.member]
+    for name, value in pupil.parameters._asdict().items():
+        aim[name] = value
+    record["wavelength"] = camera.wavelength_nm
+    return record
+
+
+def _colour(scene: Scene, setting: LensSetting, wanted: LensColour) -> _Colour:
+    if wanted == "off" or not (disperses(setting.lens) or is_tinted(setting.lens, setting.transmission)):
+        return _Colour(False)
+    error_px = _remembered_colour_error(
+        ByContent(setting.lens),
+        setting.film_distance_mm,
+        setting.focus_distance_mm,
+        scene.film,
+        setting.camera.wavelength_nm,
+    )
+    tint = lens_tint(scene, setting)
+    shows = error_px > SHOWS_PX or tint > SHOWS_TINT
+    metadata = {"lens_colour_px": round(error_px, 4)} | ({"lens_tint": round(tint, 4)} if tint else {})
+    return _Colour(wanted == "on" or shows, metadata)
+
+
+@lru_cache(maxsize=REMEMBERED)
+def _remembered_colour_error(
+    content: ByContent, back_mm: float, focus_mm: float | None, film: Film, wavelength_nm: float
+) -> float:
+    return colour_error_px(content.lens, back_mm, focus_mm, film, wavelength_nm)
+
+
+def shows_losses(scene: Scene) -> bool:
+    """Return whether the exposure shows what a lens takes from the light; the others make up for it."""
+    return scene.exposure.mode in ("irradiance", "physical")
+
+
+def lens_tint(scene: Scene, setting: LensSetting) -> float:
+    """Return how much more of one colour than of another the lens takes, where a picture shows it."""
+    low, high = usable_nm(setting.lens, setting.transmission)
+    passed = axial_transmittance(setting.lens, np.clip(TINTS_NM, low, high), setting.transmission)
+    return float(np.ptp(passed) / passed.max()) if shows_losses(scene) else 0.0
+
+
+def _axial_colour(
+    irradiance: Callable[..., float],
+    lens: Lens,
+    back_mm: float,
+    losses: LensTransmission,
+    on_axis: float,
+    range_nm: tuple[float, float],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return wavelengths and the irradiance of each on the axis, over that of the camera's wavelength.
+
+    Losses vary faster with the wavelength than pupils do, but almost as they do on the axis itself.
+    """
+    few, wavelengths = np.linspace(*range_nm, AXIAL_SAMPLES), np.linspace(*range_nm, LOSS_SAMPLES)
+    seen = np.array([irradiance(lens, back_mm, nm, losses) for nm in few.tolist()]) / on_axis
+    if not losses:
+        return few, seen
+    slow = np.interp(wavelengths, few, seen / axial_transmittance(lens, few, losses))
+    return wavelengths, slow * axial_transmittance(lens, wavelengths, losses)
+
+
+def _view(scene: Scene, setting: LensSetting) -> CameraView:
+    """Return what layers need to know; a stop that is not round counts as its circle."""
+    lens, wavelength_nm = setting.lens, setting.camera.wavelength_nm
+    size_mm = [side * 1e3 for side in scene.film.size_m()]
+    columns, rows = scene.film.resolution
+    return entrance_pupil_view(
+        lens.first_order(wavelength_nm),
+        -lens.film_z(setting.film_distance_mm) * 1e-3,
+        lambda: traced_blur(
+            lens,
+            setting.film_distance_mm,
+            setting.focus_distance_mm,
+            (size_mm[0] / 2, size_mm[1] / 2),
+            (columns / size_mm[0], rows / size_mm[1]),
+            wavelength_nm,
+            film_frame(scene.camera),
+        ),
+    )
+
+
+def _projection(scene: Scene, camera: RealisticCamera, setting: LensSetting) -> dict[str, Any]:
+    """Return the intrinsics of the lens to first order, nothing where a thick lens cannot stand for it."""
+    try:
+        thick = thick_lens_of(setting.lens, setting.film_distance_mm, camera.wavelength_nm)
+    except InputError:
+        return {}
+    per_tangent = thick.film_per_tangent(*scene.film.size_m())
+    return {"intrinsics": intrinsics(scene, per_tangent, distortion="traced lens", lever=thick.lever)}
+
+
+def _shaped(scene: Scene, camera: RealisticCamera, lens: Lens) -> Lens:
+    """Return the lens with its stop in the shape of the camera's aperture."""
+    shape = stop_shape(scene, camera.aperture)
+    if shape is None:
+        return lens
+    if lens.stop is None:
+        raise InputError(f"camera.aperture: {lens.name} has no stop to shape (mark one with stop: true)")
+    return lens.with_stop_shape(shape)
+
+
+# Camera models, one module each: a camera of the scene becomes a record, tables and the kernel that reads them.
+
+_MODELS: dict[str, Callable[[Scene], CameraModel]] = {
+    "pinhole": pinhole_camera,
+    "environment": environment_camera,
+    "thin_lens": thin_lens_camera,
+    "thick_lens": thick_lens_camera,
+}
+
+
+def camera_model(scene: Scene, lens_colour: LensColour = "off", *, coarse: bool = False) -> CameraModel:
+    """Return what the camera of a scene needs on the device, where it is when the shutter opens.
+
+    Parameters
+    ----------
+    lens_colour
+        Whether the lens refracts each wavelength separately: only where a picture of this size shows it with ``auto``.
+    coarse
+        Whether a table of the pupil does that is made faster and holds all but slivers of it.
+    """
+    scene = at_opening(scene)
+    if isinstance(scene.camera, RealisticCamera):
+        return exposed(realistic_camera(scene, lens_colour, coarse=coarse), scene)
+    if scene.camera.kind not in _MODELS:
+        raise unknown_camera(
+            scene.camera.kind, "what makes its records (_MODELS in rptcam_cl/rendering/cameras/realistic.py)"
+        )
+    return exposed(_MODELS[scene.camera.kind](scene), scene)

@@ -1,0 +1,739 @@
+"""The lens of a camera as its scene sets it: a copy, zoomed, stopped down, focused, moved; its entrance pupil."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import field
+from functools import lru_cache, partial
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.files import kept_or_found
+from rptcam_cl.core.records import LOSS_TABLE_LENGTH, LOSS_TABLE_NM
+from rptcam_cl.core.vectors import LINE_D_NM
+from rptcam_cl.optics.as_built import Heat
+from rptcam_cl.optics.best_focus import best_film_distance, best_film_distance_at
+from rptcam_cl.optics.chief_rays import ChiefRays, film_chief_rays, round_chief_rays
+from rptcam_cl.optics.coating import BARE, Coating, Interface, Layer, LayerStack, QuarterWave, constant_reflectance
+from rptcam_cl.optics.files.glasses import WORDS, layered
+from rptcam_cl.optics.glass import Medium, attenuation
+from rptcam_cl.optics.lens import (
+    Lens,
+    at_position,
+    film_behind,
+    film_distance,
+    floated,
+    focused_by_group,
+    moved,
+    object_distance,
+    travel_mm,
+)
+from rptcam_cl.optics.pupils import UNMOVED, FilmFrame, FilmProbe
+from rptcam_cl.optics.ray_trace import LensTransmission, has_coatings, known_nm, with_coating
+from rptcam_cl.rendering.cameras.pupil import KEPT, ByContent, without_shape
+from rptcam_cl.scene.camera import (
+    NO_MOVEMENTS,
+    NOT_FOUND_YET,
+    LensCamera,
+    Movements,
+    Pose,
+    RealisticCamera,
+    pose_matrix,
+)
+from rptcam_cl.scene.lens_settings import CoatingLayers
+from rptcam_cl.scene.load import at_opening
+from rptcam_cl.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from rptcam_cl.rendering.tolerances import ChosenCopy
+
+
+# The film of a view camera: how a scene's movements place it, on the host and for ``kernels/camera/film_point.h``.
+
+Array = NDArray[np.float64]
+
+
+def movements_of(camera: Pose) -> Movements:
+    """Return the movements of a camera; none of one that has no film."""
+    found = getattr(camera, "movements", NO_MOVEMENTS)
+    assert isinstance(found, Movements)
+    return found
+
+
+def film_frame(camera: Pose) -> FilmFrame:
+    """Return how the film of a camera stands behind its lens [mm]."""
+    movements = movements_of(camera)
+    if movements == NO_MOVEMENTS:
+        return UNMOVED
+    return FilmFrame((-movements.shift_mm, -movements.rise_mm), *movements.sides())
+
+
+def half_film_mm(scene: Scene) -> tuple[float, float]:
+    """Return half the sides of a scene's film [mm]."""
+    width, height = scene.film.size_m()
+    return width * 500.0, height * 500.0
+
+
+def place_film(record: NDArray[np.void], scene: Scene, distance_mm: float | None = None) -> dict[str, int]:
+    """Write where the film stands into a camera record, and return the facts that say whether it does so.
+
+    Parameters
+    ----------
+    distance_mm
+        Of the film of an ideal camera, whose lengths are then in its units; by default they are millimetres.
+
+    Raises
+    ------
+    InputError
+        When the film of an ideal camera reaches its lens.
+    """
+    frame = film_frame(scene.camera)
+    if not frame.is_moved:
+        return {}
+    unit = 1.0 if distance_mm is None else distance_mm
+    if distance_mm is not None and np.any(distance_mm + frame.corners(half_film_mm(scene))[:, 2] <= 0):
+        raise reaches_lens(distance_mm)
+    for name, vector, length in (
+        ("film_centre", (*frame.centre, 0.0), 1.0),
+        ("film_across", frame.across, half_film_mm(scene)[0]),
+        ("film_up", frame.up, half_film_mm(scene)[1]),
+        ("film_normal", frame.normal, unit),
+    ):
+        record[name][0, :3] = np.array(vector) * length / unit
+    record["film_centre"][0, 3] = 1e3 / unit
+    return {"FILM_MOVED": 1}
+
+
+def check_film(lens: Lens, film_distance_mm: float, scene: Scene) -> None:
+    """Refuse a film that reaches the lens.
+
+    Raises
+    ------
+    InputError
+        When a corner of the film stands in the last surface, or before it.
+    """
+    frame = film_frame(scene.camera)
+    if not frame.is_flat:
+        probe = FilmProbe(lens, film_distance_mm, scene.camera.wavelength_nm, frame)  # type: ignore[union-attr]
+        if probe.reaches_lens(half_film_mm(scene)):
+            raise reaches_lens(film_distance_mm)
+
+
+def reaches_lens(distance_mm: float) -> InputError:
+    """Return the error of a film that is turned into its lens."""
+    return InputError(
+        f"camera.movements: a corner of the film would stand in the lens ({distance_mm:.6g} mm before its centre;"
+        " allowed: less tilt and swing, or a smaller film)"
+    )
+
+
+def movements_metadata(camera: Pose) -> dict[str, Any]:
+    """Return what the picture's metadata should say: the movements, and which way the film faces."""
+    movements = movements_of(camera)
+    if movements == NO_MOVEMENTS:
+        return {}
+    frame = film_frame(camera)
+    return {
+        "movements": movements.model_dump()
+        | {"film_centre_mm": [*frame.centre, 0.0], "film_normal": list(frame.normal)}
+    }
+
+
+# The lens of a camera as it really is: the copy of its design that its scene names, at its temperature.
+
+
+@dataclass(frozen=True)
+class RealState:
+    """How the lens of a camera differs from its design.
+
+    A camera is focused by the scale of its design: the film is where the design would be sharp, moved by what was
+    adjusted when the copy was made, and then by the barrel, which grows with heat.
+
+    Attributes
+    ----------
+    copy : ChosenCopy or None
+    heat : Heat or None
+    """
+
+    copy: ChosenCopy | None = None
+    heat: Heat | None = None
+
+    def lens(self, state: Lens) -> Lens:
+        """Return what a state of the design really is."""
+        made = state if self.copy is None else self.copy.lens(state)
+        return made if self.heat is None else self.heat.lens(made)
+
+    def film(self, film_distance_mm: float) -> float:
+        """Return where the film really stands, behind the last vertex, that the design has at a distance [mm]."""
+        cold = film_distance_mm if self.copy is None else film_distance_mm + self.copy.shift_mm
+        return cold if self.heat is None else self.heat.film(cold)
+
+    @property
+    def metadata(self) -> dict[str, Any]:
+        """What the picture's metadata should say; nothing of a design."""
+        said: dict[str, Any] = {}
+        if self.copy is not None:
+            copy = self.copy
+            merit = {"spot_um": copy.spot_um, "mtf": copy.mtf, "refocus_mm": copy.shift_mm}
+            said["as_built"] = {"percentile": copy.percent, "copy": copy.number, **merit}
+        if self.heat is not None:
+            said["temperature_c"], said["pressure_hpa"] = self.heat.celsius, self.heat.pressure_hpa
+        return said
+
+
+DESIGN = RealState()
+
+
+def real_state(scene: Scene) -> RealState:
+    """Return how the lens of a scene's camera differs from its design.
+
+    Raises
+    ------
+    InputError
+        When the tolerances are wrong or do not suit the lens, or nothing says how one of its glasses takes heat.
+    """
+    camera = scene.camera
+    assert isinstance(camera, LensCamera)
+    heat = camera.heat
+    if heat is not None:
+        try:
+            heat.lens(scene.load_lens())
+        except InputError as problem:
+            raise InputError(f"camera.lens.temperature_c: {problem}") from None
+    if camera.as_built is None:
+        return DESIGN if heat is None else RealState(heat=heat)
+    from rptcam_cl.rendering.tolerances import chosen_copy, specification
+
+    source = scene.tolerances_source()
+    assert source is not None
+    try:
+        return RealState(chosen_copy(scene.load_lens(), specification(source), camera.as_built.percent), heat)
+    except InputError as problem:
+        place = "camera.lens.as_built: " if isinstance(source, str) else ""
+        raise InputError(f"{place}{problem}") from None
+
+
+# Light that surfaces and glass take: from the settings of the scene to the numbers of the device.
+
+
+def transmission_of(camera: LensCamera) -> LensTransmission:
+    """Return the losses that count."""
+    requested = camera.transmission
+    return LensTransmission(
+        fresnel=requested.fresnel,
+        coatings=requested.fresnel and requested.coatings is not False,
+        absorption=requested.absorption,
+    )
+
+
+def as_coated(lens: Lens, camera: LensCamera) -> Lens:
+    """Return the lens with the coating that the camera puts on it, if any.
+
+    Raises
+    ------
+    InputError
+        When coatings must count and the lens does not say how it is coated, or when losses that count are not known at
+        the camera's wavelength.
+    """
+    lens = _coated(lens, camera)
+    low, high = known_nm(lens, transmission_of(camera))
+    if not low <= camera.wavelength_nm <= high:
+        raise InputError(
+            f"camera.transmission: what {lens.name} absorbs or reflects is known from {low:g} to {high:g} nm"
+            f" (camera.wavelength_nm is {camera.wavelength_nm:g})"
+        )
+    return lens
+
+
+def _coated(lens: Lens, camera: LensCamera) -> Lens:
+    coating = camera.transmission.coating
+    if coating is not None:
+        return with_coating(lens, _named(coating))
+    if camera.transmission.coatings and not has_coatings(lens):
+        raise InputError(
+            f"camera.transmission: {lens.name} does not say how it is coated"
+            " (allowed: ideal, bare, or a coating for it such as {coating: mgf2})"
+        )
+    return lens
+
+
+def _named(coating: str | float | CoatingLayers) -> Coating:
+    if isinstance(coating, CoatingLayers):
+        return layered(tuple(Layer(layer.index, layer.thickness_nm, layer.extinction) for layer in coating.layers))
+    return WORDS[coating] if isinstance(coating, str) else constant_reflectance(coating)
+
+
+Values = Callable[[Array], Array]  # of wavelengths [nm]
+
+TABLE_NM = LOSS_TABLE_NM + np.arange(float(LOSS_TABLE_LENGTH))  # catalogues measure at whole nanometres
+FACTS = ("LENS_FRESNEL", "LENS_LAYERS", "LENS_STACKS", "LENS_DARK_LAYERS", "LENS_ABSORPTION", "LENS_TINTED")
+NO_LOSSES = dict.fromkeys(FACTS, 0)
+
+
+@dataclass
+class LossTables:
+    """Tables over the wavelength, each of which is there once.
+
+    Attributes
+    ----------
+    start : int
+        Where the first one will stand.
+    range_nm : (low, high)
+        Wavelengths that the lens is known for [nm]; beyond them the last value stays.
+    """
+
+    start: int
+    range_nm: tuple[float, float]
+    rows: list[Array] = field(default_factory=list)
+
+    def place(self, values: Values) -> int:
+        """Return where the table of a function of wavelengths [nm] stands, -1 when it is the same everywhere."""
+        row = np.asarray(values(np.clip(TABLE_NM, *self.range_nm)))
+        if np.ptp(row) == 0:
+            return -1
+        known = [k for k, other in enumerate(self.rows) if np.array_equal(row, other)]
+        if not known:
+            self.rows.append(row)
+        return self.start + (known[0] if known else len(self.rows) - 1) * LOSS_TABLE_LENGTH
+
+
+@dataclass(frozen=True)
+class LossFiller:
+    """Fills records of surfaces.
+
+    Attributes
+    ----------
+    transmission : LensTransmission
+    wavelength_nm : float
+        Of all rays; where there are tables, of those values that do not depend on it.
+    tables : LossTables or None
+        None when all rays have one wavelength.
+    """
+
+    transmission: LensTransmission
+    wavelength_nm: float
+    tables: LossTables | None
+
+    def fill(self, records: NDArray[np.void], lens: Lens, backwards: bool) -> dict[str, int]:
+        """Fill what each surface, and the glass before it, let through, in order of travel; return the facts."""
+        if not self.transmission:
+            return NO_LOSSES
+        count = len(lens.surfaces)
+        for name in ("index", "gain", "attenuation"):
+            records[f"{name}_table"] = -1
+        for number, record in enumerate(records):
+            k = count - 1 - number if backwards else number
+            before, after = (lens.media[k + 1], lens.media[k]) if backwards else (lens.media[k], lens.media[k + 1])
+            if lens.surfaces[k].is_mirror:
+                self._put(record, "gain", partial(self.transmission.mirror_share, lens.surfaces[k]))
+            elif self.transmission.fresnel:
+                self._fill_surface(record, before, after, self.transmission.coating_of(lens.surfaces[k]))
+            if self.transmission.absorption and number > 0 and before.absorption is not None:
+                self._put(record, "attenuation", partial(attenuation, before))
+        stacks = bool(np.any(records["stacked"] > 0))
+        layers = stacks or bool(np.any(records["layer"] > 0))
+        return {
+            "LENS_FRESNEL": int(self.transmission.fresnel),
+            "LENS_LAYERS": int(layers),
+            "LENS_STACKS": int(stacks),
+            "LENS_DARK_LAYERS": int(bool(np.any(records["extinction"] > 0))),
+            "LENS_ABSORPTION": int(bool(np.any((records["attenuation"] > 0) | (records["attenuation_table"] >= 0)))),
+            "LENS_TINTED": int(self.tables is not None and (layers or bool(self.tables.rows))),
+        }
+
+    def _fill_surface(self, record: np.void, before: Medium, after: Medium, coating: Coating) -> None:
+        record["gain"] = 1.0
+        if isinstance(coating, QuarterWave):
+            record["layer"] = coating.index
+            record["layer_turns"] = 0.5 * coating.wavelength_nm / (self.wavelength_nm if self.tables is None else 1.0)
+            self._put(record, "index", before.index)
+        elif isinstance(coating, LayerStack):
+            layers = coating.from_behind(before.index(LINE_D_NM), after.index(LINE_D_NM))
+            per = self.wavelength_nm if self.tables is None else 1.0
+            record["stack"][: 2 * len(layers)] = [x for f in layers for x in (f.index, f.index * f.thickness_nm / per)]
+            record["extinction"][: len(layers)] = [layer.extinction for layer in layers]
+            record["stacked"] = len(layers)
+            self._put(record, "index", before.index)
+        elif coating != BARE:
+
+            def gain(nm: Array) -> Array:
+                head_on = Interface(before.index(nm), after.index(nm))
+                return coating.transmittance(head_on, nm) / BARE.transmittance(head_on, nm)
+
+            self._put(record, "gain", gain)
+
+    def _put(self, record: np.void, name: str, values: Values) -> None:
+        """Fill a value and the place of its table."""
+        record[name] = values(np.asarray(self.wavelength_nm))
+        record[f"{name}_table"] = -1 if self.tables is None else self.tables.place(values)
+
+
+# The lens of a camera as its scene sets it: zoomed, stopped down and focused.
+
+Method = Literal["thick", "spot"]
+Side = Literal["film", "front"]
+FilmPoint = tuple[float, float, float] | None
+
+ROUNDS = 30  # of the searches below, which need three to six
+CONVERGED = 1e-8  # of a distance, between two rounds
+CONVERGED_AT_A_POINT = 1e-5  # the same for a spot off the axis, found to a millionth
+
+
+def focused(
+    lens: Lens,
+    distance_mm: float,
+    measured_from: Side,
+    method: Method,
+    wavelength_nm: float,
+    film_point_mm: FilmPoint = None,
+) -> tuple[Lens, float]:
+    """Return the lens focused on an object plane, and the distance from its last vertex to the film [mm].
+
+    Parameters
+    ----------
+    lens
+        At its working aperture.
+    distance_mm
+        From the object plane to the film or to the first vertex.
+    method
+        ``thick``: by first-order optics. ``spot``: by the least rms spot of traced rays.
+    film_point_mm
+        Where that spot lies on the film: x and y in the frame of the lens, and how far behind the film distance; on the
+        axis when absent.
+
+    Raises
+    ------
+    InputError
+        When the distance is out of reach; the nearest possible is named.
+    """
+    if lens.floating and not lens.focuses_by_group:
+        lens = _floated(lens, distance_mm, measured_from, wavelength_nm)
+    if not lens.focuses_by_group:
+        return lens, _film_distance(lens, distance_mm, measured_from, method, wavelength_nm, film_point_mm)
+    film = film_distance(lens, np.inf, wavelength_nm=wavelength_nm)
+    if measured_from == "film":
+        return _by_group(lens, distance_mm, film, method, wavelength_nm, film_point_mm)
+    converged = CONVERGED if film_point_mm is None else CONVERGED_AT_A_POINT
+    whole = distance_mm + lens.length + lens.sense * film
+    for _ in range(ROUNDS):
+        state, back = _by_group(lens, whole, film, method, wavelength_nm, film_point_mm)
+        new = distance_mm + state.length + state.sense * back  # the first vertex may belong to the group
+        if abs(new - whole) <= converged * whole:
+            return state, back
+        whole = new
+    raise InputError(f"{lens.name}: its group finds no focus {distance_mm:g} mm in front of the first surface")
+
+
+def _floated(lens: Lens, distance_mm: float, measured_from: Side, wavelength_nm: float) -> Lens:
+    """Return the lens with its floating groups set for an object plane."""
+    if measured_from == "film":
+        return floated(lens, distance_mm)
+    state = lens
+    for _ in range(ROUNDS):  # the state decides how far the film is, which decides the state
+        film = film_distance(state, distance_mm, "front", wavelength_nm)
+        new = floated(lens, distance_mm + state.length + film)
+        if abs(new.length - state.length) <= CONVERGED * lens.length:
+            return new
+        state = new
+    return state
+
+
+def _film_distance(
+    lens: Lens, distance_mm: float, measured_from: Side, method: Method, wavelength_nm: float, film_point_mm: FilmPoint
+) -> float:
+    if method == "spot" and film_point_mm is not None:
+        x, y, depth = film_point_mm
+        there = distance_mm + depth if measured_from == "film" else distance_mm
+        return best_film_distance_at(lens, (x, y), there, measured_from, wavelength_nm) - depth
+    if method == "spot":
+        return best_film_distance(lens, distance_mm, measured_from, (wavelength_nm,))
+    return film_distance(lens, distance_mm, measured_from, wavelength_nm)
+
+
+def _by_group(
+    lens: Lens, distance_mm: float, film_mm: float, method: Method, wavelength_nm: float, film_point_mm: FilmPoint
+) -> tuple[Lens, float]:
+    """Return the lens with its group moved, for a film that stays, and the film distance [mm].
+
+    The least spot lies at an offset from the first-order image. So the group is focused by first-order optics for a
+    film displaced by an offset the other way; a secant search finds the offset that is that of the lens so moved.
+    """
+    offset = before = error_before = 0.0
+    for _ in range(ROUNDS):
+        state, image = focused_by_group(lens, distance_mm - offset, film_mm - offset, wavelength_nm)
+        if method == "thick":
+            return state, image
+        front = distance_mm - offset - state.length - state.sense * image
+        error = _film_distance(state, front, "front", method, wavelength_nm, film_point_mm) - image - offset
+        if abs(error) <= (CONVERGED if film_point_mm is None else CONVERGED_AT_A_POINT) * film_mm:
+            return state, image + offset
+        slope = (error - error_before) / (offset - before) if offset != before else -1.0
+        offset, before, error_before = offset - error / slope, offset, error
+    raise InputError(f"{lens.name}: its group finds no least spot for {distance_mm:g} mm from the film")
+
+
+@dataclass(frozen=True)
+class LensSetting:
+    """A lens in use.
+
+    Attributes
+    ----------
+    lens : Lens
+        Zoomed, stopped down, and with its focusing group in place.
+    film_distance_mm : float
+        Last vertex to film.
+    focus_distance_mm : float or None
+        Object plane in focus to film; None when the film stands where no object is sharp.
+    camera : LensCamera
+        The request.
+    real : RealState
+        How the lens differs from its design.
+    """
+
+    lens: Lens
+    film_distance_mm: float
+    focus_distance_mm: float | None
+    camera: LensCamera
+    real: RealState = DESIGN
+
+    @property
+    def gain(self) -> float:
+        """Irradiance over that of the same rays in one medium: what a ray keeps is radiance over the squared index."""
+        indices = self.lens.indices(self.camera.wavelength_nm)
+        return float(indices[-1] / indices[0]) ** 2
+
+    @property
+    def transmission(self) -> LensTransmission:
+        """Losses in the lens that count."""
+        return transmission_of(self.camera)
+
+    @property
+    def metadata(self) -> dict[str, Any]:
+        """What the picture's metadata should say."""
+        first = self.lens.first_order(self.camera.wavelength_nm)
+        focus = self.camera.focus
+        sought = focus.film_distance_mm is None and focus.group_shift_mm is None
+        return {
+            "lens": self.lens.name,
+            "zoom": self.camera.zoom,
+            "focal_length_mm": _finite(first.focal_length_mm),
+            "f_number": _finite(first.f_number),
+            "film_distance_mm": self.film_distance_mm,
+            "focus_distance_m": None if self.focus_distance_mm is None else self.focus_distance_mm * 1e-3,
+            "focus_method": focus.method if sought else None,
+            "focus_field": None if focus.field is None else list(focus.field),
+            "focused_by": ("group" if self.lens.focuses_by_group else "whole lens") if sought else None,
+            "wavelength_nm": self.camera.wavelength_nm,
+            **self.real.metadata,
+        }
+
+
+def _finite(value: float) -> float | None:
+    """Return a number, or None for the infinite focal length of a lens without power."""
+    return value if np.isfinite(value) else None
+
+
+def lens_setting(scene: Scene) -> LensSetting:
+    """Return the lens of a scene's camera in use.
+
+    Raises
+    ------
+    InputError
+        When it cannot be zoomed, stopped down or focused as requested.
+    """
+    if isinstance(scene.camera, LensCamera) and scene.camera.focus.object is not None:
+        scene = at_opening(scene)
+    camera = scene.camera
+    assert isinstance(camera, LensCamera)
+    lens, focus, real = design_to_focus(scene, camera), camera.focus, real_state(scene)
+    if focus.film_distance_mm is not None:
+        lens, back_mm = real.lens(lens), focus.film_distance_mm
+        return LensSetting(lens, back_mm, _sharp_at(lens, back_mm, camera), camera, real)
+    if focus.group_shift_mm is not None:
+        return _at_shift(lens, focus.group_shift_mm, camera, real)
+    if focus.auto is not None:
+        raise InputError(NOT_FOUND_YET)
+    if focus.front_distance_m is not None:
+        front_mm = focus.front_distance_m * 1e3
+        lens, back_mm = focused(lens, front_mm, "front", focus.method, camera.wavelength_nm, _sharpest(scene, camera))
+        distance_mm = front_mm + lens.length + lens.sense * back_mm
+        return LensSetting(real.lens(lens), real.film(back_mm), distance_mm, camera, real)
+    if focus.point is not None:
+        distance_mm = camera.ahead(focus.point) * scene.metres_per_unit * 1e3
+    else:
+        assert focus.distance_m is not None
+        distance_mm = focus.distance_m * 1e3
+    lens, back_mm = focused(lens, distance_mm, "film", focus.method, camera.wavelength_nm, _sharpest(scene, camera))
+    return LensSetting(real.lens(lens), real.film(back_mm), distance_mm, camera, real)
+
+
+def _sharpest(scene: Scene, camera: LensCamera) -> FilmPoint:
+    """Return where on the film the picture is to be sharpest [mm]; None for the axis."""
+    return None if camera.focus.field is None else film_point(scene, camera, *camera.focus.field)
+
+
+def film_point(scene: Scene, camera: Pose, right: float, down: float) -> tuple[float, float, float]:
+    """Return where on the film a point of the picture lies [mm]: x, y in the frame of the lens, depth behind the film
+    distance.
+
+    A lens inverts: right and up in an upright picture are left and down on the film.
+
+    Parameters
+    ----------
+    right, down
+        Fractions of the picture from its left and top edges.
+    """
+    width_mm, height_mm = (side * 1e3 for side in scene.film.size_m())
+    sense = -1.0 if camera.flip else 1.0
+    film = np.array([sense * (right - 0.5) * width_mm, sense * (0.5 - down) * height_mm])
+    x, y, depth = film_frame(camera).points(film).tolist()
+    return x, y, depth
+
+
+def lens_to_focus(scene: Scene, camera: LensCamera) -> Lens:
+    """Return the lens as it really is, at its focal length and working aperture."""
+    return real_state(scene).lens(design_to_focus(scene, camera))
+
+
+def film_for_infinity(scene: Scene, camera: LensCamera) -> float:
+    """Return the distance from the last vertex to a film that stays where the scale says infinity [mm]."""
+    design = design_to_focus(scene, camera)
+    return real_state(scene).film(film_distance(design, np.inf, wavelength_nm=camera.wavelength_nm))
+
+
+def design_to_focus(scene: Scene, camera: LensCamera) -> Lens:
+    """Return the design of the lens at its focal length and working aperture."""
+    lens = as_coated(scene.load_lens(), camera)
+    lens = at_position(lens, camera.zoom, camera.focal_length_mm, camera.wavelength_nm)
+    if camera.f_number is not None:
+        return lens.with_stop_diameter(lens.stop_diameter_for(camera.f_number, camera.wavelength_nm))
+    if camera.stop_diameter_mm is not None:
+        return lens.with_stop_diameter(camera.stop_diameter_mm)
+    return lens
+
+
+def _at_shift(lens: Lens, shift_mm: float, camera: LensCamera, real: RealState) -> LensSetting:
+    if not lens.focuses_by_group:
+        raise InputError(f"camera.focus.group_shift_mm: {lens.name}: has no focusing group (allowed: film_distance_mm)")
+    low, high = travel_mm(lens)
+    if not low <= shift_mm <= high:
+        raise InputError(
+            f"camera.focus.group_shift_mm: beyond the travel of the group (got {shift_mm:g};"
+            f" allowed: {low:g} to {high:g})"
+        )
+    infinity_mm = real.film(film_distance(lens, np.inf, wavelength_nm=camera.wavelength_nm))
+    state, back_mm = moved(real.lens(lens), shift_mm), film_behind(lens, shift_mm, infinity_mm)
+    return LensSetting(state, back_mm, _sharp_at(state, back_mm, camera), camera, real)
+
+
+def _sharp_at(lens: Lens, back_mm: float, camera: LensCamera) -> float | None:
+    try:
+        return object_distance(lens, back_mm, camera.wavelength_nm)
+    except InputError:  # the film lies where no object images: legal, just never sharp
+        return None
+
+
+#
+# Where the entrance pupil of a camera lies: the centre of its perspective, and how it drifts over the field.
+#
+# Programs that measure in pictures take the camera for a point. That point is the entrance pupil, which lies ahead of
+# the eye with most lenses: the eye is the middle of the film. Away from the axis a real lens has its entrance pupil
+# elsewhere, which near objects show.
+
+FIELDS = (0.5, 1.0)  # of the way from the middle of the film to its corners, where the drift is found
+REMEMBERED = 64  # lens states whose drift is kept
+
+
+@dataclass(frozen=True)
+class EntrancePupil:
+    """The entrance pupil of a camera.
+
+    Attributes
+    ----------
+    ahead_mm : float
+        How far it lies ahead of the eye on the axis [mm]; infinite where it has no place.
+    diameter_mm : float
+        0 for a point.
+    drift_mm : tuple of (field, drift)
+        For places of the film, of how far they are from its middle (1: its corners), the mean distance from `ahead_mm`
+        to where chief rays come nearest to the axis [mm], towards the scene; places without chief rays are left out.
+    """
+
+    ahead_mm: float = 0.0
+    diameter_mm: float = 0.0
+    drift_mm: tuple[tuple[float, float], ...] = ()
+
+    def described(self) -> dict[str, Any]:
+        """Return what the metadata of a picture say of it, but for its place in the world."""
+        return {
+            "ahead_of_eye_mm": self.ahead_mm if math.isfinite(self.ahead_mm) else None,
+            "diameter_mm": self.diameter_mm if math.isfinite(self.diameter_mm) else None,
+            **({"drift_mm": {f"{field:g}": drift for field, drift in self.drift_mm}} if self.drift_mm else {}),
+        }
+
+
+def pupil_in_world(scene: Scene, described: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a described entrance pupil with its place in the world [m], in the axes of the scene; None without one."""
+    ahead_mm = described["ahead_of_eye_mm"]
+    if ahead_mm is None:
+        return {"world_m": None, **described}
+    matrix = pose_matrix(scene.camera.pose_at(scene.shutter.span_s[0]))
+    place = matrix[:3, 3] * scene.metres_per_unit - matrix[:3, 2] * ahead_mm * 1e-3
+    return {"world_m": place.tolist(), **described}
+
+
+def entrance_pupil(scene: Scene, setting: LensSetting, *, drifts: bool = True) -> EntrancePupil:
+    """Return the entrance pupil of the lens of a scene, with its drift where that is wanted and the lens is traced."""
+    lens, back, wavelength = setting.lens, setting.film_distance_mm, setting.camera.wavelength_nm
+    pupil = lens.first_order(wavelength).entrance_pupil
+    if not math.isfinite(pupil.distance_mm):
+        return EntrancePupil(math.inf, math.inf)
+    ahead = lens.film_z(back) - pupil.distance_mm
+    drift = _drift(scene, setting, pupil.distance_mm) if drifts and isinstance(scene.camera, RealisticCamera) else ()
+    return EntrancePupil(ahead, pupil.diameter_mm, drift)
+
+
+def _drift(scene: Scene, setting: LensSetting, pupil_z: float) -> tuple[tuple[float, float], ...]:
+    lens, frame = setting.lens, film_frame(scene.camera)
+    corners = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * np.array(half_film_mm(scene))
+    film = frame.points(np.concatenate([corners * field for field in FIELDS]))
+    film[:, 2] = lens.film_z(setting.film_distance_mm) + lens.sense * film[:, 2]
+    points = tuple(map(tuple, film.tolist()))
+    return _remembered(ByContent(without_shape(lens)), points, setting.camera.wavelength_nm, pupil_z)
+
+
+@lru_cache(maxsize=REMEMBERED)
+def _remembered(
+    content: ByContent, film: tuple[tuple[float, ...], ...], wavelength_nm: float, pupil_z: float
+) -> tuple[tuple[float, float], ...]:
+    """Return the drift, ready for the next picture with the lens in the same state; in another process too where it is
+    not found as fast."""
+    if content.lens.is_rotational and len({z for _, _, z in film}) == 1:
+        return tuple(_found(round_chief_rays, content.lens, film, wavelength_nm, pupil_z))
+    name = content.name_of("drift", film, wavelength_nm, pupil_z)
+    found = kept_or_found(KEPT, name, lambda: _found(film_chief_rays, content.lens, film, wavelength_nm, pupil_z))
+    return tuple((field, drift) for field, drift in found)
+
+
+def _found(
+    chief_rays: Callable[[Lens, Array, float], ChiefRays],
+    lens: Lens,
+    film: tuple[tuple[float, ...], ...],
+    wavelength_nm: float,
+    pupil_z: float,
+) -> list[tuple[float, float]]:
+    try:
+        rays = chief_rays(lens, np.array(film), wavelength_nm)
+    except InputError:  # no surface of the lens limits the light
+        return []
+    places = np.where(rays.clear, pupil_z - rays.axis_points(), np.nan).reshape(len(FIELDS), -1)
+    return [
+        (field, float(np.mean(row[np.isfinite(row)])))
+        for field, row in zip(FIELDS, places, strict=True)
+        if np.isfinite(row).any()
+    ]

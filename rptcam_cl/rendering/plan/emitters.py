@@ -1,0 +1,777 @@
+"""What light sampling can choose: lamps of every shape, emissive meshes, lights, and a picture around the scene.
+
+Emissive planes, insides of solids, what moves and what has holes shine as well, but only BSDF sampling finds them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.core.colour import LUMINANCE, luminance
+from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.records import EMITTER, EmitterKind, EnvironmentKind, Kind, TexelFormat
+from rptcam_cl.core.vectors import cross, curves
+from rptcam_cl.rendering.cameras.lamp_aim import SeenLamp
+from rptcam_cl.rendering.plan.environment import SUN_RADIUS_DEGREES, DistantSun, Surroundings
+from rptcam_cl.rendering.plan.primitives import Primitive, corners_of_box, sphere_of, turn_to, world_from_scene
+from rptcam_cl.rendering.plan.textures import Colours, KnownSpectra, TextureTable
+from rptcam_cl.scene.assets.mesh import Mesh
+from rptcam_cl.scene.lights import (
+    DirectionalLight,
+    Light,
+    Luminaire,
+    PointLight,
+    ProfileLight,
+    SpotLight,
+    SunLight,
+    read_luminaire,
+)
+from rptcam_cl.scene.materials import Emissive, Material, Principled, Texture, has_holes
+from rptcam_cl.scene.quantities import LARGEST_RADIANCE, Colour
+from rptcam_cl.scene.scene import Scene
+
+# Lights without a surface as emitters: record and power of each.
+
+PROFILE_CELLS = (360, 720)  # directions of a luminaire, along and about its axis: half a degree
+
+
+def light_emitter(
+    light: Light, scene: Scene, textures: TextureTable, spectra: KnownSpectra, reach: float
+) -> tuple[np.void, float]:
+    """Return record and power [W, luminance] of a light; ``reach`` is the radius of the scene [m]."""
+    record: np.void = EMITTER.zeros(1)[0]
+    record["primitive"], record["triangle"], record["texture"] = -1, -1, -1
+    match light:
+        case PointLight():
+            record["kind"], record["radiance"][:3] = EmitterKind.POINT, light.intensity
+            power = 4 * np.pi * luminance(light.intensity)
+        case SpotLight():
+            power = _spot(record, light)
+        case ProfileLight():
+            power = _profile(record, light, scene, textures)
+        case DirectionalLight():
+            record["kind"], record["radiance"][:3] = EmitterKind.DIRECTIONAL, light.irradiance
+            power = np.pi * reach**2 * luminance(light.irradiance)
+        case SunLight():
+            power = fill_sun(record, light.irradiance, light.diameter_degrees / 2) * np.pi * reach**2
+    record["radiance"][3] = _number(light, record, spectra)
+    if isinstance(light, DirectionalLight | SunLight):
+        record["normal"][:3] = -_unit(light.direction)
+    else:
+        record["a"][:3] = (world_from_scene(scene) @ (*light.position, 1.0))[:3]
+    return record, power
+
+
+def _number(light: Light, record: np.void, spectra: KnownSpectra) -> int:
+    """Return the number of a light's spectrum, scaled as the record has its colour."""
+    match light:
+        case PointLight() | SpotLight():
+            colour: Colour = light.intensity
+        case DirectionalLight() | SunLight():
+            colour = light.irradiance
+        case ProfileLight():
+            colour = light.color
+    largest = int(np.argmax(colour))
+    gain = float(record["radiance"][largest]) / colour[largest] if colour[largest] > 0 else 0.0
+    return spectra.number(colour, light=True, gain=gain)
+
+
+def fill_sun(record: np.void, irradiance: tuple[float, float, float], radius_degrees: float) -> float:
+    """Fill in a disk at infinity that gives an irradiance where it is faced; return that as luminance [W/m²]."""
+    sin2 = np.sin(np.deg2rad(radius_degrees)) ** 2
+    record["kind"] = EmitterKind.SUN
+    record["a"][3] = sin2
+    record["radiance"][:3] = np.asarray(irradiance) / (np.pi * sin2)
+    return float(luminance(irradiance))
+
+
+def sun_emitter(sun: DistantSun, reach: float) -> tuple[np.void, float]:
+    """Return record and power [W, luminance] of the sun of a sky; ``reach`` is the radius of the scene [m]."""
+    record: np.void = EMITTER.zeros(1)[0]
+    record["primitive"], record["triangle"], record["texture"] = -1, -1, -1
+    record["normal"][:3] = sun.towards
+    red, green, blue = sun.irradiance.tolist()
+    return record, fill_sun(record, (red, green, blue), SUN_RADIUS_DEGREES) * np.pi * reach**2
+
+
+def _unit(direction: tuple[float, float, float]) -> NDArray[np.float64]:
+    return np.asarray(direction, dtype=np.float64) / np.linalg.norm(direction)
+
+
+def _spot(record: np.void, light: SpotLight) -> float:
+    """Fill in a cone; return its power: a step that is smooth in the cosine is half full on average."""
+    outer, inner = (2 * np.sin(np.deg2rad(angle) / 2) ** 2 for angle in (light.outer_degrees, light.inner))
+    record["kind"], record["radiance"][:3] = EmitterKind.SPOT, light.intensity
+    record["normal"][:3] = _unit(light.direction)
+    record["u"][3], record["v"][3] = outer, 1 / (outer - inner)
+    return float(np.pi * (outer + inner) * luminance(light.intensity))
+
+
+def _profile(record: np.void, light: ProfileLight, scene: Scene, textures: TextureTable) -> float:
+    """Fill in a measured luminaire; return its power."""
+    try:
+        luminaire = read_luminaire(scene.content_of(light))
+    except InputError as problem:
+        raise InputError(f"{light.place}{problem}") from None
+    intensity, mean = _directions(luminaire)
+    texels = np.repeat(intensity.astype(np.float32)[::-1, :, None], 3, axis=2)
+    record["texture"] = textures.add_sphere(Colours.of(texels, TexelFormat.HALF, f"luminaire {scene.digest_of(light)}"))
+    record["kind"] = EmitterKind.PROFILE
+    colour = np.array(light.color) * (light.gain / max(float(luminance(light.color)), 1e-30))
+    record["radiance"][:3] = colour
+    turn = turn_to(-_unit(light.direction))
+    angle = np.deg2rad(light.rotation_degrees)
+    record["u"][:3] = np.cos(angle) * turn[:, 0] + np.sin(angle) * turn[:, 1]
+    record["v"][:3] = np.cos(angle) * turn[:, 1] - np.sin(angle) * turn[:, 0]
+    record["normal"][:3] = _unit(light.direction)
+    return float(4 * np.pi * mean * LUMINANCE @ colour)
+
+
+def _directions(luminaire: Luminaire) -> tuple[NDArray[np.float64], float]:
+    """Return the intensity [W/sr] at the middles of cells of vertical and horizontal angle, and its mean."""
+    rows, columns = PROFILE_CELLS
+    vertical = (np.arange(rows) + 0.5) * 180 / rows
+    horizontal = (np.arange(columns) + 0.5) * 360 / columns
+    intensity = luminaire.intensity(vertical, horizontal)
+    weights = np.sin(np.deg2rad(vertical))
+    return intensity, float(weights @ intensity.mean(axis=1) / weights.sum())
+
+
+# Lamps with a volume as emitters: boxes, ellipsoids, cylinders and cones under any affine map.
+
+Array = NDArray[np.float64]
+
+SOLIDS = {
+    Kind.BOX: EmitterKind.BOX,
+    Kind.ELLIPSOID: EmitterKind.ELLIPSOID,
+    Kind.CYLINDER: EmitterKind.CYLINDER,
+    Kind.CONE: EmitterKind.CONE,
+}
+QUADRATURE_STEPS = (
+    64  # of a quadrature about an axis: smooth and periodic, it is exact to rounding but for very thin shapes
+)
+
+
+def fill_solid(record: np.void, kind: Kind, placement: Array) -> None:
+    """Fill in what ``kernels/light/solids.h`` reads of the shape.
+
+    Parameters
+    ----------
+    record
+        Emitter record.
+    kind
+        One of `SOLIDS`.
+    placement
+        (4, 4), maps the canonical shape of the kind to the world [m].
+    """
+    linear, inverse = placement[:3, :3], np.linalg.inv(placement[:3, :3])
+    record["kind"] = SOLIDS[kind]
+    record["a"] = (*placement[:3, 3], np.cbrt(abs(np.linalg.det(linear))))
+    for name, column in zip(("u", "v", "normal"), linear.T, strict=True):
+        record[name][:3] = column
+    for name, row in zip(("uv", "uv_x", "uv_y"), inverse, strict=True):
+        record[name][:3] = row
+
+
+def area_of_solid(kind: Kind, linear: Array) -> float:
+    """Return the area [m²] of a canonical shape under a linear map (3, 3); of cylinder and cone without their ends."""
+    if kind is Kind.BOX:
+        return 8 * float(sum(np.linalg.norm(np.cross(linear[:, i - 1], linear[:, i])) for i in range(3)))
+    angle = 2 * np.pi * np.arange(QUADRATURE_STEPS) / QUADRATURE_STEPS
+    round_about = np.stack([np.cos(angle), np.sin(angle), np.zeros(QUADRATURE_STEPS)], axis=1)
+    along = np.stack([-np.sin(angle), np.cos(angle), np.zeros(QUADRATURE_STEPS)], axis=1) @ linear.T
+    if kind is Kind.ELLIPSOID:
+        cosine, weight = np.polynomial.legendre.leggauss(QUADRATURE_STEPS)
+        sine = np.sqrt(1 - cosine**2)
+        normals = sine[:, None, None] * round_about + cosine[:, None, None] * np.array([0.0, 0.0, 1.0])
+        stretched = normals @ (np.linalg.inv(linear) * np.linalg.det(linear))
+        return float(2 * np.pi * (weight @ np.linalg.norm(stretched, axis=2).mean(axis=1)))
+    side = np.array([0.0, 0.0, 1.0]) - (round_about if kind is Kind.CONE else 0.0)
+    area = 2 * np.pi * float(np.linalg.norm(np.cross(along, side @ linear.T), axis=1).mean())
+    return area / 2 if kind is Kind.CONE else area
+
+
+# The tree by which light sampling finds its lamps where there are many: ``kernels/light/light_tree.h``.
+
+# Variance of picks by power from which on a tree is used. Of the scenes measured above it none lost at equal time, and
+# they gained up to 12 times; most of those below it lost, as a vertex takes longer by a tree (benchmarks/journal.md).
+BREAK_EVEN = 0.5
+FROM_AFAR = frozenset({EmitterKind.ENVIRONMENT, EmitterKind.DIRECTIONAL, EmitterKind.SUN})
+NODE_FLOATS = 8
+MOST_LAMPS, MOST_POINTS = 4096, 64  # that tell whether a tree gains
+
+
+@dataclass(frozen=True, eq=False)
+class Lamps:
+    """What the tree knows of each lamp.
+
+    Attributes
+    ----------
+    middle : (n, 3) array
+        Mean position of its light [m].
+    extent2 : (n,) array
+        Mean squared distance from there [m²].
+    axis : (n, 3) array
+        Mean direction in which it shines; shorter than 1 where it shines all round.
+    power : (n,) array
+        In any unit.
+    """
+
+    middle: Array
+    extent2: Array
+    axis: Array
+    power: Array
+
+
+@dataclass(frozen=True, eq=False)
+class LightTree:
+    """The nodes with the lamps of the leaves behind them, the leaf of each lamp, and levels above the leaves."""
+
+    nodes: NDArray[np.float32]
+    leaf_of: NDArray[np.int32]
+    levels: int
+
+
+def lamps_of(records: NDArray[np.void], power: Array) -> Lamps:
+    """Return what the tree knows of emitter records that are not at infinity."""
+    kind = records["kind"]
+    a, u, v, z = (records[name][:, :3].astype(np.float64) for name in ("a", "u", "v", "normal"))
+    uu, vv, zz, uv = ((x * y).sum(axis=1) for x, y in ((u, u), (v, v), (z, z), (u, v)))
+    nothing, radius2 = np.zeros_like(a), records["a"][:, 3].astype(np.float64) ** 2
+    facing = z * np.where(records["two_sided"] != 0, 0.0, 1.0)[:, None]
+    by_kind = {  # offset of the middle from `a`, mean squared distance from there, axis
+        EmitterKind.RECTANGLE: ((u + v) / 2, (uu + vv) / 12, facing),
+        EmitterKind.DISK: (nothing, (uu + vv) / 4, facing),
+        EmitterKind.TRIANGLE: ((u + v) / 3, (uu + vv - uv) / 18, facing),
+        EmitterKind.SPHERE: (nothing, radius2, nothing),
+        EmitterKind.POINT: (nothing, 0 * uu, nothing),
+        EmitterKind.SPOT: (nothing, 0 * uu, z),
+        EmitterKind.PROFILE: (nothing, 0 * uu, z / 2),
+        EmitterKind.BOX: (nothing, (uu + vv + zz) * 5 / 9, nothing),
+        EmitterKind.ELLIPSOID: (nothing, (uu + vv + zz) / 3, nothing),
+        EmitterKind.CYLINDER: (z / 2, (uu + vv) / 2 + zz / 12, nothing),
+        EmitterKind.CONE: (z / 3, (uu + vv) / 4 + zz / 18, nothing),
+    }
+    middle, extent2, axis = a.copy(), np.zeros(len(a)), np.zeros_like(a)
+    for one, (offset, spread, mean) in by_kind.items():
+        mine = kind == one
+        middle[mine] += offset[mine]
+        extent2[mine], axis[mine] = spread[mine], mean[mine]
+    return Lamps(middle, extent2, axis, power / power.sum())
+
+
+def variance_by_power(lamps: Lamps, points: Array) -> float:
+    """Return the mean relative variance of light at points (m, 3) from lamps picked by power; 0 where that is right.
+
+    Shadows and the surfaces' own directions are left out.
+    """
+    lamps = Lamps(*(part[:: -(-len(lamps.power) // MOST_LAMPS)] for part in vars(lamps).values()))
+    shining = lamps.power > 0
+    moments = []
+    for point in points[:: -(-len(points) // MOST_POINTS) or 1]:
+        to = lamps.middle[shining] - point
+        inverse = 1 / np.maximum((to**2).sum(axis=1) + lamps.extent2[shining], np.finfo(np.float32).tiny)
+        axis, spread = lamps.axis[shining], lamps.extent2[shining] * inverse / 2
+        cosine = -(axis * to).sum(axis=1) * np.sqrt(inverse)
+        soft = np.sqrt(np.maximum(cosine**2 + spread + (1 - (axis**2).sum(axis=1)) / 4, 0))
+        light = np.maximum((cosine + soft) / 2, 0.01) * inverse
+        power = lamps.power[shining]
+        moments.append((power * light**2).sum() * power.sum() / (power * light).sum() ** 2 - 1)
+    return float(np.mean(moments)) if moments else 0.0
+
+
+def light_tree(lamps: Lamps) -> LightTree:
+    """Return a balanced tree: each node parts its lamps, along their longest extent, into halves by number, and those
+    again."""
+    count = len(lamps.power)
+    levels = -(-max(count - 1, 0).bit_length() // 2) * 2
+    nodes = np.zeros((2 << levels, NODE_FLOATS), np.float32)
+    order, starts = np.arange(count), np.array([0, count])  # of the lamps of each node of a level
+    for level in range(levels + 1):
+        nodes[1 << level : 2 << level] = _nodes(lamps, order, starts)
+        if level < levels:
+            order = _sorted(lamps.middle, order, starts)
+            halves = starts[:-1] + (np.diff(starts) + 1) // 2
+            starts = np.append(np.stack([starts[:-1], halves], axis=1).ravel(), count)
+    leaf = np.repeat(np.arange(1 << levels), np.diff(starts))
+    leaf_of, lamp_of = np.zeros(count, np.int32), np.zeros(1 << levels, np.int32)
+    leaf_of[order], lamp_of[leaf] = leaf, order
+    return LightTree(np.concatenate([nodes.ravel(), lamp_of.view(np.float32)]), leaf_of, levels // 2)
+
+
+def _sorted(middle: Array, order: NDArray[np.int64], starts: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the order in which the lamps of each node stand along the axis on which they lie farthest apart."""
+    there = middle[order]
+    lamps = np.diff(starts)[np.diff(starts) > 0]
+    firsts = np.cumsum(lamps) - lamps
+    extent = np.maximum.reduceat(there, firsts) - np.minimum.reduceat(there, firsts)
+    node = np.repeat(np.arange(len(lamps)), lamps)
+    return order[np.lexsort((there[np.arange(len(order)), extent.argmax(axis=1)[node]], node))]
+
+
+def _nodes(lamps: Lamps, order: NDArray[np.int64], starts: NDArray[np.int64]) -> Array:
+    """Return the nodes of a level: means weighted by power. A node without lamps, below one with a single one, is 0."""
+    rows = np.zeros((len(starts) - 1, NODE_FLOATS))
+    used = np.flatnonzero(np.diff(starts))
+    weight = lamps.power[order]
+    about = np.average(lamps.middle, axis=0, weights=lamps.power)  # so that squares do not cancel far from the eye
+    middle = lamps.middle[order] - about
+    squares = (middle**2).sum(axis=1) + lamps.extent2[order]
+    columns = np.column_stack([middle, squares, lamps.axis[order], np.ones(len(order))]) * weight[:, None]
+    rows[used] = np.add.reduceat(columns, starts[:-1][used])
+    rows[used, :7] /= np.maximum(rows[used, 7:], np.finfo(np.float64).tiny)  # triangles without area have no power
+    rows[used, 3] = np.maximum(rows[used, 3] - (rows[used, :3] ** 2).sum(axis=1), 0.0)
+    rows[used, :3] += about
+    return rows
+
+
+# Points on the surfaces of a scene that its lamps may light, for the choice of how light sampling picks a lamp.
+
+MESH_POINTS = 16  # vertices of a mesh
+# Of the canonical shapes of the flat kinds; of others the middle.
+PLACES = {
+    Kind.RECTANGLE: [[0.5, 0.5, 0.0], [0.2, 0.2, 0.0], [0.8, 0.2, 0.0], [0.2, 0.8, 0.0], [0.8, 0.8, 0.0]],
+    Kind.DISK: [[0.0, 0.0, 0.0], [0.6, 0.0, 0.0], [-0.6, 0.0, 0.0], [0.0, 0.6, 0.0], [0.0, -0.6, 0.0]],
+    Kind.CYLINDER: [[0.0, 0.0, 0.5]],
+    Kind.CONE: [[0.0, 0.0, 0.5]],
+}
+
+
+def lit_points(
+    primitives: Sequence[Primitive], lamps_of_primitive: Mapping[int, int], lamps: Lamps, eye: Array
+) -> Array:
+    """Return points (n, 3) [m about the eye] of what is no lamp itself; of a plane the foot of each lamp.
+
+    Parameters
+    ----------
+    primitives
+        Of the scene.
+    lamps_of_primitive
+        Has those that are lamps as keys.
+    lamps
+        The lamps.
+    eye
+        Position of the eye in the scene [m].
+    """
+    parts = [
+        part
+        for index, primitive in enumerate(primitives)
+        if index not in lamps_of_primitive
+        for part in _points(primitive, lamps, eye)
+    ]
+    return np.concatenate(parts) if parts else np.zeros((0, 3))
+
+
+def _points(primitive: Primitive, lamps: Lamps, eye: Array) -> Iterator[Array]:
+    linear, origin = primitive.placement[:3, :3], primitive.placement[:3, 3]
+    if primitive.mesh is not None:
+        mesh = primitive.mesh
+        some = mesh.positions[:: -(-len(mesh.positions) // MESH_POINTS)]
+        yield (some + mesh.origin) @ linear.T + (origin - eye)
+    elif primitive.kind is Kind.PLANE:
+        normal = np.linalg.inv(linear)[2]
+        normal /= np.linalg.norm(normal)
+        yield lamps.middle - ((lamps.middle - origin) @ normal)[:, None] * normal
+    else:
+        yield np.array(PLACES.get(primitive.kind, [[0.0, 0.0, 0.0]])) @ linear.T + origin
+
+
+def triangle_emitters(
+    mesh: Mesh, placement: NDArray[np.float64], eye: NDArray[np.float64]
+) -> tuple[NDArray[np.void], NDArray[np.float64]]:
+    """Return emitter records of a mesh's triangles, without radiance and indices, and their areas [m²].
+
+    Parameters
+    ----------
+    mesh
+        The triangles.
+    placement
+        (4, 4), the scene in metres from the mesh's frame.
+    eye
+        What becomes the origin [m].
+    """
+    linear = placement[:3, :3]
+    points = (mesh.positions + mesh.origin) @ linear.T + (placement[:3, 3] - eye)
+    a, b, c = (points[mesh.faces[:, corner]] for corner in range(3))
+    u, v = b - a, c - a
+    normal = np.cross(u, v) * np.sign(np.linalg.det(linear))
+    if mesh.normals is not None:  # they say which side is out
+        shown = mesh.normals[mesh.faces].sum(axis=1) @ np.linalg.inv(linear)
+        normal *= np.where((normal * shown).sum(axis=1) < 0, -1.0, 1.0)[:, None]
+    double_area = np.linalg.norm(normal, axis=1)
+    records = EMITTER.zeros(len(mesh.faces))
+    records["kind"] = EmitterKind.TRIANGLE
+    records["a"][:, :3], records["a"][:, 3] = a, double_area / 2
+    records["u"][:, :3], records["v"][:, :3] = u, v
+    if mesh.uvs is not None:
+        corner, first, second = (mesh.uvs[mesh.faces[:, index]] for index in range(3))
+        records["uv"][:, :2], records["uv_x"][:, :2], records["uv_y"][:, :2] = corner, first - corner, second - corner
+    records["normal"][:, :3] = normal / np.maximum(double_area, np.finfo(np.float64).tiny)[:, None]
+    return records, double_area / 2
+
+
+Found = tuple[NDArray[np.void], NDArray[np.float64]]
+
+
+@dataclass(frozen=True)
+class Emitters:
+    """Records, the sampled emitter of each primitive, the kinds there are, the curve that picks by power, the tree
+    that picks instead where there are many lamps, and whether lamps may be so far away that rays end before them."""
+
+    records: NDArray[np.void]
+    of_primitive: dict[int, int]
+    kinds: frozenset[EmitterKind]
+    count: int
+    curve: NDArray[np.float32]
+    tree: LightTree | None = None
+    tiny: bool = False
+
+    @property
+    def facts(self) -> dict[str, int]:
+        """Which kinds of emitter the kernels must know."""
+        painted = self.records["texture"] >= 0
+        flats = {EmitterKind.RECTANGLE, EmitterKind.DISK, EmitterKind.TRIANGLE}
+        return {
+            "HAS_EMITTERS": int(self.count > 0),
+            "ONE_EMITTER": int(self.count == 1),
+            "LIGHT_TREE": int(self.tree is not None),
+            "TINY_LAMPS": int(self.tiny),
+            "EMITTER_FLATS": int(bool(self.kinds & flats)),
+            "EMITTER_TRIANGLES": int(EmitterKind.TRIANGLE in self.kinds),
+            "EMITTER_DISKS": int(EmitterKind.DISK in self.kinds),
+            "EMITTER_SPHERES": int(EmitterKind.SPHERE in self.kinds),
+            "EMITTER_SOLIDS": int(bool(self.kinds & set(SOLIDS.values()))),
+            "EMITTER_BOXES": int(EmitterKind.BOX in self.kinds),
+            "EMITTER_ELLIPSOIDS": int(EmitterKind.ELLIPSOID in self.kinds),
+            "EMITTER_CYLINDERS": int(EmitterKind.CYLINDER in self.kinds),
+            "EMITTER_CONES": int(EmitterKind.CONE in self.kinds),
+            "EMITTER_POINTS": int(EmitterKind.POINT in self.kinds),
+            "EMITTER_SPOTS": int(EmitterKind.SPOT in self.kinds),
+            "EMITTER_PROFILES": int(EmitterKind.PROFILE in self.kinds),
+            "EMITTER_DIRECTIONS": int(EmitterKind.DIRECTIONAL in self.kinds),
+            "EMITTER_TEXTURES": int((painted & (self.records["primitive"] >= 0))[: self.count].any()),
+            "EMITTER_SUNS": int(EmitterKind.SUN in self.kinds),
+            "ENVIRONMENT_SAMPLED": int(EmitterKind.ENVIRONMENT in self.kinds),
+        }
+
+
+def _flat(primitive: Primitive, record: np.void) -> float:
+    """Fill in a rectangle or a disk; return its area."""
+    disk = primitive.kind is Kind.DISK
+    x, y, _, origin = primitive.placement[:3].T
+    area = float(np.linalg.norm(cross(x, y))) * (np.pi if disk else 1.0)
+    normal = np.linalg.inv(primitive.placement)[2, :3]
+    record["kind"] = EmitterKind.DISK if disk else EmitterKind.RECTANGLE
+    record["a"] = (*origin, area)
+    record["u"][:3], record["v"][:3], record["normal"][:3] = x, y, normal / np.linalg.norm(normal)
+    record["uv_x"][:2], record["uv_y"][:2] = (1, 0), (0, 1)
+    return area
+
+
+def _sphere(primitive: Primitive, record: np.void) -> float:
+    """Fill in a sphere; return its area."""
+    center, radius = sphere_of(primitive.placement)
+    record["kind"] = EmitterKind.SPHERE
+    record["a"] = (*center, radius)
+    axes = primitive.placement[:3, :3] / radius
+    record["u"][:3], record["v"][:3], record["uv"][2] = axes[:, 0], axes[:, 2], np.sign(np.linalg.det(axes))
+    return 4 * np.pi * radius**2
+
+
+def _solid(primitive: Primitive, record: np.void) -> float:
+    """Fill in a solid; return its area."""
+    fill_solid(record, primitive.kind, primitive.placement)
+    return area_of_solid(primitive.kind, primitive.placement[:3, :3])
+
+
+_BRIGHTEST_AFAR = 1e30  # over the lamps near by, of which nothing is to be seen then; sums of it are float32 still
+_TINY_ANGLE = 1e-4  # as in kernels/light/emitters.h
+_SAMPLED = {Kind.RECTANGLE: _flat, Kind.DISK: _flat, Kind.SPHERE: _sphere, **dict.fromkeys(SOLIDS, _solid)}
+
+
+@dataclass(frozen=True)
+class Glow:
+    """What a material emits: radiance, mean over a texture; the texture's index or -1; whether the back shines; the
+    number of its spectrum."""
+
+    radiance: NDArray[np.float64]
+    texture: int
+    two_sided: bool
+    number: int
+
+    @property
+    def strength(self) -> float:
+        """Radiance times sides [W/(m² sr), luminance]."""
+        return float(luminance(self.radiance)) * (2 if self.two_sided else 1)
+
+    def fill(self, records: NDArray[np.void] | np.void) -> None:
+        """Write it into records."""
+        records["radiance"][..., :3] = self.radiance
+        records["radiance"][..., 3] = self.number
+        records["texture"], records["two_sided"] = self.texture, self.two_sided
+
+
+def glow_of(material: Material, textures: TextureTable, spectra: KnownSpectra) -> Glow:
+    """Return what a material emits; its texture and its spectrum are entered."""
+    emitted: Texture | Colour = (0.0, 0.0, 0.0)
+    two_sided = False
+    if isinstance(material, Emissive):
+        emitted, two_sided = material.radiance, material.two_sided
+    elif isinstance(material, Principled):
+        emitted = material.emission
+    colour, texture = textures.slot(emitted, limit=LARGEST_RADIANCE)
+    number = spectra.number(emitted, light=True)
+    return Glow(np.array(colour) if texture < 0 else textures.mean(texture), texture, two_sided, number)
+
+
+def _surface_emitter(index: int, primitive: Primitive, glow: Glow) -> Found | None:
+    """Return record and power [W, luminance] of an emissive primitive, or None when it is not sampled."""
+    if primitive.kind not in _SAMPLED or glow.strength <= 0:
+        return None
+    record: np.void = EMITTER.zeros(1)[0]
+    area = _SAMPLED[primitive.kind](primitive, record)
+    glow.fill(record)
+    record["primitive"], record["triangle"] = index, -1
+    return np.array([record], EMITTER.dtype), np.array([np.pi * area * glow.strength])
+
+
+def _mesh_emitters(
+    index: int, primitive: Primitive, first_triangle: int, eye: NDArray[np.float64], glow: Glow
+) -> Found | None:
+    """Return records and powers [W, luminance] of the triangles of an emissive mesh, or None when it does not shine."""
+    if primitive.mesh is None or glow.strength <= 0:
+        return None
+    records, areas = triangle_emitters(primitive.mesh, primitive.placement, eye)
+    glow.fill(records)
+    records["primitive"] = index
+    records["triangle"] = first_triangle + np.arange(len(records))
+    return records, np.pi * areas * glow.strength
+
+
+def _scene_reach(primitives: list[Primitive], eye: NDArray[np.float64]) -> float:
+    """Return a radius about the eye that holds all bounded primitives [m]."""
+    placements = [each.placement[:3] for each in primitives if each.mesh is None and each.kind is not Kind.PLANE]
+    reach = float(np.linalg.norm(placements, ord=2, axis=(1, 2)).max()) if placements else 0.0
+    for primitive in primitives:
+        if primitive.mesh is not None:
+            corners = corners_of_box(*primitive.mesh.bounds(), primitive.placement)
+            reach = max(reach, float(np.linalg.norm(corners - eye, axis=1).max()))
+    return reach or 1.0
+
+
+def _has_tiny(records: NDArray[np.void], primitives: list[Primitive], eye: NDArray[np.float64]) -> bool:
+    """Return whether one of several lamps may be seen at an angle below which kernels end rays before it."""
+    pieces = records[records["primitive"] >= 0]
+    if len(pieces) < 2:
+        return False
+    extents = pieces["a"][:, 3].astype(np.float64)
+    sizes = np.where(pieces["kind"] >= EmitterKind.BOX, extents, np.sqrt(extents))
+    ends = (pieces["kind"] != EmitterKind.SPHERE) & (pieces["two_sided"] == 0)
+    return bool((sizes[ends] < _TINY_ANGLE * 2 * _scene_reach(primitives, eye)).any())
+
+
+def pack_emitters(
+    scene: Scene,
+    primitives: list[Primitive],
+    first_triangles: Sequence[int],
+    textures: TextureTable,
+    spectra: KnownSpectra,
+    surroundings: Surroundings,
+) -> Emitters:
+    """Return the emitters that light sampling chooses from: by a tree where there are many lamps, else by their power.
+
+    Suns come last. Writes into the record of the surroundings where they stand, and the environment.
+
+    Parameters
+    ----------
+    scene
+        The scene.
+    primitives
+        Its primitives, sorted by kind.
+    first_triangles
+        Of those that are meshes, in their order.
+    textures
+        Has the textures of lamps; takes the pictures of measured luminaires.
+    spectra
+        Takes the spectra of lamps.
+    surroundings
+        The environment.
+    """
+    eye = scene.metres_per_unit * np.array(scene.camera.eye)
+    chosen, of_primitive = _surface_emitters(primitives, first_triangles, eye, textures, spectra)
+    far = surroundings.kind is EnvironmentKind.IMAGE or surroundings.sun is not None or len(scene.lights) > 0
+    reach = _scene_reach(primitives, eye) if far else 1.0
+    lights = [light_emitter(light, scene, textures, spectra, reach) for light in scene.lights]
+    if surroundings.kind is EnvironmentKind.IMAGE:
+        lights.append(_environment(surroundings.flux * np.pi * reach**2))
+    if surroundings.sun is not None:
+        lights.append(sun_emitter(surroundings.sun, reach))
+    lights = sorted((found for found in lights if found[1] > 0), key=lambda found: found[0]["kind"] == EmitterKind.SUN)
+    chosen += [(np.array([record], EMITTER.dtype), np.array([power])) for record, power in lights]
+    count = sum(len(records) for records, _ in chosen)
+    records, curve, tree = EMITTER.zeros(count), np.zeros((1, 2), np.float32), None
+    if chosen:
+        records[:] = np.concatenate([part for part, _ in chosen])
+        powers = np.concatenate([power for _, power in chosen])
+        curve, chance = curves(powers[None])
+        records["pick"] = chance[0]
+        near = ~np.isin(records["kind"], list(FROM_AFAR))
+        lamps = lamps_of(records[near], powers[near]) if near.sum() > 1 else None
+        if lamps and variance_by_power(lamps, lit_points(primitives, of_primitive, lamps, eye)) > BREAK_EVEN:
+            order = np.argsort(~near, kind="stable")  # of_primitive stays: surfaces stand first
+            records, powers = records[order], powers[order]
+            tree = _with_tree(records, powers, lamps, reach, surroundings)
+        _note_infinity(records["kind"], surroundings)
+    kinds = frozenset(EmitterKind(kind) for kind in set(records["kind"][:count].tolist()))
+    tiny = _has_tiny(records, primitives, eye)
+    return Emitters(records, of_primitive, kinds, count, curve.ravel(), tree, tiny)
+
+
+def _with_tree(
+    records: NDArray[np.void], powers: NDArray[np.float64], lamps: Lamps, reach: float, surroundings: Surroundings
+) -> LightTree:
+    """Return the tree over the lamps, which stand first; write leaves and the light from infinity into the records."""
+    tree, count = light_tree(lamps), len(lamps.power)
+    records["leaf"][:count] = tree.leaf_of
+    # The tree estimates power / distance², pi times an irradiance; an even sky gives that a quarter of its flux.
+    even = np.where(records["kind"][count:] == EmitterKind.ENVIRONMENT, 4.0, 1.0)
+    afar = powers[count:] / (reach**2 * even * powers[:count].sum())
+    records["pick"][count:] = np.minimum(afar, _BRIGHTEST_AFAR)
+    surroundings.record["lamps"], surroundings.record["light_levels"] = count, tree.levels
+    return tree
+
+
+def _note_infinity(kinds: NDArray[np.int32], surroundings: Surroundings) -> None:
+    """Write which emitters are suns and which stands for a picture."""
+    suns = int((kinds == EmitterKind.SUN).sum())
+    surroundings.record["first_sun"], surroundings.record["suns"] = len(kinds) - suns, suns
+    surroundings.record["emitter"] = int((kinds == EmitterKind.ENVIRONMENT).argmax())
+
+
+def _surface_emitters(
+    primitives: list[Primitive],
+    first_triangles: Sequence[int],
+    eye: NDArray[np.float64],
+    textures: TextureTable,
+    spectra: KnownSpectra,
+) -> tuple[list[Found], dict[int, int]]:
+    """Return records and powers of what shines, primitive by primitive, and the first emitter of each of them."""
+    chosen: list[Found] = []
+    of_primitive: dict[int, int] = {}
+    count = 0
+    first_mesh = len(primitives) - len(first_triangles)
+    for index, primitive in enumerate(primitives):
+        glow = glow_of(primitive.material, textures, spectra)
+        if has_holes(primitive.material):  # a sample would have to ask whether it lies in one; paths find what shines
+            continue
+        if primitive.trajectory is not None:  # a sample would have to follow it; paths find what shines
+            continue
+        if primitive.mesh is None:
+            found = _surface_emitter(index, primitive, glow)
+        else:
+            found = _mesh_emitters(index, primitive, first_triangles[index - first_mesh], eye, glow)
+        if found is not None:
+            of_primitive[index] = count
+            count += len(found[0])
+            chosen.append(found)
+    return chosen, of_primitive
+
+
+def _environment(power: float) -> tuple[np.void, float]:
+    record: np.void = EMITTER.zeros(1)[0]
+    record["kind"], record["primitive"], record["triangle"] = EmitterKind.ENVIRONMENT, -1, -1
+    record["texture"] = -1
+    return record, power
+
+
+# Lamps that the camera may see out of focus, as it sees them.
+
+OUTLINE_STEPS = 32  # of an outline
+ANGLES = np.linspace(0.0, np.pi / 2, 16, endpoint=False)  # at which the least rectangle about a lamp is looked for
+
+
+def visible_lamps(primitives: Iterable[Primitive], eye: Array, textures: TextureTable) -> tuple[SeenLamp, ...]:
+    """Return what shines and stands still, seen from the eye, in the world about it [m].
+
+    Planes, lamps around the eye and those that turn their back to it are left out.
+    """
+    lamps = (_seen(primitive, eye, textures) for primitive in primitives if primitive.trajectory is None)
+    return tuple(lamp for lamp in lamps if lamp is not None)
+
+
+def _seen(primitive: Primitive, eye: Array, textures: TextureTable) -> SeenLamp | None:
+    if primitive.kind is Kind.PLANE:
+        return None
+    glow = glow_of(primitive.material, textures, KnownSpectra())
+    if glow.strength <= 0:
+        return None
+    found = _outline(primitive, eye, two_sided=glow.two_sided)
+    if found is None or np.linalg.norm(found[0]) <= 1.5 * np.linalg.norm(found[1], axis=1).max():
+        return None
+    centre, axes, is_round = found
+    return SeenLamp(centre, axes, is_round, float(luminance(glow.radiance)))
+
+
+def _outline(primitive: Primitive, eye: Array, *, two_sided: bool) -> tuple[Array, Array, bool] | None:
+    """Return middle, half axes and whether it is round, of what the eye sees of a primitive."""
+    linear, origin = primitive.placement[:3, :3], primitive.placement[:3, 3]
+    if primitive.kind in (Kind.DISK, Kind.RECTANGLE):
+        normal = np.linalg.inv(linear)[2]
+        if not two_sided and normal @ origin >= 0:
+            return None
+        if primitive.kind is Kind.DISK:
+            return origin, linear[:, :2].T, True
+        axes = linear[:, :2].T / 2
+        return origin + axes.sum(axis=0), axes, False
+    if primitive.kind is Kind.SPHERE:
+        centre, radius = sphere_of(primitive.placement)
+        across, distance = _across(centre), float(np.linalg.norm(centre))
+        share = 1 - (radius / distance) ** 2 if distance > radius else 0.0  # within it, nothing is left
+        return centre, across * (radius / np.sqrt(max(share, 0.1))), True
+    if primitive.kind is Kind.ELLIPSOID:
+        across = _across(origin)
+        sizes, directions = np.linalg.eigh(across @ linear @ linear.T @ across.T)
+        return origin, np.sqrt(np.maximum(sizes, 0.0))[:, None] * (directions.T @ across), True
+    return (*_least_rectangle(_hull(primitive, eye)), False)
+
+
+def _across(towards: Array) -> Array:
+    """Return two unit vectors (2, 3) across a direction; any two where there is none."""
+    length = float(np.linalg.norm(towards))
+    z = towards / length if length > 0 else np.array([0.0, 0.0, 1.0])
+    x = cross(z, np.eye(3)[np.argmin(np.abs(z))])
+    x /= np.linalg.norm(x)
+    return np.stack([x, cross(z, x)])
+
+
+def _hull(primitive: Primitive, eye: Array) -> Array:
+    """Return points (n, 3) whose hull holds a primitive, about the eye."""
+    if primitive.mesh is not None:
+        return corners_of_box(*primitive.mesh.bounds(), primitive.placement) - eye
+    angle = 2 * np.pi * np.arange(OUTLINE_STEPS) / OUTLINE_STEPS
+    ring = np.stack([np.cos(angle), np.sin(angle), np.zeros(OUTLINE_STEPS)], axis=1)
+    match primitive.kind:
+        case Kind.CYLINDER:
+            points = np.concatenate([ring, ring + np.array([0.0, 0.0, 1.0])])
+        case Kind.CONE:
+            points = np.concatenate([ring, [[0.0, 0.0, 1.0]]])
+        case _:
+            points = np.array(np.meshgrid([-1.0, 1.0], [-1.0, 1.0], [-1.0, 1.0])).reshape(3, 8).T
+    return np.asarray(points @ primitive.placement[:3, :3].T + primitive.placement[:3, 3])
+
+
+def _least_rectangle(points: Array) -> tuple[Array, Array]:
+    """Return middle and half edges of the least rectangle across the view that holds points."""
+    middle = (points.min(axis=0) + points.max(axis=0)) / 2
+    across = _across(middle)
+    flat = (points - middle) @ across.T
+    turns = np.stack([np.cos(ANGLES), np.sin(ANGLES), -np.sin(ANGLES), np.cos(ANGLES)], axis=1).reshape(-1, 2, 2)
+    turned = np.einsum("kij,nj->kni", turns, flat)
+    low, high = turned.min(axis=1), turned.max(axis=1)
+    best = int(np.argmin(np.prod(high - low, axis=1)))
+    edges = turns[best] @ across
+    return middle + (low[best] + high[best]) / 2 @ edges, (high[best] - low[best])[:, None] / 2 * edges

@@ -1,0 +1,585 @@
+"""Materials of the scene as records, and which parts of them there are."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.core.records import MATERIAL, MaterialKind
+from rptcam_cl.rendering.plan.textures import KnownSpectra, TextureTable, fill_index, metal_constants, metal_spectra
+from rptcam_cl.scene.materials import (
+    AbsorbingMaterial,
+    Blend,
+    BumpyMaterial,
+    Conductor,
+    CoveringMaterial,
+    Dielectric,
+    Emissive,
+    ImageTexture,
+    Material,
+    Matte,
+    MetalSpectrum,
+    Mirror,
+    Mix,
+    OpticalConstants,
+    Plastic,
+    Principled,
+    Texture,
+    ThinGlass,
+    alpha_pair,
+)
+from rptcam_cl.scene.quantities import LARGEST_RADIANCE, Colour, SpectralColour
+
+# The largest share of light that any surface of a scene gives back: what bounds the light of long paths.
+
+
+@dataclass(frozen=True)
+class LargestAlbedo:
+    """The largest albedo of a scene, at any wavelength and angle.
+
+    Attributes
+    ----------
+    value : float or None
+        None where nothing below 1 is known for sure.
+    reason : str
+        Why it is not known; empty where it is.
+    """
+
+    value: float | None
+    reason: str = ""
+
+
+def largest_albedo(materials: Iterable[Material]) -> LargestAlbedo:
+    """Return the largest albedo of some materials; that of none is 0."""
+    largest = 0.0
+    for material in {id(material): material for material in materials}.values():
+        found = _albedo(material)
+        if found.value is None:
+            return found
+        largest = max(largest, found.value)
+    return LargestAlbedo(largest)
+
+
+def _albedo(material: Material) -> LargestAlbedo:
+    match material:
+        case Emissive():
+            return LargestAlbedo(0.0)
+        case Mix():
+            return largest_albedo(material.materials)
+        case Matte() | Mirror():
+            return _of_colour(material.reflectance)
+        case Conductor() if material.reflectance is not None:
+            return _of_colour(material.reflectance)
+    # Fresnel's equations reflect everything at grazing angles, and glass passes on what it does not reflect.
+    return LargestAlbedo(None, f"{material.kind} may reflect or pass on all light")
+
+
+def _of_colour(colour: Colour | Texture) -> LargestAlbedo:
+    if isinstance(colour, ImageTexture):
+        return LargestAlbedo(None, "a picture gives the reflectance")
+    parts: tuple[Colour, ...] = colour.colours if isinstance(colour, Blend) else (colour,)
+    return LargestAlbedo(max(map(_largest, parts)))
+
+
+def _largest(colour: Colour) -> float:
+    """Return the largest channel, and of a spectrum the largest sample; what upsampling makes of channels is less."""
+    largest = max(colour)
+    return max(largest, float(colour.samples.max())) if isinstance(colour, SpectralColour) else largest
+
+
+# How much light the sheen of cloth sends back, by quadrature in float64 (Estevez and Kulla 2017).
+
+Array = NDArray[np.float64]
+_SHEEN_GRID = 128  # points along each side of the square of directions
+_ROOTS = (np.arange(32) + 0.5) / 32  # of the cosines where the albedo is fitted
+_SHALLOW = np.geomspace(1e-4, 0.2, 25)  # cosines among which the albedo is largest
+_DEGREE = 4  # of kernels/material/sheen.h
+# Their fit of Smith's Lambda at alpha 0 and 1: a, b, c, d, e of a / (1 + b x^c) + d x + e.
+_FIT = np.array([[25.3245, 3.32435, 0.16801, -1.27393, -4.85967], [21.5473, 3.82987, 0.19823, -1.97760, -4.32054]])
+
+
+@dataclass(frozen=True)
+class SheenLobe:
+    """What the kernels take of a sheen.
+
+    Attributes
+    ----------
+    scale : float
+        Factor on the formula with which no direction gets back more than arrives: 1 from a roughness of 0.25 on.
+    peak : float
+        Density of normals in the surface, with the factor.
+    half : float
+        Logarithm of Smith's Lambda at the cosine 0.5.
+    albedo : tuple of float
+        Coefficients of the logarithm of the share that a white sheen sends back: a quartic in the root of the cosine,
+        from above.
+    """
+
+    scale: float
+    peak: float
+    half: float
+    albedo: tuple[float, ...]
+
+
+def sheen_lambda(cosine: Array, alpha: float) -> Array:
+    """Return Smith's Lambda by the fit of Estevez and Kulla."""
+    a, b, c, d, e = (1 - alpha) ** 2 * _FIT[0] + (1 - (1 - alpha) ** 2) * _FIT[1]
+    x = np.where(cosine < 0.5, cosine, 1 - cosine)
+    fit, half = (a / (1 + b * y**c) + d * y + e for y in (x, 0.5))
+    return np.asarray(np.exp(np.where(cosine < 0.5, fit, 2 * half - fit)))
+
+
+def sheen_density(sine: Array, alpha: float) -> Array:
+    """Return the density of the fibres' normals by the sine of their angle to the surface's."""
+    return np.asarray((2 + 1 / alpha) * sine ** (1 / alpha) / (2 * np.pi))
+
+
+def sheen_albedo(cosine: float, alpha: float) -> float:
+    """Return the share of light from a direction that a white sheen sends back."""
+    node, weight = np.polynomial.legendre.leggauss(_SHEEN_GRID)
+    root = (node[:, None] + 1) / 2
+    z = root**2  # the lobe is narrow where the way out grazes
+    turn = (np.arange(_SHEEN_GRID) + 0.5) / _SHEEN_GRID * np.pi
+    h = np.stack(
+        np.broadcast_arrays(
+            np.sqrt(1 - cosine**2) + np.sqrt(1 - z**2) * np.cos(turn), np.sqrt(1 - z**2) * np.sin(turn), cosine + z
+        ),
+        axis=-1,
+    )
+    sine = np.sqrt(np.clip(1 - h[..., 2] ** 2 / np.sum(h**2, axis=-1), 0, None))
+    shadowed = 4 * cosine * (1 + sheen_lambda(np.array(cosine), alpha) + sheen_lambda(z, alpha))
+    value = sheen_density(sine, alpha) / shadowed
+    return float(2 * np.pi * (value.mean(axis=1) @ (weight * root[:, 0])))
+
+
+@lru_cache(maxsize=256)
+def sheen_lobe(alpha: float) -> SheenLobe:
+    """Return what the kernels take of a sheen."""
+    share = np.array([sheen_albedo(float(cosine), alpha) for cosine in _ROOTS**2])
+    scale = 1 / max(1.0, *share, *(sheen_albedo(float(cosine), alpha) for cosine in _SHALLOW))
+    share *= scale
+    weight = np.sqrt(np.maximum(share, 1e-4)) * _ROOTS
+    powers = _ROOTS[:, None] ** np.arange(_DEGREE + 1)
+    wanted = np.log(np.maximum(share, 1e-8))
+    fit = np.linalg.lstsq(powers * weight[:, None], wanted * weight, rcond=None)[0]
+    counts = share > 0.02  # lifted until nothing that counts is too low
+    fit[0] += max(float(np.max((wanted - powers @ fit)[counts])), 0.0)
+    peak = scale * float(sheen_density(np.array(1.0), alpha))
+    half = float(np.log(sheen_lambda(np.array(0.5), alpha)))
+    return SheenLobe(scale, peak, half, tuple(map(float, fit)))
+
+
+# What the dielectric cover of a plastic lets in and out, by quadrature in float64.
+
+_COVER_GRID = 96  # points along each side of the square of facet normals
+_COSINES = np.concatenate([[0.02, 0.05], np.linspace(0.1, 1.0, 25)])
+
+
+def fresnel(cosine: Array, index: float) -> Array:
+    """Return the unpolarised reflectance of a smooth dielectric of index >= 1 from outside."""
+    inside = np.sqrt(1 - (1 - cosine**2) / index**2)
+    s, p = (cosine - index * inside) / (cosine + index * inside), (index * cosine - inside) / (index * cosine + inside)
+    return np.asarray((s**2 + p**2) / 2)
+
+
+def rough_albedo(cosine: float, alpha: tuple[float, float], index: float) -> float:
+    """Return the share of light from a direction that GGX facets of a dielectric reflect once.
+
+    Over visible normals (Heitz 2014) on a midpoint grid of their spherical cap (Dupuy and Benyoub 2023); with two
+    alphas, for their geometric mean.
+    """
+    a = float(np.sqrt(alpha[0] * alpha[1]))
+    u, v = np.meshgrid(*[(np.arange(_COVER_GRID) + 0.5) / _COVER_GRID] * 2)
+    wi = np.array([np.sqrt(1 - cosine**2), 0.0, cosine])
+    w = wi * (a, a, 1)
+    w /= np.linalg.norm(w)
+    z = (1 - v) * (1 + w[2]) - w[2]
+    r = np.sqrt(np.clip(1 - z**2, 0, None))
+    h = np.stack([r * np.cos(2 * np.pi * u) + w[0], r * np.sin(2 * np.pi * u), z + w[2]], axis=-1) * (a, a, 1)
+    h /= np.linalg.norm(h, axis=-1, keepdims=True)
+    c = h @ wi
+    up = 2 * c * h[..., 2] - cosine
+    z = np.where(up > 0, up, 1.0)
+    stretch_i, stretch_o = (np.sqrt(x**2 + a**2 * (1 - x**2)) for x in (cosine, z))
+    passed = z * (cosine + stretch_i) / (z * stretch_i + cosine * stretch_o)
+    return float(np.where(up > 0, passed * fresnel(c, index), 0.0).mean())
+
+
+@lru_cache(maxsize=256)
+def rough_cover(alpha: tuple[float, float], index: float) -> tuple[float, ...]:
+    """Return the coefficients of the share that a rough cover reflects: a quartic in 1 - cosine, from above."""
+    share = np.array([rough_albedo(cosine, alpha, index) for cosine in _COSINES])
+    powers = (1 - _COSINES)[:, None] ** np.arange(_DEGREE + 1)
+    weight = np.sqrt(_COSINES)
+    fit = np.linalg.lstsq(powers * weight[:, None], share * weight, rcond=None)[0]
+    for power, part in ((0, _COSINES > 0.5), (_DEGREE, _COSINES <= 0.5)):  # lifted until nothing is too low
+        fit[power] += max(float(np.max((share - powers @ fit)[part] / powers[part, power])), 0.0)
+    return tuple(map(float, fit))
+
+
+def cover_mean(cover: tuple[float, ...]) -> float:
+    """Return the share of even light that a cover reflects: the integral of 2 mu E(mu)."""
+    return float(sum(2 * c / ((i + 1) * (i + 2)) for i, c in enumerate(cover)))
+
+
+@lru_cache(maxsize=256)
+def smooth_mean(index: float) -> float:
+    """Return the share of even light that a smooth cover reflects from outside."""
+    cosines = (np.arange(4096) + 0.5) / 4096
+    return float(np.mean(2 * cosines * fresnel(cosines, index)))
+
+
+def internal_reflectance(outside: float, index: float) -> float:
+    """Return the share of diffuse light from inside that a cover reflects, given the share from outside.
+
+    As much light passes an interface either way: (1 - inside) index^2 = 1 - outside.
+    """
+    return 1 - (1 - outside) / index**2
+
+
+# What of a material reflects like a mirror, or nearly: how much of the light, and how far it spreads it.
+
+SMOOTH_ALPHA = 0.05  # GGX's alpha of what counts as polished
+SPREADING_ALPHA = 0.002  # from which what it spreads counts
+COAT_REFLECTANCE = 0.04
+PAINTED = ("roughness", "metallic", "coat", "anisotropy", "specular", "specular_color")  # what a texture may replace
+COVERS = (MaterialKind.DIELECTRIC, MaterialKind.ROUGH_DIELECTRIC, MaterialKind.PLASTIC, MaterialKind.ROUGH_PLASTIC)
+
+
+@dataclass(frozen=True)
+class Lobe:
+    """A share of a surface that reflects like a mirror, or spreads light little.
+
+    Attributes
+    ----------
+    record : np.void
+        Of the material.
+    share : float
+        Of the surface.
+    alpha : float
+        GGX's, 0 where nothing is spread.
+    coat : bool
+        Whether it is the clear coat of a material that has one.
+    """
+
+    record: np.void
+    share: float
+    alpha: float
+    coat: bool = False
+
+    def reflectance(self, cosine: Array, behind: NDArray[np.bool_]) -> Array:
+        """Return the share of light that is reflected (n, 3), of rays that make an angle with the normal."""
+        record, kind = self.record, MaterialKind(int(self.record["kind"]))
+        colour, index = record["color"][:3].astype(np.float64), float(record["parameter"])
+        if self.coat:
+            found = float(record["coat"]) * _coat(cosine)[:, None] * np.ones(3)
+        elif kind is MaterialKind.METAL:
+            n, k = (record[name][:3].astype(np.float64) for name in ("metal_n", "metal_k"))
+            found = colour * _of_metal(cosine[:, None], n, k)
+        elif kind is MaterialKind.THIN_GLASS:
+            found = colour * _of_pane(cosine, index, record["absorption"][:3].astype(np.float64))
+        elif kind is MaterialKind.PRINCIPLED:
+            found = _of_principled(record, cosine)
+        elif kind in COVERS:
+            found = _fresnel(cosine, np.where(behind, 1.0 / index, index))[:, None] * np.ones(3)
+        else:
+            found = np.tile(colour, (len(cosine), 1))
+        return np.asarray(self.share * found)
+
+
+def lobes_of(materials: NDArray[np.void], index: int, share: float = 1.0) -> Iterator[Lobe]:
+    """Yield the shares of a material that reflect like a mirror, or nearly.
+
+    There are none of what textures make rough, uneven or full of holes, as far as no single number says how much.
+    """
+    record = materials[index]
+    kind = MaterialKind(int(record["kind"]))
+    if record["opacity_texture"] >= 0 or record["normal_texture"] >= 0:
+        return
+    share *= float(record["opacity"] if record["cutoff"] == 0 else record["opacity"] >= record["cutoff"])
+    if kind is MaterialKind.MIX:
+        if record["factor_texture"] < 0:
+            yield from lobes_of(materials, int(record["first"]), share * (1.0 - float(record["factor"])))
+            yield from lobes_of(materials, int(record["second"]), share * float(record["factor"]))
+        return
+    alpha = float(np.sqrt(record["alpha"] * record["alpha_across"]))
+    if kind in (MaterialKind.MIRROR, MaterialKind.THIN_GLASS, MaterialKind.DIELECTRIC, MaterialKind.PLASTIC):
+        alpha = 0.0
+    elif kind in (MaterialKind.MATTE, MaterialKind.EMISSIVE):
+        return
+    coloured = kind in (MaterialKind.CONDUCTOR, MaterialKind.METAL, MaterialKind.PRINCIPLED) and record["texture"] >= 0
+    painted = coloured or max(record[f"{name}_texture"] for name in PAINTED) >= 0
+    if share > 0 and alpha <= SMOOTH_ALPHA and not painted:
+        yield Lobe(record, share, alpha)
+    even = max(record[f"coat_{name}texture"] for name in ("", "roughness_", "normal_")) < 0
+    coated = kind is MaterialKind.PRINCIPLED and record["coat"] > 0 and record["coat_alpha"] <= SMOOTH_ALPHA
+    if share > 0 and coated and even:
+        yield Lobe(record, share, float(record["coat_alpha"]), coat=True)
+
+
+def _fresnel(cosine: Array, eta: Array) -> Array:
+    """Return the reflectance of a dielectric; `eta` is the index behind the surface over that in front."""
+    sine2 = (1.0 - cosine**2) / eta**2
+    beyond = np.sqrt(np.maximum(1.0 - sine2, 0.0))
+    s = (cosine - eta * beyond) / (cosine + eta * beyond)
+    p = (eta * cosine - beyond) / (eta * cosine + beyond)
+    return np.asarray(np.where(sine2 >= 1.0, 1.0, 0.5 * (s * s + p * p)))
+
+
+def _of_metal(cosine: Array, n: Array, k: Array) -> Array:
+    """Return the reflectance of a metal of index n + i k."""
+    root = np.sqrt((n + 1j * k) ** 2 - (1.0 - cosine**2))
+    s = (cosine - root) / (cosine + root)
+    p = ((n + 1j * k) ** 2 * cosine - root) / ((n + 1j * k) ** 2 * cosine + root)
+    return np.asarray(0.5 * (np.abs(s) ** 2 + np.abs(p) ** 2))
+
+
+def _of_pane(cosine: Array, index: float, depth: Array) -> Array:
+    """Return what both faces of a pane reflect together."""
+    r = _fresnel(cosine, np.full_like(cosine, index))[:, None]
+    inside = np.sqrt(np.maximum(1.0 - (1.0 - cosine**2) / index**2, 1e-12))[:, None]
+    t2 = np.exp(-2.0 * depth / inside)
+    return np.asarray(r + (1.0 - r) ** 2 * r * t2 / np.maximum(1.0 - r * r * t2, 1e-30))
+
+
+def _schlick(cosine: Array) -> Array:
+    return np.asarray(np.maximum(1.0 - cosine, 0.0) ** 5)
+
+
+def _coat(cosine: Array) -> Array:
+    return COAT_REFLECTANCE + (1.0 - COAT_REFLECTANCE) * _schlick(cosine)
+
+
+def _of_principled(record: np.void, cosine: Array) -> Array:
+    """Return the reflectance of a dielectric and a metal beside each other, under the coat, where there is one."""
+    steep, index = _schlick(cosine)[:, None], float(record["parameter"])
+    specular, metallic = float(record["specular"]), float(record["metallic"])
+    normal = record["specular_color"][:3] * specular * ((index - 1.0) / (index + 1.0)) ** 2
+    dielectric = normal + (specular - normal) * steep
+    colour = record["color"][:3].astype(np.float64)
+    metal = colour + (1.0 - colour) * steep
+    under = (1.0 - float(record["coat"]) * _coat(cosine)[:, None]) ** 2
+    return np.asarray(under * (dielectric + metallic * (metal - dielectric)))
+
+
+_TEXTURES = ("texture", "glow_texture", "roughness_texture", "metallic_texture", "coat_texture",
+             "coat_roughness_texture", "sheen_texture", "opacity_texture", "factor_texture",
+             "normal_texture", "anisotropy_texture", "specular_texture", "specular_color_texture",
+             "coat_normal_texture", "transmission_texture")  # fmt: skip
+
+Faceted = Conductor | Dielectric | Plastic | Principled
+
+
+@dataclass(frozen=True)
+class Materials:
+    """What the kernels read of materials.
+
+    Attributes
+    ----------
+    records : array of Material
+    index : dict
+        Record of each material, by its ``id``.
+    facts : dict
+        Which kinds of material and which of their features there are.
+    """
+
+    records: NDArray[np.void]
+    index: dict[int, int]
+    facts: dict[str, int]
+
+
+def _kind(material: Material) -> MaterialKind:
+    match material:
+        case Conductor() if material.metal is not None:
+            return MaterialKind.METAL
+        case Dielectric() | Plastic() if material.alphas is not None:
+            return MaterialKind[f"ROUGH_{material.kind.upper()}"]
+    return MaterialKind[material.kind.upper()]
+
+
+class _Filler:
+    """Writes a material into its record."""
+
+    def __init__(self, textures: TextureTable, spectra: KnownSpectra) -> None:
+        self._textures, self._spectra = textures, spectra
+
+    def _colour(self, record: np.void, name: str, texture: str, value: Colour | Texture, limit: float) -> None:
+        """Write a colour with the number of its spectrum, or the texture that gives it."""
+        record[name][:3], record[texture] = self._textures.slot(value, limit=limit)
+        record[name][3] = self._spectra.number(value, light=limit > 1.0)
+
+    def _number(self, record: np.void, name: str, value: float | Texture) -> None:
+        """Write a number, or the texture that gives it."""
+        colour: tuple[float, float, float] | Texture = (value,) * 3 if isinstance(value, (int, float)) else value
+        (record[name], _, _), record[f"{name}_texture"] = self._textures.slot(colour, limit=1.0)
+
+    def _roughness(self, record: np.void, name: str, value: float | Texture) -> float:
+        """Return the roughness; 1 where a texture is written that gives it."""
+        if isinstance(value, (int, float)):
+            return value
+        _, record[name] = self._textures.slot(value, limit=1.0)
+        return 1.0
+
+    def fill(self, record: np.void, material: Material) -> None:
+        """Write everything but the two materials of a mix into a record of `_white`."""
+        record["kind"] = _kind(material)
+        reflectance = getattr(material, "reflectance", None)
+        if reflectance is not None:
+            self._colour(record, "color", "texture", reflectance, 1.0)
+        record["parameter"] = getattr(material, "parameter", 0.0)
+        match material:
+            case Emissive():
+                self._colour(record, "color", "texture", material.radiance, LARGEST_RADIANCE)
+            case Principled():
+                self._principled(record, material)
+            case Mix():
+                self._number(record, "factor", material.factor)
+        if isinstance(material, (Conductor, Dielectric, Plastic)):
+            _facets(record, material, material.alphas or (0.0, 0.0))
+        if isinstance(material, Dielectric):
+            fill_index(record, material)
+        if isinstance(material, Conductor) and material.metal is not None:
+            self._metal(record, material.metal)
+        if isinstance(material, Plastic):
+            _cover(record, material)
+        if isinstance(material, AbsorbingMaterial):
+            record["absorption"][:3] = material.absorption
+            record["absorption"][3] = self._spectra.number(material.absorption)
+        if isinstance(material, ThinGlass):
+            record["absorption"][:3] = material.depth
+            record["absorption"][3] = self._spectra.number(material.depth)
+        self._coverage(record, material)
+
+    def _metal(self, record: np.void, metal: str | OpticalConstants | MetalSpectrum) -> None:
+        """Write the index n + i k of a metal: of each channel, and of one that was measured the spectra."""
+        if isinstance(metal, OpticalConstants):
+            record["metal_n"][:3], record["metal_k"][:3] = metal.n, metal.k
+            return
+        record["metal_n"][:3], record["metal_k"][:3] = metal_constants(metal)
+        record["metal_n"][3], record["metal_k"][3] = map(self._spectra.add, metal_spectra(metal))
+
+    def _coverage(self, record: np.void, material: Material) -> None:
+        if isinstance(material, CoveringMaterial):
+            self._number(record, "opacity", material.opacity)
+            record["cutoff"] = material.opacity_cutoff if material.opacity_mode == "mask" else 0.0
+        if isinstance(material, BumpyMaterial) and material.normal_map is not None:
+            _, record["normal_texture"] = self._textures.slot(material.normal_map, limit=1.0)
+            record["normal_strength"] = material.normal_map.strength
+
+    def _principled(self, record: np.void, material: Principled) -> None:
+        self._colour(record, "color", "texture", material.base_color, 1.0)
+        self._colour(record, "glow", "glow_texture", material.emission, LARGEST_RADIANCE)
+        self._number(record, "metallic", material.metallic)
+        roughness = self._roughness(record, "roughness_texture", material.roughness)
+        _facets(record, material, alpha_pair(roughness, material.anisotropy))
+        if material.anisotropy_map is not None:
+            _, record["anisotropy_texture"] = self._textures.slot(material.anisotropy_map, limit=1.0)
+            record["anisotropy_strength"] = material.anisotropy_map.strength
+            record["anisotropy_turn"] = _turn(material)
+        self._number(record, "specular", material.specular)
+        self._colour(record, "specular_color", "specular_color_texture", material.specular_color, 1.0)
+        self._number(record, "transmission", material.transmission)
+        self._number(record, "coat", material.clearcoat)
+        coat_roughness = self._roughness(record, "coat_roughness_texture", material.clearcoat_roughness)
+        record["coat_flat"] = material.clearcoat_flat
+        if material.clearcoat_normal_map is not None:
+            _, record["coat_normal_texture"] = self._textures.slot(material.clearcoat_normal_map, limit=1.0)
+            record["coat_normal_strength"] = material.clearcoat_normal_map.strength
+        record["coat_alpha"] = alpha_pair(coat_roughness, 0.0)[0]
+        if not isinstance(material.sheen, tuple) or max(material.sheen) > 0:
+            self._sheen(record, material)
+
+    def _sheen(self, record: np.void, material: Principled) -> None:
+        self._colour(record, "sheen", "sheen_texture", material.sheen, 1.0)
+        alpha = alpha_pair(material.sheen_roughness, 0.0)[0]
+        lobe = sheen_lobe(alpha)
+        record["sheen_cover"], record["sheen_last"] = lobe.albedo[:4], lobe.albedo[4]
+        record["sheen_alpha"], record["sheen_peak"], record["sheen_half"] = alpha, lobe.peak, lobe.half
+
+
+def _facets(record: np.void, material: Faceted, alphas: tuple[float, float]) -> None:
+    record["alpha"], record["alpha_across"] = alphas
+    if alphas[0] != alphas[1]:
+        record["anisotropy_turn"] = _turn(material)
+
+
+def _turn(material: Faceted) -> float:
+    return material.anisotropy_rotation_degrees / 360 % 1
+
+
+def _cover(record: np.void, material: Plastic) -> None:
+    if material.alphas is None:
+        mean = smooth_mean(material.index)
+    else:
+        cover = rough_cover(material.alphas, material.index)
+        record["cover"], record["cover_last"] = cover[:4], cover[4]
+        mean = cover_mean(cover)
+    record["internal"] = internal_reflectance(mean, material.index)
+
+
+def _facts(records: NDArray[np.void]) -> dict[str, int]:
+    """Which kinds and features the records have."""
+    kinds = set(records["kind"].tolist())
+    principled = records["kind"] == MaterialKind.PRINCIPLED
+    clear = np.isin(records["kind"], (MaterialKind.DIELECTRIC, MaterialKind.ROUGH_DIELECTRIC, MaterialKind.PRINCIPLED))
+    coated = principled & ((records["coat"] > 0) | (records["coat_texture"] >= 0))
+    flat = (records["coat_flat"] != 0) & (records["normal_texture"] >= 0)
+    clearing = records["transmission_texture"] >= 0
+    tinted = records["specular_color"][principled] != (1, 1, 1, 0)
+    brushed = records["anisotropy_texture"] >= 0
+    facts = {f"HAS_{kind.name}": int(kind in kinds) for kind in MaterialKind}
+    features = {
+        "HAS_ANISOTROPY": np.any(records["alpha"] != records["alpha_across"]) or np.any(brushed),
+        "HAS_ANISOTROPY_TURN": np.any(records["anisotropy_turn"][~brushed] != 0),
+        "HAS_ANISOTROPY_MAP": np.any(brushed),
+        "HAS_TRANSMISSION": np.any(records["transmission"][principled] > 0) or np.any(clearing),
+        "HAS_TRANSMISSION_TEXTURE": np.any(clearing),
+        "HAS_CLEARCOAT": np.any(coated),
+        "HAS_COAT_NORMAL": np.any(coated & ((records["coat_normal_texture"] >= 0) | flat)),
+        "HAS_SHEEN": np.any(records["sheen"][principled] > 0) or np.any(records["sheen_texture"] >= 0),
+        "HAS_ABSORPTION": np.any(records["absorption"][clear] > 0),
+        "HAS_GLOW": np.any(records["glow"] > 0) or np.any(records["glow_texture"] >= 0),
+        "HAS_ROUGHNESS_TEXTURE": np.any(records["roughness_texture"] >= 0),
+        "HAS_METALLIC_TEXTURE": np.any(records["metallic_texture"] >= 0),
+        "HAS_COAT_TEXTURE": np.any(records["coat_texture"] >= 0),
+        "HAS_COAT_ROUGHNESS_TEXTURE": np.any(records["coat_roughness_texture"] >= 0),
+        "HAS_SHEEN_TEXTURE": np.any(records["sheen_texture"] >= 0),
+        "HAS_SPECULAR_TEXTURE": np.any(records["specular_texture"] >= 0),
+        "HAS_SPECULAR_COLOR": np.any(tinted) or np.any(records["specular_color_texture"] >= 0),
+        "HAS_SPECULAR_COLOR_TEXTURE": np.any(records["specular_color_texture"] >= 0),
+        "HAS_DISPERSION": np.any(records["dispersion_terms"] > 0),
+        "HAS_OPACITY": np.any(records["opacity"] < 1) or np.any(records["opacity_texture"] >= 0),
+        "HAS_NORMAL_MAP": np.any(records["normal_texture"] >= 0),
+    }
+    return facts | {name: int(value) for name, value in features.items()}
+
+
+def _white(count: int) -> NDArray[np.void]:
+    """Return records of materials of no kind: white, without textures or holes."""
+    records = MATERIAL.zeros(count)
+    records["color"][:, :3], records["specular_color"][:, :3], records["opacity"] = 1.0, 1.0, 1.0
+    for name in _TEXTURES:
+        records[name] = -1
+    return records
+
+
+def pack_materials(materials: Sequence[Material], textures: TextureTable, spectra: KnownSpectra) -> Materials:
+    """Return one record per distinct material, those that are mixed included; collect their textures and spectra."""
+    parts = [part for material in materials if isinstance(material, Mix) for part in material.materials]
+    distinct = list({id(material): material for material in (*materials, *parts)}.values())
+    index = {id(material): place for place, material in enumerate(distinct)}
+    records = _white(len(distinct))
+    filler = _Filler(textures, spectra)
+    for record, material in zip(records, distinct, strict=False):
+        filler.fill(record, material)
+        if isinstance(material, Mix):
+            record["first"], record["second"] = (index[id(part)] for part in material.materials)
+    if not distinct:
+        records["kind"], records["color"] = -1, 0.0
+    records["textured"] = np.any([records[name] >= 0 for name in _TEXTURES], axis=0)
+    records["textured"] |= records["kind"] == MaterialKind.MIX
+    return Materials(records, index, _facts(records))

@@ -1,0 +1,804 @@
+"""The plan of a render: facts that specialise the kernels, and the records that they read."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.core.colour import (
+    LUMINANCE,
+    WAVELENGTHS_NM,
+    cie_1931,
+    daylight_65,
+    luminance,
+    response_curves,
+    rgb_basis,
+    srgb_from_xyz,
+)
+from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.records import CAUSTIC_SURFACE, EmitterKind, Kind, SpectrumKind
+from rptcam_cl.core.vectors import curves
+from rptcam_cl.rendering.cameras.lamp_aim import SeenLamp, Shows, Sights, aimed_at_lamps
+from rptcam_cl.rendering.cameras.model import CameraModel, FilterTable, camera_trajectory, filter_table, turned
+from rptcam_cl.rendering.cameras.realistic import camera_model
+from rptcam_cl.rendering.plan.emitters import (
+    SOLIDS,
+    Emitters,
+    area_of_solid,
+    pack_emitters,
+    triangle_emitters,
+    visible_lamps,
+)
+from rptcam_cl.rendering.plan.environment import Surroundings
+from rptcam_cl.rendering.plan.materials import LargestAlbedo, Materials, largest_albedo
+from rptcam_cl.rendering.plan.primitives import (
+    MeshPlan,
+    Movements,
+    Owners,
+    PackedMeshes,
+    PlanParts,
+    Primitive,
+    has_huge_sphere,
+    owners_of,
+    pack_movements,
+    pack_primitives,
+    scene_primitives,
+    with_meshes,
+)
+from rptcam_cl.rendering.plan.textures import KnownSpectra, Textures
+from rptcam_cl.scene.base import file_references
+from rptcam_cl.scene.film import Film
+from rptcam_cl.scene.load import at_opening, exposure_steps
+from rptcam_cl.scene.materials import (
+    Dielectric,
+    Material,
+    Matte,
+    Mirror,
+    Mix,
+    Plastic,
+    Principled,
+    ThinGlass,
+    has_holes,
+)
+from rptcam_cl.scene.scene import Scene
+
+# What the numbers of a path's light are, and which wavelengths paths have.
+
+Array = NDArray[np.float64]
+
+WAVELENGTH_CELLS = 528  # a multiple of 3, for three wavelengths per path
+GREEN_NM = 550.0
+WHITE_ON_AXIS = ("relative", "auto")  # exposures that divide out what the lens leaves of white
+
+AxialColour = tuple[Array, Array] | None
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """The kind of light that paths carry.
+
+    Attributes
+    ----------
+    kind : SpectrumKind
+    table : float32 array
+        Wavelengths and what they weigh, as ``kernels/common/wavelength.h`` reads them; a single 0 for RGB.
+    facts : dict
+        Facts for the compilation.
+    metadata : dict
+        What the picture's metadata should say.
+    """
+
+    kind: SpectrumKind
+    table: NDArray[np.float32]
+    facts: dict[str, int]
+    metadata: dict[str, Any] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, kind: SpectrumKind, table: NDArray[np.float32], **facts: int) -> Spectrum:
+        """Return the light of a kind; facts that are not given are 0."""
+        absent = {"WAVELENGTH_CELLS": 0, "SPECTRAL_COLOURS": 0, "HAS_SPECTRA": 0, "LENS_SPLITS": 0, "HAS_DISPERSION": 0}
+        cells = {"WAVELENGTH_CELLS": WAVELENGTH_CELLS} if kind else {}
+        return cls(kind, table, absent | cells | facts | {"SPECTRUM": int(kind)})
+
+
+def primary_spectra() -> Array:
+    """Return how red, green and blue light is spread over `WAVELENGTHS_NM`, shape (401, 3), each of sum 1.
+
+    White light of D65 as the sRGB primaries' matching functions (CIE 1931) see it, their negative parts left out: none
+    of red, green and blue can be less than nothing. Each channel then is light of its own, and white a mixture of all.
+    """
+    matching = cie_1931() @ srgb_from_xyz().T * daylight_65()[:, None]
+    spread = np.maximum(matching, 0.0)
+    return np.asarray(spread / spread.sum(axis=0))
+
+
+def wavelength_table(spectra: Array, density: Array, low_nm: float, high_nm: float) -> NDArray[np.float32]:
+    """Return `WAVELENGTH_CELLS` equally likely cells as rows: wavelength where it starts, weights of red, green, blue.
+
+    Parameters
+    ----------
+    spectra : (401, 3) array
+        What light of each wavelength of `WAVELENGTHS_NM` adds to the channels.
+    density : (401,) array
+        How likely each wavelength is to be chosen; above 0 wherever a spectrum is.
+    low_nm, high_nm
+        Wavelengths that paths may have [nm]; the spectra are cut there and keep their sums.
+    """
+    grid = np.concatenate([[low_nm], WAVELENGTHS_NM[(low_nm < WAVELENGTHS_NM) & (high_nm > WAVELENGTHS_NM)], [high_nm]])
+    columns = np.stack([np.interp(grid, WAVELENGTHS_NM, values) for values in (*spectra.T, density)])
+    pieces = (columns[:, 1:] + columns[:, :-1]) / 2 * np.diff(grid)
+    sums = np.concatenate([np.zeros((4, 1)), np.cumsum(pieces, axis=1)], axis=1)
+    sums *= np.append(spectra.sum(axis=0), 1.0)[:, None] / sums[:, -1:]
+    starts = np.interp(np.arange(WAVELENGTH_CELLS + 1) / WAVELENGTH_CELLS, sums[3], grid)
+    shares = np.array([np.interp(starts, grid, row) for row in sums[:3]])
+    weights = np.append(np.diff(shares, axis=1) * WAVELENGTH_CELLS, np.zeros((3, 1)), axis=1)
+    return np.concatenate([starts[None], weights]).T.astype(np.float32)
+
+
+def seen_by(scene: Scene, camera: CameraModel, spectra: KnownSpectra, materials: Materials) -> Spectrum:
+    """Return the kind of light of the paths that a camera sees: as requested, or as needed.
+
+    A mode that nothing in the scene calls for is not compiled: without dispersion, `dispersive` is RGB.
+    """
+    settings = scene.spectrum
+    lens = camera.bends_colours
+    low, high = camera.usable_nm
+    if low >= GREEN_NM or high <= GREEN_NM:
+        raise InputError(
+            f"spectrum: the glasses of the lens are not all known for green light ({low:g} to {high:g} nm)"
+        )
+    axial = camera.axial_colour if scene.exposure.mode in WHITE_ON_AXIS else None
+    glass = materials.facts["HAS_DISPERSION"] > 0
+    metadata = {}
+    if settings.mode == "spectral" or (settings.mode == "auto" and spectra.colours > 0):
+        metadata["observer"], matching = observer(scene)
+        spectrum = _spectral(matching, axial, spectra, (low, high), lens=lens)
+    elif settings.mode != "rgb" and (lens or glass):
+        spectrum = _dispersive(axial, (low, high), lens=lens)
+    else:
+        spectrum = Spectrum.of(SpectrumKind.RGB, np.zeros(1, np.float32))
+    metadata |= {"spectrum": spectrum.kind.name.lower(), "spectrum_requested": settings.mode}
+    facts = spectrum.facts | {"HAS_DISPERSION": int(glass and spectrum.kind != SpectrumKind.RGB)}
+    return replace(spectrum, facts=facts, metadata=metadata)
+
+
+def _dispersive(axial: AxialColour, range_nm: tuple[float, float], *, lens: bool) -> Spectrum:
+    """Return the spectrum of RGB light whose paths have a wavelength each."""
+    spectra = primary_spectra()
+    table = wavelength_table(spectra, least_noise(spectra), *range_nm)
+    table[:, 1:] /= _left_of_white(table, np.ones(WAVELENGTH_CELLS), axial)
+    return Spectrum.of(SpectrumKind.DISPERSIVE, table.ravel(), LENS_SPLITS=int(lens))
+
+
+def least_noise(spectra: Array) -> Array:
+    """Return the density of wavelengths with which light of these spectra (401, 3) has the least noise in grey.
+
+    The variances of its luminance and of the differences of red and of blue to it count alike; their sum is least where
+    the density goes with the root of the sum of their squares.
+    """
+    bright = spectra @ LUMINANCE
+    return np.asarray(np.sqrt(bright**2 + (spectra[:, 0] - bright) ** 2 + (spectra[:, 2] - bright) ** 2))
+
+
+def observer(scene: Scene) -> tuple[str, Array]:
+    """Return who sees, the scene's sensor or the eye, and the weights (401, 3) that make linear sRGB of spectra."""
+    if scene.sensor is not None and scene.sensor.response is not None:
+        return scene.sensor.response, response_curves(scene.sensor.response)
+    return "cie_1931", cie_1931() @ srgb_from_xyz().T
+
+
+def _spectral(
+    matching: Array, axial: AxialColour, spectra: KnownSpectra, range_nm: tuple[float, float], *, lens: bool
+) -> Spectrum:
+    """Return the spectrum of light at three wavelengths per path, which ``matching`` (401, 3) makes linear sRGB of.
+
+    The weights of cells are corrected, by about one part in a thousand, so that the primaries that colours are made of
+    come out exactly.
+    """
+    table = wavelength_table(matching, _density(matching, spectra.lights), *range_nm)
+    edges = table[:, 0].astype(np.float64)
+    colours = np.concatenate([rgb_basis().T, daylight_65()[None]])
+    colours = cell_means(colours, edges)
+    seen = table[:-1, 1:].T.astype(np.float64) @ (colours[:3] * colours[3]).T / WAVELENGTH_CELLS
+    table[:, 1:] = table[:, 1:] @ np.linalg.inv(seen).T
+    table[:, 1:] /= _left_of_white(table, colours[3], axial)
+    known = cell_means(np.array(spectra.samples), edges) if spectra.samples else np.zeros((0, WAVELENGTH_CELLS))
+    parts = np.concatenate([part.ravel() for part in (table, colours.T, known)]).astype(np.float32)
+    return Spectrum.of(
+        SpectrumKind.SPECTRAL, parts, SPECTRAL_COLOURS=1, HAS_SPECTRA=int(len(known) > 0), LENS_SPLITS=int(lens)
+    )
+
+
+def _density(matching: Array, lights: list[Array]) -> Array:
+    """Return how likely wavelengths are: as daylight is seen, and half of them as the lights of known spectra are."""
+    sees = np.abs(matching).mean(axis=1)
+    found = sees * daylight_65()
+    density = found / found.sum()
+    shining = [light for light in lights if (light * sees).sum() > 0]
+    if shining:
+        density = (density + np.mean([light * sees / (light * sees).sum() for light in shining], axis=0)) / 2
+    return np.asarray(density)
+
+
+def cell_means(spectra: Array, edges_nm: Array) -> Array:
+    """Return means (n, cells) of spectra (n, 401), linear between `WAVELENGTHS_NM`, over cells of wavelength."""
+    grid = np.union1d(WAVELENGTHS_NM, edges_nm)
+    values = np.array([np.interp(grid, WAVELENGTHS_NM, row) for row in spectra])
+    pieces = (values[:, 1:] + values[:, :-1]) / 2 * np.diff(grid)
+    sums = np.concatenate([np.zeros((len(values), 1)), np.cumsum(pieces, axis=1)], axis=1)
+    places = np.searchsorted(grid, edges_nm)
+    widths = np.diff(edges_nm)
+    return np.asarray(np.diff(sums[:, places], axis=1) / np.where(widths > 0, widths, 1.0))
+
+
+def _left_of_white(table: NDArray[np.float32], white: Array, axial: AxialColour) -> Array:
+    """Return what a lens leaves of white on its axis, as a factor on each channel; 1s where the exposure shows it."""
+    if axial is None:
+        return np.ones(3)
+    middles = (table[:-1, 0] + table[1:, 0]) / 2
+    seen = np.interp(middles, *axial)
+    weights = table[:-1, 1:].astype(np.float64) * white[:, None]
+    return np.asarray((weights * seen[:, None]).mean(axis=0) / weights.mean(axis=0))
+
+
+#
+# Caustics: where photons start and end, and whether a scene has any.
+#
+# Photons start at smooth glass and mirrors with light of the lamps that light sampling knows, and end at receivers:
+# surfaces that scatter light widely. `kernels/pass/photons.cl` traces them.
+
+PHOTONS = "on: photons (biased: what they bring is blurred, less with more samples)"
+SURFACE, RECEIVER = 1, 2  # roles of primitives
+SMALL_LAMP_SR = 0.01  # a lamp that glass or a mirror sees so large is found by paths
+LEAST_SHARE = 0.1  # of the lamps' light on glass and mirrors that must come from smaller ones
+LEAST_VIEWS, MOST_VIEWS = 4, 64  # pieces of glass and mirrors that are asked how large they see the lamps
+# Least GGX alpha of a principled receiver: the highlight of a smoother one shows what it mirrors, which photons blur.
+LEAST_ALPHA = 0.04
+WITHOUT_SIZE = (EmitterKind.POINT, EmitterKind.SPOT, EmitterKind.PROFILE, EmitterKind.DIRECTIONAL)
+
+# Area of the canonical shapes [1].
+_AREA = {
+    Kind.SPHERE: 4 * np.pi,
+    Kind.ELLIPSOID: 4 * np.pi,
+    Kind.RECTANGLE: 1.0,
+    Kind.DISK: np.pi,
+    Kind.CYLINDER: 2 * np.pi,
+    Kind.CONE: np.sqrt(2) * np.pi,
+}
+
+
+@dataclass(frozen=True)
+class Caustics:
+    """Where photons start and end.
+
+    Attributes
+    ----------
+    active : bool
+        Whether photons are traced.
+    choice : str or None
+        What was decided and why; None where the scene leaves it off, or has none and does not ask.
+    surfaces : array of CausticSurface
+        Smooth glass and mirrors; boxes as their faces, meshes as triangles.
+    curve : (n,) array
+        Picks among them by area.
+    roles : (primitives,) array
+        What each primitive is: bits of `SURFACE` and `RECEIVER`.
+    """
+
+    active: bool
+    choice: str | None
+    surfaces: NDArray[np.void]
+    curve: NDArray[np.float32]
+    roles: NDArray[np.int32]
+
+    @property
+    def facts(self) -> dict[str, int]:
+        """Whether the kernels must know of photons."""
+        return {"CAUSTICS": int(self.active)}
+
+
+def pack_caustics(
+    scene: Scene, primitives: Sequence[Primitive], first_triangles: Sequence[int], emitters: Emitters
+) -> Caustics:
+    """Return the caustics of a scene, inactive where it has none or leaves them off.
+
+    Parameters
+    ----------
+    scene
+        The scene; ``render.caustics`` says what is wanted.
+    primitives
+        Its primitives, meshes last.
+    first_triangles
+        Of those that are meshes, in their order.
+    emitters
+        The lamps that light sampling chooses from.
+
+    Raises
+    ------
+    InputError
+        With ``render.caustics: on`` where objects move.
+    """
+    wanted = scene.render.caustics
+    if wanted == "off":
+        return _without(None)
+    roles = np.array([_role(primitive) for primitive in primitives] or [0], np.int32)
+    if reason := _nothing_to_do(roles, emitters):
+        return _without(reason if "caustics" in scene.render.model_fields_set else None)
+    if any(primitive.trajectory is not None for primitive in primitives):
+        if wanted == "on":
+            raise InputError("render.caustics: objects that move have none (allowed: off or auto, or objects at rest)")
+        return _without("objects move")
+    eye = np.array(scene.camera.eye) * scene.metres_per_unit
+    surfaces, areas, places = _surfaces(primitives, first_triangles, roles, eye)
+    if wanted == "auto" and (reason := _left_to_paths(scene, primitives, emitters, surfaces, places)):
+        return _without(reason)
+    curve, _ = curves(areas[None])
+    return Caustics(True, PHOTONS, surfaces, curve.ravel(), roles)
+
+
+def _without(reason: str | None) -> Caustics:
+    choice = None if reason is None else f"off: {reason}"
+    return Caustics(False, choice, CAUSTIC_SURFACE.zeros(1), np.zeros(4, np.float32), np.zeros(1, np.int32))
+
+
+def _parts(material: Material) -> Sequence[Material]:
+    return material.materials if isinstance(material, Mix) else (material,)
+
+
+def _is_smooth(material: Material) -> bool:
+    if isinstance(material, Dielectric):
+        return material.alphas is None
+    return isinstance(material, (Mirror, ThinGlass))
+
+
+def _receives(material: Material) -> bool:
+    if isinstance(material, Principled):
+        roughness = material.roughness
+        rough = not isinstance(roughness, float) or roughness**2 >= LEAST_ALPHA
+        others = material.metallic, material.transmission
+        return rough and all(not isinstance(share, float) or share < 0.5 for share in others)
+    if isinstance(material, Plastic):
+        return material.alphas is None or min(material.alphas) >= LEAST_ALPHA
+    return isinstance(material, Matte)
+
+
+def _role(primitive: Primitive) -> int:
+    parts = _parts(primitive.material)
+    if any(map(_receives, parts)):
+        return RECEIVER
+    smooth = any(map(_is_smooth, parts)) and primitive.kind is not Kind.PLANE and not has_holes(primitive.material)
+    return SURFACE if smooth else 0
+
+
+def _nothing_to_do(roles: NDArray[np.int32], emitters: Emitters) -> str | None:
+    if not set(emitters.kinds) - {EmitterKind.ENVIRONMENT}:
+        return "no lamp that light sampling knows"
+    if not (roles == SURFACE).any():
+        return "no smooth glass and no mirror of finite size"
+    if not (roles == RECEIVER).any():
+        return "no surface that scatters light widely"
+    return None
+
+
+def _surfaces(
+    primitives: Sequence[Primitive], first_triangles: Sequence[int], roles: NDArray[np.int32], eye: NDArray[np.float64]
+) -> tuple[NDArray[np.void], NDArray[np.float64], NDArray[np.float64]]:
+    """Return the records of smooth glass and mirrors, their areas [m²], and of triangles the middles about the eye."""
+    records, areas, places = [], [], []
+    first_mesh = len(primitives) - len(first_triangles)
+    for index, primitive in enumerate(primitives):
+        if roles[index] != SURFACE:
+            continue
+        if primitive.mesh is not None:
+            triangles, area = triangle_emitters(primitive.mesh, primitive.placement, eye)
+            place = (triangles["a"] + (triangles["u"] + triangles["v"]) / 3)[:, :3]
+            found = CAUSTIC_SURFACE.zeros(len(area))
+            found["kind"], found["area"] = Kind.MESH, area
+            found["triangle"] = first_triangles[index - first_mesh] + np.arange(len(area))
+        else:
+            found, area = _shape_surfaces(primitive)
+            place = np.zeros((len(found), 3))
+        found["primitive"] = index
+        records.append(found)
+        areas.append(area)
+        places.append(place)
+    return np.concatenate(records), np.concatenate(areas), np.concatenate(places)
+
+
+def _shape_surfaces(primitive: Primitive) -> tuple[NDArray[np.void], NDArray[np.float64]]:
+    kind, placements = primitive.kind, [primitive.placement]
+    if kind is Kind.BOX:
+        kind, placements = Kind.RECTANGLE, [primitive.placement @ face for face in _FACES]
+    found = CAUSTIC_SURFACE.zeros(len(placements))
+    found["kind"], found["triangle"], found["area"] = kind, -1, _AREA[kind]
+    for record, placement in zip(found, placements, strict=True):
+        for axis, name in enumerate(("row_x", "row_y", "row_z")):
+            record[name] = placement[axis]
+    return found, np.array([_area_of(kind, placement[:3, :3]) for placement in placements])
+
+
+def _cube_faces() -> list[NDArray[np.float64]]:
+    """Return the placements of the unit square on the six faces of the cube from -1 to 1."""
+    found = []
+    for axis in range(3):
+        for side in (-1.0, 1.0):
+            face = np.zeros((4, 4))
+            face[(axis + 1) % 3, 0] = face[(axis + 2) % 3, 1] = 2.0
+            face[axis, 2] = 1.0
+            face[:3, 3] = -1.0
+            face[axis, 3], face[3, 3] = side, 1.0
+            found.append(face)
+    return found
+
+
+_FACES = _cube_faces()
+
+
+def _area_of(kind: Kind, linear: NDArray[np.float64]) -> float:
+    """Return the area of a canonical shape under a linear map, by its mean growth over 256 normals."""
+    turn, up = np.linspace(0, 2 * np.pi, 16, endpoint=False), (np.arange(16) + 0.5) / 8 - 1
+    around, z = (grid.ravel() for grid in np.meshgrid(turn, up))
+    aside = {Kind.CYLINDER: np.ones_like(z), Kind.CONE: np.full_like(z, 0.5**0.5)}.get(kind, np.sqrt(1 - z * z))
+    height = {Kind.CYLINDER: np.zeros_like(z), Kind.CONE: np.full_like(z, 0.5**0.5)}.get(kind, z)
+    normals = np.stack([aside * np.cos(around), aside * np.sin(around), height], axis=1)
+    if kind in (Kind.RECTANGLE, Kind.DISK):
+        normals = np.array([[0.0, 0.0, 1.0]])
+    x, y, z_row = linear
+    cofactors = np.array([np.cross(y, z_row), np.cross(z_row, x), np.cross(x, y)])
+    return float(_AREA[kind] * np.linalg.norm(normals @ cofactors.T, axis=1).mean())
+
+
+def _left_to_paths(
+    scene: Scene,
+    primitives: Sequence[Primitive],
+    emitters: Emitters,
+    surfaces: NDArray[np.void],
+    places: NDArray[np.float64],
+) -> str | None:
+    """Return why `auto` leaves the light of glass and mirrors to paths, None where photons are worth their cost."""
+    if scene.shutter.keys:
+        return "keys move while the shutter is open"
+    if scene.render.clamp is not None:
+        return "render.clamp takes away what paths find seldom"
+    records = emitters.records[: emitters.count]
+    if np.isin(records["kind"], WITHOUT_SIZE).any():
+        return None
+    share = _share_of_small_lamps(primitives, records[records["kind"] != EmitterKind.ENVIRONMENT], surfaces, places)
+    if share >= LEAST_SHARE:
+        return None
+    return f"paths find the lamps: those below {SMALL_LAMP_SR} sr bring {share:.0%} of their light to glass and mirrors"
+
+
+def _share_of_small_lamps(
+    primitives: Sequence[Primitive], lamps: NDArray[np.void], surfaces: NDArray[np.void], places: NDArray[np.float64]
+) -> float:
+    """Return how much of the lamps' irradiance on glass and mirrors comes from lamps that are seen small from there."""
+    suns = lamps["kind"] == EmitterKind.SUN
+    _, lamp = np.unique(np.where(suns, -1 - np.arange(len(lamps)), lamps["primitive"]), return_inverse=True)
+    size = _sizes(primitives, lamps)
+    corner = np.isin(lamps["kind"], (EmitterKind.RECTANGLE, EmitterKind.TRIANGLE))
+    middle = np.where(lamps["kind"] == EmitterKind.TRIANGLE, 1 / 3, 0.5 * corner)[:, None]
+    centres = (lamps["a"] + middle * (lamps["u"] + lamps["v"]))[:, :3].astype(np.float64)
+    brightness = luminance(lamps["radiance"][:, :3].astype(np.float64))
+    small = every = 0.0
+    views = int(np.clip(10**6 // len(lamps), LEAST_VIEWS, MOST_VIEWS))
+    for k in np.unique(np.linspace(0, len(surfaces) - 1, views).astype(int)):
+        nearest = places[k] if surfaces[k]["kind"] == Kind.MESH else _nearest(surfaces[k], centres)
+        distance2 = ((nearest - centres) ** 2).sum(axis=1)
+        angle = np.minimum(size / np.where(suns, 1.0, np.maximum(distance2, 1e-12)), 2 * np.pi)
+        whole = np.bincount(lamp, angle)
+        light = np.bincount(lamp, angle * brightness)
+        small, every = small + light[whole < SMALL_LAMP_SR].sum(), every + light.sum()
+    return float(small / every) if every > 0 else 0.0
+
+
+def _sizes(primitives: Sequence[Primitive], lamps: NDArray[np.void]) -> NDArray[np.float64]:
+    """Return the area that lamps show [m²]; of suns their solid angle [sr]."""
+    kinds, extents = lamps["kind"], lamps["a"][:, 3].astype(np.float64)
+    sizes = np.where(np.isin(kinds, (EmitterKind.SPHERE, EmitterKind.SUN)), np.pi * extents, extents)
+    sizes = np.where(kinds == EmitterKind.SPHERE, sizes * extents, sizes)
+    for k in np.flatnonzero(np.isin(kinds, list(SOLIDS.values()))):
+        solid = primitives[int(lamps["primitive"][k])]
+        sizes[k] = area_of_solid(solid.kind, solid.placement[:3, :3]) / 4  # what a convex body shows on average
+    return sizes
+
+
+def _nearest(surface: np.void, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the points of a shape near to points (n, 3): the nearest ones where it is not stretched."""
+    placement = np.array([surface[name] for name in ("row_x", "row_y", "row_z")], np.float64)
+    x, y, z = (np.linalg.pinv(placement[:, :3]) @ (points - placement[:, 3]).T).astype(np.float64)
+    kind, radius = surface["kind"], np.maximum(np.hypot(x, y), 1e-12)
+    if kind == Kind.RECTANGLE:
+        inside = np.stack([np.clip(x, 0, 1), np.clip(y, 0, 1), 0 * z])
+    elif kind == Kind.DISK:
+        inside = np.stack([x, y, 0 * z]) / np.maximum(radius, 1)
+    elif kind == Kind.CYLINDER:
+        inside = np.stack([x / radius, y / radius, np.clip(z, 0, 1)])
+    elif kind == Kind.CONE:
+        height = np.clip(z, 0, 1)
+        inside = np.stack([(1 - height) * x / radius, (1 - height) * y / radius, height])
+    else:
+        assert kind in (Kind.SPHERE, Kind.ELLIPSOID), kind
+        inside = np.stack([x, y, z]) / np.maximum(np.sqrt(x * x + y * y + z * z), 1e-12)
+    return np.asarray((placement[:, :3] @ inside).T + placement[:, 3])
+
+
+# What a plan says of a scene but for its camera: primitives, materials, lamps and surroundings.
+
+FRAMED = (
+    "HAS_ANISOTROPY_TURN",
+    "HAS_ANISOTROPY_MAP",
+    "HAS_NORMAL_MAP",
+    "HAS_COAT_NORMAL",
+)  # what wants the frame of u and v
+FEW = 16  # primitives, as many as lanes that a processor permutes at once
+
+
+@dataclass(frozen=True, eq=False)
+class World:
+    """What the kernels read of a scene beside the camera, about the eye, and the facts that they are compiled for."""
+
+    facts: dict[str, int]
+    primitives: NDArray[np.void]
+    primitive_count: int
+    kind_end: NDArray[np.int32]
+    movements: Movements
+    materials: Materials
+    spectra: KnownSpectra
+    textures: Textures
+    emitters: Emitters
+    surroundings: Surroundings
+    caustics: Caustics
+    meshes: PackedMeshes | None
+    owners: Owners
+    eye_m: NDArray[np.float64]
+    albedo: LargestAlbedo
+    lamps: tuple[SeenLamp, ...]  # that the eye sees
+
+
+def world_of(scene: Scene, parts: PlanParts) -> World:
+    """Return the world of a scene; that before, where nothing of which it is made is another."""
+    solids, far = scene.solids(), (scene.lights, scene.environment)
+    named = tuple(scene.materials), tuple(scene.materials.values())
+    shown = tuple(solid.shown_materials() for solid in solids)
+    files = tuple(scene.digest_of(reference) for _, reference in file_references((shown, far)))
+    caustics = scene.render.caustics, "caustics" in scene.render.model_fields_set, scene.render.clamp is None
+    about = scene.camera.eye, scene.metres_per_unit, scene.shutter, caustics
+    of = scene.objects, solids, named, far, files, about
+    return parts.part("world", of, lambda: _made(scene, parts, files))
+
+
+def _made(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> World:
+    primitives, meshes = with_meshes(scene_primitives(scene), scene, parts)
+    materials = [primitive.material for primitive in primitives]
+    seen = parts.appearance(scene, materials, files)
+    table, spectra, shown, surroundings = seen.table, seen.spectra, seen.shown, seen.surroundings
+    first_triangles = meshes.first_triangles if meshes else ()
+    emitters = pack_emitters(scene, primitives, first_triangles, table, spectra, surroundings)
+    eye_m = np.array(scene.camera.eye) * scene.metres_per_unit
+    textures = parts.textures(seen)
+    records, kind_end = pack_primitives(primitives, shown.index, emitters.of_primitive, meshes)
+    movements = pack_movements(scene, primitives)
+    caustics = pack_caustics(scene, primitives, first_triangles, emitters)
+    facts = caustics.facts | shown.facts | textures.facts | emitters.facts | movements.facts
+    facts |= _facts_of_shapes(primitives, meshes, shown.facts) | {
+        "ENVIRONMENT": int(surroundings.kind),
+        "FEW_PRIMITIVES": int(len(primitives) <= FEW),
+        "HUGE_SPHERES": int(has_huge_sphere(primitives)),
+    }
+    return World(
+        facts=facts,
+        primitives=records,
+        primitive_count=len(primitives),
+        kind_end=kind_end,
+        movements=movements,
+        materials=shown,
+        spectra=spectra,
+        textures=textures,
+        emitters=emitters,
+        surroundings=surroundings,
+        caustics=caustics,
+        meshes=meshes.packed if meshes else None,
+        owners=owners_of(scene, primitives),
+        eye_m=eye_m,
+        albedo=largest_albedo(materials),
+        lamps=visible_lamps(primitives, eye_m, table),
+    )
+
+
+def _world_is_smooth(primitive: Primitive) -> bool:
+    return primitive.mesh is not None and primitive.mesh.normals is not None
+
+
+def _facts_of_shapes(
+    primitives: list[Primitive], meshes: MeshPlan | None, materials: Mapping[str, int]
+) -> dict[str, int]:
+    """Return which kinds of primitives there are, and what their surfaces require beside positions and normals."""
+    kinds = {primitive.kind for primitive in primitives}
+    bumpy = materials["HAS_NORMAL_MAP"] or materials["HAS_COAT_NORMAL"]
+    return {f"HAS_{kind.name}": int(kind in kinds) for kind in Kind} | {
+        "HAS_TANGENT": int(materials["HAS_ANISOTROPY"] or any(materials[name] for name in FRAMED)),
+        "HAS_BITANGENT": int(any(materials[name] for name in FRAMED)),
+        "HAS_SHADING_NORMAL": int(bumpy or any(map(_world_is_smooth, primitives))),
+        "HAS_AFFINE": int(bool(kinds - {Kind.SPHERE, Kind.MESH})),
+        "HAS_INSTANCES": int(meshes is not None and meshes.packed.instanced),
+    }
+
+
+# The plan of a render: facts that specialise the kernels, and the records that they read.
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Everything that the kernels of one render read, and the facts that they are compiled for."""
+
+    facts: dict[str, int]
+    camera: CameraModel
+    spectrum: Spectrum
+    camera_filter: FilterTable
+    trajectory: NDArray[np.float32]
+    primitives: NDArray[np.void]
+    movements: Movements
+    kind_end: NDArray[np.int32]
+    materials: NDArray[np.void]
+    textures: Textures
+    emitters: Emitters
+    surroundings: Surroundings
+    caustics: Caustics
+    primitive_count: int
+    meshes: PackedMeshes | None
+    owners: Owners
+    eye_m: NDArray[np.float64]
+    albedo: LargestAlbedo
+    colours: tuple[KnownSpectra, Materials]  # of the scene, for a camera in place of this one
+    lamps: tuple[SeenLamp, ...]  # that the eye sees
+    steps: tuple[Plan, ...] = ()  # of an exposure in which keys move, in place of this plan for its rays
+
+
+def make_plan(
+    scene: Scene, camera: CameraModel | None = None, *, coarse: bool = False, parts: PlanParts | None = None
+) -> Plan:
+    """Return the plan of a scene, with its own camera unless another one is given; ``coarse`` as for `camera_model`.
+
+    Where keys move while the shutter is open, it has a plan for each step of the exposure, unless a camera is given.
+
+    Parameters
+    ----------
+    parts
+        What the last plan was made of; it takes what this one is.
+    """
+    parts = parts or PlanParts()
+    plan = _still_plan(at_opening(scene), camera, coarse, parts)
+    return plan if camera is not None else replace(plan, steps=_steps(plan, scene, coarse, parts))
+
+
+def _steps(plan: Plan, scene: Scene, coarse: bool, parts: PlanParts) -> tuple[Plan, ...]:
+    """Return the plans of the steps of an exposure; those of the camera alone share all else."""
+    of_camera = all(name.partition(".")[0] == "camera" for name in scene.shutter.keys)
+    return tuple(
+        with_lens(plan, step, coarse=coarse) if of_camera else _still_plan(at_opening(step), None, coarse, parts)
+        for step in exposure_steps(scene)
+    )
+
+
+def _still_plan(scene: Scene, camera: CameraModel | None, coarse: bool, parts: PlanParts) -> Plan:
+    """Return the plan of a scene whose keys hold still."""
+    world = world_of(scene, parts)
+    trajectory, segments = camera_trajectory(scene)
+    camera = camera or parts.camera(scene, coarse=coarse)
+    spectrum = seen_by(scene, camera, world.spectra, world.materials)
+    facts = (
+        world.facts
+        | spectrum.facts
+        | {
+            "CAMERA_SEGMENTS": min(segments, 2),
+            "MOVES": int(segments > 0 or world.movements.facts["HAS_MOTION"] > 0),
+            "SAMPLER_LATTICE": int(scene.render.sampler == "lattice"),
+            "CLAMP": 0 if scene.render.clamp is None else int(np.float32(scene.render.clamp).view(np.int32)),
+        }
+    )
+    return Plan(
+        facts=facts,
+        camera=camera,
+        spectrum=spectrum,
+        camera_filter=filter_table(scene.film.filter),
+        trajectory=trajectory,
+        primitives=world.primitives,
+        movements=world.movements,
+        kind_end=world.kind_end,
+        materials=world.materials.records,
+        textures=world.textures,
+        emitters=world.emitters,
+        surroundings=world.surroundings,
+        caustics=world.caustics,
+        primitive_count=world.primitive_count,
+        meshes=world.meshes,
+        owners=world.owners,
+        eye_m=world.eye_m,
+        albedo=world.albedo,
+        colours=(world.spectra, world.materials),
+        lamps=world.lamps,
+    )
+
+
+def with_film(plan: Plan, scene: Scene, film: Film) -> Plan:
+    """Return the plan of a scene with a film of the same size in other pixels."""
+    if plan.steps:
+        return make_plan(scene.model_copy(update={"film": film}), coarse=True)
+    (before, rows), (columns, lines) = scene.film.resolution, film.resolution
+    record = plan.camera.record.copy()
+    record["width"], record["height"] = columns, lines
+    record["per_width"] *= before / columns
+    record["per_height"] *= rows / lines
+    trajectory, _ = camera_trajectory(at_opening(scene).model_copy(update={"film": film}))
+    return replace(plan, camera=replace(plan.camera, record=record), trajectory=trajectory)
+
+
+def with_pose(plan: Plan, scene: Scene, parts: PlanParts | None = None) -> Plan:
+    """Return the plan of a scene in which nothing but the pose of the camera is another; nothing moves.
+
+    ``parts`` is as for `make_plan`.
+    """
+    camera = turned(plan.camera, scene.camera)
+    if not np.array_equal(np.array(scene.camera.eye) * scene.metres_per_unit, plan.eye_m):
+        return make_plan(scene, camera, parts=parts)
+    return replace(plan, camera=camera, trajectory=camera_trajectory(scene)[0])
+
+
+def with_lens(plan: Plan, scene: Scene, *, coarse: bool = False) -> Plan:
+    """Return the plan of a scene that differs in its camera or exposure alone; the camera is in the same place.
+
+    It holds what `make_plan` returns, in a part of the time. Where a camera moves or stands elsewhere, or its light is
+    of another kind, `make_plan` makes it.
+    """
+    eye_m = np.array(scene.camera.eye) * scene.metres_per_unit
+    if plan.facts["MOVES"] or scene.camera.motion or scene.shutter.keys or not np.array_equal(eye_m, plan.eye_m):
+        return make_plan(scene, coarse=coarse)
+    camera = camera_model(scene, scene.spectrum.lens_colour, coarse=coarse)
+    spectrum = seen_by(scene, camera, *plan.colours)
+    if spectrum.facts.keys() != plan.spectrum.facts.keys():
+        return make_plan(scene, coarse=coarse)
+    trajectory, _ = camera_trajectory(scene)
+    return replace(plan, facts=plan.facts | spectrum.facts, camera=camera, spectrum=spectrum, trajectory=trajectory)
+
+
+FIRST_RAY = {"object_id", "material_id", "uv", "pupil"}  # layers of a pixel's first ray, which must aim at nothing
+
+
+def may_aim(plan: Plan, layers: Iterable[str] = ()) -> bool:
+    """Return whether camera rays may aim at lamps, if there are any out of focus.
+
+    Parameters
+    ----------
+    layers
+        That the picture is to have: those of a pixel's first ray need one that aims at nothing.
+    """
+    return bool(plan.lamps) and not (plan.steps or plan.facts["CAMERA_SEGMENTS"] or FIRST_RAY & set(layers))
+
+
+def aimed(plan: Plan, shows: Shows, sights: str | None = None, *, on_disk: bool = True) -> Plan:
+    """Return a plan that `may_aim` with camera rays that aim at lamps; without one out of focus, the plan as given.
+
+    Parameters
+    ----------
+    shows
+        Returns which lines of sight, in the world about the eye [m], nothing blocks.
+    sights
+        Names all that this depends on; then what is found is remembered.
+    on_disk
+        Whether it is kept on disk as well.
+    """
+    record = plan.camera.record[0]
+    turn = np.stack([record[name][:3] for name in ("right", "up", "back")]).astype(np.float64)
+
+    def shows_in_world(sights: Sights) -> NDArray[np.bool_]:
+        return shows(replace(sights, origins=sights.origins @ turn, targets=sights.targets @ turn))
+
+    lamps = [replace(lamp, centre=turn @ lamp.centre, axes=lamp.axes @ turn.T) for lamp in plan.lamps]
+    camera = aimed_at_lamps(plan.camera, lamps, shows_in_world, sights, on_disk=on_disk)
+    return plan if camera is plan.camera else replace(plan, camera=camera)

@@ -1,0 +1,804 @@
+"""Objects of the scene as primitives: canonical shapes with an affine placement, in metres about the eye."""
+
+from __future__ import annotations
+
+import hashlib
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.core.records import INSTANCE, PRIMITIVE, SEGMENT, Kind
+from rptcam_cl.core.vectors import cross
+from rptcam_cl.rendering.cameras.model import CameraModel, turned
+from rptcam_cl.rendering.cameras.realistic import camera_model
+from rptcam_cl.rendering.plan.environment import Surroundings, pack_environment
+from rptcam_cl.rendering.plan.materials import Materials, pack_materials
+from rptcam_cl.rendering.plan.textures import KnownSpectra, Textures, TextureTable
+from rptcam_cl.scene.assets.mesh import Mesh
+from rptcam_cl.scene.base import file_references
+from rptcam_cl.scene.camera import LensCamera
+from rptcam_cl.scene.exposure import Exposure, Shutter
+from rptcam_cl.scene.film import Film, SpectrumSettings
+from rptcam_cl.scene.materials import Material
+from rptcam_cl.scene.meshes import MeshObject
+from rptcam_cl.scene.placement import PlacedObject, Trajectory, moments, quaternion_of
+from rptcam_cl.scene.scene import Scene
+from rptcam_cl.scene.shapes import Board, Box, Cone, Cylinder, Disk, Object, Plane, Rectangle, Sphere
+
+# What the last plan was made of, for the next: the frames of a dataset and what a viewfinder shows change little.
+
+Part = TypeVar("Part")
+BY_VALUE = (str, bytes, int, float, LensCamera, Film, Exposure, Shutter, SpectrumSettings)
+
+
+@dataclass(frozen=True, eq=False)
+class Appearance:
+    """What surfaces and surroundings look like: records, textures and spectra."""
+
+    table: TextureTable
+    spectra: KnownSpectra
+    shown: Materials
+    surroundings: Surroundings
+
+    def copied(self) -> Appearance:
+        """Return these to be added to: lights have textures and spectra too, and write into the surroundings."""
+        surroundings = replace(self.surroundings, record=self.surroundings.record.copy())
+        return Appearance(self.table.copied(), self.spectra.copied(), self.shown, surroundings)
+
+
+class PlanParts:
+    """Keeps each part of a plan until it is made of something else."""
+
+    def __init__(self) -> None:
+        self._known: dict[str, tuple[tuple[Any, ...], Any]] = {}
+
+    def part(self, name: str, of: tuple[Any, ...], make: Callable[[], Part]) -> Part:
+        """Return the part of a name that is made of the same as before, else what ``make`` returns; not to be changed.
+
+        Parameters
+        ----------
+        of
+            Instances that do not change, or what compares by its content; tuples of them.
+        """
+        known = self._known.get(name)
+        if known is None or not _are_same(known[0], of):
+            known = self._known[name] = of, make()
+        found: Part = known[1]
+        return found
+
+    def appearance(self, scene: Scene, materials: Sequence[Material], files: tuple[str, ...]) -> Appearance:
+        """Return what the materials of primitives and the environment of a scene look like; it can be added to.
+
+        Parameters
+        ----------
+        files
+            Digests of the files that they name, and perhaps of others.
+        """
+
+        def make() -> Appearance:
+            table, spectra = TextureTable(scene), KnownSpectra()
+            shown = pack_materials(materials, table, spectra)
+            return Appearance(table, spectra, shown, pack_environment(scene, table, spectra))
+
+        return self.part("appearance", (*materials, scene.environment, files), make).copied()
+
+    def textures(self, appearance: Appearance) -> Textures:
+        """Return the textures of appearance to which all has been added."""
+        origin = appearance.table.unchanged_from
+        return appearance.table.pack() if origin is None else self.part("textures", (origin,), appearance.table.pack)
+
+    def camera(self, scene: Scene, *, coarse: bool) -> CameraModel:
+        """Return the model of a scene's camera: the one before, turned, where it has only been moved about."""
+
+        def make() -> CameraModel:
+            return camera_model(scene, scene.spectrum.lens_colour, coarse=coarse)
+
+        camera = scene.camera
+        if not isinstance(camera, LensCamera) or not _is_portable(scene, camera):
+            return make()
+        still = camera.model_copy(update={"eye": (0.0, 0.0, 0.0), "target": (0.0, 0.0, -1.0), "up": (0.0, 1.0, 0.0)})
+        of = (still, scene.film, scene.exposure, scene.shutter, scene.metres_per_unit, scene.spectrum, coarse)
+        return turned(self.part("camera", of, make), camera)
+
+
+def _is_portable(scene: Scene, camera: LensCamera) -> bool:
+    """Return whether a camera is the same wherever it stands, and made of no file that somebody may write anew."""
+    focus = camera.focus
+    if camera.motion or scene.shutter.keys or not (focus.point is None and focus.object is None and focus.auto is None):
+        return False
+    if not (isinstance(scene.lens_source(), str) and isinstance(scene.tolerances_source(), str | None)):
+        return False
+    return not any(file_references(camera))
+
+
+def _are_same(one: Any, other: Any) -> bool:
+    """Return whether two things are: the same instances, but for numbers, texts and how a camera is set."""
+    if one is other:
+        return True
+    if isinstance(one, tuple) and type(one) is type(other):
+        return len(one) == len(other) and all(map(_are_same, one, other))
+    return isinstance(one, BY_VALUE) and type(one) is type(other) and bool(one == other)
+
+
+# Triangles of a scene as the device holds them: pools of vertices and triangles, and who uses them.
+
+VERTEX_FLOATS = 8  # position, normal (zero: none), texture coordinates
+
+
+@dataclass(frozen=True, eq=False)
+class TriangleGroup:
+    """Triangles that share a tree.
+
+    Attributes
+    ----------
+    key : str
+        Hash of its corners in the frame of the group.
+    first_triangle, triangles : int
+        Where it lies in the pool of triangles.
+    first_vertex, vertices : int
+        Where it lies in the pool of vertices.
+    shift : (3,) float64 array
+        What takes the group's frame to that in which rays meet it [m]: zero for a mesh that instances share.
+    """
+
+    key: str
+    first_triangle: int
+    triangles: int
+    first_vertex: int
+    vertices: int
+    shift: NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class PackedMeshes:
+    """All meshes of a scene.
+
+    Attributes
+    ----------
+    vertices : (n, 8) float32 array
+        Position, normal, texture coordinates; positions in the frame of their group, not shifted.
+    triangles : (m, 4) int32 array
+        Corners in the pool of vertices, and the place of the triangle's primitive among those of its instance.
+    groups : tuple of TriangleGroup
+    instances : array of ``Instance`` records
+        Their roots are not known yet.
+    group_of_instance : (i,) int array
+    instanced : bool
+        Whether rays must be taken to the frames of instances: false where all triangles stand in the world.
+    """
+
+    vertices: NDArray[np.float32]
+    triangles: NDArray[np.int32]
+    groups: tuple[TriangleGroup, ...]
+    instances: NDArray[np.void]
+    group_of_instance: NDArray[np.int64]
+    instanced: bool
+
+
+def shifted(points: NDArray[np.float32], shift: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Return points or box corners (..., 3) moved by ``shift``, rounded once.
+
+    Rounding keeps order, so a box that held points before holds them afterwards.
+    """
+    return (points + shift).astype(np.float32)
+
+
+#
+# Meshes of the scene as pools of vertices and triangles, in metres, each with its material.
+#
+# A mesh that stands in the scene once is taken to the world, where all such meshes share one tree. One that several
+# objects use is held once, in its own frame, with a tree that its instances share; small ones are copied all the
+# same, as each instance on its way costs a ray more than a few triangles do. What moves is an instance always.
+
+
+@dataclass(frozen=True, eq=False)
+class MeshPart:
+    """A mesh where an object has it.
+
+    Attributes
+    ----------
+    mesh : Mesh
+        The same object wherever the same triangles are used.
+    placement : (4, 4) float64
+        From the mesh's own coordinates (its origin added to its positions) to the world [scene units], when the shutter
+        opens. A reflection
+        carries the front side along: it stays where the corners run counter-clockwise in the mesh's own coordinates.
+    material : Material
+    name : str or None
+        Of the object, or of the part in its file.
+    """
+
+    mesh: Mesh
+    placement: NDArray[np.float64]
+    material: Material
+    name: str | None
+
+
+def mesh_parts(scene: Scene, item: MeshObject | Board) -> tuple[MeshPart, ...]:
+    """Return the parts of one of a scene's mesh objects, in the order of the file.
+
+    Raises
+    ------
+    InputError
+        When the mesh cannot be used; a scene from `load_scene` has been checked.
+    """
+    loaded = scene.load_mesh(item)
+    return tuple(
+        MeshPart(part.mesh, item.placed_at(scene.shutter.open_s) @ part.placement, material, part.name or item.name)
+        for part, material in zip(loaded.contents.parts, loaded.materials, strict=True)
+    )
+
+
+MOST_COPIED = 1 << 14  # triangles that copies of one mesh may add to the common tree
+
+Matrix = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedMesh:
+    """A mesh and its placement: the scene in metres, from the mesh's frame."""
+
+    mesh: Mesh
+    placement: Matrix
+    moves: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class MeshPlan:
+    """The packed meshes, and where each placed mesh is found in them.
+
+    Attributes
+    ----------
+    packed : PackedMeshes
+    order : tuple of int
+        The placed meshes in the order in which their primitives must stand.
+    instances, first_triangles : tuple of int
+        Per placed mesh, in that order: its instance and its first triangle in the pool.
+    """
+
+    packed: PackedMeshes
+    order: tuple[int, ...]
+    instances: tuple[int, ...]
+    first_triangles: tuple[int, ...]
+
+
+def pack_meshes(placed: Sequence[PlacedMesh], eye: NDArray[np.float64], first_primitive: int) -> MeshPlan:
+    """Return the pools of some placed meshes.
+
+    Parameters
+    ----------
+    placed
+        At least one.
+    eye
+        Position of the eye [m], which becomes the origin. Trees do not depend on it.
+    first_primitive
+        Index of the first primitive that is a mesh.
+    """
+    uses = Counter(id(item.mesh) for item in placed if not item.moves)
+    is_shared = [item.moves or (uses[id(item.mesh)] - 1) * len(item.mesh.faces) > MOST_COPIED for item in placed]
+    copied = [i for i, share in enumerate(is_shared) if not share]
+    shared = [i for i, share in enumerate(is_shared) if share]
+    pools = _Pools()
+    first = pools.add_world([placed[i] for i in copied], eye) if copied else []
+    group_of: dict[int, int] = {}
+    for mesh in (placed[i].mesh for i in shared):
+        if id(mesh) not in group_of:
+            group_of[id(mesh)] = pools.add_shared(mesh)
+    groups = [group_of[id(placed[i].mesh)] for i in shared]
+    packed = PackedMeshes(
+        vertices=np.concatenate(pools.vertices),
+        triangles=np.concatenate(pools.triangles),
+        groups=tuple(pools.groups),
+        instances=_instances([placed[i] for i in shared], eye, first_primitive, len(copied)),
+        group_of_instance=np.array([0] * bool(copied) + groups),
+        instanced=bool(shared),
+    )
+    own = [bool(copied) + place for place in range(len(shared))]
+    return MeshPlan(
+        packed=packed,
+        order=(*copied, *shared),
+        instances=(*[0] * len(copied), *own),
+        first_triangles=(*first, *(pools.groups[group].first_triangle for group in groups)),
+    )
+
+
+class _Pools:
+    """Vertices and triangles under collection."""
+
+    def __init__(self) -> None:
+        self.vertices: list[NDArray[np.float32]] = []
+        self.triangles: list[NDArray[np.int32]] = []
+        self.groups: list[TriangleGroup] = []
+        self._vertex_count = 0
+        self._triangle_count = 0
+
+    def add_world(self, placed: Sequence[PlacedMesh], eye: NDArray[np.float64]) -> list[int]:
+        """Add meshes taken to the world as one group; return the first triangle of each."""
+        centre = _centre(placed)
+        key = hashlib.sha256()
+        first_triangle, first_vertex = self._triangle_count, self._vertex_count
+        starts = []
+        for slot, item in enumerate(placed):
+            local = item.placement.copy()
+            local[:3, 3] -= centre
+            key.update(item.mesh.content_hash.encode() + local.tobytes())
+            starts.append(self._append(item.mesh, local, slot))
+        self._close(key.hexdigest(), first_triangle, first_vertex, centre - eye)
+        return starts
+
+    def add_shared(self, mesh: Mesh) -> int:
+        """Add a mesh in its own frame as a group of its own; return the group's index."""
+        first_triangle, first_vertex = self._triangle_count, self._vertex_count
+        self._append(mesh, _about_origin(mesh), 0)
+        self._close(f"shared {mesh.content_hash}", first_triangle, first_vertex, np.zeros(3))
+        return len(self.groups) - 1
+
+    def _append(self, mesh: Mesh, matrix: Matrix, slot: int) -> int:
+        start = self._triangle_count
+        corners = np.empty((len(mesh.faces), 4), np.int32)
+        # A reflection turns the front of a triangle round; exchanging two corners turns it back.
+        order = [0, 1, 2] if np.linalg.det(matrix[:3, :3]) > 0 else [0, 2, 1]
+        np.add(mesh.faces[:, order], self._vertex_count, out=corners[:, :3], casting="unsafe")
+        corners[:, 3] = slot
+        self.vertices.append(_vertices(mesh, matrix))
+        self.triangles.append(corners)
+        self._vertex_count += len(mesh.positions)
+        self._triangle_count += len(corners)
+        return start
+
+    def _close(self, key: str, first_triangle: int, first_vertex: int, shift: NDArray[np.float64]) -> None:
+        triangles, vertices = self._triangle_count - first_triangle, self._vertex_count - first_vertex
+        self.groups.append(TriangleGroup(key, first_triangle, triangles, first_vertex, vertices, shift))
+
+
+def _vertices(mesh: Mesh, matrix: Matrix) -> NDArray[np.float32]:
+    out = np.zeros((len(mesh.positions), VERTEX_FLOATS), np.float32)
+    linear, offset = matrix[:3, :3], matrix[:3, :3] @ mesh.origin + matrix[:3, 3]
+    step = 1 << 18  # float64 for a part at a time
+    for start in range(0, len(out), step):
+        part = slice(start, start + step)
+        out[part, :3] = mesh.positions[part] @ linear.T + offset
+        if mesh.normals is not None:
+            out[part, 3:6] = _unit(mesh.normals[part] @ np.linalg.inv(linear))
+    if mesh.uvs is not None:
+        out[:, 6:] = mesh.uvs
+    return out
+
+
+def _unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
+
+
+def _about_origin(mesh: Mesh) -> Matrix:
+    """Return the matrix that takes the mesh's origin to zero."""
+    matrix = np.eye(4)
+    matrix[:3, 3] = -mesh.origin
+    return matrix
+
+
+def _centre(placed: Sequence[PlacedMesh]) -> NDArray[np.float64]:
+    boxes = [corners_of_box(*item.mesh.bounds(), item.placement) for item in placed]
+    corners = np.concatenate(boxes)
+    return np.asarray((corners.min(axis=0) + corners.max(axis=0)) / 2)
+
+
+def corners_of_box(low: NDArray[np.float64], high: NDArray[np.float64], matrix: Matrix) -> NDArray[np.float64]:
+    """Return the eight corners of a box (8, 3) under a matrix."""
+    choice = np.array(np.meshgrid([0, 1], [0, 1], [0, 1])).reshape(3, 8).T
+    corners = np.where(choice, high, low)
+    return np.asarray(corners @ matrix[:3, :3].T + matrix[:3, 3])
+
+
+def _instances(
+    shared: Sequence[PlacedMesh], eye: NDArray[np.float64], first_primitive: int, copied: int
+) -> NDArray[np.void]:
+    """Return instance records: one for the copied meshes, if any, then one for each shared."""
+    records = INSTANCE.zeros(len(shared) + bool(copied))
+    if copied:
+        _set_transform(records[0], np.eye(4))
+        records[0]["first_primitive"], records[0]["primitives"] = first_primitive, copied
+    for record, item, place in zip(records[bool(copied) :], shared, range(len(shared)), strict=True):
+        world = item.placement.copy()
+        world[:3, 3] += item.placement[:3, :3] @ item.mesh.origin - eye
+        _set_transform(record, world)
+        record["first_primitive"], record["primitives"] = first_primitive + copied + place, 1
+    return records
+
+
+def _set_transform(record: np.void, world_from_mesh: Matrix) -> None:
+    inverse = np.linalg.inv(world_from_mesh)
+    for axis, name in enumerate("xyz"):
+        record[f"row_{name}"] = inverse[axis]
+        record[f"world_{name}"] = world_from_mesh[axis]
+
+
+HUGE_POWER = 2e-3  # of the squared radius, as in kernels/geometry/primitives.h
+MOST = float(np.finfo(np.float32).max)
+
+
+@dataclass(frozen=True)
+class Primitive:
+    """One primitive.
+
+    Attributes
+    ----------
+    kind : Kind
+    placement : (4, 4) array
+        Maps the canonical shape of the kind (see ``kernels/geometry/primitives.h``) to the world [m], the eye at the
+        origin.
+        A mesh's placement: the scene [m], from the mesh's frame.
+    material : Material
+    object : int
+        Index of the object of the scene that it belongs to.
+    mesh : Mesh or None
+    trajectory : Trajectory or None
+        Its way while the shutter is open, None where it stands still; the placement is that at the opening.
+    """
+
+    kind: Kind
+    placement: Matrix
+    material: Material
+    object: int
+    mesh: Mesh | None = None
+    trajectory: Trajectory | None = None
+
+
+def affine(columns: ArrayLike, origin: ArrayLike) -> Matrix:
+    """Return the 4x4 matrix with the given 3x3 linear part and origin."""
+    matrix = np.eye(4)
+    matrix[:3, :3] = columns
+    matrix[:3, 3] = origin
+    return matrix
+
+
+def turn_to(direction: ArrayLike) -> Matrix:
+    """Return the 3x3 rotation that takes +z to a direction the short way (about x when it is -z)."""
+    z = np.asarray(direction, dtype=np.float64)
+    z = z / np.linalg.norm(z)
+    if z[2] < -1 + 1e-12:
+        return np.diag([1.0, -1.0, -1.0])
+    cross = np.array([[0.0, 0.0, z[0]], [0.0, 0.0, z[1]], [-z[0], -z[1], 0.0]])
+    return np.asarray(np.eye(3) + cross + cross @ cross / (1.0 + z[2]))
+
+
+def _disk(center: ArrayLike, normal: ArrayLike, radius: float) -> tuple[Kind, Matrix]:
+    return Kind.DISK, affine(turn_to(normal) * (radius, radius, 1.0), center)
+
+
+def _round(kind: Kind, base: ArrayLike, end: ArrayLike, radius: float) -> tuple[Kind, Matrix]:
+    axis = np.subtract(end, base)
+    return kind, affine(turn_to(axis) * np.array([radius, radius, np.linalg.norm(axis)]), base)
+
+
+def _canonical(item: Object) -> Iterator[tuple[Kind, Matrix]]:
+    """Yield kind and placement (before the object's transform, in scene units) of each primitive of an object."""
+    match item:
+        case Sphere():
+            yield Kind.SPHERE, affine(item.radius * np.eye(3), item.center)
+        case Disk():
+            yield _disk(item.center, item.normal, item.radius)
+        case Rectangle():
+            u, v = np.array(item.edge_u), np.array(item.edge_v)
+            normal = cross(u, v)
+            yield Kind.RECTANGLE, affine(np.stack([u, v, normal / np.linalg.norm(normal)], axis=1), item.corner)
+        case Box():
+            low, high = np.array(item.min), np.array(item.max)
+            yield Kind.BOX, affine(np.diag((high - low) / 2), (high + low) / 2)
+        case Cylinder():
+            yield _round(Kind.CYLINDER, item.base, item.top, item.radius)
+            if item.capped:
+                yield _disk(item.base, np.subtract(item.base, item.top), item.radius)
+                yield _disk(item.top, np.subtract(item.top, item.base), item.radius)
+        case Cone():
+            yield _round(Kind.CONE, item.base, item.apex, item.radius)
+            if item.capped:
+                yield _disk(item.base, np.subtract(item.base, item.apex), item.radius)
+        case Plane():
+            yield Kind.PLANE, affine(turn_to(item.normal), item.point)
+
+
+def _is_similarity(linear: Matrix) -> bool:
+    gram = linear.T @ linear
+    return bool(np.abs(gram - gram[0, 0] * np.eye(3)).max() <= 1e-9 * gram[0, 0])
+
+
+def world_from_scene(scene: Scene) -> Matrix:
+    """Return the 4x4 matrix from scene units to the world: metres, with the eye at the origin."""
+    scale = scene.metres_per_unit
+    return affine(scale * np.eye(3), -scale * np.array(scene.camera.eye))
+
+
+def scene_primitives(scene: Scene) -> list[Primitive]:
+    """Return every primitive of the scene, sorted by kind and otherwise in the order of the scene."""
+    world = world_from_scene(scene)
+    found = []
+    for index, item in enumerate(scene.objects):
+        if isinstance(item, MeshObject | Board):
+            found += _mesh_primitives(scene, item, index)
+            continue
+        for kind, canonical in _canonical(item):
+            placement = world @ item.placed_at(scene.shutter.open_s) @ canonical
+            if kind is Kind.SPHERE and not _is_similarity(placement[:3, :3]):
+                kind = Kind.ELLIPSOID
+            found.append(Primitive(kind, placement, item.material, index, trajectory=_trajectory(scene, item)))
+    return sorted(found, key=lambda primitive: primitive.kind)
+
+
+def object_frame(item: Object, time_s: float) -> Matrix:
+    """Return the 4x4 matrix that takes the canonical shape of an object to the scene [scene units] at a moment.
+
+    The points of a surface keep their coordinates in it while the object moves, and while the keys of its shape change.
+    """
+    placed = item.placed_at(time_s)
+    return placed if isinstance(item, MeshObject | Board) else np.asarray(placed @ next(_canonical(item))[1])
+
+
+def _mesh_primitives(scene: Scene, item: MeshObject | Board, index: int) -> list[Primitive]:
+    scale = affine(scene.metres_per_unit * np.eye(3), np.zeros(3))
+    parts = mesh_parts(scene, item)
+    trajectory = _trajectory(scene, item)
+    return [Primitive(Kind.MESH, scale @ part.placement, part.material, index, part.mesh, trajectory) for part in parts]
+
+
+def _trajectory(scene: Scene, item: PlacedObject) -> Trajectory | None:
+    """Return the way of an object, None where it stands still while the shutter is open."""
+    return item.trajectory if item.trajectory is not None and item.trajectory.moves(*scene.shutter.span_s) else None
+
+
+def sphere_of(placement: Matrix) -> tuple[NDArray[np.float64], float]:
+    """Return centre and radius of a unit sphere under a similarity."""
+    return placement[:3, 3], float(np.cbrt(abs(np.linalg.det(placement[:3, :3]))))
+
+
+def eye_power(placement: Matrix) -> float:
+    """Return the power of the eye with respect to a sphere: its squared distance from the centre, less r² [m²]."""
+    center, radius = sphere_of(placement)
+    distance = float(np.linalg.norm(center))
+    return (distance - radius) * (distance + radius)
+
+
+def has_huge_sphere(primitives: list[Primitive]) -> bool:
+    """Return whether a sphere is so large beside its distance from the eye that kernels take the eye's power.
+
+    In float32 centre and radius place its surface within 6e-8 of the radius: a globe of Earth's size within 0.4 m.
+    """
+    spheres = (primitive.placement for primitive in primitives if primitive.kind is Kind.SPHERE)
+    return any(abs(eye_power(placement)) < HUGE_POWER * sphere_of(placement)[1] ** 2 for placement in spheres)
+
+
+def with_meshes(primitives: list[Primitive], scene: Scene, parts: PlanParts) -> tuple[list[Primitive], MeshPlan | None]:
+    """Return the primitives with the meshes, which stand last, in the order that their pools need; and the pools."""
+    solid = [primitive for primitive in primitives if primitive.mesh is None]
+    meshes = [primitive for primitive in primitives if primitive.mesh is not None]
+    if not meshes:
+        return solid, None
+    placed = [
+        PlacedMesh(primitive.mesh, primitive.placement, moves=primitive.trajectory is not None)
+        for primitive in meshes
+        if primitive.mesh is not None
+    ]
+    eye = scene.metres_per_unit * np.array(scene.camera.eye)
+    where = tuple((item.mesh, item.placement.tobytes(), item.moves) for item in placed)
+    of = where, eye.tobytes(), len(solid)
+    plan = parts.part("meshes", of, lambda: pack_meshes(placed, eye, len(solid)))
+    return solid + [meshes[index] for index in plan.order], plan
+
+
+def pack_primitives(
+    primitives: list[Primitive], materials: dict[int, int], emitters: dict[int, int], meshes: MeshPlan | None
+) -> tuple[NDArray[np.void], NDArray[np.int32]]:
+    """Return the records and, per kind, the index after its last one.
+
+    Parameters
+    ----------
+    primitives
+        Sorted by kind.
+    materials
+        Record index of each material, by ``id``.
+    emitters
+        Index of the sampled emitter, by index of the primitive.
+    meshes
+        Where those of the primitives that are meshes have their triangles.
+    """
+    records = PRIMITIVE.zeros(len(primitives))
+    for index, primitive in enumerate(primitives):
+        if primitive.kind is Kind.SPHERE:
+            center, radius = sphere_of(primitive.placement)
+            axes = primitive.placement[:3, :3] / radius
+            records[index]["row_x"] = (*center, radius)
+            records[index]["row_y"] = (*axes[:, 0], np.sign(np.linalg.det(axes)))
+            records[index]["row_z"] = (*axes[:, 2], np.clip(eye_power(primitive.placement), -MOST, MOST))
+        elif primitive.kind is not Kind.MESH:
+            inverse = np.linalg.inv(primitive.placement)
+            for name, row in zip(("row_x", "row_y", "row_z"), inverse[:3], strict=True):
+                records[index][name] = row.astype(np.float32) + 0.0  # no -0: kernels test bits of coordinates
+        records[index]["material"] = materials[id(primitive.material)]
+        records[index]["emitter"] = emitters.get(index, -1)
+    _count_shared_planes(primitives, records)
+    if meshes is not None:
+        records["instance"][-len(meshes.order) :] = meshes.instances
+        records["first_triangle"][-len(meshes.order) :] = meshes.first_triangles
+    ends = [sum(primitive.kind <= kind for primitive in primitives) for kind in Kind]
+    return records, np.array(ends, np.int32)
+
+
+@dataclass(frozen=True)
+class Owners:
+    """Identifiers by primitive, and names by identifier.
+
+    Attributes
+    ----------
+    of_primitive : (n, 2) array
+        Identifier of the object, its index in the scene's list, and of the material.
+    objects : tuple of str
+        Name of each object; its place in the scene where it has none.
+    materials : tuple of str
+        Name of each material: first the scene's named ones in their order, then those written out in an object, by
+        their place.
+    """
+
+    of_primitive: NDArray[np.int32]
+    objects: tuple[str, ...]
+    materials: tuple[str, ...]
+
+
+def owners_of(scene: Scene, primitives: Sequence[Primitive]) -> Owners:
+    """Return the owners of the primitives of a scene."""
+    objects = tuple(item.name or f"objects.{index}" for index, item in enumerate(scene.objects))
+    names = list(scene.materials)
+    identifiers = {id(material): index for index, material in enumerate(scene.materials.values())}
+    rows = np.zeros((max(len(primitives), 1), 2), np.int32)  # as OpenCL has no empty buffers
+    for primitive in sorted(primitives, key=lambda primitive: primitive.object):
+        if id(primitive.material) not in identifiers:
+            identifiers[id(primitive.material)] = len(names)
+            names.append(f"objects.{primitive.object}.material")
+    for row, primitive in zip(rows, primitives, strict=False):
+        row[:] = primitive.object, identifiers[id(primitive.material)]
+    return Owners(rows, objects, tuple(names))
+
+
+def _count_shared_planes(primitives: list[Primitive], records: NDArray[np.void]) -> None:
+    """Write, into the first of rectangles or disks that follow one another in a plane and stay there, their number."""
+    first = 0
+    for index, primitive in enumerate(primitives):
+        if primitive.kind not in (Kind.RECTANGLE, Kind.DISK):
+            continue
+        before = primitives[index - 1]
+        still = primitive.trajectory is None and before.trajectory is None
+        same = (records["row_z"][index] == records["row_z"][index - 1]).all()
+        if index == 0 or primitive.kind is not before.kind or not (still and same):
+            first = index
+        records["instance"][first] += 1
+
+
+# Everything that moves while the shutter is open, in metres about the eye, as the device holds it.
+
+Array = NDArray[np.float64]
+
+STEPS_PER_TURN = 64
+MOST_STEPS = 1024  # of a segment
+ROUNDING = 4e-6  # of a place, relative to its distances from eye and pivot: beyond MOTION_ROUNDING of kernels/geometry
+
+
+@dataclass(frozen=True, eq=False)
+class Places:
+    """Places that a body takes one after another.
+
+    Attributes
+    ----------
+    matrices : (n, 4, 4) array
+        To there from where the body is at rest.
+    pivots : (n, 3) array
+        About which it turns [m].
+    bends : (n,) array
+        How far at most a point gets off the straight line to the next place, per distance from the pivot.
+    """
+
+    matrices: Array
+    pivots: Array
+    bends: Array
+
+    def box(self, low: Array, high: Array, rest: tuple[Array, Array]) -> tuple[Array, Array]:
+        """Return the corners (3,) of a box round the whole way.
+
+        Parameters
+        ----------
+        low, high
+            Corners of boxes round the body at each place (n, 3).
+        rest
+            Corners (3,) of a box round the body at rest.
+        """
+        corners = np.stack(rest)
+        reach = np.linalg.norm(np.maximum(*np.abs(corners[:, None] - self.pivots)), axis=1)
+        margin = self.bends * reach + ROUNDING * (reach + np.linalg.norm(self.pivots, axis=1))
+        return (low - margin[:, None]).min(axis=0), (high + margin[:, None]).max(axis=0)
+
+
+@dataclass(frozen=True, eq=False)
+class Movements:
+    """The segments of everything that moves.
+
+    Attributes
+    ----------
+    segments : array of ``Segment`` records
+        See ``kernels/geometry/movement.h``.
+    of_primitive : (n, 2) int32 array
+        First segment and number of segments of each primitive; none for what stands still.
+    """
+
+    segments: NDArray[np.void]
+    of_primitive: NDArray[np.int32]
+
+    @property
+    def facts(self) -> dict[str, int]:
+        """Facts for the compilation of the kernels."""
+        most = int(self.of_primitive[:, 1].max(initial=0))
+        turning = bool((self.segments["travel"][:, 3] != 0).any())
+        return {"HAS_MOTION": int(most > 0), "MOTION_SEGMENTS": min(most, 2), "MOTION_TURNS": int(turning)}
+
+    def places(self, primitive: int) -> Places:
+        """Return places that a moving primitive takes, close enough to each other to bound the way between them."""
+        first, count = self.of_primitive[primitive]
+        parts = [_places(segment) for segment in self.segments[first : first + count]]
+        return Places(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+
+
+def _places(segment: np.void) -> tuple[Array, Array, Array]:
+    pivot, shift, travel = (segment[name].astype(np.float64)[:3] for name in ("pivot", "shift", "travel"))
+    turns = float(segment["travel"][3])
+    steps = int(np.clip(np.ceil(abs(turns) * STEPS_PER_TURN), 1, MOST_STEPS))
+    shares = np.linspace(0, 1, steps + 1)
+    half = np.pi * turns * shares[:, None]
+    axis = segment["axis"].astype(np.float64)[:3]
+    matrices = np.tile(np.eye(4), (len(shares), 1, 1))
+    matrices[:, :3, :3] = _rotations(np.hstack([np.sin(half) * axis, np.cos(half)])) @ _rotations(segment["turn"][None])
+    matrices[:, :3, 3] = pivot + shift + shares[:, None] * travel - matrices[:, :3, :3] @ pivot
+    bend = min((2 * np.pi * turns / steps) ** 2 / 8, 2.0)
+    return matrices, np.tile(pivot, (len(shares), 1)), np.full(len(shares), bend)
+
+
+def _rotations(quaternions: NDArray[np.floating]) -> Array:
+    """Return the matrices (n, 3, 3) of quaternions x, y, z, w."""
+    x, y, z, w = (quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True)).astype(np.float64).T
+    zero = np.zeros_like(x)
+    cross = np.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]]).transpose(2, 0, 1)
+    return np.asarray(np.eye(3) + 2 * w[:, None, None] * cross + 2 * cross @ cross)
+
+
+def pack_movements(scene: Scene, primitives: Sequence[Primitive]) -> Movements:
+    """Return the segments of the primitives that move; those of one object share them."""
+    of_primitive = np.zeros((max(len(primitives), 1), 2), np.int32)
+    segments: list[NDArray[np.void]] = []
+    place_of: dict[int, tuple[int, int]] = {}
+    count = 0
+    for index, primitive in enumerate(primitives):
+        if primitive.trajectory is None:
+            continue
+        if primitive.object not in place_of:
+            segments.append(_segments(primitive.trajectory, scene))
+            place_of[primitive.object] = count, len(segments[-1])
+            count += len(segments[-1])
+        of_primitive[index] = place_of[primitive.object]
+    return Movements(np.concatenate(segments) if segments else SEGMENT.zeros(1), of_primitive)
+
+
+def _segments(trajectory: Trajectory, scene: Scene) -> NDArray[np.void]:
+    begin, end = scene.shutter.span_s
+    times = moments(trajectory.frames, begin, end)
+    places = [trajectory.at(time) for time in times]
+    unit, rest = scene.metres_per_unit, places[0]
+    segments = SEGMENT.zeros(len(times) - 1)
+    for segment, (t0, t1), (first, second) in zip(segments, pairwise(times), pairwise(places), strict=True):
+        axis, turns = trajectory.turn(t0, t1)
+        segment["pivot"] = *(unit * (rest[:3, 3] - scene.camera.eye)), t0 - begin
+        segment["shift"] = *(unit * (first[:3, 3] - rest[:3, 3])), 1.0 / (t1 - t0)
+        segment["travel"] = *(unit * (second[:3, 3] - first[:3, 3])), turns
+        segment["axis"][:3] = axis
+        segment["turn"] = quaternion_of(first[:3, :3] @ rest[:3, :3].T)
+    return segments

@@ -1,0 +1,524 @@
+"""Textures of the scene as records, with their pictures, and the spectra that colours are known by."""
+
+from __future__ import annotations
+
+import copy
+import warnings
+from collections import OrderedDict
+from collections.abc import Callable
+from dataclasses import field
+from functools import lru_cache
+from threading import Lock
+from typing import Any, Literal, Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rptcam_cl.core.colour import Spectrum, metal_optics, srgb_from_reflectance
+from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.records import (
+    DISPERSION_NM,
+    DISPERSION_SCALE,
+    DISPERSION_SHIFT,
+    TEXTURE,
+    TexelFormat,
+    TextureKind,
+    Wrap,
+)
+from rptcam_cl.core.vectors import LINE_C_NM, LINE_D_NM, LINE_F_NM
+from rptcam_cl.optics.glass import held_index, known_range
+from rptcam_cl.rendering.cameras.lens_records import fewest_terms, fit_nodes
+from rptcam_cl.scene.assets.pictures import Picture, read_picture
+from rptcam_cl.scene.base import FileReference
+from rptcam_cl.scene.materials import Dielectric, ImageTexture, MetalSpectrum, Noise, Texture
+from rptcam_cl.scene.quantities import SpectralColour
+from rptcam_cl.scene.scene import Scene
+
+#
+# Spectra that the scene's colours are known by, constants of its metals, indices of its solids.
+#
+# The colour at normal incidence is the reflectance of the spectrum under daylight D65 as the CIE 1931 observer sees
+# it, in linear sRGB; n and k of a channel are those that have this reflectance there and come nearest to the
+# spectrum's at slant.
+
+
+@dataclass
+class KnownSpectra:
+    """Spectra in the order of their numbers, from 1.
+
+    Attributes
+    ----------
+    samples : list of arrays (401,)
+        At `rptcam_cl.colour.WAVELENGTHS_NM`.
+    lights : list of arrays (401,)
+        Those of them that shine.
+    colours : int
+        How many times a colour of the scene was given as a spectrum.
+    """
+
+    samples: list[NDArray[np.float64]] = field(default_factory=list)
+    lights: list[NDArray[np.float64]] = field(default_factory=list)
+    colours: int = 0
+    _numbers: dict[bytes, int] = field(default_factory=dict)
+
+    def copied(self) -> KnownSpectra:
+        """Return these to be added to."""
+        return KnownSpectra(self.samples.copy(), self.lights.copy(), self.colours, self._numbers.copy())
+
+    def number(self, value: Any, *, light: bool = False, gain: float = 1.0) -> int:
+        """Return the number of a colour's spectrum, times a gain; 0 for a colour that has none."""
+        if not isinstance(value, SpectralColour):
+            return 0
+        self.colours += 1
+        samples = gain * value.samples
+        if light:
+            self.lights.append(samples)
+        return self.add(samples)
+
+    def add(self, samples: NDArray[np.float64]) -> int:
+        """Return the number of samples."""
+        key = samples.tobytes()
+        if key not in self._numbers:
+            self.samples.append(samples)
+            self._numbers[key] = len(self.samples)
+        return self._numbers[key]
+
+
+LARGEST_N = 20.0  # far above any metal's
+SLANTS = np.arange(1, 10) / 10  # cosines at which channels are compared with the spectrum
+
+
+def reflectance(index: NDArray[np.complex128], cosine: ArrayLike = 1.0) -> NDArray[np.float64]:
+    """Return the unpolarised Fresnel reflectance of a metal."""
+    c = np.asarray(cosine, np.float64)
+    inside = np.sqrt(1 - (1 - c * c) / index**2)
+    s, p = (c - index * inside) / (c + index * inside), (index * c - inside) / (index * c + inside)
+    return np.asarray((np.abs(s) ** 2 + np.abs(p) ** 2) / 2)
+
+
+def metal_spectra(metal: str | MetalSpectrum) -> tuple[Spectrum, Spectrum]:
+    """Return n and k of a metal (401,), which is a name or a table."""
+    return (metal.n, metal.k) if isinstance(metal, MetalSpectrum) else metal_optics(metal)
+
+
+def metal_colour(metal: str | MetalSpectrum, cosine: float = 1.0) -> NDArray[np.float64]:
+    """Return the reflectance of a metal in linear sRGB, cut to 0 … 1."""
+    n, k = metal_spectra(metal)
+    return np.clip(srgb_from_reflectance(reflectance(n + 1j * k, cosine)), 0.0, 1.0)
+
+
+@lru_cache(maxsize=64)
+def metal_constants(metal: str | MetalSpectrum) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Return n and k of a metal per channel."""
+    colour = np.minimum(metal_colour(metal), 0.999)
+    # n solves ((n - 1)^2 + k^2) / ((n + 1)^2 + k^2) = colour, in two ways, for every k up to a largest.
+    middle = (1 + colour) / (1 - colour)
+    k = np.linspace(0.0, 1.0, 801)[:, None] * np.sqrt(middle**2 - 1)
+    spread = np.sqrt(np.maximum(middle**2 - 1 - k**2, 0.0))
+    index = np.concatenate([middle - spread + 1j * k, middle + spread + 1j * k])
+    errors = [np.square(reflectance(index, cosine) - metal_colour(metal, cosine)) for cosine in SLANTS]
+    best = np.where(index.real < LARGEST_N, np.sum(errors, axis=0), np.inf).argmin(axis=0)
+    chosen = index[best, np.arange(3)]
+    return tuple(map(float, chosen.real)), tuple(map(float, chosen.imag))
+
+
+Index = Callable[[ArrayLike], NDArray[np.float64]]
+
+
+def is_dispersive(material: object) -> bool:
+    """Return whether a material bends wavelengths by different angles."""
+    if not isinstance(material, Dielectric) or material.glass is None:
+        return False
+    first, *others = dielectric_index(material)([LINE_F_NM, LINE_D_NM, LINE_C_NM])
+    return any(other != first for other in others)
+
+
+def dielectric_index(material: Dielectric) -> Index:
+    """Return what gives the refractive index at wavelengths [nm]; beyond those of a glass's law, that of its end."""
+    if material.glass is None:
+        return lambda wavelength_nm: np.full(np.shape(wavelength_nm), material.index)
+    glass = material.glass
+    return lambda wavelength_nm: held_index(glass, wavelength_nm)
+
+
+def fill_index(record: np.void, material: Dielectric) -> None:
+    """Write the index of a material, and the polynomial over the inverse wavelength where it has a dispersion."""
+    record["parameter"] = material.n_d
+    if material.glass is None or not is_dispersive(material):
+        return
+    low, high = known_range(material.glass) or DISPERSION_NM
+    low, high = max(low, DISPERSION_NM[0]), min(high, DISPERSION_NM[1])
+    wavelengths = fit_nodes(low, high)
+    (coefficients,) = fewest_terms(material.glass.index(wavelengths)[None], wavelengths)
+    record["dispersion_terms"] = len(coefficients)
+    record["dispersion"][: len(coefficients)] = coefficients
+    record["dispersion_low"], record["dispersion_high"] = (
+        DISPERSION_SCALE / nm - DISPERSION_SHIFT for nm in (high, low)
+    )
+
+
+# Pictures as the words that ``kernels/material/image.h`` reads.
+
+Texels = NDArray[np.uint8] | NDArray[np.float32]
+_LARGEST_EXPONENT = 15  # halves reach 2^16
+
+
+def srgb_decoded(encoded: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return the linear values of sRGB-encoded ones (IEC 61966-2-1)."""
+    power = ((encoded + np.float32(0.055)) / np.float32(1.055)) ** np.float32(2.4)
+    return np.where(encoded <= np.float32(0.04045), encoded / np.float32(12.92), power).astype(np.float32)
+
+
+def colour_texels(picture: Picture, channel: str, *, encoded: bool) -> tuple[Texels, TexelFormat]:
+    """Return red, green and blue of a picture, shape (height, width, 3), and how to store them.
+
+    A single channel becomes grey. Floats come out linear, bytes as they are.
+    """
+    texels = picture.texels[..., :3] if channel == "rgb" else picture.texels[..., ["rgba".index(channel)] * 3]
+    if texels.dtype == np.uint8:
+        return texels, TexelFormat.SRGB if encoded else TexelFormat.LINEAR
+    floats = texels.astype(np.float32, copy=False)
+    return srgb_decoded(floats) if encoded else floats, TexelFormat.HALF
+
+
+def packed(texels: Texels, form: TexelFormat) -> tuple[NDArray[np.uint32], float]:
+    """Return the words of texels (height, width, 3) whose first row is on top, and what a stored 1 stands for.
+
+    Rows start at the bottom; each ends with its first texel once more.
+    """
+    rows = np.concatenate([texels[::-1], texels[::-1, :1]], axis=1)
+    if form is not TexelFormat.HALF:
+        red, green, blue = (rows[..., index].astype(np.uint32) for index in range(3))
+        return np.asarray(red | green << 8 | blue << 16, np.uint32).ravel(), 1.0
+    exponent = int(np.frexp(rows.max())[1]) - _LARGEST_EXPONENT
+    halves = np.zeros((*rows.shape[:2], 4), np.float16)
+    halves[..., :3] = np.ldexp(rows, -exponent)
+    return halves.view(np.uint32).ravel(), 2.0**exponent
+
+
+def unpacked(
+    words: NDArray[np.uint32], size: tuple[int, int], form: TexelFormat
+) -> NDArray[np.uint8] | NDArray[np.float16]:
+    """Return the texels (height, width, 3), the top row first, that `packed` made words of: bytes or scaled halves."""
+    height, width = size
+    numbers = words.view(np.float16 if form is TexelFormat.HALF else np.uint8)  # little-endian, as devices are
+    return np.asarray(numbers.reshape(height, width + 1, 4)[::-1, :-1, :3])
+
+
+def linear_mean(texels: Texels, form: TexelFormat) -> NDArray[np.float64]:
+    """Return the mean linear colour of texels."""
+    if form is TexelFormat.HALF:
+        return np.asarray(texels.reshape(-1, 3).mean(axis=0, dtype=np.float64))
+    linear = linear_codes(form).astype(np.float64)
+    counts = [np.bincount(texels[..., index].ravel(), minlength=256) for index in range(3)]
+    return np.array([count @ linear / count.sum() for count in counts])
+
+
+def linear_codes(form: TexelFormat) -> NDArray[np.float32]:
+    """Return the linear values of the 256 codes of a byte."""
+    codes = np.arange(256, dtype=np.float32) / np.float32(255)
+    return srgb_decoded(codes) if form is TexelFormat.SRGB else codes
+
+
+# The pictures of a scene's textures: each file read once, each way of storing it packed once and remembered.
+
+MOST_BYTES = 512 << 20  # of all that is kept; what alone is larger is not
+
+
+class _Sized(Protocol):
+    @property
+    def nbytes(self) -> int: ...
+
+
+Made = TypeVar("Made", bound=_Sized)
+_kept: OrderedDict[str, Any] = OrderedDict()  # what was used last comes last
+_lock = Lock()
+
+
+def remembered(key: str, make: Callable[[], Made]) -> Made:
+    """Return what was made under a key before, or what ``make`` returns.
+
+    Parameters
+    ----------
+    key
+        Contains everything that the result depends on, files by their content: a changed file changes the key.
+    make
+        Called where nothing is kept. The result is shared, so nobody may change it.
+    """
+    with _lock:
+        if key in _kept:
+            _kept.move_to_end(key)
+            found: Made = _kept[key]
+            return found
+    made = make()
+    with _lock:
+        if made.nbytes <= MOST_BYTES:
+            _kept[key] = made
+        while sum(other.nbytes for other in _kept.values()) > MOST_BYTES:
+            _kept.popitem(last=False)
+    return made
+
+
+def forget() -> None:
+    """Make everything anew from now on."""
+    with _lock:
+        _kept.clear()
+
+
+_MOST_WORDS = 1 << 32  # what a uint can index: 16 GiB
+
+
+@dataclass(frozen=True, eq=False)
+class Colours:
+    """Red, green and blue of a picture as they are stored on the device.
+
+    Attributes
+    ----------
+    words : array of uint32
+        Texels as `rptcam_cl.rendering.plan.textures.packed` returns them.
+    scale : float
+        What a stored 1 stands for.
+    size : (height, width)
+    mean : (3,) array
+        Mean linear colour.
+    form : TexelFormat
+    name : str
+        Identifies it among all others.
+    """
+
+    words: NDArray[np.uint32]
+    scale: float
+    size: tuple[int, int]
+    mean: NDArray[np.float64]
+    form: TexelFormat
+    name: str
+
+    @classmethod
+    def of(cls, texels: Texels, form: TexelFormat, name: str) -> Colours:
+        """Return the colours of texels (height, width, 3), the top row first: bytes, or linear floats to be halves."""
+        words, scale = packed(texels, form)
+        words.flags.writeable = False
+        return cls(words, scale, (texels.shape[0], texels.shape[1]), linear_mean(texels, form), form, name)
+
+    @property
+    def nbytes(self) -> int:
+        """Size in memory."""
+        return self.words.nbytes
+
+
+@dataclass(frozen=True)
+class _Traits:
+    """What decides how a picture is stored."""
+
+    has_alpha: bool
+    encoded: bool
+    nbytes: int = 64  # or so
+
+
+class PictureTable:
+    """Pictures by the content of their files, and the words of those that the device needs."""
+
+    def __init__(self, scene: Scene) -> None:
+        self._scene = scene
+        self._pictures: dict[str, Picture] = {}
+        self._places: dict[str, int] = {}
+        self._words: list[NDArray[np.uint32]] = []
+        self._count = 0
+
+    def copied(self) -> PictureTable:
+        """Return this table to be added to."""
+        other = copy.copy(self)
+        other._pictures, other._places, other._words = self._pictures.copy(), self._places.copy(), self._words.copy()
+        return other
+
+    def colours(self, reference: FileReference, channel: str, space: Literal["auto", "srgb", "linear"]) -> Colours:
+        """Return the colours of the picture that a part of the scene names, or one of its channels as a grey.
+
+        Raises
+        ------
+        InputError
+            When the picture cannot be used, with the place in the scene.
+        """
+        content = self._scene.digest_of(reference)
+        traits = remembered(f"traits {content}", lambda: self._traits(reference, content))
+        if channel == "a" and not traits.has_alpha:
+            raise InputError(f"{reference.place}has no alpha channel (allowed: channel rgb, r, g or b)")
+        encoded = space == "srgb" or (space == "auto" and traits.encoded and channel == "rgb")
+        name = f"{content} {channel} {encoded}"
+
+        def stored() -> Colours:
+            texels, form = colour_texels(self._picture(reference, content), channel, encoded=encoded)
+            return Colours.of(texels, form, name)
+
+        return remembered(f"colours {name}", stored)
+
+    def _traits(self, reference: FileReference, content: str) -> _Traits:
+        picture = self._picture(reference, content)
+        return _Traits(picture.has_alpha, picture.encoded)
+
+    def _picture(self, reference: FileReference, content: str) -> Picture:
+        if content not in self._pictures:
+            try:
+                self._pictures[content] = found = read_picture(self._scene.content_of(reference))
+            except InputError as problem:
+                raise InputError(f"{reference.place}{problem}") from None
+            if found.negative.count:
+                warnings.warn(
+                    f"{reference.place}{found.negative.count} of {found.width * found.height} texels are negative and"
+                    f" count as black (least value {found.negative.least:.4g})",
+                    UserWarning,
+                    stacklevel=2,
+                )
+        return self._pictures[content]
+
+    def place(self, colours: Colours) -> int:
+        """Return the word where a picture's texels start.
+
+        Raises
+        ------
+        InputError
+            When the pictures are too many to count their words.
+        """
+        if colours.name not in self._places:
+            self._places[colours.name] = self._count
+            self._words.append(colours.words)
+            self._count += len(colours.words)
+            if self._count >= _MOST_WORDS:
+                raise InputError("the pictures of the scene are too large together (allowed: 16 GiB)")
+        return self._places[colours.name]
+
+    def words(self) -> NDArray[np.uint32]:
+        """Return the words of all pictures that have a place, and some more: kernels load four at a time."""
+        return np.concatenate([*self._words, np.zeros(4, np.uint32)])
+
+
+# Textures of the scene as records.
+
+Colour = tuple[float, float, float]
+BLACK: Colour = (0.0, 0.0, 0.0)
+UNLIMITED = float(np.finfo(np.float32).max)
+_WRAPS = {"repeat": Wrap.REPEAT, "clamp": Wrap.CLAMP, "mirror": Wrap.MIRROR}
+
+
+@dataclass(frozen=True)
+class Textures:
+    """What the kernels read of textures.
+
+    Attributes
+    ----------
+    records : array of Texture
+    texels : array of uint32
+        Texels of all pictures, see ``kernels/material/image.h``.
+    facts : dict
+        Which kinds of texture there are.
+    """
+
+    records: NDArray[np.void]
+    texels: NDArray[np.uint32]
+    facts: dict[str, int]
+
+
+class TextureTable:
+    """Collects the textures of a scene as records."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.pictures = PictureTable(scene)
+        self._records: list[np.void] = []
+        self._index: dict[tuple[int, float], int] = {}
+        self._means: list[NDArray[np.float64]] = []
+        self._origin: TextureTable | None = None
+
+    def copied(self) -> TextureTable:
+        """Return this table to be added to; its records are not to be changed."""
+        other = copy.copy(self)
+        other._origin, other.pictures = self, self.pictures.copied()
+        other._records, other._index, other._means = self._records.copy(), self._index.copy(), self._means.copy()
+        return other
+
+    @property
+    def unchanged_from(self) -> TextureTable | None:
+        """The table that it is a copy of, where nothing was added since."""
+        origin = self._origin
+        return origin if origin is not None and len(self._records) == len(origin._records) else None
+
+    def slot(self, value: Texture | Colour, *, limit: float) -> tuple[Colour, int]:
+        """Return what a material's record holds of a colour: the colour and -1, or black and the index of a texture.
+
+        Parameters
+        ----------
+        value
+            A colour or a texture of the scene.
+        limit
+            Largest value that an image may give: 1 for reflectances, `UNLIMITED` for radiances.
+        """
+        if isinstance(value, tuple):
+            return value, -1
+        key = (id(value), limit)
+        if key not in self._index:
+            self._index[key] = len(self._records)
+            self._records.append(self._record(value, limit))
+        return BLACK, self._index[key]
+
+    def mean(self, index: int) -> NDArray[np.float64]:
+        """Return the mean colour over one repeat of the texture of an index."""
+        return self._means[index]
+
+    def add_sphere(self, colours: Colours, gain: float = 1.0) -> int:
+        """Return the index of a picture of the whole sphere: it repeats in longitude and ends at the poles."""
+        record: np.void = TEXTURE.zeros(1)[0]
+        self._fill_image(record, colours, gain)
+        record["wrap_u"], record["wrap_v"], record["limit"] = Wrap.REPEAT, Wrap.CLAMP, UNLIMITED
+        self._records.append(record)
+        return len(self._records) - 1
+
+    def pack(self) -> Textures:
+        """Return the records and texels of the textures so far."""
+        records = TEXTURE.zeros(len(self._records))
+        for index, record in enumerate(self._records):
+            records[index] = record
+        kinds = {int(self._records[index]["kind"]) for index in self._index.values()}  # what materials show
+        facts = {f"HAS_{kind.name}": int(kind in kinds) for kind in TextureKind} | {"HAS_TEXTURE": int(bool(kinds))}
+        return Textures(records, self.pictures.words(), facts)
+
+    def _record(self, texture: Texture, limit: float) -> np.void:
+        record: np.void = TEXTURE.zeros(1)[0]
+        record["row_u"], record["row_v"] = _mapping(texture)
+        if isinstance(texture, ImageTexture):
+            self._fill_picture(record, texture, limit)
+            return record
+        record["kind"], record["parameter"] = TextureKind[texture.kind.upper()], texture.parameter
+        if isinstance(texture, Noise):
+            record["contrast"], record["octaves"], record["seed"] = texture.contrast, texture.octaves, texture.seed
+        record["a"][:3], record["b"][:3] = texture.colours
+        first, second = map(np.array, texture.colours)
+        self._means.append((1 - texture.share) * first + texture.share * second)
+        return record
+
+    def _fill_picture(self, record: np.void, texture: ImageTexture, limit: float) -> None:
+        colours = self.pictures.colours(texture, texture.channel, texture.color_space)
+        self._fill_image(record, colours, texture.gain)
+        record["wrap_u"] = record["wrap_v"] = _WRAPS[texture.wrap]
+        record["nearest"], record["limit"] = texture.filter == "nearest", limit
+
+    def _fill_image(self, record: np.void, colours: Colours, gain: float | tuple[float, float, float]) -> None:
+        record["kind"], record["format"], record["first"] = (
+            TextureKind.IMAGE,
+            colours.form,
+            self.pictures.place(colours),
+        )
+        record["height"], record["width"] = colours.size
+        record["a"][:3] = np.multiply(gain, colours.scale)
+        self._means.append(np.multiply(gain, colours.mean))
+
+
+def _mapping(texture: Texture) -> NDArray[np.float64]:
+    """Return the two rows that take (u, v, 1) to the pattern: scaled, turned, shifted."""
+    quarters, rest = divmod(texture.rotation_degrees, 90)
+    angle = np.deg2rad(rest)
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    turn = turn @ np.linalg.matrix_power(np.array([[0, -1], [1, 0]]), int(quarters) % 4)  # exact for right angles
+    rows = np.zeros((2, 4))
+    rows[:, :2] = turn * texture.scale
+    rows[:, 2] = texture.offset
+    return rows

@@ -1,0 +1,494 @@
+"""The scene on the device: every array of the plan under its kernels' name, its photon map, and its memory."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.files import free_host_bytes
+from rptcam_cl.core.records import PHOTON_GRID, PHOTON_PASS, device_declarations
+from rptcam_cl.device.session import Session
+from rptcam_cl.rendering.cameras.model import CameraModel
+from rptcam_cl.rendering.film import (
+    CELL_BITS_MORE,
+    MOST_CELLS,
+    MOST_PHOTONS,
+    PHOTON_BYTES,
+    PhotonPass,
+    pass_of,
+    seed_words,
+)
+from rptcam_cl.rendering.plan.plan import Plan
+from rptcam_cl.rendering.trees import PrimitiveTree, SceneTrees, primitive_tree, scene_trees
+
+# What a render will hold on the device, added up before anything is allocated: running out kills a CPU's process.
+
+SHARE = 0.8  # of the memory that a render may plan to use
+# Upper bounds over the meshes that were measured (benchmarks/journal.md): nodes and leaf blocks on the device (51 on
+# smooth meshes, whose blocks are nine tenths full), and on a CPU what building them takes besides for a while.
+TREE_BYTES_PER_TRIANGLE = 80
+BUILD_BYTES_PER_TRIANGLE = 90
+SMALLER_FILM = "render a part with crop, or lower film.resolution"
+FEWER_TRIANGLES = "use meshes of fewer triangles, or several objects of one mesh"
+SMALLER_PICTURES = "use smaller pictures"
+
+
+@dataclass(frozen=True)
+class MemoryNeeds:
+    """Bytes by use.
+
+    Attributes
+    ----------
+    film, paths, triangles, textures, rest : int
+        Sums and layers per pixel; state of a wave; meshes with their trees; texels; all other arrays of the scene.
+    building : int
+        Needed only while trees are built, and only where device and host share their memory.
+    largest : tuple
+        The largest buffer: for what it is, its bytes, and what would make it smaller.
+    """
+
+    film: int
+    paths: int
+    triangles: int
+    textures: int
+    rest: int
+    building: int
+    largest: tuple[str, int, str] = ("nothing", 0, "")
+
+    @property
+    def total(self) -> int:
+        """All of it at its highest."""
+        return self.film + self.triangles + self.textures + self.rest + max(self.paths, self.building)
+
+
+def memory_needs(plan: Plan, session: Session, *, film: Sequence[int], paths: Sequence[int]) -> MemoryNeeds:
+    """Return what a plan needs besides the buffers of ``film`` and ``paths`` [bytes each]."""
+    triangles = building = 0
+    if plan.meshes is not None:
+        count = len(plan.meshes.triangles)
+        triangles = plan.meshes.vertices.nbytes + plan.meshes.triangles.nbytes + TREE_BYTES_PER_TRIANGLE * count
+        building = BUILD_BYTES_PER_TRIANGLE * count if session.info.type == "cpu" else 0
+    textures = plan.textures.texels.nbytes + plan.surroundings.distribution.nbytes
+    rest = plan.primitives.nbytes + plan.materials.nbytes + plan.emitters.records.nbytes + plan.emitters.curve.nbytes
+    rest += plan.emitters.tree.nodes.nbytes if plan.emitters.tree is not None else 0
+    rest += plan.caustics.surfaces.nbytes + PHOTON_BYTES if plan.caustics.active else 0
+    buffers = [
+        ("the film", max(film), SMALLER_FILM),
+        ("the paths of a wave", max(paths), "use waves of fewer paths"),
+        ("the pixels of pictures", plan.textures.texels.nbytes, SMALLER_PICTURES),
+        ("the picture around the scene", plan.surroundings.distribution.nbytes, SMALLER_PICTURES),
+    ]
+    if plan.meshes is not None:
+        buffers += [
+            ("vertices", plan.meshes.vertices.nbytes, FEWER_TRIANGLES),
+            ("triangles", plan.meshes.triangles.nbytes, FEWER_TRIANGLES),
+        ]
+    return MemoryNeeds(
+        sum(film), sum(paths), triangles, textures, rest, building, max(buffers, key=lambda each: each[1])
+    )
+
+
+def check_memory(needs: MemoryNeeds, session: Session) -> None:
+    """Refuse a render that the device cannot hold, all together or in one of its buffers.
+
+    Raises
+    ------
+    InputError
+        With every use that matters, and what would make it smaller.
+    """
+    what, size, cure = needs.largest
+    if size > session.largest_buffer_bytes:
+        raise InputError(
+            f"the scene needs {amount(size)} for {what}; device {session.info.id} takes at most"
+            f" {amount(session.largest_buffer_bytes)} in one piece ({cure})"
+        )
+    budget = memory_budget(session)
+    if needs.total <= budget:
+        return
+    parts = {
+        "the film": needs.film,
+        "the paths": needs.paths,
+        "triangles and their trees": needs.triangles,
+        "building those trees": needs.building,
+        "textures": needs.textures,
+        "the rest of the scene": needs.rest,
+    }
+    listed = ", ".join(f"{amount(count)} for {name}" for name, count in parts.items() if count >= 0.01 * needs.total)
+    cure = max(
+        (needs.film, SMALLER_FILM),
+        (needs.triangles + needs.building, FEWER_TRIANGLES),
+        (needs.textures, SMALLER_PICTURES),
+    )[1]
+    raise InputError(
+        f"the scene needs {amount(needs.total)}: {listed}; device {session.info.id} offers {amount(budget)} ({cure})"
+    )
+
+
+def memory_budget(session: Session) -> int:
+    """Return how much memory a render may plan with [bytes]; on a CPU also not more than the host has free."""
+    offered = session.info.memory_bytes
+    if session.info.type == "cpu" and (free := free_host_bytes()) is not None:
+        offered = min(offered, free)
+    return int(SHARE * offered)
+
+
+def amount(count: int) -> str:
+    """Return a number of bytes as people read it."""
+    for unit, size in (("TB", 1e12), ("GB", 1e9), ("MB", 1e6)):
+        if count >= size:
+            return f"{count / size:.3g} {unit}"
+    return f"{count} bytes"
+
+
+# The photon map of a device: photons of a pass are traced there, sorted on the host, and put among the scene.
+
+PHOTON_FLOATS = 8
+MARK = 7  # column of a photon
+MOST_EDGES = 127
+SEED = 0x9E3779B97F4A7C15  # parts the random numbers of photons from those of camera paths
+PILOT, PILOT_PHOTONS = 2**32 - 1, 1 << 14  # the pass that the first radius follows from
+NEIGHBOURS = 8
+KEPT = 2048  # photons of the pilot that are compared with each other
+FIRST_PHOTONS = 10.0  # within the radius of a pass of one sample, where the light is
+
+Photons = NDArray[np.float32]
+
+
+class PhotonBuffers:
+    """What the kernels read of photons, as arguments by name; `current` says whose photons there are."""
+
+    def __init__(self, session: Session, plan: Plan) -> None:
+        self.photons = session.allocate(4 * PHOTON_FLOATS * MOST_PHOTONS)
+        self.cells = session.allocate(4 * (MOST_CELLS + 1))
+        self.grid = session.upload(PHOTON_GRID.zeros(1))
+        self.current: tuple[Any, ...] | None = None
+        self.arguments = {
+            "caustic_roles": session.upload(plan.caustics.roles),
+            "photons": self.photons,
+            "photon_cells": self.cells,
+            "photon_grid": self.grid,
+        }
+
+
+class PhotonMap:
+    """Traces the photons of a pass when a sample needs them.
+
+    Parameters
+    ----------
+    session, plan
+        The device, and the scene.
+    scene, tree_facts : dict
+        Arguments for ``SCENE_PARAMETERS``, and the facts of the scene's trees.
+    buffers
+        Where the photons go.
+    max_depth
+        Longest path [edges].
+    pixels
+        Of the whole film, of which a crop or some tiles may be rendered.
+
+    Attributes
+    ----------
+    radius : float
+        Of the pass that was used last [m].
+    """
+
+    def __init__(
+        self,
+        session: Session,
+        plan: Plan,
+        scene: dict[str, Any],
+        tree_facts: dict[str, int],
+        buffers: PhotonBuffers,
+        max_depth: int,
+        pixels: int,
+    ) -> None:
+        self._session, self._buffers, self._pixels = session, buffers, pixels
+        self._max_edges = min(max_depth - 1, MOST_EDGES)
+        self._surfaces = len(plan.caustics.curve) // 2 - 1
+        facts = plan.facts | tree_facts | {"VW": session.lanes}
+        program = session.program(["pass/photons.cl"], facts, device_declarations())
+        self._found = session.allocate(4 * PHOTON_FLOATS * MOST_PHOTONS)
+        self._launch = session.bind(
+            program, "photons", **scene, surfaces=session.upload(plan.caustics.surfaces),
+            surface_curve=session.upload(plan.caustics.curve), found=self._found,
+            **{"pass": bytes(PHOTON_PASS.dtype.itemsize)},
+        )  # fmt: skip
+        self._token = object()  # an id would be given again
+        self.radius = 0.0
+        self._radii: dict[int, float] = {}  # of a pass of one sample, by seed [m]
+
+    def use(self, sample: int, seed: int) -> None:
+        """Have the photons in place that a sample sees."""
+        seen = pass_of(sample)
+        key = (self._token, seed, seen.number)
+        if self._buffers.current == key:
+            return
+        self._buffers.current = key
+        if seed not in self._radii:
+            pilot = self._trace(PILOT, PILOT_PHOTONS, seed)
+            self._radii[seed] = first_radius(pilot, self._pixels)
+        photons = self._trace(seen.number, seen.photons(self._pixels), seed)
+        self.radius = self._radii[seed] * seen.shrinkage
+        self._put(photons, self.radius)
+
+    def _trace(self, number: int, count: int, seed: int) -> Photons:
+        """Return the photons of a pass that met a receiver."""
+        record = PHOTON_PASS.zeros(1)
+        record["seed"][0] = seed_words(seed ^ SEED)
+        record["number"], record["max_edges"], record["surfaces"] = number, self._max_edges, self._surfaces
+        record["per_photon"] = 1 / count
+        self._launch.set(**{"pass": record.tobytes()})
+        self._launch.enqueue(count // self._session.lanes, self._session.group)
+        found = self._session.read(self._found, np.float32, count * PHOTON_FLOATS).reshape(count, PHOTON_FLOATS)
+        return np.asarray(found[found[:, MARK].view(np.int32) >= 0])
+
+    def _put(self, photons: Photons, radius: float) -> None:
+        grid, order, cells = sorted_by_cell(photons, radius)
+        self._session.write(self._buffers.grid, grid)
+        self._session.write(self._buffers.cells, cells)
+        if len(photons):
+            self._session.write(self._buffers.photons, photons[order])
+
+
+def sorted_by_cell(photons: Photons, radius: float) -> tuple[NDArray[np.void], NDArray[np.int64], NDArray[np.int32]]:
+    """Return how photons lie in memory for a radius [m]: the record ``PhotonGrid``, their order, the starts of cells.
+
+    Photons of a cell keep their order, so that sums over them do not depend on how they are sorted.
+    """
+    grid = PHOTON_GRID.zeros(1)
+    if not len(photons):
+        grid["low"], grid["high"] = 1.0, (-1.0, -1.0, -1.0, 1.0)
+        return grid, np.zeros(0, np.int64), np.zeros(9, np.int32)
+    places = photons[:, :3]
+    low, high = places.min(axis=0), places.max(axis=0)
+    per_cell = np.float32(0.5 / radius)
+    most = min(len(photons).bit_length() + CELL_BITS_MORE, MOST_CELLS.bit_length() - 1)
+    bits = _periods((high - low) * per_cell, most)
+    grid["low"][0], grid["high"][0] = (*(low - radius), per_cell), (*(high + radius), radius)
+    masks = (1 << bits) - 1
+    grid["mask_x"], grid["mask_y"], grid["mask_z"] = masks
+    cell = np.floor(places * per_cell).astype(np.int64) & masks
+    bucket = (cell[:, 2] << (bits[0] + bits[1])) | (cell[:, 1] << bits[0]) | cell[:, 0]
+    key = np.sort((bucket << 32) | np.arange(len(photons)))
+    starts = np.zeros((1 << int(bits.sum())) + 1, np.int32)
+    np.cumsum(np.bincount(bucket, minlength=len(starts) - 1), out=starts[1:])
+    return grid, key & 0xFFFFFFFF, starts
+
+
+def _periods(cells: NDArray[np.float32], most: int) -> NDArray[np.int64]:
+    """Return the logarithms to base 2 of the periods along three axes, one at least, ``most`` together."""
+    bits = np.maximum(np.ceil(np.log2(np.maximum(cells.astype(np.float64), 1) + 1)), 1).astype(np.int64)
+    while bits.sum() > most:
+        bits[bits.argmax()] -= 1
+    return np.asarray(bits)
+
+
+def first_radius(pilot: Photons, pixels: int) -> float:
+    """Return the radius of a pass of one sample [m], for so many photons within it where most of them are.
+
+    It follows from the median of their distances to neighbours; 1 without any. Their power does not count: where a lamp
+    is rarely picked, one photon has that of many.
+    """
+    some = pilot[:: max(len(pilot) // KEPT, 1)]
+    if len(some) <= NEIGHBOURS:
+        return 1.0
+    places = some[:, :3].astype(np.float64)
+    square = (places**2).sum(axis=1)
+    distance2 = square[:, None] + square - 2 * places @ places.T
+    near2 = np.partition(np.maximum(distance2, 0), NEIGHBOURS, axis=1)[:, NEIGHBOURS]
+    median = np.median(near2)
+    # photons per area in a pass of one sample, over that of these
+    more = PhotonPass(0, 0, 1).photons(pixels) / PILOT_PHOTONS * len(pilot) / len(some)
+    return max(float(np.sqrt(median * FIRST_PHOTONS / NEIGHBOURS / more)), 1e-9)
+
+
+# The scene on the device: every array of the plan, under the name that kernels have for it.
+
+COMPARED_BYTES = 1 << 20  # of an array, up to which comparing it takes less time than a launch
+
+
+class SceneBuffers:
+    """Uploaded arrays of a plan.
+
+    Parameters
+    ----------
+    session, plan
+        The device, and whose arrays.
+    earlier
+        Of another plan, perhaps nearly the same: what has not changed stays where it is.
+
+    Attributes
+    ----------
+    scene : dict
+        Arguments for ``SCENE_PARAMETERS`` (``kernels/common/scene.h``), by name.
+    tree_facts : dict
+        Facts of the trees for the compilation; none where there are none.
+    colours : buffer
+        Wavelengths of paths; a single 0 where they have none.
+    camera : dict
+        Arguments of the passes that make camera rays: record, tables, surfaces and stop of the camera.
+    trajectory : dict
+        And one more if anything moves: when the shutter is open and where the camera is.
+    """
+
+    def __init__(self, session: Session, plan: Plan, earlier: SceneBuffers | None = None) -> None:
+        self._session, self._plan = session, plan
+        self._before = {} if earlier is None else earlier._uploaded
+        self._uploaded: dict[str, tuple[NDArray[Any], Any]] = {}
+        self.scene: dict[str, Any] = {
+            "primitives": self._buffer("primitives", plan.primitives),
+            "kind_end": self._buffer("kind_end", plan.kind_end),
+            "materials": self._buffer("materials", plan.materials),
+            "textures": self._buffer("textures", plan.textures.records),
+            "texels": self._buffer("texels", plan.textures.texels),
+            "emitters": self._buffer("emitters", plan.emitters.records),
+            "environment": self._buffer("environment", plan.surroundings.record),
+            "distribution": self._buffer(
+                "distribution", np.concatenate([plan.emitters.curve, plan.surroundings.distribution])
+            ),
+            "emitter_count": np.int32(plan.emitters.count),
+        }
+        if plan.emitters.tree is not None:
+            self.scene |= {"light_nodes": self._buffer("light_nodes", plan.emitters.tree.nodes)}
+        self.colours = self._buffer("colours", plan.spectrum.table)
+        if plan.facts["SPECTRUM"]:
+            self.scene |= {"colours": self.colours}
+        if plan.facts["HAS_MOTION"]:
+            self.scene |= {
+                "segments": self._buffer("segments", plan.movements.segments),
+                "movement_of": self._buffer("movement_of", plan.movements.of_primitive),
+            }
+        self.tree_facts: dict[str, int] = {}
+        self._add_primitive_tree(earlier)
+        self._add_meshes(earlier)
+        self.photons = PhotonBuffers(session, plan) if plan.caustics.active else None
+        self.scene |= {} if self.photons is None else self.photons.arguments
+        self.trajectory = {"trajectory": self._buffer("trajectory", plan.trajectory)} if plan.facts["MOVES"] else {}
+        self.filter = self._buffer("filter", plan.camera_filter.table)
+        self.camera = {name: self._buffer(name, array) for name, array in _camera_arrays(plan.camera).items()}
+        self._before = {}
+
+    def on_host(self, plan: Plan, most_bytes: int) -> SceneBuffers:
+        """Return these with arrays in place of buffers, to be sent to another process; see `uploaded_to`.
+
+        Parameters
+        ----------
+        plan
+            What takes the place of their plan.
+        most_bytes
+            Of an array of the scene, which is cut there; those of the camera stay whole.
+        """
+        arrays = {id(buffer): array for array, buffer in self._uploaded.values()}
+
+        def cut(value: Any) -> Any:
+            array = arrays.get(id(value))
+            return value if array is None else array.reshape(-1)[: most_bytes // array.itemsize + 1]
+
+        other = self._mapped(cut)
+        other.camera = {name: arrays[id(buffer)] for name, buffer in self.camera.items()}
+        if self.photons is not None:
+            other.scene = {name: value for name, value in other.scene.items() if name not in self.photons.arguments}
+            other.photons = None
+        other._session = other._tree = other._mesh_trees = None  # type: ignore[assignment]
+        other._plan, other._uploaded = plan, {}
+        return other
+
+    def uploaded_to(self, session: Session) -> SceneBuffers:
+        """Return what `on_host` has made, on a device."""
+        other = self._mapped(lambda value: session.upload(value) if isinstance(value, np.ndarray) else value)
+        if other._plan.caustics.active:
+            other.photons = PhotonBuffers(session, other._plan)
+            other.scene |= other.photons.arguments
+        return other
+
+    @property
+    def most_bytes(self) -> int:
+        """Of an array."""
+        return max(array.nbytes for array, _ in self._uploaded.values())
+
+    def _mapped(self, change: Callable[[Any], Any]) -> SceneBuffers:
+        other = copy.copy(self)
+        for name in ("scene", "camera", "trajectory"):
+            setattr(other, name, {key: change(value) for key, value in getattr(self, name).items()})
+        other.colours, other.filter = change(self.colours), change(self.filter)
+        return other
+
+    def _buffer(self, name: str, array: NDArray[Any], *, in_place: bool = False) -> Any:
+        """Return the buffer that holds an array: the earlier one of that name where it holds the same."""
+        before = self._before.get(name)
+        if before is None or not _is_same(before[0], array):
+            before = array, self._session.upload(array, in_place=in_place)
+        self._uploaded[name] = before
+        return before[1]
+
+    def _add_primitive_tree(self, earlier: SceneBuffers | None) -> None:
+        plan = self._plan
+        if earlier is not None and _has_same_primitives(earlier._plan, plan):
+            tree = earlier._tree
+        else:
+            new = earlier is None  # the next plan of a series has other primitives
+            tree = primitive_tree(plan.primitives, plan.kind_end, self._session, plan.movements, on_disk=new)
+        self._tree: PrimitiveTree | None = tree
+        if tree is not None:
+            self.tree_facts |= tree.facts
+            self.scene |= {
+                "primitive_nodes": self._buffer("primitive_nodes", tree.nodes),
+                "primitive_leaves": self._buffer("primitive_leaves", tree.leaves),
+            }
+
+    def _add_meshes(self, earlier: SceneBuffers | None) -> None:
+        plan = self._plan
+        self._mesh_trees: SceneTrees | None = None
+        if plan.meshes is None:
+            return
+        if earlier is not None and earlier._plan.meshes is plan.meshes and _moves_alike(earlier._plan, plan):
+            self._mesh_trees = earlier._mesh_trees
+        trees = self._mesh_trees = self._mesh_trees or scene_trees(plan.meshes, self._session, plan.movements)
+        self.tree_facts |= trees.facts
+        low, high = trees.bounds
+        arrays = {
+            "nodes": trees.nodes,
+            "blocks": trees.blocks,
+            "triangles": plan.meshes.triangles,
+            "vertices": trees.vertices,
+            "instances": trees.instances,
+        }
+        self.scene |= {name: self._buffer(name, array, in_place=True) for name, array in arrays.items()}
+        self.scene |= {"mesh_root": np.int32(trees.root), "mesh_low": low.tobytes(), "mesh_high": high.tobytes()}
+
+
+def camera_buffers(session: Session, camera: CameraModel) -> dict[str, Any]:
+    """Return arguments of the passes that make camera rays: record, tables, surfaces and stop of a camera, uploaded."""
+    return {name: session.upload(array) for name, array in _camera_arrays(camera).items()}
+
+
+def _camera_arrays(camera: CameraModel) -> dict[str, NDArray[Any]]:
+    return {"camera": camera.record, "tables": camera.tables, "surfaces": camera.surfaces, "stop": camera.stop}
+
+
+def _is_same(one: NDArray[Any], other: NDArray[Any]) -> bool:
+    """Return whether two arrays are known to have the same bytes; large ones are not compared."""
+    if one is other:
+        return True
+    alike = one.dtype == other.dtype and one.shape == other.shape
+    return alike and one.nbytes <= COMPARED_BYTES and one.tobytes() == other.tobytes()
+
+
+def _moves_alike(one: Plan, other: Plan) -> bool:
+    """Return whether what moves in two plans is known to move in the same way."""
+    return not (one.facts["HAS_MOTION"] or other.facts["HAS_MOTION"]) or one.movements is other.movements
+
+
+def _has_same_primitives(one: Plan, other: Plan) -> bool:
+    """Return whether the trees over the primitives of two plans are the same."""
+    return (
+        _moves_alike(one, other)
+        and _is_same(one.primitives, other.primitives)
+        and _is_same(one.kind_end, other.kind_end)
+    )

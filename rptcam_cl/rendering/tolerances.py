@@ -1,0 +1,1263 @@
+"""Lenses as they are made: copies within tolerances, how good they are, yield and the worst offenders."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, replace
+from functools import cached_property, lru_cache
+from pathlib import Path
+from statistics import NormalDist
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import ValidationError
+
+from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.strict_yaml import Document, KeyPath, dotted, read_yaml
+from rptcam_cl.optics.as_built import Copies, Deviation, check_copies, film_points
+from rptcam_cl.optics.charts import FAINT, INK, new_figure, series, styled
+from rptcam_cl.optics.glass import AIR, abbe_number
+from rptcam_cl.optics.lens import Lens, brought_to_focus, configured, film_distance
+from rptcam_cl.optics.spot import Beam, passing_beam
+from rptcam_cl.optics.waves import diffraction_mtf
+from rptcam_cl.scene.lens_settings import GRADES
+from rptcam_cl.scene.load import input_error
+from rptcam_cl.scene.tolerances import Distribution, Merit, Tolerance, Tolerances, grade
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+# Specifications of tolerances: a grade by its name, a YAML file, or the same as Python data.
+
+
+@dataclass(frozen=True)
+class Specification:
+    """Tolerances, and where each of their keys stands.
+
+    Attributes
+    ----------
+    tolerances : Tolerances
+    where : callable
+        Returns what an error about a key path begins with, such as ``tolerances.yaml:3:5: ``.
+    """
+
+    tolerances: Tolerances
+    where: Callable[[KeyPath], str] = lambda path: ""
+
+    def problem(self, path: KeyPath, text: str) -> InputError:
+        """Return the error of a key that does not fit the lens."""
+        return InputError(f"{self.where(path)}{dotted(path)}: {text}")
+
+
+def specification(source: str | Path | bytes | Mapping[str, Any] | Tolerances, name: str = "") -> Specification:
+    """Return the specification of a grade's name, a YAML file, its text as bytes, or a mapping of the same form.
+
+    Parameters
+    ----------
+    source
+        One of `GRADES`, or a path.
+    name : str
+        What errors call text that is not read from a file.
+
+    Raises
+    ------
+    InputError
+        ``FILE:LINE:COL: key.path: problem (got …; allowed …)``.
+    StateError
+        When the file cannot be read.
+    """
+    if isinstance(source, Tolerances):
+        return Specification(source)
+    if isinstance(source, str) and source in GRADES:
+        return Specification(grade(source))
+    if isinstance(source, Mapping):
+        return _checked(dict(source), None)
+    if isinstance(source, str | Path) and not Path(source).exists():
+        raise InputError(f"{source}: no such file and no grade of tolerances (allowed: {', '.join(GRADES)}, or a file)")
+    document = read_yaml(source if isinstance(source, bytes) else Path(source), name or None)
+    if not isinstance(document.data, dict):
+        raise InputError(f"{document.name}:1:1: a specification must be a mapping (allowed: with the key tolerances)")
+    return _checked(document.data, document)
+
+
+def _checked(data: dict[str, Any], document: Document | None) -> Specification:
+    def where(path: KeyPath, at_key: bool = False) -> str:
+        if document is None:
+            return ""
+        line, column = document.key_mark(path) if at_key else document.mark(path)
+        return f"{document.name}:{line}:{column}: "
+
+    try:
+        return Specification(Tolerances.model_validate(data), where)
+    except ValidationError as problem:
+        raise input_error(problem, data, where) from None
+
+
+# What a specification means for a lens: each thing of it that may be off, by how much and by what distribution.
+
+FRINGE_MM = 632.8e-6 / 2  # of sag, against a test glass
+ARCMIN = math.pi / 180 / 60
+HALF = 0.5  # of a radius, the most that may be off
+
+
+@dataclass(frozen=True)
+class Limit:
+    """A deviation and how large it may be.
+
+    Attributes
+    ----------
+    deviation : Deviation
+    size : float
+        Largest size either way, in the unit of the deviation.
+    label : str
+        What is off, and by how much at most: ``radius of surface 3 ± 0.2 %``.
+    distribution : "uniform", "normal" or "end_point"
+    sigmas : float
+        How many standard deviations of a normal distribution the size is.
+    key : (entry, item)
+        Its place in the specification: what its random numbers are keyed by.
+    """
+
+    deviation: Deviation
+    size: float
+    label: str
+    distribution: Distribution
+    sigmas: float
+    key: tuple[int, int]
+
+
+@dataclass(frozen=True)
+class _Item:
+    """Surfaces that a tolerance concerns, what they are called, and the key of the specification that names them."""
+
+    first: int
+    last: int
+    name: str
+
+
+def elements(lens: Lens) -> list[int]:
+    """Return the first surface of each element: those with glass behind them."""
+    return [k for k in range(len(lens.surfaces) - 1) if lens.surfaces[k].glass != AIR]
+
+
+def components(lens: Lens) -> list[tuple[int, int]]:
+    """Return first and last surface of each element, or of elements that are cemented."""
+    found: list[tuple[int, int]] = []
+    for k in elements(lens):
+        if found and found[-1][1] == k:
+            found[-1] = (found[-1][0], k + 1)
+        else:
+            found.append((k, k + 1))
+    return found
+
+
+def limits(lens: Lens, specification: Specification) -> list[Limit]:
+    """Return all that may be off: what concerns surfaces first, then elements, then groups, as poses act.
+
+    Raises
+    ------
+    InputError
+        When a tolerance names what the lens does not have.
+    """
+    given = specification.tolerances
+    found: list[tuple[int, Limit]] = []
+    for entry, tolerance in enumerate(given.tolerances):
+        distribution = tolerance.distribution or given.distribution
+        sigmas = tolerance.sigmas or given.sigmas
+        rank = 2 if tolerance.group else 1 if tolerance.surfaces is None and tolerance.of == "element" else 0
+        rank = 0 if tolerance.quantity.startswith("wedge") else rank
+        for number, item in enumerate(_items(lens, specification, entry)):
+            deviation, size, text = _deviation(lens, tolerance, item)
+            if size is not None:
+                label = f"{text} {'behind' if tolerance.quantity == 'spacing_mm' else 'of'} {item.name}"
+                found.append((rank, Limit(deviation, size, label, distribution, sigmas, (entry, number))))
+    if not found:
+        raise InputError(f"{lens.name}: none of the tolerances concerns anything of this lens")
+    return [limit for _, limit in sorted(found, key=lambda pair: pair[0])]
+
+
+def _items(lens: Lens, specification: Specification, entry: int) -> Iterator[_Item]:
+    """Return what a tolerance concerns."""
+    tolerance = specification.tolerances.tolerances[entry]
+    path: KeyPath = ("tolerances", entry)
+    quantity = tolerance.quantity
+    if tolerance.group is not None:
+        first, last = tolerance.group
+        _check(specification, (*path, "group"), "surface", last, len(lens.surfaces))
+        yield _Item(first, last, f"surfaces {first} to {last}")
+    elif quantity.startswith(("decentre", "tilt")) and tolerance.of == "element" and tolerance.surfaces is None:
+        every = components(lens)
+        for k in _chosen(specification, path, "elements", "element", len(every)):
+            first, last = every[k]
+            yield _Item(first, last, f"element {k} (surfaces {first} to {last})")
+    elif quantity.startswith(("radius", "spacing", "decentre", "tilt")):
+        chosen = _chosen(specification, path, "surfaces", "surface", len(lens.surfaces))
+        for k in chosen:
+            if _concerns(lens, quantity, k):
+                yield _Item(k, k, f"surface {k}")
+            elif tolerance.surfaces is not None:
+                place = (*path, "surfaces", tolerance.surfaces.index(k))
+                what = "no air space is behind it" if quantity == "spacing_mm" else "light does not bend there"
+                raise specification.problem(place, f"{what} (got {k})")
+    else:
+        glasses = elements(lens)
+        for k in _chosen(specification, path, "elements", "element", len(glasses)):
+            yield _Item(glasses[k], glasses[k] + 1, f"element {k} (surfaces {glasses[k]} to {glasses[k] + 1})")
+
+
+def _concerns(lens: Lens, quantity: str, k: int) -> bool:
+    """Return whether a surface has what a tolerance is of."""
+    if quantity == "spacing_mm":
+        return k < len(lens.surfaces) - 1 and lens.surfaces[k].glass == AIR
+    has_radius = lens.surfaces[k].curvature != 0 or quantity not in ("radius_percent", "radius_mm")
+    return lens.media[k] != lens.media[k + 1] and has_radius
+
+
+def _chosen(specification: Specification, path: KeyPath, key: str, noun: str, count: int) -> list[int]:
+    """Return the numbers that a key of a tolerance names, all without it."""
+    given = getattr(specification.tolerances.tolerances[int(path[1])], key)
+    if given is None:
+        return list(range(count))
+    for place, number in enumerate(given):
+        _check(specification, (*path, key, place), noun, number, count)
+    return list(dict.fromkeys(given))
+
+
+def _check(specification: Specification, path: KeyPath, noun: str, number: int, count: int) -> None:
+    if number >= count:
+        allowed = f"0 to {count - 1}" if count else "none, the lens has no such thing"
+        raise specification.problem(path, f"the lens has no {noun} {number} (got {number}; allowed: {allowed})")
+
+
+def _deviation(lens: Lens, tolerance: Tolerance, item: _Item) -> tuple[Deviation, float | None, str]:
+    """Return what a tolerance of one item is a limit of, its size, and its words; no size where it is of no effect."""
+    quantity, k = tolerance.quantity, item.first
+    value = float(getattr(tolerance, quantity))
+    surface = lens.surfaces[k]
+    match quantity:
+        case "radius_percent":
+            return Deviation("radius", k, k), value / 100, f"radius ±{value:g} %"
+        case "radius_mm":
+            return Deviation("radius", k, k), min(value * abs(surface.curvature), HALF), f"radius ±{value:g} mm"
+        case "radius_fringes":
+            size = 2 * value * FRINGE_MM / surface.semi_diameter**2
+            return Deviation("curvature", k, k), size, f"power ±{value:g} fringes"
+        case "spacing_mm":
+            size = min(value, abs(surface.thickness))
+            return Deviation("thickness", k, k), size or None, f"air space ±{value:g} mm"
+        case "thickness_mm":
+            return Deviation("thickness", k, k), min(value, surface.thickness), f"thickness ±{value:g} mm"
+        case "thickness_percent":
+            return Deviation("thickness", k, k), value / 100 * surface.thickness, f"thickness ±{value:g} %"
+        case "index":
+            return Deviation("index", k, k), value, f"index ±{value:g}"
+        case "abbe_percent":
+            disperses = math.isfinite(abbe_number(surface.glass))
+            return Deviation("abbe", k, k), value / 100 if disperses else None, f"Abbe number ±{value:g} %"
+        case "wedge_arcmin":
+            return Deviation("tilt", k + 1, k + 1), value * ARCMIN, f"wedge {value:g}′"
+        case "wedge_um":
+            angle = 1e-3 * value / (2 * lens.surfaces[k + 1].semi_diameter)
+            return Deviation("tilt", k + 1, k + 1), angle, f"wedge {value:g} µm"
+        case "decentre_mm":
+            return Deviation("decentre", k, item.last), value, f"decentre {value:g} mm"
+        case "tilt_arcmin":
+            return Deviation("tilt", k, item.last), value * ARCMIN, f"tilt {value:g}′"
+    return Deviation("tilt", k, item.last), 1e-3 * value / (2 * surface.semi_diameter), f"tilt {value:g} µm"
+
+
+#
+# The random numbers of a tolerance run, each keyed by seed, tolerance and copy.
+#
+# A copy is therefore the same however many are made, and a tolerance added at the end of a specification leaves what
+# the others draw as it was.
+
+Array = NDArray[np.float64]
+
+_NORMAL = np.vectorize(NormalDist().inv_cdf, otypes=[np.float64])
+
+
+def drawn(limits: Sequence[Limit], copies: int, seed: int) -> Array:
+    """Return values (copies, limits, 2) of all that may be off.
+
+    A single number lies within ± its size: evenly, by a normal distribution cut off there, or at one of the two ends. A
+    pair lies in the disc of that radius: evenly over its area, by the normal distribution of both cut off at its rim,
+    or on the rim.
+    """
+    values = np.zeros((copies, len(limits), 2))
+    for number, limit in enumerate(limits):
+        key = np.random.SeedSequence([seed, *limit.key])
+        chances = np.random.Generator(np.random.Philox(key)).random((copies, 2))
+        values[:, number] = _pairs(limit, chances) if limit.deviation.is_pair else _numbers(limit, chances)
+    return values
+
+
+def _numbers(limit: Limit, chances: Array) -> Array:
+    chance = chances[:, 0]
+    match limit.distribution:
+        case "uniform":
+            share = 2.0 * chance - 1.0
+        case "end_point":
+            share = np.where(chance < 0.5, -1.0, 1.0)
+        case "normal":
+            outside = NormalDist().cdf(-limit.sigmas)
+            share = np.clip(_NORMAL(outside + chance * (1.0 - 2.0 * outside)) / limit.sigmas, -1.0, 1.0)
+    return np.stack([limit.size * share, np.zeros_like(share)], axis=1)
+
+
+def _pairs(limit: Limit, chances: Array) -> Array:
+    chance, angle = chances[:, 0], 2.0 * np.pi * chances[:, 1]
+    match limit.distribution:
+        case "uniform":
+            share = np.sqrt(chance)
+        case "end_point":
+            share = np.ones_like(chance)
+        case "normal":  # the distance from the middle has the distribution of Rayleigh
+            inside = -np.expm1(-0.5 * limit.sigmas**2)
+            share = np.sqrt(-2.0 * np.log1p(-chance * inside)) / limit.sigmas
+    return np.asarray((limit.size * share)[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1))
+
+
+# Shares and percentiles of a sample, each with the interval in which that of all copies lies.
+
+CONFIDENCE = 0.95
+
+
+class Interval(NamedTuple):
+    """An estimate and the bounds that hold it with a given confidence."""
+
+    value: float
+    low: float
+    high: float
+
+
+def share(hits: int, count: int, confidence: float = CONFIDENCE) -> Interval:
+    """Return which share of all copies is good, of how many of a sample are (Wilson, J. Am. Stat. Assoc. 22, 1927)."""
+    z = NormalDist().inv_cdf(0.5 + confidence / 2)
+    found, weight = hits / count, 1.0 / (1.0 + z * z / count)
+    middle = weight * (found + z * z / (2 * count))
+    half = weight * z * math.sqrt(found * (1 - found) / count + (z / (2 * count)) ** 2)
+    low, high = (0.0 if hits == 0 else middle - half), (1.0 if hits == count else middle + half)
+    return Interval(found, low, high)
+
+
+def rank(percent: float, count: int) -> int:
+    """Return the place, from 0, of a percentile among sorted copies: that percent of them are at most as bad.
+
+    Raises
+    ------
+    InputError
+        For a percentile that is not above 0 and at most 100.
+    """
+    if not 0 < percent <= 100:
+        raise InputError(f"a percentile must be above 0 and at most 100 % (got {percent:g} %)")
+    return max(math.ceil(percent / 100 * count - 1e-9), 1) - 1
+
+
+def percentile(ordered: Array, percent: float, confidence: float = CONFIDENCE) -> Interval:
+    """Return a percentile of sorted numbers, and the bounds that hold that of all copies, whatever their distribution.
+
+    How many of a sample lie below the true percentile is binomial, so the bounds are two of the sorted numbers (David
+    and Nagaraja, Order Statistics, 3rd ed., 7.1); a sample too small for the confidence has its ends.
+    """
+    count, p = len(ordered), percent / 100
+    place = rank(percent, count)
+    below = np.cumsum(_binomial(count, p))  # chance that at most k of the sample lie below it
+    tail = (1 - confidence) / 2
+    low = int(np.searchsorted(below, tail, side="right")) - 1
+    high = int(np.searchsorted(below, 1 - tail, side="left"))
+    low, high = max(low, 0), min(high, count - 1)
+    return Interval(float(ordered[place]), float(ordered[min(low, place)]), float(ordered[max(high, place)]))
+
+
+def _binomial(count: int, p: float) -> Array:
+    """Return the chance of k hits of `count`, for k from 0 to `count`."""
+    if p >= 1:
+        return np.asarray(np.eye(count + 1)[-1])
+    k = np.arange(count + 1)
+    factorials = np.concatenate([[0.0], np.cumsum(np.log(np.arange(1, count + 1)))])
+    logarithm = factorials[-1] - factorials[k] - factorials[count - k] + k * math.log(p) + (count - k) * math.log1p(-p)
+    return np.asarray(np.exp(logarithm))
+
+
+# The rays by which copies of a lens are judged: for each field the nodes of a quadrature over the beam that passes.
+
+SHARES = (0.0, 0.7, 1.0)  # of the widest field, that are seen by default
+LEFT_OPEN = 0.5  # of the beam on the axis, that the widest field keeps
+LARGEST_SPOT = 0.02  # rms in focal lengths that it may have, unless that on the axis is larger
+STEEPEST = 60.0  # degrees
+SEARCH = 32  # rays across a beam that seek the widest field
+COARSE = 48  # rays across a beam that seek its middle
+AZIMUTHS = (90.0, 0.0, 270.0, 180.0)
+BISECTIONS = 24
+OUTLINE = 96  # directions from the middle of a beam in which it is asked what bounds it
+SECTIONS, ROUNDS = 16, 4  # into which each round parts what is left between two of them
+TERMS, HIGHEST = 0.4, 14  # most terms of a polynomial over a beam, for each of its rays, and its highest degree
+MOST_CORNERS = 16  # beyond which rims that coincide make no corners
+
+
+@dataclass(frozen=True)
+class FieldRays:
+    """The rays of one field.
+
+    Attributes
+    ----------
+    beam : Beam
+    origins, directions : (rays, 3) arrays
+        In the frame of the lens [mm]; directions of unit length.
+    weights : (rays,) array
+        The share of the beam's area, in the plane of the first vertex, that each stands for.
+    places : (rays, 2) array
+        Where they cross that plane, from the middle of the beam in units of its size.
+    finer : ((n, rays), (n,) arrays) or None
+        What gives at more places what the rays have at theirs, and the shares of those places.
+    """
+
+    beam: Beam
+    origins: Array
+    directions: Array
+    weights: Array
+    places: Array
+    finer: tuple[Array, Array] | None = None
+
+    def turned(self, beam: Beam) -> FieldRays:
+        """Return the rays of the same field seen from another side."""
+        angle = np.radians(beam.azimuth_degrees - self.beam.azimuth_degrees)
+        turn = np.array([[np.cos(angle), np.sin(angle), 0], [-np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
+        return replace(self, beam=beam, origins=self.origins @ turn, directions=self.directions @ turn)
+
+    def filled_in(self, finer: FieldRays) -> FieldRays:
+        """Return the same with what gives at the places of other rays, that are more, what these have at theirs.
+
+        It is the polynomial over the beam with the least squared difference.
+        """
+        degree = min(int(math.sqrt(2 * TERMS * len(self.weights)) - 1.5), HIGHEST)
+        root = np.sqrt(self.weights)[:, None]
+        fit = np.linalg.pinv(root * _polynomials(self.places, degree)) * root.T
+        return replace(self, finer=(_polynomials(finer.places, degree) @ fit, finer.weights))
+
+
+def _polynomials(places: Array, degree: int) -> Array:
+    """Return the products of Legendre polynomials in x and y up to a degree (n, terms)."""
+    x, y = (np.polynomial.legendre.legvander(values, degree) for values in places.T)
+    return np.stack([x[:, i] * y[:, j] for i in range(degree + 1) for j in range(degree + 1 - i)], axis=1)
+
+
+def default_fields(lens: Lens, film_distance_mm: float, object_distance_mm: float, wavelength_nm: float) -> list[float]:
+    """Return the axis, 0.7 of the widest field and that field [degrees], rounded to be read.
+
+    The widest field keeps half of the beam on the axis, and its light together.
+    """
+
+    half = lens.surfaces[0].semi_diameter * (1 - 1e-12)
+    across = np.linspace(-half, half, SEARCH)
+    x, y = (axis.ravel() for axis in np.meshgrid(across, across))
+    sags = np.nan_to_num(lens.surfaces[0].sag(x, y))
+
+    def seen(degrees: float) -> tuple[float, float]:
+        """Return how many rays of a field pass, spread over the first surface, and their rms on the film [mm]."""
+        beam = Beam(degrees, object_distance_mm)
+        _, directions = beam.rays(np.stack([x, y], axis=1))
+        at = np.stack([x, y], axis=1) - sags[:, None] * directions[:, :2] / directions[:, 2:]
+        rays = lens.trace(*beam.rays(at), wavelength_nm, "scene")
+        good = rays.passed
+        slopes = rays.directions[good, :2] / rays.directions[good, 2:]
+        film = rays.origins[good, :2] + slopes * (lens.film_z(film_distance_mm) - rays.origins[good, 2:])
+        return float(good.sum()), float(np.sqrt(np.var(film, axis=0).sum())) if good.any() else math.inf
+
+    area, blur = seen(0.0)
+    largest = max(LARGEST_SPOT * abs(lens.first_order(wavelength_nm).focal_length_mm), 2 * blur)
+    low, high = 0.0, STEEPEST
+    for _ in range(9):
+        middle = (low + high) / 2
+        left, spread = seen(middle)
+        low, high = (middle, high) if left >= LEFT_OPEN * area and spread <= largest else (low, middle)
+    digits = max(1 - math.floor(math.log10(low)), 0) if low > 0 else 0
+    return [round(share * low, digits) for share in SHARES]
+
+
+class Field:
+    """One angle from the axis, seen from one side or four, and the rays by which it is judged.
+
+    Along directions from the middle of the beam the edge is found by bisection; Gaussian nodes in the squared radius
+    lie inside of it (Forbes, J. Opt. Soc. Am. A 5, 1943, 1988, for a beam of any outline). The directions are Gaussian
+    nodes too, between corners of the outline, where another rim begins to bound it; they are even where it has none.
+
+    Raises
+    ------
+    InputError
+        When nothing of the beam passes.
+    """
+
+    def __init__(self, lens: Lens, beams: Sequence[Beam], wavelength_nm: float) -> None:
+        self.lens, self.beams, self.wavelength_nm = lens, beams, wavelength_nm
+        self._outlines = [_outline(lens, beam, wavelength_nm) for beam in (beams[:1] if lens.is_rotational else beams)]
+
+    def rays(self, rings: int, arms: int) -> list[FieldRays]:
+        """Return the rays of each beam, in rings of about `arms`; of a round lens those of the first, turned."""
+        found = [
+            _beam_rays(self.lens, beam, self.wavelength_nm, outline, rings, arms)
+            for beam, outline in zip(self.beams, self._outlines, strict=False)
+        ]
+        return [*found, *(found[0].turned(beam) for beam in self.beams[len(found) :])]
+
+
+def fields_of(lens: Lens, degrees: Sequence[float], object_distance_mm: float, wavelength_nm: float) -> list[Field]:
+    """Return fields by their angles from the axis; those beside it are seen from four sides, as copies differ there.
+
+    Raises
+    ------
+    InputError
+        When nothing of a beam passes.
+    """
+    return [
+        Field(
+            lens,
+            [Beam(angle, object_distance_mm, azimuth) for azimuth in (AZIMUTHS if angle else AZIMUTHS[:1])],
+            wavelength_nm,
+        )
+        for angle in dict.fromkeys(degrees)
+    ]
+
+
+def _outline(lens: Lens, beam: Beam, wavelength_nm: float) -> tuple[Array, float, Array]:
+    """Return the middle of a beam, a distance from it beyond its edge, and the angles of its corners about it."""
+    points, _, _ = passing_beam(lens, beam, wavelength_nm, COARSE)
+    middle, limit = points.mean(axis=0), 2.0 * float(np.ptp(points, axis=0).max())
+    return middle, limit, _corners(lens, beam, wavelength_nm, middle, limit)
+
+
+def _beam_rays(
+    lens: Lens, beam: Beam, wavelength_nm: float, outline: tuple[Array, float, Array], rings: int, arms: int
+) -> FieldRays:
+    middle, limit, corners = outline
+    angles, turns = _directions(corners, arms)
+    outward = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    edge = _edge(lens, beam, wavelength_nm, middle, outward, limit)
+    nodes, shares = np.polynomial.legendre.leggauss(rings)
+    radii = np.sqrt((1 + nodes) / 2)
+    places = middle + (radii[:, None, None] * (edge[:, None] * outward)).reshape(-1, 2)
+    weights = (shares[:, None] * (turns * edge**2)).ravel()
+    origins, directions = beam.rays(places)
+    directions = directions / np.sqrt(np.sum(directions * directions, axis=1, keepdims=True))
+    weights = np.where(lens.trace(origins, directions, wavelength_nm, "scene").passed, weights, 0.0)
+    if not weights.sum() > 0:
+        raise InputError(f"{lens.name}: nothing of a beam at {beam.field_degrees:g} degrees comes through")
+    return FieldRays(beam, np.array(origins), directions, weights / weights.sum(), (places - middle) / edge.max())
+
+
+def _directions(corners: Array, arms: int) -> tuple[Array, Array]:
+    """Return angles about the middle of a beam, and the angle that each stands for."""
+    if not len(corners):
+        return 2 * np.pi * (np.arange(arms) + 0.5) / arms, np.full(arms, 2 * np.pi / arms)
+    angles, turns = [], []
+    for start, end in zip(corners, np.append(corners[1:], corners[0] + 2 * np.pi), strict=True):
+        nodes, shares = np.polynomial.legendre.leggauss(max(math.ceil(arms * (end - start) / (2 * np.pi)), 2))
+        angles.append(start + (end - start) * (nodes + 1) / 2)
+        turns.append((end - start) * shares / 2)
+    return np.concatenate(angles), np.concatenate(turns)
+
+
+def _corners(lens: Lens, beam: Beam, wavelength_nm: float, middle: Array, limit: float) -> Array:
+    """Return the angles about the middle of a beam, ascending, between which one surface bounds it."""
+
+    def bounds(angles: Array) -> NDArray[np.int32]:
+        """Return which surface stops the first ray beyond the edge."""
+        outward = np.stack([np.cos(angles), np.sin(angles)], axis=-1).reshape(-1, 2)
+        edge = _edge(lens, beam, wavelength_nm, middle, outward, limit)
+        beyond = middle + (edge + limit * 2.0 ** (1 - BISECTIONS))[:, None] * outward
+        return np.reshape(lens.trace(*beam.rays(beyond), wavelength_nm, "scene").surface, angles.shape)
+
+    angles = 2 * np.pi * np.arange(OUTLINE) / OUTLINE
+    surfaces = bounds(angles)
+    changes = np.flatnonzero(surfaces != np.roll(surfaces, -1))
+    if len(changes) > MOST_CORNERS:
+        return np.zeros(0)
+    low, step = angles[changes], 2 * np.pi / OUTLINE
+    for _ in range(ROUNDS if len(changes) else 0):
+        step /= SECTIONS
+        same = bounds(low[:, None] + step * np.arange(1, SECTIONS)) == surfaces[changes][:, None]
+        low = low + step * np.where(same.all(axis=1), SECTIONS - 1, np.argmin(same, axis=1))
+    return np.sort(low + step / 2)
+
+
+def _edge(lens: Lens, beam: Beam, wavelength_nm: float, middle: Array, outward: Array, limit: float) -> Array:
+    """Return how far from the middle of a beam its rays pass, along each direction (n, 2)."""
+    low, high = np.zeros(len(outward)), np.full(len(outward), limit)
+    for _ in range(BISECTIONS):
+        trial = (low + high) / 2
+        passed = lens.trace(*beam.rays(middle + trial[:, None] * outward), wavelength_nm, "scene").passed
+        low, high = np.where(passed, trial, low), np.where(passed, high, trial)
+    return low
+
+
+# How good copies of a lens are: spots and modulation over fields, with the film where it is or at its best.
+
+POINTS_TOGETHER = 2**20  # on the films of some copies, which are held at a time
+
+
+@dataclass(frozen=True)
+class Scores:
+    """What copies are worth.
+
+    Attributes
+    ----------
+    spots_um : (copies, fields) array
+        Rms distance from the centroid of all wavelengths together [micrometres]; infinite where no ray comes through.
+    mtf : (copies, fields) array
+        Modulation at the frequency of the merit, the mean of tangential and sagittal.
+    shifts_mm : (copies,) array
+        How far the film was moved along the light to refocus [mm].
+    """
+
+    spots_um: Array
+    mtf: Array
+    shifts_mm: Array
+
+    @property
+    def spot_um(self) -> Array:
+        """Rms over the fields (copies,) [micrometres]."""
+        return np.asarray(np.sqrt(np.mean(self.spots_um**2, axis=1)))
+
+    @property
+    def modulation(self) -> Array:
+        """Mean over the fields (copies,)."""
+        return np.asarray(np.mean(self.mtf, axis=1))
+
+    def by(self, merit: str) -> Array:
+        """Return the numbers (copies,) that rank copies: ``spot``, smaller is better, or ``mtf``, larger is."""
+        return self.spot_um if merit == "spot" else self.modulation
+
+
+class Judge:
+    """Gives copies of one lens their scores.
+
+    Parameters
+    ----------
+    lens : Lens
+        The design.
+    rays : sequence of FieldRays
+        Of each field.
+    merit : Merit
+    film_distance_mm : float
+        From the last vertex to the film before it is moved.
+    """
+
+    def __init__(self, lens: Lens, rays: Sequence[FieldRays], merit: Merit, film_distance_mm: float) -> None:
+        self.merit, self.film = merit, film_distance_mm
+        self.origins = np.concatenate([field.origins for field in rays])
+        self.directions = np.concatenate([field.directions for field in rays])
+        self.finer = [field.finer for field in rays]
+        self.counts = np.array([len(field.weights) for field in rays])
+        self.starts = np.cumsum(self.counts) - self.counts
+        waves = len(merit.wavelengths_nm)
+        self.weights = np.tile(np.concatenate([field.weights for field in rays]) / waves, (waves, 1))
+        turns = np.radians([field.beam.azimuth_degrees for field in rays])
+        self.radial = np.repeat(np.stack([np.cos(turns), np.sin(turns)], axis=1), self.counts, axis=0)
+        self.limits = self._limits(lens)
+
+    def best_shift(self, lens: Lens) -> float:
+        """Return how far the film must move along the light for the least spots of the design in all fields [mm]."""
+        points, slopes = (
+            self._centred(self.weights[None], values) for values in self._film(Copies(lens, (), np.zeros((1, 0, 2))))
+        )
+        together, spread = (self._moment(self.weights, slopes, values).sum() for values in (points, slopes))
+        return -float(together / spread)
+
+    def scores(self, copies: Copies, refocus: bool, shifts_mm: Array | None = None) -> Scores:
+        """Return what copies are worth, each with its film at the least spots of all fields where `refocus` says so.
+
+        With `shifts_mm` (copies,) the film of each is moved by so much.
+        """
+        together = max(POINTS_TOGETHER // self.weights.size, 1)
+        parts = [
+            self._part(copies.part(low, low + together), refocus, None if shifts_mm is None else shifts_mm[low:])
+            for low in range(0, copies.count, together)
+        ]
+        return Scores(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+
+    def _part(self, copies: Copies, refocus: bool, shifts: Array | None) -> tuple[Array, Array, Array]:
+        points, slopes = self._film(copies)
+        weights = self.weights[None] * np.isfinite(points[..., 0] + slopes[..., 0])
+        totals = self._sums(weights)
+        dark = totals == 0  # fields of which no ray comes through
+        weights = weights / self._each(np.where(dark, 1.0, totals))
+        points, slopes = (self._centred(weights, np.nan_to_num(values)) for values in (points, slopes))
+        if shifts is None:
+            shifts = np.zeros(copies.count)
+            if refocus:
+                together, spread = (self._moment(weights, slopes, one).sum(axis=1) for one in (points, slopes))
+                changed = np.any(copies.values != 0, axis=(1, 2))
+                shifts = np.where(
+                    changed & (spread > 0), -together / np.where(spread > 0, spread, 1.0), 0.0
+                )  # the design itself stands at its best already
+        shifts = shifts[: copies.count]
+        points = points + shifts[:, None, None, None] * slopes
+        spots = 1e3 * np.sqrt(self._moment(weights, points, points))
+        return np.where(dark, np.inf, spots), self._modulation(weights, points), shifts
+
+    def _film(self, copies: Copies) -> tuple[Array, Array]:
+        """Return where rays meet the film and their slopes there, each (copies, wavelengths, rays, 2)."""
+        found = [
+            film_points(copies, self.origins, self.directions, wavelength, self.film)
+            for wavelength in self.merit.wavelengths_nm
+        ]
+        return tuple(np.stack([pair[k] for pair in found], axis=1) for k in (0, 1))  # type: ignore[return-value]
+
+    def _sums(self, values: Array) -> Array:
+        """Return the sums (copies, fields, …) of values (copies, wavelengths, rays, …)."""
+        return np.asarray(np.add.reduceat(values.sum(axis=1), self.starts, axis=1))
+
+    def _each(self, values: Array) -> Array:
+        """Return values (copies, fields, …) for each ray (copies, 1, rays, …)."""
+        return np.repeat(values, self.counts, axis=1)[:, None]
+
+    def _centred(self, weights: Array, values: Array) -> Array:
+        """Return values (copies, wavelengths, rays, 2) from the mean of their field."""
+        return values - self._each(self._sums(weights[..., None] * values))
+
+    def _moment(self, weights: Array, one: Array, other: Array) -> Array:
+        """Return the mean product of centred vectors in each field (copies, fields)."""
+        return self._sums(weights * (one[..., 0] * other[..., 0] + one[..., 1] * other[..., 1]))
+
+    def _axes(self) -> tuple[Array, Array]:
+        """Return the directions along the field of each ray and across it, each (rays, 2)."""
+        return self.radial, np.stack([-self.radial[:, 1], self.radial[:, 0]], axis=1)
+
+    def _modulation(self, weights: Array, points: Array) -> Array:
+        """Return the mean of tangential and sagittal modulation, as `lens mtf` has them, of centred points.
+
+        Where a field has finer places, what the points are there counts, of copies that let all rays through.
+        """
+        found = np.zeros((len(points), len(self.counts)))
+        for limits, axis in zip(self.limits, self._axes(), strict=True):
+            along = 2 * np.pi * self.merit.mtf_per_mm * (points[..., 0] * axis[:, 0] + points[..., 1] * axis[:, 1])
+            cosines, sines = (self._sums(weights * function(along)) for function in (np.cos, np.sin))
+            modulation = np.hypot(cosines, sines)
+            for k, finer in enumerate(self.finer):
+                rays = slice(self.starts[k], self.starts[k] + self.counts[k])
+                if finer is not None:
+                    full = np.all((weights[..., rays] > 0) == (self.weights[:, rays] > 0), axis=(1, 2))
+                    there = along[full][..., rays] @ finer[0].T
+                    both = ((function(there) @ finer[1]).mean(axis=1) for function in (np.cos, np.sin))
+                    modulation[full, k] = np.hypot(*both)
+            found += modulation * limits / 2
+        return found
+
+    def _limits(self, lens: Lens) -> Array:
+        """Return the modulation that diffraction leaves the design (2, fields), along the field and across it."""
+        _, slopes = self._film(Copies(lens, (), np.zeros((1, 0, 2))))
+        cosines = slopes / np.sqrt(1.0 + np.sum(slopes**2, axis=-1, keepdims=True))
+        found = np.zeros((2, len(self.counts)))
+        for place, wavelength in enumerate(self.merit.wavelengths_nm):
+            index = float(lens.indices(wavelength)[-1])
+            weights = self.weights[None, [place]] * len(self.merit.wavelengths_nm)
+            for number, axis in enumerate(self._axes()):
+                along = np.sum(cosines[:, [place]] * axis, axis=-1)
+                off = along - self._each(self._sums(weights * along))
+                apertures = 2 * index * np.sqrt(self._sums(weights * off**2)[0])
+                found[number] += [diffraction_mtf([self.merit.mtf_per_mm], na, wavelength)[0] for na in apertures]
+        return found / len(self.merit.wavelengths_nm)
+
+
+# A tolerance run: many copies of a lens made at random and judged, and each tolerance alone at its limits.
+
+RINGS = (6, 8, 10, 12, 16, 24, 32, 48)  # of rays in a beam, with twice as many in a ring, till figures stay
+SPOTS_STAY, MODULATION_STAYS = 0.0025, 0.005  # share of a spot, and modulation, by which more rays may change a field
+PROBES = 3  # copies that are tried
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """What one tolerance alone does at its limit.
+
+    Attributes
+    ----------
+    label : str
+        What is off: ``radius ±0.2 % of surface 3``.
+    direction : str
+        ``+``, ``-``, or of what lies across the axis ``+x``, ``-x``, ``+y`` or ``-y``; a tilt about that axis.
+    spot_um, mtf : float
+        The merit so changed.
+    spot_change_um, mtf_change : float
+        Less that of the design.
+    shift_mm : float
+        How far refocusing moves the film.
+    """
+
+    label: str
+    direction: str
+    spot_um: float
+    mtf: float
+    spot_change_um: float
+    mtf_change: float
+    shift_mm: float
+
+
+@dataclass(frozen=True)
+class ToleranceRun:
+    """The result.
+
+    Attributes
+    ----------
+    lens : Lens
+        The design, in the state in which copies are judged.
+    tolerances : Tolerances
+    limits : sequence of Limit
+        All that may be off.
+    fields_degrees : tuple of float
+        Angles from the axis that were judged; those beside 0 from four sides.
+    film_distance_mm : float
+        Where the film of the design stands, at the least spots of all fields together.
+    design : Scores
+        Those of the design, as of a single copy.
+    scores : Scores
+        Those of the copies, in the order in which they were made.
+    copies : Copies
+    sensitivities : tuple of Sensitivity
+    spot_error, mtf_error : float
+        By which share more rays change the spots of the design and some copies at most, and by how much the modulation.
+    """
+
+    lens: Lens
+    tolerances: Tolerances
+    limits: Sequence[Limit]
+    fields_degrees: tuple[float, ...]
+    film_distance_mm: float
+    design: Scores
+    scores: Scores
+    copies: Copies
+    sensitivities: tuple[Sensitivity, ...]
+    spot_error: float
+    mtf_error: float
+
+    @property
+    def rank_by(self) -> str:
+        """``spot`` or ``mtf``."""
+        return self.tolerances.merit.rank_by
+
+    @cached_property
+    def order(self) -> NDArray[np.intp]:
+        """Numbers of the copies, the best first."""
+        merit = self.scores.by(self.rank_by)
+        return np.argsort(merit if self.rank_by == "spot" else -merit, kind="stable")
+
+    def copy_at(self, percent: float) -> int:
+        """Return the number of the copy at a percentile: that percent of all are as good or better.
+
+        Raises
+        ------
+        InputError
+            For a percentile that is not above 0 and at most 100.
+        """
+        return int(self.order[rank(percent, len(self.order))])
+
+    def percentile(self, percent: float) -> Interval:
+        """Return the merit that this percent of the copies reach, with the bounds of its 95 % interval.
+
+        They hold what more copies and what more rays would change.
+        """
+        merit = self.scores.by(self.rank_by)[self.order]
+        if self.rank_by == "spot":
+            found = percentile(merit, percent)
+            return Interval(found.value, found.low * (1 - self.spot_error), found.high * (1 + self.spot_error))
+        found = percentile(-merit, percent)
+        return Interval(-found.value, -found.high - self.mtf_error, -found.low + self.mtf_error)
+
+    def yield_at(self, limit: float) -> Interval:
+        """Return which share of all copies is at least as good as a limit, with the bounds of its 95 % interval.
+
+        They hold what more copies and what more rays would change.
+        """
+        merit = self.scores.by(self.rank_by)
+        if self.rank_by == "spot":
+            merit, limit, error = -merit, -limit, limit * self.spot_error
+        else:
+            error = self.mtf_error
+        found, worst, best = (
+            share(int(np.count_nonzero(merit >= limit + off)), len(merit)) for off in (0.0, error, -error)
+        )
+        return Interval(found.value, worst.low, best.high)
+
+    def worst_offenders(self, count: int = 10) -> list[Sensitivity]:
+        """Return the tolerances that cost most, each in its worst direction."""
+        worst: dict[str, Sensitivity] = {}
+        for one in self.sensitivities:
+            if one.label not in worst or _cost(self.rank_by, one) > _cost(self.rank_by, worst[one.label]):
+                worst[one.label] = one
+        return sorted(worst.values(), key=lambda one: -_cost(self.rank_by, one))[:count]
+
+    def lens_of(self, number: int) -> Lens:
+        """Return a copy as a lens, by its number."""
+        return self.copies.copy(number)
+
+
+def tolerance(
+    lens: Lens,
+    spec: str | Path | Mapping[str, Any] | Tolerances | Specification,
+    *,
+    copies: int | None = None,
+    seed: int | None = None,
+    with_sensitivities: bool = True,
+) -> ToleranceRun:
+    """Return how copies of a lens turn out within tolerances.
+
+    Parameters
+    ----------
+    lens : Lens
+        The design.
+    spec
+        ``commercial``, ``precision`` or ``high_precision``; a YAML file; or the same as Python data.
+    copies, seed : int, optional
+        In place of what the specification says.
+    with_sensitivities : bool
+        Whether each tolerance is taken alone to its limits as well.
+
+    Raises
+    ------
+    InputError
+        When the specification is wrong or names what the lens does not have, or the lens cannot be judged by it.
+    StateError
+        When its file cannot be read.
+    """
+    given = spec if isinstance(spec, Specification) else specification(spec)
+    wanted = given.tolerances
+    check_copies(lens)
+    found = limits(lens, given)
+    state, front = _state(lens, given)
+    deviations = tuple(limit.deviation for limit in found)
+    count = copies or wanted.copies
+    made = Copies(state, deviations, drawn(found, count, wanted.seed if seed is None else seed))
+    plain = Copies(state, deviations, np.zeros((1, len(found), 2)))
+    tried = Copies(state, deviations, np.concatenate([plain.values, made.values[:PROBES]]))
+    judge, fields, errors = _judge(given, tried, front)
+    design = judge.scores(plain, wanted.refocus)
+    rows = _sensitivities(state, found, judge, design, wanted.refocus) if with_sensitivities else ()
+    scores = judge.scores(made, wanted.refocus)
+    return ToleranceRun(state, wanted, found, fields, judge.film, design, scores, made, rows, *errors)
+
+
+def _state(lens: Lens, given: Specification) -> tuple[Lens, float]:
+    """Return the design as copies are judged, and the distance from the object to its first vertex [mm]."""
+    wanted = given.tolerances
+    if wanted.zoom is not None:
+        lens = configured(lens, wanted.zoom)
+    wave = wanted.merit.wavelengths_nm[len(wanted.merit.wavelengths_nm) // 2]
+    if wanted.f_number is not None:
+        lens = lens.with_stop_diameter(lens.stop_diameter_for(wanted.f_number, wave))
+    if wanted.focus_distance_m is None:
+        return lens, math.inf
+    distance = 1e3 * wanted.focus_distance_m
+    lens, film = brought_to_focus(lens, distance, wave)
+    return lens, distance - lens.length - film
+
+
+def _judge(given: Specification, tried: Copies, front: float) -> tuple[Judge, tuple[float, ...], tuple[float, float]]:
+    """Return what gives scores, with the film of the design at its best; the fields; and the errors of its rays.
+
+    Each field has as many rays as leave the scores of some copies, the first of which is the design, where they are.
+    """
+    lens, merit = tried.lens, given.tolerances.merit
+    wave = merit.wavelengths_nm[len(merit.wavelengths_nm) // 2]
+    film = film_distance(lens, front, "front", wave)
+    degrees = tuple(dict.fromkeys(merit.fields_degrees or default_fields(lens, film, front, wave)))
+    try:
+        fields = fields_of(lens, degrees, front, wave)
+        rays = [field.rays(RINGS[1], 2 * RINGS[1]) for field in fields]
+    except InputError as problem:
+        raise given.problem(("merit", "fields_degrees"), str(problem)) from None
+
+    def judge(rays: Sequence[list[FieldRays]], film: float) -> Judge:
+        return Judge(lens, [one for each in rays for one in each], merit, film)
+
+    film += judge(rays, film).best_shift(lens)
+    shifts = judge(rays, film).scores(tried, given.tolerances.refocus).shifts_mm
+    found = [_enough(field, merit, film, tried, shifts) for field in fields]
+    rays = [field_rays for field_rays, _ in found]
+    few, many = (_joined([scores[k] for _, scores in found]) for k in (0, 1))
+    film += judge(rays, film).best_shift(lens)
+    errors = _moves(few.spot_um, many.spot_um, many.spot_um), _moves(few.modulation, many.modulation, 1.0)
+    return judge(rays, film), degrees, errors
+
+
+def _enough(
+    field: Field, merit: Merit, film: float, tried: Copies, shifts: Array
+) -> tuple[list[FieldRays], tuple[Scores, Scores]]:
+    """Return the rays of a field, and what some copies are worth by them and by more.
+
+    They are as many as spots need. Modulation needs many more where spots are large: what rays do between these is by
+    polynomials, which traced rays confirm.
+    """
+
+    def judged(rays: list[FieldRays]) -> Scores:
+        return Judge(tried.lens, rays, merit, film).scores(tried, False, shifts)
+
+    def spots_move(few: Scores, many: Scores) -> float:
+        return _moves(few.spots_um, many.spots_um, many.spots_um)
+
+    def modulation_moves(few: Scores, many: Scores) -> float:
+        return _moves(few.modulation, many.modulation, 1.0)
+
+    if merit.rings is not None or merit.arms is not None:
+        rings = merit.rings or max(2, (merit.arms or 0) // 2)
+        rays = field.rays(rings, merit.arms or 2 * rings)
+        return rays, (judged(rays), judged(field.rays(2 * rings, 2 * (merit.arms or 2 * rings))))
+    tries = [field.rays(rings, 2 * rings) for rings in RINGS[:2]]
+    scores = [judged(rays) for rays in tries]
+    while len(tries) < len(RINGS) and (
+        spots_move(*scores[-2:]) > SPOTS_STAY or modulation_moves(*scores[-2:]) > MODULATION_STAYS
+    ):
+        tries.append(field.rays(RINGS[len(tries)], 2 * RINGS[len(tries)]))
+        scores.append(judged(tries[-1]))
+    # Where figures do not come to rest, as those of copies that lose rays at an edge do, few rays are as good as many.
+    allowed = max(SPOTS_STAY, 2 * spots_move(*scores[-2:])), max(MODULATION_STAYS, 2 * modulation_moves(*scores[-2:]))
+    for number, rays in enumerate(tries[:-2]):
+        if spots_move(scores[number], scores[-1]) <= allowed[0]:
+            filled = [few.filled_in(many) for few, many in zip(rays, tries[-2], strict=True)]
+            found = judged(filled)
+            if modulation_moves(found, scores[-1]) <= allowed[1]:
+                return filled, (found, scores[-1])
+    return tries[-2], (scores[-2], scores[-1])
+
+
+def _joined(scores: Sequence[Scores]) -> Scores:
+    """Return the scores of several fields as those of one lens."""
+    spots, mtf = (np.concatenate([getattr(one, name) for one in scores], axis=1) for name in ("spots_um", "mtf"))
+    return Scores(spots, mtf, scores[0].shifts_mm)
+
+
+def _moves(one: Array, other: Array, scale: Array | float) -> float:
+    """Return the largest difference, in units of a scale, of numbers that are finite."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        found = np.abs(one - other) / scale
+    return float(np.max(found, where=np.isfinite(found), initial=0.0))
+
+
+def _sensitivities(
+    lens: Lens, found: Sequence[Limit], judge: Judge, design: Scores, refocus: bool
+) -> tuple[Sensitivity, ...]:
+    """Return what each tolerance alone does, at each of its ends."""
+    rows: list[tuple[int, int, float, str]] = []
+    for number, limit in enumerate(found):
+        for k, axis in enumerate(("x", "y") if limit.deviation.is_pair else ("",)):
+            rows += [(number, k, limit.size, f"+{axis}"), (number, k, -limit.size, f"-{axis}")]
+    values = np.zeros((len(rows), len(found), 2))
+    for place, (number, k, value, _) in enumerate(rows):
+        values[place, number, k] = value
+    scores = judge.scores(Copies(lens, tuple(limit.deviation for limit in found), values), refocus)
+    spots, mtf = scores.spot_um, scores.modulation
+    return tuple(
+        Sensitivity(
+            found[number].label, direction, float(spots[k]), float(mtf[k]), float(spots[k] - design.spot_um[0]),
+            float(mtf[k] - design.modulation[0]), float(scores.shifts_mm[k]),
+        )
+        for k, (number, _, _, direction) in enumerate(rows)
+    )  # fmt: skip
+
+
+def _cost(rank_by: str, one: Sensitivity) -> float:
+    return one.spot_change_um if rank_by == "spot" else -one.mtf_change
+
+
+# One copy of a lens, chosen by how good it is among all: the lens behind which a picture is taken.
+
+REMEMBERED = 8  # runs
+
+
+@dataclass(frozen=True)
+class ChosenCopy:
+    """A copy at a percentile.
+
+    Attributes
+    ----------
+    percent : float
+        Of the copies are as good or better.
+    number : int
+        Which one it is.
+    deviations : sequence of Deviation
+    values : (1, deviations, 2) array
+        What is off, as `Copies` has it.
+    shift_mm : float
+        How far refocusing moves its film along the light.
+    spot_um, mtf : float
+        Its merit.
+    """
+
+    percent: float
+    number: int
+    deviations: Sequence[Deviation]
+    values: NDArray[np.float64]
+    shift_mm: float
+    spot_um: float
+    mtf: float
+
+    def lens(self, state: Lens) -> Lens:
+        """Return the copy in the state that its design has: zoomed, stopped down, focused."""
+        return Copies(state, self.deviations, self.values).copy(0)
+
+
+def chosen_copy(lens: Lens, spec: Specification, percent: float) -> ChosenCopy:
+    """Return the copy of a lens at a percentile; the run is remembered.
+
+    Parameters
+    ----------
+    lens : Lens
+        The design as its file has it: the copy stays the same however the lens is set.
+    percent : float
+        Above 0, at most 100.
+
+    Raises
+    ------
+    InputError
+        As `tolerance`.
+    """
+    limits(lens, spec)  # whose errors name the place in the specification
+    run = _remembered(_Design(lens), spec.tolerances)
+    number = run.copy_at(percent)
+    return ChosenCopy(
+        percent,
+        number,
+        run.copies.deviations,
+        run.copies.values[number : number + 1],
+        float(run.scores.shifts_mm[number]),
+        float(run.scores.spot_um[number]),
+        float(run.scores.modulation[number]),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Design:
+    """A lens that equals every other one with the same content."""
+
+    lens: Lens
+
+    def _content(self) -> tuple[object, ...]:
+        lens = self.lens
+        return lens.name, lens.surfaces, lens.stop_index, lens.object_medium, lens.configurations, lens.floating
+
+    def __hash__(self) -> int:
+        return hash(self._content())
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Design) and self._content() == other._content()
+
+
+@lru_cache(maxsize=REMEMBERED)
+def _remembered(design: _Design, tolerances: Tolerances) -> ToleranceRun:
+    return tolerance(design.lens, tolerances, with_sensitivities=False)
+
+
+# A tolerance run as plain data: for JSON, and for tables.
+
+PERCENTILES = (10.0, 25.0, 50.0, 75.0, 90.0, 95.0, 98.0)
+CURVE = 41  # points of a yield curve
+
+
+def percentile_rows(run: ToleranceRun) -> list[dict[str, Any]]:
+    """Return a row for each of `PERCENTILES`: the merit that this percent of copies reach, and which copy does."""
+    rows = []
+    for percent in PERCENTILES:
+        number = run.copy_at(percent)
+        found = run.percentile(percent)
+        rows.append(
+            {
+                "percent": percent,
+                "copy": number,
+                "spot_um": float(run.scores.spot_um[number]),
+                "mtf": float(run.scores.modulation[number]),
+                "low": found.low,
+                "high": found.high,
+                "shift_mm": float(run.scores.shifts_mm[number]),
+            }
+        )
+    return rows
+
+
+def yield_curve(run: ToleranceRun, points: int = CURVE) -> list[tuple[float, Interval]]:
+    """Return limits of the merit and which share of all copies is as good: from the best to the worst in whose fields
+    light arrives.
+    """
+    merit = run.scores.by(run.rank_by)
+    merit = merit[np.isfinite(merit)]
+    if not len(merit):
+        raise InputError(f"{run.lens.name}: every copy loses the light of some field; the tolerances are too wide")
+    return [(float(limit), run.yield_at(float(limit))) for limit in np.linspace(merit.min(), merit.max(), points)]
+
+
+def report(run: ToleranceRun) -> dict[str, Any]:
+    """Return everything about a run but the numbers of each copy."""
+    merit = run.tolerances.merit
+    return {
+        "lens": run.lens.name,
+        "tolerances": run.tolerances.name,
+        "source": run.tolerances.source,
+        "rank_by": run.rank_by,
+        "copies": run.copies.count,
+        "refocus": run.tolerances.refocus,
+        "fields_degrees": list(run.fields_degrees),
+        "wavelengths_nm": list(merit.wavelengths_nm),
+        "mtf_per_mm": merit.mtf_per_mm,
+        "film_distance_mm": run.film_distance_mm,
+        "design": {"spot_um": float(run.design.spot_um[0]), "mtf": float(run.design.modulation[0])},
+        "sampling_error": {"spot_share": run.spot_error, "mtf": run.mtf_error},
+        "percentiles": percentile_rows(run),
+        "yield": [{"limit": limit, **found._asdict()} for limit, found in yield_curve(run)],
+        "sensitivities": [asdict(one) for one in run.sensitivities],
+    }
+
+
+# The chart of a tolerance run: how many copies are good enough, and which tolerances cost most.
+
+CHART_SIZE = (8.0, 7.6)  # inches
+OFFENDERS = 10
+LIMITS = 101
+
+
+@styled()
+def tolerance_chart(run: ToleranceRun) -> Figure:
+    """Return the yield curve with its 95 % band, above the worst offenders."""
+    tolerances = f" within {run.tolerances.name} tolerances" if run.tolerances.name else ""
+    figure = new_figure(f"{run.lens.name}: {run.copies.count} copies{tolerances}", CHART_SIZE)
+    parts = figure.subfigures(2, 1, squeeze=False, height_ratios=(5, 4))
+    _draw_yield(parts[0, 0].add_subplot(), run)
+    _draw_offenders(parts[1, 0].add_subplot(), run)
+    return figure
+
+
+def _draw_yield(axes: Axes, run: ToleranceRun) -> None:
+
+    scale, unit = _scale(run)
+    curve = yield_curve(run, LIMITS)
+    limits = scale * np.array([limit for limit, _ in curve])
+    value, low, high = (100 * np.array(row) for row in zip(*(found for _, found in curve), strict=True))
+    axes.fill_between(limits, low, high, color=series(0), alpha=0.2, linewidth=0)
+    axes.plot(limits, value, color=series(0))
+    design = scale * float(run.design.by(run.rank_by)[0])
+    axes.axvline(design, color=FAINT, linestyle=":")
+    axes.text(design, 93, " design", color=INK)
+    side = "or less" if run.rank_by == "spot" else "or more"
+    axes.set(xlabel=f"{unit}, {side}", ylabel="copies [%]", ylim=(0, 102))
+
+
+def _draw_offenders(axes: Axes, run: ToleranceRun) -> None:
+    scale, _ = _scale(run)
+    change = "spot with one tolerance at its limit, less the design's [µm]"
+    if run.rank_by != "spot":
+        change = "modulation with one tolerance at its limit, less the design's [%]"
+    worst = run.worst_offenders(OFFENDERS)[::-1]
+    changes = [scale * (one.spot_change_um if run.rank_by == "spot" else one.mtf_change) for one in worst]
+    axes.barh([f"{one.label}, {one.direction}" for one in worst], changes, color=series(1))
+    axes.set(xlabel=change)
+    axes.tick_params(axis="y", labelsize=8)
+    axes.grid(False, axis="y")
+
+
+def _scale(run: ToleranceRun) -> tuple[float, str]:
+    if run.rank_by == "spot":
+        return 1.0, "rms spot over the fields [µm]"
+    return 100.0, f"modulation at {run.tolerances.merit.mtf_per_mm:g} cycles/mm [%]"

@@ -1,0 +1,498 @@
+"""The trees that kernels walk: over a scene's primitives, its meshes and its instances; kept on disk between runs."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import os
+import secrets
+import time
+from collections.abc import Callable
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.core.files import (
+    CACHE_VARIABLE,
+    cache_dir,
+    identity_of_code,
+    keep_arrays,
+    kept_arrays,
+    kernels_dir,
+    name_of,
+)
+from rptcam_cl.core.records import Kind
+from rptcam_cl.device.session import Session
+from rptcam_cl.rendering.plan.primitives import Movements, PackedMeshes, Places, TriangleGroup, shifted
+from rptcam_cl.rendering.tree_build import (
+    EMPTY,
+    FEW,
+    MAX_STACK,
+    Bvh,
+    build_bvh,
+    check_boxes,
+    is_sound,
+    quality,
+    stack_size,
+    tree_of_few,
+)
+
+#
+# Trees kept on disk between runs, under the hash of what they were built from.
+#
+# The cache may be lost at any time and can never break a run: a file that cannot be read or is not a sound tree is
+# built anew and replaced; a folder that cannot be written is not used.
+
+VARIABLE = CACHE_VARIABLE
+MOST_BYTES = 2 << 30  # of all kept trees
+STRAY_SECONDS = 3600  # after which a file that is still being written has been left behind
+ARRAYS = ("bounds", "children", "blocks")
+
+
+def load_or_build(key: str, build: Callable[[], Bvh], fits: Callable[[Bvh], bool] = lambda tree: True) -> Bvh:
+    """Return the tree kept under a key, else the one that ``build`` returns, which is kept.
+
+    Parameters
+    ----------
+    key
+        Names all that the tree depends on, but for this package's code: hash of the boxes, width, leaf size, device.
+    build
+        Called at most once.
+    fits
+        Says whether a sound tree is one over what it is wanted for.
+    """
+    folder = cache_folder()
+    path = folder / f"{hashlib.sha256(f'{builder_identity()} {key}'.encode()).hexdigest()}.npz"
+    kept = _load(path)
+    if kept is not None and fits(kept):
+        return kept
+    built = build()
+    with contextlib.suppress(OSError):  # no place, no permission: no cache
+        _keep(path, built)
+        _evict(folder, path)
+    return built
+
+
+def cache_folder() -> Path:
+    """Return the folder of the trees."""
+    return cache_dir("trees")
+
+
+@lru_cache(maxsize=1)
+def builder_identity() -> str:
+    """Return a hash of the code that builds trees, so that no tree outlives it."""
+    files = [Path(__file__), Path(__file__).with_name("tree_build.py"), *(kernels_dir() / "build").iterdir()]
+    texts = [path.read_bytes() for path in sorted(files, key=lambda path: path.name)]
+    return hashlib.sha256(b"\0".join(texts)).hexdigest()
+
+
+def _load(path: Path) -> Bvh | None:
+    """Return the tree in a file and mark it as used, or None: there is no file, or it is not a sound tree."""
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            tree = Bvh(*(file[name] for name in ARRAYS))
+        if not is_sound(tree):
+            return None
+    except Exception:  # a damaged archive makes zipfile and numpy raise nearly anything; all mean the same here
+        return None
+    with contextlib.suppress(OSError):
+        os.utime(path)
+    return tree
+
+
+def _keep(path: Path, tree: Bvh) -> None:
+    """Write a tree so that readers and other writers meet the old file or the whole new one."""
+    if tree.nbytes > MOST_BYTES:
+        return
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(f".{path.stem}-{secrets.token_hex(4)}.tmp")
+    try:
+        with temporary.open("xb") as file:
+            np.savez(file, **{name: getattr(tree, name) for name in ARRAYS})
+        temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def _evict(folder: Path, newest: Path) -> None:
+    """Remove the least recently used trees until the rest is small enough, and the remains of killed runs."""
+    for stray in folder.glob(".*.tmp"):
+        if stray.stat().st_mtime < time.time() - STRAY_SECONDS:
+            stray.unlink(missing_ok=True)
+    found = sorted((path.stat().st_mtime, path.stat().st_size, path) for path in folder.glob("*.npz") if path != newest)
+    excess = sum(size for _, size, _ in found) + newest.stat().st_size - MOST_BYTES
+    for _, size, path in found:
+        if excess <= 0:
+            return
+        path.unlink(missing_ok=True)
+        excess -= size
+
+
+# The tree over a scene's bounded primitives as the kernels walk it, a pack of rays at a time.
+
+Array = NDArray[np.float64]
+
+KEPT = "primitive-trees"  # folder of the cache on disk
+BREAK_EVEN = 48  # bounded primitives: see benchmarks/journal.md
+LEAF = 4  # most primitives of a leaf: measured best of 1, 2, 4 and 8
+ROUNDING = 4e-6  # HIT_ROUNDING of kernels/geometry/primitive_tree.h
+
+
+@dataclass(frozen=True, eq=False)
+class PrimitiveTree:
+    """Arrays of the kernels (``kernels/geometry/primitive_tree.h``).
+
+    Attributes
+    ----------
+    nodes : (n, 8) float32 array
+        Middle of a box and ``first``, half size and ``count``; the integers as bits.
+    leaves : int32 array
+        Primitives, leaf by leaf.
+    facts : dict
+        Facts that the kernels are compiled for.
+    """
+
+    nodes: NDArray[np.float32]
+    leaves: NDArray[np.int32]
+    facts: dict[str, int]
+
+
+def primitive_tree(
+    records: NDArray[np.void],
+    kind_end: NDArray[np.int32],
+    session: Session,
+    movements: Movements | None = None,
+    *,
+    on_disk: bool = True,
+) -> PrimitiveTree | None:
+    """Return the tree over the bounded primitives of a scene, or None where there are too few to gain by one.
+
+    Parameters
+    ----------
+    records
+        ``Primitive`` records, sorted by kind.
+    kind_end
+        Per kind, the index after its last one.
+    movements
+        Of what moves, if anything does: its box holds all of its way.
+    on_disk
+        Whether a tree over few boxes, too, is kept from one run to the next.
+    """
+    kinds = np.searchsorted(kind_end, np.arange(kind_end[Kind.CONE]), side="right")
+    bounded = np.flatnonzero(kinds != Kind.PLANE).astype(np.int32)
+    if len(bounded) < max(BREAK_EVEN, 1):
+        return None
+    lower, upper = primitive_bounds(records[bounded], kinds[bounded])
+    for place, index in enumerate(bounded.tolist()):
+        if movements is not None and movements.of_primitive[index, 1]:
+            box = lower[place], upper[place]
+            lower[place], upper[place] = _swept(records[index], int(kinds[index]), movements.places(index), box)
+    infinity = np.float32(np.inf)
+    lower32 = np.nextafter(lower.astype(np.float32), -infinity)
+    upper32 = np.nextafter(upper.astype(np.float32), infinity)
+    on_disk = on_disk or len(bounded) > FEW
+    nodes, order, stack = (_kept_or_built if on_disk else _built)(lower32, upper32, session)
+    return PrimitiveTree(nodes, bounded[order], {"HAS_PRIMITIVE_TREE": 1, "PRIMITIVE_STACK": stack})
+
+
+def _kept_or_built(
+    lower: NDArray[np.float32], upper: NDArray[np.float32], session: Session
+) -> tuple[NDArray[np.float32], NDArray[np.int32], int]:
+    """Return nodes, the boxes in the order of the leaves, and the size of the stack; kept from one run to the next."""
+    driver = session.info.name, session.info.driver, session.kind, session.loop_limit
+    boxes = hashlib.sha256(lower.tobytes() + upper.tobytes()).hexdigest()
+    name = name_of(builder_identity(), identity_of_code(("rendering",)), driver, boxes)
+    if (kept := kept_arrays(KEPT, name)) is not None:
+        return kept[0]["nodes"], kept[0]["order"], kept[1]["stack"]
+    nodes, order, stack = _built(lower, upper, session)
+    keep_arrays(KEPT, name, {"nodes": nodes, "order": order}, {"stack": stack})
+    return nodes, order, stack
+
+
+def _built(
+    lower: NDArray[np.float32], upper: NDArray[np.float32], session: Session
+) -> tuple[NDArray[np.float32], NDArray[np.int32], int]:
+    """Return the same of a new tree."""
+    if len(lower) <= FEW:
+        check_boxes(lower, upper)
+        tree = tree_of_few(lower, upper, LEAF)
+    else:
+        tree = build_bvh(lower, upper, width=2, leaf_size=LEAF, session=session)
+    return _nodes(tree), tree.blocks[tree.blocks >= 0], stack_size(quality(tree).depth)
+
+
+def primitive_bounds(records: NDArray[np.void], kinds: NDArray[np.int64]) -> tuple[Array, Array]:
+    """Return the corners of the boxes (n, 3) of primitives, grown by what rounding may move a hit.
+
+    They are those of the records: of the rows of numbers that rays meet, float32 as they are.
+    """
+    return _bounds_of_rows(np.stack([records[f"row_{axis}"] for axis in "xyz"], axis=1).astype(np.float64), kinds)
+
+
+def _swept(record: np.void, kind: int, places: Places, rest: tuple[Array, Array]) -> tuple[Array, Array]:
+    """Return the corners (3,) of the box round the whole way of a primitive, whose box at rest is known."""
+    rows = np.stack([record[f"row_{axis}"] for axis in "xyz"]).astype(np.float64)
+    moved = np.tile(rows, (len(places.matrices), 1, 1))
+    if kind == Kind.SPHERE:
+        moved[:, 0, :3] = places.matrices[:, :3, :3] @ rows[0, :3] + places.matrices[:, :3, 3]
+    else:
+        moved = moved @ np.linalg.inv(places.matrices)
+    return places.box(*_bounds_of_rows(moved, np.full(len(moved), kind)), rest)
+
+
+def _bounds_of_rows(rows: Array, kinds: NDArray[np.int64]) -> tuple[Array, Array]:
+    placed = np.tile(np.eye(4), (len(rows), 1, 1))
+    placed[:, :3] = rows
+    is_sphere = kinds == Kind.SPHERE
+    placed[is_sphere] = np.eye(4)
+    inverse = np.linalg.inv(placed).astype(np.float64)
+    linear, origin = inverse[:, :3, :3], inverse[:, :3, 3]
+    linear[is_sphere] *= rows[is_sphere, 0, 3, None, None]
+    origin[is_sphere] = rows[is_sphere, 0, :3]
+    lower, upper = origin.copy(), origin.copy()
+    for kind in set(kinds.tolist()):
+        of_kind = kinds == kind
+        low, high = _extent(Kind(kind), *np.moveaxis(linear[of_kind], 2, 0))
+        lower[of_kind] += low
+        upper[of_kind] += high
+    # The rows of a skewed placement magnify rounding.
+    magnified = np.abs(linear) @ np.abs(rows[:, :, :3])
+    magnified[is_sphere] = np.eye(3)
+    farthest = np.maximum(np.abs(lower), np.abs(upper)).max(axis=1)
+    margin = ROUNDING * (magnified.sum(axis=2).max(axis=1) * farthest)[:, None]
+    return lower - margin, upper + margin
+
+
+def _extent(kind: Kind, x: Array, y: Array, z: Array) -> tuple[Array, Array]:
+    """Return how far a kind's canonical shape, its axes placed as given (n, 3), reaches from its origin."""
+    zero = np.zeros_like(x)
+    if kind in (Kind.SPHERE, Kind.ELLIPSOID):
+        reach = np.sqrt(x * x + y * y + z * z)
+        return -reach, reach
+    if kind is Kind.BOX:
+        reach = np.abs(x) + np.abs(y) + np.abs(z)
+        return -reach, reach
+    if kind is Kind.RECTANGLE:
+        return np.minimum(x, 0) + np.minimum(y, 0), np.maximum(x, 0) + np.maximum(y, 0)
+    circle = np.sqrt(x * x + y * y)
+    if kind is Kind.CYLINDER:
+        return np.minimum(z, 0) - circle, np.maximum(z, 0) + circle
+    apex = z if kind is Kind.CONE else zero
+    return np.minimum(apex, -circle), np.maximum(apex, circle)
+
+
+def _nodes(tree: Bvh) -> NDArray[np.float32]:
+    """Return the root's node, then the two below each node of a binary tree, the farther along its axis last."""
+    bounds = tree.bounds.transpose(0, 2, 1).astype(np.float64)  # (node, child, corner)
+    used = tree.children != EMPTY
+    middle = np.zeros((*used.shape, 3))
+    middle[used] = (bounds[used, :3] + bounds[used, 3:]) / 2
+    both = used.all(axis=1)  # a root may have one child
+    apart = np.where(both[:, None], middle[:, 1] - middle[:, 0], 0)
+    axis = np.abs(apart).argmax(axis=1)
+    turned = apart[np.arange(len(axis)), axis] < 0
+    order = np.stack([turned, ~turned], axis=1).astype(np.int64)
+    children = np.take_along_axis(tree.children, order, axis=1).ravel()
+    corners = np.take_along_axis(bounds, order[..., None], axis=1).reshape(-1, 6)
+    counts = (tree.blocks >= 0).sum(axis=1)
+    firsts = np.cumsum(counts) - counts
+    inner, leaf = (children >= 0) & (children != EMPTY), children < 0
+    links = np.zeros((len(children), 2), np.int64)
+    links[inner] = np.stack([1 + 2 * children[inner], ~axis[children[inner]]], axis=1)
+    links[leaf] = np.stack([firsts[~children[leaf]], counts[~children[leaf]]], axis=1)
+    whole = np.concatenate([bounds[0, :, :3].min(axis=0), bounds[0, :, 3:].max(axis=0)])
+    return _packed(np.vstack([whole, corners]), np.vstack([[1, ~axis[0]], links]))
+
+
+def _packed(corners: Array, links: NDArray[np.int64]) -> NDArray[np.float32]:
+    out = np.zeros((len(corners), 8), np.float32)
+    there = np.isfinite(corners).all(axis=1)
+    low, high = corners[there, :3], corners[there, 3:]
+    middle = ((low + high) / 2).astype(np.float32)
+    half = np.maximum(high - middle, middle - low)
+    out[there, :3] = middle
+    out[there, 4:7] = np.nextafter(half.astype(np.float32), np.float32(np.inf))
+    out[~there, 4:7] = -np.inf  # met by no ray
+    out[:, 3], out[:, 7] = links.astype(np.int32).view(np.float32).reshape(-1, 2).T
+    return out
+
+
+# The trees of a scene's meshes as kernels walk them: nodes and leaf blocks of every group, and one over instances.
+
+# Children of a node and triangles of a block. Measured on a CPU with AVX-512, and on it compiled for AVX2: diffuse
+# bounces on 300k triangles go 1.2 times as fast at 16 as at 8, and 1.5 times as fast at 8 as at 4. A GPU's thread takes
+# one box after the other, so that small nodes suit it; that is not measured.
+WIDTH = {"cpu": 16, "gpu": 4}
+MESH_ROUNDING = (
+    1e-6  # of an instance's box, relative to its farthest coordinate: what a ray taken to the mesh may be off
+)
+
+
+@dataclass(frozen=True, eq=False)
+class SceneTrees:
+    """Arrays of the kernels (``kernels/geometry/bvh.h``).
+
+    Attributes
+    ----------
+    nodes : (n, 7, width) float32 array
+        Rows min x, y, z, max x, y, z of the children, then the children as integers.
+    blocks : (b, 10, leaf) float32 array
+        Rows x, y, z of the three corners, then the triangles as integers.
+    vertices : (v, 8) float32 array
+        Shifted to where rays meet them.
+    instances : array of ``Instance`` records, with their roots
+    root : int
+        The node at which rays begin.
+    bounds : two (4,) float32 arrays
+        Lowest and highest corner of all meshes, as the root has them.
+    facts : dict
+        Facts that the kernels are compiled for: children of a node, triangles of a block, entries of the stack.
+    """
+
+    nodes: NDArray[np.float32]
+    blocks: NDArray[np.float32]
+    vertices: NDArray[np.float32]
+    instances: NDArray[np.void]
+    root: int
+    bounds: tuple[NDArray[np.float32], NDArray[np.float32]]
+    facts: dict[str, int]
+
+
+def scene_trees(meshes: PackedMeshes, session: Session, movements: Movements | None = None) -> SceneTrees:
+    """Return the trees of a scene's meshes for a device, taken from the disk or built on it.
+
+    The box of an instance that moves holds all of its way.
+    """
+    width = leaf = WIDTH[session.kind]
+    vertices = meshes.vertices.copy()
+    for group in meshes.groups:
+        part = slice(group.first_vertex, group.first_vertex + group.vertices)
+        vertices[part, :3] = shifted(meshes.vertices[part, :3], group.shift)
+    nodes, blocks, roots, stack = [], [], [], 0
+    first_node = first_block = 0
+    for group in meshes.groups:
+        tree = _group_tree(meshes, group, width, leaf, session)
+        roots.append(first_node)
+        nodes.append(_mesh_nodes(tree, group, first_node, first_block))
+        blocks.append(_blocks(tree, group, meshes.triangles, vertices))
+        first_node += len(tree.children)
+        first_block += len(tree.blocks)
+        stack = max(stack, quality(tree).stack)
+    instances = meshes.instances.copy()
+    instances["root"] = np.array(roots)[meshes.group_of_instance]
+    root = roots[0]
+    if meshes.instanced:
+        top = _instance_tree(meshes, instances, vertices, width, session, movements)
+        nodes.append(_top_nodes(top, first_node))
+        root, stack = first_node, stack + quality(top).stack
+    facts = {"BVH_WIDTH": width, "LEAF_WIDTH": leaf, "BVH_STACK": stack_size(stack)}
+    all_nodes = np.concatenate(nodes)
+    return SceneTrees(all_nodes, np.concatenate(blocks), vertices, instances, root, _bounds(all_nodes[root]), facts)
+
+
+def _bounds(node: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Return the corners (4,) of the box round a node (7, width)."""
+    return np.append(node[:3].min(axis=1), np.float32(0)), np.append(node[3:6].max(axis=1), np.float32(0))
+
+
+def _group_tree(meshes: PackedMeshes, group: TriangleGroup, width: int, leaf: int, session: Session) -> Bvh:
+    def build() -> Bvh:
+        faces = meshes.triangles[group.first_triangle : group.first_triangle + group.triangles, :3]
+        lower = meshes.vertices[faces[:, 0], :3]
+        upper = lower.copy()
+        for corner in (1, 2):
+            points = meshes.vertices[faces[:, corner], :3]
+            np.minimum(lower, points, out=lower)
+            np.maximum(upper, points, out=upper)
+        return build_bvh(lower, upper, width=width, leaf_size=leaf, session=session)
+
+    def fits(tree: Bvh) -> bool:
+        """Return whether a tree has these many triangles and the shape that kernels are compiled for."""
+        shape = (tree.children.shape[1], tree.blocks.shape[1], int(np.count_nonzero(tree.blocks >= 0)))
+        return shape == (width, leaf, group.triangles) and quality(tree).stack <= MAX_STACK
+
+    way = session.kind if session.loop_limit is None else f"{session.kind} in short loops"
+    return load_or_build(f"{group.key} {width} {leaf} {way}", build, fits)
+
+
+def _mesh_nodes(tree: Bvh, group: TriangleGroup, first_node: int, first_block: int) -> NDArray[np.float32]:
+    out = np.empty((len(tree.children), 7, tree.children.shape[1]), np.float32)
+    corners = tree.bounds.reshape(-1, 2, 3, tree.children.shape[1]).transpose(0, 1, 3, 2)
+    out[:, :6] = shifted(corners, group.shift).transpose(0, 1, 3, 2).reshape(tree.bounds.shape)
+    children = tree.children.copy()
+    inner = (children >= 0) & (children != EMPTY)
+    children[inner] += first_node
+    children[children < 0] -= first_block
+    out[:, 6] = children.view(np.float32)
+    return out
+
+
+def _blocks(
+    tree: Bvh, group: TriangleGroup, triangles: NDArray[np.int32], vertices: NDArray[np.float32]
+) -> NDArray[np.float32]:
+    out = np.empty((len(tree.blocks), 10, tree.blocks.shape[1]), np.float32)
+    axes = np.ascontiguousarray(vertices[:, :3].T)
+    corners = np.ascontiguousarray(triangles[:, :3].T)
+    step = 1 << 12
+    for start in range(0, len(out), step):
+        block, part = out[start : start + step], tree.blocks[start : start + step]
+        unused = part < 0
+        chosen = np.where(unused, 0, part + group.first_triangle)
+        for corner in range(3):
+            vertex = corners[corner][chosen]
+            for axis in range(3):
+                block[:, 3 * corner + axis] = axes[axis][vertex]
+        block[:, :9].transpose(0, 2, 1)[unused] = 0
+        block[:, 9] = np.where(unused, -1, chosen).astype(np.int32).view(np.float32)
+    return out
+
+
+def _instance_tree(
+    meshes: PackedMeshes,
+    instances: NDArray[np.void],
+    vertices: NDArray[np.float32],
+    width: int,
+    session: Session,
+    movements: Movements | None,
+) -> Bvh:
+    boxes = []
+    for group in meshes.groups:
+        points = vertices[group.first_vertex : group.first_vertex + group.vertices, :3]
+        boxes.append((points.min(axis=0).astype(np.float64), points.max(axis=0).astype(np.float64)))
+    low, high = (np.array(side)[meshes.group_of_instance] for side in zip(*boxes, strict=True))
+    rows = np.stack([instances[f"world_{axis}"] for axis in "xyz"], axis=1).astype(np.float64)
+    linear, offset = rows[:, :, :3], rows[:, :, 3]
+    lowest, highest = _placed_boxes(linear, offset, low, high)
+    for index, primitive in enumerate(instances["first_primitive"].tolist()):
+        if movements is not None and movements.of_primitive[primitive, 1]:
+            places = movements.places(primitive)
+            turns, shifts = places.matrices[:, :3, :3], places.matrices[:, :3, 3]
+            way = _placed_boxes(turns @ linear[index], turns @ offset[index] + shifts, low[index], high[index])
+            lowest[index], highest[index] = places.box(*way, (lowest[index], highest[index]))
+    infinity = np.float32(np.inf)
+    lower = np.nextafter(lowest.astype(np.float32), -infinity)
+    upper = np.nextafter(highest.astype(np.float32), infinity)
+    return build_bvh(lower, upper, width=width, leaf_size=1, session=session)
+
+
+def _placed_boxes(linear: Array, offset: Array, low: Array, high: Array) -> tuple[Array, Array]:
+    """Return the corners (n, 3) of boxes round boxes that are placed (n, 3, 3) and (n, 3), grown by rounding."""
+    middle = (linear @ ((low + high) / 2)[..., None])[..., 0] + offset
+    half = (np.abs(linear) @ ((high - low) / 2)[..., None])[..., 0]
+    half += MESH_ROUNDING * (np.abs(middle) + half).max(axis=1, keepdims=True)
+    return middle - half, middle + half
+
+
+def _top_nodes(tree: Bvh, first_node: int) -> NDArray[np.float32]:
+    out = np.empty((len(tree.children), 7, tree.children.shape[1]), np.float32)
+    out[:, :6] = tree.bounds
+    children = tree.children.copy()
+    leaves = children < 0
+    inner = ~leaves & (children != EMPTY)
+    children[leaves] = ~tree.blocks[~children[leaves], 0]
+    children[inner] += first_node
+    out[:, 6] = children.view(np.float32)
+    return out

@@ -1,0 +1,1 @@
+"""Files that scenes bring along: meshes, pictures and boards. Knows nothing of scenes."""

@@ -1,0 +1,1052 @@
+"""glTF 2.0 files, .gltf and .glb: meshes at their places in the tree of nodes, materials, cameras and lamps."""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import importlib
+import json
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import field, replace
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote, unquote_to_bytes
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.core.errors import InputError, StateError
+from rptcam_cl.core.files import read_whole
+from rptcam_cl.scene.assets.mesh import (
+    LAMPS_LEFT_OUT,
+    MOST_TRIANGLES,
+    Colour,
+    Draft,
+    FileMaterial,
+    FileTexture,
+    Find,
+    MeshSurface,
+    Node,
+    Polygons,
+    Wrap,
+    check_corners,
+    painted,
+)
+
+# The JSON of a glTF file, read key by key; what is not as it must be is refused with its place.
+
+
+class JsonNode:
+    """A mapping of the JSON and where it stands.
+
+    Parameters
+    ----------
+    value : dict
+        Plain data.
+    place : str
+        ``bunny.glb: materials[2]``, for errors.
+    """
+
+    def __init__(self, value: Any, place: str) -> None:
+        if not isinstance(value, dict):
+            raise InputError(f"{place}: must be a mapping (got {_shown(value)})")
+        self._value = value
+        self.place = place
+
+    def wrong(self, key: str, problem: str, allowed: str) -> InputError:
+        """Return the error for a key's value."""
+        return InputError(f"{self.place}.{key}: {problem} (got {_shown(self._value.get(key))}; allowed: {allowed})")
+
+    def has(self, key: str) -> bool:
+        """Return whether a key is there."""
+        return key in self._value
+
+    def names(self) -> list[str]:
+        """Return the keys."""
+        return list(self._value)
+
+    def part(self, key: str) -> JsonNode:
+        """Return the mapping of a key, an empty one when there is none."""
+        return JsonNode(self._value.get(key, {}), f"{self.place}.{key}")
+
+    def parts(self, key: str) -> list[JsonNode]:
+        """Return the mappings in the list of a key."""
+        return [JsonNode(value, f"{self.place}.{key}[{index}]") for index, value in enumerate(self._list(key))]
+
+    def _list(self, key: str) -> list[Any]:
+        value = self._value.get(key, [])
+        if not isinstance(value, list):
+            raise self.wrong(key, "must be a list", "a list")
+        return value
+
+    def text(self, key: str, default: str = "") -> str:
+        """Return the text of a key."""
+        value = self._value.get(key, default)
+        if not isinstance(value, str):
+            raise self.wrong(key, "must be text", "text")
+        return value
+
+    def flag(self, key: str) -> bool:
+        """Return whether a key is true."""
+        return self._value.get(key, False) is True
+
+    def number(self, key: str, default: float, low: float = -math.inf, high: float = math.inf) -> float:
+        """Return the finite number of a key, inside its span; without the key the default, which may be infinite."""
+        if key not in self._value:
+            return default
+        value = self._value[key]
+        if not _is_number(value) or not low <= value <= high:
+            raise self.wrong(key, "must be a number in its range", f"{low:g} to {high:g}")
+        return float(value)
+
+    def whole(self, key: str, default: int | None = None, below: int = 2**53) -> int:
+        """Return the whole number of a key, 0 or more and below a limit; without a default it must be there."""
+        value: Any = self._value.get(key, default)
+        if not _is_number(value) or value != int(value) or not 0 <= value < below:
+            raise self.wrong(key, "must be a whole number in its range", f"0 to {below - 1}" if below else "none")
+        return int(value)
+
+    def wholes(self, key: str, below: int) -> list[int]:
+        """Return the whole numbers in the list of a key."""
+        values = self._list(key)
+        if not all(_is_number(value) and value == int(value) and 0 <= value < below for value in values):
+            raise self.wrong(key, "must be a list of whole numbers in their range", f"0 to {below - 1}")
+        return [int(value) for value in values]
+
+    def numbers(self, key: str, default: tuple[float, ...]) -> tuple[float, ...]:
+        """Return as many finite numbers as the default has."""
+        values = self._value.get(key, default)
+        if not isinstance(values, (list, tuple)) or len(values) != len(default) or not all(map(_is_number, values)):
+            raise self.wrong(key, f"must be {len(default)} finite numbers", f"a list of {len(default)} numbers")
+        return tuple(float(value) for value in values)
+
+    def texts(self, key: str) -> list[str]:
+        """Return the texts in the list of a key."""
+        values = self._list(key)
+        if not all(isinstance(value, str) for value in values):
+            raise self.wrong(key, "must be a list of texts", "a list of texts")
+        return values
+
+    def extensions(self, *names: str) -> Iterator[JsonNode]:
+        """Yield those of the extensions that are there."""
+        extensions = self.part("extensions")
+        for name in names:
+            if extensions.has(name):
+                yield extensions.part(name)
+
+
+def _is_number(value: Any) -> bool:
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        return False
+    return abs(value) < 1e300 if isinstance(value, int) else math.isfinite(value)
+
+
+def _shown(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else text[:57] + "…"
+
+
+#
+# Compressed data of glTF files, unpacked by libraries that are an extra: Draco and meshoptimizer.
+#
+# Sources: Khronos, KHR_draco_mesh_compression and EXT_meshopt_compression.
+
+DRACO, MESHOPT = "KHR_draco_mesh_compression", "EXT_meshopt_compression"
+MODES = ("ATTRIBUTES", "TRIANGLES", "INDICES")
+FILTERS = {"OCTAHEDRAL": "decode_filter_oct", "QUATERNION": "decode_filter_quat", "EXPONENTIAL": "decode_filter_exp"}
+MOST_BYTES = 2 << 30  # of one array, unpacked
+
+
+def _library(name: str, place: str, packed_by: str, extra: str) -> Any:
+    try:
+        return importlib.import_module(name)
+    except ImportError:
+        raise InputError(
+            f'{place}: is compressed by {packed_by}, whose decoder is missing; pip install "rptcam_cl[{extra}]"'
+        ) from None
+
+
+def draco_arrays(packed: JsonNode, content: bytes) -> tuple[NDArray[np.int64], Mapping[str, NDArray[Any]]]:
+    """Return the triangles (m, 3) of a primitive that Draco compressed, and its attributes (n, width) by their names.
+
+    Raises
+    ------
+    InputError
+        When the decoder is not installed, or the data are damaged.
+    """
+    draco = _library("DracoPy", packed.place, "Draco", "gltf")
+    try:
+        mesh = draco.decode(content)
+        by_id = {row["unique_id"]: np.asarray(row["data"]) for row in mesh.attributes}
+        faces = np.asarray(mesh.faces, np.int64).reshape(-1, 3)
+    except Exception as problem:  # the library raises its own, and whatever its wrapper meets
+        raise InputError(f"{packed.place}: is damaged ({str(problem) or type(problem).__name__})") from None
+    names = packed.part("attributes")
+    found: dict[str, NDArray[Any]] = {}
+    for name in names.names():
+        identifier = names.whole(name)
+        if identifier not in by_id:
+            raise names.wrong(name, "is not in the compressed data", ", ".join(map(str, by_id)))
+        found[name] = by_id[identifier].reshape(len(by_id[identifier]), -1)
+    return faces, found
+
+
+def meshopt_bytes(packed: JsonNode, content: bytes) -> NDArray[np.uint8]:
+    """Return the bytes of a view that meshoptimizer compressed.
+
+    Raises
+    ------
+    InputError
+        When the decoder is not installed, or the data are damaged.
+    """
+    library = _library("meshoptimizer", packed.place, "meshoptimizer", "meshopt")
+    count, stride = packed.whole("count", below=2**31), packed.whole("byteStride", below=257)
+    mode, way = packed.text("mode"), packed.text("filter", "NONE")
+    if mode not in MODES:
+        raise packed.wrong("mode", "is not known", ", ".join(MODES))
+    if way != "NONE" and way not in FILTERS:
+        raise packed.wrong("filter", "is not known", ", ".join(("NONE", *FILTERS)))
+    if not 0 < count * stride <= MOST_BYTES or (mode != "ATTRIBUTES" and stride not in (2, 4)):
+        raise packed.wrong("count", f"does not fit a stride of {stride}", f"at most {MOST_BYTES} bytes together")
+    try:
+        if mode == "ATTRIBUTES":
+            rows = library.decode_vertex_buffer(count, stride, content)
+            octets = np.frombuffer(np.ascontiguousarray(rows).tobytes(), np.uint8).copy()
+            if way != "NONE":
+                octets = _filtered(getattr(library, FILTERS[way]), octets, count, stride)
+            return octets
+        decode = library.decode_index_buffer if mode == "TRIANGLES" else library.decode_index_sequence
+        indices = np.asarray(decode(count, 4, content))
+        return np.frombuffer(indices.astype("<u4" if stride == 4 else "<u2").tobytes(), np.uint8)
+    except (RuntimeError, ValueError, TypeError, OverflowError) as problem:
+        raise InputError(f"{packed.place}: is damaged ({problem})") from None
+
+
+def _filtered(decode: Any, octets: NDArray[np.uint8], count: int, stride: int) -> NDArray[np.uint8]:
+    """Return unfiltered bytes; the library works on what it is given, or returns it."""
+    result = decode(octets, count, stride)
+    return octets if result is None else np.frombuffer(np.ascontiguousarray(result).tobytes(), np.uint8)
+
+
+# The binary data of a glTF file: buffers, views of them, and arrays of numbers (accessors).
+
+MAGIC = b"glTF"
+JSON_CHUNK = 0x4E4F534A
+BINARY_CHUNK = 0x004E4942
+LARGEST_FILE = 2**32 - 1  # bytes, which is also the most that a .glb file can say of itself
+MOST_JSON_BYTES = 256_000_000
+MOST_ZEROS = 10_000_000  # entries of an array that has no data, which no file size bounds
+
+COMPONENTS = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
+
+Octets = NDArray[np.uint8]
+
+
+def whole(path: Path) -> bytes:
+    """Return the content of a file."""
+    try:
+        return read_whole(path, LARGEST_FILE)
+    except (InputError, StateError) as problem:
+        raise type(problem)(f"{path}: {problem}") from None
+
+
+def read_container(path: Path) -> tuple[JsonNode, bytes | None]:
+    """Return the JSON of a .gltf or .glb file, and the data that a .glb has behind it."""
+    content = whole(path)
+    binary: bytes | None = None
+    if content[:4] == MAGIC:
+        content, binary = _chunks(content, path)
+    if len(content) > MOST_JSON_BYTES:
+        raise InputError(f"{path}: has more than {MOST_JSON_BYTES} bytes of JSON")
+    try:
+        document = json.loads(content.decode("utf-8-sig"))
+    except (ValueError, RecursionError) as problem:
+        raise InputError(f"{path}: is not glTF: its JSON cannot be read ({problem})") from None
+    return JsonNode(document, f"{path}: glTF"), binary
+
+
+def _chunks(content: bytes, path: Path) -> tuple[bytes, bytes | None]:
+    """Return the JSON and binary chunks of a .glb file (glTF 2.0, section 4.4)."""
+    version, length = (int.from_bytes(content[place : place + 4], "little") for place in (4, 8))
+    if version != 2:
+        raise InputError(f"{path}: is binary glTF of version {version} (allowed: 2)")
+    if length != len(content):
+        raise InputError(f"{path}: is cut short: says it has {length} bytes (got {len(content)} bytes)")
+    found: dict[int, bytes] = {}
+    place = 12
+    while place + 8 <= length:
+        size, kind = (int.from_bytes(content[at : at + 4], "little") for at in (place, place + 4))
+        if place + 8 + size > length:
+            raise InputError(f"{path}: is cut short: a chunk of {size} bytes begins at byte {place} of {length}")
+        found.setdefault(kind, content[place + 8 : place + 8 + size])
+        place += 8 + size
+    if JSON_CHUNK not in found:
+        raise InputError(f"{path}: has no JSON chunk")
+    return found[JSON_CHUNK], found.get(BINARY_CHUNK)
+
+
+class Data:
+    """Arrays of a glTF file.
+
+    Parameters
+    ----------
+    document : JsonNode
+    binary : bytes or None
+        The data of a .glb file.
+    folder : Path
+        Where the file is.
+    find : callable
+        Returns the checked path of a further file.
+
+    Attributes
+    ----------
+    count, views : int
+        How many arrays and views there are.
+    """
+
+    def __init__(self, document: JsonNode, binary: bytes | None, folder: Path, find: Find) -> None:
+        self._folder = folder
+        self._binary = binary
+        self._find = find
+        self._buffers = document.parts("buffers")
+        self._views = document.parts("bufferViews")
+        self._accessors = document.parts("accessors")
+        self.count, self.views = len(self._accessors), len(self._views)
+        self._loaded: dict[int, Octets] = {}
+        self._arrays: dict[int, NDArray[Any]] = {}
+        self._unpacked: dict[int, Octets] = {}
+
+    def file_named_by(self, part: JsonNode) -> Path | bytes:
+        """Return the path that a part's `uri` names, relative to the file and not checked, or the content it holds."""
+        uri = part.text("uri")
+        if uri.startswith("data:"):
+            head, _, content = uri.partition(",")
+            if not head.endswith(";base64"):
+                return unquote_to_bytes(content)
+            try:
+                return base64.b64decode(content, validate=True)
+            except binascii.Error as problem:
+                raise InputError(f"{part.place}.uri: is not base64 ({problem})") from None
+        if "://" in uri or not uri:
+            raise part.wrong("uri", "is not a file", "the path of a file, or data")
+        return self._folder / unquote(uri)
+
+    def _buffer(self, index: int) -> Octets:
+        if index not in self._loaded:
+            part = self._buffers[index]
+            if part.has("uri"):
+                source = self.file_named_by(part)
+                content = source if isinstance(source, bytes) else whole(self._checked(source, part))
+            elif index == 0 and self._binary is not None:
+                content = self._binary
+            else:
+                raise InputError(f"{part.place}: has no uri, and the file no binary chunk")
+            length = part.whole("byteLength")
+            if length > len(content):
+                raise InputError(f"{part.place}: is cut short: says it has {length} bytes (got {len(content)} bytes)")
+            self._loaded[index] = np.frombuffer(content, np.uint8)[:length]
+        return self._loaded[index]
+
+    def _checked(self, path: Path, part: JsonNode) -> Path:
+        try:
+            return self._find(path)
+        except InputError as problem:
+            raise type(problem)(f"{part.place}.uri: {problem}") from None
+
+    def view(self, index: int) -> tuple[Octets, int]:
+        """Return the bytes of a view, and the distance of its entries (0: they lie side by side)."""
+        part = self._views[index]
+        for packed in part.extensions(MESHOPT):
+            if index not in self._unpacked:
+                self._unpacked[index] = meshopt_bytes(packed, self._part_of_buffer(packed).tobytes())
+            return self._unpacked[index], part.whole("byteStride", 0, below=257)
+        return self._part_of_buffer(part), part.whole("byteStride", 0, below=253)
+
+    def _part_of_buffer(self, part: JsonNode) -> Octets:
+        buffer = self._buffer(part.whole("buffer", below=len(self._buffers)))
+        start, length = part.whole("byteOffset", 0), part.whole("byteLength")
+        if start + length > len(buffer):
+            got = f"bytes {start} to {start + length}"
+            raise InputError(f"{part.place}: reaches beyond its buffer (got {got}; allowed: up to {len(buffer)})")
+        return buffer[start : start + length]
+
+    def array(self, index: int, types: tuple[str, ...]) -> NDArray[Any]:
+        """Return the numbers (count, width) of an accessor of one of the given types; do not change them."""
+        part = self._accessors[index]
+        if part.text("type") not in types:
+            raise part.wrong("type", "does not fit its use", ", ".join(types))
+        if index not in self._arrays:
+            self._arrays[index] = self._read(part)
+        return self._arrays[index]
+
+    def _read(self, part: JsonNode) -> NDArray[Any]:
+        component = part.whole("componentType")
+        if component not in COMPONENTS:
+            raise part.wrong("componentType", "is not known", ", ".join(map(str, COMPONENTS)))
+        dtype = np.dtype(COMPONENTS[component])
+        width, count = WIDTHS[part.text("type")], part.whole("count", below=2**31)
+        if part.has("bufferView"):
+            rows = self._rows(part, dtype, width, count)
+        elif count > MOST_ZEROS:
+            raise part.wrong("count", "is too large for an array without data", f"at most {MOST_ZEROS}")
+        else:
+            rows = np.zeros((count, width), dtype)
+        if part.has("sparse"):
+            rows = self._replaced(part.part("sparse"), rows, dtype)
+        return _scaled(part, rows)
+
+    def scaled(self, index: int, rows: NDArray[Any]) -> NDArray[Any]:
+        """Return numbers that were compressed as the accessor of an attribute says that they count."""
+        return _scaled(self._accessors[index], rows)
+
+    def _rows(self, part: JsonNode, dtype: np.dtype[Any], width: int, count: int) -> NDArray[Any]:
+        octets, stride = self.view(part.whole("bufferView", below=len(self._views)))
+        start, size = part.whole("byteOffset", 0), dtype.itemsize * width
+        stride = stride or size
+        end = start + stride * (count - 1) + size if count else start
+        if end > len(octets):
+            raise InputError(
+                f"{part.place}: reaches beyond its view ({count} entries end at byte {end}; allowed: {len(octets)})"
+            )
+        if stride < size:
+            raise InputError(f"{part.place}: its entries overlap (got a stride of {stride}; allowed: at least {size})")
+        if not count:
+            return np.empty((0, width), dtype)
+        if stride == size:
+            return octets[start:end].view(dtype).reshape(count, width)
+        strided = np.lib.stride_tricks.as_strided(octets[start:end], (count, size), (stride, 1))
+        return np.ascontiguousarray(strided).view(dtype)
+
+    def _replaced(self, sparse: JsonNode, rows: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
+        """Return rows with those that a sparse accessor names replaced."""
+        count = sparse.whole("count", below=2**31)
+        indices, values = sparse.part("indices"), sparse.part("values")
+        component = indices.whole("componentType")
+        if component not in (5121, 5123, 5125):
+            raise indices.wrong("componentType", "is no index", "5121, 5123 or 5125")
+        places = self._rows(indices, np.dtype(COMPONENTS[component]), 1, count)[:, 0]
+        if count and int(places.max()) >= len(rows):
+            raise InputError(f"{indices.place}: names an entry that is not there (got {places.max()})")
+        rows = rows.copy()
+        rows[places] = self._rows(values, dtype, rows.shape[1], count)
+        return rows
+
+
+def _scaled(part: JsonNode, rows: NDArray[Any]) -> NDArray[Any]:
+    """Return whole numbers as fractions of their largest, where an accessor says that they are (glTF 2.0, 3.6.2.2)."""
+    if not part.flag("normalized") or rows.dtype.kind not in "iu":
+        return rows
+    return np.asarray(np.maximum(rows.astype(np.float32) / np.float32(np.iinfo(rows.dtype).max), np.float32(-1)))
+
+
+# Vertices and triangles of a glTF primitive, from accessors or from data that Draco compressed.
+
+TRIANGLES, STRIP, FAN = 4, 5, 6
+
+
+class Vertices:
+    """What a primitive says of its vertices.
+
+    Raises
+    ------
+    InputError
+        When it is compressed and cannot be read.
+    """
+
+    def __init__(self, primitive: JsonNode, data: Data) -> None:
+        self._primitive, self._data = primitive, data
+        self._attributes = primitive.part("attributes")
+        self._faces: NDArray[np.int64] | None = None
+        self._unpacked: Mapping[str, NDArray[Any]] = {}
+        self._count: int | None = None
+        for packed in primitive.extensions(DRACO):
+            octets, _ = data.view(packed.whole("bufferView", below=data.views))
+            self._faces, self._unpacked = draco_arrays(packed, octets.tobytes())
+
+    def rows(self, key: str, types: tuple[str, ...]) -> NDArray[Any] | None:
+        """Return the numbers of an attribute in float32, None when it is not there; the first one says how many."""
+        if not self._attributes.has(key):
+            return None
+        index = self._attributes.whole(key, below=self._data.count)
+        if key in self._unpacked:
+            rows = self._data.scaled(index, self._unpacked[key])
+        else:
+            rows = self._data.array(index, types)
+        if self._count is None:
+            self._count = len(rows)
+        if len(rows) != self._count:
+            raise self._attributes.wrong(key, f"has {len(rows)} entries", f"{self._count}, as POSITION has")
+        return rows.astype(np.float32, copy=False)
+
+    def corners(self, mode: int) -> NDArray[np.int64]:
+        """Return the vertices of each triangle (m, 3)."""
+        if self._faces is not None:
+            return self._faces
+        primitive, data = self._primitive, self._data
+        if primitive.has("indices"):
+            order = data.array(primitive.whole("indices", below=data.count), ("SCALAR",))[:, 0]
+            if order.dtype.kind != "u":
+                raise primitive.wrong("indices", "are not whole numbers", "an accessor of unsigned numbers")
+        else:
+            order = np.arange(self._count or 0)
+        if mode == TRIANGLES:
+            return order[: len(order) // 3 * 3].reshape(-1, 3)
+        count = max(0, len(order) - 2)
+        first = np.arange(count)
+        if mode == FAN:
+            return np.stack([order[first * 0], order[first + 1], order[first + 2]], axis=1)
+        odd = first % 2
+        return np.stack([order[first + odd], order[first + 1 - odd], order[first + 2]], axis=1)
+
+
+# Materials of glTF files.
+
+WRAPS: dict[int, Wrap] = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
+NEAREST = 9728
+PICTURES = ("image/png", "image/jpeg", "image/webp", "")
+WEBP = "EXT_texture_webp"
+
+FOLLOWED = (
+    "KHR_materials_anisotropy", "KHR_materials_clearcoat", "KHR_materials_emissive_strength", "KHR_materials_ior",
+    "KHR_materials_sheen", "KHR_materials_specular", "KHR_materials_transmission", "KHR_materials_unlit",
+    "KHR_materials_volume",
+)  # fmt: skip
+
+
+class GltfMaterials:
+    """The materials of a glTF file.
+
+    Attributes
+    ----------
+    materials : list of FileMaterial
+        The last one is for primitives that have none.
+    uv_sets : list of int
+        Which set of texture coordinates each uses.
+    notes : list of str
+        What of them is left out.
+    """
+
+    def __init__(self, document: JsonNode, data: Data) -> None:
+        self._data = data
+        self._textures = document.parts("textures")
+        self._images = document.parts("images")
+        self._samplers = document.parts("samplers")
+        self._contents: dict[str, Path | bytes] = {}
+        self._count = len(document.parts("materials"))
+        self.materials: list[FileMaterial] = []
+        self.uv_sets: list[int] = []
+        self.notes: list[str] = []
+        for part in [*document.parts("materials"), JsonNode({}, "the default material")]:
+            self._sets: dict[str, int] = {}
+            material = self._material(part)
+            uv_set = next(iter(self._sets.values()), 0)
+            for key, other in self._sets.items():
+                if other != uv_set:
+                    self.notes.append(f"{part.place}: {key} is shown by the texture coordinates of the first texture")
+            self.materials.append(material)
+            self.uv_sets.append(uv_set)
+
+    def index(self, primitive: JsonNode) -> int:
+        """Return the material of a primitive."""
+        return primitive.whole("material", below=self._count) if primitive.has("material") else self._count
+
+    def painted(self, surface: MeshSurface, colours: NDArray[np.float32], primitive: JsonNode) -> MeshSurface:
+        """Return a surface of a primitive in a material of its own that has the colours of the vertices."""
+        assert surface.material is not None
+        material = self.materials[surface.material]
+        if material.has_textures and surface.uvs is not None:
+            self.notes.append(f"{primitive.place}: colours of vertices are left out beside a texture")
+            return surface
+        if len(surface.faces) > MOST_TRIANGLES:
+            self.notes.append(f"{primitive.place}: colours of more than {MOST_TRIANGLES} triangles are left out")
+            return surface
+        surface, texture = painted(surface, colours)
+        self.materials.append(replace(material.without_textures(), base_texture=texture))
+        return replace(surface, material=len(self.materials) - 1)
+
+    def _material(self, part: JsonNode) -> FileMaterial:
+        surface = part.part("pbrMetallicRoughness")
+        *color, alpha = (min(1.0, max(0.0, value)) for value in surface.numbers("baseColorFactor", (1.0,) * 4))
+        mode = part.text("alphaMode", "OPAQUE")
+        if mode not in ("OPAQUE", "MASK", "BLEND"):
+            raise part.wrong("alphaMode", "is not known", "OPAQUE, MASK, BLEND")
+        base = self._texture(surface, "baseColorTexture")
+        facets = self._texture(surface, "metallicRoughnessTexture")
+        material = FileMaterial(
+            name=part.text("name"),
+            base_color=_colour(color),
+            base_texture=base,
+            metallic=surface.number("metallicFactor", 1.0, 0, 1),
+            metallic_texture=facets,
+            roughness=surface.number("roughnessFactor", 1.0, 0, 1),
+            roughness_texture=facets,
+            opacity=1.0 if mode == "OPAQUE" else alpha,
+            opacity_texture=None if mode == "OPAQUE" else base,
+            opacity_cutoff=part.number("alphaCutoff", 0.5, 0) if mode == "MASK" else None,
+            normals=self._texture(part, "normalTexture"),
+            normals_strength=part.part("normalTexture").number("scale", 1.0),
+            emission=_colour(part.numbers("emissiveFactor", (0.0,) * 3)),
+            emission_texture=self._texture(part, "emissiveTexture"),
+            both_sides=part.flag("doubleSided"),
+        )
+        return self._extended(part, material)
+
+    def _extended(self, part: JsonNode, material: FileMaterial) -> FileMaterial:
+        """Return a material with what the extensions add."""
+        for strength in part.extensions("KHR_materials_emissive_strength"):
+            factor = strength.number("emissiveStrength", 1.0, 0)
+            material = replace(material, emission=_colour([factor * value for value in material.emission]))
+        for index in part.extensions("KHR_materials_ior"):
+            material = replace(material, index=index.number("ior", 1.5, 0) or math.inf)
+        for specular in part.extensions("KHR_materials_specular"):
+            material = replace(
+                material,
+                specular=specular.number("specularFactor", 1.0, 0, 1),
+                specular_texture=self._texture(specular, "specularTexture"),
+                specular_color=_colour(specular.numbers("specularColorFactor", (1.0,) * 3)),
+                specular_color_texture=self._texture(specular, "specularColorTexture"),
+            )
+        for volume in part.extensions("KHR_materials_volume"):
+            material = replace(material, **_volume(volume))
+        for transmission in part.extensions("KHR_materials_transmission"):
+            material = replace(material, transmission=transmission.number("transmissionFactor", 0.0, 0, 1))
+            if material.metallic_texture is not None and not material.solid:
+                self._leave_out(transmission, "transmissionTexture")
+            else:
+                texture = self._texture(transmission, "transmissionTexture")
+                material = replace(material, transmission_texture=texture)
+        for coat in part.extensions("KHR_materials_clearcoat"):
+            material = replace(
+                material,
+                clearcoat=coat.number("clearcoatFactor", 0.0, 0, 1),
+                clearcoat_texture=self._texture(coat, "clearcoatTexture"),
+                clearcoat_roughness=coat.number("clearcoatRoughnessFactor", 0.0, 0, 1),
+                clearcoat_roughness_texture=self._texture(coat, "clearcoatRoughnessTexture"),
+                clearcoat_normals=self._texture(coat, "clearcoatNormalTexture"),
+                clearcoat_normals_strength=coat.part("clearcoatNormalTexture").number("scale", 1.0),
+                clearcoat_flat=True,
+            )
+        for sheen in part.extensions("KHR_materials_sheen"):
+            material = replace(
+                material,
+                sheen=_colour(sheen.numbers("sheenColorFactor", (0.0,) * 3)),
+                sheen_texture=self._texture(sheen, "sheenColorTexture"),
+                sheen_roughness=sheen.number("sheenRoughnessFactor", 0.0, 0, 1),
+            )
+            self._leave_out(sheen, "sheenRoughnessTexture")
+        for stretch in part.extensions("KHR_materials_anisotropy"):
+            turn = math.degrees(math.remainder(stretch.number("anisotropyRotation", 0.0), 2 * math.pi))
+            material = replace(
+                material,
+                anisotropy=stretch.number("anisotropyStrength", 0.0, 0, 1),
+                anisotropy_texture=self._texture(stretch, "anisotropyTexture"),
+                anisotropy_rotation_degrees=turn,
+            )
+        for _ in part.extensions("KHR_materials_unlit"):
+            material = replace(material, matte=True)
+        for other in part.part("extensions").names():
+            if other.startswith("KHR_materials_") and other not in FOLLOWED:
+                self.notes.append(f"{part.place}: {other} is left out")
+        return material
+
+    def _leave_out(self, part: JsonNode, *keys: str) -> None:
+        self.notes += [f"{part.place}.{key} is left out" for key in keys if part.has(key)]
+
+    def _texture(self, part: JsonNode, key: str) -> FileTexture | None:
+        """Return the picture of a texture reference, None when there is none that can be read."""
+        if not part.has(key):
+            return None
+        reference = part.part(key)
+        texture = plain = self._textures[reference.whole("index", below=len(self._textures))]
+        texture = next((webp for webp in texture.extensions(WEBP) if webp.has("source")), texture)
+        if not texture.has("source"):
+            self.notes.append(f"{texture.place} has no PNG, JPEG or WebP picture and is left out")
+            return None
+        image = self._images[texture.whole("source", below=len(self._images))]
+        if image.text("mimeType") not in PICTURES:
+            self.notes.append(f"{image.place} is {image.text('mimeType')} and is left out")
+            return None
+        wrap, nearest = self._sampling(plain)
+        self._sets[key] = reference.whole("texCoord", 0, below=100)
+        found = FileTexture(self._content(image), _name(image), wrap=wrap, nearest=nearest)
+        for transform in reference.extensions("KHR_texture_transform"):
+            self._sets[key] = transform.whole("texCoord", self._sets[key], below=100)
+            found = replace(found, **_laid(transform))
+        return found
+
+    def _content(self, image: JsonNode) -> Path | bytes:
+        """Return the path of a picture, or its bytes; the same object for the same picture."""
+        if image.place not in self._contents:
+            if image.has("bufferView"):
+                octets, _ = self._data.view(image.whole("bufferView", below=self._data.views))
+                self._contents[image.place] = octets.tobytes()
+            else:
+                self._contents[image.place] = self._data.file_named_by(image)
+        return self._contents[image.place]
+
+    def _sampling(self, texture: JsonNode) -> tuple[Wrap, bool]:
+        if not texture.has("sampler"):
+            return "repeat", False
+        sampler = self._samplers[texture.whole("sampler", below=len(self._samplers))]
+        across, along = (WRAPS.get(sampler.whole(key, 10497)) for key in ("wrapS", "wrapT"))
+        if across is None or along is None:
+            raise sampler.wrong("wrapS" if across is None else "wrapT", "is not known", ", ".join(map(str, WRAPS)))
+        if across != along:
+            self.notes.append(f"{sampler.place}.wrapT is not as wrapS, which counts for both")
+        return across, sampler.whole("magFilter", 0) == NEAREST
+
+
+def _colour(values: Sequence[float]) -> Colour:
+    red, green, blue = (max(0.0, value) for value in values)
+    return (red, green, blue)
+
+
+def _name(image: JsonNode) -> str:
+    uri = "" if image.text("uri").startswith("data:") else image.text("uri")
+    return (image.text("name") or uri or image.place.rpartition(" ")[2])[:200]
+
+
+def _volume(volume: JsonNode) -> dict[str, Any]:
+    """Return what KHR_materials_volume says: a solid where it has a thickness, and how it absorbs."""
+    solid = volume.number("thicknessFactor", 0.0, 0) > 0
+    distance = volume.number("attenuationDistance", math.inf, 0)
+    colour = _colour(volume.numbers("attenuationColor", (1.0,) * 3))
+    return {"solid": solid, "attenuation": (colour, distance) if 0 < distance < math.inf else None}
+
+
+def _laid(transform: JsonNode) -> dict[str, Any]:
+    """Return how KHR_texture_transform lays a picture, with v upwards.
+
+    Its v runs downwards, where (u, v) goes to R S (u, v) + offset and R turns from v towards u; the example of its
+    description ("the lower left quadrant, rotated clockwise") fixes the sense of the turn.
+    """
+    angle = transform.number("rotation", 0.0)
+    across, along = transform.numbers("scale", (1.0, 1.0))
+    u, v = transform.numbers("offset", (0.0, 0.0))
+    cosine, sine = math.cos(angle), math.sin(angle)
+    return {
+        "scale": (across, along),
+        "rotation_degrees": math.degrees(math.remainder(angle, 2 * math.pi)),
+        "offset": (u + sine * along, 1 - v - cosine * along),
+    }
+
+
+# glTF 2.0 files, .gltf and .glb: meshes, their places in the tree of nodes, and materials.
+
+# Extensions that a file may require. What others do not require and are not listed here is left out.
+LIGHTS, VARIANTS, INSTANCES = "KHR_lights_punctual", "KHR_materials_variants", "EXT_mesh_gpu_instancing"
+KNOWN_EXTENSIONS = (
+    *FOLLOWED, DRACO, MESHOPT, INSTANCES, VARIANTS, WEBP, LIGHTS, "KHR_mesh_quantization", "KHR_texture_transform",
+)  # fmt: skip
+
+
+def read_gltf(path: Path, find: Find) -> Draft:
+    """Return the surfaces of a glTF file, one for each triangle primitive, and a part for each node that shows one.
+
+    Raises
+    ------
+    InputError
+        When the file is not as glTF 2.0 says, needs an extension that is not read, or shows no triangles.
+    """
+    document, binary = read_container(path)
+    _check_version(document, path)
+    data = Data(document, binary, path.parent, find)
+    materials = GltfMaterials(document, data)
+    meshes = document.parts("meshes")
+    surfaces: list[MeshSurface] = []
+    places: dict[int, list[int]] = {}
+    nodes: list[Node] = []
+    for mesh, placement, name in placed_meshes(document, data):
+        if mesh not in places:
+            found = _surfaces(meshes[mesh], data, materials)
+            places[mesh] = list(range(len(surfaces), len(surfaces) + len(found)))
+            surfaces += found
+        nodes += [Node(index, placement, name or surfaces[index].name) for index in places[mesh]]
+    if not nodes:
+        raise InputError(f"{path}: its scene shows no triangles")
+    return Draft(surfaces, materials.materials, nodes, [*materials.notes, *_left_out(document)])
+
+
+def _check_version(document: JsonNode, path: Path) -> None:
+    version = document.part("asset").text("version")
+    if version.split(".")[0] != "2":
+        raise InputError(f"{path}: is not glTF 2.0 (got version {version or 'none'!s}; allowed: 2.0)")
+    if missing := [name for name in document.texts("extensionsRequired") if name not in KNOWN_EXTENSIONS]:
+        got, allowed = ", ".join(missing), ", ".join(KNOWN_EXTENSIONS)
+        raise InputError(f"{path}: needs extensions that are not read (got {got}; allowed: {allowed})")
+
+
+def _left_out(document: JsonNode) -> list[str]:
+    """Return what of a file is left out that changes its picture."""
+    primitives = [primitive for mesh in document.parts("meshes") for primitive in mesh.parts("primitives")]
+    found = {
+        LAMPS_LEFT_OUT: any(part.parts("lights") for part in document.extensions(LIGHTS)),
+        "skins are left out": bool(document.parts("skins")),
+        "animations are left out": bool(document.parts("animations")),
+        "morph targets are left out": any(primitive.has("targets") for primitive in primitives),
+        "variants of materials are left out; the default materials show": VARIANTS in document.texts("extensionsUsed"),
+    }
+    return [f"{document.place}: {text}" for text, there in found.items() if there]
+
+
+def _surfaces(mesh: JsonNode, data: Data, materials: GltfMaterials) -> list[MeshSurface]:
+    name = mesh.text("name") or None
+    found = [_surface(primitive, data, materials, name) for primitive in mesh.parts("primitives")]
+    return [surface for surface in found if surface is not None]
+
+
+def _surface(primitive: JsonNode, data: Data, materials: GltfMaterials, name: str | None) -> MeshSurface | None:
+    """Return the triangles of a primitive, None when it has none."""
+    mode = primitive.whole("mode", TRIANGLES)
+    if mode not in (TRIANGLES, STRIP, FAN):
+        return None
+    vertices = Vertices(primitive, data)
+    positions = vertices.rows("POSITION", ("VEC3",))
+    if positions is None:
+        return None
+    material = materials.index(primitive)
+    uvs = vertices.rows(f"TEXCOORD_{materials.uv_sets[material]}", ("VEC2",))
+    corners = vertices.corners(mode)
+    if not len(corners):
+        return None
+    check_corners(Polygons(np.arange(len(corners)), corners), len(positions), f"{primitive.place}: face")
+    surface = MeshSurface(
+        positions,
+        corners,
+        vertices.rows("NORMAL", ("VEC3",)),
+        None if uvs is None else np.column_stack([uvs[:, 0], 1 - uvs[:, 1]]),
+        material,
+        name,
+    )
+    colours = vertices.rows("COLOR_0", ("VEC3", "VEC4"))
+    return surface if colours is None else materials.painted(surface, colours[:, :3], primitive)
+
+
+# Ratio of the smallest to the largest stretch of a transform that can be inverted in float32 (as for objects).
+SMALLEST_STRETCH_RATIO = 1e-6
+
+
+def placed_meshes(document: JsonNode, data: Data) -> Iterator[tuple[int, NDArray[np.float64], str | None]]:
+    """Yield the meshes of the default scene with their placement and name, parents before children."""
+    meshes = len(document.parts("meshes"))
+    for node, parent in placed_nodes(document):
+        if not node.has("mesh"):
+            continue
+        for instance in _instances(node, data):
+            placement = parent @ instance
+            if _can_be_shown(placement, node):
+                yield node.whole("mesh", below=meshes), placement, node.text("name") or None
+
+
+def _instances(node: JsonNode, data: Data) -> list[NDArray[np.float64]]:
+    """Return the placements of a node's mesh below the node: those of EXT_mesh_gpu_instancing, or one."""
+    for extension in node.extensions(INSTANCES):
+        attributes = extension.part("attributes")
+        given = {
+            key: data.array(attributes.whole(key, below=data.count), (kind,)).astype(np.float64)
+            for key, kind in (("TRANSLATION", "VEC3"), ("ROTATION", "VEC4"), ("SCALE", "VEC3"))
+            if attributes.has(key)
+        }
+        if len({len(rows) for rows in given.values()}) > 1:
+            raise InputError(f"{attributes.place}: TRANSLATION, ROTATION and SCALE are not of one length")
+        rows = {key.lower(): values.tolist() for key, values in given.items()}
+        count = min((len(values) for values in rows.values()), default=1)
+        return [
+            _matrix(JsonNode({key: values[index] for key, values in rows.items()}, f"{attributes.place}[{index}]"))
+            for index in range(count)
+        ]
+    return [np.eye(4)]
+
+
+def placed_nodes(document: JsonNode) -> Iterator[tuple[JsonNode, NDArray[np.float64]]]:
+    """Yield the nodes of the default scene and where each is in the file, parents before children."""
+    nodes = document.parts("nodes")
+    waiting = [(index, np.eye(4)) for index in reversed(_roots(document, nodes))]
+    seen: set[int] = set()
+    while waiting:
+        index, parent = waiting.pop()
+        node = nodes[index]
+        if index in seen:
+            raise InputError(f"{node.place}: is reached twice (allowed: a tree of nodes)")
+        seen.add(index)
+        with np.errstate(over="ignore", invalid="ignore"):  # refused where a mesh is shown
+            placement = parent @ _matrix(node)
+        waiting += [(child, placement) for child in reversed(node.wholes("children", below=len(nodes)))]
+        yield node, placement
+
+
+def _roots(document: JsonNode, nodes: list[JsonNode]) -> list[int]:
+    scenes = document.parts("scenes")
+    if scenes:
+        return scenes[document.whole("scene", 0, below=len(scenes))].wholes("nodes", below=len(nodes))
+    children = {child for node in nodes for child in node.wholes("children", below=len(nodes))}
+    return [index for index in range(len(nodes)) if index not in children]
+
+
+def _matrix(node: JsonNode) -> NDArray[np.float64]:
+    """Return the transform of a node: its matrix (by columns), or scale, then rotation, then translation."""
+    if node.has("matrix"):
+        matrix = np.array(node.numbers("matrix", (0.0,) * 16)).reshape(4, 4).T
+        if not np.allclose(matrix[3], (0, 0, 0, 1), atol=1e-6):
+            raise node.wrong("matrix", "is not affine", "a last row of 0 0 0 1")
+        matrix[3] = (0, 0, 0, 1)
+        return np.asarray(matrix)
+    result = np.eye(4)
+    x, y, z, w = node.numbers("rotation", (0.0, 0.0, 0.0, 1.0))
+    length = np.sqrt(x * x + y * y + z * z + w * w)
+    if not length > 0:
+        raise node.wrong("rotation", "is the zero quaternion", "a unit quaternion")
+    x, y, z, w = x / length, y / length, z / length, w / length
+    turn = np.array([
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ])  # fmt: skip
+    result[:3, :3] = turn * node.numbers("scale", (1.0, 1.0, 1.0))
+    result[:3, 3] = node.numbers("translation", (0.0, 0.0, 0.0))
+    return result
+
+
+def _can_be_shown(placement: NDArray[np.float64], node: JsonNode) -> bool:
+    """Return whether a mesh has a size there; refuse a place that flattens space."""
+    if not np.isfinite(placement).all():
+        raise InputError(f"{node.place}: its transform is beyond floating point")
+    stretches = np.linalg.svd(placement[:3, :3], compute_uv=False)
+    if stretches[0] == 0:
+        return False
+    if stretches[-1] < SMALLEST_STRETCH_RATIO * stretches[0]:
+        allowed = f"stretches whose ratio is at least {SMALLEST_STRETCH_RATIO:g}"
+        raise InputError(f"{node.place}: its transform flattens space (allowed: {allowed})")
+    return True
+
+
+#
+# Cameras and lamps of glTF files: the nodes of the scene that show one, at their places.
+#
+# Sources: glTF 2.0, section 3.10; Khronos, KHR_lights_punctual. Both look along -z of their node.
+
+KINDS = ("point", "spot", "directional")
+Vector = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class GltfCamera:
+    """A perspective camera.
+
+    Attributes
+    ----------
+    name : str
+    eye, forward, up : (x, y, z)
+        Place and unit directions in the frame of the file.
+    height_radians : float
+        Full field of view from the lower to the upper edge.
+    aspect : float or None
+        Width over height; None where the file leaves it to the viewer.
+    """
+
+    name: str
+    eye: Vector
+    forward: Vector
+    up: Vector
+    height_radians: float
+    aspect: float | None
+
+
+@dataclass(frozen=True)
+class GltfLight:
+    """A lamp without size.
+
+    Attributes
+    ----------
+    name, kind : str
+        Kind is point, spot or directional.
+    eye, forward : (x, y, z)
+        Place, and unit direction in which it shines.
+    amount : (red, green, blue)
+        Its colour times candelas, for a directional one lux.
+    cone_radians : (inner, outer)
+        Angles from the axis of a spot.
+    """
+
+    name: str
+    kind: str
+    eye: Vector
+    forward: Vector
+    amount: Colour
+    cone_radians: tuple[float, float] = (0.0, math.pi / 4)
+
+
+@dataclass(frozen=True)
+class GltfWorld:
+    """Cameras and lamps, in the order of the nodes; notes say what is left out."""
+
+    cameras: list[GltfCamera] = field(default_factory=list)
+    lights: list[GltfLight] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+
+def read_gltf_world(path: Path) -> GltfWorld:
+    """Return the cameras and lamps that the default scene of a glTF file shows.
+
+    Raises
+    ------
+    InputError
+        When the file is not as glTF 2.0 says.
+    """
+    document, _ = read_container(path)
+    world = GltfWorld()
+    cameras = document.parts("cameras")
+    lights = [light for part in document.extensions(LIGHTS) for light in part.parts("lights")]
+    for node, placement in placed_nodes(document):
+        if node.has("camera"):
+            _add_camera(world, cameras[node.whole("camera", below=len(cameras))], node, placement)
+        for shown in node.extensions(LIGHTS):
+            _add_light(world, lights[shown.whole("light", below=len(lights))], node, placement)
+    return world
+
+
+def _add_camera(world: GltfWorld, camera: JsonNode, node: JsonNode, placement: NDArray[np.float64]) -> None:
+    name = node.text("name") or camera.text("name") or f"camera {len(world.cameras) + 1}"
+    if camera.text("type") != "perspective":
+        world.notes.append(f"{node.place}: {name} is not a perspective camera and is left out")
+        return
+    lens = camera.part("perspective")
+    height = lens.number("yfov", math.nan, 1e-6, math.pi - 1e-6)
+    if math.isnan(height):
+        raise lens.wrong("yfov", "is missing", "an angle in radians")
+    aspect = lens.number("aspectRatio", math.nan, 1e-3, 1e3)
+    eye, forward = _pose_of(placement, node)
+    up = _unit(placement[:3, 1], node)
+    world.cameras.append(GltfCamera(name, eye, forward, up, height, None if math.isnan(aspect) else aspect))
+
+
+def _add_light(world: GltfWorld, light: JsonNode, node: JsonNode, placement: NDArray[np.float64]) -> None:
+    kind = light.text("type")
+    if kind not in KINDS:
+        raise light.wrong("type", "is not known", ", ".join(KINDS))
+    strength = light.number("intensity", 1.0, 0)
+    red, green, blue = (max(0.0, strength * value) for value in light.numbers("color", (1.0, 1.0, 1.0)))
+    if not max(red, green, blue) > 0:
+        return
+    cone = light.part("spot")
+    outer = cone.number("outerConeAngle", math.pi / 4, 1e-4, math.pi / 2)
+    inner = min(cone.number("innerConeAngle", 0.0, 0, math.pi / 2), outer * (1 - 1e-3))
+    name = node.text("name") or light.text("name") or f"light {len(world.lights) + 1}"
+    eye, forward = _pose_of(placement, node)
+    world.lights.append(GltfLight(name, kind, eye, forward, (red, green, blue), (inner, outer)))
+
+
+def _pose_of(placement: NDArray[np.float64], node: JsonNode) -> tuple[Vector, Vector]:
+    x, y, z = placement[:3, 3].tolist()
+    return (x, y, z), _unit(-placement[:3, 2], node)
+
+
+def _unit(vector: NDArray[np.float64], node: JsonNode) -> Vector:
+    length = float(np.linalg.norm(vector))
+    if not (length > 0 and math.isfinite(length)):
+        raise InputError(f"{node.place}: its transform leaves no direction (allowed: a scale that is not zero)")
+    x, y, z = (vector / length).tolist()
+    return x, y, z

@@ -1,0 +1,942 @@
+"""A triangle mesh in memory, made from what a file says: polygons, normals, materials."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import math
+from collections.abc import Callable
+from dataclasses import field, replace
+from functools import cached_property
+from itertools import product
+from pathlib import Path
+from typing import Any, BinaryIO, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.core.errors import InputError, StateError
+from rptcam_cl.core.files import open_regular
+from rptcam_cl.scene.assets.pictures import LARGEST_PIXELS
+
+# Materials and textures as mesh files describe them.
+
+Colour = tuple[float, float, float]
+Wrap = Literal["repeat", "clamp", "mirror"]
+
+
+@dataclass(frozen=True)
+class FileTexture:
+    """A picture and how it lies on the surface: at scale * (u, v), turned, then shifted.
+
+    Attributes
+    ----------
+    source : Path or bytes
+        Path of the picture as the file has it, not checked, or its content.
+    name : str
+        For the reader.
+    scale, offset : (u, v)
+        v counts upwards from the lower edge.
+    rotation_degrees : float
+        From u towards v.
+    wrap : str
+        What continues the picture.
+    nearest : bool
+        Whether texels are shown as squares.
+    """
+
+    source: Path | bytes
+    name: str
+    scale: tuple[float, float] = (1.0, 1.0)
+    offset: tuple[float, float] = (0.0, 0.0)
+    rotation_degrees: float = 0.0
+    wrap: Wrap = "repeat"
+    nearest: bool = False
+
+
+@dataclass(frozen=True)
+class FileMaterial:
+    """A material of a mesh file. Where a number or colour has a painting, it is a factor on that.
+
+    Attributes
+    ----------
+    base_color : (red, green, blue)
+        Linear, 0 to 1.
+    matte : bool
+        Whether it reflects evenly, without a gloss; metallic and roughness do not count then.
+    metallic, roughness : float
+        0 to 1; the paintings are read in the channels b and g.
+    specular : float
+        Factor on the reflectance of the dielectric; the painting is read in its alpha channel.
+    specular_color : (red, green, blue)
+        Of that reflectance at normal incidence, linear, 0 or more.
+    opacity : float
+        0 to 1; the painting is read in its alpha channel, or in r when it has none.
+    opacity_cutoff : float or None
+        Opacity from which on the surface is there; None where it is there by that share.
+    normals : FileTexture or None
+        Normals in the tangent frame.
+    emission : (red, green, blue)
+        Radiance, linear.
+    both_sides : bool
+        Whether the back emits too.
+    index : float
+        Refractive index, 1 to infinity.
+    transmission : float
+        Share of the base that is transparent; the painting is read in the channel r.
+    solid : bool
+        Whether what is transparent is a solid that refracts, and not a pane without thickness.
+    attenuation : (colour, distance) or None
+        What a transparent solid leaves of white light after a distance [m].
+    clearcoat, clearcoat_roughness : float
+        0 to 1; the paintings are read in the channels r and g.
+    clearcoat_normals : FileTexture or None
+        Normals of the coat in the tangent frame.
+    clearcoat_flat : bool
+        Whether a coat without them does not follow `normals`.
+    sheen : (red, green, blue)
+        Of fibres at grazing angles, linear, 0 to 1.
+    anisotropy : float
+        Strength s of the stretch of highlights along u, 0 to 1: alpha along is alpha + (1 - alpha) s²; the painting has
+        directions in r and g, along u and v, and strengths in b.
+    anisotropy_rotation_degrees : float
+        Of those directions, from u towards v.
+    """
+
+    name: str = ""
+    base_color: Colour = (0.8, 0.8, 0.8)
+    base_texture: FileTexture | None = None
+    matte: bool = False
+    metallic: float = 0.0
+    metallic_texture: FileTexture | None = None
+    roughness: float = 0.5
+    roughness_texture: FileTexture | None = None
+    specular: float = 1.0
+    specular_texture: FileTexture | None = None
+    specular_color: Colour = (1.0, 1.0, 1.0)
+    specular_color_texture: FileTexture | None = None
+    opacity: float = 1.0
+    opacity_texture: FileTexture | None = None
+    opacity_cutoff: float | None = None
+    normals: FileTexture | None = None
+    normals_strength: float = 1.0
+    emission: Colour = (0.0, 0.0, 0.0)
+    emission_texture: FileTexture | None = None
+    both_sides: bool = False
+    index: float = 1.5
+    transmission: float = 0.0
+    transmission_texture: FileTexture | None = None
+    solid: bool = False
+    attenuation: tuple[Colour, float] | None = None
+    clearcoat: float = 0.0
+    clearcoat_texture: FileTexture | None = None
+    clearcoat_roughness: float = 0.0
+    clearcoat_roughness_texture: FileTexture | None = None
+    clearcoat_normals: FileTexture | None = None
+    clearcoat_normals_strength: float = 1.0
+    clearcoat_flat: bool = False
+    sheen: Colour = (0.0, 0.0, 0.0)
+    sheen_texture: FileTexture | None = None
+    sheen_roughness: float = 0.0
+    anisotropy: float = 0.0
+    anisotropy_texture: FileTexture | None = None
+    anisotropy_rotation_degrees: float = 0.0
+
+    @property
+    def has_textures(self) -> bool:
+        """Whether any picture lies on the surface."""
+        return self != self.without_textures()
+
+    def without_textures(self) -> FileMaterial:
+        """Return the material of a surface that has no texture coordinates."""
+        return replace(
+            self, base_texture=None, metallic_texture=None, roughness_texture=None, opacity_texture=None,
+            normals=None, emission_texture=None, transmission_texture=None, clearcoat_texture=None,
+            clearcoat_roughness_texture=None, sheen_texture=None, anisotropy_texture=None,
+            specular_texture=None, specular_color_texture=None, clearcoat_normals=None,
+        )  # fmt: skip
+
+
+# Triangles that no renderer can use: they are dropped and counted.
+
+# Triangles looked at together, so that the float64 working arrays stay small.
+CHUNK = 1 << 17
+
+
+class Dropped(NamedTuple):
+    """How many triangles were dropped, by reason."""
+
+    not_finite: int = 0
+    no_area: int = 0
+    duplicate: int = 0
+
+    def plus(self, other: Dropped) -> Dropped:
+        """Return the sum by reason."""
+        return Dropped(*(mine + its for mine, its in zip(self, other, strict=True)))
+
+    def __str__(self) -> str:
+        reasons = {"with a vertex that is not finite": self.not_finite, "without area": self.no_area}
+        parts = [f"{count} {reason}" for reason, count in {**reasons, "given twice": self.duplicate}.items() if count]
+        return ", ".join(parts) or "none"
+
+
+NOTHING_DROPPED = Dropped()
+
+
+def sound_faces(positions: NDArray[np.float32], faces: NDArray[Any]) -> tuple[NDArray[np.int32], Dropped]:
+    """Return the faces (m, 3) that have finite vertices, an area and no earlier copy, and the count of the others.
+
+    An area is zero when the cross product of two edges is, in float64, which is exact for most float32 corners. A copy
+    has the same corners in the same order round; the same corners the other way round are another face.
+    """
+    faces = np.ascontiguousarray(faces, np.int32)
+    finite: NDArray[np.bool_] = np.all(np.isfinite(positions), axis=1)
+    not_finite = 0
+    if not finite.all():
+        good: NDArray[np.bool_] = np.all(finite[faces], axis=1)
+        not_finite = len(faces) - int(np.count_nonzero(good))
+        faces = np.compress(good, faces, axis=0)
+    flat = _without_area(positions, faces)
+    no_area = int(np.count_nonzero(flat))
+    if no_area:
+        faces = faces[~flat]
+    copies = _copies(positions, faces)
+    if len(copies):
+        faces = np.delete(faces, copies, axis=0)
+    return faces, Dropped(not_finite, no_area, len(copies))
+
+
+def _without_area(positions: NDArray[np.float32], faces: NDArray[np.int32]) -> NDArray[np.bool_]:
+    flat = np.zeros(len(faces), bool)
+    x, y, z = np.ascontiguousarray(positions.T, np.float64)
+    for start in range(0, len(faces), CHUNK):
+        a, b, c = np.ascontiguousarray(faces[start : start + CHUNK].T)
+        ux, uy, uz = x[b] - x[a], y[b] - y[a], z[b] - z[a]
+        vx, vy, vz = x[c] - x[a], y[c] - y[a], z[c] - z[a]
+        flat[start : start + CHUNK] = (uy * vz == uz * vy) & (uz * vx == ux * vz) & (ux * vy == uy * vx)
+    return flat
+
+
+def _copies(positions: NDArray[np.float32], faces: NDArray[np.int32]) -> NDArray[np.intp]:
+    """Return the indices of faces whose corners, in their order round, are those of an earlier face."""
+    keys = _face_keys(_vertex_keys(positions), faces)
+    ordered = np.sort(keys)
+    repeated = ordered[1:][ordered[1:] == ordered[:-1]]
+    if not len(repeated):
+        return np.empty(0, np.intp)
+    suspects = np.flatnonzero(np.isin(keys, repeated))
+    corners = positions[faces[suspects]] + np.float32(0)  # -0 becomes 0
+    lowest = np.lexsort([corners[:, :, axis] for axis in (2, 1, 0)], axis=1)[:, 0]
+    turned = corners[np.arange(len(corners))[:, None], (lowest[:, None] + np.arange(3)) % 3].reshape(-1, 9)
+    _, first = np.unique(turned, axis=0, return_index=True)
+    return np.delete(suspects, first)
+
+
+def _vertex_keys(positions: NDArray[np.float32]) -> NDArray[np.uint64]:
+    """Return a hash of 64 bits for each position."""
+    keys = np.zeros(len(positions), np.uint64)
+    for axis in range(3):
+        bits = (positions[:, axis] + np.float32(0)).view(np.uint32)
+        keys = _mixed(keys ^ bits)
+    return keys
+
+
+def _face_keys(vertex_keys: NDArray[np.uint64], faces: NDArray[np.int32]) -> NDArray[np.uint64]:
+    """Return 64 bits for each face that do not depend on which corner comes first, but on the order round."""
+    result = np.empty(len(faces), np.uint64)
+    for start in range(0, len(faces), CHUNK):
+        a, b, c = vertex_keys[faces[start : start + CHUNK]].T
+        result[start : start + CHUNK] = (
+            _mixed(a ^ (b << np.uint64(1))) + _mixed(b ^ (c << np.uint64(1))) + _mixed(c ^ (a << np.uint64(1)))
+        )
+    return result
+
+
+def _mixed(keys: NDArray[np.uint64]) -> NDArray[np.uint64]:
+    """Return well mixed bits (the finaliser of SplitMix64; Steele, Lea and Flood 2014)."""
+    keys = keys + np.uint64(0x9E3779B97F4A7C15)
+    keys = (keys ^ (keys >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    keys = (keys ^ (keys >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return np.asarray(keys ^ (keys >> np.uint64(31)))
+
+
+def used_vertices(count: int, faces: NDArray[np.int32]) -> tuple[NDArray[np.intp] | None, NDArray[np.int32]]:
+    """Return the vertices that faces use, None when they use all, and the faces with indices into those."""
+    used = np.zeros(count, bool)
+    used[faces.ravel()] = True
+    if used.all():
+        return None, faces
+    kept = np.flatnonzero(used)
+    place = np.empty(count, np.int32)
+    place[kept] = np.arange(len(kept), dtype=np.int32)
+    return kept, place[faces]
+
+
+# Normals of vertices: those of a file at unit length, or the mean of the triangles round each vertex.
+
+Vectors = NDArray[np.float64]
+
+
+def smooth_normals(positions: NDArray[np.float32], faces: NDArray[np.int32]) -> NDArray[np.float32]:
+    """Return the unit normals (n, 3) of vertices: the mean of the triangles round each, weighted by their angles there.
+
+    Vertices of equal position count as one, so seams of texture coordinates do not show (Thürmer and Wüthrich 1998).
+    """
+    corner = _same_position(positions)
+    sums = np.zeros((3, int(corner.max()) + 1))
+    anyone = np.zeros_like(sums)
+    columns = np.ascontiguousarray(positions.T)
+    for start in range(0, len(faces), CHUNK):
+        vertices = np.ascontiguousarray(faces[start : start + CHUNK].T)
+        angles, normal = _angles_and_normal(*(columns[:, place].astype(np.float64) for place in vertices))
+        for place, angle in zip(corner[vertices], angles, strict=True):
+            anyone[:, place] = normal
+            for axis in range(3):
+                np.add.at(sums[axis], place, angle * normal[axis])
+    # Triangles cancel where both sides of a sheet share its vertices: one of the two sides is as good as the other.
+    cancelled = (sums * sums).sum(axis=0) < 1e-18
+    sums[:, cancelled] = anyone[:, cancelled]
+    unit: NDArray[np.float32] = (sums / np.sqrt((sums * sums).sum(axis=0))).T.astype(np.float32)
+    return unit[corner]
+
+
+def unit_normals(
+    normals: NDArray[Any], positions: NDArray[np.float32], faces: NDArray[np.int32]
+) -> NDArray[np.float32]:
+    """Return given normals (n, 3) at unit length; where a file has a zero vector, the smooth normal stands in."""
+    wide = np.asarray(normals)
+    largest = np.abs(wide).max(axis=1)
+    missing = largest == 0
+    scaled = wide / np.where(missing, 1, largest).astype(wide.dtype)[:, None]
+    scaled /= np.sqrt(np.maximum(np.einsum("ij,ij->i", scaled, scaled), 0.5))[:, None]
+    result: NDArray[np.float32] = scaled.astype(np.float32)
+    if missing.any():
+        result[missing] = smooth_normals(positions, faces)[missing]
+    return result
+
+
+def _same_position(positions: NDArray[np.float32]) -> NDArray[np.intp]:
+    """Return, for each vertex, the number of its position among the different ones."""
+    order = np.lexsort(tuple(positions.T))
+    ordered = positions[order]
+    new = np.ones(len(order), bool)
+    new[1:] = (ordered[1:] != ordered[:-1]).any(axis=1)
+    number = np.empty(len(order), np.intp)
+    number[order] = np.cumsum(new) - 1
+    return number
+
+
+def _angles_and_normal(a: Vectors, b: Vectors, c: Vectors) -> tuple[Vectors, Vectors]:
+    """Return the angles [rad] at the three corners (3, m), and the unit normal (3, m), of triangles a, b, c (3, m)."""
+    ab, bc, ca = b - a, c - b, a - c
+    normal = np.stack([ab[1] * bc[2] - ab[2] * bc[1], ab[2] * bc[0] - ab[0] * bc[2], ab[0] * bc[1] - ab[1] * bc[0]])
+    twice_area = np.sqrt((normal * normal).sum(axis=0))
+    cosines = np.stack([-(ca * ab).sum(axis=0), -(ab * bc).sum(axis=0), -(bc * ca).sum(axis=0)])
+    return np.arctan2(twice_area, cosines), normal / twice_area
+
+
+#
+# Polygons of mesh files: checked, cut into triangles, and their different corners as vertices.
+#
+# Convex polygons become fans, quads are cut along the diagonal inside, others by their ears.
+
+# Corners of a polygon that is not convex; cutting ears takes time that grows with the square.
+MOST_CORNERS = 1000
+
+Corners = NDArray[Any]
+
+
+class Polygons(NamedTuple):
+    """Polygons of one size.
+
+    Attributes
+    ----------
+    number : (m,) int
+        Their places among all faces of the file.
+    corners : (m, k) int
+        Vertex of each corner.
+    """
+
+    number: NDArray[Any]
+    corners: NDArray[Any]
+
+
+def check_corners(polygons: Polygons, vertices: int, face: str) -> None:
+    """Refuse polygons that have fewer than three corners, or name vertices that are not there.
+
+    `face` is what errors call a face, before its number: ``bunny.ply: face``.
+    """
+    numbers, corners = polygons
+    if len(corners) and corners.shape[1] < 3:
+        raise InputError(f"{face} {numbers[0]} has {corners.shape[1]} corners (allowed: at least 3)")
+    if not corners.size or (corners.min() >= 0 and corners.max() < vertices):
+        return
+    wrong = (corners < 0) | (corners >= vertices)
+    row = int(np.argmax(wrong.any(axis=1)))
+    index = corners[row][wrong[row]][0]
+    allowed = f"0 to {vertices - 1}" if vertices else "none, there are no vertices"
+    raise InputError(f"{face} {numbers[row]} names a vertex that is not there (got {index}; allowed: {allowed})")
+
+
+def as_triangles(positions: NDArray[Any], polygons: list[Polygons], face: str) -> NDArray[np.int32]:
+    """Return the triangles (m, 3) of checked polygons."""
+    found = []
+    for numbers, corners in polygons:
+        check_corners(Polygons(numbers, corners), len(positions), face)
+        if corners.shape[1] == 3:
+            found.append(corners.astype(np.int32, copy=False))
+        else:
+            triangles = triangulate(positions, Polygons(numbers, corners), face)
+            rows = np.arange(len(corners))[:, None, None]
+            found.append(corners[rows, triangles].reshape(-1, 3).astype(np.int32))
+    return np.concatenate(found) if len(found) != 1 else found[0]
+
+
+def triangulate(positions: NDArray[Any], polygons: Polygons, face: str) -> Corners:
+    """Return the triangles of polygons that have equally many corners, as places 0 to k - 1 in their polygon.
+
+    Parameters
+    ----------
+    positions : (n, 3) array
+    polygons : Polygons
+        Their corners are indices into the positions, inside their range; they have 3 or more.
+    face : str
+        What an error calls a polygon, before its number.
+
+    Returns
+    -------
+    triangles : (m, k - 2, 3) array
+    """
+    numbers, corners = polygons
+    count, size = corners.shape
+    fan = np.stack([np.zeros(size - 2, np.int64), np.arange(1, size - 1), np.arange(2, size)], axis=1)
+    triangles = np.broadcast_to(fan, (count, size - 2, 3))
+    if size == 3:
+        return triangles
+    bent = np.flatnonzero(~_fan_fits(positions, corners))
+    if not len(bent):
+        return triangles
+    triangles = triangles.copy()
+    if size == 4:
+        triangles[bent] = [[1, 2, 3], [1, 3, 0]]
+        return triangles
+    if size > MOST_CORNERS:
+        raise InputError(
+            f"{face} {numbers[bent[0]]} has {size} corners and is not convex (allowed: a convex one, or up to "
+            f"{MOST_CORNERS} corners)"
+        )
+    for index in bent:
+        triangles[index] = _ears(np.asarray(positions[corners[index]], np.float64))
+    return triangles
+
+
+def _fan_fits(positions: NDArray[Any], polygons: NDArray[Any]) -> NDArray[np.bool_]:
+    """Return for each polygon whether the triangles from its first corner all face the same way."""
+    fits = np.ones(len(polygons), bool)
+    rows = max(1, (1 << 19) // polygons.shape[1])
+    for start in range(0, len(polygons), rows):
+        corners = positions[polygons[start : start + rows]].astype(np.float64)
+        spokes = corners[:, 1:] - corners[:, :1]
+        normals = np.cross(spokes[:, :-1], spokes[:, 1:])
+        with np.errstate(invalid="ignore", over="ignore"):
+            along = np.einsum("ijk,ik->ij", normals, normals.sum(axis=1))
+        fits[start : start + rows] = ~(along < 0).any(axis=1)
+    return fits
+
+
+def _ears(corners: NDArray[np.float64]) -> list[tuple[int, int, int]]:
+    """Return the triangles of one polygon (k, 3), by cutting off ears in the plane it lies in best (Meisters 1975)."""
+    flat = _flattened(corners)
+    left = list(range(len(flat)))
+    found: list[tuple[int, int, int]] = []
+    while len(left) > 3:
+        ear = next((place for place in range(len(left)) if _is_ear(flat, left, place)), 0)
+        found.append((left[ear - 1], left[ear], left[(ear + 1) % len(left)]))
+        del left[ear]
+    return [*found, (left[0], left[1], left[2])]
+
+
+def _flattened(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return corners (k, 2) seen along the axis that is nearest to the polygon's normal, counter-clockwise."""
+    normal = np.cross(corners, np.roll(corners, -1, axis=0)).sum(axis=0)
+    axis = int(np.argmax(np.abs(normal)))
+    flat = corners[:, [(axis + 1) % 3, (axis + 2) % 3]]
+    return flat if normal[axis] >= 0 else flat * (1, -1)
+
+
+def _is_ear(flat: NDArray[np.float64], left: list[int], place: int) -> bool:
+    """Return whether a corner turns inwards and no other corner that is left lies in its triangle."""
+    around = [left[place - 1], left[place], left[(place + 1) % len(left)]]
+    a, b, c = flat[around]
+    if _turn(a, b, c) <= 0:
+        return False
+    others = flat[[index for index in left if index not in around]]
+    inside = (_turn(a, b, others) >= 0) & (_turn(b, c, others) >= 0) & (_turn(c, a, others) >= 0)
+    same = ((others == a) | (others == b) | (others == c)).all(axis=1)
+    return not bool((inside & ~same).any())
+
+
+def _turn(a: NDArray[np.float64], b: NDArray[np.float64], points: NDArray[np.float64]) -> Any:
+    """Return twice the signed area of the triangles a, b, point."""
+    return (b[0] - a[0]) * (points[..., 1] - a[1]) - (b[1] - a[1]) * (points[..., 0] - a[0])
+
+
+def weld(
+    polygons: list[Polygons], corner_uvs: list[NDArray[Any]]
+) -> tuple[NDArray[np.intp], NDArray[Any], list[Polygons]]:
+    """Return one vertex for each different pair of position and texture coordinate of a corner.
+
+    Parameters
+    ----------
+    polygons : list of Polygons
+        Their corners are indices of positions.
+    corner_uvs : list of (m, k, 2) arrays
+        Texture coordinates of the corners.
+
+    Returns
+    -------
+    positions : (n,) array
+        Index of the position of each vertex.
+    uvs : (n, 2) array
+        Texture coordinates of each vertex.
+    polygons : list of Polygons
+        The same with indices of vertices.
+    """
+    uvs = np.concatenate([part.reshape(-1, 2) for part in corner_uvs])
+    corners = np.concatenate([corners.ravel() for _, corners in polygons])
+    kept, vertices = different_rows([corners, uvs[:, 0], uvs[:, 1]])
+    return corners[kept], uvs[kept], _with_corners(polygons, vertices)
+
+
+def different_rows(columns: list[NDArray[Any]]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return the first place of each different row, in the order of the first places, and each row's number in it."""
+    keys = _one_column(columns)
+    order = np.lexsort(keys)
+    new = np.zeros(len(order), bool)
+    new[:1] = True
+    for column in keys:
+        ordered = column[order]
+        new[1:] |= ordered[1:] != ordered[:-1]
+    group = np.cumsum(new) - 1
+    first = order[new]  # the sort is stable
+    ranked = np.argsort(first)
+    number = np.empty(len(first), np.intp)
+    number[ranked] = np.arange(len(first))
+    vertices = np.empty(len(order), np.intp)
+    vertices[order] = number[group]
+    return first[ranked], vertices
+
+
+def _one_column(columns: list[NDArray[Any]]) -> list[NDArray[Any]]:
+    """Return columns of whole numbers from -1 on as one that distinguishes the same rows, where 63 bits hold it."""
+    if any(column.dtype.kind != "i" for column in columns) or not len(columns[0]):
+        return columns
+    spans = [int(column.max()) + 2 for column in columns]
+    if math.prod(spans) >= 2**63:
+        return columns
+    key = np.zeros(len(columns[0]), np.int64)
+    for column, span in zip(columns, spans, strict=True):
+        key *= span
+        key += column
+        key += 1
+    return [key]
+
+
+def _with_corners(polygons: list[Polygons], vertices: NDArray[np.intp]) -> list[Polygons]:
+    ends = np.cumsum([corners.size for _, corners in polygons])
+    parts = np.split(vertices, ends[:-1])
+    return [Polygons(numbers, part.reshape(old.shape)) for (numbers, old), part in zip(polygons, parts, strict=True)]
+
+
+# A triangle mesh as it is held in memory, and how it is made from what a file says.
+
+NormalsMode = Literal["auto", "smooth", "flat"]
+
+# Coordinates that a scene takes, and the smallest extent whose squares float32 holds (see the scene's quantities).
+LARGEST_COORDINATE = 1e12
+SMALLEST_EXTENT = 1e-12
+
+# A mesh that lies farther than this many times its size from the zero of its coordinates is moved to its own origin.
+FARTHEST_FROM_ZERO = 4
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """Triangles. Arrays are read-only and in C order.
+
+    Attributes
+    ----------
+    origin : (3,) float64
+        What `positions` are relative to; zero unless the mesh lies far from the zero of its coordinates.
+    positions : (n, 3) float32
+        Vertices, relative to the origin.
+    faces : (m, 3) int32
+        Vertices of each triangle, counter-clockwise seen from the front.
+    normals : (n, 3) float32 or None
+        Unit normals of the vertices; None for a mesh whose triangles are flat.
+    uvs : (n, 2) float32 or None
+        Texture coordinates of the vertices; v = 0 is the lower edge of a picture.
+    content_hash : str
+        SHA-256 of all of it.
+    """
+
+    origin: NDArray[np.float64]
+    positions: NDArray[np.float32]
+    faces: NDArray[np.int32]
+    normals: NDArray[np.float32] | None
+    uvs: NDArray[np.float32] | None
+    content_hash: str = field(repr=False)
+
+    def bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the lowest and highest corner."""
+        return self._bounds
+
+    @cached_property
+    def _bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        return self.origin + self.positions.min(axis=0), self.origin + self.positions.max(axis=0)
+
+    def with_normals(self, mode: NormalsMode) -> Mesh:
+        """Return the mesh with the normals of a mode, sharing all other arrays; `auto` leaves them."""
+        if mode == "auto" or (mode == "flat" and self.normals is None):
+            return self
+        normals = smooth_normals(self.positions, self.faces) if mode == "smooth" else None
+        return replace(self, normals=_frozen(normals), content_hash=_hash(self, normals))
+
+
+@dataclass(frozen=True, eq=False)
+class MeshSurface:
+    """Triangles of one material as a file has them, not yet checked for what floating point cannot use.
+
+    Attributes
+    ----------
+    positions : (n, 3) float32 or float64
+    faces : (m, 3) integers
+        Indices into the positions, inside their range.
+    normals : (n, 3) or None
+        Normals of the vertices, of any length.
+    uvs : (n, 2) or None
+        Texture coordinates of the vertices; v = 0 is the lower edge of a picture.
+    material : int or None
+        Index into the materials of the file.
+    name : str or None
+    """
+
+    positions: NDArray[Any]
+    faces: NDArray[Any]
+    normals: NDArray[Any] | None = None
+    uvs: NDArray[Any] | None = None
+    material: int | None = None
+    name: str | None = None
+
+
+def make_mesh(surface: MeshSurface, place: str) -> tuple[Mesh | None, Dropped]:
+    """Return the mesh of a surface, None when no triangle of it is sound, and how many triangles were dropped.
+
+    Parameters
+    ----------
+    surface : MeshSurface
+    place : str
+        What errors begin with: the file.
+    """
+    origin, positions = _centred(surface.positions, place)
+    faces, dropped = sound_faces(positions, surface.faces)
+    if not len(faces):
+        return None, dropped
+    kept, faces = used_vertices(len(positions), faces)
+    positions = positions if kept is None else positions[kept]
+    normals, uvs = _rows(surface.normals, kept), _rows(surface.uvs, kept)
+    _check_extent(positions, place)
+    if normals is not None:
+        _check_finite(normals, kept, f"{place}: normal")
+        normals = unit_normals(normals, positions, faces)
+    if uvs is not None:
+        uvs = uvs.astype(np.float32)
+        _check_finite(uvs, kept, f"{place}: texture coordinate")
+    mesh = Mesh(
+        _frozen(origin), _frozen(positions), _frozen(faces), _frozen(normals),
+        _frozen(uvs), "",
+    )  # fmt: skip
+    return replace(mesh, content_hash=_hash(mesh, mesh.normals)), dropped
+
+
+def _rows(rows: NDArray[Any] | None, kept: NDArray[np.intp] | None) -> NDArray[Any] | None:
+    return rows if rows is None or kept is None else rows[kept]
+
+
+def _centred(positions: NDArray[Any], place: str) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
+    """Return the origin and float32 positions relative to it; both exact where the file has float32.
+
+    The origin is a multiple of the power of two next to the extent, so the difference has no more bits than a
+    coordinate.
+    """
+    finite = np.isfinite(positions).all(axis=1)
+    sound = positions if finite.all() else positions[finite]
+    origin = np.zeros(3)
+    if not len(sound):
+        return origin, positions.astype(np.float32)
+    lower, upper = (np.asarray(corner, np.float64) for corner in (sound.min(axis=0), sound.max(axis=0)))
+    if (reach := float(max(np.abs(lower).max(), np.abs(upper).max()))) > LARGEST_COORDINATE:
+        raise InputError(f"{place}: reaches too far (got {reach:g}; allowed: coordinates up to {LARGEST_COORDINATE:g})")
+    extent = float((upper - lower).max())
+    if extent == 0 or np.abs(lower + upper).max() / 2 <= FARTHEST_FROM_ZERO * extent:
+        return origin, np.ascontiguousarray(positions, np.float32)
+    step = 2.0 ** np.floor(np.log2(extent))
+    origin = np.round((lower + upper) / 2 / step) * step
+    relative = np.empty(positions.shape, np.float32)
+    for axis in range(3):
+        relative[:, axis] = positions[:, axis] - origin[axis]
+    return origin, relative
+
+
+def _check_extent(positions: NDArray[np.float32], place: str) -> None:
+    extent = float((positions.max(axis=0) - positions.min(axis=0)).max())
+    if extent < SMALLEST_EXTENT:
+        allowed = f"an extent of at least {SMALLEST_EXTENT:g}"
+        raise InputError(f"{place}: is too small for float32 (got {extent:g}; allowed: {allowed})")
+
+
+def _check_finite(rows: NDArray[Any], kept: NDArray[np.intp] | None, what: str) -> None:
+    finite = np.isfinite(rows).all(axis=1)
+    if not finite.all():
+        index = int(np.argmin(finite))
+        number = index if kept is None else int(kept[index])
+        raise InputError(f"{what} {number} is not finite (got {rows[index].tolist()}; allowed: finite numbers)")
+
+
+def _frozen(rows: NDArray[Any] | None) -> Any:
+    """Return a read-only array that does not keep the data of a whole file alive."""
+    if rows is not None:
+        base = rows
+        while isinstance(base.base, np.ndarray):
+            base = base.base
+        rows = rows.copy() if base.base is not None or base.nbytes > rows.nbytes else np.ascontiguousarray(rows)
+        rows.setflags(write=False)
+    return rows
+
+
+def _hash(mesh: Mesh, normals: NDArray[np.float32] | None) -> str:
+    """Return the SHA-256 of a mesh with the given normals."""
+    total = hashlib.sha256()
+    for rows in (mesh.origin, mesh.positions, mesh.faces, normals, mesh.uvs):
+        total.update(repr(None if rows is None else rows.shape).encode())
+        if rows is not None:
+            total.update(np.ascontiguousarray(rows).data)
+    return total.hexdigest()
+
+
+def winding_number(positions: NDArray[np.float32], faces: NDArray[np.int32], point: NDArray[np.float64]) -> float:
+    """Return how often a mesh surrounds a point: 1 inside a solid that faces outwards, 0 outside, between when open.
+
+    The solid angles of the triangles (van Oosterom and Strackee 1983) over 4π.
+    """
+    total = 0.0
+    seen = positions.T - point[:, None]
+    distances = np.sqrt((seen * seen).sum(axis=0))
+    for start in range(0, len(faces), CHUNK):
+        corners = np.ascontiguousarray(faces[start : start + CHUNK].T)
+        a, b, c = (seen[:, place] for place in corners)
+        la, lb, lc = (distances[place] for place in corners)
+        volume = a[0] * (b[1] * c[2] - b[2] * c[1]) + a[1] * (b[2] * c[0] - b[0] * c[2])
+        volume += a[2] * (b[0] * c[1] - b[1] * c[0])
+        ab, bc, ca = ((one * other).sum(axis=0) for one, other in ((a, b), (b, c), (c, a)))
+        total += float(np.arctan2(volume, la * lb * lc + ab * lc + bc * la + ca * lb).sum())
+    return total / (2 * math.pi)
+
+
+#
+# Colours of vertices as a picture: two by two texels for each triangle.
+#
+# The corners of a triangle lie on the centres of three texels. With the fourth as the sum of two less the third,
+# bilinear interpolation between them is the linear one over the triangle, so that no kernel has to know of such
+# colours.
+
+MOST_TRIANGLES = LARGEST_PIXELS // 4
+
+
+def painted(surface: MeshSurface, colours: NDArray[np.float32]) -> tuple[MeshSurface, FileTexture]:
+    """Return a surface whose triangles share no vertices, and the picture that lies on it.
+
+    Parameters
+    ----------
+    surface
+        Of at most `MOST_TRIANGLES`.
+    colours : (n, 3) array
+        Of each vertex, linear.
+    """
+    count = len(surface.faces)
+    columns = math.ceil(math.sqrt(count))
+    rows = math.ceil(count / columns)
+    corners = np.clip(colours, 0, 1)[surface.faces]
+    blocks = np.zeros((rows * columns, 2, 2, 3), np.float32)
+    blocks[:count, 0, 0], blocks[:count, 0, 1], blocks[:count, 1, 0] = corners[:, 0], corners[:, 1], corners[:, 2]
+    blocks[:count, 1, 1] = np.clip(corners[:, 1] + corners[:, 2] - corners[:, 0], 0, 1)
+    texels = blocks.reshape(rows, columns, 2, 2, 3).swapaxes(1, 2).reshape(2 * rows, 2 * columns, 3)
+    place = np.arange(count)
+    left, top = 2 * (place % columns) + 0.5, 2 * (place // columns) + 0.5
+    u = np.stack([left, left + 1, left], axis=1) / (2 * columns)
+    v = 1 - np.stack([top, top, top + 1], axis=1) / (2 * rows)
+    flat = surface.faces.ravel()
+    alone = replace(
+        surface,
+        positions=surface.positions[flat],
+        faces=np.arange(3 * count).reshape(-1, 3),
+        normals=None if surface.normals is None else surface.normals[flat],
+        uvs=np.column_stack([u.ravel(), v.ravel()]),
+    )
+    return alone, FileTexture(_png(texels), "colours of vertices", wrap="clamp")
+
+
+def _png(linear: NDArray[np.float32]) -> bytes:
+    import PIL.Image
+
+    encoded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 1e-9) ** (1 / 2.4) - 0.055)
+    stream = io.BytesIO()
+    PIL.Image.fromarray(np.round(255 * encoded).astype(np.uint8)).save(stream, "PNG", compress_level=1)
+    return stream.getvalue()
+
+
+# What a mesh file holds: surfaces, their materials, where each is placed, and the further files it names.
+
+
+@dataclass(frozen=True, eq=False)
+class MeshPlacement:
+    """A mesh at its place in the file.
+
+    Attributes
+    ----------
+    mesh : Mesh
+    placement : (4, 4) float64
+        From the mesh's coordinates, its origin included, to the file's.
+    material : FileMaterial or None
+        None where the file does not say.
+    name : str or None
+    """
+
+    mesh: Mesh
+    placement: NDArray[np.float64]
+    material: FileMaterial | None = None
+    name: str | None = None
+
+    def corners(self) -> NDArray[np.float64]:
+        """Return the eight corners (8, 3) of the mesh's bounds, placed."""
+        corners = np.array(list(product(*zip(*self.mesh.bounds(), strict=True))))
+        return np.asarray(corners @ self.placement[:3, :3].T + self.placement[:3, 3])
+
+
+@dataclass(frozen=True, eq=False)
+class MeshContents:
+    """Everything that a mesh file holds.
+
+    Attributes
+    ----------
+    parts : tuple of PlacedMesh
+    dropped : Dropped
+        How many triangles could not be used.
+    notes : tuple of str
+        What of the file is left out, triangles included.
+    """
+
+    parts: tuple[MeshPlacement, ...]
+    dropped: Dropped = NOTHING_DROPPED
+    notes: tuple[str, ...] = ()
+
+    def with_normals(self, mode: NormalsMode) -> MeshContents:
+        """Return the contents with the normals of a mode; parts that shared a mesh still do."""
+        if mode == "auto":
+            return self
+        return self._with_meshes({mesh: mesh.with_normals(mode) for mesh in {part.mesh for part in self.parts}})
+
+    def sharing(self, known: dict[str, Mesh]) -> MeshContents:
+        """Return the contents with meshes that are known by their hash in place of equal ones; others become known."""
+        meshes = {part.mesh for part in self.parts}
+        return self._with_meshes({mesh: known.setdefault(mesh.content_hash, mesh) for mesh in meshes})
+
+    def _with_meshes(self, changed: dict[Mesh, Mesh]) -> MeshContents:
+        return replace(self, parts=tuple(replace(part, mesh=changed[part.mesh]) for part in self.parts))
+
+
+LAMPS_LEFT_OUT = "lamps are left out of an object; `rptcam new` makes a scene with them"  # a note of a file
+
+
+class Node(NamedTuple):
+    """A surface at its place in the file."""
+
+    surface: int
+    placement: NDArray[np.float64]
+    name: str | None
+
+
+@dataclass(frozen=True, eq=False)
+class Draft:
+    """What a reader finds in a file.
+
+    Attributes
+    ----------
+    surfaces : list of Surface
+    materials : list of FileMaterial
+        What `MeshSurface.material` counts.
+    nodes : list of Node
+        Where the surfaces are; each at its own coordinates when empty.
+    notes : list of str
+        What of the file is left out.
+    """
+
+    surfaces: list[MeshSurface]
+    materials: list[FileMaterial] = field(default_factory=list)
+    nodes: list[Node] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+
+def make_contents(draft: Draft, place: str) -> MeshContents:
+    """Return the contents of a file from what its reader found.
+
+    Raises
+    ------
+    InputError
+        When no triangle is left.
+    """
+    nodes = draft.nodes or [Node(index, np.eye(4), surface.name) for index, surface in enumerate(draft.surfaces)]
+    dropped = NOTHING_DROPPED
+    meshes: dict[int, Mesh | None] = {}
+    for index in dict.fromkeys(index for index, _, _ in nodes):
+        meshes[index], lost = make_mesh(draft.surfaces[index], place)
+        dropped = dropped.plus(lost)
+    parts = [
+        MeshPlacement(mesh, placement, _material(draft, index, mesh), name)
+        for index, placement, name in nodes
+        if (mesh := meshes[index]) is not None
+    ]
+    if not parts:
+        raise InputError(f"{place}: has no triangle that can be shown (dropped: {dropped})")
+    notes = [*draft.notes, f"{place}: triangles dropped: {dropped}"] if any(dropped) else draft.notes
+    return MeshContents(tuple(parts), dropped, tuple(notes))
+
+
+def _material(draft: Draft, surface: int, mesh: Mesh) -> FileMaterial | None:
+    material = draft.surfaces[surface].material
+    if material is None:
+        return None
+    return draft.materials[material] if mesh.uvs is not None else draft.materials[material].without_textures()
+
+
+LARGEST_MESH = 16 << 30  # bytes
+
+# Returns the checked path of a file given relative to the mesh file.
+Find = Callable[[Path], Path]
+
+
+def open_mesh(path: Path) -> BinaryIO:
+    """Return a mesh file opened for reading.
+
+    Raises
+    ------
+    InputError
+        When it is not a regular file of bearable size.
+    StateError
+        When it cannot be opened.
+    """
+    try:
+        return open_regular(path, LARGEST_MESH)
+    except (InputError, StateError) as problem:
+        raise type(problem)(f"{path}: {problem}") from None

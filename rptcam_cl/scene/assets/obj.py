@@ -1,0 +1,675 @@
+"""Wavefront OBJ files: polygons with texture coordinates and normals, and the materials they name."""
+
+from __future__ import annotations
+
+import math
+import re
+import warnings
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, BinaryIO, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.core.errors import InputError, StateError
+from rptcam_cl.core.files import read_whole
+from rptcam_cl.scene.assets.mesh import (
+    Colour,
+    Draft,
+    FileMaterial,
+    FileTexture,
+    Find,
+    MeshSurface,
+    Polygons,
+    as_triangles,
+    different_rows,
+    open_mesh,
+)
+
+# MTL files: the materials that OBJ files name.
+
+MOST_BYTES = 16_000_000
+
+# Values that follow an option of a texture line.
+OPTIONS = {
+    "-blendu": 1, "-blendv": 1, "-cc": 1, "-clamp": 1, "-imfchan": 1, "-texres": 1, "-bm": 1, "-boost": 1, "-type": 1,
+    "-mm": 2, "-o": 3, "-s": 3, "-t": 3, "-colorspace": 1,
+}  # fmt: skip
+UP_TO = {"-o", "-s", "-t"}  # these take one to three numbers
+PHYSICAL = {"pr", "pm", "map_pr", "map_pm"}
+GLASS = (4, 6, 7, 9)  # illumination models with transparency by refraction
+
+Lines = dict[str, tuple[int, list[str]]]
+
+
+def read_mtl(path: Path) -> dict[str, FileMaterial]:
+    """Return the materials of an MTL file by their names.
+
+    Raises
+    ------
+    InputError
+        When a value cannot be read.
+    """
+    try:
+        content = read_whole(path, MOST_BYTES)
+    except (InputError, StateError) as problem:
+        raise type(problem)(f"{path}: {problem}") from None
+    materials: dict[str, Lines] = {}
+    current: Lines | None = None
+    for number, line in enumerate(content.decode("utf-8", "replace").splitlines(), start=1):
+        words = line.split()
+        if not words or words[0].startswith("#"):
+            continue
+        if words[0] == "newmtl":
+            current = materials.setdefault(" ".join(words[1:]), {})
+        elif current is None:
+            raise InputError(f"{path}:{number}: is not in a material (got {line.strip()[:60]!r}; allowed: newmtl NAME)")
+        else:
+            current[words[0].lower()] = (number, words[1:])
+    return {name: _Material(path, lines).material(name) for name, lines in materials.items()}
+
+
+class _Material:
+    """The lines of one material."""
+
+    def __init__(self, path: Path, lines: Lines) -> None:
+        self._path = path
+        self._lines = lines
+
+    def material(self, name: str) -> FileMaterial:
+        """Return what the lines say."""
+        model = int(self._number("illum", 2))
+        gloss = self._colour("ks", (0.0, 0.0, 0.0))
+        exponent = max(0.0, self._number("ns", 0.0))
+        plain = FileMaterial(
+            name=name,
+            base_color=self._colour("kd", (0.8, 0.8, 0.8)),
+            base_texture=self._texture("map_kd"),
+            matte=(model < 2 or max(gloss) == 0) and not PHYSICAL & self._lines.keys(),
+            metallic=min(1.0, max(0.0, self._number("pm", float("map_pm" in self._lines)))),
+            metallic_texture=self._texture("map_pm"),
+            roughness=min(
+                1.0, max(0.0, self._number("pr", 1.0 if "map_pr" in self._lines else (2 / (exponent + 2)) ** 0.25))
+            ),
+            roughness_texture=self._texture("map_pr"),
+            opacity=self._opacity(),
+            opacity_texture=self._texture("map_d"),
+            normals=self._texture("norm") or self._texture("map_norm"),
+            emission=self._colour("ke", (1.0,) * 3 if "map_ke" in self._lines else (0.0,) * 3, most=math.inf),
+            emission_texture=self._texture("map_ke"),
+            both_sides=True,
+            index=self._number("ni", 1.5),
+        )
+        return self._with_model(plain, model, gloss)
+
+    def _with_model(self, plain: FileMaterial, model: int, gloss: Colour) -> FileMaterial:
+        """Return the material with what the illumination model says: glass, or a mirror where nothing is diffuse."""
+        if model in GLASS:
+            clear = self._colour("tf", (1.0, 1.0, 1.0))
+            return replace(
+                plain, matte=False, base_color=clear, base_texture=None, transmission=1.0, solid=True, opacity=1.0
+            )
+        if model in (3, 5) and max(gloss) > 0 and max(plain.base_color) == 0:
+            return replace(plain, metallic=1.0, base_color=gloss)
+        return plain
+
+    def _opacity(self) -> float:
+        if "d" in self._lines:
+            return min(1.0, max(0.0, self._number("d", 1.0)))
+        return min(1.0, max(0.0, 1 - self._number("tr", 0.0)))
+
+    def _numbers(self, key: str) -> list[float] | None:
+        if key not in self._lines:
+            return None
+        number, words = self._lines[key]
+        words = [word for word in words if word != "-halo"]
+        try:
+            found = [float(word) for word in words]
+            if not found or not all(map(math.isfinite, found)):
+                raise ValueError
+        except ValueError:
+            got = " ".join([key, *words])[:60]
+            raise InputError(f"{self._path}:{number}: is not a value (got {got!r}; allowed: finite numbers)") from None
+        return found
+
+    def _number(self, key: str, default: float) -> float:
+        found = self._numbers(key)
+        return default if found is None else found[0]
+
+    def _colour(self, key: str, default: Colour, most: float = 1.0) -> Colour:
+        found = self._numbers(key)
+        if found is None:
+            return default
+        red, green, blue = (min(most, max(0.0, value)) for value in (found * 3 if len(found) < 3 else found)[:3])
+        return (red, green, blue)
+
+    def _texture(self, key: str) -> FileTexture | None:
+        if key not in self._lines:
+            return None
+        options, name = _options(self._lines[key][1])
+        if not name:
+            return None
+        return FileTexture(
+            self._path.parent / name.replace("\\", "/"),
+            name,
+            scale=options.get("-s", (1.0, 1.0)),
+            offset=options.get("-o", (0.0, 0.0)),
+            wrap="clamp" if "-clamp" in options else "repeat",
+        )
+
+
+def _options(words: list[str]) -> tuple[dict[str, tuple[float, float]], str]:
+    """Return the options of a texture line that are followed, and the name of the picture, which may have spaces."""
+    found: dict[str, tuple[float, float]] = {}
+    place = 0
+    while place < len(words) and words[place] in OPTIONS:
+        option = words[place]
+        values = words[place + 1 : place + 1 + OPTIONS[option]]
+        if option in UP_TO:
+            values = values[: next((n for n, word in enumerate(values) if not _is_number(word)), len(values))]
+        if option in ("-s", "-o") and values:
+            default = 1.0 if option == "-s" else 0.0
+            found[option] = (float(values[0]), float(values[1]) if len(values) > 1 else default)
+        elif option == "-clamp" and values == ["on"]:
+            found[option] = (1.0, 1.0)
+        place += 1 + len(values)
+    return found, " ".join(words[place:])
+
+
+def _is_number(word: str) -> bool:
+    try:
+        return math.isfinite(float(word))
+    except ValueError:
+        return False
+
+
+# OBJ files in blocks of many lines, sorted by keyword, and their numbers, without a Python step a line.
+
+Line = tuple[int, bytes]
+
+
+def parsed(text: bytes) -> NDArray[np.float64] | None:
+    """Return the numbers in a text, None when something else is in it."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            return np.fromstring(text, np.float64, sep=" ")
+    except (ValueError, DeprecationWarning):
+        return None
+
+
+def numbers_of_lines(lines: Sequence[Line], each: int, what: str, path: Path) -> NDArray[np.float64]:
+    """Return the first numbers (n, each) of lines that may have more of them.
+
+    Parameters
+    ----------
+    lines : sequence of (number, text)
+        Lines without their keyword, with their place in the file.
+    each : int
+        How many numbers a line must have at least.
+    what : str
+        What an error calls a line.
+    path : Path
+        The file, for errors.
+    """
+    if not lines:
+        return np.empty((0, each))
+    found = parsed(b" ".join(text for _, text in lines))
+    width = len(lines[0][1].split())
+    if found is not None and width >= each and all(len(text.split()) == width for _, text in lines):
+        return found.reshape(-1, width)[:, :each]
+    rows = np.empty((len(lines), each))
+    for place, (number, text) in enumerate(lines):
+        row = parsed(text) if text.strip() else None
+        if row is None or len(row) < each:
+            got = text.decode("latin-1").strip()[:60]
+            raise InputError(f"{path}:{number}: is not {what} (got {got!r}; allowed: {each} numbers)")
+        rows[place] = row[:each]
+    return rows
+
+
+BLOCK_BYTES = 1 << 23
+KEYWORDS = (b"v", b"vt", b"vn", b"f")
+BLANK = 32  # this and all below separate words
+
+_INDENT = re.compile(rb"(?m)^[ \t]+")
+_CONTINUED = re.compile(rb"\\\r?\n([^\n]*)(?:\n|$)")
+
+
+class KeywordLines(NamedTuple):
+    """Lines of one block that begin with the same keyword.
+
+    Attributes
+    ----------
+    numbers : (n,) array
+        Their places in the file, from 1.
+    words : (n,) array
+        Words in each, the keyword left out.
+    text : bytes
+        The lines without their keyword.
+    """
+
+    numbers: NDArray[np.int64]
+    words: NDArray[np.int64]
+    text: bytes
+
+    def part(self, start: int, end: int) -> KeywordLines:
+        """Return some of the lines."""
+        if (start, end) == (0, len(self.numbers)):
+            return self
+        places = np.flatnonzero(np.frombuffer(self.text, np.uint8) == ord("\n")) + 1
+        bounds = np.concatenate([[0], places])
+        text = self.text[int(bounds[start]) : int(bounds[end])]
+        return KeywordLines(self.numbers[start:end], self.words[start:end], text)
+
+    def singly(self) -> list[Line]:
+        """Return each line with its place, without a comment at its end."""
+        lines = self.text.split(b"\n")
+        return [(int(number), line.partition(b"#")[0]) for number, line in zip(self.numbers, lines, strict=False)]
+
+
+class Block:
+    """Whole lines of a file.
+
+    Parameters
+    ----------
+    content : bytes
+        Ends with the end of a line.
+    first : int
+        Place of the first line in the file.
+    """
+
+    def __init__(self, content: bytes, first: int) -> None:
+        while (
+            b"\\\n" in content or b"\\\r\n" in content
+        ):  # a line that goes on: the next one moves up, an empty one follows
+            content = _CONTINUED.sub(rb" \1\n\n", content)
+        if content[:1] in (b" ", b"\t") or b"\n " in content or b"\n\t" in content:
+            content = _INDENT.sub(b"", content)
+        self._octets = np.frombuffer(content, np.uint8)
+        ends = np.flatnonzero(self._octets == ord("\n"))
+        self._starts = np.concatenate([[0], ends[:-1] + 1])
+        self._lengths = ends + 1 - self._starts
+        self._first = first
+        self._keywords = self._keyword_of_each()
+        self.lines = len(ends)
+
+    def _keyword_of_each(self) -> NDArray[np.int8]:
+        """Return the place of each line's keyword in `KEYWORDS`, -1 for others."""
+        padded = np.concatenate([self._octets, np.full(3, BLANK, np.uint8)])
+        one, two, three = (padded[self._starts + place] for place in range(3))
+        found = np.full(len(self._starts), -1, np.int8)
+        found[(one == ord("v")) & (two <= BLANK)] = 0
+        found[(one == ord("v")) & (two == ord("t")) & (three <= BLANK)] = 1
+        found[(one == ord("v")) & (two == ord("n")) & (three <= BLANK)] = 2
+        found[(one == ord("f")) & (two <= BLANK)] = 3
+        return found
+
+    def of(self, keyword: bytes) -> KeywordLines:
+        """Return the lines of one of the `KEYWORDS`."""
+        chosen = np.flatnonzero(self._keywords == KEYWORDS.index(keyword))
+        if not len(chosen):
+            return KeywordLines(chosen, chosen, b"")
+        if len(chosen) == len(self._starts):
+            octets = self._octets.copy()
+            starts = self._starts
+        else:
+            inside = np.repeat(self._keywords == KEYWORDS.index(keyword), self._lengths)
+            octets = self._octets[inside]
+            starts = np.cumsum(self._lengths[chosen]) - self._lengths[chosen]
+        for place in range(len(keyword)):
+            octets[starts + place] = BLANK
+        begins = np.flatnonzero(begins_word(octets))
+        words = np.diff(np.searchsorted(begins, starts), append=len(begins))
+        return KeywordLines(self._first + chosen, words, octets.tobytes())
+
+    def before(self, keyword: bytes, numbers: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return how many lines of a keyword the block has before those of given places in the file."""
+        total = np.cumsum(self._keywords == KEYWORDS.index(keyword))
+        return np.asarray(total[numbers - self._first])
+
+    def others(self) -> Iterator[tuple[int, bytes]]:
+        """Yield all other lines that are not empty, with their places."""
+        for index in np.flatnonzero((self._keywords < 0) & (self._lengths > 1)).tolist():
+            start = int(self._starts[index])
+            yield self._first + index, self._octets[start : start + int(self._lengths[index])].tobytes()
+
+
+def begins_word(octets: NDArray[np.uint8]) -> NDArray[np.bool_]:
+    """Return for each byte whether a word begins there."""
+    inside = octets > BLANK
+    result = inside.copy()
+    result[1:] &= ~inside[:-1]
+    return result
+
+
+def blocks(file: BinaryIO) -> Iterator[Block]:
+    """Yield the whole of a file."""
+    rest, first = b"", 1
+    while True:
+        piece = file.read(BLOCK_BYTES)
+        content = rest + piece
+        if piece:
+            end = _last_end(content)
+            content, rest = content[:end], content[end:]
+        elif content and not content.endswith(b"\n"):
+            content += b"\n"
+        if content:
+            block = Block(content, first)
+            first += block.lines
+            yield block
+        if not piece:
+            return
+
+
+def _last_end(content: bytes) -> int:
+    """Return the place after the last line that does not go on in the next one, 0 without one."""
+    end = content.rfind(b"\n")
+    while end >= 0 and content[max(0, end - 2) : end].rstrip(b"\r").endswith(b"\\"):
+        end = content.rfind(b"\n", 0, end)
+    return end + 1
+
+
+Counts = tuple[int, int, int]
+
+# Which indices a corner has, by its number of slashes and whether two of them follow each other.
+FORMS = {(0, False): [0], (1, False): [0, 1], (2, True): [0, 2], (2, False): [0, 1, 2]}
+KINDS = ("vertex", "texture coordinate", "normal")
+MISSING = -1
+
+
+class FaceLines:
+    """The faces of one material.
+
+    Corners are rows (n, 3) of indices that count from 0, `MISSING` where a corner has no texture coordinate or normal;
+    sizes are the numbers of corners of the faces, and lines where it stands.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.corners: list[NDArray[np.int32]] = []
+        self.sizes: list[NDArray[np.int32]] = []
+        self.lines: list[NDArray[np.int32]] = []
+
+    def add(self, lines: KeywordLines, before: NDArray[np.int64]) -> None:
+        """Add lines.
+
+        Parameters
+        ----------
+        lines : KeywordLines
+        before : (n, 3) array
+            How many positions, texture coordinates and normals the file has before each line.
+        """
+        sizes = lines.words
+        corners = _alike(lines)
+        if corners is None:
+            single = [(number, line.split()) for number, line in lines.singly()]
+            sizes = np.array([len(words) for _, words in single], np.int64)
+            corners = np.array([self._corner(word, number) for number, words in single for word in words], np.int64)
+        if (sizes < 3).any():
+            small = int(np.argmax(sizes < 3))
+            place = f"{self.path}:{lines.numbers[small]}"
+            raise InputError(f"{place}: is a face of {sizes[small]} corners (allowed: at least 3)")
+        self.corners.append(self._counted_from_0(corners, np.repeat(before, sizes, axis=0), lines.numbers, sizes))
+        self.sizes.append(sizes.astype(np.int32))
+        self.lines.append(lines.numbers.astype(np.int32))
+
+    def _corner(self, word: bytes, number: int) -> list[int]:
+        """Return the three indices of a corner as written, 0 for those that are left out."""
+        parts = word.split(b"/")
+        try:
+            if not 1 <= len(parts) <= 3 or (len(parts) > 1 and not parts[-1]):
+                raise ValueError
+            found = [int(part) if part else 0 for part in parts]
+            zeros = (part and not index for part, index in zip(parts, found, strict=True))
+            if not parts[0] or any(zeros) or max(map(abs, found)) > 2**31:
+                raise ValueError
+        except ValueError:
+            got = word.decode("latin-1")[:40]
+            allowed = "v, v/vt, v//vn or v/vt/vn, of whole numbers that count from 1, or from -1 backwards"
+            place = f"{self.path}:{number}"
+            raise InputError(f"{place}: is not a corner of a face (got {got!r}; allowed: {allowed})") from None
+        return found + [0] * (3 - len(found))
+
+    def _counted_from_0(
+        self,
+        corners: NDArray[np.int64],
+        before: NDArray[np.int64],
+        numbers: NDArray[np.int64],
+        sizes: NDArray[np.int64],
+    ) -> NDArray[np.int32]:
+        """Return indices that count from 0; negative ones count back from the last row before the face."""
+        negative = corners < 0
+        result = corners - 1
+        if negative.any():
+            result[negative] = (corners + before)[negative]
+            wrong = negative & (result < 0)
+            if wrong.any():
+                row, kind = (int(place) for place in np.argwhere(wrong)[0])
+                number = int(np.repeat(numbers, sizes)[row])
+                raise self._not_there(number, kind, corners[row, kind], int(before[row, kind]))
+        return np.minimum(result, np.iinfo(np.int32).max).astype(np.int32)
+
+    def _not_there(self, number: int, kind: int, index: int, count: int) -> InputError:
+        allowed = f"1 to {count}, or -1 to -{count}" if count else "none, there are no such lines"
+        return InputError(
+            f"{self.path}:{number}: names a {KINDS[kind]} that is not there (got {index}; allowed: {allowed})"
+        )
+
+    def checked(self, counts: Counts) -> NDArray[np.int32]:
+        """Return all corners (n, 3), after checking that they name rows of the whole file."""
+        corners = np.concatenate(self.corners)
+        self.corners = [corners]
+        for kind, count in enumerate(counts):
+            wrong = corners[:, kind] >= count
+            if wrong.any():
+                row = int(np.argmax(wrong))
+                numbers = np.repeat(np.concatenate(self.lines), np.concatenate(self.sizes))
+                raise self._not_there(numbers[row], kind, corners[row, kind] + 1, count)
+        return corners
+
+
+def _alike(lines: KeywordLines) -> NDArray[np.int64] | None:
+    """Return the indices as written when all corners of some lines have the same form, None otherwise."""
+    octets = np.frombuffer(lines.text, np.uint8)
+    begins = np.flatnonzero(begins_word(octets))
+    count = len(begins)
+    slashes = np.bincount(np.searchsorted(begins, np.flatnonzero(octets == ord("/")), "right"), minlength=count + 1)[1:]
+    doubles = lines.text.count(b"//")
+    if not count or (slashes != slashes[0]).any() or doubles not in (0, count):
+        return None
+    columns = FORMS.get((int(slashes[0]), doubles > 0))
+    if columns is None:
+        return None
+    numbers = parsed(lines.text.replace(b"/", b" "))
+    if numbers is None or len(numbers) != count * len(columns):
+        return None
+    if not (np.abs(numbers) <= 2**31).all() or (numbers != np.floor(numbers)).any() or (numbers == 0).any():
+        return None
+    corners = np.zeros((count, 3), np.int64)
+    corners[:, columns] = numbers.reshape(-1, len(columns))
+    return corners
+
+
+def surface_of(
+    faces: FaceLines,
+    positions: NDArray[np.float64],
+    uvs: NDArray[np.float64],
+    normals: NDArray[np.float64],
+    material: int | None,
+    name: str | None,
+) -> MeshSurface:
+    """Return the surface of some faces, with a vertex for each different corner."""
+    corners = faces.checked((len(positions), len(uvs), len(normals)))
+    has_uvs, has_normals = (bool((corners[:, kind] != MISSING).any()) for kind in (1, 2))
+    own, vertices = _different(corners, (len(positions), len(uvs), len(normals)))
+    polygons = _polygons(vertices, np.concatenate(faces.sizes), np.concatenate(faces.lines))
+    places = positions[own[:, 0]]
+    return MeshSurface(
+        places,
+        as_triangles(places, polygons, f"{faces.path}: the face of line"),
+        _rows(normals, own[:, 2]) if has_normals else None,
+        _rows(uvs, own[:, 1]) if has_uvs else None,
+        material,
+        name,
+    )
+
+
+def _different(corners: NDArray[np.int32], counts: Counts) -> tuple[NDArray[np.int32], NDArray[Any]]:
+    """Return the corners (n, 3) that differ, and for each corner its place among them."""
+    first = corners[:, 0]
+    aligned = [bool((column == first).all()) for column in corners[:, 1:].T]
+    missing = [bool((column == MISSING).all()) for column in corners[:, 1:].T]
+    if len(corners) < counts[0] or not all(same or none for same, none in zip(aligned, missing, strict=True)):
+        kept, vertices = different_rows([corners[:, kind] for kind in range(3)])
+        return corners[kept], vertices
+    # Nothing to tell apart: the usual file of a single piece, which names everything by the same number.
+    own = np.full((counts[0], 3), MISSING, np.int32)
+    own[:, 0] = np.arange(counts[0])
+    for kind in (1, 2):
+        if aligned[kind - 1]:
+            both = min(counts[0], counts[kind])
+            own[:both, kind] = own[:both, 0]
+    return own, first
+
+
+def _rows(table: NDArray[np.float64], indices: NDArray[np.int32]) -> NDArray[np.float64]:
+    """Return rows of a table, zeros where a corner has none."""
+    found = table[np.maximum(indices, 0)]
+    found[indices == MISSING] = 0
+    return found
+
+
+def _polygons(vertices: NDArray[Any], sizes: NDArray[np.int32], lines: NDArray[np.int32]) -> list[Polygons]:
+    if (sizes == sizes[0]).all():
+        return [Polygons(lines, vertices.reshape(len(sizes), -1))]
+    starts = np.cumsum(sizes, dtype=np.int64) - sizes
+    found = []
+    for size in np.unique(sizes):
+        rows = np.flatnonzero(sizes == size)
+        found.append(Polygons(lines[rows], vertices[starts[rows, None] + np.arange(size)]))
+    return found
+
+
+COLUMNS = {b"v": (3, "a vertex"), b"vt": (1, "a texture coordinate"), b"vn": (3, "a normal")}
+
+
+class ObjReader:
+    """Collects what the lines of an OBJ file say."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.rows: dict[bytes, list[NDArray[np.float64]]] = {key: [] for key in COLUMNS}
+        self.counts = dict.fromkeys(COLUMNS, 0)
+        self.libraries: list[tuple[int, str]] = []
+        self.faces: dict[str | None, FaceLines] = {}
+        self.material: str | None = None
+
+    def read(self, file: BinaryIO) -> None:
+        """Read all lines."""
+        for block in blocks(file):
+            self._faces(block)
+            for word in COLUMNS:
+                self._numbers(word, block.of(word))
+
+    def _faces(self, block: Block) -> None:
+        """Add the faces of a block, those between two changes of material together."""
+        faces = block.of(b"f")
+        before = [self.counts[word] + block.before(word, faces.numbers) for word in COLUMNS]
+        done = 0
+        for number, name in self._changes(block):
+            end = int(np.searchsorted(faces.numbers, number))
+            self._add(faces.part(done, end), np.stack(before, axis=1)[done:end])
+            self.material, done = name, end
+        self._add(faces.part(done, len(faces.numbers)), np.stack(before, axis=1)[done:])
+
+    def _add(self, lines: KeywordLines, before: NDArray[np.int64]) -> None:
+        if len(lines.numbers):
+            self.faces.setdefault(self.material, FaceLines(self.path)).add(lines, before)
+
+    def _changes(self, block: Block) -> Iterator[tuple[int, str | None]]:
+        """Yield the places where the material changes, and its names; note libraries on the way."""
+        for number, line in block.others():
+            word, rest = (*line.split(None, 1), b"", b"")[:2]
+            if word == b"usemtl":
+                yield number, _text(rest) or None
+            elif word == b"mtllib":
+                self.libraries.append((number, _text(rest)))
+
+    def _numbers(self, word: bytes, lines: KeywordLines) -> None:
+        if not len(lines.numbers):
+            return
+        each, what = COLUMNS[word]
+        if word == b"vt":
+            each = max(1, min(2, int(lines.words.min())))
+        width = int(lines.words[0])
+        found = parsed(lines.text) if (lines.words == width).all() and width >= each else None
+        if found is not None and len(found) == width * len(lines.numbers):
+            found = found.reshape(-1, width)[:, :each]
+        else:
+            found = numbers_of_lines(lines.singly(), each, what, self.path)
+        if each == 1:
+            found = np.column_stack([found, np.zeros(len(found))])
+        self.rows[word].append(_narrow(found))
+        self.counts[word] += len(found)
+
+    def table(self, word: bytes) -> NDArray[np.float64]:
+        """Return all rows of a keyword."""
+        width = 2 if word == b"vt" else 3
+        return np.concatenate(self.rows[word]) if self.rows[word] else np.empty((0, width))
+
+
+def read_obj(path: Path, find: Find) -> Draft:
+    """Return the surfaces of an OBJ file, one for each material, and the materials of its libraries.
+
+    Raises
+    ------
+    InputError
+        When a line cannot be read, a face names what is not there, or there are no faces.
+    """
+    reader = ObjReader(path)
+    with open_mesh(path) as file:
+        reader.read(file)
+    if not reader.faces:
+        raise InputError(f"{path}: has no faces (allowed: lines such as 'f 1 2 3')")
+    materials: dict[str, FileMaterial] = {}
+    notes: list[str] = []
+    grey = False  # stands for materials of a library that is missing
+    for number, name in reader.libraries:
+        try:
+            library = find(Path(name))
+        except InputError as problem:
+            grey = True
+            notes.append(f"{path}:{number}: mtllib {name} is left out: {problem}; grey stands for its materials")
+        else:
+            materials |= read_mtl(library)
+    positions, uvs, normals = (reader.table(word) for word in (b"v", b"vt", b"vn"))
+    surfaces: list[MeshSurface] = []
+    used: list[FileMaterial] = []
+    for name_, faces in reader.faces.items():
+        place = None
+        if materials or grey:
+            place = len(used)
+            used.append(_named(materials, name_, path, grey=grey))
+        surfaces.append(surface_of(faces, positions, uvs, normals, place, name_))
+    return Draft(surfaces, used, notes=notes)
+
+
+def _named(materials: dict[str, FileMaterial], name: str | None, path: Path, *, grey: bool) -> FileMaterial:
+    """Return a material by its name; faces without one are grey, and where a library is missing those of others."""
+    if name is None or (grey and name not in materials):
+        return FileMaterial(matte=True)
+    if name not in materials:
+        raise InputError(f"{path}: usemtl {name}: names no material (allowed: {', '.join(list(materials)[:24])})")
+    return materials[name]
+
+
+def _text(line: bytes) -> str:
+    return line.decode("utf-8", "replace").strip()
+
+
+def _narrow(rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return rows that do not keep a wider table alive."""
+    return np.ascontiguousarray(rows)

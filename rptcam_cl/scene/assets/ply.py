@@ -1,0 +1,576 @@
+"""PLY (Turk 1994) and STL files, text or binary."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import islice
+from pathlib import Path
+from typing import Any, BinaryIO, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.scene.assets.mesh import Draft, MeshSurface, Polygons, as_triangles, check_corners, open_mesh, weld
+from rptcam_cl.scene.assets.obj import numbers_of_lines, parsed
+
+# The header of a PLY file (Turk 1994): which elements follow, how many, and how their rows are laid out.
+
+MOST_HEADER_BYTES = 1 << 16
+MOST_ROWS = 2**31 - 1
+
+TYPES = {
+    "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4", "float": "f4",
+    "double": "f8", "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4", "uint32": "u4",
+    "float32": "f4", "float64": "f8",
+}  # fmt: skip
+FORMATS: dict[str, Literal["", "<", ">"]] = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
+
+
+@dataclass(frozen=True)
+class Property:
+    """One value of a row, or a list of values with its length before it.
+
+    Attributes
+    ----------
+    name : str
+    type : numpy dtype
+        Of the value or of each entry of the list.
+    length : numpy dtype or None
+        Of the length; None when it is no list.
+    """
+
+    name: str
+    type: np.dtype[np.generic]
+    length: np.dtype[np.generic] | None = None
+
+
+@dataclass(frozen=True)
+class Element:
+    """Rows of one kind."""
+
+    name: str
+    count: int
+    properties: tuple[Property, ...]
+
+    @property
+    def has_lists(self) -> bool:
+        """Whether rows differ in size."""
+        return any(item.length is not None for item in self.properties)
+
+    def smallest_row(self, text: bool) -> int:
+        """Return the bytes of a row whose lists are empty; in text a digit and a space for each value."""
+        if text:
+            return 2 * max(1, len(self.properties))
+        return sum((item.length or item.type).itemsize for item in self.properties)
+
+
+@dataclass(frozen=True)
+class Header:
+    """What a PLY file holds; `order` is the byte order as numpy writes it, empty for text."""
+
+    order: Literal["", "<", ">"]
+    elements: tuple[Element, ...]
+    lines: int
+
+
+def read_header(file: BinaryIO, path: Path) -> Header:
+    """Return the header of a file that is open at its start, and leave it at the first row."""
+    lines = _lines(file, path)
+    if lines[0].strip() != "ply":
+        raise InputError(f"{path}: is not a PLY file (allowed: a first line 'ply')")
+    order: Literal["", "<", ">"] | None = None
+    elements: list[Element] = []
+    for number, line in enumerate(lines[1:-1], start=2):
+        place = f"{path}:{number}"
+        words = line.split()
+        match words:
+            case [] | ["comment" | "obj_info", *_]:
+                continue
+            case ["format", name, "1.0"] if name in FORMATS:
+                order = FORMATS[name]
+            case ["element", name, count] if count.isascii() and count.isdigit() and len(count) < 20:
+                elements.append(Element(name, int(count), ()))
+            case ["property", *form] if elements:
+                last = elements[-1]
+                elements[-1] = Element(last.name, last.count, (*last.properties, _property(form, order or "<", place)))
+            case _:
+                raise InputError(f"{place}: is not a line of a PLY header (got {line.strip()[:60]!r})")
+    if order is None:
+        raise InputError(f"{path}: has no line 'format' in its header (allowed: {', '.join(FORMATS)})")
+    for element in elements:
+        names = [item.name for item in element.properties]
+        if len(set(names)) < len(names) or [other.name for other in elements].count(element.name) > 1:
+            raise InputError(f"{path}: names element {element.name}, or one of its properties, twice")
+        if element.count > MOST_ROWS:
+            raise InputError(
+                f"{path}: claims {element.count} rows of {element.name} (allowed: at most {MOST_ROWS}, and no "
+                "more than the file has bytes for)"
+            )
+    return Header(order, tuple(elements), len(lines))
+
+
+def _lines(file: BinaryIO, path: Path) -> list[str]:
+    lines: list[str] = []
+    size = 0
+    while size < MOST_HEADER_BYTES:
+        line = file.readline(MOST_HEADER_BYTES - size)
+        size += len(line)
+        lines.append(line.decode("latin-1"))
+        if not line or (len(lines) == 1 and line.strip() != b"ply"):
+            break
+        if line.strip() == b"end_header":
+            return lines
+    raise InputError(f"{path}: is not a PLY file (allowed: a header from 'ply' to 'end_header')")
+
+
+def _property(form: list[str], order: str, place: str) -> Property:
+    match form:
+        case [type_name, name] if type_name in TYPES:
+            return Property(name, np.dtype(order + TYPES[type_name]))
+        case ["list", length, type_name, name] if TYPES.get(length, "f")[0] in "iu" and type_name in TYPES:
+            return Property(name, np.dtype(order + TYPES[type_name]), np.dtype(order + TYPES[length]))
+    got, types = " ".join(form)[:60], ", ".join(TYPES)
+    raise InputError(f"{place}: is not a property (got {got!r}; allowed: [list LENGTH] TYPE NAME, of {types})")
+
+
+# Rows of one element of a PLY file, binary or text.
+
+Lists = list[tuple[NDArray[Any], NDArray[Any]]]
+
+
+class Rows(NamedTuple):
+    """Rows of one element.
+
+    Attributes
+    ----------
+    values : dict
+        Per property that is no list: an array (n,).
+    lists : dict
+        Per list property: for each length k that occurs, the numbers of the rows (m,) and their entries (m, k).
+    """
+
+    values: dict[str, NDArray[Any]]
+    lists: dict[str, Lists]
+
+
+def grouped(lengths: NDArray[Any], starts: NDArray[np.intp], entries: NDArray[Any]) -> Lists:
+    """Return lists by their length.
+
+    Parameters
+    ----------
+    lengths : (n,) int
+        Length of each row's list.
+    starts : (n,) int
+        Place of each row's first entry.
+    entries : (e,) array
+        All entries.
+    """
+    found: Lists = []
+    for length in np.unique(lengths):
+        numbers = np.flatnonzero(lengths == length)
+        found.append((numbers, entries[starts[numbers, None] + np.arange(length)]))
+    return found
+
+
+def joined(parts: list[Rows]) -> Rows:
+    """Return the rows of several parts as one."""
+    if len(parts) == 1:
+        return parts[0]
+    values = {name: np.concatenate([part.values[name] for part in parts]) for name in parts[0].values}
+    lists: dict[str, Lists] = {}
+    for name in parts[0].lists:
+        by_length: dict[int, Lists] = {}
+        for part in parts:
+            for group in part.lists[name]:
+                by_length.setdefault(group[1].shape[1], []).append(group)
+        lists[name] = [
+            (np.concatenate([numbers for numbers, _ in groups]), np.concatenate([entries for _, entries in groups]))
+            for _, groups in sorted(by_length.items())
+        ]
+    return Rows(values, lists)
+
+
+def read_binary(file: BinaryIO, element: Element, path: Path) -> Rows:
+    """Return the rows of an element that a file is open at, and leave it after them."""
+    start = file.tell()
+    size = path.stat().st_size
+    row = _row_like_the_first(file, element, size)
+    file.seek(start)
+    if row is not None and start + element.count * row.itemsize <= size:
+        rows = np.fromfile(file, row, element.count)
+        if all((rows[f"length of {item.name}"] == _length(row, item)).all() for item in _lists(element)):
+            return _uniform(element, rows)
+        file.seek(start)
+    elif not element.has_lists:
+        raise _cut_short(path, element.name, (size - start) // max(1, element.smallest_row(False)))
+    return _varied(file, element, path)
+
+
+def _lists(element: Element) -> list[Property]:
+    return [item for item in element.properties if item.length is not None]
+
+
+def _length(row: np.dtype[Any], item: Property) -> int:
+    return int(row[item.name].shape[0])
+
+
+def _cut_short(path: Path, name: str, number: int) -> InputError:
+    return InputError(f"{path}: is cut short: ends inside {name} {number}")
+
+
+def _row_like_the_first(file: BinaryIO, element: Element, size: int) -> np.dtype[Any] | None:
+    """Return the layout of a row whose lists are as long as those of the first; None when the file does not hold it."""
+    fields: list[tuple[Any, ...]] = []
+    for item in element.properties:
+        if item.length is None:
+            fields.append((item.name, item.type))
+            file.seek(item.type.itemsize, 1)
+            continue
+        head = file.read(item.length.itemsize)
+        if not element.count or len(head) < item.length.itemsize:
+            return None
+        length = int(np.frombuffer(head, item.length)[0])
+        if not 0 <= length * item.type.itemsize <= size:
+            return None
+        fields += [(f"length of {item.name}", item.length), (item.name, item.type, (length,))]
+        file.seek(length * item.type.itemsize, 1)
+    return np.dtype(fields)
+
+
+def _uniform(element: Element, rows: NDArray[Any]) -> Rows:
+    values = {item.name: rows[item.name] for item in element.properties if item.length is None}
+    numbers = np.arange(len(rows))
+    return Rows(values, {item.name: [(numbers, np.ascontiguousarray(rows[item.name]))] for item in _lists(element)})
+
+
+def _varied(file: BinaryIO, element: Element, path: Path) -> Rows:
+    """Return rows whose lists differ in length: one walk finds where each row's parts begin."""
+    data = file.read()
+    begun = {item.name: np.empty(element.count, np.int64) for item in element.properties}
+    lengths = {item.name: np.empty(element.count, np.int64) for item in _lists(element)}
+    place = 0
+    for number in range(element.count):
+        for item in element.properties:
+            size = item.type.itemsize
+            if item.length is not None:
+                width = item.length.itemsize
+                length = _whole(data[place : place + width], item.length)
+                if length < 0:
+                    raise InputError(f"{path}: {element.name} {number} has a list of {length} entries")
+                lengths[item.name][number] = length
+                place += width
+                size *= length
+            begun[item.name][number] = place
+            place += size
+        if place > len(data):
+            raise _cut_short(path, element.name, number)
+    file.seek(place - len(data), 1)
+    values: dict[str, NDArray[Any]] = {}
+    lists: dict[str, Lists] = {}
+    octets = np.frombuffer(data, np.uint8)
+    for item in element.properties:
+        if item.length is None:
+            spots = begun[item.name][:, None] + np.arange(item.type.itemsize)
+            values[item.name] = octets[spots].view(item.type)[:, 0]
+        else:
+            by_length = grouped(lengths[item.name] * item.type.itemsize, begun[item.name], octets)
+            lists[item.name] = [(numbers, _typed(entries, item)) for numbers, entries in by_length]
+    return Rows(values, lists)
+
+
+def _typed(entries: NDArray[np.uint8], item: Property) -> NDArray[Any]:
+    if not entries.shape[1]:
+        return np.empty(entries.shape, item.type)
+    return np.ascontiguousarray(entries).view(item.type)
+
+
+def _whole(octets: bytes, type_: np.dtype[Any]) -> int:
+    return int.from_bytes(octets, "big" if type_.byteorder == ">" else "little", signed=type_.kind == "i")
+
+
+# Lines read together.
+CHUNK_LINES = 1 << 15
+
+
+class TextRows:
+    """Reads the rows of one element after the other.
+
+    Parameters
+    ----------
+    file : binary file
+        Open at the first row.
+    path : Path
+    lines : int
+        Lines of the header.
+    """
+
+    def __init__(self, file: BinaryIO, path: Path, lines: int) -> None:
+        self._file = file
+        self._path = path
+        self._line = lines
+
+    def read(self, element: Element) -> Rows:
+        """Return the rows of the next element, one a line."""
+        parts: list[Rows] = []
+        done = 0
+        while done < element.count or not parts:
+            lines = list(islice(self._file, min(element.count - done, CHUNK_LINES)))
+            if element.count and not lines:
+                raise InputError(f"{self._path}: is cut short: ends after {done} rows of {element.name}")
+            parts.append(self._rows(lines, element, done))
+            done += len(lines)
+            self._line += len(lines)
+        return joined(parts)
+
+    def _rows(self, lines: list[bytes], element: Element, first: int) -> Rows:
+        """Return the rows of some lines, the first of which has a number, after checking that each line has its own."""
+        numbers = parsed(b" ".join(lines))
+        try:
+            if numbers is None:
+                raise ValueError
+            return _taken_apart(element, numbers, len(lines), first)
+        except ValueError:
+            raise self._wrong_row(lines, element) from None
+
+    def _wrong_row(self, lines: list[bytes], element: Element) -> InputError:
+        """Return the error for the first line that is wrong."""
+        for number, line in enumerate(lines, start=self._line + 1):
+            place = f"{self._path}:{number}"
+            shown = line.decode("latin-1").strip()[:60]
+            try:
+                _taken_apart(element, np.array([float(word) for word in line.split()]), 1, 0)
+            except ValueError:
+                names = " ".join(_form(item) for item in element.properties)
+                return InputError(f"{place}: is not a row of {element.name} (got {shown!r}; allowed: numbers {names})")
+        return InputError(f"{self._path}:{self._line + 1}: holds rows of {element.name} that cannot be read")
+
+
+def _form(item: Property) -> str:
+    return item.name if item.length is None else f"COUNT {item.name}…"
+
+
+def _taken_apart(element: Element, numbers: NDArray[np.float64], count: int, first: int) -> Rows:
+    """Return rows, the first of which has a number; a ValueError when the numbers are not so many whole rows."""
+    if not element.has_lists:
+        table = numbers.reshape(count, len(element.properties))
+        return Rows({item.name: table[:, place] for place, item in enumerate(element.properties)}, {})
+    begun = _walk(element, numbers, count)
+    values: dict[str, NDArray[Any]] = {}
+    lists: dict[str, Lists] = {}
+    for item in element.properties:
+        places = np.array(begun[item.name], np.intp)
+        if item.length is None:
+            values[item.name] = numbers[places]
+        else:
+            whole = item.type.kind in "iu"
+            groups = grouped(numbers[places].astype(np.int64), places + 1, numbers)
+            lists[item.name] = [(rows + first, _whole_of_text(group) if whole else group) for rows, group in groups]
+    return Rows(values, lists)
+
+
+def _whole_of_text(numbers: NDArray[np.float64]) -> NDArray[np.int64]:
+    if not (np.abs(numbers) < 2**53).all() or not (numbers == np.floor(numbers)).all():
+        raise ValueError("not whole")
+    return numbers.astype(np.int64)
+
+
+def _walk(element: Element, numbers: NDArray[np.float64], count: int) -> dict[str, list[int]]:
+    """Return, per property, where each row's part begins (for a list, its length)."""
+    begun: dict[str, list[int]] = {item.name: [] for item in element.properties}
+    parts = [(item.length is not None, begun[item.name].append) for item in element.properties]
+    plain = numbers.tolist()
+    place = 0
+    for _ in range(count):
+        for is_list, note in parts:
+            note(place)
+            if is_list and place < len(plain):
+                length = plain[place]
+                if not 0 <= length <= len(plain) or length != int(length):
+                    raise ValueError("no length of a list")
+                place += int(length)
+            place += 1
+    if place != len(plain):
+        raise ValueError("not so many numbers")
+    return begun
+
+
+# PLY files, text or binary: positions, normals, texture coordinates and faces.
+
+INDEX_NAMES = ("vertex_indices", "vertex_index")
+UV_NAMES = (("u", "v"), ("s", "t"), ("texture_u", "texture_v"), ("texture_s", "texture_t"))
+CORNER_UVS = "texcoord"
+
+Columns = NDArray[Any]
+
+
+def read_ply(path: Path) -> Draft:
+    """Return the surface of a PLY file.
+
+    Raises
+    ------
+    InputError
+        When it is not PLY, holds less than it claims or nothing that can be shown.
+    """
+    with open_mesh(path) as file:
+        header = read_header(file, path)
+        _check_size(header, path.stat().st_size - file.tell(), path)
+        rows = {element.name: element for element in header.elements}
+        if "vertex" not in rows or "face" not in rows:
+            missing = "faces" if "vertex" in rows else "vertices"
+            raise InputError(f"{path}: has no {missing} (allowed: elements vertex and face)")
+        read = _reader(file, header, path)
+        found = {element.name: read(element) for element in header.elements}
+    notes = [
+        f"{path}: colours of each {name} are left out" for name in ("vertex", "face") if "red" in found[name].values
+    ]
+    return Draft([_surface(found["vertex"], found["face"], path)], notes=notes)
+
+
+def _check_size(header: Header, size: int, path: Path) -> None:
+    """Refuse a header that claims more than the file can hold, before anything is allocated."""
+    least = sum(element.count * element.smallest_row(not header.order) for element in header.elements)
+    if least - (not header.order) > size:
+        claims = ", ".join(f"{element.count} of {element.name}" for element in header.elements)
+        raise InputError(
+            f"{path}: is cut short: {claims} take at least {least} bytes (got {max(size, 0)} after the header)"
+        )
+
+
+def _reader(file: BinaryIO, header: Header, path: Path) -> Callable[[Element], Rows]:
+    """Return what reads the rows of the next element."""
+    if header.order:
+        return lambda element: read_binary(file, element, path)
+    return TextRows(file, path, header.lines).read
+
+
+def _surface(vertex: Rows, face: Rows, path: Path) -> MeshSurface:
+    positions = _columns(vertex, ("x", "y", "z"))
+    if positions is None:
+        raise InputError(f"{path}: its vertices have no position (allowed: properties x, y, z)")
+    index = next((name for name in INDEX_NAMES if name in face.lists), None)
+    if index is None:
+        raise InputError(f"{path}: its faces have no list of vertices (allowed: a property list vertex_indices)")
+    normals = _columns(vertex, ("nx", "ny", "nz"))
+    uvs = next((found for names in UV_NAMES if (found := _columns(vertex, names)) is not None), None)
+    polygons = [Polygons(numbers, corners) for numbers, corners in face.lists[index]]
+    if not sum(len(corners) for _, corners in polygons):
+        raise InputError(f"{path}: has no faces")
+    for group in polygons:
+        check_corners(group, len(positions), f"{path}: face")
+    if uvs is None and CORNER_UVS in face.lists and (corner_uvs := _corner_uvs(polygons, face)) is not None:
+        vertices, uvs, polygons = weld(polygons, corner_uvs)
+        positions = positions[vertices]
+        normals = None if normals is None else normals[vertices]
+    return MeshSurface(positions, as_triangles(positions, polygons, f"{path}: face"), normals, uvs)
+
+
+def _columns(rows: Rows, names: tuple[str, ...]) -> Columns | None:
+    """Return values (n, len(names)) in float32, or float64 when the file has that."""
+    if not all(name in rows.values for name in names):
+        return None
+    wide = any(rows.values[name].dtype.itemsize > 4 for name in names)
+    result = np.empty((len(rows.values[names[0]]), len(names)), np.float64 if wide else np.float32)
+    for place, name in enumerate(names):
+        result[:, place] = rows.values[name]
+    return result
+
+
+def _corner_uvs(polygons: list[Polygons], face: Rows) -> list[Columns] | None:
+    """Return texture coordinates of the corners (m, k, 2) of each group of polygons, None when they do not fit."""
+    groups = {len(uvs[0]) // 2: (numbers, uvs) for numbers, uvs in face.lists[CORNER_UVS] if len(uvs)}
+    found = []
+    for numbers, corners in polygons:
+        if not len(corners):
+            found.append(np.empty((0, corners.shape[1], 2), np.float32))
+            continue
+        same, uvs = groups.get(corners.shape[1], (None, None))
+        if uvs is None or same is None or not np.array_equal(same, numbers):
+            return None
+        found.append(uvs.reshape(len(uvs), -1, 2))
+    return found
+
+
+# STL files, binary or text: triangles without anything else.
+
+HEAD_BYTES = 84
+ROW = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+CHUNK_ROWS = 1 << 17
+STL_CHUNK_LINES = 7 << 13
+
+# What each line of a text file begins with, and what may come before it.
+AFTER = {
+    b"facet": (b"solid", b"endfacet"), b"outer": (b"facet",), b"vertex": (b"outer", b"vertex"),
+    b"endloop": (b"vertex",), b"endfacet": (b"endloop",), b"endsolid": (b"endfacet", b"solid"),
+    b"solid": (b"", b"endsolid"),
+}  # fmt: skip
+
+
+def read_stl(path: Path) -> MeshSurface:
+    """Return the surface of an STL file; its triangles share no vertices.
+
+    Raises
+    ------
+    InputError
+        When it is not STL, or holds more or fewer triangles than it says.
+    """
+    size = path.stat().st_size
+    with open_mesh(path) as file:
+        head = file.read(HEAD_BYTES)
+        count = int.from_bytes(head[80:84], "little")
+        binary_size = HEAD_BYTES + count * ROW.itemsize
+        if len(head) == HEAD_BYTES and size == binary_size:
+            corners = _binary(file, count)
+        elif head.lstrip().startswith(b"solid") and b"\0" not in head:
+            file.seek(0)
+            corners = _text(file, path)
+        elif len(head) == HEAD_BYTES:
+            raise InputError(f"{path}: says that it has {count} triangles, in {binary_size} bytes (got {size} bytes)")
+        else:
+            allowed = f"text that begins with 'solid', or a head of {HEAD_BYTES} bytes"
+            raise InputError(f"{path}: is not an STL file (allowed: {allowed})")
+    if not len(corners):
+        raise InputError(f"{path}: has no faces")
+    return MeshSurface(corners, np.arange(len(corners), dtype=np.int32).reshape(-1, 3))
+
+
+def _binary(file: BinaryIO, count: int) -> NDArray[np.float32]:
+    corners = np.empty((count, 3, 3), np.float32)
+    for start in range(0, count, CHUNK_ROWS):
+        rows = np.fromfile(file, ROW, min(CHUNK_ROWS, count - start))
+        corners[start : start + len(rows)] = rows["corners"]
+    return corners.reshape(-1, 3)
+
+
+def _text(file: BinaryIO, path: Path) -> NDArray[np.float32]:
+    parts: list[NDArray[np.float32]] = []
+    before, run, done = b"", 0, 0
+    while lines := list(islice(file, STL_CHUNK_LINES)):
+        vertices: list[tuple[int, bytes]] = []
+        for number, line in enumerate(lines, start=done + 1):
+            word, rest = (*line.split(None, 1), b"", b"")[:2]
+            word = word.lower()
+            if not word:
+                continue
+            run = run + 1 if word == b"vertex" else run
+            if before not in AFTER.get(word, ()) or run > 3 or (word == b"endloop" and run != 3):
+                raise _wrong_line(path, number, line, before)
+            if word == b"vertex":
+                vertices.append((number, rest))
+            elif word == b"endloop":
+                run = 0
+            before = word
+        parts.append(numbers_of_lines(vertices, 3, "a vertex", path).astype(np.float32))
+        done += len(lines)
+    if before != b"endsolid":
+        raise InputError(f"{path}: is cut short: ends without 'endsolid'")
+    return np.concatenate(parts).reshape(-1, 3)
+
+
+def _wrong_line(path: Path, number: int, line: bytes, before: bytes) -> InputError:
+    fitting = sorted(word.decode() for word, earlier in AFTER.items() if before in earlier)
+    got = line.decode("latin-1").strip()[:60]
+    return InputError(
+        f"{path}:{number}: does not belong here (got {got!r}; allowed: {', '.join(fitting)}, three vertices a triangle)"
+    )

@@ -1,0 +1,914 @@
+"""Materials of a scene and their textures: matte, plastic, glass, metal, mirror, principled, emissive, and mixtures."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Annotated, Any, ClassVar, Literal, Self
+
+import numpy as np
+from pydantic import (
+    BeforeValidator,
+    Discriminator,
+    Field,
+    GetCoreSchemaHandler,
+    PlainSerializer,
+    PlainValidator,
+    Tag,
+    ValidationInfo,
+    WithJsonSchema,
+    model_validator,
+)
+from pydantic_core import CoreSchema, core_schema
+
+from rptcam_cl.core.colour import WAVELENGTHS_NM, Spectrum, on_grid
+from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.core.errors import InputError, StateError
+from rptcam_cl.core.files import Folders, References
+from rptcam_cl.core.strict_yaml import Document
+from rptcam_cl.core.vectors import LINE_D_NM
+from rptcam_cl.optics.files.fields import FieldError
+from rptcam_cl.optics.files.glasses import read_glass
+from rptcam_cl.optics.files.keys import GLASS, glass_json_schema
+from rptcam_cl.optics.glass import Law, held_index, known_range
+from rptcam_cl.scene.base import (
+    GREY,
+    Alternatives,
+    FileName,
+    FileReference,
+    SceneModel,
+    listed,
+    near_name,
+    one_pixel,
+    read_number,
+    refuse,
+)
+from rptcam_cl.scene.quantities import (
+    NUMBER,
+    WHOLE_NUMBER,
+    Albedo,
+    Coefficient,
+    Colour,
+    Fraction,
+    GainColour,
+    LightSpectrum,
+    Numbers,
+    PatternAlbedo,
+    Radiance,
+    SpectralColour,
+    TexturePair,
+    Turn,
+    fault_of,
+    list_of,
+    read_rows,
+)
+
+# Textures: colours and numbers that change over the surface coordinates (u, v).
+
+CONSTANT = "constant colour"
+SPECTRUM_KEYS = LightSpectrum.model_fields.keys() - {"scale"}  # textures have a scale, too
+
+
+class Pattern(SceneModel):
+    """What every texture has: where on the pattern a surface point lies."""
+
+    scale: TexturePair = (1.0, 1.0)
+    """Repeats of the pattern per unit of u and of v."""
+
+    rotation_degrees: Turn = 0.0
+    """Turn of the scaled coordinates about (0, 0), from u towards v [degrees]."""
+
+    offset: TexturePair = (0.0, 0.0)
+    """Shift of the scaled and turned coordinates [repeats]."""
+
+
+class Blend(Pattern):
+    """A pattern that is somewhere between two colours at every point."""
+
+    @property
+    def colours(self) -> tuple[Colour, Colour]:
+        """The two colours."""
+        raise NotImplementedError
+
+    @property
+    def share(self) -> float:
+        """Share of the second colour in the mean over one repeat."""
+        return 0.5
+
+    @property
+    def parameter(self) -> float:
+        """The number of its own that the kernels read."""
+        return 0.0
+
+
+class Checker(Blend):
+    """A chessboard: a cell is even or odd as the sum of its whole coordinates is."""
+
+    kind: Literal["checker"]
+    """Kind of texture."""
+
+    even: PatternAlbedo
+    """Colour of even cells; channels 0 to 1."""
+
+    odd: PatternAlbedo
+    """Colour of odd cells; channels 0 to 1."""
+
+    @property
+    def colours(self) -> tuple[Colour, Colour]:
+        """Those of even and of odd cells."""
+        return self.even, self.odd
+
+
+class Grid(Blend):
+    """Lines on a background: where the fraction of either coordinate is below `line_width`."""
+
+    kind: Literal["grid"]
+    """Kind of texture."""
+
+    background: PatternAlbedo
+    """Colour between the lines; channels 0 to 1."""
+
+    line: PatternAlbedo
+    """Colour of the lines; channels 0 to 1."""
+
+    line_width: Fraction
+    """Width of a line as a fraction of the cell."""
+
+    @property
+    def colours(self) -> tuple[Colour, Colour]:
+        """Those of background and line."""
+        return self.background, self.line
+
+    @property
+    def share(self) -> float:
+        """Share of the lines."""
+        return 1 - (1 - self.line_width) ** 2
+
+    @property
+    def parameter(self) -> float:
+        """Width of a line."""
+        return self.line_width
+
+
+class Gradient(Blend):
+    """A colour that changes evenly with the first coordinate, from 0 to 1, and stays beyond."""
+
+    kind: Literal["gradient"]
+    """Kind of texture."""
+
+    start: PatternAlbedo
+    """Colour at 0; channels 0 to 1."""
+
+    end: PatternAlbedo
+    """Colour at 1; channels 0 to 1."""
+
+    @property
+    def colours(self) -> tuple[Colour, Colour]:
+        """Those at 0 and at 1."""
+        return self.start, self.end
+
+
+class Noise(Blend):
+    """Random mottling without a repeat: gradient noise summed over octaves, each twice as fine."""
+
+    kind: Literal["noise"]
+    """Kind of texture."""
+
+    low: PatternAlbedo
+    """Colour where the noise is lowest; channels 0 to 1."""
+
+    high: PatternAlbedo
+    """Colour where the noise is highest; channels 0 to 1."""
+
+    octaves: Annotated[int, Field(ge=1, le=12), WHOLE_NUMBER] = 4
+    """Number of octaves; the first has features about one repeat across."""
+
+    gain: Fraction = 0.5
+    """Amplitude of an octave relative to the one before it."""
+
+    contrast: Annotated[float, Field(gt=0, le=100), NUMBER] = 1.0
+    """Stretch of the noise about its middle; what leaves `low` or `high` is cut."""
+
+    seed: Annotated[int, Field(ge=0, le=2**31 - 1), WHOLE_NUMBER] = 0
+    """Which of the patterns."""
+
+    @property
+    def colours(self) -> tuple[Colour, Colour]:
+        """Those where the noise is lowest and highest."""
+        return self.low, self.high
+
+    @property
+    def parameter(self) -> float:
+        """Gain of an octave."""
+        return self.gain
+
+
+class ImageTexture(FileReference, Pattern):
+    """A picture; its lower left corner is (0, 0) and its upper right corner (1, 1)."""
+
+    stand_in: ClassVar[bytes | None] = GREY
+
+    kind: Literal["image"]
+    """Kind of texture."""
+
+    color_space: Literal["auto", "srgb", "linear"] = "auto"
+    """How colours are stored; auto: sRGB for pictures of 8 and 16 bits read as rgb, linear for all else."""
+
+    filter: Literal["bilinear", "nearest"] = "bilinear"
+    """What is seen between the centres of texels."""
+
+    wrap: Literal["repeat", "clamp", "mirror"] = "repeat"
+    """What continues the picture beyond its edges."""
+
+    channel: Literal["rgb", "r", "g", "b", "a"] = "rgb"
+    """Which channels are read; a single one gives a grey, a is the alpha channel."""
+
+    gain: GainColour = (1.0, 1.0, 1.0)
+    """Factor on the linear values: a number, or [red, green, blue]."""
+
+
+Texture = Checker | Grid | Gradient | Noise | ImageTexture
+
+
+def _texture_form(value: Any) -> str | None:
+    """Return which form a textured parameter has: a constant (also as a spectrum), or the kind of texture."""
+    if isinstance(value, dict):
+        if "kind" not in value and not SPECTRUM_KEYS.isdisjoint(value):
+            return CONSTANT
+        kind = value.get("kind")
+        return kind if isinstance(kind, str) else None
+    return str(getattr(value, "kind", CONSTANT))
+
+
+_Textured = (
+    Annotated[Checker, Tag("checker")]
+    | Annotated[Grid, Tag("grid")]
+    | Annotated[Gradient, Tag("gradient")]
+    | Annotated[Noise, Tag("noise")]
+    | Annotated[ImageTexture, Tag("image")]
+)
+Reflectance = Annotated[Annotated[Albedo, Tag(CONSTANT)] | _Textured, Discriminator(_texture_form)]
+Share = Annotated[Annotated[Fraction, Tag(CONSTANT)] | _Textured, Discriminator(_texture_form)]
+Emission = Annotated[Annotated[Radiance, Tag(CONSTANT)] | _Textured, Discriminator(_texture_form)]
+
+
+# What most materials have besides how they scatter: holes, normals from a picture, roughness of facets.
+
+
+class NormalMap(ImageTexture):
+    """A picture of normals in the tangent frame, as glTF has them: red along u, green along v, blue outwards."""
+
+    stand_in: ClassVar[bytes | None] = one_pixel(128, 128, 255)  # the surface's own normal
+
+    kind: Literal["image"] = "image"
+    """Kind of texture."""
+
+    color_space: Literal["auto", "srgb", "linear"] = "linear"
+    """How the components are stored."""
+
+    strength: Annotated[float, Field(ge=0, le=10), NUMBER] = 1.0
+    """Factor on the components along u and v."""
+
+
+class AnisotropyMap(ImageTexture):
+    """A picture of how a surface is brushed, as glTF has it: red along u, green along v, blue the strength."""
+
+    stand_in: ClassVar[bytes | None] = one_pixel(255, 128, 0)  # not brushed
+
+    kind: Literal["image"] = "image"
+    """Kind of texture."""
+
+    color_space: Literal["auto", "srgb", "linear"] = "linear"
+    """How the components are stored."""
+
+    strength: Fraction = 1.0
+    """Factor on the strength."""
+
+
+class CoveringMaterial(SceneModel):
+    """A material that may have holes."""
+
+    opacity: Share = 1.0
+    """Share of the surface that is there: a number, or a texture (an image with `channel: a` for its alpha)."""
+
+    opacity_mode: Literal["blend", "mask"] = "blend"
+    """Whether rays pass with the probability that opacity leaves, or wherever opacity is below the cutoff."""
+
+    opacity_cutoff: Fraction = 0.5
+    """Opacity from which on a mask is there."""
+
+
+def has_holes(material: SceneModel) -> bool:
+    """Return whether rays may pass a surface of this material as if it were not there."""
+    return isinstance(material, CoveringMaterial) and material.opacity != 1.0
+
+
+class BumpyMaterial(CoveringMaterial):
+    """A material whose normals may come from a picture."""
+
+    normal_map: NormalMap | None = None
+    """Normals from a picture; the shape needs texture coordinates."""
+
+
+SMALLEST_ALPHA = 1e-3  # what float32 still resolves about a highlight
+
+_ALPHA = {"type": "number", "minimum": SMALLEST_ALPHA, "maximum": 1}
+
+
+def _alphas(value: Any) -> tuple[float, float]:
+    """Return the pair that a number or a pair stands for."""
+
+    def alpha(item: Any, path: tuple[int, ...]) -> float:
+        number = read_number(item)
+        if not SMALLEST_ALPHA <= number <= 1:
+            bound = f"at least {SMALLEST_ALPHA:g}" if number < 1 else "at most 1"
+            raise refuse("is out of range", got=number, allowed=bound, path=path)
+        return number
+
+    if not isinstance(value, (list, tuple)):
+        return alpha(value, ()), alpha(value, ())
+    if len(value) != 2:
+        raise refuse(f"has {len(value)} numbers instead of 2", allowed="a number, or a pair [along u, across]")
+    return alpha(value[0], (0,)), alpha(value[1], (1,))
+
+
+AlphaPair = Annotated[
+    tuple[float, float],
+    BeforeValidator(_alphas),
+    WithJsonSchema({"anyOf": [_ALPHA, {"type": "array", "items": _ALPHA, "minItems": 2, "maxItems": 2}]}),
+]
+
+
+def alpha_pair(roughness: float, anisotropy: float) -> tuple[float, float]:
+    """Return GGX's alpha along u and across (Burley 2012, section 5.4): their ratio is sqrt(1 - 0.9 anisotropy)."""
+    alpha = max(roughness**2, SMALLEST_ALPHA)
+    aspect = math.sqrt(1 - 0.9 * anisotropy)
+    return max(alpha / aspect, SMALLEST_ALPHA), max(alpha * aspect, SMALLEST_ALPHA)
+
+
+class RoughMaterial(SceneModel):
+    """What says how rough a material is."""
+
+    alpha: AlphaPair | None = None
+    """GGX roughness: a number, or [along u, across]."""
+
+    roughness: Fraction | None = None
+    """Roughness as most programs show it: the root of alpha."""
+
+    anisotropy: Fraction = 0.0
+    """With `roughness`: stretch of highlights along u; 0 is none."""
+
+    anisotropy_rotation_degrees: Turn = 0.0
+    """Turn of the directions along u and across, from u towards v."""
+
+    alternatives: ClassVar[tuple[Alternatives, ...]] = (Alternatives(("alpha", "roughness"), required=False),)
+
+    @property
+    def alphas(self) -> tuple[float, float] | None:
+        """GGX's alpha along u and across; None where the material is smooth."""
+        if self.alpha is not None:
+            return self.alpha
+        return None if not self.roughness else alpha_pair(self.roughness, self.anisotropy)
+
+
+# Transparent materials: solids of glass, smooth or rough, that may absorb, and thin panes.
+
+SMALLEST_INDEX, LARGEST_INDEX = 0.2, 5.0
+
+KEYS = {name: key for name, key in GLASS.items() if name != "transmittance"}
+
+
+def _read(value: Any, info: ValidationInfo) -> Law:
+    """Return the law of a glass that is a name or a mapping."""
+    if isinstance(value, Law):
+        return value
+    if not isinstance(value, (str, dict)):
+        raise refuse("must be a glass", allowed="a name such as N-BK7, or a mapping such as {nd: 1.5168, vd: 64.17}")
+    if isinstance(value, dict) and "transmittance" in value:
+        raise refuse("is not read here", allowed="absorption_per_m or attenuation of the material",
+                     path=("transmittance",))  # fmt: skip
+    folders = info.context["folders"] if info.context else Folders()
+    document = Document({"glass": value}, "glass", {}, {}, References(folders))
+    try:
+        medium = read_glass(document, ("glass",))
+    except FieldError as problem:
+        raise refuse(problem.text, path=problem.path[1:]) from None
+    except (InputError, StateError) as problem:
+        raise refuse(str(problem)) from None
+    assert isinstance(medium, Law)
+    _check(medium)
+    return medium
+
+
+def _check(medium: Law) -> None:
+    limits = known_range(medium)
+    if limits is not None and not limits[0] <= LINE_D_NM <= limits[1]:
+        raise refuse(f"is known from {limits[0]:g} to {limits[1]:g} nm only", allowed="a glass known at 587.56 nm")
+    try:
+        with np.errstate(divide="ignore"):  # at a resonance
+            index = held_index(medium, WAVELENGTHS_NM)
+    except InputError as problem:
+        raise refuse(str(problem)) from None
+    if not np.all((index >= SMALLEST_INDEX) & (index <= LARGEST_INDEX)):
+        span = f"{SMALLEST_INDEX:g} to {LARGEST_INDEX:g} at every wavelength from 380 to 780 nm"
+        raise refuse(f"has a refractive index from {index.min():.4g} to {index.max():.4g}", allowed=span)
+
+
+def nearest_to_one(medium: Law) -> float:
+    """Return the refractive index from 380 to 780 nm that is nearest to 1."""
+    index = held_index(medium, WAVELENGTHS_NM)
+    return float(index[np.abs(index - 1).argmin()])
+
+
+Glass = Annotated[
+    Law,
+    PlainValidator(_read),
+    PlainSerializer(repr, when_used="json"),
+    WithJsonSchema(glass_json_schema(KEYS)),
+]
+
+Index = Annotated[float, Field(ge=SMALLEST_INDEX, le=LARGEST_INDEX), NUMBER]
+
+# A rough surface whose index is nearer to 1 bends light by less than float32 resolves of its facets' normals.
+LEAST_BEND = 0.01
+
+# What a colour channel of 0 stands for after a finite way: it must have a logarithm.
+DARKEST = 1e-6
+
+
+class Attenuation(SceneModel):
+    """What a solid leaves of white light after a distance."""
+
+    color: Albedo
+    """Colour that is left; channels 0 to 1."""
+
+    distance_m: Annotated[float, Field(ge=1e-9, le=1e9), NUMBER]
+    """After which distance [m]."""
+
+
+class AbsorbingMaterial(SceneModel):
+    """A solid that may absorb light on its way inside (Beer and Lambert)."""
+
+    absorption_per_m: Coefficient | None = None
+    """Absorption coefficient [1/m]; a colour."""
+
+    attenuation: Attenuation | None = None
+    """The same, as the colour that is left after a distance."""
+
+    @property
+    def absorption(self) -> Colour:
+        """Absorption coefficient per channel [1/m]."""
+        if self.absorption_per_m is not None:
+            return self.absorption_per_m
+        if self.attenuation is None:
+            return (0.0, 0.0, 0.0)
+        return _depth(self.attenuation.color, self.attenuation.distance_m)
+
+
+def _depth(left: Colour, distance: float) -> Colour:
+    """Return the coefficient of absorption that leaves a share of light after a distance."""
+    red, green, blue = (-math.log(max(share, DARKEST)) / distance for share in left)
+    if isinstance(left, SpectralColour):
+        return SpectralColour((red, green, blue), -np.log(np.maximum(left.samples, DARKEST)) / distance)
+    return (red, green, blue)
+
+
+ABSORPTION = Alternatives(("absorption_per_m", "attenuation"), required=False)
+ROUGHNESS = Alternatives(("alpha", "roughness"), required=False)
+
+
+class Dielectric(RoughMaterial, AbsorbingMaterial, BumpyMaterial):
+    """A transparent solid such as glass; the normal points out of it. Smooth without `alpha` and `roughness`."""
+
+    kind: Literal["dielectric"]
+    """Kind of material."""
+
+    index: Index = 1.5
+    """Refractive index inside, relative to the outside."""
+
+    glass: Glass | None = None
+    """What is inside instead, with its dispersion: a name, or a law as lens files have them."""
+
+    alternatives: ClassVar[tuple[Alternatives, ...]] = (Alternatives(("index", "glass"), False), ROUGHNESS, ABSORPTION)
+
+    @property
+    def n_d(self) -> float:
+        """Refractive index at 587.56 nm."""
+        return self.index if self.glass is None else float(self.glass.index(LINE_D_NM))
+
+    @model_validator(mode="after")
+    def _check_bend(self) -> Self:
+        nearest = self.index if self.glass is None else nearest_to_one(self.glass)
+        if self.alphas is not None and abs(nearest - 1) < LEAST_BEND:
+            raise refuse(
+                "bends light too little for a rough surface", got=nearest,
+                allowed=f"1 +- {LEAST_BEND:g} or farther from 1; or a smooth surface",
+                path=("index" if self.glass is None else "glass",),
+            )  # fmt: skip
+        return self
+
+
+class ThinGlass(CoveringMaterial):
+    """A pane or bubble too thin to shift light: both its faces, with all reflections between them."""
+
+    kind: Literal["thin_glass"]
+    """Kind of material."""
+
+    index: Index = 1.5
+    """Refractive index of the pane, relative to the outside."""
+
+    transmittance: Albedo = (1.0, 1.0, 1.0)
+    """Share of light that one way straight through the pane leaves; a colour of channels 0 to 1."""
+
+    @property
+    def depth(self) -> Colour:
+        """Optical depth per channel at normal incidence."""
+        return _depth(self.transmittance, 1.0)
+
+    @property
+    def parameter(self) -> float:
+        """The number of its own that the kernels read: the index."""
+        return self.index
+
+
+# Metals: rough conductors, by a colour or by the optical constants of what they are made of.
+
+Metal = Literal["aluminium", "chromium", "copper", "gold", "iron", "nickel", "platinum", "silver", "tungsten"]
+
+WRITTEN_OUT, MEASURED = "written out", "a table"  # forms of a metal that is no name; not keys
+SMALLEST_CONSTANT, LARGEST_CONSTANT = 1e-3, 100.0
+
+Constant = Annotated[float, Field(ge=SMALLEST_CONSTANT, le=LARGEST_CONSTANT), NUMBER]
+_PER_CHANNEL = BeforeValidator(list_of(3, "one number each for red, green and blue"))
+
+
+class OpticalConstants(SceneModel):
+    """The refractive index n + i k of a metal in three channels."""
+
+    n: Annotated[tuple[Constant, Constant, Constant], _PER_CHANNEL]
+    """Real part [red, green, blue]."""
+
+    k: Annotated[tuple[Constant, Constant, Constant], _PER_CHANNEL]
+    """Imaginary part [red, green, blue]."""
+
+
+class MetalTable(SceneModel):
+    """The refractive index n + i k of a metal as a table, with straight lines between its rows."""
+
+    wavelengths_nm: Numbers | None = None
+    """Wavelengths of the rows [nm], rising; beside `n` and `k`."""
+
+    n: Numbers | None = None
+    """Real part in each row."""
+
+    k: Numbers | None = None
+    """Imaginary part in each row."""
+
+    file: FileName | None = None
+    """Table in the scene's folder: a wavelength [nm], n and k a line."""
+
+    alternatives: ClassVar[tuple[Alternatives, ...]] = (Alternatives(("wavelengths_nm", "file"), required=True),)
+
+
+@dataclass(frozen=True, eq=False)
+class MetalSpectrum:
+    """The refractive index n + i k of a metal at `rptcam_cl.colour.WAVELENGTHS_NM`."""
+
+    n: Spectrum
+    k: Spectrum
+
+    def described(self) -> dict[str, list[float]]:
+        """Return it as plain data."""
+        return {name: [float(f"{x:.9g}") for x in getattr(self, name)] for name in ("n", "k")}
+
+
+class _MetalForm:
+    """Reads a metal from its table."""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        """Return what checks the table."""
+        return core_schema.with_info_after_validator_function(
+            _metal_spectrum,
+            handler.generate_schema(MetalTable),
+            serialization=core_schema.plain_serializer_function_ser_schema(MetalSpectrum.described, when_used="json"),
+        )
+
+
+def _metal_spectrum(table: MetalTable, info: core_schema.ValidationInfo) -> MetalSpectrum:
+    if table.file is not None:
+        for name in ("n", "k"):
+            if getattr(table, name) is not None:
+                raise refuse("cannot be given together with file", allowed="wavelengths_nm, or no file", path=(name,))
+        folders = info.context["folders"] if info.context else Folders()
+        try:
+            wavelengths, (n, k) = read_rows(table.file, folders, ("n", "k"))
+        except InputError as problem:
+            raise refuse(str(problem), path=("file",)) from None
+    else:
+        wavelengths, n, k = _written_rows(table)
+    for name, column in (("n", n), ("k", k)):
+        if np.any((column < SMALLEST_CONSTANT) | (column > LARGEST_CONSTANT)):
+            span = f"{SMALLEST_CONSTANT:g} to {LARGEST_CONSTANT:g}"
+            path = ("file",) if table.file is not None else (name,)
+            raise refuse(f"{name} is out of range", got=column.tolist(), allowed=span, path=path)
+    return MetalSpectrum(on_grid(wavelengths, n), on_grid(wavelengths, k))
+
+
+def _written_rows(table: MetalTable) -> tuple[Spectrum, Spectrum, Spectrum]:
+    """Return wavelengths, n and k of a table in the scene itself."""
+    wavelengths = np.array(table.wavelengths_nm)
+    for name in ("n", "k"):
+        column = getattr(table, name)
+        if column is None or len(column) != len(wavelengths):
+            raise refuse("does not fit wavelengths_nm", allowed=f"{len(wavelengths)} numbers", path=(name,))
+    fault = fault_of(wavelengths)
+    if fault is not None:
+        index, problem = fault
+        raise refuse(problem, allowed="rising wavelengths in nm", path=("wavelengths_nm", index))
+    return wavelengths, np.array(table.n), np.array(table.k)
+
+
+def _metal_form(value: Any) -> str:
+    if isinstance(value, dict):
+        return MEASURED if "wavelengths_nm" in value or "file" in value else WRITTEN_OUT
+    if isinstance(value, (MetalSpectrum, MetalTable)):
+        return MEASURED
+    return WRITTEN_OUT if isinstance(value, OpticalConstants) else "name"
+
+
+class Conductor(RoughMaterial, BumpyMaterial):
+    """A rough metal: GGX microfacets that reflect `reflectance` at every angle, or as the `metal` does."""
+
+    kind: Literal["conductor"]
+    """Kind of material."""
+
+    reflectance: Reflectance | None = None
+    """Share of light that a microfacet reflects: a colour of channels 0 to 1, or a texture."""
+
+    metal: (
+        Annotated[
+            Annotated[Metal, Tag("name")]
+            | Annotated[OpticalConstants, Tag(WRITTEN_OUT)]
+            | Annotated[MetalSpectrum, _MetalForm(), Tag(MEASURED)],
+            Discriminator(_metal_form),
+        ]
+        | None
+    ) = None
+    """What it is made of: a name, or its optical constants, in three channels or as a table."""
+
+    alternatives: ClassVar[tuple[Alternatives, ...]] = (
+        Alternatives(("reflectance", "metal"), required=True),
+        Alternatives(("alpha", "roughness"), required=True),
+    )
+
+    @model_validator(mode="after")
+    def _check_rough(self) -> Self:
+        if self.alphas is None:
+            raise refuse(
+                "must be more than 0", allowed="above 0 to 1; for a smooth surface take a mirror", path=("roughness",)
+            )
+        return self
+
+
+# Materials of a scene: matte, plastic, mirror, principled, emissive, and mixtures of them.
+
+MOST_INDEX = 1000.0  # reflects 0.996 of the light at normal incidence
+MOST_BEND = 5.0  # index of what light passes
+
+
+class Principled(AbsorbingMaterial, BumpyMaterial):
+    """A mixture of a dielectric over a diffuse or transparent base, and a metal; with sheen, a coat and emission."""
+
+    kind: Literal["principled"]
+    """Kind of material."""
+
+    base_color: Reflectance = (0.8, 0.8, 0.8)
+    """Colour of the diffuse base, of transmission, and of the metal: channels 0 to 1, or a texture."""
+
+    metallic: Share = 0.0
+    """Share of metal: a number, or a texture."""
+
+    roughness: Share = 0.5
+    """Roughness of the surface, the root of GGX's alpha: a number, or a texture."""
+
+    anisotropy: Fraction = 0.0
+    """Stretch of highlights along u; 0 is none."""
+
+    anisotropy_rotation_degrees: Turn = 0.0
+    """Turn of that direction, from u towards v."""
+
+    anisotropy_map: AnisotropyMap | None = None
+    """Direction and strength of the stretch from a picture, in place of `anisotropy`; the shape needs texture
+    coordinates."""
+
+    specular: Share = 1.0
+    """Factor on the reflectance of the dielectric: a number, or a texture."""
+
+    specular_color: Reflectance = (1.0, 1.0, 1.0)
+    """Colour of that reflectance at normal incidence, not of grazing light: channels 0 to 1, or a texture."""
+
+    index: Annotated[float, Field(ge=1, le=MOST_INDEX), NUMBER] = 1.5
+    """Refractive index of the dielectric; at most 5 beside transmission."""
+
+    transmission: Share = 0.0
+    """Share of the dielectric's base that is transparent, a solid that refracts: a number, or a texture."""
+
+    clearcoat: Share = 0.0
+    """Share of the surface under a clear coat of index 1.5: a number, or a texture."""
+
+    clearcoat_roughness: Share = 0.03
+    """Roughness of the clear coat, the root of GGX's alpha: a number, or a texture."""
+
+    clearcoat_normal_map: NormalMap | None = None
+    """Normals of the clear coat from a picture; the shape needs texture coordinates."""
+
+    clearcoat_flat: bool = Field(default=False, strict=True)
+    """Whether the clear coat lies flat over what is below, and does not follow its normals."""
+
+    sheen: Reflectance = (0.0, 0.0, 0.0)
+    """Colour of the light that fibres standing up from a cloth send back at grazing angles: channels 0 to 1, or a
+    texture."""
+
+    sheen_roughness: Fraction = 0.5
+    """Roughness of the sheen: the smaller, the nearer it keeps to grazing angles."""
+
+    emission: Emission = (0.0, 0.0, 0.0)
+    """Radiance emitted from the side of the normal [W/(m² sr) per channel]: a colour, or a texture."""
+
+    alternatives: ClassVar[tuple[Alternatives, ...]] = (ABSORPTION,)
+
+    @model_validator(mode="after")
+    def _check_maps(self) -> Self:
+        if self.anisotropy_map is not None and self.anisotropy > 0:
+            raise refuse(
+                "does not count beside anisotropy_map", got=self.anisotropy, path=("anisotropy",),
+                allowed="strength of the map",
+            )  # fmt: skip
+        if self.clearcoat_normal_map is not None and self.clearcoat_flat:
+            raise refuse(
+                "does not count beside clearcoat_normal_map", got=True, path=("clearcoat_flat",), allowed="false"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _check_bend(self) -> Self:
+        if self.transmission == 0:
+            return self
+        if self.index < 1 + LEAST_BEND:
+            raise refuse(
+                "bends light too little for transmission", got=self.index, path=("index",),
+                allowed=f"at least {1 + LEAST_BEND:g} beside transmission",
+            )  # fmt: skip
+        if self.index > MOST_BEND:
+            raise refuse(
+                "is out of range", got=self.index, path=("index",), allowed=f"at most {MOST_BEND:g} beside transmission"
+            )
+        return self
+
+    @property
+    def parameter(self) -> float:
+        """The number of its own that the kernels read: the index."""
+        return self.index
+
+
+class Matte(BumpyMaterial):
+    """A surface that scatters light evenly (Lambert)."""
+
+    kind: Literal["matte"]
+    """Kind of material."""
+
+    reflectance: Reflectance
+    """Share of light reflected: a colour of channels 0 to 1, or a texture."""
+
+
+class Mirror(CoveringMaterial):
+    """A perfectly smooth reflector."""
+
+    kind: Literal["mirror"]
+    """Kind of material."""
+
+    reflectance: Albedo = (1.0, 1.0, 1.0)
+    """Share of light reflected; a colour of channels 0 to 1."""
+
+
+class Plastic(RoughMaterial, BumpyMaterial):
+    """A matte base under a clear dielectric cover; the cover is smooth without `alpha` and `roughness`."""
+
+    kind: Literal["plastic"]
+    """Kind of material."""
+
+    reflectance: Reflectance
+    """Share of light that the base reflects: a colour of channels 0 to 1, or a texture."""
+
+    index: Annotated[float, Field(ge=1, le=5), NUMBER] = 1.5
+    """Refractive index of the cover."""
+
+    alternatives: ClassVar[tuple[Alternatives, ...]] = (ROUGHNESS,)
+
+    @property
+    def parameter(self) -> float:
+        """The number of its own that the kernels read: the index."""
+        return self.index
+
+
+class Emissive(SceneModel):
+    """A lamp: it emits from the side of the normal and reflects nothing."""
+
+    kind: Literal["emissive"]
+    """Kind of material."""
+
+    radiance: Emission
+    """Radiance emitted [W/(m² sr) per channel]: a colour or a texture."""
+
+    two_sided: bool = Field(default=False, strict=True)
+    """Whether the back emits too."""
+
+    @property
+    def parameter(self) -> float:
+        """The number of its own that the kernels read: 1 where the back emits."""
+        return float(self.two_sided)
+
+
+Leaf = Annotated[
+    Matte | Mirror | Conductor | Dielectric | Plastic | ThinGlass | Principled, Field(discriminator="kind")
+]
+
+
+class Mix(CoveringMaterial):
+    """Two materials beside each other, finer than can be seen: each vertex of a path is of one of them."""
+
+    kind: Literal["mix"]
+    """Kind of material."""
+
+    materials: Annotated[tuple[Leaf, Leaf], BeforeValidator(list_of(2, "two materials"))]
+    """The two: names of `materials`, or materials written out; not emissive, not mixed themselves."""
+
+    factor: Share = 0.5
+    """Share of the second: a number, or a texture."""
+
+    @model_validator(mode="after")
+    def _check_holes(self) -> Self:
+        for index, part in enumerate(self.materials):
+            if part.opacity != 1.0:
+                raise refuse(
+                    "does not count inside a mix", got=part.opacity, allowed="the opacity of the mix itself",
+                    path=("materials", index, "opacity"),
+                )  # fmt: skip
+        return self
+
+
+Material = Annotated[
+    Matte | Mirror | Conductor | Dielectric | Plastic | ThinGlass | Principled | Mix | Emissive,
+    Field(discriminator="kind"),
+]
+
+_GREY = Matte(kind="matte", reflectance=(0.5, 0.5, 0.5))
+
+
+def _named(name: str, materials: Mapping[str, Any], path: tuple[str | int, ...]) -> Any:
+    if name not in materials:
+        names = list(materials)
+        raise refuse(
+            f"names no material{near_name(name, names)}",
+            got=name,
+            allowed=listed(names) if names else "a material mapping, or a name once `materials` defines one",
+            path=path,
+        )
+    return materials[name]
+
+
+def with_parts(material: Any, materials: Mapping[str, Any] | None, path: tuple[str | int, ...]) -> Any:
+    """Return a material's mapping with the names in a mix replaced by what they name.
+
+    Parameters
+    ----------
+    material
+        What stands for a material, unchecked.
+    materials
+        The scene's materials; None where they have errors of their own, which are reported.
+    path
+        Keys that lead to the material, for errors.
+    """
+    if not isinstance(material, dict) or material.get("kind") != "mix":
+        return material
+    parts = material.get("materials")
+    if not isinstance(parts, (list, tuple)):
+        return material
+    found = [
+        part if not isinstance(part, str) else _GREY if materials is None
+        else _named(part, materials, (*path, "materials", index))
+        for index, part in enumerate(parts)
+    ]  # fmt: skip
+    return material | {"materials": found}
+
+
+def with_material(item: Any, index: int, materials: Mapping[str, Any] | None) -> Any:
+    """Return an object's mapping with the name of its material, or those in it, replaced by the materials."""
+    if not isinstance(item, dict) or "material" not in item:
+        return item
+    path = (index, "material")
+    name = item["material"]
+    if not isinstance(name, str):
+        return item | {"material": with_parts(name, materials, path)}
+    # Where the materials have errors, the object's other keys still count.
+    return item | {"material": _GREY if materials is None else _named(name, materials, path)}

@@ -1,0 +1,729 @@
+"""Meshes: triangles from a file, from the scene's named meshes, or written out; each is read and held once."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from numbers import Integral
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import (
+    AfterValidator,
+    Field,
+    PlainSerializer,
+    PlainValidator,
+    ValidationError,
+    WithJsonSchema,
+    model_validator,
+)
+from pydantic_core import PydanticCustomError
+
+from rptcam_cl.core.errors import InputError, MissingFileError
+from rptcam_cl.core.files import Folders
+from rptcam_cl.scene.assets.mesh import (
+    Draft,
+    FileMaterial,
+    FileTexture,
+    Find,
+    Mesh,
+    MeshContents,
+    MeshSurface,
+    NormalsMode,
+    Polygons,
+    as_triangles,
+    make_contents,
+    winding_number,
+)
+from rptcam_cl.scene.assets.pictures import has_alpha
+from rptcam_cl.scene.base import Alternatives, SceneModel, described, listed, near_name, number_at, one_pixel, refuse
+from rptcam_cl.scene.materials import (
+    LEAST_BEND,
+    MOST_BEND,
+    MOST_INDEX,
+    SMALLEST_ALPHA,
+    AnisotropyMap,
+    Attenuation,
+    Dielectric,
+    Emissive,
+    ImageTexture,
+    Material,
+    Matte,
+    Mix,
+    NormalMap,
+    Principled,
+    ThinGlass,
+)
+from rptcam_cl.scene.placement import MATERIAL_NAME, Bounds, PlacedObject
+from rptcam_cl.scene.quantities import LARGEST_COORDINATE, LARGEST_GAIN, LARGEST_RADIANCE, Colour
+
+# Mesh files by their suffix.
+
+
+def _ply(path: Path, find: Find) -> Draft:
+    from rptcam_cl.scene.assets.ply import read_ply  # no scene imports the readers of formats that it does not have
+
+    return read_ply(path)
+
+
+def _obj(path: Path, find: Find) -> Draft:
+    from rptcam_cl.scene.assets.obj import read_obj
+
+    return read_obj(path, find)
+
+
+def _gltf(path: Path, find: Find) -> Draft:
+    from rptcam_cl.scene.assets.gltf import read_gltf
+
+    return read_gltf(path, find)
+
+
+def _stl(path: Path, find: Find) -> Draft:
+    from rptcam_cl.scene.assets.ply import read_stl
+
+    return Draft([read_stl(path)])
+
+
+READERS: dict[str, Callable[[Path, Find], Draft]] = {
+    ".ply": _ply, ".obj": _obj, ".gltf": _gltf, ".glb": _gltf, ".stl": _stl,
+}  # fmt: skip
+
+
+def read_mesh_file(path: Path, find: Find) -> MeshContents:
+    """Return what a mesh file holds.
+
+    Parameters
+    ----------
+    path : Path
+        The file; its suffix gives the format.
+    find : callable
+        Returns the checked path of a further file that this one names.
+
+    Raises
+    ------
+    InputError
+        When the file does not hold what its format promises, or nothing that can be shown.
+    """
+    suffix = path.suffix.lower()
+    if suffix not in READERS:
+        raise InputError(f"{path}: is not a mesh file (got {suffix or 'no suffix'}; allowed: {', '.join(READERS)})")
+    try:
+        if not path.stat().st_size:
+            raise InputError(f"{path}: is empty")
+        with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is found by looking at the numbers
+            return make_contents(READERS[suffix](path, find), str(path))
+    except OSError as problem:
+        raise InputError(f"{path}: cannot be read ({problem.strerror or problem})") from None
+
+
+# Lists of vectors and faces written out in a scene, or given as arrays from Python.
+
+NORMALS_MODES: tuple[NormalsMode, ...] = ("auto", "smooth", "flat")
+
+
+class Vectors:
+    """Rows of numbers that do not change: `rows` is an (n, k) float64 array."""
+
+    def __init__(self, rows: NDArray[np.float64]) -> None:
+        rows.setflags(write=False)
+        self.rows = rows
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Vectors) and np.array_equal(self.rows, other.rows)
+
+    def __hash__(self) -> int:
+        return hash(self.rows.tobytes())
+
+    def plain(self) -> list[Any]:
+        """Return the rows as lists."""
+        return list(self.rows.tolist())
+
+
+class Faces:
+    """Polygons of three or more corners that do not change: `groups` holds them by their number of corners."""
+
+    def __init__(self, groups: list[Polygons]) -> None:
+        self.groups = groups
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Faces) and self.plain() == other.plain()
+
+    def __hash__(self) -> int:
+        return hash(tuple(corners.tobytes() for _, corners in self.groups))
+
+    def plain(self) -> list[Any]:
+        """Return the polygons in their order, as lists."""
+        found = [
+            (int(number), row.tolist())
+            for numbers, corners in self.groups
+            for number, row in zip(numbers, corners, strict=True)
+        ]
+        return [row for _, row in sorted(found)]
+
+
+def _vectors(size: int, value: Any) -> Vectors:
+    meaning = f"rows of {size} numbers"
+    if isinstance(value, Vectors):
+        return value
+    if isinstance(value, np.ndarray) and value.dtype.kind in "iuf" and value.ndim == 2 and value.shape[1] == size:
+        rows = value.astype(np.float64)
+    elif isinstance(value, (list, tuple)):
+        for index, row in enumerate(value):
+            if not isinstance(row, (list, tuple)) or len(row) != size:
+                raise refuse(f"must be {size} numbers", got=row, allowed=f"a list of {size} numbers", path=(index,))
+        rows = np.array(
+            [[number_at(item, (i, j)) for j, item in enumerate(row)] for i, row in enumerate(value)], np.float64
+        ).reshape(-1, size)
+    else:
+        raise refuse(f"must be {meaning}", allowed=f"a list of lists of {size} numbers")
+    beyond = ~(np.abs(rows) <= LARGEST_COORDINATE)
+    if beyond.any():
+        row, column = (int(place) for place in np.argwhere(beyond)[0])
+        got = float(rows[row, column])
+        raise refuse("is out of range", got=got, allowed=f"up to {LARGEST_COORDINATE:g} in size", path=(row, column))
+    if not len(rows):
+        raise refuse("is empty", got=[], allowed=meaning)
+    return Vectors(rows)
+
+
+def _faces(value: Any) -> Faces:
+    allowed = "a list of lists of 3 or more vertex numbers, which count from 0"
+    if isinstance(value, Faces):
+        return value
+    if isinstance(value, np.ndarray) and value.dtype.kind in "iu" and value.ndim == 2 and value.shape[1] >= 3:
+        value = value.astype(np.int64)
+        if not len(value):
+            raise refuse("is empty", got=[], allowed=allowed)
+        return Faces([Polygons(np.arange(len(value)), value)])
+    if not isinstance(value, (list, tuple)) or not value:
+        raise refuse("must be faces", allowed=allowed)
+    by_size: dict[int, tuple[list[int], list[Any]]] = {}
+    for index, row in enumerate(value):
+        if not isinstance(row, (list, tuple)) or len(row) < 3 or not all(_is_index(item) for item in row):
+            form = "3 or more vertex numbers, which count from 0"
+            raise refuse("is not a face", got=row, allowed=form, path=(index,))
+        numbers, rows = by_size.setdefault(len(row), ([], []))
+        numbers.append(index)
+        rows.append(row)
+    return Faces([Polygons(np.array(numbers), np.array(rows, np.int64)) for numbers, rows in by_size.values()])
+
+
+def _is_index(value: Any) -> bool:
+    return isinstance(value, Integral) and not isinstance(value, bool) and 0 <= int(value) < 2**31
+
+
+def _normals(value: Any) -> Vectors | str:
+    if not isinstance(value, str):
+        return _vectors(3, value)
+    if value not in NORMALS_MODES:
+        raise _unknown_mode(value)
+    return value
+
+
+def _unknown_mode(value: str) -> PydanticCustomError:
+    names = listed(NORMALS_MODES)
+    return refuse(f"is not a known choice{near_name(value, NORMALS_MODES)}", allowed=f"{names}, or a list of vectors")
+
+
+def _rows_schema(item: str, least: int, most: int | None) -> dict[str, Any]:
+    row: dict[str, Any] = {"type": "array", "items": {"type": item}, "minItems": least}
+    if most is not None:
+        row["maxItems"] = most
+    return {"type": "array", "minItems": 1, "items": row}
+
+
+_PLAIN = PlainSerializer(lambda value: value if value is None or isinstance(value, str) else value.plain())
+_POINTS_SCHEMA = _rows_schema("number", 3, 3)
+
+Points = Annotated[Vectors, PlainValidator(lambda value: _vectors(3, value)), _PLAIN, WithJsonSchema(_POINTS_SCHEMA)]
+Pairs = Annotated[
+    Vectors, PlainValidator(lambda value: _vectors(2, value)), _PLAIN, WithJsonSchema(_rows_schema("number", 2, 2))
+]
+FaceRows = Annotated[Faces, PlainValidator(_faces), _PLAIN, WithJsonSchema(_rows_schema("integer", 3, None))]
+Normals = Annotated[
+    Vectors | NormalsMode,
+    PlainValidator(_normals),
+    _PLAIN,
+    WithJsonSchema({"anyOf": [{"enum": list(NORMALS_MODES)}, _POINTS_SCHEMA]}),
+]
+
+
+# Materials of mesh files as materials of the scene.
+
+# Below this a number is 0; what float32 cannot hold the scene refuses.
+SMALLEST = 1e-30
+ALONG_U = FileTexture(one_pixel(255, 128, 255), "brushed along u")
+
+
+def material_of(given: FileMaterial, folders: Folders, absent: list[str] | None = None) -> Material:
+    """Return the material that shows what a file says about a surface.
+
+    Parameters
+    ----------
+    absent
+        Takes what there is to say of missing pictures, which grey stands for then.
+
+    Raises
+    ------
+    InputError
+        When a picture is missing, or lies where the scene may not read.
+    """
+    try:
+        return _Translation(given, folders, absent).material()
+    except ValidationError as problem:
+        reason = problem.errors(include_url=False)[0]
+        raise InputError(
+            f"material {given.name!r} cannot be shown: {'.'.join(map(str, reason['loc']))} {reason['msg']}"
+        ) from None
+
+
+class _Translation:
+    """What a file says about a surface, on the way to a material of the scene."""
+
+    def __init__(self, given: FileMaterial, folders: Folders, absent: list[str] | None) -> None:
+        self._absent = absent
+        self._given = given
+        self._folders = folders
+        self._cover = self._covering()
+        self._normals: dict[str, Any] = {"normal_map": self._normal_map(given.normals, given.normals_strength)}
+
+    def material(self) -> Material:
+        """Return the material."""
+        given = self._given
+        emits = max(given.emission) > 0
+        black = max(given.base_color) == 0 and given.metallic == 0
+        if emits and black and given.matte and given.emission_texture is None:
+            radiance = _within(given.emission, LARGEST_RADIANCE)
+            return Emissive(kind="emissive", radiance=radiance, two_sided=given.both_sides)
+        if given.matte and not emits:
+            return Matte(kind="matte", reflectance=self._base(), **self._normals, **self._cover)
+        if given.transmission == 0 or given.solid:
+            return self._solid()
+        return self._pane()
+
+    def _solid(self) -> Dielectric | Principled:
+        given = self._given
+        pictures = given.base_texture or given.transmission_texture
+        clear = given.transmission == 1 and min(given.base_color) == 1 and pictures is None
+        plain = given.roughness == given.metallic == given.clearcoat == max(*given.emission, *given.sheen) == 0
+        if clear and plain:
+            return Dielectric(
+                kind="dielectric",
+                index=_clipped(given.index, 0.2, 5),
+                **self._absorption(),
+                **self._normals,
+                **self._cover,
+            )
+        return self._principled(given.transmission, self._cover)
+
+    def _pane(self) -> Material:
+        """Return a pane without thickness, beside what is not transparent."""
+        given = self._given
+        glass = {"index": _clipped(given.index, 0.2, 5), "transmittance": _within(given.base_color, 1.0)}
+        share = self._share(given.transmission * (1 - given.metallic), given.transmission_texture, "r")
+        if share == 1:
+            return ThinGlass(kind="thin_glass", **glass, **self._cover)
+        parts = (self._principled(0.0, {}), ThinGlass(kind="thin_glass", **glass))
+        return Mix(kind="mix", materials=parts, factor=share, **self._cover)
+
+    def _principled(self, transmission: float, cover: dict[str, Any]) -> Principled:
+        given = self._given
+        gloss: dict[str, Any] = {"specular": 0.0, "roughness": 1.0} if given.matte else {
+            "specular": self._specular(),
+            "metallic": self._share(given.metallic, given.metallic_texture, "b"),
+            "roughness": self._share(given.roughness, given.roughness_texture, "g"),
+            "anisotropy_rotation_degrees": given.anisotropy_rotation_degrees,
+            "clearcoat": self._share(given.clearcoat, given.clearcoat_texture, "r"),
+            "clearcoat_roughness": self._share(given.clearcoat_roughness, given.clearcoat_roughness_texture, "g"),
+            "sheen": self._colour(given.sheen, given.sheen_texture),
+            "sheen_roughness": given.sheen_roughness,
+            **self._stretch(),
+            **self._coat_normals(),
+        }  # fmt: skip
+        return Principled(
+            kind="principled",
+            base_color=self._base(),
+            **self._reflectance(transmission),
+            transmission=self._share(transmission, given.transmission_texture, "r"),
+            emission=self._emission(),
+            **gloss,
+            **(self._absorption() if transmission else {}),
+            **self._normals,
+            **cover,
+        )
+
+    def _coat_normals(self) -> dict[str, Any]:
+        given = self._given
+        if given.clearcoat == 0:
+            return {}
+        if given.clearcoat_normals is None:
+            return {"clearcoat_flat": given.clearcoat_flat and given.normals is not None}
+        return {"clearcoat_normal_map": self._normal_map(given.clearcoat_normals, given.clearcoat_normals_strength)}
+
+    def _specular(self) -> float | ImageTexture:
+        file_texture = self._given.specular_texture
+        painted = file_texture is not None and has_alpha(self._source(file_texture))
+        return self._share(self._given.specular, file_texture if painted else None, "a")
+
+    def _reflectance(self, transmission: float) -> dict[str, Any]:
+        """Return index and colour of the reflectance head on; the index takes what of the colour exceeds 1."""
+        given = self._given
+        low, high = (1 + LEAST_BEND, MOST_BEND) if transmission else (1.0, MOST_INDEX)
+        index = _clipped(given.index, low, high)
+        color, normal = given.specular_color, _at_normal(index)
+        if not transmission and max(color) > 1 and normal > 0:
+            color = _within(color, _at_normal(MOST_INDEX) / normal)
+            root = math.sqrt(max(color) * normal)
+            index = (1 + root) / (1 - root)
+            color = _scaled(color, 1 / max(color))
+        return {"index": index, "specular_color": self._colour(color, given.specular_color_texture)}
+
+    def _stretch(self) -> dict[str, Any]:
+        """Return what stretches highlights as KHR_materials_anisotropy says: numbers, or a picture where one varies."""
+        given = self._given
+        strength = _clipped(given.anisotropy, 0.0, 1.0)
+        if strength == 0:
+            return {}
+        if given.anisotropy_texture is None and given.roughness_texture is None:
+            return _stretched(given.roughness, strength)
+        directions = given.anisotropy_texture or ALONG_U
+        found = AnisotropyMap(**self._laid(directions), strength=strength)
+        self._fill(found, directions)
+        return {"anisotropy_map": found}
+
+    def _base(self) -> Colour | ImageTexture:
+        return self._colour(self._given.base_color, self._given.base_texture)
+
+    def _colour(self, factor: Colour, file_texture: FileTexture | None) -> Colour | ImageTexture:
+        factor = _within(factor, 1.0)
+        return factor if file_texture is None or max(factor) == 0 else self._texture(file_texture, gain=factor)
+
+    def _emission(self) -> Colour | ImageTexture:
+        given = self._given
+        if given.emission_texture is None or max(given.emission) == 0:
+            return _within(given.emission, LARGEST_RADIANCE)
+        return self._texture(given.emission_texture, gain=_within(given.emission, LARGEST_GAIN))
+
+    def _share(self, factor: float, file_texture: FileTexture | None, channel: str) -> float | ImageTexture:
+        factor = _clipped(factor, 0.0, 1.0)
+        if file_texture is None or factor == 0:
+            return factor
+        return self._texture(file_texture, gain=factor, channel=channel)
+
+    def _absorption(self) -> dict[str, Any]:
+        if self._given.attenuation is None:
+            return {}
+        colour, distance = self._given.attenuation
+        left = Attenuation(color=_within(colour, 1.0), distance_m=_clipped(distance, 1e-9, 1e9))
+        return {"attenuation": left}
+
+    def _covering(self) -> dict[str, Any]:
+        given = self._given
+        mask: dict[str, Any] = {}
+        if given.opacity_cutoff is not None:
+            mask = {"opacity_mode": "mask", "opacity_cutoff": _clipped(given.opacity_cutoff, 0.0, 1.0)}
+        file_texture = given.opacity_texture
+        if file_texture is None:
+            return {"opacity": _clipped(given.opacity, 0.0, 1.0), **mask}
+        transparent = has_alpha(self._source(file_texture))
+        if not transparent and file_texture == given.base_texture:
+            return {"opacity": _clipped(given.opacity, 0.0, 1.0), **mask}
+        return {"opacity": self._share(given.opacity, file_texture, "a" if transparent else "r"), **mask}
+
+    def _normal_map(self, normals: FileTexture | None, strength: float) -> NormalMap | None:
+        if normals is None:
+            return None
+        found = NormalMap(**self._laid(normals), strength=_clipped(strength, 0.0, 10.0))
+        self._fill(found, normals)
+        return found
+
+    def _source(self, file_texture: FileTexture) -> Path | bytes:
+        if isinstance(file_texture.source, bytes):
+            return file_texture.source
+        try:
+            return self._folders.find(str(file_texture.source))
+        except InputError as problem:
+            message = f"material {self._given.name!r}: {file_texture.name}: {problem}"
+            if self._absent is None or not isinstance(problem, MissingFileError):
+                raise type(problem)(message) from None
+        if message not in self._absent:
+            self._absent.append(message)
+        return b""
+
+    def _texture(self, file_texture: FileTexture, **keys: Any) -> ImageTexture:
+        found = ImageTexture(kind="image", **self._laid(file_texture), **keys)
+        self._fill(found, file_texture)
+        return found
+
+    def _laid(self, file_texture: FileTexture) -> dict[str, Any]:
+        """Return the keys of a texture that say which picture it is and how it lies."""
+        source = self._source(file_texture)
+        return {
+            "file": file_texture.name if isinstance(source, bytes) else str(source),
+            "scale": file_texture.scale,
+            "offset": file_texture.offset,
+            "rotation_degrees": file_texture.rotation_degrees,
+            "wrap": file_texture.wrap,
+            "filter": "nearest" if file_texture.nearest else "bilinear",
+        }
+
+    def _fill(self, texture: ImageTexture, file_texture: FileTexture) -> None:
+        """Give a texture its content, and errors about it their place."""
+        texture.locate(f"material {self._given.name!r}: {file_texture.name}: ")
+        if isinstance(source := self._source(file_texture), bytes) and (content := source or texture.stand_in):
+            texture.hold(content)
+
+
+def _stretched(roughness: float, strength: float) -> dict[str, float]:
+    """Return roughness and anisotropy of ours that have both alphas of KHR_materials_anisotropy.
+
+    Those are alpha across, and alpha + (1 - alpha) strength² along; ours are the mean alpha divided and multiplied by
+    the root of their ratio, which is 1 - 0.9 anisotropy and so 0.1 or more.
+    """
+    across = max(roughness**2, SMALLEST_ALPHA)
+    along = across + (1 - across) * strength**2
+    return {"roughness": (across * along) ** 0.25, "anisotropy": min(1.0, (1 - across / along) / 0.9)}
+
+
+def _clipped(value: float, low: float, high: float) -> float:
+    clipped = min(high, max(low, value))
+    return clipped if abs(clipped) > SMALLEST else 0.0
+
+
+def _at_normal(index: float) -> float:
+    """Return what a dielectric reflects at normal incidence."""
+    return ((index - 1) / (index + 1)) ** 2
+
+
+def _scaled(colour: Colour, factor: float) -> Colour:
+    red, green, blue = (value * factor for value in colour)
+    return (red, green, blue)
+
+
+def _within(colour: Colour, high: float) -> Colour:
+    red, green, blue = (_clipped(value, 0.0, high) for value in colour)
+    return (red, green, blue)
+
+
+class MeshLibrary:
+    """Reads the meshes that objects name.
+
+    Parameters
+    ----------
+    folders : Folders
+        Where files may lie.
+    named : mapping of str to NamedMesh
+        The scene's `meshes`.
+    absent : list of str, optional
+        Takes what there is to say of missing pictures, which grey stands for then; without it they are errors.
+    """
+
+    def __init__(self, folders: Folders, named: Mapping[str, NamedMesh], absent: list[str] | None = None) -> None:
+        self._absent = absent
+        self._folders = folders
+        self._named = named
+        self._known: dict[tuple[Path | _Same, NormalsMode], MeshContents] = {}
+        self._meshes: dict[str, Mesh] = {}
+        self._materials: dict[FileMaterial, Material] = {}
+        self._loaded: dict[_Same, LoadedMesh] = {}
+
+    def begun_anew(self, objects: Iterable[object], absent: list[str]) -> MeshLibrary:
+        """Return a library that has of this one what it loaded for some objects, and reads files again for others."""
+        library = MeshLibrary(self._folders, self._named, absent)
+        wanted = {_Same(item) for item in objects if isinstance(item, MeshObject)}
+        library._loaded |= {key: mesh for key, mesh in self._loaded.items() if key in wanted}
+        return library
+
+    def load(self, item: MeshObject) -> LoadedMesh:
+        """Return the parts and materials of an object; they are found once.
+
+        Raises
+        ------
+        InputError
+            When its triangles cannot be used, or it has no material.
+        """
+        key = _Same(item)
+        if key not in self._loaded:
+            source: MeshSource = item if item.mesh is None else self._named[item.mesh]
+            contents = self._contents(source, item.normals_mode)
+            self._loaded[key] = LoadedMesh(item, contents, self._shown(item, contents))
+        return self._loaded[key]
+
+    def _contents(self, source: MeshSource, mode: NormalsMode) -> MeshContents:
+        path = self._folders.find(source.file) if source.file is not None else None
+        key = path or _Same(source)
+        if (key, "auto") not in self._known:
+            plain = _written_out(source) if path is None else read_mesh_file(path, self._folders.find_beside(path))
+            self._known[key, "auto"] = plain.sharing(self._meshes)
+        if (key, mode) not in self._known:
+            self._known[key, mode] = self._known[key, "auto"].with_normals(mode).sharing(self._meshes)
+        return self._known[key, mode]
+
+    def _shown(self, item: MeshObject, contents: MeshContents) -> tuple[Material, ...]:
+        """Return the material of each part: the object's, or those of the file."""
+        if item.material is not None:
+            return (item.material,) * len(contents.parts)
+        given = [part.material for part in contents.parts if part.material is not None]
+        if len(given) < len(contents.parts):
+            why = "; ".join((f"{item.file or 'a mesh that is written out or named'} has none", *contents.notes))
+            raise InputError(f"needs the key material: {why} (allowed: a material mapping, or the name of one)")
+        for material in given:
+            if material not in self._materials:
+                self._materials[material] = material_of(material, self._folders, self._absent)
+        return tuple(self._materials[material] for material in given)
+
+
+class _Same:
+    """Stands for one instance of a model, which would otherwise count as equal to others."""
+
+    def __init__(self, source: MeshSource) -> None:
+        self._source = source
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Same) and other._source is self._source
+
+    def __hash__(self) -> int:
+        return id(self._source)
+
+
+def _written_out(source: MeshSource) -> MeshContents:
+    assert source.vertices is not None and source.faces is not None
+    positions = source.vertices.rows
+    normals = source.given_normals()
+    surface = MeshSurface(
+        positions,
+        as_triangles(positions, source.faces.groups, "the mesh: face"),
+        None if normals is None else normals.rows,
+        None if source.uvs is None else source.uvs.rows,
+    )
+    return make_contents(Draft([surface]), "the mesh")
+
+
+def _printable(value: str) -> str:
+    if not value.strip() or not value.isprintable():
+        raise refuse("is not a path", allowed="the path of a file in the scene's folder")
+    return value
+
+
+FilePath = Annotated[str, Field(max_length=1000), AfterValidator(_printable)]
+
+
+class MeshSource(SceneModel):
+    """Where triangles come from."""
+
+    file: FilePath | None = None
+    """Mesh file in the scene's folder: .ply, .obj, .stl, .gltf or .glb."""
+
+    vertices: Points | None = None
+    """Vertices [scene units], a list of [x, y, z]."""
+
+    faces: FaceRows | None = None
+    """Polygons as lists of 3 or more vertices, which count from 0, counter-clockwise seen from the front."""
+
+    uvs: Pairs | None = None
+    """Texture coordinates of the vertices, a list of [u, v]."""
+
+    def given_normals(self) -> Vectors | None:
+        """Return the normals that are written out."""
+        raise NotImplementedError
+
+    @model_validator(mode="after")
+    def _check_lists(self) -> Self:
+        if self.vertices is not None and self.faces is None:
+            raise refuse("is required beside vertices", got=None, allowed="a list of faces", path=("faces",))
+        normals = self.given_normals()
+        for key, rows in (("faces", self.faces), ("uvs", self.uvs), ("normals", normals)):
+            if rows is None:
+                continue
+            if self.vertices is None:
+                raise refuse("belongs to vertices, which are not given", got="a list", path=(key,))
+            if isinstance(rows, Vectors) and len(rows) != len(self.vertices):
+                allowed = f"one for each of the {len(self.vertices)} vertices"
+                raise refuse("is not one for each vertex", got=len(rows), allowed=allowed, path=(key,))
+        return self
+
+
+class NamedMesh(MeshSource):
+    """A mesh that objects use by its name."""
+
+    alternatives: ClassVar[tuple[Alternatives, ...]] = (Alternatives(("file", "vertices"), required=True),)
+
+    normals: Points | None = None
+    """Normals of the vertices, a list of vectors of any length."""
+
+    def given_normals(self) -> Vectors | None:
+        """Return the normals that are written out."""
+        return self.normals
+
+
+class MeshObject(MeshSource, PlacedObject):
+    """A mesh of triangles; u and v are the file's, v = 0 at the lower edge of a picture."""
+
+    alternatives: ClassVar[tuple[Alternatives, ...]] = (Alternatives(("file", "mesh", "vertices"), required=True),)
+
+    shape: Literal["mesh"]
+    """Kind of shape."""
+
+    mesh: Annotated[str, Field(max_length=200)] | None = None
+    """Name of one of `meshes`."""
+
+    normals: Normals = "auto"
+    """`auto` takes the normals of the file and is flat without them, `smooth` makes them, `flat` leaves them out;
+    beside `vertices` also a list of vectors."""
+
+    material: Annotated[Material, MATERIAL_NAME] | None = None
+    """Name of one of `materials`, or a material written out; without it, the materials of the file."""
+
+    def given_normals(self) -> Vectors | None:
+        """Return the normals that are written out."""
+        return self.normals if isinstance(self.normals, Vectors) else None
+
+    @property
+    def normals_mode(self) -> NormalsMode:
+        """Return how normals are made."""
+        return "auto" if isinstance(self.normals, Vectors) else self.normals
+
+
+class LoadedMesh(NamedTuple):
+    """What was found for a mesh object or a board: its parts, and the material of each."""
+
+    item: PlacedObject
+    contents: MeshContents
+    materials: tuple[Material, ...]
+
+    def shown_materials(self) -> tuple[Material, ...]:
+        """Return the materials of the parts."""
+        return tuple({id(material): material for material in self.materials}.values())
+
+    def bounds(self) -> Bounds:
+        """Return the lowest and highest corner of all parts."""
+        corners = np.concatenate([part.corners() for part in self.contents.parts])
+        return corners.min(axis=0), corners.max(axis=0)
+
+    def contains(self, point: NDArray[np.float64]) -> bool:
+        """Return whether a point of the object's frame is inside, seen as a solid whose front faces outwards."""
+        lower, upper = self.bounds()
+        if not (np.all(point > lower) and np.all(point < upper)):
+            return False
+        turns = 0.0
+        for part in self.contents.parts:
+            local = np.linalg.solve(part.placement, (*point, 1.0))[:3] - part.mesh.origin
+            turns += winding_number(part.mesh.positions, part.mesh.faces, local)
+        return turns > 0.5
+
+    def described(self, folders: Folders) -> dict[str, Any]:
+        """Return the parts as plain data: the content of their meshes, their placements and materials of the file."""
+        parts = [
+            {
+                "mesh": part.mesh.content_hash,
+                "placement": part.placement.tolist(),
+                "material": described(material, folders) if getattr(self.item, "material", None) is None else None,
+            }
+            for part, material in zip(self.contents.parts, self.materials, strict=True)
+        ]
+        return {"parts": parts}

@@ -1,0 +1,401 @@
+"""Where objects are: steps that place them, keyframes, and what all objects have in common."""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from collections.abc import Sequence
+from functools import cached_property
+from itertools import pairwise
+from typing import Annotated, Any, ClassVar, Protocol, Self, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema, model_validator
+
+from rptcam_cl.scene.base import AlsoAccepts, AlsoAcceptsItem, Alternatives, SceneModel, refuse
+from rptcam_cl.scene.materials import Material
+from rptcam_cl.scene.quantities import LARGEST_COORDINATE, NUMBER, Coordinate, Direction, Moment, Position, list_of
+
+# Transforms: steps that place an object in the world.
+
+# Ratio of the smallest to the largest stretch that float32 inverts with some accuracy left.
+SMALLEST_STRETCH_RATIO = 1e-6
+
+Matrix = NDArray[np.float64]
+Row = Annotated[
+    tuple[Coordinate, Coordinate, Coordinate, Coordinate], BeforeValidator(list_of(4, "a row of 4 numbers"))
+]
+
+MATRIX_SCHEMA = WithJsonSchema(
+    {
+        "type": "array",
+        "minItems": 3,
+        "maxItems": 4,
+        "items": {"type": "array", "minItems": 4, "maxItems": 4, "items": {"type": "number"}},
+    }
+)
+
+
+def _three_factors(value: Any) -> Any:
+    """Return one factor as three equal ones."""
+    if isinstance(value, (list, tuple, np.ndarray)):
+        return value
+    return [value, value, value]
+
+
+def _four_rows(value: Any) -> Any:
+    """Return the rows of a 3x4 matrix with the last row of a 4x4 one."""
+    rows = value.tolist() if isinstance(value, np.ndarray) else value
+    if not isinstance(rows, (list, tuple)) or len(rows) not in (3, 4):
+        raise refuse("must be 3 or 4 rows", allowed="a list of 3 or 4 rows of 4 numbers")
+    return rows if len(rows) == 4 else [*rows, (0, 0, 0, 1)]
+
+
+class Rotation(SceneModel):
+    """A turn about an axis through the origin."""
+
+    axis: Direction
+    """Direction of the axis; any length."""
+
+    degrees: Annotated[float, Field(ge=-1e6, le=1e6), NUMBER]
+    """Angle [degrees], counter-clockwise when the axis points at the viewer."""
+
+    def matrix(self) -> Matrix:
+        """Return the 3x3 matrix."""
+        return turn_about(np.divide(self.axis, np.linalg.norm(self.axis)), self.degrees)
+
+
+def turn_about(axis: NDArray[np.float64], degrees: float) -> Matrix:
+    """Return the 3x3 matrix of a turn about a unit axis (Rodrigues)."""
+    angle = math.radians(degrees)
+    cross = np.cross(np.eye(3), axis)
+    aligned = np.outer(axis, axis)
+    return np.asarray(aligned + math.cos(angle) * (np.eye(3) - aligned) + math.sin(angle) * cross)
+
+
+class TransformStep(SceneModel):
+    """One step of a transform: exactly one of the four keys."""
+
+    alternatives: ClassVar[tuple[Alternatives, ...]] = (
+        Alternatives(("scale", "rotate", "translate", "matrix"), required=True),
+    )
+
+    scale: Annotated[Position, BeforeValidator(_three_factors), AlsoAccepts({"type": "number"})] | None = None
+    """Factor along all axes, or [x, y, z] factors; negative ones reflect, none is zero."""
+
+    rotate: Rotation | None = None
+    """Turn about an axis through the origin."""
+
+    translate: Position | None = None
+    """Shift [scene units]."""
+
+    matrix: Annotated[tuple[Row, Row, Row, Row], BeforeValidator(_four_rows), MATRIX_SCHEMA] | None = None
+    """Rows of an affine matrix, 3x4, or 4x4 with the last row [0, 0, 0, 1]."""
+
+    @model_validator(mode="after")
+    def _check_invertible(self) -> Self:
+        if self.matrix is not None and self.matrix[3] != (0, 0, 0, 1):
+            last = list(self.matrix[3])
+            raise refuse("is not affine", got=last, allowed="[0, 0, 0, 1]", path=("matrix", 3))
+        key = "matrix" if self.matrix is not None else "scale"
+        check_invertible(self.as_matrix(), path=(key,))
+        return self
+
+    def as_matrix(self) -> Matrix:
+        """Return the step as a 4x4 matrix."""
+        result = np.eye(4)
+        if self.scale is not None:
+            result[:3, :3] = np.diag(self.scale)
+        elif self.rotate is not None:
+            result[:3, :3] = self.rotate.matrix()
+        elif self.translate is not None:
+            result[:3, 3] = self.translate
+        elif self.matrix is not None:
+            result[:] = self.matrix
+        return result
+
+
+def check_invertible(matrix: Matrix, path: tuple[str | int, ...] = ()) -> None:
+    """Refuse a 4x4 matrix that flattens space, or overflows when its coordinates are squared in float32."""
+    stretches = np.linalg.svd(matrix[:3, :3], compute_uv=False)
+    if not stretches[-1] > SMALLEST_STRETCH_RATIO * stretches[0]:
+        raise refuse(
+            "cannot be inverted: it flattens space",
+            allowed=f"stretches whose ratio is at least {SMALLEST_STRETCH_RATIO:g}",
+            path=path,
+        )
+    if np.abs(matrix).max() > LARGEST_COORDINATE or stretches[-1] < 1 / LARGEST_COORDINATE:
+        raise refuse(
+            "stretches or shifts too far for float32",
+            allowed=f"factors of {1 / LARGEST_COORDINATE:g} to {LARGEST_COORDINATE:g}",
+            path=path,
+        )
+
+
+def _as_steps(value: Any) -> Any:
+    """Return a single step as a list of one."""
+    return [value] if isinstance(value, (dict, TransformStep)) else value
+
+
+def _check_product(steps: tuple[TransformStep, ...]) -> tuple[TransformStep, ...]:
+    check_invertible(product(steps))
+    return steps
+
+
+def product(steps: tuple[TransformStep, ...]) -> Matrix:
+    """Return the 4x4 matrix that applies the steps in their order."""
+    result = np.eye(4)
+    for step in steps:
+        result = step.as_matrix() @ result
+    return result
+
+
+Transform = Annotated[
+    tuple[TransformStep, ...],
+    Field(max_length=100),
+    BeforeValidator(_as_steps),
+    AfterValidator(_check_product),
+    AlsoAcceptsItem(),
+]
+
+
+# Keyframes of cameras and objects, and where they are between two of them.
+
+Vector = NDArray[np.float64]
+
+# Sine of the angle below which two axes count as one: beyond rounding, below what anybody writes.
+SAME_AXIS = 1e-9
+
+MOST_KEYFRAMES = 100_000
+
+
+class Keyframe(SceneModel):
+    """A moment."""
+
+    time_s: Moment
+    """When [s]: a number, or a fraction such as 1/125; `shutter.open_s` counts from the same moment."""
+
+
+class CameraKeyframe(Keyframe):
+    """Where a camera is at a moment; keys left out are those of the camera."""
+
+    eye: Position | None = None
+    """Where the camera stands [scene units]."""
+
+    target: Position | None = None
+    """A point that the camera looks at [scene units]."""
+
+    up: Direction | None = None
+    """Direction that appears upwards."""
+
+
+class ObjectKeyframe(Keyframe):
+    """Where an object is at a moment: first turned about the origin, then shifted."""
+
+    rotate: Rotation | None = None
+    """Turn about an axis through the origin; none by default."""
+
+    translate: Position = (0.0, 0.0, 0.0)
+    """Shift [scene units]."""
+
+
+_K = TypeVar("_K", bound=Keyframe)
+
+
+def in_order(frames: tuple[_K, ...]) -> tuple[_K, ...]:
+    """Return keyframes; refuse those whose times do not rise."""
+    for index in range(1, len(frames)):
+        if not frames[index].time_s > frames[index - 1].time_s:
+            raise refuse(
+                "does not come after the keyframe before it",
+                got=frames[index].time_s,
+                allowed=f"a time after {frames[index - 1].time_s:g}",
+                path=(index, "time_s"),
+            )
+    return frames
+
+
+CameraMotion = Annotated[tuple[CameraKeyframe, ...], Field(max_length=MOST_KEYFRAMES), AfterValidator(in_order)]
+ObjectMotion = Annotated[tuple[ObjectKeyframe, ...], Field(max_length=MOST_KEYFRAMES), AfterValidator(in_order)]
+
+
+def place_between(frames: Sequence[Keyframe], time_s: float) -> tuple[int, float]:
+    """Return the keyframe that a moment follows, and how far it is on the way to the next; the ends hold."""
+    index = bisect_right(frames, time_s, key=lambda frame: frame.time_s) - 1
+    if index < 0:
+        return 0, 0.0
+    if index == len(frames) - 1:
+        return index, 0.0
+    begin, end = frames[index].time_s, frames[index + 1].time_s
+    return index, (time_s - begin) / (end - begin)
+
+
+def moments(frames: Sequence[Keyframe], begin_s: float, end_s: float) -> list[float]:
+    """Return the moments between which motion is uniform: begin, the keyframes in between, and end."""
+    return [begin_s, *(frame.time_s for frame in frames if begin_s < frame.time_s < end_s), end_s]
+
+
+class Trajectory:
+    """The way of an object through its keyframes.
+
+    Between two keyframes it goes straight and turns uniformly: about the axis where both have the same, by whole turns
+    if the angles say so; otherwise the shortest way.
+    """
+
+    def __init__(self, frames: Sequence[ObjectKeyframe]) -> None:
+        self.frames = frames
+
+    def at(self, time_s: float) -> Matrix:
+        """Return the 4x4 matrix that takes the object from where its transform leaves it to its place at a moment."""
+        index, share = place_between(self.frames, time_s)
+        matrix, frame = np.eye(4), self.frames[index]
+        matrix[:3, 3] = frame.translate
+        if frame.rotate is not None:
+            matrix[:3, :3] = frame.rotate.matrix()
+        if share > 0:
+            following = self.frames[index + 1]
+            matrix[:3, 3] += share * np.subtract(following.translate, frame.translate)
+            axis, degrees = turn_between(frame.rotate, following.rotate)
+            matrix[:3, :3] = turn_about(axis, share * degrees) @ matrix[:3, :3]
+        return matrix
+
+    def moves(self, begin_s: float, end_s: float) -> bool:
+        """Return whether it is not the same all the time between two moments."""
+        times = moments(self.frames, begin_s, end_s)
+        return any(
+            self.turn(a, b)[1] != 0 or not np.array_equal(self.at(a)[:3, 3], self.at(b)[:3, 3])
+            for a, b in pairwise(times)
+        )
+
+    def turn(self, begin_s: float, end_s: float) -> tuple[Vector, float]:
+        """Return axis and angle [turns] of the turn between two moments without a keyframe in between."""
+        index, _ = place_between(self.frames, (begin_s + end_s) / 2)
+        if index == len(self.frames) - 1 or begin_s < self.frames[0].time_s or end_s <= begin_s:
+            return np.array([0.0, 0.0, 1.0]), 0.0
+        first, second = self.frames[index : index + 2]
+        axis, degrees = turn_between(first.rotate, second.rotate)
+        return axis, degrees / 360 * (end_s - begin_s) / (second.time_s - first.time_s)
+
+
+def turn_between(first: Rotation | None, second: Rotation | None) -> tuple[Vector, float]:
+    """Return axis and angle [degrees] of the turn that leads from one rotation to another."""
+    a, b = _axis(first), _axis(second)
+    if a is not None and b is not None and np.linalg.norm(np.cross(a, b)) > SAME_AXIS:
+        return _shortest(_matrix(second) @ _matrix(first).T)
+    axis = a if a is not None else b
+    if axis is None:
+        return np.array([0.0, 0.0, 1.0]), 0.0
+    opposite = a is not None and b is not None and a @ b < 0
+    return axis, (-1 if opposite else 1) * _degrees(second) - _degrees(first)
+
+
+def _degrees(rotation: Rotation | None) -> float:
+    return 0.0 if rotation is None else rotation.degrees
+
+
+def _matrix(rotation: Rotation | None) -> Matrix:
+    return np.eye(3) if rotation is None else rotation.matrix()
+
+
+def _axis(rotation: Rotation | None) -> Vector | None:
+    """Return the unit axis, None where nothing is turned, so that any axis will do."""
+    if rotation is None or rotation.degrees == 0:
+        return None
+    return np.asarray(np.divide(rotation.axis, np.linalg.norm(rotation.axis)))
+
+
+def _shortest(matrix: Matrix) -> tuple[Vector, float]:
+    """Return axis and angle [degrees], at most 180, of a 3x3 rotation."""
+    quaternion = quaternion_of(matrix)
+    sine = float(np.linalg.norm(quaternion[:3]))
+    if sine == 0:
+        return np.array([0.0, 0.0, 1.0]), 0.0
+    return quaternion[:3] / sine, math.degrees(2 * math.atan2(sine, quaternion[3]))
+
+
+def quaternion_of(matrix: Matrix) -> Vector:
+    """Return x, y, z and w >= 0 of a 3x3 rotation (the eigenvector of Bar-Itzhack 2000: accurate for every angle)."""
+    m = matrix
+    k = np.array(
+        [
+            [m[0, 0] - m[1, 1] - m[2, 2], m[1, 0] + m[0, 1], m[2, 0] + m[0, 2], m[2, 1] - m[1, 2]],
+            [m[1, 0] + m[0, 1], m[1, 1] - m[0, 0] - m[2, 2], m[2, 1] + m[1, 2], m[0, 2] - m[2, 0]],
+            [m[2, 0] + m[0, 2], m[2, 1] + m[1, 2], m[2, 2] - m[0, 0] - m[1, 1], m[1, 0] - m[0, 1]],
+            [m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1], m[0, 0] + m[1, 1] + m[2, 2]],
+        ]
+    )
+    quaternion = np.linalg.eigh(k)[1][:, -1]
+    return np.asarray(quaternion * math.copysign(1.0, quaternion[3]))
+
+
+# What the objects of a scene have in common.
+
+Bounds = tuple[NDArray[np.float64], NDArray[np.float64]]
+
+MATERIAL_NAME = AlsoAccepts({"type": "string", "description": "Name of one of `materials`."})
+
+
+class PlacedObject(SceneModel):
+    """What every object has."""
+
+    name: Annotated[str, Field(max_length=200)] | None = None
+    """Name of the object, for the reader."""
+
+    label: Annotated[str, Field(min_length=1, max_length=200)] | None = None
+    """Class of the object, as chair: of semantic masks and annotations."""
+
+    transform: Transform = ()
+    """One step or a list of steps, applied in their order to the shape as described by its own keys."""
+
+    motion: ObjectMotion = ()
+    """Where it is over time, after its transform; without keyframes it stands still."""
+
+    @cached_property
+    def world_from_object(self) -> NDArray[np.float64]:
+        """Return the 4x4 matrix of the transform (read-only); its determinant is negative when it reflects."""
+        matrix = product(self.transform)
+        matrix.setflags(write=False)
+        return matrix
+
+    @property
+    def trajectory(self) -> Trajectory | None:
+        """Return its way through the keyframes, None where it has none."""
+        return Trajectory(self.motion) if self.motion else None
+
+    def placed_at(self, time_s: float) -> NDArray[np.float64]:
+        """Return the 4x4 matrix that places the object in the world at a moment: its transform, then its motion."""
+        matrix = self.world_from_object
+        return matrix if self.trajectory is None else self.trajectory.at(time_s) @ matrix
+
+
+class Solid(Protocol):
+    """What is known of an object once its files are read."""
+
+    def shown_materials(self) -> tuple[Material, ...]:
+        """Return the materials that the object shows."""
+
+    def bounds(self) -> Bounds:
+        """Return the lowest and highest corner of the shape before its transform [scene units]."""
+
+    def contains(self, point: NDArray[np.float64]) -> bool:
+        """Return whether a point, in the frame before the transform, lies inside the solid."""
+
+
+class SceneObject(PlacedObject):
+    """An object that has one material, and a shape of a few numbers."""
+
+    material: Annotated[Material, MATERIAL_NAME]
+    """Name of one of `materials`, or a material written out as a mapping."""
+
+    def shown_materials(self) -> tuple[Material, ...]:
+        """Return the object's material."""
+        return (self.material,)
+
+    def bounds(self) -> Bounds:
+        """Return the lowest and highest corner of the shape before its transform [scene units]."""
+        raise NotImplementedError
+
+    def contains(self, point: NDArray[np.float64]) -> bool:
+        """Return whether a point, in the frame before the transform, lies inside the solid."""
+        return False

@@ -1,0 +1,1 @@
+"""What is found out by rendering: focus, what approximations cost and gain, whether a device computes right."""

@@ -1,0 +1,472 @@
+"""Focus by contrast, the state in which a zone shows most detail, and by distance."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.studies.focus.probe import (
+    BEST,
+    MEASURES,
+    Drive,
+    FocusReport,
+    NoContrast,
+    OutOfReach,
+    Peak,
+    Policy,
+    Probe,
+    ProbeRecord,
+    Zone,
+    chosen,
+    peak_of,
+)
+from rptcam_cl.studies.focus.renderer import Probes, Task, within
+
+#
+# Focus by distance: rays tell how far away the zone is, and the lens says where its film has to be.
+#
+# Rays go through a pinhole in the place of the stop, so that the zone's distances are known before anything is sharp.
+# The state is that of the least spot of exact rays in the middle of the zone (`optics/best_focus.py`). No contrast is
+# needed, but the distance is that of the first surface: of a mirror or a pane of glass, not of what is seen in it.
+
+LEAST_SHARE = 0.25  # of a zone whose rays must meet something
+
+
+def state_within_reach(drive: Drive, distance_m: float, zone: Zone) -> float:
+    """Return the state that makes a plane sharpest in a zone.
+
+    Raises
+    ------
+    OutOfReach
+        When there is none, in the words of the lens.
+    InputError
+        When the lens cannot tell.
+    """
+    low, high = drive.limits
+    far, near = sorted(drive.limits, key=lambda end: drive.nearer * drive.coordinate(end))
+    try:
+        state = drive.state_for(distance_m, zone)
+    except InputError as problem:
+        nearest, farthest = (drive.object_distance(end, zone) for end in (near, far))
+        if nearest is not None and distance_m < nearest:
+            raise OutOfReach(str(problem), near, zone) from None
+        if farthest is not None and distance_m > farthest:
+            raise OutOfReach(str(problem), far, zone) from None
+        raise
+    if low <= state <= high:
+        return state
+    ends = [drive.object_distance(end, zone) for end in (near, far)]
+    known = ", ".join(f"{distance:.4g} m" for distance in ends if distance is not None)
+    words = f"what the zone shows is {distance_m:.4g} m away, out of reach of the focus (ends at {known})"
+    raise OutOfReach(words, min(max(state, low), high), zone)
+
+
+def check_reach(task: Task, state: float) -> None:
+    """Measure by rays how far away the zones are, for methods that see only how sharp they are.
+
+    Raises
+    ------
+    OutOfReach
+        When what decides is nearer than the camera can focus, or farther.
+    """
+    try:
+        depths = task.renderer.depths(state, task.zones, task.seed)
+    except InputError:  # no light there: nothing is known of the reach
+        return
+    met = {k: depth[np.isfinite(depth)] for k, depth in enumerate(depths) if np.isfinite(depth).mean() >= LEAST_SHARE}
+    if not met:
+        return
+    medians = {k: float(np.median(depth)) for k, depth in met.items()}
+    zone = chosen(task.policy, task.zones, {k: -median for k, median in medians.items()})
+    try:
+        state_within_reach(task.drive, medians[zone], task.zones[zone])
+    except OutOfReach:
+        raise
+    except InputError:  # no light there: nothing is known of the reach
+        return
+
+
+MOST_PROBES = 10
+CONVERGED = 0.1  # depths of focus between two probes
+
+
+def focus_by_depth(task: Task) -> FocusReport:
+    """Return the focus on what the rays of the zones meet: each zone counts by the median of its distances.
+
+    As the picture grows when the film goes back, a zone then shows another part of what is near: it is measured again
+    until that changes no more.
+
+    Raises
+    ------
+    NoContrast
+        When the rays of every zone go past everything.
+    OutOfReach
+        When what they meet is nearer than the lens can focus, or farther.
+    """
+    renderer, drive = task.renderer, task.drive
+    state = renderer.state if task.near is None else task.near
+    zones = dict(enumerate(task.zones))
+    records: list[ProbeRecord] = []
+    for number in range(MOST_PROBES):
+        samples, seconds = renderer.samples, renderer.seconds
+        depths = renderer.depths(state, list(zones.values()), task.seed)
+        met = {k: depth for k, depth in zip(zones, depths, strict=True) if np.isfinite(depth).mean() >= LEAST_SHARE}
+        if not met:
+            raise NoContrast("nothing in the zone: its rays meet no surface; the focus stays as it was")
+        medians = {k: float(np.median(depth[np.isfinite(depth)])) for k, depth in met.items()}
+        zone = chosen(task.policy, task.zones, {k: -median for k, median in medians.items()})
+        before = drive.coordinate(state)
+        state = state_within_reach(drive, medians[zone], task.zones[zone])
+        zones = {zone: task.zones[zone]}
+        film = drive.film_distance(state)
+        taken = (renderer.samples - samples, renderer.seconds - seconds)
+        records.append(ProbeRecord(state, film, medians[zone], _spread(met[zone]), 0.0, *taken, "distance"))
+        if number and abs(drive.coordinate(state) - before) < CONVERGED * drive.depth_of_focus:
+            break
+    share = _within_depth_of_field(task, state, met[zone])
+    return task.report("depth", state, task.zones[zone], 0.0, share, records)
+
+
+def _spread(depth: NDArray[np.float64]) -> float:
+    """Return half of the middle half of the distances [m]."""
+    low, high = np.percentile(depth[np.isfinite(depth)], [25, 75])
+    return float(high - low) / 2
+
+
+def _within_depth_of_field(task: Task, state: float, depth: NDArray[np.float64]) -> float:
+    """Return the share of what is met in a zone that a state shows sharply, if it shows the median so.
+
+    Its width is that of first-order optics, its place that of exact rays. The places may differ by more than the width.
+    """
+    vergence = 1 / depth[np.isfinite(depth)]
+    away = np.abs(vergence - np.median(vergence))
+    return float(np.mean(away <= task.drive.sharp_vergence(state) / 2))
+
+
+#
+# Contrast detection: the state in which a zone shows most detail, found in few probes.
+#
+# At full aperture a lens of 50 mm at f/2 has some 450 depths of focus between infinity and natural size, and more
+# than a few of them away from the focus nothing is left of a texture. Stopped down the same texture shows over a good
+# part of the reach. So the first probes go through a small opening, whose depth of focus spans the steps between
+# them. Each further round opens the stop by up to five and probes around the place where the last one found the top.
+# The last round is made at the aperture of the picture, because spherical aberration moves the focus as a lens is
+# stopped down.
+#
+# The walk of the rptcam paper, by variance, stands at the end for comparison.
+
+STEP = 8.0  # depths of focus between the probes of the first round: half of a texture's contrast remains that far away
+FIRST_PROBES = 5
+OPENING = 5.2  # most by which a round opens the stop
+STRIDE = 1.5  # by which steps grow when the top lies beyond the places of a round
+SHARE = 0.6  # of the half width: steps of the last round, whose outer probes then see three quarters of the contrast
+WIDEST = 6.0  # depths of focus at the stop of a round: its widest step
+OFF_MIDDLE = 0.45  # of a step: how far the top may lie from the middle one of three probes
+CLEAR = 4.0  # standard errors by which a top must rise above the rest
+COARSE, FINE = 0.05, 0.02  # relative standard error of the measure that rounds aim at
+FIRST_SAMPLES, MOST_SAMPLES = 128, 512  # per pixel
+
+
+def nothing_to_see(why: str) -> NoContrast:
+    """Return the refusal of a zone."""
+    return NoContrast(f"no contrast in the zone: {why}; the focus stays as it was (aim at something with texture)")
+
+
+def first_stop(probes: Probes) -> float:
+    """Return the share of the opening at which the steps of the first round are `STEP` depths of focus."""
+    low, high = probes.ends
+    return min(1.0, STEP * (FIRST_PROBES - 1) * probes.drive.depth_of_focus / (high - low))
+
+
+def greatest_contrast(probes: Probes, policy: Policy, start: tuple[float, float] | None = None) -> tuple[Peak, int]:
+    """Return the top of the contrast at full aperture, and the zone that was chosen.
+
+    Parameters
+    ----------
+    probes
+        The camera.
+    policy
+        Which zone is chosen when they differ.
+    start : (place, reach) or None
+        Where to search and how far to either side [mm]; over the whole reach of the lens by default.
+
+    Raises
+    ------
+    NoContrast
+        When sharp and blurred cannot be distinguished in any zone.
+    """
+    stop = first_stop(probes)
+    low, high = probes.ends
+    if start is not None:
+        place, reach = start
+        low, high = max(place - reach, low), min(place + reach, high)
+        stop = min(1.0, STEP * 2 * probes.drive.depth_of_focus / (high - low))
+    count = FIRST_PROBES if start is None else 3
+    step = (high - low) / (count - 1)
+    zones = list(range(len(probes.zones)))
+    places = [low + k * step for k in range(count)]
+    reference = None if start is None else start[0]
+    made, samples = _round(probes, places, stop, FIRST_SAMPLES, zones, COARSE, reference)
+    peaks = _widened(probes, made, zones, step, samples)
+    rounds = math.ceil(math.log(1 / stop) / math.log(OPENING) - 1e-9)
+    factor = stop ** (-1 / rounds) if rounds else 1.0
+    for number in range(rounds):
+        stop = 1.0 if number == rounds - 1 else stop * factor
+        zones = _still_possible(policy, probes, peaks, zones, step)
+        step = _next_step(probes, peaks, zones, stop, factor)
+        centre = _centre(peaks, zones)
+        made, samples = _round(probes, _about(probes, centre, step), stop, samples, zones, FINE, centre)
+        peaks = _widened(probes, made, zones, step, samples)
+    zone = chosen(policy, probes.zones, {k: peaks[k].place for k in zones})
+    peak = _refined(probes, made, zone, peaks[zone], samples)
+    if peak.place >= probes.ends[1] - 1e-9 * abs(probes.ends[1]):
+        raise NoContrast(
+            "what the zone shows is too near: it still gets sharper where the focus ends; it stays as it was"
+        )
+    return peak, zone
+
+
+def _round(
+    probes: Probes,
+    places: Sequence[float],
+    stop: float,
+    samples: int,
+    zones: list[int],
+    wanted: float,
+    reference: float | None = None,
+) -> tuple[list[Probe], int]:
+    """Probe at some places; once more with four times the samples where noise hides what there may be to see."""
+    while True:
+        made = [probes.at(place, samples, stop, reference) for place in places]
+        seen = [zone for zone in zones if _contrast(probes, made, zone)]
+        noise = min((_noise(made, zone) for zone in zones), default=math.inf)
+        if seen or samples >= MOST_SAMPLES or all(_surely_flat(probes, made, zone) for zone in zones):
+            break
+        samples = min(8 * samples, MOST_SAMPLES)
+    if not seen:
+        raise nothing_to_see(_unseen(probes, made, zones, samples))
+    zones[:] = seen
+    factor = max(1.0, min((noise / wanted) ** 2, 16.0))
+    return made, min(int(samples * factor), MOST_SAMPLES)
+
+
+def _top(made: Sequence[Probe], zone: int) -> Probe:
+    return max(made, key=lambda probe: probe.found[zone].value)
+
+
+def _noise(made: Sequence[Probe], zone: int) -> float:
+    top = _top(made, zone).found[zone]
+    return top.error / top.value if top.value > 0 else math.inf
+
+
+def _contrast(probes: Probes, made: Sequence[Probe], zone: int) -> bool:
+    """Return whether any probe shows contrast; the top itself may be noisy where hardly any rays pass a small stop."""
+    found = [probe.found[zone] for probe in made]
+    return any(one.value > probes.measure.least and one.value > CLEAR * one.error for one in found)
+
+
+def _unseen(probes: Probes, made: Sequence[Probe], zones: list[int], samples: int) -> str:
+    """Return what was measured of zones in which there is too little to see."""
+    top = max((_top(made, zone).found[zone] for zone in zones), key=lambda found: found.value)
+    if top.value > CLEAR * top.error:
+        least = probes.measure.least
+        return f"its details are faint: their measure is {top.value:.2g} at most, and more than {least:.2g} is needed"
+    clear = max(top.value, 0.0) / top.error if top.error > 0 else 0.0
+    return (
+        f"its details come to {clear:.1f} standard errors of the noise at {samples} samples per pixel,"
+        f" and {CLEAR:g} are needed"
+    )
+
+
+def _same_everywhere(peak: Peak) -> NoContrast:
+    return nothing_to_see(
+        "it looks the same in and out of focus: from the least sharp probe to the sharpest its measure rises by"
+        f" {peak.rise:.1f} standard errors, and {CLEAR:g} are needed"
+    )
+
+
+def _surely_flat(probes: Probes, made: Sequence[Probe], zone: int) -> bool:
+    top = _top(made, zone).found[zone]
+    return top.value + CLEAR * top.error < probes.measure.least
+
+
+def _widened(probes: Probes, made: list[Probe], zones: list[int], step: float, samples: int) -> dict[int, Peak]:
+    """Return the tops of the zones; probe farther where a top lies at the end of what was probed."""
+    low, high = probes.ends
+    for _ in range(FIRST_PROBES):
+        peaks = {zone: peak_of(made, zone) for zone in zones}
+        places = [probe.place for probe in made]
+        first, last = min(places), max(places)
+        tops = [_top(made, zone).place for zone in zones if peaks[zone].rise > CLEAR]
+        if first in tops and first > low:
+            made.append(probes.at(max(first - step, low), samples, made[0].stop, made[0].reference))
+        elif last in tops and last < high:
+            made.append(probes.at(min(last + step, high), samples, made[0].stop, made[0].reference))
+        else:
+            break
+        step *= STRIDE
+    return {zone: peak_of(made, zone) for zone in zones}
+
+
+def _still_possible(policy: Policy, probes: Probes, peaks: dict[int, Peak], zones: list[int], step: float) -> list[int]:
+    """Return the zones that may decide in the end: those whose tops lie within a step of the one chosen by now."""
+    zone = chosen(policy, probes.zones, {k: peaks[k].place for k in zones})
+    if policy.by_place:
+        return [k for k in zones if abs(peaks[k].place - peaks[zone].place) <= step / 2]
+    return [zone]
+
+
+def _centre(peaks: dict[int, Peak], zones: list[int]) -> float:
+    places = [peaks[zone].place for zone in zones]
+    return (min(places) + max(places)) / 2
+
+
+def _about(probes: Probes, centre: float, step: float) -> list[float]:
+    """Return three places a step apart, about a place where the reach of the lens has room for them."""
+    low, high = probes.ends
+    centre = min(max(centre, low + step), high - step)
+    return [centre - step, centre, centre + step]
+
+
+def _next_step(probes: Probes, peaks: dict[int, Peak], zones: list[int], stop: float, opened: float) -> float:
+    """Return the step of a round: a share of the half width, which shrinks as the stop opens."""
+    sharp = probes.drive.depth_of_focus / stop
+    width = min((peaks[zone].width for zone in zones), default=math.inf) / opened
+    return min(max(SHARE * width, STEP / 4 * sharp), WIDEST * sharp)
+
+
+def _refined(probes: Probes, made: list[Probe], zone: int, peak: Peak, samples: int) -> Peak:
+    """Return the top from probes that lie evenly about it, with as many samples as its error requires."""
+    sharp = probes.drive.depth_of_focus
+    low, high = probes.ends
+    reference = made[0].reference
+    for _ in range(4):
+        if peak.rise < CLEAR and samples >= MOST_SAMPLES:
+            raise _same_everywhere(peak)
+        if peak.rise >= CLEAR and peak.error < sharp / 8 and _is_even(made, zone, peak, (low, high), WIDEST * sharp):
+            return peak
+        step = min(max(SHARE * peak.width, sharp), WIDEST / 2 * sharp)
+        if peak.rise < CLEAR or peak.error >= sharp / 8:
+            samples, made, reference = min(4 * samples, MOST_SAMPLES), [], peak.place
+            step = min(2 * step, WIDEST * sharp)
+        for place in _about(probes, peak.place, step):
+            if not any(abs(probe.place - place) < 0.25 * step for probe in made):
+                made.append(probes.at(place, samples, reference=reference))
+        peak = peak_of(made, zone)
+    if peak.rise < CLEAR:
+        raise _same_everywhere(peak)
+    return peak
+
+
+def _is_even(made: Sequence[Probe], zone: int, peak: Peak, ends: tuple[float, float], widest: float) -> bool:
+    """Whether the top lies in the middle of near neighbours, so that a lopsided curve does not pull it to a side."""
+    places = sorted(probe.place for probe in made)
+    if not peak.inside:
+        return min(abs(peak.place - end) for end in ends) < 1e-9 * abs(peak.place)
+    k = places.index(_top(made, zone).place)
+    left, right = places[k] - places[k - 1], places[k + 1] - places[k]
+    return max(left, right) <= widest and abs(peak.place - places[k]) <= OFF_MIDDLE * min(left, right)
+
+
+def focus_by_contrast(task: Task) -> FocusReport:
+    """Return the focus of greatest contrast by the best of the measures.
+
+    Raises
+    ------
+    NoContrast
+        When sharp and blurred cannot be distinguished in any zone.
+    """
+    return _by("contrast", BEST, task)
+
+
+def focus_by_laplacian(task: Task) -> FocusReport:
+    """Return the focus of the greatest sum-modified Laplacian, as the CS348b assignment of 2015 requests.
+
+    Raises
+    ------
+    NoContrast
+        When sharp and blurred cannot be distinguished in any zone.
+    """
+    return _by("laplacian", "sum_modified_laplacian", task)
+
+
+def _by(method: str, measure: str, task: Task) -> FocusReport:
+    probes = task.probes(MEASURES[measure])
+    peak, zone = greatest_contrast(probes, task.policy, task.near_place(probes))
+    state = probes.state_of(peak.place)
+    sure = within(task.drive.depth_of_focus / 4, peak.error) if peak.inside else 0.0  # at the far end of the reach
+    return task.report(method, state, task.zones[zone], peak.error, sure, probes.records(zone))
+
+
+WALK_START, WALK_STEP = 50.0, 5.0  # scene units, as the paper prints them: d = 50, s = 5
+WALK_END = 0.01  # of the distance
+WALK_SAMPLES = 128  # per pixel, as in the paper's pictures
+FARTHEST_FOCAL_LENGTHS = 100.0  # where it starts when that is out of reach, or the camera is focused at infinity
+MOST_STEPS = 38
+
+
+def focus_by_variance(task: Task) -> FocusReport:
+    """Return the focus at which the walk of the rptcam paper ends, kept for comparison; its confidence is unknown: 0.
+
+    It walks along the object distance in steps while the variance of the picture's luminance grows; where it does not,
+    it halves the step and turns; it stops when the step is small. Known weaknesses: the variance of a whole zone
+    changes by less than a percent over a wide range (docs/autofocus.md), noise adds to it, a walk ends in the first
+    local maximum, and it takes many probes. Nothing here makes up for them: there is no bracketing, no correction of
+    the noise, and no refusal.
+
+    It starts at 50 scene units with steps of 5, as the paper prints it; where a camera is focused already, from there
+    with steps of a tenth. The notes of the report say which.
+    """
+    probes = task.probes(MEASURES["variance"])
+    zone = task.zones[0]
+    start, why = _walk_start(task, probes)
+    distance, step = start, WALK_STEP / WALK_START * start
+    here = _probe_at(probes, distance, zone)
+    assert here is not None
+    notes = {"start_m": distance, "step_m": step, "started": why}
+    for _ in range(MOST_STEPS):
+        if abs(step) < WALK_END * distance:
+            break
+        there = _probe_at(probes, distance + step, zone)
+        if there is not None and there.found[0].value > here.found[0].value:
+            distance, here = distance + step, there
+        else:
+            step = -step / 2
+    state = probes.state_of(here.place)
+    report = task.report("variance", state, zone, math.inf, 0.0, probes.records(0))
+    report.notes.update(notes)
+    return report
+
+
+def _walk_start(task: Task, probes: Probes) -> tuple[float, str]:
+    """Return the object distance at which the walk starts [m], and why there."""
+    scene, zone = task.renderer.scene, task.zones[0]
+    far = FARTHEST_FOCAL_LENGTHS * task.drive.film_distance(task.renderer.state) * 1e-3
+    if task.near is None and scene.requested_autofocus is not None:
+        printed = f"d = {WALK_START:g}, s = {WALK_STEP:g} scene units, as the paper prints it"
+        if _state_within_reach(probes, WALK_START * scene.metres_per_unit, zone) is None:
+            return far, f"far away, as {printed}, is out of reach"
+        return WALK_START * scene.metres_per_unit, printed
+    distance = task.drive.object_distance(task.renderer.state if task.near is None else task.near, zone)
+    if distance is None or math.isinf(distance) or _state_within_reach(probes, distance, zone) is None:
+        return far, "far away, where the camera was focused"
+    return distance, "where the camera was focused"
+
+
+def _state_within_reach(probes: Probes, distance_m: float, zone: Zone) -> float | None:
+    """Return the focus state of a distance; None beyond the reach of the camera."""
+    low, high = probes.drive.limits
+    try:
+        state = probes.drive.state_for(distance_m, zone)
+    except InputError:
+        return None
+    return state if low <= state <= high else None
+
+
+def _probe_at(probes: Probes, distance_m: float, zone: Zone) -> Probe | None:
+    state = _state_within_reach(probes, distance_m, zone)
+    return None if state is None else probes.at(probes.place_of(state), WALK_SAMPLES)

@@ -1,0 +1,515 @@
+"""Autofocus of a scene, from its settings to a camera in focus."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import astuple, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import ValidationError
+
+from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.device.session import Session, open_session
+from rptcam_cl.imaging.writers import MARKED
+from rptcam_cl.scene.base import listed, near_name
+from rptcam_cl.scene.exposure import ContinuousFocus
+from rptcam_cl.scene.lens_settings import AutoFocus, read_zones
+from rptcam_cl.scene.load import change_scene, input_error, load_scene
+from rptcam_cl.scene.scene import Scene
+from rptcam_cl.studies.focus.contrast import (
+    check_reach,
+    focus_by_contrast,
+    focus_by_depth,
+    focus_by_laplacian,
+    focus_by_variance,
+)
+from rptcam_cl.studies.focus.drives import focus_drive
+from rptcam_cl.studies.focus.phase import focus_by_hybrid, focus_by_phase, half_view
+from rptcam_cl.studies.focus.probe import Drive, FocusReport, NoContrast, OutOfReach, Policy, Probe, Zone
+from rptcam_cl.studies.focus.renderer import ProbeRenderer, Task
+
+# What can be wrong with a focus that was found: too uncertain, one of two distances, or one of two line focuses.
+
+SURE = 0.5  # confidence below which a focus counts as not found
+SHARP_SHARE = 0.05  # of what the zone shows, that depth requires within the depth of field
+AT_AN_END = 1.0  # depths of focus from the end of the reach, where the target may lie beyond
+APART = 4.0  # depths of focus between two distances, or two line focuses, that are worth a word
+LEAST_SHARE = 0.2  # of a zone that shows another distance
+
+
+def judged(task: Task, report: FocusReport) -> FocusReport:
+    """Return a report with what speaks against it.
+
+    Raises
+    ------
+    OutOfReach
+        When the zone shows what is nearer than the camera can focus, or farther.
+    """
+    failure = _failure(report)
+    if failure is not None or _is_at_an_end(task, report.state):
+        check_reach(task, report.state)
+    remarks = [remark for remark in (_other_distance(task, report), _astigmatism(task, report)) if remark]
+    return replace(report, failure=failure, remarks=tuple(remarks))
+
+
+def _failure(report: FocusReport) -> str | None:
+    if report.method == "variance":
+        return "variance tells nothing of its own error: the walk of the paper ends somewhere, in focus or not"
+    if report.method == "depth":
+        if report.confidence >= SHARP_SHARE:
+            return None
+        return f"the depth of field holds {report.confidence:.0%} of what the zone shows"
+    if report.confidence >= SURE:
+        return None
+    error = report.error / report.depth_of_focus_mm
+    return (
+        f"the focus is uncertain: confidence {report.confidence:.2f}, standard error {error:.2g} depths of focus"
+        f" (allowed: a confidence of {SURE:g})"
+    )
+
+
+def _is_at_an_end(task: Task, state: float) -> bool:
+    drive = task.drive
+    place = drive.coordinate(state)
+    return min(abs(place - drive.coordinate(end)) for end in drive.limits) <= AT_AN_END * drive.depth_of_focus
+
+
+def _other_distance(task: Task, report: FocusReport) -> str | None:
+    """Describe another distance that the zone shows once the focus is there.
+
+    The picture grows as the film goes back, so that a zone may show one thing while the focus is far and another while
+    it is near, each sharp.
+    """
+    drive, zone = task.drive, report.zone
+    if report.focus_distance_m is None:
+        return None
+    sharp = drive.sharp_vergence(report.state)
+    expected = 1 / report.focus_distance_m
+    here = _shown(task, report.state, zone, APART * sharp)
+    if not here:
+        return None
+    # what the focus is on: by the distances of the zone, as astigmatism and curved fields move that of the lens
+    large = [vergence for vergence, share in here if share >= LEAST_SHARE] or [max(here, key=lambda group: group[1])[0]]
+    own = min(large, key=lambda vergence: abs(vergence - expected))
+    probes = [here]
+    if task.near is None and abs(drive.image_scale(*drive.limits) - 1) > 0.02:
+        probes += [_shown(task, state, zone, APART * sharp) for state in drive.limits]
+    tried = [own]
+    for probe in probes:
+        for vergence, share in probe:
+            if share < LEAST_SHARE or any(abs(vergence - other) < APART * sharp for other in tried):
+                continue
+            tried.append(vergence)
+            try:
+                there = drive.state_for(1 / vergence, zone)
+            except InputError:  # out of reach
+                continue
+            seen = [share for found, share in _shown(task, there, zone, APART * sharp)
+                    if abs(found - vergence) < APART / 2 * sharp]  # fmt: skip
+            if sum(seen) >= LEAST_SHARE:
+                return (
+                    f"the zone shows two distances: the focus is on what is {1 / own:.4g} m away, and what is"
+                    f" {1 / vergence:.4g} m away fills {sum(seen):.0%} of the zone when the focus is there"
+                )
+    return None
+
+
+def _shown(task: Task, state: float, zone: Zone, gap: float) -> list[tuple[float, float]]:
+    """Return the distances that a zone shows in a state, as vergences [1/m], and the share of the zone of each.
+
+    Two are distinguished by a gap between them that nothing in the zone fills.
+    """
+    try:
+        depth = task.renderer.depths(state, [zone], task.seed)[0]
+    except InputError:  # no light there
+        return []
+    met: NDArray[np.float64] = np.sort(1 / depth[np.isfinite(depth) & (depth > 0)])
+    groups = np.split(met, np.flatnonzero(np.diff(met) > gap) + 1)
+    return [(float(np.median(group)), len(group) / depth.size) for group in groups if len(group)]
+
+
+def _astigmatism(task: Task, report: FocusReport) -> str | None:
+    """Describe where lines across and lines down have focuses of their own."""
+    sharp = task.drive.sharp_vergence(report.state)
+    try:
+        across, down = half_view(task.renderer, report.state, report.zone, "x").sharpest_along()
+    except InputError:  # no light there
+        return None
+    if abs(across - down) < APART * sharp or min(across, down) <= 0:
+        return None
+    return (
+        f"the lens is astigmatic in the zone: upright lines are sharp at {1 / across:.4g} m, level ones at"
+        f" {1 / down:.4g} m, {abs(across - down) / sharp:.2g} depths of focus apart"
+    )
+
+
+LEAST_HALF = 0.01  # of the picture's shorter side: half a side of the smallest zone
+
+
+def zone_of_object(renderer: ProbeRenderer, name: str) -> Zone:
+    """Return the largest square that fits into what is seen of an object, the first of that name.
+
+    Raises
+    ------
+    InputError
+        When no object has that name, or none of it is seen.
+    """
+    names = [item.name for item in renderer.scene.objects]
+    if name not in names:
+        known = [item for item in names if item]
+        raise InputError(
+            f"camera.focus.auto.object: no object has this name{near_name(name, known)} (got {name};"
+            f" allowed: {listed(known) or 'a name, once an object has one'})"
+        )
+    seen = renderer.objects() == names.index(name)
+    if not seen.any():
+        raise InputError(f"camera.focus.auto.object: {name} is not in the picture")
+    row, column, half = _deepest(seen)
+    height, width = seen.shape
+    size = max(half, LEAST_HALF * min(height, width))
+    left, top = max((column + 0.5 - size) / width, 0.0), max((row + 0.5 - size) / height, 0.0)
+    return Zone(left, min((column + 0.5 + size) / width, 1.0), top, min((row + 0.5 + size) / height, 1.0))
+
+
+def _deepest(seen: NDArray[np.bool_]) -> tuple[int, int, float]:
+    """Return row and column of a pixel farthest from the edge of a shape, and how far that is."""
+    depth, shape = 0, np.pad(seen, 1)
+    while True:
+        smaller = shape.copy()
+        for axis in (0, 1):
+            smaller &= np.roll(shape, 1, axis) & np.roll(shape, -1, axis)
+        if not smaller.any():
+            break
+        shape, depth = smaller, depth + 1
+    places = np.argwhere(shape) - 1
+    middle = places[np.argmin(np.abs(places - places.mean(axis=0)).sum(axis=1))]
+    return int(middle[0]), int(middle[1]), (depth + 0.5) / np.sqrt(2)
+
+
+METHODS: dict[str, Callable[[Task], FocusReport]] = {
+    "contrast": focus_by_contrast,
+    "laplacian": focus_by_laplacian,
+    "variance": focus_by_variance,
+    "depth": focus_by_depth,
+    "phase": focus_by_phase,
+    "hybrid": focus_by_hybrid,
+}
+MIDDLE = Zone(0.45, 0.55, 0.43, 0.57)  # 1.4 % of the picture
+PLACES = ("zones", "zones_from", "point", "object")
+POINT_SIZE = 0.05  # of the diagonal: the side of the zone round a point
+
+
+def focus_settings(scene: Scene, manner: Mapping[str, Any], where: Mapping[str, Any]) -> AutoFocus:
+    """Return the autofocus settings of a scene, or the default ones, with some keys replaced.
+
+    Parameters
+    ----------
+    manner
+        `method` and `policy`, as far as given.
+    where
+        Ways to say what to focus on, as far as given; one replaces that of the scene.
+
+    Raises
+    ------
+    InputError
+        When the result is not valid.
+    """
+    given = scene.requested_autofocus or AutoFocus()
+    known = {name: getattr(given, name) for name in given.model_fields_set}
+    places = {key: value for key, value in where.items() if value is not None}
+    if places:
+        known = {key: value for key, value in known.items() if key not in PLACES}
+    data = known | {key: value for key, value in manner.items() if value is not None} | places
+    try:
+        return AutoFocus.model_validate(data)
+    except ValidationError as problem:
+        raise input_error(problem, data, lambda path, at_key: "") from None
+
+
+def zones_of(scene: Scene, settings: AutoFocus) -> tuple[Zone, ...]:
+    """Return the zones that settings name; the zone of an object is found by a probe instead (`zone_of_object`)."""
+    if settings.zones is not None:
+        return tuple(Zone(*zone) for zone in settings.zones)
+    if settings.zones_from is not None:
+        content = scene.content_of(settings.zones_from)
+        return tuple(Zone(*zone) for zone in read_zones(content, settings.zones_from.place.rstrip(": ")))
+    if settings.point is not None:
+        return (zone_at(scene, *settings.point),)
+    return (MIDDLE,)
+
+
+def zone_at(scene: Scene, right: float, down: float) -> Zone:
+    """Return a square zone round a point of the picture, moved inside where it would reach over the edge."""
+    width, height = scene.film.size_m()
+    side = POINT_SIZE * scene.film.diagonal_m()
+    across, tall = min(side / width, 1.0), min(side / height, 1.0)
+    left = min(max(right - across / 2, 0.0), 1.0 - across)
+    top = min(max(down - tall / 2, 0.0), 1.0 - tall)
+    return Zone(left, left + across, top, top + tall)
+
+
+def find_focus(
+    scene: Scene,
+    session: Session,
+    settings: AutoFocus,
+    *,
+    zones: Sequence[Zone] | None = None,
+    near: float | None = None,
+    on_probe: Callable[[Probe], None] | None = None,
+) -> FocusReport:
+    """Return the focus of a scene's camera.
+
+    Parameters
+    ----------
+    settings
+        Method, zones and policy.
+    zones
+        In place of those of the settings.
+    near
+        State near which the focus is expected; by default it is sought over the whole reach.
+    on_probe
+        Called with every probe.
+
+    Raises
+    ------
+    NoContrast
+        When there is nothing to focus on.
+    OutOfReach
+        When what the zone shows is nearer than the camera can focus, or farther.
+    InputError
+        When the camera has no focus, or a zone or object is not there.
+    """
+    renderer = ProbeRenderer(scene, session)
+    if zones is None and settings.object is not None:
+        zones = [zone_of_object(renderer, settings.object)]
+    task = Task(
+        renderer,
+        tuple(zones) if zones is not None else zones_of(scene, settings),
+        Policy(settings.policy),
+        scene.render.seed,
+        near,
+        on_probe,
+    )
+    try:
+        report = METHODS[settings.method](task)
+    except NoContrast:
+        check_reach(task, renderer.state if near is None else near)
+        raise
+    return judged(task, report)
+
+
+def focused_scene(scene: Scene, report: FocusReport) -> Scene:
+    """Return a scene with its camera in the state that was found."""
+    return change_scene(scene, camera=focus_drive(scene).camera_keys(report.state))
+
+
+def follow_focus(scenes: Iterable[Scene], session: Session, settings: AutoFocus) -> Iterator[FocusReport]:
+    """Yield the focus of one frame after the other (AF-C), each sought near the last one first.
+
+    Where there is nothing near it any more, the whole reach is searched; a frame without contrast, or with what is out
+    of reach, keeps the focus, with a confidence of 0 and the reason as its failure.
+
+    Raises
+    ------
+    NoContrast
+        When the first frame has nothing to focus on.
+    """
+    last: FocusReport | None = None
+    for scene in scenes:
+        try:
+            try:
+                found = find_focus(scene, session, settings, near=None if last is None else last.state)
+            except NoContrast:
+                if last is None:
+                    raise
+                found = find_focus(scene, session, settings)
+        except (NoContrast, OutOfReach) as problem:
+            if last is None:
+                raise
+            found = last.kept(problem)
+        last = found
+        yield found
+
+
+def in_focus(
+    scene: Scene, session: Session, known: dict[str, Any] | None = None
+) -> tuple[Scene, dict[str, Any] | None]:
+    """Return a scene whose camera is in focus, and how that came about; unchanged where it has no autofocus.
+
+    Parameters
+    ----------
+    known
+        How it came about the last time, to do without autofocus: `camera`, the keys of the camera that set its focus,
+        and `metadata` for the picture.
+
+    Raises
+    ------
+    InputError
+        When there is nothing to focus on.
+    """
+    settings = scene.requested_autofocus
+    if settings is None:
+        return scene, None
+    if known is None:
+        known = _found(scene, session, settings)
+    return change_scene(scene, camera=known["camera"]), known
+
+
+def _found(scene: Scene, session: Session, settings: AutoFocus) -> dict[str, Any]:
+    """Return the keys of the camera in focus, and metadata; the end of the reach where the target lies beyond it."""
+    drive = focus_drive(scene)
+    try:
+        report = find_focus(scene, session, settings)
+    except NoContrast as problem:
+        raise InputError(f"camera.focus.auto: {problem}") from None
+    except OutOfReach as problem:
+        report = _at_the_end(drive, settings, problem)
+    metadata: dict[str, Any] = {"autofocus": report.summary()}
+    if report.focus_distance_m is not None:  # by exact rays, where the camera knows it by first-order optics
+        metadata["focus_distance_m"] = report.focus_distance_m
+    if settings.draw_zones:
+        metadata[MARKED] = [list(astuple(zone)) for zone in report.zones]
+    return {"camera": drive.camera_keys(report.state), "metadata": metadata}
+
+
+def _at_the_end(drive: Drive, settings: AutoFocus, problem: OutOfReach) -> FocusReport:
+    """Return the report of a focus that went as far as it can."""
+    return FocusReport(
+        method=settings.method,
+        state=problem.state,
+        film_distance_mm=drive.film_distance(problem.state),
+        focus_distance_m=drive.object_distance(problem.state, problem.zone),
+        confidence=0.0,
+        error=math.inf,
+        depth_of_focus_mm=drive.depth_of_focus,
+        zone=problem.zone,
+        zones=(problem.zone,),
+        failure=f"{problem}; the focus stands at its end",
+    )
+
+
+def autofocus(
+    scene: Scene | str | Path | Mapping[str, Any],
+    method: str | None = None,
+    *,
+    zones: Sequence[Sequence[float]] | None = None,
+    point: tuple[float, float] | None = None,
+    object: str | None = None,
+    policy: str | None = None,
+    near: float | None = None,
+    seed: int | None = None,
+    device: str | Session | None = None,
+    on_probe: Callable[[Probe], Any] | None = None,
+) -> FocusReport:
+    """Return the focus that the camera of a scene finds; the scene stays as it is, see `focused_scene`.
+
+    What is not given is as in the scene's ``camera.focus.auto``, or else by contrast in a zone in the middle.
+
+    Parameters
+    ----------
+    method
+        ``contrast``, ``laplacian``, ``variance``, ``depth``, ``phase`` or ``hybrid``; see docs/autofocus.md.
+    zones
+        Rectangles [x0, x1, y0, y1] of the picture to focus on, in fractions from its left and top edges.
+    point
+        A point [x, y] to focus on, in the same fractions.
+    object
+        Name of an object to focus on.
+    policy
+        Which of several zones decides: ``closest``, ``farthest``, ``centre`` or ``weighted``.
+    near
+        Focus state near which the focus is expected, as `FocusReport.state` of a picture just before.
+    seed
+        In place of the scene's.
+    device
+        As for `render`.
+    on_probe
+        Called with every probe.
+
+    Raises
+    ------
+    NoContrast
+        An `InputError`: there is nothing to focus on.
+    OutOfReach
+        An `InputError`: what the zone shows is nearer than the camera can focus, or farther.
+    InputError
+        The camera has no focus, or an argument is wrong.
+    DeviceError
+        No device fits, or a kernel failed.
+    """
+    scene = scene if isinstance(scene, Scene) else load_scene(scene)
+    if seed is not None:
+        scene = change_scene(scene, render={"seed": seed})
+    where = {"zones": zones, "point": point, "object": object}
+    settings = focus_settings(scene, {"method": method, "policy": policy}, where)
+    session = device if isinstance(device, Session) else open_session(device)
+    return find_focus(scene, session, settings, near=near, on_probe=on_probe)
+
+
+#
+# Continuous autofocus (AF-C): how the focus goes from frame to frame after what is measured in each.
+#
+# It stands still while what is measured lies within a band, waits before it goes to something else, goes at a limited
+# speed, and follows what moves until that has come to rest. So it neither pumps with the noise of the measurement nor
+# jumps to what crosses the picture.
+
+REST = 0.5  # of the band: as little does what has come to rest move
+
+
+@dataclass(frozen=True)
+class Following:
+    """Where the focus of a frame stands.
+
+    Attributes
+    ----------
+    place : float
+        Coordinate of the focus state.
+    moving : bool
+        Whether it follows what is measured.
+    waited_s : float
+        Since when that is outside the band, or since when it rests while the focus moves [s].
+    rest : float
+        Where what is measured has rested since.
+    """
+
+    place: float
+    moving: bool = False
+    waited_s: float = 0.0
+    rest: float = 0.0
+
+
+def after(
+    before: Following, measured: float | None, depth_of_focus: float, manner: ContinuousFocus, frame_s: float
+) -> Following:
+    """Return where the focus of the next frame stands.
+
+    Parameters
+    ----------
+    measured
+        Coordinate at which autofocus finds the frame sharp; None where it finds nothing, and the focus stays.
+    depth_of_focus
+        In units of the coordinate.
+    frame_s
+        From the frame before to this one [s].
+    """
+    if measured is None:
+        return replace(before, moving=False, waited_s=0.0)
+    band = manner.hold * depth_of_focus
+    if not before.moving:
+        if abs(measured - before.place) <= band:
+            return replace(before, waited_s=0.0)
+        if before.waited_s + frame_s <= manner.lock_s:
+            return replace(before, waited_s=before.waited_s + frame_s)
+        before = Following(before.place, moving=True, rest=measured)
+    step = manner.speed * depth_of_focus * frame_s
+    place = min(max(measured, before.place - step), before.place + step)
+    if abs(measured - before.rest) > REST * band:
+        return Following(place, moving=True, rest=measured)
+    waited = before.waited_s + frame_s
+    arrived = place == measured and waited > manner.lock_s
+    return Following(place, not arrived, 0.0 if arrived else waited, before.rest)

@@ -1,0 +1,858 @@
+"""Phase detection: the move to the focus, predicted from the two halves of the pupil; with contrast, hybrid focus."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import field, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.rendering.cameras.film_pupil import PupilLine, PupilRays, Split, halved, pupil_line
+from rptcam_cl.studies.focus.contrast import focus_by_contrast, greatest_contrast, nothing_to_see, state_within_reach
+from rptcam_cl.studies.focus.probe import (
+    BEST,
+    MEASURES,
+    Drive,
+    FocusReport,
+    Measured,
+    NoContrast,
+    OutOfReach,
+    Policy,
+    Probe,
+    ProbeRecord,
+    Zone,
+    ZoneImage,
+    chosen,
+    circle_of_confusion,
+)
+from rptcam_cl.studies.focus.renderer import ProbeRenderer, Probes, Task, within
+
+# What the halves of a pupil do to the picture of a plane at any distance, by exact rays.
+
+Array = NDArray[np.float64]
+
+STEP = 12.0  # pixels to the places round the middle of a zone that tell the plane's scale
+
+
+def places_round(middle: tuple[float, float]) -> Array:
+    """Return the places (5, 2) [pixels] whose rays a view needs: its middle, right, left, below, above."""
+    return np.array(middle) + STEP * np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]])
+
+
+@dataclass(frozen=True)
+class HalfView:
+    """Two halves of the pupil, seen from the middle of a zone in one focus state.
+
+    Attributes
+    ----------
+    rays : PupilRays
+        Of the places of `places_round`.
+    line : PupilLine
+        Between the halves.
+    split : "x" or "y"
+    """
+
+    rays: PupilRays
+    line: PupilLine
+    split: Split
+
+    @classmethod
+    def of(cls, rays: PupilRays, split: Split) -> HalfView:
+        """Return the view of the halves of equal light."""
+        return cls(rays, pupil_line(rays, split), split)
+
+    @property
+    def axis(self) -> int:
+        """Along which the halves lie apart: 0 across, 1 down."""
+        return 0 if self.split == "x" else 1
+
+    @cached_property
+    def _lines(self) -> tuple[Array, Array, Array, Array]:
+        """Constant and slope, over the vergence, of where rays meet a plane (n, 2) and of its scale (2, 2)."""
+        at, along = self.rays.seen(0.0), self.rays.seen(1.0)
+        means = [np.einsum("mn,mnk->mk", self.rays.weights, places) for places in (at, along - at)]
+        scales = [np.stack([mean[1] - mean[2], mean[3] - mean[4]], axis=1) / (2 * STEP) for mean in means]
+        open_ = self.rays.weights[0] > 0
+        return (at[0] - means[0][0])[open_], (along[0] - at[0] - means[1][0])[open_], *scales
+
+    @cached_property
+    def shares(self) -> Array:
+        """The weights (2, n) of the rays of the half before the line and of that beyond it; each sums to 1."""
+        beyond = self.line.beyond(self.rays)[0]
+        weights = (self.rays.weights[0] * np.stack([1 - beyond, beyond]))[:, self.rays.weights[0] > 0]
+        return np.asarray(weights / weights.sum(axis=1, keepdims=True))
+
+    def offsets(self, vergence: float) -> Array:
+        """Return x (n, 2) of the rays that pass [pixels], for the plane at 1 / vergence [m] from the eye."""
+        at, along, scale, scale_along = self._lines
+        return np.asarray((at + vergence * along) @ np.linalg.inv(scale + vergence * scale_along).T)
+
+    def displacement(self, vergence: float) -> float:
+        """Return how far the picture beyond the line lies from that before it, along the split [pixels]."""
+        before, beyond = self.shares @ self.offsets(vergence)
+        return float((before - beyond)[self.axis])
+
+    @property
+    def nearest(self) -> float:
+        """The vergence of planes that lie safely in front of the lens [1/m]."""
+        ahead = -float(self.rays.origins[..., 2].min())
+        return 0.8 / ahead if ahead > 0 else np.inf
+
+    def sharpest(self) -> float:
+        """Return the vergence at which the rays of the whole pupil spread least over a plane [1/m]."""
+        at, along = self._lines[:2]
+        weights = self.rays.weights[0][self.rays.weights[0] > 0][:, None]
+        return -float(np.sum(weights * at * along) / np.sum(weights * along * along))
+
+    def sharpest_along(self) -> tuple[float, float]:
+        """Return the vergences at which the rays spread least across and least down [1/m]: apart by astigmatism."""
+        at, along = self._lines[:2]
+        weights = self.rays.weights[0][self.rays.weights[0] > 0][:, None]
+        across, down = -np.sum(weights * at * along, axis=0) / np.sum(weights * along * along, axis=0)
+        return float(across), float(down)
+
+
+#
+# The distance of a target from two pictures of it through the halves of a pupil.
+#
+# A place f of the picture gathers the light of points of a plane of the scene, one for each ray of its pupil. Let O
+# be the plane's own picture, in which f lies where the mean ray of the whole pupil meets the plane, and f + x where
+# another ray does. A half then shows I(f) = sum w O(f + x) over its rays: O, displaced by the mean of x and blurred
+# by its spread. Its Fourier transform is that of O times H(k) = sum w exp(i k x).
+#
+# A trial distance says what each half has done to the target's unknown picture: H1 and H2. With noise alone between
+# them, F1 = O H1 + noise and F2 = O H2 + noise, so that F1 H2 - F2 H1 is noise whatever O may be. Its square over its
+# variance, summed over the frequencies, is least at the true distance (maximum likelihood, O being profiled out). For
+# mere displacements it is the correlation of the two pictures; the rays of the lens add what that leaves out: that
+# halves blur, each in its own lopsided way, by defocus and by aberrations.
+
+Complex = NDArray[np.complex128]
+
+HIGHEST = 0.75  # of the Nyquist frequency: beyond it pixels alias
+BEYOND = 3.0  # displacement beyond the ends of the reach that trials go [pixels]
+TRIAL_STEP = 0.5  # displacement between trial distances [pixels]
+ROUNDS = 2  # of the refinement
+POINTS = 7  # in each
+SMOOTH = 2  # frequencies to each side
+TERMS = 6  # of a quadratic
+BLOCKS = 6  # of the zone each way, whose noise is nearly independent
+SMALLEST = 1e-30  # keeps 0 / 0 away where both halves blur everything, and where even light has no noise
+LEAST_GAIN = 150.0  # of the misfit at the best distance against the others, in units of noise
+RIVAL = 0.35  # share of that gain that another distance must lack for the best to be the only one
+UNLIKELY = 4.0  # times the least misfit: then it is no rival, however good
+APART = 1.5  # displacement from which on it is another one [pixels]
+LEAST_ALONG = 0.1  # of those changes
+LAG = 4  # pixels, over which they are taken
+LEAST_SIGNIFICANCE = 5.0  # of the contrast, in standard errors
+LEAST_CONTRAST = 0.002  # standard deviation over mean
+
+
+@dataclass(frozen=True)
+class Match:
+    """What two half pictures say about the distance of their target.
+
+    Attributes
+    ----------
+    vergence : float
+        1 / distance from the eye [1/m].
+    error : float
+        Its standard error from noise and misfit.
+    displacement, displacement_error : float
+        Between the two pictures, as that distance has it [pixels].
+    gain : float
+        How much better the distance fits than others do, in units of noise.
+    rival : float
+        Share of that which the next best distance has; 1 where it is as good.
+    contrast : float
+        Standard deviation of the target's picture over its mean, without noise.
+    significance : float
+        Of that contrast, in standard errors.
+    along : float
+        Share of the target's changes that lie along the split; those across it say nothing.
+    trials : (n, 2) array
+        Trial displacements [pixels] and their misfits.
+    """
+
+    vergence: float
+    error: float
+    displacement: float
+    displacement_error: float
+    gain: float
+    rival: float
+    contrast: float
+    significance: float
+    along: float
+    trials: Array
+
+    @property
+    def refusal(self) -> str | None:
+        """Why the distance cannot be relied on; None where it can."""
+        if self.significance < LEAST_SIGNIFICANCE or self.contrast < LEAST_CONTRAST:
+            return "flat"
+        if self.gain < LEAST_GAIN or self.along < LEAST_ALONG:
+            return "vague"
+        return "ambiguous" if self.rival > RIVAL else None
+
+
+@dataclass(frozen=True)
+class Halves:
+    """Two pictures of a zone and its surroundings.
+
+    Attributes
+    ----------
+    parts : (2, count, height, width) array
+        Luminance through the half before the line and the half beyond it, taken `count` times with independent noise.
+    margin : (left, right, above, below)
+        Pixels on each side that do not belong to the zone.
+    """
+
+    parts: Array
+    margin: tuple[int, int, int, int]
+
+    @cached_property
+    def pictures(self) -> Array:
+        """The means of the parts (2, height, width)."""
+        return np.asarray(self.parts.mean(axis=1))
+
+    @cached_property
+    def noise(self) -> Array:
+        """Mean variance of a pixel of each picture (2,)."""
+        return np.asarray(self.parts.var(axis=1, ddof=1).mean(axis=(1, 2)) / self.parts.shape[1])
+
+    @property
+    def zone(self) -> tuple[int, int]:
+        """Height and width of the zone [pixels]."""
+        height, width = self.pictures.shape[1:]
+        left, right, above, below = self.margin
+        return height - above - below, width - left - right
+
+    @property
+    def in_zone(self) -> Array:
+        """The pictures in the zone (2, height, width)."""
+        left, _, above, _ = self.margin
+        height, width = self.zone
+        return self.pictures[:, above : above + height, left : left + width]
+
+
+class PhaseMatch:
+    """The misfit of two half pictures as a function of the vergence."""
+
+    def __init__(self, halves: Halves, view: HalfView) -> None:
+        self.halves, self.view = halves, view
+        height, width = self._shape = halves.pictures.shape[1:]
+        left, right, above, below = halves.margin
+        self._window = window = np.outer(_taper(height, above, below), _taper(width, left, right))
+        self._spectra = self._spectra_of(halves.pictures)
+        self._power = halves.noise * np.sum(window**2)
+        down, across = np.abs(np.fft.fftfreq(height))[:, None], np.fft.rfftfreq(width)[None]
+        resolved = (down <= HIGHEST / 2) & (across <= HIGHEST / 2)
+        self._weights = np.where(resolved, self._signal_shares(), 0.0)
+
+    def _spectra_of(self, pictures: Array) -> Complex:
+        return np.asarray(np.fft.rfft2(_level(pictures) * self._window))
+
+    def _signal_shares(self) -> Array:
+        """Return the share of each frequency's power that is signal, smoothed over its neighbours.
+
+        The weight of a frequency in the likelihood of a target with a random picture of that power: where there is
+        noise alone, it would otherwise add its own scatter to the misfit, and nothing else.
+        """
+        power = np.mean(_square(self._spectra) / np.maximum(self._power, SMALLEST)[:, None, None], axis=0)
+        near = np.pad(np.fft.fftshift(power, axes=0), SMOOTH, mode="reflect")
+        size = 2 * SMOOTH + 1
+        windows = np.lib.stride_tricks.sliding_window_view(near, (size, size))
+        smooth = np.fft.ifftshift(windows.mean(axis=(2, 3)), axes=0)
+        return np.asarray(np.clip(1.0 - 1.0 / np.maximum(smooth, 1.0), 0.0, 1.0))
+
+    def misfits(self, vergence: float) -> Array:
+        """Return the misfit of every pixel of the zone; noise alone gives 1 to each independent number."""
+        return np.asarray(self._misfits_of(self._spectra[None], vergence)[0])
+
+    def _misfits_of(self, spectra: Complex, vergence: float) -> Array:
+        """Return the misfits (n, height, width) of spectra (n, 2, …) of both pictures."""
+        offsets = self.view.offsets(vergence)
+        one, other = (self._response(offsets, shares) for shares in self.view.shares)
+        expected = self._power[0] * _square(other) + self._power[1] * _square(one)
+        difference = spectra[:, 0] * other - spectra[:, 1] * one
+        # Whitened: as a picture, so that what the edges of the pictures have spoilt stays outside the zone.
+        white = np.fft.irfft2(difference * np.sqrt(self._weights / np.maximum(expected, SMALLEST)), self._shape)
+        left, _, above, _ = self.halves.margin
+        height, width = self.halves.zone
+        return np.asarray(white[:, above : above + height, left : left + width] ** 2 * white[0].size)
+
+    def misfit(self, vergence: float) -> float:
+        """Return the sum of `misfits`."""
+        return float(self.misfits(vergence).sum())
+
+    def _response(self, offsets: Array, weights: Array) -> Complex:
+        """Return H of a half whose rays are spread over the pixels round each by a quadratic B-spline.
+
+        That multiplies H by a positive function, the same for both halves, which cancels in the misfit.
+        """
+        height, width = self._shape
+        nearest = np.rint(offsets).astype(np.int64)
+        taps = _spline(offsets - nearest)
+        picture = np.zeros(height * width)
+        for right in (-1, 0, 1):
+            for down in (-1, 0, 1):
+                at = (nearest[:, 1] + down) % height * width + (nearest[:, 0] + right) % width
+                share = weights * taps[right + 1][:, 0] * taps[down + 1][:, 1]
+                picture += np.bincount(at, share, minlength=len(picture))
+        return np.asarray(np.conj(np.fft.rfft2(picture.reshape(height, width))))
+
+    def along(self) -> float:
+        """Return the share of the zone's changes over a few pixels, less those of noise, that lie along the split."""
+        whole, noise = self.halves.in_zone.sum(axis=0), float(self.halves.noise.sum())
+        steps = whole[:, LAG:] - whole[:, :-LAG], whole[LAG:] - whole[:-LAG]
+        across, down = (max(float(np.mean(step**2)) - 2 * noise, 0.0) if step.size else 0.0 for step in steps)
+        return (across, down)[self.view.axis] / (across + down) if across + down > 0 else 0.5
+
+    def contrast(self) -> tuple[float, float]:
+        """Return the contrast of the zone in both pictures together, and its significance."""
+        whole = self.halves.in_zone.sum(axis=0)
+        noise, mean = float(self.halves.noise.sum()), float(whole.mean())
+        if not mean > 0 or noise <= 0:
+            return 0.0, 0.0
+        variance = float(np.sum(_level(whole[None]) ** 2)) / (whole.size - TERMS)
+        significance = (variance / noise - 1) * math.sqrt(whole.size / 2)
+        return math.sqrt(max(variance - noise, 0.0)) / mean, significance
+
+    def best(self, low: float, high: float) -> Match | None:
+        """Return the best vergence between about two; None where there is nothing to go by."""
+        if not (self._power > 0).all() or not self._weights.any():
+            return None
+        slope = abs(self.view.displacement(high) - self.view.displacement(low)) / (high - low)
+        low, high = low - BEYOND / slope, min(high + BEYOND / slope, self.view.nearest)
+        trials = np.linspace(low, high, max(int((high - low) * slope / TRIAL_STEP) + 2, POINTS))
+        misfits = np.array([self.misfit(trial) for trial in trials])
+        vergence, error, least = self._refined(trials[int(np.argmin(misfits))], trials[1] - trials[0])
+        shown = np.array([self.view.displacement(trial) for trial in trials])
+        displacement = self.view.displacement(vergence)
+        level = float(np.median(misfits))
+        contrast, significance = self.contrast()
+        return Match(
+            vergence=vergence,
+            error=error,
+            displacement=displacement,
+            displacement_error=error * slope,
+            gain=max(level - least, 0.0) / max(least / self._degrees, 1.0),
+            rival=_rival(misfits, shown, displacement, level, least),
+            contrast=contrast,
+            significance=significance,
+            along=self.along(),
+            trials=np.stack([shown, misfits / self._degrees], axis=1),
+        )
+
+    @property
+    def _degrees(self) -> float:
+        """How many independent numbers the zone holds."""
+        twice = np.where(np.arange(self._weights.shape[1]) > 0, 2.0, 1.0)  # rfft2 keeps one of each conjugate pair
+        height, width = self.halves.zone
+        return max(float(np.sum(twice * self._weights)) * height * width / math.prod(self._shape), 1.0)
+
+    def _refined(self, start: float, step: float) -> tuple[float, float, float]:
+        """Return the vergence of the least misfit, its standard error, and that misfit."""
+        wide = 2 * step
+        for _ in range(ROUNDS):
+            points = start + np.linspace(-1, 1, POINTS) * wide
+            misfits = np.array([self.misfit(point) for point in points])
+            least = points[np.argmin(misfits)]
+            a, b, _ = np.polyfit((points - start) / wide, misfits, 2)
+            vertex = start - b / (2 * a) * wide if a > 0 else least
+            start = vertex if abs(vertex - least) <= 2 * wide / (POINTS - 1) else least
+            wide /= 2
+        return float(start), self._error(start, wide), float(misfits.min())
+
+    def _error(self, vergence: float, step: float) -> float:
+        """Return the standard error of the vergence of least misfit.
+
+        The greater of two, as both fall short where they see little: how its slope scatters over the zone, which holds
+        what does not fit, but is blind where one block has all the detail; and how it moves without one of the parts.
+        """
+        below, at, above = (self.misfits(vergence + side * step) for side in (-1, 0, 1))
+        slopes, bend = (above - below) / (2 * step), float((above - 2 * at + below).sum()) / step**2
+        if not bend > 0:
+            return np.inf
+        rows = np.array_split(slopes, BLOCKS)
+        blocks = [block.sum() for row in rows for block in np.array_split(row, BLOCKS, axis=1)]
+        return max(float(np.linalg.norm(blocks)), self._jackknife(vergence, step)) / bend
+
+    def _jackknife(self, vergence: float, step: float) -> float:
+        """Return the standard error of the slope of the misfit, from leaving out one part of one half after another."""
+        parts = self.halves.parts
+        count = parts.shape[1]
+        without = (count * self.halves.pictures[:, None] - parts) / (count - 1)
+        spectra = np.tile(self._spectra, (2, count, 1, 1, 1))
+        for half in (0, 1):
+            spectra[half, :, half] = self._spectra_of(without[half])
+        spectra = spectra.reshape(2 * count, *self._spectra.shape)
+        below, above = (self._misfits_of(spectra, vergence + side * step).sum(axis=(1, 2)) for side in (-1, 1))
+        slopes = ((above - below) / (2 * step)).reshape(2, count)
+        return math.sqrt((count - 1) * float(slopes.var(axis=1).sum()))
+
+
+def _square(values: Complex) -> Array:
+    return np.asarray(values.real**2 + values.imag**2)
+
+
+def _spline(x: Array) -> list[Array]:
+    """Return the quadratic B-spline at -1, 0 and 1 from x, which lies within half of 0."""
+    return [0.5 * (0.5 - x) ** 2, 0.75 - x * x, 0.5 * (0.5 + x) ** 2]
+
+
+def _rival(misfits: Array, shown: Array, displacement: float, level: float, least: float) -> float:
+    """Return how good the next best distance is against the best one."""
+    inner = misfits[1:-1]
+    dips = 1 + np.flatnonzero((inner <= misfits[:-2]) & (inner <= misfits[2:]))
+    others = dips[np.abs(shown[dips] - displacement) > APART]
+    if not len(others) or level <= least or misfits[others].min() > UNLIKELY * least:
+        return 0.0
+    return float(max((level - misfits[others].min()) / (level - least), 0.0))
+
+
+def _taper(count: int, before: int, behind: int) -> Array:
+    """A window that is 1 in the zone and falls off by half a cosine over the margins."""
+    place = np.arange(count) + 0.5
+    share = np.minimum(place / max(before, 0.5), (count - place) / max(behind, 0.5))
+    return np.asarray(0.5 - 0.5 * np.cos(np.pi * np.clip(share, 0.0, 1.0)))
+
+
+def _level(pictures: Array) -> Array:
+    """Return pictures (n, height, width) less their quadratic trends: light that falls off would pass for texture."""
+    count, height, width = pictures.shape
+    y, x = np.meshgrid(np.linspace(-1, 1, height), np.linspace(-1, 1, width), indexing="ij")
+    terms = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1).reshape(-1, TERMS)
+    basis, flat = np.linalg.qr(terms)[0], pictures.reshape(count, -1)
+    return np.asarray((flat - (flat @ basis) @ basis.T).reshape(pictures.shape))
+
+
+#
+# Phase detection: the move to the focus, predicted from the two halves of the pupil.
+#
+# A probe through both halves shows how far away the target is (`phase_match`), and the lens knows the state that
+# makes it sharpest. The first probe goes through a stop so small that the displacement over the whole reach of the
+# lens stays within the zone; the next ones go through the opening of the picture, where displacements are large and
+# the distance is precise.
+
+MARGIN_STEP = 8  # margins are multiples of so many pixels, so that probes can share their buffers
+
+
+@dataclass(frozen=True)
+class HalfProbe:
+    """A probe at a zone through the two halves of the pupil.
+
+    Attributes
+    ----------
+    state, stop : float
+        As in `ProbeRenderer.measure`.
+    view : HalfView
+        What the halves do to the picture of a plane at any distance.
+    halves : Halves
+        The pictures.
+    samples : int
+        Camera rays of all pixels; half of them begin a path.
+    seconds : float
+    """
+
+    state: float
+    stop: float
+    view: HalfView
+    halves: Halves
+    samples: int
+    seconds: float
+
+
+def half_view(renderer: ProbeRenderer, state: float, zone: Zone, split: Split, stop: float = 1.0) -> HalfView:
+    """Return the halves of the pupil that the middle of a zone sees in a focus state."""
+    across, down = zone.centre
+    width, height = renderer.choose_zones([zone]).resolution
+    middle = min(max(across * width, STEP), width - STEP), min(max(down * height, STEP), height - STEP)
+    return HalfView.of(renderer.rays(state, places_round(middle), stop), split)
+
+
+def measure_halves(
+    renderer: ProbeRenderer, state: float, zones: Sequence[Zone], samples: int, seed: int, split: Split = "x"
+) -> list[tuple[ZoneImage, ZoneImage]]:
+    """Return what zones show through the left and the right half of the pupil, or the lower and the upper one.
+
+    The parameters are those of `ProbeRenderer.measure`. Halves are of equal light in the middle of each zone, and of
+    independent noise.
+    """
+    return [
+        _through(renderer, half_view(renderer, state, zone, split), state, zone, samples, seed, 1.0) for zone in zones
+    ]
+
+
+def half_probe(
+    renderer: ProbeRenderer,
+    view: HalfView,
+    state: float,
+    zone: Zone,
+    samples: int,
+    seed: int,
+    stop: float = 1.0,
+    margin: tuple[int, int] = (0, 0),
+) -> HalfProbe:
+    """Return a probe through halves.
+
+    Parameters
+    ----------
+    samples
+        Per pixel of both halves together.
+    margin
+        Pixels across and down to show beyond the zone, at least.
+    """
+    begun = time.perf_counter()
+    across, down = (-(-pixels // MARGIN_STEP) * MARGIN_STEP for pixels in margin)
+    margins = renderer.choose_zones([zone], (across, down)).margins(zone)
+    images = _through(renderer, view, state, zone, samples, seed, stop)
+    parts = np.stack([image.luminance for image in images])
+    light = parts.mean(axis=(1, 2, 3), keepdims=True)
+    halves = Halves(parts / np.where(light > 0, light, 1.0), margins)
+    taken = 2 * images[0].samples * parts[0, 0].size
+    return HalfProbe(state, stop, view, halves, taken, time.perf_counter() - begun)
+
+
+def _through(
+    renderer: ProbeRenderer, view: HalfView, state: float, zone: Zone, samples: int, seed: int, stop: float
+) -> tuple[ZoneImage, ZoneImage]:
+    """Return what a zone shows through the half before the line and that beyond it.
+
+    With the same random numbers the noise of the halves would be each other's negative. Two seeds avoid that.
+    """
+    camera = renderer.camera(state, stop)
+    before, beyond = (
+        renderer.render(halved(camera, view.line, beyond=half), samples, 2 * seed + half)[0] for half in (False, True)
+    )
+    return before, beyond
+
+
+CAPTURE = 0.3  # of the zone's side: largest displacement that a probe is to find
+LEAST_STOP = 0.04  # share of the opening
+SAMPLES, MOST_SAMPLES = 64, 512  # per pixel
+DEVIATIONS = 6.0  # standard errors to either side that the next probe is prepared for
+LEAST_REACH = 5.0  # displacement at full aperture that it is prepared for in any case [pixels]
+NEAR = 1.0  # depths of focus: a probe so near to the focus that it found is the last one
+PRECISE, ENOUGH = 0.08, 0.125  # depths of focus: standard error aimed at, and taken
+MOST_PROBES = 12
+SEPARATION = 8 / (3 * math.pi) / 2  # of the middles of the halves of a disk, over its diameter
+BLUR = 1.2  # radius of a blurred point over the displacement of its halves
+OTHER_STARTS = (0.12, 0.45, 0.8)  # of the reach, from far to near
+REASONS = {
+    "flat": f"its details do not come to {LEAST_SIGNIFICANCE:g} standard errors of the noise"
+    f" or {LEAST_CONTRAST:.1%} of its light",
+    "vague": "it looks the same in and out of focus",
+    "ambiguous": "it repeats itself, and fits at more than one distance",
+    "dark": "it is dark",
+}
+
+
+@dataclass
+class PhaseSearch:
+    """A phase detection under way.
+
+    Attributes
+    ----------
+    renderer : ProbeRenderer
+    zone : Zone
+    seed : int
+    on_probe : callable or None
+        Called with every probe.
+    probes : list
+        Every probe so far and what was made of it; None where it shows nothing.
+    others : list
+        The same of zones that did not decide.
+    """
+
+    renderer: ProbeRenderer
+    zone: Zone
+    seed: int = 0
+    on_probe: Callable[[Probe], None] | None = None
+    probes: list[tuple[HalfProbe, Match | None]] = field(default_factory=list)
+    others: list[tuple[HalfProbe, Match | None]] = field(default_factory=list)
+
+    @property
+    def drive(self) -> Drive:
+        """What moves when the camera focuses."""
+        return self.renderer.drive
+
+    @property
+    def probe(self) -> HalfProbe:
+        """The last probe."""
+        return self.probes[-1][0]
+
+    @property
+    def match(self) -> Match:
+        """What was made of it."""
+        match = self.probes[-1][1]
+        assert match is not None
+        return match
+
+    def begin(self, start: float) -> None:
+        """Probe from a state, and from others where that shows too little, until there is a distance.
+
+        Raises
+        ------
+        NoContrast
+            When there is none.
+        """
+        reach = self._reach()
+        refusal = "flat"
+        for number, state in enumerate(self._starts(start)):
+            samples = SAMPLES if number == 0 else 4 * SAMPLES
+            match = self._probe(state, "x", samples, reach)
+            if match is not None and match.refusal in ("vague", "ambiguous"):  # it may change along the other axis
+                refusal = str(match.refusal)
+                match = self._probe(state, "y", samples, reach)
+            if match is not None and match.refusal is None:
+                return
+            if match is not None and match.refusal in ("vague", "ambiguous"):
+                refusal = str(match.refusal)
+            if not self.probe.halves.pictures.any():
+                raise nothing_to_see(REASONS["dark"])
+        raise nothing_to_see(REASONS[refusal])
+
+    def finish(self) -> float:
+        """Return the state that makes the target sharpest, after as many probes as that takes.
+
+        Raises
+        ------
+        NoContrast
+            When the target is lost on the way.
+        """
+        samples = SAMPLES
+        while len(self.probes) < MOST_PROBES:
+            state = self.state
+            if self.moved <= NEAR:
+                if self.error <= ENOUGH or samples == MOST_SAMPLES:
+                    return state
+                samples *= 2 if self.probe.stop == 1.0 else 1
+            samples = self.step(state, samples)
+        raise NoContrast(f"no focus found in the zone after {MOST_PROBES} probes; the focus stays as it was")
+
+    def step(self, state: float, samples: int) -> int:
+        """Probe from a state near the focus, and return with how many samples per pixel."""
+        match, probe = self.match, self.probe
+        samples = int(min(max(samples, SAMPLES * self.error * probe.stop / PRECISE), MOST_SAMPLES))
+        reach = max(DEVIATIONS * match.error, LEAST_REACH * probe.stop * match.error / match.displacement_error)
+        found = self._probe(state, probe.view.split, samples, (match.vergence - reach, match.vergence + reach))
+        if found is None or found.refusal in ("flat", "vague"):  # the first probe has distinguished rivals
+            raise nothing_to_see(REASONS["flat" if found is None else str(found.refusal)])
+        return samples
+
+    def _starts(self, start: float) -> Iterator[float]:
+        yield start
+        ends = sorted((self.drive.coordinate(limit) for limit in self.drive.limits), reverse=self.drive.nearer < 0)
+        for share in OTHER_STARTS:
+            yield self.drive.state_at(ends[0] + share * (ends[1] - ends[0]))
+
+    def _reach(self) -> tuple[float, float]:
+        """Return the vergences [1/m] that are sharp at the ends of the focus."""
+        try:
+            ends = [half_view(self.renderer, state, self.zone, "x").sharpest() for state in self.drive.limits]
+        except InputError as problem:
+            raise NoContrast(f"no contrast in the zone: {problem}") from None
+        return min(ends), max(ends)
+
+    def _probe(self, state: float, split: Split, samples: int, reach: tuple[float, float]) -> Match | None:
+        """Probe from a state for a distance within a reach, through as small a stop as that needs."""
+        view = half_view(self.renderer, state, self.zone, split)
+        low, high = max(reach[0], -view.nearest), min(reach[1], view.nearest)
+        largest = max(abs(view.displacement(low)), abs(view.displacement(high)))
+        room = CAPTURE * self._side(view.axis)
+        stop = min(max(room / largest, LEAST_STOP), 1.0)
+        if stop < 1.0:
+            view = half_view(self.renderer, state, self.zone, split, stop)
+        blur = math.ceil(BLUR * min(largest * stop, room)) + 2
+        probe = half_probe(self.renderer, view, state, self.zone, samples, self.seed, stop, (blur, blur))
+        match = PhaseMatch(probe.halves, view).best(low, high) if probe.halves.pictures.any() else None
+        self.probes.append((probe, match))
+        if self.on_probe is not None:
+            value, error = self._shown(probe, match)
+            place = self.drive.nearer * self.drive.coordinate(state)
+            found = [Measured(value, error, np.zeros(0))]
+            self.on_probe(Probe(place, stop, None, 1.0, found, probe.samples, probe.seconds))
+        return match
+
+    def _side(self, axis: int) -> float:
+        """Return the side of the zone [pixels]."""
+        share = (self.zone.right - self.zone.left, self.zone.bottom - self.zone.top)[axis]
+        return share * self.renderer.view.resolution[axis]
+
+    @property
+    def state(self) -> float:
+        """The state that makes the target sharpest, by the last probe."""
+        vergence = self.match.vergence
+        try:
+            return state_within_reach(self.drive, 1 / vergence if vergence > 0 else math.inf, self.zone)
+        except OutOfReach as problem:
+            return problem.state
+
+    @property
+    def moved(self) -> float:
+        """How far that state lies from that of the last probe [depths of focus]."""
+        drive = self.drive
+        return abs(drive.coordinate(self.state) - drive.coordinate(self.probe.state)) / drive.depth_of_focus
+
+    @property
+    def error(self) -> float:
+        """Standard error of that state [depths of focus]."""
+        axis = self.probe.view.axis
+        pixel_mm = self.renderer.view.scene.film.size_m()[axis] * 1e3 / self.renderer.view.resolution[axis]
+        per_pixel = pixel_mm / (2 * SEPARATION * circle_of_confusion(self.renderer.scene))
+        return self.match.displacement_error * per_pixel / self.probe.stop
+
+    def _shown(self, probe: HalfProbe, match: Match | None) -> tuple[float, float]:
+        """Return the displacement that a probe shows, and its standard error; the zone's side where it shows none."""
+        if match is None:
+            return 0.0, self._side(probe.view.axis)
+        return match.displacement, match.displacement_error
+
+    def records(self) -> list[ProbeRecord]:
+        """Return every probe: its value is the displacement of the halves [pixels]."""
+        return [
+            ProbeRecord(
+                probe.state,
+                self.drive.film_distance(probe.state),
+                *self._shown(probe, match),
+                probe.stop,
+                probe.samples,
+                probe.seconds,
+                "displacement",
+            )
+            for probe, match in (*self.others, *self.probes)
+        ]
+
+    def notes(self) -> dict[str, Any]:
+        """Return what else there is to say of the last probe."""
+        match = self.match
+        return {
+            "displacement_pixels": match.displacement,
+            "split": {"x": "left and right", "y": "below and above"}[self.probe.view.split],
+            "contrast": match.contrast,
+            "target_distance_m": 1 / match.vergence if match.vergence > 0 else None,
+        }
+
+
+def focus_by_phase(task: Task) -> FocusReport:
+    """Return the focus found by phase detection.
+
+    Raises
+    ------
+    NoContrast
+        When no zone gives a distance.
+    """
+    search = phase_search(task)
+    state = search.finish()
+    sure = within(0.25, search.error)
+    report = task.report("phase", state, search.zone, search.error * task.drive.depth_of_focus, sure, search.records())
+    report.notes.update(search.notes())
+    return report
+
+
+def phase_search(task: Task) -> PhaseSearch:
+    """Return the search of the chosen zone, after its first probe.
+
+    Raises
+    ------
+    NoContrast
+        When no zone gives a distance.
+    """
+    start = task.renderer.state if task.near is None else task.near
+    searches: dict[int, PhaseSearch] = {}
+    refusal: NoContrast | None = None
+    for k, zone in enumerate(task.zones):
+        search = PhaseSearch(task.renderer, zone, task.seed, task.on_probe)
+        try:
+            search.begin(start)
+        except NoContrast as problem:
+            refusal = problem
+        else:
+            searches[k] = search
+    if not searches:
+        assert refusal is not None
+        raise refusal
+    index = chosen(task.policy, task.zones, {k: search.match.vergence for k, search in searches.items()})
+    found = searches[index]
+    found.others = [probe for search in searches.values() if search is not found for probe in search.probes]
+    return found
+
+
+# Hybrid focus: phase detection points to the focus, and contrast finds it there.
+
+
+def still_to_move(search: PhaseSearch) -> float:
+    """Return how uncertain the state of a search is [depths of focus], its distance from the last probe included.
+
+    Far from the focus the blur of the target's surroundings shifts the match by a few percent of the way.
+    """
+    return math.hypot(search.error, 0.03 * search.moved)
+
+
+NEAR_ENOUGH = 1.0  # depths of focus: uncertainty from which contrast finds the way
+REACH = 2.5  # depths of focus to either side that contrast searches
+AGREEMENT = 3.0  # standard errors that it searches in any case
+HYBRID_STEPS = 3
+DISAGREE = 0.5  # depths of focus between the two from which aberrations are to blame
+
+
+def focus_by_hybrid(task: Task) -> FocusReport:
+    """Return the focus: a probe or two through half pupils, then the greatest contrast near where they point.
+
+    Where the halves show no distance, contrast searches the whole reach. Where contrast shows nothing, or is greatest
+    elsewhere because of aberrations, which phase detection knows from its rays, phase detection finishes.
+
+    Raises
+    ------
+    NoContrast
+        When neither finds a focus.
+    """
+    try:
+        search = phase_search(task)
+        _approach(search)
+    except NoContrast:
+        report = replace(focus_by_contrast(task), method="hybrid")
+        report.notes["finished_by"] = "contrast alone"
+        return report
+    probes = task.probes(MEASURES[BEST])
+    probes.zones = [search.zone]
+    sharp = task.drive.depth_of_focus
+    reach = max(REACH, AGREEMENT * still_to_move(search)) * sharp
+    pointed = probes.place_of(search.state)
+    try:
+        peak, _ = greatest_contrast(probes, Policy.CENTRE, (pointed, reach))
+    except NoContrast:
+        return _by_phase(task, search, probes, "phase")
+    if abs(peak.place - pointed) > DISAGREE * sharp:
+        search.step(probes.state_of(peak.place), SAMPLES)
+        return _by_phase(task, search, probes, "phase, as contrast is greatest elsewhere")
+    sure = within(sharp / 4, peak.error)
+    records = search.records() + probes.records(0)
+    report = task.report("hybrid", probes.state_of(peak.place), search.zone, peak.error, sure, records)
+    report.notes["finished_by"] = "contrast"
+    return report
+
+
+def _by_phase(task: Task, search: PhaseSearch, probes: Probes, why: str) -> FocusReport:
+    """Return the focus that phase detection finds with further probes."""
+    state = search.finish()
+    error = search.error * task.drive.depth_of_focus
+    sure = within(0.25, search.error)
+    report = task.report("hybrid", state, search.zone, error, sure, search.records() + probes.records(0))
+    report.notes["finished_by"] = why
+    return report
+
+
+def _approach(search: PhaseSearch) -> None:
+    """Probe through half pupils until contrast finds the way."""
+    for _ in range(HYBRID_STEPS):
+        if still_to_move(search) <= NEAR_ENOUGH:
+            return
+        search.step(search.state, SAMPLES)

@@ -1,0 +1,812 @@
+"""What autofocus requires of a camera, what a zone's picture measures, and what is reported of a search."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, astuple, field, replace
+from enum import StrEnum
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.core.colour import luminance
+from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.optics.charts import INK, add_key, new_figure, series, styled
+from rptcam_cl.rendering.cameras.film_pupil import PupilRays
+from rptcam_cl.rendering.cameras.model import CameraModel
+from rptcam_cl.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+#
+# What autofocus requires of a camera: zones of the film, focus states, and what a zone shows in a state.
+#
+# `Drive` is what moves when a camera focuses; `ProbeRenderer` shows what the zones look like in a state.
+
+
+@dataclass(frozen=True)
+class Zone:
+    """A rectangle of the picture, in fractions of its width and height from its left and top edges.
+
+    Attributes
+    ----------
+    left, right, top, bottom : float
+        0 <= left < right <= 1 and 0 <= top < bottom <= 1.
+    """
+
+    left: float
+    right: float
+    top: float
+    bottom: float
+
+    @property
+    def centre(self) -> tuple[float, float]:
+        """Middle of the zone, from the left and the top."""
+        return (self.left + self.right) / 2, (self.top + self.bottom) / 2
+
+
+@dataclass(frozen=True)
+class ZoneImage:
+    """What a zone shows in one focus state.
+
+    Attributes
+    ----------
+    parts : (count, height, width, 3) float32 array
+        Linear film values, rendered `count` times with independent random numbers.
+    samples : int
+        Per pixel, of all parts together.
+    """
+
+    parts: NDArray[np.float32]
+    samples: int
+
+    @property
+    def pixels(self) -> NDArray[np.float32]:
+        """Mean film values (height, width, 3)."""
+        return np.asarray(self.parts.mean(axis=0, dtype=np.float64), np.float32)
+
+    @property
+    def luminance(self) -> NDArray[np.float64]:
+        """Luminance of each part (count, height, width)."""
+        return np.asarray(luminance(self.parts))
+
+    @property
+    def variance(self) -> NDArray[np.float64]:
+        """Variance of the mean luminance (height, width); each value is rough, their mean over the zone is not."""
+        return np.asarray(self.luminance.var(axis=0, ddof=1) / len(self.parts))
+
+
+CIRCLES_PER_DIAGONAL = 1500  # circle of confusion: 0.029 mm on 36 x 24 mm, the convention of depth-of-field scales
+
+
+def circle_of_confusion(scene: Scene) -> float:
+    """Return the diameter of a blur that counts as sharp [mm]."""
+    return scene.film.diagonal_m() * 1e3 / CIRCLES_PER_DIAGONAL
+
+
+class Drive(ABC):
+    """Focus states of one kind of camera.
+
+    A *state* is the film distance [mm] of a lens that is focused as a whole, the shift of its group towards the film
+    [mm] where a group focuses, and the distance of the plane of focus [m] of a thin lens. Searches walk along a
+    *coordinate* [mm] in which the blur on the film grows evenly with the distance from the focus: the state itself of a
+    lens of surfaces, the image distance of a thin lens. It grows as nearer objects become sharp where `nearer` is 1.
+    """
+
+    @property
+    @abstractmethod
+    def limits(self) -> tuple[float, float]:
+        """Lowest and highest state."""
+
+    @property
+    @abstractmethod
+    def start(self) -> float:
+        """State in which a search begins: that of the scene, or far away where autofocus is to find it."""
+
+    @property
+    @abstractmethod
+    def depth_of_focus(self) -> float:
+        """2 N c in units of the coordinate: so far apart are the ends of what counts as sharp at full aperture."""
+
+    @property
+    @abstractmethod
+    def nearer(self) -> int:
+        """1 or -1: the sense along the coordinate in which nearer objects become sharp."""
+
+    def coordinate(self, state: float) -> float:
+        """Return the coordinate of a state [mm]."""
+        return state
+
+    def state_at(self, coordinate: float) -> float:
+        """Return the state of a coordinate."""
+        return coordinate
+
+    @abstractmethod
+    def camera(self, scene: Scene, state: float, stop: float, zones: Sequence[Zone]) -> CameraModel:
+        """Return the camera in a state for the device; it need not see more than the zones."""
+
+    @abstractmethod
+    def image_scale(self, state: float, reference: float) -> float:
+        """Return how large a state draws what is sharp in the state of reference, against that one."""
+
+    @abstractmethod
+    def rays(self, scene: Scene, state: float, stop: float, places: NDArray[np.float64]) -> PupilRays:
+        """Return the rays of places (m, 2) of the picture [pixels], in float64."""
+
+    @abstractmethod
+    def film_distance(self, state: float) -> float:
+        """Return the distance from the last vertex to the film, or of a thin lens to the film [mm]."""
+
+    @abstractmethod
+    def object_distance(self, state: float, zone: Zone | None = None) -> float | None:
+        """Return the distance of the plane that is sharpest in a zone, by default on the axis [m].
+
+        It is measured to the film (thin lens: to the lens); None where no plane is in focus.
+        """
+
+    @abstractmethod
+    def first_order_distance(self, state: float) -> float | None:
+        """Return the distance of the plane in focus by first-order optics [m]; None where none is."""
+
+    @abstractmethod
+    def first_order_vergence(self, state: float) -> float:
+        """Return 1 over that distance [1/m]; below 0 where the film stands too near for anything to be sharp."""
+
+    def sharp_vergence(self, state: float) -> float:
+        """Return how many 1/m a depth of focus is worth."""
+        low, high = self.limits
+        place = self.coordinate(state)
+        ends = [min(max(self.state_at(place + side * self.depth_of_focus), low), high) for side in (-1, 1)]
+        one, other = (self.first_order_vergence(end) for end in ends)
+        span = abs(self.coordinate(ends[1]) - self.coordinate(ends[0]))
+        return abs(other - one) / span * self.depth_of_focus
+
+    @abstractmethod
+    def state_for(self, distance_m: float, zone: Zone) -> float:
+        """Return the state that makes a plane sharpest in the middle of a zone, by the lens alone.
+
+        Parameters
+        ----------
+        distance_m
+            From the film (thin lens: from the lens) along the axis.
+
+        Raises
+        ------
+        InputError
+            When the plane is out of reach.
+        """
+
+    @abstractmethod
+    def camera_keys(self, state: float) -> dict[str, object]:
+        """Return the keys of the scene's camera that set the state."""
+
+
+class Policy(StrEnum):
+    """Which zone the focus is set to, of those in which there is something to focus on."""
+
+    CLOSEST = "closest"
+    FARTHEST = "farthest"
+    CENTRE = "centre"
+    WEIGHTED = "weighted"
+
+    @property
+    def by_place(self) -> bool:
+        """Whether it depends on where the zones have their focus."""
+        return self in (Policy.CLOSEST, Policy.FARTHEST, Policy.WEIGHTED)
+
+
+def chosen(policy: Policy, zones: Sequence[Zone], places: Mapping[int, float]) -> int:
+    """Return the zone that decides.
+
+    Parameters
+    ----------
+    zones
+        All of them.
+    places
+        Where some of them have their focus, rising towards nearer objects.
+    """
+    match policy:
+        case Policy.CLOSEST:
+            return max(places, key=lambda zone: places[zone])
+        case Policy.FARTHEST:
+            return min(places, key=lambda zone: places[zone])
+        case Policy.CENTRE:
+            return min(places, key=lambda zone: _off_centre(zones[zone]))
+        case Policy.WEIGHTED:
+            return _weighted_median(zones, places)
+
+
+def _off_centre(zone: Zone) -> float:
+    x, y = zone.centre
+    return (x - 0.5) ** 2 + (y - 0.5) ** 2
+
+
+def _weighted_median(zones: Sequence[Zone], places: Mapping[int, float]) -> int:
+    """Return the zone below and above whose focus lie equal weights: area, less towards the corners of the picture."""
+    weight = {k: (zones[k].right - zones[k].left) * (zones[k].bottom - zones[k].top) / (1 + 8 * _off_centre(zones[k]))
+              for k in places}  # fmt: skip
+    half, passed = sum(weight.values()) / 2, 0.0
+    ranked = sorted(places, key=lambda zone: places[zone])
+    for zone in ranked:
+        passed += weight[zone]
+        if passed >= half:
+            return zone
+    return ranked[-1]
+
+
+#
+# Measures of contrast: a number that grows as a zone gets sharper, and where it is greatest.
+#
+# Most are quadratic: the mean square of what a few linear filters make of the picture. The noise of a Monte Carlo
+# picture would add its own square to them. As a probe consists of independent parts, the products of *different*
+# parts take the place of squares: noise then adds nothing on the average (`energy`), so that a noisy flat wall
+# measures zero.
+#
+# The luminance is divided by its mean over the zone first and a quadratic surface is taken off, so that exposure,
+# vignetting and light that falls off smoothly change nothing.
+
+Array = NDArray[np.float64]
+Filters = Callable[[Array], list[Array]]
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A measure of a zone.
+
+    Attributes
+    ----------
+    value, error : float
+        The measure and its standard error.
+    leave_one_out : (parts,) array
+        The measure without each of the parts, for errors of what is computed from several measures (jackknife).
+    """
+
+    value: float
+    error: float
+    leave_one_out: Array
+
+
+def evenly_exposed(image: ZoneImage) -> Array | None:
+    """Return the luminance of the parts (count, height, width) over its mean, less a quadratic; None where dark."""
+    luminance = image.luminance
+    mean = float(luminance.mean())
+    if not mean > 0:
+        return None
+    count, height, width = luminance.shape
+    x, y = np.meshgrid(np.linspace(-1, 1, width), np.linspace(-1, 1, height))
+    surface, _ = np.linalg.qr(np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1).reshape(-1, 6))
+    flat = luminance.reshape(count, -1) / mean
+    return np.asarray((flat - flat @ surface @ surface.T).reshape(luminance.shape))
+
+
+def energy(filters: Filters) -> Callable[[ZoneImage], Measured]:
+    """Return the measure that is the mean square of the outputs of filters, free of the square of the noise.
+
+    With r_k what a filter makes of part k, of n: the mean of r_j r_k over all pairs j != k, which is
+    (|sum r|^2 - sum |r|^2) / (n (n - 1)).
+    """
+
+    def measure(image: ZoneImage) -> Measured:
+        parts = evenly_exposed(image)
+        count = len(image.parts)
+        if parts is None:
+            return Measured(0.0, 0.0, np.zeros(count))
+        products = np.zeros((count, count))
+        for output in filters(parts):
+            flat = output.reshape(count, -1)
+            products += flat @ flat.T / flat.shape[1]
+        return jackknife(count, lambda kept: _mean_of_pairs(products[np.ix_(kept, kept)]))
+
+    return measure
+
+
+def _mean_of_pairs(products: Array) -> float:
+    count = len(products)
+    return float((products.sum() - np.trace(products)) / (count * (count - 1)))
+
+
+def jackknife(count: int, of: Callable[[NDArray[np.int64]], float]) -> Measured:
+    """Return a statistic of some parts with its standard error (Tukey 1958).
+
+    Parameters
+    ----------
+    count
+        How many parts there are.
+    of
+        The statistic of the parts of these indices.
+    """
+    every = np.arange(count)
+    without = np.array([of(np.delete(every, k)) for k in range(count)])
+    spread = (count - 1) / count * np.square(without - without.mean()).sum()
+    return Measured(of(every), float(np.sqrt(spread)), without)
+
+
+def _variance(parts: Array) -> list[Array]:
+    return [parts - parts.mean(axis=(1, 2), keepdims=True)]
+
+
+def _tenengrad(parts: Array) -> list[Array]:
+    """Sobel's gradient (Tenenbaum 1970, Krotkov 1987)."""
+    across = parts[:, :, 2:] - parts[:, :, :-2]
+    down = parts[:, 2:] - parts[:, :-2]
+    return [
+        across[:, :-2] + 2 * across[:, 1:-1] + across[:, 2:],
+        down[:, :, :-2] + 2 * down[:, :, 1:-1] + down[:, :, 2:],
+    ]
+
+
+def _brenner(parts: Array) -> list[Array]:
+    """Differences two pixels apart (Brenner 1976), here both ways."""
+    return [parts[:, :, 2:] - parts[:, :, :-2], parts[:, 2:] - parts[:, :-2]]
+
+
+def _laplacian(parts: Array) -> list[Array]:
+    """Energy of Laplacian (Subbarao 1993), by the nine-point operator."""
+    inner = parts[:, 1:-1]
+    sides = inner[:, :, :-2] + inner[:, :, 2:] + parts[:, :-2, 1:-1] + parts[:, 2:, 1:-1]
+    corners = parts[:, :-2, :-2] + parts[:, :-2, 2:] + parts[:, 2:, :-2] + parts[:, 2:, 2:]
+    return [(4 * sides + corners - 20 * inner[:, :, 1:-1]) / 6]
+
+
+def _wavelet(parts: Array) -> list[Array]:
+    """Details of three levels of Haar's wavelet (after Yang and Nelson 2003), without decimation at each level."""
+    outputs, smooth = [], parts
+    for level in range(3):
+        step = 1 << level
+        if min(smooth.shape[1:]) <= step:
+            break
+        low_x, high_x = (smooth[:, :, step:] + sign * smooth[:, :, :-step] for sign in (1, -1))
+        outputs += [
+            (low_x[:, step:] - low_x[:, :-step]) / 4,
+            (high_x[:, step:] + high_x[:, :-step]) / 4,
+            (high_x[:, step:] - high_x[:, :-step]) / 4,
+        ]
+        smooth = (low_x[:, step:] + low_x[:, :-step]) / 4
+    return outputs
+
+
+SPACINGS = (1, 2, 4)  # pixels between the points of a second difference: Nayar and Nakagawa's variable step
+BLOCKS = 6  # of the zone each way, whose noise is nearly independent
+
+
+def sum_modified_laplacian(image: ZoneImage) -> Measured:
+    """Return the mean over the zone of the sum-modified Laplacian (Nayar and Nakagawa 1994), without noise.
+
+    ML = |2 I - I_left - I_right| + |2 I - I_up - I_down|, of neighbours a step apart. The step is 1, 2 and 4 pixels, as
+    theirs varies with the size of what is to be seen; pixels are averaged over squares of that side, and the three
+    are added. Their sum over a window round each pixel is lost in the mean over the zone. Their threshold keeps out
+    what noise makes; here the sign of a difference is that of the *other* parts, so that noise adds nothing on the
+    average and no threshold is needed. The error is never below that of a zone with nothing but this noise in it.
+    """
+    parts = evenly_exposed(image)
+    count = len(image.parts)
+    if parts is None or min(parts.shape[1:]) < 3:
+        return Measured(0.0, 0.0, np.zeros(count))
+    differences = _second_differences(parts)
+    found = jackknife(count, lambda kept: sum(float(_sizes(each[kept]).mean()) for each in differences))
+    return replace(found, error=max(found.error, _error_of_noise(differences)))
+
+
+def _second_differences(parts: Array) -> list[Array]:
+    """Return the second differences across and down, at each step that the zone has room for."""
+    outputs, smooth, side = [], parts, 1
+    for step in SPACINGS:
+        while side < step:
+            smooth = smooth[:, :, side:] + smooth[:, :, :-side]
+            smooth = (smooth[:, side:] + smooth[:, :-side]) / 4
+            side *= 2
+        if min(smooth.shape[1:]) <= 2 * step:
+            break
+        outputs += [
+            2 * smooth[:, :, step:-step] - smooth[:, :, : -2 * step] - smooth[:, :, 2 * step :],
+            2 * smooth[:, step:-step] - smooth[:, : -2 * step] - smooth[:, 2 * step :],
+        ]
+    return outputs
+
+
+def _sizes(parts: Array) -> Array:
+    """Return the sizes of what parts show (height, width): each times the sign of the sum of the others."""
+    return np.asarray((parts * np.sign(parts.sum(axis=0) - parts)).mean(axis=0))
+
+
+def _error_of_noise(differences: list[Array]) -> float:
+    """Return the standard error of the measure where there is nothing but the noise of some parts.
+
+    Combinations of parts in which what they have in common cancels are parts of noise alone. The sizes that they show
+    scatter about 0, and so do the sums over blocks of the zone.
+    """
+    count = len(differences[0])
+    apart = np.eye(count) - 1 / count
+    apart = np.linalg.qr(apart)[0][:, : count - 1].T  # orthonormal, and 0 for what is common
+    squares = []
+    for flipped in range(count - 1):
+        signs = np.where(np.arange(count - 1) == flipped, -1.0, 1.0)[:, None]
+        blocks = sum(_block_means(_sizes(np.tensordot(signs * apart, each, axes=1))) for each in differences)
+        squares.append(float(np.square(blocks).sum()))
+    return float(np.sqrt(np.mean(squares)))
+
+
+def _block_means(picture: Array) -> Array:
+    """Return the sums over blocks of a picture, over the number of its pixels."""
+    rows = np.array_split(picture, BLOCKS)
+    return np.array([block.sum() for row in rows for block in np.array_split(row, BLOCKS, axis=1)]) / picture.size
+
+
+def plain_variance(image: ZoneImage) -> Measured:
+    """Return the variance of the luminance as it is, noise and exposure included: what the rptcam paper maximises."""
+    luminance = image.luminance
+    return jackknife(len(luminance), lambda kept: float(luminance[kept].mean(axis=0).var()))
+
+
+@dataclass(frozen=True)
+class Measure:
+    """A measure of contrast.
+
+    Attributes
+    ----------
+    of : callable
+        The measure of a picture of a zone.
+    least : float
+        Value at which there is too little to focus on.
+    """
+
+    of: Callable[[ZoneImage], Measured]
+    least: float
+
+
+ROUNDED = 1e-5  # size of details that the rounding of float32 pictures makes, many times over
+LEAST_DETAIL = 5e-5  # mean square of the details relative to the mean: 0.7 %
+MEASURES: dict[str, Measure] = {
+    "variance": Measure(plain_variance, 0.0),
+    "normalised_variance": Measure(energy(_variance), LEAST_DETAIL),
+    "tenengrad": Measure(energy(_tenengrad), 8 * LEAST_DETAIL),
+    "brenner": Measure(energy(_brenner), LEAST_DETAIL),
+    "energy_of_laplacian": Measure(energy(_laplacian), LEAST_DETAIL),
+    "sum_modified_laplacian": Measure(sum_modified_laplacian, ROUNDED),
+    "wavelet": Measure(energy(_wavelet), LEAST_DETAIL),
+}
+BEST = "wavelet"  # by benchmarks/focus_measures.py
+
+
+@dataclass(frozen=True)
+class Probe:
+    """What the zones show in one focus state, as measures.
+
+    Attributes
+    ----------
+    place : float
+        Coordinate [mm], see `Drive`; rising towards nearer objects.
+    stop : float
+        Share of the opening's diameter.
+    found : list of Measured
+        Of each zone.
+    reference : float or None
+        Coordinate for which the zones are given; None where the film was not scaled with the image.
+    scale : float
+        Of the image against that place, or else against the lowest one.
+    samples : int
+        Of all pixels of all zones.
+    seconds : float
+    """
+
+    place: float
+    stop: float
+    reference: float | None
+    scale: float
+    found: list[Measured]
+    samples: int
+    seconds: float
+
+
+DETAIL = 1.5  # power of the image scale by which the contrast between pixels falls: 1 to 2 for natural textures
+FLOOR = 0.02  # of the greatest measure: smaller ones say no more than that they are small
+
+
+@dataclass(frozen=True)
+class Peak:
+    """The top of a curve.
+
+    Attributes
+    ----------
+    place : float
+        Where it is [mm].
+    error : float
+        Its standard error, from noise.
+    width : float
+        Distance from it at which the measure is half of its greatest; infinite for a flat curve.
+    rise : float
+        By how many of its standard errors the greatest measure exceeds the least.
+    inside : bool
+        Whether the greatest measure has lesser ones on both sides.
+    """
+
+    place: float
+    error: float
+    width: float
+    rise: float
+    inside: bool
+
+
+def peak_of(probes: Sequence[Probe], zone: int) -> Peak:
+    """Return the top of the curve through some probes at one stop, for one zone.
+
+    A blur of diameter b takes the share 1 / (1 + (b / b0)^2) or so of the contrast of a texture of many scales, and b
+    grows evenly with the distance from the focus. So a parabola is laid through the *reciprocal* of the measure, at the
+    greatest and its neighbours. The error is that of the jackknife over the parts, which the probes have in common.
+
+    Where the film is scaled with the image, the blur grows evenly on that film with d / scale, d being the distance
+    from the place of reference; as the scale is 1 + k d, the parabola is laid over d / (1 + k d). Where it is not, the
+    details that pixels see shrink as the image grows.
+    """
+    probes = sorted(probes, key=lambda probe: probe.place)
+    scale = np.array([probe.scale for probe in probes])
+    is_scaled = probes[0].reference is not None
+    origin = probes[0].reference or 0.0
+    away = np.array([probe.place for probe in probes]) - origin
+    growth = _growth(away, scale) if is_scaled else 0.0
+    places = away / (1 + growth * away)
+    gain = np.ones_like(scale) if is_scaled else scale**DETAIL
+    values = gain * [probe.found[zone].value for probe in probes]
+    without = gain[:, None] * [probe.found[zone].leave_one_out for probe in probes]
+    top = int(values.argmax())
+    inside = 0 < top < len(probes) - 1
+    three = np.arange(max(min(top - 1, len(probes) - 3), 0), min(max(top + 2, 3), len(probes)))
+    place, width = _vertex(places[three], values[three])
+    others = np.array([_vertex(places[three], values)[0] for values in without[three].T])
+    error = _spread(others)
+    bottom = int(values.argmin())
+    difference = _spread(without[top] - without[bottom])
+    rise = float((values[top] - values[bottom]) / difference) if difference > 0 else np.inf
+    unscaled = 1 - growth * place
+    return Peak(
+        origin + place / unscaled, error / unscaled**2, width, rise if values[top] > values[bottom] else 0.0, inside
+    )
+
+
+def _growth(away: Array, scale: Array) -> float:
+    """Return by how much the scale grows with the distance from the place of reference [1/mm]."""
+    farthest = int(np.abs(away).argmax())
+    return float((scale[farthest] - 1) / away[farthest]) if away[farthest] else 0.0
+
+
+def _spread(without: Array) -> float:
+    """Return the standard error of a statistic from its values without each of the parts."""
+    count = len(without)
+    return float(np.sqrt((count - 1) / count * np.square(without - without.mean()).sum()))
+
+
+def _vertex(places: Array, values: Array) -> tuple[float, float]:
+    """Return where the reciprocal of three values is least, not beyond the places, and the half width there."""
+    top = int(values.argmax())
+    if len(places) < 3 or not values[top] > 0:
+        return float(places[top]), np.inf
+    middle, reach = places[top], float(np.ptp(places))
+    reciprocal = values[top] / np.maximum(values, FLOOR * values[top])
+    a, b, c = np.linalg.solve(np.vander((places - middle) / reach, 3), reciprocal)
+    if not a > 0:
+        return float(middle), np.inf
+    at = float(np.clip(middle - reach * b / (2 * a), places.min(), places.max()))
+    least = max(c - b * b / (4 * a), 1e-6)
+    return at, reach * float(np.sqrt(least / a))
+
+
+# What an autofocus found and what it took: as data, and drawn over the film distance.
+
+
+class NoContrast(InputError):  # noqa: N818  (a refusal, as photographers call it)
+    """Focus and blur cannot be distinguished in the zone; the camera stays as it was."""
+
+
+class OutOfReach(InputError):  # noqa: N818  (the same)
+    """What the zone shows is nearer than the camera can focus, or farther.
+
+    Attributes
+    ----------
+    state : float
+        The end of the focus that comes nearest to it.
+    zone : Zone
+        What shows it.
+    """
+
+    def __init__(self, message: str, state: float, zone: Zone) -> None:
+        super().__init__(message)
+        self.state, self.zone = state, zone
+
+
+@dataclass(frozen=True)
+class ProbeRecord:
+    """One probe through the lens.
+
+    Attributes
+    ----------
+    state : float
+        Focus state, see `Drive`.
+    film_distance_mm : float
+        Distance to the film in that state.
+    value, error : float
+        Measure and its standard error, of the chosen zone.
+    stop : float
+        Share of the opening's diameter.
+    samples : int
+        Of all pixels of all zones.
+    seconds : float
+        Wall clock.
+    quantity : str
+        What the value is: a contrast, the displacement of the pupil's halves [pixels], or a distance [m].
+    """
+
+    state: float
+    film_distance_mm: float
+    value: float
+    error: float
+    stop: float
+    samples: int
+    seconds: float
+    quantity: Literal["contrast", "displacement", "distance"] = "contrast"
+
+
+@dataclass(frozen=True)
+class FocusReport:
+    """The focus that was found.
+
+    Attributes
+    ----------
+    method : str
+    state : float
+        Focus state, see `Drive`.
+    film_distance_mm : float
+        Last vertex (thin lens: lens) to film.
+    focus_distance_m : float or None
+        Plane in focus to film by first-order optics (thin lens: to the lens); None where none is.
+    confidence : float
+        Probability, from 0 to 1, that the state lies within a quarter of the depth of focus of where the measure is
+        greatest, as far as noise is concerned.
+    error : float
+        Standard error of the state's coordinate [mm], from noise.
+    depth_of_focus_mm : float
+        2 N c along the coordinate.
+    zone : Zone
+        The chosen zone.
+    zones : tuple of Zone
+        All of them.
+    probes : list of ProbeRecord
+        In the order in which they were made.
+    notes : dict
+        What else the method has to say.
+    failure : str or None
+        Why the zone cannot be relied on to be in focus; None where it can.
+    remarks : tuple of str
+        What a photographer should know of the zone all the same.
+    """
+
+    method: str
+    state: float
+    film_distance_mm: float
+    focus_distance_m: float | None
+    confidence: float
+    error: float
+    depth_of_focus_mm: float
+    zone: Zone
+    zones: tuple[Zone, ...] = ()
+    probes: list[ProbeRecord] = field(default_factory=list)
+    notes: dict[str, Any] = field(default_factory=dict)
+    failure: str | None = None
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def warnings(self) -> list[str]:
+        """The failure and the remarks."""
+        return [*(() if self.failure is None else (self.failure,)), *self.remarks]
+
+    @property
+    def samples(self) -> int:
+        """Samples that all probes took together."""
+        return sum(probe.samples for probe in self.probes)
+
+    @property
+    def seconds(self) -> float:
+        """Time that all probes took together [s]."""
+        return sum(probe.seconds for probe in self.probes)
+
+    def summary(self) -> dict[str, Any]:
+        """Return what a picture's metadata should say."""
+        return {
+            "method": self.method,
+            "film_distance_mm": self.film_distance_mm,
+            "focus_distance_m": self.focus_distance_m,
+            "confidence": self.confidence,
+            "failure": self.failure,
+            "warnings": self.warnings,
+            "zone": list(astuple(self.zone)),
+            "probes": len(self.probes),
+            "samples": self.samples,
+        }
+
+    def kept(self, why: InputError) -> FocusReport:
+        """Return the same focus, kept because no better one was found."""
+        failure = f"{why}; the focus of the frame before is kept"
+        return replace(self, confidence=0.0, probes=[], notes={"kept": True}, failure=failure, remarks=())
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return everything as plain values, with ``probes`` as pairs of film distance and measure."""
+        plain = asdict(self)
+        plain["probes"] = [[probe.film_distance_mm, probe.value] for probe in self.probes]
+        plain["details"] = [asdict(probe) for probe in self.probes]
+        plain["samples"], plain["seconds"] = self.samples, self.seconds
+        return plain
+
+
+SIZE = (8.0, 4.6)  # [inches]
+FEWEST = 3  # probes that make a curve
+FEWEST_SHIFTS = 2  # probes that show which way the halves part
+
+
+@styled()
+def focus_plot(report: FocusReport, title: str) -> Figure:
+    """Return what an autofocus saw over the film distance.
+
+    Contrast: on the left every probe and on the right the last ones, each as a share of the greatest at the same stop.
+    Phase: how far apart the halves of the pupil show the zone, zero where it is sharp; of the hybrid on the left, with
+    its contrast on the right. Bars are standard errors.
+
+    Raises
+    ------
+    InputError
+        When a method has not probed often enough for a curve.
+    """
+    from matplotlib.lines import Line2D
+
+    contrast = [probe for probe in report.probes if probe.quantity == "contrast"]
+    shifts = [probe for probe in report.probes if probe.quantity == "displacement"]
+    if len(contrast) < FEWEST and len(shifts) < FEWEST_SHIFTS:
+        raise InputError(f"--plot: method {report.method} has no curve to draw (it looks {len(report.probes)} times)")
+    stops = sorted({probe.stop for probe in report.probes})
+    colours = {stop: series(number) for number, stop in enumerate(stops)}
+    figure = new_figure(title, SIZE)
+    panels = figure.subplots(1, 1 + (len(contrast) >= FEWEST), squeeze=False)[0]
+    if shifts:
+        _draw_shifts(panels[0], shifts, colours)
+    else:
+        _draw_contrast(panels[0], contrast, colours)
+    if len(contrast) >= FEWEST:
+        last = max(probe.stop for probe in contrast)
+        _draw_contrast(panels[1], [probe for probe in contrast if probe.stop == last], colours)
+        panels[1].set_title("all probes of contrast" if shifts else "the last probes")
+        panels[0].set_title("displacement, in the order of the probes" if shifts else "all probes")
+    for axes in panels:
+        axes.axvline(report.film_distance_mm, color=INK, linestyle="--", linewidth=1.2)
+        axes.set_xlabel("film distance [mm]")
+    labels = {stop: "full aperture" if stop == 1 else f"{stop:.2g} of the aperture" for stop in stops}
+    keys = [Line2D([], [], color=colours[stop], marker="o", label=label) for stop, label in labels.items()]
+    add_key(figure, [*keys, Line2D([], [], color=INK, linestyle="--", label="found")])
+    return figure
+
+
+def _draw_shifts(axes: Axes, probes: Sequence[ProbeRecord], colours: dict[float, str]) -> None:
+    """Draw displacements of the halves, numbered in the order of the probes."""
+    axes.set_ylabel("displacement of the halves [pixels]")
+    axes.axhline(0.0, color=INK, linewidth=0.8)
+    axes.margins(0.12)
+    for number, probe in enumerate(probes, 1):
+        place, colour = (probe.film_distance_mm, probe.value), colours[probe.stop]
+        axes.errorbar(*place, yerr=probe.error, fmt="o", color=colour)
+        axes.annotate(str(number), place, xytext=(7, 5), textcoords="offset points")
+
+
+def _draw_contrast(axes: Axes, probes: Sequence[ProbeRecord], colours: dict[float, str]) -> None:
+    """Draw a curve for each stop, in shares of its greatest value."""
+    axes.set_ylabel("measure, of the greatest [%]")
+    for stop, colour in colours.items():
+        own = sorted((probe for probe in probes if probe.stop == stop), key=lambda probe: probe.film_distance_mm)
+        scale = 100 / (max((probe.value for probe in own), default=1.0) or 1.0)
+        places = [probe.film_distance_mm for probe in own]
+        values, errors = ([scale * amount for amount in amounts]
+                          for amounts in ([probe.value for probe in own], [probe.error for probe in own]))  # fmt: skip
+        axes.errorbar(places, values, yerr=errors, fmt="o-", markersize=4, color=colour)
+    axes.set_ylim(0.0, 112.0)

@@ -1,0 +1,486 @@
+"""The probe renderer: zones of the film seen through the scene's camera in any focus state.
+
+Programs, trees and textures are made once; a probe replaces the camera's records and nothing else.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import field, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.device.session import Session
+from rptcam_cl.rendering.cameras.film_pupil import PupilRays
+from rptcam_cl.rendering.cameras.model import CameraModel, exposed
+from rptcam_cl.rendering.film import TILE, FilmLayout
+from rptcam_cl.rendering.plan.plan import Plan, make_plan
+from rptcam_cl.rendering.scene_buffers import SceneBuffers
+from rptcam_cl.rendering.tracer import Wavefront
+from rptcam_cl.scene.camera import RealisticCamera
+from rptcam_cl.scene.exposure import Exposure
+from rptcam_cl.scene.film import LayerName
+from rptcam_cl.scene.load import at_opening, change_scene
+from rptcam_cl.scene.scene import Scene
+from rptcam_cl.studies.focus.drives import focus_drive
+from rptcam_cl.studies.focus.probe import (
+    Drive,
+    FocusReport,
+    Measure,
+    NoContrast,
+    Policy,
+    Probe,
+    ProbeRecord,
+    Zone,
+    ZoneImage,
+    circle_of_confusion,
+)
+
+# Shares of the opening's diameter, the first f/100 for a lens of f/2. Where a lens is stopped down so far that rays,
+# which aim at boxes, rarely find the pupil, the next one is taken.
+OPENINGS = (0.02, 0.1, 0.5, 1.0)
+ENOUGH = 0.05  # of the rays pass
+SAMPLES = 16  # per pixel
+
+
+def first_hits(
+    drive: Drive,
+    scene: Scene,
+    session: Session,
+    state: float,
+    zones: Sequence[Zone],
+    layout: FilmLayout,
+    names: Sequence[LayerName],
+    seed: int,
+) -> tuple[dict[str, NDArray[Any]], int]:
+    """Return layers of what a part of the film sees, (height, width) each, and how many samples they took.
+
+    Parameters
+    ----------
+    scene
+        With the film that `layout` is a part of.
+    zones
+        Where the layers are needed.
+    """
+    seen = change_scene(scene, render={"layers": tuple(names), "layers_spp": SAMPLES, "max_depth": 1, "noise": None})
+    taken = 0
+    for opening in OPENINGS:
+        camera = exposed(drive.camera(seen, state, opening, zones), seen)
+        wavefront = Wavefront(session, make_plan(seen, camera), layout, seen.render, scouts=False)
+        wavefront.seed = seed
+        for wave in wavefront.waves(0, SAMPLES):
+            wavefront.enqueue(*wave)
+        wavefront.finish()
+        taken += wavefront.camera_rays
+        if wavefront.outcomes()["passed"] >= ENOUGH * wavefront.camera_rays:
+            break
+    return wavefront.layers(), taken
+
+
+PARTS = 4  # independent pictures that a probe consists of
+FEWEST_PIXELS = 40  # across the shorter side of a zone, if its pixels then are not smaller than
+ACROSS = 240  # pixels of the picture in which objects are sought
+WHOLE = Zone(0.0, 1.0, 0.0, 1.0)
+FINEST, COARSEST = 0.5, 1.5  # circles of confusion
+Ranges = tuple[int, int, int, int]  # columns and rows: first, behind the last, first, behind the last
+
+
+@dataclass(frozen=True)
+class ZoneView:
+    """Zones on a film whose pixels suit them.
+
+    Attributes
+    ----------
+    scene : Scene
+        With that film.
+    zones : tuple of Zone
+    margin : (across, down)
+        Pixels to show beyond each zone.
+    """
+
+    scene: Scene
+    zones: tuple[Zone, ...]
+    margin: tuple[int, int]
+
+    @classmethod
+    def of(cls, scene: Scene, zones: tuple[Zone, ...], margin: tuple[int, int]) -> ZoneView:
+        """Return a view of zones of a scene, with pixels that suit the circle of confusion and the smallest zone."""
+        film = scene.film
+        size_mm = tuple(side * 1e3 for side in film.size_m())
+        sides = [((z.right - z.left) * size_mm[0], (z.bottom - z.top) * size_mm[1]) for z in zones]
+        circle = circle_of_confusion(scene)
+        pixel = min(max(min(min(pair) for pair in sides) / FEWEST_PIXELS, FINEST * circle), COARSEST * circle)
+        columns, rows = (max(round(side / pixel), 1) for side in size_mm)
+        seen = change_scene(scene, film=film.whole_in((columns, rows)), render={"layers": (), "noise": None})
+        # measures take the mean off anyway, so the exposure does not matter
+        return cls(seen.model_copy(update={"exposure": Exposure()}), zones, margin)
+
+    @property
+    def resolution(self) -> tuple[int, int]:
+        """Width and height of the whole film [pixels]."""
+        return self.scene.film.resolution
+
+    @cached_property
+    def layout(self) -> FilmLayout:
+        """The part of the film that holds all zones."""
+        width, height = self.resolution
+        corners = np.array([self.shown(zone) for zone in self.zones])
+        (x0, _, y0, _), (_, x1, _, y1) = corners.min(axis=0).tolist(), corners.max(axis=0).tolist()
+        return FilmLayout(width, height, x0, y0, x1 - x0, y1 - y0)
+
+    def pixels_of(self, zone: Zone) -> Ranges:
+        """Return the columns and rows of a zone."""
+        width, height = self.resolution
+        x0, y0 = min(math.floor(zone.left * width), width - 1), min(math.floor(zone.top * height), height - 1)
+        return x0, max(math.ceil(zone.right * width), x0 + 1), y0, max(math.ceil(zone.bottom * height), y0 + 1)
+
+    def shown(self, zone: Zone) -> Ranges:
+        """Return the columns and rows of a zone with the margin, as far as the film goes."""
+        (width, height), (across, down) = self.resolution, self.margin
+        x0, x1, y0, y1 = self.pixels_of(zone)
+        return max(x0 - across, 0), min(x1 + across, width), max(y0 - down, 0), min(y1 + down, height)
+
+    def shown_zones(self) -> list[Zone]:
+        """Return the zones with their margins."""
+        width, height = self.resolution
+        shown = [self.shown(zone) for zone in self.zones]
+        return [Zone(x0 / width, x1 / width, y0 / height, y1 / height) for x0, x1, y0, y1 in shown]
+
+    def margins(self, zone: Zone) -> Ranges:
+        """Return how many pixels are shown beyond a zone: left, right, above, below."""
+        (x0, x1, y0, y1), (left, right, top, bottom) = self.pixels_of(zone), self.shown(zone)
+        return x0 - left, right - x1, y0 - top, bottom - y1
+
+    def in_layout(self, ranges: Ranges) -> tuple[slice, slice]:
+        """Return where some columns and rows lie in an array (height, width) of the layout."""
+        (x0, x1, y0, y1), x, y = ranges, self.layout.x, self.layout.y
+        return slice(y0 - y, y1 - y), slice(x0 - x, x1 - x)
+
+    def tiles(self) -> NDArray[np.uint32]:
+        """Return the tiles of the layout that zones touch."""
+        layout = self.layout
+        touched = np.zeros((-(-layout.height // TILE), layout.tiles_across), np.bool_)
+        for zone in self.zones:
+            x0, x1, y0, y1 = self.shown(zone)
+            rows = slice((y0 - layout.y) // TILE, (y1 - layout.y - 1) // TILE + 1)
+            touched[rows, (x0 - layout.x) // TILE : (x1 - layout.x - 1) // TILE + 1] = True
+        return np.flatnonzero(touched).astype(np.uint32)
+
+    def scaled(self, scale: float) -> Scene:
+        """Return the scene with the film scaled."""
+        width, height = self.scene.film.size_m()
+        film = self.scene.film.model_copy(update={"size_mm": (width * 1e3 * scale, height * 1e3 * scale)})
+        return self.scene.model_copy(update={"film": film})
+
+
+class ProbeRenderer:
+    """A camera of a scene on a device, to be probed in any focus state.
+
+    The zones are rendered with pixels that suit the circle of confusion, whatever the resolution of the picture.
+
+    Parameters
+    ----------
+    scene
+        Its camera must be one that has a focus.
+    session
+        The device.
+
+    Attributes
+    ----------
+    drive : Drive
+        What moves when the camera focuses.
+    state : float
+        Focus state, to begin with that of the scene.
+    samples, seconds : int, float
+        What the probes so far have taken: camera samples, and time from their start to their end [s].
+    """
+
+    def __init__(self, scene: Scene, session: Session, state: float | None = None) -> None:
+        self.scene, self.session = _traced(at_opening(scene)), session
+        self.drive = focus_drive(self.scene)
+        self.state = self.drive.start if state is None else state
+        self.samples, self.seconds = 0, 0.0
+        self._view: ZoneView | None = None
+        self._plan: Plan | None = None
+        self._buffers: SceneBuffers | None = None
+        self._wavefronts: dict[tuple[tuple[str, int], ...], Wavefront] = {}
+
+    @property
+    def view(self) -> ZoneView:
+        """The zones chosen last, on their film."""
+        assert self._view is not None
+        return self._view
+
+    def choose_zones(self, zones: Sequence[Zone], margin: tuple[int, int] = (0, 0)) -> ZoneView:
+        """Choose the zones of the probes that follow, and how many pixels across and down to show beyond them."""
+        chosen, view = tuple(zones), self._view
+        if view is None or view.zones != chosen:
+            view = ZoneView.of(self.scene, chosen, margin)
+        elif view.margin != margin:
+            view = replace(view, margin=margin)
+        if view is not self._view:
+            self._view = view
+            self._wavefronts.clear()
+        return view
+
+    def measure(
+        self,
+        state: float,
+        zones: Sequence[Zone],
+        samples: int,
+        seed: int,
+        stop: float = 1.0,
+        reference: float | None = None,
+    ) -> list[ZoneImage]:
+        """Return what zones show.
+
+        Parameters
+        ----------
+        state
+            Within the limits of the drive; the camera's own state stays as it is.
+        zones
+            Parts of the picture.
+        samples
+            Per pixel, rounded up to a multiple of `PARTS`.
+        seed
+            Of the random numbers: the same for two states makes their noise alike.
+        stop
+            Share of the diameter of the opening at which the camera takes its picture.
+        reference
+            State in which the zones are given. The image grows as the film goes away from the lens, so the film is
+            scaled with it to show the same part of the scene in every state; by default it is not.
+
+        Raises
+        ------
+        InputError
+            When the state is out of range.
+        """
+        low, high = self.drive.limits
+        if not low - 1e-9 * abs(low) <= state <= high + 1e-9 * abs(high):
+            raise InputError(f"focus state {state:g} lies outside its range ({low:g} to {high:g})")
+        view = self.choose_zones(zones)
+        seen = view.scene if reference is None else view.scaled(self.drive.image_scale(state, reference))
+        return self.render(self.drive.camera(seen, state, stop, view.zones), samples, seed)
+
+    def camera(self, state: float, stop: float = 1.0) -> CameraModel:
+        """Return the camera in a state for the device; it sees the chosen zones and their margin."""
+        return self.drive.camera(self.view.scene, state, stop, self.view.shown_zones())
+
+    def rays(self, state: float, places: NDArray[np.float64], stop: float = 1.0) -> PupilRays:
+        """Return the rays of places [pixels] of the film that the zones are seen on."""
+        return self.drive.rays(self.view.scene, state, stop, places)
+
+    def render(self, camera: CameraModel, samples: int, seed: int) -> list[ZoneImage]:
+        """Return what the chosen zones show through a camera."""
+        begun, view = time.perf_counter(), self.view
+        camera = exposed(camera, view.scene)
+        wavefront = self._wavefront(camera)
+        wavefront.use_camera(camera)
+        count = -(-samples // PARTS)
+        pictures = []
+        for part in range(PARTS):
+            wavefront.clear()
+            wavefront.seed = seed * PARTS + part
+            for wave in wavefront.waves(0, count):
+                wavefront.enqueue(*wave)
+            wavefront.finish()
+            self.samples += wavefront.camera_rays
+            pictures.append(wavefront.picture(count))
+        self.seconds += time.perf_counter() - begun
+        parts, ranges = np.stack(pictures), [view.in_layout(view.shown(zone)) for zone in view.zones]
+        return [ZoneImage(np.ascontiguousarray(parts[:, rows, columns]), count * PARTS) for rows, columns in ranges]
+
+    def depths(self, state: float, zones: Sequence[Zone], seed: int) -> list[NDArray[np.float64]]:
+        """Return how far along the axis what each zone's pixels show lies from the film [m]; infinite for nothing."""
+        begun, view = time.perf_counter(), self.choose_zones(zones)
+        layers, samples = first_hits(
+            self.drive, view.scene, self.session, state, view.zones, view.layout, ("depth",), seed
+        )
+        self.samples += samples
+        self.seconds += time.perf_counter() - begun
+        depth = layers["depth"].astype(np.float64)
+        return [depth[view.in_layout(view.pixels_of(zone))] for zone in view.zones]
+
+    def objects(self) -> NDArray[np.int32]:
+        """Return which object each part of the picture shows, -1 for none, (height, width) of at most `ACROSS`."""
+        film = self.scene.film
+        scale = ACROSS / max(film.resolution)
+        columns, rows = (max(round(side * scale), 1) for side in film.resolution)
+        small = change_scene(self.scene, film=film.whole_in((columns, rows)))
+        layout = FilmLayout(columns, rows, 0, 0, columns, rows)
+        layers, _ = first_hits(self.drive, small, self.session, self.state, [WHOLE], layout, ("object_id",), 0)
+        return np.asarray(layers["object_id"], np.int32)
+
+    def _wavefront(self, camera: CameraModel) -> Wavefront:
+        """Return the wavefront for a camera of these facts, made at first use."""
+        facts = tuple(sorted(camera.facts.items()))
+        if facts not in self._wavefronts:
+            view = self.view
+            if self._plan is None:
+                self._plan = make_plan(view.scene, self.drive.camera(view.scene, self.state, 1.0, view.zones))
+            plan = replace(self._plan, camera=camera)
+            if self._buffers is None:
+                self._buffers = SceneBuffers(self.session, plan)
+            self._wavefronts[facts] = Wavefront(
+                self.session, plan, view.layout, view.scene.render, buffers=self._buffers, scouts=False
+            )
+            self._wavefronts[facts].choose_tiles(view.tiles())
+        return self._wavefronts[facts]
+
+
+def _traced(scene: Scene) -> Scene:
+    """Return a scene whose lens is traced: polynomials would have to be fitted anew in every state."""
+    fitted = isinstance(scene.camera, RealisticCamera) and scene.camera.rays == "fitted"
+    return change_scene(scene, camera={"rays": "traced"}) if fitted else scene
+
+
+# The probes of a search: the task that a method is given, and what each probe measured.
+
+NEAR = 8.0  # depths of focus to either side within which the focus is searched when it was found a moment ago
+
+
+@dataclass(frozen=True)
+class Task:
+    """A camera to focus.
+
+    Attributes
+    ----------
+    renderer : ProbeRenderer
+    zones : tuple of Zone
+    policy : Policy
+        Which zone decides.
+    seed : int
+    near : float or None
+        State near which the focus is expected; None for anywhere.
+    on_probe : callable or None
+        Called with every probe.
+    """
+
+    renderer: ProbeRenderer
+    zones: tuple[Zone, ...]
+    policy: Policy
+    seed: int = 0
+    near: float | None = None
+    on_probe: Callable[[Probe], None] | None = None
+
+    @property
+    def drive(self) -> Drive:
+        """What moves when the camera focuses."""
+        return self.renderer.drive
+
+    def probes(self, measure: Measure) -> Probes:
+        """Return a search of the zones with a measure, with no probe so far."""
+        return Probes(self.renderer, self.zones, measure, self.seed, self.on_probe)
+
+    def near_place(self, probes: Probes) -> tuple[float, float] | None:
+        """Return where the focus is expected and how far to either side of it to search [mm]."""
+        return None if self.near is None else (probes.place_of(self.near), NEAR * self.drive.depth_of_focus)
+
+    def report(
+        self, method: str, state: float, zone: Zone, error: float, confidence: float, probes: list[ProbeRecord]
+    ) -> FocusReport:
+        """Return the report of a focus that was found."""
+        drive = self.drive
+        return FocusReport(
+            method=method,
+            state=state,
+            film_distance_mm=drive.film_distance(state),
+            focus_distance_m=drive.object_distance(state, zone),
+            confidence=confidence,
+            error=error,
+            depth_of_focus_mm=drive.depth_of_focus,
+            zone=zone,
+            zones=self.zones,
+            probes=probes,
+        )
+
+
+def within(tolerance: float, error: float) -> float:
+    """Return the probability that a normal error of a standard deviation stays within a tolerance."""
+    return math.erf(tolerance / (math.sqrt(2) * error)) if error > 0 else 1.0
+
+
+MOST_PROBES = 40  # after which a search gives up
+
+
+@dataclass
+class Probes:
+    """A camera to probe, and every probe so far.
+
+    Attributes
+    ----------
+    renderer : ProbeRenderer
+    zones : sequence of Zone
+    measure : Measure
+    seed : int
+        Of every probe: their noise is alike, so that differences between states are seen through it.
+    on_probe : callable or None
+        Called with every probe.
+    """
+
+    renderer: ProbeRenderer
+    zones: Sequence[Zone]
+    measure: Measure
+    seed: int = 0
+    on_probe: Callable[[Probe], None] | None = None
+    made: list[Probe] = field(default_factory=list)
+
+    @property
+    def drive(self) -> Drive:
+        """What moves when the camera focuses."""
+        return self.renderer.drive
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Lowest and highest place."""
+        sense = self.drive.nearer
+        low, high = sorted(sense * self.drive.coordinate(state) for state in self.drive.limits)
+        return low, high
+
+    def state_of(self, place: float) -> float:
+        """Return the focus state of a place."""
+        low, high = self.drive.limits
+        return min(max(self.drive.state_at(self.drive.nearer * place), low), high)
+
+    def place_of(self, state: float) -> float:
+        """Return the place of a focus state."""
+        return self.drive.nearer * self.drive.coordinate(state)
+
+    def at(self, place: float, samples: int, stop: float = 1.0, reference: float | None = None) -> Probe:
+        """Probe a place; the zones are given in the place of reference (see `ProbeRenderer.measure`).
+
+        Raises
+        ------
+        NoContrast
+            After more probes than a search ever needs.
+        """
+        if len(self.made) >= MOST_PROBES:
+            raise NoContrast(f"no focus found in the zone after {MOST_PROBES} probes")
+        begun = time.perf_counter()
+        fixed = None if reference is None else self.state_of(reference)
+        images = self.renderer.measure(self.state_of(place), self.zones, samples, self.seed, stop, fixed)
+        pixels = sum(image.parts.shape[1] * image.parts.shape[2] for image in images)
+        found = [self.measure.of(image) for image in images]
+        scale = self.drive.image_scale(self.state_of(place), self.state_of(self.ends[0]) if fixed is None else fixed)
+        probe = Probe(place, stop, reference, scale, found, pixels * images[0].samples, time.perf_counter() - begun)
+        self.made.append(probe)
+        if self.on_probe is not None:
+            self.on_probe(probe)
+        return probe
+
+    def records(self, zone: int) -> list[ProbeRecord]:
+        """Return what each probe measured in one zone."""
+        return [self._record(probe, zone) for probe in self.made]
+
+    def _record(self, probe: Probe, zone: int) -> ProbeRecord:
+        state, found = self.state_of(probe.place), probe.found[zone]
+        return ProbeRecord(
+            state, self.drive.film_distance(state), found.value, found.error, probe.stop, probe.samples, probe.seconds
+        )

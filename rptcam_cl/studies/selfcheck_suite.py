@@ -1,0 +1,524 @@
+"""The suite of `rptcam doctor --numerics`: checks of lenses and of whole pictures, and what a render runs on."""
+
+from __future__ import annotations
+
+import math
+import os
+import platform
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl._version import __version__
+from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.core.errors import DeviceError, InputError
+from rptcam_cl.core.vectors import LINE_D_NM
+from rptcam_cl.device.devices import default_device, device_details, fitting_devices, list_devices, opencl_version
+from rptcam_cl.device.drivers import pocl_cache_folder
+from rptcam_cl.device.session import Session
+from rptcam_cl.optics.glass import AIR, ConstantIndex
+from rptcam_cl.optics.lens import Lens, film_distance
+from rptcam_cl.optics.library import load_lens
+from rptcam_cl.optics.ray_trace import Rays, Status
+from rptcam_cl.optics.surface import Surface
+from rptcam_cl.rendering.account import film_rays
+from rptcam_cl.rendering.film import FilmLayout
+from rptcam_cl.rendering.plan.plan import Plan, make_plan
+from rptcam_cl.rendering.progressive import render_plan
+from rptcam_cl.rendering.traceable_lens import Precision, trace_on_device
+from rptcam_cl.rendering.tracer import Wavefront
+from rptcam_cl.rendering.trees import cache_folder
+from rptcam_cl.scene.load import change_scene, load_scene
+from rptcam_cl.scene.scene import Scene
+from rptcam_cl.studies.selfcheck import (
+    Check,
+    arithmetic_checks,
+    departure_check,
+    far_sphere_checks,
+    film_checks,
+    leak_check,
+    loop_check,
+    mesh_tree_check,
+    needs_float64,
+    object_tree_check,
+    random_check,
+)
+
+# Checks of lenses at their extremes: the device in float32 against float64 and against closed forms.
+
+Array = NDArray[np.float64]
+
+EPS = 2.0**-24  # half a unit in the last place of float32 at 1
+RADII = tuple(sign * 10.0**power for power in range(10) for sign in (-1, 1))  # [mm]; planes besides
+LENSES = ("dgauss-50mm", "wide-22mm", "fisheye-10mm", "telephoto-250mm", "asphere-1.4mm", "anamorphic-100mm")
+STEPS = np.array([-1e-1, -1e-2, -1e-3, -1e-4, 1e-4, 1e-3, 1e-2, 1e-1])  # about the critical angle [radians]
+
+
+@dataclass(frozen=True)
+class SurfaceErrors:
+    """What float32 does wrong at a single surface.
+
+    Attributes
+    ----------
+    position : float
+        Largest error of the point, over the size of the surface.
+    direction : float
+        Largest error of the direction, over what it may be: an error of the cosine behind the surface grows as the
+        critical angle comes near.
+    wrong : int
+        Rays with another fate than in float64, but for those within 0.2 degrees of the critical angle, and rays that
+        are not finite.
+    """
+
+    position: float
+    direction: float
+    wrong: int
+
+
+def surface_errors(
+    session: Session, radius_mm: float, index: float, start: str, rng: np.random.Generator, count: int = 200
+) -> SurfaceErrors:
+    """Return the errors of rays that meet a surface of some radius, up to 30 mm of it, into or out of some index."""
+    sense = 1.0 if start == "scene" else -1.0
+    size = min(abs(radius_mm), 30.0)
+    lens = Lens(f"{radius_mm:g}", (Surface(1 / radius_mm, 0.0, ConstantIndex(index), 0.9 * size),))
+    directions = np.column_stack([rng.uniform(-0.6, 0.6, (count, 2)), np.full(count, sense)])
+    aims = np.column_stack([rng.uniform(-0.6, 0.6, (count, 2)) * size, np.zeros(count)])
+    origins = aims - directions * size
+    wanted = lens.trace(origins, directions, start=start)
+    got = trace_on_device(lens, session, origins, directions, LINE_D_NM, start, "single")
+    finite = np.isfinite(got.origins).all(axis=1) & np.isfinite(got.directions).all(axis=1)
+    cosine = cosines_behind(lens, wanted, directions, start)
+    far = cosine >= 3e-3
+    both = got.passed & wanted.passed
+    turned = np.abs(got.directions - wanted.directions).max(axis=1)[both]
+    return SurfaceErrors(
+        position=float(np.abs(got.origins - wanted.origins)[both].max(initial=0.0)) / size,
+        direction=float((turned * cosine[both] / (EPS * (2 + index**2))).max(initial=0.0)),
+        wrong=int((far & (got.status != wanted.status)).sum() + (~finite).sum()),
+    )
+
+
+def cosines_behind(lens: Lens, rays: Rays, directions: Array, start: str) -> Array:
+    """Return the cosine of the angle behind the only surface of a lens; 1 for rays that do not reach it."""
+    c = lens.surfaces[0].curvature
+    normal = np.column_stack([-c * rays.origins[:, :2], 1 - c * rays.origins[:, 2]])
+    d = directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    before, after = lens.indices()[:: 1 if start == "scene" else -1]
+    square = 1 - (before / after) ** 2 * (1 - np.sum(d * normal, axis=1) ** 2)
+    reached = (rays.status == Status.ok) | (rays.status == Status.total_internal_reflection)
+    return np.where(reached, np.sqrt(np.abs(square)), 1.0)
+
+
+def radius_checks(session: Session) -> list[Check]:
+    """Spheres of ten decades of radius and planes, from both sides, into denser and thinner media."""
+    rng = np.random.default_rng(5)
+    found = [
+        surface_errors(session, radius, index, start, rng)
+        for radius in (*RADII, np.inf)
+        for index, start in ((0.75, "scene"), (1.5, "scene"), (1.5, "film"), (4.0, "film"))
+    ]
+    return [
+        # six roundings of the size of the start, which 0.25, the least cosine of incidence, enlarges
+        Check("lens: points on R = 1 to 1e9 mm and planes", max(e.position for e in found), 24 * EPS, "of the size"),
+        Check("lens: directions behind them", max(e.direction for e in found), 12, "roundings"),
+        Check("lens: fates there", sum(e.wrong for e in found), 0, f"of {200 * len(found)} rays wrong"),
+    ]
+
+
+def reflection_check(session: Session) -> Check:
+    """Rays beside the critical angle, from both sides, through planes and almost planes."""
+    wrong = count = 0
+    for start, first, last in (("scene", 1.5, 1.0), ("film", 1.0, 1.5), ("scene", 1.0, 0.75)):
+        before, after = (first, last) if start == "scene" else (last, first)
+        angles = np.arcsin(after / before) + STEPS
+        sense = 1.0 if start == "scene" else -1.0
+        directions = np.column_stack([np.zeros(len(angles)), np.sin(angles), sense * np.cos(angles)])
+        for curvature in (0.0, 1e-6, -1e-6):
+            surface = Surface(curvature, 0.0, ConstantIndex(last), 5.0)
+            lens = Lens("step", (surface,), object_medium=ConstantIndex(first))
+            rays = trace_on_device(lens, session, -directions, directions, LINE_D_NM, start, "single")
+            expected = np.where(STEPS < 0, Status.ok, Status.total_internal_reflection)
+            wrong, count = wrong + int((rays.status != expected).sum()), count + len(angles)
+    return Check("lens: total reflection within 1e-4 of its angle", wrong, 0, f"of {count} rays wrong")
+
+
+def parallel(heights: Array, z: float = -20.0) -> tuple[Array, Array]:
+    """Return rays along the axis at heights, all round it."""
+    turn = np.arange(len(heights)) * 2.4
+    origins = np.column_stack([heights * np.cos(turn), heights * np.sin(turn), np.full(len(heights), z)])
+    return origins, np.tile([0, 0, 1.0], (len(heights), 1))
+
+
+def spot(rays: Rays, z: float) -> Array:
+    """Return the distances [mm] from the axis at which rays cross a plane."""
+    step = (z - rays.origins[:, 2]) / rays.directions[:, 2]
+    places = rays.origins + step[:, None] * rays.directions
+    return np.asarray(np.hypot(places[:, 0], places[:, 1]))
+
+
+def crossings(rays: Rays) -> Array:
+    """Return where rays come nearest to the axis, z [mm]."""
+    p, d = rays.origins, rays.directions
+    return np.asarray(p[:, 2] - np.sum(p[:, :2] * d[:, :2], axis=1) / np.sum(d[:, :2] ** 2, axis=1) * d[:, 2])
+
+
+def plano_hyperbolic(conic: float, n: float = 1.5, focal: float = 20.0) -> tuple[Lens, float]:
+    """Return a lens that takes collimated light through a plane and out of a conic, and where it has its focus [mm].
+
+    With a conic constant of -n^2, a hyperboloid, the focus is a point.
+    """
+    front = Surface(0.0, 10.0, ConstantIndex(n), 12.0)
+    return Lens("hyperboloid", (front, Surface(-1 / (focal * (n - 1)), 0, AIR, 12.0, conic=conic))), 10.0 + focal
+
+
+def ellipsoidal(conic: float, n: float = 1.5, focal: float = 20.0) -> tuple[Lens, float]:
+    """Return a lens that takes collimated light into a conic of glass, and the focus inside; a point for -1 / n^2."""
+    surface = Surface(n / (focal * (n - 1)), 0, ConstantIndex(n), 5.5, conic=conic)
+    return Lens("ellipsoid", (surface,)), focal
+
+
+def weierstrass_error(session: Session, index: float, precision: Precision) -> float:
+    """Return the largest error [mm] of the image of the aplanatic point of a sphere of 10 mm and index 1.5."""
+    n, r = 1.5, 10.0
+    lens = Lens("aplanatic", (Surface(-1 / r, 0, AIR, r),), object_medium=ConstantIndex(index))
+    angles, turn = np.radians(np.linspace(2, 56, 60)), np.arange(60) * 2.4  # atan n is where the hemisphere ends
+    directions = np.column_stack([np.sin(angles) * np.cos(turn), np.sin(angles) * np.sin(turn), np.cos(angles)])
+    origins = np.tile([0, 0, -r - r / n], (60, 1))
+    rays = trace_on_device(lens, session, origins, directions, LINE_D_NM, "scene", precision)
+    return float(np.abs(crossings(rays) + r + n * r).max()) if rays.passed.all() else np.inf
+
+
+def stigmatic_checks(session: Session) -> list[Check]:
+    """Lenses that image a point sharply, whatever the angle: conics and the aplanatic sphere."""
+    worst = 0.0
+    for (lens, focus), height in ((plano_hyperbolic(-2.25), 9.0), (ellipsoidal(-1 / 2.25), 5.0)):
+        beam = parallel(np.linspace(0.1, height, 60))
+        rays = trace_on_device(lens, session, *beam, LINE_D_NM, "scene", "single")
+        size = float(np.sqrt(np.mean(spot(rays, focus) ** 2))) if rays.passed.all() else np.inf
+        worst = max(worst, size)
+    return [
+        Check("lens: spot of stigmatic conics", worst, 1e-4, "mm"),
+        Check("lens: aplanatic point of a sphere", weierstrass_error(session, 1.5, "single"), 1e-4, "mm"),
+    ]
+
+
+def library_errors(session: Session, name: str, precision: Precision) -> tuple[float, float, int]:
+    """Return the largest errors of position [mm] and direction of 512 rays through a lens of the library, and how many
+    pass that should not or the other way round."""
+    lens = load_lens(name)
+    try:
+        back_mm = film_distance(lens, 1e7)
+    except InputError:
+        back_mm = abs(lens.first_order().focal_length_mm)
+    half_mm = 0.3 * abs(lens.first_order().focal_length_mm)
+    origins, directions = film_rays(lens, back_mm, (half_mm, half_mm), LINE_D_NM)
+    exact = lens.trace(origins, directions)
+    got = trace_on_device(lens, session, origins, directions, LINE_D_NM, "film", precision)
+    both = exact.passed & got.passed
+    position = np.abs(got.origins - exact.origins)[both].max(initial=0.0)
+    direction = np.abs(got.directions - exact.directions)[both].max(initial=0.0)
+    return float(position), float(direction), int((exact.passed != got.passed).sum())
+
+
+def library_checks(session: Session) -> list[Check]:
+    """Rays through lenses of the library, aspheres and cylinders among them, against the float64 reference."""
+    found = np.array([library_errors(session, name, "single") for name in LENSES])
+    checks = [
+        Check(f"lens: points behind {len(LENSES)} real lenses", found[:, 0].max(), 6e-5, "mm"),
+        Check("lens: directions behind them", found[:, 1].max(), 3e-6, "of 1"),
+        # a ray within a millionth of a rim may go either way
+        Check("lens: fates in them", found[:, 2].sum(), 2, f"of {512 * len(LENSES)} rays other than in float64"),
+    ]
+    precise = "lens: the first of them in float64", "mm"
+    if not session.info.fp64:
+        return [*checks, needs_float64(*precise)]
+    name, unit = precise
+    return [*checks, Check(name, max(library_errors(session, LENSES[0], "double")), 1e-11, unit)]
+
+
+# Checks of whole pictures: light that is neither lost nor made, and the same bits however the work is cut up.
+
+Picture = NDArray[np.float32]
+
+DEPTH = 6
+REFLECTANCE = 0.8
+UNLIKE = 0.02  # share of the values that rounding may change by more than 1e-5, by sending paths elsewhere
+# By how much a picture may change, over its mean: by roundings that send paths elsewhere, by parts of a pixel.
+ROUNDED = 0.02
+FITTED = 0.2
+OF_MEAN = "of the mean, root mean square"
+SPHERE_RADII = (1e-3, 1.0, 1e4)  # of cavities [m]
+
+MATTE = {"kind": "matte", "reflectance": REFLECTANCE}
+STUDIO: dict[str, Any] = {
+    "film": {"resolution": [48, 32]},
+    "camera": {
+        "kind": "realistic", "lens": "dgauss-50mm", "focus": {"distance_m": 5.0}, "eye": [0.5, -5, 2],
+        "target": [0, 0, 0.5], "up": [0, 0, 1],
+    },
+    "render": {"spp": 16, "max_depth": 5},
+    "environment": {"kind": "constant", "radiance": 0.2},
+    "objects": [
+        {"shape": "plane", "point": [0, 0, 0], "normal": [0, 0, 1], "material": MATTE},
+        {"shape": "sphere", "center": [-0.7, 0, 0.6], "radius": 0.6, "material": {"kind": "dielectric", "index": 1.5}},
+        {"shape": "box", "min": [0.3, 0, 0], "max": [1.1, 0.8, 0.9], "material": MATTE},
+        {
+            "shape": "rectangle", "corner": [-1, -1, 3], "edge_u": [0, 1, 0], "edge_v": [1, 0, 0],
+            "material": {"kind": "emissive", "radiance": 8},
+        },
+    ],
+}  # fmt: skip
+
+
+def cavity(radius: float, reflectance: float = REFLECTANCE, depth: int = DEPTH) -> dict[str, Any]:
+    """Return a scene inside a matte sphere with a point light in its middle: every sample is the same."""
+    wall = {"shape": "sphere", "center": [0, 0, 0], "radius": radius, "material": MATTE | {"reflectance": reflectance}}
+    eye = [0.3 * radius, -0.4 * radius, 0.1 * radius]
+    return {
+        "film": {"resolution": [16, 16]},
+        "camera": {
+            "kind": "pinhole", "fov_degrees": 100, "eye": eye, "target": [radius, radius, 0], "up": [0, 0, 1],
+        },
+        "render": {"spp": 4, "max_depth": depth, "roulette_depth": 0},
+        "objects": [wall],
+        "lights": [{"kind": "point", "position": [0, 0, 0], "intensity": radius**2 * math.pi}],
+    }  # fmt: skip
+
+
+def picture(
+    session: Session,
+    scene: Scene,
+    plan: Plan,
+    *,
+    wave_size: int | None = None,
+    organisation: str | None = None,
+) -> Picture:
+    """Return the film of a scene."""
+    wavefront = Wavefront(session, plan, FilmLayout.of(scene.film), scene.render, wave_size, organisation)
+    wavefront.warm_up()
+    return render_plan(wavefront, spp=scene.render.most_spp, seconds=None, has_lens=plan.camera.has_lens).pixels
+
+
+def cavity_error(session: Session, mapping: Mapping[str, Any], reflectance: float, depth: int) -> float:
+    """Return the largest relative error of the pixels of a cavity: vertex k adds reflectance^k."""
+    scene = load_scene(mapping)
+    series = sum(reflectance**k for k in range(1, depth))
+    return float(np.abs(picture(session, scene, make_plan(scene)).astype(np.float64) / series - 1).max())
+
+
+def energy_check(session: Session) -> Check:
+    """Light in closed rooms from a millimetre to ten kilometres against the truncated series."""
+    worst = max(cavity_error(session, cavity(radius), REFLECTANCE, DEPTH) for radius in SPHERE_RADII)
+    return Check("pictures: light in closed rooms of 1e-3 to 1e4 m", worst, 2e-6 + 1e-6 * DEPTH, "relative")
+
+
+def organisation_checks(session: Session) -> list[Check]:
+    """One picture through a lens with waves of two sizes, and by both ways to organise the work."""
+    scene = load_scene(STUDIO)
+    plan = make_plan(scene)
+    whole = picture(session, scene, plan)
+    small = picture(session, scene, plan, wave_size=1024)
+    stream, passes = (picture(session, scene, plan, organisation=name) for name in ("stream", "passes"))
+    unlike = 1 - float(np.isclose(stream, passes, rtol=1e-5, atol=1e-6).mean())
+    bits = int((whole.view(np.uint32) != small.view(np.uint32)).sum())
+    return [
+        Check("pictures: small waves and large", bits, 0, f"of {whole.size} values differ in a bit"),
+        Check("pictures: stream and passes", unlike, UNLIKE, "of the values differ by 1e-5"),
+        Check("pictures: values that are not finite", int((~np.isfinite(whole)).sum()), 0, f"of {whole.size}"),
+    ]
+
+
+def lens_checks(session: Session) -> list[Check]:
+    """One picture through a lens traced in float32, in float64 where the device has it, and by fitted rays."""
+    scene = load_scene(STUDIO)
+    single = picture(session, scene, make_plan(scene)).astype(np.float64)
+
+    def beside(name: str, camera: dict[str, str], allowed: float) -> Check:
+        other = change_scene(scene, camera=camera)
+        apart = picture(session, other, make_plan(other)) - single
+        return Check(name, float(np.sqrt(np.mean(apart**2)) / single.mean()), allowed, OF_MEAN)
+
+    name = "pictures: lens in float32 and float64"
+    precise = beside(name, {"precision": "double"}, ROUNDED) if session.info.fp64 else needs_float64(name, OF_MEAN)
+    return [precise, beside("pictures: rays traced and fitted", {"rays": "fitted"}, FITTED)]
+
+
+# What a render runs on: versions, devices with their drivers, caches, and settings from the environment.
+
+PACKAGES = (
+    "numpy",
+    "pyopencl",
+    "pocl-binary-distribution",
+    "pydantic",
+    "OpenEXR",
+    "pillow",
+    "tifffile",
+    "pyoidn",
+    "matplotlib",
+)
+PREFIXES = ("RPTCAM_", "PYOPENCL_CTX", "POCL_", "OCL_ICD_", "CUDA_VISIBLE")
+
+
+def environment(device: str | None = None) -> dict[str, Any]:
+    """Return what there is, as plain data; ``no_device`` says why no device can be used, if so.
+
+    Parameters
+    ----------
+    device
+        The devices to report, as ``--device`` on the command line; all of them when absent.
+    """
+    found: dict[str, Any] = {
+        "version": __version__,
+        "python": platform.python_version(),
+        "system": platform.platform(),
+        "processor": _processor(),
+        "processors": os.cpu_count(),
+        "packages": {name: _version(name) for name in PACKAGES},
+        "pyopencl": opencl_version(),
+        "variables": {name: value for name, value in sorted(os.environ.items()) if name.startswith(PREFIXES)},
+        "caches": {"trees": _folder(cache_folder()), "kernels": _folder(pocl_cache_folder())},
+        "devices": [],
+    }
+    try:
+        devices = list_devices()
+    except DeviceError as problem:
+        return found | {"no_device": str(problem)}
+    shown = devices if device is None else fitting_devices(devices, device)[0]
+    try:
+        default = default_device(devices).id
+    except DeviceError as problem:
+        default = None
+        found["no_device"] = str(problem)
+    found["devices"] = [device_details(each) | {"default": each.id == default} for each in shown]
+    return found
+
+
+def _version(package: str) -> str | None:
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return None
+
+
+def _processor() -> str:
+    """Return the name of the processor, as far as the system tells."""
+    try:
+        for line in Path("/proc/cpuinfo").read_text(encoding="ascii", errors="replace").splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    except OSError:
+        pass
+    return platform.processor() or platform.machine()
+
+
+def _folder(path: Path) -> dict[str, Any]:
+    """Return where a cache is, how large it is, and whether anything can be kept there."""
+    size = sum(file.stat().st_size for file in path.rglob("*") if file.is_file()) if path.is_dir() else 0
+    place = next((folder for folder in (path, *path.parents) if folder.is_dir()), path)
+    home = os.path.expanduser("~")  # noqa: PTH111 -- Path.home() raises where there is none
+    shown = str(path).replace(home, "~", 1) if home != "~" else str(path)
+    return {"folder": shown, "bytes": size, "writable": os.access(place, os.W_OK)}
+
+
+def as_lines(found: dict[str, Any]) -> list[str]:
+    """Return the lines of a report on what `environment` found."""
+    packages = ", ".join(f"{name} {version}" for name, version in found["packages"].items() if version)
+    lines = [
+        f"rptcam_cl {found['version']}, Python {found['python']} on {found['system']}",
+        f"{found['processor']}, {found['processors']} logical processors",
+        packages,
+    ]
+    lines += [f"{name}={value}" for name, value in found["variables"].items()]
+    for name, cache in found["caches"].items():
+        barred = "" if cache["writable"] else ", NOT WRITABLE"
+        lines.append(f"cache of {name}: {cache['folder']} ({cache['bytes'] / 2**20:.1f} MiB{barred})")
+    for device in found["devices"]:
+        lines += _device_lines(device)
+    return lines + ([f"no device: {found['no_device']}"] if "no_device" in found else [])
+
+
+def _device_lines(device: dict[str, Any]) -> list[str]:
+    head = f"{'*' if device['default'] else ' '} {device['id']} {device['type']}  {device['name']}"
+    barred = [f"    CANNOT BE USED: {device['problem']}"] if device["problem"] else []
+    if device["largest_buffer_bytes"] is None:
+        return [head, f"    {device['platform']}", *barred]
+    target = device["kernel_target"]
+    precision = "fp64" if device["fp64"] else "fp32 only"
+    memory, largest = (device[name] / 2**30 for name in ("memory_bytes", "largest_buffer_bytes"))
+    return [
+        head,
+        f"    {device['platform']}: {device['platform_version']}; driver {device['driver_version']}",
+        f"    {device['compute_units']} compute units at {device['clock_mhz']} MHz, {memory:.2f} GiB,"
+        f" buffers to {largest:.2f} GiB, {precision}" + (f"; kernels compiled for {target}" if target else ""),
+        *([_renaming(*device["renamed"])] if device["renamed"] else []),
+        *barred,
+    ]
+
+
+def _renaming(old: str, new: str) -> str:
+    return f"    PoCL takes the processor for {old!r}, for which it cannot compile; it compiles for {new!r}"
+
+
+# The suite of checks: what `rptcam doctor --numerics` runs on a device, and the tests on theirs.
+
+
+@dataclass(frozen=True)
+class CheckGroup:
+    """Some checks that are made together.
+
+    Attributes
+    ----------
+    name : str
+    make : callable
+        Makes them on a device.
+    """
+
+    name: str
+    make: Callable[[Session], Check | Sequence[Check]]
+
+
+SUITE = (
+    CheckGroup("random numbers", random_check),
+    CheckGroup("arithmetic", arithmetic_checks),
+    CheckGroup("loops", loop_check),
+    CheckGroup("film", film_checks),
+    CheckGroup("lens surfaces", radius_checks),
+    CheckGroup("total reflection", reflection_check),
+    CheckGroup("stigmatic lenses", stigmatic_checks),
+    CheckGroup("real lenses", library_checks),
+    CheckGroup("leaks", leak_check),
+    CheckGroup("tree of a mesh", mesh_tree_check),
+    CheckGroup("tree of shapes", object_tree_check),
+    CheckGroup("self-hits", departure_check),
+    CheckGroup("far spheres", far_sphere_checks),
+    CheckGroup("light in closed rooms", energy_check),
+    CheckGroup("organisation", organisation_checks),
+    CheckGroup("ways through a lens", lens_checks),
+)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """The checks of a part, and how long they took [s]."""
+
+    checks: tuple[Check, ...]
+    seconds: float
+
+
+def outcomes(session: Session, suite: Sequence[CheckGroup] = SUITE) -> Iterator[Outcome]:
+    """Yield the result of each part of a suite; a device that fails in one is still tried in the next."""
+    for part in suite:
+        begun = time.perf_counter()
+        try:
+            made = part.make(session)
+        except Exception as error:  # whatever a driver throws belongs in the report
+            reason = f"{type(error).__name__}: {' '.join(str(error).split())}"
+            made = Check(part.name, np.nan, 0, "could not be checked", reason)
+        checks = (made,) if isinstance(made, Check) else tuple(made)
+        yield Outcome(checks, time.perf_counter() - begun)

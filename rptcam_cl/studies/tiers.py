@@ -1,0 +1,695 @@
+"""How far cheaper camera models are from a traced lens, and which is the cheapest that a picture bears."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import field, replace
+from functools import cached_property
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.optics.irradiance import on_axis_irradiance
+from rptcam_cl.optics.lens import Lens
+from rptcam_cl.optics.stop_shape import StopMask, StopShape
+from rptcam_cl.rendering.cameras.ideal import stop_shape
+from rptcam_cl.rendering.cameras.lens_records import EXTREMES_NM, colour_error_px, disperses, usable_nm
+from rptcam_cl.rendering.cameras.ray_map import RayMap
+from rptcam_cl.rendering.cameras.realistic import camera_model, lens_tint, shows_losses
+from rptcam_cl.rendering.cameras.setting import LensSetting, lens_setting
+from rptcam_cl.scene.camera import RealisticCamera
+from rptcam_cl.scene.film import LensColour
+from rptcam_cl.scene.lens_settings import Accuracy
+from rptcam_cl.scene.load import change_scene
+from rptcam_cl.scene.scene import Scene
+from rptcam_cl.studies.tier_models import (
+    FAR_MM,
+    RINGS,
+    TRAITS,
+    FirstOrderCamera,
+    Pupils,
+    RayBundle,
+    RoundStop,
+    Tier,
+    VisibleWorld,
+    coverage,
+    depth_range_mm,
+    equivalent,
+    first_order_camera,
+    fitted_to,
+    round_stop,
+    tier_bundle,
+)
+
+# What the traced lens of a scene does, found by rays in float64: cheaper camera models are measured by it.
+
+Array = NDArray[np.float64]
+
+NUDGE = 0.01  # of the half diagonal, between film points that tell the scale of the picture
+SHAPED_RINGS = 16  # of rays through a stop that is not round
+CORNERS = np.array([(1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)])
+
+
+@dataclass(frozen=True)
+class FieldPoint:
+    """What the traced lens does at a film point.
+
+    Attributes
+    ----------
+    point : (2,) array
+        On the film [mm].
+    bundle : RayBundle
+        Its rays at the wavelength of the camera.
+    beside : RayBundle
+        The same rays from a film point close by.
+    apart_px : float
+        How many pixels lie between the two.
+    colours : tuple of Bundle
+        The same rays at other wavelengths.
+    light : (n,) array
+        Irradiance in a world of radiance 1 as far from the axis as the point; with a stop that is not round, towards
+        each corner of the film.
+    """
+
+    point: Array
+    bundle: RayBundle
+    beside: RayBundle
+    apart_px: float
+    colours: tuple[RayBundle, ...]
+    light: Array
+
+    @property
+    def along(self) -> Array:
+        """Direction of the field (2,), of length 1."""
+        length = float(np.hypot(*self.point))
+        return self.point / length if length else np.array([1.0, 0.0])
+
+    def pixels_per_mm(self, plane_mm: float) -> float:
+        """Return the scale of the picture of a plane across the axis; infinite where it has none."""
+        steps = self.beside.places(plane_mm) - self.bundle.places(plane_mm)
+        good = np.isfinite(steps[:, 0])
+        step = float(np.hypot(*steps[good].mean(axis=0))) if good.any() else 0.0
+        return self.apart_px / step if step > 0 else np.inf
+
+    def colour_mm(self, plane_mm: float) -> float:
+        """Return by how much rays of other wavelengths meet a plane beside their place, at most."""
+        here = self.bundle.places(plane_mm)
+        apart = [np.hypot(*(other.places(plane_mm) - here).T) for other in self.colours]
+        return float(max((np.max(each[np.isfinite(each)], initial=0.0) for each in apart), default=0.0))
+
+
+def traced_fields(
+    setting: LensSetting,
+    shape: StopShape | StopMask | None,
+    half_mm: Array,
+    pixel_mm: float,
+    shares: Sequence[float],
+    colours_nm: Sequence[float] = (),
+) -> list[FieldPoint | None]:
+    """Return what a lens does at film points along the half diagonal; None where it lets no light through.
+
+    Parameters
+    ----------
+    setting
+        The lens in use.
+    shape
+        Of its stop; None is round.
+    half_mm
+        (2,) half the sides of the film.
+    pixel_mm
+        Side of a pixel.
+    shares
+        Of the half diagonal: where the film points lie.
+    colours_nm
+        Other wavelengths.
+    """
+    lens, back_mm, own_nm = setting.lens, setting.film_distance_mm, setting.camera.wavelength_nm
+    points = np.outer(shares, half_mm)
+    pupils = Pupils.of(lens, back_mm, points, own_nm)
+    rear, area = pupils.nodes(RINGS)
+    nudges = np.where(np.any(points, axis=1)[:, None], -NUDGE, NUDGE) * half_mm
+    moved = rear + (nudges * _follows(lens, back_mm, own_nm))[:, None]
+    here = _bundles(setting, points, rear, area)
+    beside = _bundles(setting, points + nudges, moved, area)
+    others = [_bundles(setting, points, rear, area, nm) for nm in colours_nm]
+    light = np.array([[bundle.light for bundle in here]]) if shape is None else _shaped_light(setting, shape, pupils)
+    found: list[FieldPoint | None] = []
+    for k, point in enumerate(points):
+        if not here[k].light > 0:
+            found.append(None)
+            continue
+        good = np.isfinite(here[k].origins[:, 0])
+        colours = tuple(other[k].only(good) for other in others)
+        apart_px = float(np.hypot(*nudges[k])) / pixel_mm
+        found.append(FieldPoint(point, here[k].only(good), beside[k].only(good), apart_px, colours, light[:, k]))
+    return found
+
+
+def _bundles(
+    setting: LensSetting, points: Array, rear: Array, area: Array, wavelength_nm: float | None = None
+) -> list[RayBundle]:
+    """Return the rays from film points (m, 2) through points (m, n, 2) of the plane of the last vertex.
+
+    Parameters
+    ----------
+    area
+        (m, n) of that plane which each ray stands for [mm2].
+    wavelength_nm
+        That of the camera by default, which losses in the lens are known for.
+    """
+    lens, back_mm = setting.lens, setting.film_distance_mm
+    origins, towards = _from_film(lens, back_mm, points, rear)
+    rays = lens.trace(
+        origins,
+        towards,
+        setting.camera.wavelength_nm if wavelength_nm is None else wavelength_nm,
+        transmission=setting.transmission if wavelength_nm is None and setting.transmission else None,
+    )
+    good = rays.passed
+    weights = np.where(good, area.ravel() * (back_mm / np.sum(towards**2, axis=1)) ** 2, 0.0)
+    if rays.transmittance is not None:
+        weights = weights * rays.transmittance
+    starts = np.where(good[:, None], rays.origins * (1, 1, -1) + (0, 0, lens.film_z(back_mm)), np.nan)
+    leaving = np.where(good[:, None], rays.directions / -rays.directions[:, 2:], np.nan)
+    leaving[:, 2] *= -1.0
+    shape = (len(points), -1)
+    parts = (starts.reshape(*shape, 3), leaving.reshape(*shape, 3), weights.reshape(shape))
+    return [RayBundle(*part) for part in zip(*parts, strict=True)]
+
+
+def _follows(lens: Lens, back_mm: float, wavelength_nm: float) -> float:
+    """Return how far rays through a point of the exit pupil move at the last vertex per distance along the film."""
+    from_film = back_mm - lens.first_order(wavelength_nm).exit_pupil.distance_mm
+    return 1.0 - back_mm / from_film if np.isfinite(from_film) and from_film else 1.0
+
+
+def _shaped_light(setting: LensSetting, shape: StopShape | StopMask, pupils: Pupils) -> Array:
+    """Return the irradiance (corners, m) through a stop that is not round, whose mirror images the corners see."""
+    rear, area = pupils.nodes(SHAPED_RINGS)
+    light = np.array([bundle.weights for bundle in _bundles(setting, pupils.film, rear, area)])
+    at_stop = _at_stop(setting, pupils.film, rear)
+    return np.array([np.sum(light * coverage(shape, at_stop * side), axis=1) for side in CORNERS])
+
+
+def _at_stop(setting: LensSetting, film: Array, rear: Array) -> Array:
+    """Return where rays from film points (m, 2) cross the stop (m, n, 2), in units of its radius."""
+    lens, back_mm = setting.lens, setting.film_distance_mm
+    assert lens.stop is not None and lens.stop_index is not None
+    behind = replace(lens, surfaces=lens.surfaces[lens.stop_index :], stop_index=0)
+    origins, towards = _from_film(behind, back_mm, film, rear)
+    rays = behind.trace(origins, towards, setting.camera.wavelength_nm)
+    return rays.origins[:, :2].reshape(rear.shape) / lens.stop.semi_diameter
+
+
+def _from_film(lens: Lens, back_mm: float, film: Array, rear: Array) -> tuple[Array, Array]:
+    """Return origins and directions of rays from film points (m, 2) through points (m, n, 2) behind the last vertex."""
+    origins, towards = np.empty((2, *rear.shape[:2], 3))
+    origins[..., :2], origins[..., 2] = film[:, None], lens.film_z(back_mm)
+    towards[..., :2], towards[..., 2] = rear - film[:, None], -lens.sense * back_mm
+    return origins.reshape(-1, 3), towards.reshape(-1, 3)
+
+
+FIELDS = (0.0, 0.25, 0.5, 0.7, 0.85, 1.0)  # film points along its half diagonal
+
+
+@dataclass(frozen=True)
+class Truth:
+    """The traced lens of a scene.
+
+    Attributes
+    ----------
+    scene : Scene
+    first : FirstOrderCamera
+        What the lens is to first order.
+    shaped : Lens
+        It, with its stop in the shape that it has.
+    half_mm : (2,) array
+        Half the sides of the film.
+    fields : tuple of Field or None
+        What the lens does at each of `FIELDS`; None where it sees nothing.
+    round_stop : RoundStop
+        That may stand in for its stop.
+    tint : float
+        How much more of one colour than of another the lens takes, where the picture shows it.
+    coloured : bool
+        Whether the scene uses the lens's own colours and it has any.
+    """
+
+    scene: Scene
+    first: FirstOrderCamera
+    shaped: Lens
+    half_mm: Array
+    fields: tuple[FieldPoint | None, ...]
+    round_stop: RoundStop
+    tint: float
+    coloured: bool
+
+    @classmethod
+    def of(cls, scene: Scene, first: FirstOrderCamera) -> Truth:
+        """Return what the lens of a scene does."""
+        camera, setting = scene.camera, first.setting
+        assert isinstance(camera, RealisticCamera)
+        half_mm = np.array(scene.film.size_m()) / 2 * 1e3
+        shape = stop_shape(scene, camera.aperture)
+        shaped = setting.lens if shape is None else setting.lens.with_stop_shape(shape)
+        low, high = usable_nm(setting.lens)
+        requested = scene.spectrum.lens_colour != "off"
+        coloured = requested and disperses(setting.lens)
+        colours_nm = [min(max(end, low), high) for end in EXTREMES_NM] if coloured else []
+        pixel_mm = float(2 * half_mm[0] / scene.film.resolution[0])
+        fields = traced_fields(setting, shape, half_mm, pixel_mm, FIELDS, colours_nm)
+        tint = lens_tint(scene, setting) if requested else 0.0
+        return cls(scene, first, shaped, half_mm, tuple(fields), round_stop(shape), tint, coloured)
+
+    @property
+    def view(self) -> VisibleWorld:
+        """What the camera may see, ahead of the film: at least as much as to first order."""
+        setting = self.first.setting
+        start = setting.lens.film_z(setting.film_distance_mm)
+        half, slopes = np.zeros(2), self.half_mm / self.first.film_mm_per_tangent
+        for each in self.fields:
+            if each is not None:
+                half = np.maximum(half, np.abs(each.bundle.places(start)).max(axis=0))
+                slopes = np.maximum(slopes, np.abs(each.bundle.directions[:, :2]).max(axis=0))
+        return VisibleWorld(start, half, slopes)
+
+    def blur_px(self, depths_mm: Sequence[float]) -> tuple[float, ...]:
+        """Return how far light of a point falls from its middle at each of `FIELDS`, at most [pixels]."""
+        return tuple(
+            np.inf
+            if field is None
+            else max(
+                float(field.bundle.spot(depth, field.along).outline.max()) * field.pixels_per_mm(depth)
+                for depth in depths_mm
+            )
+            for field in self.fields
+        )
+
+    def colour_px(self, depths_mm: Sequence[float]) -> tuple[float, ...]:
+        """Return how far light of other wavelengths falls from its place at each of `FIELDS`, at most [pixels]."""
+        return tuple(
+            0.0 if field is None else max(field.colour_mm(depth) * field.pixels_per_mm(depth) for depth in depths_mm)
+            for field in self.fields
+        )
+
+    def axial(self, tier: Tier) -> float:
+        """Return the brightness of the film's centre in the picture of a tier, over that of the traced lens."""
+        if not shows_losses(self.scene):
+            return 1.0
+        setting = self.first.setting
+        own = camera_model(equivalent(self.scene, tier)).on_axis_irradiance
+        assert own is not None
+        true = on_axis_irradiance(
+            self.shaped, setting.film_distance_mm, setting.camera.wavelength_nm, setting.transmission
+        )
+        return own / true
+
+
+# How far the pictures of cheaper camera models lie from that of the traced lens, found by rays in float64.
+
+EFFECTS = ("distortion", "blur", "outline", "shape", "colour")  # what moves light over the film
+
+
+@dataclass(frozen=True)
+class TierError:
+    """What a tier does wrong at each of `FIELDS`.
+
+    Attributes
+    ----------
+    tier : str
+    effects : mapping
+        By name of `EFFECTS`: how far light falls from its place, at the worst of the depths [pixels]. Infinite where
+        the lens sees nothing. The shift of the middle of a bundle; the change of its spread (standard deviation, along
+        the field, across it and in all); the largest distance between the outlines, their middles laid on each other; a
+        round stop in place of another; light of another wavelength in the place of the camera's.
+    illumination : tuple of float
+        Relative error of the irradiance, both being 1 on the axis unless the exposure shows the light there too.
+    tint : float
+        How much more of one colour than of another is missing, as a share.
+    """
+
+    tier: Tier
+    effects: Mapping[str, tuple[float, ...]]
+    illumination: tuple[float, ...]
+    tint: float = 0.0
+
+    @cached_property
+    def pixels(self) -> tuple[float, ...]:
+        """The largest of the effects at each of `FIELDS` [pixels]."""
+        return tuple(max(each) for each in zip(*self.effects.values(), strict=True))
+
+    @property
+    def worst_px(self) -> float:
+        """The largest error of place [pixels]."""
+        return max(self.pixels)
+
+    @property
+    def worst_illumination(self) -> float:
+        """The largest error of brightness."""
+        return max(*self.illumination, self.tint)
+
+
+def tier_errors(truth: Truth, depths_mm: Sequence[float], tiers: Sequence[Tier]) -> list[TierError]:
+    """Return the errors of tiers against the traced lens.
+
+    Parameters
+    ----------
+    truth
+        What the traced lens does.
+    depths_mm
+        Distances of what the picture shows ahead of the film, along the axis [mm].
+    tiers
+        Which ones; the traced lens itself has no error.
+    """
+    return [_errors(truth, depths_mm, tier) for tier in tiers]
+
+
+def _errors(truth: Truth, depths_mm: Sequence[float], tier: Tier) -> TierError:
+    none = (0.0,) * len(truth.fields)
+    if tier == "realistic":
+        return TierError(tier, dict.fromkeys(EFFECTS, none), none)
+    if tier == "fitted":
+        return fitted_errors(fitted_to(truth.scene, colours=truth.coloured))
+    traits = TRAITS[tier]
+    bundles = [tier_bundle(truth.first, tier, field * truth.half_mm) for field in FIELDS]
+    apart = [_apart(*pair, depths_mm) for pair in zip(truth.fields, bundles, strict=True)]
+    distortion, blur, outline = (tuple(column) for column in zip(*apart, strict=True))
+    effects = {"distortion": distortion, "blur": blur, "outline": outline, "shape": none, "colour": none}
+    if truth.round_stop.apart and not (traits.shapes or tier == "pinhole"):
+        effects["shape"] = tuple(truth.round_stop.apart * radius for radius in truth.blur_px(depths_mm))
+    if not traits.colours:
+        effects["colour"] = truth.colour_px(depths_mm)
+    lit = [bundle.light / bundles[0].light for bundle in bundles]
+    return TierError(tier, effects, _illumination(truth, lit, truth.axial(tier)), 0.0 if traits.colours else truth.tint)
+
+
+def fitted_errors(found: RayMap) -> TierError:
+    """Return the errors of polynomials in place of a lens: one bound for the whole film."""
+    none = (0.0,) * len(FIELDS)
+    effects = dict.fromkeys(EFFECTS, none) | {"distortion": (found.error_px,) * len(FIELDS)}
+    return TierError("fitted", effects, (found.light_error,) * len(FIELDS))
+
+
+def _apart(field: FieldPoint | None, other: RayBundle, depths_mm: Sequence[float]) -> tuple[float, float, float]:
+    """Return by how much middle, spread and outline of a bundle differ from those of the lens, at most [pixels]."""
+    if field is None:
+        return np.inf, np.inf, np.inf
+    found = []
+    for depth in depths_mm:
+        true, own = (bundle.spot(depth, field.along) for bundle in (field.bundle, other))
+        differences = (own.middle - true.middle, own.spread - true.spread, own.outline - true.outline)
+        shift, spread, outline = (np.abs(each) for each in differences)
+        per_mm = field.pixels_per_mm(depth)
+        found.append([float(np.hypot(*shift)) * per_mm, spread.max() * per_mm, outline.max() * per_mm])
+    distortion, blur, outlines = np.max(found, axis=0).tolist()
+    return distortion, blur, outlines
+
+
+def _illumination(truth: Truth, lit: Sequence[float], axial: float) -> tuple[float, ...]:
+    """Return the relative errors of brightness of a tier whose film is lit so, 1 on the axis.
+
+    Parameters
+    ----------
+    axial
+        Brightness of the centre of the film over that of the traced lens, as the exposure shows it.
+    """
+    centre = truth.fields[0]
+    if centre is None:
+        return (np.inf,) * len(lit)
+    found = []
+    for each, own in zip(truth.fields, lit, strict=True):
+        true = np.zeros(1) if each is None else each.light / centre.light
+        found.append(float(np.abs(axial * own / true - 1).max()) if np.all(true > 0) else np.inf)
+    return tuple(found)
+
+
+# What was measured of a scene's lens, the camera model chosen from it, and both in words.
+
+
+@dataclass(frozen=True)
+class Findings:
+    """Numbers over the whole film and all depths that it may show.
+
+    Attributes
+    ----------
+    errors : tuple of TierError
+        Of every tier that there is for the lens, cheapest first.
+    reason : str
+        Why there is none; empty where there is.
+    depths_m : (float, float or None)
+        The nearest and the farthest thing ahead of the film [m]; None for infinitely far away.
+    blur_px : float
+        How far light of a point falls from its middle, at most [pixels].
+    shape_px : float or None
+        How far from its place a round stop would bring light, at most [pixels]; None for a stop that is round.
+    colour_px : float or None
+        How far light of other wavelengths falls from its place, at most [pixels]; None where the scene leaves it out,
+        or the lens has no colours.
+    tint : float
+        How much more of one colour than of another the lens takes, where the picture shows it.
+    tier : str
+        The camera model that was chosen.
+    colours : str
+        Whether the lens refracts each wavelength separately.
+    """
+
+    errors: tuple[TierError, ...] = ()
+    reason: str = ""
+    depths_m: tuple[float, float | None] | None = None
+    blur_px: float | None = None
+    shape_px: float | None = None
+    colour_px: float | None = None
+    tint: float = 0.0
+    tier: Tier = "realistic"
+    colours: LensColour = "off"
+
+
+NAMES = dict(zip(EFFECTS, ("distortion", "blur", "outline of blurs", "round stop", "colour"), strict=True))
+
+
+def described(found: Findings, allowed: Accuracy) -> dict[str, Any]:
+    """Return what the picture's metadata should say of a decision; null stands for what the lens does not see."""
+    numbers = {
+        "depths_m": found.depths_m,
+        "blur_px": found.blur_px,
+        "stop_shape_px": found.shape_px,
+        "lens_colour_px": found.colour_px,
+        "lens_tint": found.tint or None,
+    }
+    return {
+        "camera_model": found.tier,
+        "lens_colour": found.colours,
+        "says": list(_sentences(found, allowed)),
+        "max_error_px": allowed.max_error_px,
+        "max_illumination_error": allowed.max_illumination_error,
+        **{key: _plain(value) for key, value in numbers.items() if value is not None},
+        "errors": [_as_data(error) for error in found.errors],
+        **({"reason": found.reason} if found.reason else {}),
+    }
+
+
+def _as_data(error: TierError) -> dict[str, Any]:
+    return {
+        "camera_model": error.tier,
+        "pixels": _plain(error.pixels),
+        "effects_px": {name: _plain(values) for name, values in error.effects.items()},
+        "illumination": _plain(error.illumination),
+    }
+
+
+def _plain(value: float | Sequence[float | None] | None) -> Any:
+    """Return numbers to four digits, as JSON can hold them."""
+    if value is None or value == math.inf:
+        return None
+    return float(f"{value:.4g}") if isinstance(value, (int, float)) else [_plain(each) for each in value]
+
+
+def _sentences(found: Findings, allowed: Accuracy) -> Iterator[str]:
+    """Yield what was chosen, then what was found of the lens, then why no cheaper model was taken."""
+    bounds = f"allowed are {pixels(allowed.max_error_px)} and {per_cent(allowed.max_illumination_error)}"
+    chosen = next((error for error in found.errors if error.tier == found.tier), None)
+    errs = "every ray is traced" if chosen is None else _effects(chosen)
+    yield f"{found.tier}: {errs} ({bounds})"
+    yield from _lens(found, allowed)
+    if found.reason:
+        yield f"no cheaper camera model: {found.reason}"
+    for error in found.errors:
+        if error.tier == found.tier or found.blur_px == math.inf:
+            break
+        yield f"not {error.tier}: {_effects(error, allowed)}"
+
+
+def _lens(found: Findings, allowed: Accuracy) -> Iterator[str]:
+    """Yield what is visible of the lens at this size of pixels."""
+    if found.blur_px == math.inf:
+        yield "part of the film sees nothing through the lens"
+    elif found.blur_px is not None:
+        shows = "the aperture shows" if found.blur_px > allowed.max_error_px else "the aperture does not show"
+        yield f"blur up to {pixels(2 * found.blur_px)} across: {shows}"
+    if found.shape_px is not None and found.shape_px < math.inf:
+        shows = "its shape shows" if found.shape_px > allowed.max_error_px else "its shape does not show"
+        yield f"a round stop of the same area would be {pixels(found.shape_px)} off: {shows}"
+    if found.colour_px is not None:
+        tint = f", tint {per_cent(found.tint)}" if found.tint else ""
+        yield f"colour {pixels(found.colour_px)}{tint}: {_carried(found)}"
+
+
+def _carried(found: Findings) -> str:
+    return "the lens refracts each wavelength separately" if found.colours == "on" else "one wavelength stands for all"
+
+
+def _effects(error: TierError, beyond: Accuracy | None = None) -> str:
+    """Return the effects of a tier with their numbers: all that are any, or those beyond what is allowed."""
+    least = 0.0 if beyond is None else beyond.max_error_px
+    said = [f"{NAMES[name]} {pixels(worst)}" for name in EFFECTS if (worst := max(error.effects[name])) > least]
+    light = max(error.illumination)
+    for name, value in (("light", light), ("tint", error.tint)):
+        if value > (0.0 if beyond is None else beyond.max_illumination_error):
+            said.append(f"{name} {per_cent(value)}")
+    return ", ".join(said)
+
+
+def pixels(value: float) -> str:
+    """Return a number of pixels for readers."""
+    return f"{value:.2g} px" if value < 10 else f"{value:.0f} px"
+
+
+def per_cent(share: float) -> str:
+    """Return a share for readers."""
+    return f"{100 * share:.2g} %" if share < 0.1 else f"{100 * share:.0f} %"
+
+
+# The cheapest camera model whose error a picture bears.
+
+MULTIPLY_ADDS = 25  # of polynomials per surface, up to which they take two thirds of the time (benchmarks/ray_maps.py)
+WORTH_FITTING = 1e9  # surfaces that all samples cross: fewer take less time than fitting polynomials
+FIRST_ORDER: tuple[Tier, ...] = ("pinhole", "thin_lens", "thick_lens")
+
+
+@dataclass(frozen=True)
+class Decision:
+    """The camera model that was chosen, and the numbers behind the choice.
+
+    Attributes
+    ----------
+    scene : Scene
+        With the camera that was chosen, and with `spectrum.lens` set.
+    tier : str
+    errors : tuple of TierError
+        Of every tier that there is for the lens.
+    metadata : dict
+        What the picture's metadata should say.
+    """
+
+    scene: Scene
+    tier: Tier
+    errors: tuple[TierError, ...] = ()
+    metadata: dict[str, Any] = field(default_factory=dict)
+
+
+def choose_camera(scene: Scene) -> Decision:
+    """Return a scene with the cheapest camera whose errors its `camera.accuracy` allows; as it was without that key.
+
+    Whether the lens refracts each wavelength separately follows from the same bounds, where `spectrum` leaves it
+    open.
+    """
+    camera = scene.camera
+    if not isinstance(camera, RealisticCamera) or camera.accuracy is None:
+        return Decision(scene, "realistic")
+    allowed = camera.accuracy
+    found = measured(scene)
+    lens_colour = _lens_colour(scene, found, allowed)
+    tier: Tier | None = next((each.tier for each in found.errors if _within(each, allowed)), None)
+    if tier is None:
+        found, tier = _polynomials(scene, found, allowed, lens_colour)
+    chosen = equivalent(scene, tier)
+    if TRAITS[tier].colours:
+        chosen = change_scene(chosen, spectrum={"lens": lens_colour})
+    found = replace(found, tier=tier, colours=lens_colour if TRAITS[tier].colours else "off")
+    return Decision(chosen, tier, found.errors, {"accuracy": described(found, allowed)})
+
+
+def _lens_colour(scene: Scene, found: Findings, allowed: Accuracy) -> LensColour:
+    """Return whether the lens refracts each wavelength separately: as requested, or as the bounds say."""
+    if scene.spectrum.lens_colour != "auto":
+        return scene.spectrum.lens_colour
+    shows = (found.colour_px or 0.0) > allowed.max_error_px or found.tint > allowed.max_illumination_error
+    return "on" if shows else "off"
+
+
+def _polynomials(
+    scene: Scene, found: Findings, allowed: Accuracy, lens_colour: LensColour
+) -> tuple[Findings, Literal["fitted", "realistic"]]:
+    """Return what was found, with the errors of polynomials where requested or worth it, and the choice."""
+    camera, (columns, rows) = scene.camera, scene.film.resolution
+    requested = isinstance(camera, RealisticCamera) and camera.rays == "fitted"
+    surfaces = len(lens_setting(scene).lens.surfaces)
+    if not requested and columns * rows * scene.render.spp * surfaces < WORTH_FITTING:
+        return found, "realistic"
+    try:
+        polynomials = fitted_to(scene, colours=lens_colour == "on")
+    except InputError:
+        return found, "realistic"
+    if not requested and polynomials.multiply_adds > MULTIPLY_ADDS * surfaces:
+        return found, "realistic"
+    errors = fitted_errors(polynomials)
+    return replace(found, errors=(*found.errors, errors)), "fitted" if _within(errors, allowed) else "realistic"
+
+
+def _within(found: TierError, allowed: Accuracy) -> bool:
+    return found.worst_px <= allowed.max_error_px and found.worst_illumination <= allowed.max_illumination_error
+
+
+def measured(scene: Scene) -> Findings:
+    """Return what the lens of a scene shows, and the errors of the cheaper models that there are in its place."""
+    try:
+        first = first_order_camera(scene)
+    except InputError as problem:
+        return _colour_alone(scene, str(problem))
+    truth = Truth.of(scene, first)
+    depths = _depths(scene, truth)
+    missing = {tier: _missing(scene, tier) for tier in FIRST_ORDER}
+    tiers = [tier for tier in FIRST_ORDER if not missing[tier]]
+    blur_px, far = max(truth.blur_px(depths)), depths[-1]
+    return Findings(
+        errors=tuple(tier_errors(truth, depths, tiers)),
+        reason="" if tiers else missing["thick_lens"],
+        depths_m=(depths[0] * 1e-3, far * 1e-3 if far < FAR_MM else None),
+        blur_px=blur_px,
+        shape_px=truth.round_stop.apart * blur_px if truth.round_stop.apart else None,
+        colour_px=max(truth.colour_px(depths)) if truth.coloured else None,
+        tint=truth.tint,
+    )
+
+
+def _missing(scene: Scene, tier: Tier) -> str:
+    """Return why the lens of a scene has no equivalent of a tier; nothing where it has."""
+    try:
+        equivalent(scene, tier)
+    except InputError as problem:
+        return str(problem)
+    return ""
+
+
+def _colour_alone(scene: Scene, reason: str) -> Findings:
+    """Return what is known of a lens that no cheaper model stands for: how far off its colours are in focus."""
+    setting = lens_setting(scene)
+    if scene.spectrum.lens_colour == "off" or not disperses(setting.lens):
+        return Findings(reason=reason)
+    nm = setting.camera.wavelength_nm
+    colour_px = colour_error_px(setting.lens, setting.film_distance_mm, setting.focus_distance_mm, scene.film, nm)
+    return Findings(reason=reason, colour_px=colour_px, tint=lens_tint(scene, setting))
+
+
+def _depths(scene: Scene, truth: Truth) -> list[float]:
+    """Return the distances ahead of the film at which errors are measured [mm]: both ends of what is seen, and the
+    plane in focus."""
+    setting = truth.first.setting
+    ends = depth_range_mm(scene, truth.view)
+    focus = setting.focus_distance_mm
+    inside = [] if focus is None else [min(focus, FAR_MM)]
+    return sorted({max(depth, truth.view.start_mm * 1.01) for depth in (*ends, *inside)})

@@ -1,0 +1,891 @@
+"""What each approximation of a picture costs and gains: the comparison, and its advice in words, tables and a plot."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.device.session import Session, open_session
+from rptcam_cl.optics.charts import FAINT, INK, add_key, chart_svg, new_figure, series, styled
+from rptcam_cl.optics.ghosts import Lit, find_ghosts
+from rptcam_cl.rendering.cameras.lens_records import ghost_setting
+from rptcam_cl.rendering.diffraction import diffraction_of
+from rptcam_cl.rendering.metering import resolve_exposure
+from rptcam_cl.scene.load import change_scene, load_scene
+from rptcam_cl.scene.scene import Scene
+from rptcam_cl.studies.focus.controller import in_focus
+from rptcam_cl.studies.tiers import FIELDS, TierError
+from rptcam_cl.studies.tradeoff_errors import (
+    AS_IT_IS,
+    REFERENCE,
+    Interval,
+    Ladder,
+    draws,
+    ladder,
+    most_accurate,
+    pair_errors,
+)
+from rptcam_cl.studies.tradeoff_runs import (
+    TARGETS,
+    Advice,
+    Comparison,
+    Measurement,
+    Pictures,
+    Ready,
+    measurements,
+    prepare,
+    render_by_turns,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure, SubFigure
+
+
+# Numbers and intervals as people read them.
+
+MINUTE, HOUR, DAY = 60.0, 3600.0, 86400.0
+LONGEST = DAY  # renders of which nobody asks when they cross
+VAGUE = 30.0  # times the lower end of an interval that the upper is, where a crossing is too close to call
+
+
+def seconds(value: float) -> str:
+    """Return a time, as ``23 ms``, ``4.2 s`` or ``1.5 h``; an infinite one is ``never``."""
+    if math.isinf(value):
+        return "never"
+    for below, unit, scale in (
+        (1.0, "ms", 1e-3),
+        (2 * MINUTE, "s", 1.0),
+        (2 * HOUR, "min", MINUTE),
+        (2 * DAY, "h", HOUR),
+    ):
+        if value < below:
+            return f"{_short(value / scale)} {unit}"
+    return f"{_short(value / DAY)} days"
+
+
+def odds(share: float) -> str:
+    """Return a probability as odds, ``odds 9 to 1``."""
+    if share >= 0.99:
+        return "odds of 99 to 1 or more"
+    if share <= 0.01:
+        return "odds of 1 to 99 or less"
+    for_, against = share / min(share, 1 - share), (1 - share) / min(share, 1 - share)
+    return f"odds {_short(for_)} to {_short(against)}"
+
+
+def noise(share: float) -> str:
+    """Return a noise as ``1.8 %``; above the brightness itself all are alike."""
+    return "above 100 %" if share > 1 else per_cent(share)
+
+
+def until(value: float) -> str:
+    """Return a time until which something is better: ``never`` for 0, ``always`` for an infinite one."""
+    if value <= 0:
+        return "never"
+    return "always" if math.isinf(value) else seconds(value)
+
+
+def per_cent(share: float) -> str:
+    """Return a share as ``1.8 %``."""
+    return f"{_short(100 * share)} %"
+
+
+def between(low: float, high: float) -> str:
+    """Return two shares as ``1.8 to 2.1 %``; once where they are the same."""
+    first, last = _short(100 * low), per_cent(high)
+    return last if per_cent(low) == last else f"{first} to {last}"
+
+
+def pixels(value: float) -> str:
+    """Return a distance in pixels; an infinite one is where a lens sees nothing."""
+    return "dark" if math.isinf(value) else f"{_short(value)} px"
+
+
+def bias(found: Interval) -> str:
+    """Return the root of a bias (relMSE) with its interval; only the upper end where it may be zero."""
+    low, value, high = (math.sqrt(max(end, 0.0)) for end in (found.low, found.value, found.high))
+    if high == 0:
+        return "none"
+    if low == 0:
+        return f"below {per_cent(high)}"
+    least, most = _short(100 * low), _short(100 * high)
+    return per_cent(value) if least == most == _short(100 * value) else f"{per_cent(value)} ({least} to {most})"
+
+
+def ends(found: Interval, say: Callable[[float], str] = seconds) -> str:
+    """Return an estimate with the ends of its interval in brackets, once where they are the same."""
+    value, low, high = (say(end) for end in (found.value, found.low, found.high))
+    if low == high == value:
+        return value
+    units = {text.rpartition(" ")[2] for text in (value, low, high)}
+    if len(units) == 1:
+        low, high = (text.rpartition(" ")[0] for text in (low, high))
+    return f"{value} ({low} to {high})"
+
+
+def crossing(found: Interval) -> str:
+    """Return the time until which something is better, with its interval where that says anything."""
+    if found.high <= 0:
+        return "never"
+    if found.low >= LONGEST:
+        return "always"
+    beside = not found.low <= found.value <= found.high  # an estimate that its own interval leaves out
+    if found.low <= 0 or found.high > VAGUE * found.low or beside:
+        below = found.high < LONGEST and (found.low > 0 or found.value > 0)
+        return f"too close to call (before {until(found.high)})" if below else "too close to call"
+    return ends(found, until)
+
+
+def _short(value: float) -> str:
+    """Return a number with two digits, or as a whole number from 10 on."""
+    if value != 0 and abs(value) < 0.001:
+        return f"{value:.1g}"
+    return f"{value:.0f}" if abs(value) >= 9.95 else f"{value:.2g}"
+
+
+# Which configuration to use for a time or an error.
+
+WORTH = 1.05  # factor by which another configuration must be better than the most accurate one
+
+
+def for_time(found: Sequence[Measurement], seconds: float) -> Advice:
+    """Return the configuration with the least error after a time; the first one unless another is clearly better.
+
+    Its name is None where the time is too short for one sample per pixel.
+    """
+    found = _trusted(found)
+    errors = [each.error_after(seconds) for each in found]
+    likely = [each.error_after(seconds, each.likely_bias) for each in found]
+    best = _clear_best([each.error_after(seconds) for each in _surely(found)])
+    name = found[best].name if math.isfinite(errors[best]) else None
+    perhaps = _better_yet(found, likely, errors, best)
+    if name is None:
+        return Advice("time", seconds, None, seconds, math.inf, 0, math.inf, math.inf, seconds, math.inf, perhaps)
+    samples = int(seconds / found[best].sample_s.value)
+    ends = found[best].errors_after(samples * found[best].sample_s.value)
+    return Advice("time", seconds, name, seconds, errors[best], samples, *ends, seconds, errors[0], perhaps)
+
+
+def for_error(found: Sequence[Measurement], error: float) -> Advice:
+    """Return the configuration that reaches an error first; the most accurate one unless another is clearly faster."""
+    found = _trusted(found)
+    times = [each.seconds_until(error) for each in found]
+    likely = [each.seconds_until(error, each.likely_bias) for each in found]
+    best = _clear_best([each.seconds_until(error) for each in _surely(found)])
+    perhaps = _better_yet(found, likely, times, best)
+    if math.isinf(times[best]):
+        return Advice("error", error, None, math.inf, error, 0, 0.0, math.inf, times[0], error, perhaps)
+    samples = max(math.ceil(times[best] / found[best].sample_s.value), 1)
+    ends = found[best].errors_after(samples * found[best].sample_s.value)
+    return Advice("error", error, found[best].name, times[best], error, samples, *ends, times[0], error, perhaps)
+
+
+def _trusted(found: Sequence[Measurement]) -> list[Measurement]:
+    """Return the measurements that may be advised, the most accurate one first.
+
+    Independent samples show what the lattice gains; they can be better only by chance. Where noise comes from rare
+    paths, configurations that differ only in noise cannot be compared.
+    """
+    full = found[0]
+    rare = [full.has_rare_paths or each.has_rare_paths for each in found]
+    kept = [
+        each
+        for each, by_chance in zip(found[1:], rare[1:], strict=True)
+        if each.knob != "sampler" and not (each.unbiased and by_chance)
+    ]
+    return [full, *kept]
+
+
+def _surely(found: Sequence[Measurement]) -> list[Measurement]:
+    """Return the measurements with the worst noise and time, relative to the first, that their intervals allow."""
+    return [found[0], *(_at_worst(each, found[0].rate.value) for each in found[1:])]
+
+
+def _at_worst(found: Measurement, full_rate: float) -> Measurement:
+    if not (full_rate > 0 and found.rate.value > 0):
+        return replace(found, sample_s=replace(found.sample_s, value=found.sample_s.high))
+    times = full_rate / found.gain.low / found.rate.value if found.gain.low > 0 else math.inf
+    first, last = (replace(end, value=end.value * times) for end in found.noise)
+    return replace(found, noise=(first, last))
+
+
+def _clear_best(values: Sequence[float]) -> int:
+    """Return the index of the least value if it is clearly less than the first, else 0."""
+    best = min(range(len(values)), key=values.__getitem__)
+    return 0 if values[0] <= WORTH * values[best] else best
+
+
+def _better_yet(
+    found: Sequence[Measurement], likely: Sequence[float], sure: Sequence[float], chosen: int
+) -> str | None:
+    """Return the name of another one whose likely value is clearly less than the sure value of the one chosen."""
+    best = min(range(len(found)), key=likely.__getitem__)
+    return found[best].name if best != chosen and WORTH * likely[best] < sure[chosen] else None
+
+
+# The lines that matter: what to set, what it costs, what it gains; then what is probable or too close to call.
+
+FULL = "full accuracy"
+COMMAND = "rptcam render SCENE"
+PROBABLE = 0.75  # odds from which one configuration is called probably better
+LONGER = 4  # times the measurement, which halves its intervals
+
+
+def headline(report: Comparison) -> list[str]:
+    """Return three lines, then one for each configuration that may be better than the advised one."""
+    said = [_each("Set", report, _set), _each("Costs", report, _cost), _each("Gains", report, _gain)]
+    return said + list(dict.fromkeys(line for advice in report.advice for line in _open(report, advice)))
+
+
+def called(report: Comparison, name: str) -> str:
+    """Return the name of a configuration in a sentence."""
+    found = report.named(name)
+    if AS_IT_IS in (name, *found.same_as):
+        return f"the scene as it is{f' ({FULL})' if name == REFERENCE else ''}"
+    if name == REFERENCE:
+        return FULL
+    return f"the {name}" if found.knob == "camera" else f"«{name}»"
+
+
+def _each(title: str, report: Comparison, say: Callable[[Comparison, Advice], str]) -> str:
+    return f"{title}: {'; '.join(say(report, advice) for advice in report.advice)}."
+
+
+def _wish(advice: Advice) -> str:
+    return f"in {seconds(advice.amount)}" if advice.wish == "time" else f"to an error of {per_cent(advice.amount)}"
+
+
+def _settings(report: Comparison, name: str, samples: int = 0) -> str:
+    found = report.named(name)
+    sets = " ".join(f" --set '{text}'" for text in found.settings)
+    return f"{COMMAND}{sets}{f' --spp {samples}' if samples else ''} ({called(report, name)})"
+
+
+def _set(report: Comparison, advice: Advice) -> str:
+    if advice.chosen is None:
+        return f"{_wish(advice)} nothing does"
+    return f"{_wish(advice)} {_settings(report, advice.chosen, advice.samples)}"
+
+
+def _cost(report: Comparison, advice: Advice) -> str:
+    if advice.chosen is None and advice.wish == "time":
+        fastest = min(found.sample_s.value for found in report.measurements)
+        return f"one sample per pixel takes at least {seconds(fastest)}"
+    if advice.chosen is None:
+        return f"no configuration reaches {per_cent(advice.amount)}"
+    off = report.named(advice.chosen)
+    sharp = "" if advice.chosen == REFERENCE or off.unbiased else f", {bias(off.bias)} of it for good"
+    if advice.wish == "time":
+        error = between(advice.least_error, advice.most_error)
+        return f"an error of {error} after {advice.samples} samples per pixel{sharp}"
+    return f"{seconds(advice.seconds)} ({advice.samples} samples per pixel) to {per_cent(advice.amount)}{sharp}"
+
+
+def _gain(report: Comparison, advice: Advice) -> str:
+    if advice.chosen is None:
+        return "nothing"
+    if advice.chosen == REFERENCE:
+        return f"{_wish(advice)} no approximation is certainly better"
+    if advice.wish == "time":
+        if math.isinf(advice.full_error):
+            return f"{FULL} has no picture {_wish(advice)}"
+        return f"{_wish(advice)} {FULL} has an error of {per_cent(advice.full_error)}"
+    times = advice.full_seconds / advice.seconds
+    return f"{times:.1f} times as fast {_wish(advice)} as {FULL} ({seconds(advice.full_seconds)})"
+
+
+def _open(report: Comparison, advice: Advice) -> list[str]:
+    """Return a line about what may be better than what is advised, with its odds where they are known."""
+    if advice.perhaps is None:
+        return []
+    other, wish = called(report, advice.perhaps), _wish(advice)
+    longer = f"measure longer (--budget {seconds(LONGER * (report.budget or report.seconds)).replace(' ', '')})"
+    share = _odds(report, advice)
+    if share is None:
+        return [f"Perhaps better {wish}: {other}; {longer}."]
+    if share >= PROBABLE:
+        return [f"Probably better {wish}, {odds(share)}: {_settings(report, advice.perhaps)}; {longer} to be sure."]
+    both = f"{called(report, REFERENCE)} and {other}"
+    return [f"Too close to call {wish} between {both}, {odds(1 - share)}: {longer}."]
+
+
+def _odds(report: Comparison, advice: Advice) -> float | None:
+    """Return how probable it is that what may be better is; None where that was not drawn."""
+    assert advice.perhaps is not None
+    at = advice.amount if advice.wish == "time" else advice.full_seconds
+    if advice.chosen != REFERENCE or not math.isfinite(at):
+        return None
+    return report.named(advice.perhaps).odds_after(at)
+
+
+# The advice in plain words, and how reliable its numbers are.
+
+MEANT = "Errors are relative to each pixel's brightness (root mean square over the picture), noise included."
+LATE = 1.1  # times the budget, from which the report says what took longer
+SHOWS_LOAD = 1.3  # ratio of wall time to CPU time from which the report mentions it
+PLACES = (("top", "middle", "bottom"), ("left", "centre", "right"))
+
+
+def recommendation(report: Comparison) -> list[str]:
+    """Return sentences: the advice, the meaning of its terms, then what else was found."""
+    chosen = list(dict.fromkeys(advice.chosen for advice in report.advice if advice.chosen is not None))
+    said = [*headline(report), *_meant(report)]
+    said += [_differs(report, report.named(name)) for name in chosen if name != REFERENCE]
+    said += _camera(report)
+    said += _depth(report)
+    return said
+
+
+def caveats(report: Comparison) -> list[str]:
+    """Return sentences on how the numbers were found."""
+    rendered, every = report.tiles
+    made = "every tile" if rendered == every else f"{rendered} of {every} tiles"
+    first, second, most = report.samples
+    said = [
+        f"Measured in {seconds(report.seconds)} on {report.device}: {made} of a picture of"
+        f" {report.resolution[0]} x {report.resolution[1]} pixels, {report.seeds} seeds with {first} and {second}"
+        f" samples per pixel, {report.long_tiles} tiles with {most}. Brackets are intervals of 95 %."
+    ]
+    said += [*unsure(report), *longer(report)]
+    clock = report.measurements[0].wall_sample_s.value / report.measurements[0].sample_s.value
+    if report.by_cpu:
+        said.append("Times are CPU times divided by the number of cores: those of a render on an idle machine.")
+    if clock > SHOWS_LOAD:
+        said.append(f"Wall times were {clock:.1f} times as long, as other work shared the machine or cores were idle.")
+    said += [f"The same picture: {' = '.join((f.name, *f.same_as))}." for f in report.measurements if f.same_as]
+    reasons: dict[str, list[str]] = {}
+    for name, why in report.skipped.items():
+        reasons.setdefault(why, []).append(name)
+    said += [f"Not compared: {', '.join(names)} ({why})." for why, names in reasons.items()]
+    return said
+
+
+def unsure(report: Comparison) -> list[str]:
+    """Return a warning where the noise of an advised configuration or the reference comes from rare bright paths."""
+    names = dict.fromkeys([REFERENCE, *(advice.chosen for advice in report.advice)])
+    rare = [called(report, name) for name in names if name is not None and report.named(name).has_rare_paths]
+    if not rare:
+        return []
+    return [
+        f"The noise of {' and of '.join(rare)} comes from rare bright paths: errors and times may be off by more than"
+        " the intervals show; a longer measurement (--budget) meets more of them."
+    ]
+
+
+def longer(report: Comparison) -> list[str]:
+    """Return why measuring took longer than it was to."""
+    if not report.budget or report.seconds <= LATE * report.budget:
+        return []
+    preparing = sum(found.start_s for found in report.measurements)
+    first = report.measurements[0]
+    busy = first.wall_sample_s.value / first.sample_s.value
+    shared = f"; renders took {busy:.1f} times as long as on an idle machine" if busy > SHOWS_LOAD else ""
+    return [
+        f"Measuring took {seconds(report.seconds)} in place of {seconds(report.budget)}: preparing"
+        f" {len(report.measurements)} ways to render took {seconds(preparing)}, renders and all else"
+        f" {seconds(report.seconds - preparing)}{shared}."
+    ]
+
+
+def _meant(report: Comparison) -> list[str]:
+    """Return what an error and full accuracy mean."""
+    how = ": every ray through every surface of the lens" if report.allowed else ", with its own camera"
+    return [
+        MEANT,
+        f"{FULL[0].upper()}{FULL[1:]} ({REFERENCE} in the tables) is the most accurate way to render the scene{how}.",
+    ]
+
+
+def _differs(report: Comparison, found: Measurement) -> str:
+    name = called(report, found.name)
+    if found.unbiased:
+        return f"The only change by {name} is in the noise."
+    sure = found.sure_bias_of_tiles
+    where = f", most at the {place(sure, report.grid)}" if sure.any() and found.bias.low > 0 else ""
+    camera = report.camera_of(found)
+    at = f", {_over_field(camera)}" if camera is not None else ""
+    apart = bias(found.bias)
+    if apart == "none":
+        return f"No difference between {name} and {FULL} was measured, except in time."
+    more = "; a longer measurement would be more precise" if found.bias.low <= 0 else ""
+    apart = apart.replace("below", "less than")
+    return f"Without noise, {name} differs from {FULL} by {apart}{where}{at}{more}."
+
+
+def place(values: np.ndarray, grid: tuple[int, int]) -> str:
+    """Return in words which ninth of the picture has the largest mean."""
+    rows, columns = grid
+    cells = values.reshape(rows, columns)
+    means = [
+        (float(part.mean()), y, x)
+        for y, band in enumerate(np.array_split(cells, 3, axis=0))
+        for x, part in enumerate(np.array_split(band, 3, axis=1))
+        if part.size
+    ]
+    _, y, x = max(means)
+    return " ".join(dict.fromkeys((PLACES[0][y], PLACES[1][x]))) if (y, x) != (1, 1) else "centre"
+
+
+def _over_field(camera: TierError) -> str:
+    worst = int(np.argmax(camera.pixels))
+    if math.isinf(camera.pixels[worst]):
+        return (
+            f"{pixels(camera.pixels[0])} on the axis; at {FIELDS[worst]:g} of the half diagonal the lens sees nothing"
+        )
+    return (
+        f"{pixels(camera.pixels[0])} on the axis and at most {pixels(camera.worst_px)}"
+        f" (at {FIELDS[worst]:g} of the half diagonal), brightness by up to {per_cent(camera.worst_illumination)}"
+    )
+
+
+def _camera(report: Comparison) -> list[str]:
+    said = []
+    if report.allowed == "realistic":
+        said.append("camera.accuracy: auto traces every ray, as no cheaper camera is within half a pixel and 1 %.")
+    elif report.allowed:
+        camera = next(each for each in report.cameras if each.tier == report.allowed)
+        said.append(f"camera.accuracy: auto uses the {report.allowed.replace('_', ' ')}: {_over_field(camera)}.")
+    if report.lens_colour_px is not None:
+        said.append(f"The lens moves light of other wavelengths by up to {pixels(report.lens_colour_px)}.")
+    if report.diffraction is not None:
+        said.append(f"camera.diffraction: auto is {report.diffraction['says']}. None of the pictures here has it.")
+    if report.ghosts is not None:
+        said.append(
+            f"camera.ghosts: on adds {per_cent(report.ghosts)} of the light of a lamp in the middle of the frame, out"
+            " of focus. None of the pictures here has it."
+        )
+    return said
+
+
+def _depth(report: Comparison) -> list[str]:
+    depth, bound = report.truncation["max_depth"], report.truncation["bound"]
+    paths = f"Light paths end after {depth} edges (render.max_depth), also with {FULL}"
+    if bound is None:
+        return [f"{paths}; there is no bound on what longer ones add ({report.truncation['no_bound_because']})."]
+    largest = report.truncation["largest_albedo"]
+    return [
+        f"{paths}; longer ones add at most {per_cent(bound)} of the radiance of the brightest lamp"
+        f" (reflectances up to {largest:.2g})."
+    ]
+
+
+# The measurements as tables, and the whole report as Markdown.
+
+SHOWN_FIELDS = (0.0, 0.5, 0.7, 1.0)
+ERROR_COLUMNS = ("configuration", "bias", "brightness", f"better than {REFERENCE} until")
+COST_COLUMNS = (
+    "configuration", "a sample", "noise after 1 s", *(f"to {per_cent(target)}" for target in TARGETS), "start"
+)  # fmt: skip
+CAMERA_COLUMNS = ("camera", *(f"at {field:g}" for field in SHOWN_FIELDS), "brightness at 1")
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows of texts under the names of their columns, with a title."""
+
+    title: str
+    columns: tuple[str, ...]
+    rows: list[list[str]]
+
+
+def tables(report: Comparison) -> list[Table]:
+    """Return the errors of the configurations, their costs, and the errors of cheaper cameras if there are any."""
+    found = report.measurements
+    wrong = f"Error against {REFERENCE}, without noise"
+    taken = "Cost: time of one sample per pixel, noise, time to an error, time before the first ray"
+    over = "How far cheaper cameras displace light, from the middle of the picture (0) to its corner (1)"
+    made = [Table(wrong, ERROR_COLUMNS, [_errors(each) for each in found if each.knob])]
+    made.append(Table(taken, COST_COLUMNS, [_costs(each) for each in found]))
+    if cameras := _cameras(report):
+        made.append(Table(over, CAMERA_COLUMNS, cameras))
+    return made
+
+
+def _errors(found: Measurement) -> list[str]:
+    return [found.name, bias(found.bias), ends(found.energy, per_cent), crossing(found.better_until)]
+
+
+def _costs(found: Measurement) -> list[str]:
+    return [
+        found.name,
+        ends(found.sample_s),
+        noise(max(found.rate.value, 0.0) ** 0.5),
+        *(ends(found.seconds_to[target]) for target in TARGETS),
+        seconds(found.start_s),
+    ]
+
+
+def _cameras(report: Comparison) -> list[list[str]]:
+    at = [FIELDS.index(field) for field in SHOWN_FIELDS]
+    return [
+        [
+            camera.tier.replace("_", " "),
+            *(pixels(camera.pixels[place]) for place in at),
+            "dark" if camera.illumination[-1] == float("inf") else per_cent(camera.illumination[-1]),
+        ]
+        for camera in report.cameras
+        if camera.tier != "realistic"
+    ]
+
+
+def summary(report: Comparison) -> list[str]:
+    """Return the lines that the command prints without its details: the advice, its terms, and doubts."""
+    doubts = [*unsure(report), *longer(report)]
+    return [*headline(report), "", MEANT, *doubts, "All numbers and how they were found: --details."]
+
+
+def plain_text(report: Comparison) -> str:
+    """Return the report as text, its tables in plain columns."""
+    parts = [f"{table.title}\n{_aligned(table)}" for table in tables(report)]
+    return "\n\n".join(["\n".join(recommendation(report)), *parts, "\n".join(caveats(report))])
+
+
+def _aligned(table: Table) -> str:
+    lines = [table.columns, *table.rows]
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    return "\n".join("  ".join(map(str.rjust, line, widths)).rstrip() for line in lines)
+
+
+def markdown(report: Comparison, title: str) -> str:
+    """Return the report as Markdown."""
+    parts = [f"# {title}", "\n".join(f"- {line}" for line in recommendation(report))]
+    parts += [f"{table.title}:\n\n{_written(table)}" for table in tables(report)]
+    return "\n\n".join([*parts, "\n".join(f"- {line}" for line in caveats(report))]) + "\n"
+
+
+def _written(table: Table) -> str:
+    lines = [table.columns, ["---"] * len(table.columns), *table.rows]
+    return "\n".join("| " + " | ".join(text.replace("|", "\\|") for text in line) + " |" for line in lines)
+
+
+# Three pictures of a comparison in one: error against time, error over the field, and where pictures differ.
+
+WIDTH, CHARTS, MAPS = 8.0, 4.8, 1.3  # of the plot, its charts and the frame of its maps [inches]
+WIDTHS = (3, 2)  # of the charts, one to the other
+MOST_MAPS = 4
+LOW, HIGH = 0.003, 1.0  # differences between which the shade of a map changes, by logarithm
+POINTS = 200  # of a curve
+FINEST, COARSEST = 0.005, 3.0  # errors that the chart reaches from the one to the other, about
+# Colours after those of `series`, so that no two curves share one.
+MORE = ("#e377c2", "#8c564b", "#6fb7ff", "#a7c957", "#000000", "#ffa62b", "#7a0c2e", "#a9a2e8", "#63d2a1", "#c9ada7")
+DASHES = {"thick_lens": "--"}  # which often lies on the thin lens's curve
+
+
+@styled()
+def tradeoff_plot(report: Comparison, title: str) -> Figure:
+    """Return the three pictures.
+
+    On the left is the root of relMSE over time, one line for each configuration. A line becomes level where it reaches
+    its bias; noise falls along the dotted guide. A dot marks where a line crosses that of the most accurate one. On the
+    right is how far cheaper cameras displace light. Below are maps, tile by tile, of the configurations that differ
+    most; those that are advised come first.
+    """
+    shown = _most_biased(report)
+    columns, rows = report.resolution
+    height = MAPS + min(WIDTH / MOST_MAPS * rows / columns, WIDTH / 2) if shown else 0.0
+    figure = new_figure(title, (WIDTH, CHARTS + height))
+    rooms = figure.subfigures(1 + bool(shown), 1, squeeze=False, height_ratios=(CHARTS, height)[: 1 + bool(shown)])
+    charts = rooms[0, 0]
+    if shown:
+        _draw_maps(rooms[1, 0], report, shown)
+    left, right = charts.subplots(1, 2, width_ratios=WIDTHS)
+    different = [*dict.fromkeys(map(series, range(len(MORE)))), *MORE]
+    colours = {found.name: different[number % len(different)] for number, found in enumerate(report.measurements)}
+    _errors_over_time(left, report.measurements, colours)
+    _errors_over_field(right, report, colours)
+    add_key(charts, left.lines)
+    return figure
+
+
+def _errors_over_time(axes: Axes, found: Sequence[Measurement], colours: dict[str, str]) -> None:
+    """Draw a curve for each configuration, with its band, and where it meets the most accurate one."""
+    full = found[0].rate.value or found[0].sample_s.value  # an even picture has no noise
+    first, last = _decades(full, full / FINEST**2)  # from an error of 100 % of the most accurate one
+    low, high = _decades(FINEST / 5, COARSEST)
+    times = np.geomspace(first, last, POINTS)
+    curves = {each.name: _error(each, times) for each in found}
+    axes.set(title="error over time, with bands of 95 %", xlabel="time to render the picture",
+             ylabel="error: root of relMSE [%]", xscale="log", yscale="log", xlim=(first, last),
+             ylim=(100 * low, 100 * high))  # fmt: skip
+    axes.minorticks_off()
+    axes.xaxis.set_major_formatter(lambda value, _: seconds(value))
+    axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
+    for number, each in enumerate(found):
+        colour, line = colours[each.name], "-" if colours[each.name] not in list(colours.values())[:number] else "--"
+        band = [100 * np.maximum(_error(each, times, end), low / 10) for end in ("low", "high")]
+        axes.fill_between(times, *band, color=colour, alpha=0.16, linewidth=0)
+        axes.plot(times, 100 * np.maximum(curves[each.name], low / 10), line, color=colour, label=each.name)
+    guide = first * 10.0 ** np.array([0.3, 2.3])
+    axes.plot(guide, 100 * low * np.array([25.0, 2.5]), ":", color=FAINT, label="slope of noise")
+    for each in found:
+        meets = each.better_until.value
+        if each.knob and first < meets < last:
+            axes.scatter([meets], 100 * _error(each, np.array([meets])), color=colours[each.name], zorder=3)
+    _beside_the_chart(axes, curves, (low, high))
+
+
+def _beside_the_chart(axes: Axes, curves: dict[str, np.ndarray], shown: tuple[float, float]) -> None:
+    """Say which curves lie wholly above or below the chart."""
+    for where, place, out in (
+        ("above", 0.97, {name for name, curve in curves.items() if (curve > shown[1]).all()}),
+        ("below", 0.03, {name for name, curve in curves.items() if (curve < shown[0]).all()}),
+    ):
+        if out:
+            names = "all" if len(out) == len(curves) else ", ".join(name for name in curves if name in out)
+            words, edge = f"{where} the chart: {names}", "top" if where == "above" else "bottom"
+            axes.text(0.98, place, words, color=FAINT, transform=axes.transAxes, horizontalalignment="right",
+                      verticalalignment=edge)  # fmt: skip
+
+
+def _decades(low: float, high: float) -> tuple[float, float]:
+    """Return the powers of ten, two different ones, that hold a range."""
+    first = math.floor(math.log10(low))
+    return 10.0**first, 10.0 ** max(math.ceil(math.log10(high)), first + 1)
+
+
+def _error(found: Measurement, times: np.ndarray, end: str = "value") -> np.ndarray:
+    """Return the root of relMSE after times, with bias and noise at an end of their intervals."""
+    floor = 0.0 if found.unbiased or not found.knob else max(getattr(found.bias, end), 0.0)
+    return np.asarray(np.sqrt(floor + found.law(end).even(times / found.sample_s.value)))
+
+
+def _errors_over_field(axes: Axes, report: Comparison, colours: dict[str, str]) -> None:
+    cameras = [each for each in report.cameras if each.tier != "realistic"]
+    axes.set(title="error of cheaper cameras", xlim=(0.0, 1.0), xlabel="film point, share of half diagonal",
+             ylabel="light beside its place [pixels]")  # fmt: skip
+    if not cameras:
+        axes.set_axis_off()
+        axes.text(0.5, 0.5, "The camera has\nno cheaper model.", color=FAINT, transform=axes.transAxes,
+                  horizontalalignment="center")  # fmt: skip
+        return
+    axes.axhline(0.5, color=FAINT, linestyle="--", linewidth=1.2)
+    for each in cameras:
+        colour = colours.get(each.tier.replace("_", " "), INK)
+        pixels = [value if math.isfinite(value) else math.nan for value in each.pixels]
+        axes.plot(FIELDS, pixels, DASHES.get(each.tier, "-"), marker="o", markersize=4, color=colour)
+    if any(math.isinf(value) for each in cameras for value in each.pixels):
+        axes.text(0.03, 0.97, "a line ends where\nthe lens sees nothing", color=FAINT, transform=axes.transAxes,
+                  verticalalignment="top")  # fmt: skip
+    axes.set_ylim(0.0, max(1.08, axes.get_ylim()[1]))
+
+
+def _most_biased(report: Comparison) -> list[Measurement]:
+    """Return the configurations that get a map: those that are advised, then those that differ most."""
+    biased = [found for found in report.measurements if found.knob and not found.unbiased]
+    chosen = {advice.chosen for advice in report.advice}
+    return sorted(biased, key=lambda found: (found.name in chosen, found.bias.value), reverse=True)[:MOST_MAPS]
+
+
+def _draw_maps(figure: SubFigure, report: Comparison, shown: Sequence[Measurement]) -> None:
+    """Draw how much each tile of the pictures differs, all in the same shades."""
+    from matplotlib.colors import LogNorm
+
+    figure.suptitle("where pictures differ from the most accurate one (white: it may be noise)", fontsize=10,
+                    x=0.01, horizontalalignment="left")  # fmt: skip
+    panels = figure.subplots(1, MOST_MAPS)
+    columns, rows = report.resolution
+    for axes, found in zip(panels, shown, strict=False):
+        bias = np.sqrt(np.maximum(found.sure_bias_of_tiles.reshape(report.grid), LOW**2))
+        image = axes.imshow(100 * bias, cmap="BuPu", norm=LogNorm(100 * LOW, 100 * HIGH, clip=True),
+                            extent=(0, columns, rows, 0), interpolation="nearest")  # fmt: skip
+        axes.set_title(found.name)
+        axes.set(xticks=(), yticks=())
+    for axes in panels[len(shown) :]:
+        axes.set_axis_off()
+    label = "root of relMSE of a tile [%]"
+    ticks = (0.3, 1, 3, 10, 30, 100)
+    figure.colorbar(image, ax=panels, label=label, ticks=ticks, format="%g", orientation="horizontal", aspect=50)
+
+
+# The Python interface of the comparison.
+
+BUDGET_S = 60.0
+WISHED_S, WISHED_ERROR = 60.0, 0.02
+DRAWS_SEED = 7  # of the bootstrap
+TITLE = "Accuracy and time"
+
+Tell = Callable[[str, float], Any]
+"""Takes what is being done and the share of the work that is done."""
+
+
+class TradeoffReport(Comparison):
+    """A comparison that writes itself as text, as Markdown and as a plot."""
+
+    def __str__(self) -> str:
+        """Return advice, tables and how they were found, as ``rptcam tradeoff --details`` prints them."""
+        return plain_text(self)
+
+    def markdown(self, title: str = TITLE) -> str:
+        """Return the same as Markdown."""
+        return markdown(self, title)
+
+    def svg(self, title: str = TITLE) -> str:
+        """Return the three pictures as the text of an SVG file: errors over time and over the field, and where."""
+        return chart_svg(tradeoff_plot(self, title))
+
+    def _repr_markdown_(self) -> str:
+        return self.markdown()
+
+
+def measure_tradeoff(
+    scene: Scene | str | Path | Mapping[str, Any],
+    *,
+    budget: float = BUDGET_S,
+    seconds: float = WISHED_S,
+    error: float = WISHED_ERROR,
+    size: tuple[int, int] | None = None,
+    device: str | Session | None = None,
+    on_progress: Tell | None = None,
+) -> TradeoffReport:
+    """Return what each approximation of a scene's picture costs and gains, and which to take; see docs/tradeoff.md.
+
+    Parameters
+    ----------
+    scene
+        A scene, or anything that `load_scene` takes.
+    budget
+        The most that the comparison takes on an idle machine [s], to a tenth, where preparing takes less than two
+        thirds of it and the fewest renders fit the rest; else the report says what took longer.
+    seconds, error
+        What to advise for: a time to render [s], and a relative error (root of relMSE).
+    size
+        Replaces the scene's resolution [pixels].
+    device
+        As for `render`.
+    on_progress
+        Called with what is being done and the share of the work that is done.
+
+    Raises
+    ------
+    InputError
+        Something in the scene or the arguments is wrong, or the picture is black.
+    DeviceError
+        No device fits, or a kernel failed.
+    """
+    _check_wishes(budget=budget, seconds=seconds, error=error)
+    begun = time.perf_counter()
+    tell = on_progress or (lambda words, share: None)
+    scene = scene if isinstance(scene, Scene) else load_scene(scene)
+    if size is not None:
+        scene = change_scene(scene, film={"resolution": size})
+    session = device if isinstance(device, Session) else open_session(device)
+    tell("focus and exposure", 0.0)
+    fixed = _with_focus_and_exposure(scene, session)
+    steps = ladder(fixed)
+    ready, impossible = _prepared(steps, session, tell)
+    left = max(budget - (time.perf_counter() - begun), budget / 3)
+    pictures = render_by_turns(ready, left, scene.render.seed, lambda words, share: tell(words, 0.3 + 0.7 * share))
+    _check_light(pictures, fixed)
+    tell("errors", 1.0)
+    found = _measured(ready, pictures)
+    return TradeoffReport(
+        **_conditions(fixed, session, ready, pictures),
+        seconds=time.perf_counter() - begun,
+        measurements=tuple(found),
+        advice=(for_time(found, seconds), for_error(found, error)),
+        cameras=() if steps.decision is None else steps.decision.errors,
+        allowed="" if steps.decision is None else steps.decision.tier,
+        skipped=steps.skipped | impossible,
+        diffraction=_diffraction(fixed),
+        ghosts=_ghosts(fixed),
+        budget=budget,
+    )
+
+
+def _check_wishes(**wishes: float) -> None:
+    for name, value in wishes.items():
+        most, allowed = (1.0, "between 0 and 1") if name == "error" else (math.inf, "above 0, in seconds")
+        if not (isinstance(value, int | float) and 0 < value < most):
+            raise InputError(f"{name}: is out of range (got {value!r}; allowed: a number {allowed})")
+
+
+def _with_focus_and_exposure(scene: Scene, session: Session) -> Scene:
+    """Return the scene in focus, with the exposure that its most accurate picture is metered to."""
+    sharp, _ = in_focus(scene, session, None)
+    shot = resolve_exposure(most_accurate(sharp).scene, session)
+    return change_scene(sharp, exposure=_given(shot.scene.exposure), shutter=_given(shot.scene.shutter))
+
+
+def _diffraction(scene: Scene) -> dict[str, Any] | None:
+    """Return what `camera.diffraction: auto` decides; None for a camera that has no opening."""
+    found = diffraction_of(change_scene(scene, camera={"diffraction": "auto"}))
+    return None if found is None or found.airy_radius_px is None else found.metadata
+
+
+def _ghosts(scene: Scene) -> float | None:
+    """Return the share of a lamp's light on the axis that ghosts bring to the frame; None where there are none."""
+    try:
+        setting = ghost_setting(scene)
+        width, height = scene.film.size_m()
+        frame = (1e3 * width, 1e3 * height)
+        lit = Lit(
+            setting.lens, setting.film_distance_mm, wavelength_nm=setting.camera.wavelength_nm, film_mm=frame,
+            transmission=setting.transmission,
+        )  # fmt: skip
+        found = find_ghosts(lit)
+    except InputError:
+        return None
+    return sum(ghost.flux_in_frame for ghost in found.ghosts) / found.reference
+
+
+def _prepared(steps: Ladder, session: Session, tell: Tell) -> tuple[list[Ready], dict[str, str]]:
+    """Return the configurations compiled, and why others cannot be."""
+    count = len(steps.configurations)
+    return prepare(steps.configurations, session, lambda name, done: tell(f"preparing: {name}", 0.3 * done / count))
+
+
+def _check_light(pictures: Pictures, scene: Scene) -> None:
+    if not any(picture.any() for picture in pictures.pixels[0]):
+        raise InputError(
+            "the picture is black, so that there is nothing to compare (allowed: a scene whose light reaches the"
+            f" camera within render.max_depth, which is {scene.render.max_depth})"
+        )
+
+
+def _conditions(scene: Scene, session: Session, ready: list[Ready], pictures: Pictures) -> dict[str, Any]:
+    """Return what was compared and how: the members of a report that no measurement is in."""
+    return {
+        "scene": scene.content_hash(),
+        "device": session.info.name,
+        "resolution": scene.film.resolution,
+        "tiles": (len(pictures.tiles.tiles), ready[0].wavefront.layout.tiles),
+        "grid": pictures.tiles.shape,
+        "samples": (*pictures.samples, pictures.long.samples),
+        "long_tiles": len(pictures.long.chosen),
+        "seeds": pictures.seeds,
+        "by_cpu": pictures.by_cpu,
+        "lens_colour_px": ready[0].facts.get("lens_colour_px"),
+        "truncation": ready[0].truncation,
+    }
+
+
+def _given(part: Any) -> dict[str, Any]:
+    return {name: getattr(part, name) for name in part.model_fields_set}
+
+
+def _measured(ready: list[Ready], pictures: Pictures) -> list[Measurement]:
+    errors = pair_errors(pictures.pixels, pictures.samples, pictures.tiles, pictures.long)
+    named = [
+        {
+            "name": each.configuration.name,
+            "knob": each.configuration.knob,
+            "same_as": each.configuration.same_as,
+            "settings": each.configuration.settings,
+            "tier": each.configuration.tier,
+            "unbiased": each.configuration.unbiased,
+            "start_s": each.start_s,
+        }
+        for each in ready
+    ]
+    counts = draws(pictures.seeds, np.random.default_rng(DRAWS_SEED))
+    samples = (*pictures.samples, pictures.long.samples)
+    return measurements(named, errors, pictures.timings, samples, counts)

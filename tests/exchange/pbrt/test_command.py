@@ -1,0 +1,82 @@
+"""``rptcam convert``."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from rptcam_cl.cli import main
+from tests.exchange.pbrt.conftest import HEAD
+
+
+@pytest.fixture
+def source(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / "in.pbrt"
+    path.write_text(HEAD + 'Accelerator "bvh"\nShape "sphere"\nLightSource "infinite"\n')
+    return path
+
+
+def run(capsys: Any, *words: str) -> tuple[int, str]:
+    code = main(["convert", *words])
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert "Traceback" not in captured.err
+    return code, captured.err
+
+
+def test_a_scene_is_written_and_the_report_goes_to_standard_error(source: Path, capsys: Any) -> None:
+    code, text = run(capsys, "in.pbrt", "out.yaml")
+    assert code == 0
+    assert text.startswith('in.pbrt:5: ignored: Accelerator "bvh"')
+    assert text.endswith("wrote out.yaml: 1 object\n")
+    assert Path("out.yaml").read_text("utf-8").startswith("# Converted from in.pbrt.\nfilm:")
+    assert not Path("out_files").exists()
+
+
+def test_warnings_about_the_scene_are_told(source: Path, capsys: Any) -> None:
+    source.write_text(HEAD + 'Shape "sphere"')
+    assert "warning: nothing in the scene emits light" in run(capsys, "in.pbrt", "out.yaml")[1]
+
+
+def test_quiet_says_nothing(source: Path, capsys: Any) -> None:
+    assert run(capsys, "in.pbrt", "out.yaml", "--quiet") == (0, "")
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("in.blend", "out.yaml"), "in.blend: only scenes of pbrt can be converted (got .blend; allowed: .pbrt"),
+        (("in.obj", "out.yaml"), "put a mesh into a scene as an object of shape mesh"),
+        (("in.pbrt", "out.json"), "out.json: a scene file is YAML (got .json; allowed: .yaml, .yml)"),
+        (("in.pbrt", "no/out.yaml"), "there is no folder"),
+        (("none.pbrt", "out.yaml"), "none.pbrt: no such file"),
+    ],
+)
+def test_wrong_names_are_refused(source: Path, capsys: Any, words: tuple[str, str], message: str) -> None:
+    code, text = run(capsys, *words)
+    assert code in (2, 4)
+    assert message in text
+    assert text.count("\n") == 1
+    assert not Path("out.yaml").exists()
+
+
+def test_a_scene_without_objects_is_an_error(source: Path, capsys: Any) -> None:
+    source.write_text(HEAD + 'LightSource "infinite"')
+    assert run(capsys, "in.pbrt", "out.yaml") == (
+        2,
+        "error: in.pbrt: 0 objects: the scene has no shapes that are placed\n",
+    )
+    source.write_text(HEAD + 'Shape "curve" Shape "nurbs"')
+    code, text = run(capsys, "in.pbrt", "out.yaml")
+    assert code == 2
+    assert "0 objects: none of its 2 shapes can be shown; in.pbrt:5: ignored: Shape" in text
+    assert [path.name for path in source.parent.iterdir()] == ["in.pbrt"]
+
+
+def test_nothing_is_written_for_a_scene_that_is_wrong(source: Path, capsys: Any) -> None:
+    source.write_text(HEAD + 'Shape "sphere" "float zmin" 0\nShape "teapot"')
+    code, text = run(capsys, "in.pbrt", "out.yaml")
+    assert code == 2
+    assert text.startswith('error: in.pbrt:6:1: unknown shape "teapot"')
+    assert [path.name for path in source.parent.iterdir()] == ["in.pbrt"]

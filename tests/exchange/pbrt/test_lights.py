@@ -1,0 +1,253 @@
+"""Lights: where they shine, how brightly, and pictures of the sky."""
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import OpenEXR
+import pytest
+
+import rptcam_cl
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.exchange.pbrt.files import heights, in_longitude_and_latitude, square_of_angles
+from rptcam_cl.exchange.pbrt.textures import black_body_srgb
+from tests.exchange.pbrt import reference as pbrt
+
+Convert = Callable[..., Any]
+RIGHT = 'Scale -1 1 1 LookAt 0 0 9  0 0 0  0 1 0 Camera "perspective" WorldBegin\n'
+LEFT = RIGHT.replace("Scale -1 1 1 ", "")
+BALL = '\nShape "sphere"\n'
+
+
+def light_of(done: Any) -> dict[str, Any]:
+    (found,) = done.keys["lights"]
+    return dict(found)
+
+
+def test_point_lights(convert: Convert) -> None:
+    text = 'Translate 1 2 3 LightSource "point" "point3 from" [1 0 0] "rgb I" [1 2 3] "float scale" 2'
+    assert light_of(convert(text, RIGHT)) == {"kind": "point", "position": [2, 2, 3], "intensity": [2, 4, 6]}
+    assert light_of(convert(text, LEFT))["position"] == [-2, 2, 3]
+
+
+def test_power_is_spread_over_the_sphere(convert: Convert) -> None:
+    found = light_of(convert('LightSource "point" "float power" 100', RIGHT))
+    np.testing.assert_allclose(found["intensity"], 100 / (4 * math.pi))
+
+
+def test_intensity_follows_the_unit_of_length(convert: Convert) -> None:
+    """The same irradiance on a wall one unit away, which is a hundredth of a metre here."""
+    found = light_of(convert('LightSource "point"', RIGHT.replace("LookAt", "Scale .01 .01 .01 LookAt")))
+    np.testing.assert_allclose(found["intensity"], 1e-4)
+
+
+@pytest.mark.parametrize("head", [RIGHT, LEFT])
+def test_spot_lights_are_those_of_pbrt(convert: Convert, head: str) -> None:
+    text = 'Rotate 90 0 0 1 LightSource "spot" "point3 from" [0 1 0] "point3 to" [3 1 0] "float coneangle" 40'
+    found = light_of(convert(text + ' "float conedeltaangle" 10', head))
+    sign = 1 if head == RIGHT else -1
+    np.testing.assert_allclose(found["position"], [-sign, 0, 0], atol=1e-12)
+    np.testing.assert_allclose(found["direction"], [0, 3, 0], atol=1e-12)
+    assert (found["kind"], found["outer_degrees"], found["inner_degrees"]) == ("spot", 40, 30)
+
+
+def test_distant_lights(convert: Convert) -> None:
+    text = 'LightSource "distant" "point3 from" [0 3 1] "point3 to" [0 0 1] "blackbody L" 3000 "float scale" 2'
+    found = light_of(convert(text, RIGHT))
+    assert found["direction"] == [0, -3, 0]
+    np.testing.assert_allclose(found["irradiance"], 2 * black_body_srgb(3000, luminance=1))
+    found = light_of(convert('LightSource "distant" "float illuminance" 50', LEFT))
+    assert (found["direction"], found["irradiance"]) == ([0, 0, 1], [50] * 3)
+
+
+def test_black_bodies_of_the_third_release_have_their_peak_at_one(convert: Convert) -> None:
+    found = light_of(convert('LightSource "distant" "blackbody L" [3000 2]\nWorldEnd', RIGHT))
+    np.testing.assert_allclose(found["irradiance"], 2 * black_body_srgb(3000, luminance=None))
+
+
+def test_named_illuminants_have_luminance_one(convert: Convert) -> None:
+    for name, white in (("stdillum-D65", (1, 1, 1)), ("stdillum-A", (1.845, 0.826, 0.233))):
+        found = light_of(convert(f'LightSource "point" "spectrum I" "{name}"', RIGHT))
+        np.testing.assert_allclose(found["intensity"], white, atol=2e-3)
+        assert np.dot(found["intensity"], (0.2126, 0.7152, 0.0722)) == pytest.approx(1, abs=1e-3)
+
+
+def test_constant_light_from_everywhere_adds_up(convert: Convert) -> None:
+    text = 'LightSource "infinite" "rgb L" [1 2 3]\nLightSource "infinite" "float illuminance" 3'
+    done = convert(text + BALL, RIGHT)
+    np.testing.assert_allclose(done.keys["environment"]["radiance"], np.add([1, 2, 3], 3 / math.pi))
+
+
+def test_lights_in_three_colours_of_scale(convert: Convert) -> None:
+    found = light_of(convert('LightSource "point" "rgb I" [1 2 3] "rgb scale" [2 2 1]\nWorldEnd', RIGHT))
+    assert found["intensity"] == [2, 4, 3]
+
+
+def test_lamps_have_the_radiance_of_pbrt(convert: Convert) -> None:
+    text = 'Material "diffuse" "rgb reflectance" [0 0 0] AreaLightSource "diffuse" "rgb L" [1 2 3] "float scale" 2'
+    done = convert(text + ' "bool twosided" true' + BALL, RIGHT)
+    assert done.material() == {"kind": "emissive", "radiance": [2, 4, 6], "two_sided": True}
+    assert done.report == []
+
+
+@pytest.mark.parametrize(
+    ("shape", "area"),
+    [
+        ('"sphere" "float radius" 2', 16 * math.pi),
+        ('"disk" "float radius" 2', 4 * math.pi),
+        ('"cylinder" "float radius" 2 "float zmin" 0 "float zmax" 3', 12 * math.pi),
+        ('"bilinearmesh" "point3 P" [0 0 0 2 0 0 0 3 0 2 3 0]', 6),
+        ('"trianglemesh" "point3 P" [0 0 0 2 0 0 2 3 0 0 3 0] "integer indices" [0 1 2 0 2 3]', 3),  # each triangle
+    ],
+)
+@pytest.mark.parametrize("sides", [1, 2])
+def test_power_of_lamps_is_spread_over_their_area(convert: Convert, shape: str, area: float, sides: int) -> None:
+    lamp = f'AreaLightSource "diffuse" "float power" 60 "bool twosided" {"true" if sides == 2 else "false"}'
+    done = convert(f"{lamp} Shape {shape}", RIGHT)
+    np.testing.assert_allclose(done.material()["radiance"], 60 / (math.pi * area * sides))
+
+
+def test_lamps_in_objects_do_not_shine(convert: Convert) -> None:
+    done = convert(f'ObjectBegin "a" AreaLightSource "diffuse" {BALL} ObjectEnd ObjectInstance "a"', RIGHT)
+    assert done.material()["kind"] == "matte"
+    assert done.says("in.pbrt:2: ignored: AreaLightSource", "do not shine, as in pbrt")
+
+
+def test_a_lamp_that_reflects_is_reported(convert: Convert) -> None:
+    assert convert(f'AreaLightSource "diffuse" {BALL}', RIGHT).says("in.pbrt:2: approximated", "reflects nothing")
+
+
+BAD = {
+    'LightSource "laser"': 'unknown light "laser" (allowed: point',
+    'AreaLightSource "neon" Shape "sphere"': 'unknown area light "neon"',
+    'LightSource "distant" "point3 from" [1 1 1] "point3 to" [1 1 1]': "are the same point",
+    'LightSource "spot" "float coneangle" 0': "coneangle must lie between 0 and 180",
+    'LightSource "point" "blackbody I" -3': "a temperature above 0",
+    'LightSource "point" "texture I" "t"': '"I" is a texture (allowed: rgb',
+    'LightSource "infinite" "string filename" "no.exr"': "no such file",
+    'LightSource "infinite" "string filename" "wide.exr"': "must be square",
+    'LightSource "infinite" "string filename" "bad.exr"': "bad.exr: ",
+}
+
+
+@pytest.mark.parametrize("text", BAD)
+def test_bad_lights_are_told(convert: Convert, text: str, tmp_path: Path) -> None:
+    write_exr(tmp_path / "wide.exr", np.ones((2, 4, 3)))
+    with pytest.raises(InputError, match=r"in\.pbrt:2:") as problem:
+        convert(text, RIGHT, **{"bad.exr": b"no picture"})
+    assert BAD[text] in str(problem.value)
+
+
+def write_exr(path: Path, pixels: Any) -> None:
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    with OpenEXR.File(header, {"RGB": np.ascontiguousarray(pixels, np.float32)}) as file:
+        file.write(str(path))
+
+
+def test_square_covers_equal_solid_angles() -> None:
+    z, longitude = np.random.default_rng(1).random((2, 200_000))
+    u, v = square_of_angles(2 * z - 1, 2 * np.pi * longitude)  # even over the sphere
+    counts = np.histogram2d(u, v, bins=8, range=[[0, 1], [0, 1]])[0]
+    assert np.abs(counts / 3125 - 1).max() < 5 / math.sqrt(3125)
+    np.testing.assert_allclose(square_of_angles([1, -1, 0, 0, 0, 0], [0, 0, 0, np.pi / 2, np.pi, -np.pi / 2]),
+                               [[0.5, 1, 1, 0.5, 0, 0.5], [0.5, 1, 0.5, 1, 0.5, 0]], atol=1e-7)  # fmt: skip
+
+
+def test_heights_are_those_of_the_pixels() -> None:
+    z = heights(64)
+    u, v = square_of_angles(z, 0.3)  # a ring; every pixel of it has a height near that
+    assert z.mean() == pytest.approx(0, abs=1e-12)
+    row, column = (v * 64).astype(int).clip(0, 63), (u * 64).astype(int).clip(0, 63)
+    assert np.abs(z[row, column] - z).max() < 0.1
+
+
+def test_resampling_keeps_the_light() -> None:
+    square = np.random.default_rng(2).random((64, 64, 3)).astype(np.float32)
+    found = in_longitude_and_latitude(square, clockwise=False)
+    rows = -np.diff(np.cos(np.linspace(0, np.pi, 65))) / 2
+    np.testing.assert_allclose((found.mean(axis=1) * rows[:, None]).sum(axis=0), square.mean(axis=(0, 1)), rtol=3e-3)
+    np.testing.assert_array_equal(found[:, ::-1], in_longitude_and_latitude(square, clockwise=True))
+
+
+def direction_colours(directions: np.ndarray) -> np.ndarray:
+    """A radiance that tells every direction apart."""
+    return np.asarray(0.6 + 0.5 * directions)
+
+
+def sky_of_pbrt(kind: str, size: int) -> np.ndarray:
+    """A picture of pbrt, (rows, columns, 3), that shows each direction of the light's space in its colour."""
+    if kind == "mapname":
+        phi = 2 * np.pi * (np.arange(2 * size) + 0.5)[None, :] / (2 * size)
+        theta = np.pi * (np.arange(size) + 0.5)[:, None] / size
+        x, y, z = np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta) + 0 * phi
+        return direction_colours(np.stack([x, y, z], axis=-1))
+    p = 2 * (np.arange(size) + 0.5) / size - 1
+    u, v = np.meshgrid(p, p)
+    # pbrt's book, section 3.8.3, written out for a pixel at a time
+    d = 1 - (abs(u) + abs(v))
+    r = 1 - abs(d)
+    phi = np.where(r == 0, 1, (abs(v) - abs(u)) / np.where(r == 0, 1, r) + 1) * np.pi / 4
+    ring = r * np.sqrt(2 - r * r)
+    x, y = np.copysign(np.cos(phi), u) * ring, np.copysign(np.sin(phi), v) * ring
+    return direction_colours(np.stack([x, y, np.copysign(1 - r * r, d)], axis=-1))
+
+
+@pytest.mark.parametrize("kind", ["mapname", "filename"])
+@pytest.mark.parametrize("head", [RIGHT, LEFT])
+@pytest.mark.parametrize("turn", ["", "Rotate -90 1 0 0", "Rotate 37 1 -2 .5", "Scale -1 1 1 Rotate -90 1 0 0"])
+def test_sky_shows_each_direction_where_pbrt_has_it(
+    convert: Convert, tmp_path: Path, kind: str, head: str, turn: str
+) -> None:
+    write_exr(tmp_path / "sky.exr", sky_of_pbrt(kind, 64))
+    camera = head.replace('"perspective"', '"perspective" "float fov" 60').replace("WorldBegin", (
+        'Film "rgb" "integer xresolution" 16 "integer yresolution" 12 WorldBegin'))  # fmt: skip
+    done = convert(f'{turn} LightSource "infinite" "string {kind}" "sky.exr"', camera)
+    matrices = {
+        "": np.eye(4), "Rotate -90 1 0 0": pbrt.rotate_x(-90),
+        "Scale -1 1 1 Rotate -90 1 0 0": pbrt.scale(-1, 1, 1) @ pbrt.rotate_x(-90),
+    }  # fmt: skip
+    world_from_light = matrices.get(turn)
+    if world_from_light is None:
+        axis = np.array([1, -2, 0.5]) / np.linalg.norm([1, -2, 0.5])
+        c, s = math.cos(math.radians(37)), math.sin(math.radians(37))
+        world_from_light = np.eye(4)
+        world_from_light[:3, :3] = c * np.eye(3) + s * np.cross(np.eye(3), axis) + (1 - c) * np.outer(axis, axis)
+    camera_from_world = (pbrt.scale(-1, 1, 1) if head == RIGHT else np.eye(4)) @ pbrt.look_at(
+        [0, 0, 9], [0, 0, 0], [0, 1, 0]
+    )
+    y, x = np.mgrid[0:12, 0:16] + 0.5
+    tangent = math.tan(math.radians(30))
+    rays = np.stack([(2 * x / 16 - 1) * 16 / 12 * tangent, (1 - 2 * y / 12) * tangent, np.ones_like(x)], axis=-1)
+    rays = rays / np.linalg.norm(rays, axis=-1, keepdims=True) @ camera_from_world[:3, :3]  # back by the transpose
+    expected = direction_colours(rays @ np.linalg.inv(world_from_light[:3, :3]).T)
+    picture = np.asarray(rptcam_cl.render(done.scene, spp=64, seed=1))
+    # a pixel spans 0.08 rad and a texel 0.05, of which the mean is seen: colours change by 0.5 a radian
+    assert np.abs(picture - expected).max() < 0.02
+
+
+def test_sky_of_a_left_handed_scene_is_referenced(convert: Convert, tmp_path: Path) -> None:
+    write_exr(tmp_path / "sky.exr", sky_of_pbrt("mapname", 8))
+    done = convert('LightSource "infinite" "string mapname" "sky.exr" "float scale" 3', LEFT)
+    assert done.keys["environment"]["file"] == "sky.exr"
+    assert done.keys["environment"]["gain"] == 3
+    assert done.report == []
+
+
+def test_illuminance_of_a_sky_is_that_of_pbrt_on_the_ground(convert: Convert, tmp_path: Path) -> None:
+    """pbrt-v4 makes the sum over pixels of luminance times the cosine to +z, times 2 pi / pixels, the illuminance: the
+    pixels share 4 pi, so that the ground has twice as much."""
+    write_exr(tmp_path / "sky.exr", sky_of_pbrt("filename", 128))
+    done = convert('LightSource "infinite" "string filename" "sky.exr" "float illuminance" 10', LEFT)
+    with OpenEXR.File(str(tmp_path / done.keys["environment"]["file"])) as file:
+        pixels = file.channels()["RGB"].pixels @ (0.2126, 0.7152, 0.0722)
+    theta = np.pi * (np.arange(128) + 0.5) / 128
+    weights = np.clip(np.cos(theta), 0, None) * np.sin(theta) * (np.pi / 128) ** 2
+    assert (pixels * weights[:, None]).sum() == pytest.approx(20, rel=5e-3)
+    assert done.says("in.pbrt:", "twice as bright as that says")
+
+
+def test_pictures_of_the_sky_of_other_kinds_are_reported(convert: Convert) -> None:
+    done = convert('LightSource "infinite" "string mapname" "sky.gif"' + BALL, RIGHT, **{"sky.gif": b"GIF"})
+    assert done.says("in.pbrt:2: ignored: sky.gif: a kind of picture that is not read")

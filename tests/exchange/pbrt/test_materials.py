@@ -1,0 +1,375 @@
+"""Materials and textures: what each kind of pbrt becomes, and what is said of the rest."""
+
+import math
+from collections.abc import Callable
+from io import BytesIO
+from typing import Any
+
+import numpy as np
+import PIL.Image
+import pytest
+
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.exchange.pbrt.materials import alpha_of
+from rptcam_cl.exchange.pbrt.textures import black_body_srgb, reflectance_srgb
+from rptcam_cl.scene.assets.pictures import read_picture
+
+Convert = Callable[..., Any]
+HEAD = 'Scale -1 1 1 LookAt 0 0 9  0 0 0  0 1 0 Camera "perspective" WorldBegin LightSource "infinite"\n'
+BALL = '\nShape "sphere"\n'
+
+
+def png(size: tuple[int, int] = (4, 2)) -> bytes:
+    stream = BytesIO()
+    PIL.Image.new("RGB", size, (200, 100, 50)).save(stream, format="PNG")
+    return stream.getvalue()
+
+
+def near(value: Any) -> Any:
+    """What a key is compared with: numbers approximately, all else exactly."""
+    if isinstance(value, dict):
+        return {key: near(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [near(item) for item in value]
+    return pytest.approx(value, rel=1e-6) if isinstance(value, float) else value
+
+
+# Material of pbrt, keys of ours, and words of the report ("" for none).
+KINDS: dict[str, tuple[dict[str, Any], str]] = {
+    '"diffuse"': ({"kind": "matte", "reflectance": [0.5] * 3}, ""),
+    '"diffuse" "rgb reflectance" [.1 .2 .3]': ({"kind": "matte", "reflectance": [0.1, 0.2, 0.3]}, ""),
+    '"matte" "color Kd" [.1 .2 .3]': ({"kind": "matte", "reflectance": [0.1, 0.2, 0.3]}, ""),
+    '"matte" "float sigma" 20': ({"kind": "matte", "reflectance": [0.5] * 3}, "Lambert's law"),
+    '"coateddiffuse" "float roughness" .25': (
+        {"kind": "plastic", "reflectance": [0.5] * 3, "index": 1.5, "alpha": 0.5}, ""),
+    '"coateddiffuse" "float eta" 1.7': ({"kind": "plastic", "reflectance": [0.5] * 3, "index": 1.7}, ""),
+    '"coateddiffuse" "rgb albedo" [.1 .1 .1]': (
+        {"kind": "plastic", "reflectance": [0.5] * 3, "index": 1.5}, "scattering between cover and base"),
+    '"dielectric"': ({"kind": "dielectric", "index": 1.5}, ""),
+    '"dielectric" "float eta" 1.33 "float roughness" .01': ({"kind": "dielectric", "index": 1.33, "alpha": 0.1}, ""),
+    '"dielectric" "float roughness" .3 "bool remaproughness" false': (
+        {"kind": "dielectric", "index": 1.5, "alpha": 0.3}, ""),
+    '"dielectric" "float uroughness" .01 "float vroughness" .04': (
+        {"kind": "dielectric", "index": 1.5, "alpha": [0.1, 0.2]}, ""),
+    '"dielectric" "spectrum eta" "glass-BK7"': ({"kind": "dielectric", "index": 1.5168}, "without dispersion"),
+    '"thindielectric" "float eta" 1.4': ({"kind": "thin_glass", "index": 1.4}, ""),
+    '"conductor"': ({"kind": "conductor", "metal": "copper", "alpha": 0.001}, ""),
+    '"conductor" "spectrum eta" "metal-Au-eta" "spectrum k" "metal-Au-k" "float roughness" .04': (
+        {"kind": "conductor", "metal": "gold", "alpha": 0.2}, ""),
+    '"conductor" "rgb reflectance" [.9 .8 .7] "float roughness" 1': (
+        {"kind": "conductor", "reflectance": [0.9, 0.8, 0.7], "alpha": 1.0}, ""),
+    '"conductor" "rgb eta" [.2 .9 1.1] "rgb k" [3.9 2.4 2.2] "float roughness" 1': (
+        {"kind": "conductor", "metal": {"n": [0.2, 0.9, 1.1], "k": [3.9, 2.4, 2.2]}, "alpha": 1.0}, ""),
+    '"metal" "float roughness" .25 "bool remaproughness" "false"': (
+        {"kind": "conductor", "metal": "copper", "alpha": 0.25}, ""),
+    '"coatedconductor" "float conductor.roughness" .04 "float interface.roughness" .01': (
+        {"kind": "conductor", "metal": "copper", "alpha": 0.2}, "without its clear cover"),
+    '"diffusetransmission" "rgb reflectance" [.5 .5 .5] "float scale" .5': (
+        {"kind": "matte", "reflectance": [0.25] * 3}, "what shines through is left out"),
+    '"mirror"': ({"kind": "mirror", "reflectance": [0.9] * 3}, ""),
+    '"glass" "float index" 1.6': ({"kind": "dielectric", "index": 1.6}, ""),
+    '"glass" "rgb Kt" [.5 1 1]': ({"kind": "dielectric", "index": 1.5}, "the tints Kr and Kt"),
+    '"glass" "float uroughness" .1 "float vroughness" .1': (
+        {"kind": "dielectric", "index": 1.5, "alpha": alpha_of(0.1, version=3)}, ""),
+    '"plastic" "rgb Kd" [.1 .2 .3] "rgb Ks" [1 1 1] "float roughness" .1': (
+        {"kind": "plastic", "reflectance": [0.1, 0.2, 0.3], "index": 1.5, "alpha": alpha_of(0.1, version=3)}, ""),
+    '"plastic" "rgb Ks" [0 0 0]': ({"kind": "matte", "reflectance": [0.25] * 3}, ""),
+    '"substrate" "rgb Ks" [.04 .04 .04] "float uroughness" .1 "float vroughness" .1': (
+        {"kind": "plastic", "reflectance": [0.5] * 3, "index": 1.5, "alpha": alpha_of(0.1, version=3)}, "head-on"),
+    '"uber" "rgb Kd" [0 0 0] "rgb Ks" [0 0 0] "rgb Kt" [1 1 1]': ({"kind": "dielectric", "index": 1.5}, ""),
+    '"uber" "rgb Ks" [0 0 0] "float opacity" .5': (
+        {"kind": "matte", "reflectance": [0.25] * 3, "opacity": 0.5}, ""),
+    '"uber" "rgb Ks" [0 0 0] "rgb Kr" [1 1 1] "float eta" 1.8': (
+        {"kind": "plastic", "reflectance": [0.25] * 3, "index": 1.8}, ""),
+    '"uber" "rgb Ks" [0 0 0] "rgb Kt" [.5 .5 .5] "float opacity" .9': (
+        {"kind": "mix", "factor": 0.5, "opacity": 0.9,
+         "materials": [{"kind": "matte", "reflectance": [0.5] * 3}, {"kind": "dielectric", "index": 1.5}]},
+        "0.5 of it clear glass"),
+    '"translucent" "rgb Ks" [0 0 0]': ({"kind": "matte", "reflectance": [0.125] * 3}, "shines through is left out"),
+    '"disney" "rgb color" [.2 .3 .4] "float metallic" 1 "float roughness" .3 "float sheen" .2': (
+        {"kind": "principled", "base_color": [0.2, 0.3, 0.4], "metallic": 1.0, "roughness": 0.3, "anisotropy": 0.0,
+         "index": 1.5, "transmission": 0.0, "clearcoat": 0.0, "clearcoat_roughness": math.sqrt(0.001)}, "sheen"),
+    '"subsurface" "rgb reflectance" [.2 .3 .4]': (
+        {"kind": "plastic", "reflectance": [0.2, 0.3, 0.4], "index": 1.33}, "light does not pass below"),
+    '"shinymetal" "color Ks" [.5 .4 .3] "color Kr" [.1 .1 .1] "float roughness" .25': (
+        {"kind": "conductor", "reflectance": [0.5, 0.4, 0.3], "alpha": math.sqrt(2 / 6)}, "the stronger"),
+    '"hair" "float beta_m" .2': ({"kind": "matte", "reflectance": [0.5] * 3}, "matte grey 0.5"),
+    '"fourier" "string bsdffile" "a.bsdf"': ({"kind": "matte", "reflectance": [0.5] * 3}, "matte grey 0.5"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("text", KINDS)
+def test_materials(convert: Convert, text: str) -> None:
+    keys, words = KINDS[text]
+    done = convert(f"Material {text}{BALL}", HEAD)
+    assert done.material() == near(keys)
+    told = [line for line in done.report if "Material" in line]
+    assert bool(told) == bool(words), told
+    assert not words or done.says("in.pbrt:2: ", words)
+
+
+def test_named_materials_keep_their_names(convert: Convert) -> None:
+    text = 'MakeNamedMaterial "my red" "string type" "diffuse" "rgb reflectance" [1 0 0] NamedMaterial "my red"' + BALL
+    done = convert(text + 'Material "diffuse" "rgb reflectance" [1 0 0]' + BALL + 'Material "diffuse"' + BALL, HEAD)
+    assert [item["material"] for item in done.objects] == ["my red", "my red", "diffuse"]  # equal ones are one
+
+
+def test_a_material_may_be_named_before_it_is_made(convert: Convert) -> None:
+    text = f'NamedMaterial "a" {BALL} MakeNamedMaterial "a" "string type" "mirror"'
+    assert convert(text, HEAD).material()["kind"] == "mirror"
+
+
+def test_materials_belong_to_their_block(convert: Convert) -> None:
+    text = f'AttributeBegin Material "mirror" {BALL} AttributeEnd {BALL}'
+    done = convert(text, HEAD)
+    assert [done.material(index)["kind"] for index in (0, 1)] == ["mirror", "matte"]
+
+
+def test_boundaries_of_media_have_no_surface(convert: Convert) -> None:
+    for kind in ("interface", "none", ""):
+        done = convert(f'Material "{kind}"{BALL} Material "diffuse" Shape "disk"', HEAD)
+        assert [item["shape"] for item in done.objects] == ["disk"]
+        assert done.says('in.pbrt:3: ignored: Shape "sphere": the boundary of a medium')
+
+
+MIXED = 'MakeNamedMaterial "a" "string type" "mirror" MakeNamedMaterial "b" "string type" "diffuse"'
+
+
+@pytest.mark.parametrize(
+    ("text", "kinds"),
+    [
+        ('"string materials" ["a" "b"] "float amount" .25', ["mirror", "matte"]),  # pbrt-v4: share of the second
+        ('"string namedmaterial1" "a" "string namedmaterial2" "b" "float amount" .25', ["matte", "mirror"]),
+    ],
+)
+def test_mixtures_weigh_the_material_that_pbrt_does(convert: Convert, text: str, kinds: list[str]) -> None:
+    material = convert(f'{MIXED} Material "mix" {text}{BALL}', HEAD).material()
+    assert material["factor"] == 0.25
+    assert [part["kind"] for part in material["materials"]] == kinds
+
+
+def test_alpha_makes_holes(convert: Convert) -> None:
+    done = convert('Shape "sphere" "float alpha" .25\nShape "sphere" "float alpha" 0', HEAD)
+    assert done.material()["opacity"] == 0.25
+    assert len(done.objects) == 1
+    assert done.says('in.pbrt:3: ignored: Shape "sphere": wholly transparent')
+
+
+def test_roughness_polynomial_and_root() -> None:
+    # values of the polynomial by hand: at 1 the logarithm is 0
+    assert alpha_of(1, version=3) == 1.62142
+    x = math.log(0.2)
+    assert alpha_of(0.2, version=3) == pytest.approx(
+        1.62142 + x * (0.819955 + x * (0.1734 + x * (0.0171201 + x * 0.000640711)))
+    )
+    assert alpha_of(0.2, version=4) == pytest.approx(math.sqrt(0.2))
+
+
+IMAGE = 'Texture "t" "spectrum" "imagemap" "string filename" "a.png" {} Material "diffuse" "texture reflectance" "t"'
+
+
+@pytest.mark.parametrize(
+    ("text", "keys"),
+    [
+        ("", {}),
+        ('"float uscale" 2 "float vscale" 3 "float udelta" .5', {"scale": [2, 3], "offset": [0.5, 0]}),
+        ('"string wrap" "clamp"', {"wrap": "clamp"}),
+        ('"string encoding" "linear"', {"color_space": "linear"}),
+        ('"bool gamma" "true"', {"color_space": "srgb"}),
+        ('"float scale" .5', {"gain": 0.5}),
+    ],
+)
+def test_pictures(convert: Convert, text: str, keys: dict[str, Any]) -> None:
+    done = convert(IMAGE.format(text) + BALL, HEAD, **{"a.png": png()})
+    assert done.material()["reflectance"] == {"kind": "image", "file": "a.png", **keys}
+    assert done.report == []
+
+
+def test_kinds_of_pictures_that_are_not_read_are_grey(convert: Convert) -> None:
+    done = convert(IMAGE.format("").replace("a.png", "a.gif") + BALL, HEAD, **{"a.gif": b"x"})
+    assert done.material()["reflectance"] == [0.5] * 3
+    assert done.says("a.gif: a kind of picture that is not read")
+
+
+def test_tga_pictures_are_written_anew(convert: Convert, tmp_path: Any) -> None:
+    pixels = np.random.default_rng(1).integers(0, 256, (3, 5, 4), np.uint8)
+    stream = BytesIO()
+    PIL.Image.fromarray(pixels).save(stream, format="TGA")
+    done = convert((IMAGE.format("") + BALL).replace("a.png", "a.tga") * 2, HEAD, **{"a.tga": stream.getvalue()})
+    assert done.material()["reflectance"] == {"kind": "image", "file": "out_files/a.png"}
+    with PIL.Image.open(tmp_path / "out_files" / "a.png") as image:
+        np.testing.assert_array_equal(np.asarray(image), pixels)
+    assert done.says("a.tga: written anew, to out_files/a.png")
+    assert [path.name for path in (tmp_path / "out_files").iterdir()] == ["a.png"]
+
+
+@pytest.mark.parametrize(("order", "scale"), [("<", "-1.0"), (">", "1.0")])
+@pytest.mark.parametrize("channels", [1, 3])
+def test_float_maps_are_written_anew(convert: Convert, tmp_path: Any, order: str, scale: str, channels: int) -> None:
+    pixels = np.random.default_rng(2).random((3, 5, channels)).astype(np.float32)
+    head = f"{'PF' if channels == 3 else 'Pf'}\n5 3\n{scale}\n".encode()
+    content = head + pixels[::-1].astype(f"{order}f4").tobytes()
+    done = convert(IMAGE.format("").replace("a.png", "a.pfm") + BALL, HEAD, **{"a.pfm": content})
+    assert done.material()["reflectance"]["file"] == "out_files/a.exr"
+    found = read_picture(tmp_path / "out_files" / "a.exr").texels[..., :3]
+    np.testing.assert_array_equal(found, np.broadcast_to(pixels, (3, 5, 3)))
+
+
+CHECKS = 'Texture "t" "spectrum" "checkerboard" "rgb tex1" [.1 .2 .3] "rgb tex2" [.4 .5 .6] "float uscale" 4\n'
+TEXTURES: dict[str, tuple[Any, str]] = {
+    CHECKS: ({"kind": "checker", "even": [0.1, 0.2, 0.3], "odd": [0.4, 0.5, 0.6], "scale": [4, 1]}, ""),
+    'Texture "t" "spectrum" "constant" "rgb value" [.1 .2 .3]': ([0.1, 0.2, 0.3], ""),
+    CHECKS.replace('"t"', '"c"') + 'Texture "t" "spectrum" "scale" "texture tex" "c" "float scale" .5': (
+        {"kind": "checker", "even": [0.05, 0.1, 0.15], "odd": [0.2, 0.25, 0.3], "scale": [4, 1]}, ""),
+    'Texture "t" "spectrum" "scale" "rgb tex1" [.4 .4 .4] "rgb tex2" [.5 .25 1]': ([0.2, 0.1, 0.4], ""),
+    'Texture "t" "spectrum" "mix" "rgb tex1" [0 0 0] "rgb tex2" [1 .5 .25] "float amount" .25': (
+        [0.25, 0.125, 0.0625], ""),
+    'Texture "t" "spectrum" "mix" "rgb tex1" [0 0 0] "rgb tex2" [1 1 1] "rgb amount" [.25 .5 .75]': (
+        [0.25, 0.5, 0.75], ""),
+    'Texture "t" "color" "mix" "color tex1" [.2 .2 .2] "color tex2" [1 1 1] "color amount" [1 0 .5]': (
+        [1, 0.2, 0.6], ""),
+    CHECKS.replace('"t"', '"c"') + 'Texture "t" "spectrum" "mix" "texture tex1" "c" "float amount" 0': (
+        {"kind": "checker", "even": [0.1, 0.2, 0.3], "odd": [0.4, 0.5, 0.6], "scale": [4, 1]}, ""),
+    'Texture "t" "spectrum" "dots" "rgb inside" [1 0 0] "rgb outside" [0 0 1]': (
+        [0.125 * math.pi * 0.49, 0.0, 1 - 0.125 * math.pi * 0.49], "the mean of its spots"),
+    'Texture "t" "spectrum" "bilerp" "rgb v00" [1 0 0] "rgb v01" [1 0 0] "rgb v10" [0 0 0] "rgb v11" [0 1 0]': (
+        [0.5, 0.25, 0.0], "the mean of its corners"),
+    'Texture "t" "spectrum" "fbm"': ([0.5] * 3, "grey 0.5"),
+    'Texture "t" "spectrum" "marble" "float scale" 2': ([0.5] * 3, "grey 0.5"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("text", TEXTURES)
+def test_textures(convert: Convert, text: str) -> None:
+    keys, words = TEXTURES[text]
+    done = convert(text + ' Material "diffuse" "texture reflectance" "t"' + BALL, HEAD)
+    assert done.material()["reflectance"] == near(keys)
+    assert bool(done.report) == bool(words)
+    assert not words or done.says(words)
+
+
+def test_colours_where_numbers_are_expected(convert: Convert) -> None:
+    """Equal channels are a number; others are told to be their mean."""
+    done = convert('Material "plastic" "rgb roughness" [.1 .1 .1] "rgb Ks" [1 1 1]' + BALL, HEAD)
+    assert done.material()["alpha"] == near(alpha_of(0.1, version=3))
+    assert not done.says("mean")
+    done = convert('Material "glass" "color index" [1.4 1.5 1.6]' + BALL, HEAD)
+    assert done.material() == near({"kind": "dielectric", "index": 1.5})
+    assert done.says('"index" as the number 1.5')
+    done = convert('Material "disney" "rgb metallic" [.1 .2 .3] "color roughness" [.4 .4 .4]' + BALL, HEAD)
+    assert [done.material()[key] for key in ("metallic", "roughness")] == near([0.2, 0.4])
+    assert done.says('the colour "metallic" as its mean')
+    done = convert('Material "uber" "rgb Ks" [0 0 0] "rgb opacity" [.1 .2 .3]' + BALL, HEAD)
+    assert done.material()["opacity"] == near(0.2)
+    assert done.says('the colour "opacity" as its mean')
+
+
+GREYS = 'MakeNamedMaterial "a" "string type" "matte" "rgb Kd" [1 0 .5] MakeNamedMaterial "b" "string type" "{}" '
+
+
+def test_materials_mixed_by_a_colour(convert: Convert) -> None:
+    mix = 'Material "mix" "string namedmaterial1" "a" "string namedmaterial2" "b" "rgb amount" [.25 .5 .75]'
+    done = convert(GREYS.format("matte") + mix + BALL, HEAD)
+    share = np.array([0.25, 0.5, 0.75])  # of the first
+    assert done.material() == near({"kind": "matte", "reflectance": (share * [1, 0, 0.5] + (1 - share) / 2).tolist()})
+    assert done.report == []
+    done = convert(GREYS.format("mirror") + mix + BALL, HEAD)
+    assert done.material()["factor"] == near(0.5)
+    assert done.says('Material "mix": the colour "amount" as its mean')
+
+
+def test_a_parameter_that_is_given_twice_counts_as_its_last(convert: Convert) -> None:
+    done = convert('Material "matte" "rgb Kd" [1 0 0]\n  "color Kd" [0 1 0]' + BALL, HEAD)
+    assert done.material()["reflectance"] == [0, 1, 0]
+    assert len(done.report) == 1
+    assert done.says('in.pbrt:2: note: Material "matte": "Kd" is given twice; the last one counts')
+    ball = 'Shape "sphere" "float radius" 3 "float radius" 2 "float radius" 4'
+    done = convert(ball, HEAD)
+    assert done.objects[0]["radius"] == 4
+    assert len(done.report) == 1
+
+
+def test_a_texture_is_the_one_that_had_the_name_then(convert: Convert) -> None:
+    text = "".join(
+        f'Texture "t" "spectrum" "constant" "rgb value" [{grey} {grey} {grey}] '
+        f'Material "diffuse" "texture reflectance" "t"{BALL}'
+        for grey in (0.25, 0.75)
+    )
+    done = convert(text, HEAD)
+    assert [done.material(index)["reflectance"][0] for index in (0, 1)] == [0.25, 0.75]
+
+
+def test_textures_of_textures_are_looked_at_once(convert: Convert) -> None:
+    """Each is the product of the one before with itself: 2^30 products, unless each is kept."""
+    text = 'Texture "t0" "spectrum" "constant" "rgb value" [1 1 1]\n'
+    for index in range(30):
+        factors = f'"texture tex1" "t{index}" "texture tex2" "t{index}"'
+        text += f'Texture "t{index + 1}" "spectrum" "scale" {factors}\n'
+    done = convert(text + f'Material "diffuse" "texture reflectance" "t30"{BALL}', HEAD)
+    assert done.material()["reflectance"] == [1, 1, 1]
+
+
+def test_textures_are_followed_so_far_only(convert: Convert) -> None:
+    text = 'Texture "t0" "spectrum" "constant"\n'
+    text += "".join(f'Texture "t{index + 1}" "spectrum" "scale" "texture tex1" "t{index}"\n' for index in range(40))
+    with pytest.raises(InputError, match="refer to each other more than 32 deep"):
+        convert(text + f'Material "diffuse" "texture reflectance" "t40"{BALL}', HEAD)
+
+
+COLOURS = {
+    '"rgb reflectance" [.1 .2 .3]': [0.1, 0.2, 0.3],
+    '"xyz reflectance" [.475228 .5 .544529]': [0.5, 0.5, 0.5],  # half of the white D65
+    '"spectrum reflectance" [400 .25 700 .25]': [0.25] * 3,
+    '"spectrum reflectance" "a.spd"': [0.75] * 3,
+    '"spectrum reflectance" [ 0.3 ]': [0.3] * 3,
+}
+
+
+@pytest.mark.parametrize("text", COLOURS)
+def test_reflectances_of_every_type(convert: Convert, text: str) -> None:
+    done = convert(f'Material "diffuse" {text}{BALL}', HEAD, **{"a.spd": "# nm\n400 .75\n500 .75 700,.75\n"})
+    np.testing.assert_allclose(done.material()["reflectance"], COLOURS[text], atol=2e-5)
+
+
+def test_spectra_keep_their_hue() -> None:
+    red = reflectance_srgb([600, 601], [0, 1])
+    green = reflectance_srgb([500, 501, 570, 571], [0, 1, 1, 0])
+    assert red[0] > 5 * abs(red[1:]).max()
+    assert green[1] > 2 * max(green[0], green[2])
+    # A black body of 6504 K is nearly D65; one of 2856 K is the standard illuminant A, x 0.4476 y 0.4074
+    np.testing.assert_allclose(black_body_srgb(6504, luminance=1), [1, 1, 1], atol=0.06)
+    np.testing.assert_allclose(black_body_srgb(2856, luminance=1), [1.845, 0.826, 0.233], atol=0.03)
+
+
+def test_wide_colour_spaces_are_turned_into_ours(convert: Convert) -> None:
+    for space in ("rec2020", "dci-p3", "aces2065-1"):
+        text = f'ColorSpace "{space}" Material "diffuse" "rgb reflectance" {{}}{BALL}'
+        np.testing.assert_allclose(convert(text.format("[.5 .5 .5]"), HEAD).material()["reflectance"], 0.5)
+        done = convert(text.format("[1 0 0]"), HEAD)
+        assert done.material()["reflectance"] == [1, 0, 0]
+        assert done.says("is cut to 0 … 1")
+
+
+BAD = {
+    'Material "velvet"': 'unknown material "velvet" (allowed: diffuse',
+    'NamedMaterial "x"': 'no material is named "x" (named are: none)',
+    'Material "diffuse" "texture reflectance" "x"': 'no spectrum texture is named "x"',
+    'Texture "t" "float" "constant" Material "diffuse" "texture reflectance" "t"': "one of the other type is",
+    'Material "dielectric" "float eta" 9': '"eta" must lie between 0.2 and 5 (got 9)',
+    'Material "diffuse" "spectrum reflectance" "no.spd"': "no such file",
+    'Material "diffuse" "spectrum reflectance" [400 .1 500]': "needs pairs of a wavelength",
+    'Material "mix" "string materials" ["a"]': "needs the names of two materials (got 1)",
+    'MakeNamedMaterial "m" "string type" "mix" "string materials" ["m" "m"] NamedMaterial "m"': "mix each other more",
+    IMAGE.format("").replace("a.png", "bad.tga"): "bad.tga: is not a TGA picture",
+    IMAGE.format("").replace("a.png", "bad.pfm"): "bad.pfm: is not a PFM picture",
+    IMAGE.format("").replace("a.png", "cut.pfm"): "holds fewer than its 9 x 9 pixels",
+    'Texture "t" "spectrum" "cloth" Material "diffuse" "texture reflectance" "t"': 'unknown texture "cloth"',
+    'Texture "t" "spectrum" "imagemap" Material "diffuse" "texture reflectance" "t"': 'a parameter "string filename"',
+}
+
+
+@pytest.mark.parametrize("text", BAD)
+def test_bad_materials_are_told(convert: Convert, text: str) -> None:
+    with pytest.raises(InputError, match=r"in\.pbrt:2:") as problem:
+        convert(text + BALL, HEAD, **{"bad.tga": b"x", "bad.pfm": b"PF", "cut.pfm": b"PF\n9 9\n-1.0\n1234"})
+    assert BAD[text] in str(problem.value)

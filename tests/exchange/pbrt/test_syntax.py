@@ -1,0 +1,204 @@
+"""Reading pbrt files: what is allowed, and one clear error for what is not."""
+
+import gzip
+from collections.abc import Callable
+from pathlib import Path
+from time import process_time
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.exchange.pbrt.source import Report, Statement, read_statements
+from rptcam_cl.exchange.pbrt.world import read_world
+from tests.exchange.pbrt.conftest import HEAD
+
+Reader = Callable[..., list[Statement]]
+
+
+@pytest.fixture
+def read(tmp_path: Path) -> Reader:
+    def run(text: str | bytes, **files: str | bytes) -> list[Statement]:
+        for name, content in {"a.pbrt": text, **{k.replace("_", "."): v for k, v in files.items()}}.items():
+            (tmp_path / name).write_bytes(content if isinstance(content, bytes) else content.encode())
+        return list(read_statements(tmp_path / "a.pbrt"))
+
+    return run
+
+
+def only(statements: list[Statement]) -> Any:
+    (statement,) = statements
+    return statement.with_parameters()
+
+
+def test_values_stand_in_brackets_or_alone(read: Reader) -> None:
+    text = 'Camera "perspective" "float fov" 45 "float lensradius" [ 1e-2 ] "string x" "a b" "string y" ["c" "d"]'
+    given = only(read(text))
+    assert given.number("fov", 0) == 45
+    assert given.number("lensradius", 0) == 0.01
+    assert given.text("x", "") == "a b"
+    assert given.get("y", "string").values == ("c", "d")
+
+
+def test_truth_is_a_word_or_text(read: Reader) -> None:
+    given = only(read('Shape "sphere" "bool a" true "bool b" [ false ] "bool c" "true" "bool d" ["false"]'))
+    assert [given.boolean(name, default) for name, default in zip("abcd", (False, True, False, True), strict=True)] == [
+        True, False, True, False,
+    ]  # fmt: skip
+
+
+def test_comments_stand_anywhere(read: Reader) -> None:
+    text = '# head "\nTranslate 1 # one ]\n 2 3\nShape "trianglemesh" "point3 P" [ 0 0 0 # first [ "\n 1 1 1 ]\n#'
+    translate, shape = read(text)
+    assert translate.numbers.tolist() == [1, 2, 3]
+    assert shape.with_parameters().rows("P", 3, "point3").tolist() == [[0, 0, 0], [1, 1, 1]]
+
+
+def test_escapes_of_strings(read: Reader) -> None:
+    (statement,) = read(r'Include "say \"hi\"\\ \t"'.replace("Include", "NamedMaterial"))
+    assert statement.texts == ('say "hi"\\ \t',)
+
+
+def test_numbers_of_every_form(read: Reader) -> None:
+    given = only(read('Shape "x" "float a" [1 -1. +.5 1e3 1E-3 -.5e+2]'))
+    assert given.numbers("a").tolist() == [1, -1, 0.5, 1000, 0.001, -50]
+
+
+def test_names_of_files_start_at_the_scene_file(read: Reader, tmp_path: Path) -> None:
+    (tmp_path / "sub").mkdir()
+    (tmp_path / "sub" / "b.pbrt").write_text('Identity Include "sub/c.pbrt" WorldEnd')
+    (tmp_path / "sub" / "c.pbrt").write_text("ReverseOrientation")
+    found = read('WorldBegin Include "sub/b.pbrt" ObjectEnd')
+    assert [statement.directive for statement in found] == [
+        "WorldBegin", "Identity", "ReverseOrientation", "WorldEnd", "ObjectEnd",
+    ]  # fmt: skip
+
+
+def test_an_imported_file_keeps_its_state_to_itself(read: Reader) -> None:
+    found = read('Import "b.pbrt" Identity', b_pbrt="Translate 1 0 0")
+    assert [item.directive for item in found] == ["AttributeBegin", "Translate", "AttributeEnd", "Identity"]
+
+
+def test_packed_files_are_read(read: Reader) -> None:
+    found = read('Include "b.pbrt.gz"', b_pbrt_gz=gzip.compress(b"Identity"))
+    assert [item.directive for item in found] == ["Identity"]
+
+
+BAD = {
+    'Shape "sphere': 'a.pbrt:1:7: this " has no partner on its line',
+    'Shape "sphere" "float radius" [1': "a.pbrt:1:31: this [ is never closed",
+    'Shape "sphere" "float radius" ["1" 2]': "mixes text with other values",
+    'Shape "sphere" "float radius"': "has no value: the file ends here",
+    'Shape "sphere" "float radius" Shape "x"': "has no value; Shape follows",
+    'Shape "sphere" "float radius" [nan]': "expected a number (got nan)",
+    'Shape "sphere" "float radius" 1_0': "expected a number (got 1_0)",
+    'Shape "sphere" "float radius" 1e999': "beyond the range of numbers",
+    'Shape "sphere" "float" 1': 'expected a parameter such as "float fov"',
+    'Shape "sphere" "double r" 1': "unknown type double of parameter r (allowed: float",
+    'Shape "sphere" "string r" 1': "must hold text in quotes",
+    'Shape "sphere" "point3 P" [1 2]': "holds 2 numbers, not a multiple of 3",
+    'Shape "sphere" "float r" [1 [2]]': "a second [",
+    "Shape sphere": "needs 1 text in quotes (got sphere)",
+    "\n\n  Shap": "a.pbrt:3:3: expected a directive (got Shap); did you mean Shape?",
+    "12": "expected a directive (got 12)",
+    "SearchPath": "a directive of pbrt-v1 or of LuxRender",
+    "LookAt 1 2 3": "LookAt needs 9 numbers (got 3)",
+    "Translate [1 2 3 4]": "Translate needs 3 numbers (got 4)",
+    "ActiveTransform Sometimes": "StartTime, EndTime, All",
+    r'NamedMaterial "a\wood"': r"unknown escape \w in a string",
+    'Include "missing.pbrt"': "no such file",
+    'Include "."': "is not a regular file",
+    'Include "a.pbrt"': "a.pbrt includes itself",
+    'Include "b.pbrt.gz"': "is not a whole gzip file",
+    "\0": "contains a NUL byte",
+}
+
+
+@pytest.mark.parametrize("text", BAD)
+def test_bad_text_is_told_by_line_and_column(read: Reader, text: str) -> None:
+    with pytest.raises(InputError) as problem:
+        read(text, b_pbrt_gz=b"no gzip")
+    assert BAD[text] in str(problem.value)
+    assert "a.pbrt:" in str(problem.value)
+
+
+STATE = {
+    "AttributeEnd": "AttributeEnd without AttributeBegin",
+    "AttributeBegin": "in.pbrt:1:1: AttributeBegin is never closed",
+    "AttributeBegin TransformEnd": "TransformEnd closes the AttributeBegin of",
+    "WorldBegin WorldBegin": "a second WorldBegin",
+    "WorldEnd": "WorldEnd without WorldBegin",
+    'WorldBegin Camera "perspective"': "Camera belongs before WorldBegin",
+    'Shape "sphere"': "Shape belongs after WorldBegin",
+    'LightSource "point"': "LightSource belongs after WorldBegin",
+    'CoordSysTransform "x"': 'no coordinate system is named "x" (named are: none yet)',
+    'ObjectBegin "a" ObjectBegin "b"': "ObjectBegin inside another object",
+    'ObjectBegin "a" ObjectInstance "b"': "ObjectInstance inside an object",
+    'ColorSpace "cmyk"': "unknown ColorSpace",
+    'Attribute "tree" "float x" 1': "unknown target",
+    'Texture "a" "vector" "constant"': "allowed: float, spectrum",
+    'MakeNamedMaterial "a"': 'needs a parameter "string type"',
+}
+
+
+@pytest.mark.parametrize("text", STATE)
+def test_bad_order_is_told(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "in.pbrt"
+    path.write_text(text)
+    with pytest.raises(InputError, match=r"in\.pbrt:1:") as problem:
+        read_world(path, Report())
+    assert STATE[text] in str(problem.value)
+
+
+def test_a_million_nested_blocks_are_refused_at_once(tmp_path: Path) -> None:
+    path = tmp_path / "in.pbrt"
+    path.write_text("AttributeBegin\n" * 1_000_000)
+    start = process_time()
+    with pytest.raises(InputError, match=r"in.pbrt:10001:1: .*nested more than 10000 deep"):
+        read_world(path, Report())
+    assert process_time() - start < 5
+
+
+def test_files_that_include_each_other_without_end_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("rptcam_cl.exchange.pbrt.source.MOST_FILES", 500)
+    for number in range(20):  # no circle, but two to the power of twenty files
+        (tmp_path / f"{number}.pbrt").write_text(f'Include "{number + 1}.pbrt"\n' * 2)
+    (tmp_path / "20.pbrt").write_text("")
+    with pytest.raises(InputError, match="more than 500 files are included"):
+        read_world(tmp_path / "0.pbrt", Report())
+
+
+def test_long_lists_are_read_fast(tmp_path: Path) -> None:
+    path = tmp_path / "in.pbrt"
+    numbers = np.arange(600_000) % 1000 / 8
+    text = " ".join(map(str, numbers.tolist()))
+    path.write_text(f'Shape "trianglemesh" "point3 P" [ {text} ]')
+    start = process_time()
+    (statement,) = read_statements(path)
+    assert process_time() - start < 3  # tokens one by one take twice as long; 0.2 s were measured
+    np.testing.assert_array_equal(statement.with_parameters().numbers("P", "point3"), numbers)
+
+
+def test_errors_are_one_line_whatever_is_named(read: Reader) -> None:
+    for name in ("a\\nb", "x" * 100_000, "\x1b[31m", "\x85"):
+        with pytest.raises(InputError) as problem:
+            read(f'Include "{name}.pbrt"')
+        text = str(problem.value)
+        assert text.isprintable()
+        assert len(text) < 1200
+
+
+def test_places_count_characters_not_bytes(read: Reader) -> None:
+    with pytest.raises(InputError, match=r"a\.pbrt:2:26: expected a directive"):
+        read('# été\nCoordinateSystem "öäü é" Shap')
+
+
+def test_an_old_text_file_in_latin_1_is_read(read: Reader) -> None:
+    assert [item.directive for item in read(b"# \xe9t\xe9\nIdentity")] == ["Identity"]
+
+
+def test_the_head_of_the_tests_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "in.pbrt"
+    path.write_text(HEAD)
+    assert set(read_world(path, Report()).options) == {"Camera", "Film"}

@@ -1,0 +1,45 @@
+"""Colours of textures: tints, means and coordinates."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rptcam_cl.scene.assets.pictures import read_picture
+from tests.exchange.pbrt.test_materials import BALL, HEAD, near, png
+
+Convert = Callable[..., Any]
+
+TINTED = (
+    'Texture "p" "color" "imagemap" "string filename" "a.png" {} '
+    'Texture "t" "color" "scale" "texture tex1" "p" "{} tex2" [.5 .4 .4] Material "matte" "texture Kd" "t"'
+)
+
+
+@pytest.mark.parametrize("kind", ["rgb", "color"])
+def test_tints_of_pictures_keep_their_colour(convert: Convert, kind: str) -> None:
+    done = convert(TINTED.format("", kind) + BALL, HEAD, **{"a.png": png()})
+    assert done.material()["reflectance"] == {"kind": "image", "file": "a.png", "gain": [0.5, 0.4, 0.4]}
+    assert done.report == []
+    scaled = convert(TINTED.format('"float scale" 2', kind) + BALL, HEAD, **{"a.png": png()})
+    assert scaled.material()["reflectance"]["gain"] == near([1.0, 0.8, 0.8])
+    assert done.scene.materials["matte"].reflectance.gain == (0.5, 0.4, 0.4)
+
+
+def test_a_picture_stands_for_its_own_mean_where_no_texture_can_be(convert: Convert) -> None:
+    picture = 'Texture "p" "spectrum" "imagemap" "string filename" "a.png" Material "mirror" "texture Kr" "p"'
+    done = convert(picture + BALL, HEAD, **{"a.png": png()})
+    encoded = np.array([200, 100, 50]) / 255
+    np.testing.assert_allclose(done.material()["reflectance"], ((encoded + 0.055) / 1.055) ** 2.4, rtol=1e-5)
+    assert done.says('Material "mirror": "Kr" is its mean, not a texture')
+
+
+def test_texture_coordinates_as_colours(convert: Convert, tmp_path: Any) -> None:
+    text = 'Texture "t" "spectrum" "uv" "float uscale" 2 Material "diffuse" "texture reflectance" "t"'
+    done = convert(text + BALL, HEAD)
+    assert done.material()["reflectance"] == {"kind": "image", "file": "out_files/uv.exr", "scale": [2, 1]}
+    texels = read_picture(tmp_path / "out_files" / "uv.exr").texels
+    height, width = texels.shape[:2]
+    u, v = 3.5 / width, 1 - 10.5 / height  # the centre of the texel in column 3 and row 10 from the top
+    np.testing.assert_allclose(texels[10, 3, :3], [u, v, 0], atol=1e-7)

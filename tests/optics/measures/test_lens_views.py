@@ -1,0 +1,148 @@
+"""The measurements of a lens as methods: the numbers of the commands, and results that draw themselves."""
+
+import importlib.util
+import json
+
+import numpy as np
+import pytest
+
+from rptcam_cl.cli import main
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.optics.library import load_lens
+from rptcam_cl.rendering.traceable_lens import traceable
+
+
+@pytest.fixture(scope="module")
+def lens():
+    return traceable(load_lens("cooke-triplet-50mm"))
+
+
+def printed(capsys, *words):
+    assert main(["lens", *words, "--json"]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def same(result, rows):
+    names = [name for name in result if name in rows[0]]
+    assert len(names) >= 4
+    for name in names:
+        expected = [np.nan if row[name] is None else row[name] for row in rows]
+        assert result[name].tolist() == pytest.approx(expected, nan_ok=True, rel=1e-12)
+
+
+FIELDS = [0.0, 10.0]
+
+
+def test_methods_return_what_the_commands_print(lens, capsys):
+    name, fields = "cooke-triplet-50mm", ["--fields", "0,10"]
+    same(lens.mtf([10.0, 40.0], FIELDS), printed(capsys, "mtf", name, *fields, "--frequencies", "10,40")["mtf"])
+    spots = lens.spot(FIELDS, f_number=8)
+    said = printed(capsys, "spot", name, *fields, "--f-number", "8")["spots"]
+    assert spots["rms_um"].tolist() == pytest.approx([row["rms_um"] for row in said])
+    assert spots.about["points"][0.0, 587.5618].shape[1] == 2
+    same(lens.distortion(FIELDS, focus_distance_m=2.0),
+         printed(capsys, "distortion", name, *fields, "--focus-distance-m", "2")["distortion"])  # fmt: skip
+    same(
+        lens.vignetting(10.0, 2),
+        printed(capsys, "vignette", name, "--film-radius-mm", "10", "--steps", "2")["vignetting"],
+    )
+    image = lens.psf(10.0, pixels=32)
+    assert image["rms_um"][0] == pytest.approx(
+        printed(capsys, "psf", name, "--field", "10", "--pixels", "32")["psf"]["rms_um"]
+    )
+    assert image.about["shares"].shape == (32, 32)
+
+
+def test_thin_pencils_are_sharp_where_narrow_spots_are_least(lens):
+    curvature = lens.field_curvature(FIELDS)
+    assert curvature["tangential_mm"][0] == pytest.approx(0.0, abs=1e-3)
+    assert curvature["sagittal_mm"][0] == pytest.approx(curvature["tangential_mm"][0], abs=1e-6)
+    focus = lens.through_focus(0.6, [10.0], [587.5618], f_number=40, steps=121)
+    for column, expected in (("rms_y_um", "tangential_mm"), ("rms_x_um", "sagittal_mm")):
+        assert focus["shift_mm"][np.argmin(focus[column])] == pytest.approx(curvature[expected][1], abs=0.02)
+
+
+def test_thin_pencils_are_thin_enough_for_aspheres_with_odd_powers():
+    curvature = traceable(load_lens("phone-5.6mm")).field_curvature([0.0])
+    assert curvature["tangential_mm"][0] == pytest.approx(0.0, abs=1e-5)  # the film stands at the first-order focus
+
+
+def test_fields_whose_chief_ray_is_cut_off_have_fans_and_no_thin_pencils():
+    lens = traceable(load_lens("telephoto-400mm"))
+    curvature = lens.field_curvature([3.0, 3.4])
+    assert np.isfinite(curvature.rows[0]["tangential_mm"])
+    assert np.isnan(curvature.rows[1]["tangential_mm"])
+    assert np.isnan(curvature.rows[1]["astigmatism_mm"])
+    fan = lens.ray_fan([3.4], [587.5618], rays=21)
+    assert fan["off_um"][fan["pupil"] == 0.0] == pytest.approx(0.0, abs=1e-6)
+    with pytest.raises(InputError, match=r"no ray at 3\.4 degrees reaches the centre of the stop"):
+        lens.field_curvature([3.4])
+
+
+def test_ray_fans_pass_through_the_chief_ray_and_span_the_spot(lens):
+    fan = lens.ray_fan([10.0], [587.5618], rays=21)
+    middle = fan["off_um"][fan["pupil"] == 0.0]
+    assert middle.tolist() == pytest.approx([0.0, 0.0], abs=1e-6)
+    points = lens.spot([10.0], [587.5618]).about["points"][10.0, 587.5618]
+    up = fan["off_um"][fan["tangential"] == 1]
+    assert np.ptp(up) <= 1.05 * np.ptp(points[:, 1]) * 1e3
+    assert np.ptp(up) >= 0.5 * np.ptp(points[:, 1]) * 1e3
+    across = fan["off_um"][fan["tangential"] == 0]
+    assert across.tolist() == pytest.approx((-across[::-1]).tolist(), abs=1e-6)  # a round lens
+
+
+def test_results_draw_themselves(lens, tmp_path):
+    fan = lens.ray_fan([0.0, 10.0], [587.5618], rays=9)
+    assert fan._repr_svg_().startswith("<svg")
+    assert "<table>" in fan._repr_html_()
+    assert "rows of field_degrees" in repr(fan)
+    assert fan.rows[0]["field_degrees"] == 0.0
+    fan.save(tmp_path / "fan.svg")
+    assert (tmp_path / "fan.svg").read_bytes().startswith(b"<svg")
+    assert lens.field_curvature(FIELDS)._repr_svg_().startswith("<svg")
+    assert lens.draw(rays=3)._repr_svg_().startswith("<svg")
+
+
+def test_without_matplotlib_a_table_is_shown_and_charts_say_what_they_need(lens, monkeypatch, tmp_path):
+    result = lens.field_curvature([0.0])
+    find = importlib.util.find_spec
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "matplotlib" else find(name))
+    assert result._repr_svg_() is None
+    assert "astigmatism_mm" in result._repr_html_()
+    with pytest.raises(InputError, match=r"pip install"):
+        result.chart()
+    with pytest.raises(InputError, match=r"pip install"):
+        result.save(tmp_path / "a.svg")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_wrong_requests_are_refused(lens):
+    with pytest.raises(InputError, match="must not be negative"):
+        lens.mtf([-1.0])
+    with pytest.raises(InputError, match="above 0 mm"):
+        lens.through_focus(-1.0)
+    with pytest.raises(InputError, match="no real image"):
+        traceable(load_lens("biconcave")).spot()
+
+
+@pytest.mark.parametrize(
+    ("method", "given"),
+    [
+        (method, name)
+        for method, names in {
+            "mtf": ["frequencies_per_mm", "fields", "wavelengths_nm"],
+            "spot": ["fields", "wavelengths_nm"],
+            "psf": ["wavelengths_nm"],
+            "distortion": ["fields", "wavelengths_nm"],
+            "ray_fan": ["fields", "wavelengths_nm"],
+            "field_curvature": ["fields", "wavelengths_nm"],
+            "through_focus": ["fields", "wavelengths_nm"],
+        }.items()
+        for name in names
+    ],
+)
+def test_empty_lists_are_refused_by_name(lens, method, given):
+    with pytest.raises(InputError, match=f"^{given}: is empty"):
+        getattr(lens, method)(**{given: []})
+    with pytest.raises(InputError, match=f"^{given}: is empty"):
+        getattr(lens, method)(**{given: np.array([])})

@@ -1,0 +1,11 @@
+"""One session for all tests of lenses on a device."""
+
+import pytest
+
+from rptcam_cl.device.session import Session
+from tests.device.probes import open_session
+
+
+@pytest.fixture(scope="session")
+def session() -> Session:
+    return open_session()

@@ -1,0 +1,176 @@
+"""Chief rays: through the middle of the opening, and back from points to the places that see them."""
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any, Literal
+
+import numpy as np
+import pytest
+
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.exchange.camera_models import calibrate
+from rptcam_cl.exchange.camera_view import view
+from rptcam_cl.optics.lens import limiting_surface
+from rptcam_cl.rendering.cameras import realistic
+from rptcam_cl.rendering.cameras.chief_rays import chief_rays, seen_places
+from rptcam_cl.rendering.cameras.film_pupil import film_pupils, pupil_rays
+from rptcam_cl.rendering.cameras.pupil import FilmGrid
+from rptcam_cl.rendering.cameras.realistic import camera_model
+from rptcam_cl.rendering.cameras.setting import lens_setting
+from rptcam_cl.scene.camera import Pose
+from rptcam_cl.scene.load import load_scene
+from rptcam_cl.scene.scene import Scene
+from rptcam_cl.studies.focus.drives import focus_drive
+from rptcam_cl.viewfinder.panel import focal_length_mm, read_dials
+
+POSE = {"eye": [0, 0, 0], "target": [0, 0, -1]}
+MOVED = {"movements": {"tilt_degrees": 8, "rise_mm": 3}}
+IDEAL: dict[str, dict[str, Any]] = {
+    "pinhole": {"kind": "pinhole", "fov_degrees": 50},
+    "pinhole inverted": {"kind": "pinhole", "fov_degrees": 50, "flip": False},
+    "thin": {"kind": "thin_lens", "fov_degrees": 40, "aperture_radius_m": 0.2, "focus_distance_m": 4},
+    "thin moved": {"kind": "thin_lens", "fov_degrees": 40, "aperture_radius_m": 0.2, "focus_distance_m": 4} | MOVED,
+    "thick": {"kind": "thick_lens", "lens": "dgauss-50mm", "focus": {"distance_m": 4}},
+}
+LENSES = {"dgauss-50mm": 36, "fisheye-10mm": 24, "phone-5.6mm": 6, "anamorphic-100mm": 22, "mirror-500mm": 36}
+
+
+def scene_of(camera: dict[str, Any], width_mm: float = 36) -> Scene:
+    return load_scene({"film": {"resolution": [96, 48], "width_mm": width_mm}, "camera": camera | POSE, "objects": []})
+
+
+def lens_scene(lens: str, **rest: Any) -> Scene:
+    distance = 20 if lens == "mirror-500mm" else 4
+    camera = {"kind": "realistic", "lens": lens, "focus": {"distance_m": distance}} | rest
+    return scene_of(camera, LENSES[lens])
+
+
+def places_of(step: int) -> np.ndarray:
+    """Middles of pixels all over the picture."""
+    return np.stack(np.meshgrid(np.arange(0, 96, step) + 0.5, np.arange(0, 48, step) + 0.5), axis=-1).reshape(-1, 2)
+
+
+@pytest.mark.parametrize("name", IDEAL)
+def test_ideal_cameras_project_as_their_intrinsics_say(name: str) -> None:
+    scene, places = scene_of(IDEAL[name]), places_of(6)
+    model = camera_model(scene)
+    origins, directions = chief_rays(scene).rays(places)
+    pupil = np.array([0.0, 0.0, model.view.pupil_z_m])
+    points = origins + directions * 7.0 - pupil
+    said = model.metadata["intrinsics"]
+    if "matrix" in said:
+        x, y, w = np.array(said["matrix"]) @ (points * (1.0, 1.0, -1.0)).T
+        seen = np.stack([x / w, y / w], axis=1)
+    else:
+        x, y, z = points.T
+        seen = np.stack([said["cx"] - said["fx"] * x / z, said["cy"] + said["fy"] * y / z], axis=1)
+    np.testing.assert_allclose(seen, places, atol=1e-9)
+
+
+@pytest.mark.parametrize("lens", LENSES)
+def test_places_of_points_on_chief_rays_are_those_of_the_rays(lens: str) -> None:
+    chief, places = chief_rays(lens_scene(lens)), places_of(5)
+    origins, directions = chief.rays(places)
+    good = np.isfinite(origins).all(axis=1)
+    assert good.mean() > 0.6
+    points = np.hstack([origins + 5.0 * directions, np.ones((len(places), 1))])[good]
+    np.testing.assert_allclose(seen_places(chief, points), places[good], atol=1e-5)
+    far = np.hstack([directions, np.zeros((len(places), 1))])[good]
+    towards = chief.rays(seen_places(chief, far, places[good] + 2.0))[1]
+    inner = np.isfinite(towards).all(axis=1)  # at the rim, what is at infinity may be seen where no chief ray passes
+    np.testing.assert_allclose(towards[inner], far[inner, :3], atol=1e-8)
+
+
+def test_chief_rays_cross_the_middle_of_the_stop() -> None:
+    scene, places = lens_scene("dgauss-50mm"), places_of(8)
+    setting = lens_setting(scene)
+    origins, directions = chief_rays(scene).rays(places)
+    lens, stop = setting.lens, limiting_surface(setting.lens, setting.camera.wavelength_nm)
+    origin_mm = origins * 1e3 + [0, 0, lens.film_z(setting.film_distance_mm)]
+    from dataclasses import replace
+
+    front = replace(lens, surfaces=lens.surfaces[: stop + 1])
+    there = front.trace(origin_mm + 50 * directions, -directions, setting.camera.wavelength_nm, start="scene")
+    assert there.passed.all()
+    assert np.abs(there.origins[:, :2]).max() < 1e-4 * lens.surfaces[stop].semi_diameter  # [mm]
+
+
+def test_no_chief_ray_passes_beside_the_image_circle() -> None:
+    wide = scene_of({"kind": "realistic", "lens": "dgauss-50mm", "focus": {"distance_m": 4}}, width_mm=90)
+    origins, directions = chief_rays(wide).rays(np.array([[48.0, 24.0], [0.5, 0.5]]))
+    assert np.isfinite(origins[0]).all()
+    assert np.isnan(origins[1]).all()
+    assert np.isnan(directions[1]).all()
+
+
+@pytest.mark.parametrize("name", ["pinhole", "dgauss-50mm"])
+def test_what_lies_behind_the_camera_is_seen_nowhere(name: str) -> None:
+    chief = chief_rays(scene_of(IDEAL[name]) if name in IDEAL else lens_scene(name))
+    behind = np.array([[0.1, 0.2, 3.0, 1.0], [0.0, 0.0, 1.0, 0.0], [np.nan, 0.0, -1.0, 1.0]])
+    assert np.isnan(seen_places(chief, behind)).all()
+    assert seen_places(chief, behind[:0]).shape == (0, 2)
+
+
+def test_environment_camera_sees_every_direction() -> None:
+    chief, places = chief_rays(scene_of({"kind": "environment"})), places_of(5)
+    origins, directions = chief.rays(places)
+    assert not origins.any()
+    np.testing.assert_allclose(seen_places(chief, np.hstack([directions, np.zeros((len(places), 1))])), places)
+
+
+def test_a_grid_gives_cubics_exactly_and_continues_parabolas() -> None:
+    sides = np.linspace(-1.25, 1.25, 11)
+    x, y = np.meshgrid(sides, sides)
+    values = np.stack([x**3 - 2 * x * y**2 + y, x**2 + x * y - y**2], axis=-1)
+    rng = np.random.default_rng(4)
+    places = rng.uniform(-1.2, 1.2, (50, 2))
+    a, b = places.T
+    expected = np.stack([a**3 - 2 * a * b**2 + b, a**2 + a * b - b**2], axis=-1)
+    np.testing.assert_allclose(FilmGrid(values, 1.25).at(places), expected, atol=1e-12)
+    holed = values.copy()
+    holed[np.hypot(x, y) > 1.1] = np.nan
+    np.testing.assert_allclose(FilmGrid(holed, 1.25).at(places)[:, 1], expected[:, 1], atol=1e-12)
+    assert np.isnan(FilmGrid(values, 1.25).at(np.array([[1.3, 0.0]]))).all()
+
+
+class Throwaway(Pose):
+    """A camera of a kind that nothing knows."""
+
+    kind: Literal["throwaway"]
+
+
+def throwaway() -> Scene:
+    scene = scene_of(IDEAL["pinhole"])
+    pose = {name: getattr(scene.camera, name) for name in ("eye", "target", "up")}
+    return scene.model_copy(update={"camera": Throwaway(kind="throwaway", **pose)})
+
+
+@pytest.mark.parametrize(
+    ("door", "lacks"),
+    [
+        (camera_model, "what makes its records"),
+        (chief_rays, "its chief rays"),
+        (film_pupils, "what says its opening"),
+        (lambda scene: pupil_rays(scene, np.zeros((1, 2))), "the rays of its pupil"),
+        (focus_drive, "what moves when it focuses"),
+        (lambda scene: view(scene).pupil, "what makes its records"),
+        (read_dials, "dials in the viewfinder"),
+        (focal_length_mm, "its focal length"),
+    ],
+)
+def test_a_camera_of_an_unknown_kind_is_refused_by_what_it_lacks(door: Callable[[Scene], object], lacks: str) -> None:
+    with pytest.raises(InputError, match=rf"camera.kind: throwaway lacks {lacks}"):
+        door(throwaway())
+
+
+def test_a_camera_that_says_no_intrinsics_has_no_model(monkeypatch: pytest.MonkeyPatch) -> None:
+    plain = camera_model(scene_of({"kind": "environment"}))  # what CONTRIBUTING asks for, and no more
+    monkeypatch.setitem(realistic._MODELS, "throwaway", lambda scene: plain)
+    assert camera_model(throwaway()).kernel == "camera/environment.h"
+    with pytest.raises(InputError, match=r"camera.kind: throwaway lacks entrance_pupil in the metadata"):
+        view(throwaway())
+    pupil = {"entrance_pupil": {"diameter_mm": 0.0}}
+    with_pupil = dataclasses.replace(plain, metadata=plain.metadata | pupil)
+    monkeypatch.setitem(realistic._MODELS, "throwaway", lambda scene: with_pupil)
+    with pytest.raises(InputError, match=r"camera.kind: throwaway lacks intrinsics in the metadata"):
+        calibrate(view(throwaway()), "pinhole")

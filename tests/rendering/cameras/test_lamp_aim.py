@@ -1,0 +1,206 @@
+"""Tables that aim camera rays at lamps out of focus: their places in the pupil do lead to the lamp, by exact rays."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rptcam_cl.core.files import CACHE_VARIABLE
+from rptcam_cl.rendering.cameras import lamp_aim
+from rptcam_cl.rendering.cameras.lamp_aim import SeenLamp, aimed_at_lamps
+from rptcam_cl.rendering.cameras.realistic import camera_model
+from rptcam_cl.rendering.cameras.setting import lens_setting
+from rptcam_cl.rendering.plan.plan import make_plan
+from rptcam_cl.scene.load import load_scene, set_keys
+
+LAMP = 18  # floats of a lamp in a block
+RADIUS = 0.004
+EYE = {"eye": [0, 0, 0], "target": [0, 0, -1]}
+REALISTIC = EYE | {"kind": "realistic", "lens": "dgauss-50mm", "focus": {"distance_m": 1.0}}
+THIN = EYE | {"kind": "thin_lens", "focal_length_mm": 50, "f_number": 2, "focus_distance_m": 1.0}
+ON_FILM = {"centre": [0.0, 0.0, -3.0], "aside": [0.15, -0.1, -2.5]}
+
+
+def scene_with(camera):
+    return load_scene({"camera": camera, "film": {"resolution": [96, 64], "width_mm": 9}})
+
+
+def round_lamp(centre):
+    return SeenLamp(np.array(centre), np.array([[RADIUS, 0, 0], [0, RADIUS, 0]]), True, 200.0)
+
+
+def everything(sights):
+    return np.ones(len(sights.origins), dtype=bool)
+
+
+def blocks_of(model):
+    """Middle of each block on the film, in the kernel's coordinates, and its lamp."""
+    record = model.record[0]
+    table = model.tables[record["lamp_table"] :].astype(np.float64)
+    across, down = int(record["lamp_across"]), int(record["lamp_down"])
+    size = 1 << int(record["lamp_shift"])
+    for block in range(across * down):
+        first, count = (int(value) for value in table[1 + 2 * block : 3 + 2 * block])
+        column, row = (block % across + 0.5) * size, (block // across + 0.5) * size
+        place = np.array([2 * column / 96 - 1, 1 - 2 * row / 64]) * model.reach.film_scale
+        for k in range(count):
+            yield place, table[first + k * LAMP : first + (k + 1) * LAMP]
+
+
+def seen_through(lamp, film):
+    return lamp[[1, 4]] + lamp[[2, 3, 5, 6]].reshape(2, 2) @ film
+
+
+@pytest.mark.parametrize(
+    "lamp",
+    [
+        {"shape": "sphere", "center": [0, 0, 0], "radius": 2},
+        {"shape": "sphere", "center": [0, 0, 0], "radius": 2, "transform": {"scale": [1, 1, 0.5]}},
+        {"shape": "box", "min": [-2, -2, -2], "max": [2, 2, 2]},
+        {"shape": "cylinder", "base": [0, 0, -2], "top": [0, 0, 2], "radius": 2, "capped": False},
+    ],
+    ids=["sphere", "ellipsoid", "box", "cylinder"],
+)
+def test_lamps_with_the_eye_in_their_middle_are_left_out(lamp):
+    shining = lamp | {"material": {"kind": "emissive", "radiance": 1, "two_sided": True}}
+    with np.errstate(invalid="raise"):
+        assert make_plan(load_scene({"camera": THIN, "objects": [shining]})).lamps == ()
+
+
+@pytest.mark.parametrize("centre", ON_FILM.values(), ids=ON_FILM)
+def test_rays_through_the_middle_of_a_lamp_in_the_pupil_meet_the_lamp(centre):
+    scene = scene_with(REALISTIC)
+    model = aimed_at_lamps(camera_model(scene), [round_lamp(centre)], everything)
+    found = list(blocks_of(model))
+    assert len(found) > 20
+    film, aims = np.array([place for place, _ in found]), np.array([seen_through(lamp, place) for place, lamp in found])
+    setting = lens_setting(scene)
+    lens, back = setting.lens, setting.film_distance_mm
+    start = np.column_stack([film, np.full(len(film), lens.film_z(back))])
+    rays = lens.trace(start, np.column_stack([aims - film, np.full(len(film), -back)]), 587.56)
+    assert rays.passed.sum() > 20
+    ahead = (centre[2] * 1e3 + lens.film_z(back) - rays.origins[:, 2]) / rays.directions[:, 2]
+    there = rays.origins[:, :2] + rays.directions[:, :2] * ahead[:, None]
+    off = np.linalg.norm(there * 1e-3 - centre[:2], axis=1)[rays.passed]
+    assert np.quantile(off, 0.9) < RADIUS  # but for rims, where the lens folds its light
+    assert np.median(off) < 0.3 * RADIUS
+
+
+def test_a_thin_lens_sees_a_point_through_the_place_that_first_order_optics_gives():
+    centre = np.array([0.2, 0.1, -3.0])
+    model = aimed_at_lamps(camera_model(scene_with(THIN)), [round_lamp(centre)], everything)
+    found = list(blocks_of(model))
+    assert found
+    for tangents, lamp in found:
+        on_lens = (centre[:2] - tangents * 3.0) / (1 - 3.0 / 1.0)  # of the ray that meets tangents * 1 m in focus
+        assert seen_through(lamp, tangents) == pytest.approx(on_lens / 0.0125, abs=1e-4)
+
+
+def test_shares_stay_below_one_however_many_lamps_a_pixel_sees():
+    lamps = [round_lamp([0.01 * i, 0.0, -3.0]) for i in range(12)]
+    model = aimed_at_lamps(camera_model(scene_with(THIN)), lamps, everything)
+    sums: dict[tuple[float, float], float] = {}
+    for place, lamp in blocks_of(model):
+        sums[tuple(place)] = sums.get(tuple(place), 0.0) + lamp[0]
+    assert 0.6 < max(sums.values()) <= 0.7
+    assert model.metadata["lamps_aimed_at"] == 12
+
+
+@pytest.mark.parametrize(
+    "lamp",
+    [
+        round_lamp([0, 0, -1.0]),  # in focus
+        round_lamp([0, 0, 3.0]),  # behind the camera
+        round_lamp([9.0, 0, -3.0]),  # beside the picture
+    ],
+    ids=["in focus", "behind", "beside"],
+)
+@pytest.mark.parametrize("camera", [THIN, REALISTIC], ids=["thin", "realistic"])
+def test_lamps_that_other_rays_find_or_none_change_nothing(camera, lamp):
+    model = camera_model(scene_with(camera))
+    assert aimed_at_lamps(model, [lamp], everything) is model
+
+
+def test_hidden_lamps_change_nothing():
+    model = camera_model(scene_with(THIN))
+    hidden = aimed_at_lamps(model, [round_lamp([0, 0, -3.0])], lambda sights: ~everything(sights))
+    assert hidden is model
+
+
+class FoundAnewError(Exception):
+    """Tables that were to be kept."""
+
+
+@pytest.mark.parametrize("camera", [THIN, REALISTIC, REALISTIC | {"kind": "thick_lens"}], ids=["thin", "lens", "thick"])
+@pytest.mark.parametrize("shows", [True, False])
+def test_tables_are_kept_for_the_same_camera_lamps_and_sights_alone(monkeypatch, tmp_path, camera, shows):
+    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path))
+    lamp_aim._known.clear()
+    lamp, model = round_lamp([0, 0, -3.0]), camera_model(scene_with(camera))
+    made = aimed_at_lamps(model, [lamp], lambda sights: everything(sights) & shows, "sights")
+    assert (made is not model) == shows
+
+    def refuse(*_):
+        raise FoundAnewError
+
+    monkeypatch.setattr(lamp_aim, "_seen", refuse)
+    lamp_aim._known.clear()
+    kept = aimed_at_lamps(camera_model(scene_with(camera)), [lamp], everything, "sights")
+    for name in ("record", "tables"):
+        assert getattr(kept, name).tobytes() == getattr(made, name).tobytes()
+    assert (kept.facts, kept.metadata) == (made.facts, made.metadata)
+
+    nearer = camera_model(scene_with(camera | {"f_number": 4}))
+    others = [(nearer, [lamp]), (model, [replace(lamp, radiance=1.0)]), (model, [lamp, lamp])]
+    for other, lamps in others:
+        with pytest.raises(FoundAnewError):
+            aimed_at_lamps(other, lamps, everything, "sights")
+    for sights in ("others", None):
+        with pytest.raises(FoundAnewError):
+            aimed_at_lamps(model, [lamp], everything, sights)
+    for file in (tmp_path / lamp_aim.KEPT).iterdir():
+        file.write_bytes(file.read_bytes()[:-1])
+    with pytest.raises(FoundAnewError):
+        aimed_at_lamps(model, [lamp], everything, "sights")
+
+
+@pytest.mark.parametrize("camera", [THIN, REALISTIC], ids=["thin", "lens"])
+def test_lamps_that_shine_in_another_way_are_found_where_they_were(monkeypatch, camera):
+    lamp_aim._known.clear()
+    lamp, model = round_lamp([0, 0, -3.0]), camera_model(scene_with(camera))
+    dim = [replace(lamp, radiance=1.0)]
+    expected = aimed_at_lamps(model, dim, everything)
+    bright = aimed_at_lamps(model, [lamp], everything, "sights", on_disk=False)
+
+    def refuse(*_):
+        raise FoundAnewError
+
+    monkeypatch.setattr(lamp_aim, "_seen", refuse)
+    found = aimed_at_lamps(model, dim, everything, "sights", on_disk=False)
+    assert found.tables.tobytes() == expected.tables.tobytes() != bright.tables.tobytes()
+    for other, lamps, sights in ((model, [round_lamp([0.1, 0, -3.0])], "sights"), (model, [lamp], "others")):
+        with pytest.raises(FoundAnewError):
+            aimed_at_lamps(other, lamps, everything, sights, on_disk=False)
+
+
+@pytest.mark.parametrize("camera", [THIN, REALISTIC, REALISTIC | {"kind": "thick_lens"}], ids=["thin", "lens", "thick"])
+def test_a_film_of_another_size_sees_lamps_through_the_same_places(monkeypatch, camera):
+    lamps = [round_lamp([0, 0, -3.0]), round_lamp([0.15, -0.1, -2.5])]
+    wide = scene_with(camera)
+    narrow = camera_model(set_keys(wide, {"film.width_mm": 7.5}))
+    lamp_aim._small_lamp_fits.clear()
+    expected = aimed_at_lamps(narrow, lamps, everything)
+    lamp_aim._small_lamp_fits.clear()
+    before = aimed_at_lamps(camera_model(wide), lamps, everything)
+
+    def refuse(*_):
+        raise FoundAnewError
+
+    monkeypatch.setattr(lamp_aim, "fits_of_small", refuse)
+    found = aimed_at_lamps(narrow, lamps, everything)
+    assert found.tables.tobytes() == expected.tables.tobytes() != before.tables.tobytes()
+    stopped = {"camera.f_number": 4}
+    with pytest.raises(FoundAnewError):
+        aimed_at_lamps(camera_model(set_keys(wide, stopped)), lamps, everything)
+    with pytest.raises(FoundAnewError):
+        aimed_at_lamps(narrow, lamps[:1], everything)

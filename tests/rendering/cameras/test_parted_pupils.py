@@ -1,0 +1,97 @@
+"""Pupils of several parts: a ball behind a small window passes a ring of rays round its main pupil."""
+
+import numpy as np
+import pytest
+
+from rptcam_cl.core.vectors import LINE_D_NM
+from rptcam_cl.optics.irradiance import film_irradiance
+from rptcam_cl.optics.library import list_lenses, load_lens
+from rptcam_cl.optics.pupils import FilmProbe, spread_points
+from rptcam_cl.rendering.cameras.pupil import left_out, pupil_sampling
+from tests.device.probes import camera_rays
+from tests.rendering.cameras.beams import back_distance
+
+BALLS = [(1.5, 5.5), (1.5, 7.0), (1.458, 8.0), (1.8, 3.0)]  # index, film distance: all with a ring
+TIERS = ["auto", "tight", "bounds", "thick", "rear"]
+RADIUS, WINDOW = 5.0, 5.0
+
+
+def ball(index):
+    front = {"radius": RADIUS, "thickness": 2 * RADIUS, "glass": {"index": index}, "diameter": WINDOW}
+    return {"name": "ball", "surfaces": [front, {"radius": -RADIUS, "diameter": 2 * RADIUS}]}
+
+
+def light(lens, back, film, count=1501):
+    """Irradiance of a film point by brute force over the whole outline of the ball, and its passing points."""
+    probe = FilmProbe(lens, back, LINE_D_NM)
+    reach = 1.3 * back * np.tan(np.arcsin(RADIUS / (RADIUS + back))) + np.hypot(*film)
+    side = np.linspace(-reach, reach, count)
+    points = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
+    points = points[probe.passes(film, points)]
+    square = np.sum((points - film) ** 2, axis=1)
+    return np.sum((back / (back**2 + square)) ** 2) * (side[1] - side[0]) ** 2, points
+
+
+@pytest.mark.parametrize(("index", "back"), BALLS)
+def test_irradiance_counts_every_part_of_the_pupil(index, back):
+    lens = load_lens(ball(index))
+    for x in (0.0, 0.4):
+        expected, _ = light(lens, back, np.array([x, 0.0]))
+        # the grid's cells at the edges of pupil and ring are in or out: 1e-3 of the light
+        assert float(film_irradiance(lens, back, x)) == pytest.approx(expected, rel=2e-3)
+
+
+@pytest.mark.parametrize("tier", TIERS)
+@pytest.mark.parametrize(("index", "back"), BALLS)
+def test_no_ray_of_any_part_is_left_out(index, back, tier):
+    lens = load_lens(ball(index))
+    sampling = pupil_sampling(lens, back, (0.7, 0.7), LINE_D_NM, tier)
+    for x in (0.0, 0.3, 0.65):
+        film = np.array([x, 0.0])
+        _, points = light(lens, back, film, 501)
+        assert len(points) > 1000
+        assert not left_out(sampling, (0.7, 0.7), np.broadcast_to(film, points.shape), points).any()
+    if tier == "tight" and (index, back) == BALLS[0]:
+        assert sampling.tier == "rear"
+        assert str(sampling.metadata["pupil_instead_of"]).startswith("tight: the pupil has parts")
+
+
+def test_all_tiers_see_the_light_of_the_ring(session):
+    index, back = BALLS[1]
+    means = {}
+    for tier in TIERS:
+        camera = {"kind": "realistic", "lens": ball(index), "focus": {"film_distance_mm": back}, "pupil": tier}
+        scene = {
+            "film": {"resolution": [32, 32], "size_mm": [0.2, 0.2]},
+            "camera": camera | {"eye": [0, 0, 0], "target": [0, 0, -1], "up": [0, 1, 0]},
+            "objects": [],
+            "environment": {"kind": "constant", "radiance": 1},
+        }
+        means[tier] = camera_rays(session, scene, 64).weight.mean()
+    expected = float(film_irradiance(load_lens(ball(index)), back, 0.0))
+    for mean in means.values():
+        assert mean == pytest.approx(means["rear"], rel=0.01)
+    assert expected > 0.36
+
+
+@pytest.mark.parametrize("name", list_lenses())
+def test_pupils_of_one_part_keep_their_tables(name):
+    lens = load_lens(name)
+    half = 0.2 * abs(lens.first_order().focal_length_mm)
+    sampling = pupil_sampling(lens, back_distance(lens), (half, half), LINE_D_NM, "tight")
+    assert sampling.tier == "tight"
+
+
+def test_the_window_holds_the_bulge_of_a_ball():
+    # rays that just touch the ball behind its rim: the tangents from the film point
+    probe = FilmProbe(load_lens(ball(1.5)), 7.0, LINE_D_NM)
+    tangent = 7.0 * np.tan(np.arcsin(RADIUS / (RADIUS + 7.0)))
+    window = probe.windows(np.zeros((1, 2)))[0]
+    assert tangent <= window[1] <= 1.001 * tangent
+
+
+def test_spread_points_fill_their_box_evenly():
+    points = spread_points(np.array([[-1.0, 3.0, 2.0, 4.0]]), 4096)[0]
+    counts = np.histogram2d(*points.T, bins=(8, 8), range=[(-1, 3), (2, 4)])[0]
+    assert counts.sum() == 4096
+    assert counts.min() >= 58

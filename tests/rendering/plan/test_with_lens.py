@@ -1,0 +1,84 @@
+"""A plan whose lens alone is another: what making it anew gives."""
+
+from dataclasses import fields, is_dataclass
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rptcam_cl.rendering.plan.plan import make_plan, with_lens, with_pose
+from rptcam_cl.scene.load import load_scene, set_keys
+
+SCENE: dict[str, Any] = {
+    "camera": {
+        "kind": "realistic", "lens": "dgauss-50mm", "focus": {"distance_m": 6},
+        "eye": [0, -6, 1.5], "target": [0, 0, 0.5], "up": [0, 0, 1],
+    },
+    "film": {"resolution": [16, 12]},
+    "materials": {
+        "grey": {"kind": "matte", "reflectance": 0.5},
+        "lamp": {"kind": "emissive", "radiance": 10},
+        "glass": {"kind": "dielectric", "index": 1.5},
+    },
+    "objects": [
+        {"shape": "sphere", "center": [0, 0, 0.5], "radius": 0.5, "material": "glass"},
+        {"shape": "sphere", "center": [0, 0, 4], "radius": 0.5, "material": "lamp"},
+        {"shape": "plane", "point": [0, 0, 0], "normal": [0, 0, 1], "material": "grey"},
+    ],
+    "lights": [{"kind": "point", "position": [1, 0, 3], "intensity": 5}],
+}  # fmt: skip
+
+
+def assert_same(one: Any, other: Any, where: str = "plan") -> None:
+    """Compare two values to the bit, arrays and records in them too."""
+    assert type(one) is type(other), where
+    if isinstance(one, np.ndarray):
+        assert one.dtype == other.dtype and one.tobytes() == other.tobytes(), where
+    elif is_dataclass(one) and not isinstance(one, type):
+        for field in fields(one):
+            assert_same(getattr(one, field.name), getattr(other, field.name), f"{where}.{field.name}")
+    elif isinstance(one, dict):
+        assert list(one) == list(other), where
+        for key in one:
+            assert_same(one[key], other[key], f"{where}.{key}")
+    elif isinstance(one, list | tuple):
+        assert len(one) == len(other), where
+        for index, pair in enumerate(zip(one, other, strict=True)):
+            assert_same(*pair, f"{where}[{index}]")
+    elif not callable(one):
+        assert one == other, where
+
+
+@pytest.mark.parametrize("spectrum", ["rgb", "dispersive", "spectral"])
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"camera.f_number": 4},
+        {"camera.focus.distance_m": 3, "exposure": {"mode": "physical", "iso": 200}},
+        {"camera.target": [0.5, 0, 0.5]},
+        {"camera.eye": [0, -5, 1.5]},
+        {"camera": {"kind": "pinhole", "fov_degrees": 40, "eye": [0, -6, 1.5], "target": [0, 0, 0], "up": [0, 0, 1]}},
+    ],
+    ids=["f-number", "focus and exposure", "turned", "elsewhere", "another camera"],
+)
+def test_plan_with_another_lens_is_that_of_the_scene(spectrum: str, changes: dict[str, Any]) -> None:
+    scene = load_scene(SCENE | {"spectrum": spectrum})
+    changed = set_keys(scene, changes)
+    assert_same(with_lens(make_plan(scene), changed), make_plan(changed))
+
+
+def test_glances_keep_the_records_of_what_has_not_changed() -> None:
+    scene = load_scene(SCENE)
+    plan = make_plan(scene)
+    other = with_lens(plan, set_keys(scene, {"camera.f_number": 4}), coarse=True)
+    assert other.primitives is plan.primitives and other.emitters is plan.emitters
+    assert other.camera.tables.tobytes() != plan.camera.tables.tobytes()
+
+
+@pytest.mark.parametrize(
+    "changes", [{"camera.target": [0.5, 0, 0.5]}, {"camera.eye": [0, -5, 1.5], "camera.up": [0.1, 0, 1]}]
+)
+def test_plan_in_another_pose_is_that_of_the_scene(changes: dict[str, Any]) -> None:
+    scene = load_scene(SCENE)
+    changed = set_keys(scene, changes)
+    assert_same(with_pose(make_plan(scene), changed), make_plan(changed))

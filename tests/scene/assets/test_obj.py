@@ -1,0 +1,141 @@
+"""OBJ files and their materials."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.scene.assets import obj as obj_blocks
+from rptcam_cl.scene.assets.mesh import FileMaterial
+
+from .conftest import Read
+
+SQUARE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
+
+
+def corners(read: Read, text: str) -> list:
+    (part,) = read("a.obj", text).parts
+    return part.mesh.positions[part.mesh.faces].tolist()
+
+
+def test_quad_becomes_two_triangles(read: Read) -> None:
+    assert corners(read, SQUARE + "f 1 2 3 4\n") == [
+        [[0, 0, 0], [1, 0, 0], [1, 1, 0]],
+        [[0, 0, 0], [1, 1, 0], [0, 1, 0]],
+    ]
+
+
+@pytest.mark.parametrize("face", ["f -4 -3 -2 -1", "f 1 2 \\\n3 4", "f\t1\t2 3 4 # with a comment"][:2])
+def test_other_ways_to_write_the_same_face(read: Read, face: str) -> None:
+    assert corners(read, SQUARE + face + "\n") == corners(read, SQUARE + "f 1 2 3 4\n")
+
+
+def test_negative_indices_count_from_where_they_stand(read: Read) -> None:
+    text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf -3 -2 -1\nv 5 0 0\nv 6 0 0\nv 5 1 0\nf -3 -2 -1\n"
+    assert corners(read, text)[1] == [[5, 0, 0], [6, 0, 0], [5, 1, 0]]
+
+
+def test_faces_may_name_later_vertices(read: Read) -> None:
+    assert len(corners(read, "f 1 2 3 4\n" + SQUARE)) == 2
+
+
+def test_seam_tells_vertices_apart_and_v_runs_upwards(read: Read) -> None:
+    uvs = "vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nvt 0.5 0.25 0\n"
+    mesh = read("a.obj", f"{SQUARE}{uvs}f 1/1 2/2 3/3\nf 1/5 3/3 4/4\n").parts[0].mesh
+    assert mesh.uvs is not None
+    assert len(mesh.positions) == 5
+    assert mesh.uvs[mesh.faces].tolist() == [[[0, 0], [1, 0], [1, 1]], [[0.5, 0.25], [1, 1], [0, 1]]]
+
+
+def test_all_forms_of_corners_may_be_mixed(read: Read) -> None:
+    rows = "vt 0.5 0.5\nvn 0 0 3\n"
+    mesh = read("a.obj", f"{SQUARE}{rows}f 1/1/1 2/1/1 3/1/1\nf 1//1 3//1 4//1\nf 1/1 4/1 2/1\nf 2 4 3\n").parts[0].mesh
+    assert mesh.uvs is not None and mesh.normals is not None
+    assert np.array_equal(np.unique(mesh.uvs), [0, 0.5])
+    # Corners without a normal get the smooth one, which in the plane is the plane's.
+    assert np.allclose(np.abs(mesh.normals), [0, 0, 1])
+
+
+def test_vertices_with_weights_and_colours(read: Read) -> None:
+    text = "v 0 0 0 1\nv 1 0 0 0.1 0.2 0.3\nv 0 1 0\nf 1 2 3\n"
+    assert corners(read, text) == [[[0, 0, 0], [1, 0, 0], [0, 1, 0]]]
+
+
+def test_more_vertices_than_texture_coordinates(read: Read) -> None:
+    mesh = read("a.obj", f"{SQUARE}vt 0 0\nvt 1 0\nvt 1 1\nf 1/1 2/2 3/3\nf 3/3 2/2 1/1\n").parts[0].mesh
+    assert mesh.uvs is not None and mesh.uvs.tolist() == [[0, 0], [1, 0], [1, 1]]
+
+
+def test_lines_in_any_order_and_dress(read: Read) -> None:
+    text = (
+        "# a comment \\\nand what follows it\nvn 0 0 1\n  v 0 0 0 # first\n\tvn 0 1 0\nv\t1   0 0\r\n"
+        "vn 1 0 0\nv 0 \\\n1 0\n\n   \nl 1 2\nf 1//1 2//2 \\\n  3//3  \n\n"
+    )
+    mesh = read("a.obj", text).parts[0].mesh
+    assert mesh.normals is not None
+    assert mesh.positions[mesh.faces].tolist() == [[[0, 0, 0], [1, 0, 0], [0, 1, 0]]]
+    assert mesh.normals[mesh.faces].tolist() == [[[0, 0, 1], [0, 1, 0], [1, 0, 0]]]
+
+
+@pytest.mark.parametrize("size", [1, 7, 20, 50, 100, 1000])
+def test_size_of_blocks_does_not_matter(read: Read, monkeypatch: pytest.MonkeyPatch, size: int) -> None:
+    text = f"{SQUARE}vt 0 0\nf 1/1 2/1 \\\n 3/1\nusemtl b\nv 0 0 1\nv 1 0 1\nv 0 \\\r\n 1 1\n"
+    text += "f -3 -2 -1\nusemtl c\nf -1 1 2"
+    whole = [part.mesh.content_hash for part in read("a.obj", text).parts]
+    monkeypatch.setattr(obj_blocks, "BLOCK_BYTES", size)
+    assert [part.mesh.content_hash for part in read("a.obj", text).parts] == whole
+    assert len(whole) == 3
+    with pytest.raises(InputError, match=r"a\.obj:16: names a vertex that is not there \(got -8; allowed: 1 to 7"):
+        read("a.obj", text + "\nf -8 1 2\n")
+
+
+def test_each_material_is_a_part(read: Read, tmp_path: Path) -> None:
+    (tmp_path / "a.mtl").write_text("newmtl red one\nKd 0.7 0.1 0.1\nKs 0 0 0\nnewmtl lamp\nKd 0 0 0\nKe 5 4 3\n")
+    text = f"mtllib a.mtl\no first\n{SQUARE}f 1 2 3\nusemtl red one\nf 1 3 4\ng more\nusemtl lamp\nf 1 4 2\n"
+    text += "usemtl red one\nf 2 4 3\n"
+    parts = {part.name: part for part in read("a.obj", text).parts}
+    assert {name: len(part.mesh.faces) for name, part in parts.items()} == {None: 1, "red one": 2, "lamp": 1}
+    materials = {name: part.material for name, part in parts.items()}
+    assert materials["red one"] is not None and materials["lamp"] is not None and materials[None] is not None
+    assert materials["red one"].base_color == (0.7, 0.1, 0.1) and materials["red one"].matte
+    assert materials["lamp"].emission == (5, 4, 3)
+    assert materials[None].base_color == (0.8, 0.8, 0.8)
+    # A part holds the vertices that it shows, no others.
+    assert len(parts["lamp"].mesh.positions) == 3
+
+
+def test_grey_stands_for_a_missing_library(read: Read) -> None:
+    # What finds files refuses this one; the mesh is there all the same, in grey.
+    contents = read("a.obj", f"mtllib missing.mtl\n{SQUARE}f 1 2 3\nusemtl wood\nf 1 3 4\n")
+    assert [part.material for part in contents.parts] == [FileMaterial(matte=True)] * 2
+    assert "a.obj:1: mtllib missing.mtl is left out: no such file; grey stands for" in contents.notes[0]
+
+
+def test_material_carries_over(read: Read, tmp_path: Path) -> None:
+    (tmp_path / "a.mtl").write_text(
+        "# made by hand\nnewmtl w\nillum 2\nKd 0.5\nKs 0.04 0.04 0.04\nNs 98\nNi 1.4\nTr 0.25\n"
+        "map_Kd -s 2 3 1 -o 0.5 -clamp on wood grain.png\nnorm -bm 0.5 wood grain.png\nPm 0.5\n"
+    )
+    material = read("a.obj", f"mtllib a.mtl\nusemtl w\n{SQUARE}vt 0 0\nf 1/1 2/1 3/1\n").parts[0].material
+    assert material is not None and material.base_texture is not None and material.normals is not None
+    texture = material.base_texture
+    assert texture.source == tmp_path / "wood grain.png"
+    assert (texture.scale, texture.offset, texture.wrap) == ((2, 3), (0.5, 0), "clamp")
+    assert (material.base_color, material.index) == ((0.5, 0.5, 0.5), 1.4)
+    assert (material.opacity, material.metallic) == (0.75, 0.5)
+    assert material.roughness**4 == pytest.approx(2 / 100)  # alpha² = 2 / (Ns + 2)
+
+
+def test_factor_of_a_map_without_a_value_is_1(read: Read, tmp_path: Path) -> None:
+    (tmp_path / "a.mtl").write_text("newmtl w\nmap_Pr r.png\nmap_Pm m.png\nmap_Ke e.png\n")
+    material = read("a.obj", f"mtllib a.mtl\nusemtl w\n{SQUARE}vt 0 0\nf 1/1 2/1 3/1\n").parts[0].material
+    assert material is not None
+    assert (material.roughness, material.metallic, material.emission, material.matte) == (1, 1, (1, 1, 1), False)
+
+
+def test_illumination_model_of_glass_is_glass(read: Read, tmp_path: Path) -> None:
+    (tmp_path / "a.mtl").write_text("newmtl g\nillum 7\nKd 0 0 0\nKs 1 1 1\nNi 1.33\nd 0.1\n")
+    material = read("a.obj", f"mtllib a.mtl\nusemtl g\n{SQUARE}f 1 2 3\n").parts[0].material
+    assert material is not None
+    assert (material.transmission, material.solid, material.index, material.opacity) == (1.0, True, 1.33, 1.0)

@@ -1,0 +1,113 @@
+"""Measures of contrast: free of the noise's own square, of exposure and of smooth light."""
+
+import numpy as np
+import pytest
+
+from rptcam_cl.studies.focus.probe import MEASURES, ZoneImage, energy
+from tests.rendering.pictures import seed_of
+
+QUADRATIC = ["normalised_variance", "tenengrad", "brenner", "energy_of_laplacian", "wavelet"]
+SHAPE = (24, 32)
+
+
+def image_of(picture, noise, rng, parts=4):
+    """Return an image whose parts are a picture with independent noise of a standard deviation."""
+    grey = picture + noise * rng.standard_normal((parts, *picture.shape))
+    return ZoneImage(np.repeat(grey[..., None], 3, axis=-1).astype(np.float32), 16)
+
+
+def ramp():
+    y, x = np.mgrid[: SHAPE[0], : SHAPE[1]] / SHAPE[1]
+    return 1 + 0.3 * x - 0.2 * y + 0.1 * x * y
+
+
+def stripes(amplitude=0.2, period=6.0):
+    x = np.arange(SHAPE[1])
+    return np.broadcast_to(1 + amplitude * np.sin(2 * np.pi * x / period), SHAPE)
+
+
+def repeated(name, picture, noise, count=400):
+    rng = np.random.default_rng(seed_of(name))
+    found = [MEASURES[name].of(image_of(picture, noise, rng)) for _ in range(count)]
+    return np.array([measured.value for measured in found]), np.array([measured.error for measured in found])
+
+
+def naive(name, picture, noise):
+    """Return the square of what filters make of the mean picture: two parts that are the same picture."""
+    mean = image_of(picture, noise, np.random.default_rng(7)).parts.mean(axis=0)
+    return MEASURES[name].of(ZoneImage(np.stack([mean] * 3), 16)).value
+
+
+@pytest.mark.parametrize("name", QUADRATIC)
+def test_noise_adds_nothing_on_the_average(name):
+    exact = MEASURES[name].of(image_of(stripes(), 0.0, np.random.default_rng(0))).value
+    values, _ = repeated(name, stripes(), 0.3)
+    error = values.std(ddof=1) / np.sqrt(len(values))
+    assert 3.89 * error < 0.1 * (naive(name, stripes(), 0.3) - exact)
+    # the mean that luminance is divided by has noise too: 1.5e-4 of relative variance for 768 pixels
+    assert abs(values.mean() - exact) < 3.89 * error + 1e-3 * exact
+    flat, _ = repeated(name, np.ones(SHAPE), 0.3)
+    assert abs(flat.mean()) < 3.89 * flat.std(ddof=1) / np.sqrt(len(flat))
+
+
+@pytest.mark.parametrize("name", QUADRATIC)
+def test_error_is_that_of_the_spread(name):
+    values, errors = repeated(name, stripes(), 0.1)
+    # the jackknife of products errs upwards (Efron and Stein 1981): by up to 1.6 where noise outweighs the picture
+    assert 0.8 < np.sqrt(np.mean(errors**2)) / values.std(ddof=1) < 1.8
+
+
+@pytest.mark.parametrize("name", [name for name in MEASURES if name != "variance"])
+def test_exposure_changes_nothing_and_smooth_light_is_no_contrast(name):
+    rng = np.random.default_rng(0)
+    measure = MEASURES[name].of
+    dim, bright = (measure(image_of(factor * stripes(), 0.0, rng)).value for factor in (0.01, 100.0))
+    assert dim == pytest.approx(bright, rel=1e-4)
+    assert measure(image_of(ramp(), 0.0, rng)).value < MEASURES[name].least
+    assert dim > MEASURES[name].least
+
+
+@pytest.mark.parametrize("name", [name for name in MEASURES if name != "variance"])
+def test_blur_lowers_every_measure(name):
+    rng = np.random.default_rng(1)
+    sharp = 1 + 0.3 * rng.standard_normal(SHAPE)
+    soft = (sharp + np.roll(sharp, 1, 0) + np.roll(sharp, 1, 1) + np.roll(sharp, (1, 1), (0, 1))) / 4
+    measure = MEASURES[name].of
+    assert measure(image_of(soft, 0.0, rng)).value < 0.6 * measure(image_of(sharp, 0.0, rng)).value
+
+
+@pytest.mark.parametrize("name", [name for name in MEASURES if name != "variance"])
+def test_dark_zone_measures_nothing(name):
+    found = MEASURES[name].of(ZoneImage(np.zeros((4, *SHAPE, 3), np.float32), 16))
+    assert (found.value, found.error) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("noise", [0.05, 1.0])
+def test_modified_laplacian_of_noise_alone_is_none(noise):
+    values, errors = repeated("sum_modified_laplacian", np.ones(SHAPE), noise, 100)
+    assert abs(values.mean()) < 3.89 * values.std(ddof=1) / np.sqrt(len(values))
+    # the error is that of noise, or more where the jackknife says so; four of them are what a search goes by
+    assert 1.0 < np.sqrt(np.mean(errors**2)) / values.std(ddof=1) < 2.0
+    assert np.mean(values > 4 * errors) == 0
+
+
+def test_modified_laplacian_sees_what_noise_hides_in_every_pixel():
+    found = MEASURES["sum_modified_laplacian"].of(image_of(stripes(0.2, 12.0), 0.1, np.random.default_rng(5)))
+    assert found.value > 4 * found.error
+
+
+def test_modified_laplacian_of_stripes_is_that_of_a_sine_at_every_step():
+    found = MEASURES["sum_modified_laplacian"].of(image_of(stripes(), 0.0, np.random.default_rng(0))).value
+    expected = 0.0
+    for step in (1, 2, 4):
+        # |2 I - I_left - I_right| of a sine: 4 a sin^2(pi step / period) |sin|, and the mean over a side of pixels
+        blurred = np.sin(np.pi * step / 6) / (step * np.sin(np.pi / 6))
+        x = np.arange(SHAPE[1] - 3 * step + 1) + 1.5 * step - 0.5
+        expected += 4 * 0.2 * np.sin(np.pi * step / 6) ** 2 * abs(blurred) * np.abs(np.sin(2 * np.pi * x / 6)).mean()
+    assert found == pytest.approx(expected, rel=0.03)  # less the quadratic that stripes hold too
+
+
+def test_energy_of_a_filter_is_the_mean_square_of_its_output():
+    picture = stripes()
+    found = energy(lambda parts: [parts])(image_of(picture, 0.0, np.random.default_rng(0)))
+    assert found.value == pytest.approx(0.02, rel=0.1)

@@ -1,0 +1,157 @@
+"""The renderer as a focus probe shows what the picture shows."""
+
+import numpy as np
+import pytest
+import yaml
+
+import rptcam_cl
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.files import lenses_dir
+from rptcam_cl.scene.load import change_scene
+from rptcam_cl.studies.focus.probe import Zone
+from tests.rendering.pictures import seed_of
+from tests.studies.focus.scenes import CENTRE, checker, lens_camera, noise, probe_of, scene_of, target
+
+CORNER = Zone(0.08, 0.14, 0.1, 0.18)
+THIN = {"kind": "thin_lens", "focal_length_mm": 50, "f_number": 2, "focus_distance_m": 3}
+
+
+def with_group():
+    """The telephoto lens, whose rear group moves to focus."""
+    lens = yaml.safe_load((lenses_dir() / "telephoto-250mm.yaml").read_text("utf-8"))
+    return lens | {"name": "tele with group", "focusing": {"surfaces": [4, 6], "travel": [-2.0, 12.0]}}
+
+
+CAMERAS = {
+    "realistic": lens_camera("dgauss-50mm"),
+    "no stop": lens_camera("biconvex"),
+    "shaped stop": lens_camera("dgauss-50mm", aperture={"shape": "polygon", "blades": 6}),
+    "inverted": lens_camera("dgauss-50mm", flip=False),
+    "thick": lens_camera("dgauss-50mm", "thick_lens"),
+    "group": lens_camera(with_group()),
+    "thin": {**THIN, "eye": [0, 0, 0], "target": [0, 0, -1]},
+    "thin by field": {
+        "kind": "thin_lens", "fov_degrees": 40, "aperture_radius_m": 0.01, "focus_distance_m": 3,
+        "eye": [0, 0, 0], "target": [0, 0, -1],
+    },
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", CAMERAS)
+def test_probe_sees_what_the_picture_shows(name):
+    scene = scene_of([target(4.0, 4.0, noise(100))], CAMERAS[name])
+    probe = probe_of(scene)
+    zones = [CENTRE, CORNER]
+    # through the lens as it stands, in the pixels of the probe
+    seen = probe.measure(probe.state, zones, 128, seed_of(name))
+    full = change_scene(probe.view.scene, film={"crop": None})
+    for zone, image in zip(zones, seen, strict=True):
+        x0, x1, y0, y1 = probe.view.pixels_of(zone)
+        width, height = full.film.resolution
+        picture = rptcam_cl.render(full, spp=128, crop=(x0 / width, x1 / width, y0 / height, y1 / height))
+        theirs = np.asarray(picture).mean(axis=2)
+        ours = image.luminance.mean(axis=0)
+        assert ours.shape == theirs.shape
+        # relative exposure is by first-order optics here and by exact rays there
+        difference = ours / ours.mean() - theirs / theirs.mean()
+        error = np.sqrt(image.variance.mean()) / ours.mean()
+        assert np.sqrt(np.mean(difference**2)) < 2.0 * error
+        assert ours.std() / ours.mean() > 2 * error  # there was something to see
+
+
+def test_a_look_leaves_the_camera_as_it_was_and_repeats_itself():
+    probe = probe_of(scene_of([target(2.0, 2.0, checker(200))], lens_camera("dgauss-50mm")))
+    state = probe.state
+    first, second, third = (
+        probe.measure(at, [CENTRE], 16, seed=7)[0] for at in (state, state + 0.3, state)
+    )  # fmt: skip
+    assert probe.state == state
+    assert (first.parts == third.parts).all()
+    assert not (first.parts == second.parts).all()
+    assert not (first.parts[0] == first.parts[1]).all()
+
+
+@pytest.mark.parametrize("name", CAMERAS)
+def test_states_and_distances_invert_each_other(name):
+    probe = probe_of(scene_of([target(2.0, 2.0, checker(200))], CAMERAS[name]))
+    for distance in (3.2, 5.0, 30.0):
+        state = probe.drive.state_for(distance, CENTRE)
+        assert probe.drive.state_at(probe.drive.coordinate(state)) == pytest.approx(state, rel=1e-9)
+        assert probe.drive.object_distance(state, CENTRE) == pytest.approx(distance, rel=2e-3)
+    near, far = (probe.drive.coordinate(probe.drive.state_for(distance, CENTRE)) for distance in (3.2, 30.0))
+    assert probe.drive.nearer * (near - far) > 0
+
+
+@pytest.mark.parametrize("name", CAMERAS)
+def test_smaller_stop_deepens_the_focus(name):
+    probe = probe_of(scene_of([target(4.0, 4.0, checker(800))], CAMERAS[name]))
+    drive = probe.drive
+    away = drive.state_at(drive.coordinate(drive.state_for(4.0, CENTRE)) + 5 * drive.nearer * drive.depth_of_focus)
+
+    def contrast(stop):
+        image = probe.measure(away, [CENTRE], 64, seed=3, stop=stop)[0].luminance.mean(axis=0)
+        return image.std() / image.mean()
+
+    assert contrast(0.1) > 1.3 * contrast(1.0)
+
+
+def test_depth_of_focus_is_twice_the_f_number_times_the_circle_of_confusion():
+    circle = np.hypot(36, 24) / 1500
+    for camera in (
+        lens_camera("dgauss-50mm", f_number=4),
+        THIN | {"f_number": 4, "eye": [0, 0, 0], "target": [0, 0, -1]},
+    ):
+        assert probe_of(scene_of([], camera)).drive.depth_of_focus == pytest.approx(8 * circle)
+
+
+def test_state_out_of_range_is_refused():
+    probe = probe_of(scene_of([], lens_camera("dgauss-50mm")))
+    with pytest.raises(InputError, match="focus state 500 lies outside its range"):
+        probe.measure(500.0, [CENTRE], 4, seed=1)
+
+
+@pytest.mark.parametrize(
+    ("camera", "message"),
+    [
+        ({"kind": "pinhole", "fov_degrees": 40}, r"camera\.kind: pinhole: everything it sees is sharp"),
+        (THIN | {"f_number": None, "aperture_radius_m": 0}, "0 makes everything sharp"),
+    ],
+)
+def test_camera_without_focus_is_refused(camera, message):
+    scene = scene_of([], camera | {"eye": [0, 0, 0], "target": [0, 0, -1]})
+    with pytest.raises(InputError, match=message):
+        _ = probe_of(scene).drive.depth_of_focus
+
+
+FILMS = [
+    {"format": "full_frame"},
+    {"pixel_pitch_um": 100},
+    {"width_mm": 36},
+    {"diagonal_mm": float(np.hypot(36, 24))},
+    {"size_mm": [36, 24], "crop": [0.6, 0.9, 0.1, 0.4]},
+]
+
+
+@pytest.mark.parametrize("film", FILMS, ids=[next(iter(film)) for film in FILMS])
+def test_film_is_the_same_whichever_way_its_size_is_said(film):
+    sizes = {"size_mm": None} | film
+    scene, plain = (
+        scene_of([target(4.0, 4.0, checker(20)) | {"name": "wall"}], lens_camera("dgauss-50mm"), film=said)
+        for said in (sizes, {})
+    )
+    probe, same = probe_of(scene), probe_of(plain)
+    probe.choose_zones([CENTRE])
+    same.choose_zones([CENTRE])
+    assert probe.view.scene.film.resolution == same.view.scene.film.resolution
+    assert probe.view.scene.film.size_m() == pytest.approx(same.view.scene.film.size_m())
+    state, reference = probe.drive.state_for(4.0, CENTRE), probe.drive.limits[0]
+    values = [each.measure(state, [CENTRE], 4, 1, reference=reference)[0].parts for each in (probe, same)]
+    assert np.allclose(*values)
+    assert (probe.objects() == same.objects()).all()
+
+
+def test_camera_focuses_before_a_film_of_any_kind():
+    film = {"size_mm": None, "pixel_pitch_um": 100}
+    camera = lens_camera("dgauss-50mm", focus={"auto": {"method": "depth", "object": "wall"}})
+    scene = scene_of([target(4.0, 4.0, checker(20)) | {"name": "wall"}], camera, film=film)
+    assert rptcam_cl.autofocus(scene).focus_distance_m == pytest.approx(4.0, rel=1e-3)

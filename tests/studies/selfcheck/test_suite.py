@@ -1,0 +1,178 @@
+"""The checks of a device: a sound one passes them all, and each fault in the kernels fails one."""
+
+import json
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rptcam_cl.cli import main
+from rptcam_cl.core.errors import DeviceError
+from rptcam_cl.device.devices import choose_device
+from rptcam_cl.device.session import Session
+from rptcam_cl.optics.library import load_lens
+from rptcam_cl.rendering.account import film_rays
+from rptcam_cl.studies import selfcheck_suite
+from rptcam_cl.studies.selfcheck import Check, film_values
+from rptcam_cl.studies.selfcheck_suite import SUITE, CheckGroup, outcomes
+from tests.support.mutants import Mutant, assert_found, each_mutant
+
+PARTS = {part.name: part for part in SUITE}
+
+
+@pytest.fixture(scope="module")
+def session() -> Session:
+    return Session(choose_device())
+
+
+def checks_of(session, name):
+    return [check for outcome in outcomes(session, [PARTS[name]]) for check in outcome.checks]
+
+
+@pytest.mark.parametrize("name", PARTS)
+def test_sound_device_passes(session, name):
+    checks = checks_of(session, name)
+    assert checks
+    assert [check for check in checks if check.failed] == []
+    assert [check for check in checks if check.skipped and session.info.fp64] == []
+    assert all(check.name and check.unit for check in checks)
+
+
+def test_there_are_at_least_a_dozen_checks_of_different_names():
+    assert len(PARTS) == len(SUITE) >= 12
+
+
+def passes(name):
+    """Return a test that fails where a part of the suite finds something wrong with the device."""
+
+    def check(session):
+        assert all(check.passed for check in checks_of(session, name))
+
+    return check
+
+
+FAULTS = [
+    Mutant("no product", "h.d += h.b * h.c;\n    h.a ^=", "h.d += h.b;\n    h.a ^=", passes("random numbers")),
+    Mutant("infinite is finite", ">= INFINITE; }", "> INFINITE; }", passes("arithmetic")),
+    Mutant("loops that end early", "i < outer; ++i)", "i < outer && steps < 65535u; ++i)", passes("loops")),
+    Mutant("plain sum", "F3 y = sub(value, s.rest);", "F3 y = value;", passes("film")),
+    Mutant("not y", "F g = d.z - c * dot3(q, d);", "F g = d.z - c * (q.x * d.x + q.z * d.z);", passes("lens surfaces")),
+    Mutant("early total reflection", "cosine2_after > CRITICAL;", "cosine2_after > 1e-3f;",
+           passes("total reflection")),
+    Mutant("another conic", "(1.0f + k) * d.z * d.z);", "(1.001f + k) * d.z * d.z);", passes("stigmatic lenses")),
+    Mutant("far spheres by differences", "r * r - dot3(l, l);", "b * b - c;", passes("far spheres")),
+    Mutant("fitted rays without y", "at.y1 = (v - map[1] * fy) * map[2];", "at.y1 = at.y0;",
+           passes("ways through a lens")),
+    Mutant("what is not finite is added", "lanes = lanes & NOT(bad);", "", passes("film")),
+]  # fmt: skip
+
+
+@each_mutant(FAULTS)
+def test_fault_in_the_kernels_is_found(mutant):
+    assert_found(mutant, Session(choose_device()))
+
+
+def test_plain_float32_sum_would_fail_the_check_of_the_film():
+    values = film_values(3, 1 << 20)
+    exact = values.sum(axis=1, dtype=np.float64)
+    plain = np.cumsum(values, axis=1, dtype=np.float32)[:, -1]
+    error = np.abs(plain / exact - 1)
+    assert (error > 2e-7).all()
+    assert error.max() > 1e-3
+
+
+def test_what_is_not_a_number_fails():
+    assert not Check("x", math.nan, 1.0, "mm").passed
+    assert Check("x", 1.0, 1.0, "mm").passed
+
+
+def test_check_that_needs_float64_is_skipped_and_told_on_a_device_without(monkeypatch, capsys):
+    single = replace(choose_device(), fp64=False)
+    monkeypatch.setattr(selfcheck_suite.outcomes, "__defaults__", ((PARTS["real lenses"],),))
+    monkeypatch.setattr("rptcam_cl.device.session.open_session", lambda _: Session(single))
+    assert main(["doctor", "--numerics"]) == 0
+    said = capsys.readouterr().out
+    assert "  skip lens: the first of them in float64                the device has no float64\n" in said
+    assert "3 of 3 checks passed, 1 skipped" in said
+    assert main(["doctor", "--numerics", "--json"]) == 0
+    (checks,) = json.loads(capsys.readouterr().out)["numerics"].values()
+    assert [(check["skipped"], check["failed"]) for check in checks] == [(False, False)] * 3 + [(True, False)]
+
+
+def test_device_that_throws_in_one_check_is_tried_in_the_next(session):
+    def broken(_):
+        raise DeviceError("out of\nresources")
+
+    first, second = outcomes(session, [CheckGroup("broken", broken), PARTS["random numbers"]])
+    (check,) = first.checks
+    assert (check.passed, check.name, check.note) == (False, "broken", "DeviceError: out of resources")
+    assert all(check.passed for check in second.checks)
+
+
+def test_rays_of_the_margin_fill_film_and_pupil():
+    lens = load_lens("wide-22mm")
+    origins, directions = film_rays(lens, 14.54, (18.0, 12.0), 587.5618)
+    assert (np.abs(origins[:, :2]).max(axis=0) > (17.5, 11.5)).all()
+    assert (np.abs(origins[:, :2]).max(axis=0) <= (18.0, 12.0)).all()
+    assert (directions[:, 2] < 0).all()
+    assert lens.trace(origins, directions).passed.mean() > 0.3
+
+
+def test_doctor_reports_what_there_is(capsys):
+    assert main(["doctor"]) == 0
+    said = capsys.readouterr().out
+    device = choose_device()
+    assert f"* {device.id} {device.type}  {device.name}" in said
+    assert "driver" in said
+    assert "cache of trees" in said
+    assert main(["doctor", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["packages"]["numpy"] == np.__version__
+    assert [entry["id"] for entry in told["devices"] if entry["default"]] == [device.id]
+    assert "numerics" not in told
+    assert main(["doctor", "--device", "99:9"]) == 3
+    assert "fits no OpenCL device" in capsys.readouterr().err
+
+
+@pytest.fixture
+def short(monkeypatch):
+    """A suite that is done at once."""
+    monkeypatch.setattr(
+        selfcheck_suite.outcomes, "__defaults__", ((PARTS["random numbers"], PARTS["total reflection"]),)
+    )
+
+
+def test_doctor_checks_the_devices(short, capsys):
+    assert main(["doctor", "--numerics"]) == 0
+    said = capsys.readouterr().out
+    assert f"numerics of {choose_device().id}" in said
+    assert "  ok   random numbers: known answers" in said
+    assert "2 of 2 checks passed" in said
+
+
+def test_doctor_says_which_check_failed_and_exits_with_5(monkeypatch, capsys):
+    part = CheckGroup("x", lambda _: Check("points", 2e-3, 1e-4, "mm"))
+    monkeypatch.setattr(selfcheck_suite.outcomes, "__defaults__", ((part, PARTS["random numbers"]),))
+    assert main(["doctor", "--numerics", "--device", "cpu"]) == 5
+    streams = capsys.readouterr()
+    assert "  FAIL points" in streams.out
+    assert "0.002  allowed 0.0001 mm" in streams.out
+    assert "1 of 2 checks passed" in streams.out
+    assert streams.err == "error: 1 check failed; please send the report above to the authors\n"
+    assert main(["doctor", "--numerics", "--json"]) == 5
+    (checks,) = json.loads(capsys.readouterr().out)["numerics"].values()
+    assert [check["passed"] for check in checks] == [False, True]
+
+
+def test_doctor_without_a_device_reports_all_the_same(monkeypatch, capsys):
+    from rptcam_cl.studies import selfcheck_suite as environment
+
+    def none():
+        raise DeviceError("no OpenCL platform was found")
+
+    monkeypatch.setattr(environment, "list_devices", none)
+    assert main(["doctor", "--numerics"]) == 3
+    streams = capsys.readouterr()
+    assert "no device: no OpenCL platform was found" in streams.out
+    assert streams.err == "error: no OpenCL platform was found\n"
