@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.report import arguments, machine, print_machine, print_table, write_json
+from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.records import PupilKind
-from rptcam_cl.core.vectors import LINE_D_NM
 from rptcam_cl.device.devices import choose_device
 from rptcam_cl.optics.design import image_circle
 from rptcam_cl.optics.lens import Lens, film_distance

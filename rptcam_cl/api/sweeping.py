@@ -372,7 +372,7 @@ def sweep(
         As for `render`.
     pictures
         Renders those that are missing, in place of this process: takes scenes by number, and returns an iterator over
-        numbers and images in any order, as `rptcam_cl.cluster.render_scenes_on_cluster` does.
+        numbers and images in any order, as `rptcam_cl.batch.cluster_run.render_scenes_on_cluster` does.
     mtf_at
         Where an edge is to be measured, in fractions of the picture from the left and the top.
     allow_mixed

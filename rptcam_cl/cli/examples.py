@@ -161,9 +161,11 @@ def _run_view(arguments: argparse.Namespace) -> int:
     if means_one(arguments.device):
         open_early(arguments.device)
     from rptcam_cl.viewfinder.engine import Viewfinder
-    from rptcam_cl.viewfinder.server import check_server, is_loopback, serve
+    from rptcam_cl.viewfinder.page import check_server, is_loopback
 
     check_server()
+    from rptcam_cl.viewfinder.server import serve
+
     if not (is_loopback(arguments.host) or arguments.others):
         raise InputError(
             f"--host {arguments.host}: lets other machines in, over a connection that is not encrypted (allowed: with"

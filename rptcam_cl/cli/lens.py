@@ -37,8 +37,8 @@ from rptcam_cl.cli.lens_options import (
 )
 from rptcam_cl.cli.output import as_json
 from rptcam_cl.cli.parser import Commands, Parser, positive
+from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.core.vectors import LINE_D_NM
 
 if TYPE_CHECKING:
     from rptcam_cl.optics.design import GlassChoice

@@ -26,8 +26,8 @@ from rptcam_cl.cli.lens_options import (
 )
 from rptcam_cl.cli.output import as_json, print_table
 from rptcam_cl.cli.parser import Commands, Parser, positive
+from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.core.vectors import LINE_D_NM
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 from rptcam_cl.cli.output import print_warnings
 from rptcam_cl.cli.parser import positive
+from rptcam_cl.core.constants import LINE_C_NM, LINE_D_NM, LINE_F_NM
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import DeviceError, InputError
-from rptcam_cl.core.vectors import LINE_C_NM, LINE_D_NM, LINE_F_NM
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
+from rptcam_cl.core.constants import BOLTZMANN, LIGHT_SPEED, PLANCK
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.files import response_curves_dir, spectra_dir
-from rptcam_cl.core.vectors import BOLTZMANN, LIGHT_SPEED, PLANCK
 
 #
 # The wavelengths at which all spectra are known, tables that come onto them, and spectra for colours.

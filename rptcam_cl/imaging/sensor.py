@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.colour import electrons_per_joule, srgb_from_xyz
+from rptcam_cl.core.constants import LUMENS_PER_WATT
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.core.vectors import LUMENS_PER_WATT
 from rptcam_cl.scene.scene import Scene
 
 # Colour filter mosaics: which pixel sees which colour, and the colours that are missing.

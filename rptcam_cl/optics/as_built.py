@@ -10,9 +10,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.core.vectors import LINE_D_NM
 from rptcam_cl.optics.files.glass_catalogues import bundled_thermal
 from rptcam_cl.optics.glass import AIR, STANDARD_C, STANDARD_HPA, Heated, Law, Medium, Melt, Thermal
 from rptcam_cl.optics.lens import Lens

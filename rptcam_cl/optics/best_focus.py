@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.core.vectors import LINE_D_NM
 from rptcam_cl.optics.lens import MEASURED_FROM, Lens, film_distance
 from rptcam_cl.optics.pupils import UNMOVED, FilmFrame, FilmProbe, grid, narrowed, narrowing_probes, pupil_boxes
 from rptcam_cl.optics.spot import Beam, spot

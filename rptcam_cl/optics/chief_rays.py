@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.core.vectors import LINE_D_NM
 from rptcam_cl.optics.lens import limiting_surface, system_matrix
 from rptcam_cl.optics.ray_trace import passing, refract, trace
 

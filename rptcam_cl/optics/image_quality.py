@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.core.vectors import LINE_D_NM
 from rptcam_cl.optics.best_focus import best_film_distance
 from rptcam_cl.optics.charts import FAINT, INK, SIZE, add_key, new_chart, new_figure, series, styled, wavelength_colour
 from rptcam_cl.optics.lens import brought_to_focus

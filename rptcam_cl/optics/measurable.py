@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from rptcam_cl.core.constants import LINE_C_NM, LINE_D_NM, LINE_F_NM
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.core.vectors import LINE_C_NM, LINE_D_NM, LINE_F_NM
 from rptcam_cl.optics.charts import Drawing, Measured, svg_text
 from rptcam_cl.optics.image_quality import Setting, setting
 from rptcam_cl.optics.lens import Lens

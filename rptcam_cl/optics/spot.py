@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.core.vectors import LINE_D_NM
 from rptcam_cl.optics.chief_rays import unobstructed
 from rptcam_cl.optics.lens import limiting_surface
 from rptcam_cl.optics.ray_trace import Rays, Status, refract

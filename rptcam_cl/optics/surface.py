@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.records import SurfaceKind
-from rptcam_cl.core.vectors import LINE_D_NM
 from rptcam_cl.optics.coating import Coating
 from rptcam_cl.optics.glass import AIR, Medium, known_range
 from rptcam_cl.optics.shapes import Form, Hits, Shape, shape_of_profile

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.colour import luminance
+from rptcam_cl.core.constants import LUMENS_PER_WATT
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.core.vectors import LUMENS_PER_WATT
 from rptcam_cl.device.session import Session
 from rptcam_cl.rendering.cameras.model import camera_irradiance, values_per_irradiance
 from rptcam_cl.rendering.cameras.realistic import camera_model

@@ -9,9 +9,9 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.errors import DeviceError, InputError
 from rptcam_cl.core.records import device_declarations
-from rptcam_cl.core.vectors import LINE_D_NM
 from rptcam_cl.device.session import Session, open_session
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.measurable import Measurable

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 from pydantic_core import PydanticCustomError
 
+from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.core.vectors import LINE_D_NM, cross
 from rptcam_cl.optics.as_built import Heat
 from rptcam_cl.scene.base import AlsoAccepts, Alternatives, SceneModel, refuse
 from rptcam_cl.scene.lens_settings import (
@@ -32,7 +32,7 @@ from rptcam_cl.scene.lens_settings import (
     Transmission,
 )
 from rptcam_cl.scene.placement import CameraMotion, Vector, place_between
-from rptcam_cl.scene.quantities import NUMBER, SMALLEST_LENGTH, Direction, Metres, Millimetres, Position
+from rptcam_cl.scene.quantities import NUMBER, SMALLEST_LENGTH, Direction, Metres, Millimetres, Position, cross
 
 #
 # The movements of a view camera: how its film stands behind the lens.

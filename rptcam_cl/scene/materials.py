@@ -22,11 +22,11 @@ from pydantic import (
 from pydantic_core import CoreSchema, core_schema
 
 from rptcam_cl.core.colour import WAVELENGTHS_NM, Spectrum, on_grid
+from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.core.files import Folders, References
 from rptcam_cl.core.strict_yaml import Document
-from rptcam_cl.core.vectors import LINE_D_NM
 from rptcam_cl.optics.files.fields import FieldError
 from rptcam_cl.optics.files.glasses import read_glass
 from rptcam_cl.optics.files.keys import GLASS, glass_json_schema
@@ -572,7 +572,7 @@ class MetalTable(SceneModel):
 
 @dataclass(frozen=True, eq=False)
 class MetalSpectrum:
-    """The refractive index n + i k of a metal at `rptcam_cl.colour.WAVELENGTHS_NM`."""
+    """The refractive index n + i k of a metal at `rptcam_cl.core.colour.WAVELENGTHS_NM`."""
 
     n: Spectrum
     k: Spectrum

@@ -9,14 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, field_validator, model_validator
 
-from rptcam_cl.core.vectors import cross
 from rptcam_cl.scene.assets.boards import DICTIONARIES, Pattern, aruco, charuco, checker, circles, siemens, slanted_edge
 from rptcam_cl.scene.assets.mesh import Draft, make_contents
 from rptcam_cl.scene.base import listed, near_name, refuse
 from rptcam_cl.scene.materials import Material, Matte
 from rptcam_cl.scene.meshes import LoadedMesh, MeshObject
 from rptcam_cl.scene.placement import Bounds, PlacedObject, SceneObject
-from rptcam_cl.scene.quantities import NUMBER, SMALLEST_LENGTH, WHOLE_NUMBER, Direction, Length, Position
+from rptcam_cl.scene.quantities import NUMBER, SMALLEST_LENGTH, WHOLE_NUMBER, Direction, Length, Position, cross
 
 # Boards for calibration and measurement: flat patterns whose points pictures are to show where metadata say.
 

@@ -11,10 +11,10 @@ from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any, Literal, get_args
 
+from rptcam_cl.core.constants import LUMENS_PER_WATT
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, RptcamError
 from rptcam_cl.core.files import Folders, References, identity_of_code, keep_arrays, kept_arrays, lenses_dir, name_of
-from rptcam_cl.core.vectors import LUMENS_PER_WATT
 from rptcam_cl.optics.lens import Lens, configured
 from rptcam_cl.optics.library import list_lenses, load_lens, named_lens
 from rptcam_cl.rendering.cameras.model import values_per_irradiance

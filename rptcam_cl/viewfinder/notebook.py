@@ -12,7 +12,7 @@ from typing import Any
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.viewfinder.engine import TooManyClientsError, Viewfinder
-from rptcam_cl.viewfinder.server import module_text, style_text
+from rptcam_cl.viewfinder.page import module_text, style_text
 
 NEEDED = "the viewfinder in a notebook needs anywidget: pip install 'rptcam_cl[widget]'"
 PATIENCE_S = 150.0  # without a sign of life, which a view gives every 20 s and in a hidden tab every minute

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.core.vectors import curves
+from rptcam_cl.core.records import curves
 
 RNG = np.random.default_rng(3)
 WEIGHTS = {

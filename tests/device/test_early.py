@@ -25,14 +25,14 @@ environment: {kind: constant, radiance: 1}
 # Renders, and says in which threads programs were built that the picture needed.
 RENDER = """\
 import sys, threading
-import rptcam_cl.device
-from rptcam_cl.device import open_early, session
+from rptcam_cl.device import session
 from rptcam_cl.__main__ import run
+open_early = session.open_early
 def open_and_wait(*arguments):
     found = open_early(*arguments)
     [thread.join() for thread in threading.enumerate() if thread is not threading.main_thread()]
     return found
-rptcam_cl.device.open_early = open_and_wait
+session.open_early = open_and_wait
 class Noted(session.Program):
     def __init__(self, *arguments):
         super().__init__(*arguments)

@@ -15,7 +15,8 @@ from tests.device.probes import open_session
 
 UNKNOWN = """
 import ctypes, sys
-from rptcam_cl.device import Session, list_devices
+from rptcam_cl.device.devices import list_devices
+from rptcam_cl.device.session import Session
 from rptcam_cl.device.drivers import _point, processor_field, processor_name
 from rptcam_cl.device.devices import try_here
 info = next(device for device in list_devices() if "portable" in device.platform.lower())

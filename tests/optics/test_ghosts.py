@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.core.vectors import LINE_D_NM
 from rptcam_cl.optics.coating import (
     BARE,
     MAGNESIUM_FLUORIDE,

@@ -6,8 +6,8 @@ import sys
 import numpy as np
 import pytest
 
+from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.core.vectors import LINE_D_NM
 from rptcam_cl.optics.files.glass_catalogues import (
     MAKERS,
     chosen_makers,
@@ -108,7 +108,7 @@ def test_no_catalogue_is_read_for_bundled_lenses():
     code = (
         "from rptcam_cl.optics.library import load_lens\n"
         "from rptcam_cl.optics.files import glass_catalogues as makers\n"
-        "load_lens('cooke-triplet-50mm')\nassert makers._text.cache_info().currsize == 0"
+        "load_lens('cooke-triplet-50mm')\nassert makers._makers_text.cache_info().currsize == 0"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
 

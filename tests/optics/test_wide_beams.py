@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.core.vectors import LINE_D_NM
 from rptcam_cl.optics.library import load_lens
 from rptcam_cl.optics.spot import Beam, chief_ray, passing_beam, passing_steep_beam, steep_chief_ray
 

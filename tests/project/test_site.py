@@ -24,7 +24,16 @@ from docs.site.contents import Nav, linked, nav_of, slug, spaced
 from docs.site.docstrings import as_markdown
 from docs.site.generated import NAV, PAGES
 from docs.site.key_reference import key_page
-from docs.site.python_reference import PROPERTIES, ROOMS, examples, module_of, room_page, signature
+from docs.site.python_reference import (
+    PROPERTIES,
+    ROOMS,
+    examples,
+    module_of,
+    modules_of,
+    public_names,
+    room_page,
+    signature,
+)
 from examples.show_keys import models
 from rptcam_cl.scene.load import scene_json_schema
 from tests.support.browsing import chromium, needs_chromium
@@ -210,7 +219,11 @@ def test_programs_use_every_member_of_the_results_and_every_argument_of_render()
 @pytest.mark.parametrize("room", ROOMS)
 def test_every_function_and_class_of_a_room_is_described(room: str) -> None:
     module = module_of(room)
-    values = {name: getattr(module, name) for name in module.__all__}
+    places = [(module, name) for name in module.__all__] if not room else [
+        (each, name) for each in modules_of(module) for name in public_names(each)
+    ]  # fmt: skip
+    values = {name: getattr(each, name) for each, name in places}
+    assert len(values) > 2
     described = {name: value for name, value in values.items() if inspect.isfunction(value) or inspect.isclass(value)}
     assert [name for name, value in described.items() if not inspect.getdoc(value)] == []
 

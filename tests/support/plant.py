@@ -37,20 +37,22 @@ LIMIT_S = 600.0  # of all tests of one fault; what never ends is found
 
 # Where the tests of a room are, beside the folder of its name.
 TESTS = {
-    "colour": "imaging/sensor",
-    "tolerances": "cli/test_lens_tolerance cameras/test_as_built",
     "imaging": "cli/test_develop rendering/truth/test_cryptomatte",
-    "lenstools": "cli/test_lens_views cli/test_lens cli/test_breathing",
-    "scene": "plan imaging/sensor colour tolerances/test_specification cameras/test_losses rendering/test_transmission",
-    "optics": "lenstools tolerances rendering/layers/test_blur",
-    "assets": "importers/starting",
-    "core": "device/test_layout device/test_signatures rendering/test_world assets/test_remembered_pictures",
-    "plan": "rendering/light rendering/caustics rendering/test_emitters scene/test_warnings rendering/test_shapes",
+    "scene": "rendering/plan imaging/sensor core/colour rendering/tolerances/test_specification"
+    " rendering/cameras/test_losses rendering/test_transmission",
+    "scene/assets": "exchange/starting",
+    "optics": "rendering/tolerances rendering/layers/test_blur cli/test_lens_views cli/test_lens cli/test_breathing"
+    " cli/test_lens_tolerance rendering/cameras/test_as_built",
+    "core": "device/test_layout device/test_signatures rendering/test_world scene/assets/test_remembered_pictures"
+    " imaging/sensor",
+    "rendering/plan": "rendering/light rendering/caustics rendering/test_emitters scene/test_warnings"
+    " rendering/test_shapes",
     "api": "rendering/test_honest_errors",
-    "kernels/lens": "device/test_camera_rays optics/test_surfaces rendering/test_lens_float64 cameras/test_losses"
-    " optics/test_mirrors cameras/test_ray_map optics/test_coatings rendering/test_lens_light",
+    "kernels/lens": "device/test_camera_rays optics/test_surfaces rendering/test_lens_float64"
+    " rendering/cameras/test_losses optics/test_mirrors rendering/cameras/test_ray_map optics/test_coatings"
+    " rendering/test_lens_light",
     "kernels/camera": "device/test_camera_rays rendering/test_thick_lens rendering/test_filters"
-    " cameras/test_fitted_camera cameras/test_movements rendering/test_apertures rendering/motion"
+    " rendering/cameras/test_fitted_camera rendering/cameras/test_movements rendering/test_apertures rendering/motion"
     " rendering/test_lens_light",
     "kernels/material": "device/test_bsdf_values device/test_bsdf_sampling device/test_sheen device/test_covers"
     " rendering/light/test_textures rendering/test_opacity rendering/test_materials rendering/test_normal_maps"
@@ -68,12 +70,12 @@ TESTS = {
 
 # Faults that change nothing a user could notice: the file and the line with the fault, and why.
 EQUIVALENT = {
-    "core/kept.py: path.unlink(missing_ok=False)": "the caller passes over it, and the next call deletes what is left",
-    'imaging/raw.py: planarconfig="contig" if (not (raw.numbers.ndim == 3)) else None,': "tifffile finds the same",
-    "optics/ghost_rays.py: turns = np.full((len(entered), max(map(len, ways), default=0) + 2), NOWHERE)": "more room",
-    "optics/files/checks.py: backwards = [k for k, s in enumerate(lens.surfaces) if s.is_mirror and lens.senses[k] <= 0"
+    "core/files.py: path.unlink(missing_ok=False)": "the caller passes over it, and the next call deletes what is left",
+    'imaging/formats.py: planarconfig="contig" if (not (raw.numbers.ndim == 3)) else None,': "tifffile finds the same",
+    "optics/ghosts.py: turns = np.full((len(entered), max(map(len, ways), default=0) + 2), NOWHERE)": "more room",
+    "optics/files/tables.py: backwards = [k for k, s in enumerate(lens.surfaces) if s.is_mirror and lens.senses[k] <= 0"
     " and s.pose is None]": "a sense is 1 or -1",
-    "optics/copies_trace.py: return Hits(hit, to_plane + step, normal, cosine, np.isfinite(step) & (normal[2] > 0)"
+    "optics/ray_trace.py: return Hits(hit, to_plane + step, normal, cosine, np.isfinite(step) & (normal[2] > 0)"
     " & (cosine >= 0))": "only rays along the surface itself",
 }
 

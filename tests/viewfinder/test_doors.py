@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from rptcam_cl.viewfinder.server import Doors, Tokens, is_loopback
+from rptcam_cl.viewfinder.page import Doors, Tokens, is_loopback
 
 
 def passes(host: str, kind: str, headers: list[tuple[str, str]]) -> bool:

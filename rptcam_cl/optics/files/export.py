@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
+from rptcam_cl.core.constants import LINE_C_NM, LINE_D_NM, LINE_F_NM
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.core.vectors import LINE_C_NM, LINE_D_NM, LINE_F_NM
 from rptcam_cl.optics.coating import (
     BARE,
     MAGNESIUM_FLUORIDE,

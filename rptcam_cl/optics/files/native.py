@@ -12,10 +12,10 @@ import numpy as np
 from numpy.polynomial import Chebyshev, Polynomial
 from numpy.typing import NDArray
 
+from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.files import References
 from rptcam_cl.core.strict_yaml import Document, KeyPath
-from rptcam_cl.core.vectors import LINE_D_NM
 from rptcam_cl.optics.files.fields import Fields, as_number, problem
 from rptcam_cl.optics.files.glasses import coated, read_glass
 from rptcam_cl.optics.files.keys import (

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.core.files import read_whole
-from rptcam_cl.core.vectors import curves
+from rptcam_cl.core.records import curves
 from rptcam_cl.optics.lens import Lens, limiting_surface, system_matrix
 from rptcam_cl.optics.ray_trace import axial_transmittance
 from rptcam_cl.optics.stop_shape import StopMask, StopShape, blades, fitted, heart, polygon, star

@@ -12,10 +12,10 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core.constants import LUMENS_PER_WATT
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.records import CAMERA, DISPERSION_NM, SURFACE, VIEW, PupilKind
-from rptcam_cl.core.vectors import LUMENS_PER_WATT
 from rptcam_cl.optics.best_focus import blur_variances
 from rptcam_cl.optics.lens import FirstOrder, Lens
 from rptcam_cl.optics.pupils import UNMOVED, FilmFrame

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.files import kept_or_found
 from rptcam_cl.core.records import LOSS_TABLE_LENGTH, LOSS_TABLE_NM
-from rptcam_cl.core.vectors import LINE_D_NM
 from rptcam_cl.optics.as_built import Heat
 from rptcam_cl.optics.best_focus import best_film_distance, best_film_distance_at
 from rptcam_cl.optics.chief_rays import ChiefRays, film_chief_rays, round_chief_rays

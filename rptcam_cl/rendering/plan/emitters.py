@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from rptcam_cl.core.colour import LUMINANCE, luminance
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.core.records import EMITTER, EmitterKind, EnvironmentKind, Kind, TexelFormat
-from rptcam_cl.core.vectors import cross, curves
+from rptcam_cl.core.records import EMITTER, EmitterKind, EnvironmentKind, Kind, TexelFormat, curves
 from rptcam_cl.rendering.cameras.lamp_aim import SeenLamp
 from rptcam_cl.rendering.plan.environment import SUN_RADIUS_DEGREES, DistantSun, Surroundings
 from rptcam_cl.rendering.plan.primitives import Primitive, corners_of_box, sphere_of, turn_to, world_from_scene
@@ -31,7 +30,7 @@ from rptcam_cl.scene.lights import (
     read_luminaire,
 )
 from rptcam_cl.scene.materials import Emissive, Material, Principled, Texture, has_holes
-from rptcam_cl.scene.quantities import LARGEST_RADIANCE, Colour
+from rptcam_cl.scene.quantities import LARGEST_RADIANCE, Colour, cross
 from rptcam_cl.scene.scene import Scene
 
 # Lights without a surface as emitters: record and power of each.

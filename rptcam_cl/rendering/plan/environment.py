@@ -16,9 +16,9 @@ from rptcam_cl.core.colour import (
     srgb_from_spectrum,
     srgb_from_xyz,
 )
+from rptcam_cl.core.constants import LUMENS_PER_WATT
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.core.records import ENVIRONMENT, EnvironmentKind, TexelFormat
-from rptcam_cl.core.vectors import LUMENS_PER_WATT, curves
+from rptcam_cl.core.records import ENVIRONMENT, EnvironmentKind, TexelFormat, curves
 from rptcam_cl.rendering.plan.textures import (
     Colours,
     KnownSpectra,

@@ -21,8 +21,7 @@ from rptcam_cl.core.colour import (
 )
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.core.records import CAUSTIC_SURFACE, EmitterKind, Kind, SpectrumKind
-from rptcam_cl.core.vectors import curves
+from rptcam_cl.core.records import CAUSTIC_SURFACE, EmitterKind, Kind, SpectrumKind, curves
 from rptcam_cl.rendering.cameras.lamp_aim import SeenLamp, Shows, Sights, aimed_at_lamps
 from rptcam_cl.rendering.cameras.model import CameraModel, FilterTable, camera_trajectory, filter_table, turned
 from rptcam_cl.rendering.cameras.realistic import camera_model

@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.records import INSTANCE, PRIMITIVE, SEGMENT, Kind
-from rptcam_cl.core.vectors import cross
 from rptcam_cl.rendering.cameras.model import CameraModel, turned
 from rptcam_cl.rendering.cameras.realistic import camera_model
 from rptcam_cl.rendering.plan.environment import Surroundings, pack_environment
@@ -28,6 +27,7 @@ from rptcam_cl.scene.film import Film, SpectrumSettings
 from rptcam_cl.scene.materials import Material
 from rptcam_cl.scene.meshes import MeshObject
 from rptcam_cl.scene.placement import PlacedObject, Trajectory, moments, quaternion_of
+from rptcam_cl.scene.quantities import cross
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.scene.shapes import Board, Box, Cone, Cylinder, Disk, Object, Plane, Rectangle, Sphere
 

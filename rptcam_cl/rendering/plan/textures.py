@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rptcam_cl.core.colour import Spectrum, metal_optics, srgb_from_reflectance
+from rptcam_cl.core.constants import LINE_C_NM, LINE_D_NM, LINE_F_NM
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.records import (
@@ -26,7 +27,6 @@ from rptcam_cl.core.records import (
     TextureKind,
     Wrap,
 )
-from rptcam_cl.core.vectors import LINE_C_NM, LINE_D_NM, LINE_F_NM
 from rptcam_cl.optics.glass import held_index, known_range
 from rptcam_cl.rendering.cameras.lens_records import fewest_terms, fit_nodes
 from rptcam_cl.scene.assets.pictures import Picture, read_picture
@@ -50,7 +50,7 @@ class KnownSpectra:
     Attributes
     ----------
     samples : list of arrays (401,)
-        At `rptcam_cl.colour.WAVELENGTHS_NM`.
+        At `rptcam_cl.core.colour.WAVELENGTHS_NM`.
     lights : list of arrays (401,)
         Those of them that shine.
     colours : int

@@ -32,7 +32,7 @@ from rptcam_cl.batch import cluster as client
 from rptcam_cl.batch import cluster as tasks
 from rptcam_cl.batch import cluster as tasks_out
 from rptcam_cl.batch import cluster_run
-from rptcam_cl.batch.cluster import TLS, packed
+from rptcam_cl.batch.cluster import TLS, packed, survey
 from rptcam_cl.batch.cluster_run import render_on_cluster
 from rptcam_cl.core.errors import DeviceError, InputError, StateError
 from rptcam_cl.rendering.checkpoint import read_checkpoint, read_part, write_checkpoint
@@ -308,7 +308,7 @@ def test_cluster_that_cannot_render_is_refused_before_any_work(
         render_on_cluster(scene_file, empty, tls=False)
     with pytest.raises(DeviceError, match=r"cannot render: .*fits no OpenCL device"):
         render_on_cluster(scene_file, address, tls=False, device="nothing-like-it")
-    monkeypatch.setattr(tasks, "__version__", "0.0.1")
+    monkeypatch.setattr(tasks, "survey", lambda device=None: survey(device) | {"version": "0.0.1"})
     with pytest.raises(StateError, match=r"has version 0\.0\.1, and this is"):
         render_on_cluster(scene_file, address, tls=False)
 

@@ -119,7 +119,7 @@ def test_openlensio_has_millimetres(seen, brown):
     ],
 )
 def test_openlensio_is_what_the_published_schema_allows(changes):
-    schema = json.loads((Path(__file__).parents[1] / "data/opentrackio.schema.json").read_text())
+    schema = json.loads((Path(__file__).parents[2] / "data/opentrackio.schema.json").read_text())
     camera = {key: value for key, value in (SCENE["camera"] | changes).items() if value is not None}
     seen = view(load_scene(SCENE | {"camera": camera}))
     for model in ("brown_conrady", "rational"):

@@ -60,7 +60,7 @@ def test_failure_while_the_last_file_is_written_leaves_none(tmp_path, capsys, mo
     def fail(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("rptcam_cl.calibration.vignetting_exr", fail)
+    monkeypatch.setattr("rptcam_cl.exchange.camera_maps.vignetting_exr", fail)
     files = {"opencv": "cv.yaml", "vignetting": "v.exr", "colmap": "model"}
     words = [word for name, file in files.items() for word in (f"--{name}", str(tmp_path / file))]
     assert main(["camera", *SMALL, *words]) == StateError.exit_code

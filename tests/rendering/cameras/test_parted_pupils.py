@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.core.vectors import LINE_D_NM
+from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.optics.irradiance import film_irradiance
 from rptcam_cl.optics.library import list_lenses, load_lens
 from rptcam_cl.optics.pupils import FilmProbe, spread_points

@@ -6,8 +6,8 @@ from functools import cache
 import numpy as np
 import pytest
 
+from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.records import PupilKind
-from rptcam_cl.core.vectors import LINE_D_NM
 from rptcam_cl.optics.design import image_circle
 from rptcam_cl.optics.library import list_lenses, load_lens
 from rptcam_cl.optics.pupils import DIRECTIONS, FilmProbe

@@ -207,7 +207,7 @@ def test_device_that_cannot_begin_is_left_out_of_all(second, whole, monkeypatch)
 ENDLESS = """
 import rptcam_cl
 from rptcam_cl.rendering import checkpoint as saving
-from rptcam_cl.device import Session
+from rptcam_cl.device.session import Session
 from tests.rendering import test_resume as t
 from tests.rendering.several.devices import processor_and_cores
 saving.INTERVAL = 0.0

@@ -68,7 +68,7 @@ def test_every_case_can_be_loaded():
 @pytest.mark.slow
 def test_advice_holds_and_a_spoiled_one_is_found_wrong():
     case = Case(
-        "landscape", Path(__file__).resolve().parents[2] / "examples" / "sunny_sixteen.yaml", (96, 54), 1.0, 0.05
+        "landscape", Path(__file__).resolve().parents[3] / "examples" / "sunny_sixteen.yaml", (96, 54), 1.0, 0.05
     )
     session = open_session(None)
     scene = load_scene(case.path)

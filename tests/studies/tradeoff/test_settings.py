@@ -10,7 +10,7 @@ from rptcam_cl.studies.tiers import choose_camera
 from rptcam_cl.studies.tradeoff_errors import AS_IT_IS, ladder, most_accurate
 from rptcam_cl.studies.tradeoff_runs import mark
 
-EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+EXAMPLES = Path(__file__).resolve().parents[3] / "examples"
 SCENES = [
     pytest.param("sunny_sixteen.yaml", [], marks=pytest.mark.slow),
     ("still_life.yaml", ["render.sampler=independent", "render.clamp=10"]),

@@ -1,7 +1,7 @@
 """How far camera models are from each other, measured afresh: by dense rays through every surface, at any film point.
 
-Nothing here comes from `rptcam_cl.tradeoff.tiers`: rays are those of `cameras.pupil_rays`, as the kernels draw them,
-and a pinhole is its field of view.
+Nothing here comes from `rptcam_cl.studies.tiers`: rays are those of
+`rptcam_cl.rendering.cameras.film_pupil`, as the kernels draw them, and a pinhole is its field of view.
 """
 
 from dataclasses import dataclass

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from rptcam_cl.core.vectors import cross
+from rptcam_cl.scene.quantities import cross
 
 
 def test_the_cross_product_is_that_of_numpy_bit_by_bit() -> None:
