@@ -10,7 +10,6 @@ import json
 import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,17 +20,8 @@ from rptcam_cl.api.interface import render
 from rptcam_cl.api.stages import Kept, RenderOptions, prepare, report, run
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, RptcamError, StateError
-from rptcam_cl.core.files import (
-    OneMaker,
-    identity_of_code,
-    keep_bytes,
-    kept_bytes,
-    kernels_dir,
-    made_by,
-    name_of,
-    replacing,
-    unlinked,
-)
+from rptcam_cl.core.files import kernels_dir, replacing, unlinked
+from rptcam_cl.core.remember import Disk, OneMaker, made_by
 from rptcam_cl.device.session import Session, Wanted, open_sessions
 from rptcam_cl.imaging.development import quantised
 from rptcam_cl.imaging.image import Image, develop, read_film
@@ -237,23 +227,19 @@ class FrameTracker:
         """Return what was measured in a frame, here or by an earlier run."""
         if self._session is None:
             self._session = self._open()
-        name = name_of(__version__, _code(), self._session.info.driver, what, scene.content_hash())
-        if (known := kept_bytes(KIND, name)) is not None:
-            try:
-                value = json.loads(known)
-                return None if value is None else float(value)
-            except (ValueError, TypeError):
-                pass
-        found = measure(self._session)
-        self.measured += 1
-        keep_bytes(KIND, name, json.dumps(found).encode())
-        return found
+        session, key = self._session, (__version__, self._session.info.driver, what, scene.content_hash())
+
+        def find() -> float | None:
+            value = measure(session)
+            self.measured += 1
+            return value
+
+        return _disk().find_or_make(key, find)
 
 
-@lru_cache(maxsize=1)
-def _code() -> str:
-    """Return what changes with the code that measures."""
-    return identity_of_code(ROOMS, tuple(sorted(path.name for path in kernels_dir().iterdir())))
+def _disk() -> Disk:
+    """Return where measurements are kept; all code of these rooms and all kernels decide them."""
+    return Disk(KIND, ROOMS, tuple(sorted(path.name for path in kernels_dir().iterdir())))
 
 
 def _is_metered(scene: Scene) -> bool:

@@ -27,10 +27,6 @@ from rptcam_cl.api.stages import RenderOptions
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import DeviceError, InputError, RptcamError, StateError
 from rptcam_cl.core.files import (
-    Maker,
-    OneMaker,
-    is_maker,
-    made_by,
     named_files,
     read_whole,
     remove_strays,
@@ -38,6 +34,7 @@ from rptcam_cl.core.files import (
     scratch_folder,
     unlinked,
 )
+from rptcam_cl.core.remember import Maker, Memory, OneMaker, is_maker, made_by
 from rptcam_cl.device.devices import choose_device
 from rptcam_cl.rendering.checkpoint import SUFFIX, read_part
 from rptcam_cl.rendering.several import FilmPart
@@ -157,30 +154,30 @@ def _words(data: Any) -> tuple[str, ...]:
 
 
 MOST_KEPT = 3  # scenes, where as many clients have the same workers
-_FOLDERS: dict[str, tuple[Any, Scene]] = {}  # of parcels that are unpacked in this process, the last used one last
+_unpacked: Memory[tuple[Any, Scene]] = Memory(MOST_KEPT)  # folders and scenes of parcels, by their digests
 _ONE = threading.Lock()
 
 
 def keep_scene(parcel: Parcel) -> None:
     """Unpack a parcel, once in this process; its folder goes with the process, or with others after it."""
+
+    def unpack() -> tuple[Any, Scene]:
+        folder = scratch_folder()
+        return folder, parcel.unpacked(Path(folder.name))
+
     with _ONE:
-        if (digest := parcel.digest) not in _FOLDERS:
-            folder = scratch_folder()
-            _FOLDERS[digest] = folder, parcel.unpacked(Path(folder.name))
-            for old in list(_FOLDERS)[:-MOST_KEPT]:
-                del _FOLDERS[old]
+        _unpacked.find_or_make(parcel.digest, unpack)
 
 
 def has_scene(digest: str) -> bool:
     """Whether the parcel with this digest is unpacked in this process."""
-    return digest in _FOLDERS
+    return digest in _unpacked
 
 
 def scene_of(digest: str) -> Scene:
     """Return the scene of a parcel that is unpacked in this process."""
-    with _ONE:
-        _FOLDERS[digest] = _FOLDERS.pop(digest)
-        return _FOLDERS[digest][1]
+    scene: Scene = _unpacked.find(digest)[1]
+    return scene
 
 
 # What a worker does: survey itself, open a render, render one part of it; one render at a time is kept open.

@@ -34,7 +34,8 @@ from rptcam_cl.batch.cluster import (
 )
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import StateError
-from rptcam_cl.core.files import OneMaker, made_by, scratch_folder
+from rptcam_cl.core.files import scratch_folder
+from rptcam_cl.core.remember import OneMaker, made_by
 from rptcam_cl.imaging.image import Image
 from rptcam_cl.rendering.checkpoint import SUFFIX
 from rptcam_cl.rendering.film import FilmLayout

@@ -21,7 +21,8 @@ from rptcam_cl.api.sweeping import SeriesRenderer
 from rptcam_cl.batch.specification import MOST_FRAMES, DatasetSpecification, numbered, read_specification, whole
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, StateError
-from rptcam_cl.core.files import UNKNOWN, OneMaker, made_by, replacing, unlinked
+from rptcam_cl.core.files import replacing, unlinked
+from rptcam_cl.core.remember import UNKNOWN, Memory, OneMaker, made_by
 from rptcam_cl.device.session import Wanted, open_sessions
 from rptcam_cl.exchange.camera_models import COEFFICIENTS, calibrate, calibrate_best
 from rptcam_cl.exchange.camera_view import View, view
@@ -425,8 +426,8 @@ class _Cameras:
 
     def __init__(self, model: str) -> None:
         self._model = model
-        self._known: dict[str, dict[str, Any]] = {}
-        self._lit: dict[str, dict[str, Any]] = {}  # where the whole picture has light, by all but the stop
+        self._known: Memory[dict[str, Any]] = Memory(REMEMBERED)
+        self._lit: Memory[dict[str, Any]] = Memory(REMEMBERED)  # where the whole picture has light, by all but the stop
 
     def of(self, scene: Scene, image: Image, renderer: SeriesRenderer) -> dict[str, Any]:
         """Return pose, pupil, film, lens, and the camera model with its residual."""
@@ -440,9 +441,9 @@ class _Cameras:
         if self._model == "none":
             return {}
         optics, stop = _content(seen)
-        known = self._known.get(optics + stop)
-        if known is None and optics in self._lit and seen.is_of_any_stop:
-            known = self._lit[optics]
+        known: dict[str, Any] | None = self._known.find(optics + stop)
+        if known is None and seen.is_of_any_stop:
+            known = self._lit.find(optics)
         if known is None:
             if self._model == "auto":
                 found = calibrate_best(seen, list(COEFFICIENTS), GOOD_PX)
@@ -456,15 +457,9 @@ class _Cameras:
                 "rms_error_px": found.rms_px,
             }
             if found.lit_share == 1.0:
-                _keep(self._lit, optics, known)
-        _keep(self._known, optics + stop, known)
+                self._lit.add(optics, known)
+        self._known.add(optics + stop, known)
         return known
-
-
-def _keep(known: dict[str, dict[str, Any]], key: str, value: dict[str, Any]) -> None:
-    known[key] = value
-    if len(known) > REMEMBERED:
-        known.pop(next(iter(known)))
 
 
 def _content(seen: View) -> tuple[str, str]:

@@ -14,7 +14,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rptcam_cl.core.errors import InputError, RptcamError
-from rptcam_cl.core.files import OneMaker, made_by, named_files
+from rptcam_cl.core.files import named_files
+from rptcam_cl.core.remember import OneMaker, made_by
 
 if TYPE_CHECKING:
     from rptcam_cl.scene.scene import Scene

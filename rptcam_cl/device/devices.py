@@ -23,7 +23,8 @@ from typing import Any
 from rptcam_cl._version import __version__
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import DeviceError
-from rptcam_cl.core.files import cache_dir, keep_bytes, kept_bytes
+from rptcam_cl.core.files import cache_dir
+from rptcam_cl.core.remember import Disk
 from rptcam_cl.device.drivers import (
     AS_BEFORE_POCL_7,
     AVX2,
@@ -60,7 +61,6 @@ _CHILD = (
     "devices.print_trial(int(sys.argv[2]), int(sys.argv[3]))"
 )
 
-_REFUSED = ".refused"
 # What a ray does to a device: it reads at places that it cannot foresee, and computes in between.
 _WALK = """
 __kernel void walk(__global float *table, uint last, uint steps)
@@ -102,19 +102,24 @@ class Trial:
     speed: float | None = None
 
 
+KEPT = "devices"  # folder of the cache on disk
+_REFUSALS = Disk(KEPT)
+_TRIALS = Disk(KEPT, pack=lambda trial: ({}, asdict(trial)), unpack=lambda _, facts: _trial_of(facts))
+
+
 @lru_cache(maxsize=64)
 def try_device(handle: Any) -> Trial:
     """Return what a trivial kernel shows on the pyopencl device ``handle``; where PoCL needs help, after helping."""
     try:
-        name = driver_name(handle) + ".json"
+        key = "trial", driver_name(handle)
     except Exception as error:  # a driver may raise anything
         return Trial(problem=f"its driver does not describe it: {error}")
-    kept = _recalled(name)
+    kept: Trial | None = _TRIALS.find(key)
     if kept is not None and _helped(handle, kept):
         return kept
     trial = _tried_apart(handle)
     if trial.problem is None and _place(handle) is not None:
-        keep_bytes("devices", name, json.dumps(asdict(trial)).encode())
+        _TRIALS.add(key, trial)
         if not _helped(handle, trial):
             return Trial(problem="PoCL's record of the device is not as it was in another process")
     return trial
@@ -137,27 +142,13 @@ def driver_name(handle: Any) -> str:
 
 def keep_refusal(handle: Any, why: str) -> None:
     """Keep why a device that builds kernels cannot be used."""
-    keep_bytes("devices", driver_name(handle) + _REFUSED, why.encode())
+    _REFUSALS.add(("refusal", driver_name(handle)), why)
 
 
 def refusal(handle: Any) -> str | None:
     """Return what `keep_refusal` has kept of a device; None where there is nothing."""
-    kept = kept_bytes("devices", driver_name(handle) + _REFUSED)
-    return None if kept is None else kept.decode(errors="replace")
-
-
-def _recalled(name: str) -> Trial | None:
-    """Return what an earlier trial showed of a driver that works; None where nothing sound is kept."""
-    try:
-        found = json.loads(kept_bytes("devices", name) or b"")
-        renamed = found["renamed"]
-        arch = found["library_arch"]
-        if arch not in (None, AVX2_ARCH, AVX512_ARCH):
-            return None
-        speed = None if found["speed"] is None else float(found["speed"])
-        return Trial(None, arch, None if renamed is None else (str(renamed[0]), str(renamed[1])), speed)
-    except (ValueError, KeyError, TypeError, IndexError):
-        return None
+    why: str | None = _REFUSALS.find(("refusal", driver_name(handle)))
+    return why
 
 
 def _helped(handle: Any, trial: Trial) -> bool:
@@ -203,7 +194,7 @@ def prepare_trial() -> None:
     """Make a process for the first trial, where none is kept; to be called before drivers and threads begin."""
     load_opencl()
     has_begun = _likeness or try_device.cache_info().currsize
-    if not has_begun and not any(cache_dir("devices").glob("*.json")):
+    if not has_begun and not any(cache_dir(KEPT).glob("*")):
         made = fork_likeness(_carry_out)
         _likeness.extend([] if made is None else [made])
 

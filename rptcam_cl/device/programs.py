@@ -11,7 +11,8 @@ from functools import cached_property
 from typing import Any
 
 from rptcam_cl.core.errors import DeviceError
-from rptcam_cl.core.files import keep_bytes, kept_bytes, kernels_dir
+from rptcam_cl.core.files import kernels_dir
+from rptcam_cl.core.remember import Disk
 from rptcam_cl.device.devices import AVX512_ARCH, first_error, target_pragma
 from rptcam_cl.device.drivers import AS_BEFORE_POCL_7, load_opencl
 
@@ -268,6 +269,13 @@ class Program:
         return kernel_parameters(self.source)
 
 
+_BINARIES = Disk(
+    "programs",
+    pack=lambda binary: ({"binary": np.frombuffer(binary, np.uint8)}, {}),
+    unpack=lambda arrays, _: arrays["binary"].tobytes(),
+)
+
+
 def build_program(context: Any, device: Any, source: str, options: list[str]) -> Any:
     """Return the program built of ``source`` for a pyopencl device; raises what pyopencl raises."""
     cl = load_opencl()
@@ -276,15 +284,15 @@ def build_program(context: Any, device: Any, source: str, options: list[str]) ->
     if has_src_build_cache(device):
         return cl.Program(context, source).build(options=options, devices=[device])
     name = program_name(device, source, options)
-    kept = kept_bytes("programs", name) or b""
-    if kept and hashlib.sha256(kept[_HASH_BYTES:]).digest() == kept[:_HASH_BYTES]:
+    kept: bytes | None = _BINARIES.find(name)
+    if kept is not None:
         try:
-            return cl.Program(context, [device], [kept[_HASH_BYTES:]]).build(options=options, devices=[device])
+            return cl.Program(context, [device], [kept]).build(options=options, devices=[device])
         except cl.Error:  # of a driver that has changed without a new version
             pass
     program = cl.Program(context, source).build(options=options, devices=[device])
     binary = bytes(program.get_info(cl.program_info.BINARIES)[0])
-    keep_bytes("programs", name, hashlib.sha256(binary).digest() + binary)
+    _BINARIES.add(name, binary)
     return program
 
 

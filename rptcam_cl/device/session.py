@@ -8,7 +8,6 @@ import math
 import re
 import threading
 import warnings
-from collections import OrderedDict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import lru_cache
@@ -18,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.errors import DeviceError
-from rptcam_cl.core.files import identity_of_code, keep_arrays, kept_arrays, name_of
+from rptcam_cl.core.remember import Disk, Memory, content_name
 from rptcam_cl.device.devices import (
     ALL,
     AVX512_ARCH,
@@ -164,8 +163,8 @@ class Session:
         except cl.Error as error:
             raise DeviceError(f"device {info.id} {info.name} cannot be used: {error}") from error
         self._library_arch = try_device(info.handle).library_arch
-        self._programs: OrderedDict[tuple[Any, ...], Program] = OrderedDict()
-        self._finding, self._building = threading.Lock(), threading.Lock()
+        self._programs: Memory[Program] = Memory(MOST_PROGRAMS)
+        self._building = threading.Lock()
         self._launched: list[Program] = []  # whose code is not noted
         self._foreseen: dict[str, Program] = {}  # by their sources
         self.is_quick = self._takes_kept_only = False  # see `quick`, `kept_only`
@@ -232,8 +231,8 @@ class Session:
         key = source_key(files, facts, declarations)
         keys = [key, ("quick", *key)] if self.is_quick else [key]
         for each in keys:
-            if (known := self._known_program(each)) is not None:
-                return known
+            if (known := self._programs.find(each)) is not None:
+                return cast(Program, known)
         source = assemble(files, facts, declarations, library_arch=self._library_arch)
         if (self._takes_kept_only or self.is_quick) and not is_code_noted(program_name(self.info.handle, source)):
             if self._takes_kept_only:
@@ -241,11 +240,8 @@ class Session:
             key, source = keys[1], quick_source(source)
         with self._building, warnings.catch_warnings():
             warnings.simplefilter("ignore")  # pyopencl reports any text in a build log
-            program = self._known_program(key) or self._foreseen.pop(source, None) or self._built(source)
-        with self._finding:
-            self._programs[key] = program
-            while len(self._programs) > MOST_PROGRAMS:
-                self._programs.popitem(last=False)
+            program = self._programs.find(key) or self._foreseen.pop(source, None) or self._built(source)
+        self._programs.add(key, program)
         return program
 
     def _built(self, source: str) -> Program:
@@ -256,8 +252,7 @@ class Session:
     @property
     def programs(self) -> list[Program]:
         """Those that were requested and are kept."""
-        with self._finding:
-            return list(self._programs.values())
+        return self._programs.values()
 
     def foresee(self, programs: Iterable[tuple[str, Parameters]]) -> None:
         """Build programs that will be requested, in another thread than the one that does so.
@@ -284,12 +279,6 @@ class Session:
         if self.generates_late and not builds_apart(self.info.handle):
             self._built(f"__kernel void k{name}(__global float *out) {{ out[0] = sqrt(out[0]); }}\n")
 
-    def _known_program(self, key: tuple[Any, ...]) -> Program | None:
-        with self._finding:
-            if key in self._programs:
-                self._programs.move_to_end(key)
-            return self._programs.get(key)
-
     def beside(self) -> Session:
         """Return a session of the same device, buffers and programs with a queue of its own, for another thread."""
         import pyopencl as cl
@@ -302,7 +291,7 @@ class Session:
     def alone(self) -> Session:
         """Return a session as `beside`, whose programs are not among those of this one."""
         other = self.beside()
-        other._programs = OrderedDict()
+        other._programs = Memory(MOST_PROGRAMS)
         return other
 
     def quick(self) -> Session:
@@ -428,7 +417,7 @@ class Session:
 
 Built = list[tuple[str, Parameters]]  # sources, and the names of their kernels' parameters
 
-KEPT = "commands"  # folder of the cache on disk
+_DISK = Disk("commands", ("device",))
 MOST_CHARACTERS = 4 << 20  # of all sources of a command
 
 
@@ -442,16 +431,16 @@ def open_early(spec: str | None, *command: object) -> Callable[[], None]:
     command
         What tells commands that build other programs apart; without it, the device is opened and nothing built.
     """
-    name = name_of(identity_of_code(("device",)), spec, *command) if command else ""
-    kept = kept_arrays(KEPT, name) if command else None
-    built: Built = [] if kept is None else [tuple(each) for each in kept[1]["built"]]
+    key = (spec, *command)
+    built: Built = [(source, names) for source, names in _DISK.find(key, [])] if command else []
     try:
         prepare_trial()
         from pyopencl import characterize  # noqa: F401 -- wanted by the first build
     except (DeviceError, ImportError):
         return lambda: None
+    name = content_name(key) if command else ""
     threading.Thread(target=_open, args=(spec, name, built), daemon=True).start()
-    return lambda: _remember(spec, name, built)
+    return lambda: _keep_built(key, built)
 
 
 def _open(spec: str | None, name: str, built: Built) -> None:
@@ -463,14 +452,14 @@ def _open(spec: str | None, name: str, built: Built) -> None:
             session.read_library(name)
 
 
-def _remember(spec: str | None, name: str, before: Built) -> None:
+def _keep_built(key: tuple[Any, ...], before: Built) -> None:
     """Keep what was built, where that is not what was built before."""
     end_trials()
-    programs = open_session(spec).programs
+    programs = open_session(key[0]).programs
     if [program.source for program in programs] == [source for source, _ in before]:
         return
     if sum(len(program.source) for program in programs) <= MOST_CHARACTERS:
-        keep_arrays(KEPT, name, {}, {"built": [(program.source, program.parameters) for program in programs]})
+        _DISK.add(key, [(program.source, program.parameters) for program in programs])
 
 
 # Several devices for one render: which ones are meant, and what share of the work each is to have.

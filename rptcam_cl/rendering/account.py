@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from rptcam_cl._version import __version__
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.core.files import Maker, made_by
+from rptcam_cl.core.remember import Maker, made_by
 from rptcam_cl.device.session import Session
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.pupils import UNMOVED, FilmFrame, FilmProbe

@@ -20,8 +20,9 @@ from numpy.typing import NDArray
 from rptcam_cl._version import __version__
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import StateError
-from rptcam_cl.core.files import Maker, OneMaker, made_by, replacing
+from rptcam_cl.core.files import replacing
 from rptcam_cl.core.records import RayStatus
+from rptcam_cl.core.remember import Maker, OneMaker, made_by
 from rptcam_cl.rendering.account import clamp_text, of_makers
 from rptcam_cl.rendering.film import PLANES, TILE, TILE_PIXELS, FilmLayout, outcomes_of, share_removed
 from rptcam_cl.rendering.ground_truth import saved_truth

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from rptcam_cl.core.colour import luminance
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.core.files import identity_of_code, name_of
 from rptcam_cl.core.records import EmitterKind, device_declarations
+from rptcam_cl.core.remember import content_name, identity_of_code
 from rptcam_cl.device.session import Session
 from rptcam_cl.rendering.cameras.lamp_aim import Sights
 from rptcam_cl.rendering.plan.materials import SPREADING_ALPHA, Lobe, lobes_of
@@ -826,12 +826,12 @@ def _name_of_sights(plan: Plan, session: Session) -> str | None:
     info = session.info
     driver = info.name, info.driver, session.kind, session.lanes
     code = identity_of_code(("rendering",), ("common", "geometry", "pass"))
-    shapes = [plan.primitives, plan.kind_end, plan.movements.segments, plan.movements.of_primitive]
+    shapes: list[object] = [plan.primitives, plan.kind_end, plan.movements.segments, plan.movements.of_primitive]
     meshes: list[object] = []
     if plan.meshes is not None:
         shapes += [plan.meshes.instances, plan.meshes.group_of_instance]
-        meshes = [(group.key, group.shift.tolist()) for group in plan.meshes.groups]
-    return name_of(code, driver, sorted(plan.facts.items()), [each.tobytes() for each in shapes], meshes)
+        meshes = [(group.key, group.shift) for group in plan.meshes.groups]
+    return content_name(code, driver, sorted(plan.facts.items()), shapes, meshes)
 
 
 def _open(sights: Sights, session: Session, plan: Plan, buffers: SceneBuffers) -> NDArray[np.bool_]:

@@ -11,8 +11,8 @@ import numpy as np
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import DeviceError
-from rptcam_cl.core.files import keep_bytes, kept_bytes, name_of
 from rptcam_cl.core.records import WAVE, device_declarations, floats_per_slot
+from rptcam_cl.core.remember import Disk
 from rptcam_cl.device.devices import driver_name, refuse
 from rptcam_cl.device.programs import Program
 from rptcam_cl.device.session import Launch, Session
@@ -484,6 +484,9 @@ class Way:
         return f"{self.organisation}{together}"
 
 
+_DISK = Disk("devices")
+
+
 def way_of(session: Session, organisation: str, wavefront: Callable[..., Any]) -> Way:
     """Return the way in which a device renders right pictures: the usual one, else one that goes round its fault.
 
@@ -505,17 +508,12 @@ def way_of(session: Session, organisation: str, wavefront: Callable[..., Any]) -
     with _trying:
         key = session.info.id, *facts
         if key not in _passed:
-            _passed[key] = _kept_or_found(session, ways, name_of(driver_name(session.info.handle), facts), wavefront)
+            _passed[key] = _way_that_passes(session, ways, (driver_name(session.info.handle), facts), wavefront)
         return _passed[key]
 
 
-def _kept_or_found(session: Session, ways: tuple[Way, ...], name: str, wavefront: Callable[..., Any]) -> Way:
-    kept = kept_bytes("devices", name)
-    if kept is not None and kept.isdigit() and int(kept) < len(ways):
-        found = int(kept)
-    else:
-        found = _found(session, ways, wavefront)
-        keep_bytes("devices", name, b"%d" % found)
+def _way_that_passes(session: Session, ways: tuple[Way, ...], key: object, wavefront: Callable[..., Any]) -> Way:
+    found = _DISK.find_or_make(key, lambda: _found(session, ways, wavefront))
     if found > 0:
         device = f"device {session.info.id} {session.info.name}"
         warnings.warn(

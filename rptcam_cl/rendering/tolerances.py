@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 from pathlib import Path
 from statistics import NormalDist
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -16,6 +16,7 @@ from pydantic import ValidationError
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.remember import remember
 from rptcam_cl.core.strict_yaml import Document, KeyPath, dotted, read_yaml
 from rptcam_cl.optics.as_built import Copies, Deviation, check_copies, film_points
 from rptcam_cl.optics.charts import FAINT, INK, new_figure, series, styled
@@ -1117,7 +1118,7 @@ def chosen_copy(lens: Lens, spec: Specification, percent: float) -> ChosenCopy:
         As `tolerance`.
     """
     limits(lens, spec)  # whose errors name the place in the specification
-    run = _remembered(_Design(lens), spec.tolerances)
+    run = _tolerance_run(lens, spec.tolerances)
     number = run.copy_at(percent)
     return ChosenCopy(
         percent,
@@ -1130,26 +1131,14 @@ def chosen_copy(lens: Lens, spec: Specification, percent: float) -> ChosenCopy:
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _Design:
-    """A lens that equals every other one with the same content."""
-
-    lens: Lens
-
-    def _content(self) -> tuple[object, ...]:
-        lens = self.lens
-        return lens.name, lens.surfaces, lens.stop_index, lens.object_medium, lens.configurations, lens.floating
-
-    def __hash__(self) -> int:
-        return hash(self._content())
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Design) and self._content() == other._content()
+def _key(lens: Lens, tolerances: Tolerances) -> Hashable:
+    content = lens.name, lens.surfaces, lens.stop_index, lens.object_medium, lens.configurations, lens.floating
+    return content, tolerances
 
 
-@lru_cache(maxsize=REMEMBERED)
-def _remembered(design: _Design, tolerances: Tolerances) -> ToleranceRun:
-    return tolerance(design.lens, tolerances, with_sensitivities=False)
+@remember(most=REMEMBERED, by=_key)
+def _tolerance_run(lens: Lens, tolerances: Tolerances) -> ToleranceRun:
+    return tolerance(lens, tolerances, with_sensitivities=False)
 
 
 # A tolerance run as plain data: for JSON, and for tables.

@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
-import os
-import secrets
-import time
 from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
@@ -15,16 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.core.files import (
-    CACHE_VARIABLE,
-    cache_dir,
-    identity_of_code,
-    keep_arrays,
-    kept_arrays,
-    kernels_dir,
-    name_of,
-)
+from rptcam_cl.core.files import cache_dir, kernels_dir
 from rptcam_cl.core.records import Kind
+from rptcam_cl.core.remember import Disk
 from rptcam_cl.device.session import Session
 from rptcam_cl.rendering.plan.primitives import Movements, PackedMeshes, Places, TriangleGroup, shifted
 from rptcam_cl.rendering.tree_build import (
@@ -41,15 +30,15 @@ from rptcam_cl.rendering.tree_build import (
 )
 
 #
-# Trees kept on disk between runs, under the hash of what they were built from.
-#
-# The cache may be lost at any time and can never break a run: a file that cannot be read or is not a sound tree is
-# built anew and replaced; a folder that cannot be written is not used.
+# Trees kept on disk between runs, under the hash of what they were built from; one that is not sound is built anew.
 
-VARIABLE = CACHE_VARIABLE
-MOST_BYTES = 2 << 30  # of all kept trees
-STRAY_SECONDS = 3600  # after which a file that is still being written has been left behind
 ARRAYS = ("bounds", "children", "blocks")
+_DISK = Disk(
+    "trees",
+    pack=lambda tree: ({name: getattr(tree, name) for name in ARRAYS}, {}),
+    unpack=lambda arrays, _: Bvh(**arrays),
+    most_bytes=2 << 30,
+)
 
 
 def load_or_build(key: str, build: Callable[[], Bvh], fits: Callable[[Bvh], bool] = lambda tree: True) -> Bvh:
@@ -64,16 +53,13 @@ def load_or_build(key: str, build: Callable[[], Bvh], fits: Callable[[Bvh], bool
     fits
         Says whether a sound tree is one over what it is wanted for.
     """
-    folder = cache_folder()
-    path = folder / f"{hashlib.sha256(f'{builder_identity()} {key}'.encode()).hexdigest()}.npz"
-    kept = _load(path)
-    if kept is not None and fits(kept):
+    key = builder_identity(), key
+    kept: Bvh | None = _DISK.find(key)
+    if kept is not None and is_sound(kept) and fits(kept):
         return kept
-    built = build()
-    with contextlib.suppress(OSError):  # no place, no permission: no cache
-        _keep(path, built)
-        _evict(folder, path)
-    return built
+    tree = build()
+    _DISK.add(key, tree)
+    return tree
 
 
 def cache_folder() -> Path:
@@ -89,53 +75,16 @@ def builder_identity() -> str:
     return hashlib.sha256(b"\0".join(texts)).hexdigest()
 
 
-def _load(path: Path) -> Bvh | None:
-    """Return the tree in a file and mark it as used, or None: there is no file, or it is not a sound tree."""
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            tree = Bvh(*(file[name] for name in ARRAYS))
-        if not is_sound(tree):
-            return None
-    except Exception:  # a damaged archive makes zipfile and numpy raise nearly anything; all mean the same here
-        return None
-    with contextlib.suppress(OSError):
-        os.utime(path)
-    return tree
-
-
-def _keep(path: Path, tree: Bvh) -> None:
-    """Write a tree so that readers and other writers meet the old file or the whole new one."""
-    if tree.nbytes > MOST_BYTES:
-        return
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.stem}-{secrets.token_hex(4)}.tmp")
-    try:
-        with temporary.open("xb") as file:
-            np.savez(file, **{name: getattr(tree, name) for name in ARRAYS})
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
-
-
-def _evict(folder: Path, newest: Path) -> None:
-    """Remove the least recently used trees until the rest is small enough, and the remains of killed runs."""
-    for stray in folder.glob(".*.tmp"):
-        if stray.stat().st_mtime < time.time() - STRAY_SECONDS:
-            stray.unlink(missing_ok=True)
-    found = sorted((path.stat().st_mtime, path.stat().st_size, path) for path in folder.glob("*.npz") if path != newest)
-    excess = sum(size for _, size, _ in found) + newest.stat().st_size - MOST_BYTES
-    for _, size, path in found:
-        if excess <= 0:
-            return
-        path.unlink(missing_ok=True)
-        excess -= size
-
-
 # The tree over a scene's bounded primitives as the kernels walk it, a pack of rays at a time.
 
 Array = NDArray[np.float64]
 
-KEPT = "primitive-trees"  # folder of the cache on disk
+_PRIMITIVES = Disk(
+    "primitive-trees",
+    ("rendering",),
+    pack=lambda tree: ({"nodes": tree[0], "order": tree[1]}, {"stack": tree[2]}),
+    unpack=lambda arrays, facts: (arrays["nodes"], arrays["order"], facts["stack"]),
+)
 BREAK_EVEN = 48  # bounded primitives: see benchmarks/journal.md
 LEAF = 4  # most primitives of a leaf: measured best of 1, 2, 4 and 8
 ROUNDING = 4e-6  # HIT_ROUNDING of kernels/geometry/primitive_tree.h
@@ -193,23 +142,14 @@ def primitive_tree(
     infinity = np.float32(np.inf)
     lower32 = np.nextafter(lower.astype(np.float32), -infinity)
     upper32 = np.nextafter(upper.astype(np.float32), infinity)
-    on_disk = on_disk or len(bounded) > FEW
-    nodes, order, stack = (_kept_or_built if on_disk else _built)(lower32, upper32, session)
-    return PrimitiveTree(nodes, bounded[order], {"HAS_PRIMITIVE_TREE": 1, "PRIMITIVE_STACK": stack})
 
+    def build() -> tuple[NDArray[np.float32], NDArray[np.int32], int]:
+        return _built(lower32, upper32, session)
 
-def _kept_or_built(
-    lower: NDArray[np.float32], upper: NDArray[np.float32], session: Session
-) -> tuple[NDArray[np.float32], NDArray[np.int32], int]:
-    """Return nodes, the boxes in the order of the leaves, and the size of the stack; kept from one run to the next."""
     driver = session.info.name, session.info.driver, session.kind, session.loop_limit
-    boxes = hashlib.sha256(lower.tobytes() + upper.tobytes()).hexdigest()
-    name = name_of(builder_identity(), identity_of_code(("rendering",)), driver, boxes)
-    if (kept := kept_arrays(KEPT, name)) is not None:
-        return kept[0]["nodes"], kept[0]["order"], kept[1]["stack"]
-    nodes, order, stack = _built(lower, upper, session)
-    keep_arrays(KEPT, name, {"nodes": nodes, "order": order}, {"stack": stack})
-    return nodes, order, stack
+    key = builder_identity(), driver, lower32, upper32
+    nodes, order, stack = _PRIMITIVES.find_or_make(key, build) if on_disk or len(bounded) > FEW else build()
+    return PrimitiveTree(nodes, bounded[order], {"HAS_PRIMITIVE_TREE": 1, "PRIMITIVE_STACK": stack})
 
 
 def _built(

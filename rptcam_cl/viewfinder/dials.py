@@ -14,7 +14,8 @@ from typing import Any, Literal, get_args
 from rptcam_cl.core.constants import LUMENS_PER_WATT
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, RptcamError
-from rptcam_cl.core.files import Folders, References, identity_of_code, keep_arrays, kept_arrays, lenses_dir, name_of
+from rptcam_cl.core.files import Folders, References, lenses_dir
+from rptcam_cl.core.remember import Disk
 from rptcam_cl.optics.lens import Lens, configured
 from rptcam_cl.optics.library import list_lenses, load_lens, named_lens
 from rptcam_cl.rendering.cameras.model import values_per_irradiance
@@ -66,7 +67,6 @@ from rptcam_cl.viewfinder.panel import (
 SUFFIXES = (".yaml", ".yml", ".json", ".dat", ".zmx", ".seq", ".txt")
 _MIXED = (".yaml", ".yml", ".json")
 FOLDERS = ("", "lenses")  # of the scene's folder, that are searched
-KEPT = "lens-list"  # folder of the cache on disk
 MOST_FILES = 1000
 MOST_BYTES = 1 << 20
 
@@ -105,16 +105,19 @@ def lens_entries(scene: Scene) -> list[LensEntry]:
     return [*_library(), *_files(scene.folders)]
 
 
+_DISK = Disk(
+    "lens-list",
+    ("optics", "viewfinder"),
+    pack=lambda entries: ({}, {"lenses": [entry.as_dict() for entry in entries]}),
+    unpack=lambda _, facts: tuple(LensEntry(**entry) for entry in facts["lenses"]),
+)
+
+
 @cache
 def _library() -> tuple[LensEntry, ...]:
     """Return the lenses of the library, as kept from an earlier run: reading them all takes longer than a picture."""
     files = [(path.name, path.stat().st_size, path.stat().st_mtime_ns) for path in sorted(lenses_dir().glob("*.yaml"))]
-    name = name_of(identity_of_code(("optics", "viewfinder")), files)
-    if (kept := kept_arrays(KEPT, name)) is not None:
-        return tuple(LensEntry(**entry) for entry in kept[1]["lenses"])
-    found = tuple(_entry(name, named_lens(name), "library") for name in list_lenses())
-    keep_arrays(KEPT, name, {}, {"lenses": [entry.as_dict() for entry in found]})
-    return found
+    return _DISK.find_or_make(files, lambda: tuple(_entry(name, named_lens(name), "library") for name in list_lenses()))
 
 
 def _entry(name: str, lens: Lens, kind: Literal["library", "file"]) -> LensEntry:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import OrderedDict
-from collections.abc import Hashable
 from dataclasses import asdict
 from functools import cached_property
 from typing import Any
@@ -15,6 +13,7 @@ from numpy.typing import NDArray
 from rptcam_cl.core.constants import LINE_C_NM, LINE_D_NM, LINE_F_NM
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.remember import Memory
 from rptcam_cl.device.session import Session
 from rptcam_cl.optics.charts import wavelength_colour
 from rptcam_cl.optics.drawing import blades, glass, lines, obstruction
@@ -834,8 +833,8 @@ class LensPanel:
 
     def __init__(self, device: Session) -> None:
         self._device = device
-        self._states: OrderedDict[Hashable, LensState] = OrderedDict()
-        self._kept: OrderedDict[Hashable, Any] = OrderedDict()
+        self._states: Memory[LensState] = Memory(PANELS_KEPT)
+        self._results: Memory[Any] = Memory(4 * PANELS_KEPT)
 
     def section(self, resolved: Scene) -> dict[str, Any]:
         """Return the lines of the cross-section [mm]: surfaces, glass, stop, film, pupils; fewer for ideal cameras."""
@@ -882,20 +881,8 @@ class LensPanel:
         return {"image_circle": {"x": 0.5, "y": 0.5, "rx": radius / width_mm, "ry": radius / height_mm}}
 
     def _state(self, resolved: Scene) -> LensState:
-        key = optics_key(resolved)
-        if key not in self._states:
-            self._states[key] = lens_state(resolved, self._device)
-            if len(self._states) > PANELS_KEPT:
-                self._states.popitem(last=False)
-        self._states.move_to_end(key)
-        return self._states[key]
+        return self._states.find_or_make(optics_key(resolved), lambda: lens_state(resolved, self._device))
 
-    def _once(self, what: str, resolved: Scene, find: Any) -> Any:
+    def _once(self, what: str, resolved: Scene, find: Callable[[], Any]) -> Any:
         """Return what was found for this lens state, or find it."""
-        key = (what, optics_key(resolved))
-        if key not in self._kept:
-            self._kept[key] = find()
-            if len(self._kept) > 4 * PANELS_KEPT:
-                self._kept.popitem(last=False)
-        self._kept.move_to_end(key)
-        return self._kept[key]
+        return self._results.find_or_make((what, optics_key(resolved)), find)

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections import OrderedDict
 from collections.abc import Callable, Hashable, Mapping
 from dataclasses import field, replace
-from functools import wraps
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Any, Literal
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.remember import remember
 from rptcam_cl.optics.irradiance import on_axis_irradiance as lens_irradiance
 from rptcam_cl.rendering.cameras.ideal import stop_shape
 from rptcam_cl.rendering.cameras.model import camera_irradiance, values_per_irradiance
@@ -33,28 +32,6 @@ from rptcam_cl.scene.scene import Scene
 # Results that depend on a scene's optics alone, kept for the last few of them: most dials leave the lens as it is.
 
 KEPT = 48  # lens states
-
-T = TypeVar("T")
-
-
-def by_optics(function: Callable[[Scene], T]) -> Callable[[Scene], T]:
-    """Return a function of a scene that remembers what it returned for the same camera, film and files.
-
-    Where the camera stands does not count, unless its focus is a point of the scene.
-    """
-    known: OrderedDict[Hashable, T] = OrderedDict()
-
-    @wraps(function)
-    def remembered(scene: Scene) -> T:
-        key = optics_key(scene)
-        if key not in known:
-            known[key] = function(scene)
-            if len(known) > KEPT:
-                known.popitem(last=False)
-        known.move_to_end(key)
-        return known[key]
-
-    return remembered
 
 
 def optics_key(scene: Scene) -> Hashable:
@@ -87,7 +64,7 @@ def _files(scene: Scene) -> Hashable:
 # radiance, times what time and ISO make of it (ISO 12232), times compensation and filter.
 
 
-@by_optics
+@remember(most=KEPT, by=optics_key)
 def irradiance_per_radiance(scene: Scene) -> float | None:
     """Return the irradiance of the film's centre for radiance 1 everywhere; None where there is no film to speak of.
 
@@ -540,7 +517,7 @@ class Panel:
         )
 
 
-@by_optics
+@remember(most=KEPT, by=optics_key)
 def f_number_of_camera(scene: Scene) -> float | None:
     """Return the f-number that a camera stands at; that of the ideal lens in its place, None without either."""
     camera = scene.camera
@@ -557,7 +534,7 @@ def f_number_of_camera(scene: Scene) -> float | None:
     return scene.exposure.f_number
 
 
-@by_optics
+@remember(most=KEPT, by=optics_key)
 def f_numbers(scene: Scene) -> tuple[float, float]:
     """Return the widest and the narrowest f-number of a camera; equal where its opening cannot be set."""
     camera = scene.camera
@@ -582,7 +559,7 @@ def with_f_number(scene: Scene, f_number: float) -> Scene:
     return scene.model_copy(update={"exposure": Exposure(mode="physical", f_number=f_number)})
 
 
-@by_optics
+@remember(most=KEPT, by=optics_key)
 def focal_length_mm(scene: Scene) -> float | None:
     """Return the focal length of a camera [mm]; of a pinhole, the distance from its film; None for a whole sphere."""
     camera = scene.camera

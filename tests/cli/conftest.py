@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rptcam_cl.cli import main
-from rptcam_cl.core.files import made_by
+from rptcam_cl.core.remember import made_by
 from rptcam_cl.imaging.image import Image
 
 SCENE = """\

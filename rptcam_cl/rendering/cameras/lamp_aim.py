@@ -8,18 +8,16 @@ are chosen, so that errors of the tables change noise and never the mean.
 
 from __future__ import annotations
 
-import pickle
-from collections import OrderedDict
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.core.files import identity_of_code, keep_arrays, kept_arrays, name_of
 from rptcam_cl.core.records import DISPERSION_SCALE, DISPERSION_SHIFT
+from rptcam_cl.core.remember import Disk, Memory, content_name
 from rptcam_cl.rendering.cameras.model import NEAR, CameraModel, LampReach, Reached
 
 # How the film sees one lamp through the pupil: polynomials in the film point, fitted to exact rays from the lamp.
@@ -230,7 +228,6 @@ def _fitted(film: Array, pupil: Array, passed: NDArray[np.bool_]) -> Polynomial:
     return Polynomial(film[passed], pupil[passed])
 
 
-KEPT = "lamps"  # folder of the cache on disk
 LAMP = 18  # floats of a lamp in a block
 LARGEST_PART = 0.15  # of the pupil: a lamp that fills more is found by other rays
 FAR_TOO_LARGE = 2.5  # times that part, by a few rays: such a lamp is not examined closer
@@ -474,10 +471,12 @@ def aimed_at_lamps(
     """
     if camera.reach is None or camera.facts.get("FILM_MOVED"):
         return camera
-    if sights is None or not on_disk:
-        found = _tables(camera, lamps, _remembered(camera, lamps, shows, sights))
-    else:
-        found = _kept_or_found(camera, lamps, shows, sights)
+
+    def make() -> LampTables:
+        return _tables(camera, lamps, _remembered(camera, lamps, shows, sights))
+
+    on_disk = on_disk and sights is not None
+    found = _DISK.find_or_make(_key(camera, lamps, sights), make) if on_disk else make()
     if not found.lamps:
         return camera
     new = camera.record.copy()
@@ -518,18 +517,8 @@ def _seen(camera: CameraModel, lamps: Sequence[SeenLamp], shows: Shows) -> _Seen
     return _Seen(blocks, [(number, entries) for number, entries in shown if len(entries.blocks)])
 
 
-_known: OrderedDict[Hashable, _Seen] = OrderedDict()  # what was used last comes last
-_small_lamp_fits: OrderedDict[Hashable, dict[int, LampFit]] = OrderedDict()
-Found = TypeVar("Found")
-
-
-def _once(known: OrderedDict[Hashable, Found], key: Hashable, find: Callable[[], Found]) -> Found:
-    """Return what was found for a key lately, else what is found now."""
-    found = known.pop(key) if key in known else find()
-    known[key] = found
-    while len(known) > REMEMBERED:
-        known.popitem(last=False)
-    return found
+_seen_lamps: Memory[_Seen] = Memory(REMEMBERED)
+_small_lamp_fits: Memory[dict[int, LampFit]] = Memory(REMEMBERED)
 
 
 def _places(lamps: Sequence[SeenLamp]) -> tuple[object, ...]:
@@ -540,8 +529,10 @@ def _places(lamps: Sequence[SeenLamp]) -> tuple[object, ...]:
 def _fits(camera: CameraModel, reach: LampReach, lamps: Sequence[SeenLamp]) -> dict[int, LampFit]:
     """Return how lamps are seen: found once for places and a lens, whatever the size of the film."""
     colours_nm = SEEN_NM if camera.bends_colours else None
-    key = pickle.dumps(reach.made_of), colours_nm, _places(lamps)
-    return _once(_small_lamp_fits, key, lambda: fits_of_small(lamps, reach, colours_nm, FAR_TOO_LARGE * LARGEST_PART))
+    key = content_name(reach.made_of), colours_nm, _places(lamps)
+    return _small_lamp_fits.find_or_make(
+        key, lambda: fits_of_small(lamps, reach, colours_nm, FAR_TOO_LARGE * LARGEST_PART)
+    )
 
 
 def _remembered(camera: CameraModel, lamps: Sequence[SeenLamp], shows: Shows, sights: str | None) -> _Seen:
@@ -551,8 +542,8 @@ def _remembered(camera: CameraModel, lamps: Sequence[SeenLamp], shows: Shows, si
     assert camera.reach is not None
     record, reach = camera.record[0], camera.reach
     film = record["width"], record["height"], record["per_width"] > 0, reach.film_scale, camera.bends_colours
-    key = sights, pickle.dumps(reach.made_of), film, _places(lamps)
-    return _once(_known, key, lambda: _seen(camera, lamps, shows))
+    key = sights, content_name(reach.made_of), film, _places(lamps)
+    return _seen_lamps.find_or_make(key, lambda: _seen(camera, lamps, shows))
 
 
 def _tables(camera: CameraModel, lamps: Sequence[SeenLamp], seen: _Seen) -> LampTables:
@@ -567,26 +558,20 @@ def _tables(camera: CameraModel, lamps: Sequence[SeenLamp], seen: _Seen) -> Lamp
     return LampTables(table, seen.blocks.shift, seen.blocks.counts, len(seen.lamps))
 
 
-def _name(camera: CameraModel, lamps: Sequence[SeenLamp], sights: str) -> str:
-    """Return the name of the tables of a camera for lamps that show as ``sights`` names it."""
+_DISK = Disk(
+    "lamps",
+    ("core", "optics", "rendering/cameras"),
+    pack=lambda found: ({"table": found.table}, {"of": [found.shift, found.counts, found.lamps]}),
+    unpack=lambda arrays, facts: LampTables(arrays["table"], facts["of"][0], tuple(facts["of"][1]), facts["of"][2]),
+)
+
+
+def _key(camera: CameraModel, lamps: Sequence[SeenLamp], sights: str) -> tuple[object, ...]:
+    """Return what the tables of a camera for lamps that show as ``sights`` names it follow from."""
     assert camera.reach is not None
-    lamp_content = [(each.centre.tobytes(), each.axes.tobytes(), each.is_round, each.radiance) for each in lamps]
+    lamp_content = [(each.centre, each.axes, each.is_round, each.radiance) for each in lamps]
     state = camera.record.tobytes(), camera.bends_colours, camera.axial_weight, lamp_content
-    code = identity_of_code(("core", "optics", "rendering/cameras"))
-    return name_of(code, sights, pickle.dumps(camera.reach.made_of), camera.reach.film_scale, state)
-
-
-def _kept_or_found(camera: CameraModel, lamps: Sequence[SeenLamp], shows: Shows, sights: str) -> LampTables:
-    """Return tables, kept from one run to the next."""
-    name = _name(camera, lamps, sights)
-    if (kept := kept_arrays(KEPT, name)) is not None:
-        arrays, facts = kept
-        across, down = facts["counts"]
-        return LampTables(arrays["table"], facts["shift"], (across, down), facts["lamps"])
-    found = _tables(camera, lamps, _remembered(camera, lamps, shows, sights))
-    facts = {"shift": found.shift, "counts": found.counts, "lamps": found.lamps}
-    keep_arrays(KEPT, name, {"table": found.table}, facts)
-    return found
+    return sights, camera.reach.made_of, camera.reach.film_scale, state
 
 
 def _packed(numbers: NDArray[np.int64], floats: Array, values: Array, blocks: _Blocks) -> NDArray[np.float32]:

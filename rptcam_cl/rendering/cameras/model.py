@@ -224,7 +224,7 @@ class LampReach:
     entry_z_m : float
         Where rays enter the camera, on its axis.
     made_of : tuple
-        All that rays follow from; it can be pickled.
+        All that rays follow from, as `content_name` takes it.
     area : float
         Of the pupil, where all film points have the same; 0 elsewhere.
     near : callable

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import pickle
 from dataclasses import field, replace
-from functools import lru_cache
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -12,8 +10,8 @@ from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.core.files import forget, identity_of_code, keep_arrays, kept_arrays, name_of
 from rptcam_cl.core.records import PupilKind
+from rptcam_cl.core.remember import Disk, remember
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.pupils import (
     BULGE,
@@ -335,7 +333,9 @@ def pupil_sampling(
     frame
         How the film stands.
     """
-    return _remembered(ByContent(without_shape(lens)), film_distance_mm, half_film_mm, wavelength_nm, tier, frame)
+    sampling = _checked(without_shape(lens), film_distance_mm, half_film_mm, wavelength_nm, tier, frame)
+    sampling.table.flags.writeable = False
+    return sampling
 
 
 def coarse_pupil(
@@ -352,7 +352,7 @@ def coarse_pupil(
     """
     if tier not in ("auto", "tight"):
         return pupil_sampling(lens, film_distance_mm, half_film_mm, wavelength_nm, tier, frame)
-    return _remembered_coarse(ByContent(without_shape(lens)), film_distance_mm, half_film_mm, wavelength_nm, frame)
+    return _coarse(without_shape(lens), film_distance_mm, half_film_mm, wavelength_nm, frame)
 
 
 def without_shape(lens: Lens) -> Lens:
@@ -366,50 +366,28 @@ def has_shape(lens: Lens) -> bool:
 
 
 def content_of(lens: Lens) -> tuple[object, ...]:
-    """Return all that rays through a lens follow from, and its name."""
+    """Return all that rays through a lens follow from, and its name: the key of what is remembered of it."""
     return lens.name, lens.surfaces, lens.stop_index, lens.object_medium
 
 
-@dataclass(frozen=True)
-class ByContent:
-    """A lens that equals every other one of the same name and surfaces."""
-
-    lens: Lens
-
-    def name_of(self, *state: object) -> str:
-        """Return the name of what follows from the lens in some state, by this code."""
-        code = identity_of_code(("core", "optics", "rendering/cameras"))
-        return name_of(code, pickle.dumps(content_of(self.lens)), *state)
-
-    def __hash__(self) -> int:
-        return hash(content_of(self.lens))
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, ByContent) and content_of(self.lens) == content_of(other.lens)
+def by_content(lens: Lens, *state: Hashable) -> Hashable:
+    """Return the key of what follows from a lens in some state."""
+    return content_of(lens), state
 
 
-@lru_cache(maxsize=REMEMBERED)
-def _remembered(
-    content: ByContent,
-    film_distance_mm: float,
-    half_film_mm: tuple[float, float],
-    wavelength_nm: Wavelengths,
-    tier: Tier,
-    frame: FilmFrame,
-) -> PupilSampling:
-    """Return the sampling, ready for the next picture with the lens in the same state, in this process or another."""
-    state = (film_distance_mm, half_film_mm, wavelength_nm, tier, *((frame,) if frame.is_moved else ()))
-    name = content.name_of(state)
-    kept = kept_arrays(KEPT, name)
-    if kept is None:
-        sampling = _checked(content.lens, film_distance_mm, half_film_mm, wavelength_nm, tier, frame)
-        keep_arrays(KEPT, name, {"table": sampling.table}, sampling.facts_but_table())
-    else:
-        sampling = PupilSampling.of_facts(kept[1], kept[0]["table"])
-    sampling.table.flags.writeable = False
-    return sampling
+def on_disk(**ways: Any) -> Disk:
+    """Return where it is kept what follows from lenses, with the ``pack`` and ``unpack`` of `Disk`."""
+    return Disk(KEPT, ("core", "optics", "rendering/cameras"), **ways)
 
 
+@remember(
+    most=REMEMBERED,
+    by=by_content,
+    disk=on_disk(
+        pack=lambda sampling: ({"table": sampling.table}, sampling.facts_but_table()),
+        unpack=lambda arrays, facts: PupilSampling.of_facts(facts, arrays["table"]),
+    ),
+)
 def _checked(
     lens: Lens,
     film_distance_mm: float,
@@ -427,25 +405,18 @@ def _checked(
     return sampling
 
 
-@lru_cache(maxsize=REMEMBERED)
-def _remembered_coarse(
-    content: ByContent,
+@remember(most=REMEMBERED, by=by_content)
+def _coarse(
+    lens: Lens,
     film_distance_mm: float,
     half_film_mm: tuple[float, float],
     wavelength_nm: Wavelengths,
     frame: FilmFrame,
 ) -> PupilSampling:
-    shapes = pupil_shapes(content.lens, film_distance_mm, half_film_mm, wavelength_nm, COARSE_OUTLINES, frame)
+    shapes = pupil_shapes(lens, film_distance_mm, half_film_mm, wavelength_nm, COARSE_OUTLINES, frame)
     sampling = tight_sampling(shapes)
     sampling.table.flags.writeable = False
     return sampling
-
-
-def forget_tables() -> None:
-    """Make the next sampling of every lens be computed anew."""
-    forget(KEPT)
-    _remembered.cache_clear()
-    _remembered_coarse.cache_clear()
 
 
 def _made(

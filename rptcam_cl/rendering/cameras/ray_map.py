@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import field, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -21,13 +21,14 @@ from numpy.typing import NDArray
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.records import DISPERSION_SCALE, DISPERSION_SHIFT
+from rptcam_cl.core.remember import remember
 from rptcam_cl.optics.chief_rays import Crossings, crossings
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.pupils import narrowing_probes, pupil_boxes
 from rptcam_cl.optics.ray_trace import LensTransmission
 from rptcam_cl.rendering.cameras.lens_records import LensRecords, lens_records
 from rptcam_cl.rendering.cameras.model import SURFACE_BY_SURFACE
-from rptcam_cl.rendering.cameras.pupil import ByContent, has_shape, without_shape
+from rptcam_cl.rendering.cameras.pupil import by_content, has_shape, without_shape
 from rptcam_cl.rendering.cameras.setting import LensSetting
 from rptcam_cl.scene.camera import RealisticCamera
 from rptcam_cl.scene.film import Film
@@ -415,8 +416,7 @@ def traced_rays(
     if has_shape(lens):
         records = _records(lens, camera.wavelength_nm, film_distance_mm, double, dispersive, losses)
     else:
-        content = ByContent(lens)
-        records = _remembered_records(content, camera.wavelength_nm, double, dispersive, losses)
+        records = _records_of(lens, camera.wavelength_nm, double, dispersive, losses)
         surfaces = records.surfaces.copy()
         surfaces[0]["gap"] = film_distance_mm
         records = replace(records, surfaces=surfaces)
@@ -434,16 +434,12 @@ def _records(
     )
 
 
-@lru_cache(maxsize=REMEMBERED)
-def _remembered_records(
-    content: ByContent,
-    wavelength_nm: float,
-    double: bool,
-    dispersive: bool,
-    losses: LensTransmission,
+@remember(most=REMEMBERED, by=by_content)
+def _records_of(
+    lens: Lens, wavelength_nm: float, double: bool, dispersive: bool, losses: LensTransmission
 ) -> LensRecords:
     """Return the records of a lens whose film is yet to be placed."""
-    records = _records(content.lens, wavelength_nm, 0.0, double, dispersive, losses)
+    records = _records(lens, wavelength_nm, 0.0, double, dispersive, losses)
     records.surfaces.flags.writeable = records.stop.flags.writeable = False
     return records
 
@@ -486,8 +482,8 @@ def fitted_map(
     focus_mm = setting.focus_distance_mm
     near = FAR_MM if focus_mm is None else min(focus_mm - lens.length - lens.sense * film_mm, FAR_MM)
     try:
-        return _remembered(
-            ByContent(without_shape(lens)),
+        return _map(
+            without_shape(lens),
             film_mm,
             (width_mm / 2, height_mm / 2),
             camera.wavelength_nm if range_nm is None else range_nm,
@@ -530,21 +526,4 @@ def _table(found: RayMap) -> NDArray[np.float32]:
     return np.concatenate([head, rays.ravel(), found.rims.vectors.ravel()]).astype(np.float32)
 
 
-@lru_cache(maxsize=REMEMBERED)
-def _remembered(
-    content: ByContent,
-    film_distance_mm: float,
-    half_film_mm: tuple[float, float],
-    wavelengths_nm: float | tuple[float, float],
-    pixels_per_mm: float,
-    distances_mm: tuple[float, ...],
-    max_error_px: float,
-) -> RayMap:
-    return ray_map(
-        content.lens, film_distance_mm, half_film_mm, wavelengths_nm, pixels_per_mm, distances_mm, max_error_px
-    )
-
-
-def forget_maps() -> None:
-    """Make the next polynomials of every lens be computed anew."""
-    _remembered.cache_clear()
+_map = remember(most=REMEMBERED, by=by_content)(ray_map)

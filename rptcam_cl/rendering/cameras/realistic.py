@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import field
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.core.files import kept_or_found
+from rptcam_cl.core.remember import remember
 from rptcam_cl.optics.irradiance import axial_irradiance, disk_irradiance, on_axis_irradiance
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.ray_trace import IDEAL, LensTransmission, axial_transmittance, is_tinted
@@ -35,7 +34,14 @@ from rptcam_cl.rendering.cameras.model import (
     lens_reach,
     traced_blur,
 )
-from rptcam_cl.rendering.cameras.pupil import KEPT, ByContent, PupilSampling, coarse_pupil, has_shape, pupil_sampling
+from rptcam_cl.rendering.cameras.pupil import (
+    PupilSampling,
+    by_content,
+    coarse_pupil,
+    has_shape,
+    on_disk,
+    pupil_sampling,
+)
 from rptcam_cl.rendering.cameras.ray_map import allowed_px, fitted_rays, traced_rays
 from rptcam_cl.rendering.cameras.setting import (
     LensSetting,
@@ -190,7 +196,9 @@ def _on_axis(lens: Lens, back_mm: float, wavelength_nm: float, losses: LensTrans
     """Return the irradiance on the axis; that of a round stop is remembered."""
     if has_shape(lens):
         return on_axis_irradiance(lens, back_mm, wavelength_nm, losses)
-    return _remembered_on_axis(ByContent(lens), back_mm, wavelength_nm, losses)
+    if losses:
+        return _on_axis_with_losses(lens, back_mm, wavelength_nm, losses)
+    return _on_axis_without_losses(lens, back_mm, wavelength_nm)
 
 
 def _on_axis_of_disk(lens: Lens, back_mm: float, wavelength_nm: float, losses: LensTransmission = IDEAL) -> float:
@@ -201,21 +209,23 @@ def _on_axis_of_disk(lens: Lens, back_mm: float, wavelength_nm: float, losses: L
 
 def _on_axis_soon(lens: Lens, back_mm: float, wavelength_nm: float, losses: LensTransmission = IDEAL) -> float:
     """Return the same for a glance: without losses through a round pupil within 2e-5."""
-    found = None if losses else _remembered_axial(ByContent(lens), back_mm, wavelength_nm)
+    found = None if losses else _axial(lens, back_mm, wavelength_nm)
     return _on_axis(lens, back_mm, wavelength_nm, losses) if found is None else found
 
 
-@lru_cache(maxsize=REMEMBERED)
-def _remembered_axial(content: ByContent, back_mm: float, wavelength_nm: float) -> float | None:
-    return axial_irradiance(content.lens, back_mm, wavelength_nm)
+@remember(most=REMEMBERED, by=by_content)
+def _axial(lens: Lens, back_mm: float, wavelength_nm: float) -> float | None:
+    return axial_irradiance(lens, back_mm, wavelength_nm)
 
 
-@lru_cache(maxsize=REMEMBERED)
-def _remembered_on_axis(content: ByContent, back_mm: float, wavelength_nm: float, losses: LensTransmission) -> float:
-    def find() -> float:
-        return on_axis_irradiance(content.lens, back_mm, wavelength_nm, losses)
+@remember(most=REMEMBERED, by=by_content)
+def _on_axis_with_losses(lens: Lens, back_mm: float, wavelength_nm: float, losses: LensTransmission) -> float:
+    return on_axis_irradiance(lens, back_mm, wavelength_nm, losses)
 
-    return find() if losses else float(kept_or_found(KEPT, content.name_of("on axis", back_mm, wavelength_nm), find))
+
+@remember(most=REMEMBERED, by=by_content, disk=on_disk())
+def _on_axis_without_losses(lens: Lens, back_mm: float, wavelength_nm: float) -> float:
+    return float(on_axis_irradiance(lens, back_mm, wavelength_nm))
 
 
 def _record(
@@ -239,8 +249,8 @@ def _record(
 def _colour(scene: Scene, setting: LensSetting, wanted: LensColour) -> _Colour:
     if wanted == "off" or not (disperses(setting.lens) or is_tinted(setting.lens, setting.transmission)):
         return _Colour(False)
-    error_px = _remembered_colour_error(
-        ByContent(setting.lens),
+    error_px = _colour_error(
+        setting.lens,
         setting.film_distance_mm,
         setting.focus_distance_mm,
         scene.film,
@@ -252,11 +262,9 @@ def _colour(scene: Scene, setting: LensSetting, wanted: LensColour) -> _Colour:
     return _Colour(wanted == "on" or shows, metadata)
 
 
-@lru_cache(maxsize=REMEMBERED)
-def _remembered_colour_error(
-    content: ByContent, back_mm: float, focus_mm: float | None, film: Film, wavelength_nm: float
-) -> float:
-    return colour_error_px(content.lens, back_mm, focus_mm, film, wavelength_nm)
+@remember(most=REMEMBERED, by=by_content)
+def _colour_error(lens: Lens, back_mm: float, focus_mm: float | None, film: Film, wavelength_nm: float) -> float:
+    return colour_error_px(lens, back_mm, focus_mm, film, wavelength_nm)
 
 
 def shows_losses(scene: Scene) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import field
-from functools import lru_cache, partial
+from functools import partial
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.core.files import kept_or_found
 from rptcam_cl.core.records import LOSS_TABLE_LENGTH, LOSS_TABLE_NM
+from rptcam_cl.core.remember import remember
 from rptcam_cl.optics.as_built import Heat
 from rptcam_cl.optics.best_focus import best_film_distance, best_film_distance_at
 from rptcam_cl.optics.chief_rays import ChiefRays, film_chief_rays, round_chief_rays
@@ -35,7 +35,7 @@ from rptcam_cl.optics.lens import (
 )
 from rptcam_cl.optics.pupils import UNMOVED, FilmFrame, FilmProbe
 from rptcam_cl.optics.ray_trace import LensTransmission, has_coatings, known_nm, with_coating
-from rptcam_cl.rendering.cameras.pupil import KEPT, ByContent, without_shape
+from rptcam_cl.rendering.cameras.pupil import by_content, on_disk, without_shape
 from rptcam_cl.scene.camera import (
     NO_MOVEMENTS,
     NOT_FOUND_YET,
@@ -704,20 +704,24 @@ def _drift(scene: Scene, setting: LensSetting, pupil_z: float) -> tuple[tuple[fl
     film = frame.points(np.concatenate([corners * field for field in FIELDS]))
     film[:, 2] = lens.film_z(setting.film_distance_mm) + lens.sense * film[:, 2]
     points = tuple(map(tuple, film.tolist()))
-    return _remembered(ByContent(without_shape(lens)), points, setting.camera.wavelength_nm, pupil_z)
+    of, wavelength_nm = without_shape(lens), setting.camera.wavelength_nm
+    if of.is_rotational and len({z for _, _, z in points}) == 1:
+        return tuple(_round_drift(of, points, wavelength_nm, pupil_z))
+    return tuple((field, drift) for field, drift in _film_drift(of, points, wavelength_nm, pupil_z))
 
 
-@lru_cache(maxsize=REMEMBERED)
-def _remembered(
-    content: ByContent, film: tuple[tuple[float, ...], ...], wavelength_nm: float, pupil_z: float
-) -> tuple[tuple[float, float], ...]:
-    """Return the drift, ready for the next picture with the lens in the same state; in another process too where it is
-    not found as fast."""
-    if content.lens.is_rotational and len({z for _, _, z in film}) == 1:
-        return tuple(_found(round_chief_rays, content.lens, film, wavelength_nm, pupil_z))
-    name = content.name_of("drift", film, wavelength_nm, pupil_z)
-    found = kept_or_found(KEPT, name, lambda: _found(film_chief_rays, content.lens, film, wavelength_nm, pupil_z))
-    return tuple((field, drift) for field, drift in found)
+@remember(most=REMEMBERED, by=by_content)
+def _round_drift(
+    lens: Lens, film: tuple[tuple[float, ...], ...], wavelength_nm: float, pupil_z: float
+) -> list[tuple[float, float]]:
+    return _found(round_chief_rays, lens, film, wavelength_nm, pupil_z)
+
+
+@remember(most=REMEMBERED, by=by_content, disk=on_disk())
+def _film_drift(
+    lens: Lens, film: tuple[tuple[float, ...], ...], wavelength_nm: float, pupil_z: float
+) -> list[tuple[float, float]]:
+    return _found(film_chief_rays, lens, film, wavelength_nm, pupil_z)
 
 
 def _found(

@@ -13,10 +13,8 @@ chief rays come through. In other cells each table is traced.
 from __future__ import annotations
 
 import math
-import pickle
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import replace
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -24,8 +22,8 @@ from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.core.files import keep_arrays, kept_arrays
 from rptcam_cl.core.records import PupilKind
+from rptcam_cl.core.remember import remember
 from rptcam_cl.optics.lens import Lens, zoom_range_mm
 from rptcam_cl.optics.pupils import (
     UNMOVED,
@@ -43,14 +41,13 @@ from rptcam_cl.optics.ray_trace import IDEAL, LensTransmission, axial_transmitta
 from rptcam_cl.rendering.cameras.pupil import (
     CELLS,
     EDGE_SPREAD,
-    KEPT,
     PROBES,
     SPREAD,
-    ByContent,
     PupilGrid,
     PupilSampling,
     content_of,
     loses_light,
+    on_disk,
     tight_sampling,
     without_shape,
 )
@@ -185,16 +182,18 @@ def shared_sampling(scene: Scene, setting: LensSetting, wavelength_nm: Wavelengt
     radius_mm, method = _rounded_up(BEYOND_FILM * corner_mm, FILM_CELLS), camera.focus.method
 
     def cell_of(of: Sequence[Lens]) -> _Cell:
-        states = [(of[0], middle), *((lens, end) for lens in of[1:] or of for end in ends)]
-        content = tuple((ByContent(lens), distance) for lens, distance in states)
-        return _Cell(content, method, radius_mm, camera.wavelength_nm, wavelength_nm)
+        states = (of[0], middle), *((lens, end) for lens in of[1:] or of for end in ends)
+        return _Cell(states, method, radius_mm, camera.wavelength_nm, wavelength_nm)
 
     found = None
     if method == "thick" and setting.lens.stop is not None:
         found = _with_stop(cell_of(wide_open), max(lens.stop.semi_diameter for lens in lenses if lens.stop))
     if found is None or not found.holds(corner_mm, back_mm):
-        found = _remembered(cell_of(lenses))
-    return None if found is None else _moved(found, back_mm)
+        found = _of_traced(cell_of(lenses))
+    if found is None:
+        return None
+    found.sampling.table.flags.writeable = False
+    return _moved(found, back_mm)
 
 
 def _zooms(scene: Scene, camera: LensCamera) -> list[dict[str, float]]:
@@ -238,20 +237,16 @@ class _Cell:
     With its stop wide open it is what the cells of all stops have in common.
     """
 
-    states: tuple[tuple[ByContent, float], ...]
+    states: tuple[tuple[Lens, float], ...]
     method: Method
     radius_mm: float
     focused_nm: float
     wavelength_nm: Wavelengths
 
-    def name(self, kind: str) -> str:
-        """Return the name of what follows from it."""
-        (content, _), *others = self.states
-        beside = [pickle.dumps(content_of(other.lens)) for other, _ in others if other.lens is not content.lens]
-        distances = [distance for _, distance in self.states]
-        return content.name_of(
-            kind, beside, distances, self.method, self.radius_mm, self.focused_nm, self.wavelength_nm
-        )
+    def key(self) -> Hashable:
+        """Return all that follows from it."""
+        states = tuple((content_of(lens), distance) for lens, distance in self.states)
+        return states, self.method, self.radius_mm, self.focused_nm, self.wavelength_nm
 
     def focused(self) -> list[tuple[Lens, float]]:
         """Return the lens focused in each state, and last vertex to film [mm].
@@ -261,17 +256,17 @@ class _Cell:
         InputError
             Where an end of the cell is out of reach.
         """
-        return [focused(of.lens, at, "film", self.method, self.focused_nm) for of, at in self.states]
+        return [focused(lens, at, "film", self.method, self.focused_nm) for lens, at in self.states]
 
 
-@lru_cache(maxsize=REMEMBERED)
+@remember(most=REMEMBERED, by=lambda cell, semi_diameter_mm: (cell.key(), semi_diameter_mm))
 def _with_stop(cell: _Cell, semi_diameter_mm: float) -> _Shared | None:
     """Return the table of a cell for a stop; None where it has to be traced."""
-    opened = _opened(cell)
-    found = None if opened is None else _of_pupils(*opened, semi_diameter_mm)
-    if found is not None:
-        found.sampling.table.flags.writeable = False
-    return found
+    arrays, facts = _rays(cell)
+    if not arrays:
+        return None
+    rays = (arrays[key].astype(np.float64) for key in ("centres", "reach", "heights"))
+    return _of_pupils(StoppedPupils(facts["radius_mm"], *rays), facts["back_mm"], semi_diameter_mm)
 
 
 def _of_pupils(pupils: StoppedPupils, back_mm: float, semi_diameter_mm: float) -> _Shared | None:
@@ -283,23 +278,13 @@ def _of_shapes(shapes: PupilShapes) -> PupilSampling:
     return replace(tight_sampling(shapes), tier="shared")
 
 
-@lru_cache(maxsize=FEW_REMEMBERED)
-def _opened(cell: _Cell) -> tuple[StoppedPupils, float] | None:
-    """Return the rays that tables of all stops follow from, also from earlier runs, and last vertex to film [mm]."""
-    name = cell.name("opened")
-    if (kept := kept_arrays(KEPT, name)) is None:
-        kept = _rays(cell)
-        keep_arrays(KEPT, name, *kept)
-    arrays, facts = kept
-    if not arrays:
-        return None
-    rays = (arrays[key].astype(np.float64) for key in ("centres", "reach", "heights"))
-    return StoppedPupils(facts["radius_mm"], *rays), facts["back_mm"]
-
-
+@remember(most=FEW_REMEMBERED, by=_Cell.key, disk=on_disk(pack=tuple, unpack=lambda *packed: packed))
 def _rays(cell: _Cell) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-    """Return these rays as they are kept; nothing where they do not say what narrower stops let through."""
-    nm, widest_mm = cell.wavelength_nm, max(of.lens.stop.semi_diameter for of, _ in cell.states if of.lens.stop)
+    """Return the rays that tables of all stops follow from, and last vertex to film [mm], as they are kept.
+
+    There are none where they do not say what narrower stops let through.
+    """
+    nm, widest_mm = cell.wavelength_nm, max(lens.stop.semi_diameter for lens, _ in cell.states if lens.stop)
     try:
         states = cell.focused()
         pupils = stopped_pupils(states, cell.radius_mm, nm if isinstance(nm, tuple) else (nm,))
@@ -314,33 +299,26 @@ def _rays(cell: _Cell) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
     return {key: values.astype(np.float32) for key, values in arrays.items()}, facts
 
 
-@lru_cache(maxsize=REMEMBERED)
-def _remembered(cell: _Cell) -> _Shared | None:
-    """Return the table of a cell, also from earlier runs; None where it would lose light or cannot be focused."""
-    name = cell.name("shared")
-    kept = kept_arrays(KEPT, name)
-    if kept is not None:
-        facts = dict(kept[1])
-        back_mm = facts.pop("back_mm")
-        found = None if back_mm is None else _Shared(PupilSampling.of_facts(facts, kept[0]["table"]), back_mm)
-    elif (found := _made(cell)) is None:
-        keep_arrays(KEPT, name, {}, {"back_mm": None})
-    else:
-        facts = found.sampling.facts_but_table() | {"back_mm": found.back_mm}
-        keep_arrays(KEPT, name, {"table": found.sampling.table}, facts)
-    if found is not None:
-        found.sampling.table.flags.writeable = False
-    return found
+def _pack(shared: _Shared | None) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+    if shared is None:
+        return {}, {}
+    return {"table": shared.sampling.table}, {"sampling": shared.sampling.facts_but_table(), "back_mm": shared.back_mm}
 
 
-def _made(cell: _Cell) -> _Shared | None:
+def _unpack(arrays: dict[str, NDArray[Any]], facts: dict[str, Any]) -> _Shared | None:
+    return _Shared(PupilSampling.of_facts(facts["sampling"], arrays["table"]), facts["back_mm"]) if arrays else None
+
+
+@remember(most=REMEMBERED, by=_Cell.key, disk=on_disk(pack=_pack, unpack=_unpack))
+def _of_traced(cell: _Cell) -> _Shared | None:
+    """Return the table of a cell; None where it would lose light or cannot be focused."""
     try:
         states = cell.focused()
         shapes = shared_shapes(states, cell.radius_mm, cell.wavelength_nm)
     except InputError:  # an end of the cell is out of reach, or dark
         return None
-    found = _Shared(_of_shapes(shapes), states[0][1])
-    return None if _loses_light(found, states, cell.radius_mm / BEYOND_FILM, cell.wavelength_nm) else found
+    shared = _Shared(_of_shapes(shapes), states[0][1])
+    return None if _loses_light(shared, states, cell.radius_mm / BEYOND_FILM, cell.wavelength_nm) else shared
 
 
 def _loses_light(
@@ -352,10 +330,3 @@ def _loses_light(
         loses_light(_moved(shared, back_mm), FilmProbe(state, back_mm, wavelength_nm), half_mm)
         for state, back_mm in states
     )
-
-
-def forget_shared() -> None:
-    """Make the next table of every cell be read or traced anew."""
-    _with_stop.cache_clear()
-    _opened.cache_clear()
-    _remembered.cache_clear()

@@ -25,7 +25,6 @@ from rptcam_cl.rendering.plan.textures import (
     PictureTable,
     TextureTable,
     linear_codes,
-    remembered,
     unpacked,
 )
 from rptcam_cl.scene.lights import ConstantEnvironment, GradientEnvironment, ImageEnvironment, SkyEnvironment
@@ -236,7 +235,7 @@ def pack_environment(scene: Scene, textures: TextureTable, spectra: KnownSpectra
 def _of_picture(record: NDArray[np.void], colours: Colours, directions: Array, gain: float) -> Surroundings:
     """Return the surroundings of a picture, given where its right, up and forward point."""
     record["right"][0, :3], record["up"][0, :3], record["forward"][0, :3] = directions
-    brightness = remembered(f"brightness {colours.name}", lambda: _Brightness.of(colours))
+    brightness = PICTURES.find_or_make(f"brightness {colours.name}", lambda: _Brightness.of(colours))
     if brightness.total <= 0 or gain <= 0:
         return Surroundings(EnvironmentKind.NONE, record, np.zeros(1, np.float32), 0.0)
     record["rows"], record["columns"] = brightness.cells

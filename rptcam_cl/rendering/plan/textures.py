@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import copy
 import warnings
-from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import field
 from functools import lru_cache
-from threading import Lock
-from typing import Any, Literal, Protocol, TypeVar
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -27,6 +25,7 @@ from rptcam_cl.core.records import (
     TextureKind,
     Wrap,
 )
+from rptcam_cl.core.remember import Memory
 from rptcam_cl.optics.glass import held_index, known_range
 from rptcam_cl.rendering.cameras.lens_records import fewest_terms, fit_nodes
 from rptcam_cl.scene.assets.pictures import Picture, read_picture
@@ -226,44 +225,7 @@ def linear_codes(form: TexelFormat) -> NDArray[np.float32]:
 MOST_BYTES = 512 << 20  # of all that is kept; what alone is larger is not
 
 
-class _Sized(Protocol):
-    @property
-    def nbytes(self) -> int: ...
-
-
-Made = TypeVar("Made", bound=_Sized)
-_kept: OrderedDict[str, Any] = OrderedDict()  # what was used last comes last
-_lock = Lock()
-
-
-def remembered(key: str, make: Callable[[], Made]) -> Made:
-    """Return what was made under a key before, or what ``make`` returns.
-
-    Parameters
-    ----------
-    key
-        Contains everything that the result depends on, files by their content: a changed file changes the key.
-    make
-        Called where nothing is kept. The result is shared, so nobody may change it.
-    """
-    with _lock:
-        if key in _kept:
-            _kept.move_to_end(key)
-            found: Made = _kept[key]
-            return found
-    made = make()
-    with _lock:
-        if made.nbytes <= MOST_BYTES:
-            _kept[key] = made
-        while sum(other.nbytes for other in _kept.values()) > MOST_BYTES:
-            _kept.popitem(last=False)
-    return made
-
-
-def forget() -> None:
-    """Make everything anew from now on."""
-    with _lock:
-        _kept.clear()
+PICTURES: Memory[Any] = Memory(most_bytes=MOST_BYTES)  # by the content of their files
 
 
 _MOST_WORDS = 1 << 32  # what a uint can index: 16 GiB
@@ -341,7 +303,7 @@ class PictureTable:
             When the picture cannot be used, with the place in the scene.
         """
         content = self._scene.digest_of(reference)
-        traits = remembered(f"traits {content}", lambda: self._traits(reference, content))
+        traits = PICTURES.find_or_make(f"traits {content}", lambda: self._traits(reference, content))
         if channel == "a" and not traits.has_alpha:
             raise InputError(f"{reference.place}has no alpha channel (allowed: channel rgb, r, g or b)")
         encoded = space == "srgb" or (space == "auto" and traits.encoded and channel == "rgb")
@@ -351,7 +313,7 @@ class PictureTable:
             texels, form = colour_texels(self._picture(reference, content), channel, encoded=encoded)
             return Colours.of(texels, form, name)
 
-        return remembered(f"colours {name}", stored)
+        return PICTURES.find_or_make(f"colours {name}", stored)
 
     def _traits(self, reference: FileReference, content: str) -> _Traits:
         picture = self._picture(reference, content)
