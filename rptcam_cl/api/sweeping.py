@@ -18,7 +18,7 @@ import numpy as np
 
 from rptcam_cl._version import __version__
 from rptcam_cl.api.interface import render
-from rptcam_cl.api.stages import Kept, RenderOptions, prepare, report, run
+from rptcam_cl.api.job import RenderOptions, SceneSource, SeriesRenderer, read_scene
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, RptcamError, StateError
 from rptcam_cl.core.files import (
@@ -39,8 +39,7 @@ from rptcam_cl.imaging.sensor import check_sensor
 from rptcam_cl.imaging.slanted_edge import mtf50_at
 from rptcam_cl.rendering.account import window
 from rptcam_cl.rendering.metering import resolve_exposure
-from rptcam_cl.rendering.plan.plan import Plan
-from rptcam_cl.scene.load import at_rest, change_scene, load_scene, set_keys
+from rptcam_cl.scene.load import at_rest, change_scene, set_keys
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.studies.focus.drives import focus_drive
 
@@ -97,35 +96,6 @@ def _small(image: Image) -> Picture:
     if scale == 1.0:
         return picture
     return picture.resize((WIDTH_PX, max(round(image.height * scale), 1)), Pillow.Resampling.BOX)
-
-
-# Many pictures one after the other: what they share stays on the device.
-
-
-class SeriesRenderer:
-    """Renders scenes on one device, each as `render` does.
-
-    Parameters
-    ----------
-    device
-        The device.
-
-    Attributes
-    ----------
-    plan : Plan or None
-        That of the last picture.
-    """
-
-    def __init__(self, device: Session) -> None:
-        self.device = device
-        self.plan: Plan | None = None
-        self._settings, self._kept = RenderOptions(device=device), Kept(device)
-
-    def render(self, scene: Scene) -> Image:
-        """Return the picture that the camera of a scene takes."""
-        prepared = prepare(scene, self._settings, self._kept)
-        self.plan = prepared.plan
-        return report(prepared, run(prepared))
 
 
 #
@@ -343,7 +313,7 @@ class _Planned:
 
 
 def sweep(
-    scene: Scene | str | Path | Mapping[str, Any],
+    scene: SceneSource,
     over: Mapping[str, Sequence[Any]],
     folder: str | Path | None = None,
     *,
@@ -386,9 +356,7 @@ def sweep(
     StateError
         The folder cannot be written, or holds pictures that other code has made.
     """
-    settings = RenderOptions(spp=spp, size=size, seed=seed)
-    given = scene if isinstance(scene, Scene) else load_scene(scene)
-    planned = _plan(settings.applied_to(given), over, mtf_at)
+    planned = _plan(RenderOptions(spp=spp, size=size, seed=seed).applied_to(read_scene(scene)), over, mtf_at)
     place = None if folder is None else _folder(Path(folder))
     return _entries(planned, place, mtf_at, device, pictures, OneMaker(allow_mixed))
 

@@ -22,8 +22,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from rptcam_cl._version import __version__
-from rptcam_cl.api.interface import Found, PartRenderer
-from rptcam_cl.api.stages import RenderOptions
+from rptcam_cl.api.job import RenderJob, RenderOptions, plain_data
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import DeviceError, InputError, RptcamError, StateError
 from rptcam_cl.core.files import (
@@ -41,7 +40,7 @@ from rptcam_cl.core.files import (
 from rptcam_cl.device.devices import choose_device
 from rptcam_cl.rendering.checkpoint import SUFFIX, read_part
 from rptcam_cl.rendering.several import FilmPart
-from rptcam_cl.scene.load import load_scene, plain
+from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.scene import Scene
 
 # A scene with all its files as bytes, so that a machine that has none of them can render it.
@@ -88,9 +87,13 @@ class Parcel:
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_bytes(content)
         scene = load_scene(self.scene, base_dir=folder)
-        if scene.content_hash() != self.content_hash:
-            raise StateError("the scene is not the one that was sent: a file has changed, or a link leads elsewhere")
+        _check_content(scene, self.content_hash)
         return scene
+
+
+def _check_content(scene: Scene, content_hash: str) -> None:
+    if scene.content_hash() != content_hash:
+        raise StateError("the scene is not the one that was sent: a file has changed, or a link leads elsewhere")
 
 
 def packed(scene: Scene, *others: Scene) -> Parcel:
@@ -125,16 +128,6 @@ def packed(scene: Scene, *others: Scene) -> Parcel:
     if digest != scene.content_hash():
         raise StateError("the scene's files have changed since it was loaded (load it again)")
     return parcel
-
-
-def plain_data(scene: Scene) -> dict[str, Any]:
-    """Return the data of a scene, as a file has them."""
-    return {name: _data(value) for name, value in scene.made_of.items()}
-
-
-def _data(value: Any) -> Any:
-    """Return a part of a scene as the data that a file has."""
-    return value.model_dump(mode="json", exclude_unset=True) if hasattr(value, "model_dump") else plain(value)
 
 
 def _with_other_words(data: Any, others: Iterable[Scene]) -> Iterator[Scene]:
@@ -196,8 +189,8 @@ class Job:
         Keyword arguments of `rptcam_cl.render` that replace keys of the scene.
     device : str or None
         The device of each worker.
-    found : Found or None
-        Focus and exposure, once they are known.
+    found : dict or None
+        Focus and exposure as `RenderJob.found` has them, once they are known.
     count : int
         Parts of the film.
     version, code
@@ -208,20 +201,16 @@ class Job:
 
     settings: dict[str, Any]
     device: str | None = None
-    found: Found | None = None
+    found: dict[str, Any] | None = None
     count: int = 1
     version: str = field(default=__version__)
     code: Maker = field(default_factory=lambda: made_by(()))
     allow_mixed: bool = False
 
-
-@dataclass(frozen=True)
-class Opened:
-    """What the first worker finds: focus and exposure for all, how long the film would take it [s], and what it is."""
-
-    found: Found
-    seconds: float
-    made_by: Maker
+    @property
+    def options(self) -> RenderOptions:
+        """Those of each worker."""
+        return RenderOptions(**self.settings, device=self.device)
 
 
 @dataclass(frozen=True)
@@ -235,8 +224,9 @@ class RenderedPart:
     made_by: Maker
 
 
+SHORT_MEASURE_S = 0.2  # by which parts are made: parts of half or twice the time are no worse
 _TASKS_ONE = threading.Lock()  # a worker with several threads has one device all the same
-_OPEN: dict[tuple[Any, ...], PartRenderer] = {}
+_OPEN: dict[tuple[Any, ...], RenderJob] = {}
 
 
 def survey(device: str | None = None) -> dict[str, Any]:
@@ -265,19 +255,19 @@ def hold_scene(digest: str) -> str:
     return digest
 
 
-def open_render(digest: str, job: Job) -> Opened:
-    """Prepare a render: find focus and exposure, compile, measure the speed."""
+def open_render(digest: str, job: Job) -> tuple[dict[str, Any], float, Maker]:
+    """Prepare a render: focus and exposure for all, how long the film would take this worker [s], and what it is."""
     with _TASKS_ONE:
-        renderer = _renderer(digest, job)
-        return Opened(renderer.found, renderer.seconds(), renderer.made_by)
+        render = _open(digest, job)
+        measured = render.forecast(SHORT_MEASURE_S)
+        assert measured is not None, "parts end by samples"
+        return render.found, measured.seconds, _maker(render)
 
 
 def render_part(digest: str, job: Job, number: int) -> RenderedPart:
     """Render one part."""
     with _TASKS_ONE:
-        renderer = _renderer(digest, job)
-        content, seconds = renderer.render(FilmPart(number, job.count))
-        return RenderedPart(number, content, renderer.device, seconds, renderer.made_by)
+        return _part(_open(digest, job), number, job.count)
 
 
 def render_scene(digest: str, job: Job, number: int, data: dict[str, Any], content_hash: str) -> RenderedPart:
@@ -285,11 +275,20 @@ def render_scene(digest: str, job: Job, number: int, data: dict[str, Any], conte
     with _TASKS_ONE:
         _check_version(job)
         scene = load_scene(data, base_dir=scene_of(digest).base_dir)
-        if scene.content_hash() != content_hash:
-            raise StateError("the scene is not the one that was sent: a file has changed, or a link leads elsewhere")
-        renderer = PartRenderer(scene, RenderOptions(**job.settings), job.device)
-        content, seconds = renderer.render(FilmPart())
-        return RenderedPart(number, content, renderer.device, seconds, renderer.made_by)
+        _check_content(scene, content_hash)
+        render = RenderJob.prepare_parts(scene, job.options)
+        return replace(_part(render, 1, 1), number=number)
+
+
+def _part(render: RenderJob, number: int, count: int) -> RenderedPart:
+    content, seconds = render.part(FilmPart(number, count))
+    return RenderedPart(number, content, render.wavefront.session.info.name, seconds, _maker(render))
+
+
+def _maker(render: RenderJob) -> Maker:
+    """What the parts of a render say of this program."""
+    assert render.saver is not None, "parts are saved"
+    return render.saver.makers[0]
 
 
 def _check_version(job: Job) -> None:
@@ -301,15 +300,21 @@ def _check_version(job: Job) -> None:
         same.add("cluster: a worker", made_by(()))
 
 
-def _renderer(digest: str, job: Job) -> PartRenderer:
-    """Return what renders the parts of a job: prepared once, unless another worker has found other focus or light."""
+def _open(digest: str, job: Job) -> RenderJob:
+    """The render of a job: prepared once, unless another worker has found other focus or light."""
     _check_version(job)
     key = (digest, repr(replace(job, found=None, count=1)))
-    renderer = _OPEN.get(key)
-    if renderer is None or (job.found is not None and not job.found.is_same(renderer.found)):
+    render = _OPEN.get(key)
+    if render is None or (job.found is not None and not is_same_found(job.found, render.found)):
         _OPEN.clear()
-        _OPEN[key] = renderer = PartRenderer(scene_of(digest), RenderOptions(**job.settings), job.device, job.found)
-    return renderer
+        _OPEN[key] = render = RenderJob.prepare_parts(scene_of(digest), job.options, job.found)
+    return render
+
+
+def is_same_found(one: dict[str, Any], other: dict[str, Any]) -> bool:
+    """Whether another worker, or the same earlier, has found the same; what it could not measure is nan."""
+    texts = {json.dumps(found, sort_keys=True, default=str) for found in (one, other)}
+    return len(texts) == 1
 
 
 # Tasks that are out on a cluster: sent again when their worker is lost or does not answer, given back as they come.
@@ -806,7 +811,7 @@ class PartsPlan:
         Their names, and their samples per pixel.
     count : int
         Parts.
-    found : Found
+    found : dict
         Focus and exposure, the same for all.
     made_by : dict
         What the first of them was made by.
@@ -817,7 +822,7 @@ class PartsPlan:
     spp: int
     layers: list[Any]
     count: int
-    found: Found
+    found: dict[str, Any]
     made_by: Maker
 
 
@@ -861,11 +866,13 @@ class PartsFolder:
         """
         path = self.path / PLAN
         try:
-            data: dict[str, Any] = json.loads(path.read_text("utf-8"))
-            return PartsPlan(**{**data, "found": Found(**data["found"])})
+            plan = PartsPlan(**json.loads(path.read_text("utf-8")))
+            if plan.found.keys() != {"focus", "metered_cd_m2"}:
+                raise ValueError("found")
+            return plan
         except FileNotFoundError:
             return None
-        except (OSError, ValueError, TypeError, KeyError) as problem:
+        except (OSError, ValueError, TypeError, AttributeError) as problem:
             raise StateError(f"{path}: cannot be read ({problem}; remove it, or render without --resume)") from None
 
     def begin(self, plan: PartsPlan) -> None:

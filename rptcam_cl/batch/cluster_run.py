@@ -13,11 +13,10 @@ from typing import Any
 
 from rptcam_cl._version import __version__
 from rptcam_cl.api.interface import merge
-from rptcam_cl.api.stages import RenderOptions, check_divisible
+from rptcam_cl.api.job import RenderOptions, SceneSource, check_divisible, plain_data, read_scene
 from rptcam_cl.batch.cluster import (
     Credentials,
     Job,
-    Opened,
     Parcel,
     PartsFolder,
     PartsPlan,
@@ -28,7 +27,6 @@ from rptcam_cl.batch.cluster import (
     hold_scene,
     open_render,
     packed,
-    plain_data,
     render_part,
     render_scene,
 )
@@ -39,7 +37,6 @@ from rptcam_cl.imaging.image import Image
 from rptcam_cl.rendering.checkpoint import SUFFIX
 from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.rendering.progressive import Progress
-from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.scene import Scene
 
 # A render on a cluster: parts go out, files come back, and their whole is the picture.
@@ -51,7 +48,7 @@ PARTS_A_WORKER = 4  # at least, so that all end at about the same time
 
 
 def render_on_cluster(
-    scene: Scene | str | Path | Mapping[str, Any],
+    scene: SceneSource,
     cluster: str | None = None,
     *,
     workers: int | None = None,
@@ -112,7 +109,7 @@ def render_on_cluster(
         ``should_stop`` ended it; the parts are kept in the folder.
     """
     check_cluster(cluster, workers, tls)
-    given = scene if isinstance(scene, Scene) else load_scene(scene)
+    given = read_scene(scene)
     words: dict[str, Any] = {"spp": spp, "seed": seed, "size": size, "crop": crop, "layers": layers}
     settings = RenderOptions(**words)
     applied = settings.applied_to(given)
@@ -202,9 +199,9 @@ class _Run:
         sent, begun = TasksOut(client, self.parcel, workers, self.says_kept), time.perf_counter()
         check = partial(self._check, sent)
         if plan is None:
-            opened: Opened = sent.first(open_render, (self.job,), check)
-            count = min(parts_of(opened.seconds, len(workers)), FilmLayout.of(self.scene.film).tiles)
-            plan = PartsPlan(**self.facts(), count=count, found=opened.found, made_by=opened.made_by)
+            found, seconds, maker = sent.first(open_render, (self.job,), check)
+            count = min(parts_of(seconds, len(workers)), FilmLayout.of(self.scene.film).tiles)
+            plan = PartsPlan(**self.facts(), count=count, found=found, made_by=maker)
             self.kept.begin(plan)
         self.job = replace(self.job, found=plan.found, count=plan.count)
         self.took("open", begun)

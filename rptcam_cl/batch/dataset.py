@@ -17,7 +17,7 @@ from typing import Any
 
 from rptcam_cl._version import __version__
 from rptcam_cl.api.interface import settle
-from rptcam_cl.api.sweeping import SeriesRenderer
+from rptcam_cl.api.job import SeriesRenderer
 from rptcam_cl.batch.specification import MOST_FRAMES, DatasetSpecification, numbered, read_specification, whole
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, StateError

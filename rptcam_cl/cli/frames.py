@@ -72,7 +72,7 @@ def frame_scenes(arguments: argparse.Namespace, scene: "Scene") -> list[tuple[in
 
 def tracked(arguments: argparse.Namespace, scene: "Scene") -> Callable[[int], tuple["Scene", dict[str, Any]]] | None:
     """What returns a frame with focus and exposure that follow from those before; None where each stands for itself."""
-    from rptcam_cl.api.stages import RenderOptions
+    from rptcam_cl.api.job import RenderOptions
     from rptcam_cl.api.sweeping import FrameTracker, needs_tracking
 
     if not needs_tracking(scene):

@@ -61,7 +61,7 @@ from rptcam_cl.cli.parser import (
 from rptcam_cl.core.errors import InputError, NumericError, RptcamError, StateError
 
 if TYPE_CHECKING:
-    from rptcam_cl.api.stages import RenderOptions
+    from rptcam_cl.api.job import RenderOptions
     from rptcam_cl.imaging.image import Image
     from rptcam_cl.rendering.account import Forecast
     from rptcam_cl.rendering.progressive import Progress
@@ -232,17 +232,14 @@ def add_plan_option(parser: argparse.ArgumentParser) -> None:
 
 def print_plan(scene: Scene, settings: RenderOptions) -> int:
     """Print what a render will take, and return the exit code."""
-    from rptcam_cl.api.stages import prepare
-    from rptcam_cl.rendering.account import forecast
+    from rptcam_cl.api.job import RenderJob
 
     begun = time.perf_counter()
-    prepared = prepare(scene, settings)
-    end = settings.most_spp(prepared.scene)
-    if end is None:
-        raise InputError("--plan: --time says how long it takes (allowed: without --time)")
+    job = RenderJob.prepare(scene, settings)
     preparing = time.perf_counter() - begun
-    first = settings.film_part.first if prepared.saved is None else prepared.saved.done
-    found = forecast(prepared.wavefront, min(first, end), end, settings.film_part)
+    found = job.forecast()
+    if found is None:
+        raise InputError("--plan: --time says how long it takes (allowed: without --time)")
     for line in forecast_lines(found, preparing):
         print(line)
     return 0
@@ -556,7 +553,7 @@ def _picture(arguments: argparse.Namespace, should_stop: Callable[[], bool] | No
     if spread and arguments.frames is None:
         return _on_cluster(arguments, scene)
     if arguments.plan:
-        from rptcam_cl.api.stages import RenderOptions
+        from rptcam_cl.api.job import RenderOptions
 
         return print_plan(scene, RenderOptions(**_options(arguments, scene)))
     if arguments.frames is not None:
@@ -602,7 +599,7 @@ def _on_cluster(arguments: argparse.Namespace, scene: Scene) -> int:
 
 def _applied(arguments: argparse.Namespace, scene: Scene) -> Scene:
     """The scene with all options applied."""
-    from rptcam_cl.api.stages import RenderOptions
+    from rptcam_cl.api.job import RenderOptions
 
     return RenderOptions(**_options(arguments, scene)).applied_to(scene)
 
