@@ -1,4 +1,4 @@
-"""The interface: devices, lenses and pictures, each by one call; scenes settled once; parts and their whole."""
+"""The interface: devices, lenses and pictures, each by one call; scenes with all found once; parts and their whole."""
 
 from __future__ import annotations
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import os
-import re
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -16,6 +15,8 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.api.options import SCENE_KEYS, excluded_by, part_numbers
+from rptcam_cl.core.constants import MAX_SPP
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, NumericError
 from rptcam_cl.device.session import Session, Split, Wanted, means_all, open_session, open_sessions
@@ -66,7 +67,7 @@ from rptcam_cl.rendering.several import (
 )
 from rptcam_cl.rendering.tracer import Wavefront, WavefrontPool
 from rptcam_cl.scene.camera import RealisticCamera
-from rptcam_cl.scene.film import ADAPTIVE_SPP, MAX_SPP, LayerName
+from rptcam_cl.scene.film import ADAPTIVE_SPP, LayerName
 from rptcam_cl.scene.load import at_rest, change_scene, exposure_steps, load_scene, plain
 from rptcam_cl.scene.scene import Scene
 
@@ -126,10 +127,9 @@ class RenderOptions:
             raise InputError(f"seconds: is out of range (got {self.seconds!r}; allowed: a finite number above 0)")
         if self.film_part == WHOLE:
             return
-        given = {"seconds": self.seconds, "noise": self.noise, "denoise": self.denoise or None}
-        for name, value in given.items():
-            if value is not None:
-                raise InputError(f"{name}: needs the whole film (allowed: without part and samples)")
+        for option in excluded_by("part"):
+            if getattr(self, option.name, None):
+                raise InputError(f"{option.name}: needs the whole film (allowed: without part and samples)")
         if self.samples is not None and self.spp is not None:
             raise InputError("spp: does not go with samples, which say where they end (allowed: one of the two)")
 
@@ -142,7 +142,9 @@ class RenderOptions:
         InputError
             ``part`` or ``samples`` is none.
         """
-        number, count = (1, 1) if self.part is None else _numbers(self.part)
+        number, count = (1, 1) if self.part is None else part_numbers(self.part) or (0, 0)
+        if not count:
+            raise InputError(f"part: is none (got {self.part}; allowed: as 3/8, from 1/8 to 8/8)")
         first, end = self.samples or (0, None)
         if end is not None and not 0 <= first < end < MAX_SPP:
             raise InputError(f"samples: are out of range (got {first}:{end}; allowed: as 0:64)")
@@ -167,11 +169,12 @@ class RenderOptions:
 
     def applied_to(self, scene: Scene) -> Scene:
         """The scene with the keys that the options replace."""
-        render = {"spp": self.spp, "seed": self.seed, "layers": self.layers, "noise": self.noise}
-        film = {"resolution": self.size, "crop": self.crop}
-        keys: dict[str, dict[str, Any]] = {"render": render, "film": film}
-        given = {part: {key: value for key, value in of.items() if value is not None} for part, of in keys.items()}
-        return change_scene(scene, **given) if any(given.values()) else scene
+        changes: dict[str, dict[str, Any]] = {}
+        for name, path in SCENE_KEYS.items():
+            if (value := getattr(self, name)) is not None:
+                section, _, key = path.partition(".")
+                changes.setdefault(section, {})[key] = value
+        return change_scene(scene, **changes) if changes else scene
 
     def most_spp(self, scene: Scene) -> int | None:
         """The sample to end before: of ``samples`` or ``spp``, else none for ``seconds``, else the scene's."""
@@ -189,15 +192,6 @@ class RenderOptions:
         if spp is None or scene.render.noise is not None or takes_more or len(sessions) > 1:
             return sessions
         return [sessions[0].for_samples(spp * FilmLayout.of(scene.film).pixels)]
-
-
-def _numbers(part: str) -> tuple[int, int]:
-    """Number and count of a part such as ``3/8``."""
-    match = re.fullmatch(r"(\d{1,9})/(\d{1,9})", part, re.ASCII)
-    number, count = (int(match[1]), int(match[2])) if match else (0, 0)
-    if not 1 <= number <= count:
-        raise InputError(f"part: is none (got {part}; allowed: as 3/8, from 1/8 to 8/8)")
-    return number, count
 
 
 # What a scene leaves to be found, and what its image is put together of.

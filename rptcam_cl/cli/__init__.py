@@ -26,24 +26,24 @@ FAULT = 1  # exit code of an unexpected error
 
 # The module of each command, in the order of the help; its function ``add_…`` adds it to the parser.
 COMMANDS = {
-    "demo": "examples",
-    "examples": "examples",
+    "demo": "first_steps",
+    "examples": "first_steps",
     "new": "files",
     "render": "render",
     "merge": "files",
     "settle": "files",
     "sweep": "cluster",
     "dataset": "cluster",
-    "view": "examples",
+    "view": "first_steps",
     "focus": "focus",
     "tradeoff": "focus",
     "develop": "files",
     "convert": "files",
     "lens": "lens",
     "camera": "camera",
-    "devices": "devices",
-    "doctor": "devices",
-    "schema": "devices",
+    "devices": "first_steps",
+    "doctor": "first_steps",
+    "schema": "first_steps",
 }
 
 

@@ -10,9 +10,10 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from rptcam_cl.api.options import add_options, size
 from rptcam_cl.cli.lens_options import wavelengths
 from rptcam_cl.cli.output import as_json, print_table, print_warnings
-from rptcam_cl.cli.parser import Commands, add_overrides, positive, size
+from rptcam_cl.cli.parser import Commands, positive
 from rptcam_cl.core.errors import InputError, StateError
 
 if TYPE_CHECKING:
@@ -239,7 +240,7 @@ def add_camera(commands: Commands) -> None:
         " lens.",
     )
     parser.add_argument("source", metavar="SCENE|LENS", help="scene file, or a lens by name or file")
-    add_overrides(parser)
+    add_options(parser, "overrides")
     parser.add_argument("--size", type=size, metavar="WxH", help="resolution (default: the scene's, 768x512)")
     parser.add_argument("--film", type=film, metavar="WxH", help="film in millimetres (default: the scene's, 36x24)")
     parser.add_argument(

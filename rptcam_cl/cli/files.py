@@ -5,17 +5,9 @@ import shlex
 import sys
 from pathlib import Path
 
-from rptcam_cl.cli.output import print_warnings
-from rptcam_cl.cli.parser import (
-    Commands,
-    add_allow_mixed,
-    add_device,
-    add_missing,
-    add_overrides,
-    positive,
-    size,
-)
-from rptcam_cl.cli.render import save
+from rptcam_cl.api.options import add_options, size
+from rptcam_cl.cli.output import print_warnings, save
+from rptcam_cl.cli.parser import Commands, add_device, check_different, names_of, positive
 from rptcam_cl.core.errors import InputError
 
 # ``rptcam merge``: parts of a render become its picture.
@@ -33,8 +25,7 @@ def add_merge(commands: Commands) -> None:
         "-o", "--output", action="append", required=True, type=Path, metavar="OUT", dest="outputs",
         help="picture to write, as of render; or the whole as .rpck, for render --resume; may be repeated",
     )  # fmt: skip
-    add_allow_mixed(parser)
-    parser.add_argument("--quiet", action="store_true", help="print only warnings and errors")
+    add_options(parser, "allow_mixed", "quiet")
     parser.set_defaults(run=_run_merge, parser=parser)
 
 
@@ -49,8 +40,7 @@ def _run_merge(arguments: argparse.Namespace) -> int:
     pictures = [output for output in outputs if output.suffix != SUFFIX]
     if len(states) > 1:
         raise InputError(f"-o: two files {SUFFIX} (allowed: one)")
-    if len({output.resolve() for output in outputs}) < len(outputs):
-        raise InputError("-o: the same file twice")
+    check_different(outputs, "-o")
     for output in states:
         check_writable(output, arguments.parts)
     for output in pictures:
@@ -59,7 +49,7 @@ def _run_merge(arguments: argparse.Namespace) -> int:
     if pictures:
         save(image, argparse.Namespace(outputs=pictures, raws=[], stats=None))
     if not arguments.quiet:
-        names, count = ", ".join(map(str, outputs)), len(arguments.parts)
+        names, count = names_of(outputs), len(arguments.parts)
         made = f"{image.width} x {image.height}, {image.stats['spp']} spp, of {count} part{'s' * (count > 1)}"
         print(f"wrote {names}: {made}", file=sys.stderr)
         if "parts" in image.metadata:
@@ -98,7 +88,7 @@ def add_develop(commands: Commands) -> None:
         "--large", action="store_true",
         help="develop films of more than 67 million pixels, too, which take minutes however small their files are",
     )  # fmt: skip
-    parser.add_argument("--quiet", action="store_true", help="print only warnings and errors")
+    add_options(parser, "quiet")
     parser.set_defaults(run=_run_develop, parser=parser)
 
 
@@ -115,8 +105,7 @@ def _run_develop(arguments: argparse.Namespace) -> int:
     for raw in arguments.raws:
         check_raw_output(raw, [arguments.film])
     written = [*arguments.outputs, *arguments.raws]
-    if len({path.resolve() for path in written}) < len(written):
-        raise InputError("-o, --raw: the same file twice")
+    check_different(written, "-o, --raw")
     image = develop(read_film(arguments.film, most_pixels=None if arguments.large else LARGE), arguments.overrides)
     if arguments.desqueeze is not None:
         if arguments.raws:
@@ -128,7 +117,7 @@ def _run_develop(arguments: argparse.Namespace) -> int:
     for numbers, path in raws:
         numbers.save(path)
     if not arguments.quiet:
-        print(f"wrote {', '.join(map(str, written))}: {image.width} x {image.height}", file=sys.stderr)
+        print(f"wrote {names_of(written)}: {image.width} x {image.height}", file=sys.stderr)
     return 0
 
 
@@ -145,14 +134,12 @@ def add_settle(commands: Commands) -> None:
     parser.add_argument("scene", type=Path, metavar="SCENE", help="scene file (YAML)")
     parser.add_argument("-o", "--output", required=True, type=Path, metavar="OUT.yaml", help="scene file to write")
     add_device(parser)
-    add_overrides(parser)
-    parser.add_argument("--quiet", action="store_true", help="print only warnings and errors")
+    add_options(parser, "overrides", "quiet")
     parser.set_defaults(run=_run_settle, parser=parser)
 
 
 def _run_settle(arguments: argparse.Namespace) -> int:
     from rptcam_cl.api.interface import settle
-    from rptcam_cl.core.errors import InputError
     from rptcam_cl.core.files import check_writable
     from rptcam_cl.scene.load import load_scene
 
@@ -184,7 +171,7 @@ def add_convert(commands: Commands) -> None:
     parser.add_argument("source", type=Path, metavar="SCENE.pbrt", help="scene file of pbrt-v2, v3 or v4")
     parser.add_argument("target", type=Path, metavar="SCENE.yaml", help="scene file to write")
     parser.add_argument("--quiet", action="store_true", help="print only errors")
-    add_missing(parser)
+    add_options(parser, "missing")
     parser.set_defaults(run=_run_convert, parser=parser)
 
 
@@ -253,7 +240,6 @@ def add_new(commands: Commands) -> None:
 
 
 def _run_new(arguments: argparse.Namespace) -> int:
-    from rptcam_cl.core.errors import InputError
     from rptcam_cl.core.files import check_writable, replacing
     from rptcam_cl.exchange.starting import Wishes, starting_scene
     from rptcam_cl.scene.load import load_scene, scene_text

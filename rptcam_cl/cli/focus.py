@@ -9,21 +9,10 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rptcam_cl.api.options import add_options, crop, duration, share, size
 from rptcam_cl.cli.lens_options import check_file, check_picture, write, write_picture
 from rptcam_cl.cli.output import as_json, print_table, print_warnings
-from rptcam_cl.cli.parser import (
-    Commands,
-    add_device,
-    add_overrides,
-    crop,
-    duration,
-    focus_method,
-    focus_policy,
-    point,
-    seed,
-    share,
-    size,
-)
+from rptcam_cl.cli.parser import Commands, add_device, focus_method, focus_policy, point
 from rptcam_cl.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -61,9 +50,9 @@ def add_focus(commands: Commands) -> None:
         "--policy", type=focus_policy, metavar="NAME",
         help="which of several zones decides: closest (default), farthest, centre or weighted",
     )  # fmt: skip
-    parser.add_argument("--seed", type=seed, metavar="N", help="seed of the random numbers")
+    add_options(parser, "seed")
     add_device(parser)
-    add_overrides(parser)
+    add_options(parser, "overrides")
     parser.add_argument("--json", action="store_true", help="print JSON")
     parser.add_argument("--plot", type=Path, metavar="FILE", help="draw the curve, .svg, .png or .pdf")
     parser.set_defaults(run=_run_focus, parser=parser)
@@ -170,7 +159,7 @@ def add_tradeoff(commands: Commands) -> None:
     )
     parser.add_argument("--details", action="store_true", help="print all tables and how they were found, too")
     add_device(parser)
-    add_overrides(parser)
+    add_options(parser, "overrides")
     parser.add_argument("--quiet", action="store_true", help="print only the result, warnings and errors")
     parser.set_defaults(run=_run_tradeoff, parser=parser)
 

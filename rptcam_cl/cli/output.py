@@ -8,16 +8,20 @@ import math
 import os
 import signal
 import sys
+import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Any, TextIO
 
-from rptcam_cl.core.errors import DeviceError
+from rptcam_cl.core.errors import DeviceError, RptcamError
 
 if TYPE_CHECKING:
+    import argparse
+
     from rptcam_cl.imaging.image import Image
     from rptcam_cl.rendering.progressive import Progress
 
@@ -368,3 +372,59 @@ def stop_on_interrupt(words: str | None = None) -> Iterator[threading.Event]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+# The files of a picture: every one that can be written, and a place for the film where none can.
+
+
+def save(image: Image, arguments: argparse.Namespace) -> None:
+    """Write every output that can be written, then report the first that could not, and where the film is instead."""
+    from rptcam_cl.core.files import replacing
+    from rptcam_cl.imaging.image import FILM_SUFFIXES
+
+    failures: list[Exception] = []
+
+    def attempt(write: Callable[[], object]) -> bool:
+        try:
+            write()
+        except Exception as error:  # whatever a library raises: the picture is not lost with it
+            failures.append(error)
+            return False
+        return True
+
+    def write_stats() -> None:
+        with replacing(arguments.stats) as temporary:
+            temporary.write_text(as_json(image.stats) + "\n", encoding="utf-8", errors="backslashreplace")
+
+    # A list, and not a generator: all are attempted.
+    films = [attempt(partial(image.save, path)) and path.suffix.lower() in FILM_SUFFIXES for path in arguments.outputs]
+    for raw in arguments.raws:
+        attempt(lambda raw=raw: image.raw().save(raw))  # type: ignore[misc]
+    if arguments.stats is not None:
+        attempt(write_stats)
+    if not failures:
+        return
+    where = "" if any(films) else rescued(image)
+    if isinstance(failures[0], RptcamError):
+        raise type(failures[0])(f"{failures[0]}{where}")
+    if where:
+        print(f"note: the picture could not be written{where}", file=sys.stderr)
+    raise failures[0]
+
+
+def rescued(image: Image) -> str:
+    """Write the film of a picture that cannot go where it was to go to the first place that takes it; say where."""
+    for folder in dict.fromkeys((tempfile.gettempdir(), os.path.expanduser("~"), os.getcwd())):  # noqa: PTH109, PTH111
+        for suffix in (".exr", ".npz"):
+            try:
+                descriptor, name = tempfile.mkstemp(prefix="rptcam-", suffix=suffix, dir=folder)
+                os.close(descriptor)
+            except OSError:
+                continue
+            try:
+                image.save(Path(name))
+            except Exception:  # as above
+                Path(name).unlink(missing_ok=True)
+            else:
+                return f" (the film is kept in {name}, for rptcam develop)"
+    return " (and no place was found where the film could be kept)"

@@ -5,9 +5,9 @@ from typing import Any
 
 import pytest
 
+from rptcam_cl.api.options import duration
 from rptcam_cl.cli import output as module
 from rptcam_cl.cli.output import LastTiles, as_duration, describe, fraction_done, progress_on_stderr
-from rptcam_cl.cli.parser import duration
 
 
 def report(**changes: Any) -> Any:

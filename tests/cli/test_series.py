@@ -2,7 +2,7 @@
 
 import pytest
 
-from rptcam_cl.cli.parser import F_NUMBERS, expanded
+from rptcam_cl.cli.cluster import F_NUMBERS, expanded
 from rptcam_cl.core.errors import InputError
 
 
