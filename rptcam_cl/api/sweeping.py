@@ -23,11 +23,13 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, RptcamError, StateError
 from rptcam_cl.core.files import (
     OneMaker,
+    check_writable,
     identity_of_code,
     keep_bytes,
     kept_bytes,
     kernels_dir,
     made_by,
+    make_folder,
     name_of,
     replacing,
     unlinked,
@@ -357,7 +359,9 @@ def sweep(
         The folder cannot be written, or holds pictures that other code has made.
     """
     planned = _plan(RenderOptions(spp=spp, size=size, seed=seed).applied_to(read_scene(scene)), over, mtf_at)
-    place = None if folder is None else _folder(Path(folder))
+    place = None if folder is None else make_folder(Path(folder))
+    if place is not None:
+        check_writable(place / SHEET)
     return _entries(planned, place, mtf_at, device, pictures, OneMaker(allow_mixed))
 
 
@@ -397,18 +401,6 @@ def _plan(scene: Scene, over: Mapping[str, Sequence[Any]], mtf_at: tuple[float, 
 def shown(value: Any) -> str:
     """Return a value on a label."""
     return f"{value:.6g}" if isinstance(value, float) else value if isinstance(value, str) else json.dumps(value)
-
-
-def _folder(folder: Path) -> Path:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with replacing(unlinked(folder / ".rptcam-sweep")) as temporary:
-            temporary.touch()
-        (folder / ".rptcam-sweep").unlink()
-    except OSError as problem:
-        why = "is a file, not a folder" if folder.is_file() else f"cannot be written: {problem.strerror or problem}"
-        raise StateError(f"{folder}: {why}") from None
-    return folder
 
 
 def _entries(

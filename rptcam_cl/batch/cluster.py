@@ -16,7 +16,7 @@ import time
 import uuid
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
-from dataclasses import asdict, field, replace
+from dataclasses import field, replace
 from multiprocessing import resource_tracker
 from pathlib import Path
 from typing import Any, Literal
@@ -30,6 +30,7 @@ from rptcam_cl.core.files import (
     OneMaker,
     is_maker,
     made_by,
+    make_folder,
     named_files,
     read_whole,
     remove_strays,
@@ -797,33 +798,12 @@ def _reason(problem: Exception) -> str:
 PLAN = "plan.json"
 
 
-@dataclass(frozen=True)
-class PartsPlan:
-    """How a render is divided.
+PartsPlan = dict[str, Any]
+"""How a render is divided: ``version`` of the program, ``scene``, the hash with all that changes the picture, ``spp``,
+``layers``, their names and their samples per pixel, ``count`` of the parts, ``found``, focus and exposure, the same for
+all, and ``made_by``, what the first of them was made by."""
 
-    Attributes
-    ----------
-    version, scene : str
-        Of the program, and the hash of the scene with all that changes the picture.
-    spp : int
-        Samples per pixel.
-    layers : list
-        Their names, and their samples per pixel.
-    count : int
-        Parts.
-    found : dict
-        Focus and exposure, the same for all.
-    made_by : dict
-        What the first of them was made by.
-    """
-
-    version: str
-    scene: str
-    spp: int
-    layers: list[Any]
-    count: int
-    found: dict[str, Any]
-    made_by: Maker
+PLAN_KEYS = {"version", "scene", "spp", "layers", "count", "found", "made_by"}
 
 
 class PartsFolder:
@@ -866,9 +846,9 @@ class PartsFolder:
         """
         path = self.path / PLAN
         try:
-            plan = PartsPlan(**json.loads(path.read_text("utf-8")))
-            if plan.found.keys() != {"focus", "metered_cd_m2"}:
-                raise ValueError("found")
+            plan: PartsPlan = json.loads(path.read_text("utf-8"))
+            if plan.keys() != PLAN_KEYS or plan["found"].keys() != {"focus", "metered_cd_m2"}:
+                raise ValueError("it is damaged")
             return plan
         except FileNotFoundError:
             return None
@@ -883,12 +863,9 @@ class PartsFolder:
         StateError
             The folder cannot be written.
         """
-        try:
-            self.path.mkdir(parents=True, exist_ok=True)
-        except OSError as problem:
-            raise StateError(f"{self.path}: cannot be made ({problem.strerror})") from None
+        make_folder(self.path)
         with replacing(unlinked(self.path / PLAN)) as temporary:
-            temporary.write_text(json.dumps(asdict(plan), indent=1), "utf-8")
+            temporary.write_text(json.dumps(plan, indent=1), "utf-8")
 
     def file(self, number: int) -> Path:
         """Return where a part is kept."""
@@ -902,7 +879,7 @@ class PartsFolder:
     def missing(self, plan: PartsPlan) -> list[int]:
         """Return the numbers of the parts that are not there; damaged ones are removed first."""
         lacking = []
-        for number in range(1, plan.count + 1):
+        for number in range(1, plan["count"] + 1):
             try:
                 read_part(self.file(number))
             except StateError:

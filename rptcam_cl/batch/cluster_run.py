@@ -164,10 +164,10 @@ class _Run:
                 self.took("connect", begun)
                 plan = self.complete(client, workers, plan)
         begun = time.perf_counter()
-        files = [self.kept.file(number) for number in range(1, plan.count + 1)]
+        files = [self.kept.file(number) for number in range(1, plan["count"] + 1)]
         image = merge(files, allow_mixed=self.job.allow_mixed)
         self.took("merge", begun)
-        image.stats["cluster"] = {"parts": plan.count, "workers": self.account, "seconds": self.seconds}
+        image.stats["cluster"] = {"parts": plan["count"], "workers": self.account, "seconds": self.seconds}
         return image
 
     def took(self, what: str, begun: float) -> None:
@@ -180,13 +180,13 @@ class _Run:
         if plan is None:
             return None
         for name, value in self.facts().items():
-            if getattr(plan, name) != value:
+            if plan[name] != value:
                 raise StateError(
-                    f"{self.kept.path}: holds parts of another render: its {name} is {getattr(plan, name)}, not {value}"
+                    f"{self.kept.path}: holds parts of another render: its {name} is {plan[name]}, not {value}"
                     " (remove it, or render without --resume)"
                 )
-        self.same.add(str(self.kept.path), plan.made_by)
-        self.same.add("this program", made_by([str(plan.made_by.get("driver"))]))  # the devices are the workers'
+        self.same.add(str(self.kept.path), plan["made_by"])
+        self.same.add("this program", made_by([str(plan["made_by"].get("driver"))]))  # the devices are the workers'
         return plan
 
     def facts(self) -> dict[str, Any]:
@@ -201,15 +201,15 @@ class _Run:
         if plan is None:
             found, seconds, maker = sent.first(open_render, (self.job,), check)
             count = min(parts_of(seconds, len(workers)), FilmLayout.of(self.scene.film).tiles)
-            plan = PartsPlan(**self.facts(), count=count, found=found, made_by=maker)
+            plan = self.facts() | {"count": count, "found": found, "made_by": maker}
             self.kept.begin(plan)
-        self.job = replace(self.job, found=plan.found, count=plan.count)
+        self.job = replace(self.job, found=plan["found"], count=plan["count"])
         self.took("open", begun)
         todo, begun = self.kept.missing(plan), time.perf_counter()
         parts = sent.results(render_part, ((self.job, number) for number in todo), check)
         for left, (worker, part) in zip(reversed(range(len(todo))), parts, strict=True):
             self._take(worker, part)
-            self._tell(1 - left / plan.count, time.perf_counter() - begun)
+            self._tell(1 - left / plan["count"], time.perf_counter() - begun)
         self.took("render", begun)
         return plan
 

@@ -21,7 +21,7 @@ from rptcam_cl.api.job import SeriesRenderer
 from rptcam_cl.batch.specification import MOST_FRAMES, DatasetSpecification, numbered, read_specification, whole
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, StateError
-from rptcam_cl.core.files import UNKNOWN, OneMaker, made_by, replacing, unlinked
+from rptcam_cl.core.files import UNKNOWN, OneMaker, made_by, make_folder, replacing, unlinked
 from rptcam_cl.device.session import Wanted, open_sessions
 from rptcam_cl.exchange.camera_models import COEFFICIENTS, calibrate, calibrate_best
 from rptcam_cl.exchange.camera_view import View, view
@@ -76,13 +76,9 @@ class DatasetFolder:
         StateError
             When it cannot be written, or holds another dataset, or the same in other shards or by other code.
         """
-        try:
-            if self.shard is not None:
-                unlinked(self.frames)
-            self.frames.mkdir(parents=True, exist_ok=True)
-        except OSError as problem:
-            why = "is a file, not a folder" if self.path.is_file() else f"cannot be made: {problem.strerror or problem}"
-            raise StateError(f"{self.path}: {why}") from None
+        make_folder(self.path)
+        if self.shard is not None:
+            make_folder(unlinked(self.frames))
         about, mine = self.path / ABOUT, {"key": self.wanted.key, "shard": self.shard}
         if about.exists():
             try:

@@ -391,6 +391,11 @@ def _sharing(scene: Scene, vary: Mapping[str, Distribution]) -> Scene:
     return set_keys(scene, {"camera.pupil": "shared"}) if any(key.startswith(states) for key in drawn) else scene
 
 
+def _error(where: Where, key: str, problem: str) -> InputError:
+    """The error of a key of the specification, with its place."""
+    return InputError(f"{where((key,))}{key}: {problem}")
+
+
 def _places(document: Document) -> Where:
     def where(path: KeyPath) -> str:
         line, column = document.mark(path)
@@ -419,20 +424,20 @@ def _scene(data: Mapping[str, Any], base: Path, where: Where, overrides: Sequenc
     if isinstance(given, str):
         path = (base / given).resolve()
         if not path.is_relative_to(base.resolve()):
-            raise InputError(f"{where(('scene',))}scene: lies outside the folder of the dataset (got {given})")
+            raise _error(where, "scene", f"lies outside the folder of the dataset (got {given})")
         scene = load_scene(path)
     elif isinstance(given, Mapping):
         scene = load_scene(given, base_dir=base)
     else:
-        raise InputError(f"{where(('scene',))}scene: must be a scene file or its content (got {given!r})")
+        raise _error(where, "scene", f"must be a scene file or its content (got {given!r})")
     fixed = data.get("set") or {}
     if not isinstance(fixed, Mapping):
-        raise InputError(f"{where(('set',))}set: must be a mapping of key paths (allowed: as render.spp: 16)")
+        raise _error(where, "set", "must be a mapping of key paths (allowed: as render.spp: 16)")
     if fixed:
         try:
             scene = set_keys(scene, {str(key): value for key, value in fixed.items()})
         except RptcamError as problem:
-            raise InputError(f"{where(('set',))}set: {problem}") from None
+            raise _error(where, "set", str(problem)) from None
     for text in overrides:
         key, equals, value = text.partition("=")
         if not equals:
@@ -445,7 +450,7 @@ def _vary(data: Mapping[str, Any], scene: Scene, where: Where) -> tuple[dict[str
     """Return what is drawn, and the classes of all objects that may be: none first, then the scene's in its order."""
     given = data.get("vary")
     if not isinstance(given, Mapping) or not given:
-        raise InputError(f"{where(('vary',))}vary: names no key (allowed: as camera.f_number: {{choice: [2, 4]}})")
+        raise _error(where, "vary", "names no key (allowed: as camera.f_number: {choice: [2, 4]})")
     vary: dict[str, Distribution] = {}
     labels = dict.fromkeys(["", *(item.label or "" for item in scene.objects)])
     for key, described in given.items():
@@ -469,25 +474,20 @@ def _vary(data: Mapping[str, Any], scene: Scene, where: Where) -> tuple[dict[str
 def _files(data: Mapping[str, Any], where: Where) -> tuple[str, ...]:
     found = data.get("files", ["png"])
     if not isinstance(found, list | tuple) or not found or len(set(map(str, found))) < len(found):
-        raise InputError(
-            f"{where(('files',))}files: must be a list of suffixes (got {found!r}; allowed: as [png, exr])"
-        )
+        raise _error(where, "files", f"must be a list of suffixes (got {found!r}; allowed: as [png, exr])")
     for suffix in found:
         if suffix not in FORMATS:
-            raise InputError(
-                f"{where(('files',))}files: unknown suffix (got {suffix!r}; allowed: {', '.join(FORMATS)})"
-            )
+            raise _error(where, "files", f"unknown suffix (got {suffix!r}; allowed: {', '.join(FORMATS)})")
     return tuple(found)
 
 
 def _truth(data: Mapping[str, Any], scene: Scene, where: Where) -> bool:
     found = data.get("truth", False)
     if not isinstance(found, bool):
-        raise InputError(f"{where(('truth',))}truth: must be true or false (got {found!r})")
+        raise _error(where, "truth", f"must be true or false (got {found!r})")
     if found and len(scene.objects) >= MOST_INSTANCES:
-        raise InputError(
-            f"{where(('truth',))}truth: masks of 16 bits hold fewer than {MOST_INSTANCES} objects "
-            f"(got {len(scene.objects)})"
+        raise _error(
+            where, "truth", f"masks of 16 bits hold fewer than {MOST_INSTANCES} objects (got {len(scene.objects)})"
         )
     return found
 
@@ -495,7 +495,5 @@ def _truth(data: Mapping[str, Any], scene: Scene, where: Where) -> bool:
 def _model(data: Mapping[str, Any], where: Where) -> str:
     found = data.get("camera_model", "auto")
     if found not in MODELS:
-        raise InputError(
-            f"{where(('camera_model',))}camera_model: unknown model (got {found!r}; allowed: {', '.join(MODELS)})"
-        )
+        raise _error(where, "camera_model", f"unknown model (got {found!r}; allowed: {', '.join(MODELS)})")
     return str(found)

@@ -10,6 +10,16 @@ from rptcam_cl.cli.output import print_warnings, save
 from rptcam_cl.cli.parser import Commands, add_device, check_different, names_of, positive
 from rptcam_cl.core.errors import InputError
 
+SCENES = (".yaml", ".yml")
+
+
+def _check_scene_name(path: Path, hint: str = "") -> None:
+    """Raise `InputError` if a scene file would not end as one."""
+    if path.suffix.lower() not in SCENES:
+        got = path.suffix or "no suffix"
+        raise InputError(f"{path}: a scene file is YAML (got {got}; allowed: {', '.join(SCENES)}){hint}")
+
+
 # ``rptcam merge``: parts of a render become its picture.
 
 
@@ -143,8 +153,7 @@ def _run_settle(arguments: argparse.Namespace) -> int:
     from rptcam_cl.core.files import check_writable
     from rptcam_cl.scene.load import load_scene
 
-    if arguments.output.suffix.lower() not in (".yaml", ".yml"):
-        raise InputError(f"{arguments.output}: a scene is YAML (allowed: a name that ends in .yaml)")
+    _check_scene_name(arguments.output)
     check_writable(arguments.output, [arguments.scene])
     scene = load_scene(arguments.scene, arguments.overrides)
     print_warnings(scene.warnings)
@@ -157,7 +166,6 @@ def _run_settle(arguments: argparse.Namespace) -> int:
 # ``rptcam convert``: a scene file of another renderer becomes one of ours.
 
 SOURCES = (".pbrt", ".pbrt.gz")
-TARGETS = (".yaml", ".yml")
 
 
 def add_convert(commands: Commands) -> None:
@@ -179,18 +187,16 @@ def _check_names(source: Path, target: Path) -> None:
     from rptcam_cl.core.files import check_writable
 
     if not source.name.lower().endswith(SOURCES):
-        hint = " (put a mesh into a scene as an object of shape mesh)" if source.suffix.lower() in _MESHES else ""
+        hint = " (put a mesh into a scene as an object of shape mesh)" if source.suffix.lower() in MESHES else ""
         raise InputError(
             f"{source}: only scenes of pbrt can be converted{hint} (got {source.suffix or 'no suffix'}; "
             f"allowed: {', '.join(SOURCES)})"
         )
-    if target.suffix.lower() not in TARGETS:
-        got = target.suffix or "no suffix"
-        raise InputError(f"{target}: a scene file is YAML (got {got}; allowed: {', '.join(TARGETS)})")
+    _check_scene_name(target)
     check_writable(target, [source])
 
 
-_MESHES = (".ply", ".obj", ".stl", ".gltf", ".glb")
+MESHES = (".ply", ".obj", ".stl", ".gltf", ".glb")
 
 
 def _run_convert(arguments: argparse.Namespace) -> int:
@@ -208,8 +214,6 @@ def _run_convert(arguments: argparse.Namespace) -> int:
 
 
 # ``rptcam new``: writes a starting scene round a model.
-
-SUFFIXES = (".yaml", ".yml")
 
 
 def add_new(commands: Commands) -> None:
@@ -245,12 +249,11 @@ def _run_new(arguments: argparse.Namespace) -> int:
     from rptcam_cl.scene.load import load_scene, scene_text
 
     target: Path = arguments.scene
-    if target.suffix.lower() not in SUFFIXES:
-        got, hint = target.suffix or "no suffix", ""
-        if target.is_file() and arguments.model is None:
-            words = ["rptcam", "new", f"{target.stem}.yaml", "--model", str(target)]
-            hint = f"; for a scene of that model: {shlex.join(words)}"
-        raise InputError(f"{target}: a scene file is YAML (got {got}; allowed: {', '.join(SUFFIXES)}){hint}")
+    hint = ""
+    if target.is_file() and arguments.model is None:
+        words = ["rptcam", "new", f"{target.stem}.yaml", "--model", str(target)]
+        hint = f"; for a scene of that model: {shlex.join(words)}"
+    _check_scene_name(target, hint)
     if target.exists():
         raise InputError(f"{target}: is there already; choose another name, or remove it first")
     check_writable(target)

@@ -12,7 +12,7 @@ from rptcam_cl.cli.output import as_bytes, as_json
 from rptcam_cl.cli.parser import Commands, Parser, add_device, port
 from rptcam_cl.cli.render import add_arguments
 from rptcam_cl.core.errors import DeviceError, InputError, NumericError
-from rptcam_cl.core.files import SCENES, example_files, example_scenes
+from rptcam_cl.core.files import SCENES, example_files, example_scenes, make_folder, read_whole, replacing
 
 if TYPE_CHECKING:
     from rptcam_cl.studies.selfcheck import Check
@@ -75,18 +75,11 @@ def _copied(name: str, folder: Path) -> Path:
     InputError
         When one of them would replace a file of other content; none is written then.
     """
-    from rptcam_cl.core.errors import InputError, StateError
-    from rptcam_cl.core.files import read_whole, replacing
-
     files = {folder / path.name: read_whole(path, LARGEST) for path in example_files(name)}
     for target, content in files.items():
         if target.exists() and not (target.is_file() and read_whole(target, 2 * LARGEST) == content):
             raise InputError(f"{target}: is there already and differs; choose another folder with -o, or move it away")
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as problem:
-        why = "is a file, not a folder" if folder.is_file() else f"cannot be made ({problem.strerror})"
-        raise StateError(f"{folder}: {why}") from None
+    make_folder(folder)
     for target, content in reversed(files.items()):  # the scene file last
         with replacing(target) as temporary:
             temporary.write_bytes(content)

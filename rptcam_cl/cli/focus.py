@@ -3,15 +3,12 @@
 import argparse
 import contextlib
 import shlex
-import sys
-import time
-from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rptcam_cl.api.options import add_options, crop, duration, share, size
 from rptcam_cl.cli.lens_options import check_file, check_picture, write, write_picture
-from rptcam_cl.cli.output import as_json, print_table, print_warnings
+from rptcam_cl.cli.output import as_json, print_table, print_warnings, say_on_stderr
 from rptcam_cl.cli.parser import Commands, add_device, focus_method, focus_policy, point
 from rptcam_cl.core.errors import InputError
 
@@ -119,7 +116,6 @@ def _print_focus(report: "FocusReport") -> None:
 # ``rptcam tradeoff``: what each approximation of a picture costs and gains.
 
 PRINTED = Path("-")  # in place of a file: to standard output
-_LINE_INTERVAL = 10.0  # [s], where no terminal watches
 
 
 def add_tradeoff(commands: Commands) -> None:
@@ -171,7 +167,7 @@ def _run_tradeoff(arguments: argparse.Namespace) -> int:
 
     scene = load_scene(arguments.scene, arguments.overrides)
     print_warnings(scene.warnings)
-    with contextlib.nullcontext() if arguments.quiet else _progress() as show:
+    with contextlib.nullcontext() if arguments.quiet else say_on_stderr(_line) as show:
         report = measure_tradeoff(
             scene,
             budget=arguments.budget,
@@ -233,24 +229,5 @@ def _write(report: "TradeoffReport", arguments: argparse.Namespace) -> None:
         write_picture(tradeoff_plot(report, title), arguments.plot)
 
 
-@contextlib.contextmanager
-def _progress() -> Iterator[Callable[[str, float], Any]]:
-    """A function that shows what is being done and the share that is done: a bar on a terminal, else lines."""
-    if not sys.stderr.isatty():
-        last = time.monotonic()
-
-        def say(words: str, share: float) -> None:
-            nonlocal last
-            if time.monotonic() - last >= _LINE_INTERVAL:
-                last = time.monotonic()
-                print(f"{words} ({share:.0%})", file=sys.stderr, flush=True)
-
-        yield say
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn
-
-    columns = (BarColumn(bar_width=None), TextColumn("{task.description}", markup=False))
-    with Progress(*columns, console=Console(stderr=True), transient=True, expand=True) as bar:
-        task = bar.add_task("start", total=1.0)
-        yield lambda words, share: bar.update(task, description=words, completed=share)
+def _line(words: str, share: float | None) -> str:
+    return words if share is None else f"{words} ({share:.0%})"

@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import TYPE_CHECKING, Any
 
 from rptcam_cl.core.errors import DeviceError, RptcamError
 
@@ -205,43 +205,53 @@ class LastTiles:
         )
 
 
+Say = Callable[[str, float | None], None]
+"""Shows in words what is being done, and the share that is done, where it is known."""
+
+
 @contextlib.contextmanager
-def _bar(time_limit: float | None) -> Iterator[Show]:
+def say_on_stderr(line: Callable[[str, float | None], str] | None = None) -> Iterator[Say]:
+    """A function that shows how work is coming along.
+
+    On a terminal it moves a bar, which goes away at the end; elsewhere it prints a line every ten seconds.
+
+    Parameters
+    ----------
+    line
+        Makes the line of words and share; by default the words.
+    """
+    if not sys.stderr.isatty():
+        last, stream = time.monotonic(), sys.stderr
+
+        def print_line(words: str, share: float | None) -> None:
+            nonlocal last
+            if time.monotonic() - last >= _LINE_INTERVAL:
+                last = time.monotonic()
+                print(words if line is None else line(words, share), file=stream, flush=True)
+
+        yield print_line
+        return
     from rich.console import Console
-    from rich.progress import BarColumn, TextColumn
-    from rich.progress import Progress as Bar
+    from rich.progress import BarColumn, Progress, TextColumn
 
     columns = (BarColumn(bar_width=None), TextColumn("{task.description}", markup=False))
-    with Bar(*columns, console=Console(stderr=True), transient=True, expand=True, refresh_per_second=5) as bar:
+    console = Console(stderr=True)
+    with Progress(*columns, console=console, transient=True, expand=True, refresh_per_second=5) as bar:
         task = bar.add_task("start ...", total=None)
 
-        def show(progress: Progress) -> None:
-            bar.update(task, description=describe(progress, time_limit))
-            done = fraction_done(progress, time_limit)
-            if progress.stage == "render" and done is not None:
-                bar.update(task, total=1.0, completed=done)
+        def move(words: str, share: float | None) -> None:
+            bar.update(task, description=words)
+            if share is not None:
+                bar.update(task, total=1.0, completed=share)
 
-        yield show
-
-
-def _lines(stream: TextIO, time_limit: float | None, clock: Callable[[], float] = time.monotonic) -> Show:
-    last = clock()
-
-    def show(progress: Progress) -> None:
-        nonlocal last
-        if clock() - last >= _LINE_INTERVAL:
-            last = clock()
-            print(describe(progress, time_limit), file=stream, flush=True)
-
-    return show
+        yield move
 
 
 @contextlib.contextmanager
 def progress_on_stderr(time_limit: float | None = None) -> Iterator[Show]:
-    """A function that shows each report it is given.
+    """A function that shows each report of a render, as `say_on_stderr` does.
 
-    On a terminal it moves a bar, which goes away at the end; elsewhere it prints a line every ten seconds. At the end
-    it says why the last tiles of a noise target took long, if they did.
+    At the end it says why the last tiles of a noise target took long, if they did.
 
     Parameters
     ----------
@@ -249,13 +259,14 @@ def progress_on_stderr(time_limit: float | None = None) -> Iterator[Show]:
         When the render is to end [s], if by time.
     """
     last = LastTiles()
-    with _bar(time_limit) if sys.stderr.isatty() else contextlib.nullcontext(_lines(sys.stderr, time_limit)) as show:
+    with say_on_stderr() as say:
 
-        def note(progress: Progress) -> None:
+        def show(progress: Progress) -> None:
             last.note(progress)
-            show(progress)
+            share = fraction_done(progress, time_limit) if progress.stage == "render" else None
+            say(describe(progress, time_limit), share)
 
-        yield note
+        yield show
     if text := last.said():
         print(text, file=sys.stderr)
 

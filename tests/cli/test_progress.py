@@ -115,13 +115,15 @@ def test_time_that_says_nothing_or_two_things_is_refused(text: str) -> None:
         duration(text)
 
 
-def test_kept_text_gets_a_line_every_ten_seconds() -> None:
+def test_kept_text_gets_a_line_every_ten_seconds(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     times = iter([0.0, 3.0, 10.0, 10.0, 15.0])
-    stream = io.StringIO()
-    show = module._lines(stream, None, clock=lambda: next(times))
-    for done in (1, 2, 3):
-        show(report(samples_done=done))
-    assert [line.split()[0] for line in stream.getvalue().splitlines()] == ["2/64"]
+    monkeypatch.setattr(module, "time", SimpleNamespace(monotonic=lambda: next(times)))
+    with progress_on_stderr() as show:
+        for done in (1, 2, 3):
+            show(report(samples_done=done))
+    assert [line.split()[0] for line in capsys.readouterr().err.splitlines()] == ["2/64"]
 
 
 def test_terminal_gets_a_bar_that_goes_away(monkeypatch: pytest.MonkeyPatch) -> None:
