@@ -13,7 +13,7 @@ from rptcam_cl.api.job import (
     RenderOptions,
     Resolved,
     SceneSource,
-    named_layers,
+    name_layers,
     plain_data,
     read_scene,
     resolve,
@@ -179,14 +179,14 @@ def _frames_beside(
 
 @dataclass(frozen=True)
 class Settlement:
-    """What `rptcam_cl.settle` found.
+    """A scene with focus, camera model and exposure fixed, as `rptcam_cl.settle` returns it.
 
     Attributes
     ----------
     scene : dict
         The data of the scene, as `load_scene` takes them.
     found : tuple of str
-        What was found, a sentence each; none where the scene left nothing open.
+        Focus, camera model and exposure, a sentence each; none where the scene left nothing open.
     """
 
     scene: dict[str, Any]
@@ -227,7 +227,7 @@ def settle(scene: SceneSource, path: str | Path | None = None, *, device: Wanted
 
 
 def _check_folder(scene: Scene, path: Path) -> None:
-    """Refuse a file whose folder lacks the files that the scene names."""
+    """Raise `InputError` if the folder of a file lacks the files that the scene names."""
     folder = path.absolute().parent
     if folder.resolve() == scene.base_dir.resolve():
         return
@@ -319,7 +319,7 @@ def merge(
     if checkpoint is not None:
         write_checkpoint(checkpoint, state.facts, state.arrays)
     metadata = dict(found.metadata)
-    layers = named_layers(state.facts["layers"], found.layers, ({}, of_sharp_layers), metadata)
+    layers = name_layers(state.facts["layers"], found.layers, ({}, of_sharp_layers), metadata)
     image = Image(found.pixels, metadata, found.stats, layers=layers)
     if ghosts is not None:
         image = with_ghosts(image, *ghosts)

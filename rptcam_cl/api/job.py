@@ -163,11 +163,11 @@ class RenderOptions:
         InputError, StateError
             The scene cannot be read, or does not take them.
         """
-        scene = self.applied_to(read_scene(source))
+        scene = self.apply_to(read_scene(source))
         check_sensor(scene, *window(scene)[2:])
         return scene
 
-    def applied_to(self, scene: Scene) -> Scene:
+    def apply_to(self, scene: Scene) -> Scene:
         """The scene with the keys that the options replace."""
         changes: dict[str, dict[str, Any]] = {}
         for name, path in SCENE_KEYS.items():
@@ -264,7 +264,7 @@ def check_divisible(scene: Scene) -> None:
         raise InputError("part: the layer variance needs the whole film (allowed: the other layers)")
 
 
-def named_layers(
+def name_layers(
     names: Sequence[LayerName],
     recorded: Mapping[str, NDArray[Any]],
     sharp: tuple[Mapping[str, NDArray[Any]], Mapping[str, Any]] | None,
@@ -424,7 +424,7 @@ class RenderJob:
         Parameters
         ----------
         found
-            Focus and exposure as another render's `found` has them; else they are found here.
+            Focus and exposure as another render's `findings` has them; else they are found here.
 
         Raises
         ------
@@ -450,7 +450,7 @@ class RenderJob:
         return self.options.film_part.first if self.saved is None else self.saved.done
 
     @property
-    def found(self) -> dict[str, Any]:
+    def findings(self) -> dict[str, Any]:
         """The focus and the exposure that were found, for all parts of a film."""
         return {"focus": self.resolved.focus, "metered_cd_m2": self.resolved.metered_cd_m2}
 
@@ -534,7 +534,7 @@ class RenderJob:
         stats["camera"] = {key: metadata[key] for key in GEOMETRY if key in metadata}
         stats |= {key: metadata[key] for key in ("accuracy", "autofocus") if key in metadata}
         sharp = None if self._truth is None else self._truth.found
-        layers = named_layers(self.scene.render.layers, rendering.layers, sharp, metadata)
+        layers = name_layers(self.scene.render.layers, rendering.layers, sharp, metadata)
         image = with_picture_settings(Image(rendering.pixels, metadata, stats, layers=layers), self.scene.picture)
         if options.denoise:
             image = replace(image.denoised(), layers={name: image[name] for name in self.layers})
@@ -580,7 +580,7 @@ class RenderJob:
         def as_rendered(frame: Scene | None) -> Scene | None:
             if frame is None:
                 return None
-            applied = self.options.applied_to(frame)
+            applied = self.options.apply_to(frame)
             if applied.requested_autofocus is None:
                 return applied
             from rptcam_cl.studies.focus.controller import in_focus  # few scenes have it, and it takes long to import

@@ -44,7 +44,7 @@ FIRST_SLOTS = 1 << 14  # of the first wave, whose time is not known
 
 @dataclass(frozen=True)
 class Change:
-    """What a change of a session's scene came to.
+    """The effect of a change of a session's scene.
 
     Attributes
     ----------
@@ -167,7 +167,7 @@ def focuses_anew(changes: Mapping[str, Any], scene: Scene) -> bool:
     return scene.requested_autofocus is not None and any(key[:2] == ["camera", "focus"] for key in keys)
 
 
-def focused_as(state: SceneState, scene: Scene) -> Scene:
+def keep_focus(state: SceneState, scene: Scene) -> Scene:
     """Return a scene with the focus that was found for another state of it, where it asks for autofocus."""
     known = state.resolved.focus
     if known is None or scene.requested_autofocus is None:
@@ -234,7 +234,7 @@ def scaled(state: SceneState, scale: float, reading: float | None) -> tuple[Plan
 
 
 def reading_of(pixels: NDArray[np.float32], plan: Plan, state: SceneState, film: Film) -> float | None:
-    """Return what the exposure meter reads of a glance; None where it has seen a part of the film, or hardly light."""
+    """The reading of the exposure meter for a glance; None where it has seen a part of the film, or hardly light."""
     if film.crop is not None or state.scene.exposure.lock_cd_m2:
         return None
     per_radiance = float(plan.camera.record["exposure"][0]) * plan.camera.axial_weight
@@ -309,7 +309,7 @@ class SceneCompiler:
                 resolved = resolve(scene, self._device.kept_only())
             except NotKeptError:
                 resolved, is_final = resolve(scene, self._quick), False
-        return self._planned(scene, resolved, make_plan(resolved.scene, parts=self._parts), is_final=is_final)
+        return self._plan_state(scene, resolved, make_plan(resolved.scene, parts=self._parts), is_final=is_final)
 
     def beside(self, before: SceneState, scene: Scene, reading: float | None) -> SceneState:
         """Plan a scene for glances: by the last reading of the meter and coarse tables."""
@@ -317,12 +317,12 @@ class SceneCompiler:
         plan = plan_beside(before, scene, resolved.scene, self._parts)
         if plan.camera.facts != before.plan.camera.facts:  # coarse tables may be of another kind
             plan = make_plan(resolved.scene, parts=self._parts)
-        return self._planned(scene, resolved, plan, is_final=False)
+        return self._plan_state(scene, resolved, plan, is_final=False)
 
     def final(self, state: SceneState) -> SceneState:
         """Plan a scene as `render` does."""
         resolved = resolve(state.scene, self._device, state.resolved.focus)
-        return self._planned(state.scene, resolved, make_plan(resolved.scene, parts=self._parts), is_final=True)
+        return self._plan_state(state.scene, resolved, make_plan(resolved.scene, parts=self._parts), is_final=True)
 
     def of_film(self, state: SceneState) -> tuple[Plan, SceneBuffers]:
         """The plan of a final state's film, and its arrays: camera rays may aim at lamps."""
@@ -482,7 +482,7 @@ class SceneCompiler:
     def _key(self, state: SceneState) -> Hashable:
         return key_of(*self._of_glances(state))
 
-    def _planned(self, scene: Scene, resolved: Resolved, plan: Plan, *, is_final: bool) -> SceneState:
+    def _plan_state(self, scene: Scene, resolved: Resolved, plan: Plan, *, is_final: bool) -> SceneState:
         return SceneState(scene, resolved, plan, self.pool.upload(plan), is_final)
 
 
@@ -653,7 +653,7 @@ class RenderSession:
             As `change` would.
         """
         self._check_open()
-        state = self._compiler.beside(self._newest, focused_as(self._newest, self._changed(changes)), self._reading)
+        state = self._compiler.beside(self._newest, keep_focus(self._newest, self._changed(changes)), self._reading)
         self._compiler.begin(state)
 
     def is_carried_out(self, kind: Hashable, order: Callable[[], bytes]) -> bool:
@@ -780,7 +780,7 @@ class RenderSession:
         if focus_anew:
             state = self._compiler.first(scene)
         else:
-            state = self._compiler.beside(before, focused_as(before, scene), self._reading)
+            state = self._compiler.beside(before, keep_focus(before, scene), self._reading)
         self._hash = None
         compiled = self._compiler.is_ready(state)
         if not compiled and not wait:

@@ -69,7 +69,7 @@ class Parcel:
 
     @property
     def digest(self) -> str:
-        """What tells this parcel from others: the SHA-256 of all that it holds."""
+        """The SHA-256 of all that it holds."""
         whole = hashlib.sha256(self.content_hash.encode())
         for name, content in sorted(self.files.items()):
             whole.update(f"\0{name}\0".encode() + hashlib.sha256(content).digest())
@@ -97,7 +97,7 @@ def _check_content(scene: Scene, content_hash: str) -> None:
         raise StateError("the scene is not the one that was sent: a file has changed, or a link leads elsewhere")
 
 
-def packed(scene: Scene, *others: Scene) -> Parcel:
+def pack_scene(scene: Scene, *others: Scene) -> Parcel:
     """Return a scene with all the files that it names, directly or by a file of its own, and those of other scenes.
 
     These are in the same folder. Where they name the files that the scene names, these are not read again.
@@ -190,8 +190,8 @@ class Job:
         Keyword arguments of `rptcam_cl.render` that replace keys of the scene.
     device : str or None
         The device of each worker.
-    found : dict or None
-        Focus and exposure as `RenderJob.found` has them, once they are known.
+    findings : dict or None
+        Focus and exposure as `RenderJob.findings` has them, once they are known.
     count : int
         Parts of the film.
     version, code
@@ -202,7 +202,7 @@ class Job:
 
     settings: dict[str, Any]
     device: str | None = None
-    found: dict[str, Any] | None = None
+    findings: dict[str, Any] | None = None
     count: int = 1
     version: str = field(default=__version__)
     code: Maker = field(default_factory=lambda: made_by(()))
@@ -262,7 +262,7 @@ def open_render(digest: str, job: Job) -> tuple[dict[str, Any], float, Maker]:
         render = _open(digest, job)
         measured = render.forecast(SHORT_MEASURE_S)
         assert measured is not None, "parts end by samples"
-        return render.found, measured.seconds, _maker(render)
+        return render.findings, measured.seconds, _maker(render)
 
 
 def render_part(digest: str, job: Job, number: int) -> RenderedPart:
@@ -287,7 +287,7 @@ def _part(render: RenderJob, number: int, count: int) -> RenderedPart:
 
 
 def _maker(render: RenderJob) -> Maker:
-    """What the parts of a render say of this program."""
+    """The identity of this program, as the parts of a render say it."""
     assert render.saver is not None, "parts are saved"
     return render.saver.makers[0]
 
@@ -304,15 +304,15 @@ def _check_version(job: Job) -> None:
 def _open(digest: str, job: Job) -> RenderJob:
     """The render of a job: prepared once, unless another worker has found other focus or light."""
     _check_version(job)
-    key = (digest, repr(replace(job, found=None, count=1)))
+    key = (digest, repr(replace(job, findings=None, count=1)))
     render = _OPEN.get(key)
-    if render is None or (job.found is not None and not is_same_found(job.found, render.found)):
+    if render is None or (job.findings is not None and not is_same_findings(job.findings, render.findings)):
         _OPEN.clear()
-        _OPEN[key] = render = RenderJob.prepare_parts(scene_of(digest), job.options, job.found)
+        _OPEN[key] = render = RenderJob.prepare_parts(scene_of(digest), job.options, job.findings)
     return render
 
 
-def is_same_found(one: dict[str, Any], other: dict[str, Any]) -> bool:
+def is_same_findings(one: dict[str, Any], other: dict[str, Any]) -> bool:
     """Whether another worker, or the same earlier, has found the same; what it could not measure is nan."""
     texts = {json.dumps(found, sort_keys=True, default=str) for found in (one, other)}
     return len(texts) == 1
@@ -434,7 +434,7 @@ class TasksOut:
             raise StateError(f"cluster: all workers are gone{self._kept}")
 
     def next(self) -> tuple[str, Any] | None:
-        """Return what has come back, with the worker that made it; None where nothing has for a while."""
+        """The next result, with the worker that made it; None where none has come for a while."""
         try:
             task = self._done.get(timeout=0.2)
         except queue.Empty:
@@ -459,7 +459,7 @@ class TasksOut:
         return answer
 
     def _answer(self, task: Any, number: int) -> tuple[str, Any] | None:
-        """Return what a task has come to; None where it has to be done again."""
+        """The worker and the result of a task; None where it has to be done again."""
         from distributed import KilledWorker
 
         if task.status == "error":
@@ -506,7 +506,7 @@ class TasksOut:
         return self._client.scatter(self._parcel, broadcast=True, workers=some or None, timeout=COUNT_WORKERS_S)
 
     def _reach(self, call: Callable[..., Any], *words: Any, limit: float = SILENCE_S, **more: Any) -> Any:
-        """Return what a call of the engine returns; it is repeated until the scheduler or its workers are given up."""
+        """Call the engine, again and again until it answers, or the scheduler or its workers are given up."""
         end = time.monotonic() + SILENCE_S
         while True:
             try:
@@ -579,7 +579,7 @@ Credentials = TLS | Literal[False] | None
 
 
 def check_cluster(cluster: str | None, workers: int | None, tls: Credentials) -> None:
-    """Refuse what leads to no cluster, or to one that others could reach.
+    """Raise `InputError` for an address of no cluster, or of one that others could reach.
 
     Raises
     ------
@@ -624,7 +624,7 @@ def _is_loopback(host: str) -> bool:
 
 
 @contextlib.contextmanager
-def connected(
+def connect(
     cluster: str | None, workers: int | None, tls: Credentials, device: str | None, *, allow_mixed: bool = False
 ) -> Iterator[tuple[Any, list[str]]]:
     """A client of a scheduler, or of workers of this machine, with the addresses of those that say they can render.
@@ -696,13 +696,13 @@ def workers_here(workers: int, threads: int, folder: str | None = None) -> Any:
     problem = ""
     for _ in range(STARTS):
         try:
-            return _started(workers, threads, folder)
+            return _start_workers(workers, threads, folder)
         except RuntimeError as failure:  # distributed ends the others
             problem = _reason(failure)
     raise DeviceError(f"cluster: the workers of this machine do not start ({problem})")
 
 
-def _started(workers: int, threads: int, folder: str | None) -> Any:
+def _start_workers(workers: int, threads: int, folder: str | None) -> Any:
     import dask
     from distributed import LocalCluster, Security
 
@@ -738,7 +738,7 @@ def _interrupts_held_back() -> Iterator[None]:
 
 
 def _check_workers(client: Any, cluster: str | None, device: str | None, allow_mixed: bool = False) -> list[str]:
-    """Refuse a cluster whose workers cannot render, before any work; return the addresses of those that can."""
+    """Check before any work that workers can render; return the addresses of those that can."""
     from distributed import TimeoutError as TooLate
 
     name = cluster or "this machine"
@@ -767,7 +767,7 @@ def _check_workers(client: Any, cluster: str | None, device: str | None, allow_m
 
 
 def _surveys(client: Any, device: str | None) -> dict[str, dict[str, Any]]:
-    """Return what each worker says of itself, once there is one; those that are lost meanwhile say nothing.
+    """The surveys of all workers by address, once there is one; those that are lost meanwhile give none.
 
     Neither do those that answer much later than the first one, as a frozen one: they may still join in.
     """

@@ -23,10 +23,10 @@ from rptcam_cl.batch.cluster import (
     RenderedPart,
     TasksOut,
     check_cluster,
-    connected,
+    connect,
     hold_scene,
     open_render,
-    packed,
+    pack_scene,
     render_part,
     render_scene,
 )
@@ -112,18 +112,18 @@ def render_on_cluster(
     given = read_scene(scene)
     words: dict[str, Any] = {"spp": spp, "seed": seed, "size": size, "crop": crop, "layers": layers}
     settings = RenderOptions(**words)
-    applied = settings.applied_to(given)
+    applied = settings.apply_to(given)
     check_divisible(applied)
     samples = settings.most_spp(applied)
     assert samples is not None, "without a time it ends by samples"
-    parcel, job = packed(given), Job(words, device, allow_mixed=allow_mixed)
+    parcel, job = pack_scene(given), Job(words, device, allow_mixed=allow_mixed)
     with scratch_folder() as scratch:
         kept = PartsFolder(Path(scratch) / "parts" if folder is None else Path(folder))
         if not resume:
             kept.clear()
         says_kept = "" if folder is None else f"; {kept.path} holds the parts that came back (--resume goes on)"
         run = _Run(kept, parcel, job, applied, samples, on_progress, should_stop, says_kept)
-        return run.image(partial(connected, cluster, workers, tls, device, allow_mixed=allow_mixed))
+        return run.image(partial(connect, cluster, workers, tls, device, allow_mixed=allow_mixed))
 
 
 def parts_of(seconds: float, workers: int) -> int:
@@ -190,7 +190,7 @@ class _Run:
         return plan
 
     def facts(self) -> dict[str, Any]:
-        """Return what a plan of this render says of it."""
+        """The facts by which a plan is known to be of this render."""
         layers = [*self.scene.render.layers, self.scene.render.layers_spp] if self.scene.render.layers else []
         return {"version": __version__, "scene": self.scene.picture_hash(), "spp": self.spp, "layers": layers}
 
@@ -203,7 +203,7 @@ class _Run:
             count = min(parts_of(seconds, len(workers)), FilmLayout.of(self.scene.film).tiles)
             plan = self.facts() | {"count": count, "found": found, "made_by": maker}
             self.kept.begin(plan)
-        self.job = replace(self.job, found=plan["found"], count=plan["count"])
+        self.job = replace(self.job, findings=plan["found"], count=plan["count"])
         self.took("open", begun)
         todo, begun = self.kept.missing(plan), time.perf_counter()
         parts = sent.results(render_part, ((self.job, number) for number in todo), check)
@@ -274,15 +274,15 @@ def render_scenes_on_cluster(
     check_cluster(cluster, workers, tls)
     words = dict(settings or {})
     for scene in scenes.values():
-        check_divisible(RenderOptions(**words).applied_to(scene))
+        check_divisible(RenderOptions(**words).apply_to(scene))
     if not scenes:
         return
-    parcel = packed(*scenes.values())
+    parcel = pack_scene(*scenes.values())
     todo = (
         (Job(words, device, allow_mixed=allow_mixed), number, plain_data(scene), scene.content_hash())
         for number, scene in scenes.items()
     )
-    to_cluster = connected(cluster, workers, tls, device, allow_mixed=allow_mixed)
+    to_cluster = connect(cluster, workers, tls, device, allow_mixed=allow_mixed)
     with scratch_folder() as scratch, to_cluster as (client, there):
         sent = TasksOut(client, parcel, there, "; the pictures that are done are written (--resume goes on)")
 

@@ -32,7 +32,7 @@ from rptcam_cl.scene.scene import Scene
 
 
 @contextmanager
-def numbered(index: int) -> Iterator[None]:
+def number_errors(index: int) -> Iterator[None]:
     """Within the block errors that are reported in one line begin with ``frame 517:``."""
     try:
         yield
@@ -100,20 +100,20 @@ class Distribution:
             yield from self.values
         elif self.kind == "normal":
             middle = [min(max(m, a), b) for m, a, b in zip(self.mean, *self.values, strict=True)]
-            yield self._shown(middle)
+            yield self._as_value(middle)
             finite = [end for end in self.values if all(map(math.isfinite, end))]
-            yield from (self._shown(end) for end in finite)
+            yield from (self._as_value(end) for end in finite)
         else:
-            yield from (self._shown(end) for end in self.values)
+            yield from (self._as_value(end) for end in self.values)
 
-    def drawn(self, chances: np.random.Generator) -> Any:
+    def draw(self, chances: np.random.Generator) -> Any:
         """Return a value; a grid's is chosen by `grid_values`."""
         if self.kind == "choice":
             share = float(chances.random())
             return self.values[next((n for n, sum_ in enumerate(self.weights) if share < sum_), len(self.values) - 1)]
         low, high = self.values
         shares = [float(chances.random()) for _ in low]
-        return self._shown([self._between(*each) for each in zip(range(len(low)), shares, low, high, strict=True)])
+        return self._as_value([self._between(*each) for each in zip(range(len(low)), shares, low, high, strict=True)])
 
     def _between(self, number: int, share: float, low: float, high: float) -> float:
         match self.kind:
@@ -128,7 +128,7 @@ class Distribution:
         chance = min(max(below + share * (above - below), 1e-15), 1 - 1e-15)
         return min(max(normal.inv_cdf(chance), low), high)
 
-    def _shown(self, numbers: Sequence[float]) -> Any:
+    def _as_value(self, numbers: Sequence[float]) -> Any:
         found: list[float] = [int(number) if self.kind == "integer" else float(number) for number in numbers]
         return found if self.is_list else found[0]
 
@@ -153,7 +153,7 @@ def distribution(data: Any) -> Distribution:
             raise DistributionError(f"unknown key {key}", ", ".join(sorted(known)), str(key))
     given = data[kind]
     if kind in ("choice", "grid"):
-        return _listed(kind, given, data.get("weights"))
+        return _choice(kind, given, data.get("weights"))
     if kind == "normal":
         return _normal(given)
     if not (isinstance(given, list | tuple) and len(given) == 2):
@@ -171,7 +171,7 @@ def distribution(data: Any) -> Distribution:
     return Distribution(kind, (low, high), is_list=is_list)
 
 
-def _listed(kind: str, given: Any, weights: Any) -> Distribution:
+def _choice(kind: str, given: Any, weights: Any) -> Distribution:
     if not isinstance(given, list | tuple) or not given:
         raise DistributionError(f"has no list of values (got {given!r})", KINDS[kind], kind)
     if weights is None:
@@ -224,7 +224,7 @@ def _numbers(given: Any, right: str, *path: str | int) -> Numbers:
 def values_of_frame(vary: Mapping[str, Distribution], seed: int, frame: int) -> dict[str, Any]:
     """Return the value of each key in a frame, which counts from 0."""
     return {
-        key: grid_values(vary, frame)[key] if law.kind == "grid" else law.drawn(_chances(seed, frame, key))
+        key: grid_values(vary, frame)[key] if law.kind == "grid" else law.draw(_chances(seed, frame, key))
         for key, law in vary.items()
     }
 
@@ -256,7 +256,7 @@ Where = Callable[[KeyPath], str]
 
 @dataclass(frozen=True, eq=False)
 class DatasetSpecification:
-    """What the frames of a dataset are.
+    """The specification of a dataset: its scene, what is drawn for each frame, and its files.
 
     Attributes
     ----------
@@ -290,7 +290,7 @@ class DatasetSpecification:
 
     @property
     def key(self) -> str:
-        """What decides the bytes of the frames, as a hash; the number of frames is none of it."""
+        """A hash of all that decides the bytes of the frames, but for their number."""
         render = self.scene.render
         facts = [__version__, self.scene.picture_hash(), render.most_spp, render.layers, self.content]
         if render.layers:
@@ -300,7 +300,7 @@ class DatasetSpecification:
         return hashlib.sha256(json.dumps(facts, sort_keys=True, default=str).encode()).hexdigest()[:16]
 
     def frame(self, index: int) -> tuple[dict[str, Any], Scene]:
-        """Return what is drawn for a frame, which counts from 0, and its scene.
+        """The values that are drawn for a frame, which counts from 0, and its scene.
 
         Raises
         ------
@@ -309,7 +309,7 @@ class DatasetSpecification:
         """
         values = values_of_frame(self.vary, self.seed, index)
         changes = values if "render.seed" in values else values | {"render.seed": seed_of_frame(self.seed, index)}
-        with numbered(index):
+        with number_errors(index):
             return values, set_keys(self.scene, changes)
 
 
@@ -447,7 +447,7 @@ def _scene(data: Mapping[str, Any], base: Path, where: Where, overrides: Sequenc
 
 
 def _vary(data: Mapping[str, Any], scene: Scene, where: Where) -> tuple[dict[str, Distribution], tuple[str, ...]]:
-    """Return what is drawn, and the classes of all objects that may be: none first, then the scene's in its order."""
+    """The distributions by key, and all classes that objects may have: none first, then the scene's in its order."""
     given = data.get("vary")
     if not isinstance(given, Mapping) or not given:
         raise _error(where, "vary", "names no key (allowed: as camera.f_number: {choice: [2, 4]})")

@@ -102,7 +102,7 @@ def _unexpected(error: Exception) -> int:
 
 
 def _file_trouble(error: OSError) -> int:
-    """Say which file could not be read or written, and return the exit code."""
+    """Print which file could not be read or written, and return the exit code."""
     name = error.filename or "a file could not be read or written"
     if name == STANDARD_OUTPUT:
         _abandon(sys.stdout)

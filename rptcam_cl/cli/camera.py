@@ -60,7 +60,7 @@ def add_maps(parser: argparse.ArgumentParser) -> None:
 
 
 def check_maps(arguments: argparse.Namespace) -> None:
-    """Refuse maps whose names say another kind of file."""
+    """Raise `InputError` for maps whose names end as another kind of file."""
     for name in NAMES:
         path: Path | None = getattr(arguments, name)
         if path is None:
@@ -71,7 +71,7 @@ def check_maps(arguments: argparse.Namespace) -> None:
             raise InputError(f"{option}: {path}: such a file is {suffix} (got {path.suffix or 'none'})")
 
 
-def written_maps(arguments: argparse.Namespace, seen: "View") -> Iterator[tuple[Path, Callable[[Path], object]]]:
+def maps_to_write(arguments: argparse.Namespace, seen: "View") -> Iterator[tuple[Path, Callable[[Path], object]]]:
     """Yield files and what writes them, each map having been made."""
     from rptcam_cl.exchange.camera_maps import (
         coc_exr,
@@ -112,7 +112,7 @@ USD = (".usda", ".usd")  # of text; a file .usdc is binary
 
 
 def check_outputs(arguments: argparse.Namespace) -> None:
-    """Refuse, before anything is traced, files that could not be written.
+    """Check, before anything is traced, that all files can be written.
 
     Raises
     ------
@@ -149,7 +149,7 @@ def _outputs(arguments: argparse.Namespace) -> Iterator[tuple[str, Path]]:
 
 
 def _check_apart(arguments: argparse.Namespace) -> None:
-    """Refuse outputs that would overwrite one another."""
+    """Raise `InputError` for outputs that would overwrite one another."""
     files = list(_outputs(arguments))
     if arguments.colmap is not None:
         files.append(("--colmap", arguments.colmap))
@@ -190,7 +190,7 @@ def _files(arguments: argparse.Namespace, seen: "View", chosen: "Calibration") -
             yield path, partial(_put, WRITTEN[name](seen, chosen).encode())
     if arguments.plot is not None:
         yield arguments.plot, partial(_put, encoded(residual_chart(seen, chosen), arguments.plot))
-    yield from written_maps(arguments, seen)
+    yield from maps_to_write(arguments, seen)
     if arguments.colmap is not None:
         picture = f"{Path(arguments.source).stem.replace(' ', '_')}.png"
         for name, text in colmap_texts(seen, chosen, picture).items():
@@ -291,13 +291,13 @@ def _run_camera(arguments: argparse.Namespace) -> int:
         )
     if seen.setting is not None:
         print_warnings(seen.setting.lens.warnings)
-    chosen = _chosen(arguments, seen)
+    chosen = _choose_model(arguments, seen)
     _report(arguments, seen, chosen)
     write_files(arguments, seen, chosen)
     return 0
 
 
-def _chosen(arguments: argparse.Namespace, seen: "View") -> "Calibration":
+def _choose_model(arguments: argparse.Namespace, seen: "View") -> "Calibration":
     """The requested model, or the simplest that fits and that all files to be written can hold."""
     from rptcam_cl.exchange.camera_files import HELD, check_held
     from rptcam_cl.exchange.camera_models import COEFFICIENTS, calibrate, calibrate_best

@@ -100,7 +100,7 @@ def render_frames_by_cluster(arguments: argparse.Namespace, missing: Iterable[Fr
 
 
 def _scene_keywords(arguments: argparse.Namespace) -> dict[str, Any]:
-    """What replaces keys of the scene."""
+    """The keyword arguments that replace keys of the scene."""
     return {name: getattr(arguments, name) for name in OF_A_CLUSTER} | {"layers": layers_of_outputs(arguments)}
 
 
@@ -153,7 +153,7 @@ def _over(texts: list[str]) -> dict[str, list[Any]]:
         if key in found:
             raise InputError(f"--over {text}: {key} twice (allowed: each key once)")
         values = read_yaml(f"[{listed}]", name=f"--over {text}").data
-        found[key] = expanded(key, values, f"--over {text}")
+        found[key] = expand_ellipsis(key, values, f"--over {text}")
     return found
 
 
@@ -211,7 +211,7 @@ F_NUMBERS = (
 )  # fmt: skip
 
 
-def expanded(key: str, values: list[Any], where: str) -> list[Any]:
+def expand_ellipsis(key: str, values: list[Any], where: str) -> list[Any]:
     """Return the values with those in place of an ellipsis.
 
     Raises
@@ -318,7 +318,7 @@ def _run_dataset(arguments: argparse.Namespace) -> int:
         for frame in frames:
             kept, rendered = kept + frame.kept, rendered + (not frame.kept)
             if not arguments.quiet and not frame.kept:
-                drawn = ", ".join(f"{key}={_shown(value)}" for key, value in frame.values.items())
+                drawn = ", ".join(f"{key}={_format_value(value)}" for key, value in frame.values.items())
                 print(f"frame {frame.index}: {drawn}", file=sys.stderr)
             if stop.is_set():
                 print("interrupted: the same command goes on with the rest", file=sys.stderr)
@@ -328,7 +328,7 @@ def _run_dataset(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _shown(value: object) -> str:
+def _format_value(value: object) -> str:
     if isinstance(value, list):
-        return "[" + ", ".join(map(_shown, value)) + "]"
+        return "[" + ", ".join(map(_format_value, value)) + "]"
     return f"{value:.6g}" if isinstance(value, float) else str(value)

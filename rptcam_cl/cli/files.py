@@ -268,15 +268,12 @@ def _run_new(arguments: argparse.Namespace) -> int:
     scene = load_scene(start.scene, base_dir=target.parent, missing="grey")
     with replacing(target) as temporary:
         temporary.write_text(scene_text(start.scene, (HEAD,)), "utf-8")
-    for message in (*start.report, *(f"copied {path.name}" for path in copied), *_warned(scene.warnings, start.report)):
+    warnings = [f"warning: {text}" for text in scene.warnings if text not in start.report]
+    for message in (*start.report, *(f"copied {path.name}" for path in copied), *warnings):
         print(message, file=sys.stderr)
     named, picture = shlex.quote(str(target)), shlex.quote(f"{target.stem}.png")
     print(f"wrote {target}; next: rptcam render {named} -o {picture}, or rptcam view {named}", file=sys.stderr)
     return 0
-
-
-def _warned(warnings: tuple[str, ...], known: list[str]) -> list[str]:
-    return [f"warning: {text}" for text in warnings if text not in known]
 
 
 HEAD = "A starting scene by rptcam new: change what you like; docs/scene.md has every key."

@@ -45,7 +45,7 @@ def _run_examples(arguments: argparse.Namespace) -> int:
             )
         _list()
         return 0
-    scene = _copied(arguments.scene, arguments.output or Path())
+    scene = _copy_scene(arguments.scene, arguments.output or Path())
     command = shlex.join(["rptcam", "render", str(scene), "-o", f"{arguments.scene}.png"])
     print(f"wrote {scene}; render it with: {command}", file=sys.stderr)
     return 0
@@ -67,7 +67,7 @@ def _summary(path: Path) -> str:
     return " ".join(lines).partition(". ")[0].rstrip(".")
 
 
-def _copied(name: str, folder: Path) -> Path:
+def _copy_scene(name: str, folder: Path) -> Path:
     """Copy the files of a scene to a folder and return its scene file there.
 
     Raises
@@ -236,7 +236,7 @@ def _check_line(check: "Check") -> str:
     return f"  {verdict} {check.name:<49} {check.measured:>9.3g}  allowed {check.allowed:.3g} {check.unit}{note}"
 
 
-def _checked(device: str, show: bool) -> Iterator[dict[str, Any]]:
+def _run_checks(device: str, show: bool) -> Iterator[dict[str, Any]]:
     """Yield the checks of a device as plain data, and print each as soon as it is made."""
     from rptcam_cl.device.session import open_session
     from rptcam_cl.studies.selfcheck_suite import outcomes
@@ -255,7 +255,7 @@ def _numerics(devices: list[dict[str, Any]], show: bool) -> dict[str, list[dict[
     for device in devices:
         if show:
             print(f"\nnumerics of {device['id']} {device['name']}", flush=True)
-        found[device["id"]] = list(_checked(device["id"], show))
+        found[device["id"]] = list(_run_checks(device["id"], show))
         if show:
             made = [check for check in found[device["id"]] if not check["skipped"]]
             skipped = len(found[device["id"]]) - len(made)

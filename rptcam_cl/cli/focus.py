@@ -189,7 +189,7 @@ def _run_tradeoff(arguments: argparse.Namespace) -> int:
 
 
 def _check_outputs(arguments: argparse.Namespace) -> None:
-    """Refuse, before anything is measured, what could not be written at the end."""
+    """Check, before anything is measured, that all files can be written."""
     from rptcam_cl.core.files import check_writable
 
     for path, suffix in ((arguments.json, ".json"), (arguments.markdown, ".md")):

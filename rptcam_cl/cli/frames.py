@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rptcam_cl._version import __version__
 from rptcam_cl.api.options import check_together
-from rptcam_cl.cli.parser import applied_scene, device_of, files_to_write, names_of
+from rptcam_cl.cli.parser import apply_options, device_of, files_to_write, names_of
 from rptcam_cl.core.errors import InputError, RptcamError
 from rptcam_cl.core.files import OneMaker, made_by, named_files
 
@@ -45,8 +45,10 @@ def frame_scenes(arguments: argparse.Namespace, scene: "Scene") -> list[tuple[in
     return found
 
 
-def tracked(arguments: argparse.Namespace, scene: "Scene") -> Callable[[int], tuple["Scene", dict[str, Any]]] | None:
-    """What returns a frame with focus and exposure that follow from those before; None where each stands for itself."""
+def track_frames(
+    arguments: argparse.Namespace, scene: "Scene"
+) -> Callable[[int], tuple["Scene", dict[str, Any]]] | None:
+    """A function of a frame with focus and exposure that follow from those before; None where each stands alone."""
     from rptcam_cl.api.job import RenderOptions
     from rptcam_cl.api.sweeping import FrameTracker, needs_tracking
 
@@ -55,7 +57,7 @@ def tracked(arguments: argparse.Namespace, scene: "Scene") -> Callable[[int], tu
     from rptcam_cl.device.session import open_sessions
 
     settings = RenderOptions(seed=arguments.seed, size=arguments.size, crop=arguments.crop)
-    return FrameTracker(settings.applied_to(scene), lambda: open_sessions(device_of(arguments))[0][0]).frame
+    return FrameTracker(settings.apply_to(scene), lambda: open_sessions(device_of(arguments))[0][0]).frame
 
 
 def neighbours_of(
@@ -95,7 +97,7 @@ def write_video_of(arguments: argparse.Namespace, scene: "Scene") -> None:
 
     film = _film(arguments)
     assert film is not None
-    images = (develop(_named(film, frame)) for frame in arguments.frames)
+    images = (develop(_name_of_frame(film, frame)) for frame in arguments.frames)
     rate = (scene.sequence or FrameSequence()).frames_per_second
     count = write_video(arguments.video, images, rate)
     if not arguments.quiet:
@@ -105,17 +107,17 @@ def write_video_of(arguments: argparse.Namespace, scene: "Scene") -> None:
 def of_frame(arguments: argparse.Namespace, frame: int) -> argparse.Namespace:
     """The arguments of one frame: its names of files."""
     found = copy.copy(arguments)
-    found.outputs = [_named(path, frame) for path in arguments.outputs]
-    found.raws = [_named(path, frame) for path in arguments.raws]
+    found.outputs = [_name_of_frame(path, frame) for path in arguments.outputs]
+    found.raws = [_name_of_frame(path, frame) for path in arguments.raws]
     return found
 
 
-def _named(path: Path, frame: int) -> Path:
+def _name_of_frame(path: Path, frame: int) -> Path:
     return path.with_name(PLACE.sub(lambda match: f"{frame:0{len(match[0])}d}", path.name))
 
 
 def metadata_of(scene: "Scene", frame: int) -> dict[str, Any]:
-    """What the files of a frame say of it."""
+    """Metadata of a frame."""
     from rptcam_cl.scene.exposure import FrameSequence
 
     sequence = scene.sequence or FrameSequence()
@@ -123,8 +125,8 @@ def metadata_of(scene: "Scene", frame: int) -> dict[str, Any]:
     return {"frame": frame, "timecode": sequence.timecode(frame), "frames_per_second": rate}
 
 
-def layers_said(arguments: argparse.Namespace, scene: "Scene") -> dict[str, Any]:
-    """What the files of a frame say of its layers: their names, samples, and to which scenes flow leads.
+def layer_metadata(arguments: argparse.Namespace, scene: "Scene") -> dict[str, Any]:
+    """Metadata of the layers of a frame: their names, samples, and to which scenes flow leads.
 
     Nothing where there are none.
 
@@ -159,7 +161,7 @@ def _says(metadata: Mapping[str, Any], name: str, value: Any) -> bool:
 
 
 def _value(found: Any) -> Any:
-    """What metadata say, also where the format keeps texts alone."""
+    """The value of metadata, also where the format keeps texts alone."""
     if isinstance(found, str):
         with contextlib.suppress(ValueError):
             return json.loads(found)
@@ -194,11 +196,11 @@ class Frame(NamedTuple):
 
 
 def _wanted(arguments: argparse.Namespace, applied: "Scene") -> dict[str, Any]:
-    """What the files of a finished frame say: all that changes it, and its samples where they are known."""
+    """Metadata of a finished frame: all that changes it, and its samples where they are known."""
     found: dict[str, Any] = {"version": __version__, "picture_hash": applied.picture_hash(), "interrupted": None}
     if arguments.seconds is None and applied.render.noise is None:
         found["spp"] = applied.render.most_spp
-    return found | layers_said(arguments, applied)
+    return found | layer_metadata(arguments, applied)
 
 
 def missing_frames(arguments: argparse.Namespace, scene: "Scene") -> Iterator[Frame]:
@@ -211,16 +213,16 @@ def missing_frames(arguments: argparse.Namespace, scene: "Scene") -> Iterator[Fr
     def alone_at(number: int) -> tuple["Scene", dict[str, Any]]:
         return set_keys(scene, sequence.changes(scene.shutter.open_s, number)), {}
 
-    found, same = tracked(arguments, scene), OneMaker(arguments.allow_mixed)
+    found, same = track_frames(arguments, scene), OneMaker(arguments.allow_mixed)
     at = lru_cache(maxsize=3)(found or alone_at)  # frames that follow one another are not found again
     for number, alone in frame_scenes(arguments, scene):
         own = of_frame(arguments, number)
         own.same = same
         still, described = (alone, {}) if found is None else at(number)
         own.neighbours = neighbours_of(arguments, scene, number, lambda other: at(other)[0])
-        applied = applied_scene(own, still)
+        applied = apply_options(own, still)
         if not (arguments.resume and is_there(own, _wanted(own, applied))):
-            said = metadata_of(scene, number) | described | layers_said(own, applied)
+            said = metadata_of(scene, number) | described | layer_metadata(own, applied)
             if same.makers:  # whether what is kept is of this code, before any work; the driver is known after it
                 same.add("this program", made_by([same.makers[0]["driver"]]))
             yield Frame(number, own, still, said)

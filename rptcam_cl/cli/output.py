@@ -191,8 +191,8 @@ class LastTiles:
         if self._left is None and left is not None and progress.tiles_done >= 1 - _LAST:
             self._began, self._left = progress.seconds, (left.count, left.worst, left.target)
 
-    def said(self) -> str | None:
-        """What to say at the end; None where it is not worth it."""
+    def line(self) -> str | None:
+        """The line for the end of the render; None where it is not worth one."""
         if self._left is None or self._seconds < _LONG:
             return None
         share = 1 - self._began / self._seconds
@@ -267,7 +267,7 @@ def progress_on_stderr(time_limit: float | None = None) -> Iterator[Show]:
             say(describe(progress, time_limit), share)
 
         yield show
-    if text := last.said():
+    if text := last.line():
         print(text, file=sys.stderr)
 
 
@@ -277,7 +277,7 @@ MUCH_BLOCKED = 0.1  # of the rays pass at least, or something is wrong
 
 
 def _metered(metadata: dict[str, Any]) -> str:
-    """What exposure ``auto`` has chosen: the light, and time and ISO where there are any."""
+    """The choice of exposure ``auto``: the light, and time and ISO where there are any."""
     chosen = f"metered {metadata['metered_cd_m2']:.4g} cd/m²"
     if "exposure_time_s" in metadata:
         time_s = metadata["exposure_time_s"]
@@ -311,8 +311,8 @@ def summary(image: Image, outputs: list[Path]) -> str:
     return f"wrote {', '.join(map(str, outputs))}: {', '.join(parts)}"
 
 
-def blocked_warning(image: Image) -> list[str]:
-    """Return what to say where hardly a ray passes the lens: most of the film is dark then, or noisy."""
+def blocked_warnings(image: Image) -> list[str]:
+    """A warning where hardly a ray passes the lens: most of the film is dark then, or noisy."""
     outcomes = image.stats.get("lens")
     if not outcomes or not sum(outcomes.values()) or outcomes["passed"] >= MUCH_BLOCKED * sum(outcomes.values()):
         return []
@@ -326,7 +326,7 @@ def blocked_warning(image: Image) -> list[str]:
 
 
 def shared_text(stats: dict[str, Any]) -> str | None:
-    """What each of several devices has done, and how to have the same again; nothing for a device alone."""
+    """The share of each of several devices, and how to repeat it; None for a device alone."""
     if len(stats.get("devices", ())) < 2:
         return None
     done = [
@@ -415,7 +415,7 @@ def save(image: Image, arguments: argparse.Namespace) -> None:
         attempt(write_stats)
     if not failures:
         return
-    where = "" if any(films) else rescued(image)
+    where = "" if any(films) else rescue(image)
     if isinstance(failures[0], RptcamError):
         raise type(failures[0])(f"{failures[0]}{where}")
     if where:
@@ -423,7 +423,7 @@ def save(image: Image, arguments: argparse.Namespace) -> None:
     raise failures[0]
 
 
-def rescued(image: Image) -> str:
+def rescue(image: Image) -> str:
     """Write the film of a picture that cannot go where it was to go to the first place that takes it; say where."""
     for folder in dict.fromkeys((tempfile.gettempdir(), os.path.expanduser("~"), os.getcwd())):  # noqa: PTH109, PTH111
         for suffix in (".exr", ".npz"):

@@ -10,7 +10,7 @@ import sys
 from collections.abc import Sequence
 from dataclasses import fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn, Protocol
+from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias
 
 from rptcam_cl.api.options import check_together, nearest, number
 from rptcam_cl.core.errors import InputError
@@ -68,11 +68,8 @@ def _without_command(arguments: argparse.Namespace) -> int:
     return InputError.exit_code
 
 
-class Commands(Protocol):
-    """What a command adds itself to."""
-
-    def add_parser(self, name: str, *, help: str, description: str) -> Parser:
-        """Parser of one more command."""
+Commands: TypeAlias = "argparse._SubParsersAction[Parser]"
+"""What a command adds its parser to."""
 
 
 port = number(int, 0, 2**16 - 1, "0 to 65535; 0 takes one that is free")
@@ -195,11 +192,11 @@ def render_keywords(arguments: argparse.Namespace, scene: Scene) -> dict[str, An
     }
 
 
-def applied_scene(arguments: argparse.Namespace, scene: Scene) -> Scene:
+def apply_options(arguments: argparse.Namespace, scene: Scene) -> Scene:
     """The scene with all options applied."""
     from rptcam_cl.api.job import RenderOptions
 
-    return RenderOptions(**render_keywords(arguments, scene)).applied_to(scene)
+    return RenderOptions(**render_keywords(arguments, scene)).apply_to(scene)
 
 
 def check_cluster_arguments(arguments: argparse.Namespace) -> bool:

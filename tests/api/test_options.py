@@ -51,12 +51,12 @@ def test_options_replace_keys_of_the_scene_and_leave_the_rest() -> None:
         }
     )
     given = {"spp": 3, "seed": 5, "size": (12, 8), "crop": (0, 0.5, 0, 0.5), "layers": ["depth"], "noise": 0.1}
-    changed = RenderOptions(**given).applied_to(scene)
+    changed = RenderOptions(**given).apply_to(scene)
     render, film = changed.render, changed.film
     assert (render.spp, render.seed, render.layers, render.noise) == (3, 5, ("depth",), 0.1)
     assert (film.resolution, film.crop) == ((12, 8), (0, 0.5, 0, 0.5))
     assert changed.objects == scene.objects
-    assert RenderOptions().applied_to(scene) is scene
+    assert RenderOptions().apply_to(scene) is scene
 
 
 def test_names_flags_and_modes_are_what_they_should_be() -> None:

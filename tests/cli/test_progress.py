@@ -71,14 +71,14 @@ def test_last_tiles_that_took_long_are_reported_at_the_end_with_the_reason() -> 
     last = LastTiles()
     for item in reports:
         last.note(item)
-    assert (last.said() or "").startswith(
+    assert (last.line() or "").startswith(
         "the last 18 tiles took 25 % of the time: they had up to 13 % noise when all others met 5 %"
     )
     for shortened in (reports[:3], reports[:1], [report(seconds=9.0, tiles_done=0.99, tiles_left=left)]):
         last = LastTiles()
         for item in shortened:
             last.note(item)
-        assert last.said() is None
+        assert last.line() is None
 
 
 def test_start_without_samples_divides_by_nothing() -> None:

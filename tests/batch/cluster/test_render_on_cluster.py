@@ -32,7 +32,7 @@ from rptcam_cl.batch import cluster as client
 from rptcam_cl.batch import cluster as tasks
 from rptcam_cl.batch import cluster as tasks_out
 from rptcam_cl.batch import cluster_run
-from rptcam_cl.batch.cluster import TLS, packed, survey
+from rptcam_cl.batch.cluster import TLS, pack_scene, survey
 from rptcam_cl.batch.cluster_run import render_on_cluster
 from rptcam_cl.core.errors import DeviceError, InputError, StateError
 from rptcam_cl.rendering.checkpoint import read_checkpoint, read_part, write_checkpoint
@@ -116,9 +116,9 @@ def test_render_is_prepared_once_for_all_parts_of_a_worker(
 
 def test_what_two_workers_find_is_the_same_though_it_holds_what_is_no_number() -> None:
     found = {"focus": {"metadata": {"blur_m": math.nan}}, "metered_cd_m2": 3.0}
-    assert tasks.is_same_found(found, pickle.loads(pickle.dumps(found)))
-    assert not tasks.is_same_found(found, found | {"focus": {"metadata": {"blur_m": 1.0}}})
-    assert not tasks.is_same_found(found, found | {"metered_cd_m2": 3.1})
+    assert tasks.is_same_findings(found, pickle.loads(pickle.dumps(found)))
+    assert not tasks.is_same_findings(found, found | {"focus": {"metadata": {"blur_m": 1.0}}})
+    assert not tasks.is_same_findings(found, found | {"metered_cd_m2": 3.1})
 
 
 def test_part_after_a_measurement_of_speed_has_all_tiles(scene_file: Path, tmp_path: Path) -> None:
@@ -249,14 +249,14 @@ def test_file_where_parts_are_to_be_kept_is_refused_before_any_work(scene_file: 
 
 
 def test_workers_need_no_file_of_the_client(scene_file: Path, tmp_path: Path) -> None:
-    parcel = packed(load_scene(scene_file))
+    parcel = pack_scene(load_scene(scene_file))
     assert list(parcel.files) == ["pictures/dots.png"]
     elsewhere = parcel.unpacked(tmp_path / "elsewhere")
     assert elsewhere.content_hash() == load_scene(scene_file).content_hash()
     assert elsewhere.base_dir == tmp_path / "elsewhere"
     other = Picture.new("RGB", (8, 8))
     other.save(scene_file.parent / "pictures/dots.png")
-    assert packed(load_scene(scene_file)).digest != parcel.digest
+    assert pack_scene(load_scene(scene_file)).digest != parcel.digest
 
 
 def test_files_outside_the_folder_are_not_sent(scene_file: Path, tmp_path: Path) -> None:
@@ -264,7 +264,7 @@ def test_files_outside_the_folder_are_not_sent(scene_file: Path, tmp_path: Path)
     world = WORLD | {"materials": {"dots": {"kind": "matte", "reflectance": picture}}}
     scene = load_scene(world, base_dir=tmp_path / "elsewhere", allow_folders=[scene_file.parent])
     with pytest.raises(InputError, match="lies outside"):
-        packed(scene)
+        pack_scene(scene)
 
 
 @pytest.mark.parametrize(
