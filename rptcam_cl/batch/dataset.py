@@ -17,11 +17,11 @@ from typing import Any
 
 from rptcam_cl._version import __version__
 from rptcam_cl.api.interface import settle
-from rptcam_cl.api.sweeping import SeriesRenderer
-from rptcam_cl.batch.specification import MOST_FRAMES, DatasetSpecification, numbered, read_specification, whole
+from rptcam_cl.api.job import SeriesRenderer
+from rptcam_cl.batch.specification import MOST_FRAMES, DatasetSpecification, number_errors, read_specification, whole
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, StateError
-from rptcam_cl.core.files import UNKNOWN, OneMaker, made_by, replacing, unlinked
+from rptcam_cl.core.files import UNKNOWN, OneMaker, made_by, make_folder, replacing, unlinked
 from rptcam_cl.device.session import Wanted, open_sessions
 from rptcam_cl.exchange.camera_models import COEFFICIENTS, calibrate, calibrate_best
 from rptcam_cl.exchange.camera_view import View, view
@@ -76,13 +76,9 @@ class DatasetFolder:
         StateError
             When it cannot be written, or holds another dataset, or the same in other shards or by other code.
         """
-        try:
-            if self.shard is not None:
-                unlinked(self.frames)
-            self.frames.mkdir(parents=True, exist_ok=True)
-        except OSError as problem:
-            why = "is a file, not a folder" if self.path.is_file() else f"cannot be made: {problem.strerror or problem}"
-            raise StateError(f"{self.path}: {why}") from None
+        make_folder(self.path)
+        if self.shard is not None:
+            make_folder(unlinked(self.frames))
         about, mine = self.path / ABOUT, {"key": self.wanted.key, "shard": self.shard}
         if about.exists():
             try:
@@ -125,7 +121,7 @@ class DatasetFolder:
 
     def record(self, index: int) -> dict[str, Any] | None:
         """Return the record of a frame that is there with all its files undamaged; None for one that has to be made."""
-        if self.shard is not None and index in (packed := self._packed(index // self.shard)):
+        if self.shard is not None and index in (packed := self._records_of_shard(index // self.shard)):
             return packed[index]
         try:
             found = json.loads(self._file(index, "json").read_text("utf-8"))
@@ -193,7 +189,7 @@ class DatasetFolder:
                 if (record := self.record(index)) is not None:
                     self._same.add(f"{self.path}: frame {index}", record.get("made_by"))
                     out.write(json.dumps(record) + "\n")
-        if self.shard is not None and all(map(self._packed, range(-(-self.wanted.frames // self.shard)))):
+        if self.shard is not None and all(map(self._records_of_shard, range(-(-self.wanted.frames // self.shard)))):
             with contextlib.suppress(OSError):  # another run may write there, or have removed it
                 self.frames.rmdir()
 
@@ -216,7 +212,7 @@ class DatasetFolder:
     def _tar(self, number: int) -> Path:
         return self.path / f"shard-{number:06d}.tar"
 
-    def _packed(self, number: int) -> dict[int, dict[str, Any]]:
+    def _records_of_shard(self, number: int) -> dict[int, dict[str, Any]]:
         """Return the records of a shard that is there and whole."""
         if number not in self._shards:
             try:
@@ -233,7 +229,7 @@ class DatasetFolder:
 
     def _pack(self, number: int) -> None:
         """Move the frames of a shard into its file, when all are there."""
-        if not self._packed(number):
+        if not self._records_of_shard(number):
             if any(self.record(index) is None for index in self._range(number)):
                 return
             try:
@@ -345,7 +341,7 @@ def dataset(
         wanted = read_specification(source, frames=frames)
     else:
         wanted = source if frames is None else replace(source, frames=whole(frames, "frames", 1, MOST_FRAMES))
-    chosen = range(wanted.frames) if only is None else _chosen(only, wanted.frames)
+    chosen = range(wanted.frames) if only is None else _check_indices(only, wanted.frames)
     if shard is not None:
         whole(shard, "shard", 1, MOST_FRAMES)
         if folder is None:
@@ -358,7 +354,7 @@ def dataset(
     return _frames(wanted, place, chosen, device)
 
 
-def _chosen(only: Any, frames: int) -> Sequence[int]:
+def _check_indices(only: Any, frames: int) -> Sequence[int]:
     """Return the numbers of the frames that are to be made."""
     allowed = f"allowed: 0 to {frames - 1}"
     if not isinstance(only, Iterable):
@@ -388,7 +384,7 @@ def _frames(
             renderer = SeriesRenderer(open_sessions(device)[0][0])
             if place is not None:
                 place.join([renderer.device.info.driver])
-        with numbered(index):
+        with number_errors(index):
             if scene.requested_autofocus is not None:
                 scene = load_scene(settle(scene, device=renderer.device).scene, base_dir=scene.base_dir)
             image = renderer.render(_with_labels(scene) if wanted.truth else scene)
@@ -468,7 +464,7 @@ def _keep(known: dict[str, dict[str, Any]], key: str, value: dict[str, Any]) -> 
 
 
 def _content(seen: View) -> tuple[str, str]:
-    """Return what says by what a camera model is fitted, but for the stop, and how wide that is."""
+    """Keys of the optics that a camera model is fitted to, and of the stop."""
     optics = seen.scene.camera.model_dump(mode="json", exclude=POSE)
     stop = [optics.pop(key, None) for key in STOP]
     facts = [optics, seen.scene.film.model_dump(mode="json"), seen.distance_m, seen.scene.metres_per_unit]

@@ -10,9 +10,10 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from rptcam_cl.api.options import add_options, size
 from rptcam_cl.cli.lens_options import wavelengths
 from rptcam_cl.cli.output import as_json, print_table, print_warnings
-from rptcam_cl.cli.parser import Commands, add_overrides, positive, size
+from rptcam_cl.cli.parser import Commands, positive
 from rptcam_cl.core.errors import InputError, StateError
 
 if TYPE_CHECKING:
@@ -59,7 +60,7 @@ def add_maps(parser: argparse.ArgumentParser) -> None:
 
 
 def check_maps(arguments: argparse.Namespace) -> None:
-    """Refuse maps whose names say another kind of file."""
+    """Raise `InputError` for maps whose names end as another kind of file."""
     for name in NAMES:
         path: Path | None = getattr(arguments, name)
         if path is None:
@@ -70,7 +71,7 @@ def check_maps(arguments: argparse.Namespace) -> None:
             raise InputError(f"{option}: {path}: such a file is {suffix} (got {path.suffix or 'none'})")
 
 
-def written_maps(arguments: argparse.Namespace, seen: "View") -> Iterator[tuple[Path, Callable[[Path], object]]]:
+def maps_to_write(arguments: argparse.Namespace, seen: "View") -> Iterator[tuple[Path, Callable[[Path], object]]]:
     """Yield files and what writes them, each map having been made."""
     from rptcam_cl.exchange.camera_maps import (
         coc_exr,
@@ -111,7 +112,7 @@ USD = (".usda", ".usd")  # of text; a file .usdc is binary
 
 
 def check_outputs(arguments: argparse.Namespace) -> None:
-    """Refuse, before anything is traced, files that could not be written.
+    """Check, before anything is traced, that all files can be written.
 
     Raises
     ------
@@ -148,7 +149,7 @@ def _outputs(arguments: argparse.Namespace) -> Iterator[tuple[str, Path]]:
 
 
 def _check_apart(arguments: argparse.Namespace) -> None:
-    """Refuse outputs that would overwrite one another."""
+    """Raise `InputError` for outputs that would overwrite one another."""
     files = list(_outputs(arguments))
     if arguments.colmap is not None:
         files.append(("--colmap", arguments.colmap))
@@ -189,7 +190,7 @@ def _files(arguments: argparse.Namespace, seen: "View", chosen: "Calibration") -
             yield path, partial(_put, WRITTEN[name](seen, chosen).encode())
     if arguments.plot is not None:
         yield arguments.plot, partial(_put, encoded(residual_chart(seen, chosen), arguments.plot))
-    yield from written_maps(arguments, seen)
+    yield from maps_to_write(arguments, seen)
     if arguments.colmap is not None:
         picture = f"{Path(arguments.source).stem.replace(' ', '_')}.png"
         for name, text in colmap_texts(seen, chosen, picture).items():
@@ -239,7 +240,7 @@ def add_camera(commands: Commands) -> None:
         " lens.",
     )
     parser.add_argument("source", metavar="SCENE|LENS", help="scene file, or a lens by name or file")
-    add_overrides(parser)
+    add_options(parser, "overrides")
     parser.add_argument("--size", type=size, metavar="WxH", help="resolution (default: the scene's, 768x512)")
     parser.add_argument("--film", type=film, metavar="WxH", help="film in millimetres (default: the scene's, 36x24)")
     parser.add_argument(
@@ -290,13 +291,13 @@ def _run_camera(arguments: argparse.Namespace) -> int:
         )
     if seen.setting is not None:
         print_warnings(seen.setting.lens.warnings)
-    chosen = _chosen(arguments, seen)
+    chosen = _choose_model(arguments, seen)
     _report(arguments, seen, chosen)
     write_files(arguments, seen, chosen)
     return 0
 
 
-def _chosen(arguments: argparse.Namespace, seen: "View") -> "Calibration":
+def _choose_model(arguments: argparse.Namespace, seen: "View") -> "Calibration":
     """The requested model, or the simplest that fits and that all files to be written can hold."""
     from rptcam_cl.exchange.camera_files import HELD, check_held
     from rptcam_cl.exchange.camera_models import COEFFICIENTS, calibrate, calibrate_best

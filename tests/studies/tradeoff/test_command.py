@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rptcam_cl.api import options as values
 from rptcam_cl.cli import main
-from rptcam_cl.cli import parser as values
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.device.devices import choose_device
 from rptcam_cl.device.session import Session, open_session
