@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.optics.lens import limiting_surface, system_matrix
-from rptcam_cl.optics.ray_trace import passing, refract, trace
+from rptcam_cl.optics.ray_trace import arrive, passing, refract, trace
 
 if TYPE_CHECKING:
     from rptcam_cl.optics.lens import Lens
@@ -81,10 +81,9 @@ def crossed(
     lost = np.zeros(p.shape[1], dtype=bool)
     with np.errstate(all="ignore"):
         for k in order:
-            vertex = np.array([[0.0], [0.0], [lens.vertices[k]]])
-            hits = lens.surfaces[k].meet(p - vertex, d)
-            lost |= ~(hits.met & np.isfinite(hits.distances) & (d[2] * sense > 0))
-            p = hits.points + vertex
+            hits, _, met = arrive(lens, k, sense, p, d)
+            lost |= ~met
+            p = hits.points + lens.shifts[k]
             heights[k] = np.where(lost[:, None], np.nan, p[:2].T)
             ratio = indices[k] / indices[k + 1] if towards_film else indices[k + 1] / indices[k]
             if ratio != 1.0:

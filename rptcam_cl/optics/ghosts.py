@@ -16,7 +16,7 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.coating import Amplitude, Interface, LayerStack, Polarised, constant_reflectance
 from rptcam_cl.optics.glass import attenuation
 from rptcam_cl.optics.lens import Lens, system_matrix
-from rptcam_cl.optics.ray_trace import COATED, LensTransmission, reflect, refract
+from rptcam_cl.optics.ray_trace import COATED, LensTransmission, arrive, leave, reflect, refract
 from rptcam_cl.optics.spot import Beam
 from rptcam_cl.optics.surface import IN_PLACE, Prescription, Surface
 
@@ -167,13 +167,9 @@ def meet(lens: LensAtWavelength, beam: PolarisedBeam, k: int, forward: bool, *, 
     counted : bool
         Whether the light that is lost on the way is noted.
     """
-    surface = lens.prescription.surfaces[k]
-    sense = lens.prescription.senses[k] if forward else -lens.prescription.senses[k + 1]
-    pose, shift = surface.pose or IN_PLACE, np.array([[0.0], [0.0], [float(lens.prescription.vertices[k])]])
-    points = beam.points - shift
-    points, directions = pose.inward(points, beam.directions) if surface.pose else (points, beam.directions)
-    hits = surface.meet(points, directions)
-    met = hits.met & np.isfinite(hits.distances) & (directions[2] * sense > 0)
+    whole, surface = lens.prescription, lens.prescription.surfaces[k]
+    sense = whole.senses[k] if forward else -whole.senses[k + 1]
+    hits, _, met = arrive(whole, k, sense, beam.points, beam.directions)
     good = met & surface.clears(hits.points[0], hits.points[1])
     light, missed, blocked = np.zeros(len(good)), 0.0, 0.0
     if counted:
@@ -183,13 +179,13 @@ def meet(lens: LensAtWavelength, beam: PolarisedBeam, k: int, forward: bool, *, 
     if not good.all():
         beam, light = beam.kept(good), light[good]
         at, normals, cosines, lengths = at[:, good], normals[:, good], cosines[good], lengths[good]
-    beam = replace(beam, points=(pose.outward(at, at)[0] if surface.pose else at) + shift)
+    at, normals = leave(whole, k, at, normals)
+    beam = replace(beam, points=at)
     absorbed, per_mm = 0.0, lens.attenuations[k if forward else k + 1]
     if per_mm:
         left = np.exp(-0.5 * per_mm * np.abs(lengths))
         absorbed = float((light * (1.0 - left * left)).sum())
         beam = replace(beam, jones=beam.jones * left)
-    normals = pose.matrix() @ normals if surface.pose else normals
     return Arrival(beam, normals, cosines, missed, blocked, absorbed)
 
 
