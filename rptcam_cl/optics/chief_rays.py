@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.optics.lens import limiting_surface, system_matrix
-from rptcam_cl.optics.ray_trace import passing, refract, trace
+from rptcam_cl.optics.ray_trace import arrive, passing, refract, trace
 
 if TYPE_CHECKING:
     from rptcam_cl.optics.lens import Lens
@@ -81,10 +81,9 @@ def crossed(
     lost = np.zeros(p.shape[1], dtype=bool)
     with np.errstate(all="ignore"):
         for k in order:
-            vertex = np.array([[0.0], [0.0], [lens.vertices[k]]])
-            hits = lens.surfaces[k].meet(p - vertex, d)
-            lost |= ~(hits.met & np.isfinite(hits.distances) & (d[2] * sense > 0))
-            p = hits.points + vertex
+            hits, _, met = arrive(lens, k, sense, p, d)
+            lost |= ~met
+            p = hits.points + lens.shifts[k]
             heights[k] = np.where(lost[:, None], np.nan, p[:2].T)
             ratio = indices[k] / indices[k + 1] if towards_film else indices[k + 1] / indices[k]
             if ratio != 1.0:
@@ -303,11 +302,11 @@ def fan_chief_rays(lens: Lens, film_points: Array, wavelength_nm: float) -> Chie
     """
     if lens.has_mirrors:
         return None
-    stop, back_mm = limiting_surface(lens, wavelength_nm), float(film_points[0, 2]) - lens.length
+    stop, film_distance_mm = limiting_surface(lens, wavelength_nm), float(film_points[0, 2]) - lens.length
     x, y = film_points[:, 0], film_points[:, 1]
     radii = np.sqrt(x * x + y * y)
     (height, slope), fans = _fans_of(lens, stop, wavelength_nm)
-    tangent = float(radii.max()) / max(abs(height + back_mm * slope), 1e-300)
+    tangent = float(radii.max()) / max(abs(height + film_distance_mm * slope), 1e-300)
     if not tangent > 0:
         return None
     step = math.ceil(STEPS_OF_TANGENT * math.log2(tangent))
@@ -317,7 +316,7 @@ def fan_chief_rays(lens: Lens, film_points: Array, wavelength_nm: float) -> Chie
         fan = fans[width]
         if fan is None:
             return None
-        if (found := fan.chief_rays(lens, film_points, radii, back_mm)) is not None:
+        if (found := fan.chief_rays(lens, film_points, radii, film_distance_mm)) is not None:
             return found
     return None
 
@@ -413,15 +412,17 @@ class _Fan:
             found[k] -= found[k - 2]
         return found.T
 
-    def chief_rays(self, lens: Lens, film_points: Array, radii: Array, back_mm: float) -> ChiefRays | None:
+    def chief_rays(self, lens: Lens, film_points: Array, radii: Array, film_distance_mm: float) -> ChiefRays | None:
         """Return the chief rays of film points (n, 3) so far from the axis; None where it goes not so far."""
         places, begin = self._begin
-        per_tangent = begin @ (1.0, back_mm)
+        per_tangent = begin @ (1.0, film_distance_mm)
         sign = np.sign(per_tangent[0])
         reached = sign * places * per_tangent
         if not (reached[-1] >= radii.max() and np.all(np.diff(reached) > 0)):
             return None
-        by = sign * np.column_stack([self.polynomials[:, :2] @ (1.0, back_mm), self._changes @ (1.0, back_mm)])
+        by = sign * np.column_stack(
+            [self.polynomials[:, :2] @ (1.0, film_distance_mm), self._changes @ (1.0, film_distance_mm)]
+        )
         tangents = np.interp(radii, reached, places)
         for _ in range(FAN_ROUNDS):
             scale, change = (self._terms(tangents) @ by).T

@@ -466,17 +466,14 @@ class Glare:
         By two reflections between surfaces of the lens.
     film, barrel : float
         By light that the film scatters to the lens and back, and that rims behind the stop scatter.
+    index : float
+        Veiling glare index of ISO 9358: irradiance of the black spot over that of the white around it.
     """
 
     surfaces: float
     film: float
     barrel: float
-
-    @property
-    def index(self) -> float:
-        """Veiling glare index of ISO 9358: irradiance of the black spot over that of the white around it."""
-        veil = self.surfaces + self.film + self.barrel
-        return veil / (1.0 + veil)
+    index: float
 
 
 def veiling_glare(
@@ -519,7 +516,9 @@ def veiling_glare(
     stop = lens.stop_index if lens.stop_index is not None else 0
     behind = len(lens.surfaces) - 1 - stop
     caught = sum(light for k, light in tree.blocked.items() if k < behind)
-    return Glare(account.ghosts / image, film_reflectance * account.out / np.pi, barrel_reflectance * caught / np.pi)
+    parts = account.ghosts / image, film_reflectance * account.out / np.pi, barrel_reflectance * caught / np.pi
+    veil = sum(parts)
+    return Glare(*parts, veil / (1.0 + veil))
 
 
 def reversed_lens(lens: Lens) -> Lens:

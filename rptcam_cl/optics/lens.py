@@ -660,29 +660,31 @@ def focused_by_group(
     return moved(lens, shift), film_behind(lens, shift, film_distance_mm)
 
 
-def _defocus(lens: Lens, shift: float, distance: float, film: float, wavelength: float) -> float:
+def _defocus(lens: Lens, shift: float, distance: float, film_distance_mm: float, wavelength: float) -> float:
     """Return how far behind the film the image of an object plane lies [mm]; NaN when there is none."""
-    state, back = moved(lens, shift), film_behind(lens, shift, film)
-    front = distance - state.length - state.sense * back
+    state, there = moved(lens, shift), film_behind(lens, shift, film_distance_mm)
+    front = distance - state.length - state.sense * there
     if not front > 0:
         return float("nan")
     try:
-        return film_distance(state, front, "front", wavelength) - back
+        return film_distance(state, front, "front", wavelength) - there
     except InputError:
         return float("nan")
 
 
-def _reach(lens: Lens, film: float, wavelength: float) -> tuple[float, float]:
+def _reach(lens: Lens, film_distance_mm: float, wavelength: float) -> tuple[float, float]:
     """Return the nearest and farthest object plane that some shift makes sharp [mm from the film]."""
-    found = []
-    for shift in np.linspace(*travel_mm(lens), 2 * STEPS + 1):
+    distances = []
+    for shift in np.linspace(*travel_mm(lens), 2 * STEPS + 1).tolist():
         try:
-            found.append(object_distance(moved(lens, float(shift)), film_behind(lens, float(shift), film), wavelength))
+            there = film_behind(lens, shift, film_distance_mm)
+            distances.append(object_distance(moved(lens, shift), there, wavelength))
         except InputError:
             continue
-    if not found:
-        raise InputError(f"{lens.name}: no shift of its group makes anything sharp {film:g} mm behind the lens")
-    return min(found), max(found)
+    if not distances:
+        where = f"{film_distance_mm:g} mm behind the lens"
+        raise InputError(f"{lens.name}: no shift of its group makes anything sharp {where}")
+    return min(distances), max(distances)
 
 
 def _group(lens: Lens) -> FocusingGroup:

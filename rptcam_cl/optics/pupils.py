@@ -534,8 +534,8 @@ def shared_shapes(
     radius_mm
         Of the film of the first.
     """
-    (lens, back_mm), *others = states
-    return _one_line(lens, back_mm, radius_mm, wavelength_nm, FINE_OUTLINES, others)
+    (lens, film_distance_mm), *others = states
+    return _one_line(lens, film_distance_mm, radius_mm, wavelength_nm, FINE_OUTLINES, others)
 
 
 def _one_line(
@@ -547,7 +547,7 @@ def _one_line(
     others: Sequence[tuple[Lens, float]] = (),
 ) -> PupilShapes:
     probes = narrowing_probes(lens, film_distance_mm, wavelength_nm)
-    beside = [(narrowing_probes(other, back, wavelength_nm), back / film_distance_mm) for other, back in others]
+    beside = [(narrowing_probes(other, its_mm, wavelength_nm), its_mm / film_distance_mm) for other, its_mm in others]
     # Coarse outlines find out by tracing them whether light reaches the corner; fine ones find how far it reaches.
     lit = radius_mm if fineness is COARSE_OUTLINES else _lit_radius(probes, radius_mm, radial=True)
     lit = max([lit, *(_lit_radius(of, radius_mm * scale, radial=True) / scale for of, scale in beside)])
@@ -837,39 +837,43 @@ def stopped_pupils(
     It goes as far as the film, or as chief rays come through. None where something stands in the middle of a pupil or
     where rays bend too much to say.
     """
-    back_mm, line = states[0][1], film_line(radius_mm, FINENESS.radial_nodes)
+    first_mm, line = states[0][1], film_line(radius_mm, FINENESS.radial_nodes)
     clear = np.logical_and.reduce([
-        _chief(lens, back, line * (back / back_mm), nm).clear for lens, back in states for nm in wavelengths_nm
+        _chief(lens, film_distance_mm, line * (film_distance_mm / first_mm), nm).clear
+        for lens, film_distance_mm in states for nm in wavelengths_nm
     ])  # fmt: skip
     if not clear.all():
         radius_mm = float(line[max(int(np.argmin(clear)) - 1, 0), 0])
     if not radius_mm > 0:
         return None
     film = film_line(radius_mm, FINENESS.radial_nodes)
-    found = []
-    for lens, back in states:
+    traced = []
+    for lens, film_distance_mm in states:
         for wavelength_nm in wavelengths_nm:
-            of_state = _traced(lens, back, film * (back / back_mm), wavelength_nm)
+            of_state = _traced(lens, film_distance_mm, film * (film_distance_mm / first_mm), wavelength_nm)
             if of_state is None:
                 return None
-            found.append(of_state)
-    centres, reach, heights = (np.array(values) for values in zip(*found, strict=True))
+            traced.append(of_state)
+    centres, reach, heights = (np.array(values) for values in zip(*traced, strict=True))
     return StoppedPupils(radius_mm, centres, reach, heights)
 
 
-def _chief(lens: Lens, back_mm: float, film: Array, wavelength_nm: float) -> ChiefRays:
-    return round_chief_rays(lens, np.column_stack([film, np.full(len(film), lens.film_z(back_mm))]), wavelength_nm)
+def _chief(lens: Lens, film_distance_mm: float, film: Array, wavelength_nm: float) -> ChiefRays:
+    points = np.column_stack([film, np.full(len(film), lens.film_z(film_distance_mm))])
+    return round_chief_rays(lens, points, wavelength_nm)
 
 
-def _traced(lens: Lens, back_mm: float, film: Array, wavelength_nm: float) -> tuple[Array, Array, Array] | None:
+def _traced(
+    lens: Lens, film_distance_mm: float, film: Array, wavelength_nm: float
+) -> tuple[Array, Array, Array] | None:
     """Return centres, reach and heights of one state."""
     stop, pupil = limiting_surface(lens, wavelength_nm), lens.first_order(wavelength_nm).exit_pupil
-    size = abs(WIDEST * pupil.diameter_mm / 2 * back_mm / (back_mm - pupil.distance_mm))
-    chief = _chief(lens, back_mm, film, wavelength_nm)
+    size = abs(WIDEST * pupil.diameter_mm / 2 * film_distance_mm / (film_distance_mm - pupil.distance_mm))
+    chief = _chief(lens, film_distance_mm, film, wavelength_nm)
     if not (np.isfinite(size) and chief.clear.all()) or lens.is_obstructed:
         return None
     centres, axes = chief.aims, np.full(film.shape, size)
-    half = reach_of(FilmProbe(lens, back_mm, wavelength_nm), film, centres, axes, FINENESS, mirrored=True)
+    half = reach_of(FilmProbe(lens, film_distance_mm, wavelength_nm), film, centres, axes, FINENESS, mirrored=True)
     reach = half[:, : half.shape[1] // 2 + 1] * size
     if not (reach.all() and reach.max() < (1.0 - 1.0 / FINENESS.scan) * FARTHEST * size):
         return None
@@ -877,8 +881,8 @@ def _traced(lens: Lens, back_mm: float, film: Array, wavelength_nm: float) -> tu
     away = np.arange(1, LEVELS + 1)[:, None, None] / LEVELS * reach
     u, v = centres[:, :1] + away * np.cos(angles), away * np.sin(angles)
     points = np.zeros((3, u.size))
-    points[0], points[2] = np.broadcast_to(film[:, :1], u.shape).ravel(), lens.film_z(back_mm)
-    across = np.stack([u.ravel() - points[0], v.ravel(), np.full(u.size, -back_mm)])
+    points[0], points[2] = np.broadcast_to(film[:, :1], u.shape).ravel(), lens.film_z(film_distance_mm)
+    across = np.stack([u.ravel() - points[0], v.ravel(), np.full(u.size, -film_distance_mm)])
     order = range(len(lens.surfaces) - 1, stop - 1, -1)
     at, _, _ = crossed(lens, order, points, across / np.sqrt(np.sum(across**2, axis=0)), lens.indices(wavelength_nm))
     heights = np.hypot(at[0, :, 0], at[0, :, 1]).reshape(u.shape)

@@ -395,6 +395,13 @@ class Prescription:
         gaps = [surface.thickness for surface in self.surfaces[:-1]]
         return np.concatenate([[0.0], np.cumsum(gaps)])
 
+    @cached_property
+    def shifts(self) -> Array:
+        """The vertices as points (surfaces, 3, 1)."""
+        found = np.zeros((len(self.surfaces), 3, 1))
+        found[:, 2, 0] = self.vertices
+        return found
+
     @property
     def length(self) -> float:
         """Position z of the last vertex [mm]: how far it lies from the first one."""

@@ -31,7 +31,6 @@ from rptcam_cl.optics.glass import (
     AbbeLinear,
     Absorption,
     ConstantIndex,
-    Law,
     Medium,
     PowerSeries,
     Sellmeier,
@@ -268,7 +267,7 @@ def _codev_glass(medium: Medium, private: dict[Medium, str]) -> str:
 def _indices(medium: Medium) -> list[float]:
     if isinstance(medium, ConstantIndex):
         return [medium.value] * len(PRIVATE_NM)
-    return list(held_index(medium, np.array(PRIVATE_NM)))  # type: ignore[arg-type]
+    return list(held_index(medium, np.array(PRIVATE_NM)))
 
 
 def _codev_reasons(lens: Lens) -> Iterator[tuple[int, str]]:
@@ -628,7 +627,7 @@ def _medium(medium: Medium) -> Any:
     entry = _glass_keys(medium)
     if isinstance(entry, str):
         return entry
-    thermal = _thermal(medium.thermal) if isinstance(medium, Law) and medium.thermal is not None else {}
+    thermal = {} if medium.thermal is None else _thermal(medium.thermal)
     absorbs = {} if medium.absorption is None else {"transmittance": _transmittance(medium.absorption)}
     return entry | absorbs | thermal
 

@@ -22,7 +22,6 @@ from rptcam_cl.optics.glass import (
     GLASSES,
     STANDARD_C,
     Absorption,
-    Law,
     Medium,
     PowerSeries,
     Sellmeier,
@@ -32,7 +31,7 @@ from rptcam_cl.optics.glass import (
 
 # Glass from catalogue files: Zemax .agf, and single materials of refractiveindex.info (.yml).
 
-Formula = Callable[[list[float], tuple[float, float], str], Law]
+Formula = Callable[[list[float], tuple[float, float], str], Medium]
 
 SCHOTT, SELLMEIER_1, EXTENDED, SELLMEIER_5, EXTENDED_2, EXTENDED_3 = 1, 2, 10, 11, 12, 13
 LARGEST_FILE = 16_000_000  # bytes; all catalogues of Zemax in one file have 2 MB
@@ -45,7 +44,7 @@ POWERS: dict[int, tuple[int, ...]] = {
 }
 
 
-def read_agf(path: Path | str) -> dict[str, Law]:
+def read_agf(path: Path | str) -> dict[str, Medium]:
     """Return the glasses of a catalogue file by name, as `glasses_of_agf` does.
 
     Raises
@@ -61,7 +60,7 @@ def read_agf(path: Path | str) -> dict[str, Law]:
         raise StateError(f"{path}: {problem}") from None
 
 
-def glasses_of_agf(content: bytes, path: Path | str) -> dict[str, Law]:
+def glasses_of_agf(content: bytes, path: Path | str) -> dict[str, Medium]:
     """Return the glasses of a catalogue by name. Those with a formula that is not known are left out.
 
     Known: Schott (1), Sellmeier 1 (2), Sellmeier 3 and 5 (6, 11), extended 1 to 3 (10, 12, 13). Lines IT (wavelength in
@@ -74,7 +73,7 @@ def glasses_of_agf(content: bytes, path: Path | str) -> dict[str, Law]:
     path : Path or str
         What errors call it.
     """
-    glasses: dict[str, Law] = {}
+    glasses: dict[str, Medium] = {}
     name, formula = "", 0
     terms: list[float] = []
     inside: list[tuple[float, float, float]] = []
@@ -109,7 +108,7 @@ def glasses_of_agf(content: bytes, path: Path | str) -> dict[str, Law]:
 
 
 def _add(
-    glasses: dict[str, Law],
+    glasses: dict[str, Medium],
     name: str,
     formula: int,
     terms: list[float],
@@ -137,7 +136,7 @@ def _absorption(inside: list[tuple[float, float, float]]) -> Absorption | None:
     return Absorption.from_transmittance(*zip(*rows, strict=True)) if len(rows) > 1 else None
 
 
-def read_refractive_index(path: Path | str, content: bytes | None = None) -> Law:
+def read_refractive_index(path: Path | str, content: bytes | None = None) -> Medium:
     """Return the medium of a refractiveindex.info file: formulas 1, 2, 3 and 5, or tabulated n; k when there is one.
 
     Parameters
@@ -171,7 +170,7 @@ def read_refractive_index(path: Path | str, content: bytes | None = None) -> Law
     raise InputError(f"{path}: no dispersion formula that is known (has {kinds}; known: {', '.join(_FORMULAS)})")
 
 
-def law_of_formula(kind: str, terms: list[float], limits: tuple[float, float], name: str) -> Law:
+def law_of_formula(kind: str, terms: list[float], limits: tuple[float, float], name: str) -> Medium:
     """Return the law of a formula of refractiveindex.info, such as "formula 2", its range in nm."""
     return _FORMULAS[kind](terms, limits, name)
 
@@ -199,7 +198,7 @@ def _extinction(path: Path | str, blocks: list[Any]) -> Absorption | None:
     return None
 
 
-def _formula_1(terms: list[float], limits: tuple[float, float], name: str) -> Law:
+def _formula_1(terms: list[float], limits: tuple[float, float], name: str) -> Medium:
     _check_pairs(terms)
     return Sellmeier(tuple(terms[1::2]), tuple(c * c for c in terms[2::2]), terms[0], limits, name)
 
@@ -209,13 +208,13 @@ def _check_pairs(terms: list[float]) -> None:
         raise ValueError("a constant and pairs of strength and resonance are expected")
 
 
-def _formula_2(terms: list[float], limits: tuple[float, float], name: str) -> Law:
+def _formula_2(terms: list[float], limits: tuple[float, float], name: str) -> Medium:
     _check_pairs(terms)
     return Sellmeier(tuple(terms[1::2]), tuple(terms[2::2]), terms[0], limits, name)
 
 
 def _polynomial(squared: bool) -> Formula:
-    def build(terms: list[float], limits: tuple[float, float], name: str) -> Law:
+    def build(terms: list[float], limits: tuple[float, float], name: str) -> Medium:
         pairs = zip(terms[2::2], terms[1::2], strict=True)
         return PowerSeries(((0.0, terms[0]), *((power, a) for power, a in pairs)), squared, limits, name)
 
@@ -285,7 +284,7 @@ def glasses_of(maker: str) -> dict[str, MakersGlass]:
 
 
 @lru_cache(maxsize=256)
-def law_of(glass: MakersGlass, label: str) -> Law:
+def law_of(glass: MakersGlass, label: str) -> Medium:
     """Return the dispersion law of a glass, called `label`, with what it absorbs."""
     row = _row(glass)
     absorption, thermal = _makers_absorption(row), _thermal(row)
@@ -467,7 +466,7 @@ def other_name(name: str) -> tuple[Any, str] | None:
     return {"nd": nd, "vd": vd}, f"{nd:g} / {vd:g}, the code {code} of SCHOTT's old catalogues"
 
 
-def glass_named(name: str) -> Law | None:
+def glass_named(name: str) -> Medium | None:
     """Return the law of a glass by the name that `Named.written` has, or by any other that `named_glass` knows."""
     found = named_glass(name)
     if found is None:

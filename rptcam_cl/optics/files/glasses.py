@@ -53,7 +53,6 @@ from rptcam_cl.optics.glass import (
     AbbeLinear,
     Absorption,
     ConstantIndex,
-    Law,
     Medium,
     PowerSeries,
     Sellmeier,
@@ -276,25 +275,25 @@ def _checked(fields: Fields, key: str, value: float) -> float:
     return value
 
 
-def _constant(fields: Fields) -> Law:
+def _constant(fields: Fields) -> Medium:
     value = _checked(fields, "index", fields.number("index"))
     return ConstantIndex(value, fields.text("name", f"n = {value:g}"))
 
 
-def _abbe(fields: Fields) -> Law:
+def _abbe(fields: Fields) -> Medium:
     nd = _checked(fields, "nd", fields.number("nd"))
     vd = fields.positive("vd")
     return AbbeCauchy(nd, vd, fields.text("name", f"{nd:g} / {vd:g}"))
 
 
-def _linear(fields: Fields) -> Law:
+def _linear(fields: Fields) -> Medium:
     inner = fields.inner("linear_abbe", LINEAR_ABBE)
     n = _checked(inner, "n", inner.number("n"))
     v = inner.positive("v")
     return AbbeLinear(n, v, fields.text("name", f"{n:g} / {v:g} linear"))
 
 
-def _sellmeier(fields: Fields) -> Law:
+def _sellmeier(fields: Fields) -> Medium:
     inner = fields.inner("sellmeier", SELLMEIER)
     b, c = inner.numbers("b"), inner.numbers("c")
     if len(b) != len(c):
@@ -302,12 +301,12 @@ def _sellmeier(fields: Fields) -> Law:
     return Sellmeier(b, c, inner.number("c0", 0.0), _range(fields), fields.text("name", "Sellmeier glass"))
 
 
-def _cauchy(fields: Fields) -> Law:
+def _cauchy(fields: Fields) -> Medium:
     terms = tuple((-2.0 * i, a) for i, a in enumerate(fields.numbers("cauchy")))
     return PowerSeries(terms, False, _range(fields), fields.text("name", "Cauchy glass"))
 
 
-def _schott(fields: Fields) -> Law:
+def _schott(fields: Fields) -> Medium:
     values = fields.numbers("schott")
     if len(values) != 6:
         raise fields.fail(
@@ -319,7 +318,7 @@ def _schott(fields: Fields) -> Law:
     )
 
 
-def _table(fields: Fields) -> Law:
+def _table(fields: Fields) -> Medium:
     inner = fields.inner("table", INDEX_TABLE)
     wavelengths, values = inner.numbers("wavelengths_nm"), inner.numbers("values")
     if len(wavelengths) != len(values):
@@ -340,7 +339,7 @@ def _range(fields: Fields) -> tuple[float, float] | None:
     return limits[0], limits[1]
 
 
-def _catalogue(fields: Fields) -> Law:
+def _catalogue(fields: Fields) -> Medium:
     path, content = _content(fields, "catalogue", LARGEST_FILE)
     glasses, name = glasses_of_agf(content, path), fields.text("name")
     for known, medium in glasses.items():
@@ -350,7 +349,7 @@ def _catalogue(fields: Fields) -> Law:
     raise fields.fail("name", f"no such glass in {path.name}; did you mean {', '.join(near) or next(iter(glasses))}?")
 
 
-def _refractive_index(fields: Fields) -> Law:
+def _refractive_index(fields: Fields) -> Medium:
     return read_refractive_index(*_content(fields, "refractiveindex", MAX_BYTES))
 
 
