@@ -197,7 +197,7 @@ def kind_of(before: Plan, after: Plan, compiled: bool, keys: tuple[str, ...]) ->
     return "camera" if before.facts == after.facts and set(keys) <= {"camera", "exposure", "shutter"} else "scene"
 
 
-def plan_beside(before: SceneState, scene: Scene, resolved: Scene, parts: PlanParts) -> Plan:
+def plan_for_glances(before: SceneState, scene: Scene, resolved: Scene, parts: PlanParts) -> Plan:
     """Return the plan of a scene for glances, made of the plan before where nothing but the lens is another."""
     same_time = before.resolved.scene.shutter == resolved.shutter  # where things that move are
     if same_time and set(changed_parts(before.scene, scene)) <= OF_THE_LENS:
@@ -311,10 +311,10 @@ class SceneCompiler:
                 resolved, is_final = resolve(scene, self._quick), False
         return self._plan_state(scene, resolved, make_plan(resolved.scene, parts=self._parts), is_final=is_final)
 
-    def beside(self, before: SceneState, scene: Scene, reading: float | None) -> SceneState:
+    def for_glances(self, before: SceneState, scene: Scene, reading: float | None) -> SceneState:
         """Plan a scene for glances: by the last reading of the meter and coarse tables."""
         resolved = resolve(scene, self._device, metered_cd_m2=reading)
-        plan = plan_beside(before, scene, resolved.scene, self._parts)
+        plan = plan_for_glances(before, scene, resolved.scene, self._parts)
         if plan.camera.facts != before.plan.camera.facts:  # coarse tables may be of another kind
             plan = make_plan(resolved.scene, parts=self._parts)
         return self._plan_state(scene, resolved, plan, is_final=False)
@@ -653,7 +653,9 @@ class RenderSession:
             As `change` would.
         """
         self._check_open()
-        state = self._compiler.beside(self._newest, keep_focus(self._newest, self._changed(changes)), self._reading)
+        state = self._compiler.for_glances(
+            self._newest, keep_focus(self._newest, self._changed(changes)), self._reading
+        )
         self._compiler.begin(state)
 
     def is_carried_out(self, kind: Hashable, order: Callable[[], bytes]) -> bool:
@@ -780,7 +782,7 @@ class RenderSession:
         if focus_anew:
             state = self._compiler.first(scene)
         else:
-            state = self._compiler.beside(before, keep_focus(before, scene), self._reading)
+            state = self._compiler.for_glances(before, keep_focus(before, scene), self._reading)
         self._hash = None
         compiled = self._compiler.is_ready(state)
         if not compiled and not wait:
