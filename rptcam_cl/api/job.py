@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from rptcam_cl.api.options import SCENE_KEYS, excluded_by, part_numbers
 from rptcam_cl.core.constants import MAX_SPP
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.core.errors import InputError, NumericError
+from rptcam_cl.core.errors import InputError, NumericError, out_of_range
 from rptcam_cl.device.session import Session, Split, Wanted, means_all, open_session, open_sessions
 from rptcam_cl.imaging.development import GUIDES, check_denoiser
 from rptcam_cl.imaging.image import Image, with_picture_settings
@@ -124,7 +124,7 @@ class RenderOptions:
 
     def __post_init__(self) -> None:
         if self.seconds is not None and not 0 < self.seconds < math.inf:
-            raise InputError(f"seconds: is out of range (got {self.seconds!r}; allowed: a finite number above 0)")
+            raise out_of_range("seconds", self.seconds, "a finite number above 0")
         if self.film_part == WHOLE:
             return
         for option in excluded_by("part"):

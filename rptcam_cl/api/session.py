@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.api.job import RenderJob, RenderOptions, Resolved, SceneSource, resolve
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.core.errors import InputError, StateError
+from rptcam_cl.core.errors import InputError, StateError, out_of_range
 from rptcam_cl.device.session import NotKeptError, Session, open_sessions
 from rptcam_cl.imaging.image import Image
 from rptcam_cl.imaging.sensor import check_sensor
@@ -677,7 +677,7 @@ class RenderSession:
     def add(self, samples: int = 1) -> bool:
         """Add samples to the film as `take` does, but read nothing of it; return whether all of them are there."""
         if samples < 1:
-            raise InputError(f"samples: is out of range (got {samples!r}; allowed: at least 1)")
+            raise out_of_range("samples", samples, "at least 1")
         begun = time.perf_counter()
         self._complete = self._add(self._film(), samples)
         self._added_s = time.perf_counter() - begun
@@ -702,7 +702,7 @@ class RenderSession:
             When the scale is not above 0 and at most 1.
         """
         if not 0 < scale <= 1:
-            raise InputError(f"scale: is out of range (got {scale!r}; allowed: above 0, at most 1)")
+            raise out_of_range("scale", scale, "above 0, at most 1")
         begun = time.perf_counter()
         self._arrive()
         state = self._shown

@@ -24,7 +24,7 @@ from typing import Any, Literal
 from rptcam_cl._version import __version__
 from rptcam_cl.api.job import RenderJob, RenderOptions, plain_data
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.core.errors import DeviceError, InputError, RptcamError, StateError
+from rptcam_cl.core.errors import DeviceError, InputError, RptcamError, StateError, out_of_range
 from rptcam_cl.core.files import (
     Maker,
     OneMaker,
@@ -600,7 +600,7 @@ def check_cluster(cluster: str | None, workers: int | None, tls: Credentials) ->
         raise InputError("cluster: give the address of a scheduler or a number of workers (allowed: one of the two)")
     if workers is not None:
         if not 1 <= workers <= MOST_WORKERS:
-            raise InputError(f"workers: is out of range (got {workers}; allowed: 1 to {MOST_WORKERS})")
+            raise out_of_range("workers", workers, f"1 to {MOST_WORKERS}")
         if tls is not None:
             raise InputError("tls: workers of this machine make their own (allowed: with a scheduler's address)")
         return
