@@ -49,7 +49,7 @@ class Change:
     Attributes
     ----------
     kind : str
-        The dearest that it took. ``none``: nothing has changed. ``picture``: the film stays, it is developed in another
+        The most expensive that it took. ``none``: nothing has changed. ``picture``: the film stays, it is developed in another
         way. ``camera``: records of the camera. ``scene``: other records too, or another film. ``program``: kernels.
     keys : tuple of str
         The parts of the scene that are others now.
@@ -160,7 +160,7 @@ class SceneState:
 
 
 def focuses_anew(changes: Mapping[str, Any], scene: Scene) -> bool:
-    """Return whether a change asks for autofocus in the scene that it leads to, or takes another lens."""
+    """Whether a change asks for autofocus in the scene that it leads to, or takes another lens."""
     keys = [key.split(".") for key in changes]
     if any(key[0] == "camera" and (len(key) == 1 or key[1] in ANOTHER_LENS) for key in keys):
         return True
@@ -168,7 +168,7 @@ def focuses_anew(changes: Mapping[str, Any], scene: Scene) -> bool:
 
 
 def keep_focus(state: SceneState, scene: Scene) -> Scene:
-    """Return a scene with the focus that was found for another state of it, where it asks for autofocus."""
+    """Set the focus that was found for an earlier state, in a scene with autofocus."""
     known = state.resolved.focus
     if known is None or scene.requested_autofocus is None:
         return scene
@@ -176,7 +176,7 @@ def keep_focus(state: SceneState, scene: Scene) -> Scene:
 
 
 def changed_parts(before: Scene, after: Scene) -> tuple[str, ...]:
-    """Return the keys at the top of a scene that say something else."""
+    """The sections of a scene that differ."""
     one, other = before.made_of, after.made_of
     return tuple(name for name in Scene.model_fields if not _is_same(one.get(name), other.get(name)))
 
@@ -191,14 +191,14 @@ def _is_same(one: Any, other: Any) -> bool:
 
 
 def kind_of(before: Plan, after: Plan, compiled: bool, keys: tuple[str, ...]) -> Kind:
-    """Return the dearest that another plan takes."""
+    """The most expensive kind of change that another plan is."""
     if not compiled:
         return "program"
     return "camera" if before.facts == after.facts and set(keys) <= {"camera", "exposure", "shutter"} else "scene"
 
 
 def plan_for_glances(before: SceneState, scene: Scene, resolved: Scene, parts: PlanParts) -> Plan:
-    """Return the plan of a scene for glances, made of the plan before where nothing but the lens is another."""
+    """The plan of a scene for glances, made of the plan before where nothing but the lens differs."""
     same_time = before.resolved.scene.shutter == resolved.shutter  # where things that move are
     if same_time and set(changed_parts(before.scene, scene)) <= OF_THE_LENS:
         if _moves_alone(before, scene, resolved):
@@ -208,7 +208,7 @@ def plan_for_glances(before: SceneState, scene: Scene, resolved: Scene, parts: P
 
 
 def _moves_alone(before: SceneState, scene: Scene, resolved: Scene) -> bool:
-    """Return whether nothing but the place of a camera is another, which focuses by no point of the scene."""
+    """Whether nothing but the pose of a camera differs, which focuses by no point of the scene."""
     earlier, camera = before.resolved.scene, resolved.camera
     focus = getattr(scene.camera, "focus", None)
     if getattr(focus, "point", None) or getattr(focus, "object", None):
@@ -600,7 +600,7 @@ class RenderSession:
         return self._compiler.is_idle
 
     def is_film_ready(self) -> bool:
-        """Return whether samples can be taken at once; otherwise what they need is compiled in the background.
+        """Whether samples can be taken at once; otherwise what they need is compiled in the background.
 
         So are the full kernels of glances, after those of the film. A session that waits is always ready.
         """
@@ -659,7 +659,7 @@ class RenderSession:
         self._compiler.begin(state)
 
     def is_carried_out(self, kind: Hashable, order: Callable[[], bytes]) -> bool:
-        """Return whether another process has carried out an order about this scene; see `SceneCompiler`."""
+        """Whether another process has carried out an order about this scene; see `SceneCompiler`."""
         state = self._newest
         return self._compiler.is_carried_out((kind, key_of(state.plan, state.buffers, state.scene.render)), order)
 

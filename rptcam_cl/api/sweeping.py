@@ -111,7 +111,7 @@ ROOMS = ("core", "device", "optics", "scene", "rendering", "studies", "api")
 
 
 def needs_tracking(scene: Scene) -> bool:
-    """Return whether focus or exposure of a frame follow from the frames before."""
+    """Whether focus or exposure of a frame follow from the frames before."""
     return scene.sequence is not None and (
         scene.sequence.continuous_focus is not None or scene.sequence.exposure_time_constant_s is not None
     )
