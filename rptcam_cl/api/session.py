@@ -49,8 +49,9 @@ class Change:
     Attributes
     ----------
     kind : str
-        The most expensive that it took. ``none``: nothing has changed. ``picture``: the film stays, it is developed in another
-        way. ``camera``: records of the camera. ``scene``: other records too, or another film. ``program``: kernels.
+        The most expensive that it took. ``none``: nothing has changed. ``picture``: the film stays, it is developed in
+        another way. ``camera``: records of the camera. ``scene``: other records too, or another film. ``program``:
+        kernels.
     keys : tuple of str
         The parts of the scene that are others now.
     ready : bool
