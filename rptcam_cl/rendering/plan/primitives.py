@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.core.records import INSTANCE, PRIMITIVE, SEGMENT, Kind
+from rptcam_cl.core.records import HUGE_POWER, INSTANCE, MOTION_MARGIN, PRIMITIVE, SEGMENT, Kind, fill
 from rptcam_cl.rendering.cameras.model import CameraModel, turned
 from rptcam_cl.rendering.cameras.realistic import camera_model
 from rptcam_cl.rendering.plan.environment import Surroundings, pack_environment
@@ -418,7 +418,6 @@ def _set_transform(record: np.void, world_from_mesh: Matrix) -> None:
         record[f"world_{name}"] = world_from_mesh[axis]
 
 
-HUGE_POWER = 2e-3  # of the squared radius, as in kernels/geometry/primitives.h
 MOST = float(np.finfo(np.float32).max)
 
 
@@ -611,15 +610,12 @@ def pack_primitives(
         if primitive.kind is Kind.SPHERE:
             center, radius = sphere_of(primitive.placement)
             axes = primitive.placement[:3, :3] / radius
-            records[index]["row_x"] = (*center, radius)
-            records[index]["row_y"] = (*axes[:, 0], np.sign(np.linalg.det(axes)))
-            records[index]["row_z"] = (*axes[:, 2], np.clip(eye_power(primitive.placement), -MOST, MOST))
+            handedness, power = np.sign(np.linalg.det(axes)), np.clip(eye_power(primitive.placement), -MOST, MOST)
+            fill(records[index], row_x=(*center, radius), row_y=(*axes[:, 0], handedness), row_z=(*axes[:, 2], power))
         elif primitive.kind is not Kind.MESH:
-            inverse = np.linalg.inv(primitive.placement)
-            for name, row in zip(("row_x", "row_y", "row_z"), inverse[:3], strict=True):
-                records[index][name] = row.astype(np.float32) + 0.0  # no -0: kernels test bits of coordinates
-        records[index]["material"] = materials[id(primitive.material)]
-        records[index]["emitter"] = emitters.get(index, -1)
+            rows = np.linalg.inv(primitive.placement)[:3].astype(np.float32) + 0.0  # no -0: kernels test bits
+            fill(records[index], row_x=rows[0], row_y=rows[1], row_z=rows[2])
+        fill(records[index], material=materials[id(primitive.material)], emitter=emitters.get(index, -1))
     _count_shared_planes(primitives, records)
     if meshes is not None:
         records["instance"][-len(meshes.order) :] = meshes.instances
@@ -683,7 +679,6 @@ Array = NDArray[np.float64]
 
 STEPS_PER_TURN = 64
 MOST_STEPS = 1024  # of a segment
-ROUNDING = 4e-6  # of a place, relative to its distances from eye and pivot: beyond MOTION_ROUNDING of kernels/geometry
 
 
 @dataclass(frozen=True, eq=False)
@@ -716,7 +711,7 @@ class Places:
         """
         corners = np.stack(rest)
         reach = np.linalg.norm(np.maximum(*np.abs(corners[:, None] - self.pivots)), axis=1)
-        margin = self.bends * reach + ROUNDING * (reach + np.linalg.norm(self.pivots, axis=1))
+        margin = self.bends * reach + MOTION_MARGIN * (reach + np.linalg.norm(self.pivots, axis=1))
         return (low - margin[:, None]).min(axis=0), (high + margin[:, None]).max(axis=0)
 
 
