@@ -1,4 +1,4 @@
-"""Records, kinds and constants that host and device share, declared once: numpy dtypes and OpenCL text come from here."""
+"""Records, kinds and constants that host and device share, declared once: numpy types and OpenCL text follow."""
 
 from __future__ import annotations
 

@@ -241,15 +241,6 @@ Matrix = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class PlacedMesh:
-    """A mesh and its placement: the scene in metres, from the mesh's frame."""
-
-    mesh: Mesh
-    placement: Matrix
-    moves: bool = False
-
-
-@dataclass(frozen=True, eq=False)
 class MeshPlan:
     """The packed meshes, and where each placed mesh is found in them.
 
@@ -268,8 +259,8 @@ class MeshPlan:
     first_triangles: tuple[int, ...]
 
 
-def pack_meshes(placed: Sequence[PlacedMesh], eye: NDArray[np.float64], first_primitive: int) -> MeshPlan:
-    """Return the pools of some placed meshes.
+def pack_meshes(placed: Sequence[Primitive], eye: NDArray[np.float64], first_primitive: int) -> MeshPlan:
+    """Return the pools of some primitives that are meshes.
 
     Parameters
     ----------
@@ -280,14 +271,17 @@ def pack_meshes(placed: Sequence[PlacedMesh], eye: NDArray[np.float64], first_pr
     first_primitive
         Index of the first primitive that is a mesh.
     """
-    uses = Counter(id(item.mesh) for item in placed if not item.moves)
-    is_shared = [item.moves or (uses[id(item.mesh)] - 1) * len(item.mesh.faces) > MOST_COPIED for item in placed]
+    uses = Counter(id(item.mesh) for item in placed if item.trajectory is None)
+    is_shared = [
+        item.trajectory is not None or (uses[id(item.mesh)] - 1) * len(_mesh_of(item).faces) > MOST_COPIED
+        for item in placed
+    ]
     copied = [i for i, share in enumerate(is_shared) if not share]
     shared = [i for i, share in enumerate(is_shared) if share]
     pools = _Pools()
     first = pools.add_world([placed[i] for i in copied], eye) if copied else []
     group_of: dict[int, int] = {}
-    for mesh in (placed[i].mesh for i in shared):
+    for mesh in (_mesh_of(placed[i]) for i in shared):
         if id(mesh) not in group_of:
             group_of[id(mesh)] = pools.add_shared(mesh)
     groups = [group_of[id(placed[i].mesh)] for i in shared]
@@ -318,7 +312,7 @@ class _Pools:
         self._vertex_count = 0
         self._triangle_count = 0
 
-    def add_world(self, placed: Sequence[PlacedMesh], eye: NDArray[np.float64]) -> list[int]:
+    def add_world(self, placed: Sequence[Primitive], eye: NDArray[np.float64]) -> list[int]:
         """Add meshes taken to the world as one group; return the first triangle of each."""
         centre = _centre(placed)
         key = hashlib.sha256()
@@ -327,15 +321,15 @@ class _Pools:
         for slot, item in enumerate(placed):
             local = item.placement.copy()
             local[:3, 3] -= centre
-            key.update(item.mesh.content_hash.encode() + local.tobytes())
-            starts.append(self._append(item.mesh, local, slot))
+            key.update(_mesh_of(item).content_hash.encode() + local.tobytes())
+            starts.append(self._append(_mesh_of(item), local, slot))
         self._close(key.hexdigest(), first_triangle, first_vertex, centre - eye)
         return starts
 
     def add_shared(self, mesh: Mesh) -> int:
         """Add a mesh in its own frame as a group of its own; return the group's index."""
         first_triangle, first_vertex = self._triangle_count, self._vertex_count
-        self._append(mesh, _about_origin(mesh), 0)
+        self._append(mesh, affine(np.eye(3), -mesh.origin), 0)
         self._close(f"shared {mesh.content_hash}", first_triangle, first_vertex, np.zeros(3))
         return len(self.groups) - 1
 
@@ -375,16 +369,13 @@ def _unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
 
 
-def _about_origin(mesh: Mesh) -> Matrix:
-    """Return the matrix that takes the mesh's origin to zero."""
-    matrix = np.eye(4)
-    matrix[:3, 3] = -mesh.origin
-    return matrix
+def _mesh_of(primitive: Primitive) -> Mesh:
+    assert primitive.mesh is not None
+    return primitive.mesh
 
 
-def _centre(placed: Sequence[PlacedMesh]) -> NDArray[np.float64]:
-    boxes = [corners_of_box(*item.mesh.bounds(), item.placement) for item in placed]
-    corners = np.concatenate(boxes)
+def _centre(placed: Sequence[Primitive]) -> NDArray[np.float64]:
+    corners = np.concatenate([corners_of_box(*_mesh_of(item).bounds(), item.placement) for item in placed])
     return np.asarray((corners.min(axis=0) + corners.max(axis=0)) / 2)
 
 
@@ -396,26 +387,23 @@ def corners_of_box(low: NDArray[np.float64], high: NDArray[np.float64], matrix: 
 
 
 def _instances(
-    shared: Sequence[PlacedMesh], eye: NDArray[np.float64], first_primitive: int, copied: int
+    shared: Sequence[Primitive], eye: NDArray[np.float64], first_primitive: int, copied: int
 ) -> NDArray[np.void]:
     """Return instance records: one for the copied meshes, if any, then one for each shared."""
     records = INSTANCE.zeros(len(shared) + bool(copied))
     if copied:
-        _set_transform(records[0], np.eye(4))
-        records[0]["first_primitive"], records[0]["primitives"] = first_primitive, copied
-    for record, item, place in zip(records[bool(copied) :], shared, range(len(shared)), strict=True):
+        fill(records[0], **_transform(np.eye(4)), first_primitive=first_primitive, primitives=copied)
+    for place, (record, item) in enumerate(zip(records[bool(copied) :], shared, strict=True)):
         world = item.placement.copy()
-        world[:3, 3] += item.placement[:3, :3] @ item.mesh.origin - eye
-        _set_transform(record, world)
-        record["first_primitive"], record["primitives"] = first_primitive + copied + place, 1
+        world[:3, 3] += item.placement[:3, :3] @ _mesh_of(item).origin - eye
+        fill(record, **_transform(world), first_primitive=first_primitive + copied + place, primitives=1)
     return records
 
 
-def _set_transform(record: np.void, world_from_mesh: Matrix) -> None:
-    inverse = np.linalg.inv(world_from_mesh)
-    for axis, name in enumerate("xyz"):
-        record[f"row_{name}"] = inverse[axis]
-        record[f"world_{name}"] = world_from_mesh[axis]
+def _transform(world_from_mesh: Matrix) -> dict[str, Any]:
+    """Return what the record of an instance has of its placement."""
+    both = {"row": np.linalg.inv(world_from_mesh), "world": world_from_mesh}
+    return {f"{name}_{axis}": row for name, rows in both.items() for axis, row in zip("xyz", rows[:3], strict=True)}
 
 
 MOST = float(np.finfo(np.float32).max)
@@ -577,15 +565,10 @@ def with_meshes(primitives: list[Primitive], scene: Scene, parts: PlanParts) -> 
     meshes = [primitive for primitive in primitives if primitive.mesh is not None]
     if not meshes:
         return solid, None
-    placed = [
-        PlacedMesh(primitive.mesh, primitive.placement, moves=primitive.trajectory is not None)
-        for primitive in meshes
-        if primitive.mesh is not None
-    ]
     eye = scene.metres_per_unit * np.array(scene.camera.eye)
-    where = tuple((item.mesh, item.placement.tobytes(), item.moves) for item in placed)
+    where = tuple((item.mesh, item.placement.tobytes(), item.trajectory is not None) for item in meshes)
     of = where, eye.tobytes(), len(solid)
-    plan = parts.part("meshes", of, lambda: pack_meshes(placed, eye, len(solid)))
+    plan = parts.part("meshes", of, lambda: pack_meshes(meshes, eye, len(solid)))
     return solid + [meshes[index] for index in plan.order], plan
 
 
@@ -791,9 +774,12 @@ def _segments(trajectory: Trajectory, scene: Scene) -> NDArray[np.void]:
     segments = SEGMENT.zeros(len(times) - 1)
     for segment, (t0, t1), (first, second) in zip(segments, pairwise(times), pairwise(places), strict=True):
         axis, turns = trajectory.turn(t0, t1)
-        segment["pivot"] = *(unit * (rest[:3, 3] - scene.camera.eye)), t0 - begin
-        segment["shift"] = *(unit * (first[:3, 3] - rest[:3, 3])), 1.0 / (t1 - t0)
-        segment["travel"] = *(unit * (second[:3, 3] - first[:3, 3])), turns
-        segment["axis"][:3] = axis
-        segment["turn"] = quaternion_of(first[:3, :3] @ rest[:3, :3].T)
+        fill(
+            segment,
+            pivot=(*(unit * (rest[:3, 3] - scene.camera.eye)), t0 - begin),
+            shift=(*(unit * (first[:3, 3] - rest[:3, 3])), 1.0 / (t1 - t0)),
+            travel=(*(unit * (second[:3, 3] - first[:3, 3])), turns),
+            axis=axis,
+            turn=quaternion_of(first[:3, :3] @ rest[:3, :3].T),
+        )
     return segments
