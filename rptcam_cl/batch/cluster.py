@@ -357,10 +357,23 @@ class TasksOut:
         Addresses of those that have answered.
     kept
         What an error says of what is done.
+    should_stop
+        Called several times a second; True takes all tasks back and raises `InterruptedError`.
+    stopped
+        What that error says.
     """
 
-    def __init__(self, client: Any, parcel: Parcel, workers: Sequence[str], kept: str = "") -> None:
+    def __init__(
+        self,
+        client: Any,
+        parcel: Parcel,
+        workers: Sequence[str],
+        kept: str = "",
+        should_stop: Callable[[], bool] | None = None,
+        stopped: str = "",
+    ) -> None:
         self._client, self._parcel, self._kept = client, parcel, kept
+        self._should_stop, self._stopped = should_stop, stopped
         self._digest = parcel.digest
         self._opening: list[Any] = []  # what is not to be taken back
         self._tasks: dict[int, tuple[Callable[..., Any], tuple[Any, ...]]] = {}  # by number
@@ -372,24 +385,21 @@ class TasksOut:
         self._longest, self._again = 0.0, -1
         self._came = dict.fromkeys(workers, 0.0)  # when something came from each worker
 
-    def first(self, function: Callable[..., Any], words: tuple[Any, ...], check: Callable[[], None]) -> Any:
+    def first(self, function: Callable[..., Any], words: tuple[Any, ...] = ()) -> Any:
         """Send the scene and a task to all workers at once, and return what the first one returns."""
         scene = self._reach(self._scattered, limit=self._scene_s)
         for number, worker in enumerate(self._came):
             self._tasks[number] = function, words
             self._send(number, worker, scene)
         while True:
-            check()
-            self.check_reached()
+            self._check()
             if (came := self.next()) is not None:
                 self._opening = list(self._out)
                 self._out.clear()
                 self._tasks.clear()
                 return came[1]
 
-    def results(
-        self, function: Callable[..., Any], todo: Iterable[tuple[Any, ...]], check: Callable[[], None]
-    ) -> Iterator[tuple[str, Any]]:
+    def results(self, function: Callable[..., Any], todo: Iterable[tuple[Any, ...]]) -> Iterator[tuple[str, Any]]:
         """Yield what a function returns for each of the words, with the worker, as they come.
 
         At the end those that are late are sent to a second worker, and what comes first counts.
@@ -405,12 +415,20 @@ class TasksOut:
                 self._send(number)
             if not more and not self._tasks:
                 return
-            check()
-            self.check_reached()
+            self._check()
             if not more:
                 self._send_late_again()
             if (came := self.next()) is not None:
                 yield came
+
+    def _check(self) -> None:
+        if self._should_stop is not None and self._should_stop():
+            for task in self._out:
+                task.release()
+            self._out.clear()
+            self._tasks.clear()
+            raise InterruptedError(self._stopped)
+        self.check_reached()
 
     def check_reached(self) -> None:
         """Count the workers.
@@ -529,13 +547,6 @@ class TasksOut:
     def _last_heard(self) -> list[str]:
         """Return the workers that something has come from, the last one first."""
         return sorted((worker for worker, came in self._came.items() if came), key=self._came.__getitem__, reverse=True)
-
-    def cancel(self) -> None:
-        """Take all tasks back that have not begun."""
-        for task in self._out:
-            task.release()
-        self._out.clear()
-        self._tasks.clear()
 
 
 def _from_worker(problem: BaseException) -> BaseException:

@@ -196,17 +196,17 @@ class _Run:
 
     def complete(self, client: Any, workers: Sequence[str], plan: PartsPlan | None) -> PartsPlan:
         """Render all parts that are missing, and return the plan."""
-        sent, begun = TasksOut(client, self.parcel, workers, self.says_kept), time.perf_counter()
-        check = partial(self._check, sent)
+        stopped, begun = f"the parts that are done are in {self.kept.path}", time.perf_counter()
+        sent = TasksOut(client, self.parcel, workers, self.says_kept, self.should_stop, stopped)
         if plan is None:
-            found, seconds, maker = sent.first(open_render, (self.job,), check)
+            found, seconds, maker = sent.first(open_render, (self.job,))
             count = min(parts_of(seconds, len(workers)), FilmLayout.of(self.scene.film).tiles)
             plan = self.facts() | {"count": count, "found": found, "made_by": maker}
             self.kept.begin(plan)
         self.job = replace(self.job, findings=plan["found"], count=plan["count"])
         self.took("open", begun)
         todo, begun = self.kept.missing(plan), time.perf_counter()
-        parts = sent.results(render_part, ((self.job, number) for number in todo), check)
+        parts = sent.results(render_part, ((self.job, number) for number in todo))
         for left, (worker, part) in zip(reversed(range(len(todo))), parts, strict=True):
             self._take(worker, part)
             self._tell(1 - left / plan["count"], time.perf_counter() - begun)
@@ -226,11 +226,6 @@ class _Run:
             rate = share * pixels * self.spp / max(seconds, 1e-9) / 1e6
             done = round(share * self.spp)
             self.on_progress(Progress("render", done, self.spp, seconds, rate, None, tiles_done=share))
-
-    def _check(self, sent: TasksOut) -> None:
-        if self.should_stop is not None and self.should_stop():
-            sent.cancel()
-            raise InterruptedError(f"the parts that are done are in {self.kept.path}")
 
 
 # Many pictures on a cluster, each a task of its own: the frames of a sequence.
@@ -284,15 +279,10 @@ def render_scenes_on_cluster(
     )
     to_cluster = connect(cluster, workers, tls, device, allow_mixed=allow_mixed)
     with scratch_folder() as scratch, to_cluster as (client, there):
-        sent = TasksOut(client, parcel, there, "; the pictures that are done are written (--resume goes on)")
-
-        def check() -> None:
-            if should_stop is not None and should_stop():
-                sent.cancel()
-                raise InterruptedError("the pictures that are done are written")
-
-        sent.first(hold_scene, (), check)
-        for worker, part in sent.results(render_scene, todo, check):
+        done = "the pictures that are done are written"
+        sent = TasksOut(client, parcel, there, f"; {done} (--resume goes on)", should_stop, done)
+        sent.first(hold_scene)
+        for worker, part in sent.results(render_scene, todo):
             yield part.number, _image(part, worker, Path(scratch))
 
 

@@ -261,7 +261,7 @@ class DatasetFolder:
 # The frames of a dataset, one after the other: rendered, described, written, and kept when they are there.
 
 POSE = {"eye", "target", "up", "keyframes", "exposure", "shutter_s", "iso"}
-REMEMBERED = 256  # camera models
+REMEMBERED = 512  # camera models
 SAMPLES = ("spp", "spp_min", "spp_mean")
 STOP = ("f_number", "stop_diameter_mm")
 GOOD_PX = 0.05  # residual at which the search for the simplest camera model ends
@@ -399,7 +399,7 @@ def _frames(
                 "seed": scene.render.seed,
                 **{key: image.metadata[key] for key in SAMPLES if key in image.metadata},
                 "values": values,
-                "camera": cameras.of(scene, image, renderer),
+                "camera": cameras.describe(scene, image, renderer),
             }
             if wanted.truth and "boards" in image.metadata:
                 record["boards"] = image.metadata["boards"]
@@ -421,46 +421,42 @@ class _Cameras:
 
     def __init__(self, model: str) -> None:
         self._model = model
-        self._known: dict[str, dict[str, Any]] = {}
-        self._lit: dict[str, dict[str, Any]] = {}  # where the whole picture has light, by all but the stop
+        self._known: dict[str, dict[str, Any]] = {}  # models by optics and stop, or optics alone if all is lit
 
-    def of(self, scene: Scene, image: Image, renderer: SeriesRenderer) -> dict[str, Any]:
-        """Return pose, pupil, film, lens, and the camera model with its residual."""
+    def describe(self, scene: Scene, image: Image, renderer: SeriesRenderer) -> dict[str, Any]:
+        """The pose, pupil, film, lens, and the camera model with its residual."""
         if scene.camera.kind == "environment":
             return {"camera": "environment", "world_from_camera": image.metadata["world_from_camera"]}
         seen = view(scene, camera=None if renderer.plan is None else renderer.plan.camera)
         known = {name: image.metadata[name] for name in ("lens", "f_number") if name in image.metadata}
-        return seen.facts() | known | self._fitted(seen)
+        return seen.facts() | known | ({} if self._model == "none" else self._fit(seen))
 
-    def _fitted(self, seen: View) -> dict[str, Any]:
-        if self._model == "none":
-            return {}
+    def _fit(self, seen: View) -> dict[str, Any]:
         optics, stop = _content(seen)
-        known = self._known.get(optics + stop)
-        if known is None and optics in self._lit and seen.is_of_any_stop:
-            known = self._lit[optics]
-        if known is None:
-            if self._model == "auto":
-                found = calibrate_best(seen, list(COEFFICIENTS), GOOD_PX)
-            else:
-                found = calibrate(seen, self._model)
-            known = {
-                "model": found.model,
-                "parameters": found.named,
-                "matrix": _matrix(found.named),
-                "largest_error_px": found.max_px,
-                "rms_error_px": found.rms_px,
-            }
-            if found.lit_share == 1.0:
-                _keep(self._lit, optics, known)
-        _keep(self._known, optics + stop, known)
-        return known
+        keys = [optics + stop, *([optics] if seen.is_of_any_stop else [])]
+        known = next((self._known[key] for key in keys if key in self._known), None)
+        if known is not None:
+            return self._remember(optics + stop, known)
+        if self._model == "auto":
+            found = calibrate_best(seen, list(COEFFICIENTS), GOOD_PX)
+        else:
+            found = calibrate(seen, self._model)
+        known = {
+            "model": found.model,
+            "parameters": found.named,
+            "matrix": _matrix(found.named),
+            "largest_error_px": found.max_px,
+            "rms_error_px": found.rms_px,
+        }
+        if found.lit_share == 1.0:
+            self._remember(optics, known)
+        return self._remember(optics + stop, known)
 
-
-def _keep(known: dict[str, dict[str, Any]], key: str, value: dict[str, Any]) -> None:
-    known[key] = value
-    if len(known) > REMEMBERED:
-        known.pop(next(iter(known)))
+    def _remember(self, key: str, model: dict[str, Any]) -> dict[str, Any]:
+        self._known[key] = model
+        if len(self._known) > REMEMBERED:
+            self._known.pop(next(iter(self._known)))
+        return model
 
 
 def _content(seen: View) -> tuple[str, str]:

@@ -23,8 +23,13 @@ if TYPE_CHECKING:
 
 # The options of ``rptcam camera`` that write maps of the lens: a value for each pixel, a kernel for each field.
 
-EXR = ("stmap_distort", "stmap_undistort", "vignetting", "coc")
-NAMES = (*EXR, "psf_grid")
+MAPS = ("stmap_distort", "stmap_undistort", "vignetting", "coc", "psf_grid")
+SUFFIXES = dict.fromkeys(MAPS, (".exr",)) | {"psf_grid": (".npz",), "usd": (".usda", ".usd")}  # .usdc is binary
+
+
+def flag(name: str) -> str:
+    """The option that has a name in the arguments."""
+    return f"--{name.replace('_', '-')}"
 
 
 def distances(text: str) -> list[float]:
@@ -57,18 +62,6 @@ def add_maps(parser: argparse.ArgumentParser) -> None:
         help="of points, in metres or inf (default: the plane of focus)",
     )
     maps.add_argument("--wavelengths", type=wavelengths, metavar="W,W,…", help="in nanometres (default: the camera's)")
-
-
-def check_maps(arguments: argparse.Namespace) -> None:
-    """Raise `InputError` for maps whose names end as another kind of file."""
-    for name in NAMES:
-        path: Path | None = getattr(arguments, name)
-        if path is None:
-            continue
-        suffix = ".exr" if name in EXR else ".npz"
-        if path.suffix.lower() != suffix:
-            option = f"--{name.replace('_', '-')}"
-            raise InputError(f"{option}: {path}: such a file is {suffix} (got {path.suffix or 'none'})")
 
 
 def maps_to_write(arguments: argparse.Namespace, seen: "View") -> Iterator[tuple[Path, Callable[[Path], object]]]:
@@ -108,7 +101,6 @@ File = tuple[Path, Callable[[Path], object]]  # and what writes it
 
 TEXTS = ("opencv", "ros", "openlensio", "usd", "osl")
 COLMAP = ("cameras.txt", "images.txt", "points3D.txt")
-USD = (".usda", ".usd")  # of text; a file .usdc is binary
 
 
 def check_outputs(arguments: argparse.Namespace) -> None:
@@ -120,29 +112,31 @@ def check_outputs(arguments: argparse.Namespace) -> None:
     """
     from rptcam_cl.core.files import check_writable
 
-    if (usd := arguments.usd) is not None and usd.suffix.lower() not in USD:
-        raise InputError(f"--usd: {usd}: such a file is {' or '.join(USD)} (got {usd.suffix or 'none'})")
+    for name, suffixes in SUFFIXES.items():
+        path: Path | None = getattr(arguments, name)
+        if path is not None and path.suffix.lower() not in suffixes:
+            got = path.suffix or "none"
+            raise InputError(f"{flag(name)}: {path}: such a file is {' or '.join(suffixes)} (got {got})")
     if arguments.plot is not None:
         from rptcam_cl.optics.charts import check_suffix
 
         check_suffix(arguments.plot)
-    check_maps(arguments)
     _check_apart(arguments)
     folder: Path | None = arguments.colmap
     if folder is not None and not folder.is_dir():
         if os.path.lexists(folder):
             raise StateError(f"--colmap: {folder} is no folder (allowed: a folder, which is made if it is missing)")
         check_writable(folder)
-    for _, path in _outputs(arguments):
-        if path.parent != folder or folder.is_dir():
-            check_writable(path, [arguments.source])
+    for _, output in _outputs(arguments):
+        if output.parent != folder or folder.is_dir():
+            check_writable(output, [arguments.source])
 
 
 def _outputs(arguments: argparse.Namespace) -> Iterator[tuple[str, Path]]:
     """Yield options and the files that they name."""
-    for name in (*TEXTS, "plot", *NAMES):
+    for name in (*TEXTS, "plot", *MAPS):
         if (path := getattr(arguments, name)) is not None:
-            yield f"--{name.replace('_', '-')}", path
+            yield flag(name), path
     if arguments.colmap is not None:
         for name in COLMAP:
             yield "--colmap", arguments.colmap / name

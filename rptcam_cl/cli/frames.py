@@ -20,6 +20,7 @@ from rptcam_cl.core.errors import InputError, RptcamError
 from rptcam_cl.core.files import OneMaker, made_by, named_files
 
 if TYPE_CHECKING:
+    from rptcam_cl.scene.exposure import FrameSequence
     from rptcam_cl.scene.scene import Scene
 
 
@@ -28,16 +29,28 @@ if TYPE_CHECKING:
 PLACE = re.compile(r"#+")
 
 
+def sequence_of(scene: "Scene") -> "FrameSequence":
+    """The sequence of a scene; by default one in which nothing but the time changes."""
+    from rptcam_cl.scene.exposure import FrameSequence
+
+    return scene.sequence or FrameSequence()
+
+
+def scene_of_frame(scene: "Scene", frame: int) -> "Scene":
+    """The scene of a frame that stands alone."""
+    from rptcam_cl.scene.load import set_keys
+
+    return set_keys(scene, sequence_of(scene).changes(scene.shutter.open_s, frame))
+
+
 def frame_scenes(arguments: argparse.Namespace, scene: "Scene") -> list[tuple[int, "Scene"]]:
     """The scene of each frame, checked before any is rendered."""
-    from rptcam_cl.scene.exposure import FrameSequence
-    from rptcam_cl.scene.load import at_rest, set_keys
+    from rptcam_cl.scene.load import at_rest
 
-    sequence = scene.sequence or FrameSequence()
     found = []
     for frame in arguments.frames:
         try:
-            still = set_keys(scene, sequence.changes(scene.shutter.open_s, frame))
+            still = scene_of_frame(scene, frame)
             at_rest(still)  # keys of the shutter as well
             found.append((frame, still))
         except RptcamError as problem:
@@ -87,19 +100,19 @@ def check_frame_options(arguments: argparse.Namespace) -> None:
 
 def _film(arguments: argparse.Namespace) -> Path | None:
     """The output that holds the film."""
-    return next((path for path in arguments.outputs if path.suffix.lower() in (".exr", ".npz")), None)
+    from rptcam_cl.imaging.writers import holds_layers
+
+    return next(filter(holds_layers, arguments.outputs), None)
 
 
 def write_video_of(arguments: argparse.Namespace, scene: "Scene") -> None:
     """Write the developed films of all frames as a video."""
     from rptcam_cl.imaging.image import develop, write_video
-    from rptcam_cl.scene.exposure import FrameSequence
 
     film = _film(arguments)
     assert film is not None
     images = (develop(_name_of_frame(film, frame)) for frame in arguments.frames)
-    rate = (scene.sequence or FrameSequence()).frames_per_second
-    count = write_video(arguments.video, images, rate)
+    count = write_video(arguments.video, images, sequence_of(scene).frames_per_second)
     if not arguments.quiet:
         print(f"wrote {arguments.video}: {count} frames", file=sys.stderr)
 
@@ -118,11 +131,10 @@ def _name_of_frame(path: Path, frame: int) -> Path:
 
 def metadata_of(scene: "Scene", frame: int) -> dict[str, Any]:
     """Metadata of a frame."""
-    from rptcam_cl.scene.exposure import FrameSequence
-
-    sequence = scene.sequence or FrameSequence()
-    rate = sequence.frames_per_second
-    return {"frame": frame, "timecode": sequence.timecode(frame), "frames_per_second": rate}
+    sequence = sequence_of(scene)
+    return {
+        "frame": frame, "timecode": sequence.timecode(frame), "frames_per_second": sequence.frames_per_second,
+    }  # fmt: skip
 
 
 def layer_metadata(arguments: argparse.Namespace, scene: "Scene") -> dict[str, Any]:
@@ -171,9 +183,10 @@ def _value(found: Any) -> Any:
 def _metadata(path: Path) -> dict[str, Any] | None:
     """The metadata of a picture; None for formats that keep none for us to read, nothing of a damaged file."""
     from rptcam_cl.imaging.image import read_film
+    from rptcam_cl.imaging.writers import holds_layers
 
     try:
-        if path.suffix.lower() in (".exr", ".npz"):
+        if holds_layers(path):
             return read_film(path).metadata
         if path.suffix.lower() == ".png":
             from PIL import Image
@@ -205,20 +218,13 @@ def _wanted(arguments: argparse.Namespace, applied: "Scene") -> dict[str, Any]:
 
 def missing_frames(arguments: argparse.Namespace, scene: "Scene") -> Iterator[Frame]:
     """Yield the frames that are not there yet; all are checked before the first."""
-    from rptcam_cl.scene.exposure import FrameSequence
-    from rptcam_cl.scene.load import set_keys
-
-    sequence = scene.sequence or FrameSequence()
-
-    def alone_at(number: int) -> tuple["Scene", dict[str, Any]]:
-        return set_keys(scene, sequence.changes(scene.shutter.open_s, number)), {}
-
-    found, same = track_frames(arguments, scene), OneMaker(arguments.allow_mixed)
-    at = lru_cache(maxsize=3)(found or alone_at)  # frames that follow one another are not found again
+    track, same = track_frames(arguments, scene), OneMaker(arguments.allow_mixed)
+    # Frames that follow one another are not found again
+    at = lru_cache(maxsize=3)(track or (lambda number: (scene_of_frame(scene, number), {})))
     for number, alone in frame_scenes(arguments, scene):
         own = of_frame(arguments, number)
         own.same = same
-        still, described = (alone, {}) if found is None else at(number)
+        still, described = (alone, {}) if track is None else at(number)
         own.neighbours = neighbours_of(arguments, scene, number, lambda other: at(other)[0])
         applied = apply_options(own, still)
         if not (arguments.resume and is_there(own, _wanted(own, applied))):
