@@ -8,8 +8,8 @@ from rptcam_cl.core.records import LIMITS
 from rptcam_cl.rendering.film import (
     ALIKE,
     MOST_SURVIVAL,
-    SURVIVAL_SCALE,
     MOST_TILES,
+    SURVIVAL_SCALE,
     FilmLayout,
     Roulette,
     plays,
@@ -49,7 +49,9 @@ def test_a_lamp_in_a_tile_hardly_matters():
 def test_survival_scale_has_an_end():
     picture = np.zeros((8, 16, 3))
     picture[:, :8] = 1.0
-    assert roulette_of(picture, scouted(layout(16, 8))).survival_scale[0, 1] == pytest.approx(SURVIVAL_SCALE * MOST_SURVIVAL)
+    assert roulette_of(picture, scouted(layout(16, 8))).survival_scale[0, 1] == pytest.approx(
+        SURVIVAL_SCALE * MOST_SURVIVAL
+    )
 
 
 def test_a_black_picture_is_treated_alike():
