@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -14,11 +13,11 @@ from numpy.typing import NDArray
 from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.optics.lens import limiting_surface, system_matrix
-from rptcam_cl.optics.ray_trace import arrive, passing, refract, trace
+from rptcam_cl.optics.ray_trace import L, arrive, leave, passing, refract, trace
 
 if TYPE_CHECKING:
     from rptcam_cl.optics.lens import Lens
-    from rptcam_cl.optics.surface import Prescription, Surface
+    from rptcam_cl.optics.surface import Prescription
 
 
 # Where rays from the film cross every surface of a lens whose rims let all of them pass: float64.
@@ -81,13 +80,14 @@ def crossed(
     lost = np.zeros(p.shape[1], dtype=bool)
     with np.errstate(all="ignore"):
         for k in order:
-            hits, _, met = arrive(lens, k, sense, p, d)
+            hits, d, met = arrive(lens, k, sense, p, d)
             lost |= ~met
-            p = hits.points + lens.shifts[k]
-            heights[k] = np.where(lost[:, None], np.nan, p[:2].T)
             ratio = indices[k] / indices[k + 1] if towards_film else indices[k + 1] / indices[k]
             if ratio != 1.0:
                 d, through = refract(d, hits.normals, hits.cosines, ratio)
+            p, d = leave(lens, k, hits.points, d)
+            heights[k] = np.where(lost[:, None], np.nan, p[:2].T)
+            if ratio != 1.0:
                 lost |= ~through
     points, directions = (np.where(lost[:, None], np.nan, values.T) for values in (p, d))
     return heights[min(order, default=0) : max(order, default=-1) + 1], points, directions
@@ -179,40 +179,28 @@ def aimed_rays(lens: Lens, film_points: Array, aims: Array, wavelength_nm: float
     """
     known = np.asarray(np.isfinite(aims).all(axis=1))
     away = _towards(lens, film_points, np.where(known[:, None], aims, 0.0))
-    rays = trace(_with(lens, _open), film_points, away, wavelength_nm)
+    rays = trace(without_rims(lens), film_points, away, wavelength_nm)
     found = known & rays.passed
-    clear = found & passing(_with(lens, _filled), film_points, away, wavelength_nm)
+    filled = replace(lens, surfaces=tuple(surface.filled() for surface in lens.surfaces))
+    clear = found & passing(filled, film_points, away, wavelength_nm)
     return ChiefRays(rays.origins, rays.directions, found, clear, aims)
 
 
 def unobstructed(lens: Lens) -> Lens:
     """Return the lens without holes, obstructions in its middle and the shape of its stop: its chief rays need none."""
-    return replace(lens, surfaces=tuple(map(_filled, lens.surfaces))) if lens.is_obstructed else lens
+    return replace(lens, surfaces=tuple(each.filled() for each in lens.surfaces)) if lens.is_obstructed else lens
 
 
-def _filled(surface: Surface) -> Surface:
-    """Return a surface without a hole or an obstruction in its middle, a stop being round."""
-    return replace(surface, inner_semi_diameter=0.0, stop_shape=None)
-
-
-def _open(surface: Surface) -> Surface:
-    """Return a surface that stops no ray."""
-    return replace(_filled(surface), semi_diameter=np.inf, region=None)
-
-
-def _with(lens: Lens, change: Callable[[Surface], Surface]) -> Prescription:
-    """Return the lens with its surfaces changed."""
-    return replace(lens, surfaces=tuple(map(change, lens.surfaces)))
+def without_rims(lens: L) -> L:
+    """Return the lens that stops no ray; whether rays pass is another question than where they go."""
+    return replace(lens, surfaces=tuple(surface.open() for surface in lens.surfaces))
 
 
 def _rear(lens: Lens, stop: int) -> Prescription:
     """Return the lens from its stop on, without rims; z = 0 at the stop."""
     before = lens.surfaces[stop - 1].glass if stop else lens.object_medium
-    surfaces = tuple(_open(surface) for surface in lens.surfaces[stop:])
-    return replace(
-        lens, surfaces=surfaces, object_medium=before, stop_index=None, configurations=(), focusing=None,
-        first_sense=float(lens.senses[stop]),
-    )  # fmt: skip
+    surfaces = (surface.open() for surface in lens.surfaces[stop:])
+    return lens.of_surfaces(surfaces, None, object_medium=before, first_sense=float(lens.senses[stop]))
 
 
 def _towards(lens: Lens, points: Array, aims: Array) -> Array:

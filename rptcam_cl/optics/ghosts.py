@@ -325,15 +325,14 @@ def with_film(lens: Lens, film_distance_mm: float, reflectance: float = 0.0) -> 
     """Return the lens with its film as a last surface, a mirror of some reflectance."""
     last = replace(lens.surfaces[-1], thickness=lens.sense * film_distance_mm)
     film = Surface(glass=last.glass, is_mirror=True, coating=constant_reflectance(reflectance))
-    return replace(lens, surfaces=(*lens.surfaces[:-1], last, film), configurations=(), focusing=None, floating=())
+    return lens.of_surfaces((*lens.surfaces[:-1], last, film), lens.stop_index)
 
 
 def with_wider_stop(lens: Lens, factor: float) -> Lens:
     """Return the lens with its stop wider by a factor, so that rays spread over the front find the way of the light."""
-    k = lens.stop_index
-    assert k is not None
-    wider = replace(lens.surfaces[k], semi_diameter=lens.surfaces[k].semi_diameter * factor)
-    return replace(lens, surfaces=(*lens.surfaces[:k], wider, *lens.surfaces[k + 1 :]))
+    assert lens.stop_index is not None
+    wider = lens.surfaces[lens.stop_index].semi_diameter * factor
+    return lens.with_changes({lens.stop_index: {"semi_diameter": wider}})
 
 
 def steps(way: Way, surfaces: int) -> Iterator[Step]:
@@ -364,7 +363,7 @@ def unfolded(lens: Lens, way: Way) -> Lens:
             is_mirror=here.reflects or lens.surfaces[k].is_mirror,
         ))  # fmt: skip
     stop = next((i for i, step in enumerate(met) if step.surface == lens.stop_index), None)
-    return replace(lens, surfaces=tuple(surfaces), stop_index=stop, configurations=(), focusing=None, floating=())
+    return lens.of_surfaces(surfaces, stop)
 
 
 @dataclass(frozen=True)

@@ -91,6 +91,12 @@ class Absorption:
         per_mm = np.maximum(-np.log(inside), 0.0) / np.asarray(thickness_mm, dtype=np.float64)
         return cls(tuple(float(w) for w in wavelengths_nm), tuple(per_mm.tolist()))
 
+    @classmethod
+    def from_extinction(cls, wavelengths_um: Array, extinctions: Array) -> Absorption:
+        """Return the absorption 4 pi k / L of extinction coefficients k at wavelengths L [um]."""
+        per_mm = 4e3 * np.pi * extinctions / wavelengths_um
+        return cls(tuple((1e3 * wavelengths_um).tolist()), tuple(per_mm.tolist()))
+
     def at(self, wavelength_nm: ArrayLike, name: str = "") -> Array:
         """Return the coefficient [1/mm] at each wavelength [nm]; `name` is that of the medium, for messages."""
         return interpolated(wavelength_nm, self.wavelengths_nm, self.per_mm, f"absorption of {name or 'a glass'}")

@@ -537,15 +537,7 @@ def reversed_lens(lens: Lens) -> Lens:
         for k, surface in reversed(list(enumerate(lens.surfaces)))
     ]
     stop = None if lens.stop_index is None else len(surfaces) - 1 - lens.stop_index
-    return replace(
-        lens,
-        surfaces=tuple(surfaces),
-        object_medium=media[-1],
-        stop_index=stop,
-        configurations=(),
-        focusing=None,
-        floating=(),
-    )
+    return lens.of_surfaces(surfaces, stop, object_medium=media[-1])
 
 
 def _turned(surface: Surface, medium: Medium, thickness: float) -> Surface:

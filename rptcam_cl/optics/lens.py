@@ -234,17 +234,13 @@ class Lens(Prescription):
             widest = self.first_order().f_number
             speed = f", f/{widest:.3g}" if np.isfinite(widest) else ""
             raise InputError(f"{self.name}: the stop opens to {has:.5g} mm{speed} (requested {diameter_mm:.5g} mm)")
-        surfaces = list(self.surfaces)
-        surfaces[self.stop_index] = replace(stop, semi_diameter=min(diameter_mm, has) / 2)
-        return replace(self, surfaces=tuple(surfaces))
+        return self.with_changes({self.stop_index: {"semi_diameter": min(diameter_mm, has) / 2}})
 
     def with_stop_shape(self, shape: StopShape | StopMask | None) -> Lens:
         """Return the lens with its stop shaped; None makes it round."""
-        stop = self._need_stop()
+        self._need_stop()
         assert self.stop_index is not None
-        surfaces = list(self.surfaces)
-        surfaces[self.stop_index] = replace(stop, stop_shape=shape)
-        return replace(self, surfaces=tuple(surfaces))
+        return self.with_changes({self.stop_index: {"stop_shape": shape}})
 
     def stop_diameter_for(self, f_number: float, wavelength_nm: float = LINE_D_NM) -> float:
         """Return the stop diameter [mm] of an f-number = focal length / entrance pupil diameter (paraxial).
@@ -487,10 +483,9 @@ def _rail(lens: Lens) -> _Rail:
 
 
 def _at_share(lens: Lens, share: float) -> Lens:
-    rail, surfaces = _rail(lens), list(lens.surfaces)
-    for k, gap in zip(rail.places, rail.at(share), strict=False):  # the last value is the film's
-        surfaces[k] = replace(surfaces[k], thickness=float(gap))
-    return replace(lens, surfaces=tuple(surfaces))
+    rail = _rail(lens)
+    gaps = zip(rail.places, rail.at(share).tolist(), strict=False)  # the last value is the film's
+    return lens.with_changes({k: {"thickness": gap} for k, gap in gaps})
 
 
 def configured(lens: Lens, name: str) -> Lens:
@@ -581,15 +576,12 @@ def moved(lens: Lens, shift_mm: float) -> Lens:
     """Return the lens with what moves to focus shifted, as `travel_mm` counts [mm]."""
     if lens.floating:
         return _at_share(lens, shift_mm / _rail(lens).reach)
-    group = _group(lens)
-    surfaces = list(lens.surfaces)
+    group, gaps = _group(lens), {}
     if group.first > 0:
-        before = surfaces[group.first - 1]
-        surfaces[group.first - 1] = replace(before, thickness=before.thickness + shift_mm)
-    if group.last < len(surfaces) - 1:
-        after = surfaces[group.last]
-        surfaces[group.last] = replace(after, thickness=after.thickness - shift_mm)
-    return replace(lens, surfaces=tuple(surfaces))
+        gaps[group.first - 1] = lens.surfaces[group.first - 1].thickness + shift_mm
+    if group.last < len(lens.surfaces) - 1:
+        gaps[group.last] = lens.surfaces[group.last].thickness - shift_mm
+    return lens.with_changes({k: {"thickness": gap} for k, gap in gaps.items()})
 
 
 def film_behind(lens: Lens, shift_mm: float, film_distance_mm: float) -> float:
@@ -722,10 +714,7 @@ def _between_states(one: FocusState, two: FocusState, share: float) -> FocusStat
 
 
 def _set(lens: Lens, configuration: Configuration) -> Lens:
-    surfaces = list(lens.surfaces)
-    for k, gap in configuration.gaps:
-        surfaces[k] = replace(surfaces[k], thickness=gap)
+    changes: dict[int, dict[str, float]] = {k: {"thickness": gap} for k, gap in configuration.gaps}
     if configuration.stop_diameter_mm is not None and lens.stop_index is not None:
-        stop = surfaces[lens.stop_index]
-        surfaces[lens.stop_index] = replace(stop, semi_diameter=configuration.stop_diameter_mm / 2)
-    return replace(lens, surfaces=tuple(surfaces), floating=configuration.floating)
+        changes.setdefault(lens.stop_index, {})["semi_diameter"] = configuration.stop_diameter_mm / 2
+    return lens.with_changes(changes, floating=configuration.floating)

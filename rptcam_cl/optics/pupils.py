@@ -203,7 +203,7 @@ class FilmProbe:
         if not self.lens.surfaces[-1].is_rotational:  # the rim bulges between the azimuths that were taken
             middle, half = (low + high) / 2, (high - low) / 2 / np.cos(np.pi / PATCH_AZIMUTHS)
             low, high = middle - half, middle + half
-        return np.stack([low[:, 0], high[:, 0], low[:, 1], high[:, 1]], axis=1)
+        return boxes_of(low, high)
 
     def passes(self, film: Array, rear: Array) -> Mask:
         """Return which rays pass: film points (..., 2) through points (..., 2) of the plane of the last vertex."""
@@ -241,6 +241,11 @@ def _patch(surface: Surface, sense: float) -> Array:
     return points.T * [1.0, 1.0, sense]
 
 
+def boxes_of(low: Array, high: Array) -> Array:
+    """Return boxes (m, 4) u0, u1, v0, v1 of their lower and upper corners (m, 2)."""
+    return np.stack([low, high], axis=2).reshape(-1, 4)
+
+
 def grid(boxes: Array, nu: int, nv: int) -> Array:
     """Return the centres (m, nu * nv, 2) of the cells of boxes (m, 4) u0, u1, v0, v1."""
     u = boxes[:, 0, None] + (boxes[:, 1] - boxes[:, 0])[:, None] * (np.arange(nu) + 0.5) / nu
@@ -274,7 +279,7 @@ def narrowed(probe: FilmProbe, film: Array, boxes: Array, shape: tuple[int, int]
     low = np.where(hits[..., None], points, np.inf).min(axis=1) - margin
     high = np.where(hits[..., None], points, -np.inf).max(axis=1) + margin
     found: Mask = np.asarray(np.any(hits, axis=1))
-    tight = np.stack([low[:, 0], high[:, 0], low[:, 1], high[:, 1]], axis=1)
+    tight = boxes_of(low, high)
     return np.where(found[:, None], tight, boxes), found
 
 
@@ -297,18 +302,11 @@ def narrowing_probes(
     A small pupil slips through a grid over the rear element; the next wider one tells where to look for it.
     """
     stops = [lens]
-    if lens.stop is not None and lens.stop_index is not None:
+    if lens.stop_index is not None:
         widest = max(surface.semi_diameter for surface in lens.surfaces if np.isfinite(surface.semi_diameter))
-        while (radius := _stop_radius(stops[0])) < widest:
-            surfaces = list(lens.surfaces)
-            surfaces[lens.stop_index] = replace(lens.stop, semi_diameter=2 * radius)
-            stops.insert(0, replace(lens, surfaces=tuple(surfaces)))
+        while (radius := stops[0].surfaces[lens.stop_index].semi_diameter) < widest:
+            stops.insert(0, lens.with_changes({lens.stop_index: {"semi_diameter": 2 * radius}}))
     return [FilmProbe(stopped, film_distance_mm, wavelength_nm, frame, azimuth) for stopped in stops]
-
-
-def _stop_radius(lens: Lens) -> float:
-    assert lens.stop is not None
-    return lens.stop.semi_diameter
 
 
 def pupil_boxes(
@@ -379,7 +377,7 @@ def _paraxial_boxes(probe: FilmProbe, film: Array) -> Array:
     shrink = distances / from_film
     centres, reach = film * (1.0 - shrink), 1.5 * abs(shrink) * pupil.diameter_mm
     low, high = centres - reach, centres + reach
-    return np.stack([low[:, 0], high[:, 0], low[:, 1], high[:, 1]], axis=1)
+    return boxes_of(low, high)
 
 
 #

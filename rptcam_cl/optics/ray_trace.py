@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from enum import IntEnum
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -222,8 +222,12 @@ class Rays:
         """Which rays came through."""
         return np.asarray(self.status == Status.ok)
 
-    def _arrays(self) -> tuple[NDArray[Any], ...]:
-        return self.origins, self.directions, self.status, self.surface, self.optical_path
+    def some(self, chosen: Mask) -> Rays:
+        """Return some of the rays, without what is left of their light."""
+        return Rays(
+            self.origins[chosen], self.directions[chosen], self.status[chosen], self.surface[chosen],
+            self.optical_path[chosen],
+        )  # fmt: skip
 
 
 def trace(

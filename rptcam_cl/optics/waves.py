@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.optics.chief_rays import without_rims
 from rptcam_cl.optics.ray_trace import Rays
 from rptcam_cl.optics.spot import Beam, chief_ray, is_steep, passing_beam
 from rptcam_cl.optics.stop_shape import StopMask
@@ -171,21 +172,12 @@ def _exit_pupil_z(lens: Lens) -> float:
     return lens.length + lens.sense * lens.first_order().exit_pupil.distance_mm
 
 
-def _without_rims(lens: Lens) -> Lens:
-    """Return the lens that blocks no ray; whether rays pass is another question than where they go."""
-    wide = (
-        replace(surface, semi_diameter=np.inf, inner_semi_diameter=0.0, region=None, stop_shape=None)
-        for surface in lens.surfaces
-    )
-    return replace(lens, surfaces=tuple(wide))
-
-
 class _ExitRays:
     """The rays of a beam by their directions behind the lens."""
 
     def __init__(self, lens: Lens, beam: Beam, wavelength_nm: float, film_z: float, sphere_z: float | None) -> None:
         self.lens, self.beam, self.wavelength_nm, self.film_z = lens, beam, wavelength_nm, film_z
-        self.open = _without_rims(lens)
+        self.open = without_rims(lens)
         indices = lens.indices(wavelength_nm)
         self.first_index, self.index = float(indices[0]), float(indices[-1])
         pupil_z = _exit_pupil_z(lens) if sphere_z is None else sphere_z

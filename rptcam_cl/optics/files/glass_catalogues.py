@@ -170,11 +170,6 @@ def read_refractive_index(path: Path | str, content: bytes | None = None) -> Med
     raise InputError(f"{path}: no dispersion formula that is known (has {kinds}; known: {', '.join(_FORMULAS)})")
 
 
-def law_of_formula(kind: str, terms: list[float], limits: tuple[float, float], name: str) -> Medium:
-    """Return the law of a formula of refractiveindex.info, such as "formula 2", its range in nm."""
-    return _FORMULAS[kind](terms, limits, name)
-
-
 def _kind(block: Any) -> str:
     return str(block.get("type", "")).strip() if isinstance(block, dict) else ""
 
@@ -191,26 +186,22 @@ def _extinction(path: Path | str, blocks: list[Any]) -> Absorption | None:
         if kind in ("tabulated k", "tabulated nk"):
             try:
                 rows = _rows(block, 2 if kind == "tabulated k" else 3)
-                per_mm = 4e3 * np.pi * rows[:, -1] / rows[:, 0]
-                return Absorption(tuple((1e3 * rows[:, 0]).tolist()), tuple(per_mm.tolist()))
+                return Absorption.from_extinction(rows[:, 0], rows[:, -1])
             except (KeyError, ValueError, IndexError):
                 raise InputError(f"{path}: cannot read the block of type {kind!r}") from None
     return None
 
 
-def _formula_1(terms: list[float], limits: tuple[float, float], name: str) -> Medium:
-    _check_pairs(terms)
-    return Sellmeier(tuple(terms[1::2]), tuple(c * c for c in terms[2::2]), terms[0], limits, name)
+def _sellmeier(squares: bool) -> Formula:
+    """The formula whose resonances are given as squares of wavelengths, or as wavelengths."""
 
+    def build(terms: list[float], limits: tuple[float, float], name: str) -> Medium:
+        if len(terms) % 2 == 0:
+            raise ValueError("a constant and pairs of strength and resonance are expected")
+        resonances = tuple(c if squares else c * c for c in terms[2::2])
+        return Sellmeier(tuple(terms[1::2]), resonances, terms[0], limits, name)
 
-def _check_pairs(terms: list[float]) -> None:
-    if len(terms) % 2 == 0:
-        raise ValueError("a constant and pairs of strength and resonance are expected")
-
-
-def _formula_2(terms: list[float], limits: tuple[float, float], name: str) -> Medium:
-    _check_pairs(terms)
-    return Sellmeier(tuple(terms[1::2]), tuple(terms[2::2]), terms[0], limits, name)
+    return build
 
 
 def _polynomial(squared: bool) -> Formula:
@@ -222,8 +213,8 @@ def _polynomial(squared: bool) -> Formula:
 
 
 _FORMULAS: dict[str, Formula] = {
-    "formula 1": _formula_1,
-    "formula 2": _formula_2,
+    "formula 1": _sellmeier(False),
+    "formula 2": _sellmeier(True),
     "formula 3": _polynomial(True),
     "formula 5": _polynomial(False),
 }
@@ -290,7 +281,7 @@ def law_of(glass: MakersGlass, label: str) -> Medium:
     absorption, thermal = _makers_absorption(row), _thermal(row)
     if "formula" in row:
         low, high = row["range_um"]
-        law = law_of_formula(f"formula {row['formula']}", row["coefficients"], (1e3 * low, 1e3 * high), label)
+        law = _FORMULAS[f"formula {row['formula']}"](row["coefficients"], (1e3 * low, 1e3 * high), label)
         return replace(law, absorption=absorption, thermal=thermal)
     wavelengths, values = zip(*row["n"], strict=True)
     return TabulatedIndex(tuple(1e3 * w for w in wavelengths), values, label, absorption=absorption, thermal=thermal)
@@ -318,13 +309,9 @@ def _thermal(row: dict[str, Any]) -> Thermal | None:
 
 
 def _makers_absorption(row: dict[str, Any]) -> Absorption | None:
-    """Return 4 pi k / wavelength of a table of extinction coefficients, None without one."""
+    """Return the absorption of a table of extinction coefficients, None without one."""
     table = row.get("k")
-    if not table or len(table) < 2:
-        return None
-    values = np.array(table)
-    per_mm = 4e3 * np.pi * values[:, 1] / values[:, 0]
-    return Absorption(tuple((1e3 * values[:, 0]).tolist()), tuple(per_mm.tolist()))
+    return Absorption.from_extinction(*np.array(table).T) if table and len(table) > 1 else None
 
 
 @lru_cache(maxsize=len(MAKERS))
