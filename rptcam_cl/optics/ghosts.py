@@ -875,7 +875,7 @@ def find_ghosts(lit: Lit, order: int = 2) -> Ghosts:
 
 
 def _own_light(landed: dict[Way, Landed], stops: list[Lit]) -> dict[Way, FilmLight]:
-    """Return what rays of its own say of each way, about those that have landed, perhaps through wider stops.
+    """Return the light of each way by rays of its own, about those that have landed, perhaps through wider stops.
 
     Parameters
     ----------

@@ -266,7 +266,7 @@ class Lens(Prescription):
         return float(min(diameter, 2 * stop.semi_diameter))
 
     def speed_note(self, f_number: float, wavelength_nm: float = LINE_D_NM) -> tuple[str, ...]:
-        """Return what to say of a marked f-number that the lens does not reach; else nothing."""
+        """Return a note on a marked f-number that the lens does not reach; else nothing."""
         widest, marked = self.first_order(wavelength_nm).f_number, self.marked_f_number
         if self.stop is None or marked is None or not marked <= f_number < WORTH_A_WORD * widest:
             return ()
