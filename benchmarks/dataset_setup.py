@@ -17,7 +17,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import rptcam_cl.api.stages as stages
+import rptcam_cl.api.job as job
 from benchmarks.report import arguments, machine, print_machine, print_table, write_json
 from rptcam_cl.batch.dataset import DatasetFolder, dataset
 from rptcam_cl.core.files import CACHE_VARIABLE
@@ -95,13 +95,13 @@ class Clock:
     @contextmanager
     def running(self) -> Iterator[None]:
         """Count both meanwhile."""
-        plain, keep = stages.render_plan, DatasetFolder.keep
-        stages.render_plan = self._counted(plain, "rays")
+        plain, keep = job.render_plan, DatasetFolder.keep
+        job.render_plan = self._counted(plain, "rays")
         DatasetFolder.keep = self._counted(keep, "files")  # type: ignore[method-assign]
         try:
             yield
         finally:
-            stages.render_plan, DatasetFolder.keep = plain, keep  # type: ignore[method-assign]
+            job.render_plan, DatasetFolder.keep = plain, keep  # type: ignore[method-assign]
 
     def _counted(self, work: Callable[..., Any], part: str) -> Callable[..., Any]:
         def counted(*args: Any, **options: Any) -> Any:

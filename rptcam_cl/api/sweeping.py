@@ -18,16 +18,17 @@ import numpy as np
 
 from rptcam_cl._version import __version__
 from rptcam_cl.api.interface import render
-from rptcam_cl.api.stages import Kept, RenderOptions, prepare, report, run
+from rptcam_cl.api.job import RenderOptions, SceneSource, SeriesRenderer, read_scene
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, RptcamError, StateError
 from rptcam_cl.core.files import (
     OneMaker,
+    check_writable,
     identity_of_code,
-    keep_bytes,
-    kept_bytes,
+    kept_or_found,
     kernels_dir,
     made_by,
+    make_folder,
     name_of,
     replacing,
     unlinked,
@@ -39,8 +40,7 @@ from rptcam_cl.imaging.sensor import check_sensor
 from rptcam_cl.imaging.slanted_edge import mtf50_at
 from rptcam_cl.rendering.account import window
 from rptcam_cl.rendering.metering import resolve_exposure
-from rptcam_cl.rendering.plan.plan import Plan
-from rptcam_cl.scene.load import at_rest, change_scene, load_scene, set_keys
+from rptcam_cl.scene.load import at_rest, change_scene, set_keys
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.studies.focus.drives import focus_drive
 
@@ -97,35 +97,6 @@ def _small(image: Image) -> Picture:
     if scale == 1.0:
         return picture
     return picture.resize((WIDTH_PX, max(round(image.height * scale), 1)), Pillow.Resampling.BOX)
-
-
-# Many pictures one after the other: what they share stays on the device.
-
-
-class SeriesRenderer:
-    """Renders scenes on one device, each as `render` does.
-
-    Parameters
-    ----------
-    device
-        The device.
-
-    Attributes
-    ----------
-    plan : Plan or None
-        That of the last picture.
-    """
-
-    def __init__(self, device: Session) -> None:
-        self.device = device
-        self.plan: Plan | None = None
-        self._settings, self._kept = RenderOptions(device=device), Kept(device)
-
-    def render(self, scene: Scene) -> Image:
-        """Return the picture that the camera of a scene takes."""
-        prepared = prepare(scene, self._settings, self._kept)
-        self.plan = prepared.plan
-        return report(prepared, run(prepared))
 
 
 #
@@ -193,21 +164,20 @@ class FrameTracker:
         metadata: dict[str, Any] = {}
         try:
             if self._sequence.continuous_focus is not None and at_rest(still).requested_autofocus is not None:
-                still, metadata = self._focused(still)
+                still, metadata = self._focus(still)
             if self._sequence.exposure_time_constant_s is not None and _is_metered(still):
-                still = self._exposed(still, self._sequence.exposure_time_constant_s)
+                still = self._expose(still, self._sequence.exposure_time_constant_s)
         except InputError as problem:
             raise type(problem)(f"frame {number}: {problem}") from None
         return still, metadata
 
-    def _focused(self, still: Scene) -> tuple[Scene, dict[str, Any]]:
+    def _focus(self, still: Scene) -> tuple[Scene, dict[str, Any]]:
         from rptcam_cl.studies.focus.controller import Following, after
-        from rptcam_cl.studies.focus.drives import focus_drive  # few scenes have it
 
-        manner, frame_s = self._sequence.continuous_focus, 1 / self._sequence.frames_per_second
-        assert manner is not None
+        settings, frame_s = self._sequence.continuous_focus, 1 / self._sequence.frames_per_second
+        assert settings is not None
         scene = at_rest(still)
-        state = self._kept("focus", scene, lambda session: _state_of(scene, session))
+        state = self._measure_once("focus", scene, lambda session: _state_of(scene, session))
         drive = focus_drive(scene)
         measured = None if state is None else drive.coordinate(state)
         lens = _lens_of(scene)
@@ -216,15 +186,15 @@ class FrameTracker:
                 raise InputError("camera.focus.auto: nothing to focus on in the first frame")
             self._following = Following(measured)
         else:
-            self._following = after(self._following, measured, drive.depth_of_focus, manner, frame_s)
+            self._following = after(self._following, measured, drive.depth_of_focus, settings, frame_s)
         self._lens = lens
         found = state if measured is not None and self._following.place == measured else None
         where = drive.state_at(self._following.place) if found is None else found
         metadata = {"state": where, "measured": state, "moving": self._following.moving}
         return change_scene(still, camera=drive.camera_keys(where)), {"continuous_focus": metadata}
 
-    def _exposed(self, still: Scene, time_constant_s: float) -> Scene:
-        read = self._kept("meter", still, lambda session: _reading_of(still, session))
+    def _expose(self, still: Scene, time_constant_s: float) -> Scene:
+        read = self._measure_once("meter", still, lambda session: _reading_of(still, session))
         assert read is not None, "auto exposure is metered"
         if self._reading is None:
             self._reading = read
@@ -233,26 +203,22 @@ class FrameTracker:
             self._reading *= (read / self._reading) ** share
         return set_keys(still, {"exposure.lock_cd_m2": self._reading})
 
-    def _kept(self, what: str, scene: Scene, measure: Callable[[Session], float | None]) -> float | None:
-        """Return what was measured in a frame, here or by an earlier run."""
-        if self._session is None:
-            self._session = self._open()
-        name = name_of(__version__, _code(), self._session.info.driver, what, scene.content_hash())
-        if (known := kept_bytes(KIND, name)) is not None:
-            try:
-                value = json.loads(known)
-                return None if value is None else float(value)
-            except (ValueError, TypeError):
-                pass
-        found = measure(self._session)
-        self.measured += 1
-        keep_bytes(KIND, name, json.dumps(found).encode())
+    def _measure_once(self, what: str, scene: Scene, measure: Callable[[Session], float | None]) -> float | None:
+        """The measurement of a frame, made here or by an earlier run."""
+        session = self._session = self._session or self._open()
+
+        def measure_here() -> float | None:
+            self.measured += 1
+            return measure(session)
+
+        name = name_of(__version__, _code(), session.info.driver, what, scene.content_hash())
+        found: float | None = kept_or_found(KIND, name, measure_here)
         return found
 
 
 @lru_cache(maxsize=1)
 def _code() -> str:
-    """Return what changes with the code that measures."""
+    """The identity of the code that measures."""
     return identity_of_code(ROOMS, tuple(sorted(path.name for path in kernels_dir().iterdir())))
 
 
@@ -261,7 +227,7 @@ def _is_metered(scene: Scene) -> bool:
 
 
 def _reading_of(scene: Scene, session: Session) -> float | None:
-    """Return what the meter reads; a scene that focuses for itself is metered in focus."""
+    """The reading of the exposure meter [cd/m²]; a scene with autofocus is metered in focus."""
     if at_rest(scene).requested_autofocus is not None:
         from rptcam_cl.studies.focus.controller import in_focus
 
@@ -270,7 +236,7 @@ def _reading_of(scene: Scene, session: Session) -> float | None:
 
 
 def _state_of(scene: Scene, session: Session) -> float | None:
-    """Return the focus state that autofocus finds; None where it finds none."""
+    """The focus state that autofocus finds; None where it finds none."""
     from rptcam_cl.studies.focus.controller import find_focus
     from rptcam_cl.studies.focus.probe import NoContrast, OutOfReach
 
@@ -283,7 +249,7 @@ def _state_of(scene: Scene, session: Session) -> float | None:
 
 
 def _lens_of(scene: Scene) -> tuple[Any, ...]:
-    """Return what says which coordinate a focus has: another lens or another zoom has others."""
+    """The lens and its zoom, which give the coordinate of focus its meaning."""
     camera = scene.camera
     return tuple(getattr(camera, name, None) for name in ("kind", "lens", "zoom", "focal_length_mm", "fov_degrees"))
 
@@ -327,7 +293,7 @@ class SweepEntry:
 
     @property
     def _lines(self) -> list[str]:
-        return [f"{key.rpartition('.')[2]} {shown(value)}" for key, value in self.values.items()]
+        return [f"{key.rpartition('.')[2]} {format_value(value)}" for key, value in self.values.items()]
 
 
 Pictures = Callable[[Mapping[int, Scene]], Iterable[tuple[int, Image]]]
@@ -343,7 +309,7 @@ class _Planned:
 
 
 def sweep(
-    scene: Scene | str | Path | Mapping[str, Any],
+    scene: SceneSource,
     over: Mapping[str, Sequence[Any]],
     folder: str | Path | None = None,
     *,
@@ -386,10 +352,10 @@ def sweep(
     StateError
         The folder cannot be written, or holds pictures that other code has made.
     """
-    settings = RenderOptions(spp=spp, size=size, seed=seed)
-    given = scene if isinstance(scene, Scene) else load_scene(scene)
-    planned = _plan(settings.applied_to(given), over, mtf_at)
-    place = None if folder is None else _folder(Path(folder))
+    planned = _plan(RenderOptions(spp=spp, size=size, seed=seed).apply_to(read_scene(scene)), over, mtf_at)
+    place = None if folder is None else make_folder(Path(folder))
+    if place is not None:
+        check_writable(place / SHEET)
     return _entries(planned, place, mtf_at, device, pictures, OneMaker(allow_mixed))
 
 
@@ -407,7 +373,7 @@ def _plan(scene: Scene, over: Mapping[str, Sequence[Any]], mtf_at: tuple[float, 
     planned: dict[str, _Planned] = {}
     for combination in itertools.product(*over.values()):
         values = dict(zip(over, combination, strict=True))
-        title = ", ".join(f"{key}={shown(value)}" for key, value in values.items())
+        title = ", ".join(f"{key}={format_value(value)}" for key, value in values.items())
         try:
             changed = set_keys(scene, values)
             check_sensor(changed, *window(changed)[2:])
@@ -426,21 +392,9 @@ def _plan(scene: Scene, over: Mapping[str, Sequence[Any]], mtf_at: tuple[float, 
     return list(planned.values())
 
 
-def shown(value: Any) -> str:
+def format_value(value: Any) -> str:
     """Return a value on a label."""
     return f"{value:.6g}" if isinstance(value, float) else value if isinstance(value, str) else json.dumps(value)
-
-
-def _folder(folder: Path) -> Path:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with replacing(unlinked(folder / ".rptcam-sweep")) as temporary:
-            temporary.touch()
-        (folder / ".rptcam-sweep").unlink()
-    except OSError as problem:
-        why = "is a file, not a folder" if folder.is_file() else f"cannot be written: {problem.strerror or problem}"
-        raise StateError(f"{folder}: {why}") from None
-    return folder
 
 
 def _entries(
@@ -455,15 +409,15 @@ def _entries(
     sessions: list[Any] = []
     series: SeriesRenderer | None = None
     rows, thumbnails = [], []
-    made = {} if pictures is None else _made_elsewhere(planned, folder, mtf_at, pictures, same)
+    made = {} if pictures is None else _render_elsewhere(planned, folder, mtf_at, pictures, same)
     for number, plan in enumerate(planned):
-        entry = made.pop(number, None) or _kept(plan, folder, same)
+        entry = made.pop(number, None) or _read_entry(plan, folder, same)
         if entry is None:
             sessions = sessions or open_sessions(device)[0]
             same.add("this program", made_by(session.info.driver for session in sessions))
             series = series or (SeriesRenderer(sessions[0]) if len(sessions) == 1 else None)
             image = render(plan.scene, device=device) if series is None else series.render(plan.scene)
-            entry = _made(plan, folder, image, mtf_at)
+            entry = _keep_entry(plan, folder, image, mtf_at)
         if folder is not None:
             rows.append(entry.values | entry.measures | {"file": entry.file.name if entry.file else None})
             thumbnails.append(("\n".join(entry._lines), entry.image))
@@ -475,7 +429,7 @@ def _entries(
             contact_sheet(thumbnails, columns).save(temporary, format="png")
 
 
-def _made_elsewhere(
+def _render_elsewhere(
     planned: Sequence[_Planned],
     folder: Path | None,
     mtf_at: tuple[float, float] | None,
@@ -483,15 +437,15 @@ def _made_elsewhere(
     same: OneMaker,
 ) -> dict[int, SweepEntry]:
     """Return the entries of what is not there yet, by number, each kept as it comes."""
-    missing = {number: plan.scene for number, plan in enumerate(planned) if _kept(plan, folder, same) is None}
+    missing = {number: plan.scene for number, plan in enumerate(planned) if _read_entry(plan, folder, same) is None}
     made = {}
     for number, image in pictures(missing):
         same.add(planned[number].name, image.metadata["made_by"])
-        made[number] = _made(planned[number], folder, image, mtf_at)
+        made[number] = _keep_entry(planned[number], folder, image, mtf_at)
     return made
 
 
-def _made(plan: _Planned, folder: Path | None, image: Image, mtf_at: tuple[float, float] | None) -> SweepEntry:
+def _keep_entry(plan: _Planned, folder: Path | None, image: Image, mtf_at: tuple[float, float] | None) -> SweepEntry:
     """Return the entry of a picture, and keep it: the film first, so that measures without a film cannot be."""
     achieved = image.stats.get("numerics", {}).get("noise")  # a worker's picture comes without
     luminance = image.luminance
@@ -521,7 +475,7 @@ def _seconds(image: Image) -> float:
     return float(image.stats["seconds"]["render"])
 
 
-def _kept(plan: _Planned, folder: Path | None, same: OneMaker) -> SweepEntry | None:
+def _read_entry(plan: _Planned, folder: Path | None, same: OneMaker) -> SweepEntry | None:
     """Return the entry of an earlier run; None where there is none that is whole.
 
     Raises
@@ -551,7 +505,9 @@ def _write_tables(folder: Path, rows: Sequence[Mapping[str, Any]]) -> None:
     writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
     writer.writeheader()
     for row in rows:
-        writer.writerow({key: shown(value) if isinstance(value, list | dict) else value for key, value in row.items()})
+        writer.writerow(
+            {key: format_value(value) if isinstance(value, list | dict) else value for key, value in row.items()}
+        )
     for name, content in zip(TABLE, (text.getvalue(), json.dumps(rows, indent=2) + "\n"), strict=True):
         with replacing(unlinked(folder / name)) as temporary:
             temporary.write_text(content, encoding="utf-8")

@@ -24,7 +24,7 @@ from rptcam_cl.core.files import (
     kernels_dir,
     name_of,
 )
-from rptcam_cl.core.records import Kind
+from rptcam_cl.core.records import HIT_ROUNDING, Kind
 from rptcam_cl.device.session import Session
 from rptcam_cl.rendering.plan.primitives import Movements, PackedMeshes, Places, TriangleGroup, shifted
 from rptcam_cl.rendering.tree_build import (
@@ -138,7 +138,6 @@ Array = NDArray[np.float64]
 KEPT = "primitive-trees"  # folder of the cache on disk
 BREAK_EVEN = 48  # bounded primitives: see benchmarks/journal.md
 LEAF = 4  # most primitives of a leaf: measured best of 1, 2, 4 and 8
-ROUNDING = 4e-6  # HIT_ROUNDING of kernels/geometry/primitive_tree.h
 
 
 @dataclass(frozen=True, eq=False)
@@ -262,7 +261,7 @@ def _bounds_of_rows(rows: Array, kinds: NDArray[np.int64]) -> tuple[Array, Array
     magnified = np.abs(linear) @ np.abs(rows[:, :, :3])
     magnified[is_sphere] = np.eye(3)
     farthest = np.maximum(np.abs(lower), np.abs(upper)).max(axis=1)
-    margin = ROUNDING * (magnified.sum(axis=2).max(axis=1) * farthest)[:, None]
+    margin = HIT_ROUNDING * (magnified.sum(axis=2).max(axis=1) * farthest)[:, None]
     return lower - margin, upper + margin
 
 
