@@ -127,7 +127,7 @@ class Heat:
 
 
 def thermal_of(glass: Medium) -> Thermal | None:
-    """Return what is known of a glass under heat, by itself or by its name."""
+    """Return the thermal data of a glass, its own or by its name."""
     if isinstance(glass, Melt):
         return thermal_of(glass.glass)
     return glass.thermal if glass.thermal is not None else bundled_thermal(glass)

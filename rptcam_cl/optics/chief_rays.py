@@ -267,7 +267,7 @@ _FANS: dict[tuple[object, ...], tuple[tuple[float, float], dict[int, _Fan | None
 
 
 def round_chief_rays(lens: Lens, film_points: Array, wavelength_nm: float = LINE_D_NM) -> ChiefRays:
-    """Return what `film_chief_rays` does for a round lens and points (n, 3) of one plane across its axis."""
+    """Return the rays of `film_chief_rays` for a round lens and points (n, 3) of one plane across its axis."""
     if (by_fan := fan_chief_rays(lens, film_points, wavelength_nm)) is not None:
         return by_fan
     distances, turns = np.hypot(*film_points[:, :2].T), np.arctan2(film_points[:, 1], film_points[:, 0])
@@ -310,8 +310,8 @@ def fan_chief_rays(lens: Lens, film_points: Array, wavelength_nm: float) -> Chie
 
 
 def _fans_of(lens: Lens, stop: int, wavelength_nm: float) -> tuple[tuple[float, float], dict[int, _Fan | None]]:
-    """Return what all states of the film and of the stop share: height on the plane of the last vertex and slope
-    behind it over the tangent at the stop, to first order, and the fans by their width."""
+    """Return height on the plane of the last vertex and slope behind it over the tangent at the stop, to first order,
+    and the fans by their width: all states of the film and of the stop share them."""
     key = geometry_but_stop(lens, stop, wavelength_nm)
     if key not in _FANS:
         if len(_FANS) >= REMEMBERED:
@@ -329,16 +329,24 @@ def geometry_but_stop(lens: Lens, stop: int, wavelength_nm: float) -> tuple[obje
     return lens.surfaces[:stop], of_stop, lens.surfaces[stop + 1 :], lens.object_medium, wavelength_nm
 
 
+def chebyshev_nodes(count: int) -> tuple[Array, Array]:
+    """Return nodes from -1 to 1, and the matrix from values there to Chebyshev polynomials."""
+    angles = (np.arange(count) + 0.5) * np.pi / count
+    matrix = 2.0 / count * np.cos(np.outer(np.arange(count), angles))
+    matrix[0] /= 2
+    return np.cos(angles), matrix
+
+
 def _traced(lens: Lens, stop: int, wavelength_nm: float, tangent: float) -> _Fan | None:
     """Return the fan up to a tangent; None where a ray is lost or it is not smooth enough."""
-    found = (_with_nodes(lens, stop, wavelength_nm, tangent, count) for count in NODES)
-    return next((fan for fan in found if fan is not None), None)
+    fans = (_with_nodes(lens, stop, wavelength_nm, tangent, count) for count in NODES)
+    return next((fan for fan in fans if fan is not None), None)
 
 
 def _with_nodes(lens: Lens, stop: int, wavelength_nm: float, tangent: float, count: int) -> _Fan | None:
     """Return a fan by rays at some nodes; None where a ray is lost or so few nodes leave errors."""
-    angles = (np.arange(count) + 0.5) * np.pi / count
-    tangents = tangent * np.sqrt((1.0 + np.cos(angles)) / 2)
+    nodes, to_polynomials = chebyshev_nodes(count)
+    tangents = tangent * np.sqrt((1.0 + nodes) / 2)
     indices = lens.indices(wavelength_nm)
     points = np.zeros((3, count))
     points[2] = lens.vertices[stop]
@@ -351,8 +359,7 @@ def _with_nodes(lens: Lens, stop: int, wavelength_nm: float, tangent: float, cou
     values = np.column_stack([odd / tangents[:, None], origins[:, 2], away[:, 2]])
     if not np.isfinite(values).all():
         return None
-    polynomials = 2.0 / count * np.cos(np.outer(np.arange(count), angles)) @ values
-    polynomials[0] /= 2
+    polynomials = to_polynomials @ values
     shares = np.abs(polynomials) / np.maximum(np.abs(values).max(axis=0), 1e-300)
     if np.any(shares[-2:] > EXACT):
         return None

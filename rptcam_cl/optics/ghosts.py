@@ -18,7 +18,7 @@ from rptcam_cl.optics.glass import attenuation
 from rptcam_cl.optics.lens import Lens, system_matrix
 from rptcam_cl.optics.ray_trace import COATED, LensTransmission, arrive, leave, reflect, refract
 from rptcam_cl.optics.spot import Beam
-from rptcam_cl.optics.surface import IN_PLACE, Prescription, Surface
+from rptcam_cl.optics.surface import IN_PLACE, Surface
 
 #
 # A beam on its way through a lens, forwards or backwards, with the light and the polarisation that its rays have
@@ -32,39 +32,6 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 LEAST_SINE2 = 1e-24  # of incidence, below which no plane of incidence is known; any is as good
-
-
-@dataclass(frozen=True)
-class LensAtWavelength:
-    """What light of one wavelength meets in a lens.
-
-    Attributes
-    ----------
-    prescription : Prescription
-    wavelength_nm : float
-    transmission : LensTransmission
-        Whether coatings and absorption count. Surfaces always reflect.
-    """
-
-    prescription: Prescription
-    wavelength_nm: float
-    transmission: LensTransmission = COATED
-
-    @cached_property
-    def indices(self) -> list[float]:
-        """Index before the first surface and behind each one."""
-        return [float(index) for index in self.prescription.indices(self.wavelength_nm)]
-
-    @cached_property
-    def attenuations(self) -> list[float]:
-        """Absorption before the first surface and behind each one [1/mm]; the spaces outside do not count."""
-        media = self.prescription.media[1:-1]
-        inside = [float(attenuation(medium, self.wavelength_nm)) for medium in media]
-        return [0.0, *(inside if self.transmission.absorption else [0.0] * len(inside)), 0.0]
-
-    def reflects(self, k: int) -> bool:
-        """Return whether part of the light is reflected at a surface that lets light through."""
-        return not self.prescription.surfaces[k].is_mirror and self.indices[k] != self.indices[k + 1]
 
 
 @dataclass(frozen=True)
@@ -153,12 +120,12 @@ class Arrival:
         return Arrival(self.beam.kept(chosen), self.normals[:, chosen], self.cosines[chosen])
 
 
-def meet(lens: LensAtWavelength, beam: PolarisedBeam, k: int, forward: bool, *, counted: bool = False) -> Arrival:
+def meet(lit: Lit, beam: PolarisedBeam, k: int, forward: bool, *, counted: bool = False) -> Arrival:
     """Return a beam that has gone on to a surface, towards the film or away from it.
 
     Parameters
     ----------
-    lens : LensAtWavelength
+    lit : Lit
     beam : PolarisedBeam
     k : int
         Number of the surface.
@@ -167,7 +134,7 @@ def meet(lens: LensAtWavelength, beam: PolarisedBeam, k: int, forward: bool, *, 
     counted : bool
         Whether the light that is lost on the way is noted.
     """
-    whole, surface = lens.prescription, lens.prescription.surfaces[k]
+    whole, surface = lit.whole, lit.whole.surfaces[k]
     sense = whole.senses[k] if forward else -whole.senses[k + 1]
     hits, _, met = arrive(whole, k, sense, beam.points, beam.directions)
     good = met & surface.clears(hits.points[0], hits.points[1])
@@ -181,7 +148,7 @@ def meet(lens: LensAtWavelength, beam: PolarisedBeam, k: int, forward: bool, *, 
         at, normals, cosines, lengths = at[:, good], normals[:, good], cosines[good], lengths[good]
     at, normals = leave(whole, k, at, normals)
     beam = replace(beam, points=at)
-    absorbed, per_mm = 0.0, lens.attenuations[k if forward else k + 1]
+    absorbed, per_mm = 0.0, lit.attenuations[k if forward else k + 1]
     if per_mm:
         left = np.exp(-0.5 * per_mm * np.abs(lengths))
         absorbed = float((light * (1.0 - left * left)).sum())
@@ -198,10 +165,10 @@ class Crossing:
         Whether light is both let through and reflected.
     """
 
-    def __init__(self, lens: LensAtWavelength, arrival: Arrival, k: int, forward: bool) -> None:
-        self.lens, self.arrival, self.surface = lens, arrival, lens.prescription.surfaces[k]
-        self.parts = lens.reflects(k)
-        n, m = lens.indices[k], lens.indices[k + 1]
+    def __init__(self, lit: Lit, arrival: Arrival, k: int, forward: bool) -> None:
+        self.lit, self.arrival, self.surface = lit, arrival, lit.whole.surfaces[k]
+        self.parts = lit.reflects(k)
+        n, m = lit.indices[k], lit.indices[k + 1]
         self.media = (n, m) if forward else (m, n)
 
     @cached_property
@@ -218,8 +185,8 @@ class Crossing:
         (n, m), incidence = self.media, np.abs(self.arrival.cosines)
         square = 1.0 - (n / m) ** 2 * (1.0 - incidence * incidence)
         behind = np.sqrt(square if self._bent[1].all() else square + 0j)
-        coating = self.lens.transmission.coating_of(self.surface)
-        return coating.polarised(Interface(n, m, incidence, behind), self.lens.wavelength_nm)
+        coating = self.lit.transmission.coating_of(self.surface)
+        return coating.polarised(Interface(n, m, incidence, behind), self.lit.wavelength_nm)
 
     @cached_property
     def _components(self) -> tuple[Array, Amplitude]:
@@ -233,12 +200,12 @@ class Crossing:
     @property
     def mirror_share(self) -> float:
         """Share of the light that a mirror reflects."""
-        return float(self.lens.transmission.mirror_share(self.surface, self.lens.wavelength_nm))
+        return float(self.lit.transmission.mirror_share(self.surface, self.lit.wavelength_nm))
 
     @property
     def absorbs(self) -> bool:
         """Whether layers on the surface do."""
-        coating = self.lens.transmission.coating_of(self.surface)
+        coating = self.lit.transmission.coating_of(self.surface)
         return isinstance(coating, LayerStack) and coating.absorbs
 
     def onward(self) -> PolarisedBeam:
@@ -533,10 +500,25 @@ class Lit:
     film_reflectance: float = 0.0
 
     @cached_property
-    def at_wavelength(self) -> LensAtWavelength:
-        """The lens with its film as the last surface, at the wavelength."""
-        lens = with_film(self.lens, self.film_distance_mm, self.film_reflectance)
-        return LensAtWavelength(lens, self.wavelength_nm, self.transmission)
+    def whole(self) -> Lens:
+        """The lens with its film as the last surface."""
+        return with_film(self.lens, self.film_distance_mm, self.film_reflectance)
+
+    @cached_property
+    def indices(self) -> list[float]:
+        """Index before the first surface and behind each one."""
+        return [float(index) for index in self.whole.indices(self.wavelength_nm)]
+
+    @cached_property
+    def attenuations(self) -> list[float]:
+        """Absorption before the first surface and behind each one [1/mm]; the spaces outside do not count."""
+        media = self.whole.media[1:-1]
+        inside = [float(attenuation(medium, self.wavelength_nm)) for medium in media]
+        return [0.0, *(inside if self.transmission.absorption else [0.0] * len(inside)), 0.0]
+
+    def reflects(self, k: int) -> bool:
+        """Return whether part of the light is reflected at a surface that lets light through."""
+        return not self.whole.surfaces[k].is_mirror and self.indices[k] != self.indices[k + 1]
 
     def in_frame(self, points: Array) -> Mask:
         """Return which points (2, n) of the film lie in the frame."""
@@ -628,7 +610,6 @@ class Tree:
 
     def __init__(self, lit: Lit, order: int, rays: int | None = None) -> None:
         self.lit, self.order, self.film = lit, order, len(lit.lens.surfaces)
-        self.lens = lit.at_wavelength
         self.account = Account()
         self.landed: dict[Way, Landed] = {}
         self.blocked: dict[int, float] = {}
@@ -647,7 +628,7 @@ class Tree:
             if k < 0:
                 self.account.out += float(beam.light.sum())
                 return
-            arrival = meet(self.lens, beam, k, forward, counted=True)
+            arrival = meet(self.lit, beam, k, forward, counted=True)
             self.account.missed += arrival.missed
             self.account.blocked += arrival.blocked
             if not way:
@@ -661,7 +642,7 @@ class Tree:
 
     def _crossed(self, arrival: Arrival, k: int, forward: bool, way: Way) -> PolarisedBeam:
         """Return light behind a surface, once what that reflects has been followed."""
-        crossing = Crossing(self.lens, arrival, k, forward)
+        crossing = Crossing(self.lit, arrival, k, forward)
         if crossing.parts:
             reflected = crossing.reflected()
             if crossing.absorbs:
@@ -694,7 +675,7 @@ class Tree:
         inside = self.lit.in_frame(film)
         self.landed[way] = Landed(front, film, light[lit], inside, self.spacing, self.entry.is_even)
         if share:
-            self._reflect(Crossing(self.lens, arrival, self.film, True).onward(), self.film, True, way)
+            self._reflect(Crossing(self.lit, arrival, self.film, True).onward(), self.film, True, way)
 
 
 #
@@ -743,7 +724,7 @@ def _landed(lit: Lit, entry: Entry, ways: list[Way], fronts: list[Arrival], area
     turns = np.full((len(entered), max(map(len, ways), default=0) + 1), NOWHERE)
     for way, first, end in zip(ways, ends - counts, ends, strict=True):
         turns[first:end, : len(way)] = way
-    beam = together(lit.at_wavelength, front, turns)
+    beam = together(lit, front, turns)
     light, inside, owner = beam.light, lit.in_frame(beam.points), np.searchsorted(ends, beam.rows, side="right")
     found = {}
     for number, (way, area) in enumerate(zip(ways, areas, strict=True)):
@@ -762,18 +743,18 @@ def _joined(fronts: list[Arrival]) -> Arrival:
     return Arrival(beam, normals, cosines)
 
 
-def together(lens: LensAtWavelength, front: Arrival, turns: Numbers) -> PolarisedBeam:
+def together(lit: Lit, front: Arrival, turns: Numbers) -> PolarisedBeam:
     """Return rays on the first surface as they meet the film, each by its own way; the film is the last surface.
 
     Parameters
     ----------
-    lens : LensAtWavelength
+    lit : Lit
     front : Arrival
         Rays numbered through.
     turns : (n, m) array
         Which surfaces reflect each ray, in order, `NOWHERE` behind the last.
     """
-    film = len(lens.prescription.surfaces) - 1
+    film = len(lit.lens.surfaces)
     landed: list[PolarisedBeam] = []
     joining: dict[int, list[PolarisedBeam]] = {0: [front.beam]}
     for phase in range(turns.shape[1]):
@@ -783,17 +764,17 @@ def together(lens: LensAtWavelength, front: Arrival, turns: Numbers) -> Polarise
             beams = [*([beam] if beam is not None else []), *joining.get(k, [])]
             if not beams:
                 continue
-            at = front if phase == 0 and k == 0 else meet(lens, PolarisedBeam.joined(beams), k, forward)
+            at = front if phase == 0 and k == 0 else meet(lit, PolarisedBeam.joined(beams), k, forward)
             bounces = turns[at.beam.rows, phase] == k
             if bounces.any():
-                crossing = Crossing(lens, at.some(bounces), k, forward)
+                crossing = Crossing(lit, at.some(bounces), k, forward)
                 back = crossing.onward() if crossing.surface.is_mirror else crossing.reflected()
                 turned[k - 1 if forward else k + 1].append(back)
             rest = at.some(~bounces)
             if k == film and forward:
                 landed.append(rest.beam)
             goes_on = len(rest.cosines) > 0 and not (k == film and forward)
-            beam = Crossing(lens, rest, k, forward).onward() if goes_on else None
+            beam = Crossing(lit, rest, k, forward).onward() if goes_on else None
         joining = turned
     return PolarisedBeam.joined(landed or [front.beam.kept(np.zeros(len(turns), dtype=bool))])
 
@@ -894,7 +875,7 @@ def find_ghosts(lit: Lit, order: int = 2) -> Ghosts:
 
 
 def _own_light(landed: dict[Way, Landed], stops: list[Lit]) -> dict[Way, FilmLight]:
-    """Return what rays of its own say of each way, about those that have landed, perhaps through wider stops.
+    """Return the light of each way by rays of its own, about those that have landed, perhaps through wider stops.
 
     Parameters
     ----------

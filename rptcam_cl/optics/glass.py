@@ -355,7 +355,7 @@ def known_range(medium: Medium) -> Range | None:
 
 
 def continued_words(medium: Medium) -> str | None:
-    """Return what to say of a medium whose law is continued within `VISIBLE_NM`; None of others."""
+    """Return a warning about a medium whose law is continued within `VISIBLE_NM`; None for others."""
     stated, known = stated_range(medium), known_range(medium)
     if stated is None or stated == known or known is None:
         return None

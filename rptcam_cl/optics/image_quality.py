@@ -124,7 +124,7 @@ def measured(
     caption: str | None = None,
     **about: Any,
 ) -> Measured:
-    """Return what was measured of a lens in use, with where film and object stand."""
+    """Return a result about a lens in use, with where film and object stand."""
     name, film = setting.lens.name, setting.film_distance_mm
     about |= {"film_distance_mm": film, "object_distance_mm": setting.object_distance_mm}
     caption = f"{name}, film at {film:.6g} mm" if caption is None else caption
@@ -495,7 +495,7 @@ def field_mtf(group: Sequence[FilmSpot], frequencies_per_mm: ArrayLike) -> list[
 
 
 def mtf_moves(frequencies_per_mm: Sequence[float]) -> Moves:
-    """Return what says how far the modulation of a field moves with more rays, in units of what it may.
+    """Return the function that says how far the modulation of a field moves with more rays, in units of what it may.
 
     Rays that lie farther apart on the film than half a period of the finest lines show nothing of these.
     """

@@ -196,6 +196,9 @@ WORTH_A_WORD = 0.995  # a marked f-number nearer than this to the true one is th
 class Lens(Prescription):
     """A `Prescription`, which says what it is made of, and the methods most used on one."""
 
+    def __hash__(self) -> int:
+        return hash((self.name, self.surfaces, self.configurations))
+
     def first_order(self, wavelength_nm: float = LINE_D_NM, section: str = "y") -> FirstOrder:
         """Return focal length, cardinal points and pupils at a wavelength [nm], in the "y" or "x" section."""
         known = self._first_orders.get((wavelength_nm, section))
@@ -263,7 +266,7 @@ class Lens(Prescription):
         return float(min(diameter, 2 * stop.semi_diameter))
 
     def speed_note(self, f_number: float, wavelength_nm: float = LINE_D_NM) -> tuple[str, ...]:
-        """Return what to say of a marked f-number that the lens does not reach; else nothing."""
+        """Return a note on a marked f-number that the lens does not reach; else nothing."""
         widest, marked = self.first_order(wavelength_nm).f_number, self.marked_f_number
         if self.stop is None or marked is None or not marked <= f_number < WORTH_A_WORD * widest:
             return ()
@@ -514,39 +517,26 @@ def zoomed(lens: Lens, focal_length_mm: float, wavelength_nm: float = LINE_D_NM)
     """
     if len(lens.configurations) < 2:
         raise InputError(f"{lens.name}: is not a zoom lens (it has no configurations)")
-    return _zoomed(_Zoom(lens), float(focal_length_mm), float(wavelength_nm))
+    return _zoomed(lens, float(focal_length_mm), float(wavelength_nm))
 
 
 def zoom_range_mm(lens: Lens, wavelength_nm: float = LINE_D_NM) -> tuple[float, float]:
     """Return the least and the greatest focal length of a zoom lens."""
-    lengths = _zoom_table(_Zoom(lens), float(wavelength_nm))[1]
+    lengths = _zoom_table(lens, float(wavelength_nm))[1]
     return float(lengths.min()), float(lengths.max())
 
 
-@dataclass(frozen=True)
-class _Zoom:
-    """A zoom lens that equals every other one of the same surfaces, settings and name."""
-
-    lens: Lens
-
-    def __hash__(self) -> int:
-        return hash((self.lens.name, self.lens.surfaces, self.lens.configurations))
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Zoom) and self.lens == other.lens
-
-
 @lru_cache(maxsize=FEW)
-def _zoom_table(zoom: _Zoom, wavelength_nm: float) -> tuple[Array, Array]:
+def _zoom_table(lens: Lens, wavelength_nm: float) -> tuple[Array, Array]:
     """Return states between the configurations, and the focal length of each [mm]."""
-    steps = len(zoom.lens.configurations) - 1
+    steps = len(lens.configurations) - 1
     states = np.linspace(0.0, float(steps), 1 + STEPS * steps)
-    return states, np.array([focal_length_mm(_between(zoom.lens, state), wavelength_nm) for state in states])
+    return states, np.array([focal_length_mm(_between(lens, state), wavelength_nm) for state in states])
 
 
 @lru_cache(maxsize=REMEMBERED)
-def _zoomed(zoom: _Zoom, wanted_mm: float, wavelength_nm: float) -> Lens:
-    lens, (states, lengths) = zoom.lens, _zoom_table(zoom, wavelength_nm)
+def _zoomed(lens: Lens, wanted_mm: float, wavelength_nm: float) -> Lens:
+    states, lengths = _zoom_table(lens, wavelength_nm)
     above = lengths >= wanted_mm
     change = np.flatnonzero(above[1:] != above[:-1])
     if not len(change):

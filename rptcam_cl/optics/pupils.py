@@ -830,10 +830,15 @@ class StoppedPupils:
 def stopped_pupils(
     states: Sequence[tuple[Lens, float]], radius_mm: float, wavelengths_nm: Sequence[float]
 ) -> StoppedPupils | None:
-    """Return what rays of a round lens with its stop wide open, and last vertex to film [mm], say of narrower stops.
+    """Return rays of a round lens with its stop wide open, by which pupils of narrower stops are known.
 
-    It goes as far as the film, or as chief rays come through. None where something stands in the middle of a pupil or
+    They go as far as the film, or as chief rays come through. None where something stands in the middle of a pupil or
     where rays bend too much to say.
+
+    Parameters
+    ----------
+    states
+        The lens, and its last vertex to film [mm].
     """
     first_mm, line = states[0][1], film_line(radius_mm, FINENESS.radial_nodes)
     clear = np.logical_and.reduce([

@@ -52,11 +52,11 @@ class LensTransmission:
         return self.fresnel or self.absorption
 
     def coating_of(self, surface: Surface) -> Coating:
-        """Return what a surface lets through."""
+        """Return the coating of a surface, as far as coatings count."""
         return surface.coating if self.coatings and surface.coating is not None else BARE
 
     def mirror_share(self, mirror: Surface, wavelength_nm: ArrayLike) -> Array:
-        """Return what a mirror reflects at wavelengths [nm]: all light, unless it says how much."""
+        """Return the share of light that a mirror reflects at wavelengths [nm]: all, unless it says how much."""
         coating = self.coating_of(mirror)
         if isinstance(coating, MeasuredReflectance):
             return coating.reflectance(wavelength_nm)
@@ -288,7 +288,7 @@ def passed_rays(
 def _surviving(
     lens: Prescription, rows: NDArray[np.intp], p: Array, d: Array, indices: Array, forward: bool
 ) -> tuple[NDArray[np.intp], Array, Array]:
-    """Return what is left of rays (3, n) with their numbers behind the last surface."""
+    """Return the rays (3, n) that come through, with their numbers, behind the last surface."""
     good, beside = np.ones(len(rows), dtype=bool), np.zeros(len(rows), dtype=bool)
     for k in range(len(lens.surfaces)) if forward else range(len(lens.surfaces) - 1, -1, -1):
         surface, previous = lens.surfaces[k], _region_of(lens, k - 1 if forward else k + 1)

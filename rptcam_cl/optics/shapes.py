@@ -214,7 +214,7 @@ class Form(Iterated):
     @classmethod
     @abstractmethod
     def read(cls, fields: Fields, scale: float) -> Form | None:
-        """Return what the keys of a surface say, None where they say nothing of this kind; lengths times `scale`.
+        """Return the form that the keys of a surface describe, None where they describe none; lengths times `scale`.
 
         Raises
         ------

@@ -18,7 +18,7 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.device.session import Session
 from rptcam_cl.optics.charts import wavelength_colour
 from rptcam_cl.optics.drawing import blades, glass, lines, obstruction
-from rptcam_cl.optics.image_quality import FilmSpot, field_mtf
+from rptcam_cl.optics.image_quality import COLUMNS, FilmSpot, field_mtf
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.pupils import FilmProbe, narrowed
 from rptcam_cl.optics.ray_trace import IDEAL, Rays, Status
@@ -760,8 +760,7 @@ def _mtf(spots: list[FilmSpot]) -> dict[str, Any] | None:
     curves = field_mtf([spot for spot in spots if len(spot.points)], FREQUENCIES) if _lit(spots) else None
     if curves is None:
         return None
-    names = ("tangential", "sagittal", "tangential_limit", "sagittal_limit")
-    plain = {name: np.round(curve, 4).tolist() for name, curve in zip(names, curves, strict=True)}
+    plain = {name: np.round(curve, 4).tolist() for name, curve in zip(COLUMNS, curves, strict=True)}
     return {"frequencies": FREQUENCIES.tolist()} | plain
 
 

@@ -97,7 +97,7 @@ def refuse(lens: Lens, form: str, of_surfaces: Iterable[tuple[int, str]], of_who
 
 
 def left_out(lens: Lens) -> list[str]:
-    """Return what neither form keeps and no ray depends on, for a warning."""
+    """Return warnings about parts of a lens that neither form keeps and no ray depends on."""
     notes = []
     if any(surface.coating is not None for surface in lens.surfaces):
         notes.append("coatings are left out")
@@ -615,7 +615,7 @@ def _medium(medium: Medium) -> Any:
 
 
 def _thermal(thermal: Thermal) -> dict[str, Any]:
-    """Return what is said about heat."""
+    """Return the keys of a glass under heat."""
     row: dict[str, Any] = {}
     if thermal.dispersion is not None:
         d, e = list(thermal.dispersion[:3]), list(thermal.dispersion[3:5])

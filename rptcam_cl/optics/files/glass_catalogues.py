@@ -131,7 +131,7 @@ def _add(
 
 
 def _absorption(inside: list[tuple[float, float, float]]) -> Absorption | None:
-    """Return what rows of wavelength, transmittance and thickness say, None when no two of them say anything."""
+    """Return the absorption of rows of wavelength, transmittance and thickness, None with fewer than two valid ones."""
     rows = sorted({row[0]: row for row in inside if row[2] > 0 and 0 <= row[1] <= 1}.values())
     return Absorption.from_transmittance(*zip(*rows, strict=True)) if len(rows) > 1 else None
 
@@ -288,7 +288,7 @@ def law_of(glass: MakersGlass, label: str) -> Medium:
 
 
 def bundled_thermal(medium: Medium) -> Thermal | None:
-    """Return what SCHOTT says about heat, of a glass of the bundled table; None of others."""
+    """Return the thermal data of SCHOTT for a glass of the bundled table; None for others."""
     glass = glasses_of("schott").get(plain_glass_name(medium.name)) if GLASSES.get(medium.name) == medium else None
     return _thermal(_row(glass)) if glass is not None else None
 
@@ -301,7 +301,7 @@ def _row(glass: MakersGlass) -> dict[str, Any]:
 
 
 def _thermal(row: dict[str, Any]) -> Thermal | None:
-    """Return what a row says about heat, None when it says nothing."""
+    """Return the thermal data of a row, None without any."""
     if "thermal" not in row and "expansion" not in row:
         return None
     dispersion = tuple(row["thermal"]) if "thermal" in row else None
@@ -370,7 +370,7 @@ class Named:
     is_chosen: bool = False
 
     def remark(self, name: str) -> str:
-        """Return what a reader should know of how `name` was taken, nothing where there was no choice."""
+        """Return a remark on how `name` was taken, empty where there was no choice."""
         if not self.is_exact:
             return f"glass {name} is taken as {self.written}{f' ({self.maker.upper()})' if self.maker else ''}"
         plain = plain_glass_name(name)
