@@ -22,7 +22,7 @@ from PIL import Image as Bitmap
 from benchmarks.report import arguments, machine, print_machine, print_table, write_json
 from benchmarks.scenes import render_samples, wavefront_of
 from benchmarks.stopwatch import timed
-from rptcam_cl.api.stages import resolve
+from rptcam_cl.api.job import resolve
 from rptcam_cl.device.devices import choose_device
 from rptcam_cl.device.session import Session
 from rptcam_cl.rendering import scene_buffers

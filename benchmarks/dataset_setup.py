@@ -17,13 +17,13 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import rptcam_cl.api.stages as stages
+import rptcam_cl.api.job as job
 from benchmarks.report import arguments, machine, print_machine, print_table, write_json
 from rptcam_cl.batch.dataset import DatasetFolder, dataset
 from rptcam_cl.core.files import CACHE_VARIABLE
+from rptcam_cl.core.remember import forget
 from rptcam_cl.device.devices import choose_device
-from rptcam_cl.rendering.cameras.pupil import forget_tables
-from rptcam_cl.rendering.cameras.shared_pupil import forget_shared
+from rptcam_cl.rendering.cameras.pupil import KEPT
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
 FIRST, FIRST_OF_STATES = 4, 60  # frames that do not count; where states of a lens share tables
@@ -95,13 +95,13 @@ class Clock:
     @contextmanager
     def running(self) -> Iterator[None]:
         """Count both meanwhile."""
-        plain, keep = stages.render_plan, DatasetFolder.keep
-        stages.render_plan = self._counted(plain, "rays")
+        plain, keep = job.render_plan, DatasetFolder.keep
+        job.render_plan = self._counted(plain, "rays")
         DatasetFolder.keep = self._counted(keep, "files")  # type: ignore[method-assign]
         try:
             yield
         finally:
-            stages.render_plan, DatasetFolder.keep = plain, keep  # type: ignore[method-assign]
+            job.render_plan, DatasetFolder.keep = plain, keep  # type: ignore[method-assign]
 
     def _counted(self, work: Callable[..., Any], part: str) -> Callable[..., Any]:
         def counted(*args: Any, **options: Any) -> Any:
@@ -122,8 +122,7 @@ def measure(
     clock = Clock()
     with tempfile.TemporaryDirectory() as place, clock.running():
         os.environ[CACHE_VARIABLE] = f"{place}/own"
-        forget_tables()
-        forget_shared()
+        forget(KEPT)
         frames = dataset(source, Path(place, "out"), frames=first + count, device=device)
         for _ in range(first):
             next(frames)

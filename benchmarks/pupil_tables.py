@@ -18,16 +18,17 @@ from benchmarks.report import arguments, machine, print_machine, print_table, wr
 from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.records import PupilKind
+from rptcam_cl.core.remember import forget
 from rptcam_cl.device.devices import choose_device
 from rptcam_cl.optics.design import image_circle
 from rptcam_cl.optics.lens import Lens, film_distance
 from rptcam_cl.optics.library import list_lenses, load_lens
 from rptcam_cl.optics.pupils import DIRECTIONS, FilmProbe
 from rptcam_cl.rendering.cameras.pupil import (
+    KEPT,
     PupilCircle,
     PupilGrid,
     PupilSampling,
-    forget_tables,
     outlines_around,
     pupil_sampling,
 )
@@ -109,7 +110,7 @@ def measure(name: str) -> dict[str, float | None]:
     given = (lens, back, (radius, radius), LINE_D_NM)
     found: dict[str, float | None] = {"surfaces": len(lens.surfaces), "seconds": np.inf}
     for _ in range(2):
-        forget_tables()
+        forget(KEPT)
         began = time.process_time()
         pupil_sampling(*given, "tight")
         found["seconds"] = min(found["seconds"] or 0.0, time.process_time() - began)

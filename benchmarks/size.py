@@ -12,6 +12,7 @@ import tokenize
 import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -90,6 +91,7 @@ def room_of(path: Path) -> str:
     return TOP if first.endswith(".py") else first
 
 
+@cache
 def rooms() -> dict[str, Size]:
     """The size of each room."""
     sizes: dict[str, Size] = {}

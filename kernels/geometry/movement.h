@@ -11,9 +11,6 @@
 #include "geometry/surface.h"
 
 #if HAS_MOTION
-// What a point may be off by the way to rest and back, relative to its coordinates: a dozen roundings.
-#define MOTION_ROUNDING  1.5e-6f
-
 typedef struct {
     F3 shift;
 #if MOTION_TURNS

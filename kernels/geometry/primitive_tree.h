@@ -8,9 +8,7 @@
 #define PRIMITIVE_TREE_H
 #include "geometry/primitives.h"
 
-// What a hit of a primitive may be off its surface by rounding, relative to the largest coordinate of the ray's origin
-// and (rptcam_cl/rendering/trees.py) of the primitive: boxes are grown by it, so that none is missed.
-#define HIT_ROUNDING   4.0e-6f
+// HIT_ROUNDING is what a hit of a primitive may be off its surface: boxes are grown by it, so that none is missed.
 #define LEAST_SLOPE    1.0e-18f      // direction along an axis, kept off zero so that products stay finite
 
 typedef struct {

@@ -35,8 +35,6 @@ static inline F3 object_vector(const __global Primitive *p, F3 d)
 }
 
 #if HUGE_SPHERES
-#define HUGE_POWER  2e-3f       // of the squared radius: the eye is a thousandth of the radius from the surface
-
 // Whether a sphere is so large beside its distance from the eye that its centre and radius do not tell where its surface is.
 // row_z.w holds the power of the eye: its squared distance from the centre, less the squared radius.
 static inline int is_huge(const __global Primitive *p)

@@ -36,7 +36,7 @@ static inline Rules rules_of(Wave wave, Limits limits)
 typedef struct {
     Ray ray;
     F   weight;     // of the camera ray, multiplied in on the film: roulette must not depend on the exposure
-    F   kindness;   // of roulette, where the path's pixel lies
+    F   survival_scale;   // of roulette, where the path's pixel lies
     F3  beta;       // throughput behind the camera
     F3  radiance;   // gathered so far
     F   pdf;        // density of the last direction; 0 where light sampling cannot compete
@@ -176,20 +176,20 @@ static ShadowRay light_sample(Path path, Vertex vertex, I on, Hit hit, Scene sce
 
 // What roulette multiplies the throughput of a path by, by the cell of the film that its pixel lies in: great where the picture
 // is dark and what little light a path brings shows (rptcam_cl/rendering/film.py).
-static inline F kindness_at(Lane lane, Limits limits, const __global float *kindness)
+static inline F survival_scale_at(Lane lane, Limits limits, const __global float *survival_scale)
 {
     I column = MIN(lane.x >> (int)(limits.cell_shift), (I)(limits.cells_across - 1));
     I row = MIN(lane.y >> (int)(limits.cell_shift), (I)(limits.cells_down - 1));
     I cell = row * limits.cells_across + column;
-    return GATHER(F, kindness, cell, );
+    return GATHER(F, survival_scale, cell, );
 }
 
 // Chance of a path to go on after Russian roulette: what light it may still bring, over what its pixel shows. What has gathered
 // none before this vertex is all that its sample may get, and does not end more often where the picture is bright.
 static inline F chance_to_go_on(Path path)
 {
-    F kindness = max3(path.radiance) > 0.0f ? path.kindness : MAX(path.kindness, (F)(LEAST_UNLIT));
-    return MIN(MAX(kindness * max3(path.beta), (F)(LEAST_CHANCE)), ONE);
+    F survival_scale = max3(path.radiance) > 0.0f ? path.survival_scale : MAX(path.survival_scale, (F)(LEAST_UNLIT));
+    return MIN(MAX(survival_scale * max3(path.beta), (F)(LEAST_CHANCE)), ONE);
 }
 
 // One vertex of every living path: gathers emission and environment, makes a light sample, and continues the path or ends

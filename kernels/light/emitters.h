@@ -186,7 +186,6 @@ static void sample_environment(Scene scene, F pick, I kind, F u, F v, LightSampl
 #endif
 
 #if TINY_LAMPS
-#define TINY_ANGLE     1e-4f        // of a lamp whose neighbours a rounded direction may meet in its place, at most
 #define FAR_ROUNDING   4e-6f        // of the distance: how far before or behind it then meets them
 
 // How far a shadow ray goes to a lamp at distance `reach`. Where that is far beside its size the ray ends before what lies

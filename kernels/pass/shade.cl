@@ -11,7 +11,7 @@ __kernel void shade(SCENE_PARAMETERS
                     Limits          limits,
                     uint            depth,       // of the vertex, from 1
                     const __global uint *tiles,     // that are rendered
-                    const __global float *kindness) // of roulette, by cell of the film
+                    const __global float *survival_scale) // of roulette, by cell of the film
 {
     uint slot = get_global_id(0) * VW;
     // Read the path and its hit.
@@ -22,7 +22,7 @@ __kernel void shade(SCENE_PARAMETERS
     Lane lane = lane_of(slot, wave, tiles);
     path.pixel = lane.pixel;
     path.sample = lane.sample;
-    path.kindness = kindness_at(lane, limits, kindness);
+    path.survival_scale = survival_scale_at(lane, limits, survival_scale);
     path.depth = (U)(depth);
     path.ray.triangle = READ_TRIANGLE(TRIANGLE, slot);
     path.ray.o = READ_F3(O, slot);

@@ -18,7 +18,7 @@ __kernel void stream(SCENE_PARAMETERS
                      __global uint        *counters,
                      uint                  pixels,      // pixels of the film incl. tile padding
                      const __global uint  *tiles,       // that are rendered
-                     const __global float *kindness)    // of roulette, by cell of the film
+                     const __global float *survival_scale)    // of roulette, by cell of the film
 {
     uint first = get_global_id(0) * VW;
     Scene scene = SCENE;
@@ -40,7 +40,7 @@ __kernel void stream(SCENE_PARAMETERS
     path.ray.time = ZERO;
 #endif
     path.weight = ZERO;
-    path.kindness = kindness_at(camera_rays.lane, limits, kindness);
+    path.survival_scale = survival_scale_at(camera_rays.lane, limits, survival_scale);
 #if SPECTRUM
     path.wavelength_sample = ZERO;
 #endif

@@ -1,63 +1,37 @@
-"""Devices, lenses and pictures, each by one call; scenes with all found once; parts and their whole."""
+"""The interface: devices, lenses and pictures, each by one call; scenes with all found once; parts and their whole."""
 
 from __future__ import annotations
 
-import json
 import os
-import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, replace
-from functools import partial
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from rptcam_cl.api.stages import (
+from rptcam_cl.api.job import (
+    RenderJob,
     RenderOptions,
     Resolved,
-    arrays_beside,
-    check_divisible,
-    devices_of,
-    named_layers,
-    of_picture,
-    prepare,
-    report,
+    SceneSource,
+    name_layers,
+    plain_data,
+    read_scene,
     resolve,
-    run,
-    truth_of,
     with_ghosts,
 )
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.core.files import check_writable, replacing
 from rptcam_cl.device.devices import choose_device, list_devices, problem_of
-from rptcam_cl.device.session import Split, Wanted, open_session, open_sessions
+from rptcam_cl.device.session import Split, Wanted, open_sessions
 from rptcam_cl.imaging.image import Image, develop
-from rptcam_cl.imaging.sensor import check_sensor
 from rptcam_cl.optics.library import load_lens as read_lens
-from rptcam_cl.rendering.account import forecast, window
-from rptcam_cl.rendering.checkpoint import (
-    SUFFIX,
-    Checkpoint,
-    SavedPicture,
-    Saver,
-    layout_of,
-    merged_state,
-    picture_of,
-    write_checkpoint,
-)
-from rptcam_cl.rendering.diffraction import FilmSpread, spread_of
-from rptcam_cl.rendering.film import FilmLayout
-from rptcam_cl.rendering.ghosts import ghosting_of, saved_ghosts
+from rptcam_cl.rendering.checkpoint import layout_of, merged_state, picture_of, write_checkpoint
+from rptcam_cl.rendering.diffraction import spread_of
+from rptcam_cl.rendering.ghosts import saved_ghosts
 from rptcam_cl.rendering.ground_truth import saved_truth
-from rptcam_cl.rendering.highlights import aimed_plan
-from rptcam_cl.rendering.plan.plan import make_plan
-from rptcam_cl.rendering.progressive import Progress, render_state
-from rptcam_cl.rendering.several import FilmPart
-from rptcam_cl.rendering.tracer import Wavefront
-from rptcam_cl.scene.load import load_scene, plain, scene_text, set_keys
+from rptcam_cl.rendering.progressive import Progress
+from rptcam_cl.scene.load import load_scene, scene_text, set_keys
 from rptcam_cl.scene.scene import Scene
 
 if TYPE_CHECKING:
@@ -65,8 +39,6 @@ if TYPE_CHECKING:
 
 
 # Devices, lenses and pictures, each by one call.
-
-SceneSource = Scene | str | Path | Mapping[str, Any]
 
 
 def devices() -> list[dict[str, Any]]:
@@ -182,31 +154,11 @@ def render(
     NumericError
         With ``strict``; its ``image`` is the picture.
     """
-    settings = RenderOptions(
-        spp=spp,
-        seconds=seconds,
-        seed=seed,
-        size=size,
-        crop=crop,
-        layers=layers,
-        denoise=denoise,
-        noise=noise,
-        checkpoint=checkpoint,
-        resume=resume,
-        allow_mixed=allow_mixed,
-        device=device,
-        split=split,
-        wave_size=wave_size,
-        numerics=numerics,
-        strict=strict,
-        part=part,
-        samples=samples,
-        neighbours=_frames_beside(neighbours),
-        on_progress=on_progress,
-        should_stop=should_stop,
-    )
-    prepared = prepare(scene, settings)
-    return report(prepared, run(prepared))
+    given = dict(locals())  # the keywords, which are the fields of the options
+    del given["scene"]
+    options = RenderOptions(**given | {"neighbours": _frames_beside(neighbours)})
+    job = RenderJob.prepare(scene, options)
+    return job.report(job.run())
 
 
 def _frames_beside(
@@ -218,7 +170,7 @@ def _frames_beside(
     if not isinstance(neighbours, tuple | list) or len(neighbours) != 2:
         got = f"{len(neighbours)} of them" if isinstance(neighbours, tuple | list) else type(neighbours).__name__
         raise InputError(f"neighbours: must be the frames before and after (got {got}; allowed: two, None for none)")
-    before, after = (frame if frame is None or isinstance(frame, Scene) else load_scene(frame) for frame in neighbours)
+    before, after = (None if frame is None else read_scene(frame) for frame in neighbours)
     return before, after
 
 
@@ -227,23 +179,21 @@ def _frames_beside(
 
 @dataclass(frozen=True)
 class Settlement:
-    """What `rptcam_cl.settle` found.
+    """A scene with focus, camera model and exposure fixed, as `rptcam_cl.settle` returns it.
 
     Attributes
     ----------
     scene : dict
         The data of the scene, as `load_scene` takes them.
     found : tuple of str
-        What was found, a sentence each; none where the scene left nothing open.
+        Focus, camera model and exposure, a sentence each; none where the scene left nothing open.
     """
 
     scene: dict[str, Any]
     found: tuple[str, ...]
 
 
-def settle(
-    scene: Scene | str | Path | Mapping[str, Any], path: str | Path | None = None, *, device: Wanted = None
-) -> Settlement:
+def settle(scene: SceneSource, path: str | Path | None = None, *, device: Wanted = None) -> Settlement:
     """Return a scene with the focus, camera model and exposure that it leaves to be found, and write it to a file.
 
     Pictures of both scenes have the same bits.
@@ -262,14 +212,13 @@ def settle(
     InputError, DeviceError, StateError
         As `render` does, and where the file cannot be written or its folder lacks the scene's files.
     """
-    given = scene if isinstance(scene, Scene) else load_scene(scene)
+    given = read_scene(scene)
     if path is not None:
         check_writable(path, [scene] if isinstance(scene, str | Path) else [])
         _check_folder(given, Path(path))
     sessions, _ = open_sessions(device)
     found = resolve(given, sessions[0])
-    fixed = set_keys(given, _keys(given, found))
-    data = {name: _data(value) for name, value in fixed.made_of.items()}
+    data = plain_data(set_keys(given, _keys(given, found)))
     notes = _notes(found)
     if path is not None:
         with replacing(path) as temporary:
@@ -278,13 +227,12 @@ def settle(
 
 
 def _check_folder(scene: Scene, path: Path) -> None:
-    """Refuse a file whose folder lacks the files that the scene names."""
+    """Raise `InputError` if the folder of a file lacks the files that the scene names."""
     folder = path.absolute().parent
     if folder.resolve() == scene.base_dir.resolve():
         return
-    data = {name: _data(value) for name, value in scene.made_of.items()}
     try:
-        same = load_scene(data, base_dir=folder).content_hash() == scene.content_hash()
+        same = load_scene(plain_data(scene), base_dir=folder).content_hash() == scene.content_hash()
     except InputError:
         same = False
     if not same:
@@ -292,7 +240,7 @@ def _check_folder(scene: Scene, path: Path) -> None:
 
 
 def _keys(scene: Scene, found: Resolved) -> dict[str, Any]:
-    """Return the keys that say what was found, by key path."""
+    """The focus, camera model and exposure as keys of the scene, by key path."""
     changes: dict[str, Any] = {}
     if found.focus is not None:
         changes |= {f"camera.{key}": value for key, value in found.focus["camera"].items()}
@@ -309,13 +257,6 @@ def _keys(scene: Scene, found: Resolved) -> dict[str, Any]:
     if scene.exposure.mode == "auto":
         changes["exposure.lock_cd_m2"] = found.metered_cd_m2
     return changes
-
-
-def _data(value: Any) -> Any:
-    """Return a part of a scene as the data that a file has."""
-    if hasattr(value, "model_dump"):
-        return value.model_dump(mode="json", exclude_unset=True)
-    return plain(value)
 
 
 def _notes(found: Resolved) -> tuple[str, ...]:
@@ -369,11 +310,16 @@ def merge(
         check_writable(checkpoint, parts)
     state = merged_state(parts, allow_mixed=allow_mixed)
     layout = layout_of(state.facts)
-    found, spread, ghosts, said = _beside(state, layout)
+    try:
+        spread = spread_of(state.arrays, tuple(state.facts["resolution"]))
+        found, ghosts = picture_of(state, layout), saved_ghosts(state.arrays)
+        of_sharp_layers = saved_truth(state.arrays, layout)[1]
+    except (ValueError, KeyError, TypeError) as problem:
+        raise StateError(f"this saved render is damaged: {problem} (render it again)") from None
     if checkpoint is not None:
         write_checkpoint(checkpoint, state.facts, state.arrays)
     metadata = dict(found.metadata)
-    layers = named_layers(state.facts["layers"], found.layers, ({}, said), metadata)
+    layers = name_layers(state.facts["layers"], found.layers, ({}, of_sharp_layers), metadata)
     image = Image(found.pixels, metadata, found.stats, layers=layers)
     if ghosts is not None:
         image = with_ghosts(image, *ghosts)
@@ -383,109 +329,3 @@ def merge(
         return develop(image)
     except InputError as problem:  # of keys that every render has checked
         raise StateError(f"{parts[0]}: this saved render is damaged: {problem}") from None
-
-
-def _beside(
-    state: Checkpoint, layout: FilmLayout
-) -> tuple[SavedPicture, FilmSpread | None, tuple[NDArray[np.float32], dict[str, Any]] | None, dict[str, Any]]:
-    """Return the picture of a saved render, what diffraction does to it, its ghosts, and what its sharp layers say."""
-    try:
-        spread = spread_of(state.arrays, tuple(state.facts["resolution"]))
-        return picture_of(state, layout), spread, saved_ghosts(state.arrays), saved_truth(state.arrays, layout)[1]
-    except (ValueError, KeyError, TypeError) as problem:
-        raise StateError(f"this saved render is damaged: {problem} (render it again)") from None
-
-
-# Many parts of one film, each as the content of a file, by kernels that are compiled once.
-
-SHORT_MEASURE_S = 0.2  # by which parts are made: parts of half or twice the time are no worse
-
-
-@dataclass(frozen=True)
-class Found:
-    """What is found once for all parts of a film.
-
-    Attributes
-    ----------
-    focus : dict or None
-        What autofocus found.
-    metered_cd_m2 : float or None
-        The luminance that the exposure follows from.
-    """
-
-    focus: dict[str, Any] | None = None
-    metered_cd_m2: float | None = None
-
-    def is_same(self, other: Found) -> bool:
-        """Return whether another worker, or the same earlier, has found the same; what it could not measure is nan."""
-        return self.text() == other.text()
-
-    def text(self) -> str:
-        """Return all of it, as a file has it."""
-        return json.dumps(asdict(self), sort_keys=True, default=str)
-
-
-class PartRenderer:
-    """Renders parts of one film by tiles; `rptcam_cl.merge` puts them together.
-
-    Parameters
-    ----------
-    scene
-        The scene.
-    settings
-        What replaces its keys.
-    device
-        As for `rptcam_cl.choose_device`.
-    found
-        Focus and exposure, where they were found before; else they are found here.
-
-    Attributes
-    ----------
-    found : Found
-    device : str
-        Name of the device.
-    made_by : dict
-        What the parts say of this program.
-
-    Raises
-    ------
-    InputError, DeviceError
-        As `rptcam_cl.render` does.
-    """
-
-    def __init__(self, scene: Scene, settings: RenderOptions, device: str | None, found: Found | None = None) -> None:
-        scene = settings.applied_to(scene)
-        check_sensor(scene, *window(scene)[2:])
-        check_divisible(scene)
-        end = settings.most_spp(scene)
-        assert end is not None, "parts end by samples"
-        self._end = end
-        session = open_session(device)
-        known = found or Found()
-        resolved = resolve(scene, session, known.focus, known.metered_cd_m2)
-        self.found = found or Found(resolved.focus, resolved.metered_cd_m2)
-        self.device = session.info.name
-        layout, layers = FilmLayout.of(scene.film), scene.render.layers
-        plan, buffers = aimed_plan(make_plan(resolved.scene), session, layers)
-        self._wavefront = Wavefront(session, plan, layout, scene.render, buffers=buffers)
-        self._wavefront.warm_up()
-        ghosting = ghosting_of(resolved.ghosts, plan, session)
-        self._saver = Saver(f"part{SUFFIX}", scene, [self.device], [session.info.driver])
-        self.made_by = self._saver.makers[0]
-        self._saver.focus, self._saver.metered_cd_m2 = self.found.focus, self.found.metered_cd_m2
-        self._saver.of_picture = of_picture(scene, resolved, plan, settings)
-        truth = truth_of(resolved.scene, plan, self._wavefront, layers, settings)
-        self._saver.beside = partial(arrays_beside, resolved.diffraction, ghosting, truth)
-
-    def seconds(self) -> float:
-        """Return how long the whole film takes here [s], by a short measurement."""
-        return forecast(self._wavefront, 0, self._end, measure_s=SHORT_MEASURE_S).seconds
-
-    def render(self, part: FilmPart) -> tuple[bytes, float]:
-        """Render a part; return the content of its file, which `rptcam_cl.merge` reads, and how long it took [s]."""
-        begun, wavefront = time.perf_counter(), self._wavefront
-        wavefront.clear()
-        wavefront.choose_tiles(part.tiles(wavefront.layout.tiles))
-        state = render_state(wavefront, self._end, part)
-        self._saver.parts_since = lambda done: devices_of(wavefront, part.first, done)
-        return self._saver.content(state, part), time.perf_counter() - begun

@@ -5,43 +5,33 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Hashable, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
-from pathlib import Path
 from types import TracebackType
 from typing import Any, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.api.stages import (
-    Ahead,
-    Prepared,
-    RenderOptions,
-    Resolved,
-    compile_here,
-    key_of,
-    report,
-    resolve,
-    truth_of,
-)
+from rptcam_cl.api.job import RenderJob, RenderOptions, Resolved, SceneSource, resolve
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.core.errors import InputError, StateError
+from rptcam_cl.core.errors import InputError, StateError, out_of_range
 from rptcam_cl.device.session import NotKeptError, Session, open_sessions
 from rptcam_cl.imaging.image import Image
 from rptcam_cl.imaging.sensor import check_sensor
 from rptcam_cl.rendering.account import window
 from rptcam_cl.rendering.film import FilmLayout
-from rptcam_cl.rendering.ghosts import ghosting_of
 from rptcam_cl.rendering.highlights import aimed_plan
 from rptcam_cl.rendering.metering import reading_cd_m2
+from rptcam_cl.rendering.passes import signature
 from rptcam_cl.rendering.plan.plan import Plan, make_plan, with_film, with_lens, with_pose
 from rptcam_cl.rendering.plan.primitives import PlanParts
 from rptcam_cl.rendering.progressive import FilmRun, rendering_of
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
-from rptcam_cl.rendering.tracer import WavefrontPool
+from rptcam_cl.rendering.tracer import SMALL, Compiler, Wavefront, WavefrontPool, order
 from rptcam_cl.scene.exposure import LEAST_CD_M2, MOST_CD_M2
 from rptcam_cl.scene.film import Film, RenderSettings
-from rptcam_cl.scene.load import load_scene, set_keys
+from rptcam_cl.scene.load import set_keys
 from rptcam_cl.scene.scene import Scene
 
 # What a render session hands out: frames, and what a change came to.
@@ -54,13 +44,14 @@ FIRST_SLOTS = 1 << 14  # of the first wave, whose time is not known
 
 @dataclass(frozen=True)
 class Change:
-    """What a change of a session's scene came to.
+    """The effect of a change of a session's scene.
 
     Attributes
     ----------
     kind : str
-        The dearest that it took. ``none``: nothing has changed. ``picture``: the film stays, it is developed in another
-        way. ``camera``: records of the camera. ``scene``: other records too, or another film. ``program``: kernels.
+        The most expensive that it took. ``none``: nothing has changed. ``picture``: the film stays, it is developed in
+        another way. ``camera``: records of the camera. ``scene``: other records too, or another film. ``program``:
+        kernels.
     keys : tuple of str
         The parts of the scene that are others now.
     ready : bool
@@ -104,29 +95,13 @@ class Frame:
     generation: int
 
 
-class NoiseAtHand:
-    """The noise of one film: estimated whenever its samples have doubled, as that takes long, and scaled between."""
-
-    def __init__(self) -> None:
-        self._samples = 1  # at which it was estimated
-        self._noise: float | None = None
-
-    def of(self, run: FilmRun, sums: NDArray[np.float32]) -> float | None:
-        """Return the relative standard error of a film with these sums; None for less than two samples."""
-        if run.is_whole and run.done >= 2 * self._samples:
-            achieved = run.watch.achieved(run.done, sums)
-            self._noise = None if achieved is None else achieved.picture
-            self._samples = 1 if achieved is None else run.done
-        return None if self._noise is None else float(self._noise * np.sqrt(self._samples / run.done))
-
-
 class Pace:
     """Keeps the queue of a device so short that work is given up at once when it is cancelled.
 
     Parameters
     ----------
-    finish
-        Waits for the device.
+    cancelled
+        Set where work is to be given up.
     """
 
     def __init__(self, cancelled: threading.Event) -> None:
@@ -140,7 +115,7 @@ class Pace:
         return FIRST_SLOTS if self._rate is None else max(int(self._rate * QUEUE_SECONDS), 1)
 
     def enqueued(self, finish: Callable[[], None]) -> Callable[[int], bool]:
-        """Return what counts waves of so many slots, and says whether to give up; ``finish`` waits for the device."""
+        """A counter of waves of so many slots, which says whether to give up; ``finish`` waits for the device."""
         self._pending, self._since = 0, time.perf_counter()
 
         def count(slots: int) -> bool:
@@ -170,7 +145,7 @@ class SceneState:
     ----------
     scene : Scene
         As requested.
-    found : Resolved
+    resolved : Resolved
     plan : Plan
     buffers : SceneBuffers
         The plan on the device.
@@ -179,30 +154,30 @@ class SceneState:
     """
 
     scene: Scene
-    found: Resolved
+    resolved: Resolved
     plan: Plan
     buffers: SceneBuffers
     is_final: bool
 
 
 def focuses_anew(changes: Mapping[str, Any], scene: Scene) -> bool:
-    """Return whether a change asks for autofocus in the scene that it leads to, or takes another lens."""
+    """Whether a change asks for autofocus in the scene that it leads to, or takes another lens."""
     keys = [key.split(".") for key in changes]
     if any(key[0] == "camera" and (len(key) == 1 or key[1] in ANOTHER_LENS) for key in keys):
         return True
     return scene.requested_autofocus is not None and any(key[:2] == ["camera", "focus"] for key in keys)
 
 
-def focused_as(state: SceneState, scene: Scene) -> Scene:
-    """Return a scene with the focus that was found for another state of it, where it asks for autofocus."""
-    known = state.found.focus
+def keep_focus(state: SceneState, scene: Scene) -> Scene:
+    """Set the focus that was found for an earlier state, in a scene with autofocus."""
+    known = state.resolved.focus
     if known is None or scene.requested_autofocus is None:
         return scene
     return set_keys(scene, {f"camera.{key}": value for key, value in known["camera"].items()})
 
 
 def changed_parts(before: Scene, after: Scene) -> tuple[str, ...]:
-    """Return the keys at the top of a scene that say something else."""
+    """The sections of a scene that differ."""
     one, other = before.made_of, after.made_of
     return tuple(name for name in Scene.model_fields if not _is_same(one.get(name), other.get(name)))
 
@@ -217,15 +192,15 @@ def _is_same(one: Any, other: Any) -> bool:
 
 
 def kind_of(before: Plan, after: Plan, compiled: bool, keys: tuple[str, ...]) -> Kind:
-    """Return the dearest that another plan takes."""
+    """The most expensive kind of change that another plan is."""
     if not compiled:
         return "program"
     return "camera" if before.facts == after.facts and set(keys) <= {"camera", "exposure", "shutter"} else "scene"
 
 
-def plan_beside(before: SceneState, scene: Scene, resolved: Scene, parts: PlanParts) -> Plan:
-    """Return the plan of a scene for glances, made of the plan before where nothing but the lens is another."""
-    same_time = before.found.scene.shutter == resolved.shutter  # where things that move are
+def plan_for_glances(before: SceneState, scene: Scene, resolved: Scene, parts: PlanParts) -> Plan:
+    """The plan of a scene for glances, made of the plan before where nothing but the lens differs."""
+    same_time = before.resolved.scene.shutter == resolved.shutter  # where things that move are
     if same_time and set(changed_parts(before.scene, scene)) <= OF_THE_LENS:
         if _moves_alone(before, scene, resolved):
             return with_pose(before.plan, resolved, parts)
@@ -234,8 +209,8 @@ def plan_beside(before: SceneState, scene: Scene, resolved: Scene, parts: PlanPa
 
 
 def _moves_alone(before: SceneState, scene: Scene, resolved: Scene) -> bool:
-    """Return whether nothing but the place of a camera is another, which focuses by no point of the scene."""
-    earlier, camera = before.found.scene, resolved.camera
+    """Whether nothing but the pose of a camera differs, which focuses by no point of the scene."""
+    earlier, camera = before.resolved.scene, resolved.camera
     focus = getattr(scene.camera, "focus", None)
     if getattr(focus, "point", None) or getattr(focus, "object", None):
         return False
@@ -248,42 +223,19 @@ def _moves_alone(before: SceneState, scene: Scene, resolved: Scene) -> bool:
 
 def scaled(state: SceneState, scale: float, reading: float | None) -> tuple[Plan, Film]:
     """Return the plan of a state with a film of fewer pixels, exposed by a reading of the meter; and that film."""
-    film = state.found.scene.film
+    film = state.resolved.scene.film
     columns, rows = (max(round(side * scale), 1) for side in film.resolution)
     if state.scene.camera.kind == "environment":
         columns = 2 * rows
     smaller = film.model_copy(update={"resolution": (columns, rows)})
-    plan, metered = with_film(state.plan, state.found.scene, smaller), state.found.metered_cd_m2
+    plan, metered = with_film(state.plan, state.resolved.scene, smaller), state.resolved.metered_cd_m2
     if metered is not None and reading is not None:
         plan.camera.record["exposure"] *= metered / reading
     return plan, smaller
 
 
-def image_of(
-    state: SceneState, plan: Plan, run: FilmRun, settings: RenderOptions, *, seconds: float, begun: float
-) -> Image:
-    """Return a film as `render` returns it.
-
-    Parameters
-    ----------
-    state, plan, run, settings
-        What was rendered, with the plan of its film, its whole film, and the settings of `render` that stand for it.
-    seconds, begun
-        What the samples took [s], and when all of it began, by `time.perf_counter` [s].
-    """
-    rendering = rendering_of(run, start=0, seconds=seconds, new_samples=run.wavefront.camera_rays, interrupted=False)
-    layers = state.scene.render.layers
-    truth = truth_of(state.found.scene, state.plan, run.wavefront, layers, settings)
-    prepared = Prepared(
-        settings, state.scene, layers, state.found.scene, state.found.metadata, plan,
-        run.wavefront, None, None, begun, {"start": 0.0, "compile": 0.0}, state.found.diffraction,
-        ghosting_of(state.found.ghosts, state.plan, run.wavefront.session), truth,
-    )  # fmt: skip
-    return report(prepared, rendering)
-
-
 def reading_of(pixels: NDArray[np.float32], plan: Plan, state: SceneState, film: Film) -> float | None:
-    """Return what the exposure meter reads of a glance; None where it has seen a part of the film, or hardly light."""
+    """The reading of the exposure meter for a glance; None where it has seen a part of the film, or hardly light."""
     if film.crop is not None or state.scene.exposure.lock_cd_m2:
         return None
     per_radiance = float(plan.camera.record["exposure"][0]) * plan.camera.axial_weight
@@ -297,9 +249,24 @@ def reading_of(pixels: NDArray[np.float32], plan: Plan, state: SceneState, film:
 # Quick kernels compile in half the time and run twice as long. So the glances of a session that does not wait have
 # them until another process has compiled the full ones.
 
+Wanted = tuple[Plan, SceneBuffers, RenderSettings]
+"""What kernels are compiled for."""
 
-class Preparation:
-    """Makes scenes ready on a device.
+
+def key_of(plan: Plan, scene: SceneBuffers, settings: RenderSettings) -> tuple[Any, ...]:
+    """The key of the kernels that a plan takes."""
+    return signature(plan, scene, SMALL, settings)
+
+
+def compile_here(device: Session, plan: Plan, scene: SceneBuffers, settings: RenderSettings) -> None:
+    """Compile what a plan needs in this process."""
+    Wavefront(device, plan, SMALL, settings, buffers=scene, scouts=False).warm_up()
+
+
+class SceneCompiler:
+    """Plans scenes and compiles their kernels, at once or in the background, and knows what is compiled.
+
+    In the background, a process apart compiles first where the driver would stop the device for it.
 
     Parameters
     ----------
@@ -310,86 +277,112 @@ class Preparation:
 
     Attributes
     ----------
-    ahead : Ahead
-        What is compiled, and under way.
     pool : WavefrontPool
         Wavefronts of the full kernels.
     """
 
     def __init__(self, device: Session, *, waits: bool) -> None:
         self._device = device
-        self.ahead, self.pool = Ahead(device), WavefrontPool(device)
-        self._parts = PlanParts()
+        self.pool, self._parts = WavefrontPool(device), PlanParts()
         self._quick: Session | None = None
         if not waits and device.generates_late and device.lanes > 1:
             self._quick = device.quick()
             self._quick_pool = WavefrontPool(self._quick)
         self._quick_keys: set[Hashable] = set()  # of what quick kernels were compiled for
+        self._done: set[Hashable] = set()
+        self._failed: set[Hashable] = set()  # in the background
+        self._missing: set[Hashable] = set()  # of what the driver has kept
+        self._under_way: dict[Hashable, Future[None]] = {}
+        self._threads = ThreadPoolExecutor(1, "rptcam-compile")
+        self._compiler = Compiler()
+        self._orders: dict[Hashable, Future[bool]] = {}
 
     def first(self, scene: Scene) -> SceneState:
-        """Return a scene ready to be rendered; not final where its exposure was metered with quick kernels."""
-        found, is_final = self._resolved(scene)
-        return self._planned(scene, found, make_plan(found.scene, parts=self._parts), is_final=is_final)
+        """Plan a scene; it is not final where its exposure was metered with quick kernels.
 
-    def beside(self, before: SceneState, scene: Scene, reading: float | None) -> SceneState:
-        """Return a scene ready for glances: by the last reading of the meter and coarse tables."""
-        found = resolve(scene, self._device, metered_cd_m2=reading)
-        plan = plan_beside(before, scene, found.scene, self._parts)
+        Autofocus takes millions of samples, for which full kernels are worth their time.
+        """
+        is_final = True
+        if self._quick is None or scene.requested_autofocus is not None:
+            resolved = resolve(scene, self._device)
+        else:
+            try:
+                resolved = resolve(scene, self._device.kept_only())
+            except NotKeptError:
+                resolved, is_final = resolve(scene, self._quick), False
+        return self._plan_state(scene, resolved, make_plan(resolved.scene, parts=self._parts), is_final=is_final)
+
+    def for_glances(self, before: SceneState, scene: Scene, reading: float | None) -> SceneState:
+        """Plan a scene for glances: by the last reading of the meter and coarse tables."""
+        resolved = resolve(scene, self._device, metered_cd_m2=reading)
+        plan = plan_for_glances(before, scene, resolved.scene, self._parts)
         if plan.camera.facts != before.plan.camera.facts:  # coarse tables may be of another kind
-            plan = make_plan(found.scene, parts=self._parts)
-        return self._planned(scene, found, plan, is_final=False)
+            plan = make_plan(resolved.scene, parts=self._parts)
+        return self._plan_state(scene, resolved, plan, is_final=False)
 
     def final(self, state: SceneState) -> SceneState:
-        """Return a state as `render` has it."""
-        found = resolve(state.scene, self._device, state.found.focus)
-        return self._planned(state.scene, found, make_plan(found.scene, parts=self._parts), is_final=True)
+        """Plan a scene as `render` does."""
+        resolved = resolve(state.scene, self._device, state.resolved.focus)
+        return self._plan_state(state.scene, resolved, make_plan(resolved.scene, parts=self._parts), is_final=True)
 
     def of_film(self, state: SceneState) -> tuple[Plan, SceneBuffers]:
-        """Return the plan of a final state's film, and its arrays: camera rays may aim at lamps."""
+        """The plan of a final state's film, and its arrays: camera rays may aim at lamps."""
         plan, buffers = aimed_plan(state.plan, self._device, state.scene.render.layers, state.buffers)
         return plan, buffers or state.buffers
 
     def close(self) -> None:
-        """Compile nothing more; let go of everything on the device."""
-        self.ahead.close()
+        """Compile nothing more, give up what a process apart compiles, and let go of everything on the device."""
+        self._compiler.close()
+        self._threads.shutdown(wait=True, cancel_futures=True)
         self.pool.close()
         if self._quick is not None:
             self._quick_pool.close()
 
-    def knows(self, state: SceneState) -> bool:
-        """Return whether a state can be shown at once."""
-        return self._key(state) in self._quick_keys or self.ahead.knows(*self._of_glances(state))
+    @property
+    def is_idle(self) -> bool:
+        """Whether nothing is being compiled."""
+        self._collect()
+        return not self._under_way
+
+    def is_ready(self, state: SceneState) -> bool:
+        """Whether a state can be shown at once."""
+        key = self._key(state)
+        self._collect()
+        return key in self._quick_keys or key in self._done
 
     def compile(self, state: SceneState) -> None:
         """Compile what showing a state takes, unless it can be shown."""
-        if not self.knows(state):
-            self.ahead.compile(*self._of_glances(state))
+        if self.is_ready(state):
+            return
+        key = self._key(state)
+        if key in self._under_way:
+            self._under_way[key].result()
+        self._collect()
+        if key not in self._done:
+            compile_here(self._device, *self._of_glances(state))
+            self._done.add(key)
 
-    def compile_soonest(self, state: SceneState) -> None:
-        """Compile what glances of a state take: quick kernels, unless full ones are kept."""
-        if self._quick is None or not self.is_quick(state):
+    def compile_fast(self, state: SceneState) -> None:
+        """Compile what glances of a state take: quick kernels, unless full ones are cached."""
+        if self._quick is None or not self._is_quick(state):
             self.compile(state)
         else:
             compile_here(self._quick, *self._of_glances(state))
             self._quick_keys.add(self._key(state))
 
     def begin(self, state: SceneState) -> None:
-        """Compile it in the background."""
-        self.ahead.begin(*self._of_glances(state))
-
-    def is_quick(self, state: SceneState) -> bool:
-        """Return whether glances of a state have quick kernels."""
-        return self._quick is not None and not self.ahead.takes_kept(*self._of_glances(state))
+        """Compile what showing a state takes in the background."""
+        self._begin(self._of_glances(state))
 
     def pool_of_glances(self, state: SceneState) -> WavefrontPool:
-        """Return the wavefronts that glances of a state take."""
-        if not self.is_quick(state):
+        """The wavefronts that glances of a state take."""
+        if not self._is_quick(state):
             return self.pool
         self._quick_keys.add(self._key(state))
         return self._quick_pool
 
     def is_film_ready(self, state: SceneState, of_film: Callable[[], tuple[Plan, SceneBuffers]]) -> bool:
-        """Return whether the film of a state can have samples at once; otherwise its kernels are compiled meanwhile.
+        """Whether the film of a state can have samples at once; otherwise its kernels are compiled meanwhile.
 
         So are those of its glances, afterwards.
 
@@ -400,44 +393,98 @@ class Preparation:
         """
         if self._quick is None:
             return True
-        if not state.is_final and self.is_quick(state):  # full kernels meter for a film
-            return self._begun(self._of_glances(state))
-        plan, buffers = of_film()
-        wanted = plan, buffers, state.scene.render
-        if not self.ahead.takes_kept(*wanted):
-            return self._begun(wanted)
-        if self.is_quick(state):
-            self._begun(self._of_glances(state))
+        if not state.is_final and self._is_quick(state):  # full kernels meter for a film
+            self._begin_when_idle(self._of_glances(state))
+            return False
+        wanted = *of_film(), state.scene.render
+        if not self._is_cached(wanted):
+            self._begin_when_idle(wanted)
+            return False
+        if self._is_quick(state):
+            self._begin_when_idle(self._of_glances(state))
         return True
 
-    def _begun(self, wanted: tuple[Plan, SceneBuffers, RenderSettings]) -> bool:
-        """Compile something in the background as soon as nothing else is; return False, as it is not ready."""
-        if self.ahead.ready:
-            self.ahead.begin(*wanted)
-        return False
+    def is_carried_out(self, name: Hashable, order: Callable[[], bytes]) -> bool:
+        """Whether another process has carried out an order, successfully or not; it begins where it has not yet.
 
-    def _of_glances(self, state: SceneState) -> tuple[Plan, SceneBuffers, RenderSettings]:
-        """Return what has to be compiled before a state is shown."""
+        Where the driver does not stop the device to compile, there is nothing to be gained by it.
+
+        Parameters
+        ----------
+        name
+            Of what the order compiles.
+        order
+            Returns what `Compiler.compile` takes.
+        """
+        if not self._device.generates_late:
+            return True
+        if name not in self._orders:
+            self._orders[name] = self._threads.submit(self._compiler.compile, order())
+        return self._orders[name].done()
+
+    def _is_quick(self, state: SceneState) -> bool:
+        """Whether glances of a state have quick kernels."""
+        return self._quick is not None and not self._is_cached(self._of_glances(state))
+
+    def _is_cached(self, wanted: Wanted) -> bool:
+        """Whether kernels are there without the compiler: compiled before, or loaded now.
+
+        True, too, where compiling them has failed, which is to be reported.
+        """
+        key = key_of(*wanted)
+        self._collect()
+        if key in self._done or key in self._failed:
+            return True
+        if key in self._missing:
+            return False
+        try:
+            compile_here(self._device.kept_only(), *wanted)
+        except NotKeptError:
+            self._missing.add(key)
+            return False
+        self._done.add(key)
+        return True
+
+    def _begin(self, wanted: Wanted) -> None:
+        """Compile in the background; what fails there fails again when it is needed."""
+        key = key_of(*wanted)
+        self._collect()
+        if key not in self._done and key not in self._under_way:
+            for waiting in self._under_way.values():
+                waiting.cancel()
+            self._under_way[key] = self._threads.submit(self._compile_in_background, *wanted)
+
+    def _begin_when_idle(self, wanted: Wanted) -> None:
+        """Compile in the background if nothing else is compiled there."""
+        if self.is_idle:
+            self._begin(wanted)
+
+    def _compile_in_background(self, plan: Plan, scene: SceneBuffers, settings: RenderSettings) -> None:
+        device = self._device.beside()
+        if device.generates_late:
+            wanted = order(device, plan, scene, settings)
+            if wanted is not None:
+                self._compiler.compile(wanted)
+        if not self._compiler.is_closed:
+            compile_here(device, plan, scene, settings)
+
+    def _collect(self) -> None:
+        for key, future in list(self._under_way.items()):
+            if future.done():
+                del self._under_way[key]
+                if not future.cancelled():
+                    (self._done if future.exception() is None else self._failed).add(key)
+
+    def _of_glances(self, state: SceneState) -> Wanted:
+        """What has to be compiled before a state is shown."""
         settings = state.scene.render if self._quick is None else of_glance(state.scene)
         return state.plan, state.buffers, settings
 
     def _key(self, state: SceneState) -> Hashable:
         return key_of(*self._of_glances(state))
 
-    def _planned(self, scene: Scene, found: Resolved, plan: Plan, *, is_final: bool) -> SceneState:
-        return SceneState(scene, found, plan, self.pool.upload(plan), is_final)
-
-    def _resolved(self, scene: Scene) -> tuple[Resolved, bool]:
-        """Return a scene resolved as soon as can be, and whether full kernels were at it.
-
-        Autofocus takes millions of samples, for which full kernels are worth their time.
-        """
-        if self._quick is None or scene.requested_autofocus is not None:
-            return resolve(scene, self._device), True
-        try:
-            return resolve(scene, self._device.kept_only()), True
-        except NotKeptError:
-            return resolve(scene, self._quick), False
+    def _plan_state(self, scene: Scene, resolved: Resolved, plan: Plan, *, is_final: bool) -> SceneState:
+        return SceneState(scene, resolved, plan, self.pool.upload(plan), is_final)
 
 
 def of_glance(scene: Scene) -> RenderSettings:
@@ -478,7 +525,7 @@ class RenderSession:
 
     def __init__(
         self,
-        scene: Scene | str | Path | Mapping[str, Any],
+        scene: SceneSource,
         *,
         device: str | Session | None = None,
         size: tuple[int, int] | None = None,
@@ -486,25 +533,25 @@ class RenderSession:
         wait: bool = True,
     ) -> None:
         self._begun = time.perf_counter()
-        self._settings = RenderOptions(size=size, seed=seed)
-        given = self._given(scene)
+        self._options = RenderOptions(size=size, seed=seed)
+        given = self._options.scene_of(scene)
         sessions, _ = open_sessions(device)
         if len(sessions) > 1:
             raise InputError("device: a session renders on one device (name one of them)")
         self._device = sessions[0]
-        self._preparation = Preparation(self._device, waits=wait)
-        self._ahead = self._preparation.ahead
+        self._compiler = SceneCompiler(self._device, waits=wait)
         self._cancelled = threading.Event()
         self._pace = Pace(self._cancelled)
         self._generation = 0
         self._run: FilmRun | None = None
         self._of_film: tuple[Plan, SceneBuffers] | None = None
-        self._noise = NoiseAtHand()
+        self._noise: float | None = None  # of the film
+        self._noise_spp = 1  # at which it was estimated
         self._waiting: SceneState | None = None
         self._seconds, self._added_s, self._complete = 0.0, 0.0, True  # spent on the film; by the last samples
-        self._shown = self._preparation.first(given)
-        self._reading = self._shown.found.metered_cd_m2  # of the exposure meter, for glances
-        self._preparation.compile_soonest(self._shown)
+        self._shown = self._compiler.first(given)
+        self._reading = self._shown.resolved.metered_cd_m2  # of the exposure meter, for glances
+        self._compiler.compile_fast(self._shown)
         self._hash: str | None = given.content_hash()
 
     @property
@@ -520,12 +567,12 @@ class RenderSession:
     @property
     def resolved(self) -> Scene:
         """The scene in focus, with its camera model and its exposure."""
-        return self._newest.found.scene
+        return self._newest.resolved.scene
 
     @property
     def metadata(self) -> dict[str, Any]:
         """How focus, camera model and exposure were found, and what the picture's metadata say of the spectrum."""
-        return self._newest.plan.spectrum.metadata | self._newest.found.metadata
+        return self._newest.plan.spectrum.metadata | self._newest.resolved.metadata
 
     @property
     def resolution(self) -> tuple[int, int]:
@@ -551,15 +598,15 @@ class RenderSession:
     @property
     def ready(self) -> bool:
         """Whether nothing is compiled in the background."""
-        return self._ahead.ready
+        return self._compiler.is_idle
 
     def is_film_ready(self) -> bool:
-        """Return whether samples can be taken at once; otherwise what they need is compiled in the background.
+        """Whether samples can be taken at once; otherwise what they need is compiled in the background.
 
         So are the full kernels of glances, after those of the film. A session that waits is always ready.
         """
         self._arrive()
-        return self._preparation.is_film_ready(self._shown, self._film_plan)
+        return self._compiler.is_film_ready(self._shown, self._film_plan)
 
     def change(self, changes: Mapping[str, Any], *, wait: bool = True) -> Change:
         """Set keys of the scene, as `rptcam_cl.scene.load` does; the film is empty then, unless it stays the same.
@@ -582,7 +629,7 @@ class RenderSession:
         scene = self._changed(changes)
         return self._take_over(scene, focus_anew=focuses_anew(changes, scene), wait=wait)
 
-    def replace(self, scene: Scene | str | Path | Mapping[str, Any], *, wait: bool = True) -> Change:
+    def replace(self, scene: SceneSource, *, wait: bool = True) -> Change:
         """Take another scene, as `change` does; its focus and exposure are found anew.
 
         Raises
@@ -591,7 +638,7 @@ class RenderSession:
             When it is not valid; the session is as it was.
         """
         self._check_open()
-        given = self._given(scene)
+        given = self._options.scene_of(scene)
         content = given.content_hash()
         files_changed = content != self._hash  # a lens or a picture, though the scene may say the same
         change = self._take_over(given, focus_anew=True, wait=wait, anyway=files_changed)
@@ -607,13 +654,15 @@ class RenderSession:
             As `change` would.
         """
         self._check_open()
-        state = self._preparation.beside(self._newest, focused_as(self._newest, self._changed(changes)), self._reading)
-        self._preparation.begin(state)
+        state = self._compiler.for_glances(
+            self._newest, keep_focus(self._newest, self._changed(changes)), self._reading
+        )
+        self._compiler.begin(state)
 
     def is_carried_out(self, kind: Hashable, order: Callable[[], bytes]) -> bool:
-        """Return whether another process has carried out an order about this scene; see `Ahead.is_carried_out`."""
+        """Whether another process has carried out an order about this scene; see `SceneCompiler`."""
         state = self._newest
-        return self._ahead.is_carried_out((kind, key_of(state.plan, state.buffers, state.scene.render)), order)
+        return self._compiler.is_carried_out((kind, key_of(state.plan, state.buffers, state.scene.render)), order)
 
     def take(self, samples: int = 1) -> Frame:
         """Add samples to the film and return it; a sample that was left is the first of them.
@@ -629,7 +678,7 @@ class RenderSession:
     def add(self, samples: int = 1) -> bool:
         """Add samples to the film as `take` does, but read nothing of it; return whether all of them are there."""
         if samples < 1:
-            raise InputError(f"samples: is out of range (got {samples!r}; allowed: at least 1)")
+            raise out_of_range("samples", samples, "at least 1")
         begun = time.perf_counter()
         self._complete = self._add(self._film(), samples)
         self._added_s = time.perf_counter() - begun
@@ -641,7 +690,7 @@ class RenderSession:
         begun, run = time.perf_counter(), self._film()
         sums = run.wavefront.sums()
         pixels = run.wavefront.layout.picture(sums, run.samples_of_tiles())
-        noise = self._noise.of(run, sums)
+        noise = self._noise_of(run, sums)
         seconds = self._added_s + time.perf_counter() - begun
         return Frame(pixels, run.done, self._complete, seconds, noise, 1.0, self._generation)
 
@@ -654,17 +703,17 @@ class RenderSession:
             When the scale is not above 0 and at most 1.
         """
         if not 0 < scale <= 1:
-            raise InputError(f"scale: is out of range (got {scale!r}; allowed: above 0, at most 1)")
+            raise out_of_range("scale", scale, "above 0, at most 1")
         begun = time.perf_counter()
         self._arrive()
         state = self._shown
         plan, film = scaled(state, scale, self._reading)
-        buffers = self._preparation.pool.upload(plan)
-        pool = self._preparation.pool_of_glances(state)
+        buffers = self._compiler.pool.upload(plan)
+        pool = self._compiler.pool_of_glances(state)
         run = FilmRun(pool.wavefront(plan, buffers, FilmLayout.of(film), of_glance(state.scene), "glance"))
         complete = self._add(run, 1)
         pixels = run.pixels()
-        if complete and state.found.metered_cd_m2 is not None:
+        if complete and state.resolved.metered_cd_m2 is not None:
             self._reading = reading_of(pixels, plan, state, film) or self._reading
         return Frame(pixels, run.done, complete, time.perf_counter() - begun, None, scale, self._generation)
 
@@ -689,13 +738,15 @@ class RenderSession:
             self._add(run, 1)
         if run.done == 0:
             raise InputError("the session has no samples yet (call take() first)")
-        settings = replace(self._settings, device=self._device)
-        return image_of(self._shown, self._film_plan()[0], run, settings, seconds=self._seconds, begun=self._begun)
+        plan, state, wavefront = self._film_plan()[0], self._shown, run.wavefront
+        job = RenderJob(self._options, state.scene, state.resolved, plan, wavefront, begun=self._begun)
+        samples = wavefront.camera_rays
+        return job.report(rendering_of(run, start=0, seconds=self._seconds, new_samples=samples, interrupted=False))
 
     def close(self) -> None:
         """Let go of the device; the session is of no use then."""
         self._run, self._waiting = None, None
-        self._preparation.close()
+        self._compiler.close()
         self._closed = True
 
     def __enter__(self) -> Self:
@@ -716,11 +767,6 @@ class RenderSession:
         if self._closed:
             raise StateError("the session is closed (make another one)")
 
-    def _given(self, scene: Scene | str | Path | Mapping[str, Any]) -> Scene:
-        found = self._settings.applied_to(scene if isinstance(scene, Scene) else load_scene(scene))
-        check_sensor(found, *window(found)[2:])
-        return found
-
     def _changed(self, changes: Mapping[str, Any]) -> Scene:
         scene = set_keys(self.scene, changes)
         check_sensor(scene, *window(scene)[2:])
@@ -735,23 +781,23 @@ class RenderSession:
             self._replace_scene(scene)
             return Change("picture", keys, self._waiting is None)
         if focus_anew:
-            state = self._preparation.first(scene)
+            state = self._compiler.first(scene)
         else:
-            state = self._preparation.beside(before, focused_as(before, scene), self._reading)
+            state = self._compiler.for_glances(before, keep_focus(before, scene), self._reading)
         self._hash = None
-        compiled = self._preparation.knows(state)
+        compiled = self._compiler.is_ready(state)
         if not compiled and not wait:
             self._waiting = state
-            self._preparation.begin(state)
+            self._compiler.begin(state)
             return Change("program", keys, ready=False)
-        self._preparation.compile(state)
+        self._compiler.compile(state)
         self._show(state)
         return Change(kind_of(before.plan, state.plan, compiled, keys), keys)
 
     def _show(self, state: SceneState) -> None:
         self._shown, self._waiting, self._run, self._of_film = state, None, None, None
-        self._noise, self._seconds = NoiseAtHand(), 0.0
-        self._reading = self._reading or state.found.metered_cd_m2
+        self._noise, self._noise_spp, self._seconds = None, 1, 0.0
+        self._reading = self._reading or state.resolved.metered_cd_m2
         self._generation += 1
 
     def _replace_scene(self, scene: Scene) -> None:
@@ -766,8 +812,8 @@ class RenderSession:
         """Show the scene that has been waited for, once it is compiled."""
         self._check_open()
         waiting = self._waiting
-        if waiting is not None and self._ahead.ready:
-            self._preparation.compile(waiting)
+        if waiting is not None and self._compiler.is_idle:
+            self._compiler.compile(waiting)
             self._show(waiting)
 
     def _film(self) -> FilmRun:
@@ -776,7 +822,7 @@ class RenderSession:
         if self._run is None:
             plan, buffers = self._film_plan()
             scene = self._shown.scene
-            wavefront = self._preparation.pool.wavefront(plan, buffers, FilmLayout.of(scene.film), scene.render, "film")
+            wavefront = self._compiler.pool.wavefront(plan, buffers, FilmLayout.of(scene.film), scene.render, "film")
             self._run = FilmRun(wavefront, scene.render.noise)
         return self._run
 
@@ -784,10 +830,21 @@ class RenderSession:
         """Return the plan of the film of what is shown, and its arrays."""
         if self._of_film is None:
             if not self._shown.is_final:
-                self._shown = self._preparation.final(self._shown)
-                self._reading = self._shown.found.metered_cd_m2
-            self._of_film = self._preparation.of_film(self._shown)
+                self._shown = self._compiler.final(self._shown)
+                self._reading = self._shown.resolved.metered_cd_m2
+            self._of_film = self._compiler.of_film(self._shown)
         return self._of_film
+
+    def _noise_of(self, run: FilmRun, sums: NDArray[np.float32]) -> float | None:
+        """The relative standard error of the film with these sums; None for less than two samples.
+
+        It is estimated whenever the samples have doubled, as that takes long, and scaled between.
+        """
+        if run.is_whole and run.done >= 2 * self._noise_spp:
+            achieved = run.watch.achieved(run.done, sums)
+            self._noise = None if achieved is None else achieved.picture
+            self._noise_spp = 1 if achieved is None else run.done
+        return None if self._noise is None else float(self._noise * np.sqrt(self._noise_spp / run.done))
 
     def _add(self, run: FilmRun, samples: int) -> bool:
         """Add samples to a film unless that is cancelled; return whether all are there."""

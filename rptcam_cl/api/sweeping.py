@@ -17,10 +17,10 @@ import numpy as np
 
 from rptcam_cl._version import __version__
 from rptcam_cl.api.interface import render
-from rptcam_cl.api.stages import Kept, RenderOptions, prepare, report, run
+from rptcam_cl.api.job import RenderOptions, SceneSource, SeriesRenderer, read_scene
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, RptcamError, StateError
-from rptcam_cl.core.files import kernels_dir, replacing, unlinked
+from rptcam_cl.core.files import check_writable, kernels_dir, make_folder, replacing, unlinked
 from rptcam_cl.core.remember import Disk, OneMaker, made_by
 from rptcam_cl.device.session import Session, Wanted, open_sessions
 from rptcam_cl.imaging.development import quantised
@@ -29,8 +29,7 @@ from rptcam_cl.imaging.sensor import check_sensor
 from rptcam_cl.imaging.slanted_edge import mtf50_at
 from rptcam_cl.rendering.account import window
 from rptcam_cl.rendering.metering import resolve_exposure
-from rptcam_cl.rendering.plan.plan import Plan
-from rptcam_cl.scene.load import at_rest, change_scene, load_scene, set_keys
+from rptcam_cl.scene.load import at_rest, change_scene, set_keys
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.studies.focus.drives import focus_drive
 
@@ -89,35 +88,6 @@ def _small(image: Image) -> Picture:
     return picture.resize((WIDTH_PX, max(round(image.height * scale), 1)), Pillow.Resampling.BOX)
 
 
-# Many pictures one after the other: what they share stays on the device.
-
-
-class SeriesRenderer:
-    """Renders scenes on one device, each as `render` does.
-
-    Parameters
-    ----------
-    device
-        The device.
-
-    Attributes
-    ----------
-    plan : Plan or None
-        That of the last picture.
-    """
-
-    def __init__(self, device: Session) -> None:
-        self.device = device
-        self.plan: Plan | None = None
-        self._settings, self._kept = RenderOptions(device=device), Kept(device)
-
-    def render(self, scene: Scene) -> Image:
-        """Return the picture that the camera of a scene takes."""
-        prepared = prepare(scene, self._settings, self._kept)
-        self.plan = prepared.plan
-        return report(prepared, run(prepared))
-
-
 #
 # Focus and exposure that follow from all frames before: each frame is measured alone, and a policy goes over them.
 #
@@ -130,7 +100,7 @@ ROOMS = ("core", "device", "optics", "scene", "rendering", "studies", "api")
 
 
 def needs_tracking(scene: Scene) -> bool:
-    """Return whether focus or exposure of a frame follow from the frames before."""
+    """Whether focus or exposure of a frame follow from the frames before."""
     return scene.sequence is not None and (
         scene.sequence.continuous_focus is not None or scene.sequence.exposure_time_constant_s is not None
     )
@@ -183,21 +153,20 @@ class FrameTracker:
         metadata: dict[str, Any] = {}
         try:
             if self._sequence.continuous_focus is not None and at_rest(still).requested_autofocus is not None:
-                still, metadata = self._focused(still)
+                still, metadata = self._focus(still)
             if self._sequence.exposure_time_constant_s is not None and _is_metered(still):
-                still = self._exposed(still, self._sequence.exposure_time_constant_s)
+                still = self._expose(still, self._sequence.exposure_time_constant_s)
         except InputError as problem:
             raise type(problem)(f"frame {number}: {problem}") from None
         return still, metadata
 
-    def _focused(self, still: Scene) -> tuple[Scene, dict[str, Any]]:
+    def _focus(self, still: Scene) -> tuple[Scene, dict[str, Any]]:
         from rptcam_cl.studies.focus.controller import Following, after
-        from rptcam_cl.studies.focus.drives import focus_drive  # few scenes have it
 
-        manner, frame_s = self._sequence.continuous_focus, 1 / self._sequence.frames_per_second
-        assert manner is not None
+        settings, frame_s = self._sequence.continuous_focus, 1 / self._sequence.frames_per_second
+        assert settings is not None
         scene = at_rest(still)
-        state = self._kept("focus", scene, lambda session: _state_of(scene, session))
+        state = self._measure_once("focus", scene, lambda session: _state_of(scene, session))
         drive = focus_drive(scene)
         measured = None if state is None else drive.coordinate(state)
         lens = _lens_of(scene)
@@ -206,15 +175,15 @@ class FrameTracker:
                 raise InputError("camera.focus.auto: nothing to focus on in the first frame")
             self._following = Following(measured)
         else:
-            self._following = after(self._following, measured, drive.depth_of_focus, manner, frame_s)
+            self._following = after(self._following, measured, drive.depth_of_focus, settings, frame_s)
         self._lens = lens
         found = state if measured is not None and self._following.place == measured else None
         where = drive.state_at(self._following.place) if found is None else found
         metadata = {"state": where, "measured": state, "moving": self._following.moving}
         return change_scene(still, camera=drive.camera_keys(where)), {"continuous_focus": metadata}
 
-    def _exposed(self, still: Scene, time_constant_s: float) -> Scene:
-        read = self._kept("meter", still, lambda session: _reading_of(still, session))
+    def _expose(self, still: Scene, time_constant_s: float) -> Scene:
+        read = self._measure_once("meter", still, lambda session: _reading_of(still, session))
         assert read is not None, "auto exposure is metered"
         if self._reading is None:
             self._reading = read
@@ -223,22 +192,19 @@ class FrameTracker:
             self._reading *= (read / self._reading) ** share
         return set_keys(still, {"exposure.lock_cd_m2": self._reading})
 
-    def _kept(self, what: str, scene: Scene, measure: Callable[[Session], float | None]) -> float | None:
-        """Return what was measured in a frame, here or by an earlier run."""
-        if self._session is None:
-            self._session = self._open()
-        session, key = self._session, (__version__, self._session.info.driver, what, scene.content_hash())
+    def _measure_once(self, what: str, scene: Scene, measure: Callable[[Session], float | None]) -> float | None:
+        """The measurement of a frame, made here or by an earlier run."""
+        session = self._session = self._session or self._open()
 
-        def find() -> float | None:
-            value = measure(session)
+        def measure_here() -> float | None:
             self.measured += 1
-            return value
+            return measure(session)
 
-        return _disk().find_or_make(key, find)
+        return _disk().find_or_make((__version__, session.info.driver, what, scene.content_hash()), measure_here)
 
 
 def _disk() -> Disk:
-    """Return where measurements are kept; all code of these rooms and all kernels decide them."""
+    """Where measurements are kept; all code of these rooms and all kernels decide them."""
     return Disk(KIND, ROOMS, tuple(sorted(path.name for path in kernels_dir().iterdir())))
 
 
@@ -247,7 +213,7 @@ def _is_metered(scene: Scene) -> bool:
 
 
 def _reading_of(scene: Scene, session: Session) -> float | None:
-    """Return what the meter reads; a scene that focuses for itself is metered in focus."""
+    """The reading of the exposure meter [cd/m²]; a scene with autofocus is metered in focus."""
     if at_rest(scene).requested_autofocus is not None:
         from rptcam_cl.studies.focus.controller import in_focus
 
@@ -256,7 +222,7 @@ def _reading_of(scene: Scene, session: Session) -> float | None:
 
 
 def _state_of(scene: Scene, session: Session) -> float | None:
-    """Return the focus state that autofocus finds; None where it finds none."""
+    """The focus state that autofocus finds; None where it finds none."""
     from rptcam_cl.studies.focus.controller import find_focus
     from rptcam_cl.studies.focus.probe import NoContrast, OutOfReach
 
@@ -269,7 +235,7 @@ def _state_of(scene: Scene, session: Session) -> float | None:
 
 
 def _lens_of(scene: Scene) -> tuple[Any, ...]:
-    """Return what says which coordinate a focus has: another lens or another zoom has others."""
+    """The lens and its zoom, which give the coordinate of focus its meaning."""
     camera = scene.camera
     return tuple(getattr(camera, name, None) for name in ("kind", "lens", "zoom", "focal_length_mm", "fov_degrees"))
 
@@ -313,7 +279,7 @@ class SweepEntry:
 
     @property
     def _lines(self) -> list[str]:
-        return [f"{key.rpartition('.')[2]} {shown(value)}" for key, value in self.values.items()]
+        return [f"{key.rpartition('.')[2]} {format_value(value)}" for key, value in self.values.items()]
 
 
 Pictures = Callable[[Mapping[int, Scene]], Iterable[tuple[int, Image]]]
@@ -321,15 +287,67 @@ Pictures = Callable[[Mapping[int, Scene]], Iterable[tuple[int, Image]]]
 
 
 @dataclass(frozen=True)
-class _Planned:
+class _Combination:
+    """Values of a sweep and their scene; the film is kept under a name that follows from all that decides it."""
+
     values: dict[str, Any]
     scene: Scene
     key: str
     name: str
+    folder: Path | None
+    mtf_at: tuple[float, float] | None
+
+    @property
+    def file(self) -> Path | None:
+        """The film, where one is kept."""
+        return None if self.folder is None else self.folder / f"{self.name}.exr"
+
+    def read(self, same: OneMaker) -> SweepEntry | None:
+        """The entry of an earlier run; None where there is none that is whole.
+
+        Raises
+        ------
+        StateError
+            It was made by other code than what the sweep has already.
+        """
+        if self.file is None:
+            return None
+        try:
+            found = json.loads(self.file.with_suffix(".json").read_text("utf-8"))
+            if found["key"] != self.key:
+                return None
+            image = read_film(self.file)
+            if image.metadata.get("picture_hash") != self.scene.picture_hash():
+                return None
+            entry = SweepEntry(self.values, found["measures"], develop(image), True, self.file)
+        except (OSError, ValueError, KeyError, TypeError, RptcamError):
+            return None
+        same.add(str(self.file), image.metadata.get("made_by"))
+        return entry
+
+    def keep(self, image: Image) -> SweepEntry:
+        """Measure a picture, and keep it: the film first, so that measures without a film cannot be."""
+        achieved = image.stats.get("numerics", {}).get("noise")  # a worker's picture comes without
+        luminance = image.luminance
+        measures = {
+            "mean": float(luminance.mean(dtype=np.float64)),
+            "noise": None if achieved is None else achieved["picture"],
+            "spp": image.metadata.get("spp_mean", image.metadata["spp"]),
+            "seconds": _seconds(image),
+        } | ({} if self.mtf_at is None else {"mtf50": mtf50_at(luminance, *self.mtf_at)})
+        if self.file is not None:
+            image.save(unlinked(self.file))
+            try:
+                with replacing(unlinked(self.file.with_suffix(".json"))) as temporary:
+                    temporary.write_text(json.dumps({"key": self.key, "measures": measures}), encoding="utf-8")
+            except StateError:
+                self.file.unlink(missing_ok=True)  # as on a full disk
+                raise
+        return SweepEntry(self.values, measures, image, False, self.file)
 
 
 def sweep(
-    scene: Scene | str | Path | Mapping[str, Any],
+    scene: SceneSource,
     over: Mapping[str, Sequence[Any]],
     folder: str | Path | None = None,
     *,
@@ -372,15 +390,18 @@ def sweep(
     StateError
         The folder cannot be written, or holds pictures that other code has made.
     """
-    settings = RenderOptions(spp=spp, size=size, seed=seed)
-    given = scene if isinstance(scene, Scene) else load_scene(scene)
-    planned = _plan(settings.applied_to(given), over, mtf_at)
-    place = None if folder is None else _folder(Path(folder))
-    return _entries(planned, place, mtf_at, device, pictures, OneMaker(allow_mixed))
+    place = None if folder is None else Path(folder)
+    applied = RenderOptions(spp=spp, size=size, seed=seed).apply_to(read_scene(scene))
+    planned = _plan(applied, over, place, mtf_at)
+    if place is not None:
+        check_writable(make_folder(place) / SHEET)
+    return _entries(planned, place, device, pictures, OneMaker(allow_mixed))
 
 
-def _plan(scene: Scene, over: Mapping[str, Sequence[Any]], mtf_at: tuple[float, float] | None) -> list[_Planned]:
-    """Return every combination with its scene, checked."""
+def _plan(
+    scene: Scene, over: Mapping[str, Sequence[Any]], folder: Path | None, mtf_at: tuple[float, float] | None
+) -> list[_Combination]:
+    """Check every combination with its scene."""
     if not over:
         raise InputError("over: no key to vary (allowed: as camera.f_number=2,4,8)")
     for path, choices in over.items():
@@ -390,10 +411,10 @@ def _plan(scene: Scene, over: Mapping[str, Sequence[Any]], mtf_at: tuple[float, 
         raise InputError(f"mtf_at: is no point of the picture (got {mtf_at}; allowed: two numbers in 0..1)")
     if (count := math.prod(len(values) for values in over.values())) > MOST_ENTRIES:
         raise InputError(f"over: {count} combinations are too many (allowed: {MOST_ENTRIES})")
-    planned: dict[str, _Planned] = {}
+    planned: dict[str, _Combination] = {}
     for combination in itertools.product(*over.values()):
         values = dict(zip(over, combination, strict=True))
-        title = ", ".join(f"{key}={shown(value)}" for key, value in values.items())
+        title = ", ".join(f"{key}={format_value(value)}" for key, value in values.items())
         try:
             changed = set_keys(scene, values)
             check_sensor(changed, *window(changed)[2:])
@@ -408,31 +429,18 @@ def _plan(scene: Scene, over: Mapping[str, Sequence[Any]], mtf_at: tuple[float, 
         slug = re.sub(r"[^A-Za-z0-9.+-]+", "_", title.replace("=", "-"))[:80]
         if key in planned:
             raise InputError(f"{title}: is the same picture as {planned[key].name} (leave one of them out)")
-        planned[key] = _Planned(values, changed, key, f"{slug}-{key}")
+        planned[key] = _Combination(values, changed, key, f"{slug}-{key}", folder, mtf_at)
     return list(planned.values())
 
 
-def shown(value: Any) -> str:
+def format_value(value: Any) -> str:
     """Return a value on a label."""
     return f"{value:.6g}" if isinstance(value, float) else value if isinstance(value, str) else json.dumps(value)
 
 
-def _folder(folder: Path) -> Path:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with replacing(unlinked(folder / ".rptcam-sweep")) as temporary:
-            temporary.touch()
-        (folder / ".rptcam-sweep").unlink()
-    except OSError as problem:
-        why = "is a file, not a folder" if folder.is_file() else f"cannot be written: {problem.strerror or problem}"
-        raise StateError(f"{folder}: {why}") from None
-    return folder
-
-
 def _entries(
-    planned: Sequence[_Planned],
+    planned: Sequence[_Combination],
     folder: Path | None,
-    mtf_at: tuple[float, float] | None,
     device: Wanted,
     pictures: Pictures | None,
     same: OneMaker,
@@ -441,15 +449,15 @@ def _entries(
     sessions: list[Any] = []
     series: SeriesRenderer | None = None
     rows, thumbnails = [], []
-    made = {} if pictures is None else _made_elsewhere(planned, folder, mtf_at, pictures, same)
+    made = {} if pictures is None else _render_elsewhere(planned, pictures, same)
     for number, plan in enumerate(planned):
-        entry = made.pop(number, None) or _kept(plan, folder, same)
+        entry = made.pop(number, None) or plan.read(same)
         if entry is None:
             sessions = sessions or open_sessions(device)[0]
             same.add("this program", made_by(session.info.driver for session in sessions))
             series = series or (SeriesRenderer(sessions[0]) if len(sessions) == 1 else None)
             image = render(plan.scene, device=device) if series is None else series.render(plan.scene)
-            entry = _made(plan, folder, image, mtf_at)
+            entry = plan.keep(image)
         if folder is not None:
             rows.append(entry.values | entry.measures | {"file": entry.file.name if entry.file else None})
             thumbnails.append(("\n".join(entry._lines), entry.image))
@@ -461,43 +469,14 @@ def _entries(
             contact_sheet(thumbnails, columns).save(temporary, format="png")
 
 
-def _made_elsewhere(
-    planned: Sequence[_Planned],
-    folder: Path | None,
-    mtf_at: tuple[float, float] | None,
-    pictures: Pictures,
-    same: OneMaker,
-) -> dict[int, SweepEntry]:
-    """Return the entries of what is not there yet, by number, each kept as it comes."""
-    missing = {number: plan.scene for number, plan in enumerate(planned) if _kept(plan, folder, same) is None}
+def _render_elsewhere(planned: Sequence[_Combination], pictures: Pictures, same: OneMaker) -> dict[int, SweepEntry]:
+    """Render what is not there yet, each kept as it comes; the entries by number."""
+    missing = {number: plan.scene for number, plan in enumerate(planned) if plan.read(same) is None}
     made = {}
     for number, image in pictures(missing):
         same.add(planned[number].name, image.metadata["made_by"])
-        made[number] = _made(planned[number], folder, image, mtf_at)
+        made[number] = planned[number].keep(image)
     return made
-
-
-def _made(plan: _Planned, folder: Path | None, image: Image, mtf_at: tuple[float, float] | None) -> SweepEntry:
-    """Return the entry of a picture, and keep it: the film first, so that measures without a film cannot be."""
-    achieved = image.stats.get("numerics", {}).get("noise")  # a worker's picture comes without
-    luminance = image.luminance
-    measures = {
-        "mean": float(luminance.mean(dtype=np.float64)),
-        "noise": None if achieved is None else achieved["picture"],
-        "spp": image.metadata.get("spp_mean", image.metadata["spp"]),
-        "seconds": _seconds(image),
-    } | ({} if mtf_at is None else {"mtf50": mtf50_at(luminance, *mtf_at)})
-    file = None
-    if folder is not None:
-        file = folder / f"{plan.name}.exr"
-        image.save(unlinked(file))
-        try:
-            with replacing(unlinked(file.with_suffix(".json"))) as temporary:
-                temporary.write_text(json.dumps({"key": plan.key, "measures": measures}), encoding="utf-8")
-        except StateError:
-            file.unlink(missing_ok=True)  # as on a full disk
-            raise
-    return SweepEntry(plan.values, measures, image, False, file)
 
 
 def _seconds(image: Image) -> float:
@@ -507,37 +486,14 @@ def _seconds(image: Image) -> float:
     return float(image.stats["seconds"]["render"])
 
 
-def _kept(plan: _Planned, folder: Path | None, same: OneMaker) -> SweepEntry | None:
-    """Return the entry of an earlier run; None where there is none that is whole.
-
-    Raises
-    ------
-    StateError
-        It was made by other code than what the sweep has already.
-    """
-    if folder is None:
-        return None
-    file = folder / f"{plan.name}.exr"
-    try:
-        found = json.loads(file.with_suffix(".json").read_text("utf-8"))
-        if found["key"] != plan.key:
-            return None
-        image = read_film(file)
-        if image.metadata.get("picture_hash") != plan.scene.picture_hash():
-            return None
-        entry = SweepEntry(plan.values, found["measures"], develop(image), True, file)
-    except (OSError, ValueError, KeyError, TypeError, RptcamError):
-        return None
-    same.add(str(file), image.metadata.get("made_by"))
-    return entry
-
-
 def _write_tables(folder: Path, rows: Sequence[Mapping[str, Any]]) -> None:
     text = io.StringIO()
     writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
     writer.writeheader()
     for row in rows:
-        writer.writerow({key: shown(value) if isinstance(value, list | dict) else value for key, value in row.items()})
+        writer.writerow(
+            {key: format_value(value) if isinstance(value, list | dict) else value for key, value in row.items()}
+        )
     for name, content in zip(TABLE, (text.getvalue(), json.dumps(rows, indent=2) + "\n"), strict=True):
         with replacing(unlinked(folder / name)) as temporary:
             temporary.write_text(content, encoding="utf-8")

@@ -16,17 +16,17 @@ import time
 import uuid
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
-from dataclasses import asdict, field, replace
+from dataclasses import field, replace
 from multiprocessing import resource_tracker
 from pathlib import Path
 from typing import Any, Literal
 
 from rptcam_cl._version import __version__
-from rptcam_cl.api.interface import Found, PartRenderer
-from rptcam_cl.api.stages import RenderOptions
+from rptcam_cl.api.job import RenderJob, RenderOptions, plain_data
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.core.errors import DeviceError, InputError, RptcamError, StateError
+from rptcam_cl.core.errors import DeviceError, InputError, RptcamError, StateError, out_of_range
 from rptcam_cl.core.files import (
+    make_folder,
     named_files,
     read_whole,
     remove_strays,
@@ -38,7 +38,7 @@ from rptcam_cl.core.remember import Maker, Memory, OneMaker, is_maker, made_by
 from rptcam_cl.device.devices import choose_device
 from rptcam_cl.rendering.checkpoint import SUFFIX, read_part
 from rptcam_cl.rendering.several import FilmPart
-from rptcam_cl.scene.load import load_scene, plain
+from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.scene import Scene
 
 # A scene with all its files as bytes, so that a machine that has none of them can render it.
@@ -66,7 +66,7 @@ class Parcel:
 
     @property
     def digest(self) -> str:
-        """What tells this parcel from others: the SHA-256 of all that it holds."""
+        """The SHA-256 of all that it holds."""
         whole = hashlib.sha256(self.content_hash.encode())
         for name, content in sorted(self.files.items()):
             whole.update(f"\0{name}\0".encode() + hashlib.sha256(content).digest())
@@ -85,12 +85,16 @@ class Parcel:
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_bytes(content)
         scene = load_scene(self.scene, base_dir=folder)
-        if scene.content_hash() != self.content_hash:
-            raise StateError("the scene is not the one that was sent: a file has changed, or a link leads elsewhere")
+        _check_content(scene, self.content_hash)
         return scene
 
 
-def packed(scene: Scene, *others: Scene) -> Parcel:
+def _check_content(scene: Scene, content_hash: str) -> None:
+    if scene.content_hash() != content_hash:
+        raise StateError("the scene is not the one that was sent: a file has changed, or a link leads elsewhere")
+
+
+def pack_scene(scene: Scene, *others: Scene) -> Parcel:
     """Return a scene with all the files that it names, directly or by a file of its own, and those of other scenes.
 
     These are in the same folder. Where they name the files that the scene names, these are not read again.
@@ -122,16 +126,6 @@ def packed(scene: Scene, *others: Scene) -> Parcel:
     if digest != scene.content_hash():
         raise StateError("the scene's files have changed since it was loaded (load it again)")
     return parcel
-
-
-def plain_data(scene: Scene) -> dict[str, Any]:
-    """Return the data of a scene, as a file has them."""
-    return {name: _data(value) for name, value in scene.made_of.items()}
-
-
-def _data(value: Any) -> Any:
-    """Return a part of a scene as the data that a file has."""
-    return value.model_dump(mode="json", exclude_unset=True) if hasattr(value, "model_dump") else plain(value)
 
 
 def _with_other_words(data: Any, others: Iterable[Scene]) -> Iterator[Scene]:
@@ -193,8 +187,8 @@ class Job:
         Keyword arguments of `rptcam_cl.render` that replace keys of the scene.
     device : str or None
         The device of each worker.
-    found : Found or None
-        Focus and exposure, once they are known.
+    findings : dict or None
+        Focus and exposure as `RenderJob.findings` has them, once they are known.
     count : int
         Parts of the film.
     version, code
@@ -205,20 +199,16 @@ class Job:
 
     settings: dict[str, Any]
     device: str | None = None
-    found: Found | None = None
+    findings: dict[str, Any] | None = None
     count: int = 1
     version: str = field(default=__version__)
     code: Maker = field(default_factory=lambda: made_by(()))
     allow_mixed: bool = False
 
-
-@dataclass(frozen=True)
-class Opened:
-    """What the first worker finds: focus and exposure for all, how long the film would take it [s], and what it is."""
-
-    found: Found
-    seconds: float
-    made_by: Maker
+    @property
+    def options(self) -> RenderOptions:
+        """Those of each worker."""
+        return RenderOptions(**self.settings, device=self.device)
 
 
 @dataclass(frozen=True)
@@ -232,8 +222,9 @@ class RenderedPart:
     made_by: Maker
 
 
+SHORT_MEASURE_S = 0.2  # by which parts are made: parts of half or twice the time are no worse
 _TASKS_ONE = threading.Lock()  # a worker with several threads has one device all the same
-_OPEN: dict[tuple[Any, ...], PartRenderer] = {}
+_OPEN: dict[tuple[Any, ...], RenderJob] = {}
 
 
 def survey(device: str | None = None) -> dict[str, Any]:
@@ -262,19 +253,19 @@ def hold_scene(digest: str) -> str:
     return digest
 
 
-def open_render(digest: str, job: Job) -> Opened:
-    """Prepare a render: find focus and exposure, compile, measure the speed."""
+def open_render(digest: str, job: Job) -> tuple[dict[str, Any], float, Maker]:
+    """Prepare a render: focus and exposure for all, how long the film would take this worker [s], and what it is."""
     with _TASKS_ONE:
-        renderer = _renderer(digest, job)
-        return Opened(renderer.found, renderer.seconds(), renderer.made_by)
+        render = _open(digest, job)
+        measured = render.forecast(SHORT_MEASURE_S)
+        assert measured is not None, "parts end by samples"
+        return render.findings, measured.seconds, _maker(render)
 
 
 def render_part(digest: str, job: Job, number: int) -> RenderedPart:
     """Render one part."""
     with _TASKS_ONE:
-        renderer = _renderer(digest, job)
-        content, seconds = renderer.render(FilmPart(number, job.count))
-        return RenderedPart(number, content, renderer.device, seconds, renderer.made_by)
+        return _part(_open(digest, job), number, job.count)
 
 
 def render_scene(digest: str, job: Job, number: int, data: dict[str, Any], content_hash: str) -> RenderedPart:
@@ -282,11 +273,20 @@ def render_scene(digest: str, job: Job, number: int, data: dict[str, Any], conte
     with _TASKS_ONE:
         _check_version(job)
         scene = load_scene(data, base_dir=scene_of(digest).base_dir)
-        if scene.content_hash() != content_hash:
-            raise StateError("the scene is not the one that was sent: a file has changed, or a link leads elsewhere")
-        renderer = PartRenderer(scene, RenderOptions(**job.settings), job.device)
-        content, seconds = renderer.render(FilmPart())
-        return RenderedPart(number, content, renderer.device, seconds, renderer.made_by)
+        _check_content(scene, content_hash)
+        render = RenderJob.prepare_parts(scene, job.options)
+        return replace(_part(render, 1, 1), number=number)
+
+
+def _part(render: RenderJob, number: int, count: int) -> RenderedPart:
+    content, seconds = render.part(FilmPart(number, count))
+    return RenderedPart(number, content, render.wavefront.session.info.name, seconds, _maker(render))
+
+
+def _maker(render: RenderJob) -> Maker:
+    """The identity of this program, as the parts of a render say it."""
+    assert render.saver is not None, "parts are saved"
+    return render.saver.makers[0]
 
 
 def _check_version(job: Job) -> None:
@@ -298,15 +298,21 @@ def _check_version(job: Job) -> None:
         same.add("cluster: a worker", made_by(()))
 
 
-def _renderer(digest: str, job: Job) -> PartRenderer:
-    """Return what renders the parts of a job: prepared once, unless another worker has found other focus or light."""
+def _open(digest: str, job: Job) -> RenderJob:
+    """The render of a job: prepared once, unless another worker has found other focus or light."""
     _check_version(job)
-    key = (digest, repr(replace(job, found=None, count=1)))
-    renderer = _OPEN.get(key)
-    if renderer is None or (job.found is not None and not job.found.is_same(renderer.found)):
+    key = (digest, repr(replace(job, findings=None, count=1)))
+    render = _OPEN.get(key)
+    if render is None or (job.findings is not None and not is_same_findings(job.findings, render.findings)):
         _OPEN.clear()
-        _OPEN[key] = renderer = PartRenderer(scene_of(digest), RenderOptions(**job.settings), job.device, job.found)
-    return renderer
+        _OPEN[key] = render = RenderJob.prepare_parts(scene_of(digest), job.options, job.findings)
+    return render
+
+
+def is_same_findings(one: dict[str, Any], other: dict[str, Any]) -> bool:
+    """Whether another worker, or the same earlier, has found the same; what it could not measure is nan."""
+    texts = {json.dumps(found, sort_keys=True, default=str) for found in (one, other)}
+    return len(texts) == 1
 
 
 # Tasks that are out on a cluster: sent again when their worker is lost or does not answer, given back as they come.
@@ -322,7 +328,7 @@ LATE_S = 1.0  # and so much longer
 
 
 def ask(call: Callable[..., Any], *words: Any, **more: Any) -> Future[Any]:
-    """Return the answer to come of a call of the engine, which may wait for a process that never answers."""
+    """Call the engine in a thread of its own, as it may wait for a process that never answers."""
     answer: Future[Any] = Future()
 
     def run() -> None:
@@ -348,10 +354,23 @@ class TasksOut:
         Addresses of those that have answered.
     kept
         What an error says of what is done.
+    should_stop
+        Called several times a second; True takes all tasks back and raises `InterruptedError`.
+    stopped
+        What that error says.
     """
 
-    def __init__(self, client: Any, parcel: Parcel, workers: Sequence[str], kept: str = "") -> None:
+    def __init__(
+        self,
+        client: Any,
+        parcel: Parcel,
+        workers: Sequence[str],
+        kept: str = "",
+        should_stop: Callable[[], bool] | None = None,
+        stopped: str = "",
+    ) -> None:
         self._client, self._parcel, self._kept = client, parcel, kept
+        self._should_stop, self._stopped = should_stop, stopped
         self._digest = parcel.digest
         self._opening: list[Any] = []  # what is not to be taken back
         self._tasks: dict[int, tuple[Callable[..., Any], tuple[Any, ...]]] = {}  # by number
@@ -363,24 +382,21 @@ class TasksOut:
         self._longest, self._again = 0.0, -1
         self._came = dict.fromkeys(workers, 0.0)  # when something came from each worker
 
-    def first(self, function: Callable[..., Any], words: tuple[Any, ...], check: Callable[[], None]) -> Any:
+    def first(self, function: Callable[..., Any], words: tuple[Any, ...] = ()) -> Any:
         """Send the scene and a task to all workers at once, and return what the first one returns."""
         scene = self._reach(self._scattered, limit=self._scene_s)
         for number, worker in enumerate(self._came):
             self._tasks[number] = function, words
             self._send(number, worker, scene)
         while True:
-            check()
-            self.check_reached()
+            self._check()
             if (came := self.next()) is not None:
                 self._opening = list(self._out)
                 self._out.clear()
                 self._tasks.clear()
                 return came[1]
 
-    def results(
-        self, function: Callable[..., Any], todo: Iterable[tuple[Any, ...]], check: Callable[[], None]
-    ) -> Iterator[tuple[str, Any]]:
+    def results(self, function: Callable[..., Any], todo: Iterable[tuple[Any, ...]]) -> Iterator[tuple[str, Any]]:
         """Yield what a function returns for each of the words, with the worker, as they come.
 
         At the end those that are late are sent to a second worker, and what comes first counts.
@@ -396,12 +412,20 @@ class TasksOut:
                 self._send(number)
             if not more and not self._tasks:
                 return
-            check()
-            self.check_reached()
+            self._check()
             if not more:
                 self._send_late_again()
             if (came := self.next()) is not None:
                 yield came
+
+    def _check(self) -> None:
+        if self._should_stop is not None and self._should_stop():
+            for task in self._out:
+                task.release()
+            self._out.clear()
+            self._tasks.clear()
+            raise InterruptedError(self._stopped)
+        self.check_reached()
 
     def check_reached(self) -> None:
         """Count the workers.
@@ -425,7 +449,7 @@ class TasksOut:
             raise StateError(f"cluster: all workers are gone{self._kept}")
 
     def next(self) -> tuple[str, Any] | None:
-        """Return what has come back, with the worker that made it; None where nothing has for a while."""
+        """The next result, with the worker that made it; None where none has come for a while."""
         try:
             task = self._done.get(timeout=0.2)
         except queue.Empty:
@@ -450,7 +474,7 @@ class TasksOut:
         return answer
 
     def _answer(self, task: Any, number: int) -> tuple[str, Any] | None:
-        """Return what a task has come to; None where it has to be done again."""
+        """The worker and the result of a task; None where it has to be done again."""
         from distributed import KilledWorker
 
         if task.status == "error":
@@ -497,7 +521,7 @@ class TasksOut:
         return self._client.scatter(self._parcel, broadcast=True, workers=some or None, timeout=COUNT_WORKERS_S)
 
     def _reach(self, call: Callable[..., Any], *words: Any, limit: float = SILENCE_S, **more: Any) -> Any:
-        """Return what a call of the engine returns; it is repeated until the scheduler or its workers are given up."""
+        """Call the engine, again and again until it answers, or the scheduler or its workers are given up."""
         end = time.monotonic() + SILENCE_S
         while True:
             try:
@@ -518,19 +542,12 @@ class TasksOut:
                 self._send(number, heard[self._again % len(heard)])
 
     def _last_heard(self) -> list[str]:
-        """Return the workers that something has come from, the last one first."""
+        """The workers that have returned a result, the last one first."""
         return sorted((worker for worker, came in self._came.items() if came), key=self._came.__getitem__, reverse=True)
-
-    def cancel(self) -> None:
-        """Take all tasks back that have not begun."""
-        for task in self._out:
-            task.release()
-        self._out.clear()
-        self._tasks.clear()
 
 
 def _from_worker(problem: BaseException) -> BaseException:
-    """Return an error of a worker as one of this program."""
+    """The error of a worker as one of this program."""
     if isinstance(problem, (InputError, DeviceError, StateError)):
         return problem
     return DeviceError(f"cluster: a worker failed: {type(problem).__name__}: {problem}")
@@ -570,7 +587,7 @@ Credentials = TLS | Literal[False] | None
 
 
 def check_cluster(cluster: str | None, workers: int | None, tls: Credentials) -> None:
-    """Refuse what leads to no cluster, or to one that others could reach.
+    """Raise `InputError` for an address of no cluster, or of one that others could reach.
 
     Raises
     ------
@@ -580,7 +597,7 @@ def check_cluster(cluster: str | None, workers: int | None, tls: Credentials) ->
         raise InputError("cluster: give the address of a scheduler or a number of workers (allowed: one of the two)")
     if workers is not None:
         if not 1 <= workers <= MOST_WORKERS:
-            raise InputError(f"workers: is out of range (got {workers}; allowed: 1 to {MOST_WORKERS})")
+            raise out_of_range("workers", workers, f"1 to {MOST_WORKERS}")
         if tls is not None:
             raise InputError("tls: workers of this machine make their own (allowed: with a scheduler's address)")
         return
@@ -615,7 +632,7 @@ def _is_loopback(host: str) -> bool:
 
 
 @contextlib.contextmanager
-def connected(
+def connect(
     cluster: str | None, workers: int | None, tls: Credentials, device: str | None, *, allow_mixed: bool = False
 ) -> Iterator[tuple[Any, list[str]]]:
     """A client of a scheduler, or of workers of this machine, with the addresses of those that say they can render.
@@ -673,7 +690,7 @@ def _close(client: Any) -> None:
 
 
 def workers_here(workers: int, threads: int, folder: str | None = None) -> Any:
-    """Return a scheduler with workers of this machine, each of which renders by so many threads.
+    """Start a scheduler with workers of this machine, each of which renders by so many threads.
 
     They talk by TLS with credentials that nobody else has. Their own files are in the folder.
 
@@ -687,13 +704,13 @@ def workers_here(workers: int, threads: int, folder: str | None = None) -> Any:
     problem = ""
     for _ in range(STARTS):
         try:
-            return _started(workers, threads, folder)
+            return _start_workers(workers, threads, folder)
         except RuntimeError as failure:  # distributed ends the others
             problem = _reason(failure)
     raise DeviceError(f"cluster: the workers of this machine do not start ({problem})")
 
 
-def _started(workers: int, threads: int, folder: str | None) -> Any:
+def _start_workers(workers: int, threads: int, folder: str | None) -> Any:
     import dask
     from distributed import LocalCluster, Security
 
@@ -729,7 +746,7 @@ def _interrupts_held_back() -> Iterator[None]:
 
 
 def _check_workers(client: Any, cluster: str | None, device: str | None, allow_mixed: bool = False) -> list[str]:
-    """Refuse a cluster whose workers cannot render, before any work; return the addresses of those that can."""
+    """Check before any work that workers can render; return the addresses of those that can."""
     from distributed import TimeoutError as TooLate
 
     name = cluster or "this machine"
@@ -758,7 +775,7 @@ def _check_workers(client: Any, cluster: str | None, device: str | None, allow_m
 
 
 def _surveys(client: Any, device: str | None) -> dict[str, dict[str, Any]]:
-    """Return what each worker says of itself, once there is one; those that are lost meanwhile say nothing.
+    """The surveys of all workers by address, once there is one; those that are lost meanwhile give none.
 
     Neither do those that answer much later than the first one, as a frozen one: they may still join in.
     """
@@ -789,33 +806,12 @@ def _reason(problem: Exception) -> str:
 PLAN = "plan.json"
 
 
-@dataclass(frozen=True)
-class PartsPlan:
-    """How a render is divided.
+PartsPlan = dict[str, Any]
+"""How a render is divided: ``version`` of the program, ``scene``, the hash with all that changes the picture, ``spp``,
+``layers``, their names and their samples per pixel, ``count`` of the parts, ``found``, focus and exposure, the same for
+all, and ``made_by``, what the first of them was made by."""
 
-    Attributes
-    ----------
-    version, scene : str
-        Of the program, and the hash of the scene with all that changes the picture.
-    spp : int
-        Samples per pixel.
-    layers : list
-        Their names, and their samples per pixel.
-    count : int
-        Parts.
-    found : Found
-        Focus and exposure, the same for all.
-    made_by : dict
-        What the first of them was made by.
-    """
-
-    version: str
-    scene: str
-    spp: int
-    layers: list[Any]
-    count: int
-    found: Found
-    made_by: Maker
+PLAN_KEYS = {"version", "scene", "spp", "layers", "count", "found", "made_by"}
 
 
 class PartsFolder:
@@ -858,11 +854,13 @@ class PartsFolder:
         """
         path = self.path / PLAN
         try:
-            data: dict[str, Any] = json.loads(path.read_text("utf-8"))
-            return PartsPlan(**{**data, "found": Found(**data["found"])})
+            plan: PartsPlan = json.loads(path.read_text("utf-8"))
+            if plan.keys() != PLAN_KEYS or plan["found"].keys() != {"focus", "metered_cd_m2"}:
+                raise ValueError("it is damaged")
+            return plan
         except FileNotFoundError:
             return None
-        except (OSError, ValueError, TypeError, KeyError) as problem:
+        except (OSError, ValueError, TypeError, AttributeError) as problem:
             raise StateError(f"{path}: cannot be read ({problem}; remove it, or render without --resume)") from None
 
     def begin(self, plan: PartsPlan) -> None:
@@ -873,12 +871,9 @@ class PartsFolder:
         StateError
             The folder cannot be written.
         """
-        try:
-            self.path.mkdir(parents=True, exist_ok=True)
-        except OSError as problem:
-            raise StateError(f"{self.path}: cannot be made ({problem.strerror})") from None
+        make_folder(self.path)
         with replacing(unlinked(self.path / PLAN)) as temporary:
-            temporary.write_text(json.dumps(asdict(plan), indent=1), "utf-8")
+            temporary.write_text(json.dumps(plan, indent=1), "utf-8")
 
     def file(self, number: int) -> Path:
         """Return where a part is kept."""
@@ -892,7 +887,7 @@ class PartsFolder:
     def missing(self, plan: PartsPlan) -> list[int]:
         """Return the numbers of the parts that are not there; damaged ones are removed first."""
         lacking = []
-        for number in range(1, plan.count + 1):
+        for number in range(1, plan["count"] + 1):
             try:
                 read_part(self.file(number))
             except StateError:

@@ -13,22 +13,20 @@ from typing import Any
 
 from rptcam_cl._version import __version__
 from rptcam_cl.api.interface import merge
-from rptcam_cl.api.stages import RenderOptions, check_divisible
+from rptcam_cl.api.job import RenderOptions, SceneSource, check_divisible, plain_data, read_scene
 from rptcam_cl.batch.cluster import (
     Credentials,
     Job,
-    Opened,
     Parcel,
     PartsFolder,
     PartsPlan,
     RenderedPart,
     TasksOut,
     check_cluster,
-    connected,
+    connect,
     hold_scene,
     open_render,
-    packed,
-    plain_data,
+    pack_scene,
     render_part,
     render_scene,
 )
@@ -40,7 +38,6 @@ from rptcam_cl.imaging.image import Image
 from rptcam_cl.rendering.checkpoint import SUFFIX
 from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.rendering.progressive import Progress
-from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.scene import Scene
 
 # A render on a cluster: parts go out, files come back, and their whole is the picture.
@@ -52,7 +49,7 @@ PARTS_A_WORKER = 4  # at least, so that all end at about the same time
 
 
 def render_on_cluster(
-    scene: Scene | str | Path | Mapping[str, Any],
+    scene: SceneSource,
     cluster: str | None = None,
     *,
     workers: int | None = None,
@@ -113,21 +110,21 @@ def render_on_cluster(
         ``should_stop`` ended it; the parts are kept in the folder.
     """
     check_cluster(cluster, workers, tls)
-    given = scene if isinstance(scene, Scene) else load_scene(scene)
+    given = read_scene(scene)
     words: dict[str, Any] = {"spp": spp, "seed": seed, "size": size, "crop": crop, "layers": layers}
     settings = RenderOptions(**words)
-    applied = settings.applied_to(given)
+    applied = settings.apply_to(given)
     check_divisible(applied)
     samples = settings.most_spp(applied)
     assert samples is not None, "without a time it ends by samples"
-    parcel, job = packed(given), Job(words, device, allow_mixed=allow_mixed)
+    parcel, job = pack_scene(given), Job(words, device, allow_mixed=allow_mixed)
     with scratch_folder() as scratch:
         kept = PartsFolder(Path(scratch) / "parts" if folder is None else Path(folder))
         if not resume:
             kept.clear()
         says_kept = "" if folder is None else f"; {kept.path} holds the parts that came back (--resume goes on)"
         run = _Run(kept, parcel, job, applied, samples, on_progress, should_stop, says_kept)
-        return run.image(partial(connected, cluster, workers, tls, device, allow_mixed=allow_mixed))
+        return run.image(partial(connect, cluster, workers, tls, device, allow_mixed=allow_mixed))
 
 
 def parts_of(seconds: float, workers: int) -> int:
@@ -168,10 +165,10 @@ class _Run:
                 self.took("connect", begun)
                 plan = self.complete(client, workers, plan)
         begun = time.perf_counter()
-        files = [self.kept.file(number) for number in range(1, plan.count + 1)]
+        files = [self.kept.file(number) for number in range(1, plan["count"] + 1)]
         image = merge(files, allow_mixed=self.job.allow_mixed)
         self.took("merge", begun)
-        image.stats["cluster"] = {"parts": plan.count, "workers": self.account, "seconds": self.seconds}
+        image.stats["cluster"] = {"parts": plan["count"], "workers": self.account, "seconds": self.seconds}
         return image
 
     def took(self, what: str, begun: float) -> None:
@@ -184,36 +181,36 @@ class _Run:
         if plan is None:
             return None
         for name, value in self.facts().items():
-            if getattr(plan, name) != value:
+            if plan[name] != value:
                 raise StateError(
-                    f"{self.kept.path}: holds parts of another render: its {name} is {getattr(plan, name)}, not {value}"
+                    f"{self.kept.path}: holds parts of another render: its {name} is {plan[name]}, not {value}"
                     " (remove it, or render without --resume)"
                 )
-        self.same.add(str(self.kept.path), plan.made_by)
-        self.same.add("this program", made_by([str(plan.made_by.get("driver"))]))  # the devices are the workers'
+        self.same.add(str(self.kept.path), plan["made_by"])
+        self.same.add("this program", made_by([str(plan["made_by"].get("driver"))]))  # the devices are the workers'
         return plan
 
     def facts(self) -> dict[str, Any]:
-        """Return what a plan of this render says of it."""
+        """The facts by which a plan is known to be of this render."""
         layers = [*self.scene.render.layers, self.scene.render.layers_spp] if self.scene.render.layers else []
         return {"version": __version__, "scene": self.scene.picture_hash(), "spp": self.spp, "layers": layers}
 
     def complete(self, client: Any, workers: Sequence[str], plan: PartsPlan | None) -> PartsPlan:
         """Render all parts that are missing, and return the plan."""
-        sent, begun = TasksOut(client, self.parcel, workers, self.says_kept), time.perf_counter()
-        check = partial(self._check, sent)
+        stopped, begun = f"the parts that are done are in {self.kept.path}", time.perf_counter()
+        sent = TasksOut(client, self.parcel, workers, self.says_kept, self.should_stop, stopped)
         if plan is None:
-            opened: Opened = sent.first(open_render, (self.job,), check)
-            count = min(parts_of(opened.seconds, len(workers)), FilmLayout.of(self.scene.film).tiles)
-            plan = PartsPlan(**self.facts(), count=count, found=opened.found, made_by=opened.made_by)
+            found, seconds, maker = sent.first(open_render, (self.job,))
+            count = min(parts_of(seconds, len(workers)), FilmLayout.of(self.scene.film).tiles)
+            plan = self.facts() | {"count": count, "found": found, "made_by": maker}
             self.kept.begin(plan)
-        self.job = replace(self.job, found=plan.found, count=plan.count)
+        self.job = replace(self.job, findings=plan["found"], count=plan["count"])
         self.took("open", begun)
         todo, begun = self.kept.missing(plan), time.perf_counter()
-        parts = sent.results(render_part, ((self.job, number) for number in todo), check)
+        parts = sent.results(render_part, ((self.job, number) for number in todo))
         for left, (worker, part) in zip(reversed(range(len(todo))), parts, strict=True):
             self._take(worker, part)
-            self._tell(1 - left / plan.count, time.perf_counter() - begun)
+            self._tell(1 - left / plan["count"], time.perf_counter() - begun)
         self.took("render", begun)
         return plan
 
@@ -230,11 +227,6 @@ class _Run:
             rate = share * pixels * self.spp / max(seconds, 1e-9) / 1e6
             done = round(share * self.spp)
             self.on_progress(Progress("render", done, self.spp, seconds, rate, None, tiles_done=share))
-
-    def _check(self, sent: TasksOut) -> None:
-        if self.should_stop is not None and self.should_stop():
-            sent.cancel()
-            raise InterruptedError(f"the parts that are done are in {self.kept.path}")
 
 
 # Many pictures on a cluster, each a task of its own: the frames of a sequence.
@@ -278,25 +270,20 @@ def render_scenes_on_cluster(
     check_cluster(cluster, workers, tls)
     words = dict(settings or {})
     for scene in scenes.values():
-        check_divisible(RenderOptions(**words).applied_to(scene))
+        check_divisible(RenderOptions(**words).apply_to(scene))
     if not scenes:
         return
-    parcel = packed(*scenes.values())
+    parcel = pack_scene(*scenes.values())
     todo = (
         (Job(words, device, allow_mixed=allow_mixed), number, plain_data(scene), scene.content_hash())
         for number, scene in scenes.items()
     )
-    to_cluster = connected(cluster, workers, tls, device, allow_mixed=allow_mixed)
+    to_cluster = connect(cluster, workers, tls, device, allow_mixed=allow_mixed)
     with scratch_folder() as scratch, to_cluster as (client, there):
-        sent = TasksOut(client, parcel, there, "; the pictures that are done are written (--resume goes on)")
-
-        def check() -> None:
-            if should_stop is not None and should_stop():
-                sent.cancel()
-                raise InterruptedError("the pictures that are done are written")
-
-        sent.first(hold_scene, (), check)
-        for worker, part in sent.results(render_scene, todo, check):
+        done = "the pictures that are done are written"
+        sent = TasksOut(client, parcel, there, f"; {done} (--resume goes on)", should_stop, done)
+        sent.first(hold_scene)
+        for worker, part in sent.results(render_scene, todo):
             yield part.number, _image(part, worker, Path(scratch))
 
 

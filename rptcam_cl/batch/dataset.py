@@ -17,11 +17,11 @@ from typing import Any
 
 from rptcam_cl._version import __version__
 from rptcam_cl.api.interface import settle
-from rptcam_cl.api.sweeping import SeriesRenderer
-from rptcam_cl.batch.specification import MOST_FRAMES, DatasetSpecification, numbered, read_specification, whole
+from rptcam_cl.api.job import SeriesRenderer
+from rptcam_cl.batch.specification import MOST_FRAMES, DatasetSpecification, number_errors, read_specification, whole
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, StateError
-from rptcam_cl.core.files import replacing, unlinked
+from rptcam_cl.core.files import make_folder, replacing, unlinked
 from rptcam_cl.core.remember import UNKNOWN, Memory, OneMaker, made_by
 from rptcam_cl.device.session import Wanted, open_sessions
 from rptcam_cl.exchange.camera_models import COEFFICIENTS, calibrate, calibrate_best
@@ -77,13 +77,9 @@ class DatasetFolder:
         StateError
             When it cannot be written, or holds another dataset, or the same in other shards or by other code.
         """
-        try:
-            if self.shard is not None:
-                unlinked(self.frames)
-            self.frames.mkdir(parents=True, exist_ok=True)
-        except OSError as problem:
-            why = "is a file, not a folder" if self.path.is_file() else f"cannot be made: {problem.strerror or problem}"
-            raise StateError(f"{self.path}: {why}") from None
+        make_folder(self.path)
+        if self.shard is not None:
+            make_folder(unlinked(self.frames))
         about, mine = self.path / ABOUT, {"key": self.wanted.key, "shard": self.shard}
         if about.exists():
             try:
@@ -126,7 +122,7 @@ class DatasetFolder:
 
     def record(self, index: int) -> dict[str, Any] | None:
         """Return the record of a frame that is there with all its files undamaged; None for one that has to be made."""
-        if self.shard is not None and index in (packed := self._packed(index // self.shard)):
+        if self.shard is not None and index in (packed := self._records_of_shard(index // self.shard)):
             return packed[index]
         try:
             found = json.loads(self._file(index, "json").read_text("utf-8"))
@@ -194,7 +190,7 @@ class DatasetFolder:
                 if (record := self.record(index)) is not None:
                     self._same.add(f"{self.path}: frame {index}", record.get("made_by"))
                     out.write(json.dumps(record) + "\n")
-        if self.shard is not None and all(map(self._packed, range(-(-self.wanted.frames // self.shard)))):
+        if self.shard is not None and all(map(self._records_of_shard, range(-(-self.wanted.frames // self.shard)))):
             with contextlib.suppress(OSError):  # another run may write there, or have removed it
                 self.frames.rmdir()
 
@@ -217,7 +213,7 @@ class DatasetFolder:
     def _tar(self, number: int) -> Path:
         return self.path / f"shard-{number:06d}.tar"
 
-    def _packed(self, number: int) -> dict[int, dict[str, Any]]:
+    def _records_of_shard(self, number: int) -> dict[int, dict[str, Any]]:
         """Return the records of a shard that is there and whole."""
         if number not in self._shards:
             try:
@@ -234,7 +230,7 @@ class DatasetFolder:
 
     def _pack(self, number: int) -> None:
         """Move the frames of a shard into its file, when all are there."""
-        if not self._packed(number):
+        if not self._records_of_shard(number):
             if any(self.record(index) is None for index in self._range(number)):
                 return
             try:
@@ -266,7 +262,7 @@ class DatasetFolder:
 # The frames of a dataset, one after the other: rendered, described, written, and kept when they are there.
 
 POSE = {"eye", "target", "up", "keyframes", "exposure", "shutter_s", "iso"}
-REMEMBERED = 256  # camera models
+REMEMBERED = 512  # camera models
 SAMPLES = ("spp", "spp_min", "spp_mean")
 STOP = ("f_number", "stop_diameter_mm")
 GOOD_PX = 0.05  # residual at which the search for the simplest camera model ends
@@ -346,7 +342,7 @@ def dataset(
         wanted = read_specification(source, frames=frames)
     else:
         wanted = source if frames is None else replace(source, frames=whole(frames, "frames", 1, MOST_FRAMES))
-    chosen = range(wanted.frames) if only is None else _chosen(only, wanted.frames)
+    chosen = range(wanted.frames) if only is None else _check_indices(only, wanted.frames)
     if shard is not None:
         whole(shard, "shard", 1, MOST_FRAMES)
         if folder is None:
@@ -359,7 +355,7 @@ def dataset(
     return _frames(wanted, place, chosen, device)
 
 
-def _chosen(only: Any, frames: int) -> Sequence[int]:
+def _check_indices(only: Any, frames: int) -> Sequence[int]:
     """Return the numbers of the frames that are to be made."""
     allowed = f"allowed: 0 to {frames - 1}"
     if not isinstance(only, Iterable):
@@ -389,7 +385,7 @@ def _frames(
             renderer = SeriesRenderer(open_sessions(device)[0][0])
             if place is not None:
                 place.join([renderer.device.info.driver])
-        with numbered(index):
+        with number_errors(index):
             if scene.requested_autofocus is not None:
                 scene = load_scene(settle(scene, device=renderer.device).scene, base_dir=scene.base_dir)
             image = renderer.render(_with_labels(scene) if wanted.truth else scene)
@@ -404,7 +400,7 @@ def _frames(
                 "seed": scene.render.seed,
                 **{key: image.metadata[key] for key in SAMPLES if key in image.metadata},
                 "values": values,
-                "camera": cameras.of(scene, image, renderer),
+                "camera": cameras.describe(scene, image, renderer),
             }
             if wanted.truth and "boards" in image.metadata:
                 record["boards"] = image.metadata["boards"]
@@ -429,17 +425,15 @@ class _Cameras:
         self._known: Memory[dict[str, Any]] = Memory(REMEMBERED)
         self._lit: Memory[dict[str, Any]] = Memory(REMEMBERED)  # where the whole picture has light, by all but the stop
 
-    def of(self, scene: Scene, image: Image, renderer: SeriesRenderer) -> dict[str, Any]:
-        """Return pose, pupil, film, lens, and the camera model with its residual."""
+    def describe(self, scene: Scene, image: Image, renderer: SeriesRenderer) -> dict[str, Any]:
+        """The pose, pupil, film, lens, and the camera model with its residual."""
         if scene.camera.kind == "environment":
             return {"camera": "environment", "world_from_camera": image.metadata["world_from_camera"]}
         seen = view(scene, camera=None if renderer.plan is None else renderer.plan.camera)
         known = {name: image.metadata[name] for name in ("lens", "f_number") if name in image.metadata}
-        return seen.facts() | known | self._fitted(seen)
+        return seen.facts() | known | ({} if self._model == "none" else self._fit(seen))
 
-    def _fitted(self, seen: View) -> dict[str, Any]:
-        if self._model == "none":
-            return {}
+    def _fit(self, seen: View) -> dict[str, Any]:
         optics, stop = _content(seen)
         known: dict[str, Any] | None = self._known.find(optics + stop)
         if known is None and seen.is_of_any_stop:
@@ -463,7 +457,7 @@ class _Cameras:
 
 
 def _content(seen: View) -> tuple[str, str]:
-    """Return what says by what a camera model is fitted, but for the stop, and how wide that is."""
+    """Keys of the optics that a camera model is fitted to, and of the stop."""
     optics = seen.scene.camera.model_dump(mode="json", exclude=POSE)
     stop = [optics.pop(key, None) for key in STOP]
     facts = [optics, seen.scene.film.model_dump(mode="json"), seen.distance_m, seen.scene.metres_per_unit]

@@ -19,7 +19,7 @@ import numpy as np
 
 from rptcam_cl._version import __version__
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.core.errors import InputError, RptcamError
+from rptcam_cl.core.errors import InputError, RptcamError, out_of_range
 from rptcam_cl.core.strict_yaml import Document, KeyPath, dotted, read_yaml
 from rptcam_cl.exchange.camera_models import COEFFICIENTS
 from rptcam_cl.exchange.camera_view import view
@@ -32,7 +32,7 @@ from rptcam_cl.scene.scene import Scene
 
 
 @contextmanager
-def numbered(index: int) -> Iterator[None]:
+def number_errors(index: int) -> Iterator[None]:
     """Within the block errors that are reported in one line begin with ``frame 517:``."""
     try:
         yield
@@ -100,20 +100,20 @@ class Distribution:
             yield from self.values
         elif self.kind == "normal":
             middle = [min(max(m, a), b) for m, a, b in zip(self.mean, *self.values, strict=True)]
-            yield self._shown(middle)
+            yield self._as_value(middle)
             finite = [end for end in self.values if all(map(math.isfinite, end))]
-            yield from (self._shown(end) for end in finite)
+            yield from (self._as_value(end) for end in finite)
         else:
-            yield from (self._shown(end) for end in self.values)
+            yield from (self._as_value(end) for end in self.values)
 
-    def drawn(self, chances: np.random.Generator) -> Any:
+    def draw(self, chances: np.random.Generator) -> Any:
         """Return a value; a grid's is chosen by `grid_values`."""
         if self.kind == "choice":
             share = float(chances.random())
             return self.values[next((n for n, sum_ in enumerate(self.weights) if share < sum_), len(self.values) - 1)]
         low, high = self.values
         shares = [float(chances.random()) for _ in low]
-        return self._shown([self._between(*each) for each in zip(range(len(low)), shares, low, high, strict=True)])
+        return self._as_value([self._between(*each) for each in zip(range(len(low)), shares, low, high, strict=True)])
 
     def _between(self, number: int, share: float, low: float, high: float) -> float:
         match self.kind:
@@ -128,7 +128,7 @@ class Distribution:
         chance = min(max(below + share * (above - below), 1e-15), 1 - 1e-15)
         return min(max(normal.inv_cdf(chance), low), high)
 
-    def _shown(self, numbers: Sequence[float]) -> Any:
+    def _as_value(self, numbers: Sequence[float]) -> Any:
         found: list[float] = [int(number) if self.kind == "integer" else float(number) for number in numbers]
         return found if self.is_list else found[0]
 
@@ -153,7 +153,7 @@ def distribution(data: Any) -> Distribution:
             raise DistributionError(f"unknown key {key}", ", ".join(sorted(known)), str(key))
     given = data[kind]
     if kind in ("choice", "grid"):
-        return _listed(kind, given, data.get("weights"))
+        return _choice(kind, given, data.get("weights"))
     if kind == "normal":
         return _normal(given)
     if not (isinstance(given, list | tuple) and len(given) == 2):
@@ -171,7 +171,7 @@ def distribution(data: Any) -> Distribution:
     return Distribution(kind, (low, high), is_list=is_list)
 
 
-def _listed(kind: str, given: Any, weights: Any) -> Distribution:
+def _choice(kind: str, given: Any, weights: Any) -> Distribution:
     if not isinstance(given, list | tuple) or not given:
         raise DistributionError(f"has no list of values (got {given!r})", KINDS[kind], kind)
     if weights is None:
@@ -224,7 +224,7 @@ def _numbers(given: Any, right: str, *path: str | int) -> Numbers:
 def values_of_frame(vary: Mapping[str, Distribution], seed: int, frame: int) -> dict[str, Any]:
     """Return the value of each key in a frame, which counts from 0."""
     return {
-        key: grid_values(vary, frame)[key] if law.kind == "grid" else law.drawn(_chances(seed, frame, key))
+        key: grid_values(vary, frame)[key] if law.kind == "grid" else law.draw(_chances(seed, frame, key))
         for key, law in vary.items()
     }
 
@@ -256,7 +256,7 @@ Where = Callable[[KeyPath], str]
 
 @dataclass(frozen=True, eq=False)
 class DatasetSpecification:
-    """What the frames of a dataset are.
+    """The specification of a dataset: its scene, what is drawn for each frame, and its files.
 
     Attributes
     ----------
@@ -290,7 +290,7 @@ class DatasetSpecification:
 
     @property
     def key(self) -> str:
-        """What decides the bytes of the frames, as a hash; the number of frames is none of it."""
+        """A hash of all that decides the bytes of the frames, but for their number."""
         render = self.scene.render
         facts = [__version__, self.scene.picture_hash(), render.most_spp, render.layers, self.content]
         if render.layers:
@@ -300,7 +300,7 @@ class DatasetSpecification:
         return hashlib.sha256(json.dumps(facts, sort_keys=True, default=str).encode()).hexdigest()[:16]
 
     def frame(self, index: int) -> tuple[dict[str, Any], Scene]:
-        """Return what is drawn for a frame, which counts from 0, and its scene.
+        """The values that are drawn for a frame, which counts from 0, and its scene.
 
         Raises
         ------
@@ -309,7 +309,7 @@ class DatasetSpecification:
         """
         values = values_of_frame(self.vary, self.seed, index)
         changes = values if "render.seed" in values else values | {"render.seed": seed_of_frame(self.seed, index)}
-        with numbered(index):
+        with number_errors(index):
             return values, set_keys(self.scene, changes)
 
 
@@ -391,6 +391,11 @@ def _sharing(scene: Scene, vary: Mapping[str, Distribution]) -> Scene:
     return set_keys(scene, {"camera.pupil": "shared"}) if any(key.startswith(states) for key in drawn) else scene
 
 
+def _error(where: Where, key: str, problem: str) -> InputError:
+    """The error of a key of the specification, with its place."""
+    return InputError(f"{where((key,))}{key}: {problem}")
+
+
 def _places(document: Document) -> Where:
     def where(path: KeyPath) -> str:
         line, column = document.mark(path)
@@ -410,7 +415,7 @@ def whole(found: Any, name: str, least: int, most: int, place: str = "") -> int:
     if isinstance(found, bool) or not isinstance(found, int):
         raise InputError(f"{place}{name}: must be a whole number (got {found!r}; allowed: {least} to {most})")
     if not least <= found <= most:
-        raise InputError(f"{place}{name}: is out of range (got {found}; allowed: {least} to {most})")
+        raise out_of_range(f"{place}{name}", found, f"{least} to {most}")
     return found
 
 
@@ -419,20 +424,20 @@ def _scene(data: Mapping[str, Any], base: Path, where: Where, overrides: Sequenc
     if isinstance(given, str):
         path = (base / given).resolve()
         if not path.is_relative_to(base.resolve()):
-            raise InputError(f"{where(('scene',))}scene: lies outside the folder of the dataset (got {given})")
+            raise _error(where, "scene", f"lies outside the folder of the dataset (got {given})")
         scene = load_scene(path)
     elif isinstance(given, Mapping):
         scene = load_scene(given, base_dir=base)
     else:
-        raise InputError(f"{where(('scene',))}scene: must be a scene file or its content (got {given!r})")
+        raise _error(where, "scene", f"must be a scene file or its content (got {given!r})")
     fixed = data.get("set") or {}
     if not isinstance(fixed, Mapping):
-        raise InputError(f"{where(('set',))}set: must be a mapping of key paths (allowed: as render.spp: 16)")
+        raise _error(where, "set", "must be a mapping of key paths (allowed: as render.spp: 16)")
     if fixed:
         try:
             scene = set_keys(scene, {str(key): value for key, value in fixed.items()})
         except RptcamError as problem:
-            raise InputError(f"{where(('set',))}set: {problem}") from None
+            raise _error(where, "set", str(problem)) from None
     for text in overrides:
         key, equals, value = text.partition("=")
         if not equals:
@@ -442,10 +447,10 @@ def _scene(data: Mapping[str, Any], base: Path, where: Where, overrides: Sequenc
 
 
 def _vary(data: Mapping[str, Any], scene: Scene, where: Where) -> tuple[dict[str, Distribution], tuple[str, ...]]:
-    """Return what is drawn, and the classes of all objects that may be: none first, then the scene's in its order."""
+    """The distributions by key, and all classes that objects may have: none first, then the scene's in its order."""
     given = data.get("vary")
     if not isinstance(given, Mapping) or not given:
-        raise InputError(f"{where(('vary',))}vary: names no key (allowed: as camera.f_number: {{choice: [2, 4]}})")
+        raise _error(where, "vary", "names no key (allowed: as camera.f_number: {choice: [2, 4]})")
     vary: dict[str, Distribution] = {}
     labels = dict.fromkeys(["", *(item.label or "" for item in scene.objects)])
     for key, described in given.items():
@@ -469,25 +474,20 @@ def _vary(data: Mapping[str, Any], scene: Scene, where: Where) -> tuple[dict[str
 def _files(data: Mapping[str, Any], where: Where) -> tuple[str, ...]:
     found = data.get("files", ["png"])
     if not isinstance(found, list | tuple) or not found or len(set(map(str, found))) < len(found):
-        raise InputError(
-            f"{where(('files',))}files: must be a list of suffixes (got {found!r}; allowed: as [png, exr])"
-        )
+        raise _error(where, "files", f"must be a list of suffixes (got {found!r}; allowed: as [png, exr])")
     for suffix in found:
         if suffix not in FORMATS:
-            raise InputError(
-                f"{where(('files',))}files: unknown suffix (got {suffix!r}; allowed: {', '.join(FORMATS)})"
-            )
+            raise _error(where, "files", f"unknown suffix (got {suffix!r}; allowed: {', '.join(FORMATS)})")
     return tuple(found)
 
 
 def _truth(data: Mapping[str, Any], scene: Scene, where: Where) -> bool:
     found = data.get("truth", False)
     if not isinstance(found, bool):
-        raise InputError(f"{where(('truth',))}truth: must be true or false (got {found!r})")
+        raise _error(where, "truth", f"must be true or false (got {found!r})")
     if found and len(scene.objects) >= MOST_INSTANCES:
-        raise InputError(
-            f"{where(('truth',))}truth: masks of 16 bits hold fewer than {MOST_INSTANCES} objects "
-            f"(got {len(scene.objects)})"
+        raise _error(
+            where, "truth", f"masks of 16 bits hold fewer than {MOST_INSTANCES} objects (got {len(scene.objects)})"
         )
     return found
 
@@ -495,7 +495,5 @@ def _truth(data: Mapping[str, Any], scene: Scene, where: Where) -> bool:
 def _model(data: Mapping[str, Any], where: Where) -> str:
     found = data.get("camera_model", "auto")
     if found not in MODELS:
-        raise InputError(
-            f"{where(('camera_model',))}camera_model: unknown model (got {found!r}; allowed: {', '.join(MODELS)})"
-        )
+        raise _error(where, "camera_model", f"unknown model (got {found!r}; allowed: {', '.join(MODELS)})")
     return str(found)

@@ -12,6 +12,8 @@ import tempfile
 import traceback
 import warnings
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager
+from functools import partial
 from typing import Any, TextIO, cast
 
 from rptcam_cl._version import __version__
@@ -26,24 +28,24 @@ FAULT = 1  # exit code of an unexpected error
 
 # The module of each command, in the order of the help; its function ``add_…`` adds it to the parser.
 COMMANDS = {
-    "demo": "examples",
-    "examples": "examples",
+    "demo": "first_steps",
+    "examples": "first_steps",
     "new": "files",
     "render": "render",
     "merge": "files",
     "settle": "files",
     "sweep": "cluster",
     "dataset": "cluster",
-    "view": "examples",
+    "view": "first_steps",
     "focus": "focus",
     "tradeoff": "focus",
     "develop": "files",
     "convert": "files",
     "lens": "lens",
     "camera": "camera",
-    "devices": "devices",
-    "doctor": "devices",
-    "schema": "devices",
+    "devices": "first_steps",
+    "doctor": "first_steps",
+    "schema": "first_steps",
 }
 
 
@@ -100,7 +102,7 @@ def _unexpected(error: Exception) -> int:
 
 
 def _file_trouble(error: OSError) -> int:
-    """Say which file could not be read or written, and return the exit code."""
+    """Print which file could not be read or written, and return the exit code."""
     name = error.filename or "a file could not be read or written"
     if name == STANDARD_OUTPUT:
         _abandon(sys.stdout)
@@ -108,58 +110,44 @@ def _file_trouble(error: OSError) -> int:
     return StateError.exit_code
 
 
-class _StandardOutput:
-    """Standard output whose errors say that they are its own."""
+class _GuardedStream:
+    """A standard stream each of whose calls runs within a context, which is made anew for it."""
 
-    def __init__(self, stream: TextIO) -> None:
-        self._stream = stream
+    def __init__(self, stream: TextIO, guard: Callable[[], AbstractContextManager[None]]) -> None:
+        self._stream, self._guard = stream, guard
 
     def write(self, text: str) -> int:
         """Write text."""
-        with _named():
-            return self._stream.write(text)
+        with self._guard():
+            self._stream.write(text)
+        return len(text)
 
     def flush(self) -> None:
         """Send on what is held back."""
-        with _named():
+        with self._guard():
             self._stream.flush()
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._stream, name)
 
 
-class _StandardError:
-    """Standard error whose reader may go: nobody hears of it then, and the work goes on."""
-
-    def __init__(self, stream: TextIO) -> None:
-        self._stream = stream
-
-    def write(self, text: str) -> int:
-        """Write text."""
-        self._attempt(lambda: self._stream.write(text))
-        return len(text)
-
-    def flush(self) -> None:
-        """Send on what is held back."""
-        self._attempt(self._stream.flush)
-
-    def _attempt(self, call: Callable[[], object]) -> None:
-        try:
-            call()
-        except OSError:
-            _abandon(self._stream)
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._stream, name)
-
-
 @contextlib.contextmanager
-def _named() -> Iterator[None]:
+def _name_standard_output() -> Iterator[None]:
+    """Let errors say that they are of standard output."""
     try:
         yield
     except OSError as error:
         error.filename = STANDARD_OUTPUT
         raise
+
+
+@contextlib.contextmanager
+def _go_on_unheard(stream: TextIO) -> Iterator[None]:
+    """Let the work go on where the reader of a stream has gone."""
+    try:
+        yield
+    except OSError:
+        _abandon(stream)
 
 
 def _abandon(stream: TextIO) -> None:
@@ -179,11 +167,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
     debug = DEBUG in words
-    with warnings.catch_warnings(), contextlib.redirect_stderr(cast("TextIO", _StandardError(sys.stderr))):
+    errors = _GuardedStream(sys.stderr, partial(_go_on_unheard, sys.stderr))
+    with warnings.catch_warnings(), contextlib.redirect_stderr(cast("TextIO", errors)):
         warnings.simplefilter("default", UserWarning)
         warnings.showwarning = _warn
         try:
-            with contextlib.redirect_stdout(_StandardOutput(sys.stdout)):
+            with contextlib.redirect_stdout(_GuardedStream(sys.stdout, _name_standard_output)):
                 try:
                     return _run([word for word in words if word != DEBUG])
                 except SystemExit:  # of --help and --version

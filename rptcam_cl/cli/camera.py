@@ -10,9 +10,10 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from rptcam_cl.api.options import add_options, size
 from rptcam_cl.cli.lens_options import wavelengths
 from rptcam_cl.cli.output import as_json, print_table, print_warnings
-from rptcam_cl.cli.parser import Commands, add_overrides, positive, size
+from rptcam_cl.cli.parser import Commands, positive
 from rptcam_cl.core.errors import InputError, StateError
 
 if TYPE_CHECKING:
@@ -22,8 +23,13 @@ if TYPE_CHECKING:
 
 # The options of ``rptcam camera`` that write maps of the lens: a value for each pixel, a kernel for each field.
 
-EXR = ("stmap_distort", "stmap_undistort", "vignetting", "coc")
-NAMES = (*EXR, "psf_grid")
+MAPS = ("stmap_distort", "stmap_undistort", "vignetting", "coc", "psf_grid")
+SUFFIXES = dict.fromkeys(MAPS, (".exr",)) | {"psf_grid": (".npz",), "usd": (".usda", ".usd")}  # .usdc is binary
+
+
+def flag(name: str) -> str:
+    """The option that has a name in the arguments."""
+    return f"--{name.replace('_', '-')}"
 
 
 def distances(text: str) -> list[float]:
@@ -58,19 +64,7 @@ def add_maps(parser: argparse.ArgumentParser) -> None:
     maps.add_argument("--wavelengths", type=wavelengths, metavar="W,W,…", help="in nanometres (default: the camera's)")
 
 
-def check_maps(arguments: argparse.Namespace) -> None:
-    """Refuse maps whose names say another kind of file."""
-    for name in NAMES:
-        path: Path | None = getattr(arguments, name)
-        if path is None:
-            continue
-        suffix = ".exr" if name in EXR else ".npz"
-        if path.suffix.lower() != suffix:
-            option = f"--{name.replace('_', '-')}"
-            raise InputError(f"{option}: {path}: such a file is {suffix} (got {path.suffix or 'none'})")
-
-
-def written_maps(arguments: argparse.Namespace, seen: "View") -> Iterator[tuple[Path, Callable[[Path], object]]]:
+def maps_to_write(arguments: argparse.Namespace, seen: "View") -> Iterator[tuple[Path, Callable[[Path], object]]]:
     """Yield files and what writes them, each map having been made."""
     from rptcam_cl.exchange.camera_maps import (
         coc_exr,
@@ -107,11 +101,10 @@ File = tuple[Path, Callable[[Path], object]]  # and what writes it
 
 TEXTS = ("opencv", "ros", "openlensio", "usd", "osl")
 COLMAP = ("cameras.txt", "images.txt", "points3D.txt")
-USD = (".usda", ".usd")  # of text; a file .usdc is binary
 
 
 def check_outputs(arguments: argparse.Namespace) -> None:
-    """Refuse, before anything is traced, files that could not be written.
+    """Check, before anything is traced, that all files can be written.
 
     Raises
     ------
@@ -119,36 +112,38 @@ def check_outputs(arguments: argparse.Namespace) -> None:
     """
     from rptcam_cl.core.files import check_writable
 
-    if (usd := arguments.usd) is not None and usd.suffix.lower() not in USD:
-        raise InputError(f"--usd: {usd}: such a file is {' or '.join(USD)} (got {usd.suffix or 'none'})")
+    for name, suffixes in SUFFIXES.items():
+        path: Path | None = getattr(arguments, name)
+        if path is not None and path.suffix.lower() not in suffixes:
+            got = path.suffix or "none"
+            raise InputError(f"{flag(name)}: {path}: such a file is {' or '.join(suffixes)} (got {got})")
     if arguments.plot is not None:
         from rptcam_cl.optics.charts import check_suffix
 
         check_suffix(arguments.plot)
-    check_maps(arguments)
     _check_apart(arguments)
     folder: Path | None = arguments.colmap
     if folder is not None and not folder.is_dir():
         if os.path.lexists(folder):
             raise StateError(f"--colmap: {folder} is no folder (allowed: a folder, which is made if it is missing)")
         check_writable(folder)
-    for _, path in _outputs(arguments):
-        if path.parent != folder or folder.is_dir():
-            check_writable(path, [arguments.source])
+    for _, output in _outputs(arguments):
+        if output.parent != folder or folder.is_dir():
+            check_writable(output, [arguments.source])
 
 
 def _outputs(arguments: argparse.Namespace) -> Iterator[tuple[str, Path]]:
     """Yield options and the files that they name."""
-    for name in (*TEXTS, "plot", *NAMES):
+    for name in (*TEXTS, "plot", *MAPS):
         if (path := getattr(arguments, name)) is not None:
-            yield f"--{name.replace('_', '-')}", path
+            yield flag(name), path
     if arguments.colmap is not None:
         for name in COLMAP:
             yield "--colmap", arguments.colmap / name
 
 
 def _check_apart(arguments: argparse.Namespace) -> None:
-    """Refuse outputs that would overwrite one another."""
+    """Raise `InputError` for outputs that would overwrite one another."""
     files = list(_outputs(arguments))
     if arguments.colmap is not None:
         files.append(("--colmap", arguments.colmap))
@@ -189,7 +184,7 @@ def _files(arguments: argparse.Namespace, seen: "View", chosen: "Calibration") -
             yield path, partial(_put, WRITTEN[name](seen, chosen).encode())
     if arguments.plot is not None:
         yield arguments.plot, partial(_put, encoded(residual_chart(seen, chosen), arguments.plot))
-    yield from written_maps(arguments, seen)
+    yield from maps_to_write(arguments, seen)
     if arguments.colmap is not None:
         picture = f"{Path(arguments.source).stem.replace(' ', '_')}.png"
         for name, text in colmap_texts(seen, chosen, picture).items():
@@ -239,7 +234,7 @@ def add_camera(commands: Commands) -> None:
         " lens.",
     )
     parser.add_argument("source", metavar="SCENE|LENS", help="scene file, or a lens by name or file")
-    add_overrides(parser)
+    add_options(parser, "overrides")
     parser.add_argument("--size", type=size, metavar="WxH", help="resolution (default: the scene's, 768x512)")
     parser.add_argument("--film", type=film, metavar="WxH", help="film in millimetres (default: the scene's, 36x24)")
     parser.add_argument(
@@ -290,13 +285,13 @@ def _run_camera(arguments: argparse.Namespace) -> int:
         )
     if seen.setting is not None:
         print_warnings(seen.setting.lens.warnings)
-    chosen = _chosen(arguments, seen)
+    chosen = _choose_model(arguments, seen)
     _report(arguments, seen, chosen)
     write_files(arguments, seen, chosen)
     return 0
 
 
-def _chosen(arguments: argparse.Namespace, seen: "View") -> "Calibration":
+def _choose_model(arguments: argparse.Namespace, seen: "View") -> "Calibration":
     """The requested model, or the simplest that fits and that all files to be written can hold."""
     from rptcam_cl.exchange.camera_files import HELD, check_held
     from rptcam_cl.exchange.camera_models import COEFFICIENTS, calibrate, calibrate_best

@@ -1,117 +1,87 @@
 """``rptcam sweep`` and ``dataset``, many pictures, and the options of renders on a cluster."""
 
 import argparse
+import contextlib
 import functools
+import math
 import re
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
+from rptcam_cl.api.options import OF_A_CLUSTER, add_options, number_range
 from rptcam_cl.cli.frames import Frame
-from rptcam_cl.cli.output import ENDS_LATER, INTERRUPTED, print_table, print_warnings, stop_on_interrupt
-from rptcam_cl.cli.parser import Commands, add_allow_mixed, add_device, add_overrides, expanded, point, seed, size, spp
+from rptcam_cl.cli.output import (
+    ENDS_LATER,
+    INTERRUPTED,
+    print_table,
+    print_warnings,
+    progress_on_stderr,
+    save,
+    stop_on_interrupt,
+)
+from rptcam_cl.cli.parser import (
+    Commands,
+    add_device,
+    check_cluster_arguments,
+    cluster_keywords,
+    files_to_write,
+    layers_of_outputs,
+    names_of,
+    point,
+)
 from rptcam_cl.core.errors import InputError
 
 if TYPE_CHECKING:
-    from rptcam_cl.api.sweeping import Pictures
-    from rptcam_cl.batch.cluster import TLS
     from rptcam_cl.imaging.image import Image
-    from rptcam_cl.rendering.progressive import Progress
     from rptcam_cl.scene.scene import Scene
 
 
-# Renders on a cluster: the options of ``rptcam render`` for one, and what goes with them.
+# Renders on a cluster.
 
-# Options that need the whole film while it is rendered, or a device of this process.
-ALONE = {"part": "--part", "samples": "--samples", "time": "--time", "noise": "--noise", "denoise": "--denoise"}
-ALONE |= {"watch": "--watch", "preview": "--preview", "plan": "--plan", "split": "--split"}
-ALONE |= {"stats": "--stats", "strict": "--strict"}
 FOLDER = ".parts"  # in place of the suffix of the first output
 
 
-def add_cluster_options(parser: argparse.ArgumentParser) -> None:
-    """Add where the workers are."""
-    parser.add_argument(
-        "--cluster", metavar="ADDRESS",
-        help="render on the workers of this scheduler of dask.distributed, as tls://host:8786",
-    )  # fmt: skip
-    parser.add_argument("--workers", type=int, metavar="N", help="render in N processes of this machine, likewise")
-    parser.add_argument(
-        "--tls", metavar="CA,CERT,KEY",
-        help="certificate files (PEM) for an address tls://…: authority, certificate, key; none: take tcp:// on a"
-        " machine where all users are trusted",
-    )  # fmt: skip
-
-
-def cluster_requested(arguments: argparse.Namespace) -> bool:
-    """Whether a cluster renders; refuses options that go with none.
-
-    Raises
-    ------
-    InputError
-    """
-    if arguments.cluster is None and arguments.workers is None:
-        if arguments.tls is not None:
-            raise InputError("--tls: is for a cluster (allowed: with --cluster tls://…)")
-        return False
-    option = "--workers" if arguments.cluster is None else "--cluster"
-    for name, words in ALONE.items():
-        if getattr(arguments, name):
-            raise InputError(f"{words}: does not go with {option} (allowed: one of the two)")
-    if arguments.devices is not None and len(arguments.devices) > 1:
-        raise InputError(f"--device: each worker renders on one device (allowed: one name with {option})")
-    return True
-
-
-def parts_folder_of(arguments: argparse.Namespace) -> Path:
-    """Where parts are kept until the picture is whole: beside the first output."""
-    first: Path = arguments.outputs[0]
-    return first.with_suffix(FOLDER)
-
-
-def render_by_cluster(
-    arguments: argparse.Namespace,
-    scene: "Scene",
-    layers: list[str] | None,
-    show: "Callable[[Progress], None] | None",
-    should_stop: Callable[[], bool],
-) -> "Image":
-    """Return the picture that a cluster renders.
-
-    Raises
-    ------
-    InterruptedError
-        As `rptcam_cl.render_on_cluster` does.
-    """
+def render_by_cluster(arguments: argparse.Namespace, scene: "Scene") -> int:
+    """Render a picture on a cluster, write it, and return the exit code."""
+    from rptcam_cl.batch.cluster import PartsFolder
     from rptcam_cl.batch.cluster_run import render_on_cluster
 
-    return render_on_cluster(
-        scene, arguments.cluster, workers=arguments.workers, tls=_tls(arguments), device=_device(arguments),
-        folder=parts_folder_of(arguments), resume=arguments.resume, spp=arguments.spp, seed=arguments.seed,
-        size=arguments.size, crop=arguments.crop, layers=layers, on_progress=show, should_stop=should_stop,
-        allow_mixed=arguments.allow_mixed,
-    )  # fmt: skip
+    folder = arguments.outputs[0].with_suffix(FOLDER)
+    if folder.is_dir() and not arguments.resume and not arguments.quiet:
+        print(f"note: {folder} holds parts of an earlier render; --resume would go on from it", file=sys.stderr)
+    with contextlib.ExitStack() as stack:
+        stop = stack.enter_context(stop_on_interrupt())
+        show = None if arguments.quiet else stack.enter_context(progress_on_stderr())
+        try:
+            image = render_on_cluster(
+                scene, **cluster_keywords(arguments), **_scene_keywords(arguments), folder=folder,
+                resume=arguments.resume, on_progress=show, should_stop=stop.is_set,
+            )  # fmt: skip
+        except InterruptedError as ended:
+            print(f"interrupted: {ended}; --resume goes on from them", file=sys.stderr)
+            return INTERRUPTED
+    save(image, arguments)
+    PartsFolder(folder).clear()
+    if not arguments.quiet:
+        print(cluster_account(image), file=sys.stderr)
+        names = names_of(files_to_write(arguments))
+        print(f"wrote {names}: {image.width} x {image.height}, {image.stats['spp']} spp", file=sys.stderr)
+    return 0
 
 
-def render_frames_by_cluster(
-    arguments: argparse.Namespace,
-    missing: Iterable[Frame],
-    layers: list[str] | None,
-    save: "Callable[[Image, argparse.Namespace], None]",
-) -> int:
+def render_frames_by_cluster(arguments: argparse.Namespace, missing: Iterable[Frame]) -> int:
     """Render frames on a cluster, each by one worker; save them as they come, and return the exit code."""
     from rptcam_cl.batch.cluster_run import render_scenes_on_cluster
 
     todo = {frame.number: frame for frame in missing}
     if any(frame.arguments.neighbours is not None for frame in todo.values()):
         raise InputError("--cluster: flow leads from frame to frame, which workers do not have (allowed: other layers)")
-    words = {name: getattr(arguments, name) for name in ("spp", "seed", "size", "crop")} | {"layers": layers}
     with stop_on_interrupt() as stop:
         images = render_scenes_on_cluster(
-            {number: frame.scene for number, frame in todo.items()}, arguments.cluster, workers=arguments.workers,
-            tls=_tls(arguments), device=_device(arguments), settings=words, should_stop=stop.is_set,
-            allow_mixed=arguments.allow_mixed,
+            {number: frame.scene for number, frame in todo.items()}, **cluster_keywords(arguments),
+            settings=_scene_keywords(arguments), should_stop=stop.is_set,
         )  # fmt: skip
         try:
             for number, image in images:
@@ -120,58 +90,18 @@ def render_frames_by_cluster(
                 image.metadata.update(frame.metadata)
                 save(image, frame.arguments)
                 if not arguments.quiet:
-                    names = ", ".join(map(str, [*frame.arguments.outputs, *frame.arguments.raws]))
-                    print(f"wrote {names}: {cluster_account(image)}", file=sys.stderr)
+                    print(
+                        f"wrote {names_of(files_to_write(frame.arguments))}: {cluster_account(image)}", file=sys.stderr
+                    )
         except InterruptedError as ended:
             print(f"interrupted: {ended}; --resume goes on with the rest", file=sys.stderr)
             return INTERRUPTED
     return 0
 
 
-def pictures_of(arguments: argparse.Namespace, should_stop: Callable[[], bool]) -> "Pictures | None":
-    """What renders the pictures of a sweep on a cluster; None without one.
-
-    Raises
-    ------
-    InputError
-        For options that go with none.
-    """
-    if arguments.cluster is None and arguments.workers is None:
-        if arguments.tls is not None:
-            raise InputError("--tls: is for a cluster (allowed: with --cluster tls://…)")
-        return None
-    from rptcam_cl.batch.cluster_run import render_scenes_on_cluster
-
-    return functools.partial(
-        render_scenes_on_cluster, cluster=arguments.cluster, workers=arguments.workers, tls=_tls(arguments),
-        device=arguments.device, should_stop=should_stop, allow_mixed=arguments.allow_mixed,
-    )  # fmt: skip
-
-
-def _tls(arguments: argparse.Namespace) -> "TLS | Literal[False] | None":
-    """The certificates, where some are given; False where none are wanted."""
-    from rptcam_cl.batch.cluster import TLS
-
-    if arguments.tls is None:
-        return None
-    if arguments.tls == "none":
-        return False
-    names = re.split(r"\s*,\s*", arguments.tls.strip())
-    if len(names) != 3:
-        raise InputError(f"--tls: three files (got {arguments.tls}; allowed: as ca.pem,cert.pem,key.pem)")
-    return TLS(*names)
-
-
-def _device(arguments: argparse.Namespace) -> str | None:
-    """The device of each worker."""
-    return None if arguments.devices is None else str(arguments.devices[0])
-
-
-def remove_parts(folder: Path) -> None:
-    """Remove the parts of a picture that is written."""
-    from rptcam_cl.batch.cluster import PartsFolder
-
-    PartsFolder(folder).clear()
+def _scene_keywords(arguments: argparse.Namespace) -> dict[str, Any]:
+    """The keyword arguments that replace keys of the scene."""
+    return {name: getattr(arguments, name) for name in OF_A_CLUSTER} | {"layers": layers_of_outputs(arguments)}
 
 
 def cluster_account(image: "Image") -> str:
@@ -201,18 +131,13 @@ def add_sweep(commands: Commands) -> None:
         " varies first",
     )  # fmt: skip
     parser.add_argument("-o", "--output", required=True, type=Path, metavar="FOLDER", help="folder to write to")
-    parser.add_argument("--spp", type=spp, metavar="N", help="samples per pixel, in place of the scene's")
-    parser.add_argument("--size", type=size, metavar="WxH", help="resolution in pixels")
-    parser.add_argument("--seed", type=seed, metavar="N", help="seed of the random numbers")
+    add_options(parser, "spp", "size", "seed")
     parser.add_argument(
         "--mtf", type=point, metavar="x,y",
         help="measure MTF50 of the edge at this point, in fractions of the picture from the left and the top",
     )  # fmt: skip
     add_device(parser)
-    add_cluster_options(parser)
-    add_overrides(parser)
-    add_allow_mixed(parser)
-    parser.add_argument("--quiet", action="store_true", help="print only warnings and errors")
+    add_options(parser, "cluster", "workers", "tls", "overrides", "allow_mixed", "quiet")
     parser.set_defaults(run=_run_sweep, parser=parser)
 
 
@@ -228,7 +153,7 @@ def _over(texts: list[str]) -> dict[str, list[Any]]:
         if key in found:
             raise InputError(f"--over {text}: {key} twice (allowed: each key once)")
         values = read_yaml(f"[{listed}]", name=f"--over {text}").data
-        found[key] = expanded(key, values, f"--over {text}")
+        found[key] = expand_ellipsis(key, values, f"--over {text}")
     return found
 
 
@@ -241,10 +166,16 @@ def _run_sweep(arguments: argparse.Namespace) -> int:
     print_warnings(scene.warnings)
     rows, said = [], set(scene.warnings)
     with stop_on_interrupt(None if arguments.cluster or arguments.workers else ENDS_LATER) as stop:
+        pictures = None
+        if check_cluster_arguments(arguments):
+            from rptcam_cl.batch.cluster_run import render_scenes_on_cluster
+
+            pictures = functools.partial(
+                render_scenes_on_cluster, should_stop=stop.is_set, **cluster_keywords(arguments)
+            )
         entries = sweep(
             scene, over, arguments.output, spp=arguments.spp, size=arguments.size, seed=arguments.seed,
-            mtf_at=arguments.mtf, device=arguments.device, pictures=pictures_of(arguments, stop.is_set),
-            allow_mixed=arguments.allow_mixed,
+            mtf_at=arguments.mtf, device=arguments.device, pictures=pictures, allow_mixed=arguments.allow_mixed,
         )  # fmt: skip
         try:
             for entry in entries:
@@ -261,6 +192,76 @@ def _run_sweep(arguments: argparse.Namespace) -> int:
             return INTERRUPTED
     print_table([*over, *entry.measures], rows)
     return 0
+
+
+# Lists of values with an ellipsis: ``2,2.8,…,22`` goes on as it began, in stops for f-numbers, in equal steps else.
+
+ELLIPSES = ("…", "...")
+MOST_VALUES = 10_000
+ON_THE_WAY = 1e-6  # of a step, by which the last value may miss it
+
+# As engraved on lenses and shown by cameras: full, half and third stops.
+F_NUMBERS = (
+    (0.5, 0.7, 1, 1.4, 2, 2.8, 4, 5.6, 8, 11, 16, 22, 32, 45, 64, 90, 128),
+    (1, 1.2, 1.4, 1.7, 2, 2.4, 2.8, 3.3, 4, 4.8, 5.6, 6.7, 8, 9.5, 11, 13, 16, 19, 22, 27, 32, 38, 45, 54, 64),
+    (
+        1, 1.1, 1.2, 1.4, 1.6, 1.8, 2, 2.2, 2.5, 2.8, 3.2, 3.5, 4, 4.5, 5, 5.6, 6.3, 7.1, 8, 9, 10, 11, 13, 14, 16, 18,
+        20, 22, 25, 29, 32, 36, 40, 45, 51, 57, 64,
+    ),
+)  # fmt: skip
+
+
+def expand_ellipsis(key: str, values: list[Any], where: str) -> list[Any]:
+    """Put values in place of an ellipsis.
+
+    Raises
+    ------
+    InputError
+        When it does not stand between numbers that make a series.
+    """
+    places = [k for k, value in enumerate(values) if value in ELLIPSES]
+    if not places:
+        return values
+    place = places[0]
+    before, after = values[:place], values[place + 1 :]
+    if not (before and after and all(_is_number(value) for value in [*before, *after])):
+        raise InputError(f"{where}: the ellipsis has to stand between numbers (as 2,2.8,…,22)")
+    is_stops = key.rpartition(".")[2] == "f_number"
+    middle = (_stops if is_stops else _steps)(before[-2:], after[0], where)
+    return [*before, *middle, *after]
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _stops(before: list[float], last: float, where: str) -> list[float]:
+    """Return the f-numbers between the last one before an ellipsis and the one behind it, of a scale with all."""
+    for scale in F_NUMBERS:
+        if not all(value in scale for value in (*before, last)):
+            continue
+        first, end = scale.index(before[-1]), scale.index(last)
+        step = 1 if first < end else -1
+        if len(before) == 1 or scale.index(before[0]) + step == first:
+            return list(scale[first + step : end : step])
+    raise InputError(
+        f"{where}: is no series of full, half or third stops (got {', '.join(map(str, before))}, …, {last};"
+        " allowed: as 2,2.8,…,22, 2,2.4,…,8 or 2,2.2,…,4)"
+    )
+
+
+def _steps(before: list[float], last: float, where: str) -> list[float]:
+    """Return the numbers between, in steps of the two before the ellipsis."""
+    step = before[-1] - before[0]
+    count = (last - before[-1]) / step if step else 0.0
+    if len(before) < 2 or not 1 - ON_THE_WAY <= count <= MOST_VALUES or abs(count - round(count)) > ON_THE_WAY:
+        raise InputError(
+            f"{where}: is no series of equal steps (got {', '.join(map(str, before))}, …, {last};"
+            " allowed: as 1,1.5,…,4)"
+        )
+    whole = all(isinstance(value, int) for value in (*before, last))
+    values = [before[-1] + k * (last - before[-1]) / round(count) for k in range(1, round(count))]
+    return [round(value) for value in values] if whole else [float(f"{value:.12g}") for value in values]
 
 
 # ``rptcam dataset``: many pictures of a scene whose keys are drawn from distributions, with their exact cameras.
@@ -284,9 +285,7 @@ def add_dataset(commands: Commands) -> None:
         "--shard", type=_count, metavar="N", help="write shards of N frames, TAR files as WebDataset reads them"
     )
     add_device(parser)
-    add_overrides(parser)
-    add_allow_mixed(parser)
-    parser.add_argument("--quiet", action="store_true", help="print only warnings and errors")
+    add_options(parser, "overrides", "allow_mixed", "quiet")
     parser.set_defaults(run=_run_dataset, parser=parser)
 
 
@@ -298,13 +297,10 @@ def _count(text: str) -> int:
 
 def indices(text: str) -> range:
     """Frames of ``517``, ``0-99`` or ``0-99:2``."""
-    match = re.fullmatch(r"(\d{1,9})(?:-(\d{1,9}))?(?::(\d{1,9}))?", text, re.ASCII)
-    first = int(match[1]) if match else 1
-    last = int(match[2] or first) if match else 0
-    step = int(match[3] or 1) if match else 1
-    if first > last or step < 1:
+    frames = number_range(text, 9, 0)
+    if frames is None:
         raise argparse.ArgumentTypeError(f"got {text}; allowed FIRST[-LAST[:STEP]], as 517 or 0-99")
-    return range(first, last + 1, step)
+    return frames
 
 
 def _run_dataset(arguments: argparse.Namespace) -> int:
@@ -322,7 +318,7 @@ def _run_dataset(arguments: argparse.Namespace) -> int:
         for frame in frames:
             kept, rendered = kept + frame.kept, rendered + (not frame.kept)
             if not arguments.quiet and not frame.kept:
-                drawn = ", ".join(f"{key}={_shown(value)}" for key, value in frame.values.items())
+                drawn = ", ".join(f"{key}={_format_value(value)}" for key, value in frame.values.items())
                 print(f"frame {frame.index}: {drawn}", file=sys.stderr)
             if stop.is_set():
                 print("interrupted: the same command goes on with the rest", file=sys.stderr)
@@ -332,7 +328,7 @@ def _run_dataset(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _shown(value: object) -> str:
+def _format_value(value: object) -> str:
     if isinstance(value, list):
-        return "[" + ", ".join(map(_shown, value)) + "]"
+        return "[" + ", ".join(map(_format_value, value)) + "]"
     return f"{value:.6g}" if isinstance(value, float) else str(value)

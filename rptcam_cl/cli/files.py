@@ -5,18 +5,20 @@ import shlex
 import sys
 from pathlib import Path
 
-from rptcam_cl.cli.output import print_warnings
-from rptcam_cl.cli.parser import (
-    Commands,
-    add_allow_mixed,
-    add_device,
-    add_missing,
-    add_overrides,
-    positive,
-    size,
-)
-from rptcam_cl.cli.render import save
+from rptcam_cl.api.options import add_options, size
+from rptcam_cl.cli.output import print_warnings, save
+from rptcam_cl.cli.parser import Commands, add_device, check_different, names_of, positive
 from rptcam_cl.core.errors import InputError
+
+SCENES = (".yaml", ".yml")
+
+
+def _check_scene_name(path: Path, hint: str = "") -> None:
+    """Raise `InputError` if a scene file would not end as one."""
+    if path.suffix.lower() not in SCENES:
+        got = path.suffix or "no suffix"
+        raise InputError(f"{path}: a scene file is YAML (got {got}; allowed: {', '.join(SCENES)}){hint}")
+
 
 # ``rptcam merge``: parts of a render become its picture.
 
@@ -33,8 +35,7 @@ def add_merge(commands: Commands) -> None:
         "-o", "--output", action="append", required=True, type=Path, metavar="OUT", dest="outputs",
         help="picture to write, as of render; or the whole as .rpck, for render --resume; may be repeated",
     )  # fmt: skip
-    add_allow_mixed(parser)
-    parser.add_argument("--quiet", action="store_true", help="print only warnings and errors")
+    add_options(parser, "allow_mixed", "quiet")
     parser.set_defaults(run=_run_merge, parser=parser)
 
 
@@ -49,8 +50,7 @@ def _run_merge(arguments: argparse.Namespace) -> int:
     pictures = [output for output in outputs if output.suffix != SUFFIX]
     if len(states) > 1:
         raise InputError(f"-o: two files {SUFFIX} (allowed: one)")
-    if len({output.resolve() for output in outputs}) < len(outputs):
-        raise InputError("-o: the same file twice")
+    check_different(outputs, "-o")
     for output in states:
         check_writable(output, arguments.parts)
     for output in pictures:
@@ -59,7 +59,7 @@ def _run_merge(arguments: argparse.Namespace) -> int:
     if pictures:
         save(image, argparse.Namespace(outputs=pictures, raws=[], stats=None))
     if not arguments.quiet:
-        names, count = ", ".join(map(str, outputs)), len(arguments.parts)
+        names, count = names_of(outputs), len(arguments.parts)
         made = f"{image.width} x {image.height}, {image.stats['spp']} spp, of {count} part{'s' * (count > 1)}"
         print(f"wrote {names}: {made}", file=sys.stderr)
         if "parts" in image.metadata:
@@ -98,7 +98,7 @@ def add_develop(commands: Commands) -> None:
         "--large", action="store_true",
         help="develop films of more than 67 million pixels, too, which take minutes however small their files are",
     )  # fmt: skip
-    parser.add_argument("--quiet", action="store_true", help="print only warnings and errors")
+    add_options(parser, "quiet")
     parser.set_defaults(run=_run_develop, parser=parser)
 
 
@@ -115,8 +115,7 @@ def _run_develop(arguments: argparse.Namespace) -> int:
     for raw in arguments.raws:
         check_raw_output(raw, [arguments.film])
     written = [*arguments.outputs, *arguments.raws]
-    if len({path.resolve() for path in written}) < len(written):
-        raise InputError("-o, --raw: the same file twice")
+    check_different(written, "-o, --raw")
     image = develop(read_film(arguments.film, most_pixels=None if arguments.large else LARGE), arguments.overrides)
     if arguments.desqueeze is not None:
         if arguments.raws:
@@ -128,7 +127,7 @@ def _run_develop(arguments: argparse.Namespace) -> int:
     for numbers, path in raws:
         numbers.save(path)
     if not arguments.quiet:
-        print(f"wrote {', '.join(map(str, written))}: {image.width} x {image.height}", file=sys.stderr)
+        print(f"wrote {names_of(written)}: {image.width} x {image.height}", file=sys.stderr)
     return 0
 
 
@@ -145,19 +144,16 @@ def add_settle(commands: Commands) -> None:
     parser.add_argument("scene", type=Path, metavar="SCENE", help="scene file (YAML)")
     parser.add_argument("-o", "--output", required=True, type=Path, metavar="OUT.yaml", help="scene file to write")
     add_device(parser)
-    add_overrides(parser)
-    parser.add_argument("--quiet", action="store_true", help="print only warnings and errors")
+    add_options(parser, "overrides", "quiet")
     parser.set_defaults(run=_run_settle, parser=parser)
 
 
 def _run_settle(arguments: argparse.Namespace) -> int:
     from rptcam_cl.api.interface import settle
-    from rptcam_cl.core.errors import InputError
     from rptcam_cl.core.files import check_writable
     from rptcam_cl.scene.load import load_scene
 
-    if arguments.output.suffix.lower() not in (".yaml", ".yml"):
-        raise InputError(f"{arguments.output}: a scene is YAML (allowed: a name that ends in .yaml)")
+    _check_scene_name(arguments.output)
     check_writable(arguments.output, [arguments.scene])
     scene = load_scene(arguments.scene, arguments.overrides)
     print_warnings(scene.warnings)
@@ -170,7 +166,6 @@ def _run_settle(arguments: argparse.Namespace) -> int:
 # ``rptcam convert``: a scene file of another renderer becomes one of ours.
 
 SOURCES = (".pbrt", ".pbrt.gz")
-TARGETS = (".yaml", ".yml")
 
 
 def add_convert(commands: Commands) -> None:
@@ -184,7 +179,7 @@ def add_convert(commands: Commands) -> None:
     parser.add_argument("source", type=Path, metavar="SCENE.pbrt", help="scene file of pbrt-v2, v3 or v4")
     parser.add_argument("target", type=Path, metavar="SCENE.yaml", help="scene file to write")
     parser.add_argument("--quiet", action="store_true", help="print only errors")
-    add_missing(parser)
+    add_options(parser, "missing")
     parser.set_defaults(run=_run_convert, parser=parser)
 
 
@@ -192,18 +187,16 @@ def _check_names(source: Path, target: Path) -> None:
     from rptcam_cl.core.files import check_writable
 
     if not source.name.lower().endswith(SOURCES):
-        hint = " (put a mesh into a scene as an object of shape mesh)" if source.suffix.lower() in _MESHES else ""
+        hint = " (put a mesh into a scene as an object of shape mesh)" if source.suffix.lower() in MESHES else ""
         raise InputError(
             f"{source}: only scenes of pbrt can be converted{hint} (got {source.suffix or 'no suffix'}; "
             f"allowed: {', '.join(SOURCES)})"
         )
-    if target.suffix.lower() not in TARGETS:
-        got = target.suffix or "no suffix"
-        raise InputError(f"{target}: a scene file is YAML (got {got}; allowed: {', '.join(TARGETS)})")
+    _check_scene_name(target)
     check_writable(target, [source])
 
 
-_MESHES = (".ply", ".obj", ".stl", ".gltf", ".glb")
+MESHES = (".ply", ".obj", ".stl", ".gltf", ".glb")
 
 
 def _run_convert(arguments: argparse.Namespace) -> int:
@@ -221,8 +214,6 @@ def _run_convert(arguments: argparse.Namespace) -> int:
 
 
 # ``rptcam new``: writes a starting scene round a model.
-
-SUFFIXES = (".yaml", ".yml")
 
 
 def add_new(commands: Commands) -> None:
@@ -253,18 +244,16 @@ def add_new(commands: Commands) -> None:
 
 
 def _run_new(arguments: argparse.Namespace) -> int:
-    from rptcam_cl.core.errors import InputError
     from rptcam_cl.core.files import check_writable, replacing
     from rptcam_cl.exchange.starting import Wishes, starting_scene
     from rptcam_cl.scene.load import load_scene, scene_text
 
     target: Path = arguments.scene
-    if target.suffix.lower() not in SUFFIXES:
-        got, hint = target.suffix or "no suffix", ""
-        if target.is_file() and arguments.model is None:
-            words = ["rptcam", "new", f"{target.stem}.yaml", "--model", str(target)]
-            hint = f"; for a scene of that model: {shlex.join(words)}"
-        raise InputError(f"{target}: a scene file is YAML (got {got}; allowed: {', '.join(SUFFIXES)}){hint}")
+    hint = ""
+    if target.is_file() and arguments.model is None:
+        words = ["rptcam", "new", f"{target.stem}.yaml", "--model", str(target)]
+        hint = f"; for a scene of that model: {shlex.join(words)}"
+    _check_scene_name(target, hint)
     if target.exists():
         raise InputError(f"{target}: is there already; choose another name, or remove it first")
     check_writable(target)
@@ -279,15 +268,12 @@ def _run_new(arguments: argparse.Namespace) -> int:
     scene = load_scene(start.scene, base_dir=target.parent, missing="grey")
     with replacing(target) as temporary:
         temporary.write_text(scene_text(start.scene, (HEAD,)), "utf-8")
-    for message in (*start.report, *(f"copied {path.name}" for path in copied), *_warned(scene.warnings, start.report)):
+    warnings = [f"warning: {text}" for text in scene.warnings if text not in start.report]
+    for message in (*start.report, *(f"copied {path.name}" for path in copied), *warnings):
         print(message, file=sys.stderr)
     named, picture = shlex.quote(str(target)), shlex.quote(f"{target.stem}.png")
     print(f"wrote {target}; next: rptcam render {named} -o {picture}, or rptcam view {named}", file=sys.stderr)
     return 0
-
-
-def _warned(warnings: tuple[str, ...], known: list[str]) -> list[str]:
-    return [f"warning: {text}" for text in warnings if text not in known]
 
 
 HEAD = "A starting scene by rptcam new: change what you like; docs/scene.md has every key."

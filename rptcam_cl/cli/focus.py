@@ -3,27 +3,13 @@
 import argparse
 import contextlib
 import shlex
-import sys
-import time
-from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rptcam_cl.api.options import add_options, crop, duration, share, size
 from rptcam_cl.cli.lens_options import check_file, check_picture, write, write_picture
-from rptcam_cl.cli.output import as_json, print_table, print_warnings
-from rptcam_cl.cli.parser import (
-    Commands,
-    add_device,
-    add_overrides,
-    crop,
-    duration,
-    focus_method,
-    focus_policy,
-    point,
-    seed,
-    share,
-    size,
-)
+from rptcam_cl.cli.output import as_json, print_table, print_warnings, say_on_stderr
+from rptcam_cl.cli.parser import Commands, add_device, focus_method, focus_policy, point
 from rptcam_cl.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -61,9 +47,9 @@ def add_focus(commands: Commands) -> None:
         "--policy", type=focus_policy, metavar="NAME",
         help="which of several zones decides: closest (default), farthest, centre or weighted",
     )  # fmt: skip
-    parser.add_argument("--seed", type=seed, metavar="N", help="seed of the random numbers")
+    add_options(parser, "seed")
     add_device(parser)
-    add_overrides(parser)
+    add_options(parser, "overrides")
     parser.add_argument("--json", action="store_true", help="print JSON")
     parser.add_argument("--plot", type=Path, metavar="FILE", help="draw the curve, .svg, .png or .pdf")
     parser.set_defaults(run=_run_focus, parser=parser)
@@ -130,7 +116,6 @@ def _print_focus(report: "FocusReport") -> None:
 # ``rptcam tradeoff``: what each approximation of a picture costs and gains.
 
 PRINTED = Path("-")  # in place of a file: to standard output
-_LINE_INTERVAL = 10.0  # [s], where no terminal watches
 
 
 def add_tradeoff(commands: Commands) -> None:
@@ -170,7 +155,7 @@ def add_tradeoff(commands: Commands) -> None:
     )
     parser.add_argument("--details", action="store_true", help="print all tables and how they were found, too")
     add_device(parser)
-    add_overrides(parser)
+    add_options(parser, "overrides")
     parser.add_argument("--quiet", action="store_true", help="print only the result, warnings and errors")
     parser.set_defaults(run=_run_tradeoff, parser=parser)
 
@@ -182,7 +167,7 @@ def _run_tradeoff(arguments: argparse.Namespace) -> int:
 
     scene = load_scene(arguments.scene, arguments.overrides)
     print_warnings(scene.warnings)
-    with contextlib.nullcontext() if arguments.quiet else _progress() as show:
+    with contextlib.nullcontext() if arguments.quiet else say_on_stderr(_line) as show:
         report = measure_tradeoff(
             scene,
             budget=arguments.budget,
@@ -204,7 +189,7 @@ def _run_tradeoff(arguments: argparse.Namespace) -> int:
 
 
 def _check_outputs(arguments: argparse.Namespace) -> None:
-    """Refuse, before anything is measured, what could not be written at the end."""
+    """Check, before anything is measured, that all files can be written."""
     from rptcam_cl.core.files import check_writable
 
     for path, suffix in ((arguments.json, ".json"), (arguments.markdown, ".md")):
@@ -244,24 +229,5 @@ def _write(report: "TradeoffReport", arguments: argparse.Namespace) -> None:
         write_picture(tradeoff_plot(report, title), arguments.plot)
 
 
-@contextlib.contextmanager
-def _progress() -> Iterator[Callable[[str, float], Any]]:
-    """A function that shows what is being done and the share that is done: a bar on a terminal, else lines."""
-    if not sys.stderr.isatty():
-        last = time.monotonic()
-
-        def say(words: str, share: float) -> None:
-            nonlocal last
-            if time.monotonic() - last >= _LINE_INTERVAL:
-                last = time.monotonic()
-                print(f"{words} ({share:.0%})", file=sys.stderr, flush=True)
-
-        yield say
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn
-
-    columns = (BarColumn(bar_width=None), TextColumn("{task.description}", markup=False))
-    with Progress(*columns, console=Console(stderr=True), transient=True, expand=True) as bar:
-        task = bar.add_task("start", total=1.0)
-        yield lambda words, share: bar.update(task, description=words, completed=share)
+def _line(words: str, share: float | None) -> str:
+    return words if share is None else f"{words} ({share:.0%})"

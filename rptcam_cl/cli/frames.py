@@ -13,57 +13,45 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from rptcam_cl._version import __version__
+from rptcam_cl.api.options import check_together
+from rptcam_cl.cli.parser import apply_options, device_of, files_to_write, names_of
 from rptcam_cl.core.errors import InputError, RptcamError
 from rptcam_cl.core.files import named_files
 from rptcam_cl.core.remember import OneMaker, made_by
 
 if TYPE_CHECKING:
+    from rptcam_cl.scene.exposure import FrameSequence
     from rptcam_cl.scene.scene import Scene
 
 
 # ``rptcam render --frames``: a sequence of pictures, each the one that its frame gives alone.
 
 PLACE = re.compile(r"#+")
-# Options that are of a single picture.
-SINGLE = {"watch": "--watch", "preview": "--preview", "stats": "--stats", "plan": "--plan", "part": "--part"}
-SINGLE |= {"samples": "--samples"}
 
 
-def add_frames_option(parser: argparse.ArgumentParser) -> None:
-    """Add the option."""
-    parser.add_argument(
-        "--frames", type=frame_range, metavar="FIRST-LAST[:STEP]",
-        help="render these frames of the scene's sequence, as 1-240 or 1-240:2; #### in names of files is the frame;"
-        " with --resume, frames that are there are kept",
-    )  # fmt: skip
-    parser.add_argument(
-        "--video", type=Path, metavar="OUT",
-        help="with --frames and a film among the outputs (.exr, .npz): also a video, .mov (ProRes), .mkv (FFV1), .mp4"
-        " (H.264) or .webm (AV1); needs rptcam_cl[video]",
-    )  # fmt: skip
+def sequence_of(scene: "Scene") -> "FrameSequence":
+    """The sequence of a scene; by default one in which nothing but the time changes."""
+    from rptcam_cl.scene.exposure import FrameSequence
+
+    return scene.sequence or FrameSequence()
 
 
-def frame_range(text: str) -> range:
-    """Frames of ``1-240``, ``1-240:2`` or ``7``."""
-    match = re.fullmatch(r"(\d{1,7})(?:-(\d{1,7}))?(?::(\d{1,7}))?", text, re.ASCII)
-    first = int(match[1]) if match else 0
-    last = int(match[2] or first) if match else 0
-    step = int(match[3] or 1) if match else 0
-    if not (1 <= first <= last and step >= 1):
-        raise argparse.ArgumentTypeError(f"got {text}; allowed FIRST-LAST[:STEP], as 1-240 or 1-240:2")
-    return range(first, last + 1, step)
+def scene_of_frame(scene: "Scene", frame: int) -> "Scene":
+    """The scene of a frame that stands alone."""
+    from rptcam_cl.scene.load import set_keys
+
+    return set_keys(scene, sequence_of(scene).changes(scene.shutter.open_s, frame))
 
 
 def frame_scenes(arguments: argparse.Namespace, scene: "Scene") -> list[tuple[int, "Scene"]]:
     """The scene of each frame, checked before any is rendered."""
-    from rptcam_cl.scene.exposure import FrameSequence
-    from rptcam_cl.scene.load import at_rest, set_keys
+    from rptcam_cl.scene.load import at_rest
 
-    sequence = scene.sequence or FrameSequence()
     found = []
     for frame in arguments.frames:
         try:
-            still = set_keys(scene, sequence.changes(scene.shutter.open_s, frame))
+            still = scene_of_frame(scene, frame)
             at_rest(still)  # keys of the shutter as well
             found.append((frame, still))
         except RptcamError as problem:
@@ -71,19 +59,19 @@ def frame_scenes(arguments: argparse.Namespace, scene: "Scene") -> list[tuple[in
     return found
 
 
-def tracked(arguments: argparse.Namespace, scene: "Scene") -> Callable[[int], tuple["Scene", dict[str, Any]]] | None:
-    """What returns a frame with focus and exposure that follow from those before; None where each stands for itself."""
-    from rptcam_cl.api.stages import RenderOptions
+def track_frames(
+    arguments: argparse.Namespace, scene: "Scene"
+) -> Callable[[int], tuple["Scene", dict[str, Any]]] | None:
+    """A function of a frame with focus and exposure that follow from those before; None where each stands alone."""
+    from rptcam_cl.api.job import RenderOptions
     from rptcam_cl.api.sweeping import FrameTracker, needs_tracking
 
     if not needs_tracking(scene):
         return None
     from rptcam_cl.device.session import open_sessions
 
-    given = arguments.devices
-    wanted = given[0] if given is not None and len(given) == 1 else given
     settings = RenderOptions(seed=arguments.seed, size=arguments.size, crop=arguments.crop)
-    return FrameTracker(settings.applied_to(scene), lambda: open_sessions(wanted)[0][0]).frame
+    return FrameTracker(settings.apply_to(scene), lambda: open_sessions(device_of(arguments))[0][0]).frame
 
 
 def neighbours_of(
@@ -97,11 +85,9 @@ def neighbours_of(
 
 
 def check_frame_options(arguments: argparse.Namespace) -> None:
-    """Refuse options of a single picture, and outputs that would overwrite one another."""
-    for name, words in SINGLE.items():
-        if getattr(arguments, name):
-            raise InputError(f"{words}: is for a single picture (allowed: without --frames)")
-    for path in [*arguments.outputs, *arguments.raws]:
+    """Raise `InputError` for options of a single picture, and outputs that would overwrite one another."""
+    check_together(arguments, "frames", "--frames")
+    for path in files_to_write(arguments):
         if not PLACE.search(path.name):
             raise InputError(f"{path}: every frame would overwrite it (allowed: a name with ####, as out.####.exr)")
 
@@ -115,19 +101,19 @@ def check_frame_options(arguments: argparse.Namespace) -> None:
 
 def _film(arguments: argparse.Namespace) -> Path | None:
     """The output that holds the film."""
-    return next((path for path in arguments.outputs if path.suffix.lower() in (".exr", ".npz")), None)
+    from rptcam_cl.imaging.writers import holds_layers
+
+    return next(filter(holds_layers, arguments.outputs), None)
 
 
-def _write_video(arguments: argparse.Namespace, scene: "Scene") -> None:
+def write_video_of(arguments: argparse.Namespace, scene: "Scene") -> None:
     """Write the developed films of all frames as a video."""
     from rptcam_cl.imaging.image import develop, write_video
-    from rptcam_cl.scene.exposure import FrameSequence
 
     film = _film(arguments)
     assert film is not None
-    images = (develop(_named(film, frame)) for frame in arguments.frames)
-    rate = (scene.sequence or FrameSequence()).frames_per_second
-    count = write_video(arguments.video, images, rate)
+    images = (develop(_name_of_frame(film, frame)) for frame in arguments.frames)
+    count = write_video(arguments.video, images, sequence_of(scene).frames_per_second)
     if not arguments.quiet:
         print(f"wrote {arguments.video}: {count} frames", file=sys.stderr)
 
@@ -135,26 +121,25 @@ def _write_video(arguments: argparse.Namespace, scene: "Scene") -> None:
 def of_frame(arguments: argparse.Namespace, frame: int) -> argparse.Namespace:
     """The arguments of one frame: its names of files."""
     found = copy.copy(arguments)
-    found.outputs = [_named(path, frame) for path in arguments.outputs]
-    found.raws = [_named(path, frame) for path in arguments.raws]
+    found.outputs = [_name_of_frame(path, frame) for path in arguments.outputs]
+    found.raws = [_name_of_frame(path, frame) for path in arguments.raws]
     return found
 
 
-def _named(path: Path, frame: int) -> Path:
+def _name_of_frame(path: Path, frame: int) -> Path:
     return path.with_name(PLACE.sub(lambda match: f"{frame:0{len(match[0])}d}", path.name))
 
 
 def metadata_of(scene: "Scene", frame: int) -> dict[str, Any]:
-    """What the files of a frame say of it."""
-    from rptcam_cl.scene.exposure import FrameSequence
+    """Metadata of a frame."""
+    sequence = sequence_of(scene)
+    return {
+        "frame": frame, "timecode": sequence.timecode(frame), "frames_per_second": sequence.frames_per_second,
+    }  # fmt: skip
 
-    sequence = scene.sequence or FrameSequence()
-    rate = sequence.frames_per_second
-    return {"frame": frame, "timecode": sequence.timecode(frame), "frames_per_second": rate}
 
-
-def layers_said(arguments: argparse.Namespace, scene: "Scene") -> dict[str, Any]:
-    """What the files of a frame say of its layers: their names, samples, and to which scenes flow leads.
+def layer_metadata(arguments: argparse.Namespace, scene: "Scene") -> dict[str, Any]:
+    """Metadata of the layers of a frame: their names, samples, and to which scenes flow leads.
 
     Nothing where there are none.
 
@@ -173,8 +158,7 @@ def layers_said(arguments: argparse.Namespace, scene: "Scene") -> dict[str, Any]
 
 def is_there(arguments: argparse.Namespace, wanted: Mapping[str, Any]) -> bool:
     """Whether all files of a frame are there and say what is wanted; None: what they must not say."""
-    files = [*arguments.outputs, *arguments.raws]
-    if not all(path.is_file() for path in files):
+    if not all(path.is_file() for path in files_to_write(arguments)):
         return False
     known = [found for path in arguments.outputs if (found := _metadata(path)) is not None]
     return bool(known) and all(
@@ -190,7 +174,7 @@ def _says(metadata: Mapping[str, Any], name: str, value: Any) -> bool:
 
 
 def _value(found: Any) -> Any:
-    """What metadata say, also where the format keeps texts alone."""
+    """The value of metadata, also where the format keeps texts alone."""
     if isinstance(found, str):
         with contextlib.suppress(ValueError):
             return json.loads(found)
@@ -200,9 +184,10 @@ def _value(found: Any) -> Any:
 def _metadata(path: Path) -> dict[str, Any] | None:
     """The metadata of a picture; None for formats that keep none for us to read, nothing of a damaged file."""
     from rptcam_cl.imaging.image import read_film
+    from rptcam_cl.imaging.writers import holds_layers
 
     try:
-        if path.suffix.lower() in (".exr", ".npz"):
+        if holds_layers(path):
             return read_film(path).metadata
         if path.suffix.lower() == ".png":
             from PIL import Image
@@ -215,10 +200,6 @@ def _metadata(path: Path) -> dict[str, Any] | None:
     return None
 
 
-Applied = Callable[[argparse.Namespace, "Scene"], "Scene"]
-Wanted = Callable[[argparse.Namespace, "Scene"], Mapping[str, Any]]
-
-
 class Frame(NamedTuple):
     """A frame to render: its number, the arguments with its names of files, its scene, and metadata for its files."""
 
@@ -228,30 +209,27 @@ class Frame(NamedTuple):
     metadata: dict[str, Any]
 
 
-def _missing(
-    arguments: argparse.Namespace,
-    scene: "Scene",
-    applied: Applied,
-    wanted: Wanted,
-) -> Iterator[Frame]:
+def _wanted(arguments: argparse.Namespace, applied: "Scene") -> dict[str, Any]:
+    """Metadata of a finished frame: all that changes it, and its samples where they are known."""
+    found: dict[str, Any] = {"version": __version__, "picture_hash": applied.picture_hash(), "interrupted": None}
+    if arguments.seconds is None and applied.render.noise is None:
+        found["spp"] = applied.render.most_spp
+    return found | layer_metadata(arguments, applied)
+
+
+def missing_frames(arguments: argparse.Namespace, scene: "Scene") -> Iterator[Frame]:
     """Yield the frames that are not there yet; all are checked before the first."""
-    from rptcam_cl.scene.exposure import FrameSequence
-    from rptcam_cl.scene.load import set_keys
-
-    sequence = scene.sequence or FrameSequence()
-
-    def alone_at(number: int) -> tuple["Scene", dict[str, Any]]:
-        return set_keys(scene, sequence.changes(scene.shutter.open_s, number)), {}
-
-    found, same = tracked(arguments, scene), OneMaker(arguments.allow_mixed)
-    at = lru_cache(maxsize=3)(found or alone_at)  # frames that follow one another are not found again
+    track, same = track_frames(arguments, scene), OneMaker(arguments.allow_mixed)
+    # Frames that follow one another are not found again
+    at = lru_cache(maxsize=3)(track or (lambda number: (scene_of_frame(scene, number), {})))
     for number, alone in frame_scenes(arguments, scene):
         own = of_frame(arguments, number)
         own.same = same
-        still, described = (alone, {}) if found is None else at(number)
+        still, described = (alone, {}) if track is None else at(number)
         own.neighbours = neighbours_of(arguments, scene, number, lambda other: at(other)[0])
-        if not (arguments.resume and is_there(own, wanted(own, still))):
-            said = metadata_of(scene, number) | described | layers_said(own, applied(own, still))
+        applied = apply_options(own, still)
+        if not (arguments.resume and is_there(own, _wanted(own, applied))):
+            said = metadata_of(scene, number) | described | layer_metadata(own, applied)
             if same.makers:  # whether what is kept is of this code, before any work; the driver is known after it
                 same.add("this program", made_by([same.makers[0]["driver"]]))
             yield Frame(number, own, still, said)
@@ -260,38 +238,7 @@ def _missing(
             if (known := _metadata(path)) is not None:
                 same.add(str(path), _value(known.get("made_by")))
         if not arguments.quiet:
-            print(f"kept {', '.join(map(str, own.outputs))}", file=sys.stderr)
-
-
-def one_by_one(frames: Iterable[Frame], render_one: Callable[[Frame], int]) -> int:
-    """Render frame after frame, and return the first exit code that is not 0."""
-    return next(filter(None, map(render_one, frames)), 0)
-
-
-def render_frames(
-    arguments: argparse.Namespace,
-    scene: "Scene",
-    applied: Applied,
-    wanted: Wanted,
-    render_many: Callable[["Iterator[Frame]"], int],
-) -> int:
-    """Render every frame that is not there yet, and return the exit code.
-
-    Parameters
-    ----------
-    applied
-        Returns the scene of a frame with all options applied.
-    wanted
-        Returns what the files of a finished frame say, and what they must not (None).
-    render_many
-        Renders the frames that are missing and writes their files; returns the exit code.
-    """
-    code = render_many(_missing(arguments, scene, applied, wanted))
-    if code:
-        return code
-    if arguments.video is not None:
-        _write_video(arguments, scene)
-    return 0
+            print(f"kept {names_of(own.outputs)}", file=sys.stderr)
 
 
 # ``rptcam render --watch``: a picture is rendered again whenever a file that it comes from has changed.
@@ -319,7 +266,7 @@ class Files:
         self._changed = False
 
     def changed(self) -> bool:
-        """Return whether one has changed, by comparing them a few times a second at most."""
+        """Whether one has changed, by comparing them a few times a second at most."""
         if not self._changed and time.monotonic() - self._compared >= INTERVAL_S:
             self._compared = time.monotonic()
             for path in tuple(self._more):

@@ -7,30 +7,23 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rptcam_cl.cli.lens_field import add_lens_breathing, add_lens_field, add_lens_tolerance, add_lens_trace
-from rptcam_cl.cli.lens_image import (
-    add_lens_ghosts,
-    add_lens_glare,
-    add_lens_losses,
-    add_lens_spots,
-    add_lens_wavefront,
-)
+from rptcam_cl.cli.lens_field import add_lens_breathing, add_lens_tolerance, add_lens_trace
+from rptcam_cl.cli.lens_measures import add_lens_ghosts, add_lens_measurements
 from rptcam_cl.cli.lens_options import (
-    FDC,
     add_catalogue,
     add_coating,
-    add_fields,
+    add_command,
     add_lens_argument,
+    add_wavelength,
     add_wavelengths,
+    angles,
     check_file,
     check_picture,
-    coated_lens,
     count,
     lens_in_use,
     load,
     number,
     tracer_of,
-    wavelength,
     write,
     write_picture,
     zoomed_lens,
@@ -39,6 +32,7 @@ from rptcam_cl.cli.output import as_json
 from rptcam_cl.cli.parser import Commands, Parser, positive
 from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.optics.measures import FDC
 
 if TYPE_CHECKING:
     from rptcam_cl.optics.design import GlassChoice
@@ -54,7 +48,7 @@ _SUFFIXES = (".yaml", ".yml", ".dat", ".zmx", ".seq")
 def add_lens_convert(commands: Commands) -> None:
     """Add the command."""
     text = "write a lens as a file of ours (.yaml), a pbrt table (.dat) or for Zemax (.zmx) or CODE V (.seq)"
-    parser = commands.add_parser("convert", help=text, description=text.capitalize() + ".")
+    parser = add_command(commands, "convert", text, _run_lens_convert)
     parser.add_argument("lens", metavar="LENS", help="a name from the list, or a lens file of any known kind")
     parser.add_argument("-o", "--output", type=Path, metavar="FILE", required=True, help=".yaml, .dat, .zmx or .seq")
     add_catalogue(parser)
@@ -62,11 +56,7 @@ def add_lens_convert(commands: Commands) -> None:
     parser.add_argument(
         "--focal-length-mm", type=positive, metavar="F", help="set a zoom lens and write it as it then is"
     )
-    parser.add_argument(
-        "--wavelength-nm", type=wavelength, metavar="W", default=LINE_D_NM,
-        help="wavelength of the indices in a .dat table (default: %(default)s)",
-    )  # fmt: skip
-    parser.set_defaults(run=_run_lens_convert, parser=parser)
+    add_wavelength(parser, "wavelength of the indices in a .dat table")
 
 
 def _run_lens_convert(arguments: argparse.Namespace) -> int:
@@ -117,7 +107,7 @@ def add_lens_design(commands: Commands) -> None:
     design = commands.add_parser("design", help=text, description=text.capitalize() + ".")
     inner = design.add_commands("design_command")
     text = "a single lens by the lensmaker's equation"
-    single = inner.add_parser("singlet", help=text, description=text.capitalize() + ".")
+    single = add_command(inner, "singlet", text, _singlet)
     _add_common(single)
     single.add_argument("--glass", metavar="G", default="N-BK7", help=f"{_GLASS_HELP} (default: %(default)s)")
     single.add_argument(
@@ -130,9 +120,8 @@ def add_lens_design(commands: Commands) -> None:
         metavar="D",
         help="also write the distances that focus an object this far from the film",
     )
-    single.set_defaults(run=_singlet, parser=single)
     text = "a cemented achromat from two glasses and one more condition"
-    double = inner.add_parser("doublet", help=text, description=text.capitalize() + ".")
+    double = add_command(inner, "doublet", text, _doublet)
     _add_common(double)
     double.add_argument("--crown", metavar="G", default="N-BK7", help=f"{_GLASS_HELP} (default: %(default)s)")
     double.add_argument("--flint", metavar="G", default="F2", help="glass on the film side (default: %(default)s)")
@@ -142,7 +131,6 @@ def add_lens_design(commands: Commands) -> None:
         help="biconvex first lens, biconcave second lens, or plane last surface (default: %(default)s)",
     )  # fmt: skip
     third.add_argument("--r1-mm", type=number, metavar="R", help="first radius, in place of a constraint")
-    double.set_defaults(run=_doublet, parser=double)
 
 
 _GLASS_HELP = "a name as N-BK7, n_d/V_d as 1.517/64.2, or an index as 1.5"
@@ -235,9 +223,7 @@ def _doublet(arguments: argparse.Namespace) -> int:
 def add_lens_draw(commands: Commands) -> None:
     """Add the command."""
     text = "draw a lens in cross-section, with rays traced by a device"
-    parser = commands.add_parser(
-        "draw", help=text, description=text.capitalize() + "; a red cross is where a ray was blocked."
-    )
+    parser = add_command(commands, "draw", text, _run_lens_draw, "; a red cross is where a ray was blocked.")
     add_lens_argument(parser)
     parser.add_argument(
         "-o", "--output", type=Path, metavar="FILE", help=".svg, .png or .pdf (default: SVG to standard output)"
@@ -245,7 +231,10 @@ def add_lens_draw(commands: Commands) -> None:
     parser.add_argument(
         "--section", choices=("y", "x"), default="y", help="the y-z plane or the x-z plane (default: %(default)s)"
     )
-    add_fields(parser)
+    parser.add_argument(
+        "--fields", type=angles, metavar="A,B,…",
+        help="angles from the axis in degrees (default: chosen from the lens)",
+    )  # fmt: skip
     add_wavelengths(parser, (LINE_D_NM,))
     parser.add_argument(
         "--rays", type=count, metavar="N", default=7,
@@ -257,7 +246,6 @@ def add_lens_draw(commands: Commands) -> None:
         help="traces the rays: an index as 0:0, a part of a name, cpu, gpu, auto, or none for the float64 reference "
         "on the host (default: auto, or the reference where there is no device)",
     )  # fmt: skip
-    parser.set_defaults(run=_run_lens_draw, parser=parser)
 
 
 def _run_lens_draw(arguments: argparse.Namespace) -> int:
@@ -290,35 +278,26 @@ def add_lens(commands: Commands) -> None:
     lens = commands.add_parser("lens", help=text, description=text.capitalize() + ".")
     inner = lens.add_commands("lens_command")
     text = "list the lenses that come with the package"
-    listing = inner.add_parser("list", help=text, description=text.capitalize() + ".")
+    listing = add_command(inner, "list", text, _list)
     form = listing.add_mutually_exclusive_group()
     form.add_argument("--json", action="store_true", help="print JSON, with source, focal length and f-number")
     form.add_argument("--markdown", action="store_true", help="print the same as a table in Markdown")
-    listing.set_defaults(run=_list, parser=listing)
     text = "print the first-order data of a lens"
-    info = inner.add_parser("info", help=text, description=text.capitalize() + ".")
+    info = add_command(inner, "info", text, _info)
     add_lens_argument(info)
-    info.add_argument(
-        "--wavelength-nm", type=wavelength, metavar="W", default=LINE_D_NM,
-        help="wavelength in nanometres (default: %(default)s)",
-    )  # fmt: skip
+    add_wavelength(info)
     info.add_argument(
         "--transmission", choices=("ideal", "bare", "coated"),
         help="light lost in the lens: none, by bare surfaces and glass, or by coated ones (default: ideal)",
     )  # fmt: skip
     add_coating(info)
     info.add_argument("--json", action="store_true", help="print JSON")
-    info.set_defaults(run=_info, parser=info)
     for add in (
         add_lens_draw,
-        add_lens_spots,
-        add_lens_wavefront,
-        add_lens_field,
-        add_lens_losses,
+        add_lens_measurements,
         add_lens_breathing,
         add_lens_tolerance,
         add_lens_ghosts,
-        add_lens_glare,
         add_lens_trace,
         add_lens_convert,
         add_lens_design,
@@ -396,7 +375,7 @@ def _transmission(arguments: argparse.Namespace, lens: "Lens") -> "LensTransmiss
 def _info(arguments: argparse.Namespace) -> int:
     from rptcam_cl.optics.design import lens_info
 
-    lens = coated_lens(arguments, zoomed_lens(arguments, arguments.wavelength_nm))
+    lens = zoomed_lens(arguments, arguments.wavelength_nm)
     distance = math.inf if arguments.focus_distance_m is None else 1000 * arguments.focus_distance_m
     facts = lens_info(lens, arguments.f_number, distance, arguments.wavelength_nm, _transmission(arguments, lens))
     if arguments.json:

@@ -1,4 +1,4 @@
-"""``rptcam lens trace``, ``vignette``, ``distortion``, ``breathing`` and ``tolerance``."""
+"""``rptcam lens trace``, ``breathing`` and ``tolerance``."""
 
 import argparse
 import math
@@ -7,22 +7,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rptcam_cl.cli.lens_options import (
-    FDC,
     RayList,
     add_catalogue,
     add_coating,
-    add_fields,
+    add_command,
     add_lens_argument,
     add_plot,
-    add_wavelengths,
+    add_wavelength,
     check_picture,
-    coated_lens,
-    count,
     lens_in_use,
     load,
     number,
     read_rays,
-    wavelength,
     write_picture,
     zoomed_lens,
 )
@@ -45,10 +41,8 @@ if TYPE_CHECKING:
 def add_lens_trace(commands: Commands) -> None:
     """Add the command."""
     text = "trace single rays: where they leave the lens, or which surface stops them"
-    parser = commands.add_parser(
-        "trace", help=text,
-        description=text.capitalize() + ". Millimetres; z = 0 at the first vertex, +z towards the film.",
-    )  # fmt: skip
+    more = ". Millimetres; z = 0 at the first vertex, +z towards the film."
+    parser = add_command(commands, "trace", text, _run_lens_trace, more)
     add_lens_argument(parser)
     parser.add_argument(
         "rays", metavar="RAYS", nargs="?",
@@ -62,17 +56,13 @@ def add_lens_trace(commands: Commands) -> None:
     parser.add_argument(
         "--start", choices=("film", "scene"), default="film", help="side where rays begin (default: %(default)s)"
     )
-    parser.add_argument(
-        "--wavelength-nm", type=wavelength, metavar="W", default=LINE_D_NM,
-        help="of rays that have none of their own (default: %(default)s)",
-    )  # fmt: skip
+    add_wavelength(parser, "of rays that have none of their own")
     parser.add_argument(
         "--device", metavar="SPEC",
         help="an index as 0:0, a part of a name, cpu, gpu or auto (default: the float64 reference on the host)",
     )  # fmt: skip
     parser.add_argument("--precision", choices=("single", "double"), help="arithmetic of the device (default: single)")
     parser.add_argument("--json", action="store_true", help="print JSON")
-    parser.set_defaults(run=_run_lens_trace, parser=parser)
 
 
 def _rays(arguments: argparse.Namespace, state: "Setting") -> RayList:
@@ -137,77 +127,6 @@ def _run_lens_trace(arguments: argparse.Namespace) -> int:
     return 0
 
 
-# ``rptcam lens vignette`` and ``distortion``: how a lens draws over the field.
-
-_SHARES = (0.0, 0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875, 1.0)
-
-
-def add_lens_field(commands: Commands) -> None:
-    """Add the two commands."""
-    text = "how the film darkens towards its edge, by the pupil and by cos^4"
-    vignette = commands.add_parser("vignette", help=text, description=text.capitalize() + ".")
-    add_lens_argument(vignette)
-    vignette.add_argument("--film-radius-mm", type=positive, metavar="R", help="how far (default: image circle)")
-    vignette.add_argument("--steps", type=count, metavar="N", default=16, help="radii (default: %(default)s)")
-    vignette.add_argument(
-        "--wavelength-nm", type=wavelength, metavar="W", default=LINE_D_NM,
-        help="wavelength in nanometres (default: %(default)s)",
-    )  # fmt: skip
-    add_plot(vignette)
-    vignette.set_defaults(run=_vignette, parser=vignette)
-    text = "where chief rays meet the film against an ideal projection, and lateral colour"
-    distortion = commands.add_parser("distortion", help=text, description=text.capitalize() + ".")
-    add_lens_argument(distortion)
-    add_fields(distortion, steep=True)
-    add_wavelengths(distortion, FDC)
-    distortion.add_argument(
-        "--projection", choices=("tan", "theta", "stereographic", "equisolid", "orthographic"),
-        help="ideal height: f tan(angle), f angle, 2 f tan(angle/2), 2 f sin(angle/2) or f sin(angle) "
-        "(default: tan, and for wide lenses that bend lines what they follow best)",
-    )  # fmt: skip
-    add_plot(distortion)
-    distortion.set_defaults(run=_distortion, parser=distortion)
-
-
-def _vignette(arguments: argparse.Namespace) -> int:
-    from rptcam_cl.optics.field_measures import film_radii, vignetting_chart, vignetting_table
-
-    check_picture(arguments.output, arguments.lens)
-    state = lens_in_use(arguments, arguments.wavelength_nm)
-    rows = vignetting_table(state, film_radii(state, arguments.steps, arguments.film_radius_mm))
-    if arguments.json:
-        print(as_json({"lens": state.lens.name, "film_distance_mm": state.film, "vignetting": rows}))
-    else:
-        columns = ("radius [mm]", "irradiance", "relative", "stops", "angle [°]", "cos^4", "pass area [mm²]", "share")
-        print_table(columns, [list(row.values()) for row in rows], f"{state.lens.name}, film at {state.film:.6g} mm")
-    if arguments.output is not None:
-        write_picture(vignetting_chart(state, rows), arguments.output)
-    return 0
-
-
-def _distortion(arguments: argparse.Namespace) -> int:
-    from rptcam_cl.optics.field_measures import PROJECTIONS, distortion_chart, distortion_table, followed_projection
-    from rptcam_cl.optics.image_quality import default_fields
-
-    check_picture(arguments.output, arguments.lens)
-    state = lens_in_use(arguments)
-    _ = state.film
-    fields = arguments.fields or default_fields(state, _SHARES)
-    projection = arguments.projection or followed_projection(state, fields)
-    rows = distortion_table(state, fields, arguments.wavelengths, projection)
-    if arguments.json:
-        print(as_json({"lens": state.lens.name, "film_distance_mm": state.film, "projection": projection,
-                       "distortion": rows}))  # fmt: skip
-    else:
-        columns = ("field [°]", "wavelength [nm]", "height [mm]", "ideal [mm]", "off [mm]", "off [%]", "colour [µm]")
-        meant = PROJECTIONS[projection][1] + (", which it follows best" if arguments.projection is None else "")
-        title = f"{state.lens.name}, film at {state.film:.6g} mm, against {meant}"
-        print_table(columns, [list(row.values()) for row in rows], title)
-    if arguments.output is not None:
-        write_picture(distortion_chart(state, rows, projection), arguments.output)
-    return 0
-
-
 # ``rptcam lens breathing``: field of view and speed of a lens over its focus and its zoom.
 
 DISTANCES_M = "inf,10,5,3,2,1.5"
@@ -216,7 +135,7 @@ DISTANCES_M = "inf,10,5,3,2,1.5"
 def add_lens_breathing(commands: Commands) -> None:
     """Add the command."""
     text = "field of view, f-number and T-number over focus and zoom"
-    parser = commands.add_parser("breathing", help=text, description=text[0].upper() + text[1:] + ".")
+    parser = add_command(commands, "breathing", text, _breathing)
     add_lens_argument(parser)
     parser.add_argument(
         "--distances-m", type=distances, metavar="A,B,…", default=DISTANCES_M,
@@ -229,7 +148,6 @@ def add_lens_breathing(commands: Commands) -> None:
     add_coating(parser)
     parser.add_argument("--csv", action="store_true", help="print comma-separated values")
     add_plot(parser)
-    parser.set_defaults(run=_breathing, parser=parser)
 
 
 def distances(text: str) -> list[float]:
@@ -247,7 +165,7 @@ def _positions(arguments: argparse.Namespace) -> list[tuple[str, "Lens"]]:
     """The lens in each of its zoom positions, or in the one that the options choose, stopped down."""
     from rptcam_cl.optics.lens import configured
 
-    lens = coated_lens(arguments, zoomed_lens(arguments, LINE_D_NM))
+    lens = zoomed_lens(arguments, LINE_D_NM)
     if lens.configurations and arguments.zoom is None and arguments.focal_length_mm is None:
         found = [(each.name, configured(lens, each.name)) for each in lens.configurations]
     else:
@@ -288,7 +206,7 @@ MOST_COPIES = 100_000
 def add_lens_tolerance(commands: Commands) -> None:
     """Add the command."""
     text = "copies of a lens made within tolerances: yield, percentiles and worst offenders"
-    parser = commands.add_parser("tolerance", help=text, description=text[0].upper() + text[1:] + ".")
+    parser = add_command(commands, "tolerance", text, _run_lens_tolerance)
     parser.add_argument("lens", metavar="LENS", help="a name from the list, or a lens file")
     parser.add_argument(
         "spec", metavar="SPEC", help="a YAML file of tolerances, or a grade: commercial, precision, high_precision"
@@ -302,7 +220,6 @@ def add_lens_tolerance(commands: Commands) -> None:
         help="print which share of the copies has this spot [micrometres], or modulation (0 to 1), or a better one",
     )  # fmt: skip
     add_plot(parser)
-    parser.set_defaults(run=_run_lens_tolerance, parser=parser)
 
 
 def _copies(text: str) -> int:

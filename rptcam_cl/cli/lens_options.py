@@ -5,15 +5,15 @@ import csv
 import json
 import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rptcam_cl.cli.output import print_warnings
-from rptcam_cl.cli.parser import positive
-from rptcam_cl.core.constants import LINE_C_NM, LINE_D_NM, LINE_F_NM
-from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.cli.parser import Commands, Parser, positive
+from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.errors import DeviceError, InputError
+from rptcam_cl.optics.measures import STEEPEST
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -24,10 +24,6 @@ if TYPE_CHECKING:
     from rptcam_cl.optics.image_quality import Setting
     from rptcam_cl.optics.lens import Lens
     from rptcam_cl.rendering.traceable_lens import Precision
-
-
-STEEPEST = 130.0  # degrees; fisheyes see up to 110
-FDC = (LINE_F_NM, LINE_D_NM, LINE_C_NM)  # [nm], the F, d and C lines
 
 
 def numbers(text: str) -> list[float]:
@@ -90,6 +86,15 @@ def wavelength(text: str) -> float:
     except ValueError:
         raise argparse.ArgumentTypeError(f"got {text}; allowed one wavelength from 200 to 3000 nm") from None
     return found
+
+
+def add_command(
+    commands: Commands, name: str, text: str, run: Callable[[argparse.Namespace], int], more: str = "."
+) -> Parser:
+    """Add a command by what it does; `more` ends its description."""
+    parser = commands.add_parser(name, help=text, description=text[0].upper() + text[1:] + more)
+    parser.set_defaults(run=run, parser=parser)
+    return parser
 
 
 def add_lens_argument(parser: argparse.ArgumentParser) -> None:
@@ -210,21 +215,6 @@ def add_coating(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
 
 
-def coated_lens(arguments: argparse.Namespace, lens: "Lens") -> "Lens":
-    """The lens with the coating by the options."""
-    from rptcam_cl.optics.ray_trace import with_coating
-
-    return lens if arguments.coating is None else with_coating(lens, arguments.coating)
-
-
-def add_fields(parser: argparse.ArgumentParser, *, steep: bool = False) -> None:
-    """Add the angles to look at, perhaps those of light from behind too."""
-    parser.add_argument(
-        "--fields", type=steep_angles if steep else angles, metavar="A,B,…",
-        help="angles from the axis in degrees (default: chosen from the lens)",
-    )  # fmt: skip
-
-
 def add_wavelengths(parser: argparse.ArgumentParser, default: tuple[float, ...]) -> None:
     """Add the wavelengths to trace."""
     shown = ",".join(f"{value:g}" for value in default)
@@ -234,10 +224,20 @@ def add_wavelengths(parser: argparse.ArgumentParser, default: tuple[float, ...])
     )  # fmt: skip
 
 
-def add_plot(parser: argparse.ArgumentParser) -> None:
-    """Add JSON and the plot."""
+def add_wavelength(parser: argparse.ArgumentParser, text: str = "wavelength in nanometres") -> None:
+    """Add one wavelength, the d line by default."""
+    parser.add_argument(
+        "--wavelength-nm", type=wavelength, metavar="W", default=LINE_D_NM, help=f"{text} (default: %(default)s)"
+    )
+
+
+def add_plot(parser: argparse.ArgumentParser, *, has_chart: bool = True, has_array: bool = False) -> None:
+    """Add JSON and the plot, where there is one; perhaps an array in its place."""
     parser.add_argument("--json", action="store_true", help="print JSON")
-    parser.add_argument("-o", "--output", type=Path, metavar="FILE", help="write the plot, .svg, .png or .pdf")
+    if has_chart:
+        text = "write the share of light per pixel, .npy, or plot it, .svg, .png or .pdf"
+        text = text if has_array else "write the plot, .svg, .png or .pdf"
+        parser.add_argument("-o", "--output", type=Path, metavar="FILE", help=text)
 
 
 def lens_in_use(arguments: argparse.Namespace, wavelength_nm: float = LINE_D_NM) -> "Setting":
@@ -249,19 +249,19 @@ def lens_in_use(arguments: argparse.Namespace, wavelength_nm: float = LINE_D_NM)
 
 
 def zoomed_lens(arguments: argparse.Namespace, wavelength_nm: float) -> "Lens":
-    """The lens at the focal length by the options; doubts about it go to standard error."""
+    """The lens at the focal length, temperature and coating by the options; doubts about it go to standard error."""
+    from rptcam_cl.optics.as_built import BARRELS, Heat
     from rptcam_cl.optics.lens import at_position
+    from rptcam_cl.optics.ray_trace import with_coating
 
     lens = load(arguments.lens, arguments.catalogue)
     lens = at_position(lens, arguments.zoom, arguments.focal_length_mm, wavelength_nm)
     if arguments.f_number is not None:
         print_warnings(lens.speed_note(arguments.f_number, wavelength_nm))
-    if (arguments.temperature_c, arguments.pressure_hpa) == (20.0, 1013.25):
-        return lens
-    from rptcam_cl.optics.as_built import BARRELS, Heat
-
     held = arguments.barrel if isinstance(arguments.barrel, float) else BARRELS[arguments.barrel]
-    return Heat(arguments.temperature_c, arguments.pressure_hpa, held).lens(lens)
+    lens = Heat(arguments.temperature_c, arguments.pressure_hpa, held).lens(lens)
+    coating = getattr(arguments, "coating", None)
+    return lens if coating is None else with_coating(lens, coating)
 
 
 def load(source: str, catalogues: Sequence[str] = ()) -> "Lens":
@@ -339,8 +339,7 @@ COLUMNS = ("x", "y", "z", "dx", "dy", "dz")
 _Ray = tuple[list[float], float | None]  # point and direction, and perhaps a wavelength
 
 
-@dataclass(frozen=True)
-class RayList:
+class RayList(NamedTuple):
     """Rays to trace: points [mm], directions and wavelengths [nm]."""
 
     origins: list[list[float]]

@@ -8,16 +8,20 @@ import math
 import os
 import signal
 import sys
+import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import TYPE_CHECKING, Any
 
-from rptcam_cl.core.errors import DeviceError
+from rptcam_cl.core.errors import DeviceError, RptcamError
 
 if TYPE_CHECKING:
+    import argparse
+
     from rptcam_cl.imaging.image import Image
     from rptcam_cl.rendering.progressive import Progress
 
@@ -187,8 +191,8 @@ class LastTiles:
         if self._left is None and left is not None and progress.tiles_done >= 1 - _LAST:
             self._began, self._left = progress.seconds, (left.count, left.worst, left.target)
 
-    def said(self) -> str | None:
-        """What to say at the end; None where it is not worth it."""
+    def line(self) -> str | None:
+        """The line for the end of the render; None where it is not worth one."""
         if self._left is None or self._seconds < _LONG:
             return None
         share = 1 - self._began / self._seconds
@@ -201,43 +205,53 @@ class LastTiles:
         )
 
 
+Say = Callable[[str, float | None], None]
+"""Shows in words what is being done, and the share that is done, where it is known."""
+
+
 @contextlib.contextmanager
-def _bar(time_limit: float | None) -> Iterator[Show]:
+def say_on_stderr(line: Callable[[str, float | None], str] | None = None) -> Iterator[Say]:
+    """A function that shows how work is coming along.
+
+    On a terminal it moves a bar, which goes away at the end; elsewhere it prints a line every ten seconds.
+
+    Parameters
+    ----------
+    line
+        Makes the line of words and share; by default the words.
+    """
+    if not sys.stderr.isatty():
+        last, stream = time.monotonic(), sys.stderr
+
+        def print_line(words: str, share: float | None) -> None:
+            nonlocal last
+            if time.monotonic() - last >= _LINE_INTERVAL:
+                last = time.monotonic()
+                print(words if line is None else line(words, share), file=stream, flush=True)
+
+        yield print_line
+        return
     from rich.console import Console
-    from rich.progress import BarColumn, TextColumn
-    from rich.progress import Progress as Bar
+    from rich.progress import BarColumn, Progress, TextColumn
 
     columns = (BarColumn(bar_width=None), TextColumn("{task.description}", markup=False))
-    with Bar(*columns, console=Console(stderr=True), transient=True, expand=True, refresh_per_second=5) as bar:
+    console = Console(stderr=True)
+    with Progress(*columns, console=console, transient=True, expand=True, refresh_per_second=5) as bar:
         task = bar.add_task("start ...", total=None)
 
-        def show(progress: Progress) -> None:
-            bar.update(task, description=describe(progress, time_limit))
-            done = fraction_done(progress, time_limit)
-            if progress.stage == "render" and done is not None:
-                bar.update(task, total=1.0, completed=done)
+        def move(words: str, share: float | None) -> None:
+            bar.update(task, description=words)
+            if share is not None:
+                bar.update(task, total=1.0, completed=share)
 
-        yield show
-
-
-def _lines(stream: TextIO, time_limit: float | None, clock: Callable[[], float] = time.monotonic) -> Show:
-    last = clock()
-
-    def show(progress: Progress) -> None:
-        nonlocal last
-        if clock() - last >= _LINE_INTERVAL:
-            last = clock()
-            print(describe(progress, time_limit), file=stream, flush=True)
-
-    return show
+        yield move
 
 
 @contextlib.contextmanager
 def progress_on_stderr(time_limit: float | None = None) -> Iterator[Show]:
-    """A function that shows each report it is given.
+    """A function that shows each report of a render, as `say_on_stderr` does.
 
-    On a terminal it moves a bar, which goes away at the end; elsewhere it prints a line every ten seconds. At the end
-    it says why the last tiles of a noise target took long, if they did.
+    At the end it says why the last tiles of a noise target took long, if they did.
 
     Parameters
     ----------
@@ -245,14 +259,15 @@ def progress_on_stderr(time_limit: float | None = None) -> Iterator[Show]:
         When the render is to end [s], if by time.
     """
     last = LastTiles()
-    with _bar(time_limit) if sys.stderr.isatty() else contextlib.nullcontext(_lines(sys.stderr, time_limit)) as show:
+    with say_on_stderr() as say:
 
-        def note(progress: Progress) -> None:
+        def show(progress: Progress) -> None:
             last.note(progress)
-            show(progress)
+            share = fraction_done(progress, time_limit) if progress.stage == "render" else None
+            say(describe(progress, time_limit), share)
 
-        yield note
-    if text := last.said():
+        yield show
+    if text := last.line():
         print(text, file=sys.stderr)
 
 
@@ -262,7 +277,7 @@ MUCH_BLOCKED = 0.1  # of the rays pass at least, or something is wrong
 
 
 def _metered(metadata: dict[str, Any]) -> str:
-    """What exposure ``auto`` has chosen: the light, and time and ISO where there are any."""
+    """The choice of exposure ``auto``: the light, and time and ISO where there are any."""
     chosen = f"metered {metadata['metered_cd_m2']:.4g} cd/m²"
     if "exposure_time_s" in metadata:
         time_s = metadata["exposure_time_s"]
@@ -296,8 +311,8 @@ def summary(image: Image, outputs: list[Path]) -> str:
     return f"wrote {', '.join(map(str, outputs))}: {', '.join(parts)}"
 
 
-def blocked_warning(image: Image) -> list[str]:
-    """Return what to say where hardly a ray passes the lens: most of the film is dark then, or noisy."""
+def blocked_warnings(image: Image) -> list[str]:
+    """A warning where hardly a ray passes the lens: most of the film is dark then, or noisy."""
     outcomes = image.stats.get("lens")
     if not outcomes or not sum(outcomes.values()) or outcomes["passed"] >= MUCH_BLOCKED * sum(outcomes.values()):
         return []
@@ -311,7 +326,7 @@ def blocked_warning(image: Image) -> list[str]:
 
 
 def shared_text(stats: dict[str, Any]) -> str | None:
-    """What each of several devices has done, and how to have the same again; nothing for a device alone."""
+    """The share of each of several devices, and how to repeat it; None for a device alone."""
     if len(stats.get("devices", ())) < 2:
         return None
     done = [
@@ -368,3 +383,59 @@ def stop_on_interrupt(words: str | None = None) -> Iterator[threading.Event]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+# The files of a picture: every one that can be written, and a place for the film where none can.
+
+
+def save(image: Image, arguments: argparse.Namespace) -> None:
+    """Write every output that can be written, then report the first that could not, and where the film is instead."""
+    from rptcam_cl.core.files import replacing
+    from rptcam_cl.imaging.image import FILM_SUFFIXES
+
+    failures: list[Exception] = []
+
+    def attempt(write: Callable[[], object]) -> bool:
+        try:
+            write()
+        except Exception as error:  # whatever a library raises: the picture is not lost with it
+            failures.append(error)
+            return False
+        return True
+
+    def write_stats() -> None:
+        with replacing(arguments.stats) as temporary:
+            temporary.write_text(as_json(image.stats) + "\n", encoding="utf-8", errors="backslashreplace")
+
+    # A list, and not a generator: all are attempted.
+    films = [attempt(partial(image.save, path)) and path.suffix.lower() in FILM_SUFFIXES for path in arguments.outputs]
+    for raw in arguments.raws:
+        attempt(lambda raw=raw: image.raw().save(raw))  # type: ignore[misc]
+    if arguments.stats is not None:
+        attempt(write_stats)
+    if not failures:
+        return
+    where = "" if any(films) else rescue(image)
+    if isinstance(failures[0], RptcamError):
+        raise type(failures[0])(f"{failures[0]}{where}")
+    if where:
+        print(f"note: the picture could not be written{where}", file=sys.stderr)
+    raise failures[0]
+
+
+def rescue(image: Image) -> str:
+    """Write the film of a picture that cannot go where it was to go to the first place that takes it; say where."""
+    for folder in dict.fromkeys((tempfile.gettempdir(), os.path.expanduser("~"), os.getcwd())):  # noqa: PTH109, PTH111
+        for suffix in (".exr", ".npz"):
+            try:
+                descriptor, name = tempfile.mkstemp(prefix="rptcam-", suffix=suffix, dir=folder)
+                os.close(descriptor)
+            except OSError:
+                continue
+            try:
+                image.save(Path(name))
+            except Exception:  # as above
+                Path(name).unlink(missing_ok=True)
+            else:
+                return f" (the film is kept in {name}, for rptcam develop)"
+    return " (and no place was found where the film could be kept)"

@@ -440,6 +440,22 @@ def _reason(error: Exception) -> str:
     return str(error)
 
 
+def make_folder(path: Path) -> Path:
+    """Make a folder where there is none, with those above it.
+
+    Raises
+    ------
+    StateError
+        It cannot be made, or a file has its name.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as problem:
+        why = "is a file, not a folder" if path.is_file() else f"cannot be made: {_reason(problem)}"
+        raise StateError(f"{path}: {why}") from None
+    return path
+
+
 def check_writable(path: str | os.PathLike[str], inputs: Iterable[str | os.PathLike[str]] = ()) -> None:
     """Raise an error when a file could not be written at ``path``. Nothing is left behind.
 

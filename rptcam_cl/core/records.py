@@ -1,10 +1,11 @@
-"""Records shared by host and device, declared once: the numpy dtypes and the OpenCL typedefs come from here."""
+"""Records, kinds and constants that host and device share, declared once: numpy types and OpenCL text follow."""
 
 from __future__ import annotations
 
 import re
 from enum import IntEnum
 from functools import cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,12 +33,14 @@ _NUMPY_TYPE: dict[str, tuple[str, tuple[int, ...]]] = {
 class Record:
     """A struct of the device: name and ``(type, member)`` pairs in order; of a union the members lie upon each other.
 
-    A type is one of OpenCL C or a record that stands before.
+    A type is one of OpenCL C or a record that stands before. ``facts`` are pairs of a fact that kernels are compiled
+    for and the member that it follows from: it is 1 where some record has an index there, which is not negative.
     """
 
     name: str
     members: tuple[tuple[str | Record, str], ...]
     is_union: bool = False
+    facts: tuple[tuple[str, str], ...] = ()
 
     @cache  # noqa: B019 -- records are declared once
     def dtype_of(self, real: str) -> np.dtype[np.void]:
@@ -70,6 +73,25 @@ class Record:
     def zeros(self, count: int, real: str = "<f4") -> NDArray[np.void]:
         """An array of ``count`` (at least one, as OpenCL has no empty buffers) zeroed records."""
         return np.zeros(max(count, 1), self.dtype_of(real))
+
+    def one(self, **values: Any) -> NDArray[np.void]:
+        """An array of a single record with these values, as `fill` writes them."""
+        records = self.zeros(1)
+        fill(records, **values)
+        return records
+
+    def facts_of(self, records: NDArray[np.void]) -> dict[str, int]:
+        """Return the facts that follow from the members of some records."""
+        return {fact: int(np.any(records[member] >= 0)) for fact, member in self.facts}
+
+
+def fill(records: NDArray[np.void] | np.void, **values: Any) -> None:
+    """Write members of a record, or of all of an array, by their names; short vectors fill the first numbers."""
+    for name, value in values.items():
+        if records.dtype[name].shape and np.ndim(value):
+            records[name][..., : np.shape(value)[-1]] = value
+        else:
+            records[name] = value
 
 
 def _split(member: str) -> tuple[str, tuple[int, ...]]:
@@ -351,6 +373,23 @@ class EmitterKind(IntEnum):
     CONE = 13
 
 
+SOLID_EMITTERS = frozenset({EmitterKind.BOX, EmitterKind.ELLIPSOID, EmitterKind.CYLINDER, EmitterKind.CONE})
+FLAT_EMITTERS = frozenset({EmitterKind.RECTANGLE, EmitterKind.DISK, EmitterKind.TRIANGLE})
+_SINGLE_EMITTERS = (
+    EmitterKind.TRIANGLE, EmitterKind.DISK, EmitterKind.SPHERE, EmitterKind.ELLIPSOID, EmitterKind.CYLINDER,
+    EmitterKind.CONE, EmitterKind.POINT, EmitterKind.SPOT, EmitterKind.PROFILE, EmitterKind.SUN,
+)  # fmt: skip
+EMITTER_FACTS = {
+    "EMITTER_FLATS": FLAT_EMITTERS,
+    "EMITTER_SOLIDS": SOLID_EMITTERS,
+    "EMITTER_BOXES": frozenset({EmitterKind.BOX}),
+    "EMITTER_DIRECTIONS": frozenset({EmitterKind.DIRECTIONAL}),
+    "ENVIRONMENT_SAMPLED": frozenset({EmitterKind.ENVIRONMENT}),
+    **{f"EMITTER_{kind.name}S": frozenset({kind}) for kind in _SINGLE_EMITTERS},
+}
+"""Facts that kernels are compiled for, and the kinds of emitter of which one must be there."""
+
+
 class EnvironmentKind(IntEnum):
     """What surrounds the scene."""
 
@@ -443,10 +482,8 @@ PRIMITIVE = Record(
         ("float4", "row_z"),
         ("int", "material"),
         ("int", "emitter"),  # index of the sampled emitter (of a mesh: of its first triangle's), or -1
-        (
-            "int",
-            "instance",
-        ),  # of a mesh; of rectangles and disks how many share its plane, rendering/plan/primitives.py
+        # of a mesh; of rectangles and disks how many share its plane, rendering/plan/primitives.py
+        ("int", "instance"),
         ("int", "first_triangle"),
     ),
 )
@@ -489,10 +526,8 @@ MATERIAL = Record(
         ("float4", "absorption"),  # [1/m] behind the surface; of thin glass the optical depth
         ("float4", "specular_color"),  # of the dielectric's reflectance at normal incidence
         ("float4", "sheen"),  # colour of light that the fibres of a cloth send back
-        (
-            "float4",
-            "sheen_cover",
-        ),  # logarithm of the share of light that a white sheen sends back: a quartic in root cos
+        # logarithm of the share of light that a white sheen sends back: a quartic in root cos
+        ("float4", "sheen_cover"),
         ("float4", "glow"),  # radiance emitted by a surface that also scatters
         ("int", "kind"),
         ("int", "textured"),  # whether texture coordinates are wanted
@@ -540,7 +575,21 @@ MATERIAL = Record(
         ("int", "coat_flat"),  # whether the coat has the normals of the shape, and not those of `normal_texture`
         ("int", "transmission_texture"),
     ),
+    facts=(
+        ("HAS_ROUGHNESS_TEXTURE", "roughness_texture"),
+        ("HAS_METALLIC_TEXTURE", "metallic_texture"),
+        ("HAS_COAT_TEXTURE", "coat_texture"),
+        ("HAS_COAT_ROUGHNESS_TEXTURE", "coat_roughness_texture"),
+        ("HAS_SHEEN_TEXTURE", "sheen_texture"),
+        ("HAS_SPECULAR_TEXTURE", "specular_texture"),
+        ("HAS_SPECULAR_COLOR_TEXTURE", "specular_color_texture"),
+        ("HAS_TRANSMISSION_TEXTURE", "transmission_texture"),
+        ("HAS_NORMAL_MAP", "normal_texture"),
+        ("HAS_ANISOTROPY_MAP", "anisotropy_texture"),
+    ),
 )
+MATERIAL_TEXTURES = tuple(name for _, name in MATERIAL.members if name.endswith("texture"))
+"""Members of a material that hold the index of a texture, or -1."""
 
 TEXTURE = Record(
     "Texture",
@@ -754,9 +803,24 @@ def floats_per_slot(
     return floats
 
 
+# Numbers that decide alike on host and device.
+
+HUGE_POWER = 2e-3  # of the squared radius of a sphere: the eye is a thousandth of the radius from its surface
+TINY_ANGLE = 1e-4  # of a lamp whose neighbours a rounded direction may meet in its place, at most
+MOTION_ROUNDING = 1.5e-6  # of a point by the way to rest and back, relative to its coordinates: a dozen roundings
+MOTION_MARGIN = 4e-6  # by which boxes round what moves are wider on the host, relative to eye and pivot: more than that
+HIT_ROUNDING = 4e-6  # of a hit off its surface, relative to the largest coordinate of the ray's origin and of the box
+_CONSTANTS = {
+    "HUGE_POWER": HUGE_POWER,
+    "TINY_ANGLE": TINY_ANGLE,
+    "MOTION_ROUNDING": MOTION_ROUNDING,
+    "HIT_ROUNDING": HIT_ROUNDING,
+}
+
+
 @cache
 def device_declarations() -> str:
-    """OpenCL C text with every record, kind and path field, for the head of a program."""
+    """OpenCL C text with every record, kind, constant and path field, for the head of a program."""
     lines = ["#if DOUBLE", "#pragma OPENCL EXTENSION cl_khr_fp64 : enable", "typedef double real;", "#else"]
     lines += ["typedef float real;", "#endif"]
     lines += [record.typedef for record in RECORDS]
@@ -765,6 +829,7 @@ def device_declarations() -> str:
     lines.append(f"#define DISPERSION_SCALE ((real){DISPERSION_SCALE!r})")
     lines.append(f"#define DISPERSION_SHIFT ((real){DISPERSION_SHIFT!r})")
     lines += [f"#define LOSS_TABLE_NM {LOSS_TABLE_NM}", f"#define LOSS_TABLE_LENGTH {LOSS_TABLE_LENGTH}"]
+    lines += [f"#define {name} {value!r}f" for name, value in _CONSTANTS.items()]
     lines += [f"#define PATH_{name} {index}" for index, name in enumerate(STATE_FIELDS)]
     return "\n".join(lines) + "\n"
 

@@ -107,7 +107,7 @@ _memories: WeakSet[Memory[Any]] = WeakSet()  # of remembered functions
 
 
 def remember(
-    *, most: int, by: Callable[Arguments, Hashable] | None = None, disk: Disk | None = None
+    *, most: int, by: Callable[..., Hashable] | None = None, disk: Disk | None = None
 ) -> Callable[[Callable[Arguments, Value]], Callable[Arguments, Value]]:
     """Make a function remember what it returned, which is shared, so that nobody may change it.
 
@@ -155,6 +155,7 @@ def forget(*kinds: str) -> None:
 
 MOST_BYTES = 256 << 20  # of each kind
 HASH_BYTES = 32
+STRAY_S = 3600  # after which a file that is still being written has been left behind
 
 Arrays = dict[str, "NDArray[Any]"]
 Facts = dict[str, Any]
@@ -245,7 +246,8 @@ def _content_pieces(arrays: Mapping[str, NDArray[Any]], facts: Mapping[str, Any]
     whole = {name: np.ascontiguousarray(array) for name, array in arrays.items()}
     shapes = [[name, array.dtype.str, array.shape] for name, array in whole.items()]
     head = json.dumps({"arrays": shapes, "facts": dict(facts)}).encode() + b"\n"
-    pieces = [head, *(array.reshape(-1).view(np.uint8).data for array in whole.values())]
+    pieces: list[bytes | memoryview] = [head]
+    pieces += [array.reshape(-1).view(np.uint8).data for array in whole.values()]
     digest = hashlib.sha256()
     for piece in pieces:
         digest.update(piece)
@@ -266,6 +268,10 @@ def _read_content(content: bytes) -> tuple[Arrays, Facts]:
 
 
 def _make_room(folder: Path, most_bytes: int) -> None:
+    """Remove what has not been used for longest until the rest is small enough, and the remains of killed runs."""
+    for stray in folder.glob(".*.tmp"):
+        if stray.stat().st_mtime < time.time() - STRAY_S:
+            stray.unlink(missing_ok=True)
     files = sorted((path.stat().st_mtime, path.stat().st_size, path) for path in folder.iterdir())
     excess = sum(size for _, size, _ in files) - most_bytes
     for _, size, path in files:

@@ -10,6 +10,8 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
+import numpy as np
+
 from rptcam_cl.core.errors import DeviceError
 from rptcam_cl.core.files import kernels_dir
 from rptcam_cl.core.remember import Disk

@@ -231,8 +231,9 @@ class Session:
         key = source_key(files, facts, declarations)
         keys = [key, ("quick", *key)] if self.is_quick else [key]
         for each in keys:
-            if (known := self._programs.find(each)) is not None:
-                return cast(Program, known)
+            known: Program | None = self._programs.find(each)
+            if known is not None:
+                return known
         source = assemble(files, facts, declarations, library_arch=self._library_arch)
         if (self._takes_kept_only or self.is_quick) and not is_code_noted(program_name(self.info.handle, source)):
             if self._takes_kept_only:

@@ -14,7 +14,7 @@ from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.files.glass_catalogues import bundled_thermal
-from rptcam_cl.optics.glass import AIR, STANDARD_C, STANDARD_HPA, Heated, Law, Medium, Melt, Thermal
+from rptcam_cl.optics.glass import AIR, STANDARD_C, STANDARD_HPA, Heated, Medium, Melt, Thermal
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.ray_trace import refract
 from rptcam_cl.optics.shapes import Biconic, Hits, Iterated, Toroid
@@ -113,7 +113,6 @@ class Heat:
         if thermal is None or thermal.dispersion is None:
             key = "thermal: {d: [D0, D1, D2], e: [E0, E1], …}"
             raise _unknown(lens, where, glass, "its index changes with temperature", key)
-        assert isinstance(glass, Law)
         return Heated.of(glass, thermal, self.celsius, self.pressure_hpa)
 
     def _growth(self, lens: Lens, k: int) -> float:
@@ -128,11 +127,10 @@ class Heat:
 
 
 def thermal_of(glass: Medium) -> Thermal | None:
-    """Return what is known of a glass under heat, by itself or by its name."""
+    """Return the thermal data of a glass, its own or by its name."""
     if isinstance(glass, Melt):
         return thermal_of(glass.glass)
-    own = glass.thermal if isinstance(glass, Law) else None
-    return own if own is not None else bundled_thermal(glass)
+    return glass.thermal if glass.thermal is not None else bundled_thermal(glass)
 
 
 def _unknown(lens: Lens, where: str, glass: Medium, what: str, key: str) -> InputError:
@@ -282,7 +280,7 @@ class Copies:
         shift, share = one._sums("index")[0], one._sums("abbe")[0]
         for k, surface in enumerate(surfaces):
             if shift[k] or share[k]:
-                surface = replace(surface, glass=Melt.of(_law(surface.glass), float(shift[k]), float(share[k])))
+                surface = replace(surface, glass=Melt.of(surface.glass, float(shift[k]), float(share[k])))
             curvature, thickness = float(one.curvatures[0, k]), float(one.thicknesses[0, k])
             surfaces[k] = replace(surface, curvature=curvature, thickness=thickness, pose=one._pose(k))
         return replace(self.lens, surfaces=tuple(surfaces))
@@ -326,11 +324,6 @@ def turns(about_x: Array, about_y: Array) -> Array:
     zero = np.zeros_like(cx)
     rows = [[cy, sy * sx, sy * cx], [zero, cx, -sx], [-sy, cy * sx, cy * cx]]
     return np.moveaxis(np.array(rows), -1, 0)
-
-
-def _law(glass: object) -> Law:
-    assert isinstance(glass, Law)
-    return glass
 
 
 #

@@ -55,14 +55,14 @@ def best_film_distance(
     paraxial = film_distance(lens, object_distance_mm, measured_from, wavelengths_nm[0])
     if measured_from == "front" or np.isinf(object_distance_mm):
         return _best(lens, object_distance_mm, wavelengths_nm, field_degrees, paraxial)
-    back = paraxial
+    film_distance_mm = paraxial
     for _ in range(ROUNDS):
-        front = object_distance_mm - lens.length - lens.sense * back
-        new = _best(lens, front, wavelengths_nm, field_degrees, back)
-        if abs(new - back) <= CONVERGED * abs(back):
+        front = object_distance_mm - lens.length - lens.sense * film_distance_mm
+        new = _best(lens, front, wavelengths_nm, field_degrees, film_distance_mm)
+        if abs(new - film_distance_mm) <= CONVERGED * abs(film_distance_mm):
             return new
-        back = new
-    return back
+        film_distance_mm = new
+    return film_distance_mm
 
 
 def best_film_distance_at(
@@ -89,33 +89,37 @@ def best_film_distance_at(
     InputError
         When no light arrives there, or the search does not end.
     """
-    back = film_distance(lens, object_distance_mm, measured_from, wavelength_nm)
+    film_distance_mm = film_distance(lens, object_distance_mm, measured_from, wavelength_nm)
     beam = Beam()
     for number in range(ROUNDS):
-        front = object_distance_mm if measured_from == "front" else object_distance_mm - lens.length - lens.sense * back
+        front = (
+            object_distance_mm
+            if measured_from == "front"
+            else object_distance_mm - lens.length - lens.sense * film_distance_mm
+        )
         beam = replace(beam, object_distance_mm=front)
         if number < AIMED:
-            beam = _beam_to(lens, film_point_mm, back, front, wavelength_nm)
-        shift = spot(lens, back, beam, wavelength_nm, ACROSS).best_shift
-        back += shift
-        if abs(shift) <= CONVERGED_AT_A_POINT * abs(back):
-            return back
+            beam = _beam_to(lens, film_point_mm, film_distance_mm, front, wavelength_nm)
+        shift = spot(lens, film_distance_mm, beam, wavelength_nm, ACROSS).best_shift
+        film_distance_mm += shift
+        if abs(shift) <= CONVERGED_AT_A_POINT * abs(film_distance_mm):
+            return film_distance_mm
     x, y = film_point_mm
     raise InputError(f"{lens.name}: finds no least spot at the film point ({x:g}, {y:g}) mm")
 
 
 def _beam_to(
-    lens: Lens, film_point_mm: tuple[float, float], back_mm: float, front_mm: float, wavelength_nm: float
+    lens: Lens, film_point_mm: tuple[float, float], film_distance_mm: float, front_mm: float, wavelength_nm: float
 ) -> Beam:
     """Return the light of the object point that the mean ray from a film point meets."""
-    probe, film = FilmProbe(lens, back_mm, wavelength_nm), np.array([film_point_mm], dtype=np.float64)
+    probe, film = FilmProbe(lens, film_distance_mm, wavelength_nm), np.array([film_point_mm], dtype=np.float64)
     boxes, found = narrowed(probe, film, probe.windows(film), AIMS)
     if not found[0]:
         x, y = film_point_mm
         raise InputError(f"{lens.name}: no light reaches the film point ({x:g}, {y:g}) mm")
     points = grid(boxes, *AIMS)[0]
     rear = np.column_stack([points, np.full(len(points), lens.length)])
-    start = np.array([*film_point_mm, lens.film_z(back_mm)])
+    start = np.array([*film_point_mm, lens.film_z(film_distance_mm)])
     rays = lens.trace(np.broadcast_to(start, rear.shape), rear - start, wavelength_nm)
     origins, directions = rays.origins[rays.passed], rays.directions[rays.passed]
     if np.isinf(front_mm):

@@ -12,6 +12,7 @@ import textwrap
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import field
+from functools import cached_property
 from html import escape
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any, Literal
@@ -121,6 +122,14 @@ class Drawing:
     def add(self, *shapes: Path | Text) -> None:
         """Draw shapes over those that are there."""
         self.shapes.extend(shapes)
+
+    @property
+    def svg(self) -> str:
+        """The drawing as SVG text."""
+        return svg_text(self)
+
+    def _repr_svg_(self) -> str:
+        return self.svg
 
 
 def svg_text(picture: Drawing) -> str:
@@ -332,30 +341,32 @@ SHOWN = 40  # rows of a table in a notebook
 
 @dataclass(frozen=True, repr=False)
 class Measured:
-    """A result: columns by name, all of one length, and a chart.
+    """A result: rows of one kind, as columns by name, and a chart.
 
     Attributes
     ----------
     title : str
-    columns : mapping
-        Arrays by name, the unit at its end, with not-a-number where something does not exist.
-    chart : callable
-        Returns the chart; needs matplotlib, which nothing else here does.
+    table : list of mappings
+        The rows as commands print them, with None where something does not exist.
+    chart : callable or None
+        Returns the chart, where there is one; needs matplotlib, which nothing else here does.
     about : mapping
         Facts that are no column: where the film stands, an image as an array.
+    caption : str
+        What a command prints above the rows.
     """
 
     title: str
-    columns: Mapping[str, Array]
-    chart: Callable[[], Figure]
+    table: list[dict[str, Any]]
+    chart: Callable[[], Figure] | None
     about: Mapping[str, Any]
+    caption: str = ""
 
-    @classmethod
-    def of_rows(cls, title: str, rows: list[dict[str, Any]], chart: Callable[[], Figure], **about: Any) -> Measured:
-        """Return the result of rows as the commands print them."""
-        names = list(rows[0]) if rows else []
-        columns = {name: np.array([np.nan if row[name] is None else row[name] for row in rows]) for name in names}
-        return cls(title, columns, chart, about)
+    @cached_property
+    def columns(self) -> Mapping[str, Array]:
+        """Arrays by name, the unit at its end, with not-a-number where something does not exist."""
+        names = list(self.table[0]) if self.table else []
+        return {name: np.array([np.nan if row[name] is None else row[name] for row in self.table]) for name in names}
 
     def __getitem__(self, name: str) -> Array:
         return self.columns[name]
@@ -378,7 +389,7 @@ class Measured:
         Raises
         ------
         InputError
-            For another suffix, or without matplotlib; it says how to install it.
+            For another suffix, for a result without a chart, or without matplotlib; it says how to install it.
         StateError
             When the file cannot be written.
         """
@@ -386,6 +397,8 @@ class Measured:
 
         from rptcam_cl.core.files import check_writable, replacing
 
+        if self.chart is None:
+            raise InputError(f"{self.title}: has no chart to save")
         check_suffix(Path(path))
         check_writable(path)
         data = encoded(self.chart(), Path(path))
@@ -399,7 +412,7 @@ class Measured:
         """Return the chart for a notebook; without matplotlib None, and the notebook shows the table."""
         from importlib.util import find_spec
 
-        return None if find_spec("matplotlib") is None else chart_svg(self.chart())
+        return None if self.chart is None or find_spec("matplotlib") is None else chart_svg(self.chart())
 
     def _repr_html_(self) -> str:
         """Return the table for a notebook."""

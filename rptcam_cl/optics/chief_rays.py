@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -14,11 +13,11 @@ from numpy.typing import NDArray
 from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.optics.lens import limiting_surface, system_matrix
-from rptcam_cl.optics.ray_trace import passing, refract, trace
+from rptcam_cl.optics.ray_trace import L, arrive, leave, passing, refract, trace
 
 if TYPE_CHECKING:
     from rptcam_cl.optics.lens import Lens
-    from rptcam_cl.optics.surface import Prescription, Surface
+    from rptcam_cl.optics.surface import Prescription
 
 
 # Where rays from the film cross every surface of a lens whose rims let all of them pass: float64.
@@ -81,14 +80,14 @@ def crossed(
     lost = np.zeros(p.shape[1], dtype=bool)
     with np.errstate(all="ignore"):
         for k in order:
-            vertex = np.array([[0.0], [0.0], [lens.vertices[k]]])
-            hits = lens.surfaces[k].meet(p - vertex, d)
-            lost |= ~(hits.met & np.isfinite(hits.distances) & (d[2] * sense > 0))
-            p = hits.points + vertex
-            heights[k] = np.where(lost[:, None], np.nan, p[:2].T)
+            hits, d, met = arrive(lens, k, sense, p, d)
+            lost |= ~met
             ratio = indices[k] / indices[k + 1] if towards_film else indices[k + 1] / indices[k]
             if ratio != 1.0:
                 d, through = refract(d, hits.normals, hits.cosines, ratio)
+            p, d = leave(lens, k, hits.points, d)
+            heights[k] = np.where(lost[:, None], np.nan, p[:2].T)
+            if ratio != 1.0:
                 lost |= ~through
     points, directions = (np.where(lost[:, None], np.nan, values.T) for values in (p, d))
     return heights[min(order, default=0) : max(order, default=-1) + 1], points, directions
@@ -180,40 +179,28 @@ def aimed_rays(lens: Lens, film_points: Array, aims: Array, wavelength_nm: float
     """
     known = np.asarray(np.isfinite(aims).all(axis=1))
     away = _towards(lens, film_points, np.where(known[:, None], aims, 0.0))
-    rays = trace(_with(lens, _open), film_points, away, wavelength_nm)
+    rays = trace(without_rims(lens), film_points, away, wavelength_nm)
     found = known & rays.passed
-    clear = found & passing(_with(lens, _filled), film_points, away, wavelength_nm)
+    filled = replace(lens, surfaces=tuple(surface.filled() for surface in lens.surfaces))
+    clear = found & passing(filled, film_points, away, wavelength_nm)
     return ChiefRays(rays.origins, rays.directions, found, clear, aims)
 
 
 def unobstructed(lens: Lens) -> Lens:
     """Return the lens without holes, obstructions in its middle and the shape of its stop: its chief rays need none."""
-    return replace(lens, surfaces=tuple(map(_filled, lens.surfaces))) if lens.is_obstructed else lens
+    return replace(lens, surfaces=tuple(each.filled() for each in lens.surfaces)) if lens.is_obstructed else lens
 
 
-def _filled(surface: Surface) -> Surface:
-    """Return a surface without a hole or an obstruction in its middle, a stop being round."""
-    return replace(surface, inner_semi_diameter=0.0, stop_shape=None)
-
-
-def _open(surface: Surface) -> Surface:
-    """Return a surface that stops no ray."""
-    return replace(_filled(surface), semi_diameter=np.inf, region=None)
-
-
-def _with(lens: Lens, change: Callable[[Surface], Surface]) -> Prescription:
-    """Return the lens with its surfaces changed."""
-    return replace(lens, surfaces=tuple(map(change, lens.surfaces)))
+def without_rims(lens: L) -> L:
+    """Return the lens that stops no ray; whether rays pass is another question than where they go."""
+    return replace(lens, surfaces=tuple(surface.open() for surface in lens.surfaces))
 
 
 def _rear(lens: Lens, stop: int) -> Prescription:
     """Return the lens from its stop on, without rims; z = 0 at the stop."""
     before = lens.surfaces[stop - 1].glass if stop else lens.object_medium
-    surfaces = tuple(_open(surface) for surface in lens.surfaces[stop:])
-    return replace(
-        lens, surfaces=surfaces, object_medium=before, stop_index=None, configurations=(), focusing=None,
-        first_sense=float(lens.senses[stop]),
-    )  # fmt: skip
+    surfaces = (surface.open() for surface in lens.surfaces[stop:])
+    return lens.of_surfaces(surfaces, None, object_medium=before, first_sense=float(lens.senses[stop]))
 
 
 def _towards(lens: Lens, points: Array, aims: Array) -> Array:
@@ -280,7 +267,7 @@ _FANS: dict[tuple[object, ...], tuple[tuple[float, float], dict[int, _Fan | None
 
 
 def round_chief_rays(lens: Lens, film_points: Array, wavelength_nm: float = LINE_D_NM) -> ChiefRays:
-    """Return what `film_chief_rays` does for a round lens and points (n, 3) of one plane across its axis."""
+    """Return the rays of `film_chief_rays` for a round lens and points (n, 3) of one plane across its axis."""
     if (by_fan := fan_chief_rays(lens, film_points, wavelength_nm)) is not None:
         return by_fan
     distances, turns = np.hypot(*film_points[:, :2].T), np.arctan2(film_points[:, 1], film_points[:, 0])
@@ -303,11 +290,11 @@ def fan_chief_rays(lens: Lens, film_points: Array, wavelength_nm: float) -> Chie
     """
     if lens.has_mirrors:
         return None
-    stop, back_mm = limiting_surface(lens, wavelength_nm), float(film_points[0, 2]) - lens.length
+    stop, film_distance_mm = limiting_surface(lens, wavelength_nm), float(film_points[0, 2]) - lens.length
     x, y = film_points[:, 0], film_points[:, 1]
     radii = np.sqrt(x * x + y * y)
     (height, slope), fans = _fans_of(lens, stop, wavelength_nm)
-    tangent = float(radii.max()) / max(abs(height + back_mm * slope), 1e-300)
+    tangent = float(radii.max()) / max(abs(height + film_distance_mm * slope), 1e-300)
     if not tangent > 0:
         return None
     step = math.ceil(STEPS_OF_TANGENT * math.log2(tangent))
@@ -317,14 +304,14 @@ def fan_chief_rays(lens: Lens, film_points: Array, wavelength_nm: float) -> Chie
         fan = fans[width]
         if fan is None:
             return None
-        if (found := fan.chief_rays(lens, film_points, radii, back_mm)) is not None:
+        if (found := fan.chief_rays(lens, film_points, radii, film_distance_mm)) is not None:
             return found
     return None
 
 
 def _fans_of(lens: Lens, stop: int, wavelength_nm: float) -> tuple[tuple[float, float], dict[int, _Fan | None]]:
-    """Return what all states of the film and of the stop share: height on the plane of the last vertex and slope
-    behind it over the tangent at the stop, to first order, and the fans by their width."""
+    """Return height on the plane of the last vertex and slope behind it over the tangent at the stop, to first order,
+    and the fans by their width: all states of the film and of the stop share them."""
     key = geometry_but_stop(lens, stop, wavelength_nm)
     if key not in _FANS:
         if len(_FANS) >= REMEMBERED:
@@ -342,16 +329,24 @@ def geometry_but_stop(lens: Lens, stop: int, wavelength_nm: float) -> tuple[obje
     return lens.surfaces[:stop], of_stop, lens.surfaces[stop + 1 :], lens.object_medium, wavelength_nm
 
 
+def chebyshev_nodes(count: int) -> tuple[Array, Array]:
+    """Return nodes from -1 to 1, and the matrix from values there to Chebyshev polynomials."""
+    angles = (np.arange(count) + 0.5) * np.pi / count
+    matrix = 2.0 / count * np.cos(np.outer(np.arange(count), angles))
+    matrix[0] /= 2
+    return np.cos(angles), matrix
+
+
 def _traced(lens: Lens, stop: int, wavelength_nm: float, tangent: float) -> _Fan | None:
     """Return the fan up to a tangent; None where a ray is lost or it is not smooth enough."""
-    found = (_with_nodes(lens, stop, wavelength_nm, tangent, count) for count in NODES)
-    return next((fan for fan in found if fan is not None), None)
+    fans = (_with_nodes(lens, stop, wavelength_nm, tangent, count) for count in NODES)
+    return next((fan for fan in fans if fan is not None), None)
 
 
 def _with_nodes(lens: Lens, stop: int, wavelength_nm: float, tangent: float, count: int) -> _Fan | None:
     """Return a fan by rays at some nodes; None where a ray is lost or so few nodes leave errors."""
-    angles = (np.arange(count) + 0.5) * np.pi / count
-    tangents = tangent * np.sqrt((1.0 + np.cos(angles)) / 2)
+    nodes, to_polynomials = chebyshev_nodes(count)
+    tangents = tangent * np.sqrt((1.0 + nodes) / 2)
     indices = lens.indices(wavelength_nm)
     points = np.zeros((3, count))
     points[2] = lens.vertices[stop]
@@ -364,8 +359,7 @@ def _with_nodes(lens: Lens, stop: int, wavelength_nm: float, tangent: float, cou
     values = np.column_stack([odd / tangents[:, None], origins[:, 2], away[:, 2]])
     if not np.isfinite(values).all():
         return None
-    polynomials = 2.0 / count * np.cos(np.outer(np.arange(count), angles)) @ values
-    polynomials[0] /= 2
+    polynomials = to_polynomials @ values
     shares = np.abs(polynomials) / np.maximum(np.abs(values).max(axis=0), 1e-300)
     if np.any(shares[-2:] > EXACT):
         return None
@@ -413,15 +407,17 @@ class _Fan:
             found[k] -= found[k - 2]
         return found.T
 
-    def chief_rays(self, lens: Lens, film_points: Array, radii: Array, back_mm: float) -> ChiefRays | None:
+    def chief_rays(self, lens: Lens, film_points: Array, radii: Array, film_distance_mm: float) -> ChiefRays | None:
         """Return the chief rays of film points (n, 3) so far from the axis; None where it goes not so far."""
         places, begin = self._begin
-        per_tangent = begin @ (1.0, back_mm)
+        per_tangent = begin @ (1.0, film_distance_mm)
         sign = np.sign(per_tangent[0])
         reached = sign * places * per_tangent
         if not (reached[-1] >= radii.max() and np.all(np.diff(reached) > 0)):
             return None
-        by = sign * np.column_stack([self.polynomials[:, :2] @ (1.0, back_mm), self._changes @ (1.0, back_mm)])
+        by = sign * np.column_stack(
+            [self.polynomials[:, :2] @ (1.0, film_distance_mm), self._changes @ (1.0, film_distance_mm)]
+        )
         tangents = np.interp(radii, reached, places)
         for _ in range(FAN_ROUNDS):
             scale, change = (self._terms(tangents) @ by).T

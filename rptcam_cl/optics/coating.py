@@ -257,7 +257,7 @@ class LayerStack:
     def _amplitudes(
         self, interface: Interface, wavelength_nm: Array
     ) -> tuple[tuple[Amplitude, Amplitude], tuple[Amplitude, Amplitude]]:
-        """Return what is reflected and what passes of s and of p polarised light."""
+        """Return the reflected and the passed amplitude of s and of p polarised light."""
         n, m, c, d = (np.asarray(value) for value in interface)
         layers: list[tuple[Any, Any, Any]] = []
         for layer in self.from_behind(n, m):

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -93,7 +92,7 @@ def cut_behind(lens: Lens, count: int) -> Lens:
     if count == len(lens.surfaces):
         return lens
     stop = lens.stop_index if lens.stop_index is not None and lens.stop_index < count else None
-    return replace(lens, surfaces=lens.surfaces[:count], stop_index=stop, configurations=(), focusing=None)
+    return lens.of_surfaces(lens.surfaces[:count], stop)
 
 
 def _extend_misses(lens: Lens, paths: RayPaths) -> None:

@@ -17,6 +17,7 @@ from rptcam_cl.optics.charts import (
     INK,
     SERIES,
     Drawing,
+    Measured,
     Path,
     Text,
     add_key,
@@ -50,9 +51,10 @@ from rptcam_cl.optics.image_quality import (
     at_plane,
     default_fields,
     fan_points,
+    measured,
     section_rays,
 )
-from rptcam_cl.optics.irradiance import film_irradiance, pass_areas
+from rptcam_cl.optics.irradiance import film_irradiance, pass_areas, veiling_glare
 from rptcam_cl.optics.ray_trace import COATED, UNCOATED, LensTransmission, Rays, axial_transmittance, has_coatings
 from rptcam_cl.optics.spot import Beam, chief_ray, passing_beam
 
@@ -70,6 +72,8 @@ Row = dict[str, Any]
 NEAR = 1e-5  # of the size of the first surface: how far from the chief ray the rays lie that say where it is sharp
 ACROSS = 64  # rays across a beam whose width, or middle, is sought
 FEWEST = 32  # of a spot, at first
+FINE = (0.0, 0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875, 1.0)  # shares of the widest field
+FEW = (0.0, 0.7, 1.0)
 
 
 def _through(setting: Setting, lens: Lens, degrees: float, wavelength_nm: float, points: Array) -> Rays:
@@ -77,7 +81,7 @@ def _through(setting: Setting, lens: Lens, degrees: float, wavelength_nm: float,
     return lens.trace(origins, directions, wavelength_nm, "scene")
 
 
-def fan_rows(setting: Setting, fields: Sequence[float], wavelengths_nm: Sequence[float], rays: int) -> list[Row]:
+def ray_fan(setting: Setting, fields: Sequence[float] | None, wavelengths_nm: Sequence[float], rays: int) -> Measured:
     """Return where the rays of the tangential and the sagittal fan of each field land beside its chief ray [um].
 
     `pupil` goes from -1 to 1 over what passes in the plane of the first vertex, along y and along x; at 0 is the chief
@@ -85,7 +89,8 @@ def fan_rows(setting: Setting, fields: Sequence[float], wavelengths_nm: Sequence
     middle of what passes. What does not pass has no row.
     """
     rows: list[Row] = []
-    for degrees in fields:
+    _ = setting.film
+    for degrees in fields_of(setting, fields, FEW):
         beam, main = Beam(degrees, setting.object_distance_mm), setting.wavelength_nm
         points, _, _ = passing_beam(setting.lens, beam, main, ACROSS)
         try:
@@ -108,7 +113,29 @@ def fan_rows(setting: Setting, fields: Sequence[float], wavelengths_nm: Sequence
                      "pupil": float(steps[k]), "off_um": float(off[k, axis])}
                     for k in np.flatnonzero(traced.passed)
                 ]  # fmt: skip
-    return rows
+    shown = [row for row in rows if row["tangential"] and row["wavelength_nm"] == wavelengths_nm[0]]
+    return measured(
+        setting, "ray fans", rows,
+        lambda: curves_over(
+            f"{setting.lens.name}: tangential ray fans, {wavelengths_nm[0]:g} nm", shown,
+            ("pupil", "place in the beam, from edge to edge"), [("off_um", "degrees")],
+            "from the chief ray on the film [µm]", "field_degrees",
+        ),
+    )  # fmt: skip
+
+
+def field_curvature(setting: Setting, fields: Sequence[float] | None, wavelengths_nm: Sequence[float]) -> Measured:
+    """Return where thin pencils are sharp, as `curvature_rows` has it."""
+    _ = setting.film
+    rows = curvature_rows(setting, fields_of(setting, fields, FINE), wavelengths_nm)
+    return measured(
+        setting, "field curvature", rows,
+        lambda: curves_over(
+            f"{setting.lens.name}: field curvature", rows, ("field_degrees", "angle from the axis [degrees]"),
+            [("tangential_mm", "nm tangential"), ("sagittal_mm", "nm sagittal")], "behind the film [mm]",
+            "wavelength_nm",
+        ),
+    )  # fmt: skip
 
 
 def curvature_rows(setting: Setting, fields: Sequence[float], wavelengths_nm: Sequence[float]) -> list[Row]:
@@ -148,19 +175,28 @@ def curvature_rows(setting: Setting, fields: Sequence[float], wavelengths_nm: Se
     return rows
 
 
-def focus_rows(
-    setting: Setting, fields: Sequence[float], wavelengths_nm: Sequence[float], shifts_mm: Array, across: int | None
-) -> list[Row]:
+def through_focus(
+    setting: Setting,
+    range_mm: float | None,
+    fields: Sequence[float] | None,
+    wavelengths_nm: Sequence[float],
+    *,
+    steps: int,
+    rays: int | None,
+) -> Measured:
     """Return the rms spot of each field, its wavelengths together, over shifts of the film away from the lens.
 
     By default as many rays as its least and its largest spot need.
     """
+    _ = setting.film
+    reach = range_mm or 0.1 * abs(setting.lens.first_order().f_number)
+    shifts_mm = np.linspace(-reach, reach, steps)
     rows: list[Row] = []
-    for degrees in fields:
-        count = across or FEWEST
+    for degrees in fields_of(setting, fields, FEW):
+        count = rays or FEWEST
         before, sides = None, _through_focus(setting, degrees, wavelengths_nm, shifts_mm, count)
         while (
-            across is None
+            rays is None
             and count < MOST_ACROSS
             and (before is None or np.max(np.abs(before - sides) / (STAYS * np.hypot(*sides) + NOTHING)) > 1)
         ):
@@ -170,7 +206,14 @@ def focus_rows(
             {"field_degrees": degrees, "shift_mm": shift, "rms_um": math.hypot(x, y), "rms_x_um": x, "rms_y_um": y}
             for shift, x, y in zip(shifts_mm.tolist(), *(1e3 * sides).tolist(), strict=True)
         ]
-    return rows
+    title = f"{setting.lens.name}: spots through focus"
+    return measured(
+        setting, "spots through focus", rows,
+        lambda: curves_over(
+            title, rows, ("shift_mm", "film away from the lens [mm]"), [("rms_um", "degrees")], "rms spot [µm]",
+            "field_degrees",
+        ),
+    )  # fmt: skip
 
 
 def _through_focus(
@@ -354,6 +397,20 @@ def distortion_chart(setting: Setting, rows: Sequence[DistortionRow], projection
     return figure
 
 
+def distortion(
+    setting: Setting, fields: Sequence[float] | None, wavelengths_nm: Sequence[float], projection: str | None
+) -> Measured:
+    """Return film heights against a projection, by default the one that the lens follows best."""
+    film, fields = setting.film, fields_of(setting, fields, FINE)
+    name = projection or followed_projection(setting, fields)
+    rows = distortion_table(setting, fields, wavelengths_nm, name)
+    meant = PROJECTIONS[name][1] + ("" if projection else ", which it follows best")
+    return measured(
+        setting, "distortion", rows, lambda: distortion_chart(setting, rows, name),
+        f"{setting.lens.name}, film at {film:.6g} mm, against {meant}", projection=name,
+    )  # fmt: skip
+
+
 # How the film darkens from the centre outwards, and which part of that is the pupil's and which is cos^4's.
 
 VignettingRow = dict[str, float | None]
@@ -415,6 +472,12 @@ def vignetting_chart(setting: Setting, rows: Sequence[VignettingRow]) -> Figure:
     return figure
 
 
+def vignetting(setting: Setting, film_radius_mm: float | None, steps: int) -> Measured:
+    """Return how the film darkens from the axis to a radius, that of the image circle when absent."""
+    rows = vignetting_table(setting, film_radii(setting, steps, film_radius_mm))
+    return measured(setting, "vignetting", rows, lambda: vignetting_chart(setting, rows))
+
+
 # How much light of each wavelength a lens lets through along its axis.
 
 GLASS_ALONE = LensTransmission(fresnel=False, coatings=False)
@@ -470,6 +533,27 @@ def transmittance_chart(setting: Setting, rows: Sequence[TransmittanceRow]) -> F
         axes.plot(waves, 100 * axial_transmittance(setting.lens, waves, losses), line, color=colour, label=label)
     add_key(figure, axes.lines)
     return figure
+
+
+def transmittance(setting: Setting, wavelengths_nm: Sequence[float]) -> Measured:
+    """Return the light let through on the axis."""
+    rows = transmittance_table(setting, wavelengths_nm)
+    name = setting.lens.name
+    return measured(setting, "transmittance", rows, lambda: transmittance_chart(setting, rows), name)
+
+
+def glare(
+    setting: Setting, wavelengths_nm: Sequence[float], *, film_reflectance: float, barrel_reflectance: float
+) -> Measured:
+    """Return the veiling glare at wavelengths, in parts of a white film's light."""
+    rows = []
+    for wavelength in wavelengths_nm:
+        found = veiling_glare(
+            setting.lens, setting.film, wavelength, film_reflectance=film_reflectance,
+            barrel_reflectance=barrel_reflectance,
+        )  # fmt: skip
+        rows.append({"wavelength_nm": wavelength, **asdict(found)})
+    return measured(setting, "veiling glare", rows, None, f"{setting.lens.name}; parts of a white film's light")
 
 
 # Ghosts of a lens as a table, and the way of one of them in cross-section.

@@ -16,9 +16,9 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.coating import Amplitude, Interface, LayerStack, Polarised, constant_reflectance
 from rptcam_cl.optics.glass import attenuation
 from rptcam_cl.optics.lens import Lens, system_matrix
-from rptcam_cl.optics.ray_trace import COATED, LensTransmission, reflect, refract
+from rptcam_cl.optics.ray_trace import COATED, LensTransmission, arrive, leave, reflect, refract
 from rptcam_cl.optics.spot import Beam
-from rptcam_cl.optics.surface import IN_PLACE, Prescription, Surface
+from rptcam_cl.optics.surface import IN_PLACE, Surface
 
 #
 # A beam on its way through a lens, forwards or backwards, with the light and the polarisation that its rays have
@@ -32,39 +32,6 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 LEAST_SINE2 = 1e-24  # of incidence, below which no plane of incidence is known; any is as good
-
-
-@dataclass(frozen=True)
-class LensAtWavelength:
-    """What light of one wavelength meets in a lens.
-
-    Attributes
-    ----------
-    prescription : Prescription
-    wavelength_nm : float
-    transmission : LensTransmission
-        Whether coatings and absorption count. Surfaces always reflect.
-    """
-
-    prescription: Prescription
-    wavelength_nm: float
-    transmission: LensTransmission = COATED
-
-    @cached_property
-    def indices(self) -> list[float]:
-        """Index before the first surface and behind each one."""
-        return [float(index) for index in self.prescription.indices(self.wavelength_nm)]
-
-    @cached_property
-    def attenuations(self) -> list[float]:
-        """Absorption before the first surface and behind each one [1/mm]; the spaces outside do not count."""
-        media = self.prescription.media[1:-1]
-        inside = [float(attenuation(medium, self.wavelength_nm)) for medium in media]
-        return [0.0, *(inside if self.transmission.absorption else [0.0] * len(inside)), 0.0]
-
-    def reflects(self, k: int) -> bool:
-        """Return whether part of the light is reflected at a surface that lets light through."""
-        return not self.prescription.surfaces[k].is_mirror and self.indices[k] != self.indices[k + 1]
 
 
 @dataclass(frozen=True)
@@ -153,12 +120,12 @@ class Arrival:
         return Arrival(self.beam.kept(chosen), self.normals[:, chosen], self.cosines[chosen])
 
 
-def meet(lens: LensAtWavelength, beam: PolarisedBeam, k: int, forward: bool, *, counted: bool = False) -> Arrival:
+def meet(lit: Lit, beam: PolarisedBeam, k: int, forward: bool, *, counted: bool = False) -> Arrival:
     """Return a beam that has gone on to a surface, towards the film or away from it.
 
     Parameters
     ----------
-    lens : LensAtWavelength
+    lit : Lit
     beam : PolarisedBeam
     k : int
         Number of the surface.
@@ -167,13 +134,9 @@ def meet(lens: LensAtWavelength, beam: PolarisedBeam, k: int, forward: bool, *, 
     counted : bool
         Whether the light that is lost on the way is noted.
     """
-    surface = lens.prescription.surfaces[k]
-    sense = lens.prescription.senses[k] if forward else -lens.prescription.senses[k + 1]
-    pose, shift = surface.pose or IN_PLACE, np.array([[0.0], [0.0], [float(lens.prescription.vertices[k])]])
-    points = beam.points - shift
-    points, directions = pose.inward(points, beam.directions) if surface.pose else (points, beam.directions)
-    hits = surface.meet(points, directions)
-    met = hits.met & np.isfinite(hits.distances) & (directions[2] * sense > 0)
+    whole, surface = lit.whole, lit.whole.surfaces[k]
+    sense = whole.senses[k] if forward else -whole.senses[k + 1]
+    hits, _, met = arrive(whole, k, sense, beam.points, beam.directions)
     good = met & surface.clears(hits.points[0], hits.points[1])
     light, missed, blocked = np.zeros(len(good)), 0.0, 0.0
     if counted:
@@ -183,13 +146,13 @@ def meet(lens: LensAtWavelength, beam: PolarisedBeam, k: int, forward: bool, *, 
     if not good.all():
         beam, light = beam.kept(good), light[good]
         at, normals, cosines, lengths = at[:, good], normals[:, good], cosines[good], lengths[good]
-    beam = replace(beam, points=(pose.outward(at, at)[0] if surface.pose else at) + shift)
-    absorbed, per_mm = 0.0, lens.attenuations[k if forward else k + 1]
+    at, normals = leave(whole, k, at, normals)
+    beam = replace(beam, points=at)
+    absorbed, per_mm = 0.0, lit.attenuations[k if forward else k + 1]
     if per_mm:
         left = np.exp(-0.5 * per_mm * np.abs(lengths))
         absorbed = float((light * (1.0 - left * left)).sum())
         beam = replace(beam, jones=beam.jones * left)
-    normals = pose.matrix() @ normals if surface.pose else normals
     return Arrival(beam, normals, cosines, missed, blocked, absorbed)
 
 
@@ -202,10 +165,10 @@ class Crossing:
         Whether light is both let through and reflected.
     """
 
-    def __init__(self, lens: LensAtWavelength, arrival: Arrival, k: int, forward: bool) -> None:
-        self.lens, self.arrival, self.surface = lens, arrival, lens.prescription.surfaces[k]
-        self.parts = lens.reflects(k)
-        n, m = lens.indices[k], lens.indices[k + 1]
+    def __init__(self, lit: Lit, arrival: Arrival, k: int, forward: bool) -> None:
+        self.lit, self.arrival, self.surface = lit, arrival, lit.whole.surfaces[k]
+        self.parts = lit.reflects(k)
+        n, m = lit.indices[k], lit.indices[k + 1]
         self.media = (n, m) if forward else (m, n)
 
     @cached_property
@@ -222,8 +185,8 @@ class Crossing:
         (n, m), incidence = self.media, np.abs(self.arrival.cosines)
         square = 1.0 - (n / m) ** 2 * (1.0 - incidence * incidence)
         behind = np.sqrt(square if self._bent[1].all() else square + 0j)
-        coating = self.lens.transmission.coating_of(self.surface)
-        return coating.polarised(Interface(n, m, incidence, behind), self.lens.wavelength_nm)
+        coating = self.lit.transmission.coating_of(self.surface)
+        return coating.polarised(Interface(n, m, incidence, behind), self.lit.wavelength_nm)
 
     @cached_property
     def _components(self) -> tuple[Array, Amplitude]:
@@ -237,12 +200,12 @@ class Crossing:
     @property
     def mirror_share(self) -> float:
         """Share of the light that a mirror reflects."""
-        return float(self.lens.transmission.mirror_share(self.surface, self.lens.wavelength_nm))
+        return float(self.lit.transmission.mirror_share(self.surface, self.lit.wavelength_nm))
 
     @property
     def absorbs(self) -> bool:
         """Whether layers on the surface do."""
-        coating = self.lens.transmission.coating_of(self.surface)
+        coating = self.lit.transmission.coating_of(self.surface)
         return isinstance(coating, LayerStack) and coating.absorbs
 
     def onward(self) -> PolarisedBeam:
@@ -329,15 +292,14 @@ def with_film(lens: Lens, film_distance_mm: float, reflectance: float = 0.0) -> 
     """Return the lens with its film as a last surface, a mirror of some reflectance."""
     last = replace(lens.surfaces[-1], thickness=lens.sense * film_distance_mm)
     film = Surface(glass=last.glass, is_mirror=True, coating=constant_reflectance(reflectance))
-    return replace(lens, surfaces=(*lens.surfaces[:-1], last, film), configurations=(), focusing=None, floating=())
+    return lens.of_surfaces((*lens.surfaces[:-1], last, film), lens.stop_index)
 
 
 def with_wider_stop(lens: Lens, factor: float) -> Lens:
     """Return the lens with its stop wider by a factor, so that rays spread over the front find the way of the light."""
-    k = lens.stop_index
-    assert k is not None
-    wider = replace(lens.surfaces[k], semi_diameter=lens.surfaces[k].semi_diameter * factor)
-    return replace(lens, surfaces=(*lens.surfaces[:k], wider, *lens.surfaces[k + 1 :]))
+    assert lens.stop_index is not None
+    wider = lens.surfaces[lens.stop_index].semi_diameter * factor
+    return lens.with_changes({lens.stop_index: {"semi_diameter": wider}})
 
 
 def steps(way: Way, surfaces: int) -> Iterator[Step]:
@@ -368,7 +330,7 @@ def unfolded(lens: Lens, way: Way) -> Lens:
             is_mirror=here.reflects or lens.surfaces[k].is_mirror,
         ))  # fmt: skip
     stop = next((i for i, step in enumerate(met) if step.surface == lens.stop_index), None)
-    return replace(lens, surfaces=tuple(surfaces), stop_index=stop, configurations=(), focusing=None, floating=())
+    return lens.of_surfaces(surfaces, stop)
 
 
 @dataclass(frozen=True)
@@ -421,19 +383,6 @@ def ghost_magnification(lens: Lens, way: Way, wavelength_nm: float, object_dista
 GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0  # steps that fill a line most evenly: lattices of any number of points
 
 
-@dataclass(frozen=True)
-class Box:
-    """A rectangle across the first surface [mm]."""
-
-    low: tuple[float, float]
-    high: tuple[float, float]
-
-    @property
-    def area(self) -> float:
-        """In mm2."""
-        return (self.high[0] - self.low[0]) * (self.high[1] - self.low[1])
-
-
 class Entry:
     """The first surface of a lens in the light of a source.
 
@@ -471,20 +420,20 @@ class Entry:
         angle = np.pi * (turn - 0.5) if self.is_even else 2.0 * np.pi * turn
         return np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1), np.pi * reach**2 / count
 
-    def within(self, box: Box, count: int) -> tuple[Array, float]:
-        """Return points (n, 2) spread over a box, and the area that each stands for [mm2]."""
-        numbers = np.arange(count)
+    def within(self, box: Array, count: int) -> tuple[Array, float]:
+        """Return points (n, 2) spread over a box, its lower and its upper corner, and the area that each stands for."""
+        numbers, (low, high) = np.arange(count), box
         places = np.stack([(numbers + 0.5) / count, np.mod((numbers + 0.5) * GOLDEN, 1.0)], axis=1)
-        low, high = np.array(box.low), np.array(box.high)
-        return low + places * (high - low), box.area / count * (2.0 if self.is_even else 1.0)
+        area = float((high[0] - low[0]) * (high[1] - low[1]))
+        return low + places * (high - low), area / count * (2.0 if self.is_even else 1.0)
 
-    def around(self, points: Array, spacing: float) -> Box:
-        """Return the box about points (n, 2) with room of a spacing [mm], on one side where light is even."""
+    def around(self, points: Array, spacing: float) -> Array:
+        """Return the box (2, 2) about points (n, 2) with room of a spacing [mm], on one side where light is even."""
         reach = self.first.semi_diameter
         low, high = np.maximum(points.min(axis=0) - spacing, -reach), np.minimum(points.max(axis=0) + spacing, reach)
         if self.is_even:
             low[0] = max(low[0], 0.0)
-        return Box((float(low[0]), float(low[1])), (float(high[0]), float(high[1])))
+        return np.stack([low, high])
 
     def rays(self, points: Array, area: float) -> Arrival:
         """Return the rays that meet the surface above points (n, 2), inside its rim."""
@@ -551,10 +500,25 @@ class Lit:
     film_reflectance: float = 0.0
 
     @cached_property
-    def at_wavelength(self) -> LensAtWavelength:
-        """The lens with its film as the last surface, at the wavelength."""
-        lens = with_film(self.lens, self.film_distance_mm, self.film_reflectance)
-        return LensAtWavelength(lens, self.wavelength_nm, self.transmission)
+    def whole(self) -> Lens:
+        """The lens with its film as the last surface."""
+        return with_film(self.lens, self.film_distance_mm, self.film_reflectance)
+
+    @cached_property
+    def indices(self) -> list[float]:
+        """Index before the first surface and behind each one."""
+        return [float(index) for index in self.whole.indices(self.wavelength_nm)]
+
+    @cached_property
+    def attenuations(self) -> list[float]:
+        """Absorption before the first surface and behind each one [1/mm]; the spaces outside do not count."""
+        media = self.whole.media[1:-1]
+        inside = [float(attenuation(medium, self.wavelength_nm)) for medium in media]
+        return [0.0, *(inside if self.transmission.absorption else [0.0] * len(inside)), 0.0]
+
+    def reflects(self, k: int) -> bool:
+        """Return whether part of the light is reflected at a surface that lets light through."""
+        return not self.whole.surfaces[k].is_mirror and self.indices[k] != self.indices[k + 1]
 
     def in_frame(self, points: Array) -> Mask:
         """Return which points (2, n) of the film lie in the frame."""
@@ -596,14 +560,40 @@ class Landed:
     ----------
     points : (n, 2) array
         Of the front that they come through [mm].
+    film : (2, n) array
+        Where they meet the film [mm].
     light : (n,) array
     inside : (n,) array
         Which are in the frame.
+    spacing : float
+        Between rays on the front [mm].
+    is_even : bool
+        Whether each ray stands for one on the other side as well.
     """
 
     points: Array
+    film: Array
     light: Array
     inside: Mask
+    spacing: float
+    is_even: bool
+
+    def only_in_frame(self) -> Landed:
+        """Return those that meet the frame."""
+        of = self.inside
+        return replace(self, points=self.points[of], film=self.film[:, of], light=self.light[of], inside=of[of])
+
+    def in_frame(self) -> tuple[float, tuple[float, float], float]:
+        """Return flux in the frame, its centroid and its rms radius [mm]."""
+        weight, at = self.light[self.inside], self.film[:, self.inside]
+        total = float(weight.sum())
+        if not total > 0:
+            return 0.0, (np.nan, np.nan), np.nan
+        centre = at @ weight / total
+        if self.is_even:
+            centre[0] = 0.0
+        square = float(np.sum((at - centre[:, None]) ** 2, axis=0) @ weight) / total
+        return total, (float(centre[0]), float(centre[1])), float(np.sqrt(square))
 
 
 class Tree:
@@ -620,12 +610,12 @@ class Tree:
 
     def __init__(self, lit: Lit, order: int, rays: int | None = None) -> None:
         self.lit, self.order, self.film = lit, order, len(lit.lens.surfaces)
-        self.lens = lit.at_wavelength
         self.account = Account()
         self.landed: dict[Way, Landed] = {}
         self.blocked: dict[int, float] = {}
-        entry = Entry(lit.lens, lit.source)
-        front = entry.rays(*entry.everywhere(rays or RAYS[order]))
+        self.entry, count = Entry(lit.lens, lit.source), rays or RAYS[order]
+        self.spacing = self.entry.first.semi_diameter * float(np.sqrt(np.pi / count))
+        front = self.entry.rays(*self.entry.everywhere(count))
         self.points = front.beam.points[:2].T
         self.account.entered = float(front.beam.flux.sum())
         if not self.account.entered > 0:
@@ -638,7 +628,7 @@ class Tree:
             if k < 0:
                 self.account.out += float(beam.light.sum())
                 return
-            arrival = meet(self.lens, beam, k, forward, counted=True)
+            arrival = meet(self.lit, beam, k, forward, counted=True)
             self.account.missed += arrival.missed
             self.account.blocked += arrival.blocked
             if not way:
@@ -652,7 +642,7 @@ class Tree:
 
     def _crossed(self, arrival: Arrival, k: int, forward: bool, way: Way) -> PolarisedBeam:
         """Return light behind a surface, once what that reflects has been followed."""
-        crossing = Crossing(self.lens, arrival, k, forward)
+        crossing = Crossing(self.lit, arrival, k, forward)
         if crossing.parts:
             reflected = crossing.reflected()
             if crossing.absorbs:
@@ -681,10 +671,11 @@ class Tree:
         else:
             self.account.image += kept
         lit = light > 0
-        inside = self.lit.in_frame(arrival.beam.points)[lit]
-        self.landed[way] = Landed(self.points[arrival.beam.rows[lit]], light[lit], inside)
+        film, front = arrival.beam.points[:2, lit], self.points[arrival.beam.rows[lit]]
+        inside = self.lit.in_frame(film)
+        self.landed[way] = Landed(front, film, light[lit], inside, self.spacing, self.entry.is_even)
         if share:
-            self._reflect(Crossing(self.lens, arrival, self.film, True).onward(), self.film, True, way)
+            self._reflect(Crossing(self.lit, arrival, self.film, True).onward(), self.film, True, way)
 
 
 #
@@ -699,96 +690,32 @@ CHUNK = 8192  # rays whose components stay in the processor's cache
 NOWHERE = -1  # where a way is not reflected any more
 
 
-@dataclass(frozen=True)
-class Start:
-    """Where rays of a way shall enter.
-
-    Attributes
-    ----------
-    points : (n, 2) array
-        Of the front, known to lead to the film [mm].
-    spacing : float
-        Between them [mm].
-    count : int
-        Rays to be followed.
-    """
-
-    points: Array
-    spacing: float
-    count: int
-
-
-@dataclass(frozen=True)
-class Found:
-    """Rays of one way on the film.
-
-    Attributes
-    ----------
-    points : (n, 2) array
-        Of the front that they came through [mm].
-    film : (2, n) array
-        Where they meet the film [mm].
-    light : (n,) array
-    inside : (n,) array
-        Which are in the frame.
-    spacing : float
-        Between rays on the front [mm].
-    is_even : bool
-        Whether each ray stands for one on the other side as well.
-    """
-
-    points: Array
-    film: Array
-    light: Array
-    inside: Mask
-    spacing: float
-    is_even: bool
-
-    def again(self, count: int, *, in_frame: bool = False) -> Start:
-        """Return where more such rays shall enter, perhaps only those to the frame."""
-        return Start(self.points[self.inside] if in_frame else self.points, self.spacing, count)
-
-    def in_frame(self) -> tuple[float, tuple[float, float], float]:
-        """Return flux in the frame, its centroid and its rms radius [mm]."""
-        weight, at = self.light[self.inside], self.film[:, self.inside]
-        total = float(weight.sum())
-        if not total > 0:
-            return 0.0, (np.nan, np.nan), np.nan
-        centre = at @ weight / total
-        if self.is_even:
-            centre[0] = 0.0
-        square = float(np.sum((at - centre[:, None]) ** 2, axis=0) @ weight) / total
-        return total, (float(centre[0]), float(centre[1])), float(np.sqrt(square))
-
-
-def followed(lit: Lit, starts: Mapping[Way, Start]) -> dict[Way, Found]:
-    """Return the rays of each way on the film, once through an even lattice about where they are known to enter."""
-    entry, found = Entry(lit.lens, lit.source), dict[Way, Found]()
-    for ways in _chunks(starts):
+def followed(lit: Lit, known: Mapping[Way, Landed], counts: Mapping[Way, int]) -> dict[Way, Landed]:
+    """Return some rays of each way on the film, once through an even lattice about where they are known to enter."""
+    entry, landed = Entry(lit.lens, lit.source), dict[Way, Landed]()
+    for ways in _chunks([way for way, rays in known.items() if len(rays.points)], counts):
         fronts, areas = [], []
         for way in ways:
-            start = starts[way]
-            points, area = entry.within(entry.around(start.points, start.spacing), start.count)
+            points, area = entry.within(entry.around(known[way].points, known[way].spacing), counts[way])
             fronts.append(entry.rays(points, area))
             areas.append(area)
-        found |= _landed(lit, entry, ways, fronts, areas)
-    return found
+        landed |= _landed(lit, entry, ways, fronts, areas)
+    return landed
 
 
-def _chunks(starts: Mapping[Way, Start]) -> Iterator[list[Way]]:
-    """Yield ways by as many as have rays enough together; those without a known ray are left out."""
+def _chunks(ways: Sequence[Way], counts: Mapping[Way, int]) -> Iterator[list[Way]]:
+    """Yield ways by as many as have rays enough together."""
     chunk: list[Way] = []
-    for way, start in starts.items():
-        if len(start.points):
-            chunk.append(way)
-        if sum(starts[other].count for other in chunk) >= CHUNK:
+    for way in ways:
+        chunk.append(way)
+        if sum(counts[other] for other in chunk) >= CHUNK:
             yield chunk
             chunk = []
     if chunk:
         yield chunk
 
 
-def _landed(lit: Lit, entry: Entry, ways: list[Way], fronts: list[Arrival], areas: list[float]) -> dict[Way, Found]:
+def _landed(lit: Lit, entry: Entry, ways: list[Way], fronts: list[Arrival], areas: list[float]) -> dict[Way, Landed]:
     """Return rays of several ways on the film."""
     counts = [len(front.cosines) for front in fronts]
     ends = np.cumsum(counts)
@@ -797,12 +724,12 @@ def _landed(lit: Lit, entry: Entry, ways: list[Way], fronts: list[Arrival], area
     turns = np.full((len(entered), max(map(len, ways), default=0) + 1), NOWHERE)
     for way, first, end in zip(ways, ends - counts, ends, strict=True):
         turns[first:end, : len(way)] = way
-    beam = together(lit.at_wavelength, front, turns)
+    beam = together(lit, front, turns)
     light, inside, owner = beam.light, lit.in_frame(beam.points), np.searchsorted(ends, beam.rows, side="right")
     found = {}
     for number, (way, area) in enumerate(zip(ways, areas, strict=True)):
         own = owner == number
-        found[way] = Found(
+        found[way] = Landed(
             entered[beam.rows[own]], beam.points[:2, own], light[own], inside[own], float(np.sqrt(area)), entry.is_even
         )
     return found
@@ -816,18 +743,18 @@ def _joined(fronts: list[Arrival]) -> Arrival:
     return Arrival(beam, normals, cosines)
 
 
-def together(lens: LensAtWavelength, front: Arrival, turns: Numbers) -> PolarisedBeam:
+def together(lit: Lit, front: Arrival, turns: Numbers) -> PolarisedBeam:
     """Return rays on the first surface as they meet the film, each by its own way; the film is the last surface.
 
     Parameters
     ----------
-    lens : LensAtWavelength
+    lit : Lit
     front : Arrival
         Rays numbered through.
     turns : (n, m) array
         Which surfaces reflect each ray, in order, `NOWHERE` behind the last.
     """
-    film = len(lens.prescription.surfaces) - 1
+    film = len(lit.lens.surfaces)
     landed: list[PolarisedBeam] = []
     joining: dict[int, list[PolarisedBeam]] = {0: [front.beam]}
     for phase in range(turns.shape[1]):
@@ -837,17 +764,17 @@ def together(lens: LensAtWavelength, front: Arrival, turns: Numbers) -> Polarise
             beams = [*([beam] if beam is not None else []), *joining.get(k, [])]
             if not beams:
                 continue
-            at = front if phase == 0 and k == 0 else meet(lens, PolarisedBeam.joined(beams), k, forward)
+            at = front if phase == 0 and k == 0 else meet(lit, PolarisedBeam.joined(beams), k, forward)
             bounces = turns[at.beam.rows, phase] == k
             if bounces.any():
-                crossing = Crossing(lens, at.some(bounces), k, forward)
+                crossing = Crossing(lit, at.some(bounces), k, forward)
                 back = crossing.onward() if crossing.surface.is_mirror else crossing.reflected()
                 turned[k - 1 if forward else k + 1].append(back)
             rest = at.some(~bounces)
             if k == film and forward:
                 landed.append(rest.beam)
             goes_on = len(rest.cosines) > 0 and not (k == film and forward)
-            beam = Crossing(lens, rest, k, forward).onward() if goes_on else None
+            beam = Crossing(lit, rest, k, forward).onward() if goes_on else None
         joining = turned
     return PolarisedBeam.joined(landed or [front.beam.kept(np.zeros(len(turns), dtype=bool))])
 
@@ -941,31 +868,27 @@ def find_ghosts(lit: Lit, order: int = 2) -> Ghosts:
         factors = [opening / CLOSING**k for k in range(int(np.log(opening) / np.log(CLOSING)) + 1)]
         stops = [replace(lit, lens=with_wider_stop(lit.lens, factor)) for factor in factors] + [lit]
         landed = Tree(stops[0], order).landed
-    own = _own_light(landed, stops, lit.lens.surfaces[0].semi_diameter * float(np.sqrt(np.pi / RAYS[order])))
+    own = _own_light(landed, stops)
     image = own.pop((), FilmLight((), 0.0, 0.0, (np.nan, np.nan), np.nan))
     ghosts = sorted((light for light in own.values() if light.flux > 0), key=lambda light: -light.flux_in_frame)
     return Ghosts(lit, image, tuple(ghosts), tree.account)
 
 
-def _own_light(landed: dict[Way, Landed], stops: list[Lit], spacing: float) -> dict[Way, FilmLight]:
-    """Return what rays of its own say of each way, about those that were found, perhaps through wider stops.
+def _own_light(landed: dict[Way, Landed], stops: list[Lit]) -> dict[Way, FilmLight]:
+    """Return the light of each way by rays of its own, about those that have landed, perhaps through wider stops.
 
     Parameters
     ----------
     landed : dict
     stops : list of Lit
         Ever narrower; the last is the one that is meant.
-    spacing : float
-        Between the rays that were found, on the front [mm].
     """
-    counts, lit = _rays_of_ways(landed), stops[-1]
-    starts = {way: Start(found.points, spacing, counts[way]) for way, found in landed.items()}
+    counts, whole = _rays_of_ways(landed), landed
     for stage in stops:
-        whole = followed(stage, starts)
-        starts = {way: found.again(counts[way]) for way, found in whole.items()}
-    parts = {way: found for way, found in whole.items() if found.inside.any() and found.inside.mean() < PART}
-    framed = whole | followed(lit, {way: found.again(counts[way], in_frame=True) for way, found in parts.items()})
-    return {way: FilmLight(way, float(found.light.sum()), *framed[way].in_frame()) for way, found in whole.items()}
+        whole = followed(stage, whole, counts)
+    parts = {way: rays for way, rays in whole.items() if rays.inside.any() and rays.inside.mean() < PART}
+    framed = whole | followed(stops[-1], {way: rays.only_in_frame() for way, rays in parts.items()}, counts)
+    return {way: FilmLight(way, float(rays.light.sum()), *framed[way].in_frame()) for way, rays in whole.items()}
 
 
 def _rays_of_ways(landed: dict[Way, Landed]) -> dict[Way, int]:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import field
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -91,6 +91,12 @@ class Absorption:
         per_mm = np.maximum(-np.log(inside), 0.0) / np.asarray(thickness_mm, dtype=np.float64)
         return cls(tuple(float(w) for w in wavelengths_nm), tuple(per_mm.tolist()))
 
+    @classmethod
+    def from_extinction(cls, wavelengths_um: Array, extinctions: Array) -> Absorption:
+        """Return the absorption 4 pi k / L of extinction coefficients k at wavelengths L [um]."""
+        per_mm = 4e3 * np.pi * extinctions / wavelengths_um
+        return cls(tuple((1e3 * wavelengths_um).tolist()), tuple(per_mm.tolist()))
+
     def at(self, wavelength_nm: ArrayLike, name: str = "") -> Array:
         """Return the coefficient [1/mm] at each wavelength [nm]; `name` is that of the medium, for messages."""
         return interpolated(wavelength_nm, self.wavelengths_nm, self.per_mm, f"absorption of {name or 'a glass'}")
@@ -123,31 +129,33 @@ MARGIN_NM = 50.0  # by at most so much
 FIT_POINTS = 8  # of a table, from its end, by which it is continued
 
 
-class Medium(Protocol):
-    """What fills the space after a surface."""
-
-    @property
-    def name(self) -> str:
-        """Short text for tables and messages."""
-
-    @property
-    def absorption(self) -> Absorption | None:
-        """What it swallows; None when that is not known."""
-
-    def index(self, wavelength_nm: ArrayLike) -> Array:
-        """Return the refractive index, of the shape of the wavelengths [nm]."""
-
-
 @dataclass(frozen=True, kw_only=True)
-class Absorbing:
-    """A medium whose absorption, and what heat does to it, may be known."""
+class Medium(ABC):
+    """What fills the space after a surface.
+
+    Attributes
+    ----------
+    absorption : Absorption or None
+        What it swallows; None when that is not known.
+    thermal : Thermal or None
+        What heat does to it, where that is known.
+    """
 
     absorption: Absorption | None = field(default=None, repr=False)
     thermal: Thermal | None = field(default=None, repr=False)
 
+    @property
+    @abstractmethod
+    def name(self) -> str:
+        """Short text for tables and messages."""
+
+    @abstractmethod
+    def index(self, wavelength_nm: ArrayLike) -> Array:
+        """Return the refractive index, of the shape of the wavelengths [nm]."""
+
 
 @dataclass(frozen=True)
-class ConstantIndex(Absorbing):
+class ConstantIndex(Medium):
     """The same index at every wavelength."""
 
     value: float
@@ -162,7 +170,7 @@ AIR = ConstantIndex(1.0, "air")
 
 
 @dataclass(frozen=True)
-class AbbeCauchy(Absorbing):
+class AbbeCauchy(Medium):
     """Two-term Cauchy law n = A + B / L^2 through n_d and V_d = (n_d - 1) / (n_F - n_C), close to real glass."""
 
     nd: float
@@ -178,7 +186,7 @@ class AbbeCauchy(Absorbing):
 
 
 @dataclass(frozen=True)
-class AbbeLinear(Absorbing):
+class AbbeLinear(Medium):
     """Index linear in wavelength: n = n_D + (n_D - 1) / V * (589.3 - L) / (656.3 - 486.1).
 
     The dispersion of the rptcam paper (Kumar, Kumar, Meng, Yu 2024, eq. 2), kept for its figures; not that of glass.
@@ -195,7 +203,7 @@ class AbbeLinear(Absorbing):
 
 
 @dataclass(frozen=True)
-class Sellmeier(Absorbing):
+class Sellmeier(Medium):
     """n^2 = 1 + c0 + sum of b L^2 / (L^2 - c), L in micrometres and c in square micrometres."""
 
     b: tuple[float, ...]
@@ -212,7 +220,7 @@ class Sellmeier(Absorbing):
 
 
 @dataclass(frozen=True)
-class PowerSeries(Absorbing):
+class PowerSeries(Medium):
     """n or n^2 as a sum of coefficient * L^power, L in micrometres: Cauchy, Schott and similar polynomials."""
 
     terms: tuple[tuple[float, float], ...]
@@ -230,7 +238,7 @@ class PowerSeries(Absorbing):
 
 
 @dataclass(frozen=True)
-class TabulatedIndex(Absorbing):
+class TabulatedIndex(Medium):
     """Index interpolated linearly between measured wavelengths [nm], which rise.
 
     Beyond them it goes on as A + B / L^2 + C / L^4 through the nearest ones, shifted to meet the last.
@@ -256,12 +264,12 @@ class TabulatedIndex(Absorbing):
 
 
 @dataclass(frozen=True)
-class Melt(Absorbing):
+class Melt(Medium):
     """A glass as one melt has it.
 
     Attributes
     ----------
-    glass : Law
+    glass : Medium
         What was ordered.
     shift : float
         By which the index is higher, at every wavelength.
@@ -269,13 +277,13 @@ class Melt(Absorbing):
         By which share the Abbe number is higher: differences of the index are divided by 1 + share.
     """
 
-    glass: Law
+    glass: Medium
     shift: float = 0.0
     share: float = 0.0
     name: str = ""
 
     @classmethod
-    def of(cls, glass: Law, shift: float, share: float) -> Melt:
+    def of(cls, glass: Medium, shift: float, share: float) -> Melt:
         """Return a melt of a glass, which absorbs and is called as it is."""
         return cls(glass, shift, share, glass.name, absorption=glass.absorption)
 
@@ -289,12 +297,12 @@ class Melt(Absorbing):
 
 
 @dataclass(frozen=True)
-class Heated(Absorbing):
+class Heated(Medium):
     """A glass at another temperature, relative to the air around it.
 
     Attributes
     ----------
-    glass : Law
+    glass : Medium
         As its catalogue has it.
     by : Thermal
         What the catalogue says of heat.
@@ -302,14 +310,14 @@ class Heated(Absorbing):
         Of glass and air.
     """
 
-    glass: Law
+    glass: Medium
     by: Thermal
     celsius: float
     pressure_hpa: float
     name: str = ""
 
     @classmethod
-    def of(cls, glass: Law, by: Thermal, celsius: float, pressure_hpa: float) -> Heated:
+    def of(cls, glass: Medium, by: Thermal, celsius: float, pressure_hpa: float) -> Heated:
         """Return a glass under heat, which absorbs and is called as it is."""
         return cls(glass, by, celsius, pressure_hpa, glass.name, absorption=glass.absorption)
 
@@ -318,10 +326,7 @@ class Heated(Absorbing):
         return self.by.index(self.glass.index(wavelength_nm), wavelength_nm, self.celsius, self.pressure_hpa)
 
 
-Law = ConstantIndex | AbbeCauchy | AbbeLinear | Sellmeier | PowerSeries | TabulatedIndex | Melt | Heated
-
-
-def held_index(medium: Law, wavelength_nm: ArrayLike) -> Array:
+def held_index(medium: Medium, wavelength_nm: ArrayLike) -> Array:
     """Return the index at each wavelength [nm]; beyond those at which it is known, that of the nearest of them."""
     wavelength = np.asarray(wavelength_nm, dtype=np.float64)
     limits = known_range(medium)
@@ -350,7 +355,7 @@ def known_range(medium: Medium) -> Range | None:
 
 
 def continued_words(medium: Medium) -> str | None:
-    """Return what to say of a medium whose law is continued within `VISIBLE_NM`; None of others."""
+    """Return a warning about a medium whose law is continued within `VISIBLE_NM`; None for others."""
     stated, known = stated_range(medium), known_range(medium)
     if stated is None or stated == known or known is None:
         return None

@@ -6,7 +6,7 @@ import io
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,7 +15,18 @@ from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.best_focus import best_film_distance
-from rptcam_cl.optics.charts import FAINT, INK, SIZE, add_key, new_chart, new_figure, series, styled, wavelength_colour
+from rptcam_cl.optics.charts import (
+    FAINT,
+    INK,
+    SIZE,
+    Measured,
+    add_key,
+    new_chart,
+    new_figure,
+    series,
+    styled,
+    wavelength_colour,
+)
 from rptcam_cl.optics.lens import brought_to_focus
 from rptcam_cl.optics.spot import Beam, passing_beam
 from rptcam_cl.optics.waves import (
@@ -103,6 +114,21 @@ def setting(
     first = lens.first_order(wavelength_nm)
     real = 0 < first.focal_length_mm < math.inf and first.back_focal_distance_mm > 0
     return Setting(lens, first.back_focal_distance_mm if real else None, math.inf, wavelength_nm)
+
+
+def measured(
+    setting: Setting,
+    what: str,
+    rows: list[dict[str, Any]],
+    chart: Callable[[], Figure] | None,
+    caption: str | None = None,
+    **about: Any,
+) -> Measured:
+    """Return a result about a lens in use, with where film and object stand."""
+    name, film = setting.lens.name, setting.film_distance_mm
+    about |= {"film_distance_mm": film, "object_distance_mm": setting.object_distance_mm}
+    caption = f"{name}, film at {film:.6g} mm" if caption is None else caption
+    return Measured(f"{name}: {what}", rows, chart, about, caption)
 
 
 # Fields of view worth looking at, and fans of rays across a beam.
@@ -237,6 +263,7 @@ class FilmSpot:
     fewer: Array | None = None
 
 
+OfField = TypeVar("OfField", "FilmSpot", "FieldWave")
 Moves = Callable[[Sequence[FilmSpot], Sequence[FilmSpot]], float]
 
 
@@ -328,11 +355,11 @@ def at_best_focus(setting: Setting, wavelengths_nm: Sequence[float], field_degre
     return replace(setting, film_distance_mm=distance)
 
 
-def by_field(spots: Sequence[FilmSpot]) -> dict[float, list[FilmSpot]]:
-    """Return the spots of each field, in order."""
-    groups: dict[float, list[FilmSpot]] = {}
-    for spot in spots:
-        groups.setdefault(spot.field_degrees, []).append(spot)
+def by_field(of_fields: Sequence[OfField]) -> dict[float, list[OfField]]:
+    """Return the spots or wavefronts of each field, in order."""
+    groups: dict[float, list[OfField]] = {}
+    for one in of_fields:
+        groups.setdefault(one.field_degrees, []).append(one)
     return groups
 
 
@@ -411,6 +438,15 @@ def spot_chart(setting: Setting, spots: Sequence[FilmSpot]) -> Figure:
     return figure
 
 
+def spot(
+    setting: Setting, fields: Sequence[float] | None, wavelengths_nm: Sequence[float], rays: int | None
+) -> Measured:
+    """Return the sizes of spots, and where rays land by field and wavelength."""
+    spots = film_spots(setting, fields, wavelengths_nm, rays)
+    points = {(one.field_degrees, one.wavelength_nm): one.points for one in spots}
+    return measured(setting, "spots", spot_table(spots), lambda: spot_chart(setting, spots), points=points)
+
+
 #
 # Modulation transfer: that of the spots times that of diffraction at the aperture that each field has.
 #
@@ -459,7 +495,7 @@ def field_mtf(group: Sequence[FilmSpot], frequencies_per_mm: ArrayLike) -> list[
 
 
 def mtf_moves(frequencies_per_mm: Sequence[float]) -> Moves:
-    """Return what says how far the modulation of a field moves with more rays, in units of what it may.
+    """Return the function that says how far the modulation of a field moves with more rays, in units of what it may.
 
     Rays that lie farther apart on the film than half a period of the finest lines show nothing of these.
     """
@@ -540,6 +576,26 @@ def curves_chart(title: str, frequencies: Array, fields: Mapping[float, Sequence
     return figure
 
 
+def mtf(
+    setting: Setting,
+    frequencies_per_mm: Sequence[float],
+    fields: Sequence[float] | None,
+    wavelengths_nm: Sequence[float],
+    *,
+    diffraction: bool,
+    rays: int | None,
+) -> Measured:
+    """Return the modulation of each field at frequencies, by rays times diffraction or by waves."""
+    highest = max(frequencies_per_mm)
+    if diffraction:
+        waves = field_waves(setting, fields, wavelengths_nm, rays)
+        rows = wave_mtf_table(waves, frequencies_per_mm)
+        return measured(setting, "MTF", rows, lambda: wave_mtf_chart(setting, waves, highest))
+    spots = film_spots(setting, fields, wavelengths_nm, rays, mtf_moves(frequencies_per_mm))
+    rows = mtf_table(spots, frequencies_per_mm)
+    return measured(setting, "MTF", rows, lambda: mtf_chart(setting, spots, highest))
+
+
 # The image of a point by geometrical optics: the share of its light that each small square of the film receives.
 
 SIDE = 6.0  # of the plot [inches]
@@ -610,10 +666,10 @@ def _radii(points: Array) -> tuple[Array, Array]:
     return off, np.hypot(off[:, 0], off[:, 1])
 
 
-def npy_bytes(image: PointImage) -> bytes:
-    """Return the shares as a NumPy file, float32."""
+def npy_bytes(values: Array) -> bytes:
+    """Return an array as a NumPy file, float32."""
     out = io.BytesIO()
-    np.save(out, image.shares.astype(np.float32))
+    np.save(out, values.astype(np.float32))
     return out.getvalue()
 
 
@@ -629,6 +685,29 @@ def psf_chart(setting: Setting, image: PointImage, field_degrees: float) -> Figu
     pixel = image.width_um / len(image.shares)
     figure.colorbar(shown, ax=axes, label=f"light in a square of {pixel:.3g} µm [% of all]")
     return figure
+
+
+def psf(
+    setting: Setting,
+    field_degrees: float,
+    wavelengths_nm: Sequence[float],
+    *,
+    rays: int | None,
+    pixels: int,
+    width_um: float | None,
+    diffraction: bool,
+) -> Measured:
+    """Return facts of the image of a point, and the image."""
+    if diffraction:
+        waves = field_waves(setting, [field_degrees], wavelengths_nm, rays)
+        image = wave_point_image(waves, pixels, width_um)
+    else:
+        image = point_image(film_spots(setting, [field_degrees], wavelengths_nm, rays, image_moves), pixels, width_um)
+    facts = {"field_degrees": field_degrees, "width_um": image.width_um, "pixels": pixels, **image.facts}
+    return measured(
+        setting, f"image of a point at {field_degrees:g}°", [facts],
+        lambda: psf_chart(setting, image, field_degrees), setting.lens.name, shares=image.shares,
+    )  # fmt: skip
 
 
 # Wavefronts of fields and wavelengths: path differences, Strehl ratios, and the map over the pupil.
@@ -679,14 +758,6 @@ def field_waves(
     if refused is not None and not waves:
         raise refused
     return waves
-
-
-def waves_by_field(waves: Sequence[FieldWave]) -> dict[float, list[FieldWave]]:
-    """Return the light of each field, in order."""
-    groups: dict[float, list[FieldWave]] = {}
-    for wave in waves:
-        groups.setdefault(wave.field_degrees, []).append(wave)
-    return groups
 
 
 def wavefront_table(waves: Sequence[FieldWave]) -> list[dict[str, Any]]:
@@ -740,6 +811,14 @@ def _map(pupil: PupilFunction) -> Array:
     return np.where(pupil.coverage >= 0.5, pupil.waves_on_sphere - mean, np.nan)
 
 
+def wavefront(
+    setting: Setting, fields: Sequence[float] | None, wavelengths_nm: Sequence[float], rays: int | None
+) -> Measured:
+    """Return how far wavefronts are from spheres."""
+    waves = field_waves(setting, fields, wavelengths_nm, rays)
+    return measured(setting, "wavefront", wavefront_table(waves), lambda: wavefront_chart(setting, waves))
+
+
 # The image of a point and the transfer of a lens by wave optics, over all wavelengths of a field.
 
 WIDEST = 48.0  # radius of the first circle that is searched, in Airy radii
@@ -763,14 +842,14 @@ def wave_transfer(group: Sequence[FieldWave], frequencies_per_mm: ArrayLike) -> 
 
 def wave_mtf_table(waves: Sequence[FieldWave], frequencies_per_mm: Sequence[float]) -> list[dict[str, Any]]:
     """Return a row for each field and frequency, the wavelengths of a field together."""
-    fields = {degrees: wave_transfer(group, frequencies_per_mm) for degrees, group in waves_by_field(waves).items()}
+    fields = {degrees: wave_transfer(group, frequencies_per_mm) for degrees, group in by_field(waves).items()}
     return table_of(fields, frequencies_per_mm)
 
 
 def wave_mtf_chart(setting: Setting, waves: Sequence[FieldWave], highest_per_mm: float) -> Figure:
     """Return the curves of every field up to a frequency."""
     frequencies = np.linspace(0.0, highest_per_mm, CURVE)
-    fields = {degrees: wave_transfer(group, frequencies) for degrees, group in waves_by_field(waves).items()}
+    fields = {degrees: wave_transfer(group, frequencies) for degrees, group in by_field(waves).items()}
     return curves_chart(f"{setting.lens.name}: MTF by wave optics", frequencies, fields)
 
 

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics.chief_rays import crossed, geometry_but_stop
+from rptcam_cl.optics.chief_rays import chebyshev_nodes, crossed, geometry_but_stop
 from rptcam_cl.optics.ghosts import Lit, Tree, check_lens
 from rptcam_cl.optics.glass import Medium
 from rptcam_cl.optics.lens import Lens, limiting_surface
@@ -121,7 +121,7 @@ def on_axis_irradiance(
 
 
 def axial_irradiance(lens: Lens, film_distance_mm: float, wavelength_nm: float = LINE_D_NM) -> float | None:
-    """Return what `on_axis_irradiance` does without losses, within 2e-5 in a quarter of its time; None where it cannot.
+    """Return `on_axis_irradiance` without losses, within 2e-5 in a quarter of its time; None where it cannot.
 
     A round pupil without a hole, seen from the axis, is a disk: rays find its rim, and the integral over it is known.
     """
@@ -323,7 +323,7 @@ _BEAMS: dict[tuple[object, ...], dict[tuple[int, int], _Beam | None]] = {}
 
 
 def disk_irradiance(lens: Lens, film_distance_mm: float, wavelength_nm: float = LINE_D_NM) -> float | None:
-    """Return what `on_axis_irradiance` does without losses for a lens of whose pupil nothing lies apart.
+    """Return `on_axis_irradiance` without losses for a lens of whose pupil nothing lies apart.
 
     None where the lens is not round, has mirrors, a hole or a shaped stop, or its rays are too bent for polynomials.
     """
@@ -359,10 +359,10 @@ def _traced(lens: Lens, wavelength_nm: float, cell: int, height: float) -> _Beam
     """Return the beam of a cell; None where a ray is lost or polynomials of so low a degree leave errors."""
     ends = 2.0 ** (cell / CELLS_OF_DISTANCE), 2.0 ** ((cell + 1) / CELLS_OF_DISTANCE)
     indices, order = lens.indices(wavelength_nm), range(len(lens.surfaces) - 1, -1, -1)
-    at_film, to_film = _nodes(FILM_NODES)
+    at_film, to_film = chebyshev_nodes(FILM_NODES)
     distances = np.mean(ends) + np.ptp(ends) / 2 * at_film
     for count in HEIGHT_NODES:
-        at_height, to_height = _nodes(count)
+        at_height, to_height = chebyshev_nodes(count)
         heights = height * np.sqrt((1.0 + at_height) / 2)
         far, across = (values.ravel() for values in np.meshgrid(distances, heights, indexing="ij"))
         p, d = np.zeros((3, len(far))), np.stack([across, np.zeros(len(far)), -far])
@@ -375,14 +375,6 @@ def _traced(lens: Lens, wavelength_nm: float, cell: int, height: float) -> _Beam
         if np.all(np.abs(polynomials[:, -2:]) <= EXACT * np.abs(values).max(axis=(0, 1))):
             return _Beam(height, (float(ends[0]), float(ends[1])), polynomials)
     return None
-
-
-def _nodes(count: int) -> tuple[Array, Array]:
-    """Return nodes from -1 to 1, and the matrix from values there to Chebyshev polynomials."""
-    angles = (np.arange(count) + 0.5) * np.pi / count
-    matrix = 2.0 / count * np.cos(np.outer(np.arange(count), angles))
-    matrix[0] /= 2
-    return np.cos(angles), matrix
 
 
 @dataclass(frozen=True, eq=False)
@@ -466,17 +458,14 @@ class Glare:
         By two reflections between surfaces of the lens.
     film, barrel : float
         By light that the film scatters to the lens and back, and that rims behind the stop scatter.
+    index : float
+        Veiling glare index of ISO 9358: irradiance of the black spot over that of the white around it.
     """
 
     surfaces: float
     film: float
     barrel: float
-
-    @property
-    def index(self) -> float:
-        """Veiling glare index of ISO 9358: irradiance of the black spot over that of the white around it."""
-        veil = self.surfaces + self.film + self.barrel
-        return veil / (1.0 + veil)
+    index: float
 
 
 def veiling_glare(
@@ -519,7 +508,9 @@ def veiling_glare(
     stop = lens.stop_index if lens.stop_index is not None else 0
     behind = len(lens.surfaces) - 1 - stop
     caught = sum(light for k, light in tree.blocked.items() if k < behind)
-    return Glare(account.ghosts / image, film_reflectance * account.out / np.pi, barrel_reflectance * caught / np.pi)
+    parts = account.ghosts / image, film_reflectance * account.out / np.pi, barrel_reflectance * caught / np.pi
+    veil = sum(parts)
+    return Glare(*parts, veil / (1.0 + veil))
 
 
 def reversed_lens(lens: Lens) -> Lens:
@@ -538,15 +529,7 @@ def reversed_lens(lens: Lens) -> Lens:
         for k, surface in reversed(list(enumerate(lens.surfaces)))
     ]
     stop = None if lens.stop_index is None else len(surfaces) - 1 - lens.stop_index
-    return replace(
-        lens,
-        surfaces=tuple(surfaces),
-        object_medium=media[-1],
-        stop_index=stop,
-        configurations=(),
-        focusing=None,
-        floating=(),
-    )
+    return lens.of_surfaces(surfaces, stop, object_medium=media[-1])
 
 
 def _turned(surface: Surface, medium: Medium, thickness: float) -> Surface:

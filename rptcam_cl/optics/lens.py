@@ -196,6 +196,9 @@ WORTH_A_WORD = 0.995  # a marked f-number nearer than this to the true one is th
 class Lens(Prescription):
     """A `Prescription`, which says what it is made of, and the methods most used on one."""
 
+    def __hash__(self) -> int:
+        return hash((self.name, self.surfaces, self.configurations))
+
     def first_order(self, wavelength_nm: float = LINE_D_NM, section: str = "y") -> FirstOrder:
         """Return focal length, cardinal points and pupils at a wavelength [nm], in the "y" or "x" section."""
         known = self._first_orders.get((wavelength_nm, section))
@@ -234,17 +237,13 @@ class Lens(Prescription):
             widest = self.first_order().f_number
             speed = f", f/{widest:.3g}" if np.isfinite(widest) else ""
             raise InputError(f"{self.name}: the stop opens to {has:.5g} mm{speed} (requested {diameter_mm:.5g} mm)")
-        surfaces = list(self.surfaces)
-        surfaces[self.stop_index] = replace(stop, semi_diameter=min(diameter_mm, has) / 2)
-        return replace(self, surfaces=tuple(surfaces))
+        return self.with_changes({self.stop_index: {"semi_diameter": min(diameter_mm, has) / 2}})
 
     def with_stop_shape(self, shape: StopShape | StopMask | None) -> Lens:
         """Return the lens with its stop shaped; None makes it round."""
-        stop = self._need_stop()
+        self._need_stop()
         assert self.stop_index is not None
-        surfaces = list(self.surfaces)
-        surfaces[self.stop_index] = replace(stop, stop_shape=shape)
-        return replace(self, surfaces=tuple(surfaces))
+        return self.with_changes({self.stop_index: {"stop_shape": shape}})
 
     def stop_diameter_for(self, f_number: float, wavelength_nm: float = LINE_D_NM) -> float:
         """Return the stop diameter [mm] of an f-number = focal length / entrance pupil diameter (paraxial).
@@ -267,7 +266,7 @@ class Lens(Prescription):
         return float(min(diameter, 2 * stop.semi_diameter))
 
     def speed_note(self, f_number: float, wavelength_nm: float = LINE_D_NM) -> tuple[str, ...]:
-        """Return what to say of a marked f-number that the lens does not reach; else nothing."""
+        """Return a note on a marked f-number that the lens does not reach; else nothing."""
         widest, marked = self.first_order(wavelength_nm).f_number, self.marked_f_number
         if self.stop is None or marked is None or not marked <= f_number < WORTH_A_WORD * widest:
             return ()
@@ -487,10 +486,9 @@ def _rail(lens: Lens) -> _Rail:
 
 
 def _at_share(lens: Lens, share: float) -> Lens:
-    rail, surfaces = _rail(lens), list(lens.surfaces)
-    for k, gap in zip(rail.places, rail.at(share), strict=False):  # the last value is the film's
-        surfaces[k] = replace(surfaces[k], thickness=float(gap))
-    return replace(lens, surfaces=tuple(surfaces))
+    rail = _rail(lens)
+    gaps = zip(rail.places, rail.at(share).tolist(), strict=False)  # the last value is the film's
+    return lens.with_changes({k: {"thickness": gap} for k, gap in gaps})
 
 
 def configured(lens: Lens, name: str) -> Lens:
@@ -519,39 +517,26 @@ def zoomed(lens: Lens, focal_length_mm: float, wavelength_nm: float = LINE_D_NM)
     """
     if len(lens.configurations) < 2:
         raise InputError(f"{lens.name}: is not a zoom lens (it has no configurations)")
-    return _zoomed(_Zoom(lens), float(focal_length_mm), float(wavelength_nm))
+    return _zoomed(lens, float(focal_length_mm), float(wavelength_nm))
 
 
 def zoom_range_mm(lens: Lens, wavelength_nm: float = LINE_D_NM) -> tuple[float, float]:
     """Return the least and the greatest focal length of a zoom lens."""
-    lengths = _zoom_table(_Zoom(lens), float(wavelength_nm))[1]
+    lengths = _zoom_table(lens, float(wavelength_nm))[1]
     return float(lengths.min()), float(lengths.max())
 
 
-@dataclass(frozen=True)
-class _Zoom:
-    """A zoom lens that equals every other one of the same surfaces, settings and name."""
-
-    lens: Lens
-
-    def __hash__(self) -> int:
-        return hash((self.lens.name, self.lens.surfaces, self.lens.configurations))
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Zoom) and self.lens == other.lens
-
-
 @lru_cache(maxsize=FEW)
-def _zoom_table(zoom: _Zoom, wavelength_nm: float) -> tuple[Array, Array]:
+def _zoom_table(lens: Lens, wavelength_nm: float) -> tuple[Array, Array]:
     """Return states between the configurations, and the focal length of each [mm]."""
-    steps = len(zoom.lens.configurations) - 1
+    steps = len(lens.configurations) - 1
     states = np.linspace(0.0, float(steps), 1 + STEPS * steps)
-    return states, np.array([focal_length_mm(_between(zoom.lens, state), wavelength_nm) for state in states])
+    return states, np.array([focal_length_mm(_between(lens, state), wavelength_nm) for state in states])
 
 
 @lru_cache(maxsize=REMEMBERED)
-def _zoomed(zoom: _Zoom, wanted_mm: float, wavelength_nm: float) -> Lens:
-    lens, (states, lengths) = zoom.lens, _zoom_table(zoom, wavelength_nm)
+def _zoomed(lens: Lens, wanted_mm: float, wavelength_nm: float) -> Lens:
+    states, lengths = _zoom_table(lens, wavelength_nm)
     above = lengths >= wanted_mm
     change = np.flatnonzero(above[1:] != above[:-1])
     if not len(change):
@@ -581,15 +566,12 @@ def moved(lens: Lens, shift_mm: float) -> Lens:
     """Return the lens with what moves to focus shifted, as `travel_mm` counts [mm]."""
     if lens.floating:
         return _at_share(lens, shift_mm / _rail(lens).reach)
-    group = _group(lens)
-    surfaces = list(lens.surfaces)
+    group, gaps = _group(lens), {}
     if group.first > 0:
-        before = surfaces[group.first - 1]
-        surfaces[group.first - 1] = replace(before, thickness=before.thickness + shift_mm)
-    if group.last < len(surfaces) - 1:
-        after = surfaces[group.last]
-        surfaces[group.last] = replace(after, thickness=after.thickness - shift_mm)
-    return replace(lens, surfaces=tuple(surfaces))
+        gaps[group.first - 1] = lens.surfaces[group.first - 1].thickness + shift_mm
+    if group.last < len(lens.surfaces) - 1:
+        gaps[group.last] = lens.surfaces[group.last].thickness - shift_mm
+    return lens.with_changes({k: {"thickness": gap} for k, gap in gaps.items()})
 
 
 def film_behind(lens: Lens, shift_mm: float, film_distance_mm: float) -> float:
@@ -660,29 +642,31 @@ def focused_by_group(
     return moved(lens, shift), film_behind(lens, shift, film_distance_mm)
 
 
-def _defocus(lens: Lens, shift: float, distance: float, film: float, wavelength: float) -> float:
+def _defocus(lens: Lens, shift: float, distance: float, film_distance_mm: float, wavelength: float) -> float:
     """Return how far behind the film the image of an object plane lies [mm]; NaN when there is none."""
-    state, back = moved(lens, shift), film_behind(lens, shift, film)
-    front = distance - state.length - state.sense * back
+    state, there = moved(lens, shift), film_behind(lens, shift, film_distance_mm)
+    front = distance - state.length - state.sense * there
     if not front > 0:
         return float("nan")
     try:
-        return film_distance(state, front, "front", wavelength) - back
+        return film_distance(state, front, "front", wavelength) - there
     except InputError:
         return float("nan")
 
 
-def _reach(lens: Lens, film: float, wavelength: float) -> tuple[float, float]:
+def _reach(lens: Lens, film_distance_mm: float, wavelength: float) -> tuple[float, float]:
     """Return the nearest and farthest object plane that some shift makes sharp [mm from the film]."""
-    found = []
-    for shift in np.linspace(*travel_mm(lens), 2 * STEPS + 1):
+    distances = []
+    for shift in np.linspace(*travel_mm(lens), 2 * STEPS + 1).tolist():
         try:
-            found.append(object_distance(moved(lens, float(shift)), film_behind(lens, float(shift), film), wavelength))
+            there = film_behind(lens, shift, film_distance_mm)
+            distances.append(object_distance(moved(lens, shift), there, wavelength))
         except InputError:
             continue
-    if not found:
-        raise InputError(f"{lens.name}: no shift of its group makes anything sharp {film:g} mm behind the lens")
-    return min(found), max(found)
+    if not distances:
+        where = f"{film_distance_mm:g} mm behind the lens"
+        raise InputError(f"{lens.name}: no shift of its group makes anything sharp {where}")
+    return min(distances), max(distances)
 
 
 def _group(lens: Lens) -> FocusingGroup:
@@ -720,10 +704,7 @@ def _between_states(one: FocusState, two: FocusState, share: float) -> FocusStat
 
 
 def _set(lens: Lens, configuration: Configuration) -> Lens:
-    surfaces = list(lens.surfaces)
-    for k, gap in configuration.gaps:
-        surfaces[k] = replace(surfaces[k], thickness=gap)
+    changes: dict[int, dict[str, float]] = {k: {"thickness": gap} for k, gap in configuration.gaps}
     if configuration.stop_diameter_mm is not None and lens.stop_index is not None:
-        stop = surfaces[lens.stop_index]
-        surfaces[lens.stop_index] = replace(stop, semi_diameter=configuration.stop_diameter_mm / 2)
-    return replace(lens, surfaces=tuple(surfaces), floating=configuration.floating)
+        changes.setdefault(lens.stop_index, {})["semi_diameter"] = configuration.stop_diameter_mm / 2
+    return lens.with_changes(changes, floating=configuration.floating)

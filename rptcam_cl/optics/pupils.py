@@ -203,7 +203,7 @@ class FilmProbe:
         if not self.lens.surfaces[-1].is_rotational:  # the rim bulges between the azimuths that were taken
             middle, half = (low + high) / 2, (high - low) / 2 / np.cos(np.pi / PATCH_AZIMUTHS)
             low, high = middle - half, middle + half
-        return np.stack([low[:, 0], high[:, 0], low[:, 1], high[:, 1]], axis=1)
+        return boxes_of(low, high)
 
     def passes(self, film: Array, rear: Array) -> Mask:
         """Return which rays pass: film points (..., 2) through points (..., 2) of the plane of the last vertex."""
@@ -241,6 +241,11 @@ def _patch(surface: Surface, sense: float) -> Array:
     return points.T * [1.0, 1.0, sense]
 
 
+def boxes_of(low: Array, high: Array) -> Array:
+    """Return boxes (m, 4) u0, u1, v0, v1 of their lower and upper corners (m, 2)."""
+    return np.stack([low, high], axis=2).reshape(-1, 4)
+
+
 def grid(boxes: Array, nu: int, nv: int) -> Array:
     """Return the centres (m, nu * nv, 2) of the cells of boxes (m, 4) u0, u1, v0, v1."""
     u = boxes[:, 0, None] + (boxes[:, 1] - boxes[:, 0])[:, None] * (np.arange(nu) + 0.5) / nu
@@ -274,7 +279,7 @@ def narrowed(probe: FilmProbe, film: Array, boxes: Array, shape: tuple[int, int]
     low = np.where(hits[..., None], points, np.inf).min(axis=1) - margin
     high = np.where(hits[..., None], points, -np.inf).max(axis=1) + margin
     found: Mask = np.asarray(np.any(hits, axis=1))
-    tight = np.stack([low[:, 0], high[:, 0], low[:, 1], high[:, 1]], axis=1)
+    tight = boxes_of(low, high)
     return np.where(found[:, None], tight, boxes), found
 
 
@@ -297,18 +302,11 @@ def narrowing_probes(
     A small pupil slips through a grid over the rear element; the next wider one tells where to look for it.
     """
     stops = [lens]
-    if lens.stop is not None and lens.stop_index is not None:
+    if lens.stop_index is not None:
         widest = max(surface.semi_diameter for surface in lens.surfaces if np.isfinite(surface.semi_diameter))
-        while (radius := _stop_radius(stops[0])) < widest:
-            surfaces = list(lens.surfaces)
-            surfaces[lens.stop_index] = replace(lens.stop, semi_diameter=2 * radius)
-            stops.insert(0, replace(lens, surfaces=tuple(surfaces)))
+        while (radius := stops[0].surfaces[lens.stop_index].semi_diameter) < widest:
+            stops.insert(0, lens.with_changes({lens.stop_index: {"semi_diameter": 2 * radius}}))
     return [FilmProbe(stopped, film_distance_mm, wavelength_nm, frame, azimuth) for stopped in stops]
-
-
-def _stop_radius(lens: Lens) -> float:
-    assert lens.stop is not None
-    return lens.stop.semi_diameter
 
 
 def pupil_boxes(
@@ -379,7 +377,7 @@ def _paraxial_boxes(probe: FilmProbe, film: Array) -> Array:
     shrink = distances / from_film
     centres, reach = film * (1.0 - shrink), 1.5 * abs(shrink) * pupil.diameter_mm
     low, high = centres - reach, centres + reach
-    return np.stack([low[:, 0], high[:, 0], low[:, 1], high[:, 1]], axis=1)
+    return boxes_of(low, high)
 
 
 #
@@ -534,8 +532,8 @@ def shared_shapes(
     radius_mm
         Of the film of the first.
     """
-    (lens, back_mm), *others = states
-    return _one_line(lens, back_mm, radius_mm, wavelength_nm, FINE_OUTLINES, others)
+    (lens, film_distance_mm), *others = states
+    return _one_line(lens, film_distance_mm, radius_mm, wavelength_nm, FINE_OUTLINES, others)
 
 
 def _one_line(
@@ -547,7 +545,7 @@ def _one_line(
     others: Sequence[tuple[Lens, float]] = (),
 ) -> PupilShapes:
     probes = narrowing_probes(lens, film_distance_mm, wavelength_nm)
-    beside = [(narrowing_probes(other, back, wavelength_nm), back / film_distance_mm) for other, back in others]
+    beside = [(narrowing_probes(other, its_mm, wavelength_nm), its_mm / film_distance_mm) for other, its_mm in others]
     # Coarse outlines find out by tracing them whether light reaches the corner; fine ones find how far it reaches.
     lit = radius_mm if fineness is COARSE_OUTLINES else _lit_radius(probes, radius_mm, radial=True)
     lit = max([lit, *(_lit_radius(of, radius_mm * scale, radial=True) / scale for of, scale in beside)])
@@ -832,44 +830,53 @@ class StoppedPupils:
 def stopped_pupils(
     states: Sequence[tuple[Lens, float]], radius_mm: float, wavelengths_nm: Sequence[float]
 ) -> StoppedPupils | None:
-    """Return what rays of a round lens with its stop wide open, and last vertex to film [mm], say of narrower stops.
+    """Return rays of a round lens with its stop wide open, by which pupils of narrower stops are known.
 
-    It goes as far as the film, or as chief rays come through. None where something stands in the middle of a pupil or
+    They go as far as the film, or as chief rays come through. None where something stands in the middle of a pupil or
     where rays bend too much to say.
+
+    Parameters
+    ----------
+    states
+        The lens, and its last vertex to film [mm].
     """
-    back_mm, line = states[0][1], film_line(radius_mm, FINENESS.radial_nodes)
+    first_mm, line = states[0][1], film_line(radius_mm, FINENESS.radial_nodes)
     clear = np.logical_and.reduce([
-        _chief(lens, back, line * (back / back_mm), nm).clear for lens, back in states for nm in wavelengths_nm
+        _chief(lens, film_distance_mm, line * (film_distance_mm / first_mm), nm).clear
+        for lens, film_distance_mm in states for nm in wavelengths_nm
     ])  # fmt: skip
     if not clear.all():
         radius_mm = float(line[max(int(np.argmin(clear)) - 1, 0), 0])
     if not radius_mm > 0:
         return None
     film = film_line(radius_mm, FINENESS.radial_nodes)
-    found = []
-    for lens, back in states:
+    traced = []
+    for lens, film_distance_mm in states:
         for wavelength_nm in wavelengths_nm:
-            of_state = _traced(lens, back, film * (back / back_mm), wavelength_nm)
+            of_state = _traced(lens, film_distance_mm, film * (film_distance_mm / first_mm), wavelength_nm)
             if of_state is None:
                 return None
-            found.append(of_state)
-    centres, reach, heights = (np.array(values) for values in zip(*found, strict=True))
+            traced.append(of_state)
+    centres, reach, heights = (np.array(values) for values in zip(*traced, strict=True))
     return StoppedPupils(radius_mm, centres, reach, heights)
 
 
-def _chief(lens: Lens, back_mm: float, film: Array, wavelength_nm: float) -> ChiefRays:
-    return round_chief_rays(lens, np.column_stack([film, np.full(len(film), lens.film_z(back_mm))]), wavelength_nm)
+def _chief(lens: Lens, film_distance_mm: float, film: Array, wavelength_nm: float) -> ChiefRays:
+    points = np.column_stack([film, np.full(len(film), lens.film_z(film_distance_mm))])
+    return round_chief_rays(lens, points, wavelength_nm)
 
 
-def _traced(lens: Lens, back_mm: float, film: Array, wavelength_nm: float) -> tuple[Array, Array, Array] | None:
+def _traced(
+    lens: Lens, film_distance_mm: float, film: Array, wavelength_nm: float
+) -> tuple[Array, Array, Array] | None:
     """Return centres, reach and heights of one state."""
     stop, pupil = limiting_surface(lens, wavelength_nm), lens.first_order(wavelength_nm).exit_pupil
-    size = abs(WIDEST * pupil.diameter_mm / 2 * back_mm / (back_mm - pupil.distance_mm))
-    chief = _chief(lens, back_mm, film, wavelength_nm)
+    size = abs(WIDEST * pupil.diameter_mm / 2 * film_distance_mm / (film_distance_mm - pupil.distance_mm))
+    chief = _chief(lens, film_distance_mm, film, wavelength_nm)
     if not (np.isfinite(size) and chief.clear.all()) or lens.is_obstructed:
         return None
     centres, axes = chief.aims, np.full(film.shape, size)
-    half = reach_of(FilmProbe(lens, back_mm, wavelength_nm), film, centres, axes, FINENESS, mirrored=True)
+    half = reach_of(FilmProbe(lens, film_distance_mm, wavelength_nm), film, centres, axes, FINENESS, mirrored=True)
     reach = half[:, : half.shape[1] // 2 + 1] * size
     if not (reach.all() and reach.max() < (1.0 - 1.0 / FINENESS.scan) * FARTHEST * size):
         return None
@@ -877,8 +884,8 @@ def _traced(lens: Lens, back_mm: float, film: Array, wavelength_nm: float) -> tu
     away = np.arange(1, LEVELS + 1)[:, None, None] / LEVELS * reach
     u, v = centres[:, :1] + away * np.cos(angles), away * np.sin(angles)
     points = np.zeros((3, u.size))
-    points[0], points[2] = np.broadcast_to(film[:, :1], u.shape).ravel(), lens.film_z(back_mm)
-    across = np.stack([u.ravel() - points[0], v.ravel(), np.full(u.size, -back_mm)])
+    points[0], points[2] = np.broadcast_to(film[:, :1], u.shape).ravel(), lens.film_z(film_distance_mm)
+    across = np.stack([u.ravel() - points[0], v.ravel(), np.full(u.size, -film_distance_mm)])
     order = range(len(lens.surfaces) - 1, stop - 1, -1)
     at, _, _ = crossed(lens, order, points, across / np.sqrt(np.sum(across**2, axis=0)), lens.indices(wavelength_nm))
     heights = np.hypot(at[0, :, 0], at[0, :, 1]).reshape(u.shape)

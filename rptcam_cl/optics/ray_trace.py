@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from enum import IntEnum
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,8 +14,8 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.coating import BARE, Coating, Interface, LayerStack, MeasuredReflectance, QuarterWave
 from rptcam_cl.optics.glass import Medium, attenuation
-from rptcam_cl.optics.shapes import WORTH_MOVING
-from rptcam_cl.optics.surface import IN_PLACE, Prescription, Region, Surface, sides
+from rptcam_cl.optics.shapes import WORTH_MOVING, Hits
+from rptcam_cl.optics.surface import Prescription, Region, Surface, sides
 
 #
 # What a lens takes from the light that crosses it: reflection at its surfaces, absorption in its glass and mirrors.
@@ -52,11 +52,11 @@ class LensTransmission:
         return self.fresnel or self.absorption
 
     def coating_of(self, surface: Surface) -> Coating:
-        """Return what a surface lets through."""
+        """Return the coating of a surface, as far as coatings count."""
         return surface.coating if self.coatings and surface.coating is not None else BARE
 
     def mirror_share(self, mirror: Surface, wavelength_nm: ArrayLike) -> Array:
-        """Return what a mirror reflects at wavelengths [nm]: all light, unless it says how much."""
+        """Return the share of light that a mirror reflects at wavelengths [nm]: all, unless it says how much."""
         coating = self.coating_of(mirror)
         if isinstance(coating, MeasuredReflectance):
             return coating.reflectance(wavelength_nm)
@@ -222,8 +222,12 @@ class Rays:
         """Which rays came through."""
         return np.asarray(self.status == Status.ok)
 
-    def _arrays(self) -> tuple[NDArray[Any], ...]:
-        return self.origins, self.directions, self.status, self.surface, self.optical_path
+    def some(self, chosen: Mask) -> Rays:
+        """Return some of the rays, without what is left of their light."""
+        return Rays(
+            self.origins[chosen], self.directions[chosen], self.status[chosen], self.surface[chosen],
+            self.optical_path[chosen],
+        )  # fmt: skip
 
 
 def trace(
@@ -261,25 +265,8 @@ def trace(
 
 def passing(lens: Prescription, origins: Array, directions: Array, wavelength_nm: float = LINE_D_NM) -> Mask:
     """Return which rays (n, 3) from the film come through: those of `trace`, in about half of its time."""
-    indices = lens.indices(wavelength_nm)
     passed = np.zeros(len(origins), dtype=bool)
-    with np.errstate(all="ignore"):
-        for low in range(0, len(origins), CHUNK):
-            rows = np.arange(low, min(low + CHUNK, len(origins)))
-            p, d = np.ascontiguousarray(origins[rows].T), np.ascontiguousarray(directions[rows].T)
-            d /= np.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
-            good, beside = np.ones(len(rows), dtype=bool), np.zeros(len(rows), dtype=bool)
-            for k in range(len(lens.surfaces) - 1, -1, -1):
-                ratio, previous = indices[k + 1] / indices[k], _region_of(lens, k + 1)
-                p, d, beside, through = _crossed(
-                    lens.surfaces[k], float(lens.vertices[k]), p, d, ratio, beside, previous, -lens.senses[k + 1]
-                )
-                good &= through
-                if np.count_nonzero(good) < WORTH_MOVING * len(rows):
-                    rows, p, d, beside, good = rows[good], p[:, good], d[:, good], beside[good], good[good]
-                if not len(rows):
-                    break
-            passed[rows] = good
+    passed[passed_rays(lens, origins, directions, wavelength_nm)[0]] = True
     return passed
 
 
@@ -287,69 +274,61 @@ def passed_rays(
     lens: Prescription, origins: Array, directions: Array, wavelength_nm: float = LINE_D_NM, start: str = "film"
 ) -> tuple[NDArray[np.intp], Array, Array]:
     """Return which rays (n, 3) come through, and their last points and directions (3, m): those of `trace`, sooner."""
-    if not all(surface.is_rotational and not surface.aspheric for surface in lens.surfaces):
-        rays = trace(lens, origins, directions, wavelength_nm, start)
-        passed = np.flatnonzero(rays.passed)
-        return passed, rays.origins[passed].T, rays.directions[passed].T
-    indices, forward, count = lens.indices(wavelength_nm), start == "scene", len(lens.surfaces)
-    rows: NDArray[Any] = np.arange(len(origins))
-    p, d = np.ascontiguousarray(origins.T), np.ascontiguousarray(directions.T)
+    indices, parts = lens.indices(wavelength_nm), []
     with np.errstate(all="ignore"):
-        d = d / np.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
-        for k in range(count) if forward else range(count - 1, -1, -1):
-            surface, shift = lens.surfaces[k], np.array([[0.0], [0.0], [float(lens.vertices[k])]])
-            before, after = (indices[k], indices[k + 1]) if forward else (indices[k + 1], indices[k])
-            sense = lens.senses[k] if forward else -lens.senses[k + 1]
-            hits = surface.meet(p - shift, d)
-            good = hits.met & np.isfinite(hits.distances) & (d[2] * sense > 0)
-            good &= surface.clears(hits.points[0], hits.points[1])
-            rows, at, normal, cosine, d = _kept(good, rows, hits.points, hits.normals, hits.cosines, d)
-            if not len(rows):
-                return rows, at, d
-            p = at + shift
-            if surface.is_mirror:
-                d = reflect(d, normal, cosine)
-            elif before != after:
-                bent, good = refract(d, normal, cosine, before / after)
-                rows, p, d = _kept(good, rows, p, bent)
+        for low in range(0, max(len(origins), 1), CHUNK):
+            rows = np.arange(low, min(low + CHUNK, len(origins)))
+            p, d = np.ascontiguousarray(origins[rows].T), np.ascontiguousarray(directions[rows].T)
+            d /= np.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
+            parts.append(_surviving(lens, rows, p, d, indices, start == "scene"))
+    rows, p, d = (np.concatenate(values, axis=-1) for values in zip(*parts, strict=True))
     return rows, p, d
 
 
-def _kept(good: Mask, *arrays: NDArray[Any]) -> tuple[NDArray[Any], ...]:
-    """Return arrays over rays, of those of a mask."""
-    kept = np.flatnonzero(good)
-    return arrays if len(kept) == len(good) else tuple(array.take(kept, axis=-1) for array in arrays)
+def _surviving(
+    lens: Prescription, rows: NDArray[np.intp], p: Array, d: Array, indices: Array, forward: bool
+) -> tuple[NDArray[np.intp], Array, Array]:
+    """Return the rays (3, n) that come through, with their numbers, behind the last surface."""
+    good, beside = np.ones(len(rows), dtype=bool), np.zeros(len(rows), dtype=bool)
+    for k in range(len(lens.surfaces)) if forward else range(len(lens.surfaces) - 1, -1, -1):
+        surface, previous = lens.surfaces[k], _region_of(lens, k - 1 if forward else k + 1)
+        hits, d, met = arrive(lens, k, lens.senses[k] if forward else -lens.senses[k + 1], p, d)
+        good &= met & surface.clears(hits.points[0], hits.points[1])
+        if surface.region is not None or previous is not None:
+            beside, apart = sides(surface.region, previous, hits.points[0], hits.points[1], beside)
+            good &= apart
+        ratio = indices[k] / indices[k + 1] if forward else indices[k + 1] / indices[k]
+        if surface.is_mirror:
+            d = reflect(d, hits.normals, hits.cosines)
+        elif ratio != 1.0:
+            bent, through = refract(d, hits.normals, hits.cosines, ratio)
+            d = np.where(beside, d, bent) if surface.region else bent
+            good &= through | beside if surface.region else through
+        p, d = leave(lens, k, hits.points, d)
+        if np.count_nonzero(good) < WORTH_MOVING * len(rows):
+            rows, p, d, beside, good = rows[good], p[:, good], d[:, good], beside[good], good[good]
+        if not len(rows):
+            break
+    return (rows, p, d) if good.all() else (rows[good], p[:, good], d[:, good])
 
 
-def _crossed(
-    surface: Surface,
-    vertex: float,
-    p: Array,
-    d: Array,
-    ratio: Array,
-    beside: Mask,
-    previous: Region | None,
-    sense: float,
-) -> tuple[Array, Array, Mask, Mask]:
-    """Return rays (3, n) from the film on and behind a surface, which are beside a half lens, and which have passed.
+def arrive(lens: Prescription, k: int, sense: float, p: Array, d: Array) -> tuple[Hits, Array, Mask]:
+    """Return where rays (3, n) hit a surface and their directions, both in its frame, and which of them meet it.
 
-    They have to come to the surface with z in the given sense.
+    They have to come to it with z in a sense, 1 or -1.
     """
-    pose, shift = surface.pose, np.array([[0.0], [0.0], [vertex]])
-    points, d = pose.inward(p - shift, d) if pose else (p - shift, d)
-    hits = surface.meet(points, d)
-    good = hits.met & np.isfinite(hits.distances) & (d[2] * sense > 0) & surface.clears(hits.points[0], hits.points[1])
-    if surface.region is not None or previous is not None:
-        beside, apart = sides(surface.region, previous, hits.points[0], hits.points[1], beside)
-        good &= apart
-    if surface.is_mirror:
-        d = reflect(d, hits.normals, hits.cosines)
-    elif ratio != 1.0:
-        bent, through = refract(d, hits.normals, hits.cosines, ratio)
-        d = np.where(beside, d, bent) if surface.region else bent
-        good &= through | beside if surface.region else through
-    at, d = pose.outward(hits.points, d) if pose else (hits.points, d)
-    return at + shift, d, beside, good
+    surface = lens.surfaces[k]
+    p = p - lens.shifts[k]
+    p, d = surface.pose.inward(p, d) if surface.pose else (p, d)
+    hits = surface.meet(p, d)
+    return hits, d, hits.met & np.isfinite(hits.distances) & (d[2] * sense > 0)
+
+
+def leave(lens: Prescription, k: int, p: Array, d: Array) -> tuple[Array, Array]:
+    """Return points and directions (3, n) of the frame of a surface in that of the lens."""
+    pose = lens.surfaces[k].pose
+    p, d = pose.outward(p, d) if pose else (p, d)
+    return p + lens.shifts[k], d
 
 
 def _region_of(lens: Prescription, k: int) -> Region | None:
@@ -385,9 +364,7 @@ def _trace_part(
     """Trace some of the rays and write the results in their place."""
     beam = _Beam(rays, part, indices, losses)
     for k in range(len(lens.surfaces)) if forward else range(len(lens.surfaces) - 1, -1, -1):
-        previous = _region_of(lens, k - 1 if forward else k + 1)
-        sense = lens.senses[k] if forward else -lens.senses[k + 1]
-        beam.cross(lens.surfaces[k], k, float(lens.vertices[k]), forward, sense, previous)
+        beam.cross(lens, k, forward)
         if not len(beam.rows):
             return
     beam.store(slice(None), Status.ok, -1)
@@ -434,15 +411,11 @@ class _Beam:
             self.indices, self.outside_index = self.indices[:, good], self.outside_index[good]
         return tuple(array[..., good] for array in others)
 
-    def cross(
-        self, surface: Surface, number: int, vertex: float, forward: bool, sense: float, previous: Region | None
-    ) -> None:
-        """Move every ray, travelling in a sense of z, to a surface, and refract or reflect it there."""
-        pose = surface.pose or IN_PLACE
-        shift = np.array([[0.0], [0.0], [vertex]])
-        points, directions = pose.inward(self.p - shift, self.d) if surface.pose else (self.p - shift, self.d)
-        hits = surface.meet(points, directions)
-        met = hits.met & np.isfinite(hits.distances) & (directions[2] * sense > 0)
+    def cross(self, lens: Prescription, number: int, forward: bool) -> None:
+        """Move every ray to a surface, and refract or reflect it there."""
+        surface, previous = lens.surfaces[number], _region_of(lens, number - 1 if forward else number + 1)
+        sense = lens.senses[number] if forward else -lens.senses[number + 1]
+        hits, directions, met = arrive(lens, number, sense, self.p, self.d)
         kept: tuple[Array, ...] = (hits.points, hits.distances, hits.normals, hits.cosines, directions)
         if hits.undecided is not None:
             lost = hits.undecided & ~met
@@ -456,32 +429,30 @@ class _Beam:
         if self.losses and self.entered:
             self.losses.through(before, length, self.beside)
         self.entered = True
-        self.p = (pose.outward(at, at)[0] if surface.pose else at) + shift
-        opens = surface.region is not None and surface.region != previous
+        self.p = leave(lens, number, at, at)[0]
         clear = surface.clears(at[0], at[1])
         if halved:
             self.beside, apart = sides(surface.region, previous, at[0], at[1], self.beside)
             clear = clear & apart
-        clipped = ~clear
-        normal, cosine, directions = self.drop(clipped, Status.clipped, number, normal, cosine, directions)
-        if opens:
+        normal, cosine, directions = self.drop(~clear, Status.clipped, number, normal, cosine, directions)
+        if surface.region is not None and surface.region != previous:  # here a half lens begins
             self.outside_index = self.indices[before]
         if surface.is_mirror:
             if self.losses:
                 self.losses.off(surface)
             bent = reflect(directions, normal, cosine)
-            self.d = pose.matrix() @ bent if surface.pose else bent
+        elif np.array_equal(self.indices[before], self.indices[after]):
             return
-        if np.array_equal(self.indices[before], self.indices[after]):
-            return
-        bent, through = refract(directions, normal, cosine, self.indices[before] / self.indices[after])
-        if halved:
-            bent, through = np.where(self.beside, directions, bent), through | self.beside
-        bent, normal, cosine = self.drop(~through, Status.total_internal_reflection, number, bent, normal, cosine)
-        if self.losses:
-            cosines = np.abs(cosine), np.abs(np.sum(bent * normal, axis=0))
-            self.losses.across(surface, Interface(self.indices[before], self.indices[after], *cosines), self.beside)
-        self.d = pose.matrix() @ bent if surface.pose else bent
+        else:
+            bent, through = refract(directions, normal, cosine, self.indices[before] / self.indices[after])
+            if halved:
+                bent, through = np.where(self.beside, directions, bent), through | self.beside
+            bent, normal, cosine = self.drop(~through, Status.total_internal_reflection, number, bent, normal, cosine)
+            if self.losses:
+                cosines = np.abs(cosine), np.abs(np.sum(bent * normal, axis=0))
+                interface = Interface(self.indices[before], self.indices[after], *cosines)
+                self.losses.across(surface, interface, self.beside)
+        self.d = surface.pose.matrix() @ bent if surface.pose else bent
 
 
 def reflect(directions: Array, normals: Array, cosines: Array) -> Array:

@@ -17,6 +17,7 @@ from rptcam_cl.optics.files.fields import NUMBER, Fields, Key
 #
 # What every kind of lens surface is: an object that knows its sag, where rays meet it and how a device sees it.
 #
+# The profile is the surface whose shape it is: its section along the axis, turned about it or, of a cylinder, straight.
 # Points and directions are arrays (3, n) in the frame of the vertex. Rays are moved to the plane of the vertex first,
 # then to the surface, so that weak curvature costs no accuracy and a plane needs no case of its own.
 
@@ -237,7 +238,7 @@ class Form(Iterated):
     @classmethod
     @abstractmethod
     def read(cls, fields: Fields, scale: float) -> Form | None:
-        """Return what the keys of a surface say, None where they say nothing of this kind; lengths times `scale`.
+        """Return the form that the keys of a surface describe, None where they describe none; lengths times `scale`.
 
         Raises
         ------

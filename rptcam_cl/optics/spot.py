@@ -86,14 +86,8 @@ def enter_rays(lens: Lens, origins: Array, directions: Array, wavelength_nm: flo
     ratio = np.divide(*lens.indices(wavelength_nm)[:2])
     normals = -off / radius  # along the light
     bent, through = refract(directions.T, normals.T, np.sum(normals * directions, axis=1), np.asarray(ratio))
-    rest = replace(
-        lens,
-        surfaces=lens.surfaces[1:],
-        object_medium=first.glass,
-        stop_index=None if lens.stop_index is None else lens.stop_index - 1,
-        configurations=(),
-        focusing=None,
-    )
+    stop = None if lens.stop_index is None else lens.stop_index - 1
+    rest = lens.of_surfaces(lens.surfaces[1:], stop, object_medium=first.glass)
     shift = np.array([0.0, 0.0, first.thickness])
     rays = rest.trace(met - shift, bent.T, wavelength_nm, start="scene")
     status = np.where(good & through & (bent[2] > 0), rays.status, np.int32(Status.missed))
@@ -197,11 +191,16 @@ def _cut_off(box: Array, through: Callable[[Array], Rays]) -> bool:
 
 
 def _passing(
-    lens: Lens, through: Callable[[Array], Rays], box: Array, counts: tuple[int, ...], what: str
+    lens: Lens,
+    through: Callable[[Array], Rays],
+    box: Array,
+    counts: tuple[int, ...],
+    what: str,
+    finest: tuple[int, ...] = (1, 4),
 ) -> tuple[Array, Rays, float]:
     """Return points of a box whose rays pass, those rays, and a cell's area [mm2], on grids that narrow it down."""
     for count in counts:
-        for finer in (1, 4):  # a small pupil behind a large first surface slips through the first grid
+        for finer in finest:  # a small pupil behind a large first surface slips through the first grid
             points, size = grid_points(box, finer * count)
             rays = through(points)
             good = rays.passed
@@ -210,10 +209,7 @@ def _passing(
         if not good.any():
             raise InputError(f"{lens.name}: nothing of {what} comes through")
         box = np.stack([points[good].min(axis=0) - size, points[good].max(axis=0) + size])
-    kept = Rays(
-        rays.origins[good], rays.directions[good], rays.status[good], rays.surface[good], rays.optical_path[good]
-    )
-    return points[good], kept, float(size.prod())
+    return points[good], rays.some(good), float(size.prod())
 
 
 def grid_points(box: Array, count: int) -> tuple[Array, Array]:
@@ -361,22 +357,12 @@ def passing_beam(lens: Lens, beam: Beam, wavelength_nm: float, across: int) -> t
     if is_steep(beam.field_degrees):
         _check_steep(lens, beam)
         return passing_steep_beam(lens, beam.field_degrees, wavelength_nm, across)
-    box = _first_box(lens, beam)
-    for count in (64, 64, across):
-        for finer in (1, 4, 16):  # a small pupil behind a large first surface slips through the first grid
-            points, size = grid_points(box, finer * count)
-            rays = lens.trace(*beam.rays(points), wavelength_nm, start="scene")
-            good = rays.passed
-            if good.any() or count != 64:
-                break
-        if not good.any():
-            raise InputError(f"{lens.name}: nothing of a beam at {beam.field_degrees:g} degrees comes through")
-        passing = points[good]
-        box = np.stack([passing.min(axis=0) - size, passing.max(axis=0) + size])
-    kept = Rays(
-        rays.origins[good], rays.directions[good], rays.status[good], rays.surface[good], rays.optical_path[good]
-    )
-    return passing, kept, float(size[0] * size[1])
+
+    def through(points: Array) -> Rays:
+        return lens.trace(*beam.rays(points), wavelength_nm, start="scene")
+
+    what = f"a beam at {beam.field_degrees:g} degrees"
+    return _passing(lens, through, _first_box(lens, beam), (COARSE, COARSE, across), what, (1, 4, 16))
 
 
 def chief_ray(
@@ -396,8 +382,8 @@ def chief_ray(
     if is_steep(field_degrees):
         _check_steep(lens, Beam(field_degrees, object_distance_mm))
         return steep_chief_ray(lens, field_degrees, stop, wavelength_nm)
-    open_surfaces = tuple(replace(surface, semi_diameter=np.inf, region=None) for surface in lens.surfaces[: stop + 1])
-    front = replace(lens, surfaces=open_surfaces)
+    opened = tuple(replace(surface, semi_diameter=np.inf, region=None) for surface in lens.surfaces[: stop + 1])
+    front = replace(lens, surfaces=opened)
     beam = Beam(field_degrees, object_distance_mm)
 
     def miss(heights: Array) -> Array:

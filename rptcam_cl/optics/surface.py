@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
-from dataclasses import field
+from collections.abc import Iterable, Mapping
+from dataclasses import field, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -224,6 +224,14 @@ class Surface:
         """Whether the surface and its clear region look the same in a mirror along x, and in one along y."""
         return not (self.pose or self.region)
 
+    def filled(self) -> Surface:
+        """Return the surface without a hole or an obstruction in its middle, a stop being round."""
+        return replace(self, inner_semi_diameter=0.0, stop_shape=None)
+
+    def open(self) -> Surface:
+        """Return the surface as one that stops no ray."""
+        return replace(self, semi_diameter=np.inf, inner_semi_diameter=0.0, stop_shape=None, region=None)
+
     def clears(self, x: Array, y: Array) -> NDArray[np.bool_]:
         """Return which points of the vertex plane light is not blocked at."""
         square = x * x + y * y
@@ -372,6 +380,18 @@ class Prescription:
     warnings: tuple[str, ...] = ()
     first_sense: float = 1.0
 
+    def with_changes(self, changes: Mapping[int, Mapping[str, Any]], **of_lens: Any) -> Self:
+        """Return the lens with attributes of some surfaces changed, by their numbers, and perhaps some of its own."""
+        surfaces = list(self.surfaces)
+        for k, attributes in changes.items():
+            surfaces[k] = replace(surfaces[k], **attributes)
+        return replace(self, surfaces=tuple(surfaces), **of_lens)
+
+    def of_surfaces(self, surfaces: Iterable[Surface], stop_index: int | None, **of_lens: Any) -> Self:
+        """Return a lens of other surfaces, which neither zooms nor moves to focus."""
+        fixed: dict[str, Any] = {"configurations": (), "focusing": None, "floating": ()}
+        return replace(self, surfaces=tuple(surfaces), stop_index=stop_index, **fixed, **of_lens)
+
     @property
     def marked_f_number(self) -> float | None:
         """F-number that it is sold with: `marked_f_number` of its file, else the least of source and name."""
@@ -394,6 +414,13 @@ class Prescription:
         """Position z of each vertex [mm]."""
         gaps = [surface.thickness for surface in self.surfaces[:-1]]
         return np.concatenate([[0.0], np.cumsum(gaps)])
+
+    @cached_property
+    def shifts(self) -> Array:
+        """The vertices as points (surfaces, 3, 1)."""
+        found = np.zeros((len(self.surfaces), 3, 1))
+        found[:, 2, 0] = self.vertices
+        return found
 
     @property
     def length(self) -> float:

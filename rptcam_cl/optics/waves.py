@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.optics.chief_rays import without_rims
 from rptcam_cl.optics.ray_trace import Rays
 from rptcam_cl.optics.spot import Beam, chief_ray, is_steep, passing_beam
 from rptcam_cl.optics.stop_shape import StopMask
@@ -171,21 +172,12 @@ def _exit_pupil_z(lens: Lens) -> float:
     return lens.length + lens.sense * lens.first_order().exit_pupil.distance_mm
 
 
-def _without_rims(lens: Lens) -> Lens:
-    """Return the lens that blocks no ray; whether rays pass is another question than where they go."""
-    wide = (
-        replace(surface, semi_diameter=np.inf, inner_semi_diameter=0.0, region=None, stop_shape=None)
-        for surface in lens.surfaces
-    )
-    return replace(lens, surfaces=tuple(wide))
-
-
 class _ExitRays:
     """The rays of a beam by their directions behind the lens."""
 
     def __init__(self, lens: Lens, beam: Beam, wavelength_nm: float, film_z: float, sphere_z: float | None) -> None:
         self.lens, self.beam, self.wavelength_nm, self.film_z = lens, beam, wavelength_nm, film_z
-        self.open = _without_rims(lens)
+        self.open = without_rims(lens)
         indices = lens.indices(wavelength_nm)
         self.first_index, self.index = float(indices[0]), float(indices[-1])
         pupil_z = _exit_pupil_z(lens) if sphere_z is None else sphere_z
@@ -195,7 +187,7 @@ class _ExitRays:
         cosines = rays.directions[:, :2]
         low, high = cosines.min(axis=0), cosines.max(axis=0)
         self.box = np.stack([(low + high) / 2, np.full(2, float((high - low).max()) * ROOM / 2)])
-        self.inverse = _Polynomial(self.box, cosines, points)
+        self.inverse = _fitted(self.box, cosines, points)
         height, _ = chief_ray(lens, beam.field_degrees, wavelength_nm, beam.object_distance_mm)
         chief = self._traced(np.array([[0.0, height]]))
         if not chief.passed[0]:
@@ -302,24 +294,19 @@ def _by_an_edge(passes: Mask) -> Mask:
     return np.asarray(np.logical_or.reduce(near) & ~np.logical_and.reduce(near))
 
 
-class _Polynomial:
-    """Points of the first vertex plane as a polynomial of direction cosines, by least squares over a beam."""
+def _fitted(box: Array, cosines: Array, points: Array) -> Callable[[Array], Array]:
+    """Return points of the first vertex plane as a polynomial of direction cosines, by least squares over a beam."""
+    middle, half = box
+    most = min(POWERS, int(np.sqrt(len(points))) - 2)
+    powers = [(i, j) for i in range(most + 1) for j in range(most + 1 - i)]
 
-    def __init__(self, box: Array, cosines: Array, points: Array) -> None:
-        self.middle, self.half = box
-        powers = min(POWERS, int(np.sqrt(len(points))) - 2)
-        self.powers = [(i, j) for i in range(powers + 1) for j in range(powers + 1 - i)]
-        self.factors = np.linalg.lstsq(self._terms(cosines), points, rcond=1e-13)[0]
+    def terms(cosines: Array) -> Array:
+        x, y = ((cosines - middle) / half).T
+        in_x, in_y = np.polynomial.chebyshev.chebvander(x, most), np.polynomial.chebyshev.chebvander(y, most)
+        return np.stack([in_x[:, i] * in_y[:, j] for i, j in powers], axis=1)
 
-    def _terms(self, cosines: Array) -> Array:
-        x, y = ((cosines - self.middle) / self.half).T
-        most = max(i for i, _ in self.powers)
-        in_x = np.polynomial.chebyshev.chebvander(x, most)
-        in_y = np.polynomial.chebyshev.chebvander(y, most)
-        return np.stack([in_x[:, i] * in_y[:, j] for i, j in self.powers], axis=1)
-
-    def __call__(self, cosines: Array) -> Array:
-        return np.asarray(self._terms(cosines) @ self.factors)
+    factors = np.linalg.lstsq(terms(cosines), points, rcond=1e-13)[0]
+    return lambda cosines: np.asarray(terms(cosines) @ factors)
 
 
 #

@@ -286,14 +286,12 @@ class Waves:
 
     def record(self, wave: Wave, seed: int) -> bytes:
         """Return the record ``WAVE`` of a wave."""
-        layout, record = self._layout, WAVE.zeros(1)
-        record["seed"][0] = seed_words(seed)
-        record["first_pixel"], record["pixels"], record["first_sample"], record["samples"] = wave
-        record["tiles_across"], record["full_width"] = layout.tiles_across, layout.full_width
-        record["width"], record["height"] = layout.width, layout.height
-        record["crop_x"], record["crop_y"] = layout.x, layout.y
-        record["tiles_skipped"] = layout.tiles_skipped
-        return record.tobytes()
+        layout, (first_pixel, pixels, first_sample, samples) = self._layout, wave
+        return WAVE.one(
+            seed=seed_words(seed), first_pixel=first_pixel, pixels=pixels, first_sample=first_sample, samples=samples,
+            tiles_across=layout.tiles_across, width=layout.width, height=layout.height, full_width=layout.full_width,
+            crop_x=layout.x, crop_y=layout.y, tiles_skipped=layout.tiles_skipped,
+        ).tobytes()  # fmt: skip
 
 
 @lru_cache(maxsize=4)
@@ -412,45 +410,45 @@ def share_removed(planes: NDArray[np.float32]) -> float:
 
 
 #
-# How kind Russian roulette is, by cell of the film: before its first sample a render looks at a few tiles, once.
+# How likely paths survive Russian roulette, by cell of the film: before its first sample a render looks at a few tiles.
 #
 # A path goes on with the chance of its throughput times a factor that is great where the picture is dark: what a path
 # brings counts by what its pixel shows. Light per throughput is about the same for all paths of a scene: measured on
 # six, it is 1.0 to 2.5 times the square of the mean root of the picture. That mean resists lamps and single bright
 # samples, and that of noisy places lies below their light, so that their paths live longer.
 
-KINDNESS = 2.0  # where the picture is as bright as on the whole
-KINDEST = 40.0  # times that, at most
+SURVIVAL_SCALE = 2.0  # where the picture is as bright as on the whole
+MOST_SURVIVAL = 40.0  # times that, at most
 MOST_TILES = 512  # that are looked at
 SCOUTING_SEED = 0x726F756C65747465  # the same for all seeds, parts and continuations of a picture
 
 
 @dataclass(frozen=True)
 class Roulette:
-    """How kind roulette is where.
+    """How likely paths survive roulette in each cell of the film.
 
     Attributes
     ----------
-    kindness : (down, across) array
+    survival_scale : (down, across) array
         What throughputs are multiplied by, float32.
     cell_shift : int
         Binary logarithm of the pixels across a cell.
     """
 
-    kindness: NDArray[np.float32]
+    survival_scale: NDArray[np.float32]
     cell_shift: int
 
     def limits(self, settings: RenderSettings) -> bytes:
         """Return the record ``LIMITS`` of a render."""
-        record = LIMITS.zeros(1)
-        record["max_depth"], record["roulette_depth"] = settings.max_depth, settings.roulette_depth
-        record["cell_shift"] = self.cell_shift
-        record["cells_down"], record["cells_across"] = self.kindness.shape
-        return record.tobytes()
+        down, across = self.survival_scale.shape
+        return LIMITS.one(
+            max_depth=settings.max_depth, roulette_depth=settings.roulette_depth, cell_shift=self.cell_shift,
+            cells_across=across, cells_down=down,
+        ).tobytes()  # fmt: skip
 
 
-ALIKE = Roulette(np.full((1, 1), KINDNESS, np.float32), 3)
-"""As kind everywhere."""
+ALIKE = Roulette(np.full((1, 1), SURVIVAL_SCALE, np.float32), 3)
+"""The same everywhere."""
 
 
 def plays(settings: RenderSettings) -> bool:
@@ -471,7 +469,7 @@ def scouted(layout: FilmLayout) -> FilmLayout:
 
 
 def roulette_of(picture: NDArray[np.floating], layout: FilmLayout) -> Roulette:
-    """Return how kind roulette is by a picture (height, width, 3) of the tiles of `scouted`.
+    """Scale the survival in roulette by a picture (height, width, 3) of the tiles of `scouted`.
 
     Sums are taken in an order that no processor changes.
     """
@@ -487,6 +485,6 @@ def roulette_of(picture: NDArray[np.floating], layout: FilmLayout) -> Roulette:
     whole = fsum(cells.ravel()) / cells.size
     if whole <= 0.0:
         return ALIKE
-    ratio = whole / np.maximum(cells, whole / KINDEST**0.5)
+    ratio = whole / np.maximum(cells, whole / MOST_SURVIVAL**0.5)
     shift = (TILE * (layout.tiles_skipped + 1)).bit_length() - 1
-    return Roulette((KINDNESS * ratio * ratio).astype(np.float32), shift)
+    return Roulette((SURVIVAL_SCALE * ratio * ratio).astype(np.float32), shift)

@@ -6,10 +6,9 @@ result depends on the scene alone, not on samples, waves or devices that share t
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -40,6 +39,7 @@ from rptcam_cl.rendering.highlights import (
 from rptcam_cl.rendering.plan.environment import bright_parts
 from rptcam_cl.rendering.plan.plan import Plan, observer
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
+from rptcam_cl.rendering.several import array_of_text, text_of_array
 from rptcam_cl.scene.camera import RealisticCamera
 from rptcam_cl.scene.load import at_opening
 from rptcam_cl.scene.scene import Scene
@@ -207,11 +207,10 @@ def _visible(session: Session, plan: Plan, buffers: SceneBuffers, at: Array, tar
 WAVES_NM = (425.0, 475.0, 525.0, 575.0, 625.0, 675.0)  # where colours differ
 
 
-class Band(NamedTuple):
-    """A wavelength [nm] that stands for some, and the light of the sources (n, 3) in them [W/m2]."""
-
-    nm: float
-    light: Array
+Band = tuple[float, Array]
+"""A wavelength [nm] that stands for some, and the light of the sources (n, 3) in them [W/m2]."""
+Opening = tuple[WayRecords, Any]
+"""A lens at a wavelength, and the shape of its stop on the device."""
 
 
 def bands(scene: Scene, plan: Plan, setting: LensSetting, sources: Sources) -> list[Band]:
@@ -232,12 +231,12 @@ def bands(scene: Scene, plan: Plan, setting: LensSetting, sources: Sources) -> l
     plain, found = numbers == 0, []
     if plain.any() or not len(plain):
         light = np.where(plain[:, None], sources.irradiance, 0.0)
-        found = [Band(known(nm), light * share) for nm, share in zip(waves, shares, strict=True)]
+        found = [(known(nm), light * share) for nm, share in zip(waves, shares, strict=True)]
     matching = observer(scene)[1]
     for number in np.unique(numbers[~plain]):
         times = np.where(numbers == number, sources.known[:, 1], 0.0)[:, None]
         for nm, seen in _of_spectrum(plan.colours[0].samples[number - 1][:, None] * matching, waves):
-            found.append(Band(known(nm), times * seen))
+            found.append((known(nm), times * seen))
     return found
 
 
@@ -264,13 +263,6 @@ LATTICE = 2654435769  # over 2^32, the second coordinate's step from ray to ray:
 ONE_LIGHT = float(1 << 36)  # units of the device's whole numbers
 
 
-class Opening(NamedTuple):
-    """A lens at a wavelength, and the shape of its stop on the device."""
-
-    records: WayRecords
-    stop: Any
-
-
 class GhostRays:
     """What sends light of ghosts onto the film of a scene."""
 
@@ -282,9 +274,9 @@ class GhostRays:
         buffers = SceneBuffers(session, plan)
         self.sources: Sources = ghost_sources(scene, plan, buffers, session, self.lens, film_z)
         self.bands = bands(scene, plan, setting, self.sources)
-        self.lenses = [self._opening(self.lens, band.nm, setting.transmission) for band in self.bands]
+        self.lenses = [self._opening(self.lens, nm, setting.transmission) for nm, _ in self.bands]
         middle = len(self.bands) // 2
-        wider = [self._opening(lens, self.bands[middle].nm, setting.transmission) for lens in self._wider()]
+        wider = [self._opening(lens, self.bands[middle][0], setting.transmission) for lens in self._wider()]
         self.openings = [*wider, self.lenses[middle]]
         (self.columns, self.rows), (width, height) = scene.film.resolution, scene.film.size_m()
         sense = -1.0 if scene.camera.flip else 1.0
@@ -292,7 +284,7 @@ class GhostRays:
         self.to_pixels = np.array([self.columns / 2, across, self.rows / 2, down], np.float32)
         self.pixel_mm2 = 1e6 * width * height / (self.columns * self.rows)
         pencils = int(self.sources.mirrored > 0)
-        facts = self.lenses[0].records.facts | {"VW": session.lanes, "DOUBLE": 0, "GHOST_PENCILS": pencils}
+        facts = self.lenses[0][0].facts | {"VW": session.lanes, "DOUBLE": 0, "GHOST_PENCILS": pencils}
         self.programs = {
             scout: session.program(["pass/ghosts.cl"], facts | {"GHOST_SCOUT": scout}, device_declarations())
             for scout in (0, 1)
@@ -316,7 +308,7 @@ class GhostRays:
 
     def _opening(self, lens: Lens, nm: float, transmission: LensTransmission) -> Opening:
         records = WayRecords.of(lens, nm, transmission)
-        return Opening(records, self.session.upload(records.stop))
+        return records, self.session.upload(records.stop)
 
     def add(
         self, film: Any, way: Way, record: int, places: Array, boxes: Array, weights: Array, first: Array, rays: int
@@ -341,7 +333,7 @@ class GhostRays:
 
     def lit(self, boxes: Array, record: int) -> NDArray[np.bool_]:
         """Return which sources shine at a wavelength and have boxes."""
-        return np.asarray((boxes[:, 2] > 0) & self.bands[record].light.any(axis=1))
+        return np.asarray((boxes[:, 2] > 0) & self.bands[record][1].any(axis=1))
 
     def whole_groups(self, rays: float) -> int:
         """Return a number of rays of a source that fills whole work groups."""
@@ -356,10 +348,11 @@ class GhostRays:
         return self.session.upload(table)
 
     def _launch(self, scout: int, way: Way, opening: Opening, table: Any, count: int, rays: int, out: Any) -> None:
-        surfaces = opening.records.way(way)
+        records, stop = opening
+        surfaces = records.way(way)
         launch = self.session.bind(
             self.programs[scout], "ghosts", surfaces=self.session.upload(surfaces), count=np.int32(len(surfaces)),
-            stop=opening.stop, sources=table, source_count=np.uint32(count), rays=np.uint32(rays),
+            stop=stop, sources=table, source_count=np.uint32(count), rays=np.uint32(rays),
             film_distance=np.float32(self.film_distance), pixels=self.to_pixels.tobytes(),
             size=np.array([self.columns, self.rows], np.uint32).tobytes(), film=out,
         )  # fmt: skip
@@ -405,7 +398,7 @@ def scout(rays: GhostRays, way: Way) -> Scouted:
     sent, arrived, largest = 0, 0, 0.0
     for record in range(waves):
         lit = rays.lit(boxes, record)
-        own, light = boxes[lit], rays.bands[record].light[lit]
+        own, light = boxes[lit], rays.bands[record][1][lit]
         if not len(own):
             continue
         sample = rays.whole_groups(SECOND_SCOUTS / (len(own) * waves))
@@ -532,13 +525,13 @@ class GhostFilm:
         launches: dict[int, list[Any]] = {}
         for way, found in kept.items():
             alike = launches.setdefault(self._spread_steps(found, float(shared[way].sum())), [])
-            for record, band in enumerate(self.rays.bands):
+            for record, (_, light) in enumerate(self.rays.bands):
                 lit = self.rays.lit(found.boxes, record)
                 boxes = found.boxes[lit]
                 if not len(boxes):
                     continue
                 count = self.rays.whole_groups(shared[way][record] / len(boxes))
-                weights = band.light[lit] * (boxes[:, 2] * boxes[:, 3] / count)[:, None]
+                weights = light[lit] * (boxes[:, 2] * boxes[:, 3] / count)[:, None]
                 brightest = 4.0 * found.largest * float(np.abs(weights).max())  # a ray may bring more than scouts
                 largest = max(largest, brightest)
                 alike.append((way, record, self.rays.sources.places[lit], boxes, weights, count))
@@ -626,8 +619,7 @@ class Ghosting:
     def arrays(self) -> dict[str, NDArray[Any]]:
         """Return what a saved part needs so that `merge` can add them without the scene."""
         light, said = self.found
-        text = np.frombuffer(json.dumps(said).encode("utf-32-le"), np.uint32)
-        return {"ghosts_light": light.astype(np.float32), "ghosts_said": text}
+        return {"ghosts_light": light.astype(np.float32), "ghosts_said": array_of_text(said)}
 
 
 def saved_ghosts(arrays: Mapping[str, NDArray[Any]]) -> tuple[NDArray[np.float32], dict[str, Any]] | None:
@@ -640,8 +632,8 @@ def saved_ghosts(arrays: Mapping[str, NDArray[Any]]) -> tuple[NDArray[np.float32
     """
     if "ghosts_light" not in arrays:
         return None
-    light, said = arrays["ghosts_light"], json.loads(arrays["ghosts_said"].tobytes().decode("utf-32-le"))
-    if light.ndim != 3 or light.shape[2] != 3 or not isinstance(said, dict):
+    light, said = arrays["ghosts_light"], text_of_array(arrays["ghosts_said"])
+    if light.ndim != 3 or light.shape[2] != 3:
         raise ValueError("ghosts")
     return light.astype(np.float32, copy=False), said
 

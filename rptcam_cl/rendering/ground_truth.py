@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cached_property, partial
@@ -20,7 +19,7 @@ from rptcam_cl.rendering.layers import SharpHits, SharpPass
 from rptcam_cl.rendering.plan.plan import Plan
 from rptcam_cl.rendering.plan.primitives import object_frame
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
-from rptcam_cl.rendering.several import SHARP
+from rptcam_cl.rendering.several import SHARP, array_of_text, text_of_array
 from rptcam_cl.scene.camera import pose_matrix
 from rptcam_cl.scene.film import SHARP_LAYERS, LayerName
 from rptcam_cl.scene.scene import Scene
@@ -92,79 +91,6 @@ def _at_moments(times: Array, matrix: Callable[[float], Array]) -> Array:
     return found[place.reshape(-1)]
 
 
-@dataclass(frozen=True)
-class SeenPoints:
-    """Points that a picture shows.
-
-    Attributes
-    ----------
-    moments : Moments
-        Of the picture.
-    places : (n, 2) array
-        Where it shows them [pixels].
-    times : (n,) array
-        When [s].
-    points : (n, 4) array
-        Homogeneous, in the scene [m]; of what is infinitely far away its direction and 0.
-    objects : (n,) array
-        What they belong to; -1 for nothing.
-    """
-
-    moments: Moments
-    places: Array
-    times: Array
-    points: Array
-    objects: Indices
-
-    def at_times(self, times: Array) -> Array:
-        """Return where the same picture would show the points at moments (n,) [pixels]."""
-        return self._seen(self.moments, times, self.places)
-
-    def flow_to(self, other: Moments) -> Array:
-        """Return the way (n, 2) of the points, right and down, to where another picture shows them [pixels].
-
-        nan where it does not: behind the camera, beside the field of its lens, or of an object that is not there.
-        """
-        places = self._seen(other, other.middles(self.places), self.places)
-        for _ in range(ROLLING_ROUNDS if other.rolls else 0):
-            before = places
-            places = self._seen(other, other.middles(before), np.where(np.isfinite(before), before, self.places))
-            if np.nanmax(np.abs(places - before), initial=0.0) < SAME_PLACE:
-                break
-        return self._way(places)
-
-    def _way(self, places: Array) -> Array:
-        way = places - self.places
-        if self.moments.chief.wraps:
-            width = self.moments.scene.film.resolution[0]
-            way[:, 0] -= width * np.round(way[:, 0] / width)
-        return way
-
-    def _seen(self, other: Moments, times: Array, guess: Array) -> Array:
-        unit, there = self.moments.scene.metres_per_unit, other.scene.metres_per_unit
-        points = self.points.copy()
-        on = self.objects >= 0
-        lost = np.isin(self.objects, [k for k in np.unique(self.objects[on]).tolist() if not self._is_in(other, k)])
-        on &= ~lost
-        objects = self.objects[on]
-        own = np.linalg.inv(self.moments.frames(objects, self.times[on]))
-        scaled = points[on] * np.array([1 / unit, 1 / unit, 1 / unit, 1.0])
-        new = np.einsum("nij,njk,nk->ni", other.frames(objects, times[on]), own, scaled)
-        points[on] = new * np.array([there, there, there, 1.0])
-        in_camera = np.einsum("nij,nj->ni", np.linalg.inv(other.poses(times)), points)
-        places = seen_places(other.chief, in_camera, guess)
-        places[lost] = np.nan
-        return places
-
-    def _is_in(self, other: Moments, index: int) -> bool:
-        return self.moments.kind_of(index) == other.kind_of(index)
-
-    def over_shutter(self) -> tuple[Array, Array]:
-        """Return the ways of the points to the opening and to the closing of the shutter of their own pixels."""
-        half = self.moments.scene.shutter.time_s / 2
-        return self._way(self.at_times(self.times - half)), self._way(self.at_times(self.times + half))
-
-
 Neighbours = tuple[Scene | None, Scene | None]
 SAID = "truth_said"  # name of the array with what metadata should say
 
@@ -213,8 +139,7 @@ class GroundTruth:
         """Return what a saved part needs so that `merge` has the layers without the scene."""
         layers, said = self.found
         layout = FilmLayout.of(self.scene.film)
-        text = np.frombuffer(json.dumps(said).encode("utf-32-le"), np.uint32)
-        return {f"{SHARP}{name}": layout.in_tiles(each) for name, each in layers.items()} | {SAID: text}
+        return {f"{SHARP}{name}": layout.in_tiles(each) for name, each in layers.items()} | {SAID: array_of_text(said)}
 
     @cached_property
     def _layers(self) -> dict[LayerName, Callable[[], NDArray[Any]]]:
@@ -326,19 +251,56 @@ class GroundTruth:
     def _occlusion(self) -> NDArray[np.float32]:
         return np.append(self._hidden, np.nan)[self._hits.objects].astype(np.float32)
 
-    @cached_property
-    def _seen(self) -> SeenPoints:
-        return SeenPoints(self._moments, self._places, self._times, self._points, self._hits.objects)
+    def _seen(self, other: Moments, times: Array, guess: Array) -> Array:
+        """Return where another picture shows at moments (n,) what this one shows; ``guess`` is near there [pixels]."""
+        unit, there = self.scene.metres_per_unit, other.scene.metres_per_unit
+        points, shown = self._points.copy(), self._hits.objects
+        on = shown >= 0
+        lacks = [k for k in np.unique(shown[on]).tolist() if self._moments.kind_of(k) != other.kind_of(k)]
+        lost = np.isin(shown, lacks)
+        on &= ~lost
+        objects = shown[on]
+        own = np.linalg.inv(self._moments.frames(objects, self._times[on]))
+        scaled = points[on] * np.array([1 / unit, 1 / unit, 1 / unit, 1.0])
+        new = np.einsum("nij,njk,nk->ni", other.frames(objects, times[on]), own, scaled)
+        points[on] = new * np.array([there, there, there, 1.0])
+        in_camera = np.einsum("nij,nj->ni", np.linalg.inv(other.poses(times)), points)
+        places = seen_places(other.chief, in_camera, guess)
+        places[lost] = np.nan
+        return places
+
+    def _way(self, places: Array) -> Array:
+        """Return the way (n, 2) of what is seen, right and down, to other places [pixels]."""
+        way = places - self._places
+        if self._moments.chief.wraps:
+            width = self.scene.film.resolution[0]
+            way[:, 0] -= width * np.round(way[:, 0] / width)
+        return way
 
     @cached_property
     def _over_shutter(self) -> tuple[Array, Array]:
-        return self._seen.over_shutter()
+        """The ways to the opening and to the closing of the shutter of each pixel."""
+        half = self.scene.shutter.time_s / 2
+        opening, closing = (self._seen(self._moments, self._times + off, self._places) for off in (-half, half))
+        return self._way(opening), self._way(closing)
 
     def _flow(self, side: int) -> Array:
+        """Return the way to where a neighbour shows what is seen.
+
+        nan where it does not: behind the camera, beside the field of its lens, or of an object that is not there.
+        """
         if self.neighbours is None:
             return self._over_shutter[side]
-        other = self.neighbours[side]
-        return np.full((len(self._places), 2), np.nan) if other is None else self._seen.flow_to(Moments(other))
+        if (neighbour := self.neighbours[side]) is None:
+            return np.full((len(self._places), 2), np.nan)
+        other = Moments(neighbour)
+        places = self._seen(other, other.middles(self._places), self._places)
+        for _ in range(ROLLING_ROUNDS if other.rolls else 0):
+            before = places
+            places = self._seen(other, other.middles(before), np.where(np.isfinite(before), before, self._places))
+            if np.nanmax(np.abs(places - before), initial=0.0) < SAME_PLACE:
+                break
+        return self._way(places)
 
     def _motion(self) -> NDArray[np.float32]:
         opening, closing = self._over_shutter
@@ -360,10 +322,7 @@ def saved_truth(
         if name.startswith(SHARP):
             rows = np.moveaxis(layout.in_rows(planes), 0, -1)
             found[name.removeprefix(SHARP)] = np.ascontiguousarray(rows if len(planes) > 1 else rows[..., 0])
-    said = json.loads(arrays[SAID].tobytes().decode("utf-32-le")) if SAID in arrays else {}
-    if not isinstance(said, dict):
-        raise ValueError(SAID)
-    return found, said
+    return found, text_of_array(arrays[SAID]) if SAID in arrays else {}
 
 
 def classes_of(scene: Scene) -> dict[str, Any]:

@@ -157,7 +157,7 @@ class WaveBuffers:
         Of the paths, ``bytes_of_state`` large.
     tiles : buffer
         List of the tiles to render.
-    kindness : buffer
+    survival_scale : buffer
         Of roulette that is as kind everywhere.
     capacity : int
         Slots of a wave.
@@ -167,7 +167,7 @@ class WaveBuffers:
     film: FilmBuffers
     state: Any
     tiles: Any
-    kindness: Any
+    survival_scale: Any
     capacity: int
 
     @property
@@ -315,22 +315,22 @@ class StreamPass:
             facts |= _camera_facts(plan) | {"CAMERA_PACKETS": together}
             facts["RAYS_FILE"] = f"integrator/{'kept' if keeps_rays else 'made'}_rays.h"
             made = {**self._of_camera(scene.camera), "filter": scene.filter, **scene.trajectory}
-        self._makes_rays, self._alike = makes_rays, buffers.kindness
+        self._makes_rays, self._alike = makes_rays, buffers.survival_scale
         program = _tracing_program(session, plan, buffers, ["pass/stream.cl"], facts)
         self._stream = session.bind(
             program, "stream", **scene.scene, **kept, **made, wave=_NO_WAVE, limits=ALIKE.limits(settings),
             sums=buffers.film.sums, counters=buffers.film.counters, pixels=np.uint32(buffers.film.pixels),
-            tiles=buffers.tiles, kindness=buffers.kindness,
+            tiles=buffers.tiles, survival_scale=buffers.survival_scale,
         )  # fmt: skip
 
     def take_over(self, scene: SceneBuffers, settings: RenderSettings) -> None:
         """Trace another plan, whose kernels are the same."""
         made = {**self._of_camera(scene.camera), "filter": scene.filter, **scene.trajectory} if self._makes_rays else {}
-        self._stream.set(**scene.scene, **made, limits=ALIKE.limits(settings), kindness=self._alike)
+        self._stream.set(**scene.scene, **made, limits=ALIKE.limits(settings), survival_scale=self._alike)
 
-    def use_roulette(self, limits: bytes, kindness: Any) -> None:
+    def use_roulette(self, limits: bytes, survival_scale: Any) -> None:
         """Play roulette by other limits, and by another buffer of how kind it is."""
-        self._stream.set(limits=limits, kindness=kindness)
+        self._stream.set(limits=limits, survival_scale=survival_scale)
 
     def use_camera(self, camera: CameraModel) -> None:
         """Look through another state of the camera, where this pass makes its rays."""
@@ -357,7 +357,7 @@ class DepthPasses:
         self._shade = [
             session.bind(
                 program, "shade", **scene, **buffers.slots, wave=_NO_WAVE, limits=ALIKE.limits(settings),
-                depth=np.uint32(depth), tiles=buffers.tiles, kindness=buffers.kindness,
+                depth=np.uint32(depth), tiles=buffers.tiles, survival_scale=buffers.survival_scale,
             )
             for depth in range(1, settings.max_depth + 1)
         ]  # fmt: skip
@@ -367,10 +367,10 @@ class DepthPasses:
             **({"colours": buffers.scene.colours} if plan.facts["SPECTRUM"] else {}),
         )  # fmt: skip
 
-    def use_roulette(self, limits: bytes, kindness: Any) -> None:
+    def use_roulette(self, limits: bytes, survival_scale: Any) -> None:
         """Play roulette by other limits, and by another buffer of how kind it is."""
         for shade in self._shade:
-            shade.set(limits=limits, kindness=kindness)
+            shade.set(limits=limits, survival_scale=survival_scale)
 
     def enqueue(self, wave: bytes, pixels: int, slots: int, run: Run) -> None:
         """Trace a wave."""

@@ -239,10 +239,10 @@ class PhotonMap:
 
     def _trace(self, number: int, count: int, seed: int) -> Photons:
         """Return the photons of a pass that met a receiver."""
-        record = PHOTON_PASS.zeros(1)
-        record["seed"][0] = seed_words(seed ^ SEED)
-        record["number"], record["max_edges"], record["surfaces"] = number, self._max_edges, self._surfaces
-        record["per_photon"] = 1 / count
+        record = PHOTON_PASS.one(
+            seed=seed_words(seed ^ SEED), number=number, max_edges=self._max_edges, surfaces=self._surfaces,
+            per_photon=1 / count,
+        )  # fmt: skip
         self._launch.set(**{"pass": record.tobytes()})
         self._launch.enqueue(count // self._session.lanes, self._session.group)
         found = self._session.read(self._found, np.float32, count * PHOTON_FLOATS).reshape(count, PHOTON_FLOATS)
@@ -261,18 +261,18 @@ def sorted_by_cell(photons: Photons, radius: float) -> tuple[NDArray[np.void], N
 
     Photons of a cell keep their order, so that sums over them do not depend on how they are sorted.
     """
-    grid = PHOTON_GRID.zeros(1)
     if not len(photons):
-        grid["low"], grid["high"] = 1.0, (-1.0, -1.0, -1.0, 1.0)
+        grid = PHOTON_GRID.one(low=1.0, high=(-1.0, -1.0, -1.0, 1.0))
         return grid, np.zeros(0, np.int64), np.zeros(9, np.int32)
     places = photons[:, :3]
     low, high = places.min(axis=0), places.max(axis=0)
     per_cell = np.float32(0.5 / radius)
     most = min(len(photons).bit_length() + CELL_BITS_MORE, MOST_CELLS.bit_length() - 1)
     bits = _periods((high - low) * per_cell, most)
-    grid["low"][0], grid["high"][0] = (*(low - radius), per_cell), (*(high + radius), radius)
-    masks = (1 << bits) - 1
-    grid["mask_x"], grid["mask_y"], grid["mask_z"] = masks
+    mask_x, mask_y, mask_z = masks = (1 << bits) - 1
+    grid = PHOTON_GRID.one(
+        low=(*(low - radius), per_cell), high=(*(high + radius), radius), mask_x=mask_x, mask_y=mask_y, mask_z=mask_z
+    )
     cell = np.floor(places * per_cell).astype(np.int64) & masks
     bucket = (cell[:, 2] << (bits[0] + bits[1])) | (cell[:, 1] << bits[0]) | cell[:, 0]
     key = np.sort((bucket << 32) | np.arange(len(photons)))

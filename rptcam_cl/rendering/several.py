@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import functools
+import json
 import threading
 import time
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import field
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -33,7 +34,7 @@ Part = dict[str, Any]
 
 
 def owners(tiles: int, shares: Sequence[float]) -> NDArray[np.intp]:
-    """Return which device renders each tile: the place of its share among ``shares``.
+    """Deal out tiles: the place of the share among ``shares`` of the device that renders each.
 
     Tiles of one device are spread over the picture, so that each has its part of the costly ones. The choice follows
     from the number of a tile and the shares alone.
@@ -141,7 +142,7 @@ class FilmPart:
     end: int | None = None
 
     def check(self, tiles: int) -> None:
-        """Refuse a part of a film with so many tiles that would have none.
+        """Raise if there are more parts than tiles.
 
         Raises
         ------
@@ -221,6 +222,25 @@ def part_of_facts(facts: Any) -> FilmPart:
     return FilmPart(number, count, first, end)
 
 
+def array_of_text(data: dict[str, Any]) -> NDArray[np.uint32]:
+    """Return what JSON holds as an array, to be saved among others."""
+    return np.frombuffer(json.dumps(data).encode("utf-32-le"), np.uint32)
+
+
+def text_of_array(array: NDArray[Any]) -> dict[str, Any]:
+    """Return what `array_of_text` made an array of.
+
+    Raises
+    ------
+    ValueError
+        It is none.
+    """
+    data = json.loads(array.tobytes().decode("utf-32-le"))
+    if not isinstance(data, dict):
+        raise ValueError("text")
+    return data
+
+
 def pixels_of(tiles: NDArray[np.uint32]) -> NDArray[np.int64]:
     """Return the pixels of some tiles in the film's buffer."""
     return (tiles.astype(np.int64)[:, None] * TILE_PIXELS + np.arange(TILE_PIXELS)).ravel()
@@ -231,23 +251,8 @@ def pixels_of(tiles: NDArray[np.uint32]) -> NDArray[np.int64]:
 QUEUE_SECONDS = 0.2  # of work that a device is given before it is waited for
 
 
-@dataclass(frozen=True)
-class Job:
-    """What a device has to do.
-
-    Attributes
-    ----------
-    ranges : list
-        Tiles, their first sample and how many, one after the other.
-    taken_over : array
-        Tiles that were another device's until now.
-    base : dict
-        What those held; nothing where they were empty.
-    """
-
-    ranges: list[tuple[NDArray[np.uint32], int, int]]
-    taken_over: NDArray[np.intp] = field(default_factory=lambda: np.zeros(0, np.intp))
-    base: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+Ranges = list[tuple[NDArray[np.uint32], int, int]]
+"""Tiles, their first sample and how many, one after the other."""
 
 
 @dataclass
@@ -281,12 +286,10 @@ class Worker:
         """Of the device."""
         return self.wavefront.session.info.id
 
-    def run(self, job: Job, halt: threading.Event) -> None:
-        """Do a job and wait for it; leave early once ``halt`` is set."""
+    def run(self, ranges: Ranges, halt: threading.Event) -> None:
+        """Render ranges of samples and wait for them; leave early once ``halt`` is set."""
         begun, before = time.perf_counter(), self.wavefront.camera_rays
-        if len(job.taken_over):
-            self._take_over(job.taken_over, job.base)
-        for tiles, first, samples in job.ranges:
+        for tiles, first, samples in ranges:
             self._render(tiles, first, samples, halt)
         self.made += self.wavefront.camera_rays - before
         self.seconds += time.perf_counter() - begun
@@ -304,7 +307,8 @@ class Worker:
                     return
         wavefront.finish()
 
-    def _take_over(self, tiles: NDArray[np.intp], base: Mapping[str, NDArray[Any]]) -> None:
+    def take_over(self, tiles: NDArray[np.intp], base: Mapping[str, NDArray[Any]]) -> None:
+        """Put what the tiles of another device held in place, which was nothing where ``base`` has none."""
         arrays = self.wavefront.state()
         for name in arrays.keys() & {"film", "layers"}:
             by_tile(arrays[name])[:, tiles] = by_tile(base[name])[:, tiles] if base else 0.0
@@ -482,24 +486,24 @@ class SharedWavefront:
         if not self._parts:
             self._begin_part(first_sample)
         self._ends[self.tiles] = first_sample + samples
-        self._run({worker.id: Job([(self._own(worker), first_sample, samples)]) for worker in self._live()})
+        own = {worker.id: self.tiles[worker.owned[self.tiles]] for worker in self._live()}
+        self._run({name: [(tiles, first_sample, samples)] for name, tiles in own.items()}, {})
         seconds = time.perf_counter() - begun
         if seconds < 0.5 * ROUND_SECONDS and samples >= self._round:
             self._round = min(2 * self._round, MOST_OF_A_ROUND)
         elif seconds > 2 * ROUND_SECONDS:
             self._round = max(self._round // 2, self._shortest)
 
-    def _own(self, worker: Worker) -> NDArray[np.uint32]:
-        return self.tiles[worker.owned[self.tiles]]
-
-    def _run(self, jobs: dict[str, Job]) -> None:
-        """Let every device do its job; what is lost with a device is rendered again."""
+    def _run(self, jobs: dict[str, Ranges], taken_over: Mapping[str, NDArray[np.intp]]) -> None:
+        """Let every device do its job, after it has taken over tiles; what is lost with a device is rendered again."""
         while True:
-            work = functools.partial(_do, jobs=jobs, halt=self._halt)
-            failed = self._in_parallel([worker for worker in self._live() if worker.id in jobs], work)
+            failed = self._in_parallel(
+                [worker for worker in self._live() if worker.id in jobs],
+                partial(_do, jobs=jobs, taken_over=taken_over, base=self._base, halt=self._halt),
+            )
             if not failed:
                 return
-            jobs = self._without(failed)
+            jobs, taken_over = self._without(failed)
 
     def _in_parallel(
         self, workers: Sequence[Worker], work: Callable[[Worker], None]
@@ -518,8 +522,10 @@ class SharedWavefront:
                     raise
         return failed
 
-    def _without(self, failed: Sequence[tuple[Worker, DeviceError]]) -> dict[str, Job]:
-        """Drop devices, and return what the others have to do, so that nothing of theirs is missing."""
+    def _without(
+        self, failed: Sequence[tuple[Worker, DeviceError]]
+    ) -> tuple[dict[str, Ranges], dict[str, NDArray[np.intp]]]:
+        """Drop devices, and return what the others render so that nothing is missing, and the tiles they take over."""
         lost = np.zeros(self.layout.tiles, np.bool_)
         for worker, error in failed:
             worker.dropped = str(error)
@@ -532,16 +538,17 @@ class SharedWavefront:
         self._begin_part(self._base_done or 0, {worker.id: str(error) for worker, error in failed})
         tiles = np.flatnonzero(lost)
         dealt = owners(len(tiles), [worker.share for worker in live])
-        return {worker.id: self._taken_over(worker, tiles[dealt == place]) for place, worker in enumerate(live)}
+        taken_over = {worker.id: tiles[dealt == place] for place, worker in enumerate(live)}
+        for worker in live:
+            worker.owned[taken_over[worker.id]] = True
+        return {name: self._ranges_lost(own) for name, own in taken_over.items()}, taken_over
 
-    def _taken_over(self, worker: Worker, tiles: NDArray[np.intp]) -> Job:
-        """Give a device the tiles of another; return the job that brings them to where they were."""
-        worker.owned[tiles] = True
+    def _ranges_lost(self, tiles: NDArray[np.intp]) -> Ranges:
+        """Return what brings tiles from what is safe to where they were."""
         first, ends = self._base_done or 0, self._ends[tiles]
-        ranges = [
+        return [
             (tiles[ends == end].astype(np.uint32), first, int(end - first)) for end in np.unique(ends) if end > first
         ]
-        return Job(ranges, tiles, self._base)
 
     def finish(self) -> None:
         """Nothing to wait for: `enqueue` has waited."""
@@ -562,7 +569,7 @@ class SharedWavefront:
                 by_tile(whole)[:, tiles] = by_tile(planes)[:, tiles]
             if not failed and whole is not None:
                 return whole
-            self._run(self._without(failed))
+            self._run(*self._without(failed))
 
     def sums(self) -> NDArray[np.float32]:
         """Return the film's sums and their compensations, shape (6, pixels of the buffer)."""
@@ -594,7 +601,7 @@ class SharedWavefront:
         self._ends[:] = 0
         empty = self._base | {"counts": np.zeros_like(self._base_counts)}
         if failed := self._in_parallel(self._live(), lambda worker: worker.wavefront.restore(empty)):
-            self._run(self._without(failed))
+            self._run(*self._without(failed))
 
     def counts(self) -> NDArray[np.uint64]:
         """Return rays by status, samples that were not finite, and camera rays."""
@@ -630,7 +637,16 @@ class SharedWavefront:
 AnyWavefront = Wavefront | SharedWavefront
 
 
-def _do(worker: Worker, jobs: dict[str, Job], halt: threading.Event) -> None:
+def _do(
+    worker: Worker,
+    jobs: Mapping[str, Ranges],
+    taken_over: Mapping[str, NDArray[np.intp]],
+    base: Mapping[str, NDArray[Any]],
+    halt: threading.Event,
+) -> None:
+    tiles = taken_over.get(worker.id, ())
+    if len(tiles):
+        worker.take_over(np.asarray(tiles), base)
     worker.run(jobs[worker.id], halt)
 
 

@@ -14,7 +14,7 @@ from rptcam_cl.core.errors import DeviceError, InputError
 from rptcam_cl.core.records import device_declarations
 from rptcam_cl.device.session import Session, open_session
 from rptcam_cl.optics.lens import Lens
-from rptcam_cl.optics.measurable import Measurable
+from rptcam_cl.optics.measures import Measurable
 from rptcam_cl.optics.ray_trace import IDEAL, LensTransmission, Rays
 
 Precision = Literal["single", "double"]
@@ -29,7 +29,7 @@ FAR = 10.0  # lens sizes from which a ray is first moved to the vertex plane in 
 DOUBLE_LANES = 8
 
 
-class TraceableLens(Measurable):
+class TraceableLens(Lens, Measurable):
     """A `Lens` that can also be traced on an OpenCL device, by the code that renders."""
 
     def trace(

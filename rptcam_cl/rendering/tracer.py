@@ -200,14 +200,14 @@ class Wavefront:
         check_memory(self.needs, session)
         tiles = session.allocate(self.tiles.nbytes)
         session.write(tiles, self.tiles)
-        kindness = session.allocate(ALIKE.kindness.nbytes)
-        session.write(kindness, ALIKE.kindness)
+        survival_scale = session.allocate(ALIKE.survival_scale.nbytes)
+        session.write(survival_scale, ALIKE.survival_scale)
         return WaveBuffers(
             scene=scene or SceneBuffers(session, plan),
             film=FilmBuffers(session, layout, clamped=clamped),
             state=session.allocate(max(state, 4)),
             tiles=tiles,
-            kindness=kindness,
+            survival_scale=survival_scale,
             capacity=capacity,
         )
 
@@ -354,10 +354,10 @@ class Wavefront:
 
     def _use_roulette(self, roulette: Roulette) -> None:
         self._to_scout = False
-        kindness = self.session.allocate(roulette.kindness.nbytes)
-        self.session.write(kindness, roulette.kindness)
+        survival_scale = self.session.allocate(roulette.survival_scale.nbytes)
+        self.session.write(survival_scale, roulette.survival_scale)
         for bound in self._bound:
-            bound.paths.use_roulette(roulette.limits(self.settings), kindness)
+            bound.paths.use_roulette(roulette.limits(self.settings), survival_scale)
 
     def finish(self) -> None:
         """Wait for everything enqueued and take over its counters."""

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.files import cache_dir, kernels_dir
-from rptcam_cl.core.records import Kind
+from rptcam_cl.core.records import HIT_ROUNDING, Kind
 from rptcam_cl.core.remember import Disk
 from rptcam_cl.device.session import Session
 from rptcam_cl.rendering.plan.primitives import Movements, PackedMeshes, Places, TriangleGroup, shifted
@@ -53,12 +53,12 @@ def load_or_build(key: str, build: Callable[[], Bvh], fits: Callable[[Bvh], bool
     fits
         Says whether a sound tree is one over what it is wanted for.
     """
-    key = builder_identity(), key
-    kept: Bvh | None = _DISK.find(key)
+    name = builder_identity(), key
+    kept: Bvh | None = _DISK.find(name)
     if kept is not None and is_sound(kept) and fits(kept):
         return kept
     tree = build()
-    _DISK.add(key, tree)
+    _DISK.add(name, tree)
     return tree
 
 
@@ -87,7 +87,6 @@ _PRIMITIVES = Disk(
 )
 BREAK_EVEN = 48  # bounded primitives: see benchmarks/journal.md
 LEAF = 4  # most primitives of a leaf: measured best of 1, 2, 4 and 8
-ROUNDING = 4e-6  # HIT_ROUNDING of kernels/geometry/primitive_tree.h
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,7 +201,7 @@ def _bounds_of_rows(rows: Array, kinds: NDArray[np.int64]) -> tuple[Array, Array
     magnified = np.abs(linear) @ np.abs(rows[:, :, :3])
     magnified[is_sphere] = np.eye(3)
     farthest = np.maximum(np.abs(lower), np.abs(upper)).max(axis=1)
-    margin = ROUNDING * (magnified.sum(axis=2).max(axis=1) * farthest)[:, None]
+    margin = HIT_ROUNDING * (magnified.sum(axis=2).max(axis=1) * farthest)[:, None]
     return lower - margin, upper + margin
 
 

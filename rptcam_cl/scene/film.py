@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema, model_validator
 
 from rptcam_cl.core.colour import blackbody, illuminant, srgb_from_spectrum, srgb_from_xyz, xyz_from_spectrum
+from rptcam_cl.core.constants import MAX_SEED, MAX_SPP
 from rptcam_cl.scene.base import (
     AlsoAccepts,
     Alternatives,
@@ -79,8 +80,6 @@ def _each_once(names: tuple[LayerName, ...]) -> tuple[LayerName, ...]:
 
 Layers = Annotated[tuple[LayerName, ...], BeforeValidator(_as_list), AfterValidator(_each_once)]
 
-MAX_SPP = 2**32 - 1
-MAX_SEED = 2**64 - 1
 MAX_DEPTH = 1_000_000
 ADAPTIVE_SPP = 16384  # where a noise target is out of reach
 

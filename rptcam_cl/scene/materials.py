@@ -30,7 +30,7 @@ from rptcam_cl.core.strict_yaml import Document
 from rptcam_cl.optics.files.fields import FieldError
 from rptcam_cl.optics.files.glasses import read_glass
 from rptcam_cl.optics.files.keys import GLASS, glass_json_schema
-from rptcam_cl.optics.glass import Law, held_index, known_range
+from rptcam_cl.optics.glass import Medium, held_index, known_range
 from rptcam_cl.scene.base import (
     GREY,
     Alternatives,
@@ -378,9 +378,9 @@ SMALLEST_INDEX, LARGEST_INDEX = 0.2, 5.0
 KEYS = {name: key for name, key in GLASS.items() if name != "transmittance"}
 
 
-def _read(value: Any, info: ValidationInfo) -> Law:
+def _read(value: Any, info: ValidationInfo) -> Medium:
     """Return the law of a glass that is a name or a mapping."""
-    if isinstance(value, Law):
+    if isinstance(value, Medium):
         return value
     if not isinstance(value, (str, dict)):
         raise refuse("must be a glass", allowed="a name such as N-BK7, or a mapping such as {nd: 1.5168, vd: 64.17}")
@@ -395,12 +395,11 @@ def _read(value: Any, info: ValidationInfo) -> Law:
         raise refuse(problem.text, path=problem.path[1:]) from None
     except (InputError, StateError) as problem:
         raise refuse(str(problem)) from None
-    assert isinstance(medium, Law)
     _check(medium)
     return medium
 
 
-def _check(medium: Law) -> None:
+def _check(medium: Medium) -> None:
     limits = known_range(medium)
     if limits is not None and not limits[0] <= LINE_D_NM <= limits[1]:
         raise refuse(f"is known from {limits[0]:g} to {limits[1]:g} nm only", allowed="a glass known at 587.56 nm")
@@ -414,14 +413,14 @@ def _check(medium: Law) -> None:
         raise refuse(f"has a refractive index from {index.min():.4g} to {index.max():.4g}", allowed=span)
 
 
-def nearest_to_one(medium: Law) -> float:
+def nearest_to_one(medium: Medium) -> float:
     """Return the refractive index from 380 to 780 nm that is nearest to 1."""
     index = held_index(medium, WAVELENGTHS_NM)
     return float(index[np.abs(index - 1).argmin()])
 
 
 Glass = Annotated[
-    Law,
+    Medium,
     PlainValidator(_read),
     PlainSerializer(repr, when_used="json"),
     WithJsonSchema(glass_json_schema(KEYS)),

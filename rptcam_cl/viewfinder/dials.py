@@ -15,7 +15,7 @@ from rptcam_cl.core.constants import LUMENS_PER_WATT
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, RptcamError
 from rptcam_cl.core.files import Folders, References, lenses_dir
-from rptcam_cl.core.remember import Disk
+from rptcam_cl.core.remember import Disk, remember
 from rptcam_cl.optics.lens import Lens, configured
 from rptcam_cl.optics.library import list_lenses, load_lens, named_lens
 from rptcam_cl.rendering.cameras.model import values_per_irradiance
@@ -36,6 +36,7 @@ from rptcam_cl.scene.scene import Scene
 from rptcam_cl.viewfinder.lens_panel import INFINITY_M, focus_keys, nearest_focus_m, perspective
 from rptcam_cl.viewfinder.panel import (
     F_NUMBERS,
+    KEPT,
     SPEEDS,
     TIMES,
     Dials,
@@ -44,7 +45,6 @@ from rptcam_cl.viewfinder.panel import (
     Panel,
     Settings,
     Turned,
-    by_optics,
     exposure_of,
     f_number_of_camera,
     f_numbers,
@@ -55,6 +55,7 @@ from rptcam_cl.viewfinder.panel import (
     is_same_size,
     linked,
     number,
+    optics_key,
     value_per_radiance,
     word,
 )
@@ -507,7 +508,7 @@ def _as_paths(keys: dict[str, Any]) -> dict[str, Any]:
     return {f"camera.{name}": value for name, value in keys.items() if value is not None}
 
 
-@by_optics
+@remember(most=KEPT, by=optics_key)
 def zoom_kind(scene: Scene) -> ZoomKind:
     """Return what zooming does with a camera."""
     camera = scene.camera
@@ -533,7 +534,7 @@ def zoom_range(panel: Panel) -> tuple[float, float] | None:
     return ends[0], ends[1]
 
 
-@by_optics
+@remember(most=KEPT, by=optics_key)
 def _zoom_ends(scene: Scene) -> tuple[float, float]:
     assert isinstance(scene.camera, LensCamera)
     lens, wavelength_nm = scene.load_lens(), scene.camera.wavelength_nm
@@ -708,7 +709,7 @@ def turn_blades(panel: Panel, value: Any) -> Turned:
     return Turned(panel.dials, {"camera.aperture": {"shape": "polygon", "blades": blades} | kept}, messages)
 
 
-@by_optics
+@remember(most=KEPT, by=optics_key)
 def stop_is_fixed(scene: Scene) -> str | None:
     """Return why the stop of a camera cannot be shaped; None where it can."""
     camera = scene.camera

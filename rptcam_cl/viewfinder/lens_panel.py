@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import asdict
 from functools import cached_property
 from typing import Any
@@ -13,11 +14,11 @@ from numpy.typing import NDArray
 from rptcam_cl.core.constants import LINE_C_NM, LINE_D_NM, LINE_F_NM
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.core.remember import Memory
+from rptcam_cl.core.remember import Memory, remember
 from rptcam_cl.device.session import Session
 from rptcam_cl.optics.charts import wavelength_colour
 from rptcam_cl.optics.drawing import blades, glass, lines, obstruction
-from rptcam_cl.optics.image_quality import FilmSpot, field_mtf
+from rptcam_cl.optics.image_quality import COLUMNS, FilmSpot, field_mtf
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.pupils import FilmProbe, narrowed
 from rptcam_cl.optics.ray_trace import IDEAL, Rays, Status
@@ -32,7 +33,7 @@ from rptcam_cl.scene.load import at_opening, change_scene
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.studies.focus.drives import focus_drive
 from rptcam_cl.studies.focus.probe import circle_of_confusion
-from rptcam_cl.viewfinder.panel import DIAGONAL_35_MM, by_optics, f_number_of_camera, focal_length_mm, optics_key
+from rptcam_cl.viewfinder.panel import DIAGONAL_35_MM, KEPT, f_number_of_camera, focal_length_mm, optics_key
 
 # The lens of a camera in one state, as the panel shows it: focused, stopped down, shaped, with its tracers ready.
 
@@ -218,7 +219,7 @@ class Perspective:
         return near + self.pupil_mm, far + self.pupil_mm
 
 
-@by_optics
+@remember(most=KEPT, by=optics_key)
 def perspective(scene: Scene) -> Perspective | None:
     """Return the first-order picture of a scene's camera; None where no plane is in focus or there is no focus.
 
@@ -340,7 +341,7 @@ def nearest_focus_m(scene: Scene) -> float | None:
     return _nearest(scene.model_copy(update={"camera": camera.model_copy(update=update)}))
 
 
-@by_optics
+@remember(most=KEPT, by=optics_key)
 def _nearest(scene: Scene) -> float | None:
     try:
         drive = focus_drive(scene)
@@ -759,8 +760,7 @@ def _mtf(spots: list[FilmSpot]) -> dict[str, Any] | None:
     curves = field_mtf([spot for spot in spots if len(spot.points)], FREQUENCIES) if _lit(spots) else None
     if curves is None:
         return None
-    names = ("tangential", "sagittal", "tangential_limit", "sagittal_limit")
-    plain = {name: np.round(curve, 4).tolist() for name, curve in zip(names, curves, strict=True)}
+    plain = {name: np.round(curve, 4).tolist() for name, curve in zip(COLUMNS, curves, strict=True)}
     return {"frequencies": FREQUENCIES.tolist()} | plain
 
 

@@ -98,7 +98,7 @@ def test_settle_writes_a_scene(scene: Path, rptcam: Command) -> None:
     ("words", "code", "message"),
     [
         (["-o", "scene.yaml"], 2, "is an input"),
-        (["-o", "a.png"], 2, "a scene is YAML"),
+        (["-o", "a.png"], 2, "a scene file is YAML"),
         (["-o", "none/a.yaml"], 4, "there is no folder"),
     ],
 )

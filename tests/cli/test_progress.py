@@ -5,9 +5,9 @@ from typing import Any
 
 import pytest
 
+from rptcam_cl.api.options import duration
 from rptcam_cl.cli import output as module
 from rptcam_cl.cli.output import LastTiles, as_duration, describe, fraction_done, progress_on_stderr
-from rptcam_cl.cli.parser import duration
 
 
 def report(**changes: Any) -> Any:
@@ -71,14 +71,14 @@ def test_last_tiles_that_took_long_are_reported_at_the_end_with_the_reason() -> 
     last = LastTiles()
     for item in reports:
         last.note(item)
-    assert (last.said() or "").startswith(
+    assert (last.line() or "").startswith(
         "the last 18 tiles took 25 % of the time: they had up to 13 % noise when all others met 5 %"
     )
     for shortened in (reports[:3], reports[:1], [report(seconds=9.0, tiles_done=0.99, tiles_left=left)]):
         last = LastTiles()
         for item in shortened:
             last.note(item)
-        assert last.said() is None
+        assert last.line() is None
 
 
 def test_start_without_samples_divides_by_nothing() -> None:
@@ -115,13 +115,15 @@ def test_time_that_says_nothing_or_two_things_is_refused(text: str) -> None:
         duration(text)
 
 
-def test_kept_text_gets_a_line_every_ten_seconds() -> None:
+def test_kept_text_gets_a_line_every_ten_seconds(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     times = iter([0.0, 3.0, 10.0, 10.0, 15.0])
-    stream = io.StringIO()
-    show = module._lines(stream, None, clock=lambda: next(times))
-    for done in (1, 2, 3):
-        show(report(samples_done=done))
-    assert [line.split()[0] for line in stream.getvalue().splitlines()] == ["2/64"]
+    monkeypatch.setattr(module, "time", SimpleNamespace(monotonic=lambda: next(times)))
+    with progress_on_stderr() as show:
+        for done in (1, 2, 3):
+            show(report(samples_done=done))
+    assert [line.split()[0] for line in capsys.readouterr().err.splitlines()] == ["2/64"]
 
 
 def test_terminal_gets_a_bar_that_goes_away(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,7 +2,7 @@
 
 import pytest
 
-from rptcam_cl.cli.parser import F_NUMBERS, expanded
+from rptcam_cl.cli.cluster import F_NUMBERS, expand_ellipsis
 from rptcam_cl.core.errors import InputError
 
 
@@ -20,7 +20,7 @@ from rptcam_cl.core.errors import InputError
     ],
 )
 def test_ellipsis_goes_on_as_the_values_began(key, values, wanted):
-    assert expanded(key, values, "--over") == wanted
+    assert expand_ellipsis(key, values, "--over") == wanted
 
 
 @pytest.mark.parametrize(
@@ -40,7 +40,7 @@ def test_ellipsis_goes_on_as_the_values_began(key, values, wanted):
 )
 def test_what_makes_no_series_is_refused(key, values, match):
     with pytest.raises(InputError, match=match):
-        expanded(key, values, "--over")
+        expand_ellipsis(key, values, "--over")
 
 
 def test_scales_are_stops_apart():

@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 
-from rptcam_cl.api.sweeping import SeriesRenderer
+from rptcam_cl.api.job import SeriesRenderer
 from rptcam_cl.cli import main
-from rptcam_cl.core import files as kept
+from rptcam_cl.core import remember as kept
 from rptcam_cl.device.session import open_session
 
 Command = Callable[..., Any]

@@ -6,19 +6,18 @@ import time
 import numpy as np
 import pytest
 
-from rptcam_cl.core import files as kept
+from rptcam_cl.core import remember as kept
 from rptcam_cl.core.errors import StateError
-from rptcam_cl.core.files import (
-    CACHE_VARIABLE,
+from rptcam_cl.core.files import CACHE_VARIABLE
+from rptcam_cl.core.remember import (
+    Disk,
+    Memory,
     OneMaker,
     code_digest,
+    content_name,
     identity_of_code,
-    keep_arrays,
-    keep_bytes,
-    kept_arrays,
-    kept_bytes,
     made_by,
-    name_of,
+    remember,
 )
 
 ARRAYS = {"table": np.arange(6, dtype=np.float32).reshape(2, 3), "order": np.array([2, 0, 1], np.int32)}
@@ -31,9 +30,13 @@ def folder(monkeypatch, tmp_path):
     return tmp_path
 
 
+THINGS = Disk("things", pack=lambda value: value, unpack=lambda *value: value)  # arrays and facts
+TEXTS = Disk("things")
+
+
 def test_arrays_come_back_with_the_same_bits():
-    keep_arrays("things", "name", ARRAYS, FACTS)
-    arrays, facts = kept_arrays("things", "name")
+    THINGS.add("name", (ARRAYS, FACTS))
+    arrays, facts = THINGS.find("name")
     assert facts == FACTS
     for key, array in ARRAYS.items():
         assert arrays[key].dtype == array.dtype
@@ -41,46 +44,90 @@ def test_arrays_come_back_with_the_same_bits():
 
 
 def test_what_is_not_there_or_damaged_is_as_if_never_kept(folder):
-    assert kept_arrays("things", "name") is None
-    keep_arrays("things", "name", ARRAYS, FACTS)
-    whole = (folder / "things" / "name").read_bytes()
+    assert THINGS.find("name") is None
+    THINGS.add("name", (ARRAYS, FACTS))
+    [file] = (folder / "things").iterdir()
+    whole = file.read_bytes()
     for damaged in (b"", whole[:-1], whole[:-1] + b"x", whole[:40]):
-        (folder / "things" / "name").write_bytes(damaged)
-        assert kept_arrays("things", "name") is None
+        file.write_bytes(damaged)
+        assert THINGS.find("name") is None
 
 
 def test_folder_that_cannot_be_made_breaks_nothing(monkeypatch, folder):
     (folder / "file").touch()
     monkeypatch.setenv(CACHE_VARIABLE, str(folder / "file"))
-    keep_arrays("things", "name", ARRAYS, FACTS)
-    assert kept_arrays("things", "name") is None
+    assert THINGS.find_or_make("name", lambda: (ARRAYS, FACTS)) == (ARRAYS, FACTS)
+    assert THINGS.find("name") is None
 
 
-def test_least_recently_used_makes_room(monkeypatch, folder):
+@pytest.fixture
+def plain_names(monkeypatch):
+    """Files have the names of their keys."""
+    monkeypatch.setattr(kept, "content_name", lambda code, key: key)
+
+
+def test_least_recently_used_makes_room(monkeypatch, folder, plain_names):
     for age, name in enumerate(("a", "b", "c")):
-        keep_bytes("things", name, bytes(100))
+        TEXTS.add(name, "x" * 1000)
         os.utime(folder / "things" / name, (1e9 + age, 1e9 + age))
-    assert kept_bytes("things", "a") is not None  # and now it is the latest
-    monkeypatch.setattr(kept, "MOST_BYTES", 250)
-    keep_bytes("things", "0", bytes(100))
+    assert TEXTS.find("a") is not None  # and now it is the latest
+    monkeypatch.setattr(kept, "MOST_BYTES", 2500)
+    TEXTS.add("0", "x" * 1000)
     assert {path.name for path in (folder / "things").iterdir()} == {"a", "0"}
 
 
-def test_large_things_make_room_whatever_their_name_and_small_ones_by_one_in_sixteen(monkeypatch, folder):
-    monkeypatch.setattr(kept, "MOST_BYTES", 2560)
+def test_large_things_make_room_whatever_their_name_and_small_ones_by_one_in_sixteen(monkeypatch, folder, plain_names):
+    monkeypatch.setattr(kept, "MOST_BYTES", 40_000)
     for name in ("a", "b"):
-        keep_bytes("things", name, bytes(10))
+        TEXTS.add(name, "")
         os.utime(folder / "things" / name, (1e9, 1e9))
-    keep_bytes("things", "c", bytes(2560))
+    TEXTS.add("c", "x" * 39_860)
     assert {path.name for path in (folder / "things").iterdir()} == {"c"}
-    monkeypatch.setattr(kept, "MOST_BYTES", 1)
-    keep_bytes("things", "d", b"")
-    assert (folder / "things" / "c").exists()
+    TEXTS.add("d", "x" * 70)
+    assert {path.name for path in (folder / "things").iterdir()} == {"c", "d"}
+    assert sum(path.stat().st_size for path in (folder / "things").iterdir()) > 40_000
+    TEXTS.add("e", "x" * 50_000)  # larger than all may be
+    assert TEXTS.find("e") is None
+
+
+def test_memory_holds_what_was_used_last_and_no_more_bytes_than_it_may():
+    memory = Memory(most=2)
+    for key in "aba":
+        memory.find_or_make(key, lambda: np.zeros(2))
+    memory.add("c", None)
+    assert [key in memory for key in "abc"] == [True, False, True]
+    assert memory.find_or_make("c", lambda: "made anew") is None
+    narrow = Memory(most_bytes=40)
+    for key, count in (("a", 2), ("b", 2), ("c", 3), ("d", 6)):
+        narrow.add(key, np.zeros(count))
+    assert [key in narrow for key in "abcd"] == [False, True, True, False]
+
+
+def test_function_remembers_by_content_and_between_runs(folder):
+    calls = []
+
+    def measured(values, unit="mm"):
+        calls.append(unit)
+        return [float(value) for value in values]
+
+    def fresh():
+        return remember(most=2, by=lambda values, unit="mm": (tuple(values), unit), disk=Disk("sums"))(measured)
+
+    first = fresh()
+    assert first([1, 2]) == first([1, 2]) == [1.0, 2.0] and calls == ["mm"]
+    assert first([1, 2], unit="m") == [1.0, 2.0] and calls == ["mm", "m"]
+    assert fresh()([1, 2]) == [1.0, 2.0] and calls == ["mm", "m"]  # as another run finds it
+    for file in (folder / "sums").iterdir():
+        file.write_bytes(b"damaged")
+    assert fresh()([1, 2]) == [1.0, 2.0] and calls == ["mm", "m", "mm"]
 
 
 def test_names_differ_where_parts_do():
-    assert name_of(1, 2) == name_of(1, 2)
-    assert len({name_of(1, 2), name_of(12), name_of("1", 2), name_of((1, 2)), name_of(1.0, 2)}) == 5
+    assert content_name(1, 2) == content_name(1, 2)
+    assert (
+        len({content_name(1, 2), content_name(12), content_name("1", 2), content_name((1, 2)), content_name(1.0, 2)})
+        == 5
+    )
 
 
 def test_identity_of_code_follows_its_files(monkeypatch, tmp_path):

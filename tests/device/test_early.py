@@ -110,7 +110,7 @@ def test_what_is_damaged_is_not_built(session, monkeypatch, tmp_path, change):
     request(session, monkeypatch, SOURCES)
     open_early("cpu", "render", "a.yaml")()
     wait()
-    [kept] = (tmp_path / early.KEPT).iterdir()
+    [kept] = (tmp_path / early._DISK.kind).iterdir()
     kept.write_bytes(change(kept.read_bytes()))
     session._programs.clear()
     found = built(monkeypatch)

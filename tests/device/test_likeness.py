@@ -112,7 +112,10 @@ def test_one_that_has_waited_too_long_is_not_missed(tmp_path: Path) -> None:
     assert found["problem"] is None and started == 1
 
 
-@pytest.mark.parametrize("closed", ["os.close(0)", "os.close(2)", "os.close(0); os.close(2)"])
+@pytest.mark.parametrize(
+    "closed",
+    [*(pytest.param(f"os.close({n})", marks=pytest.mark.slow) for n in (0, 2)), "os.close(0); os.close(2)"],
+)
 def test_standard_streams_may_be_closed(tmp_path: Path, closed: str) -> None:
     found, started, waiting, _ = tried(tmp_path, closed)
     assert found["problem"] is None and started + waiting == 1

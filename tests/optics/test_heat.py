@@ -10,7 +10,7 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.as_built import BARRELS, Heat, thermal_of
 from rptcam_cl.optics.files.export import lens_text
 from rptcam_cl.optics.files.glass_catalogues import MAKERS, glass_named, glasses_of, law_of
-from rptcam_cl.optics.glass import AIR, Heated, Law, Melt, air_index
+from rptcam_cl.optics.glass import AIR, Heated, Medium, Melt, air_index
 from rptcam_cl.optics.lens import configured
 from rptcam_cl.optics.library import load_lens
 
@@ -18,7 +18,7 @@ E_NM, G_NM, IR_NM = 546.074, 435.835, 1060.0
 D_NM = 587.5618
 
 
-def index(glass: Law, celsius: float, wavelength_nm: Any, pressure_hpa: float = 1013.25) -> Any:
+def index(glass: Medium, celsius: float, wavelength_nm: Any, pressure_hpa: float = 1013.25) -> Any:
     thermal = thermal_of(glass)
     assert thermal is not None
     return Heated.of(glass, thermal, celsius, pressure_hpa).index(wavelength_nm)

@@ -31,8 +31,8 @@ from tests.optics.truth import FOLDER, truth
 WAVES = FOLDER.parent / "wave_truth"
 NAMES = ["ac254_100_a", "cooke50", "dgauss50", "petzval_laikin", "planar_us583336", "wide22"]
 # One case that is sharp, one that is vignetted or aberrated and one near object, of each lens; the others are slow.
-CHOSEN = {"ac254_100_a": (0, 70), "cooke50": (52, 98), "dgauss50": (47, 100), "petzval_laikin": (60,),
-          "planar_us583336": (49, 101), "wide22": (62, 106)}  # fmt: skip
+CHOSEN = {"ac254_100_a": (0,), "cooke50": (52, 98), "dgauss50": (100,), "petzval_laikin": (60,),
+          "planar_us583336": (101,), "wide22": (62,)}  # fmt: skip
 
 
 @cache
@@ -132,7 +132,7 @@ PERFECT = {
 }
 
 
-@pytest.mark.parametrize("f_number", [8, 11, 16, 22, 32])
+@pytest.mark.parametrize("f_number", [8, *(pytest.param(n, marks=pytest.mark.slow) for n in (11, 16, 22)), 32])
 def test_a_lens_without_aberrations_has_the_airy_pattern(f_number: float) -> None:
     lens = load_lens(PERFECT)
     lens = lens.with_stop_diameter(50 / f_number)

@@ -1,8 +1,10 @@
 """Rooms keep to their budgets of code, and functions are short enough to read in one go."""
 
 import ast
+import re
 from pathlib import Path
 
+from benchmarks.architecture import PICTURE, imports, shortest
 from benchmarks.size import TOP, Size, budget, rooms, size_of
 
 MOST_FILES, MOST_ROOMS = 190, 12
@@ -24,6 +26,12 @@ def test_the_house_has_few_rooms_and_files() -> None:
     sizes = rooms()
     assert len(sizes) - 1 <= MOST_ROOMS
     assert sum(sizes.values(), Size()).files <= MOST_FILES
+
+
+def test_drawing_of_the_house_has_its_rooms_and_their_imports() -> None:
+    edges, drawn = imports(), re.findall(r"<path id='(\w+)-(\w+)'", PICTURE.read_text("utf-8"))
+    assert {*drawn} - {("rendering", "kernels")} == {(a, b) for a, named in shortest(edges).items() for b in named}
+    assert {*re.findall(r">(\w+)</text>", PICTURE.read_text("utf-8"))} >= {*edges}
 
 
 def test_code_is_what_is_neither_blank_nor_comment_nor_docstring() -> None:

@@ -36,6 +36,9 @@ def scene(camera, folder, **rest):
     return rptcam_cl.load_scene(mapping, base_dir=folder)
 
 
+DISCS: dict[str, np.ndarray] = {}  # of round openings, by the kind of camera
+
+
 def blur_of_a_point(camera, folder):
     """The picture of a tiny far lamp on the axis, out of focus, as shares of its light."""
     lamp = {"shape": "sphere", "center": [0, 0, -40], "radius": 0.02, "material": {"kind": "emissive", "radiance": 1e4}}
@@ -56,7 +59,8 @@ def test_blur_of_a_point_has_the_shape_of_the_aperture(name, lens, folder):
     shape = stop_shape(loaded, loaded.camera.aperture)
     rows, columns = np.nonzero(picture > 0.3 * np.quantile(picture[picture > 0], 0.8))
     # The disc of a round opening, measured the same way, gives centre and radius of the blur circle.
-    disc = blur_of_a_point(lens, folder)
+    if (disc := DISCS.get(lens["kind"])) is None:
+        disc = DISCS[lens["kind"]] = blur_of_a_point(lens, folder)
     lit = np.argwhere(disc > 0.3 * np.quantile(disc[disc > 0], 0.8))
     centre, radius = (lit.min(axis=0) + lit.max(axis=0)) / 2, (lit.max(axis=0) - lit.min(axis=0)).max() / 2 + 0.5
     x, y = (columns - centre[1]) / radius, (centre[0] - rows) / radius

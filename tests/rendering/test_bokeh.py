@@ -87,7 +87,7 @@ def film(scene, name, count, spp, *, aims):
         images = [rptcam_cl.render(scene, seed=seed_of(f"{name} {i}"), spp=spp) for i in range(count)]
         assert all(image.metadata["lamps_aimed_at"] >= 1 for image in images)
     else:
-        with patch("rptcam_cl.api.stages.aimed_plan", lambda plan, *others: (plan, None)):
+        with patch("rptcam_cl.api.job.aimed_plan", lambda plan, *others: (plan, None)):
             images = [rptcam_cl.render(scene, seed=seed_of(f"{name} {i}, plain"), spp=spp) for i in range(count)]
     return sampled([np.asarray(image).astype(np.float64) for image in images])
 

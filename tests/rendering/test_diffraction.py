@@ -60,7 +60,7 @@ def test_kernel_of_a_round_opening_has_the_transfer_of_its_wavelengths(f_number)
             assert got == pytest.approx([exact, exact], abs=0.01)  # the reach leaves out 0.5 % of the light
 
 
-@pytest.mark.parametrize("pixel_mm", [0.06, 0.14, 1.0])
+@pytest.mark.parametrize("pixel_mm", [0.06, pytest.param(0.14, marks=pytest.mark.slow), 1.0])
 def test_a_pixel_much_larger_than_the_airy_disk_keeps_its_light(pixel_mm):
     found = found_of(width_mm=64 * pixel_mm, f_number=2)
     _, kernels = found.spread.kernels

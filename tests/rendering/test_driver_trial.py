@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from rptcam_cl.core.errors import DeviceError
-from rptcam_cl.core.files import CACHE_VARIABLE, forget
+from rptcam_cl.core.files import CACHE_VARIABLE
+from rptcam_cl.core.remember import forget
 from rptcam_cl.device import programs
 from rptcam_cl.device.devices import problem_of
 from rptcam_cl.device.session import Session

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.api.stages import RenderOptions, prepare, run
+from rptcam_cl.api.job import RenderJob, RenderOptions
 from rptcam_cl.rendering.account import forecast
 from rptcam_cl.rendering.checkpoint import read_checkpoint
 from rptcam_cl.rendering.several import FilmPart
@@ -16,15 +16,15 @@ SHORT = 0.02  # [s]
 def test_samples_launches_and_bytes_are_those_of_the_render(part, wave_size, tmp_path):
     options = {"spp": 64, "size": (50, 37), "part": part, "wave_size": wave_size}
     settings = RenderOptions(**options, checkpoint=tmp_path / "a.rpck", resume=True)
-    prepared = prepare(still_life(), settings)
+    prepared = RenderJob.prepare(still_life(), settings)
     before = prepared.wavefront.launches
-    rendering = run(prepared)
+    rendering = prepared.run()
     launches = prepared.wavefront.launches - before
     prepared.saver.end(rendering.state, keep=True)
     saved = sum(array.nbytes for array in read_checkpoint(tmp_path / "a.rpck").arrays.values())
 
-    planned = prepare(still_life(), RenderOptions(**options))
-    found = forecast(planned.wavefront, 0, 64, planned.settings.film_part, SHORT)
+    planned = RenderJob.prepare(still_life(), RenderOptions(**options))
+    found = forecast(planned.wavefront, 0, 64, planned.options.film_part, SHORT)
     assert found.samples == rendering.new_samples == int(rendering.samples.sum(dtype=np.uint64))
     assert found.launches == pytest.approx(launches, rel=0.15)  # the last waves of a render are shorter
     assert found.saved_bytes == saved
@@ -35,7 +35,7 @@ def test_samples_launches_and_bytes_are_those_of_the_render(part, wave_size, tmp
 def test_time_and_launches_grow_with_the_samples_and_shrink_with_the_part():
     settings = RenderOptions(size=(50, 37), wave_size=4096)
     plans = [
-        forecast(prepare(still_life(), settings).wavefront, first, end, part, SHORT)
+        forecast(RenderJob.prepare(still_life(), settings).wavefront, first, end, part, SHORT)
         for first, end, part in ((0, 64, FilmPart()), (0, 640, FilmPart()), (600, 640, FilmPart(1, 5)))
     ]
     assert plans[1].launches == pytest.approx(10 * plans[0].launches, rel=0.1)

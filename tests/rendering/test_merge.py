@@ -277,7 +277,7 @@ def test_array_of_another_size_is_refused(folder, tmp_path):
     ],
 )
 def test_parts_that_there_are_not_are_refused_before_any_work(options, message, monkeypatch):
-    monkeypatch.setattr("rptcam_cl.api.stages.open_sessions", None)
+    monkeypatch.setattr("rptcam_cl.api.job.open_sessions", None)
     with pytest.raises(InputError, match=message):
         rptcam_cl.render(scene(), size=SIZE, **options)
 

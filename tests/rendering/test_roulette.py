@@ -7,9 +7,9 @@ import rptcam_cl
 from rptcam_cl.core.records import LIMITS
 from rptcam_cl.rendering.film import (
     ALIKE,
-    KINDEST,
-    KINDNESS,
+    MOST_SURVIVAL,
     MOST_TILES,
+    SURVIVAL_SCALE,
     FilmLayout,
     Roulette,
     plays,
@@ -26,30 +26,32 @@ def layout(width, height):
 
 def test_a_picture_as_bright_everywhere_is_treated_alike():
     found = roulette_of(np.full((24, 40, 3), 0.3), scouted(layout(40, 24)))
-    np.testing.assert_allclose(found.kindness, np.full((3, 5), KINDNESS), rtol=1e-6)
+    np.testing.assert_allclose(found.survival_scale, np.full((3, 5), SURVIVAL_SCALE), rtol=1e-6)
     assert found.cell_shift == 3
 
 
-def test_a_quarter_of_the_light_is_four_times_the_kindness():
+def test_a_quarter_of_the_light_is_four_times_the_survival_scale():
     picture = np.full((8, 16, 3), 0.4)
     picture[:, 8:] = 0.1
-    bright, dark = roulette_of(picture, scouted(layout(16, 8))).kindness[0]
+    bright, dark = roulette_of(picture, scouted(layout(16, 8))).survival_scale[0]
     assert dark == pytest.approx(4 * bright)
-    assert bright == pytest.approx(KINDNESS * 0.75**2)  # the mean root is 3/4 of that of the bright half
+    assert bright == pytest.approx(SURVIVAL_SCALE * 0.75**2)  # the mean root is 3/4 of that of the bright half
 
 
 def test_a_lamp_in_a_tile_hardly_matters():
     picture = np.full((8, 16, 3), 0.1)
-    plain = roulette_of(picture, scouted(layout(16, 8))).kindness
+    plain = roulette_of(picture, scouted(layout(16, 8))).survival_scale
     picture[3, 3] = 10.0
-    lit = roulette_of(picture, scouted(layout(16, 8))).kindness
+    lit = roulette_of(picture, scouted(layout(16, 8))).survival_scale
     assert lit[0, 0] > 0.8 * plain[0, 0]
 
 
-def test_kindness_has_an_end():
+def test_survival_scale_has_an_end():
     picture = np.zeros((8, 16, 3))
     picture[:, :8] = 1.0
-    assert roulette_of(picture, scouted(layout(16, 8))).kindness[0, 1] == pytest.approx(KINDNESS * KINDEST)
+    assert roulette_of(picture, scouted(layout(16, 8))).survival_scale[0, 1] == pytest.approx(
+        SURVIVAL_SCALE * MOST_SURVIVAL
+    )
 
 
 def test_a_black_picture_is_treated_alike():

@@ -9,7 +9,8 @@ from tests.rendering.test_world import still_life
 
 SIZE = [40, 24]
 CAMERA = {
-    "kind": "realistic", "lens": "dgauss-50mm", "eye": [0, 1, 6], "target": [0, 0.5, 0], "focus": {"auto": {}},
+    "kind": "realistic", "lens": "dgauss-50mm", "eye": [0, 1, 6], "target": [0, 0.5, 0],
+    "focus": {"auto": {"method": "depth"}},
 }  # fmt: skip
 LOOSE = {"max_error_px": 5, "max_illumination_error": 0.9}
 CHEAP = CAMERA | {"f_number": 22, "focus": {"distance_m": 6}, "accuracy": LOOSE}

@@ -8,7 +8,7 @@ import pytest
 from PIL import Image as Pillow
 
 import rptcam_cl
-from rptcam_cl.api.sweeping import SeriesRenderer
+from rptcam_cl.api.job import SeriesRenderer
 from rptcam_cl.cli import main
 from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.scene.load import set_keys

@@ -19,11 +19,6 @@ from rptcam_cl.optics.lens import Lens
 OF_THE_MODEL = 1e-9  # by which indices follow the n_d and V_d of their name
 
 
-def is_private_end(key: str) -> bool:
-    """Return whether a word ends the private glasses."""
-    return key == "END"
-
-
 def private_glasses(statements: list[tuple[int, list[str]]], path: str) -> dict[str, Any]:
     """Return the `glass` entries of the private glasses of a sequence by their names, in capitals."""
     glasses: dict[str, Any] = {}
@@ -33,7 +28,7 @@ def private_glasses(statements: list[tuple[int, list[str]]], path: str) -> dict[
         key, rest = words[0].upper(), words[1:]
         if key == "PRV":
             inside = True
-        elif inside and is_private_end(key):
+        elif inside and key == "END":
             inside = False
         elif inside and key == "PWL":
             wavelengths = numbers(rest, path, line, 1)
@@ -179,7 +174,7 @@ def _parse(
         if key == "STOP":
             key = "STO"
         if private:
-            private = not is_private_end(key)
+            private = key != "END"
         elif key == "PRV":
             private = True
         elif key == "RDM":
@@ -259,22 +254,17 @@ def _header(key: str, rest: list[str], line: int, table: LensTable) -> None:
             raise InputError(f"{table.path}:{line}: dimension {rest[0]!r} is unknown; known: M, C, I")
         table.unit = UNITS[rest[0].upper()[0]]
     elif key == "EPD":
-        table.pupil_diameter = numbers(rest[:1], table.path, line, 1)[0]
+        table.pupil_diameter = table.number(rest, line)
     elif key == "FNO":
-        table.f_number = numbers(rest[:1], table.path, line, 1)[0]
+        table.f_number = table.number(rest, line)
     elif key == "NA":
-        aperture = numbers(rest[:1], table.path, line, 1)[0]
+        aperture = table.number(rest, line)
         table.f_number = 0.5 / abs(aperture) if aperture else None
     elif key == "NAO":
-        table.object_aperture = numbers(rest[:1], table.path, line, 1)[0]
+        table.object_aperture = table.number(rest, line)
     elif key in ("YAN", "YOB", "YIM", "YRI"):
-        widest = max(map(abs, numbers(rest, table.path, line)), default=0.0)
-        if key == "YAN":
-            table.field_degrees = min(widest, 60.0)
-        elif key == "YOB":
-            table.object_height = widest
-        else:
-            table.image_height = widest
+        table.field_kind = ("YAN", "YOB", "YIM", "YRI").index(key)
+        table.set_field(max(map(abs, numbers(rest, table.path, line)), default=0.0))
     elif key == "ZOO":
         table.note(line, "ZOO: only the first position of the zoom is read")
     elif key not in QUIET:
@@ -290,13 +280,13 @@ def _take(surface: _Surface, key: str, rest: list[str], line: int, table: LensTa
         return  # a solve, whose value stands in the line of the surface
     if key in ("REX", "REY"):
         words = [word.upper() for word in rest]
-        value = numbers([w for w in words if w[:1] in "+-.0123456789"][-1:], table.path, line, 1)[0]
+        value = table.number([w for w in words if w[:1] in "+-.0123456789"][-1:], line)
         if {"OBS", "HOL"} & set(words):
             table.note(line, f"{key} {' '.join(rest)} is ignored")
         elif "EDG" not in words or key not in surface.clear:
             surface.clear[key] = value
     elif key in _NUMBERED:
-        value = numbers([word for word in rest if word.upper() != "CLR"][:1], table.path, line, 1)[0]
+        value = table.number([word for word in rest if word.upper() != "CLR"], line)
         if key == "K":
             surface.conic = value
         elif key in POWERS:
@@ -315,7 +305,7 @@ def _take(surface: _Surface, key: str, rest: list[str], line: int, table: LensTa
         surface.inner_diameter = 2 * numbers(rest[-1:], table.path, line)[0]
     elif key == "CIR":
         words = [word.upper() for word in rest]
-        value = numbers([w for w in words if w[:1] in "+-.0123456789"][-1:], table.path, line, 1)[0]
+        value = table.number([w for w in words if w[:1] in "+-.0123456789"][-1:], line)
         if "EDG" not in words or surface.diameter is None:
             surface.diameter = 2 * abs(value)
     elif key in ("CYL", "YTO"):

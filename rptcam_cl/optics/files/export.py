@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from rptcam_cl.core.constants import LINE_C_NM, LINE_D_NM, LINE_F_NM
-from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.coating import (
     BARE,
@@ -31,7 +30,6 @@ from rptcam_cl.optics.glass import (
     AbbeLinear,
     Absorption,
     ConstantIndex,
-    Law,
     Medium,
     PowerSeries,
     Sellmeier,
@@ -52,42 +50,26 @@ WAVELENGTHS_NM = (LINE_F_NM, LINE_D_NM, LINE_C_NM)
 IN_AIR = 1e-9
 
 
-@dataclass(frozen=True)
-class Beam:
-    """What a sequence says beside its surfaces: entrance pupil [mm], fields [degrees], last vertex to film [mm]."""
+def beam_of(lens: Lens) -> tuple[float, tuple[float, ...], float]:
+    """Return entrance pupil [mm], fields [degrees] and last vertex to film [mm] of a lens for a distant object.
 
-    pupil_diameter: float
-    fields: tuple[float, ...]
-    film: float
-
-
-def beam_of(lens: Lens) -> Beam:
-    """Return the beam of a lens for a distant object; the field is only the axis where the lens has no other."""
+    The field is only the axis where the lens has no other.
+    """
     use = setting(lens)
     pupil = lens.first_order().entrance_pupil.diameter_mm
     try:
         fields = sorted({round(angle, 6) for angle in default_fields(use)})
     except InputError:
         fields = [0.0]
-    return Beam(pupil if math.isfinite(pupil) else 0.0, tuple(fields), use.film_distance_mm or 0.0)
+    return pupil if math.isfinite(pupil) else 0.0, tuple(fields), use.film_distance_mm or 0.0
 
 
-@dataclass(frozen=True)
-class Row:
-    """What both say of a surface: curvature in the plane of y [1/mm], gap behind it [mm], whether it is the stop."""
-
-    surface: Surface
-    curvature: float
-    gap: float
-    is_stop: bool
-
-
-def rows_of(lens: Lens, beam: Beam) -> Iterator[Row]:
-    """Yield the surfaces of a lens; the last gap is the film's."""
+def rows_of(lens: Lens, film_distance_mm: float) -> Iterator[tuple[Surface, float, float, bool]]:
+    """Yield each surface, its curvature in the plane of y [1/mm], the gap behind it [mm] and whether it is the stop."""
     stop, last = limiting_surface(lens), len(lens.surfaces) - 1
     for k, surface in enumerate(lens.surfaces):
         curvature = 0.0 if surface.cylinder == "x" else surface.curvature
-        yield Row(surface, curvature, lens.sense * beam.film if k == last else surface.thickness, k == stop)
+        yield surface, curvature, lens.sense * film_distance_mm if k == last else surface.thickness, k == stop
 
 
 def refuse(lens: Lens, form: str, of_surfaces: Iterable[tuple[int, str]], of_whole: Iterable[str] = ()) -> None:
@@ -115,7 +97,7 @@ def refuse(lens: Lens, form: str, of_surfaces: Iterable[tuple[int, str]], of_who
 
 
 def left_out(lens: Lens) -> list[str]:
-    """Return what neither form keeps and no ray depends on, for a warning."""
+    """Return warnings about parts of a lens that neither form keeps and no ray depends on."""
     notes = []
     if any(surface.coating is not None for surface in lens.surfaces):
         notes.append("coatings are left out")
@@ -197,23 +179,23 @@ def codev_text(lens: Lens) -> str:
         With every reason why such a sequence cannot say this lens.
     """
     refuse(lens, ".seq file", chain(sequence_reasons(lens), _codev_reasons(lens)))
-    beam = beam_of(lens)
+    pupil, fields, film = beam_of(lens)
     private: dict[Medium, str] = {}
     words = ["REFL" if surface.is_mirror else _codev_glass(surface.glass, private) for surface in lens.surfaces]
     title = one_line(lens.name)
     title = f" {title}" if title.startswith("Z") else title  # which readers take for a position of a zoom
-    lines = ["RDM N;LEN", f"TITLE '{title}'", f"EPD {number(beam.pupil_diameter)}", "DIM M"]
+    lines = ["RDM N;LEN", f"TITLE '{title}'", f"EPD {number(pupil)}", "DIM M"]
     lines.append(f"WL {numbers(reversed(WAVELENGTHS_NM))}")
     lines += [f"REF {len(WAVELENGTHS_NM) - WAVELENGTHS_NM.index(LINE_D_NM)}", "WTW 1 1 1"]
-    lines += [f"XAN {numbers([0] * len(beam.fields))}", f"YAN {numbers(beam.fields)}"]
+    lines += [f"XAN {numbers([0] * len(fields))}", f"YAN {numbers(fields)}"]
     if private:
         lines += ["PRV", f"  PWL {numbers(PRIVATE_NM)}"]
         lines += [f"  '{name}' {numbers(_indices(medium))}" for medium, name in private.items()]
         lines.append("END")
     lines.append("SO 0.0 1.0E+13")
-    for row, word in zip(rows_of(lens, beam), words, strict=True):
-        lines.append(f"S {number(row.curvature)} {number(row.gap)} {word}".rstrip())
-        lines += [f"  {line}" for line in _details(row.surface, row.is_stop)]
+    for (surface, curvature, gap, is_stop), word in zip(rows_of(lens, film), words, strict=True):
+        lines.append(f"S {number(curvature)} {number(gap)} {word}".rstrip())
+        lines += [f"  {line}" for line in _details(surface, is_stop)]
     return "\n".join([*lines, "SI 0.0 0.0", "GO", ""])
 
 
@@ -268,7 +250,7 @@ def _codev_glass(medium: Medium, private: dict[Medium, str]) -> str:
 def _indices(medium: Medium) -> list[float]:
     if isinstance(medium, ConstantIndex):
         return [medium.value] * len(PRIVATE_NM)
-    return list(held_index(medium, np.array(PRIVATE_NM)))  # type: ignore[arg-type]
+    return list(held_index(medium, np.array(PRIVATE_NM)))
 
 
 def _codev_reasons(lens: Lens) -> Iterator[tuple[int, str]]:
@@ -293,20 +275,20 @@ def zemax_text(lens: Lens) -> str:
         With every reason why such a file cannot say this lens.
     """
     refuse(lens, ".zmx file", chain(sequence_reasons(lens), _zemax_reasons(lens)))
-    beam = beam_of(lens)
+    pupil, fields, film = beam_of(lens)
     makers = _makers(lens)
     catalogues = " ".join([*map(str.upper, makers), "MISC"])
     lines = ["VERS 140730 0 0", "MODE SEQ", f"NAME {one_line(lens.name)}", "UNIT MM X W X CM MR CPMM"]
-    lines += [f"ENPD {number(beam.pupil_diameter)}", f"GCAT {catalogues}"]
-    count = len(beam.fields)
+    lines += [f"ENPD {number(pupil)}", f"GCAT {catalogues}"]
+    count = len(fields)
     lines += [f"FTYP 0 0 {count} {len(WAVELENGTHS_NM)} 0 0 0", f"XFLN {numbers([0] * count)}"]
-    lines += [f"YFLN {numbers(beam.fields)}", f"FWGN {numbers([1] * count)}"]
+    lines += [f"YFLN {numbers(fields)}", f"FWGN {numbers([1] * count)}"]
     lines += [f"{word} {numbers([0] * count)}" for word in ("VDXN", "VDYN", "VCXN", "VCYN", "VANN")]
     lines += [f"WAVM {k} {number(nm / 1000)} 1.0" for k, nm in enumerate(WAVELENGTHS_NM, start=1)]
     lines.append(f"PWAV {1 + WAVELENGTHS_NM.index(LINE_D_NM)}")
     blocks = [["  TYPE STANDARD", "  CURV 0.0", "  DISZ INFINITY"]]
-    for row in rows_of(lens, beam):
-        blocks += _surface(row, makers)
+    for row in rows_of(lens, film):
+        blocks += _surface(*row, makers)
     blocks.append(["  TYPE STANDARD", "  CURV 0.0", "  DISZ 0.0"])
     for k, block in enumerate(blocks):
         lines += [f"SURF {k}", *block]
@@ -328,13 +310,12 @@ def _means(name: str, makers: Sequence[str], written: str) -> bool:
     return meant is not None and meant.written == written
 
 
-def _surface(row: Row, makers: Sequence[str]) -> list[list[str]]:
+def _surface(surface: Surface, curvature: float, gap: float, is_stop: bool, makers: Sequence[str]) -> list[list[str]]:
     """Return the lines of a surface; of a tilted one with the coordinate breaks around it."""
-    surface, gap = row.surface, row.gap
     kind, parameters = _kind(surface)
     conic = 0.0 if surface.cylinder == "x" else surface.conic
-    lines = ["  STOP"] if row.is_stop else []
-    lines += [f"  TYPE {kind}", f"  CURV {number(row.curvature)} 0 0 0 0"]
+    lines = ["  STOP"] if is_stop else []
+    lines += [f"  TYPE {kind}", f"  CURV {number(curvature)} 0 0 0 0"]
     lines += [f"  PARM {k} {number(value)}" for k, value in sorted(parameters.items())]
     lines.append(f"  DISZ {number(gap if surface.pose is None else 0.0)}")
     if surface.is_mirror:
@@ -628,13 +609,13 @@ def _medium(medium: Medium) -> Any:
     entry = _glass_keys(medium)
     if isinstance(entry, str):
         return entry
-    thermal = _thermal(medium.thermal) if isinstance(medium, Law) and medium.thermal is not None else {}
+    thermal = {} if medium.thermal is None else _thermal(medium.thermal)
     absorbs = {} if medium.absorption is None else {"transmittance": _transmittance(medium.absorption)}
     return entry | absorbs | thermal
 
 
 def _thermal(thermal: Thermal) -> dict[str, Any]:
-    """Return what is said about heat."""
+    """Return the keys of a glass under heat."""
     row: dict[str, Any] = {}
     if thermal.dispersion is not None:
         d, e = list(thermal.dispersion[:3]), list(thermal.dispersion[3:5])

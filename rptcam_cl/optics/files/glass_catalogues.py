@@ -22,7 +22,6 @@ from rptcam_cl.optics.glass import (
     GLASSES,
     STANDARD_C,
     Absorption,
-    Law,
     Medium,
     PowerSeries,
     Sellmeier,
@@ -32,7 +31,7 @@ from rptcam_cl.optics.glass import (
 
 # Glass from catalogue files: Zemax .agf, and single materials of refractiveindex.info (.yml).
 
-Formula = Callable[[list[float], tuple[float, float], str], Law]
+Formula = Callable[[list[float], tuple[float, float], str], Medium]
 
 SCHOTT, SELLMEIER_1, EXTENDED, SELLMEIER_5, EXTENDED_2, EXTENDED_3 = 1, 2, 10, 11, 12, 13
 LARGEST_FILE = 16_000_000  # bytes; all catalogues of Zemax in one file have 2 MB
@@ -45,7 +44,7 @@ POWERS: dict[int, tuple[int, ...]] = {
 }
 
 
-def read_agf(path: Path | str) -> dict[str, Law]:
+def read_agf(path: Path | str) -> dict[str, Medium]:
     """Return the glasses of a catalogue file by name, as `glasses_of_agf` does.
 
     Raises
@@ -61,7 +60,7 @@ def read_agf(path: Path | str) -> dict[str, Law]:
         raise StateError(f"{path}: {problem}") from None
 
 
-def glasses_of_agf(content: bytes, path: Path | str) -> dict[str, Law]:
+def glasses_of_agf(content: bytes, path: Path | str) -> dict[str, Medium]:
     """Return the glasses of a catalogue by name. Those with a formula that is not known are left out.
 
     Known: Schott (1), Sellmeier 1 (2), Sellmeier 3 and 5 (6, 11), extended 1 to 3 (10, 12, 13). Lines IT (wavelength in
@@ -74,7 +73,7 @@ def glasses_of_agf(content: bytes, path: Path | str) -> dict[str, Law]:
     path : Path or str
         What errors call it.
     """
-    glasses: dict[str, Law] = {}
+    glasses: dict[str, Medium] = {}
     name, formula = "", 0
     terms: list[float] = []
     inside: list[tuple[float, float, float]] = []
@@ -109,7 +108,7 @@ def glasses_of_agf(content: bytes, path: Path | str) -> dict[str, Law]:
 
 
 def _add(
-    glasses: dict[str, Law],
+    glasses: dict[str, Medium],
     name: str,
     formula: int,
     terms: list[float],
@@ -132,12 +131,12 @@ def _add(
 
 
 def _absorption(inside: list[tuple[float, float, float]]) -> Absorption | None:
-    """Return what rows of wavelength, transmittance and thickness say, None when no two of them say anything."""
+    """Return the absorption of rows of wavelength, transmittance and thickness, None with fewer than two valid ones."""
     rows = sorted({row[0]: row for row in inside if row[2] > 0 and 0 <= row[1] <= 1}.values())
     return Absorption.from_transmittance(*zip(*rows, strict=True)) if len(rows) > 1 else None
 
 
-def read_refractive_index(path: Path | str, content: bytes | None = None) -> Law:
+def read_refractive_index(path: Path | str, content: bytes | None = None) -> Medium:
     """Return the medium of a refractiveindex.info file: formulas 1, 2, 3 and 5, or tabulated n; k when there is one.
 
     Parameters
@@ -171,11 +170,6 @@ def read_refractive_index(path: Path | str, content: bytes | None = None) -> Law
     raise InputError(f"{path}: no dispersion formula that is known (has {kinds}; known: {', '.join(_FORMULAS)})")
 
 
-def law_of_formula(kind: str, terms: list[float], limits: tuple[float, float], name: str) -> Law:
-    """Return the law of a formula of refractiveindex.info, such as "formula 2", its range in nm."""
-    return _FORMULAS[kind](terms, limits, name)
-
-
 def _kind(block: Any) -> str:
     return str(block.get("type", "")).strip() if isinstance(block, dict) else ""
 
@@ -192,30 +186,26 @@ def _extinction(path: Path | str, blocks: list[Any]) -> Absorption | None:
         if kind in ("tabulated k", "tabulated nk"):
             try:
                 rows = _rows(block, 2 if kind == "tabulated k" else 3)
-                per_mm = 4e3 * np.pi * rows[:, -1] / rows[:, 0]
-                return Absorption(tuple((1e3 * rows[:, 0]).tolist()), tuple(per_mm.tolist()))
+                return Absorption.from_extinction(rows[:, 0], rows[:, -1])
             except (KeyError, ValueError, IndexError):
                 raise InputError(f"{path}: cannot read the block of type {kind!r}") from None
     return None
 
 
-def _formula_1(terms: list[float], limits: tuple[float, float], name: str) -> Law:
-    _check_pairs(terms)
-    return Sellmeier(tuple(terms[1::2]), tuple(c * c for c in terms[2::2]), terms[0], limits, name)
+def _sellmeier(squares: bool) -> Formula:
+    """The formula whose resonances are given as squares of wavelengths, or as wavelengths."""
 
+    def build(terms: list[float], limits: tuple[float, float], name: str) -> Medium:
+        if len(terms) % 2 == 0:
+            raise ValueError("a constant and pairs of strength and resonance are expected")
+        resonances = tuple(c if squares else c * c for c in terms[2::2])
+        return Sellmeier(tuple(terms[1::2]), resonances, terms[0], limits, name)
 
-def _check_pairs(terms: list[float]) -> None:
-    if len(terms) % 2 == 0:
-        raise ValueError("a constant and pairs of strength and resonance are expected")
-
-
-def _formula_2(terms: list[float], limits: tuple[float, float], name: str) -> Law:
-    _check_pairs(terms)
-    return Sellmeier(tuple(terms[1::2]), tuple(terms[2::2]), terms[0], limits, name)
+    return build
 
 
 def _polynomial(squared: bool) -> Formula:
-    def build(terms: list[float], limits: tuple[float, float], name: str) -> Law:
+    def build(terms: list[float], limits: tuple[float, float], name: str) -> Medium:
         pairs = zip(terms[2::2], terms[1::2], strict=True)
         return PowerSeries(((0.0, terms[0]), *((power, a) for power, a in pairs)), squared, limits, name)
 
@@ -223,8 +213,8 @@ def _polynomial(squared: bool) -> Formula:
 
 
 _FORMULAS: dict[str, Formula] = {
-    "formula 1": _formula_1,
-    "formula 2": _formula_2,
+    "formula 1": _sellmeier(False),
+    "formula 2": _sellmeier(True),
     "formula 3": _polynomial(True),
     "formula 5": _polynomial(False),
 }
@@ -285,20 +275,20 @@ def glasses_of(maker: str) -> dict[str, MakersGlass]:
 
 
 @lru_cache(maxsize=256)
-def law_of(glass: MakersGlass, label: str) -> Law:
+def law_of(glass: MakersGlass, label: str) -> Medium:
     """Return the dispersion law of a glass, called `label`, with what it absorbs."""
     row = _row(glass)
     absorption, thermal = _makers_absorption(row), _thermal(row)
     if "formula" in row:
         low, high = row["range_um"]
-        law = law_of_formula(f"formula {row['formula']}", row["coefficients"], (1e3 * low, 1e3 * high), label)
+        law = _FORMULAS[f"formula {row['formula']}"](row["coefficients"], (1e3 * low, 1e3 * high), label)
         return replace(law, absorption=absorption, thermal=thermal)
     wavelengths, values = zip(*row["n"], strict=True)
     return TabulatedIndex(tuple(1e3 * w for w in wavelengths), values, label, absorption=absorption, thermal=thermal)
 
 
 def bundled_thermal(medium: Medium) -> Thermal | None:
-    """Return what SCHOTT says about heat, of a glass of the bundled table; None of others."""
+    """Return the thermal data of SCHOTT for a glass of the bundled table; None for others."""
     glass = glasses_of("schott").get(plain_glass_name(medium.name)) if GLASSES.get(medium.name) == medium else None
     return _thermal(_row(glass)) if glass is not None else None
 
@@ -311,7 +301,7 @@ def _row(glass: MakersGlass) -> dict[str, Any]:
 
 
 def _thermal(row: dict[str, Any]) -> Thermal | None:
-    """Return what a row says about heat, None when it says nothing."""
+    """Return the thermal data of a row, None without any."""
     if "thermal" not in row and "expansion" not in row:
         return None
     dispersion = tuple(row["thermal"]) if "thermal" in row else None
@@ -319,13 +309,9 @@ def _thermal(row: dict[str, Any]) -> Thermal | None:
 
 
 def _makers_absorption(row: dict[str, Any]) -> Absorption | None:
-    """Return 4 pi k / wavelength of a table of extinction coefficients, None without one."""
+    """Return the absorption of a table of extinction coefficients, None without one."""
     table = row.get("k")
-    if not table or len(table) < 2:
-        return None
-    values = np.array(table)
-    per_mm = 4e3 * np.pi * values[:, 1] / values[:, 0]
-    return Absorption(tuple((1e3 * values[:, 0]).tolist()), tuple(per_mm.tolist()))
+    return Absorption.from_extinction(*np.array(table).T) if table and len(table) > 1 else None
 
 
 @lru_cache(maxsize=len(MAKERS))
@@ -384,7 +370,7 @@ class Named:
     is_chosen: bool = False
 
     def remark(self, name: str) -> str:
-        """Return what a reader should know of how `name` was taken, nothing where there was no choice."""
+        """Return a remark on how `name` was taken, empty where there was no choice."""
         if not self.is_exact:
             return f"glass {name} is taken as {self.written}{f' ({self.maker.upper()})' if self.maker else ''}"
         plain = plain_glass_name(name)
@@ -467,7 +453,7 @@ def other_name(name: str) -> tuple[Any, str] | None:
     return {"nd": nd, "vd": vd}, f"{nd:g} / {vd:g}, the code {code} of SCHOTT's old catalogues"
 
 
-def glass_named(name: str) -> Law | None:
+def glass_named(name: str) -> Medium | None:
     """Return the law of a glass by the name that `Named.written` has, or by any other that `named_glass` knows."""
     found = named_glass(name)
     if found is None:

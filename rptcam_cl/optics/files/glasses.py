@@ -22,6 +22,7 @@ from rptcam_cl.optics.coating import (
     QuarterWave,
     constant_reflectance,
 )
+from rptcam_cl.optics.files import keys
 from rptcam_cl.optics.files.fields import Fields, problem, rises, value_at
 from rptcam_cl.optics.files.glass_catalogues import (
     LARGEST_FILE,
@@ -30,22 +31,6 @@ from rptcam_cl.optics.files.glass_catalogues import (
     near_names,
     read_refractive_index,
 )
-from rptcam_cl.optics.files.keys import (
-    COATING,
-    COATING_WORDS,
-    GLASS,
-    HIGHEST_INDEX,
-    INDEX_TABLE,
-    LAWS,
-    LAYER,
-    LINEAR_ABBE,
-    LOWEST_INDEX,
-    QUARTER_WAVE,
-    REFLECTANCE,
-    SELLMEIER,
-    THERMAL,
-    TRANSMITTANCE,
-)
 from rptcam_cl.optics.glass import (
     AIR,
     STANDARD_C,
@@ -53,7 +38,6 @@ from rptcam_cl.optics.glass import (
     AbbeLinear,
     Absorption,
     ConstantIndex,
-    Law,
     Medium,
     PowerSeries,
     Sellmeier,
@@ -65,8 +49,8 @@ from rptcam_cl.optics.surface import Surface
 
 # The `coating` key of a lens file: a word, a quarter-wave layer, several layers, or a measured reflectance.
 
-WORDS: dict[str, Coating] = dict(zip(COATING_WORDS, (BARE, MAGNESIUM_FLUORIDE, MULTILAYER), strict=True))
-COATING_FORMS = f"{', '.join(COATING_WORDS)}, {{quarter_wave: …}}, {{layers: …}} or {{reflectance: …}}"
+WORDS: dict[str, Coating] = dict(zip(keys.COATING_WORDS, (BARE, MAGNESIUM_FLUORIDE, MULTILAYER), strict=True))
+COATING_FORMS = f"{', '.join(keys.COATING_WORDS)}, {{quarter_wave: …}}, {{layers: …}} or {{reflectance: …}}"
 
 
 def coated(document: Document, surfaces: tuple[Surface, ...], object_medium: Medium) -> tuple[Surface, ...]:
@@ -115,16 +99,16 @@ def read_coating(document: Document, path: KeyPath) -> Coating:
         return WORDS[value]
     if not isinstance(value, dict):
         raise problem(document, path, f"allowed: {COATING_FORMS}", value)
-    fields = Fields(document, path, COATING)
+    fields = Fields(document, path, keys.COATING)
     if len(value) != 1:
-        raise fields.fail(None, f"needs exactly one of {', '.join(COATING)}")
+        raise fields.fail(None, f"needs exactly one of {', '.join(keys.COATING)}")
     if "layers" in fields:
         return _layers(fields)
     return _quarter_wave(fields) if "quarter_wave" in fields else _measured(fields)
 
 
 def _quarter_wave(fields: Fields) -> Coating:
-    inner = fields.inner("quarter_wave", QUARTER_WAVE)
+    inner = fields.inner("quarter_wave", keys.QUARTER_WAVE)
     return QuarterWave(_index(inner), inner.positive("wavelength_nm"))
 
 
@@ -146,7 +130,7 @@ def _layer(fields: Fields) -> Layer:
 
 
 def _layers(fields: Fields) -> Coating:
-    rows = fields.rows("layers", LAYER, "[{index: 1.38, thickness_nm: 99.6}]")
+    rows = fields.rows("layers", keys.LAYER, "[{index: 1.38, thickness_nm: 99.6}]")
     if not 1 <= len(rows) <= MOST_LAYERS:
         raise fields.fail("layers", f"has 1 to {MOST_LAYERS} layers, not {len(rows)}")
     return layered(tuple(map(_layer, rows)))
@@ -164,7 +148,7 @@ def _measured(fields: Fields) -> Coating:
     if isinstance(value, str):
         return _read_reflectance(fields, value)
     if isinstance(value, dict):
-        inner = fields.inner("reflectance", REFLECTANCE)
+        inner = fields.inner("reflectance", keys.REFLECTANCE)
         return MeasuredReflectance(*read_spectrum(inner, "reflectance"))
     share = fields.number("reflectance")
     if not 0 <= share < 1:
@@ -232,10 +216,10 @@ def read_glass(document: Document, path: KeyPath) -> Medium:
         return _named(document, path, value)
     if isinstance(value, int | float) and not isinstance(value, bool):
         raise problem(document, path, "expected a name or a mapping such as {index: 1.5}", value)
-    fields = Fields(document, path, GLASS)
-    given = [law for law in LAWS if law in fields]
+    fields = Fields(document, path, keys.GLASS)
+    given = [law for law in keys.LAWS if law in fields]
     if len(given) != 1:
-        raise fields.fail(None, f"needs exactly one of {', '.join(LAWS)} (has {', '.join(given) or 'none'})")
+        raise fields.fail(None, f"needs exactly one of {', '.join(keys.LAWS)} (has {', '.join(given) or 'none'})")
     medium = _LAWS[given[0]](fields)
     if "thermal" in fields or "expansion_per_k" in fields:
         medium = replace(medium, thermal=_read_thermal(fields, medium.thermal or Thermal()))
@@ -246,7 +230,7 @@ def _read_thermal(fields: Fields, known: Thermal) -> Thermal:
     expansion = fields.number("expansion_per_k") if "expansion_per_k" in fields else known.expansion_per_k
     if "thermal" not in fields:
         return replace(known, expansion_per_k=expansion)
-    inner = fields.inner("thermal", THERMAL)
+    inner = fields.inner("thermal", keys.THERMAL)
     d, e = inner.numbers("d"), inner.numbers("e")
     for key, values, count in (("d", d, 3), ("e", e, 2)):
         if len(values) != count:
@@ -255,7 +239,7 @@ def _read_thermal(fields: Fields, known: Thermal) -> Thermal:
 
 
 def _read_absorption(fields: Fields) -> Absorption:
-    inner = fields.inner("transmittance", TRANSMITTANCE)
+    inner = fields.inner("transmittance", keys.TRANSMITTANCE)
     return Absorption.from_transmittance(*read_spectrum(inner, "transmittance"), inner.positive("thickness_mm"))
 
 
@@ -271,43 +255,43 @@ def _named(document: Document, path: KeyPath, name: str) -> Medium:
 
 
 def _checked(fields: Fields, key: str, value: float) -> float:
-    if not LOWEST_INDEX <= value <= HIGHEST_INDEX:
-        raise fields.fail(key, f"a refractive index lies between {LOWEST_INDEX:g} and {HIGHEST_INDEX:g}")
+    if not keys.LOWEST_INDEX <= value <= keys.HIGHEST_INDEX:
+        raise fields.fail(key, f"a refractive index lies between {keys.LOWEST_INDEX:g} and {keys.HIGHEST_INDEX:g}")
     return value
 
 
-def _constant(fields: Fields) -> Law:
+def _constant(fields: Fields) -> Medium:
     value = _checked(fields, "index", fields.number("index"))
     return ConstantIndex(value, fields.text("name", f"n = {value:g}"))
 
 
-def _abbe(fields: Fields) -> Law:
+def _abbe(fields: Fields) -> Medium:
     nd = _checked(fields, "nd", fields.number("nd"))
     vd = fields.positive("vd")
     return AbbeCauchy(nd, vd, fields.text("name", f"{nd:g} / {vd:g}"))
 
 
-def _linear(fields: Fields) -> Law:
-    inner = fields.inner("linear_abbe", LINEAR_ABBE)
+def _linear(fields: Fields) -> Medium:
+    inner = fields.inner("linear_abbe", keys.LINEAR_ABBE)
     n = _checked(inner, "n", inner.number("n"))
     v = inner.positive("v")
     return AbbeLinear(n, v, fields.text("name", f"{n:g} / {v:g} linear"))
 
 
-def _sellmeier(fields: Fields) -> Law:
-    inner = fields.inner("sellmeier", SELLMEIER)
+def _sellmeier(fields: Fields) -> Medium:
+    inner = fields.inner("sellmeier", keys.SELLMEIER)
     b, c = inner.numbers("b"), inner.numbers("c")
     if len(b) != len(c):
         raise inner.fail("c", f"b and c need as many numbers as each other ({len(b)} and {len(c)})")
     return Sellmeier(b, c, inner.number("c0", 0.0), _range(fields), fields.text("name", "Sellmeier glass"))
 
 
-def _cauchy(fields: Fields) -> Law:
+def _cauchy(fields: Fields) -> Medium:
     terms = tuple((-2.0 * i, a) for i, a in enumerate(fields.numbers("cauchy")))
     return PowerSeries(terms, False, _range(fields), fields.text("name", "Cauchy glass"))
 
 
-def _schott(fields: Fields) -> Law:
+def _schott(fields: Fields) -> Medium:
     values = fields.numbers("schott")
     if len(values) != 6:
         raise fields.fail(
@@ -319,8 +303,8 @@ def _schott(fields: Fields) -> Law:
     )
 
 
-def _table(fields: Fields) -> Law:
-    inner = fields.inner("table", INDEX_TABLE)
+def _table(fields: Fields) -> Medium:
+    inner = fields.inner("table", keys.INDEX_TABLE)
     wavelengths, values = inner.numbers("wavelengths_nm"), inner.numbers("values")
     if len(wavelengths) != len(values):
         raise inner.fail("values", f"needs one index for each wavelength ({len(values)} for {len(wavelengths)})")
@@ -340,7 +324,7 @@ def _range(fields: Fields) -> tuple[float, float] | None:
     return limits[0], limits[1]
 
 
-def _catalogue(fields: Fields) -> Law:
+def _catalogue(fields: Fields) -> Medium:
     path, content = _content(fields, "catalogue", LARGEST_FILE)
     glasses, name = glasses_of_agf(content, path), fields.text("name")
     for known, medium in glasses.items():
@@ -350,7 +334,7 @@ def _catalogue(fields: Fields) -> Law:
     raise fields.fail("name", f"no such glass in {path.name}; did you mean {', '.join(near) or next(iter(glasses))}?")
 
 
-def _refractive_index(fields: Fields) -> Law:
+def _refractive_index(fields: Fields) -> Medium:
     return read_refractive_index(*_content(fields, "refractiveindex", MAX_BYTES))
 
 

@@ -16,23 +16,9 @@ from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.files import References
 from rptcam_cl.core.strict_yaml import Document, KeyPath
+from rptcam_cl.optics.files import keys
 from rptcam_cl.optics.files.fields import Fields, as_number, problem
 from rptcam_cl.optics.files.glasses import coated, read_glass
-from rptcam_cl.optics.files.keys import (
-    CLEAR,
-    CONFIGURATION,
-    FLOATING,
-    FOCUSING,
-    GROUP,
-    HIGHEST_POWER,
-    LENS,
-    LONGEST_MM,
-    QCON,
-    SHAPE,
-    SHORTEST_MM,
-    SURFACE,
-    UNITS_MM,
-)
 from rptcam_cl.optics.glass import AIR, Medium, continued_words
 from rptcam_cl.optics.lens import Lens, configured, first_order
 from rptcam_cl.optics.shapes import FORMS, Form
@@ -308,7 +294,7 @@ def _stop_shape(fields: Fields) -> StopShape | None:
     try:
         if fields.get("shape") == "heart":
             return heart()
-        inner = fields.inner("shape", SHAPE)
+        inner = fields.inner("shape", keys.SHAPE)
         kinds = [kind for kind in ("blades", "star", "polygon") if kind in inner]
         if len(kinds) != 1:
             raise fields.fail("shape", "allowed: heart, {blades: n}, {star: n} or {polygon: [[x, y], ...]}")
@@ -337,8 +323,8 @@ def _aspheric(fields: Fields, scale: float) -> tuple[tuple[int, float], ...]:
         return ()
     if not isinstance(table, dict):
         raise fields.fail("aspheric", "expected a mapping of powers of r to coefficients, such as {4: 1.0e-5}")
-    fault = f"a power of r is a whole number from 1 to {HIGHEST_POWER}"
-    powers = fields.paths_by_number("aspheric", 1, HIGHEST_POWER, fault)
+    fault = f"a power of r is a whole number from 1 to {keys.HIGHEST_POWER}"
+    powers = fields.paths_by_number("aspheric", 1, keys.HIGHEST_POWER, fault)
     return tuple((power, as_number(fields.document, path) * scale ** (1 - power)) for power, path in powers)
 
 
@@ -346,11 +332,11 @@ def _with_qcon(fields: Fields, scale: float, terms: tuple[tuple[int, float], ...
     """Return the terms of an asphere with those of its Qcon polynomials, by rising power."""
     result = dict(terms)
     if "qcon" in fields:
-        inner = fields.inner("qcon", QCON)
+        inner = fields.inner("qcon", keys.QCON)
         radius, coefficients = inner.positive("radius"), inner.numbers("coefficients")
-        most = (HIGHEST_POWER - FIRST_POWER) // 2 + 1
+        most = (keys.HIGHEST_POWER - FIRST_POWER) // 2 + 1
         if len(coefficients) > most:
-            raise inner.fail("coefficients", f"at most {most}, which reach r^{HIGHEST_POWER}")
+            raise inner.fail("coefficients", f"at most {most}, which reach r^{keys.HIGHEST_POWER}")
         for power, value in even_powers(tuple(scale * a for a in coefficients), radius * scale).items():
             result[power] = result.get(power, 0.0) + value
     return tuple(sorted(term for term in result.items() if term[1] != 0))
@@ -364,7 +350,7 @@ def _region(fields: Fields, scale: float) -> Region | None:
         if "outside" in fields:
             raise fields.fail("outside", "needs a clear region beside it")
         return None
-    inner = fields.inner("clear", CLEAR)
+    inner = fields.inner("clear", keys.CLEAR)
     width, height = math.inf, math.inf
     if "rectangle" in inner:
         size = inner.numbers("rectangle")
@@ -382,7 +368,7 @@ def _region(fields: Fields, scale: float) -> Region | None:
 def read_configurations(top: Fields, count: int, scale: float) -> tuple[Configuration, ...]:
     """Return the zoom positions: a list of {name, gaps: {surface: thickness}}."""
     result = []
-    for index, fields in enumerate(top.rows("configurations", CONFIGURATION, "[{name: wide, gaps: {4: 1.9}}]")):
+    for index, fields in enumerate(top.rows("configurations", keys.CONFIGURATION, "[{name: wide, gaps: {4: 1.9}}]")):
         gaps = _gaps(fields, count, scale)
         stop = fields.positive("stop_diameter") * scale if "stop_diameter" in fields else None
         near = _states(fields, count, scale)
@@ -407,7 +393,7 @@ def read_floating(top: Fields, count: int, scale: float) -> tuple[FocusState, ..
 
 
 def _states(fields: Fields, count: int, scale: float) -> tuple[FocusState, ...]:
-    rows = fields.rows("floating", FLOATING, "[{distance: 450, gaps: {4: 1.9}}]")
+    rows = fields.rows("floating", keys.FLOATING, "[{distance: 450, gaps: {4: 1.9}}]")
     states = [
         FocusState(
             row.positive("distance") * scale,
@@ -447,7 +433,7 @@ def read_focusing(top: Fields, count: int, scale: float) -> FocusingGroup | None
     """Return the focusing group: {surfaces: [first, last], travel: [least, greatest]}."""
     if "focusing" not in top:
         return None
-    fields = top.inner("focusing", FOCUSING)
+    fields = top.inner("focusing", keys.FOCUSING)
     first, last = fields.span("surfaces", count)
     travel = fields.numbers("travel")
     if first == 0 and last == count - 1:
@@ -477,7 +463,7 @@ def read_native(document: Document) -> Lens:
     """Return the lens of a document in our own form."""
     if not isinstance(document.data, dict):
         raise problem(document, (), "expected a mapping with name and surfaces", document.data)
-    top = Fields(document, (), LENS)
+    top = Fields(document, (), keys.LENS)
     scale = _unit(top)
     rows = top.get("surfaces")
     if not isinstance(rows, list) or not rows:
@@ -513,18 +499,18 @@ def read_native(document: Document) -> Lens:
 
 def _unit(top: Fields) -> float:
     unit = top.text("unit", "mm")
-    if unit not in UNITS_MM:
-        raise top.fail("unit", f"allowed: {', '.join(UNITS_MM)}")
-    return UNITS_MM[unit]
+    if unit not in keys.UNITS_MM:
+        raise top.fail("unit", f"allowed: {', '.join(keys.UNITS_MM)}")
+    return keys.UNITS_MM[unit]
 
 
 def _surface(document: Document, index: int, last: bool, scale: float) -> Surface:
-    fields = Fields(document, ("surfaces", index), SURFACE)
+    fields = Fields(document, ("surfaces", index), keys.SURFACE)
     radius = fields.number("radius", math.inf, infinite=True)
     if radius == 0:
         raise fields.fail("radius", "must not be 0: leave it out for a plane, and mark the stop with stop: true")
-    if abs(radius * scale) < SHORTEST_MM:
-        raise fields.fail("radius", f"must be at least {SHORTEST_MM:g} mm")
+    if abs(radius * scale) < keys.SHORTEST_MM:
+        raise fields.fail("radius", f"must be at least {keys.SHORTEST_MM:g} mm")
     thickness = fields.number("thickness", 0.0 if last else None)
     diameter, inner = (
         fields.positive("diameter"),
@@ -533,8 +519,8 @@ def _surface(document: Document, index: int, last: bool, scale: float) -> Surfac
     if inner >= diameter:
         raise fields.fail("inner_diameter", f"must be less than the diameter {diameter:g}")
     for key, value in (("thickness", thickness), ("diameter", diameter)):
-        if abs(value * scale) > LONGEST_MM:
-            raise fields.fail(key, f"must be at most {LONGEST_MM:g} mm")
+        if abs(value * scale) > keys.LONGEST_MM:
+            raise fields.fail(key, f"must be at most {keys.LONGEST_MM:g} mm")
     glass: Medium = read_glass(document, (*fields.path, "glass")) if "glass" in fields else AIR
     return Surface(
         curvature=1.0 / (radius * scale),
@@ -569,7 +555,7 @@ def _reflected(document: Document, surfaces: tuple[Surface, ...], before: Medium
 def _grouped(top: Fields, surfaces: tuple[Surface, ...], scale: float) -> tuple[Surface, ...]:
     """Return the surfaces with the decentre and tilt of the groups they belong to, about each group's first vertex."""
     result = list(surfaces)
-    for fields in top.rows("groups", GROUP, "[{surfaces: [0, 3], tilt_degrees: [1, 0]}]"):
+    for fields in top.rows("groups", keys.GROUP, "[{surfaces: [0, 3], tilt_degrees: [1, 0]}]"):
         first, last = fields.span("surfaces", len(surfaces))
         pose = read_pose(fields, scale)
         if pose is None:

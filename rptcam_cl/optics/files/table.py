@@ -159,6 +159,10 @@ class LensTable:
         """Remember what was ignored on a line."""
         self.notes.append(f"{self.path}:{line}: {text}")
 
+    def number(self, words: list[str], line: int) -> float:
+        """Return the first of some words as a finite number, or say where there is none."""
+        return numbers(words[:1], self.path, line, 1)[0]
+
     def around_the_axis(self, line: int, diameter: float, offset: float) -> float:
         """Return the diameter about the axis that holds an opening beside it, with a note."""
         self.note(line, f"an opening {offset:g} beside the axis is read as the circle around the axis that holds it")

@@ -379,10 +379,8 @@ def _is_sharp(lens: Lens, state: FocusState) -> bool:
     try:
         infinity = film_distance(lens, float("inf"))
         whole = film_distance(lens, state.distance_mm)
-        surfaces = list(lens.surfaces)
-        for k, gap in state.gaps:
-            surfaces[k] = replace(surfaces[k], thickness=gap)
-        near, film = replace(lens, surfaces=tuple(surfaces)), infinity + state.film_shift_mm
+        near = lens.with_changes({k: {"thickness": gap} for k, gap in state.gaps})
+        film = infinity + state.film_shift_mm
         front = state.distance_mm - near.length - film
         return abs(film_distance(near, front, "front") - film) <= SHARP * abs(whole - infinity)
     except InputError:

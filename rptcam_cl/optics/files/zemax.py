@@ -129,19 +129,19 @@ def _header(key: str, rest: list[str], line: int, table: LensTable) -> None:
     elif key == "MODE" and rest and rest[0].upper() != "SEQ":
         raise InputError(f"{table.path}:{line}: only sequential files can be read (MODE {rest[0]})")
     elif key == "ENPD":
-        table.pupil_diameter = numbers(rest[:1], table.path, line, 1)[0]
+        table.pupil_diameter = table.number(rest, line)
     elif key == "FNUM":
-        table.f_number = numbers(rest[:1], table.path, line, 1)[0]
+        table.f_number = table.number(rest, line)
         table.working = rest[1:2] == ["1"]
     elif key == "OBNA":
-        value = numbers(rest[:1], table.path, line, 1)[0]
+        value = table.number(rest, line)
         table.object_aperture = math.sin(math.radians(value)) if rest[1:2] == ["1"] else value
     elif key == "FLOA":  # the stop is as wide as it is drawn
         table.pupil_diameter = table.f_number = table.object_aperture = None
     elif key == "GCAT":
         table.makers += tuple(maker for word in rest for maker in makers_of(word))
     elif key == "FTYP":
-        table.field_kind = int(numbers(rest[:1], table.path, line, 1)[0])
+        table.field_kind = int(table.number(rest, line))
     elif key == "YFLN":
         table.set_field(max(map(abs, numbers(rest, table.path, line)), default=0.0))
     elif key == "MNUM" and rest and rest[0].isdecimal() and int(rest[0]) > 1:
@@ -160,10 +160,10 @@ def _take(surface: _Surface, key: str, rest: list[str], line: int, table: LensTa
     elif key == "STOP":
         surface.stop = True
     elif key in ("CURV", "CONI", "DIAM"):
-        surface.values[key] = numbers(rest[:1], table.path, line, 1)[0]
+        surface.values[key] = table.number(rest, line)
     elif key == "DISZ":
         far = [word.upper() for word in rest[:1]] == ["INFINITY"]
-        surface.values[key] = 0.0 if far else numbers(rest[:1], table.path, line, 1)[0]
+        surface.values[key] = 0.0 if far else table.number(rest, line)
     elif key == "XDAT":
         number, value = numbers(rest[:2], table.path, line, 2)
         surface.extra[int(number)] = value

@@ -475,8 +475,7 @@ def aimed_at_lamps(
     def make() -> LampTables:
         return _tables(camera, lamps, _remembered(camera, lamps, shows, sights))
 
-    on_disk = on_disk and sights is not None
-    found = _DISK.find_or_make(_key(camera, lamps, sights), make) if on_disk else make()
+    found = make() if sights is None or not on_disk else _DISK.find_or_make(_key(camera, lamps, sights), make)
     if not found.lamps:
         return camera
     new = camera.record.copy()

@@ -278,7 +278,7 @@ def _of_shapes(shapes: PupilShapes) -> PupilSampling:
     return replace(tight_sampling(shapes), tier="shared")
 
 
-@remember(most=FEW_REMEMBERED, by=_Cell.key, disk=on_disk(pack=tuple, unpack=lambda *packed: packed))
+@remember(most=FEW_REMEMBERED, by=lambda cell: cell.key(), disk=on_disk(pack=tuple, unpack=lambda *packed: packed))
 def _rays(cell: _Cell) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
     """Return the rays that tables of all stops follow from, and last vertex to film [mm], as they are kept.
 
@@ -309,7 +309,7 @@ def _unpack(arrays: dict[str, NDArray[Any]], facts: dict[str, Any]) -> _Shared |
     return _Shared(PupilSampling.of_facts(facts["sampling"], arrays["table"]), facts["back_mm"]) if arrays else None
 
 
-@remember(most=REMEMBERED, by=_Cell.key, disk=on_disk(pack=_pack, unpack=_unpack))
+@remember(most=REMEMBERED, by=lambda cell: cell.key(), disk=on_disk(pack=_pack, unpack=_unpack))
 def _of_traced(cell: _Cell) -> _Shared | None:
     """Return the table of a cell; None where it would lose light or cannot be focused."""
     try:

@@ -6,6 +6,7 @@ Emissive planes, insides of solids, what moves and what has holes shine as well,
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,17 @@ from numpy.typing import NDArray
 from rptcam_cl.core.colour import LUMINANCE, luminance
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.core.records import EMITTER, EmitterKind, EnvironmentKind, Kind, TexelFormat, curves
+from rptcam_cl.core.records import (
+    EMITTER,
+    EMITTER_FACTS,
+    TINY_ANGLE,
+    EmitterKind,
+    EnvironmentKind,
+    Kind,
+    TexelFormat,
+    curves,
+    fill,
+)
 from rptcam_cl.rendering.cameras.lamp_aim import SeenLamp
 from rptcam_cl.rendering.plan.environment import SUN_RADIUS_DEGREES, DistantSun, Surroundings
 from rptcam_cl.rendering.plan.primitives import Primitive, corners_of_box, sphere_of, turn_to, world_from_scene
@@ -42,18 +53,17 @@ def light_emitter(
     light: Light, scene: Scene, textures: TextureTable, spectra: KnownSpectra, reach: float
 ) -> tuple[np.void, float]:
     """Return record and power [W, luminance] of a light; ``reach`` is the radius of the scene [m]."""
-    record: np.void = EMITTER.zeros(1)[0]
-    record["primitive"], record["triangle"], record["texture"] = -1, -1, -1
+    record = _without_surface()
     match light:
         case PointLight():
-            record["kind"], record["radiance"][:3] = EmitterKind.POINT, light.intensity
+            fill(record, kind=EmitterKind.POINT, radiance=light.intensity)
             power = 4 * np.pi * luminance(light.intensity)
         case SpotLight():
             power = _spot(record, light)
         case ProfileLight():
             power = _profile(record, light, scene, textures)
         case DirectionalLight():
-            record["kind"], record["radiance"][:3] = EmitterKind.DIRECTIONAL, light.irradiance
+            fill(record, kind=EmitterKind.DIRECTIONAL, radiance=light.irradiance)
             power = np.pi * reach**2 * luminance(light.irradiance)
         case SunLight():
             power = fill_sun(record, light.irradiance, light.diameter_degrees / 2) * np.pi * reach**2
@@ -63,6 +73,11 @@ def light_emitter(
     else:
         record["a"][:3] = (world_from_scene(scene) @ (*light.position, 1.0))[:3]
     return record, power
+
+
+def _without_surface() -> np.void:
+    record: np.void = EMITTER.one(primitive=-1, triangle=-1, texture=-1)[0]
+    return record
 
 
 def _number(light: Light, record: np.void, spectra: KnownSpectra) -> int:
@@ -82,17 +97,14 @@ def _number(light: Light, record: np.void, spectra: KnownSpectra) -> int:
 def fill_sun(record: np.void, irradiance: tuple[float, float, float], radius_degrees: float) -> float:
     """Fill in a disk at infinity that gives an irradiance where it is faced; return that as luminance [W/m²]."""
     sin2 = np.sin(np.deg2rad(radius_degrees)) ** 2
-    record["kind"] = EmitterKind.SUN
-    record["a"][3] = sin2
-    record["radiance"][:3] = np.asarray(irradiance) / (np.pi * sin2)
+    fill(record, kind=EmitterKind.SUN, a=(0.0, 0.0, 0.0, sin2), radiance=np.asarray(irradiance) / (np.pi * sin2))
     return float(luminance(irradiance))
 
 
 def sun_emitter(sun: DistantSun, reach: float) -> tuple[np.void, float]:
     """Return record and power [W, luminance] of the sun of a sky; ``reach`` is the radius of the scene [m]."""
-    record: np.void = EMITTER.zeros(1)[0]
-    record["primitive"], record["triangle"], record["texture"] = -1, -1, -1
-    record["normal"][:3] = sun.towards
+    record = _without_surface()
+    fill(record, normal=sun.towards)
     red, green, blue = sun.irradiance.tolist()
     return record, fill_sun(record, (red, green, blue), SUN_RADIUS_DEGREES) * np.pi * reach**2
 
@@ -104,8 +116,7 @@ def _unit(direction: tuple[float, float, float]) -> NDArray[np.float64]:
 def _spot(record: np.void, light: SpotLight) -> float:
     """Fill in a cone; return its power: a step that is smooth in the cosine is half full on average."""
     outer, inner = (2 * np.sin(np.deg2rad(angle) / 2) ** 2 for angle in (light.outer_degrees, light.inner))
-    record["kind"], record["radiance"][:3] = EmitterKind.SPOT, light.intensity
-    record["normal"][:3] = _unit(light.direction)
+    fill(record, kind=EmitterKind.SPOT, radiance=light.intensity, normal=_unit(light.direction))
     record["u"][3], record["v"][3] = outer, 1 / (outer - inner)
     return float(np.pi * (outer + inner) * luminance(light.intensity))
 
@@ -118,15 +129,19 @@ def _profile(record: np.void, light: ProfileLight, scene: Scene, textures: Textu
         raise InputError(f"{light.place}{problem}") from None
     intensity, mean = _directions(luminaire)
     texels = np.repeat(intensity.astype(np.float32)[::-1, :, None], 3, axis=2)
-    record["texture"] = textures.add_sphere(Colours.of(texels, TexelFormat.HALF, f"luminaire {scene.digest_of(light)}"))
-    record["kind"] = EmitterKind.PROFILE
+    colours = Colours.of(texels, TexelFormat.HALF, f"luminaire {scene.digest_of(light)}")
     colour = np.array(light.color) * (light.gain / max(float(luminance(light.color)), 1e-30))
-    record["radiance"][:3] = colour
     turn = turn_to(-_unit(light.direction))
     angle = np.deg2rad(light.rotation_degrees)
-    record["u"][:3] = np.cos(angle) * turn[:, 0] + np.sin(angle) * turn[:, 1]
-    record["v"][:3] = np.cos(angle) * turn[:, 1] - np.sin(angle) * turn[:, 0]
-    record["normal"][:3] = _unit(light.direction)
+    fill(
+        record,
+        kind=EmitterKind.PROFILE,
+        texture=textures.add_sphere(colours),
+        radiance=colour,
+        u=np.cos(angle) * turn[:, 0] + np.sin(angle) * turn[:, 1],
+        v=np.cos(angle) * turn[:, 1] - np.sin(angle) * turn[:, 0],
+        normal=_unit(light.direction),
+    )
     return float(4 * np.pi * mean * LUMINANCE @ colour)
 
 
@@ -150,9 +165,8 @@ SOLIDS = {
     Kind.CYLINDER: EmitterKind.CYLINDER,
     Kind.CONE: EmitterKind.CONE,
 }
-QUADRATURE_STEPS = (
-    64  # of a quadrature about an axis: smooth and periodic, it is exact to rounding but for very thin shapes
-)
+# Of a quadrature about an axis: smooth and periodic, it is exact to rounding but for very thin shapes.
+QUADRATURE_STEPS = 64
 
 
 def fill_solid(record: np.void, kind: Kind, placement: Array) -> None:
@@ -167,13 +181,10 @@ def fill_solid(record: np.void, kind: Kind, placement: Array) -> None:
     placement
         (4, 4), maps the canonical shape of the kind to the world [m].
     """
-    linear, inverse = placement[:3, :3], np.linalg.inv(placement[:3, :3])
-    record["kind"] = SOLIDS[kind]
-    record["a"] = (*placement[:3, 3], np.cbrt(abs(np.linalg.det(linear))))
-    for name, column in zip(("u", "v", "normal"), linear.T, strict=True):
-        record[name][:3] = column
-    for name, row in zip(("uv", "uv_x", "uv_y"), inverse, strict=True):
-        record[name][:3] = row
+    linear = placement[:3, :3]
+    (u, v, normal), (uv, uv_x, uv_y) = linear.T, np.linalg.inv(linear)
+    size = np.cbrt(abs(np.linalg.det(linear)))
+    fill(record, kind=SOLIDS[kind], a=(*placement[:3, 3], size), u=u, v=v, normal=normal, uv=uv, uv_x=uv_x, uv_y=uv_y)
 
 
 def area_of_solid(kind: Kind, linear: Array) -> float:
@@ -403,13 +414,11 @@ def triangle_emitters(
         normal *= np.where((normal * shown).sum(axis=1) < 0, -1.0, 1.0)[:, None]
     double_area = np.linalg.norm(normal, axis=1)
     records = EMITTER.zeros(len(mesh.faces))
-    records["kind"] = EmitterKind.TRIANGLE
-    records["a"][:, :3], records["a"][:, 3] = a, double_area / 2
-    records["u"][:, :3], records["v"][:, :3] = u, v
+    unit = normal / np.maximum(double_area, np.finfo(np.float64).tiny)[:, None]
+    fill(records, kind=EmitterKind.TRIANGLE, a=np.column_stack([a, double_area / 2]), u=u, v=v, normal=unit)
     if mesh.uvs is not None:
         corner, first, second = (mesh.uvs[mesh.faces[:, index]] for index in range(3))
-        records["uv"][:, :2], records["uv_x"][:, :2], records["uv_y"][:, :2] = corner, first - corner, second - corner
-    records["normal"][:, :3] = normal / np.maximum(double_area, np.finfo(np.float64).tiny)[:, None]
+        fill(records, uv=corner, uv_x=first - corner, uv_y=second - corner)
     return records, double_area / 2
 
 
@@ -432,29 +441,14 @@ class Emitters:
     @property
     def facts(self) -> dict[str, int]:
         """Which kinds of emitter the kernels must know."""
-        painted = self.records["texture"] >= 0
-        flats = {EmitterKind.RECTANGLE, EmitterKind.DISK, EmitterKind.TRIANGLE}
+        painted = (self.records["texture"] >= 0) & (self.records["primitive"] >= 0)
         return {
             "HAS_EMITTERS": int(self.count > 0),
             "ONE_EMITTER": int(self.count == 1),
             "LIGHT_TREE": int(self.tree is not None),
             "TINY_LAMPS": int(self.tiny),
-            "EMITTER_FLATS": int(bool(self.kinds & flats)),
-            "EMITTER_TRIANGLES": int(EmitterKind.TRIANGLE in self.kinds),
-            "EMITTER_DISKS": int(EmitterKind.DISK in self.kinds),
-            "EMITTER_SPHERES": int(EmitterKind.SPHERE in self.kinds),
-            "EMITTER_SOLIDS": int(bool(self.kinds & set(SOLIDS.values()))),
-            "EMITTER_BOXES": int(EmitterKind.BOX in self.kinds),
-            "EMITTER_ELLIPSOIDS": int(EmitterKind.ELLIPSOID in self.kinds),
-            "EMITTER_CYLINDERS": int(EmitterKind.CYLINDER in self.kinds),
-            "EMITTER_CONES": int(EmitterKind.CONE in self.kinds),
-            "EMITTER_POINTS": int(EmitterKind.POINT in self.kinds),
-            "EMITTER_SPOTS": int(EmitterKind.SPOT in self.kinds),
-            "EMITTER_PROFILES": int(EmitterKind.PROFILE in self.kinds),
-            "EMITTER_DIRECTIONS": int(EmitterKind.DIRECTIONAL in self.kinds),
-            "EMITTER_TEXTURES": int((painted & (self.records["primitive"] >= 0))[: self.count].any()),
-            "EMITTER_SUNS": int(EmitterKind.SUN in self.kinds),
-            "ENVIRONMENT_SAMPLED": int(EmitterKind.ENVIRONMENT in self.kinds),
+            "EMITTER_TEXTURES": int(painted[: self.count].any()),
+            **{fact: int(bool(self.kinds & kinds)) for fact, kinds in EMITTER_FACTS.items()},
         }
 
 
@@ -464,20 +458,18 @@ def _flat(primitive: Primitive, record: np.void) -> float:
     x, y, _, origin = primitive.placement[:3].T
     area = float(np.linalg.norm(cross(x, y))) * (np.pi if disk else 1.0)
     normal = np.linalg.inv(primitive.placement)[2, :3]
-    record["kind"] = EmitterKind.DISK if disk else EmitterKind.RECTANGLE
-    record["a"] = (*origin, area)
-    record["u"][:3], record["v"][:3], record["normal"][:3] = x, y, normal / np.linalg.norm(normal)
-    record["uv_x"][:2], record["uv_y"][:2] = (1, 0), (0, 1)
+    kind = EmitterKind.DISK if disk else EmitterKind.RECTANGLE
+    fill(record, kind=kind, a=(*origin, area), u=x, v=y, normal=normal / np.linalg.norm(normal))
+    fill(record, uv_x=(1, 0), uv_y=(0, 1))
     return area
 
 
 def _sphere(primitive: Primitive, record: np.void) -> float:
     """Fill in a sphere; return its area."""
     center, radius = sphere_of(primitive.placement)
-    record["kind"] = EmitterKind.SPHERE
-    record["a"] = (*center, radius)
     axes = primitive.placement[:3, :3] / radius
-    record["u"][:3], record["v"][:3], record["uv"][2] = axes[:, 0], axes[:, 2], np.sign(np.linalg.det(axes))
+    handedness = np.sign(np.linalg.det(axes))
+    fill(record, kind=EmitterKind.SPHERE, a=(*center, radius), u=axes[:, 0], v=axes[:, 2], uv=(0, 0, handedness))
     return 4 * np.pi * radius**2
 
 
@@ -488,7 +480,6 @@ def _solid(primitive: Primitive, record: np.void) -> float:
 
 
 _BRIGHTEST_AFAR = 1e30  # over the lamps near by, of which nothing is to be seen then; sums of it are float32 still
-_TINY_ANGLE = 1e-4  # as in kernels/light/emitters.h
 _SAMPLED = {Kind.RECTANGLE: _flat, Kind.DISK: _flat, Kind.SPHERE: _sphere, **dict.fromkeys(SOLIDS, _solid)}
 
 
@@ -507,11 +498,11 @@ class Glow:
         """Radiance times sides [W/(m² sr), luminance]."""
         return float(luminance(self.radiance)) * (2 if self.two_sided else 1)
 
-    def fill(self, records: NDArray[np.void] | np.void) -> None:
-        """Write it into records."""
-        records["radiance"][..., :3] = self.radiance
-        records["radiance"][..., 3] = self.number
-        records["texture"], records["two_sided"] = self.texture, self.two_sided
+    @property
+    def members(self) -> dict[str, Any]:
+        """What an emitter's record has of it."""
+        radiance = (*self.radiance, self.number)
+        return {"radiance": radiance, "texture": self.texture, "two_sided": self.two_sided}
 
 
 def glow_of(material: Material, textures: TextureTable, spectra: KnownSpectra) -> Glow:
@@ -531,11 +522,9 @@ def _surface_emitter(index: int, primitive: Primitive, glow: Glow) -> Found | No
     """Return record and power [W, luminance] of an emissive primitive, or None when it is not sampled."""
     if primitive.kind not in _SAMPLED or glow.strength <= 0:
         return None
-    record: np.void = EMITTER.zeros(1)[0]
-    area = _SAMPLED[primitive.kind](primitive, record)
-    glow.fill(record)
-    record["primitive"], record["triangle"] = index, -1
-    return np.array([record], EMITTER.dtype), np.array([np.pi * area * glow.strength])
+    records = EMITTER.one(primitive=index, triangle=-1, **glow.members)
+    area = _SAMPLED[primitive.kind](primitive, records[0])
+    return records, np.array([np.pi * area * glow.strength])
 
 
 def _mesh_emitters(
@@ -545,9 +534,7 @@ def _mesh_emitters(
     if primitive.mesh is None or glow.strength <= 0:
         return None
     records, areas = triangle_emitters(primitive.mesh, primitive.placement, eye)
-    glow.fill(records)
-    records["primitive"] = index
-    records["triangle"] = first_triangle + np.arange(len(records))
+    fill(records, primitive=index, triangle=first_triangle + np.arange(len(records)), **glow.members)
     return records, np.pi * areas * glow.strength
 
 
@@ -570,7 +557,7 @@ def _has_tiny(records: NDArray[np.void], primitives: list[Primitive], eye: NDArr
     extents = pieces["a"][:, 3].astype(np.float64)
     sizes = np.where(pieces["kind"] >= EmitterKind.BOX, extents, np.sqrt(extents))
     ends = (pieces["kind"] != EmitterKind.SPHERE) & (pieces["two_sided"] == 0)
-    return bool((sizes[ends] < _TINY_ANGLE * 2 * _scene_reach(primitives, eye)).any())
+    return bool((sizes[ends] < TINY_ANGLE * 2 * _scene_reach(primitives, eye)).any())
 
 
 def pack_emitters(
@@ -606,7 +593,9 @@ def pack_emitters(
     reach = _scene_reach(primitives, eye) if far else 1.0
     lights = [light_emitter(light, scene, textures, spectra, reach) for light in scene.lights]
     if surroundings.kind is EnvironmentKind.IMAGE:
-        lights.append(_environment(surroundings.flux * np.pi * reach**2))
+        record = _without_surface()
+        fill(record, kind=EmitterKind.ENVIRONMENT)
+        lights.append((record, surroundings.flux * np.pi * reach**2))
     if surroundings.sun is not None:
         lights.append(sun_emitter(surroundings.sun, reach))
     lights = sorted((found for found in lights if found[1] > 0), key=lambda found: found[0]["kind"] == EmitterKind.SUN)
@@ -665,9 +654,8 @@ def _surface_emitters(
     first_mesh = len(primitives) - len(first_triangles)
     for index, primitive in enumerate(primitives):
         glow = glow_of(primitive.material, textures, spectra)
-        if has_holes(primitive.material):  # a sample would have to ask whether it lies in one; paths find what shines
-            continue
-        if primitive.trajectory is not None:  # a sample would have to follow it; paths find what shines
+        # A sample would have to ask whether it lies in a hole, or follow what moves; paths find what shines there.
+        if has_holes(primitive.material) or primitive.trajectory is not None:
             continue
         if primitive.mesh is None:
             found = _surface_emitter(index, primitive, glow)
@@ -678,13 +666,6 @@ def _surface_emitters(
             count += len(found[0])
             chosen.append(found)
     return chosen, of_primitive
-
-
-def _environment(power: float) -> tuple[np.void, float]:
-    record: np.void = EMITTER.zeros(1)[0]
-    record["kind"], record["primitive"], record["triangle"] = EmitterKind.ENVIRONMENT, -1, -1
-    record["texture"] = -1
-    return record, power
 
 
 # Lamps that the camera may see out of focus, as it sees them.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +19,9 @@ from rptcam_cl.core.colour import (
 )
 from rptcam_cl.core.constants import LUMENS_PER_WATT
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.core.records import ENVIRONMENT, EnvironmentKind, TexelFormat, curves
+from rptcam_cl.core.records import ENVIRONMENT, EnvironmentKind, TexelFormat, curves, fill
 from rptcam_cl.rendering.plan.textures import (
+    PICTURES,
     Colours,
     KnownSpectra,
     PictureTable,
@@ -28,6 +30,7 @@ from rptcam_cl.rendering.plan.textures import (
     unpacked,
 )
 from rptcam_cl.scene.lights import ConstantEnvironment, GradientEnvironment, ImageEnvironment, SkyEnvironment
+from rptcam_cl.scene.quantities import Colour
 from rptcam_cl.scene.scene import Scene
 
 #
@@ -64,8 +67,7 @@ _OZONE = (
 _OZONE_CM = 0.35
 
 
-@dataclass(frozen=True, eq=False)
-class Sky:
+class Sky(NamedTuple):
     """A baked sky.
 
     Attributes
@@ -212,16 +214,17 @@ def pack_environment(scene: Scene, textures: TextureTable, spectra: KnownSpectra
     """Return the environment of a scene; add its picture to the textures."""
     record = ENVIRONMENT.zeros(1)
     nothing = np.zeros(1, np.float32)
+
+    def light(radiance: Colour) -> tuple[float, ...]:
+        return (*radiance, spectra.number(radiance, light=True))
+
     match scene.environment:
         case GradientEnvironment() as gradient:
-            record["bottom"][0, :3], record["top"][0, :3] = gradient.bottom, gradient.top
-            record["bottom"][0, 3] = spectra.number(gradient.bottom, light=True)
-            record["top"][0, 3] = spectra.number(gradient.top, light=True)
-            record["up"][0, :3] = np.asarray(gradient.up) / np.linalg.norm(gradient.up)
+            up = np.asarray(gradient.up) / np.linalg.norm(gradient.up)
+            fill(record, bottom=light(gradient.bottom), top=light(gradient.top), up=up)
             return Surroundings(EnvironmentKind.GRADIENT, record, nothing, 0.0)
         case ConstantEnvironment() as constant:
-            record["bottom"][0, :3] = constant.radiance
-            record["bottom"][0, 3] = spectra.number(constant.radiance, light=True)
+            fill(record, bottom=light(constant.radiance))
             return Surroundings(EnvironmentKind.CONSTANT, record, nothing, 0.0)
         case ImageEnvironment() as image:
             colours = textures.pictures.colours(image, "rgb", image.color_space)
@@ -234,7 +237,8 @@ def pack_environment(scene: Scene, textures: TextureTable, spectra: KnownSpectra
 
 def _of_picture(record: NDArray[np.void], colours: Colours, directions: Array, gain: float) -> Surroundings:
     """Return the surroundings of a picture, given where its right, up and forward point."""
-    record["right"][0, :3], record["up"][0, :3], record["forward"][0, :3] = directions
+    right, up, forward = directions
+    fill(record, right=right, up=up, forward=forward)
     brightness = PICTURES.find_or_make(f"brightness {colours.name}", lambda: _Brightness.of(colours))
     if brightness.total <= 0 or gain <= 0:
         return Surroundings(EnvironmentKind.NONE, record, np.zeros(1, np.float32), 0.0)

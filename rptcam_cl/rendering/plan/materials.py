@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.core.records import MATERIAL, MaterialKind
+from rptcam_cl.core.records import MATERIAL, MATERIAL_TEXTURES, MaterialKind, fill
 from rptcam_cl.rendering.plan.textures import KnownSpectra, TextureTable, fill_index, metal_constants, metal_spectra
 from rptcam_cl.scene.materials import (
     AbsorbingMaterial,
@@ -366,11 +366,6 @@ def _of_principled(record: np.void, cosine: Array) -> Array:
     return np.asarray(under * (dielectric + metallic * (metal - dielectric)))
 
 
-_TEXTURES = ("texture", "glow_texture", "roughness_texture", "metallic_texture", "coat_texture",
-             "coat_roughness_texture", "sheen_texture", "opacity_texture", "factor_texture",
-             "normal_texture", "anisotropy_texture", "specular_texture", "specular_color_texture",
-             "coat_normal_texture", "transmission_texture")  # fmt: skip
-
 Faceted = Conductor | Dielectric | Plastic | Principled
 
 
@@ -446,21 +441,19 @@ class _Filler:
             self._metal(record, material.metal)
         if isinstance(material, Plastic):
             _cover(record, material)
-        if isinstance(material, AbsorbingMaterial):
-            record["absorption"][:3] = material.absorption
-            record["absorption"][3] = self._spectra.number(material.absorption)
-        if isinstance(material, ThinGlass):
-            record["absorption"][:3] = material.depth
-            record["absorption"][3] = self._spectra.number(material.depth)
+        if isinstance(material, AbsorbingMaterial | ThinGlass):
+            depth = material.depth if isinstance(material, ThinGlass) else material.absorption
+            fill(record, absorption=(*depth, self._spectra.number(depth)))
         self._coverage(record, material)
 
     def _metal(self, record: np.void, metal: str | OpticalConstants | MetalSpectrum) -> None:
         """Write the index n + i k of a metal: of each channel, and of one that was measured the spectra."""
         if isinstance(metal, OpticalConstants):
-            record["metal_n"][:3], record["metal_k"][:3] = metal.n, metal.k
+            fill(record, metal_n=metal.n, metal_k=metal.k)
             return
-        record["metal_n"][:3], record["metal_k"][:3] = metal_constants(metal)
-        record["metal_n"][3], record["metal_k"][3] = map(self._spectra.add, metal_spectra(metal))
+        pairs = zip(metal_constants(metal), metal_spectra(metal), strict=True)
+        n, k = ((*channels, self._spectra.add(spectrum)) for channels, spectrum in pairs)
+        fill(record, metal_n=n, metal_k=k)
 
     def _coverage(self, record: np.void, material: Material) -> None:
         if isinstance(material, CoveringMaterial):
@@ -531,29 +524,19 @@ def _facts(records: NDArray[np.void]) -> dict[str, int]:
     clearing = records["transmission_texture"] >= 0
     tinted = records["specular_color"][principled] != (1, 1, 1, 0)
     brushed = records["anisotropy_texture"] >= 0
-    facts = {f"HAS_{kind.name}": int(kind in kinds) for kind in MaterialKind}
+    facts = {f"HAS_{kind.name}": int(kind in kinds) for kind in MaterialKind} | MATERIAL.facts_of(records)
     features = {
         "HAS_ANISOTROPY": np.any(records["alpha"] != records["alpha_across"]) or np.any(brushed),
         "HAS_ANISOTROPY_TURN": np.any(records["anisotropy_turn"][~brushed] != 0),
-        "HAS_ANISOTROPY_MAP": np.any(brushed),
         "HAS_TRANSMISSION": np.any(records["transmission"][principled] > 0) or np.any(clearing),
-        "HAS_TRANSMISSION_TEXTURE": np.any(clearing),
         "HAS_CLEARCOAT": np.any(coated),
         "HAS_COAT_NORMAL": np.any(coated & ((records["coat_normal_texture"] >= 0) | flat)),
         "HAS_SHEEN": np.any(records["sheen"][principled] > 0) or np.any(records["sheen_texture"] >= 0),
         "HAS_ABSORPTION": np.any(records["absorption"][clear] > 0),
         "HAS_GLOW": np.any(records["glow"] > 0) or np.any(records["glow_texture"] >= 0),
-        "HAS_ROUGHNESS_TEXTURE": np.any(records["roughness_texture"] >= 0),
-        "HAS_METALLIC_TEXTURE": np.any(records["metallic_texture"] >= 0),
-        "HAS_COAT_TEXTURE": np.any(records["coat_texture"] >= 0),
-        "HAS_COAT_ROUGHNESS_TEXTURE": np.any(records["coat_roughness_texture"] >= 0),
-        "HAS_SHEEN_TEXTURE": np.any(records["sheen_texture"] >= 0),
-        "HAS_SPECULAR_TEXTURE": np.any(records["specular_texture"] >= 0),
         "HAS_SPECULAR_COLOR": np.any(tinted) or np.any(records["specular_color_texture"] >= 0),
-        "HAS_SPECULAR_COLOR_TEXTURE": np.any(records["specular_color_texture"] >= 0),
         "HAS_DISPERSION": np.any(records["dispersion_terms"] > 0),
         "HAS_OPACITY": np.any(records["opacity"] < 1) or np.any(records["opacity_texture"] >= 0),
-        "HAS_NORMAL_MAP": np.any(records["normal_texture"] >= 0),
     }
     return facts | {name: int(value) for name, value in features.items()}
 
@@ -561,9 +544,8 @@ def _facts(records: NDArray[np.void]) -> dict[str, int]:
 def _white(count: int) -> NDArray[np.void]:
     """Return records of materials of no kind: white, without textures or holes."""
     records = MATERIAL.zeros(count)
-    records["color"][:, :3], records["specular_color"][:, :3], records["opacity"] = 1.0, 1.0, 1.0
-    for name in _TEXTURES:
-        records[name] = -1
+    white = (1.0, 1.0, 1.0)
+    fill(records, color=white, specular_color=white, opacity=1.0, **dict.fromkeys(MATERIAL_TEXTURES, -1))
     return records
 
 
@@ -580,6 +562,6 @@ def pack_materials(materials: Sequence[Material], textures: TextureTable, spectr
             record["first"], record["second"] = (index[id(part)] for part in material.materials)
     if not distinct:
         records["kind"], records["color"] = -1, 0.0
-    records["textured"] = np.any([records[name] >= 0 for name in _TEXTURES], axis=0)
+    records["textured"] = np.any([records[name] >= 0 for name in MATERIAL_TEXTURES], axis=0)
     records["textured"] |= records["kind"] == MaterialKind.MIX
     return Materials(records, index, _facts(records))

@@ -21,7 +21,7 @@ from rptcam_cl.core.colour import (
 )
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.core.records import CAUSTIC_SURFACE, EmitterKind, Kind, SpectrumKind, curves
+from rptcam_cl.core.records import CAUSTIC_SURFACE, EmitterKind, Kind, SpectrumKind, curves, fill
 from rptcam_cl.rendering.cameras.lamp_aim import SeenLamp, Shows, Sights, aimed_at_lamps
 from rptcam_cl.rendering.cameras.model import CameraModel, FilterTable, camera_trajectory, filter_table, turned
 from rptcam_cl.rendering.cameras.realistic import camera_model
@@ -345,10 +345,6 @@ def _without(reason: str | None) -> Caustics:
     return Caustics(False, choice, CAUSTIC_SURFACE.zeros(1), np.zeros(4, np.float32), np.zeros(1, np.int32))
 
 
-def _parts(material: Material) -> Sequence[Material]:
-    return material.materials if isinstance(material, Mix) else (material,)
-
-
 def _is_smooth(material: Material) -> bool:
     if isinstance(material, Dielectric):
         return material.alphas is None
@@ -367,7 +363,8 @@ def _receives(material: Material) -> bool:
 
 
 def _role(primitive: Primitive) -> int:
-    parts = _parts(primitive.material)
+    material = primitive.material
+    parts: Sequence[Material] = material.materials if isinstance(material, Mix) else (material,)
     if any(map(_receives, parts)):
         return RECEIVER
     smooth = any(map(_is_smooth, parts)) and primitive.kind is not Kind.PLANE and not has_holes(primitive.material)
@@ -414,10 +411,8 @@ def _shape_surfaces(primitive: Primitive) -> tuple[NDArray[np.void], NDArray[np.
     if kind is Kind.BOX:
         kind, placements = Kind.RECTANGLE, [primitive.placement @ face for face in _FACES]
     found = CAUSTIC_SURFACE.zeros(len(placements))
-    found["kind"], found["triangle"], found["area"] = kind, -1, _AREA[kind]
-    for record, placement in zip(found, placements, strict=True):
-        for axis, name in enumerate(("row_x", "row_y", "row_z")):
-            record[name] = placement[axis]
+    row_x, row_y, row_z, _ = np.moveaxis(np.array(placements), 1, 0)
+    fill(found, kind=kind, triangle=-1, area=_AREA[kind], row_x=row_x, row_y=row_y, row_z=row_z)
     return found, np.array([_area_of(kind, placement[:3, :3]) for placement in placements])
 
 
@@ -529,39 +524,13 @@ def _nearest(surface: np.void, points: NDArray[np.float64]) -> NDArray[np.float6
 
 # What a plan says of a scene but for its camera: primitives, materials, lamps and surroundings.
 
-FRAMED = (
-    "HAS_ANISOTROPY_TURN",
-    "HAS_ANISOTROPY_MAP",
-    "HAS_NORMAL_MAP",
-    "HAS_COAT_NORMAL",
-)  # what wants the frame of u and v
+# What wants the frame of u and v.
+FRAMED = ("HAS_ANISOTROPY_TURN", "HAS_ANISOTROPY_MAP", "HAS_NORMAL_MAP", "HAS_COAT_NORMAL")
 FEW = 16  # primitives, as many as lanes that a processor permutes at once
 
 
-@dataclass(frozen=True, eq=False)
-class World:
-    """What the kernels read of a scene beside the camera, about the eye, and the facts that they are compiled for."""
-
-    facts: dict[str, int]
-    primitives: NDArray[np.void]
-    primitive_count: int
-    kind_end: NDArray[np.int32]
-    movements: Movements
-    materials: Materials
-    spectra: KnownSpectra
-    textures: Textures
-    emitters: Emitters
-    surroundings: Surroundings
-    caustics: Caustics
-    meshes: PackedMeshes | None
-    owners: Owners
-    eye_m: NDArray[np.float64]
-    albedo: LargestAlbedo
-    lamps: tuple[SeenLamp, ...]  # that the eye sees
-
-
-def world_of(scene: Scene, parts: PlanParts) -> World:
-    """Return the world of a scene; that before, where nothing of which it is made is another."""
+def _world(scene: Scene, parts: PlanParts) -> dict[str, Any]:
+    """Return what a `Plan` has of a scene without its camera: as before, where what it is made of is the same."""
     solids, far = scene.solids(), (scene.lights, scene.environment)
     named = tuple(scene.materials), tuple(scene.materials.values())
     shown = tuple(solid.shown_materials() for solid in solids)
@@ -569,10 +538,10 @@ def world_of(scene: Scene, parts: PlanParts) -> World:
     caustics = scene.render.caustics, "caustics" in scene.render.model_fields_set, scene.render.clamp is None
     about = scene.camera.eye, scene.metres_per_unit, scene.shutter, caustics
     of = scene.objects, solids, named, far, files, about
-    return parts.part("world", of, lambda: _made(scene, parts, files))
+    return parts.part("world", of, lambda: _pack_world(scene, parts, files))
 
 
-def _made(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> World:
+def _pack_world(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> dict[str, Any]:
     primitives, meshes = with_meshes(scene_primitives(scene), scene, parts)
     materials = [primitive.material for primitive in primitives]
     seen = parts.appearance(scene, materials, files)
@@ -590,28 +559,24 @@ def _made(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> World:
         "FEW_PRIMITIVES": int(len(primitives) <= FEW),
         "HUGE_SPHERES": int(has_huge_sphere(primitives)),
     }
-    return World(
-        facts=facts,
-        primitives=records,
-        primitive_count=len(primitives),
-        kind_end=kind_end,
-        movements=movements,
-        materials=shown,
-        spectra=spectra,
-        textures=textures,
-        emitters=emitters,
-        surroundings=surroundings,
-        caustics=caustics,
-        meshes=meshes.packed if meshes else None,
-        owners=owners_of(scene, primitives),
-        eye_m=eye_m,
-        albedo=largest_albedo(materials),
-        lamps=visible_lamps(primitives, eye_m, table),
-    )
-
-
-def _world_is_smooth(primitive: Primitive) -> bool:
-    return primitive.mesh is not None and primitive.mesh.normals is not None
+    return {
+        "facts": facts,
+        "primitives": records,
+        "primitive_count": len(primitives),
+        "kind_end": kind_end,
+        "movements": movements,
+        "materials": shown.records,
+        "colours": (spectra, shown),
+        "textures": textures,
+        "emitters": emitters,
+        "surroundings": surroundings,
+        "caustics": caustics,
+        "meshes": meshes.packed if meshes else None,
+        "owners": owners_of(scene, primitives),
+        "eye_m": eye_m,
+        "albedo": largest_albedo(materials),
+        "lamps": visible_lamps(primitives, eye_m, table),
+    }
 
 
 def _facts_of_shapes(
@@ -619,11 +584,12 @@ def _facts_of_shapes(
 ) -> dict[str, int]:
     """Return which kinds of primitives there are, and what their surfaces require beside positions and normals."""
     kinds = {primitive.kind for primitive in primitives}
+    is_smooth = any(primitive.mesh is not None and primitive.mesh.normals is not None for primitive in primitives)
     bumpy = materials["HAS_NORMAL_MAP"] or materials["HAS_COAT_NORMAL"]
     return {f"HAS_{kind.name}": int(kind in kinds) for kind in Kind} | {
         "HAS_TANGENT": int(materials["HAS_ANISOTROPY"] or any(materials[name] for name in FRAMED)),
         "HAS_BITANGENT": int(any(materials[name] for name in FRAMED)),
-        "HAS_SHADING_NORMAL": int(bumpy or any(map(_world_is_smooth, primitives))),
+        "HAS_SHADING_NORMAL": int(bumpy or is_smooth),
         "HAS_AFFINE": int(bool(kinds - {Kind.SPHERE, Kind.MESH})),
         "HAS_INSTANCES": int(meshes is not None and meshes.packed.instanced),
     }
@@ -687,42 +653,20 @@ def _steps(plan: Plan, scene: Scene, coarse: bool, parts: PlanParts) -> tuple[Pl
 
 def _still_plan(scene: Scene, camera: CameraModel | None, coarse: bool, parts: PlanParts) -> Plan:
     """Return the plan of a scene whose keys hold still."""
-    world = world_of(scene, parts)
+    world = _world(scene, parts)
     trajectory, segments = camera_trajectory(scene)
     camera = camera or parts.camera(scene, coarse=coarse)
-    spectrum = seen_by(scene, camera, world.spectra, world.materials)
-    facts = (
-        world.facts
-        | spectrum.facts
-        | {
-            "CAMERA_SEGMENTS": min(segments, 2),
-            "MOVES": int(segments > 0 or world.movements.facts["HAS_MOTION"] > 0),
-            "SAMPLER_LATTICE": int(scene.render.sampler == "lattice"),
-            "CLAMP": 0 if scene.render.clamp is None else int(np.float32(scene.render.clamp).view(np.int32)),
-        }
+    spectrum = seen_by(scene, camera, *world["colours"])
+    plan = Plan(
+        **world, camera=camera, spectrum=spectrum, camera_filter=filter_table(scene.film.filter), trajectory=trajectory
     )
-    return Plan(
-        facts=facts,
-        camera=camera,
-        spectrum=spectrum,
-        camera_filter=filter_table(scene.film.filter),
-        trajectory=trajectory,
-        primitives=world.primitives,
-        movements=world.movements,
-        kind_end=world.kind_end,
-        materials=world.materials.records,
-        textures=world.textures,
-        emitters=world.emitters,
-        surroundings=world.surroundings,
-        caustics=world.caustics,
-        primitive_count=world.primitive_count,
-        meshes=world.meshes,
-        owners=world.owners,
-        eye_m=world.eye_m,
-        albedo=world.albedo,
-        colours=(world.spectra, world.materials),
-        lamps=world.lamps,
-    )
+    facts = {
+        "CAMERA_SEGMENTS": min(segments, 2),
+        "MOVES": int(segments > 0 or plan.facts["HAS_MOTION"] > 0),
+        "SAMPLER_LATTICE": int(scene.render.sampler == "lattice"),
+        "CLAMP": 0 if scene.render.clamp is None else int(np.float32(scene.render.clamp).view(np.int32)),
+    }
+    return replace(plan, facts=plan.facts | spectrum.facts | facts)
 
 
 def with_film(plan: Plan, scene: Scene, film: Film) -> Plan:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.core.records import INSTANCE, PRIMITIVE, SEGMENT, Kind
+from rptcam_cl.core.records import HUGE_POWER, INSTANCE, MOTION_MARGIN, PRIMITIVE, SEGMENT, Kind, fill
 from rptcam_cl.rendering.cameras.model import CameraModel, turned
 from rptcam_cl.rendering.cameras.realistic import camera_model
 from rptcam_cl.rendering.plan.environment import Surroundings, pack_environment
@@ -241,15 +241,6 @@ Matrix = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class PlacedMesh:
-    """A mesh and its placement: the scene in metres, from the mesh's frame."""
-
-    mesh: Mesh
-    placement: Matrix
-    moves: bool = False
-
-
-@dataclass(frozen=True, eq=False)
 class MeshPlan:
     """The packed meshes, and where each placed mesh is found in them.
 
@@ -268,8 +259,8 @@ class MeshPlan:
     first_triangles: tuple[int, ...]
 
 
-def pack_meshes(placed: Sequence[PlacedMesh], eye: NDArray[np.float64], first_primitive: int) -> MeshPlan:
-    """Return the pools of some placed meshes.
+def pack_meshes(placed: Sequence[Primitive], eye: NDArray[np.float64], first_primitive: int) -> MeshPlan:
+    """Return the pools of some primitives that are meshes.
 
     Parameters
     ----------
@@ -280,14 +271,17 @@ def pack_meshes(placed: Sequence[PlacedMesh], eye: NDArray[np.float64], first_pr
     first_primitive
         Index of the first primitive that is a mesh.
     """
-    uses = Counter(id(item.mesh) for item in placed if not item.moves)
-    is_shared = [item.moves or (uses[id(item.mesh)] - 1) * len(item.mesh.faces) > MOST_COPIED for item in placed]
+    uses = Counter(id(item.mesh) for item in placed if item.trajectory is None)
+    is_shared = [
+        item.trajectory is not None or (uses[id(item.mesh)] - 1) * len(_mesh_of(item).faces) > MOST_COPIED
+        for item in placed
+    ]
     copied = [i for i, share in enumerate(is_shared) if not share]
     shared = [i for i, share in enumerate(is_shared) if share]
     pools = _Pools()
     first = pools.add_world([placed[i] for i in copied], eye) if copied else []
     group_of: dict[int, int] = {}
-    for mesh in (placed[i].mesh for i in shared):
+    for mesh in (_mesh_of(placed[i]) for i in shared):
         if id(mesh) not in group_of:
             group_of[id(mesh)] = pools.add_shared(mesh)
     groups = [group_of[id(placed[i].mesh)] for i in shared]
@@ -318,7 +312,7 @@ class _Pools:
         self._vertex_count = 0
         self._triangle_count = 0
 
-    def add_world(self, placed: Sequence[PlacedMesh], eye: NDArray[np.float64]) -> list[int]:
+    def add_world(self, placed: Sequence[Primitive], eye: NDArray[np.float64]) -> list[int]:
         """Add meshes taken to the world as one group; return the first triangle of each."""
         centre = _centre(placed)
         key = hashlib.sha256()
@@ -327,15 +321,15 @@ class _Pools:
         for slot, item in enumerate(placed):
             local = item.placement.copy()
             local[:3, 3] -= centre
-            key.update(item.mesh.content_hash.encode() + local.tobytes())
-            starts.append(self._append(item.mesh, local, slot))
+            key.update(_mesh_of(item).content_hash.encode() + local.tobytes())
+            starts.append(self._append(_mesh_of(item), local, slot))
         self._close(key.hexdigest(), first_triangle, first_vertex, centre - eye)
         return starts
 
     def add_shared(self, mesh: Mesh) -> int:
         """Add a mesh in its own frame as a group of its own; return the group's index."""
         first_triangle, first_vertex = self._triangle_count, self._vertex_count
-        self._append(mesh, _about_origin(mesh), 0)
+        self._append(mesh, affine(np.eye(3), -mesh.origin), 0)
         self._close(f"shared {mesh.content_hash}", first_triangle, first_vertex, np.zeros(3))
         return len(self.groups) - 1
 
@@ -375,16 +369,13 @@ def _unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
 
 
-def _about_origin(mesh: Mesh) -> Matrix:
-    """Return the matrix that takes the mesh's origin to zero."""
-    matrix = np.eye(4)
-    matrix[:3, 3] = -mesh.origin
-    return matrix
+def _mesh_of(primitive: Primitive) -> Mesh:
+    assert primitive.mesh is not None
+    return primitive.mesh
 
 
-def _centre(placed: Sequence[PlacedMesh]) -> NDArray[np.float64]:
-    boxes = [corners_of_box(*item.mesh.bounds(), item.placement) for item in placed]
-    corners = np.concatenate(boxes)
+def _centre(placed: Sequence[Primitive]) -> NDArray[np.float64]:
+    corners = np.concatenate([corners_of_box(*_mesh_of(item).bounds(), item.placement) for item in placed])
     return np.asarray((corners.min(axis=0) + corners.max(axis=0)) / 2)
 
 
@@ -396,29 +387,25 @@ def corners_of_box(low: NDArray[np.float64], high: NDArray[np.float64], matrix: 
 
 
 def _instances(
-    shared: Sequence[PlacedMesh], eye: NDArray[np.float64], first_primitive: int, copied: int
+    shared: Sequence[Primitive], eye: NDArray[np.float64], first_primitive: int, copied: int
 ) -> NDArray[np.void]:
     """Return instance records: one for the copied meshes, if any, then one for each shared."""
     records = INSTANCE.zeros(len(shared) + bool(copied))
     if copied:
-        _set_transform(records[0], np.eye(4))
-        records[0]["first_primitive"], records[0]["primitives"] = first_primitive, copied
-    for record, item, place in zip(records[bool(copied) :], shared, range(len(shared)), strict=True):
+        fill(records[0], **_transform(np.eye(4)), first_primitive=first_primitive, primitives=copied)
+    for place, (record, item) in enumerate(zip(records[bool(copied) :], shared, strict=True)):
         world = item.placement.copy()
-        world[:3, 3] += item.placement[:3, :3] @ item.mesh.origin - eye
-        _set_transform(record, world)
-        record["first_primitive"], record["primitives"] = first_primitive + copied + place, 1
+        world[:3, 3] += item.placement[:3, :3] @ _mesh_of(item).origin - eye
+        fill(record, **_transform(world), first_primitive=first_primitive + copied + place, primitives=1)
     return records
 
 
-def _set_transform(record: np.void, world_from_mesh: Matrix) -> None:
-    inverse = np.linalg.inv(world_from_mesh)
-    for axis, name in enumerate("xyz"):
-        record[f"row_{name}"] = inverse[axis]
-        record[f"world_{name}"] = world_from_mesh[axis]
+def _transform(world_from_mesh: Matrix) -> dict[str, Any]:
+    """Return what the record of an instance has of its placement."""
+    both = {"row": np.linalg.inv(world_from_mesh), "world": world_from_mesh}
+    return {f"{name}_{axis}": row for name, rows in both.items() for axis, row in zip("xyz", rows[:3], strict=True)}
 
 
-HUGE_POWER = 2e-3  # of the squared radius, as in kernels/geometry/primitives.h
 MOST = float(np.finfo(np.float32).max)
 
 
@@ -578,15 +565,10 @@ def with_meshes(primitives: list[Primitive], scene: Scene, parts: PlanParts) -> 
     meshes = [primitive for primitive in primitives if primitive.mesh is not None]
     if not meshes:
         return solid, None
-    placed = [
-        PlacedMesh(primitive.mesh, primitive.placement, moves=primitive.trajectory is not None)
-        for primitive in meshes
-        if primitive.mesh is not None
-    ]
     eye = scene.metres_per_unit * np.array(scene.camera.eye)
-    where = tuple((item.mesh, item.placement.tobytes(), item.moves) for item in placed)
+    where = tuple((item.mesh, item.placement.tobytes(), item.trajectory is not None) for item in meshes)
     of = where, eye.tobytes(), len(solid)
-    plan = parts.part("meshes", of, lambda: pack_meshes(placed, eye, len(solid)))
+    plan = parts.part("meshes", of, lambda: pack_meshes(meshes, eye, len(solid)))
     return solid + [meshes[index] for index in plan.order], plan
 
 
@@ -611,15 +593,12 @@ def pack_primitives(
         if primitive.kind is Kind.SPHERE:
             center, radius = sphere_of(primitive.placement)
             axes = primitive.placement[:3, :3] / radius
-            records[index]["row_x"] = (*center, radius)
-            records[index]["row_y"] = (*axes[:, 0], np.sign(np.linalg.det(axes)))
-            records[index]["row_z"] = (*axes[:, 2], np.clip(eye_power(primitive.placement), -MOST, MOST))
+            handedness, power = np.sign(np.linalg.det(axes)), np.clip(eye_power(primitive.placement), -MOST, MOST)
+            fill(records[index], row_x=(*center, radius), row_y=(*axes[:, 0], handedness), row_z=(*axes[:, 2], power))
         elif primitive.kind is not Kind.MESH:
-            inverse = np.linalg.inv(primitive.placement)
-            for name, row in zip(("row_x", "row_y", "row_z"), inverse[:3], strict=True):
-                records[index][name] = row.astype(np.float32) + 0.0  # no -0: kernels test bits of coordinates
-        records[index]["material"] = materials[id(primitive.material)]
-        records[index]["emitter"] = emitters.get(index, -1)
+            rows = np.linalg.inv(primitive.placement)[:3].astype(np.float32) + 0.0  # no -0: kernels test bits
+            fill(records[index], row_x=rows[0], row_y=rows[1], row_z=rows[2])
+        fill(records[index], material=materials[id(primitive.material)], emitter=emitters.get(index, -1))
     _count_shared_planes(primitives, records)
     if meshes is not None:
         records["instance"][-len(meshes.order) :] = meshes.instances
@@ -683,7 +662,6 @@ Array = NDArray[np.float64]
 
 STEPS_PER_TURN = 64
 MOST_STEPS = 1024  # of a segment
-ROUNDING = 4e-6  # of a place, relative to its distances from eye and pivot: beyond MOTION_ROUNDING of kernels/geometry
 
 
 @dataclass(frozen=True, eq=False)
@@ -716,7 +694,7 @@ class Places:
         """
         corners = np.stack(rest)
         reach = np.linalg.norm(np.maximum(*np.abs(corners[:, None] - self.pivots)), axis=1)
-        margin = self.bends * reach + ROUNDING * (reach + np.linalg.norm(self.pivots, axis=1))
+        margin = self.bends * reach + MOTION_MARGIN * (reach + np.linalg.norm(self.pivots, axis=1))
         return (low - margin[:, None]).min(axis=0), (high + margin[:, None]).max(axis=0)
 
 
@@ -796,9 +774,12 @@ def _segments(trajectory: Trajectory, scene: Scene) -> NDArray[np.void]:
     segments = SEGMENT.zeros(len(times) - 1)
     for segment, (t0, t1), (first, second) in zip(segments, pairwise(times), pairwise(places), strict=True):
         axis, turns = trajectory.turn(t0, t1)
-        segment["pivot"] = *(unit * (rest[:3, 3] - scene.camera.eye)), t0 - begin
-        segment["shift"] = *(unit * (first[:3, 3] - rest[:3, 3])), 1.0 / (t1 - t0)
-        segment["travel"] = *(unit * (second[:3, 3] - first[:3, 3])), turns
-        segment["axis"][:3] = axis
-        segment["turn"] = quaternion_of(first[:3, :3] @ rest[:3, :3].T)
+        fill(
+            segment,
+            pivot=(*(unit * (rest[:3, 3] - scene.camera.eye)), t0 - begin),
+            shift=(*(unit * (first[:3, 3] - rest[:3, 3])), 1.0 / (t1 - t0)),
+            travel=(*(unit * (second[:3, 3] - first[:3, 3])), turns),
+            axis=axis,
+            turn=quaternion_of(first[:3, :3] @ rest[:3, :3].T),
+        )
     return segments

@@ -24,6 +24,7 @@ from rptcam_cl.core.records import (
     TexelFormat,
     TextureKind,
     Wrap,
+    fill,
 )
 from rptcam_cl.core.remember import Memory
 from rptcam_cl.optics.glass import held_index, known_range
@@ -313,7 +314,8 @@ class PictureTable:
             texels, form = colour_texels(self._picture(reference, content), channel, encoded=encoded)
             return Colours.of(texels, form, name)
 
-        return PICTURES.find_or_make(f"colours {name}", stored)
+        colours: Colours = PICTURES.find_or_make(f"colours {name}", stored)
+        return colours
 
     def _traits(self, reference: FileReference, content: str) -> _Traits:
         picture = self._picture(reference, content)
@@ -428,10 +430,8 @@ class TextureTable:
 
     def add_sphere(self, colours: Colours, gain: float = 1.0) -> int:
         """Return the index of a picture of the whole sphere: it repeats in longitude and ends at the poles."""
-        record: np.void = TEXTURE.zeros(1)[0]
-        self._fill_image(record, colours, gain)
-        record["wrap_u"], record["wrap_v"], record["limit"] = Wrap.REPEAT, Wrap.CLAMP, UNLIMITED
-        self._records.append(record)
+        records = TEXTURE.one(**self._image(colours, gain), wrap_u=Wrap.REPEAT, wrap_v=Wrap.CLAMP, limit=UNLIMITED)
+        self._records.append(records[0])
         return len(self._records) - 1
 
     def pack(self) -> Textures:
@@ -444,34 +444,29 @@ class TextureTable:
         return Textures(records, self.pictures.words(), facts)
 
     def _record(self, texture: Texture, limit: float) -> np.void:
-        record: np.void = TEXTURE.zeros(1)[0]
-        record["row_u"], record["row_v"] = _mapping(texture)
+        row_u, row_v = _mapping(texture)
+        record: np.void = TEXTURE.one(row_u=row_u, row_v=row_v)[0]
         if isinstance(texture, ImageTexture):
-            self._fill_picture(record, texture, limit)
+            colours = self.pictures.colours(texture, texture.channel, texture.color_space)
+            wrap = _WRAPS[texture.wrap]
+            fill(record, **self._image(colours, texture.gain), wrap_u=wrap, wrap_v=wrap, limit=limit)
+            fill(record, nearest=texture.filter == "nearest")
             return record
-        record["kind"], record["parameter"] = TextureKind[texture.kind.upper()], texture.parameter
+        first, second = texture.colours
+        fill(record, kind=TextureKind[texture.kind.upper()], parameter=texture.parameter, a=first, b=second)
         if isinstance(texture, Noise):
-            record["contrast"], record["octaves"], record["seed"] = texture.contrast, texture.octaves, texture.seed
-        record["a"][:3], record["b"][:3] = texture.colours
-        first, second = map(np.array, texture.colours)
-        self._means.append((1 - texture.share) * first + texture.share * second)
+            fill(record, contrast=texture.contrast, octaves=texture.octaves, seed=texture.seed)
+        self._means.append((1 - texture.share) * np.array(first) + texture.share * np.array(second))
         return record
 
-    def _fill_picture(self, record: np.void, texture: ImageTexture, limit: float) -> None:
-        colours = self.pictures.colours(texture, texture.channel, texture.color_space)
-        self._fill_image(record, colours, texture.gain)
-        record["wrap_u"] = record["wrap_v"] = _WRAPS[texture.wrap]
-        record["nearest"], record["limit"] = texture.filter == "nearest", limit
-
-    def _fill_image(self, record: np.void, colours: Colours, gain: float | tuple[float, float, float]) -> None:
-        record["kind"], record["format"], record["first"] = (
-            TextureKind.IMAGE,
-            colours.form,
-            self.pictures.place(colours),
-        )
-        record["height"], record["width"] = colours.size
-        record["a"][:3] = np.multiply(gain, colours.scale)
+    def _image(self, colours: Colours, gain: float | tuple[float, float, float]) -> dict[str, Any]:
+        """Return what the record of an image has of its picture, and note its mean."""
         self._means.append(np.multiply(gain, colours.mean))
+        height, width = colours.size
+        return {
+            "kind": TextureKind.IMAGE, "format": colours.form, "first": self.pictures.place(colours),
+            "height": height, "width": width, "a": np.multiply(gain, np.full(3, colours.scale)),
+        }  # fmt: skip
 
 
 def _mapping(texture: Texture) -> NDArray[np.float64]:

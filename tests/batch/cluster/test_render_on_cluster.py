@@ -26,13 +26,13 @@ import pytest
 from PIL import Image as Picture
 
 import rptcam_cl
-from rptcam_cl.api.interface import Found, PartRenderer, merge
-from rptcam_cl.api.stages import RenderOptions
+from rptcam_cl.api.interface import merge
+from rptcam_cl.api.job import RenderJob, RenderOptions
 from rptcam_cl.batch import cluster as client
 from rptcam_cl.batch import cluster as tasks
 from rptcam_cl.batch import cluster as tasks_out
 from rptcam_cl.batch import cluster_run
-from rptcam_cl.batch.cluster import TLS, packed, survey
+from rptcam_cl.batch.cluster import TLS, pack_scene, survey
 from rptcam_cl.batch.cluster_run import render_on_cluster
 from rptcam_cl.core.errors import DeviceError, InputError, StateError
 from rptcam_cl.rendering.checkpoint import read_checkpoint, read_part, write_checkpoint
@@ -102,31 +102,30 @@ def test_lost_and_damaged_parts_alone_are_rendered_again(address: str, scene_fil
 def test_render_is_prepared_once_for_all_parts_of_a_worker(
     scene_file: Path, address: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    made = []
+    made, plain = [], RenderJob.prepare_parts
 
-    class Counted(tasks.PartRenderer):
-        def __init__(self, *words: Any) -> None:
-            made.append(words)
-            super().__init__(*words)
+    def counted(*words: Any) -> RenderJob:
+        made.append(words)
+        return plain(*words)
 
-    monkeypatch.setattr(tasks, "PartRenderer", Counted)
+    monkeypatch.setattr(RenderJob, "prepare_parts", counted)
     image = render_on_cluster(scene_file, address, tls=False, spp=3)  # another number than before: not prepared yet
     assert image.stats["cluster"]["parts"] >= 8
     assert len(made) == 1  # both workers are threads of this process
 
 
 def test_what_two_workers_find_is_the_same_though_it_holds_what_is_no_number() -> None:
-    found = Found({"metadata": {"blur_m": math.nan}}, 3.0)
-    assert found.is_same(pickle.loads(pickle.dumps(found)))
-    assert not found.is_same(Found({"metadata": {"blur_m": 1.0}}, 3.0))
-    assert not found.is_same(Found(found.focus, 3.1))
+    found = {"focus": {"metadata": {"blur_m": math.nan}}, "metered_cd_m2": 3.0}
+    assert tasks.is_same_findings(found, pickle.loads(pickle.dumps(found)))
+    assert not tasks.is_same_findings(found, found | {"focus": {"metadata": {"blur_m": 1.0}}})
+    assert not tasks.is_same_findings(found, found | {"metered_cd_m2": 3.1})
 
 
 def test_part_after_a_measurement_of_speed_has_all_tiles(scene_file: Path, tmp_path: Path) -> None:
     scene, settings = load_scene(scene_file), RenderOptions(size=(640, 480), spp=1)  # more than a wave holds
-    renderer = PartRenderer(scene, settings, None)
-    renderer.seconds()
-    (tmp_path / "1.rpck").write_bytes(renderer.render(FilmPart())[0])
+    renderer = RenderJob.prepare_parts(scene, settings)
+    renderer.forecast(0.2)
+    (tmp_path / "1.rpck").write_bytes(renderer.part(FilmPart())[0])
     whole = merge([tmp_path / "1.rpck"])
     np.testing.assert_array_equal(whole.pixels, rptcam_cl.render(scene, size=(640, 480), spp=1).pixels)
 
@@ -134,16 +133,16 @@ def test_part_after_a_measurement_of_speed_has_all_tiles(scene_file: Path, tmp_p
 def test_parts_of_a_worker_have_the_sharp_layers_of_their_tiles(scene_file: Path, tmp_path: Path) -> None:
     layers = ("sharp_depth", "sharp_object_id", "crypto_object")
     scene, settings = load_scene(scene_file), RenderOptions(size=(24, 16), spp=2, layers=layers)
-    renderer = PartRenderer(scene, settings, None)
+    renderer = RenderJob.prepare_parts(scene, settings)
     paths = [tmp_path / f"{number}.rpck" for number in (1, 2)]
     sizes = []
     for number, path in enumerate(paths, 1):
-        path.write_bytes(renderer.render(FilmPart(number, 2))[0])
+        path.write_bytes(renderer.part(FilmPart(number, 2))[0])
         sizes.append(path.stat().st_size)
     merged, whole = merge(paths), rptcam_cl.render(scene, size=(24, 16), spp=2, layers=layers)
     for name in layers:
         np.testing.assert_array_equal(merged[name], whole[name])
-    (tmp_path / "all.rpck").write_bytes(renderer.render(FilmPart())[0])
+    (tmp_path / "all.rpck").write_bytes(renderer.part(FilmPart())[0])
     assert max(sizes) < 0.7 * (tmp_path / "all.rpck").stat().st_size  # each has its own tiles alone
 
 
@@ -250,14 +249,14 @@ def test_file_where_parts_are_to_be_kept_is_refused_before_any_work(scene_file: 
 
 
 def test_workers_need_no_file_of_the_client(scene_file: Path, tmp_path: Path) -> None:
-    parcel = packed(load_scene(scene_file))
+    parcel = pack_scene(load_scene(scene_file))
     assert list(parcel.files) == ["pictures/dots.png"]
     elsewhere = parcel.unpacked(tmp_path / "elsewhere")
     assert elsewhere.content_hash() == load_scene(scene_file).content_hash()
     assert elsewhere.base_dir == tmp_path / "elsewhere"
     other = Picture.new("RGB", (8, 8))
     other.save(scene_file.parent / "pictures/dots.png")
-    assert packed(load_scene(scene_file)).digest != parcel.digest
+    assert pack_scene(load_scene(scene_file)).digest != parcel.digest
 
 
 def test_files_outside_the_folder_are_not_sent(scene_file: Path, tmp_path: Path) -> None:
@@ -265,7 +264,7 @@ def test_files_outside_the_folder_are_not_sent(scene_file: Path, tmp_path: Path)
     world = WORLD | {"materials": {"dots": {"kind": "matte", "reflectance": picture}}}
     scene = load_scene(world, base_dir=tmp_path / "elsewhere", allow_folders=[scene_file.parent])
     with pytest.raises(InputError, match="lies outside"):
-        packed(scene)
+        pack_scene(scene)
 
 
 @pytest.mark.parametrize(

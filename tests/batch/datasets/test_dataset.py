@@ -24,10 +24,10 @@ from rptcam_cl.batch.specification import read_specification, values_of_frame
 from rptcam_cl.cli import main
 from rptcam_cl.core.errors import InputError, NumericError, StateError
 from rptcam_cl.core.files import CACHE_VARIABLE
+from rptcam_cl.core.remember import forget
 from rptcam_cl.exchange.camera_models import calibrate_best, project
 from rptcam_cl.exchange.camera_view import View
 from rptcam_cl.imaging.image import read_film
-from rptcam_cl.rendering.cameras.shared_pupil import forget_shared
 
 SCENE = """\
 film: {resolution: [16, 12], width_mm: 36}
@@ -184,13 +184,13 @@ def test_states_drawn_from_a_continuum_share_pupils_and_frames_stay_what_they_ar
     assert read_specification("spec.yaml").scene.camera.pupil == "auto"
     assert read_specification("drawn.yaml").scene.camera.pupil == "shared"
     monkeypatch.setenv(CACHE_VARIABLE, str(place / "one"))
-    forget_shared()
+    forget()
     whole = list(dataset("drawn.yaml", "all"))
     assert sum(path.stat().st_size > 20_000 for path in (place / "one/pupils").iterdir()) < len(whole)
     monkeypatch.setenv(CACHE_VARIABLE, str(place / "two"))
-    forget_shared()
+    forget()
     [alone] = dataset("drawn.yaml", "some", only=[4])
-    forget_shared()
+    forget()
     assert alone.record == whole[4].record and alone.image.metadata["pupil"] == "shared"
     assert np.array_equal(alone.image.pixels, render(read_specification("drawn.yaml").frame(4)[1]).pixels)
 
@@ -212,9 +212,9 @@ def test_zooms_and_shifts_drawn_from_a_continuum_share_pupils(key: str, lens: st
     assert read_specification("drawn.yaml").scene.camera.pupil == "shared"
     (place / "chosen.yaml").write_text(chosen, "utf-8")
     assert read_specification("chosen.yaml").scene.camera.pupil == "auto"
-    forget_shared()
+    forget()
     whole = list(dataset("drawn.yaml", "all", frames=3))
-    forget_shared()
+    forget()
     [alone] = dataset("drawn.yaml", "some", only=[2])
     assert alone.record == whole[2].record and alone.image.metadata["pupil"] == "shared"
     assert np.array_equal(alone.image.pixels, whole[2].image.pixels)

@@ -10,7 +10,7 @@ import pytest
 
 from rptcam_cl.batch.dataset import dataset
 from rptcam_cl.core.files import CACHE_VARIABLE
-from rptcam_cl.rendering.cameras.shared_pupil import forget_shared
+from rptcam_cl.core.remember import forget
 
 FIRST, FRAMES = 3, 4  # frames that find what all share, and frames whose work is counted
 MESH = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 3 4\n"
@@ -98,7 +98,7 @@ def test_frames_make_anew_what_is_drawn_alone(
     monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "cache"))
     monkeypatch.chdir(tmp_path)
     Path("corner.obj").write_text(MESH, "utf-8")
-    forget_shared()
+    forget()
     fixed, vary, expected = KINDS[kind]
     frames = dataset({"scene": SCENE, "seed": 3, "set": fixed, "vary": vary}, frames=FIRST + FRAMES)
     for _ in range(FIRST):

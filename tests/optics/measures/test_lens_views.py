@@ -1,6 +1,7 @@
 """The measurements of a lens as methods: the numbers of the commands, and results that draw themselves."""
 
 import importlib.util
+import inspect
 import json
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 from rptcam_cl.cli import main
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.library import load_lens
+from rptcam_cl.optics.measures import MEASUREMENTS
 from rptcam_cl.rendering.traceable_lens import traceable
 
 
@@ -51,6 +53,43 @@ def test_methods_return_what_the_commands_print(lens, capsys):
         printed(capsys, "psf", name, "--field", "10", "--pixels", "32")["psf"]["rms_um"]
     )
     assert image.about["shares"].shape == (32, 32)
+
+
+@pytest.mark.parametrize("measurement", MEASUREMENTS, ids=lambda measurement: measurement.command)
+def test_every_measurement_is_a_command_and_a_method_with_the_same_numbers(lens, capsys, measurement):
+    words, given = [], {}
+    for option in measurement.options:
+        value = {"fields": [0.0, 10.0], "wavelengths_nm": [550.0], "steps": 3}.get(option.keyword)
+        value = 24 if option.keyword == "rays" else value
+        if value is not None:
+            words += [option.flag, ",".join(map(str, value)) if isinstance(value, list) else str(value)]
+            given[option.keyword] = value
+        elif option.printed is not None:
+            given[option.keyword] = option.printed
+    answer = printed(capsys, measurement.command, "cooke-triplet-50mm", *words)
+    result = getattr(lens, measurement.method)(**given)
+    rows = [answer[measurement.key]] if measurement.is_single else answer[measurement.key]
+    assert list(result) == list(rows[0])
+    for name in result:
+        expected = [np.nan if row[name] is None else row[name] for row in rows]
+        assert result[name].tolist() == pytest.approx(expected, nan_ok=True, rel=1e-12)
+    assert measurement.is_single or set(measurement.columns) >= set(result)
+    assert main(["lens", measurement.command, "cooke-triplet-50mm", *words]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    heads = ["fact"] if measurement.is_single else [measurement.columns[name] for name in result]
+    assert all(head in lines[1] for head in heads)
+    assert len(lines) == 2 + (len(result.columns) if measurement.is_single else len(rows))
+
+
+def test_a_method_says_its_options_and_refuses_others(lens):
+    shown = str(inspect.signature(lens.through_focus))
+    assert shown.startswith("(range_mm: 'float | None' = None, fields: 'Sequence[float] | None' = None, wavelengths_nm")
+    with pytest.raises(TypeError, match="unexpected keyword argument 'ray'"):
+        lens.spot(ray=3)
+    with pytest.raises(InputError, match=r"^field_degrees: got 140; allowed from -130 to 130 degrees"):
+        lens.psf(140.0)
+    with pytest.raises(InputError, match="veiling glare: has no chart to save"):
+        lens.glare().save("glare.svg")
 
 
 def test_thin_pencils_are_sharp_where_narrow_spots_are_least(lens):

@@ -127,7 +127,7 @@ def test_point_image_holds_the_light_and_lies_the_right_way_up() -> None:
     image = point_image([FilmSpot(0.0, 587.56, points)], 21, width_um=200.0)
     assert image.shares.sum() == pytest.approx(1)
     assert image.shares[4:8].sum() == pytest.approx(1 / 6)  # the points above the disk, above the middle row 10
-    np.testing.assert_array_equal(np.load(io.BytesIO(npy_bytes(image))), image.shares.astype(np.float32))
+    np.testing.assert_array_equal(np.load(io.BytesIO(npy_bytes(image.shares))), image.shares.astype(np.float32))
 
 
 def test_enclosed_radius_of_a_disk() -> None:

@@ -6,7 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rptcam_cl.core import remember
 from rptcam_cl.core.files import CACHE_VARIABLE
+from rptcam_cl.core.remember import forget
 from rptcam_cl.optics.library import load_lens
 from rptcam_cl.rendering.cameras import pupil, realistic
 from rptcam_cl.rendering.cameras.pupil import pupil_sampling
@@ -24,9 +26,9 @@ class ComputedError(Exception):
 @pytest.fixture(autouse=True)
 def folder(monkeypatch, tmp_path):
     monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path))
-    pupil._remembered.cache_clear()
+    forget()
     yield tmp_path
-    pupil._remembered.cache_clear()
+    forget()
 
 
 def no_more(monkeypatch):
@@ -35,8 +37,8 @@ def no_more(monkeypatch):
     def refuse(*_):
         raise ComputedError
 
-    monkeypatch.setattr(pupil, "_checked", refuse)
-    pupil._remembered.cache_clear()
+    monkeypatch.setattr(pupil, "_made", refuse)
+    forget()
 
 
 @pytest.mark.parametrize("tier", ["rear", "thick", "bounds", "auto"])
@@ -71,7 +73,7 @@ def test_each_state_and_each_lens_has_tables_of_its_own(monkeypatch):
 def test_changed_code_makes_tables_anew(monkeypatch):
     pupil_sampling(load_lens(NAME), BACK_MM, HALF_MM, NM, "rear")
     no_more(monkeypatch)
-    monkeypatch.setattr(pupil, "identity_of_code", lambda rooms: "other code")
+    monkeypatch.setattr(remember, "identity_of_code", lambda rooms, kernels: "other code")
     with pytest.raises(ComputedError):
         pupil_sampling(load_lens(NAME), BACK_MM, HALF_MM, NM, "rear")
 
@@ -96,10 +98,6 @@ def test_light_on_the_axis_and_the_drift_of_the_pupil_come_back(monkeypatch):
     pose = {"eye": [0, 0, 0], "target": [0, 0, -1]}
     lens = "anamorphic-100mm"  # the drift of round lenses is found as fast as it is read
     scene = load_scene({"camera": {"kind": "realistic", "lens": lens, "focus": {"distance_m": 2}, **pose}})
-
-    def forget():
-        realistic._remembered_on_axis.cache_clear()
-        entrance_pupil._remembered.cache_clear()
 
     forget()
     made = camera_model(scene)

@@ -135,7 +135,7 @@ class FoundAnewError(Exception):
 @pytest.mark.parametrize("shows", [True, False])
 def test_tables_are_kept_for_the_same_camera_lamps_and_sights_alone(monkeypatch, tmp_path, camera, shows):
     monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path))
-    lamp_aim._known.clear()
+    lamp_aim._seen_lamps.clear()
     lamp, model = round_lamp([0, 0, -3.0]), camera_model(scene_with(camera))
     made = aimed_at_lamps(model, [lamp], lambda sights: everything(sights) & shows, "sights")
     assert (made is not model) == shows
@@ -144,7 +144,7 @@ def test_tables_are_kept_for_the_same_camera_lamps_and_sights_alone(monkeypatch,
         raise FoundAnewError
 
     monkeypatch.setattr(lamp_aim, "_seen", refuse)
-    lamp_aim._known.clear()
+    lamp_aim._seen_lamps.clear()
     kept = aimed_at_lamps(camera_model(scene_with(camera)), [lamp], everything, "sights")
     for name in ("record", "tables"):
         assert getattr(kept, name).tobytes() == getattr(made, name).tobytes()
@@ -158,7 +158,7 @@ def test_tables_are_kept_for_the_same_camera_lamps_and_sights_alone(monkeypatch,
     for sights in ("others", None):
         with pytest.raises(FoundAnewError):
             aimed_at_lamps(model, [lamp], everything, sights)
-    for file in (tmp_path / lamp_aim.KEPT).iterdir():
+    for file in (tmp_path / lamp_aim._DISK.kind).iterdir():
         file.write_bytes(file.read_bytes()[:-1])
     with pytest.raises(FoundAnewError):
         aimed_at_lamps(model, [lamp], everything, "sights")
@@ -166,7 +166,7 @@ def test_tables_are_kept_for_the_same_camera_lamps_and_sights_alone(monkeypatch,
 
 @pytest.mark.parametrize("camera", [THIN, REALISTIC], ids=["thin", "lens"])
 def test_lamps_that_shine_in_another_way_are_found_where_they_were(monkeypatch, camera):
-    lamp_aim._known.clear()
+    lamp_aim._seen_lamps.clear()
     lamp, model = round_lamp([0, 0, -3.0]), camera_model(scene_with(camera))
     dim = [replace(lamp, radiance=1.0)]
     expected = aimed_at_lamps(model, dim, everything)

@@ -8,11 +8,12 @@ import pytest
 
 from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.records import PupilKind
+from rptcam_cl.core.remember import forget
 from rptcam_cl.optics.design import image_circle
 from rptcam_cl.optics.library import list_lenses, load_lens
 from rptcam_cl.optics.pupils import DIRECTIONS, FilmProbe
 from rptcam_cl.optics.ray_trace import Status
-from rptcam_cl.rendering.cameras.pupil import forget_tables, pupil_sampling
+from rptcam_cl.rendering.cameras.pupil import KEPT, pupil_sampling
 from tests.device.probes import camera_rays
 from tests.rendering.cameras.beams import ASSIGNMENT, back_distance, generator, scene_beam
 from tests.support.statistics import Z
@@ -199,7 +200,7 @@ QUICK = {*CONTAINED, "mirror-500mm", "zoom-70-200mm", "petzval-51mm"}
 )
 def test_nine_of_ten_rays_pass(name):
     lens, back, radius = film_of(name)
-    forget_tables()
+    forget(KEPT)
     sampling = sampling_of(lens, back, radius, "auto")
     rng = generator("pass rate", name)
     turn, out = 2 * np.pi * rng.random(4000), radius * np.sqrt(rng.random(4000))

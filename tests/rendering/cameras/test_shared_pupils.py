@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from rptcam_cl.core.files import CACHE_VARIABLE
+from rptcam_cl.core.remember import forget
 from rptcam_cl.optics.pupils import FilmProbe, spread_points
 from rptcam_cl.rendering.cameras import shared_pupil
 from rptcam_cl.rendering.cameras.pupil import PupilSampling, left_out
@@ -60,7 +61,7 @@ def test_a_cell_holds_the_pupils_of_all_its_states(
     random = np.random.default_rng(3)
     base = scene_of(lens, width_mm, nearest_m, focus={"distance_m": nearest_m, "method": method})
     if not traced:
-        monkeypatch.setattr(shared_pupil, "_made", None)  # whatever traces a table fails
+        monkeypatch.setattr(shared_pupil, "shared_shapes", None)  # whatever traces a table fails
     widest = lens_setting(base).lens.first_order(NM).f_number
     for _ in range(2):
         number, vergence = widest * 2 ** random.uniform(0.02, 2), random.uniform(0.05, 1) / nearest_m
@@ -100,7 +101,7 @@ def test_a_cell_of_zoom_holds_the_pupils_of_all_its_states(
 def test_focal_lengths_of_a_cell_have_one_table(monkeypatch: pytest.MonkeyPatch) -> None:
     scene = scene_of("zoom-70-200mm", 24, 5, focal_length_mm=101.0, stop_diameter_mm=12.1)
     first = shared(scene)
-    for trace in ("_made", "_rays"):
+    for trace in ("shared_shapes", "stopped_pupils"):
         monkeypatch.setattr(shared_pupil, trace, None)  # whatever traces another table fails
     assert shared(set_keys(scene, {"camera.focal_length_mm": 103.0})).table is first.table
     with pytest.raises(TypeError):
@@ -115,7 +116,7 @@ def test_a_film_that_is_shifted_has_the_table_of_a_larger_one(lens: str, monkeyp
     lost, passing = lost_and_passing(base, found)
     assert lost < 3e-5
     assert passing > 0.88
-    for trace in ("_made", "_rays"):
+    for trace in ("shared_shapes", "stopped_pupils"):
         monkeypatch.setattr(shared_pupil, trace, None)  # whatever traces another table fails
     near = set_keys(base, {"camera.movements.rise_mm": 2.9, "camera.movements.shift_mm": 2.1})
     assert shared(near).table is found.table
@@ -125,7 +126,7 @@ def test_a_film_that_is_shifted_has_the_table_of_a_larger_one(lens: str, monkeyp
 def test_states_of_a_cell_have_one_table_and_others_their_own(method: str, monkeypatch: pytest.MonkeyPatch) -> None:
     scene = scene_of("dgauss-50mm", 30, 1.5, stop_diameter_mm=8.1, focus={"distance_m": 1.5, "method": method})
     first = shared(scene)
-    for trace in ("_made", "_rays"):
+    for trace in ("shared_shapes", "stopped_pupils"):
         monkeypatch.setattr(shared_pupil, trace, None)  # whatever traces another table fails
     beside = {"camera.stop_diameter_mm": 8.3, "camera.focus.distance_m": 1.52, "film.width_mm": 29.5}
     near = shared(set_keys(scene, beside))
@@ -150,13 +151,13 @@ def test_a_cell_is_the_same_from_disk_and_whatever_state_comes_first(
     found = []
     for place, order in (("one", (scene, other)), ("one", (scene,)), ("two", (other, scene))):
         monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / place))
-        shared_pupil.forget_shared()
+        forget()
         tables = {id(each): camera_model(each) for each in order}
         found.append(tables[id(scene)])
     for model in found[1:]:
         np.testing.assert_array_equal(model.tables, found[0].tables)
         assert model.record.tobytes() == found[0].record.tobytes()
-    shared_pupil.forget_shared()
+    forget()
 
 
 @pytest.mark.parametrize("colour", ["off", "on"])

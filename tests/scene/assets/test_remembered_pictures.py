@@ -8,6 +8,7 @@ import PIL.Image
 import pytest
 
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.remember import Memory
 from rptcam_cl.rendering.plan import textures as picture_table
 from rptcam_cl.rendering.plan import textures as remembered
 from rptcam_cl.rendering.plan.plan import make_plan
@@ -22,9 +23,9 @@ RNG = np.random.default_rng(5)
 
 @pytest.fixture(autouse=True)
 def nothing_kept():
-    remembered.forget()
+    remembered.PICTURES.clear()
     yield
-    remembered.forget()
+    remembered.PICTURES.clear()
 
 
 @pytest.fixture
@@ -58,7 +59,7 @@ def test_second_plan_reads_no_picture_and_is_the_same(tmp_path, readings):
     np.testing.assert_array_equal(first.textures.texels, second.textures.texels)
     np.testing.assert_array_equal(first.textures.records, second.textures.records)
     np.testing.assert_array_equal(first.surroundings.distribution, second.surroundings.distribution)
-    remembered.forget()
+    remembered.PICTURES.clear()
     np.testing.assert_array_equal(plan_in(tmp_path).textures.texels, first.textures.texels)
     assert len(readings) == 2
 
@@ -100,12 +101,12 @@ class Made:
 
 
 def test_what_was_unused_longest_goes_first_and_nothing_too_large_is_kept(monkeypatch):
-    monkeypatch.setattr(remembered, "MOST_BYTES", 100)
+    pictures = Memory(most_bytes=100)
     made = []
 
     def use(key, size):
         made.clear()
-        remembered.remembered(key, lambda: made.append(key) or Made(size))
+        pictures.find_or_make(key, lambda: made.append(key) or Made(size))
         return bool(made)
 
     assert use("a", 40)

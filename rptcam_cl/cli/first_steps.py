@@ -1,14 +1,21 @@
-"""``rptcam examples``, ``demo`` and ``view``: scenes that come with the package, a first picture, the viewfinder."""
+"""First steps: ``rptcam examples``, ``demo`` and ``view``; ``devices``, ``doctor`` and ``schema``."""
 
 import argparse
 import shlex
 import sys
+from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from rptcam_cl.cli.parser import Commands, Parser, add_device, add_overrides, port, size
+from rptcam_cl.api.options import add_options
+from rptcam_cl.cli.output import as_bytes, as_json
+from rptcam_cl.cli.parser import Commands, Parser, add_device, port
 from rptcam_cl.cli.render import add_arguments
-from rptcam_cl.core.errors import InputError
-from rptcam_cl.core.files import SCENES, example_files, example_scenes
+from rptcam_cl.core.errors import DeviceError, InputError, NumericError
+from rptcam_cl.core.files import SCENES, example_files, example_scenes, make_folder, read_whole, replacing
+
+if TYPE_CHECKING:
+    from rptcam_cl.studies.selfcheck import Check
 
 # ``rptcam examples``: lists the scenes that come with the package, and copies one to be rendered and changed.
 
@@ -31,8 +38,6 @@ def add_examples(commands: Commands) -> None:
 
 
 def _run_examples(arguments: argparse.Namespace) -> int:
-    from rptcam_cl.core.errors import InputError
-
     if arguments.scene is None:
         if arguments.output is not None:
             raise InputError(
@@ -40,7 +45,7 @@ def _run_examples(arguments: argparse.Namespace) -> int:
             )
         _list()
         return 0
-    scene = _copied(arguments.scene, arguments.output or Path())
+    scene = _copy_scene(arguments.scene, arguments.output or Path())
     command = shlex.join(["rptcam", "render", str(scene), "-o", f"{arguments.scene}.png"])
     print(f"wrote {scene}; render it with: {command}", file=sys.stderr)
     return 0
@@ -62,7 +67,7 @@ def _summary(path: Path) -> str:
     return " ".join(lines).partition(". ")[0].rstrip(".")
 
 
-def _copied(name: str, folder: Path) -> Path:
+def _copy_scene(name: str, folder: Path) -> Path:
     """Copy the files of a scene to a folder and return its scene file there.
 
     Raises
@@ -70,18 +75,11 @@ def _copied(name: str, folder: Path) -> Path:
     InputError
         When one of them would replace a file of other content; none is written then.
     """
-    from rptcam_cl.core.errors import InputError, StateError
-    from rptcam_cl.core.files import read_whole, replacing
-
     files = {folder / path.name: read_whole(path, LARGEST) for path in example_files(name)}
     for target, content in files.items():
         if target.exists() and not (target.is_file() and read_whole(target, 2 * LARGEST) == content):
             raise InputError(f"{target}: is there already and differs; choose another folder with -o, or move it away")
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as problem:
-        why = "is a file, not a folder" if folder.is_file() else f"cannot be made ({problem.strerror})"
-        raise StateError(f"{folder}: {why}") from None
+    make_folder(folder)
     for target, content in reversed(files.items()):  # the scene file last
         with replacing(target) as temporary:
             temporary.write_bytes(content)
@@ -149,9 +147,9 @@ def add_view(commands: Commands) -> None:
         help="let other machines in, over a connection that is not encrypted; they too need the token",
     )  # fmt: skip
     parser.add_argument("--no-browser", action="store_true", help="print the address and open no browser")
-    parser.add_argument("--size", type=size, metavar="WxH", help="resolution in pixels")
+    add_options(parser, "size")
     add_device(parser)
-    add_overrides(parser)
+    add_options(parser, "overrides")
     parser.set_defaults(run=_run_view, parser=parser)
 
 
@@ -179,4 +177,135 @@ def _run_view(arguments: argparse.Namespace) -> int:
         print(f"{arguments.scene} is at {address}\nCtrl-C ends it.", flush=True)
 
     serve(finder, host=arguments.host, port=arguments.port, browse=not arguments.no_browser, announce=announce)
+    return 0
+
+
+# ``rptcam devices``: the OpenCL devices that a render may run on.
+
+
+def add_devices(commands: Commands) -> None:
+    """Add the command."""
+    text = "list the OpenCL devices"
+    parser = commands.add_parser("devices", help=text, description=text.capitalize() + "; * marks the default.")
+    parser.add_argument("--json", action="store_true", help="print JSON")
+    parser.set_defaults(run=_run_devices, parser=parser)
+
+
+def _line(device: dict[str, Any]) -> str:
+    mark = "*" if device["default"] else " "
+    precision = "fp64" if device["fp64"] else "fp32 only"
+    facts = f"{device['compute_units']} compute units, {as_bytes(device['memory_bytes'])}, {precision}"
+    barred = f"\n{'':8}cannot be used: {device['problem']}" if device["problem"] else ""
+    return f"{mark} {device['id']:<5} {device['type']}  {device['name']} ({device['platform']}; {facts}){barred}"
+
+
+def _run_devices(arguments: argparse.Namespace) -> int:
+    from rptcam_cl.api.interface import devices
+
+    found = devices()
+    print(as_json(found) if arguments.json else "\n".join(map(_line, found)))
+    return 0
+
+
+# ``rptcam doctor``: what renders run on, and whether the devices compute what they should.
+
+
+def add_doctor(commands: Commands) -> None:
+    """Add the command."""
+    parser = commands.add_parser(
+        "doctor",
+        help="report on versions, devices and caches; check the devices",
+        description="Report on versions, devices with their drivers, and caches. With --numerics, check what the"
+        " devices compute at the extremes, in half a minute each. Send the output with a bug report.",
+    )
+    parser.add_argument(
+        "--numerics", action="store_true", help="check what the devices compute; exit code 5 on failure"
+    )
+    parser.add_argument(
+        "--device", metavar="SPEC", help="report on this device alone, as in render (default: every device found)"
+    )
+    parser.add_argument("--json", action="store_true", help="print JSON")
+    parser.set_defaults(run=_run_doctor, parser=parser)
+
+
+def _check_line(check: "Check") -> str:
+    if check.skipped:
+        return f"  skip {check.name:<49} {check.note}"
+    verdict = "FAIL" if check.failed else "ok  "
+    note = f" ({check.note})" if check.note else ""
+    return f"  {verdict} {check.name:<49} {check.measured:>9.3g}  allowed {check.allowed:.3g} {check.unit}{note}"
+
+
+def _run_checks(device: str, show: bool) -> Iterator[dict[str, Any]]:
+    """Yield the checks of a device as plain data, and print each as soon as it is made."""
+    from rptcam_cl.device.session import open_session
+    from rptcam_cl.studies.selfcheck_suite import outcomes
+
+    session = open_session(device)
+    for outcome in outcomes(session):
+        for check in outcome.checks:
+            if show:
+                print(_check_line(check), flush=True)
+            yield {**vars(check), "passed": check.passed, "failed": check.failed, "seconds_of_part": outcome.seconds}
+
+
+def _numerics(devices: list[dict[str, Any]], show: bool) -> dict[str, list[dict[str, Any]]]:
+    """Return the checks of devices, by the device's id."""
+    found: dict[str, list[dict[str, Any]]] = {}
+    for device in devices:
+        if show:
+            print(f"\nnumerics of {device['id']} {device['name']}", flush=True)
+        found[device["id"]] = list(_run_checks(device["id"], show))
+        if show:
+            made = [check for check in found[device["id"]] if not check["skipped"]]
+            skipped = len(found[device["id"]]) - len(made)
+            rest = f", {skipped} skipped" if skipped else ""
+            print(f"  {sum(check['passed'] for check in made)} of {len(made)} checks passed{rest}")
+    return found
+
+
+def _run_doctor(arguments: argparse.Namespace) -> int:
+    from rptcam_cl.studies.selfcheck_suite import as_lines, environment
+
+    found = environment(arguments.device)
+    if not arguments.json:
+        print("\n".join(as_lines(found)), flush=True)
+    if arguments.numerics and found["devices"]:
+        usable = [device for device in found["devices"] if device["problem"] is None]
+        found["numerics"] = _numerics(usable, not arguments.json)
+    if arguments.json:
+        print(as_json(found))
+    sys.stdout.flush()
+    if "no_device" in found:
+        raise DeviceError(found["no_device"])
+    failed = sum(check["failed"] for checks in found.get("numerics", {}).values() for check in checks)
+    if failed:
+        what = "1 check" if failed == 1 else f"{failed} checks"
+        raise NumericError(f"{what} failed; please send the report above to the authors")
+    return 0
+
+
+# ``rptcam schema``: the JSON schema of scene or lens files, for editors that complete and check.
+
+
+def add_schema(commands: Commands) -> None:
+    """Add the command."""
+    parser = commands.add_parser(
+        "schema",
+        help="print the JSON schema of scene or lens files",
+        description="Print the JSON schema of scene files, for editors that complete and check.",
+    )
+    parser.add_argument("--lens", action="store_true", help="of lens files instead")
+    parser.set_defaults(run=_run_schema, parser=parser)
+
+
+def _run_schema(arguments: argparse.Namespace) -> int:
+    if arguments.lens:
+        from rptcam_cl.optics.files.keys import lens_json_schema_text
+
+        print(lens_json_schema_text(), end="")
+        return 0
+    from rptcam_cl.scene.load import scene_json_schema_text
+
+    print(scene_json_schema_text(), end="")
     return 0

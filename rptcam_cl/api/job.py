@@ -1,0 +1,658 @@
+"""A render from its scene to its picture: options, focus and exposure, plan, kernels, samples, layers and metadata."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.api.options import SCENE_KEYS, excluded_by, part_numbers
+from rptcam_cl.core.constants import MAX_SPP
+from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.core.errors import InputError, NumericError, out_of_range
+from rptcam_cl.device.session import Session, Split, Wanted, means_all, open_session, open_sessions
+from rptcam_cl.imaging.development import GUIDES, check_denoiser
+from rptcam_cl.imaging.image import Image, with_picture_settings
+from rptcam_cl.imaging.sensor import check_sensor, sensor_of
+from rptcam_cl.imaging.truth_files import NAMES, ranked
+from rptcam_cl.rendering.account import (
+    GEOMETRY,
+    MEASURED_SECONDS,
+    Forecast,
+    anomalies,
+    described,
+    described_before,
+    forecast,
+    lens_margin,
+    of_makers,
+    statistics,
+    window,
+)
+from rptcam_cl.rendering.checkpoint import SUFFIX, Saver
+from rptcam_cl.rendering.diffraction import Diffraction, diffracted, diffraction_of
+from rptcam_cl.rendering.film import FilmLayout
+from rptcam_cl.rendering.ghosts import ghosting_of, has_ghosts
+from rptcam_cl.rendering.ground_truth import GroundTruth, ground_truth_of
+from rptcam_cl.rendering.highlights import aimed_plan
+from rptcam_cl.rendering.metering import resolve_exposure
+from rptcam_cl.rendering.plan.plan import Plan, make_plan
+from rptcam_cl.rendering.plan.primitives import PlanParts
+from rptcam_cl.rendering.progressive import (
+    Progress,
+    Rendering,
+    SavedState,
+    render_plan,
+    render_state,
+    rendering_of,
+)
+from rptcam_cl.rendering.scene_buffers import SceneBuffers
+from rptcam_cl.rendering.several import (
+    WHOLE,
+    AnyWavefront,
+    FilmPart,
+    Part,
+    SharedWavefront,
+    joined,
+    split_of,
+    split_text,
+)
+from rptcam_cl.rendering.tracer import Wavefront, WavefrontPool
+from rptcam_cl.scene.camera import RealisticCamera
+from rptcam_cl.scene.film import ADAPTIVE_SPP, LayerName
+from rptcam_cl.scene.load import at_rest, change_scene, exposure_steps, load_scene, plain
+from rptcam_cl.scene.scene import Scene
+
+SceneSource = Scene | str | Path | Mapping[str, Any]
+
+
+def read_scene(source: SceneSource) -> Scene:
+    """The scene itself, or that of anything that `load_scene` takes."""
+    return source if isinstance(source, Scene) else load_scene(source)
+
+
+def plain_data(scene: Scene) -> dict[str, Any]:
+    """The data of a scene, as a file has them."""
+    return {
+        name: value.model_dump(mode="json", exclude_unset=True) if hasattr(value, "model_dump") else plain(value)
+        for name, value in scene.made_of.items()
+    }
+
+
+# What a render takes beside its scene.
+
+
+@dataclass(frozen=True)
+class RenderOptions:
+    """The keyword arguments of `render`, which explains each.
+
+    Raises
+    ------
+    InputError
+        ``seconds`` is no time.
+    """
+
+    spp: int | None = None
+    seconds: float | None = None
+    seed: int | None = None
+    size: tuple[int, int] | None = None
+    crop: tuple[float, float, float, float] | None = None
+    layers: Sequence[str] | None = None
+    denoise: bool = False
+    noise: float | None = None
+    checkpoint: str | os.PathLike[str] | None = None
+    resume: bool = False
+    allow_mixed: bool = False
+    device: Wanted = None
+    split: Split | None = None
+    wave_size: int | None = None
+    numerics: bool = False
+    strict: bool = False
+    part: str | None = None
+    samples: tuple[int, int] | None = None
+    neighbours: tuple[Scene | None, Scene | None] | None = None
+    on_progress: Callable[[Progress], Any] | None = None
+    should_stop: Callable[[], bool] | None = None
+
+    def __post_init__(self) -> None:
+        if self.seconds is not None and not 0 < self.seconds < math.inf:
+            raise out_of_range("seconds", self.seconds, "a finite number above 0")
+        if self.film_part == WHOLE:
+            return
+        for option in excluded_by("part"):
+            if getattr(self, option.name, None):
+                raise InputError(f"{option.name}: needs the whole film (allowed: without part and samples)")
+        if self.samples is not None and self.spp is not None:
+            raise InputError("spp: does not go with samples, which say where they end (allowed: one of the two)")
+
+    @property
+    def film_part(self) -> FilmPart:
+        """The tiles and samples that are rendered.
+
+        Raises
+        ------
+        InputError
+            ``part`` or ``samples`` is none.
+        """
+        number, count = (1, 1) if self.part is None else part_numbers(self.part) or (0, 0)
+        if not count:
+            raise InputError(f"part: is none (got {self.part}; allowed: as 3/8, from 1/8 to 8/8)")
+        first, end = self.samples or (0, None)
+        if end is not None and not 0 <= first < end < MAX_SPP:
+            raise InputError(f"samples: are out of range (got {first}:{end}; allowed: as 0:64)")
+        return FilmPart(number, count, first, end)
+
+    @property
+    def keeps_state(self) -> bool:
+        """Whether the state of the render is kept at its end: to go on from it, or to be merged."""
+        return self.resume or self.part is not None or self.samples is not None
+
+    def scene_of(self, source: SceneSource) -> Scene:
+        """The scene with these options, its sensor checked.
+
+        Raises
+        ------
+        InputError, StateError
+            The scene cannot be read, or does not take them.
+        """
+        scene = self.apply_to(read_scene(source))
+        check_sensor(scene, *window(scene)[2:])
+        return scene
+
+    def apply_to(self, scene: Scene) -> Scene:
+        """The scene with the keys that the options replace."""
+        changes: dict[str, dict[str, Any]] = {}
+        for name, path in SCENE_KEYS.items():
+            if (value := getattr(self, name)) is not None:
+                section, _, key = path.partition(".")
+                changes.setdefault(section, {})[key] = value
+        return change_scene(scene, **changes) if changes else scene
+
+    def most_spp(self, scene: Scene) -> int | None:
+        """The sample to end before: of ``samples`` or ``spp``, else none for ``seconds``, else the scene's."""
+        if self.samples is not None:
+            return self.samples[1]
+        if self.spp is not None:
+            return self.spp
+        if self.noise is not None:
+            return ADAPTIVE_SPP
+        return None if self.seconds is not None else scene.render.most_spp
+
+    def with_fast_compile(self, scene: Scene, sessions: list[Session]) -> list[Session]:
+        """The devices, with programs that compile fast where few samples are all that is to be taken."""
+        spp, takes_more = self.most_spp(scene), scene.requested_autofocus is not None or has_ghosts(scene)
+        if spp is None or scene.render.noise is not None or takes_more or len(sessions) > 1:
+            return sessions
+        return [sessions[0].for_samples(spp * FilmLayout.of(scene.film).pixels)]
+
+
+# What a scene leaves to be found, and what its image is put together of.
+
+
+@dataclass(frozen=True)
+class Resolved:
+    """A scene with all that it leaves to be found.
+
+    Attributes
+    ----------
+    scene : Scene
+        In focus, with its camera model and its exposure.
+    metadata : dict
+        How these were found.
+    focus : dict or None
+        What autofocus found, as `in_focus` takes it.
+    metered_cd_m2 : float or None
+        The luminance that the exposure follows from.
+    diffraction : Diffraction or None
+        What it does to the film; None where it is off.
+    ghosts : Scene or None
+        In focus, with the camera as requested; None where there are none.
+    """
+
+    scene: Scene
+    metadata: dict[str, Any]
+    focus: dict[str, Any] | None
+    metered_cd_m2: float | None
+    diffraction: Diffraction | None = None
+    ghosts: Scene | None = None
+
+
+def resolve(
+    scene: Scene, session: Session, focus: dict[str, Any] | None = None, metered_cd_m2: float | None = None
+) -> Resolved:
+    """Find the focus, the camera model and the exposure that a scene leaves open.
+
+    Parameters
+    ----------
+    focus, metered_cd_m2
+        Those of an earlier part of the render, to be kept.
+    """
+    sharp, still = scene, at_rest(scene)
+    if still.requested_autofocus is not None:
+        from rptcam_cl.studies.focus.controller import in_focus  # few scenes have it, and its room takes long to import
+
+        focus = in_focus(still, session, focus)[1]
+        sharp = in_focus(scene, session, focus)[0]
+    diffraction, in_focus_with_lens = diffraction_of(sharp), sharp
+    described_choice: dict[str, Any] = {}
+    if isinstance(sharp.camera, RealisticCamera) and sharp.camera.accuracy is not None:
+        from rptcam_cl.studies.tiers import choose_camera  # few scenes have a choice, and its room takes long to import
+
+        choice = choose_camera(sharp)
+        sharp, described_choice = choice.scene, choice.metadata
+    exposed = resolve_exposure(sharp, session, metered_cd_m2)
+    metadata = exposed.metadata | described_choice | ({} if focus is None else focus["metadata"])
+    metadata |= {} if diffraction is None else {"diffraction": diffraction.metadata}
+    ghosts = in_focus_with_lens if has_ghosts(in_focus_with_lens) else None
+    metadata |= {} if ghosts is None else {"ghosts": {"on": True}}
+    return Resolved(exposed.scene, metadata, focus, exposed.metered_cd_m2, diffraction, ghosts)
+
+
+def check_divisible(scene: Scene) -> None:
+    """Raise `InputError` if a scene cannot be rendered in parts."""
+    if scene.render.noise is not None:
+        raise InputError("part: a noise target needs the whole film (allowed: without render.noise)")
+    if "variance" in scene.render.layers:
+        raise InputError("part: the layer variance needs the whole film (allowed: the other layers)")
+
+
+def name_layers(
+    names: Sequence[LayerName],
+    recorded: Mapping[str, NDArray[Any]],
+    sharp: tuple[Mapping[str, NDArray[Any]], Mapping[str, Any]] | None,
+    metadata: dict[str, Any],
+) -> dict[str, NDArray[Any]]:
+    """Put the layers of an image in their order; the metadata of the sharp ones go to those of the image.
+
+    Parameters
+    ----------
+    names
+        Those that it is to have.
+    recorded
+        Layers of the samples.
+    sharp
+        The sharp ones, and their metadata.
+    metadata
+        Of the image, with the names of what identifiers stand for.
+    """
+    found = dict(recorded)
+    for name, key in NAMES.items():
+        if name in found:
+            found[name] = ranked(found[name], metadata[key])
+    if sharp is not None:
+        found |= sharp[0]
+        metadata |= sharp[1]
+    return {name: found[name] for name in names}
+
+
+def with_ghosts(image: Image, light: NDArray[Any], said: dict[str, Any]) -> Image:
+    """Add the light of ghosts to an image, and their metadata."""
+    light = light.astype(np.float32)
+    if "barrel_share" in said:
+        light = light + np.float32(said["barrel_share"] * image.pixels.mean(axis=(0, 1), dtype=np.float64))
+    layers = dict(image.layers) | ({"ghosts": light} if "ghosts" in image.layers else {})
+    metadata = dict(image.metadata) | {"ghosts": said}
+    return replace(image, pixels=np.add(image.pixels, light, dtype=np.float32), layers=layers, metadata=metadata)
+
+
+# A render: it is prepared once, takes its samples at one go or part by part, and its picture is reported.
+
+
+class RenderJob:
+    """A scene in focus and exposed, planned and compiled, that samples can be taken of.
+
+    Parameters
+    ----------
+    options
+    scene
+        As requested: with the options applied, and with the layers that a denoiser needs.
+    resolved
+        The scene in focus, with its camera model and its exposure.
+    plan
+    wavefront
+        Compiled for the devices.
+    begun
+        When preparing began, by `time.perf_counter` [s].
+    layers
+        Those that the image is to have; by default the scene's.
+    saver, saved
+        The checkpoint and the state in it, where there are any.
+
+    Attributes
+    ----------
+    seconds : dict
+        What preparing took: ``start`` and ``compile`` [s].
+    """
+
+    def __init__(
+        self,
+        options: RenderOptions,
+        scene: Scene,
+        resolved: Resolved,
+        plan: Plan,
+        wavefront: AnyWavefront,
+        *,
+        begun: float,
+        layers: tuple[LayerName, ...] | None = None,
+        saver: Saver | None = None,
+        saved: SavedState | None = None,
+    ) -> None:
+        self.options, self.scene, self.resolved, self.plan, self.wavefront = options, scene, resolved, plan, wavefront
+        self.layers = scene.render.layers if layers is None else layers
+        self.saver, self.saved = saver, saved
+        self._begun, self.seconds = begun, {"start": 0.0, "compile": 0.0}
+        self._ghosting = ghosting_of(resolved.ghosts, plan, wavefront.session)
+        self._truth = self._ground_truth()
+        if saver is not None:
+            saver.of_picture = self._of_picture()
+            saver.parts_since = lambda done: devices_of(wavefront, self.first, done)
+            saver.beside = partial(self._arrays_beside, whole=options.film_part == WHOLE)
+
+    @classmethod
+    def prepare(
+        cls, source: SceneSource, options: RenderOptions | None = None, series: SeriesRenderer | None = None
+    ) -> Self:
+        """Make a render of a scene, or of anything that `load_scene` takes, ready for its samples.
+
+        Parameters
+        ----------
+        series
+            What was prepared of it before is good until this one is.
+
+        Raises
+        ------
+        InputError, DeviceError, StateError
+            As `render` does.
+        """
+        begun, options = time.perf_counter(), options or RenderOptions()
+        # Check what can be checked before any device is opened
+        scene = options.scene_of(source)
+        options.film_part.check(FilmLayout.of(scene.film).tiles)
+        if options.film_part != WHOLE:
+            check_divisible(scene)
+        exposure_steps(scene)
+        layers = scene.render.layers
+        if options.denoise:
+            check_denoiser()
+            scene = change_scene(scene, render={"layers": tuple(dict.fromkeys((*layers, *GUIDES)))})
+
+        # Open the devices, and the state of an earlier render
+        sessions, shares = open_sessions(options.device, options.split)
+        saver = None if options.checkpoint is None else _saver(options.checkpoint, scene, sessions, options)
+        saved = saver.load() if saver is not None and options.resume else None
+
+        # Resolve what the scene leaves open, plan, compile
+        if series is None:  # which is to take many samples
+            sessions = options.with_fast_compile(scene, sessions)
+        resolved = _resolve_for(saver, scene, sessions[0])
+        plan = make_plan(resolved.scene, parts=None if series is None else series.parts)
+        pool = None if series is None or plan.steps else series.pool
+        uploaded = None if pool is None else pool.upload(plan)
+        plan, buffers = aimed_plan(plan, sessions[0], scene.render.layers, uploaded)
+        started = time.perf_counter()
+        if options.on_progress is not None:
+            options.on_progress(Progress("compile", 0, scene.render.spp, 0.0, 0.0, None))
+        buffers, layout = buffers or uploaded, FilmLayout.of(scene.film)
+        wavefront: AnyWavefront
+        if pool is not None and buffers is not None:
+            wavefront = pool.wavefront(plan, buffers, layout, scene.render, "film")
+        elif len(sessions) > 1:
+            if shares is None and saver is not None:
+                shares = saved_shares(saver.parts, sessions)
+            wavefront = SharedWavefront(
+                sessions, plan, layout, scene.render, options.wave_size, shares=shares,
+                lenient=means_all(options.device),
+            )  # fmt: skip
+        else:
+            wavefront = _compiled_wavefront(sessions[0], plan, scene, buffers, options.wave_size)
+        job = cls(options, scene, resolved, plan, wavefront, begun=begun, layers=layers, saver=saver, saved=saved)
+        job.seconds = {"start": started - begun, "compile": time.perf_counter() - started}
+        return job
+
+    @classmethod
+    def prepare_parts(cls, source: SceneSource, options: RenderOptions, found: Mapping[str, Any] | None = None) -> Self:
+        """Make a render ready of which `part` takes one part after the other, on one device.
+
+        Parameters
+        ----------
+        found
+            Focus and exposure as another render's `findings` has them; else they are found here.
+
+        Raises
+        ------
+        InputError, DeviceError
+            As `render` does.
+        """
+        begun = time.perf_counter()
+        scene = options.scene_of(source)
+        check_divisible(scene)
+        assert options.device is None or isinstance(options.device, str), "a worker has one device"
+        session = open_session(options.device)
+        saver = _saver(f"part{SUFFIX}", scene, [session], RenderOptions())
+        resolved = _resolve_for(saver, scene, session, found)
+        plan, buffers = aimed_plan(make_plan(resolved.scene), session, scene.render.layers)
+        wavefront = _compiled_wavefront(session, plan, scene, buffers)
+        job = cls(options, scene, resolved, plan, wavefront, begun=begun, saver=saver)
+        saver.beside = partial(job._arrays_beside, whole=False)
+        return job
+
+    @property
+    def first(self) -> int:
+        """The first sample of each pixel that is taken here."""
+        return self.options.film_part.first if self.saved is None else self.saved.done
+
+    @property
+    def findings(self) -> dict[str, Any]:
+        """The focus and the exposure that were found, for all parts of a film."""
+        return {"focus": self.resolved.focus, "metered_cd_m2": self.resolved.metered_cd_m2}
+
+    def forecast(self, measure_s: float = MEASURED_SECONDS) -> Forecast | None:
+        """What the samples take, by a measurement that spoils the film; None where only time ends them."""
+        end = self.options.most_spp(self.scene)
+        if end is None:
+            return None
+        return forecast(self.wavefront, min(self.first, end), end, self.options.film_part, measure_s)
+
+    def run(self) -> Rendering:
+        """Add all samples, unless it is stopped before."""
+        options, saver = self.options, self.saver
+        return render_plan(
+            self.wavefront,
+            spp=options.most_spp(self.scene),
+            seconds=options.seconds,
+            has_lens=self.plan.camera.has_lens,
+            noise=self.scene.render.noise,
+            part=options.film_part,
+            saved=self.saved,
+            save=None if saver is None else saver.save_now_and_then,
+            on_progress=None if options.on_progress is None else self._report_progress,
+            should_stop=options.should_stop,
+        )
+
+    def part(self, part: FilmPart) -> tuple[bytes, float]:
+        """Render a part of the film; the content of its file for `rptcam_cl.merge`, and how long it took [s]."""
+        begun, wavefront, end = time.perf_counter(), self.wavefront, self.options.most_spp(self.scene)
+        assert self.saver is not None and end is not None and isinstance(wavefront, Wavefront), "of `prepare_parts`"
+        wavefront.clear()
+        wavefront.choose_tiles(part.tiles(wavefront.layout.tiles))
+        state = render_state(wavefront, end, part)
+        self.saver.parts_since = lambda done: devices_of(wavefront, part.first, done)
+        return self.saver.content(state, part), time.perf_counter() - begun
+
+    def snapshot(self, progress: Progress) -> Image:
+        """The image so far, by the latest `Progress`, not denoised: each pixel by its samples."""
+        assert progress.film is not None, "the render has begun"
+        film = progress.film
+        film.wavefront.finish()
+        rendering = rendering_of(
+            film, start=progress.samples_at_start, seconds=progress.seconds, new_samples=film.wavefront.camera_rays,
+            interrupted=False,
+        )  # fmt: skip
+        return self._image(rendering, replace(self.options, denoise=False, numerics=False, strict=False), None)
+
+    def report(self, rendering: Rendering) -> Image:
+        """The image of a rendering with its metadata and statistics; its checkpoint ends.
+
+        Raises
+        ------
+        NumericError
+            With ``strict``; its ``image`` is the picture.
+        """
+        options, saver = self.options, self.saver
+        image = self._image(rendering, options, saver)
+        if saver is not None:  # once the picture is whole: until then the saved state is all that there is
+            image.stats["checkpoint"] = saver.end(rendering.state, keep=options.keeps_state or rendering.interrupted)
+        if options.strict:
+            failure = image.metadata.get("autofocus", {}).get("failure")
+            faults = anomalies(image.stats["numerics"]) + ([] if failure is None else [f"autofocus: {failure}"])
+            if faults:
+                raise NumericError(f"strict: {'; '.join(faults)}", image)
+        return image
+
+    def _image(self, rendering: Rendering, options: RenderOptions, saver: Saver | None) -> Image:
+        total = time.perf_counter() - self._begun
+        times = self.seconds | {"render": rendering.seconds, "total": total}
+        is_measured = options.numerics or options.strict
+        margin = lens_margin(self.resolved.scene, self.wavefront.session) if is_measured else None
+        parts = devices_of(self.wavefront, self.first, rendering.done)
+        work = joined([] if saver is None else saver.parts, parts)
+        stats = statistics(self.plan, self.wavefront, rendering, times, margin) | {"work": work}
+        metadata = described(self.scene, self.plan, rendering.spp, stats, self.resolved.metadata)
+        self._describe_sensor(metadata)
+        if rendering.interrupted:
+            metadata["interrupted"] = True
+        if saver is not None:
+            metadata |= {"device": saver.devices} | of_makers(saver.makers)
+        stats["camera"] = {key: metadata[key] for key in GEOMETRY if key in metadata}
+        stats |= {key: metadata[key] for key in ("accuracy", "autofocus") if key in metadata}
+        sharp = None if self._truth is None else self._truth.found
+        layers = name_layers(self.scene.render.layers, rendering.layers, sharp, metadata)
+        image = with_picture_settings(Image(rendering.pixels, metadata, stats, layers=layers), self.scene.picture)
+        if options.denoise:
+            image = replace(image.denoised(), layers={name: image[name] for name in self.layers})
+        if self._ghosting is not None:
+            image = with_ghosts(image, *self._ghosting.found)
+        return replace(image, pixels=diffracted(self.resolved.diffraction, image.pixels))
+
+    def _report_progress(self, progress: Progress) -> None:
+        assert self.options.on_progress is not None
+        self.options.on_progress(replace(progress, image=lambda: self.snapshot(progress)))
+
+    def _describe_sensor(self, metadata: dict[str, Any]) -> None:
+        if (sensor := sensor_of(self.resolved.scene, metadata)) is not None:
+            metadata["sensor"] = sensor.described()
+
+    def _of_picture(self) -> dict[str, Any]:
+        """What the picture of a saved render can be made with, without its scene."""
+        scene = self.scene
+        metadata = described_before(scene, self.plan, self.resolved.metadata)
+        self._describe_sensor(metadata)
+        if picture := scene.picture.model_dump(mode="json", exclude_defaults=True):
+            metadata["picture"] = picture
+        return {
+            "metadata": json.loads(json.dumps(metadata, default=str)),
+            "eye_m": self.plan.eye_m.tolist(),
+            "has_lens": self.plan.camera.has_lens,
+            "clamp": scene.render.clamp,
+            "spp": self.options.most_spp(scene),
+        }
+
+    def _arrays_beside(self, *, whole: bool) -> dict[str, Any]:
+        """What `merge` needs beside the samples; of a part also the ghosts and the sharp layers."""
+        makers = (self.resolved.diffraction, *((None, None) if whole else (self._ghosting, self._truth)))
+        return {name: array for each in makers if each is not None for name, array in each.arrays().items()}
+
+    def _ground_truth(self) -> GroundTruth | None:
+        """The sharp layers; None where the image is to have none."""
+        wavefront, session = self.wavefront, self.wavefront.session
+
+        def buffers() -> SceneBuffers:
+            return wavefront.scene_buffers if isinstance(wavefront, Wavefront) else SceneBuffers(session, self.plan)
+
+        def as_rendered(frame: Scene | None) -> Scene | None:
+            if frame is None:
+                return None
+            applied = self.options.apply_to(frame)
+            if applied.requested_autofocus is None:
+                return applied
+            from rptcam_cl.studies.focus.controller import in_focus  # few scenes have it, and it takes long to import
+
+            return in_focus(applied, session, None)[0]
+
+        flows = self.options.neighbours if {"flow_forward", "flow_backward"} & set(self.layers) else None
+        neighbours = None if flows is None else (as_rendered(flows[0]), as_rendered(flows[1]))
+        return ground_truth_of(self.resolved.scene, self.plan, session, buffers, self.layers, neighbours)
+
+
+def _saver(path: str | os.PathLike[str], scene: Scene, sessions: Sequence[Session], options: RenderOptions) -> Saver:
+    names, drivers = [session.info.name for session in sessions], [session.info.driver for session in sessions]
+    return Saver(path, scene, names, drivers, options.film_part, allow_mixed=options.allow_mixed)
+
+
+def _resolve_for(
+    saver: Saver | None, scene: Scene, session: Session, found: Mapping[str, Any] | None = None
+) -> Resolved:
+    """Resolve a scene; what was found for an earlier part of the render is kept."""
+    if saver is None:
+        return resolve(scene, session)
+    resolved = resolve(scene, session, **(found or {"focus": saver.focus, "metered_cd_m2": saver.metered_cd_m2}))
+    saver.metered_cd_m2, saver.focus = resolved.metered_cd_m2, resolved.focus
+    return resolved
+
+
+def _compiled_wavefront(
+    session: Session, plan: Plan, scene: Scene, buffers: SceneBuffers | None, wave_size: int | None = None
+) -> Wavefront:
+    wavefront = Wavefront(session, plan, FilmLayout.of(scene.film), scene.render, wave_size, buffers=buffers)
+    wavefront.warm_up()
+    return wavefront
+
+
+class SeriesRenderer:
+    """Renders scenes on one device, each as `render` does; what they share stays there.
+
+    Parameters
+    ----------
+    device
+        The device.
+
+    Attributes
+    ----------
+    plan : Plan or None
+        That of the last picture.
+    pool, parts
+        Wavefronts with their buffers, and parts of the plan, to be used again.
+    """
+
+    def __init__(self, device: Session) -> None:
+        self.device = device
+        self.plan: Plan | None = None
+        self.pool, self.parts = WavefrontPool(device), PlanParts()
+
+    def render(self, scene: Scene) -> Image:
+        """Take the picture of the camera of a scene."""
+        job = RenderJob.prepare(scene, RenderOptions(device=self.device), self)
+        self.plan = job.plan
+        return job.report(job.run())
+
+
+def saved_shares(parts: list[Part], sessions: list[Session]) -> list[float] | None:
+    """The shares that the same devices had when the render was saved; None where they were others."""
+    last = split_of(parts[-1]["split"]) if parts else {}
+    ids = [session.info.id for session in sessions]
+    return [last[identity] for identity in ids] if last.keys() == set(ids) else None
+
+
+def devices_of(wavefront: AnyWavefront, first: int, done: int) -> list[Part]:
+    """The samples that each device has taken since a render began or went on after ``first``."""
+    if isinstance(wavefront, SharedWavefront):
+        return wavefront.parts(done)
+    return [{"samples": [first, done], "split": split_text({wavefront.session.info.id: 1.0})}] if done > first else []

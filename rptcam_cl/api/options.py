@@ -1,0 +1,368 @@
+"""The options of a render, each once: keyword, words on the command line, parser, and what it does not go with."""
+
+from __future__ import annotations
+
+import argparse
+import difflib
+import re
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import field
+from pathlib import Path
+from typing import Any, TypeVar
+
+from rptcam_cl.core.constants import MAX_SEED, MAX_SPP
+from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.core.errors import InputError
+
+# Words of the command line as values, with their ranges.
+
+Number = TypeVar("Number", int, float)
+
+
+def nearest(word: str, known: Iterable[str], prefix: str = "") -> str:
+    """The text ``; did you mean ...?`` with the known word most like ``word``, after a prefix, or nothing."""
+    matches = difflib.get_close_matches(word, list(known), n=1)
+    return f"; did you mean {prefix}{matches[0]}?" if matches else ""
+
+
+def number(kind: Callable[[str], Number], lowest: float, highest: float, allowed: str) -> Callable[[str], Number]:
+    """The parser of a number in a range that has no negative ones."""
+
+    def parse(text: str) -> Number:
+        try:
+            value = kind(text)
+        except ValueError:
+            value = kind("-1")  # below every range here
+        if not lowest <= value <= highest:
+            raise argparse.ArgumentTypeError(f"got {text}; allowed {allowed}")
+        return value
+
+    return parse
+
+
+def _whole(text: str) -> int:
+    """A whole number, as ``1000000`` or ``1e6``."""
+    try:
+        return int(text)
+    except ValueError:
+        if len(text) < 20 and (number := float(text)).is_integer():
+            return int(number)
+        raise
+
+
+spp = number(_whole, 1, MAX_SPP, f"a whole number from 1 to {MAX_SPP}")
+seed = number(int, 0, MAX_SEED, "a whole number from 0 to 2^64 - 1")
+
+_AMOUNT = r"([0-9.]+(?:e[+-]?\d+)?)\s*"
+_DURATION = rf"(?:{_AMOUNT}h\s*)?(?:{_AMOUNT}(?:min|m)\s*)?(?:{_AMOUNT}s)?|{_AMOUNT}"
+_UNITS = {1: 3600.0, 2: 60.0, 3: 1.0, 4: 1.0}  # of its groups
+
+
+def share(text: str) -> float:
+    """Share between 0 and 1 of ``0.02`` or ``2%``."""
+    number, per_cent = re.fullmatch(r"(.*?)\s*(%?)", text.strip(), re.DOTALL).groups()  # type: ignore[union-attr]
+    try:
+        found = float(number) / (100.0 if per_cent else 1.0)
+    except ValueError:
+        found = -1.0
+    if not 0 < found < 1:
+        raise argparse.ArgumentTypeError(f"got {text}; allowed a number between 0 and 1, as 0.02 or 2%")
+    return found
+
+
+def duration(text: str) -> float:
+    """Time of ``60``, ``60s``, ``2min``, ``1h`` or ``1m30s`` [s]."""
+    match = re.fullmatch(_DURATION, text.strip(), re.IGNORECASE)
+    try:
+        found = sum(unit * float(match[group] or 0) for group, unit in _UNITS.items()) if match else -1.0
+    except ValueError:
+        found = -1.0
+    if not 0 < found <= 1e9:
+        raise argparse.ArgumentTypeError(f"got {text}; allowed a time above 0, as 60s, 2min, 1h or 1m30s")
+    return found
+
+
+def sample_range(text: str) -> tuple[int, int]:
+    """First sample and the one that it ends before of ``FIRST:END``."""
+    match = re.fullmatch(r"(\d{1,10}):(\d{1,10})", text, re.ASCII)
+    first, end = (int(match[1]), int(match[2])) if match else (0, 0)
+    if not first < end <= MAX_SPP:
+        raise argparse.ArgumentTypeError(f"got {text}; allowed FIRST:END, as 0:64 and then 64:128")
+    return first, end
+
+
+def part_numbers(text: str) -> tuple[int, int] | None:
+    """Number and count of a part such as ``3/8``; None if it is none."""
+    match = re.fullmatch(r"(\d{1,9})/(\d{1,9})", text, re.ASCII)
+    number, count = (int(match[1]), int(match[2])) if match else (0, 0)
+    return (number, count) if 1 <= number <= count else None
+
+
+def part(text: str) -> str:
+    """Part ``K/N`` of a film."""
+    if part_numbers(text) is None:
+        raise argparse.ArgumentTypeError(f"got {text}; allowed K/N, from 1/8 to 8/8 for eight parts")
+    return text
+
+
+def size(text: str) -> tuple[int, int]:
+    """Width and height of ``WxH`` [pixels]."""
+    match = re.fullmatch(r"(\d{1,9})[xX×](\d{1,9})", text, re.ASCII)
+    width, height = (int(match[1]), int(match[2])) if match else (0, 0)
+    if width < 1 or height < 1:
+        raise argparse.ArgumentTypeError(f"got {text}; allowed WxH in pixels, as 640x360")
+    return width, height
+
+
+def crop(text: str) -> tuple[float, float, float, float]:
+    """Window ``x0,x1,y0,y1`` of the film in fractions of its width and height, from the left and from the top."""
+    try:
+        x0, x1, y0, y1 = (float(part) for part in text.split(","))
+    except ValueError:
+        x0, x1, y0, y1 = 1.0, 0.0, 1.0, 0.0
+    if not (0.0 <= x0 < x1 <= 1.0 and 0.0 <= y0 < y1 <= 1.0):
+        raise argparse.ArgumentTypeError(f"got {text}; allowed x0,x1,y0,y1 in 0..1 with x0 < x1 and y0 < y1")
+    return x0, x1, y0, y1
+
+
+def layers(text: str) -> tuple[str, ...]:
+    """Names of auxiliary layers in ``a,b,c``; ``all`` stands for every one."""
+    from rptcam_cl.scene.film import LAYER_NAMES
+
+    names = tuple(name.strip() for name in text.split(","))
+    if names == ("all",):
+        return LAYER_NAMES
+    for index, name in enumerate(names):
+        if name not in LAYER_NAMES:
+            hint = nearest(name, LAYER_NAMES)
+            raise argparse.ArgumentTypeError(
+                f"got {name or f'a comma too many in {text}'}{hint}; allowed all, {', '.join(LAYER_NAMES)}"
+            )
+        if name in names[:index]:
+            raise argparse.ArgumentTypeError(f"{name} twice; allowed each layer once")
+    return names
+
+
+_SEVERAL_DIGITS = r"(\d{1,%d})(?:-(\d{1,%d}))?(?::(\d{1,%d}))?"
+
+
+def number_range(text: str, digits: int, least: int) -> range | None:
+    """Numbers of ``1-240``, ``1-240:2`` or ``7``, ``least`` or more; None if it is none."""
+    match = re.fullmatch(_SEVERAL_DIGITS.replace("%d", str(digits)), text, re.ASCII)
+    if match is None:
+        return None
+    first, step = int(match[1]), int(match[3] or 1)
+    last = int(match[2] or first)
+    return range(first, last + 1, step) if least <= first <= last and step >= 1 else None
+
+
+def frame_range(text: str) -> range:
+    """Frames of ``1-240``, ``1-240:2`` or ``7``."""
+    frames = number_range(text, 7, 1)
+    if frames is None:
+        raise argparse.ArgumentTypeError(f"got {text}; allowed FIRST-LAST[:STEP], as 1-240 or 1-240:2")
+    return frames
+
+
+# The table. What an option does not go with is said by the mode that excludes it.
+
+NOT_WITH = {
+    "part": "{flag}: needs the whole film (allowed: without {mode}; rptcam merge makes the picture)",
+    "frames": "{flag}: is for a single picture (allowed: without {mode})",
+    "cluster": "{flag}: does not go with {mode} (allowed: one of the two)",
+    "truth": "{mode}: is of a whole picture (allowed: without {flag})",
+}
+
+
+@dataclass(frozen=True)
+class RenderOption:
+    """An option of ``rptcam render``, which may be a keyword of `rptcam_cl.render` as well.
+
+    Attributes
+    ----------
+    name : str
+        The keyword, or where the parsed arguments have it.
+    flags : str
+        On the command line.
+    help : str
+    parse : callable or None
+        Returns the value of a word; None for a switch.
+    metavar : str
+        Stands for the word in the help.
+    not_with : str
+        Modes of `NOT_WITH` that it does not go with.
+    key : str
+        Key of the scene that it replaces.
+    more : mapping
+        Further arguments of `argparse`.
+    """
+
+    name: str
+    flags: str
+    help: str
+    parse: Callable[[str], Any] | None = None
+    metavar: str = ""
+    not_with: str = ""
+    key: str = ""
+    more: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def flag(self) -> str:
+        """Its name on the command line, as messages say it."""
+        return self.flags.split()[0]
+
+    def add_to(self, parser: argparse.ArgumentParser) -> None:
+        """Let a command have it."""
+        takes: dict[str, Any] = {"action": "store_true"}
+        if self.parse is not None:
+            takes = {"type": self.parse}
+        if self.metavar:
+            takes["metavar"] = self.metavar
+        parser.add_argument(*self.flags.split(), dest=self.name, help=self.help, **(takes | dict(self.more)))
+
+
+SEVERAL: dict[str, Any] = {"action": "append"}
+LISTED: dict[str, Any] = {"action": "append", "default": []}
+
+# fmt: off
+RENDER_OPTIONS = (
+    RenderOption(
+        "outputs", "-o --output", "picture to write, format by suffix: .png, .jpg and .tif developed, .exr, .npy and"
+        " .npz linear; may be repeated", Path, "OUT", more=SEVERAL | {"required": True},
+    ),
+    RenderOption(
+        "raws", "--raw", "also write a raw file of the scene's sensor, format by suffix: .dng, .tif or .npy; may be"
+        " repeated", Path, "OUT", not_with="part", more=LISTED,
+    ),
+    RenderOption("spp", "--spp", "samples per pixel, in place of the scene's", spp, "N", key="render.spp"),
+    RenderOption(
+        "seconds", "--time", "stop after this rendering time, as 60s or 5min", duration, "TIME",
+        not_with="part cluster",
+    ),
+    RenderOption(
+        "noise", "--noise", "sample each tile of 8 x 8 pixels until its relative standard error is X, as 0.02 or 2%%",
+        share, "X", not_with="part cluster", key="render.noise",
+    ),
+    RenderOption(
+        "resume", "--resume", "continue from OUT.rpck, which an interrupted render leaves, and keep it, so that samples"
+        " can be added",
+    ),
+    RenderOption(
+        "allow_mixed", "--allow-mixed", "join what other code, another numpy or another driver has made, too, and name"
+        " all in the metadata",
+    ),
+    RenderOption("seed", "--seed", "seed of the random numbers", seed, "N", key="render.seed"),
+    RenderOption("size", "--size", "resolution in pixels", size, "WxH", key="film.resolution"),
+    RenderOption(
+        "crop", "--crop", "render only this window, in fractions of the picture from the left and the top", crop,
+        "x0,x1,y0,y1", key="film.crop",
+    ),
+    RenderOption(
+        "layers", "--layers", "record these auxiliary layers in .exr and .npz outputs, as depth,normal; all for every"
+        " one", layers, "NAME,...", key="render.layers",
+    ),
+    RenderOption(
+        "denoise", "--denoise", "remove the remaining noise (biased); needs rptcam_cl[denoise]",
+        not_with="part cluster",
+    ),
+    RenderOption(
+        "device", "--device", "an index as 0:0, a part of a name, cpu, gpu, auto or all (default: $RPTCAM_DEVICE,"
+        " $PYOPENCL_CTX, auto); may be repeated for several devices that share the render", str, "SPEC", more=SEVERAL,
+    ),
+    RenderOption(
+        "split", "--split", "share of each device, as 0:0=0.7,1:0=0.3 (default: by speed, which is measured)", str,
+        "SPEC=SHARE,...", not_with="cluster",
+    ),
+    RenderOption(
+        "overrides", "--set", "replace a value of the scene file, as camera.f_number=4; may be repeated", str,
+        "key.path=value", more=LISTED,
+    ),
+    RenderOption(
+        "missing", "--missing", "files that are not there: an error that names them all (default), or grey in place of"
+        " pictures, and meshes left out, each with a warning", str,
+        more={"choices": ("error", "grey"), "default": "error"},
+    ),
+    RenderOption(
+        "part", "--part", "render part K of N parts of the tiles, to be merged; -o names a file that ends in .rpck",
+        part, "K/N", not_with="frames cluster truth",
+    ),
+    RenderOption(
+        "samples", "--samples", "render these samples of each pixel alone, as 64:128, likewise", sample_range,
+        "FIRST:END", not_with="frames cluster truth",
+    ),
+    RenderOption(
+        "plan", "--plan", "print the memory, the kernel launches and the time that the render will take, and render"
+        " nothing", not_with="frames cluster",
+    ),
+    RenderOption(
+        "truth", "--truth", "also write COCO annotations, masks of instances and classes, and the rays of all pixels"
+        " into this folder", Path, "DIR",
+    ),
+    RenderOption(
+        "frames", "--frames", "render these frames of the scene's sequence, as 1-240 or 1-240:2; #### in names of files"
+        " is the frame; with --resume, frames that are there are kept", frame_range, "FIRST-LAST[:STEP]",
+        not_with="truth",
+    ),
+    RenderOption(
+        "video", "--video", "with --frames and a film among the outputs (.exr, .npz): also a video, .mov (ProRes), .mkv"
+        " (FFV1), .mp4 (H.264) or .webm (AV1); needs rptcam_cl[video]", Path, "OUT",
+    ),
+    RenderOption(
+        "cluster", "--cluster", "render on the workers of this scheduler of dask.distributed, as tls://host:8786", str,
+        "ADDRESS", not_with="truth",
+    ),
+    RenderOption(
+        "workers", "--workers", "render in N processes of this machine, likewise", int, "N", not_with="truth"
+    ),
+    RenderOption(
+        "tls", "--tls", "certificate files (PEM) for an address tls://…: authority, certificate, key; none: take tcp://"
+        " on a machine where all users are trusted", str, "CA,CERT,KEY",
+    ),
+    RenderOption(
+        "stats", "--stats", "write statistics of the render", Path, "FILE.json", not_with="part frames cluster"
+    ),
+    RenderOption(
+        "strict", "--strict", "fail, with exit code 5, when numbers cannot be trusted or autofocus failed; the picture"
+        " is still written", not_with="cluster",
+    ),
+    RenderOption("quiet", "--quiet", "print only warnings and errors"),
+    RenderOption(
+        "preview", "--preview", "write the picture so far to the outputs now and then, as every 10s", duration, "TIME",
+        not_with="part frames cluster",
+    ),
+    RenderOption(
+        "watch", "--watch", "render again whenever the scene file or a file that it names changes, until Ctrl-C",
+        not_with="part frames cluster",
+    ),
+)
+# fmt: on
+
+KEYWORDS_ALONE = ("checkpoint", "wave_size", "numerics", "neighbours", "on_progress", "should_stop")
+"""Keywords of `rptcam_cl.render` that no option of the command sets as they are."""
+
+SCENE_KEYS = {option.name: option.key for option in RENDER_OPTIONS if option.key}
+"""Keys of the scene that options replace, by keyword."""
+
+OF_A_CLUSTER = tuple(
+    option.name for option in RENDER_OPTIONS if option.key and "cluster" not in option.not_with.split()
+)
+"""Keywords that replace keys of a scene that a cluster renders."""
+
+
+def excluded_by(mode: str) -> list[RenderOption]:
+    """The options that do not go with a mode of `NOT_WITH`."""
+    return [option for option in RENDER_OPTIONS if mode in option.not_with.split()]
+
+
+def check_together(arguments: argparse.Namespace, mode: str, flag: str) -> None:
+    """Raise `InputError` if an option is given that does not go with a mode, which a flag says."""
+    for option in excluded_by(mode):
+        if getattr(arguments, option.name):
+            raise InputError(NOT_WITH[mode].format(flag=option.flag, mode=flag))
+
+
+def add_options(parser: argparse.ArgumentParser, *names: str) -> None:
+    """Let a command have some options of a render, in the given order."""
+    options = {option.name: option for option in RENDER_OPTIONS}
+    for name in names:
+        options[name].add_to(parser)
