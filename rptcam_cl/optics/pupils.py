@@ -15,7 +15,7 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.chief_rays import ChiefRays, crossed, round_chief_rays
 from rptcam_cl.optics.lens import limiting_surface
-from rptcam_cl.optics.ray_trace import passing
+from rptcam_cl.optics.ray_trace import Rays, passing
 
 if TYPE_CHECKING:
     from rptcam_cl.optics.lens import Lens
@@ -222,6 +222,12 @@ class FilmProbe:
             dark = np.flatnonzero(~passed)
             passed[dark] = passing(self.lens, origins[dark], directions[dark], wavelength_nm)
         return passed.reshape(shape)
+
+    def trace(self, film: Array, rear: Array) -> Rays:
+        """Return the rays of a film point (2,) through points (n, 2) of the plane of the last vertex, in the scene."""
+        targets = np.column_stack([rear, np.full(len(rear), self.lens.length)])
+        start = np.array([*film, self.lens.film_z(self.distance)])
+        return self.lens.trace(np.broadcast_to(start, targets.shape), targets - start, self.wavelength_nm)
 
     def reaches_lens(self, half_film_mm: tuple[float, float]) -> bool:
         """Return whether some corner of a film of such half sides stands in or in front of the last surface."""
