@@ -167,11 +167,6 @@ def _steepest(pupil: PupilFunction) -> float:
     return float(np.max(steps, where=np.isfinite(steps), initial=0.0))
 
 
-def _exit_pupil_z(lens: Lens) -> float:
-    """Return where the paraxial exit pupil of the d line stands on the axis [mm]."""
-    return lens.length + lens.sense * lens.first_order().exit_pupil.distance_mm
-
-
 class _ExitRays:
     """The rays of a beam by their directions behind the lens."""
 
@@ -180,7 +175,7 @@ class _ExitRays:
         self.open = without_rims(lens)
         indices = lens.indices(wavelength_nm)
         self.first_index, self.index = float(indices[0]), float(indices[-1])
-        pupil_z = _exit_pupil_z(lens) if sphere_z is None else sphere_z
+        pupil_z = lens.film_z(lens.first_order().exit_pupil.distance_mm) if sphere_z is None else sphere_z
         points, rays, _ = passing_beam(lens, beam, wavelength_nm, FIT_ACROSS)
         if len(points) < 12:
             raise InputError(f"{lens.name}: too little of a beam at {beam.field_degrees:g} degrees comes through")

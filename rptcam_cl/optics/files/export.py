@@ -16,7 +16,6 @@ from rptcam_cl.optics.coating import (
     BARE,
     MAGNESIUM_FLUORIDE,
     Coating,
-    Layer,
     LayerStack,
     MeasuredReflectance,
     QuarterWave,
@@ -407,7 +406,9 @@ def pbrt_text(lens: Lens, wavelength_nm: float = LINE_D_NM) -> str:
     InputError
         With every reason why a table cannot say this lens.
     """
-    refuse(lens, ".dat table", _pbrt_reasons(lens, wavelength_nm), _of_whole(lens))
+    is_older = len(lens.surfaces) > 2 and lens.surfaces[0].thickness == 0
+    of_whole = ["the first thickness is 0, which readers take for the older kind of table"] if is_older else []
+    refuse(lens, ".dat table", _pbrt_reasons(lens, wavelength_nm), of_whole)
     film = setting(lens, wavelength_nm=wavelength_nm).film_distance_mm or 0.0
     indices = lens.indices(wavelength_nm)
     lines = [f"# {line}" for line in (*lens.name.splitlines(), *lens.source.splitlines())]
@@ -430,11 +431,6 @@ def _pbrt_reasons(lens: Lens, wavelength_nm: float) -> Iterator[tuple[int, str]]
     for k, surface in enumerate(lens.surfaces):
         for reason in _surface_reasons(surface, float(indices[k]), float(indices[k + 1])):
             yield k, reason
-
-
-def _of_whole(lens: Lens) -> Iterator[str]:
-    if len(lens.surfaces) > 2 and lens.surfaces[0].thickness == 0:
-        yield "the first thickness is 0, which readers take for the older kind of table"
 
 
 def _surface_reasons(surface: Surface, before: float, after: float) -> Iterator[str]:
@@ -580,11 +576,6 @@ def _region(region: Region, where: str) -> dict[str, Any]:
     return {"clear": clear} if region.blocks else {"clear": clear, "outside": "pass"}
 
 
-def _layer(layer: Layer) -> dict[str, float]:
-    dark = {"extinction": layer.extinction} if layer.extinction else {}
-    return {"index": layer.index, "thickness_nm": layer.thickness_nm, **dark}
-
-
 def _coating(coating: Coating, where: str) -> Any:
     if coating == BARE:
         return "bare"
@@ -593,7 +584,12 @@ def _coating(coating: Coating, where: str) -> Any:
     if isinstance(coating, QuarterWave):
         return {"quarter_wave": {"index": coating.index, "wavelength_nm": coating.wavelength_nm}}
     if isinstance(coating, LayerStack):
-        return {"layers": [_layer(layer) for layer in coating.layers]}
+        rows: list[dict[str, float]] = []
+        for layer in coating.layers:
+            rows.append({"index": layer.index, "thickness_nm": layer.thickness_nm})
+            if layer.extinction:
+                rows[-1]["extinction"] = layer.extinction
+        return {"layers": rows}
     if not isinstance(coating, MeasuredReflectance):
         raise InputError(f"{where}: has a coating that a lens file cannot say ({type(coating).__name__})")
     if len(coating.values) == 1:

@@ -104,12 +104,10 @@ def read_coating(document: Document, path: KeyPath) -> Coating:
         raise fields.fail(None, f"needs exactly one of {', '.join(keys.COATING)}")
     if "layers" in fields:
         return _layers(fields)
-    return _quarter_wave(fields) if "quarter_wave" in fields else _measured(fields)
-
-
-def _quarter_wave(fields: Fields) -> Coating:
-    inner = fields.inner("quarter_wave", keys.QUARTER_WAVE)
-    return QuarterWave(_index(inner), inner.positive("wavelength_nm"))
+    if "quarter_wave" in fields:
+        inner = fields.inner("quarter_wave", keys.QUARTER_WAVE)
+        return QuarterWave(_index(inner), inner.positive("wavelength_nm"))
+    return _measured(fields)
 
 
 def _index(fields: Fields) -> float:
@@ -223,7 +221,11 @@ def read_glass(document: Document, path: KeyPath) -> Medium:
     medium = _LAWS[given[0]](fields)
     if "thermal" in fields or "expansion_per_k" in fields:
         medium = replace(medium, thermal=_read_thermal(fields, medium.thermal or Thermal()))
-    return replace(medium, absorption=_read_absorption(fields)) if "transmittance" in fields else medium
+    if "transmittance" not in fields:
+        return medium
+    inner = fields.inner("transmittance", keys.TRANSMITTANCE)
+    spectrum, thickness_mm = read_spectrum(inner, "transmittance"), inner.positive("thickness_mm")
+    return replace(medium, absorption=Absorption.from_transmittance(*spectrum, thickness_mm))
 
 
 def _read_thermal(fields: Fields, known: Thermal) -> Thermal:
@@ -236,11 +238,6 @@ def _read_thermal(fields: Fields, known: Thermal) -> Thermal:
         if len(values) != count:
             raise inner.fail(key, f"expected {count} numbers")
     return Thermal((*d, *e, inner.positive("resonance_um")), expansion, inner.number("reference_c", STANDARD_C))
-
-
-def _read_absorption(fields: Fields) -> Absorption:
-    inner = fields.inner("transmittance", keys.TRANSMITTANCE)
-    return Absorption.from_transmittance(*read_spectrum(inner, "transmittance"), inner.positive("thickness_mm"))
 
 
 def _named(document: Document, path: KeyPath, name: str) -> Medium:
