@@ -274,7 +274,7 @@ def glass(lens: Lens, section: str, wavelength_nm: float) -> list[tuple[float, A
         if abs(indices[k + 1] - 1.0) > 1e-6:
             front, rear = profile(lens, k, section), profile(lens, k + 1, section)
             if len(front) > 1 and len(rear) > 1:
-                outlines.append((float(indices[k + 1]), _joined(front, rear)))
+                outlines.append((float(indices[k + 1]), _join_rims(front, rear)))
     return outlines
 
 
@@ -302,7 +302,7 @@ def blades(lens: Lens, section: str) -> list[Array]:
     ]
 
 
-def _joined(front: Array, rear: Array) -> Array:
+def _join_rims(front: Array, rear: Array) -> Array:
     """Return the outline of the glass between two surfaces: rims join by an edge at the height of the wider one."""
     upper = _edge(front[-1], rear[-1])
     lower = _edge(rear[0], front[0])

@@ -148,14 +148,14 @@ def widest_field(setting: Setting, section: str = "y") -> float:
     Half of the meridional fan of the axis passes, and what passes stays together on the film.
     """
     low, high = 0.0, STEEPEST
-    axis, blur = _passing(setting, 0.0, section)
+    axis, blur = _measure_fan(setting, 0.0, section)
     if axis == 0:
         raise InputError(f"{setting.lens.name}: the ray on the axis does not come through")
     focal_length = abs(setting.lens.first_order(setting.wavelength_nm, section).focal_length_mm)
     largest = max(LARGEST_SPOT * focal_length, 2 * blur)
     for _ in range(12):
         middle = (low + high) / 2
-        width, spread = _passing(setting, middle, section)
+        width, spread = _measure_fan(setting, middle, section)
         low, high = (middle, high) if width >= LEFT_OPEN * axis and spread <= largest else (low, middle)
     return low
 
@@ -206,7 +206,7 @@ def _along(line: Array, section: str) -> Array:
     return np.stack([zero, line] if section == "y" else [line, zero], axis=1)
 
 
-def _passing(setting: Setting, field_degrees: float, section: str) -> tuple[float, float]:
+def _measure_fan(setting: Setting, field_degrees: float, section: str) -> tuple[float, float]:
     """Return the width across the beam of its meridional fan that passes, and the rms of that fan on the film [mm].
 
     The rms is 0 without a film, or when less than two rays pass.
@@ -322,7 +322,7 @@ def film_spots(
     return found
 
 
-def pooled(group: Sequence[FilmSpot]) -> Array:
+def pool(group: Sequence[FilmSpot]) -> Array:
     """Return the points (n, 2) of several spots together."""
     return np.concatenate([spot.points for spot in group])
 
@@ -401,9 +401,9 @@ def spot_table(spots: Sequence[FilmSpot]) -> list[dict[str, Any]]:
 
 
 def _row(degrees: float, wavelength_nm: float | None, group: Sequence[FilmSpot]) -> dict[str, Any]:
-    facts, errors = spot_facts(pooled(group)), {}
+    facts, errors = spot_facts(pool(group)), {}
     less = fewer(group)
-    before = spot_facts(pooled(less)) if less else facts
+    before = spot_facts(pool(less)) if less else facts
     for name in ("rms", "largest"):
         value, other = facts[f"{name}_um"], before[f"{name}_um"]
         errors[f"{name}_error_um"] = None if value is None or other is None or not less else abs(value - other)
@@ -430,11 +430,11 @@ def spot_chart(setting: Setting, spots: Sequence[FilmSpot]) -> Figure:
     figure, panels = _panels(
         f"{setting.lens.name}: spots on the film", len(groups), TITLE_AND_KEY, sharex=True, sharey=True
     )
-    centres = {field: pooled(group).mean(axis=0) for field, group in groups.items()}
+    centres = {field: pool(group).mean(axis=0) for field, group in groups.items()}
     reach = max(float(np.abs(spot.points - centres[spot.field_degrees]).max()) for spot in spots) * 1e3
     half = max(reach * 0.5 / FILL, 1e-6)
     for axes, (degrees, group) in zip(panels.flat, groups.items(), strict=False):
-        rms = spot_facts(pooled(group))["rms_um"]
+        rms = spot_facts(pool(group))["rms_um"]
         axes.set_title(f"{degrees:g}°, y = {round(centres[degrees][1], 4) + 0.0:g} mm\nrms {rms:.3g} µm")
         axes.set(xlabel="x [µm]", xlim=(-half, half), ylim=(-half, half), aspect="equal")
         for spot in group:
@@ -498,7 +498,7 @@ def limits(group: Sequence[FilmSpot], frequencies_per_mm: ArrayLike) -> tuple[Ar
 
 def field_mtf(group: Sequence[FilmSpot], frequencies_per_mm: ArrayLike) -> list[Array] | None:
     """Return tangential and sagittal modulation and the limit of each, of one field; None when no light passes."""
-    points = pooled(group)
+    points = pool(group)
     if not len(points):
         return None
     most = limits(group, frequencies_per_mm)
@@ -649,12 +649,12 @@ def point_image(spots: Sequence[FilmSpot], pixels: int, width_um: float | None =
     """
     if pixels < 2:
         raise InputError(f"an image needs at least 2 pixels a side (got {pixels})")
-    points = pooled(spots)
+    points = pool(spots)
     facts, less = spot_facts(points), fewer(spots)
     off, radii = _radii(points)
     names = [f"radius_of_{100 * share:.0f}_percent_um" for share in PSF_SHARES]
     facts |= dict(zip(names, np.quantile(radii, PSF_SHARES).tolist(), strict=True))
-    if less and len(before := pooled(less)):
+    if less and len(before := pool(less)):
         facts["rms_error_um"] = abs(facts["rms_um"] - spot_facts(before)["rms_um"])
         changes = np.quantile(_radii(before)[1], PSF_SHARES) - np.quantile(radii, PSF_SHARES)
         facts["radius_error_um"] = float(np.abs(changes).max())
@@ -665,7 +665,7 @@ def point_image(spots: Sequence[FilmSpot], pixels: int, width_um: float | None =
 
 def image_moves(few: Sequence[FilmSpot], many: Sequence[FilmSpot]) -> float:
     """Return how far rms and radii of an image of a point move with more rays, in units of what they may."""
-    one, other = (pooled(group) for group in (few, many))
+    one, other = (pool(group) for group in (few, many))
     if not len(one) or not len(other):
         return 0.0 if len(one) == len(other) else np.inf
     one, other = (np.quantile(_radii(points)[1], PSF_SHARES) for points in (one, other))

@@ -107,7 +107,7 @@ def read_coating(document: Document, path: KeyPath) -> Coating:
     if "quarter_wave" in fields:
         inner = fields.inner("quarter_wave", keys.QUARTER_WAVE)
         return QuarterWave(_index(inner), inner.positive("wavelength_nm"))
-    return _measured(fields)
+    return _read_measured(fields)
 
 
 def _index(fields: Fields) -> float:
@@ -141,7 +141,7 @@ def layered(layers: tuple[Layer, ...]) -> Coating:
     return LayerStack(layers)
 
 
-def _measured(fields: Fields) -> Coating:
+def _read_measured(fields: Fields) -> Coating:
     value = fields.get("reflectance")
     if isinstance(value, str):
         return _read_reflectance(fields, value)
@@ -211,7 +211,7 @@ def read_glass(document: Document, path: KeyPath) -> Medium:
     """Return the medium at a key path of a lens file."""
     value = value_at(document, path)
     if isinstance(value, str):
-        return _named(document, path, value)
+        return _find_glass(document, path, value)
     if isinstance(value, int | float) and not isinstance(value, bool):
         raise problem(document, path, "expected a name or a mapping such as {index: 1.5}", value)
     fields = Fields(document, path, keys.GLASS)
@@ -240,7 +240,7 @@ def _read_thermal(fields: Fields, known: Thermal) -> Thermal:
     return Thermal((*d, *e, inner.positive("resonance_um")), expansion, inner.number("reference_c", STANDARD_C))
 
 
-def _named(document: Document, path: KeyPath, name: str) -> Medium:
+def _find_glass(document: Document, path: KeyPath, name: str) -> Medium:
     if name.lower() in ("air", "vacuum"):
         return AIR
     medium = glass_named(name)
@@ -251,26 +251,26 @@ def _named(document: Document, path: KeyPath, name: str) -> Medium:
     raise problem(document, path, f"unknown glass; {hint}", name)
 
 
-def _checked(fields: Fields, key: str, value: float) -> float:
+def _check_index(fields: Fields, key: str, value: float) -> float:
     if not keys.LOWEST_INDEX <= value <= keys.HIGHEST_INDEX:
         raise fields.fail(key, f"a refractive index lies between {keys.LOWEST_INDEX:g} and {keys.HIGHEST_INDEX:g}")
     return value
 
 
 def _constant(fields: Fields) -> Medium:
-    value = _checked(fields, "index", fields.number("index"))
+    value = _check_index(fields, "index", fields.number("index"))
     return ConstantIndex(value, fields.text("name", f"n = {value:g}"))
 
 
 def _abbe(fields: Fields) -> Medium:
-    nd = _checked(fields, "nd", fields.number("nd"))
+    nd = _check_index(fields, "nd", fields.number("nd"))
     vd = fields.positive("vd")
     return AbbeCauchy(nd, vd, fields.text("name", f"{nd:g} / {vd:g}"))
 
 
 def _linear(fields: Fields) -> Medium:
     inner = fields.inner("linear_abbe", keys.LINEAR_ABBE)
-    n = _checked(inner, "n", inner.number("n"))
+    n = _check_index(inner, "n", inner.number("n"))
     v = inner.positive("v")
     return AbbeLinear(n, v, fields.text("name", f"{n:g} / {v:g} linear"))
 
@@ -308,7 +308,7 @@ def _table(fields: Fields) -> Medium:
     if not rises(wavelengths):
         raise inner.fail("wavelengths_nm", "must be above 0 and rise")
     for value in values:
-        _checked(inner, "values", value)
+        _check_index(inner, "values", value)
     return TabulatedIndex(wavelengths, values, fields.text("name", "tabulated glass"))
 
 
