@@ -240,7 +240,7 @@ def _check_folder(scene: Scene, path: Path) -> None:
 
 
 def _keys(scene: Scene, found: Resolved) -> dict[str, Any]:
-    """Return the keys that say what was found, by key path."""
+    """The focus, camera model and exposure as keys of the scene, by key path."""
     changes: dict[str, Any] = {}
     if found.focus is not None:
         changes |= {f"camera.{key}": value for key, value in found.focus["camera"].items()}

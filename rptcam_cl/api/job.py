@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from rptcam_cl.api.options import SCENE_KEYS, excluded_by, part_numbers
 from rptcam_cl.core.constants import MAX_SPP
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.core.errors import InputError, NumericError
+from rptcam_cl.core.errors import InputError, NumericError, out_of_range
 from rptcam_cl.device.session import Session, Split, Wanted, means_all, open_session, open_sessions
 from rptcam_cl.imaging.development import GUIDES, check_denoiser
 from rptcam_cl.imaging.image import Image, with_picture_settings
@@ -124,7 +124,7 @@ class RenderOptions:
 
     def __post_init__(self) -> None:
         if self.seconds is not None and not 0 < self.seconds < math.inf:
-            raise InputError(f"seconds: is out of range (got {self.seconds!r}; allowed: a finite number above 0)")
+            raise out_of_range("seconds", self.seconds, "a finite number above 0")
         if self.film_part == WHOLE:
             return
         for option in excluded_by("part"):
@@ -228,12 +228,12 @@ class Resolved:
 def resolve(
     scene: Scene, session: Session, focus: dict[str, Any] | None = None, metered_cd_m2: float | None = None
 ) -> Resolved:
-    """Return a scene in focus, with the camera model and the exposure that it leaves to be found.
+    """Find the focus, the camera model and the exposure that a scene leaves open.
 
     Parameters
     ----------
     focus, metered_cd_m2
-        What was found before, to be kept.
+        Those of an earlier part of the render, to be kept.
     """
     sharp, still = scene, at_rest(scene)
     if still.requested_autofocus is not None:
@@ -270,7 +270,7 @@ def name_layers(
     sharp: tuple[Mapping[str, NDArray[Any]], Mapping[str, Any]] | None,
     metadata: dict[str, Any],
 ) -> dict[str, NDArray[Any]]:
-    """Return the layers of an image in their order; what the sharp ones have to say goes to the metadata.
+    """Put the layers of an image in their order; the metadata of the sharp ones go to those of the image.
 
     Parameters
     ----------
@@ -279,7 +279,7 @@ def name_layers(
     recorded
         Layers of the samples.
     sharp
-        The sharp ones, and what they have to say.
+        The sharp ones, and their metadata.
     metadata
         Of the image, with the names of what identifiers stand for.
     """
@@ -294,7 +294,7 @@ def name_layers(
 
 
 def with_ghosts(image: Image, light: NDArray[Any], said: dict[str, Any]) -> Image:
-    """Return the image with the light of ghosts, and what is known of them."""
+    """Add the light of ghosts to an image, and their metadata."""
     light = light.astype(np.float32)
     if "barrel_share" in said:
         light = light + np.float32(said["barrel_share"] * image.pixels.mean(axis=(0, 1), dtype=np.float64))
@@ -645,14 +645,14 @@ class SeriesRenderer:
 
 
 def saved_shares(parts: list[Part], sessions: list[Session]) -> list[float] | None:
-    """Return the shares that the same devices had when the render was saved; None where they were others."""
+    """The shares that the same devices had when the render was saved; None where they were others."""
     last = split_of(parts[-1]["split"]) if parts else {}
     ids = [session.info.id for session in sessions]
     return [last[identity] for identity in ids] if last.keys() == set(ids) else None
 
 
 def devices_of(wavefront: AnyWavefront, first: int, done: int) -> list[Part]:
-    """Return which device has taken which samples since a render began or went on after ``first``."""
+    """The samples that each device has taken since a render began or went on after ``first``."""
     if isinstance(wavefront, SharedWavefront):
         return wavefront.parts(done)
     return [{"samples": [first, done], "split": split_text({wavefront.session.info.id: 1.0})}] if done > first else []

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.api.job import RenderJob, RenderOptions, Resolved, SceneSource, resolve
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.core.errors import InputError, StateError
+from rptcam_cl.core.errors import InputError, StateError, out_of_range
 from rptcam_cl.device.session import NotKeptError, Session, open_sessions
 from rptcam_cl.imaging.image import Image
 from rptcam_cl.imaging.sensor import check_sensor
@@ -49,8 +49,9 @@ class Change:
     Attributes
     ----------
     kind : str
-        The dearest that it took. ``none``: nothing has changed. ``picture``: the film stays, it is developed in another
-        way. ``camera``: records of the camera. ``scene``: other records too, or another film. ``program``: kernels.
+        The most expensive that it took. ``none``: nothing has changed. ``picture``: the film stays, it is developed in
+        another way. ``camera``: records of the camera. ``scene``: other records too, or another film. ``program``:
+        kernels.
     keys : tuple of str
         The parts of the scene that are others now.
     ready : bool
@@ -160,7 +161,7 @@ class SceneState:
 
 
 def focuses_anew(changes: Mapping[str, Any], scene: Scene) -> bool:
-    """Return whether a change asks for autofocus in the scene that it leads to, or takes another lens."""
+    """Whether a change asks for autofocus in the scene that it leads to, or takes another lens."""
     keys = [key.split(".") for key in changes]
     if any(key[0] == "camera" and (len(key) == 1 or key[1] in ANOTHER_LENS) for key in keys):
         return True
@@ -168,7 +169,7 @@ def focuses_anew(changes: Mapping[str, Any], scene: Scene) -> bool:
 
 
 def keep_focus(state: SceneState, scene: Scene) -> Scene:
-    """Return a scene with the focus that was found for another state of it, where it asks for autofocus."""
+    """Set the focus that was found for an earlier state, in a scene with autofocus."""
     known = state.resolved.focus
     if known is None or scene.requested_autofocus is None:
         return scene
@@ -176,7 +177,7 @@ def keep_focus(state: SceneState, scene: Scene) -> Scene:
 
 
 def changed_parts(before: Scene, after: Scene) -> tuple[str, ...]:
-    """Return the keys at the top of a scene that say something else."""
+    """The sections of a scene that differ."""
     one, other = before.made_of, after.made_of
     return tuple(name for name in Scene.model_fields if not _is_same(one.get(name), other.get(name)))
 
@@ -191,14 +192,14 @@ def _is_same(one: Any, other: Any) -> bool:
 
 
 def kind_of(before: Plan, after: Plan, compiled: bool, keys: tuple[str, ...]) -> Kind:
-    """Return the dearest that another plan takes."""
+    """The most expensive kind of change that another plan is."""
     if not compiled:
         return "program"
     return "camera" if before.facts == after.facts and set(keys) <= {"camera", "exposure", "shutter"} else "scene"
 
 
-def plan_beside(before: SceneState, scene: Scene, resolved: Scene, parts: PlanParts) -> Plan:
-    """Return the plan of a scene for glances, made of the plan before where nothing but the lens is another."""
+def plan_for_glances(before: SceneState, scene: Scene, resolved: Scene, parts: PlanParts) -> Plan:
+    """The plan of a scene for glances, made of the plan before where nothing but the lens differs."""
     same_time = before.resolved.scene.shutter == resolved.shutter  # where things that move are
     if same_time and set(changed_parts(before.scene, scene)) <= OF_THE_LENS:
         if _moves_alone(before, scene, resolved):
@@ -208,7 +209,7 @@ def plan_beside(before: SceneState, scene: Scene, resolved: Scene, parts: PlanPa
 
 
 def _moves_alone(before: SceneState, scene: Scene, resolved: Scene) -> bool:
-    """Return whether nothing but the place of a camera is another, which focuses by no point of the scene."""
+    """Whether nothing but the pose of a camera differs, which focuses by no point of the scene."""
     earlier, camera = before.resolved.scene, resolved.camera
     focus = getattr(scene.camera, "focus", None)
     if getattr(focus, "point", None) or getattr(focus, "object", None):
@@ -311,10 +312,10 @@ class SceneCompiler:
                 resolved, is_final = resolve(scene, self._quick), False
         return self._plan_state(scene, resolved, make_plan(resolved.scene, parts=self._parts), is_final=is_final)
 
-    def beside(self, before: SceneState, scene: Scene, reading: float | None) -> SceneState:
+    def for_glances(self, before: SceneState, scene: Scene, reading: float | None) -> SceneState:
         """Plan a scene for glances: by the last reading of the meter and coarse tables."""
         resolved = resolve(scene, self._device, metered_cd_m2=reading)
-        plan = plan_beside(before, scene, resolved.scene, self._parts)
+        plan = plan_for_glances(before, scene, resolved.scene, self._parts)
         if plan.camera.facts != before.plan.camera.facts:  # coarse tables may be of another kind
             plan = make_plan(resolved.scene, parts=self._parts)
         return self._plan_state(scene, resolved, plan, is_final=False)
@@ -600,7 +601,7 @@ class RenderSession:
         return self._compiler.is_idle
 
     def is_film_ready(self) -> bool:
-        """Return whether samples can be taken at once; otherwise what they need is compiled in the background.
+        """Whether samples can be taken at once; otherwise what they need is compiled in the background.
 
         So are the full kernels of glances, after those of the film. A session that waits is always ready.
         """
@@ -653,11 +654,13 @@ class RenderSession:
             As `change` would.
         """
         self._check_open()
-        state = self._compiler.beside(self._newest, keep_focus(self._newest, self._changed(changes)), self._reading)
+        state = self._compiler.for_glances(
+            self._newest, keep_focus(self._newest, self._changed(changes)), self._reading
+        )
         self._compiler.begin(state)
 
     def is_carried_out(self, kind: Hashable, order: Callable[[], bytes]) -> bool:
-        """Return whether another process has carried out an order about this scene; see `SceneCompiler`."""
+        """Whether another process has carried out an order about this scene; see `SceneCompiler`."""
         state = self._newest
         return self._compiler.is_carried_out((kind, key_of(state.plan, state.buffers, state.scene.render)), order)
 
@@ -675,7 +678,7 @@ class RenderSession:
     def add(self, samples: int = 1) -> bool:
         """Add samples to the film as `take` does, but read nothing of it; return whether all of them are there."""
         if samples < 1:
-            raise InputError(f"samples: is out of range (got {samples!r}; allowed: at least 1)")
+            raise out_of_range("samples", samples, "at least 1")
         begun = time.perf_counter()
         self._complete = self._add(self._film(), samples)
         self._added_s = time.perf_counter() - begun
@@ -700,7 +703,7 @@ class RenderSession:
             When the scale is not above 0 and at most 1.
         """
         if not 0 < scale <= 1:
-            raise InputError(f"scale: is out of range (got {scale!r}; allowed: above 0, at most 1)")
+            raise out_of_range("scale", scale, "above 0, at most 1")
         begun = time.perf_counter()
         self._arrive()
         state = self._shown
@@ -780,7 +783,7 @@ class RenderSession:
         if focus_anew:
             state = self._compiler.first(scene)
         else:
-            state = self._compiler.beside(before, keep_focus(before, scene), self._reading)
+            state = self._compiler.for_glances(before, keep_focus(before, scene), self._reading)
         self._hash = None
         compiled = self._compiler.is_ready(state)
         if not compiled and not wait:

@@ -111,7 +111,7 @@ ROOMS = ("core", "device", "optics", "scene", "rendering", "studies", "api")
 
 
 def needs_tracking(scene: Scene) -> bool:
-    """Return whether focus or exposure of a frame follow from the frames before."""
+    """Whether focus or exposure of a frame follow from the frames before."""
     return scene.sequence is not None and (
         scene.sequence.continuous_focus is not None or scene.sequence.exposure_time_constant_s is not None
     )
@@ -301,11 +301,63 @@ Pictures = Callable[[Mapping[int, Scene]], Iterable[tuple[int, Image]]]
 
 
 @dataclass(frozen=True)
-class _Planned:
+class _Combination:
+    """Values of a sweep and their scene; the film is kept under a name that follows from all that decides it."""
+
     values: dict[str, Any]
     scene: Scene
     key: str
     name: str
+    folder: Path | None
+    mtf_at: tuple[float, float] | None
+
+    @property
+    def file(self) -> Path | None:
+        """The film, where one is kept."""
+        return None if self.folder is None else self.folder / f"{self.name}.exr"
+
+    def read(self, same: OneMaker) -> SweepEntry | None:
+        """The entry of an earlier run; None where there is none that is whole.
+
+        Raises
+        ------
+        StateError
+            It was made by other code than what the sweep has already.
+        """
+        if self.file is None:
+            return None
+        try:
+            found = json.loads(self.file.with_suffix(".json").read_text("utf-8"))
+            if found["key"] != self.key:
+                return None
+            image = read_film(self.file)
+            if image.metadata.get("picture_hash") != self.scene.picture_hash():
+                return None
+            entry = SweepEntry(self.values, found["measures"], develop(image), True, self.file)
+        except (OSError, ValueError, KeyError, TypeError, RptcamError):
+            return None
+        same.add(str(self.file), image.metadata.get("made_by"))
+        return entry
+
+    def keep(self, image: Image) -> SweepEntry:
+        """Measure a picture, and keep it: the film first, so that measures without a film cannot be."""
+        achieved = image.stats.get("numerics", {}).get("noise")  # a worker's picture comes without
+        luminance = image.luminance
+        measures = {
+            "mean": float(luminance.mean(dtype=np.float64)),
+            "noise": None if achieved is None else achieved["picture"],
+            "spp": image.metadata.get("spp_mean", image.metadata["spp"]),
+            "seconds": _seconds(image),
+        } | ({} if self.mtf_at is None else {"mtf50": mtf50_at(luminance, *self.mtf_at)})
+        if self.file is not None:
+            image.save(unlinked(self.file))
+            try:
+                with replacing(unlinked(self.file.with_suffix(".json"))) as temporary:
+                    temporary.write_text(json.dumps({"key": self.key, "measures": measures}), encoding="utf-8")
+            except StateError:
+                self.file.unlink(missing_ok=True)  # as on a full disk
+                raise
+        return SweepEntry(self.values, measures, image, False, self.file)
 
 
 def sweep(
@@ -352,15 +404,18 @@ def sweep(
     StateError
         The folder cannot be written, or holds pictures that other code has made.
     """
-    planned = _plan(RenderOptions(spp=spp, size=size, seed=seed).apply_to(read_scene(scene)), over, mtf_at)
-    place = None if folder is None else make_folder(Path(folder))
+    place = None if folder is None else Path(folder)
+    applied = RenderOptions(spp=spp, size=size, seed=seed).apply_to(read_scene(scene))
+    planned = _plan(applied, over, place, mtf_at)
     if place is not None:
-        check_writable(place / SHEET)
-    return _entries(planned, place, mtf_at, device, pictures, OneMaker(allow_mixed))
+        check_writable(make_folder(place) / SHEET)
+    return _entries(planned, place, device, pictures, OneMaker(allow_mixed))
 
 
-def _plan(scene: Scene, over: Mapping[str, Sequence[Any]], mtf_at: tuple[float, float] | None) -> list[_Planned]:
-    """Return every combination with its scene, checked."""
+def _plan(
+    scene: Scene, over: Mapping[str, Sequence[Any]], folder: Path | None, mtf_at: tuple[float, float] | None
+) -> list[_Combination]:
+    """Check every combination with its scene."""
     if not over:
         raise InputError("over: no key to vary (allowed: as camera.f_number=2,4,8)")
     for path, choices in over.items():
@@ -370,7 +425,7 @@ def _plan(scene: Scene, over: Mapping[str, Sequence[Any]], mtf_at: tuple[float, 
         raise InputError(f"mtf_at: is no point of the picture (got {mtf_at}; allowed: two numbers in 0..1)")
     if (count := math.prod(len(values) for values in over.values())) > MOST_ENTRIES:
         raise InputError(f"over: {count} combinations are too many (allowed: {MOST_ENTRIES})")
-    planned: dict[str, _Planned] = {}
+    planned: dict[str, _Combination] = {}
     for combination in itertools.product(*over.values()):
         values = dict(zip(over, combination, strict=True))
         title = ", ".join(f"{key}={format_value(value)}" for key, value in values.items())
@@ -388,7 +443,7 @@ def _plan(scene: Scene, over: Mapping[str, Sequence[Any]], mtf_at: tuple[float, 
         slug = re.sub(r"[^A-Za-z0-9.+-]+", "_", title.replace("=", "-"))[:80]
         if key in planned:
             raise InputError(f"{title}: is the same picture as {planned[key].name} (leave one of them out)")
-        planned[key] = _Planned(values, changed, key, f"{slug}-{key}")
+        planned[key] = _Combination(values, changed, key, f"{slug}-{key}", folder, mtf_at)
     return list(planned.values())
 
 
@@ -398,9 +453,8 @@ def format_value(value: Any) -> str:
 
 
 def _entries(
-    planned: Sequence[_Planned],
+    planned: Sequence[_Combination],
     folder: Path | None,
-    mtf_at: tuple[float, float] | None,
     device: Wanted,
     pictures: Pictures | None,
     same: OneMaker,
@@ -409,15 +463,15 @@ def _entries(
     sessions: list[Any] = []
     series: SeriesRenderer | None = None
     rows, thumbnails = [], []
-    made = {} if pictures is None else _render_elsewhere(planned, folder, mtf_at, pictures, same)
+    made = {} if pictures is None else _render_elsewhere(planned, pictures, same)
     for number, plan in enumerate(planned):
-        entry = made.pop(number, None) or _read_entry(plan, folder, same)
+        entry = made.pop(number, None) or plan.read(same)
         if entry is None:
             sessions = sessions or open_sessions(device)[0]
             same.add("this program", made_by(session.info.driver for session in sessions))
             series = series or (SeriesRenderer(sessions[0]) if len(sessions) == 1 else None)
             image = render(plan.scene, device=device) if series is None else series.render(plan.scene)
-            entry = _keep_entry(plan, folder, image, mtf_at)
+            entry = plan.keep(image)
         if folder is not None:
             rows.append(entry.values | entry.measures | {"file": entry.file.name if entry.file else None})
             thumbnails.append(("\n".join(entry._lines), entry.image))
@@ -429,43 +483,14 @@ def _entries(
             contact_sheet(thumbnails, columns).save(temporary, format="png")
 
 
-def _render_elsewhere(
-    planned: Sequence[_Planned],
-    folder: Path | None,
-    mtf_at: tuple[float, float] | None,
-    pictures: Pictures,
-    same: OneMaker,
-) -> dict[int, SweepEntry]:
-    """Return the entries of what is not there yet, by number, each kept as it comes."""
-    missing = {number: plan.scene for number, plan in enumerate(planned) if _read_entry(plan, folder, same) is None}
+def _render_elsewhere(planned: Sequence[_Combination], pictures: Pictures, same: OneMaker) -> dict[int, SweepEntry]:
+    """Render what is not there yet, each kept as it comes; the entries by number."""
+    missing = {number: plan.scene for number, plan in enumerate(planned) if plan.read(same) is None}
     made = {}
     for number, image in pictures(missing):
         same.add(planned[number].name, image.metadata["made_by"])
-        made[number] = _keep_entry(planned[number], folder, image, mtf_at)
+        made[number] = planned[number].keep(image)
     return made
-
-
-def _keep_entry(plan: _Planned, folder: Path | None, image: Image, mtf_at: tuple[float, float] | None) -> SweepEntry:
-    """Return the entry of a picture, and keep it: the film first, so that measures without a film cannot be."""
-    achieved = image.stats.get("numerics", {}).get("noise")  # a worker's picture comes without
-    luminance = image.luminance
-    measures = {
-        "mean": float(luminance.mean(dtype=np.float64)),
-        "noise": None if achieved is None else achieved["picture"],
-        "spp": image.metadata.get("spp_mean", image.metadata["spp"]),
-        "seconds": _seconds(image),
-    } | ({} if mtf_at is None else {"mtf50": mtf50_at(luminance, *mtf_at)})
-    file = None
-    if folder is not None:
-        file = folder / f"{plan.name}.exr"
-        image.save(unlinked(file))
-        try:
-            with replacing(unlinked(file.with_suffix(".json"))) as temporary:
-                temporary.write_text(json.dumps({"key": plan.key, "measures": measures}), encoding="utf-8")
-        except StateError:
-            file.unlink(missing_ok=True)  # as on a full disk
-            raise
-    return SweepEntry(plan.values, measures, image, False, file)
 
 
 def _seconds(image: Image) -> float:
@@ -473,31 +498,6 @@ def _seconds(image: Image) -> float:
     if "cluster" in image.stats:
         return float(sum(row["seconds"] for row in image.stats["cluster"]["workers"].values()))
     return float(image.stats["seconds"]["render"])
-
-
-def _read_entry(plan: _Planned, folder: Path | None, same: OneMaker) -> SweepEntry | None:
-    """Return the entry of an earlier run; None where there is none that is whole.
-
-    Raises
-    ------
-    StateError
-        It was made by other code than what the sweep has already.
-    """
-    if folder is None:
-        return None
-    file = folder / f"{plan.name}.exr"
-    try:
-        found = json.loads(file.with_suffix(".json").read_text("utf-8"))
-        if found["key"] != plan.key:
-            return None
-        image = read_film(file)
-        if image.metadata.get("picture_hash") != plan.scene.picture_hash():
-            return None
-        entry = SweepEntry(plan.values, found["measures"], develop(image), True, file)
-    except (OSError, ValueError, KeyError, TypeError, RptcamError):
-        return None
-    same.add(str(file), image.metadata.get("made_by"))
-    return entry
 
 
 def _write_tables(folder: Path, rows: Sequence[Mapping[str, Any]]) -> None:

@@ -24,7 +24,7 @@ from typing import Any, Literal
 from rptcam_cl._version import __version__
 from rptcam_cl.api.job import RenderJob, RenderOptions, plain_data
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.core.errors import DeviceError, InputError, RptcamError, StateError
+from rptcam_cl.core.errors import DeviceError, InputError, RptcamError, StateError, out_of_range
 from rptcam_cl.core.files import (
     Maker,
     OneMaker,
@@ -331,7 +331,7 @@ LATE_S = 1.0  # and so much longer
 
 
 def ask(call: Callable[..., Any], *words: Any, **more: Any) -> Future[Any]:
-    """Return the answer to come of a call of the engine, which may wait for a process that never answers."""
+    """Call the engine in a thread of its own, as it may wait for a process that never answers."""
     answer: Future[Any] = Future()
 
     def run() -> None:
@@ -545,12 +545,12 @@ class TasksOut:
                 self._send(number, heard[self._again % len(heard)])
 
     def _last_heard(self) -> list[str]:
-        """Return the workers that something has come from, the last one first."""
+        """The workers that have returned a result, the last one first."""
         return sorted((worker for worker, came in self._came.items() if came), key=self._came.__getitem__, reverse=True)
 
 
 def _from_worker(problem: BaseException) -> BaseException:
-    """Return an error of a worker as one of this program."""
+    """The error of a worker as one of this program."""
     if isinstance(problem, (InputError, DeviceError, StateError)):
         return problem
     return DeviceError(f"cluster: a worker failed: {type(problem).__name__}: {problem}")
@@ -600,7 +600,7 @@ def check_cluster(cluster: str | None, workers: int | None, tls: Credentials) ->
         raise InputError("cluster: give the address of a scheduler or a number of workers (allowed: one of the two)")
     if workers is not None:
         if not 1 <= workers <= MOST_WORKERS:
-            raise InputError(f"workers: is out of range (got {workers}; allowed: 1 to {MOST_WORKERS})")
+            raise out_of_range("workers", workers, f"1 to {MOST_WORKERS}")
         if tls is not None:
             raise InputError("tls: workers of this machine make their own (allowed: with a scheduler's address)")
         return
@@ -693,7 +693,7 @@ def _close(client: Any) -> None:
 
 
 def workers_here(workers: int, threads: int, folder: str | None = None) -> Any:
-    """Return a scheduler with workers of this machine, each of which renders by so many threads.
+    """Start a scheduler with workers of this machine, each of which renders by so many threads.
 
     They talk by TLS with credentials that nobody else has. Their own files are in the folder.
 

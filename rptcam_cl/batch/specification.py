@@ -19,7 +19,7 @@ import numpy as np
 
 from rptcam_cl._version import __version__
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.core.errors import InputError, RptcamError
+from rptcam_cl.core.errors import InputError, RptcamError, out_of_range
 from rptcam_cl.core.strict_yaml import Document, KeyPath, dotted, read_yaml
 from rptcam_cl.exchange.camera_models import COEFFICIENTS
 from rptcam_cl.exchange.camera_view import view
@@ -415,7 +415,7 @@ def whole(found: Any, name: str, least: int, most: int, place: str = "") -> int:
     if isinstance(found, bool) or not isinstance(found, int):
         raise InputError(f"{place}{name}: must be a whole number (got {found!r}; allowed: {least} to {most})")
     if not least <= found <= most:
-        raise InputError(f"{place}{name}: is out of range (got {found}; allowed: {least} to {most})")
+        raise out_of_range(f"{place}{name}", found, f"{least} to {most}")
     return found
 
 

@@ -212,7 +212,7 @@ F_NUMBERS = (
 
 
 def expand_ellipsis(key: str, values: list[Any], where: str) -> list[Any]:
-    """Return the values with those in place of an ellipsis.
+    """Put values in place of an ellipsis.
 
     Raises
     ------

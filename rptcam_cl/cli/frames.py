@@ -265,7 +265,7 @@ class Files:
         self._changed = False
 
     def changed(self) -> bool:
-        """Return whether one has changed, by comparing them a few times a second at most."""
+        """Whether one has changed, by comparing them a few times a second at most."""
         if not self._changed and time.monotonic() - self._compared >= INTERVAL_S:
             self._compared = time.monotonic()
             for path in tuple(self._more):

@@ -43,3 +43,8 @@ class NumericError(RptcamError):
     def __init__(self, message: str, image: object = None) -> None:
         super().__init__(message)
         self.image = image
+
+
+def out_of_range(name: str, got: object, allowed: str) -> InputError:
+    """The error of a number that is not in its range."""
+    return InputError(f"{name}: is out of range (got {got}; allowed: {allowed})")
