@@ -169,7 +169,7 @@ def _focal_lengths(lens: "Lens") -> list[str]:
     return lines
 
 
-def _written(arguments: argparse.Namespace, lens: "Lens", comments: list[str]) -> int:
+def _write_lens(arguments: argparse.Namespace, lens: "Lens", comments: list[str]) -> int:
     from rptcam_cl.optics.files.export import lens_text
 
     text = lens_text(lens, [*comments, *_focal_lengths(lens)])
@@ -196,7 +196,7 @@ def _singlet(arguments: argparse.Namespace) -> int:
             f"object {arguments.focus_distance_m:g} m from the film: thin lens {near:.6g} mm (or {far:.6g} mm) before "
             f"the film; this lens: last surface to film {film_distance(lens, distance):.6g} mm"
         )
-    return _written(arguments, lens, comments)
+    return _write_lens(arguments, lens, comments)
 
 
 def _doublet(arguments: argparse.Namespace) -> int:
@@ -214,7 +214,7 @@ def _doublet(arguments: argparse.Namespace) -> int:
     lens = load_lens(doublet(focal_length, crown, flint, arguments.diameter_mm, constraint, r1))
     radii = doublet_radii(focal_length, crown, flint, constraint, r1)
     shown = ", ".join("plane" if math.isinf(radius) else f"{radius:.6g}" for radius in radii)
-    return _written(arguments, lens, [f"thin achromat of {focal_length:g} mm: radii {shown} mm"])
+    return _write_lens(arguments, lens, [f"thin achromat of {focal_length:g} mm: radii {shown} mm"])
 
 
 # ``rptcam lens draw``: a lens in cross-section with its rays.

@@ -71,7 +71,7 @@ class Heat:
         growth = [self._growth(lens, k) for k in range(len(lens.surfaces))]
         bodies = [growth[k] if s.glass != AIR or k == 0 else growth[k - 1] for k, s in enumerate(lens.surfaces)]
         surfaces = [
-            replace(_grown(surface, body), thickness=surface.thickness * gap, glass=medium)
+            replace(_scale_surface(surface, body), thickness=surface.thickness * gap, glass=medium)
             for surface, body, gap, medium in zip(lens.surfaces, bodies, growth, media, strict=True)
         ]
 
@@ -141,7 +141,7 @@ def _unknown(lens: Lens, where: str, glass: Medium, what: str, key: str) -> Inpu
     )
 
 
-def _grown(surface: Surface, scale: float) -> Surface:
+def _scale_surface(surface: Surface, scale: float) -> Surface:
     """Return a surface that is larger by a factor, and of the same shape."""
     form, pose, region = surface.form, surface.pose, surface.region
     if isinstance(form, Biconic | Toroid):
@@ -270,7 +270,7 @@ class Copies:
             for k in range(deviation.first, deviation.last + 1):
                 start = (self._rows(np.eye(3)), np.zeros((self.count, 3)))
                 arm = float(self.lens.vertices[k] - self.lens.vertices[deviation.first])
-                found[k] = _moved(*found.get(k, start), deviation, value, arm)
+                found[k] = _move_pose(*found.get(k, start), deviation, value, arm)
         return found
 
     def copy(self, number: int) -> Lens:
@@ -307,7 +307,7 @@ class Copies:
         return total
 
 
-def _moved(rotation: Array, offset: Array, deviation: Deviation, value: Array, arm: float) -> tuple[Array, Array]:
+def _move_pose(rotation: Array, offset: Array, deviation: Deviation, value: Array, arm: float) -> tuple[Array, Array]:
     """Return poses after a further tilt or decentre about a vertex that lies `arm` [mm] before theirs.
 
     As `SurfacePose.carried_by`, for many copies.
@@ -409,16 +409,16 @@ def _through(copies: Copies, origins: Array, directions: Array, wavelength_nm: f
 
 def _inward(pose: tuple[Array, Array], p: Array, d: Array, rays: int) -> tuple[Array, Array]:
     rotation, offset = pose
-    return _turned(np.swapaxes(rotation, 1, 2), p - np.repeat(offset.T, rays, axis=1), d, rays)
+    return _turn(np.swapaxes(rotation, 1, 2), p - np.repeat(offset.T, rays, axis=1), d, rays)
 
 
 def _outward(pose: tuple[Array, Array], p: Array, d: Array, rays: int) -> tuple[Array, Array]:
     rotation, offset = pose
-    p, d = _turned(rotation, p, d, rays)
+    p, d = _turn(rotation, p, d, rays)
     return p + np.repeat(offset.T, rays, axis=1), d
 
 
-def _turned(rotation: Array, p: Array, d: Array, rays: int) -> tuple[Array, Array]:
+def _turn(rotation: Array, p: Array, d: Array, rays: int) -> tuple[Array, Array]:
     """Return points and directions (3, copies * rays), those of each copy turned by its matrix."""
     m = [[np.repeat(rotation[:, i, j], rays) for j in range(3)] for i in range(3)]
     turned = (np.stack([row[0] * v[0] + row[1] * v[1] + row[2] * v[2] for row in m]) for v in (p, d))

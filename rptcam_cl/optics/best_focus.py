@@ -117,10 +117,7 @@ def _beam_to(
     if not found[0]:
         x, y = film_point_mm
         raise InputError(f"{lens.name}: no light reaches the film point ({x:g}, {y:g}) mm")
-    points = grid(boxes, *AIMS)[0]
-    rear = np.column_stack([points, np.full(len(points), lens.length)])
-    start = np.array([*film_point_mm, lens.film_z(film_distance_mm)])
-    rays = lens.trace(np.broadcast_to(start, rear.shape), rear - start, wavelength_nm)
+    rays = probe.trace(film[0], grid(boxes, *AIMS)[0])
     origins, directions = rays.origins[rays.passed], rays.directions[rays.passed]
     if np.isinf(front_mm):
         slope = np.mean(directions[:, :2] / directions[:, 2:], axis=0)

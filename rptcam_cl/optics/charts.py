@@ -289,17 +289,17 @@ def encoded(picture: Drawing | Figure, path: FilePath) -> bytes:
     check_suffix(path, DRAWN if isinstance(picture, Drawing) else ())
     suffix = path.suffix.lower()
     if not isinstance(picture, Drawing):
-        return _saved(picture, suffix)
-    return svg_text(picture).encode() if suffix == ".svg" else _saved(_figure_of(picture), suffix)
+        return _save(picture, suffix)
+    return svg_text(picture).encode() if suffix == ".svg" else _save(_figure_of(picture), suffix)
 
 
 def chart_svg(figure: Figure) -> str:
     """Return a chart as SVG text, which may stand in a page as it is."""
-    return _saved(figure, ".svg").decode()
+    return _save(figure, ".svg").decode()
 
 
 @styled()
-def _saved(figure: Figure, suffix: str) -> bytes:
+def _save(figure: Figure, suffix: str) -> bytes:
     out = io.BytesIO()
     about = {"Title": figure.get_suptitle() or None} | UNSAID[suffix]
     figure.savefig(out, format=suffix[1:], metadata=about)

@@ -58,11 +58,11 @@ def crossings(lens: Lens, origins: Array, directions: Array, wavelength_nm: floa
         In the frame of the lens [mm], z = 0 at its first vertex and +z to the film; directions of any length, to -z.
     """
     p, d = origins.T.astype(np.float64), directions.T / np.linalg.norm(directions, axis=1)
-    heights, *out = crossed(lens, range(len(lens.surfaces) - 1, -1, -1), p, d, lens.indices(wavelength_nm))
+    heights, *out = trace_crossings(lens, range(len(lens.surfaces) - 1, -1, -1), p, d, lens.indices(wavelength_nm))
     return Crossings(heights, *out)
 
 
-def crossed(
+def trace_crossings(
     lens: Lens, order: range, p: Array, d: Array, indices: Array, *, towards_film: bool = False
 ) -> tuple[Array, Array, Array]:
     """Return where rays cross neighbouring surfaces (surfaces, n, 2), scene side first, and the points (n, 3) and
@@ -158,7 +158,7 @@ def film_chief_rays(lens: Lens, film_points: Array, wavelength_nm: float = LINE_
     pupil = lens.first_order(wavelength_nm).exit_pupil.distance_mm
     depth = lens.sense * (points[:, 2] - lens.length)
     share = -pupil / (depth - pupil) if np.isfinite(pupil) else np.ones(len(points))
-    aims, found = _aimed(rear, lens, points, points[:, :2] * share[:, None], wavelength_nm, size)
+    aims, found = _aim(rear, lens, points, points[:, :2] * share[:, None], wavelength_nm, size)
     for _ in range(RETRIES):
         lost = np.flatnonzero(~found)
         if not found.any() or not len(lost):
@@ -167,7 +167,7 @@ def film_chief_rays(lens: Lens, film_points: Array, wavelength_nm: float = LINE_
         away = np.sum((points[lost, None, :2] - points[None, known, :2]) ** 2, axis=2)
         near = known[np.argmin(away, axis=1)]
         start = aims[near] + (points[lost, :2] - points[near, :2]) * share[lost, None]
-        aims[lost], found[lost] = _aimed(rear, lens, points[lost], start, wavelength_nm, size)
+        aims[lost], found[lost] = _aim(rear, lens, points[lost], start, wavelength_nm, size)
     rays = aimed_rays(lens, points, aims, wavelength_nm)
     return replace(rays, found=found & rays.found, clear=found & rays.clear)
 
@@ -208,7 +208,7 @@ def _towards(lens: Lens, points: Array, aims: Array) -> Array:
     return np.column_stack([aims - points[:, :2], lens.length - points[:, 2]])
 
 
-def _aimed(
+def _aim(
     rear: Prescription, lens: Lens, points: Array, start: Array, wavelength_nm: float, size: float
 ) -> tuple[Array, Mask]:
     """Return points of the plane of the last vertex (n, 2) whose rays meet the centre of the stop, and which do."""
@@ -300,7 +300,7 @@ def fan_chief_rays(lens: Lens, film_points: Array, wavelength_nm: float) -> Chie
     step = math.ceil(STEPS_OF_TANGENT * math.log2(tangent))
     for width in range(step, step + WIDER):
         if width not in fans:
-            fans[width] = _traced(lens, stop, wavelength_nm, 2.0 ** (width / STEPS_OF_TANGENT))
+            fans[width] = _trace_fan(lens, stop, wavelength_nm, 2.0 ** (width / STEPS_OF_TANGENT))
         fan = fans[width]
         if fan is None:
             return None
@@ -337,7 +337,7 @@ def chebyshev_nodes(count: int) -> tuple[Array, Array]:
     return np.cos(angles), matrix
 
 
-def _traced(lens: Lens, stop: int, wavelength_nm: float, tangent: float) -> _Fan | None:
+def _trace_fan(lens: Lens, stop: int, wavelength_nm: float, tangent: float) -> _Fan | None:
     """Return the fan up to a tangent; None where a ray is lost or it is not smooth enough."""
     fans = (_with_nodes(lens, stop, wavelength_nm, tangent, count) for count in NODES)
     return next((fan for fan in fans if fan is not None), None)
@@ -351,8 +351,8 @@ def _with_nodes(lens: Lens, stop: int, wavelength_nm: float, tangent: float, cou
     points = np.zeros((3, count))
     points[2] = lens.vertices[stop]
     to_film = np.stack([tangents, np.zeros(count), np.ones(count)]) / np.hypot(1.0, tangents)
-    behind, p, d = crossed(lens, range(stop, len(lens.surfaces)), points, to_film, indices, towards_film=True)
-    ahead, origins, away = crossed(lens, range(stop - 1, -1, -1), points, -to_film, indices)
+    behind, p, d = trace_crossings(lens, range(stop, len(lens.surfaces)), points, to_film, indices, towards_film=True)
+    ahead, origins, away = trace_crossings(lens, range(stop - 1, -1, -1), points, -to_film, indices)
     slope = d[:, 0] / d[:, 2]
     height = p[:, 0] - slope * (p[:, 2] - lens.length)
     odd = np.stack([height, slope, origins[:, 0], away[:, 0], *ahead[..., 0], *behind[..., 0]], axis=1)

@@ -71,11 +71,6 @@ def amplitudes(interface: Interface) -> tuple[Array, Array]:
     return (n * c - m * d) / (n * c + m * d), (m * c - n * d) / (m * c + n * d)
 
 
-def _polarised(s: Amplitude, p: Amplitude) -> Polarised:
-    """Return the amplitudes at a face from what it reflects, which is all where that is complex."""
-    return Polarised(s, p, *(np.sqrt(np.maximum(1.0 - np.abs(r) ** 2, 0.0)) for r in (s, p)))
-
-
 @dataclass(frozen=True)
 class Bare:
     """No coating: Fresnel's equations."""
@@ -86,8 +81,9 @@ class Bare:
         return np.asarray(1.0 - (s * s + p * p) / 2 + np.zeros(np.shape(wavelength_nm)))
 
     def polarised(self, interface: Interface, wavelength_nm: float) -> Polarised:
-        """Return the amplitudes of both polarisations."""
-        return _polarised(*amplitudes(interface))
+        """Return the amplitudes of both polarisations; all light is reflected where these are complex."""
+        s, p = amplitudes(interface)
+        return Polarised(s, p, *(np.sqrt(np.maximum(1.0 - np.abs(r) ** 2, 0.0)) for r in (s, p)))
 
 
 BARE = Bare()

@@ -381,10 +381,7 @@ def field_of_view(
     boxes, found = narrowed(probe, film, probe.windows(film), SEARCH)
     if not found[0]:
         return None
-    points = grid(boxes, *QUICK)[0]
-    targets = np.column_stack([points, np.full(len(points), lens.length)])
-    start = np.array([film_radius_mm, 0.0, lens.film_z(film_distance_mm)])
-    rays = lens.trace(np.broadcast_to(start, targets.shape), targets - start, wavelength_nm)
+    rays = probe.trace(film[0], grid(boxes, *QUICK)[0])
     if not rays.passed.any():
         return None
     mean = rays.directions[rays.passed].mean(axis=0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -274,7 +274,7 @@ def glass(lens: Lens, section: str, wavelength_nm: float) -> list[tuple[float, A
         if abs(indices[k + 1] - 1.0) > 1e-6:
             front, rear = profile(lens, k, section), profile(lens, k + 1, section)
             if len(front) > 1 and len(rear) > 1:
-                outlines.append((float(indices[k + 1]), _joined(front, rear)))
+                outlines.append((float(indices[k + 1]), _join_rims(front, rear)))
     return outlines
 
 
@@ -302,7 +302,7 @@ def blades(lens: Lens, section: str) -> list[Array]:
     ]
 
 
-def _joined(front: Array, rear: Array) -> Array:
+def _join_rims(front: Array, rear: Array) -> Array:
     """Return the outline of the glass between two surfaces: rims join by an edge at the height of the wider one."""
     upper = _edge(front[-1], rear[-1])
     lower = _edge(rear[0], front[0])
@@ -317,6 +317,7 @@ def _edge(start: Array, end: Array) -> Array:
 
 
 WIDTH, MARGIN, HEAD, FOOT = 960.0, 20.0, 40.0, 54.0
+FOOT_LINE = 32.0  # of the key, above the lower edge
 LEAST_HEIGHT, MOST_HEIGHT = 60.0, 700.0
 BLOCKED = "#c00000"
 MARK = 3.0  # half width of the mark on a blocked ray [pixels]
@@ -474,15 +475,20 @@ def _draw_numbers(picture: Drawing, frame: Frame, lines: Sequence[tuple[Bundle, 
 
 def _draw_words(picture: Drawing, setting: Setting, beams: Sequence[Bundle], view: View) -> None:
     picture.add(Text((MARGIN, 24), picture.title, 15))
-    place, below = MARGIN, picture.height - 32
-    for colour, label in dict.fromkeys((beam.colour, _label(beam, view)) for beam in beams):
-        picture.add(Path([(place, below - 4), (place + 22, below - 4)], colour, 2.5), Text((place + 28, below), label))
-        place += 28 + 7 * len(label) + 22
+    draw_key(picture, dict.fromkeys((beam.colour, _label(beam, view)) for beam in beams))
     if view.blocked:
         picture.add(Text((MARGIN, picture.height - 12), _blocked_text(beams), 11, colour=BLOCKED))
     if setting.film_distance_mm is not None:
         text = f"last surface to film {setting.film_distance_mm:.4g} mm"
-        picture.add(Text((WIDTH - MARGIN, below), text, 11, "end", FAINT))
+        picture.add(Text((WIDTH - MARGIN, picture.height - FOOT_LINE), text, 11, "end", FAINT))
+
+
+def draw_key(picture: Drawing, entries: Iterable[tuple[str, str]]) -> None:
+    """Draw what colours mean: a line of each, with its label."""
+    place, below = MARGIN, picture.height - FOOT_LINE
+    for colour, label in entries:
+        picture.add(Path([(place, below - 4), (place + 22, below - 4)], colour, 2.5), Text((place + 28, below), label))
+        place += 28 + 7 * len(label) + 22
 
 
 def _label(beam: Bundle, view: View) -> str:

@@ -36,6 +36,7 @@ from rptcam_cl.optics.drawing import (
     View,
     blades,
     draw_glass,
+    draw_key,
     draw_surfaces,
     profile,
     ray_paths,
@@ -672,9 +673,5 @@ def _title(found: Ghosts, way: tuple[int, ...]) -> str:
 
 def _draw_words(picture: Drawing, reflections: int) -> None:
     picture.add(Text((MARGIN, 24), picture.title, 15))
-    place, below = MARGIN, picture.height - 32
     words = PHASES if reflections == 2 else [f"after {number} reflections" for number in range(reflections + 1)]
-    for number, word in enumerate(words):
-        line = [(place, below - 4), (place + 22, below - 4)]
-        picture.add(Path(line, SERIES[number % len(SERIES)], 2.5), Text((place + 28, below), word))
-        place += 28 + 7 * len(word) + 22
+    draw_key(picture, [(SERIES[number % len(SERIES)], word) for number, word in enumerate(words)])

@@ -620,7 +620,7 @@ class Tree:
         self.account.entered = float(front.beam.flux.sum())
         if not self.account.entered > 0:
             raise InputError(f"{lit.lens.name}: no light of the source meets the first surface")
-        self._follow(self._crossed(front, 0, True, ()), 1, True, ())
+        self._follow(self._cross_surface(front, 0, True, ()), 1, True, ())
 
     def _follow(self, beam: PolarisedBeam, k: int, forward: bool, way: Way) -> None:
         """Follow light before a surface to the film or the front, and what is reflected on the way."""
@@ -637,10 +637,10 @@ class Tree:
             if k == self.film:
                 self._land(arrival, way)
                 return
-            beam = self._crossed(arrival, k, forward, way)
+            beam = self._cross_surface(arrival, k, forward, way)
             k += 1 if forward else -1
 
-    def _crossed(self, arrival: Arrival, k: int, forward: bool, way: Way) -> PolarisedBeam:
+    def _cross_surface(self, arrival: Arrival, k: int, forward: bool, way: Way) -> PolarisedBeam:
         """Return light behind a surface, once what that reflects has been followed."""
         crossing = Crossing(self.lit, arrival, k, forward)
         if crossing.parts:
@@ -690,7 +690,7 @@ CHUNK = 8192  # rays whose components stay in the processor's cache
 NOWHERE = -1  # where a way is not reflected any more
 
 
-def followed(lit: Lit, known: Mapping[Way, Landed], counts: Mapping[Way, int]) -> dict[Way, Landed]:
+def follow(lit: Lit, known: Mapping[Way, Landed], counts: Mapping[Way, int]) -> dict[Way, Landed]:
     """Return some rays of each way on the film, once through an even lattice about where they are known to enter."""
     entry, landed = Entry(lit.lens, lit.source), dict[Way, Landed]()
     for ways in _chunks([way for way, rays in known.items() if len(rays.points)], counts):
@@ -699,7 +699,7 @@ def followed(lit: Lit, known: Mapping[Way, Landed], counts: Mapping[Way, int]) -
             points, area = entry.within(entry.around(known[way].points, known[way].spacing), counts[way])
             fronts.append(entry.rays(points, area))
             areas.append(area)
-        landed |= _landed(lit, entry, ways, fronts, areas)
+        landed |= _trace_to_film(lit, entry, ways, fronts, areas)
     return landed
 
 
@@ -715,11 +715,13 @@ def _chunks(ways: Sequence[Way], counts: Mapping[Way, int]) -> Iterator[list[Way
         yield chunk
 
 
-def _landed(lit: Lit, entry: Entry, ways: list[Way], fronts: list[Arrival], areas: list[float]) -> dict[Way, Landed]:
+def _trace_to_film(
+    lit: Lit, entry: Entry, ways: list[Way], fronts: list[Arrival], areas: list[float]
+) -> dict[Way, Landed]:
     """Return rays of several ways on the film."""
     counts = [len(front.cosines) for front in fronts]
     ends = np.cumsum(counts)
-    front = _joined(fronts)
+    front = _join(fronts)
     entered = front.beam.points[:2].T
     turns = np.full((len(entered), max(map(len, ways), default=0) + 1), NOWHERE)
     for way, first, end in zip(ways, ends - counts, ends, strict=True):
@@ -735,7 +737,7 @@ def _landed(lit: Lit, entry: Entry, ways: list[Way], fronts: list[Arrival], area
     return found
 
 
-def _joined(fronts: list[Arrival]) -> Arrival:
+def _join(fronts: list[Arrival]) -> Arrival:
     """Return rays on the first surface as one, numbered through."""
     beam = PolarisedBeam.joined([front.beam for front in fronts])
     beam = replace(beam, rows=np.arange(len(beam.rows)))
@@ -885,9 +887,9 @@ def _own_light(landed: dict[Way, Landed], stops: list[Lit]) -> dict[Way, FilmLig
     """
     counts, whole = _rays_of_ways(landed), landed
     for stage in stops:
-        whole = followed(stage, whole, counts)
+        whole = follow(stage, whole, counts)
     parts = {way: rays for way, rays in whole.items() if rays.inside.any() and rays.inside.mean() < PART}
-    framed = whole | followed(stops[-1], {way: rays.only_in_frame() for way, rays in parts.items()}, counts)
+    framed = whole | follow(stops[-1], {way: rays.only_in_frame() for way, rays in parts.items()}, counts)
     return {way: FilmLight(way, float(rays.light.sum()), *framed[way].in_frame()) for way, rays in whole.items()}
 
 

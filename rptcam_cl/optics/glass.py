@@ -351,7 +351,7 @@ def known_range(medium: Medium) -> Range | None:
     A law that ends inside of `VISIBLE_NM` is continued towards its end, by `MARGIN_NM` at most.
     """
     stated = stated_range(medium)
-    return None if stated is None else _continued(stated)
+    return None if stated is None else _extend_range(stated)
 
 
 def continued_words(medium: Medium) -> str | None:
@@ -364,7 +364,7 @@ def continued_words(medium: Medium) -> str | None:
     return f"glass {medium.name or '(unnamed)'} is known from {span}; its law is continued to {ends}"
 
 
-def _continued(stated: Range) -> Range:
+def _extend_range(stated: Range) -> Range:
     (low, high), (blue, red) = stated, VISIBLE_NM
     if blue < low <= red:
         low = max(blue, low - MARGIN_NM)
@@ -392,7 +392,7 @@ def _inverse_square(wavelength_nm: ArrayLike) -> Array:
 
 def _in_range(wavelength_nm: ArrayLike, limits: Range | None, name: str) -> Array:
     wavelength = np.asarray(wavelength_nm, dtype=np.float64)
-    limits = None if limits is None else _continued(limits)
+    limits = None if limits is None else _extend_range(limits)
     if limits is not None and (np.any(wavelength < limits[0]) or np.any(wavelength > limits[1])):
         bad = float(np.extract((wavelength < limits[0]) | (wavelength > limits[1]), wavelength)[0])
         raise InputError(

@@ -148,14 +148,14 @@ def widest_field(setting: Setting, section: str = "y") -> float:
     Half of the meridional fan of the axis passes, and what passes stays together on the film.
     """
     low, high = 0.0, STEEPEST
-    axis, blur = _passing(setting, 0.0, section)
+    axis, blur = _measure_fan(setting, 0.0, section)
     if axis == 0:
         raise InputError(f"{setting.lens.name}: the ray on the axis does not come through")
     focal_length = abs(setting.lens.first_order(setting.wavelength_nm, section).focal_length_mm)
     largest = max(LARGEST_SPOT * focal_length, 2 * blur)
     for _ in range(12):
         middle = (low + high) / 2
-        width, spread = _passing(setting, middle, section)
+        width, spread = _measure_fan(setting, middle, section)
         low, high = (middle, high) if width >= LEFT_OPEN * axis and spread <= largest else (low, middle)
     return low
 
@@ -206,7 +206,7 @@ def _along(line: Array, section: str) -> Array:
     return np.stack([zero, line] if section == "y" else [line, zero], axis=1)
 
 
-def _passing(setting: Setting, field_degrees: float, section: str) -> tuple[float, float]:
+def _measure_fan(setting: Setting, field_degrees: float, section: str) -> tuple[float, float]:
     """Return the width across the beam of its meridional fan that passes, and the rms of that fan on the film [mm].
 
     The rms is 0 without a film, or when less than two rays pass.
@@ -236,7 +236,7 @@ SMALL_PART = 0.05  # of a spot's rms, below which that across or down counts by 
 NOTHING = 1e-9  # [mm], of no account
 FACTS = ("centroid_x_mm", "centroid_y_mm", "rms_um", "rms_x_um", "rms_y_um", "largest_um")
 PANELS = 3  # side by side
-PANEL, REST = 2.9, 0.9  # height of a row of panels, and of title and key [inches]
+PANEL, TITLE, TITLE_AND_KEY = 2.9, 0.6, 0.9  # heights: of a row of panels, and of what stands beside them [inches]
 MOST_DOTS = 700  # of each colour in a panel
 FILL = 0.45  # half width of the largest spot, in widths of a panel
 
@@ -322,6 +322,11 @@ def film_spots(
     return found
 
 
+def pool(group: Sequence[FilmSpot]) -> Array:
+    """Return the points (n, 2) of several spots together."""
+    return np.concatenate([spot.points for spot in group])
+
+
 def spots_move(few: Sequence[FilmSpot], many: Sequence[FilmSpot]) -> float:
     """Return how far the rms of spots moves with more rays, in units of what it may: of the whole, across and down."""
     return max((_rms_moves(less.points, more.points) for less, more in zip(few, many, strict=True)), default=0.0)
@@ -396,13 +401,23 @@ def spot_table(spots: Sequence[FilmSpot]) -> list[dict[str, Any]]:
 
 
 def _row(degrees: float, wavelength_nm: float | None, group: Sequence[FilmSpot]) -> dict[str, Any]:
-    facts, errors = spot_facts(np.concatenate([spot.points for spot in group])), {}
+    facts, errors = spot_facts(pool(group)), {}
     less = fewer(group)
-    before = spot_facts(np.concatenate([spot.points for spot in less])) if less else facts
+    before = spot_facts(pool(less)) if less else facts
     for name in ("rms", "largest"):
         value, other = facts[f"{name}_um"], before[f"{name}_um"]
         errors[f"{name}_error_um"] = None if value is None or other is None or not less else abs(value - other)
     return {"field_degrees": degrees, "wavelength_nm": wavelength_nm, **facts, **errors}
+
+
+def _panels(title: str, count: int, rest: float, **shared: Any) -> tuple[Figure, NDArray[Any]]:
+    """Return a figure of so many charts in rows, with room for the rest [inches], and the charts (rows, columns)."""
+    rows = math.ceil(count / PANELS)
+    figure = new_figure(title, (SIZE[0], rows * PANEL + rest))
+    panels = figure.subplots(rows, min(count, PANELS), squeeze=False, **shared)
+    for axes in panels.flat[count:]:
+        axes.set_visible(False)
+    return figure, panels
 
 
 @styled()
@@ -412,15 +427,14 @@ def spot_chart(setting: Setting, spots: Sequence[FilmSpot]) -> Figure:
 
     spots = [spot for spot in spots if len(spot.points)]
     groups = by_field(spots)
-    rows = math.ceil(len(groups) / PANELS)
-    columns = min(len(groups), PANELS)
-    figure = new_figure(f"{setting.lens.name}: spots on the film", (SIZE[0], rows * PANEL + REST))
-    panels = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
-    centres = {field: np.concatenate([spot.points for spot in group]).mean(axis=0) for field, group in groups.items()}
+    figure, panels = _panels(
+        f"{setting.lens.name}: spots on the film", len(groups), TITLE_AND_KEY, sharex=True, sharey=True
+    )
+    centres = {field: pool(group).mean(axis=0) for field, group in groups.items()}
     reach = max(float(np.abs(spot.points - centres[spot.field_degrees]).max()) for spot in spots) * 1e3
     half = max(reach * 0.5 / FILL, 1e-6)
     for axes, (degrees, group) in zip(panels.flat, groups.items(), strict=False):
-        rms = spot_facts(np.concatenate([spot.points for spot in group]))["rms_um"]
+        rms = spot_facts(pool(group))["rms_um"]
         axes.set_title(f"{degrees:g}°, y = {round(centres[degrees][1], 4) + 0.0:g} mm\nrms {rms:.3g} µm")
         axes.set(xlabel="x [µm]", xlim=(-half, half), ylim=(-half, half), aspect="equal")
         for spot in group:
@@ -430,8 +444,6 @@ def spot_chart(setting: Setting, spots: Sequence[FilmSpot]) -> Figure:
                       rasterized=True)  # fmt: skip
     for axes in panels[:, 0]:
         axes.set_ylabel("y [µm]")
-    for axes in panels.flat[len(groups) :]:
-        axes.set_visible(False)
     waves = dict.fromkeys(spot.wavelength_nm for spot in spots)
     add_key(figure, [Line2D([], [], color=wavelength_colour(wave), linestyle="", marker="o", label=f"{wave:g} nm")
                      for wave in waves])  # fmt: skip
@@ -486,7 +498,7 @@ def limits(group: Sequence[FilmSpot], frequencies_per_mm: ArrayLike) -> tuple[Ar
 
 def field_mtf(group: Sequence[FilmSpot], frequencies_per_mm: ArrayLike) -> list[Array] | None:
     """Return tangential and sagittal modulation and the limit of each, of one field; None when no light passes."""
-    points = np.concatenate([spot.points for spot in group])
+    points = pool(group)
     if not len(points):
         return None
     most = limits(group, frequencies_per_mm)
@@ -637,12 +649,12 @@ def point_image(spots: Sequence[FilmSpot], pixels: int, width_um: float | None =
     """
     if pixels < 2:
         raise InputError(f"an image needs at least 2 pixels a side (got {pixels})")
-    points = np.concatenate([spot.points for spot in spots])
+    points = pool(spots)
     facts, less = spot_facts(points), fewer(spots)
     off, radii = _radii(points)
     names = [f"radius_of_{100 * share:.0f}_percent_um" for share in PSF_SHARES]
     facts |= dict(zip(names, np.quantile(radii, PSF_SHARES).tolist(), strict=True))
-    if less and len(before := np.concatenate([spot.points for spot in less])):
+    if less and len(before := pool(less)):
         facts["rms_error_um"] = abs(facts["rms_um"] - spot_facts(before)["rms_um"])
         changes = np.quantile(_radii(before)[1], PSF_SHARES) - np.quantile(radii, PSF_SHARES)
         facts["radius_error_um"] = float(np.abs(changes).max())
@@ -653,7 +665,7 @@ def point_image(spots: Sequence[FilmSpot], pixels: int, width_um: float | None =
 
 def image_moves(few: Sequence[FilmSpot], many: Sequence[FilmSpot]) -> float:
     """Return how far rms and radii of an image of a point move with more rays, in units of what they may."""
-    one, other = (np.concatenate([spot.points for spot in group]) for group in (few, many))
+    one, other = (pool(group) for group in (few, many))
     if not len(one) or not len(other):
         return 0.0 if len(one) == len(other) else np.inf
     one, other = (np.quantile(_radii(points)[1], PSF_SHARES) for points in (one, other))
@@ -711,8 +723,6 @@ def psf(
 
 
 # Wavefronts of fields and wavelengths: path differences, Strehl ratios, and the map over the pupil.
-
-WAVEFRONT_PANEL, WAVEFRONT_REST = 2.9, 0.6  # height of a row of panels, and of the title [inches]
 
 
 @dataclass(frozen=True)
@@ -781,12 +791,7 @@ def wavefront_table(waves: Sequence[FieldWave]) -> list[dict[str, Any]]:
 @styled()
 def wavefront_chart(setting: Setting, waves: Sequence[FieldWave]) -> Figure:
     """Return the maps of path differences over the pupil side by side, to one scale, in direction cosines."""
-    rows = math.ceil(len(waves) / PANELS)
-    columns = min(len(waves), PANELS)
-    figure = new_figure(
-        f"{setting.lens.name}: wavefront at the exit pupil", (SIZE[0], rows * WAVEFRONT_PANEL + WAVEFRONT_REST)
-    )
-    panels = figure.subplots(rows, columns, squeeze=False)
+    figure, panels = _panels(f"{setting.lens.name}: wavefront at the exit pupil", len(waves), TITLE)
     maps = [_map(wave.pupil) for wave in waves]
     most = max(float(np.nanmax(np.abs(part))) for part in maps) or 1.0
     for axes, wave, part in zip(panels.flat, waves, maps, strict=False):
@@ -798,8 +803,6 @@ def wavefront_chart(setting: Setting, waves: Sequence[FieldWave]) -> Figure:
         axes.set(xlabel="direction cosine in x", ylabel="in y" if axes in panels[:, 0] else "")
         axes.locator_params(nbins=4)
         axes.grid(visible=False)
-    for axes in panels.flat[len(waves) :]:
-        axes.set_visible(False)
     figure.colorbar(shown, ax=panels, label="ahead of the chief ray [waves]", shrink=0.8)
     return figure
 

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics.chief_rays import chebyshev_nodes, crossed, geometry_but_stop
+from rptcam_cl.optics.chief_rays import chebyshev_nodes, geometry_but_stop, trace_crossings
 from rptcam_cl.optics.ghosts import Lit, Tree, check_lens
 from rptcam_cl.optics.glass import Medium
 from rptcam_cl.optics.lens import Lens, limiting_surface
@@ -345,7 +345,7 @@ def disk_irradiance(lens: Lens, film_distance_mm: float, wavelength_nm: float = 
     beams = _BEAMS[key]
     for width in range(step, step + WIDER):
         if (cell, width) not in beams:
-            beams[cell, width] = _traced(lens, wavelength_nm, cell, 2.0 ** (width / STEPS_OF_HEIGHT))
+            beams[cell, width] = _trace_beam(lens, wavelength_nm, cell, 2.0 ** (width / STEPS_OF_HEIGHT))
         beam = beams[cell, width]
         if beam is None:
             return None
@@ -355,7 +355,7 @@ def disk_irradiance(lens: Lens, film_distance_mm: float, wavelength_nm: float = 
     return None
 
 
-def _traced(lens: Lens, wavelength_nm: float, cell: int, height: float) -> _Beam | None:
+def _trace_beam(lens: Lens, wavelength_nm: float, cell: int, height: float) -> _Beam | None:
     """Return the beam of a cell; None where a ray is lost or polynomials of so low a degree leave errors."""
     ends = 2.0 ** (cell / CELLS_OF_DISTANCE), 2.0 ** ((cell + 1) / CELLS_OF_DISTANCE)
     indices, order = lens.indices(wavelength_nm), range(len(lens.surfaces) - 1, -1, -1)
@@ -367,7 +367,7 @@ def _traced(lens: Lens, wavelength_nm: float, cell: int, height: float) -> _Beam
         far, across = (values.ravel() for values in np.meshgrid(distances, heights, indexing="ij"))
         p, d = np.zeros((3, len(far))), np.stack([across, np.zeros(len(far)), -far])
         p[2] = lens.length + far
-        crossings, _, _ = crossed(lens, order, p, d / np.hypot(across, far), indices)
+        crossings, _, _ = trace_crossings(lens, order, p, d / np.hypot(across, far), indices)
         values = (crossings[..., 0] / across).T.reshape(FILM_NODES, count, -1)
         if not np.isfinite(values).all():
             return None
@@ -525,13 +525,13 @@ def reversed_lens(lens: Lens) -> Lens:
         raise InputError(f"{lens.name}: glare is known of lenses with round surfaces of powers of r, without mirrors")
     media = lens.media
     surfaces = [
-        _turned(surface, media[k], lens.surfaces[k - 1].thickness if k else 0.0)
+        _reverse_surface(surface, media[k], lens.surfaces[k - 1].thickness if k else 0.0)
         for k, surface in reversed(list(enumerate(lens.surfaces)))
     ]
     stop = None if lens.stop_index is None else len(surfaces) - 1 - lens.stop_index
     return lens.of_surfaces(surfaces, stop, object_medium=media[-1])
 
 
-def _turned(surface: Surface, medium: Medium, thickness: float) -> Surface:
+def _reverse_surface(surface: Surface, medium: Medium, thickness: float) -> Surface:
     odd = tuple((power, -value) for power, value in surface.aspheric)
     return replace(surface, curvature=-surface.curvature, aspheric=odd, glass=medium, thickness=thickness)

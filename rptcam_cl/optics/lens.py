@@ -517,7 +517,7 @@ def zoomed(lens: Lens, focal_length_mm: float, wavelength_nm: float = LINE_D_NM)
     """
     if len(lens.configurations) < 2:
         raise InputError(f"{lens.name}: is not a zoom lens (it has no configurations)")
-    return _zoomed(lens, float(focal_length_mm), float(wavelength_nm))
+    return _zoom_to(lens, float(focal_length_mm), float(wavelength_nm))
 
 
 def zoom_range_mm(lens: Lens, wavelength_nm: float = LINE_D_NM) -> tuple[float, float]:
@@ -535,7 +535,7 @@ def _zoom_table(lens: Lens, wavelength_nm: float) -> tuple[Array, Array]:
 
 
 @lru_cache(maxsize=REMEMBERED)
-def _zoomed(lens: Lens, wanted_mm: float, wavelength_nm: float) -> Lens:
+def _zoom_to(lens: Lens, wanted_mm: float, wavelength_nm: float) -> Lens:
     states, lengths = _zoom_table(lens, wavelength_nm)
     above = lengths >= wanted_mm
     change = np.flatnonzero(above[1:] != above[:-1])

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics.chief_rays import ChiefRays, crossed, round_chief_rays
+from rptcam_cl.optics.chief_rays import ChiefRays, round_chief_rays, trace_crossings
 from rptcam_cl.optics.lens import limiting_surface
-from rptcam_cl.optics.ray_trace import passing
+from rptcam_cl.optics.ray_trace import Rays, passing
 
 if TYPE_CHECKING:
     from rptcam_cl.optics.lens import Lens
@@ -222,6 +222,12 @@ class FilmProbe:
             dark = np.flatnonzero(~passed)
             passed[dark] = passing(self.lens, origins[dark], directions[dark], wavelength_nm)
         return passed.reshape(shape)
+
+    def trace(self, film: Array, rear: Array) -> Rays:
+        """Return the rays of a film point (2,) through points (n, 2) of the plane of the last vertex, in the scene."""
+        targets = np.column_stack([rear, np.full(len(rear), self.lens.length)])
+        start = np.array([*film, self.lens.film_z(self.distance)])
+        return self.lens.trace(np.broadcast_to(start, targets.shape), targets - start, self.wavelength_nm)
 
     def reaches_lens(self, half_film_mm: tuple[float, float]) -> bool:
         """Return whether some corner of a film of such half sides stands in or in front of the last surface."""
@@ -585,7 +591,7 @@ def _lines(
     ends = _film_ends(frame, half_film_mm, turns)
     found = {k: _lit_radius(probe, float(ends[k])) if ends[k] > 0 else 0.0 for k, probe in probes.items()}
     lit = np.array([found[k] for k, _ in like])
-    reach = _held(np.where(lit < ends, (1.0 + BEYOND_LIT) * lit, ends))
+    reach = _lengthen(np.where(lit < ends, (1.0 + BEYOND_LIT) * lit, ends))
     nodes = fineness.line_nodes
     centres, axes = np.zeros((count, 2 * nodes - 1, 2)), np.zeros((count, 2 * nodes - 1, 2))
     for k in range(0, count, 2):
@@ -635,7 +641,7 @@ def _film_ends(frame: FilmFrame, half_film_mm: tuple[float, float], turns: list[
     return np.asarray(np.where(apart <= 2.0, found, 0.0).max(axis=1))
 
 
-def _held(reach: Array) -> Array:
+def _lengthen(reach: Array) -> Array:
     """Return lengths of lines that, interpolated from every second one, are at least those of the ones in between."""
     even, odd = reach[::2].copy(), reach[1::2]
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -853,7 +859,7 @@ def stopped_pupils(
     traced = []
     for lens, film_distance_mm in states:
         for wavelength_nm in wavelengths_nm:
-            of_state = _traced(lens, film_distance_mm, film * (film_distance_mm / first_mm), wavelength_nm)
+            of_state = _trace_state(lens, film_distance_mm, film * (film_distance_mm / first_mm), wavelength_nm)
             if of_state is None:
                 return None
             traced.append(of_state)
@@ -866,7 +872,7 @@ def _chief(lens: Lens, film_distance_mm: float, film: Array, wavelength_nm: floa
     return round_chief_rays(lens, points, wavelength_nm)
 
 
-def _traced(
+def _trace_state(
     lens: Lens, film_distance_mm: float, film: Array, wavelength_nm: float
 ) -> tuple[Array, Array, Array] | None:
     """Return centres, reach and heights of one state."""
@@ -887,7 +893,9 @@ def _traced(
     points[0], points[2] = np.broadcast_to(film[:, :1], u.shape).ravel(), lens.film_z(film_distance_mm)
     across = np.stack([u.ravel() - points[0], v.ravel(), np.full(u.size, -film_distance_mm)])
     order = range(len(lens.surfaces) - 1, stop - 1, -1)
-    at, _, _ = crossed(lens, order, points, across / np.sqrt(np.sum(across**2, axis=0)), lens.indices(wavelength_nm))
+    at, _, _ = trace_crossings(
+        lens, order, points, across / np.sqrt(np.sum(across**2, axis=0)), lens.indices(wavelength_nm)
+    )
     heights = np.hypot(at[0, :, 0], at[0, :, 1]).reshape(u.shape)
     if not (np.isfinite(heights).all() and heights[0].min() > 0 and np.all(np.diff(heights, axis=0) > 0)):
         return None

@@ -280,12 +280,12 @@ def passed_rays(
             rows = np.arange(low, min(low + CHUNK, len(origins)))
             p, d = np.ascontiguousarray(origins[rows].T), np.ascontiguousarray(directions[rows].T)
             d /= np.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
-            parts.append(_surviving(lens, rows, p, d, indices, start == "scene"))
+            parts.append(_trace_passing(lens, rows, p, d, indices, start == "scene"))
     rows, p, d = (np.concatenate(values, axis=-1) for values in zip(*parts, strict=True))
     return rows, p, d
 
 
-def _surviving(
+def _trace_passing(
     lens: Prescription, rows: NDArray[np.intp], p: Array, d: Array, indices: Array, forward: bool
 ) -> tuple[NDArray[np.intp], Array, Array]:
     """Return the rays (3, n) that come through, with their numbers, behind the last surface."""

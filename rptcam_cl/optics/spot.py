@@ -121,7 +121,7 @@ def passing_steep_beam(
         return enter(lens, field_degrees, points, wavelength_nm)
 
     box = np.array([[-1.0, -1.0], [1.0, 1.0]]) * _radius(lens)
-    return _passing(lens, through, box, (FIRST, COARSE, across), f"a beam at {field_degrees:g} degrees")
+    return _find_passing(lens, through, box, (FIRST, COARSE, across), f"a beam at {field_degrees:g} degrees")
 
 
 def passing_from(
@@ -179,7 +179,7 @@ def passing_from(
         half *= 2.0
         box = np.stack([centre - half, centre + half])
     what = f"a point {np.degrees(np.arccos(-away[2])):.4g} degrees from the axis"
-    points, rays, _ = _passing(lens, through, box, (COARSE, across), what)
+    points, rays, _ = _find_passing(lens, through, box, (COARSE, across), what)
     return -(beam(points)[1] @ away), rays
 
 
@@ -190,7 +190,7 @@ def _cut_off(box: Array, through: Callable[[Array], Rays]) -> bool:
     return not len(lit) or bool(np.any(lit < box[0] + size) or np.any(lit > box[1] - size))
 
 
-def _passing(
+def _find_passing(
     lens: Lens,
     through: Callable[[Array], Rays],
     box: Array,
@@ -362,7 +362,7 @@ def passing_beam(lens: Lens, beam: Beam, wavelength_nm: float, across: int) -> t
         return lens.trace(*beam.rays(points), wavelength_nm, start="scene")
 
     what = f"a beam at {beam.field_degrees:g} degrees"
-    return _passing(lens, through, _first_box(lens, beam), (COARSE, COARSE, across), what, (1, 4, 16))
+    return _find_passing(lens, through, _first_box(lens, beam), (COARSE, COARSE, across), what, (1, 4, 16))
 
 
 def chief_ray(

@@ -167,11 +167,6 @@ def _steepest(pupil: PupilFunction) -> float:
     return float(np.max(steps, where=np.isfinite(steps), initial=0.0))
 
 
-def _exit_pupil_z(lens: Lens) -> float:
-    """Return where the paraxial exit pupil of the d line stands on the axis [mm]."""
-    return lens.length + lens.sense * lens.first_order().exit_pupil.distance_mm
-
-
 class _ExitRays:
     """The rays of a beam by their directions behind the lens."""
 
@@ -180,16 +175,16 @@ class _ExitRays:
         self.open = without_rims(lens)
         indices = lens.indices(wavelength_nm)
         self.first_index, self.index = float(indices[0]), float(indices[-1])
-        pupil_z = _exit_pupil_z(lens) if sphere_z is None else sphere_z
+        pupil_z = lens.film_z(lens.first_order().exit_pupil.distance_mm) if sphere_z is None else sphere_z
         points, rays, _ = passing_beam(lens, beam, wavelength_nm, FIT_ACROSS)
         if len(points) < 12:
             raise InputError(f"{lens.name}: too little of a beam at {beam.field_degrees:g} degrees comes through")
         cosines = rays.directions[:, :2]
         low, high = cosines.min(axis=0), cosines.max(axis=0)
         self.box = np.stack([(low + high) / 2, np.full(2, float((high - low).max()) * ROOM / 2)])
-        self.inverse = _fitted(self.box, cosines, points)
+        self.inverse = _fit(self.box, cosines, points)
         height, _ = chief_ray(lens, beam.field_degrees, wavelength_nm, beam.object_distance_mm)
-        chief = self._traced(np.array([[0.0, height]]))
+        chief = self._trace(np.array([[0.0, height]]))
         if not chief.passed[0]:
             raise InputError(f"{lens.name}: the chief ray at {beam.field_degrees:g} degrees does not reach the film")
         step = (film_z - chief.origins[0, 2]) / chief.directions[0, 2]
@@ -198,7 +193,7 @@ class _ExitRays:
         self.sphere_radius = float(np.linalg.norm(self.chief - [0.0, 0.0, pupil_z]))
         self.sphere_sense = float(np.sign((film_z - pupil_z) * lens.sense)) or 1.0
 
-    def _traced(self, points: Array) -> Rays:
+    def _trace(self, points: Array) -> Rays:
         return self.open.trace(*self.beam.rays(points), self.wavelength_nm, start="scene")
 
     def _path(self, points: Array, rays: Rays) -> Array:
@@ -216,7 +211,7 @@ class _ExitRays:
         cosines_x, cosines_y = box[0, 0] + offsets, box[0, 1] + offsets
         step = float(offsets[1] - offsets[0])
         targets = np.stack(np.meshgrid(cosines_x, cosines_y), axis=-1)
-        points, rays, met = self._met(targets.reshape(-1, 2))
+        points, rays, met = self._find_rays(targets.reshape(-1, 2))
         plane, sphere = (np.where(met, part, 0.0).reshape(cells, cells) for part in self._waves(points, rays))
         points = np.where(met[:, None], points, np.nan).reshape(cells, cells, 2)
         density = self._density(points, step)
@@ -237,12 +232,12 @@ class _ExitRays:
         depth = -np.minimum(miss, self.sphere_radius**2) / np.maximum(root + self.sphere_radius, NEVER_0)
         return plane, plane + self.index * self.sphere_sense * depth / length
 
-    def _met(self, targets: Array) -> tuple[Array, Rays, Mask]:
+    def _find_rays(self, targets: Array) -> tuple[Array, Rays, Mask]:
         """Return the points of the first vertex plane whose rays leave in given directions, the rays, and which do."""
         guess = self.inverse(targets)
         points = guess.copy()
         for _ in range(NEWTON):
-            rays = self._traced(points)
+            rays = self._trace(points)
             good = rays.passed
             off = np.where(good[:, None], targets - rays.directions[:, :2], 0.0)
             if np.abs(off).max(initial=0.0) < EXACT:
@@ -294,7 +289,7 @@ def _by_an_edge(passes: Mask) -> Mask:
     return np.asarray(np.logical_or.reduce(near) & ~np.logical_and.reduce(near))
 
 
-def _fitted(box: Array, cosines: Array, points: Array) -> Callable[[Array], Array]:
+def _fit(box: Array, cosines: Array, points: Array) -> Callable[[Array], Array]:
     """Return points of the first vertex plane as a polynomial of direction cosines, by least squares over a beam."""
     middle, half = box
     most = min(POWERS, int(np.sqrt(len(points))) - 2)
@@ -407,11 +402,11 @@ def transfer(
     frequencies = np.asarray(frequencies_per_mm, dtype=np.float64)
     shifts = frequencies * pupil.length_mm / pupil.step
     turns = (np.exp(2j * np.pi * frequencies * about[axis]) for axis in (1, 0))
-    tangential, sagittal = (_correlated(pupil, shifts, axis) * turn for axis, turn in zip((0, 1), turns, strict=True))
+    tangential, sagittal = (_correlate(pupil, shifts, axis) * turn for axis, turn in zip((0, 1), turns, strict=True))
     return tangential, sagittal
 
 
-def _correlated(pupil: PupilFunction, shifts: Array, axis: int) -> Waves:
+def _correlate(pupil: PupilFunction, shifts: Array, axis: int) -> Waves:
     """Return the correlation of the pupil with itself moved along an axis by parts of cells, over its flux.
 
     By the spread of a line on the film, which is its transform; each point counts on that side of the middle of the

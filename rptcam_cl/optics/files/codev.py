@@ -182,7 +182,8 @@ def _parse(
         elif key in ("SO", "S0", "SI"):
             inside = False
             if key != "SI" and len(rest) > 1:
-                table.object_distance = _distance(_numbers(rest[1:2], table, line)[0])
+                away = _numbers(rest[1:2], table, line)[0]
+                table.object_distance = away if 0 < abs(away) < FAR else float("inf")
             if key != "SI" and (medium := _medium(rest[2] if rest[2:] else "", line, table, private_ones)) is not None:
                 table.keys["object_medium"] = medium
         elif key == "S" or (key[0] == "S" and key[1:].isdigit()):
@@ -224,10 +225,6 @@ def _targets(found: re.Match[str], surfaces: list[_Surface]) -> list[_Surface]:
 def _numbers(words: list[str], table: LensTable, line: int) -> list[float]:
     """Return numbers, of which `inf` and `infinity` are 0: a plane, and a distance that is none."""
     return numbers(["0" if word.lower() in INFINITE else word for word in words], table.path, line)
-
-
-def _distance(value: float) -> float:
-    return value if 0 < abs(value) < FAR else float("inf")
 
 
 def _choose_radii(surfaces: list[_Surface], table: LensTable) -> None:

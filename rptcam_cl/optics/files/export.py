@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from functools import singledispatch
 from itertools import chain, permutations
 from typing import Any
 
@@ -17,7 +16,6 @@ from rptcam_cl.optics.coating import (
     BARE,
     MAGNESIUM_FLUORIDE,
     Coating,
-    Layer,
     LayerStack,
     MeasuredReflectance,
     QuarterWave,
@@ -408,7 +406,9 @@ def pbrt_text(lens: Lens, wavelength_nm: float = LINE_D_NM) -> str:
     InputError
         With every reason why a table cannot say this lens.
     """
-    refuse(lens, ".dat table", _pbrt_reasons(lens, wavelength_nm), _of_whole(lens))
+    is_older = len(lens.surfaces) > 2 and lens.surfaces[0].thickness == 0
+    of_whole = ["the first thickness is 0, which readers take for the older kind of table"] if is_older else []
+    refuse(lens, ".dat table", _pbrt_reasons(lens, wavelength_nm), of_whole)
     film = setting(lens, wavelength_nm=wavelength_nm).film_distance_mm or 0.0
     indices = lens.indices(wavelength_nm)
     lines = [f"# {line}" for line in (*lens.name.splitlines(), *lens.source.splitlines())]
@@ -431,11 +431,6 @@ def _pbrt_reasons(lens: Lens, wavelength_nm: float) -> Iterator[tuple[int, str]]
     for k, surface in enumerate(lens.surfaces):
         for reason in _surface_reasons(surface, float(indices[k]), float(indices[k + 1])):
             yield k, reason
-
-
-def _of_whole(lens: Lens) -> Iterator[str]:
-    if len(lens.surfaces) > 2 and lens.surfaces[0].thickness == 0:
-        yield "the first thickness is 0, which readers take for the older kind of table"
 
 
 def _surface_reasons(surface: Surface, before: float, after: float) -> Iterator[str]:
@@ -581,11 +576,6 @@ def _region(region: Region, where: str) -> dict[str, Any]:
     return {"clear": clear} if region.blocks else {"clear": clear, "outside": "pass"}
 
 
-def _layer(layer: Layer) -> dict[str, float]:
-    dark = {"extinction": layer.extinction} if layer.extinction else {}
-    return {"index": layer.index, "thickness_nm": layer.thickness_nm, **dark}
-
-
 def _coating(coating: Coating, where: str) -> Any:
     if coating == BARE:
         return "bare"
@@ -594,7 +584,12 @@ def _coating(coating: Coating, where: str) -> Any:
     if isinstance(coating, QuarterWave):
         return {"quarter_wave": {"index": coating.index, "wavelength_nm": coating.wavelength_nm}}
     if isinstance(coating, LayerStack):
-        return {"layers": [_layer(layer) for layer in coating.layers]}
+        rows: list[dict[str, float]] = []
+        for layer in coating.layers:
+            rows.append({"index": layer.index, "thickness_nm": layer.thickness_nm})
+            if layer.extinction:
+                rows[-1]["extinction"] = layer.extinction
+        return {"layers": rows}
     if not isinstance(coating, MeasuredReflectance):
         raise InputError(f"{where}: has a coating that a lens file cannot say ({type(coating).__name__})")
     if len(coating.values) == 1:
@@ -607,8 +602,6 @@ def _medium(medium: Medium) -> Any:
     if medium.name and glass_named(medium.name) == medium:
         return medium.name
     entry = _glass_keys(medium)
-    if isinstance(entry, str):
-        return entry
     thermal = {} if medium.thermal is None else _thermal(medium.thermal)
     absorbs = {} if medium.absorption is None else {"transmittance": _transmittance(medium.absorption)}
     return entry | absorbs | thermal
@@ -629,59 +622,35 @@ def _transmittance(absorption: Absorption) -> dict[str, Any]:
     return {"thickness_mm": WRITTEN_THICKNESS_MM, "wavelengths_nm": list(absorption.wavelengths_nm), "values": values}
 
 
-@singledispatch
-def _glass_keys(medium: Any) -> Any:
-    raise InputError(f"a lens file cannot say the glass {medium.name!r} ({type(medium).__name__})")
-
-
-@_glass_keys.register
-def _constant(medium: ConstantIndex) -> Any:
-    entry: dict[str, Any] = {"index": medium.value}
-    return entry if medium.name in ("", f"n = {medium.value:g}") else entry | {"name": medium.name}
-
-
-@_glass_keys.register
-def _abbe(medium: AbbeCauchy) -> Any:
-    entry: dict[str, Any] = {"nd": medium.nd, "vd": medium.vd}
-    return entry if medium.name in ("", f"{medium.nd:g} / {medium.vd:g}") else entry | {"name": medium.name}
-
-
-@_glass_keys.register
-def _linear(medium: AbbeLinear) -> Any:
-    entry: dict[str, Any] = {"linear_abbe": {"n": medium.n, "v": medium.v}}
-    return entry if medium.name in ("", f"{medium.n:g} / {medium.v:g} linear") else entry | {"name": medium.name}
-
-
-@_glass_keys.register
-def _sellmeier(medium: Sellmeier) -> Any:
-    law: dict[str, Any] = {"b": list(medium.b), "c": list(medium.c)}
-    if medium.c0:
-        law["c0"] = medium.c0
-    return _ranged({"sellmeier": law}, medium)
-
-
-@_glass_keys.register
-def _series(medium: PowerSeries) -> Any:
-    powers, values = zip(*medium.terms, strict=True)
-    if medium.squared and powers == SCHOTT_POWERS:
-        return _ranged({"schott": list(values)}, medium)
-    if not medium.squared and powers == tuple(-2.0 * i for i in range(len(powers))):
-        return _ranged({"cauchy": list(values)}, medium)
-    raise InputError(f"a lens file cannot say the glass {medium.name!r}: its powers are {powers}")
-
-
-@_glass_keys.register
-def _table(medium: TabulatedIndex) -> Any:
-    table = {"wavelengths_nm": list(medium.wavelengths_nm), "values": list(medium.values)}
-    return {"table": table, "name": medium.name} if medium.name else {"table": table}
-
-
-def _ranged(entry: dict[str, Any], medium: Sellmeier | PowerSeries) -> dict[str, Any]:
-    if medium.range_nm is not None:
+def _glass_keys(medium: Medium) -> dict[str, Any]:
+    """Return the law of a glass, its range and its name, where that is not what a reader calls it by itself."""
+    entry: dict[str, Any]
+    usual = ""
+    match medium:
+        case ConstantIndex():
+            entry, usual = {"index": medium.value}, f"n = {medium.value:g}"
+        case AbbeCauchy():
+            entry, usual = {"nd": medium.nd, "vd": medium.vd}, f"{medium.nd:g} / {medium.vd:g}"
+        case AbbeLinear():
+            entry, usual = {"linear_abbe": {"n": medium.n, "v": medium.v}}, f"{medium.n:g} / {medium.v:g} linear"
+        case Sellmeier():
+            law: dict[str, Any] = {"b": list(medium.b), "c": list(medium.c)}
+            entry = {"sellmeier": law | ({"c0": medium.c0} if medium.c0 else {})}
+        case PowerSeries():
+            powers, values = zip(*medium.terms, strict=True)
+            if medium.squared and powers == SCHOTT_POWERS:
+                entry = {"schott": list(values)}
+            elif not medium.squared and powers == tuple(-2.0 * i for i in range(len(powers))):
+                entry = {"cauchy": list(values)}
+            else:
+                raise InputError(f"a lens file cannot say the glass {medium.name!r}: its powers are {powers}")
+        case TabulatedIndex():
+            entry = {"table": {"wavelengths_nm": list(medium.wavelengths_nm), "values": list(medium.values)}}
+        case _:
+            raise InputError(f"a lens file cannot say the glass {medium.name!r} ({type(medium).__name__})")
+    if isinstance(medium, Sellmeier | PowerSeries) and medium.range_nm is not None:
         entry["range_nm"] = list(medium.range_nm)
-    if medium.name:
-        entry["name"] = medium.name
-    return entry
+    return entry if medium.name in ("", usual) else entry | {"name": medium.name}
 
 
 def _flow(value: Any) -> str:

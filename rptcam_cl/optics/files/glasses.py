@@ -104,12 +104,10 @@ def read_coating(document: Document, path: KeyPath) -> Coating:
         raise fields.fail(None, f"needs exactly one of {', '.join(keys.COATING)}")
     if "layers" in fields:
         return _layers(fields)
-    return _quarter_wave(fields) if "quarter_wave" in fields else _measured(fields)
-
-
-def _quarter_wave(fields: Fields) -> Coating:
-    inner = fields.inner("quarter_wave", keys.QUARTER_WAVE)
-    return QuarterWave(_index(inner), inner.positive("wavelength_nm"))
+    if "quarter_wave" in fields:
+        inner = fields.inner("quarter_wave", keys.QUARTER_WAVE)
+        return QuarterWave(_index(inner), inner.positive("wavelength_nm"))
+    return _read_measured(fields)
 
 
 def _index(fields: Fields) -> float:
@@ -143,7 +141,7 @@ def layered(layers: tuple[Layer, ...]) -> Coating:
     return LayerStack(layers)
 
 
-def _measured(fields: Fields) -> Coating:
+def _read_measured(fields: Fields) -> Coating:
     value = fields.get("reflectance")
     if isinstance(value, str):
         return _read_reflectance(fields, value)
@@ -213,7 +211,7 @@ def read_glass(document: Document, path: KeyPath) -> Medium:
     """Return the medium at a key path of a lens file."""
     value = value_at(document, path)
     if isinstance(value, str):
-        return _named(document, path, value)
+        return _find_glass(document, path, value)
     if isinstance(value, int | float) and not isinstance(value, bool):
         raise problem(document, path, "expected a name or a mapping such as {index: 1.5}", value)
     fields = Fields(document, path, keys.GLASS)
@@ -223,7 +221,11 @@ def read_glass(document: Document, path: KeyPath) -> Medium:
     medium = _LAWS[given[0]](fields)
     if "thermal" in fields or "expansion_per_k" in fields:
         medium = replace(medium, thermal=_read_thermal(fields, medium.thermal or Thermal()))
-    return replace(medium, absorption=_read_absorption(fields)) if "transmittance" in fields else medium
+    if "transmittance" not in fields:
+        return medium
+    inner = fields.inner("transmittance", keys.TRANSMITTANCE)
+    spectrum, thickness_mm = read_spectrum(inner, "transmittance"), inner.positive("thickness_mm")
+    return replace(medium, absorption=Absorption.from_transmittance(*spectrum, thickness_mm))
 
 
 def _read_thermal(fields: Fields, known: Thermal) -> Thermal:
@@ -238,12 +240,7 @@ def _read_thermal(fields: Fields, known: Thermal) -> Thermal:
     return Thermal((*d, *e, inner.positive("resonance_um")), expansion, inner.number("reference_c", STANDARD_C))
 
 
-def _read_absorption(fields: Fields) -> Absorption:
-    inner = fields.inner("transmittance", keys.TRANSMITTANCE)
-    return Absorption.from_transmittance(*read_spectrum(inner, "transmittance"), inner.positive("thickness_mm"))
-
-
-def _named(document: Document, path: KeyPath, name: str) -> Medium:
+def _find_glass(document: Document, path: KeyPath, name: str) -> Medium:
     if name.lower() in ("air", "vacuum"):
         return AIR
     medium = glass_named(name)
@@ -254,26 +251,26 @@ def _named(document: Document, path: KeyPath, name: str) -> Medium:
     raise problem(document, path, f"unknown glass; {hint}", name)
 
 
-def _checked(fields: Fields, key: str, value: float) -> float:
+def _check_index(fields: Fields, key: str, value: float) -> float:
     if not keys.LOWEST_INDEX <= value <= keys.HIGHEST_INDEX:
         raise fields.fail(key, f"a refractive index lies between {keys.LOWEST_INDEX:g} and {keys.HIGHEST_INDEX:g}")
     return value
 
 
 def _constant(fields: Fields) -> Medium:
-    value = _checked(fields, "index", fields.number("index"))
+    value = _check_index(fields, "index", fields.number("index"))
     return ConstantIndex(value, fields.text("name", f"n = {value:g}"))
 
 
 def _abbe(fields: Fields) -> Medium:
-    nd = _checked(fields, "nd", fields.number("nd"))
+    nd = _check_index(fields, "nd", fields.number("nd"))
     vd = fields.positive("vd")
     return AbbeCauchy(nd, vd, fields.text("name", f"{nd:g} / {vd:g}"))
 
 
 def _linear(fields: Fields) -> Medium:
     inner = fields.inner("linear_abbe", keys.LINEAR_ABBE)
-    n = _checked(inner, "n", inner.number("n"))
+    n = _check_index(inner, "n", inner.number("n"))
     v = inner.positive("v")
     return AbbeLinear(n, v, fields.text("name", f"{n:g} / {v:g} linear"))
 
@@ -311,7 +308,7 @@ def _table(fields: Fields) -> Medium:
     if not rises(wavelengths):
         raise inner.fail("wavelengths_nm", "must be above 0 and rise")
     for value in values:
-        _checked(inner, "values", value)
+        _check_index(inner, "values", value)
     return TabulatedIndex(wavelengths, values, fields.text("name", "tabulated glass"))
 
 

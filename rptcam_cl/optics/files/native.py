@@ -195,7 +195,7 @@ def _doubts(lens: Lens) -> tuple[str, ...]:
     length = abs(data.focal_length_mm)
     if LONGEST_PLAUSIBLE_MM < length < np.inf:
         doubts.append(f"focal length {data.focal_length_mm:.6g} mm: are the lengths in metres or micrometres?")
-    if data.f_number < FASTEST and _widest(lens) > length:
+    if data.f_number < FASTEST and max(surface.semi_diameter for surface in lens.surfaces) > length:
         doubts.append(
             f"focal length {data.focal_length_mm:.4g} mm behind an opening of "
             f"{data.entrance_pupil.diameter_mm:.4g} mm, f/{data.f_number:.2g}, cannot be (f/0.5 is the limit): "
@@ -214,10 +214,6 @@ def _doubts(lens: Lens) -> tuple[str, ...]:
                 "not from the medium beside"
             )
     return tuple(doubts)
-
-
-def _widest(lens: Lens) -> float:
-    return max(surface.semi_diameter for surface in lens.surfaces)
 
 
 def _in_the_way(lens: Lens) -> tuple[str, ...]:
