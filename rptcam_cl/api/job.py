@@ -375,13 +375,9 @@ class RenderJob:
         begun, options = time.perf_counter(), options or RenderOptions()
         # Check what can be checked before any device is opened
         scene = options.scene_of(source)
-        options.film_part.check(FilmLayout.of(scene.film).tiles)
-        if options.film_part != WHOLE:
-            check_divisible(scene)
-        exposure_steps(scene)
+        _check_options(options, scene)
         layers = scene.render.layers
         if options.denoise:
-            check_denoiser()
             scene = change_scene(scene, render={"layers": tuple(dict.fromkeys((*layers, *GUIDES)))})
 
         # Open the devices, and the state of an earlier render
@@ -390,7 +386,7 @@ class RenderJob:
         saved = saver.load() if saver is not None and options.resume else None
 
         # Resolve what the scene leaves open, plan, compile
-        if series is None:  # which is to take many samples
+        if series is None:  # one that is to take many samples has the full kernels
             sessions = options.with_fast_compile(scene, sessions)
         resolved = _resolve_for(saver, scene, sessions[0])
         plan = make_plan(resolved.scene, parts=None if series is None else series.parts)
@@ -400,19 +396,14 @@ class RenderJob:
         started = time.perf_counter()
         if options.on_progress is not None:
             options.on_progress(Progress("compile", 0, scene.render.spp, 0.0, 0.0, None))
-        buffers, layout = buffers or uploaded, FilmLayout.of(scene.film)
+        buffers = buffers or uploaded
         wavefront: AnyWavefront
         if pool is not None and buffers is not None:
-            wavefront = pool.wavefront(plan, buffers, layout, scene.render, "film")
-        elif len(sessions) > 1:
-            if shares is None and saver is not None:
-                shares = saved_shares(saver.parts, sessions)
-            wavefront = SharedWavefront(
-                sessions, plan, layout, scene.render, options.wave_size, shares=shares,
-                lenient=means_all(options.device),
-            )  # fmt: skip
+            wavefront = pool.wavefront(plan, buffers, FilmLayout.of(scene.film), scene.render, "film")
         else:
-            wavefront = _compiled_wavefront(sessions[0], plan, scene, buffers, options.wave_size)
+            if shares is None and saver is not None and len(sessions) > 1:
+                shares = saved_shares(saver.parts, sessions)
+            wavefront = _compile(sessions, shares, plan, scene, buffers, options)
         job = cls(options, scene, resolved, plan, wavefront, begun=begun, layers=layers, saver=saver, saved=saved)
         job.seconds = {"start": started - begun, "compile": time.perf_counter() - started}
         return job
@@ -439,7 +430,7 @@ class RenderJob:
         saver = _saver(f"part{SUFFIX}", scene, [session], RenderOptions())
         resolved = _resolve_for(saver, scene, session, found)
         plan, buffers = aimed_plan(make_plan(resolved.scene), session, scene.render.layers)
-        wavefront = _compiled_wavefront(session, plan, scene, buffers)
+        wavefront = _compile([session], None, plan, scene, buffers, RenderOptions())
         job = cls(options, scene, resolved, plan, wavefront, begun=begun, saver=saver)
         saver.beside = partial(job._arrays_beside, whole=False)
         return job
@@ -608,10 +599,30 @@ def _resolve_for(
     return resolved
 
 
-def _compiled_wavefront(
-    session: Session, plan: Plan, scene: Scene, buffers: SceneBuffers | None, wave_size: int | None = None
-) -> Wavefront:
-    wavefront = Wavefront(session, plan, FilmLayout.of(scene.film), scene.render, wave_size, buffers=buffers)
+def _check_options(options: RenderOptions, scene: Scene) -> None:
+    """Raise an error for what can be known to fail before any device is opened."""
+    options.film_part.check(FilmLayout.of(scene.film).tiles)
+    if options.film_part != WHOLE:
+        check_divisible(scene)
+    exposure_steps(scene)
+    if options.denoise:
+        check_denoiser()
+
+
+def _compile(
+    sessions: list[Session],
+    shares: list[float] | None,
+    plan: Plan,
+    scene: Scene,
+    buffers: SceneBuffers | None,
+    options: RenderOptions,
+) -> AnyWavefront:
+    """Compile the kernels of a plan for one device, or for several that share the render."""
+    layout, size = FilmLayout.of(scene.film), options.wave_size
+    if len(sessions) > 1:
+        lenient = means_all(options.device)
+        return SharedWavefront(sessions, plan, layout, scene.render, size, shares=shares, lenient=lenient)
+    wavefront = Wavefront(sessions[0], plan, layout, scene.render, size, buffers=buffers)
     wavefront.warm_up()
     return wavefront
 
