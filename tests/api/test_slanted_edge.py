@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import brentq
 from scipy.special import erf
 
-from rptcam_cl.imaging.slanted_edge import mtf50_at
+from rptcam_cl.api.sweeping import mtf50_at
 
 
 def edge(sigma, degrees, size=64, low=0.1, high=1.0):
