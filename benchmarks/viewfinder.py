@@ -42,7 +42,7 @@ DIALS: dict[str, list[Any]] = {
     "focus_m": [0.6, 0.7, 0.9, 1.5, 4.0],
     "tone": ["agx", "aces", "reinhard", "srgb"],
 }
-PATIENCE_S = 120.0
+ALIVE_WITHIN_S = 120.0
 TICKS = os.sysconf("SC_CLK_TCK") if hasattr(os, "sysconf") else 100
 
 
@@ -61,7 +61,7 @@ class Client:
         self._socket.send(json.dumps({"id": self._last, **message} if message["type"] != "ack" else message))
         return self._last
 
-    def frame(self, timeout: float = PATIENCE_S) -> dict[str, Any] | None:
+    def frame(self, timeout: float = ALIVE_WITHIN_S) -> dict[str, Any] | None:
         """Return the header of the next picture, acknowledged; None when none comes in time."""
         end = time.perf_counter() + timeout
         while (left := end - time.perf_counter()) > 0:
@@ -211,7 +211,7 @@ def end(process: subprocess.Popen[str]) -> float:
     """Return how long the command takes to end after Ctrl-C [ms]."""
     begun = time.perf_counter()
     process.send_signal(signal.SIGINT)
-    process.wait(PATIENCE_S)
+    process.wait(ALIVE_WITHIN_S)
     return 1e3 * (time.perf_counter() - begun)
 
 

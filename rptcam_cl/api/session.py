@@ -307,7 +307,7 @@ class SceneCompiler:
             resolved = resolve(scene, self._device)
         else:
             try:
-                resolved = resolve(scene, self._device.kept_only())
+                resolved = resolve(scene, self._device.built_only())
             except NotKeptError:
                 resolved, is_final = resolve(scene, self._quick), False
         return self._plan_state(scene, resolved, make_plan(resolved.scene, parts=self._parts), is_final=is_final)
@@ -438,7 +438,7 @@ class SceneCompiler:
         if key in self._missing:
             return False
         try:
-            compile_here(self._device.kept_only(), *wanted)
+            compile_here(self._device.built_only(), *wanted)
         except NotKeptError:
             self._missing.add(key)
             return False

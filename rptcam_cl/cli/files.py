@@ -245,7 +245,7 @@ def add_new(commands: Commands) -> None:
 
 def _run_new(arguments: argparse.Namespace) -> int:
     from rptcam_cl.core.files import check_writable, replacing
-    from rptcam_cl.exchange.starting import Wishes, starting_scene
+    from rptcam_cl.exchange.starting import StartOptions, starting_scene
     from rptcam_cl.scene.load import load_scene, scene_text
 
     target: Path = arguments.scene
@@ -258,7 +258,7 @@ def _run_new(arguments: argparse.Namespace) -> int:
         raise InputError(f"{target}: is there already; choose another name, or remove it first")
     check_writable(target)
     start = starting_scene(
-        Wishes(
+        StartOptions(
             arguments.model, arguments.hdri, arguments.lens, arguments.size, arguments.up, arguments.metres_per_unit,
             arguments.reframe,
         ),

@@ -39,7 +39,7 @@ from rptcam_cl.device.drivers import (
     rename_processor,
     to_install,
 )
-from rptcam_cl.device.fork_server import Likeness, LikenessEndedError, end_work, fork_likeness
+from rptcam_cl.device.fork_server import ForkServer, ForkServerEndedError, end_work, start_fork_server
 
 #
 # Whether a device builds a trivial kernel: what has to be known before it is chosen, and before kernels are written.
@@ -53,9 +53,9 @@ from rptcam_cl.device.fork_server import Likeness, LikenessEndedError, end_work,
 
 AVX512_ARCH = "skylake-avx512"
 AVX2_ARCH = "haswell"
-PATIENCE = 60  # [s] for a trivial kernel; a busy processor takes ten
+TRIAL_TIMEOUT_S = 60  # [s] for a trivial kernel; a busy processor takes ten
 TRIES = 2
-PATIENCE_WITH_PROGRAMS = 600  # [s] for one to be built
+BUILD_TIMEOUT_S = 600  # [s] for one to be built
 _CHILD = (
     "import json, sys; sys.path[:] = json.loads(sys.argv[1]); from rptcam_cl.device import devices; "
     "devices.print_trial(int(sys.argv[2]), int(sys.argv[3]))"
@@ -82,7 +82,7 @@ WALK_WORDS = 1 << 20
 WALK_SECONDS = 0.02
 MOST_STEPS = 1 << 16
 
-_likeness: list[Likeness] = []  # one at most
+_fork_server: list[ForkServer] = []  # one at most
 _tried_there: set[tuple[int, int]] = set()  # places of devices
 
 
@@ -162,10 +162,10 @@ def _tried_apart(handle: Any) -> Trial:
     if place is None or not sys.executable:  # a part of a device, or Python within another program
         return try_here(handle)
     tries = TRIES
-    if _likeness and _likeness[0].is_there:
+    if _fork_server and _fork_server[0].is_there:
         try:
-            found = _trial_of(_likeness[0].ask("try", *place, patience=PATIENCE))
-        except LikenessEndedError as ended:
+            found = _trial_of(_fork_server[0].ask("try", *place, timeout_s=TRIAL_TIMEOUT_S))
+        except ForkServerEndedError as ended:
             if ended.code != 0:  # else it has waited too long
                 return Trial(problem=_ending(ended.code, ended.said))
         except TimeoutError:
@@ -178,7 +178,9 @@ def _tried_apart(handle: Any) -> Trial:
     except OSError:  # no process can be started
         return try_here(handle)
     if done is None:
-        return Trial(problem=f"error: the driver did not build a trivial kernel within {PATIENCE} s, {TRIES} times")
+        return Trial(
+            problem=f"error: the driver did not build a trivial kernel within {TRIAL_TIMEOUT_S} s, {TRIES} times"
+        )
     try:
         return _trial_of(json.loads(done.stdout.splitlines()[-1]))
     except (ValueError, IndexError):
@@ -193,28 +195,28 @@ def _trial_of(found: dict[str, Any]) -> Trial:
 def prepare_trial() -> None:
     """Make a process for the first trial, where none is kept; to be called before drivers and threads begin."""
     load_opencl()
-    has_begun = _likeness or try_device.cache_info().currsize
+    has_begun = _fork_server or try_device.cache_info().currsize
     if not has_begun and not any(cache_dir(KEPT).glob("*")):
-        made = fork_likeness(_carry_out)
-        _likeness.extend([] if made is None else [made])
+        made = start_fork_server(_carry_out)
+        _fork_server.extend([] if made is None else [made])
 
 
 def end_trials() -> None:
     """Have the process of the first trial end, where there is one."""
-    while _likeness:
-        _likeness.pop().close()
+    while _fork_server:
+        _fork_server.pop().close()
 
 
 def builds_apart(handle: Any) -> bool:
     """Return whether the process of its trial builds programs for a pyopencl device."""
-    return bool(_likeness) and _likeness[0].is_there and _place(handle) in _tried_there
+    return bool(_fork_server) and _fork_server[0].is_there and _place(handle) in _tried_there
 
 
 def build_apart(handle: Any, source: str, options: Sequence[str]) -> None:
     """Have a program built into PoCL's cache; what fails there does so again here."""
     if builds_apart(handle):
-        with contextlib.suppress(LikenessEndedError, TimeoutError):
-            _likeness[0].ask("build", *(_place(handle) or ()), source, *options, patience=PATIENCE_WITH_PROGRAMS)
+        with contextlib.suppress(ForkServerEndedError, TimeoutError):
+            _fork_server[0].ask("build", *(_place(handle) or ()), source, *options, timeout_s=BUILD_TIMEOUT_S)
 
 
 def _carry_out(what: str, platform_number: int, device_number: int, *order: str) -> Any:
@@ -232,7 +234,9 @@ def _ended(place: tuple[int, int], tries: int) -> subprocess.CompletedProcess[by
     command = [sys.executable, "-c", _CHILD, json.dumps(sys.path), *map(str, place)]
     for _ in range(tries):
         with contextlib.suppress(subprocess.TimeoutExpired):
-            return subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, timeout=PATIENCE, check=False)
+            return subprocess.run(
+                command, stdin=subprocess.DEVNULL, capture_output=True, timeout=TRIAL_TIMEOUT_S, check=False
+            )
     return None
 
 

@@ -110,7 +110,7 @@ IDLE = 20.0  # [s] after which it ends: it holds what the driver has read
 _ANSWER = b"\n\x02answer "  # before what was found; a driver may print anything else
 
 
-class LikenessEndedError(Exception):
+class ForkServerEndedError(Exception):
     """It came to an end: with which exit code, a negative signal as of `subprocess`, and what it had printed."""
 
     def __init__(self, code: int, said: str) -> None:
@@ -118,8 +118,8 @@ class LikenessEndedError(Exception):
         self.code, self.said = code, said
 
 
-class Likeness:
-    """What carries out orders in a process that `fork_likeness` has made; it ends with this one, or when it is idle.
+class ForkServer:
+    """A process, made by `start_fork_server`, that carries out orders; it ends with this one, or when it is idle.
 
     Attributes
     ----------
@@ -132,20 +132,20 @@ class Likeness:
         self._asking = threading.Lock()
         self.is_there = True
 
-    def ask(self, *order: Any, patience: float) -> Any:
+    def ask(self, *order: Any, timeout_s: float) -> Any:
         """Return what it finds when it carries out an order; both are what JSON holds.
 
         Raises
         ------
-        LikenessEndedError
+        ForkServerEndedError
             It has ended.
         TimeoutError
             It did not answer in time [s], and was ended.
         """
         with self._asking:
             if not self.is_there:
-                raise LikenessEndedError(0, "")
-            said, end = b"", time.monotonic() + patience
+                raise ForkServerEndedError(0, "")
+            said, end = b"", time.monotonic() + timeout_s
             with contextlib.suppress(OSError):  # how it has ended is found below
                 text = json.dumps(order).encode() + b"\n"
                 while text:
@@ -157,7 +157,7 @@ class Likeness:
                     raise TimeoutError
                 piece = os.read(self._answers, 1 << 16)
                 if not piece:
-                    raise LikenessEndedError(self._end(), said.decode(errors="replace"))
+                    raise ForkServerEndedError(self._end(), said.decode(errors="replace"))
                 said += piece
             return json.loads(said.split(_ANSWER)[1])
 
@@ -174,7 +174,7 @@ class Likeness:
         return os.waitstatus_to_exitcode(os.waitpid(self._process, 0)[1])
 
 
-def fork_likeness(carry_out: Callable[..., Any]) -> Likeness | None:
+def start_fork_server(carry_out: Callable[..., Any]) -> ForkServer | None:
     """Return a process like this one that carries out orders; None where making it is unsafe.
 
     It is safe before other threads and drivers begin, as those would be missing in it.
@@ -195,7 +195,7 @@ def fork_likeness(carry_out: Callable[..., Any]) -> Likeness | None:
             _serve(orders, to_answers, carry_out)
         os.close(orders)
         os.close(to_answers)
-        return Likeness(process, to_orders, answers)
+        return ForkServer(process, to_orders, answers)
     return None
 
 

@@ -52,7 +52,7 @@ _opening = threading.Lock()
 
 
 class NotKeptError(Exception):
-    """The driver has to generate the code of a program; raised by sessions that `Session.kept_only` returns."""
+    """The driver has to generate the code of a program; raised by sessions that `Session.built_only` returns."""
 
 
 def is_llvmpipe(handle: Any) -> bool:
@@ -124,9 +124,9 @@ class Launch:
         TypeError
             When the kernel has no parameter of a name; none is replaced then.
         """
-        if strangers := [name for name in arguments if name not in self._index]:
+        if unknown := [name for name in arguments if name not in self._index]:
             raise TypeError(
-                f"kernel {self.name} has no parameter {', '.join(strangers)} (it has {', '.join(self._index)})"
+                f"kernel {self.name} has no parameter {', '.join(unknown)} (it has {', '.join(self._index)})"
             )
         for name, value in arguments.items():
             if value is not self._arguments.get(name):
@@ -167,7 +167,7 @@ class Session:
         self._building = threading.Lock()
         self._launched: list[Program] = []  # whose code is not noted
         self._foreseen: dict[str, Program] = {}  # by their sources
-        self.is_quick = self._takes_kept_only = False  # see `quick`, `kept_only`
+        self.is_quick = self._takes_built_only = False  # see `quick`, `built_only`
         self._few_left = [FEW_SAMPLES]  # the same list in every copy
 
     @property
@@ -226,7 +226,7 @@ class Session:
         DeviceError
             When it does not compile.
         NotKeptError
-            See `kept_only`.
+            See `built_only`.
         """
         key = source_key(files, facts, declarations)
         keys = [key, ("quick", *key)] if self.is_quick else [key]
@@ -235,8 +235,8 @@ class Session:
             if known is not None:
                 return known
         source = assemble(files, facts, declarations, library_arch=self._library_arch)
-        if (self._takes_kept_only or self.is_quick) and not is_code_noted(program_name(self.info.handle, source)):
-            if self._takes_kept_only:
+        if (self._takes_built_only or self.is_quick) and not is_code_noted(program_name(self.info.handle, source)):
+            if self._takes_built_only:
                 raise NotKeptError
             key, source = keys[1], quick_source(source)
         with self._building, warnings.catch_warnings():
@@ -309,13 +309,13 @@ class Session:
         self._few_left[0] -= samples
         return self.quick() if self._few_left[0] >= 0 else self
 
-    def kept_only(self) -> Session:
+    def built_only(self) -> Session:
         """Return this session, but with no programs save those whose code the driver need not generate.
 
         These are built here or noted in PoCL's cache. Of others it raises a NotKeptError.
         """
         other = copy.copy(self)
-        other._takes_kept_only = self.generates_late
+        other._takes_built_only = self.generates_late
         return other
 
     def launched(self, program: Program) -> None:
@@ -587,9 +587,9 @@ def _in_order(shares: Mapping[str, float], sessions: Sequence[Session]) -> list[
             raise DeviceError(f"--split: {name} is {identity}, which has a share already (give each device one share)")
         by_id[identity] = share
     chosen = [session.info.id for session in sessions]
-    if strangers := [identity for identity in by_id if identity not in chosen]:
+    if unknown := [identity for identity in by_id if identity not in chosen]:
         raise DeviceError(
-            f"--split: {', '.join(strangers)} is not among the devices of this render, {', '.join(chosen)}"
+            f"--split: {', '.join(unknown)} is not among the devices of this render, {', '.join(chosen)}"
             " (name the same devices in --device, or leave --device out)"
         )
     if missing := [identity for identity in chosen if identity not in by_id]:

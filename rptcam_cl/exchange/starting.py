@@ -491,7 +491,7 @@ UNITS = (
 
 
 @dataclass(frozen=True)
-class Wishes:
+class StartOptions:
     """What a new scene is to hold.
 
     Attributes
@@ -537,12 +537,12 @@ class Start:
     report: list[str] = field(default_factory=list)
 
 
-def starting_scene(wishes: Wishes, folder: Path) -> Start:
+def starting_scene(options: StartOptions, folder: Path) -> Start:
     """Return a scene that shows a model framed, lit, focused and exposed.
 
     Parameters
     ----------
-    wishes
+    options
         What to show, and by what light and lens.
     folder
         Where the scene file is to lie.
@@ -552,27 +552,27 @@ def starting_scene(wishes: Wishes, folder: Path) -> Start:
     InputError
         When the model, the picture or the lens cannot be used, or not be copied to the folder.
     """
-    return _Stage(wishes, folder).scene()
+    return _Stage(options, folder).scene()
 
 
 class _Stage:
     """The parts of a new scene, one after the other."""
 
-    def __init__(self, wishes: Wishes, folder: Path) -> None:
-        self._wishes = wishes
-        self._start = Start({"metres_per_unit": wishes.metres_per_unit}, Copies(folder))
-        self._subject = balls() if wishes.model is None else read_subject(wishes.model)
-        stl = wishes.model is not None and wishes.model.suffix.lower() == ".stl"
-        self._up = np.array(UP[wishes.up or ("z" if stl else "y")], dtype=float)
+    def __init__(self, options: StartOptions, folder: Path) -> None:
+        self._options = options
+        self._start = Start({"metres_per_unit": options.metres_per_unit}, Copies(folder))
+        self._subject = balls() if options.model is None else read_subject(options.model)
+        stl = options.model is not None and options.model.suffix.lower() == ".stl"
+        self._up = np.array(UP[options.up or ("z" if stl else "y")], dtype=float)
 
     def scene(self) -> Start:
         """Return the scene."""
-        start, subject, wishes = self._start, self._subject, self._wishes
+        start, subject, options = self._start, self._subject, self._options
         start.report += subject.notes
-        if wishes.model is not None:
-            start.report += _doubts_of_size(subject, wishes.metres_per_unit)
-        camera = None if wishes.reframe or not subject.cameras else subject.cameras[0]
-        width, height = wishes.size
+        if options.model is not None:
+            start.report += _doubts_of_size(subject, options.metres_per_unit)
+        camera = None if options.reframe or not subject.cameras else subject.cameras[0]
+        width, height = options.size
         if camera is not None and camera.aspect is not None:
             height = max(1, round(width / camera.aspect))
         start.scene["film"] = {"resolution": [width, height]}
@@ -580,14 +580,14 @@ class _Stage:
             self._framed()
         else:
             self._by_file(camera)
-        start.scene["exposure"] = {"mode": "auto"} | ({} if wishes.hdri or subject.lights else {"ev": 0.5})
+        start.scene["exposure"] = {"mode": "auto"} | ({} if options.hdri or subject.lights else {"ev": 0.5})
         start.scene["render"] = {"spp": 256, "max_depth": 8}
         self._lit()
         self._shown()
         return start
 
     def _lens_key(self) -> str:
-        lens = self._wishes.lens or DEFAULT_LENS
+        lens = self._options.lens or DEFAULT_LENS
         if not names_a_file(lens):
             load_lens(lens)  # which says which names there are
             return lens
@@ -614,13 +614,13 @@ class _Stage:
         if found.stop is not None and widest < MOST_OPEN:
             keys["f_number"] = MOST_OPEN
         pose = {"eye": _rounded(view.eye), "target": _rounded(target), "up": _rounded(self._up)}
-        return keys | pose | {"focus": {"distance_m": _digits(depth * self._wishes.metres_per_unit)}}
+        return keys | pose | {"focus": {"distance_m": _digits(depth * self._options.metres_per_unit)}}
 
     def _lens_source(self, lens: str) -> str | Path:
-        return Path(self._wishes.lens) if self._wishes.lens and names_a_file(self._wishes.lens) else lens
+        return Path(self._options.lens) if self._options.lens and names_a_file(self._options.lens) else lens
 
     def _framed(self) -> None:
-        lens, subject, unit = self._lens_key(), self._subject, self._wishes.metres_per_unit
+        lens, subject, unit = self._lens_key(), self._subject, self._options.metres_per_unit
         film = self._film_mm(str(self._lens_source(lens)))
 
         def set_lens(view: View, depth: float) -> LensSetting:
@@ -653,7 +653,7 @@ class _Stage:
         if others := ", ".join(other.name for other in self._subject.cameras[1:]):
             self._start.report.append(f"other cameras of the file are left out: {others}")
         eye, forward = np.array(camera.eye), np.array(camera.forward)
-        unit = self._wishes.metres_per_unit
+        unit = self._options.metres_per_unit
         right = np.cross(forward, camera.up)
         view = View(eye, forward, right / np.linalg.norm(right), np.array(camera.up))
         ahead = self._subject.first_hit(eye, forward)
@@ -661,7 +661,7 @@ class _Stage:
             depths = view.seen(self._subject.points)[:, 2]
             ahead = float(np.median(depths[depths > 0])) if (depths > 0).any() else 5.0 / unit
         degrees = math.degrees(camera.height_radians)
-        if self._wishes.lens is None:
+        if self._options.lens is None:
             pose = {"eye": _rounded(eye), "target": _rounded(eye + ahead * forward), "up": list(camera.up)}
             self._start.scene["film"]["diagonal_mm"] = FULL_FRAME_MM
             self._start.scene["camera"] = {
@@ -692,7 +692,7 @@ class _Stage:
 
         Lengths are scene units, the scale is that of `Projection`, upwards. The plane in focus lies ahead of the eye.
         """
-        unit = self._wishes.metres_per_unit
+        unit = self._options.metres_per_unit
         depth = FAR_M / unit  # at first, as a lens may focus no nearer than where its film will be
         for _ in range(FOCUSINGS):
             projection = Projection(self._set(lens, view, depth), unit, 1.0)
@@ -701,28 +701,28 @@ class _Stage:
         return back, float(projection.scales_mm[1])
 
     def _lit(self) -> None:
-        scene, wishes, lights = self._start.scene, self._wishes, self._subject.lights
+        scene, options, lights = self._start.scene, self._options, self._subject.lights
         if lights:
             scene["lights"] = [_light(light) for light in lights]
             self._start.report.append(f"{len(lights)} lamp{'s' if len(lights) > 1 else ''} of the file")
-        if wishes.hdri is not None:
-            name = self._start.copies.name_of(wishes.hdri)
+        if options.hdri is not None:
+            name = self._start.copies.name_of(options.hdri)
             try:
-                read_picture(wishes.hdri)
+                read_picture(options.hdri)
             except (InputError, StateError) as problem:
-                raise type(problem)(f"{wishes.hdri}: {problem}") from None
+                raise type(problem)(f"{options.hdri}: {problem}") from None
             scene["environment"] = {"kind": "image", "file": name, "up": _rounded(self._up)}
         elif not lights:
             eye = np.array(scene["camera"]["eye"], dtype=float)
             scene |= studio(self._subject.bounds, eye, self._up)
 
     def _shown(self) -> None:
-        scene, wishes, subject = self._start.scene, self._wishes, self._subject
-        if wishes.model is None:
+        scene, options, subject = self._start.scene, self._options, self._subject
+        if options.model is None:
             scene["objects"] = [*subject.objects, *scene.get("objects", [])]
             return
-        keys: dict[str, Any] = {"name": "model", "shape": "mesh", "file": self._start.copies.name_of(wishes.model)}
-        self._start.copies.add_companions(wishes.model, subject.files)
+        keys: dict[str, Any] = {"name": "model", "shape": "mesh", "file": self._start.copies.name_of(options.model)}
+        self._start.copies.add_companions(options.model, subject.files)
         if subject.bare:
             keys["material"] = "model"
             scene["materials"] = {"model": PLAIN, **scene.get("materials", {})}

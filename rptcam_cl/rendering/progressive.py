@@ -1,4 +1,4 @@
-"""Progressive rendering: waves until the samples, the noise, the time or the patience run out."""
+"""Progressive rendering: waves until the samples, the noise or the time run out."""
 
 from __future__ import annotations
 
@@ -590,7 +590,7 @@ def _run_end(samples: float) -> float:
     return float(np.ceil(samples / length) * length)
 
 
-# Progressive rendering: waves until the samples, the time or the patience run out.
+# Progressive rendering: waves until the samples or the time run out.
 
 REPORT_INTERVAL = 0.2  # seconds of work that may be enqueued before a report and a chance to stop
 

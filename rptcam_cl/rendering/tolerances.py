@@ -995,7 +995,7 @@ def _enough(
     polynomials, which traced rays confirm.
     """
 
-    def judged(rays: list[FieldRays]) -> Scores:
+    def scored(rays: list[FieldRays]) -> Scores:
         return Judge(tried.lens, rays, merit, film).scores(tried, False, shifts)
 
     def spots_move(few: Scores, many: Scores) -> float:
@@ -1007,20 +1007,20 @@ def _enough(
     if merit.rings is not None or merit.arms is not None:
         rings = merit.rings or max(2, (merit.arms or 0) // 2)
         rays = field.rays(rings, merit.arms or 2 * rings)
-        return rays, (judged(rays), judged(field.rays(2 * rings, 2 * (merit.arms or 2 * rings))))
+        return rays, (scored(rays), scored(field.rays(2 * rings, 2 * (merit.arms or 2 * rings))))
     tries = [field.rays(rings, 2 * rings) for rings in RINGS[:2]]
-    scores = [judged(rays) for rays in tries]
+    scores = [scored(rays) for rays in tries]
     while len(tries) < len(RINGS) and (
         spots_move(*scores[-2:]) > SPOTS_STAY or modulation_moves(*scores[-2:]) > MODULATION_STAYS
     ):
         tries.append(field.rays(RINGS[len(tries)], 2 * RINGS[len(tries)]))
-        scores.append(judged(tries[-1]))
+        scores.append(scored(tries[-1]))
     # Where figures do not come to rest, as those of copies that lose rays at an edge do, few rays are as good as many.
     allowed = max(SPOTS_STAY, 2 * spots_move(*scores[-2:])), max(MODULATION_STAYS, 2 * modulation_moves(*scores[-2:]))
     for number, rays in enumerate(tries[:-2]):
         if spots_move(scores[number], scores[-1]) <= allowed[0]:
             filled = [few.filled_in(many) for few, many in zip(rays, tries[-2], strict=True)]
-            found = judged(filled)
+            found = scored(filled)
             if modulation_moves(found, scores[-1]) <= allowed[1]:
                 return filled, (found, scores[-1])
     return tries[-2], (scores[-2], scores[-1])

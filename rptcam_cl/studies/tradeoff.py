@@ -771,7 +771,7 @@ def measure_tradeoff(
     DeviceError
         No device fits, or a kernel failed.
     """
-    _check_wishes(budget=budget, seconds=seconds, error=error)
+    _check_goals(budget=budget, seconds=seconds, error=error)
     begun = time.perf_counter()
     tell = on_progress or (lambda words, share: None)
     scene = scene if isinstance(scene, Scene) else load_scene(scene)
@@ -801,8 +801,8 @@ def measure_tradeoff(
     )
 
 
-def _check_wishes(**wishes: float) -> None:
-    for name, value in wishes.items():
+def _check_goals(**goals: float) -> None:
+    for name, value in goals.items():
         most, allowed = (1.0, "between 0 and 1") if name == "error" else (math.inf, "above 0, in seconds")
         if not (isinstance(value, int | float) and 0 < value < most):
             raise InputError(f"{name}: is out of range (got {value!r}; allowed: a number {allowed})")

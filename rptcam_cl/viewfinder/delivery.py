@@ -132,7 +132,7 @@ COUNT_S = 0.2  # between two histograms of a picture that moves
 
 @dataclass
 class _Made:
-    """What was made of one picture, so that clients with the same wishes share it."""
+    """What was made of one picture, so that clients with the same settings share it."""
 
     number: int = 0
     data: dict[Any, Any] = field(default_factory=dict)
@@ -157,14 +157,14 @@ class Delivery:
         return bool(lacking)
 
     def _send(self, slot: Slot, shown: Shown, client: Client) -> None:
-        wishes = client.wishes
-        key = ("picture", wishes.width, wishes.height, wishes.format, wishes.quality)
+        settings = client.settings
+        key = ("picture", settings.width, settings.height, settings.format, settings.quality)
         size, data = self._once(slot, shown, key, lambda: _picture(shown.codes, *key[1:]))
         header = self._header(slot, shown, client, size)
-        client.outbox.frame((slot.name, "picture"), FrameData(header | {"media": MEDIA[wishes.format]}, data))
-        for name in wishes.overlays_on():
-            level = {"zebra": wishes.zebra_level, "peaking": wishes.peaking_level}.get(name, 0.0)
-            wanted = ("overlay", name, level, wishes.width, wishes.height)
+        client.outbox.frame((slot.name, "picture"), FrameData(header | {"media": MEDIA[settings.format]}, data))
+        for name in settings.overlays_on():
+            level = {"zebra": settings.zebra_level, "peaking": settings.peaking_level}.get(name, 0.0)
+            wanted = ("overlay", name, level, settings.width, settings.height)
             size, data = self._once(slot, shown, wanted, lambda: _overlay(shown, *wanted[1:]))  # noqa: B023 -- called at once
             client.outbox.frame((slot.name, "overlay", name), _exact(header, "overlay", size, data, overlay=name))
         if client.magnifier is not None and client.magnifier.place is not None and shown.frame.scale == 1:
@@ -181,7 +181,7 @@ class Delivery:
             client
             for client in clients
             if client.counted.get(slot.name, 0) < shown.number == client.shown.get(slot.name)
-            and "histogram" in client.wishes.panels
+            and "histogram" in client.settings.panels
         ]
         if not waiting or not self._may_count(shown):
             return
@@ -202,7 +202,7 @@ class Delivery:
     def meter(self, slot: Slot, client: Client) -> None:
         """Tell a client what lies under its pointer."""
         shown = slot.shown
-        if shown is None or shown.stale or client.pointer is None or "meter" not in client.wishes.panels:
+        if shown is None or shown.stale or client.pointer is None or "meter" not in client.settings.panels:
             return
         reading = spot_meter(shown.frame.pixels, slot.resolved, *client.pointer)
         client.outbox.news("meter", {"type": "meter", "generation": shown.frame.generation, **reading.as_dict()})
@@ -220,7 +220,7 @@ class Delivery:
             if client.shown.get("difference", 0) < number and client.outbox.has_room:
                 client.shown["difference"] = number
                 found = found or difference(first.frame.pixels, second.frame.pixels)
-                codes = fitted(found.rgb(), client.wishes.width, client.wishes.height)
+                codes = fitted(found.rgb(), client.settings.width, client.settings.height)
                 header = self._header(b, second, client, codes.shape[1::-1])
                 more = {"numbers": found.numbers(), "legend": legend()}
                 size = (codes.shape[1], codes.shape[0])

@@ -130,7 +130,7 @@ class Reports:
 
     def _lens(self, slot: Slot, client: Client) -> None:
         panel = self._studio.panel
-        if panel is None or "lens" not in client.wishes.panels:
+        if panel is None or "lens" not in client.settings.panels:
             return
         at = (client.pointer, slot.session.generation)
         now = time.monotonic()
@@ -288,7 +288,7 @@ class Requests:
 
     def _view(self, client: Client | None, message: View) -> None:
         if client is not None:
-            client.wishes = client.wishes.changed(message)
+            client.settings = client.settings.changed(message)
             client.forget_pictures()
 
     def _compare(self, client: Client | None, message: Compare) -> None:
@@ -345,8 +345,8 @@ _WITH_OWN_ANSWER = (
 
 # The thread that owns the device: it answers requests, renders what somebody waits for, and sleeps otherwise.
 
-LINGER_S = 0.4  # after the last client has gone, for a page that is only loaded again
-COURTESY_S = 0.06  # for pages to paint a first picture, before anything else takes the processor
+WAIT_FOR_RELOAD_S = 0.4  # after the last client has gone, for a page that is only loaded again
+TIME_TO_PAINT_S = 0.06  # for pages to paint a first picture, before anything else takes the processor
 TIDY_S = 10.0  # between two times that freed memory is given back, which takes some milliseconds
 _POLL_S = 0.02  # between checks whether a compilation has ended
 _CHANGES = (Dial, Set, Move, Compare)
@@ -445,7 +445,7 @@ class Engine:
             return None
         hurries = any(slot.wants_glance for slot in self._studio.slots)
         if not hurries and self._deliver(clients):  # what was made before they came
-            self._leaves_alone_until = time.monotonic() + COURTESY_S
+            self._leaves_alone_until = time.monotonic() + TIME_TO_PAINT_S
         if not hurries and (left := self._leaves_alone(clients)) > 0:
             return left
         if not hurries:
@@ -460,7 +460,7 @@ class Engine:
         if a is not None and b is not None and self._studio.compares_difference:
             self._delivery.difference(a, b, clients)
         if hurries and self._inbox.is_empty:  # the first picture leaves alone, what is said of it comes next
-            self._leaves_alone_until = time.monotonic() + COURTESY_S
+            self._leaves_alone_until = time.monotonic() + TIME_TO_PAINT_S
         else:
             self._reports.inform(clients)
             self._tidy()
@@ -498,7 +498,7 @@ class Engine:
         now = time.monotonic()
         if self._alone_since is None:
             self._alone_since = now
-        left = self._alone_since + LINGER_S - now
+        left = self._alone_since + WAIT_FOR_RELOAD_S - now
         if left > 0:
             return left
         self._studio.close()

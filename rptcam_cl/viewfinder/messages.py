@@ -484,7 +484,7 @@ class Outbox:
 
 
 @dataclass(frozen=True)
-class Wishes:
+class ClientSettings:
     """How a client wants its pictures; see `View`."""
 
     width: int = 1920
@@ -496,8 +496,8 @@ class Wishes:
     quality: int = 85
     panels: tuple[str, ...] = ()
 
-    def changed(self, view: View) -> Wishes:
-        """Return the wishes with those that a message gives."""
+    def changed(self, view: View) -> ClientSettings:
+        """Return the settings with those that a message gives."""
         given = view.model_dump(exclude_none=True, exclude={"type", "id"})
         if "panels" in given:
             given["panels"] = tuple(given["panels"])
@@ -511,7 +511,7 @@ class Wishes:
 
 
 class Client:
-    """A page, its wishes and its outbox.
+    """A page, its settings and its outbox.
 
     Parameters
     ----------
@@ -527,7 +527,7 @@ class Client:
         self.token = token
         self.number = number
         self.outbox = Outbox(wake)
-        self.wishes = Wishes()
+        self.settings = ClientSettings()
         self.pointer: tuple[float, float] | None = None
         self.magnifier: Magnify | None = None
         self.shown: dict[str, int] = {}  # by slot: number of the picture that was sent last

@@ -15,7 +15,7 @@ from rptcam_cl.viewfinder.engine import TooManyClientsError, Viewfinder
 from rptcam_cl.viewfinder.page import module_text, style_text
 
 NEEDED = "the viewfinder in a notebook needs anywidget: pip install 'rptcam_cl[widget]'"
-PATIENCE_S = 150.0  # without a sign of life, which a view gives every 20 s and in a hidden tab every minute
+ALIVE_WITHIN_S = 150.0  # without a sign of life, which a view gives every 20 s and in a hidden tab every minute
 
 Send = Callable[[dict[str, Any], list[bytes]], Any]
 
@@ -105,7 +105,7 @@ class Visitors:
             visitor.close()
 
     def _welcome(self, view: str) -> Visitor | None:
-        silent_since = time.monotonic() - PATIENCE_S
+        silent_since = time.monotonic() - ALIVE_WITHIN_S
         for name, visitor in list(self._all.items()):
             if visitor.heard_at < silent_since:
                 self._forget(name)

@@ -91,7 +91,7 @@ class Tokens:
         return lasting or visit
 
 
-class Doors:
+class OriginGuard:
     """Refuses requests that are not for this server, or come from pages of others.
 
     It wraps an ASGI application and looks at HTTP and WebSocket alike. A page of another site can make a browser ask

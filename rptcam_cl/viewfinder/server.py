@@ -25,12 +25,12 @@ from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 from rptcam_cl.core.errors import StateError
 from rptcam_cl.viewfinder.engine import TooManyClientsError, Viewfinder
 from rptcam_cl.viewfinder.messages import MOST_BYTES, BadMessageError, Hello, read_message
-from rptcam_cl.viewfinder.page import Doors, Tokens, check_server
+from rptcam_cl.viewfinder.page import OriginGuard, Tokens, check_server
 
 # The web application: the page's own files, and the WebSocket.
 
-PATIENCE_S = 5.0  # until the first message
-MOST_STRANGERS = 8  # connections that have not said who they are
+HELLO_TIMEOUT_S = 5.0  # until the first message
+MOST_UNAUTHENTICATED = 8  # connections that have not said who they are
 BAD_HELLO, WRONG_TOKEN, NO_HELLO, TOO_MANY, TOO_SLOW, NOT_TEXT = 4400, 4401, 4408, 4429, 4413, 1003
 _MEDIA = {
     ".html": "text/html; charset=utf-8",
@@ -80,9 +80,9 @@ def make_app(finder: Viewfinder, tokens: Tokens, host: str, port: int) -> Any:
     host, port
         Where the server listens.
     """
-    lobby = _Lobby(finder, tokens)
-    routes = [WebSocketRoute("/ws", lobby.visit), Route("/{path:path}", _page, methods=["GET"])]
-    return Doors(Starlette(routes=routes), host, port)
+    handler = _WebSocketHandler(finder, tokens)
+    routes = [WebSocketRoute("/ws", handler.visit), Route("/{path:path}", _page, methods=["GET"])]
+    return OriginGuard(Starlette(routes=routes), host, port)
 
 
 async def _page(request: Request) -> Response:
@@ -93,22 +93,22 @@ async def _page(request: Request) -> Response:
     return Response(found[1], headers=_HEADERS, media_type=found[0])
 
 
-class _Lobby:
+class _WebSocketHandler:
     """Lets clients in and carries their messages."""
 
     def __init__(self, finder: Viewfinder, tokens: Tokens) -> None:
         self._finder, self._tokens = finder, tokens
-        self._strangers = 0
+        self._unauthenticated = 0
 
     async def visit(self, socket: WebSocket) -> None:
         """Serve one connection to its end."""
-        if self._strangers >= MOST_STRANGERS:
+        if self._unauthenticated >= MOST_UNAUTHENTICATED:
             await socket.close(TOO_MANY)
             return
         await socket.accept()
-        self._strangers += 1
+        self._unauthenticated += 1
         try:
-            hello = await asyncio.wait_for(socket.receive_text(), PATIENCE_S)
+            hello = await asyncio.wait_for(socket.receive_text(), HELLO_TIMEOUT_S)
         except TimeoutError:
             await _close(socket, NO_HELLO, "no hello came")
             return
@@ -116,7 +116,7 @@ class _Lobby:
             await _close(socket, BAD_HELLO, "the first message is to be a hello")
             return
         finally:
-            self._strangers -= 1
+            self._unauthenticated -= 1
         await self._welcome(socket, hello)
 
     async def _welcome(self, socket: WebSocket, text: str) -> None:

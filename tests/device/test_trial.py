@@ -68,14 +68,14 @@ def test_driver_that_ends_the_process_is_told(handle, monkeypatch):
 
 
 def test_driver_that_hangs_is_given_up(handle, monkeypatch):
-    monkeypatch.setattr(devices, "PATIENCE", 0.2)
+    monkeypatch.setattr(devices, "TRIAL_TIMEOUT_S", 0.2)
     child(monkeypatch, "import time; time.sleep(60)")
     assert "within 0.2 s, 2 times" in fresh(handle).problem
 
 
 def test_driver_that_hangs_once_is_tried_again(handle, monkeypatch, tmp_path):
     mark = tmp_path / "tried"
-    monkeypatch.setattr(devices, "PATIENCE", 2)
+    monkeypatch.setattr(devices, "TRIAL_TIMEOUT_S", 2)
     hangs = f"p = pathlib.Path({str(mark)!r}); p.exists() or (p.touch(), time.sleep(60))"
     told = json.dumps({"problem": None, "library_arch": None, "renamed": None})
     child(monkeypatch, f"import pathlib, time; {hangs}; print({told!r})")
@@ -85,7 +85,7 @@ def test_driver_that_hangs_once_is_tried_again(handle, monkeypatch, tmp_path):
 def test_trial_ends_its_process_without_the_driver(monkeypatch, handle):
     # What a driver does at the end of a process, here what Python does, may hang.
     child(monkeypatch, "import atexit, time; atexit.register(time.sleep, 60); " + devices._CHILD)
-    monkeypatch.setattr(devices, "PATIENCE", 20)
+    monkeypatch.setattr(devices, "TRIAL_TIMEOUT_S", 20)
     assert fresh(handle).problem is None
 
 

@@ -8,7 +8,8 @@ from pathlib import Path
 # Words that no identifier has, alone or between others.
 RETIRED = {
     "hue", "hues", "course", "courses", "leg", "legs", "finish", "finishes", "painting", "paintings", "told", "settled",
-    "decided", "asked", "look", "looks",
+    "decided", "asked", "look", "looks", "likeness", "lobby", "strangers", "wishes", "patience", "courtesy", "linger",
+    "kindness", "judged", "manner",
 }  # fmt: skip
 # Ordinary words that once meant something else: as whole names, in these folders of kernels and in records.
 RETIRED_IN_KERNELS = {"self", "part", "edge"}

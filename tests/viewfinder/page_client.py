@@ -17,7 +17,7 @@ from websockets.sync.client import ClientConnection, connect
 from rptcam_cl.viewfinder.engine import Viewfinder
 from rptcam_cl.viewfinder.server import ViewServer
 
-PATIENCE_S = 60.0
+ALIVE_WITHIN_S = 60.0
 
 # one compile: a lens of surfaces, one lamp, one material
 SCENE = """
@@ -62,14 +62,14 @@ class Page:
     def send(self, type: str, **keys: Any) -> None:
         self.socket.send(json.dumps({"type": type, **keys}))
 
-    def receive(self, timeout: float = PATIENCE_S) -> Received:
+    def receive(self, timeout: float = ALIVE_WITHIN_S) -> Received:
         found = read(self.socket.recv(timeout))
         self.seen.append(found)
         if found.type == "frame" and self.acknowledges:
             self.send("ack", frame=found.header["frame"])
         return found
 
-    def wait(self, wanted: Callable[[Received], bool], timeout: float = PATIENCE_S) -> Received:
+    def wait(self, wanted: Callable[[Received], bool], timeout: float = ALIVE_WITHIN_S) -> Received:
         """Return the first message from now on that is wanted."""
         end = time.monotonic() + timeout
         while True:
@@ -127,7 +127,7 @@ def at_rest(header: dict[str, Any]) -> bool:
     return bool(header["kind"] == "picture" and header["spp"] == 8 and header["scale"] == 1)
 
 
-def left_alone(finder: Viewfinder, timeout: float = PATIENCE_S) -> float:
+def left_alone(finder: Viewfinder, timeout: float = ALIVE_WITHIN_S) -> float:
     """Return how long it takes until a viewfinder without clients has freed the device [s]."""
     begun = time.monotonic()
     while finder.holds_device and time.monotonic() < begun + timeout:

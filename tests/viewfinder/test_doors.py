@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from rptcam_cl.viewfinder.page import Doors, Tokens, is_loopback
+from rptcam_cl.viewfinder.page import OriginGuard, Tokens, is_loopback
 
 
 def passes(host: str, kind: str, headers: list[tuple[str, str]]) -> bool:
@@ -22,7 +22,7 @@ def passes(host: str, kind: str, headers: list[tuple[str, str]]) -> bool:
         assert message.get("status", 403) == 403
 
     scope = {"type": kind, "headers": [(name.encode(), value.encode()) for name, value in headers]}
-    asyncio.run(Doors(app, host, 8000)(scope, receive, send))
+    asyncio.run(OriginGuard(app, host, 8000)(scope, receive, send))
     return bool(reached)
 
 

@@ -16,7 +16,7 @@ from rptcam_cl.device.session import Session
 from rptcam_cl.rendering.tracer import Compiler
 from rptcam_cl.viewfinder.engine import Viewfinder
 from rptcam_cl.viewfinder.messages import Client
-from tests.viewfinder.page_client import PATIENCE_S, SCENE
+from tests.viewfinder.page_client import ALIVE_WITHIN_S, SCENE
 
 
 @pytest.fixture
@@ -27,7 +27,7 @@ def finder() -> Iterator[Viewfinder]:
 
 def messages(client: Client) -> Iterator[dict[str, Any]]:
     """Yield what a client is sent, frames by their headers; all of them are acknowledged."""
-    end = time.monotonic() + PATIENCE_S
+    end = time.monotonic() + ALIVE_WITHIN_S
     while time.monotonic() < end:
         for message in client.outbox.take():
             if isinstance(message, str):
@@ -42,7 +42,7 @@ def messages(client: Client) -> Iterator[dict[str, Any]]:
 
 
 def test_who_comes_after_the_first_picture_gets_it_before_a_finer_one_is_begun(finder: Viewfinder) -> None:
-    end = time.monotonic() + PATIENCE_S
+    end = time.monotonic() + ALIVE_WITHIN_S
     while (finder._studio.a is None or finder._studio.a.shown is None) and time.monotonic() < end:
         time.sleep(0.005)
     found = next(each for each in messages(finder.connect(lambda: None)) if each["type"] == "frame")
@@ -56,7 +56,7 @@ def test_while_the_kernels_of_the_film_compile_the_page_says_so_and_dials_show(
     if not device.generates_late or device.lanes == 1:
         pytest.skip("the driver compiles all of a program when it is built, or has but narrow kernels")
     monkeypatch.setenv("POCL_CACHE_DIR", str(tmp_path))  # where no note of kernels is
-    monkeypatch.setattr(Compiler, "compile", lambda self, wanted: compiled.wait(PATIENCE_S))
+    monkeypatch.setattr(Compiler, "compile", lambda self, wanted: compiled.wait(ALIVE_WITHIN_S))
     with Viewfinder(yaml.safe_load(SCENE), device=device) as finder:  # type: ignore[arg-type]
         client = finder.connect(lambda: None)
         heard = messages(client)

@@ -93,7 +93,7 @@ def test_silent_views_are_forgotten_when_another_comes(
 ) -> None:
     made, _ = widget
     say(made, {"view": "one", "text": PING})
-    monkeypatch.setattr(notebook, "PATIENCE_S", -1.0)
+    monkeypatch.setattr(notebook, "ALIVE_WITHIN_S", -1.0)
     say(made, {"view": "two", "text": PING})
     assert [client.number for client in made.finder.clients()] == [2]
 

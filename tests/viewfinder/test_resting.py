@@ -11,7 +11,7 @@ import yaml
 import rptcam_cl
 from rptcam_cl.viewfinder.delivery import Delivery
 from rptcam_cl.viewfinder.dials import meter_needle, turn_dial
-from rptcam_cl.viewfinder.messages import Client, Wishes, codes_of
+from rptcam_cl.viewfinder.messages import Client, ClientSettings, codes_of
 from rptcam_cl.viewfinder.studio import Changes, Slot
 from tests.viewfinder.page_client import SCENE
 
@@ -57,7 +57,7 @@ def rested(slot: Slot) -> None:
 def histograms(slot: Slot) -> dict[str, Any]:
     """Return the histograms that a page gets of the picture that is shown."""
     client = Client(1, lambda: None)
-    client.wishes = Wishes(panels=("histogram",))
+    client.settings = ClientSettings(panels=("histogram",))
     delivery = Delivery()
     delivery.deliver(slot, [client])
     delivery.count(slot, [client])

@@ -42,7 +42,7 @@ APART = 4.0  # depths of focus between two distances, or two line focuses, that 
 LEAST_SHARE = 0.2  # of a zone that shows another distance
 
 
-def judged(task: Task, report: FocusReport) -> FocusReport:
+def with_warnings(task: Task, report: FocusReport) -> FocusReport:
     """Return a report with what speaks against it.
 
     Raises
@@ -204,12 +204,12 @@ PLACES = ("zones", "zones_from", "point", "object")
 POINT_SIZE = 0.05  # of the diagonal: the side of the zone round a point
 
 
-def focus_settings(scene: Scene, manner: Mapping[str, Any], where: Mapping[str, Any]) -> AutoFocus:
+def focus_settings(scene: Scene, keys: Mapping[str, Any], where: Mapping[str, Any]) -> AutoFocus:
     """Return the autofocus settings of a scene, or the default ones, with some keys replaced.
 
     Parameters
     ----------
-    manner
+    keys
         `method` and `policy`, as far as given.
     where
         Ways to say what to focus on, as far as given; one replaces that of the scene.
@@ -224,7 +224,7 @@ def focus_settings(scene: Scene, manner: Mapping[str, Any], where: Mapping[str, 
     places = {key: value for key, value in where.items() if value is not None}
     if places:
         known = {key: value for key, value in known.items() if key not in PLACES}
-    data = known | {key: value for key, value in manner.items() if value is not None} | places
+    data = known | {key: value for key, value in keys.items() if value is not None} | places
     try:
         return AutoFocus.model_validate(data)
     except ValidationError as problem:
@@ -300,7 +300,7 @@ def find_focus(
     except NoContrast:
         check_reach(task, renderer.state if near is None else near)
         raise
-    return judged(task, report)
+    return with_warnings(task, report)
 
 
 def focused_scene(scene: Scene, report: FocusReport) -> Scene:
@@ -484,7 +484,7 @@ class Following:
 
 
 def after(
-    before: Following, measured: float | None, depth_of_focus: float, manner: ContinuousFocus, frame_s: float
+    before: Following, measured: float | None, depth_of_focus: float, settings: ContinuousFocus, frame_s: float
 ) -> Following:
     """Return where the focus of the next frame stands.
 
@@ -499,17 +499,17 @@ def after(
     """
     if measured is None:
         return replace(before, moving=False, waited_s=0.0)
-    band = manner.hold * depth_of_focus
+    band = settings.hold * depth_of_focus
     if not before.moving:
         if abs(measured - before.place) <= band:
             return replace(before, waited_s=0.0)
-        if before.waited_s + frame_s <= manner.lock_s:
+        if before.waited_s + frame_s <= settings.lock_s:
             return replace(before, waited_s=before.waited_s + frame_s)
         before = Following(before.place, moving=True, rest=measured)
-    step = manner.speed * depth_of_focus * frame_s
+    step = settings.speed * depth_of_focus * frame_s
     place = min(max(measured, before.place - step), before.place + step)
     if abs(measured - before.rest) > REST * band:
         return Following(place, moving=True, rest=measured)
     waited = before.waited_s + frame_s
-    arrived = place == measured and waited > manner.lock_s
+    arrived = place == measured and waited > settings.lock_s
     return Following(place, not arrived, 0.0 if arrived else waited, before.rest)

@@ -25,7 +25,7 @@ run = subprocess.run
 subprocess.run = lambda words, **named: started.extend(w for w in words if w == sys.executable) or run(words, **named)
 {change}
 devices.prepare_trial()
-waiting = len(devices._likeness)
+waiting = len(devices._fork_server)
 handle = load_opencl().get_platforms()[0].get_devices()[0]
 found = devices.try_device(handle)
 {more}
@@ -55,13 +55,13 @@ fork_server.IDLE = 0.0
 prepare = devices.prepare_trial
 def prepare_and_wait():
     prepare()
-    os.waitid(os.P_PID, devices._likeness[0]._process, os.WEXITED | os.WNOWAIT)
+    os.waitid(os.P_PID, devices._fork_server[0]._process, os.WEXITED | os.WNOWAIT)
 devices.prepare_trial = prepare_and_wait
 """
 CRASH = "devices.try_here = lambda handle: os.abort()"
 HANG = """\
-ask = devices.Likeness.ask
-devices.Likeness.ask = lambda self, *order, patience: ask(self, *order, patience=0.5)
+ask = devices.ForkServer.ask
+devices.ForkServer.ask = lambda self, *order, timeout_s: ask(self, *order, timeout_s=0.5)
 devices.try_here = lambda handle: time.sleep(60)
 """
 
@@ -126,7 +126,10 @@ def test_programs_come_out_of_the_cache_that_it_has_built(tmp_path: Path) -> Non
     assert apart == before + 1 == here
 
 
-@pytest.mark.parametrize("end", ["os.kill(devices._likeness[0]._process, 9); time.sleep(0.1)", "devices.end_trials()"])
+KILLED = "os.kill(devices._fork_server[0]._process, 9); time.sleep(0.1)"
+
+
+@pytest.mark.parametrize("end", [KILLED, "devices.end_trials()"])
 def test_programs_are_built_here_where_it_has_ended(tmp_path: Path, end: str) -> None:
     more = BUILD.format(before=end, apart="devices.builds_apart(handle)")
     before, apart, here = ran(tmp_path, TRIAL.format(change="", more=more))[0]
@@ -140,7 +143,7 @@ def test_it_builds_nothing_for_a_device_that_it_has_not_tried(tmp_path: Path) ->
 
 
 def test_a_process_that_nobody_asks_ends_with_its_maker(tmp_path: Path) -> None:
-    script = "from rptcam_cl.device import devices; devices.prepare_trial(); print(devices._likeness[0]._process)"
+    script = "from rptcam_cl.device import devices; devices.prepare_trial(); print(devices._fork_server[0]._process)"
     (process,) = ran(tmp_path, script)
     state = Path("/proc") / str(process) / "stat"
     for _ in range(100_000):
