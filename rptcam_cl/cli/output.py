@@ -311,8 +311,13 @@ def summary(image: Image, outputs: list[Path]) -> str:
     return f"wrote {', '.join(map(str, outputs))}: {', '.join(parts)}"
 
 
-def blocked_warnings(image: Image) -> list[str]:
-    """A warning where hardly a ray passes the lens: most of the film is dark then, or noisy."""
+def dark_warnings(image: Image, *, whole: bool = True) -> list[str]:
+    """A warning where no light arrives at all, or hardly a ray passes the lens: most of the film is dark or noisy."""
+    if whole and not image.pixels.any():
+        return [
+            "the picture is black: no light reaches the film (does something shine, and does the camera look at it?"
+            " camera.target, objects of emissive material, lights and environment say so)"
+        ]
     outcomes = image.stats.get("lens")
     if not outcomes or not sum(outcomes.values()) or outcomes["passed"] >= MUCH_BLOCKED * sum(outcomes.values()):
         return []

@@ -325,7 +325,7 @@ def _one(
         _save(arguments, image, scene)
     elif image.stats.get("checkpoint") is None:
         raise StateError(f"{checkpoint}: could not be written")
-    print_warnings(summary.blocked_warnings(image))
+    print_warnings(summary.dark_warnings(image, whole=not is_part(arguments)))
     print_warnings(f"autofocus: {line}" for line in image.metadata.get("autofocus", {}).get("warnings", ()))
     if not arguments.quiet:
         for line in _account(image):

@@ -91,6 +91,8 @@ def read_number(value: Any) -> float:
         hint = "is text, not a number"
         if _ALMOST_NUMERIC.fullmatch(value):
             hint += " (write plain decimal digits without quotes, colons or underscores)"
+        elif value.strip().lower().lstrip("+-.") in ("inf", "infinity"):
+            hint = "must be finite (for infinity write a length far beyond the scene, as 1e6)"
         raise refuse(hint, allowed="a number")
     if isinstance(value, (bool, np.bool_)) or not isinstance(value, Real):
         raise refuse("must be a number", allowed="a number")

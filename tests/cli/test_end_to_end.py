@@ -130,3 +130,13 @@ def test_device_that_is_not_there_is_exit_code_3_and_lists_those_that_are(
     assert run.err.startswith("error: ")
     assert "0:0" in run.err
     assert not Path("a.npy").exists()
+
+
+def test_black_picture_is_said_with_what_to_look_at(scene: Path, rptcam: Command) -> None:
+    words = ("render", "scene.yaml", "-o", "a.npy", "--spp", "1", "--quiet")
+    run = rptcam(*words)
+    assert (run.code, run.err) == (0, "")
+    behind = "objects=[{shape: sphere, center: [0, 0, 99], radius: 1, material: {kind: emissive, radiance: 1}}]"
+    run = rptcam(*words, "--set", "environment=null", "--set", behind)
+    assert run.code == 0
+    assert run.err.startswith("warning: the picture is black: no light reaches the film")

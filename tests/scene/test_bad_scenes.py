@@ -48,10 +48,10 @@ FILES: list[tuple[str, str | bytes, str]] = [
 def test_file_is_refused_at_once(tmp_path: Path, content: str | bytes, message: str) -> None:
     path = tmp_path / "scene.yaml"
     path.write_bytes(content if isinstance(content, bytes) else content.encode())
-    start = time.process_time()
+    start = time.thread_time()
     with pytest.raises(InputError, match=f"^{re.escape(str(path))}{message}"):
         load_scene(path)
-    assert time.process_time() - start < 1.0
+    assert time.thread_time() - start < 1.0
 
 
 # Override of the scene that has everything, and what the message must say after the place; … stands for any text.
@@ -65,6 +65,7 @@ VALUES = [
     ("objects.0.shape=null", "objects[0].shape: is required but missing"),
     ("objects.0.material=null", "objects[0].material: is required but missing"),
     ("materials.floor.reflectance.kind=null", "reflectance.kind: is required but missing"),
+    ("camera.focus.distance_m=inf", "distance_m: must be finite (for infinity write a length far beyond the scene, as 1e6)"),
     ("objects.0.radius=big", "radius: is text, not a number (got 'big'; allowed: a number)"),
     ("objects.0.radius=1:30", "radius: is text, not a number (write plain decimal digits"),
     ("objects.0.radius='1.5'", "radius: is text, not a number (write plain decimal digits"),
