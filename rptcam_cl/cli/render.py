@@ -187,6 +187,9 @@ def _run_render(arguments: argparse.Namespace) -> int:
         raise InputError("--plan: renders nothing that could be watched (allowed: without --watch)")
     if arguments.resume:
         raise InputError("--watch: every picture begins anew (allowed: without --resume)")
+    for option in ("part", "samples", "frames", "cluster", "workers"):
+        if getattr(arguments, option) is not None:
+            raise InputError(f"--watch: renders one whole picture, here (allowed: without --{option})")
     with stop_on_interrupt() as stop:
         render_again(arguments.scene, stop, lambda should_stop: _picture(arguments, should_stop))
     return 0

@@ -144,3 +144,12 @@ def test_preview_writes_the_picture_so_far(tmp_path: Path, monkeypatch: pytest.M
         np.testing.assert_allclose(image.pixels, 0.5, rtol=1e-6)
     np.testing.assert_array_equal(np.load(output), last.pixels)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["out.npy", "scene.yaml"]
+
+
+@pytest.mark.parametrize("words", ["--part 1/2", "--samples 0:2", "--frames 1-2", "--workers 2"])
+def test_watched_render_is_of_one_whole_picture(words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "scene.yaml").write_text("nothing to read", "utf-8")
+    out = str(tmp_path / "a.rpck")
+    assert main(["render", str(tmp_path / "scene.yaml"), "-o", out, "--watch", *words.split()]) == 2
+    option = words.partition(" ")[0]
+    assert f"--watch: renders one whole picture, here (allowed: without {option})" in capsys.readouterr().err
