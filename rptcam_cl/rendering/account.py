@@ -40,39 +40,23 @@ SEED = 20
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class LensMargin:
-    """The largest differences between float32, or float64, on a device and float64 on the host.
+LensMargin = dict[str, Any]
+"""The largest differences between float32, or float64, on a device and float64 on the host.
 
-    Attributes
-    ----------
-    rays, passed : int
-        Rays that were sent from the film, and those that pass in float64.
-    other_fate : int
-        Rays that pass in one and not in the other.
-    position_mm, direction : float or None
-        Of the rays that pass both: where they leave the lens [mm], and their unit direction; None when none does.
-    pixels : float or None
-        The same in the plane in focus, in pixels at the scale of the picture's centre; None also for a lens that has
-        no focal length.
-    """
-
-    rays: int
-    passed: int
-    other_fate: int
-    position_mm: float | None
-    direction: float | None
-    pixels: float | None
+``rays``, ``passed``: that were sent from the film, and that pass in float64. ``other_fate``: that pass in one and not
+in the other. ``position_mm``, ``direction``: of the rays that pass both, where they leave the lens [mm] and their unit
+direction; None when none does. ``pixels``: the same in the plane in focus, in pixels at the scale of the picture's
+centre; None also for a lens that has no focal length.
+"""
 
 
 def lens_margin(scene: Scene, session: Session) -> LensMargin | None:
-    """Return what its precision costs in the lens of a scene's camera; None for cameras that trace no lens."""
+    """Measure what its precision costs in the lens of a scene's camera; None for cameras that trace no lens."""
     camera = scene.camera
     if not isinstance(camera, RealisticCamera) or camera.rays == "fitted":
         return None
-    from rptcam_cl.rendering.traceable_lens import (
-        trace_on_device,
-    )  # few renders measure this, and the room takes long to import
+    # Few renders measure this, and the room takes long to import.
+    from rptcam_cl.rendering.traceable_lens import trace_on_device
 
     setting = lens_setting(scene)
     lens, wavelength_nm = setting.lens, camera.wavelength_nm
@@ -125,20 +109,18 @@ def _pixels_per_radian(scene: Scene, setting: LensSetting) -> float | None:
 
 def _compared(exact: Rays, traced: Rays, pixels_per_radian: float | None, focus_mm: float | None) -> LensMargin:
     both = exact.passed & traced.passed
-    passed, other = int(exact.passed.sum()), int((exact.passed != traced.passed).sum())
+    margin = {
+        "rays": len(both),
+        "passed": int(exact.passed.sum()),
+        "other_fate": int((exact.passed != traced.passed).sum()),
+    }
     if not both.any():
-        return LensMargin(len(both), passed, other, None, None, None)
+        return margin | dict.fromkeys(("position_mm", "direction", "pixels"))
     apart = np.linalg.norm((traced.origins - exact.origins)[both], axis=1)
     turned = np.linalg.norm((traced.directions - exact.directions)[both], axis=1)
     angles = turned + (0.0 if focus_mm is None else apart / abs(focus_mm))
-    return LensMargin(
-        rays=len(both),
-        passed=passed,
-        other_fate=other,
-        position_mm=float(apart.max()),
-        direction=float(turned.max()),
-        pixels=None if pixels_per_radian is None else float(angles.max()) * pixels_per_radian,
-    )
+    pixels = None if pixels_per_radian is None else float(angles.max()) * pixels_per_radian
+    return margin | {"position_mm": float(apart.max()), "direction": float(turned.max()), "pixels": pixels}
 
 
 # What a render reports: statistics, metadata for the files of the picture, and its errors.
@@ -162,10 +144,12 @@ def self_knowledge(
         "rays_not_converged": wavefront.outcomes()["no_convergence"] if plan.camera.has_lens else 0,
         "truncation": truncation(plan.albedo, wavefront.settings.max_depth),
         "noise": None if rendering.achieved is None else asdict(rendering.achieved),
-        f"{'float64' if traces_in_float64(plan.camera) else 'float32'}_lens": None
-        if margin is None
-        else asdict(margin),
+        _key_of_margin(plan): margin,
     }
+
+
+def _key_of_margin(plan: Plan) -> str:
+    return f"{'float64' if traces_in_float64(plan.camera) else 'float32'}_lens"
 
 
 def truncation(albedo: LargestAlbedo, max_depth: int) -> dict[str, Any]:
@@ -219,16 +203,9 @@ def anomalies(knowledge: dict[str, Any]) -> list[str]:
 
 # What the statistics repeat of the metadata, for programs that measure in pictures.
 GEOMETRY = (
-    "world_from_camera",
-    "world_from_camera_at_close",
-    "shutter",
-    "intrinsics",
-    "entrance_pupil",
-    "resolution",
-    "window",
-    "film_size_mm",
-    "near_m",
-)
+    "world_from_camera", "world_from_camera_at_close", "shutter", "intrinsics", "entrance_pupil", "resolution",
+    "window", "film_size_mm", "near_m",
+)  # fmt: skip
 
 
 def boards_of(scene: Scene) -> dict[str, Any]:
@@ -362,7 +339,7 @@ def described_before(scene: Scene, plan: Plan, found_before: Mapping[str, Any]) 
         "samples_dropped": 0,
         "rays_not_converged": 0,
         "truncation": truncation(plan.albedo, scene.render.max_depth),
-        f"{'float64' if traces_in_float64(plan.camera) else 'float32'}_lens": None,
+        _key_of_margin(plan): None,
     }
     stats: dict[str, Any] = {"device": "", "made_by": None, "work": [], "numerics": knowledge}
     if scene.render.clamp is not None:

@@ -26,7 +26,7 @@ from rptcam_cl.core.remember import Maker, OneMaker, made_by
 from rptcam_cl.rendering.account import clamp_text, of_makers
 from rptcam_cl.rendering.film import PLANES, TILE, TILE_PIXELS, FilmLayout, outcomes_of, share_removed
 from rptcam_cl.rendering.ground_truth import saved_truth
-from rptcam_cl.rendering.layers import OWNER_SLOTS, SLOT_PLANES, LayerArrays, LayerPlanes
+from rptcam_cl.rendering.layers import OWNER_SLOTS, SLOT_PLANES, LayerPlanes, layer_arrays
 from rptcam_cl.rendering.progressive import SavedState
 from rptcam_cl.rendering.several import SHARP, WHOLE, FilmPart, Part, joined, part_of_facts, pixels_of, split_of
 from rptcam_cl.scene.film import LAYER_NAMES, SHARP_LAYERS, Film
@@ -112,8 +112,8 @@ def read_checkpoint(path: str | os.PathLike[str]) -> Checkpoint:
     return Checkpoint(facts, arrays)
 
 
-def _damaged(path: str | os.PathLike[str]) -> StateError:
-    return StateError(f"{path}: this saved render is damaged")
+def _damaged(path: str | os.PathLike[str], what: str = "") -> StateError:
+    return StateError(f"{path}: this saved render is damaged{': ' * bool(what)}{what}")
 
 
 def _header_length(path: str | os.PathLike[str], start: bytes, size: int) -> int:
@@ -129,16 +129,16 @@ def _header_length(path: str | os.PathLike[str], start: bytes, size: int) -> int
 
 def _places(path: str | os.PathLike[str], header: bytes, size: int) -> list[tuple[str, str, tuple[int, ...]]]:
     """Return name, type and shape of the arrays; they must fill ``size`` bytes, so that no memory is promised away."""
-    found, total = [], 0
+    places, total = [], 0
     for entry in json.loads(header)["arrays"]:
         kind, shape = entry["type"], tuple(int(length) for length in entry["shape"])
         if kind not in _TYPES or min(shape, default=0) < 0:
             raise _damaged(path)
-        found.append((str(entry["name"]), kind, shape))
+        places.append((str(entry["name"]), kind, shape))
         total += math.prod(shape) * np.dtype(kind).itemsize
     if total != size:
         raise _damaged(path)
-    return found
+    return places
 
 
 INTERVAL = 60.0  # [s]
@@ -198,7 +198,7 @@ class Saver:
         self.focus: dict[str, Any] | None = None
         """What autofocus found, likewise."""
         self.of_picture: dict[str, Any] = {}
-        """What `rptcam_cl.rendering.checkpoint` needs to make the picture without the scene."""
+        """What the picture is made of without the scene, beside the arrays."""
         self.beside: Callable[[], Mapping[str, NDArray[Any]]] = dict
         """Arrays that it needs beside those of the state."""
         self._saved = time.monotonic()
@@ -331,16 +331,27 @@ def check_facts(path: Path, facts: dict[str, Any]) -> None:
     light, work, focus = facts.get("metered_cd_m2"), facts.get("work", []), facts.get("focus")
     known = {
         "done": type(facts.get("done")) is int and 0 <= facts["done"] < 2**31,
-        "devices": _are(str, facts.get("devices")),
+        "devices": _is_list(str, facts.get("devices")),
         "metered_cd_m2": light is None or (type(light) in (int, float) and 0 < light < math.inf),
         "focus": focus is None or (_has_dicts(focus, "camera") and _has_dicts(focus, "metadata")),
-        "work": _are(dict, work) and all(map(_is_work, work)),
+        "work": _is_list(dict, work) and all(map(_is_work, work)),
         "part": _is_part(facts.get("part")),
         "picture": isinstance(facts.get("picture", {}), dict),
     }
-    for name, right in known.items():
-        if not right:
-            raise StateError(f"{path}: this saved render is damaged: {name}")
+    _check(path, known)
+
+
+def _check(path: Path, right: dict[str, bool]) -> None:
+    """Refuse a file by the first of its facts or arrays that is not right."""
+    for name, is_right in right.items():
+        if not is_right:
+            raise _damaged(path, name)
+
+
+def _is_list(kind: type | tuple[type, ...], data: Any, count: int | None = None) -> bool:
+    """Return whether data are a list of a kind, none of them true or false, of so many if that is said."""
+    right = isinstance(data, list) and all(isinstance(each, kind) and type(each) is not bool for each in data)
+    return right and count in (None, len(data))
 
 
 def _is_part(fact: Any) -> bool:
@@ -361,10 +372,6 @@ def _is_work(fact: dict[str, Any]) -> bool:
         return type(first) is type(end) is int and bool(split_of(fact["split"]))
     except (ValueError, TypeError, KeyError, AttributeError):
         return False
-
-
-def _are(kind: type, values: Any) -> bool:
-    return isinstance(values, list) and all(isinstance(value, kind) for value in values)
 
 
 # The picture of a saved render, made on the host without its scene and without a device.
@@ -399,7 +406,7 @@ def picture_of(saved: Checkpoint, layout: FilmLayout) -> SavedPicture:
     planes = LayerPlanes(facts["layers"])
     if planes.names:
         in_rows = layout.in_rows(arrays["layers"])
-        named |= LayerArrays(planes, in_rows, np.asarray(picture["eye_m"])).arrays()
+        named |= layer_arrays(planes, in_rows, np.asarray(picture["eye_m"]))
     tiles = np.full(layout.pixels // TILE_PIXELS, done, np.uint32)
     stats: dict[str, Any] = {
         "samples": int(samples.sum(dtype=np.uint64)),
@@ -444,11 +451,8 @@ def _metadata(before: dict[str, Any], stats: dict[str, Any]) -> dict[str, Any]:
 
 Arrays = dict[str, NDArray[Any]]
 Planes = NDArray[np.float32]
-BESIDE = (
-    "diffraction_",
-    "ghosts_",
-    "truth_",
-)  # begin the names of what comes to the film of the samples, the same in all parts
+# Begin the names of what comes to the film of the samples, the same in all parts.
+EXTRA = ("diffraction_", "ghosts_", "truth_")
 PASSED = 0  # plane of the layers with the weight of the rays that pass
 
 # What all parts of one render have in common, and how it is said where they have not.
@@ -511,10 +515,10 @@ def read_part(path: str | os.PathLike[str]) -> SavedPart:
     if not isinstance(picture.get("metadata"), dict):
         raise StateError(f"{path}: was saved by a version that could not merge (render it again)")
     spp, metadata = picture.get("spp"), picture["metadata"]
-    right = {name: isinstance(metadata.get(name, {}), dict) for name in (prefix.rstrip("_") for prefix in BESIDE)}
+    extras = {prefix.rstrip("_"): prefix for prefix in EXTRA}
+    right = {name: isinstance(metadata.get(name, {}), dict) for name in extras}
     _check(path, right | {"scene": isinstance(facts.get("scene"), str), "spp": spp is None or type(spp) is int})
-    made = {prefix.rstrip("_"): prefix for prefix in BESIDE}
-    wanted = {what: prefix for what, prefix in made.items() if metadata.get(what, {}).get("on", False)}
+    wanted = {what: prefix for what, prefix in extras.items() if metadata.get(what, {}).get("on", False)}
     wanted |= {f"the layer {name}": f"{SHARP}{name}" for name in layers if name in SHARP_LAYERS}
     for what, prefix in wanted.items():
         if not any(name.startswith(prefix) for name in saved.arrays):
@@ -524,19 +528,6 @@ def read_part(path: str | os.PathLike[str]) -> SavedPart:
     part, done = part_of_facts(facts.get("part")), facts["done"]
     end = part.end or (done if part.count == 1 else spp or done)
     return SavedPart(path, saved, part, done, max(end, done))
-
-
-def _check(path: Path, right: dict[str, bool]) -> None:
-    """Refuse a file by the first of its facts or arrays that is not right."""
-    for name, is_right in right.items():
-        if not is_right:
-            raise StateError(f"{path}: this saved render is damaged: {name}")
-
-
-def _is_list(kind: type | tuple[type, ...], data: Any, count: int | None = None) -> bool:
-    """Return whether data are a list of a kind, none of them true or false, of so many if that is said."""
-    right = isinstance(data, list) and all(isinstance(each, kind) and type(each) is not bool for each in data)
-    return right and count in (None, len(data))
 
 
 def check_whole(part: SavedPart) -> None:
@@ -565,11 +556,11 @@ def check_whole(part: SavedPart) -> None:
     try:
         layout = layout_of(facts)
     except ValueError:
-        raise StateError(f"{part.path}: this saved render is damaged: resolution or crop") from None
+        raise _damaged(part.path, "resolution or crop") from None
     held, count = arrays.get("film", counts).shape, part.part.count
     pixels = layout.pixels if count == 1 else TILE_PIXELS * (layout.tiles // count)  # of a part, or a tile more
     if len(held) != 2 or held[1] not in (pixels, pixels + TILE_PIXELS * (count > 1)):
-        raise StateError(f"{part.path}: this saved render is damaged: its array film does not fit")
+        raise _damaged(part.path, "its array film does not fit")
 
 
 def check_same(parts: Sequence[SavedPart]) -> None:
@@ -693,14 +684,14 @@ def merged_arrays(parts: Sequence[SavedPart], layout: FilmLayout) -> Arrays:
             _take_first(found["layers"], arrays["layers"], pixels, 2 * layers.sums)
             _add(found["layers"], arrays["layers"], pixels, layers.sums)
         counts += arrays["counts"]
-    beside = {name: array for name, array in parts[0].saved.arrays.items() if name.startswith(BESIDE)}
-    return found | {"counts": counts} | beside
+    extra = {name: array for name, array in parts[0].saved.arrays.items() if name.startswith(EXTRA)}
+    return found | {"counts": counts} | extra
 
 
 def _check_fit(part: SavedPart, arrays: Arrays, found: Arrays, counts: NDArray[np.uint64]) -> None:
     for name, whole in (found | {"counts": counts}).items():
         if name not in arrays or (arrays[name].shape, arrays[name].dtype) != (whole.shape, whole.dtype):
-            raise StateError(f"{part.path}: this saved render is damaged: its array {name} does not fit")
+            raise _damaged(part.path, f"its array {name} does not fit")
 
 
 def _put_sharp(part: SavedPart, arrays: Arrays, found: Arrays, pixels: NDArray[np.int64]) -> None:
@@ -709,7 +700,7 @@ def _put_sharp(part: SavedPart, arrays: Arrays, found: Arrays, pixels: NDArray[n
         own = arrays.get(name, np.zeros(0))
         whole = found.setdefault(name, np.zeros_like(own))
         if whole.ndim != 2 or own.shape != (len(whole), found["film"].shape[1]) or own.dtype != whole.dtype:
-            raise StateError(f"{part.path}: this saved render is damaged: its array {name} does not fit")
+            raise _damaged(part.path, f"its array {name} does not fit")
         whole[:, pixels] = own[:, pixels]
 
 
@@ -771,7 +762,7 @@ def merged_state(paths: Sequence[str | os.PathLike[str]], *, allow_mixed: bool =
     layout = layout_of(parts[0].saved.facts)
     for part in parts:
         if part.part.count > layout.tiles:
-            raise StateError(f"{part.path}: this saved render is damaged: part")
+            raise _damaged(part.path, "part")
     end = check_complete(parts, layout)
     arrays = merged_arrays(parts, layout)
     for part in parts:

@@ -211,8 +211,8 @@ class LayerPass:
         Buffer that the pass ``generate`` writes, list of tiles, and slots.
     stream : bool
         Whether it writes records for a stream.
-    beside : LayerPass or None
-        Another one that adds to the same layers.
+    first : LayerPass or None
+        Another one, whose layers it adds to.
     """
 
     def __init__(
@@ -228,7 +228,7 @@ class LayerPass:
         tiles: Any,
         capacity: int,
         stream: bool,
-        beside: LayerPass | None = None,
+        first: LayerPass | None = None,
     ) -> None:
         self._session, self._layout, self._planes = session, layout, planes
         self._uploaded: dict[str, tuple[bytes, Any]] = {}
@@ -238,7 +238,7 @@ class LayerPass:
             facts["HAS_TEXTURE"] = 1  # compiles the coordinates of round shapes
         program = session.program(["pass/layers.cl"], facts, device_declarations())
         self._nbytes = planes.bytes_per_pixel * layout.pixels
-        self._buffer: Any = session.allocate(self._nbytes, zeroed=True) if beside is None else beside._buffer
+        self._buffer: Any = session.allocate(self._nbytes, zeroed=True) if first is None else first._buffer
         self.launch = session.bind(
             program,
             "layers",
@@ -291,12 +291,11 @@ class LayerPass:
 
     def arrays(self, planes: NDArray[np.float32]) -> dict[str, NDArray[Any]]:
         """Return the layers of such planes by name, (height, width) or (height, width, channels)."""
-        flat = self._layout.in_rows(planes)
-        return LayerArrays(self._planes, flat, self._eye_m).arrays()
+        return layer_arrays(self._planes, self._layout.in_rows(planes), self._eye_m)
 
 
-class LayerArrays:
-    """Layers from their planes on the host.
+def layer_arrays(planes: LayerPlanes, values: NDArray[np.float32], eye_m: Array) -> dict[str, NDArray[Any]]:
+    """Make every layer by name of the planes on the host.
 
     Parameters
     ----------
@@ -307,67 +306,55 @@ class LayerArrays:
     eye_m : (3,) array
         Position of the eye in the scene [m].
     """
+    firsts = values[2 * planes.sums :]
+    sums = values[: planes.sums].astype(np.float64) - values[planes.sums : 2 * planes.sums]
+    passed, hits = sums[:WEIGHTS]
 
-    def __init__(self, planes: LayerPlanes, values: NDArray[np.float32], eye_m: NDArray[np.float64]) -> None:
-        self._planes, self._eye_m = planes, eye_m
-        self._firsts = values[2 * planes.sums :]
-        self._sums = values[: planes.sums].astype(np.float64) - values[planes.sums : 2 * planes.sums]
-        self._passed, self._hits = self._sums[:WEIGHTS]
+    def mean(name: LayerName, weight: Array, background: float) -> Array:
+        place = planes.places[name]
+        ratio = sums[place : place + MEANS[name]] / _divisor(weight)
+        return np.moveaxis(np.where(weight > 0, ratio, background), 0, -1)
 
-    def arrays(self) -> dict[str, NDArray[Any]]:
-        """Return every layer by name."""
-        return {name: np.ascontiguousarray(self._layer(name)) for name in self._planes.names}
+    def first(name: LayerName) -> NDArray[np.float32]:
+        place = planes.places[name]
+        return np.ascontiguousarray(np.moveaxis(firsts[place : place + FIRSTS[name]], 0, -1))
 
-    def _layer(self, name: LayerName) -> NDArray[Any]:
+    def layer(name: LayerName) -> NDArray[Any]:
         match name:
             case "coverage":
-                return np.where(self._passed > 0, self._hits / self._divisor(self._passed), 0.0).astype(np.float32)
+                return np.where(passed > 0, hits / _divisor(passed), 0.0).astype(np.float32)
             case "depth" | "distance":
-                return self._mean(name, self._hits, np.inf)[..., 0].astype(np.float32)
+                return mean(name, hits, np.inf)[..., 0].astype(np.float32)
             case "coc":
-                return self._mean(name, self._passed, np.nan)[..., 0].astype(np.float32)
+                return mean(name, passed, np.nan)[..., 0].astype(np.float32)
             case "position":
-                return self._mean(name, self._hits, np.nan) + self._eye_m
+                return mean(name, hits, np.nan) + eye_m
             case "normal" | "geometric_normal":
-                return _unit(self._mean(name, self._hits, 0.0)).astype(np.float32)
+                normals = mean(name, hits, 0.0)
+                return np.asarray(normals / _divisor(np.linalg.norm(normals, axis=-1, keepdims=True)), np.float32)
             case "albedo":
-                return self._mean(name, self._hits, 0.0).astype(np.float32)
+                return mean(name, hits, 0.0).astype(np.float32)
             case "object_id" | "material_id":
-                return np.where(self._passed > 0, self._first(name)[..., 0].view(np.int32), -1)
+                return np.where(passed > 0, first(name)[..., 0].view(np.int32), -1)
             case "crypto_object" | "crypto_material":
-                return self._owners(name)
-            case "uv":
-                return np.where((self._passed > 0)[..., None], self._first(name), np.nan)
-            case "pupil":
-                return np.where((self._passed > 0)[..., None], self._first(name), np.nan)
+                place = planes.places[name]
+                return _coverages(firsts[place : place + OWNER_SLOTS * SLOT_PLANES], passed)
+            case "uv" | "pupil":
+                return np.where((passed > 0)[..., None], first(name), np.nan)
             case _:
                 raise AssertionError(f"{name} has no planes")
 
-    def _owners(self, name: LayerName) -> NDArray[Any]:
-        """Return identifier and coverage of each owner, (height, width, slots, 2); no coverage where there is none."""
-        place = self._planes.places[name]
-        slots = self._firsts[place : place + OWNER_SLOTS * SLOT_PLANES].reshape(
-            OWNER_SLOTS, SLOT_PLANES, *self._passed.shape
-        )
-        weights = np.maximum(slots[:, 1].astype(np.float64) - slots[:, 2], 0.0)
-        identifiers = np.ascontiguousarray(slots[:, 0]).view(np.int32)
-        pairs = np.stack([identifiers, weights / self._divisor(self._passed)], axis=-1)
-        return np.ascontiguousarray(np.moveaxis(pairs, 0, 2))
-
-    @staticmethod
-    def _divisor(weight: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.where(weight > 0, weight, 1.0)
-
-    def _mean(self, name: LayerName, weight: NDArray[np.float64], background: float) -> NDArray[np.float64]:
-        place = self._planes.places[name]
-        mean = self._sums[place : place + MEANS[name]] / self._divisor(weight)
-        return np.moveaxis(np.where(weight > 0, mean, background), 0, -1)
-
-    def _first(self, name: LayerName) -> NDArray[np.float32]:
-        place = self._planes.places[name]
-        return np.ascontiguousarray(np.moveaxis(self._firsts[place : place + FIRSTS[name]], 0, -1))
+    return {name: np.ascontiguousarray(layer(name)) for name in planes.names}
 
 
-def _unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
-    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return np.asarray(vectors / np.where(length > 0, length, 1.0))
+def _coverages(planes: NDArray[np.float32], passed: Array) -> Array:
+    """Return identifier and coverage of each owner, (height, width, slots, 2); no coverage where there is none."""
+    slots = planes.reshape(OWNER_SLOTS, SLOT_PLANES, *passed.shape)
+    weights = np.maximum(slots[:, 1].astype(np.float64) - slots[:, 2], 0.0)
+    identifiers = np.ascontiguousarray(slots[:, 0]).view(np.int32)
+    pairs = np.stack([identifiers, weights / _divisor(passed)], axis=-1)
+    return np.ascontiguousarray(np.moveaxis(pairs, 0, 2))
+
+
+def _divisor(weight: Array) -> Array:
+    return np.where(weight > 0, weight, 1.0)

@@ -158,7 +158,7 @@ class WaveBuffers:
     tiles : buffer
         List of the tiles to render.
     survival_scale : buffer
-        Of roulette that is as kind everywhere.
+        Of roulette, the same everywhere.
     capacity : int
         Slots of a wave.
     """
@@ -329,7 +329,7 @@ class StreamPass:
         self._stream.set(**scene.scene, **made, limits=ALIKE.limits(settings), survival_scale=self._alike)
 
     def use_roulette(self, limits: bytes, survival_scale: Any) -> None:
-        """Play roulette by other limits, and by another buffer of how kind it is."""
+        """Play roulette by other limits, and by another buffer of survival scales."""
         self._stream.set(limits=limits, survival_scale=survival_scale)
 
     def use_camera(self, camera: CameraModel) -> None:
@@ -368,7 +368,7 @@ class DepthPasses:
         )  # fmt: skip
 
     def use_roulette(self, limits: bytes, survival_scale: Any) -> None:
-        """Play roulette by other limits, and by another buffer of how kind it is."""
+        """Play roulette by other limits, and by another buffer of survival scales."""
         for shade in self._shade:
             shade.set(limits=limits, survival_scale=survival_scale)
 
@@ -385,13 +385,8 @@ class DepthPasses:
         run(self._film, pixels // self._lanes)
 
 
-@dataclass(frozen=True)
-class Passes:
-    """What takes a wave from the camera to the film and the layers."""
-
-    camera: CameraPasses | None
-    paths: StreamPass | DepthPasses
-    layers: LayerPass | None
+Passes = tuple[CameraPasses | None, StreamPass | DepthPasses, LayerPass | None]
+"""What takes a wave from the camera to the film and the layers."""
 
 
 _NO_WAVE = bytes(WAVE.dtype.itemsize)

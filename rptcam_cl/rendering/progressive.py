@@ -31,7 +31,7 @@ from rptcam_cl.scene.film import SHARP_LAYERS
 #
 # The film is looked at whenever the samples have doubled, which costs little. At the end the difference between the
 # means of the samples before and after such a look estimates the variance of the mean of all. Parts of a lattice
-# together are evener than each alone, so the estimate errs to the safe side (see `rptcam_cl.rendering.progressive`).
+# together are evener than each alone, so the estimate errs to the safe side.
 
 SHORTEST_RUN = 16  # samples
 MOST_RUNS = 8
@@ -169,7 +169,7 @@ class NoiseEstimate:
         self._before = arrays["noise_before"].astype(np.float64)
 
 
-LARGEST_SHARE = 0.875  # of the samples that the first part may hold
+LARGEST_SHARE = 0.875  # of the samples that those before a look at the film may be
 
 
 @dataclass(frozen=True)
@@ -190,24 +190,6 @@ class AchievedNoise:
     picture: float
     tile_95: float
     source: str
-
-
-def noise_of_runs(
-    layout: FilmLayout, samples: NDArray[np.uint32], sums: NDArray[np.float32], variance: NDArray[np.float32]
-) -> AchievedNoise | None:
-    """Return how noisy a picture is whose variance was estimated on the way; None where there is no variance yet.
-
-    Parameters
-    ----------
-    samples : (tiles of the buffer,) array
-        Samples per pixel.
-    sums : (6, pixels) array
-        Of the film.
-    variance : (pixels,) array
-        Of the mean luminance.
-    """
-    mean = _luminance(sums) / np.repeat(np.maximum(samples, 1), TILE_PIXELS)
-    return _achieved(layout, mean, variance, "runs of samples")
 
 
 def _achieved(
@@ -234,33 +216,6 @@ def _achieved(
     return AchievedNoise(picture, float(np.quantile(errors, 0.95)), source)
 
 
-class TwoParts:
-    """Looks at the film during a render, so that its noise can be reported at the end."""
-
-    def __init__(self, layout: FilmLayout) -> None:
-        self._layout = layout
-        self._snapshots: list[tuple[int, NDArray[np.float32]]] = []  # the last two: samples, and the sum of luminance
-
-    def wants(self, done: int) -> bool:
-        """Return whether the film should be looked at after ``done`` samples per pixel."""
-        return not self._snapshots or done >= 2 * self._snapshots[-1][0]
-
-    def take(self, done: int, sums: NDArray[np.float32]) -> None:
-        """Look at the film's sums (6, pixels) after ``done`` samples per pixel."""
-        self._snapshots = [*self._snapshots[-1:], (done, _luminance(sums))]
-
-    def report(self, done: int, sums: NDArray[np.float32]) -> AchievedNoise | None:
-        """Return how noisy the picture is in the end; None where all its samples came at once."""
-        earlier = [snapshot for snapshot in self._snapshots if snapshot[0] <= LARGEST_SHARE * done]
-        if not earlier:
-            return None
-        first, before = earlier[-1]
-        second, summed = done - first, _luminance(sums)
-        difference = before / first - (summed - before) / second
-        variance = difference**2 * (first * second / done**2)
-        return _achieved(self._layout, summed / done, variance, "two parts of the samples")
-
-
 def _luminance(sums: NDArray[np.float32]) -> NDArray[np.float32]:
     """Return the sum of luminance per pixel, in float32, whose rounding is far below the noise."""
     return np.asarray(luminance((sums[:3] - sums[3:]).T, np.float32))
@@ -284,7 +239,8 @@ class NoiseWatch:
         self._wavefront = wavefront
         requested = target is not None or "variance" in wavefront.settings.layers
         self.estimate = NoiseEstimate(wavefront.layout, target) if requested else None
-        self._parts = TwoParts(wavefront.layout) if whole and not requested else None
+        self._compares = whole and not requested
+        self._snapshots: list[tuple[int, NDArray[np.float32]]] = []  # the last two: samples, and the sum of luminance
 
     @property
     def satisfied(self) -> bool:
@@ -296,8 +252,8 @@ class NoiseWatch:
         if self.estimate is not None:
             self.estimate.restore(arrays)
             self._wavefront.choose_tiles(self.estimate.tiles)
-        elif self._parts is not None and done:
-            self._parts.take(done, self._wavefront.sums())
+        elif self._compares and done:
+            self._take_snapshot(done)
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """Return what to keep, to go on later."""
@@ -313,9 +269,12 @@ class NoiseWatch:
             self._wavefront.finish()
             if self.estimate.take(done, self._wavefront.sums()):
                 self._wavefront.choose_tiles(self.estimate.tiles)
-        if self._parts is not None and not last and self._parts.wants(done):
+        if self._compares and not last and (not self._snapshots or done >= 2 * self._snapshots[-1][0]):
             self._wavefront.finish()
-            self._parts.take(done, self._wavefront.sums())
+            self._take_snapshot(done)
+
+    def _take_snapshot(self, done: int) -> None:
+        self._snapshots = [*self._snapshots[-1:], (done, _luminance(self._wavefront.sums()))]
 
     def samples_of_tiles(self, done: int) -> NDArray[np.uint32]:
         """Return how many samples per pixel each tile has."""
@@ -334,12 +293,19 @@ class NoiseWatch:
         return None if self.estimate is None else self.estimate.report()
 
     def achieved(self, done: int, sums: NDArray[np.float32]) -> AchievedNoise | None:
-        """Return how noisy the finished picture is."""
-        if self._parts is not None:
-            return self._parts.report(done, sums)
-        if self.estimate is None:
+        """Return how noisy the finished picture is; None where all samples came at once, or with no variance yet."""
+        layout, summed = self._wavefront.layout, _luminance(sums)
+        if self.estimate is not None:
+            mean = summed / np.repeat(np.maximum(self.samples_of_tiles(done), 1), TILE_PIXELS)
+            return _achieved(layout, mean, self.estimate.variance, "runs of samples")
+        earlier = [snapshot for snapshot in self._snapshots if snapshot[0] <= LARGEST_SHARE * done]
+        if not earlier:
             return None
-        return noise_of_runs(self._wavefront.layout, self.samples_of_tiles(done), sums, self.variance())
+        first, before = earlier[-1]
+        second = done - first
+        difference = before / first - (summed - before) / second
+        variance = difference**2 * (first * second / done**2)
+        return _achieved(layout, summed / done, variance, "two parts of the samples")
 
 
 # A film under way: how many samples it has, where within a sample it was left, and how noisy it is.
@@ -476,11 +442,10 @@ def check_fits(saved: SavedArrays, fresh: SavedArrays) -> None:
         When one is missing, or of another type or shape, or names a tile that is not there.
     """
     for name, wanted in fresh.items():
-        found = saved.get(name)
-        start = 1 if name in GROWING else 0
-        if found is None or found.dtype.kind != wanted.dtype.kind or found.ndim != wanted.ndim:
+        array, start = saved.get(name), 1 if name in GROWING else 0
+        if array is None or (array.dtype.kind, array.ndim) != (wanted.dtype.kind, wanted.ndim):
             raise _misfit(name)
-        if found.shape[start:] != wanted.shape[start:]:
+        if array.shape[start:] != wanted.shape[start:]:
             raise _misfit(name)
     tiles = saved.get("noise_tiles", np.zeros(0))
     if "noise_tiles" in fresh and tiles.size and int(tiles.max()) >= len(fresh["noise_tiles"]):
@@ -725,8 +690,22 @@ def render_plan(
         run.resume(saved)
     start = 0 if saved is None else run.done
     clock = _Clock(run, spp, has_lens, on_progress)
-    stopped = False
-    most = wavefront.samples_per_wave
+    stopped = _add_samples(run, clock, spp, seconds, save, should_stop)
+    wavefront.finish()
+    clock.report()
+    return rendering_of(run, start=start, seconds=clock.elapsed, new_samples=clock.samples, interrupted=stopped)
+
+
+def _add_samples(
+    run: FilmRun,
+    clock: _Clock,
+    spp: int | None,
+    seconds: float | None = None,
+    save: Callable[[Callable[[], SavedState]], Any] | None = None,
+    should_stop: Callable[[], bool] | None = None,
+) -> bool:
+    """Add samples as `render_plan` says; return whether ``should_stop`` has ended it."""
+    most = run.wavefront.samples_per_wave
     while (spp is None or run.done < spp) and not run.watch.satisfied:
         # By time, the first picture comes after one sample per pixel; later waves hold at most as many as are done.
         rest = most if spp is None else min(most, spp - run.done)
@@ -734,13 +713,11 @@ def render_plan(
         run.add(count, clock.count, last=run.done + count == spp)
         if save is not None:
             save(run.state)
-        if seconds is not None or should_stop is not None:
-            stopped = should_stop is not None and should_stop()
-            if stopped or (seconds is not None and clock.out_of_time(seconds)):
-                break
-    wavefront.finish()
-    clock.report()
-    return rendering_of(run, start=start, seconds=clock.elapsed, new_samples=clock.samples, interrupted=stopped)
+        if should_stop is not None and should_stop():
+            return True
+        if seconds is not None and clock.out_of_time(seconds):
+            return False
+    return False
 
 
 def render_state(wavefront: AnyWavefront, spp: int, part: FilmPart = WHOLE) -> SavedState:
@@ -756,10 +733,7 @@ def render_state(wavefront: AnyWavefront, spp: int, part: FilmPart = WHOLE) -> S
         Which tiles and samples are rendered.
     """
     run = FilmRun(wavefront, part=part)
-    clock, most = _Clock(run, spp, False, None), wavefront.samples_per_wave
-    while run.done < spp:
-        count = min(most, spp - run.done)
-        run.add(count, clock.count, last=run.done + count == spp)
+    _add_samples(run, _Clock(run, spp, False, None), spp)
     return run.state()
 
 
@@ -772,7 +746,7 @@ def rendering_of(run: FilmRun, *, start: int, seconds: float, new_samples: int, 
     film = {name: np.ascontiguousarray(layout.in_rows(values[None])[0]) for name, values in in_rows.items()}
     sums = wavefront.sums()
     pixels = layout.picture(sums, tiles)
-    found = wavefront.layers() | film | {"direct": pixels, "ghosts": np.zeros_like(pixels)}
+    layers = wavefront.layers() | film | {"direct": pixels, "ghosts": np.zeros_like(pixels)}
     return Rendering(
         pixels=pixels,
         done=done,
@@ -783,7 +757,7 @@ def rendering_of(run: FilmRun, *, start: int, seconds: float, new_samples: int, 
         achieved=watch.achieved(done, sums),
         seconds=seconds,
         interrupted=interrupted,
-        layers={name: found[name] for name in wavefront.settings.layers if name not in SHARP_LAYERS},
+        layers={name: layers[name] for name in wavefront.settings.layers if name not in SHARP_LAYERS},
         resumed_from=start,
         new_samples=new_samples,
         state=run.state,

@@ -17,7 +17,6 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.device.fork_server import end_work
 from rptcam_cl.device.session import Session, open_session
 from rptcam_cl.rendering.cameras.model import CameraModel, CameraView
@@ -88,7 +87,7 @@ class Wavefront:
     buffers
         The scene on the device, where it is there already; by default that of the plan is uploaded.
     scouts
-        Whether it looks at the picture before its first sample, to see where roulette should be kind.
+        Whether it looks at the picture before its first sample, to see where paths should survive roulette.
     single
         Whether a wave has one sample of each pixel; that of an exposure in which keys move has.
 
@@ -142,7 +141,7 @@ class Wavefront:
         self._begin(plan)
 
     def _begin(self, plan: Plan) -> None:
-        """Have the picture of a plan looked at before its first sample, where that says how kind roulette is."""
+        """Have the picture of a plan looked at before its first sample, where that scales the survival in roulette."""
         self._plan = plan
         self._to_scout = self._scouts and plays(self.settings) and not plan.caustics.active
 
@@ -156,7 +155,7 @@ class Wavefront:
             scene = self._held.scene
             for step in plan.steps:
                 scene = SceneBuffers(self.session, step, scene)
-                first = self._bound[0].layers if self._bound else None
+                first = self._bound[0][2] if self._bound else None  # whose planes all add to
                 self._bound.append(self._passes(step, replace(self._held, scene=scene), first))
         self._use_step(0)
 
@@ -164,9 +163,9 @@ class Wavefront:
         """Have the passes in place of the step of the exposure that a sample is of."""
         steps = len(self._bound)
         bound = self._bound[0 if steps == 1 else step_of(sample, steps)]
-        self._camera, self._paths, self._layers = bound.camera, bound.paths, bound.layers
+        self._camera, self._paths, self._layers = bound
 
-    def _passes(self, plan: Plan, held: WaveBuffers, beside: LayerPass | None) -> Passes:
+    def _passes(self, plan: Plan, held: WaveBuffers, first: LayerPass | None) -> Passes:
         session, stream, packets = self.session, self.organisation == "stream", self._way.packets
         made = makes_rays(plan, self.settings, stream=stream)
         kept = keeps_rays(plan, self.settings, stream=stream)
@@ -176,7 +175,7 @@ class Wavefront:
             paths = StreamPass(session, plan, self.settings, held, makes_rays=made, keeps_rays=kept, packets=packets)
         else:
             paths = DepthPasses(session, plan, self.settings, held)
-        return Passes(camera, paths, self._layer_pass(plan, held, stream, beside))
+        return camera, paths, self._layer_pass(plan, held, stream, first)
 
     def _photon_map(self, plan: Plan) -> PhotonMap | None:
         scene, pixels = self._held.scene, self.layout.full_width * self.layout.full_height
@@ -211,13 +210,13 @@ class Wavefront:
             capacity=capacity,
         )
 
-    def _layer_pass(self, plan: Plan, held: WaveBuffers, stream: bool, beside: LayerPass | None) -> LayerPass | None:
+    def _layer_pass(self, plan: Plan, held: WaveBuffers, stream: bool, first: LayerPass | None) -> LayerPass | None:
         planes = LayerPlanes(self.settings.layers)
         if not planes.names:
             return None
         return LayerPass(
             self.session, plan, self.layout, held.scene, planes, lanes=self.session.lanes, state=held.state,
-            tiles=held.tiles, capacity=held.capacity, stream=stream, beside=beside,
+            tiles=held.tiles, capacity=held.capacity, stream=stream, first=first,
         )  # fmt: skip
 
     @property
@@ -335,7 +334,7 @@ class Wavefront:
         self._paths.enqueue(record, pixels, slots, run)
 
     def _scout(self) -> Roulette:
-        """Look at a few tiles of the picture, and return how kind roulette is where."""
+        """Render a few tiles of the picture, and scale the survival in roulette by them."""
         plan = self._plan.steps[0] if self._plan.steps else self._plan
         scene = SceneBuffers(self.session, plan, self._held.scene) if self._plan.steps else self._held.scene
         layout, settings = scouted(self.layout), self.settings.model_copy(update={"layers_spp": 0})
@@ -356,8 +355,8 @@ class Wavefront:
         self._to_scout = False
         survival_scale = self.session.allocate(roulette.survival_scale.nbytes)
         self.session.write(survival_scale, roulette.survival_scale)
-        for bound in self._bound:
-            bound.paths.use_roulette(roulette.limits(self.settings), survival_scale)
+        for _, paths, _ in self._bound:
+            paths.use_roulette(roulette.limits(self.settings), survival_scale)
 
     def finish(self) -> None:
         """Wait for everything enqueued and take over its counters."""
@@ -445,7 +444,7 @@ class WavefrontPool:
     def __init__(self, session: Session) -> None:
         self._session = session
         self._scene: SceneBuffers | None = None
-        self._kept: OrderedDict[tuple[Any, ...], Wavefront] = OrderedDict()
+        self._wavefronts: OrderedDict[tuple[Any, ...], Wavefront] = OrderedDict()
 
     def upload(self, plan: Plan) -> SceneBuffers:
         """Return the arrays of a plan on the device; those that the last plan had too are there already."""
@@ -465,19 +464,19 @@ class WavefrontPool:
             Wavefronts of another purpose stay as they are.
         """
         key = (purpose, *signature(plan, scene, layout, settings))
-        found = self._kept.pop(key, None)
-        if found is None:
-            while len(self._kept) >= MOST:
-                self._kept.popitem(last=False)
-            found = Wavefront(self._session, plan, layout, settings, buffers=scene, scouts=purpose == "film")
+        wavefront = self._wavefronts.pop(key, None)
+        if wavefront is None:
+            while len(self._wavefronts) >= MOST:
+                self._wavefronts.popitem(last=False)
+            wavefront = Wavefront(self._session, plan, layout, settings, buffers=scene, scouts=purpose == "film")
         else:
-            found.use_plan(plan, scene, settings)
-        self._kept[key] = found
-        return found
+            wavefront.use_plan(plan, scene, settings)
+        self._wavefronts[key] = wavefront
+        return wavefront
 
     def close(self) -> None:
         """Let go of everything on the device."""
-        self._kept.clear()
+        self._wavefronts.clear()
         self._scene = None
 
 
@@ -501,24 +500,14 @@ _CHILD = (
 _DONE, _FAILED = b"compiled\n", b"failed\n"
 
 
-@dataclass(frozen=True)
-class Order:
-    """What is to be compiled: a device's id, a plan, its arrays on the host, and the settings of a render."""
-
-    device: str
-    plan: Plan
-    buffers: SceneBuffers
-    settings: RenderSettings
-
-    def carry_out(self) -> None:
-        """Compile it, in this process."""
-        session = open_session(self.device)
-        buffers = self.buffers.uploaded_to(session)
-        Wavefront(session, self.plan, SMALL, self.settings, buffers=buffers).generate_code()
+def compile_plan(device: str, plan: Plan, buffers: SceneBuffers, settings: RenderSettings) -> None:
+    """Compile in this process what a plan needs on a device; the arrays of the plan are on the host."""
+    session = open_session(device)
+    Wavefront(session, plan, SMALL, settings, buffers=buffers.uploaded_to(session)).generate_code()
 
 
 def order(session: Session, plan: Plan, buffers: SceneBuffers, settings: RenderSettings) -> bytes | None:
-    """Return what `Compiler.compile` takes; None where it cannot be sent, or is too large."""
+    """Return what `Compiler.compile` takes: `compile_plan` and its arguments; None where they cannot be sent."""
     most = MOST_WITH_PHOTONS if plan.caustics.active else MOST_BYTES
     if plan.caustics.active and buffers.most_bytes > most:
         return None
@@ -530,13 +519,17 @@ def order(session: Session, plan: Plan, buffers: SceneBuffers, settings: RenderS
         surroundings=replace(plan.surroundings, distribution=plan.surroundings.distribution[:1]),
     )
     try:
-        return pickle.dumps(Order(session.info.id, light, buffers.on_host(light, most), settings))
+        return pickle.dumps((compile_plan, (session.info.id, light, buffers.on_host(light, most), settings)))
     except (pickle.PicklingError, AttributeError, TypeError):  # something in it holds a function
         return None
 
 
 class Compiler:
-    """A process that compiles; started at the first order, and kept for the next ones."""
+    """A process that compiles; started at the first order, and kept for the next ones.
+
+    It is a new Python, and not a fork of this process as `rptcam_cl.device.fork_server` makes for the trials of
+    drivers: by now threads and drivers are at work here, which a fork would lack, and a viewfinder keeps it for hours.
+    """
 
     def __init__(self) -> None:
         self._process: subprocess.Popen[bytes] | None = None
@@ -549,7 +542,7 @@ class Compiler:
         return self._closed
 
     def compile(self, wanted: bytes) -> bool:
-        """Carry out a pickled `Order`, or another one that can; return whether that was done.
+        """Call a pickled function with its arguments in the process; return whether that has worked.
 
         The process may fail, crash or be closed.
         """
@@ -607,7 +600,8 @@ def serve(orders: BinaryIO, answers: BinaryIO) -> None:
     while len(head := orders.read(8)) == 8:
         content = orders.read(struct.unpack("<Q", head)[0])
         try:
-            pickle.loads(content).carry_out()
+            function, arguments = pickle.loads(content)
+            function(*arguments)
         except Exception:  # the parent compiles it itself then, and reports what is wrong
             answers.write(b"\n" + _FAILED)
         else:
