@@ -17,11 +17,11 @@ from benchmarks.report import arguments, machine, print_machine, print_table, wr
 from benchmarks.scenes import reference_scene, wavefront_of
 from benchmarks.stopwatch import fastest
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.remember import forget
 from rptcam_cl.device.devices import choose_device
 from rptcam_cl.device.session import Session
 from rptcam_cl.optics.library import load_lens
 from rptcam_cl.rendering.cameras.lens_records import disperses
-from rptcam_cl.rendering.cameras.ray_map import forget_maps
 from rptcam_cl.rendering.cameras.realistic import camera_model
 from rptcam_cl.scene.load import change_scene, load_scene, with_camera
 from rptcam_cl.scene.scene import Scene
@@ -106,7 +106,7 @@ def row(
     mode = "on" if colour == "dispersive" else "off"
 
     def fit() -> None:
-        forget_maps()
+        forget()
         told.update(camera_model(full, mode).metadata)
 
     camera_model(change_scene(full, camera={"rays": "traced"}), mode)  # finds the pupil, which both need

@@ -25,7 +25,7 @@ def test_irradiance_of_a_disk_is_that_of_the_quadrature(name: str) -> None:
 def test_nothing_is_traced_again_for_another_stop_or_film(monkeypatch: pytest.MonkeyPatch) -> None:
     lens, back_mm = load_lens("dgauss-50mm"), 32.0
     disk_irradiance(lens.with_stop_diameter(8.4), back_mm, NM)
-    monkeypatch.setattr(irradiance, "_traced", None)  # whatever traces again fails
+    monkeypatch.setattr(irradiance, "_trace_beam", None)  # whatever traces again fails
     state = lens.with_stop_diameter(8.3)
     assert disk_irradiance(state, 32.1, NM) == pytest.approx(on_axis_irradiance(state, 32.1, NM), rel=1e-8)
 

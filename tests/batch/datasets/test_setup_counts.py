@@ -38,8 +38,8 @@ ZOOM = {"camera.lens": "zoom-70-200mm", "camera.f_number": 4.2, "camera.focal_le
 WORK = {
     "programs": "device.session:Program",
     "pupil tables": "rendering.cameras.pupil:_made",
-    "cells of pupils": "rendering.cameras.shared_pupil:_rays",
-    "traced cells": "rendering.cameras.shared_pupil:_made",
+    "cells of pupils": "rendering.cameras.shared_pupil:stopped_pupils",
+    "traced cells": "rendering.cameras.shared_pupil:shared_shapes",
     "cameras": "rendering.cameras.realistic:realistic_model",
     "camera models": "batch.dataset:calibrate_best",
     "lamps in the lens": "rendering.cameras.lamp_aim:fits_of_small",
