@@ -14,7 +14,7 @@ from rptcam_cl.cli import main
 from rptcam_cl.core.errors import NumericError
 from rptcam_cl.device.session import open_session
 from rptcam_cl.scene.lens_settings import AutoFocus
-from rptcam_cl.studies.focus.controller import METHODS, follow_focus, judged
+from rptcam_cl.studies.focus.controller import METHODS, follow_focus, with_warnings
 from rptcam_cl.studies.focus.probe import FocusReport, OutOfReach, Policy, Zone
 from rptcam_cl.studies.focus.renderer import Task
 from tests.studies.focus.scenes import CENTRE, checker, lens_camera, noise, probe_of, scene_of, target
@@ -110,11 +110,11 @@ def report_of(probe, method, confidence, distance=4.0, zone=CENTRE):
 def test_low_confidence_is_a_failure(method, confidence, message):
     probe = probe_of(scene_of([target(4.0, 4.0, checker(200))], lens_camera("dgauss-50mm", f_number=2.1)))
     task, report = report_of(probe, method, confidence)
-    failed = judged(task, replace(report, error=0.8 * probe.drive.depth_of_focus))
+    failed = with_warnings(task, replace(report, error=0.8 * probe.drive.depth_of_focus))
     assert re.search(message, failed.failure)
     assert failed.warnings == [failed.failure]
     if method != "variance":
-        sure = judged(task, replace(report, confidence=0.99))
+        sure = with_warnings(task, replace(report, confidence=0.99))
         assert (sure.failure, sure.warnings) == (None, [])
 
 
@@ -123,11 +123,11 @@ def test_second_distance_in_a_zone_is_told():
     probe = probe_of(scene_of(walls, lens_camera("dgauss-50mm")))
     for distance, other in ((1.0, "3 m"), (3.0, "1 m")):
         task, report = report_of(probe, "contrast", 0.99, distance, Zone(0.46, 0.54, 0.45, 0.55))
-        (remark,) = judged(task, report).remarks
+        (remark,) = with_warnings(task, report).remarks
         assert "two distances" in remark
         assert f"what is {other} away fills" in remark
     task, report = report_of(probe, "contrast", 0.99, 3.0, Zone(0.7, 0.78, 0.45, 0.55))
-    assert judged(task, report).remarks == ()
+    assert with_warnings(task, report).remarks == ()
 
 
 def test_distance_that_a_zone_shows_only_once_the_focus_is_there_is_told():
@@ -140,21 +140,21 @@ def test_distance_that_a_zone_shows_only_once_the_focus_is_there_is_told():
     states = report.state, probe.drive.state_for(0.26, zone)
     shown = [float(np.median(probe.depths(state, [zone], 0)[0])) for state in states]
     assert shown == pytest.approx([3.0, 0.26], rel=1e-3)
-    (remark,) = judged(task, report).remarks
+    (remark,) = with_warnings(task, report).remarks
     assert "what is 0.26 m away fills 100% of the zone when the focus is there" in remark
 
 
 def test_line_focuses_of_an_anamorphic_lens_are_told():
     probe = probe_of(scene_of([target(1.0, 0.6, checker(200))], lens_camera("anamorphic-100mm")))
     task, report = report_of(probe, "contrast", 0.99, 1.0)
-    (remark,) = judged(task, report).remarks
+    (remark,) = with_warnings(task, report).remarks
     assert "astigmatic in the zone: upright lines are sharp at" in remark
     # one line focus on the wall, so that the lens as a whole is focused beyond it: that is no second distance
     assert [
-        word for word in judged(*report_of(probe, "contrast", 0.99, 1.119)).remarks if "two distances" in word
+        word for word in with_warnings(*report_of(probe, "contrast", 0.99, 1.119)).remarks if "two distances" in word
     ] == []
     round_one = probe_of(scene_of([target(1.0, 0.6, checker(200))], lens_camera("dgauss-50mm")))
-    assert judged(*report_of(round_one, "contrast", 0.99, 1.0)).remarks == ()
+    assert with_warnings(*report_of(round_one, "contrast", 0.99, 1.0)).remarks == ()
 
 
 def test_animation_keeps_its_focus_where_the_target_is_too_near():
