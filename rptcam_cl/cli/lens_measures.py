@@ -4,7 +4,24 @@ import argparse
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from rptcam_cl.cli import lens_options
+from rptcam_cl.cli.lens_options import (
+    add_coating,
+    add_command,
+    add_lens_argument,
+    add_plot,
+    add_wavelength,
+    add_wavelengths,
+    angles,
+    check_picture,
+    count,
+    lens_in_use,
+    number,
+    numbers,
+    steep_angles,
+    wavelengths,
+    write,
+    write_picture,
+)
 from rptcam_cl.cli.output import as_json, print_table
 from rptcam_cl.cli.parser import Commands, Parser, positive
 from rptcam_cl.core.constants import LINE_D_NM
@@ -21,19 +38,19 @@ NUMBERS = (".npy",)
 
 def share(text: str) -> float:
     """A share of the light."""
-    value = lens_options.number(text)
+    value = number(text)
     if not 0 <= value < 1:
         raise argparse.ArgumentTypeError(f"got {text}; allowed from 0 to below 1")
     return value
 
 
 READERS = {
-    "angles": lens_options.angles,
-    "steep angles": lens_options.steep_angles,
-    "angle": lens_options.number,
-    "wavelengths": lens_options.wavelengths,
-    "numbers": lens_options.numbers,
-    "count": lens_options.count,
+    "angles": angles,
+    "steep angles": steep_angles,
+    "angle": number,
+    "wavelengths": wavelengths,
+    "numbers": numbers,
+    "count": count,
     "length": positive,
     "share": share,
 }
@@ -42,19 +59,17 @@ READERS = {
 def add_lens_measurements(commands: Commands) -> None:
     """Add a command for each measurement."""
     for measurement in MEASUREMENTS:
-        parser = lens_options.add_command(
-            commands, measurement.command, measurement.help, partial(_measure, measurement)
-        )
-        lens_options.add_lens_argument(parser)
+        parser = add_command(commands, measurement.command, measurement.help, partial(_measure, measurement))
+        add_lens_argument(parser)
         for k, option in enumerate(measurement.options):
             _add_option(parser, option)
             if k == 0 and measurement.has_best_focus:
                 _add_best_focus(parser)
         if measurement.has_wavelength:
-            lens_options.add_wavelength(parser)
+            add_wavelength(parser)
         if measurement.has_coating:
-            lens_options.add_coating(parser)
-        lens_options.add_plot(parser, has_chart=measurement.has_chart, has_array=bool(measurement.array))
+            add_coating(parser)
+        add_plot(parser, has_chart=measurement.has_chart, has_array=bool(measurement.array))
 
 
 def _add_option(parser: Parser, option: Option) -> None:
@@ -83,8 +98,8 @@ def _measure(measurement: Measurement, arguments: argparse.Namespace) -> int:
     for option in measurement.options:
         option.check(options[option.keyword], option.flag)
     output = arguments.output if measurement.has_chart else None
-    lens_options.check_picture(output, arguments.lens, NUMBERS if measurement.array else ())
-    state = lens_options.lens_in_use(arguments, arguments.wavelength_nm if measurement.has_wavelength else LINE_D_NM)
+    check_picture(output, arguments.lens, NUMBERS if measurement.array else ())
+    state = lens_in_use(arguments, arguments.wavelength_nm if measurement.has_wavelength else LINE_D_NM)
     if measurement.has_best_focus:
         state = _in_best_focus(arguments, state)
     found = measurement.measure(state, options)
@@ -99,9 +114,9 @@ def _measure(measurement: Measurement, arguments: argparse.Namespace) -> int:
     if output is not None and output.suffix.lower() in NUMBERS:
         from rptcam_cl.optics.image_quality import npy_bytes
 
-        lens_options.write(npy_bytes(found.about[measurement.array]), output)
+        write(npy_bytes(found.about[measurement.array]), output)
     elif output is not None and found.chart is not None:
-        lens_options.write_picture(found.chart(), output)
+        write_picture(found.chart(), output)
     return 0
 
 
@@ -135,10 +150,10 @@ SHOWN = 20
 def add_lens_ghosts(commands: Commands) -> None:
     """Add the command."""
     text = "ghosts of a source: light that surfaces reflect onto the film, pair by pair"
-    parser = lens_options.add_command(commands, "ghosts", text, _ghosts)
-    lens_options.add_lens_argument(parser)
+    parser = add_command(commands, "ghosts", text, _ghosts)
+    add_lens_argument(parser)
     parser.add_argument(
-        "--source", type=lens_options.number, metavar="ANGLE", default=0.0,
+        "--source", type=number, metavar="ANGLE", default=0.0,
         help="where the light comes from, in degrees from the axis (default: 0)",
     )  # fmt: skip
     parser.add_argument(
@@ -155,15 +170,15 @@ def add_lens_ghosts(commands: Commands) -> None:
         "--film-reflectance", type=share, metavar="R", default=0.0,
         help="share of the light that the film reflects like a mirror (default: 0)",
     )  # fmt: skip
-    lens_options.add_wavelengths(parser, (MIDDLE_NM,))
-    lens_options.add_coating(parser)
+    add_wavelengths(parser, (MIDDLE_NM,))
+    add_coating(parser)
     parser.add_argument("--all", action="store_true", help=f"print every way, not the {SHOWN} brightest")
-    lens_options.add_plot(parser)
+    add_plot(parser)
 
 
 def frame(text: str) -> tuple[float, float]:
     """Width and height of ``W,H``."""
-    found = lens_options.numbers(text)
+    found = numbers(text)
     if len(found) != 2 or min(found) <= 0:
         raise argparse.ArgumentTypeError(f"got {text}; allowed two lengths above 0, as 36,24")
     return found[0], found[1]
@@ -181,8 +196,8 @@ def _ghosts(arguments: argparse.Namespace) -> int:
     from rptcam_cl.optics.ghosts import Lit, find_ghosts
     from rptcam_cl.optics.spot import Beam
 
-    lens_options.check_picture(arguments.output, arguments.lens, (".svg",))
-    state = lens_options.lens_in_use(arguments)
+    check_picture(arguments.output, arguments.lens, (".svg",))
+    state = lens_in_use(arguments)
     away = 1000 * arguments.source_distance_m if arguments.source_distance_m is not None else float("inf")
     found = [
         find_ghosts(
@@ -204,7 +219,7 @@ def _ghosts(arguments: argparse.Namespace) -> int:
     if arguments.output is not None:
         worst = next((part["worst"] for part in parts if part["worst"]), None)
         if worst is not None:
-            lens_options.write_picture(draw_ghost(state, found[0], tuple(worst)), arguments.output)
+            write_picture(draw_ghost(state, found[0], tuple(worst)), arguments.output)
     return 0
 
 

@@ -35,7 +35,19 @@ from rptcam_cl.rendering.tracer import Wavefront
 from rptcam_cl.rendering.trees import cache_folder
 from rptcam_cl.scene.load import change_scene, load_scene
 from rptcam_cl.scene.scene import Scene
-from rptcam_cl.studies import selfcheck
+from rptcam_cl.studies.selfcheck import (
+    Check,
+    arithmetic_checks,
+    departure_check,
+    far_sphere_checks,
+    film_checks,
+    leak_check,
+    loop_check,
+    mesh_tree_check,
+    needs_float64,
+    object_tree_check,
+    random_check,
+)
 
 # Checks of lenses at their extremes: the device in float32 against float64 and against closed forms.
 
@@ -103,7 +115,7 @@ def cosines_behind(lens: Lens, rays: Rays, directions: Array, start: str) -> Arr
     return np.where(reached, np.sqrt(np.abs(square)), 1.0)
 
 
-def radius_checks(session: Session) -> list[selfcheck.Check]:
+def radius_checks(session: Session) -> list[Check]:
     """Spheres of ten decades of radius and planes, from both sides, into denser and thinner media."""
     rng = np.random.default_rng(5)
     found = [
@@ -113,15 +125,13 @@ def radius_checks(session: Session) -> list[selfcheck.Check]:
     ]
     return [
         # six roundings of the size of the start, which 0.25, the least cosine of incidence, enlarges
-        selfcheck.Check(
-            "lens: points on R = 1 to 1e9 mm and planes", max(e.position for e in found), 24 * EPS, "of the size"
-        ),
-        selfcheck.Check("lens: directions behind them", max(e.direction for e in found), 12, "roundings"),
-        selfcheck.Check("lens: fates there", sum(e.wrong for e in found), 0, f"of {200 * len(found)} rays wrong"),
+        Check("lens: points on R = 1 to 1e9 mm and planes", max(e.position for e in found), 24 * EPS, "of the size"),
+        Check("lens: directions behind them", max(e.direction for e in found), 12, "roundings"),
+        Check("lens: fates there", sum(e.wrong for e in found), 0, f"of {200 * len(found)} rays wrong"),
     ]
 
 
-def reflection_check(session: Session) -> selfcheck.Check:
+def reflection_check(session: Session) -> Check:
     """Rays beside the critical angle, from both sides, through planes and almost planes."""
     wrong = count = 0
     for start, first, last in (("scene", 1.5, 1.0), ("film", 1.0, 1.5), ("scene", 1.0, 0.75)):
@@ -135,7 +145,7 @@ def reflection_check(session: Session) -> selfcheck.Check:
             rays = trace_on_device(lens, session, -directions, directions, LINE_D_NM, start, "single")
             expected = np.where(STEPS < 0, Status.ok, Status.total_internal_reflection)
             wrong, count = wrong + int((rays.status != expected).sum()), count + len(angles)
-    return selfcheck.Check("lens: total reflection within 1e-4 of its angle", wrong, 0, f"of {count} rays wrong")
+    return Check("lens: total reflection within 1e-4 of its angle", wrong, 0, f"of {count} rays wrong")
 
 
 def parallel(heights: Array, z: float = -20.0) -> tuple[Array, Array]:
@@ -184,7 +194,7 @@ def weierstrass_error(session: Session, index: float, precision: Precision) -> f
     return float(np.abs(crossings(rays) + r + n * r).max()) if rays.passed.all() else np.inf
 
 
-def stigmatic_checks(session: Session) -> list[selfcheck.Check]:
+def stigmatic_checks(session: Session) -> list[Check]:
     """Lenses that image a point sharply, whatever the angle: conics and the aplanatic sphere."""
     worst = 0.0
     for (lens, focus), height in ((plano_hyperbolic(-2.25), 9.0), (ellipsoidal(-1 / 2.25), 5.0)):
@@ -193,8 +203,8 @@ def stigmatic_checks(session: Session) -> list[selfcheck.Check]:
         size = float(np.sqrt(np.mean(spot(rays, focus) ** 2))) if rays.passed.all() else np.inf
         worst = max(worst, size)
     return [
-        selfcheck.Check("lens: spot of stigmatic conics", worst, 1e-4, "mm"),
-        selfcheck.Check("lens: aplanatic point of a sphere", weierstrass_error(session, 1.5, "single"), 1e-4, "mm"),
+        Check("lens: spot of stigmatic conics", worst, 1e-4, "mm"),
+        Check("lens: aplanatic point of a sphere", weierstrass_error(session, 1.5, "single"), 1e-4, "mm"),
     ]
 
 
@@ -216,22 +226,20 @@ def library_errors(session: Session, name: str, precision: Precision) -> tuple[f
     return float(position), float(direction), int((exact.passed != got.passed).sum())
 
 
-def library_checks(session: Session) -> list[selfcheck.Check]:
+def library_checks(session: Session) -> list[Check]:
     """Rays through lenses of the library, aspheres and cylinders among them, against the float64 reference."""
     found = np.array([library_errors(session, name, "single") for name in LENSES])
     checks = [
-        selfcheck.Check(f"lens: points behind {len(LENSES)} real lenses", found[:, 0].max(), 6e-5, "mm"),
-        selfcheck.Check("lens: directions behind them", found[:, 1].max(), 3e-6, "of 1"),
+        Check(f"lens: points behind {len(LENSES)} real lenses", found[:, 0].max(), 6e-5, "mm"),
+        Check("lens: directions behind them", found[:, 1].max(), 3e-6, "of 1"),
         # a ray within a millionth of a rim may go either way
-        selfcheck.Check(
-            "lens: fates in them", found[:, 2].sum(), 2, f"of {512 * len(LENSES)} rays other than in float64"
-        ),
+        Check("lens: fates in them", found[:, 2].sum(), 2, f"of {512 * len(LENSES)} rays other than in float64"),
     ]
     precise = "lens: the first of them in float64", "mm"
     if not session.info.fp64:
-        return [*checks, selfcheck.needs_float64(*precise)]
+        return [*checks, needs_float64(*precise)]
     name, unit = precise
-    return [*checks, selfcheck.Check(name, max(library_errors(session, LENSES[0], "double")), 1e-11, unit)]
+    return [*checks, Check(name, max(library_errors(session, LENSES[0], "double")), 1e-11, unit)]
 
 
 # Checks of whole pictures: light that is neither lost nor made, and the same bits however the work is cut up.
@@ -304,13 +312,13 @@ def cavity_error(session: Session, mapping: Mapping[str, Any], reflectance: floa
     return float(np.abs(picture(session, scene, make_plan(scene)).astype(np.float64) / series - 1).max())
 
 
-def energy_check(session: Session) -> selfcheck.Check:
+def energy_check(session: Session) -> Check:
     """Light in closed rooms from a millimetre to ten kilometres against the truncated series."""
     worst = max(cavity_error(session, cavity(radius), REFLECTANCE, DEPTH) for radius in SPHERE_RADII)
-    return selfcheck.Check("pictures: light in closed rooms of 1e-3 to 1e4 m", worst, 2e-6 + 1e-6 * DEPTH, "relative")
+    return Check("pictures: light in closed rooms of 1e-3 to 1e4 m", worst, 2e-6 + 1e-6 * DEPTH, "relative")
 
 
-def organisation_checks(session: Session) -> list[selfcheck.Check]:
+def organisation_checks(session: Session) -> list[Check]:
     """One picture through a lens with waves of two sizes, and by both ways to organise the work."""
     scene = load_scene(STUDIO)
     plan = make_plan(scene)
@@ -320,28 +328,24 @@ def organisation_checks(session: Session) -> list[selfcheck.Check]:
     unlike = 1 - float(np.isclose(stream, passes, rtol=1e-5, atol=1e-6).mean())
     bits = int((whole.view(np.uint32) != small.view(np.uint32)).sum())
     return [
-        selfcheck.Check("pictures: small waves and large", bits, 0, f"of {whole.size} values differ in a bit"),
-        selfcheck.Check("pictures: stream and passes", unlike, UNLIKE, "of the values differ by 1e-5"),
-        selfcheck.Check(
-            "pictures: values that are not finite", int((~np.isfinite(whole)).sum()), 0, f"of {whole.size}"
-        ),
+        Check("pictures: small waves and large", bits, 0, f"of {whole.size} values differ in a bit"),
+        Check("pictures: stream and passes", unlike, UNLIKE, "of the values differ by 1e-5"),
+        Check("pictures: values that are not finite", int((~np.isfinite(whole)).sum()), 0, f"of {whole.size}"),
     ]
 
 
-def lens_checks(session: Session) -> list[selfcheck.Check]:
+def lens_checks(session: Session) -> list[Check]:
     """One picture through a lens traced in float32, in float64 where the device has it, and by fitted rays."""
     scene = load_scene(STUDIO)
     single = picture(session, scene, make_plan(scene)).astype(np.float64)
 
-    def beside(name: str, camera: dict[str, str], allowed: float) -> selfcheck.Check:
+    def beside(name: str, camera: dict[str, str], allowed: float) -> Check:
         other = change_scene(scene, camera=camera)
         apart = picture(session, other, make_plan(other)) - single
-        return selfcheck.Check(name, float(np.sqrt(np.mean(apart**2)) / single.mean()), allowed, OF_MEAN)
+        return Check(name, float(np.sqrt(np.mean(apart**2)) / single.mean()), allowed, OF_MEAN)
 
     name = "pictures: lens in float32 and float64"
-    precise = (
-        beside(name, {"precision": "double"}, ROUNDED) if session.info.fp64 else selfcheck.needs_float64(name, OF_MEAN)
-    )
+    precise = beside(name, {"precision": "double"}, ROUNDED) if session.info.fp64 else needs_float64(name, OF_MEAN)
     return [precise, beside("pictures: rays traced and fitted", {"rays": "fitted"}, FITTED)]
 
 
@@ -476,23 +480,23 @@ class CheckGroup:
     """
 
     name: str
-    make: Callable[[Session], selfcheck.Check | Sequence[selfcheck.Check]]
+    make: Callable[[Session], Check | Sequence[Check]]
 
 
 SUITE = (
-    CheckGroup("random numbers", selfcheck.random_check),
-    CheckGroup("arithmetic", selfcheck.arithmetic_checks),
-    CheckGroup("loops", selfcheck.loop_check),
-    CheckGroup("film", selfcheck.film_checks),
+    CheckGroup("random numbers", random_check),
+    CheckGroup("arithmetic", arithmetic_checks),
+    CheckGroup("loops", loop_check),
+    CheckGroup("film", film_checks),
     CheckGroup("lens surfaces", radius_checks),
     CheckGroup("total reflection", reflection_check),
     CheckGroup("stigmatic lenses", stigmatic_checks),
     CheckGroup("real lenses", library_checks),
-    CheckGroup("leaks", selfcheck.leak_check),
-    CheckGroup("tree of a mesh", selfcheck.mesh_tree_check),
-    CheckGroup("tree of shapes", selfcheck.object_tree_check),
-    CheckGroup("self-hits", selfcheck.departure_check),
-    CheckGroup("far spheres", selfcheck.far_sphere_checks),
+    CheckGroup("leaks", leak_check),
+    CheckGroup("tree of a mesh", mesh_tree_check),
+    CheckGroup("tree of shapes", object_tree_check),
+    CheckGroup("self-hits", departure_check),
+    CheckGroup("far spheres", far_sphere_checks),
     CheckGroup("light in closed rooms", energy_check),
     CheckGroup("organisation", organisation_checks),
     CheckGroup("ways through a lens", lens_checks),
@@ -503,7 +507,7 @@ SUITE = (
 class Outcome:
     """The checks of a part, and how long they took [s]."""
 
-    checks: tuple[selfcheck.Check, ...]
+    checks: tuple[Check, ...]
     seconds: float
 
 
@@ -515,6 +519,6 @@ def outcomes(session: Session, suite: Sequence[CheckGroup] = SUITE) -> Iterator[
             made = part.make(session)
         except Exception as error:  # whatever a driver throws belongs in the report
             reason = f"{type(error).__name__}: {' '.join(str(error).split())}"
-            made = selfcheck.Check(part.name, np.nan, 0, "could not be checked", reason)
-        checks = (made,) if isinstance(made, selfcheck.Check) else tuple(made)
+            made = Check(part.name, np.nan, 0, "could not be checked", reason)
+        checks = (made,) if isinstance(made, Check) else tuple(made)
         yield Outcome(checks, time.perf_counter() - begun)
