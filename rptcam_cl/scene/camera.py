@@ -14,23 +14,8 @@ from pydantic_core import PydanticCustomError
 from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.as_built import Heat
+from rptcam_cl.scene import lens_settings
 from rptcam_cl.scene.base import AlsoAccepts, Alternatives, SceneModel, refuse
-from rptcam_cl.scene.lens_settings import (
-    AUTO,
-    CLEAN,
-    EVERY_FORM,
-    IDEAL,
-    Accuracy,
-    Aperture,
-    AsBuilt,
-    CircularAperture,
-    Focus,
-    FoundFocus,
-    LensOrDesign,
-    RealLens,
-    Stop,
-    Transmission,
-)
 from rptcam_cl.scene.placement import CameraMotion, Vector, place_between
 from rptcam_cl.scene.quantities import NUMBER, SMALLEST_LENGTH, Direction, Metres, Millimetres, Position, cross
 
@@ -107,7 +92,7 @@ class Pose(SceneModel):
     diffraction: Literal["off", "auto", "on"] = "off"
     """Whether the opening diffracts the light; `auto`: where the Airy radius is half a pixel or more."""
 
-    stop: Stop = CLEAN
+    stop: lens_settings.Stop = lens_settings.CLEAN
     """What lies in the plane of the stop."""
 
     @model_validator(mode="after")
@@ -297,10 +282,10 @@ class ThinLensCamera(Pose):
     focus_distance_m: Metres | None = None
     """Distance of the plane of focus from the eye along the axis [m]."""
 
-    focus: FoundFocus | None = None
+    focus: lens_settings.FoundFocus | None = None
     """Autofocus, or an object to follow, in its place."""
 
-    aperture: Aperture = CircularAperture()
+    aperture: lens_settings.Aperture = lens_settings.CircularAperture()
     """Outline of the opening."""
 
     movements: Movements = NO_MOVEMENTS
@@ -349,7 +334,7 @@ class LensCamera(Pose):
         Alternatives(("zoom", "focal_length_mm"), required=False),
     )
 
-    lens: LensOrDesign
+    lens: lens_settings.LensOrDesign
     """The lens: a name, a file in the scene's folder, or a prescription written out as a mapping; or a mapping with one
     of these as `design` and how the lens differs from it."""
 
@@ -359,7 +344,7 @@ class LensCamera(Pose):
     focal_length_mm: Millimetres | None = None
     """Focal length that a zoom lens is set to, between its named positions [mm]."""
 
-    focus: Focus
+    focus: lens_settings.Focus
     """Where the lens is focused."""
 
     stop_diameter_mm: Millimetres | None = None
@@ -371,7 +356,7 @@ class LensCamera(Pose):
     wavelength_nm: Annotated[float, Field(ge=200, le=3000), NUMBER] = LINE_D_NM
     """Wavelength of the indices of refraction [nm]; the helium d line by default."""
 
-    transmission: Annotated[Transmission, AlsoAccepts(EVERY_FORM)] = IDEAL
+    transmission: Annotated[lens_settings.Transmission, AlsoAccepts(lens_settings.EVERY_FORM)] = lens_settings.IDEAL
     """What the lens takes from the light; nothing by default."""
 
     movements: Movements = NO_MOVEMENTS
@@ -380,17 +365,17 @@ class LensCamera(Pose):
     @property
     def design(self) -> str | dict[str, Any]:
         """The name, file or prescription of the lens."""
-        return self.lens.design if isinstance(self.lens, RealLens) else self.lens
+        return self.lens.design if isinstance(self.lens, lens_settings.RealLens) else self.lens
 
     @property
-    def as_built(self) -> AsBuilt | None:
+    def as_built(self) -> lens_settings.AsBuilt | None:
         """Which copy of the lens it is; None for the design."""
-        return self.lens.as_built if isinstance(self.lens, RealLens) else None
+        return self.lens.as_built if isinstance(self.lens, lens_settings.RealLens) else None
 
     @property
     def heat(self) -> Heat | None:
         """What the lens is exposed to; None at 20 degrees and standard pressure."""
-        return self.lens.heat if isinstance(self.lens, RealLens) else None
+        return self.lens.heat if isinstance(self.lens, lens_settings.RealLens) else None
 
     def ahead(self, point: tuple[float, float, float]) -> float:
         """Return how far in front of the eye a point lies along the axis [scene units]."""
@@ -434,7 +419,7 @@ class RealisticCamera(LensCamera):
     kind: Literal["realistic"]
     """Camera model."""
 
-    aperture: Aperture = CircularAperture()
+    aperture: lens_settings.Aperture = lens_settings.CircularAperture()
     """Shape of the stop, within the circle of its diameter."""
 
     pupil: Literal["auto", "rear", "thick", "bounds", "tight", "shared"] = "auto"
@@ -449,7 +434,7 @@ class RealisticCamera(LensCamera):
     """Arithmetic in which rays go through the lens: float32, or float64 on devices that have it; everything else is
     float32."""
 
-    accuracy: Annotated[Accuracy, AlsoAccepts(AUTO)] | None = None
+    accuracy: Annotated[lens_settings.Accuracy, AlsoAccepts(lens_settings.AUTO)] | None = None
     """Largest error of a cheaper camera model that may replace the lens; by default every ray is traced."""
 
     ghosts: Literal["off", "on"] = "off"

@@ -35,19 +35,7 @@ from rptcam_cl.rendering.tracer import Wavefront
 from rptcam_cl.rendering.trees import cache_folder
 from rptcam_cl.scene.load import change_scene, load_scene
 from rptcam_cl.scene.scene import Scene
-from rptcam_cl.studies.selfcheck import (
-    Check,
-    arithmetic_checks,
-    departure_check,
-    far_sphere_checks,
-    film_checks,
-    leak_check,
-    loop_check,
-    mesh_tree_check,
-    needs_float64,
-    object_tree_check,
-    random_check,
-)
+from rptcam_cl.studies import selfcheck
 
 # Checks of lenses at their extremes: the device in float32 against float64 and against closed forms.
 
@@ -115,7 +103,7 @@ def cosines_behind(lens: Lens, rays: Rays, directions: Array, start: str) -> Arr
     return np.where(reached, np.sqrt(np.abs(square)), 1.0)
 
 
-def radius_checks(session: Session) -> list[Check]:
+def radius_checks(session: Session) -> list[selfcheck.Check]:
     """Spheres of ten decades of radius and planes, from both sides, into denser and thinner media."""
     rng = np.random.default_rng(5)
     found = [
@@ -125,13 +113,15 @@ def radius_checks(session: Session) -> list[Check]:
     ]
     return [
         # six roundings of the size of the start, which 0.25, the least cosine of incidence, enlarges
-        Check("lens: points on R = 1 to 1e9 mm and planes", max(e.position for e in found), 24 * EPS, "of the size"),
-        Check("lens: directions behind them", max(e.direction for e in found), 12, "roundings"),
-        Check("lens: fates there", sum(e.wrong for e in found), 0, f"of {200 * len(found)} rays wrong"),
+        selfcheck.Check(
+            "lens: points on R = 1 to 1e9 mm and planes", max(e.position for e in found), 24 * EPS, "of the size"
+        ),
+        selfcheck.Check("lens: directions behind them", max(e.direction for e in found), 12, "roundings"),
+        selfcheck.Check("lens: fates there", sum(e.wrong for e in found), 0, f"of {200 * len(found)} rays wrong"),
     ]
 
 
-def reflection_check(session: Session) -> Check:
+def reflection_check(session: Session) -> selfcheck.Check:
     """Rays beside the critical angle, from both sides, through planes and almost planes."""
     wrong = count = 0
     for start, first, last in (("scene", 1.5, 1.0), ("film", 1.0, 1.5), ("scene", 1.0, 0.75)):
@@ -145,7 +135,7 @@ def reflection_check(session: Session) -> Check:
             rays = trace_on_device(lens, session, -directions, directions, LINE_D_NM, start, "single")
             expected = np.where(STEPS < 0, Status.ok, Status.total_internal_reflection)
             wrong, count = wrong + int((rays.status != expected).sum()), count + len(angles)
-    return Check("lens: total reflection within 1e-4 of its angle", wrong, 0, f"of {count} rays wrong")
+    return selfcheck.Check("lens: total reflection within 1e-4 of its angle", wrong, 0, f"of {count} rays wrong")
 
 
 def parallel(heights: Array, z: float = -20.0) -> tuple[Array, Array]:
@@ -194,7 +184,7 @@ def weierstrass_error(session: Session, index: float, precision: Precision) -> f
     return float(np.abs(crossings(rays) + r + n * r).max()) if rays.passed.all() else np.inf
 
 
-def stigmatic_checks(session: Session) -> list[Check]:
+def stigmatic_checks(session: Session) -> list[selfcheck.Check]:
     """Lenses that image a point sharply, whatever the angle: conics and the aplanatic sphere."""
     worst = 0.0
     for (lens, focus), height in ((plano_hyperbolic(-2.25), 9.0), (ellipsoidal(-1 / 2.25), 5.0)):
@@ -203,8 +193,8 @@ def stigmatic_checks(session: Session) -> list[Check]:
         size = float(np.sqrt(np.mean(spot(rays, focus) ** 2))) if rays.passed.all() else np.inf
         worst = max(worst, size)
     return [
-        Check("lens: spot of stigmatic conics", worst, 1e-4, "mm"),
-        Check("lens: aplanatic point of a sphere", weierstrass_error(session, 1.5, "single"), 1e-4, "mm"),
+        selfcheck.Check("lens: spot of stigmatic conics", worst, 1e-4, "mm"),
+        selfcheck.Check("lens: aplanatic point of a sphere", weierstrass_error(session, 1.5, "single"), 1e-4, "mm"),
     ]
 
 
@@ -226,20 +216,22 @@ def library_errors(session: Session, name: str, precision: Precision) -> tuple[f
     return float(position), float(direction), int((exact.passed != got.passed).sum())
 
 
-def library_checks(session: Session) -> list[Check]:
+def library_checks(session: Session) -> list[selfcheck.Check]:
     """Rays through lenses of the library, aspheres and cylinders among them, against the float64 reference."""
     found = np.array([library_errors(session, name, "single") for name in LENSES])
     checks = [
-        Check(f"lens: points behind {len(LENSES)} real lenses", found[:, 0].max(), 6e-5, "mm"),
-        Check("lens: directions behind them", found[:, 1].max(), 3e-6, "of 1"),
+        selfcheck.Check(f"lens: points behind {len(LENSES)} real lenses", found[:, 0].max(), 6e-5, "mm"),
+        selfcheck.Check("lens: directions behind them", found[:, 1].max(), 3e-6, "of 1"),
         # a ray within a millionth of a rim may go either way
-        Check("lens: fates in them", found[:, 2].sum(), 2, f"of {512 * len(LENSES)} rays other than in float64"),
+        selfcheck.Check(
+            "lens: fates in them", found[:, 2].sum(), 2, f"of {512 * len(LENSES)} rays other than in float64"
+        ),
     ]
     precise = "lens: the first of them in float64", "mm"
     if not session.info.fp64:
-        return [*checks, needs_float64(*precise)]
+        return [*checks, selfcheck.needs_float64(*precise)]
     name, unit = precise
-    return [*checks, Check(name, max(library_errors(session, LENSES[0], "double")), 1e-11, unit)]
+    return [*checks, selfcheck.Check(name, max(library_errors(session, LENSES[0], "double")), 1e-11, unit)]
 
 
 # Checks of whole pictures: light that is neither lost nor made, and the same bits however the work is cut up.
@@ -312,13 +304,13 @@ def cavity_error(session: Session, mapping: Mapping[str, Any], reflectance: floa
     return float(np.abs(picture(session, scene, make_plan(scene)).astype(np.float64) / series - 1).max())
 
 
-def energy_check(session: Session) -> Check:
+def energy_check(session: Session) -> selfcheck.Check:
     """Light in closed rooms from a millimetre to ten kilometres against the truncated series."""
     worst = max(cavity_error(session, cavity(radius), REFLECTANCE, DEPTH) for radius in SPHERE_RADII)
-    return Check("pictures: light in closed rooms of 1e-3 to 1e4 m", worst, 2e-6 + 1e-6 * DEPTH, "relative")
+    return selfcheck.Check("pictures: light in closed rooms of 1e-3 to 1e4 m", worst, 2e-6 + 1e-6 * DEPTH, "relative")
 
 
-def organisation_checks(session: Session) -> list[Check]:
+def organisation_checks(session: Session) -> list[selfcheck.Check]:
     """One picture through a lens with waves of two sizes, and by both ways to organise the work."""
     scene = load_scene(STUDIO)
     plan = make_plan(scene)
@@ -328,24 +320,28 @@ def organisation_checks(session: Session) -> list[Check]:
     unlike = 1 - float(np.isclose(stream, passes, rtol=1e-5, atol=1e-6).mean())
     bits = int((whole.view(np.uint32) != small.view(np.uint32)).sum())
     return [
-        Check("pictures: small waves and large", bits, 0, f"of {whole.size} values differ in a bit"),
-        Check("pictures: stream and passes", unlike, UNLIKE, "of the values differ by 1e-5"),
-        Check("pictures: values that are not finite", int((~np.isfinite(whole)).sum()), 0, f"of {whole.size}"),
+        selfcheck.Check("pictures: small waves and large", bits, 0, f"of {whole.size} values differ in a bit"),
+        selfcheck.Check("pictures: stream and passes", unlike, UNLIKE, "of the values differ by 1e-5"),
+        selfcheck.Check(
+            "pictures: values that are not finite", int((~np.isfinite(whole)).sum()), 0, f"of {whole.size}"
+        ),
     ]
 
 
-def lens_checks(session: Session) -> list[Check]:
+def lens_checks(session: Session) -> list[selfcheck.Check]:
     """One picture through a lens traced in float32, in float64 where the device has it, and by fitted rays."""
     scene = load_scene(STUDIO)
     single = picture(session, scene, make_plan(scene)).astype(np.float64)
 
-    def beside(name: str, camera: dict[str, str], allowed: float) -> Check:
+    def beside(name: str, camera: dict[str, str], allowed: float) -> selfcheck.Check:
         other = change_scene(scene, camera=camera)
         apart = picture(session, other, make_plan(other)) - single
-        return Check(name, float(np.sqrt(np.mean(apart**2)) / single.mean()), allowed, OF_MEAN)
+        return selfcheck.Check(name, float(np.sqrt(np.mean(apart**2)) / single.mean()), allowed, OF_MEAN)
 
     name = "pictures: lens in float32 and float64"
-    precise = beside(name, {"precision": "double"}, ROUNDED) if session.info.fp64 else needs_float64(name, OF_MEAN)
+    precise = (
+        beside(name, {"precision": "double"}, ROUNDED) if session.info.fp64 else selfcheck.needs_float64(name, OF_MEAN)
+    )
     return [precise, beside("pictures: rays traced and fitted", {"rays": "fitted"}, FITTED)]
 
 
@@ -480,23 +476,23 @@ class CheckGroup:
     """
 
     name: str
-    make: Callable[[Session], Check | Sequence[Check]]
+    make: Callable[[Session], selfcheck.Check | Sequence[selfcheck.Check]]
 
 
 SUITE = (
-    CheckGroup("random numbers", random_check),
-    CheckGroup("arithmetic", arithmetic_checks),
-    CheckGroup("loops", loop_check),
-    CheckGroup("film", film_checks),
+    CheckGroup("random numbers", selfcheck.random_check),
+    CheckGroup("arithmetic", selfcheck.arithmetic_checks),
+    CheckGroup("loops", selfcheck.loop_check),
+    CheckGroup("film", selfcheck.film_checks),
     CheckGroup("lens surfaces", radius_checks),
     CheckGroup("total reflection", reflection_check),
     CheckGroup("stigmatic lenses", stigmatic_checks),
     CheckGroup("real lenses", library_checks),
-    CheckGroup("leaks", leak_check),
-    CheckGroup("tree of a mesh", mesh_tree_check),
-    CheckGroup("tree of shapes", object_tree_check),
-    CheckGroup("self-hits", departure_check),
-    CheckGroup("far spheres", far_sphere_checks),
+    CheckGroup("leaks", selfcheck.leak_check),
+    CheckGroup("tree of a mesh", selfcheck.mesh_tree_check),
+    CheckGroup("tree of shapes", selfcheck.object_tree_check),
+    CheckGroup("self-hits", selfcheck.departure_check),
+    CheckGroup("far spheres", selfcheck.far_sphere_checks),
     CheckGroup("light in closed rooms", energy_check),
     CheckGroup("organisation", organisation_checks),
     CheckGroup("ways through a lens", lens_checks),
@@ -507,7 +503,7 @@ SUITE = (
 class Outcome:
     """The checks of a part, and how long they took [s]."""
 
-    checks: tuple[Check, ...]
+    checks: tuple[selfcheck.Check, ...]
     seconds: float
 
 
@@ -519,6 +515,6 @@ def outcomes(session: Session, suite: Sequence[CheckGroup] = SUITE) -> Iterator[
             made = part.make(session)
         except Exception as error:  # whatever a driver throws belongs in the report
             reason = f"{type(error).__name__}: {' '.join(str(error).split())}"
-            made = Check(part.name, np.nan, 0, "could not be checked", reason)
-        checks = (made,) if isinstance(made, Check) else tuple(made)
+            made = selfcheck.Check(part.name, np.nan, 0, "could not be checked", reason)
+        checks = (made,) if isinstance(made, selfcheck.Check) else tuple(made)
         yield Outcome(checks, time.perf_counter() - begun)

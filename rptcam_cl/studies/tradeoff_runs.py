@@ -22,26 +22,8 @@ from rptcam_cl.rendering.passes import check_precision
 from rptcam_cl.rendering.plan.plan import Plan, make_plan
 from rptcam_cl.rendering.tracer import Wavefront
 from rptcam_cl.scene.film import RenderSettings
+from rptcam_cl.studies import tradeoff_errors
 from rptcam_cl.studies.tiers import FIELDS, TierError
-from rptcam_cl.studies.tradeoff_errors import (
-    CONFIDENCE,
-    INDEPENDENT,
-    Interval,
-    LongPictures,
-    NoiseLaw,
-    PairErrors,
-    SpreadTiles,
-    Variant,
-    error_over_pairs,
-    interval,
-    median_over_seeds,
-    noise_law,
-    once,
-    over_pairs,
-    over_seeds,
-    spread_about,
-    spread_tiles,
-)
 
 # What is said of each configuration: rates, bias and times, with intervals.
 
@@ -122,19 +104,19 @@ class Measurement:
     tier: str
     unbiased: bool
     start_s: float
-    sample_s: Interval
-    wall_sample_s: Interval
+    sample_s: tradeoff_errors.Interval
+    wall_sample_s: tradeoff_errors.Interval
     samples: tuple[int, int]
-    noise: tuple[Interval, Interval]
-    before: Interval
-    slope: Interval
-    beyond: Interval
-    rate: Interval
-    bias: Interval
-    energy: Interval
-    seconds_to: dict[float, Interval]
-    better_until: Interval
-    gain: Interval
+    noise: tuple[tradeoff_errors.Interval, tradeoff_errors.Interval]
+    before: tradeoff_errors.Interval
+    slope: tradeoff_errors.Interval
+    beyond: tradeoff_errors.Interval
+    rate: tradeoff_errors.Interval
+    bias: tradeoff_errors.Interval
+    energy: tradeoff_errors.Interval
+    seconds_to: dict[float, tradeoff_errors.Interval]
+    better_until: tradeoff_errors.Interval
+    gain: tradeoff_errors.Interval
     bias_of_tiles: Array
     noise_of_tiles: Array
     odds: Array = field(default_factory=lambda: np.empty(0))
@@ -183,10 +165,10 @@ class Measurement:
         """Return the noise after a time as relMSE."""
         return float(self.law().after(seconds / self.sample_s.value))
 
-    def law(self, end: str = "value") -> NoiseLaw:
+    def law(self, end: str = "value") -> tradeoff_errors.NoiseLaw:
         """Return how the noise falls, or with all of it at one end of its interval."""
         first, last, before, beyond = (getattr(x, end) for x in (*self.noise, self.before, self.beyond))
-        return NoiseLaw(self.samples, (first, last), before, beyond)
+        return tradeoff_errors.NoiseLaw(self.samples, (first, last), before, beyond)
 
     def seconds_until(self, error: float, bias: float | None = None) -> float:
         """Return the time to a relative error [s], with a bias or the most that it may be; infinite means never."""
@@ -199,7 +181,7 @@ class _Replicates:
     """Cost and error of one configuration for each draw of the seeds; the first draw has each seed once."""
 
     sample_s: Array
-    law: NoiseLaw
+    law: tradeoff_errors.NoiseLaw
     bias: Array
 
     @property
@@ -212,7 +194,7 @@ class _Replicates:
 
 def measurements(
     named: list[dict[str, Any]],
-    errors: list[PairErrors],
+    errors: list[tradeoff_errors.PairErrors],
     timings: list[Timings],
     samples: tuple[int, int, int],
     counts: NDArray[np.int64],
@@ -231,19 +213,19 @@ def measurements(
         Draws of the seeds, by `statistics.draws`.
     """
     seeds = counts.shape[1]
-    counts = np.concatenate([once(seeds), counts])  # the first row gives the estimates
+    counts = np.concatenate([tradeoff_errors.once(seeds), counts])  # the first row gives the estimates
     sources = []
     for names, error, times in zip(named, errors, timings, strict=True):
-        law = noise_law(samples, _noise(error, counts), error.fall, _slope(error, samples, counts))
+        law = tradeoff_errors.noise_law(samples, _noise(error, counts), error.fall, _slope(error, samples, counts))
         exact = names["unbiased"] or not names["knob"]
         bias = np.zeros(len(counts)) if exact else _bias(error, errors[0], counts)
-        sample_s = median_over_seeds(times.undisturbed, counts)
+        sample_s = tradeoff_errors.median_over_seeds(times.undisturbed, counts)
         sources.append(_Replicates(sample_s, law, bias))
     found = []
     for names, error, times, own in zip(named, errors, timings, sources, strict=True):
         values = {
             "sample_s": own.sample_s,
-            "wall_sample_s": median_over_seeds(times.wall, counts),
+            "wall_sample_s": tradeoff_errors.median_over_seeds(times.wall, counts),
             "first": own.law.noise[0],
             "last": own.law.noise[1],
             "before": own.law.before,
@@ -255,51 +237,63 @@ def measurements(
             "better_until": _better_until(own, sources[0]),
             "gain": _gain(own, sources[0]),
         }
-        intervals: dict[str, Any] = {name: interval(rows[0], rows[1:], seeds) for name, rows in values.items()}
+        intervals: dict[str, Any] = {
+            name: tradeoff_errors.interval(rows[0], rows[1:], seeds) for name, rows in values.items()
+        }
         noise = (intervals.pop("first"), intervals.pop("last"))
         reached = {target: _time_to(own, target) for target in TARGETS}
-        to: dict[float, Interval] = {target: interval(rows[0], rows[1:], seeds) for target, rows in reached.items()}
+        to: dict[float, tradeoff_errors.Interval] = {
+            target: tradeoff_errors.interval(rows[0], rows[1:], seeds) for target, rows in reached.items()
+        }
         tiles: dict[str, Any] = {"bias_of_tiles": error.by_tile, "noise_of_tiles": error.noise_of_tiles}
         tiles["odds"] = (_gains(own, sources[0])[:, 1:] > 0).mean(axis=1)
         found.append(Measurement(**names, **intervals, **tiles, samples=samples[1:], noise=noise, seconds_to=to))
     return found
 
 
-def _bias(error: PairErrors, reference: PairErrors, counts: NDArray[np.int64]) -> Array:
+def _bias(error: tradeoff_errors.PairErrors, reference: tradeoff_errors.PairErrors, counts: NDArray[np.int64]) -> Array:
     """Return the bias; a certain difference in the brightness of the whole picture is its lower limit.
 
     Light that few paths bring, each to a pixel of its own, is missing in no pixel of two pictures, but in their means.
     """
-    found = over_pairs(error.bias, counts)
-    own = math.sqrt(error_over_pairs(error.bias) ** 2 + error.weight_variances["bias"])
-    found = spread_about(found[0], found, max(own, error.tile_errors["bias"]))
+    found = tradeoff_errors.over_pairs(error.bias, counts)
+    own = math.sqrt(tradeoff_errors.error_over_pairs(error.bias) ** 2 + error.weight_variances["bias"])
+    found = tradeoff_errors.spread_about(found[0], found, max(own, error.tile_errors["bias"]))
     energy = _energy(error, reference, counts)
     if abs(energy[0]) <= SURE * float(energy.std()):
         return found
     return np.maximum(found, reference.evenness * energy**2)
 
 
-def _noise(error: PairErrors, counts: NDArray[np.int64]) -> Array:
+def _noise(error: tradeoff_errors.PairErrors, counts: NDArray[np.int64]) -> Array:
     """Return the noise of a picture, spread by its logarithm, as it is above 0; nothing where pictures are the same."""
-    found = over_pairs(error.noise[-1], counts)
+    found = tradeoff_errors.over_pairs(error.noise[-1], counts)
     if not found[0] > 0:
         return np.zeros_like(found)
     found = np.maximum(found, LEAST_NOISE * found[0])
     own = math.sqrt(float(found.var()) + error.weight_variances["noise"])
     spread = max(own, error.tile_errors["noise"]) / found[0]
-    return np.asarray(found[0] * np.exp(spread_about(0.0, np.log(found / found[0]), spread)))
+    return np.asarray(found[0] * np.exp(tradeoff_errors.spread_about(0.0, np.log(found / found[0]), spread)))
 
 
-def _energy(error: PairErrors, reference: PairErrors, counts: NDArray[np.int64]) -> Array:
-    found = over_seeds(error.brightness, counts) / over_seeds(reference.brightness, counts) - 1
-    return spread_about(found[0], found, max(float(found.std()), error.tile_errors["energy"]))
+def _energy(
+    error: tradeoff_errors.PairErrors, reference: tradeoff_errors.PairErrors, counts: NDArray[np.int64]
+) -> Array:
+    found = (
+        tradeoff_errors.over_seeds(error.brightness, counts) / tradeoff_errors.over_seeds(reference.brightness, counts)
+        - 1
+    )
+    return tradeoff_errors.spread_about(found[0], found, max(float(found.std()), error.tile_errors["energy"]))
 
 
-def _slope(error: PairErrors, samples: tuple[int, ...], counts: NDArray[np.int64]) -> Array:
-    first, last = over_pairs(error.noise[0], counts), over_pairs(error.noise[-1], counts)
+def _slope(error: tradeoff_errors.PairErrors, samples: tuple[int, ...], counts: NDArray[np.int64]) -> Array:
+    first, last = (
+        tradeoff_errors.over_pairs(error.noise[0], counts),
+        tradeoff_errors.over_pairs(error.noise[-1], counts),
+    )
     with np.errstate(divide="ignore", invalid="ignore"):
         found = np.log(last / first) / np.log(samples[1] / samples[0])
-    return np.where(np.isfinite(found), found, INDEPENDENT)
+    return np.where(np.isfinite(found), found, tradeoff_errors.INDEPENDENT)
 
 
 def _time_to(own: _Replicates, target: float) -> Array:
@@ -460,7 +454,7 @@ class Comparison:
         values = asdict(self)
         for found in values["measurements"]:
             found["seconds_to"] = {f"{target:g}": value for target, value in found["seconds_to"].items()}
-        return values | {"fields": list(FIELDS), "confidence": CONFIDENCE}
+        return values | {"fields": list(FIELDS), "confidence": tradeoff_errors.CONFIDENCE}
 
 
 # Short renders of every configuration by turns, with what each took of the clock and of the processor.
@@ -482,7 +476,7 @@ class Ready:
         Bound on the light of longer paths, from `rendering.truncation`.
     """
 
-    configuration: Variant
+    configuration: tradeoff_errors.Variant
     wavefront: Wavefront
     start_s: float
     facts: dict[str, Any]
@@ -499,7 +493,7 @@ class Run:
 
 
 def prepare(
-    configurations: Sequence[Variant], session: Session, on_step: Callable[[str, int], Any]
+    configurations: Sequence[tradeoff_errors.Variant], session: Session, on_step: Callable[[str, int], Any]
 ) -> tuple[list[Ready], dict[str, str]]:
     """Return the configurations that differ, compiled, and why others of them cannot be rendered, by name.
 
@@ -547,7 +541,7 @@ def mark(plan: Plan, settings: RenderSettings) -> bytes:
     return repr((words, settings.roulette_depth)).encode() + b"".join(array.tobytes() for array in arrays)
 
 
-def run(ready: Ready, tiles: SpreadTiles, samples: int, seed: int) -> Run:
+def run(ready: Ready, tiles: tradeoff_errors.SpreadTiles, samples: int, seed: int) -> Run:
     """Render the tiles once."""
     wavefront = ready.wavefront
     wavefront.choose_tiles(tiles.tiles)
@@ -607,11 +601,11 @@ class Pictures:
         Whether the undisturbed times are CPU times divided by the cores.
     """
 
-    tiles: SpreadTiles
+    tiles: tradeoff_errors.SpreadTiles
     samples: tuple[int, int]
     seeds: int
     pixels: list[list[NDArray[np.float32]]]
-    long: LongPictures
+    long: tradeoff_errors.LongPictures
     timings: list[Timings]
     by_cpu: bool
 
@@ -664,12 +658,12 @@ def _order(count: int, turn: int) -> NDArray[np.int64]:
 
 def _long(
     ready: Sequence[Ready],
-    tiles: SpreadTiles,
+    tiles: tradeoff_errors.SpreadTiles,
     most: int,
     samples: int,
     seed: int,
     on_progress: Callable[[str, float], Any],
-) -> LongPictures:
+) -> tradeoff_errors.LongPictures:
     """Return pictures of a few of the tiles with many samples, of as many as the time allows."""
     count = min(max(min(len(tiles.tiles) // LONG_SHARE, most), FEWEST_LONG), len(tiles.tiles))
     chosen = np.sort(np.random.default_rng(TILES_SEED).choice(len(tiles.tiles), count, replace=False))
@@ -680,15 +674,15 @@ def _long(
             share = (turn + place / len(ready)) / LONG_SEEDS
             on_progress("rendering some tiles longer", 1 - LONG_TIME * (1 - share))
             pixels[index][turn] = run(ready[index], few, samples, seed + turn).pixels
-    return LongPictures(samples, chosen, pixels)
+    return tradeoff_errors.LongPictures(samples, chosen, pixels)
 
 
-def _extent(ready: Sequence[Ready], seconds: float, seeds: int) -> tuple[SpreadTiles, int]:
+def _extent(ready: Sequence[Ready], seconds: float, seeds: int) -> tuple[tradeoff_errors.SpreadTiles, int]:
     """Return the tiles and the samples per pixel of the first pictures, by the speed of small ones."""
     layout, kind = ready[0].wavefront.layout, ready[0].wavefront.session.info.type
     now = undisturbed_clock(kind)
     rng = np.random.default_rng(TILES_SEED)
-    pilot = spread_tiles(layout, PILOT_TILES, rng)
+    pilot = tradeoff_errors.spread_tiles(layout, PILOT_TILES, rng)
     for each in ready:
         run(each, pilot, 1, 0)
     begun = now()
@@ -698,5 +692,5 @@ def _extent(ready: Sequence[Ready], seconds: float, seeds: int) -> tuple[SpreadT
     # Of one tile with one sample per pixel in the first picture of each seed.
     fits = seconds * (1 - LONG_TIME) / (seeds * (1 + GROWTH) * per_sample * TILE_PIXELS)
     most = int(np.clip(fits / WANTED_SAMPLES, FEWEST_TILES, MOST_TILES.get(kind, MOST_TILES["gpu"])))
-    tiles = spread_tiles(layout, most, rng)
+    tiles = tradeoff_errors.spread_tiles(layout, most, rng)
     return tiles, 2 ** math.floor(math.log2(max(fits / len(tiles.tiles), 1)))  # lattices are even at powers of two

@@ -18,20 +18,7 @@ from rptcam_cl.core.records import curves
 from rptcam_cl.optics.lens import Lens, limiting_surface, system_matrix
 from rptcam_cl.optics.ray_trace import axial_transmittance
 from rptcam_cl.optics.stop_shape import StopMask, StopShape, blades, fitted, heart, polygon, star
-from rptcam_cl.rendering.cameras.model import (
-    Blur,
-    CameraModel,
-    CameraView,
-    camera_record,
-    entrance_pupil_view,
-    film_depths,
-    half_tangents,
-    intrinsics,
-    opening_irradiance,
-    perfect_blur,
-    thick_lens_reach,
-    thin_lens_reach,
-)
+from rptcam_cl.rendering.cameras import model
 from rptcam_cl.rendering.cameras.setting import (
     EntrancePupil,
     LensSetting,
@@ -237,30 +224,32 @@ def _mask(scene: Scene, aperture: ImageAperture) -> NDArray[np.bool_]:
 # The pinhole camera: perspective without a lens.
 
 
-def pinhole_camera(scene: Scene) -> CameraModel:
+def pinhole_camera(scene: Scene) -> model.CameraModel:
     """Return the camera for the device."""
     camera = scene.camera
     assert isinstance(camera, PinholeCamera)
-    across, down = half_tangents(camera.fov_degrees, camera.fov_axis, scene.film)
-    record = camera_record(
+    across, down = model.half_tangents(camera.fov_degrees, camera.fov_axis, scene.film)
+    record = model.camera_record(
         camera, scene.film, "pinhole", half_width=across, half_height=down, near_distance=camera.near_m
     )
     moved = place_film(record, scene, scene.film.size_m()[0] * 500.0 / across)
-    projection = intrinsics(scene, (0.5 / across, 0.5 / down))
+    projection = model.intrinsics(scene, (0.5 / across, 0.5 / down))
     metadata = movements_metadata(camera) | {"camera": "pinhole", "intrinsics": projection}
     metadata["entrance_pupil"] = EntrancePupil().described()
-    return CameraModel("camera/pinhole.h", record, moved, metadata=metadata, view=CameraView(starts_ahead=True))
+    return model.CameraModel(
+        "camera/pinhole.h", record, moved, metadata=metadata, view=model.CameraView(starts_ahead=True)
+    )
 
 
 # The environment camera: the whole sphere in longitude and latitude.
 
 
-def environment_camera(scene: Scene) -> CameraModel:
+def environment_camera(scene: Scene) -> model.CameraModel:
     """Return the camera for the device."""
     camera = scene.camera
     assert isinstance(camera, EnvironmentCamera)
-    record = camera_record(camera, scene.film, "environment")
-    return CameraModel("camera/environment.h", record, facts={}, metadata={"camera": "environment"})
+    record = model.camera_record(camera, scene.film, "environment")
+    return model.CameraModel("camera/environment.h", record, facts={}, metadata={"camera": "environment"})
 
 
 # The thin lens: an ideal lens of no thickness with one plane of focus.
@@ -279,7 +268,7 @@ def optics_of(camera: ThinLensCamera, film: Film) -> tuple[float, float, float]:
         distance = 1 / (1 / focal_length - 1 / focus)
         return width / 2 / distance, height / 2 / distance, focal_length
     assert camera.fov_degrees is not None
-    across, down = half_tangents(camera.fov_degrees, camera.fov_axis, film)
+    across, down = model.half_tangents(camera.fov_degrees, camera.fov_axis, film)
     distance = width / 2 / across
     return across, down, 1 / (1 / distance + 1 / focus)
 
@@ -292,7 +281,7 @@ def radius_of(camera: ThinLensCamera, focal_length_m: float) -> float:
     return focal_length_m / camera.f_number / 2
 
 
-def thin_lens_camera(scene: Scene) -> CameraModel:
+def thin_lens_camera(scene: Scene) -> model.CameraModel:
     """Return the camera for the device.
 
     Its film is lit evenly: every pixel has the irradiance that its light would have on the axis.
@@ -302,18 +291,18 @@ def thin_lens_camera(scene: Scene) -> CameraModel:
     return thin_lens_model(scene, camera)
 
 
-def thin_lens_model(scene: Scene, camera: ThinLensCamera) -> CameraModel:
+def thin_lens_model(scene: Scene, camera: ThinLensCamera) -> model.CameraModel:
     """Return the camera of a scene set in some other way than the scene says."""
     across, down, focal_length = optics_of(camera, scene.film)
     radius = radius_of(camera, focal_length)
-    record = camera_record(
+    record = model.camera_record(
         camera, scene.film, "thin_lens",
         half_width=across, half_height=down, focus_distance=camera.plane_m, aperture_radius=radius,
     )  # fmt: skip
     tables, facts = aperture_tables(scene, camera.aperture)
     film_distance = scene.film.size_m()[0] / 2 / across
     shape = stop_shape(scene, camera.aperture)
-    on_axis = opening_irradiance(shape, radius, film_distance) if radius else None
+    on_axis = model.opening_irradiance(shape, radius, film_distance) if radius else None
     facts |= place_film(record, scene, film_distance * 1e3)
     metadata = movements_metadata(camera) | {
         "camera": "thin_lens",
@@ -321,15 +310,15 @@ def thin_lens_model(scene: Scene, camera: ThinLensCamera) -> CameraModel:
         "f_number": focal_length / (2 * radius) if radius else math.inf,
         "focus_distance_m": camera.plane_m,
         "on_axis_irradiance": on_axis,
-        "intrinsics": intrinsics(scene, (0.5 / across, 0.5 / down)),
+        "intrinsics": model.intrinsics(scene, (0.5 / across, 0.5 / down)),
         "entrance_pupil": EntrancePupil(diameter_mm=2e3 * radius).described(),
     }
     pixels_per_tangent = math.sqrt(scene.film.resolution[0] / across * scene.film.resolution[1] / down) / 2
-    view = CameraView(
+    view = model.CameraView(
         pupil_radius_m=radius,
         blur=lambda: _thin_lens_blur(scene, 2 * radius * pixels_per_tangent, 1 / camera.plane_m, film_distance),
     )
-    return CameraModel(
+    return model.CameraModel(
         "camera/thin_lens.h",
         record,
         facts=facts,
@@ -337,14 +326,14 @@ def thin_lens_model(scene: Scene, camera: ThinLensCamera) -> CameraModel:
         metadata=metadata,
         view=view,
         on_axis_irradiance=on_axis,
-        reach=thin_lens_reach(radius, camera.plane_m, (across, down), shape) if radius else None,
+        reach=model.thin_lens_reach(radius, camera.plane_m, (across, down), shape) if radius else None,
     )
 
 
-def _thin_lens_blur(scene: Scene, gain: float, focus: float, film_distance_m: float) -> Blur:
+def _thin_lens_blur(scene: Scene, gain: float, focus: float, film_distance_m: float) -> model.Blur:
     """Return the circle of confusion: a film point farther back has its plane of focus nearer, and a longer lever."""
-    nearer = 1.0 + film_depths(scene) * 1e-3 / film_distance_m
-    return perfect_blur(gain * nearer, focus + (1.0 - 1.0 / nearer) / film_distance_m)
+    nearer = 1.0 + model.film_depths(scene) * 1e-3 / film_distance_m
+    return model.perfect_blur(gain * nearer, focus + (1.0 - 1.0 / nearer) / film_distance_m)
 
 
 # The thick lens: what the cardinal points and the pupils of a lens say, and nothing of its aberrations and rims.
@@ -440,7 +429,7 @@ def _check(lens: Lens, wavelength_nm: float) -> None:
         raise InputError(f"{lens.name}: its stop is not round; take camera.kind: realistic")
 
 
-def thick_lens_camera(scene: Scene) -> CameraModel:
+def thick_lens_camera(scene: Scene) -> model.CameraModel:
     """Return the camera for the device.
 
     Raises
@@ -451,7 +440,7 @@ def thick_lens_camera(scene: Scene) -> CameraModel:
     return thick_lens_model(scene, lens_setting(scene))
 
 
-def thick_lens_model(scene: Scene, setting: LensSetting) -> CameraModel:
+def thick_lens_model(scene: Scene, setting: LensSetting) -> model.CameraModel:
     """Return the camera of a scene with its lens set in some other way than the scene says."""
     camera = scene.camera
     assert isinstance(camera, ThickLensCamera)
@@ -461,7 +450,7 @@ def thick_lens_model(scene: Scene, setting: LensSetting) -> CameraModel:
     scale = setting.gain * passed * thick.pupil_solid_angle
     width_m, height_m = scene.film.size_m()
     first_vertex_m = -setting.lens.film_z(setting.film_distance_mm) * 1e-3
-    record = camera_record(
+    record = model.camera_record(
         camera, scene.film, "thick_lens",
         film_half_width=width_m / 2 * 1e3, film_half_height=height_m / 2 * 1e3, weight=scale,
         metres_per_mm=1e-3, first_vertex_z=first_vertex_m,
@@ -471,16 +460,16 @@ def thick_lens_model(scene: Scene, setting: LensSetting) -> CameraModel:
     )  # fmt: skip
     check_film(setting.lens, setting.film_distance_mm, scene)
     moved = place_film(record, scene)
-    projection = intrinsics(scene, thick.film_per_tangent(width_m, height_m), lever=thick.lever)
+    projection = model.intrinsics(scene, thick.film_per_tangent(width_m, height_m), lever=thick.lever)
     metadata = {"camera": "thick_lens", **setting.metadata, "on_axis_irradiance": on_axis, "intrinsics": projection}
     metadata |= movements_metadata(camera) | {"entrance_pupil": entrance_pupil(scene, setting).described()}
     metadata |= {"transmittance": passed} if setting.transmission else {}
-    view = entrance_pupil_view(
+    view = model.entrance_pupil_view(
         setting.lens.first_order(camera.wavelength_nm),
         first_vertex_m,
         lambda: _thick_lens_blur(thick, scene, first_vertex_m),
     )
-    return CameraModel(
+    return model.CameraModel(
         "camera/thick_lens.h",
         record,
         facts=moved,
@@ -489,11 +478,13 @@ def thick_lens_model(scene: Scene, setting: LensSetting) -> CameraModel:
         on_axis_irradiance=on_axis,
         passed=passed,
         axial_weight=on_axis,
-        reach=thick_lens_reach(thick.height, thick.slope, first_vertex_m, (width_m / 2 * 1e3, height_m / 2 * 1e3)),
+        reach=model.thick_lens_reach(
+            thick.height, thick.slope, first_vertex_m, (width_m / 2 * 1e3, height_m / 2 * 1e3)
+        ),
     )
 
 
-def _thick_lens_blur(thick: ThickLens, scene: Scene, first_vertex_m: float) -> Blur:
+def _thick_lens_blur(thick: ThickLens, scene: Scene, first_vertex_m: float) -> model.Blur:
     """Return the circle of confusion: where a point is seen, its rays spread over the film as the pupil's points do.
 
     A point x at a distance D from the first vertex belongs to film points h with x = (height + D slope) (h, p). A film
@@ -503,10 +494,10 @@ def _thick_lens_blur(thick: ThickLens, scene: Scene, first_vertex_m: float) -> B
     width_m, height_m = film.size_m()
     pixels_per_mm = math.sqrt(film.resolution[0] / width_m * film.resolution[1] / height_m) * 1e-3
     (at, across), (turn, spread) = thick.height, thick.slope
-    depths = film_depths(scene)
+    depths = model.film_depths(scene)
     nearer = 1.0 + depths * thick.film_slope[0]
     moved = depths * thick.film_slope[1] / nearer
     across_there, spread_there = across - moved * at, spread - moved * turn
     gains = 2 * pixels_per_mm * np.abs(across_there / turn * nearer) * 1e-3
     focuses = -spread_there / across_there * 1e3
-    return perfect_blur(gains, focuses, shift=at / turn * 1e-3, origin_z=first_vertex_m)
+    return model.perfect_blur(gains, focuses, shift=at / turn * 1e-3, origin_z=first_vertex_m)

@@ -15,18 +15,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.core.files import read_whole
-from rptcam_cl.scene.assets.mesh import (
-    Colour,
-    Draft,
-    FileMaterial,
-    FileTexture,
-    Find,
-    MeshSurface,
-    Polygons,
-    as_triangles,
-    different_rows,
-    open_mesh,
-)
+from rptcam_cl.scene.assets import mesh
 
 # MTL files: the materials that OBJ files name.
 
@@ -44,7 +33,7 @@ GLASS = (4, 6, 7, 9)  # illumination models with transparency by refraction
 Lines = dict[str, tuple[int, list[str]]]
 
 
-def read_mtl(path: Path) -> dict[str, FileMaterial]:
+def read_mtl(path: Path) -> dict[str, mesh.FileMaterial]:
     """Return the materials of an MTL file by their names.
 
     Raises
@@ -78,12 +67,12 @@ class _Material:
         self._path = path
         self._lines = lines
 
-    def material(self, name: str) -> FileMaterial:
+    def material(self, name: str) -> mesh.FileMaterial:
         """Return what the lines say."""
         model = int(self._number("illum", 2))
         gloss = self._colour("ks", (0.0, 0.0, 0.0))
         exponent = max(0.0, self._number("ns", 0.0))
-        plain = FileMaterial(
+        plain = mesh.FileMaterial(
             name=name,
             base_color=self._colour("kd", (0.8, 0.8, 0.8)),
             base_texture=self._texture("map_kd"),
@@ -104,7 +93,7 @@ class _Material:
         )
         return self._with_model(plain, model, gloss)
 
-    def _with_model(self, plain: FileMaterial, model: int, gloss: Colour) -> FileMaterial:
+    def _with_model(self, plain: mesh.FileMaterial, model: int, gloss: mesh.Colour) -> mesh.FileMaterial:
         """Return the material with what the illumination model says: glass, or a mirror where nothing is diffuse."""
         if model in GLASS:
             clear = self._colour("tf", (1.0, 1.0, 1.0))
@@ -138,20 +127,20 @@ class _Material:
         found = self._numbers(key)
         return default if found is None else found[0]
 
-    def _colour(self, key: str, default: Colour, most: float = 1.0) -> Colour:
+    def _colour(self, key: str, default: mesh.Colour, most: float = 1.0) -> mesh.Colour:
         found = self._numbers(key)
         if found is None:
             return default
         red, green, blue = (min(most, max(0.0, value)) for value in (found * 3 if len(found) < 3 else found)[:3])
         return (red, green, blue)
 
-    def _texture(self, key: str) -> FileTexture | None:
+    def _texture(self, key: str) -> mesh.FileTexture | None:
         if key not in self._lines:
             return None
         options, name = _options(self._lines[key][1])
         if not name:
             return None
-        return FileTexture(
+        return mesh.FileTexture(
             self._path.parent / name.replace("\\", "/"),
             name,
             scale=options.get("-s", (1.0, 1.0)),
@@ -500,16 +489,16 @@ def surface_of(
     normals: NDArray[np.float64],
     material: int | None,
     name: str | None,
-) -> MeshSurface:
+) -> mesh.MeshSurface:
     """Return the surface of some faces, with a vertex for each different corner."""
     corners = faces.checked((len(positions), len(uvs), len(normals)))
     has_uvs, has_normals = (bool((corners[:, kind] != MISSING).any()) for kind in (1, 2))
     own, vertices = _different(corners, (len(positions), len(uvs), len(normals)))
     polygons = _polygons(vertices, np.concatenate(faces.sizes), np.concatenate(faces.lines))
     places = positions[own[:, 0]]
-    return MeshSurface(
+    return mesh.MeshSurface(
         places,
-        as_triangles(places, polygons, f"{faces.path}: the face of line"),
+        mesh.as_triangles(places, polygons, f"{faces.path}: the face of line"),
         _rows(normals, own[:, 2]) if has_normals else None,
         _rows(uvs, own[:, 1]) if has_uvs else None,
         material,
@@ -523,7 +512,7 @@ def _different(corners: NDArray[np.int32], counts: Counts) -> tuple[NDArray[np.i
     aligned = [bool((column == first).all()) for column in corners[:, 1:].T]
     missing = [bool((column == MISSING).all()) for column in corners[:, 1:].T]
     if len(corners) < counts[0] or not all(same or none for same, none in zip(aligned, missing, strict=True)):
-        kept, vertices = different_rows([corners[:, kind] for kind in range(3)])
+        kept, vertices = mesh.different_rows([corners[:, kind] for kind in range(3)])
         return corners[kept], vertices
     # Nothing to tell apart: the usual file of a single piece, which names everything by the same number.
     own = np.full((counts[0], 3), MISSING, np.int32)
@@ -542,14 +531,14 @@ def _rows(table: NDArray[np.float64], indices: NDArray[np.int32]) -> NDArray[np.
     return found
 
 
-def _polygons(vertices: NDArray[Any], sizes: NDArray[np.int32], lines: NDArray[np.int32]) -> list[Polygons]:
+def _polygons(vertices: NDArray[Any], sizes: NDArray[np.int32], lines: NDArray[np.int32]) -> list[mesh.Polygons]:
     if (sizes == sizes[0]).all():
-        return [Polygons(lines, vertices.reshape(len(sizes), -1))]
+        return [mesh.Polygons(lines, vertices.reshape(len(sizes), -1))]
     starts = np.cumsum(sizes, dtype=np.int64) - sizes
     found = []
     for size in np.unique(sizes):
         rows = np.flatnonzero(sizes == size)
-        found.append(Polygons(lines[rows], vertices[starts[rows, None] + np.arange(size)]))
+        found.append(mesh.Polygons(lines[rows], vertices[starts[rows, None] + np.arange(size)]))
     return found
 
 
@@ -621,7 +610,7 @@ class ObjReader:
         return np.concatenate(self.rows[word]) if self.rows[word] else np.empty((0, width))
 
 
-def read_obj(path: Path, find: Find) -> Draft:
+def read_obj(path: Path, find: mesh.Find) -> mesh.Draft:
     """Return the surfaces of an OBJ file, one for each material, and the materials of its libraries.
 
     Raises
@@ -630,11 +619,11 @@ def read_obj(path: Path, find: Find) -> Draft:
         When a line cannot be read, a face names what is not there, or there are no faces.
     """
     reader = ObjReader(path)
-    with open_mesh(path) as file:
+    with mesh.open_mesh(path) as file:
         reader.read(file)
     if not reader.faces:
         raise InputError(f"{path}: has no faces (allowed: lines such as 'f 1 2 3')")
-    materials: dict[str, FileMaterial] = {}
+    materials: dict[str, mesh.FileMaterial] = {}
     notes: list[str] = []
     grey = False  # stands for materials of a library that is missing
     for number, name in reader.libraries:
@@ -646,21 +635,21 @@ def read_obj(path: Path, find: Find) -> Draft:
         else:
             materials |= read_mtl(library)
     positions, uvs, normals = (reader.table(word) for word in (b"v", b"vt", b"vn"))
-    surfaces: list[MeshSurface] = []
-    used: list[FileMaterial] = []
+    surfaces: list[mesh.MeshSurface] = []
+    used: list[mesh.FileMaterial] = []
     for name_, faces in reader.faces.items():
         place = None
         if materials or grey:
             place = len(used)
             used.append(_named(materials, name_, path, grey=grey))
         surfaces.append(surface_of(faces, positions, uvs, normals, place, name_))
-    return Draft(surfaces, used, notes=notes)
+    return mesh.Draft(surfaces, used, notes=notes)
 
 
-def _named(materials: dict[str, FileMaterial], name: str | None, path: Path, *, grey: bool) -> FileMaterial:
+def _named(materials: dict[str, mesh.FileMaterial], name: str | None, path: Path, *, grey: bool) -> mesh.FileMaterial:
     """Return a material by its name; faces without one are grey, and where a library is missing those of others."""
     if name is None or (grey and name not in materials):
-        return FileMaterial(matte=True)
+        return mesh.FileMaterial(matte=True)
     if name not in materials:
         raise InputError(f"{path}: usemtl {name}: names no material (allowed: {', '.join(list(materials)[:24])})")
     return materials[name]
