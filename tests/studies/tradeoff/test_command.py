@@ -135,8 +135,8 @@ def test_report_reads_well(report):
     assert said[0].startswith("Set: in 1 s rptcam render SCENE ") and "; to an error of 5 % rptcam render" in said[0]
     assert any(line.startswith("Full accuracy (full in the tables) is the most accurate way") for line in said)
     errors, costs, cameras = tables(report)
-    assert all(len(row) == len(table.columns) for table in (errors, costs, cameras) for row in table.rows)
-    assert len(costs.rows) == len(errors.rows) + 1 == len(report.measurements)
+    assert all(len(row) == len(columns) for _, columns, rows in (errors, costs, cameras) for row in rows)
+    assert len(costs[2]) == len(errors[2]) + 1 == len(report.measurements)
     text = report.markdown("a scene")
     assert str(report).startswith(said[0]) and "nan" not in str(report)
     assert report.svg().startswith("<svg")
