@@ -54,20 +54,12 @@ TIMES = np.geomspace(1e-4, 1e8, QUANTILE_STEPS)  # at which errors are compared 
 TARGETS = (0.02, 0.01)  # relative errors (root of relMSE) for which times are reported
 
 
-@dataclass(frozen=True)
-class Timings:
-    """Times of one configuration, per sample per pixel of the whole picture, one for each seed [s].
+Timings = tuple[Array, Array]
+"""Times of one configuration, per sample per pixel of the whole picture, one for each seed [s].
 
-    Attributes
-    ----------
-    undisturbed : (seeds,) array
-        With the device to itself: on a processor the CPU time of all threads divided by the cores, else by the clock.
-    wall : (seeds,) array
-        By the clock.
-    """
-
-    undisturbed: Array
-    wall: Array
+With the device to itself: on a processor the CPU time of all threads divided by the cores, else by the clock. Then the
+time by the clock.
+"""
 
 
 @dataclass(frozen=True)
@@ -235,13 +227,13 @@ def measurements(
         law = noise_law(samples, _noise(error, counts), error.fall, _slope(error, samples, counts))
         exact = names["unbiased"] or not names["knob"]
         bias = np.zeros(len(counts)) if exact else _bias(error, errors[0], counts)
-        sample_s = median_over_seeds(times.undisturbed, counts)
+        sample_s = median_over_seeds(times[0], counts)
         sources.append(_Replicates(sample_s, law, bias))
     found = []
     for names, error, times, own in zip(named, errors, timings, sources, strict=True):
         values = {
             "sample_s": own.sample_s,
-            "wall_sample_s": median_over_seeds(times.wall, counts),
+            "wall_sample_s": median_over_seeds(times[1], counts),
             "first": own.law.noise[0],
             "last": own.law.noise[1],
             "before": own.law.before,
@@ -362,15 +354,6 @@ class Ready:
     truncation: dict[str, Any]
 
 
-@dataclass(frozen=True)
-class Run:
-    """One short render: pixels (p, 3) of the tiles, and times [s] of the clock and of all threads of the process."""
-
-    pixels: NDArray[np.float32]
-    wall_s: float
-    cpu_s: float
-
-
 def prepare(
     configurations: Sequence[Variant], session: Session, on_step: Callable[[str, int], Any]
 ) -> tuple[list[Ready], dict[str, str]]:
@@ -420,8 +403,15 @@ def mark(plan: Plan, settings: RenderSettings) -> bytes:
     return repr((words, settings.roulette_depth)).encode() + b"".join(array.tobytes() for array in arrays)
 
 
-def run(ready: Ready, tiles: SpreadTiles, samples: int, seed: int) -> Run:
-    """Render the tiles once."""
+def run(ready: Ready, tiles: SpreadTiles, samples: int, seed: int) -> tuple[NDArray[np.float32], float, float]:
+    """Render the tiles once.
+
+    Returns
+    -------
+    pixels : (p, 3) array
+    wall_s, cpu_s : float
+        Time of the clock, and of all threads of the process [s].
+    """
     wavefront = ready.wavefront
     wavefront.choose_tiles(tiles.tiles)
     wavefront.clear()
@@ -434,7 +424,7 @@ def run(ready: Ready, tiles: SpreadTiles, samples: int, seed: int) -> Run:
     wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
     sums = wavefront.sums()[:, tiles.pixels].astype(np.float64)
     mean = (sums[:3] - sums[3:]).T / samples
-    return Run(mean.astype(np.float32), wall, cpu)
+    return mean.astype(np.float32), wall, cpu
 
 
 def undisturbed_clock(device_type: str) -> Callable[[], float]:
@@ -515,9 +505,8 @@ def render_by_turns(
             break
         for place, index in enumerate(_order(len(ready), turn)):
             on_progress("rendering by turns", (1 - LONG_TIME) * (turn + place / len(ready)) / turns)
-            found = run(ready[index], tiles, samples[k], seed + 1 + turn)
-            pixels[index][k][row] = found.pixels
-            taken[index, :, row] += (found.cpu_s, found.wall_s)
+            pixels[index][k][row], wall_s, cpu_s = run(ready[index], tiles, samples[k], seed + 1 + turn)
+            taken[index, :, row] += cpu_s, wall_s
     seeds = turns // len(samples)
     pixels = [[part[:seeds] for part in each] for each in pixels]
     taken = taken[:, :, :seeds]
@@ -527,7 +516,7 @@ def render_by_turns(
     long = _long(ready, tiles, most, LONG_GROWTH * first, seed + 1 + turns, on_progress)
     taken *= layout.samples_per_spp / len(tiles.pixels) / sum(samples)
     by_cpu = info.type == "cpu"
-    timings = [Timings(cpu / cores() if by_cpu else wall, wall) for cpu, wall in taken]
+    timings = [(cpu / cores() if by_cpu else wall, wall) for cpu, wall in taken]
     return Pictures(tiles, samples, seeds, pixels, long, timings, by_cpu)
 
 
@@ -552,7 +541,7 @@ def _long(
         for place, index in enumerate(_order(len(ready), turn)):
             share = (turn + place / len(ready)) / LONG_SEEDS
             on_progress("rendering some tiles longer", 1 - LONG_TIME * (1 - share))
-            pixels[index][turn] = run(ready[index], few, samples, seed + turn).pixels
+            pixels[index][turn], *_ = run(ready[index], few, samples, seed + turn)
     return LongPictures(samples, chosen, pixels)
 
 

@@ -96,14 +96,8 @@ class KeptTracer:
                 for name in ("origins", "directions", "status", "surface"):
                     getattr(found, name)[rows] = getattr(rays, name)
             else:
-                _trace_rows(tracer, points, vectors, found, rows, own)
+                tracer.trace(points, vectors, found, slice(0, count) if own is not None else rows, own)
         return corners, found
-
-
-def _trace_rows(
-    tracer: LensTracer, points: Array, vectors: Array, found: Rays, rows: NDArray[np.intp], own: Array | None
-) -> None:
-    tracer.trace(points, vectors, found, slice(0, len(points)) if own is not None else rows, own)
 
 
 @dataclass(frozen=True)
@@ -757,15 +751,12 @@ def _spot(spots: list[FilmSpot]) -> dict[str, Any] | None:
 
 def _mtf(spots: list[FilmSpot]) -> dict[str, Any] | None:
     """Return the modulation by frequency [cycles/mm], tangential and sagittal, and the limits of diffraction."""
-    curves = field_mtf([spot for spot in spots if len(spot.points)], FREQUENCIES) if _lit(spots) else None
+    lit = [spot for spot in spots if len(spot.points)]
+    curves = field_mtf(lit, FREQUENCIES) if lit else None
     if curves is None:
         return None
     plain = {name: np.round(curve, 4).tolist() for name, curve in zip(COLUMNS, curves, strict=True)}
     return {"frequencies": FREQUENCIES.tolist()} | plain
-
-
-def _lit(spots: list[FilmSpot]) -> bool:
-    return any(len(spot.points) for spot in spots)
 
 
 def thick_rays(state: LensState, x: float, y: float) -> dict[str, Any]:
@@ -845,14 +836,14 @@ class LensPanel:
 
     def numbers(self, resolved: Scene) -> dict[str, Any]:
         """Return the numbers of the camera in its state; None where there is no such number."""
-        found: dict[str, Any] = self._once("numbers", resolved, lambda: self._numbers(resolved))
-        return found
 
-    def _numbers(self, resolved: Scene) -> dict[str, Any]:
-        if isinstance(resolved.camera, LensCamera):
-            return lens_numbers(self._state(resolved))
-        pupils = dict.fromkeys(("entrance_pupil", "exit_pupil"))
-        return camera_numbers(resolved) | pupils
+        def find() -> dict[str, Any]:
+            if isinstance(resolved.camera, LensCamera):
+                return lens_numbers(self._state(resolved))
+            return camera_numbers(resolved) | {"entrance_pupil": None, "exit_pupil": None}
+
+        found: dict[str, Any] = self._once("numbers", resolved, find)
+        return found
 
     def pointer(self, resolved: Scene, x: float, y: float) -> dict[str, Any]:
         """Return rays, spot and transfer of a point of the picture, in fractions from its left and top.

@@ -168,7 +168,7 @@ def test_turns_end_where_they_take_longer_than_the_first_said(monkeypatch):
     hurried = tradeoff_runs.render_by_turns(ready, 0.4, 1, lambda words, share: None)
     assert hurried.seeds == 4 and len(hurried.long.chosen) == 16
     assert all(part.shape[0] == 4 for each in hurried.pixels for part in each)
-    assert all(len(timing.wall) == 4 for timing in hurried.timings)
+    assert all(len(wall) == 4 for _, wall in hurried.timings)
     assert tradeoff_runs.render_by_turns(ready, 60.0, 1, lambda words, share: None).seeds == 8
 
 
