@@ -304,7 +304,7 @@ def for_time(found: Sequence[Measurement], seconds: float) -> Advice:
     """
     found = _trusted(found)
     errors = [each.error_after(seconds) for each in found]
-    likely = [each.error_after(seconds, each.likely_bias) for each in found]
+    likely = [each.error_after(seconds, "value") for each in found]
     best = _clear_best([each.error_after(seconds) for each in _surely(found)])
     name = found[best].name if math.isfinite(errors[best]) else None
     perhaps = _better_yet(found, likely, errors, best)
@@ -319,7 +319,7 @@ def for_error(found: Sequence[Measurement], error: float) -> Advice:
     """Return the configuration that reaches an error first; the most accurate one unless another is clearly faster."""
     found = _trusted(found)
     times = [each.seconds_until(error) for each in found]
-    likely = [each.seconds_until(error, each.likely_bias) for each in found]
+    likely = [each.seconds_until(error, "value") for each in found]
     best = _clear_best([each.seconds_until(error) for each in _surely(found)])
     perhaps = _better_yet(found, likely, times, best)
     if math.isinf(times[best]):
@@ -788,8 +788,7 @@ def _decades(low: float, high: float) -> tuple[float, float]:
 
 def _error(found: Measurement, times: np.ndarray, end: str = "value") -> np.ndarray:
     """Return the root of relMSE after times, with bias and noise at an end of their intervals."""
-    floor = 0.0 if found.unbiased or not found.knob else max(getattr(found.bias, end), 0.0)
-    return np.asarray(np.sqrt(floor + found.law(end).even(times / found.sample_s.value)))
+    return np.asarray(np.sqrt(found.bias_at(end) + found.law(end).even(times / found.sample_s.value)))
 
 
 def _errors_over_field(axes: Axes, report: TradeoffReport, colours: dict[str, str]) -> None:

@@ -138,36 +138,29 @@ class Measurement:
         """The bias of tiles where it is larger than noise explains, and 0 elsewhere."""
         return np.where(self.bias_of_tiles > SURE * self.noise_of_tiles, self.bias_of_tiles, 0.0)
 
-    @property
-    def sure_bias(self) -> float:
-        """The upper end of the interval of the bias, as relMSE; 0 where there can be none."""
-        return 0.0 if self.unbiased or not self.knob else max(self.bias.high, 0.0)
-
-    @property
-    def likely_bias(self) -> float:
-        """The measured bias, as relMSE; 0 where there can be none."""
-        return 0.0 if self.unbiased or not self.knob else max(self.bias.value, 0.0)
+    def bias_at(self, end: str) -> float:
+        """Return the bias as relMSE, ``low``, ``value`` or ``high`` of its interval; 0 where there can be none."""
+        return 0.0 if self.unbiased or not self.knob else max(float(getattr(self.bias, end)), 0.0)
 
     @property
     def has_rare_paths(self) -> bool:
         """Whether the noise comes from paths so rare that its size is uncertain."""
         return self.noise[1].high > RARE * self.noise[1].low or self.slope.low > SLOW
 
-    def error_after(self, seconds: float, bias: float | None = None) -> float:
-        """Return the relative error (root of relMSE) after a time, with a bias or the most that it may be.
+    def error_after(self, seconds: float, end: str = "high") -> float:
+        """Return the relative error (root of relMSE) after a time, with the bias at an end of its interval.
 
         Infinite where the time is not enough for a sample in every pixel.
         """
         if seconds < self.sample_s.value:
             return math.inf
-        return math.sqrt((self.sure_bias if bias is None else bias) + self.noise_after(seconds))
+        return math.sqrt(self.bias_at(end) + self.noise_after(seconds))
 
     def errors_after(self, seconds: float) -> tuple[float, float]:
         """Return the least and the largest relative error after a time that the intervals of noise and bias allow."""
-        least = 0.0 if self.unbiased or not self.knob else max(self.bias.low, 0.0)
         samples = seconds / self.sample_s.value
         low, high = float(self.law("low").least(samples)), float(self.law("high").most(samples))
-        return math.sqrt(least + low), math.sqrt(self.sure_bias + high)
+        return math.sqrt(self.bias_at("low") + low), math.sqrt(self.bias_at("high") + high)
 
     def noise_after(self, seconds: float) -> float:
         """Return the noise after a time as relMSE."""
@@ -178,9 +171,9 @@ class Measurement:
         first, last, before, beyond = (getattr(x, end) for x in (*self.noise, self.before, self.beyond))
         return NoiseLaw(self.samples, (first, last), before, beyond)
 
-    def seconds_until(self, error: float, bias: float | None = None) -> float:
-        """Return the time to a relative error [s], with a bias or the most that it may be; infinite means never."""
-        left = error**2 - (self.sure_bias if bias is None else bias)
+    def seconds_until(self, error: float, end: str = "high") -> float:
+        """Return the time to a relative error [s], with the bias at an end of its interval; infinite means never."""
+        left = error**2 - self.bias_at(end)
         return max(float(self.law().until(left)), 1.0) * self.sample_s.value if left > 0 else math.inf
 
 
