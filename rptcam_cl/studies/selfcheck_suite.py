@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from rptcam_cl._version import __version__
 from rptcam_cl.core.constants import LINE_D_NM
-from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import DeviceError, InputError
 from rptcam_cl.device.devices import default_device, device_details, fitting_devices, list_devices, opencl_version
 from rptcam_cl.device.drivers import pocl_cache_folder
@@ -47,12 +46,13 @@ LENSES = ("dgauss-50mm", "wide-22mm", "fisheye-10mm", "telephoto-250mm", "aspher
 STEPS = np.array([-1e-1, -1e-2, -1e-3, -1e-4, 1e-4, 1e-3, 1e-2, 1e-1])  # about the critical angle [radians]
 
 
-@dataclass(frozen=True)
-class SurfaceErrors:
-    """What float32 does wrong at a single surface.
+def surface_errors(
+    session: Session, radius_mm: float, index: float, start: str, rng: np.random.Generator, count: int = 200
+) -> tuple[float, float, int]:
+    """What float32 does wrong for rays that meet a surface of some radius, up to 30 mm, into or out of some index.
 
-    Attributes
-    ----------
+    Returns
+    -------
     position : float
         Largest error of the point, over the size of the surface.
     direction : float
@@ -62,16 +62,6 @@ class SurfaceErrors:
         Rays with another fate than in float64, but for those within 0.2 degrees of the critical angle, and rays that
         are not finite.
     """
-
-    position: float
-    direction: float
-    wrong: int
-
-
-def surface_errors(
-    session: Session, radius_mm: float, index: float, start: str, rng: np.random.Generator, count: int = 200
-) -> SurfaceErrors:
-    """Return the errors of rays that meet a surface of some radius, up to 30 mm of it, into or out of some index."""
     sense = 1.0 if start == "scene" else -1.0
     size = min(abs(radius_mm), 30.0)
     lens = Lens(f"{radius_mm:g}", (Surface(1 / radius_mm, 0.0, ConstantIndex(index), 0.9 * size),))
@@ -85,11 +75,9 @@ def surface_errors(
     far = cosine >= 3e-3
     both = got.passed & wanted.passed
     turned = np.abs(got.directions - wanted.directions).max(axis=1)[both]
-    return SurfaceErrors(
-        position=float(np.abs(got.origins - wanted.origins)[both].max(initial=0.0)) / size,
-        direction=float((turned * cosine[both] / (EPS * (2 + index**2))).max(initial=0.0)),
-        wrong=int((far & (got.status != wanted.status)).sum() + (~finite).sum()),
-    )
+    position = float(np.abs(got.origins - wanted.origins)[both].max(initial=0.0)) / size
+    direction = float((turned * cosine[both] / (EPS * (2 + index**2))).max(initial=0.0))
+    return position, direction, int((far & (got.status != wanted.status)).sum() + (~finite).sum())
 
 
 def cosines_behind(lens: Lens, rays: Rays, directions: Array, start: str) -> Array:
@@ -106,18 +94,17 @@ def cosines_behind(lens: Lens, rays: Rays, directions: Array, start: str) -> Arr
 def radius_checks(session: Session) -> list[selfcheck.Check]:
     """Spheres of ten decades of radius and planes, from both sides, into denser and thinner media."""
     rng = np.random.default_rng(5)
-    found = [
+    errors = [
         surface_errors(session, radius, index, start, rng)
         for radius in (*RADII, np.inf)
         for index, start in ((0.75, "scene"), (1.5, "scene"), (1.5, "film"), (4.0, "film"))
     ]
+    positions, turns, wrong = zip(*errors, strict=True)
     return [
         # six roundings of the size of the start, which 0.25, the least cosine of incidence, enlarges
-        selfcheck.Check(
-            "lens: points on R = 1 to 1e9 mm and planes", max(e.position for e in found), 24 * EPS, "of the size"
-        ),
-        selfcheck.Check("lens: directions behind them", max(e.direction for e in found), 12, "roundings"),
-        selfcheck.Check("lens: fates there", sum(e.wrong for e in found), 0, f"of {200 * len(found)} rays wrong"),
+        selfcheck.Check("lens: points on R = 1 to 1e9 mm and planes", max(positions), 24 * EPS, "of the size"),
+        selfcheck.Check("lens: directions behind them", max(turns), 12, "roundings"),
+        selfcheck.Check("lens: fates there", sum(wrong), 0, f"of {200 * len(errors)} rays wrong"),
     ]
 
 
@@ -452,69 +439,51 @@ def _device_lines(device: dict[str, Any]) -> list[str]:
         f"    {device['platform']}: {device['platform_version']}; driver {device['driver_version']}",
         f"    {device['compute_units']} compute units at {device['clock_mhz']} MHz, {memory:.2f} GiB,"
         f" buffers to {largest:.2f} GiB, {precision}" + (f"; kernels compiled for {target}" if target else ""),
-        *([_renaming(*device["renamed"])] if device["renamed"] else []),
+        *(
+            f"    PoCL takes the processor for {old!r}, for which it cannot compile; it compiles for {new!r}"
+            for old, new in ([device["renamed"]] if device["renamed"] else [])
+        ),
         *barred,
     ]
-
-
-def _renaming(old: str, new: str) -> str:
-    return f"    PoCL takes the processor for {old!r}, for which it cannot compile; it compiles for {new!r}"
 
 
 # The suite of checks: what `rptcam doctor --numerics` runs on a device, and the tests on theirs.
 
 
-@dataclass(frozen=True)
-class CheckGroup:
-    """Some checks that are made together.
+CheckMaker = Callable[[Session], selfcheck.Check | Sequence[selfcheck.Check]]
 
-    Attributes
-    ----------
-    name : str
-    make : callable
-        Makes them on a device.
+SUITE: dict[str, CheckMaker] = {
+    "random numbers": selfcheck.random_check,
+    "arithmetic": selfcheck.arithmetic_checks,
+    "loops": selfcheck.loop_check,
+    "film": selfcheck.film_checks,
+    "lens surfaces": radius_checks,
+    "total reflection": reflection_check,
+    "stigmatic lenses": stigmatic_checks,
+    "real lenses": library_checks,
+    "leaks": selfcheck.leak_check,
+    "tree of a mesh": selfcheck.mesh_tree_check,
+    "tree of shapes": selfcheck.object_tree_check,
+    "self-hits": selfcheck.departure_check,
+    "far spheres": selfcheck.far_sphere_checks,
+    "light in closed rooms": energy_check,
+    "organisation": organisation_checks,
+    "ways through a lens": lens_checks,
+}
+
+
+def run_suite(
+    session: Session, suite: Mapping[str, CheckMaker] = SUITE
+) -> Iterator[tuple[Sequence[selfcheck.Check], float]]:
+    """Yield the checks of each part of a suite and how long they took [s].
+
+    A device that fails in one part is still tried in the next.
     """
-
-    name: str
-    make: Callable[[Session], selfcheck.Check | Sequence[selfcheck.Check]]
-
-
-SUITE = (
-    CheckGroup("random numbers", selfcheck.random_check),
-    CheckGroup("arithmetic", selfcheck.arithmetic_checks),
-    CheckGroup("loops", selfcheck.loop_check),
-    CheckGroup("film", selfcheck.film_checks),
-    CheckGroup("lens surfaces", radius_checks),
-    CheckGroup("total reflection", reflection_check),
-    CheckGroup("stigmatic lenses", stigmatic_checks),
-    CheckGroup("real lenses", library_checks),
-    CheckGroup("leaks", selfcheck.leak_check),
-    CheckGroup("tree of a mesh", selfcheck.mesh_tree_check),
-    CheckGroup("tree of shapes", selfcheck.object_tree_check),
-    CheckGroup("self-hits", selfcheck.departure_check),
-    CheckGroup("far spheres", selfcheck.far_sphere_checks),
-    CheckGroup("light in closed rooms", energy_check),
-    CheckGroup("organisation", organisation_checks),
-    CheckGroup("ways through a lens", lens_checks),
-)
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """The checks of a part, and how long they took [s]."""
-
-    checks: tuple[selfcheck.Check, ...]
-    seconds: float
-
-
-def outcomes(session: Session, suite: Sequence[CheckGroup] = SUITE) -> Iterator[Outcome]:
-    """Yield the result of each part of a suite; a device that fails in one is still tried in the next."""
-    for part in suite:
+    for name, make in suite.items():
         begun = time.perf_counter()
         try:
-            made = part.make(session)
+            made = make(session)
         except Exception as error:  # whatever a driver throws belongs in the report
             reason = f"{type(error).__name__}: {' '.join(str(error).split())}"
-            made = selfcheck.Check(part.name, np.nan, 0, "could not be checked", reason)
-        checks = (made,) if isinstance(made, selfcheck.Check) else tuple(made)
-        yield Outcome(checks, time.perf_counter() - begun)
+            made = selfcheck.Check(name, np.nan, 0, "could not be checked", reason)
+        yield (made,) if isinstance(made, selfcheck.Check) else made, time.perf_counter() - begun

@@ -6,7 +6,7 @@ import math
 import os
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, field, replace
+from dataclasses import field, replace
 from typing import Any
 
 import numpy as np
@@ -23,7 +23,6 @@ from rptcam_cl.rendering.plan.plan import Plan, make_plan
 from rptcam_cl.rendering.tracer import Wavefront
 from rptcam_cl.scene.film import RenderSettings
 from rptcam_cl.studies import tradeoff_errors
-from rptcam_cl.studies.tiers import FIELDS, TierError
 
 # What is said of each configuration: rates, bias and times, with intervals.
 
@@ -38,20 +37,12 @@ TIMES = np.geomspace(1e-4, 1e8, QUANTILE_STEPS)  # at which errors are compared 
 TARGETS = (0.02, 0.01)  # relative errors (root of relMSE) for which times are reported
 
 
-@dataclass(frozen=True)
-class Timings:
-    """Times of one configuration, per sample per pixel of the whole picture, one for each seed [s].
+Timings = tuple[Array, Array]
+"""Times of one configuration, per sample per pixel of the whole picture, one for each seed [s].
 
-    Attributes
-    ----------
-    undisturbed : (seeds,) array
-        With the device to itself: on a processor the CPU time of all threads divided by the cores, else by the clock.
-    wall : (seeds,) array
-        By the clock.
-    """
-
-    undisturbed: Array
-    wall: Array
+With the device to itself: on a processor the CPU time of all threads divided by the cores, else by the clock. Then the
+time by the clock.
+"""
 
 
 @dataclass(frozen=True)
@@ -130,36 +121,29 @@ class Measurement:
         """The bias of tiles where it is larger than noise explains, and 0 elsewhere."""
         return np.where(self.bias_of_tiles > SURE * self.noise_of_tiles, self.bias_of_tiles, 0.0)
 
-    @property
-    def sure_bias(self) -> float:
-        """The upper end of the interval of the bias, as relMSE; 0 where there can be none."""
-        return 0.0 if self.unbiased or not self.knob else max(self.bias.high, 0.0)
-
-    @property
-    def likely_bias(self) -> float:
-        """The measured bias, as relMSE; 0 where there can be none."""
-        return 0.0 if self.unbiased or not self.knob else max(self.bias.value, 0.0)
+    def bias_at(self, end: str) -> float:
+        """Return the bias as relMSE, ``low``, ``value`` or ``high`` of its interval; 0 where there can be none."""
+        return 0.0 if self.unbiased or not self.knob else max(float(getattr(self.bias, end)), 0.0)
 
     @property
     def has_rare_paths(self) -> bool:
         """Whether the noise comes from paths so rare that its size is uncertain."""
         return self.noise[1].high > RARE * self.noise[1].low or self.slope.low > SLOW
 
-    def error_after(self, seconds: float, bias: float | None = None) -> float:
-        """Return the relative error (root of relMSE) after a time, with a bias or the most that it may be.
+    def error_after(self, seconds: float, end: str = "high") -> float:
+        """Return the relative error (root of relMSE) after a time, with the bias at an end of its interval.
 
         Infinite where the time is not enough for a sample in every pixel.
         """
         if seconds < self.sample_s.value:
             return math.inf
-        return math.sqrt((self.sure_bias if bias is None else bias) + self.noise_after(seconds))
+        return math.sqrt(self.bias_at(end) + self.noise_after(seconds))
 
     def errors_after(self, seconds: float) -> tuple[float, float]:
         """Return the least and the largest relative error after a time that the intervals of noise and bias allow."""
-        least = 0.0 if self.unbiased or not self.knob else max(self.bias.low, 0.0)
         samples = seconds / self.sample_s.value
         low, high = float(self.law("low").least(samples)), float(self.law("high").most(samples))
-        return math.sqrt(least + low), math.sqrt(self.sure_bias + high)
+        return math.sqrt(self.bias_at("low") + low), math.sqrt(self.bias_at("high") + high)
 
     def noise_after(self, seconds: float) -> float:
         """Return the noise after a time as relMSE."""
@@ -170,9 +154,9 @@ class Measurement:
         first, last, before, beyond = (getattr(x, end) for x in (*self.noise, self.before, self.beyond))
         return tradeoff_errors.NoiseLaw(self.samples, (first, last), before, beyond)
 
-    def seconds_until(self, error: float, bias: float | None = None) -> float:
-        """Return the time to a relative error [s], with a bias or the most that it may be; infinite means never."""
-        left = error**2 - (self.sure_bias if bias is None else bias)
+    def seconds_until(self, error: float, end: str = "high") -> float:
+        """Return the time to a relative error [s], with the bias at an end of its interval; infinite means never."""
+        left = error**2 - self.bias_at(end)
         return max(float(self.law().until(left)), 1.0) * self.sample_s.value if left > 0 else math.inf
 
 
@@ -204,7 +188,7 @@ def measurements(
     Parameters
     ----------
     named
-        The first seven attributes of each.
+        Attributes of each that are not measured, by their names.
     errors, timings
         What was measured.
     samples
@@ -219,13 +203,13 @@ def measurements(
         law = tradeoff_errors.noise_law(samples, _noise(error, counts), error.fall, _slope(error, samples, counts))
         exact = names["unbiased"] or not names["knob"]
         bias = np.zeros(len(counts)) if exact else _bias(error, errors[0], counts)
-        sample_s = tradeoff_errors.median_over_seeds(times.undisturbed, counts)
+        sample_s = tradeoff_errors.median_over_seeds(times[0], counts)
         sources.append(_Replicates(sample_s, law, bias))
     found = []
     for names, error, times, own in zip(named, errors, timings, sources, strict=True):
         values = {
             "sample_s": own.sample_s,
-            "wall_sample_s": tradeoff_errors.median_over_seeds(times.wall, counts),
+            "wall_sample_s": tradeoff_errors.median_over_seeds(times[1], counts),
             "first": own.law.noise[0],
             "last": own.law.noise[1],
             "before": own.law.before,
@@ -332,131 +316,6 @@ def _better_until(own: _Replicates, reference: _Replicates) -> Array:
     return np.where(better.any(axis=0), found, 0.0)
 
 
-# What a comparison of configurations found, as data.
-
-
-@dataclass(frozen=True)
-class Advice:
-    """Which configuration suits a request.
-
-    Attributes
-    ----------
-    wish : str
-        ``time`` or ``error``.
-    amount : float
-        Time [s] or relative error (root of relMSE).
-    chosen : str or None
-        Name of the configuration; None where none reaches the error, or gives every pixel a sample in the time.
-    seconds, error : float
-        Its time [s] and its error, with the bias at the upper end of its interval.
-    samples : int
-        Samples per pixel for that; 0 where none reaches the error.
-    least_error, most_error : float
-        Interval of the error after these samples, from the ends of those of noise and bias.
-    full_seconds, full_error : float
-        The same of the most accurate configuration.
-    perhaps : str or None
-        Another one that is clearly better if its bias is what was measured, and not the upper end of its interval.
-    """
-
-    wish: str
-    amount: float
-    chosen: str | None
-    seconds: float
-    error: float
-    samples: int
-    least_error: float
-    most_error: float
-    full_seconds: float
-    full_error: float
-    perhaps: str | None
-
-
-@dataclass(frozen=True)
-class Comparison:
-    """What a comparison of configurations found, as data.
-
-    Attributes
-    ----------
-    scene, device : str
-    resolution : (width, height)
-    tiles : (rendered, all)
-        Number of tiles of 8 x 8 pixels.
-    grid : (rows, columns)
-        Rows and columns of the rendered tiles.
-    samples : (int, int, int)
-        Samples per pixel of the three sets of pictures; the last has some of the tiles only.
-    long_tiles : int
-        How many tiles the last set has.
-    seeds : int
-        Number of independent pictures in each of the first two sets.
-    seconds : float
-        Time of the whole measurement [s].
-    by_cpu : bool
-        Whether times are CPU times divided by the number of cores.
-    measurements : tuple of Measurement
-        The most accurate configuration first.
-    cameras : tuple of TierError
-        Errors of cheaper camera models over the field, traced in float64.
-    allowed : str
-        Camera model that `camera.accuracy: auto` takes; empty without a lens of surfaces.
-    lens_colour_px : float or None
-        Greatest displacement of light of other wavelengths by the lens [pixels].
-    diffraction : dict or None
-        What `camera.diffraction: auto` decides, with the Airy radius [pixels]; none of the pictures has it.
-    ghosts : float or None
-        Share of a lamp's light on the axis that `camera.ghosts` adds within the frame; none of the pictures has it.
-        None where surfaces reflect nothing.
-    budget : float
-        How long the measurement was to take [s]; 0 where that is not known.
-    truncation : dict
-        Bound on the light of paths beyond the scene's depth.
-    advice : tuple of Advice
-    skipped : dict
-        Configurations that could not be rendered, and why.
-    """
-
-    scene: str
-    device: str
-    resolution: tuple[int, int]
-    tiles: tuple[int, int]
-    grid: tuple[int, int]
-    samples: tuple[int, int, int]
-    long_tiles: int
-    seeds: int
-    seconds: float
-    by_cpu: bool
-    measurements: tuple[Measurement, ...]
-    cameras: tuple[TierError, ...]
-    allowed: str
-    lens_colour_px: float | None
-    truncation: dict[str, Any]
-    advice: tuple[Advice, ...] = ()
-    skipped: dict[str, str] = field(default_factory=dict)
-    diffraction: dict[str, Any] | None = None
-    ghosts: float | None = None
-    budget: float = 0.0
-
-    def named(self, name: str) -> Measurement:
-        """Return the measurement of a configuration by its name or by that of another that is the same way."""
-        for found in self.measurements:
-            if name in (found.name, *found.same_as):
-                return found
-        names = [known for found in self.measurements for known in (found.name, *found.same_as)]
-        raise InputError(f"{name}: was not compared (there are: {', '.join(names)})")
-
-    def camera_of(self, found: Measurement) -> TierError | None:
-        """Return the errors of a configuration's camera model, where it is not the traced lens."""
-        return next((each for each in self.cameras if each.tier == found.tier), None)
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return everything as plain values; what is infinite becomes null in JSON, which means never (or always)."""
-        values = asdict(self)
-        for found in values["measurements"]:
-            found["seconds_to"] = {f"{target:g}": value for target, value in found["seconds_to"].items()}
-        return values | {"fields": list(FIELDS), "confidence": tradeoff_errors.CONFIDENCE}
-
-
 # Short renders of every configuration by turns, with what each took of the clock and of the processor.
 
 
@@ -481,15 +340,6 @@ class Ready:
     start_s: float
     facts: dict[str, Any]
     truncation: dict[str, Any]
-
-
-@dataclass(frozen=True)
-class Run:
-    """One short render: pixels (p, 3) of the tiles, and times [s] of the clock and of all threads of the process."""
-
-    pixels: NDArray[np.float32]
-    wall_s: float
-    cpu_s: float
 
 
 def prepare(
@@ -541,8 +391,17 @@ def mark(plan: Plan, settings: RenderSettings) -> bytes:
     return repr((words, settings.roulette_depth)).encode() + b"".join(array.tobytes() for array in arrays)
 
 
-def run(ready: Ready, tiles: tradeoff_errors.SpreadTiles, samples: int, seed: int) -> Run:
-    """Render the tiles once."""
+def run(
+    ready: Ready, tiles: tradeoff_errors.SpreadTiles, samples: int, seed: int
+) -> tuple[NDArray[np.float32], float, float]:
+    """Render the tiles once.
+
+    Returns
+    -------
+    pixels : (p, 3) array
+    wall_s, cpu_s : float
+        Time of the clock, and of all threads of the process [s].
+    """
     wavefront = ready.wavefront
     wavefront.choose_tiles(tiles.tiles)
     wavefront.clear()
@@ -555,7 +414,7 @@ def run(ready: Ready, tiles: tradeoff_errors.SpreadTiles, samples: int, seed: in
     wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
     sums = wavefront.sums()[:, tiles.pixels].astype(np.float64)
     mean = (sums[:3] - sums[3:]).T / samples
-    return Run(mean.astype(np.float32), wall, cpu)
+    return mean.astype(np.float32), wall, cpu
 
 
 def undisturbed_clock(device_type: str) -> Callable[[], float]:
@@ -636,9 +495,8 @@ def render_by_turns(
             break
         for place, index in enumerate(_order(len(ready), turn)):
             on_progress("rendering by turns", (1 - LONG_TIME) * (turn + place / len(ready)) / turns)
-            found = run(ready[index], tiles, samples[k], seed + 1 + turn)
-            pixels[index][k][row] = found.pixels
-            taken[index, :, row] += (found.cpu_s, found.wall_s)
+            pixels[index][k][row], wall_s, cpu_s = run(ready[index], tiles, samples[k], seed + 1 + turn)
+            taken[index, :, row] += cpu_s, wall_s
     seeds = turns // len(samples)
     pixels = [[part[:seeds] for part in each] for each in pixels]
     taken = taken[:, :, :seeds]
@@ -648,7 +506,7 @@ def render_by_turns(
     long = _long(ready, tiles, most, LONG_GROWTH * first, seed + 1 + turns, on_progress)
     taken *= layout.samples_per_spp / len(tiles.pixels) / sum(samples)
     by_cpu = info.type == "cpu"
-    timings = [Timings(cpu / cores() if by_cpu else wall, wall) for cpu, wall in taken]
+    timings = [(cpu / cores() if by_cpu else wall, wall) for cpu, wall in taken]
     return Pictures(tiles, samples, seeds, pixels, long, timings, by_cpu)
 
 
@@ -673,7 +531,7 @@ def _long(
         for place, index in enumerate(_order(len(ready), turn)):
             share = (turn + place / len(ready)) / LONG_SEEDS
             on_progress("rendering some tiles longer", 1 - LONG_TIME * (1 - share))
-            pixels[index][turn] = run(ready[index], few, samples, seed + turn).pixels
+            pixels[index][turn], *_ = run(ready[index], few, samples, seed + turn)
     return tradeoff_errors.LongPictures(samples, chosen, pixels)
 
 

@@ -13,10 +13,19 @@ from typing import Any, Self
 from rptcam_cl.core.errors import DeviceError, InputError, RptcamError, StateError
 from rptcam_cl.core.files import give_back
 from rptcam_cl.scene.scene import Scene
+from rptcam_cl.studies.focus.probe import FocusReport
 from rptcam_cl.viewfinder import messages
 from rptcam_cl.viewfinder.delivery import Delivery
-from rptcam_cl.viewfinder.dials import lens_entries, turn_dial, zoom_clicks
-from rptcam_cl.viewfinder.moves import FocusOrder, focus_at, focus_zones, moved, viewpoint_of
+from rptcam_cl.viewfinder.dials import lens_entries, turn_dial, zoom_by
+from rptcam_cl.viewfinder.moves import (
+    FocusOrder,
+    describe_focus,
+    focus_at,
+    focus_changes,
+    focus_zones,
+    moved,
+    viewpoint_of,
+)
 from rptcam_cl.viewfinder.state import MOST_CLIENTS, hello_message, state_message
 from rptcam_cl.viewfinder.studio import Origin, Slot, Studio, Watch, place_of, scene_error, text_of
 
@@ -135,66 +144,62 @@ class Requests:
         self._studio = studio
         self._waiting: list[messages.Request] = []
         self._announced: list[messages.Request] = []  # those whose clients know that they wait
-        self._handlers: dict[type[messages.Message], Callable[[messages.Client | None, Any], None]] = {
-            messages.Set: self._set,
-            messages.Dial: self._dial,
-            messages.Move: self._move,
-            messages.Reset: self._reset,
-            messages.Focus: self._focus,
-            messages.Autofocus: self._autofocus,
-            messages.Pointer: self._pointer,
-            messages.Magnify: self._magnify,
-            messages.Compare: self._compare,
-            messages.Save: self._save,
-            messages.SceneText: self._scene,
-            messages.CommandLine: self._command,
-            messages.Pause: self._pause,
-            messages.Resume: self._pause,
-            messages.View: self._view,
-            messages.SceneRead: self._scene_read,
+        self._handlers: dict[str, Callable[[messages.Client, Any], None]] = {
+            "set": self._set,
+            "dial": self._dial,
+            "move": self._move,
+            "reset": self._reset,
+            "focus": self._focus,
+            "autofocus": self._autofocus,
+            "pointer": self._pointer,
+            "magnify": self._magnify,
+            "compare": self._compare,
+            "save": self._save,
+            "scene": self._text,
+            "command": self._text,
+            "pause": self._pause,
+            "resume": self._pause,
+            "view": self._view,
         }
 
-    def answer(self, request: messages.Request) -> None:
+    def answer(self, request: messages.Request | Scene) -> None:
         """Do what a message asks; what is wrong with it is reported to its client."""
+        if isinstance(request, Scene):
+            self._show_file(request)
+            return
         client, message = request.client, request.message
         try:
-            self._handlers[type(message)](client, message)
+            self._handlers[message.type](client, message)
         except (InputError, StateError) as problem:
-            self._refuse(client, message, problem)
+            text = str(problem)
+            client.error(text, message.id, "save" if message.type == "save" else "change", place_of(text))
             return
         except Exception as problem:
-            LOG.exception("the viewfinder met an unexpected error in a message %s", type(message).__name__)
-            if client is not None:
-                client.error(text_of(problem), message.id, "device" if isinstance(problem, DeviceError) else "change")
+            LOG.exception("the viewfinder met an unexpected error in a message %s", message.type)
+            client.error(text_of(problem), message.id, "device" if isinstance(problem, DeviceError) else "change")
             if isinstance(problem, DeviceError):
                 raise
             return
-        if client is not None and isinstance(message, messages.Set | messages.Dial | messages.Move):
+        if message.type in _CHANGE_THE_CAMERA:
             client.answers = message.id
-        if client is not None and not isinstance(message, _WITH_OWN_ANSWER):
+        if message.type not in _WITH_OWN_ANSWER:
             client.done(message.id, self._studio.generation)
 
-    def _refuse(self, client: messages.Client | None, message: messages.Message, problem: RptcamError) -> None:
-        if client is not None:
-            text = str(problem)
-            source = "save" if isinstance(message, messages.Save) else "change"
-            client.error(text, message.id, source, place_of(text))
-
-    def _set(self, client: messages.Client | None, message: messages.Set) -> None:
+    def _set(self, client: messages.Client, message: messages.Set) -> None:
         self._studio.change(message.slot, message.changes, transient=message.transient)
 
-    def _dial(self, client: messages.Client | None, message: messages.Dial) -> None:
+    def _dial(self, client: messages.Client, message: messages.Dial) -> None:
         slot = self._studio.slot(message.slot)
-        turned = turn_dial(slot.dials, slot.scene, slot.resolved, message.name, message.value, slot.reading_cd_m2)
+        turned = turn_dial(slot.panel, message.name, message.value)
         slot.messages = turned.messages
         if turned.changes:
             self._studio.change(message.slot, turned.changes, transient=message.transient, dials=turned.dials)
         slot.dials = turned.dials
 
-    def _move(self, client: messages.Client | None, message: messages.Move) -> None:
+    def _move(self, client: messages.Client, message: messages.Move) -> None:
         slot = self._studio.slot("A")
         if message.kind == "zoom":
-            turned = zoom_clicks(slot.dials, slot.scene, slot.resolved, message.dy)
+            turned = zoom_by(slot.panel, message.dy)
             slot.messages = turned.messages
             if turned.changes:
                 self._studio.change("A", turned.changes, transient=message.transient, dials=turned.dials)
@@ -204,7 +209,7 @@ class Requests:
             if keys:
                 self._studio.change("A", keys, transient=message.transient)
 
-    def _reset(self, client: messages.Client | None, message: messages.Reset) -> None:
+    def _reset(self, client: messages.Client, message: messages.Reset) -> None:
         self._studio.reset("camera" if message.what == "camera" else "")
 
     @property
@@ -218,9 +223,7 @@ class Requests:
         for request in self._announced:
             self.answer(request)
 
-    def _compiles(
-        self, client: messages.Client | None, message: messages.Focus | messages.Autofocus, **place: Any
-    ) -> bool:
+    def _compiles(self, client: messages.Client, message: messages.Focus | messages.Autofocus, **place: Any) -> bool:
         """Return whether another process is still at the kernels of a search for focus; the picture goes on then."""
         slot = self._studio.slot("A")
         method = message.method if isinstance(message, messages.Autofocus) else None
@@ -228,43 +231,43 @@ class Requests:
         if slot.session.is_carried_out(("focus", method), order.pickled):
             return False
         request = messages.Request(client, message)
-        if client is not None and request not in self._announced:
+        if request not in self._announced:
             text = "autofocus: its kernels are being compiled, the picture goes on"
             client.outbox.news("focus", {"type": "notice", "kind": "focus", "ok": True, "text": text})
         self._waiting.append(request)
         return True
 
-    def _focus(self, client: messages.Client | None, message: messages.Focus) -> None:
+    def _focus(self, client: messages.Client, message: messages.Focus) -> None:
         if not self._compiles(client, message, point=(message.x, message.y)):
             slot = self._studio.slot("A")
-            self._focused(client, message, focus_at(slot.scene, slot.session.device, message.x, message.y))
+            report = focus_at(slot.scene, slot.session.device, message.x, message.y)
+            self._set_focus(client, message, slot.scene, report)
 
-    def _autofocus(self, client: messages.Client | None, message: messages.Autofocus) -> None:
+    def _autofocus(self, client: messages.Client, message: messages.Autofocus) -> None:
         zones = None if message.zones is None else [tuple(zone) for zone in message.zones]
         if not self._compiles(client, message, zones=zones):
             slot = self._studio.slot("A")
-            self._focused(client, message, focus_zones(slot.scene, slot.session.device, message.method, zones))
+            report = focus_zones(slot.scene, slot.session.device, message.method, zones)
+            self._set_focus(client, message, slot.scene, report)
 
-    def _focused(self, client: messages.Client | None, message: messages.Message, focused: Any) -> None:
-        self._studio.change("A", focused.changes)
-        if client is not None:
-            client.outbox.answer({"type": "focused", "id": message.id, **focused.as_dict()})
+    def _set_focus(
+        self, client: messages.Client, message: messages.Focus | messages.Autofocus, scene: Scene, report: FocusReport
+    ) -> None:
+        self._studio.change("A", focus_changes(scene, report))
+        client.outbox.answer({"type": "focused", "id": message.id, **describe_focus(report)})
 
-    def _pointer(self, client: messages.Client | None, message: messages.Pointer) -> None:
-        if client is not None:
-            client.pointer = message.place
+    def _pointer(self, client: messages.Client, message: messages.Pointer) -> None:
+        client.pointer = message.place
 
-    def _magnify(self, client: messages.Client | None, message: messages.Magnify) -> None:
-        if client is not None:
-            client.magnifier = None if message.place is None else message
-            client.shown.pop("A", None)
+    def _magnify(self, client: messages.Client, message: messages.Magnify) -> None:
+        client.magnifier = None if message.place is None else message
+        client.shown.pop("A", None)
 
-    def _view(self, client: messages.Client | None, message: messages.View) -> None:
-        if client is not None:
-            client.settings = client.settings.changed(message)
-            client.forget_pictures()
+    def _view(self, client: messages.Client, message: messages.View) -> None:
+        client.settings = client.settings.changed(message)
+        client.forget_pictures()
 
-    def _compare(self, client: messages.Client | None, message: messages.Compare) -> None:
+    def _compare(self, client: messages.Client, message: messages.Compare) -> None:
         wanted = message.model_dump(include={"mode", "model", "changes", "difference"})
         now = self._studio.compare
         both_on = "off" not in (wanted["mode"], now["mode"])
@@ -273,35 +276,30 @@ class Requests:
         else:
             self._studio.set_compare(wanted)
 
-    def _save(self, client: messages.Client | None, message: messages.Save) -> None:
+    def _save(self, client: messages.Client, message: messages.Save) -> None:
         slot = self._studio.slot(message.slot)
         if slot.session.spp == 0:
             slot.session.take(1)
         data = messages.file_bytes(slot.session.image(), message.format)
-        name = messages.file_name(message.name, message.format)
-        if client is not None:
-            media = messages.FILE_MEDIA[message.format]
-            client.outbox.answer({"type": "file", "id": message.id, "name": name, "media": media}, data)
+        name, media = messages.file_name(message.name, message.format), messages.FILE_MEDIA[message.format]
+        client.outbox.answer({"type": "file", "id": message.id, "name": name, "media": media}, data)
 
-    def _scene(self, client: messages.Client | None, message: messages.SceneText) -> None:
-        slot = self._studio.slot(message.slot)
-        text = self._studio.origin.text(slot.scene)
-        if client is not None:
-            client.outbox.answer({"type": "scene", "id": message.id, "yaml": text, "name": self._studio.origin.name})
+    def _text(self, client: messages.Client, message: messages.TextRequest) -> None:
+        slot, origin = self._studio.slot(message.slot), self._studio.origin
+        if message.type == "scene":
+            answer = {"yaml": origin.text(slot.scene), "name": origin.name}
+        else:
+            answer = {"text": origin.command(slot.scene, slot.session.spp)}
+        client.outbox.answer({"type": message.type, "id": message.id, **answer})
 
-    def _command(self, client: messages.Client | None, message: messages.CommandLine) -> None:
-        slot = self._studio.slot(message.slot)
-        text = self._studio.origin.command(slot.scene, slot.session.spp)
-        if client is not None:
-            client.outbox.answer({"type": "command", "id": message.id, "text": text})
+    def _pause(self, client: messages.Client, message: messages.Signal) -> None:
+        self._studio.paused = message.type == "pause"
 
-    def _pause(self, client: messages.Client | None, message: messages.Pause | messages.Resume) -> None:
-        self._studio.paused = isinstance(message, messages.Pause)
-
-    def _scene_read(self, client: messages.Client | None, message: messages.SceneRead) -> None:
+    def _show_file(self, scene: Scene) -> None:
+        """Show the scene file as it was read again, with what the page has changed of it."""
         try:
-            dropped = self._studio.replace(message.scene)
-        except InputError as problem:
+            dropped = self._studio.replace(scene)
+        except (InputError, StateError) as problem:
             self._studio.file_error = scene_error(str(problem))
             self._studio.tell(self._studio.file_error)
             return
@@ -310,10 +308,8 @@ class Requests:
         self._studio.tell({"type": "notice", "kind": "watch", "ok": True, "text": text})
 
 
-_WITH_OWN_ANSWER = (
-    messages.Focus, messages.Autofocus, messages.Save, messages.SceneText, messages.CommandLine, messages.Pointer,
-    messages.Magnify,
-)  # fmt: skip
+_CHANGE_THE_CAMERA = ("set", "dial", "move")
+_WITH_OWN_ANSWER = ("focus", "autofocus", "save", "scene", "command", "pointer", "magnify")
 
 
 # The thread that owns the device: it answers requests, renders what somebody waits for, and sleeps otherwise.
@@ -322,7 +318,7 @@ WAIT_FOR_RELOAD_S = 0.4  # after the last client has gone, for a page that is on
 TIME_TO_PAINT_S = 0.06  # for pages to paint a first picture, before anything else takes the processor
 TIDY_S = 10.0  # between two times that freed memory is given back, which takes some milliseconds
 _POLL_S = 0.02  # between checks whether a compilation has ended
-_CHANGES = (messages.Dial, messages.Set, messages.Move, messages.Compare)
+_CHANGES = (*_CHANGE_THE_CAMERA, "compare")
 
 
 class Engine:
@@ -354,7 +350,7 @@ class Engine:
         """Begin to render."""
         self._thread.start()
 
-    def post(self, client: messages.Client | None, message: messages.Message) -> None:
+    def post(self, client: messages.Client, message: messages.AnyMessage) -> None:
         """Ask for something; any thread. Requests that newer ones make needless are done at once.
 
         Raises
@@ -363,10 +359,14 @@ class Engine:
             Too many requests wait.
         """
         older = self._inbox.put(messages.Request(client, message))
-        if isinstance(message, _CHANGES):
+        if message.type in _CHANGES:
             self._interrupt()
-        if older is not None and older.client is not None:
+        if isinstance(older, messages.Request):
             older.client.done(older.message.id, self._studio.generation, superseded=True)
+
+    def show_file(self, scene: Scene) -> None:
+        """Show the scene as its files are now; any thread."""
+        self._inbox.put(scene)
 
     def wake(self) -> None:
         """Look whether there is something to do: a client has come, gone, or has room again."""
@@ -402,7 +402,7 @@ class Engine:
                 timeout = None
         self._studio.close()
 
-    def _turn(self, requests: list[messages.Request]) -> float | None:
+    def _turn(self, requests: list[messages.Request | Scene]) -> float | None:
         """Do what is asked and one piece of rendering; return how long there is nothing to do [s]."""
         clients = list(self._clients())
         if (idle := self._leave(clients)) is not None and not requests:
@@ -614,7 +614,7 @@ class Viewfinder:
         if isinstance(message, messages.Ack):
             client.outbox.acknowledged(message.frame)
             self._engine.wake()
-        elif isinstance(message, messages.Ping | messages.Hello):
+        elif message.type in ("ping", "hello"):
             client.done(message.id, self._studio.generation)
         else:
             try:
@@ -636,7 +636,7 @@ class Viewfinder:
             self._studio.file_error = scene_error(text_of(problem))
             self.tell(self._studio.file_error)
             return
-        self._engine.post(None, messages.SceneRead(scene=scene))
+        self._engine.show_file(scene)
 
     def close(self, timeout_s: float = 0.6) -> bool:
         """End; return whether the device was freed in time, and not still compiling."""
