@@ -6,6 +6,7 @@ import logging
 import threading
 import time
 from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -45,7 +46,7 @@ from rptcam_cl.viewfinder.messages import (
     file_name,
     read_message,
 )
-from rptcam_cl.viewfinder.moves import FocusOrder, focus_at, focus_zones, moved, viewpoint_of
+from rptcam_cl.viewfinder.moves import focus_at, focus_order, focus_zones, moved, viewpoint_of
 from rptcam_cl.viewfinder.state import MOST_CLIENTS, hello_message, state_message
 from rptcam_cl.viewfinder.studio import Origin, Slot, Studio, Watch, place_of, scene_error, text_of
 
@@ -251,8 +252,8 @@ class Requests:
         """Return whether another process is still at the kernels of a search for focus; the picture goes on then."""
         slot = self._studio.slot("A")
         method = message.method if isinstance(message, Autofocus) else None
-        order = FocusOrder(slot.session.device.info.id, slot.scene, method, place)
-        if slot.session.is_carried_out(("focus", method), order.pickled):
+        order = partial(focus_order, slot.session.device.info.id, slot.scene, method, place)
+        if slot.session.is_carried_out(("focus", method), order):
             return False
         request = Request(client, message)
         if client is not None and request not in self._announced:
