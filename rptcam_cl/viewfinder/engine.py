@@ -6,6 +6,7 @@ import logging
 import threading
 import time
 from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -18,10 +19,10 @@ from rptcam_cl.viewfinder import messages
 from rptcam_cl.viewfinder.delivery import Delivery
 from rptcam_cl.viewfinder.dials import lens_entries, turn_dial, zoom_by
 from rptcam_cl.viewfinder.moves import (
-    FocusOrder,
     describe_focus,
     focus_at,
     focus_changes,
+    focus_order,
     focus_zones,
     moved,
     viewpoint_of,
@@ -227,8 +228,8 @@ class Requests:
         """Return whether another process is still at the kernels of a search for focus; the picture goes on then."""
         slot = self._studio.slot("A")
         method = message.method if isinstance(message, messages.Autofocus) else None
-        order = FocusOrder(slot.session.device.info.id, slot.scene, method, place)
-        if slot.session.is_carried_out(("focus", method), order.pickled):
+        order = partial(focus_order, slot.session.device.info.id, slot.scene, method, place)
+        if slot.session.is_carried_out(("focus", method), order):
             return False
         request = messages.Request(client, message)
         if request not in self._announced:

@@ -222,31 +222,23 @@ def _plain(value: float | None) -> float | None:
     return value if value is not None and math.isfinite(value) else None
 
 
-@dataclass(frozen=True)
-class FocusOrder:
-    """A search that another process makes first, so that this one finds its kernels compiled.
+def focus_order(device: str, scene: Scene, method: str | None, place: dict[str, Any]) -> bytes:
+    """Pickle a search for `Compiler.compile`: another process makes it first, so that this one has its kernels.
 
-    Attributes
+    Parameters
     ----------
-    device : str
+    device
         Its id.
-    place : dict
+    place
         ``point`` or ``zones``, as `autofocus` takes them.
     """
+    return pickle.dumps((_search_for_kernels, (device, scene, method, place)))
 
-    device: str
-    scene: Scene
-    method: str | None
-    place: dict[str, Any]
 
-    def carry_out(self) -> None:
-        """Search; what is found does not count."""
-        with contextlib.suppress(InputError):
-            autofocus(self.scene, self.method, device=self.device, **self.place)
-
-    def pickled(self) -> bytes:
-        """Return what `rptcam_cl.rendering.Compiler` takes."""
-        return pickle.dumps(self)
+def _search_for_kernels(device: str, scene: Scene, method: str | None, place: dict[str, Any]) -> None:
+    """Search; what is found does not count."""
+    with contextlib.suppress(InputError):
+        autofocus(scene, method, device=device, **place)
 
 
 def focus_at(
