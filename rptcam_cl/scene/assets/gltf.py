@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.core.errors import InputError, StateError
+from rptcam_cl.core.errors import InputError, errors_named
 from rptcam_cl.core.files import read_whole
 from rptcam_cl.scene.assets.mesh import (
     LAMPS_LEFT_OUT,
@@ -245,17 +245,10 @@ WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 Octets = NDArray[np.uint8]
 
 
-def whole(path: Path) -> bytes:
-    """Return the content of a file."""
-    try:
-        return read_whole(path, LARGEST_FILE)
-    except (InputError, StateError) as problem:
-        raise type(problem)(f"{path}: {problem}") from None
-
-
 def read_container(path: Path) -> tuple[JsonNode, bytes | None]:
     """Return the JSON of a .gltf or .glb file, and the data that a .glb has behind it."""
-    content = whole(path)
+    with errors_named(path):
+        content = read_whole(path, LARGEST_FILE)
     binary: bytes | None = None
     if content[:4] == MAGIC:
         content, binary = _chunks(content, path)
@@ -338,8 +331,7 @@ class Data:
         if index not in self._loaded:
             part = self._buffers[index]
             if part.has("uri"):
-                source = self.file_named_by(part)
-                content = source if isinstance(source, bytes) else whole(self._checked(source, part))
+                content = self._content(part)
             elif index == 0 and self._binary is not None:
                 content = self._binary
             else:
@@ -350,11 +342,15 @@ class Data:
             self._loaded[index] = np.frombuffer(content, np.uint8)[:length]
         return self._loaded[index]
 
-    def _checked(self, path: Path, part: JsonNode) -> Path:
-        try:
-            return self._find(path)
-        except InputError as problem:
-            raise type(problem)(f"{part.place}.uri: {problem}") from None
+    def _content(self, part: JsonNode) -> bytes:
+        """Return what the `uri` of a buffer holds."""
+        source = self.file_named_by(part)
+        if isinstance(source, bytes):
+            return source
+        with errors_named(f"{part.place}.uri"):
+            path = self._find(source)
+        with errors_named(path):
+            return read_whole(path, LARGEST_FILE)
 
     def view(self, index: int) -> tuple[Octets, int]:
         """Return the bytes of a view, and the distance of its entries (0: they lie side by side)."""

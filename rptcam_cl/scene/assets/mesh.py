@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.core.errors import InputError, StateError
+from rptcam_cl.core.errors import InputError, errors_named
 from rptcam_cl.core.files import open_regular
 from rptcam_cl.scene.assets.pictures import LARGEST_PIXELS
 
@@ -936,7 +936,5 @@ def open_mesh(path: Path) -> BinaryIO:
     StateError
         When it cannot be opened.
     """
-    try:
+    with errors_named(path):
         return open_regular(path, LARGEST_MESH)
-    except (InputError, StateError) as problem:
-        raise type(problem)(f"{path}: {problem}") from None

@@ -13,7 +13,7 @@ from typing import Any, BinaryIO, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.core.errors import InputError, StateError
+from rptcam_cl.core.errors import InputError, errors_named
 from rptcam_cl.core.files import read_whole
 from rptcam_cl.scene.assets import mesh
 
@@ -41,10 +41,8 @@ def read_mtl(path: Path) -> dict[str, mesh.FileMaterial]:
     InputError
         When a value cannot be read.
     """
-    try:
+    with errors_named(path):
         content = read_whole(path, MOST_BYTES)
-    except (InputError, StateError) as problem:
-        raise type(problem)(f"{path}: {problem}") from None
     materials: dict[str, Lines] = {}
     current: Lines | None = None
     for number, line in enumerate(content.decode("utf-8", "replace").splitlines(), start=1):
