@@ -19,7 +19,7 @@ from rptcam_cl.optics.design import image_circle
 from rptcam_cl.optics.lens import film_distance
 from rptcam_cl.optics.library import load_lens, names_a_file
 from rptcam_cl.rendering.cameras.setting import LensSetting, lens_setting
-from rptcam_cl.scene.assets.gltf import GltfCamera, GltfLight, GltfWorld, read_gltf_world
+from rptcam_cl.scene.assets.gltf import GltfCamera, GltfLight, read_gltf_world
 from rptcam_cl.scene.assets.mesh import LAMPS_LEFT_OUT, MeshPlacement
 from rptcam_cl.scene.assets.pictures import read_picture
 from rptcam_cl.scene.load import load_scene
@@ -177,16 +177,16 @@ def read_subject(path: Path) -> Subject:
     folders = Folders(real.parent, owner="model")
     with named_files() as files:
         contents = read_mesh_file(real, folders.find_beside(real))
-        gltf = read_gltf_world(real) if real.suffix.lower() in GLTF else GltfWorld()
+        cameras, lights, left_out = read_gltf_world(real) if real.suffix.lower() in GLTF else ([], [], [])
         bare = any(part.material is None for part in contents.parts)
         missing = () if bare else _missing_pictures(real)
     points, triangles = zip(*map(_placed, contents.parts), strict=True)
     return Subject(
         points=_fewer(np.concatenate(points)),
         triangles=np.concatenate(triangles),
-        cameras=gltf.cameras,
-        lights=gltf.lights,
-        notes=(*(note for note in contents.notes if not note.endswith(LAMPS_LEFT_OUT)), *gltf.notes, *missing),
+        cameras=cameras,
+        lights=lights,
+        notes=(*(note for note in contents.notes if not note.endswith(LAMPS_LEFT_OUT)), *left_out, *missing),
         files=frozenset(files),
         bare=bare,
     )
