@@ -220,7 +220,7 @@ def _placed(texels: NDArray[np.float32], data: Window, display: Window) -> NDArr
     return whole
 
 
-def write_exr(channels: Mapping[str, NDArray[np.float32]], path: Path, header: Mapping[str, Any] | None = None) -> None:
+def write_exr(channels: Mapping[str, NDArray[Any]], path: Path, header: Mapping[str, Any] | None = None) -> None:
     """Write channels, of which ``RGB`` is three, as OpenEXR in scan lines of float32."""
     import OpenEXR
 
