@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from rptcam_cl.imaging.formats import RawImage
-from rptcam_cl.imaging.sensor import RawFrame, SensorModel
+from rptcam_cl.imaging.sensor import SensorModel
 from rptcam_cl.viewfinder.instruments import clipping, histogram, raw_histogram, stop_histogram, thinned
 
 
@@ -74,7 +74,7 @@ def test_raw_histogram_counts_the_numbers_of_each_colour(bayer: str) -> None:
     sensor = SensorModel(np.eye(3) * 1000, 1000.0, 1.0, 1.0, 64.0, 10, bayer)
     shape = (8, 12, 3) if bayer == "none" else (8, 12)
     numbers = np.random.default_rng(4).integers(0, 1024, shape, dtype=np.uint16)
-    found = raw_histogram(RawImage(RawFrame(numbers, sensor)))
+    found = raw_histogram(RawImage(numbers, sensor))
     if bayer == "GRBG":
         seen = {"red": [(0, 1)], "green": [(0, 0), (1, 1)], "blue": [(1, 0)]}  # row and column of each colour's pixels
         for colour, starts in seen.items():

@@ -13,7 +13,7 @@ from typing import Any, BinaryIO, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.core.errors import InputError, StateError
+from rptcam_cl.core.errors import InputError, errors_named
 from rptcam_cl.core.files import read_whole
 from rptcam_cl.scene.assets import mesh
 
@@ -41,10 +41,8 @@ def read_mtl(path: Path) -> dict[str, mesh.FileMaterial]:
     InputError
         When a value cannot be read.
     """
-    try:
+    with errors_named(path):
         content = read_whole(path, MOST_BYTES)
-    except (InputError, StateError) as problem:
-        raise type(problem)(f"{path}: {problem}") from None
     materials: dict[str, Lines] = {}
     current: Lines | None = None
     for number, line in enumerate(content.decode("utf-8", "replace").splitlines(), start=1):
@@ -77,13 +75,11 @@ class _Material:
             base_color=self._colour("kd", (0.8, 0.8, 0.8)),
             base_texture=self._texture("map_kd"),
             matte=(model < 2 or max(gloss) == 0) and not PHYSICAL & self._lines.keys(),
-            metallic=min(1.0, max(0.0, self._number("pm", float("map_pm" in self._lines)))),
+            metallic=self._share("pm", float("map_pm" in self._lines)),
             metallic_texture=self._texture("map_pm"),
-            roughness=min(
-                1.0, max(0.0, self._number("pr", 1.0 if "map_pr" in self._lines else (2 / (exponent + 2)) ** 0.25))
-            ),
+            roughness=self._share("pr", 1.0 if "map_pr" in self._lines else (2 / (exponent + 2)) ** 0.25),
             roughness_texture=self._texture("map_pr"),
-            opacity=self._opacity(),
+            opacity=self._share("d", 1.0) if "d" in self._lines else min(1.0, max(0.0, 1 - self._number("tr", 0.0))),
             opacity_texture=self._texture("map_d"),
             normals=self._texture("norm") or self._texture("map_norm"),
             emission=self._colour("ke", (1.0,) * 3 if "map_ke" in self._lines else (0.0,) * 3, most=math.inf),
@@ -104,34 +100,25 @@ class _Material:
             return replace(plain, metallic=1.0, base_color=gloss)
         return plain
 
-    def _opacity(self) -> float:
-        if "d" in self._lines:
-            return min(1.0, max(0.0, self._number("d", 1.0)))
-        return min(1.0, max(0.0, 1 - self._number("tr", 0.0)))
-
-    def _numbers(self, key: str) -> list[float] | None:
+    def _numbers(self, key: str, default: Sequence[float]) -> Sequence[float]:
         if key not in self._lines:
-            return None
+            return default
         number, words = self._lines[key]
         words = [word for word in words if word != "-halo"]
-        try:
-            found = [float(word) for word in words]
-            if not found or not all(map(math.isfinite, found)):
-                raise ValueError
-        except ValueError:
+        if not words or not all(map(_is_number, words)):
             got = " ".join([key, *words])[:60]
-            raise InputError(f"{self._path}:{number}: is not a value (got {got!r}; allowed: finite numbers)") from None
-        return found
+            raise InputError(f"{self._path}:{number}: is not a value (got {got!r}; allowed: finite numbers)")
+        return [float(word) for word in words]
 
     def _number(self, key: str, default: float) -> float:
-        found = self._numbers(key)
-        return default if found is None else found[0]
+        return self._numbers(key, (default,))[0]
+
+    def _share(self, key: str, default: float) -> float:
+        return min(1.0, max(0.0, self._number(key, default)))
 
     def _colour(self, key: str, default: mesh.Colour, most: float = 1.0) -> mesh.Colour:
-        found = self._numbers(key)
-        if found is None:
-            return default
-        red, green, blue = (min(most, max(0.0, value)) for value in (found * 3 if len(found) < 3 else found)[:3])
+        values = self._numbers(key, default)
+        red, green, blue = (min(most, max(0.0, value)) for value in ([*values] * 3 if len(values) < 3 else values)[:3])
         return (red, green, blue)
 
     def _texture(self, key: str) -> mesh.FileTexture | None:
@@ -271,9 +258,8 @@ class Block:
     """
 
     def __init__(self, content: bytes, first: int) -> None:
-        while (
-            b"\\\n" in content or b"\\\r\n" in content
-        ):  # a line that goes on: the next one moves up, an empty one follows
+        # a line that goes on: the next one moves up, an empty one follows
+        while b"\\\n" in content or b"\\\r\n" in content:
             content = _CONTINUED.sub(rb" \1\n\n", content)
         if content[:1] in (b" ", b"\t") or b"\n " in content or b"\n\t" in content:
             content = _INDENT.sub(b"", content)
@@ -526,20 +512,16 @@ def _different(corners: NDArray[np.int32], counts: Counts) -> tuple[NDArray[np.i
 
 def _rows(table: NDArray[np.float64], indices: NDArray[np.int32]) -> NDArray[np.float64]:
     """Return rows of a table, zeros where a corner has none."""
-    found = table[np.maximum(indices, 0)]
-    found[indices == MISSING] = 0
-    return found
+    rows = table[np.maximum(indices, 0)]
+    rows[indices == MISSING] = 0
+    return rows
 
 
 def _polygons(vertices: NDArray[Any], sizes: NDArray[np.int32], lines: NDArray[np.int32]) -> list[mesh.Polygons]:
     if (sizes == sizes[0]).all():
         return [mesh.Polygons(lines, vertices.reshape(len(sizes), -1))]
-    starts = np.cumsum(sizes, dtype=np.int64) - sizes
-    found = []
-    for size in np.unique(sizes):
-        rows = np.flatnonzero(sizes == size)
-        found.append(mesh.Polygons(lines[rows], vertices[starts[rows, None] + np.arange(size)]))
-    return found
+    groups = mesh.group_lists(sizes, np.cumsum(sizes, dtype=np.int64) - sizes, vertices)
+    return [mesh.Polygons(lines[numbers], corners) for numbers, corners in groups]
 
 
 COLUMNS = {b"v": (3, "a vertex"), b"vt": (1, "a texture coordinate"), b"vn": (3, "a normal")}
@@ -601,7 +583,7 @@ class ObjReader:
             found = numbers_of_lines(lines.singly(), each, what, self.path)
         if each == 1:
             found = np.column_stack([found, np.zeros(len(found))])
-        self.rows[word].append(_narrow(found))
+        self.rows[word].append(np.ascontiguousarray(found))  # which does not keep a wider table alive
         self.counts[word] += len(found)
 
     def table(self, word: bytes) -> NDArray[np.float64]:
@@ -657,8 +639,3 @@ def _named(materials: dict[str, mesh.FileMaterial], name: str | None, path: Path
 
 def _text(line: bytes) -> str:
     return line.decode("utf-8", "replace").strip()
-
-
-def _narrow(rows: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return rows that do not keep a wider table alive."""
-    return np.ascontiguousarray(rows)
