@@ -15,7 +15,6 @@ def test_rooms_keep_to_budgets_that_are_what_they_need() -> None:
     assert {*sizes} - {TOP} == {*most}
     assert {room: size.code for room, size in sizes.items() if room != TOP and size.code > most[room]} == {}
 
-
     # A budget far above what there is bounds nothing.
     assert {room: size for room, size in most.items() if size > 1.05 * sizes[room].code + 50} == {}
     assert len(sizes) - 1 <= MOST_ROOMS

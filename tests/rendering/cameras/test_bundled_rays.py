@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.optics.library import list_lenses, load_lens
+from rptcam_cl.optics.library import load_lens
 from tests.rendering.cameras.beams import ASSIGNMENT, PRECISIONS, doubtful, film_beam, neighbours, on_device
+from tests.support.lenses import each_lens
 
 COUNT = 2000
 
@@ -44,7 +45,7 @@ def sensitivities(lens, wanted, origins, directions):
     return places, angles
 
 
-@pytest.mark.parametrize("name", list_lenses())
+@pytest.mark.parametrize("name", each_lens())
 def test_rays_from_the_film_are_those_of_the_reference(session, name):
     lens, *beam = bundle(name)
     wanted = lens.trace(*beam)

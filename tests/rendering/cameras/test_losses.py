@@ -119,9 +119,7 @@ def test_rays_of_one_wavelength_keep_what_the_reference_says(session, name, loss
 
 
 @pytest.mark.parametrize("precision", ["single", pytest.param("double", marks=pytest.mark.slow)])
-@pytest.mark.parametrize(
-    ("name", "losses"), pairs(["dgauss-50mm", "planar-1897", "split dioptre"], CHOSEN_OF_MANY)
-)
+@pytest.mark.parametrize(("name", "losses"), pairs(["dgauss-50mm", "planar-1897", "split dioptre"], CHOSEN_OF_MANY))
 def test_rays_of_many_wavelengths_keep_what_the_reference_says(session, name, losses, precision):
     lens, transmission = coated(name, losses)
     origins, directions = film_beam(lens, 1500)
