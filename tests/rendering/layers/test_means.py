@@ -34,7 +34,15 @@ def two_panels(camera: str, near: dict, far: dict) -> dict:
     }
 
 
-@pytest.mark.parametrize("camera", [pytest.param("pinhole", marks=pytest.mark.slow), "thin_lens", pytest.param("thick_lens", marks=pytest.mark.slow), "double_gauss"])
+@pytest.mark.parametrize(
+    "camera",
+    [
+        pytest.param("pinhole", marks=pytest.mark.slow),
+        "thin_lens",
+        pytest.param("thick_lens", marks=pytest.mark.slow),
+        "double_gauss",
+    ],
+)
 def test_means_mix_what_the_pixel_sees_as_the_light_does(camera):
     layers = ["depth", "coverage", "albedo", "material_id", "object_id"]
     scene = two_panels(camera, glow([1, 0, 0]), glow([0, 1, 0]))
