@@ -147,6 +147,7 @@ def test_wave_size_does_not_change_what_is_stopped(wave_size):
         np.testing.assert_array_equal(one[name], other[name])
 
 
+@pytest.mark.slow
 def test_organisation_does_not_change_a_bit():
     overrides = ["film.filter={kind: mitchell}", "film.resolution=[50, 37]", "render.clamp=3"]
     scene = rptcam_cl.load_scene(still_life(), overrides)

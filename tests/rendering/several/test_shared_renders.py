@@ -90,6 +90,7 @@ def test_time_ends_a_shared_render(first, second):
     )
 
 
+@pytest.mark.slow
 def test_auto_exposure_and_focus_are_those_of_one_device(first, second, whole):
     auto = scene("pinhole") | {"camera": LENS | {"focus": {"auto": "depth"}}, "exposure": {"mode": "auto"}}
     options = {"size": SIZE, "spp": 2}
