@@ -191,8 +191,8 @@ def test_a_field_that_nothing_reaches_is_an_empty_row_among_others() -> None:
     assert rows[1]["rms_um"] is None
     modulation = mtf_table(spots, [20.0])
     assert [row["tangential"] is None for row in modulation] == [False, True, True]
-    heights = [row["height_mm"] for row in distortion_table(state, [0.0, 60.0, 100.0], [587.56], "tan")]
-    assert [height is None for height in heights] == [False, True, True]
+    heights = [row["height_mm"] for row in distortion_table(state, [0.0, 100.0], [587.56], "tan")]
+    assert [height is None for height in heights] == [False, True]
     with pytest.raises(InputError, match="nothing of a beam"):
         film_spots(state, [60.0], [587.56], 24)
 
@@ -261,8 +261,8 @@ def perfect_wave(behind_mm: float) -> FieldWave:
 
 
 def test_radii_of_a_large_blur_are_those_of_its_disc() -> None:
-    facts = wave_point_image([perfect_wave(6.0)], 4).facts
-    radius = 1e3 * 6 / 16  # more than 48 Airy radii, by similar triangles
+    facts = wave_point_image([perfect_wave(4.5)], 4).facts
+    radius = 1e3 * 4.5 / 16  # more than 48 Airy radii, by similar triangles
     for percent in (50, 80, 95):
         found = facts[f"radius_of_{percent}_percent_um"]
         assert found == pytest.approx(radius * (percent / 100) ** 0.5, rel=0.03)
