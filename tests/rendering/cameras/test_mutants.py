@@ -9,8 +9,8 @@ from dataclasses import replace
 import pytest
 
 from rptcam_cl.device.session import Session
+from rptcam_cl.rendering.cameras import lens_records as records_of_lenses
 from rptcam_cl.rendering.cameras import ray_map, realistic
-from rptcam_cl.rendering.cameras import realistic as cameras
 from rptcam_cl.rendering.cameras.lens_records import LensRecords, lens_records
 from rptcam_cl.rendering.cameras.pupil import pupil_sampling
 from tests.device.probes import open_session
@@ -137,7 +137,7 @@ RECORD_MUTANTS = [
 
 @pytest.mark.parametrize(("fault", "killers"), RECORD_MUTANTS)
 def test_fault_in_the_records_of_a_lens_is_found(monkeypatch, fault, killers):
-    for module in (cameras, ray_map):
+    for module in (records_of_lenses, ray_map):
         monkeypatch.setattr(module, "lens_records", fault)
     assert_killed(killers, open_session())
 
