@@ -40,7 +40,6 @@ from rptcam_cl.rendering.plan.environment import bright_parts
 from rptcam_cl.rendering.plan.plan import Plan, observer
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
 from rptcam_cl.rendering.several import array_of_text, text_of_array
-from rptcam_cl.scene.camera import RealisticCamera
 from rptcam_cl.scene.load import at_opening
 from rptcam_cl.scene.scene import Scene
 
@@ -469,7 +468,7 @@ class GhostFilm:
     def __init__(self, scene: Scene, plan: Plan, session: Session) -> None:
         self.rays = GhostRays(scene, plan, session)
         self.shape = (self.rays.rows, self.rays.columns, 3)
-        self.value = float(plan.camera.metadata["values_per_irradiance"]) / self.rays.pixel_mm2  # of 1 W/m2 over 1 mm2
+        self.value = plan.camera.metadata["values_per_irradiance"] / self.rays.pixel_mm2  # of 1 W/m2 over 1 mm2
 
     def light(self) -> tuple[Array, dict[str, Any]]:
         """Return the film's values (rows, columns, 3) of all ghosts, and what metadata should say."""
@@ -640,7 +639,8 @@ def saved_ghosts(arrays: Mapping[str, NDArray[Any]]) -> tuple[NDArray[np.float32
 
 def has_ghosts(scene: Scene) -> bool:
     """Return whether the camera of a scene makes ghosts."""
-    return isinstance(scene.camera, RealisticCamera) and scene.camera.ghosts == "on"
+    camera = scene.camera.traced_camera
+    return camera is not None and camera.ghosts == "on"
 
 
 def ghosting_of(scene: Scene | None, plan: Plan, session: Session) -> Ghosting | None:
@@ -663,8 +663,8 @@ def ghosting_of(scene: Scene | None, plan: Plan, session: Session) -> Ghosting |
 
 def _barrel_share(scene: Scene) -> float:
     """Return the light that the barrel adds evenly, in parts of the film's mean; `veiling_glare` estimates it."""
-    camera = scene.camera
-    if not isinstance(camera, RealisticCamera) or not camera.barrel_reflectance:
+    camera = scene.camera.traced_camera
+    if camera is None or not camera.barrel_reflectance:
         return 0.0
     setting = ghost_setting(scene)
     try:

@@ -322,6 +322,9 @@ class CircularAperture(SceneModel):
     """Outline of the aperture."""
 
 
+ROUND = CircularAperture()
+
+
 class PolygonAperture(SceneModel):
     """An aperture made of blades: corners on the circle of the aperture radius, edges straight or bulging."""
 

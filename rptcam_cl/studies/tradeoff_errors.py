@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.rendering.film import TILE, TILE_PIXELS, FilmLayout
-from rptcam_cl.scene.camera import RealisticCamera, ThinLensCamera
 from rptcam_cl.scene.load import change_scene, with_camera
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.studies.tier_models import TIERS, Tier, equivalent
@@ -175,7 +174,7 @@ class Ladder:
 def ladder(scene: Scene) -> Ladder:
     """Return the configurations of a scene; their plans may show that some are equal."""
     full = most_accurate(scene)
-    is_lens = isinstance(full.scene.camera, RealisticCamera)
+    is_lens = full.scene.camera.traced_camera is not None
     decision = choose_camera(change_scene(full.scene, camera={"accuracy": "auto"})) if is_lens else None
     found, skipped = [replace(full, settings=settings(scene, full.scene))], {}
     for change in _changes(scene, full.scene, decision):
@@ -203,7 +202,7 @@ def most_accurate(scene: Scene) -> Variant:
     difference in the mean.
     """
     plain = change_scene(scene, render={"clamp": None, "noise": None, "layers": (), "sampler": "lattice"})
-    if not isinstance(scene.camera, RealisticCamera):
+    if scene.camera.traced_camera is None:
         return Variant(REFERENCE, "", plain)
     plain = change_scene(plain, camera={"accuracy": None, "pupil": "auto", "rays": "traced", "precision": "single"})
     if plain.spectrum.mode != "rgb":
@@ -232,7 +231,7 @@ def _changes(scene: Scene, full: Scene, decision: Decision | None) -> Iterator[_
         for pupil in PUPILS:
             make = partial(change_scene, full, camera={"pupil": pupil})
             yield _Change(f"pupil: {pupil}", "pupil", make, unbiased=True)
-    if isinstance(full.camera, ThinLensCamera) and full.camera.fov_degrees is not None:
+    if full.camera.ideal_lens is not None and full.camera.field_of_view is not None:
         yield _Change("pinhole", "camera", partial(_without_lens, full))
     for mode in ("dispersive", "rgb"):
         yield _Change(f"spectrum: {mode}", "spectrum", partial(_with_mode, full, mode))

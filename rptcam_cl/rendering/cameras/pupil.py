@@ -32,6 +32,7 @@ from rptcam_cl.optics.pupils import (
     quarters_of,
     spread_points,
 )
+from rptcam_cl.rendering.cameras.metadata import CameraMetadata
 
 # Values known at nodes all over a film and beside it, and between them by cubics.
 
@@ -174,12 +175,14 @@ class PupilSampling:
         return {PupilCircle: "circle", PupilGrid: "grid", PupilLines: "lines"}[type(self.parameters)]
 
     @property
-    def metadata(self) -> dict[str, str | float]:
+    def metadata(self) -> CameraMetadata:
         """What the picture's metadata should say."""
-        said: dict[str, str | float] = {"pupil": self.tier}
+        metadata: CameraMetadata = {"pupil": self.tier}
         if self.instead_of:
-            said["pupil_instead_of"] = f"{self.instead_of}: the pupil has parts that its tables do not hold"
-        return said | ({"pupil_widened": self.widened} if self.widened > 1.0 else {})
+            metadata["pupil_instead_of"] = f"{self.instead_of}: the pupil has parts that its tables do not hold"
+        if self.widened > 1.0:
+            metadata["pupil_widened"] = self.widened
+        return metadata
 
     @property
     def facts(self) -> dict[str, int]:
