@@ -24,7 +24,7 @@ from rptcam_cl.device.devices import DeviceInfo, choose_device, is_pocl, list_de
 from rptcam_cl.device.session import Session
 from rptcam_cl.rendering.progressive import render_plan
 from rptcam_cl.rendering.tracer import Wavefront
-from rptcam_cl.studies.selfcheck_suite import outcomes
+from rptcam_cl.studies.selfcheck_suite import run_suite
 
 SCENES = ("A", "A_lens", "B", "C")
 SAMPLES = 16  # per pixel
@@ -111,7 +111,7 @@ def compare(name: str, device: Session, reference: Session, shrink: int) -> Besi
 
 def checks_of(session: Session) -> dict[str, Any]:
     """Return what ``rptcam doctor --numerics`` finds on a device."""
-    found = [check for outcome in outcomes(session) for check in outcome.checks]
+    found = [check for checks, _ in run_suite(session) for check in checks]
     return {
         "passed": sum(check.passed for check in found),
         "made": sum(not check.skipped for check in found),

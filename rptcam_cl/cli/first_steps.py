@@ -239,14 +239,14 @@ def _check_line(check: "Check") -> str:
 def _run_checks(device: str, show: bool) -> Iterator[dict[str, Any]]:
     """Yield the checks of a device as plain data, and print each as soon as it is made."""
     from rptcam_cl.device.session import open_session
-    from rptcam_cl.studies.selfcheck_suite import outcomes
+    from rptcam_cl.studies.selfcheck_suite import run_suite
 
     session = open_session(device)
-    for outcome in outcomes(session):
-        for check in outcome.checks:
+    for checks, seconds in run_suite(session):
+        for check in checks:
             if show:
                 print(_check_line(check), flush=True)
-            yield {**vars(check), "passed": check.passed, "failed": check.failed, "seconds_of_part": outcome.seconds}
+            yield {**vars(check), "passed": check.passed, "failed": check.failed, "seconds_of_part": seconds}
 
 
 def _numerics(devices: list[dict[str, Any]], show: bool) -> dict[str, list[dict[str, Any]]]:

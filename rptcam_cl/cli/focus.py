@@ -211,8 +211,8 @@ def _print_tradeoff(report: "TradeoffReport", command: str, *, details: bool) ->
         return
 
     print("\n".join(recommendation(report)).replace(COMMAND, command), end="\n\n")
-    for table in tables(report):
-        print_table(table.columns, table.rows, table.title)
+    for title, columns, rows in tables(report):
+        print_table(columns, rows, title)
         print()
     print("\n".join(caveats(report)))
 

@@ -7,27 +7,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rptcam_cl.cli import lens_options
 from rptcam_cl.cli.lens_field import add_lens_breathing, add_lens_tolerance, add_lens_trace
 from rptcam_cl.cli.lens_measures import add_lens_ghosts, add_lens_measurements
-from rptcam_cl.cli.lens_options import (
-    add_catalogue,
-    add_coating,
-    add_command,
-    add_lens_argument,
-    add_wavelength,
-    add_wavelengths,
-    angles,
-    check_file,
-    check_picture,
-    count,
-    lens_in_use,
-    load,
-    number,
-    tracer_of,
-    write,
-    write_picture,
-    zoomed_lens,
-)
 from rptcam_cl.cli.output import as_json
 from rptcam_cl.cli.parser import Commands, Parser, positive
 from rptcam_cl.core.constants import LINE_D_NM
@@ -48,15 +30,15 @@ _SUFFIXES = (".yaml", ".yml", ".dat", ".zmx", ".seq")
 def add_lens_convert(commands: Commands) -> None:
     """Add the command."""
     text = "write a lens as a file of ours (.yaml), a pbrt table (.dat) or for Zemax (.zmx) or CODE V (.seq)"
-    parser = add_command(commands, "convert", text, _run_lens_convert)
+    parser = lens_options.add_command(commands, "convert", text, _run_lens_convert)
     parser.add_argument("lens", metavar="LENS", help="a name from the list, or a lens file of any known kind")
     parser.add_argument("-o", "--output", type=Path, metavar="FILE", required=True, help=".yaml, .dat, .zmx or .seq")
-    add_catalogue(parser)
+    lens_options.add_catalogue(parser)
     parser.add_argument("--f-number", type=positive, metavar="N", help="stop down (default: as in the file)")
     parser.add_argument(
         "--focal-length-mm", type=positive, metavar="F", help="set a zoom lens and write it as it then is"
     )
-    add_wavelength(parser, "wavelength of the indices in a .dat table")
+    lens_options.add_wavelength(parser, "wavelength of the indices in a .dat table")
 
 
 def _run_lens_convert(arguments: argparse.Namespace) -> int:
@@ -67,8 +49,8 @@ def _run_lens_convert(arguments: argparse.Namespace) -> int:
     suffix = arguments.output.suffix.lower()
     if suffix not in _SUFFIXES:
         raise InputError(f"{arguments.output}: unknown kind of lens file to write (allowed: {', '.join(_SUFFIXES)})")
-    check_file(arguments.output, arguments.lens)
-    lens = load(arguments.lens, arguments.catalogue)
+    lens_options.check_file(arguments.output, arguments.lens)
+    lens = lens_options.load(arguments.lens, arguments.catalogue)
     comments = []
     if arguments.focal_length_mm is not None:
         lens = replace(zoomed(lens, arguments.focal_length_mm), configurations=(), published={})
@@ -92,7 +74,7 @@ def _run_lens_convert(arguments: argparse.Namespace) -> int:
             print("a .dat table has no coatings: they are left out", file=sys.stderr)
         if lens.focusing is not None:
             print("a .dat table has no focusing group: the lens is written focused at infinity", file=sys.stderr)
-    write(text.encode(), arguments.output)
+    lens_options.write(text.encode(), arguments.output)
     return 0
 
 
@@ -107,11 +89,11 @@ def add_lens_design(commands: Commands) -> None:
     design = commands.add_parser("design", help=text, description=text.capitalize() + ".")
     inner = design.add_commands("design_command")
     text = "a single lens by the lensmaker's equation"
-    single = add_command(inner, "singlet", text, _singlet)
+    single = lens_options.add_command(inner, "singlet", text, _singlet)
     _add_common(single)
     single.add_argument("--glass", metavar="G", default="N-BK7", help=f"{_GLASS_HELP} (default: %(default)s)")
     single.add_argument(
-        "--bending", type=number, metavar="Q", default=0.0,
+        "--bending", type=lens_options.number, metavar="Q", default=0.0,
         help="(R2 + R1) / (R2 - R1): 0 equal radii, 1 plane on the film side, -1 on the scene side (default: 0)",
     )  # fmt: skip
     single.add_argument(
@@ -121,7 +103,7 @@ def add_lens_design(commands: Commands) -> None:
         help="also write the distances that focus an object this far from the film",
     )
     text = "a cemented achromat from two glasses and one more condition"
-    double = add_command(inner, "doublet", text, _doublet)
+    double = lens_options.add_command(inner, "doublet", text, _doublet)
     _add_common(double)
     double.add_argument("--crown", metavar="G", default="N-BK7", help=f"{_GLASS_HELP} (default: %(default)s)")
     double.add_argument("--flint", metavar="G", default="F2", help="glass on the film side (default: %(default)s)")
@@ -130,14 +112,16 @@ def add_lens_design(commands: Commands) -> None:
         "--constraint", choices=_CONSTRAINTS, default="r1=r2",
         help="biconvex first lens, biconcave second lens, or plane last surface (default: %(default)s)",
     )  # fmt: skip
-    third.add_argument("--r1-mm", type=number, metavar="R", help="first radius, in place of a constraint")
+    third.add_argument("--r1-mm", type=lens_options.number, metavar="R", help="first radius, in place of a constraint")
 
 
 _GLASS_HELP = "a name as N-BK7, n_d/V_d as 1.517/64.2, or an index as 1.5"
 
 
 def _add_common(parser: Parser) -> None:
-    parser.add_argument("--focal-length-mm", type=number, required=True, metavar="F", help="below 0: a diverging lens")
+    parser.add_argument(
+        "--focal-length-mm", type=lens_options.number, required=True, metavar="F", help="below 0: a diverging lens"
+    )
     parser.add_argument("--diameter-mm", type=positive, required=True, metavar="D", help="clear diameter")
     parser.add_argument("-o", "--output", type=Path, metavar="FILE", help="write here (default: standard output)")
 
@@ -176,7 +160,7 @@ def _write_lens(arguments: argparse.Namespace, lens: "Lens", comments: list[str]
     if arguments.output is None:
         print(text, end="")
     else:
-        write(text.encode(), arguments.output)
+        lens_options.write(text.encode(), arguments.output)
     return 0
 
 
@@ -185,7 +169,7 @@ def _singlet(arguments: argparse.Namespace) -> int:
     from rptcam_cl.optics.lens import film_distance
     from rptcam_cl.optics.library import load_lens
 
-    check_file(arguments.output, "")
+    lens_options.check_file(arguments.output, "")
     glass = _glass(arguments.glass)
     lens = load_lens(singlet(arguments.focal_length_mm, glass, arguments.diameter_mm, arguments.bending))
     comments = []
@@ -203,7 +187,7 @@ def _doublet(arguments: argparse.Namespace) -> int:
     from rptcam_cl.optics.design import doublet, doublet_radii
     from rptcam_cl.optics.library import load_lens
 
-    check_file(arguments.output, "")
+    lens_options.check_file(arguments.output, "")
     crown, flint = _glass(arguments.crown), _glass(arguments.flint)
     if math.isinf(crown.abbe) or math.isinf(flint.abbe):
         raise InputError("an achromat needs glasses that disperse: name them, or give n_d/V_d as 1.517/64.2")
@@ -223,8 +207,10 @@ def _doublet(arguments: argparse.Namespace) -> int:
 def add_lens_draw(commands: Commands) -> None:
     """Add the command."""
     text = "draw a lens in cross-section, with rays traced by a device"
-    parser = add_command(commands, "draw", text, _run_lens_draw, "; a red cross is where a ray was blocked.")
-    add_lens_argument(parser)
+    parser = lens_options.add_command(
+        commands, "draw", text, _run_lens_draw, "; a red cross is where a ray was blocked."
+    )
+    lens_options.add_lens_argument(parser)
     parser.add_argument(
         "-o", "--output", type=Path, metavar="FILE", help=".svg, .png or .pdf (default: SVG to standard output)"
     )
@@ -232,12 +218,12 @@ def add_lens_draw(commands: Commands) -> None:
         "--section", choices=("y", "x"), default="y", help="the y-z plane or the x-z plane (default: %(default)s)"
     )
     parser.add_argument(
-        "--fields", type=angles, metavar="A,B,…",
+        "--fields", type=lens_options.angles, metavar="A,B,…",
         help="angles from the axis in degrees (default: chosen from the lens)",
     )  # fmt: skip
-    add_wavelengths(parser, (LINE_D_NM,))
+    lens_options.add_wavelengths(parser, (LINE_D_NM,))
     parser.add_argument(
-        "--rays", type=count, metavar="N", default=7,
+        "--rays", type=lens_options.count, metavar="N", default=7,
         help="rays that pass, for each field and wavelength (default: %(default)s)",
     )  # fmt: skip
     parser.add_argument("--only-passing", action="store_true", help="leave out the rays that are blocked")
@@ -252,9 +238,9 @@ def _run_lens_draw(arguments: argparse.Namespace) -> int:
     from rptcam_cl.optics.charts import DRAWN, svg_text
     from rptcam_cl.optics.drawing import View, draw_lens
 
-    check_picture(arguments.output, arguments.lens, DRAWN)
-    state = lens_in_use(arguments, arguments.wavelengths[len(arguments.wavelengths) // 2])
-    tracer, name = tracer_of(arguments.device)
+    lens_options.check_picture(arguments.output, arguments.lens, DRAWN)
+    state = lens_options.lens_in_use(arguments, arguments.wavelengths[len(arguments.wavelengths) // 2])
+    tracer, name = lens_options.tracer_of(arguments.device)
     view = View(
         section=arguments.section,
         fields=arguments.fields,
@@ -268,7 +254,7 @@ def _run_lens_draw(arguments: argparse.Namespace) -> int:
         print("this lens forms no real image of a distant object: no film is drawn", file=sys.stderr)
     if arguments.output is None:
         print(svg_text(picture), end="")
-    write_picture(picture, arguments.output)
+    lens_options.write_picture(picture, arguments.output)
     return 0
 
 
@@ -278,19 +264,19 @@ def add_lens(commands: Commands) -> None:
     lens = commands.add_parser("lens", help=text, description=text.capitalize() + ".")
     inner = lens.add_commands("lens_command")
     text = "list the lenses that come with the package"
-    listing = add_command(inner, "list", text, _list)
+    listing = lens_options.add_command(inner, "list", text, _list)
     form = listing.add_mutually_exclusive_group()
     form.add_argument("--json", action="store_true", help="print JSON, with source, focal length and f-number")
     form.add_argument("--markdown", action="store_true", help="print the same as a table in Markdown")
     text = "print the first-order data of a lens"
-    info = add_command(inner, "info", text, _info)
-    add_lens_argument(info)
-    add_wavelength(info)
+    info = lens_options.add_command(inner, "info", text, _info)
+    lens_options.add_lens_argument(info)
+    lens_options.add_wavelength(info)
     info.add_argument(
         "--transmission", choices=("ideal", "bare", "coated"),
         help="light lost in the lens: none, by bare surfaces and glass, or by coated ones (default: ideal)",
     )  # fmt: skip
-    add_coating(info)
+    lens_options.add_coating(info)
     info.add_argument("--json", action="store_true", help="print JSON")
     for add in (
         add_lens_draw,
@@ -375,7 +361,7 @@ def _transmission(arguments: argparse.Namespace, lens: "Lens") -> "LensTransmiss
 def _info(arguments: argparse.Namespace) -> int:
     from rptcam_cl.optics.design import lens_info
 
-    lens = zoomed_lens(arguments, arguments.wavelength_nm)
+    lens = lens_options.zoomed_lens(arguments, arguments.wavelength_nm)
     distance = math.inf if arguments.focus_distance_m is None else 1000 * arguments.focus_distance_m
     facts = lens_info(lens, arguments.f_number, distance, arguments.wavelength_nm, _transmission(arguments, lens))
     if arguments.json:

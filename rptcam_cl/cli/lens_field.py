@@ -6,22 +6,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rptcam_cl.cli.lens_options import (
-    RayList,
-    add_catalogue,
-    add_coating,
-    add_command,
-    add_lens_argument,
-    add_plot,
-    add_wavelength,
-    check_picture,
-    lens_in_use,
-    load,
-    number,
-    read_rays,
-    write_picture,
-    zoomed_lens,
-)
+from rptcam_cl.cli import lens_options
 from rptcam_cl.cli.output import as_json, print_table
 from rptcam_cl.cli.parser import Commands, positive
 from rptcam_cl.core.constants import LINE_D_NM
@@ -42,21 +27,23 @@ def add_lens_trace(commands: Commands) -> None:
     """Add the command."""
     text = "trace single rays: where they leave the lens, or which surface stops them"
     more = ". Millimetres; z = 0 at the first vertex, +z towards the film."
-    parser = add_command(commands, "trace", text, _run_lens_trace, more)
-    add_lens_argument(parser)
+    parser = lens_options.add_command(commands, "trace", text, _run_lens_trace, more)
+    lens_options.add_lens_argument(parser)
     parser.add_argument(
         "rays", metavar="RAYS", nargs="?",
         help="JSON [{origin, direction, wavelength_nm}], or CSV x,y,z,dx,dy,dz[,wavelength_nm]; - reads standard input",
     )  # fmt: skip
-    parser.add_argument("--film-point", type=number, nargs=2, metavar=("X", "Y"), help="one ray from here on the film")
     parser.add_argument(
-        "--through", type=number, nargs=2, metavar=("U", "V"), default=(0.0, 0.0),
+        "--film-point", type=lens_options.number, nargs=2, metavar=("X", "Y"), help="one ray from here on the film"
+    )
+    parser.add_argument(
+        "--through", type=lens_options.number, nargs=2, metavar=("U", "V"), default=(0.0, 0.0),
         help="to this point of the plane of the last vertex (default: 0 0)",
     )  # fmt: skip
     parser.add_argument(
         "--start", choices=("film", "scene"), default="film", help="side where rays begin (default: %(default)s)"
     )
-    add_wavelength(parser, "of rays that have none of their own")
+    lens_options.add_wavelength(parser, "of rays that have none of their own")
     parser.add_argument(
         "--device", metavar="SPEC",
         help="an index as 0:0, a part of a name, cpu, gpu or auto (default: the float64 reference on the host)",
@@ -65,18 +52,18 @@ def add_lens_trace(commands: Commands) -> None:
     parser.add_argument("--json", action="store_true", help="print JSON")
 
 
-def _rays(arguments: argparse.Namespace, state: "Setting") -> RayList:
+def _rays(arguments: argparse.Namespace, state: "Setting") -> lens_options.RayList:
     if (arguments.rays is None) == (arguments.film_point is None):
         raise InputError("rptcam lens trace: needs either a file of rays or --film-point")
     if arguments.rays is not None:
-        return read_rays(arguments.rays, arguments.wavelength_nm)
+        return lens_options.read_rays(arguments.rays, arguments.wavelength_nm)
     if arguments.start != "film":
         raise InputError("--film-point: such a ray starts from the film (leave out --start scene)")
     (x, y), (u, v) = arguments.film_point, arguments.through
-    return RayList([[x, y, state.film_z]], [[u - x, v - y, -state.film]], [arguments.wavelength_nm])
+    return lens_options.RayList([[x, y, state.film_z]], [[u - x, v - y, -state.film]], [arguments.wavelength_nm])
 
 
-def _trace(arguments: argparse.Namespace, state: "Setting", rays: RayList) -> "tuple[Rays, str]":
+def _trace(arguments: argparse.Namespace, state: "Setting", rays: lens_options.RayList) -> "tuple[Rays, str]":
     """The rays behind the lens, and what traced them."""
     from rptcam_cl.optics.ray_trace import trace
 
@@ -110,7 +97,7 @@ def _rows(rays: "Rays", wavelengths: list[float]) -> list[dict[str, Any]]:
 
 
 def _run_lens_trace(arguments: argparse.Namespace) -> int:
-    state = lens_in_use(arguments, arguments.wavelength_nm)
+    state = lens_options.lens_in_use(arguments, arguments.wavelength_nm)
     rays = _rays(arguments, state)
     traced, name = _trace(arguments, state, rays)
     rows = _rows(traced, rays.wavelengths)
@@ -135,8 +122,8 @@ DISTANCES_M = "inf,10,5,3,2,1.5"
 def add_lens_breathing(commands: Commands) -> None:
     """Add the command."""
     text = "field of view, f-number and T-number over focus and zoom"
-    parser = add_command(commands, "breathing", text, _breathing)
-    add_lens_argument(parser)
+    parser = lens_options.add_command(commands, "breathing", text, _breathing)
+    lens_options.add_lens_argument(parser)
     parser.add_argument(
         "--distances-m", type=distances, metavar="A,B,…", default=DISTANCES_M,
         help="from the object to the film in metres, the first is what others are compared with; inf is infinity"
@@ -145,9 +132,9 @@ def add_lens_breathing(commands: Commands) -> None:
     parser.add_argument(
         "--film-width-mm", type=positive, metavar="W", default=36.0, help="of the film (default: %(default)s)"
     )
-    add_coating(parser)
+    lens_options.add_coating(parser)
     parser.add_argument("--csv", action="store_true", help="print comma-separated values")
-    add_plot(parser)
+    lens_options.add_plot(parser)
 
 
 def distances(text: str) -> list[float]:
@@ -165,7 +152,7 @@ def _positions(arguments: argparse.Namespace) -> list[tuple[str, "Lens"]]:
     """The lens in each of its zoom positions, or in the one that the options choose, stopped down."""
     from rptcam_cl.optics.lens import configured
 
-    lens = zoomed_lens(arguments, LINE_D_NM)
+    lens = lens_options.zoomed_lens(arguments, LINE_D_NM)
     if lens.configurations and arguments.zoom is None and arguments.focal_length_mm is None:
         found = [(each.name, configured(lens, each.name)) for each in lens.configurations]
     else:
@@ -179,7 +166,7 @@ def _breathing(arguments: argparse.Namespace) -> int:
     from rptcam_cl.optics.ray_trace import COATED, UNCOATED, has_coatings
     from rptcam_cl.rendering.cameras.chief_rays import breathing_chart, breathing_csv, breathing_table
 
-    check_picture(arguments.output, arguments.lens)
+    lens_options.check_picture(arguments.output, arguments.lens)
     if arguments.focus_distance_m is not None:
         raise InputError("--focus-distance-m: has no effect on breathing (allowed: --distances-m)")
     positions = _positions(arguments)
@@ -194,7 +181,7 @@ def _breathing(arguments: argparse.Namespace) -> int:
         columns = ("zoom", "focus [m]", "f [mm]", "film [mm]", "field [°]", "breathing [%]", "magnification", "f/", "T")
         print_table(columns, [list(row.values()) for row in rows], lens.name)
     if arguments.output is not None:
-        write_picture(breathing_chart(lens.name, rows), arguments.output)
+        lens_options.write_picture(breathing_chart(lens.name, rows), arguments.output)
     return 0
 
 
@@ -206,20 +193,20 @@ MOST_COPIES = 100_000
 def add_lens_tolerance(commands: Commands) -> None:
     """Add the command."""
     text = "copies of a lens made within tolerances: yield, percentiles and worst offenders"
-    parser = add_command(commands, "tolerance", text, _run_lens_tolerance)
+    parser = lens_options.add_command(commands, "tolerance", text, _run_lens_tolerance)
     parser.add_argument("lens", metavar="LENS", help="a name from the list, or a lens file")
     parser.add_argument(
         "spec", metavar="SPEC", help="a YAML file of tolerances, or a grade: commercial, precision, high_precision"
     )
-    add_catalogue(parser)
+    lens_options.add_catalogue(parser)
     default = "(default: as the specification says)"
     parser.add_argument("--copies", type=_copies, metavar="N", help=f"how many lenses to make {default}")
     parser.add_argument("--seed", type=_seed, metavar="S", help=f"which lenses {default}")
     parser.add_argument(
-        "--limit", type=number, metavar="X",
+        "--limit", type=lens_options.number, metavar="X",
         help="print which share of the copies has this spot [micrometres], or modulation (0 to 1), or a better one",
     )  # fmt: skip
-    add_plot(parser)
+    lens_options.add_plot(parser)
 
 
 def _copies(text: str) -> int:
@@ -237,11 +224,14 @@ def _seed(text: str) -> int:
 def _run_lens_tolerance(arguments: argparse.Namespace) -> int:
     from rptcam_cl.rendering.tolerances import report, tolerance, tolerance_chart
 
-    check_picture(arguments.output, arguments.lens)
+    lens_options.check_picture(arguments.output, arguments.lens)
     if arguments.output is not None and arguments.output.resolve() == Path(arguments.spec).resolve():
         raise InputError(f"{arguments.output}: would overwrite the specification")
     run = tolerance(
-        load(arguments.lens, arguments.catalogue), arguments.spec, copies=arguments.copies, seed=arguments.seed
+        lens_options.load(arguments.lens, arguments.catalogue),
+        arguments.spec,
+        copies=arguments.copies,
+        seed=arguments.seed,
     )
     if arguments.json:
         found = {} if arguments.limit is None else {"limit": arguments.limit} | run.yield_at(arguments.limit)._asdict()
@@ -249,7 +239,7 @@ def _run_lens_tolerance(arguments: argparse.Namespace) -> int:
     else:
         _print(run, arguments.limit)
     if arguments.output is not None:
-        write_picture(tolerance_chart(run), arguments.output)
+        lens_options.write_picture(tolerance_chart(run), arguments.output)
     return 0
 
 

@@ -4,24 +4,7 @@ import argparse
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from rptcam_cl.cli.lens_options import (
-    add_coating,
-    add_command,
-    add_lens_argument,
-    add_plot,
-    add_wavelength,
-    add_wavelengths,
-    angles,
-    check_picture,
-    count,
-    lens_in_use,
-    number,
-    numbers,
-    steep_angles,
-    wavelengths,
-    write,
-    write_picture,
-)
+from rptcam_cl.cli import lens_options
 from rptcam_cl.cli.output import as_json, print_table
 from rptcam_cl.cli.parser import Commands, Parser, positive
 from rptcam_cl.core.constants import LINE_D_NM
@@ -38,19 +21,19 @@ NUMBERS = (".npy",)
 
 def share(text: str) -> float:
     """A share of the light."""
-    value = number(text)
+    value = lens_options.number(text)
     if not 0 <= value < 1:
         raise argparse.ArgumentTypeError(f"got {text}; allowed from 0 to below 1")
     return value
 
 
 READERS = {
-    "angles": angles,
-    "steep angles": steep_angles,
-    "angle": number,
-    "wavelengths": wavelengths,
-    "numbers": numbers,
-    "count": count,
+    "angles": lens_options.angles,
+    "steep angles": lens_options.steep_angles,
+    "angle": lens_options.number,
+    "wavelengths": lens_options.wavelengths,
+    "numbers": lens_options.numbers,
+    "count": lens_options.count,
     "length": positive,
     "share": share,
 }
@@ -59,17 +42,19 @@ READERS = {
 def add_lens_measurements(commands: Commands) -> None:
     """Add a command for each measurement."""
     for measurement in MEASUREMENTS:
-        parser = add_command(commands, measurement.command, measurement.help, partial(_measure, measurement))
-        add_lens_argument(parser)
+        parser = lens_options.add_command(
+            commands, measurement.command, measurement.help, partial(_measure, measurement)
+        )
+        lens_options.add_lens_argument(parser)
         for k, option in enumerate(measurement.options):
             _add_option(parser, option)
             if k == 0 and measurement.has_best_focus:
                 _add_best_focus(parser)
         if measurement.has_wavelength:
-            add_wavelength(parser)
+            lens_options.add_wavelength(parser)
         if measurement.has_coating:
-            add_coating(parser)
-        add_plot(parser, has_chart=measurement.has_chart, has_array=bool(measurement.array))
+            lens_options.add_coating(parser)
+        lens_options.add_plot(parser, has_chart=measurement.has_chart, has_array=bool(measurement.array))
 
 
 def _add_option(parser: Parser, option: Option) -> None:
@@ -98,8 +83,8 @@ def _measure(measurement: Measurement, arguments: argparse.Namespace) -> int:
     for option in measurement.options:
         option.check(options[option.keyword], option.flag)
     output = arguments.output if measurement.has_chart else None
-    check_picture(output, arguments.lens, NUMBERS if measurement.array else ())
-    state = lens_in_use(arguments, arguments.wavelength_nm if measurement.has_wavelength else LINE_D_NM)
+    lens_options.check_picture(output, arguments.lens, NUMBERS if measurement.array else ())
+    state = lens_options.lens_in_use(arguments, arguments.wavelength_nm if measurement.has_wavelength else LINE_D_NM)
     if measurement.has_best_focus:
         state = _in_best_focus(arguments, state)
     found = measurement.measure(state, options)
@@ -114,9 +99,9 @@ def _measure(measurement: Measurement, arguments: argparse.Namespace) -> int:
     if output is not None and output.suffix.lower() in NUMBERS:
         from rptcam_cl.optics.image_quality import npy_bytes
 
-        write(npy_bytes(found.about[measurement.array]), output)
+        lens_options.write(npy_bytes(found.about[measurement.array]), output)
     elif output is not None and found.chart is not None:
-        write_picture(found.chart(), output)
+        lens_options.write_picture(found.chart(), output)
     return 0
 
 
@@ -150,10 +135,10 @@ SHOWN = 20
 def add_lens_ghosts(commands: Commands) -> None:
     """Add the command."""
     text = "ghosts of a source: light that surfaces reflect onto the film, pair by pair"
-    parser = add_command(commands, "ghosts", text, _ghosts)
-    add_lens_argument(parser)
+    parser = lens_options.add_command(commands, "ghosts", text, _ghosts)
+    lens_options.add_lens_argument(parser)
     parser.add_argument(
-        "--source", type=number, metavar="ANGLE", default=0.0,
+        "--source", type=lens_options.number, metavar="ANGLE", default=0.0,
         help="where the light comes from, in degrees from the axis (default: 0)",
     )  # fmt: skip
     parser.add_argument(
@@ -170,15 +155,15 @@ def add_lens_ghosts(commands: Commands) -> None:
         "--film-reflectance", type=share, metavar="R", default=0.0,
         help="share of the light that the film reflects like a mirror (default: 0)",
     )  # fmt: skip
-    add_wavelengths(parser, (MIDDLE_NM,))
-    add_coating(parser)
+    lens_options.add_wavelengths(parser, (MIDDLE_NM,))
+    lens_options.add_coating(parser)
     parser.add_argument("--all", action="store_true", help=f"print every way, not the {SHOWN} brightest")
-    add_plot(parser)
+    lens_options.add_plot(parser)
 
 
 def frame(text: str) -> tuple[float, float]:
     """Width and height of ``W,H``."""
-    found = numbers(text)
+    found = lens_options.numbers(text)
     if len(found) != 2 or min(found) <= 0:
         raise argparse.ArgumentTypeError(f"got {text}; allowed two lengths above 0, as 36,24")
     return found[0], found[1]
@@ -196,8 +181,8 @@ def _ghosts(arguments: argparse.Namespace) -> int:
     from rptcam_cl.optics.ghosts import Lit, find_ghosts
     from rptcam_cl.optics.spot import Beam
 
-    check_picture(arguments.output, arguments.lens, (".svg",))
-    state = lens_in_use(arguments)
+    lens_options.check_picture(arguments.output, arguments.lens, (".svg",))
+    state = lens_options.lens_in_use(arguments)
     away = 1000 * arguments.source_distance_m if arguments.source_distance_m is not None else float("inf")
     found = [
         find_ghosts(
@@ -219,7 +204,7 @@ def _ghosts(arguments: argparse.Namespace) -> int:
     if arguments.output is not None:
         worst = next((part["worst"] for part in parts if part["worst"]), None)
         if worst is not None:
-            write_picture(draw_ghost(state, found[0], tuple(worst)), arguments.output)
+            lens_options.write_picture(draw_ghost(state, found[0], tuple(worst)), arguments.output)
     return 0
 
 

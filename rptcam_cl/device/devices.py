@@ -25,20 +25,7 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import DeviceError
 from rptcam_cl.core.files import cache_dir
 from rptcam_cl.core.remember import Disk
-from rptcam_cl.device.drivers import (
-    AS_BEFORE_POCL_7,
-    AVX2,
-    AVX512,
-    instead,
-    lack_of_room,
-    load_opencl,
-    make_pocl_cache_usable,
-    own_name,
-    processor_flags,
-    rename_as_before,
-    rename_processor,
-    to_install,
-)
+from rptcam_cl.device import drivers
 from rptcam_cl.device.fork_server import ForkServer, ForkServerEndedError, end_work, start_fork_server
 
 #
@@ -134,8 +121,8 @@ def first_error(log: str) -> str:
 def driver_name(handle: Any) -> str:
     """Return a name for all that a trial depends on: driver with its settings, device, processor and this package."""
     driver = [handle.platform.name, handle.platform.version, handle.name, handle.driver_version]
-    settings = [f"{name}={os.environ.get(name)}" for name in AS_BEFORE_POCL_7]
-    facts = [__version__, platform.platform(), *driver, *settings, *sorted(processor_flags())]
+    settings = [f"{name}={os.environ.get(name)}" for name in drivers.AS_BEFORE_POCL_7]
+    facts = [__version__, platform.platform(), *driver, *settings, *sorted(drivers.processor_flags())]
     code = Path(__file__).read_bytes() + Path(__file__).with_name("drivers.py").read_bytes()
     return hashlib.sha256("\n".join(facts).encode() + code).hexdigest()
 
@@ -153,7 +140,7 @@ def refusal(handle: Any) -> str | None:
 
 def _helped(handle: Any, trial: Trial) -> bool:
     """Rename the processor here as in the trial; return whether that succeeded or was not needed."""
-    return trial.renamed is None or rename_as_before(handle, *trial.renamed)
+    return trial.renamed is None or drivers.rename_as_before(handle, *trial.renamed)
 
 
 def _tried_apart(handle: Any) -> Trial:
@@ -194,7 +181,7 @@ def _trial_of(found: dict[str, Any]) -> Trial:
 
 def prepare_trial() -> None:
     """Make a process for the first trial, where none is kept; to be called before drivers and threads begin."""
-    load_opencl()
+    drivers.load_opencl()
     has_begun = _fork_server or try_device.cache_info().currsize
     if not has_begun and not any(cache_dir(KEPT).glob("*")):
         made = start_fork_server(_carry_out)
@@ -221,9 +208,9 @@ def build_apart(handle: Any, source: str, options: Sequence[str]) -> None:
 
 def _carry_out(what: str, platform_number: int, device_number: int, *order: str) -> Any:
     """Carry out an order in the process that was made for the trial."""
-    handle = load_opencl().get_platforms()[platform_number].get_devices()[device_number]
+    handle = drivers.load_opencl().get_platforms()[platform_number].get_devices()[device_number]
     if what == "try":
-        make_pocl_cache_usable()  # with a mark of its own
+        drivers.make_pocl_cache_usable()  # with a mark of its own
         return asdict(try_here(handle))
     source, *options = order
     return _build(handle, source, options)
@@ -242,7 +229,7 @@ def _ended(place: tuple[int, int], tries: int) -> subprocess.CompletedProcess[by
 
 def _ending(code: int, said: str) -> str:
     """Return how the process of a trial ended that printed no result."""
-    if full := lack_of_room():  # which ends PoCL
+    if full := drivers.lack_of_room():  # which ends PoCL
         return f"error: {full}"
     if code < 0:
         name = signal.Signals(-code).name if -code in signal.valid_signals() else f"signal {-code}"
@@ -253,7 +240,7 @@ def _ending(code: int, said: str) -> str:
 
 def _place(handle: Any) -> tuple[int, int] | None:
     """Return the numbers of a device's platform and of the device among its own."""
-    for p, each in enumerate(load_opencl().get_platforms()):
+    for p, each in enumerate(drivers.load_opencl().get_platforms()):
         if each == handle.platform:
             return next(((p, d) for d, device in enumerate(each.get_devices()) if device == handle), None)
     return None
@@ -261,7 +248,7 @@ def _place(handle: Any) -> tuple[int, int] | None:
 
 def print_trial(platform_number: int, device_number: int) -> None:
     """Try a device in this process, print what it showed as a line of JSON, and end the process."""
-    handle = load_opencl().get_platforms()[platform_number].get_devices()[device_number]
+    handle = drivers.load_opencl().get_platforms()[platform_number].get_devices()[device_number]
     print("\n" + json.dumps(asdict(try_here(handle))), flush=True)
     end_work()
     os._exit(0)  # a driver may never come back from tidying up
@@ -271,15 +258,15 @@ def try_here(handle: Any) -> Trial:
     """Return what a trivial kernel shows on the pyopencl device ``handle`` in this process."""
     if not is_pocl(handle):
         problem = _build(handle, _source(None, ""))
-        is_gpu = problem is None and handle.type & load_opencl().device_type.GPU
+        is_gpu = problem is None and handle.type & drivers.load_opencl().device_type.GPU
         return Trial(problem=problem, speed=measured_speed(handle) if is_gpu else None)
     arch = pocl_library_arch()
     # The name is part of the text: PoCL's cache must not return what was compiled under another name.
-    own = own_name(handle)
+    own = drivers.own_name(handle)
     log = _build(handle, _source(arch, own))
     if log is None:
         return Trial(library_arch=arch)
-    renamed = rename_processor(handle, log)
+    renamed = drivers.rename_processor(handle, log)
     if renamed is not None and _build(handle, _source(arch, renamed[1])) is None:
         return Trial(library_arch=arch, renamed=renamed)
     if arch is not None and _build(handle, _source(None, own)) is None:
@@ -294,7 +281,7 @@ def measured_speed(handle: Any) -> float | None:
     """
     import numpy as np
 
-    cl = load_opencl()
+    cl = drivers.load_opencl()
     try:
         context = cl.Context([handle])
         queue = cl.CommandQueue(context, handle)
@@ -323,12 +310,12 @@ def pocl_library_arch() -> str | None:
 
     That is so on x86-64 with AVX2: "haswell", or "skylake-avx512" with AVX-512. None elsewhere.
     """
-    flags = processor_flags()
+    flags = drivers.processor_flags()
     if platform.machine() not in ("x86_64", "AMD64"):
         return None
-    if flags >= AVX512 | AVX2:
+    if flags >= drivers.AVX512 | drivers.AVX2:
         return AVX512_ARCH
-    return AVX2_ARCH if flags >= AVX2 and "avx512f" not in flags else None
+    return AVX2_ARCH if flags >= drivers.AVX2 and "avx512f" not in flags else None
 
 
 def target_pragma(arch: str | None) -> str:
@@ -350,7 +337,7 @@ def _source(arch: str | None, name: str) -> str:
 
 def _build(handle: Any, source: str, options: Sequence[str] = ("-cl-std=CL1.2", "-w")) -> str | None:
     """Return what the compiler says of a program that fails; None when it builds."""
-    cl = load_opencl()
+    cl = drivers.load_opencl()
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -402,7 +389,7 @@ def speed_of(device: DeviceInfo) -> float:
 def refuse(device: DeviceInfo, why: str) -> str:
     """Have a device not be used from now on, in other processes too; return what an error says of it."""
     keep_refusal(device.handle, why)
-    return f"device {device.id} {device.name} cannot be used: {why}; {instead()}"
+    return f"device {device.id} {device.name} cannot be used: {why}; {drivers.instead()}"
 
 
 def list_devices() -> list[DeviceInfo]:
@@ -413,16 +400,16 @@ def list_devices() -> list[DeviceInfo]:
     DeviceError
         When there is no OpenCL platform at all.
     """
-    cl = load_opencl()
+    cl = drivers.load_opencl()
     try:
         platforms = cl.get_platforms()
     except Exception as error:
-        raise DeviceError(f"no OpenCL platform was found ({error}); {to_install()}") from error
+        raise DeviceError(f"no OpenCL platform was found ({error}); {drivers.to_install()}") from error
     found = []
     for p, each in enumerate(platforms):
         found += _devices_of(cl, p, each)
     if not found:
-        raise DeviceError(f"no OpenCL device was found; {to_install()}")
+        raise DeviceError(f"no OpenCL device was found; {drivers.to_install()}")
     return found
 
 
@@ -500,7 +487,7 @@ def _reported(read: Callable[[], Any]) -> Any:
 def opencl_version() -> str | None:
     """Return the version of the binding to OpenCL; None where it is not installed."""
     try:
-        return str(load_opencl().VERSION_TEXT)
+        return str(drivers.load_opencl().VERSION_TEXT)
     except DeviceError:
         return None
 
@@ -533,7 +520,7 @@ def default_device(devices: list[DeviceInfo]) -> DeviceInfo:
     chosen = next((device for device in ordered if problem_of(device) is None), None)
     if chosen is None:
         reasons = "; ".join(f"{device.id} {device.name}: {problem_of(device)}" for device in devices)
-        raise DeviceError(f"no OpenCL device can be used ({reasons}); {instead()}")
+        raise DeviceError(f"no OpenCL device can be used ({reasons}); {drivers.instead()}")
     return chosen
 
 

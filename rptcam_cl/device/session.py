@@ -18,22 +18,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.core.errors import DeviceError
 from rptcam_cl.core.remember import Disk, Memory, content_name
-from rptcam_cl.device.devices import (
-    ALL,
-    AVX512_ARCH,
-    DeviceInfo,
-    build_apart,
-    builds_apart,
-    choose_device,
-    end_trials,
-    is_pocl,
-    list_devices,
-    listed,
-    prepare_trial,
-    problem_of,
-    several_of_environment,
-    try_device,
-)
+from rptcam_cl.device import devices
 from rptcam_cl.device.drivers import instead, is_code_noted, load_opencl, note_code
 from rptcam_cl.device.fork_server import unfinished_work
 from rptcam_cl.device.programs import Parameters, Program, assemble, options_of, program_name, quick_source, source_key
@@ -63,12 +48,12 @@ def is_llvmpipe(handle: Any) -> bool:
 def open_session(spec: str | None = None) -> Session:
     """Return the session of the device that ``spec`` names; kept, so that its programs are built only once."""
     with _opening:
-        return _session(choose_device(spec).id)
+        return _session(devices.choose_device(spec).id)
 
 
 @lru_cache(maxsize=16)
 def _session(device_id: str) -> Session:
-    return Session(choose_device(device_id))
+    return Session(devices.choose_device(device_id))
 
 
 class Launch:
@@ -149,11 +134,11 @@ class Launch:
 class Session:
     """Context, in-order queue and program cache of one device. Programs are built once and kept."""
 
-    def __init__(self, info: DeviceInfo, *, profiling: bool = False) -> None:
+    def __init__(self, info: devices.DeviceInfo, *, profiling: bool = False) -> None:
         cl = load_opencl()
         self.info = info
         self.profiling = profiling
-        problem = problem_of(info)
+        problem = devices.problem_of(info)
         if problem is not None:
             raise DeviceError(f"device {info.id} {info.name} cannot be used: {problem}; {instead()}")
         try:
@@ -162,7 +147,7 @@ class Session:
             self.queue = cl.CommandQueue(self.context, info.handle, **options)
         except cl.Error as error:
             raise DeviceError(f"device {info.id} {info.name} cannot be used: {error}") from error
-        self._library_arch = try_device(info.handle).library_arch
+        self._library_arch = devices.try_device(info.handle).library_arch
         self._programs: Memory[Program] = Memory(MOST_PROGRAMS)
         self._building = threading.Lock()
         self._launched: list[Program] = []  # whose code is not noted
@@ -181,7 +166,7 @@ class Session:
     @property
     def generates_late(self) -> bool:
         """Whether the driver generates the code of a kernel when it is launched first, and runs nothing meanwhile."""
-        return is_pocl(self.info.handle)
+        return devices.is_pocl(self.info.handle)
 
     @property
     def loop_limit(self) -> int | None:
@@ -205,7 +190,7 @@ class Session:
             return 1
         if self._library_arch is None:
             return 16 if self.info.handle.native_vector_width_float >= 16 else 8
-        return 16 if self._library_arch == AVX512_ARCH else 8
+        return 16 if self._library_arch == devices.AVX512_ARCH else 8
 
     @property
     def group(self) -> int:
@@ -216,7 +201,7 @@ class Session:
         """
         if self.kind == "gpu":
             return 64
-        return 1 if is_pocl(self.info.handle) else 4
+        return 1 if devices.is_pocl(self.info.handle) else 4
 
     def program(self, files: list[str], facts: Mapping[str, int | str], declarations: str) -> Program:
         """Return the program made of ``files`` under ``kernels/``, specialised by ``facts``; built at first use.
@@ -247,7 +232,7 @@ class Session:
 
     def _built(self, source: str) -> Program:
         if self.generates_late:
-            build_apart(self.info.handle, source, options_of(self.info.handle, source))
+            devices.build_apart(self.info.handle, source, options_of(self.info.handle, source))
         return Program(self.context, self.info.handle, source)
 
     @property
@@ -277,7 +262,7 @@ class Session:
         name
             A word that no program before had.
         """
-        if self.generates_late and not builds_apart(self.info.handle):
+        if self.generates_late and not devices.builds_apart(self.info.handle):
             self._built(f"__kernel void k{name}(__global float *out) {{ out[0] = sqrt(out[0]); }}\n")
 
     def beside(self) -> Session:
@@ -435,7 +420,7 @@ def open_early(spec: str | None, *command: object) -> Callable[[], None]:
     key = (spec, *command)
     built: Built = [(source, names) for source, names in _DISK.find(key, [])] if command else []
     try:
-        prepare_trial()
+        devices.prepare_trial()
         from pyopencl import characterize  # noqa: F401 -- wanted by the first build
     except (DeviceError, ImportError):
         return lambda: None
@@ -455,7 +440,7 @@ def _open(spec: str | None, name: str, built: Built) -> None:
 
 def _keep_built(key: tuple[Any, ...], before: Built) -> None:
     """Keep what was built, where that is not what was built before."""
-    end_trials()
+    devices.end_trials()
     programs = open_session(key[0]).programs
     if [program.source for program in programs] == [source for source, _ in before]:
         return
@@ -503,22 +488,22 @@ def open_sessions(wanted: Wanted = None, split: Split | None = None) -> tuple[li
 def means_all(wanted: Wanted) -> bool:
     """Return whether `all` devices were requested rather than named ones; one that cannot begin is then left out."""
     if wanted is None:
-        return several_of_environment() == [ALL]
-    return not isinstance(wanted, Session) and ALL in ([wanted] if isinstance(wanted, str) else wanted)
+        return devices.several_of_environment() == [devices.ALL]
+    return not isinstance(wanted, Session) and devices.ALL in ([wanted] if isinstance(wanted, str) else wanted)
 
 
 def means_one(wanted: str | None, split: Split | None = None) -> bool:
     """Return whether a single device is meant, whichever it is."""
     if wanted is None:
-        return split is None and several_of_environment() is None
-    return listed(wanted) == [wanted.strip()] and wanted.strip() != ALL
+        return split is None and devices.several_of_environment() is None
+    return devices.listed(wanted) == [wanted.strip()] and wanted.strip() != devices.ALL
 
 
 def _opened(wanted: Wanted) -> list[Session]:
     if isinstance(wanted, Session):
         return [wanted]
     if wanted is None:
-        wanted = several_of_environment()
+        wanted = devices.several_of_environment()
         if wanted is None:
             return [open_session(None)]
     entries = [wanted] if isinstance(wanted, str) else list(wanted)
@@ -526,15 +511,15 @@ def _opened(wanted: Wanted) -> list[Session]:
         raise DeviceError("--device: no device is named (allowed: one or more, or none to have one chosen)")
     words: list[str | Session] = []
     for entry in entries:
-        words += listed(entry) if isinstance(entry, str) else [entry]
-    if ALL in words:
+        words += devices.listed(entry) if isinstance(entry, str) else [entry]
+    if devices.ALL in words:
         if len(words) > 1:
             raise DeviceError("--device: 'all' stands alone (or name the devices)")
         return [open_session(info.id) for info in usable_devices()]
     return [word if isinstance(word, Session) else open_session(word) for word in words]
 
 
-def usable_devices() -> list[DeviceInfo]:
+def usable_devices() -> list[devices.DeviceInfo]:
     """Return every device that builds a kernel, with a warning for each that does not.
 
     Raises
@@ -543,8 +528,8 @@ def usable_devices() -> list[DeviceInfo]:
         When none does.
     """
     found, reasons = [], []
-    for info in list_devices():
-        problem = problem_of(info)
+    for info in devices.list_devices():
+        problem = devices.problem_of(info)
         if problem is None:
             found.append(info)
         else:
@@ -582,7 +567,7 @@ def _in_order(shares: Mapping[str, float], sessions: Sequence[Session]) -> list[
     """Return the shares in the order of the sessions."""
     by_id: dict[str, float] = {}
     for name, share in shares.items():
-        identity = name if any(session.info.id == name for session in sessions) else choose_device(name).id
+        identity = name if any(session.info.id == name for session in sessions) else devices.choose_device(name).id
         if identity in by_id:
             raise DeviceError(f"--split: {name} is {identity}, which has a share already (give each device one share)")
         by_id[identity] = share

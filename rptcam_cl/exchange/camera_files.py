@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import uuid
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
@@ -11,14 +12,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.exchange.camera_models import BY_ANGLE, Calibration
 from rptcam_cl.exchange.camera_view import FAR_M, View
 from rptcam_cl.optics.files.export import lens_text
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.ray_trace import passing
-from rptcam_cl.optics.surface import Surface
 from rptcam_cl.rendering.cameras.setting import LensSetting
 from rptcam_cl.scene.lens_settings import CircularAperture
 from rptcam_cl.scene.placement import quaternion_of
@@ -182,14 +181,6 @@ shader camera(
 """
 
 
-@dataclass(frozen=True)
-class _Disk:
-    """Where rays are aimed: z in the frame of the lens, and a radius [mm]."""
-
-    z: float
-    radius: float
-
-
 def osl_text(view: View) -> str:
     """Return the shader of a scene's camera.
 
@@ -212,7 +203,7 @@ def osl_text(view: View) -> str:
     corner, across, up = corners[0], corners[1] - corners[0], corners[2] - corners[0]
     normal = np.cross(across, up)
     normal /= np.linalg.norm(normal)
-    disk = _disk(view, setting)
+    plane, radius = _disk(view, setting)
     middle = corner + (across + up) / 2
     indices = lens.indices(wavelength)
     rows = range(len(lens.surfaces) - 1, -1, -1)
@@ -239,37 +230,37 @@ def osl_text(view: View) -> str:
         across=_turned(across),
         up=_turned(up),
         normal=_turned(normal),
-        radius=repr(disk.radius),
+        radius=repr(radius),
         turn=repr(2 * math.pi),
-        disk=repr(float(film_z - disk.z)),
-        scale=repr(1.0 / _on_axis(lens, middle, normal, disk, wavelength)),
+        disk=repr(float(film_z - plane)),
+        scale=repr(1.0 / _on_axis(lens, middle, normal, plane, radius, wavelength)),
     )
 
 
 def _check(lens: Lens) -> None:
     """Refuse what the shader cannot trace."""
     for k, surface in enumerate(lens.surfaces):
-        if fault := _fault(surface):
-            raise InputError(
-                f"--osl: {lens.name}: surface {k} {fault}"
-                " (allowed: spheres, conics, cylinders, aspheres and planes about one axis, with round openings)"
-            )
+        if surface.is_mirror:
+            fault = "is a mirror"
+        elif surface.form is not None:
+            fault = f"is {surface.form.description}"
+        elif surface.pose is not None:
+            fault = "stands beside the axis or tilted"
+        elif surface.region is not None or surface.stop_shape or surface.inner_semi_diameter:
+            fault = "has an opening that is not round"
+        else:
+            continue
+        raise InputError(
+            f"--osl: {lens.name}: surface {k} {fault}"
+            " (allowed: spheres, conics, cylinders, aspheres and planes about one axis, with round openings)"
+        )
 
 
-def _fault(surface: Surface) -> str:
-    if surface.is_mirror:
-        return "is a mirror"
-    if surface.form is not None:
-        return f"is {surface.form.description}"
-    if surface.pose is not None:
-        return "stands beside the axis or tilted"
-    if surface.region is not None:
-        return "has an opening that is not round"
-    return "has an opening that is not round" if surface.stop_shape or surface.inner_semi_diameter else ""
+def _disk(view: View, setting: LensSetting) -> tuple[float, float]:
+    """Return z and radius [mm] of a disk on the plane of the exit pupil that all light to the picture passes.
 
-
-def _disk(view: View, setting: LensSetting) -> _Disk:
-    """Return a disk on the plane of the exit pupil that all light to the picture passes, by rays in float64."""
+    By rays in float64, in the frame of the lens.
+    """
     lens = setting.lens
     film_z, last = lens.film_z(setting.film_distance_mm), lens.length
     pupil_z = last + lens.first_order(setting.camera.wavelength_nm).exit_pupil.distance_mm
@@ -283,7 +274,7 @@ def _disk(view: View, setting: LensSetting) -> _Disk:
         radius = radius * spread + abs(spread - 1.0) * float(np.hypot(*film[:, :2].T).max())
     for _ in range(NARROWED):
         radius = min(radius, _reach(lens, film, plane, radius, setting.camera.wavelength_nm))
-    return _Disk(float(plane), radius)
+    return float(plane), radius
 
 
 def _reach(lens: Lens, film: Array, plane: float, half: float, wavelength_nm: float) -> float:
@@ -299,11 +290,11 @@ def _reach(lens: Lens, film: Array, plane: float, half: float, wavelength_nm: fl
     return float(np.max(np.hypot(*targets[through, :2].T)) + step)
 
 
-def _on_axis(lens: Lens, middle: Array, normal: Array, disk: _Disk, wavelength_nm: float) -> float:
+def _on_axis(lens: Lens, middle: Array, normal: Array, plane: float, reach: float, wavelength_nm: float) -> float:
     """Return the mean over the disk of what the middle of the film gets, before it is scaled to 1 [1/mm^2]."""
     shares, turns = ((np.arange(count) + 0.5) / count for count in AXIS_RAYS)
-    radius, azimuth = (part.ravel() for part in np.meshgrid(disk.radius * np.sqrt(shares), 2 * math.pi * turns))
-    targets = np.column_stack([radius * np.cos(azimuth), radius * np.sin(azimuth), np.full(radius.size, disk.z)])
+    radius, azimuth = (part.ravel() for part in np.meshgrid(reach * np.sqrt(shares), 2 * math.pi * turns))
+    targets = np.column_stack([radius * np.cos(azimuth), radius * np.sin(azimuth), np.full(radius.size, plane)])
     away = targets - middle
     square = np.sum(away * away, axis=1)
     lit = passing(lens, np.tile(middle, (len(away), 1)), away, wavelength_nm)
@@ -317,11 +308,11 @@ def _on_axis(lens: Lens, middle: Array, normal: Array, disk: _Disk, wavelength_n
 def _turned(vector: Array, film_z: float = 0.0) -> str:
     """Return a vector of the frame of the lens, whose z runs to the film, with z towards the scene."""
     x, y, z = np.asarray(vector, np.float64).tolist()
-    return f"{x!r}, {y!r}, {float(film_z) - z!r}"
+    return _listed((x, y, film_z - z))
 
 
-def _listed(values: Iterable[float]) -> str:
-    return ", ".join(repr(float(value)) for value in values)
+def _listed(values: Iterable[float], between: str = ", ") -> str:
+    return between.join(repr(float(value)) for value in values)
 
 
 #
@@ -358,7 +349,9 @@ def usd_text(view: View, calibration: Calibration) -> str:
         "fStop": focal_mm / pupil_mm if pupil_mm else 0.0,  # 0 is a pinhole
         "focusDistance": min(focus_m, FAR_M) * CM_PER_M,
     }
-    near = max(_first_vertex_cm(view), NEAREST_CM)
+    setting = view.setting  # the lens begins so far ahead of the entrance pupil
+    ahead_cm = 0.0 if setting is None else (setting.lens.film_z(setting.film_distance_mm) - view.pupil_ahead_mm) / 10
+    near = max(ahead_cm, NEAREST_CM)
     lines = [
         "#usda 1.0",
         "(",
@@ -374,7 +367,7 @@ def usd_text(view: View, calibration: Calibration) -> str:
         '    token projection = "perspective"',
         *(f"    float {name} = {value!r}" for name, value in numbers.items()),
         f"    float2 clippingRange = ({near!r}, {FARTHEST_CM!r})",
-        f"    matrix4d xformOp:transform = ( {', '.join(map(_row, _pose_rows(view)))} )",
+        f"    matrix4d xformOp:transform = ( {', '.join(f'({_listed(row)})' for row in _pose_rows(view))} )",
         '    uniform token[] xformOpOrder = ["xformOp:transform"]',
         "}",
     ]
@@ -389,13 +382,6 @@ def _opening(view: View) -> tuple[float, float]:
     return view.pupil.diameter_mm, math.inf if focus_mm is None else (focus_mm - view.pupil_ahead_mm) * 1e-3
 
 
-def _first_vertex_cm(view: View) -> float:
-    """Return how far ahead of the entrance pupil the lens begins."""
-    if view.setting is None:
-        return 0.0
-    return (view.setting.lens.film_z(view.setting.film_distance_mm) - view.pupil_ahead_mm) / 10
-
-
 def _pose_rows(view: View) -> list[list[float]]:
     """Return the pose as USD has it: by rows right, up, back and the place [cm]."""
     pose = view.pose()
@@ -403,10 +389,6 @@ def _pose_rows(view: View) -> list[list[float]]:
     pose[:3, 3] *= CM_PER_M
     rows: list[list[float]] = np.add(pose.T, 0.0).tolist()  # which makes 0 of -0
     return rows
-
-
-def _row(values: list[float]) -> str:
-    return f"({', '.join(map(repr, values))})"
 
 
 def _custom_data(view: View, calibration: Calibration) -> list[str]:
@@ -437,18 +419,14 @@ def _dictionary(values: dict[str, Any], indent: str) -> list[str]:
         if isinstance(value, dict):
             lines += [f"{indent}dictionary {name} = {{", *_dictionary(value, indent + "    "), f"{indent}}}"]
         elif isinstance(value, str):
-            lines.append(f"{indent}string {name} = {_string(value)}")
+            on_lines = "'''" + value.replace("\\", "\\\\").replace("'", "\\'") + "'''"
+            text = on_lines if "\n" in value else json.dumps(value, ensure_ascii=False)
+            lines.append(f"{indent}string {name} = {text}")
         elif isinstance(value, int):
             lines.append(f"{indent}int {name} = {value}")
         elif value is not None:
             lines.append(f"{indent}double {name} = {value!r}")
     return lines
-
-
-def _string(text: str) -> str:
-    if "\n" not in text:
-        return json.dumps(text, ensure_ascii=False)
-    return "'''" + text.replace("\\", "\\\\").replace("'", "\\'") + "'''"
 
 
 #
@@ -491,14 +469,6 @@ def _opencv_matrix(view: View, calibration: Calibration) -> list[float]:
     return [fx, 0.0, cx - PIXEL_CENTRE, 0.0, fy, cy - PIXEL_CENTRE, 0.0, 0.0, 1.0]
 
 
-def _camera_from_world(view: View) -> Array:
-    return np.asarray(np.linalg.inv(view.pose()))
-
-
-def _numbers(values: Sequence[float]) -> str:
-    return ", ".join(repr(float(value)) for value in values)
-
-
 def _about(view: View, calibration: Calibration) -> str:
     return (
         f"{view.name}: {calibration.model}, errs by {calibration.max_px:.3g} px at most,"
@@ -518,11 +488,11 @@ def object_text(view: View) -> str:
 def opencv_text(view: View, calibration: Calibration) -> str:
     """Return the file for OpenCV's FileStorage; `fisheye_model: 1` is for its module fisheye."""
     coefficients = calibration.coefficients or [0.0] * 5
-    pose = _camera_from_world(view)
+    pose = np.asarray(np.linalg.inv(view.pose()))
 
     def matrix(name: str, rows: int, columns: int, values: Sequence[float]) -> list[str]:
         shape = [f"   rows: {rows}", f"   cols: {columns}", "   dt: d"]
-        return [f"{name}: !!opencv-matrix", *shape, f"   data: [ {_numbers(values)} ]"]
+        return [f"{name}: !!opencv-matrix", *shape, f"   data: [ {_listed(values)} ]"]
 
     lines = [
         "%YAML:1.0",
@@ -549,13 +519,13 @@ def ros_text(view: View, calibration: Calibration) -> str:
     projection = [*matrix[:3], 0.0, *matrix[3:6], 0.0, *matrix[6:], 0.0]
 
     def block(name: str, rows: int, columns: int, values: Sequence[float]) -> list[str]:
-        return [f"{name}:", f"  rows: {rows}", f"  cols: {columns}", f"  data: [{_numbers(values)}]"]
+        return [f"{name}:", f"  rows: {rows}", f"  cols: {columns}", f"  data: [{_listed(values)}]"]
 
     lines = [
         f"# {_about(view, calibration)}",
         f"image_width: {view.size[0]}",
         f"image_height: {view.size[1]}",
-        f"camera_name: {_plain_name(view.name)}",
+        f"camera_name: {'_'.join(re.findall('[A-Za-z0-9]+', view.name)) or 'camera'}",
         *block("camera_matrix", 3, 3, matrix),
         f"distortion_model: {ROS[calibration.model]}",
         *block("distortion_coefficients", 1, len(coefficients), coefficients),
@@ -565,26 +535,20 @@ def ros_text(view: View, calibration: Calibration) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _plain_name(name: str) -> str:
-    return "_".join("".join(c if c.isascii() and c.isalnum() else " " for c in name).split()) or "camera"
-
-
 def colmap_texts(view: View, calibration: Calibration, picture: str) -> dict[str, str]:
     """Return the text files of a COLMAP model with one camera, one picture of a name, and no points."""
     coefficients = calibration.coefficients
     if calibration.model == "brown_conrady":
         coefficients = [*coefficients, 0.0, 0.0, 0.0]
     width, height = view.size
-    values = " ".join(repr(value) for value in [*calibration.parameters[:4].tolist(), *coefficients])
-    pose = _camera_from_world(view)
-    x, y, z, w = quaternion_of(pose[:3, :3]).tolist()
-    turn = " ".join(repr(value) for value in (w, x, y, z))
-    move = " ".join(repr(value) for value in pose[:3, 3].tolist())
+    values = _listed([*calibration.parameters[:4], *coefficients], " ")
+    pose = np.asarray(np.linalg.inv(view.pose()))
+    x, y, z, w = quaternion_of(pose[:3, :3])
     return {
         "cameras.txt": f"# {_about(view, calibration)}\n# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n"
         f"1 {COLMAP[calibration.model]} {width} {height} {values}\n",
         "images.txt": "# IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME; then POINTS2D[] of it\n"
-        f"1 {turn} {move} 1 {picture}\n\n",
+        f"1 {_listed((w, x, y, z, *pose[:3, 3]), ' ')} 1 {picture}\n\n",
         "points3D.txt": "# POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[]\n",
     }
 
@@ -691,13 +655,8 @@ def document(view: View, calibrations: Sequence[Calibration], refused: dict[str,
             "axes": "x right, y down, z ahead; world_from_camera by rows [m], at the entrance pupil",
         },
         "models": {
-            found.model: {
-                **found.named,
-                "max_px": found.max_px,
-                "rms_px": found.rms_px,
-                "lit_share": found.lit_share,
-            }
-            for found in calibrations
+            each.model: each.named | {"max_px": each.max_px, "rms_px": each.rms_px, "lit_share": each.lit_share}
+            for each in calibrations
         },
         **({"refused": refused} if refused else {}),
     }

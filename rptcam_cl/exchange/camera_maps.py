@@ -5,10 +5,10 @@ from __future__ import annotations
 import io
 import json
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.polynomial import chebyshev
@@ -16,7 +16,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.core.files import utf8_name
 from rptcam_cl.exchange.camera_models import BY_ANGLE, normal_points
 from rptcam_cl.exchange.camera_view import View, check_distances, distance_along
 from rptcam_cl.optics.chief_rays import film_chief_rays
@@ -27,6 +26,7 @@ from rptcam_cl.optics.spot import Beam, is_steep, passing_beam, passing_from, ta
 from rptcam_cl.rendering.cameras.ideal import shaped
 from rptcam_cl.rendering.cameras.kinds import camera_model
 from rptcam_cl.rendering.cameras.setting import film_frame
+from rptcam_cl.scene.assets.pictures import write_exr
 
 #
 # The way from the picture to directions and back as smooth functions, for maps with a value for every pixel.
@@ -56,22 +56,19 @@ class Polynomial:
     low: Array
     high: Array
 
-    def _unit(self, points: Array) -> Array:
-        return np.asarray((points - self.low) / (self.high - self.low) * 2.0 - 1.0)
-
     def __call__(self, points: Array) -> Array:
         """Return the values (n, 2) at points (n, 2)."""
-        return self._evaluated(self.coefficients, points)
+        return self._evaluate(self.coefficients, points)
 
     def slopes(self, points: Array) -> Array:
         """Return the derivatives (n, outputs, 2) at points (n, 2)."""
         scale = 2.0 / (self.high - self.low)
         return np.stack(
-            [self._evaluated(chebyshev.chebder(self.coefficients, axis=k) * scale[k], points) for k in (0, 1)], axis=-1
+            [self._evaluate(chebyshev.chebder(self.coefficients, axis=k) * scale[k], points) for k in (0, 1)], axis=-1
         )
 
-    def _evaluated(self, coefficients: Array, points: Array) -> Array:
-        unit = self._unit(points)
+    def _evaluate(self, coefficients: Array, points: Array) -> Array:
+        unit = (points - self.low) / (self.high - self.low) * 2.0 - 1.0
         result = np.empty((len(points), coefficients.shape[2]))
         for start in range(0, len(points), CHUNK):
             part = unit[start : start + CHUNK]
@@ -113,10 +110,6 @@ class SmoothMap:
     size: tuple[int, int]
     error_px: float
     widest: float
-
-    def angles(self, places: Array) -> Array:
-        """Return the angles (n, 2) of places (n, 2) of the picture [radians]."""
-        return self.to_angles(places)
 
     def places(self, angles: Array) -> tuple[Array, Mask]:
         """Return the places (n, 2) of angles (n, 2), and which of them lie in the picture or just beyond its edges."""
@@ -225,19 +218,6 @@ class StMaps:
     offset_px: tuple[int, int]
     error_px: float
 
-    def facts(self) -> dict[str, Any]:
-        """Return what the files say of the maps."""
-        return {
-            "straight_size": list(self.undistort.shape[1::-1]),
-            "picture_size": list(self.distort.shape[1::-1]),
-            "fx": self.focal_px[0],
-            "fy": self.focal_px[1],
-            "cx": self.centre_px[0],
-            "cy": self.centre_px[1],
-            "offset": list(self.offset_px),
-            "error_px": self.error_px,
-        }
-
 
 def st_maps(view: View) -> StMaps:
     """Return the maps of a view.
@@ -258,8 +238,8 @@ def st_maps(view: View) -> StMaps:
             f" (allowed: {MOST_PIXELS} in all; a smaller picture or less field)"
         )
     there = np.array(centre) + offset
-    undistort = _map(_centres(size), size, view.size, lambda at: _to_lens(smooth, (at - there) / focal))
-    distort = _map(_centres(view.size), view.size, size, lambda at: _to_straight(smooth, at, focal, there))
+    undistort = _map(*_to_lens(smooth, (_centres(size) - there) / focal), size, view.size)
+    distort = _map(*_to_straight(smooth, _centres(view.size), focal, there), view.size, size)
     (fx, fy), (cx, cy) = focal.tolist(), there.tolist()
     return StMaps(undistort, distort, (fx, fy), (cx, cy), (offset[0], offset[1]), smooth.error_px)
 
@@ -270,31 +250,31 @@ def _centres(size: tuple[int, ...]) -> Array:
     return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
 
 
-def _map(at: Array, size: tuple[int, ...], of: tuple[int, ...], sought: Any) -> Pixels:
-    """Return a map of some size whose values are shares of a picture of another size."""
-    places, known = sought(at)
-    values = np.full((len(at), 3), NOWHERE, np.float32)
+def _map(places: Array, known: Mask, size: tuple[int, ...], of: tuple[int, ...]) -> Pixels:
+    """Return a map of some size whose values are places, where known, as shares of a picture of another size."""
+    values = np.full((len(places), 3), NOWHERE, np.float32)
     values[known, 0] = places[known, 0] / of[0]
     values[known, 1] = 1.0 - places[known, 1] / of[1]
     values[:, 2] = known
     return values.reshape(size[1], size[0], 3)
 
 
-def _to_lens(smooth: SmoothMap, tangents: Array) -> tuple[Array, NDArray[np.bool_]]:
+def _to_lens(smooth: SmoothMap, tangents: Array) -> tuple[Array, Mask]:
     length = np.linalg.norm(tangents, axis=1)
     scale = np.where(length > 1e-12, np.arctan(length) / np.maximum(length, 1e-12), 1.0)
     return smooth.places(tangents * scale[:, None])
 
 
-def _to_straight(smooth: SmoothMap, places: Array, focal: Array, centre: Array) -> tuple[Array, NDArray[np.bool_]]:
-    tangents, known = _tangents(smooth.angles(places))
-    return tangents * focal + centre, known & (np.linalg.norm(smooth.angles(places), axis=1) <= smooth.widest)
+def _to_straight(smooth: SmoothMap, places: Array, focal: Array, centre: Array) -> tuple[Array, Mask]:
+    tangents, known = _tangents(smooth, places)
+    return tangents * focal + centre, known
 
 
-def _tangents(angles: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Return tangents (n, 2) of angles along their azimuths, and which are not too far from the axis."""
+def _tangents(smooth: SmoothMap, places: Array) -> tuple[Array, Mask]:
+    """Return tangents (n, 2) of places along their azimuths, and which of them are shown not too far from the axis."""
+    angles = smooth.to_angles(places)
     length = np.linalg.norm(angles, axis=1)
-    near = length <= WIDEST
+    near = (length <= WIDEST) & (length <= smooth.widest)
     scale = np.where(length > 1e-12, np.tan(np.minimum(length, WIDEST)) / np.maximum(length, 1e-12), 1.0)
     return np.asarray(angles * scale[:, None]), near
 
@@ -317,10 +297,8 @@ def _bounds(smooth: SmoothMap, size: tuple[int, int], focal: Array) -> tuple[Arr
     """Return the box of the straight picture about its principal point [pixels] that holds all that the lens shows."""
     shares = np.linspace(0.0, 1.0, EDGE)
     places = np.stack(np.meshgrid(shares * size[0], shares * size[1]), axis=-1).reshape(-1, 2)
-    angles = smooth.angles(places)
-    shown = np.linalg.norm(angles, axis=1) <= smooth.widest
-    tangents, near = _tangents(angles)
-    seen = tangents[shown & near] * focal
+    tangents, shown = _tangents(smooth, places)
+    seen = tangents[shown] * focal
     return seen.min(axis=0), seen.max(axis=0)
 
 
@@ -346,7 +324,6 @@ def vignetting_map(view: View) -> Pixels:
         Of a film that is turned; of a lens that lets nothing through to the axis.
     """
     scene = view.scene
-    columns, rows = view.size
     if not view.is_traced:
         return _ideal_falloff(view)
     setting, frame = view.setting, film_frame(scene.camera)
@@ -366,10 +343,9 @@ def vignetting_map(view: View) -> Pixels:
     if not round_lens.is_rotational:
         values = _over_plane(view, lambda r, degrees: float(light(lens, r, degrees)) / centre)
         return between(values, view.size).astype(np.float32)
-    x, y = np.arange(columns) + 0.5, np.arange(rows) + 0.5
-    film = view.film_points(np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2))[:, :2]
+    film = view.film_points(_centres(view.size))[:, :2]
     known, values = _along_radius(lambda r: light(round_lens, r), float(np.hypot(*film.T).max()))
-    falloff = np.interp(np.sum(film**2, axis=1), known**2, values).reshape(rows, columns)
+    falloff = np.interp(np.sum(film**2, axis=1), known**2, values).reshape(view.size[::-1])
     if round_lens is lens:
         return np.asarray(falloff / centre, np.float32)
     # what the shape of the stop takes is smooth up to the edge of the image circle, where the falloff is not
@@ -437,15 +413,13 @@ def _along_radius(light: Callable[[Array], Array], farthest: float) -> tuple[Arr
 
 def _ideal_falloff(view: View) -> Pixels:
     """Return 1 everywhere, or of a thick lens the fourth power of the cosine on the film."""
-    columns, rows = view.size
-    setting = view.setting
+    shape, setting = view.size[::-1], view.setting
     if setting is None:
-        return np.ones((rows, columns), np.float32)
-    x, y = np.arange(columns) + 0.5, np.arange(rows) + 0.5
-    film = view.film_points(np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2))[:, :2]
+        return np.ones(shape, np.float32)
+    film = view.film_points(_centres(view.size))[:, :2]
     pupil = setting.lens.first_order(setting.camera.wavelength_nm).exit_pupil.distance_mm
     slope = np.sum(film**2, axis=1) / (setting.film_distance_mm - pupil) ** 2  # 0 for a pupil at infinity
-    return np.asarray(((1.0 + slope) ** -2).reshape(rows, columns), np.float32)
+    return np.asarray(((1.0 + slope) ** -2).reshape(shape), np.float32)
 
 
 def coc_map(view: View, distances_m: Sequence[float]) -> Pixels:
@@ -519,17 +493,6 @@ class PointImages:
     wavelengths_nm: tuple[float, ...]
     distances_m: tuple[float, ...]
 
-    def arrays(self) -> dict[str, NDArray[np.floating]]:
-        """Return what a NumPy file holds of it."""
-        return {
-            "kernels": self.kernels,
-            "centroids_px": self.centroids,
-            "kept": self.kept,
-            "places_px": self.places,
-            "wavelengths_nm": np.array(self.wavelengths_nm),
-            "distances_m": np.array(self.distances_m),
-        }
-
 
 def point_images(
     view: View,
@@ -573,7 +536,8 @@ def point_images(
     for index in np.ndindex(shape):
         cell = index[0] * grid[0] + index[1]
         landed[index] = sources.landed(cell, waves[index[2]], distances[index[3]], across)
-    side = pixels or _side(landed)
+    reach = max((float(np.abs(off).max()) for off, _ in landed.values() if len(off)), default=0.0)
+    side = pixels or min(2 * math.ceil(reach) + 1, MOST_PX)
     kernels = np.zeros((*shape, side, side), np.float32)
     centroids, kept = np.full((*shape, 2), np.nan), np.zeros(shape)
     for index, (off, weights) in landed.items():
@@ -581,11 +545,6 @@ def point_images(
             centroids[index] = weights @ off
             kernels[index], kept[index] = _kernel(off, weights, side)
     return PointImages(kernels, centroids, kept, places, waves, distances)
-
-
-def _side(landed: dict[tuple[int, ...], tuple[Array, Array]]) -> int:
-    reach = max((float(np.abs(off).max()) for off, _ in landed.values() if len(off)), default=0.0)
-    return min(2 * math.ceil(reach) + 1, MOST_PX)
 
 
 def _kernel(off: Array, weights: Array, side: int) -> tuple[NDArray[np.float32], float]:
@@ -673,36 +632,35 @@ class _Sources:
 # Maps of a lens as files: float32 OpenEXR pictures and NumPy archives, with what they are in their headers.
 
 
-def _write_exr(path: Path, channels: Mapping[str, Pixels], said: Mapping[str, Any]) -> None:
-    import OpenEXR
-
-    header: dict[str, Any] = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-    header |= {key: value if isinstance(value, str) else json.dumps(value) for key, value in said.items()}
-    named = {name: np.ascontiguousarray(values, np.float32) for name, values in channels.items()}
-    with OpenEXR.File(header, named) as file, utf8_name(path) as name:
-        file.write(name)
-
-
 def st_exr(view: View, maps: StMaps, which: Literal["distort", "undistort"], path: Path) -> None:
     """Write one of the ST maps: channels R and G are u and v, B is 1 where they hold."""
-    said = {"stmap": which, "lens": view.name, **maps.facts()}
-    _write_exr(path, {"RGB": maps.distort if which == "distort" else maps.undistort}, said)
+    (fx, fy), (cx, cy) = maps.focal_px, maps.centre_px
+    numbers = {
+        "straight_size": maps.undistort.shape[1::-1], "picture_size": maps.distort.shape[1::-1],
+        "fx": fx, "fy": fy, "cx": cx, "cy": cy, "offset": maps.offset_px, "error_px": maps.error_px,
+    }  # fmt: skip
+    header = {"stmap": which, "lens": view.name} | {name: json.dumps(value) for name, value in numbers.items()}
+    write_exr({"RGB": maps.distort if which == "distort" else maps.undistort}, path, header)
 
 
 def vignetting_exr(view: View, values: Pixels, path: Path) -> None:
     """Write a vignetting map: channel Y is the light of a pixel over that on the axis."""
-    _write_exr(path, {"Y": values}, {"lens": view.name, "map": "vignetting"})
+    write_exr({"Y": values}, path, {"lens": view.name, "map": "vignetting"})
 
 
 def coc_exr(view: View, values: Pixels, distances_m: Sequence[float], path: Path) -> None:
     """Write circles of confusion [pixels], a channel `coc.K` for each distance; the header has null for far away."""
     channels = {f"coc.{k}": plane for k, plane in enumerate(values)}
     away = [distance if math.isfinite(distance) else None for distance in distances_m]  # JSON has no infinity
-    _write_exr(path, channels, {"lens": view.name, "map": "circle of confusion [px]", "distances_m": away})
+    header = {"lens": view.name, "map": "circle of confusion [px]", "distances_m": json.dumps(away)}
+    write_exr(channels, path, header)
 
 
 def psf_npz(images: PointImages) -> bytes:
     """Return point images as a NumPy archive."""
     out = io.BytesIO()
-    np.savez_compressed(out, **images.arrays())  # type: ignore[arg-type]
+    np.savez_compressed(
+        out, kernels=images.kernels, centroids_px=images.centroids, kept=images.kept, places_px=images.places,
+        wavelengths_nm=images.wavelengths_nm, distances_m=images.distances_m,
+    )  # fmt: skip
     return out.getvalue()

@@ -171,9 +171,8 @@ Mask = NDArray[np.bool_]
 
 FITTED = (25, 19)  # places across and down that the fit goes by, from edge to edge
 CHECKED = (37, 29)  # places across and down that the residual is measured at, from edge to edge; 1 more than 4 n
-FINER = (
-    8  # times as fine along edges and diagonals, where models err fastest, and between places with and without light
-)
+# Times as fine along edges and diagonals, where models err fastest, and between places with and without light.
+FINER = 8
 LEAST_PLACES = 40  # with light, below which nothing can be fitted
 ROUNDS = 120
 DAMPING = 1e-3
@@ -254,22 +253,21 @@ class Checked:
 
     Attributes
     ----------
-    places, directions : (rows, columns, 2), (rows, columns, 3) arrays
-        Spread evenly over a picture from edge to edge, or over its upper left quarter to the middle.
     lit : (rows, columns) array
-    more_places, more_directions : (n, 2), (n, 3) arrays
-        With light, along edges and diagonals, and where some of four neighbours have light and others none.
-    weights : (m,) array
-        In the mean over the picture, of the places with light, first those spread evenly.
+        Which of the places have light that are spread evenly over a picture from edge to edge, or over its upper left
+        quarter to the middle.
+    places, directions : (n, 2), (n, 3) arrays
+        With light: those spread evenly; then along edges and diagonals, and where some of four neighbours have light
+        and others none.
+    weights : (n,) array
+        In the mean over the picture.
     lit_share : float
         Of the picture.
     """
 
+    lit: Mask
     places: Array
     directions: Array
-    lit: Mask
-    more_places: Array
-    more_directions: Array
     weights: Array
     lit_share: float
 
@@ -282,10 +280,6 @@ def calibrate(view: View, model: str) -> Calibration:
     InputError
         When the picture has too little light to fit anything to, or shows more than the model has places for.
     """
-    return _tried(view, model).calibration()
-
-
-def _tried(view: View, model: str) -> _Fit:
     if model not in COEFFICIENTS:
         raise InputError(f"model: unknown camera model (got {model}; allowed {', '.join(COEFFICIENTS)})")
     seen, checked = _samples(view)
@@ -295,42 +289,22 @@ def _tried(view: View, model: str) -> _Fit:
             f"{view.name}: the picture shows nothing to fit a camera model to: light reaches {count} of"
             f" {FITTED[0] * FITTED[1]} places (allowed: a film inside the image circle)"
         )
-    directions = np.concatenate([checked.directions[checked.lit], checked.more_directions])
-    if not in_reach(model, np.concatenate([seen.directions, directions])).all():
+    if not in_reach(model, np.concatenate([seen.directions, checked.directions])).all():
         widest = np.degrees(np.arccos(seen.directions[:, 2].min()))
         raise InputError(
             f"{view.name}: {model} has no place for a direction {widest:.1f} degrees from the axis"
             f" (allowed: {BY_ANGLE}, or a film with less field)"
         )
     parameters = _fitted(model, seen)
-    places = np.concatenate([checked.places[checked.lit], checked.more_places])
-    off = placed(model, parameters, normal_points(model, directions)) - places
-    errors = np.full_like(checked.places, np.nan)
+    off = placed(model, parameters, normal_points(model, checked.directions)) - checked.places
+    errors = np.full((*checked.lit.shape, 2), np.nan)
     errors[checked.lit] = off[: np.count_nonzero(checked.lit)]
+    if seen.middle is not None:
+        for axis, number in enumerate(CHECKED):
+            errors = _unfolded(errors, number, axis)
     squares = off[:, 0] ** 2 + off[:, 1] ** 2
     max_px, rms_px = math.sqrt(squares.max()), math.sqrt(float(checked.weights @ squares / checked.weights.sum()))
-    return _Fit(model, parameters, errors, max_px, rms_px, checked.lit_share, seen.middle is not None)
-
-
-@dataclass(frozen=True)
-class _Fit:
-    """A calibration whose errors may be those of a quarter of the picture."""
-
-    model: str
-    parameters: Array
-    errors: Array
-    max_px: float
-    rms_px: float
-    lit_share: float
-    of_quarter: bool
-
-    def calibration(self) -> Calibration:
-        """Return it with the errors over the whole picture."""
-        errors = self.errors
-        if self.of_quarter:
-            for axis, number in enumerate(CHECKED):
-                errors = _unfolded(errors, number, axis)
-        return Calibration(self.model, self.parameters, self.max_px, self.rms_px, errors, self.lit_share)
+    return Calibration(model, parameters, max_px, rms_px, errors, checked.lit_share)
 
 
 def _unfolded(errors: Array, count: int, axis: int) -> Array:
@@ -342,47 +316,49 @@ def _unfolded(errors: Array, count: int, axis: int) -> Array:
 
 def calibrate_best(view: View, models: Sequence[str], allowed_px: float) -> Calibration:
     """Return the first model that errs by at most some pixels, or the best of those that fit at all."""
-    found: list[_Fit] = []
+    fits: list[Calibration] = []
     refused: InputError | None = None
     for model in models:
         try:
-            found.append(_tried(view, model))
+            fits.append(calibrate(view, model))
         except InputError as problem:
             refused = problem
             continue
-        if found[-1].max_px <= allowed_px:
-            return found[-1].calibration()
-    if not found:
+        if fits[-1].max_px <= allowed_px:
+            return fits[-1]
+    if not fits:
         assert refused is not None
         raise refused
-    return min(found, key=lambda fit: fit.max_px).calibration()
+    return min(fits, key=lambda fit: fit.max_px)
 
 
 @lru_cache(maxsize=8)
 def _samples(view: View) -> tuple[Seen, Checked]:
     """Return what the fit goes by, and what its residual is measured at."""
     places, weights, even, lines = _places(view.size, mirrored=view.is_mirrored)
-    found, lit = view.directions(np.concatenate([places, even.reshape(-1, 2), lines]))
+    directions, lit = view.directions(np.concatenate([places, even.reshape(-1, 2), lines]))
     n, m, shape = len(places), len(places) + even.shape[0] * even.shape[1], even.shape[:2]
     middle = np.array(view.size) / 2 if view.is_mirrored else None
-    seen = Seen(places[lit[:n]], found[:n][lit[:n]], weights[lit[:n]], middle)
-    more, away, shines = lines, found[m:], lit[m:]
-    directions, lit = found[n:m].reshape(*shape, 3), lit[n:m].reshape(shape)
-    weights, share = np.outer(_simpson(shape[0]), _simpson(shape[1])).ravel(), 1.0
-    of_lines = np.zeros(np.count_nonzero(shines))
-    if lit.all():
-        return seen, Checked(even, directions, lit, more[shines], away[shines], np.append(weights, of_lines), share)
-    corners = np.stack([lit[:-1, :-1], lit[:-1, 1:], lit[1:, :-1], lit[1:, 1:]])
+    seen = Seen(places[lit[:n]], directions[:n][lit[:n]], weights[lit[:n]], middle)
+    lit_evenly = lit[n:m].reshape(shape)
+    bright = lit[n:]
+    checked = np.concatenate([even.reshape(-1, 2), lines])[bright]
+    away = directions[n:][bright]
+    of_lines = np.zeros(np.count_nonzero(lit[m:]))
+    if lit_evenly.all():
+        weights = np.outer(_simpson(shape[0]), _simpson(shape[1])).ravel()
+        return seen, Checked(lit_evenly, checked, away, np.append(weights, of_lines), 1.0)
+    corners = np.stack([lit_evenly[:-1, :-1], lit_evenly[:-1, 1:], lit_evenly[1:, :-1], lit_evenly[1:, 1:]])
     whole = corners.all(axis=0)
     each = np.pad(whole.astype(np.float64), 1) / 4
-    weights = (each[:-1, :-1] + each[:-1, 1:] + each[1:, :-1] + each[1:, 1:])[lit]
+    weights = (each[:-1, :-1] + each[:-1, 1:] + each[1:, :-1] + each[1:, 1:])[lit_evenly]
     within = (np.stack(np.meshgrid(*[np.arange(FINER)] * 2), axis=-1).reshape(-1, 2) + 0.5) / FINER
     mixed = np.argwhere(corners.any(axis=0) & ~whole)[:, None, ::-1]
     edge = (even[0, 0] + (mixed + within) * (even[1, 1] - even[0, 0])).reshape(-1, 2)
-    there, bright = view.directions(edge)
-    more, away = (np.concatenate([a[shines], b[bright]]) for a, b in ((more, edge), (away, there)))
-    weights = np.concatenate([weights, of_lines, np.full(len(more) - len(of_lines), 1.0 / FINER**2)])
-    return seen, Checked(even, directions, lit, more, away, weights, float(weights.sum()) / whole.size)
+    there, shines = view.directions(edge)
+    checked, away = np.concatenate([checked, edge[shines]]), np.concatenate([away, there[shines]])
+    weights = np.concatenate([weights, of_lines, np.full(np.count_nonzero(shines), 1.0 / FINER**2)])
+    return seen, Checked(lit_evenly, checked, away, weights, float(weights.sum()) / whole.size)
 
 
 def _simpson(count: int) -> Array:

@@ -162,8 +162,11 @@ class View:
         probes = self.grid(PROBES, PROBES)
         origins, away, lit = self._chief_rays(np.concatenate([probes, places]))
         first, rest = slice(len(probes)), slice(len(probes), None)
-        sphere = self._shape_of(away[first], lit[first]) == "sphere"
-        seen = self._object_points(origins[rest], away[rest], sphere=sphere)
+        seen = away[rest]
+        if self.distance_m < FAR_M:  # where rays meet the object, from the entrance pupil in the camera's axes
+            sphere = self._shape_of(away[first], lit[first]) == "sphere"
+            along = distance_along(origins[rest], seen, self.distance_m * 1e3, sphere=sphere)
+            seen = origins[rest] + seen * along[:, None]
         return seen / np.linalg.norm(seen, axis=1, keepdims=True) @ self.axes, lit[rest]
 
     def _chief_rays(self, places: Array) -> tuple[Array, Array, Mask]:
@@ -186,13 +189,6 @@ class View:
     def _shape_of(self, away: Array, lit: Mask) -> str:
         """Return what the object is: a sphere where no plane across the axis lies before all of the field."""
         return self.shape or ("sphere" if np.any(-away[lit, 2] < STEEP) else "plane")
-
-    def _object_points(self, origins: Array, directions: Array, *, sphere: bool) -> Array:
-        """Return where rays meet the object, from the entrance pupil in the camera's axes."""
-        if not self.distance_m < FAR_M:
-            return directions
-        along = distance_along(origins, directions, self.distance_m * 1e3, sphere=sphere)
-        return np.asarray(origins + directions * along[:, None])
 
     @property
     def object_shape(self) -> str | None:

@@ -12,14 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.core.errors import InputError, StateError
+from rptcam_cl.core.errors import InputError, StateError, errors_named
 from rptcam_cl.core.files import Folders, named_files, read_whole, replacing
 from rptcam_cl.optics.chief_rays import crossings
 from rptcam_cl.optics.design import image_circle
 from rptcam_cl.optics.lens import film_distance
 from rptcam_cl.optics.library import load_lens, names_a_file
 from rptcam_cl.rendering.cameras.setting import LensSetting, lens_setting
-from rptcam_cl.scene.assets.gltf import GltfCamera, GltfLight, GltfWorld, read_gltf_world
+from rptcam_cl.scene.assets.gltf import GltfCamera, GltfLight, read_gltf_world
 from rptcam_cl.scene.assets.mesh import LAMPS_LEFT_OUT, MeshPlacement
 from rptcam_cl.scene.assets.pictures import read_picture
 from rptcam_cl.scene.load import load_scene
@@ -53,10 +53,7 @@ class Copies:
         InputError
             When there is no such file.
         """
-        real = path.resolve()
-        if not real.is_file():
-            raise InputError(f"{path}: {'is not a regular file' if real.exists() else 'no such file'}")
-        home = self.folder.resolve()
+        real, home = _check_file(path), self.folder.resolve()
         if real.is_relative_to(home):
             return real.relative_to(home).as_posix()
         self._add(real, home / real.name)
@@ -98,10 +95,16 @@ class Copies:
 
 
 def _content(path: Path) -> bytes:
-    try:
+    with errors_named(path):
         return read_whole(path, LARGEST_COPY)
-    except (InputError, StateError) as problem:
-        raise type(problem)(f"{path}: {problem}") from None
+
+
+def _check_file(path: Path) -> Path:
+    """Return the real path of a file; refuse what is none."""
+    real = path.resolve()
+    if not real.is_file():
+        raise InputError(f"{path}: {'is not a regular file' if real.exists() else 'no such file'}")
+    return real
 
 
 # What a new scene shows: the points of a model, what its file says of cameras and lamps, and what a ray meets.
@@ -170,22 +173,20 @@ def read_subject(path: Path) -> Subject:
     InputError
         When it cannot be used as an object of a scene.
     """
-    real = path.resolve()
-    if not real.is_file():
-        raise InputError(f"{path}: {'is not a regular file' if real.exists() else 'no such file'}")
+    real = _check_file(path)
     folders = Folders(real.parent, owner="model")
     with named_files() as files:
         contents = read_mesh_file(real, folders.find_beside(real))
-        gltf = read_gltf_world(real) if real.suffix.lower() in GLTF else GltfWorld()
+        cameras, lights, left_out = read_gltf_world(real) if real.suffix.lower() in GLTF else ([], [], [])
         bare = any(part.material is None for part in contents.parts)
         missing = () if bare else _missing_pictures(real)
     points, triangles = zip(*map(_placed, contents.parts), strict=True)
     return Subject(
         points=_fewer(np.concatenate(points)),
         triangles=np.concatenate(triangles),
-        cameras=gltf.cameras,
-        lights=gltf.lights,
-        notes=(*(note for note in contents.notes if not note.endswith(LAMPS_LEFT_OUT)), *gltf.notes, *missing),
+        cameras=cameras,
+        lights=lights,
+        notes=(*(note for note in contents.notes if not note.endswith(LAMPS_LEFT_OUT)), *left_out, *missing),
         files=frozenset(files),
         bare=bare,
     )
@@ -389,8 +390,15 @@ def _chief_rays(setting: LensSetting, heights: Array) -> tuple[Array, Array] | N
     return (-starts[:last], slopes[:last]) if last >= FEWEST else None
 
 
-class Framing:
-    """Searches the place of a camera.
+def frame_subject(
+    points: Array,
+    direction: Array,
+    up: Array,
+    film_mm: tuple[float, float],
+    set_lens: SetLens,
+    metres_per_unit: float,
+) -> tuple[View, Array, float]:
+    """Return the view that two thirds fill, else the nearest from outside the subject that the lens can focus.
 
     Parameters
     ----------
@@ -404,70 +412,47 @@ class Framing:
         Focuses the lens on the middle of the subject, raises InputError where it cannot.
     metres_per_unit : float
 
-    Attributes
-    ----------
+    Returns
+    -------
+    view : View
     target : (3,) array
         What the camera looks at.
     share : float
         How much of the film's width or height the subject fills, whichever is more.
+
+    Raises
+    ------
+    InputError
+        When the lens can focus nowhere.
     """
-
-    def __init__(
-        self,
-        points: Array,
-        direction: Array,
-        up: Array,
-        film_mm: tuple[float, float],
-        set_lens: SetLens,
-        metres_per_unit: float,
-    ) -> None:
-        self._points, self._direction, self._up = points, direction, up
-        self._half, self._set_lens, self._unit_mm = np.asarray(film_mm) / 2, set_lens, metres_per_unit * 1e3
-        self.target = (points.min(axis=0) + points.max(axis=0)) / 2
-        self.share = 0.0
-
-    def view(self) -> View:
-        """Return the view that two thirds fill, else the nearest from outside the subject that the lens can focus.
-
-        Raises
-        ------
-        InputError
-            When the lens can focus nowhere.
-        """
-        radius = float(np.linalg.norm(self._points - self.target, axis=1).max())
-        distance, nearest = 4 * radius + 100 / self._unit_mm, radius  # nearer, a wide lens would stand among the parts
-        for _ in range(ROUNDS):
-            try:
-                view, wanted, off = self._tried(distance)
-            except InputError:
-                if distance > 1e6 * radius + 1e9 / self._unit_mm:
-                    raise
-                nearest, distance = distance, 1.25 * distance
-                continue
-            if off < CLOSE_ENOUGH and (abs(self.share / FILL - 1) < CLOSE_ENOUGH or self._is_nearest(wanted, nearest)):
-                return view
-            distance = max(wanted, nearest * 1.01)
-        return view
-
-    def _is_nearest(self, wanted: float, nearest: float) -> bool:
-        return self.share < FILL and wanted <= nearest * 1.01
-
-    def _tried(self, distance: float) -> tuple[View, float, float]:
-        """Return a view, the distance to go on with, and how far the subject is from the middle of the film."""
-        view = View.towards(self.target, self._direction, distance, self._up)
-        setting = self._set_lens(view, distance)
-        projection = Projection(setting, self._unit_mm * 1e-3, float(np.hypot(*self._half)))
-        image = projection.film_mm(view.seen(self._points))
-        if not np.isfinite(image).all():
-            raise InputError("is wider than the lens sees")
-        low, high = image.min(axis=0), image.max(axis=0)
-        self.share = float(((high - low) / 2 / self._half).max())
-        middle = (low + high) / 2
-        before_lens = distance - projection.length_mm / self._unit_mm
+    half, unit_mm = np.asarray(film_mm) / 2, metres_per_unit * 1e3
+    target = (points.min(axis=0) + points.max(axis=0)) / 2
+    radius = float(np.linalg.norm(points - target, axis=1).max())
+    distance, nearest = 4 * radius + 100 / unit_mm, radius  # nearer, a wide lens would stand among the parts
+    for _ in range(ROUNDS):
+        try:
+            tried = View.towards(target, direction, distance, up)
+            projection = Projection(set_lens(tried, distance), unit_mm * 1e-3, float(np.hypot(*half)))
+            image = projection.film_mm(tried.seen(points))
+            if not np.isfinite(image).all():
+                raise InputError("is wider than the lens sees")
+        except InputError:
+            if distance > 1e6 * radius + 1e9 / unit_mm:
+                raise
+            nearest, distance = distance, 1.25 * distance
+            continue
+        view, low, high = tried, image.min(axis=0), image.max(axis=0)
+        share, middle = float(((high - low) / 2 / half).max()), (low + high) / 2
+        before_lens = distance - projection.length_mm / unit_mm
         shift = middle / projection.scales_mm * before_lens
-        self.target = self.target + shift[0] * view.right + shift[1] * view.up
-        wanted = distance - before_lens + before_lens * self.share / FILL
-        return view, wanted, float(np.abs(middle / self._half).max())
+        target = target + shift[0] * view.right + shift[1] * view.up
+        wanted = distance - before_lens + before_lens * share / FILL
+        is_centred = float(np.abs(middle / half).max()) < CLOSE_ENOUGH
+        is_nearest = share < FILL and wanted <= nearest * 1.01
+        if is_centred and (abs(share / FILL - 1) < CLOSE_ENOUGH or is_nearest):
+            break
+        distance = max(wanted, nearest * 1.01)
+    return view, target, share
 
 
 # The data of a new scene: film and camera, lights and surroundings, the model or three balls in its place.
@@ -482,12 +467,7 @@ FOCUSINGS = 5  # in which the entrance pupil comes to rest where it is wanted; e
 PLAIN = {"kind": "plastic", "reflectance": 0.5, "roughness": 0.4}  # of a model whose file has no material
 ROUND_TO = 6  # digits
 PLAUSIBLE = (0.01, 20.0)  # [m], the longest side of what one takes a picture of
-UNITS = (
-    0.001,
-    0.01,
-    100.0,
-    1000.0,
-)  # what models are wrong by: millimetres and centimetres taken for metres, or twice so
+UNITS = (0.001, 0.01, 100.0, 1000.0)  # models are wrong by: millimetres, centimetres taken for metres, or twice so
 
 
 @dataclass(frozen=True)
@@ -626,18 +606,18 @@ class _Stage:
         def set_lens(view: View, depth: float) -> LensSetting:
             return self._set(lens, view, depth)
 
-        framing = Framing(subject.points, _three_quarters(self._up), self._up, film, set_lens, unit)
-        view = framing.view()
-        ahead = float((framing.target - view.eye) @ view.forward)
+        direction = _three_quarters(self._up)
+        view, target, share = frame_subject(subject.points, direction, self._up, film, set_lens, unit)
+        ahead = float((target - view.eye) @ view.forward)
         depth = subject.first_hit(view.eye, view.forward) or ahead
         try:
             set_lens(view, depth)
         except InputError:  # the front is nearer than the lens focuses
             depth = ahead
-        self._start.scene["camera"] = self._camera(lens, view, framing.target, depth)
-        self._start.report.append(
-            f"the model is {_size(subject, unit)}; it fills {framing.share:.0%} of the frame from {depth * unit:.3g} m"
-        )
+        self._start.scene["camera"] = self._camera(lens, view, target, depth)
+        low, high = subject.bounds
+        size = " x ".join(f"{side * unit:.3g}" for side in high - low)
+        self._start.report.append(f"the model is {size} m; it fills {share:.0%} of the frame from {depth * unit:.3g} m")
 
     def _set(self, lens: str, view: View, depth: float) -> LensSetting:
         """Return the lens focused at a depth ahead of the middle of the film."""
@@ -707,10 +687,8 @@ class _Stage:
             self._start.report.append(f"{len(lights)} lamp{'s' if len(lights) > 1 else ''} of the file")
         if options.hdri is not None:
             name = self._start.copies.name_of(options.hdri)
-            try:
+            with errors_named(options.hdri):
                 read_picture(options.hdri)
-            except (InputError, StateError) as problem:
-                raise type(problem)(f"{options.hdri}: {problem}") from None
             scene["environment"] = {"kind": "image", "file": name, "up": _rounded(self._up)}
         elif not lights:
             eye = np.array(scene["camera"]["eye"], dtype=float)
@@ -745,11 +723,6 @@ def _light(light: GltfLight) -> dict[str, Any]:
         return keys
     inner, outer = (_digits(math.degrees(angle)) for angle in light.cone_radians)
     return keys | {"direction": _rounded(np.array(light.forward)), "inner_degrees": inner, "outer_degrees": outer}
-
-
-def _size(subject: Subject, unit: float) -> str:
-    low, high = subject.bounds
-    return " x ".join(f"{side * unit:.3g}" for side in high - low) + " m"
 
 
 def _doubts_of_size(subject: Subject, unit: float) -> list[str]:

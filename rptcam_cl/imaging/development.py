@@ -24,6 +24,7 @@ from rptcam_cl.core.colour import (
 )
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.scene.film import Adaptation, Gamut, Tone
 
 #
 # Removing noise by Intel Open Image Denoise, guided by the layers albedo and normal. It runs on the processor.
@@ -200,7 +201,6 @@ def _hyperbola(distance: Pixels, reach: float, height: float, power: float) -> P
 
 Colour = NDArray[np.float64]
 Part = tuple[float, float, float, float]
-Adaptation = Literal["channels", "bradford"]
 
 WHOLE: Part = (0.0, 1.0, 0.0, 1.0)
 _NEIGHBOURS = 2  # pixels on each side of a point that are averaged with it
@@ -304,9 +304,6 @@ def _pixels(edges: list[float], count: int) -> slice:
 def _mean(colours: Pixels) -> Colour:
     return np.asarray(colours.reshape(-1, 3).mean(axis=0, dtype=np.float64))
 
-
-Tone = Literal["srgb", "linear", "reinhard", "aces", "agx"]
-Gamut = Literal["clip", "desaturate"]
 
 BAND_PIXELS = 1 << 18  # developed at a time
 _LARGEST = np.float32(1e30)  # leaves room for products; far beyond the white of any curve

@@ -547,26 +547,15 @@ def _fractions(values: Iterable[float]) -> tuple[int, ...]:
 
 
 @dataclass(frozen=True, eq=False)
-class RawImage:
+class RawImage(RawFrame):
     """What the sensor put out. ``numpy.asarray(raw)`` is `numbers`."""
 
-    frame: RawFrame
     metadata: dict[str, Any] = field(default_factory=dict)
     """Those of the picture."""
 
-    @property
-    def numbers(self) -> NDArray[np.uint16]:
-        """Raw numbers, (height, width), or (height, width, 3) of a sensor without a mosaic."""
-        return self.frame.numbers
-
-    @property
-    def sensor(self) -> SensorModel:
-        """The sensor, its gain and levels."""
-        return self.frame.sensor
-
     def linear(self) -> NDArray[np.float32]:
         """Return the linear picture (height, width, 3) that the numbers give, in the scale of the film."""
-        return linear_picture(self.frame)
+        return linear_picture(self)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Save by suffix: ``.dng`` with all that a raw converter needs, ``.tif`` of 16 bits, ``.npy``.
@@ -580,7 +569,7 @@ class RawImage:
         StateError
             The file cannot be written.
         """
-        writer = _WRITERS[_suffix(path)]
+        writer = _WRITERS[known_suffix(path, _WRITERS, "raw format")]
         check_writable(path)
         with replacing(path) as temporary:
             writer(temporary, self)
@@ -605,21 +594,22 @@ def check_raw_output(path: str | os.PathLike[str], inputs: Iterable[str | os.Pat
     inputs
         Files that it must not overwrite.
     """
-    _suffix(path)
+    known_suffix(path, _WRITERS, "raw format")
     check_writable(path, inputs)
 
 
-def _suffix(path: str | os.PathLike[str]) -> str:
+def known_suffix(path: str | os.PathLike[str], suffixes: Iterable[str], form: str) -> str:
+    """Return the suffix of a file to be written, which sets its form; refuse another."""
     suffix = Path(path).suffix.lower()
-    if suffix not in _WRITERS:
-        allowed = " ".join(_WRITERS)
-        raise InputError(f"{path}: the suffix sets the raw format (got {suffix or 'none'}; allowed {allowed})")
+    if suffix not in suffixes:
+        raise InputError(f"{path}: the suffix sets the {form} (got {suffix or 'none'}; allowed {' '.join(suffixes)})")
     return suffix
 
 
-def _write_npy(path: Path, raw: RawImage) -> None:
+def write_npy(path: Path, numbers: NDArray[Any]) -> None:
+    """Write an array alone; the format has no place for metadata."""
     with path.open("xb") as stream:
-        np.save(stream, raw.numbers, allow_pickle=False)
+        np.save(stream, numbers, allow_pickle=False)
 
 
 def _write_tiff(path: Path, raw: RawImage) -> None:
@@ -629,9 +619,9 @@ def _write_tiff(path: Path, raw: RawImage) -> None:
 def _write_dng(path: Path, raw: RawImage) -> None:
     import tifffile
 
-    photometric = photometric_of(raw.frame)
+    photometric = photometric_of(raw)
     one_plane = photometric == LINEAR_RAW and raw.numbers.ndim == 2
-    _write_tags(path, raw, "minisblack" if one_plane else photometric, dng_tags(raw.frame, raw.metadata))
+    _write_tags(path, raw, "minisblack" if one_plane else photometric, dng_tags(raw, raw.metadata))
     if one_plane:  # which tifffile takes for a mistake, though DNG allows it
         with tifffile.TiffFile(path, mode="r+") as file:
             file.pages.first.tags["PhotometricInterpretation"].overwrite(LINEAR_RAW)
@@ -656,5 +646,5 @@ _WRITERS: dict[str, Callable[[Path, RawImage], None]] = {
     ".dng": _write_dng,
     ".tif": _write_tiff,
     ".tiff": _write_tiff,
-    ".npy": _write_npy,
+    ".npy": lambda path, raw: write_npy(path, raw.numbers),
 }

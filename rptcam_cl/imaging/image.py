@@ -25,7 +25,6 @@ from rptcam_cl.core.files import check_writable, free_host_bytes, replacing, utf
 from rptcam_cl.imaging.development import (
     GUIDES,
     PLAIN,
-    Adaptation,
     Development,
     Gains,
     Grey,
@@ -39,7 +38,7 @@ from rptcam_cl.imaging.formats import ALL_METADATA, RawImage, from_exr_attribute
 from rptcam_cl.imaging.sensor import SensorModel, exposed
 from rptcam_cl.imaging.truth_files import coco, save_truth
 from rptcam_cl.imaging.writers import PNG_BITS, Layer, check_layers, film_part, is_developed, png_to, write
-from rptcam_cl.scene.film import PictureSettings, WhiteBalance
+from rptcam_cl.scene.film import Adaptation, PictureSettings, WhiteBalance
 from rptcam_cl.scene.load import load_picture
 
 # A rendered film with its metadata, statistics and layers, and the pictures that are developed from it.
@@ -117,7 +116,8 @@ class Image:
 
     @cached_property
     def _raw(self) -> RawImage:
-        return RawImage(exposed(self.pixels, SensorModel.from_description(self.metadata[SENSOR])), self.metadata)
+        frame = exposed(self.pixels, SensorModel.from_description(self.metadata[SENSOR]))
+        return RawImage(frame.numbers, frame.sensor, self.metadata)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Save by suffix.

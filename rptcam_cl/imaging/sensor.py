@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Iterator, Mapping
 from dataclasses import fields
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,7 @@ from rptcam_cl.core.colour import electrons_per_joule, srgb_from_xyz
 from rptcam_cl.core.constants import LUMENS_PER_WATT
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.scene.film import Bayer
 from rptcam_cl.scene.scene import Scene
 
 # Colour filter mosaics: which pixel sees which colour, and the colours that are missing.
@@ -120,8 +121,7 @@ def demosaiced(values: NDArray[np.floating], pattern: str, method: str = "malvar
     return colours
 
 
-PATTERNS = ("RGGB", "BGGR", "GRBG", "GBRG", "none", "monochrome")
-DEMOSAICS = ("malvar", "bilinear")
+PATTERNS: tuple[str, ...] = get_args(Bayer)
 _AMOUNTS = ("full_well_e", "read_noise_e", "system_gain_dn_per_e", "black_level_dn", "dark_e", "prnu", "dsnu_e")
 
 # ISO 12232, saturation-based speed: S = 78 / H, where H [lx s] is the exposure that just saturates.
@@ -220,7 +220,7 @@ class SensorModel:
                 raise ValueError(f"{name} is {value!r}")
         if not (self.full_well_e and self.system_gain_dn_per_e and np.isfinite(self.electrons).all()):
             raise ValueError("a sensor without a well, gain or response")
-        if self.bayer not in PATTERNS or self.demosaic not in DEMOSAICS or min(self.origin) < 0:
+        if self.bayer not in PATTERNS or self.demosaic not in KERNELS or min(self.origin) < 0:
             raise ValueError(f"bayer is {self.bayer!r}, demosaic {self.demosaic!r}, origin {self.origin!r}")
 
     @classmethod

@@ -17,18 +17,21 @@ from numpy.typing import NDArray
 
 from rptcam_cl.core.colour import SRGB_PRIMARIES, SRGB_WHITE
 from rptcam_cl.core.errors import InputError, StateError
-from rptcam_cl.core.files import check_writable, replacing, utf8_name
+from rptcam_cl.core.files import check_writable, replacing
 from rptcam_cl.imaging.development import WHOLE, Development, Part, developed_codes
 from rptcam_cl.imaging.formats import (
     ALL_METADATA,
     exif_bytes,
     exr_attributes,
+    known_suffix,
     profile,
     world_to_camera,
+    write_npy,
     write_png_to,
     write_tiff_to,
 )
 from rptcam_cl.imaging.truth_files import header_of, rank_channels
+from rptcam_cl.scene.assets.pictures import write_exr
 
 # Auxiliary layers of a picture: what each is called in files, and the check of their arrays.
 
@@ -87,12 +90,12 @@ def check_layers(layers: Mapping[str, Layer], height: int, width: int) -> None:
             raise InputError(f"layers: {name}: wrong shape (got {np.shape(values)}; allowed {shape})")
 
 
-def exr_channels(layers: Mapping[str, Layer]) -> Iterator[tuple[str, NDArray[np.float32]]]:
+def exr_channels(layers: Mapping[str, Layer]) -> Iterator[tuple[str, NDArray[Any]]]:
     """Yield name and values (height, width) of each EXR channel; identifiers are floats there, as readers expect."""
     for name, values in layers.items():
         planes = values[..., None] if values.ndim == 2 else values
         for index, channel in enumerate(CHANNELS[name]):
-            yield channel, np.ascontiguousarray(planes[..., index], np.float32)
+            yield channel, planes[..., index]
 
 
 # Marks of focus zones: their outlines in a developed picture.
@@ -161,7 +164,7 @@ def _text(value: Any) -> str:
 
 
 def _exr_value(value: Any) -> str | int | float:
-    """A value as an EXR attribute: integers of 32 bits and floats exact in single precision as numbers, else text."""
+    """Return a value as an EXR attribute: integers of 32 bits and floats exact in float32 as numbers, else text."""
     if isinstance(value, np.generic):
         value = value.item()
     if isinstance(value, int) and not isinstance(value, bool) and -(2**31) <= value < 2**31:
@@ -182,7 +185,7 @@ def _place(metadata: Metadata, pixels: Pixels) -> tuple[int, int, int, int] | No
 
 
 def _are_counts(value: Any, length: int) -> TypeGuard[Sequence[int]]:
-    """Whether a piece of metadata, which may come from a file of another program, is a list of so many counts."""
+    """Return whether metadata, which may come from a file of another program, are a list of so many counts."""
     return (
         isinstance(value, (list, tuple))
         and len(value) == length
@@ -263,7 +266,7 @@ def _write_tiff(path: Path, pixels: Pixels, metadata: Metadata, development: Dev
 
 
 def _windows(metadata: Metadata, pixels: Pixels) -> dict[str, tuple[NDArray[np.int32], NDArray[np.int32]]]:
-    """The place of a cropped picture in the whole film, as EXR has it: first and last pixel of each."""
+    """Return the place of a cropped picture in the whole film, as EXR has it: first and last pixel of each."""
     if (place := _place(metadata, pixels)) is None:
         return {}
     x, y, width, height = place
@@ -307,8 +310,6 @@ def _write_exr(path: Path, pixels: Pixels, metadata: Metadata, development: Deve
 
     How the picture is developed is left to the viewer.
     """
-    import OpenEXR
-
     attributes = {
         (f"rptcam_{key}" if key in _EXR_RESERVED else key): _exr_value(value) for key, value in metadata.items()
     }
@@ -319,22 +320,17 @@ def _write_exr(path: Path, pixels: Pixels, metadata: Metadata, development: Deve
         **_exr_timecode(metadata),
         **header_of(layers, metadata),
         ALL_METADATA: _text(dict(metadata)),
-        "compression": OpenEXR.ZIP_COMPRESSION,
-        "type": OpenEXR.scanlineimage,
         "chromaticities": (*itertools.chain(*SRGB_PRIMARIES), *SRGB_WHITE),
         "colorInteropID": _EXR_COLOUR_SPACE,
         **_exr_pixel_aspect(metadata),
         **_windows(metadata, pixels),
     }
-    channels = {"RGB": np.ascontiguousarray(pixels), **dict(exr_channels(layers))}
-    with OpenEXR.File(header, channels) as file, utf8_name(path) as name:
-        file.write(name)
+    write_exr({"RGB": pixels, **dict(exr_channels(layers))}, path, header)
 
 
 def _write_npy(path: Path, pixels: Pixels, metadata: Metadata, development: Development, layers: Layers) -> None:
-    """Write the linear film alone; the format has no place for metadata."""
-    with path.open("xb") as stream:
-        np.save(stream, pixels, allow_pickle=False)
+    """Write the linear film alone."""
+    write_npy(path, pixels)
 
 
 def _write_npz(path: Path, pixels: Pixels, metadata: Metadata, development: Development, layers: Layers) -> None:
@@ -359,14 +355,6 @@ LAYER_SUFFIXES = (".exr", ".npz")
 DEVELOPED_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff")
 
 
-def _suffix(path: str | os.PathLike[str]) -> str:
-    suffix = Path(path).suffix.lower()
-    if suffix not in _WRITERS:
-        allowed = " ".join(SUFFIXES)
-        raise InputError(f"{path}: the suffix sets the format (got {suffix or 'none'}; allowed {allowed})")
-    return suffix
-
-
 def check_output(path: str | os.PathLike[str], inputs: Iterable[str | os.PathLike[str]] = ()) -> None:
     """Raise an error, before anything is rendered, when a picture could not be saved at ``path``.
 
@@ -377,7 +365,7 @@ def check_output(path: str | os.PathLike[str], inputs: Iterable[str | os.PathLik
     inputs
         Files that the picture must not overwrite.
     """
-    _suffix(path)
+    known_suffix(path, _WRITERS, "format")
     check_writable(path, inputs)
 
 
@@ -413,7 +401,7 @@ def write(
     layers
         Arrays by name, for the formats in `LAYER_SUFFIXES`.
     """
-    writer = _WRITERS[_suffix(path)]
+    writer = _WRITERS[known_suffix(path, _WRITERS, "format")]
     check_writable(path)
     with replacing(path) as temporary:
         writer(temporary, pixels, metadata, development, layers)

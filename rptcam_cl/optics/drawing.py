@@ -12,18 +12,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics.charts import (
-    FAINT,
-    INK,
-    SERIES,
-    Drawing,
-    Path,
-    Point,
-    Text,
-    glass_colour,
-    svg_text,
-    wavelength_colour,
-)
+from rptcam_cl.optics import charts
 from rptcam_cl.optics.image_quality import Setting, at_plane, default_fields, fan_points, section_rays, setting
 from rptcam_cl.optics.ray_trace import Rays, Status
 
@@ -193,7 +182,11 @@ def bundles(setting: Setting, view: View, tracer: Tracer) -> Iterator[Bundle]:
         points = _chosen_points(setting, degrees, view)
         origins, directions = section_rays(setting, degrees, points, view.section)
         for wavelength in wavelengths:
-            colour = wavelength_colour(wavelength) if len(wavelengths) > 1 else SERIES[number % len(SERIES)]
+            colour = (
+                charts.wavelength_colour(wavelength)
+                if len(wavelengths) > 1
+                else charts.SERIES[number % len(charts.SERIES)]
+            )
             paths = ray_paths(setting.lens, origins, directions, wavelength, tracer)
             yield Bundle(degrees, wavelength, colour, directions, paths)
 
@@ -323,7 +316,7 @@ BLOCKED = "#c00000"
 MARK = 3.0  # half width of the mark on a blocked ray [pixels]
 
 
-def draw_lens(setting: Setting, view: View | None = None, tracer: Tracer = reference) -> Drawing:
+def draw_lens(setting: Setting, view: View | None = None, tracer: Tracer = reference) -> charts.Drawing:
     """Return the cross-section of a lens in use, with rays traced by a tracer."""
     view = view or View()
     beams = list(bundles(setting, view, tracer))
@@ -332,15 +325,15 @@ def draw_lens(setting: Setting, view: View | None = None, tracer: Tracer = refer
     outline += blades(setting.lens, view.section)
     film = _film(setting, [line[-1] for beam, ray, line in lines if beam.paths.last.status[ray] == Status.ok])
     frame = Frame.around([*outline, *([film] if film is not None else []), *(line for _, _, line in lines)], setting)
-    picture = Drawing(WIDTH, frame.height, _title(setting))
+    picture = charts.Drawing(WIDTH, frame.height, _title(setting))
     draw_glass(picture, frame, setting, view)
-    picture.add(Path(frame.axis(), FAINT, 0.8, dash=(10, 3, 2, 3)))
+    picture.add(charts.Path(frame.axis(), charts.FAINT, 0.8, dash=(10, 3, 2, 3)))
     for beam, ray, line in lines:
         _draw_ray(picture, frame, beam, ray, line)
     draw_surfaces(picture, frame, setting, view)
     _draw_numbers(picture, frame, lines)
     if film is not None:
-        picture.add(Path(frame.places(film), INK, 2.0, note="film"))
+        picture.add(charts.Path(frame.places(film), charts.INK, 2.0, note="film"))
     _draw_words(picture, setting, beams, view)
     return picture
 
@@ -365,7 +358,7 @@ def svg(
     **view
         What is drawn, as in `View`: ``section``, ``fields``, ``rays``, ``wavelengths_nm``, ``blocked``.
     """
-    return svg_text(draw_lens(setting(lens, f_number, focus_distance_m), View(**view), tracer))
+    return charts.svg_text(draw_lens(setting(lens, f_number, focus_distance_m), View(**view), tracer))
 
 
 @dataclass(frozen=True)
@@ -390,11 +383,11 @@ class Frame:
         spare = (WIDTH - 2 * MARGIN) / scale - (right - left)
         return Frame(scale, left - spare / 2, HEAD + tall / 2, HEAD + tall + FOOT)
 
-    def places(self, points: Array) -> list[Point]:
+    def places(self, points: Array) -> list[charts.Point]:
         """Return pixels for points (z, height)."""
         return [(MARGIN + (z - self.left) * self.scale, self.middle - h * self.scale) for z, h in points.tolist()]
 
-    def axis(self) -> list[Point]:
+    def axis(self) -> list[charts.Point]:
         """Return the ends of the optical axis in pixels."""
         return [(MARGIN / 2, self.middle), (WIDTH - MARGIN / 2, self.middle)]
 
@@ -422,7 +415,7 @@ def _title(setting: Setting) -> str:
     return "; ".join(parts)
 
 
-def draw_glass(picture: Drawing, frame: Frame, setting: Setting, view: View) -> None:
+def draw_glass(picture: charts.Drawing, frame: Frame, setting: Setting, view: View) -> None:
     """Draw what lies between the surfaces."""
     media = glass(setting.lens, view.section, setting.wavelength_nm)
     if setting.film_distance_mm is not None:
@@ -430,64 +423,69 @@ def draw_glass(picture: Drawing, frame: Frame, setting: Setting, view: View) -> 
         media += [behind] if behind else []
     for index, outline in media:
         note = f"index {index:.4f} at {setting.wavelength_nm:g} nm"
-        picture.add(Path(frame.places(outline), INK, 0.6, glass_colour(index), closed=True, note=note))
+        picture.add(
+            charts.Path(frame.places(outline), charts.INK, 0.6, charts.glass_colour(index), closed=True, note=note)
+        )
 
 
-def draw_surfaces(picture: Drawing, frame: Frame, setting: Setting, view: View) -> None:
+def draw_surfaces(picture: charts.Drawing, frame: Frame, setting: Setting, view: View) -> None:
     """Draw surfaces, obstructions and the stop."""
     for k, surface in enumerate(setting.lens.surfaces):
         flat_stop = surface.is_stop and surface.is_sphere and not surface.curvature
         block = obstruction(setting.lens, k, view.section)
         if block is not None:
-            picture.add(Path(frame.places(block), INK, 3.5, note=f"obstruction, surface {k}"))
+            picture.add(charts.Path(frame.places(block), charts.INK, 3.5, note=f"obstruction, surface {k}"))
         elif not flat_stop:
             width = 2.2 if surface.is_mirror else 1.1
             for line in lines(setting.lens, k, view.section):
-                picture.add(Path(frame.places(line), INK, width, note=f"surface {k}"))
+                picture.add(charts.Path(frame.places(line), charts.INK, width, note=f"surface {k}"))
     for blade in blades(setting.lens, view.section):
-        picture.add(Path(frame.places(blade), INK, 3.5, note=f"stop, surface {setting.lens.stop_index}"))
+        picture.add(charts.Path(frame.places(blade), charts.INK, 3.5, note=f"stop, surface {setting.lens.stop_index}"))
 
 
-def _draw_ray(picture: Drawing, frame: Frame, beam: Bundle, ray: int, line: Array) -> None:
+def _draw_ray(picture: charts.Drawing, frame: Frame, beam: Bundle, ray: int, line: Array) -> None:
     places = frame.places(line)
     status = Status(int(beam.paths.last.status[ray]))
     if status == Status.ok:
-        picture.add(Path(places, beam.colour, 0.9))
+        picture.add(charts.Path(places, beam.colour, 0.9))
         return
     what = f"{status.name.replace('_', ' ')} at surface {beam.paths.last.surface[ray]}"
-    picture.add(Path(places, beam.colour, 0.5, dash=(3, 3), note=what))
+    picture.add(charts.Path(places, beam.colour, 0.5, dash=(3, 3), note=what))
     x, y = places[-1]
     for tilt in (-MARK, MARK):
-        picture.add(Path([(x - MARK, y - tilt), (x + MARK, y + tilt)], BLOCKED, 1.3, note=what))
+        picture.add(charts.Path([(x - MARK, y - tilt), (x + MARK, y + tilt)], BLOCKED, 1.3, note=what))
 
 
-def _draw_numbers(picture: Drawing, frame: Frame, lines: Sequence[tuple[Bundle, int, Array]]) -> None:
+def _draw_numbers(picture: charts.Drawing, frame: Frame, lines: Sequence[tuple[Bundle, int, Array]]) -> None:
     """Write the number of each surface that blocks rays beside its outermost mark."""
-    marks: dict[int, Point] = {}
+    marks: dict[int, charts.Point] = {}
     for beam, ray, line in lines:
         surface = int(beam.paths.last.surface[ray])
         (place,) = frame.places(line[-1:])
         if surface >= 0 and (surface not in marks or place[1] < marks[surface][1]):
             marks[surface] = place
     for surface, (x, y) in marks.items():
-        picture.add(Text((x + MARK, y - MARK - 1), str(surface), 10, colour=BLOCKED))
+        picture.add(charts.Text((x + MARK, y - MARK - 1), str(surface), 10, colour=BLOCKED))
 
 
-def _draw_words(picture: Drawing, setting: Setting, beams: Sequence[Bundle], view: View) -> None:
-    picture.add(Text((MARGIN, 24), picture.title, 15))
+def _draw_words(picture: charts.Drawing, setting: Setting, beams: Sequence[Bundle], view: View) -> None:
+    picture.add(charts.Text((MARGIN, 24), picture.title, 15))
     draw_key(picture, dict.fromkeys((beam.colour, _label(beam, view)) for beam in beams))
     if view.blocked:
-        picture.add(Text((MARGIN, picture.height - 12), _blocked_text(beams), 11, colour=BLOCKED))
+        picture.add(charts.Text((MARGIN, picture.height - 12), _blocked_text(beams), 11, colour=BLOCKED))
     if setting.film_distance_mm is not None:
         text = f"last surface to film {setting.film_distance_mm:.4g} mm"
-        picture.add(Text((WIDTH - MARGIN, picture.height - FOOT_LINE), text, 11, "end", FAINT))
+        picture.add(charts.Text((WIDTH - MARGIN, picture.height - FOOT_LINE), text, 11, "end", charts.FAINT))
 
 
-def draw_key(picture: Drawing, entries: Iterable[tuple[str, str]]) -> None:
+def draw_key(picture: charts.Drawing, entries: Iterable[tuple[str, str]]) -> None:
     """Draw what colours mean: a line of each, with its label."""
     place, below = MARGIN, picture.height - FOOT_LINE
     for colour, label in entries:
-        picture.add(Path([(place, below - 4), (place + 22, below - 4)], colour, 2.5), Text((place + 28, below), label))
+        picture.add(
+            charts.Path([(place, below - 4), (place + 22, below - 4)], colour, 2.5),
+            charts.Text((place + 28, below), label),
+        )
         place += 28 + 7 * len(label) + 22
 
 

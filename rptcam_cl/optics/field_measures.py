@@ -12,37 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics.charts import (
-    FAINT,
-    INK,
-    SERIES,
-    Drawing,
-    Measured,
-    Path,
-    Text,
-    add_key,
-    new_chart,
-    series,
-    styled,
-    wavelength_colour,
-)
+from rptcam_cl.optics import charts, drawing
 from rptcam_cl.optics.chief_rays import unobstructed
 from rptcam_cl.optics.design import image_circle, t_number
-from rptcam_cl.optics.drawing import (
-    APPROACH,
-    MARGIN,
-    WIDTH,
-    Frame,
-    View,
-    blades,
-    draw_glass,
-    draw_key,
-    draw_surfaces,
-    profile,
-    ray_paths,
-    reference,
-    size_of,
-)
 from rptcam_cl.optics.ghosts import Ghosts, ghost_image, steps, unfolded, with_film
 from rptcam_cl.optics.image_quality import (
     MOST_ACROSS,
@@ -82,7 +54,9 @@ def _through(setting: Setting, lens: Lens, degrees: float, wavelength_nm: float,
     return lens.trace(origins, directions, wavelength_nm, "scene")
 
 
-def ray_fan(setting: Setting, fields: Sequence[float] | None, wavelengths_nm: Sequence[float], rays: int) -> Measured:
+def ray_fan(
+    setting: Setting, fields: Sequence[float] | None, wavelengths_nm: Sequence[float], rays: int
+) -> charts.Measured:
     """Return where the rays of the tangential and the sagittal fan of each field land beside its chief ray [um].
 
     `pupil` goes from -1 to 1 over what passes in the plane of the first vertex, along y and along x; at 0 is the chief
@@ -125,7 +99,9 @@ def ray_fan(setting: Setting, fields: Sequence[float] | None, wavelengths_nm: Se
     )  # fmt: skip
 
 
-def field_curvature(setting: Setting, fields: Sequence[float] | None, wavelengths_nm: Sequence[float]) -> Measured:
+def field_curvature(
+    setting: Setting, fields: Sequence[float] | None, wavelengths_nm: Sequence[float]
+) -> charts.Measured:
     """Return where thin pencils are sharp, as `curvature_rows` has it."""
     _ = setting.film
     rows = curvature_rows(setting, fields_of(setting, fields, FINE), wavelengths_nm)
@@ -184,7 +160,7 @@ def through_focus(
     *,
     steps: int,
     rays: int | None,
-) -> Measured:
+) -> charts.Measured:
     """Return the rms spot of each field, its wavelengths together, over shifts of the film away from the lens.
 
     By default as many rays as its least and its largest spot need.
@@ -230,21 +206,21 @@ def _through_focus(
     return np.stack([np.std(at_plane(origins, directions, z)[:, :2], axis=0) for z in moved], axis=1)
 
 
-@styled()
+@charts.styled()
 def curves_over(
     title: str, rows: Sequence[Row], across: tuple[str, str], up: Sequence[tuple[str, str]], unit: str, by: str
 ) -> Figure:
     """Return curves of columns (name, label) over another, in a colour for each value of a third."""
     values = [row[across[0]] for row in rows]
-    figure, axes = new_chart(title, (across[1], unit), (min(values), max(values)))
-    axes.axhline(0.0, color=INK, linewidth=0.8)
+    figure, axes = charts.new_chart(title, (across[1], unit), (min(values), max(values)))
+    axes.axhline(0.0, color=charts.INK, linewidth=0.8)
     for number, kind in enumerate(dict.fromkeys(row[by] for row in rows)):
         own = [row for row in rows if row[by] == kind]
         for line, (name, label) in zip(("-", "--"), up, strict=False):
             shown = [np.nan if row[name] is None else row[name] for row in own]
             said = f"{kind:g} {label}"
-            axes.plot([row[across[0]] for row in own], shown, line, color=series(number), label=said)
-    add_key(figure, axes.lines[1:])
+            axes.plot([row[across[0]] for row in own], shown, line, color=charts.series(number), label=said)
+    charts.add_key(figure, axes.lines[1:])
     return figure
 
 
@@ -375,14 +351,14 @@ def distortion_table(
     return rows
 
 
-@styled()
+@charts.styled()
 def distortion_chart(setting: Setting, rows: Sequence[DistortionRow], projection: str) -> Figure:
     """Return distortion over the field, a curve for each wavelength."""
     fields = [row["field_degrees"] or 0.0 for row in rows]
     title = f"{setting.lens.name}: distortion against {PROJECTIONS[projection][1]}"
     labels = ("angle from the axis [degrees]", "distortion [%]")
-    figure, axes = new_chart(title, labels, (min(*fields, 0.0), max(*fields, 1e-3)))
-    axes.axhline(0.0, color=INK, linewidth=0.8)
+    figure, axes = charts.new_chart(title, labels, (min(*fields, 0.0), max(*fields, 1e-3)))
+    axes.axhline(0.0, color=charts.INK, linewidth=0.8)
     waves = dict.fromkeys(row["wavelength_nm"] or 0.0 for row in rows)
     curves = []
     for wave in waves:
@@ -391,16 +367,16 @@ def distortion_chart(setting: Setting, rows: Sequence[DistortionRow], projection
             [row["field_degrees"] or 0.0 for row in own],
             [np.nan if row["distortion_percent"] is None else row["distortion_percent"] for row in own],
             marker=".",
-            color=wavelength_colour(wave) if len(waves) > 1 else series(0),
+            color=charts.wavelength_colour(wave) if len(waves) > 1 else charts.series(0),
             label=f"{wave:g} nm",
         )
-    add_key(figure, curves)
+    charts.add_key(figure, curves)
     return figure
 
 
 def distortion(
     setting: Setting, fields: Sequence[float] | None, wavelengths_nm: Sequence[float], projection: str | None
-) -> Measured:
+) -> charts.Measured:
     """Return film heights against a projection, by default the one that the lens follows best."""
     film, fields = setting.film, fields_of(setting, fields, FINE)
     name = projection or followed_projection(setting, fields)
@@ -455,25 +431,25 @@ def vignetting_table(setting: Setting, radii_mm: Array) -> list[VignettingRow]:
     return rows
 
 
-@styled()
+@charts.styled()
 def vignetting_chart(setting: Setting, rows: Sequence[VignettingRow]) -> Figure:
     """Return the curves over the film radius."""
     radii = [row["film_radius_mm"] or 0.0 for row in rows]
     title = f"{setting.lens.name}: light falling off over the film"
     labels = ("distance from the axis on the film [mm]", "of the value at the centre [%]")
-    figure, axes = new_chart(title, labels, (0.0, radii[-1]))
+    figure, axes = charts.new_chart(title, labels, (0.0, radii[-1]))
     for label, name, colour, line in (
-        ("relative irradiance", "relative", series(0), "-"),
-        ("area through which light passes", "pass_share", series(1), "--"),
-        ("cos^4 of the angle on the film", "cos4", FAINT, ":"),
+        ("relative irradiance", "relative", charts.series(0), "-"),
+        ("area through which light passes", "pass_share", charts.series(1), "--"),
+        ("cos^4 of the angle on the film", "cos4", charts.FAINT, ":"),
     ):
         axes.plot(radii, [100 * (row[name] or 0.0) for row in rows], line, color=colour, label=label)
     axes.set_ylim(bottom=0.0)
-    add_key(figure, axes.lines)
+    charts.add_key(figure, axes.lines)
     return figure
 
 
-def vignetting(setting: Setting, film_radius_mm: float | None, steps: int) -> Measured:
+def vignetting(setting: Setting, film_radius_mm: float | None, steps: int) -> charts.Measured:
     """Return how the film darkens from the axis to a radius, that of the image circle when absent."""
     rows = vignetting_table(setting, film_radii(setting, steps, film_radius_mm))
     return measured(setting, "vignetting", rows, lambda: vignetting_chart(setting, rows))
@@ -517,7 +493,7 @@ def transmittance_table(setting: Setting, wavelengths_nm: Sequence[float]) -> li
     return rows
 
 
-@styled()
+@charts.styled()
 def transmittance_chart(setting: Setting, rows: Sequence[TransmittanceRow]) -> Figure:
     """Return curves from the shortest to the longest wavelength of the rows."""
     ends = [row["wavelength_nm"] or 0.0 for row in rows]
@@ -526,17 +502,17 @@ def transmittance_chart(setting: Setting, rows: Sequence[TransmittanceRow]) -> F
         low, high = low - 1.0, high + 1.0
     waves = np.linspace(low, high, STEPS)
     title, labels = f"{setting.lens.name}: light let through on the axis", ("wavelength [nm]", "transmittance [%]")
-    figure, axes = new_chart(title, labels, (low, high), (0.0, 104.0))
-    curves = [("glass alone", GLASS_ALONE, FAINT, ":"), ("bare surfaces", UNCOATED, series(1), "--")]
+    figure, axes = charts.new_chart(title, labels, (low, high), (0.0, 104.0))
+    curves = [("glass alone", GLASS_ALONE, charts.FAINT, ":"), ("bare surfaces", UNCOATED, charts.series(1), "--")]
     if has_coatings(setting.lens):
-        curves.append(("coated surfaces", COATED, series(0), "-"))
+        curves.append(("coated surfaces", COATED, charts.series(0), "-"))
     for label, losses, colour, line in curves:
         axes.plot(waves, 100 * axial_transmittance(setting.lens, waves, losses), line, color=colour, label=label)
-    add_key(figure, axes.lines)
+    charts.add_key(figure, axes.lines)
     return figure
 
 
-def transmittance(setting: Setting, wavelengths_nm: Sequence[float]) -> Measured:
+def transmittance(setting: Setting, wavelengths_nm: Sequence[float]) -> charts.Measured:
     """Return the light let through on the axis."""
     rows = transmittance_table(setting, wavelengths_nm)
     name = setting.lens.name
@@ -545,7 +521,7 @@ def transmittance(setting: Setting, wavelengths_nm: Sequence[float]) -> Measured
 
 def glare(
     setting: Setting, wavelengths_nm: Sequence[float], *, film_reflectance: float, barrel_reflectance: float
-) -> Measured:
+) -> charts.Measured:
     """Return the veiling glare at wavelengths, in parts of a white film's light."""
     rows = []
     for wavelength in wavelengths_nm:
@@ -615,7 +591,7 @@ def _density(ghost: Any) -> float:
     return float(ghost.flux_in_frame / max(ghost.rms_mm, 1e-3) ** 2) if ghost.flux_in_frame else 0.0
 
 
-def draw_ghost(setting: Setting, found: Ghosts, way: tuple[int, ...]) -> Drawing:
+def draw_ghost(setting: Setting, found: Ghosts, way: tuple[int, ...]) -> charts.Drawing:
     """Return the lens in cross-section with rays of one way: coming, going back and going on in their colours.
 
     Raises
@@ -628,20 +604,24 @@ def draw_ghost(setting: Setting, found: Ghosts, way: tuple[int, ...]) -> Drawing
     rays = _rays(setting, found, way)
     if not rays:
         raise InputError(f"{setting.lens.name}: no ray of the cross-section is reflected at {way_text(way)}")
-    view = View()
+    view = drawing.View()
     film = np.array([[setting.film_z, -lit.film_mm[1] / 2], [setting.film_z, lit.film_mm[1] / 2]])
-    outline = [profile(lit.lens, k, "y") for k in range(len(folded.surfaces) - 1)] + blades(lit.lens, "y")
-    frame = Frame.around([*outline, film, *rays], setting)
-    picture = Drawing(WIDTH, frame.height, _title(found, way))
-    draw_glass(picture, frame, setting, view)
-    picture.add(Path(frame.axis(), FAINT, 0.8, dash=(10, 3, 2, 3)))
+    outline = [drawing.profile(lit.lens, k, "y") for k in range(len(folded.surfaces) - 1)] + drawing.blades(
+        lit.lens, "y"
+    )
+    frame = drawing.Frame.around([*outline, film, *rays], setting)
+    picture = charts.Drawing(drawing.WIDTH, frame.height, _title(found, way))
+    drawing.draw_glass(picture, frame, setting, view)
+    picture.add(charts.Path(frame.axis(), charts.FAINT, 0.8, dash=(10, 3, 2, 3)))
     met = list(steps(way, len(folded.surfaces)))
     ends = [0, *(1 + i for i, step in enumerate(met) if step.reflects), len(met)]
     for ray in rays:
         for number, (start, end) in enumerate(pairwise(ends)):
-            picture.add(Path(frame.places(ray[start : end + 1]), SERIES[number % len(SERIES)], 0.9))
-    draw_surfaces(picture, frame, setting, view)
-    picture.add(Path(frame.places(film), INK, 2.0, note="film"))
+            picture.add(
+                charts.Path(frame.places(ray[start : end + 1]), charts.SERIES[number % len(charts.SERIES)], 0.9)
+            )
+    drawing.draw_surfaces(picture, frame, setting, view)
+    picture.add(charts.Path(frame.places(film), charts.INK, 2.0, note="film"))
     _draw_words(picture, len(way))
     return picture
 
@@ -657,10 +637,10 @@ def _rays(setting: Setting, found: Ghosts, way: tuple[int, ...]) -> list[Array]:
     if not len(passed):
         return []
     chosen = passed[np.unique(np.linspace(0, len(passed) - 1, RAYS).round().astype(int))]
-    paths = ray_paths(lens, origins[chosen], directions[chosen], lit.wavelength_nm, reference)
+    paths = drawing.ray_paths(lens, origins[chosen], directions[chosen], lit.wavelength_nm, drawing.reference)
     corners = np.moveaxis(paths.points, 0, 1).copy()
     along = directions[chosen] / np.linalg.norm(directions[chosen], axis=1)[:, None]
-    reach = min(APPROACH * size_of(lit.lens), lit.source.object_distance_mm)
+    reach = min(drawing.APPROACH * drawing.size_of(lit.lens), lit.source.object_distance_mm)
     corners[:, 0] = corners[:, 1] - along * reach
     return [line[:, [2, 1]] for line in corners]
 
@@ -671,7 +651,7 @@ def _title(found: Ghosts, way: tuple[int, ...]) -> str:
     return f"{found.lit.lens.name}; reflected at surfaces {way_text(way)}: {share:.2g} of the image's light"
 
 
-def _draw_words(picture: Drawing, reflections: int) -> None:
-    picture.add(Text((MARGIN, 24), picture.title, 15))
+def _draw_words(picture: charts.Drawing, reflections: int) -> None:
+    picture.add(charts.Text((drawing.MARGIN, 24), picture.title, 15))
     words = PHASES if reflections == 2 else [f"after {number} reflections" for number in range(reflections + 1)]
-    draw_key(picture, [(SERIES[number % len(SERIES)], word) for number, word in enumerate(words)])
+    drawing.draw_key(picture, [(charts.SERIES[number % len(charts.SERIES)], word) for number, word in enumerate(words)])

@@ -14,19 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.optics import charts
 from rptcam_cl.optics.best_focus import best_film_distance
-from rptcam_cl.optics.charts import (
-    FAINT,
-    INK,
-    SIZE,
-    Measured,
-    add_key,
-    new_chart,
-    new_figure,
-    series,
-    styled,
-    wavelength_colour,
-)
 from rptcam_cl.optics.lens import brought_to_focus
 from rptcam_cl.optics.spot import Beam, passing_beam
 from rptcam_cl.optics.waves import (
@@ -123,12 +112,12 @@ def measured(
     chart: Callable[[], Figure] | None,
     caption: str | None = None,
     **about: Any,
-) -> Measured:
+) -> charts.Measured:
     """Return a result about a lens in use, with where film and object stand."""
     name, film = setting.lens.name, setting.film_distance_mm
     about |= {"film_distance_mm": film, "object_distance_mm": setting.object_distance_mm}
     caption = f"{name}, film at {film:.6g} mm" if caption is None else caption
-    return Measured(f"{name}: {what}", rows, chart, about, caption)
+    return charts.Measured(f"{name}: {what}", rows, chart, about, caption)
 
 
 # Fields of view worth looking at, and fans of rays across a beam.
@@ -413,14 +402,14 @@ def _row(degrees: float, wavelength_nm: float | None, group: Sequence[FilmSpot])
 def _panels(title: str, count: int, rest: float, **shared: Any) -> tuple[Figure, NDArray[Any]]:
     """Return a figure of so many charts in rows, with room for the rest [inches], and the charts (rows, columns)."""
     rows = math.ceil(count / PANELS)
-    figure = new_figure(title, (SIZE[0], rows * PANEL + rest))
+    figure = charts.new_figure(title, (charts.SIZE[0], rows * PANEL + rest))
     panels = figure.subplots(rows, min(count, PANELS), squeeze=False, **shared)
     for axes in panels.flat[count:]:
         axes.set_visible(False)
     return figure, panels
 
 
-@styled()
+@charts.styled()
 def spot_chart(setting: Setting, spots: Sequence[FilmSpot]) -> Figure:
     """Return the spot diagrams of all fields side by side, to the same scale, about their centroids."""
     from matplotlib.lines import Line2D
@@ -440,19 +429,20 @@ def spot_chart(setting: Setting, spots: Sequence[FilmSpot]) -> Figure:
         for spot in group:
             shown = np.random.default_rng(0).permutation(len(spot.points))[:MOST_DOTS]
             off = (spot.points[shown] - centres[degrees]) * 1e3
-            axes.plot(*off.T, "o", color=wavelength_colour(spot.wavelength_nm), markersize=1.3, markeredgewidth=0,
-                      rasterized=True)  # fmt: skip
+            colour = charts.wavelength_colour(spot.wavelength_nm)
+            axes.plot(*off.T, "o", color=colour, markersize=1.3, markeredgewidth=0, rasterized=True)
     for axes in panels[:, 0]:
         axes.set_ylabel("y [µm]")
     waves = dict.fromkeys(spot.wavelength_nm for spot in spots)
-    add_key(figure, [Line2D([], [], color=wavelength_colour(wave), linestyle="", marker="o", label=f"{wave:g} nm")
-                     for wave in waves])  # fmt: skip
+    colours = {wave: charts.wavelength_colour(wave) for wave in waves}
+    dots = [Line2D([], [], color=colours[wave], linestyle="", marker="o", label=f"{wave:g} nm") for wave in waves]
+    charts.add_key(figure, dots)
     return figure
 
 
 def spot(
     setting: Setting, fields: Sequence[float] | None, wavelengths_nm: Sequence[float], rays: int | None
-) -> Measured:
+) -> charts.Measured:
     """Return the sizes of spots, and where rays land by field and wavelength."""
     spots = film_spots(setting, fields, wavelengths_nm, rays)
     points = {(one.field_degrees, one.wavelength_nm): one.points for one in spots}
@@ -565,26 +555,26 @@ def mtf_chart(setting: Setting, spots: Sequence[FilmSpot], highest_per_mm: float
     return curves_chart(f"{setting.lens.name}: MTF, geometrical times diffraction", frequencies, curves)
 
 
-@styled()
+@charts.styled()
 def curves_chart(title: str, frequencies: Array, fields: Mapping[float, Sequence[Array] | None]) -> Figure:
     """Return a chart of curves as `field_mtf` has them: tangential full, sagittal dashed, the first limit dotted."""
     from matplotlib.lines import Line2D
 
     labels = ("frequency on the film [cycles/mm]", "modulation [%]")
-    figure, axes = new_chart(title, labels, (0.0, float(frequencies[-1])), (0.0, 102.0))
+    figure, axes = charts.new_chart(title, labels, (0.0, float(frequencies[-1])), (0.0, 102.0))
     keys: list[Artist] = []
     for number, (degrees, curves) in enumerate(fields.items()):
         if curves is None:
             continue
         tangential, sagittal, limit, _ = (100 * curve for curve in curves)
         if number == 0:
-            axes.plot(frequencies, limit, ":", color=FAINT)
-        keys += axes.plot(frequencies, tangential, color=series(number), label=f"{degrees:g}°")
-        axes.plot(frequencies, sagittal, "--", color=series(number))
-    keys.append(Line2D([], [], color=INK, label="tangential"))
-    keys.append(Line2D([], [], color=INK, linestyle="--", label="sagittal"))
-    keys.append(Line2D([], [], color=FAINT, linestyle=":", label="diffraction limit"))
-    add_key(figure, keys)
+            axes.plot(frequencies, limit, ":", color=charts.FAINT)
+        keys += axes.plot(frequencies, tangential, color=charts.series(number), label=f"{degrees:g}°")
+        axes.plot(frequencies, sagittal, "--", color=charts.series(number))
+    keys.append(Line2D([], [], color=charts.INK, label="tangential"))
+    keys.append(Line2D([], [], color=charts.INK, linestyle="--", label="sagittal"))
+    keys.append(Line2D([], [], color=charts.FAINT, linestyle=":", label="diffraction limit"))
+    charts.add_key(figure, keys)
     return figure
 
 
@@ -596,7 +586,7 @@ def mtf(
     *,
     diffraction: bool,
     rays: int | None,
-) -> Measured:
+) -> charts.Measured:
     """Return the modulation of each field at frequencies, by rays times diffraction or by waves."""
     highest = max(frequencies_per_mm)
     if diffraction:
@@ -685,10 +675,10 @@ def npy_bytes(values: Array) -> bytes:
     return out.getvalue()
 
 
-@styled()
+@charts.styled()
 def psf_chart(setting: Setting, image: PointImage, field_degrees: float) -> Figure:
     """Return the image of a point as it is seen, bright on dark, with the share of light that a pixel receives."""
-    figure = new_figure(f"{setting.lens.name}: image of a point at {field_degrees:g}°", (SIDE + 1.4, SIDE))
+    figure = charts.new_figure(f"{setting.lens.name}: image of a point at {field_degrees:g}°", (SIDE + 1.4, SIDE))
     axes = figure.add_subplot()
     half = image.width_um / 2
     shown = axes.imshow(100 * image.shares, cmap="inferno", vmin=0.0, extent=(-half, half, -half, half))
@@ -708,7 +698,7 @@ def psf(
     pixels: int,
     width_um: float | None,
     diffraction: bool,
-) -> Measured:
+) -> charts.Measured:
     """Return facts of the image of a point, and the image."""
     if diffraction:
         waves = field_waves(setting, [field_degrees], wavelengths_nm, rays)
@@ -788,7 +778,7 @@ def wavefront_table(waves: Sequence[FieldWave]) -> list[dict[str, Any]]:
     return rows
 
 
-@styled()
+@charts.styled()
 def wavefront_chart(setting: Setting, waves: Sequence[FieldWave]) -> Figure:
     """Return the maps of path differences over the pupil side by side, to one scale, in direction cosines."""
     figure, panels = _panels(f"{setting.lens.name}: wavefront at the exit pupil", len(waves), TITLE)
@@ -816,7 +806,7 @@ def _map(pupil: PupilFunction) -> Array:
 
 def wavefront(
     setting: Setting, fields: Sequence[float] | None, wavelengths_nm: Sequence[float], rays: int | None
-) -> Measured:
+) -> charts.Measured:
     """Return how far wavefronts are from spheres."""
     waves = field_waves(setting, fields, wavelengths_nm, rays)
     return measured(setting, "wavefront", wavefront_table(waves), lambda: wavefront_chart(setting, waves))

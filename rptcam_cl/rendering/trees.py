@@ -15,19 +15,8 @@ from rptcam_cl.core.files import cache_dir, kernels_dir
 from rptcam_cl.core.records import HIT_ROUNDING, Kind
 from rptcam_cl.core.remember import Disk
 from rptcam_cl.device.session import Session
+from rptcam_cl.rendering import tree_build
 from rptcam_cl.rendering.plan.primitives import Movements, PackedMeshes, Places, TriangleGroup, shifted
-from rptcam_cl.rendering.tree_build import (
-    EMPTY,
-    FEW,
-    MAX_STACK,
-    Bvh,
-    build_bvh,
-    check_boxes,
-    is_sound,
-    quality,
-    stack_size,
-    tree_of_few,
-)
 
 #
 # Trees kept on disk between runs, under the hash of what they were built from; one that is not sound is built anew.
@@ -36,12 +25,14 @@ ARRAYS = ("bounds", "children", "blocks")
 _DISK = Disk(
     "trees",
     pack=lambda tree: ({name: getattr(tree, name) for name in ARRAYS}, {}),
-    unpack=lambda arrays, _: Bvh(**arrays),
+    unpack=lambda arrays, _: tree_build.Bvh(**arrays),
     most_bytes=2 << 30,
 )
 
 
-def load_or_build(key: str, build: Callable[[], Bvh], fits: Callable[[Bvh], bool] = lambda tree: True) -> Bvh:
+def load_or_build(
+    key: str, build: Callable[[], tree_build.Bvh], fits: Callable[[tree_build.Bvh], bool] = lambda tree: True
+) -> tree_build.Bvh:
     """Return the tree kept under a key, else the one that ``build`` returns, which is kept.
 
     Parameters
@@ -54,8 +45,8 @@ def load_or_build(key: str, build: Callable[[], Bvh], fits: Callable[[Bvh], bool
         Says whether a sound tree is one over what it is wanted for.
     """
     name = builder_identity(), key
-    kept: Bvh | None = _DISK.find(name)
-    if kept is not None and is_sound(kept) and fits(kept):
+    kept: tree_build.Bvh | None = _DISK.find(name)
+    if kept is not None and tree_build.is_sound(kept) and fits(kept):
         return kept
     tree = build()
     _DISK.add(name, tree)
@@ -147,7 +138,7 @@ def primitive_tree(
 
     driver = session.info.name, session.info.driver, session.kind, session.loop_limit
     key = builder_identity(), driver, lower32, upper32
-    nodes, order, stack = _PRIMITIVES.find_or_make(key, build) if on_disk or len(bounded) > FEW else build()
+    nodes, order, stack = _PRIMITIVES.find_or_make(key, build) if on_disk or len(bounded) > tree_build.FEW else build()
     return PrimitiveTree(nodes, bounded[order], {"HAS_PRIMITIVE_TREE": 1, "PRIMITIVE_STACK": stack})
 
 
@@ -155,12 +146,12 @@ def _built(
     lower: NDArray[np.float32], upper: NDArray[np.float32], session: Session
 ) -> tuple[NDArray[np.float32], NDArray[np.int32], int]:
     """Return the same of a new tree."""
-    if len(lower) <= FEW:
-        check_boxes(lower, upper)
-        tree = tree_of_few(lower, upper, LEAF)
+    if len(lower) <= tree_build.FEW:
+        tree_build.check_boxes(lower, upper)
+        tree = tree_build.tree_of_few(lower, upper, LEAF)
     else:
-        tree = build_bvh(lower, upper, width=2, leaf_size=LEAF, session=session)
-    return _nodes(tree), tree.blocks[tree.blocks >= 0], stack_size(quality(tree).depth)
+        tree = tree_build.build_bvh(lower, upper, width=2, leaf_size=LEAF, session=session)
+    return _nodes(tree), tree.blocks[tree.blocks >= 0], tree_build.stack_size(tree_build.quality(tree).depth)
 
 
 def primitive_bounds(records: NDArray[np.void], kinds: NDArray[np.int64]) -> tuple[Array, Array]:
@@ -223,10 +214,10 @@ def _extent(kind: Kind, x: Array, y: Array, z: Array) -> tuple[Array, Array]:
     return np.minimum(apex, -circle), np.maximum(apex, circle)
 
 
-def _nodes(tree: Bvh) -> NDArray[np.float32]:
+def _nodes(tree: tree_build.Bvh) -> NDArray[np.float32]:
     """Return the root's node, then the two below each node of a binary tree, the farther along its axis last."""
     bounds = tree.bounds.transpose(0, 2, 1).astype(np.float64)  # (node, child, corner)
-    used = tree.children != EMPTY
+    used = tree.children != tree_build.EMPTY
     middle = np.zeros((*used.shape, 3))
     middle[used] = (bounds[used, :3] + bounds[used, 3:]) / 2
     both = used.all(axis=1)  # a root may have one child
@@ -238,7 +229,7 @@ def _nodes(tree: Bvh) -> NDArray[np.float32]:
     corners = np.take_along_axis(bounds, order[..., None], axis=1).reshape(-1, 6)
     counts = (tree.blocks >= 0).sum(axis=1)
     firsts = np.cumsum(counts) - counts
-    inner, leaf = (children >= 0) & (children != EMPTY), children < 0
+    inner, leaf = (children >= 0) & (children != tree_build.EMPTY), children < 0
     links = np.zeros((len(children), 2), np.int64)
     links[inner] = np.stack([1 + 2 * children[inner], ~axis[children[inner]]], axis=1)
     links[leaf] = np.stack([firsts[~children[leaf]], counts[~children[leaf]]], axis=1)
@@ -319,15 +310,15 @@ def scene_trees(meshes: PackedMeshes, session: Session, movements: Movements | N
         blocks.append(_blocks(tree, group, meshes.triangles, vertices))
         first_node += len(tree.children)
         first_block += len(tree.blocks)
-        stack = max(stack, quality(tree).stack)
+        stack = max(stack, tree_build.quality(tree).stack)
     instances = meshes.instances.copy()
     instances["root"] = np.array(roots)[meshes.group_of_instance]
     root = roots[0]
     if meshes.instanced:
         top = _instance_tree(meshes, instances, vertices, width, session, movements)
         nodes.append(_top_nodes(top, first_node))
-        root, stack = first_node, stack + quality(top).stack
-    facts = {"BVH_WIDTH": width, "LEAF_WIDTH": leaf, "BVH_STACK": stack_size(stack)}
+        root, stack = first_node, stack + tree_build.quality(top).stack
+    facts = {"BVH_WIDTH": width, "LEAF_WIDTH": leaf, "BVH_STACK": tree_build.stack_size(stack)}
     all_nodes = np.concatenate(nodes)
     return SceneTrees(all_nodes, np.concatenate(blocks), vertices, instances, root, _bounds(all_nodes[root]), facts)
 
@@ -337,8 +328,8 @@ def _bounds(node: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.
     return np.append(node[:3].min(axis=1), np.float32(0)), np.append(node[3:6].max(axis=1), np.float32(0))
 
 
-def _group_tree(meshes: PackedMeshes, group: TriangleGroup, width: int, leaf: int, session: Session) -> Bvh:
-    def build() -> Bvh:
+def _group_tree(meshes: PackedMeshes, group: TriangleGroup, width: int, leaf: int, session: Session) -> tree_build.Bvh:
+    def build() -> tree_build.Bvh:
         faces = meshes.triangles[group.first_triangle : group.first_triangle + group.triangles, :3]
         lower = meshes.vertices[faces[:, 0], :3]
         upper = lower.copy()
@@ -346,23 +337,23 @@ def _group_tree(meshes: PackedMeshes, group: TriangleGroup, width: int, leaf: in
             points = meshes.vertices[faces[:, corner], :3]
             np.minimum(lower, points, out=lower)
             np.maximum(upper, points, out=upper)
-        return build_bvh(lower, upper, width=width, leaf_size=leaf, session=session)
+        return tree_build.build_bvh(lower, upper, width=width, leaf_size=leaf, session=session)
 
-    def fits(tree: Bvh) -> bool:
+    def fits(tree: tree_build.Bvh) -> bool:
         """Return whether a tree has these many triangles and the shape that kernels are compiled for."""
         shape = (tree.children.shape[1], tree.blocks.shape[1], int(np.count_nonzero(tree.blocks >= 0)))
-        return shape == (width, leaf, group.triangles) and quality(tree).stack <= MAX_STACK
+        return shape == (width, leaf, group.triangles) and tree_build.quality(tree).stack <= tree_build.MAX_STACK
 
     way = session.kind if session.loop_limit is None else f"{session.kind} in short loops"
     return load_or_build(f"{group.key} {width} {leaf} {way}", build, fits)
 
 
-def _mesh_nodes(tree: Bvh, group: TriangleGroup, first_node: int, first_block: int) -> NDArray[np.float32]:
+def _mesh_nodes(tree: tree_build.Bvh, group: TriangleGroup, first_node: int, first_block: int) -> NDArray[np.float32]:
     out = np.empty((len(tree.children), 7, tree.children.shape[1]), np.float32)
     corners = tree.bounds.reshape(-1, 2, 3, tree.children.shape[1]).transpose(0, 1, 3, 2)
     out[:, :6] = shifted(corners, group.shift).transpose(0, 1, 3, 2).reshape(tree.bounds.shape)
     children = tree.children.copy()
-    inner = (children >= 0) & (children != EMPTY)
+    inner = (children >= 0) & (children != tree_build.EMPTY)
     children[inner] += first_node
     children[children < 0] -= first_block
     out[:, 6] = children.view(np.float32)
@@ -370,7 +361,7 @@ def _mesh_nodes(tree: Bvh, group: TriangleGroup, first_node: int, first_block: i
 
 
 def _blocks(
-    tree: Bvh, group: TriangleGroup, triangles: NDArray[np.int32], vertices: NDArray[np.float32]
+    tree: tree_build.Bvh, group: TriangleGroup, triangles: NDArray[np.int32], vertices: NDArray[np.float32]
 ) -> NDArray[np.float32]:
     out = np.empty((len(tree.blocks), 10, tree.blocks.shape[1]), np.float32)
     axes = np.ascontiguousarray(vertices[:, :3].T)
@@ -396,7 +387,7 @@ def _instance_tree(
     width: int,
     session: Session,
     movements: Movements | None,
-) -> Bvh:
+) -> tree_build.Bvh:
     boxes = []
     for group in meshes.groups:
         points = vertices[group.first_vertex : group.first_vertex + group.vertices, :3]
@@ -414,7 +405,7 @@ def _instance_tree(
     infinity = np.float32(np.inf)
     lower = np.nextafter(lowest.astype(np.float32), -infinity)
     upper = np.nextafter(highest.astype(np.float32), infinity)
-    return build_bvh(lower, upper, width=width, leaf_size=1, session=session)
+    return tree_build.build_bvh(lower, upper, width=width, leaf_size=1, session=session)
 
 
 def _placed_boxes(linear: Array, offset: Array, low: Array, high: Array) -> tuple[Array, Array]:
@@ -425,12 +416,12 @@ def _placed_boxes(linear: Array, offset: Array, low: Array, high: Array) -> tupl
     return middle - half, middle + half
 
 
-def _top_nodes(tree: Bvh, first_node: int) -> NDArray[np.float32]:
+def _top_nodes(tree: tree_build.Bvh, first_node: int) -> NDArray[np.float32]:
     out = np.empty((len(tree.children), 7, tree.children.shape[1]), np.float32)
     out[:, :6] = tree.bounds
     children = tree.children.copy()
     leaves = children < 0
-    inner = ~leaves & (children != EMPTY)
+    inner = ~leaves & (children != tree_build.EMPTY)
     children[leaves] = ~tree.blocks[~children[leaves], 0]
     children[inner] += first_node
     out[:, 6] = children.view(np.float32)

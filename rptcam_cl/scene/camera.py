@@ -14,24 +14,8 @@ from pydantic import Field, model_validator
 from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.as_built import Heat
+from rptcam_cl.scene import lens_settings
 from rptcam_cl.scene.base import AlsoAccepts, Alternatives, SceneModel, refuse
-from rptcam_cl.scene.lens_settings import (
-    AUTO,
-    CLEAN,
-    EVERY_FORM,
-    IDEAL,
-    ROUND,
-    Accuracy,
-    Aperture,
-    AsBuilt,
-    AutoFocus,
-    Focus,
-    FoundFocus,
-    LensOrDesign,
-    RealLens,
-    Stop,
-    Transmission,
-)
 from rptcam_cl.scene.placement import CameraMotion, Vector, place_between
 from rptcam_cl.scene.quantities import NUMBER, SMALLEST_LENGTH, Direction, Metres, Millimetres, Position, cross
 
@@ -108,7 +92,7 @@ class Pose(SceneModel):
     diffraction: Literal["off", "auto", "on"] = "off"
     """Whether the opening diffracts the light; `auto`: where the Airy radius is half a pixel or more."""
 
-    stop: Stop = CLEAN
+    stop: lens_settings.Stop = lens_settings.CLEAN
     """What lies in the plane of the stop."""
 
     @model_validator(mode="after")
@@ -260,9 +244,9 @@ class CameraKind(Pose):
         return found
 
     @property
-    def outline(self) -> Aperture:
+    def outline(self) -> lens_settings.Aperture:
         """The outline of its opening; round where it has no key for that."""
-        found: Aperture = getattr(self, "aperture", ROUND)
+        found: lens_settings.Aperture = getattr(self, "aperture", lens_settings.ROUND)
         return found
 
     @property
@@ -272,7 +256,7 @@ class CameraKind(Pose):
         return None if degrees is None else (degrees, getattr(self, "fov_axis", "horizontal"))
 
     @property
-    def autofocus(self) -> AutoFocus | None:
+    def autofocus(self) -> lens_settings.AutoFocus | None:
         """The settings of autofocus; None where the focus is given, or there is none."""
         focus = getattr(self, "focus", None)
         return None if focus is None else focus.auto
@@ -410,10 +394,10 @@ class ThinLensCamera(CameraKind):
     focus_distance_m: Metres | None = None
     """Distance of the plane of focus from the eye along the axis [m]."""
 
-    focus: FoundFocus | None = None
+    focus: lens_settings.FoundFocus | None = None
     """Autofocus, or an object to follow, in its place."""
 
-    aperture: Aperture = ROUND
+    aperture: lens_settings.Aperture = lens_settings.ROUND
     """Outline of the opening."""
 
     movements: Movements = NO_MOVEMENTS
@@ -488,7 +472,7 @@ class LensCamera(CameraKind):
 
     opens = focuses = True
 
-    lens: LensOrDesign
+    lens: lens_settings.LensOrDesign
     """The lens: a name, a file in the scene's folder, or a prescription written out as a mapping; or a mapping with one
     of these as `design` and how the lens differs from it."""
 
@@ -498,7 +482,7 @@ class LensCamera(CameraKind):
     focal_length_mm: Millimetres | None = None
     """Focal length that a zoom lens is set to, between its named positions [mm]."""
 
-    focus: Focus
+    focus: lens_settings.Focus
     """Where the lens is focused."""
 
     stop_diameter_mm: Millimetres | None = None
@@ -510,7 +494,7 @@ class LensCamera(CameraKind):
     wavelength_nm: Annotated[float, Field(ge=200, le=3000), NUMBER] = LINE_D_NM
     """Wavelength of the indices of refraction [nm]; the helium d line by default."""
 
-    transmission: Annotated[Transmission, AlsoAccepts(EVERY_FORM)] = IDEAL
+    transmission: Annotated[lens_settings.Transmission, AlsoAccepts(lens_settings.EVERY_FORM)] = lens_settings.IDEAL
     """What the lens takes from the light; nothing by default."""
 
     movements: Movements = NO_MOVEMENTS
@@ -529,7 +513,7 @@ class LensCamera(CameraKind):
 
     def following(self, middle: tuple[float, float, float], ahead_m: float) -> Keys:
         """Return the values that focus it on the middle of an object."""
-        return {"focus": Focus(point=middle, method=self.focus.method, field=self.focus.field)}
+        return {"focus": lens_settings.Focus(point=middle, method=self.focus.method, field=self.focus.field)}
 
     def distance_in_focus(self, metres_per_unit: float) -> float | None:
         """Return the distance that is set [scene units]; None where the film or the group is placed, or to be."""
@@ -545,17 +529,17 @@ class LensCamera(CameraKind):
     @property
     def design(self) -> str | dict[str, Any]:
         """The name, file or prescription of the lens."""
-        return self.lens.design if isinstance(self.lens, RealLens) else self.lens
+        return self.lens.design if isinstance(self.lens, lens_settings.RealLens) else self.lens
 
     @property
-    def as_built(self) -> AsBuilt | None:
+    def as_built(self) -> lens_settings.AsBuilt | None:
         """Which copy of the lens it is; None for the design."""
-        return self.lens.as_built if isinstance(self.lens, RealLens) else None
+        return self.lens.as_built if isinstance(self.lens, lens_settings.RealLens) else None
 
     @property
     def heat(self) -> Heat | None:
         """What the lens is exposed to; None at 20 degrees and standard pressure."""
-        return self.lens.heat if isinstance(self.lens, RealLens) else None
+        return self.lens.heat if isinstance(self.lens, lens_settings.RealLens) else None
 
     def ahead(self, point: tuple[float, float, float]) -> float:
         """Return how far in front of the eye a point lies along the axis [scene units]."""
@@ -601,7 +585,7 @@ class RealisticCamera(LensCamera):
     kind: Literal["realistic"]
     """Camera model."""
 
-    aperture: Aperture = ROUND
+    aperture: lens_settings.Aperture = lens_settings.ROUND
     """Shape of the stop, within the circle of its diameter."""
 
     pupil: Literal["auto", "rear", "thick", "bounds", "tight", "shared"] = "auto"
@@ -616,7 +600,7 @@ class RealisticCamera(LensCamera):
     """Arithmetic in which rays go through the lens: float32, or float64 on devices that have it; everything else is
     float32."""
 
-    accuracy: Annotated[Accuracy, AlsoAccepts(AUTO)] | None = None
+    accuracy: Annotated[lens_settings.Accuracy, AlsoAccepts(lens_settings.AUTO)] | None = None
     """Largest error of a cheaper camera model that may replace the lens; by default every ray is traced."""
 
     ghosts: Literal["off", "on"] = "off"

@@ -21,7 +21,7 @@ from rptcam_cl.scene.base import (
     read_number,
     refuse,
 )
-from rptcam_cl.scene.quantities import NUMBER, WHOLE_NUMBER, Fraction, list_of
+from rptcam_cl.scene.quantities import NUMBER, WHOLE_NUMBER, Fraction, IlluminantName, list_of
 
 # How the picture is computed: samples, layers, and how colour is carried along paths.
 
@@ -491,9 +491,10 @@ class Sensor(SceneModel):
 
 # How the film becomes the picture that a screen shows: white balance, exposure, tone curve.
 
-Light = Literal[
-    "auto", "A", "D50", "D55", "D65", "D75", "E", "F2", "F7", "F11", "LED-B1", "LED-B2", "LED-B3", "LED-B4", "LED-B5"
-]
+Light = Literal["auto", IlluminantName]
+Adaptation = Literal["channels", "bradford"]
+Tone = Literal["srgb", "linear", "reinhard", "aces", "agx"]
+Gamut = Literal["clip", "desaturate"]
 LIGHTS: tuple[str, ...] = get_args(Light)
 COOLEST, HOTTEST = 1800.0, 40000.0  # [K]
 TINTS_PER_UV = 3000.0  # as photographers' programs count tint; that of D65 is 10
@@ -541,7 +542,7 @@ class WhiteBalance(SceneModel):
     gains: Annotated[tuple[Factor, Factor, Factor], BeforeValidator(list_of(3, "[red, green, blue]"))] | None = None
     """Factors on linear red, green and blue."""
 
-    adaptation: Literal["channels", "bradford"] | None = None
+    adaptation: Adaptation | None = None
     """What is scaled: the channels, or the responses of the Bradford transform; by default what suits the film."""
 
     @model_validator(mode="after")
@@ -578,7 +579,6 @@ def _uv(kelvin: float) -> NDArray[np.float64]:
     return np.asarray(np.array([4 * x, 6 * y]) / (x + 15 * y + 3 * z))
 
 
-Tone = Literal["srgb", "linear", "reinhard", "aces", "agx"]
 TONES: tuple[str, ...] = get_args(Tone)
 NO_BALANCE = "none"
 DEFAULT_TONE_WHITE = 4.0
@@ -636,7 +636,7 @@ class PictureSettings(SceneModel):
     tone: Annotated[ToneCurve, _from_words("kind", TONES), AlsoAccepts({"enum": list(TONES)})] = ToneCurve()
     """How light without an upper limit fits into what a screen can show."""
 
-    gamut: Literal["clip", "desaturate"] = "clip"
+    gamut: Gamut = "clip"
     """What becomes of colours that sRGB cannot show: each channel is clipped, or all move towards their grey."""
 
     bits: Literal[8, 16] | None = None

@@ -34,6 +34,7 @@ from rptcam_cl.scene.assets.mesh import (
     NormalsMode,
     Polygons,
     as_triangles,
+    check_corners,
     make_contents,
     winding_number,
 )
@@ -595,6 +596,8 @@ def _written_out(source: MeshSource) -> MeshContents:
     assert source.vertices is not None and source.faces is not None
     positions = source.vertices.rows
     normals = source.given_normals()
+    for polygons in source.faces.groups:
+        check_corners(polygons, len(positions), "the mesh: face")
     surface = MeshSurface(
         positions,
         as_triangles(positions, source.faces.groups, "the mesh: face"),

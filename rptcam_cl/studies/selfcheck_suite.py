@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from rptcam_cl._version import __version__
 from rptcam_cl.core.constants import LINE_D_NM
-from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import DeviceError, InputError
 from rptcam_cl.device.devices import default_device, device_details, fitting_devices, list_devices, opencl_version
 from rptcam_cl.device.drivers import pocl_cache_folder
@@ -35,19 +34,7 @@ from rptcam_cl.rendering.tracer import Wavefront
 from rptcam_cl.rendering.trees import cache_folder
 from rptcam_cl.scene.load import change_scene, load_scene
 from rptcam_cl.scene.scene import Scene
-from rptcam_cl.studies.selfcheck import (
-    Check,
-    arithmetic_checks,
-    departure_check,
-    far_sphere_checks,
-    film_checks,
-    leak_check,
-    loop_check,
-    mesh_tree_check,
-    needs_float64,
-    object_tree_check,
-    random_check,
-)
+from rptcam_cl.studies import selfcheck
 
 # Checks of lenses at their extremes: the device in float32 against float64 and against closed forms.
 
@@ -59,12 +46,13 @@ LENSES = ("dgauss-50mm", "wide-22mm", "fisheye-10mm", "telephoto-250mm", "aspher
 STEPS = np.array([-1e-1, -1e-2, -1e-3, -1e-4, 1e-4, 1e-3, 1e-2, 1e-1])  # about the critical angle [radians]
 
 
-@dataclass(frozen=True)
-class SurfaceErrors:
-    """What float32 does wrong at a single surface.
+def surface_errors(
+    session: Session, radius_mm: float, index: float, start: str, rng: np.random.Generator, count: int = 200
+) -> tuple[float, float, int]:
+    """What float32 does wrong for rays that meet a surface of some radius, up to 30 mm, into or out of some index.
 
-    Attributes
-    ----------
+    Returns
+    -------
     position : float
         Largest error of the point, over the size of the surface.
     direction : float
@@ -74,16 +62,6 @@ class SurfaceErrors:
         Rays with another fate than in float64, but for those within 0.2 degrees of the critical angle, and rays that
         are not finite.
     """
-
-    position: float
-    direction: float
-    wrong: int
-
-
-def surface_errors(
-    session: Session, radius_mm: float, index: float, start: str, rng: np.random.Generator, count: int = 200
-) -> SurfaceErrors:
-    """Return the errors of rays that meet a surface of some radius, up to 30 mm of it, into or out of some index."""
     sense = 1.0 if start == "scene" else -1.0
     size = min(abs(radius_mm), 30.0)
     lens = Lens(f"{radius_mm:g}", (Surface(1 / radius_mm, 0.0, ConstantIndex(index), 0.9 * size),))
@@ -97,11 +75,9 @@ def surface_errors(
     far = cosine >= 3e-3
     both = got.passed & wanted.passed
     turned = np.abs(got.directions - wanted.directions).max(axis=1)[both]
-    return SurfaceErrors(
-        position=float(np.abs(got.origins - wanted.origins)[both].max(initial=0.0)) / size,
-        direction=float((turned * cosine[both] / (EPS * (2 + index**2))).max(initial=0.0)),
-        wrong=int((far & (got.status != wanted.status)).sum() + (~finite).sum()),
-    )
+    position = float(np.abs(got.origins - wanted.origins)[both].max(initial=0.0)) / size
+    direction = float((turned * cosine[both] / (EPS * (2 + index**2))).max(initial=0.0))
+    return position, direction, int((far & (got.status != wanted.status)).sum() + (~finite).sum())
 
 
 def cosines_behind(lens: Lens, rays: Rays, directions: Array, start: str) -> Array:
@@ -115,23 +91,24 @@ def cosines_behind(lens: Lens, rays: Rays, directions: Array, start: str) -> Arr
     return np.where(reached, np.sqrt(np.abs(square)), 1.0)
 
 
-def radius_checks(session: Session) -> list[Check]:
+def radius_checks(session: Session) -> list[selfcheck.Check]:
     """Spheres of ten decades of radius and planes, from both sides, into denser and thinner media."""
     rng = np.random.default_rng(5)
-    found = [
+    errors = [
         surface_errors(session, radius, index, start, rng)
         for radius in (*RADII, np.inf)
         for index, start in ((0.75, "scene"), (1.5, "scene"), (1.5, "film"), (4.0, "film"))
     ]
+    positions, turns, wrong = zip(*errors, strict=True)
     return [
         # six roundings of the size of the start, which 0.25, the least cosine of incidence, enlarges
-        Check("lens: points on R = 1 to 1e9 mm and planes", max(e.position for e in found), 24 * EPS, "of the size"),
-        Check("lens: directions behind them", max(e.direction for e in found), 12, "roundings"),
-        Check("lens: fates there", sum(e.wrong for e in found), 0, f"of {200 * len(found)} rays wrong"),
+        selfcheck.Check("lens: points on R = 1 to 1e9 mm and planes", max(positions), 24 * EPS, "of the size"),
+        selfcheck.Check("lens: directions behind them", max(turns), 12, "roundings"),
+        selfcheck.Check("lens: fates there", sum(wrong), 0, f"of {200 * len(errors)} rays wrong"),
     ]
 
 
-def reflection_check(session: Session) -> Check:
+def reflection_check(session: Session) -> selfcheck.Check:
     """Rays beside the critical angle, from both sides, through planes and almost planes."""
     wrong = count = 0
     for start, first, last in (("scene", 1.5, 1.0), ("film", 1.0, 1.5), ("scene", 1.0, 0.75)):
@@ -145,7 +122,7 @@ def reflection_check(session: Session) -> Check:
             rays = trace_on_device(lens, session, -directions, directions, LINE_D_NM, start, "single")
             expected = np.where(STEPS < 0, Status.ok, Status.total_internal_reflection)
             wrong, count = wrong + int((rays.status != expected).sum()), count + len(angles)
-    return Check("lens: total reflection within 1e-4 of its angle", wrong, 0, f"of {count} rays wrong")
+    return selfcheck.Check("lens: total reflection within 1e-4 of its angle", wrong, 0, f"of {count} rays wrong")
 
 
 def parallel(heights: Array, z: float = -20.0) -> tuple[Array, Array]:
@@ -194,7 +171,7 @@ def weierstrass_error(session: Session, index: float, precision: Precision) -> f
     return float(np.abs(crossings(rays) + r + n * r).max()) if rays.passed.all() else np.inf
 
 
-def stigmatic_checks(session: Session) -> list[Check]:
+def stigmatic_checks(session: Session) -> list[selfcheck.Check]:
     """Lenses that image a point sharply, whatever the angle: conics and the aplanatic sphere."""
     worst = 0.0
     for (lens, focus), height in ((plano_hyperbolic(-2.25), 9.0), (ellipsoidal(-1 / 2.25), 5.0)):
@@ -203,8 +180,8 @@ def stigmatic_checks(session: Session) -> list[Check]:
         size = float(np.sqrt(np.mean(spot(rays, focus) ** 2))) if rays.passed.all() else np.inf
         worst = max(worst, size)
     return [
-        Check("lens: spot of stigmatic conics", worst, 1e-4, "mm"),
-        Check("lens: aplanatic point of a sphere", weierstrass_error(session, 1.5, "single"), 1e-4, "mm"),
+        selfcheck.Check("lens: spot of stigmatic conics", worst, 1e-4, "mm"),
+        selfcheck.Check("lens: aplanatic point of a sphere", weierstrass_error(session, 1.5, "single"), 1e-4, "mm"),
     ]
 
 
@@ -226,20 +203,22 @@ def library_errors(session: Session, name: str, precision: Precision) -> tuple[f
     return float(position), float(direction), int((exact.passed != got.passed).sum())
 
 
-def library_checks(session: Session) -> list[Check]:
+def library_checks(session: Session) -> list[selfcheck.Check]:
     """Rays through lenses of the library, aspheres and cylinders among them, against the float64 reference."""
     found = np.array([library_errors(session, name, "single") for name in LENSES])
     checks = [
-        Check(f"lens: points behind {len(LENSES)} real lenses", found[:, 0].max(), 6e-5, "mm"),
-        Check("lens: directions behind them", found[:, 1].max(), 3e-6, "of 1"),
+        selfcheck.Check(f"lens: points behind {len(LENSES)} real lenses", found[:, 0].max(), 6e-5, "mm"),
+        selfcheck.Check("lens: directions behind them", found[:, 1].max(), 3e-6, "of 1"),
         # a ray within a millionth of a rim may go either way
-        Check("lens: fates in them", found[:, 2].sum(), 2, f"of {512 * len(LENSES)} rays other than in float64"),
+        selfcheck.Check(
+            "lens: fates in them", found[:, 2].sum(), 2, f"of {512 * len(LENSES)} rays other than in float64"
+        ),
     ]
     precise = "lens: the first of them in float64", "mm"
     if not session.info.fp64:
-        return [*checks, needs_float64(*precise)]
+        return [*checks, selfcheck.needs_float64(*precise)]
     name, unit = precise
-    return [*checks, Check(name, max(library_errors(session, LENSES[0], "double")), 1e-11, unit)]
+    return [*checks, selfcheck.Check(name, max(library_errors(session, LENSES[0], "double")), 1e-11, unit)]
 
 
 # Checks of whole pictures: light that is neither lost nor made, and the same bits however the work is cut up.
@@ -312,13 +291,13 @@ def cavity_error(session: Session, mapping: Mapping[str, Any], reflectance: floa
     return float(np.abs(picture(session, scene, make_plan(scene)).astype(np.float64) / series - 1).max())
 
 
-def energy_check(session: Session) -> Check:
+def energy_check(session: Session) -> selfcheck.Check:
     """Light in closed rooms from a millimetre to ten kilometres against the truncated series."""
     worst = max(cavity_error(session, cavity(radius), REFLECTANCE, DEPTH) for radius in SPHERE_RADII)
-    return Check("pictures: light in closed rooms of 1e-3 to 1e4 m", worst, 2e-6 + 1e-6 * DEPTH, "relative")
+    return selfcheck.Check("pictures: light in closed rooms of 1e-3 to 1e4 m", worst, 2e-6 + 1e-6 * DEPTH, "relative")
 
 
-def organisation_checks(session: Session) -> list[Check]:
+def organisation_checks(session: Session) -> list[selfcheck.Check]:
     """One picture through a lens with waves of two sizes, and by both ways to organise the work."""
     scene = load_scene(STUDIO)
     plan = make_plan(scene)
@@ -328,24 +307,28 @@ def organisation_checks(session: Session) -> list[Check]:
     unlike = 1 - float(np.isclose(stream, passes, rtol=1e-5, atol=1e-6).mean())
     bits = int((whole.view(np.uint32) != small.view(np.uint32)).sum())
     return [
-        Check("pictures: small waves and large", bits, 0, f"of {whole.size} values differ in a bit"),
-        Check("pictures: stream and passes", unlike, UNLIKE, "of the values differ by 1e-5"),
-        Check("pictures: values that are not finite", int((~np.isfinite(whole)).sum()), 0, f"of {whole.size}"),
+        selfcheck.Check("pictures: small waves and large", bits, 0, f"of {whole.size} values differ in a bit"),
+        selfcheck.Check("pictures: stream and passes", unlike, UNLIKE, "of the values differ by 1e-5"),
+        selfcheck.Check(
+            "pictures: values that are not finite", int((~np.isfinite(whole)).sum()), 0, f"of {whole.size}"
+        ),
     ]
 
 
-def lens_checks(session: Session) -> list[Check]:
+def lens_checks(session: Session) -> list[selfcheck.Check]:
     """One picture through a lens traced in float32, in float64 where the device has it, and by fitted rays."""
     scene = load_scene(STUDIO)
     single = picture(session, scene, make_plan(scene)).astype(np.float64)
 
-    def beside(name: str, camera: dict[str, str], allowed: float) -> Check:
+    def beside(name: str, camera: dict[str, str], allowed: float) -> selfcheck.Check:
         other = change_scene(scene, camera=camera)
         apart = picture(session, other, make_plan(other)) - single
-        return Check(name, float(np.sqrt(np.mean(apart**2)) / single.mean()), allowed, OF_MEAN)
+        return selfcheck.Check(name, float(np.sqrt(np.mean(apart**2)) / single.mean()), allowed, OF_MEAN)
 
     name = "pictures: lens in float32 and float64"
-    precise = beside(name, {"precision": "double"}, ROUNDED) if session.info.fp64 else needs_float64(name, OF_MEAN)
+    precise = (
+        beside(name, {"precision": "double"}, ROUNDED) if session.info.fp64 else selfcheck.needs_float64(name, OF_MEAN)
+    )
     return [precise, beside("pictures: rays traced and fitted", {"rays": "fitted"}, FITTED)]
 
 
@@ -456,69 +439,51 @@ def _device_lines(device: dict[str, Any]) -> list[str]:
         f"    {device['platform']}: {device['platform_version']}; driver {device['driver_version']}",
         f"    {device['compute_units']} compute units at {device['clock_mhz']} MHz, {memory:.2f} GiB,"
         f" buffers to {largest:.2f} GiB, {precision}" + (f"; kernels compiled for {target}" if target else ""),
-        *([_renaming(*device["renamed"])] if device["renamed"] else []),
+        *(
+            f"    PoCL takes the processor for {old!r}, for which it cannot compile; it compiles for {new!r}"
+            for old, new in ([device["renamed"]] if device["renamed"] else [])
+        ),
         *barred,
     ]
-
-
-def _renaming(old: str, new: str) -> str:
-    return f"    PoCL takes the processor for {old!r}, for which it cannot compile; it compiles for {new!r}"
 
 
 # The suite of checks: what `rptcam doctor --numerics` runs on a device, and the tests on theirs.
 
 
-@dataclass(frozen=True)
-class CheckGroup:
-    """Some checks that are made together.
+CheckMaker = Callable[[Session], selfcheck.Check | Sequence[selfcheck.Check]]
 
-    Attributes
-    ----------
-    name : str
-    make : callable
-        Makes them on a device.
+SUITE: dict[str, CheckMaker] = {
+    "random numbers": selfcheck.random_check,
+    "arithmetic": selfcheck.arithmetic_checks,
+    "loops": selfcheck.loop_check,
+    "film": selfcheck.film_checks,
+    "lens surfaces": radius_checks,
+    "total reflection": reflection_check,
+    "stigmatic lenses": stigmatic_checks,
+    "real lenses": library_checks,
+    "leaks": selfcheck.leak_check,
+    "tree of a mesh": selfcheck.mesh_tree_check,
+    "tree of shapes": selfcheck.object_tree_check,
+    "self-hits": selfcheck.departure_check,
+    "far spheres": selfcheck.far_sphere_checks,
+    "light in closed rooms": energy_check,
+    "organisation": organisation_checks,
+    "ways through a lens": lens_checks,
+}
+
+
+def run_suite(
+    session: Session, suite: Mapping[str, CheckMaker] = SUITE
+) -> Iterator[tuple[Sequence[selfcheck.Check], float]]:
+    """Yield the checks of each part of a suite and how long they took [s].
+
+    A device that fails in one part is still tried in the next.
     """
-
-    name: str
-    make: Callable[[Session], Check | Sequence[Check]]
-
-
-SUITE = (
-    CheckGroup("random numbers", random_check),
-    CheckGroup("arithmetic", arithmetic_checks),
-    CheckGroup("loops", loop_check),
-    CheckGroup("film", film_checks),
-    CheckGroup("lens surfaces", radius_checks),
-    CheckGroup("total reflection", reflection_check),
-    CheckGroup("stigmatic lenses", stigmatic_checks),
-    CheckGroup("real lenses", library_checks),
-    CheckGroup("leaks", leak_check),
-    CheckGroup("tree of a mesh", mesh_tree_check),
-    CheckGroup("tree of shapes", object_tree_check),
-    CheckGroup("self-hits", departure_check),
-    CheckGroup("far spheres", far_sphere_checks),
-    CheckGroup("light in closed rooms", energy_check),
-    CheckGroup("organisation", organisation_checks),
-    CheckGroup("ways through a lens", lens_checks),
-)
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """The checks of a part, and how long they took [s]."""
-
-    checks: tuple[Check, ...]
-    seconds: float
-
-
-def outcomes(session: Session, suite: Sequence[CheckGroup] = SUITE) -> Iterator[Outcome]:
-    """Yield the result of each part of a suite; a device that fails in one is still tried in the next."""
-    for part in suite:
+    for name, make in suite.items():
         begun = time.perf_counter()
         try:
-            made = part.make(session)
+            made = make(session)
         except Exception as error:  # whatever a driver throws belongs in the report
             reason = f"{type(error).__name__}: {' '.join(str(error).split())}"
-            made = Check(part.name, np.nan, 0, "could not be checked", reason)
-        checks = (made,) if isinstance(made, Check) else tuple(made)
-        yield Outcome(checks, time.perf_counter() - begun)
+            made = selfcheck.Check(name, np.nan, 0, "could not be checked", reason)
+        yield (made,) if isinstance(made, selfcheck.Check) else made, time.perf_counter() - begun

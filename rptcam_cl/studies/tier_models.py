@@ -36,36 +36,29 @@ BLURRED = 0.1
 ROWS = 256  # points whose distances are found at a time
 
 
-@dataclass(frozen=True)
-class RoundStop:
-    """A round stop that lets as much light through as one of another shape, both in units of the latter's radius.
+def round_stop(shape: StopShape | StopMask | None) -> tuple[float, float]:
+    """Find the round stop that lets as much light through as one of another shape; None is round already.
 
-    Attributes
-    ----------
+    Returns
+    -------
     radius : float
+        In units of that of the shape.
     apart : float
-        How far a point of either lies from the other, at most (the distance of Hausdorff).
+        How far a point of either lies from the other, at most (the distance of Hausdorff), in the same units.
     """
-
-    radius: float = 1.0
-    apart: float = 0.0
-
-
-def round_stop(shape: StopShape | StopMask | None) -> RoundStop:
-    """Return the round stop in place of a shape; None is round already."""
     if shape is None:
-        return RoundStop()
+        return 1.0, 0.0
     side = (np.arange(CELLS) + 0.5) * 2 / CELLS - 1
     x, y = (values.ravel() for values in np.meshgrid(side, side))
     distance = np.hypot(x, y)
     inside = np.asarray(shape.holds(x, y)) & (distance <= 1)
     if not inside.any():  # slits between the cells
-        return RoundStop(0.0, 1.0)
+        return 0.0, 1.0
     radius = float(np.sqrt(inside.sum() / np.pi) * 2 / CELLS)
     points = np.stack([x, y], axis=1)
     beyond = float(np.max(distance[inside] - radius, initial=0.0))
     left_out = points[(distance <= radius) & ~inside]
-    return RoundStop(radius, max(beyond, _farthest(left_out, points[inside])) + 1 / CELLS)
+    return radius, max(beyond, _farthest(left_out, points[inside])) + 1 / CELLS
 
 
 def coverage(shape: StopShape | StopMask, points: Array) -> Array:
@@ -122,29 +115,9 @@ Tier = Literal["pinhole", "thin_lens", "thick_lens", "fitted", "realistic"]
 TIERS: tuple[Tier, ...] = ("pinhole", "thin_lens", "thick_lens", "fitted", "realistic")  # by rising cost
 
 
-@dataclass(frozen=True)
-class Traits:
-    """What a tier can show.
-
-    Attributes
-    ----------
-    shapes : bool
-        Stops that are not round.
-    colours : bool
-        Light of every wavelength in its own place, and what the lens takes of each.
-    """
-
-    shapes: bool = False
-    colours: bool = False
-
-
-TRAITS: dict[Tier, Traits] = {
-    "pinhole": Traits(),
-    "thin_lens": Traits(shapes=True),
-    "thick_lens": Traits(),
-    "fitted": Traits(shapes=True, colours=True),
-    "realistic": Traits(shapes=True, colours=True),
-}
+WITH_SHAPES: frozenset[Tier] = frozenset({"thin_lens", "fitted", "realistic"})  # show stops that are not round
+# Bring light of every wavelength to its own place, less what the lens takes of each.
+WITH_COLOURS: frozenset[Tier] = frozenset({"fitted", "realistic"})
 
 # Keys of a traced camera that a thick lens has too; pinhole and thin lens share the pose alone.
 _POSE = ("target", "up", "flip")
@@ -255,7 +228,7 @@ def _thick_lens(scene: Scene) -> dict[str, Any]:
         if stop is None:
             raise InputError("camera.aperture: the lens has no stop to shape")
         keys.pop("f_number", None)
-        keys["stop_diameter_mm"] = 2 * stop.semi_diameter * round_stop(shape).radius
+        keys["stop_diameter_mm"] = 2 * stop.semi_diameter * round_stop(shape)[0]
     return keys | {"kind": "thick_lens"}
 
 
@@ -268,25 +241,6 @@ def _thick_lens(scene: Scene) -> dict[str, Any]:
 SPOKES = 64  # directions round a pupil
 RINGS = 6  # points along each, at the nodes of Gauss and Legendre
 OUTLINE = np.arange(32) * 2 * np.pi / 32  # directions in which the reach of a spot is measured
-
-
-@dataclass(frozen=True)
-class BundleSpot:
-    """Where the light of a film point meets a plane across the axis.
-
-    Attributes
-    ----------
-    middle : (2,) array
-        Its centroid [mm].
-    spread : (3,) array
-        Standard deviation along the field, across it, and their root sum of squares [mm].
-    outline : array
-        How far it reaches from its middle, in the directions of `OUTLINE` [mm].
-    """
-
-    middle: Array
-    spread: Array
-    outline: Array
 
 
 @dataclass(frozen=True)
@@ -319,8 +273,23 @@ class RayBundle:
         """Return where the rays meet a plane across the axis, (n, 2)."""
         return np.asarray(self.origins[:, :2] + (plane_mm - self.origins[:, 2:]) * self.directions[:, :2])
 
-    def spot(self, plane_mm: float, along: Array) -> BundleSpot:
-        """Return the spot on a plane across the axis; ``along`` (2,) is the direction of the field, of length 1."""
+    def spot(self, plane_mm: float, along: Array) -> tuple[Array, Array, Array]:
+        """Where the light of the film point meets a plane across the axis.
+
+        Parameters
+        ----------
+        along : (2,) array
+            Direction of the field, of length 1.
+
+        Returns
+        -------
+        middle : (2,) array
+            The centroid of the spot [mm].
+        spread : (3,) array
+            Standard deviation along the field, across it, and their root sum of squares [mm].
+        outline : array
+            How far it reaches from its middle, in the directions of `OUTLINE` [mm].
+        """
         places = self.places(plane_mm)
         share = self.weights / self.light
         middle = share @ places
@@ -328,7 +297,7 @@ class RayBundle:
         across = np.array([-along[1], along[0]])
         spread = np.sqrt([share @ (away @ axis) ** 2 for axis in (along, across)])
         reach = away @ np.stack([np.cos(OUTLINE), np.sin(OUTLINE)])
-        return BundleSpot(middle, np.append(spread, np.hypot(*spread)), reach.max(axis=0))
+        return middle, np.append(spread, np.hypot(*spread)), reach.max(axis=0)
 
 
 def polar(spokes: int, rings: int) -> tuple[Array, Array]:
@@ -518,7 +487,7 @@ def depth_range_mm(scene: Scene, view: VisibleWorld) -> tuple[float, float]:
     from_world[2] *= -1.0  # z ahead
     for item, solid in zip(scene.objects, scene.solids(), strict=True):
         seen: list[float] = []
-        for world_from_object in _over_time(scene, item):
+        for world_from_object in _places_over_time(scene, item):
             placed = from_world @ world_from_object
             seen += _plane_depths(item, placed, view) if isinstance(item, Plane) else _depths(solid, placed, view)
         found += seen
@@ -541,7 +510,7 @@ def _columns(scene: Scene) -> Array:
     return np.array([per_mm, per_mm, per_mm, 1.0])
 
 
-def _over_time(scene: Scene, item: Object) -> list[Array]:
+def _places_over_time(scene: Scene, item: Object) -> list[Array]:
     """Return the places of an object while the shutter is open."""
     if item.trajectory is None:
         return [item.world_from_object]

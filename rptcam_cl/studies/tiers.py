@@ -29,11 +29,11 @@ from rptcam_cl.scene.scene import Scene
 from rptcam_cl.studies.tier_models import (
     FAR_MM,
     RINGS,
-    TRAITS,
+    WITH_COLOURS,
+    WITH_SHAPES,
     FirstOrderCamera,
     Pupils,
     RayBundle,
-    RoundStop,
     Tier,
     VisibleWorld,
     coverage,
@@ -231,8 +231,8 @@ class Truth:
         Half the sides of the film.
     fields : tuple of Field or None
         What the lens does at each of `FIELDS`; None where it sees nothing.
-    round_stop : RoundStop
-        That may stand in for its stop.
+    shape_apart : float
+        How far a round stop of the same area lies from its stop, at most, in radii; 0 for a stop that is round.
     tint : float
         How much more of one colour than of another the lens takes, where the picture shows it.
     coloured : bool
@@ -244,7 +244,7 @@ class Truth:
     shaped: Lens
     half_mm: Array
     fields: tuple[FieldPoint | None, ...]
-    round_stop: RoundStop
+    shape_apart: float
     tint: float
     coloured: bool
 
@@ -261,7 +261,8 @@ class Truth:
         pixel_mm = float(2 * half_mm[0] / scene.film.resolution[0])
         fields = traced_fields(setting, shape, half_mm, pixel_mm, FIELDS, colours_nm)
         tint = lens_tint(scene, setting) if requested else 0.0
-        return cls(scene, first, shaped(scene, setting).lens, half_mm, tuple(fields), round_stop(shape), tint, coloured)
+        lens = shaped(scene, setting).lens
+        return cls(scene, first, lens, half_mm, tuple(fields), round_stop(shape)[1], tint, coloured)
 
     @property
     def view(self) -> VisibleWorld:
@@ -281,7 +282,7 @@ class Truth:
             np.inf
             if field is None
             else max(
-                float(field.bundle.spot(depth, field.along).outline.max()) * field.pixels_per_mm(depth)
+                float(field.bundle.spot(depth, field.along)[2].max()) * field.pixels_per_mm(depth)
                 for depth in depths_mm
             )
             for field in self.fields
@@ -351,38 +352,30 @@ class TierError:
         return max(*self.illumination, self.tint)
 
 
-def tier_errors(truth: Truth, depths_mm: Sequence[float], tiers: Sequence[Tier]) -> list[TierError]:
-    """Return the errors of tiers against the traced lens.
+def tier_error(truth: Truth, depths_mm: Sequence[float], tier: Tier) -> TierError:
+    """Find the errors of a tier against the traced lens, which has none itself.
 
     Parameters
     ----------
-    truth
-        What the traced lens does.
     depths_mm
         Distances of what the picture shows ahead of the film, along the axis [mm].
-    tiers
-        Which ones; the traced lens itself has no error.
     """
-    return [_errors(truth, depths_mm, tier) for tier in tiers]
-
-
-def _errors(truth: Truth, depths_mm: Sequence[float], tier: Tier) -> TierError:
     none = (0.0,) * len(truth.fields)
     if tier == "realistic":
         return TierError(tier, dict.fromkeys(EFFECTS, none), none)
     if tier == "fitted":
         return fitted_errors(fitted_to(truth.scene, colours=truth.coloured))
-    traits = TRAITS[tier]
     bundles = [tier_bundle(truth.first, tier, field * truth.half_mm) for field in FIELDS]
     apart = [_apart(*pair, depths_mm) for pair in zip(truth.fields, bundles, strict=True)]
     distortion, blur, outline = (tuple(column) for column in zip(*apart, strict=True))
     effects = {"distortion": distortion, "blur": blur, "outline": outline, "shape": none, "colour": none}
-    if truth.round_stop.apart and not (traits.shapes or tier == "pinhole"):
-        effects["shape"] = tuple(truth.round_stop.apart * radius for radius in truth.blur_px(depths_mm))
-    if not traits.colours:
+    if truth.shape_apart and tier not in WITH_SHAPES and tier != "pinhole":
+        effects["shape"] = tuple(truth.shape_apart * radius for radius in truth.blur_px(depths_mm))
+    has_colours = tier in WITH_COLOURS
+    if not has_colours:
         effects["colour"] = truth.colour_px(depths_mm)
     lit = [bundle.light / bundles[0].light for bundle in bundles]
-    return TierError(tier, effects, _illumination(truth, lit, truth.axial(tier)), 0.0 if traits.colours else truth.tint)
+    return TierError(tier, effects, _illumination(truth, lit, truth.axial(tier)), 0.0 if has_colours else truth.tint)
 
 
 def fitted_errors(found: RayMap) -> TierError:
@@ -398,9 +391,8 @@ def _apart(field: FieldPoint | None, other: RayBundle, depths_mm: Sequence[float
         return np.inf, np.inf, np.inf
     found = []
     for depth in depths_mm:
-        true, own = (bundle.spot(depth, field.along) for bundle in (field.bundle, other))
-        differences = (own.middle - true.middle, own.spread - true.spread, own.outline - true.outline)
-        shift, spread, outline = (np.abs(each) for each in differences)
+        spots = zip(field.bundle.spot(depth, field.along), other.spot(depth, field.along), strict=True)
+        shift, spread, outline = (np.abs(own - true) for true, own in spots)
         per_mm = field.pixels_per_mm(depth)
         found.append([float(np.hypot(*shift)) * per_mm, spread.max() * per_mm, outline.max() * per_mm])
     distortion, blur, outlines = np.max(found, axis=0).tolist()
@@ -533,11 +525,9 @@ def _lens(found: Findings, allowed: Accuracy) -> Iterator[str]:
         yield f"a round stop of the same area would be {pixels(found.shape_px)} off: {shows}"
     if found.colour_px is not None:
         tint = f", tint {per_cent(found.tint)}" if found.tint else ""
-        yield f"colour {pixels(found.colour_px)}{tint}: {_carried(found)}"
-
-
-def _carried(found: Findings) -> str:
-    return "the lens refracts each wavelength separately" if found.colours == "on" else "one wavelength stands for all"
+        separately = "the lens refracts each wavelength separately"
+        refracts = separately if found.colours == "on" else "one wavelength stands for all"
+        yield f"colour {pixels(found.colour_px)}{tint}: {refracts}"
 
 
 def _effects(error: TierError, beyond: Accuracy | None = None) -> str:
@@ -605,9 +595,9 @@ def choose_camera(scene: Scene) -> Decision:
     if tier is None:
         found, tier = _polynomials(scene, found, allowed, lens_colour)
     chosen = equivalent(scene, tier)
-    if TRAITS[tier].colours:
+    if tier in WITH_COLOURS:
         chosen = change_scene(chosen, spectrum={"lens": lens_colour})
-    found = replace(found, tier=tier, colours=lens_colour if TRAITS[tier].colours else "off")
+    found = replace(found, tier=tier, colours=lens_colour if tier in WITH_COLOURS else "off")
     return Decision(chosen, tier, found.errors, {"accuracy": described(found, allowed)})
 
 
@@ -654,11 +644,11 @@ def measured(scene: Scene) -> Findings:
     tiers = [tier for tier in FIRST_ORDER if not missing[tier]]
     blur_px, far = max(truth.blur_px(depths)), depths[-1]
     return Findings(
-        errors=tuple(tier_errors(truth, depths, tiers)),
+        errors=tuple(tier_error(truth, depths, tier) for tier in tiers),
         reason="" if tiers else missing["thick_lens"],
         depths_m=(depths[0] * 1e-3, far * 1e-3 if far < FAR_MM else None),
         blur_px=blur_px,
-        shape_px=truth.round_stop.apart * blur_px if truth.round_stop.apart else None,
+        shape_px=truth.shape_apart * blur_px if truth.shape_apart else None,
         colour_px=max(truth.colour_px(depths)) if truth.coloured else None,
         tint=truth.tint,
     )

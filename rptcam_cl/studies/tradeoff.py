@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import asdict, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,9 +25,9 @@ from rptcam_cl.studies.focus.controller import in_focus
 from rptcam_cl.studies.tiers import FIELDS, TierError
 from rptcam_cl.studies.tradeoff_errors import (
     AS_IT_IS,
+    CONFIDENCE,
     REFERENCE,
     Interval,
-    Ladder,
     draws,
     ladder,
     most_accurate,
@@ -35,8 +35,6 @@ from rptcam_cl.studies.tradeoff_errors import (
 )
 from rptcam_cl.studies.tradeoff_runs import (
     TARGETS,
-    Advice,
-    Comparison,
     Measurement,
     Pictures,
     Ready,
@@ -48,6 +46,148 @@ from rptcam_cl.studies.tradeoff_runs import (
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure, SubFigure
+
+
+# What a comparison of configurations found, as data.
+
+TITLE = "Accuracy and time"
+
+
+@dataclass(frozen=True)
+class Advice:
+    """Which configuration suits a request.
+
+    Attributes
+    ----------
+    wish : str
+        ``time`` or ``error``.
+    amount : float
+        Time [s] or relative error (root of relMSE).
+    chosen : str or None
+        Name of the configuration; None where none reaches the error, or gives every pixel a sample in the time.
+    seconds, error : float
+        Its time [s] and its error, with the bias at the upper end of its interval.
+    samples : int
+        Samples per pixel for that; 0 where none reaches the error.
+    least_error, most_error : float
+        Interval of the error after these samples, from the ends of those of noise and bias.
+    full_seconds, full_error : float
+        The same of the most accurate configuration.
+    perhaps : str or None
+        Another one that is clearly better if its bias is what was measured, and not the upper end of its interval.
+    """
+
+    wish: str
+    amount: float
+    chosen: str | None
+    seconds: float
+    error: float
+    samples: int
+    least_error: float
+    most_error: float
+    full_seconds: float
+    full_error: float
+    perhaps: str | None
+
+
+@dataclass(frozen=True)
+class TradeoffReport:
+    """What a comparison of configurations found; it writes itself as text, as Markdown and as a plot.
+
+    Attributes
+    ----------
+    scene, device : str
+    resolution : (width, height)
+    tiles : (rendered, all)
+        Number of tiles of 8 x 8 pixels.
+    grid : (rows, columns)
+        Rows and columns of the rendered tiles.
+    samples : (int, int, int)
+        Samples per pixel of the three sets of pictures; the last has some of the tiles only.
+    long_tiles : int
+        How many tiles the last set has.
+    seeds : int
+        Number of independent pictures in each of the first two sets.
+    seconds : float
+        Time of the whole measurement [s].
+    by_cpu : bool
+        Whether times are CPU times divided by the number of cores.
+    measurements : tuple of Measurement
+        The most accurate configuration first.
+    cameras : tuple of TierError
+        Errors of cheaper camera models over the field, traced in float64.
+    allowed : str
+        Camera model that `camera.accuracy: auto` takes; empty without a lens of surfaces.
+    lens_colour_px : float or None
+        Greatest displacement of light of other wavelengths by the lens [pixels].
+    diffraction : dict or None
+        What `camera.diffraction: auto` decides, with the Airy radius [pixels]; none of the pictures has it.
+    ghosts : float or None
+        Share of a lamp's light on the axis that `camera.ghosts` adds within the frame; none of the pictures has it.
+        None where surfaces reflect nothing.
+    budget : float
+        How long the measurement was to take [s]; 0 where that is not known.
+    truncation : dict
+        Bound on the light of paths beyond the scene's depth.
+    advice : tuple of Advice
+    skipped : dict
+        Configurations that could not be rendered, and why.
+    """
+
+    scene: str
+    device: str
+    resolution: tuple[int, int]
+    tiles: tuple[int, int]
+    grid: tuple[int, int]
+    samples: tuple[int, int, int]
+    long_tiles: int
+    seeds: int
+    seconds: float
+    by_cpu: bool
+    measurements: tuple[Measurement, ...]
+    cameras: tuple[TierError, ...]
+    allowed: str
+    lens_colour_px: float | None
+    truncation: dict[str, Any]
+    advice: tuple[Advice, ...] = ()
+    skipped: dict[str, str] = field(default_factory=dict)
+    diffraction: dict[str, Any] | None = None
+    ghosts: float | None = None
+    budget: float = 0.0
+
+    def named(self, name: str) -> Measurement:
+        """Return the measurement of a configuration by its name or by that of another that is the same way."""
+        for found in self.measurements:
+            if name in (found.name, *found.same_as):
+                return found
+        names = [known for found in self.measurements for known in (found.name, *found.same_as)]
+        raise InputError(f"{name}: was not compared (there are: {', '.join(names)})")
+
+    def camera_of(self, found: Measurement) -> TierError | None:
+        """Return the errors of a configuration's camera model, where it is not the traced lens."""
+        return next((each for each in self.cameras if each.tier == found.tier), None)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return everything as plain values; what is infinite becomes null in JSON, which means never (or always)."""
+        values = asdict(self)
+        for found in values["measurements"]:
+            found["seconds_to"] = {f"{target:g}": value for target, value in found["seconds_to"].items()}
+        return values | {"fields": list(FIELDS), "confidence": CONFIDENCE}
+
+    def __str__(self) -> str:
+        """Return advice, tables and how they were found, as ``rptcam tradeoff --details`` prints them."""
+        return plain_text(self)
+
+    def markdown(self, title: str = TITLE) -> str:
+        """Return the same as Markdown."""
+        return markdown(self, title)
+
+    def svg(self, title: str = TITLE) -> str:
+        """Return the three pictures as the text of an SVG file: errors over time and over the field, and where."""
+        return chart_svg(tradeoff_plot(self, title))
+
+    def _repr_markdown_(self) -> str:
+        return self.markdown()
 
 
 # Numbers and intervals as people read them.
@@ -164,7 +304,7 @@ def for_time(found: Sequence[Measurement], seconds: float) -> Advice:
     """
     found = _trusted(found)
     errors = [each.error_after(seconds) for each in found]
-    likely = [each.error_after(seconds, each.likely_bias) for each in found]
+    likely = [each.error_after(seconds, "value") for each in found]
     best = _clear_best([each.error_after(seconds) for each in _surely(found)])
     name = found[best].name if math.isfinite(errors[best]) else None
     perhaps = _better_yet(found, likely, errors, best)
@@ -179,7 +319,7 @@ def for_error(found: Sequence[Measurement], error: float) -> Advice:
     """Return the configuration that reaches an error first; the most accurate one unless another is clearly faster."""
     found = _trusted(found)
     times = [each.seconds_until(error) for each in found]
-    likely = [each.seconds_until(error, each.likely_bias) for each in found]
+    likely = [each.seconds_until(error, "value") for each in found]
     best = _clear_best([each.seconds_until(error) for each in _surely(found)])
     perhaps = _better_yet(found, likely, times, best)
     if math.isinf(times[best]):
@@ -240,13 +380,13 @@ PROBABLE = 0.75  # odds from which one configuration is called probably better
 LONGER = 4  # times the measurement, which halves its intervals
 
 
-def headline(report: Comparison) -> list[str]:
+def headline(report: TradeoffReport) -> list[str]:
     """Return three lines, then one for each configuration that may be better than the advised one."""
     said = [_each("Set", report, _set), _each("Costs", report, _cost), _each("Gains", report, _gain)]
     return said + list(dict.fromkeys(line for advice in report.advice for line in _open(report, advice)))
 
 
-def called(report: Comparison, name: str) -> str:
+def called(report: TradeoffReport, name: str) -> str:
     """Return the name of a configuration in a sentence."""
     found = report.named(name)
     if AS_IT_IS in (name, *found.same_as):
@@ -256,7 +396,7 @@ def called(report: Comparison, name: str) -> str:
     return f"the {name}" if found.knob == "camera" else f"«{name}»"
 
 
-def _each(title: str, report: Comparison, say: Callable[[Comparison, Advice], str]) -> str:
+def _each(title: str, report: TradeoffReport, say: Callable[[TradeoffReport, Advice], str]) -> str:
     return f"{title}: {'; '.join(say(report, advice) for advice in report.advice)}."
 
 
@@ -264,19 +404,19 @@ def _wish(advice: Advice) -> str:
     return f"in {seconds(advice.amount)}" if advice.wish == "time" else f"to an error of {per_cent(advice.amount)}"
 
 
-def _settings(report: Comparison, name: str, samples: int = 0) -> str:
+def _settings(report: TradeoffReport, name: str, samples: int = 0) -> str:
     found = report.named(name)
     sets = " ".join(f" --set '{text}'" for text in found.settings)
     return f"{COMMAND}{sets}{f' --spp {samples}' if samples else ''} ({called(report, name)})"
 
 
-def _set(report: Comparison, advice: Advice) -> str:
+def _set(report: TradeoffReport, advice: Advice) -> str:
     if advice.chosen is None:
         return f"{_wish(advice)} nothing does"
     return f"{_wish(advice)} {_settings(report, advice.chosen, advice.samples)}"
 
 
-def _cost(report: Comparison, advice: Advice) -> str:
+def _cost(report: TradeoffReport, advice: Advice) -> str:
     if advice.chosen is None and advice.wish == "time":
         fastest = min(found.sample_s.value for found in report.measurements)
         return f"one sample per pixel takes at least {seconds(fastest)}"
@@ -290,7 +430,7 @@ def _cost(report: Comparison, advice: Advice) -> str:
     return f"{seconds(advice.seconds)} ({advice.samples} samples per pixel) to {per_cent(advice.amount)}{sharp}"
 
 
-def _gain(report: Comparison, advice: Advice) -> str:
+def _gain(report: TradeoffReport, advice: Advice) -> str:
     if advice.chosen is None:
         return "nothing"
     if advice.chosen == REFERENCE:
@@ -303,7 +443,7 @@ def _gain(report: Comparison, advice: Advice) -> str:
     return f"{times:.1f} times as fast {_wish(advice)} as {FULL} ({seconds(advice.full_seconds)})"
 
 
-def _open(report: Comparison, advice: Advice) -> list[str]:
+def _open(report: TradeoffReport, advice: Advice) -> list[str]:
     """Return a line about what may be better than what is advised, with its odds where they are known."""
     if advice.perhaps is None:
         return []
@@ -318,7 +458,7 @@ def _open(report: Comparison, advice: Advice) -> list[str]:
     return [f"Too close to call {wish} between {both}, {odds(1 - share)}: {longer}."]
 
 
-def _odds(report: Comparison, advice: Advice) -> float | None:
+def _odds(report: TradeoffReport, advice: Advice) -> float | None:
     """Return how probable it is that what may be better is; None where that was not drawn."""
     assert advice.perhaps is not None
     at = advice.amount if advice.wish == "time" else advice.full_seconds
@@ -335,7 +475,7 @@ SHOWS_LOAD = 1.3  # ratio of wall time to CPU time from which the report mention
 PLACES = (("top", "middle", "bottom"), ("left", "centre", "right"))
 
 
-def recommendation(report: Comparison) -> list[str]:
+def recommendation(report: TradeoffReport) -> list[str]:
     """Return sentences: the advice, the meaning of its terms, then what else was found."""
     chosen = list(dict.fromkeys(advice.chosen for advice in report.advice if advice.chosen is not None))
     said = [*headline(report), *_meant(report)]
@@ -345,7 +485,7 @@ def recommendation(report: Comparison) -> list[str]:
     return said
 
 
-def caveats(report: Comparison) -> list[str]:
+def caveats(report: TradeoffReport) -> list[str]:
     """Return sentences on how the numbers were found."""
     rendered, every = report.tiles
     made = "every tile" if rendered == every else f"{rendered} of {every} tiles"
@@ -369,7 +509,7 @@ def caveats(report: Comparison) -> list[str]:
     return said
 
 
-def unsure(report: Comparison) -> list[str]:
+def unsure(report: TradeoffReport) -> list[str]:
     """Return a warning where the noise of an advised configuration or the reference comes from rare bright paths."""
     names = dict.fromkeys([REFERENCE, *(advice.chosen for advice in report.advice)])
     rare = [called(report, name) for name in names if name is not None and report.named(name).has_rare_paths]
@@ -381,7 +521,7 @@ def unsure(report: Comparison) -> list[str]:
     ]
 
 
-def longer(report: Comparison) -> list[str]:
+def longer(report: TradeoffReport) -> list[str]:
     """Return why measuring took longer than it was to."""
     if not report.budget or report.seconds <= LATE * report.budget:
         return []
@@ -396,7 +536,7 @@ def longer(report: Comparison) -> list[str]:
     ]
 
 
-def _meant(report: Comparison) -> list[str]:
+def _meant(report: TradeoffReport) -> list[str]:
     """Return what an error and full accuracy mean."""
     how = ": every ray through every surface of the lens" if report.allowed else ", with its own camera"
     return [
@@ -405,7 +545,7 @@ def _meant(report: Comparison) -> list[str]:
     ]
 
 
-def _differs(report: Comparison, found: Measurement) -> str:
+def _differs(report: TradeoffReport, found: Measurement) -> str:
     name = called(report, found.name)
     if found.unbiased:
         return f"The only change by {name} is in the noise."
@@ -447,7 +587,7 @@ def _over_field(camera: TierError) -> str:
     )
 
 
-def _camera(report: Comparison) -> list[str]:
+def _camera(report: TradeoffReport) -> list[str]:
     said = []
     if report.allowed == "realistic":
         said.append("camera.accuracy: auto traces every ray, as no cheaper camera is within half a pixel and 1 %.")
@@ -466,7 +606,7 @@ def _camera(report: Comparison) -> list[str]:
     return said
 
 
-def _depth(report: Comparison) -> list[str]:
+def _depth(report: TradeoffReport) -> list[str]:
     depth, bound = report.truncation["max_depth"], report.truncation["bound"]
     paths = f"Light paths end after {depth} edges (render.max_depth), also with {FULL}"
     if bound is None:
@@ -488,26 +628,23 @@ COST_COLUMNS = (
 CAMERA_COLUMNS = ("camera", *(f"at {field:g}" for field in SHOWN_FIELDS), "brightness at 1")
 
 
-@dataclass(frozen=True)
-class Table:
-    """Rows of texts under the names of their columns, with a title."""
-
-    title: str
-    columns: tuple[str, ...]
-    rows: list[list[str]]
+Table = tuple[str, tuple[str, ...], list[list[str]]]
+"""A title, the names of columns, and rows of texts."""
 
 
-def tables(report: Comparison) -> list[Table]:
+def tables(report: TradeoffReport) -> list[Table]:
     """Return the errors of the configurations, their costs, and the errors of cheaper cameras if there are any."""
     found = report.measurements
     wrong = f"Error against {REFERENCE}, without noise"
     taken = "Cost: time of one sample per pixel, noise, time to an error, time before the first ray"
     over = "How far cheaper cameras displace light, from the middle of the picture (0) to its corner (1)"
-    made = [Table(wrong, ERROR_COLUMNS, [_errors(each) for each in found if each.knob])]
-    made.append(Table(taken, COST_COLUMNS, [_costs(each) for each in found]))
+    shown: list[Table] = [
+        (wrong, ERROR_COLUMNS, [_errors(each) for each in found if each.knob]),
+        (taken, COST_COLUMNS, [_costs(each) for each in found]),
+    ]
     if cameras := _cameras(report):
-        made.append(Table(over, CAMERA_COLUMNS, cameras))
-    return made
+        shown.append((over, CAMERA_COLUMNS, cameras))
+    return shown
 
 
 def _errors(found: Measurement) -> list[str]:
@@ -524,7 +661,7 @@ def _costs(found: Measurement) -> list[str]:
     ]
 
 
-def _cameras(report: Comparison) -> list[list[str]]:
+def _cameras(report: TradeoffReport) -> list[list[str]]:
     at = [FIELDS.index(field) for field in SHOWN_FIELDS]
     return [
         [
@@ -537,34 +674,31 @@ def _cameras(report: Comparison) -> list[list[str]]:
     ]
 
 
-def summary(report: Comparison) -> list[str]:
+def summary(report: TradeoffReport) -> list[str]:
     """Return the lines that the command prints without its details: the advice, its terms, and doubts."""
     doubts = [*unsure(report), *longer(report)]
     return [*headline(report), "", MEANT, *doubts, "All numbers and how they were found: --details."]
 
 
-def plain_text(report: Comparison) -> str:
+def plain_text(report: TradeoffReport) -> str:
     """Return the report as text, its tables in plain columns."""
-    parts = [f"{table.title}\n{_aligned(table)}" for table in tables(report)]
+    parts = [f"{title}\n{_aligned([columns, *rows])}" for title, columns, rows in tables(report)]
     return "\n\n".join(["\n".join(recommendation(report)), *parts, "\n".join(caveats(report))])
 
 
-def _aligned(table: Table) -> str:
-    lines = [table.columns, *table.rows]
+def _aligned(lines: Sequence[Sequence[str]]) -> str:
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
     return "\n".join("  ".join(map(str.rjust, line, widths)).rstrip() for line in lines)
 
 
-def markdown(report: Comparison, title: str) -> str:
+def markdown(report: TradeoffReport, title: str) -> str:
     """Return the report as Markdown."""
     parts = [f"# {title}", "\n".join(f"- {line}" for line in recommendation(report))]
-    parts += [f"{table.title}:\n\n{_written(table)}" for table in tables(report)]
+    for heading, columns, rows in tables(report):
+        lines = [columns, ["---"] * len(columns), *rows]
+        marked = ["| " + " | ".join(text.replace("|", "\\|") for text in line) + " |" for line in lines]
+        parts.append(f"{heading}:\n\n" + "\n".join(marked))
     return "\n\n".join([*parts, "\n".join(f"- {line}" for line in caveats(report))]) + "\n"
-
-
-def _written(table: Table) -> str:
-    lines = [table.columns, ["---"] * len(table.columns), *table.rows]
-    return "\n".join("| " + " | ".join(text.replace("|", "\\|") for text in line) + " |" for line in lines)
 
 
 # Three pictures of a comparison in one: error against time, error over the field, and where pictures differ.
@@ -581,7 +715,7 @@ DASHES = {"thick_lens": "--"}  # which often lies on the thin lens's curve
 
 
 @styled()
-def tradeoff_plot(report: Comparison, title: str) -> Figure:
+def tradeoff_plot(report: TradeoffReport, title: str) -> Figure:
     """Return the three pictures.
 
     On the left is the root of relMSE over time, one line for each configuration. A line becomes level where it reaches
@@ -654,11 +788,10 @@ def _decades(low: float, high: float) -> tuple[float, float]:
 
 def _error(found: Measurement, times: np.ndarray, end: str = "value") -> np.ndarray:
     """Return the root of relMSE after times, with bias and noise at an end of their intervals."""
-    floor = 0.0 if found.unbiased or not found.knob else max(getattr(found.bias, end), 0.0)
-    return np.asarray(np.sqrt(floor + found.law(end).even(times / found.sample_s.value)))
+    return np.asarray(np.sqrt(found.bias_at(end) + found.law(end).even(times / found.sample_s.value)))
 
 
-def _errors_over_field(axes: Axes, report: Comparison, colours: dict[str, str]) -> None:
+def _errors_over_field(axes: Axes, report: TradeoffReport, colours: dict[str, str]) -> None:
     cameras = [each for each in report.cameras if each.tier != "realistic"]
     axes.set(title="error of cheaper cameras", xlim=(0.0, 1.0), xlabel="film point, share of half diagonal",
              ylabel="light beside its place [pixels]")  # fmt: skip
@@ -678,14 +811,14 @@ def _errors_over_field(axes: Axes, report: Comparison, colours: dict[str, str]) 
     axes.set_ylim(0.0, max(1.08, axes.get_ylim()[1]))
 
 
-def _most_biased(report: Comparison) -> list[Measurement]:
+def _most_biased(report: TradeoffReport) -> list[Measurement]:
     """Return the configurations that get a map: those that are advised, then those that differ most."""
     biased = [found for found in report.measurements if found.knob and not found.unbiased]
     chosen = {advice.chosen for advice in report.advice}
     return sorted(biased, key=lambda found: (found.name in chosen, found.bias.value), reverse=True)[:MOST_MAPS]
 
 
-def _draw_maps(figure: SubFigure, report: Comparison, shown: Sequence[Measurement]) -> None:
+def _draw_maps(figure: SubFigure, report: TradeoffReport, shown: Sequence[Measurement]) -> None:
     """Draw how much each tile of the pictures differs, all in the same shades."""
     from matplotlib.colors import LogNorm
 
@@ -711,29 +844,9 @@ def _draw_maps(figure: SubFigure, report: Comparison, shown: Sequence[Measuremen
 BUDGET_S = 60.0
 WISHED_S, WISHED_ERROR = 60.0, 0.02
 DRAWS_SEED = 7  # of the bootstrap
-TITLE = "Accuracy and time"
 
 Tell = Callable[[str, float], Any]
 """Takes what is being done and the share of the work that is done."""
-
-
-class TradeoffReport(Comparison):
-    """A comparison that writes itself as text, as Markdown and as a plot."""
-
-    def __str__(self) -> str:
-        """Return advice, tables and how they were found, as ``rptcam tradeoff --details`` prints them."""
-        return plain_text(self)
-
-    def markdown(self, title: str = TITLE) -> str:
-        """Return the same as Markdown."""
-        return markdown(self, title)
-
-    def svg(self, title: str = TITLE) -> str:
-        """Return the three pictures as the text of an SVG file: errors over time and over the field, and where."""
-        return chart_svg(tradeoff_plot(self, title))
-
-    def _repr_markdown_(self) -> str:
-        return self.markdown()
 
 
 def measure_tradeoff(
@@ -781,7 +894,10 @@ def measure_tradeoff(
     tell("focus and exposure", 0.0)
     fixed = _with_focus_and_exposure(scene, session)
     steps = ladder(fixed)
-    ready, impossible = _prepared(steps, session, tell)
+    count = len(steps.configurations)
+    ready, impossible = prepare(
+        steps.configurations, session, lambda name, done: tell(f"preparing: {name}", 0.3 * done / count)
+    )
     left = max(budget - (time.perf_counter() - begun), budget / 3)
     pictures = render_by_turns(ready, left, scene.render.seed, lambda words, share: tell(words, 0.3 + 0.7 * share))
     _check_light(pictures, fixed)
@@ -837,12 +953,6 @@ def _ghosts(scene: Scene) -> float | None:
     return sum(ghost.flux_in_frame for ghost in found.ghosts) / found.reference
 
 
-def _prepared(steps: Ladder, session: Session, tell: Tell) -> tuple[list[Ready], dict[str, str]]:
-    """Return the configurations compiled, and why others cannot be."""
-    count = len(steps.configurations)
-    return prepare(steps.configurations, session, lambda name, done: tell(f"preparing: {name}", 0.3 * done / count))
-
-
 def _check_light(pictures: Pictures, scene: Scene) -> None:
     if not any(picture.any() for picture in pictures.pixels[0]):
         raise InputError(
@@ -874,18 +984,8 @@ def _given(part: Any) -> dict[str, Any]:
 
 def _measured(ready: list[Ready], pictures: Pictures) -> list[Measurement]:
     errors = pair_errors(pictures.pixels, pictures.samples, pictures.tiles, pictures.long)
-    named = [
-        {
-            "name": each.configuration.name,
-            "knob": each.configuration.knob,
-            "same_as": each.configuration.same_as,
-            "settings": each.configuration.settings,
-            "tier": each.configuration.tier,
-            "unbiased": each.configuration.unbiased,
-            "start_s": each.start_s,
-        }
-        for each in ready
-    ]
+    names = ("name", "knob", "same_as", "settings", "tier", "unbiased")
+    named = [{name: getattr(each.configuration, name) for name in names} | {"start_s": each.start_s} for each in ready]
     counts = draws(pictures.seeds, np.random.default_rng(DRAWS_SEED))
     samples = (*pictures.samples, pictures.long.samples)
     return measurements(named, errors, pictures.timings, samples, counts)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache, partial
 from itertools import combinations
@@ -172,20 +172,43 @@ class Ladder:
 
 
 def ladder(scene: Scene) -> Ladder:
-    """Return the configurations of a scene; their plans may show that some are equal."""
-    full = most_accurate(scene)
-    is_lens = full.scene.camera.traced_camera is not None
-    decision = choose_camera(change_scene(full.scene, camera={"accuracy": "auto"})) if is_lens else None
-    found, skipped = [replace(full, settings=settings(scene, full.scene))], {}
-    for change in _changes(scene, full.scene, decision):
+    """Make the configurations of a scene; their plans may show that some are equal."""
+    reference = most_accurate(scene)
+    full, camera = reference.scene, reference.scene.camera
+    found, skipped = [replace(reference, settings=settings(scene, full))], {}
+    decision = None
+
+    def add(name: str, knob: str, make: Callable[[], Scene], *, unbiased: bool = False, tier: str = "") -> None:
+        """Add what a scene becomes as requested, before `camera.accuracy` chooses a camera model."""
         try:
-            requested = change.make()
+            requested = make()
             made = choose_camera(requested).scene
         except InputError as problem:
-            skipped[change.name] = str(problem)
-            continue
-        tier, texts = change.tier or full.tier, settings(scene, requested)
-        found.append(Variant(change.name, change.knob, made, tier, change.unbiased, texts))
+            skipped[name] = str(problem)
+        else:
+            texts = settings(scene, requested)
+            found.append(Variant(name, knob, made, tier or reference.tier, unbiased, texts))
+
+    add(AS_IT_IS, "scene", partial(_as_it_is, scene))
+    if camera.traced_camera is not None:
+        decision = choose_camera(change_scene(full, camera={"accuracy": "auto"}))
+        for tier in reversed(TIERS[:-1]):
+            add(name_of(tier), "camera", partial(equivalent, full, tier), tier=tier)
+        add("lens: float64", "precision", partial(change_scene, full, camera={"precision": "double"}))
+        for pupil in PUPILS:
+            add(f"pupil: {pupil}", "pupil", partial(change_scene, full, camera={"pupil": pupil}), unbiased=True)
+    if camera.ideal_lens is not None and camera.field_of_view is not None:
+        add("pinhole", "camera", partial(_without_lens, full))
+    for mode in ("dispersive", "rgb"):
+        add(f"spectrum: {mode}", "spectrum", partial(_with_mode, full, mode))
+    for depth in SHORT_DEPTHS:
+        if depth < full.render.max_depth:
+            add(f"depth {depth}", "depth", partial(change_scene, full, render={"max_depth": depth}))
+    independent = partial(change_scene, full, render={"sampler": "independent"})
+    add("independent samples", "sampler", independent, unbiased=True)
+    if decision is not None:
+        cheap = change_scene(scene, camera={"accuracy": "auto"})
+        add("accuracy: auto", "combination", partial(_as_it_is, cheap), tier=decision.tier)
     return Ladder(tuple(found), skipped, decision)
 
 
@@ -208,41 +231,6 @@ def most_accurate(scene: Scene) -> Variant:
     if plain.spectrum.mode != "rgb":
         plain = change_scene(plain, spectrum={"lens": "on"})
     return Variant(REFERENCE, "", plain, "realistic")
-
-
-@dataclass(frozen=True)
-class _Change:
-    """A configuration before its scene is made."""
-
-    name: str
-    knob: str
-    make: Callable[[], Scene]  # as requested, before `camera.accuracy` chooses a camera model
-    unbiased: bool = False
-    tier: str = ""
-
-
-def _changes(scene: Scene, full: Scene, decision: Decision | None) -> Iterator[_Change]:
-    """Yield every other configuration."""
-    yield _Change(AS_IT_IS, "scene", partial(_as_it_is, scene))
-    if decision is not None:
-        for tier in reversed(TIERS[:-1]):
-            yield _Change(name_of(tier), "camera", partial(equivalent, full, tier), tier=tier)
-        yield _Change("lens: float64", "precision", partial(change_scene, full, camera={"precision": "double"}))
-        for pupil in PUPILS:
-            make = partial(change_scene, full, camera={"pupil": pupil})
-            yield _Change(f"pupil: {pupil}", "pupil", make, unbiased=True)
-    if full.camera.ideal_lens is not None and full.camera.field_of_view is not None:
-        yield _Change("pinhole", "camera", partial(_without_lens, full))
-    for mode in ("dispersive", "rgb"):
-        yield _Change(f"spectrum: {mode}", "spectrum", partial(_with_mode, full, mode))
-    for depth in SHORT_DEPTHS:
-        if depth < full.render.max_depth:
-            yield _Change(f"depth {depth}", "depth", partial(change_scene, full, render={"max_depth": depth}))
-    make = partial(change_scene, full, render={"sampler": "independent"})
-    yield _Change("independent samples", "sampler", make, unbiased=True)
-    if decision is not None:
-        cheap = change_scene(scene, camera={"accuracy": "auto"})
-        yield _Change("accuracy: auto", "combination", partial(_as_it_is, cheap), tier=decision.tier)
 
 
 def _as_it_is(scene: Scene) -> Scene:

@@ -6,7 +6,7 @@ import math
 import os
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, field, replace
+from dataclasses import field, replace
 from typing import Any
 
 import numpy as np
@@ -22,26 +22,7 @@ from rptcam_cl.rendering.passes import check_precision
 from rptcam_cl.rendering.plan.plan import Plan, make_plan
 from rptcam_cl.rendering.tracer import Wavefront
 from rptcam_cl.scene.film import RenderSettings
-from rptcam_cl.studies.tiers import FIELDS, TierError
-from rptcam_cl.studies.tradeoff_errors import (
-    CONFIDENCE,
-    INDEPENDENT,
-    Interval,
-    LongPictures,
-    NoiseLaw,
-    PairErrors,
-    SpreadTiles,
-    Variant,
-    error_over_pairs,
-    interval,
-    median_over_seeds,
-    noise_law,
-    once,
-    over_pairs,
-    over_seeds,
-    spread_about,
-    spread_tiles,
-)
+from rptcam_cl.studies import tradeoff_errors
 
 # What is said of each configuration: rates, bias and times, with intervals.
 
@@ -56,20 +37,12 @@ TIMES = np.geomspace(1e-4, 1e8, QUANTILE_STEPS)  # at which errors are compared 
 TARGETS = (0.02, 0.01)  # relative errors (root of relMSE) for which times are reported
 
 
-@dataclass(frozen=True)
-class Timings:
-    """Times of one configuration, per sample per pixel of the whole picture, one for each seed [s].
+Timings = tuple[Array, Array]
+"""Times of one configuration, per sample per pixel of the whole picture, one for each seed [s].
 
-    Attributes
-    ----------
-    undisturbed : (seeds,) array
-        With the device to itself: on a processor the CPU time of all threads divided by the cores, else by the clock.
-    wall : (seeds,) array
-        By the clock.
-    """
-
-    undisturbed: Array
-    wall: Array
+With the device to itself: on a processor the CPU time of all threads divided by the cores, else by the clock. Then the
+time by the clock.
+"""
 
 
 @dataclass(frozen=True)
@@ -122,19 +95,19 @@ class Measurement:
     tier: str
     unbiased: bool
     start_s: float
-    sample_s: Interval
-    wall_sample_s: Interval
+    sample_s: tradeoff_errors.Interval
+    wall_sample_s: tradeoff_errors.Interval
     samples: tuple[int, int]
-    noise: tuple[Interval, Interval]
-    before: Interval
-    slope: Interval
-    beyond: Interval
-    rate: Interval
-    bias: Interval
-    energy: Interval
-    seconds_to: dict[float, Interval]
-    better_until: Interval
-    gain: Interval
+    noise: tuple[tradeoff_errors.Interval, tradeoff_errors.Interval]
+    before: tradeoff_errors.Interval
+    slope: tradeoff_errors.Interval
+    beyond: tradeoff_errors.Interval
+    rate: tradeoff_errors.Interval
+    bias: tradeoff_errors.Interval
+    energy: tradeoff_errors.Interval
+    seconds_to: dict[float, tradeoff_errors.Interval]
+    better_until: tradeoff_errors.Interval
+    gain: tradeoff_errors.Interval
     bias_of_tiles: Array
     noise_of_tiles: Array
     odds: Array = field(default_factory=lambda: np.empty(0))
@@ -148,49 +121,42 @@ class Measurement:
         """The bias of tiles where it is larger than noise explains, and 0 elsewhere."""
         return np.where(self.bias_of_tiles > SURE * self.noise_of_tiles, self.bias_of_tiles, 0.0)
 
-    @property
-    def sure_bias(self) -> float:
-        """The upper end of the interval of the bias, as relMSE; 0 where there can be none."""
-        return 0.0 if self.unbiased or not self.knob else max(self.bias.high, 0.0)
-
-    @property
-    def likely_bias(self) -> float:
-        """The measured bias, as relMSE; 0 where there can be none."""
-        return 0.0 if self.unbiased or not self.knob else max(self.bias.value, 0.0)
+    def bias_at(self, end: str) -> float:
+        """Return the bias as relMSE, ``low``, ``value`` or ``high`` of its interval; 0 where there can be none."""
+        return 0.0 if self.unbiased or not self.knob else max(float(getattr(self.bias, end)), 0.0)
 
     @property
     def has_rare_paths(self) -> bool:
         """Whether the noise comes from paths so rare that its size is uncertain."""
         return self.noise[1].high > RARE * self.noise[1].low or self.slope.low > SLOW
 
-    def error_after(self, seconds: float, bias: float | None = None) -> float:
-        """Return the relative error (root of relMSE) after a time, with a bias or the most that it may be.
+    def error_after(self, seconds: float, end: str = "high") -> float:
+        """Return the relative error (root of relMSE) after a time, with the bias at an end of its interval.
 
         Infinite where the time is not enough for a sample in every pixel.
         """
         if seconds < self.sample_s.value:
             return math.inf
-        return math.sqrt((self.sure_bias if bias is None else bias) + self.noise_after(seconds))
+        return math.sqrt(self.bias_at(end) + self.noise_after(seconds))
 
     def errors_after(self, seconds: float) -> tuple[float, float]:
         """Return the least and the largest relative error after a time that the intervals of noise and bias allow."""
-        least = 0.0 if self.unbiased or not self.knob else max(self.bias.low, 0.0)
         samples = seconds / self.sample_s.value
         low, high = float(self.law("low").least(samples)), float(self.law("high").most(samples))
-        return math.sqrt(least + low), math.sqrt(self.sure_bias + high)
+        return math.sqrt(self.bias_at("low") + low), math.sqrt(self.bias_at("high") + high)
 
     def noise_after(self, seconds: float) -> float:
         """Return the noise after a time as relMSE."""
         return float(self.law().after(seconds / self.sample_s.value))
 
-    def law(self, end: str = "value") -> NoiseLaw:
+    def law(self, end: str = "value") -> tradeoff_errors.NoiseLaw:
         """Return how the noise falls, or with all of it at one end of its interval."""
         first, last, before, beyond = (getattr(x, end) for x in (*self.noise, self.before, self.beyond))
-        return NoiseLaw(self.samples, (first, last), before, beyond)
+        return tradeoff_errors.NoiseLaw(self.samples, (first, last), before, beyond)
 
-    def seconds_until(self, error: float, bias: float | None = None) -> float:
-        """Return the time to a relative error [s], with a bias or the most that it may be; infinite means never."""
-        left = error**2 - (self.sure_bias if bias is None else bias)
+    def seconds_until(self, error: float, end: str = "high") -> float:
+        """Return the time to a relative error [s], with the bias at an end of its interval; infinite means never."""
+        left = error**2 - self.bias_at(end)
         return max(float(self.law().until(left)), 1.0) * self.sample_s.value if left > 0 else math.inf
 
 
@@ -199,7 +165,7 @@ class _Replicates:
     """Cost and error of one configuration for each draw of the seeds; the first draw has each seed once."""
 
     sample_s: Array
-    law: NoiseLaw
+    law: tradeoff_errors.NoiseLaw
     bias: Array
 
     @property
@@ -212,7 +178,7 @@ class _Replicates:
 
 def measurements(
     named: list[dict[str, Any]],
-    errors: list[PairErrors],
+    errors: list[tradeoff_errors.PairErrors],
     timings: list[Timings],
     samples: tuple[int, int, int],
     counts: NDArray[np.int64],
@@ -222,7 +188,7 @@ def measurements(
     Parameters
     ----------
     named
-        The first seven attributes of each.
+        Attributes of each that are not measured, by their names.
     errors, timings
         What was measured.
     samples
@@ -231,19 +197,19 @@ def measurements(
         Draws of the seeds, by `statistics.draws`.
     """
     seeds = counts.shape[1]
-    counts = np.concatenate([once(seeds), counts])  # the first row gives the estimates
+    counts = np.concatenate([tradeoff_errors.once(seeds), counts])  # the first row gives the estimates
     sources = []
     for names, error, times in zip(named, errors, timings, strict=True):
-        law = noise_law(samples, _noise(error, counts), error.fall, _slope(error, samples, counts))
+        law = tradeoff_errors.noise_law(samples, _noise(error, counts), error.fall, _slope(error, samples, counts))
         exact = names["unbiased"] or not names["knob"]
         bias = np.zeros(len(counts)) if exact else _bias(error, errors[0], counts)
-        sample_s = median_over_seeds(times.undisturbed, counts)
+        sample_s = tradeoff_errors.median_over_seeds(times[0], counts)
         sources.append(_Replicates(sample_s, law, bias))
     found = []
     for names, error, times, own in zip(named, errors, timings, sources, strict=True):
         values = {
             "sample_s": own.sample_s,
-            "wall_sample_s": median_over_seeds(times.wall, counts),
+            "wall_sample_s": tradeoff_errors.median_over_seeds(times[1], counts),
             "first": own.law.noise[0],
             "last": own.law.noise[1],
             "before": own.law.before,
@@ -255,51 +221,63 @@ def measurements(
             "better_until": _better_until(own, sources[0]),
             "gain": _gain(own, sources[0]),
         }
-        intervals: dict[str, Any] = {name: interval(rows[0], rows[1:], seeds) for name, rows in values.items()}
+        intervals: dict[str, Any] = {
+            name: tradeoff_errors.interval(rows[0], rows[1:], seeds) for name, rows in values.items()
+        }
         noise = (intervals.pop("first"), intervals.pop("last"))
         reached = {target: _time_to(own, target) for target in TARGETS}
-        to: dict[float, Interval] = {target: interval(rows[0], rows[1:], seeds) for target, rows in reached.items()}
+        to: dict[float, tradeoff_errors.Interval] = {
+            target: tradeoff_errors.interval(rows[0], rows[1:], seeds) for target, rows in reached.items()
+        }
         tiles: dict[str, Any] = {"bias_of_tiles": error.by_tile, "noise_of_tiles": error.noise_of_tiles}
         tiles["odds"] = (_gains(own, sources[0])[:, 1:] > 0).mean(axis=1)
         found.append(Measurement(**names, **intervals, **tiles, samples=samples[1:], noise=noise, seconds_to=to))
     return found
 
 
-def _bias(error: PairErrors, reference: PairErrors, counts: NDArray[np.int64]) -> Array:
+def _bias(error: tradeoff_errors.PairErrors, reference: tradeoff_errors.PairErrors, counts: NDArray[np.int64]) -> Array:
     """Return the bias; a certain difference in the brightness of the whole picture is its lower limit.
 
     Light that few paths bring, each to a pixel of its own, is missing in no pixel of two pictures, but in their means.
     """
-    found = over_pairs(error.bias, counts)
-    own = math.sqrt(error_over_pairs(error.bias) ** 2 + error.weight_variances["bias"])
-    found = spread_about(found[0], found, max(own, error.tile_errors["bias"]))
+    found = tradeoff_errors.over_pairs(error.bias, counts)
+    own = math.sqrt(tradeoff_errors.error_over_pairs(error.bias) ** 2 + error.weight_variances["bias"])
+    found = tradeoff_errors.spread_about(found[0], found, max(own, error.tile_errors["bias"]))
     energy = _energy(error, reference, counts)
     if abs(energy[0]) <= SURE * float(energy.std()):
         return found
     return np.maximum(found, reference.evenness * energy**2)
 
 
-def _noise(error: PairErrors, counts: NDArray[np.int64]) -> Array:
+def _noise(error: tradeoff_errors.PairErrors, counts: NDArray[np.int64]) -> Array:
     """Return the noise of a picture, spread by its logarithm, as it is above 0; nothing where pictures are the same."""
-    found = over_pairs(error.noise[-1], counts)
+    found = tradeoff_errors.over_pairs(error.noise[-1], counts)
     if not found[0] > 0:
         return np.zeros_like(found)
     found = np.maximum(found, LEAST_NOISE * found[0])
     own = math.sqrt(float(found.var()) + error.weight_variances["noise"])
     spread = max(own, error.tile_errors["noise"]) / found[0]
-    return np.asarray(found[0] * np.exp(spread_about(0.0, np.log(found / found[0]), spread)))
+    return np.asarray(found[0] * np.exp(tradeoff_errors.spread_about(0.0, np.log(found / found[0]), spread)))
 
 
-def _energy(error: PairErrors, reference: PairErrors, counts: NDArray[np.int64]) -> Array:
-    found = over_seeds(error.brightness, counts) / over_seeds(reference.brightness, counts) - 1
-    return spread_about(found[0], found, max(float(found.std()), error.tile_errors["energy"]))
+def _energy(
+    error: tradeoff_errors.PairErrors, reference: tradeoff_errors.PairErrors, counts: NDArray[np.int64]
+) -> Array:
+    found = (
+        tradeoff_errors.over_seeds(error.brightness, counts) / tradeoff_errors.over_seeds(reference.brightness, counts)
+        - 1
+    )
+    return tradeoff_errors.spread_about(found[0], found, max(float(found.std()), error.tile_errors["energy"]))
 
 
-def _slope(error: PairErrors, samples: tuple[int, ...], counts: NDArray[np.int64]) -> Array:
-    first, last = over_pairs(error.noise[0], counts), over_pairs(error.noise[-1], counts)
+def _slope(error: tradeoff_errors.PairErrors, samples: tuple[int, ...], counts: NDArray[np.int64]) -> Array:
+    first, last = (
+        tradeoff_errors.over_pairs(error.noise[0], counts),
+        tradeoff_errors.over_pairs(error.noise[-1], counts),
+    )
     with np.errstate(divide="ignore", invalid="ignore"):
         found = np.log(last / first) / np.log(samples[1] / samples[0])
-    return np.where(np.isfinite(found), found, INDEPENDENT)
+    return np.where(np.isfinite(found), found, tradeoff_errors.INDEPENDENT)
 
 
 def _time_to(own: _Replicates, target: float) -> Array:
@@ -338,131 +316,6 @@ def _better_until(own: _Replicates, reference: _Replicates) -> Array:
     return np.where(better.any(axis=0), found, 0.0)
 
 
-# What a comparison of configurations found, as data.
-
-
-@dataclass(frozen=True)
-class Advice:
-    """Which configuration suits a request.
-
-    Attributes
-    ----------
-    wish : str
-        ``time`` or ``error``.
-    amount : float
-        Time [s] or relative error (root of relMSE).
-    chosen : str or None
-        Name of the configuration; None where none reaches the error, or gives every pixel a sample in the time.
-    seconds, error : float
-        Its time [s] and its error, with the bias at the upper end of its interval.
-    samples : int
-        Samples per pixel for that; 0 where none reaches the error.
-    least_error, most_error : float
-        Interval of the error after these samples, from the ends of those of noise and bias.
-    full_seconds, full_error : float
-        The same of the most accurate configuration.
-    perhaps : str or None
-        Another one that is clearly better if its bias is what was measured, and not the upper end of its interval.
-    """
-
-    wish: str
-    amount: float
-    chosen: str | None
-    seconds: float
-    error: float
-    samples: int
-    least_error: float
-    most_error: float
-    full_seconds: float
-    full_error: float
-    perhaps: str | None
-
-
-@dataclass(frozen=True)
-class Comparison:
-    """What a comparison of configurations found, as data.
-
-    Attributes
-    ----------
-    scene, device : str
-    resolution : (width, height)
-    tiles : (rendered, all)
-        Number of tiles of 8 x 8 pixels.
-    grid : (rows, columns)
-        Rows and columns of the rendered tiles.
-    samples : (int, int, int)
-        Samples per pixel of the three sets of pictures; the last has some of the tiles only.
-    long_tiles : int
-        How many tiles the last set has.
-    seeds : int
-        Number of independent pictures in each of the first two sets.
-    seconds : float
-        Time of the whole measurement [s].
-    by_cpu : bool
-        Whether times are CPU times divided by the number of cores.
-    measurements : tuple of Measurement
-        The most accurate configuration first.
-    cameras : tuple of TierError
-        Errors of cheaper camera models over the field, traced in float64.
-    allowed : str
-        Camera model that `camera.accuracy: auto` takes; empty without a lens of surfaces.
-    lens_colour_px : float or None
-        Greatest displacement of light of other wavelengths by the lens [pixels].
-    diffraction : dict or None
-        What `camera.diffraction: auto` decides, with the Airy radius [pixels]; none of the pictures has it.
-    ghosts : float or None
-        Share of a lamp's light on the axis that `camera.ghosts` adds within the frame; none of the pictures has it.
-        None where surfaces reflect nothing.
-    budget : float
-        How long the measurement was to take [s]; 0 where that is not known.
-    truncation : dict
-        Bound on the light of paths beyond the scene's depth.
-    advice : tuple of Advice
-    skipped : dict
-        Configurations that could not be rendered, and why.
-    """
-
-    scene: str
-    device: str
-    resolution: tuple[int, int]
-    tiles: tuple[int, int]
-    grid: tuple[int, int]
-    samples: tuple[int, int, int]
-    long_tiles: int
-    seeds: int
-    seconds: float
-    by_cpu: bool
-    measurements: tuple[Measurement, ...]
-    cameras: tuple[TierError, ...]
-    allowed: str
-    lens_colour_px: float | None
-    truncation: dict[str, Any]
-    advice: tuple[Advice, ...] = ()
-    skipped: dict[str, str] = field(default_factory=dict)
-    diffraction: dict[str, Any] | None = None
-    ghosts: float | None = None
-    budget: float = 0.0
-
-    def named(self, name: str) -> Measurement:
-        """Return the measurement of a configuration by its name or by that of another that is the same way."""
-        for found in self.measurements:
-            if name in (found.name, *found.same_as):
-                return found
-        names = [known for found in self.measurements for known in (found.name, *found.same_as)]
-        raise InputError(f"{name}: was not compared (there are: {', '.join(names)})")
-
-    def camera_of(self, found: Measurement) -> TierError | None:
-        """Return the errors of a configuration's camera model, where it is not the traced lens."""
-        return next((each for each in self.cameras if each.tier == found.tier), None)
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return everything as plain values; what is infinite becomes null in JSON, which means never (or always)."""
-        values = asdict(self)
-        for found in values["measurements"]:
-            found["seconds_to"] = {f"{target:g}": value for target, value in found["seconds_to"].items()}
-        return values | {"fields": list(FIELDS), "confidence": CONFIDENCE}
-
-
 # Short renders of every configuration by turns, with what each took of the clock and of the processor.
 
 
@@ -482,24 +335,15 @@ class Ready:
         Bound on the light of longer paths, from `rendering.truncation`.
     """
 
-    configuration: Variant
+    configuration: tradeoff_errors.Variant
     wavefront: Wavefront
     start_s: float
     facts: dict[str, Any]
     truncation: dict[str, Any]
 
 
-@dataclass(frozen=True)
-class Run:
-    """One short render: pixels (p, 3) of the tiles, and times [s] of the clock and of all threads of the process."""
-
-    pixels: NDArray[np.float32]
-    wall_s: float
-    cpu_s: float
-
-
 def prepare(
-    configurations: Sequence[Variant], session: Session, on_step: Callable[[str, int], Any]
+    configurations: Sequence[tradeoff_errors.Variant], session: Session, on_step: Callable[[str, int], Any]
 ) -> tuple[list[Ready], dict[str, str]]:
     """Return the configurations that differ, compiled, and why others of them cannot be rendered, by name.
 
@@ -547,8 +391,17 @@ def mark(plan: Plan, settings: RenderSettings) -> bytes:
     return repr((words, settings.roulette_depth)).encode() + b"".join(array.tobytes() for array in arrays)
 
 
-def run(ready: Ready, tiles: SpreadTiles, samples: int, seed: int) -> Run:
-    """Render the tiles once."""
+def run(
+    ready: Ready, tiles: tradeoff_errors.SpreadTiles, samples: int, seed: int
+) -> tuple[NDArray[np.float32], float, float]:
+    """Render the tiles once.
+
+    Returns
+    -------
+    pixels : (p, 3) array
+    wall_s, cpu_s : float
+        Time of the clock, and of all threads of the process [s].
+    """
     wavefront = ready.wavefront
     wavefront.choose_tiles(tiles.tiles)
     wavefront.clear()
@@ -561,7 +414,7 @@ def run(ready: Ready, tiles: SpreadTiles, samples: int, seed: int) -> Run:
     wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
     sums = wavefront.sums()[:, tiles.pixels].astype(np.float64)
     mean = (sums[:3] - sums[3:]).T / samples
-    return Run(mean.astype(np.float32), wall, cpu)
+    return mean.astype(np.float32), wall, cpu
 
 
 def undisturbed_clock(device_type: str) -> Callable[[], float]:
@@ -607,11 +460,11 @@ class Pictures:
         Whether the undisturbed times are CPU times divided by the cores.
     """
 
-    tiles: SpreadTiles
+    tiles: tradeoff_errors.SpreadTiles
     samples: tuple[int, int]
     seeds: int
     pixels: list[list[NDArray[np.float32]]]
-    long: LongPictures
+    long: tradeoff_errors.LongPictures
     timings: list[Timings]
     by_cpu: bool
 
@@ -642,9 +495,8 @@ def render_by_turns(
             break
         for place, index in enumerate(_order(len(ready), turn)):
             on_progress("rendering by turns", (1 - LONG_TIME) * (turn + place / len(ready)) / turns)
-            found = run(ready[index], tiles, samples[k], seed + 1 + turn)
-            pixels[index][k][row] = found.pixels
-            taken[index, :, row] += (found.cpu_s, found.wall_s)
+            pixels[index][k][row], wall_s, cpu_s = run(ready[index], tiles, samples[k], seed + 1 + turn)
+            taken[index, :, row] += cpu_s, wall_s
     seeds = turns // len(samples)
     pixels = [[part[:seeds] for part in each] for each in pixels]
     taken = taken[:, :, :seeds]
@@ -654,7 +506,7 @@ def render_by_turns(
     long = _long(ready, tiles, most, LONG_GROWTH * first, seed + 1 + turns, on_progress)
     taken *= layout.samples_per_spp / len(tiles.pixels) / sum(samples)
     by_cpu = info.type == "cpu"
-    timings = [Timings(cpu / cores() if by_cpu else wall, wall) for cpu, wall in taken]
+    timings = [(cpu / cores() if by_cpu else wall, wall) for cpu, wall in taken]
     return Pictures(tiles, samples, seeds, pixels, long, timings, by_cpu)
 
 
@@ -664,12 +516,12 @@ def _order(count: int, turn: int) -> NDArray[np.int64]:
 
 def _long(
     ready: Sequence[Ready],
-    tiles: SpreadTiles,
+    tiles: tradeoff_errors.SpreadTiles,
     most: int,
     samples: int,
     seed: int,
     on_progress: Callable[[str, float], Any],
-) -> LongPictures:
+) -> tradeoff_errors.LongPictures:
     """Return pictures of a few of the tiles with many samples, of as many as the time allows."""
     count = min(max(min(len(tiles.tiles) // LONG_SHARE, most), FEWEST_LONG), len(tiles.tiles))
     chosen = np.sort(np.random.default_rng(TILES_SEED).choice(len(tiles.tiles), count, replace=False))
@@ -679,16 +531,16 @@ def _long(
         for place, index in enumerate(_order(len(ready), turn)):
             share = (turn + place / len(ready)) / LONG_SEEDS
             on_progress("rendering some tiles longer", 1 - LONG_TIME * (1 - share))
-            pixels[index][turn] = run(ready[index], few, samples, seed + turn).pixels
-    return LongPictures(samples, chosen, pixels)
+            pixels[index][turn], *_ = run(ready[index], few, samples, seed + turn)
+    return tradeoff_errors.LongPictures(samples, chosen, pixels)
 
 
-def _extent(ready: Sequence[Ready], seconds: float, seeds: int) -> tuple[SpreadTiles, int]:
+def _extent(ready: Sequence[Ready], seconds: float, seeds: int) -> tuple[tradeoff_errors.SpreadTiles, int]:
     """Return the tiles and the samples per pixel of the first pictures, by the speed of small ones."""
     layout, kind = ready[0].wavefront.layout, ready[0].wavefront.session.info.type
     now = undisturbed_clock(kind)
     rng = np.random.default_rng(TILES_SEED)
-    pilot = spread_tiles(layout, PILOT_TILES, rng)
+    pilot = tradeoff_errors.spread_tiles(layout, PILOT_TILES, rng)
     for each in ready:
         run(each, pilot, 1, 0)
     begun = now()
@@ -698,5 +550,5 @@ def _extent(ready: Sequence[Ready], seconds: float, seeds: int) -> tuple[SpreadT
     # Of one tile with one sample per pixel in the first picture of each seed.
     fits = seconds * (1 - LONG_TIME) / (seeds * (1 + GROWTH) * per_sample * TILE_PIXELS)
     most = int(np.clip(fits / WANTED_SAMPLES, FEWEST_TILES, MOST_TILES.get(kind, MOST_TILES["gpu"])))
-    tiles = spread_tiles(layout, most, rng)
+    tiles = tradeoff_errors.spread_tiles(layout, most, rng)
     return tiles, 2 ** math.floor(math.log2(max(fits / len(tiles.tiles), 1)))  # lattices are even at powers of two

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable
-from dataclasses import field
 from typing import Any
 
 import numpy as np
@@ -66,12 +65,7 @@ class Difference:
 
     def numbers(self) -> dict[str, Any]:
         """Return the numbers as plain values."""
-        return {
-            "relmse": self.relmse,
-            "mean_stops": self.mean_stops,
-            "bias_stops": self.bias_stops,
-            "worst_stops": self.worst_stops,
-        }
+        return {name: value for name, value in vars(self).items() if name != "stops"}
 
     def rgb(self, range_stops: float = RANGE_STOPS) -> NDArray[np.uint8]:
         """Return the map as a picture (h, w, 3): blue where the second is darker, red where it is brighter."""
@@ -130,19 +124,11 @@ def _tile_means(values: NDArray[np.float64]) -> NDArray[np.float64]:
 COUNT_S = 0.2  # between two histograms of a picture that moves
 
 
-@dataclass
-class _Made:
-    """What was made of one picture, so that clients with the same settings share it."""
-
-    number: int = 0
-    data: dict[Any, Any] = field(default_factory=dict)
-
-
 class Delivery:
     """Makes frames of what slots show; only the engine's thread uses it."""
 
     def __init__(self) -> None:
-        self._made: dict[str, _Made] = {}
+        self._made: dict[str, tuple[int, dict[Any, Any]]] = {}  # by slot: picture, and what was made of it
         self._last_count = 0.0
 
     def deliver(self, slot: Slot, clients: Iterable[Client]) -> bool:
@@ -161,7 +147,7 @@ class Delivery:
         key = ("picture", settings.width, settings.height, settings.format, settings.quality)
         size, data = self._once(slot, shown, key, lambda: _picture(shown.codes, *key[1:]))
         header = self._header(slot, shown, client, size)
-        client.outbox.frame((slot.name, "picture"), FrameData(header | {"media": MEDIA[settings.format]}, data))
+        client.outbox.frame((slot.name, "picture"), (header | {"media": MEDIA[settings.format]}, data))
         for name in settings.overlays_on():
             level = {"zebra": settings.zebra_level, "peaking": settings.peaking_level}.get(name, 0.0)
             wanted = ("overlay", name, level, settings.width, settings.height)
@@ -205,7 +191,7 @@ class Delivery:
         if shown is None or shown.stale or client.pointer is None or "meter" not in client.settings.panels:
             return
         reading = spot_meter(shown.frame.pixels, slot.resolved, *client.pointer)
-        client.outbox.news("meter", {"type": "meter", "generation": shown.frame.generation, **reading.as_dict()})
+        client.outbox.news("meter", {"type": "meter", "generation": shown.frame.generation, **reading})
 
     def difference(self, a: Slot, b: Slot, clients: Iterable[Client]) -> None:
         """Send how far two pictures lie apart, to those that have room; pictures of other sizes or samples wait."""
@@ -228,12 +214,14 @@ class Delivery:
                 client.outbox.frame("difference", _exact(header, "difference", size, data, **more))
 
     def _once(self, slot: Slot, shown: Shown, key: Any, make: Any) -> Any:
-        made = self._made.setdefault(slot.name, _Made())
-        if made.number != shown.number:
-            made.number, made.data = shown.number, {}
-        if key not in made.data:
-            made.data[key] = make()
-        return made.data[key]
+        """Make something of a picture once, for all clients with the same settings."""
+        number, made = self._made.get(slot.name, (0, {}))
+        if number != shown.number:
+            made = {}
+            self._made[slot.name] = shown.number, made
+        if key not in made:
+            made[key] = make()
+        return made[key]
 
     @staticmethod
     def _header(slot: Slot, shown: Shown, client: Client, size: tuple[int, ...]) -> dict[str, Any]:
@@ -264,7 +252,7 @@ def _picture(codes: Codes, width: int, height: int, form: Any, quality: int) -> 
 
 def _exact(header: dict[str, Any], kind: str, size: tuple[int, int], data: bytes, **more: Any) -> FrameData:
     own = {"kind": kind, "width": size[0], "height": size[1], "media": MEDIA["png"]}
-    return FrameData(header | own | more, data)
+    return header | own | more, data
 
 
 def _overlay(shown: Shown, name: str, level: float, width: int, height: int) -> tuple[tuple[int, int], bytes]:

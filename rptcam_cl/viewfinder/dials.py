@@ -33,7 +33,6 @@ from rptcam_cl.viewfinder.panel import (
     KEPT,
     SPEEDS,
     TIMES,
-    Dials,
     Linked,
     Mode,
     Panel,
@@ -222,8 +221,7 @@ def turn_mode(panel: Panel, value: Any) -> Turned:
     if mode == "M" and not dials.auto_iso:  # the settings hold what the meter and the compensation had brought
         dials = replace(dials, ev=0.0, locked_cd_m2=None)
     new = replace(panel, dials=replace(dials, mode=mode))
-    turned = _relinked(new, settings, standing=settings, ev_change=pushed)
-    return replace(turned, messages=(*messages, *turned.messages))
+    return _relink(new, settings, messages, standing=settings, ev_change=pushed)
 
 
 def _as_values(panel: Panel) -> Turned:
@@ -245,6 +243,12 @@ def _as_bright(panel: Panel, settings: Settings) -> Settings:
     return replace(settings, time_s=time_s, iso=wanted / (light * values_per_irradiance(time_s, 1.0)))
 
 
+def _clamp(wanted: float, ends: tuple[float, float], words: str) -> tuple[float, tuple[str, ...]]:
+    """Bring a value between the ends of its dial; the words are said where it was beyond them."""
+    value = min(max(wanted, ends[0]), ends[1])
+    return value, () if value == wanted else (words,)
+
+
 def turn_f_number(panel: Panel, value: Any) -> Turned:
     """Set the f-number, in M and A."""
     wanted = F_NUMBERS.exact(number("f_number", value))
@@ -252,12 +256,9 @@ def turn_f_number(panel: Panel, value: Any) -> Turned:
         return panel.same(f"the f-number follows in {panel.dials.mode}")
     if panel.without_film:
         return panel.same(NO_FILM)
-    low, high = panel.limits.f_number
-    f_number = min(max(wanted, low), high)
-    messages = () if f_number == wanted else (f"the lens goes from f/{low:.3g} to f/{high:.3g}",)
-    settings = replace(panel.settings, f_number=f_number)
-    turned = _relinked(panel, settings)
-    return replace(turned, messages=(*messages, *turned.messages))
+    low, high = ends = panel.limits.f_number
+    f_number, messages = _clamp(wanted, ends, f"the lens goes from f/{low:.3g} to f/{high:.3g}")
+    return _relink(panel, replace(panel.settings, f_number=f_number), messages)
 
 
 def turn_time(panel: Panel, value: Any) -> Turned:
@@ -265,14 +266,12 @@ def turn_time(panel: Panel, value: Any) -> Turned:
     wanted = TIMES.exact(number("shutter_s", value))
     if panel.dials.mode in ("A", "P"):
         return panel.same(f"the time follows in {panel.dials.mode}")
-    low, high = panel.limits.time_s
-    time_s = min(max(wanted, low), high)
-    messages = () if time_s == wanted else (f"the shutter goes from {TIMES.text(low)} to {TIMES.text(high)}",)
+    low, high = ends = panel.limits.time_s
+    time_s, messages = _clamp(wanted, ends, f"the shutter goes from {TIMES.text(low)} to {TIMES.text(high)}")
     if panel.dials.mode == "relative":
         words = "values stand for radiance, whatever the time: choose M, A, S or P to expose"
         return Turned(panel.dials, {"shutter.time_s": time_s}, (*messages, words))
-    turned = _relinked(panel, replace(panel.settings, time_s=time_s))
-    return replace(turned, messages=(*messages, *turned.messages))
+    return _relink(panel, replace(panel.settings, time_s=time_s), messages)
 
 
 def turn_iso(panel: Panel, value: Any) -> Turned:
@@ -282,11 +281,9 @@ def turn_iso(panel: Panel, value: Any) -> Turned:
         return panel.same("values stand for radiance, whatever the ISO: choose M, A, S or P to expose")
     if panel.dials.auto_iso:
         return panel.same("the ISO is automatic")
-    low, high = panel.limits.iso
-    iso = min(max(wanted, low), high)
-    messages = () if iso == wanted else (f"the ISO goes from {low:.3g} to {high:.6g}",)
-    turned = _relinked(panel, replace(panel.settings, iso=iso))
-    return replace(turned, messages=(*messages, *turned.messages))
+    low, high = ends = panel.limits.iso
+    iso, messages = _clamp(wanted, ends, f"the ISO goes from {low:.3g} to {high:.6g}")
+    return _relink(panel, replace(panel.settings, iso=iso), messages)
 
 
 def turn_auto_iso(panel: Panel, value: Any) -> Turned:
@@ -300,17 +297,15 @@ def turn_auto_iso(panel: Panel, value: Any) -> Turned:
     if panel.dials.mode == "M":
         pushed = panel.dials.ev if on else 0.0
         dials = dials if on else replace(dials, ev=0.0, locked_cd_m2=None)  # the ISO that was found holds it
-    return _relinked(replace(panel, dials=dials), panel.settings, ev_change=pushed)
+    return _relink(replace(panel, dials=dials), panel.settings, ev_change=pushed)
 
 
 def turn_ev(panel: Panel, value: Any) -> Turned:
     """Set the compensation: what is free follows; in M, and where values stand for radiance, it scales the film."""
-    wanted = number("ev", value)
-    ev = min(max(wanted, -MOST_EV), MOST_EV)
-    messages = () if ev == wanted else (f"compensation goes from -{MOST_EV:g} to +{MOST_EV:g} EV",)
+    words = f"compensation goes from -{MOST_EV:g} to +{MOST_EV:g} EV"
+    ev, messages = _clamp(number("ev", value), (-MOST_EV, MOST_EV), words)
     new = replace(panel, dials=replace(panel.dials, ev=ev))
-    turned = _relinked(new, panel.settings, ev_change=ev - panel.dials.ev)
-    return replace(turned, messages=(*messages, *turned.messages))
+    return _relink(new, panel.settings, messages, ev_change=ev - panel.dials.ev)
 
 
 def turn_lock(panel: Panel, value: Any) -> Turned:
@@ -321,7 +316,7 @@ def turn_lock(panel: Panel, value: Any) -> Turned:
         return panel.same("nothing follows the meter, so there is nothing to lock") if on else panel.same()
     stands = panel.reading_cd_m2 or _standing_reading(panel)
     reading = min(max(stands, LEAST_CD_M2), MOST_CD_M2) if on else None
-    return _relinked(replace(panel, dials=replace(dials, locked_cd_m2=reading)), panel.settings)
+    return _relink(replace(panel, dials=replace(dials, locked_cd_m2=reading)), panel.settings)
 
 
 def turn_metering(panel: Panel, value: Any) -> Turned:
@@ -330,22 +325,21 @@ def turn_metering(panel: Panel, value: Any) -> Turned:
     dials = replace(panel.dials, metering=metering)
     if metering != "spot":
         dials = replace(dials, spot_at=(0.5, 0.5))
-    return _written(replace(panel, dials=dials), Linked(panel.settings, 0.0, ()))
+    return _write(replace(panel, dials=dials), Linked(panel.settings, 0.0, ()))
 
 
-def panel_follow_light(panel: Panel) -> Turned:
-    """Return what follows when the meter reads something new; nothing where the scene's own metering follows.
+def follow_light(panel: Panel) -> Turned:
+    """Set what follows a new reading of the meter; nothing within 0.02 EV, or where the scene's own metering follows.
 
     Parameters
     ----------
     panel
         With the new reading.
     """
-    if panel.reading_cd_m2 is None or panel.dials.locked_cd_m2 is not None or not _follows(panel):
+    is_held = panel.reading_cd_m2 is None or panel.dials.locked_cd_m2 is not None
+    if is_held or not _follows(panel) or panel.without_film:
         return panel.same()
-    if panel.without_film:
-        return panel.same()
-    turned = _relinked(panel, panel.settings)
+    turned = _relink(panel, panel.settings)
     if panel.dials.written.mode == "physical" and turned.dials.written.mode == "physical":
         wanted = _wanted(panel, panel.settings, 0.0)
         off = abs(math.log2(exposure_of(panel.settings, panel.light) / wanted))
@@ -354,7 +348,7 @@ def panel_follow_light(panel: Panel) -> Turned:
     return turned
 
 
-def panel_needle(panel: Panel) -> float | None:
+def meter_needle(panel: Panel) -> float | None:
     """Return how much brighter the settings make the metered part than its target [EV]; None without a reading."""
     reading = panel.dials.locked_cd_m2 or panel.reading_cd_m2
     if reading is None or panel.resolved.exposure.mode == "auto":
@@ -387,13 +381,20 @@ def _wanted(panel: Panel, standing: Settings, ev_change: float) -> float:
     return float(dials.target * 2.0**stops / reading * LUMENS_PER_WATT)
 
 
-def _relinked(panel: Panel, settings: Settings, standing: Settings | None = None, ev_change: float = 0.0) -> Turned:
-    """Return the settings with what is free found anew, and written into the scene."""
+def _relink(
+    panel: Panel,
+    settings: Settings,
+    messages: tuple[str, ...] = (),
+    standing: Settings | None = None,
+    ev_change: float = 0.0,
+) -> Turned:
+    """Find what is free of the settings anew, and write them into the scene; the messages come first."""
     dials = panel.dials
     if not _follows(panel) or _is_metered_by_scene_alone(panel):
-        return _written(panel, Linked(settings, 0.0, ()))
+        return _write(panel, Linked(settings, 0.0, ()), messages)
     wanted = _wanted(panel, standing or panel.settings, ev_change)
-    return _written(panel, linked(dials.mode, dials.auto_iso, settings, wanted, panel.limits, panel.light))
+    found = linked(dials.mode, dials.auto_iso, settings, wanted, panel.limits, panel.light)
+    return _write(panel, found, messages)
 
 
 def _is_metered_by_scene_alone(panel: Panel) -> bool:
@@ -401,8 +402,8 @@ def _is_metered_by_scene_alone(panel: Panel) -> bool:
     return panel.without_film and panel.scene.exposure.mode == "auto" and panel.dials.mode == "A"
 
 
-def _written(panel: Panel, found: Linked) -> Turned:
-    """Return the changes of the scene that settings stand for, and the limits that hold them back."""
+def _write(panel: Panel, found: Linked, messages: tuple[str, ...] = ()) -> Turned:
+    """Make the changes of the scene that settings stand for, and name the limits that hold them back."""
     dials, settings, scene = panel.dials, found.settings, panel.scene
     exposure = _exposure(panel, found)
     changes: dict[str, Any] = {}
@@ -412,7 +413,7 @@ def _written(panel: Panel, found: Linked) -> Turned:
         changes["shutter.time_s"] = settings.time_s
     if exposure != scene.exposure:
         changes["exposure"] = _said(exposure)
-    return Turned(replace(dials, written=exposure), changes, _words(panel, found))
+    return Turned(replace(dials, written=exposure), changes, (*messages, *_words(panel, found)))
 
 
 def _exposure(panel: Panel, found: Linked) -> Exposure:
@@ -543,7 +544,7 @@ def zoomed_mm(panel: Panel) -> float | None:
 
 
 def zoom_by(panel: Panel, clicks: float) -> Turned:
-    """Zoom by clicks of a wheel."""
+    """Zoom by clicks of a wheel; a click is 3 % of the focal length."""
     here = zoomed_mm(panel)
     if here is None:
         return panel.same(ZOOM_TEXTS["none"])
@@ -687,13 +688,12 @@ def turn_blades(panel: Panel, value: Any) -> Turned:
         return panel.same(words)
     if count == 0:
         return Turned(panel.dials, {"camera.aperture": {"shape": "circle"}})
-    blades = int(min(max(count, BLADES[0]), BLADES[1]))
-    messages = () if blades == count else (f"a stop has from {BLADES[0]} to {BLADES[1]} blades",)
+    blades, messages = _clamp(count, BLADES, f"a stop has from {BLADES[0]} to {BLADES[1]} blades")
     aperture = panel.scene.camera.outline
     kept = {}
     if isinstance(aperture, PolygonAperture):
         kept = {name: getattr(aperture, name) for name in ("curvature", "rotation_degrees") if getattr(aperture, name)}
-    return Turned(panel.dials, {"camera.aperture": {"shape": "polygon", "blades": blades} | kept}, messages)
+    return Turned(panel.dials, {"camera.aperture": {"shape": "polygon", "blades": int(blades)} | kept}, messages)
 
 
 @remember(most=KEPT, by=optics_key)
@@ -727,9 +727,8 @@ def turn_white_balance(panel: Panel, value: Any) -> Turned:
 
 def turn_temperature(panel: Panel, value: Any) -> Turned:
     """Choose the colour temperature [K] of the light that is made grey."""
-    wanted = number("temperature_k", value)
-    kelvin = min(max(wanted, COOLEST), HOTTEST)
-    messages = () if kelvin == wanted else (f"temperatures go from {COOLEST:g} to {HOTTEST:g} K",)
+    words = f"temperatures go from {COOLEST:g} to {HOTTEST:g} K"
+    kelvin, messages = _clamp(number("temperature_k", value), (COOLEST, HOTTEST), words)
     balance = panel.scene.picture.white_balance
     tint = {} if balance is None or balance.tint is None else {"tint": balance.tint}
     return Turned(panel.dials, {"picture.white_balance": {"temperature_k": kelvin} | tint}, messages)
@@ -761,21 +760,15 @@ DIALS: dict[str, Callable[[Panel, Any], Turned]] = {
 }
 
 
-def turn_dial(
-    dials: Dials, scene: Scene, resolved: Scene, name: str, value: Any, reading_cd_m2: float | None = None
-) -> Turned:
-    """Return what turning a dial changes.
+def turn_dial(panel: Panel, name: str, value: Any) -> Turned:
+    """Turn a dial.
 
     Parameters
     ----------
-    dials
-        The state of the body.
-    scene, resolved
-        As requested, and in focus and exposed.
+    panel
+        The camera in use; without a reading of the meter, the exposure that stands is kept.
     name, value
         Of the dial, as `dial_list` has them.
-    reading_cd_m2
-        What the meter reads (`film_reading`); without it, the exposure that stands is kept.
 
     Raises
     ------
@@ -784,25 +777,10 @@ def turn_dial(
     """
     if name not in DIALS:
         raise InputError(f"{name[:40]}: is no dial{near_name(name, list(DIALS))} (allowed: {listed(list(DIALS))})")
-    return DIALS[name](Panel(dials, scene, resolved, reading_cd_m2), value)
-
-
-def follow_light(dials: Dials, scene: Scene, resolved: Scene, reading_cd_m2: float | None) -> Turned:
-    """Return what follows a new reading of the meter; no change within 0.02 EV, and where nothing follows."""
-    return panel_follow_light(Panel(dials, scene, resolved, reading_cd_m2))
-
-
-def meter_needle(dials: Dials, scene: Scene, resolved: Scene, reading_cd_m2: float | None) -> float | None:
-    """Return how much brighter the metered part is than the meter's target [EV]; None without a reading."""
-    return panel_needle(Panel(dials, scene, resolved, reading_cd_m2))
+    return DIALS[name](panel, value)
 
 
 def wheel(scene: Scene) -> dict[str, str]:
     """Return what the wheel does with this camera: ``zoom``, ``angle``, ``crop`` or ``none``, and how to say it."""
     does = zoom_kind(scene)
     return {"does": does, "text": ZOOM_TEXTS[does]}
-
-
-def zoom_clicks(dials: Dials, scene: Scene, resolved: Scene, clicks: float) -> Turned:
-    """Return what turning the wheel changes; a click is 3 % of the focal length."""
-    return zoom_by(Panel(dials, scene, resolved), clicks)

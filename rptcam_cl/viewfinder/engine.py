@@ -6,6 +6,7 @@ import logging
 import threading
 import time
 from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -13,39 +14,19 @@ from typing import Any, Self
 from rptcam_cl.core.errors import DeviceError, InputError, RptcamError, StateError
 from rptcam_cl.core.files import give_back
 from rptcam_cl.scene.scene import Scene
+from rptcam_cl.studies.focus.probe import FocusReport
+from rptcam_cl.viewfinder import messages
 from rptcam_cl.viewfinder.delivery import Delivery
-from rptcam_cl.viewfinder.dials import lens_entries, turn_dial, zoom_clicks
-from rptcam_cl.viewfinder.messages import (
-    FILE_MEDIA,
-    Ack,
-    Autofocus,
-    BadMessageError,
-    Client,
-    CommandLine,
-    Compare,
-    Dial,
-    Focus,
-    Hello,
-    Inbox,
-    Magnify,
-    Message,
-    Move,
-    Pause,
-    Ping,
-    Pointer,
-    Request,
-    Reset,
-    Resume,
-    Save,
-    SceneRead,
-    SceneText,
-    Set,
-    View,
-    file_bytes,
-    file_name,
-    read_message,
+from rptcam_cl.viewfinder.dials import lens_entries, turn_dial, zoom_by
+from rptcam_cl.viewfinder.moves import (
+    describe_focus,
+    focus_at,
+    focus_changes,
+    focus_order,
+    focus_zones,
+    moved,
+    viewpoint_of,
 )
-from rptcam_cl.viewfinder.moves import FocusOrder, focus_at, focus_zones, moved, viewpoint_of
 from rptcam_cl.viewfinder.state import MOST_CLIENTS, hello_message, state_message
 from rptcam_cl.viewfinder.studio import Origin, Slot, Studio, Watch, place_of, scene_error, text_of
 
@@ -72,7 +53,7 @@ class Reports:
         self._is_prepared = False
         self._last_panel = self._last_state = 0.0
 
-    def inform(self, clients: list[Client]) -> None:
+    def inform(self, clients: list[messages.Client]) -> None:
         """Tell clients how the camera stands, where that has changed, and what lies under their pointers."""
         slot = self._studio.a
         if slot is not None:
@@ -81,7 +62,7 @@ class Reports:
         for each in self._studio.slots:
             self._delivery.count(each, clients)
 
-    def _state(self, slot: Slot, clients: list[Client]) -> None:
+    def _state(self, slot: Slot, clients: list[messages.Client]) -> None:
         resting = slot.rests_in() <= 0
         if not resting and time.monotonic() < self._last_state + STATE_S:
             return
@@ -102,7 +83,7 @@ class Reports:
             hello_message(studio, studio.a, 0)
             state_message(studio, studio.a, detailed=True)
 
-    def greet(self, client: Client) -> None:
+    def greet(self, client: messages.Client) -> None:
         """Tell a new client what there is and how the camera stands."""
         studio = self._studio
         if studio.a is None or client.was_greeted:
@@ -118,7 +99,7 @@ class Reports:
         compare = self._studio.compare
         return (compare["mode"], compare["model"], repr(compare["changes"]), compare["difference"])
 
-    def _point(self, slot: Slot, clients: list[Client]) -> None:
+    def _point(self, slot: Slot, clients: list[messages.Client]) -> None:
         """Meter and trace at the pointers that have moved, or under which the picture has changed."""
         shown = slot.shown
         for client in clients:
@@ -128,7 +109,7 @@ class Reports:
                 self._lens(slot, client)
                 client.pointed_at = place
 
-    def _lens(self, slot: Slot, client: Client) -> None:
+    def _lens(self, slot: Slot, client: messages.Client) -> None:
         panel = self._studio.panel
         if panel is None or "lens" not in client.settings.panels:
             return
@@ -162,68 +143,64 @@ class Requests:
 
     def __init__(self, studio: Studio) -> None:
         self._studio = studio
-        self._waiting: list[Request] = []
-        self._announced: list[Request] = []  # those whose clients know that they wait
-        self._handlers: dict[type[Message], Callable[[Client | None, Any], None]] = {
-            Set: self._set,
-            Dial: self._dial,
-            Move: self._move,
-            Reset: self._reset,
-            Focus: self._focus,
-            Autofocus: self._autofocus,
-            Pointer: self._pointer,
-            Magnify: self._magnify,
-            Compare: self._compare,
-            Save: self._save,
-            SceneText: self._scene,
-            CommandLine: self._command,
-            Pause: self._pause,
-            Resume: self._pause,
-            View: self._view,
-            SceneRead: self._scene_read,
+        self._waiting: list[messages.Request] = []
+        self._announced: list[messages.Request] = []  # those whose clients know that they wait
+        self._handlers: dict[str, Callable[[messages.Client, Any], None]] = {
+            "set": self._set,
+            "dial": self._dial,
+            "move": self._move,
+            "reset": self._reset,
+            "focus": self._focus,
+            "autofocus": self._autofocus,
+            "pointer": self._pointer,
+            "magnify": self._magnify,
+            "compare": self._compare,
+            "save": self._save,
+            "scene": self._text,
+            "command": self._text,
+            "pause": self._pause,
+            "resume": self._pause,
+            "view": self._view,
         }
 
-    def answer(self, request: Request) -> None:
+    def answer(self, request: messages.Request | Scene) -> None:
         """Do what a message asks; what is wrong with it is reported to its client."""
+        if isinstance(request, Scene):
+            self._show_file(request)
+            return
         client, message = request.client, request.message
         try:
-            self._handlers[type(message)](client, message)
+            self._handlers[message.type](client, message)
         except (InputError, StateError) as problem:
-            self._refuse(client, message, problem)
+            text = str(problem)
+            client.error(text, message.id, "save" if message.type == "save" else "change", place_of(text))
             return
         except Exception as problem:
-            LOG.exception("the viewfinder met an unexpected error in a message %s", type(message).__name__)
-            if client is not None:
-                client.error(text_of(problem), message.id, "device" if isinstance(problem, DeviceError) else "change")
+            LOG.exception("the viewfinder met an unexpected error in a message %s", message.type)
+            client.error(text_of(problem), message.id, "device" if isinstance(problem, DeviceError) else "change")
             if isinstance(problem, DeviceError):
                 raise
             return
-        if client is not None and isinstance(message, Set | Dial | Move):
+        if message.type in _CHANGE_THE_CAMERA:
             client.answers = message.id
-        if client is not None and not isinstance(message, _WITH_OWN_ANSWER):
+        if message.type not in _WITH_OWN_ANSWER:
             client.done(message.id, self._studio.generation)
 
-    def _refuse(self, client: Client | None, message: Message, problem: RptcamError) -> None:
-        if client is not None:
-            text = str(problem)
-            source = "save" if isinstance(message, Save) else "change"
-            client.error(text, message.id, source, place_of(text))
-
-    def _set(self, client: Client | None, message: Set) -> None:
+    def _set(self, client: messages.Client, message: messages.Set) -> None:
         self._studio.change(message.slot, message.changes, transient=message.transient)
 
-    def _dial(self, client: Client | None, message: Dial) -> None:
+    def _dial(self, client: messages.Client, message: messages.Dial) -> None:
         slot = self._studio.slot(message.slot)
-        turned = turn_dial(slot.dials, slot.scene, slot.resolved, message.name, message.value, slot.reading_cd_m2)
+        turned = turn_dial(slot.panel, message.name, message.value)
         slot.messages = turned.messages
         if turned.changes:
             self._studio.change(message.slot, turned.changes, transient=message.transient, dials=turned.dials)
         slot.dials = turned.dials
 
-    def _move(self, client: Client | None, message: Move) -> None:
+    def _move(self, client: messages.Client, message: messages.Move) -> None:
         slot = self._studio.slot("A")
         if message.kind == "zoom":
-            turned = zoom_clicks(slot.dials, slot.scene, slot.resolved, message.dy)
+            turned = zoom_by(slot.panel, message.dy)
             slot.messages = turned.messages
             if turned.changes:
                 self._studio.change("A", turned.changes, transient=message.transient, dials=turned.dials)
@@ -233,7 +210,7 @@ class Requests:
             if keys:
                 self._studio.change("A", keys, transient=message.transient)
 
-    def _reset(self, client: Client | None, message: Reset) -> None:
+    def _reset(self, client: messages.Client, message: messages.Reset) -> None:
         self._studio.reset("camera" if message.what == "camera" else "")
 
     @property
@@ -247,51 +224,51 @@ class Requests:
         for request in self._announced:
             self.answer(request)
 
-    def _compiles(self, client: Client | None, message: Focus | Autofocus, **place: Any) -> bool:
+    def _compiles(self, client: messages.Client, message: messages.Focus | messages.Autofocus, **place: Any) -> bool:
         """Return whether another process is still at the kernels of a search for focus; the picture goes on then."""
         slot = self._studio.slot("A")
-        method = message.method if isinstance(message, Autofocus) else None
-        order = FocusOrder(slot.session.device.info.id, slot.scene, method, place)
-        if slot.session.is_carried_out(("focus", method), order.pickled):
+        method = message.method if isinstance(message, messages.Autofocus) else None
+        order = partial(focus_order, slot.session.device.info.id, slot.scene, method, place)
+        if slot.session.is_carried_out(("focus", method), order):
             return False
-        request = Request(client, message)
-        if client is not None and request not in self._announced:
+        request = messages.Request(client, message)
+        if request not in self._announced:
             text = "autofocus: its kernels are being compiled, the picture goes on"
             client.outbox.news("focus", {"type": "notice", "kind": "focus", "ok": True, "text": text})
         self._waiting.append(request)
         return True
 
-    def _focus(self, client: Client | None, message: Focus) -> None:
+    def _focus(self, client: messages.Client, message: messages.Focus) -> None:
         if not self._compiles(client, message, point=(message.x, message.y)):
             slot = self._studio.slot("A")
-            self._focused(client, message, focus_at(slot.scene, slot.session.device, message.x, message.y))
+            report = focus_at(slot.scene, slot.session.device, message.x, message.y)
+            self._set_focus(client, message, slot.scene, report)
 
-    def _autofocus(self, client: Client | None, message: Autofocus) -> None:
+    def _autofocus(self, client: messages.Client, message: messages.Autofocus) -> None:
         zones = None if message.zones is None else [tuple(zone) for zone in message.zones]
         if not self._compiles(client, message, zones=zones):
             slot = self._studio.slot("A")
-            self._focused(client, message, focus_zones(slot.scene, slot.session.device, message.method, zones))
+            report = focus_zones(slot.scene, slot.session.device, message.method, zones)
+            self._set_focus(client, message, slot.scene, report)
 
-    def _focused(self, client: Client | None, message: Message, focused: Any) -> None:
-        self._studio.change("A", focused.changes)
-        if client is not None:
-            client.outbox.answer({"type": "focused", "id": message.id, **focused.as_dict()})
+    def _set_focus(
+        self, client: messages.Client, message: messages.Focus | messages.Autofocus, scene: Scene, report: FocusReport
+    ) -> None:
+        self._studio.change("A", focus_changes(scene, report))
+        client.outbox.answer({"type": "focused", "id": message.id, **describe_focus(report)})
 
-    def _pointer(self, client: Client | None, message: Pointer) -> None:
-        if client is not None:
-            client.pointer = message.place
+    def _pointer(self, client: messages.Client, message: messages.Pointer) -> None:
+        client.pointer = message.place
 
-    def _magnify(self, client: Client | None, message: Magnify) -> None:
-        if client is not None:
-            client.magnifier = None if message.place is None else message
-            client.shown.pop("A", None)
+    def _magnify(self, client: messages.Client, message: messages.Magnify) -> None:
+        client.magnifier = None if message.place is None else message
+        client.shown.pop("A", None)
 
-    def _view(self, client: Client | None, message: View) -> None:
-        if client is not None:
-            client.settings = client.settings.changed(message)
-            client.forget_pictures()
+    def _view(self, client: messages.Client, message: messages.View) -> None:
+        client.settings = client.settings.changed(message)
+        client.forget_pictures()
 
-    def _compare(self, client: Client | None, message: Compare) -> None:
+    def _compare(self, client: messages.Client, message: messages.Compare) -> None:
         wanted = message.model_dump(include={"mode", "model", "changes", "difference"})
         now = self._studio.compare
         both_on = "off" not in (wanted["mode"], now["mode"])
@@ -300,35 +277,30 @@ class Requests:
         else:
             self._studio.set_compare(wanted)
 
-    def _save(self, client: Client | None, message: Save) -> None:
+    def _save(self, client: messages.Client, message: messages.Save) -> None:
         slot = self._studio.slot(message.slot)
         if slot.session.spp == 0:
             slot.session.take(1)
-        data = file_bytes(slot.session.image(), message.format)
-        name = file_name(message.name, message.format)
-        if client is not None:
-            media = FILE_MEDIA[message.format]
-            client.outbox.answer({"type": "file", "id": message.id, "name": name, "media": media}, data)
+        data = messages.file_bytes(slot.session.image(), message.format)
+        name, media = messages.file_name(message.name, message.format), messages.FILE_MEDIA[message.format]
+        client.outbox.answer({"type": "file", "id": message.id, "name": name, "media": media}, data)
 
-    def _scene(self, client: Client | None, message: SceneText) -> None:
-        slot = self._studio.slot(message.slot)
-        text = self._studio.origin.text(slot.scene)
-        if client is not None:
-            client.outbox.answer({"type": "scene", "id": message.id, "yaml": text, "name": self._studio.origin.name})
+    def _text(self, client: messages.Client, message: messages.TextRequest) -> None:
+        slot, origin = self._studio.slot(message.slot), self._studio.origin
+        if message.type == "scene":
+            answer = {"yaml": origin.text(slot.scene), "name": origin.name}
+        else:
+            answer = {"text": origin.command(slot.scene, slot.session.spp)}
+        client.outbox.answer({"type": message.type, "id": message.id, **answer})
 
-    def _command(self, client: Client | None, message: CommandLine) -> None:
-        slot = self._studio.slot(message.slot)
-        text = self._studio.origin.command(slot.scene, slot.session.spp)
-        if client is not None:
-            client.outbox.answer({"type": "command", "id": message.id, "text": text})
+    def _pause(self, client: messages.Client, message: messages.Signal) -> None:
+        self._studio.paused = message.type == "pause"
 
-    def _pause(self, client: Client | None, message: Pause | Resume) -> None:
-        self._studio.paused = isinstance(message, Pause)
-
-    def _scene_read(self, client: Client | None, message: SceneRead) -> None:
+    def _show_file(self, scene: Scene) -> None:
+        """Show the scene file as it was read again, with what the page has changed of it."""
         try:
-            dropped = self._studio.replace(message.scene)
-        except InputError as problem:
+            dropped = self._studio.replace(scene)
+        except (InputError, StateError) as problem:
             self._studio.file_error = scene_error(str(problem))
             self._studio.tell(self._studio.file_error)
             return
@@ -337,10 +309,8 @@ class Requests:
         self._studio.tell({"type": "notice", "kind": "watch", "ok": True, "text": text})
 
 
-_WITH_OWN_ANSWER = (
-    Focus, Autofocus, Save, SceneText, CommandLine, Pointer,
-    Magnify,
-)  # fmt: skip
+_CHANGE_THE_CAMERA = ("set", "dial", "move")
+_WITH_OWN_ANSWER = ("focus", "autofocus", "save", "scene", "command", "pointer", "magnify")
 
 
 # The thread that owns the device: it answers requests, renders what somebody waits for, and sleeps otherwise.
@@ -349,7 +319,7 @@ WAIT_FOR_RELOAD_S = 0.4  # after the last client has gone, for a page that is on
 TIME_TO_PAINT_S = 0.06  # for pages to paint a first picture, before anything else takes the processor
 TIDY_S = 10.0  # between two times that freed memory is given back, which takes some milliseconds
 _POLL_S = 0.02  # between checks whether a compilation has ended
-_CHANGES = (Dial, Set, Move, Compare)
+_CHANGES = (*_CHANGE_THE_CAMERA, "compare")
 
 
 class Engine:
@@ -363,9 +333,9 @@ class Engine:
         Returns those that are connected.
     """
 
-    def __init__(self, studio: Studio, clients: Callable[[], Iterable[Client]]) -> None:
+    def __init__(self, studio: Studio, clients: Callable[[], Iterable[messages.Client]]) -> None:
         self._studio, self._clients = studio, clients
-        self._inbox = Inbox()
+        self._inbox = messages.Inbox()
         self._delivery = Delivery()
         self._requests = Requests(studio)
         self._reports = Reports(studio, self._delivery)
@@ -381,7 +351,7 @@ class Engine:
         """Begin to render."""
         self._thread.start()
 
-    def post(self, client: Client | None, message: Message) -> None:
+    def post(self, client: messages.Client, message: messages.AnyMessage) -> None:
         """Ask for something; any thread. Requests that newer ones make needless are done at once.
 
         Raises
@@ -389,11 +359,15 @@ class Engine:
         OverflowError
             Too many requests wait.
         """
-        older = self._inbox.put(Request(client, message))
-        if isinstance(message, _CHANGES):
+        older = self._inbox.put(messages.Request(client, message))
+        if message.type in _CHANGES:
             self._interrupt()
-        if older is not None and older.client is not None:
+        if isinstance(older, messages.Request):
             older.client.done(older.message.id, self._studio.generation, superseded=True)
+
+    def show_file(self, scene: Scene) -> None:
+        """Show the scene as its files are now; any thread."""
+        self._inbox.put(scene)
 
     def wake(self) -> None:
         """Look whether there is something to do: a client has come, gone, or has room again."""
@@ -429,7 +403,7 @@ class Engine:
                 timeout = None
         self._studio.close()
 
-    def _turn(self, requests: list[Request]) -> float | None:
+    def _turn(self, requests: list[messages.Request | Scene]) -> float | None:
         """Do what is asked and one piece of rendering; return how long there is nothing to do [s]."""
         clients = list(self._clients())
         if (idle := self._leave(clients)) is not None and not requests:
@@ -468,7 +442,7 @@ class Engine:
             timeout = _POLL_S if timeout is None else min(timeout, _POLL_S)
         return timeout if self._inbox.is_empty else 0.0
 
-    def _deliver(self, clients: list[Client]) -> bool:
+    def _deliver(self, clients: list[messages.Client]) -> bool:
         """Hand over what is shown to clients that have not had it; return whether there was any."""
         return True in [self._delivery.deliver(slot, clients) for slot in self._studio.slots]
 
@@ -478,13 +452,13 @@ class Engine:
             give_back()
             self._tidied = time.monotonic()
 
-    def _leaves_alone(self, clients: list[Client]) -> float:
+    def _leaves_alone(self, clients: list[messages.Client]) -> float:
         """Return how long the processor is left to pages that paint a first picture [s]: until they say it is there."""
         if all(client.outbox.is_clear for client in clients):
             return 0.0
         return self._leaves_alone_until - time.monotonic()
 
-    def _leave(self, clients: list[Client]) -> float | None:
+    def _leave(self, clients: list[messages.Client]) -> float | None:
         """Free the device when the last client has been gone for a while; return how long there is nothing to do.
 
         Before the first client comes, the picture is made for it.
@@ -505,7 +479,7 @@ class Engine:
         give_back()
         return 1e6
 
-    def _render(self, clients: list[Client]) -> float | None:
+    def _render(self, clients: list[messages.Client]) -> float | None:
         """Render a piece of what is most wanted; return how long there is nothing to render [s]."""
         slots = self._studio.slots
         for slot in slots:
@@ -577,7 +551,7 @@ class Viewfinder:
         size: tuple[int, int] | None = None,
     ) -> None:
         self._lock = threading.Lock()
-        self._clients: dict[int, Client] = {}
+        self._clients: dict[int, messages.Client] = {}
         self._last_number = 0
         self.origin = Origin(scene, overrides)
         self._studio = Studio(self.origin, device, size, self.clients)
@@ -591,7 +565,7 @@ class Viewfinder:
             self._watch = Watch(lambda: self.origin.files, self._read_again)
             self._watch.start()
 
-    def clients(self) -> list[Client]:
+    def clients(self) -> list[messages.Client]:
         """Return those that are connected."""
         with self._lock:
             return list(self._clients.values())
@@ -601,7 +575,7 @@ class Viewfinder:
         """Whether a device is held: while a page looks, and before the first has come."""
         return not self._studio.is_closed
 
-    def connect(self, wake: Callable[[], None], token: str | None = None) -> Client:
+    def connect(self, wake: Callable[[], None], token: str | None = None) -> messages.Client:
         """Return a new client.
 
         Parameters
@@ -620,28 +594,28 @@ class Viewfinder:
             if len(self._clients) >= MOST_CLIENTS:
                 raise TooManyClientsError(f"{MOST_CLIENTS} pages look through this viewfinder; close one of them")
             self._last_number += 1
-            client = Client(self._last_number, wake, token)
+            client = messages.Client(self._last_number, wake, token)
             self._clients[client.number] = client
         self._engine.wake()
         return client
 
-    def disconnect(self, client: Client) -> None:
+    def disconnect(self, client: messages.Client) -> None:
         """Forget a client; the device is freed when it was the last."""
         with self._lock:
             self._clients.pop(client.number, None)
         self._engine.wake()
 
-    def receive(self, client: Client, text: str) -> None:
+    def receive(self, client: messages.Client, text: str) -> None:
         """Take a message of a client; whatever is wrong with it is reported to the client alone."""
         try:
-            message = read_message(text)
-        except BadMessageError as problem:
+            message = messages.read_message(text)
+        except messages.BadMessageError as problem:
             client.error(str(problem), problem.id, "message", place_of(str(problem)))
             return
-        if isinstance(message, Ack):
+        if isinstance(message, messages.Ack):
             client.outbox.acknowledged(message.frame)
             self._engine.wake()
-        elif isinstance(message, Ping | Hello):
+        elif message.type in ("ping", "hello"):
             client.done(message.id, self._studio.generation)
         else:
             try:
@@ -663,7 +637,7 @@ class Viewfinder:
             self._studio.file_error = scene_error(text_of(problem))
             self.tell(self._studio.file_error)
             return
-        self._engine.post(None, SceneRead(scene=scene))
+        self._engine.show_file(scene)
 
     def close(self, timeout_s: float = 0.6) -> bool:
         """End; return whether the device was freed in time, and not still compiling."""

@@ -43,29 +43,6 @@ RAW_BINS = 256
 
 
 @dataclass(frozen=True)
-class Clipping:
-    """Pixels whose light is lost.
-
-    Attributes
-    ----------
-    pixels : int
-        Counted.
-    high : dict
-        How many reach white, by ``any``, ``luminance``, ``red``, ``green`` and ``blue``.
-    low : dict
-        How many are black, in the same way; ``any`` counts those that are black in all channels.
-    """
-
-    pixels: int
-    high: dict[str, int]
-    low: dict[str, int]
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the counts as plain values."""
-        return {"pixels": self.pixels, "high": dict(self.high), "low": dict(self.low)}
-
-
-@dataclass(frozen=True)
 class Histogram:
     """Counts by brightness.
 
@@ -79,26 +56,24 @@ class Histogram:
         What the edges are: ``display code``, ``stops`` about middle grey, or ``DN``.
     samples : int
         Pixels that were counted.
-    clipped : Clipping or None
-        Of the film, where it is known.
+    notes : dict
+        What else is known: of the film what is clipped, of a sensor its levels.
     """
 
     counts: dict[str, NDArray[np.int64]]
     edges: NDArray[np.float64]
     scale: str
     samples: int
-    clipped: Clipping | None = None
     notes: dict[str, Any] = field(default_factory=dict)
 
     def as_dict(self) -> dict[str, Any]:
         """Return the histogram as plain values, the channels by their names."""
-        clipped = {} if self.clipped is None else {"clipped": self.clipped.as_dict()}
         counts = {name: values.tolist() for name, values in self.counts.items()}
         ends = [float(self.edges[0]), float(self.edges[-1])]
         return (
             counts
             | {"edges": ends, "bins": len(self.edges) - 1, "scale": self.scale, "samples": self.samples}
-            | (clipped | self.notes)
+            | self.notes
         )
 
 
@@ -127,7 +102,8 @@ def histogram(
     counts = {"luminance": np.bincount(luma, minlength=CODES)}
     counts |= {name: np.bincount(codes[:, k], minlength=CODES) for k, name in enumerate(CHANNELS)}
     edges = np.arange(CODES + 1, dtype=np.float64) - 0.5
-    return Histogram(counts, edges, "display code", len(codes), None if pixels is None else clipping(pixels))
+    notes = {} if pixels is None else {"clipped": clipping(pixels)}
+    return Histogram(counts, edges, "display code", len(codes), notes)
 
 
 def stop_histogram(pixels: NDArray[np.float32], most: int = MOST_PIXELS) -> Histogram:
@@ -155,7 +131,7 @@ def raw_histogram(raw: RawImage) -> Histogram:
     }
     notes = {"black_dn": sensor.black_level_dn, "white_dn": sensor.white_level_dn}
     notes["saturated"] = int(np.count_nonzero(numbers >= math.floor(sensor.white_level_dn)))
-    return Histogram(counts, np.arange(bins + 1, dtype=np.float64) * width, "DN", numbers.size, None, notes)
+    return Histogram(counts, np.arange(bins + 1, dtype=np.float64) * width, "DN", numbers.size, notes)
 
 
 def _planes(numbers: NDArray[np.uint16], pattern: str) -> dict[str, list[NDArray[np.uint16]]]:
@@ -170,13 +146,23 @@ def _planes(numbers: NDArray[np.uint16], pattern: str) -> dict[str, list[NDArray
     return planes
 
 
-def clipping(pixels: NDArray[np.float32]) -> Clipping:
-    """Return how many pixels of a film reach white, 1, and how many are so dark that they are shown as code 0."""
+def clipping(pixels: NDArray[np.float32]) -> dict[str, Any]:
+    """Count the pixels of a film whose light is lost.
+
+    Returns
+    -------
+    pixels : int
+        Counted.
+    high : dict
+        How many reach white, 1, by ``any``, ``luminance``, ``red``, ``green`` and ``blue``.
+    low : dict
+        How many are so dark that they are shown as code 0, in the same way; ``any`` are those dark in all channels.
+    """
     series = {"any": strongest(pixels), "luminance": luminance(pixels, np.float32)}
     series |= {name: pixels[..., k] for k, name in enumerate(CHANNELS)}
     high = {name: int(np.count_nonzero(values >= 1)) for name, values in series.items()}
     low = {name: int(np.count_nonzero(values < DARK_VALUE)) for name, values in series.items()}
-    return Clipping(pixels.shape[0] * pixels.shape[1], high, low)
+    return {"pixels": pixels.shape[0] * pixels.shape[1], "high": high, "low": low}
 
 
 def strongest(pixels: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -449,14 +435,22 @@ def _places(count: int, size: int) -> NDArray[np.intp]:
     return ((np.arange(count) + 0.5) * size / count).astype(np.intp)
 
 
-@dataclass(frozen=True)
-class SpotReading:
-    """What a spot meter shows.
+def spot_meter(pixels: Film, resolved: Scene, x: float, y: float, area: float = SPOT_AREA) -> dict[str, Any]:
+    """Read a spot of the film.
 
-    Attributes
+    Parameters
     ----------
-    x, y : float
+    pixels, resolved
+        As for `film_reading`, the whole frame.
+    x, y
         Middle of the spot, in fractions of the picture from its left and top.
+    area
+        Of the spot as a share of the frame; by default that of `metering: spot`. The nearest pixel always counts.
+
+    Returns
+    -------
+    x, y : float
+        As given.
     cd_m2 : float
         Luminance.
     ev : float or None
@@ -472,50 +466,22 @@ class SpotReading:
     time_s : float or None
         Exposure time that would bring the spot to middle grey at the f-number and ISO set; None without a film.
     """
-
-    x: float
-    y: float
-    cd_m2: float
-    ev: float | None
-    value: float
-    stops: float | None
-    zone: str
-    rgb: tuple[float, float, float]
-    time_s: float | None
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the reading as plain values."""
-        return asdict(self)
-
-
-def spot_meter(pixels: Film, resolved: Scene, x: float, y: float, area: float = SPOT_AREA) -> SpotReading:
-    """Return what a spot of the film shows.
-
-    Parameters
-    ----------
-    pixels, resolved
-        As for `film_reading`, the whole frame.
-    x, y
-        Middle of the spot, in fractions of the picture from its left and top.
-    area
-        Of the spot as a share of the frame; by default that of `metering: spot`. The nearest pixel always counts.
-    """
     inside = _disk(pixels, resolved, x, y, area)
     red, green, blue = (float(channel) for channel in pixels[inside].mean(axis=0, dtype=np.float64))
     value = float(np.dot((red, green, blue), LUMINANCE))
     cd_m2 = value / value_per_radiance(resolved) * LUMENS_PER_WATT
     stops = math.log2(value / MIDDLE_GREY) if value > 0 else None
-    return SpotReading(
-        x=x,
-        y=y,
-        cd_m2=cd_m2,
-        ev=ev100(cd_m2) if cd_m2 > 0 else None,
-        value=value,
-        stops=stops,
-        zone=next(band.name for band in FALSE_COLOUR if band.high_ev is None or (stops or -99.0) < band.high_ev),
-        rgb=(red, green, blue),
-        time_s=_time_for(resolved, cd_m2),
-    )
+    return {
+        "x": x,
+        "y": y,
+        "cd_m2": cd_m2,
+        "ev": ev100(cd_m2) if cd_m2 > 0 else None,
+        "value": value,
+        "stops": stops,
+        "zone": next(band.name for band in FALSE_COLOUR if band.high_ev is None or (stops or -99.0) < band.high_ev),
+        "rgb": (red, green, blue),
+        "time_s": _time_for(resolved, cd_m2),
+    }
 
 
 def ev100(cd_m2: float) -> float:

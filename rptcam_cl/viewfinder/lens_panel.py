@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import asdict
 from functools import cached_property
 from typing import Any
 
@@ -95,14 +94,8 @@ class KeptTracer:
                 for name in ("origins", "directions", "status", "surface"):
                     getattr(found, name)[rows] = getattr(rays, name)
             else:
-                _trace_rows(tracer, points, vectors, found, rows, own)
+                tracer.trace(points, vectors, found, slice(0, count) if own is not None else rows, own)
         return corners, found
-
-
-def _trace_rows(
-    tracer: LensTracer, points: Array, vectors: Array, found: Rays, rows: NDArray[np.intp], own: Array | None
-) -> None:
-    tracer.trace(points, vectors, found, slice(0, len(points)) if own is not None else rows, own)
 
 
 @dataclass(frozen=True)
@@ -189,12 +182,19 @@ def perspective(scene: Scene) -> Perspective | None:
     return camera_of(scene).perspective()
 
 
-@dataclass(frozen=True)
-class DepthOfField:
-    """What is sharp.
+DEPTH_KEYS = ("distance_m", "near_m", "far_m", "hyperfocal_m", "circle_mm", "magnification", "breathing")
 
-    Attributes
+
+def depth_of_field(scene: Scene) -> dict[str, float | None] | None:
+    """Find what a scene's camera shows sharply; None where it has no focus.
+
+    Parameters
     ----------
+    scene
+        In focus.
+
+    Returns
+    -------
     distance_m, near_m : float
         Plane in focus and the near end, from the film (thin lens: from the lens); infinite focus counts as 1000 km.
     far_m, hyperfocal_m : float or None
@@ -206,24 +206,6 @@ class DepthOfField:
     breathing : float or None
         By how much the image of a field is larger than with the focus at infinity, as a share.
     """
-
-    distance_m: float
-    near_m: float
-    far_m: float | None
-    hyperfocal_m: float
-    circle_mm: float
-    magnification: float
-    breathing: float | None
-
-
-def depth_of_field(scene: Scene) -> DepthOfField | None:
-    """Return what a scene's camera shows sharply; None where it has no focus.
-
-    Parameters
-    ----------
-    scene
-        In focus.
-    """
     here = perspective(scene)
     if here is None:
         return None
@@ -232,15 +214,16 @@ def depth_of_field(scene: Scene) -> DepthOfField | None:
     distant = at_infinity(scene)
     horizon = distant or here
     hyperfocal = horizon.diameter_mm * horizon.per_tangent_mm / circle + horizon.pupil_mm
-    return DepthOfField(
-        distance_m=here.focus_mm * 1e-3,
-        near_m=near * 1e-3,
-        far_m=far * 1e-3 if math.isfinite(far) else None,
-        hyperfocal_m=hyperfocal * 1e-3,
-        circle_mm=circle,
-        magnification=here.per_tangent_mm / (here.focus_mm - here.pupil_mm),
-        breathing=None if distant is None else here.per_tangent_mm / distant.per_tangent_mm - 1.0,
+    values = (
+        here.focus_mm * 1e-3,
+        near * 1e-3,
+        far * 1e-3 if math.isfinite(far) else None,
+        hyperfocal * 1e-3,
+        circle,
+        here.per_tangent_mm / (here.focus_mm - here.pupil_mm),
+        None if distant is None else here.per_tangent_mm / distant.per_tangent_mm - 1.0,
     )
+    return dict(zip(DEPTH_KEYS, values, strict=True))
 
 
 def at_infinity(scene: Scene) -> Perspective | None:
@@ -319,16 +302,15 @@ LARGEST = 2.5  # image circle that is sought, over the film's own
 
 def camera_numbers(scene: Scene) -> dict[str, Any]:
     """Return what is known of any camera in focus; None where there is no such number."""
-    depth, focal_mm = depth_of_field(scene), focal_length_mm(scene)
-    keys = ("distance_m", "near_m", "far_m", "hyperfocal_m", "circle_mm", "magnification", "breathing")
-    found: dict[str, Any] = dict.fromkeys(keys) if depth is None else asdict(depth)
-    found |= {
+    focal_mm = focal_length_mm(scene)
+    depth: dict[str, Any] = depth_of_field(scene) or dict.fromkeys(DEPTH_KEYS)
+    numbers = {
         "focal_length_mm": focal_mm,
         "equivalent_mm": None if focal_mm is None else focal_mm * DIAGONAL_35_MM / (scene.film.diagonal_m() * 1e3),
         "f_number": f_number_of_camera(scene),
         "working_f_number": _working_f_number(scene),
     }
-    return found | _angles(scene, focal_mm)
+    return depth | numbers | _angles(scene, focal_mm)
 
 
 def _working_f_number(scene: Scene) -> float | None:
@@ -372,10 +354,11 @@ def lens_numbers(state: LensState) -> dict[str, Any]:
     }
 
 
-def _pupil(z_mm: float, diameter_mm: float) -> dict[str, float] | None:
+def _pupil(z_mm: float, diameter_mm: float, round_to: Callable[[float], float] = float) -> dict[str, float] | None:
+    """Return a pupil as plain values; None where it lies infinitely far away."""
     if not (math.isfinite(z_mm) and math.isfinite(diameter_mm)):
         return None
-    return {"z_mm": z_mm, "radius_mm": diameter_mm / 2}
+    return {"z_mm": round_to(z_mm), "radius_mm": round_to(diameter_mm / 2)}
 
 
 def image_circle_mm(state: LensState) -> float | None:
@@ -421,9 +404,10 @@ def lens_section(state: LensState) -> dict[str, Any]:
             kind = "mirror" if surface.is_mirror else "glass"
             surfaces += [{"surface": k, "points": _plain(line), "kind": kind} for line in lines(lens, k, "y")]
     half_mm = state.scene.film.diagonal_m() * 500
+    exit_z = lens.length + lens.sense * first.exit_pupil.distance_mm
     pupils = {
-        "entrance": _section_pupil(first.entrance_pupil.distance_mm, first.entrance_pupil.diameter_mm),
-        "exit": _section_pupil(lens.length + lens.sense * first.exit_pupil.distance_mm, first.exit_pupil.diameter_mm),
+        "entrance": _pupil(first.entrance_pupil.distance_mm, first.entrance_pupil.diameter_mm, _round),
+        "exit": _pupil(exit_z, first.exit_pupil.diameter_mm, _round),
     }
     return {
         "kind": state.scene.camera.kind,
@@ -439,13 +423,6 @@ def lens_section(state: LensState) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _section_pupil(z_mm: float, diameter_mm: float) -> dict[str, float] | None:
-    """Return a pupil; None where it lies infinitely far away."""
-    if not (math.isfinite(z_mm) and math.isfinite(diameter_mm)):
-        return None
-    return {"z_mm": _round(z_mm), "radius_mm": _round(diameter_mm / 2)}
-
-
 def ideal_section(scene: Scene) -> dict[str, Any]:
     """Return opening, film and axis of a camera without a lens of glass: the opening is at z = 0."""
     kind = scene.camera.kind
@@ -455,7 +432,7 @@ def ideal_section(scene: Scene) -> dict[str, Any]:
     radius, film_z = ideal_opening(scene)
     half_mm = scene.film.diagonal_m() * 500
     screen = max(IDEAL_BLADE * radius, 0.25 * half_mm)
-    pupil = _section_pupil(0.0, 2 * radius)
+    pupil = _pupil(0.0, 2 * radius, _round)
     sides = [[[0.0, side * _round(radius)], [0.0, side * _round(screen)]] for side in (1, -1)]
     return empty | {
         "stop": [{"surface": None, "points": points} for points in sides],
@@ -679,15 +656,12 @@ def _spot(spots: list[FilmSpot]) -> dict[str, Any] | None:
 
 def _mtf(spots: list[FilmSpot]) -> dict[str, Any] | None:
     """Return the modulation by frequency [cycles/mm], tangential and sagittal, and the limits of diffraction."""
-    curves = field_mtf([spot for spot in spots if len(spot.points)], FREQUENCIES) if _lit(spots) else None
+    lit = [spot for spot in spots if len(spot.points)]
+    curves = field_mtf(lit, FREQUENCIES) if lit else None
     if curves is None:
         return None
     plain = {name: np.round(curve, 4).tolist() for name, curve in zip(COLUMNS, curves, strict=True)}
     return {"frequencies": FREQUENCIES.tolist()} | plain
-
-
-def _lit(spots: list[FilmSpot]) -> bool:
-    return any(len(spot.points) for spot in spots)
 
 
 def thick_rays(state: LensState, x: float, y: float) -> dict[str, Any]:
@@ -766,14 +740,14 @@ class LensPanel:
 
     def numbers(self, resolved: Scene) -> dict[str, Any]:
         """Return the numbers of the camera in its state; None where there is no such number."""
-        found: dict[str, Any] = self._once("numbers", resolved, lambda: self._numbers(resolved))
-        return found
 
-    def _numbers(self, resolved: Scene) -> dict[str, Any]:
-        if resolved.camera.lens_camera is not None:
-            return lens_numbers(self._state(resolved))
-        pupils = dict.fromkeys(("entrance_pupil", "exit_pupil"))
-        return camera_numbers(resolved) | pupils
+        def find() -> dict[str, Any]:
+            if resolved.camera.lens_camera is not None:
+                return lens_numbers(self._state(resolved))
+            return camera_numbers(resolved) | {"entrance_pupil": None, "exit_pupil": None}
+
+        found: dict[str, Any] = self._once("numbers", resolved, find)
+        return found
 
     def pointer(self, resolved: Scene, x: float, y: float) -> dict[str, Any]:
         """Return rays, spot and transfer of a point of the picture, in fractions from its left and top.

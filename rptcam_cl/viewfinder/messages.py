@@ -23,6 +23,7 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.files import scratch_folder
 from rptcam_cl.imaging.development import quantised
 from rptcam_cl.imaging.image import Image
+from rptcam_cl.scene.scene import Scene
 
 # Films as image data: those of frames, made small enough for the client, and those of files to keep.
 
@@ -258,48 +259,22 @@ class Save(Message):
     slot: SlotName = "A"
 
 
-class SceneText(Message):
-    """The scene as YAML."""
+class TextRequest(Message):
+    """The scene as YAML, or the command that renders the same."""
 
-    type: Literal["scene"]
+    type: Literal["scene", "command"]
     slot: SlotName = "A"
 
 
-class CommandLine(Message):
-    """The command that renders the same."""
+class Signal(Message):
+    """Render no more, render again; or: are you there."""
 
-    type: Literal["command"]
-    slot: SlotName = "A"
-
-
-class Pause(Message):
-    """Render no more."""
-
-    type: Literal["pause"]
-
-
-class Resume(Message):
-    """Render again."""
-
-    type: Literal["resume"]
-
-
-class Ping(Message):
-    """Are you there."""
-
-    type: Literal["ping"]
-
-
-class SceneRead(Message):
-    """Not of a client: the scene file was read again."""
-
-    model_config = ConfigDict(arbitrary_types_allowed=True)
-    scene: Any
+    type: Literal["pause", "resume", "ping"]
 
 
 AnyMessage = (
     Hello | Ack | View | Set | Dial | Move | Reset | Focus | Autofocus | Pointer | Magnify | Compare | Save
-    | SceneText | CommandLine | Pause | Resume | Ping
+    | TextRequest | Signal
 )  # fmt: skip
 _READER: TypeAdapter[AnyMessage] = TypeAdapter(Annotated[AnyMessage, Field(discriminator="type")])
 
@@ -377,12 +352,8 @@ MOST_UNACKNOWLEDGED = 2  # frames on their way to a client
 MOST_ANSWERS = 512  # that a client may leave unread
 
 
-@dataclass(frozen=True)
-class FrameData:
-    """A frame without its number: header and image bytes."""
-
-    header: Mapping[str, Any]
-    data: bytes
+FrameData = tuple[Mapping[str, Any], bytes]
+"""A frame without its number: header and image bytes."""
 
 
 def plain(value: Any) -> Any:
@@ -473,10 +444,10 @@ class Outbox:
             self._answers.clear()
             self._news.clear()
             while self._frames and len(self._under_way) < MOST_UNACKNOWLEDGED:
-                frame = self._frames.pop(next(iter(self._frames)))
+                header, data = self._frames.pop(next(iter(self._frames)))
                 self._last_number += 1
                 self._under_way.add(self._last_number)
-                found.append(as_bytes({**frame.header, "frame": self._last_number}, frame.data))
+                found.append(as_bytes({**header, "frame": self._last_number}, data))
             return found
 
 
@@ -560,10 +531,10 @@ MOST_WAITING = 256
 
 @dataclass(frozen=True)
 class Request:
-    """A message and the client that sent it; None where nobody waits for an answer."""
+    """A message and the client that sent it."""
 
-    client: Client | None
-    message: Message
+    client: Client
+    message: AnyMessage
 
 
 def _key(request: Request) -> Hashable:
@@ -580,9 +551,9 @@ def _key(request: Request) -> Hashable:
     return None
 
 
-def _joined(older: Request, newer: Request) -> Request:
-    """Return what stands for two requests of one key: the newer, and of moves both."""
-    if not (isinstance(newer.message, Move) and isinstance(older.message, Move)):
+def _join(older: Any, newer: Any) -> Any:
+    """Make one of two requests of one key: the newer, and of moves both."""
+    if not isinstance(newer.message, Move):
         return newer
     before, after = older.message, newer.message
     steps = {name: getattr(before, name) + getattr(after, name) for name in ("dx", "dy", "dz")}
@@ -590,15 +561,15 @@ def _joined(older: Request, newer: Request) -> Request:
 
 
 class Inbox:
-    """Requests in their order; any thread puts, the engine takes."""
+    """Requests, and the scene as its files are now, in their order; any thread puts, the engine takes."""
 
     def __init__(self) -> None:
-        self._requests: dict[Hashable, Request] = {}
+        self._requests: dict[Hashable, Request | Scene] = {}
         self._changed = threading.Condition()
         self._woken = False
         self._count = 0
 
-    def put(self, request: Request) -> Request | None:
+    def put(self, request: Request | Scene) -> Request | Scene | None:
         """Add a request; return the one that it replaces.
 
         Raises
@@ -607,14 +578,14 @@ class Inbox:
             Too many wait.
         """
         with self._changed:
-            key = _key(request)
+            key = None if isinstance(request, Scene) else _key(request)
             if key is None:
                 self._count += 1
                 key = self._count
             older = self._requests.pop(key, None)
             if older is None and len(self._requests) >= MOST_WAITING:
                 raise OverflowError
-            self._requests[key] = request if older is None else _joined(older, request)
+            self._requests[key] = request if older is None else _join(older, request)
             self._woken = True
             self._changed.notify()
             return older
@@ -625,7 +596,7 @@ class Inbox:
             self._woken = True
             self._changed.notify()
 
-    def take(self, timeout_s: float | None) -> list[Request]:
+    def take(self, timeout_s: float | None) -> list[Request | Scene]:
         """Return all requests, once there is one, the engine is woken, or the time is over."""
         with self._changed:
             self._changed.wait_for(lambda: self._woken, timeout_s)

@@ -184,76 +184,52 @@ _MOVES = {"orbit": _orbit, "tilt": _tilt, "roll": _roll, "pan": _pan, "walk": _w
 MOST_ZONES = 64
 
 
-@dataclass(frozen=True)
-class Focused:
-    """A focus that was found.
-
-    Attributes
-    ----------
-    report : FocusReport
-        Everything about the search.
-    changes : dict
-        Key paths of the scene and their values that set it.
-    """
-
-    report: FocusReport
-    changes: dict[str, Any]
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return what a page shows, as plain values; the curve has its probes in the order in which they were made."""
-        found = self.report
-        return {
-            "distance_m": _plain(found.focus_distance_m),
-            "film_distance_mm": found.film_distance_mm,
-            "method": found.method,
-            "confidence": found.confidence,
-            "failure": found.failure,
-            "warnings": found.warnings,
-            "zone": list(astuple(found.zone)),
-            "zones": [list(astuple(zone)) for zone in found.zones],
-            "samples": found.samples,
-            "seconds": found.seconds,
-            "curve": [
-                {
-                    "position": probe.film_distance_mm,
-                    "score": _plain(probe.value),
-                    "error": _plain(probe.error),
-                    "quantity": probe.quantity,
-                }
-                for probe in found.probes
-            ],
-        }
+def describe_focus(found: FocusReport) -> dict[str, Any]:
+    """Describe a focus as plain values for a page; the curve has its probes in the order in which they were made."""
+    return {
+        "distance_m": _plain(found.focus_distance_m),
+        "film_distance_mm": found.film_distance_mm,
+        "method": found.method,
+        "confidence": found.confidence,
+        "failure": found.failure,
+        "warnings": found.warnings,
+        "zone": list(astuple(found.zone)),
+        "zones": [list(astuple(zone)) for zone in found.zones],
+        "samples": found.samples,
+        "seconds": found.seconds,
+        "curve": [
+            {
+                "position": probe.film_distance_mm,
+                "score": _plain(probe.value),
+                "error": _plain(probe.error),
+                "quantity": probe.quantity,
+            }
+            for probe in found.probes
+        ],
+    }
 
 
 def _plain(value: float | None) -> float | None:
     return value if value is not None and math.isfinite(value) else None
 
 
-@dataclass(frozen=True)
-class FocusOrder:
-    """A search that another process makes first, so that this one finds its kernels compiled.
+def focus_order(device: str, scene: Scene, method: str | None, place: dict[str, Any]) -> bytes:
+    """Pickle a search for `Compiler.compile`: another process makes it first, so that this one has its kernels.
 
-    Attributes
+    Parameters
     ----------
-    device : str
+    device
         Its id.
-    place : dict
+    place
         ``point`` or ``zones``, as `autofocus` takes them.
     """
+    return pickle.dumps((_search_for_kernels, (device, scene, method, place)))
 
-    device: str
-    scene: Scene
-    method: str | None
-    place: dict[str, Any]
 
-    def carry_out(self) -> None:
-        """Search; what is found does not count."""
-        with contextlib.suppress(InputError):
-            autofocus(self.scene, self.method, device=self.device, **self.place)
-
-    def pickled(self) -> bytes:
-        """Return what `rptcam_cl.rendering.Compiler` takes."""
-        return pickle.dumps(self)
+def _search_for_kernels(device: str, scene: Scene, method: str | None, place: dict[str, Any]) -> None:
+    """Search; what is found does not count."""
+    with contextlib.suppress(InputError):
+        autofocus(scene, method, device=device, **place)
 
 
 def focus_at(
@@ -263,8 +239,8 @@ def focus_at(
     y: float,
     method: str | None = None,
     on_probe: Callable[[Any], Any] | None = None,
-) -> Focused:
-    """Return the focus on a point of the picture, the answer of ``rptcam focus SCENE --point x,y``.
+) -> FocusReport:
+    """Find the focus on a point of the picture, the answer of ``rptcam focus SCENE --point x,y``.
 
     Parameters
     ----------
@@ -284,8 +260,7 @@ def focus_at(
     InputError
         The camera has no focus, or an argument is wrong.
     """
-    report = autofocus(scene, _method(method), point=(x, y), device=device, on_probe=on_probe)
-    return Focused(report, _changes(scene, report))
+    return autofocus(scene, _method(method), point=(x, y), device=device, on_probe=on_probe)
 
 
 def focus_zones(
@@ -294,8 +269,8 @@ def focus_zones(
     method: str | None = None,
     zones: Sequence[Sequence[float]] | None = None,
     on_probe: Callable[[Any], Any] | None = None,
-) -> Focused:
-    """Return the focus that autofocus finds in zones, or in those of the scene; errors as of `focus_at`.
+) -> FocusReport:
+    """Find the focus in zones, or in those of the scene; errors as of `focus_at`.
 
     Parameters
     ----------
@@ -305,8 +280,7 @@ def focus_zones(
     if zones is not None and len(zones) > MOST_ZONES:
         raise InputError(f"zones: too many (got {len(zones)}; allowed: up to {MOST_ZONES})")
     places = None if zones is None else [tuple(zone) for zone in zones]
-    report = autofocus(scene, _method(method), zones=places, device=device, on_probe=on_probe)
-    return Focused(report, _changes(scene, report))
+    return autofocus(scene, _method(method), zones=places, device=device, on_probe=on_probe)
 
 
 def _method(name: str | None) -> str | None:
@@ -317,7 +291,7 @@ def _method(name: str | None) -> str | None:
     return name
 
 
-def _changes(scene: Scene, report: FocusReport) -> dict[str, Any]:
-    """Return the key paths that set the state which was found."""
+def focus_changes(scene: Scene, report: FocusReport) -> dict[str, Any]:
+    """Return the key paths of the scene, with their values, that set the state which was found."""
     keys = focus_drive(scene).camera_keys(report.state)
     return {f"camera.{name}": value for name, value in keys.items() if value is not None}

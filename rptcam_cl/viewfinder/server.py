@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import json
 import os
 import signal
 import socket
@@ -178,14 +179,10 @@ async def _close(socket: WebSocket, code: int, why: str) -> None:
     """Close a connection, saying why in what fits into the frame."""
     with contextlib.suppress(Exception):
         if socket.client_state is WebSocketState.CONNECTED:
-            await socket.send_text(f'{{"type": "error", "id": null, "message": {_quoted(why)}, "source": "message"}}')
+            await socket.send_text(
+                f'{{"type": "error", "id": null, "message": {json.dumps(why)}, "source": "message"}}'
+            )
         await socket.close(code, why.encode()[:100].decode(errors="ignore"))
-
-
-def _quoted(text: str) -> str:
-    import json
-
-    return json.dumps(text)
 
 
 # The server of a viewfinder: from its socket to the end by Ctrl-C.
@@ -255,7 +252,15 @@ class ViewServer:
             server_header=False,
             timeout_graceful_shutdown=_CLOSING_S,  # type: ignore[arg-type]  # it is a timeout of asyncio
         )
-        self._server = _quiet_server(config)
+
+        class Server(uvicorn.Server):
+            """Leaves signals to who serves."""
+
+            @contextlib.contextmanager
+            def capture_signals(self) -> Iterator[None]:
+                yield
+
+        self._server = Server(config)
 
     def address(self, token: str) -> str:
         """Return the address of the page for who has a token."""
@@ -309,18 +314,6 @@ def _patient_protocol() -> Any:
             self.transport.abort()
 
     return Patient
-
-
-def _quiet_server(config: Any) -> Any:
-    """Return a server that leaves signals to its caller."""
-    import uvicorn
-
-    class Quiet(uvicorn.Server):
-        @contextlib.contextmanager
-        def capture_signals(self) -> Iterator[None]:
-            yield
-
-    return Quiet(config)
 
 
 @contextlib.contextmanager

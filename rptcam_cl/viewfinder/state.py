@@ -7,7 +7,6 @@ from typing import Any
 from rptcam_cl._version import __version__
 from rptcam_cl.scene.film import COOLEST, HOTTEST, SIDES_MM, TONES
 from rptcam_cl.scene.lens_settings import METHODS, Aperture, CircularAperture
-from rptcam_cl.scene.scene import Scene
 from rptcam_cl.viewfinder.dials import (
     BALANCES,
     METERINGS,
@@ -27,7 +26,7 @@ from rptcam_cl.viewfinder.dials import (
 from rptcam_cl.viewfinder.instruments import false_colour_legend
 from rptcam_cl.viewfinder.lens_panel import INFINITY_M, focus_scale, nearest_focus_m, perspective
 from rptcam_cl.viewfinder.messages import FILE_MEDIA, MOST_BYTES, MOST_UNACKNOWLEDGED, VERSION
-from rptcam_cl.viewfinder.panel import EV_STEPS, F_NUMBERS, SPEEDS, TIMES, Dials, Panel, ev_text
+from rptcam_cl.viewfinder.panel import EV_STEPS, F_NUMBERS, SPEEDS, TIMES, Panel, ev_text
 from rptcam_cl.viewfinder.studio import Slot, Studio
 
 # The dials as a page draws them: name, kind, value, text, limits or steps, and whether the exposure mode sets them.
@@ -48,9 +47,8 @@ KELVIN = {
 }  # fmt: skip
 
 
-def dial_list(dials: Dials, scene: Scene, resolved: Scene) -> list[Entry]:
+def dial_list(panel: Panel) -> list[Entry]:
     """Return every dial as plain values, in the order of a camera: exposure, optics, development."""
-    panel = Panel(dials, scene, resolved)
     return [*_exposure(panel), *_optics(panel), *_development(panel)]
 
 
@@ -220,7 +218,7 @@ def hello_message(studio: Studio, slot: Slot, client: int) -> dict[str, Any]:
         "methods": [{"value": name, "label": name} for name in METHODS],
         "false_colour": false_colour_legend(),
         "limits": {"clients": MOST_CLIENTS, "message_bytes": MOST_BYTES, "unacknowledged": MOST_UNACKNOWLEDGED},
-        "dials": dial_list(slot.dials, slot.scene, slot.resolved),
+        "dials": dial_list(slot.panel),
     }
 
 
@@ -247,7 +245,7 @@ def state_message(studio: Studio, slot: Slot, *, detailed: bool) -> dict[str, An
     message: dict[str, Any] = {
         "type": "state",
         "generation": slot.session.generation,
-        "dials": dial_list(slot.dials, slot.scene, slot.resolved),
+        "dials": dial_list(slot.panel),
         "camera": {
             "kind": camera.kind,
             "lens": lens.design if lens is not None and isinstance(lens.design, str) else None,
@@ -260,11 +258,11 @@ def state_message(studio: Studio, slot: Slot, *, detailed: bool) -> dict[str, An
         "changed": list(slot.changes.as_dict()),
         "paused": studio.paused,
         "files": [name for name in FILE_MEDIA if name != "dng" or slot.scene.sensor is not None],
-        "needle": meter_needle(slot.dials, slot.scene, slot.resolved, slot.reading_cd_m2),
+        "needle": meter_needle(slot.panel),
         "messages": [*slot.messages, *_left_out(slot), *(studio.b.messages if studio.b is not None else ())],
     }
     if studio.b is not None:
-        message["dials_b"] = dial_list(studio.b.dials, studio.b.scene, studio.b.resolved)
+        message["dials_b"] = dial_list(studio.b.panel)
     if detailed and studio.panel is not None:
         message["messages"] = [*slot.scene.warnings, *message["messages"]]
         numbers = studio.panel.numbers(slot.resolved)

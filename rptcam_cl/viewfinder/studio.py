@@ -27,7 +27,7 @@ from rptcam_cl.viewfinder.dials import follow_light
 from rptcam_cl.viewfinder.instruments import as_model, film_reading
 from rptcam_cl.viewfinder.lens_panel import LensPanel
 from rptcam_cl.viewfinder.messages import Client, Codes, codes_of
-from rptcam_cl.viewfinder.panel import Dials, read_dials
+from rptcam_cl.viewfinder.panel import Dials, Panel, read_dials
 
 # How much to render at once: the scale of a glance and the samples of a take, from the speed measured.
 
@@ -87,20 +87,19 @@ class Pace:
 WITHOUT_METER = {"exposure": "relative"}
 
 
-@dataclass(frozen=True)
-class Opened:
-    """A session, what was set by hand in the scene for it, and why."""
-
-    session: RenderSession
-    by_hand: dict[str, Any]
-    problem: InputError | None = None
-
-
-def open_session(scene: Scene, device: str | None) -> Opened:
-    """Return a session of a scene.
+def open_session(scene: Scene, device: str | None) -> tuple[RenderSession, dict[str, Any], InputError | None]:
+    """Open a session of a scene.
 
     Where autofocus or the exposure meter fails, the focus is set to the target of the camera and the exposure to
     ``relative``, so that there is a picture to aim by.
+
+    Returns
+    -------
+    session : RenderSession
+    by_hand : dict
+        What was set by hand in the scene for it.
+    problem : InputError or None
+        Why.
 
     Raises
     ------
@@ -108,14 +107,14 @@ def open_session(scene: Scene, device: str | None) -> Opened:
         It cannot be rendered by hand either; the error is that of the scene as it is.
     """
     try:
-        return Opened(RenderSession(scene, device=device, wait=False), {})
+        return RenderSession(scene, device=device, wait=False), {}, None
     except InputError as problem:
         for by_hand in _ways_by_hand(scene):
             try:
                 session = RenderSession(set_keys(scene, by_hand), device=device, wait=False)
             except InputError:
                 continue
-            return Opened(session, by_hand, problem)
+            return session, by_hand, problem
         raise
 
 
@@ -400,6 +399,11 @@ class Slot:
         return self.session.resolved
 
     @property
+    def panel(self) -> Panel:
+        """The camera in use."""
+        return Panel(self.dials, self.scene, self.resolved, self.reading_cd_m2)
+
+    @property
     def target_spp(self) -> int:
         """Samples per pixel at which the picture is done."""
         return self.scene.render.most_spp
@@ -539,7 +543,7 @@ class Slot:
         self._metered = shown.number
         self.reading_cd_m2 = film_reading(shown.frame.pixels, self.resolved, self.dials.meter)
         if self._follows:
-            turned = follow_light(self.dials, self.scene, self.resolved, self.reading_cd_m2)
+            turned = follow_light(self.panel)
             if turned.changes:
                 self.change(turned.changes, dials=turned.dials, transient=shown.moving)
             self.dials, self._follows = turned.dials, False
@@ -636,10 +640,10 @@ class Studio:
         if self.a is not None:
             return
         assert self._scene is not None, "loaded before the engine starts"
-        opened = open_session(self._scene, self._device)
-        session, (kept, dials) = opened.session, self._kept
+        session, by_hand, problem = open_session(self._scene, self._device)
+        kept, dials = self._kept
         turned = self._turned(kept)
-        self._by_hand = opened.by_hand
+        self._by_hand = by_hand
         changes = Changes({**self._by_hand, **turned})
         if turned:
             try:
@@ -649,8 +653,8 @@ class Studio:
                 session.change(changes.as_dict())
                 dials = read_dials(session.scene, dials)
         self.a = Slot("A", session, changes, dials)
-        if opened.problem is not None:
-            self.file_error = scene_error(str(opened.problem))
+        if problem is not None:
+            self.file_error = scene_error(str(problem))
         for client in self._clients():
             client.forget_pictures()
         self.panel = LensPanel(session.device)

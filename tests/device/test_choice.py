@@ -8,8 +8,8 @@ import pytest
 
 from rptcam_cl.cli import main
 from rptcam_cl.core.errors import DeviceError
-from rptcam_cl.device import devices
 from rptcam_cl.device import devices as choose
+from rptcam_cl.device import drivers
 from rptcam_cl.device.devices import DeviceInfo, choose_device, device_details, list_devices
 from rptcam_cl.device.drivers import load_opencl
 from rptcam_cl.device.session import Session
@@ -194,7 +194,7 @@ REMEDY = r"install PoCL with \"pip install 'rptcam_cl\[pocl\]'\" or the OpenCL d
 
 def test_no_platform_gives_the_remedy(monkeypatch):
     error = _FakeError("clGetPlatformIDs failed: PLATFORM_NOT_FOUND_KHR")
-    monkeypatch.setattr(devices, "load_opencl", lambda: opencl(raising(error)))
+    monkeypatch.setattr(drivers, "load_opencl", lambda: opencl(raising(error)))
     with pytest.raises(DeviceError, match="no OpenCL platform was found.*PLATFORM_NOT_FOUND_KHR.*" + REMEDY):
         choose_device()
 
@@ -205,14 +205,14 @@ def test_no_platform_gives_the_remedy(monkeypatch):
     ids=["no platform", "platform without devices"],
 )
 def test_no_device_gives_the_remedy(monkeypatch, platforms):
-    monkeypatch.setattr(devices, "load_opencl", lambda: opencl(lambda: platforms))
+    monkeypatch.setattr(drivers, "load_opencl", lambda: opencl(lambda: platforms))
     with pytest.raises(DeviceError, match="no OpenCL device was found.*" + REMEDY):
         list_devices()
 
 
 def test_missing_pyopencl_gives_the_remedy(monkeypatch):
     monkeypatch.setitem(sys.modules, "pyopencl", None)
-    monkeypatch.setattr(devices, "load_opencl", load_opencl.__wrapped__)
+    monkeypatch.setattr(drivers, "load_opencl", load_opencl.__wrapped__)
     with pytest.raises(DeviceError, match="pyopencl cannot be imported.*" + REMEDY):
         choose_device()
 
@@ -231,7 +231,7 @@ def test_drivers_that_fail_are_listed_with_their_reason(monkeypatch):
             SimpleNamespace(name="Confused", get_devices=lambda: [_Bad()]),
         ]
     )
-    monkeypatch.setattr(devices, "load_opencl", lambda: cl)
+    monkeypatch.setattr(drivers, "load_opencl", lambda: cl)
     first, second = list_devices()
     assert (first.id, first.platform) == ("0:0", "Liar")
     assert choose.problem_of(first) == "its driver lists no devices: no idea"

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import pytest
 
 from rptcam_cl.core.files import CACHE_VARIABLE
-from rptcam_cl.device import devices
+from rptcam_cl.device import devices, drivers
 from rptcam_cl.device.devices import Trial, first_error, try_device
 from rptcam_cl.device.drivers import load_opencl
 from rptcam_cl.device.programs import BUILD_OPTIONS, options_of
@@ -127,7 +127,7 @@ def test_speed_of_a_gpu_is_measured_in_its_trial(handle, monkeypatch):
     for name in ("CommandQueue", "Buffer", "mem_flags", "enqueue_fill_buffer"):
         setattr(seeming, name, getattr(cl, name))
     assert devices.try_here(handle).speed is None
-    monkeypatch.setattr(devices, "load_opencl", lambda: seeming)
+    monkeypatch.setattr(drivers, "load_opencl", lambda: seeming)
     monkeypatch.setattr(devices, "is_pocl", lambda handle: False)
     assert 1e6 < devices.try_here(handle).speed < 1e12  # 33 reads, sums and products a step
 

@@ -13,7 +13,7 @@ from rptcam_cl.rendering.cameras.setting import lens_setting
 from rptcam_cl.scene.load import apply_overrides, load_scene
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.studies.focus.probe import NoContrast
-from rptcam_cl.viewfinder.moves import focus_at, focus_zones
+from rptcam_cl.viewfinder.moves import describe_focus, focus_at, focus_changes, focus_zones
 
 CHECKER = {
     "kind": "matte",
@@ -53,11 +53,12 @@ def test_click_focus_is_the_answer_of_the_command(
 ) -> None:
     found = focus_at(scene, open_session(None), x, 0.5, "depth")
     expected = command(tmp_path / "scene.yaml", capsys, "--point", f"{x},0.5", "--method", "depth")
-    assert found.report.state == expected["state"]
-    assert found.as_dict()["distance_m"] == expected["focus_distance_m"] == pytest.approx(1 if x < 0.5 else 3, rel=0.01)
-    assert [[probe["position"], probe["score"]] for probe in found.as_dict()["curve"]] == expected["probes"]
+    said = describe_focus(found)
+    assert found.state == expected["state"]
+    assert said["distance_m"] == expected["focus_distance_m"] == pytest.approx(1 if x < 0.5 else 3, rel=0.01)
+    assert [[probe["position"], probe["score"]] for probe in said["curve"]] == expected["probes"]
     data = json.loads(json.dumps(CONTENT))
-    apply_overrides(data, [f"{key}={json.dumps(value)}" for key, value in found.changes.items()])
+    apply_overrides(data, [f"{key}={json.dumps(value)}" for key, value in focus_changes(scene, found).items()])
     assert lens_setting(load_scene(data)).film_distance_mm == expected["film_distance_mm"]
 
 
@@ -67,7 +68,7 @@ def test_zones_and_curve_are_those_of_the_command(
     scene: Scene, method: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     zone = [0.6, 0.8, 0.4, 0.6]
-    found = focus_zones(scene, open_session(None), method, [zone]).as_dict()
+    found = describe_focus(focus_zones(scene, open_session(None), method, [zone]))
     expected = command(tmp_path / "scene.yaml", capsys, "--zone", "0.6,0.8,0.4,0.6", "--method", method)
     assert found["film_distance_mm"] == expected["film_distance_mm"]
     assert found["zones"] == [zone]

@@ -17,9 +17,9 @@ from rptcam_cl.optics.library import list_lenses
 from rptcam_cl.scene.load import apply_overrides, load_scene
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.viewfinder import dials as lens_choice
-from rptcam_cl.viewfinder.dials import DIALS, follow_light, lens_entries, meter_needle, turn_dial, wheel, zoom_clicks
+from rptcam_cl.viewfinder.dials import DIALS, follow_light, lens_entries, meter_needle, turn_dial, wheel, zoom_by
 from rptcam_cl.viewfinder.lens_panel import INFINITY_M, nearest_focus_m
-from rptcam_cl.viewfinder.panel import Dials, read_dials, value_per_radiance
+from rptcam_cl.viewfinder.panel import Dials, Panel, read_dials, value_per_radiance
 from rptcam_cl.viewfinder.state import KELVIN, dial_list
 
 POSE = {"eye": [0, 0, 0], "target": [0, 0, -2]}
@@ -63,7 +63,7 @@ class Body:
         return whole.model_copy(update={"shutter": shutter})
 
     def turn(self, name: str, value: Any, reading: float | None = None) -> "Body":
-        turned = turn_dial(self.dials, self.scene, self.resolved, name, value, reading or self.reading)
+        turned = turn_dial(Panel(self.dials, self.scene, self.resolved, reading or self.reading), name, value)
         return self.take(turned.dials, turned.changes, turned.messages)
 
     def take(self, dials: Dials, changes: Mapping[str, Any], messages: tuple[str, ...]) -> "Body":
@@ -79,7 +79,7 @@ class Body:
         return self.reading / 683.002 * value_per_radiance(self.resolved)
 
     def listed(self, name: str) -> dict[str, Any]:
-        entries = dial_list(self.dials, self.scene, self.resolved)
+        entries = dial_list(Panel(self.dials, self.scene, self.resolved))
         return next(entry for entry in entries if entry["name"] == name)
 
 
@@ -135,7 +135,7 @@ def test_exposure_follows_the_dial_that_is_turned() -> None:
     assert math.log2(body.value / 0.18) == pytest.approx(0, abs=1e-4)
     body.turn("mode", "M").turn("iso", 800)
     assert math.log2(body.value / 0.18) == pytest.approx(3, abs=1e-3)
-    assert meter_needle(body.dials, body.scene, body.resolved, READING) == pytest.approx(3, abs=1e-3)
+    assert meter_needle(Panel(body.dials, body.scene, body.resolved, READING)) == pytest.approx(3, abs=1e-3)
     body.turn("auto_iso", True)
     assert body.scene.exposure.priority == "shutter"
     assert body.resolved.exposure.iso == pytest.approx(100, rel=1e-3)
@@ -157,15 +157,15 @@ def test_light_is_followed_in_every_mode_but_not_while_locked() -> None:
     for mode in ("S", "P"):
         body = Body().turn("mode", mode)
         body.reading = 4 * READING
-        turned = follow_light(body.dials, body.scene, body.resolved, body.reading)
+        turned = follow_light(Panel(body.dials, body.scene, body.resolved, body.reading))
         body.take(turned.dials, turned.changes, turned.messages)
         assert math.log2(body.value / 0.18) == pytest.approx(0, abs=1e-4)
-        assert follow_light(body.dials, body.scene, body.resolved, body.reading * 1.01).changes == {}
+        assert follow_light(Panel(body.dials, body.scene, body.resolved, body.reading * 1.01)).changes == {}
         body.turn("lock", True)
-        assert follow_light(body.dials, body.scene, body.resolved, 100 * READING).changes == {}
+        assert follow_light(Panel(body.dials, body.scene, body.resolved, 100 * READING)).changes == {}
     body = Body().turn("mode", "A")
     assert (
-        follow_light(body.dials, body.scene, body.resolved, 4 * READING).changes == {}
+        follow_light(Panel(body.dials, body.scene, body.resolved, 4 * READING)).changes == {}
     )  # the scene's metering follows
     body.turn("lock", True)
     assert body.scene.exposure.lock_cd_m2 == READING
@@ -186,7 +186,7 @@ def test_limits_of_the_shutter_hold_back_what_the_meter_asks_for() -> None:
     assert body.scene.exposure.mode == "physical"
     assert body.scene.shutter.time_s == 2**-15
     assert "1/32000 is the limit" in body.messages[0] and "too bright" in body.messages[0]
-    turned = follow_light(body.dials, body.scene, body.resolved, READING)
+    turned = follow_light(Panel(body.dials, body.scene, body.resolved, READING))
     assert turned.changes["exposure"]["mode"] == "auto"
 
 
@@ -211,7 +211,7 @@ def test_limits_of_the_shutter_hold_back_what_the_meter_asks_for() -> None:
 )
 def test_dial_sets_its_key(name: str, value: Any, key: str, found: Any) -> None:
     body = Body()
-    assert turn_dial(body.dials, body.scene, body.resolved, name, value).changes == {key: found}
+    assert turn_dial(Panel(body.dials, body.scene, body.resolved), name, value).changes == {key: found}
     body.turn(name, value)
 
 
@@ -275,10 +275,10 @@ def test_lens_files_are_those_of_the_scenes_folder(tmp_path: Path) -> None:
     scene = load_scene(folder / "scene.yaml")
     assert [entry.name for entry in lens_entries(scene) if entry.kind == "file"] == ["mine.yaml"]
     dials = read_dials(scene)
-    assert turn_dial(dials, scene, scene, "lens", "mine.yaml").changes["camera.lens"] == "mine.yaml"
+    assert turn_dial(Panel(dials, scene, scene), "lens", "mine.yaml").changes["camera.lens"] == "mine.yaml"
     for name in ("link.yaml", "../outside.yaml", str(tmp_path / "outside.yaml"), "broken.yaml"):
         with pytest.raises(InputError, match="not one of the list"):
-            turn_dial(dials, scene, scene, "lens", name)
+            turn_dial(Panel(dials, scene, scene), "lens", name)
 
 
 def test_every_lens_file_of_a_full_folder_is_offered_and_what_is_too_much_is_said(
@@ -316,11 +316,11 @@ def test_wheel_zooms_a_zoom_widens_a_pinhole_and_crops_a_prime() -> None:
     for body in (zoom, thin, pinhole, prime):
         start, size = body.listed("zoom")["value"], body.scene.film.size_m()
         for clicks, factor in ((4, 1.03**4), (-4, 1.0)):
-            turned = zoom_clicks(body.dials, body.scene, body.resolved, clicks)
+            turned = zoom_by(Panel(body.dials, body.scene, body.resolved), clicks)
             body.take(turned.dials, turned.changes, turned.messages)
             assert body.listed("zoom")["value"] == pytest.approx(start * factor, rel=1e-5)
         assert body.scene.film.size_m() == pytest.approx(size, rel=1e-12)
-    turned = zoom_clicks(prime.dials, prime.scene, prime.resolved, -1)
+    turned = zoom_by(Panel(prime.dials, prime.scene, prime.resolved), -1)
     assert turned.changes == {} and turned.messages
 
 
@@ -345,14 +345,14 @@ def test_crop_of_a_prime_outlives_other_changes() -> None:
 def test_what_a_dial_cannot_be_is_refused(name: str, value: Any) -> None:
     body = Body("traced")
     with pytest.raises(InputError):
-        turn_dial(body.dials, body.scene, body.resolved, name, value)
+        turn_dial(Panel(body.dials, body.scene, body.resolved), name, value)
 
 
 @pytest.mark.parametrize("camera", CAMERAS)
 def test_list_has_every_dial_and_is_plain(camera: str) -> None:
 
     body = Body(camera)
-    entries = dial_list(body.dials, body.scene, body.resolved)
+    entries = dial_list(Panel(body.dials, body.scene, body.resolved))
     assert {entry["name"] for entry in entries} == set(DIALS)
     json.dumps(entries, allow_nan=False)
     for entry in entries:

@@ -150,12 +150,12 @@ def lens_magnification(lens: Lens, front_mm: float, film_mm: float) -> float:
 def test_ends_of_the_depth_of_field_blur_to_the_circle(lens: str) -> None:
     resolved = scene(lens, 3.0, f_number=5.6)
     found, setting = depth_of_field(resolved), lens_setting(resolved)
-    assert found is not None and found.far_m is not None
+    assert found is not None and found["far_m"] is not None and found["near_m"] is not None
     first, length = setting.lens.first_order(), setting.lens.film_z(setting.film_distance_mm)
-    for end_m in (found.near_m, found.far_m):
+    for end_m in (found["near_m"], found["far_m"]):
         image = film_distance(setting.lens, end_m * 1e3 - length, "front")
         cone = first.exit_pupil.diameter_mm / (image - first.exit_pupil.distance_mm)
-        assert cone * abs(image - setting.film_distance_mm) == pytest.approx(found.circle_mm, rel=1e-6)
+        assert cone * abs(image - setting.film_distance_mm) == pytest.approx(found["circle_mm"], rel=1e-6)
 
 
 def test_depth_of_field_of_a_thin_lens_is_the_textbooks() -> None:
@@ -164,22 +164,22 @@ def test_depth_of_field_of_a_thin_lens_is_the_textbooks() -> None:
     assert found is not None
     f, n, s, c = 50.0, 4.0, 3000.0, math.hypot(36, 24) / 1500
     hyperfocal = f * f / (n * c)
-    assert found.hyperfocal_m == pytest.approx(hyperfocal * 1e-3, rel=1e-4)  # to the lens; textbooks add f
-    assert found.near_m == pytest.approx(s * hyperfocal / (hyperfocal + s - f) * 1e-3, rel=1e-9)
-    assert found.far_m == pytest.approx(s * hyperfocal / (hyperfocal - s + f) * 1e-3, rel=1e-9)
-    assert found.magnification == pytest.approx(f / (s - f), rel=1e-9)
+    assert found["hyperfocal_m"] == pytest.approx(hyperfocal * 1e-3, rel=1e-4)  # to the lens; textbooks add f
+    assert found["near_m"] == pytest.approx(s * hyperfocal / (hyperfocal + s - f) * 1e-3, rel=1e-9)
+    assert found["far_m"] == pytest.approx(s * hyperfocal / (hyperfocal - s + f) * 1e-3, rel=1e-9)
+    assert found["magnification"] == pytest.approx(f / (s - f), rel=1e-9)
 
 
 @pytest.mark.parametrize(("lens", "share"), [("dgauss-50mm", 0.067), ("macro-55mm", 0.100)])
 def test_breathing_is_how_much_larger_a_near_focus_draws(lens: str, share: float) -> None:
     found = depth_of_field(scene(lens, 0.5))
-    assert found is not None and found.breathing is not None
+    assert found is not None
     wide, near = (lens_setting(scene(lens, metres)) for metres in (1e6, 0.5))
     images = [setting.film_distance_mm - setting.lens.first_order().exit_pupil.distance_mm for setting in (wide, near)]
     pupils = [setting.lens.first_order() for setting in (wide, near)]
     ratio = [first.entrance_pupil.diameter_mm / first.exit_pupil.diameter_mm for first in pupils]
-    assert found.breathing == pytest.approx(images[1] * ratio[1] / (images[0] * ratio[0]) - 1, rel=1e-6)
-    assert found.breathing == pytest.approx(share, abs=0.06)  # of exact rays at 10 degrees
+    assert found["breathing"] == pytest.approx(images[1] * ratio[1] / (images[0] * ratio[0]) - 1, rel=1e-6)
+    assert found["breathing"] == pytest.approx(share, abs=0.06)  # of exact rays at 10 degrees
 
 
 @pytest.mark.parametrize("lens", ["dgauss-50mm", "fisheye-10mm", "wide-22mm"])

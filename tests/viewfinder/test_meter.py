@@ -15,7 +15,7 @@ from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.viewfinder.dials import turn_dial
 from rptcam_cl.viewfinder.instruments import film_reading, spot_meter
-from rptcam_cl.viewfinder.panel import irradiance_per_radiance, read_dials, value_per_radiance
+from rptcam_cl.viewfinder.panel import Panel, irradiance_per_radiance, read_dials, value_per_radiance
 
 AGREEMENT_EV = 0.01
 METERINGS: list[dict[str, Any]] = [
@@ -63,10 +63,10 @@ def test_spot_meter_agrees_with_automatic_exposure_at_the_spot(pictures: dict[st
     resolved, pixels = pictures["physical"]
     found = spot_meter(pixels, resolved, 0.3, 0.6)
     assert auto.metered_cd_m2 is not None
-    assert abs(math.log2(found.cd_m2 / auto.metered_cd_m2)) < AGREEMENT_EV
-    assert found.time_s is not None
+    assert abs(math.log2(found["cd_m2"] / auto.metered_cd_m2)) < AGREEMENT_EV
+    assert found["time_s"] is not None
     dimmed = 2.0 * 100 / 200  # a stop of grey filter, and twice the sensitivity
-    assert abs(math.log2(found.time_s / (auto.scene.shutter.time_s * dimmed))) < AGREEMENT_EV
+    assert abs(math.log2(found["time_s"] / (auto.scene.shutter.time_s * dimmed))) < AGREEMENT_EV
 
 
 def test_a_session_is_exposed_by_the_dials_as_by_automatic_exposure() -> None:
@@ -77,13 +77,13 @@ def test_a_session_is_exposed_by_the_dials_as_by_automatic_exposure() -> None:
         reading = film_reading(frame.pixels, session.resolved, dials.meter)
         assert abs(math.log2(reading / metered)) < AGREEMENT_EV
         for mode in ("S", "P", "A", "M"):  # M comes last: it keeps what was found and lets the compensation go
-            turned = turn_dial(dials, session.scene, session.resolved, "mode", mode, reading)
+            turned = turn_dial(Panel(dials, session.scene, session.resolved, reading), "mode", mode)
             dials = turned.dials
             session.change(dict(turned.changes))
             frame = session.take(64)
             reading = film_reading(frame.pixels, session.resolved, dials.meter)
             assert abs(math.log2(reading / metered)) < AGREEMENT_EV
-            bright = spot_meter(frame.pixels, session.resolved, 0.5, 0.5).value
+            bright = spot_meter(frame.pixels, session.resolved, 0.5, 0.5)["value"]
             assert abs(math.log2(bright / (0.18 * 2**0.5))) < AGREEMENT_EV, mode
             assert read_dials(session.scene, dials) == dials
 
@@ -93,12 +93,12 @@ def test_spot_meter_reads_a_world_of_known_luminance() -> None:
     pixels = np.full((20, 30, 3), 0.36, np.float32)
     pixels[:, :15] = 0.045
     bright, dark = spot_meter(pixels, world, 0.8, 0.5, 0.001), spot_meter(pixels, world, 0.2, 0.5, 0.0)
-    assert bright.cd_m2 == pytest.approx(0.36 * 683.002, rel=1e-5)
-    assert bright.ev == pytest.approx(math.log2(0.36 * 683.002 * 8), rel=1e-5)
-    assert [bright.stops, dark.stops] == pytest.approx([1.0, -2.0], abs=1e-6)
-    assert (bright.zone, dark.zone, bright.time_s) == ("VI", "III", None)
+    assert bright["cd_m2"] == pytest.approx(0.36 * 683.002, rel=1e-5)
+    assert bright["ev"] == pytest.approx(math.log2(0.36 * 683.002 * 8), rel=1e-5)
+    assert [bright["stops"], dark["stops"]] == pytest.approx([1.0, -2.0], abs=1e-6)
+    assert (bright["zone"], dark["zone"], bright["time_s"]) == ("VI", "III", None)
     nothing = spot_meter(np.zeros((4, 4, 3), np.float32), world, 0.5, 0.5)
-    assert (nothing.cd_m2, nothing.ev, nothing.stops, nothing.zone) == (0.0, None, None, "0")
+    assert (nothing["cd_m2"], nothing["ev"], nothing["stops"], nothing["zone"]) == (0.0, None, None, "0")
 
 
 def test_cropped_film_is_metered_by_its_place_in_the_frame() -> None:

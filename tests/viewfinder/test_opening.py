@@ -27,10 +27,10 @@ def test_what_the_camera_does_not_find_is_set_by_hand(tmp_path: Path, text: str,
     path = tmp_path / "even.yaml"
     path.write_text(text)
     scene = load_scene(path)
-    opened = open_session(scene, None)
-    with opened.session as session:
-        assert opened.by_hand == by_hand
-        assert (opened.problem is None) == (not by_hand)
+    session, found, problem = open_session(scene, None)
+    with session:
+        assert found == by_hand
+        assert (problem is None) == (not by_hand)
         assert session.scene.made_of == set_keys(scene, by_hand).made_of
 
 

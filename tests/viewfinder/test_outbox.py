@@ -14,7 +14,7 @@ def header_of(message: str | bytes) -> dict[str, Any]:
 
 
 def picture(number: int) -> FrameData:
-    return FrameData({"picture": number}, b"data")
+    return {"picture": number}, b"data"
 
 
 def test_only_the_newest_frame_waits_and_two_are_under_way() -> None:

@@ -12,6 +12,7 @@ import rptcam_cl
 from rptcam_cl.viewfinder.delivery import Delivery
 from rptcam_cl.viewfinder.dials import meter_needle, turn_dial
 from rptcam_cl.viewfinder.messages import Client, ClientSettings, codes_of
+from rptcam_cl.viewfinder.panel import Panel
 from rptcam_cl.viewfinder.studio import Changes, Slot
 from tests.viewfinder.page_client import SCENE
 
@@ -97,9 +98,9 @@ def test_the_needle_moves_by_the_stops_that_a_dial_turns(slots: Any) -> None:
     rested(slot)
     needles = []
     for seconds in (0.01, 0.02):
-        turned = turn_dial(slot.dials, slot.scene, slot.resolved, "shutter_s", seconds, slot.reading_cd_m2)
+        turned = turn_dial(Panel(slot.dials, slot.scene, slot.resolved, slot.reading_cd_m2), "shutter_s", seconds)
         slot.change(turned.changes, dials=turned.dials)
         rested(slot)
-        needles.append(meter_needle(slot.dials, slot.scene, slot.resolved, slot.reading_cd_m2))
+        needles.append(meter_needle(Panel(slot.dials, slot.scene, slot.resolved, slot.reading_cd_m2)))
     assert all(needle is not None and math.isfinite(needle) for needle in needles)
     assert needles[1] - needles[0] == pytest.approx(1.0, abs=1e-3)

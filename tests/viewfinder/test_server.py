@@ -17,7 +17,7 @@ from rptcam_cl.imaging.image import read_film
 from rptcam_cl.rendering.tracer import Compiler
 from rptcam_cl.scene.load import load_scene
 from rptcam_cl.viewfinder.engine import Viewfinder
-from rptcam_cl.viewfinder.moves import FocusOrder
+from rptcam_cl.viewfinder.moves import focus_order
 from rptcam_cl.viewfinder.server import ViewServer
 from tests.viewfinder.page_client import SCENE, Page, at_rest, left_alone, page, serving
 
@@ -296,7 +296,7 @@ def test_picture_goes_on_while_another_process_compiles_what_autofocus_needs(
 def test_order_of_a_search_is_carried_out_by_another_process(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
     scene, device = load_scene(served[2]), open_session()
     compiler = Compiler()
-    assert compiler.compile(FocusOrder(device.info.id, scene, None, {"point": (0.5, 0.5)}).pickled())
-    assert compiler.compile(FocusOrder(device.info.id, scene, None, {"point": (0.0, 0.0)}).pickled())  # finds nothing
-    assert not compiler.compile(FocusOrder("no-device", scene, None, {"point": (0.5, 0.5)}).pickled())
+    assert compiler.compile(focus_order(device.info.id, scene, None, {"point": (0.5, 0.5)}))
+    assert compiler.compile(focus_order(device.info.id, scene, None, {"point": (0.0, 0.0)}))  # finds nothing
+    assert not compiler.compile(focus_order("no-device", scene, None, {"point": (0.5, 0.5)}))
     compiler.close()

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.exchange.pbrt.files import Context
-from rptcam_cl.exchange.pbrt.source import Parameters, Place
 from rptcam_cl.exchange.pbrt.world import Entity, Matrix, apply, is_invertible, mean_scale, tidy
 from rptcam_cl.optics.library import load_lens
 from rptcam_cl.scene.assets.pictures import read_picture
@@ -90,7 +89,7 @@ def frame_of(camera: Entity) -> Frame:
         When its transform cannot be inverted.
     """
     if not is_invertible(camera.world_from_object):
-        raise camera.place.error(f"{camera.what}: the transform before it cannot be inverted")
+        raise camera.error("the transform before it cannot be inverted")
     world_from_camera = np.asarray(np.linalg.inv(camera.world_from_object), np.float64)
     whole = camera.kind in ("environment", "spherical")
     axes = AXES["environment" if whole else "perspective"]
@@ -128,19 +127,19 @@ def filter_keys(context: Context) -> Keys:
     if entity is None:
         return {} if third else {"filter": {"kind": "gaussian", "radius_px": 1.5}}
     if entity.kind not in KINDS:
-        raise entity.place.error(f'unknown filter "{entity.kind}" (allowed: {", ".join(KINDS)})')
+        raise entity.unknown("filter", KINDS)
     *defaults, kind = KINDS[entity.kind]
     radius = _radius(context, entity, float(defaults[0 if third else 1]))
     if kind == "gaussian":
         radius = _gaussian_radius(context, entity, radius)
     if entity.kind == "sinc":
         entity.parameters.skip("tau")
-        context.report.approximated(entity.place, f"{entity.what}: Mitchell's filter of radius 2")
+        context.approximated(entity, "Mitchell's filter of radius 2")
         radius = 2.0
     if kind == "mitchell" and entity.kind == "mitchell":
         b, c = (entity.parameters.number(name, THIRD) for name in ("B", "C"))
         if max(abs(b - THIRD), abs(c - THIRD)) > 1e-3:
-            context.report.approximated(entity.place, f"{entity.what}: B and C as 1/3")
+            context.approximated(entity, "B and C as 1/3")
     if kind == "box" and radius == 0.5:
         return {}
     return {"filter": {"kind": kind, "radius_px": min(max(radius, 0.01), 16.0)}}
@@ -152,9 +151,9 @@ def _radius(context: Context, entity: Entity, default: float) -> float:
         entity.parameters.number(f"{axis}radius", entity.parameters.number(f"{axis}width", default)) for axis in "xy"
     )
     if not (x > 0 and y > 0):
-        raise entity.place.error(f"{entity.what}: the radius must be above 0 (got {x:g} and {y:g})")
+        raise entity.error(f"the radius must be above 0 (got {x:g} and {y:g})")
     if x != y:
-        context.report.approximated(entity.place, f"{entity.what}: the same radius along x and y")
+        context.approximated(entity, "the same radius along x and y")
     return (x + y) / 2
 
 
@@ -162,12 +161,10 @@ def _gaussian_radius(context: Context, entity: Entity, radius: float) -> float:
     """Return the radius of the Gaussian of the same width: sigma, or exp(-alpha x^2) in pbrt-v3."""
     alpha = entity.parameters.number("alpha", 2.0)
     if not alpha > 0:
-        raise entity.place.error(f"{entity.what}: alpha must be above 0 (got {alpha:g})")
+        raise entity.error(f"alpha must be above 0 (got {alpha:g})")
     sigma = entity.parameters.number("sigma", 1 / math.sqrt(2 * alpha))
     if abs(radius - SIGMAS * sigma) > 1e-6:
-        context.report.approximated(
-            entity.place, f"{entity.what}: ends {SIGMAS:g} standard deviations out, at {SIGMAS * sigma:g} pixels"
-        )
+        context.approximated(entity, f"ends {SIGMAS:g} standard deviations out, at {SIGMAS * sigma:g} pixels")
     return SIGMAS * sigma
 
 
@@ -228,7 +225,7 @@ def raster_of(context: Context, film: Entity | None) -> Raster:
     parameters = film.parameters
     width, height = parameters.integer("xresolution", 1280), parameters.integer("yresolution", 720)
     if width < 1 or height < 1:
-        raise film.place.error(f"{film.what}: the resolution must be at least 1 x 1 (got {width} x {height})")
+        raise film.error(f"the resolution must be at least 1 x 1 (got {width} x {height})")
     crop = parameters.numbers("cropwindow")
     bounds = parameters.numbers("pixelbounds", "integer", "float")
     if crop is not None and len(crop) == 4:
@@ -237,10 +234,10 @@ def raster_of(context: Context, film: Entity | None) -> Raster:
     if bounds is None:
         return Raster(width, height, (0, width, 0, height))
     if len(bounds) != 4 or (crop is not None and len(crop) != 4):
-        raise film.place.error(f"{film.what}: a window needs 4 numbers, x0 x1 y0 y1")
+        raise film.error("a window needs 4 numbers, x0 x1 y0 y1")
     x0, x1, y0, y1 = (int(value) for value in np.clip(bounds, 0, [width, width, height, height]))
     if x0 >= x1 or y0 >= y1:
-        raise film.place.error(f"{film.what}: the window to render is empty")
+        raise film.error("the window to render is empty")
     return Raster(width, height, (x0, x1, y0, y1))
 
 
@@ -281,42 +278,32 @@ def render_keys(context: Context) -> dict[str, Any]:
     keys = {"spp": DEFAULT_SAMPLES, "max_depth": DEFAULT_DEPTH + 1}
     if (sampler := options.get("Sampler")) is not None:
         sampler.parameters.skip(*PATTERNS)
-        keys["spp"] = _samples(sampler.kind, sampler.parameters)
+        parameters = sampler.parameters
+        if sampler.kind == "stratified":
+            keys["spp"] = parameters.integer("xsamples", 4) * parameters.integer("ysamples", 4)
+        else:
+            keys["spp"] = parameters.integer("pixelsamples", DEFAULT_SAMPLES)
         if keys["spp"] < 1:
-            raise sampler.place.error(f"{sampler.what}: needs at least 1 sample per pixel (got {keys['spp']})")
+            raise sampler.error(f"needs at least 1 sample per pixel (got {keys['spp']})")
     if (integrator := options.get("Integrator")) is not None:
         _note_integrator(context, integrator)
         depth = integrator.parameters.integer("maxdepth", DEFAULT_DEPTH)
         if depth < 0:
-            raise integrator.place.error(f"{integrator.what}: maxdepth must not be negative (got {depth})")
+            raise integrator.error(f"maxdepth must not be negative (got {depth})")
         keys["max_depth"] = depth + 1  # pbrt counts bounces, we count edges with the camera's
     return keys
 
 
-def _samples(kind: str, parameters: Parameters) -> int:
-    if kind == "stratified":
-        return parameters.integer("xsamples", 4) * parameters.integer("ysamples", 4)
-    return parameters.integer("pixelsamples", DEFAULT_SAMPLES)
-
-
 def _note_integrator(context: Context, integrator: Entity) -> None:
     integrator.parameters.skip(*LIGHT_CHOICE)
-    kinds = {
-        "path": None,
-        "volpath": "paths without media",
-        "bdpt": "paths from the camera only",
-        "mlt": "paths from the camera only",
-        "sppm": "paths from the camera only",
-        "lightpath": "paths from the camera only",
-        "simplepath": None,
-        "simplevolpath": "paths without media",
-    }
-    if integrator.kind not in kinds:
+    if integrator.kind in ("volpath", "simplevolpath"):
+        context.approximated(integrator, "paths without media")
+    elif integrator.kind in ("bdpt", "mlt", "sppm", "lightpath"):
+        context.approximated(integrator, "paths from the camera only")
+    elif integrator.kind not in ("path", "simplepath"):
         context.report.approximated(
             integrator.place, f"{integrator.what} is another picture than paths of light give, which we compute"
         )
-    elif (how := kinds[integrator.kind]) is not None:
-        context.report.approximated(integrator.place, f"{integrator.what}: {how}")
 
 
 # Cameras of pbrt as cameras of ours.
@@ -331,13 +318,7 @@ STOPS: dict[str, Keys] = {
 }
 
 
-@dataclass(frozen=True)
-class CameraKeys:
-    """What a camera says in a scene of ours: the keys of ``camera``, ``film`` and of the scene itself."""
-
-    camera: Keys
-    film: Keys
-    scene: Keys
+CameraKeys = tuple[Keys, Keys, Keys]  # of `camera`, of `film` and of the scene itself
 
 
 def convert_camera(context: Context, camera: Entity, frame: Frame, raster: Raster, film: Entity | None) -> CameraKeys:
@@ -347,7 +328,7 @@ def convert_camera(context: Context, camera: Entity, frame: Frame, raster: Raste
         "spherical": _spherical, "realistic": _realistic,
     }  # fmt: skip
     if camera.kind not in kinds:
-        raise camera.place.error(f'unknown camera "{camera.kind}" (allowed: {", ".join(kinds)})')
+        raise camera.unknown("camera", kinds)
     if np.any(frame.stretch != 1) and camera.kind != "perspective":
         context.report.ignored(camera.place, "uneven scaling of the camera's space")
     return kinds[camera.kind](context, camera, frame, raster, film)
@@ -359,11 +340,11 @@ def _screen(camera: Entity, raster: Raster) -> Array:
     aspect = camera.parameters.number("frameaspectratio", raster.width / raster.height)
     if window is None:
         if not aspect > 0:
-            raise camera.place.error(f"{camera.what}: frameaspectratio must be above 0 (got {aspect:g})")
+            raise camera.error(f"frameaspectratio must be above 0 (got {aspect:g})")
         x, y = (aspect, 1.0) if aspect > 1 else (1.0, 1 / aspect)
         return np.array([-x, x, -y, y])
     if len(window) != 4 or window[0] >= window[1] or window[2] >= window[3]:
-        raise camera.place.error(f"{camera.what}: screenwindow needs x0 x1 y0 y1 with x0 < x1 and y0 < y1")
+        raise camera.error("screenwindow needs x0 x1 y0 y1 with x0 < x1 and y0 < y1")
     return window
 
 
@@ -377,7 +358,7 @@ def _centred(context: Context, camera: Entity, raster: Raster) -> tuple[Raster, 
     shift_x, shift_y = (x0 + x1) / pixel_x, (y0 + y1) / pixel_y
     across, down = round(shift_x), round(shift_y)
     if abs(across - shift_x) > 1e-6 or abs(down - shift_y) > 1e-6:
-        context.report.approximated(camera.place, f"{camera.what}: the screen window moves by part of a half pixel")
+        context.approximated(camera, "the screen window moves by part of a half pixel")
     if not across and not down:
         return raster, (x1 - x0) / 2, (y1 - y0) / 2
     wide = raster.widened(across, down)
@@ -399,7 +380,7 @@ def _perspective(context: Context, camera: Entity, frame: Frame, raster: Raster,
     if camera.parameters.has("halffov"):
         fov = 2 * camera.parameters.number("halffov", 45.0)
     if not 0 < fov < 180:
-        raise camera.place.error(f"{camera.what}: fov must lie between 0 and 180 degrees (got {fov:g})")
+        raise camera.error(f"fov must lie between 0 and 180 degrees (got {fov:g})")
     axis, half = ("vertical", half_y) if half_y < half_x else ("horizontal", half_x)
     if half != 1:
         fov = math.degrees(2 * math.atan(half * math.tan(math.radians(fov) / 2)))
@@ -408,9 +389,9 @@ def _perspective(context: Context, camera: Entity, frame: Frame, raster: Raster,
     distance = camera.parameters.number("focaldistance", 1e6)
     if radius > 0:
         if not distance > 0:
-            raise camera.place.error(f"{camera.what}: focaldistance must be above 0 (got {distance:g})")
+            raise camera.error(f"focaldistance must be above 0 (got {distance:g})")
         keys |= {"kind": "thin_lens", "aperture_radius_m": radius, "focus_distance_m": min(distance, 1e12)}
-    return CameraKeys(keys, _film_keys(raster, half_x, half_y), {})
+    return keys, _film_keys(raster, half_x, half_y), {}
 
 
 def _orthographic(context: Context, camera: Entity, frame: Frame, raster: Raster, film: Entity | None) -> CameraKeys:
@@ -422,7 +403,7 @@ def _orthographic(context: Context, camera: Entity, frame: Frame, raster: Raster
         f" farther than the camera is N/{ORTHOGRAPHIC_REACH:g} too large or small (2.8 % for 14)",
     )
     if camera.parameters.number("lensradius", 0.0) > 0:
-        context.report.ignored(camera.place, f"{camera.what}: the lens radius of a parallel view")
+        context.ignored(camera, "the lens radius of a parallel view")
     camera.parameters.skip("focaldistance")
     pose = frame.pose()
     forward = frame.forward / np.linalg.norm(frame.forward)
@@ -431,7 +412,7 @@ def _orthographic(context: Context, camera: Entity, frame: Frame, raster: Raster
         "kind": "pinhole", **pose, "eye": tidy(eye), "near_m": reach,
         "fov_degrees": math.degrees(2 * math.atan(half_x / reach)),
     }  # fmt: skip
-    return CameraKeys(keys, _film_keys(raster, half_x, half_y), {})
+    return keys, _film_keys(raster, half_x, half_y), {}
 
 
 def _spherical(context: Context, camera: Entity, frame: Frame, raster: Raster, film: Entity | None) -> CameraKeys:
@@ -440,16 +421,13 @@ def _spherical(context: Context, camera: Entity, frame: Frame, raster: Raster, f
     if mapping not in ("equalarea", "equirectangular"):
         raise camera.place.error(f'unknown mapping "{mapping}" (allowed: equalarea, equirectangular)')
     if mapping == "equalarea":
-        context.report.approximated(
-            camera.place, f"{camera.what}: longitude and latitude in place of the equal-area square"
-        )
+        context.approximated(camera, "longitude and latitude in place of the equal-area square")
     if raster.width != 2 * raster.height:
-        context.report.approximated(
-            camera.place,
-            f"{camera.what}: the film becomes {2 * raster.height} x {raster.height} pixels, twice as wide as high",
+        context.approximated(
+            camera, f"the film becomes {2 * raster.height} x {raster.height} pixels, twice as wide as high"
         )
         raster = Raster(2 * raster.height, raster.height, (0, 2 * raster.height, 0, raster.height))
-    return CameraKeys({"kind": "environment", **frame.pose()}, raster.keys(), {})
+    return {"kind": "environment", **frame.pose()}, raster.keys(), {}
 
 
 def _realistic(context: Context, camera: Entity, frame: Frame, raster: Raster, film: Entity | None) -> CameraKeys:
@@ -461,9 +439,9 @@ def _realistic(context: Context, camera: Entity, frame: Frame, raster: Raster, f
     keys |= _stop_shape(context, camera)
     weighting = context.scene.version == 3 and parameters.boolean("simpleweighting", True)
     if weighting:
-        context.report.approximated(camera.place, f"{camera.what}: simple weighting as exposure relative to the axis")
+        context.approximated(camera, "simple weighting as exposure relative to the axis")
     scene = {"exposure": "relative" if weighting else "irradiance"}
-    return CameraKeys(keys, {**raster.keys(), "diagonal_mm": diagonal_mm(film)}, scene)
+    return keys, {**raster.keys(), "diagonal_mm": diagonal_mm(film)}, scene
 
 
 def _realistic_of_v2(context: Context, camera: Entity, frame: Frame, raster: Raster) -> CameraKeys:
@@ -477,12 +455,12 @@ def _realistic_of_v2(context: Context, camera: Entity, frame: Frame, raster: Ras
     diagonal = parameters.number("filmdiag", DEFAULT_DIAGONAL_MM)
     for name, length in (("filmdistance", distance), ("filmdiag", diagonal)):
         if not length > 0:
-            raise camera.place.error(f'{camera.what}: "{name}" must be above 0 mm (got {length:g})')
+            raise camera.error(f'"{name}" must be above 0 mm (got {length:g})')
     back = (length_mm + distance) * MILLIMETRE / frame.metres_per_unit
     eye = frame.eye - back * frame.forward / np.linalg.norm(frame.forward)
     pose = {**frame.pose(), "eye": tidy(eye)}
     film = {**raster.keys(), "diagonal_mm": diagonal}
-    return CameraKeys({**keys, **pose, "focus": {"film_distance_mm": distance}}, film, {"exposure": "irradiance"})
+    return {**keys, **pose, "focus": {"film_distance_mm": distance}}, film, {"exposure": "irradiance"}
 
 
 def _lens_keys(context: Context, camera: Entity, file_key: str, diameter_key: str) -> tuple[Keys, float]:
@@ -494,22 +472,19 @@ def _lens_keys(context: Context, camera: Entity, file_key: str, diameter_key: st
     place = parameters.items[file_key].place
     path = context.find(name, place)
     lens = load_lens(path)
-    keys: Keys = {"kind": "realistic", "lens": _as_path(context.files.reference(path, place))}
+    file = context.files.reference(path, place)
+    # a name without a folder is that of a lens of the library
+    keys: Keys = {"kind": "realistic", "lens": file if "/" in file else f"./{file}"}
     diameter = parameters.number(diameter_key, 1.0)
     if lens.stop is None:
         context.report.ignored(place, "the aperture diameter: the lens has no stop")
     elif diameter > (widest := 2 * lens.stop.semi_diameter):
         context.report.noted(place, f"the stop opens to {widest:g} mm, not to {diameter:g} mm, as in pbrt")
     elif not diameter > 0:
-        raise camera.place.error(f'{camera.what}: "{diameter_key}" must be above 0 mm (got {diameter:g})')
+        raise camera.error(f'"{diameter_key}" must be above 0 mm (got {diameter:g})')
     else:
         keys["stop_diameter_mm"] = diameter
     return keys, lens.length
-
-
-def _as_path(name: str) -> str:
-    """Return a name that a scene takes for a path, not for a lens of the library."""
-    return name if "/" in name else f"./{name}"
 
 
 def _stop_shape(context: Context, camera: Entity) -> Keys:
@@ -517,7 +492,7 @@ def _stop_shape(context: Context, camera: Entity) -> Keys:
     shape = camera.parameters.text("aperture", "circular")
     if shape == "circular":
         return {}
-    place: Place = camera.parameters.items["aperture"].place
+    place = camera.parameters.items["aperture"].place
     if shape in STOPS:
         context.report.approximated(place, f'the stop "{shape}" in our shape of the name')
         return {"aperture": STOPS[shape]}

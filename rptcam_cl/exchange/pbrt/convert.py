@@ -15,8 +15,8 @@ from rptcam_cl.exchange.pbrt.camera import convert_camera, exposure_ev, filter_k
 from rptcam_cl.exchange.pbrt.files import Context, FileStore
 from rptcam_cl.exchange.pbrt.lights import convert_lights, convert_sky
 from rptcam_cl.exchange.pbrt.shapes import Objects, count_values
-from rptcam_cl.exchange.pbrt.source import Parameters, Report
-from rptcam_cl.exchange.pbrt.world import PbrtScene, read_world
+from rptcam_cl.exchange.pbrt.source import Report
+from rptcam_cl.exchange.pbrt.world import read_world
 from rptcam_cl.scene.load import Missing, load_scene, plain, scene_text
 
 # Parameters of every camera that concern motion, which is not converted.
@@ -124,14 +124,10 @@ def _scene_keys(context: Context, source: Path) -> dict[str, Any]:
     frame = frame_of(camera)
     film = options.get("Film")
     raster = raster_of(context, film)
-    camera_keys = convert_camera(context, camera, frame, raster, film)
+    camera_keys, film_keys, own_keys = convert_camera(context, camera, frame, raster, film)
     if film is not None:
         film.parameters.skip("diagonal")
-    scene: dict[str, Any] = {
-        "film": {**camera_keys.film, **filter_keys(context)},
-        "camera": camera_keys.camera,
-        **camera_keys.scene,
-    }
+    scene: dict[str, Any] = {"film": {**film_keys, **filter_keys(context)}, "camera": camera_keys, **own_keys}
     scene["render"] = render_keys(context)
     if frame.metres_per_unit != 1:
         scene["metres_per_unit"] = frame.metres_per_unit
@@ -145,11 +141,11 @@ def _scene_keys(context: Context, source: Path) -> dict[str, Any]:
         context.refuse_missing()
         raise InputError(_no_objects(context, source))
     scene |= sections
-    lights = convert_lights(context, frame)
-    if lights.items:
-        scene["lights"] = lights.items
-    if (sky := convert_sky(context, frame, lights)) is not None:
-        scene["environment"] = sky
+    lights, sky, maps = convert_lights(context, frame)
+    if lights:
+        scene["lights"] = lights
+    if (environment := convert_sky(context, frame, sky, maps)) is not None:
+        scene["environment"] = environment
     return dict(plain(scene))
 
 
@@ -164,17 +160,12 @@ def _no_objects(context: Context, source: Path) -> str:
 
 def _note_unused(context: Context) -> None:
     """Report every parameter that was never looked up."""
-    for parameters in _all_parameters(context.scene):
+    scene = context.scene
+    entities = [*scene.options.values(), *scene.lights]
+    for use, _, _ in scene.placed():
+        for entity in (use.shape, scene.material_of(use.material), use.lamp):
+            if entity is not None:
+                entities += [entity, *entity.textures.values()]
+    for parameters in dict.fromkeys(entity.parameters for entity in entities):
         for item in parameters.unused():
             context.report.ignored(item.place, f'{parameters.what}: "{item.kind} {item.name}"')
-
-
-def _all_parameters(scene: PbrtScene) -> list[Parameters]:
-    found = [entity.parameters for entity in (*scene.options.values(), *scene.lights)]
-    for use, _, _ in scene.placed():
-        material = scene.material_of(use.material)
-        for entity in (use.shape, material, use.lamp):
-            if entity is not None:
-                found.append(entity.parameters)
-                found += [texture.parameters for texture in entity.textures.values()]
-    return list(dict.fromkeys(found))

@@ -14,10 +14,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, MissingFileError
-from rptcam_cl.core.files import Folders, utf8_name
+from rptcam_cl.core.files import Folders
 from rptcam_cl.exchange.pbrt.source import Place, Report, read_limited
-from rptcam_cl.exchange.pbrt.world import PbrtScene
-from rptcam_cl.scene.assets.pictures import LARGEST_PIXELS, SUFFIXES, read_picture
+from rptcam_cl.exchange.pbrt.world import Entity, PbrtScene
+from rptcam_cl.scene.assets.pictures import LARGEST_PIXELS, SUFFIXES, read_picture, write_exr
 from rptcam_cl.scene.load import Missing
 
 LARGEST_COPY = 4 << 30
@@ -92,10 +92,6 @@ class FileStore:
         chosen = self.new_name(kind, name)
         self._pending[chosen] = write
         return chosen
-
-    def names(self) -> list[str]:
-        """Return the names of the files to be written."""
-        return list(self._pending)
 
     def stage(self, folder: Path) -> None:
         """Write the files below a folder, from which they are moved to their places once the whole is good.
@@ -182,6 +178,14 @@ class Context:
     absent: list[str] = field(default_factory=list)
     known: dict[int, object] = field(default_factory=dict, repr=False)
     pictures: dict[str, str] = field(default_factory=dict, repr=False)
+
+    def approximated(self, entity: Entity, what: str, place: Place | None = None) -> None:
+        """Report what of an entity the scene of ours has in another way; at a place of its own where one is given."""
+        self.report.approximated(place or entity.place, f"{entity.what}: {what}")
+
+    def ignored(self, entity: Entity, what: str, place: Place | None = None) -> None:
+        """Report what of an entity the scene of ours does not have; at a place of its own where one is given."""
+        self.report.ignored(place or entity.place, f"{entity.what}: {what}")
 
     def find(self, name: str, place: Place) -> Path:
         """Return the path of a file that the pbrt scene names.
@@ -283,15 +287,17 @@ def in_longitude_and_latitude(square: NDArray[np.float32], *, clockwise: bool) -
 
 Pixels = NDArray[np.float32]
 
-# Kinds of pictures that pbrt reads and ours does not.
+# Kinds of pictures that pbrt reads and ours does not, and all that are converted.
 OTHERS = (".tga", ".pfm")
+READABLE = (*SUFFIXES, *OTHERS)
+NOT_READ = "a kind of picture that is not read"
 _PFM = re.compile(rb"(P[Ff])\s+(\d{1,9})\s+(\d{1,9})\s+([-+.\deE]{1,30})\s")
 _LARGEST_FILE = 16 * LARGEST_PIXELS
 
 
 def is_readable(path: Path) -> bool:
     """Return whether a picture can be shown, by its suffix."""
-    return path.suffix.lower() in (*SUFFIXES, *OTHERS)
+    return path.suffix.lower() in READABLE
 
 
 def picture_name(context: Context, path: Path, place: Place) -> str:
@@ -303,7 +309,7 @@ def picture_name(context: Context, path: Path, place: Place) -> str:
         if suffix == ".tga":
             name = context.files.add("files", f"{path.stem}.png", partial(_write_png, _tga(path, place)))
         else:
-            name = context.files.add("files", f"{path.stem}.exr", partial(write_exr, _pfm(path, place)))
+            name = context.files.add("files", f"{path.stem}.exr", partial(write_exr, {"RGB": _pfm(path, place)}))
         context.report.noted(place, f"{path.name}: written anew, to {name}")
         context.pictures[str(path)] = name
     return context.pictures[str(path)]
@@ -376,12 +382,3 @@ def _write_png(pixels: NDArray[np.uint8], path: Path) -> None:
     import PIL.Image
 
     PIL.Image.fromarray(pixels).save(path, format="PNG")
-
-
-def write_exr(pixels: Pixels, path: Path) -> None:
-    """Write linear colours as OpenEXR in float32."""
-    import OpenEXR
-
-    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-    with OpenEXR.File(header, {"RGB": np.ascontiguousarray(pixels)}) as file, utf8_name(path) as name:
-        file.write(name)

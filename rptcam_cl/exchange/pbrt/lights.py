@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import field
 from functools import partial
 from typing import Any
 
@@ -12,22 +11,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.colour import LUMINANCE
-from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.exchange.pbrt.camera import Frame
 from rptcam_cl.exchange.pbrt.files import (
-    OTHERS,
+    NOT_READ,
+    READABLE,
     Context,
     heights,
     in_longitude_and_latitude,
     is_readable,
     linear_pixels,
     picture_name,
-    write_exr,
 )
 from rptcam_cl.exchange.pbrt.source import Place
 from rptcam_cl.exchange.pbrt.textures import GREY, light, scale_factor
 from rptcam_cl.exchange.pbrt.world import ODD, Entity, Matrix, apply, is_bearable, is_similarity, reflects, tidy
-from rptcam_cl.scene.assets.pictures import SUFFIXES
+from rptcam_cl.scene.assets.pictures import write_exr
 
 Array = NDArray[np.float64]
 Keys = dict[str, Any]
@@ -36,34 +34,32 @@ Keys = dict[str, Any]
 SAMPLING = ("nsamples", "samples")
 
 
-@dataclass
-class Lights:
-    """The lights of a scene of ours."""
-
-    items: list[Keys] = field(default_factory=list)
-    sky: Array = field(default_factory=lambda: np.zeros(3))
-    maps: list[Entity] = field(default_factory=list)
-
-
-def convert_lights(context: Context, frame: Frame) -> Lights:
-    """Return all the lights; maps of the sky stay as they are."""
-    found = Lights()
+def convert_lights(context: Context, frame: Frame) -> tuple[list[Keys], Array, list[Entity]]:
+    """Return the lights of a scene of ours, the constant light of its sky, and the maps of the sky as they are."""
+    lights: list[Keys] = []
+    sky = np.zeros(3)
+    maps: list[Entity] = []
     kinds: dict[str, Callable[[Context, Entity, Frame], Keys]] = {
         "point": _point, "goniometric": _point, "projection": _point, "spot": _spot, "distant": _distant,
     }  # fmt: skip
     for entity in context.scene.lights:
         entity.parameters.skip(*SAMPLING)
         if (entity.kind in kinds or _is_map(entity)) and not is_bearable(_world(entity, frame)):
-            entity.parameters.used.update(entity.parameters.items)
-            context.report.ignored(entity.place, f"{entity.what}: {ODD}")
+            entity.parameters.skip_all()
+            context.ignored(entity, ODD)
         elif entity.kind in ("infinite", "exinfinite"):
-            _infinite(context, entity, found)
+            if entity.parameters.has("portal"):
+                entity.parameters.skip("portal")
+                context.ignored(entity, "its portal; the light comes from everywhere")
+            if _is_map(entity):
+                maps.append(entity)
+            else:
+                sky = sky + _radiance(context, entity, math.pi)
         elif entity.kind in kinds:
-            found.items.append(kinds[entity.kind](context, entity, frame))
+            lights.append(kinds[entity.kind](context, entity, frame))
         else:
-            allowed = ", ".join((*kinds, "infinite"))
-            raise entity.place.error(f'unknown light "{entity.kind}" (allowed: {allowed})')
-    return found
+            raise entity.unknown("light", (*kinds, "infinite"))
+    return lights, sky, maps
 
 
 def _is_map(entity: Entity) -> bool:
@@ -74,22 +70,28 @@ def _world(entity: Entity, frame: Frame) -> Matrix:
     return np.asarray(frame.world @ entity.world_from_object)
 
 
-def _power(entity: Entity, solid_angle: float) -> float:
-    """Return the factor that ``power`` of pbrt-v4 stands for: power over the solid angle that gets it."""
-    power = entity.parameters.number("power", -1.0)
-    return power / solid_angle if power > 0 else 1.0
-
-
 def _intensity(context: Context, entity: Entity, frame: Frame, solid_angle: float) -> list[float]:
-    """Return the radiant intensity; pbrt divides it by distances in its units, we by metres."""
-    colour = light(context, entity, "I") * scale_factor(context, entity) * _power(entity, solid_angle)
+    """Return the radiant intensity; pbrt divides it by distances in its units, we by metres.
+
+    ``power`` of pbrt-v4 is divided by the solid angle that gets it.
+    """
+    colour = light(context, entity, "I") * scale_factor(context, entity)
+    power = entity.parameters.number("power", -1.0)
+    colour = colour * (power / solid_angle if power > 0 else 1.0)
     return (colour * frame.metres_per_unit**2).tolist()  # type: ignore[no-any-return]
+
+
+def _radiance(context: Context, entity: Entity, per_illuminance: float) -> Array:
+    """Return the colour L of a light, times its illuminance over what of it a light of 1 gives."""
+    colour = light(context, entity, "L") * scale_factor(context, entity)
+    illuminance = entity.parameters.number("illuminance", -1.0)
+    return colour * illuminance / per_illuminance if illuminance > 0 else colour
 
 
 def _point(context: Context, entity: Entity, frame: Frame) -> Keys:
     if entity.kind != "point":
         entity.parameters.skip("filename", "mapname", "fov")
-        context.report.approximated(entity.place, f"{entity.what}: a point light without its picture")
+        context.approximated(entity, "a point light without its picture")
     position = apply(_world(entity, frame), entity.parameters.vector("from", (0, 0, 0))[None])[0]
     intensity = _intensity(context, entity, frame, 4 * math.pi)
     return {"kind": "point", "position": tidy(position), "intensity": intensity}
@@ -100,19 +102,15 @@ def _spot(context: Context, entity: Entity, frame: Frame) -> Keys:
     parameters = entity.parameters
     outer, delta = parameters.number("coneangle", 30.0), parameters.number("conedeltaangle", 5.0)
     if not 0 < outer <= 180 or delta < 0:
-        raise entity.place.error(f"{entity.what}: coneangle must lie between 0 and 180, conedeltaangle not below 0")
+        raise entity.error("coneangle must lie between 0 and 180, conedeltaangle not below 0")
     if context.scene.version == 3:
-        context.report.approximated(entity.place, f"{entity.what}: the edge of its cone as a smooth step")
+        context.approximated(entity, "the edge of its cone as a smooth step")
     inner = min(max(outer - delta, 0.0), outer * (1 - 1e-6))  # ours needs an edge
     start, stop = math.cos(math.radians(inner)), math.cos(math.radians(outer))
-    world = _world(entity, frame)
-    origin = parameters.vector("from", (0, 0, 0))
-    direction = world[:3, :3] @ (parameters.vector("to", (0, 0, 1)) - origin)
-    if not np.linalg.norm(direction) > 0:
-        raise entity.place.error(f'{entity.what}: "from" and "to" are the same point')
+    origin, direction = _ray(entity, frame)
     return {
         "kind": "spot",
-        "position": tidy(apply(world, origin[None])[0]),
+        "position": tidy(origin),
         "direction": tidy(direction),
         "intensity": _intensity(context, entity, frame, 2 * math.pi * ((1 - start) + (start - stop) / 2)),
         "outer_degrees": outer,
@@ -120,32 +118,19 @@ def _spot(context: Context, entity: Entity, frame: Frame) -> Keys:
     }
 
 
-def _distant(context: Context, entity: Entity, frame: Frame) -> Keys:
-    parameters = entity.parameters
-    way = parameters.vector("to", (0, 0, 1)) - parameters.vector("from", (0, 0, 0))
-    direction = _world(entity, frame)[:3, :3] @ way
+def _ray(entity: Entity, frame: Frame) -> tuple[Array, Array]:
+    """Return where in the world of ours a light stands, and the direction to what it looks at."""
+    world, origin = _world(entity, frame), entity.parameters.vector("from", (0, 0, 0))
+    direction = world[:3, :3] @ (entity.parameters.vector("to", (0, 0, 1)) - origin)
     if not np.linalg.norm(direction) > 0:
-        raise entity.place.error(f'{entity.what}: "from" and "to" are the same point')
-    colour = light(context, entity, "L") * scale_factor(context, entity)
-    illuminance = parameters.number("illuminance", -1.0)
-    if illuminance > 0:
-        colour = colour * illuminance
-    return {"kind": "directional", "direction": tidy(direction), "irradiance": colour.tolist()}
+        raise entity.error('"from" and "to" are the same point')
+    return apply(world, origin[None])[0], direction
 
 
-def _infinite(context: Context, entity: Entity, found: Lights) -> None:
-    parameters = entity.parameters
-    if parameters.has("portal"):
-        parameters.skip("portal")
-        context.report.ignored(entity.place, f"{entity.what}: its portal; the light comes from everywhere")
-    if _is_map(entity):
-        found.maps.append(entity)
-        return
-    colour = light(context, entity, "L") * scale_factor(context, entity)
-    illuminance = parameters.number("illuminance", -1.0)
-    if illuminance > 0:
-        colour = colour * illuminance / math.pi
-    found.sky = found.sky + colour
+def _distant(context: Context, entity: Entity, frame: Frame) -> Keys:
+    _, direction = _ray(entity, frame)
+    irradiance = _radiance(context, entity, 1.0)
+    return {"kind": "directional", "direction": tidy(direction), "irradiance": irradiance.tolist()}
 
 
 def lamp_radiance(context: Context, lamp: Entity, area: float) -> tuple[Array, bool]:
@@ -159,17 +144,17 @@ def lamp_radiance(context: Context, lamp: Entity, area: float) -> tuple[Array, b
     parameters = lamp.parameters
     parameters.skip(*SAMPLING)
     if lamp.kind not in ("diffuse", "area"):
-        raise lamp.place.error(f'unknown area light "{lamp.kind}" (allowed: diffuse)')
+        raise lamp.unknown("area light", ("diffuse",))
     two_sided = parameters.boolean("twosided", False)
     colour = light(context, lamp, "L") * scale_factor(context, lamp)
     power = parameters.number("power", -1.0)
     if power > 0 and area > 0:
         colour = colour * power / (math.pi * area * (2 if two_sided else 1))
     elif power > 0:
-        context.report.ignored(lamp.place, f'{lamp.what}: "power" of a shape whose area is in another file')
+        context.ignored(lamp, '"power" of a shape whose area is in another file')
     if parameters.has("filename"):
         parameters.skip("filename")
-        context.report.ignored(lamp.place, f"{lamp.what}: the picture that it shines with")
+        context.ignored(lamp, "the picture that it shines with")
     return colour, two_sided
 
 
@@ -178,34 +163,16 @@ def lamp_radiance(context: Context, lamp: Entity, area: float) -> tuple[Array, b
 Pixels = NDArray[np.float32]
 
 
-@dataclass(frozen=True, eq=False)
-class _Placement:
-    """How a picture in longitude and latitude lies round our world.
-
-    Attributes
-    ----------
-    up : (3,) array
-        Direction of its top row.
-    rotation_degrees : float
-    mirrored : bool
-        Whether pbrt's picture must be mirrored: its columns run against the turn of our longitude.
-    """
-
-    up: Array
-    rotation_degrees: float
-    mirrored: bool
-
-
-def convert_sky(context: Context, frame: Frame, lights: Lights) -> Keys | None:
-    """Return the environment of a scene of ours, None for a black one."""
-    constant: Keys | None = {"kind": "constant", "radiance": lights.sky.tolist()} if lights.sky.any() else None
+def convert_sky(context: Context, frame: Frame, sky: Array, maps: list[Entity]) -> Keys | None:
+    """Return the environment of a scene of ours from constant light and maps of the sky, None for a black one."""
+    constant: Keys | None = {"kind": "constant", "radiance": sky.tolist()} if sky.any() else None
     used = None
-    for entity in lights.maps:
+    for entity in maps:
         if used is None:
-            used = _of_map(context, entity, frame, lights.sky)
+            used = _of_map(context, entity, frame, sky)
         else:
-            entity.parameters.used.update(entity.parameters.items)
-            context.report.ignored(entity.place, f"{entity.what}: a second picture of the sky")
+            entity.parameters.skip_all()
+            context.ignored(entity, "a second picture of the sky")
     return used or constant
 
 
@@ -216,7 +183,7 @@ def _of_map(context: Context, entity: Entity, frame: Frame, sky: Array) -> Keys 
     name, place = parameters.text(key, ""), parameters.items[key].place
     path = context.find_or_note(name, place, f"a sky of grey {GREY:g}")
     if path is None:
-        parameters.used.update(parameters.items)
+        parameters.skip_all()
         return {"kind": "constant", "radiance": np.full(3, GREY).tolist()}
     factor = scale_factor(context, entity) * (light(context, entity, "L") if key == "mapname" else 1.0)
     if (illuminance := parameters.number("illuminance", -1.0)) > 0:
@@ -225,40 +192,43 @@ def _of_map(context: Context, entity: Entity, frame: Frame, sky: Array) -> Keys 
             f"{entity.what}: a picture with an illuminance is twice as bright as that says, as pbrt has it",
         )
     if not is_readable(path):
-        allowed = " ".join((*SUFFIXES, *OTHERS))
-        context.report.ignored(place, f"{name}: a kind of picture that is not read (allowed: {allowed})")
+        context.report.ignored(place, f"{name}: {NOT_READ} (allowed: {' '.join(READABLE)})")
         return None
-    placement = _placement(context, entity, frame)
-    keys: Keys = {"kind": "image", "file": "", "up": tidy(placement.up)}
-    if placement.rotation_degrees:
-        keys["rotation_degrees"] = placement.rotation_degrees
-    if key == "mapname" and not placement.mirrored and np.ptp(factor) == 0 and not sky.any():
+    up, rotation_degrees, mirrored = _placement(context, entity, frame)
+    keys: Keys = {"kind": "image", "file": "", "up": tidy(up)}
+    if rotation_degrees:
+        keys["rotation_degrees"] = rotation_degrees
+    if key == "mapname" and not mirrored and np.ptp(factor) == 0 and not sky.any():
         keys["file"] = picture_name(context, path, place)
         return keys | ({"gain": float(factor[0])} if factor[0] != 1 else {})
     pixels = linear_pixels(path, place)
     if key == "filename":
         factor = factor * _photometric(pixels, illuminance, place)
-        pixels = in_longitude_and_latitude(pixels, clockwise=placement.mirrored)
+        pixels = in_longitude_and_latitude(pixels, clockwise=mirrored)
         how = "from the equal-area square to longitude and latitude"
     else:
-        pixels = pixels[:, ::-1] if placement.mirrored else pixels
-        how = "mirrored" if placement.mirrored else "with its factor"
+        pixels = pixels[:, ::-1] if mirrored else pixels
+        how = "mirrored" if mirrored else "with its factor"
     pixels = (pixels * factor + sky).astype(np.float32)
-    keys["file"] = context.files.add("files", f"{path.stem}-sky.exr", partial(write_exr, pixels))
+    keys["file"] = context.files.add("files", f"{path.stem}-sky.exr", partial(write_exr, {"RGB": pixels}))
     context.report.noted(place, f"{name}: written anew {how}, to {keys['file']}")
     return keys
 
 
-def _placement(context: Context, entity: Entity, frame: Frame) -> _Placement:
-    """Return how the picture lies: pbrt's column at a quarter looks along +y of the light, the middle one along -x."""
+def _placement(context: Context, entity: Entity, frame: Frame) -> tuple[Array, float, bool]:
+    """Return the direction of the top row of a picture of the sky, its turn [degrees], and whether it is mirrored.
+
+    pbrt's column at a quarter looks along +y of the light, the middle one along -x. A mirrored one has columns that run
+    against the turn of our longitude.
+    """
     matrix = frame.world @ entity.world_from_object
     if not is_similarity(matrix):
-        context.report.approximated(entity.place, f"{entity.what}: without the uneven scaling of its transform")
+        context.approximated(entity, "without the uneven scaling of its transform")
     x, _, up = (axis / np.linalg.norm(axis) for axis in matrix[:3, :3].T)
     forward = -(x - up * (x @ up))
     right_at_0, forward_at_0 = _axes(up)
     turn = math.degrees(math.atan2(-(forward @ right_at_0), forward @ forward_at_0))
-    return _Placement(up, round(turn, 10) + 0.0, mirrored=not reflects(matrix))
+    return up, round(turn, 10) + 0.0, not reflects(matrix)
 
 
 def _axes(up: Array) -> tuple[Array, Array]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -124,31 +125,17 @@ def index_of(context: Context, entity: Entity, name: str = "eta", default: float
         if item.kind == "float":
             index = parameters.number(key, default)
         elif item.kind == "spectrum":
-            index = _spectral_index(context, entity, key)
-        else:
-            index = _mean_index(context, entity, key)
-            context.report.approximated(item.place, f'{entity.what}: "{key}" as the number {index:g}')
+            name = str(item.values[0]) if len(item.values) == 1 else ""
+            index = GLASSES.get(name) or float(np.interp(589.0, *_sorted(samples_of(context, item))))
+            context.approximated(entity, f'"{key}" without dispersion, {index:g} at all wavelengths', item.place)
+        else:  # a colour, or a texture of numbers or of colours that are cut at 1
+            values = item.values
+            index = float(np.mean(values)) if isinstance(values, np.ndarray) else value(context, entity, key, 1.5)
+            context.approximated(entity, f'"{key}" as the number {index:g}', item.place)
         if not 0.2 <= index <= 5:
-            raise item.place.error(f'{entity.what}: "{key}" must lie between 0.2 and 5 (got {index:g})')
+            raise parameters.error(key, f"must lie between 0.2 and 5 (got {index:g})")
         return index
     return default
-
-
-def _mean_index(context: Context, entity: Entity, key: str) -> float:
-    """Return the mean of an index that is a colour, or a texture (of numbers, or of colours that are cut at 1)."""
-    values = entity.parameters.items[key].values
-    return float(np.mean(values)) if isinstance(values, np.ndarray) else value(context, entity, key, 1.5)
-
-
-def _spectral_index(context: Context, entity: Entity, key: str) -> float:
-    item = entity.parameters.items[key]
-    name = str(item.values[0]) if len(item.values) == 1 else ""
-    if name in GLASSES:
-        index = GLASSES[name]
-    else:
-        index = float(np.interp(589.0, *_sorted(samples_of(context, item))))
-    context.report.approximated(item.place, f'{entity.what}: "{key}" without dispersion, {index:g} at all wavelengths')
-    return index
 
 
 def metal_keys(context: Context, entity: Entity, prefix: str = "") -> dict[str, Any]:
@@ -166,7 +153,7 @@ def metal_keys(context: Context, entity: Entity, prefix: str = "") -> dict[str, 
             return {"metal": METALS[metal]}
         if metal in OTHER_METALS:
             parameters.skip(f"{prefix}eta", f"{prefix}k")
-            context.report.approximated(entity.place, f"{entity.what}: {metal} by constants in three channels")
+            context.approximated(entity, f"{metal} by constants in three channels")
             return dict(OTHER_METALS[metal])
     if not parameters.has(f"{prefix}eta") and not parameters.has(f"{prefix}k"):
         return {"metal": "copper"}
@@ -201,15 +188,10 @@ def _sorted(samples: tuple[Any, Any]) -> tuple[Any, Any]:
 # Materials that pbrt-v3 has and pbrt-v4 has not, or calls by other names.
 
 
-def note_sigma(context: Context, material: Entity) -> None:
-    """Report the roughness of a matte surface (Oren and Nayar), which ours has not."""
+def _matte(context: Context, material: Entity, name: str = "Kd") -> Keys:
     if value(context, material, "sigma", 0.0) > 0:
-        context.report.approximated(material.place, f"{material.what}: Lambert's law in place of Oren and Nayar's")
-
-
-def _matte(context: Context, material: Entity) -> Keys:
-    note_sigma(context, material)
-    return matte(shade(context, material, "Kd", 0.5))
+        context.approximated(material, "Lambert's law in place of Oren and Nayar's")
+    return matte(shade(context, material, name, 0.5))
 
 
 def _plastic(context: Context, material: Entity) -> Keys:
@@ -218,11 +200,7 @@ def _plastic(context: Context, material: Entity) -> Keys:
     pbrt adds a gloss of index 1.5, Ks strong, to the base. Ours shares the light out between the two.
     """
     diffuse, gloss = shade(context, material, "Kd", 0.25), shade(context, material, "Ks", 0.25)
-    return _glossy(context, material, diffuse, gloss, 1.5)
-
-
-def _glossy(context: Context, material: Entity, diffuse: Shade, gloss: Shade, index: float) -> Keys:
-    return _covered(context, material, diffuse, gloss, index, alphas(context, material, 0.1))
+    return _covered(context, material, diffuse, gloss, 1.5, alphas(context, material, 0.1))
 
 
 def _covered(
@@ -232,19 +210,25 @@ def _covered(
     if not has_effect(gloss) or index <= 1:
         return matte(diffuse)
     if gloss.texture is not None or np.abs(gloss.colour - 1).max() > 0.01:
-        context.report.approximated(
-            material.place, f"{material.what}: its gloss as that of a clear cover with the same reflectance"
-        )
+        context.approximated(material, "its gloss as that of a clear cover with the same reflectance")
     normal = ((index - 1) / (index + 1)) ** 2 * float(luminance(gloss.colour))
-    root = math.sqrt(normal)
-    index = max((1 + root) / (1 - root), 1.001)
-    return {"kind": "plastic", "reflectance": diffuse.keys(), "index": index, **alpha_keys(pair)}
+    return _plastic_keys(diffuse, max(_index_reflecting(normal), 1.001), pair)
+
+
+def _plastic_keys(base: Shade, index: float, pair: tuple[float, float] | None) -> Keys:
+    return {"kind": "plastic", "reflectance": base.keys(), "index": index, **alpha_keys(pair)}
+
+
+def _index_reflecting(share: float) -> float:
+    """Return the refractive index that reflects a share of light head-on."""
+    root = math.sqrt(share)
+    return (1 + root) / (1 - root)
 
 
 def _mirror(context: Context, material: Entity) -> Keys:
     tint = shade(context, material, "Kr", 0.9)
     if tint.texture is not None:
-        context.report.approximated(material.place, f'{material.what}: "Kr" is its mean, not a texture')
+        context.approximated(material, '"Kr" is its mean, not a texture')
     return {"kind": "mirror", "reflectance": tint.colour.tolist()}
 
 
@@ -255,24 +239,18 @@ def _glass(context: Context, material: Entity) -> Keys:
     index = index_of(context, material)
     tints = [shade(context, material, name, 1.0) for name in ("Kr", "Kt")]
     if any(tint.texture is not None or np.abs(tint.colour - 1).max() > 0.01 for tint in tints):
-        context.report.ignored(
-            material.place, f"{material.what}: the tints Kr and Kt; clear glass neither adds nor takes"
-        )
+        context.ignored(material, "the tints Kr and Kt; clear glass neither adds nor takes")
     if not has_effect(tints[1]):
-        context.report.approximated(material.place, f"{material.what}: without Kt it is a mirror of its index")
+        context.approximated(material, "without Kt it is a mirror of its index")
         return conductor({"metal": {"n": [index] * 3, "k": [1e-3] * 3}}, rough)
     return dielectric(index, rough)
-
-
-def _metal(context: Context, material: Entity) -> Keys:
-    return conductor(metal_keys(context, material), alphas(context, material, 0.01))
 
 
 def _shiny_metal(context: Context, material: Entity) -> Keys:
     """Return the metal of pbrt-v2 that has a rough reflection Ks and a smooth one Kr: the stronger of the two."""
     rough, smooth = shade(context, material, "Ks", 1.0), shade(context, material, "Kr", 1.0)
     exponent = 1 / max(value(context, material, "roughness", 0.1), 1e-4)
-    context.report.approximated(material.place, f"{material.what}: the stronger of its reflections Ks and Kr")
+    context.approximated(material, "the stronger of its reflections Ks and Kr")
     if float(luminance(smooth.colour)) > float(luminance(rough.colour)):
         return conductor({"reflectance": smooth.keys()}, None)
     alpha = math.sqrt(2 / (exponent + 2))  # of Blinn's lobe with that exponent (Walter et al. 2007)
@@ -289,23 +267,20 @@ def _uber(context: Context, material: Entity) -> Keys:
     smooth, through = shade(context, material, "Kr", 0.0), shade(context, material, "Kt", 0.0)
     index = index_of(context, material)
     if has_effect(rough) and has_effect(smooth):
-        context.report.approximated(material.place, f"{material.what}: the stronger gloss of Ks and Kr")
+        context.approximated(material, "the stronger gloss of Ks and Kr")
     holes = opacity_keys(context, material, "opacity", number_or_colour(context, material, "opacity"))
     passing = min(float(luminance(through.colour)), 1.0)
     glass: Keys = {"kind": "dielectric", "index": index}
     if passing > NOTHING and not has_effect(diffuse):
         material.parameters.skip("roughness", "uroughness", "vroughness", "remaproughness")
         return glass | holes
-    if float(luminance(smooth.colour)) > float(luminance(rough.colour)):
+    is_smooth = float(luminance(smooth.colour)) > float(luminance(rough.colour))
+    if is_smooth:
         material.parameters.skip("roughness", "uroughness", "vroughness", "remaproughness")
-        pair = None
-        gloss = smooth
-    else:
-        pair = alphas(context, material, 0.1)
-        gloss = rough
+    gloss, pair = (smooth, None) if is_smooth else (rough, alphas(context, material, 0.1))
     if passing <= NOTHING:
         return _covered(context, material, diffuse, gloss, index, pair) | holes
-    context.report.approximated(material.place, f"{material.what}: {passing:.3g} of it clear glass, the rest opaque")
+    context.approximated(material, f"{passing:.3g} of it clear glass, the rest opaque")
     opaque = diffuse.scaled(np.full(3, 1 / max(1 - passing, 0.01)))
     base = _covered(context, material, opaque, gloss, index, pair)
     return {"kind": "mix", "materials": [base, glass], "factor": passing} | holes
@@ -336,20 +311,19 @@ def _substrate(context: Context, material: Entity) -> Keys:
     diffuse, gloss = shade(context, material, "Kd", 0.5), shade(context, material, "Ks", 0.5)
     rough = alphas(context, material, 0.1)
     normal = min(float(luminance(gloss.colour)), 0.4)
-    context.report.approximated(material.place, f"{material.what}: a clear cover that reflects {normal:.3g} head-on")
+    context.approximated(material, f"a clear cover that reflects {normal:.3g} head-on")
     if normal < 1e-4:
         return matte(diffuse)
-    root = math.sqrt(normal)
-    index = min((1 + root) / (1 - root), 5.0)
-    return {"kind": "plastic", "reflectance": diffuse.keys(), "index": index, **alpha_keys(rough)}
+    return _plastic_keys(diffuse, min(_index_reflecting(normal), 5.0), rough)
 
 
 def _translucent(context: Context, material: Entity) -> Keys:
     """Return the side that is lit; light does not pass."""
     diffuse, gloss = shade(context, material, "Kd", 0.25), shade(context, material, "Ks", 0.25)
     reflect, _ = shade(context, material, "reflect", 0.5), shade(context, material, "transmit", 0.5)
-    context.report.approximated(material.place, f"{material.what}: what it reflects; what shines through is left out")
-    return _glossy(context, material, diffuse.scaled(reflect.colour), gloss.scaled(reflect.colour), 1.5)
+    context.approximated(material, "what it reflects; what shines through is left out")
+    diffuse, gloss = diffuse.scaled(reflect.colour), gloss.scaled(reflect.colour)
+    return _covered(context, material, diffuse, gloss, 1.5, alphas(context, material, 0.1))
 
 
 def _disney(context: Context, material: Entity) -> Keys:
@@ -372,7 +346,7 @@ def _disney(context: Context, material: Entity) -> Keys:
             if material.parameters.has(name)]  # fmt: skip
     if left:
         material.parameters.skip(*left)
-        context.report.ignored(material.place, f"{material.what}: {', '.join(left)}")
+        context.ignored(material, ", ".join(left))
     return found
 
 
@@ -385,20 +359,7 @@ def _cut(number: float) -> float:
     return min(max(number, 0.0), 1.0)
 
 
-def _unknown(context: Context, material: Entity) -> Keys:
-    material.parameters.used.update(material.parameters.items)
-    context.report.approximated(material.place, f"{material.what}: matte grey 0.5")
-    return matte(np.full(3, 0.5))
-
-
-KINDS: dict[str, Callable[[Context, Entity], Keys]] = {
-    "matte": _matte, "plastic": _plastic, "mirror": _mirror, "glass": _glass, "metal": _metal, "uber": _uber,
-    "substrate": _substrate, "translucent": _translucent, "disney": _disney, "kdsubsurface": _unknown,
-    "fourier": _unknown, "shinymetal": _shiny_metal,
-}  # fmt: skip
-
-
-# Materials of pbrt as materials of ours: one function a kind, those of pbrt-v3 in a module of their own.
+# Materials of pbrt as materials of ours, one function a kind.
 
 # Mixed deeper than materials are on purpose.
 DEEPEST_MIX = 8
@@ -412,21 +373,20 @@ def convert_material(context: Context, material: Entity | None, depth: int = 0) 
         return None
     if material.kind == "mix":
         return _mix_material(context, material, depth)
-    kinds = {**_KINDS, **KINDS}
-    if material.kind not in kinds:
-        raise material.place.error(f'unknown material "{material.kind}" (allowed: {", ".join(kinds)}, mix, interface)')
-    found = kinds[material.kind](context, material)
-    _note_bumps(context, material, found)
-    return found
+    if material.kind not in KINDS:
+        raise material.unknown("material", (*KINDS, "mix", "interface"))
+    keys = KINDS[material.kind](context, material)
+    _take_normal_map(context, material, keys)
+    return keys
 
 
-def _note_bumps(context: Context, material: Entity, found: Keys) -> None:
-    """Take the normal map of pbrt-v4 where ours has the key; other bumps are left out."""
+def _take_normal_map(context: Context, material: Entity, keys: Keys) -> None:
+    """Add the normal map of pbrt-v4 to keys of ours that take one; other bumps are left out."""
     parameters = material.parameters
     for name in ("bumpmap", "displacement"):
         if parameters.has(name):
             parameters.skip(name)
-            context.report.ignored(parameters.items[name].place, f"{material.what}: {name}; the surface stays smooth")
+            context.ignored(material, f"{name}; the surface stays smooth", parameters.items[name].place)
     name = parameters.text("normalmap", "")
     if not name:
         return
@@ -434,26 +394,19 @@ def _note_bumps(context: Context, material: Entity, found: Keys) -> None:
     path = context.find_or_note(name, place, "the surface stays smooth")
     if path is None:
         return
-    if is_readable(path) and found["kind"] not in ("mirror", "thin_glass", "mix"):
-        found["normal_map"] = {"file": picture_name(context, path, place)}
+    if is_readable(path) and keys["kind"] not in ("mirror", "thin_glass", "mix"):
+        keys["normal_map"] = {"file": picture_name(context, path, place)}
     else:
-        context.report.ignored(place, f"{material.what}: the normal map {name}")
-
-
-def _diffuse(context: Context, material: Entity) -> Keys:
-    note_sigma(context, material)
-    return matte(shade(context, material, "reflectance", 0.5))
+        context.ignored(material, f"the normal map {name}", place)
 
 
 def _coated_diffuse(context: Context, material: Entity) -> Keys:
     """Return a matte base under a clear cover; pbrt walks at random between the two, we sum the series."""
     _note_layer(context, material)
-    rough = alpha_keys(alphas(context, material, 0.0))
+    rough = alphas(context, material, 0.0)
     index = index_of(context, material)
     reflectance = shade(context, material, "reflectance", 0.5)
-    if index <= 1:
-        return matte(reflectance)
-    return {"kind": "plastic", "reflectance": reflectance.keys(), "index": index, **rough}
+    return _plastic_keys(reflectance, index, rough) if index > 1 else matte(reflectance)
 
 
 def _note_layer(context: Context, material: Entity) -> None:
@@ -461,12 +414,12 @@ def _note_layer(context: Context, material: Entity) -> None:
     parameters = material.parameters
     parameters.skip("maxdepth", "nsamples", "thickness", "twosided")
     if parameters.has("albedo") and shade(context, material, "albedo", 0.0).colour.max() > 0:
-        context.report.ignored(material.place, f"{material.what}: scattering between cover and base")
+        context.ignored(material, "scattering between cover and base")
     parameters.skip("g", "albedo")
 
 
-def _conductor(context: Context, material: Entity) -> Keys:
-    return conductor(metal_keys(context, material), alphas(context, material, 0.0))
+def _conductor(context: Context, material: Entity, roughness: float = 0.0) -> Keys:
+    return conductor(metal_keys(context, material), alphas(context, material, roughness))
 
 
 def _coated_conductor(context: Context, material: Entity) -> Keys:
@@ -475,7 +428,7 @@ def _coated_conductor(context: Context, material: Entity) -> Keys:
     metal = metal_keys(context, material, "conductor.")
     pairs = [alphas(context, material, 0.0, prefix) for prefix in ("interface.", "conductor.")]
     index_of(context, material, "interface.eta")
-    context.report.approximated(material.place, f"{material.what}: the metal without its clear cover")
+    context.approximated(material, "the metal without its clear cover")
     known = [pair for pair in pairs if pair is not None]
     return conductor(metal, (max(pair[0] for pair in known), max(pair[1] for pair in known)) if known else None)
 
@@ -494,31 +447,31 @@ def _diffuse_transmission(context: Context, material: Entity) -> Keys:
     found = shade(context, material, "reflectance", 0.25).scaled(np.full(3, scale))
     through = shade(context, material, "transmittance", 0.25)
     if has_effect(through):
-        context.report.approximated(
-            material.place, f"{material.what}: matte of the reflectance; what shines through is left out"
-        )
+        context.approximated(material, "matte of the reflectance; what shines through is left out")
     return matte(found)
 
 
 def _subsurface(context: Context, material: Entity) -> Keys:
-    material.parameters.used.update(material.parameters.items)
-    context.report.approximated(material.place, f"{material.what}: plastic; light does not pass below the surface")
-    given = material.parameters.has("reflectance")
-    colour = shade(context, material, "reflectance", 0.5) if given else shade(context, material, "Kd", 0.5)
-    return {"kind": "plastic", "reflectance": colour.keys(), "index": index_of(context, material, default=1.33),
-            **alpha_keys(alphas(context, material, 0.0))}  # fmt: skip
+    material.parameters.skip_all()
+    context.approximated(material, "plastic; light does not pass below the surface")
+    colour = shade(context, material, "reflectance" if material.parameters.has("reflectance") else "Kd", 0.5)
+    return _plastic_keys(colour, index_of(context, material, default=1.33), alphas(context, material, 0.0))
 
 
-def _plain(context: Context, material: Entity) -> Keys:
-    material.parameters.used.update(material.parameters.items)
-    context.report.approximated(material.place, f"{material.what}: matte grey 0.5")
+def _grey(context: Context, material: Entity) -> Keys:
+    material.parameters.skip_all()
+    context.approximated(material, "matte grey 0.5")
     return matte(np.full(3, 0.5))
 
 
-_KINDS: dict[str, Callable[[Context, Entity], Keys]] = {
-    "diffuse": _diffuse, "coateddiffuse": _coated_diffuse, "conductor": _conductor,
+KINDS: dict[str, Callable[[Context, Entity], Keys]] = {
+    "diffuse": partial(_matte, name="reflectance"), "coateddiffuse": _coated_diffuse, "conductor": _conductor,
     "coatedconductor": _coated_conductor, "dielectric": _dielectric, "thindielectric": _thin_dielectric,
-    "diffusetransmission": _diffuse_transmission, "subsurface": _subsurface, "measured": _plain, "hair": _plain,
+    "diffusetransmission": _diffuse_transmission, "subsurface": _subsurface, "measured": _grey, "hair": _grey,
+    "matte": _matte, "plastic": _plastic, "mirror": _mirror, "glass": _glass,
+    "metal": partial(_conductor, roughness=0.01), "uber": _uber, "substrate": _substrate,
+    "translucent": _translucent, "disney": _disney, "kdsubsurface": _grey, "fourier": _grey,
+    "shinymetal": _shiny_metal,
 }  # fmt: skip
 
 
@@ -526,7 +479,7 @@ def _mix_material(context: Context, material: Entity, depth: int) -> Keys | None
     """Return a mixture: pbrt-v3 gives the share of the first material, pbrt-v4 that of the second."""
     parameters = material.parameters
     if depth > DEEPEST_MIX:
-        raise material.place.error(f"{material.what}: materials mix each other more than {DEEPEST_MIX} deep")
+        raise material.error(f"materials mix each other more than {DEEPEST_MIX} deep")
     if parameters.has("materials"):
         item = parameters.get("materials", "string")
         assert item is not None
@@ -541,20 +494,18 @@ def _mix_material(context: Context, material: Entity, depth: int) -> Keys | None
     if not parameters.has("materials"):
         names.reverse()  # the share of the first material becomes that of the second
         if amount.texture is not None:
-            context.report.approximated(material.place, f"{material.what}: the textured amount is inverted")
+            context.approximated(material, "the textured amount is inverted")
     parts = [
         convert_material(context, context.scene.material_of(MaterialName(name, material.place)), depth + 1)
         for name in names
     ]
     first, second = parts
     if first is None or second is None or "mix" in (first["kind"], second["kind"]):
-        context.report.approximated(
-            material.place, f"{material.what}: the one of its materials that is a plain surface"
-        )
+        context.approximated(material, "the one of its materials that is a plain surface")
         return next((part for part in parts if part is not None and part["kind"] != "mix"), first or second)
     mixed = [{key: value for key, value in part.items() if key != "opacity"} for part in (first, second)]
     if mixed != [first, second]:
-        context.report.ignored(material.place, f"{material.what}: the opacity of its materials")
+        context.ignored(material, "the opacity of its materials")
     if amount.texture is None and np.ptp(amount.colour) > 0 and (blend := _blended(mixed, amount.colour)) is not None:
         return blend
     factor: Any = amount.texture

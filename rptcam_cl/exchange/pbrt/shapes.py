@@ -6,7 +6,7 @@ import json
 import math
 import tempfile
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import field, replace
 from pathlib import Path
 from typing import Any
@@ -101,16 +101,11 @@ class MeshData:
             found["uvs"] = self.uvs.tolist()
         return found
 
-    def ply(self) -> bytes:
-        """Return the mesh as a binary PLY file."""
-        columns = [self.vertices]
-        names = ["x", "y", "z"]
-        if self.normals is not None:
-            columns.append(self.normals)
-            names += ["nx", "ny", "nz"]
-        if self.uvs is not None:
-            columns.append(self.uvs)
-            names += ["u", "v"]
+    def write_ply(self, path: Path) -> None:
+        """Write the mesh as a binary PLY file."""
+        parts = [(self.vertices, "x y z"), (self.normals, "nx ny nz"), (self.uvs, "u v")]
+        columns = [rows for rows, _ in parts if rows is not None]
+        names = " ".join(names for rows, names in parts if rows is not None).split()
         rows = np.zeros(len(self.faces), np.dtype([("count", "u1"), ("vertices", "<i4", 3)]))
         rows["count"], rows["vertices"] = 3, self.faces
         header = [
@@ -118,11 +113,8 @@ class MeshData:
             *(f"property float {name}" for name in names),
             f"element face {len(self.faces)}", "property list uchar int vertex_indices", "end_header\n",
         ]  # fmt: skip
-        return "\n".join(header).encode() + np.concatenate(columns, axis=1).astype("<f4").tobytes() + rows.tobytes()
-
-    def write_ply(self, path: Path) -> None:
-        """Write the mesh as a binary PLY file."""
-        path.write_bytes(self.ply())
+        vertices = np.concatenate(columns, axis=1).astype("<f4")
+        path.write_bytes("\n".join(header).encode() + vertices.tobytes() + rows.tobytes())
 
 
 def rectangle_of(mesh: MeshData, *, textured: bool, oriented: bool) -> dict[str, Any] | None:
@@ -203,14 +195,13 @@ def triangle_mesh(context: Context, shape: Entity) -> tuple[MeshData, int]:
     parameters.skip("faceIndices")
     for name, values in (("N", normals), ("uv", uvs)):
         if values is not None and len(values) != len(vertices):
-            raise shape.place.error(f"{shape.what}: {name} has {len(values)} entries, P has {len(vertices)}")
+            raise shape.error(f"{name} has {len(values)} entries, P has {len(vertices)}")
     return _clean(context, shape, MeshData(vertices, corners, normals, uvs)), len(corners)
 
 
 def control_mesh(context: Context, shape: Entity) -> tuple[MeshData, int]:
     """Return the control mesh of a subdivision surface, with normals that smooth it."""
-    levels = shape.parameters.integer("levels", 3) if shape.parameters.has("levels") else (
-        shape.parameters.integer("nlevels", 3))  # fmt: skip
+    levels = shape.parameters.integer("levels" if shape.parameters.has("levels") else "nlevels", 3)
     shape.parameters.skip("scheme")
     vertices = _points(shape)
     mesh = _clean(context, shape, MeshData(vertices, _indices(shape, len(vertices), 3)))
@@ -218,9 +209,7 @@ def control_mesh(context: Context, shape: Entity) -> tuple[MeshData, int]:
     for k in range(3):
         np.add.at(normals, mesh.faces[:, k], mesh.crosses())
     lengths = np.linalg.norm(normals, axis=1, keepdims=True)
-    context.report.approximated(
-        shape.place, f"{shape.what}: its control mesh with smooth normals, not subdivided {levels} times"
-    )
+    context.approximated(shape, f"its control mesh with smooth normals, not subdivided {levels} times")
     return MeshData(vertices, mesh.faces, normals / np.where(lengths > 0, lengths, 1)), len(mesh.faces)
 
 
@@ -238,9 +227,7 @@ def bilinear_patches(context: Context, shape: Entity) -> tuple[MeshData, int]:
         p00, p10, p01, p11 = quads.T
         faces = np.concatenate([np.stack([p00, p10, p11], axis=1), np.stack([p00, p11, p01], axis=1)])
         return _clean(context, shape, MeshData(vertices, faces, normals, uvs)), len(quads)
-    context.report.approximated(
-        shape.place, f"{shape.what}: each patch as {PATCH_CELLS} x {PATCH_CELLS} cells of two triangles"
-    )
+    context.approximated(shape, f"each patch as {PATCH_CELLS} x {PATCH_CELLS} cells of two triangles")
     return _clean(context, shape, _tessellated(vertices, quads, normals, uvs)), len(quads)
 
 
@@ -304,32 +291,14 @@ def _clean(context: Context, shape: Entity, mesh: MeshData) -> MeshData:
     areas = mesh.areas()
     kept = areas > 0
     if (count := int((~kept).sum())) and kept.any():
-        context.report.ignored(shape.place, f"{shape.what}: {count} triangles without area")
+        context.ignored(shape, f"{count} triangles without area")
     return MeshData(mesh.vertices, mesh.faces[kept], mesh.normals, mesh.uvs)
 
 
 LARGEST_FILE = 4 << 30
 
 
-def ply_name(use: ShapeUse) -> tuple[str, Place]:
-    """Return the file that a shape names, and where it does."""
-    parameters = use.shape.parameters
-    name = parameters.text("filename", "")
-    if not name:
-        raise use.shape.place.error(f'{use.shape.what} needs a parameter "string filename"')
-    return name, parameters.items["filename"].place
-
-
-def facing_mesh(context: Context, use: ShapeUse) -> tuple[MeshData, bool]:
-    """Return the mesh of a file with its front where pbrt has it, and whether that changed the mesh."""
-    name, place = ply_name(use)
-    mesh = _read(context.find(name, place), place)
-    facing = mesh.facing_its_normals()
-    changed = not np.array_equal(facing.faces, mesh.faces)
-    return (facing.reversed(), True) if use.reverse else (facing, changed)
-
-
-def _read(path: Path, place: Place) -> MeshData:
+def _read_mesh(path: Path, place: Place) -> MeshData:
     try:
         if path.suffix.lower() != ".gz":
             contents = read_mesh_file(path, lambda other: other)
@@ -436,7 +405,7 @@ def positive(parameters: Parameters, name: str, default: float) -> float:
     """Return a number above 0."""
     value = parameters.number(name, default)
     if not value > 0:
-        raise parameters.items[name].place.error(f'{parameters.what}: "{name}" must be above 0 (got {value:g})')
+        raise parameters.error(name, f"must be above 0 (got {value:g})")
     return value
 
 
@@ -484,22 +453,6 @@ Keys = dict[str, Any]
 MOST_INLINE = 200
 
 
-@dataclass(frozen=True)
-class ShapeMaterial:
-    """What a shape's material asks of its shape.
-
-    Attributes
-    ----------
-    textured : bool
-        Whether texture coordinates matter.
-    oriented : bool
-        Whether front and back differ: lamps of one side, glass, normal maps.
-    """
-
-    textured: bool
-    oriented: bool
-
-
 @dataclass(frozen=True, eq=False)
 class Placed:
     """A shape to be converted.
@@ -508,13 +461,18 @@ class Placed:
     ----------
     world : (4, 4) array
         From the shape's space to the world of ours.
+    textured : bool
+        Whether texture coordinates matter.
+    oriented : bool
+        Whether front and back of its material differ: lamps of one side, glass, normal maps.
     shared : bool
         Whether the shape stands in several places, so that a mesh keeps its own space.
     """
 
     use: ShapeUse
     world: Matrix
-    material: ShapeMaterial
+    textured: bool
+    oriented: bool
     shared: bool
 
     @property
@@ -548,11 +506,11 @@ def convert_shape(context: Context, placed: Placed) -> Piece | None:
         "hyperboloid": _round, "trianglemesh": _mesh, "bilinearmesh": _mesh, "loopsubdiv": _mesh, "plymesh": _ply,
     }  # fmt: skip
     if shape.kind in ("curve", "nurbs", "heightfield", "heightfield2"):
-        shape.parameters.used.update(shape.parameters.items)
-        context.report.ignored(shape.place, f"{shape.what}: there is no such shape")
+        shape.parameters.skip_all()
+        context.ignored(shape, "there is no such shape")
         return None
     if shape.kind not in kinds:
-        raise shape.place.error(f'unknown shape "{shape.kind}" (allowed: {", ".join(kinds)}, curve)')
+        raise shape.unknown("shape", (*kinds, "curve"))
     return kinds[shape.kind](context, placed)
 
 
@@ -571,10 +529,10 @@ def _sphere(context: Context, placed: Placed) -> Piece | None:
     parameters = placed.shape.parameters
     profile = sphere(parameters)
     degrees = parameters.number("phimax", 360.0)
-    if not profile.full or degrees < 360 or (placed.use.reverse and placed.material.oriented):
+    if not profile.full or degrees < 360 or (placed.use.reverse and placed.oriented):
         return _revolved_mesh(context, placed, profile, degrees)
     radius = parameters.number("radius", 1.0)
-    if is_similarity(placed.world) and not placed.material.textured:
+    if is_similarity(placed.world) and not placed.textured:
         scaled = radius * mean_scale(placed.world)
         return Piece({"shape": "sphere", "center": tidy(placed.world[:3, 3]), "radius": scaled}, profile.area)
     keys = {"shape": "sphere", "center": [0, 0, 0], "radius": radius}
@@ -586,10 +544,8 @@ def _round(context: Context, placed: Placed) -> Piece | None:
     parameters = placed.shape.parameters
     profile = PROFILES[placed.shape.kind](parameters)
     degrees = parameters.number("phimax", 360.0)
-    flips = placed.use.reverse and placed.material.oriented
-    skewed = (
-        placed.shape.kind == "disk" and placed.material.textured
-    )  # our disk has u and v across, pbrt's run round it
+    flips = placed.use.reverse and placed.oriented
+    skewed = placed.shape.kind == "disk" and placed.textured  # our disk has u and v across, pbrt's run round it
     first, last = profile.points[0], profile.points[-1]
     partial = not profile.full or degrees < 360 or np.array_equal(first, last)
     if partial or skewed or (flips and placed.shape.kind != "disk"):
@@ -607,12 +563,12 @@ def _round(context: Context, placed: Placed) -> Piece | None:
 
 def _revolved_mesh(context: Context, placed: Placed, profile: Profile, degrees: float) -> Piece | None:
     if not 0 < degrees <= 360:
-        raise placed.shape.place.error(f"{placed.shape.what}: phimax must lie between 0 and 360 (got {degrees:g})")
+        raise placed.shape.error(f"phimax must lie between 0 and 360 (got {degrees:g})")
     mesh = turned(profile, degrees)
     if not len(mesh.faces):
         _note_no_area(context, placed.shape)
         return None
-    context.report.approximated(placed.shape.place, f"{placed.shape.what}: a mesh of {len(mesh.faces)} triangles")
+    context.approximated(placed.shape, f"a mesh of {len(mesh.faces)} triangles")
     return _piece(placed, mesh, profile.area * degrees / 360)
 
 
@@ -622,14 +578,14 @@ def _mesh(context: Context, placed: Placed) -> Piece | None:
     if not len(mesh.faces):
         _note_no_area(context, placed.shape)
         return None
-    if placed.material.textured and mesh.uvs is None:
-        context.report.approximated(placed.shape.place, f"{placed.shape.what}: a texture without texture coordinates")
+    if placed.textured and mesh.uvs is None:
+        context.approximated(placed.shape, "a texture without texture coordinates")
     area = float(mesh.transformed(placed.shape.world_from_object).areas().sum()) / parts
     return _piece(placed, mesh, area)
 
 
 def _note_no_area(context: Context, shape: Entity) -> None:
-    context.report.ignored(shape.place, f"{shape.what}: has no faces of any area")
+    context.ignored(shape, "has no faces of any area")
 
 
 def _piece(placed: Placed, mesh: MeshData, area: float) -> Piece:
@@ -639,23 +595,26 @@ def _piece(placed: Placed, mesh: MeshData, area: float) -> Piece:
     if placed.shared:
         return Piece(transform_keys(placed.world), area, mesh)
     mesh = mesh.transformed(placed.world)
-    rectangle = rectangle_of(mesh, textured=placed.material.textured, oriented=placed.material.oriented)
+    rectangle = rectangle_of(mesh, textured=placed.textured, oriented=placed.oriented)
     return Piece({}, area, mesh) if rectangle is None else Piece(rectangle, area)
 
 
 def _ply(context: Context, placed: Placed) -> Piece | None:
     """Return a mesh file by its name, or a copy of it where pbrt has its front on the other side; None without it."""
-    name, place = ply_name(placed.use)
+    name, place = placed.shape.file_name()
     if (path := context.find_or_note(name, place, "the object is left out")) is None:
         return None
     keys = transform_keys(placed.world)
     area = 0.0
-    if placed.material.oriented or placed.use.lamp is not None:
-        mesh, changed = facing_mesh(context, placed.use)
-        area = float(mesh.transformed(placed.shape.world_from_object).areas().mean())
-        if changed and placed.material.oriented:
+    if placed.oriented or placed.use.lamp is not None:
+        mesh = _read_mesh(path, place)
+        facing = mesh.facing_its_normals()
+        changed = placed.use.reverse or not np.array_equal(facing.faces, mesh.faces)
+        facing = facing.reversed() if placed.use.reverse else facing
+        area = float(facing.transformed(placed.shape.world_from_object).areas().mean())
+        if changed and placed.oriented:
             context.report.noted(place, f"{name}: written anew with its front where pbrt has it")
-            return Piece(keys, area, mesh)
+            return Piece(keys, area, facing)
     return Piece({"shape": "mesh", "file": context.files.reference(path, place), **keys}, area)
 
 
@@ -674,21 +633,16 @@ def count_values(value: Any) -> int:
     return count_values(value.tolist()) if isinstance(value, np.ndarray) else 1
 
 
-def form_of(mesh: MeshData) -> tuple[bool, bool]:
-    """Return what meshes must have in common to be put together: normals and texture coordinates."""
-    return mesh.normals is not None, mesh.uvs is not None
-
-
-def joined(meshes: Iterable[MeshData]) -> MeshData:
-    """Return meshes of one form as one."""
-    parts = list(meshes)
+def join_meshes(parts: list[MeshData]) -> MeshData:
+    """Return meshes as one; normals and texture coordinates have all of them or none."""
     starts = np.cumsum([0, *(len(part.vertices) for part in parts[:-1])])
-    normals, uvs = [part.normals for part in parts], [part.uvs for part in parts]
+    normals = [part.normals for part in parts if part.normals is not None]
+    uvs = [part.uvs for part in parts if part.uvs is not None]
     return MeshData(
         np.concatenate([part.vertices for part in parts]),
         np.concatenate([part.faces + start for part, start in zip(parts, starts, strict=True)]),
-        np.concatenate([rows for rows in normals if rows is not None]) if normals[0] is not None else None,
-        np.concatenate([rows for rows in uvs if rows is not None]) if uvs[0] is not None else None,
+        np.concatenate(normals) if normals else None,
+        np.concatenate(uvs) if uvs else None,
     )
 
 
@@ -741,21 +695,23 @@ class Objects:
             return
         lamp = use.lamp if instance is None else None
         if use.lamp is not None and instance is not None:
-            self.context.report.ignored(use.lamp.place, f"{use.lamp.what}: lamps in objects do not shine, as in pbrt")
+            self.context.ignored(use.lamp, "lamps in objects do not shine, as in pbrt")
         material = self._material(use)
         opacity = self._opacity(use)
         if material is None and lamp is None:
-            self.context.report.ignored(
-                use.shape.place, f"{use.shape.what}: the boundary of a medium, without a surface"
-            )
-            use.shape.parameters.used.update(use.shape.parameters.items)
+            self.context.ignored(use.shape, "the boundary of a medium, without a surface")
+            use.shape.parameters.skip_all()
             return
         if opacity.get("opacity") == 0 and lamp is None:
-            self.context.report.ignored(use.shape.place, f"{use.shape.what}: wholly transparent")
-            use.shape.parameters.used.update(use.shape.parameters.items)
+            self.context.ignored(use.shape, "wholly transparent")
+            use.shape.parameters.skip_all()
             return
-        shape_material = _material_of_lamp(lamp) if lamp is not None else _material_of({**(material or {}), **opacity})
-        piece = convert_shape(self.context, Placed(use, world, shape_material, shared))
+        if lamp is not None:
+            textured, oriented = False, not lamp.parameters.boolean("twosided", False)
+        else:
+            material = {**(material or {}), **opacity}
+            textured, oriented = _is_textured(material), _has_front(material)
+        piece = convert_shape(self.context, Placed(use, world, textured, oriented, shared))
         if piece is None:
             return
         if "transform" in piece.keys and not is_transform_of_ours(world):
@@ -763,8 +719,7 @@ class Objects:
             return
         if lamp is not None:
             material = self._lamp(lamp, piece, use, opacity)
-        else:
-            material = {**(material or {}), **opacity}
+        assert material is not None
         name = self._name(material, self._wanted_name(use, lamp))
         if piece.mesh is not None and not shared:
             self._loose[len(self.items)] = use, piece.mesh
@@ -774,7 +729,7 @@ class Objects:
         """Report a shape whose transform flattens space, or leads out of it."""
         what = use.shape.what if instance is None else f'{use.shape.what} of "{instance.name}"'
         self.context.report.ignored((instance or use.shape).place, f"{what}: {ODD}")
-        use.shape.parameters.used.update(use.shape.parameters.items)
+        use.shape.parameters.skip_all()
 
     def _material(self, use: ShapeUse) -> Keys | None:
         entity = self.context.scene.material_of(use.material)
@@ -793,17 +748,15 @@ class Objects:
     def _lamp(self, lamp: Entity, piece: Piece, use: ShapeUse, opacity: Keys) -> Keys:
         radiance, two_sided = lamp_radiance(self.context, lamp, piece.area)
         if opacity:
-            self.context.report.ignored(use.shape.place, f"{use.shape.what}: alpha of a lamp, which stays visible")
+            self.context.ignored(use.shape, "alpha of a lamp, which stays visible")
         reflecting = self._material(use)
         if reflecting is not None and reflecting.get("reflectance") != [0.0, 0.0, 0.0]:
-            self.context.report.approximated(lamp.place, f"{lamp.what}: the lamp reflects nothing")
+            self.context.approximated(lamp, "the lamp reflects nothing")
         keys: Keys = {"kind": "emissive", "radiance": radiance.tolist()}
         return keys | ({"two_sided": True} if two_sided else {})
 
     def _shape_keys(self, use: ShapeUse, piece: Piece, shared: bool) -> Keys:
-        if piece.mesh is None:
-            return piece.keys
-        if not shared:
+        if piece.mesh is None or not shared:
             return piece.keys
         if id(use) not in self._shared:
             name = self._unique("mesh")
@@ -816,12 +769,13 @@ class Objects:
         groups: dict[tuple[object, ...], list[int]] = {}
         for index, (_, mesh) in self._loose.items():
             if "transform" not in self.items[index]:
-                groups.setdefault((self.items[index]["material"], *form_of(mesh)), []).append(index)
+                form = self.items[index]["material"], mesh.normals is not None, mesh.uvs is not None
+                groups.setdefault(form, []).append(index)
         for (material, *_), (first, *others) in groups.items():
             if not others:
                 continue
             use, _ = self._loose[first]
-            self._loose[first] = use, joined(self._loose[index][1] for index in (first, *others))
+            self._loose[first] = use, join_meshes([self._loose[index][1] for index in (first, *others)])
             for index in others:
                 del self._loose[index]
                 self.items[index] = {}
@@ -863,14 +817,6 @@ class Objects:
             name = wanted if count == 1 and wanted != "mesh" else f"{wanted}-{count}"
             if name not in taken:
                 return name
-
-
-def _material_of_lamp(lamp: Entity) -> ShapeMaterial:
-    return ShapeMaterial(textured=False, oriented=not lamp.parameters.boolean("twosided", False))
-
-
-def _material_of(material: Keys) -> ShapeMaterial:
-    return ShapeMaterial(_is_textured(material), _has_front(material))
 
 
 def _has_front(material: Keys) -> bool:

@@ -198,22 +198,18 @@ class Tokens:
         return numbers
 
     def _read(self) -> Token | None:
-        for match in self._matches():
-            place = Place(self.source, match.start())
+        text = self.source.text
+        while self._offset < len(text):
+            place = Place(self.source, self._offset)
+            match = _TOKEN.match(text, self._offset)
+            if match is None:  # only a quotation mark begins no token
+                raise place.error('this " has no partner on its line')
+            self._offset = match.end()
             if match.lastgroup == "string":
                 return Token("string", _unescaped(match[0][1:-1], place), place)
             if match.lastgroup != "blank":
                 return Token(str(match.lastgroup), match[0], place)
         return None
-
-    def _matches(self) -> Iterator[re.Match[str]]:
-        text = self.source.text
-        while self._offset < len(text):
-            match = _TOKEN.match(text, self._offset)
-            if match is None:  # only a quotation mark begins no token
-                raise Place(self.source, self._offset).error('this " has no partner on its line')
-            self._offset = match.end()
-            yield match
 
 
 def number_of(token: Token) -> float:
@@ -341,7 +337,7 @@ class Parameters:
             return None
         self.used.add(name)
         if kinds and item.kind not in kinds:
-            raise item.place.error(f'{self.what}: "{name}" is a {item.kind} (allowed: {", ".join(kinds)})')
+            raise self.error(name, f"is a {item.kind} (allowed: {', '.join(kinds)})")
         return item
 
     def numbers(self, name: str, *kinds: str) -> NDArray[np.float64] | None:
@@ -358,7 +354,7 @@ class Parameters:
         """Return a single whole number."""
         value = self.number(name, default, "integer", "float")
         if value != int(value):
-            raise self.items[name].place.error(f'{self.what}: "{name}" must be a whole number (got {value:g})')
+            raise self.error(name, f"must be a whole number (got {value:g})")
         return int(value)
 
     def boolean(self, name: str, default: bool) -> bool:
@@ -369,7 +365,7 @@ class Parameters:
         value = self._single(name, list(item.values))
         if isinstance(value, str):
             if value not in _BOOLS:
-                raise item.place.error(f'{self.what}: "{name}" must be true or false (got "{value}")')
+                raise self.error(name, f'must be true or false (got "{value}")')
             return _BOOLS[value]
         return bool(value)
 
@@ -384,7 +380,7 @@ class Parameters:
         if values is None:
             return np.asarray(default, np.float64)
         if len(values) != 3:
-            raise self.items[name].place.error(f'{self.what}: "{name}" needs 3 numbers (got {len(values)})')
+            raise self.error(name, f"needs 3 numbers (got {len(values)})")
         return values
 
     def rows(self, name: str, width: int, *kinds: str) -> NDArray[np.float64] | None:
@@ -393,9 +389,7 @@ class Parameters:
         if values is None:
             return None
         if len(values) % width:
-            raise self.items[name].place.error(
-                f'{self.what}: "{name}" holds {len(values)} numbers, not a multiple of {width}'
-            )
+            raise self.error(name, f"holds {len(values)} numbers, not a multiple of {width}")
         return values.reshape(-1, width)
 
     def has(self, name: str) -> bool:
@@ -406,13 +400,21 @@ class Parameters:
         """Use up parameters that change speed, noise or naming only."""
         self.used.update(names)
 
+    def skip_all(self) -> None:
+        """Use up all parameters, where what they say is reported as a whole."""
+        self.used.update(self.items)
+
+    def error(self, name: str, problem: str) -> InputError:
+        """Return the error of a parameter, at its place."""
+        return self.items[name].place.error(f'{self.what}: "{name}" {problem}')
+
     def unused(self) -> Iterator[Parameter]:
         """Yield the parameters that were never looked up."""
         return (item for name, item in self.items.items() if name not in self.used)
 
     def _single(self, name: str, values: list[float] | list[str] | list[bool]) -> float | str | bool:
         if len(values) != 1:
-            raise self.items[name].place.error(f'{self.what}: "{name}" needs one value (got {len(values)})')
+            raise self.error(name, f"needs one value (got {len(values)})")
         return values[0]
 
 
@@ -544,30 +546,24 @@ class Statement:
         return " ".join([self.directive, *(f'"{text}"' for text in self.texts)])
 
 
-@dataclass
-class _Open:
-    """A file that is being read, by its real path."""
-
-    path: Path
-    tokens: Tokens
-    imported: Place | None = None
-
-
 def read_statements(path: Path) -> Iterator[Statement]:
     """Yield the statements of a scene file and of the files that it includes.
 
     Names of files start at the folder of the scene file, as pbrt has it. An imported file stands between
     ``AttributeBegin`` and ``AttributeEnd``: its state does not reach beyond it.
     """
-    stack = [_Open(path.resolve(), Tokens(read_source(path, str(path))))]
+    # files that are being read: their real paths, and where they are imported
+    stack: list[tuple[Path, Tokens, Place | None]] = [(path.resolve(), Tokens(read_source(path, str(path))), None)]
     files = 1
     while stack:
-        token = stack[-1].tokens.take()
+        _, tokens, imported = stack[-1]
+        token = tokens.take()
         if token is None:
-            if (place := stack.pop().imported) is not None:
-                yield Statement("AttributeEnd", place)
+            stack.pop()
+            if imported is not None:
+                yield Statement("AttributeEnd", imported)
             continue
-        statement = _statement(token, stack[-1].tokens)
+        statement = _statement(token, tokens)
         if statement.directive not in ("Include", "Import"):
             yield statement
             continue
@@ -577,17 +573,18 @@ def read_statements(path: Path) -> Iterator[Statement]:
         imported = statement.place if statement.directive == "Import" else None
         if imported is not None:
             yield Statement("AttributeBegin", statement.place)
-        stack.append(_included(statement, path.parent, stack))
-        stack[-1].imported = imported
+        real, tokens = _included(statement, path.parent, [level[0] for level in stack])
+        stack.append((real, tokens, imported))
 
 
-def _included(statement: Statement, folder: Path, stack: list[_Open]) -> _Open:
+def _included(statement: Statement, folder: Path, including: list[Path]) -> tuple[Path, Tokens]:
+    """Return the real path of a file that a statement of others includes, and its tokens."""
     (name,) = statement.texts
     try:
         real = Folders(folder, owner="pbrt scene").find(name)
-        if any(level.path == real for level in stack):
-            raise InputError(f"{name} includes itself, by way of {len(stack)} files")
-        return _Open(real, Tokens(read_source(real, str(folder / name))))
+        if real in including:
+            raise InputError(f"{name} includes itself, by way of {len(including)} files")
+        return real, Tokens(read_source(real, str(folder / name)))
     except RptcamError as problem:
         raise statement.place.error(f"{statement.directive}: {problem}") from None
 

@@ -12,10 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from rptcam_cl.core.colour import WAVELENGTHS_NM, blackbody, cie_1931, planck_radiance
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.exchange.pbrt.files import OTHERS, Context, is_readable, mean_colour, picture_name, write_exr
+from rptcam_cl.exchange.pbrt.files import NOT_READ, READABLE, Context, is_readable, mean_colour, picture_name
 from rptcam_cl.exchange.pbrt.source import Parameter, read_limited
 from rptcam_cl.exchange.pbrt.world import Entity
-from rptcam_cl.scene.assets.pictures import SUFFIXES
+from rptcam_cl.scene.assets.pictures import write_exr
 
 # Spectra and colours of other spaces as linear sRGB (ITU-R BT.709 primaries, white D65).
 
@@ -58,11 +58,6 @@ def srgb_from(space: str, rgb: ArrayLike) -> Array:
     return np.asarray(values @ (matrix / (matrix @ np.ones(3))[:, None]).T)
 
 
-def srgb_of_white(xy: ArrayLike) -> Array:
-    """Return linear sRGB of a light of some chromaticity and of luminance 1."""
-    return np.asarray(SRGB_FROM_XYZ @ xyz_of(xy))
-
-
 WIEN = 2.897771955e6  # temperature times the wavelength where a black body is brightest [nm K], CODATA 2018
 LUMINOUS = float(cie_1931()[:, 1].sum())
 
@@ -101,19 +96,13 @@ def light_srgb(wavelengths_nm: ArrayLike, values: ArrayLike, *, luminance: float
     return np.asarray(SRGB_FROM_XYZ @ xyz)
 
 
-def planck(kelvin: float) -> Array:
-    """Return a black body's radiance at `WAVELENGTHS_NM`, 1 at its peak (Wien's law), wherever that lies."""
-    return np.asarray(blackbody(kelvin) / planck_radiance(WIEN / kelvin, kelvin))
-
-
 def black_body_srgb(kelvin: float, *, luminance: float | None) -> Array:
-    """Return linear sRGB of a black body of a temperature [K]: of a luminance, or with its spectrum's peak at 1."""
-    return light_srgb(WAVELENGTHS_NM, planck(kelvin), luminance=luminance)
+    """Return linear sRGB of a black body of a temperature [K]: of a luminance, or with its spectrum's peak at 1.
 
-
-def illuminant_srgb(name: str) -> Array:
-    """Return linear sRGB of a standard illuminant of luminance 1."""
-    return srgb_of_white(ILLUMINANTS[name])
+    That peak is where Wien's law has it, wherever that lies.
+    """
+    spectrum = np.asarray(blackbody(kelvin) / planck_radiance(WIEN / kelvin, kelvin))
+    return light_srgb(WAVELENGTHS_NM, spectrum, luminance=luminance)
 
 
 # Colours of parameters: reflectances, lights and indices, whichever way pbrt lets them be written.
@@ -122,18 +111,15 @@ COLOURS = ("rgb", "color", "xyz", "spectrum", "blackbody", "float")
 LARGEST_SPECTRUM = 10_000_000
 
 
-def reflectance(context: Context, entity: Entity, name: str, default: float | Array) -> Array:
+def reflectance(context: Context, entity: Entity, name: str, default: float) -> Array:
     """Return a reflectance or another share, linear sRGB from 0 to 1."""
     item = entity.parameters.get(name, *COLOURS)
     if item is None:
-        return np.broadcast_to(np.asarray(default, np.float64), (3,)).copy()
-    if item.kind == "spectrum":
-        wavelengths, values = samples_of(context, item)
-        colour = reflectance_srgb(wavelengths, values)
-    else:
-        colour = _plain(item, entity)
+        return np.full(3, default)
+    is_spectrum = item.kind == "spectrum"
+    colour = reflectance_srgb(*samples_of(context, item)) if is_spectrum else _plain(item, entity)
     if colour.min() < 0 or colour.max() > 1:
-        context.report.approximated(item.place, f'{entity.what}: "{name}" is cut to 0 … 1')
+        context.approximated(entity, f'"{name}" is cut to 0 … 1', item.place)
     return np.clip(colour, 0, 1)
 
 
@@ -149,17 +135,18 @@ def light(context: Context, entity: Entity, name: str) -> Array:
     values = item.values
     if item.kind == "blackbody" and isinstance(values, np.ndarray):
         if len(values) > 2 or not len(values) or not values[0] > 0:
-            raise item.place.error(f'{entity.what}: "{name}" needs a temperature above 0 [K] (got {_shown(values)})')
+            got = " ".join(f"{value:g}" for value in values) or "nothing"
+            raise entity.parameters.error(name, f"needs a temperature above 0 [K] (got {got})")
         scale = float(values[1]) if len(values) == 2 else 1.0
         colour = scale * black_body_srgb(float(values[0]), luminance=luminance)
     elif item.kind == "spectrum" and len(values) == 1 and str(values[0]) in ILLUMINANTS:
-        colour = illuminant_srgb(str(values[0]))
+        colour = np.asarray(SRGB_FROM_XYZ @ xyz_of(ILLUMINANTS[str(values[0])]))
     elif item.kind == "spectrum":
         colour = light_srgb(*samples_of(context, item), luminance=luminance)
     else:
         colour = _plain(item, entity)
     if colour.min() < 0:
-        context.report.approximated(item.place, f'{entity.what}: "{name}" lies outside sRGB; cut at 0')
+        context.approximated(entity, f'"{name}" lies outside sRGB; cut at 0', item.place)
     return np.maximum(colour, 0)
 
 
@@ -168,9 +155,8 @@ def scale_factor(context: Context, entity: Entity, name: str = "scale") -> Array
     item = entity.parameters.get(name, *COLOURS)
     if item is None:
         return np.ones(3)
-    if item.kind == "spectrum":
-        return np.maximum(reflectance_srgb(*samples_of(context, item)), 0)
-    return np.maximum(_plain(item, entity), 0)
+    is_spectrum = item.kind == "spectrum"
+    return np.maximum(reflectance_srgb(*samples_of(context, item)) if is_spectrum else _plain(item, entity), 0)
 
 
 def samples_of(context: Context, item: Parameter) -> tuple[Array, Array]:
@@ -202,24 +188,19 @@ def _pairs(numbers: Array, item: Parameter) -> tuple[Array, Array]:
 def _plain(item: Parameter, entity: Entity) -> Array:
     """Return the colour of rgb, xyz or a single number."""
     if item.kind == "blackbody" or not isinstance(item.values, np.ndarray):
-        raise item.place.error(f'{entity.what}: "{item.name}" cannot be a {item.kind}')
+        raise entity.parameters.error(item.name, f"cannot be a {item.kind}")
     values = item.values
     if item.kind == "float" and len(values) == 1:
         return np.full(3, float(values[0]))
     if len(values) != 3:
-        raise item.place.error(f'{entity.what}: "{item.name}" needs 3 numbers (got {len(values)})')
+        raise entity.parameters.error(item.name, f"needs 3 numbers (got {len(values)})")
     if item.kind == "xyz":
         return np.asarray(SRGB_FROM_XYZ @ values)
     return srgb_from(entity.color_space, values)
 
 
-def _shown(values: Array) -> str:
-    return " ".join(f"{value:g}" for value in values) or "nothing"
-
-
 Keys = dict[str, Any]
 
-WRAPS = {"repeat": "repeat", "clamp": "clamp", "octahedralsphere": "clamp"}
 # Parameters of filtering, which is ours to choose.
 FILTERING = ("maxanisotropy", "trilinear", "filter")
 GREY = 0.5
@@ -262,16 +243,12 @@ class Shade:
                 if name in texture:
                     texture[name] = np.clip(np.array(texture[name]) * factor, 0, 1).tolist()
             if texture["kind"] == "image":
-                texture["gain"] = _plainest(np.maximum(np.multiply(texture.get("gain", 1.0), factor), 0))
+                gain = np.maximum(np.multiply(texture.get("gain", 1.0), factor), 0)
+                texture["gain"] = float(gain[0]) if np.ptp(gain) == 0 else gain.tolist()
         return Shade(lambda: np.clip(self.colour * factor, 0, 1), texture)
 
 
-def _plainest(gain: Array) -> float | list[float]:
-    """Return a gain as a number where its channels are equal."""
-    return float(gain[0]) if np.ptp(gain) == 0 else list(gain.tolist())
-
-
-def shade(context: Context, entity: Entity, name: str, default: float | Array, depth: int = 0) -> Shade:
+def shade(context: Context, entity: Entity, name: str, default: float, depth: int = 0) -> Shade:
     """Return a colour parameter of a material or texture."""
     item = entity.parameters.get(name, "texture", *COLOURS)
     if item is None or item.kind != "texture":
@@ -284,7 +261,7 @@ def value(context: Context, entity: Entity, name: str, default: float) -> float:
     found = number_shade(context, entity, name, default)
     if found.texture is not None:
         place = entity.parameters.items[name].place
-        context.report.approximated(place, f'{entity.what}: "{name}" is its mean, not a texture')
+        context.approximated(entity, f'"{name}" is its mean, not a texture', place)
     return single(context, entity, name, found)
 
 
@@ -302,7 +279,7 @@ def single(context: Context, entity: Entity, name: str, found: Shade) -> float:
     """Return the mean over the channels of a parameter where ours takes one number; a colour is reported."""
     if np.ptp(found.colour) > 1e-6:
         place = entity.parameters.items[name].place
-        context.report.approximated(place, f'{entity.what}: the colour "{name}" as its mean over the channels')
+        context.approximated(entity, f'the colour "{name}" as its mean over the channels', place)
     return float(found.colour.mean())
 
 
@@ -323,41 +300,29 @@ def _named(context: Context, entity: Entity, item: Parameter, kind: str, depth: 
 
 def _converted(context: Context, texture: Entity, depth: int) -> Shade:
     """Return a texture as one of ours."""
-    match texture.kind:
-        case "constant":
-            return Shade(_constant(context, texture))
-        case "imagemap":
-            return _image(context, texture)
-        case "checkerboard":
-            return _checkerboard(context, texture, depth)
-        case "scale":
-            return _scale(context, texture, depth)
-        case "mix":
-            return _mix(context, texture, depth)
-        case "bilerp":
-            corners = {"v00": 0.0, "v01": 1.0, "v10": 0.0, "v11": 1.0}
-            found = [shade(context, texture, name, default, depth).colour for name, default in corners.items()]
-            context.report.approximated(texture.place, f"{texture.what}: the mean of its corners")
-            return Shade(np.mean(found, axis=0))
-        case "dots":
-            return _dots(context, texture, depth)
-        case "uv":
-            return _coordinates(context, texture)
-    known = ("fbm", "wrinkled", "windy", "marble", "ptex", "directionmix")
-    if texture.kind not in known:
-        drawn = ("constant", "imagemap", "checkerboard", "scale", "mix", "bilerp", "dots", "uv")
-        allowed = ", ".join((*drawn, *known))
-        raise texture.place.error(f'unknown texture "{texture.kind}" (allowed: {allowed})')
-    texture.parameters.used.update(texture.parameters.items)
-    context.report.approximated(texture.place, f"{texture.what}: grey {GREY:g}")
+    if texture.kind not in KINDS:
+        raise texture.unknown("texture", KINDS)
+    return KINDS[texture.kind](context, texture, depth)
+
+
+def _grey(context: Context, texture: Entity, depth: int) -> Shade:
+    texture.parameters.skip_all()
+    context.approximated(texture, f"grey {GREY:g}")
     return Shade(np.full(3, GREY))
 
 
-def _constant(context: Context, texture: Entity) -> Array:
+def _constant(context: Context, texture: Entity, depth: int) -> Shade:
     item = texture.parameters.get("value", *COLOURS)
     if item is not None and item.kind == "float":
-        return np.full(3, texture.parameters.number("value", 1.0))
-    return reflectance(context, texture, "value", 1.0)
+        return Shade(np.full(3, texture.parameters.number("value", 1.0)))
+    return Shade(reflectance(context, texture, "value", 1.0))
+
+
+def _bilinear(context: Context, texture: Entity, depth: int) -> Shade:
+    corners = {"v00": 0.0, "v01": 1.0, "v10": 0.0, "v11": 1.0}
+    colours = [shade(context, texture, name, default, depth).colour for name, default in corners.items()]
+    context.approximated(texture, "the mean of its corners")
+    return Shade(np.mean(colours, axis=0))
 
 
 def _mapping(context: Context, texture: Entity) -> Keys:
@@ -365,48 +330,38 @@ def _mapping(context: Context, texture: Entity) -> Keys:
     mapping = parameters.text("mapping", "uv")
     if mapping != "uv":
         parameters.skip("v1", "v2")
-        context.report.approximated(texture.place, f'{texture.what}: the mapping "{mapping}" as that of u and v')
+        context.approximated(texture, f'the mapping "{mapping}" as that of u and v')
     scale = [parameters.number("uscale", 1.0), parameters.number("vscale", 1.0)]
     offset = [parameters.number("udelta", 0.0), parameters.number("vdelta", 0.0)]
     return ({"scale": scale} if scale != [1, 1] else {}) | ({"offset": offset} if offset != [0, 0] else {})
 
 
-def _image(context: Context, texture: Entity) -> Shade:
+def _image(context: Context, texture: Entity, depth: int) -> Shade:
     parameters = texture.parameters
     parameters.skip(*FILTERING)
-    name = parameters.text("filename", "")
-    if not name:
-        raise texture.place.error(f'{texture.what} needs a parameter "string filename"')
-    place = parameters.items["filename"].place
+    name, place = texture.file_name()
     path = context.find_or_note(name, place, f"grey {GREY:g}")
     if path is None:
-        texture.parameters.used.update(texture.parameters.items)
+        texture.parameters.skip_all()
         return Shade(np.full(3, GREY))
     wrap = parameters.text("wrap", "repeat")
-    found: Keys = {"kind": "image"}
     if parameters.boolean("invert", False):
-        context.report.ignored(place, f"{texture.what}: invert")
+        context.ignored(texture, "invert", place)
     if not is_readable(path):
-        allowed = " ".join((*SUFFIXES, *OTHERS))
-        context.report.approximated(
-            place, f"{name}: a kind of picture that is not read (grey {GREY:g}; allowed: {allowed})"
-        )
-        for unused in ("wrap", "scale", "encoding", "gamma", "uscale", "vscale", "udelta", "vdelta", "mapping"):
-            parameters.skip(unused)
+        context.report.approximated(place, f"{name}: {NOT_READ} (grey {GREY:g}; allowed: {' '.join(READABLE)})")
+        parameters.skip("wrap", "scale", "encoding", "gamma", "uscale", "vscale", "udelta", "vdelta", "mapping")
         return Shade(np.full(3, GREY))
-    found["file"] = picture_name(context, path, place)
-    if wrap in WRAPS and WRAPS[wrap] != "repeat":
-        found["wrap"] = WRAPS[wrap]
-    elif wrap not in WRAPS:
-        context.report.approximated(place, f'{texture.what}: wrap "{wrap}" as clamp')
-        found["wrap"] = "clamp"
-    found |= _encoding(context, texture)
+    keys: Keys = {"kind": "image", "file": picture_name(context, path, place)}
+    if wrap not in ("repeat", "clamp", "octahedralsphere"):
+        context.approximated(texture, f'wrap "{wrap}" as clamp', place)
+    if wrap != "repeat":
+        keys["wrap"] = "clamp"
+    keys |= _encoding(context, texture)
     if (gain := max(parameters.number("scale", 1.0), 0.0)) != 1:
-        found["gain"] = gain
-    linear = found.get("color_space") == "linear"
-    return Shade(
-        lambda: np.clip(gain * mean_colour(path, place, linear=linear), 0, 1), found | _mapping(context, texture)
-    )
+        keys["gain"] = gain
+    linear = keys.get("color_space") == "linear"
+    keys |= _mapping(context, texture)
+    return Shade(lambda: np.clip(gain * mean_colour(path, place, linear=linear), 0, 1), keys)
 
 
 def _encoding(context: Context, texture: Entity) -> Keys:
@@ -417,18 +372,18 @@ def _encoding(context: Context, texture: Entity) -> Keys:
     encoding = parameters.text("encoding", "") if parameters.has("encoding") else (
         "sRGB" if parameters.boolean("gamma", True) else "linear")  # fmt: skip
     if encoding.startswith("gamma"):
-        context.report.approximated(texture.place, f'{texture.what}: encoding "{encoding}" as sRGB')
+        context.approximated(texture, f'encoding "{encoding}" as sRGB')
         encoding = "sRGB"
     return {"color_space": "srgb" if encoding == "sRGB" else "linear"}
 
 
 def _checkerboard(context: Context, texture: Entity, depth: int) -> Shade:
     if texture.parameters.integer("dimension", 2) != 2:
-        context.report.approximated(texture.place, f"{texture.what}: in u and v, not in space")
+        context.approximated(texture, "in u and v, not in space")
     texture.parameters.skip("aamode")
     even, odd = (shade(context, texture, name, default, depth) for name, default in (("tex1", 1.0), ("tex2", 0.0)))
     if even.texture is not None or odd.texture is not None:
-        context.report.approximated(texture.place, f"{texture.what}: its textures as one colour each")
+        context.approximated(texture, "its textures as one colour each")
     keys = {"kind": "checker", "even": even.colour.tolist(), "odd": odd.colour.tolist()}
     return Shade((even.colour + odd.colour) / 2, keys | _mapping(context, texture))
 
@@ -438,7 +393,7 @@ def _scale(context: Context, texture: Entity, depth: int) -> Shade:
     names = ("tex", "scale") if texture.parameters.has("tex") or texture.parameters.has("scale") else ("tex1", "tex2")
     first, second = (_factor(context, texture, name, depth) for name in names)
     if first.texture is not None and second.texture is not None:
-        context.report.approximated(texture.place, f"{texture.what}: the second texture as one colour")
+        context.approximated(texture, "the second texture as one colour")
     if first.texture is None:
         first, second = second, first
     return first.scaled(second.colour)
@@ -459,7 +414,7 @@ def _mix(context: Context, texture: Entity, depth: int) -> Shade:
         if amount.texture is None and np.all(other == 1):
             return part
     if any(part.texture is not None for part in (first, second, amount)):
-        context.report.approximated(texture.place, f"{texture.what}: its textures as one colour each")
+        context.approximated(texture, "its textures as one colour each")
     return Shade((1 - amount.colour) * first.colour + amount.colour * second.colour)
 
 
@@ -469,18 +424,25 @@ def _dots(context: Context, texture: Entity, depth: int) -> Shade:
         shade(context, texture, name, default, depth).colour for name, default in (("inside", 1.0), ("outside", 0.0))
     )
     _mapping(context, texture)
-    context.report.approximated(texture.place, f"{texture.what}: the mean of its spots and their ground")
+    context.approximated(texture, "the mean of its spots and their ground")
     spots = 0.5 * math.pi * 0.35**2
     return Shade(spots * inside + (1 - spots) * outside)
 
 
-def _coordinates(context: Context, texture: Entity) -> Shade:
+def _coordinates(context: Context, texture: Entity, depth: int) -> Shade:
     """Return u as red and v as green: a picture, whose texels hold what their centres have."""
     if "uv" not in context.pictures:
         steps = (np.arange(UV_TEXELS) + 0.5) / UV_TEXELS
         red, green = np.meshgrid(steps, steps[::-1])  # the top row is that of the largest v
         pixels = np.stack([red, green, np.zeros_like(red)], axis=-1).astype(np.float32)
-        context.pictures["uv"] = context.files.add("files", "uv.exr", partial(write_exr, pixels))
+        context.pictures["uv"] = context.files.add("files", "uv.exr", partial(write_exr, {"RGB": pixels}))
         context.report.noted(texture.place, f"{texture.what}: written as a picture, to {context.pictures['uv']}")
     keys = {"kind": "image", "file": context.pictures["uv"]}
     return Shade(np.array([0.5, 0.5, 0.0]), keys | _mapping(context, texture))
+
+
+KINDS: dict[str, Callable[[Context, Entity, int], Shade]] = {
+    "constant": _constant, "imagemap": _image, "checkerboard": _checkerboard, "scale": _scale, "mix": _mix,
+    "bilerp": _bilinear, "dots": _dots, "uv": _coordinates,
+    **dict.fromkeys(("fbm", "wrinkled", "windy", "marble", "ptex", "directionmix"), _grey),
+}  # fmt: skip

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import field, replace
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.exchange.pbrt.source import NUMBERS, Parameter, Parameters, Place, Report, Statement, read_statements
 
 #
@@ -208,6 +209,20 @@ class Entity:
         """The directive, for messages."""
         return self.parameters.what
 
+    def error(self, problem: str) -> InputError:
+        """Return the error of what the entity says."""
+        return self.place.error(f"{self.what}: {problem}")
+
+    def unknown(self, form: str, allowed: Iterable[str]) -> InputError:
+        """Return the error of an entity whose kind is not known among those of its form, such as a shape."""
+        return self.place.error(f'unknown {form} "{self.kind}" (allowed: {", ".join(allowed)})')
+
+    def file_name(self) -> tuple[str, Place]:
+        """Return the file that an entity must name, and where it does."""
+        if not (name := self.parameters.text("filename", "")):
+            raise self.place.error(f'{self.what} needs a parameter "string filename"')
+        return name, self.parameters.items["filename"].place
+
 
 @dataclass(frozen=True, eq=False)
 class MaterialName:
@@ -311,20 +326,13 @@ DEEPEST = 10_000
 
 
 @dataclass
-class _Saved:
-    kind: str
-    state: GraphicsState
-    place: Place
-
-
-@dataclass
 class World:
     """Takes statements in their order."""
 
     report: Report
     scene: PbrtScene = field(default_factory=PbrtScene)
     state: GraphicsState = field(default_factory=GraphicsState)
-    saved: list[_Saved] = field(default_factory=list)
+    saved: list[tuple[str, GraphicsState, Place]] = field(default_factory=list)  # of blocks by kind and beginning
     spaces: dict[str, Matrix] = field(default_factory=dict)
     textures: dict[TextureKey, Entity] = field(default_factory=dict)
     in_world: bool = False
@@ -351,20 +359,20 @@ class World:
     def finish(self) -> PbrtScene:
         """Return the scene, once all blocks are closed."""
         if self.saved:
-            last = self.saved[-1]
-            raise last.place.error(f"{last.kind}Begin is never closed by {last.kind}End")
+            kind, _, place = self.saved[-1]
+            raise place.error(f"{kind}Begin is never closed by {kind}End")
         return self.scene
 
-    def entity(self, statement: Statement, kind: str, parameters: Parameters | None = None) -> Entity:
+    def entity(self, statement: Statement, kind: str) -> Entity:
         """Return what a statement declares, with the defaults of ``Attribute`` and the textures that it names."""
-        given = parameters or statement.with_parameters()
+        given = statement.with_parameters()
         for item in self.state.defaults.get(TARGETS.get(statement.directive, ""), ()):
             given.items.setdefault(item.name, item)
         bound: dict[TextureKey, Entity] = {}
         for item in given.items.values():
             if item.kind == "texture":
-                for text in item.values:
-                    bound |= {key: self.textures[key] for key in _keys(str(text)) if key in self.textures}
+                keys = [(kind, str(text)) for text in item.values for kind in ("float", "spectrum")]
+                bound |= {key: self.textures[key] for key in keys if key in self.textures}
         return Entity(kind, given, self.state.ctm, self.state.color_space, bound)
 
     def _transform(self, statement: Statement) -> None:
@@ -403,20 +411,16 @@ class World:
         """Keep the state for the end of a block."""
         if len(self.saved) >= DEEPEST:
             raise place.error(f"{kind}Begin: blocks are nested more than {DEEPEST} deep")
-        self.saved.append(_Saved(kind, self.state, place))
+        self.saved.append((kind, self.state, place))
 
     def pop(self, kind: str, place: Place) -> GraphicsState:
         """Return the state from the beginning of a block."""
         if not self.saved:
             raise place.error(f"{kind}End without {kind}Begin")
-        last = self.saved.pop()
-        if last.kind != kind:
-            raise place.error(f"{kind}End closes the {last.kind}Begin of {last.place.line}")
-        return last.state
-
-
-def _keys(name: str) -> tuple[TextureKey, TextureKey]:
-    return ("float", name), ("spectrum", name)
+        begun, state, beginning = self.saved.pop()
+        if begun != kind:
+            raise place.error(f"{kind}End closes the {begun}Begin of {beginning.line}")
+        return state
 
 
 def _world_begin(world: World, statement: Statement) -> None:
@@ -433,16 +437,12 @@ def _world_end(world: World, statement: Statement) -> None:
         raise statement.place.error("WorldEnd without WorldBegin")
 
 
-def _attribute_begin(world: World, statement: Statement) -> None:
-    world.push("Attribute", statement.place)
+def _block_begin(world: World, statement: Statement) -> None:
+    world.push(statement.directive.removesuffix("Begin"), statement.place)
 
 
 def _attribute_end(world: World, statement: Statement) -> None:
     world.state = world.pop("Attribute", statement.place)
-
-
-def _transform_begin(world: World, statement: Statement) -> None:
-    world.push("Transform", statement.place)
 
 
 def _transform_end(world: World, statement: Statement) -> None:
@@ -568,8 +568,8 @@ def _shape(world: World, statement: Statement) -> None:
 
 
 _ACTIONS: dict[str, Callable[[World, Statement], None]] = {
-    "WorldBegin": _world_begin, "WorldEnd": _world_end, "AttributeBegin": _attribute_begin,
-    "AttributeEnd": _attribute_end, "TransformBegin": _transform_begin, "TransformEnd": _transform_end,
+    "WorldBegin": _world_begin, "WorldEnd": _world_end, "AttributeBegin": _block_begin,
+    "AttributeEnd": _attribute_end, "TransformBegin": _block_begin, "TransformEnd": _transform_end,
     "ObjectBegin": _object_begin, "ObjectEnd": _object_end, "ObjectInstance": _object_instance,
     "CoordinateSystem": _coordinate_system, "CoordSysTransform": _coordinate_system_transform, "Identity": _identity,
     "ActiveTransform": _active_transform, "ReverseOrientation": _reverse, "ColorSpace": _color_space,

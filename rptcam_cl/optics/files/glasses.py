@@ -10,6 +10,7 @@ from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.core.records import MOST_LAYERS
 from rptcam_cl.core.strict_yaml import MAX_BYTES, Document, KeyPath
+from rptcam_cl.optics import glass
 from rptcam_cl.optics.coating import (
     BARE,
     MAGNESIUM_FLUORIDE,
@@ -31,19 +32,6 @@ from rptcam_cl.optics.files.glass_catalogues import (
     near_names,
     read_refractive_index,
 )
-from rptcam_cl.optics.glass import (
-    AIR,
-    STANDARD_C,
-    AbbeCauchy,
-    AbbeLinear,
-    Absorption,
-    ConstantIndex,
-    Medium,
-    PowerSeries,
-    Sellmeier,
-    TabulatedIndex,
-    Thermal,
-)
 from rptcam_cl.optics.ray_trace import meets_air
 from rptcam_cl.optics.surface import Surface
 
@@ -53,7 +41,7 @@ WORDS: dict[str, Coating] = dict(zip(keys.COATING_WORDS, (BARE, MAGNESIUM_FLUORI
 COATING_FORMS = f"{', '.join(keys.COATING_WORDS)}, {{quarter_wave: …}}, {{layers: …}} or {{reflectance: …}}"
 
 
-def coated(document: Document, surfaces: tuple[Surface, ...], object_medium: Medium) -> tuple[Surface, ...]:
+def coated(document: Document, surfaces: tuple[Surface, ...], object_medium: glass.Medium) -> tuple[Surface, ...]:
     """Return the surfaces with their coatings: their own, or between glass and air that of the lens."""
     common = read_coating(document, ("coating",)) if "coating" in document.data else None
     result, before = [], object_medium
@@ -72,7 +60,7 @@ def coated(document: Document, surfaces: tuple[Surface, ...], object_medium: Med
     return tuple(result)
 
 
-def _misfit(coating: Coating | None, before: Medium, surface: Surface) -> str:
+def _misfit(coating: Coating | None, before: glass.Medium, surface: Surface) -> str:
     """Return why a coating cannot lie on a surface behind a medium, nothing when it can."""
     after = surface.glass
     if coating is None or isinstance(coating, Bare):
@@ -207,7 +195,7 @@ def _read_reflectance(fields: Fields, name: str) -> MeasuredReflectance:
 # The `glass` key of a lens file: a name, or a mapping that holds one dispersion law.
 
 
-def read_glass(document: Document, path: KeyPath) -> Medium:
+def read_glass(document: Document, path: KeyPath) -> glass.Medium:
     """Return the medium at a key path of a lens file."""
     value = value_at(document, path)
     if isinstance(value, str):
@@ -220,15 +208,15 @@ def read_glass(document: Document, path: KeyPath) -> Medium:
         raise fields.fail(None, f"needs exactly one of {', '.join(keys.LAWS)} (has {', '.join(given) or 'none'})")
     medium = _LAWS[given[0]](fields)
     if "thermal" in fields or "expansion_per_k" in fields:
-        medium = replace(medium, thermal=_read_thermal(fields, medium.thermal or Thermal()))
+        medium = replace(medium, thermal=_read_thermal(fields, medium.thermal or glass.Thermal()))
     if "transmittance" not in fields:
         return medium
     inner = fields.inner("transmittance", keys.TRANSMITTANCE)
     spectrum, thickness_mm = read_spectrum(inner, "transmittance"), inner.positive("thickness_mm")
-    return replace(medium, absorption=Absorption.from_transmittance(*spectrum, thickness_mm))
+    return replace(medium, absorption=glass.Absorption.from_transmittance(*spectrum, thickness_mm))
 
 
-def _read_thermal(fields: Fields, known: Thermal) -> Thermal:
+def _read_thermal(fields: Fields, known: glass.Thermal) -> glass.Thermal:
     expansion = fields.number("expansion_per_k") if "expansion_per_k" in fields else known.expansion_per_k
     if "thermal" not in fields:
         return replace(known, expansion_per_k=expansion)
@@ -237,12 +225,14 @@ def _read_thermal(fields: Fields, known: Thermal) -> Thermal:
     for key, values, count in (("d", d, 3), ("e", e, 2)):
         if len(values) != count:
             raise inner.fail(key, f"expected {count} numbers")
-    return Thermal((*d, *e, inner.positive("resonance_um")), expansion, inner.number("reference_c", STANDARD_C))
+    return glass.Thermal(
+        (*d, *e, inner.positive("resonance_um")), expansion, inner.number("reference_c", glass.STANDARD_C)
+    )
 
 
-def _find_glass(document: Document, path: KeyPath, name: str) -> Medium:
+def _find_glass(document: Document, path: KeyPath, name: str) -> glass.Medium:
     if name.lower() in ("air", "vacuum"):
-        return AIR
+        return glass.AIR
     medium = glass_named(name)
     if medium is not None:
         return medium
@@ -257,50 +247,50 @@ def _check_index(fields: Fields, key: str, value: float) -> float:
     return value
 
 
-def _constant(fields: Fields) -> Medium:
+def _constant(fields: Fields) -> glass.Medium:
     value = _check_index(fields, "index", fields.number("index"))
-    return ConstantIndex(value, fields.text("name", f"n = {value:g}"))
+    return glass.ConstantIndex(value, fields.text("name", f"n = {value:g}"))
 
 
-def _abbe(fields: Fields) -> Medium:
+def _abbe(fields: Fields) -> glass.Medium:
     nd = _check_index(fields, "nd", fields.number("nd"))
     vd = fields.positive("vd")
-    return AbbeCauchy(nd, vd, fields.text("name", f"{nd:g} / {vd:g}"))
+    return glass.AbbeCauchy(nd, vd, fields.text("name", f"{nd:g} / {vd:g}"))
 
 
-def _linear(fields: Fields) -> Medium:
+def _linear(fields: Fields) -> glass.Medium:
     inner = fields.inner("linear_abbe", keys.LINEAR_ABBE)
     n = _check_index(inner, "n", inner.number("n"))
     v = inner.positive("v")
-    return AbbeLinear(n, v, fields.text("name", f"{n:g} / {v:g} linear"))
+    return glass.AbbeLinear(n, v, fields.text("name", f"{n:g} / {v:g} linear"))
 
 
-def _sellmeier(fields: Fields) -> Medium:
+def _sellmeier(fields: Fields) -> glass.Medium:
     inner = fields.inner("sellmeier", keys.SELLMEIER)
     b, c = inner.numbers("b"), inner.numbers("c")
     if len(b) != len(c):
         raise inner.fail("c", f"b and c need as many numbers as each other ({len(b)} and {len(c)})")
-    return Sellmeier(b, c, inner.number("c0", 0.0), _range(fields), fields.text("name", "Sellmeier glass"))
+    return glass.Sellmeier(b, c, inner.number("c0", 0.0), _range(fields), fields.text("name", "Sellmeier glass"))
 
 
-def _cauchy(fields: Fields) -> Medium:
+def _cauchy(fields: Fields) -> glass.Medium:
     terms = tuple((-2.0 * i, a) for i, a in enumerate(fields.numbers("cauchy")))
-    return PowerSeries(terms, False, _range(fields), fields.text("name", "Cauchy glass"))
+    return glass.PowerSeries(terms, False, _range(fields), fields.text("name", "Cauchy glass"))
 
 
-def _schott(fields: Fields) -> Medium:
+def _schott(fields: Fields) -> glass.Medium:
     values = fields.numbers("schott")
     if len(values) != 6:
         raise fields.fail(
             "schott", "expected six coefficients a0 to a5 of n^2 = a0 + a1 L^2 + a2 / L^2 + ... + a5 / L^8"
         )
     powers = (0.0, 2.0, -2.0, -4.0, -6.0, -8.0)
-    return PowerSeries(
+    return glass.PowerSeries(
         tuple(zip(powers, values, strict=True)), True, _range(fields), fields.text("name", "Schott glass")
     )
 
 
-def _table(fields: Fields) -> Medium:
+def _table(fields: Fields) -> glass.Medium:
     inner = fields.inner("table", keys.INDEX_TABLE)
     wavelengths, values = inner.numbers("wavelengths_nm"), inner.numbers("values")
     if len(wavelengths) != len(values):
@@ -309,7 +299,7 @@ def _table(fields: Fields) -> Medium:
         raise inner.fail("wavelengths_nm", "must be above 0 and rise")
     for value in values:
         _check_index(inner, "values", value)
-    return TabulatedIndex(wavelengths, values, fields.text("name", "tabulated glass"))
+    return glass.TabulatedIndex(wavelengths, values, fields.text("name", "tabulated glass"))
 
 
 def _range(fields: Fields) -> tuple[float, float] | None:
@@ -321,7 +311,7 @@ def _range(fields: Fields) -> tuple[float, float] | None:
     return limits[0], limits[1]
 
 
-def _catalogue(fields: Fields) -> Medium:
+def _catalogue(fields: Fields) -> glass.Medium:
     path, content = _content(fields, "catalogue", LARGEST_FILE)
     glasses, name = glasses_of_agf(content, path), fields.text("name")
     for known, medium in glasses.items():
@@ -331,7 +321,7 @@ def _catalogue(fields: Fields) -> Medium:
     raise fields.fail("name", f"no such glass in {path.name}; did you mean {', '.join(near) or next(iter(glasses))}?")
 
 
-def _refractive_index(fields: Fields) -> Medium:
+def _refractive_index(fields: Fields) -> glass.Medium:
     return read_refractive_index(*_content(fields, "refractiveindex", MAX_BYTES))
 
 

@@ -13,25 +13,8 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.records import PupilKind
 from rptcam_cl.core.remember import Disk, remember
+from rptcam_cl.optics import pupils
 from rptcam_cl.optics.lens import Lens
-from rptcam_cl.optics.pupils import (
-    BULGE,
-    COARSE_OUTLINES,
-    DIRECTIONS,
-    PATCH_RADII,
-    UNMOVED,
-    FilmFrame,
-    FilmProbe,
-    PupilShapes,
-    Wavelengths,
-    cells,
-    grid,
-    narrowing_probes,
-    pupil_boxes,
-    pupil_shapes,
-    quarters_of,
-    spread_points,
-)
 from rptcam_cl.rendering.cameras.metadata import CameraMetadata
 
 # Values known at nodes all over a film and beside it, and between them by cubics.
@@ -187,7 +170,7 @@ class PupilSampling:
     @property
     def facts(self) -> dict[str, int]:
         """Facts for the compilation."""
-        return {"PUPIL_KIND": int(self.kind), "PUPIL_RADIAL": int(self.radial), "PUPIL_DIRECTIONS": DIRECTIONS}
+        return {"PUPIL_KIND": int(self.kind), "PUPIL_RADIAL": int(self.radial), "PUPIL_DIRECTIONS": pupils.DIRECTIONS}
 
 
 #
@@ -206,7 +189,7 @@ APART = 0.03  # sizes of the pupil by which a ray lies outside of it, and not at
 FEW = 2  # such rays, that prove a part of its own
 
 
-def loses_light(sampling: PupilSampling, probe: FilmProbe, half_film_mm: tuple[float, float]) -> bool:
+def loses_light(sampling: PupilSampling, probe: pupils.FilmProbe, half_film_mm: tuple[float, float]) -> bool:
     """Return whether rays pass that lie well outside of what a sampling draws from."""
     corners = probe.frame.corners(half_film_mm)[:, :2]
     if probe.lens.is_rotational and probe.frame.is_flat:
@@ -215,7 +198,7 @@ def loses_light(sampling: PupilSampling, probe: FilmProbe, half_film_mm: tuple[f
         film = np.linspace(0.0, FARTHEST, FILM_RADII)[:, None] * corner
     else:
         film = probe.frame.grid(half_film_mm, FILM_NODES).reshape(-1, 2)
-    points = spread_points(probe.windows(film), RAYS)
+    points = pupils.spread_points(probe.windows(film), RAYS)
     which = np.repeat(np.arange(len(film)), RAYS)
     film, points = film[which], points.reshape(-1, 2)
     outside = left_out(sampling, probe.frame.bounds(half_film_mm), film, points, APART)
@@ -257,15 +240,15 @@ def _out_of_boxes(
 def _out_of_outlines(sampling: PupilSampling, film: Array, points: Array, margin: float) -> Mask:
     nodes, start, corners, turn = outlines_around(sampling, film)
     frames = sampling.table[: 4 * nodes].reshape(-1, 4).astype(np.float64)
-    radii = sampling.table[start:][: 4 * nodes * DIRECTIONS].reshape(-1, DIRECTIONS, 4)[..., 0]
+    radii = sampling.table[start:][: 4 * nodes * pupils.DIRECTIONS].reshape(-1, pupils.DIRECTIONS, 4)[..., 0]
     frame = sum((share[:, None] * frames[node] for node, share in corners), np.zeros((len(film), 4)))
     x, y = points.T
     points = np.stack([x * turn[:, 0] + y * turn[:, 1], y * turn[:, 0] - x * turn[:, 1]], axis=1)
     away = (points - frame[:, :2]) / np.maximum(frame[:, 2:], 1e-300)
-    place = np.arctan2(away[:, 1], away[:, 0]) / (2 * np.pi) % 1.0 * DIRECTIONS
-    first = np.minimum(place.astype(int), DIRECTIONS - 1)
+    place = np.arctan2(away[:, 1], away[:, 0]) / (2 * np.pi) % 1.0 * pupils.DIRECTIONS
+    first = np.minimum(place.astype(int), pupils.DIRECTIONS - 1)
     here, ahead = (
-        sum((share * radii[node, k % DIRECTIONS] for node, share in corners), np.zeros(len(film)))
+        sum((share * radii[node, k % pupils.DIRECTIONS] for node, share in corners), np.zeros(len(film)))
         for k in (first, first + 1)
     )
     radius = here + (place - first) * (ahead - here)
@@ -282,8 +265,8 @@ def outlines_around(
         per_quarter, columns, lines = sampling.parameters
         nodes = int(lines + 1) * int(columns)
         start = 4 * (nodes + 1)
-        reaches = sampling.table[start + 4 * (nodes * DIRECTIONS + 1) :].astype(np.float64)
-        along = quarters_of(film) * per_quarter
+        reaches = sampling.table[start + 4 * (nodes * pupils.DIRECTIONS + 1) :].astype(np.float64)
+        along = pupils.quarters_of(film) * per_quarter
         line = np.minimum(along.astype(int), int(lines) - 1)
         rows = [(line, 1.0 - (along - line)), (line + 1, along - line)]
         share_of_line = radius / sum(share * reaches[row] for row, share in rows)
@@ -317,9 +300,9 @@ def pupil_sampling(
     lens: Lens,
     film_distance_mm: float,
     half_film_mm: tuple[float, float],
-    wavelength_nm: Wavelengths,
+    wavelength_nm: pupils.Wavelengths,
     tier: Tier,
-    frame: FilmFrame = UNMOVED,
+    frame: pupils.FilmFrame = pupils.UNMOVED,
 ) -> PupilSampling:
     """Return the sampling of a tier.
 
@@ -346,9 +329,9 @@ def coarse_pupil(
     lens: Lens,
     film_distance_mm: float,
     half_film_mm: tuple[float, float],
-    wavelength_nm: Wavelengths,
+    wavelength_nm: pupils.Wavelengths,
     tier: Tier,
-    frame: FilmFrame = UNMOVED,
+    frame: pupils.FilmFrame = pupils.UNMOVED,
 ) -> PupilSampling:
     """Return a sampling that is made in a fifth of the time of the tier ``tight``, and not checked; others as they are.
 
@@ -396,13 +379,13 @@ def _checked(
     lens: Lens,
     film_distance_mm: float,
     half_film_mm: tuple[float, float],
-    wavelength_nm: Wavelengths,
+    wavelength_nm: pupils.Wavelengths,
     tier: Tier,
-    frame: FilmFrame,
+    frame: pupils.FilmFrame,
 ) -> PupilSampling:
     """Return the sampling of a tier, or of another one where its tables would lose light."""
     sampling = _made(lens, film_distance_mm, half_film_mm, wavelength_nm, tier, frame)
-    probe = FilmProbe(lens, film_distance_mm, wavelength_nm, frame)
+    probe = pupils.FilmProbe(lens, film_distance_mm, wavelength_nm, frame)
     if tier != "rear" and loses_light(sampling, probe, half_film_mm):
         rear = _rear(lens, film_distance_mm, half_film_mm, wavelength_nm, frame)
         sampling = replace(rear, instead_of=sampling.tier)
@@ -414,10 +397,10 @@ def _coarse(
     lens: Lens,
     film_distance_mm: float,
     half_film_mm: tuple[float, float],
-    wavelength_nm: Wavelengths,
-    frame: FilmFrame,
+    wavelength_nm: pupils.Wavelengths,
+    frame: pupils.FilmFrame,
 ) -> PupilSampling:
-    shapes = pupil_shapes(lens, film_distance_mm, half_film_mm, wavelength_nm, COARSE_OUTLINES, frame)
+    shapes = pupils.pupil_shapes(lens, film_distance_mm, half_film_mm, wavelength_nm, pupils.COARSE_OUTLINES, frame)
     sampling = tight_sampling(shapes)
     sampling.table.flags.writeable = False
     return sampling
@@ -427,32 +410,34 @@ def _made(
     lens: Lens,
     film_distance_mm: float,
     half_film_mm: tuple[float, float],
-    wavelength_nm: Wavelengths,
+    wavelength_nm: pupils.Wavelengths,
     tier: Tier,
-    frame: FilmFrame,
+    frame: pupils.FilmFrame,
 ) -> PupilSampling:
     if tier == "rear":
         return _rear(lens, film_distance_mm, half_film_mm, wavelength_nm, frame)
     if tier == "thick":
         return _thick(lens, film_distance_mm, half_film_mm, wavelength_nm, frame)
     if tier == "bounds":
-        return _bounds(narrowing_probes(lens, film_distance_mm, wavelength_nm, frame), frame.bounds(half_film_mm))
-    return tight_sampling(pupil_shapes(lens, film_distance_mm, half_film_mm, wavelength_nm, frame=frame))
+        return _bounds(
+            pupils.narrowing_probes(lens, film_distance_mm, wavelength_nm, frame), frame.bounds(half_film_mm)
+        )
+    return tight_sampling(pupils.pupil_shapes(lens, film_distance_mm, half_film_mm, wavelength_nm, frame=frame))
 
 
 def _rear(
     lens: Lens,
     film_distance_mm: float,
     half_film_mm: tuple[float, float],
-    wavelength_nm: Wavelengths,
-    frame: FilmFrame,
+    wavelength_nm: pupils.Wavelengths,
+    frame: pupils.FilmFrame,
 ) -> PupilSampling:
     """The rear rim, projected from the film point on the plane of the last vertex.
 
     A rim at depth t behind that plane shows as a circle, scaled by Z / (Z + t) and shifted towards the film point.
     Where the surface bulges out of the cone to its rim, as a ball's does, the circle is widened to hold it.
     """
-    probe = FilmProbe(lens, film_distance_mm, wavelength_nm)
+    probe = pupils.FilmProbe(lens, film_distance_mm, wavelength_nm)
     scale = film_distance_mm / (film_distance_mm - probe.patch[:, 2])
     shift = 1.0 - scale[-1]  # of the rim, the last ring of the patch
     film = np.linspace(0.0, float(np.hypot(*half_film_mm)), 9)[:, None]
@@ -461,14 +446,16 @@ def _rear(
     u = film * (1.0 - scale) + probe.patch[:, 0] * scale - shift * film
     reach = np.hypot(u, probe.patch[:, 1] * scale)
     radius = float(reach.max())
-    if radius > reach[:, -(len(scale) // PATCH_RADII) :].max():
-        radius *= 1.0 + BULGE
+    if radius > reach[:, -(len(scale) // pupils.PATCH_RADII) :].max():
+        radius *= 1.0 + pupils.BULGE
     return PupilSampling("rear", PupilKind.CIRCLE, PupilCircle(float(shift), radius))
 
 
-def _round_windows(probe: FilmProbe, half_film_mm: tuple[float, float], frame: FilmFrame, shift: float) -> PupilCircle:
+def _round_windows(
+    probe: pupils.FilmProbe, half_film_mm: tuple[float, float], frame: pupils.FilmFrame, shift: float
+) -> PupilCircle:
     """Return the circle that holds the rear rim as points all over a film that is moved see it."""
-    moved = FilmProbe(probe.lens, probe.distance, probe.wavelength_nm, frame)
+    moved = pupils.FilmProbe(probe.lens, probe.distance, probe.wavelength_nm, frame)
     film = frame.grid(half_film_mm, MOVED_GRID).reshape(-1, 2)
     boxes = moved.windows(film)
     middles, halves = (boxes[:, 1::2] + boxes[:, ::2]) / 2, (boxes[:, 1::2] - boxes[:, ::2]) / 2
@@ -480,8 +467,8 @@ def _thick(
     lens: Lens,
     film_distance_mm: float,
     half_film_mm: tuple[float, float],
-    wavelength_nm: Wavelengths,
-    frame: FilmFrame,
+    wavelength_nm: pupils.Wavelengths,
+    frame: pupils.FilmFrame,
 ) -> PupilSampling:
     """The paraxial exit pupil, seen on the plane of the last vertex; widened where it would lose light."""
     pupil = lens.first_order(wavelength_nm[0] if isinstance(wavelength_nm, tuple) else wavelength_nm).exit_pupil
@@ -493,7 +480,7 @@ def _thick(
         )
     shrink = film_distance_mm / from_film
     shift, radius = 1.0 - shrink, pupil.diameter_mm / 2 * shrink
-    needed = _needed_radius(narrowing_probes(lens, film_distance_mm, wavelength_nm, frame), half_film_mm, shift)
+    needed = _needed_radius(pupils.narrowing_probes(lens, film_distance_mm, wavelength_nm, frame), half_film_mm, shift)
     widened = max(1.0, needed / radius)
     return PupilSampling("thick", PupilKind.CIRCLE, PupilCircle(shift, radius * widened), widened=widened)
 
@@ -503,23 +490,23 @@ def _film_points(half_film_mm: tuple[float, float], count: int) -> NDArray[np.fl
     return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
 
 
-def _needed_radius(probes: list[FilmProbe], half_film_mm: tuple[float, float], shift: float) -> float:
+def _needed_radius(probes: list[pupils.FilmProbe], half_film_mm: tuple[float, float], shift: float) -> float:
     """Return the radius [mm] of a circle, shifted with the film point, that holds every probed ray that passes."""
     radial = probes[-1].lens.is_rotational and not probes[-1].frame.is_moved
     if radial:
         film = np.stack([np.linspace(0.0, float(np.hypot(*half_film_mm)), 17), np.zeros(17)], axis=1)
     else:
         film = probes[-1].frame.grid(half_film_mm, 11).reshape(-1, 2)
-    windows, found = pupil_boxes(probes, film, PROBES, radial=radial)
+    windows, found = pupils.pupil_boxes(probes, film, PROBES, radial=radial)
     film, windows = film[found], windows[found]
-    points = grid(windows, 2 * PROBES[0], 2 * PROBES[1])
+    points = pupils.grid(windows, 2 * PROBES[0], 2 * PROBES[1])
     passes = probes[-1].passes(film[:, None], points)
     away = points - shift * film[:, None]
-    cell = np.hypot(*cells(windows, 2 * PROBES[0], 2 * PROBES[1]).T)[:, None]
+    cell = np.hypot(*pupils.cells(windows, 2 * PROBES[0], 2 * PROBES[1]).T)[:, None]
     return float(np.max((np.hypot(away[..., 0], away[..., 1]) + cell) * passes, initial=0.0))
 
 
-def _bounds(probes: list[FilmProbe], half_film_mm: tuple[float, float]) -> PupilSampling:
+def _bounds(probes: list[pupils.FilmProbe], half_film_mm: tuple[float, float]) -> PupilSampling:
     """A box per film cell that holds the pupils of its corners, and a little more."""
     low, high, found = _corner_boxes(probes, half_film_mm)
     corners = [(slice(i, i + CELLS), slice(j, j + CELLS)) for i in (0, 1) for j in (0, 1)]
@@ -538,14 +525,16 @@ def _bounds(probes: list[FilmProbe], half_film_mm: tuple[float, float]) -> Pupil
     return PupilSampling("bounds", PupilKind.BOXES, PupilGrid(*per_mm, CELLS, CELLS), table)
 
 
-def _corner_boxes(probes: list[FilmProbe], half_film_mm: tuple[float, float]) -> tuple[Array, Array, NDArray[np.bool_]]:
+def _corner_boxes(
+    probes: list[pupils.FilmProbe], half_film_mm: tuple[float, float]
+) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Return the low and high corners (n, n, 2) of boxes round the pupils at the corners of the film's cells, and where
     it is open. Of a rotationally symmetric lens a quarter of the film is traced."""
     count = CELLS + 1
     film = _film_points(half_film_mm, count).reshape(count, count, 2)
     symmetric = probes[-1].lens.is_rotational and probes[-1].frame.is_flat
     part = film[CELLS // 2 :, CELLS // 2 :] if symmetric else film
-    boxes, found = pupil_boxes(probes, part.reshape(-1, 2), PROBES)
+    boxes, found = pupils.pupil_boxes(probes, part.reshape(-1, 2), PROBES)
     lit = found.reshape(part.shape[:2])
     low, high = (np.where(lit[..., None], boxes[:, k::2].reshape(part.shape), none) for k, none in enumerate(NOWHERE))
     if symmetric:
@@ -562,7 +551,7 @@ def _unfolded(low: Array, high: Array, axis: int) -> tuple[Array, Array]:
     return np.concatenate([other_low, low], axis=axis), np.concatenate([other_high, high], axis=axis)
 
 
-def tight_sampling(shapes: PupilShapes) -> PupilSampling:
+def tight_sampling(shapes: pupils.PupilShapes) -> PupilSampling:
     """Return the sampling of outlines."""
     frames = np.concatenate([shapes.centres, shapes.axes], axis=-1)
     rows = np.stack([shapes.radii, np.roll(shapes.radii, -1, axis=-1)], axis=-1)

@@ -8,7 +8,7 @@ import importlib
 import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote, unquote_to_bytes
@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.core.errors import InputError, StateError
+from rptcam_cl.core.errors import InputError, errors_named
 from rptcam_cl.core.files import read_whole
 from rptcam_cl.scene.assets.mesh import (
     LAMPS_LEFT_OUT,
@@ -245,17 +245,10 @@ WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 Octets = NDArray[np.uint8]
 
 
-def whole(path: Path) -> bytes:
-    """Return the content of a file."""
-    try:
-        return read_whole(path, LARGEST_FILE)
-    except (InputError, StateError) as problem:
-        raise type(problem)(f"{path}: {problem}") from None
-
-
 def read_container(path: Path) -> tuple[JsonNode, bytes | None]:
     """Return the JSON of a .gltf or .glb file, and the data that a .glb has behind it."""
-    content = whole(path)
+    with errors_named(path):
+        content = read_whole(path, LARGEST_FILE)
     binary: bytes | None = None
     if content[:4] == MAGIC:
         content, binary = _chunks(content, path)
@@ -338,8 +331,7 @@ class Data:
         if index not in self._loaded:
             part = self._buffers[index]
             if part.has("uri"):
-                source = self.file_named_by(part)
-                content = source if isinstance(source, bytes) else whole(self._checked(source, part))
+                content = self._content(part)
             elif index == 0 and self._binary is not None:
                 content = self._binary
             else:
@@ -350,11 +342,15 @@ class Data:
             self._loaded[index] = np.frombuffer(content, np.uint8)[:length]
         return self._loaded[index]
 
-    def _checked(self, path: Path, part: JsonNode) -> Path:
-        try:
-            return self._find(path)
-        except InputError as problem:
-            raise type(problem)(f"{part.place}.uri: {problem}") from None
+    def _content(self, part: JsonNode) -> bytes:
+        """Return what the `uri` of a buffer holds."""
+        source = self.file_named_by(part)
+        if isinstance(source, bytes):
+            return source
+        with errors_named(f"{part.place}.uri"):
+            path = self._find(source)
+        with errors_named(path):
+            return read_whole(path, LARGEST_FILE)
 
     def view(self, index: int) -> tuple[Octets, int]:
         """Return the bytes of a view, and the distance of its entries (0: they lie side by side)."""
@@ -610,7 +606,11 @@ class GltfMaterials:
                 specular_color_texture=self._texture(specular, "specularColorTexture"),
             )
         for volume in part.extensions("KHR_materials_volume"):
-            material = replace(material, **_volume(volume))
+            solid = volume.number("thicknessFactor", 0.0, 0) > 0  # and no pane, where it has a thickness
+            distance = volume.number("attenuationDistance", math.inf, 0)
+            colour = _colour(volume.numbers("attenuationColor", (1.0,) * 3))
+            absorbs = 0 < distance < math.inf
+            material = replace(material, solid=solid, attenuation=(colour, distance) if absorbs else None)
         for transmission in part.extensions("KHR_materials_transmission"):
             material = replace(material, transmission=transmission.number("transmissionFactor", 0.0, 0, 1))
             if material.metallic_texture is not None and not material.solid:
@@ -709,14 +709,6 @@ def _name(image: JsonNode) -> str:
     return (image.text("name") or uri or image.place.rpartition(" ")[2])[:200]
 
 
-def _volume(volume: JsonNode) -> dict[str, Any]:
-    """Return what KHR_materials_volume says: a solid where it has a thickness, and how it absorbs."""
-    solid = volume.number("thicknessFactor", 0.0, 0) > 0
-    distance = volume.number("attenuationDistance", math.inf, 0)
-    colour = _colour(volume.numbers("attenuationColor", (1.0,) * 3))
-    return {"solid": solid, "attenuation": (colour, distance) if 0 < distance < math.inf else None}
-
-
 def _laid(transform: JsonNode) -> dict[str, Any]:
     """Return how KHR_texture_transform lays a picture, with v upwards.
 
@@ -761,9 +753,11 @@ def read_gltf(path: Path, find: Find) -> Draft:
     nodes: list[Node] = []
     for mesh, placement, name in placed_meshes(document, data):
         if mesh not in places:
-            found = _surfaces(meshes[mesh], data, materials)
-            places[mesh] = list(range(len(surfaces), len(surfaces) + len(found)))
-            surfaces += found
+            part, before = meshes[mesh], len(surfaces)
+            title = part.text("name") or None
+            shown = [_surface(primitive, data, materials, title) for primitive in part.parts("primitives")]
+            surfaces += [surface for surface in shown if surface is not None]
+            places[mesh] = list(range(before, len(surfaces)))
         nodes += [Node(index, placement, name or surfaces[index].name) for index in places[mesh]]
     if not nodes:
         raise InputError(f"{path}: its scene shows no triangles")
@@ -790,12 +784,6 @@ def _left_out(document: JsonNode) -> list[str]:
         "variants of materials are left out; the default materials show": VARIANTS in document.texts("extensionsUsed"),
     }
     return [f"{document.place}: {text}" for text, there in found.items() if there]
-
-
-def _surfaces(mesh: JsonNode, data: Data, materials: GltfMaterials) -> list[MeshSurface]:
-    name = mesh.text("name") or None
-    found = [_surface(primitive, data, materials, name) for primitive in mesh.parts("primitives")]
-    return [surface for surface in found if surface is not None]
 
 
 def _surface(primitive: JsonNode, data: Data, materials: GltfMaterials, name: str | None) -> MeshSurface | None:
@@ -979,17 +967,8 @@ class GltfLight:
     cone_radians: tuple[float, float] = (0.0, math.pi / 4)
 
 
-@dataclass(frozen=True)
-class GltfWorld:
-    """Cameras and lamps, in the order of the nodes; notes say what is left out."""
-
-    cameras: list[GltfCamera] = field(default_factory=list)
-    lights: list[GltfLight] = field(default_factory=list)
-    notes: list[str] = field(default_factory=list)
-
-
-def read_gltf_world(path: Path) -> GltfWorld:
-    """Return the cameras and lamps that the default scene of a glTF file shows.
+def read_gltf_world(path: Path) -> tuple[list[GltfCamera], list[GltfLight], list[str]]:
+    """Return the cameras and lamps that the default scene of a glTF file shows, and notes on what is left out.
 
     Raises
     ------
@@ -997,22 +976,26 @@ def read_gltf_world(path: Path) -> GltfWorld:
         When the file is not as glTF 2.0 says.
     """
     document, _ = read_container(path)
-    world = GltfWorld()
-    cameras = document.parts("cameras")
-    lights = [light for part in document.extensions(LIGHTS) for light in part.parts("lights")]
+    all_cameras = document.parts("cameras")
+    all_lights = [light for part in document.extensions(LIGHTS) for light in part.parts("lights")]
+    cameras: list[GltfCamera] = []
+    lights: list[GltfLight] = []
+    notes: list[str] = []
     for node, placement in placed_nodes(document):
         if node.has("camera"):
-            _add_camera(world, cameras[node.whole("camera", below=len(cameras))], node, placement)
+            part = all_cameras[node.whole("camera", below=len(all_cameras))]
+            name = node.text("name") or part.text("name") or f"camera {len(cameras) + 1}"
+            if part.text("type") == "perspective":
+                cameras.append(_read_camera(part, name, node, placement))
+            else:
+                notes.append(f"{node.place}: {name} is not a perspective camera and is left out")
         for shown in node.extensions(LIGHTS):
-            _add_light(world, lights[shown.whole("light", below=len(lights))], node, placement)
-    return world
+            light = all_lights[shown.whole("light", below=len(all_lights))]
+            lights += _read_light(light, f"light {len(lights) + 1}", node, placement)
+    return cameras, lights, notes
 
 
-def _add_camera(world: GltfWorld, camera: JsonNode, node: JsonNode, placement: NDArray[np.float64]) -> None:
-    name = node.text("name") or camera.text("name") or f"camera {len(world.cameras) + 1}"
-    if camera.text("type") != "perspective":
-        world.notes.append(f"{node.place}: {name} is not a perspective camera and is left out")
-        return
+def _read_camera(camera: JsonNode, name: str, node: JsonNode, placement: NDArray[np.float64]) -> GltfCamera:
     lens = camera.part("perspective")
     height = lens.number("yfov", math.nan, 1e-6, math.pi - 1e-6)
     if math.isnan(height):
@@ -1020,23 +1003,24 @@ def _add_camera(world: GltfWorld, camera: JsonNode, node: JsonNode, placement: N
     aspect = lens.number("aspectRatio", math.nan, 1e-3, 1e3)
     eye, forward = _pose_of(placement, node)
     up = _unit(placement[:3, 1], node)
-    world.cameras.append(GltfCamera(name, eye, forward, up, height, None if math.isnan(aspect) else aspect))
+    return GltfCamera(name, eye, forward, up, height, None if math.isnan(aspect) else aspect)
 
 
-def _add_light(world: GltfWorld, light: JsonNode, node: JsonNode, placement: NDArray[np.float64]) -> None:
+def _read_light(light: JsonNode, name: str, node: JsonNode, placement: NDArray[np.float64]) -> list[GltfLight]:
+    """Return a lamp that is not dark; a name is that of one without."""
     kind = light.text("type")
     if kind not in KINDS:
         raise light.wrong("type", "is not known", ", ".join(KINDS))
     strength = light.number("intensity", 1.0, 0)
     red, green, blue = (max(0.0, strength * value) for value in light.numbers("color", (1.0, 1.0, 1.0)))
     if not max(red, green, blue) > 0:
-        return
+        return []
     cone = light.part("spot")
     outer = cone.number("outerConeAngle", math.pi / 4, 1e-4, math.pi / 2)
     inner = min(cone.number("innerConeAngle", 0.0, 0, math.pi / 2), outer * (1 - 1e-3))
-    name = node.text("name") or light.text("name") or f"light {len(world.lights) + 1}"
+    name = node.text("name") or light.text("name") or name
     eye, forward = _pose_of(placement, node)
-    world.lights.append(GltfLight(name, kind, eye, forward, (red, green, blue), (inner, outer)))
+    return [GltfLight(name, kind, eye, forward, (red, green, blue), (inner, outer))]
 
 
 def _pose_of(placement: NDArray[np.float64], node: JsonNode) -> tuple[Vector, Vector]:

@@ -6,7 +6,7 @@ import hashlib
 import io
 import math
 from collections.abc import Callable
-from dataclasses import field, replace
+from dataclasses import field, fields, replace
 from functools import cached_property
 from itertools import product
 from pathlib import Path
@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.core.errors import InputError, StateError
+from rptcam_cl.core.errors import InputError, errors_named
 from rptcam_cl.core.files import open_regular
 from rptcam_cl.scene.assets.pictures import LARGEST_PIXELS
 
@@ -146,16 +146,13 @@ class FileMaterial:
     @property
     def has_textures(self) -> bool:
         """Whether any picture lies on the surface."""
-        return self != self.without_textures()
+        return self is not self.without_textures()
 
     def without_textures(self) -> FileMaterial:
         """Return the material of a surface that has no texture coordinates."""
-        return replace(
-            self, base_texture=None, metallic_texture=None, roughness_texture=None, opacity_texture=None,
-            normals=None, emission_texture=None, transmission_texture=None, clearcoat_texture=None,
-            clearcoat_roughness_texture=None, sheen_texture=None, anisotropy_texture=None,
-            specular_texture=None, specular_color_texture=None, clearcoat_normals=None,
-        )  # fmt: skip
+        names = [each.name for each in fields(self) if isinstance(getattr(self, each.name), FileTexture)]
+        nothing: dict[str, Any] = dict.fromkeys(names)
+        return replace(self, **nothing) if names else self
 
 
 # Triangles that no renderer can use: they are dropped and counted.
@@ -348,18 +345,37 @@ Corners = NDArray[Any]
 
 
 class Polygons(NamedTuple):
-    """Polygons of one size.
+    """Polygons of one size, or other lists of one length.
 
     Attributes
     ----------
     number : (m,) int
         Their places among all faces of the file.
     corners : (m, k) int
-        Vertex of each corner.
+        Vertex of each corner, or other entries.
     """
 
     number: NDArray[Any]
     corners: NDArray[Any]
+
+
+def group_lists(lengths: NDArray[Any], starts: NDArray[np.intp], entries: NDArray[Any]) -> list[Polygons]:
+    """Return lists by their length.
+
+    Parameters
+    ----------
+    lengths : (n,) int
+        Length of each list.
+    starts : (n,) int
+        Place of the first entry of each.
+    entries : (e,) array
+        All entries.
+    """
+    groups = []
+    for length in np.unique(lengths):
+        numbers = np.flatnonzero(lengths == length)
+        groups.append(Polygons(numbers, entries[starts[numbers, None] + np.arange(length)]))
+    return groups
 
 
 def check_corners(polygons: Polygons, vertices: int, face: str) -> None:
@@ -380,17 +396,17 @@ def check_corners(polygons: Polygons, vertices: int, face: str) -> None:
 
 
 def as_triangles(positions: NDArray[Any], polygons: list[Polygons], face: str) -> NDArray[np.int32]:
-    """Return the triangles (m, 3) of checked polygons."""
-    found = []
-    for numbers, corners in polygons:
-        check_corners(Polygons(numbers, corners), len(positions), face)
+    """Return the triangles (m, 3) of polygons that `check_corners` lets pass."""
+    parts = []
+    for polygon in polygons:
+        corners = polygon.corners
         if corners.shape[1] == 3:
-            found.append(corners.astype(np.int32, copy=False))
+            parts.append(corners.astype(np.int32, copy=False))
         else:
-            triangles = triangulate(positions, Polygons(numbers, corners), face)
+            triangles = triangulate(positions, polygon, face)
             rows = np.arange(len(corners))[:, None, None]
-            found.append(corners[rows, triangles].reshape(-1, 3).astype(np.int32))
-    return np.concatenate(found) if len(found) != 1 else found[0]
+            parts.append(corners[rows, triangles].reshape(-1, 3).astype(np.int32))
+    return np.concatenate(parts) if len(parts) != 1 else parts[0]
 
 
 def triangulate(positions: NDArray[Any], polygons: Polygons, face: str) -> Corners:
@@ -506,7 +522,9 @@ def weld(
     uvs = np.concatenate([part.reshape(-1, 2) for part in corner_uvs])
     corners = np.concatenate([corners.ravel() for _, corners in polygons])
     kept, vertices = different_rows([corners, uvs[:, 0], uvs[:, 1]])
-    return corners[kept], uvs[kept], _with_corners(polygons, vertices)
+    parts = np.split(vertices, np.cumsum([corners.size for _, corners in polygons])[:-1])
+    groups = zip(polygons, parts, strict=True)
+    return corners[kept], uvs[kept], [Polygons(numbers, part.reshape(old.shape)) for (numbers, old), part in groups]
 
 
 def different_rows(columns: list[NDArray[Any]]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
@@ -541,12 +559,6 @@ def _one_column(columns: list[NDArray[Any]]) -> list[NDArray[Any]]:
         key += column
         key += 1
     return [key]
-
-
-def _with_corners(polygons: list[Polygons], vertices: NDArray[np.intp]) -> list[Polygons]:
-    ends = np.cumsum([corners.size for _, corners in polygons])
-    parts = np.split(vertices, ends[:-1])
-    return [Polygons(numbers, part.reshape(old.shape)) for (numbers, old), part in zip(polygons, parts, strict=True)]
 
 
 # A triangle mesh as it is held in memory, and how it is made from what a file says.
@@ -600,8 +612,9 @@ class Mesh:
         """Return the mesh with the normals of a mode, sharing all other arrays; `auto` leaves them."""
         if mode == "auto" or (mode == "flat" and self.normals is None):
             return self
-        normals = smooth_normals(self.positions, self.faces) if mode == "smooth" else None
-        return replace(self, normals=_frozen(normals), content_hash=_hash(self, normals))
+        normals = _frozen(smooth_normals(self.positions, self.faces) if mode == "smooth" else None)
+        content_hash = _hash(self.origin, self.positions, self.faces, normals, self.uvs)
+        return replace(self, normals=normals, content_hash=content_hash)
 
 
 @dataclass(frozen=True, eq=False)
@@ -644,24 +657,22 @@ def make_mesh(surface: MeshSurface, place: str) -> tuple[Mesh | None, Dropped]:
     if not len(faces):
         return None, dropped
     kept, faces = used_vertices(len(positions), faces)
-    positions = positions if kept is None else positions[kept]
-    normals, uvs = _rows(surface.normals, kept), _rows(surface.uvs, kept)
-    _check_extent(positions, place)
+    normals, uvs = surface.normals, surface.uvs
+    if kept is not None:
+        positions = positions[kept]
+        normals, uvs = (None if rows is None else rows[kept] for rows in (normals, uvs))
+    extent = float((positions.max(axis=0) - positions.min(axis=0)).max())
+    if extent < SMALLEST_EXTENT:
+        allowed = f"an extent of at least {SMALLEST_EXTENT:g}"
+        raise InputError(f"{place}: is too small for float32 (got {extent:g}; allowed: {allowed})")
     if normals is not None:
         _check_finite(normals, kept, f"{place}: normal")
         normals = unit_normals(normals, positions, faces)
     if uvs is not None:
         uvs = uvs.astype(np.float32)
         _check_finite(uvs, kept, f"{place}: texture coordinate")
-    mesh = Mesh(
-        _frozen(origin), _frozen(positions), _frozen(faces), _frozen(normals),
-        _frozen(uvs), "",
-    )  # fmt: skip
-    return replace(mesh, content_hash=_hash(mesh, mesh.normals)), dropped
-
-
-def _rows(rows: NDArray[Any] | None, kept: NDArray[np.intp] | None) -> NDArray[Any] | None:
-    return rows if rows is None or kept is None else rows[kept]
+    origin, positions, faces, normals, uvs = map(_frozen, (origin, positions, faces, normals, uvs))
+    return Mesh(origin, positions, faces, normals, uvs, _hash(origin, positions, faces, normals, uvs)), dropped
 
 
 def _centred(positions: NDArray[Any], place: str) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
@@ -689,13 +700,6 @@ def _centred(positions: NDArray[Any], place: str) -> tuple[NDArray[np.float64], 
     return origin, relative
 
 
-def _check_extent(positions: NDArray[np.float32], place: str) -> None:
-    extent = float((positions.max(axis=0) - positions.min(axis=0)).max())
-    if extent < SMALLEST_EXTENT:
-        allowed = f"an extent of at least {SMALLEST_EXTENT:g}"
-        raise InputError(f"{place}: is too small for float32 (got {extent:g}; allowed: {allowed})")
-
-
 def _check_finite(rows: NDArray[Any], kept: NDArray[np.intp] | None, what: str) -> None:
     finite = np.isfinite(rows).all(axis=1)
     if not finite.all():
@@ -715,10 +719,10 @@ def _frozen(rows: NDArray[Any] | None) -> Any:
     return rows
 
 
-def _hash(mesh: Mesh, normals: NDArray[np.float32] | None) -> str:
-    """Return the SHA-256 of a mesh with the given normals."""
+def _hash(*arrays: NDArray[Any] | None) -> str:
+    """Return the SHA-256 of arrays, some of which may be missing."""
     total = hashlib.sha256()
-    for rows in (mesh.origin, mesh.positions, mesh.faces, normals, mesh.uvs):
+    for rows in arrays:
         total.update(repr(None if rows is None else rows.shape).encode())
         if rows is not None:
             total.update(np.ascontiguousarray(rows).data)
@@ -902,22 +906,18 @@ def make_contents(draft: Draft, place: str) -> MeshContents:
     for index in dict.fromkeys(index for index, _, _ in nodes):
         meshes[index], lost = make_mesh(draft.surfaces[index], place)
         dropped = dropped.plus(lost)
-    parts = [
-        MeshPlacement(mesh, placement, _material(draft, index, mesh), name)
-        for index, placement, name in nodes
-        if (mesh := meshes[index]) is not None
-    ]
+    parts = []
+    for index, placement, name in nodes:
+        if (mesh := meshes[index]) is not None:
+            number = draft.surfaces[index].material
+            material = None if number is None else draft.materials[number]
+            if material is not None and mesh.uvs is None:
+                material = material.without_textures()
+            parts.append(MeshPlacement(mesh, placement, material, name))
     if not parts:
         raise InputError(f"{place}: has no triangle that can be shown (dropped: {dropped})")
     notes = [*draft.notes, f"{place}: triangles dropped: {dropped}"] if any(dropped) else draft.notes
     return MeshContents(tuple(parts), dropped, tuple(notes))
-
-
-def _material(draft: Draft, surface: int, mesh: Mesh) -> FileMaterial | None:
-    material = draft.surfaces[surface].material
-    if material is None:
-        return None
-    return draft.materials[material] if mesh.uvs is not None else draft.materials[material].without_textures()
 
 
 LARGEST_MESH = 16 << 30  # bytes
@@ -936,7 +936,5 @@ def open_mesh(path: Path) -> BinaryIO:
     StateError
         When it cannot be opened.
     """
-    try:
+    with errors_named(path):
         return open_regular(path, LARGEST_MESH)
-    except (InputError, StateError) as problem:
-        raise type(problem)(f"{path}: {problem}") from None

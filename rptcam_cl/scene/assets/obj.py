@@ -13,20 +13,9 @@ from typing import Any, BinaryIO, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.core.errors import InputError, StateError
+from rptcam_cl.core.errors import InputError, errors_named
 from rptcam_cl.core.files import read_whole
-from rptcam_cl.scene.assets.mesh import (
-    Colour,
-    Draft,
-    FileMaterial,
-    FileTexture,
-    Find,
-    MeshSurface,
-    Polygons,
-    as_triangles,
-    different_rows,
-    open_mesh,
-)
+from rptcam_cl.scene.assets import mesh
 
 # MTL files: the materials that OBJ files name.
 
@@ -44,7 +33,7 @@ GLASS = (4, 6, 7, 9)  # illumination models with transparency by refraction
 Lines = dict[str, tuple[int, list[str]]]
 
 
-def read_mtl(path: Path) -> dict[str, FileMaterial]:
+def read_mtl(path: Path) -> dict[str, mesh.FileMaterial]:
     """Return the materials of an MTL file by their names.
 
     Raises
@@ -52,10 +41,8 @@ def read_mtl(path: Path) -> dict[str, FileMaterial]:
     InputError
         When a value cannot be read.
     """
-    try:
+    with errors_named(path):
         content = read_whole(path, MOST_BYTES)
-    except (InputError, StateError) as problem:
-        raise type(problem)(f"{path}: {problem}") from None
     materials: dict[str, Lines] = {}
     current: Lines | None = None
     for number, line in enumerate(content.decode("utf-8", "replace").splitlines(), start=1):
@@ -78,23 +65,21 @@ class _Material:
         self._path = path
         self._lines = lines
 
-    def material(self, name: str) -> FileMaterial:
+    def material(self, name: str) -> mesh.FileMaterial:
         """Return what the lines say."""
         model = int(self._number("illum", 2))
         gloss = self._colour("ks", (0.0, 0.0, 0.0))
         exponent = max(0.0, self._number("ns", 0.0))
-        plain = FileMaterial(
+        plain = mesh.FileMaterial(
             name=name,
             base_color=self._colour("kd", (0.8, 0.8, 0.8)),
             base_texture=self._texture("map_kd"),
             matte=(model < 2 or max(gloss) == 0) and not PHYSICAL & self._lines.keys(),
-            metallic=min(1.0, max(0.0, self._number("pm", float("map_pm" in self._lines)))),
+            metallic=self._share("pm", float("map_pm" in self._lines)),
             metallic_texture=self._texture("map_pm"),
-            roughness=min(
-                1.0, max(0.0, self._number("pr", 1.0 if "map_pr" in self._lines else (2 / (exponent + 2)) ** 0.25))
-            ),
+            roughness=self._share("pr", 1.0 if "map_pr" in self._lines else (2 / (exponent + 2)) ** 0.25),
             roughness_texture=self._texture("map_pr"),
-            opacity=self._opacity(),
+            opacity=self._share("d", 1.0) if "d" in self._lines else min(1.0, max(0.0, 1 - self._number("tr", 0.0))),
             opacity_texture=self._texture("map_d"),
             normals=self._texture("norm") or self._texture("map_norm"),
             emission=self._colour("ke", (1.0,) * 3 if "map_ke" in self._lines else (0.0,) * 3, most=math.inf),
@@ -104,7 +89,7 @@ class _Material:
         )
         return self._with_model(plain, model, gloss)
 
-    def _with_model(self, plain: FileMaterial, model: int, gloss: Colour) -> FileMaterial:
+    def _with_model(self, plain: mesh.FileMaterial, model: int, gloss: mesh.Colour) -> mesh.FileMaterial:
         """Return the material with what the illumination model says: glass, or a mirror where nothing is diffuse."""
         if model in GLASS:
             clear = self._colour("tf", (1.0, 1.0, 1.0))
@@ -115,43 +100,34 @@ class _Material:
             return replace(plain, metallic=1.0, base_color=gloss)
         return plain
 
-    def _opacity(self) -> float:
-        if "d" in self._lines:
-            return min(1.0, max(0.0, self._number("d", 1.0)))
-        return min(1.0, max(0.0, 1 - self._number("tr", 0.0)))
-
-    def _numbers(self, key: str) -> list[float] | None:
+    def _numbers(self, key: str, default: Sequence[float]) -> Sequence[float]:
         if key not in self._lines:
-            return None
+            return default
         number, words = self._lines[key]
         words = [word for word in words if word != "-halo"]
-        try:
-            found = [float(word) for word in words]
-            if not found or not all(map(math.isfinite, found)):
-                raise ValueError
-        except ValueError:
+        if not words or not all(map(_is_number, words)):
             got = " ".join([key, *words])[:60]
-            raise InputError(f"{self._path}:{number}: is not a value (got {got!r}; allowed: finite numbers)") from None
-        return found
+            raise InputError(f"{self._path}:{number}: is not a value (got {got!r}; allowed: finite numbers)")
+        return [float(word) for word in words]
 
     def _number(self, key: str, default: float) -> float:
-        found = self._numbers(key)
-        return default if found is None else found[0]
+        return self._numbers(key, (default,))[0]
 
-    def _colour(self, key: str, default: Colour, most: float = 1.0) -> Colour:
-        found = self._numbers(key)
-        if found is None:
-            return default
-        red, green, blue = (min(most, max(0.0, value)) for value in (found * 3 if len(found) < 3 else found)[:3])
+    def _share(self, key: str, default: float) -> float:
+        return min(1.0, max(0.0, self._number(key, default)))
+
+    def _colour(self, key: str, default: mesh.Colour, most: float = 1.0) -> mesh.Colour:
+        values = self._numbers(key, default)
+        red, green, blue = (min(most, max(0.0, value)) for value in ([*values] * 3 if len(values) < 3 else values)[:3])
         return (red, green, blue)
 
-    def _texture(self, key: str) -> FileTexture | None:
+    def _texture(self, key: str) -> mesh.FileTexture | None:
         if key not in self._lines:
             return None
         options, name = _options(self._lines[key][1])
         if not name:
             return None
-        return FileTexture(
+        return mesh.FileTexture(
             self._path.parent / name.replace("\\", "/"),
             name,
             scale=options.get("-s", (1.0, 1.0)),
@@ -282,9 +258,8 @@ class Block:
     """
 
     def __init__(self, content: bytes, first: int) -> None:
-        while (
-            b"\\\n" in content or b"\\\r\n" in content
-        ):  # a line that goes on: the next one moves up, an empty one follows
+        # a line that goes on: the next one moves up, an empty one follows
+        while b"\\\n" in content or b"\\\r\n" in content:
             content = _CONTINUED.sub(rb" \1\n\n", content)
         if content[:1] in (b" ", b"\t") or b"\n " in content or b"\n\t" in content:
             content = _INDENT.sub(b"", content)
@@ -500,16 +475,16 @@ def surface_of(
     normals: NDArray[np.float64],
     material: int | None,
     name: str | None,
-) -> MeshSurface:
+) -> mesh.MeshSurface:
     """Return the surface of some faces, with a vertex for each different corner."""
     corners = faces.checked((len(positions), len(uvs), len(normals)))
     has_uvs, has_normals = (bool((corners[:, kind] != MISSING).any()) for kind in (1, 2))
     own, vertices = _different(corners, (len(positions), len(uvs), len(normals)))
     polygons = _polygons(vertices, np.concatenate(faces.sizes), np.concatenate(faces.lines))
     places = positions[own[:, 0]]
-    return MeshSurface(
+    return mesh.MeshSurface(
         places,
-        as_triangles(places, polygons, f"{faces.path}: the face of line"),
+        mesh.as_triangles(places, polygons, f"{faces.path}: the face of line"),
         _rows(normals, own[:, 2]) if has_normals else None,
         _rows(uvs, own[:, 1]) if has_uvs else None,
         material,
@@ -523,7 +498,7 @@ def _different(corners: NDArray[np.int32], counts: Counts) -> tuple[NDArray[np.i
     aligned = [bool((column == first).all()) for column in corners[:, 1:].T]
     missing = [bool((column == MISSING).all()) for column in corners[:, 1:].T]
     if len(corners) < counts[0] or not all(same or none for same, none in zip(aligned, missing, strict=True)):
-        kept, vertices = different_rows([corners[:, kind] for kind in range(3)])
+        kept, vertices = mesh.different_rows([corners[:, kind] for kind in range(3)])
         return corners[kept], vertices
     # Nothing to tell apart: the usual file of a single piece, which names everything by the same number.
     own = np.full((counts[0], 3), MISSING, np.int32)
@@ -537,20 +512,16 @@ def _different(corners: NDArray[np.int32], counts: Counts) -> tuple[NDArray[np.i
 
 def _rows(table: NDArray[np.float64], indices: NDArray[np.int32]) -> NDArray[np.float64]:
     """Return rows of a table, zeros where a corner has none."""
-    found = table[np.maximum(indices, 0)]
-    found[indices == MISSING] = 0
-    return found
+    rows = table[np.maximum(indices, 0)]
+    rows[indices == MISSING] = 0
+    return rows
 
 
-def _polygons(vertices: NDArray[Any], sizes: NDArray[np.int32], lines: NDArray[np.int32]) -> list[Polygons]:
+def _polygons(vertices: NDArray[Any], sizes: NDArray[np.int32], lines: NDArray[np.int32]) -> list[mesh.Polygons]:
     if (sizes == sizes[0]).all():
-        return [Polygons(lines, vertices.reshape(len(sizes), -1))]
-    starts = np.cumsum(sizes, dtype=np.int64) - sizes
-    found = []
-    for size in np.unique(sizes):
-        rows = np.flatnonzero(sizes == size)
-        found.append(Polygons(lines[rows], vertices[starts[rows, None] + np.arange(size)]))
-    return found
+        return [mesh.Polygons(lines, vertices.reshape(len(sizes), -1))]
+    groups = mesh.group_lists(sizes, np.cumsum(sizes, dtype=np.int64) - sizes, vertices)
+    return [mesh.Polygons(lines[numbers], corners) for numbers, corners in groups]
 
 
 COLUMNS = {b"v": (3, "a vertex"), b"vt": (1, "a texture coordinate"), b"vn": (3, "a normal")}
@@ -612,7 +583,7 @@ class ObjReader:
             found = numbers_of_lines(lines.singly(), each, what, self.path)
         if each == 1:
             found = np.column_stack([found, np.zeros(len(found))])
-        self.rows[word].append(_narrow(found))
+        self.rows[word].append(np.ascontiguousarray(found))  # which does not keep a wider table alive
         self.counts[word] += len(found)
 
     def table(self, word: bytes) -> NDArray[np.float64]:
@@ -621,7 +592,7 @@ class ObjReader:
         return np.concatenate(self.rows[word]) if self.rows[word] else np.empty((0, width))
 
 
-def read_obj(path: Path, find: Find) -> Draft:
+def read_obj(path: Path, find: mesh.Find) -> mesh.Draft:
     """Return the surfaces of an OBJ file, one for each material, and the materials of its libraries.
 
     Raises
@@ -630,11 +601,11 @@ def read_obj(path: Path, find: Find) -> Draft:
         When a line cannot be read, a face names what is not there, or there are no faces.
     """
     reader = ObjReader(path)
-    with open_mesh(path) as file:
+    with mesh.open_mesh(path) as file:
         reader.read(file)
     if not reader.faces:
         raise InputError(f"{path}: has no faces (allowed: lines such as 'f 1 2 3')")
-    materials: dict[str, FileMaterial] = {}
+    materials: dict[str, mesh.FileMaterial] = {}
     notes: list[str] = []
     grey = False  # stands for materials of a library that is missing
     for number, name in reader.libraries:
@@ -646,21 +617,21 @@ def read_obj(path: Path, find: Find) -> Draft:
         else:
             materials |= read_mtl(library)
     positions, uvs, normals = (reader.table(word) for word in (b"v", b"vt", b"vn"))
-    surfaces: list[MeshSurface] = []
-    used: list[FileMaterial] = []
+    surfaces: list[mesh.MeshSurface] = []
+    used: list[mesh.FileMaterial] = []
     for name_, faces in reader.faces.items():
         place = None
         if materials or grey:
             place = len(used)
             used.append(_named(materials, name_, path, grey=grey))
         surfaces.append(surface_of(faces, positions, uvs, normals, place, name_))
-    return Draft(surfaces, used, notes=notes)
+    return mesh.Draft(surfaces, used, notes=notes)
 
 
-def _named(materials: dict[str, FileMaterial], name: str | None, path: Path, *, grey: bool) -> FileMaterial:
+def _named(materials: dict[str, mesh.FileMaterial], name: str | None, path: Path, *, grey: bool) -> mesh.FileMaterial:
     """Return a material by its name; faces without one are grey, and where a library is missing those of others."""
     if name is None or (grey and name not in materials):
-        return FileMaterial(matte=True)
+        return mesh.FileMaterial(matte=True)
     if name not in materials:
         raise InputError(f"{path}: usemtl {name}: names no material (allowed: {', '.join(list(materials)[:24])})")
     return materials[name]
@@ -668,8 +639,3 @@ def _named(materials: dict[str, FileMaterial], name: str | None, path: Path, *, 
 
 def _text(line: bytes) -> str:
     return line.decode("utf-8", "replace").strip()
-
-
-def _narrow(rows: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return rows that do not keep a wider table alive."""
-    return np.ascontiguousarray(rows)

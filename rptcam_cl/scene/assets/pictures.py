@@ -7,6 +7,7 @@ import re
 import struct
 import warnings
 import zlib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -217,6 +218,16 @@ def _placed(texels: NDArray[np.float32], data: Window, display: Window) -> NDArr
             top - data[1] : bottom - data[1], left - data[0] : right - data[0]
         ]
     return whole
+
+
+def write_exr(channels: Mapping[str, NDArray[Any]], path: Path, header: Mapping[str, Any] | None = None) -> None:
+    """Write channels, of which ``RGB`` is three, as OpenEXR in scan lines of float32."""
+    import OpenEXR
+
+    attributes = {**(header or {}), "compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    planes = {name: np.ascontiguousarray(values, np.float32) for name, values in channels.items()}
+    with OpenEXR.File(attributes, planes) as file, utf8_name(path) as name:
+        file.write(name)
 
 
 #

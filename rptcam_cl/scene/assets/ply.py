@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from itertools import islice
 from pathlib import Path
 from typing import Any, BinaryIO, Literal, NamedTuple
@@ -12,7 +11,16 @@ from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.scene.assets.mesh import Draft, MeshSurface, Polygons, as_triangles, check_corners, open_mesh, weld
+from rptcam_cl.scene.assets.mesh import (
+    Draft,
+    MeshSurface,
+    Polygons,
+    as_triangles,
+    check_corners,
+    group_lists,
+    open_mesh,
+    weld,
+)
 from rptcam_cl.scene.assets.obj import numbers_of_lines, parsed
 
 # The header of a PLY file (Turk 1994): which elements follow, how many, and how their rows are laid out.
@@ -25,7 +33,8 @@ TYPES = {
     "double": "f8", "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4", "uint32": "u4",
     "float32": "f4", "float64": "f8",
 }  # fmt: skip
-FORMATS: dict[str, Literal["", "<", ">"]] = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
+ByteOrder = Literal["", "<", ">"]  # as numpy writes it, empty for text
+FORMATS: dict[str, ByteOrder] = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 
 
 @dataclass(frozen=True)
@@ -55,9 +64,9 @@ class Element:
     properties: tuple[Property, ...]
 
     @property
-    def has_lists(self) -> bool:
-        """Whether rows differ in size."""
-        return any(item.length is not None for item in self.properties)
+    def lists(self) -> list[Property]:
+        """The properties that are lists, by which rows differ in size."""
+        return [item for item in self.properties if item.length is not None]
 
     def smallest_row(self, text: bool) -> int:
         """Return the bytes of a row whose lists are empty; in text a digit and a space for each value."""
@@ -66,21 +75,15 @@ class Element:
         return sum((item.length or item.type).itemsize for item in self.properties)
 
 
-@dataclass(frozen=True)
-class Header:
-    """What a PLY file holds; `order` is the byte order as numpy writes it, empty for text."""
+def read_header(file: BinaryIO, path: Path) -> tuple[ByteOrder, list[Element], int]:
+    """Return byte order, elements and number of lines of the header of a file that is open at its start.
 
-    order: Literal["", "<", ">"]
-    elements: tuple[Element, ...]
-    lines: int
-
-
-def read_header(file: BinaryIO, path: Path) -> Header:
-    """Return the header of a file that is open at its start, and leave it at the first row."""
+    The file is left at the first row.
+    """
     lines = _lines(file, path)
     if lines[0].strip() != "ply":
         raise InputError(f"{path}: is not a PLY file (allowed: a first line 'ply')")
-    order: Literal["", "<", ">"] | None = None
+    order: ByteOrder | None = None
     elements: list[Element] = []
     for number, line in enumerate(lines[1:-1], start=2):
         place = f"{path}:{number}"
@@ -108,7 +111,7 @@ def read_header(file: BinaryIO, path: Path) -> Header:
                 f"{path}: claims {element.count} rows of {element.name} (allowed: at most {MOST_ROWS}, and no "
                 "more than the file has bytes for)"
             )
-    return Header(order, tuple(elements), len(lines))
+    return order, elements, len(lines)
 
 
 def _lines(file: BinaryIO, path: Path) -> list[str]:
@@ -137,7 +140,7 @@ def _property(form: list[str], order: str, place: str) -> Property:
 
 # Rows of one element of a PLY file, binary or text.
 
-Lists = list[tuple[NDArray[Any], NDArray[Any]]]
+Lists = list[Polygons]
 
 
 class Rows(NamedTuple):
@@ -155,26 +158,7 @@ class Rows(NamedTuple):
     lists: dict[str, Lists]
 
 
-def grouped(lengths: NDArray[Any], starts: NDArray[np.intp], entries: NDArray[Any]) -> Lists:
-    """Return lists by their length.
-
-    Parameters
-    ----------
-    lengths : (n,) int
-        Length of each row's list.
-    starts : (n,) int
-        Place of each row's first entry.
-    entries : (e,) array
-        All entries.
-    """
-    found: Lists = []
-    for length in np.unique(lengths):
-        numbers = np.flatnonzero(lengths == length)
-        found.append((numbers, entries[starts[numbers, None] + np.arange(length)]))
-    return found
-
-
-def joined(parts: list[Rows]) -> Rows:
+def join_rows(parts: list[Rows]) -> Rows:
     """Return the rows of several parts as one."""
     if len(parts) == 1:
         return parts[0]
@@ -185,10 +169,8 @@ def joined(parts: list[Rows]) -> Rows:
         for part in parts:
             for group in part.lists[name]:
                 by_length.setdefault(group[1].shape[1], []).append(group)
-        lists[name] = [
-            (np.concatenate([numbers for numbers, _ in groups]), np.concatenate([entries for _, entries in groups]))
-            for _, groups in sorted(by_length.items())
-        ]
+        groups = [zip(*each, strict=True) for _, each in sorted(by_length.items())]
+        lists[name] = [Polygons(*(np.concatenate(parts) for parts in each)) for each in groups]
     return Rows(values, lists)
 
 
@@ -200,20 +182,15 @@ def read_binary(file: BinaryIO, element: Element, path: Path) -> Rows:
     file.seek(start)
     if row is not None and start + element.count * row.itemsize <= size:
         rows = np.fromfile(file, row, element.count)
-        if all((rows[f"length of {item.name}"] == _length(row, item)).all() for item in _lists(element)):
-            return _uniform(element, rows)
+        if all((rows[f"length of {item.name}"] == row[item.name].shape[0]).all() for item in element.lists):
+            values = {item.name: rows[item.name] for item in element.properties if item.length is None}
+            numbers = np.arange(len(rows))
+            lists = {item.name: [Polygons(numbers, np.ascontiguousarray(rows[item.name]))] for item in element.lists}
+            return Rows(values, lists)
         file.seek(start)
-    elif not element.has_lists:
+    elif not element.lists:
         raise _cut_short(path, element.name, (size - start) // max(1, element.smallest_row(False)))
     return _varied(file, element, path)
-
-
-def _lists(element: Element) -> list[Property]:
-    return [item for item in element.properties if item.length is not None]
-
-
-def _length(row: np.dtype[Any], item: Property) -> int:
-    return int(row[item.name].shape[0])
 
 
 def _cut_short(path: Path, name: str, number: int) -> InputError:
@@ -239,24 +216,19 @@ def _row_like_the_first(file: BinaryIO, element: Element, size: int) -> np.dtype
     return np.dtype(fields)
 
 
-def _uniform(element: Element, rows: NDArray[Any]) -> Rows:
-    values = {item.name: rows[item.name] for item in element.properties if item.length is None}
-    numbers = np.arange(len(rows))
-    return Rows(values, {item.name: [(numbers, np.ascontiguousarray(rows[item.name]))] for item in _lists(element)})
-
-
 def _varied(file: BinaryIO, element: Element, path: Path) -> Rows:
     """Return rows whose lists differ in length: one walk finds where each row's parts begin."""
     data = file.read()
     begun = {item.name: np.empty(element.count, np.int64) for item in element.properties}
-    lengths = {item.name: np.empty(element.count, np.int64) for item in _lists(element)}
+    lengths = {item.name: np.empty(element.count, np.int64) for item in element.lists}
     place = 0
     for number in range(element.count):
         for item in element.properties:
             size = item.type.itemsize
             if item.length is not None:
-                width = item.length.itemsize
-                length = _whole(data[place : place + width], item.length)
+                width, kind = item.length.itemsize, item.length
+                order: Literal["big", "little"] = "big" if kind.byteorder == ">" else "little"
+                length = int.from_bytes(data[place : place + width], order, signed=kind.kind == "i")
                 if length < 0:
                     raise InputError(f"{path}: {element.name} {number} has a list of {length} entries")
                 lengths[item.name][number] = length
@@ -275,85 +247,54 @@ def _varied(file: BinaryIO, element: Element, path: Path) -> Rows:
             spots = begun[item.name][:, None] + np.arange(item.type.itemsize)
             values[item.name] = octets[spots].view(item.type)[:, 0]
         else:
-            by_length = grouped(lengths[item.name] * item.type.itemsize, begun[item.name], octets)
-            lists[item.name] = [(numbers, _typed(entries, item)) for numbers, entries in by_length]
+            groups = lists[item.name] = []
+            for numbers, entries in group_lists(lengths[item.name] * item.type.itemsize, begun[item.name], octets):
+                has_entries = entries.shape[1] > 0
+                typed = np.ascontiguousarray(entries).view(item.type) if has_entries else entries.astype(item.type)
+                groups.append(Polygons(numbers, typed))
     return Rows(values, lists)
-
-
-def _typed(entries: NDArray[np.uint8], item: Property) -> NDArray[Any]:
-    if not entries.shape[1]:
-        return np.empty(entries.shape, item.type)
-    return np.ascontiguousarray(entries).view(item.type)
-
-
-def _whole(octets: bytes, type_: np.dtype[Any]) -> int:
-    return int.from_bytes(octets, "big" if type_.byteorder == ">" else "little", signed=type_.kind == "i")
 
 
 # Lines read together.
 CHUNK_LINES = 1 << 15
 
 
-class TextRows:
-    """Reads the rows of one element after the other.
-
-    Parameters
-    ----------
-    file : binary file
-        Open at the first row.
-    path : Path
-    lines : int
-        Lines of the header.
-    """
-
-    def __init__(self, file: BinaryIO, path: Path, lines: int) -> None:
-        self._file = file
-        self._path = path
-        self._line = lines
-
-    def read(self, element: Element) -> Rows:
-        """Return the rows of the next element, one a line."""
-        parts: list[Rows] = []
-        done = 0
-        while done < element.count or not parts:
-            lines = list(islice(self._file, min(element.count - done, CHUNK_LINES)))
-            if element.count and not lines:
-                raise InputError(f"{self._path}: is cut short: ends after {done} rows of {element.name}")
-            parts.append(self._rows(lines, element, done))
-            done += len(lines)
-            self._line += len(lines)
-        return joined(parts)
-
-    def _rows(self, lines: list[bytes], element: Element, first: int) -> Rows:
-        """Return the rows of some lines, the first of which has a number, after checking that each line has its own."""
+def read_text(file: BinaryIO, element: Element, path: Path, line: int) -> Rows:
+    """Return the rows of an element, one a line, that a text file is open at; so many lines are before them."""
+    parts: list[Rows] = []
+    done = 0
+    while done < element.count or not parts:
+        lines = list(islice(file, min(element.count - done, CHUNK_LINES)))
+        if element.count and not lines:
+            raise InputError(f"{path}: is cut short: ends after {done} rows of {element.name}")
         numbers = parsed(b" ".join(lines))
         try:
             if numbers is None:
                 raise ValueError
-            return _taken_apart(element, numbers, len(lines), first)
+            parts.append(_split(element, numbers, len(lines), done))
         except ValueError:
-            raise self._wrong_row(lines, element) from None
-
-    def _wrong_row(self, lines: list[bytes], element: Element) -> InputError:
-        """Return the error for the first line that is wrong."""
-        for number, line in enumerate(lines, start=self._line + 1):
-            place = f"{self._path}:{number}"
-            shown = line.decode("latin-1").strip()[:60]
-            try:
-                _taken_apart(element, np.array([float(word) for word in line.split()]), 1, 0)
-            except ValueError:
-                names = " ".join(_form(item) for item in element.properties)
-                return InputError(f"{place}: is not a row of {element.name} (got {shown!r}; allowed: numbers {names})")
-        return InputError(f"{self._path}:{self._line + 1}: holds rows of {element.name} that cannot be read")
+            raise _wrong_row(lines, element, path, line + done + 1) from None
+        done += len(lines)
+    return join_rows(parts)
 
 
-def _form(item: Property) -> str:
-    return item.name if item.length is None else f"COUNT {item.name}…"
+def _wrong_row(lines: list[bytes], element: Element, path: Path, first: int) -> InputError:
+    """Return the error for the first of some lines that is wrong."""
+    for number, line in enumerate(lines, start=first):
+        try:
+            _split(element, np.array([float(word) for word in line.split()]), 1, 0)
+        except ValueError:
+            got = line.decode("latin-1").strip()[:60]
+            names = " ".join(item.name if item.length is None else f"COUNT {item.name}…" for item in element.properties)
+            return InputError(
+                f"{path}:{number}: is not a row of {element.name} (got {got!r}; allowed: numbers {names})"
+            )
+    return InputError(f"{path}:{first}: holds rows of {element.name} that cannot be read")
 
 
-def _taken_apart(element: Element, numbers: NDArray[np.float64], count: int, first: int) -> Rows:
+def _split(element: Element, numbers: NDArray[np.float64], count: int, first: int) -> Rows:
     """Return rows, the first of which has a number; a ValueError when the numbers are not so many whole rows."""
-    if not element.has_lists:
+    if not element.lists:
         table = numbers.reshape(count, len(element.properties))
         return Rows({item.name: table[:, place] for place, item in enumerate(element.properties)}, {})
     begun = _walk(element, numbers, count)
@@ -364,16 +305,14 @@ def _taken_apart(element: Element, numbers: NDArray[np.float64], count: int, fir
         if item.length is None:
             values[item.name] = numbers[places]
         else:
-            whole = item.type.kind in "iu"
-            groups = grouped(numbers[places].astype(np.int64), places + 1, numbers)
-            lists[item.name] = [(rows + first, _whole_of_text(group) if whole else group) for rows, group in groups]
+            groups = lists[item.name] = []
+            for rows, entries in group_lists(numbers[places].astype(np.int64), places + 1, numbers):
+                if item.type.kind in "iu":
+                    if not (np.abs(entries) < 2**53).all() or not (entries == np.floor(entries)).all():
+                        raise ValueError("not whole")
+                    entries = entries.astype(np.int64)
+                groups.append(Polygons(rows + first, entries))
     return Rows(values, lists)
-
-
-def _whole_of_text(numbers: NDArray[np.float64]) -> NDArray[np.int64]:
-    if not (np.abs(numbers) < 2**53).all() or not (numbers == np.floor(numbers)).all():
-        raise ValueError("not whole")
-    return numbers.astype(np.int64)
 
 
 def _walk(element: Element, numbers: NDArray[np.float64], count: int) -> dict[str, list[int]]:
@@ -414,35 +353,31 @@ def read_ply(path: Path) -> Draft:
         When it is not PLY, holds less than it claims or nothing that can be shown.
     """
     with open_mesh(path) as file:
-        header = read_header(file, path)
-        _check_size(header, path.stat().st_size - file.tell(), path)
-        rows = {element.name: element for element in header.elements}
-        if "vertex" not in rows or "face" not in rows:
-            missing = "faces" if "vertex" in rows else "vertices"
+        order, elements, line = read_header(file, path)
+        _check_size(elements, path.stat().st_size - file.tell(), path, is_text=not order)
+        names = [element.name for element in elements]
+        if "vertex" not in names or "face" not in names:
+            missing = "faces" if "vertex" in names else "vertices"
             raise InputError(f"{path}: has no {missing} (allowed: elements vertex and face)")
-        read = _reader(file, header, path)
-        found = {element.name: read(element) for element in header.elements}
+        found: dict[str, Rows] = {}
+        for element in elements:
+            is_text = not order
+            found[element.name] = read_text(file, element, path, line) if is_text else read_binary(file, element, path)
+            line += element.count
     notes = [
         f"{path}: colours of each {name} are left out" for name in ("vertex", "face") if "red" in found[name].values
     ]
     return Draft([_surface(found["vertex"], found["face"], path)], notes=notes)
 
 
-def _check_size(header: Header, size: int, path: Path) -> None:
+def _check_size(elements: list[Element], size: int, path: Path, *, is_text: bool) -> None:
     """Refuse a header that claims more than the file can hold, before anything is allocated."""
-    least = sum(element.count * element.smallest_row(not header.order) for element in header.elements)
-    if least - (not header.order) > size:
-        claims = ", ".join(f"{element.count} of {element.name}" for element in header.elements)
+    least = sum(element.count * element.smallest_row(is_text) for element in elements)
+    if least - is_text > size:
+        claims = ", ".join(f"{element.count} of {element.name}" for element in elements)
         raise InputError(
             f"{path}: is cut short: {claims} take at least {least} bytes (got {max(size, 0)} after the header)"
         )
-
-
-def _reader(file: BinaryIO, header: Header, path: Path) -> Callable[[Element], Rows]:
-    """Return what reads the rows of the next element."""
-    if header.order:
-        return lambda element: read_binary(file, element, path)
-    return TextRows(file, path, header.lines).read
 
 
 def _surface(vertex: Rows, face: Rows, path: Path) -> MeshSurface:
@@ -454,7 +389,7 @@ def _surface(vertex: Rows, face: Rows, path: Path) -> MeshSurface:
         raise InputError(f"{path}: its faces have no list of vertices (allowed: a property list vertex_indices)")
     normals = _columns(vertex, ("nx", "ny", "nz"))
     uvs = next((found for names in UV_NAMES if (found := _columns(vertex, names)) is not None), None)
-    polygons = [Polygons(numbers, corners) for numbers, corners in face.lists[index]]
+    polygons = face.lists[index]
     if not sum(len(corners) for _, corners in polygons):
         raise InputError(f"{path}: has no faces")
     for group in polygons:

@@ -459,12 +459,10 @@ def _walk_start(task: Task, probes: Probes) -> tuple[float, str]:
 
 def _state_within_reach(probes: Probes, distance_m: float, zone: Zone) -> float | None:
     """Return the focus state of a distance; None beyond the reach of the camera."""
-    low, high = probes.drive.limits
     try:
-        state = probes.drive.state_for(distance_m, zone)
+        return state_within_reach(probes.drive, distance_m, zone)
     except InputError:
         return None
-    return state if low <= state <= high else None
 
 
 def _probe_at(probes: Probes, distance_m: float, zone: Zone) -> Probe | None:

@@ -19,6 +19,7 @@ from rptcam_cl.studies.focus.contrast import focus_by_contrast, greatest_contras
 from rptcam_cl.studies.focus.probe import (
     BEST,
     MEASURES,
+    TERMS,
     Drive,
     FocusReport,
     Measured,
@@ -29,8 +30,10 @@ from rptcam_cl.studies.focus.probe import (
     ProbeRecord,
     Zone,
     ZoneImage,
+    block_sums,
     chosen,
     circle_of_confusion,
+    without_trend,
 )
 from rptcam_cl.studies.focus.renderer import ProbeRenderer, Probes, Task, within
 
@@ -141,8 +144,6 @@ TRIAL_STEP = 0.5  # displacement between trial distances [pixels]
 ROUNDS = 2  # of the refinement
 POINTS = 7  # in each
 SMOOTH = 2  # frequencies to each side
-TERMS = 6  # of a quadratic
-BLOCKS = 6  # of the zone each way, whose noise is nearly independent
 SMALLEST = 1e-30  # keeps 0 / 0 away where both halves blur everything, and where even light has no noise
 LEAST_GAIN = 150.0  # of the misfit at the best distance against the others, in units of noise
 RIVAL = 0.35  # share of that gain that another distance must lack for the best to be the only one
@@ -256,7 +257,7 @@ class PhaseMatch:
         self._weights = np.where(resolved, self._signal_shares(), 0.0)
 
     def _spectra_of(self, pictures: Array) -> Complex:
-        return np.asarray(np.fft.rfft2(_level(pictures) * self._window))
+        return np.asarray(np.fft.rfft2(without_trend(pictures) * self._window))
 
     def _signal_shares(self) -> Array:
         """Return the share of each frequency's power that is signal, smoothed over its neighbours.
@@ -320,7 +321,7 @@ class PhaseMatch:
         noise, mean = float(self.halves.noise.sum()), float(whole.mean())
         if not mean > 0 or noise <= 0:
             return 0.0, 0.0
-        variance = float(np.sum(_level(whole[None]) ** 2)) / (whole.size - TERMS)
+        variance = float(np.sum(without_trend(whole[None]) ** 2)) / (whole.size - TERMS)
         significance = (variance / noise - 1) * math.sqrt(whole.size / 2)
         return math.sqrt(max(variance - noise, 0.0)) / mean, significance
 
@@ -380,9 +381,7 @@ class PhaseMatch:
         slopes, bend = (above - below) / (2 * step), float((above - 2 * at + below).sum()) / step**2
         if not bend > 0:
             return np.inf
-        rows = np.array_split(slopes, BLOCKS)
-        blocks = [block.sum() for row in rows for block in np.array_split(row, BLOCKS, axis=1)]
-        return max(float(np.linalg.norm(blocks)), self._jackknife(vergence, step)) / bend
+        return max(float(np.linalg.norm(block_sums(slopes))), self._jackknife(vergence, step)) / bend
 
     def _jackknife(self, vergence: float, step: float) -> float:
         """Return the standard error of the slope of the misfit, from leaving out one part of one half after another."""
@@ -422,15 +421,6 @@ def _taper(count: int, before: int, behind: int) -> Array:
     place = np.arange(count) + 0.5
     share = np.minimum(place / max(before, 0.5), (count - place) / max(behind, 0.5))
     return np.asarray(0.5 - 0.5 * np.cos(np.pi * np.clip(share, 0.0, 1.0)))
-
-
-def _level(pictures: Array) -> Array:
-    """Return pictures (n, height, width) less their quadratic trends: light that falls off would pass for texture."""
-    count, height, width = pictures.shape
-    y, x = np.meshgrid(np.linspace(-1, 1, height), np.linspace(-1, 1, width), indexing="ij")
-    terms = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1).reshape(-1, TERMS)
-    basis, flat = np.linalg.qr(terms)[0], pictures.reshape(count, -1)
-    return np.asarray((flat - (flat @ basis) @ basis.T).reshape(pictures.shape))
 
 
 #

@@ -273,16 +273,22 @@ class Measured:
 
 
 def evenly_exposed(image: ZoneImage) -> Array | None:
-    """Return the luminance of the parts (count, height, width) over its mean, less a quadratic; None where dark."""
+    """Divide the luminance of the parts (count, height, width) by its mean, and take a quadratic off; None if dark."""
     luminance = image.luminance
     mean = float(luminance.mean())
-    if not mean > 0:
-        return None
-    count, height, width = luminance.shape
+    return without_trend(luminance / mean) if mean > 0 else None
+
+
+TERMS = 6  # of a quadratic
+
+
+def without_trend(pictures: Array) -> Array:
+    """Take its quadratic trend off each picture (n, height, width): light that falls off would pass for texture."""
+    count, height, width = pictures.shape
     x, y = np.meshgrid(np.linspace(-1, 1, width), np.linspace(-1, 1, height))
-    surface, _ = np.linalg.qr(np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1).reshape(-1, 6))
-    flat = luminance.reshape(count, -1) / mean
-    return np.asarray((flat - flat @ surface @ surface.T).reshape(luminance.shape))
+    surface, _ = np.linalg.qr(np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1).reshape(-1, TERMS))
+    flat = pictures.reshape(count, -1)
+    return np.asarray((flat - flat @ surface @ surface.T).reshape(pictures.shape))
 
 
 def energy(filters: Filters) -> Callable[[ZoneImage], Measured]:
@@ -323,8 +329,7 @@ def jackknife(count: int, of: Callable[[NDArray[np.int64]], float]) -> Measured:
     """
     every = np.arange(count)
     without = np.array([of(np.delete(every, k)) for k in range(count)])
-    spread = (count - 1) / count * np.square(without - without.mean()).sum()
-    return Measured(of(every), float(np.sqrt(spread)), without)
+    return Measured(of(every), _spread(without), without)
 
 
 def _variance(parts: Array) -> list[Array]:
@@ -427,15 +432,16 @@ def _error_of_noise(differences: list[Array]) -> float:
     squares = []
     for flipped in range(count - 1):
         signs = np.where(np.arange(count - 1) == flipped, -1.0, 1.0)[:, None]
-        blocks = sum(_block_means(_sizes(np.tensordot(signs * apart, each, axes=1))) for each in differences)
+        sizes = [_sizes(np.tensordot(signs * apart, each, axes=1)) for each in differences]
+        blocks = sum(block_sums(each) / each.size for each in sizes)
         squares.append(float(np.square(blocks).sum()))
     return float(np.sqrt(np.mean(squares)))
 
 
-def _block_means(picture: Array) -> Array:
-    """Return the sums over blocks of a picture, over the number of its pixels."""
+def block_sums(picture: Array) -> Array:
+    """Sum a picture over `BLOCKS` blocks each way."""
     rows = np.array_split(picture, BLOCKS)
-    return np.array([block.sum() for row in rows for block in np.array_split(row, BLOCKS, axis=1)]) / picture.size
+    return np.array([block.sum() for row in rows for block in np.array_split(row, BLOCKS, axis=1)])
 
 
 def plain_variance(image: ZoneImage) -> Measured:

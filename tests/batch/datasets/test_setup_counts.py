@@ -44,7 +44,7 @@ WORK = {
     "camera models": "batch.dataset:calibrate_best",
     "lamps in the lens": "rendering.cameras.lamp_aim:fits_of_small",
     "lamps on the film": "rendering.cameras.lamp_aim:_seen",
-    "trees of primitives": "rendering.trees:tree_of_few",
+    "trees of primitives": "rendering.tree_build:tree_of_few",
     "meshes": "rendering.plan.primitives:pack_meshes",
     "materials": "rendering.plan.primitives:pack_materials",
 }

@@ -26,7 +26,8 @@ SENSORS += [("canon_eos_5d_mark_ii", "RGGB"), ("sigma_sd_merrill", "none"), (Non
 
 def raw_of(chosen: SensorModel, size: int = 24) -> RawImage:
     film = CHART.repeat(size, axis=0).repeat(size, axis=1)
-    return RawImage(exposed(film, chosen), METADATA)
+    frame = exposed(film, chosen)
+    return RawImage(frame.numbers, frame.sensor, METADATA)
 
 
 def quiet(response: str | None, bayer: str) -> SensorModel:

@@ -117,7 +117,7 @@ def test_tree_is_kept_for_the_next_run(session, monkeypatch, tmp_path):
     tree, _ = both(session, monkeypatch, crowd(rng_of("kept"), 60))
     with_tree(monkeypatch, True)
     built = primitive_tree(tree.plan.primitives, tree.plan.kind_end, session)
-    monkeypatch.setattr("rptcam_cl.rendering.trees.tree_of_few", None)
+    monkeypatch.setattr("rptcam_cl.rendering.tree_build.tree_of_few", None)
     again = primitive_tree(tree.plan.primitives, tree.plan.kind_end, session)
     assert again.facts == built.facts
     assert again.nodes.tobytes() == built.nodes.tobytes()

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import rptcam_cl
-from rptcam_cl.rendering import trees
+from rptcam_cl.rendering import tree_build, trees
 from rptcam_cl.studies.selfcheck import LAMP, MATTE, NET
 from tests.rendering.pictures import looking, scene_of
 from tests.rendering.primitives.trees import with_tree
@@ -42,8 +42,8 @@ def test_picture_does_not_depend_on_the_tree(monkeypatch, roulette):
 def test_scene_gets_a_tree_from_the_break_even_on(monkeypatch, tmp_path):
     monkeypatch.setenv("RPTCAM_CACHE_DIR", str(tmp_path))  # where no tree is kept yet
     built = []
-    build = trees.tree_of_few
-    monkeypatch.setattr(trees, "tree_of_few", lambda *a: built.append(len(a[0])) or build(*a))
+    build = tree_build.tree_of_few
+    monkeypatch.setattr(tree_build, "tree_of_few", lambda *a: built.append(len(a[0])) or build(*a))
     for count in (trees.BREAK_EVEN - 1, trees.BREAK_EVEN):
         rptcam_cl.render(cloud(count), spp=1)
     assert built == [trees.BREAK_EVEN]

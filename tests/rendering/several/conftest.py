@@ -4,9 +4,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from rptcam_cl.device import devices as choosing
+from rptcam_cl.device import devices
 from rptcam_cl.device import session as sessions
-from rptcam_cl.device import session as several
 from rptcam_cl.device.devices import DeviceInfo
 from rptcam_cl.device.session import Session
 from tests.rendering.several.devices import Fragile, processor_and_cores
@@ -48,7 +47,6 @@ def three(
 ) -> None:
     """A machine with these three devices, for whoever names them."""
     opened = {session.info.id: session for session in (whole, first, second)}
-    for module in (choosing, several):
-        monkeypatch.setattr(module, "list_devices", lambda: infos)
+    monkeypatch.setattr(devices, "list_devices", lambda: infos)
     monkeypatch.setattr(sessions, "_session", opened.__getitem__)
     monkeypatch.delenv("RPTCAM_DEVICE", raising=False)

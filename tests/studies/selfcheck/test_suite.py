@@ -15,10 +15,8 @@ from rptcam_cl.optics.library import load_lens
 from rptcam_cl.rendering.account import film_rays
 from rptcam_cl.studies import selfcheck_suite
 from rptcam_cl.studies.selfcheck import Check, film_values
-from rptcam_cl.studies.selfcheck_suite import SUITE, CheckGroup, outcomes
+from rptcam_cl.studies.selfcheck_suite import SUITE, run_suite
 from tests.support.mutants import Mutant, assert_found, each_mutant
-
-PARTS = {part.name: part for part in SUITE}
 
 
 @pytest.fixture(scope="module")
@@ -27,10 +25,10 @@ def session() -> Session:
 
 
 def checks_of(session, name):
-    return [check for outcome in outcomes(session, [PARTS[name]]) for check in outcome.checks]
+    return [check for checks, _ in run_suite(session, {name: SUITE[name]}) for check in checks]
 
 
-@pytest.mark.parametrize("name", PARTS)
+@pytest.mark.parametrize("name", SUITE)
 def test_sound_device_passes(session, name):
     checks = checks_of(session, name)
     assert checks
@@ -40,7 +38,7 @@ def test_sound_device_passes(session, name):
 
 
 def test_there_are_at_least_a_dozen_checks_of_different_names():
-    assert len(PARTS) == len(SUITE) >= 12
+    assert len(SUITE) >= 12
 
 
 def passes(name):
@@ -89,7 +87,7 @@ def test_what_is_not_a_number_fails():
 
 def test_check_that_needs_float64_is_skipped_and_told_on_a_device_without(monkeypatch, capsys):
     single = replace(choose_device(), fp64=False)
-    monkeypatch.setattr(selfcheck_suite.outcomes, "__defaults__", ((PARTS["real lenses"],),))
+    monkeypatch.setattr(selfcheck_suite.run_suite, "__defaults__", ({"real lenses": SUITE["real lenses"]},))
     monkeypatch.setattr("rptcam_cl.device.session.open_session", lambda _: Session(single))
     assert main(["doctor", "--numerics"]) == 0
     said = capsys.readouterr().out
@@ -104,10 +102,9 @@ def test_device_that_throws_in_one_check_is_tried_in_the_next(session):
     def broken(_):
         raise DeviceError("out of\nresources")
 
-    first, second = outcomes(session, [CheckGroup("broken", broken), PARTS["random numbers"]])
-    (check,) = first.checks
+    ((check,), _), (second, _) = run_suite(session, {"broken": broken, "random numbers": SUITE["random numbers"]})
     assert (check.passed, check.name, check.note) == (False, "broken", "DeviceError: out of resources")
-    assert all(check.passed for check in second.checks)
+    assert all(check.passed for check in second)
 
 
 def test_rays_of_the_margin_fill_film_and_pupil():
@@ -138,9 +135,8 @@ def test_doctor_reports_what_there_is(capsys):
 @pytest.fixture
 def short(monkeypatch):
     """A suite that is done at once."""
-    monkeypatch.setattr(
-        selfcheck_suite.outcomes, "__defaults__", ((PARTS["random numbers"], PARTS["total reflection"]),)
-    )
+    suite = {name: SUITE[name] for name in ("random numbers", "total reflection")}
+    monkeypatch.setattr(selfcheck_suite.run_suite, "__defaults__", (suite,))
 
 
 def test_doctor_checks_the_devices(short, capsys):
@@ -152,8 +148,8 @@ def test_doctor_checks_the_devices(short, capsys):
 
 
 def test_doctor_says_which_check_failed_and_exits_with_5(monkeypatch, capsys):
-    part = CheckGroup("x", lambda _: Check("points", 2e-3, 1e-4, "mm"))
-    monkeypatch.setattr(selfcheck_suite.outcomes, "__defaults__", ((part, PARTS["random numbers"]),))
+    suite = {"x": lambda _: Check("points", 2e-3, 1e-4, "mm"), "random numbers": SUITE["random numbers"]}
+    monkeypatch.setattr(selfcheck_suite.run_suite, "__defaults__", (suite,))
     assert main(["doctor", "--numerics", "--device", "cpu"]) == 5
     streams = capsys.readouterr()
     assert "  FAIL points" in streams.out

@@ -3,7 +3,7 @@
 import numpy as np
 
 from rptcam_cl.studies.tradeoff_errors import LongPictures, SpreadTiles, draws, pair_errors
-from rptcam_cl.studies.tradeoff_runs import Timings, measurements
+from rptcam_cl.studies.tradeoff_runs import measurements
 
 PER_TILE = 64
 SAMPLES = (2, 8)
@@ -55,7 +55,7 @@ def measured(rng, bias, rendered, every, replicates=500, fall=1.0):
     errors = pair_errors(
         [reference, pictures_of(1 + seen, rng, common, fall)], SAMPLES, tiles, LongPictures(MANY, chosen, long)
     )
-    times = [Timings(*[scale * SECONDS * rng.lognormal(0, 0.1, SEEDS)] * 2) for scale in (2, 1)]
+    times = [(scale * SECONDS * rng.lognormal(0, 0.1, SEEDS),) * 2 for scale in (2, 1)]
     named = [
         {"name": name, "knob": knob, "same_as": (), "settings": (), "tier": "", "unbiased": False, "start_s": 0.0}
         for name, knob in (("full", ""), ("other", "camera"))

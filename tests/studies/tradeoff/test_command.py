@@ -135,8 +135,8 @@ def test_report_reads_well(report):
     assert said[0].startswith("Set: in 1 s rptcam render SCENE ") and "; to an error of 5 % rptcam render" in said[0]
     assert any(line.startswith("Full accuracy (full in the tables) is the most accurate way") for line in said)
     errors, costs, cameras = tables(report)
-    assert all(len(row) == len(table.columns) for table in (errors, costs, cameras) for row in table.rows)
-    assert len(costs.rows) == len(errors.rows) + 1 == len(report.measurements)
+    assert all(len(row) == len(columns) for _, columns, rows in (errors, costs, cameras) for row in rows)
+    assert len(costs[2]) == len(errors[2]) + 1 == len(report.measurements)
     text = report.markdown("a scene")
     assert str(report).startswith(said[0]) and "nan" not in str(report)
     assert report.svg().startswith("<svg")
@@ -168,7 +168,7 @@ def test_turns_end_where_they_take_longer_than_the_first_said(monkeypatch):
     hurried = tradeoff_runs.render_by_turns(ready, 0.4, 1, lambda words, share: None)
     assert hurried.seeds == 4 and len(hurried.long.chosen) == 16
     assert all(part.shape[0] == 4 for each in hurried.pixels for part in each)
-    assert all(len(timing.wall) == 4 for timing in hurried.timings)
+    assert all(len(wall) == 4 for _, wall in hurried.timings)
     assert tradeoff_runs.render_by_turns(ready, 60.0, 1, lambda words, share: None).seeds == 8
 
 

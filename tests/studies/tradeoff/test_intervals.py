@@ -17,7 +17,7 @@ from rptcam_cl.studies.tradeoff_errors import (
     pair_errors,
     student_quantile,
 )
-from rptcam_cl.studies.tradeoff_runs import Timings, measurements
+from rptcam_cl.studies.tradeoff_runs import measurements
 from tests.studies.tradeoff.synthetic import MANY, NOISE, PER_TILE, SAMPLES, SECONDS, SEEDS, measured, spread
 
 EVERY = 16  # tiles
@@ -67,7 +67,7 @@ def test_intervals_know_that_some_tiles_stand_for_all():
 
 def test_light_that_no_two_pictures_miss_in_the_same_pixel_is_missing_all_the_same():
     rng = np.random.default_rng(6)
-    tiles, samples, times = spread(EVERY, EVERY), (2, 8), Timings(np.ones(SEEDS), np.ones(SEEDS))
+    tiles, samples, times = spread(EVERY, EVERY), (2, 8), (np.ones(SEEDS), np.ones(SEEDS))
     full = [np.ones((SEEDS, EVERY * PER_TILE, 3), np.float32) for _ in samples]
     short = [picture.copy() for picture in full]
     for each, pixel in enumerate(rng.permutation(EVERY * PER_TILE)[: 9 * SEEDS]):

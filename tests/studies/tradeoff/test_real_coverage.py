@@ -88,7 +88,7 @@ def noise_between(ready, truth):
     for samples in BETWEEN:
         pooled = Pooled()
         for seed in range(SEEDS_BETWEEN):
-            pooled.take([[run(each, truth.tiles, samples, 10**6 + seed).pixels] for each in ready])
+            pooled.take([[run(each, truth.tiles, samples, 10**6 + seed)[0]] for each in ready])
         found.append(truth.relative(pooled.variance))
     return np.array(found).T
 

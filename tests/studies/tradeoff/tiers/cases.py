@@ -4,7 +4,7 @@ import numpy as np
 
 from rptcam_cl.scene.load import load_scene
 from rptcam_cl.studies.tier_models import TIERS, first_order_camera
-from rptcam_cl.studies.tiers import Truth, tier_errors
+from rptcam_cl.studies.tiers import Truth, tier_error
 
 LENSES = ("dgauss-50mm", "telephoto-250mm", "wide-22mm", "tessar-100mm", "cooke-triplet-50mm", "heliar-105mm")
 BALL = {"shape": "sphere", "center": [0, 0, -5], "radius": 0.5, "material": {"kind": "matte", "reflectance": 0.5}}
@@ -30,7 +30,8 @@ def truth_of(scene):
 
 
 def errors_of(scene, depths=(4000.0, 6000.0)):
-    return {error.tier: error for error in tier_errors(truth_of(scene), depths, TIERS)}
+    truth = truth_of(scene)
+    return {tier: tier_error(truth, depths, tier) for tier in TIERS}
 
 
 def stop_mm(lens):
