@@ -260,9 +260,12 @@ def _nearest_trials(chief: CameraRays, points: Array) -> Array:
     width, height = chief.resolution
     grid = np.stack(np.meshgrid(np.linspace(0, width, TRIALS), np.linspace(0, height, TRIALS)), axis=-1).reshape(-1, 2)
     origins, directions = chief.smooth(grid)
-    middle = origins[len(grid) // 2]
-    towards = _towards(points, np.broadcast_to(middle, (len(points), 3)))
-    return np.asarray(grid[np.argmax(np.nan_to_num(towards @ directions.T, nan=-1.0), axis=1)])
+    at, scale = points[:, :3], points[:, 3:]
+    along = at @ directions.T - scale * np.sum(origins * directions, axis=1)
+    square = np.sum(at**2, axis=1, keepdims=True) - 2 * scale * (at @ origins.T) + scale**2 * np.sum(origins**2, axis=1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        cosines = along / np.sqrt(square)
+    return np.asarray(grid[np.argmax(np.nan_to_num(cosines, nan=-1.0), axis=1)])
 
 
 def _on_whole_sphere(chief: CameraRays, points: Array) -> Array:

@@ -19,7 +19,6 @@ from rptcam_cl.core.files import read_whole
 from rptcam_cl.core.records import curves
 from rptcam_cl.optics.lens import Lens, limiting_surface, system_matrix
 from rptcam_cl.optics.stop_shape import StopMask, StopShape, blades, fitted, heart, polygon, star
-from rptcam_cl.rendering.cameras.metadata import Intrinsics
 from rptcam_cl.rendering.cameras.model import (
     Blur,
     film_depths,
@@ -27,7 +26,7 @@ from rptcam_cl.rendering.cameras.model import (
     intrinsics,
     perfect_blur,
 )
-from rptcam_cl.rendering.cameras.setting import LensSetting
+from rptcam_cl.rendering.cameras.setting import Intrinsics, LensSetting
 from rptcam_cl.scene.camera import ThinLensCamera
 from rptcam_cl.scene.film import Film
 from rptcam_cl.scene.lens_settings import (

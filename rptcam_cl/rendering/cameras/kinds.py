@@ -36,7 +36,6 @@ from rptcam_cl.rendering.cameras.ideal import (
     thick_lens_of,
     thin_lens_blur,
 )
-from rptcam_cl.rendering.cameras.metadata import CameraMetadata, Intrinsics
 from rptcam_cl.rendering.cameras.model import (
     CameraModel,
     CameraView,
@@ -52,7 +51,9 @@ from rptcam_cl.rendering.cameras.model import (
 )
 from rptcam_cl.rendering.cameras.realistic import realistic_model
 from rptcam_cl.rendering.cameras.setting import (
+    CameraMetadata,
     EntrancePupil,
+    Intrinsics,
     LensSetting,
     check_film,
     design_to_focus,

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.records import DISPERSION_SCALE, DISPERSION_SHIFT
 from rptcam_cl.core.remember import Disk, Memory, content_name
-from rptcam_cl.rendering.cameras.metadata import CameraMetadata
 from rptcam_cl.rendering.cameras.model import NEAR, CameraModel, LampReach, Reached
+from rptcam_cl.rendering.cameras.setting import CameraMetadata
 
 # How the film sees one lamp through the pupil: polynomials in the film point, fitted to exact rays from the lamp.
 

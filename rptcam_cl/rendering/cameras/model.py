@@ -21,9 +21,15 @@ from rptcam_cl.optics.lens import FirstOrder, Lens
 from rptcam_cl.optics.pupils import UNMOVED, FilmFrame
 from rptcam_cl.optics.ray_trace import passed_rays
 from rptcam_cl.optics.stop_shape import StopMask, StopShape
-from rptcam_cl.rendering.cameras.metadata import CameraMetadata, Intrinsics
 from rptcam_cl.rendering.cameras.pupil import content_of
-from rptcam_cl.rendering.cameras.setting import EntrancePupil, LensSetting, film_frame, half_film_mm
+from rptcam_cl.rendering.cameras.setting import (
+    CameraMetadata,
+    EntrancePupil,
+    Intrinsics,
+    LensSetting,
+    film_frame,
+    half_film_mm,
+)
 from rptcam_cl.scene.base import FLOAT32_MAX, FLOAT32_MIN_NORMAL
 from rptcam_cl.scene.camera import CameraKind, Pose, pose_matrix
 from rptcam_cl.scene.exposure import Exposure, Shutter

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Hashable
 from dataclasses import field, replace
-from typing import Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,9 @@ from rptcam_cl.core.records import PupilKind
 from rptcam_cl.core.remember import Disk, remember
 from rptcam_cl.optics import pupils
 from rptcam_cl.optics.lens import Lens
-from rptcam_cl.rendering.cameras.metadata import CameraMetadata
+
+if TYPE_CHECKING:
+    from rptcam_cl.rendering.cameras.setting import CameraMetadata
 
 # Values known at nodes all over a film and beside it, and between them by cubics.
 

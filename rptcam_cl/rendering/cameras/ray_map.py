@@ -26,10 +26,9 @@ from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.pupils import narrowing_probes, pupil_boxes
 from rptcam_cl.optics.ray_trace import LensTransmission
 from rptcam_cl.rendering.cameras.lens_records import LensRecords, lens_records
-from rptcam_cl.rendering.cameras.metadata import CameraMetadata
 from rptcam_cl.rendering.cameras.model import SURFACE_BY_SURFACE
 from rptcam_cl.rendering.cameras.pupil import by_content, has_shape, without_shape
-from rptcam_cl.rendering.cameras.setting import LensSetting
+from rptcam_cl.rendering.cameras.setting import CameraMetadata, LensSetting
 from rptcam_cl.scene.film import Film
 from rptcam_cl.scene.lens_settings import Accuracy
 

@@ -15,7 +15,6 @@ from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.ray_trace import IDEAL, LensTransmission, axial_transmittance, is_tinted
 from rptcam_cl.rendering.cameras.ideal import shaped, thick_lens_intrinsics, thick_lens_of
 from rptcam_cl.rendering.cameras.lens_records import colour_error_px, disperses, usable_nm
-from rptcam_cl.rendering.cameras.metadata import CameraMetadata
 from rptcam_cl.rendering.cameras.model import (
     CameraModel,
     CameraView,
@@ -34,6 +33,7 @@ from rptcam_cl.rendering.cameras.pupil import (
 )
 from rptcam_cl.rendering.cameras.ray_map import allowed_px, fitted_rays, traced_rays
 from rptcam_cl.rendering.cameras.setting import (
+    CameraMetadata,
     LensSetting,
     check_film,
     entrance_pupil,

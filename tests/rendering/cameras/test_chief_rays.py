@@ -10,7 +10,7 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.exchange.camera_view import view
 from rptcam_cl.optics.lens import limiting_surface
 from rptcam_cl.rendering.cameras import kinds
-from rptcam_cl.rendering.cameras.chief_rays import seen_places
+from rptcam_cl.rendering.cameras.chief_rays import PerspectiveRays, seen_places
 from rptcam_cl.rendering.cameras.kinds import camera_model, camera_of
 from rptcam_cl.rendering.cameras.model import CameraModel
 from rptcam_cl.rendering.cameras.pupil import FilmGrid
@@ -20,7 +20,7 @@ from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.studies.focus.drives import focus_drive
 from rptcam_cl.viewfinder.lens_panel import camera_numbers
-from rptcam_cl.viewfinder.panel import focal_length_mm, read_dials
+from rptcam_cl.viewfinder.panel import Panel, focal_length_mm, read_dials
 from rptcam_cl.viewfinder.state import dial_list
 
 POSE = {"eye": [0, 0, 0], "target": [0, 0, -1]}
@@ -111,6 +111,16 @@ def test_what_lies_behind_the_camera_is_seen_nowhere(name: str) -> None:
     assert seen_places(chief, behind[:0]).shape == (0, 2)
 
 
+def test_points_are_found_where_rays_are_parallel_as_well() -> None:
+    scene, per_mm = scene_of(IDEAL["pinhole"]), 0.08
+    chief = PerspectiveRays(scene, -per_mm, 0.0, 0.0, 0.0)  # all rays look ahead, from places of a plane
+    half_m = per_mm * 500 * np.array(scene.film.size_m())
+    points = np.array([[share * half_m[0], -share * half_m[1], -near] for share in (0.1, 0.9) for near in (0.2, 7.0)])
+    expected = (np.array([[share, share] for share in (0.1, 0.1, 0.9, 0.9)]) + 1) / 2 * scene.film.resolution
+    found = seen_places(chief, np.hstack([points, np.ones((4, 1))]))
+    np.testing.assert_allclose(found, expected, atol=1e-6)
+
+
 def test_environment_camera_sees_every_direction() -> None:
     chief, places = camera_of(scene_of({"kind": "environment"})).chief_rays(), places_of(5)
     origins, directions = chief.rays(places)
@@ -184,6 +194,6 @@ def test_a_new_kind_has_dials_and_numbers_at_once(monkeypatch: pytest.MonkeyPatc
     scene = throwaway()
     assert camera_model(scene).kernel == "camera/environment.h"
     assert focal_length_mm(scene) is None
-    entries = {entry["id"]: entry for entry in dial_list(read_dials(scene), scene, scene)}
+    entries = {entry["name"]: entry for entry in dial_list(Panel(read_dials(scene), scene, scene))}
     assert not entries["focus_m"]["enabled"] and not entries["zoom"]["enabled"]
     assert camera_numbers(scene)["f_number"] is None
