@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Hashable
 from dataclasses import field, replace
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,9 +15,6 @@ from rptcam_cl.core.records import PupilKind
 from rptcam_cl.core.remember import Disk, remember
 from rptcam_cl.optics import pupils
 from rptcam_cl.optics.lens import Lens
-
-if TYPE_CHECKING:
-    from rptcam_cl.rendering.cameras.setting import CameraMetadata
 
 # Values known at nodes all over a film and beside it, and between them by cubics.
 
@@ -125,6 +122,14 @@ class PupilLines(NamedTuple):
     lines: float
 
 
+class SamplingMetadata(TypedDict, total=False):
+    """What a picture's metadata say of how rays aim at the pupil."""
+
+    pupil: str  # the tier
+    pupil_instead_of: str
+    pupil_widened: float
+
+
 @dataclass(frozen=True)
 class PupilSampling:
     """What `kernels/lens/pupil.h` reads: kind and facts, a few numbers and a table."""
@@ -160,9 +165,9 @@ class PupilSampling:
         return {PupilCircle: "circle", PupilGrid: "grid", PupilLines: "lines"}[type(self.parameters)]
 
     @property
-    def metadata(self) -> CameraMetadata:
+    def metadata(self) -> SamplingMetadata:
         """What the picture's metadata should say."""
-        metadata: CameraMetadata = {"pupil": self.tier}
+        metadata: SamplingMetadata = {"pupil": self.tier}
         if self.instead_of:
             metadata["pupil_instead_of"] = f"{self.instead_of}: the pupil has parts that its tables do not hold"
         if self.widened > 1.0:

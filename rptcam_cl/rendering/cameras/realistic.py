@@ -100,9 +100,7 @@ def realistic_model(
     }
     if losses:
         metadata["transmittance"] = on_axis / clear
-    metadata |= pupil.metadata
-    metadata |= movements_metadata(camera)
-    metadata |= colour
+    metadata = {**metadata, **pupil.metadata, **movements_metadata(camera), **colour}
     with suppress(InputError):  # where no thick lens stands for it
         thick = thick_lens_of(setting.lens, setting.film_distance_mm, camera.wavelength_nm)
         metadata["intrinsics"] = thick_lens_intrinsics(scene, thick, "traced lens")

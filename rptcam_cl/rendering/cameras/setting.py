@@ -35,7 +35,7 @@ from rptcam_cl.optics.lens import (
 )
 from rptcam_cl.optics.pupils import UNMOVED, FilmFrame, FilmProbe
 from rptcam_cl.optics.ray_trace import LensTransmission, has_coatings, known_nm, with_coating
-from rptcam_cl.rendering.cameras.pupil import by_content, on_disk, without_shape
+from rptcam_cl.rendering.cameras.pupil import SamplingMetadata, by_content, on_disk, without_shape
 from rptcam_cl.scene.camera import NO_MOVEMENTS, NOT_FOUND_YET, CameraKind, LensCamera, pose_matrix
 from rptcam_cl.scene.lens_settings import CoatingLayers
 from rptcam_cl.scene.load import at_opening
@@ -73,7 +73,7 @@ class PupilMetadata(TypedDict, total=False):
     drift_mm: dict[str, float]  # by the field
 
 
-class CameraMetadata(TypedDict, total=False):
+class CameraMetadata(SamplingMetadata, total=False):
     """What a picture's metadata say of its camera; what a kind has not is left out."""
 
     camera: str  # its kind
@@ -95,9 +95,6 @@ class CameraMetadata(TypedDict, total=False):
     entrance_pupil: PupilMetadata
     on_axis_irradiance: float | None  # for radiance 1
     transmittance: float  # on the axis
-    pupil: str  # how rays aim at it
-    pupil_instead_of: str
-    pupil_widened: float
     lens_precision: str
     lens_rays: str
     lens_degree: int
