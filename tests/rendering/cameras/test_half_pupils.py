@@ -112,7 +112,7 @@ def test_line_shares_the_light_of_a_vignetted_pupil_evenly(session):
 def test_pictures_of_the_halves_add_up_to_that_of_the_whole(session):
     ball = {"shape": "sphere", "center": [0.3, 0, -1.2], "radius": 0.2, "material": MATTE}
     film = {"size_mm": [24, 16]}
-    scene = load_scene(scene_of([ball], CAMERAS["tight"], resolution=(24, 16), film=film, environment=WHITE))
+    scene = load_scene(scene_of([ball], CAMERAS["thick lens"], resolution=(24, 16), film=film, environment=WHITE))
     plan, line = make_plan(scene), pupil_line(camera_of(scene).pupil_rays(np.array([[20.0, 9], [22, 9], [18, 9]])), "x")
 
     def film_of(camera):

@@ -23,6 +23,9 @@ CASES = {
     "not round": ("anamorphic-100mm", 80.0, {"tilt_degrees": 5, "swing_degrees": 3, "rise_mm": 4}),
 }
 
+# The table of a pupil without symmetry takes seconds.
+EACH_CASE = [pytest.param(name, marks=pytest.mark.slow if name == "not round" else ()) for name in CASES]
+
 
 def scene_of(kind="realistic", movements=None, size_mm=(36, 24), **camera):
     return load_scene(
@@ -58,7 +61,7 @@ def landed(lens, back_mm, frame, rays):
     return (points - centre) @ np.array([frame.across, frame.up]).T, traced.passed
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", EACH_CASE)
 def test_rays_come_from_their_pixels_of_the_film(session, name):
     scene = scene_with(name)
     lens, back, _ = CASES[name]
@@ -71,13 +74,13 @@ def test_rays_come_from_their_pixels_of_the_film(session, name):
     assert inside.min() > -2e-3 and inside.max() < 1 + 2e-3  # float32 rays, in pixels of 2 mm
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", EACH_CASE)
 def test_nine_of_ten_rays_of_a_moved_film_pass(session, name):
     rays = camera_rays(session, scene_with(name), 32)
     assert (rays.status == Status.ok).mean() >= 0.90
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", EACH_CASE)
 def test_the_film_is_lit_as_by_quadrature(session, name):
     """E is the integral of cos(film) cos(lens) / length^2 over the pupil, at middles of pixels all over the film."""
     scene = scene_with(name)
@@ -290,6 +293,7 @@ def test_circle_of_confusion_vanishes_in_the_tilted_plane_of_focus():
     assert coc.max() < 0.042  # a pixel counts at its middle: half a row of 2 mm; at the edges of a flat film 0.46
 
 
+@pytest.mark.slow
 def test_autofocus_in_a_zone_of_a_tilted_film_counts_its_depth_there():
     wall = {"shape": "plane", "point": [0, 0, -1.5], "normal": [0, 0, 1]}
     found = []
