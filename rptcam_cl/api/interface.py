@@ -312,15 +312,15 @@ def merge(
     layout = layout_of(state.facts)
     try:
         spread = spread_of(state.arrays, tuple(state.facts["resolution"]))
-        found, ghosts = picture_of(state, layout), saved_ghosts(state.arrays)
+        pixels, metadata, stats, recorded = picture_of(state, layout)
+        ghosts = saved_ghosts(state.arrays)
         of_sharp_layers = saved_truth(state.arrays, layout)[1]
     except (ValueError, KeyError, TypeError) as problem:
         raise StateError(f"this saved render is damaged: {problem} (render it again)") from None
     if checkpoint is not None:
         write_checkpoint(checkpoint, state.facts, state.arrays)
-    metadata = dict(found.metadata)
-    layers = name_layers(state.facts["layers"], found.layers, ({}, of_sharp_layers), metadata)
-    image = Image(found.pixels, metadata, found.stats, layers=layers)
+    layers = name_layers(state.facts["layers"], recorded, ({}, of_sharp_layers), metadata)
+    image = Image(pixels, metadata, stats, layers=layers)
     if ghosts is not None:
         image = with_ghosts(image, *ghosts)
     if spread is not None:

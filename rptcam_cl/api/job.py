@@ -438,7 +438,7 @@ class RenderJob:
     @property
     def first(self) -> int:
         """The first sample of each pixel that is taken here."""
-        return self.options.film_part.first if self.saved is None else self.saved.done
+        return self.options.film_part.first if self.saved is None else self.saved[0]
 
     @property
     def findings(self) -> dict[str, Any]:

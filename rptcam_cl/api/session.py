@@ -843,7 +843,7 @@ class RenderSession:
         """
         if run.is_whole and run.done >= 2 * self._noise_spp:
             achieved = run.watch.achieved(run.done, sums)
-            self._noise = None if achieved is None else achieved.picture
+            self._noise = None if achieved is None else achieved["picture"]
             self._noise_spp = 1 if achieved is None else run.done
         return None if self._noise is None else float(self._noise * np.sqrt(self._noise_spp / run.done))
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -143,7 +142,7 @@ def self_knowledge(
         "samples_dropped": wavefront.not_finite(),
         "rays_not_converged": wavefront.outcomes()["no_convergence"] if plan.camera.has_lens else 0,
         "truncation": truncation(plan.albedo, wavefront.settings.max_depth),
-        "noise": None if rendering.achieved is None else asdict(rendering.achieved),
+        "noise": rendering.achieved,
         _key_of_margin(plan): margin,
     }
 
@@ -264,7 +263,7 @@ def statistics(
         first = wavefront.wavefronts[0] if isinstance(wavefront, SharedWavefront) else wavefront
         stats["caustics"] = {"choice": plan.caustics.choice, "radius_m": first.photon_radius}
     if rendering.noise is not None:
-        stats["noise"] = asdict(rendering.noise) | {
+        stats["noise"] = rendering.noise | {
             "spp_min": int(rendering.samples.min()),
             "spp_mean": float(rendering.samples.mean()),
         }
@@ -401,7 +400,7 @@ def forecast(
     """
     layout = wavefront.layout
     held = wavefront.wavefronts if isinstance(wavefront, SharedWavefront) else [wavefront]
-    saved = sum(array.nbytes for array in part.packed(FilmRun(wavefront).state().arrays, layout.tiles).values())
+    saved = sum(array.nbytes for array in part.packed(FilmRun(wavefront).state()[1], layout.tiles).values())
     tiles = part.tiles(layout.tiles)
     at_once = max(wavefront.capacity // wavefront.samples_per_wave, BLOCK) // TILE_PIXELS
     step = -(-len(tiles) // at_once)
