@@ -391,6 +391,39 @@ class FilmBuffers:
         self.counts[:], self.rays = counts[:-1], int(counts[-1])
 
 
+class RenderedFilm:
+    """A film with the counters of its rays, whatever devices hold it: what follows from both."""
+
+    def planes(self) -> NDArray[np.float32]:
+        """All of the film, (planes, pixels of the buffer)."""
+        raise NotImplementedError
+
+    def counts(self) -> NDArray[np.uint64]:
+        """Rays by status, samples that were not finite, and camera rays, up to the last `finish`."""
+        raise NotImplementedError
+
+    def sums(self) -> NDArray[np.float32]:
+        """The film's sums and their compensations, shape (6, pixels of the buffer)."""
+        return self.planes()[:PLANES]
+
+    def removed_share(self) -> float:
+        """The share of the light that the limit of the samples has removed."""
+        return share_removed(self.planes())
+
+    @property
+    def camera_rays(self) -> int:
+        """Samples of the picture's pixels, up to the last `finish`."""
+        return int(self.counts()[-1])
+
+    def not_finite(self) -> int:
+        """How many samples were dropped because they were not finite, up to the last `finish`."""
+        return int(self.counts()[-2])
+
+    def outcomes(self) -> dict[str, int]:
+        """How many camera rays passed the lens, and how many failed and why, up to the last `finish`."""
+        return outcomes_of(self.counts())
+
+
 def planes_of(clamped: bool) -> int:
     """Return how many planes a film has, with a limit of the samples or without."""
     return PLANES + int(clamped)

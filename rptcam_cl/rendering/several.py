@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import DeviceError, InputError, RptcamError
 from rptcam_cl.device.session import Session
-from rptcam_cl.rendering.film import BLOCK, PLANES, TILE_PIXELS, FilmLayout, outcomes_of, share_removed
+from rptcam_cl.rendering.film import BLOCK, TILE_PIXELS, FilmLayout, RenderedFilm
 from rptcam_cl.rendering.plan.plan import Plan
 from rptcam_cl.rendering.tracer import Wavefront
 from rptcam_cl.scene.film import RenderSettings
@@ -349,7 +349,7 @@ ROUND_SECONDS = 0.5  # of work between two times that the devices wait for each 
 MOST_OF_A_ROUND = 4096  # samples per pixel
 
 
-class SharedWavefront:
+class SharedWavefront(RenderedFilm):
     """What `Wavefront` is for one device, for several at once.
 
     Parameters
@@ -571,13 +571,9 @@ class SharedWavefront:
                 return whole
             self._run(*self._without(failed))
 
-    def sums(self) -> NDArray[np.float32]:
-        """Return the film's sums and their compensations, shape (6, pixels of the buffer)."""
-        return self._gathered(Wavefront.planes)[:PLANES]
-
-    def removed_share(self) -> float:
-        """Return the share of the light that the limit of the samples has removed."""
-        return share_removed(self._gathered(Wavefront.planes))
+    def planes(self) -> NDArray[np.float32]:
+        """All of the film, (planes, pixels of the buffer)."""
+        return self._gathered(Wavefront.planes)
 
     def layers(self) -> dict[str, NDArray[Any]]:
         """Return the auxiliary layers by name, (height, width) or (height, width, channels)."""
@@ -586,7 +582,7 @@ class SharedWavefront:
 
     def state(self) -> dict[str, NDArray[Any]]:
         """Return what `restore` needs to go on; from here on, no more than what follows can be lost with a device."""
-        arrays = {"film": self._gathered(Wavefront.planes)}
+        arrays = {"film": self.planes()}
         if self._live()[0].wavefront.layer_pass is not None:
             arrays["layers"] = self._gathered(_layer_planes)
         self._base, self._base_counts, self._base_done = arrays, self.counts(), None
@@ -607,19 +603,6 @@ class SharedWavefront:
         """Return rays by status, samples that were not finite, and camera rays."""
         counts = [self._base_counts, *(worker.wavefront.counts() for worker in self._live())]
         return np.asarray(np.sum(counts, axis=0, dtype=np.uint64))
-
-    @property
-    def camera_rays(self) -> int:
-        """Samples of the picture's pixels."""
-        return int(self.counts()[-1])
-
-    def outcomes(self) -> dict[str, int]:
-        """Return how many camera rays passed the lens, and how many failed and why."""
-        return outcomes_of(self.counts())
-
-    def not_finite(self) -> int:
-        """Return how many samples were dropped because they were not finite."""
-        return int(self.counts()[-2])
 
     def _begin_part(self, first: int, dropped: dict[str, str] | None = None) -> None:
         split = split_text({worker.id: worker.share for worker in self._live()})

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import pickle
-from collections import OrderedDict
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core.remember import Memory
 from rptcam_cl.device.session import Session, open_session
 from rptcam_cl.rendering.cameras.model import CameraModel, CameraView
 from rptcam_cl.rendering.film import (
@@ -19,15 +19,14 @@ from rptcam_cl.rendering.film import (
     SCOUTING_SEED,
     FilmBuffers,
     FilmLayout,
+    RenderedFilm,
     Roulette,
     Wave,
     Waves,
-    outcomes_of,
     planes_of,
     plays,
     roulette_of,
     scouted,
-    share_removed,
     step_of,
     wave_slots,
 )
@@ -57,7 +56,7 @@ from rptcam_cl.scene.film import RenderSettings
 ORGANISATION = {"cpu": "stream", "gpu": "passes"}
 
 
-class Wavefront:
+class Wavefront(RenderedFilm):
     """The passes of one scene on one device, with their buffers.
 
     Parameters
@@ -355,27 +354,14 @@ class Wavefront:
         self._launches.finish()
         self._film.finish()
 
-    def sums(self) -> NDArray[np.float32]:
-        """Return the film's sums and their compensations, shape (6, pixels of the buffer)."""
-        return self.planes()[:PLANES]
-
     def planes(self) -> NDArray[np.float32]:
         """Return all of the film, (planes, pixels of the buffer)."""
         return self._film.planes()
-
-    def removed_share(self) -> float:
-        """Return the share of the light that the limit of the samples has removed."""
-        return share_removed(self.planes())
 
     def picture(self, spp: int | NDArray[np.uint32]) -> NDArray[np.float32]:
         """Return the film's mean, shape (height, width, 3), over the samples per pixel, of all or of each tile."""
         tiles = np.broadcast_to(np.asarray(spp, np.uint32), self.layout.whole_list().shape)
         return self.layout.picture(self.sums(), tiles)
-
-    @property
-    def camera_rays(self) -> int:
-        """Samples of the picture's pixels, up to the last `finish`."""
-        return self._film.rays
 
     def state(self) -> dict[str, NDArray[Any]]:
         """Return what `restore` needs to go on as if nothing had happened."""
@@ -410,14 +396,6 @@ class Wavefront:
         """The pass that fills the layers, where there are any."""
         return self._layers
 
-    def outcomes(self) -> dict[str, int]:
-        """Return how many camera rays passed the lens, and how many failed and why, up to the last `finish`."""
-        return outcomes_of(self.counts())
-
-    def not_finite(self) -> int:
-        """Return how many samples were dropped because they were not finite, up to the last `finish`."""
-        return int(self._film.counts[-1])
-
 
 # Wavefronts of one device that are kept for the plans to come, with the scene that they have uploaded.
 
@@ -436,7 +414,7 @@ class WavefrontPool:
     def __init__(self, session: Session) -> None:
         self._session = session
         self._scene: SceneBuffers | None = None
-        self._wavefronts: OrderedDict[tuple[Any, ...], Wavefront] = OrderedDict()
+        self._wavefronts: Memory[Wavefront] = Memory(MOST)
 
     def upload(self, plan: Plan) -> SceneBuffers:
         """Return the arrays of a plan on the device; those that the last plan had too are there already."""
@@ -456,14 +434,13 @@ class WavefrontPool:
             Wavefronts of another purpose stay as they are.
         """
         key = (purpose, *signature(plan, scene, layout, settings))
-        wavefront = self._wavefronts.pop(key, None)
+        wavefront: Wavefront | None = self._wavefronts.find(key)
         if wavefront is None:
-            while len(self._wavefronts) >= MOST:
-                self._wavefronts.popitem(last=False)
+            self._wavefronts.make_room()
             wavefront = Wavefront(self._session, plan, layout, settings, buffers=scene, scouts=purpose == "film")
+            self._wavefronts.add(key, wavefront)
         else:
             wavefront.use_plan(plan, scene, settings)
-        self._wavefronts[key] = wavefront
         return wavefront
 
     def close(self) -> None:
