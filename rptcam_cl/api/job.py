@@ -524,13 +524,13 @@ class RenderJob:
             metadata |= {"device": saver.devices} | of_makers(saver.makers)
         stats["camera"] = {key: metadata[key] for key in GEOMETRY if key in metadata}
         stats |= {key: metadata[key] for key in ("accuracy", "autofocus") if key in metadata}
-        sharp = None if self._truth is None else self._truth.found
+        sharp = None if self._truth is None else self._truth.result
         layers = name_layers(self.scene.render.layers, rendering.layers, sharp, metadata)
         image = with_picture_settings(Image(rendering.pixels, metadata, stats, layers=layers), self.scene.picture)
         if options.denoise:
             image = replace(image.denoised(), layers={name: image[name] for name in self.layers})
         if self._ghosting is not None:
-            image = with_ghosts(image, *self._ghosting.found)
+            image = with_ghosts(image, *self._ghosting.result)
         return replace(image, pixels=diffracted(self.resolved.diffraction, image.pixels))
 
     def _report_progress(self, progress: Progress) -> None:

@@ -120,7 +120,7 @@ class GroundTruth:
     neighbours: Neighbours | None = None
 
     @cached_property
-    def found(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+    def result(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
         """The layers by name, and what metadata should say."""
         layout = FilmLayout.of(self.scene.film)
         shape = layout.height, layout.width
@@ -137,7 +137,7 @@ class GroundTruth:
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """Return what a saved part needs so that `merge` has the layers without the scene."""
-        layers, said = self.found
+        layers, said = self.result
         layout = FilmLayout.of(self.scene.film)
         return {f"{SHARP}{name}": layout.in_tiles(each) for name, each in layers.items()} | {SAID: array_of_text(said)}
 

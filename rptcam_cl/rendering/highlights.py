@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import fields
 from functools import partial
 from itertools import groupby
 from typing import Any
@@ -12,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.colour import luminance
-from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.core.dataclass import Rows, dataclass
 from rptcam_cl.core.records import EmitterKind, device_declarations
 from rptcam_cl.core.remember import content_name, identity_of_code
 from rptcam_cl.device.session import Session
 from rptcam_cl.rendering.cameras.lamp_aim import Sights
 from rptcam_cl.rendering.plan.materials import SPREADING_ALPHA, Lobe, lobes_of
-from rptcam_cl.rendering.plan.mirror_faces import Bend, Faces, Outline, joined, polished_count, polished_faces
+from rptcam_cl.rendering.plan.mirror_faces import Bend, Faces, Outline, polished_count, polished_faces
 from rptcam_cl.rendering.plan.plan import Plan, aimed, may_aim
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
 from rptcam_cl.rendering.several import GOLDEN
@@ -184,7 +183,7 @@ MARGIN = 0.5  # of a piece's range, by which what is nearly linear over it may l
 
 
 @dataclass(frozen=True, eq=False)
-class MirrorSights:
+class MirrorSights(Rows):
     """Ways from eyes by polished pieces to lamps, one each.
 
     Attributes
@@ -202,9 +201,6 @@ class MirrorSights:
     eyes: Array
     lamps: Array
     slopes: Array
-
-    def __getitem__(self, which: NDArray[np.bool_] | NDArray[np.intp]) -> MirrorSights:
-        return MirrorSights(*(getattr(self, field.name)[which] for field in fields(self)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -566,7 +562,7 @@ class Lamp:
 
 
 @dataclass(frozen=True, eq=False)
-class _Trial:
+class _Trial(Rows):
     """Sights with the light of each lamp's point and where it comes from."""
 
     sights: MirrorSights
@@ -660,10 +656,10 @@ def _trials(
                 for lobe in range(int(first[material]), int(first[material + 1])):
                     parts += _paired(faces[own], numbered[lobe].alpha, lobe, places, number, front)
             if sum(len(part.light) for part in parts) > SIGHTS:
-                yield _joined(parts)
+                yield _Trial.joined(parts)
                 parts = []
     if parts:
-        yield _joined(parts)
+        yield _Trial.joined(parts)
 
 
 def _candidates(
@@ -728,15 +724,6 @@ def _paired(
     return [_Trial(sights[may], share * light[point], targets[point], lobes, lamps)]
 
 
-def _joined(trials: list[_Trial]) -> _Trial:
-    faces = joined([trial.sights.faces for trial in trials])
-    rest = (np.concatenate([getattr(trial.sights, name) for trial in trials]) for name in ("eyes", "lamps", "slopes"))
-    own = ("light", "targets", "lobe", "lamp")
-    return _Trial(
-        MirrorSights(faces, *rest), *(np.concatenate([getattr(trial, name) for trial in trials]) for name in own)
-    )
-
-
 Found = tuple[Array, Array, Array, NDArray[np.intp]]
 
 
@@ -747,10 +734,11 @@ def _reflected(
     found = reflections(trial.sights, 1.0 / front.radius)
     if not len(found.which):
         return []
-    own = trial.sights[found.which]
-    light = trial.light[found.which] * (found.weight * found.growth)[:, None]
-    for number in np.unique(trial.lobe[found.which]):
-        mine = trial.lobe[found.which] == number
+    trial = trial[found.which]
+    own = trial.sights
+    light = trial.light * (found.weight * found.growth)[:, None]
+    for number in np.unique(trial.lobe):
+        mine = trial.lobe == number
         light[mine] *= lobes[number].reflectance(found.cosine[mine], found.behind[mine])
     # Look whether anything stands on the way to the front, or to the lamp.
     near = np.linalg.norm(own.eyes - found.points, axis=1)
@@ -759,11 +747,11 @@ def _reflected(
     dark = occluded(session, plan, buffers, own.eyes, -found.to_eye, (1.0 - SHORT) * near)
     reach = np.minimum((1.0 - SHORT) * far - start, float(np.finfo(np.float32).max) / 4)
     origins = found.points + start[:, None] * found.to_lamp
-    dark |= occluded(session, plan, buffers, origins, found.to_lamp, reach, trial.targets[found.which])
+    dark |= occluded(session, plan, buffers, origins, found.to_lamp, reach, trial.targets)
     # Take the wave from the point of the front to the first vertex.
     ways = found.to_eye + np.einsum("nij,nj->ni", found.bend, front.vertex - own.eyes)
     length = np.linalg.norm(ways, axis=1)
-    owner = np.stack([trial.lamp[found.which], own.faces.primitive], axis=1)
+    owner = np.stack([trial.lamp, own.faces.primitive], axis=1)
     every = ways / length[:, None], found.bend / length[:, None, None], light / length[:, None] ** 2, owner
     return [(every[0][~dark], every[1][~dark], every[2][~dark], every[3][~dark])]
 

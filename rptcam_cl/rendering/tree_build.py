@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.core.dataclass import Rows, dataclass
 from rptcam_cl.device.programs import Program
 from rptcam_cl.device.session import Session
 
@@ -631,7 +631,7 @@ CLOSEST = 1e-36  # centroids closer than this coincide, as in kernels/build
 
 
 @dataclass(frozen=True, eq=False)
-class Nodes:
+class Nodes(Rows):
     """Ranges of primitives, with the depth of their nodes and the bounds of their doubled centroids."""
 
     begin: NDArray[np.int64]
@@ -639,18 +639,6 @@ class Nodes:
     depth: NDArray[np.int64]
     low: NDArray[np.float32]
     high: NDArray[np.float32]
-
-    def __len__(self) -> int:
-        return len(self.begin)
-
-    def where(self, which: NDArray[np.bool_]) -> Nodes:
-        """Return some of the nodes."""
-        return Nodes(*(getattr(self, each.name)[which] for each in fields(self)))
-
-
-def joined(parts: list[Nodes]) -> Nodes:
-    """Return the nodes of several lists as one."""
-    return Nodes(*(np.concatenate([getattr(part, each.name) for part in parts]) for each in fields(Nodes)))
 
 
 def split_large_nodes(builder: Builder, root: Nodes, marks: NDArray[np.uint8]) -> Nodes:
@@ -663,17 +651,17 @@ def split_large_nodes(builder: Builder, root: Nodes, marks: NDArray[np.uint8]) -
     nodes, strayed = root, False
     while True:
         small = builder.is_small(nodes.end - nodes.begin, nodes.depth)
-        done.append(nodes.where(small))
-        strays, large = nodes.where(small & strayed), nodes.where(~small)
+        done.append(nodes[small])
+        strays, large = nodes[small & strayed], nodes[~small]
         if len(large) + len(strays) == 0:
-            return joined(done)
+            return Nodes.joined(done)
         nodes = _split_level(builder, large, strays, marks)
         strayed = not strayed
 
 
 def _split_level(builder: Builder, large: Nodes, strays: Nodes, marks: NDArray[np.uint8]) -> Nodes:
     """Split the large nodes and return their children; move the strays as they are."""
-    nodes = joined([large, strays])
+    nodes = Nodes.joined([large, strays])
     first, count, node, starts = _chunks(nodes)
     shared = int(np.searchsorted(node, len(large)))  # chunks of large nodes, which come first
     axis, threshold = np.zeros(len(nodes), np.int64), np.full(len(nodes), BINS)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.colour import LUMINANCE, luminance
-from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.core.dataclass import Rows, dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.records import (
     EMITTER,
@@ -216,7 +216,7 @@ MOST_LAMPS, MOST_POINTS = 4096, 64  # that tell whether a tree gains
 
 
 @dataclass(frozen=True, eq=False)
-class Lamps:
+class Lamps(Rows):
     """What the tree knows of each lamp.
 
     Attributes
@@ -279,17 +279,17 @@ def variance_by_power(lamps: Lamps, points: Array) -> float:
 
     Shadows and the surfaces' own directions are left out.
     """
-    lamps = Lamps(*(part[:: -(-len(lamps.power) // MOST_LAMPS)] for part in vars(lamps).values()))
-    shining = lamps.power > 0
+    lamps = lamps[:: -(-len(lamps) // MOST_LAMPS)]
+    lamps = lamps[lamps.power > 0]
     moments = []
     for point in points[:: -(-len(points) // MOST_POINTS) or 1]:
-        to = lamps.middle[shining] - point
-        inverse = 1 / np.maximum((to**2).sum(axis=1) + lamps.extent2[shining], np.finfo(np.float32).tiny)
-        axis, spread = lamps.axis[shining], lamps.extent2[shining] * inverse / 2
+        to = lamps.middle - point
+        inverse = 1 / np.maximum((to**2).sum(axis=1) + lamps.extent2, np.finfo(np.float32).tiny)
+        axis, spread = lamps.axis, lamps.extent2 * inverse / 2
         cosine = -(axis * to).sum(axis=1) * np.sqrt(inverse)
         soft = np.sqrt(np.maximum(cosine**2 + spread + (1 - (axis**2).sum(axis=1)) / 4, 0))
         light = np.maximum((cosine + soft) / 2, 0.01) * inverse
-        power = lamps.power[shining]
+        power = lamps.power
         moments.append((power * light**2).sum() * power.sum() / (power * light).sum() ** 2 - 1)
     return float(np.mean(moments)) if moments else 0.0
 

@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.core.dataclass import Rows, dataclass
 from rptcam_cl.core.records import HUGE_POWER, INSTANCE, MOTION_MARGIN, PRIMITIVE, SEGMENT, Kind, fill
 from rptcam_cl.rendering.cameras.model import CameraModel, turned
 from rptcam_cl.rendering.cameras.realistic import camera_model
@@ -665,7 +665,7 @@ MOST_STEPS = 1024  # of a segment
 
 
 @dataclass(frozen=True, eq=False)
-class Places:
+class Places(Rows):
     """Places that a body takes one after another.
 
     Attributes
@@ -723,11 +723,10 @@ class Movements:
     def places(self, primitive: int) -> Places:
         """Return places that a moving primitive takes, close enough to each other to bound the way between them."""
         first, count = self.of_primitive[primitive]
-        parts = [_places(segment) for segment in self.segments[first : first + count]]
-        return Places(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+        return Places.joined([_places(segment) for segment in self.segments[first : first + count]])
 
 
-def _places(segment: np.void) -> tuple[Array, Array, Array]:
+def _places(segment: np.void) -> Places:
     pivot, shift, travel = (segment[name].astype(np.float64)[:3] for name in ("pivot", "shift", "travel"))
     turns = float(segment["travel"][3])
     steps = int(np.clip(np.ceil(abs(turns) * STEPS_PER_TURN), 1, MOST_STEPS))
@@ -738,7 +737,7 @@ def _places(segment: np.void) -> tuple[Array, Array, Array]:
     matrices[:, :3, :3] = _rotations(np.hstack([np.sin(half) * axis, np.cos(half)])) @ _rotations(segment["turn"][None])
     matrices[:, :3, 3] = pivot + shift + shares[:, None] * travel - matrices[:, :3, :3] @ pivot
     bend = min((2 * np.pi * turns / steps) ** 2 / 8, 2.0)
-    return matrices, np.tile(pivot, (len(shares), 1)), np.full(len(shares), bend)
+    return Places(matrices, np.tile(pivot, (len(shares), 1)), np.full(len(shares), bend))
 
 
 def _rotations(quaternions: NDArray[np.floating]) -> Array:
