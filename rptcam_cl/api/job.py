@@ -248,12 +248,12 @@ def resolve(
 
         choice = choose_camera(sharp)
         sharp, described_choice = choice.scene, choice.metadata
-    exposed = resolve_exposure(sharp, session, metered_cd_m2)
-    metadata = exposed.metadata | described_choice | ({} if focus is None else focus["metadata"])
+    exposed, metered_cd_m2, metadata = resolve_exposure(sharp, session, metered_cd_m2)
+    metadata |= described_choice | ({} if focus is None else focus["metadata"])
     metadata |= {} if diffraction is None else {"diffraction": diffraction.metadata}
     ghosts = in_focus_with_lens if has_ghosts(in_focus_with_lens) else None
     metadata |= {} if ghosts is None else {"ghosts": {"on": True}}
-    return Resolved(exposed.scene, metadata, focus, exposed.metered_cd_m2, diffraction, ghosts)
+    return Resolved(exposed, metadata, focus, metered_cd_m2, diffraction, ghosts)
 
 
 def check_divisible(scene: Scene) -> None:

@@ -157,11 +157,12 @@ def truncation(albedo: LargestAlbedo, max_depth: int) -> dict[str, Any]:
     Every scattering leaves at most the largest albedo rho of what arrives, so that light scattered D times and more is
     at most rho^D / (1 - rho) of the brightest lamp's radiance.
     """
-    rho = albedo.value
-    if rho is None or rho >= 1.0:
-        reason = albedo.reason or "a surface reflects all light"
-        return {"max_depth": max_depth, "largest_albedo": rho, "bound": None, "no_bound_because": reason}
-    return {"max_depth": max_depth, "largest_albedo": rho, "bound": rho**max_depth / (1.0 - rho)}
+    if isinstance(albedo, str):
+        return {"max_depth": max_depth, "largest_albedo": None, "bound": None, "no_bound_because": albedo}
+    known: dict[str, Any] = {"max_depth": max_depth, "largest_albedo": albedo}
+    if albedo >= 1.0:
+        return known | {"bound": None, "no_bound_because": "a surface reflects all light"}
+    return known | {"bound": albedo**max_depth / (1.0 - albedo)}
 
 
 def summary(knowledge: dict[str, Any]) -> dict[str, Any]:

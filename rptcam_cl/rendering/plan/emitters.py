@@ -26,7 +26,7 @@ from rptcam_cl.core.records import (
     fill,
 )
 from rptcam_cl.rendering.cameras.lamp_aim import SeenLamp
-from rptcam_cl.rendering.plan.environment import SUN_RADIUS_DEGREES, DistantSun, Surroundings
+from rptcam_cl.rendering.plan.environment import SUN_RADIUS_DEGREES, Surroundings
 from rptcam_cl.rendering.plan.primitives import Primitive, corners_of_box, sphere_of, turn_to, world_from_scene
 from rptcam_cl.rendering.plan.textures import Colours, KnownSpectra, TextureTable
 from rptcam_cl.scene.assets.mesh import Mesh
@@ -101,11 +101,11 @@ def fill_sun(record: np.void, irradiance: tuple[float, float, float], radius_deg
     return float(luminance(irradiance))
 
 
-def sun_emitter(sun: DistantSun, reach: float) -> tuple[np.void, float]:
+def sun_emitter(towards: Array, irradiance: Array, reach: float) -> tuple[np.void, float]:
     """Return record and power [W, luminance] of the sun of a sky; ``reach`` is the radius of the scene [m]."""
     record = _without_surface()
-    fill(record, normal=sun.towards)
-    red, green, blue = sun.irradiance.tolist()
+    fill(record, normal=towards)
+    red, green, blue = irradiance.tolist()
     return record, fill_sun(record, (red, green, blue), SUN_RADIUS_DEGREES) * np.pi * reach**2
 
 
@@ -597,7 +597,7 @@ def pack_emitters(
         fill(record, kind=EmitterKind.ENVIRONMENT)
         lights.append((record, surroundings.flux * np.pi * reach**2))
     if surroundings.sun is not None:
-        lights.append(sun_emitter(surroundings.sun, reach))
+        lights.append(sun_emitter(*surroundings.sun, reach))
     lights = sorted((found for found in lights if found[1] > 0), key=lambda found: found[0]["kind"] == EmitterKind.SUN)
     chosen += [(np.array([record], EMITTER.dtype), np.array([power])) for record, power in lights]
     count = sum(len(records) for records, _ in chosen)

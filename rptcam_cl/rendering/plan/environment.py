@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,23 +66,16 @@ _OZONE = (
 _OZONE_CM = 0.35
 
 
-class Sky(NamedTuple):
-    """A baked sky.
+def bake_sky(sky: SkyEnvironment) -> tuple[NDArray[np.float32], Array]:
+    """Bake a sky whose sun stands over the middle column of the picture.
 
-    Attributes
-    ----------
+    Returns
+    -------
     radiance : (ROWS, COLUMNS, 3) array
         [W/(m² sr)] of a picture of the whole sphere, the top row first; below the horizon the ground.
     sun_irradiance : (3,) array
         Of the sun on a surface that faces it [W/m²].
     """
-
-    radiance: NDArray[np.float32]
-    sun_irradiance: Array
-
-
-def bake_sky(sky: SkyEnvironment) -> Sky:
-    """Return a sky whose sun stands over the middle column of the picture."""
     zenith_angle = np.deg2rad(90 - sky.sun_elevation_degrees)
     polar = (np.arange(ROWS // 2) + 0.5) * np.pi / ROWS
     longitude = ((np.arange(COLUMNS) + 0.5) / COLUMNS - 0.5) * 2 * np.pi
@@ -95,7 +87,7 @@ def bake_sky(sky: SkyEnvironment) -> Sky:
     arriving = np.einsum("ijk,i->k", above, weights) + (sun * np.cos(zenith_angle) if sky.sun else 0.0)
     ground = np.broadcast_to(np.array(sky.ground_albedo) * arriving / np.pi, above.shape)
     radiance = sky.gain * np.concatenate([above, ground])
-    return Sky(radiance.astype(np.float32), sky.gain * sun)
+    return radiance.astype(np.float32), sky.gain * sun
 
 
 def sky_radiance(cosine: Array, towards: Array, zenith_angle: float, turbidity: float) -> Array:
@@ -148,22 +140,6 @@ MOST_CELLS = (1024, 2048)  # rows and columns that light sampling tells apart: 2
 LEAST_CONTRAST = 1e-6  # share of a picture's light above its mean: less is rounding
 
 
-@dataclass(frozen=True, eq=False)
-class DistantSun:
-    """The sun of a sky.
-
-    Attributes
-    ----------
-    towards : (3,) array
-        Unit direction to its middle.
-    irradiance : (3,) array
-        On a surface that faces it [W/m²].
-    """
-
-    towards: Array
-    irradiance: Array
-
-
 @dataclass(frozen=True)
 class Surroundings:
     """The environment for the kernels.
@@ -176,15 +152,16 @@ class Surroundings:
         Tables of `sampling_tables`; one zero where there are none.
     flux : float
         Integral over all directions of the radiance that light sampling takes on [W/m², luminance]; else 0.
-    sun : DistantSun or None
-                Shines in addition.
+    sun : two (3,) arrays, or None
+        Unit direction to the middle of a sun that shines in addition, and its irradiance on a surface that faces it
+        [W/m²].
     """
 
     kind: EnvironmentKind
     record: NDArray[np.void]
     distribution: NDArray[np.float32]
     flux: float
-    sun: DistantSun | None = None
+    sun: tuple[Array, Array] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -247,14 +224,14 @@ def _of_picture(record: NDArray[np.void], colours: Colours, directions: Array, g
 
 
 def _of_sky(record: NDArray[np.void], sky: SkyEnvironment, textures: TextureTable) -> Surroundings:
-    baked = bake_sky(sky)
-    colours = Colours.of(baked.radiance, TexelFormat.HALF, f"sky {sky.model_dump_json()}")
+    radiance, sun_light = bake_sky(sky)
+    colours = Colours.of(radiance, TexelFormat.HALF, f"sky {sky.model_dump_json()}")
     record["texture"] = textures.add_sphere(colours)
     directions = axes(sky.up, sky.sun_azimuth_degrees)
     surroundings = _of_picture(record, colours, directions, 1.0)
     elevation = np.deg2rad(sky.sun_elevation_degrees)
     towards = np.cos(elevation) * directions[2] + np.sin(elevation) * directions[1]
-    return replace(surroundings, sun=DistantSun(towards, baked.sun_irradiance)) if sky.sun else surroundings
+    return replace(surroundings, sun=(towards, sun_light)) if sky.sun else surroundings
 
 
 def axes(up: tuple[float, float, float], rotation_degrees: float) -> Array:
