@@ -170,13 +170,14 @@ def _ahead(ways: Array) -> NDArray[np.bool_]:
 
 def _with_pencils(direct: Sources, pencils: Pencils, turn: Array) -> Sources:
     """Return sources with mirrored highlights; the faintest of all are left out."""
-    ways, bends = pencils.ways @ turn, turn.T @ pencils.bends @ turn * 1e-3
+    ways, bends, irradiance = pencils
+    ways, bends = ways @ turn, turn.T @ bends @ turn * 1e-3
     ahead = _ahead(ways) & np.all(np.isfinite(bends), axis=(1, 2))
     places, first = np.zeros((len(direct.places) + int(ahead.sum()), 12)), len(direct.places)
     places[:first, :4] = direct.places
     places[first:, :3], places[first:, 3] = ways[ahead], PENCIL
     places[first:, 4:7], places[first:, 8:11] = bends[ahead, :, 0], bends[ahead, :, 1]
-    light = np.concatenate([direct.irradiance, pencils.irradiance[ahead]])
+    light = np.concatenate([direct.irradiance, irradiance[ahead]])
     bright = luminance(light)
     order = np.argsort(-bright, kind="stable")
     share = np.cumsum(bright[order]) / max(float(bright.sum()), 1e-300)

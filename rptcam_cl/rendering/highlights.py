@@ -526,39 +526,16 @@ class Front:
     radius: float
 
 
-@dataclass(frozen=True)
-class Pencils:
-    """Light that arrives at the front.
+Pencils = tuple[Array, Array, Array]
+"""Light that arrives at the front.
 
-    Attributes
-    ----------
-    ways : (n, 3) array
-        Unit direction of the light at the first vertex.
-    bends : (n, 3, 3) array
-        By which it changes as one moves across it [1/m].
-    irradiance : (n, 3) array
-        Across the light at the vertex, on the mean over the front [W/m2].
-    """
-
-    ways: Array
-    bends: Array
-    irradiance: Array
-
-
-@dataclass(frozen=True)
-class Lamp:
-    """A lamp.
-
-    Attributes
-    ----------
-    points : callable
-        Its points, as they show to a place of the world about the eye.
-    strength : float
-        Luminance of the irradiance that it may give the front.
-    """
-
-    points: Callable[[Array], Points]
-    strength: float
+Its unit direction at the first vertex (n, 3); by how much that changes as one moves across it (n, 3, 3) [1/m]; and its
+irradiance across the light at the vertex, on the mean over the front (n, 3) [W/m2].
+"""
+Lamp = tuple[Callable[[Array], Points], float]
+"""A lamp: what gives its points as they show to a place of the world about the eye; luminance of the irradiance that it
+may give the front.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -574,15 +551,15 @@ class _Trial(Rows):
 
 def lamps_among(records: NDArray[np.void], parts: Sequence[Points], front: Array) -> list[Lamp]:
     """Return the brightest lamps of emitter records and of parts of the surroundings; an emissive mesh is one lamp."""
-    found = [Lamp(partial(_as_they_are, part), float(luminance(part[1]).sum())) for part in parts]
+    lamps: list[Lamp] = [(partial(_as_they_are, part), float(luminance(part[1]).sum())) for part in parts]
     for (kind, _), group in groupby(records, key=_owner):
         own = np.array(list(group), records.dtype)
         if kind is EmitterKind.TRIANGLE:
-            found.append(_some_of_mesh(own, front))
+            lamps.append(_some_of_mesh(own, front))
         else:
             known = [record for record in own if points_of(record, front) is not None]
-            found += [Lamp(partial(_together, [record], 1.0), _strength(record, front)) for record in known]
-    return sorted(found, key=lambda lamp: -lamp.strength)[:LAMPS]
+            lamps += [(partial(_together, [record], 1.0), _strength(record, front)) for record in known]
+    return sorted(lamps, key=lambda lamp: -lamp[1])[:LAMPS]
 
 
 def highlights(
@@ -627,7 +604,7 @@ def _some_of_mesh(records: NDArray[np.void], front: Array) -> Lamp:
         chosen = np.unique(np.minimum(np.searchsorted(np.cumsum(power), steps), len(records) - 1))
     scale = float(power.sum() / max(float(power[chosen].sum()), 1e-300))
     own = list(records[chosen])
-    return Lamp(partial(_together, own, scale), scale * sum(_strength(record, front) for record in own))
+    return partial(_together, own, scale), scale * sum(_strength(record, front) for record in own)
 
 
 def _as_they_are(part: Points, _: Array) -> Points:
@@ -649,8 +626,8 @@ def _trials(
     widest = np.array([max((SPREAD * lobe.alpha for lobe in own), default=0.0) for own in lobes.values()])
     first = np.cumsum([0, *map(len, lobes.values())])
     parts: list[_Trial] = []
-    for number, lamp in enumerate(lamps):
-        for some, places in _candidates(faces, widest[faces.material], lamp, front):
+    for number, (points, _) in enumerate(lamps):
+        for some, places in _candidates(faces, widest[faces.material], points, front):
             for material in np.unique(faces.material[some]):
                 own = some[faces.material[some] == material]
                 for lobe in range(int(first[material]), int(first[material + 1])):
@@ -663,11 +640,11 @@ def _trials(
 
 
 def _candidates(
-    faces: Faces, widest: Array, lamp: Lamp, front: Front
+    faces: Faces, widest: Array, points: Callable[[Array], Points], front: Front
 ) -> Iterator[tuple[NDArray[np.intp], tuple[Points, bool]]]:
     """Yield pieces that may show a lamp to the front, with the lamp as it shows to them, and whether they are many."""
     count = len(faces)
-    places = lamp.points(front.vertex)[0]
+    places = points(front.vertex)[0]
     centre = np.append(places[:, :3].mean(axis=0), places[0, 3])
     size = 1.25 * float(np.linalg.norm(places[:, :3] - centre[:3], axis=1).max())
     sights = MirrorSights(faces, np.tile(front.vertex, (count, 1)), np.tile(centre, (count, 1)), np.zeros((count, 2)))
@@ -686,7 +663,7 @@ def _candidates(
     for cell in range(int(place.max()) + 1):
         own = np.flatnonzero(place.reshape(-1) == cell)
         middle = seen_from[own].mean(axis=0)
-        at, light, target = lamp.points(middle)
+        at, light, target = points(middle)
         square = np.where(at[:, 3:] > 0, np.sum((at[:, :3] - middle) ** 2, axis=1)[:, None], 1.0)
         for low in range(0, len(own), TOGETHER):
             yield found[own[low : low + TOGETHER]], ((at, light * square, target), len(found) > MANY)
@@ -772,7 +749,7 @@ def _gathered(found: list[Found]) -> Pencils | None:
     ways = np.stack([np.bincount(place, weight * part) for part in ways.T], axis=1)
     bends = np.stack([np.bincount(place, weight * part) for part in bends.reshape(-1, 9).T], axis=1)
     length = np.linalg.norm(ways, axis=1)
-    return Pencils(ways / length[:, None], (bends / total[:, None]).reshape(-1, 3, 3), irradiance)
+    return ways / length[:, None], (bends / total[:, None]).reshape(-1, 3, 3), irradiance
 
 
 # The plan whose camera rays aim at lamps out of focus; the device tries through which pixels a lamp shows.

@@ -23,7 +23,6 @@ from rptcam_cl.rendering.plan.textures import (
     PICTURES,
     Colours,
     KnownSpectra,
-    PictureTable,
     TextureTable,
     linear_codes,
     unpacked,
@@ -204,7 +203,7 @@ def pack_environment(scene: Scene, textures: TextureTable, spectra: KnownSpectra
             fill(record, bottom=light(constant.radiance))
             return Surroundings(EnvironmentKind.CONSTANT, record, nothing, 0.0)
         case ImageEnvironment() as image:
-            colours = textures.pictures.colours(image, "rgb", image.color_space)
+            colours = textures.colours(image, "rgb", image.color_space)
             record["texture"] = textures.add_sphere(colours, image.gain)
             return _of_picture(record, colours, axes(image.up, image.rotation_degrees), image.gain)
         case SkyEnvironment() as sky:
@@ -341,7 +340,7 @@ def bright_parts(scene: Scene) -> tuple[Array, Array]:
     image = scene.environment
     if not isinstance(image, ImageEnvironment):
         return np.zeros((0, 3)), np.zeros((0, 3))
-    colours = PictureTable(scene).colours(image, "rgb", image.color_space)
+    colours = TextureTable(scene).colours(image, "rgb", image.color_space)
     light = _linear(colours)
     height, width = light.shape[:2]
     elevation = np.pi * (0.5 - (np.arange(height) + 0.5) / height)

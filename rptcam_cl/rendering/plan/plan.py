@@ -36,7 +36,6 @@ from rptcam_cl.rendering.plan.emitters import (
 from rptcam_cl.rendering.plan.environment import Surroundings
 from rptcam_cl.rendering.plan.materials import LargestAlbedo, Materials, largest_albedo
 from rptcam_cl.rendering.plan.primitives import (
-    MeshPlan,
     Movements,
     Owners,
     PackedMeshes,
@@ -571,7 +570,7 @@ def _pack_world(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> dict[
         "emitters": emitters,
         "surroundings": surroundings,
         "caustics": caustics,
-        "meshes": meshes.packed if meshes else None,
+        "meshes": meshes,
         "owners": owners_of(scene, primitives),
         "eye_m": eye_m,
         "albedo": largest_albedo(materials),
@@ -580,7 +579,7 @@ def _pack_world(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> dict[
 
 
 def _facts_of_shapes(
-    primitives: list[Primitive], meshes: MeshPlan | None, materials: Mapping[str, int]
+    primitives: list[Primitive], meshes: PackedMeshes | None, materials: Mapping[str, int]
 ) -> dict[str, int]:
     """Return which kinds of primitives there are, and what their surfaces require beside positions and normals."""
     kinds = {primitive.kind for primitive in primitives}
@@ -591,7 +590,7 @@ def _facts_of_shapes(
         "HAS_BITANGENT": int(any(materials[name] for name in FRAMED)),
         "HAS_SHADING_NORMAL": int(bumpy or is_smooth),
         "HAS_AFFINE": int(bool(kinds - {Kind.SPHERE, Kind.MESH})),
-        "HAS_INSTANCES": int(meshes is not None and meshes.packed.instanced),
+        "HAS_INSTANCES": int(meshes is not None and meshes.instanced),
     }
 
 

@@ -171,6 +171,10 @@ class PackedMeshes:
     group_of_instance : (i,) int array
     instanced : bool
         Whether rays must be taken to the frames of instances: false where all triangles stand in the world.
+    order : tuple of int
+        The placed meshes in the order in which their primitives must stand.
+    instance_of, first_triangles : tuple of int
+        Per placed mesh, in that order: its instance and its first triangle in the pool.
     """
 
     vertices: NDArray[np.float32]
@@ -179,6 +183,9 @@ class PackedMeshes:
     instances: NDArray[np.void]
     group_of_instance: NDArray[np.int64]
     instanced: bool
+    order: tuple[int, ...]
+    instance_of: tuple[int, ...]
+    first_triangles: tuple[int, ...]
 
 
 def shifted(points: NDArray[np.float32], shift: NDArray[np.float64]) -> NDArray[np.float32]:
@@ -240,26 +247,7 @@ MOST_COPIED = 1 << 14  # triangles that copies of one mesh may add to the common
 Matrix = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
-class MeshPlan:
-    """The packed meshes, and where each placed mesh is found in them.
-
-    Attributes
-    ----------
-    packed : PackedMeshes
-    order : tuple of int
-        The placed meshes in the order in which their primitives must stand.
-    instances, first_triangles : tuple of int
-        Per placed mesh, in that order: its instance and its first triangle in the pool.
-    """
-
-    packed: PackedMeshes
-    order: tuple[int, ...]
-    instances: tuple[int, ...]
-    first_triangles: tuple[int, ...]
-
-
-def pack_meshes(placed: Sequence[Primitive], eye: NDArray[np.float64], first_primitive: int) -> MeshPlan:
+def pack_meshes(placed: Sequence[Primitive], eye: NDArray[np.float64], first_primitive: int) -> PackedMeshes:
     """Return the pools of some primitives that are meshes.
 
     Parameters
@@ -285,19 +273,15 @@ def pack_meshes(placed: Sequence[Primitive], eye: NDArray[np.float64], first_pri
         if id(mesh) not in group_of:
             group_of[id(mesh)] = pools.add_shared(mesh)
     groups = [group_of[id(placed[i].mesh)] for i in shared]
-    packed = PackedMeshes(
+    return PackedMeshes(
         vertices=np.concatenate(pools.vertices),
         triangles=np.concatenate(pools.triangles),
         groups=tuple(pools.groups),
         instances=_instances([placed[i] for i in shared], eye, first_primitive, len(copied)),
         group_of_instance=np.array([0] * bool(copied) + groups),
         instanced=bool(shared),
-    )
-    own = [bool(copied) + place for place in range(len(shared))]
-    return MeshPlan(
-        packed=packed,
         order=(*copied, *shared),
-        instances=(*[0] * len(copied), *own),
+        instance_of=(*[0] * len(copied), *(bool(copied) + place for place in range(len(shared)))),
         first_triangles=(*first, *(pools.groups[group].first_triangle for group in groups)),
     )
 
@@ -559,7 +543,9 @@ def has_huge_sphere(primitives: list[Primitive]) -> bool:
     return any(abs(eye_power(placement)) < HUGE_POWER * sphere_of(placement)[1] ** 2 for placement in spheres)
 
 
-def with_meshes(primitives: list[Primitive], scene: Scene, parts: PlanParts) -> tuple[list[Primitive], MeshPlan | None]:
+def with_meshes(
+    primitives: list[Primitive], scene: Scene, parts: PlanParts
+) -> tuple[list[Primitive], PackedMeshes | None]:
     """Return the primitives with the meshes, which stand last, in the order that their pools need; and the pools."""
     solid = [primitive for primitive in primitives if primitive.mesh is None]
     meshes = [primitive for primitive in primitives if primitive.mesh is not None]
@@ -573,7 +559,7 @@ def with_meshes(primitives: list[Primitive], scene: Scene, parts: PlanParts) -> 
 
 
 def pack_primitives(
-    primitives: list[Primitive], materials: dict[int, int], emitters: dict[int, int], meshes: MeshPlan | None
+    primitives: list[Primitive], materials: dict[int, int], emitters: dict[int, int], meshes: PackedMeshes | None
 ) -> tuple[NDArray[np.void], NDArray[np.int32]]:
     """Return the records and, per kind, the index after its last one.
 
@@ -601,7 +587,7 @@ def pack_primitives(
         fill(records[index], material=materials[id(primitive.material)], emitter=emitters.get(index, -1))
     _count_shared_planes(primitives, records)
     if meshes is not None:
-        records["instance"][-len(meshes.order) :] = meshes.instances
+        records["instance"][-len(meshes.order) :] = meshes.instance_of
         records["first_triangle"][-len(meshes.order) :] = meshes.first_triangles
     ends = [sum(primitive.kind <= kind for primitive in primitives) for kind in Kind]
     return records, np.array(ends, np.int32)

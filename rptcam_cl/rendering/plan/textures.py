@@ -227,6 +227,7 @@ MOST_BYTES = 512 << 20  # of all that is kept; what alone is larger is not
 
 
 PICTURES: Memory[Any] = Memory(most_bytes=MOST_BYTES)  # by the content of their files
+_TRAITS: Memory[tuple[bool, bool]] = Memory(most=4096)  # what decides how a picture is stored
 
 
 _MOST_WORDS = 1 << 32  # what a uint can index: 16 GiB
@@ -270,93 +271,6 @@ class Colours:
         return self.words.nbytes
 
 
-@dataclass(frozen=True)
-class _Traits:
-    """What decides how a picture is stored."""
-
-    has_alpha: bool
-    encoded: bool
-    nbytes: int = 64  # or so
-
-
-class PictureTable:
-    """Pictures by the content of their files, and the words of those that the device needs."""
-
-    def __init__(self, scene: Scene) -> None:
-        self._scene = scene
-        self._pictures: dict[str, Picture] = {}
-        self._places: dict[str, int] = {}
-        self._words: list[NDArray[np.uint32]] = []
-        self._count = 0
-
-    def copied(self) -> PictureTable:
-        """Return this table to be added to."""
-        other = copy.copy(self)
-        other._pictures, other._places, other._words = self._pictures.copy(), self._places.copy(), self._words.copy()
-        return other
-
-    def colours(self, reference: FileReference, channel: str, space: Literal["auto", "srgb", "linear"]) -> Colours:
-        """Return the colours of the picture that a part of the scene names, or one of its channels as a grey.
-
-        Raises
-        ------
-        InputError
-            When the picture cannot be used, with the place in the scene.
-        """
-        content = self._scene.digest_of(reference)
-        traits = PICTURES.find_or_make(f"traits {content}", lambda: self._traits(reference, content))
-        if channel == "a" and not traits.has_alpha:
-            raise InputError(f"{reference.place}has no alpha channel (allowed: channel rgb, r, g or b)")
-        encoded = space == "srgb" or (space == "auto" and traits.encoded and channel == "rgb")
-        name = f"{content} {channel} {encoded}"
-
-        def stored() -> Colours:
-            texels, form = colour_texels(self._picture(reference, content), channel, encoded=encoded)
-            return Colours.of(texels, form, name)
-
-        colours: Colours = PICTURES.find_or_make(f"colours {name}", stored)
-        return colours
-
-    def _traits(self, reference: FileReference, content: str) -> _Traits:
-        picture = self._picture(reference, content)
-        return _Traits(picture.has_alpha, picture.encoded)
-
-    def _picture(self, reference: FileReference, content: str) -> Picture:
-        if content not in self._pictures:
-            try:
-                self._pictures[content] = found = read_picture(self._scene.content_of(reference))
-            except InputError as problem:
-                raise InputError(f"{reference.place}{problem}") from None
-            if found.negative.count:
-                warnings.warn(
-                    f"{reference.place}{found.negative.count} of {found.width * found.height} texels are negative and"
-                    f" count as black (least value {found.negative.least:.4g})",
-                    UserWarning,
-                    stacklevel=2,
-                )
-        return self._pictures[content]
-
-    def place(self, colours: Colours) -> int:
-        """Return the word where a picture's texels start.
-
-        Raises
-        ------
-        InputError
-            When the pictures are too many to count their words.
-        """
-        if colours.name not in self._places:
-            self._places[colours.name] = self._count
-            self._words.append(colours.words)
-            self._count += len(colours.words)
-            if self._count >= _MOST_WORDS:
-                raise InputError("the pictures of the scene are too large together (allowed: 16 GiB)")
-        return self._places[colours.name]
-
-    def words(self) -> NDArray[np.uint32]:
-        """Return the words of all pictures that have a place, and some more: kernels load four at a time."""
-        return np.concatenate([*self._words, np.zeros(4, np.uint32)])
-
-
 # Textures of the scene as records.
 
 Colour = tuple[float, float, float]
@@ -384,10 +298,14 @@ class Textures:
 
 
 class TextureTable:
-    """Collects the textures of a scene as records."""
+    """Collects the textures of a scene as records, and the words of their pictures by the content of the files."""
 
     def __init__(self, scene: Scene) -> None:
-        self.pictures = PictureTable(scene)
+        self._scene = scene
+        self._pictures: dict[str, Picture] = {}
+        self._places: dict[str, int] = {}  # the word where the texels of a picture start
+        self._words: list[NDArray[np.uint32]] = []
+        self._word_count = 0
         self._records: list[np.void] = []
         self._index: dict[tuple[int, float], int] = {}
         self._means: list[NDArray[np.float64]] = []
@@ -396,8 +314,9 @@ class TextureTable:
     def copied(self) -> TextureTable:
         """Return this table to be added to; its records are not to be changed."""
         other = copy.copy(self)
-        other._origin, other.pictures = self, self.pictures.copied()
-        other._records, other._index, other._means = self._records.copy(), self._index.copy(), self._means.copy()
+        other._origin = self
+        for name in ("_records", "_index", "_means", "_pictures", "_places", "_words"):
+            setattr(other, name, getattr(self, name).copy())
         return other
 
     @property
@@ -441,13 +360,72 @@ class TextureTable:
             records[index] = record
         kinds = {int(self._records[index]["kind"]) for index in self._index.values()}  # what materials show
         facts = {f"HAS_{kind.name}": int(kind in kinds) for kind in TextureKind} | {"HAS_TEXTURE": int(bool(kinds))}
-        return Textures(records, self.pictures.words(), facts)
+        words = np.concatenate([*self._words, np.zeros(4, np.uint32)])  # kernels load four at a time
+        return Textures(records, words, facts)
+
+    def colours(self, reference: FileReference, channel: str, space: Literal["auto", "srgb", "linear"]) -> Colours:
+        """Return the colours of the picture that a part of the scene names, or one of its channels as a grey.
+
+        Raises
+        ------
+        InputError
+            When the picture cannot be used, with the place in the scene.
+        """
+        content = self._scene.digest_of(reference)
+        has_alpha, is_encoded = _TRAITS.find_or_make(content, lambda: self._traits(reference, content))
+        if channel == "a" and not has_alpha:
+            raise InputError(f"{reference.place}has no alpha channel (allowed: channel rgb, r, g or b)")
+        encoded = space == "srgb" or (space == "auto" and is_encoded and channel == "rgb")
+        name = f"{content} {channel} {encoded}"
+
+        def stored() -> Colours:
+            texels, form = colour_texels(self._picture(reference, content), channel, encoded=encoded)
+            return Colours.of(texels, form, name)
+
+        colours: Colours = PICTURES.find_or_make(f"colours {name}", stored)
+        return colours
+
+    def _traits(self, reference: FileReference, content: str) -> tuple[bool, bool]:
+        """Whether a picture has an alpha channel, and whether its numbers are encoded."""
+        picture = self._picture(reference, content)
+        return picture.has_alpha, picture.encoded
+
+    def _picture(self, reference: FileReference, content: str) -> Picture:
+        if content not in self._pictures:
+            try:
+                self._pictures[content] = picture = read_picture(self._scene.content_of(reference))
+            except InputError as problem:
+                raise InputError(f"{reference.place}{problem}") from None
+            if picture.negative.count:
+                warnings.warn(
+                    f"{reference.place}{picture.negative.count} of {picture.width * picture.height} texels are negative"
+                    f" and count as black (least value {picture.negative.least:.4g})",
+                    UserWarning,
+                    stacklevel=2,
+                )
+        return self._pictures[content]
+
+    def _place(self, colours: Colours) -> int:
+        """Return the word where a picture's texels start.
+
+        Raises
+        ------
+        InputError
+            When the pictures are too many to count their words.
+        """
+        if colours.name not in self._places:
+            self._places[colours.name] = self._word_count
+            self._words.append(colours.words)
+            self._word_count += len(colours.words)
+            if self._word_count >= _MOST_WORDS:
+                raise InputError("the pictures of the scene are too large together (allowed: 16 GiB)")
+        return self._places[colours.name]
 
     def _record(self, texture: Texture, limit: float) -> np.void:
         row_u, row_v = _mapping(texture)
         record: np.void = TEXTURE.one(row_u=row_u, row_v=row_v)[0]
         if isinstance(texture, ImageTexture):
-            colours = self.pictures.colours(texture, texture.channel, texture.color_space)
+            colours = self.colours(texture, texture.channel, texture.color_space)
             wrap = _WRAPS[texture.wrap]
             fill(record, **self._image(colours, texture.gain), wrap_u=wrap, wrap_v=wrap, limit=limit)
             fill(record, nearest=texture.filter == "nearest")
@@ -464,7 +442,7 @@ class TextureTable:
         self._means.append(np.multiply(gain, colours.mean))
         height, width = colours.size
         return {
-            "kind": TextureKind.IMAGE, "format": colours.form, "first": self.pictures.place(colours),
+            "kind": TextureKind.IMAGE, "format": colours.form, "first": self._place(colours),
             "height": height, "width": width, "a": np.multiply(gain, np.full(3, colours.scale)),
         }  # fmt: skip
 
