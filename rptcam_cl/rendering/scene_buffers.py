@@ -25,7 +25,7 @@ from rptcam_cl.rendering.film import (
     seed_words,
 )
 from rptcam_cl.rendering.plan.plan import Plan
-from rptcam_cl.rendering.trees import PrimitiveTree, SceneTrees, primitive_tree, scene_trees
+from rptcam_cl.rendering.trees import DeviceTree, primitive_tree, scene_trees
 
 # What a render will hold on the device, added up before anything is allocated: running out kills a CPU's process.
 
@@ -434,33 +434,22 @@ class SceneBuffers:
         else:
             new = earlier is None  # the next plan of a series has other primitives
             tree = primitive_tree(plan.primitives, plan.kind_end, self._session, plan.movements, on_disk=new)
-        self._tree: PrimitiveTree | None = tree
+        self._tree: DeviceTree | None = tree
         if tree is not None:
-            self.tree_facts |= tree.facts
-            self.scene |= {
-                "primitive_nodes": self._buffer("primitive_nodes", tree.nodes),
-                "primitive_leaves": self._buffer("primitive_leaves", tree.leaves),
-            }
+            self.tree_facts |= tree[1]
+            self.scene |= {name: self._buffer(name, array) for name, array in tree[0].items()}
 
     def _add_meshes(self, earlier: SceneBuffers | None) -> None:
         plan = self._plan
-        self._mesh_trees: SceneTrees | None = None
+        self._mesh_trees: DeviceTree | None = None
         if plan.meshes is None:
             return
         if earlier is not None and earlier._plan.meshes is plan.meshes and _moves_alike(earlier._plan, plan):
             self._mesh_trees = earlier._mesh_trees
         trees = self._mesh_trees = self._mesh_trees or scene_trees(plan.meshes, self._session, plan.movements)
-        self.tree_facts |= trees.facts
-        low, high = trees.bounds
-        arrays = {
-            "nodes": trees.nodes,
-            "blocks": trees.blocks,
-            "triangles": plan.meshes.triangles,
-            "vertices": trees.vertices,
-            "instances": trees.instances,
-        }
-        self.scene |= {name: self._buffer(name, array, in_place=True) for name, array in arrays.items()}
-        self.scene |= {"mesh_root": np.int32(trees.root), "mesh_low": low.tobytes(), "mesh_high": high.tobytes()}
+        self.tree_facts |= trees[1]
+        for name, value in {**trees[0], "triangles": plan.meshes.triangles}.items():
+            self.scene[name] = self._buffer(name, value, in_place=True) if isinstance(value, np.ndarray) else value
 
 
 def camera_buffers(session: Session, camera: CameraModel) -> dict[str, Any]:
