@@ -152,7 +152,7 @@ def _key_of_margin(plan: Plan) -> str:
 
 
 def truncation(albedo: LargestAlbedo, max_depth: int) -> dict[str, Any]:
-    """Return how much light paths longer than ``max_depth`` edges could bring at most.
+    """How much light paths longer than ``max_depth`` edges could bring at most.
 
     Every scattering leaves at most the largest albedo rho of what arrives, so that light scattered D times and more is
     at most rho^D / (1 - rho) of the brightest lamp's radiance.
@@ -166,7 +166,7 @@ def truncation(albedo: LargestAlbedo, max_depth: int) -> dict[str, Any]:
 
 
 def summary(knowledge: dict[str, Any]) -> dict[str, Any]:
-    """Return what the picture's metadata should say: what follows from scene and samples alone, not from waves."""
+    """Sum up for the picture's metadata what follows from scene and samples alone, not from waves."""
     name, margin = _margin(knowledge)
     return {
         "samples_dropped": knowledge["samples_dropped"],
@@ -183,7 +183,7 @@ def _margin(knowledge: dict[str, Any]) -> tuple[str, dict[str, Any] | None]:
 
 
 def anomalies(knowledge: dict[str, Any]) -> list[str]:
-    """Return what a strict render must not have met, each in a few words; nothing where all is well."""
+    """List the faults that a strict render must not have met, each in a few words; none where all is well."""
     found = []
     if dropped := knowledge["samples_dropped"]:
         found.append(f"{dropped} samples were not finite and were dropped")
@@ -209,7 +209,7 @@ GEOMETRY = (
 
 
 def boards_of(scene: Scene) -> dict[str, Any]:
-    """Return what metadata say of the boards of a scene when the shutter opens; nothing without any."""
+    """Describe the boards of a scene when the shutter opens, for its metadata; nothing without any."""
     found = [
         item.described(index, scene.shutter.open_s, scene.metres_per_unit)
         for index, item in enumerate(scene.objects)
@@ -233,7 +233,7 @@ def window(scene: Scene) -> list[int]:
 def statistics(
     plan: Plan, wavefront: AnyWavefront, rendering: Rendering, times: dict[str, float], margin: LensMargin | None
 ) -> dict[str, Any]:
-    """Return what programs that measure read: samples, times, rays, noise and what the picture has lost.
+    """Gather the statistics for programs that measure: samples, times, rays, noise and what the picture has lost.
 
     Parameters
     ----------
@@ -275,7 +275,7 @@ def statistics(
 
 
 def devices_of(wavefront: AnyWavefront, rendering: Rendering) -> list[dict[str, Any]]:
-    """Return what each device has done in this render: id, name, share, samples, seconds and speed."""
+    """Describe what each device has done in this render: id, name, share, samples, seconds and speed."""
     if isinstance(wavefront, SharedWavefront):
         return wavefront.devices()
     info, samples = wavefront.session.info, rendering.new_samples
@@ -287,7 +287,7 @@ def devices_of(wavefront: AnyWavefront, rendering: Rendering) -> list[dict[str, 
 def described(
     scene: Scene, plan: Plan, spp: int, stats: Mapping[str, Any], found_before: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """Return what a picture's metadata say: of the scene, its camera, and the render that has such statistics.
+    """Describe a picture in its metadata: the scene, its camera, and the render that has such statistics.
 
     ``found_before`` is what was found before the render: focus, camera model and exposure.
     """
@@ -324,12 +324,12 @@ def described(
 
 
 def of_makers(makers: Sequence[Maker]) -> dict[str, Any]:
-    """Return what metadata say of what made a picture: the first, and all where others have worked on it."""
+    """Name in metadata the programs that made a picture: the first, and all where others have worked on it."""
     return {"made_by": makers[0]} | ({"mixed": list(makers)} if len(makers) > 1 else {})
 
 
 def clamp_text(limit: float, removed_share: float) -> str:
-    """Return what metadata say of a limit of the samples."""
+    """Describe in metadata a limit of the samples."""
     return f"biased: samples above {limit:g} scaled down, {removed_share:.2%} of the light removed"
 
 
@@ -386,7 +386,7 @@ class Forecast:
 def forecast(
     wavefront: AnyWavefront, first: int, end: int, part: FilmPart = WHOLE, measure_s: float = MEASURED_SECONDS
 ) -> Forecast:
-    """Return what the samples of each pixel from ``first`` to before ``end`` take; the film is of no use afterwards.
+    """Foretell what the samples of each pixel from ``first`` to before ``end`` take; the film is of no use afterwards.
 
     Tiles all over the picture are rendered for a while, after a first wave that is not counted.
 

@@ -114,7 +114,7 @@ def _pieces(facts: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> Ite
 
 
 def read_checkpoint(path: str | os.PathLike[str]) -> Checkpoint:
-    """Return what a checkpoint holds.
+    """Read a checkpoint.
 
     Raises
     ------
@@ -301,7 +301,7 @@ class Saver:
         self._written = True
 
     def content(self, state: SavedState, part: FilmPart) -> bytes:
-        """Return what the file of a part would hold in this state; none is written."""
+        """The content of the file of a part in this state; none is written."""
         return b"".join(_pieces(*self._contents(state, part)))
 
     def _contents(self, state: SavedState, part: FilmPart) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
@@ -628,7 +628,7 @@ def check_complete(parts: Sequence[Checkpoint], layout: FilmLayout) -> int:
 def _gaps(
     parts: Sequence[Checkpoint], layout: FilmLayout, tiles: NDArray[Any], reached: NDArray[np.int64], end: int
 ) -> list[str]:
-    """Return what tiles lack of the samples before ``end``: by parts where it is whole parts, else by tiles."""
+    """Name the samples before ``end`` that tiles lack: by parts where it is whole parts, else by tiles."""
     lacking = np.zeros(layout.tiles, np.bool_)
     lacking[tiles] = reached[tiles] < end
     found = []

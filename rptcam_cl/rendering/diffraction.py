@@ -287,7 +287,7 @@ class FarLight:
         return np.asarray((found[:, -1] - found[:, half]) / (RESOLVED / radii[half] - 1))
 
     def _weights(self, pixels: Array) -> tuple[Array, Array]:
-        """Return what light within `within` and beyond counts within radii [pixels], (BANDS, 3, n) and (3, n)."""
+        """Weights of light within `within`, and of that beyond, within radii [pixels], (BANDS, 3, n) and (3, n)."""
         radii, columns = self.within[0], np.arange(len(pixels))
         inner, outer = np.zeros((BANDS, 3, len(pixels))), np.zeros((3, len(pixels)))
         for nm, shares in zip(STARBURST_NM, shares_of_white(STARBURST_NM), strict=True):
@@ -460,7 +460,7 @@ class FilmSpread:
         return np.ascontiguousarray(np.moveaxis(spread, 0, -1), dtype=np.float32)
 
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """Return what `spread_of` makes the same of; shares of coverage are sixteenths, which float32 holds."""
+        """The arrays that `spread_of` reads; shares of coverage are sixteenths, which float32 holds."""
         return {
             "diffraction_pixel_mm": np.array(self.pixel_mm),
             "diffraction_coverage": np.array([pupil.coverage for pupil in self.pupils], np.float32),
@@ -471,7 +471,7 @@ class FilmSpread:
 
 
 def spread_of(arrays: Mapping[str, NDArray[Any]], resolution: tuple[int, int]) -> FilmSpread | None:
-    """Return what `FilmSpread.arrays` is of; None where there are none.
+    """Read the arrays of `FilmSpread.arrays`; None where there are none.
 
     Raises
     ------
@@ -546,7 +546,7 @@ class Diffraction:
             return self.pupils(np.zeros(2))
 
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """Return what a saved render needs so that `merge` can apply it without the scene; none where it is off."""
+        """The arrays of a saved render by which `merge` applies it without the scene; none where it is off."""
         return self.spread.arrays() if self.is_on else {}
 
     @property
@@ -563,7 +563,7 @@ class Diffraction:
 
 
 def diffraction_of(scene: Scene) -> Diffraction | None:
-    """Return what diffraction does to the film of a scene in focus; None where it is off.
+    """Find the diffraction of the film of a scene in focus; None where it is off.
 
     Raises
     ------

@@ -52,7 +52,7 @@ class PhotonPass:
     samples: int
 
     def photons(self, pixels: int) -> int:
-        """Return how many photons it has for a film of so many pixels, a power of two."""
+        """How many photons it has for a film of so many pixels, a power of two."""
         wanted = self.samples * pixels * PHOTONS_PER_SAMPLE
         return min(max(1 << max(round(wanted), 1).bit_length() - 1, LEAST_PHOTONS), MOST_PHOTONS)
 
@@ -212,7 +212,7 @@ Wave = tuple[int, int, int, int]
 
 
 def wave_slots(kind: str, compute_units: int) -> int:
-    """Return how many paths a wave of a device has, "cpu" or "gpu"; the film does not depend on it."""
+    """How many paths a wave of a device has, "cpu" or "gpu"; the film does not depend on it."""
     return max(WAVE_SLOTS[kind], SLOTS_OF_CORE * compute_units if kind == "cpu" else 0)
 
 
@@ -279,7 +279,7 @@ class Waves:
             yield start, min(self.samples, first_sample + samples - start)
 
     def rays_of(self, wave: Wave, tiles: NDArray[np.uint32]) -> int:
-        """Return how many samples of the picture's pixels a wave holds; ``tiles`` is the list that it goes through."""
+        """How many samples of the picture's pixels a wave holds; ``tiles`` is the list that it goes through."""
         first_pixel, pixels, _, samples = wave
         taken = tiles[first_pixel // TILE_PIXELS : (first_pixel + pixels) // TILE_PIXELS]
         return samples * int(self._layout.pixels_of_tile[taken].sum())
@@ -301,7 +301,7 @@ def _shuffled(cycle: int, steps: int) -> NDArray[np.intp]:
 
 
 def step_of(sample: int, steps: int) -> int:
-    """Return which step of the exposure a sample of every pixel is of: so many samples have each of them once."""
+    """The step of the exposure that a sample of every pixel is of: so many samples have each of them once."""
     cycle, place = divmod(sample, steps)
     return int(_shuffled(cycle, steps)[place])
 
@@ -425,12 +425,12 @@ class RenderedFilm:
 
 
 def planes_of(clamped: bool) -> int:
-    """Return how many planes a film has, with a limit of the samples or without."""
+    """How many planes a film has, with a limit of the samples or without."""
     return PLANES + int(clamped)
 
 
 def outcomes_of(counts: NDArray[np.uint64]) -> dict[str, int]:
-    """Return how many camera rays passed the lens, and how many failed and why, of `FilmBuffers.all_counts`."""
+    """How many camera rays passed the lens, and how many failed and why, of `FilmBuffers.all_counts`."""
     stopped = {status.name.lower(): int(counts[status]) for status in list(RayStatus)[1:]}
     return {"passed": int(counts[-1]) - sum(stopped.values()), **stopped}
 

@@ -383,7 +383,7 @@ class GhostFilm:
         return columns, rows, np.where(inside, share, 0.0)
 
     def _lit(self, boxes: Array, record: int) -> NDArray[np.bool_]:
-        """Return which sources shine at a wavelength and have boxes."""
+        """Find the sources that shine at a wavelength and have boxes."""
         return np.asarray((boxes[:, 2] > 0) & self.bands[record][1].any(axis=1))
 
     def _whole_groups(self, rays: float) -> int:
@@ -482,7 +482,7 @@ class GhostFilm:
         return film, metadata | {"ways": len(kept), "dropped_share": dropped}
 
     def _share_out(self, kept: Mapping[Way, Scouted]) -> dict[Way, Array]:
-        """Return how many rays each wavelength of each way gets.
+        """How many rays each wavelength of each way gets.
 
         The mean square of what light on a pixel errs by, relative to all light there, is least when rays are shared
         out by flux / light (Cauchy and Schwarz), over the root of the share of the rays that arrive. Wide faint ways
@@ -608,13 +608,13 @@ class Ghosting:
         return pixels[rows, columns], metadata
 
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """Return what a saved part needs so that `merge` can add them without the scene."""
+        """The arrays of a saved part by which `merge` adds them without the scene."""
         light, said = self.result
         return {"ghosts_light": light.astype(np.float32), "ghosts_said": array_of_text(said)}
 
 
 def saved_ghosts(arrays: Mapping[str, NDArray[Any]]) -> tuple[NDArray[np.float32], dict[str, Any]] | None:
-    """Return what `Ghosting.arrays` is of; None where there are none.
+    """Read the arrays of `Ghosting.arrays`; None where there are none.
 
     Raises
     ------

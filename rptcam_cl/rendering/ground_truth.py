@@ -136,7 +136,7 @@ class GroundTruth:
         return layers, said
 
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """Return what a saved part needs so that `merge` has the layers without the scene."""
+        """The arrays of a saved part by which `merge` has the layers without the scene."""
         layers, said = self.result
         layout = FilmLayout.of(self.scene.film)
         return {f"{SHARP}{name}": layout.in_tiles(each) for name, each in layers.items()} | {SAID: array_of_text(said)}

@@ -240,7 +240,7 @@ class Reflections:
 
 
 def may_reflect(sights: MirrorSights, slack: Array) -> NDArray[np.bool_]:
-    """Return which pieces may show their lamps: what differs from a reflection changes its sign over them, or nearly.
+    """Find the pieces that may show their lamps: what differs from a reflection changes its sign over them, or nearly.
 
     Parameters
     ----------
@@ -254,7 +254,7 @@ def may_reflect(sights: MirrorSights, slack: Array) -> NDArray[np.bool_]:
 
 
 def _near_enough(sights: MirrorSights, slack: Array) -> NDArray[np.bool_]:
-    """Return which flat pieces are not too far from reflecting, by their middles; all others are kept."""
+    """Find the flat pieces that are not too far from reflecting, by their middles; all others are kept."""
     faces = sights.faces
     middle = _middle(faces)
     first, second = _perpendiculars(_unit(faces.normals[:, 0]))
@@ -271,7 +271,7 @@ def _near_enough(sights: MirrorSights, slack: Array) -> NDArray[np.bool_]:
 
 
 def _changes_sign(sights: MirrorSights, slack: Array) -> NDArray[np.bool_]:
-    """Return what `may_reflect` does, of pieces one by one."""
+    """Find the pieces that may show their lamps, as `may_reflect` says, one by one."""
     plain = sights.faces.plain
     first, second = _perpendiculars(sights.faces.at(*_middle(sights.faces))[1])
     count, found = len(sights.faces), []
@@ -363,7 +363,7 @@ def _waves(
     to_lamp: Array,
     sharpest: float,
 ) -> tuple[Array, Array]:
-    """Return how the light's direction changes with the eye, and the image's solid angle over the lamp's area."""
+    """How the light's direction changes with the eye, and the image's solid angle over the lamp's area."""
     slope = _slope(sights, a, b, first, second)
     points = sights.faces.at(a, b)[0]
     along = np.stack(
@@ -413,7 +413,7 @@ def _moved(sights: MirrorSights, eye: Array, lamp: Array) -> MirrorSights:
 
 
 def _facet_weight(sights: MirrorSights, normals: Array, half: Array, to_eye: Array) -> Array:
-    """Return what facets that the eye sees have over those that are there; 1 of a smooth surface."""
+    """The area of the facets that the eye sees over that of those that are there; 1 of a smooth surface."""
     weight = _dot(half, to_eye) / np.maximum(_dot(normals, to_eye) * _dot(normals, half), 1e-6)
     return np.asarray(np.where(sights.slopes.any(axis=1), weight, 1.0))
 
@@ -438,7 +438,7 @@ def _plain_seed(sights: MirrorSights) -> tuple[Array, Array]:
 
 
 def _slope(sights: MirrorSights, a: Array, b: Array, first: Array, second: Array) -> Array:
-    """Return how what is off changes with the coordinates (n, 2, 2)."""
+    """How what is off changes with the coordinates (n, 2, 2)."""
     columns = [
         (_off(sights, a + x, b + y, first, second) - _off(sights, a - x, b - y, first, second)) / (2.0 * STEP)
         for x, y in ((STEP, 0.0), (0.0, STEP))

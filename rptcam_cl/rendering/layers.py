@@ -73,7 +73,7 @@ class SharpPass:
         self._owners = session.upload(plan.owners.of_primitive)
 
     def hits(self, origins: Array, directions: Array, times: Array, since: SharpHits | None = None) -> SharpHits:
-        """Return what rays meet.
+        """Trace rays to the first surface that they meet.
 
         Parameters
         ----------
@@ -91,7 +91,7 @@ class SharpPass:
         return SharpHits.joined(parts)
 
     def all_hits(self, origins: Array, directions: Array, times: Array) -> list[SharpHits]:
-        """Return what rays meet first, second and so on, until none meets anything."""
+        """Trace rays to the first surface, the second and so on, until none meets anything."""
         found = [self.hits(origins, directions, times)]
         while found[-1].met.any() and len(found) < MOST_SURFACES:
             found.append(self.hits(found[-1].departures, directions, times, found[-1]))

@@ -90,13 +90,13 @@ def metered_cd_m2(scene: Scene, session: Session) -> float:
 
 
 def reading_cd_m2(radiances: NDArray[np.floating], exposure: Exposure, film: Film) -> float:
-    """Return what the meter reads of a film (height, width, 3) of radiances [W/(m² sr)], in cd/m²."""
+    """The reading of the meter for a film (height, width, 3) of radiances [W/(m² sr)], in cd/m²."""
     values = luminance(radiances)
     return float(np.sum(values * weights(exposure, film))) * LUMENS_PER_WATT
 
 
 def weights(exposure: Exposure, film: Film) -> NDArray[np.float64]:
-    """Return how much each pixel (height, width) counts, 1 in all."""
+    """How much each pixel (height, width) counts, 1 in all."""
     columns, rows = film.resolution
     width, height = film.size_m()
     x = (np.arange(columns) + 0.5) / columns * width

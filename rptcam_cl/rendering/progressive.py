@@ -231,11 +231,11 @@ class NoiseWatch:
             self._take_snapshot(done)
 
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """Return what to keep, to go on later."""
+        """The arrays that a later run goes on from."""
         return {} if self.estimate is None else self.estimate.arrays()
 
     def most(self, done: int, count: int) -> int:
-        """Return how many of ``count`` samples may follow before the film has to be looked at."""
+        """How many of ``count`` samples may follow before the film has to be looked at."""
         return count if self.estimate is None else min(count, next_end(done) - done)
 
     def observe(self, done: int, *, last: bool) -> None:
@@ -252,7 +252,7 @@ class NoiseWatch:
         self._snapshots = [*self._snapshots[-1:], (done, _luminance(self._wavefront.sums()))]
 
     def samples_of_tiles(self, done: int) -> NDArray[np.uint32]:
-        """Return how many samples per pixel each tile has."""
+        """How many samples per pixel each tile has."""
         if self.estimate is not None:
             return self.estimate.samples_of_tiles(done)
         return np.full(len(self._wavefront.layout.whole_list()), done, np.uint32)
@@ -370,7 +370,7 @@ class FilmRun:
         return True
 
     def samples_of_tiles(self) -> NDArray[np.uint32]:
-        """Return how many samples per pixel each tile of the buffer has, those of a sample that was left included."""
+        """How many samples per pixel each tile of the buffer has, those of a sample that was left included."""
         samples = self.part.samples_of_tiles(self.watch.samples_of_tiles(self.done), self.wavefront.layout.tiles)
         for first, pixels, start, count in self._made:
             tiles = self.wavefront.tiles[first // TILE_PIXELS : (first + pixels) // TILE_PIXELS]
@@ -383,7 +383,7 @@ class FilmRun:
         return self.wavefront.layout.picture(self.wavefront.sums(), self.samples_of_tiles())
 
     def state(self) -> SavedState:
-        """Return what `resume` needs; the film is whole."""
+        """The state that `resume` takes; the film is whole."""
         self.wavefront.finish()
         return self.done, self.wavefront.state() | self.watch.arrays()
 
@@ -479,7 +479,7 @@ class TimeLeft:
             self._marks.append((seconds, samples))
 
     def tiles_left(self, estimate: NoiseEstimate | None, done: int, most: int | None) -> TilesLeft | None:
-        """Return what is left; None without a target, before the noise is known, and when all tiles meet it.
+        """Foretell the rest; None without a target, before the noise is known, and when all tiles meet it.
 
         Parameters
         ----------
@@ -708,7 +708,7 @@ def render_state(wavefront: AnyWavefront, spp: int, part: FilmPart = WHOLE) -> S
 
 
 def rendering_of(run: FilmRun, *, start: int, seconds: float, new_samples: int, interrupted: bool) -> Rendering:
-    """Return what a film has come to, of so many samples per pixel at the start and so many of all pixels since."""
+    """Make the picture of a film, of so many samples per pixel at the start and so many of all pixels since."""
     wavefront, watch, done = run.wavefront, run.watch, run.done
     layout = wavefront.layout
     tiles = run.samples_of_tiles()
@@ -777,7 +777,7 @@ class _Clock:
         self.report()
 
     def fitting(self, seconds: float) -> int:
-        """Return how many samples per pixel fit into what is left of ``seconds``, at the speed so far; at least one."""
+        """How many samples per pixel fit into what is left of ``seconds``, at the speed so far; at least one."""
         made = self._run.done - self._first
         return max(round((seconds - self.elapsed) / self.elapsed * made), 1) if made else 1
 

@@ -68,7 +68,7 @@ class MemoryNeeds:
 
 
 def memory_needs(plan: Plan, session: Session, *, film: Sequence[int], paths: Sequence[int]) -> MemoryNeeds:
-    """Return what a plan needs besides the buffers of ``film`` and ``paths`` [bytes each]."""
+    """Add up what a plan needs besides the buffers of ``film`` and ``paths`` [bytes each]."""
     triangles = building = 0
     if plan.meshes is not None:
         count = len(plan.meshes.triangles)
@@ -131,7 +131,7 @@ def check_memory(needs: MemoryNeeds, session: Session) -> None:
 
 
 def memory_budget(session: Session) -> int:
-    """Return how much memory a render may plan with [bytes]; on a CPU also not more than the host has free."""
+    """How much memory a render may plan with [bytes]; on a CPU also not more than the host has free."""
     offered = session.info.memory_bytes
     if session.info.type == "cpu" and (free := free_host_bytes()) is not None:
         offered = min(offered, free)
@@ -257,7 +257,7 @@ class PhotonMap:
 
 
 def sorted_by_cell(photons: Photons, radius: float) -> tuple[NDArray[np.void], NDArray[np.int64], NDArray[np.int32]]:
-    """Return how photons lie in memory for a radius [m]: the record ``PhotonGrid``, their order, the starts of cells.
+    """How photons lie in memory for a radius [m]: the record ``PhotonGrid``, their order, the starts of cells.
 
     Photons of a cell keep their order, so that sums over them do not depend on how they are sorted.
     """
@@ -400,7 +400,7 @@ class SceneBuffers:
         return other
 
     def uploaded_to(self, session: Session) -> SceneBuffers:
-        """Return what `on_host` has made, on a device."""
+        """Upload what `on_host` has made to a device."""
         other = self._mapped(lambda value: session.upload(value) if isinstance(value, np.ndarray) else value)
         if other._plan.caustics.active:
             other.photons = PhotonBuffers(session, other._plan)

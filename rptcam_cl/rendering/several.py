@@ -45,7 +45,7 @@ def owners(tiles: int, shares: Sequence[float]) -> NDArray[np.intp]:
 
 
 def measured_speed(wavefront: Wavefront) -> float:
-    """Return how many samples per second a device renders of tiles all over the picture; its film is empty after."""
+    """How many samples per second a device renders of tiles all over the picture; its film is empty after."""
     layout = wavefront.layout
     at_once = max(wavefront.capacity // wavefront.samples_per_wave, BLOCK) // TILE_PIXELS
     step = -(-layout.tiles // at_once)
@@ -155,13 +155,13 @@ class FilmPart:
             )
 
     def tiles(self, tiles: int) -> NDArray[np.uint32]:
-        """Return which of so many tiles are its own; those of one part are spread over the picture."""
+        """Its own of so many tiles; those of one part are spread over the picture."""
         places = np.argsort(np.modf((np.arange(tiles) + 0.5) * GOLDEN)[0], kind="stable")
         bounds = [tiles * each // self.count for each in (self.number - 1, self.number)]
         return np.sort(places[slice(*bounds)]).astype(np.uint32)
 
     def samples_of_tiles(self, ends: NDArray[np.uint32], tiles: int) -> NDArray[np.uint32]:
-        """Return how many samples per pixel each tile of the buffer has, from the sample that it is rendered up to."""
+        """How many samples per pixel each tile of the buffer has, from the sample that it is rendered up to."""
         if self == WHOLE:
             return ends
         own, samples = self.tiles(tiles), np.zeros_like(ends)
@@ -189,7 +189,7 @@ class FilmPart:
         return found
 
     def facts(self) -> list[int | None] | None:
-        """Return what a saved render says of it: number, count, first sample and end; None for the whole."""
+        """Its description in a saved render: number, count, first sample and end; None for the whole."""
         return None if self == WHOLE else [self.number, self.count, self.first, self.end]
 
     @property
@@ -223,12 +223,12 @@ def part_of_facts(facts: Any) -> FilmPart:
 
 
 def array_of_text(data: dict[str, Any]) -> NDArray[np.uint32]:
-    """Return what JSON holds as an array, to be saved among others."""
+    """Encode what JSON holds as an array, to be saved among others."""
     return np.frombuffer(json.dumps(data).encode("utf-32-le"), np.uint32)
 
 
 def text_of_array(array: NDArray[Any]) -> dict[str, Any]:
-    """Return what `array_of_text` made an array of.
+    """Decode an array of `array_of_text`.
 
     Raises
     ------
@@ -320,7 +320,7 @@ class Worker:
         self.wavefront.clear_counts()
 
     def described(self) -> dict[str, Any]:
-        """Return what it has done."""
+        """Describe what it has done."""
         working = self.dropped is None
         return {
             "id": self.id,
@@ -544,7 +544,7 @@ class SharedWavefront(RenderedFilm):
         return {name: self._ranges_lost(own) for name, own in taken_over.items()}, taken_over
 
     def _ranges_lost(self, tiles: NDArray[np.intp]) -> Ranges:
-        """Return what brings tiles from what is safe to where they were."""
+        """The samples that bring tiles from what is safe to where they were."""
         first, ends = self._base_done or 0, self._ends[tiles]
         return [
             (tiles[ends == end].astype(np.uint32), first, int(end - first)) for end in np.unique(ends) if end > first
@@ -581,7 +581,7 @@ class SharedWavefront(RenderedFilm):
         return {} if layers is None else layers.arrays(self._gathered(_layer_planes))
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Return what `restore` needs to go on; from here on, no more than what follows can be lost with a device."""
+        """Read the arrays that `restore` takes; from here on, no more than what follows can be lost with a device."""
         arrays = {"film": self.planes()}
         if self._live()[0].wavefront.layer_pass is not None:
             arrays["layers"] = self._gathered(_layer_planes)
@@ -609,11 +609,11 @@ class SharedWavefront(RenderedFilm):
         self._parts = begun(self._parts, first, split, dropped)
 
     def parts(self, done: int) -> list[Part]:
-        """Return which device took which samples, of ``done`` per pixel."""
+        """Say which device took which samples, of ``done`` per pixel."""
         return ended(self._parts, done)
 
     def devices(self) -> list[dict[str, Any]]:
-        """Return what each device has done."""
+        """Describe what each device has done."""
         return [worker.described() for worker in self._workers]
 
 

@@ -456,7 +456,7 @@ def default_fields(lens: Lens, film_distance_mm: float, object_distance_mm: floa
     sags = np.nan_to_num(lens.surfaces[0].sag(x, y))
 
     def seen(degrees: float) -> tuple[float, float]:
-        """Return how many rays of a field pass, spread over the first surface, and their rms on the film [mm]."""
+        """How many rays of a field pass, spread over the first surface, and their rms on the film [mm]."""
         beam = Beam(degrees, object_distance_mm)
         _, directions = beam.rays(np.stack([x, y], axis=1))
         at = np.stack([x, y], axis=1) - sags[:, None] * directions[:, :2] / directions[:, 2:]
@@ -549,7 +549,7 @@ def _corners(lens: Lens, beam: Beam, wavelength_nm: float, middle: Array, limit:
     """Return the angles about the middle of a beam, ascending, between which one surface bounds it."""
 
     def bounds(angles: Array) -> NDArray[np.int32]:
-        """Return which surface stops the first ray beyond the edge."""
+        """Find the surface that stops the first ray beyond the edge."""
         outward = np.stack([np.cos(angles), np.sin(angles)], axis=-1).reshape(-1, 2)
         edge = _edge(lens, beam, wavelength_nm, middle, outward, limit)
         beyond = middle + (edge + limit * 2.0 ** (1 - BISECTIONS))[:, None] * outward
@@ -569,7 +569,7 @@ def _corners(lens: Lens, beam: Beam, wavelength_nm: float, middle: Array, limit:
 
 
 def _edge(lens: Lens, beam: Beam, wavelength_nm: float, middle: Array, outward: Array, limit: float) -> Array:
-    """Return how far from the middle of a beam its rays pass, along each direction (n, 2)."""
+    """How far from the middle of a beam its rays pass, along each direction (n, 2)."""
     low, high = np.zeros(len(outward)), np.full(len(outward), limit)
     for _ in range(BISECTIONS):
         trial = (low + high) / 2
@@ -644,7 +644,7 @@ class Judge:
         self.limits = self._limits(lens)
 
     def best_shift(self, lens: Lens) -> float:
-        """Return how far the film must move along the light for the least spots of the design in all fields [mm]."""
+        """How far the film must move along the light for the least spots of the design in all fields [mm]."""
         points, slopes = (
             self._centred(self.weights[None], values) for values in self._film(Copies(lens, (), np.zeros((1, 0, 2))))
         )

@@ -364,7 +364,7 @@ class Wavefront(RenderedFilm):
         return self.layout.picture(self.sums(), tiles)
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Return what `restore` needs to go on as if nothing had happened."""
+        """The arrays from which `restore` goes on as if nothing had happened."""
         arrays: dict[str, NDArray[Any]] = {"film": self.planes(), "counts": self.counts()}
         return arrays if self._layers is None else arrays | {"layers": self._layers.planes()}
 

@@ -166,7 +166,7 @@ class Builder:
         self._run(kernel, items, GROUP[self._session.kind], **arguments)
 
     def is_small(self, count: NDArray[np.int64], depth: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Return which nodes are left to one work item: small ones, and those deep enough to need exact halves."""
+        """Find the nodes that are left to one work item: small ones, and those deep enough to need exact halves."""
         blocks = -(-count // self.leaf_size)
         return (count <= self._small) | (depth + np.ceil(np.log2(np.maximum(blocks, 1))) >= self.max_depth)
 
@@ -395,7 +395,7 @@ def _are_boxes(bounds: NDArray[np.float32], children: NDArray[np.int32]) -> bool
 
 
 def _reached(children: NDArray[np.int32]) -> int:
-    """Return how many nodes hang below the root, it included, where each is the child of at most one."""
+    """How many nodes hang below the root, it included, where each is the child of at most one."""
     level, count = np.zeros(1, np.int64), 0
     while len(level):
         count += len(level)
@@ -442,7 +442,7 @@ MAX_STACK = 128  # entries that a traversal may need
 
 
 def max_levels(width: int) -> int:
-    """Return how many levels of wide nodes keep the traversal's stack within `MAX_STACK` entries."""
+    """How many levels of wide nodes keep the traversal's stack within `MAX_STACK` entries."""
     return (MAX_STACK - 1) // (width - 1)
 
 
@@ -505,7 +505,7 @@ def _node_areas(tree: BinaryTree) -> NDArray[np.float32]:
 
 
 def _cheapest(tree: BinaryTree, costs: NDArray[np.float32], nodes: NDArray[np.int32], width: int) -> NDArray[np.int32]:
-    """Return what stands in the slots of wide nodes of least cost: nodes of the binary tree, or -1."""
+    """Fill the slots of wide nodes of least cost: with nodes of the binary tree, or -1."""
     slots, granted = np.full((len(nodes), width), -1, np.int32), np.zeros((len(nodes), width), np.int64)
     slots[:, 0], granted[:, 0] = nodes, np.where(nodes >= tree.leaves, width, 1)
     for filled in range(1, width):
@@ -527,7 +527,7 @@ def _cheapest(tree: BinaryTree, costs: NDArray[np.float32], nodes: NDArray[np.in
 
 
 def _flattest(tree: BinaryTree, nodes: NDArray[np.int32], width: int) -> NDArray[np.int32]:
-    """Return what stands in the slots of wide nodes that opened their deepest child each time."""
+    """Fill the slots of wide nodes by opening their deepest child each time."""
     slots = np.full((len(nodes), width), -1, np.int32)
     slots[:, 0] = nodes
     rows = np.arange(len(nodes))

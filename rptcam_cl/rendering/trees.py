@@ -186,7 +186,7 @@ def _bounds_of_rows(rows: Array, kinds: NDArray[np.int64]) -> tuple[Array, Array
 
 
 def _extent(kind: Kind, x: Array, y: Array, z: Array) -> tuple[Array, Array]:
-    """Return how far a kind's canonical shape, its axes placed as given (n, 3), reaches from its origin."""
+    """How far a kind's canonical shape, its axes placed as given (n, 3), reaches from its origin."""
     zero = np.zeros_like(x)
     if kind in (Kind.SPHERE, Kind.ELLIPSOID):
         reach = np.sqrt(x * x + y * y + z * z)

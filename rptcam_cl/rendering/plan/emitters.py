@@ -247,7 +247,7 @@ class LightTree:
 
 
 def lamps_of(records: NDArray[np.void], power: Array) -> Lamps:
-    """Return what the tree knows of emitter records that are not at infinity."""
+    """Describe emitter records that are not at infinity for the tree."""
     kind = records["kind"]
     a, u, v, z = (records[name][:, :3].astype(np.float64) for name in ("a", "u", "v", "normal"))
     uu, vv, zz, uv = ((x * y).sum(axis=1) for x, y in ((u, u), (v, v), (z, z), (u, v)))
@@ -506,7 +506,7 @@ class Glow:
 
 
 def glow_of(material: Material, textures: TextureTable, spectra: KnownSpectra) -> Glow:
-    """Return what a material emits; its texture and its spectrum are entered."""
+    """Find the light that a material emits; its texture and its spectrum are entered."""
     emitted: Texture | Colour = (0.0, 0.0, 0.0)
     two_sided = False
     if isinstance(material, Emissive):
@@ -675,7 +675,7 @@ ANGLES = np.linspace(0.0, np.pi / 2, 16, endpoint=False)  # at which the least r
 
 
 def visible_lamps(primitives: Iterable[Primitive], eye: Array, textures: TextureTable) -> tuple[SeenLamp, ...]:
-    """Return what shines and stands still, seen from the eye, in the world about it [m].
+    """Find the lamps that stand still, as seen from the eye, in the world about it [m].
 
     Planes, lamps around the eye and those that turn their back to it are left out.
     """

@@ -278,7 +278,7 @@ def cell_shares(brightness: Array) -> Array:
 
 
 def compensated(shares: Array) -> Array:
-    """Return what each cell has above the mean brightness of the sphere; nothing where all is even.
+    """The light of each cell above the mean brightness of the sphere; nothing where all is even.
 
     Directions chosen by the BSDF find the rest, and MIS leaves it to them: light samples are for the bright parts of a
     picture (Karlík et al., «MIS compensation», ACM TOG 38(6) 2019).
@@ -304,7 +304,7 @@ def _gathered(values: Array, count: int, axis: int) -> Array:
 
 
 def sampling_tables(shares: Array) -> NDArray[np.float32]:
-    """Return what ``kernels/light/environment.h`` reads.
+    """The tables that ``kernels/light/environment.h`` reads.
 
     One after the other: the curve of the rows, those of the cells of each row, and the density of each cell per solid
     angle, times the sine of the angle from the poles.

@@ -308,7 +308,7 @@ def _of_metal(cosine: Array, n: Array, k: Array) -> Array:
 
 
 def _of_pane(cosine: Array, index: float, depth: Array) -> Array:
-    """Return what both faces of a pane reflect together."""
+    """The reflectance of both faces of a pane together."""
     r = fresnel(cosine, index)[:, None]
     inside = np.sqrt(np.maximum(1.0 - (1.0 - cosine**2) / index**2, 1e-12))[:, None]
     t2 = np.exp(-2.0 * depth / inside)

@@ -114,7 +114,7 @@ def polished_faces(plan: Plan) -> Iterator[Faces]:
 
 
 def polished_count(plan: Plan) -> int:
-    """Return how many triangles take as long to search as all that `polished_faces` yields, about."""
+    """How many triangles take as long to search as all that `polished_faces` yields, about."""
     count = 0
     for index, kind in _polished(plan):
         if kind is Kind.MESH and plan.meshes is not None:

@@ -73,7 +73,7 @@ class PlanParts:
         return found
 
     def appearance(self, scene: Scene, materials: Sequence[Material], files: tuple[str, ...]) -> Appearance:
-        """Return what the materials of primitives and the environment of a scene look like; it can be added to.
+        """Pack the look of the materials of primitives and of the environment of a scene; it can be added to.
 
         Parameters
         ----------
@@ -385,7 +385,7 @@ def _instances(
 
 
 def _transform(world_from_mesh: Matrix) -> dict[str, Any]:
-    """Return what the record of an instance has of its placement."""
+    """The members of an instance's record that say its placement."""
     both = {"row": np.linalg.inv(world_from_mesh), "world": world_from_mesh}
     return {f"{name}_{axis}": row for name, rows in both.items() for axis, row in zip("xyz", rows[:3], strict=True)}
 

@@ -135,7 +135,7 @@ def is_dispersive(material: object) -> bool:
 
 
 def dielectric_index(material: Dielectric) -> Index:
-    """Return what gives the refractive index at wavelengths [nm]; beyond those of a glass's law, that of its end."""
+    """The refractive index as a function of wavelengths [nm]; beyond those of a glass's law, that of its end."""
     if material.glass is None:
         return lambda wavelength_nm: np.full(np.shape(wavelength_nm), material.index)
     glass = material.glass
@@ -326,7 +326,7 @@ class TextureTable:
         return origin if origin is not None and len(self._records) == len(origin._records) else None
 
     def slot(self, value: Texture | Colour, *, limit: float) -> tuple[Colour, int]:
-        """Return what a material's record holds of a colour: the colour and -1, or black and the index of a texture.
+        """The members of a material's record for a colour: the colour and -1, or black and the index of a texture.
 
         Parameters
         ----------
@@ -438,7 +438,7 @@ class TextureTable:
         return record
 
     def _image(self, colours: Colours, gain: float | tuple[float, float, float]) -> dict[str, Any]:
-        """Return what the record of an image has of its picture, and note its mean."""
+        """The members of an image's record that say its picture, whose mean is noted."""
         self._means.append(np.multiply(gain, colours.mean))
         height, width = colours.size
         return {
