@@ -66,7 +66,7 @@ def lens_margin(scene: Scene, session: Session) -> LensMargin | None:
     origins, directions = film_rays(lens, setting.film_distance_mm, half_film_mm(scene), wavelength_nm, frame=frame)
     exact = lens.trace(origins, directions, wavelength_nm)
     traced = trace_on_device(lens, session, origins, directions, wavelength_nm, "film", camera.precision)
-    return _compared(exact, traced, _pixels_per_radian(scene, setting), setting.focus_distance_mm)
+    return _compare(exact, traced, _pixels_per_radian(scene, setting), setting.focus_distance_mm)
 
 
 def film_rays(
@@ -106,7 +106,7 @@ def _pixels_per_radian(scene: Scene, setting: LensSetting) -> float | None:
     return scene.film.resolution[0] / (scene.film.size_m()[0] * 1e3) / abs(float(thick.slope[0]))
 
 
-def _compared(exact: Rays, traced: Rays, pixels_per_radian: float | None, focus_mm: float | None) -> LensMargin:
+def _compare(exact: Rays, traced: Rays, pixels_per_radian: float | None, focus_mm: float | None) -> LensMargin:
     both = exact.passed & traced.passed
     margin = {
         "rays": len(both),
@@ -284,7 +284,7 @@ def devices_of(wavefront: AnyWavefront, rendering: Rendering) -> list[dict[str, 
     return [{"id": info.id, "name": info.name, "share": 1.0, **done}]
 
 
-def described(
+def describe(
     scene: Scene, plan: Plan, spp: int, stats: Mapping[str, Any], found_before: Mapping[str, Any]
 ) -> dict[str, Any]:
     """Describe a picture in its metadata: the scene, its camera, and the render that has such statistics.
@@ -333,7 +333,7 @@ def clamp_text(limit: float, removed_share: float) -> str:
     return f"biased: samples above {limit:g} scaled down, {removed_share:.2%} of the light removed"
 
 
-def described_before(scene: Scene, plan: Plan, found_before: Mapping[str, Any]) -> dict[str, Any]:
+def describe_before(scene: Scene, plan: Plan, found_before: Mapping[str, Any]) -> dict[str, Any]:
     """Return the metadata of a picture that has no samples yet; `with_counts` fills in what follows from them."""
     knowledge = {
         "samples_dropped": 0,
@@ -344,7 +344,7 @@ def described_before(scene: Scene, plan: Plan, found_before: Mapping[str, Any]) 
     stats: dict[str, Any] = {"device": "", "made_by": None, "work": [], "numerics": knowledge}
     if scene.render.clamp is not None:
         stats["clamp"] = {"limit": scene.render.clamp, "removed_share": 0.0}
-    return described(scene, plan, 0, stats, found_before)
+    return describe(scene, plan, 0, stats, found_before)
 
 
 # What a render will take, before it is rendered: memory, kernel launches, and the time, by a measured piece of it.

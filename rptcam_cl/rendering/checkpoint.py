@@ -24,11 +24,11 @@ from rptcam_cl.core.files import replacing
 from rptcam_cl.core.records import RayStatus
 from rptcam_cl.core.remember import Maker, OneMaker, made_by
 from rptcam_cl.rendering.account import clamp_text, of_makers
-from rptcam_cl.rendering.film import PLANES, TILE, TILE_PIXELS, FilmLayout, outcomes_of, share_removed
+from rptcam_cl.rendering.film import PLANES, TILE, TILE_PIXELS, FilmLayout, outcomes_of, removed_share_of
 from rptcam_cl.rendering.ground_truth import saved_truth
 from rptcam_cl.rendering.layers import OWNER_SLOTS, SLOT_PLANES, LayerPlanes, layer_arrays
 from rptcam_cl.rendering.progressive import SavedState
-from rptcam_cl.rendering.several import SHARP, WHOLE, FilmPart, Part, joined, part_of_facts, pixels_of, split_of
+from rptcam_cl.rendering.several import SHARP, WHOLE, FilmPart, Part, join_parts, part_of_facts, pixels_of, split_of
 from rptcam_cl.scene.film import LAYER_NAMES, SHARP_LAYERS, Film
 from rptcam_cl.scene.scene import Scene
 
@@ -136,15 +136,15 @@ def read_checkpoint(path: str | os.PathLike[str]) -> Checkpoint:
                 arrays[name] = np.frombuffer(data, kind).reshape(shape) if len(data) else np.zeros(shape, kind)
             facts = json.loads(header)["facts"]
             if not isinstance(facts, dict) or stream.read() != digest.digest():
-                raise _damaged(path)
+                raise _damage(path)
     except OSError as error:
         raise StateError(f"{path}: cannot be read: {error.strerror or error}") from error
     except (ValueError, KeyError, TypeError, OverflowError, RecursionError, MemoryError) as error:
-        raise _damaged(path) from error
+        raise _damage(path) from error
     return Checkpoint(Path(path), facts, arrays)
 
 
-def _damaged(path: str | os.PathLike[str], what: str = "") -> StateError:
+def _damage(path: str | os.PathLike[str], what: str = "") -> StateError:
     return StateError(f"{path}: this saved render is damaged{': ' * bool(what)}{what}")
 
 
@@ -155,7 +155,7 @@ def _header_length(path: str | os.PathLike[str], start: bytes, size: int) -> int
     if version > VERSION:
         raise StateError(f"{path}: was saved by a later version (its format is {version}; this one reads {VERSION})")
     if length > min(_MOST_HEADER, size):
-        raise _damaged(path)
+        raise _damage(path)
     return int(length)
 
 
@@ -165,11 +165,11 @@ def _places(path: str | os.PathLike[str], header: bytes, size: int) -> list[tupl
     for entry in json.loads(header)["arrays"]:
         kind, shape = entry["type"], tuple(int(length) for length in entry["shape"])
         if kind not in _TYPES or min(shape, default=0) < 0:
-            raise _damaged(path)
+            raise _damage(path)
         places.append((str(entry["name"]), kind, shape))
         total += math.prod(shape) * np.dtype(kind).itemsize
     if total != size:
-        raise _damaged(path)
+        raise _damage(path)
     return places
 
 
@@ -308,7 +308,7 @@ class Saver:
         """Return the facts and the arrays of a state."""
         resolved = {"metered_cd_m2": self.metered_cd_m2, "focus": self.focus}
         done, arrays = state
-        work = joined(self.parts, self.parts_since(done))
+        work = join_parts(self.parts, self.parts_since(done))
         facts = {**self._facts, **resolved, "done": done, "devices": self._devices, "work": work}
         facts |= {"picture": self.of_picture, "part": part.facts(), "made_by": self.makers}
         return facts, part.packed({**arrays, **self.beside()}, self._layout.tiles)
@@ -378,7 +378,7 @@ def _check(path: Path, right: dict[str, bool]) -> None:
     """Refuse a file by the first of its facts or arrays that is not right."""
     for name, is_right in right.items():
         if not is_right:
-            raise _damaged(path, name)
+            raise _damage(path, name)
 
 
 def _is_list(kind: type | tuple[type, ...], data: Any, count: int | None = None) -> bool:
@@ -444,7 +444,7 @@ def picture_of(
     if picture["has_lens"]:
         stats["lens"] = outcomes_of(counts)
     if picture["clamp"] is not None:
-        stats["clamp"] = {"limit": picture["clamp"], "removed_share": share_removed(arrays["film"])}
+        stats["clamp"] = {"limit": picture["clamp"], "removed_share": removed_share_of(arrays["film"])}
     named["direct"] = pixels = layout.picture(arrays["film"][:PLANES], tiles)
     named["ghosts"] = np.zeros_like(pixels)  # they are added by `merge`
     named |= saved_truth(arrays, layout)[0]
@@ -549,11 +549,11 @@ def check_whole(part: Checkpoint) -> None:
     try:
         layout = layout_of(facts)
     except ValueError:
-        raise _damaged(part.path, "resolution or crop") from None
+        raise _damage(part.path, "resolution or crop") from None
     held, count = arrays.get("film", counts).shape, part.part.count
     pixels = layout.pixels if count == 1 else TILE_PIXELS * (layout.tiles // count)  # of a part, or a tile more
     if len(held) != 2 or held[1] not in (pixels, pixels + TILE_PIXELS * (count > 1)):
-        raise _damaged(part.path, "its array film does not fit")
+        raise _damage(part.path, "its array film does not fit")
 
 
 def check_same(parts: Sequence[Checkpoint]) -> None:
@@ -570,13 +570,13 @@ def check_same(parts: Sequence[Checkpoint]) -> None:
         other = part.facts
         for name, words in COMMON.items():
             if one.get(name) != other.get(name):
-                values = [_shown(facts.get(name)) for facts in (one, other)]
+                values = [_as_text(facts.get(name)) for facts in (one, other)]
                 raise _differ(first, part, f"the {words} is {values[0]} there and {values[1]} here")
         if one["scene"] != other["scene"]:
             lenses = [facts["picture"]["metadata"].get("lens") for facts in (one, other)]
             what = "the scene is another"
             if lenses[0] != lenses[1]:
-                what = f"the lens is {_shown(lenses[0])} there and {_shown(lenses[1])} here"
+                what = f"the lens is {_as_text(lenses[0])} there and {_as_text(lenses[1])} here"
             raise _differ(first, part, what)
         shown = [facts["picture"]["metadata"].get("picture_hash") for facts in (one, other)]
         if shown[0] != shown[1]:
@@ -590,7 +590,7 @@ def _differ(one: Checkpoint, other: Checkpoint, what: str) -> StateError:
     return StateError(f"{other.path}: is not of the render of {one.path}: {what}")
 
 
-def _shown(value: Any) -> str:
+def _as_text(value: Any) -> str:
     return "not given" if value in (None, []) else str(value)
 
 
@@ -649,7 +649,7 @@ def _gaps(
     return found
 
 
-def merged_arrays(parts: Sequence[Checkpoint], layout: FilmLayout) -> Arrays:
+def merge_arrays(parts: Sequence[Checkpoint], layout: FilmLayout) -> Arrays:
     """Return the arrays of the whole, as a saved render has them.
 
     Raises
@@ -684,7 +684,7 @@ def merged_arrays(parts: Sequence[Checkpoint], layout: FilmLayout) -> Arrays:
 def _check_fit(part: Checkpoint, arrays: Arrays, found: Arrays, counts: NDArray[np.uint64]) -> None:
     for name, whole in (found | {"counts": counts}).items():
         if name not in arrays or (arrays[name].shape, arrays[name].dtype) != (whole.shape, whole.dtype):
-            raise _damaged(part.path, f"its array {name} does not fit")
+            raise _damage(part.path, f"its array {name} does not fit")
 
 
 def _put_sharp(part: Checkpoint, arrays: Arrays, found: Arrays, pixels: NDArray[np.int64]) -> None:
@@ -693,7 +693,7 @@ def _put_sharp(part: Checkpoint, arrays: Arrays, found: Arrays, pixels: NDArray[
         own = arrays.get(name, np.zeros(0))
         whole = found.setdefault(name, np.zeros_like(own))
         if whole.ndim != 2 or own.shape != (len(whole), found["film"].shape[1]) or own.dtype != whole.dtype:
-            raise _damaged(part.path, f"its array {name} does not fit")
+            raise _damage(part.path, f"its array {name} does not fit")
         whole[:, pixels] = own[:, pixels]
 
 
@@ -732,7 +732,7 @@ def _add(whole: Planes, part: Planes, pixels: NDArray[np.int64], sums: int) -> N
     whole[: 2 * sums, pixels] = np.where(old.any(axis=0), both, new)
 
 
-def merged_state(paths: Sequence[str | os.PathLike[str]], *, allow_mixed: bool = False) -> Checkpoint:
+def merge_states(paths: Sequence[str | os.PathLike[str]], *, allow_mixed: bool = False) -> Checkpoint:
     """Return the saved render that several parts of it come to.
 
     Parameters
@@ -755,15 +755,15 @@ def merged_state(paths: Sequence[str | os.PathLike[str]], *, allow_mixed: bool =
     layout = layout_of(parts[0].facts)
     for part in parts:
         if part.part.count > layout.tiles:
-            raise _damaged(part.path, "part")
+            raise _damage(part.path, "part")
     end = check_complete(parts, layout)
-    arrays = merged_arrays(parts, layout)
+    arrays = merge_arrays(parts, layout)
     for part in parts:
         warn_of_not_finite(part)
     facts = parts[0].facts
     devices = list(dict.fromkeys(name for part in parts for name in part.facts["devices"]))
     whole = facts | {"part": None, "done": end, "devices": devices, "work": _work(parts), "made_by": same.makers}
-    whole["picture"] = facts["picture"] | {"parts": [_described(part) for part in parts]}
+    whole["picture"] = facts["picture"] | {"parts": [_describe(part) for part in parts]}
     return Checkpoint(parts[0].path, whole, arrays)
 
 
@@ -773,6 +773,6 @@ def _work(parts: Sequence[Checkpoint]) -> list[Any]:
     return works[0] if all(work == works[0] for work in works) else []
 
 
-def _described(part: Checkpoint) -> dict[str, Any]:
+def _describe(part: Checkpoint) -> dict[str, Any]:
     facts = part.facts
     return {"part": part.part.title, "samples": [part.part.first, part.done], "devices": facts["devices"]}

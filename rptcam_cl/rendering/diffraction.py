@@ -35,7 +35,7 @@ from rptcam_cl.scene.scene import Scene
 Array = NDArray[np.float64]
 
 
-def blurred(planes: Array, offset: tuple[int, int], nodes: tuple[Array, Array], kernels: Sequence[Array]) -> Array:
+def blur(planes: Array, offset: tuple[int, int], nodes: tuple[Array, Array], kernels: Sequence[Array]) -> Array:
     """Return planes (3, height, width) after each pixel has spread its light.
 
     Parameters
@@ -61,9 +61,9 @@ def blurred(planes: Array, offset: tuple[int, int], nodes: tuple[Array, Array], 
         left, right, top, bottom = columns[0], columns[-1] + 1, rows[0], rows[-1] + 1
         share = weights[1][row, top:bottom, None] * weights[0][column, left:right]
         for plane, part, target in zip(planes, kernel, wide, strict=True):
-            spread = _convolved(plane[top:bottom, left:right] * share, part)
+            spread = _convolve(plane[top:bottom, left:right] * share, part)
             target[top : bottom + 2 * reach, left : right + 2 * reach] += spread
-    return _folded(_folded(wide, height, reach, 1), width, reach, 2)
+    return _fold(_fold(wide, height, reach, 1), width, reach, 2)
 
 
 def _places(nodes: tuple[Array, Array]) -> Iterator[tuple[int, int]]:
@@ -79,7 +79,7 @@ def _hats(nodes: Array, places: Array) -> Array:
     return np.array([np.interp(places, nodes, unit) for unit in np.eye(len(nodes))])
 
 
-def _convolved(plane: Array, kernel: Array) -> Array:
+def _convolve(plane: Array, kernel: Array) -> Array:
     """Return the full convolution; where nothing is negative before, nothing is after."""
     shape = tuple(quick(a + b - 1) for a, b in zip(plane.shape, kernel.shape, strict=True))
     product = np.fft.rfft2(plane, shape) * np.fft.rfft2(kernel, shape)
@@ -100,7 +100,7 @@ def quick(length: int) -> int:
         length += 1
 
 
-def _folded(wide: Array, length: int, reach: int, axis: int) -> Array:
+def _fold(wide: Array, length: int, reach: int, axis: int) -> Array:
     """Return an axis of planes without its margins, whose light comes back mirrored."""
     places = np.arange(-reach, length + reach) % (2 * length)
     places = np.where(places < length, places, 2 * length - 1 - places)
@@ -320,7 +320,7 @@ class FarLight:
         edges = np.geomspace(first, np.hypot(x[-1], y[-1]) + 2.0, SPANS)
         inner, outer = self._weights(edges)
         light = np.tensordot(self.within[1], inner, 1) + self._beyond[:, None, None] * outer
-        table = _summed(np.moveaxis(light, 1, 0))
+        table = _sum_up(np.moveaxis(light, 1, 0))
         upper = np.zeros((3, height, 2 * width - 1))
         for row in range(height):
             radius, angle = np.hypot(x, y[row]), np.arctan2(y[row], x)
@@ -356,7 +356,7 @@ def _along(edges: Array, angles: Array) -> Array:
     return np.asarray(light)
 
 
-def _summed(light: Array) -> Array:
+def _sum_up(light: Array) -> Array:
     """Return light (3, directions, radii) summed up over directions from none, and half as many more on each side."""
     table = np.cumsum(np.pad(light, ((0, 0), (1, 0), (0, 0))), axis=1)
     whole = table[:, -1:]
@@ -386,7 +386,7 @@ def lamps_of(planes: Array) -> Array:
     return np.asarray(planes * (brightness > LAMP * brightness.mean()))
 
 
-def strewn(planes: Array, kernel: Array) -> Array:
+def strew(planes: Array, kernel: Array) -> Array:
     """Return the light of planes (3, height, width) on them, by a kernel of twice the whole film or more.
 
     What falls beside them is lost.
@@ -452,11 +452,11 @@ class FilmSpread:
         planes = np.moveaxis(pixels.astype(np.float64), -1, 0)
         lamps = lamps_of(planes)
         if self.edges is None or not lamps.any():
-            spread = blurred(planes, (layout.x, layout.y), *self.kernels)
+            spread = blur(planes, (layout.x, layout.y), *self.kernels)
         else:
             shares, light = self.far
-            spread = blurred(planes - lamps * shares[:, None, None], (layout.x, layout.y), *self.kernels)
-            spread += strewn(lamps, light)
+            spread = blur(planes - lamps * shares[:, None, None], (layout.x, layout.y), *self.kernels)
+            spread += strew(lamps, light)
         return np.ascontiguousarray(np.moveaxis(spread, 0, -1), dtype=np.float32)
 
     def arrays(self) -> dict[str, NDArray[Any]]:
@@ -524,7 +524,7 @@ class Diffraction:
         """
         film = self.scene.film
         columns, rows = _nodes(film.resolution)
-        seen = tuple(self._seen(_film_point(self.scene, column, row)) for row in rows for column in columns)
+        seen = tuple(self._pupil_at(_film_point(self.scene, column, row)) for row in rows for column in columns)
         near = FilmSpread(film.resolution, _pixel_mm(self.scene), seen)
         return near if near.reach >= max(film.resolution) else replace(near, edges=self._edges)
 
@@ -538,7 +538,7 @@ class Diffraction:
         own = edges_of(outline)
         return own if dirt is None else np.concatenate([own, dirt_edges(dirt, outline, self.pupils.radius_mm)])
 
-    def _seen(self, point: Array) -> FilmPupil:
+    def _pupil_at(self, point: Array) -> FilmPupil:
         assert self.pupils is not None
         try:
             return self.pupils(point)
@@ -585,7 +585,7 @@ def diffraction_of(scene: Scene) -> Diffraction | None:
     return Diffraction(scene, choice == "on" or radius >= SHOWS_PX, radius, pupils)
 
 
-def diffracted(found: Diffraction | None, pixels: NDArray[np.float32]) -> NDArray[np.float32]:
+def diffract(found: Diffraction | None, pixels: NDArray[np.float32]) -> NDArray[np.float32]:
     """Return a film (height, width, 3) of linear RGB with its diffraction; the very same where that is off."""
     if found is None or not found.is_on:
         return pixels

@@ -295,7 +295,7 @@ class Waves:
 
 
 @lru_cache(maxsize=4)
-def _shuffled(cycle: int, steps: int) -> NDArray[np.intp]:
+def _shuffle(cycle: int, steps: int) -> NDArray[np.intp]:
     """Return the numbers below ``steps`` in an order that neighbouring cycles do not share."""
     return np.argsort([seed_words(cycle * steps + step)[0] for step in range(steps)], kind="stable")
 
@@ -303,7 +303,7 @@ def _shuffled(cycle: int, steps: int) -> NDArray[np.intp]:
 def step_of(sample: int, steps: int) -> int:
     """The step of the exposure that a sample of every pixel is of: so many samples have each of them once."""
     cycle, place = divmod(sample, steps)
-    return int(_shuffled(cycle, steps)[place])
+    return int(_shuffle(cycle, steps)[place])
 
 
 def seed_words(seed: int) -> tuple[int, int]:
@@ -408,7 +408,7 @@ class RenderedFilm:
 
     def removed_share(self) -> float:
         """The share of the light that the limit of the samples has removed."""
-        return share_removed(self.planes())
+        return removed_share_of(self.planes())
 
     @property
     def camera_rays(self) -> int:
@@ -435,7 +435,7 @@ def outcomes_of(counts: NDArray[np.uint64]) -> dict[str, int]:
     return {"passed": int(counts[-1]) - sum(stopped.values()), **stopped}
 
 
-def share_removed(planes: NDArray[np.float32]) -> float:
+def removed_share_of(planes: NDArray[np.float32]) -> float:
     """Return the share of the light of a whole film that the limit of the samples has removed."""
     exact = planes.astype(np.float64)
     removed, kept = exact[PLANES:].sum(), np.abs(exact[:3] - exact[3:PLANES]).sum() / 3
@@ -489,7 +489,7 @@ def plays(settings: RenderSettings) -> bool:
     return 0 < settings.roulette_depth < settings.max_depth
 
 
-def scouted(layout: FilmLayout) -> FilmLayout:
+def scout_layout(layout: FilmLayout) -> FilmLayout:
     """Return the tiles that are looked at, spread over the whole film, whatever part of it is rendered."""
     step = 1
     while (layout.full_width // (TILE * step)) * (layout.full_height // (TILE * step)) > MOST_TILES:
@@ -502,7 +502,7 @@ def scouted(layout: FilmLayout) -> FilmLayout:
 
 
 def roulette_of(picture: NDArray[np.floating], layout: FilmLayout) -> Roulette:
-    """Scale the survival in roulette by a picture (height, width, 3) of the tiles of `scouted`.
+    """Scale the survival in roulette by a picture (height, width, 3) of the tiles of `scout_layout`.
 
     Sums are taken in an order that no processor changes.
     """

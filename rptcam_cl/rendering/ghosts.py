@@ -116,12 +116,12 @@ def ghost_sources(
         own = points_of(record, front.vertex)
         if int(record["kind"]) == EmitterKind.ENVIRONMENT:
             parts = [points_at(*part, record) for part in _parts(scene)]
-            points += [(*part, _known(record, part[1])) for part in parts]
+            points += [(*part, _spectrum_of(record, part[1])) for part in parts]
             left_out.add("dim parts of the surroundings" if parts else "surroundings")
         elif own is None:
             left_out.add(EmitterKind(int(record["kind"])).name.lower())
         else:
-            points.append((*own, _known(record, own[1])))
+            points.append((*own, _spectrum_of(record, own[1])))
     if not points:
         return Sources(np.zeros((0, 4)), np.zeros((0, 3)), tuple(sorted(left_out)), 0.0, np.zeros((0, 2)))
     at, light, target, known = (np.concatenate(column) for column in zip(*points, strict=True))
@@ -141,7 +141,7 @@ def ghost_sources(
     return direct if pencils is None else _with_pencils(direct, pencils, turn)
 
 
-def _known(record: np.void, irradiance: Array) -> Array:
+def _spectrum_of(record: np.void, irradiance: Array) -> Array:
     """Return the number of an emitter's spectrum, and how many times it its points give (n, 2)."""
     brightest = int(np.argmax(record["radiance"][:3]))
     times = irradiance[:, brightest] / max(float(record["radiance"][brightest]), 1e-300)
@@ -533,7 +533,7 @@ class GhostFilm:
                 first = _shifts(len(boxes) * record + np.arange(len(boxes)), count)
                 self._add(words, way, record, places, boxes, weights / largest, first, count)
             units = session.read(words, "<i8", film.size).astype(np.float64)
-            film += _spread(units.reshape(film.shape), FINER**steps)
+            film += _spread_light(units.reshape(film.shape), FINER**steps)
         return film * (largest / ONE_LIGHT * self.value)
 
 
@@ -563,7 +563,7 @@ def _pairs(lens: Lens) -> Iterator[Way]:
         yield from ((j, i) for i in partly if i < j)
 
 
-def _spread(film: Array, width: float) -> Array:
+def _spread_light(film: Array, width: float) -> Array:
     """Return a film whose light is spread by a tent of a half width [pixels], and mirrored at its border."""
     reach = int(np.ceil(width))
     tent = np.maximum(width - np.abs(np.arange(-reach, reach + 1)), 0.0)

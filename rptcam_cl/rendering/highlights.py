@@ -283,7 +283,7 @@ def _changes_sign(sights: MirrorSights, slack: Array) -> NDArray[np.bool_]:
     low, high = corners[..., :2].min(axis=0), corners[..., :2].max(axis=0)
     room = MARGIN * (high - low) + slack[:, None]
     curved = np.all((low - room <= 0) & (high + room >= 0), axis=1) & (corners[..., 2].max(axis=0) > 0)
-    a, b = _plain_seed(sights)
+    a, b = _seed_on_plane(sights)
     size = np.linalg.norm(sights.faces.first, axis=1), np.linalg.norm(sights.faces.second, axis=1)
     distance = np.linalg.norm(sights.faces.corner - sights.eyes, axis=1)
     reach = [np.minimum(4.0 * slack * (distance + each) / each, 1e3) for each in size]
@@ -294,7 +294,7 @@ def _changes_sign(sights: MirrorSights, slack: Array) -> NDArray[np.bool_]:
 
 def seeds(sights: MirrorSights) -> tuple[Array, Array]:
     """Return coordinates near those of the reflection, within the pieces but for endless ones."""
-    a, b = _plain_seed(sights)
+    a, b = _seed_on_plane(sights)
     curved = ~sights.faces.plain
     if curved.any():
         own = sights[curved]
@@ -302,7 +302,7 @@ def seeds(sights: MirrorSights) -> tuple[Array, Array]:
         zero, one = np.zeros(len(own.faces)), np.ones(len(own.faces))
         corners = [_off(own, x, y, first, second) for x, y in ((zero, zero), (one, zero), (zero, one))]
         matrix = np.stack([corners[1] - corners[0], corners[2] - corners[0]], axis=2)
-        a[curved], b[curved] = _solved(matrix, -corners[0]).T
+        a[curved], b[curved] = _solve(matrix, -corners[0]).T
     endless = sights.faces.outline == Outline.ENDLESS
     a, b = np.where(np.isfinite(a), a, 0.5), np.where(np.isfinite(b), b, 0.5)
     within = np.clip(a, 0.0, 1.0), np.clip(b, 0.0, 1.0)
@@ -346,7 +346,7 @@ def _solution(sights: MirrorSights) -> tuple[Array, Array, Array, Array]:
     for _ in range(ITERATIONS):
         own, ways = sights[rest], (first[rest], second[rest])
         off = _off(own, a[rest], b[rest], *ways)
-        step = _solved(_slope(own, a[rest], b[rest], *ways), -off)
+        step = _solve(_slope(own, a[rest], b[rest], *ways), -off)
         step = np.clip(np.nan_to_num(step), -bound[rest, None], bound[rest, None])
         a[rest], b[rest] = a[rest] + step[:, 0], b[rest] + step[:, 1]
         rest = rest[np.any(np.abs(off) > EXACT, axis=1)]
@@ -381,21 +381,21 @@ def _waves(
         for change, eye, lamp in ((of_eye, distance, 0.0 * reach), (of_lamp, 0.0 * distance, reach)):
             shift = STEP * eye[:, None] * across[:, :, axis], STEP * lamp[:, None] * beside[:, :, axis]
             ahead, back = (
-                _off(_moved(sights, sign * shift[0], sign * shift[1]), a, b, first, second) for sign in (1.0, -1.0)
+                _off(_move(sights, sign * shift[0], sign * shift[1]), a, b, first, second) for sign in (1.0, -1.0)
             )
             change[:, :, axis] = (ahead - back) / (2.0 * STEP * (eye + lamp))[:, None]
     moved_by_eye, moved_by_lamp = moves @ of_eye, moves @ of_lamp
     turned = np.swapaxes(across, 1, 2)
     curvature = turned @ (across - moved_by_eye) / distance[:, None, None]
     curvature = 0.5 * (curvature + np.swapaxes(curvature, 1, 2))
-    curvature, less = _bounded(curvature, sharpest)
+    curvature, less = _bound(curvature, sharpest)
     bend = across @ curvature @ turned
     mean = 0.5 * np.trace(curvature, axis1=1, axis2=2)
     bend += mean[:, None, None] * to_eye[:, :, None] * to_eye[:, None, :]
     return bend, less * np.abs(np.linalg.det(turned @ moved_by_lamp / distance[:, None, None]))
 
 
-def _bounded(curvature: Array, sharpest: float) -> tuple[Array, Array]:
+def _bound(curvature: Array, sharpest: float) -> tuple[Array, Array]:
     """Return symmetric matrices (n, 2, 2) whose eigenvalues are no larger, and the share of light that this leaves."""
     values, vectors = np.linalg.eigh(curvature)
     within = np.clip(values, -sharpest, sharpest)
@@ -403,7 +403,7 @@ def _bounded(curvature: Array, sharpest: float) -> tuple[Array, Array]:
     return np.einsum("nik,nk,njk->nij", vectors, within, vectors), less
 
 
-def _moved(sights: MirrorSights, eye: Array, lamp: Array) -> MirrorSights:
+def _move(sights: MirrorSights, eye: Array, lamp: Array) -> MirrorSights:
     """Return sights with eyes and lamps elsewhere; directions stay unit vectors."""
     lamps = sights.lamps.copy()
     lamps[:, :3] += lamp
@@ -418,7 +418,7 @@ def _facet_weight(sights: MirrorSights, normals: Array, half: Array, to_eye: Arr
     return np.asarray(np.where(sights.slopes.any(axis=1), weight, 1.0))
 
 
-def _plain_seed(sights: MirrorSights) -> tuple[Array, Array]:
+def _seed_on_plane(sights: MirrorSights) -> tuple[Array, Array]:
     """Return the coordinates where the plane of a piece shows the lamp; nan where it does not."""
     faces = sights.faces
     normal = _unit(np.cross(faces.first, faces.second))
@@ -495,7 +495,7 @@ def _inverse(matrices: Array) -> Array:
         return np.moveaxis(np.array([[d, -b], [-c, a]]) / (a * d - b * c), -1, 0)
 
 
-def _solved(matrices: Array, right: Array) -> Array:
+def _solve(matrices: Array, right: Array) -> Array:
     """Return the solutions of two equations each."""
     with np.errstate(invalid="ignore"):
         return np.asarray(np.einsum("nij,nj->ni", _inverse(matrices), right))
@@ -575,8 +575,8 @@ def highlights(
     found, lamps = [], lamps[: max(MOST_PAIRS // max(polished_count(plan), 1), 1)]
     for faces in polished_faces(plan):
         for trial in _trials(faces, lobes, numbered, lamps, front):
-            found += _reflected(trial, numbered, front, plan, session, buffers)
-    return _gathered(found) if found else None
+            found += _reflect(trial, numbered, front, plan, session, buffers)
+    return _gather(found) if found else None
 
 
 def _owner(record: np.void) -> tuple[EmitterKind, int]:
@@ -631,7 +631,7 @@ def _trials(
             for material in np.unique(faces.material[some]):
                 own = some[faces.material[some] == material]
                 for lobe in range(int(first[material]), int(first[material + 1])):
-                    parts += _paired(faces[own], numbered[lobe].alpha, lobe, places, number, front)
+                    parts += _pair(faces[own], numbered[lobe].alpha, lobe, places, number, front)
             if sum(len(part.light) for part in parts) > SIGHTS:
                 yield _Trial.joined(parts)
                 parts = []
@@ -669,9 +669,7 @@ def _candidates(
             yield found[own[low : low + TOGETHER]], ((at, light * square, target), len(found) > MANY)
 
 
-def _paired(
-    faces: Faces, alpha: float, lobe: int, lamp: tuple[Points, bool], number: int, front: Front
-) -> list[_Trial]:
+def _pair(faces: Faces, alpha: float, lobe: int, lamp: tuple[Points, bool], number: int, front: Front) -> list[_Trial]:
     """Return the sights of pieces: each point of a lamp, with a slope of the facets, from each point of the front."""
     (places, light, targets), many = lamp
     slopes = np.zeros((1, 2))
@@ -704,7 +702,7 @@ def _paired(
 Found = tuple[Array, Array, Array, NDArray[np.intp]]
 
 
-def _reflected(
+def _reflect(
     trial: _Trial, lobes: list[Lobe], front: Front, plan: Plan, session: Session, buffers: SceneBuffers
 ) -> list[Found]:
     """Return ways and bends at the vertex, irradiance, and lamp and primitive, of reflections that nothing hides."""
@@ -733,7 +731,7 @@ def _reflected(
     return [(every[0][~dark], every[1][~dark], every[2][~dark], every[3][~dark])]
 
 
-def _gathered(found: list[Found]) -> Pencils | None:
+def _gather(found: list[Found]) -> Pencils | None:
     """Return pencils: reflections of a lamp in a primitive by cells of direction, in the order of the cells."""
     ways, bends, light, owner = (np.concatenate(column) for column in zip(*found, strict=True))
     weight = luminance(light)

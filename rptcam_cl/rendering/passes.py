@@ -508,7 +508,7 @@ def way_of(session: Session, organisation: str, wavefront: Callable[..., Any]) -
 
 
 def _way_that_passes(session: Session, ways: tuple[Way, ...], key: object, wavefront: Callable[..., Any]) -> Way:
-    found = _DISK.find_or_make(key, lambda: _found(session, ways, wavefront))
+    found = _DISK.find_or_make(key, lambda: _first_right(session, ways, wavefront))
     if found > 0:
         device = f"device {session.info.id} {session.info.name}"
         warnings.warn(
@@ -518,7 +518,7 @@ def _way_that_passes(session: Session, ways: tuple[Way, ...], key: object, wavef
     return ways[found]
 
 
-def _found(session: Session, ways: tuple[Way, ...], wavefront: Callable[..., Any]) -> int:
+def _first_right(session: Session, ways: tuple[Way, ...], wavefront: Callable[..., Any]) -> int:
     """Return the place of the first way that passes."""
     faults = []
     for place, way in enumerate(ways):

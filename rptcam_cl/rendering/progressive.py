@@ -160,7 +160,7 @@ class NoiseEstimate:
 LARGEST_SHARE = 0.875  # of the samples that those before a look at the film may be
 
 
-def _achieved(
+def _noise_of(
     layout: FilmLayout, mean: NDArray[np.floating], variance: NDArray[np.floating], source: str
 ) -> dict[str, Any] | None:
     """How noisy a picture is; None where it is black or its noise is not known.
@@ -272,7 +272,7 @@ class NoiseWatch:
         layout, summed = self._wavefront.layout, _luminance(sums)
         if self.estimate is not None:
             mean = summed / np.repeat(np.maximum(self.samples_of_tiles(done), 1), TILE_PIXELS)
-            return _achieved(layout, mean, self.estimate.variance, "runs of samples")
+            return _noise_of(layout, mean, self.estimate.variance, "runs of samples")
         earlier = [snapshot for snapshot in self._snapshots if snapshot[0] <= LARGEST_SHARE * done]
         if not earlier:
             return None
@@ -280,7 +280,7 @@ class NoiseWatch:
         second = done - first
         difference = before / first - (summed - before) / second
         variance = difference**2 * (first * second / done**2)
-        return _achieved(layout, summed / done, variance, "two parts of the samples")
+        return _noise_of(layout, summed / done, variance, "two parts of the samples")
 
 
 # A film under way: how many samples it has, where within a sample it was left, and how noisy it is.

@@ -390,7 +390,7 @@ class SceneBuffers:
             array = arrays.get(id(value))
             return value if array is None else array.reshape(-1)[: most_bytes // array.itemsize + 1]
 
-        other = self._mapped(cut)
+        other = self._map(cut)
         other.camera = {name: arrays[id(buffer)] for name, buffer in self.camera.items()}
         if self.photons is not None:
             other.scene = {name: value for name, value in other.scene.items() if name not in self.photons.arguments}
@@ -401,7 +401,7 @@ class SceneBuffers:
 
     def uploaded_to(self, session: Session) -> SceneBuffers:
         """Upload what `on_host` has made to a device."""
-        other = self._mapped(lambda value: session.upload(value) if isinstance(value, np.ndarray) else value)
+        other = self._map(lambda value: session.upload(value) if isinstance(value, np.ndarray) else value)
         if other._plan.caustics.active:
             other.photons = PhotonBuffers(session, other._plan)
             other.scene |= other.photons.arguments
@@ -412,7 +412,7 @@ class SceneBuffers:
         """Of an array."""
         return max(array.nbytes for array, _ in self._uploaded.values())
 
-    def _mapped(self, change: Callable[[Any], Any]) -> SceneBuffers:
+    def _map(self, change: Callable[[Any], Any]) -> SceneBuffers:
         other = copy.copy(self)
         for name in ("scene", "camera", "trajectory"):
             setattr(other, name, {key: change(value) for key, value in getattr(self, name).items()})

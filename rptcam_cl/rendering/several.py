@@ -44,20 +44,20 @@ def owners(tiles: int, shares: Sequence[float]) -> NDArray[np.intp]:
     return np.asarray(np.searchsorted(ends, places, side="right"), np.intp)
 
 
-def measured_speed(wavefront: Wavefront) -> float:
+def measure_speed(wavefront: Wavefront) -> float:
     """How many samples per second a device renders of tiles all over the picture; its film is empty after."""
     layout = wavefront.layout
     at_once = max(wavefront.capacity // wavefront.samples_per_wave, BLOCK) // TILE_PIXELS
     step = -(-layout.tiles // at_once)
     wavefront.choose_tiles(np.arange(0, layout.tiles, step, dtype=np.uint32))
-    samples, first, begun = 0, 0, time.perf_counter()
-    while time.perf_counter() - begun < MEASURED_SECONDS or not samples:
+    samples, first, begin_part = 0, 0, time.perf_counter()
+    while time.perf_counter() - begin_part < MEASURED_SECONDS or not samples:
         for wave in wavefront.waves(first, wavefront.samples_per_wave):
             wavefront.enqueue(*wave)
             samples += wave[1] * wave[3]
         first += wavefront.samples_per_wave
         wavefront.finish()
-    seconds = time.perf_counter() - begun
+    seconds = time.perf_counter() - begin_part
     wavefront.clear()
     return samples / seconds
 
@@ -79,7 +79,7 @@ def split_of(text: str) -> dict[str, float]:
     return {identity: float(share) for identity, _, share in (part.rpartition("=") for part in text.split(","))}
 
 
-def begun(parts: Sequence[Part], first: int, split: str, dropped: Mapping[str, str] | None = None) -> list[Part]:
+def begin_part(parts: Sequence[Part], first: int, split: str, dropped: Mapping[str, str] | None = None) -> list[Part]:
     """Return the parts with one more, from sample ``first`` on; what was recorded of later samples gives way."""
     gone: dict[str, str] = {}
     for part in parts:
@@ -90,14 +90,14 @@ def begun(parts: Sequence[Part], first: int, split: str, dropped: Mapping[str, s
     return [*kept, {"samples": [first, first], "split": split} | ({"dropped": gone} if gone else {})]
 
 
-def ended(parts: Sequence[Part], done: int) -> list[Part]:
+def end_parts(parts: Sequence[Part], done: int) -> list[Part]:
     """Return the parts, each ending where the next begins, the last after ``done`` samples."""
     ends = [*(part["samples"][0] for part in parts[1:]), done][: len(parts)]
     found = [part | {"samples": [part["samples"][0], end]} for part, end in zip(parts, ends, strict=True)]
     return [part for part in found if part["samples"][1] > part["samples"][0]]
 
 
-def joined(earlier: Sequence[Part], later: Sequence[Part]) -> list[Part]:
+def join_parts(earlier: Sequence[Part], later: Sequence[Part]) -> list[Part]:
     """Return the parts of a render before and after it was interrupted; those with the same shares as one."""
     if not earlier or not later or {"dropped"} & (earlier[-1].keys() | later[0].keys()):
         return [*earlier, *later]
@@ -288,11 +288,11 @@ class Worker:
 
     def run(self, ranges: Ranges, halt: threading.Event) -> None:
         """Render ranges of samples and wait for them; leave early once ``halt`` is set."""
-        begun, before = time.perf_counter(), self.wavefront.camera_rays
+        begin_part, before = time.perf_counter(), self.wavefront.camera_rays
         for tiles, first, samples in ranges:
             self._render(tiles, first, samples, halt)
         self.made += self.wavefront.camera_rays - before
-        self.seconds += time.perf_counter() - begun
+        self.seconds += time.perf_counter() - begin_part
 
     def _render(self, tiles: NDArray[np.uint32], first: int, samples: int, halt: threading.Event) -> None:
         wavefront, pending = self.wavefront, 0
@@ -420,7 +420,7 @@ class SharedWavefront(RenderedFilm):
         speeds: dict[str, float] = {}
 
         def measure(worker: Worker) -> None:
-            speeds[worker.id] = measured_speed(worker.wavefront)
+            speeds[worker.id] = measure_speed(worker.wavefront)
 
         for worker, error in self._in_parallel(self._workers, measure):
             _tell(f"{error}; it is dropped, and the other devices render without it")
@@ -480,7 +480,7 @@ class SharedWavefront(RenderedFilm):
 
     def enqueue(self, first_pixel: int, pixels: int, first_sample: int, samples: int) -> None:
         """Render what `waves` returned, each device its tiles, and wait for it."""
-        begun = time.perf_counter()
+        begin_part = time.perf_counter()
         if self._base_done is None:
             self._base_done = first_sample
         if not self._parts:
@@ -488,7 +488,7 @@ class SharedWavefront(RenderedFilm):
         self._ends[self.tiles] = first_sample + samples
         own = {worker.id: self.tiles[worker.owned[self.tiles]] for worker in self._live()}
         self._run({name: [(tiles, first_sample, samples)] for name, tiles in own.items()}, {})
-        seconds = time.perf_counter() - begun
+        seconds = time.perf_counter() - begin_part
         if seconds < 0.5 * ROUND_SECONDS and samples >= self._round:
             self._round = min(2 * self._round, MOST_OF_A_ROUND)
         elif seconds > 2 * ROUND_SECONDS:
@@ -553,7 +553,7 @@ class SharedWavefront(RenderedFilm):
     def finish(self) -> None:
         """Nothing to wait for: `enqueue` has waited."""
 
-    def _gathered(self, read: Callable[[Wavefront], NDArray[np.float32]]) -> NDArray[np.float32]:
+    def _gather(self, read: Callable[[Wavefront], NDArray[np.float32]]) -> NDArray[np.float32]:
         """Return planes with the tiles of each device."""
         while True:
             failed, whole = [], None
@@ -573,18 +573,18 @@ class SharedWavefront(RenderedFilm):
 
     def planes(self) -> NDArray[np.float32]:
         """All of the film, (planes, pixels of the buffer)."""
-        return self._gathered(Wavefront.planes)
+        return self._gather(Wavefront.planes)
 
     def layers(self) -> dict[str, NDArray[Any]]:
         """Return the auxiliary layers by name, (height, width) or (height, width, channels)."""
         layers = self._live()[0].wavefront.layer_pass
-        return {} if layers is None else layers.arrays(self._gathered(_layer_planes))
+        return {} if layers is None else layers.arrays(self._gather(_layer_planes))
 
     def state(self) -> dict[str, NDArray[Any]]:
         """Read the arrays that `restore` takes; from here on, no more than what follows can be lost with a device."""
         arrays = {"film": self.planes()}
         if self._live()[0].wavefront.layer_pass is not None:
-            arrays["layers"] = self._gathered(_layer_planes)
+            arrays["layers"] = self._gather(_layer_planes)
         self._base, self._base_counts, self._base_done = arrays, self.counts(), None
         for worker in self._live():
             worker.keep()
@@ -606,11 +606,11 @@ class SharedWavefront(RenderedFilm):
 
     def _begin_part(self, first: int, dropped: dict[str, str] | None = None) -> None:
         split = split_text({worker.id: worker.share for worker in self._live()})
-        self._parts = begun(self._parts, first, split, dropped)
+        self._parts = begin_part(self._parts, first, split, dropped)
 
     def parts(self, done: int) -> list[Part]:
         """Say which device took which samples, of ``done`` per pixel."""
-        return ended(self._parts, done)
+        return end_parts(self._parts, done)
 
     def devices(self) -> list[dict[str, Any]]:
         """Describe what each device has done."""

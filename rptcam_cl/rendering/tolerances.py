@@ -455,7 +455,7 @@ def default_fields(lens: Lens, film_distance_mm: float, object_distance_mm: floa
     x, y = (axis.ravel() for axis in np.meshgrid(across, across))
     sags = np.nan_to_num(lens.surfaces[0].sag(x, y))
 
-    def seen(degrees: float) -> tuple[float, float]:
+    def see(degrees: float) -> tuple[float, float]:
         """How many rays of a field pass, spread over the first surface, and their rms on the film [mm]."""
         beam = Beam(degrees, object_distance_mm)
         _, directions = beam.rays(np.stack([x, y], axis=1))
@@ -466,12 +466,12 @@ def default_fields(lens: Lens, film_distance_mm: float, object_distance_mm: floa
         film = rays.origins[good, :2] + slopes * (lens.film_z(film_distance_mm) - rays.origins[good, 2:])
         return float(good.sum()), float(np.sqrt(np.var(film, axis=0).sum())) if good.any() else math.inf
 
-    area, blur = seen(0.0)
+    area, blur = see(0.0)
     largest = max(LARGEST_SPOT * abs(lens.first_order(wavelength_nm).focal_length_mm), 2 * blur)
     low, high = 0.0, STEEPEST
     for _ in range(9):
         middle = (low + high) / 2
-        left, spread = seen(middle)
+        left, spread = see(middle)
         low, high = (middle, high) if left >= LEFT_OPEN * area and spread <= largest else (low, middle)
     digits = max(1 - math.floor(math.log10(low)), 0) if low > 0 else 0
     return [round(share * low, digits) for share in SHARES]
@@ -494,13 +494,13 @@ def sample_field(lens: Lens, degrees: float, object_distance_mm: float, waveleng
         When nothing of a beam passes.
     """
     beams = [Beam(degrees, object_distance_mm, azimuth) for azimuth in (AZIMUTHS if degrees else AZIMUTHS[:1])]
-    seen = beams[:1] if lens.is_rotational else beams
-    outlines = [_outline(lens, beam, wavelength_nm) for beam in seen]
+    see = beams[:1] if lens.is_rotational else beams
+    outlines = [_outline(lens, beam, wavelength_nm) for beam in see]
 
     def rays(rings: int, arms: int) -> list[FieldRays]:
         own = [
             _beam_rays(lens, beam, wavelength_nm, outline, rings, arms)
-            for beam, outline in zip(seen, outlines, strict=True)
+            for beam, outline in zip(see, outlines, strict=True)
         ]
         return [*own, *(own[0].turned(beam) for beam in beams[len(own) :])]  # of a round lens those of the first
 
@@ -646,7 +646,7 @@ class Judge:
     def best_shift(self, lens: Lens) -> float:
         """How far the film must move along the light for the least spots of the design in all fields [mm]."""
         points, slopes = (
-            self._centred(self.weights[None], values) for values in self._film(Copies(lens, (), np.zeros((1, 0, 2))))
+            self._centre(self.weights[None], values) for values in self._film(Copies(lens, (), np.zeros((1, 0, 2))))
         )
         together, spread = (self._moment(self.weights, slopes, values).sum() for values in (points, slopes))
         return -float(together / spread)
@@ -669,7 +669,7 @@ class Judge:
         totals = self._sums(weights)
         dark = totals == 0  # fields of which no ray comes through
         weights = weights / self._each(np.where(dark, 1.0, totals))
-        points, slopes = (self._centred(weights, np.nan_to_num(values)) for values in (points, slopes))
+        points, slopes = (self._centre(weights, np.nan_to_num(values)) for values in (points, slopes))
         if shifts is None:
             shifts = np.zeros(copies.count)
             if refocus:
@@ -699,7 +699,7 @@ class Judge:
         """Return values (copies, fields, …) for each ray (copies, 1, rays, …)."""
         return np.repeat(values, self.counts, axis=1)[:, None]
 
-    def _centred(self, weights: Array, values: Array) -> Array:
+    def _centre(self, weights: Array, values: Array) -> Array:
         """Return values (copies, wavelengths, rays, 2) from the mean of their field."""
         return values - self._each(self._sums(weights[..., None] * values))
 
@@ -963,7 +963,7 @@ def _judge(given: Specification, tried: Copies, front: float) -> tuple[Judge, tu
     shifts = judge(rays, film).scores(tried, given.tolerances.refocus).shifts_mm
     enough = [_enough(sample, merit, film, tried, shifts) for sample in fields]
     rays = [field_rays for field_rays, _ in enough]
-    few, many = (_joined([scores[k] for _, scores in enough]) for k in (0, 1))
+    few, many = (_join([scores[k] for _, scores in enough]) for k in (0, 1))
     film += judge(rays, film).best_shift(lens)
     errors = _moves(few.spot_um, many.spot_um, many.spot_um), _moves(few.modulation, many.modulation, 1.0)
     return judge(rays, film), degrees, errors
@@ -978,7 +978,7 @@ def _enough(
     polynomials, which traced rays confirm.
     """
 
-    def scored(rays: list[FieldRays]) -> Scores:
+    def score(rays: list[FieldRays]) -> Scores:
         return Judge(tried.lens, rays, merit, film).scores(tried, False, shifts)
 
     def spots_move(few: Scores, many: Scores) -> float:
@@ -990,26 +990,26 @@ def _enough(
     if merit.rings is not None or merit.arms is not None:
         rings = merit.rings or max(2, (merit.arms or 0) // 2)
         rays = sample(rings, merit.arms or 2 * rings)
-        return rays, (scored(rays), scored(sample(2 * rings, 2 * (merit.arms or 2 * rings))))
+        return rays, (score(rays), score(sample(2 * rings, 2 * (merit.arms or 2 * rings))))
     tries = [sample(rings, 2 * rings) for rings in RINGS[:2]]
-    scores = [scored(rays) for rays in tries]
+    scores = [score(rays) for rays in tries]
     while len(tries) < len(RINGS) and (
         spots_move(*scores[-2:]) > SPOTS_STAY or modulation_moves(*scores[-2:]) > MODULATION_STAYS
     ):
         tries.append(sample(RINGS[len(tries)], 2 * RINGS[len(tries)]))
-        scores.append(scored(tries[-1]))
+        scores.append(score(tries[-1]))
     # Where figures do not come to rest, as those of copies that lose rays at an edge do, few rays are as good as many.
     allowed = max(SPOTS_STAY, 2 * spots_move(*scores[-2:])), max(MODULATION_STAYS, 2 * modulation_moves(*scores[-2:]))
     for number, rays in enumerate(tries[:-2]):
         if spots_move(scores[number], scores[-1]) <= allowed[0]:
             filled = [few.filled_in(many) for few, many in zip(rays, tries[-2], strict=True)]
-            by_few = scored(filled)
+            by_few = score(filled)
             if modulation_moves(by_few, scores[-1]) <= allowed[1]:
                 return filled, (by_few, scores[-1])
     return tries[-2], (scores[-2], scores[-1])
 
 
-def _joined(scores: Sequence[Scores]) -> Scores:
+def _join(scores: Sequence[Scores]) -> Scores:
     """Return the scores of several fields as those of one lens."""
     spots, mtf = (np.concatenate([getattr(one, name) for one in scores], axis=1) for name in ("spots_um", "mtf"))
     return Scores(spots, mtf, scores[0].shifts_mm)

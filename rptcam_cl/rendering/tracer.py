@@ -26,7 +26,7 @@ from rptcam_cl.rendering.film import (
     planes_of,
     plays,
     roulette_of,
-    scouted,
+    scout_layout,
     step_of,
     wave_slots,
 )
@@ -328,7 +328,7 @@ class Wavefront(RenderedFilm):
         """Render a few tiles of the picture, and scale the survival in roulette by them."""
         plan = self._plan.steps[0] if self._plan.steps else self._plan
         scene = SceneBuffers(self.session, plan, self._held.scene) if self._plan.steps else self._held.scene
-        layout, settings = scouted(self.layout), self.settings.model_copy(update={"layers_spp": 0})
+        layout, settings = scout_layout(self.layout), self.settings.model_copy(update={"layers_spp": 0})
         scout = Wavefront(
             self.session, plan, layout, settings, layout.pixels, self.organisation, scene, scouts=False, single=True,
             packets=self._way.packets,

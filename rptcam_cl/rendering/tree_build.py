@@ -382,7 +382,7 @@ def is_sound(bvh: Bvh) -> bool:
         and _are_all(leaf, len(blocks))
         and _are_all(used, len(used))
         and not bool((blocks < -1).any() or ((blocks[:, :-1] < 0) & (blocks[:, 1:] >= 0)).any())
-        and _reached(children) == len(children)
+        and _count_reached(children) == len(children)
     )
 
 
@@ -394,7 +394,7 @@ def _are_boxes(bounds: NDArray[np.float32], children: NDArray[np.int32]) -> bool
     return bool(np.where(used, boxes, (lower == np.inf) & (upper == -np.inf)).all())
 
 
-def _reached(children: NDArray[np.int32]) -> int:
+def _count_reached(children: NDArray[np.int32]) -> int:
     """How many nodes hang below the root, it included, where each is the child of at most one."""
     level, count = np.zeros(1, np.int64), 0
     while len(level):
@@ -791,7 +791,7 @@ def build_bvh(
     lower, upper = np.ascontiguousarray(lower, np.float32), np.ascontiguousarray(upper, np.float32)
     check_boxes(lower, upper)
     if len(lower) == 0:
-        return _nothing(width, leaf_size)
+        return _empty_tree(width, leaf_size)
     max_depth = max_binary_depth(width)
     blocks, bounds, depths = sort_into_leaves(lower, upper, leaf_size, max_depth, session)
     return widen(reinserted(binary_tree(depths, bounds), max_depth, session), blocks, width)
@@ -813,7 +813,7 @@ def check_boxes(lower: NDArray[np.float32], upper: NDArray[np.float32]) -> None:
         )
 
 
-def _nothing(width: int, leaf_size: int) -> Bvh:
+def _empty_tree(width: int, leaf_size: int) -> Bvh:
     bounds = np.full((1, 6, width), np.inf, np.float32)
     bounds[:, 3:] = -np.inf
     return Bvh(bounds, np.full((1, width), EMPTY, np.int32), np.empty((0, leaf_size), np.int32))

@@ -122,7 +122,7 @@ def primitive_tree(
     upper32 = np.nextafter(upper.astype(np.float32), infinity)
 
     def build() -> tuple[NDArray[np.float32], NDArray[np.int32], int]:
-        return _built(lower32, upper32, session)
+        return _build(lower32, upper32, session)
 
     driver = session.info.name, session.info.driver, session.kind, session.loop_limit
     key = builder_identity(), driver, lower32, upper32
@@ -131,7 +131,7 @@ def primitive_tree(
     return arrays, {"HAS_PRIMITIVE_TREE": 1, "PRIMITIVE_STACK": stack}
 
 
-def _built(
+def _build(
     lower: NDArray[np.float32], upper: NDArray[np.float32], session: Session
 ) -> tuple[NDArray[np.float32], NDArray[np.int32], int]:
     """Return the same of a new tree."""
@@ -223,10 +223,10 @@ def _nodes(tree: tree_build.Bvh) -> NDArray[np.float32]:
     links[inner] = np.stack([1 + 2 * children[inner], ~axis[children[inner]]], axis=1)
     links[leaf] = np.stack([firsts[~children[leaf]], counts[~children[leaf]]], axis=1)
     whole = np.concatenate([bounds[0, :, :3].min(axis=0), bounds[0, :, 3:].max(axis=0)])
-    return _packed(np.vstack([whole, corners]), np.vstack([[1, ~axis[0]], links]))
+    return _pack(np.vstack([whole, corners]), np.vstack([[1, ~axis[0]], links]))
 
 
-def _packed(corners: Array, links: NDArray[np.int64]) -> NDArray[np.float32]:
+def _pack(corners: Array, links: NDArray[np.int64]) -> NDArray[np.float32]:
     out = np.zeros((len(corners), 8), np.float32)
     there = np.isfinite(corners).all(axis=1)
     low, high = corners[there, :3], corners[there, 3:]

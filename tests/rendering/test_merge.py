@@ -301,5 +301,5 @@ def test_compensated_sums_keep_what_float32_alone_would_lose():
         part = FilmPart(1, 1, 4 * index, 4 * index + 4)
         facts = {"layers": [], "picture": {"clamp": None}, "part": part.facts(), "done": part.end}
         saved.append(Checkpoint(Path("a"), facts, arrays))
-    film = checkpoint.merged_arrays(saved, layout)["film"].astype(np.float64)[:, :64]
+    film = checkpoint.merge_arrays(saved, layout)["film"].astype(np.float64)[:, :64]
     np.testing.assert_allclose(film[:3] - film[3:], exact.sum(axis=0)[:, :64], rtol=1e-14)

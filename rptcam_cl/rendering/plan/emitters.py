@@ -304,7 +304,7 @@ def light_tree(lamps: Lamps) -> LightTree:
     for level in range(levels + 1):
         nodes[1 << level : 2 << level] = _nodes(lamps, order, starts)
         if level < levels:
-            order = _sorted(lamps.middle, order, starts)
+            order = _sort(lamps.middle, order, starts)
             halves = starts[:-1] + (np.diff(starts) + 1) // 2
             starts = np.append(np.stack([starts[:-1], halves], axis=1).ravel(), count)
     leaf = np.repeat(np.arange(1 << levels), np.diff(starts))
@@ -313,7 +313,7 @@ def light_tree(lamps: Lamps) -> LightTree:
     return LightTree(np.concatenate([nodes.ravel(), lamp_of.view(np.float32)]), leaf_of, levels // 2)
 
 
-def _sorted(middle: Array, order: NDArray[np.int64], starts: NDArray[np.int64]) -> NDArray[np.int64]:
+def _sort(middle: Array, order: NDArray[np.int64], starts: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return the order in which the lamps of each node stand along the axis on which they lie farthest apart."""
     there = middle[order]
     lamps = np.diff(starts)[np.diff(starts) > 0]
@@ -679,11 +679,11 @@ def visible_lamps(primitives: Iterable[Primitive], eye: Array, textures: Texture
 
     Planes, lamps around the eye and those that turn their back to it are left out.
     """
-    lamps = (_seen(primitive, eye, textures) for primitive in primitives if primitive.trajectory is None)
+    lamps = (_see_lamp(primitive, eye, textures) for primitive in primitives if primitive.trajectory is None)
     return tuple(lamp for lamp in lamps if lamp is not None)
 
 
-def _seen(primitive: Primitive, eye: Array, textures: TextureTable) -> SeenLamp | None:
+def _see_lamp(primitive: Primitive, eye: Array, textures: TextureTable) -> SeenLamp | None:
     if primitive.kind is Kind.PLANE:
         return None
     glow = glow_of(primitive.material, textures, KnownSpectra())

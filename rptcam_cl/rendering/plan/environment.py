@@ -25,7 +25,7 @@ from rptcam_cl.rendering.plan.textures import (
     KnownSpectra,
     TextureTable,
     linear_codes,
-    unpacked,
+    unpack_texels,
 )
 from rptcam_cl.scene.lights import ConstantEnvironment, GradientEnvironment, ImageEnvironment, SkyEnvironment
 from rptcam_cl.scene.quantities import Colour
@@ -274,7 +274,7 @@ def cell_shares(brightness: Array) -> Array:
     smooth = (0.75 * across + 0.125 * (above + below))[::-1]
     bands = -np.diff(np.cos(np.linspace(0, np.pi, height + 1))) * (2 * np.pi / width)
     rows, columns = min(height, MOST_CELLS[0]), min(width, MOST_CELLS[1])
-    return _gathered(_gathered(smooth * bands[:, None], rows, 0), columns, 1)
+    return _gather(_gather(smooth * bands[:, None], rows, 0), columns, 1)
 
 
 def compensated(shares: Array) -> Array:
@@ -290,7 +290,7 @@ def compensated(shares: Array) -> Array:
     return above if above.sum() > LEAST_CONTRAST * total else np.zeros_like(shares)
 
 
-def _gathered(values: Array, count: int, axis: int) -> Array:
+def _gather(values: Array, count: int, axis: int) -> Array:
     """Return the sums of values over ``count`` equal parts of an axis; a value that straddles parts is split."""
     length = values.shape[axis]
     if count == length:
@@ -319,7 +319,7 @@ def sampling_tables(shares: Array) -> NDArray[np.float32]:
 def brightness_of(colours: Colours) -> Array:
     """Return the luminance of every texel of a picture, shape (height, width)."""
     weights = LUMINANCE.astype(np.float32)
-    texels = unpacked(colours.words, colours.size, colours.form)
+    texels = unpack_texels(colours.words, colours.size, colours.form)
     if colours.form is TexelFormat.HALF:
         return np.asarray(colours.scale * (texels.astype(np.float32) @ weights), dtype=np.float64)
     codes = linear_codes(colours.form)
@@ -364,7 +364,7 @@ def bright_parts(scene: Scene) -> tuple[Array, Array]:
 
 def _linear(colours: Colours) -> Array:
     """Return the linear light (height, width, 3) of a picture, the top row first."""
-    texels = unpacked(colours.words, colours.size, colours.form)
+    texels = unpack_texels(colours.words, colours.size, colours.form)
     if colours.form is TexelFormat.HALF:
         return np.asarray(colours.scale * texels.astype(np.float64))
     return np.asarray(linear_codes(colours.form)[texels], dtype=np.float64)

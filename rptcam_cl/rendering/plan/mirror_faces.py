@@ -98,7 +98,7 @@ class Faces(Rows):
 def polished_faces(plan: Plan) -> Iterator[Faces]:
     """Yield the pieces of what reflects like a mirror, or nearly, as it stands when the shutter opens."""
     flats = []
-    for index, kind in _polished(plan):
+    for index, kind in _polished_primitives(plan):
         record = plan.primitives[index]
         if kind is Kind.MESH and plan.meshes is not None:
             yield from _of_mesh(plan.meshes, record, index)
@@ -116,7 +116,7 @@ def polished_faces(plan: Plan) -> Iterator[Faces]:
 def polished_count(plan: Plan) -> int:
     """How many triangles take as long to search as all that `polished_faces` yields, about."""
     count = 0
-    for index, kind in _polished(plan):
+    for index, kind in _polished_primitives(plan):
         if kind is Kind.MESH and plan.meshes is not None:
             count += len(_triangles(plan.meshes, plan.primitives[index], index))
         else:
@@ -124,7 +124,7 @@ def polished_count(plan: Plan) -> int:
     return count
 
 
-def _polished(plan: Plan) -> Iterator[tuple[int, Kind]]:
+def _polished_primitives(plan: Plan) -> Iterator[tuple[int, Kind]]:
     """Yield the primitives that reflect like a mirror, or nearly, and their kinds."""
     polished = np.array([any(True for _ in lobes_of(plan.materials, index)) for index in range(len(plan.materials))])
     if not polished.any():

@@ -164,7 +164,7 @@ Texels = NDArray[np.uint8] | NDArray[np.float32]
 _LARGEST_EXPONENT = 15  # halves reach 2^16
 
 
-def srgb_decoded(encoded: NDArray[np.float32]) -> NDArray[np.float32]:
+def decode_srgb(encoded: NDArray[np.float32]) -> NDArray[np.float32]:
     """Return the linear values of sRGB-encoded ones (IEC 61966-2-1)."""
     power = ((encoded + np.float32(0.055)) / np.float32(1.055)) ** np.float32(2.4)
     return np.where(encoded <= np.float32(0.04045), encoded / np.float32(12.92), power).astype(np.float32)
@@ -179,10 +179,10 @@ def colour_texels(picture: Picture, channel: str, *, encoded: bool) -> tuple[Tex
     if texels.dtype == np.uint8:
         return texels, TexelFormat.SRGB if encoded else TexelFormat.LINEAR
     floats = texels.astype(np.float32, copy=False)
-    return srgb_decoded(floats) if encoded else floats, TexelFormat.HALF
+    return decode_srgb(floats) if encoded else floats, TexelFormat.HALF
 
 
-def packed(texels: Texels, form: TexelFormat) -> tuple[NDArray[np.uint32], float]:
+def pack_texels(texels: Texels, form: TexelFormat) -> tuple[NDArray[np.uint32], float]:
     """Return the words of texels (height, width, 3) whose first row is on top, and what a stored 1 stands for.
 
     Rows start at the bottom; each ends with its first texel once more.
@@ -197,10 +197,10 @@ def packed(texels: Texels, form: TexelFormat) -> tuple[NDArray[np.uint32], float
     return halves.view(np.uint32).ravel(), 2.0**exponent
 
 
-def unpacked(
+def unpack_texels(
     words: NDArray[np.uint32], size: tuple[int, int], form: TexelFormat
 ) -> NDArray[np.uint8] | NDArray[np.float16]:
-    """Return the texels (height, width, 3), the top row first, that `packed` made words of: bytes or scaled halves."""
+    """The texels (height, width, 3), the top row first, of words of `pack_texels`: bytes, or scaled halves."""
     height, width = size
     numbers = words.view(np.float16 if form is TexelFormat.HALF else np.uint8)  # little-endian, as devices are
     return np.asarray(numbers.reshape(height, width + 1, 4)[::-1, :-1, :3])
@@ -218,7 +218,7 @@ def linear_mean(texels: Texels, form: TexelFormat) -> NDArray[np.float64]:
 def linear_codes(form: TexelFormat) -> NDArray[np.float32]:
     """Return the linear values of the 256 codes of a byte."""
     codes = np.arange(256, dtype=np.float32) / np.float32(255)
-    return srgb_decoded(codes) if form is TexelFormat.SRGB else codes
+    return decode_srgb(codes) if form is TexelFormat.SRGB else codes
 
 
 # The pictures of a scene's textures: each file read once, each way of storing it packed once and remembered.
@@ -261,7 +261,7 @@ class Colours:
     @classmethod
     def of(cls, texels: Texels, form: TexelFormat, name: str) -> Colours:
         """Return the colours of texels (height, width, 3), the top row first: bytes, or linear floats to be halves."""
-        words, scale = packed(texels, form)
+        words, scale = pack_texels(texels, form)
         words.flags.writeable = False
         return cls(words, scale, (texels.shape[0], texels.shape[1]), linear_mean(texels, form), form, name)
 
@@ -378,11 +378,11 @@ class TextureTable:
         encoded = space == "srgb" or (space == "auto" and is_encoded and channel == "rgb")
         name = f"{content} {channel} {encoded}"
 
-        def stored() -> Colours:
+        def store() -> Colours:
             texels, form = colour_texels(self._picture(reference, content), channel, encoded=encoded)
             return Colours.of(texels, form, name)
 
-        colours: Colours = PICTURES.find_or_make(f"colours {name}", stored)
+        colours: Colours = PICTURES.find_or_make(f"colours {name}", store)
         return colours
 
     def _traits(self, reference: FileReference, content: str) -> tuple[bool, bool]:
@@ -422,7 +422,7 @@ class TextureTable:
         return self._places[colours.name]
 
     def _record(self, texture: Texture, limit: float) -> np.void:
-        row_u, row_v = _mapping(texture)
+        row_u, row_v = _map_uv(texture)
         record: np.void = TEXTURE.one(row_u=row_u, row_v=row_v)[0]
         if isinstance(texture, ImageTexture):
             colours = self.colours(texture, texture.channel, texture.color_space)
@@ -447,7 +447,7 @@ class TextureTable:
         }  # fmt: skip
 
 
-def _mapping(texture: Texture) -> NDArray[np.float64]:
+def _map_uv(texture: Texture) -> NDArray[np.float64]:
     """Return the two rows that take (u, v, 1) to the pattern: scaled, turned, shifted."""
     quarters, rest = divmod(texture.rotation_degrees, 90)
     angle = np.deg2rad(rest)
