@@ -214,7 +214,7 @@ def _plain(value: float | None) -> float | None:
 
 
 def focus_order(device: str, scene: Scene, method: str | None, place: dict[str, Any]) -> bytes:
-    """Pickle a search for `Compiler.compile`: another process makes it first, so that this one has its kernels.
+    """Pickle a search for `CompileServer.compile`: another process makes it first, so that this one has its kernels.
 
     Parameters
     ----------
