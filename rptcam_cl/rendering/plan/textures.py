@@ -327,10 +327,10 @@ class PictureTable:
                 self._pictures[content] = found = read_picture(self._scene.content_of(reference))
             except InputError as problem:
                 raise InputError(f"{reference.place}{problem}") from None
-            if found.negative.count:
+            if found.negative[0]:
                 warnings.warn(
-                    f"{reference.place}{found.negative.count} of {found.width * found.height} texels are negative and"
-                    f" count as black (least value {found.negative.least:.4g})",
+                    f"{reference.place}{found.negative[0]} of {found.width * found.height} texels are negative and"
+                    f" count as black (least value {found.negative[1]:.4g})",
                     UserWarning,
                     stacklevel=2,
                 )
