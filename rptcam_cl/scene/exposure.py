@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, Self, get_args
 from pydantic import AfterValidator, BeforeValidator, Field, field_validator, model_validator
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.scene.base import AlsoAccepts, SceneModel, listed, near_name, refuse
+from rptcam_cl.scene.base import AlsoAccepts, SceneModel, listed, refuse, word_for
 from rptcam_cl.scene.camera import Camera, FNumber
 from rptcam_cl.scene.placement import MOST_KEYFRAMES, Keyframe, in_order, place_between
 from rptcam_cl.scene.quantities import NUMBER, WHOLE_NUMBER, Duration, Fraction, Moment, list_of
@@ -290,19 +290,11 @@ class Exposure(SceneModel):
         return float(2.0 ** (self.ev - self.neutral_density_stops))
 
 
-def _from_word(value: Any) -> Any:
-    """Return the mapping that a mode alone stands for."""
-    if not isinstance(value, str):
-        return value
-    if value not in MODES:
-        raise refuse(
-            f"is not a known choice{near_name(value, MODES)}",
-            allowed=f"{listed(MODES)}, or a mapping with the keys {listed(list(Exposure.model_fields))}",
-        )
-    return {"mode": value}
-
-
-ExposureOrMode = Annotated[Exposure, BeforeValidator(_from_word), AlsoAccepts({"enum": list(MODES), "type": "string"})]
+ExposureOrMode = Annotated[
+    Exposure,
+    word_for("mode", MODES, otherwise=f", or a mapping with the keys {listed(list(Exposure.model_fields))}"),
+    AlsoAccepts({"enum": list(MODES), "type": "string"}),
+]
 
 
 def check_exposure(exposure: Exposure, camera: Camera) -> None:

@@ -20,11 +20,23 @@ from rptcam_cl.scene.base import (
     FileReference,
     SceneModel,
     listed,
-    near_name,
     read_number,
     refuse,
+    unknown_name,
+    word_for,
 )
-from rptcam_cl.scene.quantities import NUMBER, WHOLE_NUMBER, Fraction, Metres, Millimetres, Position, list_of
+from rptcam_cl.scene.quantities import (
+    NUMBER,
+    WHOLE_NUMBER,
+    Fraction,
+    Metres,
+    Millimetres,
+    Position,
+    Rectangle,
+    TextureNumber,
+    Turn,
+    list_of,
+)
 
 # Autofocus settings of a scene: the method, where in the picture, and which of several zones is used.
 
@@ -115,12 +127,10 @@ def _list_of_zones(value: Any) -> Any:
     if not isinstance(value, (list, tuple)) or not value:
         raise refuse("must be a list of zones", allowed=f"as [{ZONE}, …], in fractions of the picture")
     for index, zone in enumerate(value):
-        list_of(4, ZONE)(zone) if isinstance(zone, (list, tuple)) else _not_a_zone(zone, index)
+        if not isinstance(zone, (list, tuple)):
+            raise refuse(f"must be {ZONE}", got=zone, allowed="four fractions of the picture", path=(index,))
+        list_of(4, ZONE)(zone)
     return value
-
-
-def _not_a_zone(value: Any, index: int) -> None:
-    raise refuse(f"must be {ZONE}", got=value, allowed="four fractions of the picture", path=(index,))
 
 
 class ZonesFile(FileReference):
@@ -137,13 +147,7 @@ class AutoFocus(SceneModel):
     method: Method = "contrast"
     """How the focus is found."""
 
-    zones: (
-        Annotated[
-            tuple[tuple[Fraction, Fraction, Fraction, Fraction], ...],
-            BeforeValidator(_list_of_zones),
-        ]
-        | None
-    ) = None
+    zones: Annotated[tuple[Rectangle, ...], BeforeValidator(_list_of_zones)] | None = None
     """Rectangles of the picture to focus on, [x0, x1, y0, y1] each as fractions from its left and top edges."""
 
     zones_from: ZonesFile | None = None
@@ -161,30 +165,11 @@ class AutoFocus(SceneModel):
     draw_zones: Annotated[bool, Field(strict=True)] = False
     """Whether the zones are drawn into PNG files as white rectangles."""
 
-    @model_validator(mode="after")
-    def _check_zones(self) -> Self:
-        for index, zone in enumerate(self.zones or ()):
-            if not (zone[0] < zone[1] and zone[2] < zone[3]):
-                raise refuse(
-                    "has no area",
-                    got=list(zone),
-                    allowed="0 <= x0 < x1 <= 1 and 0 <= y0 < y1 <= 1",
-                    path=("zones", index),
-                )
-        return self
-
-
-def _from_method(value: object) -> object:
-    """Return the mapping of an autofocus that is only a method."""
-    if not isinstance(value, str):
-        return value
-    if value not in METHODS:
-        raise refuse(f"is no method{near_name(value, METHODS)}", got=value, allowed=f"{listed(METHODS)} or a mapping")
-    return {"method": value}
-
 
 AutoFocusOrMethod = Annotated[
-    AutoFocus, BeforeValidator(_from_method), AlsoAccepts({"enum": list(METHODS), "description": "A method alone."})
+    AutoFocus,
+    word_for("method", METHODS, problem="is no method", otherwise=" or a mapping"),
+    AlsoAccepts({"enum": list(METHODS), "description": "A method alone."}),
 ]
 
 
@@ -310,8 +295,6 @@ def _children(item: Any, path: tuple[str | int, ...]) -> list[tuple[Any, tuple[s
 
 LensReference = Annotated[str | dict[str, Any], BeforeValidator(_lens)]
 
-Turn = Annotated[float, Field(ge=-360, le=360), NUMBER]
-Coordinate = Annotated[float, Field(ge=-1e6, le=1e6), NUMBER]
 PAIR = "a pair [x, y]"
 
 
@@ -374,7 +357,7 @@ class OutlineAperture(SceneModel):
     """Outline of the aperture."""
 
     points: Annotated[
-        tuple[Annotated[tuple[Coordinate, Coordinate], BeforeValidator(list_of(2, PAIR))], ...],
+        tuple[Annotated[tuple[TextureNumber, TextureNumber], BeforeValidator(list_of(2, PAIR))], ...],
         Field(min_length=3, max_length=256),
     ]
     """Corners in order, as pairs [x, y] of any unit."""
@@ -597,14 +580,14 @@ def _from_percentile(value: Any) -> Any:
 
 def _check_barrel(value: Any) -> str | float:
     """Return a material, or an expansion."""
-    allowed = f"{', '.join(BARRELS)}, or a linear expansion from {LEAST_EXPANSION:g} to {MOST_EXPANSION:g} per kelvin"
+    expansion = f", or a linear expansion from {LEAST_EXPANSION:g} to {MOST_EXPANSION:g} per kelvin"
     if isinstance(value, str):
         if value not in BARRELS:
-            raise refuse(f"is no material of a barrel{near_name(value, list(BARRELS))}", allowed=allowed)
+            raise unknown_name("is no material of a barrel", value, BARRELS, otherwise=expansion)
         return value
     number = read_number(value)
     if not LEAST_EXPANSION <= number <= MOST_EXPANSION:
-        raise refuse("is no linear expansion", allowed=allowed)
+        raise refuse("is no linear expansion", allowed=listed(list(BARRELS)) + expansion)
     return number
 
 
