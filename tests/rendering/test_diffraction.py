@@ -17,8 +17,8 @@ from rptcam_cl.rendering.diffraction import (
     SHOWS_PX,
     WAVES_NM,
     FarLight,
-    blurred,
-    diffracted,
+    blur,
+    diffract,
     diffraction_of,
     kernel,
     of_wavelength,
@@ -94,7 +94,7 @@ def test_light_is_kept_and_nothing_rings_beside_a_lamp():
     film = np.zeros((2, 64, 3), np.float32)
     film[:, :8] = 1e-3
     film[1, 30] = film[0, 0] = 1e9
-    spread = diffracted(found, film)
+    spread = diffract(found, film)
     assert spread.min() >= 0
     np.testing.assert_allclose(spread.sum(axis=(0, 1), dtype=float), film.sum(axis=(0, 1), dtype=float), rtol=1e-6)
     assert spread[1, 60, 1] < 2e-3 * spread[1, 30, 1]  # 7.8 rings away
@@ -106,10 +106,10 @@ def test_even_light_stays_even_whatever_the_kernels():
     symmetric = [(part + part[:, ::-1, ::-1]) / 2 for part in kernels]
     nodes = (np.array([0.0, 30.0]), np.array([0.0, 20.0]))
     film = random.random((3, 21, 31))
-    assert blurred(film, (0, 0), nodes, symmetric).sum(axis=(1, 2)) == pytest.approx(film.sum(axis=(1, 2)), rel=1e-12)
+    assert blur(film, (0, 0), nodes, symmetric).sum(axis=(1, 2)) == pytest.approx(film.sum(axis=(1, 2)), rel=1e-12)
     same = [(symmetric[0] + symmetric[0][:, ::-1]) / 2] * 4  # mirrored light adds up where kernels are mirrored too
-    np.testing.assert_allclose(blurred(np.ones((3, 21, 31)), (0, 0), nodes, same), 1.0, rtol=1e-12)
-    whole, crop = blurred(film, (0, 0), nodes, symmetric), blurred(film[:, 5:, 6:], (6, 5), nodes, symmetric)
+    np.testing.assert_allclose(blur(np.ones((3, 21, 31)), (0, 0), nodes, same), 1.0, rtol=1e-12)
+    whole, crop = blur(film, (0, 0), nodes, symmetric), blur(film[:, 5:, 6:], (6, 5), nodes, symmetric)
     np.testing.assert_allclose(crop[:, 2:, 2:], whole[:, 7:, 8:], rtol=1e-12)  # beyond the reach of the crop's border
 
 
@@ -119,7 +119,7 @@ def test_auto_takes_it_where_the_airy_radius_shows():
     assert soft.is_on and soft.airy_radius_px > SHOWS_PX
     assert "0.69 px" in soft.metadata["says"]
     film = np.ones((48, 64, 3), np.float32)
-    assert diffracted(sharp, film) is film
+    assert diffract(sharp, film) is film
     assert found_of(diffraction="off") is None
     pinhole = load_scene(scene_of([], {"kind": "pinhole", "fov_degrees": 40, "diffraction": "auto", **POSE}))
     assert diffraction_of(pinhole).metadata["on"] is False
@@ -330,11 +330,11 @@ def test_far_light_of_a_lamp_keeps_its_energy_and_does_not_ring():
     shape = {"shape": "polygon", "blades": 6}
     found = found_of(width_mm=4, resolution=(60, 5), f_number=16, aperture=shape, stop={"dirt": {}})
     dim = np.full((5, 60, 3), 1e-3, np.float32)
-    diffracted(found, dim)
+    diffract(found, dim)
     assert "far" not in vars(found.spread)  # a film without lamps needs none
     film = dim.copy()
     film[2, 20] = 1e9
-    spread = diffracted(found, film).astype(float)
+    spread = diffract(found, film).astype(float)
     shares, light = found.spread.far
     lost = (shares - light[:, 2:7, 39:99].sum(axis=(1, 2))) * 1e9  # what falls beside the film
     assert (lost > 0).all() and (lost < shares * 1e9).all()

@@ -198,7 +198,7 @@ def test_ghosts_of_a_line_have_the_reflectance_at_its_wavelength(mode: str, sess
     plan = make_plan(loaded)
     film = GhostFilm(loaded, plan, session)
     pixels, said = film.light()
-    known = dict(plan.camera.metadata) | {"film_distance_mm": film.rays.film_distance}
+    known = dict(plan.camera.metadata) | {"film_distance_mm": film.film_distance}
     image = rptcam_cl.Image(pixels.astype(np.float32), metadata=known)
     lens = with_coating(load_lens("dgauss-50mm"), QuarterWave(1.38, 386.4))
     total = expected(image, Beam(10.0), lens=lens, wave=line)[0] * (1 - said["dropped_share"])

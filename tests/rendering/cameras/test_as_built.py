@@ -10,7 +10,7 @@ from rptcam_cl.api.interface import render
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.as_built import Heat
 from rptcam_cl.optics.library import load_lens
-from rptcam_cl.rendering.cameras.realistic import camera_model
+from rptcam_cl.rendering.cameras.kinds import camera_model
 from rptcam_cl.rendering.cameras.setting import design_to_focus, film_for_infinity, lens_setting
 from rptcam_cl.scene.load import change_scene, load_scene, set_keys
 from rptcam_cl.scene.scene import Scene

@@ -8,8 +8,7 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.library import load_lens
 from rptcam_cl.optics.pupils import UNMOVED, FilmProbe, grid
 from rptcam_cl.optics.ray_trace import Status
-from rptcam_cl.rendering.cameras.film_pupil import pupil_rays
-from rptcam_cl.rendering.cameras.realistic import camera_model
+from rptcam_cl.rendering.cameras.kinds import camera_model, camera_of
 from rptcam_cl.rendering.cameras.setting import film_frame, half_film_mm, lens_setting
 from rptcam_cl.scene.load import load_scene, set_keys
 from tests.device.probes import camera_rays
@@ -262,8 +261,8 @@ def test_focus_by_spot_near_natural_size_is_for_the_distance_from_the_middle_of_
         focus={"distance_m": 0.22, "method": "spot", "field": [0.5, 0.85]},
     )
     middle = np.array([0.5, 0.85]) * scene.film.resolution
-    at, along = (pupil_rays(scene, middle[None]).seen(vergence)[0] for vergence in (0.0, 1.0))
-    weights = pupil_rays(scene, middle[None]).weights[0][:, None]
+    at, along = (camera_of(scene).pupil_rays(middle[None]).seen(vergence)[0] for vergence in (0.0, 1.0))
+    weights = camera_of(scene).pupil_rays(middle[None]).weights[0][:, None]
     at, along = (places - np.sum(weights * places, axis=0) for places in (at, along - at))
     sharpest = -np.sum(weights * at * along) / np.sum(weights * along * along)
     # by the 1.2 mm that the film leans back there it would be 5e-3 off

@@ -9,8 +9,8 @@ from rptcam_cl.core.files import CACHE_VARIABLE
 from rptcam_cl.core.remember import forget
 from rptcam_cl.optics.pupils import FilmProbe, spread_points
 from rptcam_cl.rendering.cameras import shared_pupil
+from rptcam_cl.rendering.cameras.kinds import camera_model
 from rptcam_cl.rendering.cameras.pupil import PupilSampling, left_out
-from rptcam_cl.rendering.cameras.realistic import camera_model
 from rptcam_cl.rendering.cameras.setting import film_frame, half_film_mm, lens_setting
 from rptcam_cl.scene.load import load_scene, set_keys
 from rptcam_cl.scene.scene import Scene
