@@ -38,9 +38,7 @@ def reference(name: str) -> tuple[Sampled, Sampled]:
         )
 
 
-@pytest.fixture(
-    scope="module", params=[pytest.param(name, marks=pytest.mark.slow if name == "A" else ()) for name in SPP]
-)
+@pytest.fixture(scope="module", params=SPP)
 def pair(request, tmp_path_factory):
     name = request.param
     scene = FOLDER / f"{name}.yaml"
