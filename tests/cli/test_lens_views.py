@@ -16,20 +16,7 @@ from rptcam_cl.scene.lens_settings import COATINGS
 
 Command = Callable[..., Any]
 
-QUICK = {
-    "spot": ["--rays", "24", "--fields", "0,5", "--wavelengths", "550"],
-    "mtf": ["--rays", "24", "--fields", "0,5", "--wavelengths", "550"],
-    "vignette": ["--steps", "2"],
-    "distortion": ["--fields", "0,5,10", "--wavelengths", "486,656"],
-    "transmittance": ["--wavelengths", "450,650", "--coating", "mgf2"],
-}
-KEYS = {
-    "spot": ("spots", {"rms_um", "centroid_y_mm"}),
-    "mtf": ("mtf", {"tangential", "sagittal", "tangential_limit", "sagittal_limit"}),
-    "vignette": ("vignetting", {"film_radius_mm", "relative", "cos4", "pass_area_mm2"}),
-    "distortion": ("distortion", {"height_mm", "distortion_percent", "lateral_colour_um"}),
-    "transmittance": ("transmittance", {"glass", "bare", "coated", "t_number_bare", "t_number_coated"}),
-}
+QUICK = ["--fields", "0,5", "--wavelengths", "550", "--rays", "24"]
 
 
 def test_drawing_goes_to_standard_output(rptcam: Command) -> None:
@@ -60,26 +47,23 @@ def test_drawing_without_a_device_falls_back_and_says_so(rptcam: Command, monkey
     assert rptcam("lens", "draw", "ball", "--device", "gpu").code == 3
 
 
-@pytest.mark.parametrize("command", list(QUICK))
-def test_measure_prints_a_table_and_json_and_writes_a_plot(rptcam: Command, tmp_path: Path, command: str) -> None:
+def test_measure_prints_a_table_and_json_and_writes_a_plot(rptcam: Command, tmp_path: Path) -> None:
     plot = tmp_path / "plot.svg"
-    run = rptcam("lens", command, "tessar-100mm", *QUICK[command], "-o", str(plot))
+    run = rptcam("lens", "spot", "tessar-100mm", *QUICK, "-o", str(plot))
     assert run.code == 0, run.err
     assert run.out.startswith("Tessar 100 mm")
     assert len(run.out.splitlines()) > 3
     assert plot.read_text("utf-8").startswith("<svg")
-    document = json.loads(rptcam("lens", command, "tessar-100mm", *QUICK[command], "--json").out)
-    name, keys = KEYS[command]
+    document = json.loads(rptcam("lens", "spot", "tessar-100mm", *QUICK, "--json").out)
     assert document["film_distance_mm"] > 0
-    assert document[name]
-    assert all(row.keys() >= keys for row in document[name])
+    assert all(row.keys() >= {"rms_um", "centroid_y_mm"} for row in document["spots"])
 
 
 def test_plots_are_written_as_png_too(rptcam: Command, tmp_path: Path) -> None:
     from PIL import Image
 
     plot = tmp_path / "plot.png"
-    assert rptcam("lens", "distortion", "tessar-100mm", *QUICK["distortion"], "-o", str(plot)).code == 0
+    assert rptcam("lens", "distortion", "tessar-100mm", "--fields", "0,5,10", "-o", str(plot)).code == 0
     with Image.open(plot) as image:
         assert image.size == (1200, 750)
         assert len(image.getcolors(1 << 20) or []) > 10
