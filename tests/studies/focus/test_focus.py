@@ -78,6 +78,7 @@ def test_noise_of_the_probe_that_hardly_any_rays_pass_does_not_hide_contrast_els
     assert report.confidence > 0.95
 
 
+@pytest.mark.slow
 def test_end_of_the_reach_where_no_light_arrives_does_not_end_the_search():
     film = {"size_mm": [5, 3.5]}
     zone = Zone(0.1, 0.16, 0.15, 0.23)  # a film nearest to the lens sees nothing there
