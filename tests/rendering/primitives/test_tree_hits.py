@@ -38,7 +38,9 @@ def both(session, monkeypatch, objects, **keys):
     return pair
 
 
-@pytest.mark.parametrize(("rays", "lanes"), [*((rays, 8) for rays in RAYS), ("axis", 1)])
+@pytest.mark.parametrize(
+    ("rays", "lanes"), [*((rays, 8) for rays in RAYS), pytest.param("axis", 1, marks=pytest.mark.slow)]
+)
 def test_hits_are_those_of_the_loop(session, monkeypatch, rays, lanes):
     rng = rng_of(f"hits {rays}")
     tree, loop = both(session, monkeypatch, crowd(rng, 150))
