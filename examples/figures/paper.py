@@ -88,8 +88,8 @@ is. The materials are ours: a diffuse base under a rough clear coat.""",
             "Table 1: its own lens",
             """\
 Two faces of radius 4, an index of 1.6, 4 units from the film: in focus at 24. The balls are those of figure 5. By the
-diameter that the table gives, 0.02, the blur of the nearest ball is four pixels and that of the others one; twenty times
-as wide only the ball at 25 is nearly sharp.""",
+diameter that the table gives, 0.02, the blur of the nearest ball is four pixels and that of the others one; twenty
+times as wide only the ball at 25 is nearly sharp.""",
             (
                 table_lens("002", "0.02 across", "paper-biconvex"),
                 table_lens("04", "0.4 across", inline(table_prescription(0.4))),
