@@ -35,11 +35,11 @@ def panels(image: rptcam_cl.Image) -> list[Panel]:
     ]
 
 
-def main(scene: str = "examples/first_light.yaml", out: str = "docs/images/layers.png", size: str = "320x180") -> None:
+def main(scene: str = "examples/first_light.yaml", out: str = "docs/images/layers.png", size: str = "480x270") -> None:
     """Render the layers and write the picture, whose panels have that size."""
     width, height = map(int, size.split("x"))
     names = ["depth", "normal", "albedo", "object_id", "coc"]
-    shown = panels(rptcam_cl.render(scene, spp=256, size=(width, height), layers=names, denoise=True))
+    shown = panels(rptcam_cl.render(scene, spp=128, size=(width, height), layers=names, denoise=True))
     rows = [np.concatenate(shown[start : start + 3], axis=1) for start in (0, 3)]
     Image.fromarray((255 * np.clip(np.concatenate(rows), 0, 1) + 0.5).astype(np.uint8)).save(out, optimize=True)
 

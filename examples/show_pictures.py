@@ -1,6 +1,6 @@
 """Develop a film six times, by tone curve or by white balance: the comparisons of docs/picture.md.
 
-Run in the folder above: python examples/show_pictures.py [tones | white_balance]
+Run in the folder above: python examples/show_pictures.py [tones | white_balance]. It needs rptcam_cl[denoise].
 """
 
 import sys
@@ -12,7 +12,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 import rptcam_cl
 
-SIZE = (320, 180)
+SIZE = (480, 270)
 
 # Lamps and sky of the fifteen balls, all of tungsten.
 TUNGSTEN = [
@@ -53,7 +53,7 @@ def panel(film: rptcam_cl.Image, name: str, settings: dict[str, Any]) -> NDArray
     """Return a developed picture with its name in a corner, (height, width, 3)."""
     developed = rptcam_cl.develop(film, **settings).developed()
     picture = Image.fromarray((255 * developed + 0.5).astype(np.uint8))
-    font = ImageFont.load_default(13)
+    font = ImageFont.load_default(18)
     ImageDraw.Draw(picture).text((6, 4), name, "white", font, stroke_width=1, stroke_fill="black")
     return np.asarray(picture)
 
@@ -62,10 +62,10 @@ def main(*names: str) -> None:
     """Write the comparisons of these names, or all, each of a film that is rendered once."""
     for name in names or COMPARISONS:
         scene, changes, developments = COMPARISONS[name]
-        film = rptcam_cl.render(rptcam_cl.load_scene(scene, changes), spp=512, size=SIZE)
+        film = rptcam_cl.render(rptcam_cl.load_scene(scene, changes), spp=256, size=SIZE, denoise=True)
         panels = [panel(film, title, settings) for title, settings in developments.items()]
         rows = [np.concatenate(panels[start : start + 3], axis=1) for start in (0, 3)]
-        Image.fromarray(np.concatenate(rows)).save(f"docs/images/{name}.png", optimize=True)
+        Image.fromarray(np.concatenate(rows)).save(f"docs/images/{name}.jpg", quality=92, optimize=True)
 
 
 if __name__ == "__main__":
