@@ -10,6 +10,9 @@ import argparse
 import sys
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
 import rptcam_cl
 from rptcam_cl.api import options
 from rptcam_cl.imaging.development import linear_from_srgb
@@ -17,13 +20,17 @@ from rptcam_cl.imaging.development import linear_from_srgb
 FINER = 2  # pixels along each side of one of the picture
 
 
+def mean_light(shown: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Return the mean light of `FINER` by `FINER` pixels of a developed picture, (height, width, 3), linear."""
+    height, width = shown.shape[0] // FINER, shown.shape[1] // FINER
+    parts = linear_from_srgb(shown[: height * FINER, : width * FINER]).reshape(height, FINER, width, FINER, 3)
+    return parts.mean(axis=(1, 3))
+
+
 def averaged(film: rptcam_cl.Image) -> rptcam_cl.Image:
     """The picture of a film, developed, with the mean light of `FINER` by `FINER` of its pixels in each of its own."""
-    shown = linear_from_srgb(film.developed())
-    height, width = film.height // FINER, film.width // FINER
-    parts = shown[: height * FINER, : width * FINER].reshape(height, FINER, width, FINER, 3)
     kept = {key: value for key, value in film.metadata.items() if key != "sensor"}  # it has been applied
-    return rptcam_cl.Image(parts.mean(axis=(1, 3)), kept | {"averaged": f"{FINER} x {FINER} pixels"})
+    return rptcam_cl.Image(mean_light(film.developed()), kept | {"averaged": f"{FINER} x {FINER} pixels"})
 
 
 def main(words: list[str]) -> None:
