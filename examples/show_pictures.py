@@ -65,7 +65,7 @@ def main(*names: str) -> None:
     for name in names or COMPARISONS:
         scene, changes, developments = COMPARISONS[name]
         size = (FINER * SIZE[0], FINER * SIZE[1])
-        film = rptcam_cl.render(rptcam_cl.load_scene(scene, changes), spp=64, size=size, denoise=True)
+        film = rptcam_cl.render(rptcam_cl.load_scene(scene, changes), spp=160, size=size, denoise=True)
         panels = [panel(film, title, settings) for title, settings in developments.items()]
         rows = [np.concatenate(panels[start : start + 3], axis=1) for start in (0, 3)]
         Image.fromarray(np.concatenate(rows)).save(f"docs/images/{name}.jpg", quality=92, optimize=True)
