@@ -21,7 +21,7 @@ def main(specification: str = "examples/dataset/balls.yaml", out: str = "docs/im
     source = yaml.safe_load(Path(specification).read_text("utf-8"))
     source["scene"] = str(Path(specification).with_name(source["scene"]))
     source["set"] = {"film.resolution": list(SIZE), "render.spp": 96, "render.layers": ["albedo", "normal"]}
-    source |= {"camera_model": "none", "files": []}
+    source["camera_model"] = "none"
     steps = [length + GAP for length in SIZE]
     page = Image.new("RGB", (COLUMNS * steps[0] - GAP, ROWS * steps[1] - GAP), "white")
     for frame in rptcam_cl.dataset(source, frames=COLUMNS * ROWS):

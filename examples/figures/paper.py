@@ -19,6 +19,7 @@ from examples.figures.paper_film_numbers import (
     blurs_of_distances,
     blurs_of_lamps,
     blurs_of_stops,
+    climbs,
     found_by_autofocus,
 )
 from examples.figures.paper_lens_numbers import (
@@ -206,6 +207,7 @@ any start; that curve is flat within 1 % from 16 to 26 units here, and as broad 
 24.5 and whose rim is at 25, by its contrast and by its distance: it is sharp in the picture, the nearest is not.""",
             (started(50), started(15), shared("autofocus_paper", "found by contrast")),
             (found_by_autofocus,),
+            drawings=(Drawing("paper_8_climbs", "climbs of the variance", chart=climbs),),
             theirs="autofocus that climbs to 25 units from any start.",
         ),
         Group(
