@@ -203,8 +203,9 @@ purple fringes; through the doublet a thread of orange is left, and the box is o
             """\
 The same scene. The paper's autofocus climbs the variance of the whole picture and is said to come to 25 units from
 any start; that curve is flat within 1 % from 16 to 26 units here, and as broad in the paper's own renderer
-([curves](autofocus.md#the-figures-of-the-paper)). Found here is the sphere in the white rectangle, whose front is at
-24.5 and whose rim is at 25, by its contrast and by its distance: it is sharp in the picture, the nearest is not.""",
+([curves](autofocus.md#the-figures-of-the-paper)). Our climbs from both starts end on that plateau, at 19. Found here is
+the sphere in the white rectangle, whose front is at 24.5 and whose rim is at 25, by its contrast and by its distance:
+it is sharp in the picture, the nearest is not.""",
             (started(50), started(15), shared("autofocus_paper", "found by contrast")),
             (found_by_autofocus,),
             drawings=(Drawing("paper_8_climbs", "climbs of the variance", chart=climbs),),
