@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from benchmarks import cycles_scene
 from benchmarks.equal_time import exact_count
@@ -64,6 +65,23 @@ def test_caustics_have_an_error_by_both_ways(checkout: Path, tmp_path: Path) -> 
     assert "| mirror |" in printed
     assert results["mirror"]["error on"] < results["mirror"]["error off"]
     assert (tmp_path / "caustics_mirror.png").exists()
+
+
+def test_caustics_of_a_file_are_saved_at_the_shape_of_its_film(checkout: Path, tmp_path: Path) -> None:
+    scene = tmp_path / "wide.yaml"
+    lamp = {"shape": "sphere", "center": [0, 2, 0], "radius": 0.1, "material": {"kind": "emissive", "radiance": 9}}
+    floor = {
+        "shape": "plane",
+        "point": [0, 0, 0],
+        "normal": [0, 1, 0],
+        "material": {"kind": "matte", "reflectance": 0.5},
+    }
+    camera = {"kind": "pinhole", "fov_degrees": 40, "eye": [0, 1, 4], "target": [0, 0, 0]}
+    scene.write_text(json.dumps({"film": {"resolution": [24, 8]}, "camera": camera, "objects": [floor, lamp]}))
+    printed, _ = quick(checkout, tmp_path, "caustics", "--scenes", str(scene), "--pictures", str(tmp_path))
+    assert "wide.yaml |" in printed
+    with Image.open(tmp_path / "caustics_wide.png") as picture:
+        assert picture.size == (24 + 6 + 24, 8)
 
 
 @pytest.mark.slow

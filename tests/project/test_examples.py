@@ -25,10 +25,11 @@ STUDIO = ROOT / "examples" / "studio"
 LARGEST_PICTURE = 800_000  # bytes; the page shows three dozen
 # Lenses, pbrt, meshes with pictures. Programs of their own take the others seconds each.
 SHOWN = {"first_light", "still_life", "tea_table"}
+FOCUSED_FIRST = {"bunnies"}  # no plan before autofocus
 
 
-def load_gallery() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("make_gallery", ROOT / "examples" / "make_gallery.py")
+def load_script(name: str) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(name, ROOT / "examples" / f"{name}.py")
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
@@ -36,8 +37,9 @@ def load_gallery() -> ModuleType:
 
 
 PAGE = (ROOT / "examples" / "README.md").read_text("utf-8")
-COMMANDS = load_gallery().commands(PAGE)
-RENDERS = [words[1:] for words in COMMANDS if words[:2] == ["rptcam", "render"]]
+COMMANDS = load_script("make_gallery").commands(PAGE)
+FINE = ["python", "examples/render_fine.py"]  # takes a part of the options of `rptcam render`
+RENDERS = [["render", *words[2:]] for words in COMMANDS if words[:2] in (["rptcam", "render"], FINE)]
 
 
 def picture_of(words: list[str]) -> str:
@@ -57,7 +59,9 @@ def shows_something(image: rptcam_cl.Image) -> bool:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("path", [path for path in SCENES if path.stem not in SHOWN], ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "path", [path for path in SCENES if path.stem not in SHOWN | FOCUSED_FIRST], ids=lambda path: path.stem
+)
 def test_example_can_be_planned(path: Path) -> None:
     """All that goes before kernels are compiled."""
     assert len(make_plan(rptcam_cl.load_scene(path)).primitives) > 0
@@ -107,6 +111,17 @@ def test_command_of_the_gallery_shows_something(arguments: list[str]) -> None:
     scene = rptcam_cl.load_scene(ROOT / parsed.scene, parsed.overrides)
     width, height = scene.film.resolution
     assert shows_something(rptcam_cl.render(scene, spp=8, size=(width // 5, height // 5)))
+
+
+def test_a_rim_that_is_averaged_after_the_curve_has_no_steps() -> None:
+    """Of a pixel a quarter of which is 50 times white, a quarter of white is shown; its mean light would be white."""
+    averaged = load_script("render_fine").averaged
+    film = np.full((4, 6, 3), 0.2, np.float32)
+    film[0, 0] = 50
+    picture = averaged(rptcam_cl.Image(film))
+    assert (picture.width, picture.height) == (3, 2)
+    assert np.asarray(picture)[0, 0] == pytest.approx((1 + 3 * 0.2) / 4, abs=1e-6)
+    assert np.asarray(picture)[1, 2] == pytest.approx(0.2, abs=1e-6)
 
 
 def test_links_of_the_gallery_lead_to_files() -> None:
