@@ -118,6 +118,7 @@ def test_parts_of_a_picture_have_its_bits():
     assert np.array_equal(np.asarray(part), np.asarray(whole)[3:27, 5:37])
 
 
+@pytest.mark.slow
 def test_a_session_takes_the_samples_of_a_render():
     with rptcam_cl.RenderSession(CASES["far"], seed=1) as session:
         session.take(3)

@@ -326,6 +326,7 @@ def test_dirt_is_seeded_lies_inside_and_scatters_its_shadow():
     assert np.median(close) < 1e-12  # the same specks, and more of them
 
 
+@pytest.mark.slow
 def test_far_light_of_a_lamp_keeps_its_energy_and_does_not_ring():
     shape = {"shape": "polygon", "blades": 6}
     found = found_of(width_mm=4, resolution=(60, 5), f_number=16, aperture=shape, stop={"dirt": {}})
