@@ -155,6 +155,7 @@ def test_a_coating_measured_over_few_wavelengths_keeps_its_last_values_beyond() 
     np.testing.assert_allclose(ghosts(measured).sum(axis=(0, 1)), ghosts(0.02).sum(axis=(0, 1)), rtol=2e-3)
 
 
+@pytest.mark.slow
 def test_ghosts_take_the_shape_of_the_stop() -> None:
     image = rptcam_cl.render(scene(sun(10.0), f_number=8, aperture={"shape": "polygon", "blades": 3}))
     lens = load_lens("dgauss-50mm")
