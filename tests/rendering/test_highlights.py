@@ -92,6 +92,7 @@ def sun() -> dict[str, Any]:
     return {"kind": "sun", "direction": (-SUN).tolist(), "irradiance": [800.0] * 3, "diameter_degrees": 0.53}
 
 
+@pytest.mark.slow
 def test_a_sun_in_a_chrome_ball_has_the_ghosts_of_its_small_image(glint: rptcam_cl.Image) -> None:
     film_z = glint.metadata["film_distance_mm"] + load_lens("dgauss-50mm").length
     eye, at = np.array([0.0, 0.0, -film_z * 1e-3]), BALL.copy()

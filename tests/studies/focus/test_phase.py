@@ -91,6 +91,7 @@ def test_match_finds_the_distance_of_noisy_half_pictures(displacement):
     assert max(errors) < 0.2
 
 
+@pytest.mark.slow
 def test_error_of_a_single_lamp_is_the_scatter_there_is():
     # All of the light lies in one block of the zone, and its noise with it: scatter over the blocks tells a twentieth.
     view = HalfView.of(camera_of(scene_of([], THIN)).pupil_rays(places_round((200.0, 90.0))), "x")
