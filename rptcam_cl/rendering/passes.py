@@ -508,14 +508,14 @@ def way_of(session: Session, organisation: str, wavefront: Callable[..., Any]) -
 
 
 def _way_that_passes(session: Session, ways: tuple[Way, ...], key: object, wavefront: Callable[..., Any]) -> Way:
-    found = _DISK.find_or_make(key, lambda: _first_right(session, ways, wavefront))
-    if found > 0:
+    place = _DISK.find_or_make(key, lambda: _first_right(session, ways, wavefront))
+    if place > 0:
         device = f"device {session.info.id} {session.info.name}"
         warnings.warn(
-            f"{device}: its driver renders wrong pictures as {ways[0]}, so it renders as {ways[found]}, slower",
+            f"{device}: its driver renders wrong pictures as {ways[0]}, so it renders as {ways[place]}, slower",
             stacklevel=1,
         )
-    return ways[found]
+    return ways[place]
 
 
 def _first_right(session: Session, ways: tuple[Way, ...], wavefront: Callable[..., Any]) -> int:

@@ -245,8 +245,8 @@ class PhotonMap:
         )  # fmt: skip
         self._launch.set(**{"pass": record.tobytes()})
         self._launch.enqueue(count // self._session.lanes, self._session.group)
-        found = self._session.read(self._found, np.float32, count * PHOTON_FLOATS).reshape(count, PHOTON_FLOATS)
-        return np.asarray(found[found[:, MARK].view(np.int32) >= 0])
+        photons = self._session.read(self._found, np.float32, count * PHOTON_FLOATS).reshape(count, PHOTON_FLOATS)
+        return np.asarray(photons[photons[:, MARK].view(np.int32) >= 0])
 
     def _put(self, photons: Photons, radius: float) -> None:
         grid, order, cells = sorted_by_cell(photons, radius)

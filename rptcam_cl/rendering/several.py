@@ -93,8 +93,8 @@ def begin_part(parts: Sequence[Part], first: int, split: str, dropped: Mapping[s
 def end_parts(parts: Sequence[Part], done: int) -> list[Part]:
     """Return the parts, each ending where the next begins, the last after ``done`` samples."""
     ends = [*(part["samples"][0] for part in parts[1:]), done][: len(parts)]
-    found = [part | {"samples": [part["samples"][0], end]} for part, end in zip(parts, ends, strict=True)]
-    return [part for part in found if part["samples"][1] > part["samples"][0]]
+    whole = [part | {"samples": [part["samples"][0], end]} for part, end in zip(parts, ends, strict=True)]
+    return [part for part in whole if part["samples"][1] > part["samples"][0]]
 
 
 def join_parts(earlier: Sequence[Part], later: Sequence[Part]) -> list[Part]:
@@ -181,12 +181,12 @@ class FilmPart:
         Arrays that do not fit are left as they are.
         """
         own = pixels_of(self.tiles(tiles))
-        found = dict(arrays)
+        whole = dict(arrays)
         for name, packed in arrays.items():
             if self.count > 1 and name.startswith(IN_PIXELS) and packed.ndim == 2 and packed.shape[1] == len(own):
-                found[name] = np.zeros((len(packed), pixels), packed.dtype)
-                found[name][:, own] = packed
-        return found
+                whole[name] = np.zeros((len(packed), pixels), packed.dtype)
+                whole[name][:, own] = packed
+        return whole
 
     def facts(self) -> list[int | None] | None:
         """Its description in a saved render: number, count, first sample and end; None for the whole."""

@@ -598,7 +598,7 @@ def pack_emitters(
         lights.append((record, surroundings.flux * np.pi * reach**2))
     if surroundings.sun is not None:
         lights.append(sun_emitter(*surroundings.sun, reach))
-    lights = sorted((found for found in lights if found[1] > 0), key=lambda found: found[0]["kind"] == EmitterKind.SUN)
+    lights = sorted((each for each in lights if each[1] > 0), key=lambda each: each[0]["kind"] == EmitterKind.SUN)
     chosen += [(np.array([record], EMITTER.dtype), np.array([power])) for record, power in lights]
     count = sum(len(records) for records, _ in chosen)
     records, curve, tree = EMITTER.zeros(count), np.zeros((1, 2), np.float32), None
@@ -658,13 +658,13 @@ def _surface_emitters(
         if has_holes(primitive.material) or primitive.trajectory is not None:
             continue
         if primitive.mesh is None:
-            found = _surface_emitter(index, primitive, glow)
+            emitter = _surface_emitter(index, primitive, glow)
         else:
-            found = _mesh_emitters(index, primitive, first_triangles[index - first_mesh], eye, glow)
-        if found is not None:
+            emitter = _mesh_emitters(index, primitive, first_triangles[index - first_mesh], eye, glow)
+        if emitter is not None:
             of_primitive[index] = count
-            count += len(found[0])
-            chosen.append(found)
+            count += len(emitter[0])
+            chosen.append(emitter)
     return chosen, of_primitive
 
 
@@ -689,10 +689,10 @@ def _see_lamp(primitive: Primitive, eye: Array, textures: TextureTable) -> SeenL
     glow = glow_of(primitive.material, textures, KnownSpectra())
     if glow.strength <= 0:
         return None
-    found = _outline(primitive, eye, two_sided=glow.two_sided)
-    if found is None or np.linalg.norm(found[0]) <= 1.5 * np.linalg.norm(found[1], axis=1).max():
+    outline = _outline(primitive, eye, two_sided=glow.two_sided)
+    if outline is None or np.linalg.norm(outline[0]) <= 1.5 * np.linalg.norm(outline[1], axis=1).max():
         return None
-    centre, axes, is_round = found
+    centre, axes, is_round = outline
     return SeenLamp(centre, axes, is_round, float(luminance(glow.radiance)))
 
 

@@ -69,8 +69,8 @@ class PlanParts:
         known = self._known.get(name)
         if known is None or not _are_same(known[0], of):
             known = self._known[name] = of, make()
-        found: Part = known[1]
-        return found
+        part: Part = known[1]
+        return part
 
     def appearance(self, scene: Scene, materials: Sequence[Material], files: tuple[str, ...]) -> Appearance:
         """Pack the look of the materials of primitives and of the environment of a scene; it can be added to.
@@ -488,17 +488,17 @@ def world_from_scene(scene: Scene) -> Matrix:
 def scene_primitives(scene: Scene) -> list[Primitive]:
     """Return every primitive of the scene, sorted by kind and otherwise in the order of the scene."""
     world = world_from_scene(scene)
-    found = []
+    primitives = []
     for index, item in enumerate(scene.objects):
         if isinstance(item, MeshObject | Board):
-            found += _mesh_primitives(scene, item, index)
+            primitives += _mesh_primitives(scene, item, index)
             continue
         for kind, canonical in _canonical(item):
             placement = world @ item.placed_at(scene.shutter.open_s) @ canonical
             if kind is Kind.SPHERE and not _is_similarity(placement[:3, :3]):
                 kind = Kind.ELLIPSOID
-            found.append(Primitive(kind, placement, item.material, index, trajectory=_trajectory(scene, item)))
-    return sorted(found, key=lambda primitive: primitive.kind)
+            primitives.append(Primitive(kind, placement, item.material, index, trajectory=_trajectory(scene, item)))
+    return sorted(primitives, key=lambda primitive: primitive.kind)
 
 
 def object_frame(item: Object, time_s: float) -> Matrix:
