@@ -66,7 +66,6 @@ from rptcam_cl.rendering.several import (
     split_text,
 )
 from rptcam_cl.rendering.tracer import Wavefront, WavefrontPool
-from rptcam_cl.scene.camera import RealisticCamera
 from rptcam_cl.scene.film import ADAPTIVE_SPP, LayerName
 from rptcam_cl.scene.load import at_rest, change_scene, exposure_steps, load_scene, plain
 from rptcam_cl.scene.scene import Scene
@@ -243,7 +242,8 @@ def resolve(
         sharp = in_focus(scene, session, focus)[0]
     diffraction, in_focus_with_lens = diffraction_of(sharp), sharp
     described_choice: dict[str, Any] = {}
-    if isinstance(sharp.camera, RealisticCamera) and sharp.camera.accuracy is not None:
+    traced = sharp.camera.traced_camera
+    if traced is not None and traced.accuracy is not None:
         from rptcam_cl.studies.tiers import choose_camera  # few scenes have a choice, and its room takes long to import
 
         choice = choose_camera(sharp)

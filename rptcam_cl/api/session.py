@@ -226,7 +226,7 @@ def scaled(state: SceneState, scale: float, reading: float | None) -> tuple[Plan
     """Return the plan of a state with a film of fewer pixels, exposed by a reading of the meter; and that film."""
     film = state.resolved.scene.film
     columns, rows = (max(round(side * scale), 1) for side in film.resolution)
-    if state.scene.camera.kind == "environment":
+    if state.scene.camera.sees_all_around:
         columns = 2 * rows
     smaller = film.model_copy(update={"resolution": (columns, rows)})
     plan, metered = with_film(state.plan, state.resolved.scene, smaller), state.resolved.metered_cd_m2

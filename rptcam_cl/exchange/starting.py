@@ -12,14 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.core.errors import InputError, StateError, errors_named
-from rptcam_cl.core.files import Folders, named_files, read_whole, replacing
+from rptcam_cl.core.errors import InputError, StateError
+from rptcam_cl.core.files import Folders, errors_named, named_files, read_whole, replacing
 from rptcam_cl.optics.chief_rays import crossings
 from rptcam_cl.optics.design import image_circle
 from rptcam_cl.optics.lens import film_distance
 from rptcam_cl.optics.library import load_lens, names_a_file
 from rptcam_cl.rendering.cameras.setting import LensSetting, lens_setting
-from rptcam_cl.scene.assets.gltf import GltfCamera, GltfLight, read_gltf_world
+from rptcam_cl.scene.assets.gltf import GltfCamera, read_gltf_world
 from rptcam_cl.scene.assets.mesh import LAMPS_LEFT_OUT, MeshPlacement
 from rptcam_cl.scene.assets.pictures import read_picture
 from rptcam_cl.scene.load import load_scene
@@ -139,7 +139,7 @@ class Subject:
     points: Array
     triangles: Array
     cameras: list[GltfCamera]
-    lights: list[GltfLight]
+    lights: list[dict[str, Any]]
     notes: tuple[str, ...] = ()
     files: frozenset[Path] = frozenset()
     bare: bool = False
@@ -460,7 +460,6 @@ def frame_subject(
 UP: dict[str, tuple[float, float, float]] = {"x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1)}
 FULL_FRAME_MM = 43.2666  # diagonal of 36 x 24
 DEFAULT_LENS = "dgauss-50mm"
-LUMENS_PER_WATT = 683.0  # KHR_lights_punctual counts candelas and lux, a scene watts
 MOST_OPEN = 2.8  # f-number of a first picture, or the widest of a slower lens
 FAR_M = 1e6
 FOCUSINGS = 5  # in which the entrance pupil comes to rest where it is wanted; each leaves a tenth of the way at most
@@ -683,7 +682,7 @@ class _Stage:
     def _lit(self) -> None:
         scene, options, lights = self._start.scene, self._options, self._subject.lights
         if lights:
-            scene["lights"] = [_light(light) for light in lights]
+            scene["lights"] = [{key: _rounded_value(value) for key, value in light.items()} for light in lights]
             self._start.report.append(f"{len(lights)} lamp{'s' if len(lights) > 1 else ''} of the file")
         if options.hdri is not None:
             name = self._start.copies.name_of(options.hdri)
@@ -714,15 +713,11 @@ def _three_quarters(up: Array) -> Array:
     return np.asarray(front + 0.45 * side + 0.25 * up)
 
 
-def _light(light: GltfLight) -> dict[str, Any]:
-    amount = [_digits(value / LUMENS_PER_WATT) for value in light.amount]
-    if light.kind == "directional":
-        return {"kind": "directional", "direction": _rounded(np.array(light.forward)), "irradiance": amount}
-    keys = {"kind": light.kind, "position": _rounded(np.array(light.eye)), "intensity": amount}
-    if light.kind == "point":
-        return keys
-    inner, outer = (_digits(math.degrees(angle)) for angle in light.cone_radians)
-    return keys | {"direction": _rounded(np.array(light.forward)), "inner_degrees": inner, "outer_degrees": outer}
+def _rounded_value(value: Any) -> Any:
+    """A number, or each of several, rounded; a word as it is."""
+    if isinstance(value, str):
+        return value
+    return _digits(value) if isinstance(value, float) else _rounded(np.array(value))
 
 
 def _doubts_of_size(subject: Subject, unit: float) -> list[str]:

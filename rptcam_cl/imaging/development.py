@@ -24,7 +24,7 @@ from rptcam_cl.core.colour import (
 )
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.scene.film import Adaptation, Gamut, Tone
+from rptcam_cl.scene.film import Adaptation, Gamut, Tone, WhiteBalance
 
 #
 # Removing noise by Intel Open Image Denoise, guided by the layers albedo and normal. It runs on the processor.
@@ -208,58 +208,27 @@ _ROUNDING = 1e-6  # pixels: a point between two belongs to the same one in a par
 _LEAST = 1e-3  # of a light's luminance that each of three responses must have to be scaled to white
 
 
-@dataclass(frozen=True)
-class KnownLight:
-    """The scene's light by its linear sRGB colour."""
+def _light_of(balance: WhiteBalance, linear: Pixels, part: Part) -> Colour:
+    """The light that is made grey, in linear sRGB: known, the mean of a grey place, or that of the picture.
 
-    colour: tuple[float, float, float]
-
-    def light(self, linear: Pixels, part: Part) -> Colour:
-        """Return the light's linear sRGB colour."""
-        return np.array(self.colour)
-
-
-@dataclass(frozen=True)
-class Grey:
-    """A place that is grey in truth: a point [x, y] or a rectangle [x0, x1, y0, y1] in fractions of the film."""
-
-    place: tuple[float, ...]
-
-    def light(self, linear: Pixels, part: Part) -> Colour:
-        """Return the mean linear sRGB colour there."""
-        return _mean(linear[self._window(linear.shape, part)])
-
-    def _window(self, shape: tuple[int, ...], part: Part) -> tuple[slice, slice]:
-        """Return rows and columns of the pixels in the place, at least one."""
-        half = len(self.place) // 2
-        across, down = (
-            [(edge - start) / (end - start) * count for edge in edges]
-            for edges, start, end, count in (
-                (self.place[:half], *part[:2], shape[1]),
-                (self.place[half:], *part[2:], shape[0]),
-            )
-        )
-        return _pixels(down, shape[0]), _pixels(across, shape[1])
+    The mean of a picture is grey (G. Buchsbaum, J. Franklin Institute 310, 1980); pixels beyond white do not count.
+    """
+    if balance.grey is not None:
+        return _mean(linear[_window(balance.grey, linear.shape, part)])
+    if (colour := balance.light_colour()) is not None:
+        return colour
+    shown = (linear <= 1).all(axis=-1)
+    return _mean(linear[shown] if shown.any() else linear)
 
 
-@dataclass(frozen=True)
-class GreyWorld:
-    """The picture's mean is grey (G. Buchsbaum, J. Franklin Institute 310, 1980); pixels beyond white do not count."""
-
-    def light(self, linear: Pixels, part: Part) -> Colour:
-        """Return the mean linear sRGB colour."""
-        shown = (linear <= 1).all(axis=-1)
-        return _mean(linear[shown] if shown.any() else linear)
-
-
-@dataclass(frozen=True)
-class Gains:
-    """Factors on red, green and blue."""
-
-    factors: tuple[float, float, float]
-
-
-WhiteBalance = KnownLight | Gains | Grey | GreyWorld
+def _window(place: tuple[float, ...], shape: tuple[int, ...], part: Part) -> tuple[slice, slice]:
+    """Rows and columns of the pixels, at least one, at a point or in a rectangle in fractions of the film."""
+    half = len(place) // 2
+    across, down = (
+        [(edge - start) / (end - start) * count for edge in edges]
+        for edges, start, end, count in ((place[:half], *part[:2], shape[1]), (place[half:], *part[2:], shape[0]))
+    )
+    return _pixels(down, shape[0]), _pixels(across, shape[1])
 
 
 def balance_matrix(balance: WhiteBalance, linear: Pixels, part: Part, by: Adaptation) -> Matrix:
@@ -268,7 +237,7 @@ def balance_matrix(balance: WhiteBalance, linear: Pixels, part: Part, by: Adapta
     Parameters
     ----------
     balance
-        What is to become grey, keeping its luminance, or the factors themselves.
+        What is to become grey, keeping its luminance, or the factors themselves; its own adaptation does not count.
     linear
         The picture, (height, width, 3).
     part
@@ -277,9 +246,9 @@ def balance_matrix(balance: WhiteBalance, linear: Pixels, part: Part, by: Adapta
         Whether red, green and blue are scaled, or the responses of the Bradford transform. A light without red, green
         or blue can only be balanced by these.
     """
-    if isinstance(balance, Gains):
-        return np.diag(np.array(balance.factors, np.float64))
-    light = balance.light(linear, part)
+    if balance.gains is not None:
+        return np.diag(np.array(balance.gains, np.float64))
+    light = _light_of(balance, linear, part)
     xyz = XYZ_FROM_RGB @ light
     if xyz[1] <= 0 or (BRADFORD @ xyz <= _LEAST * xyz[1]).any():
         warnings.warn(
@@ -317,8 +286,8 @@ class Development:
     ----------
     ev : float
         Exposure compensation [stops]; +1 doubles the values.
-    white_balance : KnownLight, Gains, Grey or GreyWorld, optional
-        What is made grey; by default colours stay.
+    white_balance : WhiteBalance, optional
+        What is made grey, or factors on the channels; by default colours stay.
     adaptation : str
         What the white balance scales: the channels, or the responses of the Bradford transform.
     tone : str

@@ -21,7 +21,7 @@ from rptcam_cl.core.colour import SRGB_WHITE, XYZ_FROM_RGB, adaptation, xyz_of
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.core.files import check_writable, replacing
-from rptcam_cl.imaging.sensor import CHANNELS, RawFrame, SensorModel, camera_from_xyz, linear_picture
+from rptcam_cl.imaging.sensor import CHANNELS, SensorModel, camera_from_xyz, linear_picture
 
 # Directories of tagged values, as TIFF files and EXIF data hold them (TIFF revision 6.0, section 2).
 
@@ -471,15 +471,15 @@ _DNG_LARGEST = 2**31 - 1
 Tag = tuple[int, int, int, Any, bool]
 
 
-def photometric_of(frame: RawFrame) -> int:
-    """Return what the numbers stand for: a mosaic, or linear values of whole pixels."""
-    return LINEAR_RAW if frame.numbers.ndim == 3 or frame.sensor.pattern == "monochrome" else CFA
+def photometric_of(raw: RawImage) -> int:
+    """The meaning of the numbers: a mosaic, or linear values of whole pixels."""
+    return LINEAR_RAW if raw.numbers.ndim == 3 or raw.sensor.pattern == "monochrome" else CFA
 
 
-def dng_tags(frame: RawFrame, metadata: Mapping[str, Any]) -> list[Tag]:
-    """Return the tags beside those of plain TIFF: number, type, count, value, and that they belong to each page."""
-    sensor = frame.sensor
-    planes = 3 if frame.numbers.ndim == 3 else 1
+def dng_tags(raw: RawImage) -> list[Tag]:
+    """The tags beside those of plain TIFF: number, type, count, value, and that they belong to each page."""
+    sensor = raw.sensor
+    planes = 3 if raw.numbers.ndim == 3 else 1
     tags: list[Tag] = [
         _bytes(50706, _DNG_VERSION),
         _bytes(50707, _OLDEST_READER),
@@ -489,11 +489,11 @@ def dng_tags(frame: RawFrame, metadata: Mapping[str, Any]) -> list[Tag]:
         (274, _DNG_SHORT, 1, 1, True),  # upright
         (50714, _DNG_RATIONAL, planes, _fractions([sensor.dark_level_dn] * planes), True),
         (50717, _DNG_LONG, planes, (math.floor(sensor.white_level_dn),) * planes, True),
-        *_exposure_tags(metadata),
+        *_exposure_tags(raw.metadata),
     ]
     if sensor.pattern != "monochrome":
         tags += _colour_tags(sensor)
-    if photometric_of(frame) == CFA:
+    if photometric_of(raw) == CFA:
         tags += [
             (33421, _DNG_SHORT, 2, (2, 2), True),  # size of the pattern
             _bytes(33422, tuple(CHANNELS[colour] for colour in sensor.pattern)),
@@ -547,15 +547,19 @@ def _fractions(values: Iterable[float]) -> tuple[int, ...]:
 
 
 @dataclass(frozen=True, eq=False)
-class RawImage(RawFrame):
-    """What the sensor put out. ``numpy.asarray(raw)`` is `numbers`."""
+class RawImage:
+    """The numbers of a sensor. ``numpy.asarray(raw)`` is `numbers`."""
 
+    numbers: NDArray[np.uint16]
+    """(height, width) or (height, width, 3) [DN]."""
+    sensor: SensorModel
+    """The sensor during the exposure."""
     metadata: dict[str, Any] = field(default_factory=dict)
     """Those of the picture."""
 
     def linear(self) -> NDArray[np.float32]:
         """Return the linear picture (height, width, 3) that the numbers give, in the scale of the film."""
-        return linear_picture(self)
+        return linear_picture(self.numbers, self.sensor)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Save by suffix: ``.dng`` with all that a raw converter needs, ``.tif`` of 16 bits, ``.npy``.
@@ -621,7 +625,7 @@ def _write_dng(path: Path, raw: RawImage) -> None:
 
     photometric = photometric_of(raw)
     one_plane = photometric == LINEAR_RAW and raw.numbers.ndim == 2
-    _write_tags(path, raw, "minisblack" if one_plane else photometric, dng_tags(raw, raw.metadata))
+    _write_tags(path, raw, "minisblack" if one_plane else photometric, dng_tags(raw))
     if one_plane:  # which tifffile takes for a mistake, though DNG allows it
         with tifffile.TiffFile(path, mode="r+") as file:
             file.pages.first.tags["PhotometricInterpretation"].overwrite(LINEAR_RAW)

@@ -26,19 +26,15 @@ from rptcam_cl.imaging.development import (
     GUIDES,
     PLAIN,
     Development,
-    Gains,
-    Grey,
-    GreyWorld,
-    KnownLight,
     denoised,
     developed_values,
     quantised,
 )
 from rptcam_cl.imaging.formats import ALL_METADATA, RawImage, from_exr_attributes
-from rptcam_cl.imaging.sensor import SensorModel, exposed
+from rptcam_cl.imaging.sensor import SensorModel, expose
 from rptcam_cl.imaging.truth_files import coco, save_truth
 from rptcam_cl.imaging.writers import PNG_BITS, Layer, check_layers, film_part, is_developed, png_to, write
-from rptcam_cl.scene.film import Adaptation, PictureSettings, WhiteBalance
+from rptcam_cl.scene.film import Adaptation, PictureSettings
 from rptcam_cl.scene.load import load_picture
 
 # A rendered film with its metadata, statistics and layers, and the pictures that are developed from it.
@@ -116,8 +112,8 @@ class Image:
 
     @cached_property
     def _raw(self) -> RawImage:
-        frame = exposed(self.pixels, SensorModel.from_description(self.metadata[SENSOR]))
-        return RawImage(frame.numbers, frame.sensor, self.metadata)
+        sensor = SensorModel.from_description(self.metadata[SENSOR])
+        return RawImage(expose(self.pixels, sensor), sensor, self.metadata)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Save by suffix.
@@ -430,7 +426,7 @@ def development_of(picture: PictureSettings, metadata: Mapping[str, Any]) -> Dev
     suited: Adaptation = "bradford" if metadata.get("spectrum") == "spectral" else "channels"
     return Development(
         ev=picture.ev,
-        white_balance=None if wanted is None else _white_balance(wanted),
+        white_balance=wanted,
         adaptation=suited if wanted is None or wanted.adaptation is None else wanted.adaptation,
         tone=picture.tone.kind,
         tone_white=picture.tone.shown_white,
@@ -438,17 +434,6 @@ def development_of(picture: PictureSettings, metadata: Mapping[str, Any]) -> Dev
         bits=picture.bits,
         jpeg_quality=picture.jpeg_quality,
     )
-
-
-def _white_balance(wanted: WhiteBalance) -> KnownLight | Gains | Grey | GreyWorld:
-    if wanted.gains is not None:
-        return Gains(wanted.gains)
-    if wanted.grey is not None:
-        return Grey(wanted.grey)
-    if (colour := wanted.light_colour()) is None:
-        return GreyWorld()
-    red, green, blue = (float(channel) for channel in colour)
-    return KnownLight((red, green, blue))
 
 
 # Videos of developed pictures, by PyAV (the extra ``video``).

@@ -296,23 +296,10 @@ MOST_ELECTRONS = 1e15  # of a pixel; beyond any well, and within what random num
 _PHOTONS, _READING, _SENSITIVITY, _OFFSET = range(4)
 
 
-@dataclass(frozen=True, eq=False)
-class RawFrame:
-    """What a sensor puts out.
+def expose(film: NDArray[np.floating], sensor: SensorModel) -> NDArray[np.uint16]:
+    """The raw numbers [DN] of a linear film, (height, width) or (height, width, 3).
 
-    Attributes
-    ----------
-    numbers : uint16 array, (height, width) or (height, width, 3)
-        The raw numbers [DN].
-    sensor : SensorModel
-    """
-
-    numbers: NDArray[np.uint16]
-    sensor: SensorModel
-
-
-def exposed(film: NDArray[np.floating], sensor: SensorModel) -> RawFrame:
-    """Return the raw frame of a linear film; the same seeds give the same numbers with one version of NumPy.
+    The same seeds give the same numbers with one version of NumPy.
 
     Parameters
     ----------
@@ -333,7 +320,7 @@ def exposed(film: NDArray[np.floating], sensor: SensorModel) -> RawFrame:
     if sensor.read_noise_e:
         charge += sensor.read_noise_e * _generator(_READING, sensor.seed).standard_normal(charge.shape)
     level = np.floor(sensor.black_level_dn + sensor.system_gain_dn_per_e * charge + 0.5)
-    return RawFrame(np.clip(level, 0, sensor.top_dn).astype(np.uint16), sensor)
+    return np.clip(level, 0, sensor.top_dn).astype(np.uint16)
 
 
 def mean_electrons(film: NDArray[np.floating], sensor: SensorModel) -> Array:
@@ -366,20 +353,19 @@ def _pattern(stream: int, shape: tuple[int, ...], sensor: SensorModel) -> Array:
     return rows if depth == 3 else rows[..., 0]
 
 
-def linear_picture(frame: RawFrame) -> NDArray[np.float32]:
-    """Return the linear picture (height, width, 3) of a raw frame, in the scale of the film and in linear sRGB.
+def linear_picture(numbers: NDArray[np.uint16], sensor: SensorModel) -> NDArray[np.float32]:
+    """The linear picture (height, width, 3) of raw numbers, in the scale of the film and in linear sRGB.
 
     Highlights stay neutral: all channels end where, after white balance, the first of them saturates.
     """
-    sensor = frame.sensor
     scale = 1.0 / (sensor.system_gain_dn_per_e * sensor.white_electrons)
     if is_mosaic(sensor.bayer):
-        shape = (*frame.numbers.shape, 3)
+        shape = (*numbers.shape, 3)
         per_pixel = mosaic(np.broadcast_to(scale, shape), sensor.pattern)
     else:
         per_pixel = scale if sensor.bayer == "none" else scale[0]
     ceiling = (sensor.white_level_dn - sensor.dark_level_dn) * scale.min()
-    balanced = np.minimum((frame.numbers - sensor.dark_level_dn) * per_pixel, ceiling)
+    balanced = np.minimum((numbers - sensor.dark_level_dn) * per_pixel, ceiling)
     if sensor.bayer == "monochrome":
         return np.repeat(balanced[..., None], 3, axis=2).astype(np.float32)
     colours = demosaiced(balanced, sensor.pattern, sensor.demosaic) if is_mosaic(sensor.bayer) else balanced

@@ -17,7 +17,7 @@ from rptcam_cl.device.session import Session
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.pupils import UNMOVED, FilmFrame, FilmProbe
 from rptcam_cl.optics.ray_trace import Rays
-from rptcam_cl.rendering.cameras.ideal import stop_shape, thick_lens_of
+from rptcam_cl.rendering.cameras.ideal import shaped, thick_lens_of
 from rptcam_cl.rendering.cameras.model import camera_geometry
 from rptcam_cl.rendering.cameras.setting import LensSetting, film_frame, half_film_mm, lens_setting, pupil_in_world
 from rptcam_cl.rendering.film import BLOCK, TILE_PIXELS, FilmLayout
@@ -27,7 +27,6 @@ from rptcam_cl.rendering.plan.plan import Plan
 from rptcam_cl.rendering.progressive import FilmRun, Rendering
 from rptcam_cl.rendering.scene_buffers import MemoryNeeds
 from rptcam_cl.rendering.several import WHOLE, AnyWavefront, FilmPart, SharedWavefront, is_shared
-from rptcam_cl.scene.camera import RealisticCamera
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.scene.shapes import Board
 
@@ -51,17 +50,14 @@ centre; None also for a lens that has no focal length.
 
 def lens_margin(scene: Scene, session: Session) -> LensMargin | None:
     """Measure what its precision costs in the lens of a scene's camera; None for cameras that trace no lens."""
-    camera = scene.camera
-    if not isinstance(camera, RealisticCamera) or camera.rays == "fitted":
+    camera = scene.camera.traced_camera
+    if camera is None or camera.rays == "fitted":
         return None
     # Few renders measure this, and the room takes long to import.
     from rptcam_cl.rendering.traceable_lens import trace_on_device
 
     setting = lens_setting(scene)
-    lens, wavelength_nm = setting.lens, camera.wavelength_nm
-    shape = stop_shape(scene, camera.aperture)
-    if shape is not None and lens.stop is not None:
-        lens = lens.with_stop_shape(shape)
+    lens, wavelength_nm = shaped(scene, setting).lens, camera.wavelength_nm
     frame = film_frame(camera)
     origins, directions = film_rays(lens, setting.film_distance_mm, half_film_mm(scene), wavelength_nm, frame=frame)
     exact = lens.trace(origins, directions, wavelength_nm)

@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 from rptcam_cl.core.colour import WAVELENGTHS_NM, cie_1931, daylight_65, rgb_basis
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.rendering.cameras.film_pupil import FilmPupil, FilmPupils, film_pupils
+from rptcam_cl.rendering.cameras.film_pupil import FilmPupil, FilmPupils
 from rptcam_cl.rendering.cameras.ideal import dirt_edges, edges_of
+from rptcam_cl.rendering.cameras.kinds import camera_of
 from rptcam_cl.rendering.cameras.setting import film_frame
 from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.rendering.several import GOLDEN
@@ -576,7 +577,7 @@ def diffraction_of(scene: Scene) -> Diffraction | None:
     if not film_frame(scene.camera).is_flat:  # `on` is refused there
         return Diffraction(scene, False, None, None)
     try:
-        pupils = film_pupils(scene)
+        pupils = camera_of(scene).film_pupils()
         radius = AIRY * unit_px(pupils(np.zeros(2)), _pixel_mm(scene))
     except InputError:
         if choice == "on":

@@ -40,7 +40,6 @@ from rptcam_cl.rendering.plan.environment import bright_parts
 from rptcam_cl.rendering.plan.plan import Plan, observer
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
 from rptcam_cl.rendering.several import array_of_text, text_of_array
-from rptcam_cl.scene.camera import RealisticCamera
 from rptcam_cl.scene.load import at_opening
 from rptcam_cl.scene.scene import Scene
 
@@ -332,7 +331,7 @@ class GhostFilm:
         across, down = sense * self.columns / (1e3 * width), -sense * self.rows / (1e3 * height)
         self.to_pixels = np.array([self.columns / 2, across, self.rows / 2, down], np.float32)
         pixel_mm2 = 1e6 * width * height / (self.columns * self.rows)
-        self.value = float(plan.camera.metadata["values_per_irradiance"]) / pixel_mm2  # of 1 W/m2 over 1 mm2
+        self.value = plan.camera.metadata["values_per_irradiance"] / pixel_mm2  # of 1 W/m2 over 1 mm2
         self.shape = (self.rows, self.columns, 3)
         pencils = int(self.sources.mirrored > 0)
         facts = self.lenses[0][0].facts | {"VW": session.lanes, "DOUBLE": 0, "GHOST_PENCILS": pencils}
@@ -631,7 +630,8 @@ def saved_ghosts(arrays: Mapping[str, NDArray[Any]]) -> tuple[NDArray[np.float32
 
 def has_ghosts(scene: Scene) -> bool:
     """Return whether the camera of a scene makes ghosts."""
-    return isinstance(scene.camera, RealisticCamera) and scene.camera.ghosts == "on"
+    camera = scene.camera.traced_camera
+    return camera is not None and camera.ghosts == "on"
 
 
 def ghosting_of(scene: Scene | None, plan: Plan, session: Session) -> Ghosting | None:
@@ -654,8 +654,8 @@ def ghosting_of(scene: Scene | None, plan: Plan, session: Session) -> Ghosting |
 
 def _barrel_share(scene: Scene) -> float:
     """Return the light that the barrel adds evenly, in parts of the film's mean; `veiling_glare` estimates it."""
-    camera = scene.camera
-    if not isinstance(camera, RealisticCamera) or not camera.barrel_reflectance:
+    camera = scene.camera.traced_camera
+    if camera is None or not camera.barrel_reflectance:
         return 0.0
     setting = ghost_setting(scene)
     try:

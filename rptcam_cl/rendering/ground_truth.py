@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.device.session import Session
-from rptcam_cl.rendering.cameras.chief_rays import CameraRays, chief_rays, seen_places
+from rptcam_cl.rendering.cameras.chief_rays import CameraRays, seen_places
+from rptcam_cl.rendering.cameras.kinds import camera_of
 from rptcam_cl.rendering.cameras.model import exposure_timing
 from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.rendering.layers import SharpHits, SharpPass
@@ -46,7 +47,7 @@ class Moments:
     @cached_property
     def chief(self) -> CameraRays:
         """The chief rays of its camera."""
-        return chief_rays(self.scene)
+        return camera_of(self.scene).chief_rays()
 
     @property
     def rolls(self) -> bool:

@@ -12,8 +12,8 @@ from rptcam_cl.core.colour import luminance
 from rptcam_cl.core.constants import LUMENS_PER_WATT
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.device.session import Session
+from rptcam_cl.rendering.cameras.kinds import camera_model
 from rptcam_cl.rendering.cameras.model import camera_irradiance, values_per_irradiance
-from rptcam_cl.rendering.cameras.realistic import camera_model
 from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.rendering.progressive import render_plan
@@ -120,7 +120,7 @@ def _relative(scene: Scene, *, small: bool = False) -> Scene:
         columns, rows = scene.film.resolution
         factor = min(1.0, LONGEST_SIDE / max(columns, rows))
         down = max(round(rows * factor), 1)
-        across = 2 * down if scene.camera.kind == "environment" else max(round(columns * factor), 1)
+        across = 2 * down if scene.camera.sees_all_around else max(round(columns * factor), 1)
         film = {"resolution": (across, down), "size_mm": tuple(side * 1e3 for side in scene.film.size_m())}
         kept = {name: getattr(scene.render, name) for name in ("max_depth", "roulette_depth", "sampler")}
         clamped = scene.render.clamp is not None and scene.render.caustics == "auto"

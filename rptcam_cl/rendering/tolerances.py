@@ -24,9 +24,8 @@ from rptcam_cl.optics.glass import AIR, abbe_number
 from rptcam_cl.optics.lens import Lens, brought_to_focus, configured, film_distance
 from rptcam_cl.optics.spot import Beam, passing_beam
 from rptcam_cl.optics.waves import diffraction_mtf
-from rptcam_cl.scene.lens_settings import GRADES
+from rptcam_cl.scene.lens_settings import GRADES, Distribution, Merit, Tolerance, Tolerances, grade
 from rptcam_cl.scene.load import input_error
-from rptcam_cl.scene.tolerances import Distribution, Merit, Tolerance, Tolerances, grade
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar, NamedTuple, get_args
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, GetJsonSchemaHandler, PrivateAttr, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, GetJsonSchemaHandler, PrivateAttr, model_validator
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, PydanticCustomError
 
@@ -79,6 +79,51 @@ def listed(names: Sequence[str], most: int = 24) -> str:
     return f"{shown}, … ({len(names)} in all)" if len(names) > most else shown
 
 
+def unknown_name(
+    problem: str,
+    name: object,
+    known: Iterable[str],
+    *,
+    otherwise: str = "",
+    without: str = "",
+    path: tuple[str | int, ...] = (),
+) -> PydanticCustomError:
+    """The error for a name that is none of those known; it suggests the one that was probably meant.
+
+    Parameters
+    ----------
+    problem : str
+        What is wrong, as ``names no material``.
+    otherwise : str
+        What is allowed beside the known names, appended to them.
+    without : str
+        What is allowed where no names are known.
+    """
+    names = list(known)
+    allowed = listed(names) + otherwise if names else without
+    return refuse(f"{problem}{near_name(name, names)}", got=name, allowed=allowed, path=path)
+
+
+def word_for(
+    key: str,
+    words: Sequence[str],
+    *,
+    problem: str = "is not a known choice",
+    otherwise: str = ", or a mapping",
+    nothing: str | None = None,
+) -> BeforeValidator:
+    """A validator by which a word stands for a mapping of one key to it; the word `nothing` stands for None."""
+
+    def read(value: Any) -> Any:
+        if not isinstance(value, str):
+            return value
+        if value not in words:
+            raise unknown_name(problem, value, words, otherwise=otherwise)
+        return None if value == nothing else {key: value}
+
+    return BeforeValidator(read)
+
+
 FLOAT32_MAX = 3.4028234663852886e38
 FLOAT32_MIN_NORMAL = 1.1754943508222875e-38
 
@@ -134,23 +179,21 @@ class Alternatives(NamedTuple):
 
 
 class AlsoAccepts:
-    """Adds to a field's JSON schema a form that its validator turns into the declared one."""
+    """Adds to a field's JSON schema a form that its validator turns into the declared one.
 
-    def __init__(self, form: dict[str, Any]) -> None:
+    Parameters
+    ----------
+    form : dict, optional
+        Its JSON schema; by default that of an item of the list that is declared.
+    """
+
+    def __init__(self, form: dict[str, Any] | None = None) -> None:
         self.form = form
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
-        """Return the JSON schema of either form."""
-        return {"anyOf": [self.form, handler(schema)]}
-
-
-class AlsoAcceptsItem:
-    """Adds to the JSON schema of a list that a single item may stand for a list of one."""
-
-    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
-        """Return the JSON schema of either form."""
-        described = handler(schema)
-        return {"anyOf": [described["items"], described]}
+        """The JSON schema of either form."""
+        declared = handler(schema)
+        return {"anyOf": [declared["items"] if self.form is None else self.form, declared]}
 
 
 class SceneModel(BaseModel):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from numbers import Integral
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
@@ -19,7 +19,6 @@ from pydantic import (
     WithJsonSchema,
     model_validator,
 )
-from pydantic_core import PydanticCustomError
 
 from rptcam_cl.core.errors import InputError, MissingFileError
 from rptcam_cl.core.files import Folders
@@ -39,7 +38,7 @@ from rptcam_cl.scene.assets.mesh import (
     winding_number,
 )
 from rptcam_cl.scene.assets.pictures import has_alpha
-from rptcam_cl.scene.base import Alternatives, SceneModel, described, listed, near_name, number_at, one_pixel, refuse
+from rptcam_cl.scene.base import Alternatives, SceneModel, described, number_at, one_pixel, refuse, unknown_name
 from rptcam_cl.scene.materials import (
     LEAST_BEND,
     MOST_BEND,
@@ -63,37 +62,31 @@ from rptcam_cl.scene.quantities import LARGEST_COORDINATE, LARGEST_GAIN, LARGEST
 # Mesh files by their suffix.
 
 
-def _ply(path: Path, find: Find) -> Draft:
-    from rptcam_cl.scene.assets.ply import read_ply  # no scene imports the readers of formats that it does not have
+def read_draft(path: Path, find: Find) -> Draft:
+    """Read a mesh file of one of `SUFFIXES`, unchecked."""
+    match path.suffix.lower():  # no scene imports the readers of formats that it does not have
+        case ".ply":
+            from rptcam_cl.scene.assets.ply import read_ply
 
-    return read_ply(path)
+            return read_ply(path)
+        case ".obj":
+            from rptcam_cl.scene.assets.obj import read_obj
 
+            return read_obj(path, find)
+        case ".stl":
+            from rptcam_cl.scene.assets.ply import read_stl
 
-def _obj(path: Path, find: Find) -> Draft:
-    from rptcam_cl.scene.assets.obj import read_obj
-
-    return read_obj(path, find)
-
-
-def _gltf(path: Path, find: Find) -> Draft:
+            return Draft([read_stl(path)])
     from rptcam_cl.scene.assets.gltf import read_gltf
 
     return read_gltf(path, find)
 
 
-def _stl(path: Path, find: Find) -> Draft:
-    from rptcam_cl.scene.assets.ply import read_stl
-
-    return Draft([read_stl(path)])
-
-
-READERS: dict[str, Callable[[Path, Find], Draft]] = {
-    ".ply": _ply, ".obj": _obj, ".gltf": _gltf, ".glb": _gltf, ".stl": _stl,
-}  # fmt: skip
+SUFFIXES = (".ply", ".obj", ".gltf", ".glb", ".stl")
 
 
 def read_mesh_file(path: Path, find: Find) -> MeshContents:
-    """Return what a mesh file holds.
+    """Read a mesh file.
 
     Parameters
     ----------
@@ -108,13 +101,13 @@ def read_mesh_file(path: Path, find: Find) -> MeshContents:
         When the file does not hold what its format promises, or nothing that can be shown.
     """
     suffix = path.suffix.lower()
-    if suffix not in READERS:
-        raise InputError(f"{path}: is not a mesh file (got {suffix or 'no suffix'}; allowed: {', '.join(READERS)})")
+    if suffix not in SUFFIXES:
+        raise InputError(f"{path}: is not a mesh file (got {suffix or 'no suffix'}; allowed: {', '.join(SUFFIXES)})")
     try:
         if not path.stat().st_size:
             raise InputError(f"{path}: is empty")
         with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is found by looking at the numbers
-            return make_contents(READERS[suffix](path, find), str(path))
+            return make_contents(read_draft(path, find), str(path))
     except OSError as problem:
         raise InputError(f"{path}: cannot be read ({problem.strerror or problem})") from None
 
@@ -222,13 +215,8 @@ def _normals(value: Any) -> Vectors | str:
     if not isinstance(value, str):
         return _vectors(3, value)
     if value not in NORMALS_MODES:
-        raise _unknown_mode(value)
+        raise unknown_name("is not a known choice", value, NORMALS_MODES, otherwise=", or a list of vectors")
     return value
-
-
-def _unknown_mode(value: str) -> PydanticCustomError:
-    names = listed(NORMALS_MODES)
-    return refuse(f"is not a known choice{near_name(value, NORMALS_MODES)}", allowed=f"{names}, or a list of vectors")
 
 
 def _rows_schema(item: str, least: int, most: int | None) -> dict[str, Any]:
@@ -528,15 +516,17 @@ class MeshLibrary:
         self._absent = absent
         self._folders = folders
         self._named = named
-        self._known: dict[tuple[Path | _Same, NormalsMode], MeshContents] = {}
+        # By path, or by the identity of a source that is written out, which is kept so that it stays one of a kind.
+        self._known: dict[tuple[Path | int, NormalsMode], MeshContents] = {}
+        self._written: dict[int, MeshSource] = {}
         self._meshes: dict[str, Mesh] = {}
         self._materials: dict[FileMaterial, Material] = {}
-        self._loaded: dict[_Same, LoadedMesh] = {}
+        self._loaded: dict[int, LoadedMesh] = {}  # by the identity of its item
 
     def begun_anew(self, objects: Iterable[object], absent: list[str]) -> MeshLibrary:
         """Return a library that has of this one what it loaded for some objects, and reads files again for others."""
         library = MeshLibrary(self._folders, self._named, absent)
-        wanted = {_Same(item) for item in objects if isinstance(item, MeshObject)}
+        wanted = {id(item) for item in objects if isinstance(item, MeshObject)}
         library._loaded |= {key: mesh for key, mesh in self._loaded.items() if key in wanted}
         return library
 
@@ -548,7 +538,7 @@ class MeshLibrary:
         InputError
             When its triangles cannot be used, or it has no material.
         """
-        key = _Same(item)
+        key = id(item)
         if key not in self._loaded:
             source: MeshSource = item if item.mesh is None else self._named[item.mesh]
             contents = self._contents(source, item.normals_mode)
@@ -557,7 +547,9 @@ class MeshLibrary:
 
     def _contents(self, source: MeshSource, mode: NormalsMode) -> MeshContents:
         path = self._folders.find(source.file) if source.file is not None else None
-        key = path or _Same(source)
+        key = path or id(source)
+        if path is None:
+            self._written[id(source)] = source
         if (key, "auto") not in self._known:
             plain = _written_out(source) if path is None else read_mesh_file(path, self._folders.find_beside(path))
             self._known[key, "auto"] = plain.sharing(self._meshes)
@@ -577,19 +569,6 @@ class MeshLibrary:
             if material not in self._materials:
                 self._materials[material] = material_of(material, self._folders, self._absent)
         return tuple(self._materials[material] for material in given)
-
-
-class _Same:
-    """Stands for one instance of a model, which would otherwise count as equal to others."""
-
-    def __init__(self, source: MeshSource) -> None:
-        self._source = source
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Same) and other._source is self._source
-
-    def __hash__(self) -> int:
-        return id(self._source)
 
 
 def _written_out(source: MeshSource) -> MeshContents:

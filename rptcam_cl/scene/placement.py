@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema, model_validator
 
-from rptcam_cl.scene.base import AlsoAccepts, AlsoAcceptsItem, Alternatives, SceneModel, refuse
+from rptcam_cl.scene.base import AlsoAccepts, Alternatives, SceneModel, refuse
 from rptcam_cl.scene.materials import Material
 from rptcam_cl.scene.quantities import LARGEST_COORDINATE, NUMBER, Coordinate, Direction, Moment, Position, list_of
 
@@ -156,7 +156,7 @@ Transform = Annotated[
     Field(max_length=100),
     BeforeValidator(_as_steps),
     AfterValidator(_check_product),
-    AlsoAcceptsItem(),
+    AlsoAccepts(),
 ]
 
 

@@ -10,8 +10,9 @@ import pytest
 import rptcam_cl
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.imaging import image as film_files
-from rptcam_cl.imaging.development import Development, KnownLight, quantised
+from rptcam_cl.imaging.development import Development, quantised
 from rptcam_cl.imaging.image import Image
+from rptcam_cl.scene.film import WhiteBalance
 
 Command = Callable[..., Any]
 
@@ -120,7 +121,7 @@ def test_render_develops_as_the_scene_says(tmp_path: Path) -> None:
 
 def test_python_develops_by_the_same_keys(film: Image) -> None:
     image = rptcam_cl.develop("film.npz", tone="srgb", white_balance={"temperature_k": 5000})
-    assert isinstance(image.development.white_balance, KnownLight)
+    assert image.development.white_balance == WhiteBalance(temperature_k=5000)
     assert image.development.tone == "srgb"
     with pytest.raises(InputError, match=r"picture\.white_balance\.tint: needs temperature_k"):
         rptcam_cl.develop(image, white_balance={"light": "A", "tint": 3})

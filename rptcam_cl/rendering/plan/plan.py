@@ -22,9 +22,9 @@ from rptcam_cl.core.colour import (
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.records import CAUSTIC_SURFACE, EmitterKind, Kind, SpectrumKind, curves, fill
+from rptcam_cl.rendering.cameras.kinds import camera_model
 from rptcam_cl.rendering.cameras.lamp_aim import SeenLamp, Shows, Sights, aimed_at_lamps
 from rptcam_cl.rendering.cameras.model import CameraModel, FilterTable, camera_trajectory, filter_table, turned
-from rptcam_cl.rendering.cameras.realistic import camera_model
 from rptcam_cl.rendering.plan.emitters import (
     SOLIDS,
     Emitters,

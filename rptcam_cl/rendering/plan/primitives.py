@@ -14,14 +14,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from rptcam_cl.core.dataclass import Rows, dataclass
 from rptcam_cl.core.records import HUGE_POWER, INSTANCE, MOTION_MARGIN, PRIMITIVE, SEGMENT, Kind, fill
+from rptcam_cl.rendering.cameras.kinds import camera_model
 from rptcam_cl.rendering.cameras.model import CameraModel, turned
-from rptcam_cl.rendering.cameras.realistic import camera_model
 from rptcam_cl.rendering.plan.environment import Surroundings, pack_environment
 from rptcam_cl.rendering.plan.materials import Materials, pack_materials
 from rptcam_cl.rendering.plan.textures import KnownSpectra, Textures, TextureTable
 from rptcam_cl.scene.assets.mesh import Mesh
 from rptcam_cl.scene.base import file_references
-from rptcam_cl.scene.camera import LensCamera
+from rptcam_cl.scene.camera import CameraKind
 from rptcam_cl.scene.exposure import Exposure, Shutter
 from rptcam_cl.scene.film import Film, SpectrumSettings
 from rptcam_cl.scene.materials import Material
@@ -34,7 +34,7 @@ from rptcam_cl.scene.shapes import Board, Box, Cone, Cylinder, Disk, Object, Pla
 # What the last plan was made of, for the next: the frames of a dataset and what a viewfinder shows change little.
 
 Part = TypeVar("Part")
-BY_VALUE = (str, bytes, int, float, LensCamera, Film, Exposure, Shutter, SpectrumSettings)
+BY_VALUE = (str, bytes, int, float, CameraKind, Film, Exposure, Shutter, SpectrumSettings)
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,15 +100,18 @@ class PlanParts:
             return camera_model(scene, scene.spectrum.lens_colour, coarse=coarse)
 
         camera = scene.camera
-        if not isinstance(camera, LensCamera) or not _is_portable(scene, camera):
+        if not _is_portable(scene):
             return make()
         still = camera.model_copy(update={"eye": (0.0, 0.0, 0.0), "target": (0.0, 0.0, -1.0), "up": (0.0, 1.0, 0.0)})
         of = (still, scene.film, scene.exposure, scene.shutter, scene.metres_per_unit, scene.spectrum, coarse)
         return turned(self.part("camera", of, make), camera)
 
 
-def _is_portable(scene: Scene, camera: LensCamera) -> bool:
-    """Return whether a camera is the same wherever it stands, and made of no file that somebody may write anew."""
+def _is_portable(scene: Scene) -> bool:
+    """Return whether a camera's lens is the same wherever it stands, and made of no file that one may write anew."""
+    camera = scene.camera.lens_camera
+    if camera is None:
+        return False
     focus = camera.focus
     if camera.motion or scene.shutter.keys or not (focus.point is None and focus.object is None and focus.auto is None):
         return False

@@ -396,10 +396,10 @@ class TextureTable:
                 self._pictures[content] = picture = read_picture(self._scene.content_of(reference))
             except InputError as problem:
                 raise InputError(f"{reference.place}{problem}") from None
-            if picture.negative.count:
+            if picture.negative[0]:
                 warnings.warn(
-                    f"{reference.place}{picture.negative.count} of {picture.width * picture.height} texels are negative"
-                    f" and count as black (least value {picture.negative.least:.4g})",
+                    f"{reference.place}{picture.negative[0]} of {picture.width * picture.height} texels are negative"
+                    f" and count as black (least value {picture.negative[1]:.4g})",
                     UserWarning,
                     stacklevel=2,
                 )

@@ -16,9 +16,10 @@ from urllib.parse import unquote, unquote_to_bytes
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core.constants import LUMENS_PER_WATT  # glTF counts candelas and lux, a scene watts
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.core.errors import InputError, errors_named
-from rptcam_cl.core.files import read_whole
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.files import errors_named, read_whole
 from rptcam_cl.scene.assets.mesh import (
     LAMPS_LEFT_OUT,
     MOST_TRIANGLES,
@@ -758,7 +759,7 @@ def read_gltf(path: Path, find: Find) -> Draft:
             shown = [_surface(primitive, data, materials, title) for primitive in part.parts("primitives")]
             surfaces += [surface for surface in shown if surface is not None]
             places[mesh] = list(range(before, len(surfaces)))
-        nodes += [Node(index, placement, name or surfaces[index].name) for index in places[mesh]]
+        nodes += [(index, placement, name or surfaces[index].name) for index in places[mesh]]
     if not nodes:
         raise InputError(f"{path}: its scene shows no triangles")
     return Draft(surfaces, materials.materials, nodes, [*materials.notes, *_left_out(document)])
@@ -943,32 +944,10 @@ class GltfCamera:
     aspect: float | None
 
 
-@dataclass(frozen=True)
-class GltfLight:
-    """A lamp without size.
+def read_gltf_world(path: Path) -> tuple[list[GltfCamera], list[dict[str, Any]], list[str]]:
+    """Read the cameras and lamps that the default scene of a glTF file shows, and notes on what is left out.
 
-    Attributes
-    ----------
-    name, kind : str
-        Kind is point, spot or directional.
-    eye, forward : (x, y, z)
-        Place, and unit direction in which it shines.
-    amount : (red, green, blue)
-        Its colour times candelas, for a directional one lux.
-    cone_radians : (inner, outer)
-        Angles from the axis of a spot.
-    """
-
-    name: str
-    kind: str
-    eye: Vector
-    forward: Vector
-    amount: Colour
-    cone_radians: tuple[float, float] = (0.0, math.pi / 4)
-
-
-def read_gltf_world(path: Path) -> tuple[list[GltfCamera], list[GltfLight], list[str]]:
-    """Return the cameras and lamps that the default scene of a glTF file shows, and notes on what is left out.
+    Lamps have the keys of a scene's lights.
 
     Raises
     ------
@@ -979,7 +958,7 @@ def read_gltf_world(path: Path) -> tuple[list[GltfCamera], list[GltfLight], list
     all_cameras = document.parts("cameras")
     all_lights = [light for part in document.extensions(LIGHTS) for light in part.parts("lights")]
     cameras: list[GltfCamera] = []
-    lights: list[GltfLight] = []
+    lights: list[dict[str, Any]] = []
     notes: list[str] = []
     for node, placement in placed_nodes(document):
         if node.has("camera"):
@@ -991,7 +970,7 @@ def read_gltf_world(path: Path) -> tuple[list[GltfCamera], list[GltfLight], list
                 notes.append(f"{node.place}: {name} is not a perspective camera and is left out")
         for shown in node.extensions(LIGHTS):
             light = all_lights[shown.whole("light", below=len(all_lights))]
-            lights += _read_light(light, f"light {len(lights) + 1}", node, placement)
+            lights += _read_light(light, node, placement)
     return cameras, lights, notes
 
 
@@ -1006,21 +985,26 @@ def _read_camera(camera: JsonNode, name: str, node: JsonNode, placement: NDArray
     return GltfCamera(name, eye, forward, up, height, None if math.isnan(aspect) else aspect)
 
 
-def _read_light(light: JsonNode, name: str, node: JsonNode, placement: NDArray[np.float64]) -> list[GltfLight]:
-    """Return a lamp that is not dark; a name is that of one without."""
+def _read_light(light: JsonNode, node: JsonNode, placement: NDArray[np.float64]) -> list[dict[str, Any]]:
+    """Read a lamp that is not dark, as keys of a scene's light."""
     kind = light.text("type")
     if kind not in KINDS:
         raise light.wrong("type", "is not known", ", ".join(KINDS))
     strength = light.number("intensity", 1.0, 0)
-    red, green, blue = (max(0.0, strength * value) for value in light.numbers("color", (1.0, 1.0, 1.0)))
-    if not max(red, green, blue) > 0:
+    amount = [max(0.0, strength * value) / LUMENS_PER_WATT for value in light.numbers("color", (1.0, 1.0, 1.0))]
+    if not max(amount) > 0:
         return []
     cone = light.part("spot")
     outer = cone.number("outerConeAngle", math.pi / 4, 1e-4, math.pi / 2)
     inner = min(cone.number("innerConeAngle", 0.0, 0, math.pi / 2), outer * (1 - 1e-3))
-    name = node.text("name") or light.text("name") or name
     eye, forward = _pose_of(placement, node)
-    return [GltfLight(name, kind, eye, forward, (red, green, blue), (inner, outer))]
+    match kind:
+        case "directional":
+            return [{"kind": kind, "direction": forward, "irradiance": amount}]
+        case "point":
+            return [{"kind": kind, "position": eye, "intensity": amount}]
+    angles = {"inner_degrees": math.degrees(inner), "outer_degrees": math.degrees(outer)}
+    return [{"kind": kind, "position": eye, "intensity": amount, "direction": forward} | angles]
 
 
 def _pose_of(placement: NDArray[np.float64], node: JsonNode) -> tuple[Vector, Vector]:

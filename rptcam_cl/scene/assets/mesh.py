@@ -5,7 +5,8 @@ from __future__ import annotations
 import hashlib
 import io
 import math
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Mapping
 from dataclasses import field, fields, replace
 from functools import cached_property
 from itertools import product
@@ -16,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.core.errors import InputError, errors_named
-from rptcam_cl.core.files import open_regular
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.files import errors_named, open_regular
 from rptcam_cl.scene.assets.pictures import LARGEST_PIXELS
 
 # Materials and textures as mesh files describe them.
@@ -161,28 +162,15 @@ class FileMaterial:
 CHUNK = 1 << 17
 
 
-class Dropped(NamedTuple):
-    """How many triangles were dropped, by reason."""
-
-    not_finite: int = 0
-    no_area: int = 0
-    duplicate: int = 0
-
-    def plus(self, other: Dropped) -> Dropped:
-        """Return the sum by reason."""
-        return Dropped(*(mine + its for mine, its in zip(self, other, strict=True)))
-
-    def __str__(self) -> str:
-        reasons = {"with a vertex that is not finite": self.not_finite, "without area": self.no_area}
-        parts = [f"{count} {reason}" for reason, count in {**reasons, "given twice": self.duplicate}.items() if count]
-        return ", ".join(parts) or "none"
+NOT_FINITE, NO_AREA, TWICE = "with a vertex that is not finite", "without area", "given twice"
 
 
-NOTHING_DROPPED = Dropped()
+def _counted(dropped: Mapping[str, int]) -> str:
+    return ", ".join(f"{count} {reason}" for reason, count in dropped.items() if count) or "none"
 
 
-def sound_faces(positions: NDArray[np.float32], faces: NDArray[Any]) -> tuple[NDArray[np.int32], Dropped]:
-    """Return the faces (m, 3) that have finite vertices, an area and no earlier copy, and the count of the others.
+def sound_faces(positions: NDArray[np.float32], faces: NDArray[Any]) -> tuple[NDArray[np.int32], dict[str, int]]:
+    """The faces (m, 3) that have finite vertices, an area and no earlier copy, and how many others, by reason.
 
     An area is zero when the cross product of two edges is, in float64, which is exact for most float32 corners. A copy
     has the same corners in the same order round; the same corners the other way round are another face.
@@ -201,7 +189,7 @@ def sound_faces(positions: NDArray[np.float32], faces: NDArray[Any]) -> tuple[ND
     copies = _copies(positions, faces)
     if len(copies):
         faces = np.delete(faces, copies, axis=0)
-    return faces, Dropped(not_finite, no_area, len(copies))
+    return faces, {NOT_FINITE: not_finite, NO_AREA: no_area, TWICE: len(copies)}
 
 
 def _without_area(positions: NDArray[np.float32], faces: NDArray[np.int32]) -> NDArray[np.bool_]:
@@ -643,8 +631,8 @@ class MeshSurface:
     name: str | None = None
 
 
-def make_mesh(surface: MeshSurface, place: str) -> tuple[Mesh | None, Dropped]:
-    """Return the mesh of a surface, None when no triangle of it is sound, and how many triangles were dropped.
+def make_mesh(surface: MeshSurface, place: str) -> tuple[Mesh | None, dict[str, int]]:
+    """The mesh of a surface, None when no triangle of it is sound; how many triangles were dropped, by reason.
 
     Parameters
     ----------
@@ -834,15 +822,12 @@ class MeshContents:
 
     Attributes
     ----------
-    parts : tuple of PlacedMesh
-    dropped : Dropped
-        How many triangles could not be used.
+    parts : tuple of MeshPlacement
     notes : tuple of str
         What of the file is left out, triangles included.
     """
 
     parts: tuple[MeshPlacement, ...]
-    dropped: Dropped = NOTHING_DROPPED
     notes: tuple[str, ...] = ()
 
     def with_normals(self, mode: NormalsMode) -> MeshContents:
@@ -863,12 +848,8 @@ class MeshContents:
 LAMPS_LEFT_OUT = "lamps are left out of an object; `rptcam new` makes a scene with them"  # a note of a file
 
 
-class Node(NamedTuple):
-    """A surface at its place in the file."""
-
-    surface: int
-    placement: NDArray[np.float64]
-    name: str | None
+Node = tuple[int, NDArray[np.float64], str | None]
+"""The number of a surface, where it is in the file, and its name."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -900,12 +881,12 @@ def make_contents(draft: Draft, place: str) -> MeshContents:
     InputError
         When no triangle is left.
     """
-    nodes = draft.nodes or [Node(index, np.eye(4), surface.name) for index, surface in enumerate(draft.surfaces)]
-    dropped = NOTHING_DROPPED
+    nodes = draft.nodes or [(index, np.eye(4), surface.name) for index, surface in enumerate(draft.surfaces)]
+    dropped: Counter[str] = Counter()
     meshes: dict[int, Mesh | None] = {}
     for index in dict.fromkeys(index for index, _, _ in nodes):
         meshes[index], lost = make_mesh(draft.surfaces[index], place)
-        dropped = dropped.plus(lost)
+        dropped.update(lost)
     parts = []
     for index, placement, name in nodes:
         if (mesh := meshes[index]) is not None:
@@ -915,9 +896,9 @@ def make_contents(draft: Draft, place: str) -> MeshContents:
                 material = material.without_textures()
             parts.append(MeshPlacement(mesh, placement, material, name))
     if not parts:
-        raise InputError(f"{place}: has no triangle that can be shown (dropped: {dropped})")
-    notes = [*draft.notes, f"{place}: triangles dropped: {dropped}"] if any(dropped) else draft.notes
-    return MeshContents(tuple(parts), dropped, tuple(notes))
+        raise InputError(f"{place}: has no triangle that can be shown (dropped: {_counted(dropped)})")
+    notes = [*draft.notes, f"{place}: triangles dropped: {_counted(dropped)}"] if any(dropped.values()) else draft.notes
+    return MeshContents(tuple(parts), tuple(notes))
 
 
 LARGEST_MESH = 16 << 30  # bytes

@@ -24,17 +24,6 @@ LARGEST_PIXELS = 1 << 26  # 64 million: an equirectangular picture of 8192 x 819
 SLIGHTLY_NEGATIVE = -1e-3  # what resampling leaves beside bright edges; taken as zero
 
 
-@dataclass(frozen=True)
-class Negative:
-    """How many texels had a clearly negative channel, and the least value."""
-
-    count: int
-    least: float
-
-
-NO_NEGATIVE = Negative(0, 0.0)
-
-
 @dataclass(frozen=True, eq=False)
 class Picture:
     """Texels of a picture.
@@ -47,14 +36,14 @@ class Picture:
         Whether the file has an alpha channel; otherwise alpha is opaque.
     encoded : bool
         Whether a file of this kind normally holds sRGB-encoded colours and not linear ones.
-    negative : Negative
-        Texels below zero in the file, which are black here.
+    negative : (int, float)
+        How many texels of the file have a clearly negative channel, and the least value; they are black here.
     """
 
     texels: NDArray[np.uint8] | NDArray[np.float32]
     has_alpha: bool
     encoded: bool
-    negative: Negative = NO_NEGATIVE
+    negative: tuple[int, float] = (0, 0.0)
 
     @property
     def height(self) -> int:
@@ -81,8 +70,8 @@ def check_size(width: int, height: int) -> None:
         raise InputError(f"is too large (got {width} x {height} pixels; allowed: at most {LARGEST_PIXELS})")
 
 
-def checked_floats(texels: NDArray[np.float32]) -> tuple[NDArray[np.float32], Negative]:
-    """Return texels (height, width, channels) with negative ones made zero, and how many were clearly negative.
+def checked_floats(texels: NDArray[np.float32]) -> tuple[NDArray[np.float32], tuple[int, float]]:
+    """Texels (height, width, channels), negative ones made zero; how many were clearly negative, and the least value.
 
     Raises
     ------
@@ -98,7 +87,7 @@ def checked_floats(texels: NDArray[np.float32]) -> tuple[NDArray[np.float32], Ne
         )
     least = float(texels.min(initial=0.0))
     below = int((texels < SLIGHTLY_NEGATIVE).any(axis=2).sum()) if least < SLIGHTLY_NEGATIVE else 0
-    return np.maximum(texels, np.float32(0)), Negative(below, least) if below else NO_NEGATIVE
+    return np.maximum(texels, np.float32(0)), (below, least) if below else (0, 0.0)
 
 
 # PNG, JPEG, TIFF, BMP and WebP, read by Pillow with its other formats shut off.

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from rptcam_cl.imaging.sensor import demosaiced, exposed, linear_picture, mosaic
+from rptcam_cl.imaging.sensor import demosaiced, expose, linear_picture, mosaic
 from tests.imaging.sensor.sensors import flat, sensor
 
 ORDERS = ("RGGB", "BGGR", "GRBG", "GBRG")
@@ -93,26 +93,27 @@ def test_chart_keeps_its_colours_through_the_sensor(order: str, response: str | 
     film = CHART.repeat(48, axis=0).repeat(48, axis=1)
     many = replace(sensor(response, bayer=order, bit_depth=16, full_well_e=3e8), black_level_dn=2048.0)
     silent = replace(many, electrons=many.electrons * 1e4, system_gain_dn_per_e=(65535 - 2048) / 3e8)
-    found = linear_picture(exposed(film, silent))
+    found = linear_picture(expose(film, silent), silent)
     patches = found.reshape(3, 48, 6, 48, 3)[:, 12:-12, :, 12:-12].mean(axis=(1, 3))
     assert patches == pytest.approx(CHART, abs=2e-4)  # a dozen steps of the converter, of which pixels average many
 
 
 def test_chart_would_show_a_wrong_order() -> None:
     film = CHART.repeat(48, axis=0).repeat(48, axis=1)
-    frame = exposed(film, sensor(bayer="RGGB"))
-    found = linear_picture(replace(frame, sensor=sensor(bayer="BGGR")))
+    found = linear_picture(expose(film, sensor(bayer="RGGB")), sensor(bayer="BGGR"))
     assert np.abs(found.reshape(3, 48, 6, 48, 3).mean(axis=(1, 3)) - CHART).max() > 0.1
 
 
 def test_highlights_stay_neutral() -> None:
     for order in ("RGGB", "none"):
-        found = linear_picture(exposed(flat(5.0), sensor("nikon_d5100", bayer=order)))
+        chosen = sensor("nikon_d5100", bayer=order)
+        found = linear_picture(expose(flat(5.0), chosen), chosen)
         assert found == pytest.approx(np.ones_like(found), abs=0.02)
 
 
 def test_monochrome_sees_all_light() -> None:
-    found = linear_picture(exposed(flat([0.3, 0.5, 0.1]), sensor(bayer="monochrome", full_well_e=1e6)))
+    chosen = sensor(bayer="monochrome", full_well_e=1e6)
+    found = linear_picture(expose(flat([0.3, 0.5, 0.1]), chosen), chosen)
     weights = sensor().electrons.sum(axis=1) / sensor().electrons.sum()
     assert found[..., 0].mean() == pytest.approx(float(weights @ [0.3, 0.5, 0.1]), rel=0.01)
     assert np.array_equal(found[..., 0], found[..., 2])

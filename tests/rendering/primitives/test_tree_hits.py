@@ -103,7 +103,7 @@ def test_hits_among_meshes_are_those_of_the_loop(session, monkeypatch):
     assert len(objects) - 1 in expected.primitive  # the mesh stands last
 
 
-@pytest.mark.parametrize("count", [1, 2, 5])
+@pytest.mark.parametrize("count", [1, pytest.param(2, marks=pytest.mark.slow), 5])
 def test_few_primitives_make_a_sound_tree(session, monkeypatch, count):
     rng = rng_of(f"few {count}")
     tree, loop = both(session, monkeypatch, crowd(rng, count)[:count])

@@ -9,8 +9,7 @@ import pytest
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.library import load_lens
 from rptcam_cl.rendering.tolerances import Limit, components, draw_values, limits, specification
-from rptcam_cl.scene.lens_settings import GRADES
-from rptcam_cl.scene.tolerances import Merit, Tolerance, Tolerances
+from rptcam_cl.scene.lens_settings import GRADES, Merit, Tolerance, Tolerances
 
 TRIPLET = load_lens("cooke-triplet-50mm")
 

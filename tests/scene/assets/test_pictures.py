@@ -173,7 +173,7 @@ def test_slightly_negative_texels_are_black(tmp_path: Path) -> None:
     colours[0, 1, 2] = -5e-4
     picture = read_picture(save_exr(tmp_path / "a.exr", {"RGB": colours}))
     assert picture.texels[0, 1, 2] == 0
-    assert picture.negative.count == 0
+    assert picture.negative[0] == 0
 
 
 def test_negative_texels_of_an_environment_are_black_with_one_warning(tmp_path: Path) -> None:
