@@ -54,20 +54,27 @@ def light_emitter(
 ) -> tuple[np.void, float]:
     """Return record and power [W, luminance] of a light; ``reach`` is the radius of the scene [m]."""
     record = _without_surface()
+    colour: Colour
     match light:
         case PointLight():
-            fill(record, kind=EmitterKind.POINT, radiance=light.intensity)
-            power = 4 * np.pi * luminance(light.intensity)
+            colour = light.intensity
+            fill(record, kind=EmitterKind.POINT, radiance=colour)
+            power = 4 * np.pi * luminance(colour)
         case SpotLight():
-            power = _spot(record, light)
+            colour, power = light.intensity, _spot(record, light)
         case ProfileLight():
-            power = _profile(record, light, scene, textures)
+            colour, power = light.color, _profile(record, light, scene, textures)
         case DirectionalLight():
-            fill(record, kind=EmitterKind.DIRECTIONAL, radiance=light.irradiance)
-            power = np.pi * reach**2 * luminance(light.irradiance)
+            colour = light.irradiance
+            fill(record, kind=EmitterKind.DIRECTIONAL, radiance=colour)
+            power = np.pi * reach**2 * luminance(colour)
         case SunLight():
-            power = fill_sun(record, light.irradiance, light.diameter_degrees / 2) * np.pi * reach**2
-    record["radiance"][3] = _number(light, record, spectra)
+            colour = light.irradiance
+            power = fill_sun(record, colour, light.diameter_degrees / 2) * np.pi * reach**2
+    # The spectrum is scaled as the record has its colour.
+    largest = int(np.argmax(colour))
+    gain = float(record["radiance"][largest]) / colour[largest] if colour[largest] > 0 else 0.0
+    record["radiance"][3] = spectra.number(colour, light=True, gain=gain)
     if isinstance(light, DirectionalLight | SunLight):
         record["normal"][:3] = -_unit(light.direction)
     else:
@@ -78,20 +85,6 @@ def light_emitter(
 def _without_surface() -> np.void:
     record: np.void = EMITTER.one(primitive=-1, triangle=-1, texture=-1)[0]
     return record
-
-
-def _number(light: Light, record: np.void, spectra: KnownSpectra) -> int:
-    """Return the number of a light's spectrum, scaled as the record has its colour."""
-    match light:
-        case PointLight() | SpotLight():
-            colour: Colour = light.intensity
-        case DirectionalLight() | SunLight():
-            colour = light.irradiance
-        case ProfileLight():
-            colour = light.color
-    largest = int(np.argmax(colour))
-    gain = float(record["radiance"][largest]) / colour[largest] if colour[largest] > 0 else 0.0
-    return spectra.number(colour, light=True, gain=gain)
 
 
 def fill_sun(record: np.void, irradiance: tuple[float, float, float], radius_degrees: float) -> float:
