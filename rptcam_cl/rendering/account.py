@@ -397,7 +397,7 @@ def forecast(
     """
     layout = wavefront.layout
     held = wavefront.wavefronts if isinstance(wavefront, SharedWavefront) else [wavefront]
-    saved = sum(array.nbytes for array in part.packed(FilmRun(wavefront).state()[1], layout.tiles).values())
+    saved = sum(array.nbytes for array in part.pack(FilmRun(wavefront).state()[1], layout.tiles).values())
     tiles = part.tiles(layout.tiles)
     at_once = max(wavefront.capacity // wavefront.samples_per_wave, BLOCK) // TILE_PIXELS
     step = -(-len(tiles) // at_once)

@@ -257,7 +257,7 @@ class Saver:
         self.focus = saved.facts.get("focus")
         self.parts = list(saved.facts.get("work", []))
         warn_of_not_finite(saved)
-        return saved.done, self.part.unpacked(saved.arrays, self._layout.tiles, self._layout.pixels)
+        return saved.done, self.part.unpack(saved.arrays, self._layout.tiles, self._layout.pixels)
 
     @property
     def makers(self) -> list[Maker]:
@@ -311,7 +311,7 @@ class Saver:
         work = join_parts(self.parts, self.parts_since(done))
         facts = {**self._facts, **resolved, "done": done, "devices": self._devices, "work": work}
         facts |= {"picture": self.of_picture, "part": part.facts(), "made_by": self.makers}
-        return facts, part.packed({**arrays, **self.beside()}, self._layout.tiles)
+        return facts, part.pack({**arrays, **self.beside()}, self._layout.tiles)
 
     def _try_to_save(self, state: Callable[[], SavedState]) -> bool:
         self._saved = time.monotonic()
@@ -665,7 +665,7 @@ def merge_arrays(parts: Sequence[Checkpoint], layout: FilmLayout) -> Arrays:
     whole = {name: np.zeros((count, layout.pixels), np.float32) for name, count in planes.items()}
     counts = np.zeros_like(parts[0].arrays.get("counts", np.zeros(0)), np.uint64)
     for part in sorted(parts, key=lambda each: each.part.first):
-        arrays = part.part.unpacked(part.arrays, layout.tiles, layout.pixels)
+        arrays = part.part.unpack(part.arrays, layout.tiles, layout.pixels)
         _check_fit(part, arrays, whole, counts)
         pixels = pixels_of(part.part.tiles(layout.tiles))
         whole["film"][PLANES:, pixels] += arrays["film"][PLANES:, pixels]  # what a limit of the samples removed

@@ -18,7 +18,7 @@ from rptcam_cl.device.session import Session
 from rptcam_cl.rendering.cameras.lamp_aim import Sights
 from rptcam_cl.rendering.plan.materials import SPREADING_ALPHA, Lobe, lobes_of
 from rptcam_cl.rendering.plan.mirror_faces import Bend, Faces, Outline, polished_count, polished_faces
-from rptcam_cl.rendering.plan.plan import Plan, aimed, may_aim
+from rptcam_cl.rendering.plan.plan import Plan, aim, may_aim
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
 from rptcam_cl.rendering.several import GOLDEN
 
@@ -777,7 +777,7 @@ def aimed_plan(
         scene = held[0] = held[0] or SceneBuffers(session, plan)
         return _open(sights, session, plan, scene)
 
-    new = aimed(plan, shows, _name_of_sights(plan, session), on_disk=buffers is None)
+    new = aim(plan, shows, _name_of_sights(plan, session), on_disk=buffers is None)
     scene = held[0]
     return new, scene if new is plan or scene is None else SceneBuffers(session, new, scene)
 

@@ -262,7 +262,7 @@ class CameraPasses:
                 session, camera, facts, buffers.capacity, scene.camera, buffers.tiles, scene.filter, scene.colours
             )
         self._generate = session.bind(
-            program, "generate", **buffers.slots, **_generated(scene), counters=buffers.film.counters, wave=_NO_WAVE,
+            program, "generate", **buffers.slots, **_arguments_of(scene), counters=buffers.film.counters, wave=_NO_WAVE,
             tiles=buffers.tiles, **({} if self._lens is None else {"traced": self._lens.rays}),
         )  # fmt: skip
 
@@ -270,7 +270,7 @@ class CameraPasses:
         """Make the rays of another plan, whose kernels are the same; return whether that can be."""
         if self._lens is not None:
             return False
-        self._generate.set(**_generated(scene))
+        self._generate.set(**_arguments_of(scene))
         return True
 
     def use_camera(self, camera: CameraModel) -> None:
@@ -288,7 +288,7 @@ class CameraPasses:
         run(self._generate, slots // self._slots_per_item)
 
 
-def _generated(scene: SceneBuffers) -> dict[str, Any]:
+def _arguments_of(scene: SceneBuffers) -> dict[str, Any]:
     """The arguments of ``generate`` that a scene decides."""
     return {**scene.camera, **scene.trajectory, "filter": scene.filter, "colours": scene.colours}
 

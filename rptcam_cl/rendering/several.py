@@ -168,15 +168,15 @@ class FilmPart:
         samples[own] = ends[own] - self.first
         return samples
 
-    def packed(self, arrays: Arrays, tiles: int) -> Arrays:
+    def pack(self, arrays: Arrays, tiles: int) -> Arrays:
         """Return the arrays of a saved render with its own tiles alone."""
         if self.count == 1:
             return arrays
         pixels = pixels_of(self.tiles(tiles))
         return arrays | {name: array[:, pixels] for name, array in arrays.items() if name.startswith(IN_PIXELS)}
 
-    def unpacked(self, arrays: Arrays, tiles: int, pixels: int) -> Arrays:
-        """Return the arrays that `packed` was given, of a buffer of so many pixels, other tiles empty.
+    def unpack(self, arrays: Arrays, tiles: int, pixels: int) -> Arrays:
+        """Return the arrays that `pack` was given, of a buffer of so many pixels, other tiles empty.
 
         Arrays that do not fit are left as they are.
         """
@@ -319,7 +319,7 @@ class Worker:
         self.kept += self.wavefront.camera_rays
         self.wavefront.clear_counts()
 
-    def described(self) -> dict[str, Any]:
+    def describe(self) -> dict[str, Any]:
         """Describe what it has done."""
         working = self.dropped is None
         return {
@@ -614,7 +614,7 @@ class SharedWavefront(RenderedFilm):
 
     def devices(self) -> list[dict[str, Any]]:
         """Describe what each device has done."""
-        return [worker.described() for worker in self._workers]
+        return [worker.describe() for worker in self._workers]
 
 
 AnyWavefront = Wavefront | SharedWavefront

@@ -238,7 +238,7 @@ MOVES_OF_LAUNCH = 1 << 11  # a GPU that shows a screen, too, ends a launch that 
 STEPS_OF_MOVE = 6 * 128  # at most: five ways up a tree, taken together with the loop over the moves
 
 
-def reinserted(tree: BinaryTree, max_depth: int, session: Session) -> BinaryTree:
+def reinsert(tree: BinaryTree, max_depth: int, session: Session) -> BinaryTree:
     """Return a tree of the same leaves with less area, or the same tree where that would get deeper than ``max_depth``.
 
     In each round all nodes look for better places at once, and then move one after the other, the greatest gain first
@@ -794,7 +794,7 @@ def build_bvh(
         return _empty_tree(width, leaf_size)
     max_depth = max_binary_depth(width)
     blocks, bounds, depths = sort_into_leaves(lower, upper, leaf_size, max_depth, session)
-    return widen(reinserted(binary_tree(depths, bounds), max_depth, session), blocks, width)
+    return widen(reinsert(binary_tree(depths, bounds), max_depth, session), blocks, width)
 
 
 def check_boxes(lower: NDArray[np.float32], upper: NDArray[np.float32]) -> None:

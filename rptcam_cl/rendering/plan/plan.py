@@ -723,7 +723,7 @@ def may_aim(plan: Plan, layers: Iterable[str] = ()) -> bool:
     return bool(plan.lamps) and not (plan.steps or plan.facts["CAMERA_SEGMENTS"] or FIRST_RAY & set(layers))
 
 
-def aimed(plan: Plan, shows: Shows, sights: str | None = None, *, on_disk: bool = True) -> Plan:
+def aim(plan: Plan, shows: Shows, sights: str | None = None, *, on_disk: bool = True) -> Plan:
     """Return a plan that `may_aim` with camera rays that aim at lamps; without one out of focus, the plan as given.
 
     Parameters

@@ -46,10 +46,10 @@ class Appearance:
     shown: Materials
     surroundings: Surroundings
 
-    def copied(self) -> Appearance:
+    def copy(self) -> Appearance:
         """Return these to be added to: lights have textures and spectra too, and write into the surroundings."""
         surroundings = replace(self.surroundings, record=self.surroundings.record.copy())
-        return Appearance(self.table.copied(), self.spectra.copied(), self.shown, surroundings)
+        return Appearance(self.table.copy(), self.spectra.copy(), self.shown, surroundings)
 
 
 class PlanParts:
@@ -86,7 +86,7 @@ class PlanParts:
             shown = pack_materials(materials, table, spectra)
             return Appearance(table, spectra, shown, pack_environment(scene, table, spectra))
 
-        return self.part("appearance", (*materials, scene.environment, files), make).copied()
+        return self.part("appearance", (*materials, scene.environment, files), make).copy()
 
     def textures(self, appearance: Appearance) -> Textures:
         """Return the textures of appearance to which all has been added."""
@@ -191,7 +191,7 @@ class PackedMeshes:
     first_triangles: tuple[int, ...]
 
 
-def shifted(points: NDArray[np.float32], shift: NDArray[np.float64]) -> NDArray[np.float32]:
+def shift_points(points: NDArray[np.float32], shift: NDArray[np.float64]) -> NDArray[np.float32]:
     """Return points or box corners (..., 3) moved by ``shift``, rounded once.
 
     Rounding keeps order, so a box that held points before holds them afterwards.
