@@ -330,7 +330,7 @@ def clamp_text(limit: float, removed_share: float) -> str:
 
 
 def describe_before(scene: Scene, plan: Plan, found_before: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the metadata of a picture that has no samples yet; `with_counts` fills in what follows from them."""
+    """The metadata of a picture that has no samples yet; `checkpoint.picture_of` fills in what follows from them."""
     knowledge = {
         "samples_dropped": 0,
         "rays_not_converged": 0,

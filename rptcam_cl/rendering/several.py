@@ -205,7 +205,7 @@ WHOLE = FilmPart()
 
 
 def part_of_facts(facts: Any) -> FilmPart:
-    """Return the part that `FilmPart.facts` described.
+    """The part that `FilmPart.facts` describes.
 
     Raises
     ------

@@ -240,7 +240,7 @@ class Colours:
     Attributes
     ----------
     words : array of uint32
-        Texels as `rptcam_cl.rendering.plan.textures.packed` returns them.
+        Texels as `pack_texels` returns them.
     scale : float
         What a stored 1 stands for.
     size : (height, width)
