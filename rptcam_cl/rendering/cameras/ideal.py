@@ -22,13 +22,10 @@ from rptcam_cl.optics.stop_shape import StopMask, StopShape, blades, fitted, hea
 from rptcam_cl.rendering.cameras.model import (
     Blur,
     film_depths,
-    half_tangents,
     intrinsics,
     perfect_blur,
 )
 from rptcam_cl.rendering.cameras.setting import Intrinsics, LensSetting
-from rptcam_cl.scene.camera import ThinLensCamera
-from rptcam_cl.scene.film import Film
 from rptcam_cl.scene.lens_settings import (
     Aperture,
     Dirt,
@@ -237,32 +234,6 @@ def _mask(scene: Scene, aperture: ImageAperture) -> NDArray[np.bool_]:
 
 
 # The thin lens: an ideal lens of no thickness with one plane of focus.
-
-
-def optics_of(camera: ThinLensCamera, film: Film) -> tuple[float, float, float]:
-    """Return the tangents of half the field across and down, and the focal length [m].
-
-    The film stands where the plane of focus is sharp, 1/f = 1/focus + 1/film distance; given the field of view instead
-    of the focal length, the film distance follows from the film's size.
-    """
-    width, height = film.size_m()
-    focus = camera.plane_m
-    if camera.focal_length_mm is not None:
-        focal_length = camera.focal_length_mm * 1e-3
-        distance = 1 / (1 / focal_length - 1 / focus)
-        return width / 2 / distance, height / 2 / distance, focal_length
-    assert camera.fov_degrees is not None
-    across, down = half_tangents(camera.fov_degrees, camera.fov_axis, film)
-    distance = width / 2 / across
-    return across, down, 1 / (1 / distance + 1 / focus)
-
-
-def radius_of(camera: ThinLensCamera, focal_length_m: float) -> float:
-    """Return the radius of the opening [m]."""
-    if camera.aperture_radius_m is not None:
-        return camera.aperture_radius_m
-    assert camera.f_number is not None
-    return focal_length_m / camera.f_number / 2
 
 
 def thin_lens_blur(scene: Scene, gain: float, focus: float, film_distance_m: float) -> Blur:

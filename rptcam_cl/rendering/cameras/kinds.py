@@ -27,8 +27,6 @@ from rptcam_cl.rendering.cameras.film_pupil import (
 from rptcam_cl.rendering.cameras.ideal import (
     ThickLens,
     aperture_tables,
-    optics_of,
-    radius_of,
     shaped,
     stop_shape,
     thick_lens_blur,
@@ -269,11 +267,27 @@ class _ThinLens(CameraOptics):
 
     @cached_property
     def _optics(self) -> tuple[float, float, float]:
-        return optics_of(self.camera, self.scene.film)
+        """The tangents of half the field across and down, and the focal length [m].
+
+        The film stands where the plane of focus is sharp, 1/f = 1/focus + 1/film distance; given the field of view
+        instead of the focal length, the film distance follows from the film's size.
+        """
+        camera, (width, height) = self.camera, self.scene.film.size_m()
+        if camera.focal_length_mm is not None:
+            focal_length = camera.focal_length_mm * 1e-3
+            distance = 1 / (1 / focal_length - 1 / camera.plane_m)
+            return width / 2 / distance, height / 2 / distance, focal_length
+        assert camera.fov_degrees is not None
+        across, down = half_tangents(camera.fov_degrees, camera.fov_axis, self.scene.film)
+        distance = width / 2 / across
+        return across, down, 1 / (1 / distance + 1 / camera.plane_m)
 
     @property
     def _radius_m(self) -> float:
-        return radius_of(self.camera, self._optics[2])
+        if self.camera.aperture_radius_m is not None:
+            return self.camera.aperture_radius_m
+        assert self.camera.f_number is not None
+        return self._optics[2] / self.camera.f_number / 2
 
     @property
     def _film_m(self) -> float:

@@ -27,7 +27,6 @@ from rptcam_cl.optics.lens import (
     travel_mm,
 )
 from rptcam_cl.rendering.cameras.film_pupil import PupilRays
-from rptcam_cl.rendering.cameras.ideal import optics_of
 from rptcam_cl.rendering.cameras.kinds import camera_of
 from rptcam_cl.rendering.cameras.model import CameraModel
 from rptcam_cl.rendering.cameras.setting import (
@@ -340,8 +339,10 @@ class ThinDrive(Drive):
     @cached_property
     def _focal_length_mm(self) -> float:
         """Focal length, or for a field of view the film distance: its focal length at infinity [mm]."""
-        far = self._camera.model_copy(update={"focus_distance_m": FARTHEST_M})
-        return optics_of(far, self.scene.film)[2] * 1e3
+        far = self._camera.model_copy(update={"focus_distance_m": FARTHEST_M, "focus": None})
+        focal_length_mm = camera_of(self.scene.model_copy(update={"camera": far})).focal_length_mm()
+        assert focal_length_mm is not None
+        return focal_length_mm
 
     def _is_fixed(self) -> bool:
         return self._camera.focal_length_mm is not None
