@@ -180,21 +180,21 @@ def _margin(knowledge: dict[str, Any]) -> tuple[str, dict[str, Any] | None]:
 
 def anomalies(knowledge: dict[str, Any]) -> list[str]:
     """List the faults that a strict render must not have met, each in a few words; none where all is well."""
-    found = []
+    faults = []
     if dropped := knowledge["samples_dropped"]:
-        found.append(f"{dropped} samples were not finite and were dropped")
+        faults.append(f"{dropped} samples were not finite and were dropped")
     if lost := knowledge["rays_not_converged"]:
-        found.append(f"{lost} rays found no point on a surface of the lens")
+        faults.append(f"{lost} rays found no point on a surface of the lens")
     name, margin = _margin(knowledge)
     if margin is not None:
         if margin["other_fate"] > OTHER_FATES * margin["rays"]:
-            found.append(
+            faults.append(
                 f"{name} sends {margin['other_fate']} of {margin['rays']} rays through the lens elsewhere than the"
                 f" float64 reference (allowed: {OTHER_FATES:.0%})"
             )
         if (margin["pixels"] or 0.0) > LARGEST_ERROR_PX:
-            found.append(f"{name} errs by {margin['pixels']:.2g} px in the lens (allowed: {LARGEST_ERROR_PX:g} px)")
-    return found
+            faults.append(f"{name} errs by {margin['pixels']:.2g} px in the lens (allowed: {LARGEST_ERROR_PX:g} px)")
+    return faults
 
 
 # What the statistics repeat of the metadata, for programs that measure in pictures.
@@ -206,12 +206,12 @@ GEOMETRY = (
 
 def boards_of(scene: Scene) -> dict[str, Any]:
     """Describe the boards of a scene when the shutter opens, for its metadata; nothing without any."""
-    found = [
+    boards = [
         item.described(index, scene.shutter.open_s, scene.metres_per_unit)
         for index, item in enumerate(scene.objects)
         if isinstance(item, Board)
     ]
-    return {"boards": found} if found else {}
+    return {"boards": boards} if boards else {}
 
 
 # Layers whose identifiers are read by the names of objects, and of materials.
@@ -288,7 +288,7 @@ def describe(
     ``found_before`` is what was found before the render: focus, camera model and exposure.
     """
     layers, content_hash = scene.render.layers, scene.content_hash()
-    found = {
+    metadata = {
         "software": f"rptcam_cl {__version__}",
         "version": __version__,
         "made_by": stats["made_by"],
@@ -312,11 +312,11 @@ def describe(
         **found_before,
         "numerics": summary(stats["numerics"]),
     }
-    if "entrance_pupil" in found:
-        found["entrance_pupil"] = pupil_in_world(scene, found["entrance_pupil"])
+    if "entrance_pupil" in metadata:
+        metadata["entrance_pupil"] = pupil_in_world(scene, metadata["entrance_pupil"])
     if "clamp" in stats:
-        found["clamp"] = clamp_text(**stats["clamp"])
-    return found
+        metadata["clamp"] = clamp_text(**stats["clamp"])
+    return metadata
 
 
 def of_makers(makers: Sequence[Maker]) -> dict[str, Any]:
@@ -330,7 +330,7 @@ def clamp_text(limit: float, removed_share: float) -> str:
 
 
 def describe_before(scene: Scene, plan: Plan, found_before: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the metadata of a picture that has no samples yet; `with_counts` fills in what follows from them."""
+    """The metadata of a picture that has no samples yet; `checkpoint.picture_of` fills in what follows from them."""
     knowledge = {
         "samples_dropped": 0,
         "rays_not_converged": 0,
@@ -397,7 +397,7 @@ def forecast(
     """
     layout = wavefront.layout
     held = wavefront.wavefronts if isinstance(wavefront, SharedWavefront) else [wavefront]
-    saved = sum(array.nbytes for array in part.packed(FilmRun(wavefront).state()[1], layout.tiles).values())
+    saved = sum(array.nbytes for array in part.pack(FilmRun(wavefront).state()[1], layout.tiles).values())
     tiles = part.tiles(layout.tiles)
     at_once = max(wavefront.capacity // wavefront.samples_per_wave, BLOCK) // TILE_PIXELS
     step = -(-len(tiles) // at_once)

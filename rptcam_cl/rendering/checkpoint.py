@@ -257,7 +257,7 @@ class Saver:
         self.focus = saved.facts.get("focus")
         self.parts = list(saved.facts.get("work", []))
         warn_of_not_finite(saved)
-        return saved.done, self.part.unpacked(saved.arrays, self._layout.tiles, self._layout.pixels)
+        return saved.done, self.part.unpack(saved.arrays, self._layout.tiles, self._layout.pixels)
 
     @property
     def makers(self) -> list[Maker]:
@@ -311,7 +311,7 @@ class Saver:
         work = join_parts(self.parts, self.parts_since(done))
         facts = {**self._facts, **resolved, "done": done, "devices": self._devices, "work": work}
         facts |= {"picture": self.of_picture, "part": part.facts(), "made_by": self.makers}
-        return facts, part.packed({**arrays, **self.beside()}, self._layout.tiles)
+        return facts, part.pack({**arrays, **self.beside()}, self._layout.tiles)
 
     def _try_to_save(self, state: Callable[[], SavedState]) -> bool:
         self._saved = time.monotonic()
@@ -453,16 +453,16 @@ def picture_of(
 
 def _metadata(before: dict[str, Any], stats: dict[str, Any]) -> dict[str, Any]:
     """Return metadata with what follows from the samples, in the order that a render gives them."""
-    found = before | {"spp": stats["spp"], "device": stats["device"]} | of_makers(stats["made_by"])
-    found["numerics"] = before["numerics"] | {
+    metadata = before | {"spp": stats["spp"], "device": stats["device"]} | of_makers(stats["made_by"])
+    metadata["numerics"] = before["numerics"] | {
         "samples_dropped": stats["not_finite"],
         "rays_not_converged": stats["lens"]["no_convergence"] if "lens" in stats else 0,
     }
     if "clamp" in stats:
-        found["clamp"] = clamp_text(**stats["clamp"])
+        metadata["clamp"] = clamp_text(**stats["clamp"])
     if len({tuple(part["devices"]) for part in stats["parts"]}) > 1:
-        found["parts"] = stats["parts"]
-    return found
+        metadata["parts"] = stats["parts"]
+    return metadata
 
 
 #
@@ -631,7 +631,7 @@ def _gaps(
     """Name the samples before ``end`` that tiles lack: by parts where it is whole parts, else by tiles."""
     lacking = np.zeros(layout.tiles, np.bool_)
     lacking[tiles] = reached[tiles] < end
-    found = []
+    gaps = []
     for begin in np.unique(reached[lacking]):
         alike = lacking & (reached == begin)
         names = []
@@ -645,8 +645,8 @@ def _gaps(
             first = int(np.flatnonzero(alike)[0])
             x, y = TILE * (first % layout.tiles_across), TILE * (first // layout.tiles_across)
             names.append(f"{int(alike.sum())} tiles, the first at pixel {x}, {y}")
-        found.append(f"samples {begin}:{end} of {', '.join(names)}")
-    return found
+        gaps.append(f"samples {begin}:{end} of {', '.join(names)}")
+    return gaps
 
 
 def merge_arrays(parts: Sequence[Checkpoint], layout: FilmLayout) -> Arrays:
@@ -662,37 +662,37 @@ def merge_arrays(parts: Sequence[Checkpoint], layout: FilmLayout) -> Arrays:
     layers = LayerPlanes(facts["layers"])
     if layers.names:
         planes["layers"] = layers.count
-    found = {name: np.zeros((count, layout.pixels), np.float32) for name, count in planes.items()}
+    whole = {name: np.zeros((count, layout.pixels), np.float32) for name, count in planes.items()}
     counts = np.zeros_like(parts[0].arrays.get("counts", np.zeros(0)), np.uint64)
     for part in sorted(parts, key=lambda each: each.part.first):
-        arrays = part.part.unpacked(part.arrays, layout.tiles, layout.pixels)
-        _check_fit(part, arrays, found, counts)
+        arrays = part.part.unpack(part.arrays, layout.tiles, layout.pixels)
+        _check_fit(part, arrays, whole, counts)
         pixels = pixels_of(part.part.tiles(layout.tiles))
-        found["film"][PLANES:, pixels] += arrays["film"][PLANES:, pixels]  # what a limit of the samples removed
-        _add(found["film"], arrays["film"], pixels, PLANES // 2)
-        _put_sharp(part, arrays, found, pixels)
+        whole["film"][PLANES:, pixels] += arrays["film"][PLANES:, pixels]  # what a limit of the samples removed
+        _add(whole["film"], arrays["film"], pixels, PLANES // 2)
+        _put_sharp(part, arrays, whole, pixels)
         if layers.names:
             for name in layers.owners:
-                _add_owners(found["layers"], arrays["layers"], pixels, 2 * layers.sums + layers.places[name])
-            _take_first(found["layers"], arrays["layers"], pixels, 2 * layers.sums)
-            _add(found["layers"], arrays["layers"], pixels, layers.sums)
+                _add_owners(whole["layers"], arrays["layers"], pixels, 2 * layers.sums + layers.places[name])
+            _take_first(whole["layers"], arrays["layers"], pixels, 2 * layers.sums)
+            _add(whole["layers"], arrays["layers"], pixels, layers.sums)
         counts += arrays["counts"]
     extra = {name: array for name, array in parts[0].arrays.items() if name.startswith(EXTRA)}
-    return found | {"counts": counts} | extra
+    return whole | {"counts": counts} | extra
 
 
-def _check_fit(part: Checkpoint, arrays: Arrays, found: Arrays, counts: NDArray[np.uint64]) -> None:
-    for name, whole in (found | {"counts": counts}).items():
+def _check_fit(part: Checkpoint, arrays: Arrays, wanted: Arrays, counts: NDArray[np.uint64]) -> None:
+    for name, whole in (wanted | {"counts": counts}).items():
         if name not in arrays or (arrays[name].shape, arrays[name].dtype) != (whole.shape, whole.dtype):
             raise _damage(part.path, f"its array {name} does not fit")
 
 
-def _put_sharp(part: Checkpoint, arrays: Arrays, found: Arrays, pixels: NDArray[np.int64]) -> None:
+def _put_sharp(part: Checkpoint, arrays: Arrays, merged: Arrays, pixels: NDArray[np.int64]) -> None:
     """Put the sharp layers of some pixels beside those of others; all parts know the same of each."""
     for name in (f"{SHARP}{layer}" for layer in part.facts["layers"] if layer in SHARP_LAYERS):
         own = arrays.get(name, np.zeros(0))
-        whole = found.setdefault(name, np.zeros_like(own))
-        if whole.ndim != 2 or own.shape != (len(whole), found["film"].shape[1]) or own.dtype != whole.dtype:
+        whole = merged.setdefault(name, np.zeros_like(own))
+        if whole.ndim != 2 or own.shape != (len(whole), merged["film"].shape[1]) or own.dtype != whole.dtype:
             raise _damage(part.path, f"its array {name} does not fit")
         whole[:, pixels] = own[:, pixels]
 

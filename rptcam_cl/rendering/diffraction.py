@@ -106,10 +106,10 @@ def _fold(wide: Array, length: int, reach: int, axis: int) -> Array:
     places = np.arange(-reach, length + reach) % (2 * length)
     places = np.where(places < length, places, 2 * length - 1 - places)
     moved = np.moveaxis(wide, axis, 0)
-    found = np.zeros((length, *moved.shape[1:]))
+    inner = np.zeros((length, *moved.shape[1:]))
     for place, line in zip(places, moved, strict=True):
-        found[place] += line
-    return np.moveaxis(found, 0, axis)
+        inner[place] += line
+    return np.moveaxis(inner, 0, axis)
 
 
 #
@@ -265,15 +265,15 @@ class FarLight:
         low = 0.5 * self.reach / self.unit_px(STARBURST_NM[-1])
         radii = np.geomspace(min(low, RESOLVED / 4), RESOLVED, BANDS)
         edges = (self.edges - np.tile(self._middle, 2)) / self._width
-        found = np.zeros((ANGLES, BANDS))
+        shares = np.zeros((ANGLES, BANDS))
         rho = np.arange(CELLS // 2 + 1) / LINE
         to_share = 2 * (np.pi / ANGLES) / LINE / (self._area / self._width**2)
         for start in range(0, ANGLES, AT_ONCE):
             angles = np.pi * (np.arange(start, min(start + AT_ONCE, ANGLES)) + 0.5) / ANGLES
             light = _along(edges, angles) * to_share * rho
             total = np.cumsum(light, axis=1)
-            found[start : start + AT_ONCE] = [np.interp(radii, rho + 0.5 / LINE, line) for line in total]
-        return radii, found - found[:, :1]
+            shares[start : start + AT_ONCE] = [np.interp(radii, rho + 0.5 / LINE, line) for line in total]
+        return radii, shares - shares[:, :1]
 
     @property
     def _middle(self) -> Array:
@@ -283,9 +283,9 @@ class FarLight:
     @cached_property
     def _beyond(self) -> Array:
         """Light of each direction beyond what is resolved, by that of the outer half of it (directions,)."""
-        radii, found = self.within
+        radii, within = self.within
         half = int(np.searchsorted(radii, RESOLVED / 2))
-        return np.asarray((found[:, -1] - found[:, half]) / (RESOLVED / radii[half] - 1))
+        return np.asarray((within[:, -1] - within[:, half]) / (RESOLVED / radii[half] - 1))
 
     def _weights(self, pixels: Array) -> tuple[Array, Array]:
         """Weights of light within `within`, and of that beyond, within radii [pixels], (BANDS, 3, n) and (3, n)."""
@@ -367,7 +367,7 @@ def _sum_up(light: Array) -> Array:
 def _boxes(table: Array, edges: Array, radius: Array, angle: Array) -> Array:
     """Return the light (3, n) of boxes of one pixel about places, of a table summed over directions."""
     log = np.log(edges[1] / edges[0])
-    found = np.zeros((3, len(radius)))
+    light = np.zeros((3, len(radius)))
     half = np.minimum(0.5 / radius, np.pi / 4)
     for outer in (-0.5, 0.5):
         at = np.clip(np.log(np.maximum(radius + outer, edges[0]) / edges[0]) / log, 0, len(edges) - 1.001)
@@ -377,8 +377,8 @@ def _boxes(table: Array, edges: Array, radius: Array, angle: Array) -> Array:
             u, v = to - i, at - j
             value = (table[:, i, j] * (1 - u) + table[:, i + 1, j] * u) * (1 - v)
             value += (table[:, i, j + 1] * (1 - u) + table[:, i + 1, j + 1] * u) * v
-            found += value * (side * (1 if outer > 0 else -1))
-    return np.maximum(found, 0.0) / 2  # a half turn of the table stands for both
+            light += value * (side * (1 if outer > 0 else -1))
+    return np.maximum(light, 0.0) / 2  # a half turn of the table stands for both
 
 
 def lamps_of(planes: Array) -> Array:
@@ -394,13 +394,13 @@ def strew(planes: Array, kernel: Array) -> Array:
     """
     height, width = planes.shape[1:]
     top, left = kernel.shape[1] // 2 - height + 1, kernel.shape[2] // 2 - width + 1
-    found = np.empty_like(planes)
+    light = np.empty_like(planes)
     shape = tuple(quick(2 * side - 1) for side in (height, width))
-    for plane, part, target in zip(planes, kernel, found, strict=True):
+    for plane, part, target in zip(planes, kernel, light, strict=True):
         own = part[top : top + 2 * height - 1, left : left + 2 * width - 1]
         product = np.fft.rfft2(plane, shape) * np.fft.rfft2(own, shape)
         target[:] = np.fft.irfft2(product, shape)[height - 1 : 2 * height - 1, width - 1 : 2 * width - 1]
-    return np.maximum(found, 0.0)
+    return np.maximum(light, 0.0)
 
 
 AIRY = 1.2196698912665045  # radius of the first dark ring, in wavelength times f-number
@@ -438,8 +438,8 @@ class FilmSpread:
     @cached_property
     def kernels(self) -> tuple[tuple[Array, Array], list[Array]]:
         """Columns and rows of the nodes on the whole film, and the kernel of each."""
-        found = [kernel(pupil, self.pixel_mm, self.reach)[:, :, ::-1] for pupil in self.pupils]  # x runs to the left
-        return _nodes(self.resolution), found
+        own = [kernel(pupil, self.pixel_mm, self.reach)[:, :, ::-1] for pupil in self.pupils]  # x runs to the left
+        return _nodes(self.resolution), own
 
     @cached_property
     def far(self) -> tuple[Array, Array]:
@@ -586,11 +586,11 @@ def diffraction_of(scene: Scene) -> Diffraction | None:
     return Diffraction(scene, choice == "on" or radius >= SHOWS_PX, radius, pupils)
 
 
-def diffract(found: Diffraction | None, pixels: NDArray[np.float32]) -> NDArray[np.float32]:
+def diffract(diffraction: Diffraction | None, pixels: NDArray[np.float32]) -> NDArray[np.float32]:
     """Return a film (height, width, 3) of linear RGB with its diffraction; the very same where that is off."""
-    if found is None or not found.is_on:
+    if diffraction is None or not diffraction.is_on:
         return pixels
-    return found.spread.over(pixels, FilmLayout.of(found.scene.film))
+    return diffraction.spread.over(pixels, FilmLayout.of(diffraction.scene.film))
 
 
 def _nodes(resolution: tuple[int, int]) -> tuple[Array, Array]:

@@ -156,9 +156,9 @@ class FilmLayout:
     @cached_property
     def inside(self) -> NDArray[np.bool_]:
         """Whether a pixel of the buffer belongs to the picture."""
-        found = np.zeros(self.pixels, np.bool_)
-        found[self.in_rows(np.arange(self.pixels)[None]).ravel()] = True
-        return found
+        inside = np.zeros(self.pixels, np.bool_)
+        inside[self.in_rows(np.arange(self.pixels)[None]).ravel()] = True
+        return inside
 
     def whole_list(self) -> NDArray[np.uint32]:
         """Return the list of all tiles, filled up to whole blocks."""
@@ -264,11 +264,11 @@ class Waves:
 
     def over(self, tiles: int, first_sample: int, samples: int) -> list[Wave]:
         """Return the waves that render a range of samples of so many tiles."""
-        found, pixels = [], tiles * TILE_PIXELS
+        waves, pixels = [], tiles * TILE_PIXELS
         for start, count in self._pieces(first_sample, samples):
             for pixel in range(0, pixels, self.pixels):
-                found.append((pixel, min(self.pixels, pixels - pixel), start, count))
-        return found
+                waves.append((pixel, min(self.pixels, pixels - pixel), start, count))
+        return waves
 
     def _pieces(self, first_sample: int, samples: int) -> Iterator[tuple[int, int]]:
         """Yield first sample and number of what goes into a wave together."""

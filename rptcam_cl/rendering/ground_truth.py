@@ -72,14 +72,14 @@ class Moments:
 
     def frames(self, objects: Indices, times: Array) -> Array:
         """Return the matrices (n, 4, 4) of the frames of objects [scene units] at moments (n,); unity for none."""
-        found = np.tile(np.eye(4), (len(objects), 1, 1))
+        matrices = np.tile(np.eye(4), (len(objects), 1, 1))
         for index in np.unique(objects[objects >= 0]).tolist():
             mine, item = objects == index, self.scene.objects[index]
             if item.motion:
-                found[mine] = _at_moments(times[mine], partial(object_frame, item))
+                matrices[mine] = _at_moments(times[mine], partial(object_frame, item))
             else:
-                found[mine] = object_frame(item, 0.0)
-        return found
+                matrices[mine] = object_frame(item, 0.0)
+        return matrices
 
     def kind_of(self, index: int) -> str | None:
         """Return the shape of an object; None where there is no such object."""
@@ -88,8 +88,8 @@ class Moments:
 
 def _at_moments(times: Array, matrix: Callable[[float], Array]) -> Array:
     unique, place = np.unique(times, return_inverse=True)
-    found: Array = np.stack([matrix(time) for time in unique.tolist()]) if len(unique) else np.zeros((0, 4, 4))
-    return found[place.reshape(-1)]
+    matrices: Array = np.stack([matrix(time) for time in unique.tolist()]) if len(unique) else np.zeros((0, 4, 4))
+    return matrices[place.reshape(-1)]
 
 
 Neighbours = tuple[Scene | None, Scene | None]
@@ -318,12 +318,12 @@ def saved_truth(
     ValueError
         They do not fit together.
     """
-    found = {}
+    layers = {}
     for name, planes in arrays.items():
         if name.startswith(SHARP):
             rows = np.moveaxis(layout.in_rows(planes), 0, -1)
-            found[name.removeprefix(SHARP)] = np.ascontiguousarray(rows if len(planes) > 1 else rows[..., 0])
-    return found, text_of_array(arrays[SAID]) if SAID in arrays else {}
+            layers[name.removeprefix(SHARP)] = np.ascontiguousarray(rows if len(planes) > 1 else rows[..., 0])
+    return layers, text_of_array(arrays[SAID]) if SAID in arrays else {}
 
 
 def classes_of(scene: Scene) -> dict[str, Any]:

@@ -18,7 +18,7 @@ from rptcam_cl.device.session import Session
 from rptcam_cl.rendering.cameras.lamp_aim import Sights
 from rptcam_cl.rendering.plan.materials import SPREADING_ALPHA, Lobe, lobes_of
 from rptcam_cl.rendering.plan.mirror_faces import Bend, Faces, Outline, polished_count, polished_faces
-from rptcam_cl.rendering.plan.plan import Plan, aimed, may_aim
+from rptcam_cl.rendering.plan.plan import Plan, aim, may_aim
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
 from rptcam_cl.rendering.several import GOLDEN
 
@@ -75,8 +75,8 @@ def _directions(record: np.void, kind: EmitterKind) -> Array:
     sine2 = u * float(record["a"][3])
     sine, angle = np.sqrt(sine2)[:, None], 2 * np.pi * v[:, None]
     aside = np.cos(angle) * first + np.sin(angle) * second
-    found: Array = np.sqrt(1 - sine2)[:, None] * towards + sine * aside
-    return found
+    directions: Array = np.sqrt(1 - sine2)[:, None] * towards + sine * aside
+    return directions
 
 
 def _across(direction: Array) -> tuple[Array, Array]:
@@ -247,10 +247,10 @@ def may_reflect(sights: MirrorSights, slack: Array) -> NDArray[np.bool_]:
     slack : (n,) array
         By which the half vector may be off.
     """
-    found = np.zeros(len(sights.faces), np.bool_)
+    may = np.zeros(len(sights.faces), np.bool_)
     rest = np.flatnonzero(_near_enough(sights, slack))
-    found[rest] = _changes_sign(sights[rest], slack[rest])
-    return found
+    may[rest] = _changes_sign(sights[rest], slack[rest])
+    return may
 
 
 def _near_enough(sights: MirrorSights, slack: Array) -> NDArray[np.bool_]:
@@ -274,12 +274,12 @@ def _changes_sign(sights: MirrorSights, slack: Array) -> NDArray[np.bool_]:
     """Find the pieces that may show their lamps, as `may_reflect` says, one by one."""
     plain = sights.faces.plain
     first, second = _perpendiculars(sights.faces.at(*_middle(sights.faces))[1])
-    count, found = len(sights.faces), []
+    count, differences = len(sights.faces), []
     for x, y in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0)):
         half, normal, same = _half_vector(sights, np.full(count, x), np.full(count, y), first, second)
         off = half - normal
-        found.append([_dot(off, first), _dot(off, second), same])
-    corners = np.moveaxis(np.array(found), 1, 2)
+        differences.append([_dot(off, first), _dot(off, second), same])
+    corners = np.moveaxis(np.array(differences), 1, 2)
     low, high = corners[..., :2].min(axis=0), corners[..., :2].max(axis=0)
     room = MARGIN * (high - low) + slack[:, None]
     curved = np.all((low - room <= 0) & (high + room >= 0), axis=1) & (corners[..., 2].max(axis=0) > 0)
@@ -572,11 +572,11 @@ def highlights(
     numbered = [lobe for own in lobes.values() for lobe in own]
     if not numbered:
         return None
-    found, lamps = [], lamps[: max(MOST_PAIRS // max(polished_count(plan), 1), 1)]
+    parts, lamps = [], lamps[: max(MOST_PAIRS // max(polished_count(plan), 1), 1)]
     for faces in polished_faces(plan):
         for trial in _trials(faces, lobes, numbered, lamps, front):
-            found += _reflect(trial, numbered, front, plan, session, buffers)
-    return _gather(found) if found else None
+            parts += _reflect(trial, numbered, front, plan, session, buffers)
+    return _gather(parts) if parts else None
 
 
 def _owner(record: np.void) -> tuple[EmitterKind, int]:
@@ -653,12 +653,12 @@ def _candidates(
     near, far = np.linalg.norm(to_eye, axis=1), np.linalg.norm(to_lamp, axis=1)
     sum_of_units = np.linalg.norm(to_eye / near[:, None] + to_lamp / far[:, None], axis=1)
     slack = (front.radius / near + size / far) / np.maximum(sum_of_units, 0.1) + widest
-    found = np.flatnonzero(may_reflect(sights, slack))
-    if not len(found):
+    able = np.flatnonzero(may_reflect(sights, slack))
+    if not len(able):
         return
-    seen_from = sights[found].faces.at(*seeds(sights[found]))[0]
+    seen_from = sights[able].faces.at(*seeds(sights[able]))[0]
     way = np.linalg.norm(centre[:3] - seen_from, axis=1).min() if centre[3] else np.inf
-    cells = np.floor(seen_from / max(NEIGHBOURS * float(way), 1e-9)) if centre[3] else np.zeros((len(found), 1))
+    cells = np.floor(seen_from / max(NEIGHBOURS * float(way), 1e-9)) if centre[3] else np.zeros((len(able), 1))
     _, place = np.unique(cells, axis=0, return_inverse=True)
     for cell in range(int(place.max()) + 1):
         own = np.flatnonzero(place.reshape(-1) == cell)
@@ -666,7 +666,7 @@ def _candidates(
         at, light, target = points(middle)
         square = np.where(at[:, 3:] > 0, np.sum((at[:, :3] - middle) ** 2, axis=1)[:, None], 1.0)
         for low in range(0, len(own), TOGETHER):
-            yield found[own[low : low + TOGETHER]], ((at, light * square, target), len(found) > MANY)
+            yield able[own[low : low + TOGETHER]], ((at, light * square, target), len(able) > MANY)
 
 
 def _pair(faces: Faces, alpha: float, lobe: int, lamp: tuple[Points, bool], number: int, front: Front) -> list[_Trial]:
@@ -706,34 +706,34 @@ def _reflect(
     trial: _Trial, lobes: list[Lobe], front: Front, plan: Plan, session: Session, buffers: SceneBuffers
 ) -> list[Found]:
     """Return ways and bends at the vertex, irradiance, and lamp and primitive, of reflections that nothing hides."""
-    found = reflections(trial.sights, 1.0 / front.radius)
-    if not len(found.which):
+    mirrored = reflections(trial.sights, 1.0 / front.radius)
+    if not len(mirrored.which):
         return []
-    trial = trial[found.which]
+    trial = trial[mirrored.which]
     own = trial.sights
-    light = trial.light * (found.weight * found.growth)[:, None]
+    light = trial.light * (mirrored.weight * mirrored.growth)[:, None]
     for number in np.unique(trial.lobe):
         mine = trial.lobe == number
-        light[mine] *= lobes[number].reflectance(found.cosine[mine], found.behind[mine])
+        light[mine] *= lobes[number].reflectance(mirrored.cosine[mine], mirrored.behind[mine])
     # Look whether anything stands on the way to the front, or to the lamp.
-    near = np.linalg.norm(own.eyes - found.points, axis=1)
-    far = np.where(own.lamps[:, 3] > 0, np.linalg.norm(own.lamps[:, :3] - found.points, axis=1), np.inf)
+    near = np.linalg.norm(own.eyes - mirrored.points, axis=1)
+    far = np.where(own.lamps[:, 3] > 0, np.linalg.norm(own.lamps[:, :3] - mirrored.points, axis=1), np.inf)
     start = SHORT * np.minimum(near, far)
-    dark = occluded(session, plan, buffers, own.eyes, -found.to_eye, (1.0 - SHORT) * near)
+    dark = occluded(session, plan, buffers, own.eyes, -mirrored.to_eye, (1.0 - SHORT) * near)
     reach = np.minimum((1.0 - SHORT) * far - start, float(np.finfo(np.float32).max) / 4)
-    origins = found.points + start[:, None] * found.to_lamp
-    dark |= occluded(session, plan, buffers, origins, found.to_lamp, reach, trial.targets)
+    origins = mirrored.points + start[:, None] * mirrored.to_lamp
+    dark |= occluded(session, plan, buffers, origins, mirrored.to_lamp, reach, trial.targets)
     # Take the wave from the point of the front to the first vertex.
-    ways = found.to_eye + np.einsum("nij,nj->ni", found.bend, front.vertex - own.eyes)
+    ways = mirrored.to_eye + np.einsum("nij,nj->ni", mirrored.bend, front.vertex - own.eyes)
     length = np.linalg.norm(ways, axis=1)
     owner = np.stack([trial.lamp, own.faces.primitive], axis=1)
-    every = ways / length[:, None], found.bend / length[:, None, None], light / length[:, None] ** 2, owner
+    every = ways / length[:, None], mirrored.bend / length[:, None, None], light / length[:, None] ** 2, owner
     return [(every[0][~dark], every[1][~dark], every[2][~dark], every[3][~dark])]
 
 
-def _gather(found: list[Found]) -> Pencils | None:
+def _gather(parts: list[Found]) -> Pencils | None:
     """Return pencils: reflections of a lamp in a primitive by cells of direction, in the order of the cells."""
-    ways, bends, light, owner = (np.concatenate(column) for column in zip(*found, strict=True))
+    ways, bends, light, owner = (np.concatenate(column) for column in zip(*parts, strict=True))
     weight = luminance(light)
     lit = weight > 0
     if not lit.any():
@@ -777,7 +777,7 @@ def aimed_plan(
         scene = held[0] = held[0] or SceneBuffers(session, plan)
         return _open(sights, session, plan, scene)
 
-    new = aimed(plan, shows, _name_of_sights(plan, session), on_disk=buffers is None)
+    new = aim(plan, shows, _name_of_sights(plan, session), on_disk=buffers is None)
     scene = held[0]
     return new, scene if new is plan or scene is None else SceneBuffers(session, new, scene)
 

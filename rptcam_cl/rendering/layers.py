@@ -92,10 +92,10 @@ class SharpPass:
 
     def all_hits(self, origins: Array, directions: Array, times: Array) -> list[SharpHits]:
         """Trace rays to the first surface, the second and so on, until none meets anything."""
-        found = [self.hits(origins, directions, times)]
-        while found[-1].met.any() and len(found) < MOST_SURFACES:
-            found.append(self.hits(found[-1].departures, directions, times, found[-1]))
-        return found
+        hits = [self.hits(origins, directions, times)]
+        while hits[-1].met.any() and len(hits) < MOST_SURFACES:
+            hits.append(self.hits(hits[-1].departures, directions, times, hits[-1]))
+        return hits
 
     def _part(self, part: slice, origins: Array, directions: Array, times: Array, since: SharpHits | None) -> SharpHits:
         session, count, group = self._session, len(origins[part]), GROUP * self._session.lanes

@@ -245,8 +245,8 @@ class PhotonMap:
         )  # fmt: skip
         self._launch.set(**{"pass": record.tobytes()})
         self._launch.enqueue(count // self._session.lanes, self._session.group)
-        found = self._session.read(self._found, np.float32, count * PHOTON_FLOATS).reshape(count, PHOTON_FLOATS)
-        return np.asarray(found[found[:, MARK].view(np.int32) >= 0])
+        photons = self._session.read(self._found, np.float32, count * PHOTON_FLOATS).reshape(count, PHOTON_FLOATS)
+        return np.asarray(photons[photons[:, MARK].view(np.int32) >= 0])
 
     def _put(self, photons: Photons, radius: float) -> None:
         grid, order, cells = sorted_by_cell(photons, radius)
@@ -341,29 +341,11 @@ class SceneBuffers:
         self._session, self._plan = session, plan
         self._before = {} if earlier is None else earlier._uploaded
         self._uploaded: dict[str, tuple[NDArray[Any], Any]] = {}
-        self.scene: dict[str, Any] = {
-            "primitives": self._buffer("primitives", plan.primitives),
-            "kind_end": self._buffer("kind_end", plan.kind_end),
-            "materials": self._buffer("materials", plan.materials),
-            "textures": self._buffer("textures", plan.textures.records),
-            "texels": self._buffer("texels", plan.textures.texels),
-            "emitters": self._buffer("emitters", plan.emitters.records),
-            "environment": self._buffer("environment", plan.surroundings.record),
-            "distribution": self._buffer(
-                "distribution", np.concatenate([plan.emitters.curve, plan.surroundings.distribution])
-            ),
-            "emitter_count": np.int32(plan.emitters.count),
-        }
-        if plan.emitters.tree is not None:
-            self.scene |= {"light_nodes": self._buffer("light_nodes", plan.emitters.tree.nodes)}
+        self.scene: dict[str, Any] = {name: self._buffer(name, array) for name, array in _scene_arrays(plan).items()}
+        self.scene["emitter_count"] = np.int32(plan.emitters.count)
         self.colours = self._buffer("colours", plan.spectrum.table)
         if plan.facts["SPECTRUM"]:
-            self.scene |= {"colours": self.colours}
-        if plan.facts["HAS_MOTION"]:
-            self.scene |= {
-                "segments": self._buffer("segments", plan.movements.segments),
-                "movement_of": self._buffer("movement_of", plan.movements.of_primitive),
-            }
+            self.scene["colours"] = self.colours
         self.tree_facts: dict[str, int] = {}
         self._add_primitive_tree(earlier)
         self._add_meshes(earlier)
@@ -450,6 +432,24 @@ class SceneBuffers:
         self.tree_facts |= trees[1]
         for name, value in {**trees[0], "triangles": plan.meshes.triangles}.items():
             self.scene[name] = self._buffer(name, value, in_place=True) if isinstance(value, np.ndarray) else value
+
+
+def _scene_arrays(plan: Plan) -> dict[str, NDArray[Any]]:
+    arrays = {
+        "primitives": plan.primitives,
+        "kind_end": plan.kind_end,
+        "materials": plan.materials,
+        "textures": plan.textures.records,
+        "texels": plan.textures.texels,
+        "emitters": plan.emitters.records,
+        "environment": plan.surroundings.record,
+        "distribution": np.concatenate([plan.emitters.curve, plan.surroundings.distribution]),
+    }
+    if plan.emitters.tree is not None:
+        arrays["light_nodes"] = plan.emitters.tree.nodes
+    if plan.facts["HAS_MOTION"]:
+        arrays |= {"segments": plan.movements.segments, "movement_of": plan.movements.of_primitive}
+    return arrays
 
 
 def camera_buffers(session: Session, camera: CameraModel) -> dict[str, Any]:

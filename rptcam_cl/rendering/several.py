@@ -93,8 +93,8 @@ def begin_part(parts: Sequence[Part], first: int, split: str, dropped: Mapping[s
 def end_parts(parts: Sequence[Part], done: int) -> list[Part]:
     """Return the parts, each ending where the next begins, the last after ``done`` samples."""
     ends = [*(part["samples"][0] for part in parts[1:]), done][: len(parts)]
-    found = [part | {"samples": [part["samples"][0], end]} for part, end in zip(parts, ends, strict=True)]
-    return [part for part in found if part["samples"][1] > part["samples"][0]]
+    whole = [part | {"samples": [part["samples"][0], end]} for part, end in zip(parts, ends, strict=True)]
+    return [part for part in whole if part["samples"][1] > part["samples"][0]]
 
 
 def join_parts(earlier: Sequence[Part], later: Sequence[Part]) -> list[Part]:
@@ -168,25 +168,25 @@ class FilmPart:
         samples[own] = ends[own] - self.first
         return samples
 
-    def packed(self, arrays: Arrays, tiles: int) -> Arrays:
+    def pack(self, arrays: Arrays, tiles: int) -> Arrays:
         """Return the arrays of a saved render with its own tiles alone."""
         if self.count == 1:
             return arrays
         pixels = pixels_of(self.tiles(tiles))
         return arrays | {name: array[:, pixels] for name, array in arrays.items() if name.startswith(IN_PIXELS)}
 
-    def unpacked(self, arrays: Arrays, tiles: int, pixels: int) -> Arrays:
-        """Return the arrays that `packed` was given, of a buffer of so many pixels, other tiles empty.
+    def unpack(self, arrays: Arrays, tiles: int, pixels: int) -> Arrays:
+        """Return the arrays that `pack` was given, of a buffer of so many pixels, other tiles empty.
 
         Arrays that do not fit are left as they are.
         """
         own = pixels_of(self.tiles(tiles))
-        found = dict(arrays)
+        whole = dict(arrays)
         for name, packed in arrays.items():
             if self.count > 1 and name.startswith(IN_PIXELS) and packed.ndim == 2 and packed.shape[1] == len(own):
-                found[name] = np.zeros((len(packed), pixels), packed.dtype)
-                found[name][:, own] = packed
-        return found
+                whole[name] = np.zeros((len(packed), pixels), packed.dtype)
+                whole[name][:, own] = packed
+        return whole
 
     def facts(self) -> list[int | None] | None:
         """Its description in a saved render: number, count, first sample and end; None for the whole."""
@@ -205,7 +205,7 @@ WHOLE = FilmPart()
 
 
 def part_of_facts(facts: Any) -> FilmPart:
-    """Return the part that `FilmPart.facts` described.
+    """The part that `FilmPart.facts` describes.
 
     Raises
     ------
@@ -319,7 +319,7 @@ class Worker:
         self.kept += self.wavefront.camera_rays
         self.wavefront.clear_counts()
 
-    def described(self) -> dict[str, Any]:
+    def describe(self) -> dict[str, Any]:
         """Describe what it has done."""
         working = self.dropped is None
         return {
@@ -614,7 +614,7 @@ class SharedWavefront(RenderedFilm):
 
     def devices(self) -> list[dict[str, Any]]:
         """Describe what each device has done."""
-        return [worker.described() for worker in self._workers]
+        return [worker.describe() for worker in self._workers]
 
 
 AnyWavefront = Wavefront | SharedWavefront

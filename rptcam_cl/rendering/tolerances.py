@@ -420,7 +420,7 @@ class FieldRays:
     places: Array
     finer: tuple[Array, Array] | None = None
 
-    def turned(self, beam: Beam) -> FieldRays:
+    def turn(self, beam: Beam) -> FieldRays:
         """Return the rays of the same field seen from another side."""
         angle = np.radians(beam.azimuth_degrees - self.beam.azimuth_degrees)
         turn = np.array([[np.cos(angle), np.sin(angle), 0], [-np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
@@ -501,7 +501,7 @@ def sample_field(lens: Lens, degrees: float, object_distance_mm: float, waveleng
             _beam_rays(lens, beam, wavelength_nm, outline, rings, arms)
             for beam, outline in zip(see, outlines, strict=True)
         ]
-        return [*own, *(own[0].turned(beam) for beam in beams[len(own) :])]  # of a round lens those of the first
+        return [*own, *(own[0].turn(beam) for beam in beams[len(own) :])]  # of a round lens those of the first
 
     return rays
 

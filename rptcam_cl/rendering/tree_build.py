@@ -238,7 +238,7 @@ MOVES_OF_LAUNCH = 1 << 11  # a GPU that shows a screen, too, ends a launch that 
 STEPS_OF_MOVE = 6 * 128  # at most: five ways up a tree, taken together with the loop over the moves
 
 
-def reinserted(tree: BinaryTree, max_depth: int, session: Session) -> BinaryTree:
+def reinsert(tree: BinaryTree, max_depth: int, session: Session) -> BinaryTree:
     """Return a tree of the same leaves with less area, or the same tree where that would get deeper than ``max_depth``.
 
     In each round all nodes look for better places at once, and then move one after the other, the greatest gain first
@@ -264,13 +264,13 @@ def reinserted(tree: BinaryTree, max_depth: int, session: Session) -> BinaryTree
     most = MOVES_OF_LAUNCH if session.loop_limit is None else session.loop_limit // STEPS_OF_MOVE
     for _ in range(ROUNDS):
         search.enqueue(-(-nodes // group) * group, group)
-        found, gain = session.read(places, np.int32, nodes), session.read(gains, np.float32, nodes)
-        moving = np.flatnonzero(found >= 0)
+        better_places, gain = session.read(places, np.int32, nodes), session.read(gains, np.float32, nodes)
+        moving = np.flatnonzero(better_places >= 0)
         if len(moving) == 0:
             break
         moving = moving[np.argsort(-gain[moving], kind="stable")][:MOST_MOVES]
         for part in np.array_split(moving, -(-len(moving) // most)):
-            moves = {"nodes": session.upload(part.astype(np.int32)), "places": session.upload(found[part])}
+            moves = {"nodes": session.upload(part.astype(np.int32)), "places": session.upload(better_places[part])}
             session.bind(program, "reinsert", **on_device, **moves, count=np.int32(len(part))).enqueue(1, 1)
     better = session.read(on_device["boxes"], np.float32, boxes.size).reshape(boxes.shape)[:, :, :3].reshape(-1, 6)
     children = session.read(on_device["children"], np.int32, tree.children.size).reshape(-1, 2)
@@ -718,9 +718,9 @@ def _best_splits(
     right = _split_costs(low[:, :, ::-1], high[:, :, ::-1], count[:, :, ::-1], leaf_size)[:, :, -2::-1]
     costs = (left + right).reshape(len(starts), -1)
     best = costs.argmin(axis=1)
-    found = np.isfinite(costs[np.arange(len(starts)), best])
+    exists = np.isfinite(costs[np.arange(len(starts)), best])
     axis, before = np.divmod(best, BINS - 1)
-    return axis, np.where(found, before + 1, BINS)
+    return axis, np.where(exists, before + 1, BINS)
 
 
 def _split_costs(
@@ -794,7 +794,7 @@ def build_bvh(
         return _empty_tree(width, leaf_size)
     max_depth = max_binary_depth(width)
     blocks, bounds, depths = sort_into_leaves(lower, upper, leaf_size, max_depth, session)
-    return widen(reinserted(binary_tree(depths, bounds), max_depth, session), blocks, width)
+    return widen(reinsert(binary_tree(depths, bounds), max_depth, session), blocks, width)
 
 
 def check_boxes(lower: NDArray[np.float32], upper: NDArray[np.float32]) -> None:

@@ -16,7 +16,7 @@ from rptcam_cl.core.records import HIT_ROUNDING, Kind
 from rptcam_cl.core.remember import Disk
 from rptcam_cl.device.session import Session
 from rptcam_cl.rendering import tree_build
-from rptcam_cl.rendering.plan.primitives import Movements, PackedMeshes, Places, TriangleGroup, shifted
+from rptcam_cl.rendering.plan.primitives import Movements, PackedMeshes, Places, TriangleGroup, shift_points
 
 #
 # Trees kept on disk between runs, under the hash of what they were built from; one that is not sound is built anew.
@@ -264,7 +264,7 @@ def scene_trees(meshes: PackedMeshes, session: Session, movements: Movements | N
     vertices = meshes.vertices.copy()
     for group in meshes.groups:
         part = slice(group.first_vertex, group.first_vertex + group.vertices)
-        vertices[part, :3] = shifted(meshes.vertices[part, :3], group.shift)
+        vertices[part, :3] = shift_points(meshes.vertices[part, :3], group.shift)
     nodes, blocks, roots, stack = [], [], [], 0
     first_node = first_block = 0
     for group in meshes.groups:
@@ -316,7 +316,7 @@ def _group_tree(meshes: PackedMeshes, group: TriangleGroup, width: int, leaf: in
 def _mesh_nodes(tree: tree_build.Bvh, group: TriangleGroup, first_node: int, first_block: int) -> NDArray[np.float32]:
     out = np.empty((len(tree.children), 7, tree.children.shape[1]), np.float32)
     corners = tree.bounds.reshape(-1, 2, 3, tree.children.shape[1]).transpose(0, 1, 3, 2)
-    out[:, :6] = shifted(corners, group.shift).transpose(0, 1, 3, 2).reshape(tree.bounds.shape)
+    out[:, :6] = shift_points(corners, group.shift).transpose(0, 1, 3, 2).reshape(tree.bounds.shape)
     children = tree.children.copy()
     inner = (children >= 0) & (children != tree_build.EMPTY)
     children[inner] += first_node

@@ -54,20 +54,27 @@ def light_emitter(
 ) -> tuple[np.void, float]:
     """Return record and power [W, luminance] of a light; ``reach`` is the radius of the scene [m]."""
     record = _without_surface()
+    colour: Colour
     match light:
         case PointLight():
-            fill(record, kind=EmitterKind.POINT, radiance=light.intensity)
-            power = 4 * np.pi * luminance(light.intensity)
+            colour = light.intensity
+            fill(record, kind=EmitterKind.POINT, radiance=colour)
+            power = 4 * np.pi * luminance(colour)
         case SpotLight():
-            power = _spot(record, light)
+            colour, power = light.intensity, _spot(record, light)
         case ProfileLight():
-            power = _profile(record, light, scene, textures)
+            colour, power = light.color, _profile(record, light, scene, textures)
         case DirectionalLight():
-            fill(record, kind=EmitterKind.DIRECTIONAL, radiance=light.irradiance)
-            power = np.pi * reach**2 * luminance(light.irradiance)
+            colour = light.irradiance
+            fill(record, kind=EmitterKind.DIRECTIONAL, radiance=colour)
+            power = np.pi * reach**2 * luminance(colour)
         case SunLight():
-            power = fill_sun(record, light.irradiance, light.diameter_degrees / 2) * np.pi * reach**2
-    record["radiance"][3] = _number(light, record, spectra)
+            colour = light.irradiance
+            power = fill_sun(record, colour, light.diameter_degrees / 2) * np.pi * reach**2
+    # The spectrum is scaled as the record has its colour.
+    largest = int(np.argmax(colour))
+    gain = float(record["radiance"][largest]) / colour[largest] if colour[largest] > 0 else 0.0
+    record["radiance"][3] = spectra.number(colour, light=True, gain=gain)
     if isinstance(light, DirectionalLight | SunLight):
         record["normal"][:3] = -_unit(light.direction)
     else:
@@ -78,20 +85,6 @@ def light_emitter(
 def _without_surface() -> np.void:
     record: np.void = EMITTER.one(primitive=-1, triangle=-1, texture=-1)[0]
     return record
-
-
-def _number(light: Light, record: np.void, spectra: KnownSpectra) -> int:
-    """Return the number of a light's spectrum, scaled as the record has its colour."""
-    match light:
-        case PointLight() | SpotLight():
-            colour: Colour = light.intensity
-        case DirectionalLight() | SunLight():
-            colour = light.irradiance
-        case ProfileLight():
-            colour = light.color
-    largest = int(np.argmax(colour))
-    gain = float(record["radiance"][largest]) / colour[largest] if colour[largest] > 0 else 0.0
-    return spectra.number(colour, light=True, gain=gain)
 
 
 def fill_sun(record: np.void, irradiance: tuple[float, float, float], radius_degrees: float) -> float:
@@ -598,7 +591,7 @@ def pack_emitters(
         lights.append((record, surroundings.flux * np.pi * reach**2))
     if surroundings.sun is not None:
         lights.append(sun_emitter(*surroundings.sun, reach))
-    lights = sorted((found for found in lights if found[1] > 0), key=lambda found: found[0]["kind"] == EmitterKind.SUN)
+    lights = sorted((each for each in lights if each[1] > 0), key=lambda each: each[0]["kind"] == EmitterKind.SUN)
     chosen += [(np.array([record], EMITTER.dtype), np.array([power])) for record, power in lights]
     count = sum(len(records) for records, _ in chosen)
     records, curve, tree = EMITTER.zeros(count), np.zeros((1, 2), np.float32), None
@@ -658,13 +651,13 @@ def _surface_emitters(
         if has_holes(primitive.material) or primitive.trajectory is not None:
             continue
         if primitive.mesh is None:
-            found = _surface_emitter(index, primitive, glow)
+            emitter = _surface_emitter(index, primitive, glow)
         else:
-            found = _mesh_emitters(index, primitive, first_triangles[index - first_mesh], eye, glow)
-        if found is not None:
+            emitter = _mesh_emitters(index, primitive, first_triangles[index - first_mesh], eye, glow)
+        if emitter is not None:
             of_primitive[index] = count
-            count += len(found[0])
-            chosen.append(found)
+            count += len(emitter[0])
+            chosen.append(emitter)
     return chosen, of_primitive
 
 
@@ -689,10 +682,10 @@ def _see_lamp(primitive: Primitive, eye: Array, textures: TextureTable) -> SeenL
     glow = glow_of(primitive.material, textures, KnownSpectra())
     if glow.strength <= 0:
         return None
-    found = _outline(primitive, eye, two_sided=glow.two_sided)
-    if found is None or np.linalg.norm(found[0]) <= 1.5 * np.linalg.norm(found[1], axis=1).max():
+    outline = _outline(primitive, eye, two_sided=glow.two_sided)
+    if outline is None or np.linalg.norm(outline[0]) <= 1.5 * np.linalg.norm(outline[1], axis=1).max():
         return None
-    centre, axes, is_round = found
+    centre, axes, is_round = outline
     return SeenLamp(centre, axes, is_round, float(luminance(glow.radiance)))
 
 

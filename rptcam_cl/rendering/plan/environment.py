@@ -176,7 +176,7 @@ class _Brightness:
     @classmethod
     def of(cls, colours: Colours) -> _Brightness:
         shares = cell_shares(brightness_of(colours))
-        above = compensated(shares)
+        above = compensate(shares)
         tables = sampling_tables(above)
         tables.flags.writeable = False
         return cls((shares.shape[0], shares.shape[1]), tables, float(shares.sum()), float(above.sum()))
@@ -277,7 +277,7 @@ def cell_shares(brightness: Array) -> Array:
     return _gather(_gather(smooth * bands[:, None], rows, 0), columns, 1)
 
 
-def compensated(shares: Array) -> Array:
+def compensate(shares: Array) -> Array:
     """The light of each cell above the mean brightness of the sphere; nothing where all is even.
 
     Directions chosen by the BSDF find the rest, and MIS leaves it to them: light samples are for the bright parts of a

@@ -254,19 +254,19 @@ class Lobe:
         record, kind = self.record, MaterialKind(int(self.record["kind"]))
         colour, index = record["color"][:3].astype(np.float64), float(record["parameter"])
         if self.coat:
-            found = float(record["coat"]) * _coat(cosine)[:, None] * np.ones(3)
+            share = float(record["coat"]) * _coat(cosine)[:, None] * np.ones(3)
         elif kind is MaterialKind.METAL:
             n, k = (record[name][:3].astype(np.float64) for name in ("metal_n", "metal_k"))
-            found = colour * _of_metal(cosine[:, None], n, k)
+            share = colour * _of_metal(cosine[:, None], n, k)
         elif kind is MaterialKind.THIN_GLASS:
-            found = colour * _of_pane(cosine, index, record["absorption"][:3].astype(np.float64))
+            share = colour * _of_pane(cosine, index, record["absorption"][:3].astype(np.float64))
         elif kind is MaterialKind.PRINCIPLED:
-            found = _of_principled(record, cosine)
+            share = _of_principled(record, cosine)
         elif kind in COVERS:
-            found = fresnel(cosine, np.where(behind, 1.0 / index, index))[:, None] * np.ones(3)
+            share = fresnel(cosine, np.where(behind, 1.0 / index, index))[:, None] * np.ones(3)
         else:
-            found = np.tile(colour, (len(cosine), 1))
-        return np.asarray(self.share * found)
+            share = np.tile(colour, (len(cosine), 1))
+        return np.asarray(self.share * share)
 
 
 def lobes_of(materials: NDArray[np.void], index: int, share: float = 1.0) -> Iterator[Lobe]:

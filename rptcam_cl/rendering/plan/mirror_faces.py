@@ -206,14 +206,14 @@ _SQUARE = np.array([[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]])
 
 
 def _box() -> Array:
-    found = []
+    triangles = []
     for axis in range(3):
         for side in (-1.0, 1.0):
             corners = np.full((3, 3), -1.0)
             corners[:, axis] = side
             corners[1, (axis + 1) % 3] = corners[2, (axis + 2) % 3] = 1.0
-            found.append(corners)
-    return np.array(found)
+            triangles.append(corners)
+    return np.array(triangles)
 
 
 _BOX = _box()

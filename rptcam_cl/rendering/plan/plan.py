@@ -215,8 +215,8 @@ def _spectral(
 def _density(matching: Array, lights: list[Array]) -> Array:
     """How likely wavelengths are: as daylight is seen, and half of them as the lights of known spectra are."""
     sees = np.abs(matching).mean(axis=1)
-    found = sees * daylight_65()
-    density = found / found.sum()
+    shares = sees * daylight_65()
+    density = shares / shares.sum()
     shining = [light for light in lights if (light * sees).sum() > 0]
     if shining:
         density = (density + np.mean([light * sees / (light * sees).sum() for light in shining], axis=0)) / 2
@@ -392,14 +392,14 @@ def _surfaces(
         if primitive.mesh is not None:
             triangles, area = triangle_emitters(primitive.mesh, primitive.placement, eye)
             place = (triangles["a"] + (triangles["u"] + triangles["v"]) / 3)[:, :3]
-            found = CAUSTIC_SURFACE.zeros(len(area))
-            found["kind"], found["area"] = Kind.MESH, area
-            found["triangle"] = first_triangles[index - first_mesh] + np.arange(len(area))
+            own = CAUSTIC_SURFACE.zeros(len(area))
+            own["kind"], own["area"] = Kind.MESH, area
+            own["triangle"] = first_triangles[index - first_mesh] + np.arange(len(area))
         else:
-            found, area = _shape_surfaces(primitive)
-            place = np.zeros((len(found), 3))
-        found["primitive"] = index
-        records.append(found)
+            own, area = _shape_surfaces(primitive)
+            place = np.zeros((len(own), 3))
+        own["primitive"] = index
+        records.append(own)
         areas.append(area)
         places.append(place)
     return np.concatenate(records), np.concatenate(areas), np.concatenate(places)
@@ -409,15 +409,15 @@ def _shape_surfaces(primitive: Primitive) -> tuple[NDArray[np.void], NDArray[np.
     kind, placements = primitive.kind, [primitive.placement]
     if kind is Kind.BOX:
         kind, placements = Kind.RECTANGLE, [primitive.placement @ face for face in _FACES]
-    found = CAUSTIC_SURFACE.zeros(len(placements))
+    records = CAUSTIC_SURFACE.zeros(len(placements))
     row_x, row_y, row_z, _ = np.moveaxis(np.array(placements), 1, 0)
-    fill(found, kind=kind, triangle=-1, area=_AREA[kind], row_x=row_x, row_y=row_y, row_z=row_z)
-    return found, np.array([_area_of(kind, placement[:3, :3]) for placement in placements])
+    fill(records, kind=kind, triangle=-1, area=_AREA[kind], row_x=row_x, row_y=row_y, row_z=row_z)
+    return records, np.array([_area_of(kind, placement[:3, :3]) for placement in placements])
 
 
 def _cube_faces() -> list[NDArray[np.float64]]:
     """Return the placements of the unit square on the six faces of the cube from -1 to 1."""
-    found = []
+    faces = []
     for axis in range(3):
         for side in (-1.0, 1.0):
             face = np.zeros((4, 4))
@@ -425,8 +425,8 @@ def _cube_faces() -> list[NDArray[np.float64]]:
             face[axis, 2] = 1.0
             face[:3, 3] = -1.0
             face[axis, 3], face[3, 3] = side, 1.0
-            found.append(face)
-    return found
+            faces.append(face)
+    return faces
 
 
 _FACES = _cube_faces()
@@ -723,7 +723,7 @@ def may_aim(plan: Plan, layers: Iterable[str] = ()) -> bool:
     return bool(plan.lamps) and not (plan.steps or plan.facts["CAMERA_SEGMENTS"] or FIRST_RAY & set(layers))
 
 
-def aimed(plan: Plan, shows: Shows, sights: str | None = None, *, on_disk: bool = True) -> Plan:
+def aim(plan: Plan, shows: Shows, sights: str | None = None, *, on_disk: bool = True) -> Plan:
     """Return a plan that `may_aim` with camera rays that aim at lamps; without one out of focus, the plan as given.
 
     Parameters

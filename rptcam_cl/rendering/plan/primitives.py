@@ -46,10 +46,10 @@ class Appearance:
     shown: Materials
     surroundings: Surroundings
 
-    def copied(self) -> Appearance:
+    def copy(self) -> Appearance:
         """Return these to be added to: lights have textures and spectra too, and write into the surroundings."""
         surroundings = replace(self.surroundings, record=self.surroundings.record.copy())
-        return Appearance(self.table.copied(), self.spectra.copied(), self.shown, surroundings)
+        return Appearance(self.table.copy(), self.spectra.copy(), self.shown, surroundings)
 
 
 class PlanParts:
@@ -69,8 +69,8 @@ class PlanParts:
         known = self._known.get(name)
         if known is None or not _are_same(known[0], of):
             known = self._known[name] = of, make()
-        found: Part = known[1]
-        return found
+        part: Part = known[1]
+        return part
 
     def appearance(self, scene: Scene, materials: Sequence[Material], files: tuple[str, ...]) -> Appearance:
         """Pack the look of the materials of primitives and of the environment of a scene; it can be added to.
@@ -86,7 +86,7 @@ class PlanParts:
             shown = pack_materials(materials, table, spectra)
             return Appearance(table, spectra, shown, pack_environment(scene, table, spectra))
 
-        return self.part("appearance", (*materials, scene.environment, files), make).copied()
+        return self.part("appearance", (*materials, scene.environment, files), make).copy()
 
     def textures(self, appearance: Appearance) -> Textures:
         """Return the textures of appearance to which all has been added."""
@@ -191,7 +191,7 @@ class PackedMeshes:
     first_triangles: tuple[int, ...]
 
 
-def shifted(points: NDArray[np.float32], shift: NDArray[np.float64]) -> NDArray[np.float32]:
+def shift_points(points: NDArray[np.float32], shift: NDArray[np.float64]) -> NDArray[np.float32]:
     """Return points or box corners (..., 3) moved by ``shift``, rounded once.
 
     Rounding keeps order, so a box that held points before holds them afterwards.
@@ -491,17 +491,17 @@ def world_from_scene(scene: Scene) -> Matrix:
 def scene_primitives(scene: Scene) -> list[Primitive]:
     """Return every primitive of the scene, sorted by kind and otherwise in the order of the scene."""
     world = world_from_scene(scene)
-    found = []
+    primitives = []
     for index, item in enumerate(scene.objects):
         if isinstance(item, MeshObject | Board):
-            found += _mesh_primitives(scene, item, index)
+            primitives += _mesh_primitives(scene, item, index)
             continue
         for kind, canonical in _canonical(item):
             placement = world @ item.placed_at(scene.shutter.open_s) @ canonical
             if kind is Kind.SPHERE and not _is_similarity(placement[:3, :3]):
                 kind = Kind.ELLIPSOID
-            found.append(Primitive(kind, placement, item.material, index, trajectory=_trajectory(scene, item)))
-    return sorted(found, key=lambda primitive: primitive.kind)
+            primitives.append(Primitive(kind, placement, item.material, index, trajectory=_trajectory(scene, item)))
+    return sorted(primitives, key=lambda primitive: primitive.kind)
 
 
 def object_frame(item: Object, time_s: float) -> Matrix:

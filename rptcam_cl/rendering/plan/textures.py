@@ -62,7 +62,7 @@ class KnownSpectra:
     colours: int = 0
     _numbers: dict[bytes, int] = field(default_factory=dict)
 
-    def copied(self) -> KnownSpectra:
+    def copy(self) -> KnownSpectra:
         """Return these to be added to."""
         return KnownSpectra(self.samples.copy(), self.lights.copy(), self.colours, self._numbers.copy())
 
@@ -240,7 +240,7 @@ class Colours:
     Attributes
     ----------
     words : array of uint32
-        Texels as `rptcam_cl.rendering.plan.textures.packed` returns them.
+        Texels as `pack_texels` returns them.
     scale : float
         What a stored 1 stands for.
     size : (height, width)
@@ -311,7 +311,7 @@ class TextureTable:
         self._means: list[NDArray[np.float64]] = []
         self._origin: TextureTable | None = None
 
-    def copied(self) -> TextureTable:
+    def copy(self) -> TextureTable:
         """Return this table to be added to; its records are not to be changed."""
         other = copy.copy(self)
         other._origin = self
