@@ -38,12 +38,22 @@ from rptcam_cl.scene.assets.mesh import (
     winding_number,
 )
 from rptcam_cl.scene.assets.pictures import has_alpha
-from rptcam_cl.scene.base import Alternatives, SceneModel, described, number_at, one_pixel, refuse, unknown_name
+from rptcam_cl.scene.base import (
+    Alternatives,
+    SceneModel,
+    described,
+    number_at,
+    one_pixel,
+    refuse,
+    unknown_name,
+)
 from rptcam_cl.scene.materials import (
+    LARGEST_INDEX,
     LEAST_BEND,
     MOST_BEND,
     MOST_INDEX,
     SMALLEST_ALPHA,
+    SMALLEST_INDEX,
     AnisotropyMap,
     Attenuation,
     Dielectric,
@@ -303,7 +313,7 @@ class _Translation:
         if clear and plain:
             return Dielectric(
                 kind="dielectric",
-                index=_clipped(given.index, 0.2, 5),
+                index=_clipped(given.index, SMALLEST_INDEX, LARGEST_INDEX),
                 **self._absorption(),
                 **self._normals,
                 **self._cover,
@@ -313,7 +323,10 @@ class _Translation:
     def _pane(self) -> Material:
         """Return a pane without thickness, beside what is not transparent."""
         given = self._given
-        glass = {"index": _clipped(given.index, 0.2, 5), "transmittance": _within(given.base_color, 1.0)}
+        glass = {
+            "index": _clipped(given.index, SMALLEST_INDEX, LARGEST_INDEX),
+            "transmittance": _within(given.base_color, 1.0),
+        }
         share = self._share(given.transmission * (1 - given.metallic), given.transmission_texture, "r")
         if share == 1:
             return ThinGlass(kind="thin_glass", **glass, **self._cover)

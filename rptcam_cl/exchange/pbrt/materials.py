@@ -13,14 +13,12 @@ from numpy.typing import NDArray
 from rptcam_cl.core.colour import luminance
 from rptcam_cl.exchange.pbrt.files import Context, is_readable, picture_name
 from rptcam_cl.exchange.pbrt.textures import Array, Shade, number_shade, samples_of, shade, single, value
-from rptcam_cl.exchange.pbrt.world import Entity, MaterialName
+from rptcam_cl.exchange.pbrt.world import Entity
+from rptcam_cl.scene.materials import LARGEST_INDEX, LEAST_BEND, SMALLEST_INDEX
 
 # Materials of ours as plain keys, and pbrt's roughness as GGX's alpha.
 
 Keys = dict[str, Any]
-
-# A rough surface whose index is nearer to 1 has no distinguishable facets (see scene.dielectric).
-LEAST_BEND = 0.01
 
 # A share of light that is too small to matter.
 NOTHING = 1e-6
@@ -132,8 +130,9 @@ def index_of(context: Context, entity: Entity, name: str = "eta", default: float
             values = item.values
             index = float(np.mean(values)) if isinstance(values, np.ndarray) else value(context, entity, key, 1.5)
             context.approximated(entity, f'"{key}" as the number {index:g}', item.place)
-        if not 0.2 <= index <= 5:
-            raise parameters.error(key, f"must lie between 0.2 and 5 (got {index:g})")
+        if not SMALLEST_INDEX <= index <= LARGEST_INDEX:
+            span = f"{SMALLEST_INDEX:g} and {LARGEST_INDEX:g}"
+            raise parameters.error(key, f"must lie between {span} (got {index:g})")
         return index
     return default
 
@@ -495,10 +494,7 @@ def _mix_material(context: Context, material: Entity, depth: int) -> Keys | None
         names.reverse()  # the share of the first material becomes that of the second
         if amount.texture is not None:
             context.approximated(material, "the textured amount is inverted")
-    parts = [
-        convert_material(context, context.scene.material_of(MaterialName(name, material.place)), depth + 1)
-        for name in names
-    ]
+    parts = [convert_material(context, context.scene.material_of((name, material.place)), depth + 1) for name in names]
     first, second = parts
     if first is None or second is None or "mix" in (first["kind"], second["kind"]):
         context.approximated(material, "the one of its materials that is a plain surface")

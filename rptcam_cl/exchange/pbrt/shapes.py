@@ -481,21 +481,9 @@ class Placed:
         return self.use.shape
 
 
-@dataclass(frozen=True, eq=False)
-class Piece:
-    """An object of ours without its material; a mesh is still data.
-
-    Attributes
-    ----------
-    keys : dict
-        Of the object; without a shape for a mesh.
-    area : float
-        Mean area of the parts that pbrt takes for lamps of their own [square units of pbrt's scene]; 0 if unknown.
-    """
-
-    keys: Keys
-    area: float
-    mesh: MeshData | None = None
+Piece = tuple[Keys, float, MeshData | None]
+"""An object of ours without its material: its keys, without a shape for a mesh, which is still data; the mean area of
+the parts that pbrt takes for lamps of their own [square units of pbrt's scene], 0 if unknown; the mesh, if any."""
 
 
 def convert_shape(context: Context, placed: Placed) -> Piece | None:
@@ -534,9 +522,9 @@ def _sphere(context: Context, placed: Placed) -> Piece | None:
     radius = parameters.number("radius", 1.0)
     if is_similarity(placed.world) and not placed.textured:
         scaled = radius * mean_scale(placed.world)
-        return Piece({"shape": "sphere", "center": tidy(placed.world[:3, 3]), "radius": scaled}, profile.area)
+        return {"shape": "sphere", "center": tidy(placed.world[:3, 3]), "radius": scaled}, profile.area, None
     keys = {"shape": "sphere", "center": [0, 0, 0], "radius": radius}
-    return Piece(keys | transform_keys(placed.world), profile.area)
+    return keys | transform_keys(placed.world), profile.area, None
 
 
 def _round(context: Context, placed: Placed) -> Piece | None:
@@ -558,7 +546,7 @@ def _round(context: Context, placed: Placed) -> Piece | None:
         end = "apex" if placed.shape.kind == "cone" else "top"
         keys = {"shape": placed.shape.kind, "base": [0, 0, float(first[2])], end: [0, 0, float(last[2])],
                 "radius": radius, "capped": False}  # fmt: skip
-    return Piece(keys | transform_keys(placed.world), profile.area)
+    return keys | transform_keys(placed.world), profile.area, None
 
 
 def _revolved_mesh(context: Context, placed: Placed, profile: Profile, degrees: float) -> Piece | None:
@@ -593,10 +581,10 @@ def _piece(placed: Placed, mesh: MeshData, area: float) -> Piece:
     if placed.use.reverse:
         mesh = mesh.reversed()
     if placed.shared:
-        return Piece(transform_keys(placed.world), area, mesh)
+        return transform_keys(placed.world), area, mesh
     mesh = mesh.transformed(placed.world)
     rectangle = rectangle_of(mesh, textured=placed.textured, oriented=placed.oriented)
-    return Piece({}, area, mesh) if rectangle is None else Piece(rectangle, area)
+    return ({}, area, mesh) if rectangle is None else (rectangle, area, None)
 
 
 def _ply(context: Context, placed: Placed) -> Piece | None:
@@ -614,8 +602,8 @@ def _ply(context: Context, placed: Placed) -> Piece | None:
         area = float(facing.transformed(placed.shape.world_from_object).areas().mean())
         if changed and placed.oriented:
             context.report.noted(place, f"{name}: written anew with its front where pbrt has it")
-            return Piece(keys, area, facing)
-    return Piece({"shape": "mesh", "file": context.files.reference(path, place), **keys}, area)
+            return keys, area, facing
+    return {"shape": "mesh", "file": context.files.reference(path, place), **keys}, area, None
 
 
 # The objects of a scene of ours: shapes with their materials, each material and shared mesh once.
@@ -714,16 +702,19 @@ class Objects:
         piece = convert_shape(self.context, Placed(use, world, textured, oriented, shared))
         if piece is None:
             return
-        if "transform" in piece.keys and not is_transform_of_ours(world):
+        keys, area, mesh = piece
+        if "transform" in keys and not is_transform_of_ours(world):
             self._leave_out(use, instance)
             return
         if lamp is not None:
-            material = self._lamp(lamp, piece, use, opacity)
+            material = self._lamp(lamp, area, use, opacity)
         assert material is not None
         name = self._name(material, self._wanted_name(use, lamp))
-        if piece.mesh is not None and not shared:
-            self._loose[len(self.items)] = use, piece.mesh
-        self.items.append({**self._shape_keys(use, piece, shared), "material": name})
+        if mesh is not None and shared:
+            keys = {"shape": "mesh", "mesh": self._share_mesh(use, mesh), **keys}
+        elif mesh is not None:
+            self._loose[len(self.items)] = use, mesh
+        self.items.append({**keys, "material": name})
 
     def _leave_out(self, use: ShapeUse, instance: Instance | None) -> None:
         """Report a shape whose transform flattens space, or leads out of it."""
@@ -745,8 +736,8 @@ class Objects:
             return {}
         return opacity_keys(self.context, use.shape, "alpha", number_shade(self.context, use.shape, "alpha", 1.0))
 
-    def _lamp(self, lamp: Entity, piece: Piece, use: ShapeUse, opacity: Keys) -> Keys:
-        radiance, two_sided = lamp_radiance(self.context, lamp, piece.area)
+    def _lamp(self, lamp: Entity, area: float, use: ShapeUse, opacity: Keys) -> Keys:
+        radiance, two_sided = lamp_radiance(self.context, lamp, area)
         if opacity:
             self.context.ignored(use.shape, "alpha of a lamp, which stays visible")
         reflecting = self._material(use)
@@ -755,14 +746,13 @@ class Objects:
         keys: Keys = {"kind": "emissive", "radiance": radiance.tolist()}
         return keys | ({"two_sided": True} if two_sided else {})
 
-    def _shape_keys(self, use: ShapeUse, piece: Piece, shared: bool) -> Keys:
-        if piece.mesh is None or not shared:
-            return piece.keys
+    def _share_mesh(self, use: ShapeUse, mesh: MeshData) -> str:
+        """The name of a mesh that stands in several places, made when it is first asked for."""
         if id(use) not in self._shared:
             name = self._unique("mesh")
             self._shared[id(use)] = use, name
-            self.meshes[name] = self._mesh_keys(use, piece.mesh)
-        return {"shape": "mesh", "mesh": self._shared[id(use)][1], **piece.keys}
+            self.meshes[name] = self._mesh_keys(use, mesh)
+        return self._shared[id(use)][1]
 
     def _merge(self) -> None:
         """Put the meshes of each material together that stand in one place only."""

@@ -35,6 +35,7 @@ from rptcam_cl.scene.assets.mesh import (
     check_corners,
     painted,
 )
+from rptcam_cl.scene.placement import SMALLEST_STRETCH_RATIO
 
 # The JSON of a glTF file, read key by key; what is not as it must be is refused with its place.
 
@@ -812,10 +813,6 @@ def _surface(primitive: JsonNode, data: Data, materials: GltfMaterials, name: st
     )
     colours = vertices.rows("COLOR_0", ("VEC3", "VEC4"))
     return surface if colours is None else materials.painted(surface, colours[:, :3], primitive)
-
-
-# Ratio of the smallest to the largest stretch of a transform that can be inverted in float32 (as for objects).
-SMALLEST_STRETCH_RATIO = 1e-6
 
 
 def placed_meshes(document: JsonNode, data: Data) -> Iterator[tuple[int, NDArray[np.float64], str | None]]:

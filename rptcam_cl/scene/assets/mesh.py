@@ -20,6 +20,7 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, errors_named
 from rptcam_cl.core.files import open_regular
 from rptcam_cl.scene.assets.pictures import LARGEST_PIXELS
+from rptcam_cl.scene.quantities import LARGEST_COORDINATE, SMALLEST_LENGTH
 
 # Materials and textures as mesh files describe them.
 
@@ -553,10 +554,6 @@ def _one_column(columns: list[NDArray[Any]]) -> list[NDArray[Any]]:
 
 NormalsMode = Literal["auto", "smooth", "flat"]
 
-# Coordinates that a scene takes, and the smallest extent whose squares float32 holds (see the scene's quantities).
-LARGEST_COORDINATE = 1e12
-SMALLEST_EXTENT = 1e-12
-
 # A mesh that lies farther than this many times its size from the zero of its coordinates is moved to its own origin.
 FARTHEST_FROM_ZERO = 4
 
@@ -650,8 +647,8 @@ def make_mesh(surface: MeshSurface, place: str) -> tuple[Mesh | None, dict[str, 
         positions = positions[kept]
         normals, uvs = (None if rows is None else rows[kept] for rows in (normals, uvs))
     extent = float((positions.max(axis=0) - positions.min(axis=0)).max())
-    if extent < SMALLEST_EXTENT:
-        allowed = f"an extent of at least {SMALLEST_EXTENT:g}"
+    if extent < SMALLEST_LENGTH:
+        allowed = f"an extent of at least {SMALLEST_LENGTH:g}"
         raise InputError(f"{place}: is too small for float32 (got {extent:g}; allowed: {allowed})")
     if normals is not None:
         _check_finite(normals, kept, f"{place}: normal")
