@@ -7,7 +7,6 @@ import warnings
 from collections.abc import Callable, Iterator
 from functools import partial
 from importlib.metadata import version
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,9 +21,8 @@ from rptcam_cl.core.colour import (
     luminance,
     xyz_of,
 )
-from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.scene.film import Adaptation, Gamut, Tone, WhiteBalance
+from rptcam_cl.scene.film import Gamut, PictureSettings, ToneCurve, WhiteBalance
 
 #
 # Removing noise by Intel Open Image Denoise, guided by the layers albedo and normal. It runs on the processor.
@@ -231,20 +229,19 @@ def _window(place: tuple[float, ...], shape: tuple[int, ...], part: Part) -> tup
     return _pixels(down, shape[0]), _pixels(across, shape[1])
 
 
-def balance_matrix(balance: WhiteBalance, linear: Pixels, part: Part, by: Adaptation) -> Matrix:
+def balance_matrix(balance: WhiteBalance, linear: Pixels, part: Part) -> Matrix:
     """Return the 3 x 3 matrix for linear colours as columns; that of no change where there is no light to balance.
 
     Parameters
     ----------
     balance
-        What is to become grey, keeping its luminance, or the factors themselves; its own adaptation does not count.
+        What is to become grey, keeping its luminance, or the factors themselves; and whether red, green and blue are
+        scaled, which is the default, or the responses of the Bradford transform. A light without red, green or blue
+        can only be balanced by these.
     linear
         The picture, (height, width, 3).
     part
         Which part of the film it is.
-    by
-        Whether red, green and blue are scaled, or the responses of the Bradford transform. A light without red, green
-        or blue can only be balanced by these.
     """
     if balance.gains is not None:
         return np.diag(np.array(balance.gains, np.float64))
@@ -255,7 +252,7 @@ def balance_matrix(balance: WhiteBalance, linear: Pixels, part: Part, by: Adapta
             "white balance: what should be grey is black or of no colour that light has; left as it is", stacklevel=2
         )
         return np.eye(3)
-    if by == "channels" and (light > _LEAST * xyz[1]).all():
+    if balance.adaptation != "bradford" and (light > _LEAST * xyz[1]).all():
         return np.diag(xyz[1] / light)
     adapted: Matrix = RGB_FROM_XYZ @ adaptation(xyz / xyz[1], xyz_of(SRGB_WHITE)) @ XYZ_FROM_RGB
     return adapted
@@ -278,86 +275,50 @@ BAND_PIXELS = 1 << 18  # developed at a time
 _LARGEST = np.float32(1e30)  # leaves room for products; far beyond the white of any curve
 
 
-@dataclass(frozen=True)
-class Development:
-    """How a film becomes a picture: white balance, exposure, tone curve, gamut, encoding, in this order.
-
-    Attributes
-    ----------
-    ev : float
-        Exposure compensation [stops]; +1 doubles the values.
-    white_balance : WhiteBalance, optional
-        What is made grey, or factors on the channels; by default colours stay.
-    adaptation : str
-        What the white balance scales: the channels, or the responses of the Bradford transform.
-    tone : str
-        The tone curve. `linear` is the only one that is not encoded as sRGB.
-    tone_white : float
-        Luminance that `reinhard` shows as white.
-    gamut : str
-        What becomes of colours that the display cannot show: each channel is clipped, or the colour is moved towards
-        the grey of its luminance.
-    bits : int, optional
-        Bits per channel in PNG and TIFF files; by default 8 in PNG and 16 in TIFF.
-    jpeg_quality : int
-        1 to 100.
-    """
-
-    ev: float = 0.0
-    white_balance: WhiteBalance | None = None
-    adaptation: Adaptation = "channels"
-    tone: Tone = "srgb"
-    tone_white: float = 4.0
-    gamut: Gamut = "clip"
-    bits: Literal[8, 16] | None = None
-    jpeg_quality: int = 95
+PLAIN = PictureSettings()
 
 
-PLAIN = Development()
-
-
-def developed_values(pixels: NDArray[np.floating], development: Development = PLAIN, part: Part = WHOLE) -> Pixels:
+def developed_values(pixels: NDArray[np.floating], picture: PictureSettings = PLAIN, part: Part = WHOLE) -> Pixels:
     """Return the display-encoded picture, (height, width, 3) in 0..1.
 
     Parameters
     ----------
     pixels
         (height, width, 3), linear; 1 is white with `srgb` and `linear` at ``ev`` 0. Not-a-number becomes 0.
-    development
+    picture
         How to develop; by default as sRGB, clipped.
     part
         Which part of the film the pixels are: x0, x1, y0, y1 in fractions from its left and top.
     """
-    bands = [band for _, band in _bands(np.asarray(pixels), development, part)]
+    bands = [band for _, band in _bands(np.asarray(pixels), picture, part)]
     return np.concatenate(bands) if len(bands) > 1 else bands[0]
 
 
 def developed_codes(
-    pixels: NDArray[np.floating], development: Development, part: Part, bits: int
+    pixels: NDArray[np.floating], picture: PictureSettings, part: Part, bits: int
 ) -> NDArray[np.uint8] | NDArray[np.uint16]:
     """Return the developed picture in codes of 8 or 16 bits; in memory there is never more of it than some rows."""
     codes = np.empty(pixels.shape, np.uint8 if bits == 8 else np.uint16)
-    for rows, band in _bands(pixels, development, part):
+    for rows, band in _bands(pixels, picture, part):
         codes[rows] = quantised(band, bits)
     return codes
 
 
-def _bands(pixels: NDArray[np.floating], development: Development, part: Part) -> Iterator[tuple[slice, Pixels]]:
+def _bands(pixels: NDArray[np.floating], picture: PictureSettings, part: Part) -> Iterator[tuple[slice, Pixels]]:
     """Yield runs of rows, developed; the white balance is that of the whole."""
-    matrix = None
-    if development.white_balance is not None:
-        whole = _exposed(np.asarray(pixels, np.float32), development.ev)
-        matrix = balance_matrix(development.white_balance, whole, part, development.adaptation).T.astype(np.float32)
+    matrix, gamut = None, picture.gamut
+    if picture.white_balance is not None:
+        whole = _exposed(np.asarray(pixels, np.float32), picture.ev)
+        matrix = balance_matrix(picture.white_balance, whole, part).T.astype(np.float32)
         del whole
     step = max(1, BAND_PIXELS // max(1, pixels.shape[1]))
     for start in range(0, len(pixels), step):
         rows = slice(start, start + step)
-        exposed = _exposed(np.asarray(pixels[rows], np.float32), development.ev)
-        toned = _toned(
-            _without_negatives(exposed if matrix is None else exposed @ matrix, development.gamut), development
-        )
-        shown = _below_one(_without_negatives(toned, development.gamut), development.gamut)
-        yield rows, shown if development.tone == "linear" else srgb_from_linear(shown)
+        exposed = _exposed(np.asarray(pixels[rows], np.float32), picture.ev)
+        balanced = exposed if matrix is None else exposed @ matrix
+        toned = _apply_curve(_without_negatives(balanced, gamut), picture.tone)
+        shown = _below_one(_without_negatives(toned, gamut), gamut)
+        yield rows, shown if picture.tone.kind == "linear" else srgb_from_linear(shown)
 
 
 def quantised(encoded: Pixels, bits: int) -> NDArray[np.uint8] | NDArray[np.uint16]:
@@ -373,12 +334,15 @@ def _exposed(pixels: Pixels, ev: float) -> Pixels:
     return clipped
 
 
-def _toned(linear: Pixels, development: Development) -> Pixels:
-    if development.tone == "reinhard":
-        return reinhard(linear, development.tone_white)
-    if development.tone == "aces":
-        return aces(linear)
-    return agx(linear) if development.tone == "agx" else linear
+def _apply_curve(linear: Pixels, tone: ToneCurve) -> Pixels:
+    match tone.kind:
+        case "reinhard":
+            return reinhard(linear, tone.shown_white)
+        case "aces":
+            return aces(linear)
+        case "agx":
+            return agx(linear)
+    return linear
 
 
 def _without_negatives(linear: Pixels, gamut: Gamut) -> Pixels:

@@ -25,7 +25,6 @@ from rptcam_cl.core.files import check_writable, free_host_bytes, replacing, utf
 from rptcam_cl.imaging.development import (
     GUIDES,
     PLAIN,
-    Development,
     denoised,
     developed_values,
     quantised,
@@ -34,7 +33,7 @@ from rptcam_cl.imaging.formats import ALL_METADATA, RawImage, from_exr_attribute
 from rptcam_cl.imaging.sensor import SensorModel, expose
 from rptcam_cl.imaging.truth_files import coco, save_truth
 from rptcam_cl.imaging.writers import PNG_BITS, Layer, check_layers, film_part, is_developed, png_to, write
-from rptcam_cl.scene.film import Adaptation, PictureSettings
+from rptcam_cl.scene.film import PictureSettings
 from rptcam_cl.scene.load import load_picture
 
 # A rendered film with its metadata, statistics and layers, and the pictures that are developed from it.
@@ -60,7 +59,7 @@ class Image:
     """Where the picture comes from (scene hash, seed, spp, lens, device, version, ...); kept in the files."""
     stats: dict[str, Any] = field(default_factory=dict)
     """What the render took and met (samples, seconds, rays that the lens blocked, ...)."""
-    development: Development = PLAIN
+    development: PictureSettings = PLAIN
     """How the film is developed where it is shown or saved as a picture."""
     layers: Mapping[str, Layer] = field(default_factory=dict)
     """Auxiliary layers by name, (height, width) or (height, width, channels)."""
@@ -418,22 +417,14 @@ def with_picture_settings(image: Image, picture: PictureSettings) -> Image:
     return replace(image, metadata=metadata, development=development_of(picture, metadata))
 
 
-def development_of(picture: PictureSettings, metadata: Mapping[str, Any]) -> Development:
-    """Return the numbers of picture settings, for a film with such metadata."""
-    wanted = picture.white_balance
+def development_of(picture: PictureSettings, metadata: Mapping[str, Any]) -> PictureSettings:
+    """Picture settings with the adaptation of the white balance that suits a film with such metadata."""
+    balance = picture.white_balance
     # Light of RGB has multiplied reflectances channel by channel, and dividing so undoes it exactly; light of spectra
     # has not.
-    suited: Adaptation = "bradford" if metadata.get("spectrum") == "spectral" else "channels"
-    return Development(
-        ev=picture.ev,
-        white_balance=wanted,
-        adaptation=suited if wanted is None or wanted.adaptation is None else wanted.adaptation,
-        tone=picture.tone.kind,
-        tone_white=picture.tone.shown_white,
-        gamut=picture.gamut,
-        bits=picture.bits,
-        jpeg_quality=picture.jpeg_quality,
-    )
+    if balance is None or balance.adaptation is not None or metadata.get("spectrum") != "spectral":
+        return picture
+    return picture.model_copy(update={"white_balance": balance.model_copy(update={"adaptation": "bradford"})})
 
 
 # Videos of developed pictures, by PyAV (the extra ``video``).
@@ -506,7 +497,7 @@ def write_video(path: str | os.PathLike[str], images: Iterable[Image], frames_pe
                         rate = Fraction(frames_per_second).limit_denominator(_CLOCK)
                         stream = file.add_stream(codec, rate=rate, options=options)
                         stream.width, stream.height, stream.pix_fmt = codes.shape[1], codes.shape[0], kind
-                        curve = _NO_CURVE if image.development.tone == "linear" else _SRGB_CURVE
+                        curve = _NO_CURVE if image.development.tone.kind == "linear" else _SRGB_CURVE
                         _say_colours(stream.codec_context, curve, is_rgb=kind.startswith("gbr"))
                     if codes.shape[:2] != (stream.height, stream.width):
                         raise InputError(f"{path}: pictures of a video have one size")

@@ -16,9 +16,10 @@ import tifffile
 from PIL import ImageCms
 from PIL.ExifTags import IFD, Base
 
-from rptcam_cl.imaging.development import Development, quantised
+from rptcam_cl.imaging.development import quantised
 from rptcam_cl.imaging.formats import profile, rational
 from rptcam_cl.imaging.image import Image
+from rptcam_cl.scene.film import PictureSettings
 
 METADATA: dict[str, Any] = {
     "software": "rptcam_cl 1.2",
@@ -52,7 +53,7 @@ def pixels() -> np.ndarray:
 
 
 def saved(path: Path, metadata: dict[str, Any] = METADATA, **settings: Any) -> Image:
-    image = Image(pixels(), metadata, development=Development(**settings))
+    image = Image(pixels(), metadata, development=PictureSettings(**settings))
     image.save(path)
     return image
 

@@ -7,9 +7,10 @@ import PIL.Image
 import pytest
 
 from rptcam_cl.core.errors import InputError, StateError
-from rptcam_cl.imaging.development import Development, quantised
+from rptcam_cl.imaging.development import quantised
 from rptcam_cl.imaging.image import Image
 from rptcam_cl.imaging.writers import check_output
+from rptcam_cl.scene.film import PictureSettings
 
 METADATA = {
     "scene_hash": "5e1f",
@@ -29,7 +30,7 @@ METADATA = {
 @pytest.fixture
 def image() -> Image:
     pixels = np.random.default_rng(1).random((5, 7, 3), dtype=np.float32) * 4
-    return Image(pixels, metadata=METADATA, development=Development(ev=-1.0))
+    return Image(pixels, metadata=METADATA, development=PictureSettings(ev=-1.0))
 
 
 def test_npy_holds_the_film_bit_for_bit(tmp_path: Path, image: Image) -> None:
@@ -75,7 +76,7 @@ def test_jpeg_is_smaller_by_a_lower_quality(tmp_path: Path) -> None:
     sizes = []
     for quality in (100, 95, 60, 5):
         path = tmp_path / f"{quality}.jpg"
-        Image(pixels, development=Development(jpeg_quality=quality)).save(path)
+        Image(pixels, development=PictureSettings(jpeg_quality=quality)).save(path)
         sizes.append(path.stat().st_size)
     assert sizes == sorted(sizes, reverse=True)
     assert sizes[-1] < sizes[0] / 5
