@@ -58,7 +58,7 @@ from rptcam_cl.scene.quantities import (
     SpectralColour,
     TexturePair,
     Turn,
-    fault_of,
+    check_wavelengths,
     list_of,
     read_rows,
 )
@@ -590,15 +590,13 @@ def _metal_spectrum(table: MetalTable, info: core_schema.ValidationInfo) -> Meta
 
 def _written_rows(table: MetalTable) -> tuple[Spectrum, Spectrum, Spectrum]:
     """Return wavelengths, n and k of a table in the scene itself."""
+    assert table.wavelengths_nm is not None
     wavelengths = np.array(table.wavelengths_nm)
     for name in ("n", "k"):
         column = getattr(table, name)
         if column is None or len(column) != len(wavelengths):
             raise refuse("does not fit wavelengths_nm", allowed=f"{len(wavelengths)} numbers", path=(name,))
-    fault = fault_of(wavelengths)
-    if fault is not None:
-        index, problem = fault
-        raise refuse(problem, allowed="rising wavelengths in nm", path=("wavelengths_nm", index))
+    check_wavelengths(table.wavelengths_nm)
     return wavelengths, np.array(table.n), np.array(table.k)
 
 

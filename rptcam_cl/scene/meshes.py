@@ -587,7 +587,7 @@ class MeshLibrary:
 def _written_out(source: MeshSource) -> MeshContents:
     assert source.vertices is not None and source.faces is not None
     positions = source.vertices.rows
-    normals = source.given_normals()
+    normals = source.given_normals
     for polygons in source.faces.groups:
         check_corners(polygons, len(positions), "the mesh: face")
     surface = MeshSurface(
@@ -623,15 +623,17 @@ class MeshSource(SceneModel):
     uvs: Pairs | None = None
     """Texture coordinates of the vertices, a list of [u, v]."""
 
+    @property
     def given_normals(self) -> Vectors | None:
-        """Return the normals that are written out."""
-        raise NotImplementedError
+        """The normals that are written out."""
+        normals = getattr(self, "normals", None)
+        return normals if isinstance(normals, Vectors) else None
 
     @model_validator(mode="after")
     def _check_lists(self) -> Self:
         if self.vertices is not None and self.faces is None:
             raise refuse("is required beside vertices", got=None, allowed="a list of faces", path=("faces",))
-        normals = self.given_normals()
+        normals = self.given_normals
         for key, rows in (("faces", self.faces), ("uvs", self.uvs), ("normals", normals)):
             if rows is None:
                 continue
@@ -651,10 +653,6 @@ class NamedMesh(MeshSource):
     normals: Points | None = None
     """Normals of the vertices, a list of vectors of any length."""
 
-    def given_normals(self) -> Vectors | None:
-        """Return the normals that are written out."""
-        return self.normals
-
 
 class MeshObject(MeshSource, PlacedObject):
     """A mesh of triangles; u and v are the file's, v = 0 at the lower edge of a picture."""
@@ -673,10 +671,6 @@ class MeshObject(MeshSource, PlacedObject):
 
     material: Annotated[Material, MATERIAL_NAME] | None = None
     """Name of one of `materials`, or a material written out; without it, the materials of the file."""
-
-    def given_normals(self) -> Vectors | None:
-        """Return the normals that are written out."""
-        return self.normals if isinstance(self.normals, Vectors) else None
 
     @property
     def normals_mode(self) -> NormalsMode:
