@@ -384,7 +384,7 @@ class TasksOut:
 
     def first(self, function: Callable[..., Any], words: tuple[Any, ...] = ()) -> Any:
         """Send the scene and a task to all workers at once, and return what the first one returns."""
-        scene = self._reach(self._scattered, limit=self._scene_s)
+        scene = self._reach(self._scatter_scene, limit=self._scene_s)
         for number, worker in enumerate(self._came):
             self._tasks[number] = function, words
             self._send(number, worker, scene)
@@ -504,7 +504,7 @@ class TasksOut:
     def _send_with_scene(self, number: int, worker: str) -> None:
         """Send a task with the scene to a worker that lacks it; to any other where that one is lost meanwhile."""
         try:
-            scene = ask(self._scattered, [worker]).result(self._scene_s)
+            scene = ask(self._scatter_scene, [worker]).result(self._scene_s)
         except Exception:  # of many kinds
             self._send(number)
         else:
@@ -514,7 +514,7 @@ class TasksOut:
     def _scene_s(self) -> float:
         return SILENCE_S + SCENE_S * sum(map(len, self._parcel.files.values()))
 
-    def _scattered(self, workers: Sequence[str] = ()) -> Any:
+    def _scatter_scene(self, workers: Sequence[str] = ()) -> Any:
         """Return the scene as the engine has it: with these workers, or with all that have answered and are there."""
         there = set(self._client.nthreads())
         some = list(workers) or [worker for worker in self._came if worker in there]

@@ -181,7 +181,7 @@ def read_subject(path: Path) -> Subject:
         cameras, lights, left_out = read_gltf_world(real) if real.suffix.lower() in GLTF else ([], [], [])
         bare = any(part.material is None for part in contents.parts)
         missing = () if bare else _missing_pictures(real)
-    points, triangles = zip(*map(_placed, contents.parts), strict=True)
+    points, triangles = zip(*map(_place_part, contents.parts), strict=True)
     return Subject(
         points=_fewer(np.concatenate(points)),
         triangles=np.concatenate(triangles),
@@ -200,7 +200,7 @@ def _missing_pictures(path: Path) -> tuple[str, ...]:
     return load_scene(shown, base_dir=path.parent, missing="grey").stand_ins
 
 
-def _placed(part: MeshPlacement) -> tuple[Array, Array]:
+def _place_part(part: MeshPlacement) -> tuple[Array, Array]:
     """Return points and triangles of a part in the frame of its file."""
     mesh = part.mesh
     vertices = (mesh.positions + mesh.origin) @ part.placement[:3, :3].T + part.placement[:3, 3]
@@ -582,7 +582,7 @@ class Start:
         widest = found.first_order().f_number
         if found.stop is not None and widest < MOST_OPEN:
             keys["f_number"] = MOST_OPEN
-        pose = {"eye": _rounded(view.eye), "target": _rounded(target), "up": _rounded(self._up)}
+        pose = {"eye": _round(view.eye), "target": _round(target), "up": _round(self._up)}
         return keys | pose | {"focus": {"distance_m": _digits(depth * self.metres_per_unit)}}
 
     def _lens_source(self, lens: str) -> str | Path:
@@ -631,7 +631,7 @@ class Start:
             ahead = float(np.median(depths[depths > 0])) if (depths > 0).any() else 5.0 / unit
         degrees = math.degrees(camera.height_radians)
         if self.lens is None:
-            pose = {"eye": _rounded(eye), "target": _rounded(eye + ahead * forward), "up": list(camera.up)}
+            pose = {"eye": _round(eye), "target": _round(eye + ahead * forward), "up": list(camera.up)}
             self.scene["film"]["diagonal_mm"] = FULL_FRAME_MM
             self.scene["camera"] = {
                 "kind": "thin_lens",
@@ -672,13 +672,13 @@ class Start:
     def _light_scene(self) -> None:
         scene, lights = self.scene, self._subject.lights
         if lights:
-            scene["lights"] = [{key: _rounded_value(value) for key, value in light.items()} for light in lights]
+            scene["lights"] = [{key: _round_value(value) for key, value in light.items()} for light in lights]
             self.report.append(f"{len(lights)} lamp{'s' if len(lights) > 1 else ''} of the file")
         if self.hdri is not None:
             name = self.copies.name_of(self.hdri)
             with errors_named(self.hdri):
                 read_picture(self.hdri)
-            scene["environment"] = {"kind": "image", "file": name, "up": _rounded(self._up)}
+            scene["environment"] = {"kind": "image", "file": name, "up": _round(self._up)}
         elif not lights:
             eye = np.array(scene["camera"]["eye"], dtype=float)
             scene |= studio(self._subject.bounds, eye, self._up)
@@ -703,11 +703,11 @@ def _three_quarters(up: Array) -> Array:
     return np.asarray(front + 0.45 * side + 0.25 * up)
 
 
-def _rounded_value(value: Any) -> Any:
+def _round_value(value: Any) -> Any:
     """A number, or each of several, rounded; a word as it is."""
     if isinstance(value, str):
         return value
-    return _digits(value) if isinstance(value, float) else _rounded(np.array(value))
+    return _digits(value) if isinstance(value, float) else _round(np.array(value))
 
 
 def _doubts_of_size(subject: Subject, unit: float) -> list[str]:
@@ -731,5 +731,5 @@ def _digits(value: float) -> float:
     return float(f"{value:.{ROUND_TO}g}")
 
 
-def _rounded(vector: Array) -> list[float]:
+def _round(vector: Array) -> list[float]:
     return [_digits(value) for value in vector.tolist()]

@@ -308,13 +308,13 @@ def _bands(pixels: NDArray[np.floating], picture: PictureSettings, part: Part) -
     """Yield runs of rows, developed; the white balance is that of the whole."""
     matrix, gamut = None, picture.gamut
     if picture.white_balance is not None:
-        whole = _exposed(np.asarray(pixels, np.float32), picture.ev)
+        whole = _expose(np.asarray(pixels, np.float32), picture.ev)
         matrix = balance_matrix(picture.white_balance, whole, part).T.astype(np.float32)
         del whole
     step = max(1, BAND_PIXELS // max(1, pixels.shape[1]))
     for start in range(0, len(pixels), step):
         rows = slice(start, start + step)
-        exposed = _exposed(np.asarray(pixels[rows], np.float32), picture.ev)
+        exposed = _expose(np.asarray(pixels[rows], np.float32), picture.ev)
         balanced = exposed if matrix is None else exposed @ matrix
         toned = _apply_curve(_without_negatives(balanced, gamut), picture.tone)
         shown = _below_one(_without_negatives(toned, gamut), gamut)
@@ -327,7 +327,7 @@ def quantised(encoded: Pixels, bits: int) -> NDArray[np.uint8] | NDArray[np.uint
     return nearest.astype(np.uint8) if bits == 8 else nearest.astype(np.uint16)
 
 
-def _exposed(pixels: Pixels, ev: float) -> Pixels:
+def _expose(pixels: Pixels, ev: float) -> Pixels:
     with np.errstate(over="ignore"):  # beyond float32 is white all the same
         scaled = np.nan_to_num(pixels, nan=0.0) * np.float32(2.0**ev)
     clipped: Pixels = np.clip(scaled, -_LARGEST, _LARGEST)

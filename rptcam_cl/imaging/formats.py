@@ -229,10 +229,10 @@ def profile(*, encoded: bool) -> bytes:
         b"gTRC": curve,
         b"bTRC": curve,
     }
-    return _assembled(tags)
+    return _assemble(tags)
 
 
-def _assembled(tags: dict[bytes, bytes]) -> bytes:
+def _assemble(tags: dict[bytes, bytes]) -> bytes:
     """Return header, table of tags, and their data; equal data are stored once."""
     table, data, places = b"", b"", dict[bytes, int]()
     start = _HEADER + 4 + 12 * len(tags)
@@ -324,9 +324,9 @@ def write_png_to(stream: BinaryIO, codes: Codes, texts: dict[str, str], exif: by
     starts = range(0, height, step)
     checksum, before = 1, _ZLIB_HEADER
     with ThreadPoolExecutor(min(len(starts), os.cpu_count() or 1)) as threads:
-        for data, own, count in threads.map(lambda start: _compressed(codes, start, start + step), starts):
+        for data, own, count in threads.map(lambda start: _compress(codes, start, start + step), starts):
             stream.write(_chunk(b"IDAT", before + data))
-            checksum, before = _joined(checksum, own, count), b""
+            checksum, before = _join_checksums(checksum, own, count), b""
     stream.write(_chunk(b"IDAT", struct.pack(">I", checksum)))
     stream.write(_chunk(b"IEND", b""))
 
@@ -344,23 +344,23 @@ def _text_chunk(key: str, value: str) -> bytes:
         return _chunk(b"iTXt", name + b"\0\0\0\0\0" + value.encode())
 
 
-def _compressed(codes: Codes, start: int, end: int) -> tuple[bytes, int, int]:
+def _compress(codes: Codes, start: int, end: int) -> tuple[bytes, int, int]:
     """Return rows as blocks of a deflated stream, and checksum and number of the bytes that were deflated."""
-    rows = _subtracted(codes[start:end]) if codes.dtype == np.uint8 else _less_paeth(codes, start, end)
+    rows = _filter_sub(codes[start:end]) if codes.dtype == np.uint8 else _filter_paeth(codes, start, end)
     packer = zlib.compressobj(_LEVELS[8 * codes.dtype.itemsize], wbits=-zlib.MAX_WBITS)
     data = packer.compress(rows)
     data += packer.flush() if end >= len(codes) else packer.flush(zlib.Z_FULL_FLUSH)
     return data, zlib.adler32(rows), len(rows)
 
 
-def _joined(first: int, second: int, count: int) -> int:
+def _join_checksums(first: int, second: int, count: int) -> int:
     """Return Adler's checksum of two runs of bytes, one after the other; the second has ``count``."""
     low = (first & 0xFFFF) + (second & 0xFFFF) - 1
     high = (first >> 16) + (second >> 16) + count * ((first & 0xFFFF) - 1)
     return high % _MOD << 16 | low % _MOD
 
 
-def _subtracted(codes: Codes) -> bytes:
+def _filter_sub(codes: Codes) -> bytes:
     """Return rows of 8 bits, each byte less that of the pixel to its left.
 
     With the filter that suits each row best 15 pictures took 1.7 times as long, for 0.92 to 1.34 of the size.
@@ -373,18 +373,18 @@ def _subtracted(codes: Codes) -> bytes:
     return filtered.tobytes()
 
 
-def _less_paeth(codes: Codes, start: int, end: int) -> bytes:
+def _filter_paeth(codes: Codes, start: int, end: int) -> bytes:
     """Return rows of 16 bits, each byte less the one that Paeth's filter predicts."""
     part = np.ascontiguousarray(codes[max(start - 1, 0) : end], ">u2").view(np.uint8)
     part = part.reshape(-1, 6 * codes.shape[1])
     if start == 0:
         part = np.pad(part, ((1, 0), (0, 0)))
     rows = np.pad(part, ((0, 0), (6, 0)))
-    filtered = part[1:] - _predicted(rows[1:, :-6], rows[:-1, 6:], rows[:-1, :-6])
+    filtered = part[1:] - _predict_paeth(rows[1:, :-6], rows[:-1, 6:], rows[:-1, :-6])
     return np.pad(filtered, ((0, 0), (1, 0)), constant_values=_PAETH).tobytes()
 
 
-def _predicted(left: NDArray[np.uint8], up: NDArray[np.uint8], corner: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def _predict_paeth(left: NDArray[np.uint8], up: NDArray[np.uint8], corner: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """Return whichever of three neighbours is nearest to left + up - corner, in this order (A. Paeth, 1991)."""
     a, b, c = (part.astype(np.int16) for part in (left, up, corner))
     to_a, to_b, to_c = np.abs(b - c), np.abs(a - c), np.abs(a + b - 2 * c)

@@ -361,11 +361,11 @@ def desqueezed(image: Image, factor: float) -> Image:
         raise InputError("desqueeze: the film was desqueezed before (allowed: once)")
     width = max(round(image.width * factor), 1)
     metadata = {key: value for key, value in image.metadata.items() if key not in OF_PIXELS}
-    pixels = _resampled(image.seen, width)  # a sensor counts the pixels that are squeezed
+    pixels = _resample(image.seen, width)  # a sensor counts the pixels that are squeezed
     return replace(image, pixels=pixels, metadata=metadata | {"desqueezed": width / image.width}, layers={})
 
 
-def _resampled(pixels: NDArray[np.float32], width: int) -> NDArray[np.float32]:
+def _resample(pixels: NDArray[np.float32], width: int) -> NDArray[np.float32]:
     """Return rows of as many columns or more, each the mean of the one or two that it covers."""
     columns = pixels.shape[1]
     # Whole numbers, in parts of 1 / width of a column: each new one has `columns` of them, from `starts` on.

@@ -76,7 +76,7 @@ _NEAREST_DIAGONAL = np.array([[1, 0, 1], [0, 0, 0], [1, 0, 1]]) / 4
 KERNELS = {"malvar": (_GREEN, _ALONG_ROW, _ACROSS), "bilinear": (_NEAREST_GREEN, _NEAREST_IN_ROW, _NEAREST_DIAGONAL)}
 
 
-def _filtered(values: Array, kernel: Array) -> Array:
+def _convolve(values: Array, kernel: Array) -> Array:
     """Return the sum of the pixels round each, weighted; values go on mirrored, which keeps the mosaic in step."""
     reach = kernel.shape[0] // 2
     height, width = values.shape
@@ -102,8 +102,8 @@ def demosaiced(values: NDArray[np.floating], pattern: str, method: str = "malvar
     """
     seen = np.asarray(values, np.float64)
     green, along, across = KERNELS[method]
-    filtered = {"green": _filtered(seen, green), "row": _filtered(seen, along)}
-    filtered |= {"column": _filtered(seen, along.T), "across": _filtered(seen, across)}
+    filtered = {"green": _convolve(seen, green), "row": _convolve(seen, along)}
+    filtered |= {"column": _convolve(seen, along.T), "across": _convolve(seen, across)}
     colours = np.empty((*seen.shape, 3))
     found = list(places(pattern))
     for place, (channel, index) in enumerate(found):

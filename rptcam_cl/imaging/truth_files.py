@@ -41,21 +41,21 @@ def murmur3_32(data: bytes, seed: int = 0) -> int:
     """Return MurmurHash3_x86_32 of some bytes (Appleby's public-domain definition)."""
     state, whole = seed, len(data) & ~3
     for start in range(0, whole, 4):
-        state ^= _scrambled(int.from_bytes(data[start : start + 4], "little"))
-        state = (_rotated(state, 13) * 5 + 0xE6546B64) & WORD
+        state ^= _scramble(int.from_bytes(data[start : start + 4], "little"))
+        state = (_rotate(state, 13) * 5 + 0xE6546B64) & WORD
     if tail := data[whole:]:
-        state ^= _scrambled(int.from_bytes(tail, "little"))
+        state ^= _scramble(int.from_bytes(tail, "little"))
     state ^= len(data)
     state = ((state ^ state >> 16) * 0x85EBCA6B) & WORD
     state = ((state ^ state >> 13) * 0xC2B2AE35) & WORD
     return state ^ state >> 16
 
 
-def _scrambled(word: int) -> int:
-    return (_rotated((word * 0xCC9E2D51) & WORD, 15) * 0x1B873593) & WORD
+def _scramble(word: int) -> int:
+    return (_rotate((word * 0xCC9E2D51) & WORD, 15) * 0x1B873593) & WORD
 
 
-def _rotated(word: int, places: int) -> int:
+def _rotate(word: int, places: int) -> int:
     return (word << places | word >> (32 - places)) & WORD
 
 

@@ -215,13 +215,13 @@ def film_part(metadata: Metadata, pixels: Pixels) -> Part:
 
 def png_to(stream: BinaryIO, pixels: Pixels, metadata: Metadata, picture: PictureSettings, bits: int) -> None:
     """Write the developed picture; each piece of metadata becomes a text chunk, some also EXIF data."""
-    codes = _marked_codes(pixels, metadata, picture, bits)
+    codes = _codes_with_marks(pixels, metadata, picture, bits)
     texts = {key: _text(value) for key, value in {**metadata, "ev": picture.ev}.items()}
     encoded = picture.tone.kind != "linear"
     write_png_to(stream, codes, texts, exif_bytes(metadata, encoded=encoded), encoded=encoded)
 
 
-def _marked_codes(pixels: Pixels, metadata: Metadata, picture: PictureSettings, bits: int) -> NDArray[Any]:
+def _codes_with_marks(pixels: Pixels, metadata: Metadata, picture: PictureSettings, bits: int) -> NDArray[Any]:
     """Return the developed picture, with the zones that are to be drawn."""
     part = film_part(metadata, pixels)
     codes = developed_codes(pixels, picture, part, bits)
@@ -243,7 +243,7 @@ def _write_jpeg(path: Path, pixels: Pixels, metadata: Metadata, picture: Picture
         raise StateError(f"the picture is {width} x {height}, and JPEG files have at most {JPEG_SIDE} a side; use .png")
 
     encoded = picture.tone.kind != "linear"
-    encoder = PIL.Image.fromarray(_marked_codes(pixels, metadata, picture, JPEG_BITS))
+    encoder = PIL.Image.fromarray(_codes_with_marks(pixels, metadata, picture, JPEG_BITS))
     quality = picture.jpeg_quality
     options = {
         "quality": quality, "subsampling": 0 if quality >= JPEG_FULL_COLOUR else 2,

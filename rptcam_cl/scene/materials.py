@@ -365,7 +365,7 @@ SMALLEST_INDEX, LARGEST_INDEX = 0.2, 5.0
 KEYS = {name: key for name, key in GLASS.items() if name != "transmittance"}
 
 
-def _read(value: Any, info: ValidationInfo) -> Medium:
+def _read_medium(value: Any, info: ValidationInfo) -> Medium:
     """Return the law of a glass that is a name or a mapping."""
     if isinstance(value, Medium):
         return value
@@ -382,11 +382,11 @@ def _read(value: Any, info: ValidationInfo) -> Medium:
         raise refuse(problem.text, path=problem.path[1:]) from None
     except (InputError, StateError) as problem:
         raise refuse(str(problem)) from None
-    _check(medium)
+    _check_medium(medium)
     return medium
 
 
-def _check(medium: Medium) -> None:
+def _check_medium(medium: Medium) -> None:
     limits = known_range(medium)
     if limits is not None and not limits[0] <= LINE_D_NM <= limits[1]:
         raise refuse(f"is known from {limits[0]:g} to {limits[1]:g} nm only", allowed="a glass known at 587.56 nm")
@@ -408,7 +408,7 @@ def nearest_to_one(medium: Medium) -> float:
 
 Glass = Annotated[
     Medium,
-    PlainValidator(_read),
+    PlainValidator(_read_medium),
     PlainSerializer(repr, when_used="json"),
     WithJsonSchema(glass_json_schema(KEYS)),
 ]

@@ -64,7 +64,7 @@ class Conversion:
             with tempfile.TemporaryDirectory(prefix=".rptcam-convert-", dir=target.parent) as name:
                 staged = Path(name)
                 self.files.stage(staged)
-                warnings = self._checked(staged, target)
+                warnings = self._load_staged(staged, target)
                 self.files.place(staged)
         except OSError as problem:
             raise StateError(f"{target}: cannot be written ({problem.strerror})") from None
@@ -73,7 +73,7 @@ class Conversion:
             temporary.write_text(text, "utf-8")
         return warnings
 
-    def _checked(self, staged: Path, target: Path) -> tuple[str, ...]:
+    def _load_staged(self, staged: Path, target: Path) -> tuple[str, ...]:
         """Return the warnings of the scene with its staged files, which have their later names there."""
         prefix = f"{staged.name}/"
         try:

@@ -124,7 +124,7 @@ def index_of(context: Context, entity: Entity, name: str = "eta", default: float
             index = parameters.number(key, default)
         elif item.kind == "spectrum":
             name = str(item.values[0]) if len(item.values) == 1 else ""
-            index = GLASSES.get(name) or float(np.interp(589.0, *_sorted(samples_of(context, item))))
+            index = GLASSES.get(name) or float(np.interp(589.0, *_sort_samples(samples_of(context, item))))
             context.approximated(entity, f'"{key}" without dispersion, {index:g} at all wavelengths', item.place)
         else:  # a colour, or a texture of numbers or of colours that are cut at 1
             values = item.values
@@ -173,13 +173,13 @@ def _channels(context: Context, entity: Entity, key: str, default: float) -> lis
     if item is None:
         values = np.full(3, default)
     elif item.kind == "spectrum":
-        values = np.interp(CHANNELS_NM, *_sorted(samples_of(context, item)))
+        values = np.interp(CHANNELS_NM, *_sort_samples(samples_of(context, item)))
     else:
         values = np.broadcast_to(np.asarray(item.values, np.float64), (3,))
     return np.clip(values, LOWEST, HIGHEST).tolist()  # type: ignore[no-any-return]
 
 
-def _sorted(samples: tuple[Any, Any]) -> tuple[Any, Any]:
+def _sort_samples(samples: tuple[Any, Any]) -> tuple[Any, Any]:
     order = np.argsort(samples[0], kind="stable")
     return samples[0][order], samples[1][order]
 
@@ -199,10 +199,10 @@ def _plastic(context: Context, material: Entity) -> Keys:
     pbrt adds a gloss of index 1.5, Ks strong, to the base. Ours shares the light out between the two.
     """
     diffuse, gloss = shade(context, material, "Kd", 0.25), shade(context, material, "Ks", 0.25)
-    return _covered(context, material, diffuse, gloss, 1.5, alphas(context, material, 0.1))
+    return _covered_keys(context, material, diffuse, gloss, 1.5, alphas(context, material, 0.1))
 
 
-def _covered(
+def _covered_keys(
     context: Context, material: Entity, diffuse: Shade, gloss: Shade, index: float, pair: tuple[float, float] | None
 ) -> Keys:
     """Return a base under a clear cover of the index that gives the gloss its reflectance head-on."""
@@ -278,10 +278,10 @@ def _uber(context: Context, material: Entity) -> Keys:
         material.parameters.skip("roughness", "uroughness", "vroughness", "remaproughness")
     gloss, pair = (smooth, None) if is_smooth else (rough, alphas(context, material, 0.1))
     if passing <= NOTHING:
-        return _covered(context, material, diffuse, gloss, index, pair) | holes
+        return _covered_keys(context, material, diffuse, gloss, index, pair) | holes
     context.approximated(material, f"{passing:.3g} of it clear glass, the rest opaque")
     opaque = diffuse.scaled(np.full(3, 1 / max(1 - passing, 0.01)))
-    base = _covered(context, material, opaque, gloss, index, pair)
+    base = _covered_keys(context, material, opaque, gloss, index, pair)
     return {"kind": "mix", "materials": [base, glass], "factor": passing} | holes
 
 
@@ -322,7 +322,7 @@ def _translucent(context: Context, material: Entity) -> Keys:
     reflect, _ = shade(context, material, "reflect", 0.5), shade(context, material, "transmit", 0.5)
     context.approximated(material, "what it reflects; what shines through is left out")
     diffuse, gloss = diffuse.scaled(reflect.colour), gloss.scaled(reflect.colour)
-    return _covered(context, material, diffuse, gloss, 1.5, alphas(context, material, 0.1))
+    return _covered_keys(context, material, diffuse, gloss, 1.5, alphas(context, material, 0.1))
 
 
 def _disney(context: Context, material: Entity) -> Keys:
@@ -502,7 +502,7 @@ def _mix_material(context: Context, material: Entity, depth: int) -> Keys | None
     mixed = [{key: value for key, value in part.items() if key != "opacity"} for part in (first, second)]
     if mixed != [first, second]:
         context.ignored(material, "the opacity of its materials")
-    if amount.texture is None and np.ptp(amount.colour) > 0 and (blend := _blended(mixed, amount.colour)) is not None:
+    if amount.texture is None and np.ptp(amount.colour) > 0 and (blend := _blend(mixed, amount.colour)) is not None:
         return blend
     factor: Any = amount.texture
     if factor is None:
@@ -510,7 +510,7 @@ def _mix_material(context: Context, material: Entity, depth: int) -> Keys | None
     return {"kind": "mix", "materials": mixed, "factor": factor}
 
 
-def _blended(parts: list[Keys], amount: Array) -> Keys | None:
+def _blend(parts: list[Keys], amount: Array) -> Keys | None:
     """Return two matte colours mixed channel by channel, which is exact; None for other materials."""
     if any(part.keys() != {"kind", "reflectance"} or part["kind"] != "matte" for part in parts):
         return None

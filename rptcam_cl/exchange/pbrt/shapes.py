@@ -138,7 +138,7 @@ def rectangle_of(mesh: MeshData, *, textured: bool, oriented: bool) -> dict[str,
         if mesh.uvs is None:
             return None
         turns = [ring] if oriented else [ring, ring[::-1]]
-        fits = [turn for way in turns for turn in _turns(way) if np.allclose(mesh.uvs[turn], CORNERS_UV, atol=1e-6)]
+        fits = [turn for way in turns for turn in _rotations(way) if np.allclose(mesh.uvs[turn], CORNERS_UV, atol=1e-6)]
         if not fits:
             return None
         ring = fits[0]
@@ -163,7 +163,7 @@ def _ring(mesh: MeshData) -> list[int] | None:
     return None
 
 
-def _turns(ring: list[int]) -> list[list[int]]:
+def _rotations(ring: list[int]) -> list[list[int]]:
     return [ring[k:] + ring[:k] for k in range(4)]
 
 
@@ -228,10 +228,10 @@ def bilinear_patches(context: Context, shape: Entity) -> tuple[MeshData, int]:
         faces = np.concatenate([np.stack([p00, p10, p11], axis=1), np.stack([p00, p11, p01], axis=1)])
         return _clean(context, shape, MeshData(vertices, faces, normals, uvs)), len(quads)
     context.approximated(shape, f"each patch as {PATCH_CELLS} x {PATCH_CELLS} cells of two triangles")
-    return _clean(context, shape, _tessellated(vertices, quads, normals, uvs)), len(quads)
+    return _clean(context, shape, _tessellate(vertices, quads, normals, uvs)), len(quads)
 
 
-def _tessellated(vertices: Array, quads: Indices, normals: Array | None, uvs: Array | None) -> MeshData:
+def _tessellate(vertices: Array, quads: Indices, normals: Array | None, uvs: Array | None) -> MeshData:
     """Return patches cut into cells, each patch with vertices of its own."""
     cells = PATCH_CELLS
     t = np.linspace(0, 1, cells + 1)
@@ -409,7 +409,7 @@ def positive(parameters: Parameters, name: str, default: float) -> float:
     return value
 
 
-def turned(profile: Profile, degrees: float) -> MeshData:
+def sweep(profile: Profile, degrees: float) -> MeshData:
     """Return the mesh that a profile sweeps from +x over +y; its front is that of pbrt: along du x dv.
 
     u and v of the mesh run from 0 to 1 along the turn and along the profile. Of a profile without extent there are no
@@ -552,7 +552,7 @@ def _round(context: Context, placed: Placed) -> Piece | None:
 def _revolved_mesh(context: Context, placed: Placed, profile: Profile, degrees: float) -> Piece | None:
     if not 0 < degrees <= 360:
         raise placed.shape.error(f"phimax must lie between 0 and 360 (got {degrees:g})")
-    mesh = turned(profile, degrees)
+    mesh = sweep(profile, degrees)
     if not len(mesh.faces):
         _note_no_area(context, placed.shape)
         return None

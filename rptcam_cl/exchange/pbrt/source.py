@@ -206,7 +206,7 @@ class Tokens:
                 raise place.error('this " has no partner on its line')
             self._offset = match.end()
             if match.lastgroup == "string":
-                return Token("string", _unescaped(match[0][1:-1], place), place)
+                return Token("string", _unescape(match[0][1:-1], place), place)
             if match.lastgroup != "blank":
                 return Token(str(match.lastgroup), match[0], place)
         return None
@@ -222,7 +222,7 @@ def number_of(token: Token) -> float:
     return number
 
 
-def _unescaped(text: str, place: Place) -> str:
+def _unescape(text: str, place: Place) -> str:
     if "\\" not in text:
         return text
 
@@ -443,7 +443,7 @@ def _declaration(token: Token, what: str) -> tuple[str, str]:
 def _values(tokens: Tokens, declared: Token, kind: str) -> Values:
     values: Values | None = tokens.numbers_in_brackets()
     if values is None:
-        values = _of_words(_listed(tokens, declared), declared)
+        values = _of_words(_take_values(tokens, declared), declared)
     is_text = isinstance(values, tuple) and all(isinstance(value, str) for value in values)
     name = declared.shown()
     if isinstance(values, tuple) and not is_text and kind != "bool":
@@ -459,7 +459,7 @@ def _values(tokens: Tokens, declared: Token, kind: str) -> Values:
     return values
 
 
-def _listed(tokens: Tokens, declared: Token) -> list[Token]:
+def _take_values(tokens: Tokens, declared: Token) -> list[Token]:
     """Take the value, or the values in brackets, of a parameter."""
     token = tokens.take()
     if token is None:
@@ -573,11 +573,11 @@ def read_statements(path: Path) -> Iterator[Statement]:
         imported = statement.place if statement.directive == "Import" else None
         if imported is not None:
             yield Statement("AttributeBegin", statement.place)
-        real, tokens = _included(statement, path.parent, [level[0] for level in stack])
+        real, tokens = _open_included(statement, path.parent, [level[0] for level in stack])
         stack.append((real, tokens, imported))
 
 
-def _included(statement: Statement, folder: Path, including: list[Path]) -> tuple[Path, Tokens]:
+def _open_included(statement: Statement, folder: Path, including: list[Path]) -> tuple[Path, Tokens]:
     """Return the real path of a file that a statement of others includes, and its tokens."""
     (name,) = statement.texts
     try:

@@ -253,7 +253,7 @@ def shade(context: Context, entity: Entity, name: str, default: float, depth: in
     item = entity.parameters.get(name, "texture", *COLOURS)
     if item is None or item.kind != "texture":
         return Shade(reflectance(context, entity, name, default))
-    return _named(context, entity, item, "spectrum", depth)
+    return _convert_named(context, entity, item, "spectrum", depth)
 
 
 def value(context: Context, entity: Entity, name: str, default: float) -> float:
@@ -271,7 +271,7 @@ def number_shade(context: Context, entity: Entity, name: str, default: float) ->
     if item is None or item.kind == "float":
         return Shade(np.full(3, default if item is None else entity.parameters.number(name, default)))
     if item.kind == "texture":
-        return _named(context, entity, item, "float", 0)
+        return _convert_named(context, entity, item, "float", 0)
     return Shade(reflectance(context, entity, name, default))
 
 
@@ -283,7 +283,7 @@ def single(context: Context, entity: Entity, name: str, found: Shade) -> float:
     return float(found.colour.mean())
 
 
-def _named(context: Context, entity: Entity, item: Parameter, kind: str, depth: int) -> Shade:
+def _convert_named(context: Context, entity: Entity, item: Parameter, kind: str, depth: int) -> Shade:
     (name, *others) = (str(text) for text in item.values)
     texture = entity.textures.get((kind, name))
     if texture is None or others:
@@ -294,11 +294,11 @@ def _named(context: Context, entity: Entity, item: Parameter, kind: str, depth: 
         raise item.place.error(f"textures refer to each other more than {DEEPEST} deep")
     found = context.known.get(id(texture))
     if not isinstance(found, Shade):
-        found = context.known[id(texture)] = _converted(context, texture, depth + 1)
+        found = context.known[id(texture)] = _convert(context, texture, depth + 1)
     return found
 
 
-def _converted(context: Context, texture: Entity, depth: int) -> Shade:
+def _convert(context: Context, texture: Entity, depth: int) -> Shade:
     """Return a texture as one of ours."""
     if texture.kind not in KINDS:
         raise texture.unknown("texture", KINDS)

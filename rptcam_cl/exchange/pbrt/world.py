@@ -61,11 +61,11 @@ def step_matrix(statement: Statement) -> Matrix:
         case "LookAt":
             result = _camera_from_world(statement)
         case _:
-            result = checked(statement)
+            result = read_matrix(statement)
     return result
 
 
-def checked(statement: Statement) -> Matrix:
+def read_matrix(statement: Statement) -> Matrix:
     """Return the matrix of ``Transform`` or ``ConcatTransform``, which pbrt writes column by column.
 
     Raises
@@ -374,7 +374,7 @@ class World:
         try:
             is_whole = statement.directive == "Transform"
             with np.errstate(over="ignore", invalid="ignore"):
-                found = checked(statement) if is_whole else self.state.ctm @ step_matrix(statement)
+                found = read_matrix(statement) if is_whole else self.state.ctm @ step_matrix(statement)
             if not np.isfinite(found).all() and np.isfinite(self.state.ctm).all():
                 raise OddTransformError(f"{statement.directive} leads beyond the range of numbers")
             self.set_transform(found)

@@ -53,13 +53,13 @@ class JsonNode:
 
     def __init__(self, value: Any, place: str) -> None:
         if not isinstance(value, dict):
-            raise InputError(f"{place}: must be a mapping (got {_shown(value)})")
+            raise InputError(f"{place}: must be a mapping (got {_quote(value)})")
         self._value = value
         self.place = place
 
     def wrong(self, key: str, problem: str, allowed: str) -> InputError:
         """Return the error for a key's value."""
-        return InputError(f"{self.place}.{key}: {problem} (got {_shown(self._value.get(key))}; allowed: {allowed})")
+        return InputError(f"{self.place}.{key}: {problem} (got {_quote(self._value.get(key))}; allowed: {allowed})")
 
     def has(self, key: str) -> bool:
         """Return whether a key is there."""
@@ -145,7 +145,7 @@ def _is_number(value: Any) -> bool:
     return abs(value) < 1e300 if isinstance(value, int) else math.isfinite(value)
 
 
-def _shown(value: Any) -> str:
+def _quote(value: Any) -> str:
     text = repr(value)
     return text if len(text) <= 60 else text[:57] + "…"
 
@@ -217,7 +217,7 @@ def meshopt_bytes(packed: JsonNode, content: bytes) -> NDArray[np.uint8]:
             rows = library.decode_vertex_buffer(count, stride, content)
             octets = np.frombuffer(np.ascontiguousarray(rows).tobytes(), np.uint8).copy()
             if way != "NONE":
-                octets = _filtered(getattr(library, FILTERS[way]), octets, count, stride)
+                octets = _apply_filter(getattr(library, FILTERS[way]), octets, count, stride)
             return octets
         decode = library.decode_index_buffer if mode == "TRIANGLES" else library.decode_index_sequence
         indices = np.asarray(decode(count, 4, content))
@@ -226,7 +226,7 @@ def meshopt_bytes(packed: JsonNode, content: bytes) -> NDArray[np.uint8]:
         raise InputError(f"{packed.place}: is damaged ({problem})") from None
 
 
-def _filtered(decode: Any, octets: NDArray[np.uint8], count: int, stride: int) -> NDArray[np.uint8]:
+def _apply_filter(decode: Any, octets: NDArray[np.uint8], count: int, stride: int) -> NDArray[np.uint8]:
     """Return unfiltered bytes; the library works on what it is given, or returns it."""
     result = decode(octets, count, stride)
     return octets if result is None else np.frombuffer(np.ascontiguousarray(result).tobytes(), np.uint8)
@@ -393,12 +393,12 @@ class Data:
         else:
             rows = np.zeros((count, width), dtype)
         if part.has("sparse"):
-            rows = self._replaced(part.part("sparse"), rows, dtype)
-        return _scaled(part, rows)
+            rows = self._replace_sparse(part.part("sparse"), rows, dtype)
+        return _scale_rows(part, rows)
 
     def scaled(self, index: int, rows: NDArray[Any]) -> NDArray[Any]:
         """Return numbers that were compressed as the accessor of an attribute says that they count."""
-        return _scaled(self._accessors[index], rows)
+        return _scale_rows(self._accessors[index], rows)
 
     def _rows(self, part: JsonNode, dtype: np.dtype[Any], width: int, count: int) -> NDArray[Any]:
         octets, stride = self.view(part.whole("bufferView", below=len(self._views)))
@@ -418,7 +418,7 @@ class Data:
         strided = np.lib.stride_tricks.as_strided(octets[start:end], (count, size), (stride, 1))
         return np.ascontiguousarray(strided).view(dtype)
 
-    def _replaced(self, sparse: JsonNode, rows: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
+    def _replace_sparse(self, sparse: JsonNode, rows: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
         """Return rows with those that a sparse accessor names replaced."""
         count = sparse.whole("count", below=2**31)
         indices, values = sparse.part("indices"), sparse.part("values")
@@ -433,7 +433,7 @@ class Data:
         return rows
 
 
-def _scaled(part: JsonNode, rows: NDArray[Any]) -> NDArray[Any]:
+def _scale_rows(part: JsonNode, rows: NDArray[Any]) -> NDArray[Any]:
     """Return whole numbers as fractions of their largest, where an accessor says that they are (glTF 2.0, 3.6.2.2)."""
     if not part.flag("normalized") or rows.dtype.kind not in "iu":
         return rows
@@ -590,9 +590,9 @@ class GltfMaterials:
             emission_texture=self._texture(part, "emissiveTexture"),
             both_sides=part.flag("doubleSided"),
         )
-        return self._extended(part, material)
+        return self._add_extensions(part, material)
 
-    def _extended(self, part: JsonNode, material: FileMaterial) -> FileMaterial:
+    def _add_extensions(self, part: JsonNode, material: FileMaterial) -> FileMaterial:
         """Return a material with what the extensions add."""
         for strength in part.extensions("KHR_materials_emissive_strength"):
             factor = strength.number("emissiveStrength", 1.0, 0)
@@ -676,7 +676,7 @@ class GltfMaterials:
         found = FileTexture(self._content(image), _name(image), wrap=wrap, nearest=nearest)
         for transform in reference.extensions("KHR_texture_transform"):
             self._sets[key] = transform.whole("texCoord", self._sets[key], below=100)
-            found = replace(found, **_laid(transform))
+            found = replace(found, **_transform_keys(transform))
         return found
 
     def _content(self, image: JsonNode) -> Path | bytes:
@@ -711,7 +711,7 @@ def _name(image: JsonNode) -> str:
     return (image.text("name") or uri or image.place.rpartition(" ")[2])[:200]
 
 
-def _laid(transform: JsonNode) -> dict[str, Any]:
+def _transform_keys(transform: JsonNode) -> dict[str, Any]:
     """Return how KHR_texture_transform lays a picture, with v upwards.
 
     Its v runs downwards, where (u, v) goes to R S (u, v) + offset and R turns from v towards u; the example of its

@@ -166,7 +166,7 @@ CHUNK = 1 << 17
 NOT_FINITE, NO_AREA, TWICE = "with a vertex that is not finite", "without area", "given twice"
 
 
-def _counted(dropped: Mapping[str, int]) -> str:
+def _count_text(dropped: Mapping[str, int]) -> str:
     return ", ".join(f"{count} {reason}" for reason, count in dropped.items() if count) or "none"
 
 
@@ -224,7 +224,7 @@ def _vertex_keys(positions: NDArray[np.float32]) -> NDArray[np.uint64]:
     keys = np.zeros(len(positions), np.uint64)
     for axis in range(3):
         bits = (positions[:, axis] + np.float32(0)).view(np.uint32)
-        keys = _mixed(keys ^ bits)
+        keys = _mix_bits(keys ^ bits)
     return keys
 
 
@@ -234,12 +234,12 @@ def _face_keys(vertex_keys: NDArray[np.uint64], faces: NDArray[np.int32]) -> NDA
     for start in range(0, len(faces), CHUNK):
         a, b, c = vertex_keys[faces[start : start + CHUNK]].T
         result[start : start + CHUNK] = (
-            _mixed(a ^ (b << np.uint64(1))) + _mixed(b ^ (c << np.uint64(1))) + _mixed(c ^ (a << np.uint64(1)))
+            _mix_bits(a ^ (b << np.uint64(1))) + _mix_bits(b ^ (c << np.uint64(1))) + _mix_bits(c ^ (a << np.uint64(1)))
         )
     return result
 
 
-def _mixed(keys: NDArray[np.uint64]) -> NDArray[np.uint64]:
+def _mix_bits(keys: NDArray[np.uint64]) -> NDArray[np.uint64]:
     """Return well mixed bits (the finaliser of SplitMix64; Steele, Lea and Flood 2014)."""
     keys = keys + np.uint64(0x9E3779B97F4A7C15)
     keys = (keys ^ (keys >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
@@ -452,7 +452,7 @@ def _fan_fits(positions: NDArray[Any], polygons: NDArray[Any]) -> NDArray[np.boo
 
 def _ears(corners: NDArray[np.float64]) -> list[tuple[int, int, int]]:
     """Return the triangles of one polygon (k, 3), by cutting off ears in the plane it lies in best (Meisters 1975)."""
-    flat = _flattened(corners)
+    flat = _flatten(corners)
     left = list(range(len(flat)))
     found: list[tuple[int, int, int]] = []
     while len(left) > 3:
@@ -462,7 +462,7 @@ def _ears(corners: NDArray[np.float64]) -> list[tuple[int, int, int]]:
     return [*found, (left[0], left[1], left[2])]
 
 
-def _flattened(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+def _flatten(corners: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return corners (k, 2) seen along the axis that is nearest to the polygon's normal, counter-clockwise."""
     normal = np.cross(corners, np.roll(corners, -1, axis=0)).sum(axis=0)
     axis = int(np.argmax(np.abs(normal)))
@@ -597,7 +597,7 @@ class Mesh:
         """Return the mesh with the normals of a mode, sharing all other arrays; `auto` leaves them."""
         if mode == "auto" or (mode == "flat" and self.normals is None):
             return self
-        normals = _frozen(smooth_normals(self.positions, self.faces) if mode == "smooth" else None)
+        normals = _freeze(smooth_normals(self.positions, self.faces) if mode == "smooth" else None)
         content_hash = _hash(self.origin, self.positions, self.faces, normals, self.uvs)
         return replace(self, normals=normals, content_hash=content_hash)
 
@@ -637,7 +637,7 @@ def make_mesh(surface: MeshSurface, place: str) -> tuple[Mesh | None, dict[str, 
     place : str
         What errors begin with: the file.
     """
-    origin, positions = _centred(surface.positions, place)
+    origin, positions = _centre(surface.positions, place)
     faces, dropped = sound_faces(positions, surface.faces)
     if not len(faces):
         return None, dropped
@@ -656,11 +656,11 @@ def make_mesh(surface: MeshSurface, place: str) -> tuple[Mesh | None, dict[str, 
     if uvs is not None:
         uvs = uvs.astype(np.float32)
         _check_finite(uvs, kept, f"{place}: texture coordinate")
-    origin, positions, faces, normals, uvs = map(_frozen, (origin, positions, faces, normals, uvs))
+    origin, positions, faces, normals, uvs = map(_freeze, (origin, positions, faces, normals, uvs))
     return Mesh(origin, positions, faces, normals, uvs, _hash(origin, positions, faces, normals, uvs)), dropped
 
 
-def _centred(positions: NDArray[Any], place: str) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
+def _centre(positions: NDArray[Any], place: str) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
     """Return the origin and float32 positions relative to it; both exact where the file has float32.
 
     The origin is a multiple of the power of two next to the extent, so the difference has no more bits than a
@@ -693,7 +693,7 @@ def _check_finite(rows: NDArray[Any], kept: NDArray[np.intp] | None, what: str) 
         raise InputError(f"{what} {number} is not finite (got {rows[index].tolist()}; allowed: finite numbers)")
 
 
-def _frozen(rows: NDArray[Any] | None) -> Any:
+def _freeze(rows: NDArray[Any] | None) -> Any:
     """Return a read-only array that does not keep the data of a whole file alive."""
     if rows is not None:
         base = rows
@@ -893,8 +893,10 @@ def make_contents(draft: Draft, place: str) -> MeshContents:
                 material = material.without_textures()
             parts.append(MeshPlacement(mesh, placement, material, name))
     if not parts:
-        raise InputError(f"{place}: has no triangle that can be shown (dropped: {_counted(dropped)})")
-    notes = [*draft.notes, f"{place}: triangles dropped: {_counted(dropped)}"] if any(dropped.values()) else draft.notes
+        raise InputError(f"{place}: has no triangle that can be shown (dropped: {_count_text(dropped)})")
+    notes = (
+        [*draft.notes, f"{place}: triangles dropped: {_count_text(dropped)}"] if any(dropped.values()) else draft.notes
+    )
     return MeshContents(tuple(parts), tuple(notes))
 
 

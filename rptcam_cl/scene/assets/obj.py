@@ -387,7 +387,7 @@ class FaceLines:
             small = int(np.argmax(sizes < 3))
             place = f"{self.path}:{lines.numbers[small]}"
             raise InputError(f"{place}: is a face of {sizes[small]} corners (allowed: at least 3)")
-        self.corners.append(self._counted_from_0(corners, np.repeat(before, sizes, axis=0), lines.numbers, sizes))
+        self.corners.append(self._count_from_0(corners, np.repeat(before, sizes, axis=0), lines.numbers, sizes))
         self.sizes.append(sizes.astype(np.int32))
         self.lines.append(lines.numbers.astype(np.int32))
 
@@ -408,7 +408,7 @@ class FaceLines:
             raise InputError(f"{place}: is not a corner of a face (got {got!r}; allowed: {allowed})") from None
         return found + [0] * (3 - len(found))
 
-    def _counted_from_0(
+    def _count_from_0(
         self,
         corners: NDArray[np.int64],
         before: NDArray[np.int64],
@@ -623,12 +623,14 @@ def read_obj(path: Path, find: mesh.Find) -> mesh.Draft:
         place = None
         if materials or grey:
             place = len(used)
-            used.append(_named(materials, name_, path, grey=grey))
+            used.append(_material_named(materials, name_, path, grey=grey))
         surfaces.append(surface_of(faces, positions, uvs, normals, place, name_))
     return mesh.Draft(surfaces, used, notes=notes)
 
 
-def _named(materials: dict[str, mesh.FileMaterial], name: str | None, path: Path, *, grey: bool) -> mesh.FileMaterial:
+def _material_named(
+    materials: dict[str, mesh.FileMaterial], name: str | None, path: Path, *, grey: bool
+) -> mesh.FileMaterial:
     """Return a material by its name; faces without one are grey, and where a library is missing those of others."""
     if name is None or (grey and name not in materials):
         return mesh.FileMaterial(matte=True)

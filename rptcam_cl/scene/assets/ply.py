@@ -190,7 +190,7 @@ def read_binary(file: BinaryIO, element: Element, path: Path) -> Rows:
         file.seek(start)
     elif not element.lists:
         raise _cut_short(path, element.name, (size - start) // max(1, element.smallest_row(False)))
-    return _varied(file, element, path)
+    return _read_varied_rows(file, element, path)
 
 
 def _cut_short(path: Path, name: str, number: int) -> InputError:
@@ -216,7 +216,7 @@ def _row_like_the_first(file: BinaryIO, element: Element, size: int) -> np.dtype
     return np.dtype(fields)
 
 
-def _varied(file: BinaryIO, element: Element, path: Path) -> Rows:
+def _read_varied_rows(file: BinaryIO, element: Element, path: Path) -> Rows:
     """Return rows whose lists differ in length: one walk finds where each row's parts begin."""
     data = file.read()
     begun = {item.name: np.empty(element.count, np.int64) for item in element.properties}
