@@ -200,9 +200,9 @@ class _Run:
         stopped, begun = f"the parts that are done are in {self.kept.path}", time.perf_counter()
         sent = TasksOut(client, self.parcel, workers, self.says_kept, self.should_stop, stopped)
         if plan is None:
-            found, seconds, maker = sent.first(open_render, (self.job,))
+            findings, seconds, maker = sent.first(open_render, (self.job,))
             count = min(parts_of(seconds, len(workers)), FilmLayout.of(self.scene.film).tiles)
-            plan = self.facts() | {"count": count, "found": found, "made_by": maker}
+            plan = self.facts() | {"count": count, "found": findings, "made_by": maker}
             self.kept.begin(plan)
         self.job = replace(self.job, findings=plan["found"], count=plan["count"])
         self.took("open", begun)

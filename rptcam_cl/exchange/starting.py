@@ -167,7 +167,7 @@ class Subject:
 
 
 def read_subject(path: Path) -> Subject:
-    """Return what a mesh file shows.
+    """Read the subject of a mesh file.
 
     Raises
     ------
@@ -566,21 +566,21 @@ class Start:
     def _film_mm(self, lens: str, height_mm: float | None = None) -> tuple[float, float]:
         """Set a film of full frame, or as large as the image circle lets it be; return its sides."""
         width, height = self.scene["film"]["resolution"]
-        found = load_lens(Path(lens) if names_a_file(lens) else lens)
+        design = load_lens(Path(lens) if names_a_file(lens) else lens)
         diagonal = FULL_FRAME_MM if height_mm is None else height_mm * math.hypot(width, height) / height
-        circle = 2 * image_circle(found, film_distance(found, np.inf))
+        circle = 2 * image_circle(design, film_distance(design, np.inf))
         if diagonal > circle:
             diagonal = math.floor(circle * 100) / 100
-            self.report.append(f"the film has a diagonal of {diagonal:g} mm, the image circle of {found.name}")
+            self.report.append(f"the film has a diagonal of {diagonal:g} mm, the image circle of {design.name}")
         self.scene["film"]["diagonal_mm"] = round(diagonal, 4)
         return diagonal * width / math.hypot(width, height), diagonal * height / math.hypot(width, height)
 
     def _camera(self, lens: str, view: View, target: Array, depth: float) -> dict[str, Any]:
         """Return the keys of a lens camera focused at a depth ahead of it."""
         keys: dict[str, Any] = {"kind": "realistic", "lens": lens}
-        found = load_lens(self._lens_source(lens))
-        widest = found.first_order().f_number
-        if found.stop is not None and widest < MOST_OPEN:
+        design = load_lens(self._lens_source(lens))
+        widest = design.first_order().f_number
+        if design.stop is not None and widest < MOST_OPEN:
             keys["f_number"] = MOST_OPEN
         pose = {"eye": _round(view.eye), "target": _round(target), "up": _round(self._up)}
         return keys | pose | {"focus": {"distance_m": _digits(depth * self.metres_per_unit)}}
@@ -711,7 +711,7 @@ def _round_value(value: Any) -> Any:
 
 
 def _doubts_of_size(subject: Subject, unit: float) -> list[str]:
-    """Return what to say of a model that nobody would photograph at that size, so that its unit must be another."""
+    """A hint for a model that nobody would photograph at that size, so that its unit must be another."""
     low, high = subject.bounds
     size = float((high - low).max()) * unit
     if size == 0 or PLAUSIBLE[0] <= size <= PLAUSIBLE[1]:

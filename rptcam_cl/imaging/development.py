@@ -83,7 +83,7 @@ def _with_margin(values: Pixels) -> Pixels:
 
 
 def _within_channels(denoise: Callable[..., Pixels], pixels: Pixels, albedo: Pixels) -> Pixels:
-    """Return what a denoiser makes of a picture, which takes channels below 0, as spectral colours have, for 0.
+    """Denoise a picture that may have channels below 0, as spectral colours have, which a denoiser takes for 0.
 
     Such a picture goes through it in CIE XYZ, where every colour of light is positive, scaled so that white is
     (1, 1, 1) there, too.

@@ -162,19 +162,19 @@ def exif_fields(metadata: Metadata, *, encoded: bool) -> dict[int, TagField]:
     encoded
         Whether the picture is encoded as sRGB.
     """
-    found = {_VERSION: undefined(b"0232"), _COLOUR_SPACE: short(_SRGB if encoded else _UNCALIBRATED)}
+    directory = {_VERSION: undefined(b"0232"), _COLOUR_SPACE: short(_SRGB if encoded else _UNCALIBRATED)}
     for key, tag in _EXIF_NUMBERS.items():
         if (number := _positive(metadata, key)) is not None:
-            found[tag] = rational(number)
+            directory[tag] = rational(number)
     if (iso := _positive(metadata, "iso")) is not None:
-        found[_ISO] = short(min(round(iso), _LARGEST_SHORT))
-        found[_SENSITIVITY_TYPE] = short(_ISO_SPEED_ALONE)
-        found[_ISO_SPEED] = long([min(round(iso), 2**32 - 1)])
+        directory[_ISO] = short(min(round(iso), _LARGEST_SHORT))
+        directory[_SENSITIVITY_TYPE] = short(_ISO_SPEED_ALONE)
+        directory[_ISO_SPEED] = long([min(round(iso), 2**32 - 1)])
     if metadata.get("lens"):
-        found[_LENS_MODEL] = ascii_text(str(metadata["lens"]))
+        directory[_LENS_MODEL] = ascii_text(str(metadata["lens"]))
     if (equivalent := _equivalent_focal_length(metadata)) is not None:
-        found[_FOCAL_LENGTH_35] = short(equivalent)
-    return found
+        directory[_FOCAL_LENGTH_35] = short(equivalent)
+    return directory
 
 
 def exif_bytes(metadata: Metadata, *, encoded: bool) -> bytes:
@@ -532,15 +532,15 @@ def _bytes(tag: int, values: tuple[int, ...]) -> Tag:
 
 def _fractions(values: Iterable[float]) -> tuple[int, ...]:
     """Return numerators and denominators in turn, of 31 bits."""
-    found: list[int] = []
+    terms: list[int] = []
     for value in values:
         near = Fraction(float(value)).limit_denominator(
             max(1, min(1_000_000, int(_DNG_LARGEST / max(abs(value), 1.0))))
         )
         if not near and value:
             near = Fraction(int(np.sign(value)), min(math.ceil(1 / abs(value)), _DNG_LARGEST))
-        found += [near.numerator, near.denominator]
-    return tuple(found)
+        terms += [near.numerator, near.denominator]
+    return tuple(terms)
 
 
 # Raw files: the numbers of a sensor as DNG, as TIFF of 16 bits, or as a NumPy array.

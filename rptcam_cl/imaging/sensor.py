@@ -49,7 +49,7 @@ def places(pattern: str) -> Iterator[tuple[int, tuple[slice, slice]]]:
 
 
 def mosaic(values: NDArray[Any], pattern: str) -> NDArray[Any]:
-    """Return what the pixels behind a mosaic see (height, width) of values (height, width, 3)."""
+    """The values (height, width) that the pixels behind a mosaic see of values (height, width, 3)."""
     seen = np.empty(values.shape[:2], values.dtype)
     for channel, index in places(pattern):
         seen[index] = values[(*index, channel)]
@@ -105,9 +105,9 @@ def demosaiced(values: NDArray[np.floating], pattern: str, method: str = "malvar
     filtered = {"green": _convolve(seen, green), "row": _convolve(seen, along)}
     filtered |= {"column": _convolve(seen, along.T), "across": _convolve(seen, across)}
     colours = np.empty((*seen.shape, 3))
-    found = list(places(pattern))
-    for place, (channel, index) in enumerate(found):
-        beside = found[place ^ 1][0]  # the other colour of the row
+    sites = list(places(pattern))
+    for place, (channel, index) in enumerate(sites):
+        beside = sites[place ^ 1][0]  # the other colour of the row
         for wanted in range(3):
             if wanted == channel:
                 source = seen
@@ -244,7 +244,7 @@ class SensorModel:
 
 
 def electrons_of_white(electrons: NDArray[np.float64], bayer: str) -> NDArray[np.float64]:
-    """Return what white gives a pixel: (3,) by the channels of the sensor, (1,) of a monochrome one, which sees all.
+    """The electrons of a pixel for white: (3,) by the channels of a sensor, (1,) of a monochrome one, which sees all.
 
     Parameters
     ----------

@@ -298,12 +298,12 @@ def _exr_timecode(metadata: Metadata) -> dict[str, Any]:
     rate, numbers = metadata.get("frames_per_second"), str(metadata.get("timecode", "")).split(":")
     if not isinstance(rate, int | float) or isinstance(rate, bool) or len(numbers) != 4:
         return {}
-    found: dict[str, Any] = {"framesPerSecond": Fraction(rate).limit_denominator(1001)}
+    attributes: dict[str, Any] = {"framesPerSecond": Fraction(rate).limit_denominator(1001)}
     if all(number.isdecimal() for number in numbers):
         hours, minutes, seconds, frame = map(int, numbers)
         if hours < 24 and minutes < 60 and seconds < 60 and frame < 30:
-            found["timeCode"] = OpenEXR.TimeCode(hours, minutes, seconds, frame, *[0] * _TIMECODE_FLAGS)
-    return found
+            attributes["timeCode"] = OpenEXR.TimeCode(hours, minutes, seconds, frame, *[0] * _TIMECODE_FLAGS)
+    return attributes
 
 
 def _write_exr(path: Path, pixels: Pixels, metadata: Metadata, picture: PictureSettings, layers: Layers) -> None:

@@ -155,12 +155,12 @@ def _line(item: Any, data: Any, where: Where) -> str:
         path, value = (*path, key), _child(value, key)
     if item["type"] in ("union_tag_invalid", "union_tag_not_found"):
         path, value = (*path, _tag_key(context["discriminator"])), context.get("tag")
-    found = _explain(item["type"], item["msg"], context, value)
-    if found.problem == "unknown key" and isinstance(data, Mapping) and "camera" in data:  # of a scene
-        found = found._replace(problem=found.problem + _elsewhere(str(path[-1])))
-    details = "; ".join(part for part in (found.got, found.allowed and f"allowed: {found.allowed}") if part)
+    finding = _explain(item["type"], item["msg"], context, value)
+    if finding.problem == "unknown key" and isinstance(data, Mapping) and "camera" in data:  # of a scene
+        finding = finding._replace(problem=finding.problem + _elsewhere(str(path[-1])))
+    details = "; ".join(part for part in (finding.got, finding.allowed and f"allowed: {finding.allowed}") if part)
     subject = f"{dotted(path)}: " if path else ""
-    return f"{where(path, found.at_key)}{subject}{found.problem}" + (f" ({details})" if details else "")
+    return f"{where(path, finding.at_key)}{subject}{finding.problem}" + (f" ({details})" if details else "")
 
 
 def _tag_key(discriminator: str) -> str:
@@ -190,7 +190,7 @@ def _follow(location: tuple[Any, ...], data: Any) -> tuple[KeyPath, Any]:
 
 
 def _child(value: Any, key: str | int) -> Any:
-    """Return what a key leads to, None when nothing is there."""
+    """Look up a key or an index; None when nothing is there."""
     if isinstance(value, Mapping):
         return value.get(key)
     if isinstance(value, (list, tuple)) and isinstance(key, int) and key < len(value):
@@ -199,7 +199,7 @@ def _child(value: Any, key: str | int) -> Any:
 
 
 def _explain(kind: str, message: str, context: dict[str, Any], value: Any) -> _Finding:
-    """Return what to say of an error of pydantic's."""
+    """Word an error of pydantic's."""
     got = f"got {shown(context.get('got', value))}"
     if kind == REFUSED:
         problem = context["problem"]
@@ -240,7 +240,7 @@ def _models(annotation: Any) -> Iterator[type[SceneModel]]:
 
 
 def refusal_text(refusal: PydanticCustomError) -> str:
-    """Return what a refusal outside the model's own validation says."""
+    """The text of a refusal outside the model's own validation."""
     context = dict(refusal.context or {})
     return f"{context['problem']} (got {shown(context['got'])}; allowed: {context['allowed']})"
 
@@ -753,8 +753,8 @@ def _objects(scene: Scene, before: Mapping[str, Any], data: Mapping[str, Any], t
         material = getattr(item, "material", None)
         return names.get(id(material)) not in touched and not _is_mix(material)
 
-    found = ((plain, known.get(id(plain))) for plain in wanted)
-    return [item if item is not None and stays(item) else _with_material_name(plain, names) for plain, item in found]
+    pairs = ((plain, known.get(id(plain))) for plain in wanted)
+    return [item if item is not None and stays(item) else _with_material_name(plain, names) for plain, item in pairs]
 
 
 def _with_material_name(item: Any, names: Mapping[int, str]) -> Any:
@@ -818,7 +818,7 @@ def exposure_steps(scene: Scene) -> list[Scene]:
     InputError
         When a key leads nowhere, or out of its range.
     """
-    shutter, found = scene.shutter, []
+    shutter, steps = scene.shutter, []
     if not shutter.keys:
         return []
     share_s = shutter.time_s / shutter.steps
@@ -829,8 +829,8 @@ def exposure_steps(scene: Scene) -> list[Scene]:
         if still.exposure.mode == "physical":
             gained = still.exposure.model_copy(update={"ev": still.exposure.ev + float(np.log2(shutter.steps))})
             still = still.model_copy(update={"exposure": gained})
-        found.append(still)
-    return found
+        steps.append(still)
+    return steps
 
 
 def _at_keys(scene: Scene, time_s: float, own: dict[str, Any]) -> Scene:

@@ -870,12 +870,12 @@ def with_parts(material: Any, materials: Mapping[str, Any] | None, path: tuple[s
     parts = material.get("materials")
     if not isinstance(parts, (list, tuple)):
         return material
-    found = [
+    resolved = [
         part if not isinstance(part, str) else _GREY if materials is None
         else _find_material(part, materials, (*path, "materials", index))
         for index, part in enumerate(parts)
     ]  # fmt: skip
-    return material | {"materials": found}
+    return material | {"materials": resolved}
 
 
 def with_material(item: Any, index: int, materials: Mapping[str, Any] | None) -> Any:

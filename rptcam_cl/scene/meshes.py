@@ -162,12 +162,12 @@ class Faces:
 
     def plain(self) -> list[Any]:
         """Return the polygons in their order, as lists."""
-        found = [
+        numbered = [
             (int(number), row.tolist())
             for numbers, corners in self.groups
             for number, row in zip(numbers, corners, strict=True)
         ]
-        return [row for _, row in sorted(found)]
+        return [row for _, row in sorted(numbered)]
 
 
 def _vectors(size: int, value: Any) -> Vectors:
@@ -386,7 +386,7 @@ class _Translation:
         return {"index": index, "specular_color": self._colour(color, given.specular_color_texture)}
 
     def _stretch(self) -> dict[str, Any]:
-        """Return what stretches highlights as KHR_materials_anisotropy says: numbers, or a picture where one varies."""
+        """The anisotropy of KHR_materials_anisotropy: as numbers, or as a picture where one varies."""
         given = self._given
         strength = _clip(given.anisotropy, 0.0, 1.0)
         if strength == 0:
@@ -394,9 +394,9 @@ class _Translation:
         if given.anisotropy_texture is None and given.roughness_texture is None:
             return _stretch_keys(given.roughness, strength)
         directions = given.anisotropy_texture or ALONG_U
-        found = AnisotropyMap(**self._texture_keys(directions), strength=strength)
-        self._fill(found, directions)
-        return {"anisotropy_map": found}
+        anisotropy_map = AnisotropyMap(**self._texture_keys(directions), strength=strength)
+        self._fill(anisotropy_map, directions)
+        return {"anisotropy_map": anisotropy_map}
 
     def _base(self) -> Colour | ImageTexture:
         return self._colour(self._given.base_color, self._given.base_texture)
@@ -440,9 +440,9 @@ class _Translation:
     def _normal_map(self, normals: FileTexture | None, strength: float) -> NormalMap | None:
         if normals is None:
             return None
-        found = NormalMap(**self._texture_keys(normals), strength=_clip(strength, 0.0, 10.0))
-        self._fill(found, normals)
-        return found
+        normal_map = NormalMap(**self._texture_keys(normals), strength=_clip(strength, 0.0, 10.0))
+        self._fill(normal_map, normals)
+        return normal_map
 
     def _source(self, file_texture: FileTexture) -> Path | bytes:
         if isinstance(file_texture.source, bytes):
@@ -458,9 +458,9 @@ class _Translation:
         return b""
 
     def _texture(self, file_texture: FileTexture, **keys: Any) -> ImageTexture:
-        found = ImageTexture(kind="image", **self._texture_keys(file_texture), **keys)
-        self._fill(found, file_texture)
-        return found
+        texture = ImageTexture(kind="image", **self._texture_keys(file_texture), **keys)
+        self._fill(texture, file_texture)
+        return texture
 
     def _texture_keys(self, file_texture: FileTexture) -> dict[str, Any]:
         """Return the keys of a texture that say which picture it is and how it lies."""
@@ -498,7 +498,7 @@ def _clip(value: float, low: float, high: float) -> float:
 
 
 def _at_normal(index: float) -> float:
-    """Return what a dielectric reflects at normal incidence."""
+    """The reflectance of a dielectric at normal incidence."""
     return ((index - 1) / (index + 1)) ** 2
 
 

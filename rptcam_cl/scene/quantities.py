@@ -443,7 +443,7 @@ class ColourForms:
         self.read = read
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        """Return what checks either form."""
+        """The schema that reads either form."""
         schema: CoreSchema = core_schema.no_info_plain_validator_function(self._channels)
         if self.spectrum is not None:
             keys = handler.generate_schema(self.spectrum)

@@ -211,11 +211,11 @@ class Raster:
 
     def keys(self) -> dict[str, Any]:
         """Return the keys of a film."""
-        found: dict[str, Any] = {"resolution": [self.width, self.height]}
+        keys: dict[str, Any] = {"resolution": [self.width, self.height]}
         if self.window != (0, self.width, 0, self.height):
             sides = (self.width, self.width, self.height, self.height)
-            found["crop"] = [pixel / side for pixel, side in zip(self.window, sides, strict=True)]
-        return found
+            keys["crop"] = [pixel / side for pixel, side in zip(self.window, sides, strict=True)]
+        return keys
 
 
 def raster_of(context: Context, film: Entity | None) -> Raster:

@@ -85,7 +85,7 @@ class Conversion:
 
 
 def convert_scene(source: Path, target: Path, *, missing: Missing = "error") -> Conversion:
-    """Return what a pbrt scene file says as a scene of ours.
+    """Convert a pbrt scene file to a scene of ours.
 
     Parameters
     ----------

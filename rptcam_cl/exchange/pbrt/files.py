@@ -272,15 +272,15 @@ def in_longitude_and_latitude(square: NDArray[np.float32], *, clockwise: bool) -
     longitude = (np.arange(2 * rows * SAMPLES) + 0.5) / (2 * rows * SAMPLES) * (2 * np.pi)
     if clockwise:
         longitude = longitude[::-1]
-    found = np.empty((rows, 2 * rows, 3), np.float32)
+    converted = np.empty((rows, 2 * rows, 3), np.float32)
     for row in range(rows):
         latitude = np.pi * (row + (np.arange(SAMPLES) + 0.5) / SAMPLES) / rows
         u, v = square_of_angles(np.cos(latitude)[:, None], longitude[None, :])
         column = np.minimum((u * size).astype(np.intp), size - 1)
         line = np.minimum((v * size).astype(np.intp), size - 1)
         samples = square[line, column].reshape(SAMPLES, 2 * rows, SAMPLES, 3)
-        found[row] = samples.mean(axis=(0, 2), dtype=np.float64)
-    return found
+        converted[row] = samples.mean(axis=(0, 2), dtype=np.float64)
+    return converted
 
 
 # Pictures of pbrt scenes: those that ours reads by their name, TGA and PFM files in another format.

@@ -138,7 +138,7 @@ def index_of(context: Context, entity: Entity, name: str = "eta", default: float
 
 
 def metal_keys(context: Context, entity: Entity, prefix: str = "") -> dict[str, Any]:
-    """Return what a metal reflects, as keys of a conductor: by name, by n and k, or by a colour."""
+    """The keys of a conductor that say how a metal reflects: by name, by n and k, or by a colour."""
     parameters = entity.parameters
     if parameters.has(f"{prefix}reflectance"):
         return {"reflectance": shade(context, entity, f"{prefix}reflectance", 1.0).keys()}
@@ -327,7 +327,7 @@ def _translucent(context: Context, material: Entity) -> Keys:
 
 def _disney(context: Context, material: Entity) -> Keys:
     """Return the principled material; sheen, tints of gloss and flatness have no counterpart."""
-    found: Keys = {
+    keys: Keys = {
         "kind": "principled",
         "base_color": shade(context, material, "color", 0.5).keys(),
         "metallic": _share(context, material, "metallic", 0.0),
@@ -338,20 +338,20 @@ def _disney(context: Context, material: Entity) -> Keys:
         "clearcoat": _cut(value(context, material, "clearcoat", 0.0)),
     }
     gloss = value(context, material, "clearcoatgloss", 1.0)
-    found["clearcoat_roughness"] = math.sqrt(_cut(0.1 + (0.001 - 0.1) * gloss))  # alpha runs from 0.1 to 0.001
-    if found["transmission"] > 0:
-        found["index"] = max(found["index"], 1.02)
+    keys["clearcoat_roughness"] = math.sqrt(_cut(0.1 + (0.001 - 0.1) * gloss))  # alpha runs from 0.1 to 0.001
+    if keys["transmission"] > 0:
+        keys["index"] = max(keys["index"], 1.02)
     left = [name for name in ("sheen", "speculartint", "flatness", "thin", "scatterdistance", "difftrans", "sheentint")
             if material.parameters.has(name)]  # fmt: skip
     if left:
         material.parameters.skip(*left)
         context.ignored(material, ", ".join(left))
-    return found
+    return keys
 
 
 def _share(context: Context, material: Entity, name: str, default: float) -> object:
-    found = number_shade(context, material, name, default)
-    return found.texture if found.texture is not None else _cut(single(context, material, name, found))
+    share = number_shade(context, material, name, default)
+    return share.texture if share.texture is not None else _cut(single(context, material, name, share))
 
 
 def _cut(number: float) -> float:
@@ -443,11 +443,11 @@ def _thin_dielectric(context: Context, material: Entity) -> Keys:
 def _diffuse_transmission(context: Context, material: Entity) -> Keys:
     """Return the matte side; light does not pass."""
     scale = value(context, material, "scale", 1.0)
-    found = shade(context, material, "reflectance", 0.25).scaled(np.full(3, scale))
+    diffuse = shade(context, material, "reflectance", 0.25).scaled(np.full(3, scale))
     through = shade(context, material, "transmittance", 0.25)
     if has_effect(through):
         context.approximated(material, "matte of the reflectance; what shines through is left out")
-    return matte(found)
+    return matte(diffuse)
 
 
 def _subsurface(context: Context, material: Entity) -> Keys:

@@ -94,12 +94,12 @@ class MeshData:
 
     def keys(self) -> dict[str, Any]:
         """Return the keys of a mesh that is written out."""
-        found: dict[str, Any] = {"vertices": tidy(self.vertices), "faces": self.faces.tolist()}
+        keys: dict[str, Any] = {"vertices": tidy(self.vertices), "faces": self.faces.tolist()}
         if self.normals is not None:
-            found["normals"] = tidy(self.normals)
+            keys["normals"] = tidy(self.normals)
         if self.uvs is not None:
-            found["uvs"] = self.uvs.tolist()
-        return found
+            keys["uvs"] = self.uvs.tolist()
+        return keys
 
     def write_ply(self, path: Path) -> None:
         """Write the mesh as a binary PLY file."""

@@ -420,14 +420,14 @@ class Parameters:
 
 def read_parameters(tokens: Tokens, what: str, place: Place) -> Parameters:
     """Take the parameters that follow in a file, up to the next directive."""
-    found = Parameters(what, place)
+    parameters = Parameters(what, place)
     while (token := tokens.peek()) is not None and token.kind == "string":
         tokens.take()
         kind, name = _declaration(token, what)
-        if name in found.items:
-            found.repeated.append(found.items.pop(name))
-        found.items[name] = Parameter(kind, name, _values(tokens, token, kind), token.place)
-    return found
+        if name in parameters.items:
+            parameters.repeated.append(parameters.items.pop(name))
+        parameters.items[name] = Parameter(kind, name, _values(tokens, token, kind), token.place)
+    return parameters
 
 
 def _declaration(token: Token, what: str) -> tuple[str, str]:
@@ -468,12 +468,12 @@ def _take_values(tokens: Tokens, declared: Token) -> list[Token]:
         return [token]
     if token.text == "]":
         raise token.place.error(f"expected the value of {declared.shown()} (got ])")
-    found = []
+    values = []
     while (item := tokens.take()) is not None:
         if item.kind != "bracket":
-            found.append(item)
+            values.append(item)
         elif item.text == "]":
-            return found
+            return values
         else:
             raise item.place.error(f"a second [ in the values of {declared.shown()}")
     raise token.place.error("this [ is never closed")
@@ -638,17 +638,17 @@ def _numbers(tokens: Tokens, directive: Token, count: int) -> NDArray[np.float64
 
 def _texts(tokens: Tokens, directive: Token, count: int) -> tuple[str, ...]:
     """Take the quoted texts of a directive; a MediumInterface may have one instead of two."""
-    found: list[str] = []
-    while len(found) < count:
+    texts: list[str] = []
+    while len(texts) < count:
         token = tokens.peek()
         if token is None or token.kind != "string":
-            if directive.text == "MediumInterface" and found:
+            if directive.text == "MediumInterface" and texts:
                 break
             got = "the end of the file" if token is None else token.shown()
             raise directive.place.error(f"{directive.text} needs {count} text{'s' * (count > 1)} in quotes (got {got})")
         tokens.take()
-        found.append(token.text)
-    return tuple(found)
+        texts.append(token.text)
+    return tuple(texts)
 
 
 def _active(tokens: Tokens, directive: Token) -> str:

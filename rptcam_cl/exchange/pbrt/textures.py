@@ -231,7 +231,7 @@ class Shade:
         return self.mean() if callable(self.mean) else self.mean
 
     def keys(self) -> Any:
-        """Return what a key of ours that takes colours and textures is set to."""
+        """The value of a key of ours that takes colours and textures."""
         return self.colour.tolist() if self.texture is None else self.texture
 
     def scaled(self, factor: Array) -> Shade:
@@ -258,11 +258,11 @@ def shade(context: Context, entity: Entity, name: str, default: float, depth: in
 
 def value(context: Context, entity: Entity, name: str, default: float) -> float:
     """Return a number parameter; a texture or colour is replaced by its mean."""
-    found = number_shade(context, entity, name, default)
-    if found.texture is not None:
+    number = number_shade(context, entity, name, default)
+    if number.texture is not None:
         place = entity.parameters.items[name].place
         context.approximated(entity, f'"{name}" is its mean, not a texture', place)
-    return single(context, entity, name, found)
+    return single(context, entity, name, number)
 
 
 def number_shade(context: Context, entity: Entity, name: str, default: float) -> Shade:
@@ -275,12 +275,12 @@ def number_shade(context: Context, entity: Entity, name: str, default: float) ->
     return Shade(reflectance(context, entity, name, default))
 
 
-def single(context: Context, entity: Entity, name: str, found: Shade) -> float:
+def single(context: Context, entity: Entity, name: str, texture: Shade) -> float:
     """Return the mean over the channels of a parameter where ours takes one number; a colour is reported."""
-    if np.ptp(found.colour) > 1e-6:
+    if np.ptp(texture.colour) > 1e-6:
         place = entity.parameters.items[name].place
         context.approximated(entity, f'the colour "{name}" as its mean over the channels', place)
-    return float(found.colour.mean())
+    return float(texture.colour.mean())
 
 
 def _convert_named(context: Context, entity: Entity, item: Parameter, kind: str, depth: int) -> Shade:
@@ -292,10 +292,10 @@ def _convert_named(context: Context, entity: Entity, item: Parameter, kind: str,
         raise item.place.error(f'no {kind} texture is named "{name}"{hint}')
     if depth > DEEPEST:
         raise item.place.error(f"textures refer to each other more than {DEEPEST} deep")
-    found = context.known.get(id(texture))
-    if not isinstance(found, Shade):
-        found = context.known[id(texture)] = _convert(context, texture, depth + 1)
-    return found
+    known = context.known.get(id(texture))
+    if not isinstance(known, Shade):
+        known = context.known[id(texture)] = _convert(context, texture, depth + 1)
+    return known
 
 
 def _convert(context: Context, texture: Entity, depth: int) -> Shade:

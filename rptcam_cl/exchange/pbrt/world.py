@@ -356,7 +356,7 @@ class World:
         return self.scene
 
     def entity(self, statement: Statement, kind: str) -> Entity:
-        """Return what a statement declares, with the defaults of ``Attribute`` and the textures that it names."""
+        """The entity that a statement declares, with the defaults of ``Attribute`` and the textures that it names."""
         given = statement.with_parameters()
         for item in self.state.defaults.get(TARGETS.get(statement.directive, ""), ()):
             given.items.setdefault(item.name, item)
@@ -374,10 +374,10 @@ class World:
         try:
             is_whole = statement.directive == "Transform"
             with np.errstate(over="ignore", invalid="ignore"):
-                found = read_matrix(statement) if is_whole else self.state.ctm @ step_matrix(statement)
-            if not np.isfinite(found).all() and np.isfinite(self.state.ctm).all():
+                matrix = read_matrix(statement) if is_whole else self.state.ctm @ step_matrix(statement)
+            if not np.isfinite(matrix).all() and np.isfinite(self.state.ctm).all():
                 raise OddTransformError(f"{statement.directive} leads beyond the range of numbers")
-            self.set_transform(found)
+            self.set_transform(matrix)
         except OddTransformError as problem:
             self.report.noted(statement.place, f"{problem}; what stands under it is left out")
             self.set_transform(NOWHERE)
@@ -394,8 +394,8 @@ class World:
             self.report.ignored(self.scene.options[name].place, f"{name}: a later one takes its place")
         self.scene.options[name] = self.entity(statement, statement.texts[0])
         if name == "Camera":
-            found = np.linalg.inv(self.state.ctm) if is_invertible(self.state.ctm) else NOWHERE
-            self.spaces["camera"] = np.asarray(found, np.float64)
+            world_from_camera = np.linalg.inv(self.state.ctm) if is_invertible(self.state.ctm) else NOWHERE
+            self.spaces["camera"] = np.asarray(world_from_camera, np.float64)
         if statement.directive == "SurfaceIntegrator" or (name == "Film" and statement.texts[0] == "image"):
             self.scene.version = 3
 
@@ -572,7 +572,7 @@ _ACTIONS: dict[str, Callable[[World, Statement], None]] = {
 
 
 def read_world(path: Path, report: Report) -> PbrtScene:
-    """Return what a scene file and the files that it includes declare."""
+    """Read a scene file and the files that it includes."""
     world = World(report)
     for statement in read_statements(path):
         world.take(statement)

@@ -186,13 +186,13 @@ def draco_arrays(packed: JsonNode, content: bytes) -> tuple[NDArray[np.int64], M
     except Exception as problem:  # the library raises its own, and whatever its wrapper meets
         raise InputError(f"{packed.place}: is damaged ({str(problem) or type(problem).__name__})") from None
     names = packed.part("attributes")
-    found: dict[str, NDArray[Any]] = {}
+    attributes: dict[str, NDArray[Any]] = {}
     for name in names.names():
         identifier = names.whole(name)
         if identifier not in by_id:
             raise names.wrong(name, "is not in the compressed data", ", ".join(map(str, by_id)))
-        found[name] = by_id[identifier].reshape(len(by_id[identifier]), -1)
-    return faces, found
+        attributes[name] = by_id[identifier].reshape(len(by_id[identifier]), -1)
+    return faces, attributes
 
 
 def meshopt_bytes(packed: JsonNode, content: bytes) -> NDArray[np.uint8]:
@@ -270,17 +270,17 @@ def _chunks(content: bytes, path: Path) -> tuple[bytes, bytes | None]:
         raise InputError(f"{path}: is binary glTF of version {version} (allowed: 2)")
     if length != len(content):
         raise InputError(f"{path}: is cut short: says it has {length} bytes (got {len(content)} bytes)")
-    found: dict[int, bytes] = {}
+    chunks: dict[int, bytes] = {}
     place = 12
     while place + 8 <= length:
         size, kind = (int.from_bytes(content[at : at + 4], "little") for at in (place, place + 4))
         if place + 8 + size > length:
             raise InputError(f"{path}: is cut short: a chunk of {size} bytes begins at byte {place} of {length}")
-        found.setdefault(kind, content[place + 8 : place + 8 + size])
+        chunks.setdefault(kind, content[place + 8 : place + 8 + size])
         place += 8 + size
-    if JSON_CHUNK not in found:
+    if JSON_CHUNK not in chunks:
         raise InputError(f"{path}: has no JSON chunk")
-    return found[JSON_CHUNK], found.get(BINARY_CHUNK)
+    return chunks[JSON_CHUNK], chunks.get(BINARY_CHUNK)
 
 
 class Data:
@@ -345,7 +345,7 @@ class Data:
         return self._loaded[index]
 
     def _content(self, part: JsonNode) -> bytes:
-        """Return what the `uri` of a buffer holds."""
+        """Read the content that the `uri` of a buffer names."""
         source = self.file_named_by(part)
         if isinstance(source, bytes):
             return source
@@ -673,11 +673,11 @@ class GltfMaterials:
             return None
         wrap, nearest = self._sampling(plain)
         self._sets[key] = reference.whole("texCoord", 0, below=100)
-        found = FileTexture(self._content(image), _name(image), wrap=wrap, nearest=nearest)
+        file_texture = FileTexture(self._content(image), _name(image), wrap=wrap, nearest=nearest)
         for transform in reference.extensions("KHR_texture_transform"):
             self._sets[key] = transform.whole("texCoord", self._sets[key], below=100)
-            found = replace(found, **_transform_keys(transform))
-        return found
+            file_texture = replace(file_texture, **_transform_keys(transform))
+        return file_texture
 
     def _content(self, image: JsonNode) -> Path | bytes:
         """Return the path of a picture, or its bytes; the same object for the same picture."""
@@ -776,16 +776,16 @@ def _check_version(document: JsonNode, path: Path) -> None:
 
 
 def _left_out(document: JsonNode) -> list[str]:
-    """Return what of a file is left out that changes its picture."""
+    """Notes on parts of a file that are left out, and would change its picture."""
     primitives = [primitive for mesh in document.parts("meshes") for primitive in mesh.parts("primitives")]
-    found = {
+    omissions = {
         LAMPS_LEFT_OUT: any(part.parts("lights") for part in document.extensions(LIGHTS)),
         "skins are left out": bool(document.parts("skins")),
         "animations are left out": bool(document.parts("animations")),
         "morph targets are left out": any(primitive.has("targets") for primitive in primitives),
         "variants of materials are left out; the default materials show": VARIANTS in document.texts("extensionsUsed"),
     }
-    return [f"{document.place}: {text}" for text, there in found.items() if there]
+    return [f"{document.place}: {text}" for text, there in omissions.items() if there]
 
 
 def _surface(primitive: JsonNode, data: Data, materials: GltfMaterials, name: str | None) -> MeshSurface | None:

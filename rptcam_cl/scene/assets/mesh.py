@@ -454,12 +454,12 @@ def _ears(corners: NDArray[np.float64]) -> list[tuple[int, int, int]]:
     """Return the triangles of one polygon (k, 3), by cutting off ears in the plane it lies in best (Meisters 1975)."""
     flat = _flatten(corners)
     left = list(range(len(flat)))
-    found: list[tuple[int, int, int]] = []
+    triangles: list[tuple[int, int, int]] = []
     while len(left) > 3:
         ear = next((place for place in range(len(left)) if _is_ear(flat, left, place)), 0)
-        found.append((left[ear - 1], left[ear], left[(ear + 1) % len(left)]))
+        triangles.append((left[ear - 1], left[ear], left[(ear + 1) % len(left)]))
         del left[ear]
-    return [*found, (left[0], left[1], left[2])]
+    return [*triangles, (left[0], left[1], left[2])]
 
 
 def _flatten(corners: NDArray[np.float64]) -> NDArray[np.float64]:
