@@ -29,13 +29,15 @@ from rptcam_cl.scene.lens_settings import GRADES, AutoFocus, RealLens
 from rptcam_cl.scene.lights import WITH_UP, Environment, Light
 from rptcam_cl.scene.materials import Dielectric, Emissive, Material, Principled, with_material, with_parts
 from rptcam_cl.scene.meshes import LoadedMesh, MeshLibrary, MeshObject, NamedMesh
-from rptcam_cl.scene.placement import PlacedObject, Solid, moments
+from rptcam_cl.scene.placement import PlacedObject, SceneObject, moments
 from rptcam_cl.scene.quantities import LARGEST_COORDINATE, NUMBER, SMALLEST_LENGTH
 from rptcam_cl.scene.shapes import Board, Object, Plane
 
 # Checks across the parts of a scene: errors where float32 is too small, and warnings of probable mistakes.
 
-# Objects of the scene, each with what is known once its files are read.
+Solid = SceneObject | Board | LoadedMesh
+"""The shape and materials of an object, once its files are read."""
+
 Objects = Sequence[tuple[Object, Solid]]
 
 # Ratio of extents beyond which the 24 bits of a float32 no longer resolve the smallest object.
