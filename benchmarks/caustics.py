@@ -191,7 +191,7 @@ def save_pictures(name: str, session: Session, size: tuple[int, int], spp: int, 
     films = [render(ways["off"], 1, paths)[0], picture]
     white = float(np.quantile(picture.max(axis=-1), 0.98))
     shown = [np.clip(film / white, 0, 1) ** (1 / 2.2) for film in films]
-    gap = np.ones((size[1], 6, 3))
+    gap = np.ones((len(picture), 6, 3))
     Bitmap.fromarray((np.hstack([shown[0], gap, shown[1]]) * 255 + 0.5).astype(np.uint8)).save(
         folder / f"caustics_{Path(name).stem}.png"
     )

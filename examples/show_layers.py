@@ -1,6 +1,7 @@
 """Show six layers of a scene side by side: picture, depth, normal, albedo, objects and circle of confusion.
 
-Run in the folder above: python examples/show_layers.py [SCENE [OUT.png [WIDTHxHEIGHT]]]
+Run in the folder above: python examples/show_layers.py [SCENE [OUT.png [WIDTHxHEIGHT]]]. It needs rptcam_cl[denoise].
+All is rendered twice as large and averaged, as render_fine.py does.
 """
 
 import sys
@@ -8,6 +9,7 @@ import sys
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
+from render_fine import FINER, mean_light
 
 import rptcam_cl
 from rptcam_cl.imaging.development import srgb_from_linear
@@ -35,13 +37,14 @@ def panels(image: rptcam_cl.Image) -> list[Panel]:
     ]
 
 
-def main(scene: str = "examples/first_light.yaml", out: str = "docs/images/layers.png", size: str = "320x180") -> None:
+def main(scene: str = "examples/first_light.yaml", out: str = "docs/images/layers.png", size: str = "480x270") -> None:
     """Render the layers and write the picture, whose panels have that size."""
     width, height = map(int, size.split("x"))
     names = ["depth", "normal", "albedo", "object_id", "coc"]
-    shown = panels(rptcam_cl.render(scene, spp=256, size=(width, height), layers=names, denoise=True))
+    shown = panels(rptcam_cl.render(scene, spp=64, size=(FINER * width, FINER * height), layers=names, denoise=True))
+    shown = [srgb_from_linear(mean_light(np.clip(panel, 0, 1))) for panel in shown]
     rows = [np.concatenate(shown[start : start + 3], axis=1) for start in (0, 3)]
-    Image.fromarray((255 * np.clip(np.concatenate(rows), 0, 1) + 0.5).astype(np.uint8)).save(out, optimize=True)
+    Image.fromarray((255 * np.concatenate(rows) + 0.5).astype(np.uint8)).save(out, optimize=True)
 
 
 if __name__ == "__main__":

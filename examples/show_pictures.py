@@ -1,6 +1,7 @@
 """Develop a film six times, by tone curve or by white balance: the comparisons of docs/picture.md.
 
-Run in the folder above: python examples/show_pictures.py [tones | white_balance]
+Run in the folder above: python examples/show_pictures.py [tones | white_balance]. It needs rptcam_cl[denoise]. The film
+is twice as large, and what is shown of it averaged, as render_fine.py does.
 """
 
 import sys
@@ -9,10 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
+from render_fine import FINER, averaged
 
 import rptcam_cl
 
-SIZE = (320, 180)
+SIZE = (480, 270)
 
 # Lamps and sky of the fifteen balls, all of tungsten.
 TUNGSTEN = [
@@ -51,9 +53,9 @@ COMPARISONS: dict[str, tuple[str, list[str], dict[str, dict[str, Any]]]] = {
 
 def panel(film: rptcam_cl.Image, name: str, settings: dict[str, Any]) -> NDArray[np.uint8]:
     """Return a developed picture with its name in a corner, (height, width, 3)."""
-    developed = rptcam_cl.develop(film, **settings).developed()
+    developed = averaged(rptcam_cl.develop(film, **settings)).developed()
     picture = Image.fromarray((255 * developed + 0.5).astype(np.uint8))
-    font = ImageFont.load_default(13)
+    font = ImageFont.load_default(18)
     ImageDraw.Draw(picture).text((6, 4), name, "white", font, stroke_width=1, stroke_fill="black")
     return np.asarray(picture)
 
@@ -62,10 +64,11 @@ def main(*names: str) -> None:
     """Write the comparisons of these names, or all, each of a film that is rendered once."""
     for name in names or COMPARISONS:
         scene, changes, developments = COMPARISONS[name]
-        film = rptcam_cl.render(rptcam_cl.load_scene(scene, changes), spp=512, size=SIZE)
+        size = (FINER * SIZE[0], FINER * SIZE[1])
+        film = rptcam_cl.render(rptcam_cl.load_scene(scene, changes), spp=160, size=size, denoise=True)
         panels = [panel(film, title, settings) for title, settings in developments.items()]
         rows = [np.concatenate(panels[start : start + 3], axis=1) for start in (0, 3)]
-        Image.fromarray(np.concatenate(rows)).save(f"docs/images/{name}.png", optimize=True)
+        Image.fromarray(np.concatenate(rows)).save(f"docs/images/{name}.jpg", quality=92, optimize=True)
 
 
 if __name__ == "__main__":

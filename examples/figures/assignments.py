@@ -49,9 +49,13 @@ def fitted(name: str, title: str, f_number: float, diagonal_mm: float) -> Figure
 
 def found(name: str, title: str, *changes: str) -> Figure:
     """Return the card and the wall, one of which autofocus finds."""
-    return Figure(
-        f"assignment_autofocus_{name}", title, "assignment/autofocus.yaml", changes, (300, 300), 512, denoise=False
-    )
+    return Figure(f"assignment_autofocus_{name}", title, "assignment/autofocus.yaml", changes, (720, 720), 96)
+
+
+def bunnies(policy: str) -> Figure:
+    """Return the two bunnies, one of which autofocus finds."""
+    change = f"camera.focus.auto.policy={policy}"
+    return Figure(f"assignment_bunnies_{policy}", policy, "assignment/bunnies.yaml", (change,), (960, 640))
 
 
 def found_by_telephoto() -> Figure:
@@ -59,8 +63,8 @@ def found_by_telephoto() -> Figure:
     picture = shared("cones_telephoto", "telephoto, on the text")
     auto = "camera.focus={auto: {zones: [[0.70, 0.76, 0.40, 0.46]], draw_zones: true}}"
     changes = [change for change in picture.changes if not change.startswith("camera.focus")]
-    name, size = "assignment_autofocus_text", (300, 300)
-    return replace(picture, name=name, changes=[*changes, auto], size=size, spp=512, folder="figures", denoise=False)
+    name, size = "assignment_autofocus_text", (720, 720)
+    return replace(picture, name=name, changes=[*changes, auto], size=size, spp=96, folder="figures")
 
 
 def stop_shape(name: str, title: str, aperture: str) -> Figure:
@@ -143,6 +147,14 @@ film distances that the assignment accepts, 62.09, 39.80 and 116.85 mm, beside o
             ),
             (autofocus_targets, accepted_distances),
             theirs="a near cone, the far ones and the text, each sharp where the zone lies.",
+        ),
+        Group(
+            "Autofocus: bunnies and spheres",
+            """\
+Models of ours, one scene, two zones: the near bunny is found by `policy: closest`, the far one by `policy: farthest`.
+The red ball stands nearly as near as the first, the gold one between the two, the blue one behind the second.""",
+            (bunnies("closest"), bunnies("farthest")),
+            theirs="bunnies and spheres at several distances.",
         ),
         Group(
             "Bokeh",

@@ -6,6 +6,7 @@ from functools import cache
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from examples.figures.blur import card_blur, thin_lens_blurs
 from examples.figures.figure import ROOT
@@ -13,6 +14,7 @@ from examples.figures.numbers import Numbers, Row
 from examples.figures.paper_lens_numbers import blur_on_film, paper_singlet
 from rptcam_cl.api.interface import render
 from rptcam_cl.imaging.development import srgb_from_linear
+from rptcam_cl.optics.charts import add_key, new_figure, series, styled
 from rptcam_cl.optics.lens import film_distance
 from rptcam_cl.scene.load import change_scene, load_scene
 from rptcam_cl.studies.focus.controller import autofocus
@@ -37,6 +39,8 @@ FOCUSED = {
 }
 # Figure 8: distances at which the variance of the whole picture is looked at.
 LOOKS = (15, 16, 18, 20, 22.5, 25, 27.5, 30, 35)
+STEPS = (*range(12, 20), *range(20, 30, 2), *range(30, 51, 4))  # of a climb
+STARTS = (15, 50)
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
 
@@ -109,7 +113,7 @@ def found_by_autofocus() -> Numbers:
         report = autofocus(ROOT / "examples" / "paper" / "autofocus.yaml", method)
         assert report.focus_distance_m is not None
         rows.append(Row((f"sphere at 25, by `{method}`",), ("25",), (1000 * report.focus_distance_m,)))
-    values = variances()
+    values = variances(LOOKS)
     best = LOOKS[int(np.argmax(values))]
     rows.append(
         Row(("greatest variance of the whole picture",), ("27.5",), (float(best),), ".1f", 2.5 / 27.5, more=8.0)
@@ -127,12 +131,44 @@ def found_by_autofocus() -> Numbers:
     )
 
 
+@styled()
+def climbs() -> Any:
+    """Return the chart of two climbs of the variance of the whole picture, each from step to step while it grows."""
+    values = 100 * variances(STEPS) / variances(STEPS).max()
+    figure = new_figure("Variance of the whole picture, from two starts, each step the greater neighbour", (9.0, 4.2))
+    axes = figure.add_subplot()
+    axes.axvline(25, color="gray", linewidth=0.8, linestyle="--")
+    axes.annotate("the paper's end: 25", (25.3, values.min()), color="gray")
+    (curve,) = axes.plot(STEPS, values, color="gray", linewidth=0.8, label="variance")
+    curves = [curve]
+    for number, start in enumerate(STARTS):
+        steps = climb(values, STEPS.index(start))
+        end = f"{STEPS[steps[-1]]:g}"
+        (path,) = axes.plot([STEPS[step] for step in steps], values[steps], "o-", color=series(number), markersize=5)
+        path.set_label(f"from {start} to {end} units")
+        curves.append(path)
+    axes.set(xlabel="in focus, from the film [units]", ylabel="of the greatest [%]")
+    add_key(figure, curves)
+    return figure
+
+
+def climb(values: NDArray[np.floating], start: int) -> list[int]:
+    """Return the steps from one value to the greater of its neighbours, up to one that has none."""
+    steps = [start]
+    while True:
+        near = [step for step in (steps[-1] - 1, steps[-1] + 1) if 0 <= step < len(values)]
+        best = max(near, key=lambda step: values[step])
+        if values[best] <= values[steps[-1]]:
+            return steps
+        steps.append(best)
+
+
 @cache
-def variances() -> Any:
-    """Return the variance of the whole picture's encoded luminance, the measure of the paper, at `LOOKS`."""
+def variances(distances: tuple[float, ...]) -> Any:
+    """Return the variance of the whole picture's encoded luminance, the measure of the paper, at some distances."""
     scene = load_scene(ROOT / "examples" / "paper" / "autofocus.yaml")
     found = []
-    for distance in LOOKS:
+    for distance in distances:
         there = change_scene(scene, camera={"focus": {"distance_m": distance * 1e-3}})
         shown = srgb_from_linear(np.asarray(render(there, spp=128, size=(200, 150))) * 2**1.5)
         found.append(float(np.var(np.round(255 * shown) / 255 @ LUMINANCE)))

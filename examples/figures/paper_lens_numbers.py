@@ -9,7 +9,10 @@ import numpy as np
 from examples.figures.numbers import Numbers, Row
 from rptcam_cl.api.interface import load_lens
 from rptcam_cl.core.constants import LINE_D_NM
+from rptcam_cl.optics.charts import Drawing
 from rptcam_cl.optics.design import GlassChoice, doublet_radii, image_distances
+from rptcam_cl.optics.drawing import View, draw_lens
+from rptcam_cl.optics.image_quality import setting
 from rptcam_cl.optics.lens import film_distance, object_distance
 from rptcam_cl.rendering.traceable_lens import TraceableLens
 
@@ -55,6 +58,35 @@ def paper_doublet(diameter: float = 0.2) -> dict[str, Any]:
             {"radius": -0.666666667, "diameter": diameter},
         ],
     }
+
+
+def table_prescription(diameter: float) -> dict[str, Any]:
+    """Return the lens of the paper's Table 1 with another opening, as a lens file's mapping."""
+    return {
+        "name": "Lens of Table 1 of the rptcam paper",
+        "surfaces": [
+            {"radius": 4, "thickness": THICKNESS, "glass": {"index": 1.6}, "diameter": diameter, "stop": True},
+            {"radius": -4, "diameter": diameter},
+        ],
+    }
+
+
+def doublet_drawing() -> Drawing:
+    """Return an achromat of BK7 and F2 by the paper's equations in cross-section, with light of three colours."""
+    glasses = GlassChoice(1.5168, 64.17), GlassChoice(1.62004, 36.43)
+    _, r2, r3 = doublet_radii(100.0, *glasses, "r1", 60.0)
+    crown, flint = ({"nd": glass.index, "vd": glass.abbe} for glass in glasses)
+    lens = load_lens(
+        {
+            "name": "Doublet of BK7 and F2 by the rptcam paper's equations",
+            "surfaces": [
+                {"radius": 60, "thickness": 9, "glass": crown, "diameter": 30, "stop": True},
+                {"radius": r2, "thickness": 3, "glass": flint, "diameter": 30},
+                {"radius": r3, "diameter": 30},
+            ],
+        }
+    )
+    return draw_lens(setting(lens, None, 10.0), View(fields=(0.0,), rays=5, wavelengths_nm=(486.13, 546.07, 656.27)))
 
 
 def blur_on_film(

@@ -126,6 +126,7 @@ def main(folder: str = "") -> None:
     write_ply(out / "stone.ply", shapes.stone(31, 64, 96), uvs=False)
     write_ply(out / "cloth.ply", shapes.cloth())
     write_ply(out / "cushion.ply", shapes.cushion(), uvs=False)
+    write_ply(out / "cushion_fine.ply", shapes.cushion(96), uvs=False)  # no triangle of it shows where light grazes
     write_ply(out / "goblet.ply", shapes.lathe(GOBLET, 96, rounds=2), uvs=False)
     write_ply(out / "wine.ply", shapes.lathe(WINE, 96, rounds=2), uvs=False)
     write_ply(out / "candlestick.ply", shapes.lathe(CANDLESTICK, 72, rounds=2), uvs=False)

@@ -26,7 +26,7 @@ from rptcam_cl.device.devices import choose_device, list_devices, problem_of
 from rptcam_cl.device.session import Split, Wanted, open_sessions
 from rptcam_cl.imaging.image import Image, develop
 from rptcam_cl.optics.library import load_lens as read_lens
-from rptcam_cl.rendering.checkpoint import layout_of, merged_state, picture_of, write_checkpoint
+from rptcam_cl.rendering.checkpoint import layout_of, merge_states, picture_of, write_checkpoint
 from rptcam_cl.rendering.diffraction import spread_of
 from rptcam_cl.rendering.ghosts import saved_ghosts
 from rptcam_cl.rendering.ground_truth import saved_truth
@@ -308,19 +308,19 @@ def merge(
         raise InputError("parts: there are none (allowed: at least one file)")
     if checkpoint is not None:
         check_writable(checkpoint, parts)
-    state = merged_state(parts, allow_mixed=allow_mixed)
+    state = merge_states(parts, allow_mixed=allow_mixed)
     layout = layout_of(state.facts)
     try:
         spread = spread_of(state.arrays, tuple(state.facts["resolution"]))
-        found, ghosts = picture_of(state, layout), saved_ghosts(state.arrays)
+        pixels, metadata, stats, recorded = picture_of(state, layout)
+        ghosts = saved_ghosts(state.arrays)
         of_sharp_layers = saved_truth(state.arrays, layout)[1]
     except (ValueError, KeyError, TypeError) as problem:
         raise StateError(f"this saved render is damaged: {problem} (render it again)") from None
     if checkpoint is not None:
         write_checkpoint(checkpoint, state.facts, state.arrays)
-    metadata = dict(found.metadata)
-    layers = name_layers(state.facts["layers"], found.layers, ({}, of_sharp_layers), metadata)
-    image = Image(found.pixels, metadata, found.stats, layers=layers)
+    layers = name_layers(state.facts["layers"], recorded, ({}, of_sharp_layers), metadata)
+    image = Image(pixels, metadata, stats, layers=layers)
     if ghosts is not None:
         image = with_ghosts(image, *ghosts)
     if spread is not None:

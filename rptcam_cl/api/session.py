@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from rptcam_cl.api.job import RenderJob, RenderOptions, Resolved, SceneSource, resolve
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, StateError, out_of_range
+from rptcam_cl.device.fork_server import CompileServer
 from rptcam_cl.device.session import NotKeptError, Session, open_sessions
 from rptcam_cl.imaging.image import Image
 from rptcam_cl.imaging.sensor import check_sensor
@@ -28,7 +29,7 @@ from rptcam_cl.rendering.plan.plan import Plan, make_plan, with_film, with_lens,
 from rptcam_cl.rendering.plan.primitives import PlanParts
 from rptcam_cl.rendering.progressive import FilmRun, rendering_of
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
-from rptcam_cl.rendering.tracer import SMALL, Compiler, Wavefront, WavefrontPool, order
+from rptcam_cl.rendering.tracer import SMALL, Wavefront, WavefrontPool, order
 from rptcam_cl.scene.exposure import LEAST_CD_M2, MOST_CD_M2
 from rptcam_cl.scene.film import Film, RenderSettings
 from rptcam_cl.scene.load import set_keys
@@ -225,7 +226,7 @@ def scaled(state: SceneState, scale: float, reading: float | None) -> tuple[Plan
     """Return the plan of a state with a film of fewer pixels, exposed by a reading of the meter; and that film."""
     film = state.resolved.scene.film
     columns, rows = (max(round(side * scale), 1) for side in film.resolution)
-    if state.scene.camera.kind == "environment":
+    if state.scene.camera.sees_all_around:
         columns = 2 * rows
     smaller = film.model_copy(update={"resolution": (columns, rows)})
     plan, metered = with_film(state.plan, state.resolved.scene, smaller), state.resolved.metered_cd_m2
@@ -294,7 +295,7 @@ class SceneCompiler:
         self._missing: set[Hashable] = set()  # of what the driver has kept
         self._under_way: dict[Hashable, Future[None]] = {}
         self._threads = ThreadPoolExecutor(1, "rptcam-compile")
-        self._compiler = Compiler()
+        self._compiler = CompileServer()
         self._orders: dict[Hashable, Future[bool]] = {}
 
     def first(self, scene: Scene) -> SceneState:
@@ -414,7 +415,7 @@ class SceneCompiler:
         name
             Of what the order compiles.
         order
-            Returns what `Compiler.compile` takes.
+            Returns what `CompileServer.compile` takes.
         """
         if not self._device.generates_late:
             return True
@@ -842,7 +843,7 @@ class RenderSession:
         """
         if run.is_whole and run.done >= 2 * self._noise_spp:
             achieved = run.watch.achieved(run.done, sums)
-            self._noise = None if achieved is None else achieved.picture
+            self._noise = None if achieved is None else achieved["picture"]
             self._noise_spp = 1 if achieved is None else run.done
         return None if self._noise is None else float(self._noise * np.sqrt(self._noise_spp / run.done))
 

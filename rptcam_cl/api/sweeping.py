@@ -218,7 +218,7 @@ def _reading_of(scene: Scene, session: Session) -> float | None:
         from rptcam_cl.studies.focus.controller import in_focus
 
         scene = in_focus(at_rest(scene), session)[0]
-    return resolve_exposure(scene, session).metered_cd_m2
+    return resolve_exposure(scene, session)[1]
 
 
 def _state_of(scene: Scene, session: Session) -> float | None:

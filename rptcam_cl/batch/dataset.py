@@ -427,8 +427,8 @@ class _Cameras:
 
     def describe(self, scene: Scene, image: Image, renderer: SeriesRenderer) -> dict[str, Any]:
         """The pose, pupil, film, lens, and the camera model with its residual."""
-        if scene.camera.kind == "environment":
-            return {"camera": "environment", "world_from_camera": image.metadata["world_from_camera"]}
+        if scene.camera.sees_all_around:
+            return {"camera": scene.camera.kind, "world_from_camera": image.metadata["world_from_camera"]}
         seen = view(scene, camera=None if renderer.plan is None else renderer.plan.camera)
         known = {name: image.metadata[name] for name in ("lens", "f_number") if name in image.metadata}
         return seen.facts() | known | ({} if self._model == "none" else self._fit(seen))

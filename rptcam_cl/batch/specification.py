@@ -24,7 +24,6 @@ from rptcam_cl.core.strict_yaml import Document, KeyPath, dotted, read_yaml
 from rptcam_cl.exchange.camera_models import COEFFICIENTS
 from rptcam_cl.exchange.camera_view import view
 from rptcam_cl.imaging.truth_files import MOST_INSTANCES
-from rptcam_cl.scene.camera import RealisticCamera
 from rptcam_cl.scene.load import load_scene, set_keys
 from rptcam_cl.scene.scene import Scene
 
@@ -371,8 +370,8 @@ def read_specification(
 
 def _sharing(scene: Scene, vary: Mapping[str, Distribution]) -> Scene:
     """Return the scene, with pupils that states of its lens share where hardly any state comes twice."""
-    camera = scene.camera
-    if not isinstance(camera, RealisticCamera) or camera.pupil != "auto" or camera.rays != "traced":
+    camera = scene.camera.traced_camera
+    if camera is None or camera.pupil != "auto" or camera.rays != "traced":
         return scene
     if {"camera", "camera.kind", "camera.pupil", "camera.rays"} & set(vary):
         return scene
@@ -463,7 +462,7 @@ def _vary(data: Mapping[str, Any], scene: Scene, where: Where) -> tuple[dict[str
         for value in vary[str(key)].ends:
             try:
                 changed = set_keys(scene, {str(key): value})
-                if changed.camera.kind != "environment" and changed.requested_autofocus is None:
+                if not changed.camera.sees_all_around and changed.requested_autofocus is None:
                     view(changed)  # whether the lens opens and focuses so far
                 labels |= dict.fromkeys(item.label or "" for item in changed.objects)
             except RptcamError as problem:

@@ -220,6 +220,15 @@ class References:
 
 
 @contextmanager
+def errors_named(place: object) -> Iterator[None]:
+    """Let errors about a file begin with a place, where they say only what is wrong: ``bunny.ply: is too large``."""
+    try:
+        yield
+    except (InputError, StateError) as problem:
+        raise type(problem)(f"{place}: {problem}") from None
+
+
+@contextmanager
 def named_files() -> Iterator[set[Path]]:
     """A set that takes the real path of every file that is named while the block runs, found or missing."""
     named: set[Path] = set()

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.core.errors import InputError, StateError, errors_named
-from rptcam_cl.core.files import Folders, named_files, read_whole, replacing
+from rptcam_cl.core.errors import InputError, StateError
+from rptcam_cl.core.files import Folders, errors_named, named_files, read_whole, replacing
 from rptcam_cl.optics.chief_rays import crossings
 from rptcam_cl.optics.design import image_circle
 from rptcam_cl.optics.lens import film_distance

@@ -188,7 +188,7 @@ def keeps_rays(plan: Plan, settings: RenderSettings, *, stream: bool) -> bool:
 
 
 def bytes_of_state(plan: Plan, capacity: int, *, stream: bool) -> int:
-    """Return how large the state of the paths is, without the rays of a lens traced in float64."""
+    """How large the state of the paths is, without the rays of a lens traced in float64."""
     floats = floats_per_slot(
         stream=stream,
         emitters=plan.emitters.count > 0,
@@ -202,7 +202,7 @@ def bytes_of_state(plan: Plan, capacity: int, *, stream: bool) -> int:
 
 
 def bytes_of_lens_rays(plan: Plan, capacity: int) -> int:
-    """Return how large the rays of a lens traced in float64 are; 0 for other cameras."""
+    """How large the rays of a lens traced in float64 are; 0 for other cameras."""
     return BYTES_PER_SLOT * capacity if traces_in_float64(plan.camera) else 0
 
 
@@ -394,7 +394,7 @@ _NO_FACTS: Mapping[str, int | str] = {}
 
 
 def _camera_facts(plan: Plan) -> dict[str, int | str]:
-    """Return what the scene requires of the passes that make camera rays."""
+    """The facts of the scene for the passes that make camera rays."""
     names = ("HAS_EMITTERS", "SAMPLER_LATTICE", "HAS_MESH", "MOVES", "CAMERA_SEGMENTS")
     return {
         **plan.camera.facts,
@@ -508,7 +508,7 @@ def way_of(session: Session, organisation: str, wavefront: Callable[..., Any]) -
 
 
 def _way_that_passes(session: Session, ways: tuple[Way, ...], key: object, wavefront: Callable[..., Any]) -> Way:
-    found = _DISK.find_or_make(key, lambda: _found(session, ways, wavefront))
+    found = _DISK.find_or_make(key, lambda: _first_right(session, ways, wavefront))
     if found > 0:
         device = f"device {session.info.id} {session.info.name}"
         warnings.warn(
@@ -518,7 +518,7 @@ def _way_that_passes(session: Session, ways: tuple[Way, ...], key: object, wavef
     return ways[found]
 
 
-def _found(session: Session, ways: tuple[Way, ...], wavefront: Callable[..., Any]) -> int:
+def _first_right(session: Session, ways: tuple[Way, ...], wavefront: Callable[..., Any]) -> int:
     """Return the place of the first way that passes."""
     faults = []
     for place, way in enumerate(ways):
@@ -530,7 +530,7 @@ def _found(session: Session, ways: tuple[Way, ...], wavefront: Callable[..., Any
 
 
 def fault_of(session: Session, way: Way, wavefront: Callable[..., Any]) -> str | None:
-    """Return what of the known picture is wrong as a device renders it in a way; None where it is right."""
+    """Find what is wrong with the known picture as a device renders it in a way; None where it is right."""
     scene = load_scene(SCENE)
     made = wavefront(
         session.alone(), make_plan(scene), FilmLayout.of(scene.film), scene.render, organisation=way.organisation,

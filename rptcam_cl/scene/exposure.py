@@ -10,7 +10,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, field_validator, mo
 
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.scene.base import AlsoAccepts, SceneModel, listed, refuse, word_for
-from rptcam_cl.scene.camera import Camera, FNumber, LensCamera, ThinLensCamera
+from rptcam_cl.scene.camera import Camera, FNumber
 from rptcam_cl.scene.placement import MOST_KEYFRAMES, Keyframe, in_order, place_between
 from rptcam_cl.scene.quantities import NUMBER, WHOLE_NUMBER, Duration, Fraction, Moment, list_of
 
@@ -299,7 +299,7 @@ ExposureOrMode = Annotated[
 
 def check_exposure(exposure: Exposure, camera: Camera) -> None:
     """Refuse an exposure that says too little about a camera without a lens opening, or too much."""
-    if has_opening(camera):
+    if camera.has_opening:
         if exposure.f_number is not None:
             raise refuse(
                 f"is for cameras without a lens opening, not for one of kind {camera.kind}",
@@ -323,10 +323,3 @@ def check_exposure(exposure: Exposure, camera: Camera) -> None:
                     allowed="exposure.f_number beside it",
                     path=("exposure", key),
                 )
-
-
-def has_opening(camera: Camera) -> bool:
-    """Return whether a camera has a lens opening of some size."""
-    if isinstance(camera, ThinLensCamera):
-        return camera.aperture_radius_m != 0
-    return isinstance(camera, LensCamera)

@@ -21,7 +21,7 @@ from rptcam_cl.core.errors import InputError, MissingFileError
 from rptcam_cl.core.files import Folders
 from rptcam_cl.core.strict_yaml import Document, KeyPath, dotted, parse_scalar, read_yaml
 from rptcam_cl.scene.base import REFUSED, SceneModel, file_references, listed, near_name
-from rptcam_cl.scene.camera import LensCamera, Pose, ThinLensCamera
+from rptcam_cl.scene.camera import CAMERA_KINDS, Pose
 from rptcam_cl.scene.exposure import value_at
 from rptcam_cl.scene.film import Film, PictureSettings, WhiteBalance
 from rptcam_cl.scene.lens_settings import DESIGN, GRADES, IN_WORDS, LAYERED, REAL, Focus, with_design
@@ -267,7 +267,7 @@ def shown(value: Any) -> str:
 # Where keys that exclude each other live, and the models that say which they are.
 _EXCLUSIVE: dict[KeyPath, tuple[type[SceneModel], ...]] = {
     ("film",): (Film,),
-    ("camera",): (ThinLensCamera, LensCamera),
+    ("camera",): CAMERA_KINDS,
     ("camera", "focus"): (Focus,),
     ("picture", "white_balance"): (WhiteBalance,),
 }
@@ -845,20 +845,17 @@ def _at_keys(scene: Scene, time_s: float, own: dict[str, Any]) -> Scene:
 def _following(scene: Scene) -> Scene:
     """Return a scene whose focus is at the plane of the object that it follows; itself where it follows none."""
     camera = scene.camera
-    if not isinstance(camera, LensCamera | ThinLensCamera) or camera.focus is None or camera.focus.object is None:
+    if camera.followed is None:
         return scene
-    middle = _middle_of(scene, camera.focus.object)
+    middle = _middle_of(scene, camera.followed)
     ahead = float(np.dot(np.subtract(camera.eye, middle), camera.world_from_camera()[:3, 2]))
     if not ahead > 0:
         raise InputError(
-            f"camera.focus.object: {camera.focus.object} does not lie in front of the camera at"
+            f"camera.focus.object: {camera.followed} does not lie in front of the camera at"
             f" {scene.shutter.open_s:g} s (allowed: an object on the side that the camera looks to)"
         )
-    if isinstance(camera, LensCamera):
-        point = (float(middle[0]), float(middle[1]), float(middle[2]))
-        changes: dict[str, Any] = {"focus": Focus(point=point, method=camera.focus.method, field=camera.focus.field)}
-    else:
-        changes = {"focus": None, "focus_distance_m": ahead * scene.metres_per_unit}
+    point = (float(middle[0]), float(middle[1]), float(middle[2]))
+    changes = camera.following(point, ahead * scene.metres_per_unit)
     return scene.model_copy(update={"camera": camera.model_copy(update=changes)})
 
 

@@ -22,7 +22,7 @@ from rptcam_cl.optics.lens import Lens, at_position
 from rptcam_cl.optics.library import digests_of_lens, load_lens, named_lens, names_a_file
 from rptcam_cl.scene.assets.mesh import LAMPS_LEFT_OUT
 from rptcam_cl.scene.base import FileReference, SceneModel, file_references, refuse, unknown_name
-from rptcam_cl.scene.camera import Camera, LensCamera, ThinLensCamera
+from rptcam_cl.scene.camera import Camera
 from rptcam_cl.scene.exposure import Exposure, ExposureOrMode, FrameSequence, Shutter, check_exposure
 from rptcam_cl.scene.film import SHARP_LAYERS, Film, PictureSettings, RenderSettings, Sensor, SpectrumSettings
 from rptcam_cl.scene.lens_settings import GRADES, AutoFocus, RealLens
@@ -75,13 +75,14 @@ def check_extent(item: Object, solid: Solid, path: tuple[str | int, ...]) -> Non
 
 def check_focus(camera: Camera, shutter: Shutter) -> None:
     """Refuse a point in focus that a moving camera has behind it when the shutter opens."""
-    if not isinstance(camera, LensCamera) or camera.focus.point is None or not camera.motion:
+    lens = camera.lens_camera
+    if lens is None or lens.focus.point is None or not camera.motion:
         return
     eye, target, _ = camera.pose_at(shutter.open_s)
-    if not np.dot(camera.focus.point - eye, target - eye) > 0:
+    if not np.dot(lens.focus.point - eye, target - eye) > 0:
         raise refuse(
             "does not lie in front of the film when the shutter opens",
-            got=list(camera.focus.point),
+            got=list(lens.focus.point),
             allowed="a point on the side that the camera looks to at shutter.open_s",
             path=("camera", "focus", "point"),
         )
@@ -89,9 +90,9 @@ def check_focus(camera: Camera, shutter: Shutter) -> None:
 
 def check_followed(camera: Camera, objects: Sequence[Object]) -> None:
     """Refuse a focus that follows an object that is not there, or has no middle."""
-    if not isinstance(camera, LensCamera | ThinLensCamera) or camera.focus is None or camera.focus.object is None:
+    followed, path = camera.followed, ("camera", "focus", "object")
+    if followed is None:
         return
-    followed, path = camera.focus.object, ("camera", "focus", "object")
     known = [item.name for item in objects if item.name and not isinstance(item, Plane)]
     if followed not in known:
         without = "a name, once an object has one"
@@ -341,14 +342,7 @@ class Scene(SceneModel):
 
     @model_validator(mode="after")
     def _check_whole(self, info: ValidationInfo) -> Self:
-        width, height = self.film.resolution
-        if self.camera.kind == "environment" and width != 2 * height:
-            raise refuse(
-                "does not fit an environment camera, which sees 360 by 180 degrees",
-                got=[width, height],
-                allowed=f"twice as wide as high, for instance [{2 * height}, {height}]",
-                path=("film", "resolution"),
-            )
+        self.camera.check_film(self.film.resolution)
         check_exposure(self.exposure, self.camera)
         self.picture.check_crop(self.film.crop)
         check_focus(self.camera, self.shutter)
@@ -413,8 +407,8 @@ class Scene(SceneModel):
     @property
     def lens_doubts(self) -> tuple[str, ...]:
         """Doubts about the lens, and what it really opens to; none about one that cannot be used, which is an error."""
-        camera = self.camera
-        if not isinstance(camera, LensCamera):
+        camera = self.camera.lens_camera
+        if camera is None:
             return ()
         try:
             lens = self.load_lens()
@@ -433,21 +427,20 @@ class Scene(SceneModel):
     @property
     def requested_autofocus(self) -> AutoFocus | None:
         """The settings of autofocus; None where the focus is given."""
-        camera = self.camera
-        if isinstance(camera, LensCamera):
-            return camera.focus.auto
-        return camera.focus.auto if isinstance(camera, ThinLensCamera) and camera.focus is not None else None
+        return self.camera.autofocus
 
     def lens_source(self) -> str | Path | dict[str, Any] | None:
         """The source of the lens: a name, a checked path or a mapping; None without a real lens."""
-        if not isinstance(self.camera, LensCamera):
+        camera = self.camera.lens_camera
+        if camera is None:
             return None
-        lens = self.camera.design
+        lens = camera.design
         return self._folders.find(lens) if isinstance(lens, str) and names_a_file(lens) else lens
 
     def tolerances_source(self) -> str | Path | None:
         """Return the tolerances of a lens as built: a grade, or a checked path; None for a design."""
-        made = self.camera.as_built if isinstance(self.camera, LensCamera) else None
+        camera = self.camera.lens_camera
+        made = None if camera is None else camera.as_built
         if made is None:
             return None
         return made.spec if made.spec in GRADES else self._folders.find(made.spec)

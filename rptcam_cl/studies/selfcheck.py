@@ -242,7 +242,7 @@ class MeshScene:
         self.session = session
         self.buffers = SceneBuffers(session, self.plan)
         assert self.plan.meshes is not None
-        self.trees = scene_trees(self.plan.meshes, session)
+        self.trees = scene_trees(self.plan.meshes, session)[0]
 
     def _run(self, probe: str, items: int, lanes: int, **arguments: Any) -> None:
         facts = self.plan.facts | self.buffers.tree_facts | {"VW": lanes}
@@ -274,7 +274,7 @@ class MeshScene:
         count = len(o)
         rays = np.zeros((9, count), np.float32)
         rays[:3], rays[3:6] = np.asarray(o).T, np.asarray(d).T
-        out, blocks = self.session.allocate(8 * count), np.uint32(len(self.trees.blocks))
+        out, blocks = self.session.allocate(8 * count), np.uint32(len(self.trees["blocks"]))
         held = self.session.upload(rays)
         self._run("probe_brute", count, 1, rays=held, hits=out, block_count=blocks, count=np.uint32(count))
         rows = self.session.read(out, np.float32, 2 * count).reshape(2, count)
@@ -504,7 +504,7 @@ def leaks(session: Session, place: Any, rng: np.random.Generator, rays: int, rin
     points, faces = globe(rings, rings)
     scene = MeshScene(session, [mesh_object(points * 2 + place, faces)])
     assert scene.plan.meshes is not None
-    stored = scene.trees.vertices[:, :3].astype(np.float64)  # where the device has them
+    stored = scene.trees["vertices"][:, :3].astype(np.float64)  # where the device has them
     corners = stored[scene.plan.meshes.triangles[:, :3]]
     inside = np.asarray(place) + 0.9 * directions(rng, rays) * rng.random((rays, 1))
     chosen = corners[rng.integers(len(corners), size=rays)]

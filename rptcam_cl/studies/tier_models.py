@@ -16,9 +16,8 @@ from rptcam_cl.optics.stop_shape import StopMask, StopShape
 from rptcam_cl.rendering.cameras.ideal import ThickLens, stop_shape, thick_lens_of
 from rptcam_cl.rendering.cameras.lens_records import disperses, usable_nm
 from rptcam_cl.rendering.cameras.ray_map import RayMap, allowed_px, fitted_map
-from rptcam_cl.rendering.cameras.setting import LensSetting, lens_setting, lens_to_focus
+from rptcam_cl.rendering.cameras.setting import LensSetting, lens_camera, lens_setting, lens_to_focus
 from rptcam_cl.scene.assets.mesh import MeshPlacement
-from rptcam_cl.scene.camera import RealisticCamera
 from rptcam_cl.scene.load import change_scene, with_camera
 from rptcam_cl.scene.materials import Emissive, Material, Matte, Mix
 from rptcam_cl.scene.meshes import LoadedMesh
@@ -104,10 +103,11 @@ def fitted_to(scene: Scene, *, colours: bool) -> RayMap:
     InputError
         When there are none that are good enough.
     """
-    camera, setting = scene.camera, lens_setting(scene)
-    assert isinstance(camera, RealisticCamera)
+    camera, setting = scene.camera.traced_camera, lens_setting(scene)
     range_nm = usable_nm(setting.lens) if colours and disperses(setting.lens) else None
-    return fitted_map(setting.lens, setting, scene.film, range_nm, allowed_px(camera))
+    return fitted_map(
+        setting.lens, setting, scene.film, range_nm, allowed_px(None if camera is None else camera.accuracy)
+    )
 
 
 Tier = Literal["pinhole", "thin_lens", "thick_lens", "fitted", "realistic"]
@@ -182,17 +182,17 @@ def equivalent(scene: Scene, tier: Tier) -> Scene:
     InputError
         When the lens has no such equivalent; the message says why.
     """
-    camera = scene.camera
+    camera = scene.camera.traced_camera
     if tier == "realistic":
         return scene
-    assert isinstance(camera, RealisticCamera)
+    assert camera is not None
     if tier == "fitted":
         fitted_to(scene, colours=scene.spectrum.lens_colour == "on")
         return change_scene(scene, camera={"rays": "fitted"})
     if camera.motion:
         raise InputError("camera.motion: a moving camera keeps its traced lens")
     if tier == "thick_lens":
-        return with_camera(scene, _thick_lens(scene, camera))
+        return with_camera(scene, _thick_lens(scene))
     if tier == "pinhole" and camera.ghosts == "on":
         raise InputError("camera.ghosts: add the light that comes through an opening, and a pinhole has none")
     first = first_order_camera(scene)
@@ -217,10 +217,11 @@ def equivalent(scene: Scene, tier: Tier) -> Scene:
     return with_camera(scene, keys)
 
 
-def _thick_lens(scene: Scene, camera: RealisticCamera) -> dict[str, Any]:
+def _thick_lens(scene: Scene) -> dict[str, Any]:
     """Return the keys of the thick lens in place of a traced one."""
+    camera = lens_camera(scene)
     keys = {name: getattr(camera, name) for name in camera.model_fields_set if name not in _TRACED_ONLY}
-    shape = stop_shape(scene, camera.aperture)
+    shape = stop_shape(scene, camera.outline)
     if shape is not None:
         stop = lens_to_focus(scene, camera).stop
         if stop is None:

@@ -16,12 +16,12 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.irradiance import on_axis_irradiance
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.stop_shape import StopMask, StopShape
-from rptcam_cl.rendering.cameras.ideal import stop_shape
+from rptcam_cl.rendering.cameras.ideal import shaped, stop_shape
+from rptcam_cl.rendering.cameras.kinds import camera_model
 from rptcam_cl.rendering.cameras.lens_records import EXTREMES_NM, colour_error_px, disperses, usable_nm
 from rptcam_cl.rendering.cameras.ray_map import RayMap
-from rptcam_cl.rendering.cameras.realistic import camera_model, lens_tint, shows_losses
+from rptcam_cl.rendering.cameras.realistic import lens_tint, shows_losses
 from rptcam_cl.rendering.cameras.setting import LensSetting, lens_setting
-from rptcam_cl.scene.camera import RealisticCamera
 from rptcam_cl.scene.film import LensColour
 from rptcam_cl.scene.lens_settings import Accuracy
 from rptcam_cl.scene.load import change_scene
@@ -251,11 +251,9 @@ class Truth:
     @classmethod
     def of(cls, scene: Scene, first: FirstOrderCamera) -> Truth:
         """Return what the lens of a scene does."""
-        camera, setting = scene.camera, first.setting
-        assert isinstance(camera, RealisticCamera)
+        setting = first.setting
         half_mm = np.array(scene.film.size_m()) / 2 * 1e3
-        shape = stop_shape(scene, camera.aperture)
-        shaped = setting.lens if shape is None else setting.lens.with_stop_shape(shape)
+        shape = stop_shape(scene, scene.camera.outline)
         low, high = usable_nm(setting.lens)
         requested = scene.spectrum.lens_colour != "off"
         coloured = requested and disperses(setting.lens)
@@ -263,7 +261,8 @@ class Truth:
         pixel_mm = float(2 * half_mm[0] / scene.film.resolution[0])
         fields = traced_fields(setting, shape, half_mm, pixel_mm, FIELDS, colours_nm)
         tint = lens_tint(scene, setting) if requested else 0.0
-        return cls(scene, first, shaped, half_mm, tuple(fields), round_stop(shape)[1], tint, coloured)
+        lens = shaped(scene, setting).lens
+        return cls(scene, first, lens, half_mm, tuple(fields), round_stop(shape)[1], tint, coloured)
 
     @property
     def view(self) -> VisibleWorld:
@@ -586,8 +585,8 @@ def choose_camera(scene: Scene) -> Decision:
     Whether the lens refracts each wavelength separately follows from the same bounds, where `spectrum` leaves it
     open.
     """
-    camera = scene.camera
-    if not isinstance(camera, RealisticCamera) or camera.accuracy is None:
+    camera = scene.camera.traced_camera
+    if camera is None or camera.accuracy is None:
         return Decision(scene, "realistic")
     allowed = camera.accuracy
     found = measured(scene)
@@ -614,8 +613,8 @@ def _polynomials(
     scene: Scene, found: Findings, allowed: Accuracy, lens_colour: LensColour
 ) -> tuple[Findings, Literal["fitted", "realistic"]]:
     """Return what was found, with the errors of polynomials where requested or worth it, and the choice."""
-    camera, (columns, rows) = scene.camera, scene.film.resolution
-    requested = isinstance(camera, RealisticCamera) and camera.rays == "fitted"
+    camera, (columns, rows) = scene.camera.traced_camera, scene.film.resolution
+    requested = camera is not None and camera.rays == "fitted"
     surfaces = len(lens_setting(scene).lens.surfaces)
     if not requested and columns * rows * scene.render.spp * surfaces < WORTH_FITTING:
         return found, "realistic"

@@ -927,8 +927,8 @@ def _check_goals(**goals: float) -> None:
 def _with_focus_and_exposure(scene: Scene, session: Session) -> Scene:
     """Return the scene in focus, with the exposure that its most accurate picture is metered to."""
     sharp, _ = in_focus(scene, session, None)
-    shot = resolve_exposure(most_accurate(sharp).scene, session)
-    return change_scene(sharp, exposure=_given(shot.scene.exposure), shutter=_given(shot.scene.shutter))
+    shot = resolve_exposure(most_accurate(sharp).scene, session)[0]
+    return change_scene(sharp, exposure=_given(shot.exposure), shutter=_given(shot.shutter))
 
 
 def _diffraction(scene: Scene) -> dict[str, Any] | None:

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.rendering.film import TILE, TILE_PIXELS, FilmLayout
-from rptcam_cl.scene.camera import RealisticCamera, ThinLensCamera
 from rptcam_cl.scene.load import change_scene, with_camera
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.studies.tier_models import TIERS, Tier, equivalent
@@ -191,14 +190,14 @@ def ladder(scene: Scene) -> Ladder:
             found.append(Variant(name, knob, made, tier or reference.tier, unbiased, texts))
 
     add(AS_IT_IS, "scene", partial(_as_it_is, scene))
-    if isinstance(camera, RealisticCamera):
+    if camera.traced_camera is not None:
         decision = choose_camera(change_scene(full, camera={"accuracy": "auto"}))
         for tier in reversed(TIERS[:-1]):
             add(name_of(tier), "camera", partial(equivalent, full, tier), tier=tier)
         add("lens: float64", "precision", partial(change_scene, full, camera={"precision": "double"}))
         for pupil in PUPILS:
             add(f"pupil: {pupil}", "pupil", partial(change_scene, full, camera={"pupil": pupil}), unbiased=True)
-    if isinstance(camera, ThinLensCamera) and camera.fov_degrees is not None:
+    if camera.ideal_lens is not None and camera.field_of_view is not None:
         add("pinhole", "camera", partial(_without_lens, full))
     for mode in ("dispersive", "rgb"):
         add(f"spectrum: {mode}", "spectrum", partial(_with_mode, full, mode))
@@ -226,7 +225,7 @@ def most_accurate(scene: Scene) -> Variant:
     difference in the mean.
     """
     plain = change_scene(scene, render={"clamp": None, "noise": None, "layers": (), "sampler": "lattice"})
-    if not isinstance(scene.camera, RealisticCamera):
+    if scene.camera.traced_camera is None:
         return Variant(REFERENCE, "", plain)
     plain = change_scene(plain, camera={"accuracy": None, "pupil": "auto", "rays": "traced", "precision": "single"})
     if plain.spectrum.mode != "rgb":

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 from rptcam_cl._version import __version__
-from rptcam_cl.scene.camera import LensCamera, ThinLensCamera
 from rptcam_cl.scene.film import COOLEST, HOTTEST, SIDES_MM, TONES
 from rptcam_cl.scene.lens_settings import METHODS, Aperture, CircularAperture
 from rptcam_cl.viewfinder.dials import (
@@ -138,7 +137,7 @@ def _optics(panel: Panel) -> list[Entry]:
 
 def _focus(panel: Panel) -> Entry:
     camera = panel.scene.camera
-    if not isinstance(camera, (LensCamera, ThinLensCamera)):
+    if not camera.focuses:
         return _entry("focus_m", "focus", "number", None, "everything", unit="m", enabled=False)
     found, nearest = perspective(panel.view), nearest_focus_m(panel.view)
     here = None if found is None else min(found.focus_mm * 1e-3, INFINITY_M)
@@ -242,14 +241,14 @@ def state_message(studio: Studio, slot: Slot, *, detailed: bool) -> dict[str, An
     detailed
         Whether what has to be traced is there too: depth of field and image circle.
     """
-    camera = slot.scene.camera
+    camera, lens = slot.scene.camera, slot.scene.camera.lens_camera
     message: dict[str, Any] = {
         "type": "state",
         "generation": slot.session.generation,
         "dials": dial_list(slot.panel),
         "camera": {
             "kind": camera.kind,
-            "lens": camera.design if isinstance(camera, LensCamera) and isinstance(camera.design, str) else None,
+            "lens": lens.design if lens is not None and isinstance(lens.design, str) else None,
             "eye": list(camera.eye),
             "target": list(camera.target),
             "up": list(camera.up),

@@ -21,7 +21,6 @@ from rptcam_cl.core.errors import InputError, RptcamError
 from rptcam_cl.core.files import named_files
 from rptcam_cl.imaging.formats import RawImage
 from rptcam_cl.imaging.image import Image, with_picture_settings
-from rptcam_cl.scene.camera import LensCamera
 from rptcam_cl.scene.load import change_scene, load_scene, plain, scene_text, set_keys
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.viewfinder.dials import follow_light
@@ -126,7 +125,7 @@ def _ways_by_hand(scene: Scene) -> list[dict[str, Any]]:
     camera = scene.camera
     if scene.requested_autofocus is not None:
         distance_m = scene.metres_per_unit * math.dist(camera.eye, camera.target)
-        focus = {f"camera.focus{'.' if isinstance(camera, LensCamera) else '_'}distance_m": distance_m}
+        focus = {f"camera.focus{'_' if camera.lens_camera is None else '.'}distance_m": distance_m}
     if scene.exposure.mode == "auto":
         exposure = dict(WITHOUT_METER)
     return [keys for keys in (focus, exposure, {**focus, **exposure} if focus and exposure else {}) if keys]
@@ -196,7 +195,7 @@ class Origin:
         with named_files() as named:
             try:
                 scene = self._given if isinstance(self._given, Scene) else load_scene(self._given, self._overrides)
-                if isinstance(scene.camera, LensCamera):
+                if scene.camera.lens_camera is not None:
                     scene.load_lens()
             except BaseException:
                 self.files = self.files | own | named

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from benchmarks import cycles_scene
 from benchmarks.equal_time import exact_count
@@ -64,6 +65,23 @@ def test_caustics_have_an_error_by_both_ways(checkout: Path, tmp_path: Path) -> 
     assert "| mirror |" in printed
     assert results["mirror"]["error on"] < results["mirror"]["error off"]
     assert (tmp_path / "caustics_mirror.png").exists()
+
+
+def test_caustics_of_a_file_are_saved_at_the_shape_of_its_film(checkout: Path, tmp_path: Path) -> None:
+    scene = tmp_path / "wide.yaml"
+    lamp = {"shape": "sphere", "center": [0, 2, 0], "radius": 0.1, "material": {"kind": "emissive", "radiance": 9}}
+    floor = {
+        "shape": "plane",
+        "point": [0, 0, 0],
+        "normal": [0, 1, 0],
+        "material": {"kind": "matte", "reflectance": 0.5},
+    }
+    camera = {"kind": "pinhole", "fov_degrees": 40, "eye": [0, 1, 4], "target": [0, 0, 0]}
+    scene.write_text(json.dumps({"film": {"resolution": [24, 8]}, "camera": camera, "objects": [floor, lamp]}))
+    printed, _ = quick(checkout, tmp_path, "caustics", "--scenes", str(scene), "--pictures", str(tmp_path))
+    assert "wide.yaml |" in printed
+    with Image.open(tmp_path / "caustics_wide.png") as picture:
+        assert picture.size == (24 + 6 + 24, 8)
 
 
 @pytest.mark.slow
@@ -194,6 +212,7 @@ def test_losses_in_a_lens_are_compared_with_none(checkout: Path, tmp_path: Path)
     assert all(time > 0 for times in results["seconds_per_ray"].values() for time in times)
 
 
+@pytest.mark.slow
 def test_building_trees_is_timed_by_stage(checkout: Path, tmp_path: Path) -> None:
     printed, results = quick(checkout, tmp_path, "bvh_build")
     assert "wide nodes" in printed
@@ -249,6 +268,7 @@ def test_both_renderers_do_the_same_work(checkout: Path, tmp_path: Path) -> None
     ]
 
 
+@pytest.mark.slow
 def test_lens_for_mitsuba_aims_at_all_that_passes() -> None:
     found, lens = prescription(reference_scene("A_lens")), load_lens("dgauss-50mm")
     rng, count = np.random.default_rng(1), 4000
@@ -298,6 +318,7 @@ def test_description_of_the_cornell_box_has_every_face(tmp_path: Path) -> None:
     assert sum("emitter" in item for item in description.values() if isinstance(item, dict)) == 1
 
 
+@pytest.mark.slow
 def test_room_of_meshes_is_told_to_other_renderers_as_it_is(tmp_path: Path) -> None:
     scene = reference_scene("D", shrink=8)
     theirs = describe(scene, roulette=False, folder=tmp_path)
@@ -322,6 +343,7 @@ def faces_of(path: Path) -> int:
     return int(re.search(rb"element face (\d+)", head)[1])
 
 
+@pytest.mark.slow
 def test_description_for_cycles_has_every_face_and_the_lens(tmp_path: Path) -> None:
     box = cycles_scene.describe(reference_scene("B"), roulette=False, folder=tmp_path)
     files = {mesh["look"]["kind"]: [] for mesh in box["meshes"]}

@@ -23,13 +23,13 @@ ROOT = Path(__file__).resolve().parents[2]
 SCENES = sorted(path for path in (ROOT / "examples").rglob("*.yaml") if "\nvary:" not in path.read_text("utf-8"))
 STUDIO = ROOT / "examples" / "studio"
 LARGEST_PICTURE = 800_000  # bytes; the page shows three dozen
-# Lenses, pbrt, meshes with pictures, autofocus. Programs of their own take the others seconds each.
-SHOWN = {"first_light", "still_life", "tea_table", "autofocus"}
-SLOW_TO_PLAN = {"zoom_burst"}  # 32 states of a zoom
+# Lenses, pbrt, meshes with pictures. Programs of their own take the others seconds each.
+SHOWN = {"first_light", "still_life", "tea_table"}
+FOCUSED_FIRST = {"bunnies"}  # no plan before autofocus
 
 
-def load_gallery() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("make_gallery", ROOT / "examples" / "make_gallery.py")
+def load_script(name: str) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(name, ROOT / "examples" / f"{name}.py")
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
@@ -37,8 +37,9 @@ def load_gallery() -> ModuleType:
 
 
 PAGE = (ROOT / "examples" / "README.md").read_text("utf-8")
-COMMANDS = load_gallery().commands(PAGE)
-RENDERS = [words[1:] for words in COMMANDS if words[:2] == ["rptcam", "render"]]
+COMMANDS = load_script("make_gallery").commands(PAGE)
+FINE = ["python", "examples/render_fine.py"]  # takes a part of the options of `rptcam render`
+RENDERS = [["render", *words[2:]] for words in COMMANDS if words[:2] in (["rptcam", "render"], FINE)]
 
 
 def picture_of(words: list[str]) -> str:
@@ -57,17 +58,12 @@ def shows_something(image: rptcam_cl.Image) -> bool:
     return bool(np.isfinite(pixels).all() and pixels.mean() > 0.01 and pixels.std() > 0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
-    "path",
-    [
-        pytest.param(path, marks=pytest.mark.slow if path.stem in SLOW_TO_PLAN else ())
-        for path in SCENES
-        if path.stem not in SHOWN
-    ],
-    ids=lambda path: path.stem,
+    "path", [path for path in SCENES if path.stem not in SHOWN | FOCUSED_FIRST], ids=lambda path: path.stem
 )
 def test_example_can_be_planned(path: Path) -> None:
-    """All that goes before kernels are compiled, for the examples whose pictures are slow tests."""
+    """All that goes before kernels are compiled."""
     assert len(make_plan(rptcam_cl.load_scene(path)).primitives) > 0
 
 
@@ -92,6 +88,7 @@ def test_gallery_shows_the_picture_of_every_command() -> None:
     assert len(set(shown)) == len(shown) > 15
 
 
+@pytest.mark.slow
 def test_commands_of_the_gallery_parse_and_their_files_exist() -> None:
     parser = build_parser()
     for arguments in RENDERS:
@@ -114,6 +111,17 @@ def test_command_of_the_gallery_shows_something(arguments: list[str]) -> None:
     scene = rptcam_cl.load_scene(ROOT / parsed.scene, parsed.overrides)
     width, height = scene.film.resolution
     assert shows_something(rptcam_cl.render(scene, spp=8, size=(width // 5, height // 5)))
+
+
+def test_a_rim_that_is_averaged_after_the_curve_has_no_steps() -> None:
+    """Of a pixel a quarter of which is 50 times white, a quarter of white is shown; its mean light would be white."""
+    averaged = load_script("render_fine").averaged
+    film = np.full((4, 6, 3), 0.2, np.float32)
+    film[0, 0] = 50
+    picture = averaged(rptcam_cl.Image(film))
+    assert (picture.width, picture.height) == (3, 2)
+    assert np.asarray(picture)[0, 0] == pytest.approx((1 + 3 * 0.2) / 4, abs=1e-6)
+    assert np.asarray(picture)[1, 2] == pytest.approx(0.2, abs=1e-6)
 
 
 def test_links_of_the_gallery_lead_to_files() -> None:

@@ -23,6 +23,7 @@ from examples.figures.assignment_film_numbers import (
 )
 from examples.figures.figure import ROOT, Figure, shared
 from examples.figures.numbers import Numbers, Row, remark
+from examples.figures.paper_film_numbers import climb
 from examples.figures.render import SECTIONS, drawings, figures, main
 from rptcam_cl.cli import build_parser
 from tests.support.statistics import assert_equivalent
@@ -186,6 +187,12 @@ def test_middle_of_the_picture_is_as_bright_as_the_reference() -> None:
     found = lit_floor("cones_dgauss", lamp, 256)
     assert found == pytest.approx(float(reference), rel=0.015) and found < float(predicted)
     assert lit_floor("cones_dgauss", lamp, 64, changes=()) < 0.8 * float(reference)  # walls keep light off
+
+
+def test_a_climb_ends_at_the_first_top() -> None:
+    values = np.array([1.0, 3, 2, 4, 5, 4])
+    assert climb(values, 0) == [0, 1] and climb(values, 1) == [1]
+    assert climb(values, 5) == [5, 4] and climb(values, 2) == [2, 3, 4]
 
 
 def test_text_of_the_cones_is_what_its_script_draws() -> None:

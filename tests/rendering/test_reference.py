@@ -38,7 +38,9 @@ def reference(name: str) -> tuple[Sampled, Sampled]:
         )
 
 
-@pytest.fixture(scope="module", params=SPP)
+@pytest.fixture(
+    scope="module", params=[pytest.param(name, marks=pytest.mark.slow if name == "A" else ()) for name in SPP]
+)
 def pair(request, tmp_path_factory):
     name = request.param
     scene = FOLDER / f"{name}.yaml"

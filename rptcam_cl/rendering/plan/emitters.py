@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.colour import LUMINANCE, luminance
-from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.core.dataclass import Rows, dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.records import (
     EMITTER,
@@ -26,7 +26,7 @@ from rptcam_cl.core.records import (
     fill,
 )
 from rptcam_cl.rendering.cameras.lamp_aim import SeenLamp
-from rptcam_cl.rendering.plan.environment import SUN_RADIUS_DEGREES, DistantSun, Surroundings
+from rptcam_cl.rendering.plan.environment import SUN_RADIUS_DEGREES, Surroundings
 from rptcam_cl.rendering.plan.primitives import Primitive, corners_of_box, sphere_of, turn_to, world_from_scene
 from rptcam_cl.rendering.plan.textures import Colours, KnownSpectra, TextureTable
 from rptcam_cl.scene.assets.mesh import Mesh
@@ -101,11 +101,11 @@ def fill_sun(record: np.void, irradiance: tuple[float, float, float], radius_deg
     return float(luminance(irradiance))
 
 
-def sun_emitter(sun: DistantSun, reach: float) -> tuple[np.void, float]:
+def sun_emitter(towards: Array, irradiance: Array, reach: float) -> tuple[np.void, float]:
     """Return record and power [W, luminance] of the sun of a sky; ``reach`` is the radius of the scene [m]."""
     record = _without_surface()
-    fill(record, normal=sun.towards)
-    red, green, blue = sun.irradiance.tolist()
+    fill(record, normal=towards)
+    red, green, blue = irradiance.tolist()
     return record, fill_sun(record, (red, green, blue), SUN_RADIUS_DEGREES) * np.pi * reach**2
 
 
@@ -216,7 +216,7 @@ MOST_LAMPS, MOST_POINTS = 4096, 64  # that tell whether a tree gains
 
 
 @dataclass(frozen=True, eq=False)
-class Lamps:
+class Lamps(Rows):
     """What the tree knows of each lamp.
 
     Attributes
@@ -247,7 +247,7 @@ class LightTree:
 
 
 def lamps_of(records: NDArray[np.void], power: Array) -> Lamps:
-    """Return what the tree knows of emitter records that are not at infinity."""
+    """Describe emitter records that are not at infinity for the tree."""
     kind = records["kind"]
     a, u, v, z = (records[name][:, :3].astype(np.float64) for name in ("a", "u", "v", "normal"))
     uu, vv, zz, uv = ((x * y).sum(axis=1) for x, y in ((u, u), (v, v), (z, z), (u, v)))
@@ -279,17 +279,17 @@ def variance_by_power(lamps: Lamps, points: Array) -> float:
 
     Shadows and the surfaces' own directions are left out.
     """
-    lamps = Lamps(*(part[:: -(-len(lamps.power) // MOST_LAMPS)] for part in vars(lamps).values()))
-    shining = lamps.power > 0
+    lamps = lamps[:: -(-len(lamps) // MOST_LAMPS)]
+    lamps = lamps[lamps.power > 0]
     moments = []
     for point in points[:: -(-len(points) // MOST_POINTS) or 1]:
-        to = lamps.middle[shining] - point
-        inverse = 1 / np.maximum((to**2).sum(axis=1) + lamps.extent2[shining], np.finfo(np.float32).tiny)
-        axis, spread = lamps.axis[shining], lamps.extent2[shining] * inverse / 2
+        to = lamps.middle - point
+        inverse = 1 / np.maximum((to**2).sum(axis=1) + lamps.extent2, np.finfo(np.float32).tiny)
+        axis, spread = lamps.axis, lamps.extent2 * inverse / 2
         cosine = -(axis * to).sum(axis=1) * np.sqrt(inverse)
         soft = np.sqrt(np.maximum(cosine**2 + spread + (1 - (axis**2).sum(axis=1)) / 4, 0))
         light = np.maximum((cosine + soft) / 2, 0.01) * inverse
-        power = lamps.power[shining]
+        power = lamps.power
         moments.append((power * light**2).sum() * power.sum() / (power * light).sum() ** 2 - 1)
     return float(np.mean(moments)) if moments else 0.0
 
@@ -304,7 +304,7 @@ def light_tree(lamps: Lamps) -> LightTree:
     for level in range(levels + 1):
         nodes[1 << level : 2 << level] = _nodes(lamps, order, starts)
         if level < levels:
-            order = _sorted(lamps.middle, order, starts)
+            order = _sort(lamps.middle, order, starts)
             halves = starts[:-1] + (np.diff(starts) + 1) // 2
             starts = np.append(np.stack([starts[:-1], halves], axis=1).ravel(), count)
     leaf = np.repeat(np.arange(1 << levels), np.diff(starts))
@@ -313,7 +313,7 @@ def light_tree(lamps: Lamps) -> LightTree:
     return LightTree(np.concatenate([nodes.ravel(), lamp_of.view(np.float32)]), leaf_of, levels // 2)
 
 
-def _sorted(middle: Array, order: NDArray[np.int64], starts: NDArray[np.int64]) -> NDArray[np.int64]:
+def _sort(middle: Array, order: NDArray[np.int64], starts: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return the order in which the lamps of each node stand along the axis on which they lie farthest apart."""
     there = middle[order]
     lamps = np.diff(starts)[np.diff(starts) > 0]
@@ -506,7 +506,7 @@ class Glow:
 
 
 def glow_of(material: Material, textures: TextureTable, spectra: KnownSpectra) -> Glow:
-    """Return what a material emits; its texture and its spectrum are entered."""
+    """Find the light that a material emits; its texture and its spectrum are entered."""
     emitted: Texture | Colour = (0.0, 0.0, 0.0)
     two_sided = False
     if isinstance(material, Emissive):
@@ -597,7 +597,7 @@ def pack_emitters(
         fill(record, kind=EmitterKind.ENVIRONMENT)
         lights.append((record, surroundings.flux * np.pi * reach**2))
     if surroundings.sun is not None:
-        lights.append(sun_emitter(surroundings.sun, reach))
+        lights.append(sun_emitter(*surroundings.sun, reach))
     lights = sorted((found for found in lights if found[1] > 0), key=lambda found: found[0]["kind"] == EmitterKind.SUN)
     chosen += [(np.array([record], EMITTER.dtype), np.array([power])) for record, power in lights]
     count = sum(len(records) for records, _ in chosen)
@@ -675,15 +675,15 @@ ANGLES = np.linspace(0.0, np.pi / 2, 16, endpoint=False)  # at which the least r
 
 
 def visible_lamps(primitives: Iterable[Primitive], eye: Array, textures: TextureTable) -> tuple[SeenLamp, ...]:
-    """Return what shines and stands still, seen from the eye, in the world about it [m].
+    """Find the lamps that stand still, as seen from the eye, in the world about it [m].
 
     Planes, lamps around the eye and those that turn their back to it are left out.
     """
-    lamps = (_seen(primitive, eye, textures) for primitive in primitives if primitive.trajectory is None)
+    lamps = (_see_lamp(primitive, eye, textures) for primitive in primitives if primitive.trajectory is None)
     return tuple(lamp for lamp in lamps if lamp is not None)
 
 
-def _seen(primitive: Primitive, eye: Array, textures: TextureTable) -> SeenLamp | None:
+def _see_lamp(primitive: Primitive, eye: Array, textures: TextureTable) -> SeenLamp | None:
     if primitive.kind is Kind.PLANE:
         return None
     glow = glow_of(primitive.material, textures, KnownSpectra())

@@ -22,9 +22,9 @@ from rptcam_cl.core.colour import (
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.records import CAUSTIC_SURFACE, EmitterKind, Kind, SpectrumKind, curves, fill
+from rptcam_cl.rendering.cameras.kinds import camera_model
 from rptcam_cl.rendering.cameras.lamp_aim import SeenLamp, Shows, Sights, aimed_at_lamps
 from rptcam_cl.rendering.cameras.model import CameraModel, FilterTable, camera_trajectory, filter_table, turned
-from rptcam_cl.rendering.cameras.realistic import camera_model
 from rptcam_cl.rendering.plan.emitters import (
     SOLIDS,
     Emitters,
@@ -36,7 +36,6 @@ from rptcam_cl.rendering.plan.emitters import (
 from rptcam_cl.rendering.plan.environment import Surroundings
 from rptcam_cl.rendering.plan.materials import LargestAlbedo, Materials, largest_albedo
 from rptcam_cl.rendering.plan.primitives import (
-    MeshPlan,
     Movements,
     Owners,
     PackedMeshes,
@@ -106,7 +105,7 @@ class Spectrum:
 
 
 def primary_spectra() -> Array:
-    """Return how red, green and blue light is spread over `WAVELENGTHS_NM`, shape (401, 3), each of sum 1.
+    """How red, green and blue light is spread over `WAVELENGTHS_NM`, shape (401, 3), each of sum 1.
 
     White light of D65 as the sRGB primaries' matching functions (CIE 1931) see it, their negative parts left out: none
     of red, green and blue can be less than nothing. Each channel then is light of its own, and white a mixture of all.
@@ -185,7 +184,7 @@ def least_noise(spectra: Array) -> Array:
 
 
 def observer(scene: Scene) -> tuple[str, Array]:
-    """Return who sees, the scene's sensor or the eye, and the weights (401, 3) that make linear sRGB of spectra."""
+    """Find who sees, the scene's sensor or the eye, and the weights (401, 3) that make linear sRGB of spectra."""
     if scene.sensor is not None and scene.sensor.response is not None:
         return scene.sensor.response, response_curves(scene.sensor.response)
     return "cie_1931", cie_1931() @ srgb_from_xyz().T
@@ -214,7 +213,7 @@ def _spectral(
 
 
 def _density(matching: Array, lights: list[Array]) -> Array:
-    """Return how likely wavelengths are: as daylight is seen, and half of them as the lights of known spectra are."""
+    """How likely wavelengths are: as daylight is seen, and half of them as the lights of known spectra are."""
     sees = np.abs(matching).mean(axis=1)
     found = sees * daylight_65()
     density = found / found.sum()
@@ -236,7 +235,7 @@ def cell_means(spectra: Array, edges_nm: Array) -> Array:
 
 
 def _left_of_white(table: NDArray[np.float32], white: Array, axial: AxialColour) -> Array:
-    """Return what a lens leaves of white on its axis, as a factor on each channel; 1s where the exposure shows it."""
+    """What a lens leaves of white on its axis, as a factor on each channel; 1s where the exposure shows it."""
     if axial is None:
         return np.ones(3)
     middles = (table[:-1, 0] + table[1:, 0]) / 2
@@ -471,7 +470,7 @@ def _left_to_paths(
 def _share_of_small_lamps(
     primitives: Sequence[Primitive], lamps: NDArray[np.void], surfaces: NDArray[np.void], places: NDArray[np.float64]
 ) -> float:
-    """Return how much of the lamps' irradiance on glass and mirrors comes from lamps that are seen small from there."""
+    """How much of the lamps' irradiance on glass and mirrors comes from lamps that are seen small from there."""
     suns = lamps["kind"] == EmitterKind.SUN
     _, lamp = np.unique(np.where(suns, -1 - np.arange(len(lamps)), lamps["primitive"]), return_inverse=True)
     size = _sizes(primitives, lamps)
@@ -530,7 +529,7 @@ FEW = 16  # primitives, as many as lanes that a processor permutes at once
 
 
 def _world(scene: Scene, parts: PlanParts) -> dict[str, Any]:
-    """Return what a `Plan` has of a scene without its camera: as before, where what it is made of is the same."""
+    """The fields of a `Plan` that no camera decides: as before, where what they are made of is the same."""
     solids, far = scene.solids(), (scene.lights, scene.environment)
     named = tuple(scene.materials), tuple(scene.materials.values())
     shown = tuple(solid.shown_materials() for solid in solids)
@@ -571,7 +570,7 @@ def _pack_world(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> dict[
         "emitters": emitters,
         "surroundings": surroundings,
         "caustics": caustics,
-        "meshes": meshes.packed if meshes else None,
+        "meshes": meshes,
         "owners": owners_of(scene, primitives),
         "eye_m": eye_m,
         "albedo": largest_albedo(materials),
@@ -580,9 +579,9 @@ def _pack_world(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> dict[
 
 
 def _facts_of_shapes(
-    primitives: list[Primitive], meshes: MeshPlan | None, materials: Mapping[str, int]
+    primitives: list[Primitive], meshes: PackedMeshes | None, materials: Mapping[str, int]
 ) -> dict[str, int]:
-    """Return which kinds of primitives there are, and what their surfaces require beside positions and normals."""
+    """Find which kinds of primitives there are, and what their surfaces require beside positions and normals."""
     kinds = {primitive.kind for primitive in primitives}
     is_smooth = any(primitive.mesh is not None and primitive.mesh.normals is not None for primitive in primitives)
     bumpy = materials["HAS_NORMAL_MAP"] or materials["HAS_COAT_NORMAL"]
@@ -591,7 +590,7 @@ def _facts_of_shapes(
         "HAS_BITANGENT": int(any(materials[name] for name in FRAMED)),
         "HAS_SHADING_NORMAL": int(bumpy or is_smooth),
         "HAS_AFFINE": int(bool(kinds - {Kind.SPHERE, Kind.MESH})),
-        "HAS_INSTANCES": int(meshes is not None and meshes.packed.instanced),
+        "HAS_INSTANCES": int(meshes is not None and meshes.instanced),
     }
 
 

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from rptcam_cl.core.constants import LUMENS_PER_WATT  # glTF counts candelas and lux, a scene watts
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.core.errors import InputError, errors_named
-from rptcam_cl.core.files import read_whole
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.files import errors_named, read_whole
 from rptcam_cl.scene.assets.mesh import (
     LAMPS_LEFT_OUT,
     MOST_TRIANGLES,

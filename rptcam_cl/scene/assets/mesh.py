@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.core.errors import InputError, errors_named
-from rptcam_cl.core.files import open_regular
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.files import errors_named, open_regular
 from rptcam_cl.scene.assets.pictures import LARGEST_PIXELS
 from rptcam_cl.scene.quantities import LARGEST_COORDINATE, SMALLEST_LENGTH
 

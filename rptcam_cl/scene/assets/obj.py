@@ -13,8 +13,8 @@ from typing import Any, BinaryIO, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.core.errors import InputError, errors_named
-from rptcam_cl.core.files import read_whole
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.files import errors_named, read_whole
 from rptcam_cl.scene.assets import mesh
 
 # MTL files: the materials that OBJ files name.

@@ -24,7 +24,6 @@ from rptcam_cl.rendering.film import TILE, FilmLayout
 from rptcam_cl.rendering.plan.plan import Plan, make_plan
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
 from rptcam_cl.rendering.tracer import Wavefront
-from rptcam_cl.scene.camera import RealisticCamera
 from rptcam_cl.scene.exposure import Exposure
 from rptcam_cl.scene.film import LayerName
 from rptcam_cl.scene.load import at_opening, change_scene
@@ -337,7 +336,8 @@ class ProbeRenderer:
 
 def _traced(scene: Scene) -> Scene:
     """Return a scene whose lens is traced: polynomials would have to be fitted anew in every state."""
-    fitted = isinstance(scene.camera, RealisticCamera) and scene.camera.rays == "fitted"
+    camera = scene.camera.traced_camera
+    fitted = camera is not None and camera.rays == "fitted"
     return change_scene(scene, camera={"rays": "traced"}) if fitted else scene
 
 

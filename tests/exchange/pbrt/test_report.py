@@ -184,5 +184,5 @@ def test_the_example_is_converted_without_a_word(checkout: Path, tmp_path: Path)
     assert list(done.report) == []
     done.write(tmp_path / "still_life.yaml")
     scene = load_scene(tmp_path / "still_life.yaml")
-    assert len(scene.objects) == 9
+    assert len(scene.objects) == 28
     assert scene.warnings == ()

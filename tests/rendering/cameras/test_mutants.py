@@ -35,11 +35,11 @@ def wide_etendue(session):
 
 
 def rays_of(name, label="d"):
-    return lambda session: truth_rays.test_rays_are_those_of_the_truth_table(session, name, label, "film", "single")
+    return lambda session: truth_rays.test_rays_are_those_of_the_truth_table(session, name, label)
 
 
 def reversal(session):
-    invariants.test_rays_sent_back_return_to_their_film_point(session, "dgauss-50mm", "single")
+    invariants.test_rays_sent_back_return_to_their_film_point(session, "dgauss-50mm")
 
 
 def pass_rate(session):

@@ -26,7 +26,7 @@ def test_no_ray_leaks_through_edges_or_vertices(session, place):
     assert leaks(session, place, rng_of(f"leaks {place}"), 200_000, 100) == 0
 
 
-@pytest.mark.parametrize("width", [4, 8, 16])
+@pytest.mark.parametrize("width", [4, pytest.param(8, marks=pytest.mark.slow), 16])
 @pytest.mark.parametrize("kind", ["random", "axis", "denormal"])
 @pytest.mark.parametrize("shape", ["globe", "flat grid"])
 def test_tree_finds_what_every_triangle_finds(session, monkeypatch, shape, kind, width):

@@ -159,13 +159,13 @@ def test_turns_end_where_they_take_longer_than_the_first_said(monkeypatch):
     monkeypatch.setattr(tradeoff_runs, "_extent", lambda *_: extent)
 
     def slowly(*work):
-        until = time.process_time() + 0.04
+        until = time.process_time() + 0.02
         while time.process_time() < until:
             pass
         return run(*work)
 
     monkeypatch.setattr(tradeoff_runs, "run", slowly)
-    hurried = tradeoff_runs.render_by_turns(ready, 0.4, 1, lambda words, share: None)
+    hurried = tradeoff_runs.render_by_turns(ready, 0.2, 1, lambda words, share: None)
     assert hurried.seeds == 4 and len(hurried.long.chosen) == 16
     assert all(part.shape[0] == 4 for each in hurried.pixels for part in each)
     assert all(len(wall) == 4 for _, wall in hurried.timings)

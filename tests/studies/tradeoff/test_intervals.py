@@ -21,7 +21,7 @@ from rptcam_cl.studies.tradeoff_runs import measurements
 from tests.studies.tradeoff.synthetic import MANY, NOISE, PER_TILE, SAMPLES, SECONDS, SEEDS, measured, spread
 
 EVERY = 16  # tiles
-TRIALS = 120
+TRIALS = 60
 FEWEST = 0.9  # of TRIALS: if intervals hold 95 % of what they are of, one set in a hundred has fewer
 NAMES = ("bias", "noise", "rate", "energy", "time", "better until")
 
@@ -87,7 +87,7 @@ def test_light_that_no_two_pictures_miss_in_the_same_pixel_is_missing_all_the_sa
     assert found.bias.value == pytest.approx(missing**2, rel=1e-3)
 
 
-@pytest.mark.parametrize("fall", [1.0, 1.5])
+@pytest.mark.parametrize("fall", [pytest.param(1.0, marks=pytest.mark.slow), 1.5])
 def test_fall_of_noise_is_found(fall):
     rng, trials = np.random.default_rng(8), 40
     found = [measured(rng, np.zeros(EVERY * PER_TILE), EVERY, EVERY, 200, fall)[1] for _ in range(trials)]

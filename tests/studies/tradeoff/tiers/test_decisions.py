@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rptcam_cl.optics.stop_shape import star
-from rptcam_cl.rendering.cameras.realistic import camera_model
+from rptcam_cl.rendering.cameras.kinds import camera_model
 from rptcam_cl.rendering.cameras.setting import lens_to_focus
 from rptcam_cl.scene.load import change_scene
 from rptcam_cl.studies.tiers import choose_camera
