@@ -12,7 +12,7 @@ from dataclasses import field
 from fractions import Fraction
 from functools import cache
 from pathlib import Path
-from typing import Any, BinaryIO, NamedTuple
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
@@ -30,13 +30,8 @@ _ASCII, _SHORT, _LONG, _RATIONAL, _UNDEFINED = 2, 3, 4, 5, 7
 _LARGEST = 2**32 - 1
 
 
-class TagField(NamedTuple):
-    """A value: its type in TIFF, the number of items, and their bytes."""
-
-    kind: int
-    number: int
-    data: bytes
-
+TagField = tuple[int, int, bytes]
+"""A value: its type in TIFF, the number of items, and their bytes."""
 
 Directory = Mapping[int, "TagField | Directory"]
 
@@ -44,27 +39,27 @@ Directory = Mapping[int, "TagField | Directory"]
 def ascii_text(text: str) -> TagField:
     """Return text, which beyond ASCII is UTF-8 (Metadata Working Group, guidelines 2.0)."""
     data = text.replace("\0", " ").encode() + b"\0"
-    return TagField(_ASCII, len(data), data)
+    return _ASCII, len(data), data
 
 
 def short(*values: int) -> TagField:
     """Return integers of 16 bits."""
-    return TagField(_SHORT, len(values), struct.pack(f"<{len(values)}H", *values))
+    return _SHORT, len(values), struct.pack(f"<{len(values)}H", *values)
 
 
 def long(values: Sequence[int]) -> TagField:
     """Return integers of 32 bits."""
-    return TagField(_LONG, len(values), struct.pack(f"<{len(values)}I", *values))
+    return _LONG, len(values), struct.pack(f"<{len(values)}I", *values)
 
 
 def rational(value: float) -> TagField:
     """Return a fraction near a number above 0; infinity has the largest numerator, as EXIF says of distances."""
-    return TagField(_RATIONAL, 1, struct.pack("<2I", *_fraction(value)))
+    return _RATIONAL, 1, struct.pack("<2I", *_fraction(value))
 
 
 def undefined(data: bytes) -> TagField:
     """Return bytes whose meaning follows from the tag alone."""
-    return TagField(_UNDEFINED, len(data), data)
+    return _UNDEFINED, len(data), data
 
 
 def directory_bytes(fields: Directory, offset: int) -> bytes:
@@ -73,14 +68,14 @@ def directory_bytes(fields: Directory, offset: int) -> bytes:
     after = offset + 2 + 12 * len(fields) + 4
     for tag, entry in sorted(fields.items()):
         place = after + len(beyond)
-        if not isinstance(entry, TagField):
+        if isinstance(entry, Mapping):
             beyond += directory_bytes(entry, place)
             entry = long([place])
-        value = entry.data
+        kind, number, value = entry
         if len(value) > 4:
             beyond += value + b"\0" * (len(value) % 2)
             value = struct.pack("<I", place)
-        entries.append(struct.pack("<HHI4s", tag, entry.kind, entry.number, value))
+        entries.append(struct.pack("<HHI4s", tag, kind, number, value))
     return struct.pack("<H", len(entries)) + b"".join(entries) + struct.pack("<I", 0) + beyond
 
 

@@ -127,13 +127,13 @@ def test_exr_has_the_standard_attributes_in_their_types(tmp_path: Path) -> None:
     ],
 )  # fmt: skip
 def test_numbers_become_near_fractions(value: float, fraction: tuple[int, int]) -> None:
-    data = rational(value).data
+    _, _, data = rational(value)
     assert (int.from_bytes(data[:4], "little"), int.from_bytes(data[4:], "little")) == fraction
 
 
 def test_every_number_becomes_a_fraction_within_a_millionth() -> None:
     for value in 10.0 ** np.random.default_rng(1).uniform(-9, 9, 500):
-        data = rational(float(value)).data
+        _, _, data = rational(float(value))
         near = int.from_bytes(data[:4], "little") / int.from_bytes(data[4:], "little")
         assert near == pytest.approx(value, rel=1e-6)
 

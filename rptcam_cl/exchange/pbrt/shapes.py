@@ -747,7 +747,7 @@ class Objects:
         return keys | ({"two_sided": True} if two_sided else {})
 
     def _share_mesh(self, use: ShapeUse, mesh: MeshData) -> str:
-        """The name of a mesh that stands in several places, made when it is first asked for."""
+        """The name of a mesh that stands in several places; the mesh is added to the scene at its first."""
         if id(use) not in self._shared:
             name = self._unique("mesh")
             self._shared[id(use)] = use, name
