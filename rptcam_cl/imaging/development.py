@@ -48,7 +48,7 @@ def check_denoiser() -> None:
         raise InputError('denoising needs the package pyoidn (pip install "rptcam_cl[denoise]")')
 
 
-def denoised(pixels: Pixels, albedo: Pixels, normal: Pixels) -> tuple[Pixels, str]:
+def denoise(pixels: Pixels, albedo: Pixels, normal: Pixels) -> tuple[Pixels, str]:
     """Return the picture without its noise, and the name of what removed it.
 
     Parameters
@@ -82,17 +82,17 @@ def _with_margin(values: Pixels) -> Pixels:
     return np.pad(values, ((MARGIN_PX, MARGIN_PX), (MARGIN_PX, MARGIN_PX), (0, 0)), mode="symmetric")
 
 
-def _within_channels(denoise: Callable[..., Pixels], pixels: Pixels, albedo: Pixels) -> Pixels:
+def _within_channels(remove_noise: Callable[..., Pixels], pixels: Pixels, albedo: Pixels) -> Pixels:
     """Denoise a picture that may have channels below 0, as spectral colours have, which a denoiser takes for 0.
 
     Such a picture goes through it in CIE XYZ, where every colour of light is positive, scaled so that white is
     (1, 1, 1) there, too.
     """
     if not (pixels < 0).any():
-        return denoise(pixels, albedo=albedo)
+        return remove_noise(pixels, albedo=albedo)
     matrix = XYZ_FROM_RGB / XYZ_FROM_RGB.sum(axis=1, keepdims=True)
     seen, guide = (np.asarray(values @ matrix.T, np.float32) for values in (pixels, albedo))
-    return np.asarray(denoise(seen, albedo=guide) @ np.linalg.inv(matrix).T)
+    return np.asarray(remove_noise(seen, albedo=guide) @ np.linalg.inv(matrix).T)
 
 
 # Tone curves: from linear light without an upper limit to the linear light of a display, and sRGB's encoding of it.
@@ -300,7 +300,7 @@ def developed_codes(
     """Return the developed picture in codes of 8 or 16 bits; in memory there is never more of it than some rows."""
     codes = np.empty(pixels.shape, np.uint8 if bits == 8 else np.uint16)
     for rows, band in _bands(pixels, picture, part):
-        codes[rows] = quantised(band, bits)
+        codes[rows] = quantise(band, bits)
     return codes
 
 
@@ -321,7 +321,7 @@ def _bands(pixels: NDArray[np.floating], picture: PictureSettings, part: Part) -
         yield rows, shown if picture.tone.kind == "linear" else srgb_from_linear(shown)
 
 
-def quantised(encoded: Pixels, bits: int) -> NDArray[np.uint8] | NDArray[np.uint16]:
+def quantise(encoded: Pixels, bits: int) -> NDArray[np.uint8] | NDArray[np.uint16]:
     """Return the nearest codes of 8 or 16 bits of values in 0..1."""
     nearest = encoded * np.float32(2**bits - 1) + np.float32(0.5)
     return nearest.astype(np.uint8) if bits == 8 else nearest.astype(np.uint16)

@@ -25,9 +25,9 @@ from rptcam_cl.core.files import check_writable, free_host_bytes, replacing, utf
 from rptcam_cl.imaging.development import (
     GUIDES,
     PLAIN,
-    denoised,
+    denoise,
     developed_values,
-    quantised,
+    quantise,
 )
 from rptcam_cl.imaging.formats import ALL_METADATA, RawImage, from_exr_attributes
 from rptcam_cl.imaging.sensor import SensorModel, expose
@@ -148,7 +148,7 @@ class Image:
         """
         if missing := [name for name in GUIDES if name not in self.layers]:
             raise InputError(f"denoising needs the layers {' and '.join(GUIDES)} (missing: {', '.join(missing)})")
-        pixels, how = denoised(self.pixels, self["albedo"], self["normal"])
+        pixels, how = denoise(self.pixels, self["albedo"], self["normal"])
         stated = {"denoised": how}
         return replace(self, pixels=pixels, metadata=self.metadata | stated, stats=self.stats | stated)
 
@@ -488,7 +488,7 @@ def write_video(path: str | os.PathLike[str], images: Iterable[Image], frames_pe
             with av.open(str(temporary), "w", format=container, options=_EXACT) as file:
                 stream: Any = None
                 for image in images:
-                    codes = quantised(image.developed(), 16).astype(np.uint16)
+                    codes = quantise(image.developed(), 16).astype(np.uint16)
                     codes = np.ascontiguousarray(codes[: len(codes) // 2 * 2, : codes.shape[1] // 2 * 2])
                     if codes.size == 0:
                         got = f"got {image.width} x {image.height}; allowed: at least 2 x 2"

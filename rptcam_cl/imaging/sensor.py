@@ -88,7 +88,7 @@ def _convolve(values: Array, kernel: Array) -> Array:
     return total
 
 
-def demosaiced(values: NDArray[np.floating], pattern: str, method: str = "malvar") -> Array:
+def interpolate_colours(values: NDArray[np.floating], pattern: str, method: str = "malvar") -> Array:
     """Return all three colours of every pixel (height, width, 3).
 
     Parameters
@@ -368,7 +368,7 @@ def linear_picture(numbers: NDArray[np.uint16], sensor: SensorModel) -> NDArray[
     balanced = np.minimum((numbers - sensor.dark_level_dn) * per_pixel, ceiling)
     if sensor.bayer == "monochrome":
         return np.repeat(balanced[..., None], 3, axis=2).astype(np.float32)
-    colours = demosaiced(balanced, sensor.pattern, sensor.demosaic) if is_mosaic(sensor.bayer) else balanced
+    colours = interpolate_colours(balanced, sensor.pattern, sensor.demosaic) if is_mosaic(sensor.bayer) else balanced
     return np.asarray(colours @ rgb_from_balanced(sensor).T, np.float32)
 
 

@@ -355,7 +355,7 @@ class FileReference(SceneModel):
         return hashlib.sha256(source).hexdigest() if isinstance(source, bytes) else digest(source, LARGEST_FILE)
 
 
-def described(value: SceneModel, folders: Folders) -> dict[str, Any]:
+def describe(value: SceneModel, folders: Folders) -> dict[str, Any]:
     """Return a part of a scene as plain data in which files stand by their content."""
     content = value.model_dump(mode="json")
     for path, reference in file_references(value):

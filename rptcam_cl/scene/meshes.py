@@ -41,7 +41,7 @@ from rptcam_cl.scene.assets.pictures import has_alpha
 from rptcam_cl.scene.base import (
     Alternatives,
     SceneModel,
-    described,
+    describe,
     number_at,
     one_pixel,
     refuse,
@@ -713,7 +713,7 @@ class LoadedMesh(NamedTuple):
             {
                 "mesh": part.mesh.content_hash,
                 "placement": part.placement.tolist(),
-                "material": described(material, folders) if getattr(self.item, "material", None) is None else None,
+                "material": describe(material, folders) if getattr(self.item, "material", None) is None else None,
             }
             for part, material in zip(self.contents.parts, self.materials, strict=True)
         ]

@@ -10,7 +10,7 @@ import pytest
 import rptcam_cl
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.imaging import image as film_files
-from rptcam_cl.imaging.development import quantised
+from rptcam_cl.imaging.development import quantise
 from rptcam_cl.imaging.image import Image
 from rptcam_cl.scene.film import PictureSettings, WhiteBalance
 
@@ -52,7 +52,7 @@ def test_settings_can_be_replaced_one_by_one(rptcam: Command, film: Image) -> No
     assert rptcam("develop", "film.exr", "-o", "a.png", "-o", "a.tif", *words).code == 0
     same = rptcam_cl.develop(film, tone={"kind": "reinhard", "white": 9}, white_balance={"gains": [1, 1, 2]})
     assert same.development.tone.shown_white == 9
-    assert np.array_equal(codes("a.png"), quantised(same.developed(), 8))
+    assert np.array_equal(codes("a.png"), quantise(same.developed(), 8))
     assert np.array_equal(film.pixels, same.pixels)
     assert same.metadata["picture"] == {
         "tone": {"kind": "reinhard", "white": 9.0},

@@ -11,7 +11,7 @@ from rptcam_cl.imaging.development import (
     agx_contrast,
     developed_values,
     linear_from_srgb,
-    quantised,
+    quantise,
     srgb_from_linear,
 )
 from rptcam_cl.scene.film import PictureSettings, Tone
@@ -61,20 +61,20 @@ def test_plain_picture_has_the_very_codes_of_the_curve_alone() -> None:
         curve = np.float32(1.055) * x ** np.float32(1 / 2.4) - np.float32(0.055)
         encoded = np.where(x <= np.float32(0.0031308), x * np.float32(12.92), curve)
         codes = (encoded * np.float32(255.0) + np.float32(0.5)).astype(np.uint8)
-        assert np.array_equal(quantised(developed_values(pixels, PictureSettings(ev=ev)), 8), codes)
+        assert np.array_equal(quantise(developed_values(pixels, PictureSettings(ev=ev)), 8), codes)
 
 
 def test_every_code_of_eight_bits_survives_the_way_there_and_back() -> None:
     codes = np.arange(256) / 255.0
     linear = np.where(codes <= 0.04045, codes / 12.92, ((codes + 0.055) / 1.055) ** 2.4)
-    assert quantised(developed_values(greys(linear)), 8)[0, :, 0].tolist() == list(range(256))
+    assert quantise(developed_values(greys(linear)), 8)[0, :, 0].tolist() == list(range(256))
 
 
 def test_sixteen_bits_tell_values_apart_that_eight_do_not() -> None:
     encoded = developed_values(greys(np.linspace(0.4, 0.41, 400)))
-    assert np.unique(quantised(encoded, 16)).size == 400
-    assert np.unique(quantised(encoded, 8)).size < 5
-    assert quantised(np.ones((1, 1, 3), np.float32), 16).max() == 65535
+    assert np.unique(quantise(encoded, 16)).size == 400
+    assert np.unique(quantise(encoded, 8)).size < 5
+    assert quantise(np.ones((1, 1, 3), np.float32), 16).max() == 65535
 
 
 @pytest.mark.parametrize("tone", TONES)

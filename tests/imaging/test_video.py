@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from rptcam_cl.core.errors import InputError, StateError
-from rptcam_cl.imaging.development import quantised
+from rptcam_cl.imaging.development import quantise
 from rptcam_cl.imaging.image import Image, check_video, write_video
 from rptcam_cl.scene.film import PictureSettings
 
@@ -29,7 +29,7 @@ def test_frames_of_a_video_are_the_developed_pictures(suffix, most, tmp_path):
     assert len(found) == 3
     for frame, image in zip(found, pictures(), strict=True):
         assert frame.shape == (34, 50, 3)  # an odd column is left out
-        wanted = quantised(image.developed()[:, :50], 16).astype(int)
+        wanted = quantise(image.developed()[:, :50], 16).astype(int)
         assert np.abs(frame - wanted).mean() <= 65535 * most
 
 

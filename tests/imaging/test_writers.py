@@ -7,7 +7,7 @@ import PIL.Image
 import pytest
 
 from rptcam_cl.core.errors import InputError, StateError
-from rptcam_cl.imaging.development import quantised
+from rptcam_cl.imaging.development import quantise
 from rptcam_cl.imaging.image import Image
 from rptcam_cl.imaging.writers import check_output
 from rptcam_cl.scene.film import PictureSettings
@@ -45,7 +45,7 @@ def test_png_holds_the_developed_picture_and_the_metadata(tmp_path: Path, image:
     with PIL.Image.open(tmp_path / "picture.PNG") as picture:
         assert picture.format == "PNG"
         assert picture.info["srgb"] == 0
-        assert np.array_equal(np.asarray(picture), quantised(image.developed(), 8))
+        assert np.array_equal(np.asarray(picture), quantise(image.developed(), 8))
         text = picture.text
     assert text["lens"] == "Gauß 50 mm f/2"
     assert text["seed"] == str(2**63)
@@ -62,7 +62,7 @@ def test_jpeg_holds_the_developed_picture_closely_and_its_exif_data(tmp_path: Pa
         image.save(tmp_path / name)
         with PIL.Image.open(tmp_path / name) as picture:
             assert picture.format == "JPEG"
-            error = np.asarray(picture, np.float64) - quantised(image.developed(), 8)
+            error = np.asarray(picture, np.float64) - quantise(image.developed(), 8)
             assert abs(error).max() <= 6  # what quality 95 loses of a slope
             assert picture.getexif().get_ifd(0x8769)[0x829D] == 2.0  # FNumber
             assert picture.info["icc_profile"]

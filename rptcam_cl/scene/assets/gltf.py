@@ -33,7 +33,7 @@ from rptcam_cl.scene.assets.mesh import (
     Polygons,
     Wrap,
     check_corners,
-    painted,
+    paint_triangles,
 )
 from rptcam_cl.scene.placement import SMALLEST_STRETCH_RATIO
 
@@ -551,7 +551,7 @@ class GltfMaterials:
         """Return the material of a primitive."""
         return primitive.whole("material", below=self._count) if primitive.has("material") else self._count
 
-    def painted(self, surface: MeshSurface, colours: NDArray[np.float32], primitive: JsonNode) -> MeshSurface:
+    def paint(self, surface: MeshSurface, colours: NDArray[np.float32], primitive: JsonNode) -> MeshSurface:
         """Return a surface of a primitive in a material of its own that has the colours of the vertices."""
         assert surface.material is not None
         material = self.materials[surface.material]
@@ -561,7 +561,7 @@ class GltfMaterials:
         if len(surface.faces) > MOST_TRIANGLES:
             self.notes.append(f"{primitive.place}: colours of more than {MOST_TRIANGLES} triangles are left out")
             return surface
-        surface, texture = painted(surface, colours)
+        surface, texture = paint_triangles(surface, colours)
         self.materials.append(replace(material.without_textures(), base_texture=texture))
         return replace(surface, material=len(self.materials) - 1)
 
@@ -812,7 +812,7 @@ def _surface(primitive: JsonNode, data: Data, materials: GltfMaterials, name: st
         name,
     )
     colours = vertices.rows("COLOR_0", ("VEC3", "VEC4"))
-    return surface if colours is None else materials.painted(surface, colours[:, :3], primitive)
+    return surface if colours is None else materials.paint(surface, colours[:, :3], primitive)
 
 
 def placed_meshes(document: JsonNode, data: Data) -> Iterator[tuple[int, NDArray[np.float64], str | None]]:

@@ -743,7 +743,7 @@ def winding_number(positions: NDArray[np.float32], faces: NDArray[np.int32], poi
 MOST_TRIANGLES = LARGEST_PIXELS // 4
 
 
-def painted(surface: MeshSurface, colours: NDArray[np.float32]) -> tuple[MeshSurface, FileTexture]:
+def paint_triangles(surface: MeshSurface, colours: NDArray[np.float32]) -> tuple[MeshSurface, FileTexture]:
     """Return a surface whose triangles share no vertices, and the picture that lies on it.
 
     Parameters

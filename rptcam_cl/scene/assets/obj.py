@@ -166,7 +166,7 @@ def _is_number(word: str) -> bool:
 Line = tuple[int, bytes]
 
 
-def parsed(text: bytes) -> NDArray[np.float64] | None:
+def parse_numbers(text: bytes) -> NDArray[np.float64] | None:
     """Return the numbers in a text, None when something else is in it."""
     try:
         with warnings.catch_warnings():
@@ -192,13 +192,13 @@ def numbers_of_lines(lines: Sequence[Line], each: int, what: str, path: Path) ->
     """
     if not lines:
         return np.empty((0, each))
-    numbers = parsed(b" ".join(text for _, text in lines))
+    numbers = parse_numbers(b" ".join(text for _, text in lines))
     width = len(lines[0][1].split())
     if numbers is not None and width >= each and all(len(text.split()) == width for _, text in lines):
         return numbers.reshape(-1, width)[:, :each]
     rows = np.empty((len(lines), each))
     for place, (number, text) in enumerate(lines):
-        row = parsed(text) if text.strip() else None
+        row = parse_numbers(text) if text.strip() else None
         if row is None or len(row) < each:
             got = text.decode("latin-1").strip()[:60]
             raise InputError(f"{path}:{number}: is not {what} (got {got!r}; allowed: {each} numbers)")
@@ -458,7 +458,7 @@ def _alike(lines: KeywordLines) -> NDArray[np.int64] | None:
     columns = FORMS.get((int(slashes[0]), doubles > 0))
     if columns is None:
         return None
-    numbers = parsed(lines.text.replace(b"/", b" "))
+    numbers = parse_numbers(lines.text.replace(b"/", b" "))
     if numbers is None or len(numbers) != count * len(columns):
         return None
     if not (np.abs(numbers) <= 2**31).all() or (numbers != np.floor(numbers)).any() or (numbers == 0).any():
@@ -576,7 +576,7 @@ class ObjReader:
         if word == b"vt":
             each = max(1, min(2, int(lines.words.min())))
         width = int(lines.words[0])
-        numbers = parsed(lines.text) if (lines.words == width).all() and width >= each else None
+        numbers = parse_numbers(lines.text) if (lines.words == width).all() and width >= each else None
         if numbers is not None and len(numbers) == width * len(lines.numbers):
             numbers = numbers.reshape(-1, width)[:, :each]
         else:

@@ -21,7 +21,7 @@ from rptcam_cl.scene.assets.mesh import (
     open_mesh,
     weld,
 )
-from rptcam_cl.scene.assets.obj import numbers_of_lines, parsed
+from rptcam_cl.scene.assets.obj import numbers_of_lines, parse_numbers
 
 # The header of a PLY file (Turk 1994): which elements follow, how many, and how their rows are laid out.
 
@@ -267,7 +267,7 @@ def read_text(file: BinaryIO, element: Element, path: Path, line: int) -> Rows:
         lines = list(islice(file, min(element.count - done, CHUNK_LINES)))
         if element.count and not lines:
             raise InputError(f"{path}: is cut short: ends after {done} rows of {element.name}")
-        numbers = parsed(b" ".join(lines))
+        numbers = parse_numbers(b" ".join(lines))
         try:
             if numbers is None:
                 raise ValueError
