@@ -22,13 +22,7 @@ from rptcam_cl.core.colour import SRGB_PRIMARIES, SRGB_WHITE, luminance
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.core.files import check_writable, free_host_bytes, replacing, utf8_name
-from rptcam_cl.imaging.development import (
-    GUIDES,
-    PLAIN,
-    denoise,
-    developed_values,
-    quantise,
-)
+from rptcam_cl.imaging.development import GUIDES, PLAIN, denoise, developed_values, quantise
 from rptcam_cl.imaging.formats import ALL_METADATA, RawImage, from_exr_attributes
 from rptcam_cl.imaging.sensor import SensorModel, expose
 from rptcam_cl.imaging.truth_files import coco, save_truth

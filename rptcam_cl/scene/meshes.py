@@ -38,15 +38,7 @@ from rptcam_cl.scene.assets.mesh import (
     winding_number,
 )
 from rptcam_cl.scene.assets.pictures import has_alpha
-from rptcam_cl.scene.base import (
-    Alternatives,
-    SceneModel,
-    describe,
-    number_at,
-    one_pixel,
-    refuse,
-    unknown_name,
-)
+from rptcam_cl.scene.base import Alternatives, SceneModel, describe, number_at, one_pixel, refuse, unknown_name
 from rptcam_cl.scene.materials import (
     LARGEST_INDEX,
     LEAST_BEND,

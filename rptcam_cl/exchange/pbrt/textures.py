@@ -10,15 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rptcam_cl.core.colour import (
-    RGB_FROM_XYZ,
-    SRGB_WHITE,
-    WAVELENGTHS_NM,
-    blackbody,
-    cie_1931,
-    planck_radiance,
-    xyz_of,
-)
+from rptcam_cl.core.colour import RGB_FROM_XYZ, SRGB_WHITE, WAVELENGTHS_NM, blackbody, cie_1931, planck_radiance, xyz_of
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.exchange.pbrt.files import NOT_READ, READABLE, Context, is_readable, mean_colour, picture_name
 from rptcam_cl.exchange.pbrt.source import Parameter, read_limited
