@@ -24,7 +24,7 @@ from rptcam_cl.core.errors import InputError, RptcamError, StateError
 from rptcam_cl.core.files import check_writable, kernels_dir, make_folder, replacing, unlinked
 from rptcam_cl.core.remember import Disk, OneMaker, made_by
 from rptcam_cl.device.session import Session, Wanted, open_sessions
-from rptcam_cl.imaging.development import quantised
+from rptcam_cl.imaging.development import quantise
 from rptcam_cl.imaging.image import Image, develop, read_film
 from rptcam_cl.imaging.sensor import check_sensor
 from rptcam_cl.rendering.account import window
@@ -80,7 +80,7 @@ def contact_sheet(pictures: Sequence[tuple[str, Image]], columns: int) -> Pictur
 def _small(image: Image) -> Picture:
     from PIL import Image as Pillow
 
-    codes = np.asarray(quantised(image.developed(), 8))
+    codes = np.asarray(quantise(image.developed(), 8))
     picture = Pillow.fromarray(codes)
     scale = min(WIDTH_PX / image.width, 1.0)
     if scale == 1.0:

@@ -245,7 +245,7 @@ def add_new(commands: Commands) -> None:
 
 def _run_new(arguments: argparse.Namespace) -> int:
     from rptcam_cl.core.files import check_writable, replacing
-    from rptcam_cl.exchange.starting import StartOptions, starting_scene
+    from rptcam_cl.exchange.starting import starting_scene
     from rptcam_cl.scene.load import load_scene, scene_text
 
     target: Path = arguments.scene
@@ -257,13 +257,8 @@ def _run_new(arguments: argparse.Namespace) -> int:
     if target.exists():
         raise InputError(f"{target}: is there already; choose another name, or remove it first")
     check_writable(target)
-    start = starting_scene(
-        StartOptions(
-            arguments.model, arguments.hdri, arguments.lens, arguments.size, arguments.up, arguments.metres_per_unit,
-            arguments.reframe,
-        ),
-        target.parent,
-    )  # fmt: skip
+    names = ("model", "hdri", "lens", "size", "up", "metres_per_unit", "reframe")
+    start = starting_scene(target.parent, **{name: getattr(arguments, name) for name in names})
     copied = start.copies.write()
     scene = load_scene(start.scene, base_dir=target.parent, missing="grey")
     with replacing(target) as temporary:

@@ -238,7 +238,7 @@ class SceneModel(BaseModel):
 @lru_cache(maxsize=256)
 def _descriptions(model: type[SceneModel]) -> dict[str, str]:
     """Return the text below each field of a model and of its bases, by the field's name."""
-    found: dict[str, str] = {}
+    texts: dict[str, str] = {}
     for base in reversed(model.__mro__):
         if not issubclass(base, BaseModel) or base is BaseModel:
             continue
@@ -252,8 +252,8 @@ def _descriptions(model: type[SceneModel]) -> dict[str, str]:
                 and isinstance(text.value, ast.Constant)
                 and isinstance(text.value.value, str)
             ):
-                found[field.target.id] = inspect.cleandoc(text.value.value)
-    return found
+                texts[field.target.id] = inspect.cleandoc(text.value.value)
+    return texts
 
 
 def _check_alternatives(group: Alternatives, data: dict[str, Any]) -> None:
@@ -355,7 +355,7 @@ class FileReference(SceneModel):
         return hashlib.sha256(source).hexdigest() if isinstance(source, bytes) else digest(source, LARGEST_FILE)
 
 
-def described(value: SceneModel, folders: Folders) -> dict[str, Any]:
+def describe(value: SceneModel, folders: Folders) -> dict[str, Any]:
     """Return a part of a scene as plain data in which files stand by their content."""
     content = value.model_dump(mode="json")
     for path, reference in file_references(value):

@@ -95,7 +95,7 @@ class FrameSequence(SceneModel):
 
 
 def value_at(frames: Sequence[ValueKeyframe], time_s: float) -> Any:
-    """Return what keyframes say at a moment; the ends hold."""
+    """Interpolate keyframes at a moment; the ends hold."""
     index, share = place_between(frames, time_s)
     here = frames[index].value
     return here if share == 0 else _between(here, frames[index + 1].value, share)
@@ -115,10 +115,10 @@ def _shape(value: Any) -> int | None:
 
 def _between(one: Any, other: Any, share: float) -> Any:
     if _is_number(one) and _is_number(other):
-        found = one + share * (other - one)
-        if isinstance(one, int) and isinstance(other, int) and abs(found - round(found)) <= ROUNDING * abs(found):
-            return round(found)
-        return found
+        value = one + share * (other - one)
+        if isinstance(one, int) and isinstance(other, int) and abs(value - round(value)) <= ROUNDING * abs(value):
+            return round(value)
+        return value
     if isinstance(one, list | tuple) and isinstance(other, list | tuple) and len(one) == len(other):
         return [_between(a, b, share) for a, b in zip(one, other, strict=True)]
     return one

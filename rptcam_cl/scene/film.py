@@ -11,15 +11,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema, mod
 
 from rptcam_cl.core.colour import blackbody, illuminant, srgb_from_spectrum, srgb_from_xyz, xyz_from_spectrum
 from rptcam_cl.core.constants import MAX_SEED, MAX_SPP
-from rptcam_cl.scene.base import (
-    AlsoAccepts,
-    Alternatives,
-    SceneModel,
-    number_at,
-    read_number,
-    refuse,
-    word_for,
-)
+from rptcam_cl.scene.base import AlsoAccepts, Alternatives, SceneModel, number_at, read_number, refuse, word_for
 from rptcam_cl.scene.quantities import NUMBER, WHOLE_NUMBER, IlluminantName, Rectangle, list_of
 
 # How the picture is computed: samples, layers, and how colour is carried along paths.

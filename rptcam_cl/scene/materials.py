@@ -58,7 +58,7 @@ from rptcam_cl.scene.quantities import (
     SpectralColour,
     TexturePair,
     Turn,
-    fault_of,
+    check_wavelengths,
     list_of,
     read_rows,
 )
@@ -365,7 +365,7 @@ SMALLEST_INDEX, LARGEST_INDEX = 0.2, 5.0
 KEYS = {name: key for name, key in GLASS.items() if name != "transmittance"}
 
 
-def _read(value: Any, info: ValidationInfo) -> Medium:
+def _read_medium(value: Any, info: ValidationInfo) -> Medium:
     """Return the law of a glass that is a name or a mapping."""
     if isinstance(value, Medium):
         return value
@@ -382,11 +382,11 @@ def _read(value: Any, info: ValidationInfo) -> Medium:
         raise refuse(problem.text, path=problem.path[1:]) from None
     except (InputError, StateError) as problem:
         raise refuse(str(problem)) from None
-    _check(medium)
+    _check_medium(medium)
     return medium
 
 
-def _check(medium: Medium) -> None:
+def _check_medium(medium: Medium) -> None:
     limits = known_range(medium)
     if limits is not None and not limits[0] <= LINE_D_NM <= limits[1]:
         raise refuse(f"is known from {limits[0]:g} to {limits[1]:g} nm only", allowed="a glass known at 587.56 nm")
@@ -408,7 +408,7 @@ def nearest_to_one(medium: Medium) -> float:
 
 Glass = Annotated[
     Medium,
-    PlainValidator(_read),
+    PlainValidator(_read_medium),
     PlainSerializer(repr, when_used="json"),
     WithJsonSchema(glass_json_schema(KEYS)),
 ]
@@ -590,15 +590,13 @@ def _metal_spectrum(table: MetalTable, info: core_schema.ValidationInfo) -> Meta
 
 def _written_rows(table: MetalTable) -> tuple[Spectrum, Spectrum, Spectrum]:
     """Return wavelengths, n and k of a table in the scene itself."""
+    assert table.wavelengths_nm is not None
     wavelengths = np.array(table.wavelengths_nm)
     for name in ("n", "k"):
         column = getattr(table, name)
         if column is None or len(column) != len(wavelengths):
             raise refuse("does not fit wavelengths_nm", allowed=f"{len(wavelengths)} numbers", path=(name,))
-    fault = fault_of(wavelengths)
-    if fault is not None:
-        index, problem = fault
-        raise refuse(problem, allowed="rising wavelengths in nm", path=("wavelengths_nm", index))
+    check_wavelengths(table.wavelengths_nm)
     return wavelengths, np.array(table.n), np.array(table.k)
 
 
@@ -872,12 +870,12 @@ def with_parts(material: Any, materials: Mapping[str, Any] | None, path: tuple[s
     parts = material.get("materials")
     if not isinstance(parts, (list, tuple)):
         return material
-    found = [
+    resolved = [
         part if not isinstance(part, str) else _GREY if materials is None
         else _find_material(part, materials, (*path, "materials", index))
         for index, part in enumerate(parts)
     ]  # fmt: skip
-    return material | {"materials": found}
+    return material | {"materials": resolved}
 
 
 def with_material(item: Any, index: int, materials: Mapping[str, Any] | None) -> Any:

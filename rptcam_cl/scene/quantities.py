@@ -211,7 +211,7 @@ def read_rows(
 
 
 def fault_of(wavelengths: Sequence[float] | Spectrum) -> tuple[int, str] | None:
-    """Return what is wrong with the wavelengths of a table and at which row, None if nothing."""
+    """The first row of a table whose wavelength is wrong, and why; None where all rise and some are visible."""
     falls = np.flatnonzero(np.diff(wavelengths) <= 0)
     if len(falls):
         return int(falls[0]) + 1, "has a wavelength that is not longer than the one before it"
@@ -219,6 +219,14 @@ def fault_of(wavelengths: Sequence[float] | Spectrum) -> tuple[int, str] | None:
         hint = "; these look like micrometres" if wavelengths[-1] < 20 else ""
         return 0, f"begins a table without a wavelength from {_SHORTEST:g} to {_LONGEST:g} nm{hint}"
     return None
+
+
+def check_wavelengths(wavelengths: Sequence[float]) -> None:
+    """Refuse the key `wavelengths_nm` of a table where they do not rise, or miss what is visible."""
+    if (fault := fault_of(wavelengths)) is not None:
+        index, problem = fault
+        path = ("wavelengths_nm", index)
+        raise refuse(problem, got=wavelengths[index], allowed="rising wavelengths in nm", path=path)
 
 
 def _numbers(text: str) -> list[float]:
@@ -279,13 +287,7 @@ class TabulatedSpectrum(SceneModel):
         if self.values is None or len(self.values) != len(self.wavelengths_nm):
             count = len(self.wavelengths_nm)
             raise refuse("does not fit wavelengths_nm", got=self.values, allowed=f"{count} numbers", path=("values",))
-        fault = fault_of(self.wavelengths_nm)
-        if fault is not None:
-            index, problem = fault
-            raise refuse(
-                problem, got=self.wavelengths_nm[index], allowed="rising wavelengths in nm",
-                path=("wavelengths_nm", index),
-            )  # fmt: skip
+        check_wavelengths(self.wavelengths_nm)
         return self
 
     def rows(self, folders: Folders, largest: float, excess: str) -> tuple[Spectrum, Spectrum]:
@@ -441,7 +443,7 @@ class ColourForms:
         self.read = read
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        """Return what checks either form."""
+        """The schema that reads either form."""
         schema: CoreSchema = core_schema.no_info_plain_validator_function(self._channels)
         if self.spectrum is not None:
             keys = handler.generate_schema(self.spectrum)

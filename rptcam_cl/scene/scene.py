@@ -29,13 +29,15 @@ from rptcam_cl.scene.lens_settings import GRADES, AutoFocus, RealLens
 from rptcam_cl.scene.lights import WITH_UP, Environment, Light
 from rptcam_cl.scene.materials import Dielectric, Emissive, Material, Principled, with_material, with_parts
 from rptcam_cl.scene.meshes import LoadedMesh, MeshLibrary, MeshObject, NamedMesh
-from rptcam_cl.scene.placement import PlacedObject, Solid, moments
+from rptcam_cl.scene.placement import PlacedObject, SceneObject, moments
 from rptcam_cl.scene.quantities import LARGEST_COORDINATE, NUMBER, SMALLEST_LENGTH
 from rptcam_cl.scene.shapes import Board, Object, Plane
 
 # Checks across the parts of a scene: errors where float32 is too small, and warnings of probable mistakes.
 
-# Objects of the scene, each with what is known once its files are read.
+Solid = SceneObject | Board | LoadedMesh
+"""The shape and materials of an object, once its files are read."""
+
 Objects = Sequence[tuple[Object, Solid]]
 
 # Ratio of extents beyond which the 24 bits of a float32 no longer resolve the smallest object.
@@ -152,22 +154,22 @@ def scene_warnings(
     lights: Sequence[Light],
     environment: Environment | None,
 ) -> tuple[str, ...]:
-    """Return what is allowed but probably not meant, one sentence each."""
-    found: list[str] = []
+    """Warnings of probable mistakes, one sentence each."""
+    warnings: list[str] = []
     if not _any_light(objects, lights, environment):
-        found.append("nothing in the scene emits light: the image will be black")
+        warnings.append("nothing in the scene emits light: the image will be black")
     width, height = film.size_m()
     aspect = (width / film.resolution[0]) / (height / film.resolution[1])
     if abs(aspect - 1) > SQUARE_TOLERANCE:
-        found.append(f"film.size_mm does not fit film.resolution: pixels are {aspect:.3g} times as wide as high")
-    found += _extent_warnings(objects)
-    found += _mesh_warnings(objects, lights)
-    found += _inside_warnings(camera, shutter, objects)
-    found += _motion_warnings(camera, shutter, objects)
+        warnings.append(f"film.size_mm does not fit film.resolution: pixels are {aspect:.3g} times as wide as high")
+    warnings += _extent_warnings(objects)
+    warnings += _mesh_warnings(objects, lights)
+    warnings += _inside_warnings(camera, shutter, objects)
+    warnings += _motion_warnings(camera, shutter, objects)
     shown = (material for _, solid in objects for material in solid.shown_materials())
     glasses = [material.glass for material in shown if isinstance(material, Dielectric) and material.glass is not None]
-    found += filter(None, dict.fromkeys(map(continued_words, glasses)))
-    return tuple(found)
+    warnings += filter(None, dict.fromkeys(map(continued_words, glasses)))
+    return tuple(warnings)
 
 
 # The keys of lights and environments that say how strong they are.
@@ -207,7 +209,7 @@ def _label(item: PlacedObject, size: float) -> str:
 
 
 def _mesh_warnings(objects: Objects, lights: Sequence[Light]) -> list[str]:
-    """Return what was left out of the meshes, said once for each; a scene with lights is not missing theirs."""
+    """Notes on parts of mesh files that are left out, each once; a scene with lights is not missing theirs."""
     contents = [solid.contents for _, solid in objects if isinstance(solid, LoadedMesh)]
     notes = dict.fromkeys(note for each in contents for note in each.notes)
     return [note for note in notes if not (lights and note.endswith(LAMPS_LEFT_OUT))]
@@ -224,7 +226,7 @@ def _inside_warnings(camera: Camera, shutter: Shutter, objects: Objects) -> list
 
 def _motion_warnings(camera: Camera, shutter: Shutter, objects: Objects) -> list[str]:
     ghosts = getattr(camera, "ghosts", "off") != "off"
-    found = [
+    warnings = [
         f"objects[{index}] shines and moves: light sampling leaves it out, so that what it lights is noisy"
         + (", and it makes no ghosts" if ghosts else "")
         for index, (item, solid) in enumerate(objects)
@@ -232,8 +234,10 @@ def _motion_warnings(camera: Camera, shutter: Shutter, objects: Objects) -> list
     ]
     first, *poses = (camera.pose_at(time_s) for time_s in moments(camera.motion, *shutter.span_s))
     if ghosts and any(not np.array_equal(pose, first) for pose in poses):
-        found.append("camera.motion: ghosts stand where they are when the shutter opens, and what makes them moves on")
-    return found
+        warnings.append(
+            "camera.motion: ghosts stand where they are when the shutter opens, and what makes them moves on"
+        )
+    return warnings
 
 
 FOLLOWS_THE_FILM = {"diffraction", "ghosts", "barrel_reflectance", "stop"}  # keys of the camera
@@ -303,10 +307,10 @@ class Scene(SceneModel):
     def _resolve_materials(cls, objects: Any, info: ValidationInfo) -> Any:
         if not isinstance(objects, (list, tuple)):
             return objects
-        found = [with_material(item, index, info.data.get("materials")) for index, item in enumerate(objects)]
-        for index, item in enumerate(found):
+        resolved = [with_material(item, index, info.data.get("materials")) for index, item in enumerate(objects)]
+        for index, item in enumerate(resolved):
             _check_mesh_name(item, index, info.data.get("meshes"))
-        return found
+        return resolved
 
     @field_validator("environment", mode="before")
     @classmethod
@@ -395,10 +399,10 @@ class Scene(SceneModel):
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
-        """What is allowed but probably not meant, one sentence each."""
+        """Warnings of probable mistakes, one sentence each."""
         objects = tuple(zip(self.objects, self.solids(), strict=True))
-        found = scene_warnings(self.camera, self.film, self.shutter, objects, self.lights, self.environment)
-        return (*self._stand_ins, *found, *self.lens_doubts)
+        own = scene_warnings(self.camera, self.film, self.shutter, objects, self.lights, self.environment)
+        return (*self._stand_ins, *own, *self.lens_doubts)
 
     @property
     def lens_doubts(self) -> tuple[str, ...]:
@@ -426,7 +430,7 @@ class Scene(SceneModel):
         return self.camera.autofocus
 
     def lens_source(self) -> str | Path | dict[str, Any] | None:
-        """Return what to load the lens from: a name, a checked path or a mapping; None without a real lens."""
+        """The source of the lens: a name, a checked path or a mapping; None without a real lens."""
         camera = self.camera.lens_camera
         if camera is None:
             return None
@@ -497,11 +501,11 @@ class Scene(SceneModel):
         if source is not None and not isinstance(source, str):
             digests = digests_of_lens(source, self._lens_folders(source))
             if isinstance(source, Path):
-                found = digests.pop("")
+                design = digests.pop("")
                 if isinstance(self.camera.lens, RealLens):  # type: ignore[union-attr]
-                    content["camera"]["lens"]["design"] = found
+                    content["camera"]["lens"]["design"] = design
                 else:
-                    content["camera"]["lens"] = found
+                    content["camera"]["lens"] = design
             if digests:
                 content["camera"]["files of the lens"] = digests
         if isinstance(tolerances := self.tolerances_source(), Path):

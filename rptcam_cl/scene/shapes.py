@@ -149,7 +149,7 @@ class Board(PlacedObject):
         return False
 
     def described(self, index: int, time_s: float, metres_per_unit: float) -> dict[str, Any]:
-        """Return what the metadata of a picture say of it at a moment: its points in the axes of the scene [m]."""
+        """Describe the board at a moment, for the metadata of a picture: its points in the axes of the scene [m]."""
         world = np.diag([metres_per_unit] * 3 + [1.0]) @ self.placed_at(time_s)
         keys = [key for key in ("columns", "rows", "fill", "dictionary", "first_id", "sectors", "angle_degrees")
                 if self.kind in _OF_KINDS[key]]  # fmt: skip

@@ -21,8 +21,7 @@ from rptcam_cl.scene.assets.mesh import MeshPlacement
 from rptcam_cl.scene.load import change_scene, with_camera
 from rptcam_cl.scene.materials import Emissive, Material, Matte, Mix
 from rptcam_cl.scene.meshes import LoadedMesh
-from rptcam_cl.scene.placement import Solid
-from rptcam_cl.scene.scene import Scene
+from rptcam_cl.scene.scene import Scene, Solid
 from rptcam_cl.scene.shapes import Box, Object, Plane, Rectangle
 
 # Round stops in place of shaped ones: of the same area, and how far from their place they bring light.

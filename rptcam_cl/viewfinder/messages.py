@@ -21,7 +21,7 @@ from pydantic import BaseModel, ConfigDict, Field, JsonValue, TypeAdapter, Valid
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.files import scratch_folder
-from rptcam_cl.imaging.development import quantised
+from rptcam_cl.imaging.development import quantise
 from rptcam_cl.imaging.image import Image
 from rptcam_cl.scene.scene import Scene
 
@@ -41,7 +41,7 @@ _OPTIONS: dict[str, dict[str, Any]] = {
 
 def codes_of(image: Image) -> Codes:
     """Return the developed picture in codes of 8 bits, as PNG files have them."""
-    return np.asarray(quantised(image.developed(), 8), np.uint8)
+    return np.asarray(quantise(image.developed(), 8), np.uint8)
 
 
 def fitted(codes: Codes, width: int, height: int) -> Codes:

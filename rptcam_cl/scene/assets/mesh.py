@@ -20,6 +20,7 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.files import errors_named, open_regular
 from rptcam_cl.scene.assets.pictures import LARGEST_PIXELS
+from rptcam_cl.scene.quantities import LARGEST_COORDINATE, SMALLEST_LENGTH
 
 # Materials and textures as mesh files describe them.
 
@@ -165,7 +166,7 @@ CHUNK = 1 << 17
 NOT_FINITE, NO_AREA, TWICE = "with a vertex that is not finite", "without area", "given twice"
 
 
-def _counted(dropped: Mapping[str, int]) -> str:
+def _count_text(dropped: Mapping[str, int]) -> str:
     return ", ".join(f"{count} {reason}" for reason, count in dropped.items() if count) or "none"
 
 
@@ -223,7 +224,7 @@ def _vertex_keys(positions: NDArray[np.float32]) -> NDArray[np.uint64]:
     keys = np.zeros(len(positions), np.uint64)
     for axis in range(3):
         bits = (positions[:, axis] + np.float32(0)).view(np.uint32)
-        keys = _mixed(keys ^ bits)
+        keys = _mix_bits(keys ^ bits)
     return keys
 
 
@@ -233,12 +234,12 @@ def _face_keys(vertex_keys: NDArray[np.uint64], faces: NDArray[np.int32]) -> NDA
     for start in range(0, len(faces), CHUNK):
         a, b, c = vertex_keys[faces[start : start + CHUNK]].T
         result[start : start + CHUNK] = (
-            _mixed(a ^ (b << np.uint64(1))) + _mixed(b ^ (c << np.uint64(1))) + _mixed(c ^ (a << np.uint64(1)))
+            _mix_bits(a ^ (b << np.uint64(1))) + _mix_bits(b ^ (c << np.uint64(1))) + _mix_bits(c ^ (a << np.uint64(1)))
         )
     return result
 
 
-def _mixed(keys: NDArray[np.uint64]) -> NDArray[np.uint64]:
+def _mix_bits(keys: NDArray[np.uint64]) -> NDArray[np.uint64]:
     """Return well mixed bits (the finaliser of SplitMix64; Steele, Lea and Flood 2014)."""
     keys = keys + np.uint64(0x9E3779B97F4A7C15)
     keys = (keys ^ (keys >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
@@ -451,17 +452,17 @@ def _fan_fits(positions: NDArray[Any], polygons: NDArray[Any]) -> NDArray[np.boo
 
 def _ears(corners: NDArray[np.float64]) -> list[tuple[int, int, int]]:
     """Return the triangles of one polygon (k, 3), by cutting off ears in the plane it lies in best (Meisters 1975)."""
-    flat = _flattened(corners)
+    flat = _flatten(corners)
     left = list(range(len(flat)))
-    found: list[tuple[int, int, int]] = []
+    triangles: list[tuple[int, int, int]] = []
     while len(left) > 3:
         ear = next((place for place in range(len(left)) if _is_ear(flat, left, place)), 0)
-        found.append((left[ear - 1], left[ear], left[(ear + 1) % len(left)]))
+        triangles.append((left[ear - 1], left[ear], left[(ear + 1) % len(left)]))
         del left[ear]
-    return [*found, (left[0], left[1], left[2])]
+    return [*triangles, (left[0], left[1], left[2])]
 
 
-def _flattened(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+def _flatten(corners: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return corners (k, 2) seen along the axis that is nearest to the polygon's normal, counter-clockwise."""
     normal = np.cross(corners, np.roll(corners, -1, axis=0)).sum(axis=0)
     axis = int(np.argmax(np.abs(normal)))
@@ -553,10 +554,6 @@ def _one_column(columns: list[NDArray[Any]]) -> list[NDArray[Any]]:
 
 NormalsMode = Literal["auto", "smooth", "flat"]
 
-# Coordinates that a scene takes, and the smallest extent whose squares float32 holds (see the scene's quantities).
-LARGEST_COORDINATE = 1e12
-SMALLEST_EXTENT = 1e-12
-
 # A mesh that lies farther than this many times its size from the zero of its coordinates is moved to its own origin.
 FARTHEST_FROM_ZERO = 4
 
@@ -600,7 +597,7 @@ class Mesh:
         """Return the mesh with the normals of a mode, sharing all other arrays; `auto` leaves them."""
         if mode == "auto" or (mode == "flat" and self.normals is None):
             return self
-        normals = _frozen(smooth_normals(self.positions, self.faces) if mode == "smooth" else None)
+        normals = _freeze(smooth_normals(self.positions, self.faces) if mode == "smooth" else None)
         content_hash = _hash(self.origin, self.positions, self.faces, normals, self.uvs)
         return replace(self, normals=normals, content_hash=content_hash)
 
@@ -640,7 +637,7 @@ def make_mesh(surface: MeshSurface, place: str) -> tuple[Mesh | None, dict[str, 
     place : str
         What errors begin with: the file.
     """
-    origin, positions = _centred(surface.positions, place)
+    origin, positions = _centre(surface.positions, place)
     faces, dropped = sound_faces(positions, surface.faces)
     if not len(faces):
         return None, dropped
@@ -650,8 +647,8 @@ def make_mesh(surface: MeshSurface, place: str) -> tuple[Mesh | None, dict[str, 
         positions = positions[kept]
         normals, uvs = (None if rows is None else rows[kept] for rows in (normals, uvs))
     extent = float((positions.max(axis=0) - positions.min(axis=0)).max())
-    if extent < SMALLEST_EXTENT:
-        allowed = f"an extent of at least {SMALLEST_EXTENT:g}"
+    if extent < SMALLEST_LENGTH:
+        allowed = f"an extent of at least {SMALLEST_LENGTH:g}"
         raise InputError(f"{place}: is too small for float32 (got {extent:g}; allowed: {allowed})")
     if normals is not None:
         _check_finite(normals, kept, f"{place}: normal")
@@ -659,11 +656,11 @@ def make_mesh(surface: MeshSurface, place: str) -> tuple[Mesh | None, dict[str, 
     if uvs is not None:
         uvs = uvs.astype(np.float32)
         _check_finite(uvs, kept, f"{place}: texture coordinate")
-    origin, positions, faces, normals, uvs = map(_frozen, (origin, positions, faces, normals, uvs))
+    origin, positions, faces, normals, uvs = map(_freeze, (origin, positions, faces, normals, uvs))
     return Mesh(origin, positions, faces, normals, uvs, _hash(origin, positions, faces, normals, uvs)), dropped
 
 
-def _centred(positions: NDArray[Any], place: str) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
+def _centre(positions: NDArray[Any], place: str) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
     """Return the origin and float32 positions relative to it; both exact where the file has float32.
 
     The origin is a multiple of the power of two next to the extent, so the difference has no more bits than a
@@ -696,7 +693,7 @@ def _check_finite(rows: NDArray[Any], kept: NDArray[np.intp] | None, what: str) 
         raise InputError(f"{what} {number} is not finite (got {rows[index].tolist()}; allowed: finite numbers)")
 
 
-def _frozen(rows: NDArray[Any] | None) -> Any:
+def _freeze(rows: NDArray[Any] | None) -> Any:
     """Return a read-only array that does not keep the data of a whole file alive."""
     if rows is not None:
         base = rows
@@ -746,7 +743,7 @@ def winding_number(positions: NDArray[np.float32], faces: NDArray[np.int32], poi
 MOST_TRIANGLES = LARGEST_PIXELS // 4
 
 
-def painted(surface: MeshSurface, colours: NDArray[np.float32]) -> tuple[MeshSurface, FileTexture]:
+def paint_triangles(surface: MeshSurface, colours: NDArray[np.float32]) -> tuple[MeshSurface, FileTexture]:
     """Return a surface whose triangles share no vertices, and the picture that lies on it.
 
     Parameters
@@ -896,8 +893,10 @@ def make_contents(draft: Draft, place: str) -> MeshContents:
                 material = material.without_textures()
             parts.append(MeshPlacement(mesh, placement, material, name))
     if not parts:
-        raise InputError(f"{place}: has no triangle that can be shown (dropped: {_counted(dropped)})")
-    notes = [*draft.notes, f"{place}: triangles dropped: {_counted(dropped)}"] if any(dropped.values()) else draft.notes
+        raise InputError(f"{place}: has no triangle that can be shown (dropped: {_count_text(dropped)})")
+    notes = (
+        [*draft.notes, f"{place}: triangles dropped: {_count_text(dropped)}"] if any(dropped.values()) else draft.notes
+    )
     return MeshContents(tuple(parts), tuple(notes))
 
 

@@ -118,14 +118,14 @@ def read_bitmap(content: bytes) -> Picture:
             with PIL.Image.open(io.BytesIO(content), formats=FORMATS) as image:
                 check_size(*image.size)
                 image.load()
-                return _converted(image)
+                return _convert(image)
     except PIL.UnidentifiedImageError:
         raise InputError(f"is not a picture that can be read (allowed: {ALLOWED})") from None
     except (*troubles, PIL.Image.DecompressionBombError, OverflowError, MemoryError) as problem:
         raise InputError(f"is damaged ({str(problem) or type(problem).__name__}; allowed: {ALLOWED})") from None
 
 
-def _converted(image: Any) -> Picture:
+def _convert(image: Any) -> Picture:
     if image.mode in _WIDE:
         grey = np.asarray(image, dtype=np.float32) / np.float32(_WIDE[image.mode])
         texels = np.ones((*grey.shape, 4), np.float32)
@@ -173,7 +173,7 @@ def read_exr(path: Path) -> Picture:
         raise InputError(f"is damaged ({problem})") from None
     texels, has_alpha = _colours(channels, (data[3] - data[1], data[2] - data[0]))
     colours, negative = checked_floats(texels)
-    return Picture(_placed(colours, data, display), has_alpha=has_alpha, encoded=False, negative=negative)
+    return Picture(_place(colours, data, display), has_alpha=has_alpha, encoded=False, negative=negative)
 
 
 def _window(header: dict[str, Any], name: str) -> Window:
@@ -195,7 +195,7 @@ def _colours(channels: dict[str, NDArray[Any]], shape: tuple[int, int]) -> tuple
     return texels, "A" in channels
 
 
-def _placed(texels: NDArray[np.float32], data: Window, display: Window) -> NDArray[np.float32]:
+def _place(texels: NDArray[np.float32], data: Window, display: Window) -> NDArray[np.float32]:
     if data == display:
         return texels
     width, height = display[2] - display[0], display[3] - display[1]
@@ -288,14 +288,14 @@ def _scanlines(content: bytes, position: int, width: int, height: int) -> NDArra
     head = bytes((2, 2, width >> 8, width & 255))
     for row in range(height):
         if width in _CODED_WIDTHS and content[position : position + 4] == head:
-            line, position = _coded_line(content, position + 4, width)
+            line, position = _read_coded_line(content, position + 4, width)
             rows[row] = np.frombuffer(line, np.uint8).reshape(4, width).T
         else:
             rows[row], position = _plain_line(content, position, width)
     return rows
 
 
-def _coded_line(content: bytes, position: int, width: int) -> tuple[bytes, int]:
+def _read_coded_line(content: bytes, position: int, width: int) -> tuple[bytes, int]:
     """Return the four components of a line one after the other, and where the next line starts."""
     parts: list[bytes] = []
     for _ in range(4):
