@@ -26,18 +26,26 @@ def nearest(word: str, known: Iterable[str], prefix: str = "") -> str:
 
 
 def number(kind: Callable[[str], Number], lowest: float, highest: float, allowed: str) -> Callable[[str], Number]:
-    """The parser of a number in a range that has no negative ones."""
+    """The parser of a number in a range."""
 
     def parse(text: str) -> Number:
         try:
             value = kind(text)
         except ValueError:
-            value = kind("-1")  # below every range here
-        if not lowest <= value <= highest:
-            raise argparse.ArgumentTypeError(f"got {text}; allowed {allowed}")
-        return value
+            pass
+        else:
+            if lowest <= value <= highest:
+                return value
+        raise argparse.ArgumentTypeError(f"got {text}; allowed {allowed}")
 
     return parse
+
+
+def digits(text: str) -> int:
+    """A whole number of ASCII digits alone."""
+    if not (text.isascii() and text.isdigit()):
+        raise ValueError(text)
+    return int(text)
 
 
 def _whole(text: str) -> int:

@@ -11,13 +11,13 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from rptcam_cl._version import __version__
 from rptcam_cl.api.options import check_together
 from rptcam_cl.cli.parser import apply_options, device_of, files_to_write, names_of
 from rptcam_cl.core.errors import InputError, RptcamError
-from rptcam_cl.core.files import named_files
+from rptcam_cl.core.files import file_state, named_files
 from rptcam_cl.core.remember import OneMaker, made_by
 
 if TYPE_CHECKING:
@@ -200,13 +200,8 @@ def _metadata(path: Path) -> dict[str, Any] | None:
     return None
 
 
-class Frame(NamedTuple):
-    """A frame to render: its number, the arguments with its names of files, its scene, and metadata for its files."""
-
-    number: int
-    arguments: argparse.Namespace
-    scene: "Scene"
-    metadata: dict[str, Any]
+Frame = tuple[argparse.Namespace, "Scene", dict[str, Any]]
+"""A frame to render: the arguments with its names of files, its scene, and metadata for its files, with its number."""
 
 
 def _wanted(arguments: argparse.Namespace, applied: "Scene") -> dict[str, Any]:
@@ -217,7 +212,7 @@ def _wanted(arguments: argparse.Namespace, applied: "Scene") -> dict[str, Any]:
     return found | layer_metadata(arguments, applied)
 
 
-def missing_frames(arguments: argparse.Namespace, scene: "Scene") -> Iterator[Frame]:
+def missing_frames(arguments: argparse.Namespace, scene: "Scene") -> "Iterator[Frame]":
     """Yield the frames that are not there yet; all are checked before the first."""
     track, same = track_frames(arguments, scene), OneMaker(arguments.allow_mixed)
     # Frames that follow one another are not found again
@@ -229,10 +224,10 @@ def missing_frames(arguments: argparse.Namespace, scene: "Scene") -> Iterator[Fr
         own.neighbours = neighbours_of(arguments, scene, number, lambda other: at(other)[0])
         applied = apply_options(own, still)
         if not (arguments.resume and is_there(own, _wanted(own, applied))):
-            said = metadata_of(scene, number) | described | layer_metadata(own, applied)
+            metadata = metadata_of(scene, number) | described | layer_metadata(own, applied)
             if same.makers:  # whether what is kept is of this code, before any work; the driver is known after it
                 same.add("this program", made_by([same.makers[0]["driver"]]))
-            yield Frame(number, own, still, said)
+            yield own, still, metadata
             continue
         for path in own.outputs:
             if (known := _metadata(path)) is not None:
@@ -244,8 +239,6 @@ def missing_frames(arguments: argparse.Namespace, scene: "Scene") -> Iterator[Fr
 # ``rptcam render --watch``: a picture is rendered again whenever a file that it comes from has changed.
 
 INTERVAL_S = 0.2  # between two times that files are compared
-
-State = tuple[int, int, int] | None
 
 
 class Files:
@@ -261,7 +254,7 @@ class Files:
 
     def __init__(self, first: Path, more: Iterable[Path]) -> None:
         self._more = more
-        self._known = {first: _state(first)}
+        self._known = {first: file_state(first)}
         self._compared = time.monotonic()
         self._changed = False
 
@@ -270,14 +263,14 @@ class Files:
         if not self._changed and time.monotonic() - self._compared >= INTERVAL_S:
             self._compared = time.monotonic()
             for path in tuple(self._more):
-                self._known.setdefault(path, _state(path))
-            self._changed = any(_state(path) != state for path, state in self._known.items())
+                self._known.setdefault(path, file_state(path))
+            self._changed = any(file_state(path) != state for path, state in self._known.items())
         return self._changed
 
     def wait_for_rest(self) -> None:
         """Wait until they stay the same: whoever writes them has come to the end."""
         last = None
-        while last != (last := {path: _state(path) for path in self._known}):
+        while last != (last := {path: file_state(path) for path in self._known}):
             time.sleep(INTERVAL_S)
 
 
@@ -303,11 +296,3 @@ def render_again(scene: Path, stop: threading.Event, picture: Callable[[Callable
                 stop.wait(INTERVAL_S)
         if not stop.is_set():
             files.wait_for_rest()
-
-
-def _state(path: Path) -> State:
-    try:
-        found = path.stat()
-    except OSError:
-        return None
-    return found.st_mtime_ns, found.st_size, found.st_ino

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from rptcam_cl.cli import lens_options
 from rptcam_cl.cli.output import as_json, print_table
-from rptcam_cl.cli.parser import Commands, Parser, positive
+from rptcam_cl.cli.parser import Commands, Parser, add_command, finite, positive
 from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.measures import MEASUREMENTS, MIDDLE_NM, Measurement, Option
@@ -21,7 +21,7 @@ NUMBERS = (".npy",)
 
 def share(text: str) -> float:
     """A share of the light."""
-    value = lens_options.number(text)
+    value = finite(text)
     if not 0 <= value < 1:
         raise argparse.ArgumentTypeError(f"got {text}; allowed from 0 to below 1")
     return value
@@ -30,7 +30,7 @@ def share(text: str) -> float:
 READERS = {
     "angles": lens_options.angles,
     "steep angles": lens_options.steep_angles,
-    "angle": lens_options.number,
+    "angle": finite,
     "wavelengths": lens_options.wavelengths,
     "numbers": lens_options.numbers,
     "count": lens_options.count,
@@ -42,9 +42,7 @@ READERS = {
 def add_lens_measurements(commands: Commands) -> None:
     """Add a command for each measurement."""
     for measurement in MEASUREMENTS:
-        parser = lens_options.add_command(
-            commands, measurement.command, measurement.help, partial(_measure, measurement)
-        )
+        parser = add_command(commands, measurement.command, measurement.help, partial(_measure, measurement))
         lens_options.add_lens_argument(parser)
         for k, option in enumerate(measurement.options):
             _add_option(parser, option)
@@ -135,10 +133,10 @@ SHOWN = 20
 def add_lens_ghosts(commands: Commands) -> None:
     """Add the command."""
     text = "ghosts of a source: light that surfaces reflect onto the film, pair by pair"
-    parser = lens_options.add_command(commands, "ghosts", text, _ghosts)
+    parser = add_command(commands, "ghosts", text, _ghosts)
     lens_options.add_lens_argument(parser)
     parser.add_argument(
-        "--source", type=lens_options.number, metavar="ANGLE", default=0.0,
+        "--source", type=finite, metavar="ANGLE", default=0.0,
         help="where the light comes from, in degrees from the axis (default: 0)",
     )  # fmt: skip
     parser.add_argument(

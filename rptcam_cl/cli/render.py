@@ -26,7 +26,6 @@ from rptcam_cl.cli.output import (
     stop_on_interrupt,
 )
 from rptcam_cl.cli.parser import (
-    Commands,
     check_different,
     checkpoint_of,
     device_of,
@@ -162,25 +161,15 @@ def _check_outputs(arguments: argparse.Namespace, scene: Scene) -> None:
 # The command.
 
 
-def add_render(commands: Commands) -> None:
-    """Add the command."""
-    parser = commands.add_parser(
-        "render",
-        help="render a scene file to pictures",
-        description="Render a scene file. Ctrl-C ends the render and keeps the picture so far.",
-    )
-    add_arguments(parser)
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
+def add_render(parser: argparse.ArgumentParser) -> None:
     """Add the scene and all options of a render."""
     parser.add_argument("scene", type=Path, metavar="SCENE", help="scene file (YAML)")
     for option in RENDER_OPTIONS:
         option.add_to(parser)
-    parser.set_defaults(run=_run_render, parser=parser)
 
 
-def _run_render(arguments: argparse.Namespace) -> int:
+def run_render(arguments: argparse.Namespace) -> int:
+    """Render a scene file. Ctrl-C ends the render and keeps the picture so far."""
     if not arguments.watch:
         return _picture(arguments)
     if arguments.plan:
@@ -276,10 +265,10 @@ def _sequence(arguments: argparse.Namespace, scene: Scene, by_cluster: bool) -> 
 
 def _frame(frame: Frame) -> int:
     """Render one frame of a sequence; its state goes with its end."""
-    arguments = frame.arguments
+    arguments, scene, metadata = frame
     checkpoint = checkpoint_of(arguments)
     arguments.resume = arguments.resume and checkpoint.exists()
-    code = _one(arguments, frame.scene, None, frame.metadata)
+    code = _one(arguments, scene, None, metadata)
     if code == 0 and arguments.resume:
         checkpoint.unlink(missing_ok=True)
     return code

@@ -168,7 +168,7 @@ class Requests:
         if isinstance(request, Scene):
             self._show_file(request)
             return
-        client, message = request.client, request.message
+        client, message = request
         try:
             self._handlers[message.type](client, message)
         except (InputError, StateError) as problem:
@@ -231,7 +231,7 @@ class Requests:
         order = partial(focus_order, slot.session.device.info.id, slot.scene, method, place)
         if slot.session.is_carried_out(("focus", method), order):
             return False
-        request = messages.Request(client, message)
+        request = (client, message)
         if request not in self._announced:
             text = "autofocus: its kernels are being compiled, the picture goes on"
             client.outbox.news("focus", {"type": "notice", "kind": "focus", "ok": True, "text": text})
@@ -359,11 +359,11 @@ class Engine:
         OverflowError
             Too many requests wait.
         """
-        older = self._inbox.put(messages.Request(client, message))
+        older = self._inbox.put((client, message))
         if message.type in _CHANGES:
             self._interrupt()
-        if isinstance(older, messages.Request):
-            older.client.done(older.message.id, self._studio.generation, superseded=True)
+        if isinstance(older, tuple):
+            older[0].done(older[1].id, self._studio.generation, superseded=True)
 
     def show_file(self, scene: Scene) -> None:
         """Show the scene as its files are now; any thread."""

@@ -255,7 +255,7 @@ def state_message(studio: Studio, slot: Slot, *, detailed: bool) -> dict[str, An
         },
         "wheel": wheel(slot.scene),
         "compare": studio.compare,
-        "changed": list(slot.changes.as_dict()),
+        "changed": list(slot.changes),
         "paused": studio.paused,
         "files": [name for name in FILE_MEDIA if name != "dng" or slot.scene.sensor is not None],
         "needle": meter_needle(slot.panel),

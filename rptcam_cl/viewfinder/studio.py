@@ -18,7 +18,7 @@ from pydantic import BaseModel
 from rptcam_cl.api.session import Change, Frame, RenderSession
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, RptcamError
-from rptcam_cl.core.files import named_files
+from rptcam_cl.core.files import FileState, file_state, named_files
 from rptcam_cl.imaging.formats import RawImage
 from rptcam_cl.imaging.image import Image, with_picture_settings
 from rptcam_cl.scene.load import change_scene, load_scene, plain, scene_text, set_keys
@@ -136,28 +136,14 @@ def _ways_by_hand(scene: Scene) -> list[dict[str, Any]]:
 _PLACE = re.compile(r"^(?P<where>\S[^:\n]*:\d+:\d+): |^(?P<key>[A-Za-z_][\w.\[\]]*): ")
 
 
-class Changes:
-    """Keys of a scene that were changed, each once, in the order of their last change."""
-
-    def __init__(self, keys: Mapping[str, Any] | None = None) -> None:
-        self._keys: dict[str, Any] = {}
-        self.add(keys or {})
-
-    def add(self, keys: Mapping[str, Any]) -> None:
-        """Take further changes; those of keys below a changed key are forgotten with it."""
-        for key, value in keys.items():
-            for old in [old for old in self._keys if old == key or old.startswith((f"{key}.", f"{key}["))]:
-                del self._keys[old]
-            self._keys[key] = value
-
-    def drop(self, prefix: str = "") -> None:
-        """Forget the changes of a part, or all."""
-        for old in [old for old in self._keys if old.startswith(prefix)]:
-            del self._keys[old]
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the values by their keys; None removes a key."""
-        return dict(self._keys)
+def with_changes(changes: Mapping[str, Any], keys: Mapping[str, Any]) -> dict[str, Any]:
+    """Add changed keys, in the order of their last change; those below a changed key are forgotten with it."""
+    merged = dict(changes)
+    for key, value in keys.items():
+        for old in [old for old in merged if old == key or old.startswith((f"{key}.", f"{key}["))]:
+            del merged[old]
+        merged[key] = value
+    return merged
 
 
 class Origin:
@@ -274,8 +260,6 @@ def place_of(text: str) -> str | None:
 
 INTERVAL_S = 0.2  # an edit is seen after two looks: when it is there, and when it has come to rest
 
-_State = tuple[int, int, int] | None
-
 
 class Watch:
     """Calls back when files have changed and then stayed the same for one look.
@@ -292,7 +276,7 @@ class Watch:
         self, files: Callable[[], Iterable[Path]], on_change: Callable[[], object], interval_s: float = INTERVAL_S
     ) -> None:
         self._files, self._on_change, self._interval_s = files, on_change, interval_s
-        self._known: dict[Path, _State] = {}
+        self._known: dict[Path, FileState] = {}
         self._end = threading.Event()
         self._thread = threading.Thread(target=self._run, name="rptcam-watch", daemon=True)
 
@@ -305,8 +289,8 @@ class Watch:
         """End; no call comes after this unless one is under way."""
         self._end.set()
 
-    def _states(self) -> dict[Path, _State]:
-        return {path: _state(path) for path in self._files()}
+    def _states(self) -> dict[Path, FileState]:
+        return {path: file_state(path) for path in self._files()}
 
     def _run(self) -> None:
         changed = False
@@ -319,14 +303,6 @@ class Watch:
             elif changed:
                 changed = False
                 self._on_change()
-
-
-def _state(path: Path) -> _State:
-    try:
-        state = path.stat()
-    except OSError:
-        return None
-    return (state.st_mtime_ns, state.st_size, state.st_ino)
 
 
 # One picture of the viewfinder: a render session, the dials of its camera, and how far it is.
@@ -366,7 +342,9 @@ class Slot:
         The state of the camera's body; read from the scene by default.
     """
 
-    def __init__(self, name: str, session: RenderSession, changes: Changes, dials: Dials | None = None) -> None:
+    def __init__(
+        self, name: str, session: RenderSession, changes: Mapping[str, Any], dials: Dials | None = None
+    ) -> None:
         self.name = name
         self.session = session
         self.changes = changes
@@ -380,7 +358,7 @@ class Slot:
         self.compiling = False  # the last change waits for its kernels, and the picture is the one before
         self.awaits_kernels = False  # of the film, while glances have theirs
         self._moving_until = self._paused_until = 0.0
-        self.shown_changes = (Changes(changes.as_dict()), self.dials)  # those of the last picture
+        self.shown_changes = (changes, self.dials)  # those of the last picture
         self._number = self._metered = 0
         self._answers: Mapping[int, int | None] = {}
         self._next_samples = 1
@@ -426,7 +404,7 @@ class Slot:
             A value is wrong; nothing is changed.
         """
         change = self.session.change(dict(keys), wait=False)
-        self.changes.add(keys)
+        self.changes = with_changes(self.changes, keys)
         if dials is not None:
             self.dials = dials
         elif any(part in _BODY for part in change.keys):
@@ -530,7 +508,7 @@ class Slot:
         stale = self.compiling
         if not stale:
             self._answers = answers
-            self.shown_changes = (Changes(self.changes.as_dict()), self.dials)
+            self.shown_changes = (self.changes, self.dials)
         image = self.image_of(frame)
         raw = image.raw() if image.has_sensor else None
         self.shown = Shown(self._number, frame, codes_of(image), moving, stale, self._answers, raw)
@@ -584,7 +562,7 @@ class Studio:
         self.origin = origin
         self._device, self._size, self._clients = device, size, clients
         self._scene: Scene | None = None
-        self._kept: tuple[Changes, Dials | None] = (Changes(), None)
+        self._kept: tuple[Mapping[str, Any], Dials | None] = ({}, None)
         self._by_hand: dict[str, Any] = {}  # what the scene's camera did not find by itself
         self.a: Slot | None = None
         self.b: Slot | None = None
@@ -642,15 +620,15 @@ class Studio:
         assert self._scene is not None, "loaded before the engine starts"
         session, by_hand, problem = open_session(self._scene, self._device)
         kept, dials = self._kept
-        turned = self._turned(kept)
+        turned = self._without_by_hand(kept)
         self._by_hand = by_hand
-        changes = Changes({**self._by_hand, **turned})
+        changes = with_changes(self._by_hand, turned)
         if turned:
             try:
-                session.change(changes.as_dict())
+                session.change(changes)
             except InputError:  # the camera was turned to where its meter finds no light
-                changes.add(WITHOUT_METER)
-                session.change(changes.as_dict())
+                changes = with_changes(changes, WITHOUT_METER)
+                session.change(changes)
                 dials = read_dials(session.scene, dials)
         self.a = Slot("A", session, changes, dials)
         if problem is not None:
@@ -758,18 +736,15 @@ class Studio:
             session.close()
             self.compare = dict(NO_COMPARISON)
             raise
-        changes = Changes(self.a.changes.as_dict())
-        changes.add(keys)
-        self.b = Slot("B", session, changes)
+        self.b = Slot("B", session, with_changes(self.a.changes, keys))
         self.b.touched(False, change)
         for client in self._clients():
             client.shown.pop("B", None)
             client.shown.pop("difference", None)
 
-    def _turned(self, changes: Changes) -> dict[str, Any]:
-        """Return changes without those that stand where the scene's camera found nothing."""
-        found = changes.as_dict().items()
-        return {key: value for key, value in found if key not in self._by_hand or self._by_hand[key] != value}
+    def _without_by_hand(self, changes: Mapping[str, Any]) -> dict[str, Any]:
+        """Leave out the changes that stand where the scene's camera found nothing."""
+        return {key: value for key, value in changes.items() if (key, value) not in self._by_hand.items()}
 
     def replace(self, scene: Scene) -> list[str]:
         """Show another state of the scene file, with the changes that still fit; return what did not fit."""
@@ -778,7 +753,7 @@ class Studio:
             self._scene = scene
             return []
         slot = self.a
-        turned, by_hand = self._turned(slot.changes), self._by_hand
+        turned, by_hand = self._without_by_hand(slot.changes), self._by_hand
         try:
             change, self._by_hand = slot.session.replace(scene, wait=False), {}
         except InputError:
@@ -787,7 +762,7 @@ class Studio:
             change = slot.session.replace(set_keys(scene, by_hand), wait=False)
         slot.touched(False, change)
         self._scene = scene
-        wanted, slot.changes = {**self._by_hand, **turned}, Changes()
+        wanted, slot.changes = {**self._by_hand, **turned}, {}
         dropped = _apply(slot, wanted)
         slot.dials = read_dials(slot.scene, slot.dials)
         self._tell_compiling(slot, not slot.compiling)
@@ -800,7 +775,7 @@ class Studio:
     def reset(self, prefix: str) -> None:
         """Go back to the scene file, as a whole or in the keys that begin so."""
         assert self._scene is not None and self.a is not None
-        self.a.changes.drop(prefix)
+        self.a.changes = {key: value for key, value in self.a.changes.items() if not key.startswith(prefix)}
         self.replace(self._scene)
 
 
