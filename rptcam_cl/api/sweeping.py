@@ -161,7 +161,7 @@ class FrameTracker:
         return still, metadata
 
     def _focus(self, still: Scene) -> tuple[Scene, dict[str, Any]]:
-        from rptcam_cl.studies.focus.controller import Following, after
+        from rptcam_cl.studies.focus.controller import Following, follow
 
         settings, frame_s = self._sequence.continuous_focus, 1 / self._sequence.frames_per_second
         assert settings is not None
@@ -175,7 +175,7 @@ class FrameTracker:
                 raise InputError("camera.focus.auto: nothing to focus on in the first frame")
             self._following = Following(measured)
         else:
-            self._following = after(self._following, measured, drive.depth_of_focus, settings, frame_s)
+            self._following = follow(self._following, measured, drive.depth_of_focus, settings, frame_s)
         self._lens = lens
         found = state if measured is not None and self._following.place == measured else None
         where = drive.state_at(self._following.place) if found is None else found

@@ -118,7 +118,7 @@ def write_video_of(arguments: argparse.Namespace, scene: "Scene") -> None:
         print(f"wrote {arguments.video}: {count} frames", file=sys.stderr)
 
 
-def of_frame(arguments: argparse.Namespace, frame: int) -> argparse.Namespace:
+def arguments_of_frame(arguments: argparse.Namespace, frame: int) -> argparse.Namespace:
     """The arguments of one frame: its names of files."""
     found = copy.copy(arguments)
     found.outputs = [_name_of_frame(path, frame) for path in arguments.outputs]
@@ -156,18 +156,18 @@ def layer_metadata(arguments: argparse.Namespace, scene: "Scene") -> dict[str, A
     return found
 
 
-def is_there(arguments: argparse.Namespace, wanted: Mapping[str, Any]) -> bool:
+def is_finished(arguments: argparse.Namespace, wanted: Mapping[str, Any]) -> bool:
     """Whether all files of a frame are there and say what is wanted; None: what they must not say."""
     if not all(path.is_file() for path in files_to_write(arguments)):
         return False
     known = [found for path in arguments.outputs if (found := _metadata(path)) is not None]
     return bool(known) and all(
-        ("denoised" in found) == arguments.denoise and all(_says(found, *each) for each in wanted.items())
+        ("denoised" in found) == arguments.denoise and all(_has_value(found, *each) for each in wanted.items())
         for found in known
     )
 
 
-def _says(metadata: Mapping[str, Any], name: str, value: Any) -> bool:
+def _has_value(metadata: Mapping[str, Any], name: str, value: Any) -> bool:
     """Whether metadata say this of a name, also where the format keeps texts alone."""
     found = metadata.get(name)
     return bool((found if isinstance(value, str) else _value(found)) == value)
@@ -204,7 +204,7 @@ Frame = tuple[argparse.Namespace, "Scene", dict[str, Any]]
 """A frame to render: the arguments with its names of files, its scene, and metadata for its files, with its number."""
 
 
-def _wanted(arguments: argparse.Namespace, applied: "Scene") -> dict[str, Any]:
+def _expected_metadata(arguments: argparse.Namespace, applied: "Scene") -> dict[str, Any]:
     """Metadata of a finished frame: all that changes it, and its samples where they are known."""
     found: dict[str, Any] = {"version": __version__, "picture_hash": applied.picture_hash(), "interrupted": None}
     if arguments.seconds is None and applied.render.noise is None:
@@ -218,12 +218,12 @@ def missing_frames(arguments: argparse.Namespace, scene: "Scene") -> "Iterator[F
     # Frames that follow one another are not found again
     at = lru_cache(maxsize=3)(track or (lambda number: (scene_of_frame(scene, number), {})))
     for number, alone in frame_scenes(arguments, scene):
-        own = of_frame(arguments, number)
+        own = arguments_of_frame(arguments, number)
         own.same = same
         still, described = (alone, {}) if track is None else at(number)
         own.neighbours = neighbours_of(arguments, scene, number, lambda other: at(other)[0])
         applied = apply_options(own, still)
-        if not (arguments.resume and is_there(own, _wanted(own, applied))):
+        if not (arguments.resume and is_finished(own, _expected_metadata(own, applied))):
             metadata = metadata_of(scene, number) | described | layer_metadata(own, applied)
             if same.makers:  # whether what is kept is of this code, before any work; the driver is known after it
                 same.add("this program", made_by([same.makers[0]["driver"]]))

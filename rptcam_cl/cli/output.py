@@ -272,7 +272,7 @@ def progress_on_stderr(time_limit: float | None = None) -> Iterator[Show]:
 MUCH_BLOCKED = 0.1  # of the rays pass at least, or something is wrong
 
 
-def _metered(metadata: dict[str, Any]) -> str:
+def _exposure_text(metadata: dict[str, Any]) -> str:
     """The choice of exposure ``auto``: the light, and time and ISO where there are any."""
     chosen = f"metered {metadata['metered_cd_m2']:.4g} cd/m²"
     if "exposure_time_s" in metadata:
@@ -303,7 +303,7 @@ def summary(image: Image, outputs: list[Path]) -> str:
     if outcomes and sum(outcomes.values()):
         parts.append(f"the lens blocked {100 * (1 - outcomes['passed'] / sum(outcomes.values())):.0f} % of the rays")
     if "metered_cd_m2" in image.metadata:
-        parts.append(_metered(image.metadata))
+        parts.append(_exposure_text(image.metadata))
     return f"wrote {', '.join(map(str, outputs))}: {', '.join(parts)}"
 
 

@@ -48,7 +48,7 @@ if TYPE_CHECKING:
 # ``rptcam render --preview``: the picture so far is written to the outputs while the render goes on.
 
 
-def previewing(
+def preview_writer(
     interval: float, outputs: Sequence[Path], show: Show | None, clock: Callable[[], float] = time.monotonic
 ) -> Show:
     """A function that takes reports of a render and writes the picture so far, each file whole or not at all.
@@ -205,7 +205,7 @@ def _picture(arguments: argparse.Namespace, should_stop: Callable[[], bool] | No
         return render_by_cluster(arguments, scene)
     if arguments.plan:
         return _print_plan(arguments, scene)
-    code = _one(arguments, scene, should_stop)
+    code = _render_one(arguments, scene, should_stop)
     if code == 0:
         note_success()
     return code
@@ -268,7 +268,7 @@ def _frame(frame: Frame) -> int:
     arguments, scene, metadata = frame
     checkpoint = checkpoint_of(arguments)
     arguments.resume = arguments.resume and checkpoint.exists()
-    code = _one(arguments, scene, None, metadata)
+    code = _render_one(arguments, scene, None, metadata)
     if code == 0 and arguments.resume:
         checkpoint.unlink(missing_ok=True)
     return code
@@ -288,7 +288,7 @@ def _render(
         should_stop = should_stop or stack.enter_context(stop_on_interrupt()).is_set
         show = None if arguments.quiet else stack.enter_context(progress_on_stderr(arguments.seconds))
         if arguments.preview is not None:
-            show = previewing(arguments.preview, arguments.outputs, show)
+            show = preview_writer(arguments.preview, arguments.outputs, show)
         try:
             image = render(scene, **render_keywords(arguments, scene), on_progress=show, should_stop=should_stop)
         except NumericError as failure:
@@ -297,7 +297,7 @@ def _render(
     return image, None, should_stop()
 
 
-def _one(
+def _render_one(
     arguments: argparse.Namespace,
     scene: Scene,
     should_stop: Callable[[], bool] | None,
@@ -320,7 +320,7 @@ def _one(
     print_warnings(summary.dark_warnings(image, whole=not is_part(arguments)))
     print_warnings(f"autofocus: {line}" for line in image.metadata.get("autofocus", {}).get("warnings", ()))
     if not arguments.quiet:
-        for line in _account(image):
+        for line in _account_lines(image):
             print(line, file=sys.stderr)
         print(summary.summary(image, files_to_write(arguments)), file=sys.stderr)
     if image.stats.get("interrupted"):
@@ -345,7 +345,7 @@ def _save(arguments: argparse.Namespace, image: Image, scene: Scene) -> None:
         print(f"wrote {names_of(files)}", file=sys.stderr)
 
 
-def _account(image: Image) -> list[str]:
+def _account_lines(image: Image) -> list[str]:
     """What a render has done beside its samples, a line each."""
     metadata = image.metadata
     lines = [f"{name}: {metadata[name]['says']}" for name in ("diffraction", "ghosts") if name in metadata]

@@ -349,7 +349,7 @@ PREFIXES = ("RPTCAM_", "PYOPENCL_CTX", "POCL_", "OCL_ICD_", "CUDA_VISIBLE")
 
 
 def environment(device: str | None = None) -> dict[str, Any]:
-    """Return what there is, as plain data; ``no_device`` says why no device can be used, if so.
+    """Collect versions, devices and caches as plain data; ``no_device`` says why no device can be used, if so.
 
     Parameters
     ----------

@@ -297,17 +297,17 @@ def _short(value: float) -> str:
 WORTH = 1.05  # factor by which another configuration must be better than the most accurate one
 
 
-def for_time(found: Sequence[Measurement], seconds: float) -> Advice:
+def advise_for_time(found: Sequence[Measurement], seconds: float) -> Advice:
     """Return the configuration with the least error after a time; the first one unless another is clearly better.
 
     Its name is None where the time is too short for one sample per pixel.
     """
-    found = _trusted(found)
+    found = _may_be_advised(found)
     errors = [each.error_after(seconds) for each in found]
     likely = [each.error_after(seconds, "value") for each in found]
-    best = _clear_best([each.error_after(seconds) for each in _surely(found)])
+    best = _clear_best([each.error_after(seconds) for each in _at_their_worst(found)])
     name = found[best].name if math.isfinite(errors[best]) else None
-    perhaps = _better_yet(found, likely, errors, best)
+    perhaps = _perhaps_better(found, likely, errors, best)
     if name is None:
         return Advice("time", seconds, None, seconds, math.inf, 0, math.inf, math.inf, seconds, math.inf, perhaps)
     samples = int(seconds / found[best].sample_s.value)
@@ -315,13 +315,13 @@ def for_time(found: Sequence[Measurement], seconds: float) -> Advice:
     return Advice("time", seconds, name, seconds, errors[best], samples, *ends, seconds, errors[0], perhaps)
 
 
-def for_error(found: Sequence[Measurement], error: float) -> Advice:
+def advise_for_error(found: Sequence[Measurement], error: float) -> Advice:
     """Return the configuration that reaches an error first; the most accurate one unless another is clearly faster."""
-    found = _trusted(found)
+    found = _may_be_advised(found)
     times = [each.seconds_until(error) for each in found]
     likely = [each.seconds_until(error, "value") for each in found]
-    best = _clear_best([each.seconds_until(error) for each in _surely(found)])
-    perhaps = _better_yet(found, likely, times, best)
+    best = _clear_best([each.seconds_until(error) for each in _at_their_worst(found)])
+    perhaps = _perhaps_better(found, likely, times, best)
     if math.isinf(times[best]):
         return Advice("error", error, None, math.inf, error, 0, 0.0, math.inf, times[0], error, perhaps)
     samples = max(math.ceil(times[best] / found[best].sample_s.value), 1)
@@ -329,7 +329,7 @@ def for_error(found: Sequence[Measurement], error: float) -> Advice:
     return Advice("error", error, found[best].name, times[best], error, samples, *ends, times[0], error, perhaps)
 
 
-def _trusted(found: Sequence[Measurement]) -> list[Measurement]:
+def _may_be_advised(found: Sequence[Measurement]) -> list[Measurement]:
     """Return the measurements that may be advised, the most accurate one first.
 
     Independent samples show what the lattice gains; they can be better only by chance. Where noise comes from rare
@@ -345,7 +345,7 @@ def _trusted(found: Sequence[Measurement]) -> list[Measurement]:
     return [full, *kept]
 
 
-def _surely(found: Sequence[Measurement]) -> list[Measurement]:
+def _at_their_worst(found: Sequence[Measurement]) -> list[Measurement]:
     """Return the measurements with the worst noise and time, relative to the first, that their intervals allow."""
     return [found[0], *(_at_worst(each, found[0].rate.value) for each in found[1:])]
 
@@ -364,7 +364,7 @@ def _clear_best(values: Sequence[float]) -> int:
     return 0 if values[0] <= WORTH * values[best] else best
 
 
-def _better_yet(
+def _perhaps_better(
     found: Sequence[Measurement], likely: Sequence[float], sure: Sequence[float], chosen: int
 ) -> str | None:
     """Return the name of another one whose likely value is clearly less than the sure value of the one chosen."""
@@ -383,10 +383,10 @@ LONGER = 4  # times the measurement, which halves its intervals
 def headline(report: TradeoffReport) -> list[str]:
     """Return three lines, then one for each configuration that may be better than the advised one."""
     said = [_each("Set", report, _set), _each("Costs", report, _cost), _each("Gains", report, _gain)]
-    return said + list(dict.fromkeys(line for advice in report.advice for line in _open(report, advice)))
+    return said + list(dict.fromkeys(line for advice in report.advice for line in _open_questions(report, advice)))
 
 
-def called(report: TradeoffReport, name: str) -> str:
+def name_in_sentence(report: TradeoffReport, name: str) -> str:
     """Return the name of a configuration in a sentence."""
     found = report.named(name)
     if AS_IT_IS in (name, *found.same_as):
@@ -407,7 +407,7 @@ def _wish(advice: Advice) -> str:
 def _settings(report: TradeoffReport, name: str, samples: int = 0) -> str:
     found = report.named(name)
     sets = " ".join(f" --set '{text}'" for text in found.settings)
-    return f"{COMMAND}{sets}{f' --spp {samples}' if samples else ''} ({called(report, name)})"
+    return f"{COMMAND}{sets}{f' --spp {samples}' if samples else ''} ({name_in_sentence(report, name)})"
 
 
 def _set(report: TradeoffReport, advice: Advice) -> str:
@@ -443,18 +443,18 @@ def _gain(report: TradeoffReport, advice: Advice) -> str:
     return f"{times:.1f} times as fast {_wish(advice)} as {FULL} ({seconds(advice.full_seconds)})"
 
 
-def _open(report: TradeoffReport, advice: Advice) -> list[str]:
+def _open_questions(report: TradeoffReport, advice: Advice) -> list[str]:
     """Return a line about what may be better than what is advised, with its odds where they are known."""
     if advice.perhaps is None:
         return []
-    other, wish = called(report, advice.perhaps), _wish(advice)
+    other, wish = name_in_sentence(report, advice.perhaps), _wish(advice)
     longer = f"measure longer (--budget {seconds(LONGER * (report.budget or report.seconds)).replace(' ', '')})"
     share = _odds(report, advice)
     if share is None:
         return [f"Perhaps better {wish}: {other}; {longer}."]
     if share >= PROBABLE:
         return [f"Probably better {wish}, {odds(share)}: {_settings(report, advice.perhaps)}; {longer} to be sure."]
-    both = f"{called(report, REFERENCE)} and {other}"
+    both = f"{name_in_sentence(report, REFERENCE)} and {other}"
     return [f"Too close to call {wish} between {both}, {odds(1 - share)}: {longer}."]
 
 
@@ -478,8 +478,8 @@ PLACES = (("top", "middle", "bottom"), ("left", "centre", "right"))
 def recommendation(report: TradeoffReport) -> list[str]:
     """Return sentences: the advice, the meaning of its terms, then what else was found."""
     chosen = list(dict.fromkeys(advice.chosen for advice in report.advice if advice.chosen is not None))
-    said = [*headline(report), *_meant(report)]
-    said += [_differs(report, report.named(name)) for name in chosen if name != REFERENCE]
+    said = [*headline(report), *_terms(report)]
+    said += [_difference_text(report, report.named(name)) for name in chosen if name != REFERENCE]
     said += _camera(report)
     said += _depth(report)
     return said
@@ -495,7 +495,7 @@ def caveats(report: TradeoffReport) -> list[str]:
         f" {report.resolution[0]} x {report.resolution[1]} pixels, {report.seeds} seeds with {first} and {second}"
         f" samples per pixel, {report.long_tiles} tiles with {most}. Brackets are intervals of 95 %."
     ]
-    said += [*unsure(report), *longer(report)]
+    said += [*rare_path_warnings(report), *why_longer(report)]
     clock = report.measurements[0].wall_sample_s.value / report.measurements[0].sample_s.value
     if report.by_cpu:
         said.append("Times are CPU times divided by the number of cores: those of a render on an idle machine.")
@@ -509,10 +509,10 @@ def caveats(report: TradeoffReport) -> list[str]:
     return said
 
 
-def unsure(report: TradeoffReport) -> list[str]:
+def rare_path_warnings(report: TradeoffReport) -> list[str]:
     """Return a warning where the noise of an advised configuration or the reference comes from rare bright paths."""
     names = dict.fromkeys([REFERENCE, *(advice.chosen for advice in report.advice)])
-    rare = [called(report, name) for name in names if name is not None and report.named(name).has_rare_paths]
+    rare = [name_in_sentence(report, name) for name in names if name is not None and report.named(name).has_rare_paths]
     if not rare:
         return []
     return [
@@ -521,7 +521,7 @@ def unsure(report: TradeoffReport) -> list[str]:
     ]
 
 
-def longer(report: TradeoffReport) -> list[str]:
+def why_longer(report: TradeoffReport) -> list[str]:
     """Return why measuring took longer than it was to."""
     if not report.budget or report.seconds <= LATE * report.budget:
         return []
@@ -536,8 +536,8 @@ def longer(report: TradeoffReport) -> list[str]:
     ]
 
 
-def _meant(report: TradeoffReport) -> list[str]:
-    """Return what an error and full accuracy mean."""
+def _terms(report: TradeoffReport) -> list[str]:
+    """Explain an error and full accuracy."""
     how = ": every ray through every surface of the lens" if report.allowed else ", with its own camera"
     return [
         MEANT,
@@ -545,8 +545,8 @@ def _meant(report: TradeoffReport) -> list[str]:
     ]
 
 
-def _differs(report: TradeoffReport, found: Measurement) -> str:
-    name = called(report, found.name)
+def _difference_text(report: TradeoffReport, found: Measurement) -> str:
+    name = name_in_sentence(report, found.name)
     if found.unbiased:
         return f"The only change by {name} is in the noise."
     sure = found.sure_bias_of_tiles
@@ -676,17 +676,17 @@ def _cameras(report: TradeoffReport) -> list[list[str]]:
 
 def summary(report: TradeoffReport) -> list[str]:
     """Return the lines that the command prints without its details: the advice, its terms, and doubts."""
-    doubts = [*unsure(report), *longer(report)]
+    doubts = [*rare_path_warnings(report), *why_longer(report)]
     return [*headline(report), "", MEANT, *doubts, "All numbers and how they were found: --details."]
 
 
 def plain_text(report: TradeoffReport) -> str:
     """Return the report as text, its tables in plain columns."""
-    parts = [f"{title}\n{_aligned([columns, *rows])}" for title, columns, rows in tables(report)]
+    parts = [f"{title}\n{_align([columns, *rows])}" for title, columns, rows in tables(report)]
     return "\n\n".join(["\n".join(recommendation(report)), *parts, "\n".join(caveats(report))])
 
 
-def _aligned(lines: Sequence[Sequence[str]]) -> str:
+def _align(lines: Sequence[Sequence[str]]) -> str:
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
     return "\n".join("  ".join(map(str.rjust, line, widths)).rstrip() for line in lines)
 
@@ -723,7 +723,7 @@ def tradeoff_plot(report: TradeoffReport, title: str) -> Figure:
     right is how far cheaper cameras displace light. Below are maps, tile by tile, of the configurations that differ
     most; those that are advised come first.
     """
-    shown = _most_biased(report)
+    shown = _choose_maps(report)
     columns, rows = report.resolution
     height = MAPS + min(WIDTH / MOST_MAPS * rows / columns, WIDTH / 2) if shown else 0.0
     figure = new_figure(title, (WIDTH, CHARTS + height))
@@ -764,10 +764,10 @@ def _errors_over_time(axes: Axes, found: Sequence[Measurement], colours: dict[st
         meets = each.better_until.value
         if each.knob and first < meets < last:
             axes.scatter([meets], 100 * _error(each, np.array([meets])), color=colours[each.name], zorder=3)
-    _beside_the_chart(axes, curves, (low, high))
+    _name_curves_off_chart(axes, curves, (low, high))
 
 
-def _beside_the_chart(axes: Axes, curves: dict[str, np.ndarray], shown: tuple[float, float]) -> None:
+def _name_curves_off_chart(axes: Axes, curves: dict[str, np.ndarray], shown: tuple[float, float]) -> None:
     """Say which curves lie wholly above or below the chart."""
     for where, place, out in (
         ("above", 0.97, {name for name, curve in curves.items() if (curve > shown[1]).all()}),
@@ -811,7 +811,7 @@ def _errors_over_field(axes: Axes, report: TradeoffReport, colours: dict[str, st
     axes.set_ylim(0.0, max(1.08, axes.get_ylim()[1]))
 
 
-def _most_biased(report: TradeoffReport) -> list[Measurement]:
+def _choose_maps(report: TradeoffReport) -> list[Measurement]:
     """Return the configurations that get a map: those that are advised, then those that differ most."""
     biased = [found for found in report.measurements if found.knob and not found.unbiased]
     chosen = {advice.chosen for advice in report.advice}
@@ -859,7 +859,7 @@ def measure_tradeoff(
     device: str | Session | None = None,
     on_progress: Tell | None = None,
 ) -> TradeoffReport:
-    """Return what each approximation of a scene's picture costs and gains, and which to take; see docs/tradeoff.md.
+    """Measure what each approximation of a scene's picture costs and gains, and which to take; see docs/tradeoff.md.
 
     Parameters
     ----------
@@ -893,24 +893,24 @@ def measure_tradeoff(
     session = device if isinstance(device, Session) else open_session(device)
     tell("focus and exposure", 0.0)
     fixed = _with_focus_and_exposure(scene, session)
-    steps = ladder(fixed)
-    count = len(steps.configurations)
+    configurations, skipped, decision = ladder(fixed)
+    count = len(configurations)
     ready, impossible = prepare(
-        steps.configurations, session, lambda name, done: tell(f"preparing: {name}", 0.3 * done / count)
+        configurations, session, lambda name, done: tell(f"preparing: {name}", 0.3 * done / count)
     )
     left = max(budget - (time.perf_counter() - begun), budget / 3)
     pictures = render_by_turns(ready, left, scene.render.seed, lambda words, share: tell(words, 0.3 + 0.7 * share))
     _check_light(pictures, fixed)
     tell("errors", 1.0)
-    found = _measured(ready, pictures)
+    found = _measure(ready, pictures)
     return TradeoffReport(
         **_conditions(fixed, session, ready, pictures),
         seconds=time.perf_counter() - begun,
         measurements=tuple(found),
-        advice=(for_time(found, seconds), for_error(found, error)),
-        cameras=() if steps.decision is None else steps.decision.errors,
-        allowed="" if steps.decision is None else steps.decision.tier,
-        skipped=steps.skipped | impossible,
+        advice=(advise_for_time(found, seconds), advise_for_error(found, error)),
+        cameras=() if decision is None else decision.errors,
+        allowed="" if decision is None else decision.tier,
+        skipped=skipped | impossible,
         diffraction=_diffraction(fixed),
         ghosts=_ghosts(fixed),
         budget=budget,
@@ -928,11 +928,11 @@ def _with_focus_and_exposure(scene: Scene, session: Session) -> Scene:
     """Return the scene in focus, with the exposure that its most accurate picture is metered to."""
     sharp, _ = in_focus(scene, session, None)
     shot = resolve_exposure(most_accurate(sharp).scene, session)[0]
-    return change_scene(sharp, exposure=_given(shot.exposure), shutter=_given(shot.shutter))
+    return change_scene(sharp, exposure=_set_keys(shot.exposure), shutter=_set_keys(shot.shutter))
 
 
 def _diffraction(scene: Scene) -> dict[str, Any] | None:
-    """Return what `camera.diffraction: auto` decides; None for a camera that has no opening."""
+    """The decision of `camera.diffraction: auto`; None for a camera that has no opening."""
     found = diffraction_of(change_scene(scene, camera={"diffraction": "auto"}))
     return None if found is None or found.airy_radius_px is None else found.metadata
 
@@ -962,7 +962,7 @@ def _check_light(pictures: Pictures, scene: Scene) -> None:
 
 
 def _conditions(scene: Scene, session: Session, ready: list[Ready], pictures: Pictures) -> dict[str, Any]:
-    """Return what was compared and how: the members of a report that no measurement is in."""
+    """The conditions of a comparison: the members of a report that no measurement is in."""
     return {
         "scene": scene.content_hash(),
         "device": session.info.name,
@@ -978,11 +978,11 @@ def _conditions(scene: Scene, session: Session, ready: list[Ready], pictures: Pi
     }
 
 
-def _given(part: Any) -> dict[str, Any]:
+def _set_keys(part: Any) -> dict[str, Any]:
     return {name: getattr(part, name) for name in part.model_fields_set}
 
 
-def _measured(ready: list[Ready], pictures: Pictures) -> list[Measurement]:
+def _measure(ready: list[Ready], pictures: Pictures) -> list[Measurement]:
     errors = pair_errors(pictures.pixels, pictures.samples, pictures.tiles, pictures.long)
     names = ("name", "knob", "same_as", "settings", "tier", "unbiased")
     named = [{name: getattr(each.configuration, name) for name in names} | {"start_s": each.start_s} for each in ready]

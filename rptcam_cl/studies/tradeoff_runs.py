@@ -197,7 +197,7 @@ def measurements(
         Draws of the seeds, by `statistics.draws`.
     """
     seeds = counts.shape[1]
-    counts = np.concatenate([tradeoff_errors.once(seeds), counts])  # the first row gives the estimates
+    counts = np.concatenate([tradeoff_errors.every_seed_once(seeds), counts])  # the first row gives the estimates
     sources = []
     for names, error, times in zip(named, errors, timings, strict=True):
         law = tradeoff_errors.noise_law(samples, _noise(error, counts), error.fall, _slope(error, samples, counts))
@@ -369,7 +369,7 @@ def prepare(
         known_as = mark(plan, configuration.scene.render)
         if known_as in seen:
             same = found[seen[known_as]]
-            known = same.configuration.also(configuration)
+            known = same.configuration.with_name_of(configuration)
             found[seen[known_as]] = replace(same, configuration=known)
             continue
         seen[known_as] = len(found)
@@ -384,7 +384,7 @@ def prepare(
 
 
 def mark(plan: Plan, settings: RenderSettings) -> bytes:
-    """Return what two configurations that render the same picture have in common."""
+    """Identify the picture that a configuration renders: two with the same mark render the same."""
     camera = plan.camera
     arrays = (camera.record, camera.tables, camera.surfaces, camera.stop, plan.spectrum.table)
     words = (camera.kernel, sorted(camera.facts.items()), sorted(plan.facts.items()), settings.max_depth)

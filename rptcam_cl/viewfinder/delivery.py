@@ -23,7 +23,7 @@ from rptcam_cl.viewfinder.instruments import (
     zebra,
     zebra_rgba,
 )
-from rptcam_cl.viewfinder.messages import MEDIA, Client, Codes, FrameData, Magnify, encoded, fitted
+from rptcam_cl.viewfinder.messages import MEDIA, Client, Codes, FrameData, Magnify, encode, shrink
 from rptcam_cl.viewfinder.studio import Shown, Slot
 
 #
@@ -124,16 +124,16 @@ class Delivery:
     def _send(self, slot: Slot, shown: Shown, client: Client) -> None:
         settings = client.settings
         key = ("picture", settings.width, settings.height, settings.format, settings.quality)
-        size, data = self._once(slot, shown, key, lambda: _picture(shown.codes, *key[1:]))
+        size, data = self._make_once(slot, shown, key, lambda: _picture(shown.codes, *key[1:]))
         header = self._header(slot, shown, client, size)
         client.outbox.frame((slot.name, "picture"), (header | {"media": MEDIA[settings.format]}, data))
         for name in settings.overlays_on():
             level = {"zebra": settings.zebra_level, "peaking": settings.peaking_level}.get(name, 0.0)
             wanted = ("overlay", name, level, settings.width, settings.height)
-            size, data = self._once(slot, shown, wanted, lambda: _overlay(shown, *wanted[1:]))  # noqa: B023 -- called at once
+            size, data = self._make_once(slot, shown, wanted, lambda: _overlay(shown, *wanted[1:]))  # noqa: B023 -- called at once
             client.outbox.frame((slot.name, "overlay", name), _png_frame(header, "overlay", size, data, overlay=name))
         if client.magnifier is not None and client.magnifier.place is not None and shown.frame.scale == 1:
-            size, data = _magnified(shown.codes, client.magnifier)
+            size, data = _magnify(shown.codes, client.magnifier)
             place = {"x": client.magnifier.x, "y": client.magnifier.y}
             client.outbox.frame((slot.name, "magnifier"), _png_frame(header, "magnifier", size, data, **place))
 
@@ -150,7 +150,7 @@ class Delivery:
         ]
         if not waiting or not self._may_count(shown):
             return
-        counts = self._once(slot, shown, ("histogram",), lambda: _counts(slot, shown))
+        counts = self._make_once(slot, shown, ("histogram",), lambda: _counts(slot, shown))
         message = {"type": "histogram", "generation": shown.frame.generation, "slot": slot.name, **counts}
         for client in waiting:
             client.counted[slot.name] = shown.number
@@ -191,7 +191,7 @@ class Delivery:
             frame = _png_frame(header, "difference", size, data, numbers=numbers, legend=LEGEND)
             client.outbox.frame("difference", frame)
 
-    def _once(self, slot: Slot, shown: Shown, key: Any, make: Any) -> Any:
+    def _make_once(self, slot: Slot, shown: Shown, key: Any, make: Any) -> Any:
         """Make something of a picture once, for all clients with the same settings."""
         number, made = self._made.get(slot.name, (0, {}))
         if number != shown.number:
@@ -224,8 +224,8 @@ class Delivery:
 
 
 def _picture(codes: Codes, width: int, height: int, form: Any, quality: int) -> tuple[tuple[int, int], bytes]:
-    small = fitted(codes, width, height)
-    return (small.shape[1], small.shape[0]), encoded(small, form, quality)
+    small = shrink(codes, width, height)
+    return (small.shape[1], small.shape[0]), encode(small, form, quality)
 
 
 def _png_frame(header: dict[str, Any], kind: str, size: tuple[int, int], data: bytes, **more: Any) -> FrameData:
@@ -244,10 +244,10 @@ def _overlay(shown: Shown, name: str, level: float, width: int, height: int) -> 
     return _picture(rgba, width, height, "png", 100)
 
 
-def _magnified(codes: Codes, wanted: Magnify) -> tuple[tuple[int, int], bytes]:
+def _magnify(codes: Codes, wanted: Magnify) -> tuple[tuple[int, int], bytes]:
     assert wanted.x is not None and wanted.y is not None
     crop, _ = magnifier(codes, wanted.x, wanted.y, wanted.width, wanted.height)
-    return (crop.shape[1], crop.shape[0]), encoded(np.ascontiguousarray(crop), "png", 100)
+    return (crop.shape[1], crop.shape[0]), encode(np.ascontiguousarray(crop), "png", 100)
 
 
 def _counts(slot: Slot, shown: Shown) -> dict[str, Any]:

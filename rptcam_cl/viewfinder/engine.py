@@ -68,7 +68,7 @@ class Reports:
             return
         answers = tuple((client.number, client.answers) for client in clients)
         here = (slot.session.generation, slot.dials, slot.messages, self._studio.paused, resting)
-        reported = (*here, *self._compared(), answers)
+        reported = (*here, *self._compare_state(), answers)
         if reported != self._reported and not slot.wants_glance:
             self._reported, self._last_state = reported, time.monotonic()
             message = state_message(self._studio, slot, detailed=resting)
@@ -95,7 +95,7 @@ class Reports:
         if studio.file_error is not None:
             client.outbox.answer(studio.file_error)
 
-    def _compared(self) -> tuple[Any, ...]:
+    def _compare_state(self) -> tuple[Any, ...]:
         compare = self._studio.compare
         return (compare["mode"], compare["model"], repr(compare["changes"]), compare["difference"])
 
@@ -613,7 +613,7 @@ class Viewfinder:
             client.error(str(problem), problem.id, "message", place_of(str(problem)))
             return
         if isinstance(message, messages.Ack):
-            client.outbox.acknowledged(message.frame)
+            client.outbox.acknowledge(message.frame)
             self._engine.wake()
         elif message.type in ("ping", "hello"):
             client.done(message.id, self._studio.generation)

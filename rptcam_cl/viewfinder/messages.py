@@ -45,7 +45,7 @@ def codes_of(image: Image) -> Codes:
     return np.asarray(quantised(image.developed(), 8), np.uint8)
 
 
-def fitted(codes: Codes, width: int, height: int) -> Codes:
+def shrink(codes: Codes, width: int, height: int) -> Codes:
     """Return codes that are made smaller, by the means of areas, where they have more pixels than they are shown with.
 
     Parameters
@@ -63,7 +63,7 @@ def fitted(codes: Codes, width: int, height: int) -> Codes:
     return np.asarray(Pillow.fromarray(codes).resize(size, Pillow.Resampling.BOX))
 
 
-def encoded(codes: Codes, form: Format, quality: int) -> bytes:
+def encode(codes: Codes, form: Format, quality: int) -> bytes:
     """Return codes, (height, width, 3 or 4), as an image file."""
     stream = io.BytesIO()
     options = _OPTIONS[form] | ({} if form == "png" else {"quality": quality})
@@ -78,7 +78,7 @@ def file_name(name: str, kind: str) -> str:
 
 
 def file_bytes(image: Image, kind: str) -> bytes:
-    """Return what a file of the picture holds.
+    """Encode the picture as a file.
 
     Parameters
     ----------
@@ -325,7 +325,7 @@ def _number_of(text: str) -> int | None:
     """The number of a message that is wrong in other ways."""
     try:
         return _NUMBER.validate_python(from_json(text).get("id"), strict=True)
-    except (ValueError, AttributeError):  # no JSON, no number; no mapping
+    except (ValueError, TypeError, AttributeError):  # no JSON, no text, no mapping, or no number
         return None
 
 
@@ -419,7 +419,7 @@ class Outbox:
             self._frames[key] = frame
         self._wake()
 
-    def acknowledged(self, number: int) -> None:
+    def acknowledge(self, number: int) -> None:
         """Note that a frame has arrived."""
         with self._lock:
             self._under_way.discard(number)
@@ -436,7 +436,7 @@ class Outbox:
         return not (self._under_way or self._frames)
 
     def take(self) -> list[str | bytes]:
-        """Return what can be sent now."""
+        """Take what can be sent now."""
         with self._lock:
             found: list[str | bytes] = list(self._answers)
             found += [as_text(message) for message in self._news.values()]
@@ -533,7 +533,7 @@ Request = tuple[Client, AnyMessage]
 
 
 def _key(request: Request) -> Hashable:
-    """Return what a request shares with those that it replaces; None where it replaces none."""
+    """The key that a request shares with those that it replaces; None where it replaces none."""
     client, message = request
     if isinstance(message, Dial):
         return ("dial", message.slot, message.name)

@@ -293,10 +293,10 @@ def _patient_protocol() -> Any:
             if self.scope is None or (self.cycle is not None and self.cycle.response_complete):
                 self._wait()  # for the rest of a request
             else:
-                self._arrived()
+                self._stop_waiting()
 
         def connection_lost(self, exc: Exception | None) -> None:
-            self._arrived()
+            self._stop_waiting()
             super().connection_lost(exc)
 
         def _wait(self) -> None:
@@ -305,19 +305,19 @@ def _patient_protocol() -> Any:
                     next(iter(waiting))._give_up()
                 waiting[self] = self.loop.call_later(REQUEST_S, self._give_up)
 
-        def _arrived(self) -> None:
+        def _stop_waiting(self) -> None:
             if self in waiting:
                 waiting.pop(self).cancel()
 
         def _give_up(self) -> None:
-            self._arrived()
+            self._stop_waiting()
             self.transport.abort()
 
     return Patient
 
 
 @contextlib.contextmanager
-def _stopping(stop: Callable[[], None]) -> Iterator[None]:
+def _stop_on_signals(stop: Callable[[], None]) -> Iterator[None]:
     """Ctrl-C and termination call ``stop``; the second time the process ends at once."""
     requested = False
 
@@ -352,7 +352,7 @@ def serve(finder: Viewfinder, *, host: str, port: int, browse: bool, announce: C
     """
     try:
         server = ViewServer(finder, host, port)
-        with _stopping(server.stop):
+        with _stop_on_signals(server.stop):
             announce(server.address(server.tokens.lasting))
             if browse:
                 address = server.address(server.tokens.once)

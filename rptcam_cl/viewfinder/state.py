@@ -205,7 +205,7 @@ _FOCUS = ("distance_m", "near_m", "far_m", "hyperfocal_m")
 
 
 def hello_message(studio: Studio, slot: Slot, client: int) -> dict[str, Any]:
-    """Return what a client learns at first."""
+    """The first message to a client."""
     return {
         "type": "hello",
         "version": VERSION,
@@ -223,7 +223,7 @@ def hello_message(studio: Studio, slot: Slot, client: int) -> dict[str, Any]:
 
 
 def _left_out(slot: Slot) -> list[str]:
-    """Return what a saved picture has and the one on the screen has not, and which lenses are not offered."""
+    """Sentences on what a saved picture alone has, and on lenses that are not offered."""
     found = []
     if count := files_left_out(slot.scene):
         found.append(f"Of the files in the scene's folder {count} are not looked at for lenses (at most {MOST_FILES})")

@@ -65,7 +65,7 @@ class Pace:
             return 1
         return max(1, min(_MOST_SAMPLES, int(self._take_s / max(self._sample_s, 1e-6))))
 
-    def glanced(self, scale: float, seconds: float) -> None:
+    def note_glance(self, scale: float, seconds: float) -> None:
         """Note what a glance took; the scale goes down at once where it was too slow, and up where there is room."""
         if scale != self.scale:
             return
@@ -75,7 +75,7 @@ class Pace:
         elif self._index > 0 and seconds * 4 < _HEADROOM * self._glance_s:
             self._index -= 1
 
-    def took(self, samples: int, seconds: float) -> None:
+    def note_take(self, samples: int, seconds: float) -> None:
         """Note what a take took."""
         if samples > 0:
             each = seconds / samples
@@ -213,7 +213,7 @@ class Origin:
 
 
 def _data(scene: Scene) -> dict[str, Any]:
-    """Return what a scene file of a scene holds; parts of a scene made in Python are written out."""
+    """The data of a scene as in a scene file; parts of a scene made in Python are written out."""
     given = {name: value for name, value in scene.made_of.items() if value is not None}
     if all(map(_is_plain, given.values())):
         return dict(plain(given))
@@ -409,10 +409,10 @@ class Slot:
             self.dials = dials
         elif any(part in _BODY for part in change.keys):
             self.dials = read_dials(self.scene, self.dials)
-        self.touched(transient, change)
+        self.note_change(transient, change)
         return change
 
-    def touched(self, transient: bool, change: Change) -> None:
+    def note_change(self, transient: bool, change: Change) -> None:
         """Note what a change came to: the picture is another from here on, or the film is developed in another way."""
         self._follows = True
         self._moving_until = time.monotonic() + (REST_S if transient else 0.0)
@@ -463,7 +463,7 @@ class Slot:
         scale = self.pace.scale
         self.wants_glance = self.wants_showing = False
         self._last = self.session.glance(scale)
-        self.pace.glanced(scale, self._last.seconds)
+        self.pace.note_glance(scale, self._last.seconds)
         return self._last
 
     def again(self) -> Frame:
@@ -497,7 +497,7 @@ class Slot:
         count = max(1, min(self._next_samples, self.pace.samples, self.target_spp - before))
         complete = self.session.add(count)
         took = time.monotonic() - begun
-        self.pace.took(self.session.spp - before, took)
+        self.pace.note_take(self.session.spp - before, took)
         self._next_samples = 2 * count
         self._paused_until = begun + (1 + PAUSE) * took
         self._reaches_noise = complete and self.session.spp == before
@@ -610,7 +610,7 @@ class Studio:
         InputError, StateError
             It cannot be used.
         """
-        self._scene = self._sized(self.origin.load())
+        self._scene = self._with_size(self.origin.load())
         return self._scene
 
     def open(self) -> None:
@@ -638,7 +638,7 @@ class Studio:
         self.panel = LensPanel(session.device)
         self.set_compare(self.compare)
 
-    def _sized(self, scene: Scene) -> Scene:
+    def _with_size(self, scene: Scene) -> Scene:
         return scene if self._size is None else change_scene(scene, film={"resolution": self._size})
 
     def close(self) -> None:
@@ -737,7 +737,7 @@ class Studio:
             self.compare = dict(NO_COMPARISON)
             raise
         self.b = Slot("B", session, with_changes(self.a.changes, keys))
-        self.b.touched(False, change)
+        self.b.note_change(False, change)
         for client in self._clients():
             client.shown.pop("B", None)
             client.shown.pop("difference", None)
@@ -748,7 +748,7 @@ class Studio:
 
     def replace(self, scene: Scene) -> list[str]:
         """Show another state of the scene file, with the changes that still fit; return what did not fit."""
-        scene = self._sized(scene)
+        scene = self._with_size(scene)
         if self.a is None:
             self._scene = scene
             return []
@@ -760,7 +760,7 @@ class Studio:
             if not by_hand:
                 raise
             change = slot.session.replace(set_keys(scene, by_hand), wait=False)
-        slot.touched(False, change)
+        slot.note_change(False, change)
         self._scene = scene
         wanted, slot.changes = {**self._by_hand, **turned}, {}
         dropped = _apply(slot, wanted)
@@ -780,7 +780,7 @@ class Studio:
 
 
 def text_of(problem: Exception) -> str:
-    """Return what to say of an error."""
+    """The text of an error for a client."""
     return str(problem) if isinstance(problem, RptcamError) else f"unexpected {type(problem).__name__}: {problem}"
 
 

@@ -202,7 +202,7 @@ class ProbeRenderer:
     """
 
     def __init__(self, scene: Scene, session: Session, state: float | None = None) -> None:
-        self.scene, self.session = _traced(at_opening(scene)), session
+        self.scene, self.session = _with_traced_lens(at_opening(scene)), session
         self.drive = focus_drive(self.scene)
         self.state = self.drive.start if state is None else state
         self.samples, self.seconds = 0, 0.0
@@ -238,7 +238,7 @@ class ProbeRenderer:
         stop: float = 1.0,
         reference: float | None = None,
     ) -> list[ZoneImage]:
-        """Return what zones show.
+        """Render zones in a focus state.
 
         Parameters
         ----------
@@ -277,7 +277,7 @@ class ProbeRenderer:
         return self.drive.rays(self.view.scene, state, stop, places)
 
     def render(self, camera: CameraModel, samples: int, seed: int) -> list[ZoneImage]:
-        """Return what the chosen zones show through a camera."""
+        """Render the chosen zones through a camera."""
         begun, view = time.perf_counter(), self.view
         camera = exposed(camera, view.scene)
         wavefront = self._wavefront(camera)
@@ -334,7 +334,7 @@ class ProbeRenderer:
         return self._wavefronts[facts]
 
 
-def _traced(scene: Scene) -> Scene:
+def _with_traced_lens(scene: Scene) -> Scene:
     """Return a scene whose lens is traced: polynomials would have to be fitted anew in every state."""
     camera = scene.camera.traced_camera
     fitted = camera is not None and camera.rays == "fitted"
@@ -402,7 +402,7 @@ class Task:
         )
 
 
-def within(tolerance: float, error: float) -> float:
+def probability_within(tolerance: float, error: float) -> float:
     """Return the probability that a normal error of a standard deviation stays within a tolerance."""
     return math.erf(tolerance / (math.sqrt(2) * error)) if error > 0 else 1.0
 
@@ -476,7 +476,7 @@ class Probes:
         return probe
 
     def records(self, zone: int) -> list[ProbeRecord]:
-        """Return what each probe measured in one zone."""
+        """List the measures of one zone, a record for each probe."""
         return [self._record(probe, zone) for probe in self.made]
 
     def _record(self, probe: Probe, zone: int) -> ProbeRecord:
