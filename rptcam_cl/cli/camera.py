@@ -286,23 +286,25 @@ def _choose_model(arguments: argparse.Namespace, seen: "View") -> "Calibration":
     allowed = arguments.max_residual_px
     if arguments.model == "auto":
         held = [model for model in COEFFICIENTS if all(model in HELD[name] for name in forms)]
-        found = calibrate_best(seen, held, allowed or GOOD_PX)
-        if allowed is None and found.max_px > POOR_PX:
+        calibration = calibrate_best(seen, held, allowed or GOOD_PX)
+        if allowed is None and calibration.max_px > POOR_PX:
             of = "" if len(held) == len(COEFFICIENTS) else " of what these files can say"
-            said = f"{found.model} fits best{of} and errs by {found.max_px:.3g} px"
+            said = f"{calibration.model} fits best{of} and errs by {calibration.max_px:.3g} px"
             print_warnings([f"{said}; maps of the lens itself have no residual: --stmap-undistort"])
     else:
         for name in forms:
             check_held(name, arguments.model)
-        found = calibrate(seen, arguments.model)
-    if allowed is not None and found.max_px > allowed:
+        calibration = calibrate(seen, arguments.model)
+    if allowed is not None and calibration.max_px > allowed:
         best = calibrate_best(seen, list(COEFFICIENTS), 0.0)
-        hint = f"{best.model} errs by {best.max_px:.3g} px" if best.model != found.model else "it is the best of all"
+        hint = (
+            f"{best.model} errs by {best.max_px:.3g} px" if best.model != calibration.model else "it is the best of all"
+        )
         raise InputError(
-            f"--max-residual-px: {found.model} errs by {found.max_px:.3g} px for {seen.name}"
+            f"--max-residual-px: {calibration.model} errs by {calibration.max_px:.3g} px for {seen.name}"
             f" (allowed: {allowed:g}; {hint}; maps of the lens itself have no residual: --stmap-undistort)"
         )
-    return found
+    return calibration
 
 
 def _report(arguments: argparse.Namespace, seen: "View", chosen: "Calibration") -> None:
@@ -317,10 +319,10 @@ def _report(arguments: argparse.Namespace, seen: "View", chosen: "Calibration") 
         title = f"{seen.name}, {width} x {height} px, {object_text(seen)}; the first pixel's centre is 0.5"
         print_table((chosen.model, "value"), rows, title)
         return
-    found, refused = [], {}
+    calibrations, refused = [], {}
     for model in COEFFICIENTS:
         try:
-            found.append(calibrate(seen, model))
+            calibrations.append(calibrate(seen, model))
         except InputError as problem:
             refused[model] = str(problem)
-    print(as_json(document(seen, found, refused) | {"chosen": chosen.model}))
+    print(as_json(document(seen, calibrations, refused) | {"chosen": chosen.model}))

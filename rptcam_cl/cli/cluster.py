@@ -134,16 +134,16 @@ def _over(texts: list[str]) -> dict[str, list[Any]]:
     """Values by key of ``key.path=a,b,c``, each read as YAML."""
     from rptcam_cl.core.strict_yaml import read_yaml
 
-    found: dict[str, list[Any]] = {}
+    values_of: dict[str, list[Any]] = {}
     for text in texts:
         key, _, listed = text.partition("=")
         if not key or not listed.strip():
             raise InputError(f"--over {text}: is not of the form key.path=a,b,... (for instance camera.f_number=2,4,8)")
-        if key in found:
+        if key in values_of:
             raise InputError(f"--over {text}: {key} twice (allowed: each key once)")
         values = read_yaml(f"[{listed}]", name=f"--over {text}").data
-        found[key] = expand_ellipsis(key, values, f"--over {text}")
-    return found
+        values_of[key] = expand_ellipsis(key, values, f"--over {text}")
+    return values_of
 
 
 def run_sweep(arguments: argparse.Namespace) -> int:

@@ -142,9 +142,9 @@ def run_settle(arguments: argparse.Namespace) -> int:
     check_writable(arguments.output, [arguments.scene])
     scene = load_scene(arguments.scene, arguments.overrides)
     print_warnings(scene.warnings)
-    found = settle(scene, arguments.output, device=arguments.device).found
+    notes = settle(scene, arguments.output, device=arguments.device).found
     if not arguments.quiet:
-        print(f"wrote {arguments.output}: {', '.join(found) or 'nothing was left to be found'}", file=sys.stderr)
+        print(f"wrote {arguments.output}: {', '.join(notes) or 'nothing was left to be notes'}", file=sys.stderr)
     return 0
 
 

@@ -186,8 +186,8 @@ def run_devices(arguments: argparse.Namespace) -> int:
     """List the OpenCL devices; * marks the default."""
     from rptcam_cl.api.interface import devices
 
-    found = devices()
-    print(as_json(found) if arguments.json else "\n".join(map(_line, found)))
+    listed = devices()
+    print(as_json(listed) if arguments.json else "\n".join(map(_line, listed)))
     return 0
 
 
@@ -228,17 +228,17 @@ def _run_checks(device: str, show: bool) -> Iterator[dict[str, Any]]:
 
 def _numerics(devices: list[dict[str, Any]], show: bool) -> dict[str, list[dict[str, Any]]]:
     """Return the checks of devices, by the device's id."""
-    found: dict[str, list[dict[str, Any]]] = {}
+    checks: dict[str, list[dict[str, Any]]] = {}
     for device in devices:
         if show:
             print(f"\nnumerics of {device['id']} {device['name']}", flush=True)
-        found[device["id"]] = list(_run_checks(device["id"], show))
+        checks[device["id"]] = list(_run_checks(device["id"], show))
         if show:
-            made = [check for check in found[device["id"]] if not check["skipped"]]
-            skipped = len(found[device["id"]]) - len(made)
+            made = [check for check in checks[device["id"]] if not check["skipped"]]
+            skipped = len(checks[device["id"]]) - len(made)
             rest = f", {skipped} skipped" if skipped else ""
             print(f"  {sum(check['passed'] for check in made)} of {len(made)} checks passed{rest}")
-    return found
+    return checks
 
 
 def run_doctor(arguments: argparse.Namespace) -> int:
@@ -247,18 +247,18 @@ def run_doctor(arguments: argparse.Namespace) -> int:
     """
     from rptcam_cl.studies.selfcheck_suite import as_lines, environment
 
-    found = environment(arguments.device)
+    report = environment(arguments.device)
     if not arguments.json:
-        print("\n".join(as_lines(found)), flush=True)
-    if arguments.numerics and found["devices"]:
-        usable = [device for device in found["devices"] if device["problem"] is None]
-        found["numerics"] = _numerics(usable, not arguments.json)
+        print("\n".join(as_lines(report)), flush=True)
+    if arguments.numerics and report["devices"]:
+        usable = [device for device in report["devices"] if device["problem"] is None]
+        report["numerics"] = _numerics(usable, not arguments.json)
     if arguments.json:
-        print(as_json(found))
+        print(as_json(report))
     sys.stdout.flush()
-    if "no_device" in found:
-        raise DeviceError(found["no_device"])
-    failed = sum(check["failed"] for checks in found.get("numerics", {}).values() for check in checks)
+    if "no_device" in report:
+        raise DeviceError(report["no_device"])
+    failed = sum(check["failed"] for checks in report.get("numerics", {}).values() for check in checks)
     if failed:
         what = "1 check" if failed == 1 else f"{failed} checks"
         raise NumericError(f"{what} failed; please send the report above to the authors")

@@ -48,15 +48,15 @@ def frame_scenes(arguments: argparse.Namespace, scene: "Scene") -> list[tuple[in
     """The scene of each frame, checked before any is rendered."""
     from rptcam_cl.scene.load import at_rest
 
-    found = []
+    scenes = []
     for frame in arguments.frames:
         try:
             still = scene_of_frame(scene, frame)
             at_rest(still)  # keys of the shutter as well
-            found.append((frame, still))
+            scenes.append((frame, still))
         except RptcamError as problem:
             raise type(problem)(f"frame {frame}: {problem}") from None
-    return found
+    return scenes
 
 
 def track_frames(
@@ -120,10 +120,10 @@ def write_video_of(arguments: argparse.Namespace, scene: "Scene") -> None:
 
 def arguments_of_frame(arguments: argparse.Namespace, frame: int) -> argparse.Namespace:
     """The arguments of one frame: its names of files."""
-    found = copy.copy(arguments)
-    found.outputs = [_name_of_frame(path, frame) for path in arguments.outputs]
-    found.raws = [_name_of_frame(path, frame) for path in arguments.raws]
-    return found
+    own = copy.copy(arguments)
+    own.outputs = [_name_of_frame(path, frame) for path in arguments.outputs]
+    own.raws = [_name_of_frame(path, frame) for path in arguments.raws]
+    return own
 
 
 def _name_of_frame(path: Path, frame: int) -> Path:
@@ -150,35 +150,35 @@ def layer_metadata(arguments: argparse.Namespace, scene: "Scene") -> dict[str, A
     """
     if not scene.render.layers:
         return {}
-    found: dict[str, Any] = {"layers": list(scene.render.layers), "layers_spp": scene.render.layers_spp}
+    metadata: dict[str, Any] = {"layers": list(scene.render.layers), "layers_spp": scene.render.layers_spp}
     if arguments.neighbours is not None:
-        found["flow_to"] = [None if other is None else other.picture_hash() for other in arguments.neighbours]
-    return found
+        metadata["flow_to"] = [None if other is None else other.picture_hash() for other in arguments.neighbours]
+    return metadata
 
 
 def is_finished(arguments: argparse.Namespace, wanted: Mapping[str, Any]) -> bool:
     """Whether all files of a frame are there and say what is wanted; None: what they must not say."""
     if not all(path.is_file() for path in files_to_write(arguments)):
         return False
-    known = [found for path in arguments.outputs if (found := _metadata(path)) is not None]
+    known = [metadata for path in arguments.outputs if (metadata := _metadata(path)) is not None]
     return bool(known) and all(
-        ("denoised" in found) == arguments.denoise and all(_has_value(found, *each) for each in wanted.items())
-        for found in known
+        ("denoised" in metadata) == arguments.denoise and all(_has_value(metadata, *each) for each in wanted.items())
+        for metadata in known
     )
 
 
 def _has_value(metadata: Mapping[str, Any], name: str, value: Any) -> bool:
     """Whether metadata say this of a name, also where the format keeps texts alone."""
-    found = metadata.get(name)
-    return bool((found if isinstance(value, str) else _value(found)) == value)
+    known = metadata.get(name)
+    return bool((known if isinstance(value, str) else _value(known)) == value)
 
 
-def _value(found: Any) -> Any:
+def _value(known: Any) -> Any:
     """The value of metadata, also where the format keeps texts alone."""
-    if isinstance(found, str):
+    if isinstance(known, str):
         with contextlib.suppress(ValueError):
-            return json.loads(found)
-    return found
+            return json.loads(known)
+    return known
 
 
 def _metadata(path: Path) -> dict[str, Any] | None:
@@ -206,10 +206,10 @@ Frame = tuple[argparse.Namespace, "Scene", dict[str, Any]]
 
 def _expected_metadata(arguments: argparse.Namespace, applied: "Scene") -> dict[str, Any]:
     """Metadata of a finished frame: all that changes it, and its samples where they are known."""
-    found: dict[str, Any] = {"version": __version__, "picture_hash": applied.picture_hash(), "interrupted": None}
+    expected: dict[str, Any] = {"version": __version__, "picture_hash": applied.picture_hash(), "interrupted": None}
     if arguments.seconds is None and applied.render.noise is None:
-        found["spp"] = applied.render.most_spp
-    return found | layer_metadata(arguments, applied)
+        expected["spp"] = applied.render.most_spp
+    return expected | layer_metadata(arguments, applied)
 
 
 def missing_frames(arguments: argparse.Namespace, scene: "Scene") -> "Iterator[Frame]":

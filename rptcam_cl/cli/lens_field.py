@@ -144,12 +144,12 @@ def _positions(arguments: argparse.Namespace) -> list[tuple[str, "Lens"]]:
 
     lens = lens_options.zoomed_lens(arguments, LINE_D_NM)
     if lens.configurations and arguments.zoom is None and arguments.focal_length_mm is None:
-        found = [(each.name, configured(lens, each.name)) for each in lens.configurations]
+        positions = [(each.name, configured(lens, each.name)) for each in lens.configurations]
     else:
-        found = [(arguments.zoom or "", lens)]
+        positions = [(arguments.zoom or "", lens)]
     if arguments.f_number is None:
-        return found
-    return [(name, each.with_stop_diameter(each.stop_diameter_for(arguments.f_number))) for name, each in found]
+        return positions
+    return [(name, each.with_stop_diameter(each.stop_diameter_for(arguments.f_number))) for name, each in positions]
 
 
 def _breathing(arguments: argparse.Namespace) -> int:
@@ -214,8 +214,8 @@ def _run_lens_tolerance(arguments: argparse.Namespace) -> int:
         seed=arguments.seed,
     )
     if arguments.json:
-        found = {} if arguments.limit is None else {"limit": arguments.limit} | run.yield_at(arguments.limit)._asdict()
-        print(as_json(report(run) | ({"yield_at": found} if found else {})))
+        share = {} if arguments.limit is None else {"limit": arguments.limit} | run.yield_at(arguments.limit)._asdict()
+        print(as_json(report(run) | ({"yield_at": share} if share else {})))
     else:
         _print(run, arguments.limit)
     if arguments.output is not None:

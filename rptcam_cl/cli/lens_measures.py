@@ -85,21 +85,21 @@ def _measure(measurement: Measurement, arguments: argparse.Namespace) -> int:
     state = lens_options.lens_in_use(arguments, arguments.wavelength_nm if measurement.has_wavelength else LINE_D_NM)
     if measurement.has_best_focus:
         state = _in_best_focus(arguments, state)
-    found = measurement.measure(state, options)
+    result = measurement.measure(state, options)
     if arguments.json:
-        parts = {name: found.about[name] for name in ("film_distance_mm", *measurement.facts)}
-        rows = found.table[0] if measurement.is_single else found.table
+        parts = {name: result.about[name] for name in ("film_distance_mm", *measurement.facts)}
+        rows = result.table[0] if measurement.is_single else result.table
         print(as_json({"lens": state.lens.name, **parts, measurement.key: rows}))
     elif measurement.is_single:
-        print_table(("fact", "value"), list(found.table[0].items()), found.caption)
+        print_table(("fact", "value"), list(result.table[0].items()), result.caption)
     else:
-        _print_rows(measurement, found)
+        _print_rows(measurement, result)
     if output is not None and output.suffix.lower() in NUMBERS:
         from rptcam_cl.optics.image_quality import npy_bytes
 
-        lens_options.write(npy_bytes(found.about[measurement.array]), output)
-    elif output is not None and found.chart is not None:
-        lens_options.write_picture(found.chart(), output)
+        lens_options.write(npy_bytes(result.about[measurement.array]), output)
+    elif output is not None and result.chart is not None:
+        lens_options.write_picture(result.chart(), output)
     return 0
 
 
@@ -115,13 +115,13 @@ def _in_best_focus(arguments: argparse.Namespace, state: "Setting") -> "Setting"
     return at_best_focus(state, arguments.wavelengths_nm, degrees or 0.0)
 
 
-def _print_rows(measurement: Measurement, found: "Measured") -> None:
-    known = found.table[0] if found.table else measurement.columns
+def _print_rows(measurement: Measurement, result: "Measured") -> None:
+    known = result.table[0] if result.table else measurement.columns
     columns = {key: head for key, head in measurement.columns.items() if key in known}
     cells = [
-        ["all" if key == "wavelength_nm" and row[key] is None else row[key] for key in columns] for row in found.table
+        ["all" if key == "wavelength_nm" and row[key] is None else row[key] for key in columns] for row in result.table
     ]
-    print_table(list(columns.values()), cells, found.caption)
+    print_table(list(columns.values()), cells, result.caption)
 
 
 # ``rptcam lens ghosts``: light that surfaces reflect onto the film, way by way.
@@ -161,10 +161,10 @@ def add_lens_ghosts(commands: Commands) -> None:
 
 def frame(text: str) -> tuple[float, float]:
     """Width and height of ``W,H``."""
-    found = lens_options.numbers(text)
-    if len(found) != 2 or min(found) <= 0:
+    sides = lens_options.numbers(text)
+    if len(sides) != 2 or min(sides) <= 0:
         raise argparse.ArgumentTypeError(f"got {text}; allowed two lengths above 0, as 36,24")
-    return found[0], found[1]
+    return sides[0], sides[1]
 
 
 def order(text: str) -> int:
@@ -182,7 +182,7 @@ def _ghosts(arguments: argparse.Namespace) -> int:
     lens_options.check_picture(arguments.output, arguments.lens, (".svg",))
     state = lens_options.lens_in_use(arguments)
     away = 1000 * arguments.source_distance_m if arguments.source_distance_m is not None else float("inf")
-    found = [
+    accounts = [
         find_ghosts(
             Lit(
                 state.lens, state.film, Beam(arguments.source, away), wavelength, arguments.film_mm,
@@ -192,7 +192,9 @@ def _ghosts(arguments: argparse.Namespace) -> int:
         )
         for wavelength in arguments.wavelengths
     ]  # fmt: skip
-    parts = [{"wavelength_nm": one.lit.wavelength_nm, **ghost_summary(one), "ways": ghost_table(one)} for one in found]
+    parts = [
+        {"wavelength_nm": one.lit.wavelength_nm, **ghost_summary(one), "ways": ghost_table(one)} for one in accounts
+    ]
     if arguments.json:
         head = {"lens": state.lens.name, "film_distance_mm": state.film, "source_degrees": arguments.source}
         print(as_json(head | {"ghosts": parts}))
@@ -202,7 +204,7 @@ def _ghosts(arguments: argparse.Namespace) -> int:
     if arguments.output is not None:
         worst = next((part["worst"] for part in parts if part["worst"]), None)
         if worst is not None:
-            lens_options.write_picture(draw_ghost(state, found[0], tuple(worst)), arguments.output)
+            lens_options.write_picture(draw_ghost(state, accounts[0], tuple(worst)), arguments.output)
     return 0
 
 

@@ -229,25 +229,25 @@ def _print_plan(arguments: argparse.Namespace, scene: Scene) -> int:
     begun = time.perf_counter()
     job = RenderJob.prepare(scene, RenderOptions(**render_keywords(arguments, scene)))
     preparing = time.perf_counter() - begun
-    found = job.forecast()
-    if found is None:
+    needs = job.forecast()
+    if needs is None:
         raise InputError("--plan: --time says how long it takes (allowed: without --time)")
-    print("\n".join(_forecast_lines(found, preparing)))
+    print("\n".join(_forecast_lines(needs, preparing)))
     return 0
 
 
-def _forecast_lines(found: Forecast, preparing: float) -> list[str]:
+def _forecast_lines(forecast: Forecast, preparing: float) -> list[str]:
     """What a render takes, as ``--plan`` prints it."""
     from rptcam_cl.rendering.scene_buffers import amount
 
-    memory = [f"{amount(needs.total)} on device {device}" for device, needs in found.devices.items()]
-    limit = "at most " if found.at_most else ""
-    speed = found.samples / max(found.seconds, 1e-9) / 1e6
+    memory = [f"{amount(needs.total)} on device {device}" for device, needs in forecast.devices.items()]
+    limit = "at most " if forecast.at_most else ""
+    speed = forecast.samples / max(forecast.seconds, 1e-9) / 1e6
     return [
-        f"samples: {limit}{found.samples:,}, {limit}{found.launches:,} kernel launches",
-        f"memory:  {', '.join(memory)}; {amount(found.saved_bytes)} for its state on disk",
-        f"time:    {limit}{as_duration(found.seconds)} of rendering at {speed:.3g} Msamples/s (measured for"
-        f" {found.measured_seconds:.1f} s), after {as_duration(preparing)} of preparing",
+        f"samples: {limit}{forecast.samples:,}, {limit}{forecast.launches:,} kernel launches",
+        f"memory:  {', '.join(memory)}; {amount(forecast.saved_bytes)} for its state on disk",
+        f"time:    {limit}{as_duration(forecast.seconds)} of rendering at {speed:.3g} Msamples/s (measured for"
+        f" {forecast.measured_seconds:.1f} s), after {as_duration(preparing)} of preparing",
     ]
 
 

@@ -549,9 +549,9 @@ def mesh_tree_check(session: Session) -> Check:
         o, d = (rows.astype(np.float32) for rows in mesh_rays_of(kind, rng, rays))
         t, triangle = scene.brute(o, d)
         hits = scene.trace_mesh(o, d, lanes=lanes_of(session))
-        found = triangle >= 0
+        is_hit = triangle >= 0
         apart = hits.t.view(np.uint32) != t.view(np.uint32)
-        wrong += int((((hits.primitive >= 0) != found) | (found & apart) | (hits.blocked != found)).sum())
+        wrong += int((((hits.primitive >= 0) != is_hit) | (is_hit & apart) | (hits.blocked != is_hit)).sum())
     return Check("mesh: tree against every triangle", wrong, 0, f"of {rays * len(kinds)} rays differ in a bit")
 
 
@@ -563,8 +563,8 @@ def object_tree_check(session: Session) -> Check:
     wrong = 0
     for make in (random_rays, axis_rays):
         o, d = (rows.astype(np.float32) for rows in make(rng, rays))
-        found, expected = (scene.trace_shapes(o, d, lanes=lanes_of(session)) for scene in (tree, loop))
-        wrong += int(found.unlike(expected).sum())
+        by_tree, expected = (scene.trace_shapes(o, d, lanes=lanes_of(session)) for scene in (tree, loop))
+        wrong += int(by_tree.unlike(expected).sum())
     return Check("shapes: tree against every shape", wrong, 0, f"of {2 * rays} rays differ in a bit")
 
 
@@ -611,8 +611,8 @@ def far_sphere_errors(session: Session, distance: float, rng: np.random.Generato
 def far_sphere_checks(session: Session) -> list[Check]:
     """Spheres seen from 10 to 1e6 radii."""
     rng, rays = np.random.default_rng(19), 4096
-    found = [far_sphere_errors(session, 10.0**power, rng, rays) for power in range(1, 7)]
+    errors = [far_sphere_errors(session, 10.0**power, rng, rays) for power in range(1, 7)]
     return [
-        Check("spheres from 10 to 1e6 radii: points", max(e for e, _ in found), 1.6e-6, "of the distance"),
-        Check("spheres from 10 to 1e6 radii: misses", sum(n for _, n in found), 0, f"of {rays * len(found)} rays"),
+        Check("spheres from 10 to 1e6 radii: points", max(e for e, _ in errors), 1.6e-6, "of the distance"),
+        Check("spheres from 10 to 1e6 radii: misses", sum(n for _, n in errors), 0, f"of {rays * len(errors)} rays"),
     ]

@@ -81,11 +81,11 @@ def coverage(shape: StopShape | StopMask, points: Array) -> Array:
 
 def _farthest(points: Array, others: Array) -> float:
     """Return how far any of the points is from the nearest of the others; 0 without points."""
-    found = 0.0
+    largest = 0.0
     for low in range(0, len(points), ROWS):
         apart = points[low : low + ROWS, None] - others
-        found = max(found, float(np.sqrt(np.sum(apart**2, axis=-1).min(axis=1)).max()))
-    return found
+        largest = max(largest, float(np.sqrt(np.sum(apart**2, axis=-1).min(axis=1)).max()))
+    return largest
 
 
 # Cheaper cameras in place of a traced lens: polynomials, or what agrees with it to first order.
@@ -482,7 +482,7 @@ def depth_range_mm(scene: Scene, view: VisibleWorld) -> tuple[float, float]:
     Of objects, the parts of their boxes within the view count. Where nothing bounds the view, as under a sky, the far
     end is `FAR_MM`; so it is where something in view reflects or refracts, whose images lie farther back than itself.
     """
-    found = [FAR_MM] if scene.environment is not None else []
+    all_depths = [FAR_MM] if scene.environment is not None else []
     from_world = np.linalg.inv(scene.camera.world_from_camera() * _columns(scene))
     from_world[2] *= -1.0  # z ahead
     for item, solid in zip(scene.objects, scene.solids(), strict=True):
@@ -490,10 +490,10 @@ def depth_range_mm(scene: Scene, view: VisibleWorld) -> tuple[float, float]:
         for world_from_object in _places_over_time(scene, item):
             placed = from_world @ world_from_object
             seen += _plane_depths(item, placed, view) if isinstance(item, Plane) else _depths(solid, placed, view)
-        found += seen
+        all_depths += seen
         if seen and any(map(_shows_images, solid.shown_materials())):
-            found.append(FAR_MM)
-    depths = np.clip(found or [FAR_MM], view.start_mm, FAR_MM)
+            all_depths.append(FAR_MM)
+    depths = np.clip(all_depths or [FAR_MM], view.start_mm, FAR_MM)
     return float(depths.min()), float(depths.max())
 
 

@@ -137,16 +137,16 @@ def trace_fields(
     neighbours = _bundles(setting, points + nudges, moved, area)
     others = [_bundles(setting, points, rear, area, nm) for nm in colours_nm]
     light = np.array([[bundle.light for bundle in here]]) if shape is None else _shaped_light(setting, shape, pupils)
-    found: list[FieldPoint | None] = []
+    fields: list[FieldPoint | None] = []
     for k, point in enumerate(points):
         if not here[k].light > 0:
-            found.append(None)
+            fields.append(None)
             continue
         good = np.isfinite(here[k].origins[:, 0])
         colours = tuple(other[k].only(good) for other in others)
         apart_px = float(np.hypot(*nudges[k])) / pixel_mm
-        found.append(FieldPoint(point, here[k].only(good), neighbours[k].only(good), apart_px, colours, light[:, k]))
-    return found
+        fields.append(FieldPoint(point, here[k].only(good), neighbours[k].only(good), apart_px, colours, light[:, k]))
+    return fields
 
 
 def _bundles(
@@ -378,11 +378,11 @@ def tier_error(truth: Truth, depths_mm: Sequence[float], tier: Tier) -> TierErro
     return TierError(tier, effects, _illumination(truth, lit, truth.axial(tier)), 0.0 if has_colours else truth.tint)
 
 
-def errors_of_polynomials(found: RayMap) -> TierError:
+def errors_of_polynomials(polynomials: RayMap) -> TierError:
     """Return the errors of polynomials in place of a lens: one bound for the whole film."""
     none = (0.0,) * len(FIELDS)
-    effects = dict.fromkeys(EFFECTS, none) | {"distortion": (found.error_px,) * len(FIELDS)}
-    return TierError("fitted", effects, (found.light_error,) * len(FIELDS))
+    effects = dict.fromkeys(EFFECTS, none) | {"distortion": (polynomials.error_px,) * len(FIELDS)}
+    return TierError("fitted", effects, (polynomials.light_error,) * len(FIELDS))
 
 
 def _bundle_errors(
@@ -391,13 +391,13 @@ def _bundle_errors(
     """Return by how much middle, spread and outline of a bundle differ from those of the lens, at most [pixels]."""
     if field is None:
         return np.inf, np.inf, np.inf
-    found = []
+    by_depth = []
     for depth in depths_mm:
         spots = zip(field.bundle.spot(depth, field.along), other.spot(depth, field.along), strict=True)
         shift, spread, outline = (np.abs(own - true) for true, own in spots)
         per_mm = field.pixels_per_mm(depth)
-        found.append([float(np.hypot(*shift)) * per_mm, spread.max() * per_mm, outline.max() * per_mm])
-    distortion, blur, outlines = np.max(found, axis=0).tolist()
+        by_depth.append([float(np.hypot(*shift)) * per_mm, spread.max() * per_mm, outline.max() * per_mm])
+    distortion, blur, outlines = np.max(by_depth, axis=0).tolist()
     return distortion, blur, outlines
 
 
@@ -412,11 +412,11 @@ def _illumination(truth: Truth, lit: Sequence[float], axial: float) -> tuple[flo
     centre = truth.fields[0]
     if centre is None:
         return (np.inf,) * len(lit)
-    found = []
+    errors = []
     for each, own in zip(truth.fields, lit, strict=True):
         true = np.zeros(1) if each is None else each.light / centre.light
-        found.append(float(np.abs(axial * own / true - 1).max()) if np.all(true > 0) else np.inf)
-    return tuple(found)
+        errors.append(float(np.abs(axial * own / true - 1).max()) if np.all(true > 0) else np.inf)
+    return tuple(errors)
 
 
 # What was measured of a scene's lens, the camera model chosen from it, and both in words.
@@ -474,24 +474,24 @@ class Decision:
 NAMES = dict(zip(EFFECTS, ("distortion", "blur", "outline of blurs", "round stop", "colour"), strict=True))
 
 
-def describe(found: Decision, allowed: Accuracy) -> dict[str, Any]:
+def describe(decision: Decision, allowed: Accuracy) -> dict[str, Any]:
     """Describe a decision for the picture's metadata; null stands for what the lens does not see."""
     numbers = {
-        "depths_m": found.depths_m,
-        "blur_px": found.blur_px,
-        "stop_shape_px": found.shape_px,
-        "lens_colour_px": found.colour_px,
-        "lens_tint": found.tint or None,
+        "depths_m": decision.depths_m,
+        "blur_px": decision.blur_px,
+        "stop_shape_px": decision.shape_px,
+        "lens_colour_px": decision.colour_px,
+        "lens_tint": decision.tint or None,
     }
     return {
-        "camera_model": found.tier,
-        "lens_colour": found.colours,
-        "says": list(_sentences(found, allowed)),
+        "camera_model": decision.tier,
+        "lens_colour": decision.colours,
+        "says": list(_sentences(decision, allowed)),
         "max_error_px": allowed.max_error_px,
         "max_illumination_error": allowed.max_illumination_error,
         **{key: _plain(value) for key, value in numbers.items() if value is not None},
-        "errors": [_as_data(error) for error in found.errors],
-        **({"reason": found.reason} if found.reason else {}),
+        "errors": [_as_data(error) for error in decision.errors],
+        **({"reason": decision.reason} if decision.reason else {}),
     }
 
 
@@ -511,36 +511,36 @@ def _plain(value: float | Sequence[float | None] | None) -> Any:
     return float(f"{value:.4g}") if isinstance(value, (int, float)) else [_plain(each) for each in value]
 
 
-def _sentences(found: Decision, allowed: Accuracy) -> Iterator[str]:
+def _sentences(decision: Decision, allowed: Accuracy) -> Iterator[str]:
     """Yield what was chosen, then what was found of the lens, then why no cheaper model was taken."""
     bounds = f"allowed are {pixels(allowed.max_error_px)} and {per_cent(allowed.max_illumination_error)}"
-    chosen = next((error for error in found.errors if error.tier == found.tier), None)
+    chosen = next((error for error in decision.errors if error.tier == decision.tier), None)
     errs = "every ray is traced" if chosen is None else _effects_text(chosen)
-    yield f"{found.tier}: {errs} ({bounds})"
-    yield from _lens_sentences(found, allowed)
-    if found.reason:
-        yield f"no cheaper camera model: {found.reason}"
-    for error in found.errors:
-        if error.tier == found.tier or found.blur_px == math.inf:
+    yield f"{decision.tier}: {errs} ({bounds})"
+    yield from _lens_sentences(decision, allowed)
+    if decision.reason:
+        yield f"no cheaper camera model: {decision.reason}"
+    for error in decision.errors:
+        if error.tier == decision.tier or decision.blur_px == math.inf:
             break
         yield f"not {error.tier}: {_effects_text(error, allowed)}"
 
 
-def _lens_sentences(found: Decision, allowed: Accuracy) -> Iterator[str]:
+def _lens_sentences(decision: Decision, allowed: Accuracy) -> Iterator[str]:
     """Yield what is visible of the lens at this size of pixels."""
-    if found.blur_px == math.inf:
+    if decision.blur_px == math.inf:
         yield "part of the film sees nothing through the lens"
-    elif found.blur_px is not None:
-        shows = "the aperture shows" if found.blur_px > allowed.max_error_px else "the aperture does not show"
-        yield f"blur up to {pixels(2 * found.blur_px)} across: {shows}"
-    if found.shape_px is not None and found.shape_px < math.inf:
-        shows = "its shape shows" if found.shape_px > allowed.max_error_px else "its shape does not show"
-        yield f"a round stop of the same area would be {pixels(found.shape_px)} off: {shows}"
-    if found.colour_px is not None:
-        tint = f", tint {per_cent(found.tint)}" if found.tint else ""
+    elif decision.blur_px is not None:
+        shows = "the aperture shows" if decision.blur_px > allowed.max_error_px else "the aperture does not show"
+        yield f"blur up to {pixels(2 * decision.blur_px)} across: {shows}"
+    if decision.shape_px is not None and decision.shape_px < math.inf:
+        shows = "its shape shows" if decision.shape_px > allowed.max_error_px else "its shape does not show"
+        yield f"a round stop of the same area would be {pixels(decision.shape_px)} off: {shows}"
+    if decision.colour_px is not None:
+        tint = f", tint {per_cent(decision.tint)}" if decision.tint else ""
         separately = "the lens refracts each wavelength separately"
-        refracts = separately if found.colours == "on" else "one wavelength stands for all"
-        yield f"colour {pixels(found.colour_px)}{tint}: {refracts}"
+        refracts = separately if decision.colours == "on" else "one wavelength stands for all"
+        yield f"colour {pixels(decision.colour_px)}{tint}: {refracts}"
 
 
 def _effects_text(error: TierError, beyond: Accuracy | None = None) -> str:
@@ -581,47 +581,49 @@ def choose_camera(scene: Scene) -> Decision:
     if camera is None or camera.accuracy is None:
         return Decision(scene)
     allowed = camera.accuracy
-    found = measure_lens(scene)
-    lens_colour = _lens_colour(scene, found, allowed)
-    tier: Tier | None = next((each.tier for each in found.errors if _is_allowed(each, allowed)), None)
+    decision = measure_lens(scene)
+    lens_colour = _lens_colour(scene, decision, allowed)
+    tier: Tier | None = next((each.tier for each in decision.errors if _is_allowed(each, allowed)), None)
     if tier is None:
-        found, tier = _polynomials(scene, found, allowed, lens_colour)
+        decision, tier = _polynomials(scene, decision, allowed, lens_colour)
     chosen = equivalent(scene, tier)
     if tier in WITH_COLOURS:
         chosen = change_scene(chosen, spectrum={"lens": lens_colour})
     colours = lens_colour if tier in WITH_COLOURS else "off"
-    return replace(found, scene=chosen, allowed=allowed, tier=tier, colours=colours)
+    return replace(decision, scene=chosen, allowed=allowed, tier=tier, colours=colours)
 
 
-def _lens_colour(scene: Scene, found: Decision, allowed: Accuracy) -> LensColour:
+def _lens_colour(scene: Scene, decision: Decision, allowed: Accuracy) -> LensColour:
     """Return whether the lens refracts each wavelength separately: as requested, or as the bounds say."""
     if scene.spectrum.lens_colour != "auto":
         return scene.spectrum.lens_colour
-    shows = (found.colour_px or 0.0) > allowed.max_error_px or found.tint > allowed.max_illumination_error
+    shows = (decision.colour_px or 0.0) > allowed.max_error_px or decision.tint > allowed.max_illumination_error
     return "on" if shows else "off"
 
 
 def _polynomials(
-    scene: Scene, found: Decision, allowed: Accuracy, lens_colour: LensColour
+    scene: Scene, decision: Decision, allowed: Accuracy, lens_colour: LensColour
 ) -> tuple[Decision, Literal["fitted", "realistic"]]:
     """Add the errors of polynomials where they are requested or worth it, and choose between them and the lens."""
     camera, (columns, rows) = scene.camera.traced_camera, scene.film.resolution
     requested = camera is not None and camera.rays == "fitted"
     surfaces = len(lens_setting(scene).lens.surfaces)
     if not requested and columns * rows * scene.render.spp * surfaces < WORTH_FITTING:
-        return found, "realistic"
+        return decision, "realistic"
     try:
         polynomials = fit_polynomials(scene, colours=lens_colour == "on")
     except InputError:
-        return found, "realistic"
+        return decision, "realistic"
     if not requested and polynomials.multiply_adds > MULTIPLY_ADDS * surfaces:
-        return found, "realistic"
+        return decision, "realistic"
     errors = errors_of_polynomials(polynomials)
-    return replace(found, errors=(*found.errors, errors)), "fitted" if _is_allowed(errors, allowed) else "realistic"
+    return replace(decision, errors=(*decision.errors, errors)), "fitted" if _is_allowed(
+        errors, allowed
+    ) else "realistic"
 
 
-def _is_allowed(found: TierError, allowed: Accuracy) -> bool:
-    return found.worst_px <= allowed.max_error_px and found.worst_illumination <= allowed.max_illumination_error
+def _is_allowed(error: TierError, allowed: Accuracy) -> bool:
+    return error.worst_px <= allowed.max_error_px and error.worst_illumination <= allowed.max_illumination_error
 
 
 def measure_lens(scene: Scene) -> Decision:

@@ -167,7 +167,7 @@ def ladder(scene: Scene) -> tuple[list[Variant], dict[str, str], Decision | None
     """
     reference = most_accurate(scene)
     full, camera = reference.scene, reference.scene.camera
-    found, skipped = [replace(reference, settings=settings(scene, full))], {}
+    variants, skipped = [replace(reference, settings=settings(scene, full))], {}
     decision = None
 
     def add(name: str, knob: str, make: Callable[[], Scene], *, unbiased: bool = False, tier: str = "") -> None:
@@ -179,7 +179,7 @@ def ladder(scene: Scene) -> tuple[list[Variant], dict[str, str], Decision | None
             skipped[name] = str(problem)
         else:
             texts = settings(scene, requested)
-            found.append(Variant(name, knob, made, tier or reference.tier, unbiased, texts))
+            variants.append(Variant(name, knob, made, tier or reference.tier, unbiased, texts))
 
     add(AS_IT_IS, "scene", partial(_without_layers, scene))
     if camera.traced_camera is not None:
@@ -201,7 +201,7 @@ def ladder(scene: Scene) -> tuple[list[Variant], dict[str, str], Decision | None
     if decision is not None:
         cheap = change_scene(scene, camera={"accuracy": "auto"})
         add("accuracy: auto", "combination", partial(_without_layers, cheap), tier=decision.tier)
-    return found, skipped, decision
+    return variants, skipped, decision
 
 
 def name_of(tier: Tier) -> str:
@@ -381,8 +381,8 @@ class NoiseLaw:
         """Exponent of the samples between the two numbers."""
         first, last = self.noise
         with np.errstate(divide="ignore", invalid="ignore"):
-            found = np.log(np.divide(last, first)) / np.log(self.samples[1] / self.samples[0])
-        return np.clip(np.where(np.isfinite(found), found, INDEPENDENT), STEEPEST, FLATTEST)
+            exponent = np.log(np.divide(last, first)) / np.log(self.samples[1] / self.samples[0])
+        return np.clip(np.where(np.isfinite(exponent), exponent, INDEPENDENT), STEEPEST, FLATTEST)
 
     def after(self, samples: Any) -> Any:
         """Return the noise after any number of samples per pixel."""
@@ -416,13 +416,13 @@ class NoiseLaw:
     def blocks(self, samples: Any) -> Any:
         """Return the noise after any number of samples per pixel, if its blocks err independently."""
         rest = np.asarray(samples, np.float64)
-        found: Any = 0.0
+        sum_of_blocks: Any = 0.0
         for _ in range(BLOCKS):
             block = np.exp2(np.floor(np.log2(np.maximum(rest, LEAST))))
-            found = found + np.where(rest > LEAST, block**2 * self.even(block), 0.0)
+            sum_of_blocks = sum_of_blocks + np.where(rest > LEAST, block**2 * self.even(block), 0.0)
             rest = np.maximum(rest - block, 0.0)
-        found = found + np.where(rest > LEAST, rest**2 * self.even(np.maximum(rest, LEAST)), 0.0)
-        return found / np.square(samples)
+        sum_of_blocks = sum_of_blocks + np.where(rest > LEAST, rest**2 * self.even(np.maximum(rest, LEAST)), 0.0)
+        return sum_of_blocks / np.square(samples)
 
     def even(self, samples: Any) -> Any:
         """Return the noise after a power of two of samples per pixel, or what lies on the line between them."""
@@ -439,15 +439,15 @@ class NoiseLaw:
             )
             even = np.where(noise < self.noise[1], last * np.divide(noise, self.noise[1]) ** (1 / self.beyond), middle)
             below = np.exp2(np.floor(np.log2(np.maximum(even, LEAST))))
-        found = 2 * below
+        enough_samples = 2 * below
         for step in STEPS[-2::-1]:
-            found = np.where(self.after(step * below) <= noise, step * below, found)
-        short = found - (STEPS[1] - STEPS[0]) * below
+            enough_samples = np.where(self.after(step * below) <= noise, step * below, enough_samples)
+        short = enough_samples - (STEPS[1] - STEPS[0]) * below
         for _ in range(HALVINGS):
-            middle = (short + found) / 2
+            middle = (short + enough_samples) / 2
             enough = self.after(middle) <= noise
-            short, found = np.where(enough, short, middle), np.where(enough, middle, found)
-        return np.where((even > 0) & np.isfinite(even), found, even)
+            short, enough_samples = np.where(enough, short, middle), np.where(enough, middle, enough_samples)
+        return np.where((even > 0) & np.isfinite(even), enough_samples, even)
 
 
 def noise_law(samples: tuple[int, int, int], noise: Array, fall: Array, before: Array) -> NoiseLaw:
@@ -582,8 +582,8 @@ class _Scales:
         total, squares, count = self._total, self._all_squares, self.seeds - len(left_out)
         for seed in left_out:
             total, squares = total - self._pictures[seed], squares - self._squares[seed]
-        found = (np.mean(total**2, axis=1) - squares) / (count * (count - 1))
-        return np.asarray(np.maximum(_sums(found, self._tiles) / self.shares, 0.0) + self._edge**2)
+        squares_of_mean = (np.mean(total**2, axis=1) - squares) / (count * (count - 1))
+        return np.asarray(np.maximum(_sums(squares_of_mean, self._tiles) / self.shares, 0.0) + self._edge**2)
 
 
 def pair_errors(
@@ -610,14 +610,14 @@ def pair_errors(
     scales = _Scales(means[0], tiles)
     light = [_sums(mean.mean(axis=(0, 2)), tiles) for mean in means]
     few = tiles.some(long.chosen)
-    found = []
+    errors_of_all = []
     for own, more, mean, lit in zip(pictures, long.pixels, means, light, strict=True):
         away = _by_pair(mean - means[0], tiles, _product)
         noises = [_by_pair(stack, tiles, _half_square) for stack in own]
         bias, last = _over_tiles(away, scales), _over_tiles(noises[-1], scales)
         by_tile = {"bias": _mean_of_pairs(away, scales), "noise": _mean_of_pairs(noises[-1], scales)}
         errors = {name: _sampling_error(sums, scales.shares, tiles.all) for name, sums in by_tile.items()}
-        found.append(
+        errors_of_all.append(
             PairErrors(
                 bias=bias,
                 noise=(*(_over_tiles(noise, scales) for noise in noises[:-1]), last),
@@ -633,7 +633,7 @@ def pair_errors(
                 fall=_fall(by_tile["noise"][long.chosen], _by_pair(more, few, _half_square), scales, long.chosen),
             )
         )
-    return found
+    return errors_of_all
 
 
 def _fall(noise: Array, sums: Array, scales: _Scales, chosen: NDArray[np.int64]) -> Array:

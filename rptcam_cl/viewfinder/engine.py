@@ -555,11 +555,11 @@ class Viewfinder:
         self._last_number = 0
         self.origin = Origin(scene, overrides)
         self._studio = Studio(self.origin, device, size, self.clients)
-        found = self._studio.load()
-        self.warnings = found.warnings
+        loaded = self._studio.load()
+        self.warnings = loaded.warnings
         self._engine = Engine(self._studio, self.clients)
         self._engine.start()
-        lens_entries(found)  # which the first page wants to know; meanwhile the engine opens the device
+        lens_entries(loaded)  # which the first page wants to know; meanwhile the engine opens the device
         self._watch: Watch | None = None
         if self.origin.path is not None:
             self._watch = Watch(lambda: self.origin.files, self._read_again)

@@ -28,14 +28,14 @@ def _variable(module: str) -> str:
     return "module_" + module.replace("-", "_")
 
 
-def _collect_modules(module: str, found: dict[str, str]) -> None:
+def _collect_modules(module: str, texts: dict[str, str]) -> None:
     """Add a module and, before it, those that it imports, to the texts by name."""
-    if module in found:
+    if module in texts:
         return
     text = (PAGE / f"{module}.js").read_text("utf-8")
     for needed in _IMPORT.findall(text):
-        _collect_modules(needed[1], found)
-    found[module] = text
+        _collect_modules(needed[1], texts)
+    texts[module] = text
 
 
 def _enclose(module: str, text: str) -> str:
@@ -48,9 +48,9 @@ def _enclose(module: str, text: str) -> str:
 @cache
 def module_text() -> str:
     """Return the widget's module with all that it imports, as anywidget takes it."""
-    found: dict[str, str] = {}
-    _collect_modules("widget", found)
-    parts = [_enclose(name, text) for name, text in found.items()]
+    texts: dict[str, str] = {}
+    _collect_modules("widget", texts)
+    parts = [_enclose(name, text) for name, text in texts.items()]
     return "\n".join([*parts, f"export default {{ render: {_variable('widget')}.render }};\n"])
 
 

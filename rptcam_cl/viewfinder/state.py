@@ -139,8 +139,8 @@ def _focus(panel: Panel) -> Entry:
     camera = panel.scene.camera
     if not camera.focuses:
         return _entry("focus_m", "focus", "number", None, "everything", unit="m", enabled=False)
-    found, nearest = perspective(panel.view), nearest_focus_m(panel.view)
-    here = None if found is None else min(found.focus_mm * 1e-3, INFINITY_M)
+    view, nearest = perspective(panel.view), nearest_focus_m(panel.view)
+    here = None if view is None else min(view.focus_mm * 1e-3, INFINITY_M)
     text = "nowhere" if here is None else "∞" if here >= INFINITY_M / 10 else f"{here:.3g} m"
     least = nearest or 0.01
     steps = [least / (1 - k / FOCUS_STEPS) for k in range(FOCUS_STEPS)] + [INFINITY_M]
@@ -224,13 +224,15 @@ def hello_message(studio: Studio, slot: Slot, client: int) -> dict[str, Any]:
 
 def _left_out(slot: Slot) -> list[str]:
     """Sentences on what a saved picture alone has, and on lenses that are not offered."""
-    found = []
+    sentences = []
     if count := files_left_out(slot.scene):
-        found.append(f"Of the files in the scene's folder {count} are not looked at for lenses (at most {MOST_FILES})")
+        sentences.append(
+            f"Of the files in the scene's folder {count} are not looked at for lenses (at most {MOST_FILES})"
+        )
     shown_by_image = slot.scene.sensor is not None or slot.session.metadata.get("diffraction", {}).get("on", False)
     if "ghosts" in slot.session.metadata and not shown_by_image:
-        found.append("Ghosts of the lens are in saved pictures alone")
-    return found
+        sentences.append("Ghosts of the lens are in saved pictures alone")
+    return sentences
 
 
 def state_message(studio: Studio, slot: Slot, *, detailed: bool) -> dict[str, Any]:

@@ -236,13 +236,13 @@ def _differences(path: str, before: Any, after: Any) -> dict[str, Any]:
     if not (isinstance(before, dict) and isinstance(after, dict)):
         return {path: after}
     inside = f"{path}." if path else ""
-    found: dict[str, Any] = {f"{inside}{key}": None for key in before if key not in after}
+    changes: dict[str, Any] = {f"{inside}{key}": None for key in before if key not in after}
     for key, value in after.items():
         if key not in before:
-            found[f"{inside}{key}"] = value
+            changes[f"{inside}{key}"] = value
         else:
-            found |= _differences(f"{inside}{key}", before[key], value)
-    return found
+            changes |= _differences(f"{inside}{key}", before[key], value)
+    return changes
 
 
 def scene_error(text: str) -> dict[str, Any]:
@@ -252,8 +252,8 @@ def scene_error(text: str) -> dict[str, Any]:
 
 def place_of(text: str) -> str | None:
     """Return the file, line and column, or else the key path, that an error begins with."""
-    found = _PLACE.match(text)
-    return None if found is None else found["where"] or found["key"]
+    match = _PLACE.match(text)
+    return None if match is None else match["where"] or match["key"]
 
 
 # Watches files by looking at them several times a second.
@@ -295,9 +295,9 @@ class Watch:
     def _run(self) -> None:
         changed = False
         while not self._end.wait(self._interval_s):
-            found = self._states()
-            moving = any(path in self._known and self._known[path] != state for path, state in found.items())
-            self._known = found
+            states = self._states()
+            moving = any(path in self._known and self._known[path] != state for path, state in states.items())
+            self._known = states
             if moving:
                 changed = True
             elif changed:
@@ -528,11 +528,11 @@ class Slot:
 
     def image_of(self, frame: Frame) -> Image:
         """Return a frame as an image that develops as the scene says; glances leave sensor and diffraction out."""
-        found = self.session.metadata
-        comes_last = self.scene.sensor is not None or found.get("diffraction", {}).get("on", False)
+        described = self.session.metadata
+        comes_last = self.scene.sensor is not None or described.get("diffraction", {}).get("on", False)
         if comes_last and frame.scale == 1 and self.session.spp > 0:
             return self.session.image()
-        metadata = {"spectrum": found.get("spectrum", "rgb")}
+        metadata = {"spectrum": described.get("spectrum", "rgb")}
         return with_picture_settings(Image(frame.pixels, metadata), self.scene.picture)
 
     def close(self) -> None:
@@ -597,10 +597,10 @@ class Studio:
         InputError
             It is not open.
         """
-        found = self.a if name == "A" else self.b
-        if found is None:
+        chosen = self.a if name == "A" else self.b
+        if chosen is None:
             raise InputError(f"slot: {name} is not open (allowed: A{', and B while two are compared' * (name == 'B')})")
-        return found
+        return chosen
 
     def load(self) -> Scene:
         """Return the scene of the file.

@@ -265,8 +265,8 @@ def _noise(made: Sequence[Probe], zone: int) -> float:
 
 def _contrast(probes: Probes, made: Sequence[Probe], zone: int) -> bool:
     """Return whether any probe shows contrast; the top itself may be noisy where hardly any rays pass a small stop."""
-    found = [probe.found[zone] for probe in made]
-    return any(one.value > probes.measure.least and one.value > CLEAR * one.error for one in found)
+    measures = [probe.found[zone] for probe in made]
+    return any(one.value > probes.measure.least and one.value > CLEAR * one.error for one in measures)
 
 
 def _why_unseen(probes: Probes, made: Sequence[Probe], zones: list[int], samples: int) -> str:

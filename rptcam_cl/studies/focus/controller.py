@@ -323,17 +323,17 @@ def follow_focus(scenes: Iterable[Scene], session: Session, settings: AutoFocus)
     for scene in scenes:
         try:
             try:
-                found = find_focus(scene, session, settings, near=None if last is None else last.state)
+                report = find_focus(scene, session, settings, near=None if last is None else last.state)
             except NoContrast:
                 if last is None:
                     raise
-                found = find_focus(scene, session, settings)
+                report = find_focus(scene, session, settings)
         except (NoContrast, OutOfReach) as problem:
             if last is None:
                 raise
-            found = last.keep_for_next_frame(problem)
-        last = found
-        yield found
+            report = last.keep_for_next_frame(problem)
+        last = report
+        yield report
 
 
 def in_focus(

@@ -633,9 +633,9 @@ class PhaseSearch:
         match, probe = self.match, self.probe
         samples = int(min(max(samples, SAMPLES * self.error * probe.stop / PRECISE), MOST_SAMPLES))
         reach = max(DEVIATIONS * match.error, LEAST_REACH * probe.stop * match.error / match.displacement_error)
-        found = self._probe(state, probe.view.split, samples, (match.vergence - reach, match.vergence + reach))
-        if found is None or found.refusal in ("flat", "vague"):  # the first probe has distinguished rivals
-            raise no_contrast(REASONS["flat" if found is None else str(found.refusal)])
+        refined = self._probe(state, probe.view.split, samples, (match.vergence - reach, match.vergence + reach))
+        if refined is None or refined.refusal in ("flat", "vague"):  # the first probe has distinguished rivals
+            raise no_contrast(REASONS["flat" if refined is None else str(refined.refusal)])
         return samples
 
     def _starts(self, start: float) -> Iterator[float]:
@@ -668,8 +668,8 @@ class PhaseSearch:
         if self.on_probe is not None:
             value, error = self._displacement_of(probe, match)
             place = self.drive.nearer * self.drive.coordinate(state)
-            found = [Measured(value, error, np.zeros(0))]
-            self.on_probe(Probe(place, stop, None, 1.0, found, probe.samples, probe.seconds))
+            measures = [Measured(value, error, np.zeros(0))]
+            self.on_probe(Probe(place, stop, None, 1.0, measures, probe.samples, probe.seconds))
         return match
 
     def _side(self, axis: int) -> float:
@@ -771,9 +771,11 @@ def phase_search(task: Task) -> PhaseSearch:
         assert refusal is not None
         raise refusal
     index = choose_zone(task.policy, task.zones, {k: search.match.vergence for k, search in searches.items()})
-    found = searches[index]
-    found.others = [probe for search in searches.values() if search is not found for probe in search.probes]
-    return found
+    search_of_zone = searches[index]
+    search_of_zone.others = [
+        probe for search in searches.values() if search is not search_of_zone for probe in search.probes
+    ]
+    return search_of_zone
 
 
 # Hybrid focus: phase detection points to the focus, and contrast finds it there.

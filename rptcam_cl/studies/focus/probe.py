@@ -394,8 +394,8 @@ def sum_modified_laplacian(image: ZoneImage) -> Measured:
     if parts is None or min(parts.shape[1:]) < 3:
         return Measured(0.0, 0.0, np.zeros(count))
     differences = _second_differences(parts)
-    found = jackknife(count, lambda kept: sum(float(_sizes(each[kept]).mean()) for each in differences))
-    return replace(found, error=max(found.error, _error_of_noise(differences)))
+    measure = jackknife(count, lambda kept: sum(float(_sizes(each[kept]).mean()) for each in differences))
+    return replace(measure, error=max(measure.error, _error_of_noise(differences)))
 
 
 def _second_differences(parts: Array) -> list[Array]:

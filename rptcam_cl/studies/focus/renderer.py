@@ -467,9 +467,9 @@ class Probes:
         fixed = None if reference is None else self.state_of(reference)
         images = self.renderer.measure(self.state_of(place), self.zones, samples, self.seed, stop, fixed)
         pixels = sum(image.parts.shape[1] * image.parts.shape[2] for image in images)
-        found = [self.measure.of(image) for image in images]
+        measures = [self.measure.of(image) for image in images]
         scale = self.drive.image_scale(self.state_of(place), self.state_of(self.ends[0]) if fixed is None else fixed)
-        probe = Probe(place, stop, reference, scale, found, pixels * images[0].samples, time.perf_counter() - begun)
+        probe = Probe(place, stop, reference, scale, measures, pixels * images[0].samples, time.perf_counter() - begun)
         self.made.append(probe)
         if self.on_probe is not None:
             self.on_probe(probe)
@@ -480,7 +480,13 @@ class Probes:
         return [self._record(probe, zone) for probe in self.made]
 
     def _record(self, probe: Probe, zone: int) -> ProbeRecord:
-        state, found = self.state_of(probe.place), probe.found[zone]
+        state, measure = self.state_of(probe.place), probe.found[zone]
         return ProbeRecord(
-            state, self.drive.film_distance(state), found.value, found.error, probe.stop, probe.samples, probe.seconds
+            state,
+            self.drive.film_distance(state),
+            measure.value,
+            measure.error,
+            probe.stop,
+            probe.samples,
+            probe.seconds,
         )
