@@ -283,14 +283,14 @@ def name_layers(
     metadata
         Of the image, with the names of what identifiers stand for.
     """
-    found = dict(recorded)
+    named = dict(recorded)
     for name, key in NAMES.items():
-        if name in found:
-            found[name] = ranked(found[name], metadata[key])
+        if name in named:
+            named[name] = ranked(named[name], metadata[key])
     if sharp is not None:
-        found |= sharp[0]
+        named |= sharp[0]
         metadata |= sharp[1]
-    return {name: found[name] for name in names}
+    return {name: named[name] for name in names}
 
 
 def with_ghosts(image: Image, light: NDArray[Any], said: dict[str, Any]) -> Image:

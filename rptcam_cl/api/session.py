@@ -115,7 +115,7 @@ class Pace:
         """Most of a wave."""
         return FIRST_SLOTS if self._rate is None else max(int(self._rate * QUEUE_SECONDS), 1)
 
-    def enqueued(self, finish: Callable[[], None]) -> Callable[[int], bool]:
+    def count_waves(self, finish: Callable[[], None]) -> Callable[[int], bool]:
         """A counter of waves of so many slots, which says whether to give up; ``finish`` waits for the device."""
         self._pending, self._since = 0, time.perf_counter()
 
@@ -222,7 +222,7 @@ def _moves_alone(before: SceneState, scene: Scene, resolved: Scene) -> bool:
     return alike and earlier.camera.model_copy(update=place) == camera
 
 
-def scaled(state: SceneState, scale: float, reading: float | None) -> tuple[Plan, Film]:
+def plan_smaller_film(state: SceneState, scale: float, reading: float | None) -> tuple[Plan, Film]:
     """Return the plan of a state with a film of fewer pixels, exposed by a reading of the meter; and that film."""
     film = state.resolved.scene.film
     columns, rows = (max(round(side * scale), 1) for side in film.resolution)
@@ -627,7 +627,7 @@ class RenderSession:
             When the changed scene is not valid; the session is as it was.
         """
         self._check_open()
-        scene = self._changed(changes)
+        scene = self._scene_with(changes)
         return self._take_over(scene, focus_anew=focuses_anew(changes, scene), wait=wait)
 
     def replace(self, scene: SceneSource, *, wait: bool = True) -> Change:
@@ -656,7 +656,7 @@ class RenderSession:
         """
         self._check_open()
         state = self._compiler.for_glances(
-            self._newest, keep_focus(self._newest, self._changed(changes)), self._reading
+            self._newest, keep_focus(self._newest, self._scene_with(changes)), self._reading
         )
         self._compiler.begin(state)
 
@@ -708,7 +708,7 @@ class RenderSession:
         begun = time.perf_counter()
         self._arrive()
         state = self._shown
-        plan, film = scaled(state, scale, self._reading)
+        plan, film = plan_smaller_film(state, scale, self._reading)
         buffers = self._compiler.pool.upload(plan)
         pool = self._compiler.pool_of_glances(state)
         run = FilmRun(pool.wavefront(plan, buffers, FilmLayout.of(film), of_glance(state.scene), "glance"))
@@ -768,7 +768,7 @@ class RenderSession:
         if self._closed:
             raise StateError("the session is closed (make another one)")
 
-    def _changed(self, changes: Mapping[str, Any]) -> Scene:
+    def _scene_with(self, changes: Mapping[str, Any]) -> Scene:
         scene = set_keys(self.scene, changes)
         check_sensor(scene, *window(scene)[2:])
         return scene
@@ -851,7 +851,7 @@ class RenderSession:
         """Add samples to a film unless that is cancelled; return whether all are there."""
         self._cancelled.clear()
         end = run.done + samples
-        count, most = self._pace.enqueued(run.wavefront.finish), run.wavefront.samples_per_wave
+        count, most = self._pace.count_waves(run.wavefront.finish), run.wavefront.samples_per_wave
         complete = True
         while complete and run.done < end and not run.watch.satisfied:
             complete = run.add(min(end - run.done, most), count, slots=self._pace.slots)

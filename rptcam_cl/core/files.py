@@ -536,3 +536,17 @@ def _trim() -> Callable[[int], int] | None:
         found.argtypes, found.restype = (ctypes.c_size_t,), ctypes.c_int
         return found
     return None
+
+
+# Whether a file is another than before.
+
+FileState = tuple[int, int, int] | None
+
+
+def file_state(path: Path) -> FileState:
+    """The time of change, size and inode of a file; None where there is none."""
+    try:
+        state = path.stat()
+    except OSError:
+        return None
+    return state.st_mtime_ns, state.st_size, state.st_ino

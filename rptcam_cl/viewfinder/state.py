@@ -139,8 +139,8 @@ def _focus(panel: Panel) -> Entry:
     camera = panel.scene.camera
     if not camera.focuses:
         return _entry("focus_m", "focus", "number", None, "everything", unit="m", enabled=False)
-    found, nearest = perspective(panel.view), nearest_focus_m(panel.view)
-    here = None if found is None else min(found.focus_mm * 1e-3, INFINITY_M)
+    view, nearest = perspective(panel.view), nearest_focus_m(panel.view)
+    here = None if view is None else min(view.focus_mm * 1e-3, INFINITY_M)
     text = "nowhere" if here is None else "∞" if here >= INFINITY_M / 10 else f"{here:.3g} m"
     least = nearest or 0.01
     steps = [least / (1 - k / FOCUS_STEPS) for k in range(FOCUS_STEPS)] + [INFINITY_M]
@@ -205,7 +205,7 @@ _FOCUS = ("distance_m", "near_m", "far_m", "hyperfocal_m")
 
 
 def hello_message(studio: Studio, slot: Slot, client: int) -> dict[str, Any]:
-    """Return what a client learns at first."""
+    """The first message to a client."""
     return {
         "type": "hello",
         "version": VERSION,
@@ -223,14 +223,16 @@ def hello_message(studio: Studio, slot: Slot, client: int) -> dict[str, Any]:
 
 
 def _left_out(slot: Slot) -> list[str]:
-    """Return what a saved picture has and the one on the screen has not, and which lenses are not offered."""
-    found = []
+    """Sentences on what a saved picture alone has, and on lenses that are not offered."""
+    sentences = []
     if count := files_left_out(slot.scene):
-        found.append(f"Of the files in the scene's folder {count} are not looked at for lenses (at most {MOST_FILES})")
+        sentences.append(
+            f"Of the files in the scene's folder {count} are not looked at for lenses (at most {MOST_FILES})"
+        )
     shown_by_image = slot.scene.sensor is not None or slot.session.metadata.get("diffraction", {}).get("on", False)
     if "ghosts" in slot.session.metadata and not shown_by_image:
-        found.append("Ghosts of the lens are in saved pictures alone")
-    return found
+        sentences.append("Ghosts of the lens are in saved pictures alone")
+    return sentences
 
 
 def state_message(studio: Studio, slot: Slot, *, detailed: bool) -> dict[str, Any]:
@@ -255,7 +257,7 @@ def state_message(studio: Studio, slot: Slot, *, detailed: bool) -> dict[str, An
         },
         "wheel": wheel(slot.scene),
         "compare": studio.compare,
-        "changed": list(slot.changes.as_dict()),
+        "changed": list(slot.changes),
         "paused": studio.paused,
         "files": [name for name in FILE_MEDIA if name != "dng" or slot.scene.sensor is not None],
         "needle": meter_needle(slot.panel),

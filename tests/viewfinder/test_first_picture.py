@@ -35,7 +35,7 @@ def messages(client: Client) -> Iterator[dict[str, Any]]:
             else:
                 (length,) = struct.unpack("<I", message[:4])
                 header = json.loads(message[4 : 4 + length])
-                client.outbox.acknowledged(header["frame"])
+                client.outbox.acknowledge(header["frame"])
                 yield header
         time.sleep(0.005)
     raise AssertionError("no such message came")

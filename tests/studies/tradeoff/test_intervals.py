@@ -10,9 +10,9 @@ from rptcam_cl.studies.tradeoff_errors import (
     EDGE,
     LongPictures,
     draws,
+    every_seed_once,
     interval,
     median_over_seeds,
-    once,
     over_pairs,
     pair_errors,
     student_quantile,
@@ -128,7 +128,7 @@ def test_pairs_of_a_seed_with_itself_would_count_noise_as_bias():
     rng = np.random.default_rng(4)
     apart = rng.standard_normal((SEEDS, 500))
     products = apart @ apart.T / 500
-    assert abs(over_pairs(products, once(SEEDS))[0]) < 0.02
+    assert abs(over_pairs(products, every_seed_once(SEEDS))[0]) < 0.02
     assert products.mean() > 0.1
 
 
