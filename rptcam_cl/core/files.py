@@ -532,7 +532,7 @@ def _trim() -> Callable[[int], int] | None:
     if not sys.platform.startswith("linux"):
         return None
     with contextlib.suppress(OSError, AttributeError, TypeError):
-        found = ctypes.CDLL(None).malloc_trim
-        found.argtypes, found.restype = (ctypes.c_size_t,), ctypes.c_int
-        return found
+        malloc_trim = ctypes.CDLL(None).malloc_trim
+        malloc_trim.argtypes, malloc_trim.restype = (ctypes.c_size_t,), ctypes.c_int
+        return malloc_trim
     return None

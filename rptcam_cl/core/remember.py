@@ -409,8 +409,8 @@ class OneMaker:
         StateError
             It is of another maker, or does not say of which, and that is not allowed.
         """
-        found = makers if isinstance(makers, list) else [makers]
-        for maker in [each if is_maker(each) else UNKNOWN for each in found] or [UNKNOWN]:
+        claims = makers if isinstance(makers, list) else [makers]
+        for maker in [each if is_maker(each) else UNKNOWN for each in claims] or [UNKNOWN]:
             if not self.makers:
                 self.first = name
             elif maker == UNKNOWN or maker not in self.makers:

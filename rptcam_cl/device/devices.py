@@ -151,7 +151,7 @@ def _tried_apart(handle: Any) -> Trial:
     tries = TRIES
     if _fork_server and _fork_server[0].is_there:
         try:
-            found = _trial_of(_fork_server[0].ask(_try_there, *place, timeout_s=TRIAL_TIMEOUT_S))
+            trial = _trial_of(_fork_server[0].ask(_try_there, *place, timeout_s=TRIAL_TIMEOUT_S))
         except ServerEndedError as ended:
             if ended.code != 0:  # else it has waited too long
                 return Trial(problem=_ending(ended.code, ended.said))
@@ -159,7 +159,7 @@ def _tried_apart(handle: Any) -> Trial:
             tries -= 1
         else:
             _tried_there.add(place)
-            return found
+            return trial
     try:
         done = _ended(place, tries)
     except OSError:  # no process can be started
@@ -174,9 +174,9 @@ def _tried_apart(handle: Any) -> Trial:
         return Trial(problem=_ending(done.returncode, done.stderr.decode(errors="replace")))
 
 
-def _trial_of(found: dict[str, Any]) -> Trial:
-    renamed = found.pop("renamed")
-    return Trial(**found, renamed=None if renamed is None else (renamed[0], renamed[1]))
+def _trial_of(answer: dict[str, Any]) -> Trial:
+    renamed = answer.pop("renamed")
+    return Trial(**answer, renamed=None if renamed is None else (renamed[0], renamed[1]))
 
 
 def prepare_trial() -> None:
@@ -408,12 +408,12 @@ def list_devices() -> list[DeviceInfo]:
         platforms = cl.get_platforms()
     except Exception as error:
         raise DeviceError(f"no OpenCL platform was found ({error}); {drivers.to_install()}") from error
-    found = []
+    devices = []
     for p, each in enumerate(platforms):
-        found += _devices_of(cl, p, each)
-    if not found:
+        devices += _devices_of(cl, p, each)
+    if not devices:
         raise DeviceError(f"no OpenCL device was found; {drivers.to_install()}")
-    return found
+    return devices
 
 
 def _devices_of(cl: Any, index: int, platform: Any) -> list[DeviceInfo]:

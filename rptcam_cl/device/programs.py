@@ -39,7 +39,7 @@ _WORD = re.compile(r"\b[A-Za-z_]\w*")
 def kernel_parameters(source: str) -> dict[str, tuple[str, ...]]:
     """Return the names of the parameters of every kernel of a program, in their order."""
     macros: Macros = {}
-    found: dict[str, tuple[str, ...]] = {}
+    parameters: dict[str, tuple[str, ...]] = {}
     head = ""
     for line in _active_lines(_COMMENT.sub(" ", source), macros):
         if head or line.lstrip().startswith("__kernel"):
@@ -47,9 +47,9 @@ def kernel_parameters(source: str) -> dict[str, tuple[str, ...]]:
             if "{" in line:
                 kernel = _KERNEL.match(_expanded(head.lstrip(), macros))
                 assert kernel is not None, head
-                found[kernel[1]] = tuple(_WORD.findall(each)[-1] for each in kernel[2].split(","))
+                parameters[kernel[1]] = tuple(_WORD.findall(each)[-1] for each in kernel[2].split(","))
                 head = ""
-    return found
+    return parameters
 
 
 def _active_lines(text: str, macros: Macros) -> Iterator[str]:
@@ -117,14 +117,14 @@ def _expanded(text: str, macros: Macros, within: frozenset[str] = frozenset()) -
 
 def _arguments(text: str, position: int) -> tuple[list[str], int]:
     """Return the arguments of a macro from its opening bracket on, and where the text goes on behind them."""
-    depth, begin, found = 0, text.index("(", position) + 1, []
+    depth, begin, arguments = 0, text.index("(", position) + 1, []
     for place in range(begin - 1, len(text)):
         depth += {"(": 1, ")": -1}.get(text[place], 0)
         if depth == 0 or (depth == 1 and text[place] == ","):
-            found.append(text[begin:place].strip())
+            arguments.append(text[begin:place].strip())
             begin = place + 1
         if depth == 0:
-            return found, begin
+            return arguments, begin
     raise AssertionError(f"brackets do not close: {text}")
 
 

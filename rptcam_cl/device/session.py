@@ -527,18 +527,18 @@ def usable_devices() -> list[devices.DeviceInfo]:
     DeviceError
         When none does.
     """
-    found, reasons = [], []
+    usable, reasons = [], []
     for info in devices.list_devices():
         problem = devices.problem_of(info)
         if problem is None:
-            found.append(info)
+            usable.append(info)
         else:
             reasons.append(f"device {info.id} {info.name} cannot be used: {problem}")
-    if not found:
+    if not usable:
         raise DeviceError(f"{'; '.join(reasons)}; {instead()}")
     for reason in reasons:
         warnings.warn(f"{reason}; it is left out", UserWarning, stacklevel=2)
-    return found
+    return usable
 
 
 def _shares(split: Split) -> dict[str, float]:
@@ -548,19 +548,19 @@ def _shares(split: Split) -> dict[str, float]:
         given = [(name.strip(), share.strip()) for name, _, share in pairs]
     else:
         given = [(str(name).strip(), str(share)) for name, share in split.items()]
-    found: dict[str, float] = {}
+    shares: dict[str, float] = {}
     for name, text in given:
         share = float(text) if re.fullmatch(r"[0-9.]*[0-9][0-9.]*(e-?\d+)?", text) and text.count(".") < 2 else math.nan
         if not name or not 0 < share <= 1:
             what = f"{name}={text}" if name else text
             raise DeviceError(f"--split: got {what}; allowed a device and its share, above 0 and up to 1, as {EXAMPLE}")
-        if name in found:
+        if name in shares:
             raise DeviceError(f"--split: {name} twice (give each device one share)")
-        found[name] = share
-    total = math.fsum(found.values())
+        shares[name] = share
+    total = math.fsum(shares.values())
     if abs(total - 1) > ROUNDING:
         raise DeviceError(f"--split: the shares add up to {total:g} (allowed: 1, as {EXAMPLE})")
-    return found
+    return shares
 
 
 def _in_order(shares: Mapping[str, float], sessions: Sequence[Session]) -> list[float]:

@@ -525,11 +525,11 @@ def glare(
     """Return the veiling glare at wavelengths, in parts of a white film's light."""
     rows = []
     for wavelength in wavelengths_nm:
-        found = veiling_glare(
+        light = veiling_glare(
             setting.lens, setting.film, wavelength, film_reflectance=film_reflectance,
             barrel_reflectance=barrel_reflectance,
         )  # fmt: skip
-        rows.append({"wavelength_nm": wavelength, **asdict(found)})
+        rows.append({"wavelength_nm": wavelength, **asdict(light)})
     return measured(setting, "veiling glare", rows, None, f"{setting.lens.name}; parts of a white film's light")
 
 
@@ -544,22 +544,22 @@ def way_text(way: tuple[int, ...]) -> str:
     return ", ".join(map(str, way))
 
 
-def ghost_table(found: Ghosts) -> list[dict[str, Any]]:
+def ghost_table(ghosts: Ghosts) -> list[dict[str, Any]]:
     """Return a row for each ghost, brightest in the frame first.
 
     Shares are of the image's light. `focus_mm` is how far behind the film its paraxial image lies; `blur_mm` the
     diameter on the film of a full beam from the axis.
     """
-    lit = found.lit
+    lit = ghosts.lit
     with_its_film = with_film(lit.lens, lit.film_distance_mm)
     pupil = lit.lens.first_order(lit.wavelength_nm).entrance_pupil.diameter_mm
     rows = []
-    for ghost in found.ghosts:
+    for ghost in ghosts.ghosts:
         image = ghost_image(with_its_film, ghost.way, 0.0, lit.wavelength_nm, lit.source.object_distance_mm)
         rows.append({
             "surfaces": list(ghost.way),
-            "share_in_frame": ghost.flux_in_frame / found.reference,
-            "share": ghost.flux / found.reference,
+            "share_in_frame": ghost.flux_in_frame / ghosts.reference,
+            "share": ghost.flux / ghosts.reference,
             "x_mm": ghost.centroid_mm[0],
             "y_mm": ghost.centroid_mm[1],
             "rms_mm": ghost.rms_mm,
@@ -569,17 +569,17 @@ def ghost_table(found: Ghosts) -> list[dict[str, Any]]:
     return rows
 
 
-def ghost_summary(found: Ghosts) -> dict[str, Any]:
+def ghost_summary(ghosts: Ghosts) -> dict[str, Any]:
     """Return the sums, the worst ghost and where the light goes, as shares of what enters."""
-    account, reference_flux = asdict(found.account), found.reference
+    account, reference_flux = asdict(ghosts.account), ghosts.reference
     entered = account.pop("entered")
-    worst = max(found.ghosts, key=lambda ghost: ghost.flux_in_frame, default=None)
-    densest = max(found.ghosts, key=_density, default=None)
+    worst = max(ghosts.ghosts, key=lambda ghost: ghost.flux_in_frame, default=None)
+    densest = max(ghosts.ghosts, key=_density, default=None)
     return {
-        "image_share": found.image.flux / entered,
-        "ghosts_in_frame": sum(ghost.flux_in_frame for ghost in found.ghosts) / reference_flux,
-        "ghosts": sum(ghost.flux for ghost in found.ghosts) / reference_flux,
-        "shares_are_of": "image" if found.image.flux else "light that enters",
+        "image_share": ghosts.image.flux / entered,
+        "ghosts_in_frame": sum(ghost.flux_in_frame for ghost in ghosts.ghosts) / reference_flux,
+        "ghosts": sum(ghost.flux for ghost in ghosts.ghosts) / reference_flux,
+        "shares_are_of": "image" if ghosts.image.flux else "light that enters",
         "worst": None if worst is None else list(worst.way),
         "densest": None if densest is None else list(densest.way),
         "account": {name: value / entered for name, value in account.items()},
@@ -591,7 +591,7 @@ def _density(ghost: Any) -> float:
     return float(ghost.flux_in_frame / max(ghost.rms_mm, 1e-3) ** 2) if ghost.flux_in_frame else 0.0
 
 
-def draw_ghost(setting: Setting, found: Ghosts, way: tuple[int, ...]) -> charts.Drawing:
+def draw_ghost(setting: Setting, ghosts: Ghosts, way: tuple[int, ...]) -> charts.Drawing:
     """Return the lens in cross-section with rays of one way: coming, going back and going on in their colours.
 
     Raises
@@ -599,9 +599,9 @@ def draw_ghost(setting: Setting, found: Ghosts, way: tuple[int, ...]) -> charts.
     InputError
         When no ray of the cross-section takes that way.
     """
-    lit = found.lit
+    lit = ghosts.lit
     folded = with_film(lit.lens, lit.film_distance_mm)
-    rays = _rays(setting, found, way)
+    rays = _rays(setting, ghosts, way)
     if not rays:
         raise InputError(f"{setting.lens.name}: no ray of the cross-section is reflected at {way_text(way)}")
     view = drawing.View()
@@ -610,7 +610,7 @@ def draw_ghost(setting: Setting, found: Ghosts, way: tuple[int, ...]) -> charts.
         lit.lens, "y"
     )
     frame = drawing.Frame.around([*outline, film, *rays], setting)
-    picture = charts.Drawing(drawing.WIDTH, frame.height, _title(found, way))
+    picture = charts.Drawing(drawing.WIDTH, frame.height, _title(ghosts, way))
     drawing.draw_glass(picture, frame, setting, view)
     picture.add(charts.Path(frame.axis(), charts.FAINT, 0.8, dash=(10, 3, 2, 3)))
     met = list(steps(way, len(folded.surfaces)))
@@ -626,9 +626,9 @@ def draw_ghost(setting: Setting, found: Ghosts, way: tuple[int, ...]) -> charts.
     return picture
 
 
-def _rays(setting: Setting, found: Ghosts, way: tuple[int, ...]) -> list[Array]:
+def _rays(setting: Setting, ghosts: Ghosts, way: tuple[int, ...]) -> list[Array]:
     """Return corners (m, 2), z and height, of rays of the cross-section that take a way to the film."""
-    lit = found.lit
+    lit = ghosts.lit
     lens = unfolded(with_film(lit.lens, lit.film_distance_mm), way)
     at = Setting(lit.lens, setting.film_distance_mm, lit.source.object_distance_mm, lit.wavelength_nm)
     points = fan_points(at, lit.source.field_degrees, "y")
@@ -645,10 +645,10 @@ def _rays(setting: Setting, found: Ghosts, way: tuple[int, ...]) -> list[Array]:
     return [line[:, [2, 1]] for line in corners]
 
 
-def _title(found: Ghosts, way: tuple[int, ...]) -> str:
-    ghost = next(ghost for ghost in found.ghosts if ghost.way == way)
-    share = ghost.flux_in_frame / found.reference
-    return f"{found.lit.lens.name}; reflected at surfaces {way_text(way)}: {share:.2g} of the image's light"
+def _title(ghosts: Ghosts, way: tuple[int, ...]) -> str:
+    ghost = next(ghost for ghost in ghosts.ghosts if ghost.way == way)
+    share = ghost.flux_in_frame / ghosts.reference
+    return f"{ghosts.lit.lens.name}; reflected at surfaces {way_text(way)}: {share:.2g} of the image's light"
 
 
 def _draw_words(picture: charts.Drawing, reflections: int) -> None:

@@ -728,13 +728,13 @@ def _trace_to_film(
         turns[first:end, : len(way)] = way
     beam = together(lit, front, turns)
     light, inside, owner = beam.light, lit.in_frame(beam.points), np.searchsorted(ends, beam.rows, side="right")
-    found = {}
+    landed = {}
     for number, (way, area) in enumerate(zip(ways, areas, strict=True)):
         own = owner == number
-        found[way] = Landed(
+        landed[way] = Landed(
             entered[beam.rows[own]], beam.points[:2, own], light[own], inside[own], float(np.sqrt(area)), entry.is_even
         )
-    return found
+    return landed
 
 
 def _join(fronts: list[Arrival]) -> Arrival:
@@ -895,7 +895,7 @@ def _own_light(landed: dict[Way, Landed], stops: list[Lit]) -> dict[Way, FilmLig
 
 def _rays_of_ways(landed: dict[Way, Landed]) -> dict[Way, int]:
     """Return how many rays each way gets: by the root of its light, as so falls what they err by."""
-    weights = {way: float(np.sqrt(found.light @ (found.inside + WIDE))) for way, found in landed.items()}
+    weights = {way: float(np.sqrt(rays.light @ (rays.inside + WIDE))) for way, rays in landed.items()}
     total = sum(weight for way, weight in weights.items() if way) or 1.0
     counts = {way: int(np.clip(OWN_RAYS * weight / total, LEAST, MOST)) for way, weight in weights.items()}
     return counts | {(): IMAGE_RAYS}

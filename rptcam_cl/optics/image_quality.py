@@ -298,17 +298,17 @@ def film_spots(
             spots.append(FilmSpot(degrees, wavelength, points, _cone(setting, wavelength, rays.directions)))
         return spots
 
-    found: list[FilmSpot] = []
+    of_fields: list[FilmSpot] = []
     for degrees in default_fields(setting) if fields is None else fields:
         count = across or ACROSS
         few, many = traced(degrees, max(count // 2, 1)), traced(degrees, count)
         while across is None and count < MOST_ACROSS and (moves or spots_move)(few, many) > 1:
             count *= 2
             few, many = many, traced(degrees, count)
-        found += [replace(more, fewer=less.points) for less, more in zip(few, many, strict=True)]
-    if refused is not None and not any(len(spot.points) for spot in found):
+        of_fields += [replace(more, fewer=less.points) for less, more in zip(few, many, strict=True)]
+    if refused is not None and not any(len(spot.points) for spot in of_fields):
         raise refused
-    return found
+    return of_fields
 
 
 def pool(group: Sequence[FilmSpot]) -> Array:

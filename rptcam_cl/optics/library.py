@@ -106,10 +106,10 @@ def load_lens(
         return named_lens(source)
     path = Path(source)
     try:
-        found = path.exists()
+        exists = path.exists()
     except (OSError, ValueError):
-        found = False
-    if not found:
+        exists = False
+    if not exists:
         raise _unknown(str(source))
     makers = chosen_makers(catalogues)
     try:

@@ -131,13 +131,13 @@ def fitted(points: ArrayLike) -> Array:
 def cut_ears(vertices: Array) -> Array:
     """Return triangles (n, 3, 2) that make up a counter-clockwise polygon, cutting off one corner after the other."""
     rest = list(vertices)
-    found = []
+    triangles = []
     while len(rest) > 3:
         # Corners in one line are no ears; where rounding leaves nothing else, any corner may go.
         ear = next((i for i in range(len(rest)) if _is_ear(rest, i)), 0)
-        found.append([rest[ear - 1], rest[ear], rest[(ear + 1) % len(rest)]])
+        triangles.append([rest[ear - 1], rest[ear], rest[(ear + 1) % len(rest)]])
         del rest[ear]
-    return np.array([*found, rest])
+    return np.array([*triangles, rest])
 
 
 def _signed_area(vertices: Array) -> float:

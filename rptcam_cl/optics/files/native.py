@@ -260,10 +260,10 @@ def read_shape(fields: Fields, scale: float) -> dict[str, Any]:
 
 def _form(fields: Fields, scale: float) -> Form | None:
     """Return the one kind of surface with numbers of its own that the keys speak of, None where they do not."""
-    found = [form for kind in FORMS if (form := kind.read(fields, scale)) is not None]
-    if len(found) > 1:
-        raise fields.fail(None, f"is {' and '.join(form.description for form in found)}: leave the keys of one out")
-    return found[0] if found else None
+    forms = [form for kind in FORMS if (form := kind.read(fields, scale)) is not None]
+    if len(forms) > 1:
+        raise fields.fail(None, f"is {' and '.join(form.description for form in forms)}: leave the keys of one out")
+    return forms[0] if forms else None
 
 
 def read_pose(fields: Fields, scale: float) -> SurfacePose | None:
