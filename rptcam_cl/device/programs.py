@@ -45,7 +45,7 @@ def kernel_parameters(source: str) -> dict[str, tuple[str, ...]]:
         if head or line.lstrip().startswith("__kernel"):
             head += f" {line}"
             if "{" in line:
-                kernel = _KERNEL.match(_expanded(head.lstrip(), macros))
+                kernel = _KERNEL.match(_expand_macros(head.lstrip(), macros))
                 assert kernel is not None, head
                 parameters[kernel[1]] = tuple(_WORD.findall(each)[-1] for each in kernel[2].split(","))
                 head = ""
@@ -91,12 +91,12 @@ def _define(rest: str, macros: Macros) -> None:
 def _holds(condition: str, macros: Macros) -> bool:
     """Return whether the condition of an ``#if`` holds; a name that is no macro counts as 0."""
     text = _DEFINED.sub(lambda match: str(int(match[1] in macros)), condition)
-    text = _WORD.sub("0", _expanded(text, macros))
+    text = _WORD.sub("0", _expand_macros(text, macros))
     text = re.sub(r"(?<=\d)[uUlL]+\b", "", text).replace("&&", " and ").replace("||", " or ")
     return bool(eval(re.sub(r"!(?!=)", " not ", text), {"__builtins__": {}}))  # digits and operators of our own kernels
 
 
-def _expanded(text: str, macros: Macros, within: frozenset[str] = frozenset()) -> str:
+def _expand_macros(text: str, macros: Macros, within: frozenset[str] = frozenset()) -> str:
     """Return a text with its macros in place, but those ``within`` whose expansion it stands."""
     out, position = "", 0
     while match := _WORD.search(text, position):
@@ -111,7 +111,7 @@ def _expanded(text: str, macros: Macros, within: frozenset[str] = frozenset()) -
             given, position = _arguments(text, position)
             values = dict(zip(parameters, given, strict=True))
             body = _WORD.sub(lambda word, values=values: values.get(word[0], word[0]), body)  # type: ignore[misc]
-        out += _expanded(body, macros, within | {name})
+        out += _expand_macros(body, macros, within | {name})
     return out + text[position:]
 
 
@@ -221,7 +221,7 @@ def options_of(device: Any, source: str) -> tuple[str, ...]:
 
 
 def source_key(files: list[str], facts: Mapping[str, int | str], declarations: str) -> tuple[Any, ...]:
-    """Return what the text of a program follows from, without reading it."""
+    """Key a program by what its text follows from, without reading it."""
     return (kernels_dir(), *files, frozenset(facts.items()), declarations)
 
 

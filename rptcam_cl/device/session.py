@@ -290,7 +290,7 @@ class Session:
         return other
 
     def for_samples(self, samples: int) -> Session:
-        """Return what renders a picture soonest: `quick` where all pictures so far have few samples."""
+        """Choose the session that renders a picture soonest: `quick` where all so far have few samples."""
         self._few_left[0] -= samples
         return self.quick() if self._few_left[0] >= 0 else self
 
@@ -476,7 +476,7 @@ def open_sessions(wanted: Wanted = None, split: Split | None = None) -> tuple[li
     shares = None if split is None else _shares(split)
     if wanted is None and shares is not None:
         wanted = list(shares)
-    sessions = _opened(wanted)
+    sessions = _open_all(wanted)
     seen: set[str] = set()
     for session in sessions:
         if session.info.id in seen:
@@ -496,10 +496,10 @@ def means_one(wanted: str | None, split: Split | None = None) -> bool:
     """Return whether a single device is meant, whichever it is."""
     if wanted is None:
         return split is None and devices.several_of_environment() is None
-    return devices.listed(wanted) == [wanted.strip()] and wanted.strip() != devices.ALL
+    return devices.parse_devices(wanted) == [wanted.strip()] and wanted.strip() != devices.ALL
 
 
-def _opened(wanted: Wanted) -> list[Session]:
+def _open_all(wanted: Wanted) -> list[Session]:
     if isinstance(wanted, Session):
         return [wanted]
     if wanted is None:
@@ -511,7 +511,7 @@ def _opened(wanted: Wanted) -> list[Session]:
         raise DeviceError("--device: no device is named (allowed: one or more, or none to have one chosen)")
     words: list[str | Session] = []
     for entry in entries:
-        words += devices.listed(entry) if isinstance(entry, str) else [entry]
+        words += devices.parse_devices(entry) if isinstance(entry, str) else [entry]
     if devices.ALL in words:
         if len(words) > 1:
             raise DeviceError("--device: 'all' stands alone (or name the devices)")

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, StateError
-from rptcam_cl.core.files import Folders, errors_named, named_files, read_whole, replacing
+from rptcam_cl.core.files import Folders, name_errors, named_files, read_whole, replacing
 from rptcam_cl.optics.chief_rays import crossings
 from rptcam_cl.optics.design import image_circle
 from rptcam_cl.optics.lens import film_distance
@@ -95,7 +95,7 @@ class Copies:
 
 
 def _content(path: Path) -> bytes:
-    with errors_named(path):
+    with name_errors(path):
         return read_whole(path, LARGEST_COPY)
 
 
@@ -686,7 +686,7 @@ class _Stage:
             self._start.report.append(f"{len(lights)} lamp{'s' if len(lights) > 1 else ''} of the file")
         if options.hdri is not None:
             name = self._start.copies.name_of(options.hdri)
-            with errors_named(options.hdri):
+            with name_errors(options.hdri):
                 read_picture(options.hdri)
             scene["environment"] = {"kind": "image", "file": name, "up": _rounded(self._up)}
         elif not lights:

@@ -112,7 +112,7 @@ class Heat:
         thermal = thermal_of(glass)
         if thermal is None or thermal.dispersion is None:
             key = "thermal: {d: [D0, D1, D2], e: [E0, E1], …}"
-            raise _unknown(lens, where, glass, "its index changes with temperature", key)
+            raise _missing_value_error(lens, where, glass, "its index changes with temperature", key)
         return Heated.of(glass, thermal, self.celsius, self.pressure_hpa)
 
     def _growth(self, lens: Lens, k: int) -> float:
@@ -122,7 +122,7 @@ class Heat:
             return self.barrel_scale
         thermal = thermal_of(glass)
         if thermal is None or thermal.expansion_per_k is None:
-            raise _unknown(lens, f"surfaces[{k}]", glass, "it expands", "expansion_per_k")
+            raise _missing_value_error(lens, f"surfaces[{k}]", glass, "it expands", "expansion_per_k")
         return 1.0 + thermal.expansion_per_k * (self.celsius - STANDARD_C)
 
 
@@ -133,7 +133,7 @@ def thermal_of(glass: Medium) -> Thermal | None:
     return glass.thermal if glass.thermal is not None else bundled_thermal(glass)
 
 
-def _unknown(lens: Lens, where: str, glass: Medium, what: str, key: str) -> InputError:
+def _missing_value_error(lens: Lens, where: str, glass: Medium, what: str, key: str) -> InputError:
     name = glass.name or "(unnamed)"
     return InputError(
         f"{lens.name}: {where}: nothing says how glass {name} takes heat: how {what}"

@@ -12,7 +12,7 @@ from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.lens import MEASURED_FROM, Lens, film_distance
-from rptcam_cl.optics.pupils import UNMOVED, FilmFrame, FilmProbe, grid, narrowed, narrowing_probes, pupil_boxes
+from rptcam_cl.optics.pupils import UNMOVED, FilmFrame, FilmProbe, grid, narrow_boxes, narrowing_probes, pupil_boxes
 from rptcam_cl.optics.spot import Beam, spot
 
 # The film distance of the least real-ray spot at the working aperture, on the axis or at a field point.
@@ -113,7 +113,7 @@ def _beam_to(
 ) -> Beam:
     """Return the light of the object point that the mean ray from a film point meets."""
     probe, film = FilmProbe(lens, film_distance_mm, wavelength_nm), np.array([film_point_mm], dtype=np.float64)
-    boxes, lit = narrowed(probe, film, probe.windows(film), AIMS)
+    boxes, lit = narrow_boxes(probe, film, probe.windows(film), AIMS)
     if not lit[0]:
         x, y = film_point_mm
         raise InputError(f"{lens.name}: no light reaches the film point ({x:g}, {y:g}) mm")

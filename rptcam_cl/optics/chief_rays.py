@@ -186,7 +186,7 @@ def aimed_rays(lens: Lens, film_points: Array, aims: Array, wavelength_nm: float
     return ChiefRays(rays.origins, rays.directions, reached, clear, aims)
 
 
-def unobstructed(lens: Lens) -> Lens:
+def without_obstructions(lens: Lens) -> Lens:
     """Return the lens without holes, obstructions in its middle and the shape of its stop: its chief rays need none."""
     return replace(lens, surfaces=tuple(each.filled() for each in lens.surfaces)) if lens.is_obstructed else lens
 

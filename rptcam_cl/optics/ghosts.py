@@ -316,7 +316,7 @@ def steps(way: Way, surfaces: int) -> Iterator[Step]:
         yield Step(rest, True, False)
 
 
-def unfolded(lens: Lens, way: Way) -> Lens:
+def unfold(lens: Lens, way: Way) -> Lens:
     """Return a way as a lens of its own, whose mirrors are the surfaces that reflect."""
     met = list(steps(way, len(lens.surfaces)))
     media, vertices = lens.media, lens.vertices
@@ -357,7 +357,7 @@ def ghost_image(
     lens: Lens, way: Way, film_distance_mm: float, wavelength_nm: float, object_distance_mm: float = np.inf
 ) -> GhostImage:
     """Return the paraxial image of a way in the y-z section; a near object stands so far before the first vertex."""
-    (a, b), (c, d) = system_matrix(unfolded(lens, way), wavelength_nm).tolist()
+    (a, b), (c, d) = system_matrix(unfold(lens, way), wavelength_nm).tolist()
     n, m = (float(index) for index in lens.indices(wavelength_nm)[[0, -1]])
     with np.errstate(divide="ignore", invalid="ignore"):
         if np.isinf(object_distance_mm):
@@ -372,7 +372,7 @@ def ghost_image(
 
 def ghost_magnification(lens: Lens, way: Way, wavelength_nm: float, object_distance_mm: float) -> float:
     """Return the transverse magnification of an object so far before the first vertex [mm]."""
-    _, (c, d) = system_matrix(unfolded(lens, way), wavelength_nm).tolist()
+    _, (c, d) = system_matrix(unfold(lens, way), wavelength_nm).tolist()
     n = float(lens.indices(wavelength_nm)[0])
     with np.errstate(divide="ignore"):
         return float(1.0 / np.float64(d + c * object_distance_mm / n))

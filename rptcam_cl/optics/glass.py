@@ -99,10 +99,10 @@ class Absorption:
 
     def at(self, wavelength_nm: ArrayLike, name: str = "") -> Array:
         """Return the coefficient [1/mm] at each wavelength [nm]; `name` is that of the medium, for messages."""
-        return interpolated(wavelength_nm, self.wavelengths_nm, self.per_mm, f"absorption of {name or 'a glass'}")
+        return interpolate(wavelength_nm, self.wavelengths_nm, self.per_mm, f"absorption of {name or 'a glass'}")
 
 
-def interpolated(
+def interpolate(
     wavelength_nm: ArrayLike, wavelengths_nm: tuple[float, ...], values: tuple[float, ...], what: str
 ) -> Array:
     """Return tabulated values at wavelengths [nm], by straight lines; a single value holds at every wavelength."""

@@ -16,7 +16,7 @@ from rptcam_cl.optics.chief_rays import chebyshev_nodes, geometry_but_stop, trac
 from rptcam_cl.optics.ghosts import Lit, Tree, check_lens
 from rptcam_cl.optics.glass import Medium
 from rptcam_cl.optics.lens import Lens, limiting_surface
-from rptcam_cl.optics.pupils import FilmProbe, narrowed, narrowing_probes, pupil_boxes, spread_points
+from rptcam_cl.optics.pupils import FilmProbe, narrow_boxes, narrowing_probes, pupil_boxes, spread_points
 from rptcam_cl.optics.ray_trace import COATED, IDEAL, LensTransmission, axial_transmittance
 from rptcam_cl.optics.spot import Beam
 from rptcam_cl.optics.surface import Surface
@@ -147,10 +147,10 @@ def _pupil_boxes(probe: FilmProbe, film: Array) -> tuple[Array, NDArray[np.bool_
     A pupil that slips through the grids is sought from wider stops down, and round its first-order image; one on the
     axis of a round lens by rays at all distances from it. Rays spread over the whole window find what lies apart.
     """
-    boxes, is_lit = narrowed(probe, film, probe.windows(film), GRID)
+    boxes, is_lit = narrow_boxes(probe, film, probe.windows(film), GRID)
     dark = np.flatnonzero(~is_lit)
     for k in dark:
-        boxes[k : k + 1], is_lit[k : k + 1] = narrowed(
+        boxes[k : k + 1], is_lit[k : k + 1] = narrow_boxes(
             probe, film[k : k + 1], probe.windows(film[k : k + 1]), DENSE_GRID
         )
     dark = np.flatnonzero(~is_lit)
@@ -159,11 +159,11 @@ def _pupil_boxes(probe: FilmProbe, film: Array) -> tuple[Array, NDArray[np.bool_
         boxes[dark], is_lit[dark] = pupil_boxes(probes, film[dark])
     lit = np.flatnonzero(is_lit)
     if len(lit):
-        boxes[lit], _ = narrowed(probe, film[lit], boxes[lit], GRID)
+        boxes[lit], _ = narrow_boxes(probe, film[lit], boxes[lit], GRID)
     for _ in range(WIDENED if len(lit) else 0):  # the tips of a sliver may lie between the rays of a coarse grid
         low, high = boxes[lit][:, ::2], boxes[lit][:, 1::2]
         around = np.stack([low - (high - low) / 2, high + (high - low) / 2], axis=2).reshape(-1, 4)
-        beyond, still = narrowed(probe, film[lit], around, GRID)
+        beyond, still = narrow_boxes(probe, film[lit], around, GRID)
         cell = 2 * (high - low) / GRID
         grown = still & np.any((beyond[:, ::2] < low - cell) | (beyond[:, 1::2] > high + cell), axis=1)
         boxes[lit[grown]] = beyond[grown]

@@ -274,7 +274,7 @@ def cells(boxes: Array, nu: int, nv: int) -> Array:
     return np.stack([(boxes[:, 1] - boxes[:, 0]) / nu, (boxes[:, 3] - boxes[:, 2]) / nv], axis=1)
 
 
-def narrowed(probe: FilmProbe, film: Array, boxes: Array, shape: tuple[int, int]) -> tuple[Array, Mask]:
+def narrow_boxes(probe: FilmProbe, film: Array, boxes: Array, shape: tuple[int, int]) -> tuple[Array, Mask]:
     """Return boxes round the rays of a grid that pass, widened by a cell, and which film points have any.
 
     Film points (m, 2) and boxes (m, 4) as in `FilmProbe.windows`; without a passing ray the box stays as it was.
@@ -333,13 +333,13 @@ def pupil_boxes(
     boxes = _upper(probes[-1].windows(film), radial)
     lit = np.ones(len(film), dtype=bool)
     for probe in (*probes, probes[-1]):
-        boxes, hit = narrowed(probe, film, boxes, shape)
+        boxes, hit = narrow_boxes(probe, film, boxes, shape)
         boxes = _upper(boxes, radial)
         lit &= hit
     if not lit.all():
         near = _upper(_paraxial_boxes(probes[-1], film[~lit]), radial)
         for _ in range(2):
-            near, again = narrowed(probes[-1], film[~lit], near, shape)
+            near, again = narrow_boxes(probes[-1], film[~lit], near, shape)
             near = _upper(near, radial)
         boxes[~lit] = near
         lit[~lit] = again
@@ -362,7 +362,7 @@ def box_near(probe: FilmProbe, film: Array, box: Array, *, radial: bool) -> tupl
     width, height = NEAR * (box[1] - box[0]), box[3] if radial else NEAR * (box[3] - box[2])
     low, high = (0.0, (1.0 + NEAR) * height) if radial else (box[2] - height, box[3] + height)
     around = np.array([[box[0] - width, box[1] + width, low, high]])
-    around, hit = narrowed(probe, film, around, FINE)
+    around, hit = narrow_boxes(probe, film, around, FINE)
     return around[0], bool(hit[0])
 
 

@@ -121,7 +121,7 @@ class StopMask:
         return np.asarray(inside & self.cells[row, column])
 
 
-def fitted(points: ArrayLike) -> Array:
+def fit_to_stop(points: ArrayLike) -> Array:
     """Return points (n, 2) moved and scaled so that the circle about the middle of their box holds them and touches."""
     moved = np.array(points, dtype=np.float64)
     moved -= (moved.min(axis=0) + moved.max(axis=0)) / 2

@@ -20,7 +20,7 @@ from rptcam_cl.optics.coating import (
     MeasuredReflectance,
     QuarterWave,
 )
-from rptcam_cl.optics.files.glass_catalogues import glass_named, glasses_of, named_glass, plain_glass_name
+from rptcam_cl.optics.files.glass_catalogues import find_glass, glasses_of, named_glass, plain_glass_name
 from rptcam_cl.optics.glass import (
     AIR,
     NO_DISPERSION,
@@ -107,7 +107,7 @@ def left_out(lens: Lens) -> list[str]:
 def maker_and_name(medium: Medium) -> tuple[str, str] | None:
     """Return the maker and the maker's name of a catalogue glass, None for any other medium."""
     named = named_glass(medium.name) if medium.name else None
-    if named is None or not named.maker or glass_named(named.written) != medium:
+    if named is None or not named.maker or find_glass(named.written) != medium:
         return None
     base, _, _ = named.written.rpartition("_")
     glasses = glasses_of(named.maker)
@@ -371,7 +371,7 @@ def _kind(surface: Surface) -> tuple[str, dict[int, float]]:
 def _zemax_glass(medium: Medium, makers: Sequence[str]) -> str:
     if (known := maker_and_name(medium)) and _means(known[1], makers, medium.name):
         return f"{known[1].replace(' ', '_')} 0 0 1.5 40.0 0 0 0 0 0 0"
-    if medium.name == "fused silica" and glass_named(medium.name) == medium:
+    if medium.name == "fused silica" and find_glass(medium.name) == medium:
         return "F_SILICA 0 0 1.5 40.0 0 0 0 0 0 0"
     nd, vd = model_of(medium)
     return f"___BLANK 1 0 {number(nd)} {number(vd)} 0 0 0 0 0 0"
@@ -599,7 +599,7 @@ def _coating(coating: Coating, where: str) -> Any:
 
 def _medium(medium: Medium) -> Any:
     """Return a glass with what it absorbs, where its name does not say that."""
-    if medium.name and glass_named(medium.name) == medium:
+    if medium.name and find_glass(medium.name) == medium:
         return medium.name
     entry = _glass_keys(medium)
     thermal = {} if medium.thermal is None else _thermal(medium.thermal)

@@ -428,12 +428,12 @@ def named_glass(name: str, makers: Sequence[str] = (), successors: bool = False)
         return Named(written, "" if written in _NO_MAKER else "schott", is_chosen=bool(makers))
     for maker in makers:
         if plain in glasses_of(maker):
-            return Named(_written(plain, maker), maker, is_chosen=True)
+            return Named(_written_name(plain, maker), maker, is_chosen=True)
     if successors and (successor := _successor(plain, makers or ("schott",))):
         return successor
     for maker in MAKERS:
         if plain in glasses_of(maker):
-            return Named(_written(plain, maker), maker)
+            return Named(_written_name(plain, maker), maker)
     if plain in _ALIASES and (successor := named_glass(_ALIASES[plain])):
         return Named(successor.written, successor.maker, False)
     return _successor(plain, tuple(_PREFIXES)) if successors else None
@@ -453,7 +453,7 @@ def other_name(name: str) -> tuple[Any, str] | None:
     return {"nd": nd, "vd": vd}, f"{nd:g} / {vd:g}, the code {code} of SCHOTT's old catalogues"
 
 
-def glass_named(name: str) -> Medium | None:
+def find_glass(name: str) -> Medium | None:
     """Return the law of a glass by the name that `Named.written` has, or by any other that `named_glass` knows."""
     named = named_glass(name)
     if named is None:
@@ -498,7 +498,7 @@ def _entry(named: Named) -> MakersGlass:
     return glasses_of(named.maker)[plain]
 
 
-def _written(plain: str, maker: str) -> str:
+def _written_name(plain: str, maker: str) -> str:
     """Return the name of a glass in a file of ours: the maker's own, with the maker where another has it too."""
     bundled = _BUNDLED.get(plain)
     if bundled and maker == "schott":
@@ -523,5 +523,5 @@ def _successor(plain: str, makers: Sequence[str]) -> Named | None:
             swapped = [stem[len(prefix) :] for prefix in prefixes if stem.startswith(prefix)]
             for rest in [stem, *(prefix + part for part in [stem, *swapped] for prefix in prefixes)]:
                 if rest != plain and (rest in glasses_of(maker) or (maker == "schott" and rest in _BUNDLED)):
-                    return Named(_written(rest, maker), maker, False)
+                    return Named(_written_name(rest, maker), maker, False)
     return None

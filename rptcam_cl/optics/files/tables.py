@@ -13,7 +13,7 @@ from rptcam_cl.core.strict_yaml import Document
 from rptcam_cl.optics.files.native import check_lens
 from rptcam_cl.optics.files.table import LensTable, numbers
 from rptcam_cl.optics.glass import AIR, ConstantIndex, Medium
-from rptcam_cl.optics.lens import Lens, configured, film_distance
+from rptcam_cl.optics.lens import Lens, film_distance, in_configuration
 from rptcam_cl.optics.surface import FocusState, Surface
 
 #
@@ -360,11 +360,12 @@ def _with_sharp_states(lens: Lens, path: str) -> Lens:
         return tuple(replace(state, film_shift_mm=None) for state in states)
 
     configurations = tuple(
-        replace(each, floating=checked(configured(lens, each.name), each.floating)) for each in lens.configurations
+        replace(each, floating=checked(in_configuration(lens, each.name), each.floating))
+        for each in lens.configurations
     )
     lens = replace(lens, configurations=configurations)
     lens = (
-        configured(lens, configurations[0].name)
+        in_configuration(lens, configurations[0].name)
         if configurations
         else replace(lens, floating=checked(lens, lens.floating))
     )
