@@ -18,7 +18,7 @@ from rptcam_cl.core.colour import LUMINANCE
 from rptcam_cl.device.devices import choose_device
 from rptcam_cl.device.session import Session
 from rptcam_cl.imaging.development import srgb_from_linear
-from rptcam_cl.optics.charts import add_key, encoded, new_chart, series, styled
+from rptcam_cl.optics.charts import add_key, encode, new_chart, series, styled
 from rptcam_cl.scene.load import change_scene
 from rptcam_cl.studies.focus.probe import BEST, MEASURES, Zone
 from rptcam_cl.studies.focus.renderer import ProbeRenderer
@@ -67,7 +67,7 @@ def plotted(distances: list[float], curves: dict[str, Curve], path: Path) -> Non
         bars.append(axes.errorbar(distances, 100 * mean, yerr=200 * error, fmt=".-", color=series(number), label=name))
     axes.set_ylim(bottom=0.0)
     add_key(figure, bars)
-    path.write_bytes(encoded(figure, path))
+    path.write_bytes(encode(figure, path))
 
 
 def main() -> None:

@@ -24,7 +24,7 @@ from rptcam_cl.cli import main as rptcam
 from rptcam_cl.core.errors import InputError, RptcamError
 from rptcam_cl.core.files import replacing
 from rptcam_cl.imaging.image import SETTINGS
-from rptcam_cl.optics.charts import encoded
+from rptcam_cl.optics.charts import encode
 from rptcam_cl.scene.load import change_scene
 
 SECTIONS = (PAPER, REPORT, ASSIGNMENT_2015, ASSIGNMENT_2003)
@@ -70,7 +70,7 @@ def draw(drawing: Drawing, folder: Path) -> None:
     if drawing.chart is None:
         rptcam([*drawing.words, "-o", str(path)])
     else:
-        path.write_bytes(encoded(drawing.chart(), path))
+        path.write_bytes(encode(drawing.chart(), path))
 
 
 def render_figure(figure: Figure, quality: str, folder: Path, resume: bool = False) -> bool:

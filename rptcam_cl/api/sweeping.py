@@ -21,7 +21,7 @@ from rptcam_cl.api.interface import render
 from rptcam_cl.api.job import RenderOptions, SceneSource, SeriesRenderer, read_scene
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, RptcamError, StateError
-from rptcam_cl.core.files import check_writable, kernels_dir, make_folder, replacing, unlinked
+from rptcam_cl.core.files import check_writable, kernels_dir, make_folder, replacing, resolve_links
 from rptcam_cl.core.remember import Disk, OneMaker, made_by
 from rptcam_cl.device.session import Session, Wanted, open_sessions
 from rptcam_cl.imaging.development import quantise
@@ -336,9 +336,9 @@ class _Combination:
             "seconds": _seconds(image),
         } | ({} if self.mtf_at is None else {"mtf50": mtf50_at(luminance, *self.mtf_at)})
         if self.file is not None:
-            image.save(unlinked(self.file))
+            image.save(resolve_links(self.file))
             try:
-                with replacing(unlinked(self.file.with_suffix(".json"))) as temporary:
+                with replacing(resolve_links(self.file.with_suffix(".json"))) as temporary:
                     temporary.write_text(json.dumps({"key": self.key, "measures": measures}), encoding="utf-8")
             except StateError:
                 self.file.unlink(missing_ok=True)  # as on a full disk
@@ -465,7 +465,7 @@ def _entries(
     if folder is not None:
         _write_tables(folder, rows)
         columns = len({json.dumps(list(plan.values.values())[-1]) for plan in planned})
-        with replacing(unlinked(folder / SHEET)) as temporary:
+        with replacing(resolve_links(folder / SHEET)) as temporary:
             contact_sheet(thumbnails, columns).save(temporary, format="png")
 
 
@@ -495,7 +495,7 @@ def _write_tables(folder: Path, rows: Sequence[Mapping[str, Any]]) -> None:
             {key: format_value(value) if isinstance(value, list | dict) else value for key, value in row.items()}
         )
     for name, content in zip(TABLE, (text.getvalue(), json.dumps(rows, indent=2) + "\n"), strict=True):
-        with replacing(unlinked(folder / name)) as temporary:
+        with replacing(resolve_links(folder / name)) as temporary:
             temporary.write_text(content, encoding="utf-8")
 
 

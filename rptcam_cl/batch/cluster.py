@@ -31,8 +31,8 @@ from rptcam_cl.core.files import (
     read_whole,
     remove_strays,
     replacing,
+    resolve_links,
     scratch_folder,
-    unlinked,
 )
 from rptcam_cl.core.remember import Maker, Memory, OneMaker, is_maker, made_by
 from rptcam_cl.device.devices import choose_device
@@ -872,7 +872,7 @@ class PartsFolder:
             The folder cannot be written.
         """
         make_folder(self.path)
-        with replacing(unlinked(self.path / PLAN)) as temporary:
+        with replacing(resolve_links(self.path / PLAN)) as temporary:
             temporary.write_text(json.dumps(plan, indent=1), "utf-8")
 
     def file(self, number: int) -> Path:
@@ -881,7 +881,7 @@ class PartsFolder:
 
     def keep(self, number: int, content: bytes) -> None:
         """Write a part, whole or not at all."""
-        with replacing(unlinked(self.file(number))) as temporary:
+        with replacing(resolve_links(self.file(number))) as temporary:
             temporary.write_bytes(content)
 
     def missing(self, plan: PartsPlan) -> list[int]:

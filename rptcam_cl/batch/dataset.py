@@ -21,7 +21,7 @@ from rptcam_cl.api.job import SeriesRenderer
 from rptcam_cl.batch.specification import MOST_FRAMES, DatasetSpecification, number_errors, read_specification, whole
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, StateError
-from rptcam_cl.core.files import make_folder, replacing, unlinked
+from rptcam_cl.core.files import make_folder, replacing, resolve_links
 from rptcam_cl.core.remember import UNKNOWN, Memory, OneMaker, made_by
 from rptcam_cl.device.session import Wanted, open_sessions
 from rptcam_cl.exchange.camera_models import COEFFICIENTS, calibrate, calibrate_best
@@ -79,7 +79,7 @@ class DatasetFolder:
         """
         make_folder(self.path)
         if self.shard is not None:
-            make_folder(unlinked(self.frames))
+            make_folder(resolve_links(self.frames))
         about, mine = self.path / ABOUT, {"key": self.wanted.key, "shard": self.shard}
         if about.exists():
             try:
@@ -157,7 +157,7 @@ class DatasetFolder:
     def _keep(self, index: int, image: Image, layers: Sequence[str], record: dict[str, Any]) -> dict[str, Any]:
         shown = replace(image, layers={name: image[name] for name in layers})
         for suffix in self.wanted.files:
-            shown.save(unlinked(self._file(index, suffix)))
+            shown.save(resolve_links(self._file(index, suffix)))
         if self.wanted.truth:
             self._keep_truth(index, image)
         paths = [self._file(index, suffix) for suffix in self._suffixes]
@@ -183,7 +183,7 @@ class DatasetFolder:
             for number in range(-(-self.wanted.frames // self.shard)):
                 self._pack(number)
         with (
-            replacing(unlinked(self.path / MANIFEST)) as temporary,
+            replacing(resolve_links(self.path / MANIFEST)) as temporary,
             temporary.open("w", encoding="utf-8", newline="\n") as out,
         ):
             for index in range(self.wanted.frames):
@@ -203,7 +203,7 @@ class DatasetFolder:
         return self.frames / f"{index:06d}.{suffix}"
 
     def _write(self, path: Path, content: bytes) -> None:
-        with replacing(unlinked(path)) as temporary:
+        with replacing(resolve_links(path)) as temporary:
             temporary.write_bytes(content)
 
     def _range(self, number: int) -> range:
@@ -242,7 +242,7 @@ class DatasetFolder:
 
     def _write_shard(self, number: int) -> None:
         with (
-            replacing(unlinked(self._tar(number))) as temporary,
+            replacing(resolve_links(self._tar(number))) as temporary,
             tarfile.open(temporary, "w", format=tarfile.USTAR_FORMAT) as out,
         ):
             for path in self._files_of(number):

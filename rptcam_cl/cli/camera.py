@@ -169,13 +169,13 @@ def write_files(arguments: argparse.Namespace, seen: "View", chosen: "Calibratio
 def _files(arguments: argparse.Namespace, seen: "View", chosen: "Calibration") -> Iterator["File"]:
     from rptcam_cl.exchange.camera_files import WRITTEN, colmap_texts
     from rptcam_cl.exchange.camera_models import residual_chart
-    from rptcam_cl.optics.charts import encoded
+    from rptcam_cl.optics.charts import encode
 
     for name in TEXTS:
         if (path := getattr(arguments, name)) is not None:
             yield path, partial(_put, WRITTEN[name](seen, chosen).encode())
     if arguments.plot is not None:
-        yield arguments.plot, partial(_put, encoded(residual_chart(seen, chosen), arguments.plot))
+        yield arguments.plot, partial(_put, encode(residual_chart(seen, chosen), arguments.plot))
     yield from maps_to_write(arguments, seen)
     if arguments.colmap is not None:
         picture = f"{Path(arguments.source).stem.replace(' ', '_')}.png"

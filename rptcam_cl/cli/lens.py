@@ -43,7 +43,7 @@ def add_lens_convert(commands: Commands) -> None:
 
 def _run_lens_convert(arguments: argparse.Namespace) -> int:
     from rptcam_cl.optics.files.export import codev_text, left_out, lens_text, loses_dispersion, pbrt_text, zemax_text
-    from rptcam_cl.optics.lens import zoomed
+    from rptcam_cl.optics.lens import zoom_to
     from rptcam_cl.optics.ray_trace import has_coatings
 
     suffix = arguments.output.suffix.lower()
@@ -53,7 +53,7 @@ def _run_lens_convert(arguments: argparse.Namespace) -> int:
     lens = lens_options.load(arguments.lens, arguments.catalogue)
     comments = []
     if arguments.focal_length_mm is not None:
-        lens = replace(zoomed(lens, arguments.focal_length_mm), configurations=(), published={})
+        lens = replace(zoom_to(lens, arguments.focal_length_mm), configurations=(), published={})
         comments.append(f"Set to a focal length of {arguments.focal_length_mm:g} mm.")
     if arguments.f_number is not None:
         lens = lens.with_stop_diameter(lens.stop_diameter_for(arguments.f_number))

@@ -140,11 +140,11 @@ def add_lens_breathing(commands: Commands) -> None:
 
 def _positions(arguments: argparse.Namespace) -> list[tuple[str, "Lens"]]:
     """The lens in each of its zoom positions, or in the one that the options choose, stopped down."""
-    from rptcam_cl.optics.lens import configured
+    from rptcam_cl.optics.lens import in_configuration
 
     lens = lens_options.zoomed_lens(arguments, LINE_D_NM)
     if lens.configurations and arguments.zoom is None and arguments.focal_length_mm is None:
-        positions = [(each.name, configured(lens, each.name)) for each in lens.configurations]
+        positions = [(each.name, in_configuration(lens, each.name)) for each in lens.configurations]
     else:
         positions = [(arguments.zoom or "", lens)]
     if arguments.f_number is None:

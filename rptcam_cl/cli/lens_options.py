@@ -142,12 +142,12 @@ def add_catalogue(parser: argparse.ArgumentParser) -> None:
 def coating(text: str) -> "Coating":
     """The coating of a word, of a reflectance such as 0.005, or of layers such as 1.38:99.6,2.1:131."""
     from rptcam_cl.optics.coating import constant_reflectance
-    from rptcam_cl.optics.files.glasses import WORDS, layered
+    from rptcam_cl.optics.files.glasses import WORDS, read_layers
 
     if text in WORDS:
         return WORDS[text]
     if ":" in text:
-        return layered(_layers(text))
+        return read_layers(_layers(text))
     try:
         share = float(text)
     except ValueError:
@@ -301,10 +301,10 @@ def write(data: bytes, output: Path) -> None:
 
 def write_picture(picture: "Drawing | Figure", output: Path | None) -> None:
     """Write a picture, if a file is given."""
-    from rptcam_cl.optics.charts import encoded
+    from rptcam_cl.optics.charts import encode
 
     if output is not None:
-        write(encoded(picture, output), output)
+        write(encode(picture, output), output)
 
 
 # Rays from files: JSON, or CSV with columns x, y, z, dx, dy, dz and perhaps wavelength_nm.

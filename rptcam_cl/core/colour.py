@@ -69,12 +69,12 @@ def columns(name: str) -> dict[str, Spectrum]:
     text = (spectra_dir() / f"{name}.csv").read_text("utf-8")
     heading, *rows = [line for line in text.splitlines() if not line.startswith("#")]
     values = np.array([row.split(",") for row in rows], np.float64).T
-    found = {
+    table = {
         title: on_grid(values[0], column) for title, column in zip(heading.split(",")[1:], values[1:], strict=True)
     }
-    for column in found.values():
+    for column in table.values():
         column.setflags(write=False)
-    return found
+    return table
 
 
 @cache

@@ -54,7 +54,9 @@ class _Late:
         self._cls, self._name, self._frozen = cls, name, frozen
 
     def __get__(self, instance: object, owner: type | None = None) -> Any:
-        made = _init(self._cls, frozen=self._frozen) if self._name == "__init__" else _made(self._cls, self._name)
+        made = (
+            _init(self._cls, frozen=self._frozen) if self._name == "__init__" else _make_method(self._cls, self._name)
+        )
         setattr(self._cls, self._name, made)
         return getattr(owner if instance is None else instance, self._name)
 
@@ -94,7 +96,7 @@ def _init(cls: Any, *, frozen: bool) -> Any:
     return made
 
 
-def _made(cls: Any, name: str) -> Any:
+def _make_method(cls: Any, name: str) -> Any:
     """Return a method of a class that tells what its instances hold."""
     other = dataclasses.make_dataclass(
         cls.__qualname__,

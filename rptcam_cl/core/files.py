@@ -178,7 +178,7 @@ class Folders:
         return path
 
     def find_beside(self, path: Path) -> Callable[[Path], Path]:
-        """Return what finds the files that a file names relative to itself."""
+        """Return the references that resolve what a file names relative to itself."""
         return lambda reference: self.find(str(path.parent / reference))
 
     def beside(self, path: Path) -> Folders:
@@ -220,7 +220,7 @@ class References:
 
 
 @contextmanager
-def errors_named(place: object) -> Iterator[None]:
+def name_errors(place: object) -> Iterator[None]:
     """Let errors about a file begin with a place, where they say only what is wrong: ``bunny.ply: is too large``."""
     try:
         yield
@@ -314,7 +314,7 @@ STRAY_SECONDS = 7 * 24 * 3600  # after which a file that is still being written 
 
 
 def _process_space() -> str:
-    """Return what identifies the scope of process numbers: a boot of a system, a container; empty if unknown.
+    """Identify the scope of process numbers: a boot of a system, a container; empty if unknown.
 
     Host names do not: two containers with one name have processes of the same numbers.
     """
@@ -425,7 +425,7 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
             temporary.unlink()
 
 
-def unlinked(path: Path) -> Path:
+def resolve_links(path: Path) -> Path:
     """Return the path of a file in a folder that the program fills; a symbolic link in its place is removed.
 
     Links that a user names as an output are written through. In such a folder they would lead files out of it.
@@ -532,9 +532,9 @@ def _trim() -> Callable[[int], int] | None:
     if not sys.platform.startswith("linux"):
         return None
     with contextlib.suppress(OSError, AttributeError, TypeError):
-        found = ctypes.CDLL(None).malloc_trim
-        found.argtypes, found.restype = (ctypes.c_size_t,), ctypes.c_int
-        return found
+        malloc_trim = ctypes.CDLL(None).malloc_trim
+        malloc_trim.argtypes, malloc_trim.restype = (ctypes.c_size_t,), ctypes.c_int
+        return malloc_trim
     return None
 
 

@@ -246,7 +246,7 @@ class Disk:
 
 
 def _content_pieces(arrays: Mapping[str, NDArray[Any]], facts: Mapping[str, Any]) -> list[bytes | memoryview]:
-    """Return what a file consists of: hash, a line of JSON, and the numbers of all arrays."""
+    """Lay out a file: its hash, a line of JSON, and the numbers of all arrays."""
     import numpy as np  # late, as help texts need none of it
 
     whole = {name: np.ascontiguousarray(array) for name, array in arrays.items()}
@@ -321,7 +321,7 @@ UNKNOWN: Maker = {"code": "unknown", "numpy": "unknown", "driver": "unknown"}
 
 @lru_cache(maxsize=16)
 def identity_of_code(rooms: tuple[str, ...], kernels: tuple[str, ...] = ()) -> str:
-    """Return what changes with this machine, its numpy and the code of some rooms, and of some folders of kernels.
+    """Name this machine, its numpy and the code of some rooms and folders of kernels, as they are now.
 
     What is kept under it is what would be computed anew, bit by bit.
     """
@@ -338,7 +338,7 @@ def identity_of_code(rooms: tuple[str, ...], kernels: tuple[str, ...] = ()) -> s
 
 @lru_cache(maxsize=1)
 def code_digest() -> str:
-    """Return what changes with a file of the package or of its kernels, and is the same wherever the same files lie.
+    """Digest the files of the package and its kernels: the same wherever the same files lie.
 
     Of files that have changed since this process began it is one that no other has: what runs is not what lies there.
     """
@@ -369,7 +369,7 @@ def _digest(files: Sequence[tuple[str, str]]) -> str:
 
 
 def made_by(drivers: Iterable[str]) -> Maker:
-    """Return what a file says of the program that makes it, on devices with some drivers."""
+    """Describe this program, with its drivers, for a file that it makes."""
     import numpy as np
 
     return {"code": code_digest(), "numpy": np.__version__, "driver": " + ".join(sorted(set(drivers)))}
@@ -409,8 +409,8 @@ class OneMaker:
         StateError
             It is of another maker, or does not say of which, and that is not allowed.
         """
-        found = makers if isinstance(makers, list) else [makers]
-        for maker in [each if is_maker(each) else UNKNOWN for each in found] or [UNKNOWN]:
+        claims = makers if isinstance(makers, list) else [makers]
+        for maker in [each if is_maker(each) else UNKNOWN for each in claims] or [UNKNOWN]:
             if not self.makers:
                 self.first = name
             elif maker == UNKNOWN or maker not in self.makers:

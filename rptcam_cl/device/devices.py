@@ -96,18 +96,18 @@ _TRIALS = Disk(KEPT, pack=lambda trial: ({}, asdict(trial)), unpack=lambda _, fa
 
 @lru_cache(maxsize=64)
 def try_device(handle: Any) -> Trial:
-    """Return what a trivial kernel shows on the pyopencl device ``handle``; where PoCL needs help, after helping."""
+    """Try a trivial kernel on the pyopencl device ``handle``; where PoCL needs help, after helping."""
     try:
         key = "trial", driver_name(handle)
     except Exception as error:  # a driver may raise anything
         return Trial(problem=f"its driver does not describe it: {error}")
     kept: Trial | None = _TRIALS.find(key)
-    if kept is not None and _helped(handle, kept):
+    if kept is not None and _rename_processor(handle, kept):
         return kept
-    trial = _tried_apart(handle)
+    trial = _try_apart(handle)
     if trial.problem is None and _place(handle) is not None:
         _TRIALS.add(key, trial)
-        if not _helped(handle, trial):
+        if not _rename_processor(handle, trial):
             return Trial(problem="PoCL's record of the device is not as it was in another process")
     return trial
 
@@ -133,17 +133,17 @@ def keep_refusal(handle: Any, why: str) -> None:
 
 
 def refusal(handle: Any) -> str | None:
-    """Return what `keep_refusal` has kept of a device; None where there is nothing."""
+    """Read the refusal that `keep_refusal` has kept of a device; None where there is none."""
     why: str | None = _REFUSALS.find(("refusal", driver_name(handle)))
     return why
 
 
-def _helped(handle: Any, trial: Trial) -> bool:
+def _rename_processor(handle: Any, trial: Trial) -> bool:
     """Rename the processor here as in the trial; return whether that succeeded or was not needed."""
     return trial.renamed is None or drivers.rename_as_before(handle, *trial.renamed)
 
 
-def _tried_apart(handle: Any) -> Trial:
+def _try_apart(handle: Any) -> Trial:
     """Return the trial of a device in a process of its own."""
     place = _place(handle)
     if place is None or not sys.executable:  # a part of a device, or Python within another program
@@ -151,7 +151,7 @@ def _tried_apart(handle: Any) -> Trial:
     tries = TRIES
     if _fork_server and _fork_server[0].is_there:
         try:
-            found = _trial_of(_fork_server[0].ask(_try_there, *place, timeout_s=TRIAL_TIMEOUT_S))
+            trial = _trial_of(_fork_server[0].ask(_try_there, *place, timeout_s=TRIAL_TIMEOUT_S))
         except ServerEndedError as ended:
             if ended.code != 0:  # else it has waited too long
                 return Trial(problem=_ending(ended.code, ended.said))
@@ -159,9 +159,9 @@ def _tried_apart(handle: Any) -> Trial:
             tries -= 1
         else:
             _tried_there.add(place)
-            return found
+            return trial
     try:
-        done = _ended(place, tries)
+        done = _run_trial(place, tries)
     except OSError:  # no process can be started
         return try_here(handle)
     if done is None:
@@ -174,9 +174,9 @@ def _tried_apart(handle: Any) -> Trial:
         return Trial(problem=_ending(done.returncode, done.stderr.decode(errors="replace")))
 
 
-def _trial_of(found: dict[str, Any]) -> Trial:
-    renamed = found.pop("renamed")
-    return Trial(**found, renamed=None if renamed is None else (renamed[0], renamed[1]))
+def _trial_of(answer: dict[str, Any]) -> Trial:
+    renamed = answer.pop("renamed")
+    return Trial(**answer, renamed=None if renamed is None else (renamed[0], renamed[1]))
 
 
 def prepare_trial() -> None:
@@ -219,7 +219,7 @@ def _build_there(platform_number: int, device_number: int, source: str, *options
     return _build(handle, source, options)
 
 
-def _ended(place: tuple[int, int], tries: int) -> subprocess.CompletedProcess[bytes] | None:
+def _run_trial(place: tuple[int, int], tries: int) -> subprocess.CompletedProcess[bytes] | None:
     """Return the process of a trial after its end; None where it does not come to one."""
     command = [sys.executable, "-c", _CHILD, json.dumps(sys.path), *map(str, place)]
     for _ in range(tries):
@@ -258,11 +258,11 @@ def print_trial(platform_number: int, device_number: int) -> None:
 
 
 def try_here(handle: Any) -> Trial:
-    """Return what a trivial kernel shows on the pyopencl device ``handle`` in this process."""
+    """Try a trivial kernel on the pyopencl device ``handle`` in this process."""
     if not is_pocl(handle):
         problem = _build(handle, _source(None, ""))
         is_gpu = problem is None and handle.type & drivers.load_opencl().device_type.GPU
-        return Trial(problem=problem, speed=measured_speed(handle) if is_gpu else None)
+        return Trial(problem=problem, speed=measure_speed(handle) if is_gpu else None)
     arch = pocl_library_arch()
     # The name is part of the text: PoCL's cache must not return what was compiled under another name.
     own = drivers.own_name(handle)
@@ -277,7 +277,7 @@ def try_here(handle: Any) -> Trial:
     return Trial(problem=log)
 
 
-def measured_speed(handle: Any) -> float | None:
+def measure_speed(handle: Any) -> float | None:
     """Return how many steps of `_WALK` a device takes in a second; None where its driver cannot run it.
 
     The work grows until the driver's own time for a launch is small beside it.
@@ -339,7 +339,7 @@ def _source(arch: str | None, name: str) -> str:
 
 
 def _build(handle: Any, source: str, options: Sequence[str] = ("-cl-std=CL1.2", "-w")) -> str | None:
-    """Return what the compiler says of a program that fails; None when it builds."""
+    """Build a program; return the compiler's log where that fails, None when it builds."""
     cl = drivers.load_opencl()
     try:
         with warnings.catch_warnings():
@@ -408,12 +408,12 @@ def list_devices() -> list[DeviceInfo]:
         platforms = cl.get_platforms()
     except Exception as error:
         raise DeviceError(f"no OpenCL platform was found ({error}); {drivers.to_install()}") from error
-    found = []
+    devices = []
     for p, each in enumerate(platforms):
-        found += _devices_of(cl, p, each)
-    if not found:
+        devices += _devices_of(cl, p, each)
+    if not devices:
         raise DeviceError(f"no OpenCL device was found; {drivers.to_install()}")
-    return found
+    return devices
 
 
 def _devices_of(cl: Any, index: int, platform: Any) -> list[DeviceInfo]:
@@ -423,11 +423,11 @@ def _devices_of(cl: Any, index: int, platform: Any) -> list[DeviceInfo]:
     except Exception as error:  # whatever a driver does, the others can be used
         if "DEVICE_NOT_FOUND" in str(error):  # how a platform without devices says so
             return []
-        return [_unknown(f"{index}:0", platform, None, f"its driver lists no devices: {error}")]
-    return [_described(cl, f"{index}:{d}", platform, device) for d, device in enumerate(devices)]
+        return [_unknown_device(f"{index}:0", platform, None, f"its driver lists no devices: {error}")]
+    return [_describe(cl, f"{index}:{d}", platform, device) for d, device in enumerate(devices)]
 
 
-def _described(cl: Any, identity: str, platform: Any, device: Any) -> DeviceInfo:
+def _describe(cl: Any, identity: str, platform: Any, device: Any) -> DeviceInfo:
     try:
         return DeviceInfo(
             id=identity,
@@ -441,10 +441,10 @@ def _described(cl: Any, identity: str, platform: Any, device: Any) -> DeviceInfo
             driver=" ".join(f"{platform.version} {device.driver_version}".split()),
         )
     except Exception as error:
-        return _unknown(identity, platform, device, f"its driver does not describe it: {error}")
+        return _unknown_device(identity, platform, device, f"its driver does not describe it: {error}")
 
 
-def _unknown(identity: str, platform: Any, handle: Any, failure: str) -> DeviceInfo:
+def _unknown_device(identity: str, platform: Any, handle: Any, failure: str) -> DeviceInfo:
     try:
         name = str(platform.name).strip()
     except Exception:
@@ -466,13 +466,13 @@ def device_details(info: DeviceInfo) -> dict[str, Any]:
         "name": info.name,
         "type": info.type,
         "platform": info.platform,
-        "platform_version": _reported(lambda: info.handle.platform.version.strip()),
-        "driver_version": _reported(lambda: info.handle.driver_version.strip()),
-        "opencl_c": _reported(lambda: info.handle.opencl_c_version.strip()),
+        "platform_version": _read_or_none(lambda: info.handle.platform.version.strip()),
+        "driver_version": _read_or_none(lambda: info.handle.driver_version.strip()),
+        "opencl_c": _read_or_none(lambda: info.handle.opencl_c_version.strip()),
         "compute_units": info.compute_units,
-        "clock_mhz": _reported(lambda: int(info.handle.max_clock_frequency)),
+        "clock_mhz": _read_or_none(lambda: int(info.handle.max_clock_frequency)),
         "memory_bytes": info.memory_bytes,
-        "largest_buffer_bytes": _reported(lambda: int(info.handle.max_mem_alloc_size)),
+        "largest_buffer_bytes": _read_or_none(lambda: int(info.handle.max_mem_alloc_size)),
         "fp64": info.fp64,
         "problem": problem_of(info),
         "kernel_target": trial.library_arch,
@@ -480,7 +480,7 @@ def device_details(info: DeviceInfo) -> dict[str, Any]:
     }
 
 
-def _reported(read: Callable[[], Any]) -> Any:
+def _read_or_none(read: Callable[[], Any]) -> Any:
     try:
         return read()
     except Exception:  # a driver may raise anything; what is wrong with it is said in ``problem``
@@ -570,7 +570,7 @@ def fitting_devices(devices: list[DeviceInfo], spec: str | None = None) -> tuple
     """
     for source, value in (
         ("--device", spec),
-        ("RPTCAM_DEVICE", first_listed(os.environ.get("RPTCAM_DEVICE"))),
+        ("RPTCAM_DEVICE", first_device(os.environ.get("RPTCAM_DEVICE"))),
         ("PYOPENCL_CTX", os.environ.get("PYOPENCL_CTX")),
     ):
         if value is not None and value.strip():
@@ -605,7 +605,7 @@ def _listing(devices: list[DeviceInfo]) -> str:
     return "; ".join(f"{device.id} {device.name} [{device.type}]" for device in devices)
 
 
-def listed(spec: str) -> list[str]:
+def parse_devices(spec: str) -> list[str]:
     """Return the devices that ``spec`` lists: indices with commas between them, else the one that it is."""
     words = [word.strip() for word in spec.split(",")]
     return words if all(_INDEX.fullmatch(word) for word in words) else [spec.strip()]
@@ -613,13 +613,13 @@ def listed(spec: str) -> list[str]:
 
 def several_of_environment() -> list[str] | None:
     """Return the devices that ``RPTCAM_DEVICE`` lists, where they are several or "all"; else None."""
-    words = listed(os.environ.get("RPTCAM_DEVICE", ""))
+    words = parse_devices(os.environ.get("RPTCAM_DEVICE", ""))
     return words if len(words) > 1 or words == [ALL] else None
 
 
-def first_listed(spec: str | None) -> str | None:
+def first_device(spec: str | None) -> str | None:
     """Return the device that a command takes that takes one: the first of a list, the best of all."""
     if spec is None:
         return None
-    first = listed(spec)[0]
+    first = parse_devices(spec)[0]
     return "auto" if first.lower() == ALL else first

@@ -190,7 +190,7 @@ def pocl_cache_folder() -> Path:
 def make_pocl_cache_usable() -> None:
     """Name a temporary folder for PoCL's cache if its own cannot be written; remove damaged files otherwise."""
     folder = pocl_cache_folder()
-    barred = _barred(folder)
+    barred = _why_unwritable(folder)
     if barred is None:
         marks = cache_dir("pocl") / hashlib.sha256(str(folder.absolute()).encode()).hexdigest()[:16]
         left = left_behind(marks)
@@ -215,7 +215,7 @@ def make_pocl_cache_usable() -> None:
 def lack_of_room() -> str | None:
     """Return why PoCL finds no place for what it compiles, in its cache or among temporary files; else None."""
     folder = pocl_cache_folder()
-    barred = _barred(folder)
+    barred = _why_unwritable(folder)
     if barred is None:
         return None
     place = f"{folder}: {barred}, and compiled kernels take {ROOM >> 20} MiB"
@@ -237,7 +237,7 @@ def note_code(name: str) -> None:
 
 def _mend(folder: Path, since: float = 0.0) -> None:
     """Remove damaged files that were written since a time [s], and the notes of what there is."""
-    damaged = sum(map(_removed, _damaged(folder, since)))
+    damaged = sum(map(_remove_program, _damaged_files(folder, since)))
     if damaged:
         shutil.rmtree(folder / _NOTES, ignore_errors=True)
         warnings.warn(f"{folder}: damaged kernels ({damaged}) are compiled anew", stacklevel=1)
@@ -280,7 +280,7 @@ def _has_room(folder: Path) -> bool:
         return False
 
 
-def _barred(folder: Path) -> str | None:
+def _why_unwritable(folder: Path) -> str | None:
     """Return why nothing can be kept in a folder, None where it can."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -293,7 +293,7 @@ def _barred(folder: Path) -> str | None:
     return None
 
 
-def _removed(path: Path) -> bool:
+def _remove_program(path: Path) -> bool:
     """Remove what PoCL keeps of the program that a damaged file belongs to; tell whether that could be done."""
     folder = path.parent if path.name == "program.bc" else path.parents[2]
     with contextlib.suppress(OSError):
@@ -302,7 +302,7 @@ def _removed(path: Path) -> bool:
     return False
 
 
-def _damaged(folder: Path, since: float) -> list[Path]:
+def _damaged_files(folder: Path, since: float) -> list[Path]:
     """Return the files of PoCL's cache, written since a time [s], that are not whole."""
     suspects = [path for path in _files(folder, since) if not _is_whole(path)]
     if suspects:
@@ -444,7 +444,7 @@ def intel_library() -> Path | None:
 
 
 def to_install() -> str:
-    """Return what brings an OpenCL device to this system."""
+    """Advise how to get an OpenCL device on this system."""
     on_x86 = platform.machine().lower() in ("x86_64", "amd64")
     if sys.platform.startswith("linux") and on_x86:
         return "install PoCL with \"pip install 'rptcam_cl[pocl]'\" or the OpenCL driver of your GPU"
@@ -456,7 +456,7 @@ def to_install() -> str:
 
 
 def instead() -> str:
-    """Return what to install in the place of drivers that are there and cannot compile."""
+    """Advise what to install in place of drivers that cannot compile."""
     if platform.machine().lower() not in ("x86_64", "amd64") or sys.platform == "darwin":
         return "install another OpenCL, as of your distribution or of your GPU"
     ways = ["Intel's OpenCL for any x86-64 processor with \"pip install 'rptcam_cl[intel]'\""]

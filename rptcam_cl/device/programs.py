@@ -39,17 +39,17 @@ _WORD = re.compile(r"\b[A-Za-z_]\w*")
 def kernel_parameters(source: str) -> dict[str, tuple[str, ...]]:
     """Return the names of the parameters of every kernel of a program, in their order."""
     macros: Macros = {}
-    found: dict[str, tuple[str, ...]] = {}
+    parameters: dict[str, tuple[str, ...]] = {}
     head = ""
     for line in _active_lines(_COMMENT.sub(" ", source), macros):
         if head or line.lstrip().startswith("__kernel"):
             head += f" {line}"
             if "{" in line:
-                kernel = _KERNEL.match(_expanded(head.lstrip(), macros))
+                kernel = _KERNEL.match(_expand_macros(head.lstrip(), macros))
                 assert kernel is not None, head
-                found[kernel[1]] = tuple(_WORD.findall(each)[-1] for each in kernel[2].split(","))
+                parameters[kernel[1]] = tuple(_WORD.findall(each)[-1] for each in kernel[2].split(","))
                 head = ""
-    return found
+    return parameters
 
 
 def _active_lines(text: str, macros: Macros) -> Iterator[str]:
@@ -91,12 +91,12 @@ def _define(rest: str, macros: Macros) -> None:
 def _holds(condition: str, macros: Macros) -> bool:
     """Return whether the condition of an ``#if`` holds; a name that is no macro counts as 0."""
     text = _DEFINED.sub(lambda match: str(int(match[1] in macros)), condition)
-    text = _WORD.sub("0", _expanded(text, macros))
+    text = _WORD.sub("0", _expand_macros(text, macros))
     text = re.sub(r"(?<=\d)[uUlL]+\b", "", text).replace("&&", " and ").replace("||", " or ")
     return bool(eval(re.sub(r"!(?!=)", " not ", text), {"__builtins__": {}}))  # digits and operators of our own kernels
 
 
-def _expanded(text: str, macros: Macros, within: frozenset[str] = frozenset()) -> str:
+def _expand_macros(text: str, macros: Macros, within: frozenset[str] = frozenset()) -> str:
     """Return a text with its macros in place, but those ``within`` whose expansion it stands."""
     out, position = "", 0
     while match := _WORD.search(text, position):
@@ -111,20 +111,20 @@ def _expanded(text: str, macros: Macros, within: frozenset[str] = frozenset()) -
             given, position = _arguments(text, position)
             values = dict(zip(parameters, given, strict=True))
             body = _WORD.sub(lambda word, values=values: values.get(word[0], word[0]), body)  # type: ignore[misc]
-        out += _expanded(body, macros, within | {name})
+        out += _expand_macros(body, macros, within | {name})
     return out + text[position:]
 
 
 def _arguments(text: str, position: int) -> tuple[list[str], int]:
     """Return the arguments of a macro from its opening bracket on, and where the text goes on behind them."""
-    depth, begin, found = 0, text.index("(", position) + 1, []
+    depth, begin, arguments = 0, text.index("(", position) + 1, []
     for place in range(begin - 1, len(text)):
         depth += {"(": 1, ")": -1}.get(text[place], 0)
         if depth == 0 or (depth == 1 and text[place] == ","):
-            found.append(text[begin:place].strip())
+            arguments.append(text[begin:place].strip())
             begin = place + 1
         if depth == 0:
-            return found, begin
+            return arguments, begin
     raise AssertionError(f"brackets do not close: {text}")
 
 
@@ -221,7 +221,7 @@ def options_of(device: Any, source: str) -> tuple[str, ...]:
 
 
 def source_key(files: list[str], facts: Mapping[str, int | str], declarations: str) -> tuple[Any, ...]:
-    """Return what the text of a program follows from, without reading it."""
+    """Key a program by what its text follows from, without reading it."""
     return (kernels_dir(), *files, frozenset(facts.items()), declarations)
 
 

@@ -290,7 +290,7 @@ class Session:
         return other
 
     def for_samples(self, samples: int) -> Session:
-        """Return what renders a picture soonest: `quick` where all pictures so far have few samples."""
+        """Choose the session that renders a picture soonest: `quick` where all so far have few samples."""
         self._few_left[0] -= samples
         return self.quick() if self._few_left[0] >= 0 else self
 
@@ -476,7 +476,7 @@ def open_sessions(wanted: Wanted = None, split: Split | None = None) -> tuple[li
     shares = None if split is None else _shares(split)
     if wanted is None and shares is not None:
         wanted = list(shares)
-    sessions = _opened(wanted)
+    sessions = _open_all(wanted)
     seen: set[str] = set()
     for session in sessions:
         if session.info.id in seen:
@@ -496,10 +496,10 @@ def means_one(wanted: str | None, split: Split | None = None) -> bool:
     """Return whether a single device is meant, whichever it is."""
     if wanted is None:
         return split is None and devices.several_of_environment() is None
-    return devices.listed(wanted) == [wanted.strip()] and wanted.strip() != devices.ALL
+    return devices.parse_devices(wanted) == [wanted.strip()] and wanted.strip() != devices.ALL
 
 
-def _opened(wanted: Wanted) -> list[Session]:
+def _open_all(wanted: Wanted) -> list[Session]:
     if isinstance(wanted, Session):
         return [wanted]
     if wanted is None:
@@ -511,7 +511,7 @@ def _opened(wanted: Wanted) -> list[Session]:
         raise DeviceError("--device: no device is named (allowed: one or more, or none to have one chosen)")
     words: list[str | Session] = []
     for entry in entries:
-        words += devices.listed(entry) if isinstance(entry, str) else [entry]
+        words += devices.parse_devices(entry) if isinstance(entry, str) else [entry]
     if devices.ALL in words:
         if len(words) > 1:
             raise DeviceError("--device: 'all' stands alone (or name the devices)")
@@ -527,18 +527,18 @@ def usable_devices() -> list[devices.DeviceInfo]:
     DeviceError
         When none does.
     """
-    found, reasons = [], []
+    usable, reasons = [], []
     for info in devices.list_devices():
         problem = devices.problem_of(info)
         if problem is None:
-            found.append(info)
+            usable.append(info)
         else:
             reasons.append(f"device {info.id} {info.name} cannot be used: {problem}")
-    if not found:
+    if not usable:
         raise DeviceError(f"{'; '.join(reasons)}; {instead()}")
     for reason in reasons:
         warnings.warn(f"{reason}; it is left out", UserWarning, stacklevel=2)
-    return found
+    return usable
 
 
 def _shares(split: Split) -> dict[str, float]:
@@ -548,19 +548,19 @@ def _shares(split: Split) -> dict[str, float]:
         given = [(name.strip(), share.strip()) for name, _, share in pairs]
     else:
         given = [(str(name).strip(), str(share)) for name, share in split.items()]
-    found: dict[str, float] = {}
+    shares: dict[str, float] = {}
     for name, text in given:
         share = float(text) if re.fullmatch(r"[0-9.]*[0-9][0-9.]*(e-?\d+)?", text) and text.count(".") < 2 else math.nan
         if not name or not 0 < share <= 1:
             what = f"{name}={text}" if name else text
             raise DeviceError(f"--split: got {what}; allowed a device and its share, above 0 and up to 1, as {EXAMPLE}")
-        if name in found:
+        if name in shares:
             raise DeviceError(f"--split: {name} twice (give each device one share)")
-        found[name] = share
-    total = math.fsum(found.values())
+        shares[name] = share
+    total = math.fsum(shares.values())
     if abs(total - 1) > ROUNDING:
         raise DeviceError(f"--split: the shares add up to {total:g} (allowed: 1, as {EXAMPLE})")
-    return found
+    return shares
 
 
 def _in_order(shares: Mapping[str, float], sessions: Sequence[Session]) -> list[float]:

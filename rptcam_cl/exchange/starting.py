@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, StateError
-from rptcam_cl.core.files import Folders, errors_named, named_files, read_whole, replacing
+from rptcam_cl.core.files import Folders, name_errors, named_files, read_whole, replacing
 from rptcam_cl.optics.chief_rays import crossings
 from rptcam_cl.optics.design import image_circle
 from rptcam_cl.optics.lens import film_distance
@@ -96,7 +96,7 @@ class Copies:
 
 
 def _content(path: Path) -> bytes:
-    with errors_named(path):
+    with name_errors(path):
         return read_whole(path, LARGEST_COPY)
 
 
@@ -676,7 +676,7 @@ class Start:
             self.report.append(f"{len(lights)} lamp{'s' if len(lights) > 1 else ''} of the file")
         if self.hdri is not None:
             name = self.copies.name_of(self.hdri)
-            with errors_named(self.hdri):
+            with name_errors(self.hdri):
                 read_picture(self.hdri)
             scene["environment"] = {"kind": "image", "file": name, "up": _round(self._up)}
         elif not lights:

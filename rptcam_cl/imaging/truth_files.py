@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.errors import InputError, StateError
-from rptcam_cl.core.files import replacing, unlinked
+from rptcam_cl.core.files import replacing, resolve_links
 
 #
 # Cryptomatte: which objects share a pixel and how much of it each covers, as compositing programs read it.
@@ -252,7 +252,7 @@ def save_truth(
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as problem:
         raise StateError(f"{folder}: cannot be made ({problem.strerror})") from None
-    written = [unlinked(folder / f"{prefix}{name}") for name in TRUTH_FILES]
+    written = [resolve_links(folder / f"{prefix}{name}") for name in TRUTH_FILES]
     depth = written.pop()
     with replacing(written[0]) as temporary:
         temporary.write_text(json.dumps(said) + "\n", encoding="utf-8")
@@ -264,7 +264,7 @@ def save_truth(
             np.save(stream, layers["pupil_depth"])
     rays = {name: layers[name] for name in ("ray_origin", "ray_direction") if name in layers}
     if rays:
-        written.append(unlinked(folder / f"{prefix}rays.npz"))
+        written.append(resolve_links(folder / f"{prefix}rays.npz"))
         with replacing(written[-1]) as temporary, temporary.open("xb") as stream:
             np.savez_compressed(stream, **rays)  # type: ignore[arg-type]
     return written

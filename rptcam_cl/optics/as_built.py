@@ -112,7 +112,7 @@ class Heat:
         thermal = thermal_of(glass)
         if thermal is None or thermal.dispersion is None:
             key = "thermal: {d: [D0, D1, D2], e: [E0, E1], …}"
-            raise _unknown(lens, where, glass, "its index changes with temperature", key)
+            raise _missing_value_error(lens, where, glass, "its index changes with temperature", key)
         return Heated.of(glass, thermal, self.celsius, self.pressure_hpa)
 
     def _growth(self, lens: Lens, k: int) -> float:
@@ -122,7 +122,7 @@ class Heat:
             return self.barrel_scale
         thermal = thermal_of(glass)
         if thermal is None or thermal.expansion_per_k is None:
-            raise _unknown(lens, f"surfaces[{k}]", glass, "it expands", "expansion_per_k")
+            raise _missing_value_error(lens, f"surfaces[{k}]", glass, "it expands", "expansion_per_k")
         return 1.0 + thermal.expansion_per_k * (self.celsius - STANDARD_C)
 
 
@@ -133,7 +133,7 @@ def thermal_of(glass: Medium) -> Thermal | None:
     return glass.thermal if glass.thermal is not None else bundled_thermal(glass)
 
 
-def _unknown(lens: Lens, where: str, glass: Medium, what: str, key: str) -> InputError:
+def _missing_value_error(lens: Lens, where: str, glass: Medium, what: str, key: str) -> InputError:
     name = glass.name or "(unnamed)"
     return InputError(
         f"{lens.name}: {where}: nothing says how glass {name} takes heat: how {what}"
@@ -247,22 +247,22 @@ class Copies:
 
     def indices(self, wavelength_nm: float) -> Array:
         """Return the index before the first surface and after each one (copies, surfaces + 1)."""
-        found = self._rows(self.lens.indices(wavelength_nm))
+        values = self._rows(self.lens.indices(wavelength_nm))
         shift, share = self._sums("index"), self._sums("abbe")
-        found[:, 1:] += shift
+        values[:, 1:] += shift
         for k in np.flatnonzero(np.any(share != 0, axis=0)).tolist():
             glass = self.lens.surfaces[k].glass
             off_d = float(glass.index(wavelength_nm) - glass.index(LINE_D_NM))
-            found[:, k + 1] += off_d * (1.0 / (1.0 + share[:, k]) - 1.0)
-        return found
+            values[:, k + 1] += off_d * (1.0 / (1.0 + share[:, k]) - 1.0)
+        return values
 
     @cached_property
     def poses(self) -> dict[int, tuple[Array, Array]]:
         """Rotation (copies, 3, 3) and offset (copies, 3) [mm] of each surface that has any."""
-        found: dict[int, tuple[Array, Array]] = {}
+        poses: dict[int, tuple[Array, Array]] = {}
         for k, surface in enumerate(self.lens.surfaces):
             if surface.pose is not None:
-                found[k] = (self._rows(surface.pose.matrix()), self._rows(surface.pose.offset))
+                poses[k] = (self._rows(surface.pose.matrix()), self._rows(surface.pose.offset))
         for number, deviation in enumerate(self.deviations):
             if not deviation.is_pair:
                 continue
@@ -270,8 +270,8 @@ class Copies:
             for k in range(deviation.first, deviation.last + 1):
                 start = (self._rows(np.eye(3)), np.zeros((self.count, 3)))
                 arm = float(self.lens.vertices[k] - self.lens.vertices[deviation.first])
-                found[k] = _move_pose(*found.get(k, start), deviation, value, arm)
-        return found
+                poses[k] = _move_pose(*poses.get(k, start), deviation, value, arm)
+        return poses
 
     def copy(self, number: int) -> Lens:
         """Return one of the copies as a lens."""

@@ -12,7 +12,7 @@ from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.lens import MEASURED_FROM, Lens, film_distance
-from rptcam_cl.optics.pupils import UNMOVED, FilmFrame, FilmProbe, grid, narrowed, narrowing_probes, pupil_boxes
+from rptcam_cl.optics.pupils import UNMOVED, FilmFrame, FilmProbe, grid, narrow_boxes, narrowing_probes, pupil_boxes
 from rptcam_cl.optics.spot import Beam, spot
 
 # The film distance of the least real-ray spot at the working aperture, on the axis or at a field point.
@@ -113,8 +113,8 @@ def _beam_to(
 ) -> Beam:
     """Return the light of the object point that the mean ray from a film point meets."""
     probe, film = FilmProbe(lens, film_distance_mm, wavelength_nm), np.array([film_point_mm], dtype=np.float64)
-    boxes, found = narrowed(probe, film, probe.windows(film), AIMS)
-    if not found[0]:
+    boxes, lit = narrow_boxes(probe, film, probe.windows(film), AIMS)
+    if not lit[0]:
         x, y = film_point_mm
         raise InputError(f"{lens.name}: no light reaches the film point ({x:g}, {y:g}) mm")
     rays = probe.trace(film[0], grid(boxes, *AIMS)[0])
@@ -266,10 +266,10 @@ def blur_variances(
         How the film stands; x and y of the blur run along its sides.
     """
     boxes, lit = pupil_boxes(narrowing_probes(lens, film_distance_mm, wavelength_nm, frame), film)
-    beams, found = _beams(lens, film_distance_mm + frame.depth(film), film, boxes, wavelength_nm)
+    beams, has_beam = _beams(lens, film_distance_mm + frame.depth(film), film, boxes, wavelength_nm)
     spots = [_spots(lens, film_distance_mm, beams, float(vergence), wavelength_nm, frame) for vergence in vergences]
     variances = np.stack(spots, axis=1)
-    lit = lit & found & np.isfinite(variances).all(axis=(1, 2))
+    lit = lit & has_beam & np.isfinite(variances).all(axis=(1, 2))
     return np.where(lit[:, None, None], variances, 0.0), lit
 
 

@@ -284,7 +284,7 @@ def check_suffix(path: FilePath, plain: Sequence[str] = ()) -> None:
     check_charts()
 
 
-def encoded(picture: Drawing | Figure, path: FilePath) -> bytes:
+def encode(picture: Drawing | Figure, path: FilePath) -> bytes:
     """Return the bytes of the file that a picture becomes under a name that ends in .svg, .png or .pdf."""
     check_suffix(path, DRAWN if isinstance(picture, Drawing) else ())
     suffix = path.suffix.lower()
@@ -401,7 +401,7 @@ class Measured:
             raise InputError(f"{self.title}: has no chart to save")
         check_suffix(Path(path))
         check_writable(path)
-        data = encoded(self.chart(), Path(path))
+        data = encode(self.chart(), Path(path))
         with replacing(path) as temporary:
             temporary.write_bytes(data)
 

@@ -158,18 +158,18 @@ def film_chief_rays(lens: Lens, film_points: Array, wavelength_nm: float = LINE_
     pupil = lens.first_order(wavelength_nm).exit_pupil.distance_mm
     depth = lens.sense * (points[:, 2] - lens.length)
     share = -pupil / (depth - pupil) if np.isfinite(pupil) else np.ones(len(points))
-    aims, found = _aim(rear, lens, points, points[:, :2] * share[:, None], wavelength_nm, size)
+    aims, reached = _aim(rear, lens, points, points[:, :2] * share[:, None], wavelength_nm, size)
     for _ in range(RETRIES):
-        lost = np.flatnonzero(~found)
-        if not found.any() or not len(lost):
+        lost = np.flatnonzero(~reached)
+        if not reached.any() or not len(lost):
             break
-        known = np.flatnonzero(found)
+        known = np.flatnonzero(reached)
         away = np.sum((points[lost, None, :2] - points[None, known, :2]) ** 2, axis=2)
         near = known[np.argmin(away, axis=1)]
         start = aims[near] + (points[lost, :2] - points[near, :2]) * share[lost, None]
-        aims[lost], found[lost] = _aim(rear, lens, points[lost], start, wavelength_nm, size)
+        aims[lost], reached[lost] = _aim(rear, lens, points[lost], start, wavelength_nm, size)
     rays = aimed_rays(lens, points, aims, wavelength_nm)
-    return replace(rays, found=found & rays.found, clear=found & rays.clear)
+    return replace(rays, found=reached & rays.found, clear=reached & rays.clear)
 
 
 def aimed_rays(lens: Lens, film_points: Array, aims: Array, wavelength_nm: float = LINE_D_NM) -> ChiefRays:
@@ -180,13 +180,13 @@ def aimed_rays(lens: Lens, film_points: Array, aims: Array, wavelength_nm: float
     known = np.asarray(np.isfinite(aims).all(axis=1))
     away = _towards(lens, film_points, np.where(known[:, None], aims, 0.0))
     rays = trace(without_rims(lens), film_points, away, wavelength_nm)
-    found = known & rays.passed
+    reached = known & rays.passed
     filled = replace(lens, surfaces=tuple(surface.filled() for surface in lens.surfaces))
-    clear = found & passing(filled, film_points, away, wavelength_nm)
-    return ChiefRays(rays.origins, rays.directions, found, clear, aims)
+    clear = reached & passing(filled, film_points, away, wavelength_nm)
+    return ChiefRays(rays.origins, rays.directions, reached, clear, aims)
 
 
-def unobstructed(lens: Lens) -> Lens:
+def without_obstructions(lens: Lens) -> Lens:
     """Return the lens without holes, obstructions in its middle and the shape of its stop: its chief rays need none."""
     return replace(lens, surfaces=tuple(each.filled() for each in lens.surfaces)) if lens.is_obstructed else lens
 
@@ -221,12 +221,12 @@ def _aim(
         at = rays.origins if pose is None else pose.inward(rays.origins.T, rays.directions.T)[0].T
         return np.where(rays.passed[:, None], at[:, :2], np.nan)
 
-    aims, found = start.copy(), np.zeros(len(points), dtype=bool)
+    aims, reached = start.copy(), np.zeros(len(points), dtype=bool)
     rows = np.arange(len(points))
     for _ in range(ROUNDS):
         at = miss(rows, aims[rows])
         hit = np.abs(at).max(axis=1) <= HIT * size
-        found[rows[hit]] = True
+        reached[rows[hit]] = True
         rows, at = rows[~hit], at[~hit]
         if not len(rows):
             break
@@ -243,7 +243,7 @@ def _aim(
         aims[rows] = new[usable]
         if not len(rows):
             break
-    return aims, found
+    return aims, reached
 
 
 #
@@ -279,8 +279,8 @@ def round_chief_rays(lens: Lens, film_points: Array, wavelength_nm: float = LINE
         x, y = vectors[which, 0], vectors[which, 1]
         return np.column_stack([cosine * x - sine * y, sine * x + cosine * y, vectors[which, 2:]])
 
-    found, clear = rays.found[which], rays.clear[which]
-    return ChiefRays(turned(rays.origins), turned(rays.directions), found, clear, turned(rays.aims))
+    exist, clear = rays.found[which], rays.clear[which]
+    return ChiefRays(turned(rays.origins), turned(rays.directions), exist, clear, turned(rays.aims))
 
 
 def fan_chief_rays(lens: Lens, film_points: Array, wavelength_nm: float) -> ChiefRays | None:
@@ -304,8 +304,8 @@ def fan_chief_rays(lens: Lens, film_points: Array, wavelength_nm: float) -> Chie
         fan = fans[width]
         if fan is None:
             return None
-        if (found := fan.chief_rays(lens, film_points, radii, film_distance_mm)) is not None:
-            return found
+        if (rays := fan.chief_rays(lens, film_points, radii, film_distance_mm)) is not None:
+            return rays
     return None
 
 
@@ -393,19 +393,19 @@ class _Fan:
     @cached_property
     def _changes(self) -> Array:
         """Polynomials of the derivatives of height and slope."""
-        found = np.zeros((len(self.polynomials), 2))
-        found[:-1] = np.polynomial.chebyshev.chebder(self.polynomials[:, :2]) * (2 / self.tangent**2)
-        return found
+        derivatives = np.zeros((len(self.polynomials), 2))
+        derivatives[:-1] = np.polynomial.chebyshev.chebder(self.polynomials[:, :2]) * (2 / self.tangent**2)
+        return derivatives
 
     def _terms(self, tangents: Array) -> Array:
         """Return the Chebyshev polynomials (n, nodes) at some tangents."""
         places = np.clip(2 * (tangents / self.tangent) ** 2 - 1, -1.0, 1.0)
-        found = np.empty((len(self.polynomials), len(places)))
-        found[0], found[1] = 1.0, places
-        for k in range(2, len(found)):
-            np.multiply(found[k - 1], 2 * places, out=found[k])
-            found[k] -= found[k - 2]
-        return found.T
+        terms = np.empty((len(self.polynomials), len(places)))
+        terms[0], terms[1] = 1.0, places
+        for k in range(2, len(terms)):
+            np.multiply(terms[k - 1], 2 * places, out=terms[k])
+            terms[k] -= terms[k - 2]
+        return terms.T
 
     def chief_rays(self, lens: Lens, film_points: Array, radii: Array, film_distance_mm: float) -> ChiefRays | None:
         """Return the chief rays of film points (n, 3) so far from the axis; None where it goes not so far."""
@@ -422,14 +422,14 @@ class _Fan:
         for _ in range(FAN_ROUNDS):
             scale, change = (self._terms(tangents) @ by).T
             tangents = tangents - (tangents * scale - radii) / (scale + 2 * tangents**2 * change)
-        found = self._terms(tangents) @ self.polynomials
-        found[:, :-2] *= sign * tangents[:, None]
+        values = self._terms(tangents) @ self.polynomials
+        values[:, :-2] *= sign * tangents[:, None]
         rims = np.array([surface.semi_diameter for surface in lens.surfaces])
         turns = film_points[:, :2] / np.maximum(radii, 1e-300)[:, None]
         return ChiefRays(
-            np.column_stack([turns * found[:, 2:3], found[:, -2]]),
-            np.column_stack([turns * found[:, 3:4], found[:, -1]]),
+            np.column_stack([turns * values[:, 2:3], values[:, -2]]),
+            np.column_stack([turns * values[:, 3:4], values[:, -1]]),
             np.ones(len(radii), dtype=bool),
-            np.all(np.abs(found[:, 4:-2]) <= rims, axis=1),
-            turns * found[:, :1],
+            np.all(np.abs(values[:, 4:-2]) <= rims, axis=1),
+            turns * values[:, :1],
         )

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.optics.glass import interpolated
+from rptcam_cl.optics.glass import interpolate
 
 Array = NDArray[np.float64]
 Amplitude = NDArray[np.float64] | NDArray[np.complex128]
@@ -158,7 +158,7 @@ class MeasuredReflectance:
 
     def reflectance(self, wavelength_nm: ArrayLike) -> Array:
         """Return the reflectance at normal incidence at each wavelength [nm]."""
-        return interpolated(wavelength_nm, self.wavelengths_nm, self.values, "reflectance of a coating")
+        return interpolate(wavelength_nm, self.wavelengths_nm, self.values, "reflectance of a coating")
 
     def transmittance(self, interface: Interface, wavelength_nm: ArrayLike) -> Array:
         """Return the share of unpolarised light that passes, at wavelengths [nm]."""

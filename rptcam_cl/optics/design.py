@@ -13,7 +13,7 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.irradiance import on_axis_irradiance
 from rptcam_cl.optics.lens import brought_to_focus
-from rptcam_cl.optics.pupils import FilmProbe, box_near, grid, narrowed, narrowing_probes, pupil_boxes
+from rptcam_cl.optics.pupils import FilmProbe, box_near, grid, narrow_boxes, narrowing_probes, pupil_boxes
 from rptcam_cl.optics.ray_trace import IDEAL, LensTransmission, axial_transmittance
 
 if TYPE_CHECKING:
@@ -297,7 +297,7 @@ def image_circle(
     def lit(radius: float) -> bool:
         # What is left near the edge is a sliver across the plane of film point and axis, too thin for a grid.
         film = np.array([[radius, 0.0]])
-        return any(narrowed(probe, film, probe.windows(film), shape)[1][0] for shape in (FAN, SEARCH))
+        return any(narrow_boxes(probe, film, probe.windows(film), shape)[1][0] for shape in (FAN, SEARCH))
 
     radii = np.concatenate([[0.0], limit * np.geomspace(0.02, 1.0, 24)])
     low, high = 0.0, 0.0
@@ -341,14 +341,14 @@ def half_light_radius(lens: Lens, film_distance_mm: float, circle_mm: float, wav
     def light(radius: float) -> float:  # D^2 / (D^2 + rho^2)^2 over what passes of a plane through the last vertex
         film = np.array([[radius, 0.0]])
         near, _ = box_near(probes[-1], film, node_boxes[np.abs(nodes - radius).argmin()], radial=False)
-        boxes, found = narrowed(probes[-1], film, near[None], HALF_RAYS)
+        boxes, lit = narrow_boxes(probes[-1], film, near[None], HALF_RAYS)
         points = grid(boxes, *HALF_RAYS)[0]
         targets = np.column_stack([points, np.full(len(points), lens.length)])
         start = np.array([radius, 0.0, lens.film_z(film_distance_mm)])
         passed = lens.trace(np.broadcast_to(start, targets.shape), targets - start, wavelength_nm).passed
         square = np.sum((targets - start) ** 2, axis=1)
         sides = np.ptp(points, axis=0) / (np.array(HALF_RAYS) - 1)
-        return float(found[0] * np.prod(sides) * np.sum(passed / square**2))
+        return float(lit[0] * np.prod(sides) * np.sum(passed / square**2))
 
     def share(radius: float) -> float:
         return light(radius) / on_axis
@@ -356,19 +356,19 @@ def half_light_radius(lens: Lens, film_distance_mm: float, circle_mm: float, wav
     on_axis = light(0.0)
     low, more = 0.0, 0.5  # light above the half
     for radius in circle_mm * np.geomspace(0.05, 1.0, HALF_STEPS):
-        if (found := share(float(radius)) - 0.5) < 0:
-            high, less = float(radius), found
+        if (excess := share(float(radius)) - 0.5) < 0:
+            high, less = float(radius), excess
             break
-        low, more = float(radius), found
+        low, more = float(radius), excess
     else:
         return circle_mm
     while high - low > 3e-3 * high:  # along the chord, but never beside an end for long
         part = float(np.clip(more / (more - less), 0.1, 0.9))
         middle = low + part * (high - low)
-        if (found := share(middle) - 0.5) >= 0:
-            low, more = middle, found
+        if (excess := share(middle) - 0.5) >= 0:
+            low, more = middle, excess
         else:
-            high, less = middle, found
+            high, less = middle, excess
     return low
 
 
@@ -378,8 +378,8 @@ def field_of_view(
     """Return the full angle [degrees] that a film radius sees: twice the mean angle of its rays in the scene."""
     probe = FilmProbe(lens, film_distance_mm, wavelength_nm)
     film = np.array([[film_radius_mm, 0.0]])
-    boxes, found = narrowed(probe, film, probe.windows(film), SEARCH)
-    if not found[0]:
+    boxes, lit = narrow_boxes(probe, film, probe.windows(film), SEARCH)
+    if not lit[0]:
         return None
     rays = probe.trace(film[0], grid(boxes, *QUICK)[0])
     if not rays.passed.any():

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import charts, drawing
-from rptcam_cl.optics.chief_rays import unobstructed
+from rptcam_cl.optics.chief_rays import without_obstructions
 from rptcam_cl.optics.design import image_circle, t_number
-from rptcam_cl.optics.ghosts import Ghosts, ghost_image, steps, unfolded, with_film
+from rptcam_cl.optics.ghosts import Ghosts, ghost_image, steps, unfold, with_film
 from rptcam_cl.optics.image_quality import (
     MOST_ACROSS,
     NOTHING,
@@ -24,7 +24,7 @@ from rptcam_cl.optics.image_quality import (
     at_plane,
     default_fields,
     fan_points,
-    measured,
+    result_of,
     section_rays,
 )
 from rptcam_cl.optics.irradiance import film_irradiance, pass_areas, veiling_glare
@@ -72,7 +72,7 @@ def ray_fan(
             height, chief = chief_ray(setting.lens, degrees, main, setting.object_distance_mm)
         except InputError:
             height = float(points[:, 1].mean())
-            chief = _through(setting, unobstructed(setting.lens), degrees, main, np.array([[0.0, height]]))
+            chief = _through(setting, without_obstructions(setting.lens), degrees, main, np.array([[0.0, height]]))
         middle = at_plane(chief.origins, chief.directions, setting.film_z)[0, :2]
         for axis in (1, 0):
             start = np.array([0.0, height])
@@ -89,7 +89,7 @@ def ray_fan(
                     for k in np.flatnonzero(traced.passed)
                 ]  # fmt: skip
     shown = [row for row in rows if row["tangential"] and row["wavelength_nm"] == wavelengths_nm[0]]
-    return measured(
+    return result_of(
         setting, "ray fans", rows,
         lambda: curves_over(
             f"{setting.lens.name}: tangential ray fans, {wavelengths_nm[0]:g} nm", shown,
@@ -105,7 +105,7 @@ def field_curvature(
     """Return where thin pencils are sharp, as `curvature_rows` has it."""
     _ = setting.film
     rows = curvature_rows(setting, fields_of(setting, fields, FINE), wavelengths_nm)
-    return measured(
+    return result_of(
         setting, "field curvature", rows,
         lambda: curves_over(
             f"{setting.lens.name}: field curvature", rows, ("field_degrees", "angle from the axis [degrees]"),
@@ -136,7 +136,7 @@ def curvature_rows(setting: Setting, fields: Sequence[float], wavelengths_nm: Se
             except InputError as problem:  # what passes goes nowhere near the middle of the stop
                 refused, height = problem, math.nan
             beside = np.array([0.0, height]) + step * np.array([[0.0, 1.0], [0.0, -1.0], [1.0, 0.0], [-1.0, 0.0]])
-            traced = _through(setting, unobstructed(setting.lens), degrees, wavelength, beside)
+            traced = _through(setting, without_obstructions(setting.lens), degrees, wavelength, beside)
             at = at_plane(traced.origins, traced.directions, setting.film_z)
             slopes = setting.lens.sense * traced.directions[:, :2] / traced.directions[:, 2:]
             off = [
@@ -184,7 +184,7 @@ def through_focus(
             for shift, x, y in zip(shifts_mm.tolist(), *(1e3 * sides).tolist(), strict=True)
         ]
     title = f"{setting.lens.name}: spots through focus"
-    return measured(
+    return result_of(
         setting, "spots through focus", rows,
         lambda: curves_over(
             title, rows, ("shift_mm", "film away from the lens [mm]"), [("rms_um", "degrees")], "rms spot [µm]",
@@ -382,7 +382,7 @@ def distortion(
     name = projection or followed_projection(setting, fields)
     rows = distortion_table(setting, fields, wavelengths_nm, name)
     meant = PROJECTIONS[name][1] + ("" if projection else ", which it follows best")
-    return measured(
+    return result_of(
         setting, "distortion", rows, lambda: distortion_chart(setting, rows, name),
         f"{setting.lens.name}, film at {film:.6g} mm, against {meant}", projection=name,
     )  # fmt: skip
@@ -452,7 +452,7 @@ def vignetting_chart(setting: Setting, rows: Sequence[VignettingRow]) -> Figure:
 def vignetting(setting: Setting, film_radius_mm: float | None, steps: int) -> charts.Measured:
     """Return how the film darkens from the axis to a radius, that of the image circle when absent."""
     rows = vignetting_table(setting, film_radii(setting, steps, film_radius_mm))
-    return measured(setting, "vignetting", rows, lambda: vignetting_chart(setting, rows))
+    return result_of(setting, "vignetting", rows, lambda: vignetting_chart(setting, rows))
 
 
 # How much light of each wavelength a lens lets through along its axis.
@@ -516,7 +516,7 @@ def transmittance(setting: Setting, wavelengths_nm: Sequence[float]) -> charts.M
     """Return the light let through on the axis."""
     rows = transmittance_table(setting, wavelengths_nm)
     name = setting.lens.name
-    return measured(setting, "transmittance", rows, lambda: transmittance_chart(setting, rows), name)
+    return result_of(setting, "transmittance", rows, lambda: transmittance_chart(setting, rows), name)
 
 
 def glare(
@@ -525,12 +525,12 @@ def glare(
     """Return the veiling glare at wavelengths, in parts of a white film's light."""
     rows = []
     for wavelength in wavelengths_nm:
-        found = veiling_glare(
+        light = veiling_glare(
             setting.lens, setting.film, wavelength, film_reflectance=film_reflectance,
             barrel_reflectance=barrel_reflectance,
         )  # fmt: skip
-        rows.append({"wavelength_nm": wavelength, **asdict(found)})
-    return measured(setting, "veiling glare", rows, None, f"{setting.lens.name}; parts of a white film's light")
+        rows.append({"wavelength_nm": wavelength, **asdict(light)})
+    return result_of(setting, "veiling glare", rows, None, f"{setting.lens.name}; parts of a white film's light")
 
 
 # Ghosts of a lens as a table, and the way of one of them in cross-section.
@@ -544,22 +544,22 @@ def way_text(way: tuple[int, ...]) -> str:
     return ", ".join(map(str, way))
 
 
-def ghost_table(found: Ghosts) -> list[dict[str, Any]]:
+def ghost_table(ghosts: Ghosts) -> list[dict[str, Any]]:
     """Return a row for each ghost, brightest in the frame first.
 
     Shares are of the image's light. `focus_mm` is how far behind the film its paraxial image lies; `blur_mm` the
     diameter on the film of a full beam from the axis.
     """
-    lit = found.lit
+    lit = ghosts.lit
     with_its_film = with_film(lit.lens, lit.film_distance_mm)
     pupil = lit.lens.first_order(lit.wavelength_nm).entrance_pupil.diameter_mm
     rows = []
-    for ghost in found.ghosts:
+    for ghost in ghosts.ghosts:
         image = ghost_image(with_its_film, ghost.way, 0.0, lit.wavelength_nm, lit.source.object_distance_mm)
         rows.append({
             "surfaces": list(ghost.way),
-            "share_in_frame": ghost.flux_in_frame / found.reference,
-            "share": ghost.flux / found.reference,
+            "share_in_frame": ghost.flux_in_frame / ghosts.reference,
+            "share": ghost.flux / ghosts.reference,
             "x_mm": ghost.centroid_mm[0],
             "y_mm": ghost.centroid_mm[1],
             "rms_mm": ghost.rms_mm,
@@ -569,17 +569,17 @@ def ghost_table(found: Ghosts) -> list[dict[str, Any]]:
     return rows
 
 
-def ghost_summary(found: Ghosts) -> dict[str, Any]:
+def ghost_summary(ghosts: Ghosts) -> dict[str, Any]:
     """Return the sums, the worst ghost and where the light goes, as shares of what enters."""
-    account, reference_flux = asdict(found.account), found.reference
+    account, reference_flux = asdict(ghosts.account), ghosts.reference
     entered = account.pop("entered")
-    worst = max(found.ghosts, key=lambda ghost: ghost.flux_in_frame, default=None)
-    densest = max(found.ghosts, key=_density, default=None)
+    worst = max(ghosts.ghosts, key=lambda ghost: ghost.flux_in_frame, default=None)
+    densest = max(ghosts.ghosts, key=_density, default=None)
     return {
-        "image_share": found.image.flux / entered,
-        "ghosts_in_frame": sum(ghost.flux_in_frame for ghost in found.ghosts) / reference_flux,
-        "ghosts": sum(ghost.flux for ghost in found.ghosts) / reference_flux,
-        "shares_are_of": "image" if found.image.flux else "light that enters",
+        "image_share": ghosts.image.flux / entered,
+        "ghosts_in_frame": sum(ghost.flux_in_frame for ghost in ghosts.ghosts) / reference_flux,
+        "ghosts": sum(ghost.flux for ghost in ghosts.ghosts) / reference_flux,
+        "shares_are_of": "image" if ghosts.image.flux else "light that enters",
         "worst": None if worst is None else list(worst.way),
         "densest": None if densest is None else list(densest.way),
         "account": {name: value / entered for name, value in account.items()},
@@ -591,7 +591,7 @@ def _density(ghost: Any) -> float:
     return float(ghost.flux_in_frame / max(ghost.rms_mm, 1e-3) ** 2) if ghost.flux_in_frame else 0.0
 
 
-def draw_ghost(setting: Setting, found: Ghosts, way: tuple[int, ...]) -> charts.Drawing:
+def draw_ghost(setting: Setting, ghosts: Ghosts, way: tuple[int, ...]) -> charts.Drawing:
     """Return the lens in cross-section with rays of one way: coming, going back and going on in their colours.
 
     Raises
@@ -599,9 +599,9 @@ def draw_ghost(setting: Setting, found: Ghosts, way: tuple[int, ...]) -> charts.
     InputError
         When no ray of the cross-section takes that way.
     """
-    lit = found.lit
+    lit = ghosts.lit
     folded = with_film(lit.lens, lit.film_distance_mm)
-    rays = _rays(setting, found, way)
+    rays = _rays(setting, ghosts, way)
     if not rays:
         raise InputError(f"{setting.lens.name}: no ray of the cross-section is reflected at {way_text(way)}")
     view = drawing.View()
@@ -610,7 +610,7 @@ def draw_ghost(setting: Setting, found: Ghosts, way: tuple[int, ...]) -> charts.
         lit.lens, "y"
     )
     frame = drawing.Frame.around([*outline, film, *rays], setting)
-    picture = charts.Drawing(drawing.WIDTH, frame.height, _title(found, way))
+    picture = charts.Drawing(drawing.WIDTH, frame.height, _title(ghosts, way))
     drawing.draw_glass(picture, frame, setting, view)
     picture.add(charts.Path(frame.axis(), charts.FAINT, 0.8, dash=(10, 3, 2, 3)))
     met = list(steps(way, len(folded.surfaces)))
@@ -626,10 +626,10 @@ def draw_ghost(setting: Setting, found: Ghosts, way: tuple[int, ...]) -> charts.
     return picture
 
 
-def _rays(setting: Setting, found: Ghosts, way: tuple[int, ...]) -> list[Array]:
+def _rays(setting: Setting, ghosts: Ghosts, way: tuple[int, ...]) -> list[Array]:
     """Return corners (m, 2), z and height, of rays of the cross-section that take a way to the film."""
-    lit = found.lit
-    lens = unfolded(with_film(lit.lens, lit.film_distance_mm), way)
+    lit = ghosts.lit
+    lens = unfold(with_film(lit.lens, lit.film_distance_mm), way)
     at = Setting(lit.lens, setting.film_distance_mm, lit.source.object_distance_mm, lit.wavelength_nm)
     points = fan_points(at, lit.source.field_degrees, "y")
     origins, directions = section_rays(at, lit.source.field_degrees, points, "y")
@@ -645,10 +645,10 @@ def _rays(setting: Setting, found: Ghosts, way: tuple[int, ...]) -> list[Array]:
     return [line[:, [2, 1]] for line in corners]
 
 
-def _title(found: Ghosts, way: tuple[int, ...]) -> str:
-    ghost = next(ghost for ghost in found.ghosts if ghost.way == way)
-    share = ghost.flux_in_frame / found.reference
-    return f"{found.lit.lens.name}; reflected at surfaces {way_text(way)}: {share:.2g} of the image's light"
+def _title(ghosts: Ghosts, way: tuple[int, ...]) -> str:
+    ghost = next(ghost for ghost in ghosts.ghosts if ghost.way == way)
+    share = ghost.flux_in_frame / ghosts.reference
+    return f"{ghosts.lit.lens.name}; reflected at surfaces {way_text(way)}: {share:.2g} of the image's light"
 
 
 def _draw_words(picture: charts.Drawing, reflections: int) -> None:

@@ -316,7 +316,7 @@ def steps(way: Way, surfaces: int) -> Iterator[Step]:
         yield Step(rest, True, False)
 
 
-def unfolded(lens: Lens, way: Way) -> Lens:
+def unfold(lens: Lens, way: Way) -> Lens:
     """Return a way as a lens of its own, whose mirrors are the surfaces that reflect."""
     met = list(steps(way, len(lens.surfaces)))
     media, vertices = lens.media, lens.vertices
@@ -357,7 +357,7 @@ def ghost_image(
     lens: Lens, way: Way, film_distance_mm: float, wavelength_nm: float, object_distance_mm: float = np.inf
 ) -> GhostImage:
     """Return the paraxial image of a way in the y-z section; a near object stands so far before the first vertex."""
-    (a, b), (c, d) = system_matrix(unfolded(lens, way), wavelength_nm).tolist()
+    (a, b), (c, d) = system_matrix(unfold(lens, way), wavelength_nm).tolist()
     n, m = (float(index) for index in lens.indices(wavelength_nm)[[0, -1]])
     with np.errstate(divide="ignore", invalid="ignore"):
         if np.isinf(object_distance_mm):
@@ -372,7 +372,7 @@ def ghost_image(
 
 def ghost_magnification(lens: Lens, way: Way, wavelength_nm: float, object_distance_mm: float) -> float:
     """Return the transverse magnification of an object so far before the first vertex [mm]."""
-    _, (c, d) = system_matrix(unfolded(lens, way), wavelength_nm).tolist()
+    _, (c, d) = system_matrix(unfold(lens, way), wavelength_nm).tolist()
     n = float(lens.indices(wavelength_nm)[0])
     with np.errstate(divide="ignore"):
         return float(1.0 / np.float64(d + c * object_distance_mm / n))
@@ -728,13 +728,13 @@ def _trace_to_film(
         turns[first:end, : len(way)] = way
     beam = together(lit, front, turns)
     light, inside, owner = beam.light, lit.in_frame(beam.points), np.searchsorted(ends, beam.rows, side="right")
-    found = {}
+    landed = {}
     for number, (way, area) in enumerate(zip(ways, areas, strict=True)):
         own = owner == number
-        found[way] = Landed(
+        landed[way] = Landed(
             entered[beam.rows[own]], beam.points[:2, own], light[own], inside[own], float(np.sqrt(area)), entry.is_even
         )
-    return found
+    return landed
 
 
 def _join(fronts: list[Arrival]) -> Arrival:
@@ -895,7 +895,7 @@ def _own_light(landed: dict[Way, Landed], stops: list[Lit]) -> dict[Way, FilmLig
 
 def _rays_of_ways(landed: dict[Way, Landed]) -> dict[Way, int]:
     """Return how many rays each way gets: by the root of its light, as so falls what they err by."""
-    weights = {way: float(np.sqrt(found.light @ (found.inside + WIDE))) for way, found in landed.items()}
+    weights = {way: float(np.sqrt(rays.light @ (rays.inside + WIDE))) for way, rays in landed.items()}
     total = sum(weight for way, weight in weights.items() if way) or 1.0
     counts = {way: int(np.clip(OWN_RAYS * weight / total, LEAST, MOST)) for way, weight in weights.items()}
     return counts | {(): IMAGE_RAYS}

@@ -99,10 +99,10 @@ class Absorption:
 
     def at(self, wavelength_nm: ArrayLike, name: str = "") -> Array:
         """Return the coefficient [1/mm] at each wavelength [nm]; `name` is that of the medium, for messages."""
-        return interpolated(wavelength_nm, self.wavelengths_nm, self.per_mm, f"absorption of {name or 'a glass'}")
+        return interpolate(wavelength_nm, self.wavelengths_nm, self.per_mm, f"absorption of {name or 'a glass'}")
 
 
-def interpolated(
+def interpolate(
     wavelength_nm: ArrayLike, wavelengths_nm: tuple[float, ...], values: tuple[float, ...], what: str
 ) -> Array:
     """Return tabulated values at wavelengths [nm], by straight lines; a single value holds at every wavelength."""
@@ -252,15 +252,15 @@ class TabulatedIndex(Medium):
         """Return the index at each wavelength [nm]."""
         limits = (self.wavelengths_nm[0], self.wavelengths_nm[-1])
         wavelength = _in_range(wavelength_nm, limits, self.name)
-        found = np.asarray(np.interp(wavelength, self.wavelengths_nm, self.values), dtype=np.float64)
+        value = np.asarray(np.interp(wavelength, self.wavelengths_nm, self.values), dtype=np.float64)
         for end, outside in ((0, wavelength < limits[0]), (-1, wavelength > limits[1])):
             if np.any(outside):
                 places = slice(None, FIT_POINTS) if end == 0 else slice(-FIT_POINTS, None)
                 known, values = self.wavelengths_nm[places], self.values[places]
                 curve = np.polynomial.Polynomial.fit(_inverse_square(known), values, min(2, len(known) - 1))
                 beyond = self.values[end] + curve(_inverse_square(wavelength)) - curve(_inverse_square(limits[end]))
-                found = np.where(outside, beyond, found)
-        return found
+                value = np.where(outside, beyond, value)
+        return value
 
 
 @dataclass(frozen=True)
@@ -289,11 +289,11 @@ class Melt(Medium):
 
     def index(self, wavelength_nm: ArrayLike) -> Array:
         """Return the index at each wavelength [nm]."""
-        found = self.glass.index(wavelength_nm) + self.shift
+        value = self.glass.index(wavelength_nm) + self.shift
         if self.share == 0:
-            return found
+            return value
         off_d = self.glass.index(wavelength_nm) - self.glass.index(LINE_D_NM)
-        return np.asarray(found + off_d * (1.0 / (1.0 + self.share) - 1.0))
+        return np.asarray(value + off_d * (1.0 / (1.0 + self.share) - 1.0))
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ from rptcam_cl.optics.waves import (
     PupilFunction,
     centroid,
     diffraction_mtf,
-    encircling,
+    encircled_function,
     peak_to_valley,
     pupil_function,
     radius_of_share,
@@ -105,7 +105,7 @@ def setting(
     return Setting(lens, first.back_focal_distance_mm if real else None, math.inf, wavelength_nm)
 
 
-def measured(
+def result_of(
     setting: Setting,
     what: str,
     rows: list[dict[str, Any]],
@@ -298,17 +298,17 @@ def film_spots(
             spots.append(FilmSpot(degrees, wavelength, points, _cone(setting, wavelength, rays.directions)))
         return spots
 
-    found: list[FilmSpot] = []
+    of_fields: list[FilmSpot] = []
     for degrees in default_fields(setting) if fields is None else fields:
         count = across or ACROSS
         few, many = traced(degrees, max(count // 2, 1)), traced(degrees, count)
         while across is None and count < MOST_ACROSS and (moves or spots_move)(few, many) > 1:
             count *= 2
             few, many = many, traced(degrees, count)
-        found += [replace(more, fewer=less.points) for less, more in zip(few, many, strict=True)]
-    if refused is not None and not any(len(spot.points) for spot in found):
+        of_fields += [replace(more, fewer=less.points) for less, more in zip(few, many, strict=True)]
+    if refused is not None and not any(len(spot.points) for spot in of_fields):
         raise refused
-    return found
+    return of_fields
 
 
 def pool(group: Sequence[FilmSpot]) -> Array:
@@ -446,7 +446,7 @@ def spot(
     """Return the sizes of spots, and where rays land by field and wavelength."""
     spots = film_spots(setting, fields, wavelengths_nm, rays)
     points = {(one.field_degrees, one.wavelength_nm): one.points for one in spots}
-    return measured(setting, "spots", spot_table(spots), lambda: spot_chart(setting, spots), points=points)
+    return result_of(setting, "spots", spot_table(spots), lambda: spot_chart(setting, spots), points=points)
 
 
 #
@@ -592,10 +592,10 @@ def mtf(
     if diffraction:
         waves = field_waves(setting, fields, wavelengths_nm, rays)
         rows = wave_mtf_table(waves, frequencies_per_mm)
-        return measured(setting, "MTF", rows, lambda: wave_mtf_chart(setting, waves, highest))
+        return result_of(setting, "MTF", rows, lambda: wave_mtf_chart(setting, waves, highest))
     spots = film_spots(setting, fields, wavelengths_nm, rays, mtf_moves(frequencies_per_mm))
     rows = mtf_table(spots, frequencies_per_mm)
-    return measured(setting, "MTF", rows, lambda: mtf_chart(setting, spots, highest))
+    return result_of(setting, "MTF", rows, lambda: mtf_chart(setting, spots, highest))
 
 
 # The image of a point by geometrical optics: the share of its light that each small square of the film receives.
@@ -706,7 +706,7 @@ def psf(
     else:
         image = point_image(film_spots(setting, [field_degrees], wavelengths_nm, rays, image_moves), pixels, width_um)
     facts = {"field_degrees": field_degrees, "width_um": image.width_um, "pixels": pixels, **image.facts}
-    return measured(
+    return result_of(
         setting, f"image of a point at {field_degrees:g}°", [facts],
         lambda: psf_chart(setting, image, field_degrees), setting.lens.name, shares=image.shares,
     )  # fmt: skip
@@ -809,7 +809,7 @@ def wavefront(
 ) -> charts.Measured:
     """Return how far wavefronts are from spheres."""
     waves = field_waves(setting, fields, wavelengths_nm, rays)
-    return measured(setting, "wavefront", wavefront_table(waves), lambda: wavefront_chart(setting, waves))
+    return result_of(setting, "wavefront", wavefront_table(waves), lambda: wavefront_chart(setting, waves))
 
 
 # The image of a point and the transfer of a lens by wave optics, over all wavelengths of a field.
@@ -887,7 +887,9 @@ def _facts(group: Sequence[FieldWave], weights: Array, offsets: Sequence[Array])
         "strehl_at_peak": float(weights @ [ratio.at_peak for ratio in ratios]),
     }
 
-    circles = [encircling(wave.pupil, (float(off[0]), float(off[1]))) for wave, off in zip(group, offsets, strict=True)]
+    circles = [
+        encircled_function(wave.pupil, (float(off[0]), float(off[1]))) for wave, off in zip(group, offsets, strict=True)
+    ]
 
     def within(radii: Array) -> Array:
         return np.asarray(weights @ [shares(radii) for shares in circles])

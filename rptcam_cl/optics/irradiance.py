@@ -16,7 +16,7 @@ from rptcam_cl.optics.chief_rays import chebyshev_nodes, geometry_but_stop, trac
 from rptcam_cl.optics.ghosts import Lit, Tree, check_lens
 from rptcam_cl.optics.glass import Medium
 from rptcam_cl.optics.lens import Lens, limiting_surface
-from rptcam_cl.optics.pupils import FilmProbe, narrowed, narrowing_probes, pupil_boxes, spread_points
+from rptcam_cl.optics.pupils import FilmProbe, narrow_boxes, narrowing_probes, pupil_boxes, spread_points
 from rptcam_cl.optics.ray_trace import COATED, IDEAL, LensTransmission, axial_transmittance
 from rptcam_cl.optics.spot import Beam
 from rptcam_cl.optics.surface import Surface
@@ -79,9 +79,9 @@ def film_irradiance(
     radii = np.asarray(radii_mm, dtype=np.float64)
     angle = np.radians(azimuth_degrees)
     film = radii.reshape(-1, 1) * np.array([np.cos(angle), np.sin(angle)])
-    boxes, found, parted = _pupil_boxes(probe, film)
+    boxes, lit, parted = _pupil_boxes(probe, film)
     result = np.zeros(len(film))
-    for k in np.flatnonzero(found):
+    for k in np.flatnonzero(lit):
         result[k] = _integrate(probe, film[k], boxes[k], parted=bool(parted[k]))
         if transmission:
             result[k] *= _mean_transmittance(probe, film[k], boxes[k], transmission)
@@ -97,10 +97,10 @@ def pass_areas(lens: Lens, film_distance_mm: float, radii_mm: Array, wavelength_
     """
     probe = FilmProbe(lens, film_distance_mm, wavelength_nm)
     film = np.stack([radii_mm, np.zeros_like(radii_mm)], axis=1)
-    found = zip(film, *_pupil_boxes(probe, film), strict=True)
+    pupils = zip(film, *_pupil_boxes(probe, film), strict=True)
     return np.array([
         _integrate(probe, point, box, parted=bool(parted), of_area=True) if lit else 0.0
-        for point, box, lit, parted in found
+        for point, box, lit, parted in pupils
     ])  # fmt: skip
 
 
@@ -147,23 +147,23 @@ def _pupil_boxes(probe: FilmProbe, film: Array) -> tuple[Array, NDArray[np.bool_
     A pupil that slips through the grids is sought from wider stops down, and round its first-order image; one on the
     axis of a round lens by rays at all distances from it. Rays spread over the whole window find what lies apart.
     """
-    boxes, found = narrowed(probe, film, probe.windows(film), GRID)
-    dark = np.flatnonzero(~found)
+    boxes, is_lit = narrow_boxes(probe, film, probe.windows(film), GRID)
+    dark = np.flatnonzero(~is_lit)
     for k in dark:
-        boxes[k : k + 1], found[k : k + 1] = narrowed(
+        boxes[k : k + 1], is_lit[k : k + 1] = narrow_boxes(
             probe, film[k : k + 1], probe.windows(film[k : k + 1]), DENSE_GRID
         )
-    dark = np.flatnonzero(~found)
+    dark = np.flatnonzero(~is_lit)
     if len(dark):
         probes = narrowing_probes(probe.lens, probe.distance, probe.wavelength_nm)
-        boxes[dark], found[dark] = pupil_boxes(probes, film[dark])
-    lit = np.flatnonzero(found)
+        boxes[dark], is_lit[dark] = pupil_boxes(probes, film[dark])
+    lit = np.flatnonzero(is_lit)
     if len(lit):
-        boxes[lit], _ = narrowed(probe, film[lit], boxes[lit], GRID)
+        boxes[lit], _ = narrow_boxes(probe, film[lit], boxes[lit], GRID)
     for _ in range(WIDENED if len(lit) else 0):  # the tips of a sliver may lie between the rays of a coarse grid
         low, high = boxes[lit][:, ::2], boxes[lit][:, 1::2]
         around = np.stack([low - (high - low) / 2, high + (high - low) / 2], axis=2).reshape(-1, 4)
-        beyond, still = narrowed(probe, film[lit], around, GRID)
+        beyond, still = narrow_boxes(probe, film[lit], around, GRID)
         cell = 2 * (high - low) / GRID
         grown = still & np.any((beyond[:, ::2] < low - cell) | (beyond[:, 1::2] > high + cell), axis=1)
         boxes[lit[grown]] = beyond[grown]
@@ -172,10 +172,10 @@ def _pupil_boxes(probe: FilmProbe, film: Array) -> tuple[Array, NDArray[np.bool_
             break
     parted = np.zeros(len(film), dtype=bool)
     for i, point in enumerate(film):
-        wider = _axial_box(probe) if _is_alike(probe, point) else _with_strays(probe, point, boxes[i], bool(found[i]))
+        wider = _axial_box(probe) if _is_alike(probe, point) else _with_strays(probe, point, boxes[i], bool(is_lit[i]))
         if wider is not None:
-            boxes[i], found[i], parted[i] = wider, True, True
-    return boxes, found, parted
+            boxes[i], is_lit[i], parted[i] = wider, True, True
+    return boxes, is_lit, parted
 
 
 def _is_alike(probe: FilmProbe, film: Array) -> bool:
@@ -205,17 +205,17 @@ def _axial_box(probe: FilmProbe) -> Array | None:
     return np.asarray(outermost * np.array([-1.0, 1.0, -1.0, 1.0]), dtype=np.float64)
 
 
-def _with_strays(probe: FilmProbe, film: Array, box: Array, found: bool) -> Array | None:
+def _with_strays(probe: FilmProbe, film: Array, box: Array, lit: bool) -> Array | None:
     """Return a box that holds the rays outside of a box as well; None when there are none."""
     window = probe.windows(film[None])
     points, hits = spread_points(window, STRAYS)[0], np.zeros(STRAYS, dtype=bool)
-    apart = np.any((points < box[::2]) | (points > box[1::2]), axis=1) if found else np.ones(STRAYS, dtype=bool)
+    apart = np.any((points < box[::2]) | (points > box[1::2]), axis=1) if lit else np.ones(STRAYS, dtype=bool)
     hits[apart] = probe.passes(film, points[apart])
     if not hits.any():
         return None
     margin = (window[0, 1::2] - window[0, ::2]) / np.sqrt(STRAYS)
     low, high = points[hits].min(axis=0) - margin, points[hits].max(axis=0) + margin
-    if found:
+    if lit:
         low, high = np.minimum(low, box[::2]), np.maximum(high, box[1::2])
     return np.array([low[0], high[0], low[1], high[1]])
 
@@ -422,10 +422,10 @@ class _Beam:
         first = int(np.argmax(rows))
         if first == 0:
             return None
-        found = [
+        radii = [
             self._meeting(here[:, k], float(rims[k]), float(heights[first])) for k in np.flatnonzero(beyond[first])
         ]
-        return min(found) ** 2
+        return min(radii) ** 2
 
     def _meeting(self, polynomial: Array, rim: float, height: float) -> float:
         """Return the height of the ray that meets a rim, sought from one near it."""

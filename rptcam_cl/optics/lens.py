@@ -233,7 +233,7 @@ class Lens(Prescription):
         has = 2 * stop.semi_diameter
         if not diameter_mm > 0 or not np.isfinite(diameter_mm):
             raise InputError(f"{self.name}: stop diameter must be above 0 mm (got {diameter_mm:g})")
-        if diameter_mm > max(has * (1 + 1e-9), *_printed(has)):
+        if diameter_mm > max(has * (1 + 1e-9), *_printed_range(has)):
             widest = self.first_order().f_number
             speed = f", f/{widest:.3g}" if np.isfinite(widest) else ""
             raise InputError(f"{self.name}: the stop opens to {has:.5g} mm{speed} (requested {diameter_mm:.5g} mm)")
@@ -257,7 +257,7 @@ class Lens(Prescription):
         if not np.isfinite(widest):
             raise InputError(f"{self.name}: has no focal length, so no f-number; set stop_diameter_mm instead")
         diameter = 2 * stop.semi_diameter * widest / f_number
-        least = min(widest * (1 - 1e-9), *_printed(widest))
+        least = min(widest * (1 - 1e-9), *_printed_range(widest))
         if f_number < least and f_number < (self.marked_f_number or widest) * (1 - 1e-9):
             raise InputError(
                 f"{self.name}: opens to f/{widest:.4g}, a stop of {2 * stop.semi_diameter:.5g} mm "
@@ -280,7 +280,7 @@ class Lens(Prescription):
         return self.stop
 
 
-def _printed(value: float) -> tuple[float, float, float]:
+def _printed_range(value: float) -> tuple[float, float, float]:
     """Return a number as messages and tables print it, with three to five digits."""
     return float(f"{value:.3g}"), float(f"{value:.4g}"), float(f"{value:.5g}")
 
@@ -407,7 +407,7 @@ FEW = 8  # zoom lenses whose focal lengths are remembered
 REMEMBERED = 64  # and states
 
 
-def floated(lens: Lens, distance_mm: float, wavelength_nm: float = LINE_D_NM) -> Lens:
+def float_groups(lens: Lens, distance_mm: float, wavelength_nm: float = LINE_D_NM) -> Lens:
     """Return the lens with its floating groups set for an object plane, at a distance from the film [mm].
 
     The gaps go from their values in the table, for infinity, along straight lines through those of the published
@@ -447,7 +447,7 @@ def brought_to_focus(lens: Lens, distance_mm: float, wavelength_nm: float = LINE
     if np.isfinite(distance_mm) and lens.focuses_by_group:
         film = film_distance(lens, np.inf, wavelength_nm=wavelength_nm)
         return focused_by_group(lens, distance_mm, film, wavelength_nm)
-    lens = floated(lens, distance_mm, wavelength_nm)
+    lens = float_groups(lens, distance_mm, wavelength_nm)
     return lens, film_distance(lens, distance_mm, wavelength_nm=wavelength_nm)
 
 
@@ -491,7 +491,7 @@ def _at_share(lens: Lens, share: float) -> Lens:
     return lens.with_changes({k: {"thickness": gap} for k, gap in gaps})
 
 
-def configured(lens: Lens, name: str) -> Lens:
+def in_configuration(lens: Lens, name: str) -> Lens:
     """Return a zoom lens in one of its named configurations."""
     for configuration in lens.configurations:
         if configuration.name == name:
@@ -503,11 +503,11 @@ def configured(lens: Lens, name: str) -> Lens:
 def at_position(lens: Lens, zoom: str | None, focal_length_mm: float | None, wavelength_nm: float = LINE_D_NM) -> Lens:
     """Return a lens in a named configuration or at a focal length; as it is where neither is said."""
     if zoom is not None:
-        lens = configured(lens, zoom)
-    return lens if focal_length_mm is None else zoomed(lens, focal_length_mm, wavelength_nm)
+        lens = in_configuration(lens, zoom)
+    return lens if focal_length_mm is None else zoom_to(lens, focal_length_mm, wavelength_nm)
 
 
-def zoomed(lens: Lens, focal_length_mm: float, wavelength_nm: float = LINE_D_NM) -> Lens:
+def zoom_to(lens: Lens, focal_length_mm: float, wavelength_nm: float = LINE_D_NM) -> Lens:
     """Return a zoom lens at a focal length, its gaps interpolated between neighbouring configurations.
 
     Raises
@@ -562,7 +562,7 @@ def travel_mm(lens: Lens) -> tuple[float, float]:
     return _group(lens).travel_mm
 
 
-def moved(lens: Lens, shift_mm: float) -> Lens:
+def move_group(lens: Lens, shift_mm: float) -> Lens:
     """Return the lens with what moves to focus shifted, as `travel_mm` counts [mm]."""
     if lens.floating:
         return _at_share(lens, shift_mm / _rail(lens).reach)
@@ -639,12 +639,12 @@ def focused_by_group(
         same = np.sign(_defocus(lens, middle, object_distance_mm, film_distance_mm, wavelength_nm)) == sign
         low, high = (middle, high) if same else (low, middle)
     shift = (low + high) / 2
-    return moved(lens, shift), film_behind(lens, shift, film_distance_mm)
+    return move_group(lens, shift), film_behind(lens, shift, film_distance_mm)
 
 
 def _defocus(lens: Lens, shift: float, distance: float, film_distance_mm: float, wavelength: float) -> float:
     """Return how far behind the film the image of an object plane lies [mm]; NaN when there is none."""
-    state, there = moved(lens, shift), film_behind(lens, shift, film_distance_mm)
+    state, there = move_group(lens, shift), film_behind(lens, shift, film_distance_mm)
     front = distance - state.length - state.sense * there
     if not front > 0:
         return float("nan")
@@ -660,7 +660,7 @@ def _reach(lens: Lens, film_distance_mm: float, wavelength: float) -> tuple[floa
     for shift in np.linspace(*travel_mm(lens), 2 * STEPS + 1).tolist():
         try:
             there = film_behind(lens, shift, film_distance_mm)
-            distances.append(object_distance(moved(lens, shift), there, wavelength))
+            distances.append(object_distance(move_group(lens, shift), there, wavelength))
         except InputError:
             continue
     if not distances:

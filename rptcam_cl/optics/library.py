@@ -60,9 +60,9 @@ def named_lens(name: str) -> Lens:
     """
     folder = lenses_dir()
     if f"{name}.yaml" not in _names_in(folder, folder.stat().st_mtime_ns):
-        raise _unknown(name)
+        raise _unknown_lens_error(name)
     path = folder / f"{name}.yaml"
-    return _kept(path, path.stat().st_mtime_ns)
+    return _read_at(path, path.stat().st_mtime_ns)
 
 
 @lru_cache(maxsize=2)
@@ -72,7 +72,7 @@ def _names_in(folder: Path, modified_ns: int) -> frozenset[str]:
 
 
 @lru_cache(maxsize=16)
-def _kept(path: Path, modified_ns: int) -> Lens:
+def _read_at(path: Path, modified_ns: int) -> Lens:
     """Return the lens of a file of the library as it was modified last."""
     return read_native(read_yaml(path))
 
@@ -106,11 +106,11 @@ def load_lens(
         return named_lens(source)
     path = Path(source)
     try:
-        found = path.exists()
+        exists = path.exists()
     except (OSError, ValueError):
-        found = False
-    if not found:
-        raise _unknown(str(source))
+        exists = False
+    if not exists:
+        raise _unknown_lens_error(str(source))
     makers = chosen_makers(catalogues)
     try:
         return _read(path, files, makers)
@@ -165,7 +165,7 @@ def digests_of_lens(source: Path | Mapping[str, Any], folders: Folders) -> dict[
     return own | files.digests()
 
 
-def _unknown(name: str) -> InputError:
+def _unknown_lens_error(name: str) -> InputError:
     known = list_lenses()
     if names_a_file(name):
         near = difflib.get_close_matches(Path(name).stem, known, n=1, cutoff=0.8)

@@ -133,19 +133,19 @@ class Measurement:
     def measure(self, setting: Setting, options: Mapping[str, Any]) -> Measured:
         """Measure a lens in use."""
         function = getattr(importlib.import_module(f"rptcam_cl.optics.{self.module}"), self.method)
-        found: Measured = function(setting, **options)
-        return found
+        measured: Measured = function(setting, **options)
+        return measured
 
     def signature(self) -> inspect.Signature:
         """The signature of the method."""
         by_keyword = {option.keyword: option for option in self.options}
         keywords = [name for name in by_keyword if name not in self.positional]
         kinds = inspect.Parameter
-        found = [kinds("self", kinds.POSITIONAL_OR_KEYWORD)]
+        parameters = [kinds("self", kinds.POSITIONAL_OR_KEYWORD)]
         for name in (*self.positional, "f_number", "focus_distance_m", *keywords):
             option = by_keyword.get(name)
             default, kind = (None, "float") if option is None else (option.default, KINDS[option.kind])
-            found.append(
+            parameters.append(
                 kinds(
                     name,
                     kinds.POSITIONAL_OR_KEYWORD if name in self.positional else kinds.KEYWORD_ONLY,
@@ -153,7 +153,7 @@ class Measurement:
                     annotation=f"{kind} | None" if default is None else kind,
                 )
             )
-        return inspect.Signature(found, return_annotation="Measured")
+        return inspect.Signature(parameters, return_annotation="Measured")
 
 
 def _fault_of_frequencies(values: Any) -> str:

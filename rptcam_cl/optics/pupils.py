@@ -274,7 +274,7 @@ def cells(boxes: Array, nu: int, nv: int) -> Array:
     return np.stack([(boxes[:, 1] - boxes[:, 0]) / nu, (boxes[:, 3] - boxes[:, 2]) / nv], axis=1)
 
 
-def narrowed(probe: FilmProbe, film: Array, boxes: Array, shape: tuple[int, int]) -> tuple[Array, Mask]:
+def narrow_boxes(probe: FilmProbe, film: Array, boxes: Array, shape: tuple[int, int]) -> tuple[Array, Mask]:
     """Return boxes round the rays of a grid that pass, widened by a cell, and which film points have any.
 
     Film points (m, 2) and boxes (m, 4) as in `FilmProbe.windows`; without a passing ray the box stays as it was.
@@ -284,9 +284,9 @@ def narrowed(probe: FilmProbe, film: Array, boxes: Array, shape: tuple[int, int]
     margin = cells(boxes, *shape)
     low = np.where(hits[..., None], points, np.inf).min(axis=1) - margin
     high = np.where(hits[..., None], points, -np.inf).max(axis=1) + margin
-    found: Mask = np.asarray(np.any(hits, axis=1))
+    lit: Mask = np.asarray(np.any(hits, axis=1))
     tight = boxes_of(low, high)
-    return np.where(found[:, None], tight, boxes), found
+    return np.where(lit[:, None], tight, boxes), lit
 
 
 # Boxes round the pupils that film points see: found even where they are much smaller than the rear element.
@@ -331,30 +331,30 @@ def pupil_boxes(
     if radial:
         shape = (shape[0], shape[1] // 2)
     boxes = _upper(probes[-1].windows(film), radial)
-    found = np.ones(len(film), dtype=bool)
+    lit = np.ones(len(film), dtype=bool)
     for probe in (*probes, probes[-1]):
-        boxes, hit = narrowed(probe, film, boxes, shape)
+        boxes, hit = narrow_boxes(probe, film, boxes, shape)
         boxes = _upper(boxes, radial)
-        found &= hit
-    if not found.all():
-        near = _upper(_paraxial_boxes(probes[-1], film[~found]), radial)
+        lit &= hit
+    if not lit.all():
+        near = _upper(_paraxial_boxes(probes[-1], film[~lit]), radial)
         for _ in range(2):
-            near, again = narrowed(probes[-1], film[~found], near, shape)
+            near, again = narrow_boxes(probes[-1], film[~lit], near, shape)
             near = _upper(near, radial)
-        boxes[~found] = near
-        found[~found] = again
+        boxes[~lit] = near
+        lit[~lit] = again
     if radial or in_order:
-        _follow(probes[-1], film, boxes, found, radial)
+        _follow(probes[-1], film, boxes, lit, radial)
     if radial:
         boxes[:, 2] = -boxes[:, 3]
-    return boxes, found
+    return boxes, lit
 
 
-def _follow(probe: FilmProbe, film: Array, boxes: Array, found: Mask, radial: bool) -> None:
+def _follow(probe: FilmProbe, film: Array, boxes: Array, lit: Mask, radial: bool) -> None:
     """Find pupils that slipped through, near those of the film points before: they shrink and move step by step."""
     for k in range(1, len(film)):
-        if found[k - 1] and not found[k]:
-            boxes[k], found[k] = box_near(probe, film[k : k + 1], boxes[k - 1], radial=radial)
+        if lit[k - 1] and not lit[k]:
+            boxes[k], lit[k] = box_near(probe, film[k : k + 1], boxes[k - 1], radial=radial)
 
 
 def box_near(probe: FilmProbe, film: Array, box: Array, *, radial: bool) -> tuple[Array, bool]:
@@ -362,7 +362,7 @@ def box_near(probe: FilmProbe, film: Array, box: Array, *, radial: bool) -> tupl
     width, height = NEAR * (box[1] - box[0]), box[3] if radial else NEAR * (box[3] - box[2])
     low, high = (0.0, (1.0 + NEAR) * height) if radial else (box[2] - height, box[3] + height)
     around = np.array([[box[0] - width, box[1] + width, low, high]])
-    around, hit = narrowed(probe, film, around, FINE)
+    around, hit = narrow_boxes(probe, film, around, FINE)
     return around[0], bool(hit[0])
 
 
@@ -589,8 +589,8 @@ def _lines(
         for k in sorted({k for k, _ in like})
     }
     ends = _film_ends(frame, half_film_mm, turns)
-    found = {k: _lit_radius(probe, float(ends[k])) if ends[k] > 0 else 0.0 for k, probe in probes.items()}
-    lit = np.array([found[k] for k, _ in like])
+    lit_radii = {k: _lit_radius(probe, float(ends[k])) if ends[k] > 0 else 0.0 for k, probe in probes.items()}
+    lit = np.array([lit_radii[k] for k, _ in like])
     reach = _lengthen(np.where(lit < ends, (1.0 + BEYOND_LIT) * lit, ends))
     nodes = fineness.line_nodes
     centres, axes = np.zeros((count, 2 * nodes - 1, 2)), np.zeros((count, 2 * nodes - 1, 2))
@@ -617,7 +617,7 @@ def _alike(lens: Lens, frame: FilmFrame, count: int) -> list[tuple[int, bool]]:
     even = all(surface.is_even for surface in lens.surfaces)
     left_right = even and frame.centre[0] == 0.0 and frame.across == (1.0, 0.0, 0.0)
     up_down = even and frame.centre[1] == 0.0 and frame.up == (0.0, 1.0, 0.0)
-    found = []
+    pairs = []
     for k in range(count):
         same = [(k, False)]
         if left_right:
@@ -626,8 +626,8 @@ def _alike(lens: Lens, frame: FilmFrame, count: int) -> list[tuple[int, bool]]:
             same.append((-k % count, True))
         if left_right and up_down:
             same.append(((k + count // 2) % count, False))
-        found.append(min(same))
-    return found
+        pairs.append(min(same))
+    return pairs
 
 
 def _film_ends(frame: FilmFrame, half_film_mm: tuple[float, float], turns: list[tuple[float, float]]) -> Array:
@@ -635,10 +635,10 @@ def _film_ends(frame: FilmFrame, half_film_mm: tuple[float, float], turns: list[
     fine = 8
     quarters = np.arange(fine * len(turns)) * 4 / (fine * len(turns))
     corners = quarters_of(frame.corners(half_film_mm)[:, :2])
-    found = frame.reach(half_film_mm, np.array([direction_of(q) for q in [*quarters.tolist(), *corners.tolist()]]))
+    lengths = frame.reach(half_film_mm, np.array([direction_of(q) for q in [*quarters.tolist(), *corners.tolist()]]))
     place = np.concatenate([np.arange(len(quarters)) / fine, corners * len(turns) / 4])
     apart = np.abs((place - np.arange(len(turns))[:, None] + len(turns) / 2) % len(turns) - len(turns) / 2)
-    return np.asarray(np.where(apart <= 2.0, found, 0.0).max(axis=1))
+    return np.asarray(np.where(apart <= 2.0, lengths, 0.0).max(axis=1))
 
 
 def _lengthen(reach: Array) -> Array:
@@ -668,9 +668,9 @@ def _lit_radius(probes: list[FilmProbe], film_radius: float, *, radial: bool = F
     """Return the film radius up to which light arrives, at most `film_radius`: by a scan and by following the pupil."""
     radii = np.linspace(0.0, film_radius, LIT_SCAN)
     film = np.stack([radii, np.zeros(LIT_SCAN)], axis=1)
-    boxes, found = pupil_boxes(probes, film, radial=radial, in_order=True)
-    last = int(np.flatnonzero(found)[-1]) if found.any() else 0
-    if last == LIT_SCAN - 1 or not found[last]:
+    boxes, lit = pupil_boxes(probes, film, radial=radial, in_order=True)
+    last = int(np.flatnonzero(lit)[-1]) if lit.any() else 0
+    if last == LIT_SCAN - 1 or not lit[last]:
         return float(film_radius)
     low, high, box = radii[last], radii[last + 1], boxes[last]
     for _ in range(LIT_BISECTIONS):
@@ -687,8 +687,8 @@ def _frames(probes: list[FilmProbe], film: Array, *, radial: bool = False) -> tu
     """
     nodes = film[::2].copy()
     nodes[-1, 0] -= 0.1 * (nodes[1, 0] - nodes[0, 0])  # at the edge itself the pupil has closed
-    boxes, found = pupil_boxes(probes, nodes, radial=radial, in_order=True)
-    lit = found[:, None]
+    boxes, is_lit = pupil_boxes(probes, nodes, radial=radial, in_order=True)
+    lit = is_lit[:, None]
     low, high = boxes[:, ::2], boxes[:, 1::2]
     centres, axes = (low + high) / 2, np.where(lit, (high - low) / 2, 0.0)
     weight = _neighbours(lit.astype(np.float64))

@@ -329,8 +329,8 @@ class Asphere(Iterated):
         a = c * (wx * dx * dx + wy * dy * dy + q * dz * dz)
         discriminant = g * g - a * f
         step = f / (g + np.copysign(np.sqrt(np.maximum(discriminant, 0.0)), dz))
-        found = (discriminant >= 0) & (1.0 - c * q * (step * dz - z) > 0)
-        return np.where(found, step, 0.0)
+        meets = (discriminant >= 0) & (1.0 - c * q * (step * dz - z) > 0)
+        return np.where(meets, step, 0.0)
 
     def newton_step(self, profile: Profile, x: Array, y: Array, z: Array, d: Array) -> tuple[Array, Array]:
         """Return Newton's step for rays at points, and on which side of the surface these lie, by its sign."""

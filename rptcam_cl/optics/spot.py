@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics.chief_rays import unobstructed
+from rptcam_cl.optics.chief_rays import without_obstructions
 from rptcam_cl.optics.lens import limiting_surface
 from rptcam_cl.optics.ray_trace import Rays, Status, refract
 
@@ -377,7 +377,7 @@ def chief_ray(
     InputError
         When no ray of that field reaches the centre of the stop.
     """
-    lens = unobstructed(lens)
+    lens = without_obstructions(lens)
     stop = limiting_surface(lens, wavelength_nm)
     if is_steep(field_degrees):
         _check_steep(lens, Beam(field_degrees, object_distance_mm))

@@ -121,7 +121,7 @@ class StopMask:
         return np.asarray(inside & self.cells[row, column])
 
 
-def fitted(points: ArrayLike) -> Array:
+def fit_to_stop(points: ArrayLike) -> Array:
     """Return points (n, 2) moved and scaled so that the circle about the middle of their box holds them and touches."""
     moved = np.array(points, dtype=np.float64)
     moved -= (moved.min(axis=0) + moved.max(axis=0)) / 2
@@ -131,13 +131,13 @@ def fitted(points: ArrayLike) -> Array:
 def cut_ears(vertices: Array) -> Array:
     """Return triangles (n, 3, 2) that make up a counter-clockwise polygon, cutting off one corner after the other."""
     rest = list(vertices)
-    found = []
+    triangles = []
     while len(rest) > 3:
         # Corners in one line are no ears; where rounding leaves nothing else, any corner may go.
         ear = next((i for i in range(len(rest)) if _is_ear(rest, i)), 0)
-        found.append([rest[ear - 1], rest[ear], rest[(ear + 1) % len(rest)]])
+        triangles.append([rest[ear - 1], rest[ear], rest[(ear + 1) % len(rest)]])
         del rest[ear]
-    return np.array([*found, rest])
+    return np.array([*triangles, rest])
 
 
 def _signed_area(vertices: Array) -> float:

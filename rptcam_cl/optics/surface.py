@@ -399,8 +399,8 @@ class Prescription:
         if said is not None:
             return float(said)
         title = _SPEED.search(self.name)
-        found = [self.published.get("f_number"), float(title[1]) if title else None]
-        numbers = [float(n) for n in found if isinstance(n, int | float) and not isinstance(n, bool) and n > 0]
+        claims = [self.published.get("f_number"), float(title[1]) if title else None]
+        numbers = [float(n) for n in claims if isinstance(n, int | float) and not isinstance(n, bool) and n > 0]
         return min(numbers, default=None)
 
     @property
@@ -418,9 +418,9 @@ class Prescription:
     @cached_property
     def shifts(self) -> Array:
         """The vertices as points (surfaces, 3, 1)."""
-        found = np.zeros((len(self.surfaces), 3, 1))
-        found[:, 2, 0] = self.vertices
-        return found
+        points = np.zeros((len(self.surfaces), 3, 1))
+        points[:, 2, 0] = self.vertices
+        return points
 
     @property
     def length(self) -> float:
@@ -473,11 +473,11 @@ class Prescription:
         key = nm.tobytes(), nm.shape, *map(id, media)
         known = _INDICES.get(key)
         if known is None:
-            found = np.stack([medium.index(wavelength_nm) for medium in media])
-            found.flags.writeable = False
+            values = np.stack([medium.index(wavelength_nm) for medium in media])
+            values.flags.writeable = False
             if len(_INDICES) >= REMEMBERED:
                 _INDICES.clear()
-            known = _INDICES[key] = media, found  # which keeps the media, so that no others get their ids
+            known = _INDICES[key] = media, values  # which keeps the media, so that no others get their ids
         return known[1]
 
     @property

@@ -144,10 +144,10 @@ def pupil_function(
     box = exit_rays.box
     if across is not None:
         return exit_rays.on_grid(box, across)
-    found = exit_rays.on_grid(box, ACROSS)
-    steepest = _steepest(found)
+    pupil = exit_rays.on_grid(box, ACROSS)
+    steepest = _steepest(pupil)
     if steepest <= STEP:
-        return found
+        return pupil
     return exit_rays.on_grid(box, min(int(np.ceil(ACROSS * steepest / STEP)), MOST_ACROSS))
 
 
@@ -418,17 +418,17 @@ def _correlate(pupil: PupilFunction, shifts: Array, axis: int) -> Waves:
     places = np.fft.fftfreq(count) * count
     middle = float(np.angle(line @ np.exp(2j * np.pi * places / count))) * count / (2 * np.pi)
     places = (places - middle + count / 2) % count - count / 2 + middle
-    found = np.exp(2j * np.pi / count * np.outer(shifts, places)) @ line
-    found += (1.0 - line.sum()) * np.maximum(1.0 - shifts, 0.0)  # unmoved, cells on the edge count by their flux
-    return np.where(shifts < len(pupil.coverage), found, 0.0)
+    values = np.exp(2j * np.pi / count * np.outer(shifts, places)) @ line
+    values += (1.0 - line.sum()) * np.maximum(1.0 - shifts, 0.0)  # unmoved, cells on the edge count by their flux
+    return np.where(shifts < len(pupil.coverage), values, 0.0)
 
 
-def encircled(pupil: PupilFunction, radii_mm: ArrayLike, about: tuple[float, float]) -> Array:
+def encircled_shares(pupil: PupilFunction, radii_mm: ArrayLike, about: tuple[float, float]) -> Array:
     """Return the share of the light inside circles of given radii about a point, x, y from C [mm]."""
-    return encircling(pupil, about)(np.atleast_1d(np.asarray(radii_mm, dtype=np.float64)))
+    return encircled_function(pupil, about)(np.atleast_1d(np.asarray(radii_mm, dtype=np.float64)))
 
 
-def encircling(pupil: PupilFunction, about: tuple[float, float]) -> Callable[[Array], Array]:
+def encircled_function(pupil: PupilFunction, about: tuple[float, float]) -> Callable[[Array], Array]:
     """Return the function that gives the share of the light inside circles of radii [mm] about a point.
 
     The integral over a circle of the transform of the light: 2 pi r J1(2 pi f r) / (2 pi f), over all frequencies f;
@@ -442,9 +442,9 @@ def encircling(pupil: PupilFunction, about: tuple[float, float]) -> Callable[[Ar
     real = np.real(np.conj(correlation) * along[:, None] * across[None, :])
     squares = cells[None, :] ** 2 + cells[:, None] ** 2
     sums = np.bincount(squares.ravel(), weights=real.ravel())
-    found = np.flatnonzero(sums)
-    f = unit * np.sqrt(found[found > 0])
-    middle, others = sums[0], sums[found[found > 0]] / f
+    filled = np.flatnonzero(sums)
+    f = unit * np.sqrt(filled[filled > 0])
+    middle, others = sums[0], sums[filled[filled > 0]] / f
     scale = unit**2 / pupil.flux.sum()
 
     def shares(radii: Array) -> Array:

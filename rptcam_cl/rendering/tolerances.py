@@ -21,7 +21,7 @@ from rptcam_cl.core.strict_yaml import Document, KeyPath, dotted, read_yaml
 from rptcam_cl.optics.as_built import Copies, Deviation, check_copies, film_points
 from rptcam_cl.optics.charts import FAINT, INK, new_figure, series, styled
 from rptcam_cl.optics.glass import AIR, abbe_number
-from rptcam_cl.optics.lens import Lens, brought_to_focus, configured, film_distance
+from rptcam_cl.optics.lens import Lens, brought_to_focus, film_distance, in_configuration
 from rptcam_cl.optics.spot import Beam, passing_beam
 from rptcam_cl.optics.waves import diffraction_mtf
 from rptcam_cl.scene.lens_settings import GRADES, Distribution, Merit, Tolerance, Tolerances, grade
@@ -929,7 +929,7 @@ def _state(lens: Lens, given: Specification) -> tuple[Lens, float]:
     """Return the design as copies are judged, and the distance from the object to its first vertex [mm]."""
     wanted = given.tolerances
     if wanted.zoom is not None:
-        lens = configured(lens, wanted.zoom)
+        lens = in_configuration(lens, wanted.zoom)
     wave = wanted.merit.wavelengths_nm[len(wanted.merit.wavelengths_nm) // 2]
     if wanted.f_number is not None:
         lens = lens.with_stop_diameter(lens.stop_diameter_for(wanted.f_number, wave))

@@ -16,7 +16,7 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, RptcamError
 from rptcam_cl.core.files import Folders, References, lenses_dir
 from rptcam_cl.core.remember import Disk, remember
-from rptcam_cl.optics.lens import Lens, configured
+from rptcam_cl.optics.lens import Lens, in_configuration
 from rptcam_cl.optics.library import list_lenses, load_lens, named_lens
 from rptcam_cl.rendering.cameras.model import values_per_irradiance
 from rptcam_cl.rendering.cameras.setting import lens_camera
@@ -530,7 +530,7 @@ def zoom_range(panel: Panel) -> tuple[float, float] | None:
 @remember(most=KEPT, by=optics_key)
 def _zoom_ends(scene: Scene) -> tuple[float, float]:
     lens, wavelength_nm = scene.load_lens(), lens_camera(scene).wavelength_nm
-    states = [configured(lens, state.name) for state in lens.configurations]
+    states = [in_configuration(lens, state.name) for state in lens.configurations]
     lengths = [state.first_order(wavelength_nm).focal_length_mm for state in states]
     return min(lengths), max(lengths)
 

@@ -19,7 +19,7 @@ from rptcam_cl.optics.charts import wavelength_colour
 from rptcam_cl.optics.drawing import blades, glass, lines, obstruction
 from rptcam_cl.optics.image_quality import COLUMNS, FilmSpot, field_mtf
 from rptcam_cl.optics.lens import Lens
-from rptcam_cl.optics.pupils import FilmProbe, narrowed
+from rptcam_cl.optics.pupils import FilmProbe, narrow_boxes
 from rptcam_cl.optics.ray_trace import IDEAL, Rays, Status
 from rptcam_cl.rendering.cameras.ideal import shaped, thick_lens_of
 from rptcam_cl.rendering.cameras.kinds import Perspective, camera_of
@@ -372,7 +372,7 @@ def image_circle_mm(state: LensState) -> float | None:
     for _ in range(2):
         radii = np.linspace(low, high, RADII)
         film = np.column_stack([radii, np.zeros(RADII)])
-        lit = np.asarray(narrowed(probe, film, probe.windows(film), FAN)[1], bool)
+        lit = np.asarray(narrow_boxes(probe, film, probe.windows(film), FAN)[1], bool)
         if lit.all():
             return None if high == LARGEST * half_mm else float(high)
         dark = int(np.argmin(lit))
@@ -491,7 +491,7 @@ def pointer_rays(state: LensState, x: float, y: float) -> dict[str, Any]:
     probe = FilmProbe(state.lens, state.setting.film_distance_mm, camera.wavelength_nm, film_frame(camera))
     film = start[None, :2]
     window = probe.windows(film)
-    boxes, found = narrowed(probe, film, window, SCOUTS)
+    boxes, found = narrow_boxes(probe, film, window, SCOUTS)
     passes = bool(found[0])
     rays = _fan(state, start, across, boxes[0] if passes else window[0], window[0])
     result = {"x": x, "y": y, "film_mm": [round(float(value), 4) for value in start[:2]], "rays": rays}

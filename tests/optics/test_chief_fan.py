@@ -7,7 +7,7 @@ import pytest
 
 from rptcam_cl.optics import chief_rays
 from rptcam_cl.optics.chief_rays import film_chief_rays, round_chief_rays
-from rptcam_cl.optics.lens import Lens, film_distance, zoomed
+from rptcam_cl.optics.lens import Lens, film_distance, zoom_to
 from rptcam_cl.optics.library import load_lens
 
 NM = 587.56
@@ -32,7 +32,7 @@ def check(lens: Lens, back_mm: float, radius_mm: float) -> None:
 
 def states(name: str) -> tuple[Lens, float]:
     lens = load_lens(name)
-    return (zoomed(lens, 120.0) if name == "zoom-70-200mm" else lens), film_distance(lens, np.inf)
+    return (zoom_to(lens, 120.0) if name == "zoom-70-200mm" else lens), film_distance(lens, np.inf)
 
 
 @pytest.mark.parametrize(

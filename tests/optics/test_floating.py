@@ -10,7 +10,7 @@ from rptcam_cl.cli import main
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.strict_yaml import read_yaml
 from rptcam_cl.optics.files.export import lens_text
-from rptcam_cl.optics.lens import configured, film_distance, floated, object_distance, zoom_range_mm, zoomed
+from rptcam_cl.optics.lens import film_distance, float_groups, in_configuration, object_distance, zoom_range_mm, zoom_to
 from rptcam_cl.optics.library import load_lens
 from rptcam_cl.rendering.cameras.setting import focused, lens_setting
 from rptcam_cl.scene.load import load_scene
@@ -59,14 +59,14 @@ def test_close_focus_columns_are_focus_and_not_zoom(tmp_path):
 
 def test_gaps_go_by_the_inverse_of_the_distance(tmp_path):
     lens = bench(tmp_path)
-    assert floated(lens, np.inf).surfaces == lens.surfaces
-    near, half = floated(lens, NEAR_MM), floated(lens, 2 * NEAR_MM)
+    assert float_groups(lens, np.inf).surfaces == lens.surfaces
+    near, half = float_groups(lens, NEAR_MM), float_groups(lens, 2 * NEAR_MM)
     assert [near.surfaces[k].thickness for k in (1, 4)] == pytest.approx([6, 5])
     assert [half.surfaces[k].thickness for k in (1, 4)] == pytest.approx([7, 4.5])
     with pytest.raises(InputError, match=r"focus down to 417 mm from the film \(requested 300 mm\)"):
-        floated(lens, 300)
+        float_groups(lens, 300)
     plain = load_lens("dgauss-50mm")
-    assert floated(plain, 300) is plain
+    assert float_groups(plain, 300) is plain
 
 
 @pytest.mark.parametrize("side", ["film", "front"])
@@ -75,7 +75,7 @@ def test_a_camera_focuses_with_them(tmp_path, side):
     state, film = focused(lens, 1000.0, side, "thick", 587.5618)
     whole = object_distance(state, film)
     assert whole == pytest.approx(1000 if side == "film" else 1000 + state.length + film, rel=1e-6)
-    gaps, expected = ([s.thickness for s in one.surfaces] for one in (state, floated(lens, whole)))
+    gaps, expected = ([s.thickness for s in one.surfaces] for one in (state, float_groups(lens, whole)))
     assert gaps == pytest.approx(expected, abs=1e-7)
     assert film != pytest.approx(film_distance(lens, 1000.0), abs=1e-3)  # as the unmoved groups would have it
 
@@ -84,7 +84,7 @@ def test_lens_info_takes_the_distance(tmp_path, capsys):
     bench(tmp_path)
     assert main(["lens", "info", str(tmp_path / "floating.txt"), "--focus-distance-m", "0.6", "--json"]) == 0
     shown = json.loads(capsys.readouterr().out)
-    lens = floated(load_lens(tmp_path / "floating.txt"), 600)
+    lens = float_groups(load_lens(tmp_path / "floating.txt"), 600)
     assert shown["film_distance_mm"] == pytest.approx(film_distance(lens, 600))
     assert main(["lens", "info", str(tmp_path / "floating.txt"), "--focus-distance-m", "0.3"]) == 2
 
@@ -262,11 +262,11 @@ def test_a_zoom_focuses_by_its_group_in_every_position(tmp_path, order):
     path = tmp_path / "zoom.yaml"
     path.write_text(lens_text(lens))
     for each, start in zip(load_lens(path).configurations, films, strict=True):
-        state, film = focused(configured(lens, each.name), 1000.0, "film", "thick", 587.5618)
+        state, film = focused(in_configuration(lens, each.name), 1000.0, "film", "thick", 587.5618)
         assert film == pytest.approx(films[start] - 30, abs=1e-4)
         assert state.surfaces[1].thickness == pytest.approx(inner_place(start, 1000.0), abs=1e-4)
     low, high = zoom_range_mm(lens)
-    between = zoomed(lens, (low + high) / 2)
+    between = zoom_to(lens, (low + high) / 2)
     state, film = focused(between, 1000.0, "film", "thick", 587.5618)
     assert film == pytest.approx(film_distance(between, np.inf)) and state.length == pytest.approx(between.length)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics.files.glass_catalogues import glass_named, read_agf, read_refractive_index
+from rptcam_cl.optics.files.glass_catalogues import find_glass, read_agf, read_refractive_index
 from rptcam_cl.optics.glass import GLASSES, TabulatedIndex, abbe_number, known_range, stated_range
 from rptcam_cl.optics.library import load_lens
 
@@ -101,7 +101,7 @@ def test_lens_files_name_catalogues_beside_them(tmp_path):
 
 @pytest.mark.parametrize("name", ["B270", "EagleXG", "E48R", "H-ZF12", "PMMA-Bodurov", "GLS", "LaF3-o"])
 def test_laws_that_end_in_visible_light_are_continued_with_a_word(name):
-    glass = glass_named(name)
+    glass = find_glass(name)
     (low, high), (first, last) = stated_range(glass), known_range(glass)
     assert (first, last) == (max(400, low - 50) if low > 400 else low, min(700, high + 50) if high < 700 else high)
     nm = np.linspace(max(first, 380), min(last, 800), 400)

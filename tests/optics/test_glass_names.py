@@ -11,7 +11,7 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.files.glass_catalogues import (
     MAKERS,
     chosen_makers,
-    glass_named,
+    find_glass,
     glasses_of,
     makers_of,
     named_glass,
@@ -32,7 +32,7 @@ DATA_SHEETS = {
 @pytest.mark.parametrize("name", DATA_SHEETS)
 def test_glasses_have_the_index_of_their_data_sheet(name):
     nd, vd = DATA_SHEETS[name]
-    glass = glass_named(name)
+    glass = find_glass(name)
     assert float(glass.index(LINE_D_NM)) == pytest.approx(nd, abs=1e-5)
     assert abbe_number(glass) == pytest.approx(vd, abs=0.02)
 
@@ -41,7 +41,7 @@ def test_every_glass_has_the_index_that_its_maker_prints():
     checked = 0
     for maker in MAKERS:
         for glass in glasses_of(maker).values():
-            law = glass_named(f"{glass.name}_{maker}")
+            law = find_glass(f"{glass.name}_{maker}")
             low, high = stated_range(law) or (0, 0)
             if glass.nd and low <= LINE_D_NM <= high:
                 tolerance = 6e-4 if glass.name in ("BOROFLOAT33", "CaF2") else 5e-5  # three decimals; Malitson
@@ -52,8 +52,8 @@ def test_every_glass_has_the_index_that_its_maker_prints():
 
 def test_bundled_glasses_keep_their_numbers():
     for name, medium in GLASSES.items():
-        assert glass_named(name) is medium
-        assert glass_named(name.lower().replace("-", "")) is medium
+        assert find_glass(name) is medium
+        assert find_glass(name.lower().replace("-", "")) is medium
 
 
 MEANINGS = [
@@ -71,7 +71,7 @@ MEANINGS = [
 def test_names_and_aliases_mean_their_glass(name, makers, written):
     found = named_glass(name, makers, successors=True)
     assert found.written == written
-    assert glass_named(written).name == written
+    assert find_glass(written).name == written
     assert named_glass(written).written == written
 
 
@@ -100,7 +100,7 @@ def test_the_nearest_glass_is_suggested():
 
 
 def test_glasses_absorb_as_their_maker_says():
-    n_sf5 = glass_named("N-SF5")  # SCHOTT's data sheet: internal transmittance over 10 mm at 400, 420 and 546 nm
+    n_sf5 = find_glass("N-SF5")  # SCHOTT's data sheet: internal transmittance over 10 mm at 400, 420 and 546 nm
     assert np.exp(-10 * attenuation(n_sf5, [400.0, 420.0, 546.0])) == pytest.approx([0.905, 0.963, 0.995], abs=6e-4)
 
 

@@ -9,9 +9,9 @@ import pytest
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.as_built import BARRELS, Heat, thermal_of
 from rptcam_cl.optics.files.export import lens_text
-from rptcam_cl.optics.files.glass_catalogues import MAKERS, glass_named, glasses_of, law_of
+from rptcam_cl.optics.files.glass_catalogues import MAKERS, find_glass, glasses_of, law_of
 from rptcam_cl.optics.glass import AIR, Heated, Medium, Melt, air_index
-from rptcam_cl.optics.lens import configured
+from rptcam_cl.optics.lens import in_configuration
 from rptcam_cl.optics.library import load_lens
 
 E_NM, G_NM, IR_NM = 546.074, 435.835, 1060.0
@@ -34,7 +34,7 @@ N_BK7 = {
 
 @pytest.mark.parametrize("span", N_BK7)
 def test_index_changes_as_the_data_sheet_says(span: tuple[int, int]) -> None:
-    glass = glass_named("N-BK7")
+    glass = find_glass("N-BK7")
     assert glass is not None
     waves = np.array([IR_NM, E_NM, G_NM])
     cold, hot = (index(glass, celsius, waves) for celsius in span)
@@ -52,14 +52,14 @@ def test_air_has_its_index() -> None:
 
 
 def test_in_vacuum_the_index_is_absolute() -> None:
-    glass = glass_named("N-BK7")
+    glass = find_glass("N-BK7")
     assert glass is not None
     expected = glass.index(D_NM) * air_index(D_NM, 20.0, 1013.25)
     assert index(glass, 20.0, D_NM, 0.0) == pytest.approx(float(expected), abs=1e-12)
 
 
 def test_constants_count_from_the_temperature_of_the_catalogue() -> None:
-    glass = glass_named("S-BSL7")
+    glass = find_glass("S-BSL7")
     assert glass is not None
     thermal = thermal_of(glass)
     assert thermal is not None
@@ -149,7 +149,7 @@ def test_lens_that_grows_alike_everywhere_is_the_lens_in_a_larger_unit() -> None
     larger = load_lens(lens | {"unit": "cm"})  # whose lengths are ten times as long
     assert hot.focusing is not None
     assert hot.focusing.travel_mm == pytest.approx((-scale, 2 * scale))
-    tele, reference = configured(hot, "tele"), configured(larger, "tele")
+    tele, reference = in_configuration(hot, "tele"), in_configuration(larger, "tele")
     assert tele.stop is not None
     assert 2 * tele.stop.semi_diameter == pytest.approx(6 * scale)
     points = np.random.default_rng(3).uniform(-6, 6, (200, 2))

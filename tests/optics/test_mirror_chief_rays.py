@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rptcam_cl.optics import field_measures
-from rptcam_cl.optics.chief_rays import film_chief_rays, unobstructed
+from rptcam_cl.optics.chief_rays import film_chief_rays, without_obstructions
 from rptcam_cl.optics.design import stop_diameter_by_sine
 from rptcam_cl.optics.field_measures import curvature_rows
 from rptcam_cl.optics.image_quality import field_waves, setting
@@ -32,7 +32,7 @@ def test_chief_rays_go_through_a_stop_behind_a_mirror(system):
     film = np.array([[0.0, 3.0, system.film_z(film_distance(system, np.inf))], [2.0, -1.0, system.film_z(90.0)]])
     found = film_chief_rays(system, film)
     assert found.found.all()
-    rays = unobstructed(system).trace(found.origins + 10 * found.directions, -found.directions, start="scene")
+    rays = without_obstructions(system).trace(found.origins + 10 * found.directions, -found.directions, start="scene")
     assert rays.passed.all()
     assert rays.origins[:, :2] == pytest.approx(0, abs=1e-8)  # the stop is the last surface
     ahead = (film[:, 2] - rays.origins[:, 2]) / rays.directions[:, 2]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics.lens import configured
+from rptcam_cl.optics.lens import in_configuration
 from rptcam_cl.optics.library import load_lens
 from rptcam_cl.optics.shapes import Toroid
 
@@ -300,7 +300,7 @@ def test_optical_bench_with_aspheres_and_states(tmp_path):
     assert lens.surfaces[13].conic == -0.4
     assert lens.surfaces[13].aspheric == ((4, 1e-6), (6, 2e-9))
     assert [state.name for state in lens.configurations] == ["50 mm", "52 mm"]
-    assert configured(lens, "52 mm").surfaces[1].thickness == 2.5
+    assert in_configuration(lens, "52 mm").surfaces[1].thickness == 2.5
     assert any("aspheric data for a surface '99'" in note for note in lens.warnings)
     odd = load_text(tmp_path, text.replace("Scaled\t50\t1", "AsphericalOddCount\t1"), "odd.txt")
     assert odd.surfaces[13].aspheric == ((3, 1e-6), (4, 2e-9))

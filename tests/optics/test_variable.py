@@ -6,7 +6,14 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import lens as variable
 from rptcam_cl.optics.design import lens_info
 from rptcam_cl.optics.image_quality import setting
-from rptcam_cl.optics.lens import configured, film_distance, focused_by_group, moved, object_distance, zoomed
+from rptcam_cl.optics.lens import (
+    film_distance,
+    focused_by_group,
+    in_configuration,
+    move_group,
+    object_distance,
+    zoom_to,
+)
 from rptcam_cl.optics.library import load_lens
 
 ZOOMS = {"zoom-80-200mm": [80, 200], "zoom-70-200mm": [72.1, 135, 194], "zoom-35-51mm": [35, 51]}
@@ -17,16 +24,16 @@ def test_published_focal_length_of_every_configuration(name):
     lens = load_lens(name)
     assert len(lens.configurations) == len(ZOOMS[name])
     for configuration, expected in zip(lens.configurations, ZOOMS[name], strict=True):
-        data = configured(lens, configuration.name).first_order()
+        data = in_configuration(lens, configuration.name).first_order()
         assert data.focal_length_mm == pytest.approx(expected, rel=2e-3)
-    assert configured(lens, lens.configurations[0].name).surfaces == lens.surfaces
+    assert in_configuration(lens, lens.configurations[0].name).surfaces == lens.surfaces
 
 
 def test_the_image_of_a_compensated_zoom_stays():
     lens = load_lens("zoom-70-200mm")
     planes = [
         state.length + state.first_order().back_focal_distance_mm
-        for state in (configured(lens, configuration.name) for configuration in lens.configurations)
+        for state in (in_configuration(lens, configuration.name) for configuration in lens.configurations)
     ]
     assert max(planes) - min(planes) < 0.05
 
@@ -35,30 +42,32 @@ def test_the_image_of_a_compensated_zoom_stays():
 def test_zooming_to_a_focal_length_between(name):
     lens = load_lens(name)
     for share in (0.0, 0.3, 0.8, 1.0):
-        first, last = (configured(lens, lens.configurations[i].name).first_order().focal_length_mm for i in (0, -1))
+        first, last = (
+            in_configuration(lens, lens.configurations[i].name).first_order().focal_length_mm for i in (0, -1)
+        )
         wanted = first + share * (last - first)
-        assert zoomed(lens, wanted).first_order().focal_length_mm == pytest.approx(wanted, rel=1e-9)
+        assert zoom_to(lens, wanted).first_order().focal_length_mm == pytest.approx(wanted, rel=1e-9)
 
 
 @pytest.mark.parametrize("name", ZOOMS)
 def test_a_zoom_lens_is_examined_once_for_all_focal_lengths(name, monkeypatch):
     lens = load_lens(name)
     low, high = variable.zoom_range_mm(lens)
-    assert zoomed(lens, low).first_order().focal_length_mm == pytest.approx(low, rel=1e-9)
+    assert zoom_to(lens, low).first_order().focal_length_mm == pytest.approx(low, rel=1e-9)
     counted = []
     whole = variable.focal_length_mm
     monkeypatch.setattr(variable, "focal_length_mm", lambda *args: counted.append(args) or whole(*args))
-    zoomed(load_lens(name), low + 0.4321 * (high - low))
+    zoom_to(load_lens(name), low + 0.4321 * (high - low))
     assert 40 < len(counted) < 56  # those of the search alone, which halves a 64th as often as numbers tell it apart
 
 
 def test_outside_the_range_is_refused_with_the_range():
     with pytest.raises(InputError, match=r"zooms from 72\.1\d* to 193\.\d+ mm \(requested 300 mm\)"):
-        zoomed(load_lens("zoom-70-200mm"), 300)
+        zoom_to(load_lens("zoom-70-200mm"), 300)
     with pytest.raises(InputError, match="is not a zoom lens"):
-        zoomed(load_lens("dgauss-50mm"), 60)
+        zoom_to(load_lens("dgauss-50mm"), 60)
     with pytest.raises(InputError, match=r"no configuration 'tele'; it has 72 mm, 135 mm, 194 mm"):
-        configured(load_lens("zoom-70-200mm"), "tele")
+        in_configuration(load_lens("zoom-70-200mm"), "tele")
 
 
 def telephoto_with_group(travel=(-8.0, 10.0)):
@@ -84,7 +93,7 @@ def test_a_group_focuses_while_the_film_stays(tmp_path):
         state, back = focused_by_group(lens, distance, film)
         assert film_distance(state, distance) == pytest.approx(back, abs=1e-6)
         assert state.length + back == pytest.approx(lens.length + film)
-    assert moved(lens, 0.0).surfaces == lens.surfaces
+    assert move_group(lens, 0.0).surfaces == lens.surfaces
 
 
 def test_lens_tools_move_the_group(tmp_path):
@@ -136,7 +145,7 @@ def test_bad_variable_parts_are_refused(tmp_path, extra, message):
 
 
 def test_the_macro_lens_is_half_life_size_at_a_quarter_of_a_metre():
-    lens = configured(load_lens("macro-55mm"), "1:2")
+    lens = in_configuration(load_lens("macro-55mm"), "1:2")
     data = lens.first_order()
     film = data.back_focal_distance_mm + data.focal_length_mm / 2
     assert object_distance(lens, film) == pytest.approx(250.0, abs=0.05)

@@ -13,7 +13,7 @@ from rptcam_cl.core.colour import lines_on_grid, luminance, srgb_from_spectrum
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.device.session import Session
 from rptcam_cl.optics.coating import MAGNESIUM_FLUORIDE, Coating, Layer, LayerStack, QuarterWave
-from rptcam_cl.optics.ghosts import Lit, find_ghosts, steps, unfolded
+from rptcam_cl.optics.ghosts import Lit, find_ghosts, steps, unfold
 from rptcam_cl.optics.irradiance import veiling_glare
 from rptcam_cl.optics.library import load_lens
 from rptcam_cl.optics.ray_trace import UNCOATED, with_coating
@@ -249,7 +249,7 @@ def test_ghosts_are_those_of_rays_traced_back_from_the_film() -> None:
     lens, film, sun_radius, rng = load_lens("biconvex"), 48.0, np.radians(3.0), np.random.default_rng(5)
     lens = replace(lens, surfaces=tuple(replace(surface, semi_diameter=3.0) for surface in lens.surfaces))
     way, count, side = (1, 0), 400_000, 44.0
-    back = unfolded(lens, way)
+    back = unfold(lens, way)
     rear, film_z = lens.surfaces[-1].semi_diameter, lens.film_z(film)
     at = np.column_stack([(rng.random((count, 2)) - 0.5) * side, np.full(count, film_z)])
     through = rear * np.sqrt(rng.random(count))[:, None] * np.exp(2j * np.pi * rng.random(count))[:, None].view(float)

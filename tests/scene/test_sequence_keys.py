@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.optics.lens import floated
+from rptcam_cl.optics.lens import float_groups
 from rptcam_cl.optics.library import load_lens
 from rptcam_cl.rendering.cameras.kinds import camera_model
 from rptcam_cl.rendering.cameras.setting import film_frame, lens_setting
@@ -81,7 +81,7 @@ def test_floating_groups_stand_as_the_distance_says(tmp_path):
     found = [lens_setting(frame(keys, at=at, base=tmp_path, camera=camera)) for at in (1, 3, 5)]
     gaps = [[setting.lens.surfaces[row].thickness for row in (1, 4)] for setting in found]
     for distance_mm, gap in zip((2000, 1300, 600), gaps, strict=True):
-        lens = floated(load_lens(path), distance_mm)
+        lens = float_groups(load_lens(path), distance_mm)
         assert gap == pytest.approx([lens.surfaces[row].thickness for row in (1, 4)])
     assert gaps[0][0] > gaps[1][0] > gaps[2][0]  # both gaps change, the one shrinks and the other grows
     assert gaps[0][1] < gaps[1][1] < gaps[2][1]

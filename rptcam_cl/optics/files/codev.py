@@ -57,7 +57,7 @@ def _private_glass(name: str, rest: list[str], wavelengths: list[float], path: s
     known = model_glass(name) if ":" in name else None
     if known and "vd" in known:
         law = AbbeCauchy(**known).index([w for w, _ in rows])
-        if max(abs(n - found) for (_, n), found in zip(rows, law, strict=True)) < OF_THE_MODEL:
+        if max(abs(n - fit) for (_, n), fit in zip(rows, law, strict=True)) < OF_THE_MODEL:
             return dict(known)  # what it is called says it exactly
     return {"table": {"wavelengths_nm": [w for w, _ in rows], "values": [n for _, n in rows]}, "name": name}
 
@@ -191,8 +191,8 @@ def _parse(
             value, thickness = _numbers([*rest, "0", "0"][:2], table, line)
             glass = rest[2] if len(rest) > 2 else ""
             surfaces.append(_Surface(line, value, thickness, glass, radius_mode))
-        elif rest and not key.startswith("TIT") and (found := _QUALIFIER.fullmatch(rest[0])):
-            for target in _targets(found, surfaces):
+        elif rest and not key.startswith("TIT") and (qualifier := _QUALIFIER.fullmatch(rest[0])):
+            for target in _targets(qualifier, surfaces):
                 _take(target, key, rest[1:], line, table)
         elif rest and key in _OF_SURFACES and rest[0][:2].upper() in ("S'", 'S"'):
             table.note(line, f"{key} of the surface labelled {rest[0][1:]} is ignored")
@@ -207,7 +207,7 @@ def _parse(
     return surfaces
 
 
-def _targets(found: re.Match[str], surfaces: list[_Surface]) -> list[_Surface]:
+def _targets(qualifier: re.Match[str], surfaces: list[_Surface]) -> list[_Surface]:
     """Return the surfaces of a qualifier such as S3, S2..5, SA, SS or SI-1; object and image are none of them."""
 
     def number(word: str, back: str | None) -> int:
@@ -215,10 +215,10 @@ def _targets(found: re.Match[str], surfaces: list[_Surface]) -> list[_Surface]:
         places = {"O": 0, "I": len(surfaces) + 1, "S": at_stop}
         return (places[word] if word in places else int(word)) + int(back or 0)
 
-    first, last = found[1].upper(), (found[3] or found[1]).upper()
+    first, last = qualifier[1].upper(), (qualifier[3] or qualifier[1]).upper()
     if first == "A":
         return surfaces
-    low, high = number(first, found[2]), number(last, found[4] if found[3] else found[2])
+    low, high = number(first, qualifier[2]), number(last, qualifier[4] if qualifier[3] else qualifier[2])
     return surfaces[max(low - 1, 0) : max(high, 0)]
 
 

@@ -20,7 +20,7 @@ from rptcam_cl.optics.coating import (
     MeasuredReflectance,
     QuarterWave,
 )
-from rptcam_cl.optics.files.glass_catalogues import glass_named, glasses_of, named_glass, plain_glass_name
+from rptcam_cl.optics.files.glass_catalogues import find_glass, glasses_of, named_glass, plain_glass_name
 from rptcam_cl.optics.glass import (
     AIR,
     NO_DISPERSION,
@@ -106,13 +106,13 @@ def left_out(lens: Lens) -> list[str]:
 
 def maker_and_name(medium: Medium) -> tuple[str, str] | None:
     """Return the maker and the maker's name of a catalogue glass, None for any other medium."""
-    found = named_glass(medium.name) if medium.name else None
-    if found is None or not found.maker or glass_named(found.written) != medium:
+    named = named_glass(medium.name) if medium.name else None
+    if named is None or not named.maker or find_glass(named.written) != medium:
         return None
-    base, _, _ = found.written.rpartition("_")
-    glasses = glasses_of(found.maker)
-    glass = glasses.get(plain_glass_name(found.written)) or glasses.get(plain_glass_name(base))
-    return (found.maker, glass.name) if glass else (found.maker, found.written)
+    base, _, _ = named.written.rpartition("_")
+    glasses = glasses_of(named.maker)
+    glass = glasses.get(plain_glass_name(named.written)) or glasses.get(plain_glass_name(base))
+    return (named.maker, glass.name) if glass else (named.maker, named.written)
 
 
 def model_of(medium: Medium) -> tuple[float, float]:
@@ -234,8 +234,8 @@ def _codev_glass(medium: Medium, private: dict[Medium, str]) -> str:
     """
     if medium == AIR:
         return ""
-    if found := maker_and_name(medium):
-        return f"{plain_glass_name(found[1])}_{found[0].upper()}"  # CODE V has no hyphens
+    if known := maker_and_name(medium):
+        return f"{plain_glass_name(known[1])}_{known[0].upper()}"  # CODE V has no hyphens
     if medium not in private:
         nd, vd = model_of(medium)
         name = f"{nd!r}:{vd!r}"
@@ -295,10 +295,10 @@ def zemax_text(lens: Lens) -> str:
 
 def _makers(lens: Lens) -> tuple[str, ...]:
     """Return the makers of the glasses of a lens, in an order in which every name means the glass of its maker."""
-    found = {surface.glass.name: maker_and_name(surface.glass) for surface in lens.surfaces}
-    makers = tuple(dict.fromkeys(entry[0] for entry in found.values() if entry))
+    known = {surface.glass.name: maker_and_name(surface.glass) for surface in lens.surfaces}
+    makers = tuple(dict.fromkeys(entry[0] for entry in known.values() if entry))
     for order in permutations(makers):
-        if all(_means(entry[1], order, written) for written, entry in found.items() if entry):
+        if all(_means(entry[1], order, written) for written, entry in known.items() if entry):
             return order
     return makers
 
@@ -369,9 +369,9 @@ def _kind(surface: Surface) -> tuple[str, dict[int, float]]:
 
 
 def _zemax_glass(medium: Medium, makers: Sequence[str]) -> str:
-    if (found := maker_and_name(medium)) and _means(found[1], makers, medium.name):
-        return f"{found[1].replace(' ', '_')} 0 0 1.5 40.0 0 0 0 0 0 0"
-    if medium.name == "fused silica" and glass_named(medium.name) == medium:
+    if (known := maker_and_name(medium)) and _means(known[1], makers, medium.name):
+        return f"{known[1].replace(' ', '_')} 0 0 1.5 40.0 0 0 0 0 0 0"
+    if medium.name == "fused silica" and find_glass(medium.name) == medium:
         return "F_SILICA 0 0 1.5 40.0 0 0 0 0 0 0"
     nd, vd = model_of(medium)
     return f"___BLANK 1 0 {number(nd)} {number(vd)} 0 0 0 0 0 0"
@@ -445,7 +445,7 @@ def _surface_reasons(surface: Surface, before: float, after: float) -> Iterator[
         "a mirror": surface.is_mirror,
         "a ring": surface.inner_semi_diameter > 0,
     }
-    yield from (text for text, found in shapes.items() if found)
+    yield from (text for text, applies in shapes.items() if applies)
     if surface.form is not None:
         yield surface.form.description
     if surface.is_stop and surface.curvature:
@@ -599,7 +599,7 @@ def _coating(coating: Coating, where: str) -> Any:
 
 def _medium(medium: Medium) -> Any:
     """Return a glass with what it absorbs, where its name does not say that."""
-    if medium.name and glass_named(medium.name) == medium:
+    if medium.name and find_glass(medium.name) == medium:
         return medium.name
     entry = _glass_keys(medium)
     thermal = {} if medium.thermal is None else _thermal(medium.thermal)

@@ -139,14 +139,14 @@ class Fields:
 
     def paths_by_number(self, key: str, least: int, most: int, fault: str) -> list[tuple[int, KeyPath]]:
         """Return the keys of a mapping, whole numbers from least to most, and the paths of their values."""
-        found = []
+        numbers = []
         for name in self.value[key]:
             number = int(name) if isinstance(name, int) or (isinstance(name, str) and name.isdigit()) else least - 1
             path = (*self.path, key, name)
             if isinstance(name, bool) or not least <= number <= most:
                 raise problem(self.document, path, fault, name)
-            found.append((number, path))
-        return found
+            numbers.append((number, path))
+        return numbers
 
     def inner(self, key: str, allowed: Iterable[str]) -> Fields:
         """Return the mapping that a key leads to."""

@@ -266,10 +266,10 @@ def plain_glass_name(name: str) -> str:
 @lru_cache(maxsize=len(MAKERS))
 def glasses_of(maker: str) -> dict[str, MakersGlass]:
     """Return the glasses of a maker by their plain names."""
-    found = (_HEAD.match(line) for line in _makers_text(maker).splitlines())
+    rows = (_HEAD.match(line) for line in _makers_text(maker).splitlines())
     return {
         plain_glass_name(row[1]): MakersGlass(maker, row[1], *(float(v) if v else None for v in (row[2], row[3])))
-        for row in found
+        for row in rows
         if row
     }
 
@@ -395,14 +395,14 @@ def makers_of(catalogue: str) -> tuple[str, ...]:
 
 def chosen_makers(catalogues: Iterable[str]) -> tuple[str, ...]:
     """Return the makers of catalogues that a user has named, or say which there are."""
-    found: list[str] = []
+    chosen: list[str] = []
     for word in catalogues:
         makers = makers_of(word)
         if not makers:
             known = ", ".join(maker.upper() for maker in MAKERS)
             raise InputError(f"no glass catalogue {word!r} comes with the package (allowed: {known})")
-        found += makers
-    return tuple(found)
+        chosen += makers
+    return tuple(chosen)
 
 
 def named_glass(name: str, makers: Sequence[str] = (), successors: bool = False) -> Named | None:
@@ -428,14 +428,14 @@ def named_glass(name: str, makers: Sequence[str] = (), successors: bool = False)
         return Named(written, "" if written in _NO_MAKER else "schott", is_chosen=bool(makers))
     for maker in makers:
         if plain in glasses_of(maker):
-            return Named(_written(plain, maker), maker, is_chosen=True)
-    if successors and (found := _successor(plain, makers or ("schott",))):
-        return found
+            return Named(_written_name(plain, maker), maker, is_chosen=True)
+    if successors and (successor := _successor(plain, makers or ("schott",))):
+        return successor
     for maker in MAKERS:
         if plain in glasses_of(maker):
-            return Named(_written(plain, maker), maker)
-    if plain in _ALIASES and (found := named_glass(_ALIASES[plain])):
-        return Named(found.written, found.maker, False)
+            return Named(_written_name(plain, maker), maker)
+    if plain in _ALIASES and (successor := named_glass(_ALIASES[plain])):
+        return Named(successor.written, successor.maker, False)
     return _successor(plain, tuple(_PREFIXES)) if successors else None
 
 
@@ -443,9 +443,9 @@ def other_name(name: str) -> tuple[Any, str] | None:
     """Return the `glass` entry and its words for a name that no catalogue has: that of a substance with the author of
     its measurement behind it, as in refractiveindex.info (``CAF2_DAIMON-20``), or of a glass of SCHOTT's of old."""
     base, _, last = name.strip(" '\"").replace(" ", "_").partition("_")
-    found = named_glass(f"{base}-{last}") or named_glass(base) if last else None
-    if found is not None and found.maker in ("", "plastic"):
-        return found.written, found.written
+    substance = named_glass(f"{base}-{last}") or named_glass(base) if last else None
+    if substance is not None and substance.maker in ("", "plastic"):
+        return substance.written, substance.written
     code = _RETIRED.get(plain_glass_name(base)) if makers_of(last or "schott") == ("schott",) else None
     if code is None:
         return None
@@ -453,14 +453,14 @@ def other_name(name: str) -> tuple[Any, str] | None:
     return {"nd": nd, "vd": vd}, f"{nd:g} / {vd:g}, the code {code} of SCHOTT's old catalogues"
 
 
-def glass_named(name: str) -> Medium | None:
+def find_glass(name: str) -> Medium | None:
     """Return the law of a glass by the name that `Named.written` has, or by any other that `named_glass` knows."""
-    found = named_glass(name)
-    if found is None:
+    named = named_glass(name)
+    if named is None:
         return None
-    if found.written in GLASSES:
-        return GLASSES[found.written]
-    return law_of(_entry(found), found.written)
+    if named.written in GLASSES:
+        return GLASSES[named.written]
+    return law_of(_entry(named), named.written)
 
 
 def near_names(name: str, count: int = 3) -> list[str]:
@@ -492,13 +492,13 @@ def near_glass_words(nd: float, vd: float) -> str:
     return f"{glass.name} ({glass.maker.upper()}) {glass.nd:g} / {glass.vd:.4g}"
 
 
-def _entry(found: Named) -> MakersGlass:
-    base, _, last = found.written.rpartition("_")
-    plain = plain_glass_name(base if base and makers_of(last) else found.written)
-    return glasses_of(found.maker)[plain]
+def _entry(named: Named) -> MakersGlass:
+    base, _, last = named.written.rpartition("_")
+    plain = plain_glass_name(base if base and makers_of(last) else named.written)
+    return glasses_of(named.maker)[plain]
 
 
-def _written(plain: str, maker: str) -> str:
+def _written_name(plain: str, maker: str) -> str:
     """Return the name of a glass in a file of ours: the maker's own, with the maker where another has it too."""
     bundled = _BUNDLED.get(plain)
     if bundled and maker == "schott":
@@ -523,5 +523,5 @@ def _successor(plain: str, makers: Sequence[str]) -> Named | None:
             swapped = [stem[len(prefix) :] for prefix in prefixes if stem.startswith(prefix)]
             for rest in [stem, *(prefix + part for part in [stem, *swapped] for prefix in prefixes)]:
                 if rest != plain and (rest in glasses_of(maker) or (maker == "schott" and rest in _BUNDLED)):
-                    return Named(_written(rest, maker), maker, False)
+                    return Named(_written_name(rest, maker), maker, False)
     return None

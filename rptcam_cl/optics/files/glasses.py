@@ -27,7 +27,7 @@ from rptcam_cl.optics.files import keys
 from rptcam_cl.optics.files.fields import Fields, problem, rises, value_at
 from rptcam_cl.optics.files.glass_catalogues import (
     LARGEST_FILE,
-    glass_named,
+    find_glass,
     glasses_of_agf,
     near_names,
     read_refractive_index,
@@ -41,7 +41,9 @@ WORDS: dict[str, Coating] = dict(zip(keys.COATING_WORDS, (BARE, MAGNESIUM_FLUORI
 COATING_FORMS = f"{', '.join(keys.COATING_WORDS)}, {{quarter_wave: …}}, {{layers: …}} or {{reflectance: …}}"
 
 
-def coated(document: Document, surfaces: tuple[Surface, ...], object_medium: glass.Medium) -> tuple[Surface, ...]:
+def apply_coatings(
+    document: Document, surfaces: tuple[Surface, ...], object_medium: glass.Medium
+) -> tuple[Surface, ...]:
     """Return the surfaces with their coatings: their own, or between glass and air that of the lens."""
     common = read_coating(document, ("coating",)) if "coating" in document.data else None
     result, before = [], object_medium
@@ -119,10 +121,10 @@ def _layers(fields: Fields) -> Coating:
     rows = fields.rows("layers", keys.LAYER, "[{index: 1.38, thickness_nm: 99.6}]")
     if not 1 <= len(rows) <= MOST_LAYERS:
         raise fields.fail("layers", f"has 1 to {MOST_LAYERS} layers, not {len(rows)}")
-    return layered(tuple(map(_layer, rows)))
+    return read_layers(tuple(map(_layer, rows)))
 
 
-def layered(layers: tuple[Layer, ...]) -> Coating:
+def read_layers(layers: tuple[Layer, ...]) -> Coating:
     """Return the coating of some layers; a clear single one is a quarter wave of some wavelength."""
     if len(layers) == 1 and not layers[0].extinction:
         return QuarterWave(layers[0].index, 4 * layers[0].index * layers[0].thickness_nm)
@@ -233,7 +235,7 @@ def _read_thermal(fields: Fields, known: glass.Thermal) -> glass.Thermal:
 def _find_glass(document: Document, path: KeyPath, name: str) -> glass.Medium:
     if name.lower() in ("air", "vacuum"):
         return glass.AIR
-    medium = glass_named(name)
+    medium = find_glass(name)
     if medium is not None:
         return medium
     near = near_names(name)

@@ -18,9 +18,9 @@ from rptcam_cl.core.files import References
 from rptcam_cl.core.strict_yaml import Document, KeyPath
 from rptcam_cl.optics.files import keys
 from rptcam_cl.optics.files.fields import Fields, as_number, problem
-from rptcam_cl.optics.files.glasses import coated, read_glass
+from rptcam_cl.optics.files.glasses import apply_coatings, read_glass
 from rptcam_cl.optics.glass import AIR, Medium, continued_words
-from rptcam_cl.optics.lens import Lens, configured, first_order
+from rptcam_cl.optics.lens import Lens, first_order, in_configuration
 from rptcam_cl.optics.shapes import FORMS, Form
 from rptcam_cl.optics.stop_shape import StopShape, blades, heart, polygon, star
 from rptcam_cl.optics.surface import IN_PLACE, Configuration, FocusingGroup, FocusState, Region, Surface, SurfacePose
@@ -260,10 +260,10 @@ def read_shape(fields: Fields, scale: float) -> dict[str, Any]:
 
 def _form(fields: Fields, scale: float) -> Form | None:
     """Return the one kind of surface with numbers of its own that the keys speak of, None where they do not."""
-    found = [form for kind in FORMS if (form := kind.read(fields, scale)) is not None]
-    if len(found) > 1:
-        raise fields.fail(None, f"is {' and '.join(form.description for form in found)}: leave the keys of one out")
-    return found[0] if found else None
+    forms = [form for kind in FORMS if (form := kind.read(fields, scale)) is not None]
+    if len(forms) > 1:
+        raise fields.fail(None, f"is {' and '.join(form.description for form in forms)}: leave the keys of one out")
+    return forms[0] if forms else None
 
 
 def read_pose(fields: Fields, scale: float) -> SurfacePose | None:
@@ -466,7 +466,7 @@ def read_native(document: Document) -> Lens:
         raise top.fail("surfaces" if "surfaces" in top else None, "a lens needs a list of surfaces")
     object_medium = read_glass(document, ("object_medium",)) if "object_medium" in top else AIR
     surfaces = tuple(_surface(document, i, i == len(rows) - 1, scale) for i in range(len(rows)))
-    surfaces = _grouped(top, _reflected(document, surfaces, object_medium), scale)
+    surfaces = _pose_groups(top, _turn_at_mirrors(document, surfaces, object_medium), scale)
     stops = [i for i, surface in enumerate(surfaces) if surface.is_stop]
     if len(stops) > 1:
         raise problem(
@@ -479,7 +479,7 @@ def read_native(document: Document) -> Lens:
         published = published | {"marked_f_number": top.positive("marked_f_number")}
     lens = Lens(
         name=top.text("name") or document.name,
-        surfaces=coated(document, surfaces, object_medium),
+        surfaces=apply_coatings(document, surfaces, object_medium),
         stop_index=stops[0] if stops else None,
         source=top.text("source"),
         published=dict(published),
@@ -489,7 +489,7 @@ def read_native(document: Document) -> Lens:
         floating=read_floating(top, len(surfaces), scale),
     )
     if lens.configurations:
-        lens = configured(lens, lens.configurations[0].name)
+        lens = in_configuration(lens, lens.configurations[0].name)
     return check_lens(lens, lambda index, key, text: problem(document, ("surfaces", index, key), text))
 
 
@@ -530,7 +530,7 @@ def _surface(document: Document, index: int, last: bool, scale: float) -> Surfac
     )
 
 
-def _reflected(document: Document, surfaces: tuple[Surface, ...], before: Medium) -> tuple[Surface, ...]:
+def _turn_at_mirrors(document: Document, surfaces: tuple[Surface, ...], before: Medium) -> tuple[Surface, ...]:
     """Return the surfaces with the medium before each mirror also behind it, which is the same."""
     result = []
     for k, surface in enumerate(surfaces):
@@ -548,7 +548,7 @@ def _reflected(document: Document, surfaces: tuple[Surface, ...], before: Medium
     return tuple(result)
 
 
-def _grouped(top: Fields, surfaces: tuple[Surface, ...], scale: float) -> tuple[Surface, ...]:
+def _pose_groups(top: Fields, surfaces: tuple[Surface, ...], scale: float) -> tuple[Surface, ...]:
     """Return the surfaces with the decentre and tilt of the groups they belong to, about each group's first vertex."""
     result = list(surfaces)
     for fields in top.rows("groups", keys.GROUP, "[{surfaces: [0, 3], tilt_degrees: [1, 0]}]"):

@@ -197,15 +197,15 @@ class LensTable:
         """
         if (model := model_glass(name)) is not None:
             return model
-        found = named_glass(name, self.makers, successors=True)
-        if found is None and (known := other_name(name)) is not None:
+        named = named_glass(name, self.makers, successors=True)
+        if named is None and (known := other_name(name)) is not None:
             entry, remark = known
             self.note(line, f"glass {name} is taken as {remark}")
             return entry
-        if found is not None:
-            if remark := found.remark(name.strip("'\"")):
+        if named is not None:
+            if remark := named.remark(name.strip("'\"")):
                 self.note(line, remark)
-            return found.written
+            return named.written
         if nd is None or nd <= 1:
             near = near_names(name)
             hint = f"did you mean {', '.join(near)}?" if near else "its n_d and V_d would do"

@@ -13,7 +13,7 @@ from rptcam_cl.core.strict_yaml import Document
 from rptcam_cl.optics.files.native import check_lens
 from rptcam_cl.optics.files.table import LensTable, numbers
 from rptcam_cl.optics.glass import AIR, ConstantIndex, Medium
-from rptcam_cl.optics.lens import Lens, configured, film_distance
+from rptcam_cl.optics.lens import Lens, film_distance, in_configuration
 from rptcam_cl.optics.surface import FocusState, Surface
 
 #
@@ -302,16 +302,16 @@ def _curvature(values: _Values) -> float:
 
 def _asphere(values: _Values) -> dict[str, Any]:
     """Return conic and coefficients: of `ai` the first belongs to r^2 unless `use_ai2` says no, the next to r^4."""
-    found: dict[str, Any] = {}
+    keys: dict[str, Any] = {}
     if conic := values.number("k", 0.0):
-        found["conic"] = conic
+        keys["conic"] = conic
     terms = values.row.get("ai", [])
     if not isinstance(terms, list) or not all(isinstance(t, int | float) and not isinstance(t, bool) for t in terms):
         raise values.fail("ai", "expected a list of numbers")
     first = 2 if values.row.get("use_ai2", True) else 4
     if aspheric := {first + 2 * i: float(term) for i, term in enumerate(terms) if term}:
-        found["aspheric"] = aspheric
-    return found
+        keys["aspheric"] = aspheric
+    return keys
 
 
 # Lens files of the Photons to Photos Optical Bench (.txt): tab-separated sections, zoom states in columns.
@@ -360,11 +360,12 @@ def _with_sharp_states(lens: Lens, path: str) -> Lens:
         return tuple(replace(state, film_shift_mm=None) for state in states)
 
     configurations = tuple(
-        replace(each, floating=checked(configured(lens, each.name), each.floating)) for each in lens.configurations
+        replace(each, floating=checked(in_configuration(lens, each.name), each.floating))
+        for each in lens.configurations
     )
     lens = replace(lens, configurations=configurations)
     lens = (
-        configured(lens, configurations[0].name)
+        in_configuration(lens, configurations[0].name)
         if configurations
         else replace(lens, floating=checked(lens, lens.floating))
     )
@@ -477,11 +478,11 @@ def _configurations(table: LensTable, gaps: dict[int, str], distances: dict[str,
     unread = False
     for place, column in enumerate(near):
         far = _far_column(place, column, near, columns, gaps, distances)
-        found = None if far is None else _near_state(table, gaps, distances, column, far)
-        if far is None or found is None:
+        near_state = None if far is None else _near_state(table, gaps, distances, column, far)
+        if far is None or near_state is None:
             unread = unread or len(zooms) > 1
         else:
-            states.setdefault(far, []).append(found)
+            states.setdefault(far, []).append(near_state)
     if len(zooms) > 1:
         for state, column in zip(zooms, columns, strict=True):
             if column in states:
@@ -549,12 +550,12 @@ def _film_shift(gaps: dict[int, str], distances: dict[str, list[str]], column: i
         )
     ]
     longer, most = sum(changes), max(map(abs, changes))
-    found = float(backs[1] or 0.0) - float(backs[0] or 0.0)
+    computed = float(backs[1] or 0.0) - float(backs[0] or 0.0)
     lengths = [_value(distances.get("Total Length", []), k) for k in (far, column)]
     said = None if None in lengths else float(lengths[1] or 0.0) - float(lengths[0] or 0.0) - longer
     if said is None and abs(longer) <= ROUNDED_MM:
         said = 0.0
-    return said if said is not None and abs(said - found) <= OF_CALCULATION * most else found
+    return said if said is not None and abs(said - computed) <= OF_CALCULATION * most else computed
 
 
 def _is_near(distances: dict[str, list[str]], column: int) -> bool:

@@ -237,7 +237,7 @@ def _row(surface: _Surface, table: LensTable) -> dict[str, Any]:
     if surface.kind == "EVENASPH":
         row["aspheric"] = {2 * i: v for i, v in p.items() if v and 1 <= i <= 8}
     elif surface.kind == "XASPHERE":
-        row["aspheric"] = _extended(surface, table)
+        row["aspheric"] = _extended_terms(surface, table)
     elif surface.kind == "QED_TYPE":
         row |= _forbes(surface, table)
     elif surface.kind == "ODDASPHE":
@@ -268,7 +268,7 @@ def _glass(surface: _Surface, table: LensTable) -> Any:
     return table.glass(name, surface.line, nd, vd)
 
 
-def _extended(surface: _Surface, table: LensTable) -> dict[int, float]:
+def _extended_terms(surface: _Surface, table: LensTable) -> dict[int, float]:
     """Return the powers of r of an extended asphere: extra data are their number, the norm radius, r^2, r^4, ..."""
     count, norm = surface.extra.get(1, 0.0), surface.extra.get(2, 1.0)
     if not norm > 0 or not 0 <= count <= MOST_TERMS:

@@ -18,7 +18,7 @@ from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.core.files import read_whole
 from rptcam_cl.core.records import curves
 from rptcam_cl.optics.lens import Lens, limiting_surface, system_matrix
-from rptcam_cl.optics.stop_shape import StopMask, StopShape, blades, fitted, heart, polygon, star
+from rptcam_cl.optics.stop_shape import StopMask, StopShape, blades, fit_to_stop, heart, polygon, star
 from rptcam_cl.rendering.cameras.model import (
     Blur,
     film_depths,
@@ -168,7 +168,7 @@ def stop_shape(scene: Scene, aperture: Aperture) -> StopShape | StopMask | None:
         case HeartAperture():
             return heart(aperture.rotation_degrees)
         case OutlineAperture():
-            return polygon(fitted(aperture.points), aperture.rotation_degrees)
+            return polygon(fit_to_stop(aperture.points), aperture.rotation_degrees)
         case ImageAperture():
             return StopMask(_mask(scene, aperture))
     return None

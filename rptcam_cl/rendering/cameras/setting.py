@@ -20,16 +20,16 @@ from rptcam_cl.optics.as_built import Heat
 from rptcam_cl.optics.best_focus import best_film_distance, best_film_distance_at
 from rptcam_cl.optics.chief_rays import ChiefRays, film_chief_rays, round_chief_rays
 from rptcam_cl.optics.coating import BARE, Coating, Interface, Layer, LayerStack, QuarterWave, constant_reflectance
-from rptcam_cl.optics.files.glasses import WORDS, layered
+from rptcam_cl.optics.files.glasses import WORDS, read_layers
 from rptcam_cl.optics.glass import Medium, attenuation
 from rptcam_cl.optics.lens import (
     Lens,
     at_position,
     film_behind,
     film_distance,
-    floated,
+    float_groups,
     focused_by_group,
-    moved,
+    move_group,
     object_distance,
     travel_mm,
 )
@@ -329,7 +329,7 @@ def _coated(lens: Lens, camera: LensCamera) -> Lens:
 
 def _named(coating: str | float | CoatingLayers) -> Coating:
     if isinstance(coating, CoatingLayers):
-        return layered(tuple(Layer(layer.index, layer.thickness_nm, layer.extinction) for layer in coating.layers))
+        return read_layers(tuple(Layer(layer.index, layer.thickness_nm, layer.extinction) for layer in coating.layers))
     return WORDS[coating] if isinstance(coating, str) else constant_reflectance(coating)
 
 
@@ -497,11 +497,11 @@ def focused(
 def _floated(lens: Lens, distance_mm: float, measured_from: Side, wavelength_nm: float) -> Lens:
     """Return the lens with its floating groups set for an object plane."""
     if measured_from == "film":
-        return floated(lens, distance_mm)
+        return float_groups(lens, distance_mm)
     state = lens
     for _ in range(ROUNDS):  # the state decides how far the film is, which decides the state
         film = film_distance(state, distance_mm, "front", wavelength_nm)
-        new = floated(lens, distance_mm + state.length + film)
+        new = float_groups(lens, distance_mm + state.length + film)
         if abs(new.length - state.length) <= CONVERGED * lens.length:
             return new
         state = new
@@ -691,7 +691,7 @@ def _at_shift(lens: Lens, shift_mm: float, camera: LensCamera, real: RealState) 
             f" allowed: {low:g} to {high:g})"
         )
     infinity_mm = real.film(film_distance(lens, np.inf, wavelength_nm=camera.wavelength_nm))
-    state, back_mm = moved(real.lens(lens), shift_mm), film_behind(lens, shift_mm, infinity_mm)
+    state, back_mm = move_group(real.lens(lens), shift_mm), film_behind(lens, shift_mm, infinity_mm)
     return LensSetting(state, back_mm, _sharp_at(state, back_mm, camera), camera, real)
 
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from rptcam_cl.core.constants import LUMENS_PER_WATT  # glTF counts candelas and lux, a scene watts
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.core.files import errors_named, read_whole
+from rptcam_cl.core.files import name_errors, read_whole
 from rptcam_cl.scene.assets.mesh import (
     LAMPS_LEFT_OUT,
     MOST_TRIANGLES,
@@ -249,7 +249,7 @@ Octets = NDArray[np.uint8]
 
 def read_container(path: Path) -> tuple[JsonNode, bytes | None]:
     """Return the JSON of a .gltf or .glb file, and the data that a .glb has behind it."""
-    with errors_named(path):
+    with name_errors(path):
         content = read_whole(path, LARGEST_FILE)
     binary: bytes | None = None
     if content[:4] == MAGIC:
@@ -349,9 +349,9 @@ class Data:
         source = self.file_named_by(part)
         if isinstance(source, bytes):
             return source
-        with errors_named(f"{part.place}.uri"):
+        with name_errors(f"{part.place}.uri"):
             path = self._find(source)
-        with errors_named(path):
+        with name_errors(path):
             return read_whole(path, LARGEST_FILE)
 
     def view(self, index: int) -> tuple[Octets, int]:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.core.files import errors_named, open_regular
+from rptcam_cl.core.files import name_errors, open_regular
 from rptcam_cl.scene.assets.pictures import LARGEST_PIXELS
 from rptcam_cl.scene.quantities import LARGEST_COORDINATE, SMALLEST_LENGTH
 
@@ -916,5 +916,5 @@ def open_mesh(path: Path) -> BinaryIO:
     StateError
         When it cannot be opened.
     """
-    with errors_named(path):
+    with name_errors(path):
         return open_regular(path, LARGEST_MESH)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.core.files import errors_named, read_whole
+from rptcam_cl.core.files import name_errors, read_whole
 from rptcam_cl.scene.assets import mesh
 
 # MTL files: the materials that OBJ files name.
@@ -41,7 +41,7 @@ def read_mtl(path: Path) -> dict[str, mesh.FileMaterial]:
     InputError
         When a value cannot be read.
     """
-    with errors_named(path):
+    with name_errors(path):
         content = read_whole(path, MOST_BYTES)
     materials: dict[str, Lines] = {}
     current: Lines | None = None

@@ -14,14 +14,14 @@ from numpy.typing import NDArray
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.best_focus import best_film_distance, best_film_distance_at
-from rptcam_cl.optics.chief_rays import unobstructed
+from rptcam_cl.optics.chief_rays import without_obstructions
 from rptcam_cl.optics.lens import (
     Lens,
     film_behind,
     film_distance,
     focused_by_group,
     limiting_surface,
-    moved,
+    move_group,
     object_distance,
     shift_of,
     travel_mm,
@@ -57,7 +57,7 @@ def stopped(lens: Lens, share: float) -> Lens:
     """
     if share == 1.0:
         return lens
-    lens = unobstructed(lens)
+    lens = without_obstructions(lens)
     index = lens.stop_index if lens.stop_index is not None else limiting_surface(lens)
     surfaces = list(lens.surfaces)
     surfaces[index] = replace(surfaces[index], semi_diameter=share * surfaces[index].semi_diameter)
@@ -250,7 +250,7 @@ class GroupDrive(LensDrive):
 
     def lens_at(self, state: float) -> tuple[Lens, float]:
         """Return the lens with its group shifted, and the distance from its last vertex to the film [mm]."""
-        return moved(self.lens, state), film_behind(self.lens, state, self._film_mm)
+        return move_group(self.lens, state), film_behind(self.lens, state, self._film_mm)
 
     def state_for(self, distance_m: float, zone: Zone) -> float:
         """Return the shift that makes a plane sharpest in a zone [mm]: a secant search from that of first-order optics.

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from rptcam_cl.optics.lens import configured
+from rptcam_cl.optics.lens import in_configuration
 from rptcam_cl.optics.library import load_lens
 from rptcam_cl.optics.ray_trace import UNCOATED, axial_transmittance
 from rptcam_cl.rendering.cameras.chief_rays import breathing_csv, breathing_table
@@ -38,7 +38,7 @@ def test_t_number_is_the_f_number_with_the_losses_of_the_axis():
 
 def test_every_zoom_position_has_its_rows():
     lens = load_lens("zoom-35-51mm")
-    positions = [(each.name, configured(lens, each.name)) for each in lens.configurations]
+    positions = [(each.name, in_configuration(lens, each.name)) for each in lens.configurations]
     rows = breathing_table(positions, (math.inf, 3.0), 36.0, NM)
     assert [row["zoom"] for row in rows] == [name for name, _ in positions for _ in range(2)]
     lines = breathing_csv(rows).splitlines()

@@ -14,7 +14,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-from rptcam_cl.optics.charts import add_key, chart_svg, encoded, new_chart, styled
+from rptcam_cl.optics.charts import add_key, chart_svg, encode, new_chart, styled
 from rptcam_cl.optics.drawing import draw_lens
 from rptcam_cl.optics.field_measures import (
     distortion_chart,
@@ -131,8 +131,8 @@ def test_long_title_and_many_curves_stay_on_the_chart() -> None:
 def test_same_chart_gives_the_same_file_whatever_the_users_settings(suffix: str) -> None:
     path = Path(f"chart{suffix}")
     with matplotlib.rc_context({"font.size": 30, "axes.facecolor": "black"}):
-        mine = encoded(CHARTS["distortion"](), path)
-    assert mine == encoded(CHARTS["distortion"](), path)
+        mine = encode(CHARTS["distortion"](), path)
+    assert mine == encode(CHARTS["distortion"](), path)
     assert b"20" + b"26-" not in mine  # no date
 
 
@@ -151,7 +151,7 @@ def test_drawing_as_png_shows_what_its_svg_shows() -> None:
     from PIL import Image
 
     picture = draw_lens(setting(load_lens("ball")))
-    with Image.open(io.BytesIO(encoded(picture, Path("ball.png")))) as image:
+    with Image.open(io.BytesIO(encode(picture, Path("ball.png")))) as image:
         pixels = np.asarray(image.convert("RGB")).astype(int)
     assert pixels.shape[:2] == (round(1.5 * picture.height), 1440)
     glass = pixels[round(1.5 * picture.height / 2) + 9, :, :]  # beside the optical axis
