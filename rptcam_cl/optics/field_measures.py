@@ -27,7 +27,7 @@ from rptcam_cl.optics.image_quality import (
     result_of,
     section_rays,
 )
-from rptcam_cl.optics.irradiance import film_irradiance, pass_areas, veiling_glare
+from rptcam_cl.optics.irradiance import irradiance_with_error, pass_areas, veiling_glare
 from rptcam_cl.optics.ray_trace import COATED, UNCOATED, LensTransmission, Rays, axial_transmittance, has_coatings
 from rptcam_cl.optics.spot import Beam, chief_ray, passing_beam
 
@@ -403,17 +403,18 @@ def film_radii(setting: Setting, steps: int, film_radius_mm: float | None = None
 def vignetting_table(setting: Setting, radii_mm: Array) -> list[VignettingRow]:
     """Return a row for each film radius.
 
-    Each has the irradiance under a uniform world of unit radiance, the same over that of the centre, in stops below it,
-    the angle at which light from the centre of the exit pupil arrives, cos^4 of it, the area of the plane of the last
-    vertex through which light passes, and that area over the one of the centre.
+    Each has the irradiance under a uniform world of unit radiance, the same over that of the centre with its sampling
+    error (what half as many rays would change), in stops below it, the angle at which light from the centre of the exit
+    pupil arrives, cos^4 of it, the area of the plane of the last vertex through which light passes, and that area over
+    the one of the centre.
     """
-    values = film_irradiance(setting.lens, setting.film, radii_mm, setting.wavelength_nm)
+    values, errors = irradiance_with_error(setting.lens, setting.film, radii_mm, setting.wavelength_nm)
     if not values[0] > 0:
         raise InputError(f"{setting.lens.name}: no light reaches the centre of the film")
     areas = pass_areas(setting.lens, setting.film, radii_mm, setting.wavelength_nm)
     pupil = setting.lens.first_order(setting.wavelength_nm).exit_pupil.distance_mm
     rows: list[VignettingRow] = []
-    for radius, value, area in zip(radii_mm.tolist(), values.tolist(), areas.tolist(), strict=True):
+    for radius, value, error, area in zip(*(each.tolist() for each in (radii_mm, values, errors, areas)), strict=True):
         angle = math.atan2(radius, abs(setting.film - pupil)) if math.isfinite(pupil) else 0.0
         relative = value / float(values[0])
         rows.append(
@@ -421,6 +422,7 @@ def vignetting_table(setting: Setting, radii_mm: Array) -> list[VignettingRow]:
                 "film_radius_mm": radius,
                 "irradiance": value,
                 "relative": relative,
+                "relative_error": (error + relative * float(errors[0])) / float(values[0]),
                 "stops": math.log2(relative) if relative > 0 else None,
                 "angle_degrees": math.degrees(angle),
                 "cos4": math.cos(angle) ** 4,

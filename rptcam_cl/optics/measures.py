@@ -253,7 +253,8 @@ VIGNETTING = Measurement(
         Option("steps", "count", 16, "radii (default: %(default)s)", "--steps"),
     ),
     {
-        "film_radius_mm": "radius [mm]", "irradiance": "irradiance", "relative": "relative", "stops": "stops",
+        "film_radius_mm": "radius [mm]", "irradiance": "irradiance", "relative": "relative", "relative_error": "±",
+        "stops": "stops",
         "angle_degrees": "angle [°]", "cos4": "cos^4", "pass_area_mm2": "pass area [mm²]", "pass_share": "share",
     },
     "vignetting", ("film_radius_mm", "steps"), has_wavelength=True,
