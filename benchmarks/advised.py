@@ -14,7 +14,7 @@ from pathlib import Path
 from benchmarks.report import arguments, machine, print_machine, print_table, write_json
 from rptcam_cl.device.devices import choose_device
 from rptcam_cl.device.session import open_session
-from rptcam_cl.studies.tradeoff import TradeoffReport, for_error, for_time, measure_tradeoff
+from rptcam_cl.studies.tradeoff import TradeoffReport, advise_for_error, advise_for_time, measure_tradeoff
 from rptcam_cl.studies.tradeoff_errors import REFERENCE
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
@@ -32,7 +32,10 @@ def names() -> list[str]:
 def advised(report: TradeoffReport) -> dict[str, str]:
     """Return for each configuration that differs from ``full`` what the advice says of it."""
     found = report.measurements
-    advice = [*(for_time(found, time) for time in SECONDS), *(for_error(found, error) for error in ERRORS)]
+    advice = [
+        *(advise_for_time(found, time) for time in SECONDS),
+        *(advise_for_error(found, error) for error in ERRORS),
+    ]
     chosen, perhaps = ({getattr(each, part) for each in advice} for part in ("chosen", "perhaps"))
     said = {}
     for each in found:

@@ -28,7 +28,7 @@ from rptcam_cl.rendering.tree_build import (
     build_bvh,
     max_binary_depth,
     quality,
-    reinserted,
+    reinsert,
     sort_into_leaves,
     widen,
 )
@@ -70,7 +70,7 @@ def stage_times(
     return {
         STAGES[0]: stage(lambda: sort_into_leaves(lower, upper, width, depth, session)),
         STAGES[1]: stage(lambda: binary_tree(kept[0][2], kept[0][1])),
-        STAGES[2]: stage(lambda: reinserted(kept[1], depth, session)),
+        STAGES[2]: stage(lambda: reinsert(kept[1], depth, session)),
         STAGES[3]: stage(lambda: widen(kept[2], kept[0][0], width)),
     }
 

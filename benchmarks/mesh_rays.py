@@ -55,7 +55,7 @@ class Ours:
         facts = plan.facts | self._buffers.tree_facts | {"VW": session.lanes}
         self._program = session.program([str(KERNEL)], facts, device_declarations())
         self._bound: dict[str, tuple[Any, Any]] = {}  # launches and what they write to
-        self.trees = scene_trees(plan.meshes, session)
+        self.trees = scene_trees(plan.meshes, session)[0]
         self.triangles = plan.meshes.triangles
 
     def time(self, rays: Rays) -> Clocks:
@@ -200,7 +200,7 @@ def table_rows(found: list[dict[str, Any]], clocks: tuple[str, ...]) -> list[lis
 
 def other_tracers(options: argparse.Namespace, ours: Ours, folder: Path) -> list[Any]:
     """Return the tracers that are installed, and say which are not."""
-    mesh = np.ascontiguousarray(ours.trees.vertices[:, :3]), np.ascontiguousarray(ours.triangles[:, :3])
+    mesh = np.ascontiguousarray(ours.trees["vertices"][:, :3]), np.ascontiguousarray(ours.triangles[:, :3])
     makers: dict[str, Callable[[], Any]] = {
         "Embree": lambda: Embree(*mesh),
         "Mitsuba": lambda: Mitsuba(options.mitsuba_python, *mesh, folder),
@@ -224,7 +224,7 @@ def main() -> int:
     facts = machine(session.info)
     ours = Ours(session)
     size, rounds = ((64, 36), 2) if options.quick else (SIZE, options.rounds)
-    sets = ray_sets(reference_scene("C"), size, ours.trees.vertices, ours.triangles, ours.nearest)
+    sets = ray_sets(reference_scene("C"), size, ours.trees["vertices"], ours.triangles, ours.nearest)
     with tempfile.TemporaryDirectory() as folder:
         others = other_tracers(options, ours, Path(folder))
         found = measure([ours, *others], sets, rounds)

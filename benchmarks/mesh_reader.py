@@ -15,9 +15,9 @@ MOST_MEMORY = 10 << 30  # bytes; what takes more fails, and the machine stays us
 
 def with_rptcam(path: Path) -> int:
     """Return the number of triangles that our reader finds."""
-    from rptcam_cl.scene.meshes import READERS
+    from rptcam_cl.scene.meshes import read_draft
 
-    draft = READERS[path.suffix](path, Path)
+    draft = read_draft(path, Path)
     return sum(len(surface.faces) for surface in draft.surfaces)
 
 

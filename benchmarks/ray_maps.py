@@ -21,8 +21,8 @@ from rptcam_cl.core.remember import forget
 from rptcam_cl.device.devices import choose_device
 from rptcam_cl.device.session import Session
 from rptcam_cl.optics.library import load_lens
+from rptcam_cl.rendering.cameras.kinds import camera_model
 from rptcam_cl.rendering.cameras.lens_records import disperses
-from rptcam_cl.rendering.cameras.realistic import camera_model
 from rptcam_cl.scene.load import change_scene, load_scene, with_camera
 from rptcam_cl.scene.scene import Scene
 

@@ -47,9 +47,15 @@ class Size:
         return self.files, self.code, self.imports, self.classes, self.public
 
 
+@cache
+def parsed(source: str) -> ast.Module:
+    """The syntax tree of a file; of the same text once."""
+    return ast.parse(source)
+
+
 def size_of(source: str) -> Size:
     """Count what one file has."""
-    tree = ast.parse(source)
+    tree = parsed(source)
     nodes = list(ast.walk(tree))
     docstrings = {line for node in nodes for line in _docstring_lines(node)}
     code = {

@@ -26,7 +26,7 @@ from rptcam_cl.device.devices import choose_device, list_devices, problem_of
 from rptcam_cl.device.session import Split, Wanted, open_sessions
 from rptcam_cl.imaging.image import Image, develop
 from rptcam_cl.optics.library import load_lens as read_lens
-from rptcam_cl.rendering.checkpoint import layout_of, merged_state, picture_of, write_checkpoint
+from rptcam_cl.rendering.checkpoint import layout_of, merge_states, picture_of, write_checkpoint
 from rptcam_cl.rendering.diffraction import spread_of
 from rptcam_cl.rendering.ghosts import saved_ghosts
 from rptcam_cl.rendering.ground_truth import saved_truth
@@ -47,14 +47,14 @@ def devices() -> list[dict[str, Any]]:
 
     ``problem`` is why it cannot be used, None where it can; ``default`` marks the one that ``auto`` chooses.
     """
-    found = list_devices()
-    problems = {device.id: problem_of(device) for device in found}
+    listed = list_devices()
+    problems = {device.id: problem_of(device) for device in listed}
     chosen = None if all(problems.values()) else choose_device("auto").id
     names = ("id", "name", "platform", "type", "compute_units", "memory_bytes", "fp64")
     return [
         {name: getattr(device, name) for name in names}
         | {"problem": problems[device.id], "default": device.id == chosen}
-        for device in found
+        for device in listed
     ]
 
 
@@ -217,9 +217,9 @@ def settle(scene: SceneSource, path: str | Path | None = None, *, device: Wanted
         check_writable(path, [scene] if isinstance(scene, str | Path) else [])
         _check_folder(given, Path(path))
     sessions, _ = open_sessions(device)
-    found = resolve(given, sessions[0])
-    data = plain_data(set_keys(given, _keys(given, found)))
-    notes = _notes(found)
+    resolved = resolve(given, sessions[0])
+    data = plain_data(set_keys(given, _keys(given, resolved)))
+    notes = _notes(resolved)
     if path is not None:
         with replacing(path) as temporary:
             temporary.write_text(scene_text(data, ("Resolved by rptcam settle.", *notes)), encoding="utf-8")
@@ -239,13 +239,13 @@ def _check_folder(scene: Scene, path: Path) -> None:
         raise InputError(f"{path}: the scene names files in its own folder (allowed: a name in {scene.base_dir})")
 
 
-def _keys(scene: Scene, found: Resolved) -> dict[str, Any]:
+def _keys(scene: Scene, resolved: Resolved) -> dict[str, Any]:
     """The focus, camera model and exposure as keys of the scene, by key path."""
     changes: dict[str, Any] = {}
-    if found.focus is not None:
-        changes |= {f"camera.{key}": value for key, value in found.focus["camera"].items()}
-    if "accuracy" in found.metadata:
-        chosen, spectrum = found.scene.camera, found.scene.spectrum
+    if resolved.focus is not None:
+        changes |= {f"camera.{key}": value for key, value in resolved.focus["camera"].items()}
+    if "accuracy" in resolved.metadata:
+        chosen, spectrum = resolved.scene.camera, resolved.scene.spectrum
         if chosen.kind != scene.camera.kind:
             changes = {"camera": chosen.model_dump(mode="json", exclude_unset=True) | {"kind": chosen.kind}}
         else:
@@ -255,20 +255,20 @@ def _keys(scene: Scene, found: Resolved) -> dict[str, Any]:
         if spectrum.lens is not None and spectrum != scene.spectrum:
             changes["spectrum.lens"] = spectrum.lens
     if scene.exposure.mode == "auto":
-        changes["exposure.lock_cd_m2"] = found.metered_cd_m2
+        changes["exposure.lock_cd_m2"] = resolved.metered_cd_m2
     return changes
 
 
-def _notes(found: Resolved) -> tuple[str, ...]:
+def _notes(resolved: Resolved) -> tuple[str, ...]:
     notes = []
-    if found.focus is not None:
-        distance = found.metadata.get("focus_distance_m")
+    if resolved.focus is not None:
+        distance = resolved.metadata.get("focus_distance_m")
         notes.append("focus: " + ("found" if distance is None else f"at {distance:.4g} m"))
-        notes += [f"autofocus: {line}" for line in found.metadata.get("autofocus", {}).get("warnings", ())]
-    if "accuracy" in found.metadata:
-        notes.append(f"camera model: {found.scene.camera.kind}")
-    if found.metered_cd_m2 is not None:
-        notes.append(f"exposure: {found.metered_cd_m2:.6g} cd/m²")
+        notes += [f"autofocus: {line}" for line in resolved.metadata.get("autofocus", {}).get("warnings", ())]
+    if "accuracy" in resolved.metadata:
+        notes.append(f"camera model: {resolved.scene.camera.kind}")
+    if resolved.metered_cd_m2 is not None:
+        notes.append(f"exposure: {resolved.metered_cd_m2:.6g} cd/m²")
     return tuple(notes)
 
 
@@ -308,19 +308,19 @@ def merge(
         raise InputError("parts: there are none (allowed: at least one file)")
     if checkpoint is not None:
         check_writable(checkpoint, parts)
-    state = merged_state(parts, allow_mixed=allow_mixed)
+    state = merge_states(parts, allow_mixed=allow_mixed)
     layout = layout_of(state.facts)
     try:
         spread = spread_of(state.arrays, tuple(state.facts["resolution"]))
-        found, ghosts = picture_of(state, layout), saved_ghosts(state.arrays)
+        pixels, metadata, stats, recorded = picture_of(state, layout)
+        ghosts = saved_ghosts(state.arrays)
         of_sharp_layers = saved_truth(state.arrays, layout)[1]
     except (ValueError, KeyError, TypeError) as problem:
         raise StateError(f"this saved render is damaged: {problem} (render it again)") from None
     if checkpoint is not None:
         write_checkpoint(checkpoint, state.facts, state.arrays)
-    metadata = dict(found.metadata)
-    layers = name_layers(state.facts["layers"], found.layers, ({}, of_sharp_layers), metadata)
-    image = Image(found.pixels, metadata, found.stats, layers=layers)
+    layers = name_layers(state.facts["layers"], recorded, ({}, of_sharp_layers), metadata)
+    image = Image(pixels, metadata, stats, layers=layers)
     if ghosts is not None:
         image = with_ghosts(image, *ghosts)
     if spread is not None:

@@ -29,8 +29,8 @@ from rptcam_cl.rendering.account import (
     MEASURED_SECONDS,
     Forecast,
     anomalies,
-    described,
-    described_before,
+    describe,
+    describe_before,
     forecast,
     lens_margin,
     of_makers,
@@ -38,7 +38,7 @@ from rptcam_cl.rendering.account import (
     window,
 )
 from rptcam_cl.rendering.checkpoint import SUFFIX, Saver
-from rptcam_cl.rendering.diffraction import Diffraction, diffracted, diffraction_of
+from rptcam_cl.rendering.diffraction import Diffraction, diffract, diffraction_of
 from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.rendering.ghosts import ghosting_of, has_ghosts
 from rptcam_cl.rendering.ground_truth import GroundTruth, ground_truth_of
@@ -61,12 +61,11 @@ from rptcam_cl.rendering.several import (
     FilmPart,
     Part,
     SharedWavefront,
-    joined,
+    join_parts,
     split_of,
     split_text,
 )
 from rptcam_cl.rendering.tracer import Wavefront, WavefrontPool
-from rptcam_cl.scene.camera import RealisticCamera
 from rptcam_cl.scene.film import ADAPTIVE_SPP, LayerName
 from rptcam_cl.scene.load import at_rest, change_scene, exposure_steps, load_scene, plain
 from rptcam_cl.scene.scene import Scene
@@ -243,17 +242,18 @@ def resolve(
         sharp = in_focus(scene, session, focus)[0]
     diffraction, in_focus_with_lens = diffraction_of(sharp), sharp
     described_choice: dict[str, Any] = {}
-    if isinstance(sharp.camera, RealisticCamera) and sharp.camera.accuracy is not None:
+    traced = sharp.camera.traced_camera
+    if traced is not None and traced.accuracy is not None:
         from rptcam_cl.studies.tiers import choose_camera  # few scenes have a choice, and its room takes long to import
 
         choice = choose_camera(sharp)
         sharp, described_choice = choice.scene, choice.metadata
-    exposed = resolve_exposure(sharp, session, metered_cd_m2)
-    metadata = exposed.metadata | described_choice | ({} if focus is None else focus["metadata"])
+    exposed, metered_cd_m2, metadata = resolve_exposure(sharp, session, metered_cd_m2)
+    metadata |= described_choice | ({} if focus is None else focus["metadata"])
     metadata |= {} if diffraction is None else {"diffraction": diffraction.metadata}
     ghosts = in_focus_with_lens if has_ghosts(in_focus_with_lens) else None
     metadata |= {} if ghosts is None else {"ghosts": {"on": True}}
-    return Resolved(exposed.scene, metadata, focus, exposed.metered_cd_m2, diffraction, ghosts)
+    return Resolved(exposed, metadata, focus, metered_cd_m2, diffraction, ghosts)
 
 
 def check_divisible(scene: Scene) -> None:
@@ -283,14 +283,14 @@ def name_layers(
     metadata
         Of the image, with the names of what identifiers stand for.
     """
-    found = dict(recorded)
+    named = dict(recorded)
     for name, key in NAMES.items():
-        if name in found:
-            found[name] = ranked(found[name], metadata[key])
+        if name in named:
+            named[name] = ranked(named[name], metadata[key])
     if sharp is not None:
-        found |= sharp[0]
+        named |= sharp[0]
         metadata |= sharp[1]
-    return {name: found[name] for name in names}
+    return {name: named[name] for name in names}
 
 
 def with_ghosts(image: Image, light: NDArray[Any], said: dict[str, Any]) -> Image:
@@ -438,7 +438,7 @@ class RenderJob:
     @property
     def first(self) -> int:
         """The first sample of each pixel that is taken here."""
-        return self.options.film_part.first if self.saved is None else self.saved.done
+        return self.options.film_part.first if self.saved is None else self.saved[0]
 
     @property
     def findings(self) -> dict[str, Any]:
@@ -514,9 +514,9 @@ class RenderJob:
         is_measured = options.numerics or options.strict
         margin = lens_margin(self.resolved.scene, self.wavefront.session) if is_measured else None
         parts = devices_of(self.wavefront, self.first, rendering.done)
-        work = joined([] if saver is None else saver.parts, parts)
+        work = join_parts([] if saver is None else saver.parts, parts)
         stats = statistics(self.plan, self.wavefront, rendering, times, margin) | {"work": work}
-        metadata = described(self.scene, self.plan, rendering.spp, stats, self.resolved.metadata)
+        metadata = describe(self.scene, self.plan, rendering.spp, stats, self.resolved.metadata)
         self._describe_sensor(metadata)
         if rendering.interrupted:
             metadata["interrupted"] = True
@@ -524,14 +524,14 @@ class RenderJob:
             metadata |= {"device": saver.devices} | of_makers(saver.makers)
         stats["camera"] = {key: metadata[key] for key in GEOMETRY if key in metadata}
         stats |= {key: metadata[key] for key in ("accuracy", "autofocus") if key in metadata}
-        sharp = None if self._truth is None else self._truth.found
+        sharp = None if self._truth is None else self._truth.result
         layers = name_layers(self.scene.render.layers, rendering.layers, sharp, metadata)
         image = with_picture_settings(Image(rendering.pixels, metadata, stats, layers=layers), self.scene.picture)
         if options.denoise:
             image = replace(image.denoised(), layers={name: image[name] for name in self.layers})
         if self._ghosting is not None:
-            image = with_ghosts(image, *self._ghosting.found)
-        return replace(image, pixels=diffracted(self.resolved.diffraction, image.pixels))
+            image = with_ghosts(image, *self._ghosting.result)
+        return replace(image, pixels=diffract(self.resolved.diffraction, image.pixels))
 
     def _report_progress(self, progress: Progress) -> None:
         assert self.options.on_progress is not None
@@ -544,7 +544,7 @@ class RenderJob:
     def _of_picture(self) -> dict[str, Any]:
         """What the picture of a saved render can be made with, without its scene."""
         scene = self.scene
-        metadata = described_before(scene, self.plan, self.resolved.metadata)
+        metadata = describe_before(scene, self.plan, self.resolved.metadata)
         self._describe_sensor(metadata)
         if picture := scene.picture.model_dump(mode="json", exclude_defaults=True):
             metadata["picture"] = picture

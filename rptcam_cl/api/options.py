@@ -26,18 +26,26 @@ def nearest(word: str, known: Iterable[str], prefix: str = "") -> str:
 
 
 def number(kind: Callable[[str], Number], lowest: float, highest: float, allowed: str) -> Callable[[str], Number]:
-    """The parser of a number in a range that has no negative ones."""
+    """The parser of a number in a range."""
 
     def parse(text: str) -> Number:
         try:
             value = kind(text)
         except ValueError:
-            value = kind("-1")  # below every range here
-        if not lowest <= value <= highest:
-            raise argparse.ArgumentTypeError(f"got {text}; allowed {allowed}")
-        return value
+            pass
+        else:
+            if lowest <= value <= highest:
+                return value
+        raise argparse.ArgumentTypeError(f"got {text}; allowed {allowed}")
 
     return parse
+
+
+def digits(text: str) -> int:
+    """A whole number of ASCII digits alone."""
+    if not (text.isascii() and text.isdigit()):
+        raise ValueError(text)
+    return int(text)
 
 
 def _whole(text: str) -> int:
@@ -62,24 +70,24 @@ def share(text: str) -> float:
     """Share between 0 and 1 of ``0.02`` or ``2%``."""
     number, per_cent = re.fullmatch(r"(.*?)\s*(%?)", text.strip(), re.DOTALL).groups()  # type: ignore[union-attr]
     try:
-        found = float(number) / (100.0 if per_cent else 1.0)
+        value = float(number) / (100.0 if per_cent else 1.0)
     except ValueError:
-        found = -1.0
-    if not 0 < found < 1:
+        value = -1.0
+    if not 0 < value < 1:
         raise argparse.ArgumentTypeError(f"got {text}; allowed a number between 0 and 1, as 0.02 or 2%")
-    return found
+    return value
 
 
 def duration(text: str) -> float:
     """Time of ``60``, ``60s``, ``2min``, ``1h`` or ``1m30s`` [s]."""
     match = re.fullmatch(_DURATION, text.strip(), re.IGNORECASE)
     try:
-        found = sum(unit * float(match[group] or 0) for group, unit in _UNITS.items()) if match else -1.0
+        seconds = sum(unit * float(match[group] or 0) for group, unit in _UNITS.items()) if match else -1.0
     except ValueError:
-        found = -1.0
-    if not 0 < found <= 1e9:
+        seconds = -1.0
+    if not 0 < seconds <= 1e9:
         raise argparse.ArgumentTypeError(f"got {text}; allowed a time above 0, as 60s, 2min, 1h or 1m30s")
-    return found
+    return seconds
 
 
 def sample_range(text: str) -> tuple[int, int]:

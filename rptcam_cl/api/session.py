@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from rptcam_cl.api.job import RenderJob, RenderOptions, Resolved, SceneSource, resolve
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, StateError, out_of_range
+from rptcam_cl.device.fork_server import CompileServer
 from rptcam_cl.device.session import NotKeptError, Session, open_sessions
 from rptcam_cl.imaging.image import Image
 from rptcam_cl.imaging.sensor import check_sensor
@@ -28,7 +29,7 @@ from rptcam_cl.rendering.plan.plan import Plan, make_plan, with_film, with_lens,
 from rptcam_cl.rendering.plan.primitives import PlanParts
 from rptcam_cl.rendering.progressive import FilmRun, rendering_of
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
-from rptcam_cl.rendering.tracer import SMALL, Compiler, Wavefront, WavefrontPool, order
+from rptcam_cl.rendering.tracer import SMALL, Wavefront, WavefrontPool, order
 from rptcam_cl.scene.exposure import LEAST_CD_M2, MOST_CD_M2
 from rptcam_cl.scene.film import Film, RenderSettings
 from rptcam_cl.scene.load import set_keys
@@ -114,7 +115,7 @@ class Pace:
         """Most of a wave."""
         return FIRST_SLOTS if self._rate is None else max(int(self._rate * QUEUE_SECONDS), 1)
 
-    def enqueued(self, finish: Callable[[], None]) -> Callable[[int], bool]:
+    def count_waves(self, finish: Callable[[], None]) -> Callable[[int], bool]:
         """A counter of waves of so many slots, which says whether to give up; ``finish`` waits for the device."""
         self._pending, self._since = 0, time.perf_counter()
 
@@ -221,11 +222,11 @@ def _moves_alone(before: SceneState, scene: Scene, resolved: Scene) -> bool:
     return alike and earlier.camera.model_copy(update=place) == camera
 
 
-def scaled(state: SceneState, scale: float, reading: float | None) -> tuple[Plan, Film]:
+def plan_smaller_film(state: SceneState, scale: float, reading: float | None) -> tuple[Plan, Film]:
     """Return the plan of a state with a film of fewer pixels, exposed by a reading of the meter; and that film."""
     film = state.resolved.scene.film
     columns, rows = (max(round(side * scale), 1) for side in film.resolution)
-    if state.scene.camera.kind == "environment":
+    if state.scene.camera.sees_all_around:
         columns = 2 * rows
     smaller = film.model_copy(update={"resolution": (columns, rows)})
     plan, metered = with_film(state.plan, state.resolved.scene, smaller), state.resolved.metered_cd_m2
@@ -294,7 +295,7 @@ class SceneCompiler:
         self._missing: set[Hashable] = set()  # of what the driver has kept
         self._under_way: dict[Hashable, Future[None]] = {}
         self._threads = ThreadPoolExecutor(1, "rptcam-compile")
-        self._compiler = Compiler()
+        self._compiler = CompileServer()
         self._orders: dict[Hashable, Future[bool]] = {}
 
     def first(self, scene: Scene) -> SceneState:
@@ -414,7 +415,7 @@ class SceneCompiler:
         name
             Of what the order compiles.
         order
-            Returns what `Compiler.compile` takes.
+            Returns what `CompileServer.compile` takes.
         """
         if not self._device.generates_late:
             return True
@@ -626,7 +627,7 @@ class RenderSession:
             When the changed scene is not valid; the session is as it was.
         """
         self._check_open()
-        scene = self._changed(changes)
+        scene = self._scene_with(changes)
         return self._take_over(scene, focus_anew=focuses_anew(changes, scene), wait=wait)
 
     def replace(self, scene: SceneSource, *, wait: bool = True) -> Change:
@@ -655,7 +656,7 @@ class RenderSession:
         """
         self._check_open()
         state = self._compiler.for_glances(
-            self._newest, keep_focus(self._newest, self._changed(changes)), self._reading
+            self._newest, keep_focus(self._newest, self._scene_with(changes)), self._reading
         )
         self._compiler.begin(state)
 
@@ -707,7 +708,7 @@ class RenderSession:
         begun = time.perf_counter()
         self._arrive()
         state = self._shown
-        plan, film = scaled(state, scale, self._reading)
+        plan, film = plan_smaller_film(state, scale, self._reading)
         buffers = self._compiler.pool.upload(plan)
         pool = self._compiler.pool_of_glances(state)
         run = FilmRun(pool.wavefront(plan, buffers, FilmLayout.of(film), of_glance(state.scene), "glance"))
@@ -767,7 +768,7 @@ class RenderSession:
         if self._closed:
             raise StateError("the session is closed (make another one)")
 
-    def _changed(self, changes: Mapping[str, Any]) -> Scene:
+    def _scene_with(self, changes: Mapping[str, Any]) -> Scene:
         scene = set_keys(self.scene, changes)
         check_sensor(scene, *window(scene)[2:])
         return scene
@@ -842,7 +843,7 @@ class RenderSession:
         """
         if run.is_whole and run.done >= 2 * self._noise_spp:
             achieved = run.watch.achieved(run.done, sums)
-            self._noise = None if achieved is None else achieved.picture
+            self._noise = None if achieved is None else achieved["picture"]
             self._noise_spp = 1 if achieved is None else run.done
         return None if self._noise is None else float(self._noise * np.sqrt(self._noise_spp / run.done))
 
@@ -850,7 +851,7 @@ class RenderSession:
         """Add samples to a film unless that is cancelled; return whether all are there."""
         self._cancelled.clear()
         end = run.done + samples
-        count, most = self._pace.enqueued(run.wavefront.finish), run.wavefront.samples_per_wave
+        count, most = self._pace.count_waves(run.wavefront.finish), run.wavefront.samples_per_wave
         complete = True
         while complete and run.done < end and not run.watch.satisfied:
             complete = run.add(min(end - run.done, most), count, slots=self._pace.slots)

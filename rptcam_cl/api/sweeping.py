@@ -24,7 +24,7 @@ from rptcam_cl.core.errors import InputError, RptcamError, StateError
 from rptcam_cl.core.files import check_writable, kernels_dir, make_folder, replacing, unlinked
 from rptcam_cl.core.remember import Disk, OneMaker, made_by
 from rptcam_cl.device.session import Session, Wanted, open_sessions
-from rptcam_cl.imaging.development import quantised
+from rptcam_cl.imaging.development import quantise
 from rptcam_cl.imaging.image import Image, develop, read_film
 from rptcam_cl.imaging.sensor import check_sensor
 from rptcam_cl.rendering.account import window
@@ -80,7 +80,7 @@ def contact_sheet(pictures: Sequence[tuple[str, Image]], columns: int) -> Pictur
 def _small(image: Image) -> Picture:
     from PIL import Image as Pillow
 
-    codes = np.asarray(quantised(image.developed(), 8))
+    codes = np.asarray(quantise(image.developed(), 8))
     picture = Pillow.fromarray(codes)
     scale = min(WIDTH_PX / image.width, 1.0)
     if scale == 1.0:
@@ -161,7 +161,7 @@ class FrameTracker:
         return still, metadata
 
     def _focus(self, still: Scene) -> tuple[Scene, dict[str, Any]]:
-        from rptcam_cl.studies.focus.controller import Following, after
+        from rptcam_cl.studies.focus.controller import Following, follow
 
         settings, frame_s = self._sequence.continuous_focus, 1 / self._sequence.frames_per_second
         assert settings is not None
@@ -175,10 +175,10 @@ class FrameTracker:
                 raise InputError("camera.focus.auto: nothing to focus on in the first frame")
             self._following = Following(measured)
         else:
-            self._following = after(self._following, measured, drive.depth_of_focus, settings, frame_s)
+            self._following = follow(self._following, measured, drive.depth_of_focus, settings, frame_s)
         self._lens = lens
-        found = state if measured is not None and self._following.place == measured else None
-        where = drive.state_at(self._following.place) if found is None else found
+        reached = state if measured is not None and self._following.place == measured else None
+        where = drive.state_at(self._following.place) if reached is None else reached
         metadata = {"state": where, "measured": state, "moving": self._following.moving}
         return change_scene(still, camera=drive.camera_keys(where)), {"continuous_focus": metadata}
 
@@ -218,7 +218,7 @@ def _reading_of(scene: Scene, session: Session) -> float | None:
         from rptcam_cl.studies.focus.controller import in_focus
 
         scene = in_focus(at_rest(scene), session)[0]
-    return resolve_exposure(scene, session).metered_cd_m2
+    return resolve_exposure(scene, session)[1]
 
 
 def _state_of(scene: Scene, session: Session) -> float | None:
@@ -313,13 +313,13 @@ class _Combination:
         if self.file is None:
             return None
         try:
-            found = json.loads(self.file.with_suffix(".json").read_text("utf-8"))
-            if found["key"] != self.key:
+            saved = json.loads(self.file.with_suffix(".json").read_text("utf-8"))
+            if saved["key"] != self.key:
                 return None
             image = read_film(self.file)
             if image.metadata.get("picture_hash") != self.scene.picture_hash():
                 return None
-            entry = SweepEntry(self.values, found["measures"], develop(image), True, self.file)
+            entry = SweepEntry(self.values, saved["measures"], develop(image), True, self.file)
         except (OSError, ValueError, KeyError, TypeError, RptcamError):
             return None
         same.add(str(self.file), image.metadata.get("made_by"))
@@ -531,10 +531,10 @@ def mtf50_at(luminance: NDArray[np.floating], x: float, y: float) -> float | Non
     float or None
         None where there is no single straight edge of some contrast, slanted against rows and columns.
     """
-    found = _profile(np.asarray(luminance, np.float64), x, y)
-    if found is None:
+    profile = _profile(np.asarray(luminance, np.float64), x, y)
+    if profile is None:
         return None
-    spread = np.gradient(found) * _window(len(found))
+    spread = np.gradient(profile) * _window(len(profile))
     response = np.abs(np.fft.rfft(spread, 8 * len(spread)))
     if response[0] <= 0:
         return None

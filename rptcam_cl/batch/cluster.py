@@ -311,7 +311,7 @@ def _open(digest: str, job: Job) -> RenderJob:
 
 def is_same_findings(one: dict[str, Any], other: dict[str, Any]) -> bool:
     """Whether another worker, or the same earlier, has found the same; what it could not measure is nan."""
-    texts = {json.dumps(found, sort_keys=True, default=str) for found in (one, other)}
+    texts = {json.dumps(findings, sort_keys=True, default=str) for findings in (one, other)}
     return len(texts) == 1
 
 
@@ -384,7 +384,7 @@ class TasksOut:
 
     def first(self, function: Callable[..., Any], words: tuple[Any, ...] = ()) -> Any:
         """Send the scene and a task to all workers at once, and return what the first one returns."""
-        scene = self._reach(self._scattered, limit=self._scene_s)
+        scene = self._reach(self._scatter_scene, limit=self._scene_s)
         for number, worker in enumerate(self._came):
             self._tasks[number] = function, words
             self._send(number, worker, scene)
@@ -504,7 +504,7 @@ class TasksOut:
     def _send_with_scene(self, number: int, worker: str) -> None:
         """Send a task with the scene to a worker that lacks it; to any other where that one is lost meanwhile."""
         try:
-            scene = ask(self._scattered, [worker]).result(self._scene_s)
+            scene = ask(self._scatter_scene, [worker]).result(self._scene_s)
         except Exception:  # of many kinds
             self._send(number)
         else:
@@ -514,7 +514,7 @@ class TasksOut:
     def _scene_s(self) -> float:
         return SILENCE_S + SCENE_S * sum(map(len, self._parcel.files.values()))
 
-    def _scattered(self, workers: Sequence[str] = ()) -> Any:
+    def _scatter_scene(self, workers: Sequence[str] = ()) -> Any:
         """Return the scene as the engine has it: with these workers, or with all that have answered and are there."""
         there = set(self._client.nthreads())
         some = list(workers) or [worker for worker in self._came if worker in there]
@@ -758,15 +758,15 @@ def _check_workers(client: Any, cluster: str | None, device: str | None, allow_m
         raise DeviceError(f"cluster: {name}: a worker lacks {missing.name} (install rptcam_cl there)") from None
     except (AttributeError, ImportError) as problem:
         raise StateError(f"cluster: {name}: a worker has another version than {__version__} ({problem})") from None
-    for worker, found in sorted(seen.items()):
-        if found["version"] != __version__:
+    for worker, answer in sorted(seen.items()):
+        if answer["version"] != __version__:
             raise StateError(
-                f"cluster: the worker {worker} has version {found['version']}, and this is {__version__} (allowed: the"
+                f"cluster: the worker {worker} has version {answer['version']}, and this is {__version__} (allowed: the"
                 " same everywhere)"
             )
-        if "problem" in found:
-            raise DeviceError(f"cluster: the worker {worker} cannot render: {found['problem']}")
-    same, makers = OneMaker(allow_mixed), {worker: found.get("made_by") for worker, found in sorted(seen.items())}
+        if "problem" in answer:
+            raise DeviceError(f"cluster: the worker {worker} cannot render: {answer['problem']}")
+    same, makers = OneMaker(allow_mixed), {worker: answer.get("made_by") for worker, answer in sorted(seen.items())}
     drivers = [str(maker["driver"]) for maker in makers.values() if maker is not None and is_maker(maker)]
     same.add("this program", made_by(drivers[:1]))  # the devices are theirs alone
     for worker, maker in makers.items():
@@ -779,7 +779,7 @@ def _surveys(client: Any, device: str | None) -> dict[str, dict[str, Any]]:
 
     Neither do those that answer much later than the first one, as a frozen one: they may still join in.
     """
-    found: dict[str, Any] = {}
+    answers: dict[str, Any] = {}
     for _ in range(SURVEYS):
         client.wait_for_workers(1, timeout=WAIT_S)
         surveys = [ask(client.run, survey, device, workers=[worker], on_error="return") for worker in client.nthreads()]
@@ -788,13 +788,13 @@ def _surveys(client: Any, device: str | None) -> dict[str, dict[str, Any]]:
         if not done:
             raise DeviceError(f"cluster: no worker has answered in {SURVEY_S + LATER_S:g} s")
         seen = {worker: said for answer in done for worker, said in answer.result().items()}
-        found = {worker: said for worker, said in seen.items() if not isinstance(said, OSError)}
-        for problem in found.values():
+        answers = {worker: said for worker, said in seen.items() if not isinstance(said, OSError)}
+        for problem in answers.values():
             if isinstance(problem, BaseException):
                 raise problem
-        if found:
+        if answers:
             break
-    return found
+    return answers
 
 
 def _reason(problem: Exception) -> str:

@@ -119,11 +119,11 @@ def render_on_cluster(
     assert samples is not None, "without a time it ends by samples"
     parcel, job = pack_scene(given), Job(words, device, allow_mixed=allow_mixed)
     with scratch_folder() as scratch:
-        kept = PartsFolder(Path(scratch) / "parts" if folder is None else Path(folder))
+        parts = PartsFolder(Path(scratch) / "parts" if folder is None else Path(folder))
         if not resume:
-            kept.clear()
-        says_kept = "" if folder is None else f"; {kept.path} holds the parts that came back (--resume goes on)"
-        run = _Run(kept, parcel, job, applied, samples, on_progress, should_stop, says_kept)
+            parts.clear()
+        kept_text = "" if folder is None else f"; {parts.path} holds the parts that came back (--resume goes on)"
+        run = _Run(parts, parcel, job, applied, samples, on_progress, should_stop, kept_text)
         return run.image(partial(connect, cluster, workers, tls, device, allow_mixed=allow_mixed))
 
 
@@ -142,14 +142,14 @@ def parts_of(seconds: float, workers: int) -> int:
 class _Run:
     """One render on a cluster."""
 
-    kept: PartsFolder
+    folder: PartsFolder
     parcel: Parcel
     job: Job
     scene: Scene
     spp: int
     on_progress: Callable[[Progress], Any] | None
     should_stop: Callable[[], bool] | None
-    says_kept: str
+    kept_text: str
     account: dict[str, dict[str, Any]] = field(default_factory=dict)
     seconds: dict[str, float] = field(default_factory=dict)
 
@@ -159,34 +159,34 @@ class _Run:
     def image(self, connect: Callable[[], AbstractContextManager[Any]]) -> Image:
         """Render the parts that the folder lacks, by a client if there are any; return the whole of all."""
         plan = self.earlier_plan()
-        if plan is None or self.kept.missing(plan):
+        if plan is None or self.folder.missing(plan):
             begun = time.perf_counter()
             with connect() as (client, workers):
-                self.took("connect", begun)
+                self.note_time("connect", begun)
                 plan = self.complete(client, workers, plan)
         begun = time.perf_counter()
-        files = [self.kept.file(number) for number in range(1, plan["count"] + 1)]
+        files = [self.folder.file(number) for number in range(1, plan["count"] + 1)]
         image = merge(files, allow_mixed=self.job.allow_mixed)
-        self.took("merge", begun)
+        self.note_time("merge", begun)
         image.stats["cluster"] = {"parts": plan["count"], "workers": self.account, "seconds": self.seconds}
         return image
 
-    def took(self, what: str, begun: float) -> None:
+    def note_time(self, what: str, begun: float) -> None:
         """Note how long something took that began at a time of `time.perf_counter`."""
         self.seconds[what] = round(time.perf_counter() - begun, 3)
 
     def earlier_plan(self) -> PartsPlan | None:
         """Return the plan that the folder holds, if it is of this render."""
-        plan = self.kept.plan()
+        plan = self.folder.plan()
         if plan is None:
             return None
         for name, value in self.facts().items():
             if plan[name] != value:
                 raise StateError(
-                    f"{self.kept.path}: holds parts of another render: its {name} is {plan[name]}, not {value}"
+                    f"{self.folder.path}: holds parts of another render: its {name} is {plan[name]}, not {value}"
                     " (remove it, or render without --resume)"
                 )
-        self.same.add(str(self.kept.path), plan["made_by"])
+        self.same.add(str(self.folder.path), plan["made_by"])
         self.same.add("this program", made_by([str(plan["made_by"].get("driver"))]))  # the devices are the workers'
         return plan
 
@@ -197,31 +197,31 @@ class _Run:
 
     def complete(self, client: Any, workers: Sequence[str], plan: PartsPlan | None) -> PartsPlan:
         """Render all parts that are missing, and return the plan."""
-        stopped, begun = f"the parts that are done are in {self.kept.path}", time.perf_counter()
-        sent = TasksOut(client, self.parcel, workers, self.says_kept, self.should_stop, stopped)
+        stopped, begun = f"the parts that are done are in {self.folder.path}", time.perf_counter()
+        sent = TasksOut(client, self.parcel, workers, self.kept_text, self.should_stop, stopped)
         if plan is None:
-            found, seconds, maker = sent.first(open_render, (self.job,))
+            findings, seconds, maker = sent.first(open_render, (self.job,))
             count = min(parts_of(seconds, len(workers)), FilmLayout.of(self.scene.film).tiles)
-            plan = self.facts() | {"count": count, "found": found, "made_by": maker}
-            self.kept.begin(plan)
+            plan = self.facts() | {"count": count, "found": findings, "made_by": maker}
+            self.folder.begin(plan)
         self.job = replace(self.job, findings=plan["found"], count=plan["count"])
-        self.took("open", begun)
-        todo, begun = self.kept.missing(plan), time.perf_counter()
+        self.note_time("open", begun)
+        todo, begun = self.folder.missing(plan), time.perf_counter()
         parts = sent.results(render_part, ((self.job, number) for number in todo))
         for left, (worker, part) in zip(reversed(range(len(todo))), parts, strict=True):
-            self._take(worker, part)
-            self._tell(1 - left / plan["count"], time.perf_counter() - begun)
-        self.took("render", begun)
+            self._keep_part(worker, part)
+            self._report_progress(1 - left / plan["count"], time.perf_counter() - begun)
+        self.note_time("render", begun)
         return plan
 
-    def _take(self, worker: str, part: RenderedPart) -> None:
+    def _keep_part(self, worker: str, part: RenderedPart) -> None:
         self.same.add(f"cluster: the worker {worker}", part.made_by)
-        self.kept.keep(part.number, part.content)
+        self.folder.keep(part.number, part.content)
         row = self.account.setdefault(worker, {"device": part.device, "parts": 0, "seconds": 0.0})
         row["parts"] += 1
         row["seconds"] = round(row["seconds"] + part.seconds, 3)
 
-    def _tell(self, share: float, seconds: float) -> None:
+    def _report_progress(self, share: float, seconds: float) -> None:
         if self.on_progress is not None:
             pixels = self.scene.film.resolution[0] * self.scene.film.resolution[1]
             rate = share * pixels * self.spp / max(seconds, 1e-9) / 1e6

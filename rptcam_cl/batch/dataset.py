@@ -83,14 +83,14 @@ class DatasetFolder:
         about, mine = self.path / ABOUT, {"key": self.wanted.key, "shard": self.shard}
         if about.exists():
             try:
-                found = json.loads(about.read_text("utf-8"))
-                known = {name: found[name] for name in mine}
+                facts = json.loads(about.read_text("utf-8"))
+                known = {name: facts[name] for name in mine}
             except (OSError, ValueError, KeyError, TypeError):
                 raise StateError(f"{about}: is damaged (remove the folder, or name another)") from None
             for name, words in (("key", "frames of another dataset"), ("shard", "frames in other shards")):
                 if known[name] != mine[name]:
                     raise StateError(f"{self.path}: holds {words} (remove it, or name another folder)")
-            if makers := found.get("made_by", [UNKNOWN]):  # none where no device was opened yet
+            if makers := facts.get("made_by", [UNKNOWN]):  # none where no device was opened yet
                 self._same.add(str(self.path), makers)
                 self.join([self._same.makers[0]["driver"]])  # whether the code is the same; the device is opened later
         elif any(self.path.glob("*.json")):
@@ -125,13 +125,13 @@ class DatasetFolder:
         if self.shard is not None and index in (packed := self._records_of_shard(index // self.shard)):
             return packed[index]
         try:
-            found = json.loads(self._file(index, "json").read_text("utf-8"))
-            for name, digest in found["files"].items():
+            record = json.loads(self._file(index, "json").read_text("utf-8"))
+            for name, digest in record["files"].items():
                 if hashlib.sha256((self.frames / name).read_bytes()).hexdigest() != digest:
                     return None
         except (OSError, ValueError, KeyError, TypeError, AttributeError):
             return None
-        return found if isinstance(found, dict) and found.get("frame") == index else None
+        return record if isinstance(record, dict) and record.get("frame") == index else None
 
     def keep(self, index: int, image: Image, layers: Sequence[str], record: dict[str, Any]) -> dict[str, Any]:
         """Write the files of a frame, and its record with their digests, which is returned.
@@ -220,7 +220,7 @@ class DatasetFolder:
                 with tarfile.open(self._tar(number)) as shard:
                     names = [member for member in shard.getmembers() if RECORD.fullmatch(member.name)]
                     read = [json.load(file) for member in names if (file := shard.extractfile(member)) is not None]
-                records = {found["frame"]: found for found in read}
+                records = {record["frame"]: record for record in read}
             except (OSError, tarfile.TarError, ValueError, KeyError, TypeError):
                 return {}
             if set(self._range(number)) - set(records):
@@ -427,8 +427,8 @@ class _Cameras:
 
     def describe(self, scene: Scene, image: Image, renderer: SeriesRenderer) -> dict[str, Any]:
         """The pose, pupil, film, lens, and the camera model with its residual."""
-        if scene.camera.kind == "environment":
-            return {"camera": "environment", "world_from_camera": image.metadata["world_from_camera"]}
+        if scene.camera.sees_all_around:
+            return {"camera": scene.camera.kind, "world_from_camera": image.metadata["world_from_camera"]}
         seen = view(scene, camera=None if renderer.plan is None else renderer.plan.camera)
         known = {name: image.metadata[name] for name in ("lens", "f_number") if name in image.metadata}
         return seen.facts() | known | ({} if self._model == "none" else self._fit(seen))
@@ -440,17 +440,17 @@ class _Cameras:
             known = self._lit.find(optics)
         if known is None:
             if self._model == "auto":
-                found = calibrate_best(seen, list(COEFFICIENTS), GOOD_PX)
+                fit = calibrate_best(seen, list(COEFFICIENTS), GOOD_PX)
             else:
-                found = calibrate(seen, self._model)
+                fit = calibrate(seen, self._model)
             known = {
-                "model": found.model,
-                "parameters": found.named,
-                "matrix": _matrix(found.named),
-                "largest_error_px": found.max_px,
-                "rms_error_px": found.rms_px,
+                "model": fit.model,
+                "parameters": fit.named,
+                "matrix": _matrix(fit.named),
+                "largest_error_px": fit.max_px,
+                "rms_error_px": fit.rms_px,
             }
-            if found.lit_share == 1.0:
+            if fit.lit_share == 1.0:
                 self._lit.add(optics, known)
         self._known.add(optics + stop, known)
         return known

@@ -24,7 +24,6 @@ from rptcam_cl.core.strict_yaml import Document, KeyPath, dotted, read_yaml
 from rptcam_cl.exchange.camera_models import COEFFICIENTS
 from rptcam_cl.exchange.camera_view import view
 from rptcam_cl.imaging.truth_files import MOST_INSTANCES
-from rptcam_cl.scene.camera import RealisticCamera
 from rptcam_cl.scene.load import load_scene, set_keys
 from rptcam_cl.scene.scene import Scene
 
@@ -129,8 +128,8 @@ class Distribution:
         return min(max(normal.inv_cdf(chance), low), high)
 
     def _as_value(self, numbers: Sequence[float]) -> Any:
-        found: list[float] = [int(number) if self.kind == "integer" else float(number) for number in numbers]
-        return found if self.is_list else found[0]
+        values: list[float] = [int(number) if self.kind == "integer" else float(number) for number in numbers]
+        return values if self.is_list else values[0]
 
 
 def distribution(data: Any) -> Distribution:
@@ -371,8 +370,8 @@ def read_specification(
 
 def _sharing(scene: Scene, vary: Mapping[str, Distribution]) -> Scene:
     """Return the scene, with pupils that states of its lens share where hardly any state comes twice."""
-    camera = scene.camera
-    if not isinstance(camera, RealisticCamera) or camera.pupil != "auto" or camera.rays != "traced":
+    camera = scene.camera.traced_camera
+    if camera is None or camera.pupil != "auto" or camera.rays != "traced":
         return scene
     if {"camera", "camera.kind", "camera.pupil", "camera.rays"} & set(vary):
         return scene
@@ -404,7 +403,7 @@ def _places(document: Document) -> Where:
     return where
 
 
-def whole(found: Any, name: str, least: int, most: int, place: str = "") -> int:
+def whole(number: Any, name: str, least: int, most: int, place: str = "") -> int:
     """Return a whole number from ``least`` to ``most``.
 
     Raises
@@ -412,11 +411,11 @@ def whole(found: Any, name: str, least: int, most: int, place: str = "") -> int:
     InputError
         When it is something else; ``place`` and name lead.
     """
-    if isinstance(found, bool) or not isinstance(found, int):
-        raise InputError(f"{place}{name}: must be a whole number (got {found!r}; allowed: {least} to {most})")
-    if not least <= found <= most:
-        raise out_of_range(f"{place}{name}", found, f"{least} to {most}")
-    return found
+    if isinstance(number, bool) or not isinstance(number, int):
+        raise InputError(f"{place}{name}: must be a whole number (got {number!r}; allowed: {least} to {most})")
+    if not least <= number <= most:
+        raise out_of_range(f"{place}{name}", number, f"{least} to {most}")
+    return number
 
 
 def _scene(data: Mapping[str, Any], base: Path, where: Where, overrides: Sequence[str]) -> Scene:
@@ -463,7 +462,7 @@ def _vary(data: Mapping[str, Any], scene: Scene, where: Where) -> tuple[dict[str
         for value in vary[str(key)].ends:
             try:
                 changed = set_keys(scene, {str(key): value})
-                if changed.camera.kind != "environment" and changed.requested_autofocus is None:
+                if not changed.camera.sees_all_around and changed.requested_autofocus is None:
                     view(changed)  # whether the lens opens and focuses so far
                 labels |= dict.fromkeys(item.label or "" for item in changed.objects)
             except RptcamError as problem:
@@ -472,28 +471,28 @@ def _vary(data: Mapping[str, Any], scene: Scene, where: Where) -> tuple[dict[str
 
 
 def _files(data: Mapping[str, Any], where: Where) -> tuple[str, ...]:
-    found = data.get("files", ["png"])
-    if not isinstance(found, list | tuple) or not found or len(set(map(str, found))) < len(found):
-        raise _error(where, "files", f"must be a list of suffixes (got {found!r}; allowed: as [png, exr])")
-    for suffix in found:
+    files = data.get("files", ["png"])
+    if not isinstance(files, list | tuple) or not files or len(set(map(str, files))) < len(files):
+        raise _error(where, "files", f"must be a list of suffixes (got {files!r}; allowed: as [png, exr])")
+    for suffix in files:
         if suffix not in FORMATS:
             raise _error(where, "files", f"unknown suffix (got {suffix!r}; allowed: {', '.join(FORMATS)})")
-    return tuple(found)
+    return tuple(files)
 
 
 def _truth(data: Mapping[str, Any], scene: Scene, where: Where) -> bool:
-    found = data.get("truth", False)
-    if not isinstance(found, bool):
-        raise _error(where, "truth", f"must be true or false (got {found!r})")
-    if found and len(scene.objects) >= MOST_INSTANCES:
+    truth = data.get("truth", False)
+    if not isinstance(truth, bool):
+        raise _error(where, "truth", f"must be true or false (got {truth!r})")
+    if truth and len(scene.objects) >= MOST_INSTANCES:
         raise _error(
             where, "truth", f"masks of 16 bits hold fewer than {MOST_INSTANCES} objects (got {len(scene.objects)})"
         )
-    return found
+    return truth
 
 
 def _model(data: Mapping[str, Any], where: Where) -> str:
-    found = data.get("camera_model", "auto")
-    if found not in MODELS:
-        raise _error(where, "camera_model", f"unknown model (got {found!r}; allowed: {', '.join(MODELS)})")
-    return str(found)
+    model = data.get("camera_model", "auto")
+    if model not in MODELS:
+        raise _error(where, "camera_model", f"unknown model (got {model!r}; allowed: {', '.join(MODELS)})")
+    return str(model)

@@ -18,7 +18,7 @@ from typing import Any, TextIO, cast
 
 from rptcam_cl._version import __version__
 from rptcam_cl.cli.output import INTERRUPTED
-from rptcam_cl.cli.parser import Parser
+from rptcam_cl.cli.parser import Parser, add_command, run_nothing
 from rptcam_cl.core.errors import InputError, RptcamError, StateError
 
 DEBUG = "--debug"
@@ -26,26 +26,27 @@ STANDARD_OUTPUT = "standard output"
 FAULT = 1  # exit code of an unexpected error
 
 
-# The module of each command, in the order of the help; its function ``add_…`` adds it to the parser.
+# The module of each command and its line in the help, in their order there. `add_…` of the module adds its options,
+# `run_…` does it, and the docstring of that is the head of its own help.
 COMMANDS = {
-    "demo": "first_steps",
-    "examples": "first_steps",
-    "new": "files",
-    "render": "render",
-    "merge": "files",
-    "settle": "files",
-    "sweep": "cluster",
-    "dataset": "cluster",
-    "view": "first_steps",
-    "focus": "focus",
-    "tradeoff": "focus",
-    "develop": "files",
-    "convert": "files",
-    "lens": "lens",
-    "camera": "camera",
-    "devices": "first_steps",
-    "doctor": "first_steps",
-    "schema": "first_steps",
+    "demo": ("first_steps", "render a first picture of a scene that comes along"),
+    "examples": ("first_steps", "list the scenes that come along, or copy one to a folder"),
+    "new": ("files", "write a starting scene: your model, your light, your lens"),
+    "render": ("render", "render a scene file to pictures"),
+    "merge": ("files", "make the picture of a render that was made in parts"),
+    "settle": ("files", "find focus, camera model and exposure, and write the scene so"),
+    "sweep": ("cluster", "render a scene with every combination of some values"),
+    "dataset": ("cluster", "render many pictures whose keys are drawn from distributions"),
+    "view": ("first_steps", "open a scene in the browser, with the dials of a camera"),
+    "focus": ("focus", "find the focus of a scene's camera"),
+    "tradeoff": ("focus", "measure what each approximation of a picture costs and gains"),
+    "develop": ("files", "make pictures of a film that was saved"),
+    "convert": ("files", "make a scene file from one of pbrt"),
+    "lens": ("lens", "list, examine, draw, measure, convert and design lenses"),
+    "camera": ("camera", "the camera for computer vision: intrinsics, distortion, pose"),
+    "devices": ("first_steps", "list the OpenCL devices"),
+    "doctor": ("first_steps", "report on versions, devices and caches; check the devices"),
+    "schema": ("first_steps", "print the JSON schema of scene or lens files"),
 }
 
 
@@ -56,7 +57,11 @@ def build_parser(command: str | None = None) -> Parser:
     parser.add_argument(DEBUG, action="store_true", help="show where in the program an unexpected error arose")
     commands = parser.add_commands("command")
     for name in COMMANDS if command is None else (command,):
-        getattr(importlib.import_module(f"rptcam_cl.cli.{COMMANDS[name]}"), f"add_{name}")(commands)
+        module_name, text = COMMANDS[name]
+        module = importlib.import_module(f"rptcam_cl.cli.{module_name}")
+        run = getattr(module, f"run_{name}", None)  # one with commands of its own has none
+        parser_of_command = add_command(commands, name, text, run or run_nothing, (run and run.__doc__) or "")
+        getattr(module, f"add_{name}")(parser_of_command)
     return parser
 
 

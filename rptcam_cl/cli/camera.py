@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rptcam_cl.api.options import add_options, size
-from rptcam_cl.cli.lens_options import wavelengths
+from rptcam_cl.cli.lens_options import number_list, wavelengths
 from rptcam_cl.cli.output import as_json, print_table, print_warnings
-from rptcam_cl.cli.parser import Commands, positive
+from rptcam_cl.cli.parser import positive
 from rptcam_cl.core.errors import InputError, StateError
 
 if TYPE_CHECKING:
@@ -32,15 +32,7 @@ def flag(name: str) -> str:
     return f"--{name.replace('_', '-')}"
 
 
-def distances(text: str) -> list[float]:
-    """Distances of ``a,b,c``, which may be far away: ``inf`` [m]."""
-    try:
-        found = [float(part) for part in text.split(",")]
-    except ValueError:
-        found = []
-    if not found or not all(value > 0 for value in found):
-        raise argparse.ArgumentTypeError(f"got {text}; allowed distances above 0 m, as 0.8,2,inf")
-    return found
+distances = number_list("distances above 0 m, as 0.8,2,inf", lambda value: value > 0)
 
 
 def add_maps(parser: argparse.ArgumentParser) -> None:
@@ -225,14 +217,8 @@ def distance(text: str) -> float:
     return math.inf if text.lower() == "inf" else positive(text)
 
 
-def add_camera(commands: Commands) -> None:
-    """Add the command."""
-    parser = commands.add_parser(
-        "camera",
-        help="the camera for computer vision: intrinsics, distortion, pose",
-        description="The camera for computer vision: intrinsics, distortion and pose, fitted to the chief rays of the"
-        " lens.",
-    )
+def add_camera(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the command."""
     parser.add_argument("source", metavar="SCENE|LENS", help="scene file, or a lens by name or file")
     add_options(parser, "overrides")
     parser.add_argument("--size", type=size, metavar="WxH", help="resolution (default: the scene's, 768x512)")
@@ -267,10 +253,10 @@ def add_camera(commands: Commands) -> None:
     parser.add_argument("--osl", type=Path, metavar="F.osl", help="write a shader for Cycles, which traces the lens")
     parser.add_argument("--plot", type=Path, metavar="FILE", help="plot the residual, .svg, .png or .pdf")
     add_maps(parser)
-    parser.set_defaults(run=_run_camera, parser=parser)
 
 
-def _run_camera(arguments: argparse.Namespace) -> int:
+def run_camera(arguments: argparse.Namespace) -> int:
+    """The camera for computer vision: intrinsics, distortion and pose, fitted to the chief rays of the lens."""
     from rptcam_cl.exchange.camera_view import subject, view
     from rptcam_cl.scene.load import camera_changes
 
@@ -300,23 +286,25 @@ def _choose_model(arguments: argparse.Namespace, seen: "View") -> "Calibration":
     allowed = arguments.max_residual_px
     if arguments.model == "auto":
         held = [model for model in COEFFICIENTS if all(model in HELD[name] for name in forms)]
-        found = calibrate_best(seen, held, allowed or GOOD_PX)
-        if allowed is None and found.max_px > POOR_PX:
+        calibration = calibrate_best(seen, held, allowed or GOOD_PX)
+        if allowed is None and calibration.max_px > POOR_PX:
             of = "" if len(held) == len(COEFFICIENTS) else " of what these files can say"
-            said = f"{found.model} fits best{of} and errs by {found.max_px:.3g} px"
+            said = f"{calibration.model} fits best{of} and errs by {calibration.max_px:.3g} px"
             print_warnings([f"{said}; maps of the lens itself have no residual: --stmap-undistort"])
     else:
         for name in forms:
             check_held(name, arguments.model)
-        found = calibrate(seen, arguments.model)
-    if allowed is not None and found.max_px > allowed:
+        calibration = calibrate(seen, arguments.model)
+    if allowed is not None and calibration.max_px > allowed:
         best = calibrate_best(seen, list(COEFFICIENTS), 0.0)
-        hint = f"{best.model} errs by {best.max_px:.3g} px" if best.model != found.model else "it is the best of all"
+        hint = (
+            f"{best.model} errs by {best.max_px:.3g} px" if best.model != calibration.model else "it is the best of all"
+        )
         raise InputError(
-            f"--max-residual-px: {found.model} errs by {found.max_px:.3g} px for {seen.name}"
+            f"--max-residual-px: {calibration.model} errs by {calibration.max_px:.3g} px for {seen.name}"
             f" (allowed: {allowed:g}; {hint}; maps of the lens itself have no residual: --stmap-undistort)"
         )
-    return found
+    return calibration
 
 
 def _report(arguments: argparse.Namespace, seen: "View", chosen: "Calibration") -> None:
@@ -331,10 +319,10 @@ def _report(arguments: argparse.Namespace, seen: "View", chosen: "Calibration") 
         title = f"{seen.name}, {width} x {height} px, {object_text(seen)}; the first pixel's centre is 0.5"
         print_table((chosen.model, "value"), rows, title)
         return
-    found, refused = [], {}
+    calibrations, refused = [], {}
     for model in COEFFICIENTS:
         try:
-            found.append(calibrate(seen, model))
+            calibrations.append(calibrate(seen, model))
         except InputError as problem:
             refused[model] = str(problem)
-    print(as_json(document(seen, found, refused) | {"chosen": chosen.model}))
+    print(as_json(document(seen, calibrations, refused) | {"chosen": chosen.model}))

@@ -4,13 +4,12 @@ import argparse
 import contextlib
 import functools
 import math
-import re
 import sys
 from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rptcam_cl.api.options import OF_A_CLUSTER, add_options, number_range
+from rptcam_cl.api.options import OF_A_CLUSTER, add_options, digits, number, number_range
 from rptcam_cl.cli.frames import Frame
 from rptcam_cl.cli.output import (
     ENDS_LATER,
@@ -22,7 +21,6 @@ from rptcam_cl.cli.output import (
     stop_on_interrupt,
 )
 from rptcam_cl.cli.parser import (
-    Commands,
     add_device,
     check_cluster_arguments,
     cluster_keywords,
@@ -71,28 +69,26 @@ def render_by_cluster(arguments: argparse.Namespace, scene: "Scene") -> int:
     return 0
 
 
-def render_frames_by_cluster(arguments: argparse.Namespace, missing: Iterable[Frame]) -> int:
+def render_frames_by_cluster(arguments: argparse.Namespace, missing: "Iterable[Frame]") -> int:
     """Render frames on a cluster, each by one worker; save them as they come, and return the exit code."""
     from rptcam_cl.batch.cluster_run import render_scenes_on_cluster
 
-    todo = {frame.number: frame for frame in missing}
-    if any(frame.arguments.neighbours is not None for frame in todo.values()):
+    todo = {metadata["frame"]: (own, scene, metadata) for own, scene, metadata in missing}
+    if any(own.neighbours is not None for own, _, _ in todo.values()):
         raise InputError("--cluster: flow leads from frame to frame, which workers do not have (allowed: other layers)")
     with stop_on_interrupt() as stop:
         images = render_scenes_on_cluster(
-            {number: frame.scene for number, frame in todo.items()}, **cluster_keywords(arguments),
+            {number: scene for number, (_, scene, _) in todo.items()}, **cluster_keywords(arguments),
             settings=_scene_keywords(arguments), should_stop=stop.is_set,
         )  # fmt: skip
         try:
             for number, image in images:
-                frame = todo[number]
-                frame.arguments.same.add(f"frame {number}", image.metadata["made_by"])
-                image.metadata.update(frame.metadata)
-                save(image, frame.arguments)
+                own, _, metadata = todo[number]
+                own.same.add(f"frame {number}", image.metadata["made_by"])
+                image.metadata.update(metadata)
+                save(image, own)
                 if not arguments.quiet:
-                    print(
-                        f"wrote {names_of(files_to_write(frame.arguments))}: {cluster_account(image)}", file=sys.stderr
-                    )
+                    print(f"wrote {names_of(files_to_write(own))}: {cluster_account(image)}", file=sys.stderr)
         except InterruptedError as ended:
             print(f"interrupted: {ended}; --resume goes on with the rest", file=sys.stderr)
             return INTERRUPTED
@@ -116,14 +112,8 @@ def cluster_account(image: "Image") -> str:
 # ``rptcam sweep``: a grid of pictures over values of any keys, with a contact sheet and a table.
 
 
-def add_sweep(commands: Commands) -> None:
-    """Add the command."""
-    parser = commands.add_parser(
-        "sweep",
-        help="render a scene with every combination of some values",
-        description="Render every combination of values, and write films, a contact sheet and a table. What is there"
-        " already is kept.",
-    )
+def add_sweep(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the command."""
     parser.add_argument("scene", type=Path, metavar="SCENE", help="scene file (YAML)")
     parser.add_argument(
         "--over", action="append", required=True, metavar="key.path=a,b,...", dest="keys",
@@ -138,26 +128,28 @@ def add_sweep(commands: Commands) -> None:
     )  # fmt: skip
     add_device(parser)
     add_options(parser, "cluster", "workers", "tls", "overrides", "allow_mixed", "quiet")
-    parser.set_defaults(run=_run_sweep, parser=parser)
 
 
 def _over(texts: list[str]) -> dict[str, list[Any]]:
     """Values by key of ``key.path=a,b,c``, each read as YAML."""
     from rptcam_cl.core.strict_yaml import read_yaml
 
-    found: dict[str, list[Any]] = {}
+    values_of: dict[str, list[Any]] = {}
     for text in texts:
         key, _, listed = text.partition("=")
         if not key or not listed.strip():
             raise InputError(f"--over {text}: is not of the form key.path=a,b,... (for instance camera.f_number=2,4,8)")
-        if key in found:
+        if key in values_of:
             raise InputError(f"--over {text}: {key} twice (allowed: each key once)")
         values = read_yaml(f"[{listed}]", name=f"--over {text}").data
-        found[key] = expand_ellipsis(key, values, f"--over {text}")
-    return found
+        values_of[key] = expand_ellipsis(key, values, f"--over {text}")
+    return values_of
 
 
-def _run_sweep(arguments: argparse.Namespace) -> int:
+def run_sweep(arguments: argparse.Namespace) -> int:
+    """Render every combination of values, and write films, a contact sheet and a table. What is there already is
+    kept.
+    """
     from rptcam_cl.api.sweeping import sweep
     from rptcam_cl.scene.load import load_scene, set_keys
 
@@ -267,13 +259,8 @@ def _steps(before: list[float], last: float, where: str) -> list[float]:
 # ``rptcam dataset``: many pictures of a scene whose keys are drawn from distributions, with their exact cameras.
 
 
-def add_dataset(commands: Commands) -> None:
-    """Add the command."""
-    parser = commands.add_parser(
-        "dataset",
-        help="render many pictures whose keys are drawn from distributions",
-        description="Render the frames of a dataset, each with its exact camera. Frames that are there are kept.",
-    )
+def add_dataset(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the command."""
     parser.add_argument("specification", type=Path, metavar="SPEC", help="specification (YAML); see docs/datasets.md")
     parser.add_argument("-o", "--output", required=True, type=Path, metavar="FOLDER", help="folder to write to")
     parser.add_argument("-n", type=_count, metavar="N", dest="count", help="frames, in place of the specification's")
@@ -286,13 +273,9 @@ def add_dataset(commands: Commands) -> None:
     )
     add_device(parser)
     add_options(parser, "overrides", "allow_mixed", "quiet")
-    parser.set_defaults(run=_run_dataset, parser=parser)
 
 
-def _count(text: str) -> int:
-    if not re.fullmatch(r"\d{1,9}", text, re.ASCII) or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"got {text}; allowed a whole number, 1 or more")
-    return int(text)
+_count = number(digits, 1, 999_999_999, "a whole number, 1 or more")
 
 
 def indices(text: str) -> range:
@@ -303,7 +286,8 @@ def indices(text: str) -> range:
     return frames
 
 
-def _run_dataset(arguments: argparse.Namespace) -> int:
+def run_dataset(arguments: argparse.Namespace) -> int:
+    """Render the frames of a dataset, each with its exact camera. Frames that are there are kept."""
     from rptcam_cl.batch.dataset import dataset
     from rptcam_cl.batch.specification import read_specification
 

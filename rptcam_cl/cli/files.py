@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rptcam_cl.api.options import add_options, size
 from rptcam_cl.cli.output import print_warnings, save
-from rptcam_cl.cli.parser import Commands, add_device, check_different, names_of, positive
+from rptcam_cl.cli.parser import add_device, check_different, names_of, positive
 from rptcam_cl.core.errors import InputError
 
 SCENES = (".yaml", ".yml")
@@ -23,23 +23,18 @@ def _check_scene_name(path: Path, hint: str = "") -> None:
 # ``rptcam merge``: parts of a render become its picture.
 
 
-def add_merge(commands: Commands) -> None:
-    """Add the command."""
-    parser = commands.add_parser(
-        "merge",
-        help="make the picture of a render that was made in parts",
-        description="Put together the parts that `rptcam render --part` and --samples made, anywhere.",
-    )
+def add_merge(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the command."""
     parser.add_argument("parts", type=Path, nargs="+", metavar="PART", help="files of the parts: .rpck")
     parser.add_argument(
         "-o", "--output", action="append", required=True, type=Path, metavar="OUT", dest="outputs",
         help="picture to write, as of render; or the whole as .rpck, for render --resume; may be repeated",
     )  # fmt: skip
     add_options(parser, "allow_mixed", "quiet")
-    parser.set_defaults(run=_run_merge, parser=parser)
 
 
-def _run_merge(arguments: argparse.Namespace) -> int:
+def run_merge(arguments: argparse.Namespace) -> int:
+    """Put together the parts that `rptcam render --part` and --samples made, anywhere."""
     from rptcam_cl.api.interface import merge
     from rptcam_cl.core.files import check_writable
     from rptcam_cl.imaging.writers import check_output
@@ -70,13 +65,8 @@ def _run_merge(arguments: argparse.Namespace) -> int:
 # ``rptcam develop``: a film that was saved becomes pictures, without rendering it anew.
 
 
-def add_develop(commands: Commands) -> None:
-    """Add the command."""
-    parser = commands.add_parser(
-        "develop",
-        help="make pictures of a film that was saved",
-        description="Make pictures of a linear film that was saved, with other settings of the section picture.",
-    )
+def add_develop(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the command."""
     parser.add_argument("film", type=Path, metavar="FILM", help="film that render wrote: .exr, .npz or .npy")
     parser.add_argument(
         "-o", "--output", action="append", required=True, type=Path, metavar="OUT", dest="outputs",
@@ -99,10 +89,10 @@ def add_develop(commands: Commands) -> None:
         help="develop films of more than 67 million pixels, too, which take minutes however small their files are",
     )  # fmt: skip
     add_options(parser, "quiet")
-    parser.set_defaults(run=_run_develop, parser=parser)
 
 
-def _run_develop(arguments: argparse.Namespace) -> int:
+def run_develop(arguments: argparse.Namespace) -> int:
+    """Make pictures of a linear film that was saved, with other settings of the section picture."""
     from rptcam_cl.imaging.formats import check_raw_output
     from rptcam_cl.imaging.image import LARGE, desqueezed, develop, read_film
     from rptcam_cl.imaging.writers import DEVELOPED_SUFFIXES, check_output
@@ -134,21 +124,16 @@ def _run_develop(arguments: argparse.Namespace) -> int:
 # ``rptcam settle``: focus, camera model and exposure of a scene are found once, for all renders that follow.
 
 
-def add_settle(commands: Commands) -> None:
-    """Add the command."""
-    parser = commands.add_parser(
-        "settle",
-        help="find focus, camera model and exposure, and write the scene so",
-        description="Write a scene whose auto focus, accuracy and exposure are found, so that parts and frames agree.",
-    )
+def add_settle(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the command."""
     parser.add_argument("scene", type=Path, metavar="SCENE", help="scene file (YAML)")
     parser.add_argument("-o", "--output", required=True, type=Path, metavar="OUT.yaml", help="scene file to write")
     add_device(parser)
     add_options(parser, "overrides", "quiet")
-    parser.set_defaults(run=_run_settle, parser=parser)
 
 
-def _run_settle(arguments: argparse.Namespace) -> int:
+def run_settle(arguments: argparse.Namespace) -> int:
+    """Write a scene whose auto focus, accuracy and exposure are found, so that parts and frames agree."""
     from rptcam_cl.api.interface import settle
     from rptcam_cl.core.files import check_writable
     from rptcam_cl.scene.load import load_scene
@@ -157,9 +142,9 @@ def _run_settle(arguments: argparse.Namespace) -> int:
     check_writable(arguments.output, [arguments.scene])
     scene = load_scene(arguments.scene, arguments.overrides)
     print_warnings(scene.warnings)
-    found = settle(scene, arguments.output, device=arguments.device).found
+    notes = settle(scene, arguments.output, device=arguments.device).found
     if not arguments.quiet:
-        print(f"wrote {arguments.output}: {', '.join(found) or 'nothing was left to be found'}", file=sys.stderr)
+        print(f"wrote {arguments.output}: {', '.join(notes) or 'nothing was left to be notes'}", file=sys.stderr)
     return 0
 
 
@@ -168,19 +153,12 @@ def _run_settle(arguments: argparse.Namespace) -> int:
 SOURCES = (".pbrt", ".pbrt.gz")
 
 
-def add_convert(commands: Commands) -> None:
-    """Add the command."""
-    parser = commands.add_parser(
-        "convert",
-        help="make a scene file from one of pbrt",
-        description="Make a scene file from one of pbrt-v2, v3 or v4. What is ignored or approximated is listed; "
-        "meshes and pictures go to folders beside the scene file.",
-    )
+def add_convert(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the command."""
     parser.add_argument("source", type=Path, metavar="SCENE.pbrt", help="scene file of pbrt-v2, v3 or v4")
     parser.add_argument("target", type=Path, metavar="SCENE.yaml", help="scene file to write")
     parser.add_argument("--quiet", action="store_true", help="print only errors")
     add_options(parser, "missing")
-    parser.set_defaults(run=_run_convert, parser=parser)
 
 
 def _check_names(source: Path, target: Path) -> None:
@@ -199,7 +177,10 @@ def _check_names(source: Path, target: Path) -> None:
 MESHES = (".ply", ".obj", ".stl", ".gltf", ".glb")
 
 
-def _run_convert(arguments: argparse.Namespace) -> int:
+def run_convert(arguments: argparse.Namespace) -> int:
+    """Make a scene file from one of pbrt-v2, v3 or v4. What is ignored or approximated is listed; meshes and pictures
+    go to folders beside the scene file.
+    """
     from rptcam_cl.exchange.pbrt.convert import convert_scene
 
     _check_names(arguments.source, arguments.target)
@@ -216,15 +197,8 @@ def _run_convert(arguments: argparse.Namespace) -> int:
 # ``rptcam new``: writes a starting scene round a model.
 
 
-def add_new(commands: Commands) -> None:
-    """Add the command."""
-    parser = commands.add_parser(
-        "new",
-        help="write a starting scene: your model, your light, your lens",
-        description="Write a scene that is framed, lit, focused and exposed, to be changed from there. Files that lie "
-        "elsewhere are copied beside it, because a scene reads its own folder only. Without a model it shows three "
-        "balls, without a picture of light a studio. Cameras and lamps of a glTF file count.",
-    )
+def add_new(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the command."""
     parser.add_argument("scene", type=Path, metavar="SCENE.yaml", help="scene file to write")
     parser.add_argument("--model", type=Path, metavar="FILE", help="mesh to show: .glb, .gltf, .obj, .ply or .stl")
     parser.add_argument("--hdri", type=Path, metavar="FILE", help="picture of light from all around: .hdr or .exr")
@@ -240,12 +214,15 @@ def add_new(commands: Commands) -> None:
         help="length of a unit of the model [m]: 0.001 where it counts millimetres (default: 1)",
     )  # fmt: skip
     parser.add_argument("--reframe", action="store_true", help="frame the model, even if its file has a camera")
-    parser.set_defaults(run=_run_new, parser=parser)
 
 
-def _run_new(arguments: argparse.Namespace) -> int:
+def run_new(arguments: argparse.Namespace) -> int:
+    """Write a scene that is framed, lit, focused and exposed, to be changed from there. Files that lie elsewhere are
+    copied beside it, because a scene reads its own folder only. Without a model it shows three balls, without a
+    picture of light a studio. Cameras and lamps of a glTF file count.
+    """
     from rptcam_cl.core.files import check_writable, replacing
-    from rptcam_cl.exchange.starting import StartOptions, starting_scene
+    from rptcam_cl.exchange.starting import starting_scene
     from rptcam_cl.scene.load import load_scene, scene_text
 
     target: Path = arguments.scene
@@ -257,13 +234,8 @@ def _run_new(arguments: argparse.Namespace) -> int:
     if target.exists():
         raise InputError(f"{target}: is there already; choose another name, or remove it first")
     check_writable(target)
-    start = starting_scene(
-        StartOptions(
-            arguments.model, arguments.hdri, arguments.lens, arguments.size, arguments.up, arguments.metres_per_unit,
-            arguments.reframe,
-        ),
-        target.parent,
-    )  # fmt: skip
+    names = ("model", "hdri", "lens", "size", "up", "metres_per_unit", "reframe")
+    start = starting_scene(target.parent, **{name: getattr(arguments, name) for name in names})
     copied = start.copies.write()
     scene = load_scene(start.scene, base_dir=target.parent, missing="grey")
     with replacing(target) as temporary:

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 from rptcam_cl.api.options import add_options
 from rptcam_cl.cli.output import as_bytes, as_json
-from rptcam_cl.cli.parser import Commands, Parser, add_device, port
-from rptcam_cl.cli.render import add_arguments
+from rptcam_cl.cli.parser import Parser, add_device, port
+from rptcam_cl.cli.render import add_render, run_render
 from rptcam_cl.core.errors import DeviceError, InputError, NumericError
 from rptcam_cl.core.files import SCENES, example_files, example_scenes, make_folder, read_whole, replacing
 
@@ -22,22 +22,18 @@ if TYPE_CHECKING:
 LARGEST = 1 << 26  # bytes of one file
 
 
-def add_examples(commands: Commands) -> None:
-    """Add the command."""
-    parser = commands.add_parser(
-        "examples",
-        help="list the scenes that come along, or copy one to a folder",
-        description="List the scenes that come with the package. With a name and -o, copy that scene and the files it "
-        "reads to a folder, where it can be rendered and changed.",
-    )
+def add_examples(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the command."""
     parser.add_argument("scene", nargs="?", choices=tuple(SCENES), metavar="NAME", help="a scene of the list")
     parser.add_argument(
         "-o", "--output", type=Path, metavar="DIR", help="folder to copy to, made if need be (default: the current one)"
     )
-    parser.set_defaults(run=_run_examples, parser=parser)
 
 
-def _run_examples(arguments: argparse.Namespace) -> int:
+def run_examples(arguments: argparse.Namespace) -> int:
+    """List the scenes that come with the package. With a name and -o, copy that scene and the files it reads to a
+    folder, where it can be rendered and changed.
+    """
     if arguments.scene is None:
         if arguments.output is not None:
             raise InputError(
@@ -89,13 +85,8 @@ def _copy_scene(name: str, folder: Path) -> Path:
 # ``rptcam demo``: a first picture, from scenes that come with the package.
 
 
-def add_demo(commands: Commands) -> None:
-    """Add the command."""
-    parser = commands.add_parser(
-        "demo",
-        help="render a first picture of a scene that comes along",
-        description="Render the first picture, from a scene that comes with the package; it needs no other file.",
-    )
+def add_demo(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the command."""
     parser.add_argument(
         "scene", nargs="?", choices=tuple(SCENES), default=next(iter(SCENES)), metavar="SCENE",
         help="another of its scenes (rptcam examples lists them)",
@@ -106,18 +97,17 @@ def add_demo(commands: Commands) -> None:
     parser.add_argument("--spp", metavar="N", help="samples per pixel, in place of the scene's")
     parser.add_argument("--size", metavar="WxH", help="resolution in pixels")
     add_device(parser)
-    parser.set_defaults(run=_run_demo, parser=parser)
 
 
-def _run_demo(arguments: argparse.Namespace) -> int:
+def run_demo(arguments: argparse.Namespace) -> int:
+    """Render the first picture, from a scene that comes with the package; it needs no other file."""
     scene = example_scenes()[arguments.scene]
     picture = Path(arguments.output or f"{arguments.scene}.png")
     words = [str(scene), f"--output={picture}"]
     words += [f"--{name}={value}" for name in ("spp", "size", "device") if (value := getattr(arguments, name))]
     parser = Parser(prog=arguments.parser.prog)
-    add_arguments(parser)
-    parsed = parser.parse_args(words)
-    code: int = parsed.run(parsed)
+    add_render(parser)
+    code = run_render(parser.parse_args(words))
     if code == 0:
         print(f"the scene is {scene}; for a copy to change: rptcam examples {arguments.scene} -o .", file=sys.stderr)
     return code
@@ -128,14 +118,8 @@ def _run_demo(arguments: argparse.Namespace) -> int:
 _CONSENT = "--let-others-in"
 
 
-def add_view(commands: Commands) -> None:
-    """Add the command."""
-    parser = commands.add_parser(
-        "view",
-        help="open a scene in the browser, with the dials of a camera",
-        description="Open a scene in the browser and hold its camera: focus, stop, lens, exposure, pose. The scene file"
-        " is watched. Ctrl-C ends it. Needs rptcam_cl[view].",
-    )
+def add_view(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the command."""
     parser.add_argument("scene", type=Path, metavar="SCENE", help="scene file (YAML)")
     parser.add_argument("--port", type=port, default=0, metavar="N", help="port (default: one that is free)")
     parser.add_argument(
@@ -150,10 +134,12 @@ def add_view(commands: Commands) -> None:
     add_options(parser, "size")
     add_device(parser)
     add_options(parser, "overrides")
-    parser.set_defaults(run=_run_view, parser=parser)
 
 
-def _run_view(arguments: argparse.Namespace) -> int:
+def run_view(arguments: argparse.Namespace) -> int:
+    """Open a scene in the browser and hold its camera: focus, stop, lens, exposure, pose. The scene file is watched.
+    Ctrl-C ends it. Needs rptcam_cl[view].
+    """
     from rptcam_cl.device.session import means_one, open_early
 
     if means_one(arguments.device):
@@ -183,12 +169,9 @@ def _run_view(arguments: argparse.Namespace) -> int:
 # ``rptcam devices``: the OpenCL devices that a render may run on.
 
 
-def add_devices(commands: Commands) -> None:
-    """Add the command."""
-    text = "list the OpenCL devices"
-    parser = commands.add_parser("devices", help=text, description=text.capitalize() + "; * marks the default.")
+def add_devices(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the command."""
     parser.add_argument("--json", action="store_true", help="print JSON")
-    parser.set_defaults(run=_run_devices, parser=parser)
 
 
 def _line(device: dict[str, Any]) -> str:
@@ -199,25 +182,20 @@ def _line(device: dict[str, Any]) -> str:
     return f"{mark} {device['id']:<5} {device['type']}  {device['name']} ({device['platform']}; {facts}){barred}"
 
 
-def _run_devices(arguments: argparse.Namespace) -> int:
+def run_devices(arguments: argparse.Namespace) -> int:
+    """List the OpenCL devices; * marks the default."""
     from rptcam_cl.api.interface import devices
 
-    found = devices()
-    print(as_json(found) if arguments.json else "\n".join(map(_line, found)))
+    listed = devices()
+    print(as_json(listed) if arguments.json else "\n".join(map(_line, listed)))
     return 0
 
 
 # ``rptcam doctor``: what renders run on, and whether the devices compute what they should.
 
 
-def add_doctor(commands: Commands) -> None:
-    """Add the command."""
-    parser = commands.add_parser(
-        "doctor",
-        help="report on versions, devices and caches; check the devices",
-        description="Report on versions, devices with their drivers, and caches. With --numerics, check what the"
-        " devices compute at the extremes, in half a minute each. Send the output with a bug report.",
-    )
+def add_doctor(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the command."""
     parser.add_argument(
         "--numerics", action="store_true", help="check what the devices compute; exit code 5 on failure"
     )
@@ -225,7 +203,6 @@ def add_doctor(commands: Commands) -> None:
         "--device", metavar="SPEC", help="report on this device alone, as in render (default: every device found)"
     )
     parser.add_argument("--json", action="store_true", help="print JSON")
-    parser.set_defaults(run=_run_doctor, parser=parser)
 
 
 def _check_line(check: "Check") -> str:
@@ -251,34 +228,37 @@ def _run_checks(device: str, show: bool) -> Iterator[dict[str, Any]]:
 
 def _numerics(devices: list[dict[str, Any]], show: bool) -> dict[str, list[dict[str, Any]]]:
     """Return the checks of devices, by the device's id."""
-    found: dict[str, list[dict[str, Any]]] = {}
+    checks: dict[str, list[dict[str, Any]]] = {}
     for device in devices:
         if show:
             print(f"\nnumerics of {device['id']} {device['name']}", flush=True)
-        found[device["id"]] = list(_run_checks(device["id"], show))
+        checks[device["id"]] = list(_run_checks(device["id"], show))
         if show:
-            made = [check for check in found[device["id"]] if not check["skipped"]]
-            skipped = len(found[device["id"]]) - len(made)
+            made = [check for check in checks[device["id"]] if not check["skipped"]]
+            skipped = len(checks[device["id"]]) - len(made)
             rest = f", {skipped} skipped" if skipped else ""
             print(f"  {sum(check['passed'] for check in made)} of {len(made)} checks passed{rest}")
-    return found
+    return checks
 
 
-def _run_doctor(arguments: argparse.Namespace) -> int:
+def run_doctor(arguments: argparse.Namespace) -> int:
+    """Report on versions, devices with their drivers, and caches. With --numerics, check what the devices compute at
+    the extremes, in half a minute each. Send the output with a bug report.
+    """
     from rptcam_cl.studies.selfcheck_suite import as_lines, environment
 
-    found = environment(arguments.device)
+    report = environment(arguments.device)
     if not arguments.json:
-        print("\n".join(as_lines(found)), flush=True)
-    if arguments.numerics and found["devices"]:
-        usable = [device for device in found["devices"] if device["problem"] is None]
-        found["numerics"] = _numerics(usable, not arguments.json)
+        print("\n".join(as_lines(report)), flush=True)
+    if arguments.numerics and report["devices"]:
+        usable = [device for device in report["devices"] if device["problem"] is None]
+        report["numerics"] = _numerics(usable, not arguments.json)
     if arguments.json:
-        print(as_json(found))
+        print(as_json(report))
     sys.stdout.flush()
-    if "no_device" in found:
-        raise DeviceError(found["no_device"])
-    failed = sum(check["failed"] for checks in found.get("numerics", {}).values() for check in checks)
+    if "no_device" in report:
+        raise DeviceError(report["no_device"])
+    failed = sum(check["failed"] for checks in report.get("numerics", {}).values() for check in checks)
     if failed:
         what = "1 check" if failed == 1 else f"{failed} checks"
         raise NumericError(f"{what} failed; please send the report above to the authors")
@@ -288,18 +268,13 @@ def _run_doctor(arguments: argparse.Namespace) -> int:
 # ``rptcam schema``: the JSON schema of scene or lens files, for editors that complete and check.
 
 
-def add_schema(commands: Commands) -> None:
-    """Add the command."""
-    parser = commands.add_parser(
-        "schema",
-        help="print the JSON schema of scene or lens files",
-        description="Print the JSON schema of scene files, for editors that complete and check.",
-    )
+def add_schema(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the command."""
     parser.add_argument("--lens", action="store_true", help="of lens files instead")
-    parser.set_defaults(run=_run_schema, parser=parser)
 
 
-def _run_schema(arguments: argparse.Namespace) -> int:
+def run_schema(arguments: argparse.Namespace) -> int:
+    """Print the JSON schema of scene files, for editors that complete and check."""
     if arguments.lens:
         from rptcam_cl.optics.files.keys import lens_json_schema_text
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from rptcam_cl.api.options import add_options, crop, duration, share, size
 from rptcam_cl.cli.lens_options import check_file, check_picture, write, write_picture
 from rptcam_cl.cli.output import as_json, print_table, print_warnings, say_on_stderr
-from rptcam_cl.cli.parser import Commands, add_device, focus_method, focus_policy, point
+from rptcam_cl.cli.parser import add_device, focus_method, focus_policy, point
 from rptcam_cl.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -22,13 +22,8 @@ if TYPE_CHECKING:
 _ZONES = ("zones", "zones_file", "point", "object")
 
 
-def add_focus(commands: Commands) -> None:
-    """Add the command."""
-    parser = commands.add_parser(
-        "focus",
-        help="find the focus of a scene's camera",
-        description="Find the focus of a scene's camera by probing through its lens; prints where the film has to be.",
-    )
+def add_focus(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the command."""
     parser.add_argument("scene", type=Path, metavar="SCENE", help="scene file (YAML)")
     parser.add_argument(
         "--method", type=focus_method, metavar="NAME",
@@ -52,10 +47,10 @@ def add_focus(commands: Commands) -> None:
     add_options(parser, "overrides")
     parser.add_argument("--json", action="store_true", help="print JSON")
     parser.add_argument("--plot", type=Path, metavar="FILE", help="draw the curve, .svg, .png or .pdf")
-    parser.set_defaults(run=_run_focus, parser=parser)
 
 
-def _run_focus(arguments: argparse.Namespace) -> int:
+def run_focus(arguments: argparse.Namespace) -> int:
+    """Find the focus of a scene's camera by probing through its lens; prints where the film has to be."""
     given = [name for name in _ZONES if getattr(arguments, name) is not None]
     if len(given) > 1:
         raise InputError("rptcam focus: takes one of --zone, --zones, --point and --object")
@@ -118,13 +113,8 @@ def _print_focus(report: "FocusReport") -> None:
 PRINTED = Path("-")  # in place of a file: to standard output
 
 
-def add_tradeoff(commands: Commands) -> None:
-    """Add the command."""
-    parser = commands.add_parser(
-        "tradeoff",
-        help="measure what each approximation of a picture costs and gains",
-        description="Render a scene in many ways by turns, and advise which one to use.",
-    )
+def add_tradeoff(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the command."""
     parser.add_argument("scene", type=Path, metavar="SCENE", help="scene file (YAML)")
     parser.add_argument(
         "--budget",
@@ -157,10 +147,10 @@ def add_tradeoff(commands: Commands) -> None:
     add_device(parser)
     add_options(parser, "overrides")
     parser.add_argument("--quiet", action="store_true", help="print only the result, warnings and errors")
-    parser.set_defaults(run=_run_tradeoff, parser=parser)
 
 
-def _run_tradeoff(arguments: argparse.Namespace) -> int:
+def run_tradeoff(arguments: argparse.Namespace) -> int:
+    """Render a scene in many ways by turns, and advise which one to use."""
     _check_outputs(arguments)
     from rptcam_cl.scene.load import load_scene
     from rptcam_cl.studies.tradeoff import measure_tradeoff

@@ -11,13 +11,13 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from rptcam_cl._version import __version__
 from rptcam_cl.api.options import check_together
 from rptcam_cl.cli.parser import apply_options, device_of, files_to_write, names_of
 from rptcam_cl.core.errors import InputError, RptcamError
-from rptcam_cl.core.files import named_files
+from rptcam_cl.core.files import file_state, named_files
 from rptcam_cl.core.remember import OneMaker, made_by
 
 if TYPE_CHECKING:
@@ -48,15 +48,15 @@ def frame_scenes(arguments: argparse.Namespace, scene: "Scene") -> list[tuple[in
     """The scene of each frame, checked before any is rendered."""
     from rptcam_cl.scene.load import at_rest
 
-    found = []
+    scenes = []
     for frame in arguments.frames:
         try:
             still = scene_of_frame(scene, frame)
             at_rest(still)  # keys of the shutter as well
-            found.append((frame, still))
+            scenes.append((frame, still))
         except RptcamError as problem:
             raise type(problem)(f"frame {frame}: {problem}") from None
-    return found
+    return scenes
 
 
 def track_frames(
@@ -118,12 +118,12 @@ def write_video_of(arguments: argparse.Namespace, scene: "Scene") -> None:
         print(f"wrote {arguments.video}: {count} frames", file=sys.stderr)
 
 
-def of_frame(arguments: argparse.Namespace, frame: int) -> argparse.Namespace:
+def arguments_of_frame(arguments: argparse.Namespace, frame: int) -> argparse.Namespace:
     """The arguments of one frame: its names of files."""
-    found = copy.copy(arguments)
-    found.outputs = [_name_of_frame(path, frame) for path in arguments.outputs]
-    found.raws = [_name_of_frame(path, frame) for path in arguments.raws]
-    return found
+    own = copy.copy(arguments)
+    own.outputs = [_name_of_frame(path, frame) for path in arguments.outputs]
+    own.raws = [_name_of_frame(path, frame) for path in arguments.raws]
+    return own
 
 
 def _name_of_frame(path: Path, frame: int) -> Path:
@@ -150,35 +150,35 @@ def layer_metadata(arguments: argparse.Namespace, scene: "Scene") -> dict[str, A
     """
     if not scene.render.layers:
         return {}
-    found: dict[str, Any] = {"layers": list(scene.render.layers), "layers_spp": scene.render.layers_spp}
+    metadata: dict[str, Any] = {"layers": list(scene.render.layers), "layers_spp": scene.render.layers_spp}
     if arguments.neighbours is not None:
-        found["flow_to"] = [None if other is None else other.picture_hash() for other in arguments.neighbours]
-    return found
+        metadata["flow_to"] = [None if other is None else other.picture_hash() for other in arguments.neighbours]
+    return metadata
 
 
-def is_there(arguments: argparse.Namespace, wanted: Mapping[str, Any]) -> bool:
+def is_finished(arguments: argparse.Namespace, wanted: Mapping[str, Any]) -> bool:
     """Whether all files of a frame are there and say what is wanted; None: what they must not say."""
     if not all(path.is_file() for path in files_to_write(arguments)):
         return False
-    known = [found for path in arguments.outputs if (found := _metadata(path)) is not None]
+    known = [metadata for path in arguments.outputs if (metadata := _metadata(path)) is not None]
     return bool(known) and all(
-        ("denoised" in found) == arguments.denoise and all(_says(found, *each) for each in wanted.items())
-        for found in known
+        ("denoised" in metadata) == arguments.denoise and all(_has_value(metadata, *each) for each in wanted.items())
+        for metadata in known
     )
 
 
-def _says(metadata: Mapping[str, Any], name: str, value: Any) -> bool:
+def _has_value(metadata: Mapping[str, Any], name: str, value: Any) -> bool:
     """Whether metadata say this of a name, also where the format keeps texts alone."""
-    found = metadata.get(name)
-    return bool((found if isinstance(value, str) else _value(found)) == value)
+    known = metadata.get(name)
+    return bool((known if isinstance(value, str) else _value(known)) == value)
 
 
-def _value(found: Any) -> Any:
+def _value(known: Any) -> Any:
     """The value of metadata, also where the format keeps texts alone."""
-    if isinstance(found, str):
+    if isinstance(known, str):
         with contextlib.suppress(ValueError):
-            return json.loads(found)
-    return found
+            return json.loads(known)
+    return known
 
 
 def _metadata(path: Path) -> dict[str, Any] | None:
@@ -200,39 +200,34 @@ def _metadata(path: Path) -> dict[str, Any] | None:
     return None
 
 
-class Frame(NamedTuple):
-    """A frame to render: its number, the arguments with its names of files, its scene, and metadata for its files."""
-
-    number: int
-    arguments: argparse.Namespace
-    scene: "Scene"
-    metadata: dict[str, Any]
+Frame = tuple[argparse.Namespace, "Scene", dict[str, Any]]
+"""A frame to render: the arguments with its names of files, its scene, and metadata for its files, with its number."""
 
 
-def _wanted(arguments: argparse.Namespace, applied: "Scene") -> dict[str, Any]:
+def _expected_metadata(arguments: argparse.Namespace, applied: "Scene") -> dict[str, Any]:
     """Metadata of a finished frame: all that changes it, and its samples where they are known."""
-    found: dict[str, Any] = {"version": __version__, "picture_hash": applied.picture_hash(), "interrupted": None}
+    expected: dict[str, Any] = {"version": __version__, "picture_hash": applied.picture_hash(), "interrupted": None}
     if arguments.seconds is None and applied.render.noise is None:
-        found["spp"] = applied.render.most_spp
-    return found | layer_metadata(arguments, applied)
+        expected["spp"] = applied.render.most_spp
+    return expected | layer_metadata(arguments, applied)
 
 
-def missing_frames(arguments: argparse.Namespace, scene: "Scene") -> Iterator[Frame]:
+def missing_frames(arguments: argparse.Namespace, scene: "Scene") -> "Iterator[Frame]":
     """Yield the frames that are not there yet; all are checked before the first."""
     track, same = track_frames(arguments, scene), OneMaker(arguments.allow_mixed)
     # Frames that follow one another are not found again
     at = lru_cache(maxsize=3)(track or (lambda number: (scene_of_frame(scene, number), {})))
     for number, alone in frame_scenes(arguments, scene):
-        own = of_frame(arguments, number)
+        own = arguments_of_frame(arguments, number)
         own.same = same
         still, described = (alone, {}) if track is None else at(number)
         own.neighbours = neighbours_of(arguments, scene, number, lambda other: at(other)[0])
         applied = apply_options(own, still)
-        if not (arguments.resume and is_there(own, _wanted(own, applied))):
-            said = metadata_of(scene, number) | described | layer_metadata(own, applied)
+        if not (arguments.resume and is_finished(own, _expected_metadata(own, applied))):
+            metadata = metadata_of(scene, number) | described | layer_metadata(own, applied)
             if same.makers:  # whether what is kept is of this code, before any work; the driver is known after it
                 same.add("this program", made_by([same.makers[0]["driver"]]))
-            yield Frame(number, own, still, said)
+            yield own, still, metadata
             continue
         for path in own.outputs:
             if (known := _metadata(path)) is not None:
@@ -244,8 +239,6 @@ def missing_frames(arguments: argparse.Namespace, scene: "Scene") -> Iterator[Fr
 # ``rptcam render --watch``: a picture is rendered again whenever a file that it comes from has changed.
 
 INTERVAL_S = 0.2  # between two times that files are compared
-
-State = tuple[int, int, int] | None
 
 
 class Files:
@@ -261,7 +254,7 @@ class Files:
 
     def __init__(self, first: Path, more: Iterable[Path]) -> None:
         self._more = more
-        self._known = {first: _state(first)}
+        self._known = {first: file_state(first)}
         self._compared = time.monotonic()
         self._changed = False
 
@@ -270,14 +263,14 @@ class Files:
         if not self._changed and time.monotonic() - self._compared >= INTERVAL_S:
             self._compared = time.monotonic()
             for path in tuple(self._more):
-                self._known.setdefault(path, _state(path))
-            self._changed = any(_state(path) != state for path, state in self._known.items())
+                self._known.setdefault(path, file_state(path))
+            self._changed = any(file_state(path) != state for path, state in self._known.items())
         return self._changed
 
     def wait_for_rest(self) -> None:
         """Wait until they stay the same: whoever writes them has come to the end."""
         last = None
-        while last != (last := {path: _state(path) for path in self._known}):
+        while last != (last := {path: file_state(path) for path in self._known}):
             time.sleep(INTERVAL_S)
 
 
@@ -303,11 +296,3 @@ def render_again(scene: Path, stop: threading.Event, picture: Callable[[Callable
                 stop.wait(INTERVAL_S)
         if not stop.is_set():
             files.wait_for_rest()
-
-
-def _state(path: Path) -> State:
-    try:
-        found = path.stat()
-    except OSError:
-        return None
-    return found.st_mtime_ns, found.st_size, found.st_ino

@@ -11,7 +11,7 @@ from rptcam_cl.cli import lens_options
 from rptcam_cl.cli.lens_field import add_lens_breathing, add_lens_tolerance, add_lens_trace
 from rptcam_cl.cli.lens_measures import add_lens_ghosts, add_lens_measurements
 from rptcam_cl.cli.output import as_json
-from rptcam_cl.cli.parser import Commands, Parser, positive
+from rptcam_cl.cli.parser import Commands, Parser, add_command, finite, positive, run_nothing
 from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.measures import FDC
@@ -30,7 +30,7 @@ _SUFFIXES = (".yaml", ".yml", ".dat", ".zmx", ".seq")
 def add_lens_convert(commands: Commands) -> None:
     """Add the command."""
     text = "write a lens as a file of ours (.yaml), a pbrt table (.dat) or for Zemax (.zmx) or CODE V (.seq)"
-    parser = lens_options.add_command(commands, "convert", text, _run_lens_convert)
+    parser = add_command(commands, "convert", text, _run_lens_convert)
     parser.add_argument("lens", metavar="LENS", help="a name from the list, or a lens file of any known kind")
     parser.add_argument("-o", "--output", type=Path, metavar="FILE", required=True, help=".yaml, .dat, .zmx or .seq")
     lens_options.add_catalogue(parser)
@@ -86,14 +86,13 @@ _CONSTRAINTS = ("r1=r2", "r2=r3", "flat-r3")
 def add_lens_design(commands: Commands) -> None:
     """Add the command with its own commands."""
     text = "make a lens file of a single lens or an achromatic doublet"
-    design = commands.add_parser("design", help=text, description=text.capitalize() + ".")
-    inner = design.add_commands("design_command")
+    inner = add_command(commands, "design", text, run_nothing).add_commands("design_command")
     text = "a single lens by the lensmaker's equation"
-    single = lens_options.add_command(inner, "singlet", text, _singlet)
+    single = add_command(inner, "singlet", text, _singlet)
     _add_common(single)
     single.add_argument("--glass", metavar="G", default="N-BK7", help=f"{_GLASS_HELP} (default: %(default)s)")
     single.add_argument(
-        "--bending", type=lens_options.number, metavar="Q", default=0.0,
+        "--bending", type=finite, metavar="Q", default=0.0,
         help="(R2 + R1) / (R2 - R1): 0 equal radii, 1 plane on the film side, -1 on the scene side (default: 0)",
     )  # fmt: skip
     single.add_argument(
@@ -103,7 +102,7 @@ def add_lens_design(commands: Commands) -> None:
         help="also write the distances that focus an object this far from the film",
     )
     text = "a cemented achromat from two glasses and one more condition"
-    double = lens_options.add_command(inner, "doublet", text, _doublet)
+    double = add_command(inner, "doublet", text, _doublet)
     _add_common(double)
     double.add_argument("--crown", metavar="G", default="N-BK7", help=f"{_GLASS_HELP} (default: %(default)s)")
     double.add_argument("--flint", metavar="G", default="F2", help="glass on the film side (default: %(default)s)")
@@ -112,16 +111,14 @@ def add_lens_design(commands: Commands) -> None:
         "--constraint", choices=_CONSTRAINTS, default="r1=r2",
         help="biconvex first lens, biconcave second lens, or plane last surface (default: %(default)s)",
     )  # fmt: skip
-    third.add_argument("--r1-mm", type=lens_options.number, metavar="R", help="first radius, in place of a constraint")
+    third.add_argument("--r1-mm", type=finite, metavar="R", help="first radius, in place of a constraint")
 
 
 _GLASS_HELP = "a name as N-BK7, n_d/V_d as 1.517/64.2, or an index as 1.5"
 
 
 def _add_common(parser: Parser) -> None:
-    parser.add_argument(
-        "--focal-length-mm", type=lens_options.number, required=True, metavar="F", help="below 0: a diverging lens"
-    )
+    parser.add_argument("--focal-length-mm", type=finite, required=True, metavar="F", help="below 0: a diverging lens")
     parser.add_argument("--diameter-mm", type=positive, required=True, metavar="D", help="clear diameter")
     parser.add_argument("-o", "--output", type=Path, metavar="FILE", help="write here (default: standard output)")
 
@@ -207,9 +204,8 @@ def _doublet(arguments: argparse.Namespace) -> int:
 def add_lens_draw(commands: Commands) -> None:
     """Add the command."""
     text = "draw a lens in cross-section, with rays traced by a device"
-    parser = lens_options.add_command(
-        commands, "draw", text, _run_lens_draw, "; a red cross is where a ray was blocked."
-    )
+    description = f"{text.capitalize()}; a red cross is where a ray was blocked."
+    parser = add_command(commands, "draw", text, _run_lens_draw, description)
     lens_options.add_lens_argument(parser)
     parser.add_argument(
         "-o", "--output", type=Path, metavar="FILE", help=".svg, .png or .pdf (default: SVG to standard output)"
@@ -258,18 +254,16 @@ def _run_lens_draw(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def add_lens(commands: Commands) -> None:
-    """Add the command with its own commands."""
-    text = "list, examine, draw, measure, convert and design lenses"
-    lens = commands.add_parser("lens", help=text, description=text.capitalize() + ".")
-    inner = lens.add_commands("lens_command")
+def add_lens(parser: Parser) -> None:
+    """Add the commands of the command."""
+    inner = parser.add_commands("lens_command")
     text = "list the lenses that come with the package"
-    listing = lens_options.add_command(inner, "list", text, _list)
+    listing = add_command(inner, "list", text, _list)
     form = listing.add_mutually_exclusive_group()
     form.add_argument("--json", action="store_true", help="print JSON, with source, focal length and f-number")
     form.add_argument("--markdown", action="store_true", help="print the same as a table in Markdown")
     text = "print the first-order data of a lens"
-    info = lens_options.add_command(inner, "info", text, _info)
+    info = add_command(inner, "info", text, _info)
     lens_options.add_lens_argument(info)
     lens_options.add_wavelength(info)
     info.add_argument(

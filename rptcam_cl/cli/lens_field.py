@@ -6,9 +6,10 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rptcam_cl.api.options import digits, number
 from rptcam_cl.cli import lens_options
 from rptcam_cl.cli.output import as_json, print_table
-from rptcam_cl.cli.parser import Commands, positive
+from rptcam_cl.cli.parser import Commands, add_command, finite, positive
 from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.errors import InputError
 
@@ -26,18 +27,16 @@ if TYPE_CHECKING:
 def add_lens_trace(commands: Commands) -> None:
     """Add the command."""
     text = "trace single rays: where they leave the lens, or which surface stops them"
-    more = ". Millimetres; z = 0 at the first vertex, +z towards the film."
-    parser = lens_options.add_command(commands, "trace", text, _run_lens_trace, more)
+    description = f"{text.capitalize()}. Millimetres; z = 0 at the first vertex, +z towards the film."
+    parser = add_command(commands, "trace", text, _run_lens_trace, description)
     lens_options.add_lens_argument(parser)
     parser.add_argument(
         "rays", metavar="RAYS", nargs="?",
         help="JSON [{origin, direction, wavelength_nm}], or CSV x,y,z,dx,dy,dz[,wavelength_nm]; - reads standard input",
     )  # fmt: skip
+    parser.add_argument("--film-point", type=finite, nargs=2, metavar=("X", "Y"), help="one ray from here on the film")
     parser.add_argument(
-        "--film-point", type=lens_options.number, nargs=2, metavar=("X", "Y"), help="one ray from here on the film"
-    )
-    parser.add_argument(
-        "--through", type=lens_options.number, nargs=2, metavar=("U", "V"), default=(0.0, 0.0),
+        "--through", type=finite, nargs=2, metavar=("U", "V"), default=(0.0, 0.0),
         help="to this point of the plane of the last vertex (default: 0 0)",
     )  # fmt: skip
     parser.add_argument(
@@ -60,25 +59,24 @@ def _rays(arguments: argparse.Namespace, state: "Setting") -> lens_options.RayLi
     if arguments.start != "film":
         raise InputError("--film-point: such a ray starts from the film (leave out --start scene)")
     (x, y), (u, v) = arguments.film_point, arguments.through
-    return lens_options.RayList([[x, y, state.film_z]], [[u - x, v - y, -state.film]], [arguments.wavelength_nm])
+    return [[x, y, state.film_z]], [[u - x, v - y, -state.film]], [arguments.wavelength_nm]
 
 
 def _trace(arguments: argparse.Namespace, state: "Setting", rays: lens_options.RayList) -> "tuple[Rays, str]":
     """The rays behind the lens, and what traced them."""
     from rptcam_cl.optics.ray_trace import trace
 
-    parts = (rays.origins, rays.directions, rays.wavelengths, arguments.start)
     if arguments.device in (None, "none"):
         if arguments.precision is not None:
             raise InputError("--precision: belongs to a device; name one with --device")
-        return trace(state.lens, *parts), "in float64 on the host"
+        return trace(state.lens, *rays, arguments.start), "in float64 on the host"
     from rptcam_cl.device.session import open_session
     from rptcam_cl.rendering.traceable_lens import trace_on_device
 
     session = open_session(arguments.device)
     precision: Precision = arguments.precision or "single"
     name = f"on {session.info.id} {session.info.name}, {precision} precision"
-    return trace_on_device(state.lens, session, *parts, precision), name
+    return trace_on_device(state.lens, session, *rays, arguments.start, precision), name
 
 
 def _rows(rays: "Rays", wavelengths: list[float]) -> list[dict[str, Any]]:
@@ -100,7 +98,7 @@ def _run_lens_trace(arguments: argparse.Namespace) -> int:
     state = lens_options.lens_in_use(arguments, arguments.wavelength_nm)
     rays = _rays(arguments, state)
     traced, name = _trace(arguments, state, rays)
-    rows = _rows(traced, rays.wavelengths)
+    rows = _rows(traced, rays[2])
     print(f"{len(rows)} rays traced {name}", file=sys.stderr)
     if arguments.json:
         print(as_json({"lens": state.lens.name, "start": arguments.start, "rays": rows}))
@@ -117,15 +115,18 @@ def _run_lens_trace(arguments: argparse.Namespace) -> int:
 # ``rptcam lens breathing``: field of view and speed of a lens over its focus and its zoom.
 
 DISTANCES_M = "inf,10,5,3,2,1.5"
+_distances = lens_options.number_list(
+    "distances above 0 with commas between, as inf,5,2,1", lambda value: 0 < value < 1e9 or value == math.inf
+)
 
 
 def add_lens_breathing(commands: Commands) -> None:
     """Add the command."""
     text = "field of view, f-number and T-number over focus and zoom"
-    parser = lens_options.add_command(commands, "breathing", text, _breathing)
+    parser = add_command(commands, "breathing", text, _breathing)
     lens_options.add_lens_argument(parser)
     parser.add_argument(
-        "--distances-m", type=distances, metavar="A,B,…", default=DISTANCES_M,
+        "--distances-m", type=_distances, metavar="A,B,…", default=DISTANCES_M,
         help="from the object to the film in metres, the first is what others are compared with; inf is infinity"
         " (default: %(default)s)",
     )  # fmt: skip
@@ -137,29 +138,18 @@ def add_lens_breathing(commands: Commands) -> None:
     lens_options.add_plot(parser)
 
 
-def distances(text: str) -> list[float]:
-    """Distances of ``inf,2,1`` [m]."""
-    try:
-        found = [float(part) for part in text.split(",")]
-    except ValueError:
-        found = []
-    if not found or not all(0 < value < 1e9 or value == math.inf for value in found):
-        raise argparse.ArgumentTypeError(f"got {text}; allowed distances above 0 with commas between, as inf,5,2,1")
-    return found
-
-
 def _positions(arguments: argparse.Namespace) -> list[tuple[str, "Lens"]]:
     """The lens in each of its zoom positions, or in the one that the options choose, stopped down."""
     from rptcam_cl.optics.lens import configured
 
     lens = lens_options.zoomed_lens(arguments, LINE_D_NM)
     if lens.configurations and arguments.zoom is None and arguments.focal_length_mm is None:
-        found = [(each.name, configured(lens, each.name)) for each in lens.configurations]
+        positions = [(each.name, configured(lens, each.name)) for each in lens.configurations]
     else:
-        found = [(arguments.zoom or "", lens)]
+        positions = [(arguments.zoom or "", lens)]
     if arguments.f_number is None:
-        return found
-    return [(name, each.with_stop_diameter(each.stop_diameter_for(arguments.f_number))) for name, each in found]
+        return positions
+    return [(name, each.with_stop_diameter(each.stop_diameter_for(arguments.f_number))) for name, each in positions]
 
 
 def _breathing(arguments: argparse.Namespace) -> int:
@@ -188,12 +178,14 @@ def _breathing(arguments: argparse.Namespace) -> int:
 # ``rptcam lens tolerance``: how copies of a lens turn out within tolerances.
 
 MOST_COPIES = 100_000
+_copies = number(digits, 10, MOST_COPIES, f"10 to {MOST_COPIES}")
+_seed = number(digits, 0, 2**63 - 1, "whole numbers from 0")
 
 
 def add_lens_tolerance(commands: Commands) -> None:
     """Add the command."""
     text = "copies of a lens made within tolerances: yield, percentiles and worst offenders"
-    parser = lens_options.add_command(commands, "tolerance", text, _run_lens_tolerance)
+    parser = add_command(commands, "tolerance", text, _run_lens_tolerance)
     parser.add_argument("lens", metavar="LENS", help="a name from the list, or a lens file")
     parser.add_argument(
         "spec", metavar="SPEC", help="a YAML file of tolerances, or a grade: commercial, precision, high_precision"
@@ -203,22 +195,10 @@ def add_lens_tolerance(commands: Commands) -> None:
     parser.add_argument("--copies", type=_copies, metavar="N", help=f"how many lenses to make {default}")
     parser.add_argument("--seed", type=_seed, metavar="S", help=f"which lenses {default}")
     parser.add_argument(
-        "--limit", type=lens_options.number, metavar="X",
+        "--limit", type=finite, metavar="X",
         help="print which share of the copies has this spot [micrometres], or modulation (0 to 1), or a better one",
     )  # fmt: skip
     lens_options.add_plot(parser)
-
-
-def _copies(text: str) -> int:
-    if not (text.isascii() and text.isdigit() and 10 <= int(text) <= MOST_COPIES):
-        raise argparse.ArgumentTypeError(f"got {text}; allowed 10 to {MOST_COPIES}")
-    return int(text)
-
-
-def _seed(text: str) -> int:
-    if not (text.isascii() and text.isdigit() and int(text) < 2**63):
-        raise argparse.ArgumentTypeError(f"got {text}; allowed whole numbers from 0")
-    return int(text)
 
 
 def _run_lens_tolerance(arguments: argparse.Namespace) -> int:
@@ -234,8 +214,8 @@ def _run_lens_tolerance(arguments: argparse.Namespace) -> int:
         seed=arguments.seed,
     )
     if arguments.json:
-        found = {} if arguments.limit is None else {"limit": arguments.limit} | run.yield_at(arguments.limit)._asdict()
-        print(as_json(report(run) | ({"yield_at": found} if found else {})))
+        share = {} if arguments.limit is None else {"limit": arguments.limit} | run.yield_at(arguments.limit)._asdict()
+        print(as_json(report(run) | ({"yield_at": share} if share else {})))
     else:
         _print(run, arguments.limit)
     if arguments.output is not None:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from rptcam_cl.cli import lens_options
 from rptcam_cl.cli.output import as_json, print_table
-from rptcam_cl.cli.parser import Commands, Parser, positive
+from rptcam_cl.cli.parser import Commands, Parser, add_command, finite, positive
 from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.measures import MEASUREMENTS, MIDDLE_NM, Measurement, Option
@@ -21,7 +21,7 @@ NUMBERS = (".npy",)
 
 def share(text: str) -> float:
     """A share of the light."""
-    value = lens_options.number(text)
+    value = finite(text)
     if not 0 <= value < 1:
         raise argparse.ArgumentTypeError(f"got {text}; allowed from 0 to below 1")
     return value
@@ -30,7 +30,7 @@ def share(text: str) -> float:
 READERS = {
     "angles": lens_options.angles,
     "steep angles": lens_options.steep_angles,
-    "angle": lens_options.number,
+    "angle": finite,
     "wavelengths": lens_options.wavelengths,
     "numbers": lens_options.numbers,
     "count": lens_options.count,
@@ -42,9 +42,7 @@ READERS = {
 def add_lens_measurements(commands: Commands) -> None:
     """Add a command for each measurement."""
     for measurement in MEASUREMENTS:
-        parser = lens_options.add_command(
-            commands, measurement.command, measurement.help, partial(_measure, measurement)
-        )
+        parser = add_command(commands, measurement.command, measurement.help, partial(_measure, measurement))
         lens_options.add_lens_argument(parser)
         for k, option in enumerate(measurement.options):
             _add_option(parser, option)
@@ -87,21 +85,21 @@ def _measure(measurement: Measurement, arguments: argparse.Namespace) -> int:
     state = lens_options.lens_in_use(arguments, arguments.wavelength_nm if measurement.has_wavelength else LINE_D_NM)
     if measurement.has_best_focus:
         state = _in_best_focus(arguments, state)
-    found = measurement.measure(state, options)
+    result = measurement.measure(state, options)
     if arguments.json:
-        parts = {name: found.about[name] for name in ("film_distance_mm", *measurement.facts)}
-        rows = found.table[0] if measurement.is_single else found.table
+        parts = {name: result.about[name] for name in ("film_distance_mm", *measurement.facts)}
+        rows = result.table[0] if measurement.is_single else result.table
         print(as_json({"lens": state.lens.name, **parts, measurement.key: rows}))
     elif measurement.is_single:
-        print_table(("fact", "value"), list(found.table[0].items()), found.caption)
+        print_table(("fact", "value"), list(result.table[0].items()), result.caption)
     else:
-        _print_rows(measurement, found)
+        _print_rows(measurement, result)
     if output is not None and output.suffix.lower() in NUMBERS:
         from rptcam_cl.optics.image_quality import npy_bytes
 
-        lens_options.write(npy_bytes(found.about[measurement.array]), output)
-    elif output is not None and found.chart is not None:
-        lens_options.write_picture(found.chart(), output)
+        lens_options.write(npy_bytes(result.about[measurement.array]), output)
+    elif output is not None and result.chart is not None:
+        lens_options.write_picture(result.chart(), output)
     return 0
 
 
@@ -117,13 +115,13 @@ def _in_best_focus(arguments: argparse.Namespace, state: "Setting") -> "Setting"
     return at_best_focus(state, arguments.wavelengths_nm, degrees or 0.0)
 
 
-def _print_rows(measurement: Measurement, found: "Measured") -> None:
-    known = found.table[0] if found.table else measurement.columns
+def _print_rows(measurement: Measurement, result: "Measured") -> None:
+    known = result.table[0] if result.table else measurement.columns
     columns = {key: head for key, head in measurement.columns.items() if key in known}
     cells = [
-        ["all" if key == "wavelength_nm" and row[key] is None else row[key] for key in columns] for row in found.table
+        ["all" if key == "wavelength_nm" and row[key] is None else row[key] for key in columns] for row in result.table
     ]
-    print_table(list(columns.values()), cells, found.caption)
+    print_table(list(columns.values()), cells, result.caption)
 
 
 # ``rptcam lens ghosts``: light that surfaces reflect onto the film, way by way.
@@ -135,10 +133,10 @@ SHOWN = 20
 def add_lens_ghosts(commands: Commands) -> None:
     """Add the command."""
     text = "ghosts of a source: light that surfaces reflect onto the film, pair by pair"
-    parser = lens_options.add_command(commands, "ghosts", text, _ghosts)
+    parser = add_command(commands, "ghosts", text, _ghosts)
     lens_options.add_lens_argument(parser)
     parser.add_argument(
-        "--source", type=lens_options.number, metavar="ANGLE", default=0.0,
+        "--source", type=finite, metavar="ANGLE", default=0.0,
         help="where the light comes from, in degrees from the axis (default: 0)",
     )  # fmt: skip
     parser.add_argument(
@@ -163,10 +161,10 @@ def add_lens_ghosts(commands: Commands) -> None:
 
 def frame(text: str) -> tuple[float, float]:
     """Width and height of ``W,H``."""
-    found = lens_options.numbers(text)
-    if len(found) != 2 or min(found) <= 0:
+    sides = lens_options.numbers(text)
+    if len(sides) != 2 or min(sides) <= 0:
         raise argparse.ArgumentTypeError(f"got {text}; allowed two lengths above 0, as 36,24")
-    return found[0], found[1]
+    return sides[0], sides[1]
 
 
 def order(text: str) -> int:
@@ -184,7 +182,7 @@ def _ghosts(arguments: argparse.Namespace) -> int:
     lens_options.check_picture(arguments.output, arguments.lens, (".svg",))
     state = lens_options.lens_in_use(arguments)
     away = 1000 * arguments.source_distance_m if arguments.source_distance_m is not None else float("inf")
-    found = [
+    accounts = [
         find_ghosts(
             Lit(
                 state.lens, state.film, Beam(arguments.source, away), wavelength, arguments.film_mm,
@@ -194,7 +192,9 @@ def _ghosts(arguments: argparse.Namespace) -> int:
         )
         for wavelength in arguments.wavelengths
     ]  # fmt: skip
-    parts = [{"wavelength_nm": one.lit.wavelength_nm, **ghost_summary(one), "ways": ghost_table(one)} for one in found]
+    parts = [
+        {"wavelength_nm": one.lit.wavelength_nm, **ghost_summary(one), "ways": ghost_table(one)} for one in accounts
+    ]
     if arguments.json:
         head = {"lens": state.lens.name, "film_distance_mm": state.film, "source_degrees": arguments.source}
         print(as_json(head | {"ghosts": parts}))
@@ -204,7 +204,7 @@ def _ghosts(arguments: argparse.Namespace) -> int:
     if arguments.output is not None:
         worst = next((part["worst"] for part in parts if part["worst"]), None)
         if worst is not None:
-            lens_options.write_picture(draw_ghost(state, found[0], tuple(worst)), arguments.output)
+            lens_options.write_picture(draw_ghost(state, accounts[0], tuple(worst)), arguments.output)
     return 0
 
 

@@ -7,10 +7,11 @@ import math
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
+from rptcam_cl.api.options import digits, number
 from rptcam_cl.cli.output import print_warnings
-from rptcam_cl.cli.parser import Commands, Parser, positive
+from rptcam_cl.cli.parser import finite, positive
 from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.errors import DeviceError, InputError
 from rptcam_cl.optics.measures import STEEPEST
@@ -26,75 +27,49 @@ if TYPE_CHECKING:
     from rptcam_cl.rendering.traceable_lens import Precision
 
 
-def numbers(text: str) -> list[float]:
-    """Numbers of ``a,b,c``."""
-    try:
-        found = [float(part) for part in text.split(",")]
-    except ValueError:
-        found = []
-    if not found or not all(-1e12 < value < 1e12 for value in found):
-        raise argparse.ArgumentTypeError(f"got {text}; allowed numbers with commas between, as 0,10,20")
-    return found
+def number_list(
+    allowed: str, is_allowed: Callable[[float], bool], read: Callable[[str], list[float]] | None = None
+) -> Callable[[str], list[float]]:
+    """Make the reader of numbers with commas between.
+
+    Parameters
+    ----------
+    allowed
+        What they may be, in words.
+    is_allowed
+        Whether a number may be; not a number may not.
+    read
+        A reader that refuses more; any numbers are read without it.
+    """
+
+    def parse(text: str) -> list[float]:
+        try:
+            values = [float(part) for part in text.split(",")] if read is None else read(text)
+        except ValueError:
+            values = [math.nan]
+        if not all(map(is_allowed, values)):
+            raise argparse.ArgumentTypeError(f"got {text}; allowed {allowed}")
+        return values
+
+    return parse
 
 
-def number(text: str) -> float:
-    """A finite number."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise argparse.ArgumentTypeError(f"got {text}; allowed a finite number")
-    return value
-
-
-def angles(text: str) -> list[float]:
-    """Angles from the axis of ``a,b,c`` [degrees]."""
-    found = numbers(text)
-    if any(abs(angle) >= 89 for angle in found):
-        raise argparse.ArgumentTypeError(f"got {text}; allowed angles between -89 and 89 degrees")
-    return found
-
-
-def steep_angles(text: str) -> list[float]:
-    """Angles from the axis of ``a,b,c`` [degrees], from the side and from behind too."""
-    found = numbers(text)
-    if any(abs(angle) > STEEPEST for angle in found):
-        raise argparse.ArgumentTypeError(f"got {text}; allowed angles from -{STEEPEST:g} to {STEEPEST:g} degrees")
-    return found
-
-
-def count(text: str) -> int:
-    """A number of rays or points."""
-    if not (text.isascii() and text.isdigit() and 1 <= int(text) <= 2000):
-        raise argparse.ArgumentTypeError(f"got {text}; allowed 1 to 2000")
-    return int(text)
-
-
-def wavelengths(text: str) -> list[float]:
-    """Wavelengths of ``a,b,c`` [nm]."""
-    found = numbers(text)
-    if not all(200 <= value <= 3000 for value in found):  # as `wavelength_nm` of cameras: glasses are known there
-        raise argparse.ArgumentTypeError(f"got {text}; allowed wavelengths from 200 to 3000 nm")
-    return found
+numbers = number_list("numbers with commas between, as 0,10,20", lambda value: -1e12 < value < 1e12)
+angles = number_list("angles between -89 and 89 degrees", lambda angle: abs(angle) < 89, numbers)
+steep_angles = number_list(
+    f"angles from -{STEEPEST:g} to {STEEPEST:g} degrees", lambda angle: abs(angle) <= STEEPEST, numbers
+)
+# As `wavelength_nm` of cameras: glasses are known there.
+wavelengths = number_list("wavelengths from 200 to 3000 nm", lambda value: 200 <= value <= 3000, numbers)
+count = number(digits, 1, 2000, "1 to 2000")  # of rays or points
 
 
 def wavelength(text: str) -> float:
     """One wavelength [nm]."""
-    try:
-        (found,) = wavelengths(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"got {text}; allowed one wavelength from 200 to 3000 nm") from None
-    return found
-
-
-def add_command(
-    commands: Commands, name: str, text: str, run: Callable[[argparse.Namespace], int], more: str = "."
-) -> Parser:
-    """Add a command by what it does; `more` ends its description."""
-    parser = commands.add_parser(name, help=text, description=text[0].upper() + text[1:] + more)
-    parser.set_defaults(run=run, parser=parser)
-    return parser
+    values = wavelengths(text)
+    if len(values) != 1:
+        raise argparse.ArgumentTypeError(f"got {text}; allowed one wavelength from 200 to 3000 nm")
+    return values[0]
 
 
 def add_lens_argument(parser: argparse.ArgumentParser) -> None:
@@ -125,7 +100,7 @@ def add_lens_argument(parser: argparse.ArgumentParser) -> None:
 
 
 def _between(text: str, low: float, high: float, unit: str) -> float:
-    value = number(text)
+    value = finite(text)
     if not low <= value <= high:
         raise argparse.ArgumentTypeError(f"got {text}; allowed {low:g} to {high:g} {unit}")
     return value
@@ -339,12 +314,8 @@ COLUMNS = ("x", "y", "z", "dx", "dy", "dz")
 _Ray = tuple[list[float], float | None]  # point and direction, and perhaps a wavelength
 
 
-class RayList(NamedTuple):
-    """Rays to trace: points [mm], directions and wavelengths [nm]."""
-
-    origins: list[list[float]]
-    directions: list[list[float]]
-    wavelengths: list[float]
+RayList = tuple[list[list[float]], list[list[float]], list[float]]
+"""Rays to trace: points [mm], directions and wavelengths [nm]."""
 
 
 def read_rays(name: str, wavelength_nm: float) -> RayList:
@@ -361,15 +332,13 @@ def read_rays(name: str, wavelength_nm: float) -> RayList:
     if not start:
         raise InputError(f"{name}: holds no rays")
     rows = _from_json(text, name) if start in "[{" else _from_csv(text, name)
-    rays = RayList([], [], [])
+    if not rows:
+        raise InputError(f"{name}: holds no rays")
     for place, (values, wavelength) in rows:
         _check(place, values, wavelength)
-        rays.origins.append(values[:3])
-        rays.directions.append(values[3:])
-        rays.wavelengths.append(wavelength_nm if wavelength is None else wavelength)
-    if not rays.origins:
-        raise InputError(f"{name}: holds no rays")
-    return rays
+    rays = [ray for _, ray in rows]
+    wavelengths_nm = [wavelength_nm if wavelength is None else wavelength for _, wavelength in rays]
+    return [values[:3] for values, _ in rays], [values[3:] for values, _ in rays], wavelengths_nm
 
 
 def _check(place: str, values: list[float], wavelength: float | None) -> None:
@@ -414,8 +383,8 @@ def _is_number(value: Any) -> bool:
 
 def _from_csv(text: str, name: str) -> list[tuple[str, _Ray]]:
     rows: list[tuple[str, _Ray]] = []
-    for number, words in enumerate(csv.reader(text.splitlines()), start=1):
-        place = f"{name}:{number}"
+    for line, words in enumerate(csv.reader(text.splitlines()), start=1):
+        place = f"{name}:{line}"
         cells = [word.strip() for word in words]
         if not any(cells) or cells[0].startswith("#"):
             continue

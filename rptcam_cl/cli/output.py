@@ -174,35 +174,26 @@ def describe(progress: Progress, time_limit: float | None = None) -> str:
     return ", ".join(parts)
 
 
-class LastTiles:
-    """How long the last 2 % of the tiles of a render with a noise target take, and why."""
+def last_tiles_text(few_left: Progress, last: Progress) -> str | None:
+    """How long the last 2 % of the tiles of a render with a noise target took, and why; None if that was not long.
 
-    def __init__(self) -> None:
-        self._began = 0.0  # [s], when no more than these were left
-        self._left: tuple[int, float, float] | None = None  # how many they were, their worst noise, and the target
-        self._seconds = 0.0
-
-    def note(self, progress: Progress) -> None:
-        """Take a report."""
-        if progress.tiles_done is None:
-            return
-        self._seconds = progress.seconds
-        left = progress.tiles_left
-        if self._left is None and left is not None and progress.tiles_done >= 1 - _LAST:
-            self._began, self._left = progress.seconds, (left.count, left.worst, left.target)
-
-    def line(self) -> str | None:
-        """The line for the end of the render; None where it is not worth one."""
-        if self._left is None or self._seconds < _LONG:
-            return None
-        share = 1 - self._began / self._seconds
-        if share < _WORTH:
-            return None
-        count, worst, target = self._left
-        return (
-            f"the last {count} tiles took {100 * share:.0f} % of the time: they had up to {100 * worst:.2g} % noise"
-            f" when all others met {100 * target:.2g} % (--spp limits the samples of a pixel)"
-        )
+    Parameters
+    ----------
+    few_left
+        The first report with no more than these left.
+    last
+        The last report.
+    """
+    tiles = few_left.tiles_left
+    if tiles is None or last.seconds < _LONG:
+        return None
+    share = 1 - few_left.seconds / last.seconds
+    if share < _WORTH:
+        return None
+    return (
+        f"the last {tiles.count} tiles took {100 * share:.0f} % of the time: they had up to {100 * tiles.worst:.2g} %"
+        f" noise when all others met {100 * tiles.target:.2g} % (--spp limits the samples of a pixel)"
+    )
 
 
 Say = Callable[[str, float | None], None]
@@ -258,16 +249,21 @@ def progress_on_stderr(time_limit: float | None = None) -> Iterator[Show]:
     time_limit
         When the render is to end [s], if by time.
     """
-    last = LastTiles()
+    few_left: Progress | None = None
+    last: Progress | None = None
     with say_on_stderr() as say:
 
         def show(progress: Progress) -> None:
-            last.note(progress)
+            nonlocal few_left, last
+            if progress.tiles_done is not None:
+                last = progress
+                if few_left is None and progress.tiles_left is not None and progress.tiles_done >= 1 - _LAST:
+                    few_left = progress
             share = fraction_done(progress, time_limit) if progress.stage == "render" else None
             say(describe(progress, time_limit), share)
 
         yield show
-    if text := last.line():
+    if few_left is not None and last is not None and (text := last_tiles_text(few_left, last)):
         print(text, file=sys.stderr)
 
 
@@ -276,7 +272,7 @@ def progress_on_stderr(time_limit: float | None = None) -> Iterator[Show]:
 MUCH_BLOCKED = 0.1  # of the rays pass at least, or something is wrong
 
 
-def _metered(metadata: dict[str, Any]) -> str:
+def _exposure_text(metadata: dict[str, Any]) -> str:
     """The choice of exposure ``auto``: the light, and time and ISO where there are any."""
     chosen = f"metered {metadata['metered_cd_m2']:.4g} cd/m²"
     if "exposure_time_s" in metadata:
@@ -307,7 +303,7 @@ def summary(image: Image, outputs: list[Path]) -> str:
     if outcomes and sum(outcomes.values()):
         parts.append(f"the lens blocked {100 * (1 - outcomes['passed'] / sum(outcomes.values())):.0f} % of the rays")
     if "metered_cd_m2" in image.metadata:
-        parts.append(_metered(image.metadata))
+        parts.append(_exposure_text(image.metadata))
     return f"wrote {', '.join(map(str, outputs))}: {', '.join(parts)}"
 
 

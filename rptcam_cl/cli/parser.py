@@ -7,7 +7,7 @@ import math
 import re
 import shlex
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias
@@ -59,11 +59,12 @@ class Parser(argparse.ArgumentParser):
 
     def add_commands(self, dest: str) -> Commands:
         """Let the words of this parser be a command; without one it shows its help, as an error."""
-        self.set_defaults(run=_without_command, parser=self)
+        self.set_defaults(run=run_nothing, parser=self)
         return self.add_subparsers(title="commands", metavar=COMMAND, dest=dest)
 
 
-def _without_command(arguments: argparse.Namespace) -> int:
+def run_nothing(arguments: argparse.Namespace) -> int:
+    """Print the help of a command that has commands of its own, as an error."""
     arguments.parser.print_help(sys.stderr)
     return InputError.exit_code
 
@@ -72,7 +73,17 @@ Commands: TypeAlias = "argparse._SubParsersAction[Parser]"
 """What a command adds its parser to."""
 
 
+def add_command(
+    commands: Commands, name: str, text: str, run: Callable[[argparse.Namespace], int], description: str = ""
+) -> Parser:
+    """Add a command by its line in the list of commands; its own help begins with that as a sentence by default."""
+    parser = commands.add_parser(name, help=text, description=description or f"{text[0].upper()}{text[1:]}.")
+    parser.set_defaults(run=run, parser=parser)
+    return parser
+
+
 port = number(int, 0, 2**16 - 1, "0 to 65535; 0 takes one that is free")
+finite = number(float, -sys.float_info.max, sys.float_info.max, "a finite number")
 positive = number(float, math.nextafter(0.0, 1.0), math.nextafter(math.inf, 0.0), "a finite number above 0")
 
 

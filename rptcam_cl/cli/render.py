@@ -26,7 +26,6 @@ from rptcam_cl.cli.output import (
     stop_on_interrupt,
 )
 from rptcam_cl.cli.parser import (
-    Commands,
     check_different,
     checkpoint_of,
     device_of,
@@ -49,7 +48,7 @@ if TYPE_CHECKING:
 # ``rptcam render --preview``: the picture so far is written to the outputs while the render goes on.
 
 
-def previewing(
+def preview_writer(
     interval: float, outputs: Sequence[Path], show: Show | None, clock: Callable[[], float] = time.monotonic
 ) -> Show:
     """A function that takes reports of a render and writes the picture so far, each file whole or not at all.
@@ -162,25 +161,15 @@ def _check_outputs(arguments: argparse.Namespace, scene: Scene) -> None:
 # The command.
 
 
-def add_render(commands: Commands) -> None:
-    """Add the command."""
-    parser = commands.add_parser(
-        "render",
-        help="render a scene file to pictures",
-        description="Render a scene file. Ctrl-C ends the render and keeps the picture so far.",
-    )
-    add_arguments(parser)
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
+def add_render(parser: argparse.ArgumentParser) -> None:
     """Add the scene and all options of a render."""
     parser.add_argument("scene", type=Path, metavar="SCENE", help="scene file (YAML)")
     for option in RENDER_OPTIONS:
         option.add_to(parser)
-    parser.set_defaults(run=_run_render, parser=parser)
 
 
-def _run_render(arguments: argparse.Namespace) -> int:
+def run_render(arguments: argparse.Namespace) -> int:
+    """Render a scene file. Ctrl-C ends the render and keeps the picture so far."""
     if not arguments.watch:
         return _picture(arguments)
     if arguments.plan:
@@ -216,7 +205,7 @@ def _picture(arguments: argparse.Namespace, should_stop: Callable[[], bool] | No
         return render_by_cluster(arguments, scene)
     if arguments.plan:
         return _print_plan(arguments, scene)
-    code = _one(arguments, scene, should_stop)
+    code = _render_one(arguments, scene, should_stop)
     if code == 0:
         note_success()
     return code
@@ -240,25 +229,25 @@ def _print_plan(arguments: argparse.Namespace, scene: Scene) -> int:
     begun = time.perf_counter()
     job = RenderJob.prepare(scene, RenderOptions(**render_keywords(arguments, scene)))
     preparing = time.perf_counter() - begun
-    found = job.forecast()
-    if found is None:
+    needs = job.forecast()
+    if needs is None:
         raise InputError("--plan: --time says how long it takes (allowed: without --time)")
-    print("\n".join(_forecast_lines(found, preparing)))
+    print("\n".join(_forecast_lines(needs, preparing)))
     return 0
 
 
-def _forecast_lines(found: Forecast, preparing: float) -> list[str]:
+def _forecast_lines(forecast: Forecast, preparing: float) -> list[str]:
     """What a render takes, as ``--plan`` prints it."""
     from rptcam_cl.rendering.scene_buffers import amount
 
-    memory = [f"{amount(needs.total)} on device {device}" for device, needs in found.devices.items()]
-    limit = "at most " if found.at_most else ""
-    speed = found.samples / max(found.seconds, 1e-9) / 1e6
+    memory = [f"{amount(needs.total)} on device {device}" for device, needs in forecast.devices.items()]
+    limit = "at most " if forecast.at_most else ""
+    speed = forecast.samples / max(forecast.seconds, 1e-9) / 1e6
     return [
-        f"samples: {limit}{found.samples:,}, {limit}{found.launches:,} kernel launches",
-        f"memory:  {', '.join(memory)}; {amount(found.saved_bytes)} for its state on disk",
-        f"time:    {limit}{as_duration(found.seconds)} of rendering at {speed:.3g} Msamples/s (measured for"
-        f" {found.measured_seconds:.1f} s), after {as_duration(preparing)} of preparing",
+        f"samples: {limit}{forecast.samples:,}, {limit}{forecast.launches:,} kernel launches",
+        f"memory:  {', '.join(memory)}; {amount(forecast.saved_bytes)} for its state on disk",
+        f"time:    {limit}{as_duration(forecast.seconds)} of rendering at {speed:.3g} Msamples/s (measured for"
+        f" {forecast.measured_seconds:.1f} s), after {as_duration(preparing)} of preparing",
     ]
 
 
@@ -276,10 +265,10 @@ def _sequence(arguments: argparse.Namespace, scene: Scene, by_cluster: bool) -> 
 
 def _frame(frame: Frame) -> int:
     """Render one frame of a sequence; its state goes with its end."""
-    arguments = frame.arguments
+    arguments, scene, metadata = frame
     checkpoint = checkpoint_of(arguments)
     arguments.resume = arguments.resume and checkpoint.exists()
-    code = _one(arguments, frame.scene, None, frame.metadata)
+    code = _render_one(arguments, scene, None, metadata)
     if code == 0 and arguments.resume:
         checkpoint.unlink(missing_ok=True)
     return code
@@ -299,7 +288,7 @@ def _render(
         should_stop = should_stop or stack.enter_context(stop_on_interrupt()).is_set
         show = None if arguments.quiet else stack.enter_context(progress_on_stderr(arguments.seconds))
         if arguments.preview is not None:
-            show = previewing(arguments.preview, arguments.outputs, show)
+            show = preview_writer(arguments.preview, arguments.outputs, show)
         try:
             image = render(scene, **render_keywords(arguments, scene), on_progress=show, should_stop=should_stop)
         except NumericError as failure:
@@ -308,7 +297,7 @@ def _render(
     return image, None, should_stop()
 
 
-def _one(
+def _render_one(
     arguments: argparse.Namespace,
     scene: Scene,
     should_stop: Callable[[], bool] | None,
@@ -331,7 +320,7 @@ def _one(
     print_warnings(summary.dark_warnings(image, whole=not is_part(arguments)))
     print_warnings(f"autofocus: {line}" for line in image.metadata.get("autofocus", {}).get("warnings", ()))
     if not arguments.quiet:
-        for line in _account(image):
+        for line in _account_lines(image):
             print(line, file=sys.stderr)
         print(summary.summary(image, files_to_write(arguments)), file=sys.stderr)
     if image.stats.get("interrupted"):
@@ -356,7 +345,7 @@ def _save(arguments: argparse.Namespace, image: Image, scene: Scene) -> None:
         print(f"wrote {names_of(files)}", file=sys.stderr)
 
 
-def _account(image: Image) -> list[str]:
+def _account_lines(image: Image) -> list[str]:
     """What a render has done beside its samples, a line each."""
     metadata = image.metadata
     lines = [f"{name}: {metadata[name]['says']}" for name in ("diffraction", "ghosts") if name in metadata]

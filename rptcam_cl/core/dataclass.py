@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import copy
 import dataclasses
-from collections.abc import Callable
-from typing import Any, NoReturn, TypeVar, dataclass_transform, overload
+from collections.abc import Callable, Sequence
+from typing import Any, NoReturn, Self, TypeVar, dataclass_transform, overload
 
 Class = TypeVar("Class", bound=type)
 
@@ -114,3 +114,25 @@ def _refuse_to_set(self: object, name: str, value: object) -> NoReturn:
 
 def _refuse_to_delete(self: object, name: str) -> NoReturn:
     raise dataclasses.FrozenInstanceError(f"cannot delete field {name!r}")
+
+
+class Rows:
+    """Some of them, and several lists as one: for dataclasses of arrays, each with a row for every one of n things."""
+
+    def __len__(self) -> int:
+        return len(getattr(self, dataclasses.fields(self)[0].name))  # type: ignore[arg-type]
+
+    def __getitem__(self, which: Any) -> Self:
+        return type(self)(*(getattr(self, each.name)[which] for each in dataclasses.fields(self)))  # type: ignore[arg-type]
+
+    @classmethod
+    def joined(cls, parts: Sequence[Self]) -> Self:
+        """Put several lists one behind the other."""
+        import numpy as np  # late, as help texts need none of it
+
+        columns = []
+        for each in dataclasses.fields(cls):  # type: ignore[arg-type]
+            values = [getattr(part, each.name) for part in parts]
+            own = type(values[0])
+            columns.append(own.joined(values) if issubclass(own, Rows) else np.concatenate(values))
+        return cls(*columns)

@@ -1,8 +1,5 @@
 """Errors a user can cause or meet, each with the exit code of the command line."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-
 
 class RptcamError(Exception):
     """Base of every error that is reported in one line, without a traceback."""
@@ -51,12 +48,3 @@ class NumericError(RptcamError):
 def out_of_range(name: str, got: object, allowed: str) -> InputError:
     """The error of a number that is not in its range."""
     return InputError(f"{name}: is out of range (got {got}; allowed: {allowed})")
-
-
-@contextmanager
-def errors_named(place: object) -> Iterator[None]:
-    """Let errors about a file begin with a place, where they say only what is wrong: ``bunny.ply: is too large``."""
-    try:
-        yield
-    except (InputError, StateError) as problem:
-        raise type(problem)(f"{place}: {problem}") from None

@@ -220,6 +220,15 @@ class References:
 
 
 @contextmanager
+def errors_named(place: object) -> Iterator[None]:
+    """Let errors about a file begin with a place, where they say only what is wrong: ``bunny.ply: is too large``."""
+    try:
+        yield
+    except (InputError, StateError) as problem:
+        raise type(problem)(f"{place}: {problem}") from None
+
+
+@contextmanager
 def named_files() -> Iterator[set[Path]]:
     """A set that takes the real path of every file that is named while the block runs, found or missing."""
     named: set[Path] = set()
@@ -527,3 +536,17 @@ def _trim() -> Callable[[int], int] | None:
         found.argtypes, found.restype = (ctypes.c_size_t,), ctypes.c_int
         return found
     return None
+
+
+# Whether a file is another than before.
+
+FileState = tuple[int, int, int] | None
+
+
+def file_state(path: Path) -> FileState:
+    """The time of change, size and inode of a file; None where there is none."""
+    try:
+        state = path.stat()
+    except OSError:
+        return None
+    return state.st_mtime_ns, state.st_size, state.st_ino

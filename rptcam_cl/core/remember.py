@@ -83,6 +83,12 @@ class Memory(Generic[Value]):
             while len(self._values) > self.most or self._bytes(self._values.values()) > self.most_bytes:
                 self._values.popitem(last=False)
 
+    def make_room(self) -> None:
+        """Forget what has not been used for longest, so that one more value fits: before it takes memory."""
+        with self._lock:
+            while self._values and len(self._values) >= self.most:
+                self._values.popitem(last=False)
+
     def find_or_make(self, key: Hashable, make: Callable[[], Value]) -> Value:
         """Return the value of a key, made where there is none. It is shared, so nobody may change it.
 

@@ -26,7 +26,7 @@ from rptcam_cl.core.errors import DeviceError
 from rptcam_cl.core.files import cache_dir
 from rptcam_cl.core.remember import Disk
 from rptcam_cl.device import drivers
-from rptcam_cl.device.fork_server import ForkServer, ForkServerEndedError, end_work, start_fork_server
+from rptcam_cl.device.fork_server import CompileServer, ServerEndedError, end_work, start_fork_server
 
 #
 # Whether a device builds a trivial kernel: what has to be known before it is chosen, and before kernels are written.
@@ -69,7 +69,7 @@ WALK_WORDS = 1 << 20
 WALK_SECONDS = 0.02
 MOST_STEPS = 1 << 16
 
-_fork_server: list[ForkServer] = []  # one at most
+_fork_server: list[CompileServer] = []  # one at most
 _tried_there: set[tuple[int, int]] = set()  # places of devices
 
 
@@ -151,8 +151,8 @@ def _tried_apart(handle: Any) -> Trial:
     tries = TRIES
     if _fork_server and _fork_server[0].is_there:
         try:
-            found = _trial_of(_fork_server[0].ask("try", *place, timeout_s=TRIAL_TIMEOUT_S))
-        except ForkServerEndedError as ended:
+            found = _trial_of(_fork_server[0].ask(_try_there, *place, timeout_s=TRIAL_TIMEOUT_S))
+        except ServerEndedError as ended:
             if ended.code != 0:  # else it has waited too long
                 return Trial(problem=_ending(ended.code, ended.said))
         except TimeoutError:
@@ -184,7 +184,7 @@ def prepare_trial() -> None:
     drivers.load_opencl()
     has_begun = _fork_server or try_device.cache_info().currsize
     if not has_begun and not any(cache_dir(KEPT).glob("*")):
-        made = start_fork_server(_carry_out)
+        made = start_fork_server()
         _fork_server.extend([] if made is None else [made])
 
 
@@ -202,17 +202,20 @@ def builds_apart(handle: Any) -> bool:
 def build_apart(handle: Any, source: str, options: Sequence[str]) -> None:
     """Have a program built into PoCL's cache; what fails there does so again here."""
     if builds_apart(handle):
-        with contextlib.suppress(ForkServerEndedError, TimeoutError):
-            _fork_server[0].ask("build", *(_place(handle) or ()), source, *options, timeout_s=BUILD_TIMEOUT_S)
+        with contextlib.suppress(ServerEndedError, TimeoutError):
+            _fork_server[0].ask(_build_there, *(_place(handle) or ()), source, *options, timeout_s=BUILD_TIMEOUT_S)
 
 
-def _carry_out(what: str, platform_number: int, device_number: int, *order: str) -> Any:
-    """Carry out an order in the process that was made for the trial."""
+def _try_there(platform_number: int, device_number: int) -> dict[str, Any]:
+    """Try a device in the process that was made for it."""
     handle = drivers.load_opencl().get_platforms()[platform_number].get_devices()[device_number]
-    if what == "try":
-        drivers.make_pocl_cache_usable()  # with a mark of its own
-        return asdict(try_here(handle))
-    source, *options = order
+    drivers.make_pocl_cache_usable()  # with a mark of its own
+    return asdict(try_here(handle))
+
+
+def _build_there(platform_number: int, device_number: int, source: str, *options: str) -> Any:
+    """Build a program in the process of the trial."""
+    handle = drivers.load_opencl().get_platforms()[platform_number].get_devices()[device_number]
     return _build(handle, source, options)
 
 

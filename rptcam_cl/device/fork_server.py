@@ -1,4 +1,4 @@
-"""A process forked before anything began, which carries out orders at once; marks of processes at work."""
+"""Another process that carries out orders, forked before anything began or started later; marks of those at work."""
 
 from __future__ import annotations
 
@@ -6,9 +6,12 @@ import atexit
 import contextlib
 import json
 import os
+import pickle
 import secrets
 import select
 import signal
+import struct
+import subprocess
 import sys
 import threading
 import time
@@ -16,7 +19,7 @@ import traceback
 import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, BinaryIO, NoReturn
+from typing import IO, Any, BinaryIO, NoReturn
 
 #
 # Marks of the processes at work in a folder, by which a later one sees that an earlier one has not ended well.
@@ -101,16 +104,25 @@ def unfinished_work() -> Iterator[None]:
 
 
 #
-# A process that was made like this one before anything began, and carries out orders.
+# Another process, which carries out orders one at a time.
 #
-# To start Python and import what a driver takes costs a fifth of a second. A process that is forked has it all.
+# To start Python and import what a driver takes costs a fifth of a second. A process that is forked before anything
+# began has it all. Later, threads and drivers are at work here, which a fork would lack: then a new Python is started.
 
 STANDARD_ERROR = 2
-IDLE = 20.0  # [s] after which it ends: it holds what the driver has read
-_ANSWER = b"\n\x02answer "  # before what was found; a driver may print anything else
+IDLE = 20.0  # [s] after which a forked process ends: it holds what the driver has read
+SECONDS_TO_END = 0.2  # that a process which was started has to end by itself
+_ANSWER = b"\n\x02answer "  # before the answer; a driver may print anything else
+_CHILD = (
+    "import json, sys; sys.path[:] = json.loads(sys.argv[1]); from rptcam_cl.device import fork_server; "
+    "fork_server.serve(0, 1)"
+)
+
+Child = tuple["subprocess.Popen[bytes] | int", IO[bytes], IO[bytes]]
+"""A process, or the number of one that was forked; where it reads orders, and where it answers."""
 
 
-class ForkServerEndedError(Exception):
+class ServerEndedError(Exception):
     """It came to an end: with which exit code, a negative signal as of `subprocess`, and what it had printed."""
 
     def __init__(self, code: int, said: str) -> None:
@@ -118,64 +130,122 @@ class ForkServerEndedError(Exception):
         self.code, self.said = code, said
 
 
-class ForkServer:
-    """A process, made by `start_fork_server`, that carries out orders; it ends with this one, or when it is idle.
+class CompileServer:
+    """A process that carries out orders; it ends with this one.
+
+    Parameters
+    ----------
+    child
+        That of `start_fork_server`, which also ends when it is idle. Without it, a new Python is started at the first
+        order, and again after one that failed.
 
     Attributes
     ----------
-    is_there : bool
-        Whether it has not come to an end.
+    is_closed : bool
+        Whether it carries out nothing more.
     """
 
-    def __init__(self, process: int, orders: int, answers: int) -> None:
-        self._process, self._orders, self._answers = process, orders, answers
-        self._asking = threading.Lock()
-        self.is_there = True
+    def __init__(self, child: Child | None = None) -> None:
+        self._child, self._is_forked = child, child is not None
+        self._asking, self._changing = threading.Lock(), threading.Lock()
+        self.is_closed = False
 
-    def ask(self, *order: Any, timeout_s: float) -> Any:
-        """Return what it finds when it carries out an order; both are what JSON holds.
+    @property
+    def is_there(self) -> bool:
+        """Whether there is a process that has not come to an end."""
+        return self._child is not None
+
+    def ask(self, function: Callable[..., Any], *arguments: Any, timeout_s: float | None = None) -> Any:
+        """Call a function of a module there; it returns what JSON holds.
 
         Raises
         ------
-        ForkServerEndedError
-            It has ended.
+        ServerEndedError
+            It has ended, perhaps by an error of the function.
         TimeoutError
             It did not answer in time [s], and was ended.
         """
+        return self._carry_out(pickle.dumps((function, arguments)), timeout_s)
+
+    def compile(self, order: bytes) -> bool:
+        """Call a pickled function with its arguments there; return whether that has worked.
+
+        The process may fail, crash or be closed.
+        """
+        try:
+            self._carry_out(order, None)
+        except ServerEndedError:
+            return False
+        return True
+
+    def close(self) -> None:
+        """End the process, whatever a started one does; no other begins."""
+        self.is_closed = True
+        child = self._child
+        self._end()
+        if child is not None:
+            with self._asking:  # who still reads its answers comes to their end
+                child[2].close()
+
+    def _carry_out(self, order: bytes, timeout_s: float | None) -> Any:
         with self._asking:
-            if not self.is_there:
-                raise ForkServerEndedError(0, "")
-            said, end = b"", time.monotonic() + timeout_s
-            with contextlib.suppress(OSError):  # how it has ended is found below
-                text = json.dumps(order).encode() + b"\n"
-                while text:
-                    text = text[os.write(self._orders, text) :]
+            child = self._running()
+            if child is None:
+                raise ServerEndedError(0, "")
+            _, orders, answers = child
+            said, end = b"", time.monotonic() + (timeout_s or 0.0)
+            with contextlib.suppress(OSError, ValueError):  # how it has ended is found below
+                orders.write(struct.pack("<Q", len(order)) + order)
+                orders.flush()
             while not (said.endswith(b"\n") and _ANSWER in said):
-                if not select.select([self._answers], [], [], max(end - time.monotonic(), 0.0))[0]:
-                    os.kill(self._process, signal.SIGKILL)
-                    self._end()
+                if timeout_s is not None and not select.select([answers], [], [], max(end - time.monotonic(), 0.0))[0]:
+                    self._end(at_once=True)
+                    answers.close()
                     raise TimeoutError
-                piece = os.read(self._answers, 1 << 16)
+                piece = os.read(answers.fileno(), 1 << 16)
                 if not piece:
-                    raise ForkServerEndedError(self._end(), said.decode(errors="replace"))
+                    answers.close()
+                    raise ServerEndedError(self._end(), said.decode(errors="replace"))
                 said += piece
             return json.loads(said.split(_ANSWER)[1])
 
-    def close(self) -> None:
-        """Have it end."""
-        with self._asking:
-            if self.is_there:
-                self._end()
+    def _running(self) -> Child | None:
+        with self._changing, contextlib.suppress(OSError):  # no process can be started
+            if self._child is None and not self._is_forked and not self.is_closed and sys.executable:
+                self._child = _start_python()
+        return self._child
 
-    def _end(self) -> int:
-        self.is_there = False
-        os.close(self._orders)
-        os.close(self._answers)
-        return os.waitstatus_to_exitcode(os.waitpid(self._process, 0)[1])
+    def _end(self, *, at_once: bool = False) -> int:
+        """End the process and return its exit code."""
+        with self._changing:
+            child, self._child = self._child, None
+        if child is None:
+            return 0
+        process, orders, _ = child
+        with contextlib.suppress(OSError):
+            orders.close()  # it ends by itself if it has nothing to do
+        if isinstance(process, int):
+            if at_once:
+                os.kill(process, signal.SIGKILL)
+            return os.waitstatus_to_exitcode(os.waitpid(process, 0)[1])
+        try:
+            return process.wait(0.0 if at_once else SECONDS_TO_END)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            return process.wait()
 
 
-def start_fork_server(carry_out: Callable[..., Any]) -> ForkServer | None:
-    """Return a process like this one that carries out orders; None where making it is unsafe.
+def _start_python() -> Child:
+    process = subprocess.Popen(
+        [sys.executable, "-c", _CHILD, json.dumps(sys.path)], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT, start_new_session=True,  # Ctrl-C is for the parent, which ends this one
+    )  # fmt: skip
+    assert process.stdin is not None and process.stdout is not None
+    return process, process.stdin, process.stdout
+
+
+def start_fork_server() -> CompileServer | None:
+    """Fork a process like this one that carries out orders; None where that is unsafe.
 
     It is safe before other threads and drivers begin, as those would be missing in it.
     """
@@ -192,28 +262,30 @@ def start_fork_server(carry_out: Callable[..., Any]) -> ForkServer | None:
         if process == 0:
             os.close(to_orders)
             os.close(answers)
-            _serve(orders, to_answers, carry_out)
+            leave_work()
+            serve(orders, to_answers, IDLE)
         os.close(orders)
         os.close(to_answers)
-        return ForkServer(process, to_orders, answers)
+        return CompileServer((process, os.fdopen(to_orders, "wb"), os.fdopen(answers, "rb")))
     return None
 
 
-def _serve(orders: int, answers: int, carry_out: Callable[..., Any]) -> NoReturn:
-    """Carry out orders in the process that was made, one at a time, until none comes any more, and end it."""
+def serve(orders: int, answers: int, idle_s: float | None = None) -> NoReturn:
+    """Carry out orders in another process, one at a time, until none comes any more or for so long; then end it."""
     code = 1
     try:
-        leave_work()
-        nothing = os.open(os.devnull, os.O_RDWR)
+        nothing, pickled = os.open(os.devnull, os.O_RDWR), os.fdopen(os.dup(orders), "rb")
         for to, place in ((nothing, 0), (answers, 1), (answers, 2)):
             os.dup2(to, place)
         sys.stdout, sys.stderr = os.fdopen(1, "w"), os.fdopen(2, "w")
-        with os.fdopen(orders) as lines:
-            while select.select([lines], [], [], IDLE)[0] and (line := lines.readline()):
-                found = carry_out(*json.loads(line))
-                sys.stdout.flush()
-                sys.stderr.flush()
-                os.write(1, _ANSWER + json.dumps(found).encode() + b"\n")
+        while idle_s is None or select.select([pickled], [], [], idle_s)[0]:
+            if len(head := pickled.read(8)) < 8:
+                break
+            function, arguments = pickle.loads(pickled.read(struct.unpack("<Q", head)[0]))
+            answer = function(*arguments)
+            sys.stdout.flush()
+            sys.stderr.flush()
+            os.write(1, _ANSWER + json.dumps(answer).encode() + b"\n")
         code = 0
     except BaseException:
         traceback.print_exc()

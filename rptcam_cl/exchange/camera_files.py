@@ -18,9 +18,7 @@ from rptcam_cl.exchange.camera_view import FAR_M, View
 from rptcam_cl.optics.files.export import lens_text
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.ray_trace import passing
-from rptcam_cl.rendering.cameras.realistic import camera_model
 from rptcam_cl.rendering.cameras.setting import LensSetting
-from rptcam_cl.scene.camera import RealisticCamera
 from rptcam_cl.scene.lens_settings import CircularAperture
 from rptcam_cl.scene.placement import quaternion_of
 
@@ -192,10 +190,10 @@ def osl_text(view: View) -> str:
         For a camera without surfaces, or a lens with mirrors, toroids, biconics, or surfaces or openings off its axis.
     """
     setting = view.setting
-    if setting is None or not isinstance(view.scene.camera, RealisticCamera):
+    if setting is None or not view.is_traced:
         raise InputError("--osl: needs a camera of kind realistic, whose lens is traced (others fit into --usd)")
     _check(setting.lens)
-    if not isinstance(view.scene.camera.aperture, CircularAperture):
+    if not isinstance(view.scene.camera.outline, CircularAperture):
         raise InputError(f"--osl: {setting.lens.name}: camera.aperture is not round (allowed: circle)")
     lens, wavelength = setting.lens, setting.camera.wavelength_nm
     film_z = lens.film_z(setting.film_distance_mm)
@@ -379,7 +377,7 @@ def usd_text(view: View, calibration: Calibration) -> str:
 def _opening(view: View) -> tuple[float, float]:
     """Return the diameter of the entrance pupil [mm] and the distance from it to the plane of focus [m]."""
     if view.setting is None:
-        return view.pupil.diameter_mm, camera_model(view.scene).metadata.get("focus_distance_m", math.inf)
+        return view.pupil.diameter_mm, view.scene.camera.distance_in_focus(1.0) or math.inf
     focus_mm = view.setting.focus_distance_mm
     return view.pupil.diameter_mm, math.inf if focus_mm is None else (focus_mm - view.pupil_ahead_mm) * 1e-3
 

@@ -23,11 +23,10 @@ from rptcam_cl.optics.irradiance import film_irradiance
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.ray_trace import Rays
 from rptcam_cl.optics.spot import Beam, is_steep, passing_beam, passing_from, takes_steep_light
-from rptcam_cl.rendering.cameras.ideal import stop_shape
-from rptcam_cl.rendering.cameras.realistic import camera_model
+from rptcam_cl.rendering.cameras.ideal import shaped
+from rptcam_cl.rendering.cameras.kinds import camera_model
 from rptcam_cl.rendering.cameras.setting import film_frame
 from rptcam_cl.scene.assets.pictures import write_exr
-from rptcam_cl.scene.camera import RealisticCamera, ThickLensCamera
 
 #
 # The way from the picture to directions and back as smooth functions, for maps with a value for every pixel.
@@ -325,14 +324,13 @@ def vignetting_map(view: View) -> Pixels:
         Of a film that is turned; of a lens that lets nothing through to the axis.
     """
     scene = view.scene
-    if not isinstance(scene.camera, RealisticCamera):
+    if not view.is_traced:
         return _ideal_falloff(view)
     setting, frame = view.setting, film_frame(scene.camera)
     assert setting is not None
     if not frame.is_flat:
         raise InputError("--vignetting: is known on a film across the axis alone (allowed: no tilt, no swing)")
-    shape = stop_shape(scene, scene.camera.aperture)
-    lens: Lens = setting.lens if shape is None else setting.lens.with_stop_shape(shape)
+    lens = shaped(scene, setting).lens
     back, wavelength = setting.film_distance_mm, setting.camera.wavelength_nm
 
     def light(of: Lens, radii: ArrayLike, degrees: float = 0.0) -> Array:
@@ -341,14 +339,14 @@ def vignetting_map(view: View) -> Pixels:
     centre = float(light(lens, 0.0))
     if not centre > 0:
         raise InputError(f"{lens.name}: no light reaches the axis on the film")
-    round_lens = lens if shape is None else lens.with_stop_shape(None)
+    round_lens = lens if lens is setting.lens else lens.with_stop_shape(None)
     if not round_lens.is_rotational:
         values = _over_plane(view, lambda r, degrees: float(light(lens, r, degrees)) / centre)
         return between(values, view.size).astype(np.float32)
     film = view.film_points(_centres(view.size))[:, :2]
     known, values = _along_radius(lambda r: light(round_lens, r), float(np.hypot(*film.T).max()))
     falloff = np.interp(np.sum(film**2, axis=1), known**2, values).reshape(view.size[::-1])
-    if shape is None:
+    if round_lens is lens:
         return np.asarray(falloff / centre, np.float32)
     # what the shape of the stop takes is smooth up to the edge of the image circle, where the falloff is not
     last = known[values > LIT * values[0]].max()
@@ -415,11 +413,9 @@ def _along_radius(light: Callable[[Array], Array], farthest: float) -> tuple[Arr
 
 def _ideal_falloff(view: View) -> Pixels:
     """Return 1 everywhere, or of a thick lens the fourth power of the cosine on the film."""
-    shape = view.size[::-1]
-    if not isinstance(view.scene.camera, ThickLensCamera):
+    shape, setting = view.size[::-1], view.setting
+    if setting is None:
         return np.ones(shape, np.float32)
-    setting = view.setting
-    assert setting is not None
     film = view.film_points(_centres(view.size))[:, :2]
     pupil = setting.lens.first_order(setting.camera.wavelength_nm).exit_pupil.distance_mm
     slope = np.sum(film**2, axis=1) / (setting.film_distance_mm - pupil) ** 2  # 0 for a pupil at infinity
@@ -525,8 +521,7 @@ def point_images(
         Of a camera without a lens to trace; of a field more than 85 degrees from the axis through a first surface that
         is no sphere; of an even side; of a distance that is not above 0.
     """
-    camera = view.scene.camera
-    if not isinstance(camera, RealisticCamera) or view.setting is None:
+    if not view.is_traced or view.setting is None:
         raise InputError("--psf-grid: needs a lens to trace (allowed: camera.kind: realistic)")
     if pixels is not None and (pixels < 1 or pixels % 2 == 0):
         raise InputError(f"--psf-pixels: must be odd, so that a pixel lies in the middle (got {pixels})")
@@ -564,10 +559,9 @@ class _Sources:
     """Points of the scene on the chief rays of places of a picture."""
 
     def __init__(self, view: View, places: Array) -> None:
-        assert view.setting is not None and isinstance(view.scene.camera, RealisticCamera)
+        assert view.setting is not None
         self.view, self.frame = view, film_frame(view.scene.camera)
-        shape = stop_shape(view.scene, view.scene.camera.aperture)
-        self.lens: Lens = view.setting.lens if shape is None else view.setting.lens.with_stop_shape(shape)
+        self.lens = shaped(view.scene, view.setting).lens
         self.film_z = self.lens.film_z(view.setting.film_distance_mm)
         film = view.film_points(places)
         film[:, 2] = self.film_z + self.lens.sense * film[:, 2]

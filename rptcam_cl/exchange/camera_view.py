@@ -20,18 +20,16 @@ from rptcam_cl.optics.chief_rays import fan_chief_rays, film_chief_rays, round_c
 from rptcam_cl.optics.design import image_circle
 from rptcam_cl.optics.lens import Lens, film_distance
 from rptcam_cl.optics.library import list_lenses, load_lens, names_a_file
+from rptcam_cl.rendering.cameras.kinds import camera_of
 from rptcam_cl.rendering.cameras.model import CameraModel
-from rptcam_cl.rendering.cameras.realistic import camera_model
 from rptcam_cl.rendering.cameras.setting import (
     EntrancePupil,
     LensSetting,
-    entrance_pupil,
     film_frame,
     half_film_mm,
-    lens_setting,
     pupil_in_world,
 )
-from rptcam_cl.scene.camera import LensCamera, RealisticCamera, pose_matrix, unknown_camera
+from rptcam_cl.scene.camera import pose_matrix
 from rptcam_cl.scene.load import at_opening, change_scene, load_scene
 from rptcam_cl.scene.scene import Scene
 
@@ -84,14 +82,17 @@ class View:
     @cached_property
     def setting(self) -> LensSetting | None:
         """The lens in use; None of a camera without surfaces."""
-        return lens_setting(self.scene) if isinstance(self.scene.camera, LensCamera) else None
+        return camera_of(self.scene).setting
 
     @cached_property
     def pupil(self) -> EntrancePupil:
         """The entrance pupil; that of an ideal camera without surfaces is its opening, at the eye."""
-        if self.setting is None:
-            return EntrancePupil(diameter_mm=self._metadata("entrance_pupil")["diameter_mm"])
-        return entrance_pupil(self.scene, self.setting)
+        return camera_of(self.scene, self.setting).entrance_pupil()
+
+    @property
+    def is_traced(self) -> bool:
+        """Whether rays are traced through surfaces; else its intrinsics say all."""
+        return self.scene.camera.traced_camera is not None
 
     @property
     def pupil_ahead_mm(self) -> float:
@@ -115,7 +116,7 @@ class View:
     def is_mirrored(self) -> bool:
         """Whether left and right, and top and bottom of the picture see the same through a round lens."""
         camera, whole = self.scene.camera, self.size == self.scene.film.resolution
-        round_ = isinstance(camera, RealisticCamera) and self.setting is not None and self.setting.lens.is_rotational
+        round_ = self.is_traced and self.setting is not None and self.setting.lens.is_rotational
         return round_ and whole and not film_frame(camera).is_moved
 
     @property
@@ -156,7 +157,7 @@ class View:
         Directions of the others are not-a-number where there are none.
         """
         places = np.atleast_2d(np.asarray(places, np.float64))
-        if not isinstance(self.scene.camera, RealisticCamera):
+        if not self.is_traced:
             return self._ideal(places), np.ones(len(places), dtype=bool)
         probes = self.grid(PROBES, PROBES)
         origins, away, lit = self._chief_rays(np.concatenate([probes, places]))
@@ -194,7 +195,7 @@ class View:
         """What the object is, a ``plane`` or a ``sphere``; None of one far away."""
         if not self.distance_m < FAR_M:
             return None
-        if self.shape or not isinstance(self.scene.camera, RealisticCamera):
+        if self.shape or not self.is_traced:
             return self.shape or "plane"
         _, away, lit = self._chief_rays(self.grid(PROBES, PROBES))
         return self._shape_of(away, lit)
@@ -204,7 +205,7 @@ class View:
 
         A point of the scene is seen from there, whatever its distance. None of a lens that is not round, or of none.
         """
-        if not isinstance(self.scene.camera, RealisticCamera) or not (self.setting and self.setting.lens.is_rotational):
+        if not self.is_traced or not (self.setting and self.setting.lens.is_rotational):
             return None
         origins, away, lit = self._chief_rays(self.grid(*DRIFT_PLACES))
         across = np.hypot(away[:, 0], away[:, 1])
@@ -220,7 +221,7 @@ class View:
 
     def _ideal(self, places: Array) -> Array:
         """Return the directions of a camera that has intrinsics and nothing beside."""
-        known = self._metadata("intrinsics")
+        known = camera_of(self.scene).intrinsics()
         at = places + self.window[:2]
         if "matrix" in known:
             seen = np.column_stack([at, np.ones(len(at))]) @ np.linalg.inv(np.array(known["matrix"])).T
@@ -232,13 +233,6 @@ class View:
     def grid(self, columns: int, rows: int) -> Array:
         """Return places (rows x columns, 2) spread evenly over the picture from edge to edge, row by row."""
         return _grid(self.size, columns, rows)
-
-    def _metadata(self, name: str) -> Any:
-        """Return what the model of an ideal camera says of itself."""
-        model = camera_model(self.scene)
-        if name not in model.metadata:
-            raise unknown_camera(self.scene.camera.kind, f"{name} in the metadata of its CameraModel")
-        return model.metadata[name]
 
     def facts(self) -> dict[str, Any]:
         """Return what programs want to know of the camera beside its projection."""
@@ -253,7 +247,8 @@ class View:
             "world_from_camera": self.pose().tolist(),
         }
         if self.setting is not None:
-            found |= {key: self.setting.metadata[key] for key in ("focal_length_mm", "f_number", "focus_distance_m")}
+            lens = self.setting.metadata
+            found |= {key: lens[key] for key in ("focal_length_mm", "f_number", "focus_distance_m")}
         return found | {"entrance_pupil": pupil_in_world(self.scene, self.pupil.described())}
 
 
@@ -311,11 +306,6 @@ def view(
     if distance_m is not None:
         check_distances((distance_m,), "distance_m")
     scene = at_opening(scene)
-    if scene.camera.kind == "environment":
-        raise InputError(
-            "camera.kind: an environment camera sees all around, so it has no intrinsics"
-            " (allowed: pinhole, thin_lens, thick_lens, realistic)"
-        )
     if scene.requested_autofocus is not None:
         raise InputError("camera.focus.auto: the focus is yet to be found (write a scene with it by rptcam settle)")
     found = View(scene, shape=shape)

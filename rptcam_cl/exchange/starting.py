@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -12,14 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.core.errors import InputError, StateError, errors_named
-from rptcam_cl.core.files import Folders, named_files, read_whole, replacing
+from rptcam_cl.core.errors import InputError, StateError
+from rptcam_cl.core.files import Folders, errors_named, named_files, read_whole, replacing
 from rptcam_cl.optics.chief_rays import crossings
 from rptcam_cl.optics.design import image_circle
 from rptcam_cl.optics.lens import film_distance
 from rptcam_cl.optics.library import load_lens, names_a_file
 from rptcam_cl.rendering.cameras.setting import LensSetting, lens_setting
-from rptcam_cl.scene.assets.gltf import GltfCamera, GltfLight, read_gltf_world
+from rptcam_cl.scene.assets.gltf import GltfCamera, read_gltf_world
 from rptcam_cl.scene.assets.mesh import LAMPS_LEFT_OUT, MeshPlacement
 from rptcam_cl.scene.assets.pictures import read_picture
 from rptcam_cl.scene.load import load_scene
@@ -139,7 +140,7 @@ class Subject:
     points: Array
     triangles: Array
     cameras: list[GltfCamera]
-    lights: list[GltfLight]
+    lights: list[dict[str, Any]]
     notes: tuple[str, ...] = ()
     files: frozenset[Path] = frozenset()
     bare: bool = False
@@ -166,7 +167,7 @@ class Subject:
 
 
 def read_subject(path: Path) -> Subject:
-    """Return what a mesh file shows.
+    """Read the subject of a mesh file.
 
     Raises
     ------
@@ -180,7 +181,7 @@ def read_subject(path: Path) -> Subject:
         cameras, lights, left_out = read_gltf_world(real) if real.suffix.lower() in GLTF else ([], [], [])
         bare = any(part.material is None for part in contents.parts)
         missing = () if bare else _missing_pictures(real)
-    points, triangles = zip(*map(_placed, contents.parts), strict=True)
+    points, triangles = zip(*map(_place_part, contents.parts), strict=True)
     return Subject(
         points=_fewer(np.concatenate(points)),
         triangles=np.concatenate(triangles),
@@ -199,7 +200,7 @@ def _missing_pictures(path: Path) -> tuple[str, ...]:
     return load_scene(shown, base_dir=path.parent, missing="grey").stand_ins
 
 
-def _placed(part: MeshPlacement) -> tuple[Array, Array]:
+def _place_part(part: MeshPlacement) -> tuple[Array, Array]:
     """Return points and triangles of a part in the frame of its file."""
     mesh = part.mesh
     vertices = (mesh.positions + mesh.origin) @ part.placement[:3, :3].T + part.placement[:3, 3]
@@ -460,7 +461,6 @@ def frame_subject(
 UP: dict[str, tuple[float, float, float]] = {"x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1)}
 FULL_FRAME_MM = 43.2666  # diagonal of 36 x 24
 DEFAULT_LENS = "dgauss-50mm"
-LUMENS_PER_WATT = 683.0  # KHR_lights_punctual counts candelas and lux, a scene watts
 MOST_OPEN = 2.8  # f-number of a first picture, or the widest of a slower lens
 FAR_M = 1e6
 FOCUSINGS = 5  # in which the entrance pupil comes to rest where it is wanted; each leaves a tenth of the way at most
@@ -470,13 +470,29 @@ PLAUSIBLE = (0.01, 20.0)  # [m], the longest side of what one takes a picture of
 UNITS = (0.001, 0.01, 100.0, 1000.0)  # models are wrong by: millimetres, centimetres taken for metres, or twice so
 
 
-@dataclass(frozen=True)
-class StartOptions:
-    """What a new scene is to hold.
+def starting_scene(folder: Path, model: Path | None = None, **options: Any) -> Start:
+    """A scene that shows a model framed, lit, focused and exposed; `options` are fields of `Start`.
+
+    Raises
+    ------
+    InputError
+        When the model, the picture or the lens cannot be used, or not be copied to the folder.
+    """
+    start = Start(folder, model, **options)
+    start.build()
+    return start
+
+
+@dataclass
+class Start:
+    """A new scene, not yet written: its parts are made one after the other.
 
     Attributes
     ----------
+    folder : Path
+        Where the scene file is to lie.
     model, hdri : Path or None
+        What to show, and by what light.
     lens : str or None
         A name of the library, or a file; None leaves it to a glTF camera, else it is a double Gauss.
     size : (width, height)
@@ -487,8 +503,13 @@ class StartOptions:
         Length of a unit of the model [m].
     reframe : bool
         Whether a camera of the model's file does not count.
+    scene : dict
+        Its data.
+    report : list of str
+        What was chosen and what is left out, a sentence each.
     """
 
+    folder: Path
     model: Path | None = None
     hdri: Path | None = None
     lens: str | None = None
@@ -496,111 +517,79 @@ class StartOptions:
     up: str | None = None
     metres_per_unit: float = 1.0
     reframe: bool = False
-
-
-@dataclass
-class Start:
-    """A new scene, not yet written.
-
-    Attributes
-    ----------
-    scene : dict
-        Its data.
-    copies : Copies
-        Files that are to lie beside it.
-    report : list of str
-        What was chosen and what is left out, a sentence each.
-    """
-
-    scene: dict[str, Any]
-    copies: Copies
+    scene: dict[str, Any] = field(default_factory=dict)
     report: list[str] = field(default_factory=list)
 
+    @cached_property
+    def copies(self) -> Copies:
+        """Files that are to lie beside it."""
+        return Copies(self.folder)
 
-def starting_scene(options: StartOptions, folder: Path) -> Start:
-    """Return a scene that shows a model framed, lit, focused and exposed.
+    @cached_property
+    def _subject(self) -> Subject:
+        return balls() if self.model is None else read_subject(self.model)
 
-    Parameters
-    ----------
-    options
-        What to show, and by what light and lens.
-    folder
-        Where the scene file is to lie.
+    @cached_property
+    def _up(self) -> Array:
+        stl = self.model is not None and self.model.suffix.lower() == ".stl"
+        return np.array(UP[self.up or ("z" if stl else "y")], dtype=float)
 
-    Raises
-    ------
-    InputError
-        When the model, the picture or the lens cannot be used, or not be copied to the folder.
-    """
-    return _Stage(options, folder).scene()
-
-
-class _Stage:
-    """The parts of a new scene, one after the other."""
-
-    def __init__(self, options: StartOptions, folder: Path) -> None:
-        self._options = options
-        self._start = Start({"metres_per_unit": options.metres_per_unit}, Copies(folder))
-        self._subject = balls() if options.model is None else read_subject(options.model)
-        stl = options.model is not None and options.model.suffix.lower() == ".stl"
-        self._up = np.array(UP[options.up or ("z" if stl else "y")], dtype=float)
-
-    def scene(self) -> Start:
-        """Return the scene."""
-        start, subject, options = self._start, self._subject, self._options
-        start.report += subject.notes
-        if options.model is not None:
-            start.report += _doubts_of_size(subject, options.metres_per_unit)
-        camera = None if options.reframe or not subject.cameras else subject.cameras[0]
-        width, height = options.size
+    def build(self) -> None:
+        """Make the scene."""
+        subject = self._subject
+        self.scene["metres_per_unit"] = self.metres_per_unit
+        self.report += subject.notes
+        if self.model is not None:
+            self.report += _doubts_of_size(subject, self.metres_per_unit)
+        camera = None if self.reframe or not subject.cameras else subject.cameras[0]
+        width, height = self.size
         if camera is not None and camera.aspect is not None:
             height = max(1, round(width / camera.aspect))
-        start.scene["film"] = {"resolution": [width, height]}
+        self.scene["film"] = {"resolution": [width, height]}
         if camera is None:
-            self._framed()
+            self._frame_subject()
         else:
-            self._by_file(camera)
-        start.scene["exposure"] = {"mode": "auto"} | ({} if options.hdri or subject.lights else {"ev": 0.5})
-        start.scene["render"] = {"spp": 256, "max_depth": 8}
-        self._lit()
-        self._shown()
-        return start
+            self._take_camera(camera)
+        self.scene["exposure"] = {"mode": "auto"} | ({} if self.hdri or subject.lights else {"ev": 0.5})
+        self.scene["render"] = {"spp": 256, "max_depth": 8}
+        self._light_scene()
+        self._place_objects()
 
     def _lens_key(self) -> str:
-        lens = self._options.lens or DEFAULT_LENS
+        lens = self.lens or DEFAULT_LENS
         if not names_a_file(lens):
             load_lens(lens)  # which says which names there are
             return lens
-        name = self._start.copies.name_of(Path(lens))
+        name = self.copies.name_of(Path(lens))
         return name if names_a_file(name) else f"./{name}"
 
     def _film_mm(self, lens: str, height_mm: float | None = None) -> tuple[float, float]:
         """Set a film of full frame, or as large as the image circle lets it be; return its sides."""
-        width, height = self._start.scene["film"]["resolution"]
-        found = load_lens(Path(lens) if names_a_file(lens) else lens)
+        width, height = self.scene["film"]["resolution"]
+        design = load_lens(Path(lens) if names_a_file(lens) else lens)
         diagonal = FULL_FRAME_MM if height_mm is None else height_mm * math.hypot(width, height) / height
-        circle = 2 * image_circle(found, film_distance(found, np.inf))
+        circle = 2 * image_circle(design, film_distance(design, np.inf))
         if diagonal > circle:
             diagonal = math.floor(circle * 100) / 100
-            self._start.report.append(f"the film has a diagonal of {diagonal:g} mm, the image circle of {found.name}")
-        self._start.scene["film"]["diagonal_mm"] = round(diagonal, 4)
+            self.report.append(f"the film has a diagonal of {diagonal:g} mm, the image circle of {design.name}")
+        self.scene["film"]["diagonal_mm"] = round(diagonal, 4)
         return diagonal * width / math.hypot(width, height), diagonal * height / math.hypot(width, height)
 
     def _camera(self, lens: str, view: View, target: Array, depth: float) -> dict[str, Any]:
         """Return the keys of a lens camera focused at a depth ahead of it."""
         keys: dict[str, Any] = {"kind": "realistic", "lens": lens}
-        found = load_lens(self._lens_source(lens))
-        widest = found.first_order().f_number
-        if found.stop is not None and widest < MOST_OPEN:
+        design = load_lens(self._lens_source(lens))
+        widest = design.first_order().f_number
+        if design.stop is not None and widest < MOST_OPEN:
             keys["f_number"] = MOST_OPEN
-        pose = {"eye": _rounded(view.eye), "target": _rounded(target), "up": _rounded(self._up)}
-        return keys | pose | {"focus": {"distance_m": _digits(depth * self._options.metres_per_unit)}}
+        pose = {"eye": _round(view.eye), "target": _round(target), "up": _round(self._up)}
+        return keys | pose | {"focus": {"distance_m": _digits(depth * self.metres_per_unit)}}
 
     def _lens_source(self, lens: str) -> str | Path:
-        return Path(self._options.lens) if self._options.lens and names_a_file(self._options.lens) else lens
+        return Path(self.lens) if self.lens and names_a_file(self.lens) else lens
 
-    def _framed(self) -> None:
-        lens, subject, unit = self._lens_key(), self._subject, self._options.metres_per_unit
+    def _frame_subject(self) -> None:
+        lens, subject, unit = self._lens_key(), self._subject, self.metres_per_unit
         film = self._film_mm(str(self._lens_source(lens)))
 
         def set_lens(view: View, depth: float) -> LensSetting:
@@ -614,10 +603,10 @@ class _Stage:
             set_lens(view, depth)
         except InputError:  # the front is nearer than the lens focuses
             depth = ahead
-        self._start.scene["camera"] = self._camera(lens, view, target, depth)
+        self.scene["camera"] = self._camera(lens, view, target, depth)
         low, high = subject.bounds
         size = " x ".join(f"{side * unit:.3g}" for side in high - low)
-        self._start.report.append(f"the model is {size} m; it fills {share:.0%} of the frame from {depth * unit:.3g} m")
+        self.report.append(f"the model is {size} m; it fills {share:.0%} of the frame from {depth * unit:.3g} m")
 
     def _set(self, lens: str, view: View, depth: float) -> LensSetting:
         """Return the lens focused at a depth ahead of the middle of the film."""
@@ -628,12 +617,12 @@ class _Stage:
             return lens_setting(load_scene({"camera": camera}, base_dir=source.resolve().parent))
         return lens_setting(load_scene({"camera": camera}))
 
-    def _by_file(self, camera: GltfCamera) -> None:
+    def _take_camera(self, camera: GltfCamera) -> None:
         """Take the camera of the model's file: its field of view through the lens, or as a thin lens."""
         if others := ", ".join(other.name for other in self._subject.cameras[1:]):
-            self._start.report.append(f"other cameras of the file are left out: {others}")
+            self.report.append(f"other cameras of the file are left out: {others}")
         eye, forward = np.array(camera.eye), np.array(camera.forward)
-        unit = self._options.metres_per_unit
+        unit = self.metres_per_unit
         right = np.cross(forward, camera.up)
         view = View(eye, forward, right / np.linalg.norm(right), np.array(camera.up))
         ahead = self._subject.first_hit(eye, forward)
@@ -641,10 +630,10 @@ class _Stage:
             depths = view.seen(self._subject.points)[:, 2]
             ahead = float(np.median(depths[depths > 0])) if (depths > 0).any() else 5.0 / unit
         degrees = math.degrees(camera.height_radians)
-        if self._options.lens is None:
-            pose = {"eye": _rounded(eye), "target": _rounded(eye + ahead * forward), "up": list(camera.up)}
-            self._start.scene["film"]["diagonal_mm"] = FULL_FRAME_MM
-            self._start.scene["camera"] = {
+        if self.lens is None:
+            pose = {"eye": _round(eye), "target": _round(eye + ahead * forward), "up": list(camera.up)}
+            self.scene["film"]["diagonal_mm"] = FULL_FRAME_MM
+            self.scene["camera"] = {
                 "kind": "thin_lens",
                 **pose,
                 "fov_degrees": _digits(degrees),
@@ -652,7 +641,7 @@ class _Stage:
                 "f_number": MOST_OPEN,
                 "focus_distance_m": _digits(ahead * unit),
             }
-            self._start.report.append(f"the camera is {camera.name} of the file, as a thin lens at f/{MOST_OPEN}")
+            self.report.append(f"the camera is {camera.name} of the file, as a thin lens at f/{MOST_OPEN}")
             return
         lens = self._lens_key()
         try:
@@ -661,9 +650,9 @@ class _Stage:
             raise InputError(f"{camera.name} of the file: {problem} (allowed: another lens, or --reframe)") from None
         self._film_mm(str(self._lens_source(lens)), 2 * scale * math.tan(camera.height_radians / 2))
         there = replace(view, eye=eye - back * forward)
-        self._start.scene["camera"] = self._camera(lens, there, eye + ahead * forward, ahead + back)
-        self._start.scene["camera"]["up"] = list(camera.up)
-        self._start.report.append(
+        self.scene["camera"] = self._camera(lens, there, eye + ahead * forward, ahead + back)
+        self.scene["camera"]["up"] = list(camera.up)
+        self.report.append(
             f"the camera is {camera.name} of the file, {degrees:.3g} degrees high; the film fits that through {lens}"
         )
 
@@ -672,7 +661,7 @@ class _Stage:
 
         Lengths are scene units, the scale is that of `Projection`, upwards. The plane in focus lies ahead of the eye.
         """
-        unit = self._options.metres_per_unit
+        unit = self.metres_per_unit
         depth = FAR_M / unit  # at first, as a lens may focus no nearer than where its film will be
         for _ in range(FOCUSINGS):
             projection = Projection(self._set(lens, view, depth), unit, 1.0)
@@ -680,27 +669,27 @@ class _Stage:
             depth = ahead + back
         return back, float(projection.scales_mm[1])
 
-    def _lit(self) -> None:
-        scene, options, lights = self._start.scene, self._options, self._subject.lights
+    def _light_scene(self) -> None:
+        scene, lights = self.scene, self._subject.lights
         if lights:
-            scene["lights"] = [_light(light) for light in lights]
-            self._start.report.append(f"{len(lights)} lamp{'s' if len(lights) > 1 else ''} of the file")
-        if options.hdri is not None:
-            name = self._start.copies.name_of(options.hdri)
-            with errors_named(options.hdri):
-                read_picture(options.hdri)
-            scene["environment"] = {"kind": "image", "file": name, "up": _rounded(self._up)}
+            scene["lights"] = [{key: _round_value(value) for key, value in light.items()} for light in lights]
+            self.report.append(f"{len(lights)} lamp{'s' if len(lights) > 1 else ''} of the file")
+        if self.hdri is not None:
+            name = self.copies.name_of(self.hdri)
+            with errors_named(self.hdri):
+                read_picture(self.hdri)
+            scene["environment"] = {"kind": "image", "file": name, "up": _round(self._up)}
         elif not lights:
             eye = np.array(scene["camera"]["eye"], dtype=float)
             scene |= studio(self._subject.bounds, eye, self._up)
 
-    def _shown(self) -> None:
-        scene, options, subject = self._start.scene, self._options, self._subject
-        if options.model is None:
+    def _place_objects(self) -> None:
+        scene, subject = self.scene, self._subject
+        if self.model is None:
             scene["objects"] = [*subject.objects, *scene.get("objects", [])]
             return
-        keys: dict[str, Any] = {"name": "model", "shape": "mesh", "file": self._start.copies.name_of(options.model)}
-        self._start.copies.add_companions(options.model, subject.files)
+        keys: dict[str, Any] = {"name": "model", "shape": "mesh", "file": self.copies.name_of(self.model)}
+        self.copies.add_companions(self.model, subject.files)
         if subject.bare:
             keys["material"] = "model"
             scene["materials"] = {"model": PLAIN, **scene.get("materials", {})}
@@ -714,19 +703,15 @@ def _three_quarters(up: Array) -> Array:
     return np.asarray(front + 0.45 * side + 0.25 * up)
 
 
-def _light(light: GltfLight) -> dict[str, Any]:
-    amount = [_digits(value / LUMENS_PER_WATT) for value in light.amount]
-    if light.kind == "directional":
-        return {"kind": "directional", "direction": _rounded(np.array(light.forward)), "irradiance": amount}
-    keys = {"kind": light.kind, "position": _rounded(np.array(light.eye)), "intensity": amount}
-    if light.kind == "point":
-        return keys
-    inner, outer = (_digits(math.degrees(angle)) for angle in light.cone_radians)
-    return keys | {"direction": _rounded(np.array(light.forward)), "inner_degrees": inner, "outer_degrees": outer}
+def _round_value(value: Any) -> Any:
+    """A number, or each of several, rounded; a word as it is."""
+    if isinstance(value, str):
+        return value
+    return _digits(value) if isinstance(value, float) else _round(np.array(value))
 
 
 def _doubts_of_size(subject: Subject, unit: float) -> list[str]:
-    """Return what to say of a model that nobody would photograph at that size, so that its unit must be another."""
+    """A hint for a model that nobody would photograph at that size, so that its unit must be another."""
     low, high = subject.bounds
     size = float((high - low).max()) * unit
     if size == 0 or PLAUSIBLE[0] <= size <= PLAUSIBLE[1]:
@@ -746,5 +731,5 @@ def _digits(value: float) -> float:
     return float(f"{value:.{ROUND_TO}g}")
 
 
-def _rounded(vector: Array) -> list[float]:
+def _round(vector: Array) -> list[float]:
     return [_digits(value) for value in vector.tolist()]

@@ -7,7 +7,6 @@ import warnings
 from collections.abc import Callable, Iterator
 from functools import partial
 from importlib.metadata import version
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,9 +21,8 @@ from rptcam_cl.core.colour import (
     luminance,
     xyz_of,
 )
-from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.scene.film import Adaptation, Gamut, Tone
+from rptcam_cl.scene.film import Gamut, PictureSettings, ToneCurve, WhiteBalance
 
 #
 # Removing noise by Intel Open Image Denoise, guided by the layers albedo and normal. It runs on the processor.
@@ -50,7 +48,7 @@ def check_denoiser() -> None:
         raise InputError('denoising needs the package pyoidn (pip install "rptcam_cl[denoise]")')
 
 
-def denoised(pixels: Pixels, albedo: Pixels, normal: Pixels) -> tuple[Pixels, str]:
+def denoise(pixels: Pixels, albedo: Pixels, normal: Pixels) -> tuple[Pixels, str]:
     """Return the picture without its noise, and the name of what removed it.
 
     Parameters
@@ -84,17 +82,17 @@ def _with_margin(values: Pixels) -> Pixels:
     return np.pad(values, ((MARGIN_PX, MARGIN_PX), (MARGIN_PX, MARGIN_PX), (0, 0)), mode="symmetric")
 
 
-def _within_channels(denoise: Callable[..., Pixels], pixels: Pixels, albedo: Pixels) -> Pixels:
-    """Return what a denoiser makes of a picture, which takes channels below 0, as spectral colours have, for 0.
+def _within_channels(remove_noise: Callable[..., Pixels], pixels: Pixels, albedo: Pixels) -> Pixels:
+    """Denoise a picture that may have channels below 0, as spectral colours have, which a denoiser takes for 0.
 
     Such a picture goes through it in CIE XYZ, where every colour of light is positive, scaled so that white is
     (1, 1, 1) there, too.
     """
     if not (pixels < 0).any():
-        return denoise(pixels, albedo=albedo)
+        return remove_noise(pixels, albedo=albedo)
     matrix = XYZ_FROM_RGB / XYZ_FROM_RGB.sum(axis=1, keepdims=True)
     seen, guide = (np.asarray(values @ matrix.T, np.float32) for values in (pixels, albedo))
-    return np.asarray(denoise(seen, albedo=guide) @ np.linalg.inv(matrix).T)
+    return np.asarray(remove_noise(seen, albedo=guide) @ np.linalg.inv(matrix).T)
 
 
 # Tone curves: from linear light without an upper limit to the linear light of a display, and sRGB's encoding of it.
@@ -208,85 +206,53 @@ _ROUNDING = 1e-6  # pixels: a point between two belongs to the same one in a par
 _LEAST = 1e-3  # of a light's luminance that each of three responses must have to be scaled to white
 
 
-@dataclass(frozen=True)
-class KnownLight:
-    """The scene's light by its linear sRGB colour."""
+def _light_of(balance: WhiteBalance, linear: Pixels, part: Part) -> Colour:
+    """The light that is made grey, in linear sRGB: known, the mean of a grey place, or that of the picture.
 
-    colour: tuple[float, float, float]
-
-    def light(self, linear: Pixels, part: Part) -> Colour:
-        """Return the light's linear sRGB colour."""
-        return np.array(self.colour)
-
-
-@dataclass(frozen=True)
-class Grey:
-    """A place that is grey in truth: a point [x, y] or a rectangle [x0, x1, y0, y1] in fractions of the film."""
-
-    place: tuple[float, ...]
-
-    def light(self, linear: Pixels, part: Part) -> Colour:
-        """Return the mean linear sRGB colour there."""
-        return _mean(linear[self._window(linear.shape, part)])
-
-    def _window(self, shape: tuple[int, ...], part: Part) -> tuple[slice, slice]:
-        """Return rows and columns of the pixels in the place, at least one."""
-        half = len(self.place) // 2
-        across, down = (
-            [(edge - start) / (end - start) * count for edge in edges]
-            for edges, start, end, count in (
-                (self.place[:half], *part[:2], shape[1]),
-                (self.place[half:], *part[2:], shape[0]),
-            )
-        )
-        return _pixels(down, shape[0]), _pixels(across, shape[1])
+    The mean of a picture is grey (G. Buchsbaum, J. Franklin Institute 310, 1980); pixels beyond white do not count.
+    """
+    if balance.grey is not None:
+        return _mean(linear[_window(balance.grey, linear.shape, part)])
+    if (colour := balance.light_colour()) is not None:
+        return colour
+    shown = (linear <= 1).all(axis=-1)
+    return _mean(linear[shown] if shown.any() else linear)
 
 
-@dataclass(frozen=True)
-class GreyWorld:
-    """The picture's mean is grey (G. Buchsbaum, J. Franklin Institute 310, 1980); pixels beyond white do not count."""
-
-    def light(self, linear: Pixels, part: Part) -> Colour:
-        """Return the mean linear sRGB colour."""
-        shown = (linear <= 1).all(axis=-1)
-        return _mean(linear[shown] if shown.any() else linear)
-
-
-@dataclass(frozen=True)
-class Gains:
-    """Factors on red, green and blue."""
-
-    factors: tuple[float, float, float]
+def _window(place: tuple[float, ...], shape: tuple[int, ...], part: Part) -> tuple[slice, slice]:
+    """Rows and columns of the pixels, at least one, at a point or in a rectangle in fractions of the film."""
+    half = len(place) // 2
+    across, down = (
+        [(edge - start) / (end - start) * count for edge in edges]
+        for edges, start, end, count in ((place[:half], *part[:2], shape[1]), (place[half:], *part[2:], shape[0]))
+    )
+    return _pixels(down, shape[0]), _pixels(across, shape[1])
 
 
-WhiteBalance = KnownLight | Gains | Grey | GreyWorld
-
-
-def balance_matrix(balance: WhiteBalance, linear: Pixels, part: Part, by: Adaptation) -> Matrix:
+def balance_matrix(balance: WhiteBalance, linear: Pixels, part: Part) -> Matrix:
     """Return the 3 x 3 matrix for linear colours as columns; that of no change where there is no light to balance.
 
     Parameters
     ----------
     balance
-        What is to become grey, keeping its luminance, or the factors themselves.
+        What is to become grey, keeping its luminance, or the factors themselves; and whether red, green and blue are
+        scaled, which is the default, or the responses of the Bradford transform. A light without red, green or blue
+        can only be balanced by these.
     linear
         The picture, (height, width, 3).
     part
         Which part of the film it is.
-    by
-        Whether red, green and blue are scaled, or the responses of the Bradford transform. A light without red, green
-        or blue can only be balanced by these.
     """
-    if isinstance(balance, Gains):
-        return np.diag(np.array(balance.factors, np.float64))
-    light = balance.light(linear, part)
+    if balance.gains is not None:
+        return np.diag(np.array(balance.gains, np.float64))
+    light = _light_of(balance, linear, part)
     xyz = XYZ_FROM_RGB @ light
     if xyz[1] <= 0 or (BRADFORD @ xyz <= _LEAST * xyz[1]).any():
         warnings.warn(
             "white balance: what should be grey is black or of no colour that light has; left as it is", stacklevel=2
         )
         return np.eye(3)
-    if by == "channels" and (light > _LEAST * xyz[1]).all():
+    if balance.adaptation != "bradford" and (light > _LEAST * xyz[1]).all():
         return np.diag(xyz[1] / light)
     adapted: Matrix = RGB_FROM_XYZ @ adaptation(xyz / xyz[1], xyz_of(SRGB_WHITE)) @ XYZ_FROM_RGB
     return adapted
@@ -309,107 +275,74 @@ BAND_PIXELS = 1 << 18  # developed at a time
 _LARGEST = np.float32(1e30)  # leaves room for products; far beyond the white of any curve
 
 
-@dataclass(frozen=True)
-class Development:
-    """How a film becomes a picture: white balance, exposure, tone curve, gamut, encoding, in this order.
-
-    Attributes
-    ----------
-    ev : float
-        Exposure compensation [stops]; +1 doubles the values.
-    white_balance : KnownLight, Gains, Grey or GreyWorld, optional
-        What is made grey; by default colours stay.
-    adaptation : str
-        What the white balance scales: the channels, or the responses of the Bradford transform.
-    tone : str
-        The tone curve. `linear` is the only one that is not encoded as sRGB.
-    tone_white : float
-        Luminance that `reinhard` shows as white.
-    gamut : str
-        What becomes of colours that the display cannot show: each channel is clipped, or the colour is moved towards
-        the grey of its luminance.
-    bits : int, optional
-        Bits per channel in PNG and TIFF files; by default 8 in PNG and 16 in TIFF.
-    jpeg_quality : int
-        1 to 100.
-    """
-
-    ev: float = 0.0
-    white_balance: WhiteBalance | None = None
-    adaptation: Adaptation = "channels"
-    tone: Tone = "srgb"
-    tone_white: float = 4.0
-    gamut: Gamut = "clip"
-    bits: Literal[8, 16] | None = None
-    jpeg_quality: int = 95
+PLAIN = PictureSettings()
 
 
-PLAIN = Development()
-
-
-def developed_values(pixels: NDArray[np.floating], development: Development = PLAIN, part: Part = WHOLE) -> Pixels:
+def developed_values(pixels: NDArray[np.floating], picture: PictureSettings = PLAIN, part: Part = WHOLE) -> Pixels:
     """Return the display-encoded picture, (height, width, 3) in 0..1.
 
     Parameters
     ----------
     pixels
         (height, width, 3), linear; 1 is white with `srgb` and `linear` at ``ev`` 0. Not-a-number becomes 0.
-    development
+    picture
         How to develop; by default as sRGB, clipped.
     part
         Which part of the film the pixels are: x0, x1, y0, y1 in fractions from its left and top.
     """
-    bands = [band for _, band in _bands(np.asarray(pixels), development, part)]
+    bands = [band for _, band in _bands(np.asarray(pixels), picture, part)]
     return np.concatenate(bands) if len(bands) > 1 else bands[0]
 
 
 def developed_codes(
-    pixels: NDArray[np.floating], development: Development, part: Part, bits: int
+    pixels: NDArray[np.floating], picture: PictureSettings, part: Part, bits: int
 ) -> NDArray[np.uint8] | NDArray[np.uint16]:
     """Return the developed picture in codes of 8 or 16 bits; in memory there is never more of it than some rows."""
     codes = np.empty(pixels.shape, np.uint8 if bits == 8 else np.uint16)
-    for rows, band in _bands(pixels, development, part):
-        codes[rows] = quantised(band, bits)
+    for rows, band in _bands(pixels, picture, part):
+        codes[rows] = quantise(band, bits)
     return codes
 
 
-def _bands(pixels: NDArray[np.floating], development: Development, part: Part) -> Iterator[tuple[slice, Pixels]]:
+def _bands(pixels: NDArray[np.floating], picture: PictureSettings, part: Part) -> Iterator[tuple[slice, Pixels]]:
     """Yield runs of rows, developed; the white balance is that of the whole."""
-    matrix = None
-    if development.white_balance is not None:
-        whole = _exposed(np.asarray(pixels, np.float32), development.ev)
-        matrix = balance_matrix(development.white_balance, whole, part, development.adaptation).T.astype(np.float32)
+    matrix, gamut = None, picture.gamut
+    if picture.white_balance is not None:
+        whole = _expose(np.asarray(pixels, np.float32), picture.ev)
+        matrix = balance_matrix(picture.white_balance, whole, part).T.astype(np.float32)
         del whole
     step = max(1, BAND_PIXELS // max(1, pixels.shape[1]))
     for start in range(0, len(pixels), step):
         rows = slice(start, start + step)
-        exposed = _exposed(np.asarray(pixels[rows], np.float32), development.ev)
-        toned = _toned(
-            _without_negatives(exposed if matrix is None else exposed @ matrix, development.gamut), development
-        )
-        shown = _below_one(_without_negatives(toned, development.gamut), development.gamut)
-        yield rows, shown if development.tone == "linear" else srgb_from_linear(shown)
+        exposed = _expose(np.asarray(pixels[rows], np.float32), picture.ev)
+        balanced = exposed if matrix is None else exposed @ matrix
+        toned = _apply_curve(_without_negatives(balanced, gamut), picture.tone)
+        shown = _below_one(_without_negatives(toned, gamut), gamut)
+        yield rows, shown if picture.tone.kind == "linear" else srgb_from_linear(shown)
 
 
-def quantised(encoded: Pixels, bits: int) -> NDArray[np.uint8] | NDArray[np.uint16]:
+def quantise(encoded: Pixels, bits: int) -> NDArray[np.uint8] | NDArray[np.uint16]:
     """Return the nearest codes of 8 or 16 bits of values in 0..1."""
     nearest = encoded * np.float32(2**bits - 1) + np.float32(0.5)
     return nearest.astype(np.uint8) if bits == 8 else nearest.astype(np.uint16)
 
 
-def _exposed(pixels: Pixels, ev: float) -> Pixels:
+def _expose(pixels: Pixels, ev: float) -> Pixels:
     with np.errstate(over="ignore"):  # beyond float32 is white all the same
         scaled = np.nan_to_num(pixels, nan=0.0) * np.float32(2.0**ev)
     clipped: Pixels = np.clip(scaled, -_LARGEST, _LARGEST)
     return clipped
 
 
-def _toned(linear: Pixels, development: Development) -> Pixels:
-    if development.tone == "reinhard":
-        return reinhard(linear, development.tone_white)
-    if development.tone == "aces":
-        return aces(linear)
-    return agx(linear) if development.tone == "agx" else linear
+def _apply_curve(linear: Pixels, tone: ToneCurve) -> Pixels:
+    match tone.kind:
+        case "reinhard":
+            return reinhard(linear, tone.shown_white)
+        case "aces":
+            return aces(linear)
+        case "agx":
+            return agx(linear)
+    return linear
 
 
 def _without_negatives(linear: Pixels, gamut: Gamut) -> Pixels:

@@ -22,23 +22,12 @@ from rptcam_cl.core.colour import SRGB_PRIMARIES, SRGB_WHITE, luminance
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.core.files import check_writable, free_host_bytes, replacing, utf8_name
-from rptcam_cl.imaging.development import (
-    GUIDES,
-    PLAIN,
-    Development,
-    Gains,
-    Grey,
-    GreyWorld,
-    KnownLight,
-    denoised,
-    developed_values,
-    quantised,
-)
+from rptcam_cl.imaging.development import GUIDES, PLAIN, denoise, developed_values, quantise
 from rptcam_cl.imaging.formats import ALL_METADATA, RawImage, from_exr_attributes
-from rptcam_cl.imaging.sensor import SensorModel, exposed
+from rptcam_cl.imaging.sensor import SensorModel, expose
 from rptcam_cl.imaging.truth_files import coco, save_truth
 from rptcam_cl.imaging.writers import PNG_BITS, Layer, check_layers, film_part, is_developed, png_to, write
-from rptcam_cl.scene.film import Adaptation, PictureSettings, WhiteBalance
+from rptcam_cl.scene.film import PictureSettings
 from rptcam_cl.scene.load import load_picture
 
 # A rendered film with its metadata, statistics and layers, and the pictures that are developed from it.
@@ -64,7 +53,7 @@ class Image:
     """Where the picture comes from (scene hash, seed, spp, lens, device, version, ...); kept in the files."""
     stats: dict[str, Any] = field(default_factory=dict)
     """What the render took and met (samples, seconds, rays that the lens blocked, ...)."""
-    development: Development = PLAIN
+    development: PictureSettings = PLAIN
     """How the film is developed where it is shown or saved as a picture."""
     layers: Mapping[str, Layer] = field(default_factory=dict)
     """Auxiliary layers by name, (height, width) or (height, width, channels)."""
@@ -116,8 +105,8 @@ class Image:
 
     @cached_property
     def _raw(self) -> RawImage:
-        frame = exposed(self.pixels, SensorModel.from_description(self.metadata[SENSOR]))
-        return RawImage(frame.numbers, frame.sensor, self.metadata)
+        sensor = SensorModel.from_description(self.metadata[SENSOR])
+        return RawImage(expose(self.pixels, sensor), sensor, self.metadata)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Save by suffix.
@@ -153,7 +142,7 @@ class Image:
         """
         if missing := [name for name in GUIDES if name not in self.layers]:
             raise InputError(f"denoising needs the layers {' and '.join(GUIDES)} (missing: {', '.join(missing)})")
-        pixels, how = denoised(self.pixels, self["albedo"], self["normal"])
+        pixels, how = denoise(self.pixels, self["albedo"], self["normal"])
         stated = {"denoised": how}
         return replace(self, pixels=pixels, metadata=self.metadata | stated, stats=self.stats | stated)
 
@@ -366,11 +355,11 @@ def desqueezed(image: Image, factor: float) -> Image:
         raise InputError("desqueeze: the film was desqueezed before (allowed: once)")
     width = max(round(image.width * factor), 1)
     metadata = {key: value for key, value in image.metadata.items() if key not in OF_PIXELS}
-    pixels = _resampled(image.seen, width)  # a sensor counts the pixels that are squeezed
+    pixels = _resample(image.seen, width)  # a sensor counts the pixels that are squeezed
     return replace(image, pixels=pixels, metadata=metadata | {"desqueezed": width / image.width}, layers={})
 
 
-def _resampled(pixels: NDArray[np.float32], width: int) -> NDArray[np.float32]:
+def _resample(pixels: NDArray[np.float32], width: int) -> NDArray[np.float32]:
     """Return rows of as many columns or more, each the mean of the one or two that it covers."""
     columns = pixels.shape[1]
     # Whole numbers, in parts of 1 / width of a column: each new one has `columns` of them, from `starts` on.
@@ -422,33 +411,14 @@ def with_picture_settings(image: Image, picture: PictureSettings) -> Image:
     return replace(image, metadata=metadata, development=development_of(picture, metadata))
 
 
-def development_of(picture: PictureSettings, metadata: Mapping[str, Any]) -> Development:
-    """Return the numbers of picture settings, for a film with such metadata."""
-    wanted = picture.white_balance
+def development_of(picture: PictureSettings, metadata: Mapping[str, Any]) -> PictureSettings:
+    """Picture settings with the adaptation of the white balance that suits a film with such metadata."""
+    balance = picture.white_balance
     # Light of RGB has multiplied reflectances channel by channel, and dividing so undoes it exactly; light of spectra
     # has not.
-    suited: Adaptation = "bradford" if metadata.get("spectrum") == "spectral" else "channels"
-    return Development(
-        ev=picture.ev,
-        white_balance=None if wanted is None else _white_balance(wanted),
-        adaptation=suited if wanted is None or wanted.adaptation is None else wanted.adaptation,
-        tone=picture.tone.kind,
-        tone_white=picture.tone.shown_white,
-        gamut=picture.gamut,
-        bits=picture.bits,
-        jpeg_quality=picture.jpeg_quality,
-    )
-
-
-def _white_balance(wanted: WhiteBalance) -> KnownLight | Gains | Grey | GreyWorld:
-    if wanted.gains is not None:
-        return Gains(wanted.gains)
-    if wanted.grey is not None:
-        return Grey(wanted.grey)
-    if (colour := wanted.light_colour()) is None:
-        return GreyWorld()
-    red, green, blue = (float(channel) for channel in colour)
-    return KnownLight((red, green, blue))
+    if balance is None or balance.adaptation is not None or metadata.get("spectrum") != "spectral":
+        return picture
+    return picture.model_copy(update={"white_balance": balance.model_copy(update={"adaptation": "bradford"})})
 
 
 # Videos of developed pictures, by PyAV (the extra ``video``).
@@ -512,7 +482,7 @@ def write_video(path: str | os.PathLike[str], images: Iterable[Image], frames_pe
             with av.open(str(temporary), "w", format=container, options=_EXACT) as file:
                 stream: Any = None
                 for image in images:
-                    codes = quantised(image.developed(), 16).astype(np.uint16)
+                    codes = quantise(image.developed(), 16).astype(np.uint16)
                     codes = np.ascontiguousarray(codes[: len(codes) // 2 * 2, : codes.shape[1] // 2 * 2])
                     if codes.size == 0:
                         got = f"got {image.width} x {image.height}; allowed: at least 2 x 2"
@@ -521,7 +491,7 @@ def write_video(path: str | os.PathLike[str], images: Iterable[Image], frames_pe
                         rate = Fraction(frames_per_second).limit_denominator(_CLOCK)
                         stream = file.add_stream(codec, rate=rate, options=options)
                         stream.width, stream.height, stream.pix_fmt = codes.shape[1], codes.shape[0], kind
-                        curve = _NO_CURVE if image.development.tone == "linear" else _SRGB_CURVE
+                        curve = _NO_CURVE if image.development.tone.kind == "linear" else _SRGB_CURVE
                         _say_colours(stream.codec_context, curve, is_rgb=kind.startswith("gbr"))
                     if codes.shape[:2] != (stream.height, stream.width):
                         raise InputError(f"{path}: pictures of a video have one size")

@@ -49,7 +49,7 @@ def places(pattern: str) -> Iterator[tuple[int, tuple[slice, slice]]]:
 
 
 def mosaic(values: NDArray[Any], pattern: str) -> NDArray[Any]:
-    """Return what the pixels behind a mosaic see (height, width) of values (height, width, 3)."""
+    """The values (height, width) that the pixels behind a mosaic see of values (height, width, 3)."""
     seen = np.empty(values.shape[:2], values.dtype)
     for channel, index in places(pattern):
         seen[index] = values[(*index, channel)]
@@ -76,7 +76,7 @@ _NEAREST_DIAGONAL = np.array([[1, 0, 1], [0, 0, 0], [1, 0, 1]]) / 4
 KERNELS = {"malvar": (_GREEN, _ALONG_ROW, _ACROSS), "bilinear": (_NEAREST_GREEN, _NEAREST_IN_ROW, _NEAREST_DIAGONAL)}
 
 
-def _filtered(values: Array, kernel: Array) -> Array:
+def _convolve(values: Array, kernel: Array) -> Array:
     """Return the sum of the pixels round each, weighted; values go on mirrored, which keeps the mosaic in step."""
     reach = kernel.shape[0] // 2
     height, width = values.shape
@@ -88,7 +88,7 @@ def _filtered(values: Array, kernel: Array) -> Array:
     return total
 
 
-def demosaiced(values: NDArray[np.floating], pattern: str, method: str = "malvar") -> Array:
+def interpolate_colours(values: NDArray[np.floating], pattern: str, method: str = "malvar") -> Array:
     """Return all three colours of every pixel (height, width, 3).
 
     Parameters
@@ -102,12 +102,12 @@ def demosaiced(values: NDArray[np.floating], pattern: str, method: str = "malvar
     """
     seen = np.asarray(values, np.float64)
     green, along, across = KERNELS[method]
-    filtered = {"green": _filtered(seen, green), "row": _filtered(seen, along)}
-    filtered |= {"column": _filtered(seen, along.T), "across": _filtered(seen, across)}
+    filtered = {"green": _convolve(seen, green), "row": _convolve(seen, along)}
+    filtered |= {"column": _convolve(seen, along.T), "across": _convolve(seen, across)}
     colours = np.empty((*seen.shape, 3))
-    found = list(places(pattern))
-    for place, (channel, index) in enumerate(found):
-        beside = found[place ^ 1][0]  # the other colour of the row
+    sites = list(places(pattern))
+    for place, (channel, index) in enumerate(sites):
+        beside = sites[place ^ 1][0]  # the other colour of the row
         for wanted in range(3):
             if wanted == channel:
                 source = seen
@@ -244,7 +244,7 @@ class SensorModel:
 
 
 def electrons_of_white(electrons: NDArray[np.float64], bayer: str) -> NDArray[np.float64]:
-    """Return what white gives a pixel: (3,) by the channels of the sensor, (1,) of a monochrome one, which sees all.
+    """The electrons of a pixel for white: (3,) by the channels of a sensor, (1,) of a monochrome one, which sees all.
 
     Parameters
     ----------
@@ -296,23 +296,10 @@ MOST_ELECTRONS = 1e15  # of a pixel; beyond any well, and within what random num
 _PHOTONS, _READING, _SENSITIVITY, _OFFSET = range(4)
 
 
-@dataclass(frozen=True, eq=False)
-class RawFrame:
-    """What a sensor puts out.
+def expose(film: NDArray[np.floating], sensor: SensorModel) -> NDArray[np.uint16]:
+    """The raw numbers [DN] of a linear film, (height, width) or (height, width, 3).
 
-    Attributes
-    ----------
-    numbers : uint16 array, (height, width) or (height, width, 3)
-        The raw numbers [DN].
-    sensor : SensorModel
-    """
-
-    numbers: NDArray[np.uint16]
-    sensor: SensorModel
-
-
-def exposed(film: NDArray[np.floating], sensor: SensorModel) -> RawFrame:
-    """Return the raw frame of a linear film; the same seeds give the same numbers with one version of NumPy.
+    The same seeds give the same numbers with one version of NumPy.
 
     Parameters
     ----------
@@ -333,7 +320,7 @@ def exposed(film: NDArray[np.floating], sensor: SensorModel) -> RawFrame:
     if sensor.read_noise_e:
         charge += sensor.read_noise_e * _generator(_READING, sensor.seed).standard_normal(charge.shape)
     level = np.floor(sensor.black_level_dn + sensor.system_gain_dn_per_e * charge + 0.5)
-    return RawFrame(np.clip(level, 0, sensor.top_dn).astype(np.uint16), sensor)
+    return np.clip(level, 0, sensor.top_dn).astype(np.uint16)
 
 
 def mean_electrons(film: NDArray[np.floating], sensor: SensorModel) -> Array:
@@ -366,23 +353,22 @@ def _pattern(stream: int, shape: tuple[int, ...], sensor: SensorModel) -> Array:
     return rows if depth == 3 else rows[..., 0]
 
 
-def linear_picture(frame: RawFrame) -> NDArray[np.float32]:
-    """Return the linear picture (height, width, 3) of a raw frame, in the scale of the film and in linear sRGB.
+def linear_picture(numbers: NDArray[np.uint16], sensor: SensorModel) -> NDArray[np.float32]:
+    """The linear picture (height, width, 3) of raw numbers, in the scale of the film and in linear sRGB.
 
     Highlights stay neutral: all channels end where, after white balance, the first of them saturates.
     """
-    sensor = frame.sensor
     scale = 1.0 / (sensor.system_gain_dn_per_e * sensor.white_electrons)
     if is_mosaic(sensor.bayer):
-        shape = (*frame.numbers.shape, 3)
+        shape = (*numbers.shape, 3)
         per_pixel = mosaic(np.broadcast_to(scale, shape), sensor.pattern)
     else:
         per_pixel = scale if sensor.bayer == "none" else scale[0]
     ceiling = (sensor.white_level_dn - sensor.dark_level_dn) * scale.min()
-    balanced = np.minimum((frame.numbers - sensor.dark_level_dn) * per_pixel, ceiling)
+    balanced = np.minimum((numbers - sensor.dark_level_dn) * per_pixel, ceiling)
     if sensor.bayer == "monochrome":
         return np.repeat(balanced[..., None], 3, axis=2).astype(np.float32)
-    colours = demosaiced(balanced, sensor.pattern, sensor.demosaic) if is_mosaic(sensor.bayer) else balanced
+    colours = interpolate_colours(balanced, sensor.pattern, sensor.demosaic) if is_mosaic(sensor.bayer) else balanced
     return np.asarray(colours @ rgb_from_balanced(sensor).T, np.float32)
 
 

@@ -41,21 +41,21 @@ def murmur3_32(data: bytes, seed: int = 0) -> int:
     """Return MurmurHash3_x86_32 of some bytes (Appleby's public-domain definition)."""
     state, whole = seed, len(data) & ~3
     for start in range(0, whole, 4):
-        state ^= _scrambled(int.from_bytes(data[start : start + 4], "little"))
-        state = (_rotated(state, 13) * 5 + 0xE6546B64) & WORD
+        state ^= _scramble(int.from_bytes(data[start : start + 4], "little"))
+        state = (_rotate(state, 13) * 5 + 0xE6546B64) & WORD
     if tail := data[whole:]:
-        state ^= _scrambled(int.from_bytes(tail, "little"))
+        state ^= _scramble(int.from_bytes(tail, "little"))
     state ^= len(data)
     state = ((state ^ state >> 16) * 0x85EBCA6B) & WORD
     state = ((state ^ state >> 13) * 0xC2B2AE35) & WORD
     return state ^ state >> 16
 
 
-def _scrambled(word: int) -> int:
-    return (_rotated((word * 0xCC9E2D51) & WORD, 15) * 0x1B873593) & WORD
+def _scramble(word: int) -> int:
+    return (_rotate((word * 0xCC9E2D51) & WORD, 15) * 0x1B873593) & WORD
 
 
-def _rotated(word: int, places: int) -> int:
+def _rotate(word: int, places: int) -> int:
     return (word << places | word >> (32 - places)) & WORD
 
 
@@ -95,26 +95,26 @@ def ranked(owners: NDArray[np.float64], names: Sequence[str]) -> NDArray[np.floa
     order = np.lexsort((index, -cover), axis=1)[:, :RANKS]
     cover, index = np.take_along_axis(cover, order, axis=1), np.take_along_axis(index, order, axis=1)
     hashes = np.array([identifier(name) for name in names] or [np.float32(0)], np.float32)
-    found = np.zeros((len(pairs), 2 * RANKS), np.float32)
-    found[:, 0 : 2 * cover.shape[1] : 2] = np.where(cover > 0, hashes[index], np.float32(0.0))
-    found[:, 1 : 2 * cover.shape[1] : 2] = cover
-    return found.reshape(height, width, 2 * RANKS)
+    ranks = np.zeros((len(pairs), 2 * RANKS), np.float32)
+    ranks[:, 0 : 2 * cover.shape[1] : 2] = np.where(cover > 0, hashes[index], np.float32(0.0))
+    ranks[:, 1 : 2 * cover.shape[1] : 2] = cover
+    return ranks.reshape(height, width, 2 * RANKS)
 
 
 def header_of(layers: Mapping[str, Any], metadata: Mapping[str, Any]) -> dict[str, str]:
     """Return the attributes of an EXR header that describe the Cryptomatte layers among these; none without any."""
-    found: dict[str, str] = {}
+    header: dict[str, str] = {}
     for layer, key in NAMES.items():
         if layer in layers:
             prefix = f"cryptomatte/{name_hash(layer):08x}"[: len("cryptomatte/") + KEY_DIGITS]
             manifest = {name: f"{name_hash(name):08x}" for name in metadata.get(key, ())}
-            found |= {
+            header |= {
                 f"{prefix}/name": layer,
                 f"{prefix}/hash": "MurmurHash3_32",
                 f"{prefix}/conversion": "uint32_to_float32",
                 f"{prefix}/manifest": json.dumps(manifest, separators=(",", ":"), ensure_ascii=True),
             }
-    return found
+    return header
 
 
 NEEDS = ("sharp_object_id", "sharp_class_id")

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from rptcam_cl.core.colour import SRGB_PRIMARIES, SRGB_WHITE
 from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.core.files import check_writable, replacing
-from rptcam_cl.imaging.development import WHOLE, Development, Part, developed_codes
+from rptcam_cl.imaging.development import WHOLE, Part, developed_codes
 from rptcam_cl.imaging.formats import (
     ALL_METADATA,
     exif_bytes,
@@ -32,6 +32,7 @@ from rptcam_cl.imaging.formats import (
 )
 from rptcam_cl.imaging.truth_files import header_of, rank_channels
 from rptcam_cl.scene.assets.pictures import write_exr
+from rptcam_cl.scene.film import PictureSettings
 
 # Auxiliary layers of a picture: what each is called in files, and the check of their arrays.
 
@@ -212,28 +213,28 @@ def film_part(metadata: Metadata, pixels: Pixels) -> Part:
     return (x / columns, (x + width) / columns, y / rows, (y + height) / rows)
 
 
-def png_to(stream: BinaryIO, pixels: Pixels, metadata: Metadata, development: Development, bits: int) -> None:
+def png_to(stream: BinaryIO, pixels: Pixels, metadata: Metadata, picture: PictureSettings, bits: int) -> None:
     """Write the developed picture; each piece of metadata becomes a text chunk, some also EXIF data."""
-    codes = _marked_codes(pixels, metadata, development, bits)
-    texts = {key: _text(value) for key, value in {**metadata, "ev": development.ev}.items()}
-    encoded = development.tone != "linear"
+    codes = _codes_with_marks(pixels, metadata, picture, bits)
+    texts = {key: _text(value) for key, value in {**metadata, "ev": picture.ev}.items()}
+    encoded = picture.tone.kind != "linear"
     write_png_to(stream, codes, texts, exif_bytes(metadata, encoded=encoded), encoded=encoded)
 
 
-def _marked_codes(pixels: Pixels, metadata: Metadata, development: Development, bits: int) -> NDArray[Any]:
+def _codes_with_marks(pixels: Pixels, metadata: Metadata, picture: PictureSettings, bits: int) -> NDArray[Any]:
     """Return the developed picture, with the zones that are to be drawn."""
     part = film_part(metadata, pixels)
-    codes = developed_codes(pixels, development, part, bits)
+    codes = developed_codes(pixels, picture, part, bits)
     zones = _rectangles(metadata.get(MARKED))
     return with_rectangles(codes, zones, part) if zones else codes
 
 
-def _write_png(path: Path, pixels: Pixels, metadata: Metadata, development: Development, layers: Layers) -> None:
+def _write_png(path: Path, pixels: Pixels, metadata: Metadata, picture: PictureSettings, layers: Layers) -> None:
     with path.open("xb") as stream:
-        png_to(stream, pixels, metadata, development, development.bits or PNG_BITS)
+        png_to(stream, pixels, metadata, picture, picture.bits or PNG_BITS)
 
 
-def _write_jpeg(path: Path, pixels: Pixels, metadata: Metadata, development: Development, layers: Layers) -> None:
+def _write_jpeg(path: Path, pixels: Pixels, metadata: Metadata, picture: PictureSettings, layers: Layers) -> None:
     """Write the developed picture with its EXIF data, and all metadata as JSON in comments of the file."""
     import PIL.Image
 
@@ -241,15 +242,15 @@ def _write_jpeg(path: Path, pixels: Pixels, metadata: Metadata, development: Dev
         height, width = pixels.shape[:2]
         raise StateError(f"the picture is {width} x {height}, and JPEG files have at most {JPEG_SIDE} a side; use .png")
 
-    encoded = development.tone != "linear"
-    picture = PIL.Image.fromarray(_marked_codes(pixels, metadata, development, JPEG_BITS))
-    quality = development.jpeg_quality
+    encoded = picture.tone.kind != "linear"
+    encoder = PIL.Image.fromarray(_codes_with_marks(pixels, metadata, picture, JPEG_BITS))
+    quality = picture.jpeg_quality
     options = {
         "quality": quality, "subsampling": 0 if quality >= JPEG_FULL_COLOUR else 2,
-        "icc_profile": profile(encoded=encoded), "extra": _jpeg_comments({**metadata, "ev": development.ev}),
+        "icc_profile": profile(encoded=encoded), "extra": _jpeg_comments({**metadata, "ev": picture.ev}),
     }  # fmt: skip
     with path.open("xb") as stream:
-        picture.save(stream, "JPEG", exif=b"Exif\0\0" + exif_bytes(metadata, encoded=encoded), **options)
+        encoder.save(stream, "JPEG", exif=b"Exif\0\0" + exif_bytes(metadata, encoded=encoded), **options)
 
 
 def _jpeg_comments(metadata: Metadata) -> bytes:
@@ -259,10 +260,10 @@ def _jpeg_comments(metadata: Metadata) -> bytes:
     return b"".join(b"\xff\xfe" + (len(part) + 2).to_bytes(2, "big") + part for part in parts)
 
 
-def _write_tiff(path: Path, pixels: Pixels, metadata: Metadata, development: Development, layers: Layers) -> None:
-    codes = developed_codes(pixels, development, film_part(metadata, pixels), development.bits or TIFF_BITS)
+def _write_tiff(path: Path, pixels: Pixels, metadata: Metadata, picture: PictureSettings, layers: Layers) -> None:
+    codes = developed_codes(pixels, picture, film_part(metadata, pixels), picture.bits or TIFF_BITS)
     with path.open("xb") as stream:
-        write_tiff_to(stream, codes, {**metadata, "ev": development.ev}, encoded=development.tone != "linear")
+        write_tiff_to(stream, codes, {**metadata, "ev": picture.ev}, encoded=picture.tone.kind != "linear")
 
 
 def _windows(metadata: Metadata, pixels: Pixels) -> dict[str, tuple[NDArray[np.int32], NDArray[np.int32]]]:
@@ -297,15 +298,15 @@ def _exr_timecode(metadata: Metadata) -> dict[str, Any]:
     rate, numbers = metadata.get("frames_per_second"), str(metadata.get("timecode", "")).split(":")
     if not isinstance(rate, int | float) or isinstance(rate, bool) or len(numbers) != 4:
         return {}
-    found: dict[str, Any] = {"framesPerSecond": Fraction(rate).limit_denominator(1001)}
+    attributes: dict[str, Any] = {"framesPerSecond": Fraction(rate).limit_denominator(1001)}
     if all(number.isdecimal() for number in numbers):
         hours, minutes, seconds, frame = map(int, numbers)
         if hours < 24 and minutes < 60 and seconds < 60 and frame < 30:
-            found["timeCode"] = OpenEXR.TimeCode(hours, minutes, seconds, frame, *[0] * _TIMECODE_FLAGS)
-    return found
+            attributes["timeCode"] = OpenEXR.TimeCode(hours, minutes, seconds, frame, *[0] * _TIMECODE_FLAGS)
+    return attributes
 
 
-def _write_exr(path: Path, pixels: Pixels, metadata: Metadata, development: Development, layers: Layers) -> None:
+def _write_exr(path: Path, pixels: Pixels, metadata: Metadata, picture: PictureSettings, layers: Layers) -> None:
     """Write film and layers in float32 with each piece of metadata as an attribute, some also by standard names.
 
     How the picture is developed is left to the viewer.
@@ -328,19 +329,19 @@ def _write_exr(path: Path, pixels: Pixels, metadata: Metadata, development: Deve
     write_exr({"RGB": pixels, **dict(exr_channels(layers))}, path, header)
 
 
-def _write_npy(path: Path, pixels: Pixels, metadata: Metadata, development: Development, layers: Layers) -> None:
+def _write_npy(path: Path, pixels: Pixels, metadata: Metadata, picture: PictureSettings, layers: Layers) -> None:
     """Write the linear film alone."""
     write_npy(path, pixels)
 
 
-def _write_npz(path: Path, pixels: Pixels, metadata: Metadata, development: Development, layers: Layers) -> None:
+def _write_npz(path: Path, pixels: Pixels, metadata: Metadata, picture: PictureSettings, layers: Layers) -> None:
     """Write the linear film, its layers and the metadata as JSON text, each an array by its name."""
     with path.open("xb") as stream:
         arrays: dict[str, Any] = {"rgb": pixels, "metadata": np.array(_text(dict(metadata))), **layers}
         np.savez_compressed(stream, **arrays)
 
 
-_WRITERS: dict[str, Callable[[Path, Pixels, Metadata, Development, Layers], None]] = {
+_WRITERS: dict[str, Callable[[Path, Pixels, Metadata, PictureSettings, Layers], None]] = {
     ".png": _write_png,
     ".jpg": _write_jpeg,
     ".jpeg": _write_jpeg,
@@ -383,7 +384,7 @@ def write(
     path: str | os.PathLike[str],
     pixels: Pixels,
     metadata: Metadata,
-    development: Development,
+    picture: PictureSettings,
     layers: Layers = MappingProxyType({}),
 ) -> None:
     """Write a picture in the format of its suffix, whole or not at all.
@@ -396,7 +397,7 @@ def write(
         (height, width, 3), linear, top row first.
     metadata
         What the file should know of its origin.
-    development
+    picture
         How the formats in `DEVELOPED_SUFFIXES` are developed.
     layers
         Arrays by name, for the formats in `LAYER_SUFFIXES`.
@@ -404,4 +405,4 @@ def write(
     writer = _WRITERS[known_suffix(path, _WRITERS, "format")]
     check_writable(path)
     with replacing(path) as temporary:
-        writer(temporary, pixels, metadata, development, layers)
+        writer(temporary, pixels, metadata, picture, layers)

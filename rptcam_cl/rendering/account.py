@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -18,7 +17,7 @@ from rptcam_cl.device.session import Session
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.pupils import UNMOVED, FilmFrame, FilmProbe
 from rptcam_cl.optics.ray_trace import Rays
-from rptcam_cl.rendering.cameras.ideal import stop_shape, thick_lens_of
+from rptcam_cl.rendering.cameras.ideal import shaped, thick_lens_of
 from rptcam_cl.rendering.cameras.model import camera_geometry
 from rptcam_cl.rendering.cameras.setting import LensSetting, film_frame, half_film_mm, lens_setting, pupil_in_world
 from rptcam_cl.rendering.film import BLOCK, TILE_PIXELS, FilmLayout
@@ -28,7 +27,6 @@ from rptcam_cl.rendering.plan.plan import Plan
 from rptcam_cl.rendering.progressive import FilmRun, Rendering
 from rptcam_cl.rendering.scene_buffers import MemoryNeeds
 from rptcam_cl.rendering.several import WHOLE, AnyWavefront, FilmPart, SharedWavefront, is_shared
-from rptcam_cl.scene.camera import RealisticCamera
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.scene.shapes import Board
 
@@ -52,22 +50,19 @@ centre; None also for a lens that has no focal length.
 
 def lens_margin(scene: Scene, session: Session) -> LensMargin | None:
     """Measure what its precision costs in the lens of a scene's camera; None for cameras that trace no lens."""
-    camera = scene.camera
-    if not isinstance(camera, RealisticCamera) or camera.rays == "fitted":
+    camera = scene.camera.traced_camera
+    if camera is None or camera.rays == "fitted":
         return None
     # Few renders measure this, and the room takes long to import.
     from rptcam_cl.rendering.traceable_lens import trace_on_device
 
     setting = lens_setting(scene)
-    lens, wavelength_nm = setting.lens, camera.wavelength_nm
-    shape = stop_shape(scene, camera.aperture)
-    if shape is not None and lens.stop is not None:
-        lens = lens.with_stop_shape(shape)
+    lens, wavelength_nm = shaped(scene, setting).lens, camera.wavelength_nm
     frame = film_frame(camera)
     origins, directions = film_rays(lens, setting.film_distance_mm, half_film_mm(scene), wavelength_nm, frame=frame)
     exact = lens.trace(origins, directions, wavelength_nm)
     traced = trace_on_device(lens, session, origins, directions, wavelength_nm, "film", camera.precision)
-    return _compared(exact, traced, _pixels_per_radian(scene, setting), setting.focus_distance_mm)
+    return _compare(exact, traced, _pixels_per_radian(scene, setting), setting.focus_distance_mm)
 
 
 def film_rays(
@@ -107,7 +102,7 @@ def _pixels_per_radian(scene: Scene, setting: LensSetting) -> float | None:
     return scene.film.resolution[0] / (scene.film.size_m()[0] * 1e3) / abs(float(thick.slope[0]))
 
 
-def _compared(exact: Rays, traced: Rays, pixels_per_radian: float | None, focus_mm: float | None) -> LensMargin:
+def _compare(exact: Rays, traced: Rays, pixels_per_radian: float | None, focus_mm: float | None) -> LensMargin:
     both = exact.passed & traced.passed
     margin = {
         "rays": len(both),
@@ -143,7 +138,7 @@ def self_knowledge(
         "samples_dropped": wavefront.not_finite(),
         "rays_not_converged": wavefront.outcomes()["no_convergence"] if plan.camera.has_lens else 0,
         "truncation": truncation(plan.albedo, wavefront.settings.max_depth),
-        "noise": None if rendering.achieved is None else asdict(rendering.achieved),
+        "noise": rendering.achieved,
         _key_of_margin(plan): margin,
     }
 
@@ -153,20 +148,21 @@ def _key_of_margin(plan: Plan) -> str:
 
 
 def truncation(albedo: LargestAlbedo, max_depth: int) -> dict[str, Any]:
-    """Return how much light paths longer than ``max_depth`` edges could bring at most.
+    """How much light paths longer than ``max_depth`` edges could bring at most.
 
     Every scattering leaves at most the largest albedo rho of what arrives, so that light scattered D times and more is
     at most rho^D / (1 - rho) of the brightest lamp's radiance.
     """
-    rho = albedo.value
-    if rho is None or rho >= 1.0:
-        reason = albedo.reason or "a surface reflects all light"
-        return {"max_depth": max_depth, "largest_albedo": rho, "bound": None, "no_bound_because": reason}
-    return {"max_depth": max_depth, "largest_albedo": rho, "bound": rho**max_depth / (1.0 - rho)}
+    if isinstance(albedo, str):
+        return {"max_depth": max_depth, "largest_albedo": None, "bound": None, "no_bound_because": albedo}
+    known: dict[str, Any] = {"max_depth": max_depth, "largest_albedo": albedo}
+    if albedo >= 1.0:
+        return known | {"bound": None, "no_bound_because": "a surface reflects all light"}
+    return known | {"bound": albedo**max_depth / (1.0 - albedo)}
 
 
 def summary(knowledge: dict[str, Any]) -> dict[str, Any]:
-    """Return what the picture's metadata should say: what follows from scene and samples alone, not from waves."""
+    """Sum up for the picture's metadata what follows from scene and samples alone, not from waves."""
     name, margin = _margin(knowledge)
     return {
         "samples_dropped": knowledge["samples_dropped"],
@@ -183,22 +179,22 @@ def _margin(knowledge: dict[str, Any]) -> tuple[str, dict[str, Any] | None]:
 
 
 def anomalies(knowledge: dict[str, Any]) -> list[str]:
-    """Return what a strict render must not have met, each in a few words; nothing where all is well."""
-    found = []
+    """List the faults that a strict render must not have met, each in a few words; none where all is well."""
+    faults = []
     if dropped := knowledge["samples_dropped"]:
-        found.append(f"{dropped} samples were not finite and were dropped")
+        faults.append(f"{dropped} samples were not finite and were dropped")
     if lost := knowledge["rays_not_converged"]:
-        found.append(f"{lost} rays found no point on a surface of the lens")
+        faults.append(f"{lost} rays found no point on a surface of the lens")
     name, margin = _margin(knowledge)
     if margin is not None:
         if margin["other_fate"] > OTHER_FATES * margin["rays"]:
-            found.append(
+            faults.append(
                 f"{name} sends {margin['other_fate']} of {margin['rays']} rays through the lens elsewhere than the"
                 f" float64 reference (allowed: {OTHER_FATES:.0%})"
             )
         if (margin["pixels"] or 0.0) > LARGEST_ERROR_PX:
-            found.append(f"{name} errs by {margin['pixels']:.2g} px in the lens (allowed: {LARGEST_ERROR_PX:g} px)")
-    return found
+            faults.append(f"{name} errs by {margin['pixels']:.2g} px in the lens (allowed: {LARGEST_ERROR_PX:g} px)")
+    return faults
 
 
 # What the statistics repeat of the metadata, for programs that measure in pictures.
@@ -209,13 +205,13 @@ GEOMETRY = (
 
 
 def boards_of(scene: Scene) -> dict[str, Any]:
-    """Return what metadata say of the boards of a scene when the shutter opens; nothing without any."""
-    found = [
+    """Describe the boards of a scene when the shutter opens, for its metadata; nothing without any."""
+    boards = [
         item.described(index, scene.shutter.open_s, scene.metres_per_unit)
         for index, item in enumerate(scene.objects)
         if isinstance(item, Board)
     ]
-    return {"boards": found} if found else {}
+    return {"boards": boards} if boards else {}
 
 
 # Layers whose identifiers are read by the names of objects, and of materials.
@@ -233,7 +229,7 @@ def window(scene: Scene) -> list[int]:
 def statistics(
     plan: Plan, wavefront: AnyWavefront, rendering: Rendering, times: dict[str, float], margin: LensMargin | None
 ) -> dict[str, Any]:
-    """Return what programs that measure read: samples, times, rays, noise and what the picture has lost.
+    """Gather the statistics for programs that measure: samples, times, rays, noise and what the picture has lost.
 
     Parameters
     ----------
@@ -264,7 +260,7 @@ def statistics(
         first = wavefront.wavefronts[0] if isinstance(wavefront, SharedWavefront) else wavefront
         stats["caustics"] = {"choice": plan.caustics.choice, "radius_m": first.photon_radius}
     if rendering.noise is not None:
-        stats["noise"] = asdict(rendering.noise) | {
+        stats["noise"] = rendering.noise | {
             "spp_min": int(rendering.samples.min()),
             "spp_mean": float(rendering.samples.mean()),
         }
@@ -275,7 +271,7 @@ def statistics(
 
 
 def devices_of(wavefront: AnyWavefront, rendering: Rendering) -> list[dict[str, Any]]:
-    """Return what each device has done in this render: id, name, share, samples, seconds and speed."""
+    """Describe what each device has done in this render: id, name, share, samples, seconds and speed."""
     if isinstance(wavefront, SharedWavefront):
         return wavefront.devices()
     info, samples = wavefront.session.info, rendering.new_samples
@@ -284,15 +280,15 @@ def devices_of(wavefront: AnyWavefront, rendering: Rendering) -> list[dict[str, 
     return [{"id": info.id, "name": info.name, "share": 1.0, **done}]
 
 
-def described(
+def describe(
     scene: Scene, plan: Plan, spp: int, stats: Mapping[str, Any], found_before: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """Return what a picture's metadata say: of the scene, its camera, and the render that has such statistics.
+    """Describe a picture in its metadata: the scene, its camera, and the render that has such statistics.
 
     ``found_before`` is what was found before the render: focus, camera model and exposure.
     """
     layers, content_hash = scene.render.layers, scene.content_hash()
-    found = {
+    metadata = {
         "software": f"rptcam_cl {__version__}",
         "version": __version__,
         "made_by": stats["made_by"],
@@ -316,25 +312,25 @@ def described(
         **found_before,
         "numerics": summary(stats["numerics"]),
     }
-    if "entrance_pupil" in found:
-        found["entrance_pupil"] = pupil_in_world(scene, found["entrance_pupil"])
+    if "entrance_pupil" in metadata:
+        metadata["entrance_pupil"] = pupil_in_world(scene, metadata["entrance_pupil"])
     if "clamp" in stats:
-        found["clamp"] = clamp_text(**stats["clamp"])
-    return found
+        metadata["clamp"] = clamp_text(**stats["clamp"])
+    return metadata
 
 
 def of_makers(makers: Sequence[Maker]) -> dict[str, Any]:
-    """Return what metadata say of what made a picture: the first, and all where others have worked on it."""
+    """Name in metadata the programs that made a picture: the first, and all where others have worked on it."""
     return {"made_by": makers[0]} | ({"mixed": list(makers)} if len(makers) > 1 else {})
 
 
 def clamp_text(limit: float, removed_share: float) -> str:
-    """Return what metadata say of a limit of the samples."""
+    """Describe in metadata a limit of the samples."""
     return f"biased: samples above {limit:g} scaled down, {removed_share:.2%} of the light removed"
 
 
-def described_before(scene: Scene, plan: Plan, found_before: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the metadata of a picture that has no samples yet; `with_counts` fills in what follows from them."""
+def describe_before(scene: Scene, plan: Plan, found_before: Mapping[str, Any]) -> dict[str, Any]:
+    """The metadata of a picture that has no samples yet; `checkpoint.picture_of` fills in what follows from them."""
     knowledge = {
         "samples_dropped": 0,
         "rays_not_converged": 0,
@@ -344,7 +340,7 @@ def described_before(scene: Scene, plan: Plan, found_before: Mapping[str, Any]) 
     stats: dict[str, Any] = {"device": "", "made_by": None, "work": [], "numerics": knowledge}
     if scene.render.clamp is not None:
         stats["clamp"] = {"limit": scene.render.clamp, "removed_share": 0.0}
-    return described(scene, plan, 0, stats, found_before)
+    return describe(scene, plan, 0, stats, found_before)
 
 
 # What a render will take, before it is rendered: memory, kernel launches, and the time, by a measured piece of it.
@@ -386,7 +382,7 @@ class Forecast:
 def forecast(
     wavefront: AnyWavefront, first: int, end: int, part: FilmPart = WHOLE, measure_s: float = MEASURED_SECONDS
 ) -> Forecast:
-    """Return what the samples of each pixel from ``first`` to before ``end`` take; the film is of no use afterwards.
+    """Foretell what the samples of each pixel from ``first`` to before ``end`` take; the film is of no use afterwards.
 
     Tiles all over the picture are rendered for a while, after a first wave that is not counted.
 
@@ -401,7 +397,7 @@ def forecast(
     """
     layout = wavefront.layout
     held = wavefront.wavefronts if isinstance(wavefront, SharedWavefront) else [wavefront]
-    saved = sum(array.nbytes for array in part.packed(FilmRun(wavefront).state().arrays, layout.tiles).values())
+    saved = sum(array.nbytes for array in part.pack(FilmRun(wavefront).state()[1], layout.tiles).values())
     tiles = part.tiles(layout.tiles)
     at_once = max(wavefront.capacity // wavefront.samples_per_wave, BLOCK) // TILE_PIXELS
     step = -(-len(tiles) // at_once)

@@ -24,11 +24,11 @@ from rptcam_cl.core.files import replacing
 from rptcam_cl.core.records import RayStatus
 from rptcam_cl.core.remember import Maker, OneMaker, made_by
 from rptcam_cl.rendering.account import clamp_text, of_makers
-from rptcam_cl.rendering.film import PLANES, TILE, TILE_PIXELS, FilmLayout, outcomes_of, share_removed
+from rptcam_cl.rendering.film import PLANES, TILE, TILE_PIXELS, FilmLayout, outcomes_of, removed_share_of
 from rptcam_cl.rendering.ground_truth import saved_truth
 from rptcam_cl.rendering.layers import OWNER_SLOTS, SLOT_PLANES, LayerPlanes, layer_arrays
 from rptcam_cl.rendering.progressive import SavedState
-from rptcam_cl.rendering.several import SHARP, WHOLE, FilmPart, Part, joined, part_of_facts, pixels_of, split_of
+from rptcam_cl.rendering.several import SHARP, WHOLE, FilmPart, Part, join_parts, part_of_facts, pixels_of, split_of
 from rptcam_cl.scene.film import LAYER_NAMES, SHARP_LAYERS, Film
 from rptcam_cl.scene.scene import Scene
 
@@ -49,10 +49,42 @@ _DIGEST = hashlib.sha256().digest_size
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """What a file holds: facts about the render, and arrays by name."""
+    """A saved render, whole or a part.
 
+    Attributes
+    ----------
+    path : Path
+    facts : dict
+        About the render.
+    arrays : dict
+        By name.
+    """
+
+    path: Path
     facts: dict[str, Any]
     arrays: dict[str, NDArray[Any]]
+
+    @property
+    def part(self) -> FilmPart:
+        """What it is of the film."""
+        return part_of_facts(self.facts.get("part"))
+
+    @property
+    def done(self) -> int:
+        """Number of the first sample that it has not."""
+        return int(self.facts["done"])
+
+    @property
+    def end(self) -> int:
+        """Number of the sample that it is to end before."""
+        part, picture = self.part, self.facts.get("picture") or {}
+        end = part.end or (self.done if part.count == 1 else picture.get("spp") or self.done)
+        return max(end, self.done)
+
+    @property
+    def title(self) -> str:
+        """What it is, as people read it."""
+        return f"{self.path} ({self.part.title})"
 
 
 def write_checkpoint(
@@ -82,7 +114,7 @@ def _pieces(facts: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> Ite
 
 
 def read_checkpoint(path: str | os.PathLike[str]) -> Checkpoint:
-    """Return what a checkpoint holds.
+    """Read a checkpoint.
 
     Raises
     ------
@@ -104,15 +136,15 @@ def read_checkpoint(path: str | os.PathLike[str]) -> Checkpoint:
                 arrays[name] = np.frombuffer(data, kind).reshape(shape) if len(data) else np.zeros(shape, kind)
             facts = json.loads(header)["facts"]
             if not isinstance(facts, dict) or stream.read() != digest.digest():
-                raise _damaged(path)
+                raise _damage(path)
     except OSError as error:
         raise StateError(f"{path}: cannot be read: {error.strerror or error}") from error
     except (ValueError, KeyError, TypeError, OverflowError, RecursionError, MemoryError) as error:
-        raise _damaged(path) from error
-    return Checkpoint(facts, arrays)
+        raise _damage(path) from error
+    return Checkpoint(Path(path), facts, arrays)
 
 
-def _damaged(path: str | os.PathLike[str], what: str = "") -> StateError:
+def _damage(path: str | os.PathLike[str], what: str = "") -> StateError:
     return StateError(f"{path}: this saved render is damaged{': ' * bool(what)}{what}")
 
 
@@ -123,7 +155,7 @@ def _header_length(path: str | os.PathLike[str], start: bytes, size: int) -> int
     if version > VERSION:
         raise StateError(f"{path}: was saved by a later version (its format is {version}; this one reads {VERSION})")
     if length > min(_MOST_HEADER, size):
-        raise _damaged(path)
+        raise _damage(path)
     return int(length)
 
 
@@ -133,11 +165,11 @@ def _places(path: str | os.PathLike[str], header: bytes, size: int) -> list[tupl
     for entry in json.loads(header)["arrays"]:
         kind, shape = entry["type"], tuple(int(length) for length in entry["shape"])
         if kind not in _TYPES or min(shape, default=0) < 0:
-            raise _damaged(path)
+            raise _damage(path)
         places.append((str(entry["name"]), kind, shape))
         total += math.prod(shape) * np.dtype(kind).itemsize
     if total != size:
-        raise _damaged(path)
+        raise _damage(path)
     return places
 
 
@@ -215,18 +247,17 @@ class Saver:
         if not self.path.exists():
             return None
         try:
-            found = self._fitting()
+            saved = self._read()
             self.makers  # noqa: B018 -- this program is the first of them
-            self._same.add(str(self.path), found.facts.get("made_by"))
+            self._same.add(str(self.path), saved.facts.get("made_by"))
         except StateError as problem:
             raise StateError(f"{problem} (remove it, or render without --resume)") from None
-        self._devices = list(dict.fromkeys([*found.facts["devices"], *self._devices]))
-        self.metered_cd_m2 = found.facts.get("metered_cd_m2")
-        self.focus = found.facts.get("focus")
-        self.parts = list(found.facts.get("work", []))
-        warn_of_not_finite(self.path, found)
-        arrays = self.part.unpacked(found.arrays, self._layout.tiles, self._layout.pixels)
-        return SavedState(int(found.facts["done"]), arrays)
+        self._devices = list(dict.fromkeys([*saved.facts["devices"], *self._devices]))
+        self.metered_cd_m2 = saved.facts.get("metered_cd_m2")
+        self.focus = saved.facts.get("focus")
+        self.parts = list(saved.facts.get("work", []))
+        warn_of_not_finite(saved)
+        return saved.done, self.part.unpack(saved.arrays, self._layout.tiles, self._layout.pixels)
 
     @property
     def makers(self) -> list[Maker]:
@@ -235,13 +266,14 @@ class Saver:
             self._same.add("this program", made_by(self._drivers))
         return self._same.makers
 
-    def _fitting(self) -> Checkpoint:
-        found = read_checkpoint(self.path)
-        check_facts(self.path, found.facts)
+    def _read(self) -> Checkpoint:
+        """Read the file; raise if it is of another render."""
+        saved = read_checkpoint(self.path)
+        check_facts(self.path, saved.facts)
         for name, value in self._facts.items():
-            if found.facts.get(name) != value:
-                raise self._misfit(name, found.facts.get(name), value)
-        return found
+            if saved.facts.get(name) != value:
+                raise self._misfit(name, saved.facts.get(name), value)
+        return saved
 
     def _misfit(self, name: str, saved: Any, wanted: Any) -> StateError:
         if name == "part":
@@ -269,16 +301,17 @@ class Saver:
         self._written = True
 
     def content(self, state: SavedState, part: FilmPart) -> bytes:
-        """Return what the file of a part would hold in this state; none is written."""
+        """The content of the file of a part in this state; none is written."""
         return b"".join(_pieces(*self._contents(state, part)))
 
     def _contents(self, state: SavedState, part: FilmPart) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
         """Return the facts and the arrays of a state."""
         resolved = {"metered_cd_m2": self.metered_cd_m2, "focus": self.focus}
-        work = joined(self.parts, self.parts_since(state.done))
-        facts = {**self._facts, **resolved, "done": state.done, "devices": self._devices, "work": work}
+        done, arrays = state
+        work = join_parts(self.parts, self.parts_since(done))
+        facts = {**self._facts, **resolved, "done": done, "devices": self._devices, "work": work}
         facts |= {"picture": self.of_picture, "part": part.facts(), "made_by": self.makers}
-        return facts, part.packed({**state.arrays, **self.beside()}, self._layout.tiles)
+        return facts, part.pack({**arrays, **self.beside()}, self._layout.tiles)
 
     def _try_to_save(self, state: Callable[[], SavedState]) -> bool:
         self._saved = time.monotonic()
@@ -299,7 +332,7 @@ class Saver:
         return None
 
 
-def warn_of_not_finite(path: Path, saved: Checkpoint) -> None:
+def warn_of_not_finite(saved: Checkpoint) -> None:
     """Warn of pixels whose sums are no finite numbers, as failing memory or an overflow leaves them: they stay so."""
     film, layers = saved.arrays.get("film"), saved.arrays.get("layers")
     summed = [] if film is None else [film]
@@ -314,7 +347,7 @@ def warn_of_not_finite(path: Path, saved: Checkpoint) -> None:
     if count := int(bad.sum()):
         what = f"{count} pixel{'s' * (count > 1)}"
         warnings.warn(
-            f"{path}: {what} of its film hold no finite numbers, and the picture neither (render it again)",
+            f"{saved.path}: {what} of its film hold no finite numbers, and the picture neither (render it again)",
             UserWarning,
             stacklevel=2,
         )
@@ -345,7 +378,7 @@ def _check(path: Path, right: dict[str, bool]) -> None:
     """Refuse a file by the first of its facts or arrays that is not right."""
     for name, is_right in right.items():
         if not is_right:
-            raise _damaged(path, name)
+            raise _damage(path, name)
 
 
 def _is_list(kind: type | tuple[type, ...], data: Any, count: int | None = None) -> bool:
@@ -377,28 +410,20 @@ def _is_work(fact: dict[str, Any]) -> bool:
 # The picture of a saved render, made on the host without its scene and without a device.
 
 
-@dataclass(frozen=True)
-class SavedPicture:
-    """What an image is made of.
+def picture_of(
+    saved: Checkpoint, layout: FilmLayout
+) -> tuple[NDArray[np.float32], dict[str, Any], dict[str, Any], dict[str, NDArray[Any]]]:
+    """Make the picture of a saved render that is whole.
 
-    Attributes
-    ----------
+    Returns
+    -------
     pixels : (height, width, 3) array
         Mean of the film.
-    layers : dict
-        Auxiliary layers by name.
     metadata, stats : dict
         As those of a render.
+    layers : dict
+        Auxiliary layers by name.
     """
-
-    pixels: NDArray[np.float32]
-    layers: dict[str, NDArray[Any]]
-    metadata: dict[str, Any]
-    stats: dict[str, Any]
-
-
-def picture_of(saved: Checkpoint, layout: FilmLayout) -> SavedPicture:
-    """Return the picture of a saved render that is whole."""
     facts, arrays = saved.facts, saved.arrays
     picture, done, counts = facts["picture"], facts["done"], arrays["counts"]
     samples = np.full((layout.height, layout.width), done, np.uint32)
@@ -419,28 +444,25 @@ def picture_of(saved: Checkpoint, layout: FilmLayout) -> SavedPicture:
     if picture["has_lens"]:
         stats["lens"] = outcomes_of(counts)
     if picture["clamp"] is not None:
-        stats["clamp"] = {"limit": picture["clamp"], "removed_share": share_removed(arrays["film"])}
+        stats["clamp"] = {"limit": picture["clamp"], "removed_share": removed_share_of(arrays["film"])}
     named["direct"] = pixels = layout.picture(arrays["film"][:PLANES], tiles)
     named["ghosts"] = np.zeros_like(pixels)  # they are added by `merge`
     named |= saved_truth(arrays, layout)[0]
-    return SavedPicture(
-        pixels, {name: named[name] for name in facts["layers"]},
-        _metadata(picture["metadata"], stats), stats,
-    )  # fmt: skip
+    return pixels, _metadata(picture["metadata"], stats), stats, {name: named[name] for name in facts["layers"]}
 
 
 def _metadata(before: dict[str, Any], stats: dict[str, Any]) -> dict[str, Any]:
     """Return metadata with what follows from the samples, in the order that a render gives them."""
-    found = before | {"spp": stats["spp"], "device": stats["device"]} | of_makers(stats["made_by"])
-    found["numerics"] = before["numerics"] | {
+    metadata = before | {"spp": stats["spp"], "device": stats["device"]} | of_makers(stats["made_by"])
+    metadata["numerics"] = before["numerics"] | {
         "samples_dropped": stats["not_finite"],
         "rays_not_converged": stats["lens"]["no_convergence"] if "lens" in stats else 0,
     }
     if "clamp" in stats:
-        found["clamp"] = clamp_text(**stats["clamp"])
+        metadata["clamp"] = clamp_text(**stats["clamp"])
     if len({tuple(part["devices"]) for part in stats["parts"]}) > 1:
-        found["parts"] = stats["parts"]
-    return found
+        metadata["parts"] = stats["parts"]
+    return metadata
 
 
 #
@@ -468,35 +490,8 @@ COMMON = {
 RESOLVED = {"metered_cd_m2": "exposure", "focus": "focus"}
 
 
-@dataclass(frozen=True)
-class SavedPart:
-    """A saved render, whole or a part.
-
-    Attributes
-    ----------
-    path : Path
-    saved : Checkpoint
-    part : FilmPart
-    done : int
-        Number of the first sample that it has not.
-    end : int
-        Number of the sample that it is to end before.
-    """
-
-    path: Path
-    saved: Checkpoint
-    part: FilmPart
-    done: int
-    end: int
-
-    @property
-    def title(self) -> str:
-        """What it is, as people read it."""
-        return f"{self.path} ({self.part.title})"
-
-
-def read_part(path: str | os.PathLike[str]) -> SavedPart:
-    """Return a saved render.
+def read_part(path: str | os.PathLike[str]) -> Checkpoint:
+    """Read a saved render that is to be merged.
 
     Raises
     ------
@@ -525,12 +520,10 @@ def read_part(path: str | os.PathLike[str]) -> SavedPart:
             raise StateError(
                 f"{path}: was saved whole, or by a version that could not merge {what} (render parts again)"
             )
-    part, done = part_of_facts(facts.get("part")), facts["done"]
-    end = part.end or (done if part.count == 1 else spp or done)
-    return SavedPart(path, saved, part, done, max(end, done))
+    return saved
 
 
-def check_whole(part: SavedPart) -> None:
+def check_whole(part: Checkpoint) -> None:
     """Refuse a saved render that lacks what the picture is made with, or has something else in its place.
 
     Raises
@@ -538,7 +531,7 @@ def check_whole(part: SavedPart) -> None:
     StateError
         It names the first fact or array.
     """
-    facts, picture, arrays = part.saved.facts, part.saved.facts["picture"], part.saved.arrays
+    facts, picture, arrays = part.facts, part.facts["picture"], part.arrays
     metadata, clamp = picture["metadata"], picture.get("clamp")
     counts = arrays.get("counts", np.zeros(0))
     right = {
@@ -556,14 +549,14 @@ def check_whole(part: SavedPart) -> None:
     try:
         layout = layout_of(facts)
     except ValueError:
-        raise _damaged(part.path, "resolution or crop") from None
+        raise _damage(part.path, "resolution or crop") from None
     held, count = arrays.get("film", counts).shape, part.part.count
     pixels = layout.pixels if count == 1 else TILE_PIXELS * (layout.tiles // count)  # of a part, or a tile more
     if len(held) != 2 or held[1] not in (pixels, pixels + TILE_PIXELS * (count > 1)):
-        raise _damaged(part.path, "its array film does not fit")
+        raise _damage(part.path, "its array film does not fit")
 
 
-def check_same(parts: Sequence[SavedPart]) -> None:
+def check_same(parts: Sequence[Checkpoint]) -> None:
     """Refuse parts that are not of one render.
 
     Raises
@@ -572,18 +565,18 @@ def check_same(parts: Sequence[SavedPart]) -> None:
         It names two of them, and what differs.
     """
     first = parts[0]
-    one = first.saved.facts
+    one = first.facts
     for part in parts[1:]:
-        other = part.saved.facts
+        other = part.facts
         for name, words in COMMON.items():
             if one.get(name) != other.get(name):
-                values = [_shown(facts.get(name)) for facts in (one, other)]
+                values = [_as_text(facts.get(name)) for facts in (one, other)]
                 raise _differ(first, part, f"the {words} is {values[0]} there and {values[1]} here")
         if one["scene"] != other["scene"]:
             lenses = [facts["picture"]["metadata"].get("lens") for facts in (one, other)]
             what = "the scene is another"
             if lenses[0] != lenses[1]:
-                what = f"the lens is {_shown(lenses[0])} there and {_shown(lenses[1])} here"
+                what = f"the lens is {_as_text(lenses[0])} there and {_as_text(lenses[1])} here"
             raise _differ(first, part, what)
         shown = [facts["picture"]["metadata"].get("picture_hash") for facts in (one, other)]
         if shown[0] != shown[1]:
@@ -593,11 +586,11 @@ def check_same(parts: Sequence[SavedPart]) -> None:
                 raise _differ(first, part, f"auto {words} differs (first `rptcam settle`, then render that scene)")
 
 
-def _differ(one: SavedPart, other: SavedPart, what: str) -> StateError:
+def _differ(one: Checkpoint, other: Checkpoint, what: str) -> StateError:
     return StateError(f"{other.path}: is not of the render of {one.path}: {what}")
 
 
-def _shown(value: Any) -> str:
+def _as_text(value: Any) -> str:
     return "not given" if value in (None, []) else str(value)
 
 
@@ -606,7 +599,7 @@ def layout_of(facts: dict[str, Any]) -> FilmLayout:
     return FilmLayout.of(Film(resolution=tuple(facts["resolution"]), crop=tuple(facts["crop"]) or None))
 
 
-def check_complete(parts: Sequence[SavedPart], layout: FilmLayout) -> int:
+def check_complete(parts: Sequence[Checkpoint], layout: FilmLayout) -> int:
     """Return the samples per pixel of the whole; refuse parts that overlap or leave gaps.
 
     Raises
@@ -633,12 +626,12 @@ def check_complete(parts: Sequence[SavedPart], layout: FilmLayout) -> int:
 
 
 def _gaps(
-    parts: Sequence[SavedPart], layout: FilmLayout, tiles: NDArray[Any], reached: NDArray[np.int64], end: int
+    parts: Sequence[Checkpoint], layout: FilmLayout, tiles: NDArray[Any], reached: NDArray[np.int64], end: int
 ) -> list[str]:
-    """Return what tiles lack of the samples before ``end``: by parts where it is whole parts, else by tiles."""
+    """Name the samples before ``end`` that tiles lack: by parts where it is whole parts, else by tiles."""
     lacking = np.zeros(layout.tiles, np.bool_)
     lacking[tiles] = reached[tiles] < end
-    found = []
+    gaps = []
     for begin in np.unique(reached[lacking]):
         alike = lacking & (reached == begin)
         names = []
@@ -652,11 +645,11 @@ def _gaps(
             first = int(np.flatnonzero(alike)[0])
             x, y = TILE * (first % layout.tiles_across), TILE * (first // layout.tiles_across)
             names.append(f"{int(alike.sum())} tiles, the first at pixel {x}, {y}")
-        found.append(f"samples {begin}:{end} of {', '.join(names)}")
-    return found
+        gaps.append(f"samples {begin}:{end} of {', '.join(names)}")
+    return gaps
 
 
-def merged_arrays(parts: Sequence[SavedPart], layout: FilmLayout) -> Arrays:
+def merge_arrays(parts: Sequence[Checkpoint], layout: FilmLayout) -> Arrays:
     """Return the arrays of the whole, as a saved render has them.
 
     Raises
@@ -664,43 +657,43 @@ def merged_arrays(parts: Sequence[SavedPart], layout: FilmLayout) -> Arrays:
     StateError
         Those of a part do not fit.
     """
-    facts = parts[0].saved.facts
+    facts = parts[0].facts
     planes = {"film": PLANES + int(facts["picture"].get("clamp") is not None)}
     layers = LayerPlanes(facts["layers"])
     if layers.names:
         planes["layers"] = layers.count
-    found = {name: np.zeros((count, layout.pixels), np.float32) for name, count in planes.items()}
-    counts = np.zeros_like(parts[0].saved.arrays.get("counts", np.zeros(0)), np.uint64)
+    whole = {name: np.zeros((count, layout.pixels), np.float32) for name, count in planes.items()}
+    counts = np.zeros_like(parts[0].arrays.get("counts", np.zeros(0)), np.uint64)
     for part in sorted(parts, key=lambda each: each.part.first):
-        arrays = part.part.unpacked(part.saved.arrays, layout.tiles, layout.pixels)
-        _check_fit(part, arrays, found, counts)
+        arrays = part.part.unpack(part.arrays, layout.tiles, layout.pixels)
+        _check_fit(part, arrays, whole, counts)
         pixels = pixels_of(part.part.tiles(layout.tiles))
-        found["film"][PLANES:, pixels] += arrays["film"][PLANES:, pixels]  # what a limit of the samples removed
-        _add(found["film"], arrays["film"], pixels, PLANES // 2)
-        _put_sharp(part, arrays, found, pixels)
+        whole["film"][PLANES:, pixels] += arrays["film"][PLANES:, pixels]  # what a limit of the samples removed
+        _add(whole["film"], arrays["film"], pixels, PLANES // 2)
+        _put_sharp(part, arrays, whole, pixels)
         if layers.names:
             for name in layers.owners:
-                _add_owners(found["layers"], arrays["layers"], pixels, 2 * layers.sums + layers.places[name])
-            _take_first(found["layers"], arrays["layers"], pixels, 2 * layers.sums)
-            _add(found["layers"], arrays["layers"], pixels, layers.sums)
+                _add_owners(whole["layers"], arrays["layers"], pixels, 2 * layers.sums + layers.places[name])
+            _take_first(whole["layers"], arrays["layers"], pixels, 2 * layers.sums)
+            _add(whole["layers"], arrays["layers"], pixels, layers.sums)
         counts += arrays["counts"]
-    extra = {name: array for name, array in parts[0].saved.arrays.items() if name.startswith(EXTRA)}
-    return found | {"counts": counts} | extra
+    extra = {name: array for name, array in parts[0].arrays.items() if name.startswith(EXTRA)}
+    return whole | {"counts": counts} | extra
 
 
-def _check_fit(part: SavedPart, arrays: Arrays, found: Arrays, counts: NDArray[np.uint64]) -> None:
-    for name, whole in (found | {"counts": counts}).items():
+def _check_fit(part: Checkpoint, arrays: Arrays, wanted: Arrays, counts: NDArray[np.uint64]) -> None:
+    for name, whole in (wanted | {"counts": counts}).items():
         if name not in arrays or (arrays[name].shape, arrays[name].dtype) != (whole.shape, whole.dtype):
-            raise _damaged(part.path, f"its array {name} does not fit")
+            raise _damage(part.path, f"its array {name} does not fit")
 
 
-def _put_sharp(part: SavedPart, arrays: Arrays, found: Arrays, pixels: NDArray[np.int64]) -> None:
+def _put_sharp(part: Checkpoint, arrays: Arrays, merged: Arrays, pixels: NDArray[np.int64]) -> None:
     """Put the sharp layers of some pixels beside those of others; all parts know the same of each."""
-    for name in (f"{SHARP}{layer}" for layer in part.saved.facts["layers"] if layer in SHARP_LAYERS):
+    for name in (f"{SHARP}{layer}" for layer in part.facts["layers"] if layer in SHARP_LAYERS):
         own = arrays.get(name, np.zeros(0))
-        whole = found.setdefault(name, np.zeros_like(own))
-        if whole.ndim != 2 or own.shape != (len(whole), found["film"].shape[1]) or own.dtype != whole.dtype:
-            raise _damaged(part.path, f"its array {name} does not fit")
+        whole = merged.setdefault(name, np.zeros_like(own))
+        if whole.ndim != 2 or own.shape != (len(whole), merged["film"].shape[1]) or own.dtype != whole.dtype:
+            raise _damage(part.path, f"its array {name} does not fit")
         whole[:, pixels] = own[:, pixels]
 
 
@@ -739,7 +732,7 @@ def _add(whole: Planes, part: Planes, pixels: NDArray[np.int64], sums: int) -> N
     whole[: 2 * sums, pixels] = np.where(old.any(axis=0), both, new)
 
 
-def merged_state(paths: Sequence[str | os.PathLike[str]], *, allow_mixed: bool = False) -> Checkpoint:
+def merge_states(paths: Sequence[str | os.PathLike[str]], *, allow_mixed: bool = False) -> Checkpoint:
     """Return the saved render that several parts of it come to.
 
     Parameters
@@ -756,30 +749,30 @@ def merged_state(paths: Sequence[str | os.PathLike[str]], *, allow_mixed: bool =
     check_same(parts)
     same = OneMaker(allow_mixed)
     for part in parts:
-        same.add(str(part.path), part.saved.facts.get("made_by"))
+        same.add(str(part.path), part.facts.get("made_by"))
     for part in parts:
         check_whole(part)
-    layout = layout_of(parts[0].saved.facts)
+    layout = layout_of(parts[0].facts)
     for part in parts:
         if part.part.count > layout.tiles:
-            raise _damaged(part.path, "part")
+            raise _damage(part.path, "part")
     end = check_complete(parts, layout)
-    arrays = merged_arrays(parts, layout)
+    arrays = merge_arrays(parts, layout)
     for part in parts:
-        warn_of_not_finite(part.path, part.saved)
-    facts = parts[0].saved.facts
-    devices = list(dict.fromkeys(name for part in parts for name in part.saved.facts["devices"]))
+        warn_of_not_finite(part)
+    facts = parts[0].facts
+    devices = list(dict.fromkeys(name for part in parts for name in part.facts["devices"]))
     whole = facts | {"part": None, "done": end, "devices": devices, "work": _work(parts), "made_by": same.makers}
-    whole["picture"] = facts["picture"] | {"parts": [_described(part) for part in parts]}
-    return Checkpoint(whole, arrays)
+    whole["picture"] = facts["picture"] | {"parts": [_describe(part) for part in parts]}
+    return Checkpoint(parts[0].path, whole, arrays)
 
 
-def _work(parts: Sequence[SavedPart]) -> list[Any]:
+def _work(parts: Sequence[Checkpoint]) -> list[Any]:
     """Return the record of devices where all parts have the same one."""
-    works = [part.saved.facts.get("work", []) for part in parts]
+    works = [part.facts.get("work", []) for part in parts]
     return works[0] if all(work == works[0] for work in works) else []
 
 
-def _described(part: SavedPart) -> dict[str, Any]:
-    facts = part.saved.facts
+def _describe(part: Checkpoint) -> dict[str, Any]:
+    facts = part.facts
     return {"part": part.part.title, "samples": [part.part.first, part.done], "devices": facts["devices"]}

@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 from rptcam_cl.core.colour import WAVELENGTHS_NM, cie_1931, daylight_65, rgb_basis
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.rendering.cameras.film_pupil import FilmPupil, FilmPupils, film_pupils
+from rptcam_cl.rendering.cameras.film_pupil import FilmPupil, FilmPupils
 from rptcam_cl.rendering.cameras.ideal import dirt_edges, edges_of
+from rptcam_cl.rendering.cameras.kinds import camera_of
 from rptcam_cl.rendering.cameras.setting import film_frame
 from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.rendering.several import GOLDEN
@@ -35,7 +36,7 @@ from rptcam_cl.scene.scene import Scene
 Array = NDArray[np.float64]
 
 
-def blurred(planes: Array, offset: tuple[int, int], nodes: tuple[Array, Array], kernels: Sequence[Array]) -> Array:
+def blur(planes: Array, offset: tuple[int, int], nodes: tuple[Array, Array], kernels: Sequence[Array]) -> Array:
     """Return planes (3, height, width) after each pixel has spread its light.
 
     Parameters
@@ -61,9 +62,9 @@ def blurred(planes: Array, offset: tuple[int, int], nodes: tuple[Array, Array], 
         left, right, top, bottom = columns[0], columns[-1] + 1, rows[0], rows[-1] + 1
         share = weights[1][row, top:bottom, None] * weights[0][column, left:right]
         for plane, part, target in zip(planes, kernel, wide, strict=True):
-            spread = _convolved(plane[top:bottom, left:right] * share, part)
+            spread = _convolve(plane[top:bottom, left:right] * share, part)
             target[top : bottom + 2 * reach, left : right + 2 * reach] += spread
-    return _folded(_folded(wide, height, reach, 1), width, reach, 2)
+    return _fold(_fold(wide, height, reach, 1), width, reach, 2)
 
 
 def _places(nodes: tuple[Array, Array]) -> Iterator[tuple[int, int]]:
@@ -79,7 +80,7 @@ def _hats(nodes: Array, places: Array) -> Array:
     return np.array([np.interp(places, nodes, unit) for unit in np.eye(len(nodes))])
 
 
-def _convolved(plane: Array, kernel: Array) -> Array:
+def _convolve(plane: Array, kernel: Array) -> Array:
     """Return the full convolution; where nothing is negative before, nothing is after."""
     shape = tuple(quick(a + b - 1) for a, b in zip(plane.shape, kernel.shape, strict=True))
     product = np.fft.rfft2(plane, shape) * np.fft.rfft2(kernel, shape)
@@ -100,15 +101,15 @@ def quick(length: int) -> int:
         length += 1
 
 
-def _folded(wide: Array, length: int, reach: int, axis: int) -> Array:
+def _fold(wide: Array, length: int, reach: int, axis: int) -> Array:
     """Return an axis of planes without its margins, whose light comes back mirrored."""
     places = np.arange(-reach, length + reach) % (2 * length)
     places = np.where(places < length, places, 2 * length - 1 - places)
     moved = np.moveaxis(wide, axis, 0)
-    found = np.zeros((length, *moved.shape[1:]))
+    inner = np.zeros((length, *moved.shape[1:]))
     for place, line in zip(places, moved, strict=True):
-        found[place] += line
-    return np.moveaxis(found, 0, axis)
+        inner[place] += line
+    return np.moveaxis(inner, 0, axis)
 
 
 #
@@ -264,15 +265,15 @@ class FarLight:
         low = 0.5 * self.reach / self.unit_px(STARBURST_NM[-1])
         radii = np.geomspace(min(low, RESOLVED / 4), RESOLVED, BANDS)
         edges = (self.edges - np.tile(self._middle, 2)) / self._width
-        found = np.zeros((ANGLES, BANDS))
+        shares = np.zeros((ANGLES, BANDS))
         rho = np.arange(CELLS // 2 + 1) / LINE
         to_share = 2 * (np.pi / ANGLES) / LINE / (self._area / self._width**2)
         for start in range(0, ANGLES, AT_ONCE):
             angles = np.pi * (np.arange(start, min(start + AT_ONCE, ANGLES)) + 0.5) / ANGLES
             light = _along(edges, angles) * to_share * rho
             total = np.cumsum(light, axis=1)
-            found[start : start + AT_ONCE] = [np.interp(radii, rho + 0.5 / LINE, line) for line in total]
-        return radii, found - found[:, :1]
+            shares[start : start + AT_ONCE] = [np.interp(radii, rho + 0.5 / LINE, line) for line in total]
+        return radii, shares - shares[:, :1]
 
     @property
     def _middle(self) -> Array:
@@ -282,12 +283,12 @@ class FarLight:
     @cached_property
     def _beyond(self) -> Array:
         """Light of each direction beyond what is resolved, by that of the outer half of it (directions,)."""
-        radii, found = self.within
+        radii, within = self.within
         half = int(np.searchsorted(radii, RESOLVED / 2))
-        return np.asarray((found[:, -1] - found[:, half]) / (RESOLVED / radii[half] - 1))
+        return np.asarray((within[:, -1] - within[:, half]) / (RESOLVED / radii[half] - 1))
 
     def _weights(self, pixels: Array) -> tuple[Array, Array]:
-        """Return what light within `within` and beyond counts within radii [pixels], (BANDS, 3, n) and (3, n)."""
+        """Weights of light within `within`, and of that beyond, within radii [pixels], (BANDS, 3, n) and (3, n)."""
         radii, columns = self.within[0], np.arange(len(pixels))
         inner, outer = np.zeros((BANDS, 3, len(pixels))), np.zeros((3, len(pixels)))
         for nm, shares in zip(STARBURST_NM, shares_of_white(STARBURST_NM), strict=True):
@@ -320,7 +321,7 @@ class FarLight:
         edges = np.geomspace(first, np.hypot(x[-1], y[-1]) + 2.0, SPANS)
         inner, outer = self._weights(edges)
         light = np.tensordot(self.within[1], inner, 1) + self._beyond[:, None, None] * outer
-        table = _summed(np.moveaxis(light, 1, 0))
+        table = _sum_up(np.moveaxis(light, 1, 0))
         upper = np.zeros((3, height, 2 * width - 1))
         for row in range(height):
             radius, angle = np.hypot(x, y[row]), np.arctan2(y[row], x)
@@ -356,7 +357,7 @@ def _along(edges: Array, angles: Array) -> Array:
     return np.asarray(light)
 
 
-def _summed(light: Array) -> Array:
+def _sum_up(light: Array) -> Array:
     """Return light (3, directions, radii) summed up over directions from none, and half as many more on each side."""
     table = np.cumsum(np.pad(light, ((0, 0), (1, 0), (0, 0))), axis=1)
     whole = table[:, -1:]
@@ -366,7 +367,7 @@ def _summed(light: Array) -> Array:
 def _boxes(table: Array, edges: Array, radius: Array, angle: Array) -> Array:
     """Return the light (3, n) of boxes of one pixel about places, of a table summed over directions."""
     log = np.log(edges[1] / edges[0])
-    found = np.zeros((3, len(radius)))
+    light = np.zeros((3, len(radius)))
     half = np.minimum(0.5 / radius, np.pi / 4)
     for outer in (-0.5, 0.5):
         at = np.clip(np.log(np.maximum(radius + outer, edges[0]) / edges[0]) / log, 0, len(edges) - 1.001)
@@ -376,8 +377,8 @@ def _boxes(table: Array, edges: Array, radius: Array, angle: Array) -> Array:
             u, v = to - i, at - j
             value = (table[:, i, j] * (1 - u) + table[:, i + 1, j] * u) * (1 - v)
             value += (table[:, i, j + 1] * (1 - u) + table[:, i + 1, j + 1] * u) * v
-            found += value * (side * (1 if outer > 0 else -1))
-    return np.maximum(found, 0.0) / 2  # a half turn of the table stands for both
+            light += value * (side * (1 if outer > 0 else -1))
+    return np.maximum(light, 0.0) / 2  # a half turn of the table stands for both
 
 
 def lamps_of(planes: Array) -> Array:
@@ -386,20 +387,20 @@ def lamps_of(planes: Array) -> Array:
     return np.asarray(planes * (brightness > LAMP * brightness.mean()))
 
 
-def strewn(planes: Array, kernel: Array) -> Array:
+def strew(planes: Array, kernel: Array) -> Array:
     """Return the light of planes (3, height, width) on them, by a kernel of twice the whole film or more.
 
     What falls beside them is lost.
     """
     height, width = planes.shape[1:]
     top, left = kernel.shape[1] // 2 - height + 1, kernel.shape[2] // 2 - width + 1
-    found = np.empty_like(planes)
+    light = np.empty_like(planes)
     shape = tuple(quick(2 * side - 1) for side in (height, width))
-    for plane, part, target in zip(planes, kernel, found, strict=True):
+    for plane, part, target in zip(planes, kernel, light, strict=True):
         own = part[top : top + 2 * height - 1, left : left + 2 * width - 1]
         product = np.fft.rfft2(plane, shape) * np.fft.rfft2(own, shape)
         target[:] = np.fft.irfft2(product, shape)[height - 1 : 2 * height - 1, width - 1 : 2 * width - 1]
-    return np.maximum(found, 0.0)
+    return np.maximum(light, 0.0)
 
 
 AIRY = 1.2196698912665045  # radius of the first dark ring, in wavelength times f-number
@@ -437,8 +438,8 @@ class FilmSpread:
     @cached_property
     def kernels(self) -> tuple[tuple[Array, Array], list[Array]]:
         """Columns and rows of the nodes on the whole film, and the kernel of each."""
-        found = [kernel(pupil, self.pixel_mm, self.reach)[:, :, ::-1] for pupil in self.pupils]  # x runs to the left
-        return _nodes(self.resolution), found
+        own = [kernel(pupil, self.pixel_mm, self.reach)[:, :, ::-1] for pupil in self.pupils]  # x runs to the left
+        return _nodes(self.resolution), own
 
     @cached_property
     def far(self) -> tuple[Array, Array]:
@@ -452,15 +453,15 @@ class FilmSpread:
         planes = np.moveaxis(pixels.astype(np.float64), -1, 0)
         lamps = lamps_of(planes)
         if self.edges is None or not lamps.any():
-            spread = blurred(planes, (layout.x, layout.y), *self.kernels)
+            spread = blur(planes, (layout.x, layout.y), *self.kernels)
         else:
             shares, light = self.far
-            spread = blurred(planes - lamps * shares[:, None, None], (layout.x, layout.y), *self.kernels)
-            spread += strewn(lamps, light)
+            spread = blur(planes - lamps * shares[:, None, None], (layout.x, layout.y), *self.kernels)
+            spread += strew(lamps, light)
         return np.ascontiguousarray(np.moveaxis(spread, 0, -1), dtype=np.float32)
 
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """Return what `spread_of` makes the same of; shares of coverage are sixteenths, which float32 holds."""
+        """The arrays that `spread_of` reads; shares of coverage are sixteenths, which float32 holds."""
         return {
             "diffraction_pixel_mm": np.array(self.pixel_mm),
             "diffraction_coverage": np.array([pupil.coverage for pupil in self.pupils], np.float32),
@@ -471,7 +472,7 @@ class FilmSpread:
 
 
 def spread_of(arrays: Mapping[str, NDArray[Any]], resolution: tuple[int, int]) -> FilmSpread | None:
-    """Return what `FilmSpread.arrays` is of; None where there are none.
+    """Read the arrays of `FilmSpread.arrays`; None where there are none.
 
     Raises
     ------
@@ -524,7 +525,7 @@ class Diffraction:
         """
         film = self.scene.film
         columns, rows = _nodes(film.resolution)
-        seen = tuple(self._seen(_film_point(self.scene, column, row)) for row in rows for column in columns)
+        seen = tuple(self._pupil_at(_film_point(self.scene, column, row)) for row in rows for column in columns)
         near = FilmSpread(film.resolution, _pixel_mm(self.scene), seen)
         return near if near.reach >= max(film.resolution) else replace(near, edges=self._edges)
 
@@ -538,7 +539,7 @@ class Diffraction:
         own = edges_of(outline)
         return own if dirt is None else np.concatenate([own, dirt_edges(dirt, outline, self.pupils.radius_mm)])
 
-    def _seen(self, point: Array) -> FilmPupil:
+    def _pupil_at(self, point: Array) -> FilmPupil:
         assert self.pupils is not None
         try:
             return self.pupils(point)
@@ -546,7 +547,7 @@ class Diffraction:
             return self.pupils(np.zeros(2))
 
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """Return what a saved render needs so that `merge` can apply it without the scene; none where it is off."""
+        """The arrays of a saved render by which `merge` applies it without the scene; none where it is off."""
         return self.spread.arrays() if self.is_on else {}
 
     @property
@@ -563,7 +564,7 @@ class Diffraction:
 
 
 def diffraction_of(scene: Scene) -> Diffraction | None:
-    """Return what diffraction does to the film of a scene in focus; None where it is off.
+    """Find the diffraction of the film of a scene in focus; None where it is off.
 
     Raises
     ------
@@ -576,7 +577,7 @@ def diffraction_of(scene: Scene) -> Diffraction | None:
     if not film_frame(scene.camera).is_flat:  # `on` is refused there
         return Diffraction(scene, False, None, None)
     try:
-        pupils = film_pupils(scene)
+        pupils = camera_of(scene).film_pupils()
         radius = AIRY * unit_px(pupils(np.zeros(2)), _pixel_mm(scene))
     except InputError:
         if choice == "on":
@@ -585,11 +586,11 @@ def diffraction_of(scene: Scene) -> Diffraction | None:
     return Diffraction(scene, choice == "on" or radius >= SHOWS_PX, radius, pupils)
 
 
-def diffracted(found: Diffraction | None, pixels: NDArray[np.float32]) -> NDArray[np.float32]:
+def diffract(diffraction: Diffraction | None, pixels: NDArray[np.float32]) -> NDArray[np.float32]:
     """Return a film (height, width, 3) of linear RGB with its diffraction; the very same where that is off."""
-    if found is None or not found.is_on:
+    if diffraction is None or not diffraction.is_on:
         return pixels
-    return found.spread.over(pixels, FilmLayout.of(found.scene.film))
+    return diffraction.spread.over(pixels, FilmLayout.of(diffraction.scene.film))
 
 
 def _nodes(resolution: tuple[int, int]) -> tuple[Array, Array]:

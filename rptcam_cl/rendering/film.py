@@ -52,7 +52,7 @@ class PhotonPass:
     samples: int
 
     def photons(self, pixels: int) -> int:
-        """Return how many photons it has for a film of so many pixels, a power of two."""
+        """How many photons it has for a film of so many pixels, a power of two."""
         wanted = self.samples * pixels * PHOTONS_PER_SAMPLE
         return min(max(1 << max(round(wanted), 1).bit_length() - 1, LEAST_PHOTONS), MOST_PHOTONS)
 
@@ -156,9 +156,9 @@ class FilmLayout:
     @cached_property
     def inside(self) -> NDArray[np.bool_]:
         """Whether a pixel of the buffer belongs to the picture."""
-        found = np.zeros(self.pixels, np.bool_)
-        found[self.in_rows(np.arange(self.pixels)[None]).ravel()] = True
-        return found
+        inside = np.zeros(self.pixels, np.bool_)
+        inside[self.in_rows(np.arange(self.pixels)[None]).ravel()] = True
+        return inside
 
     def whole_list(self) -> NDArray[np.uint32]:
         """Return the list of all tiles, filled up to whole blocks."""
@@ -212,7 +212,7 @@ Wave = tuple[int, int, int, int]
 
 
 def wave_slots(kind: str, compute_units: int) -> int:
-    """Return how many paths a wave of a device has, "cpu" or "gpu"; the film does not depend on it."""
+    """How many paths a wave of a device has, "cpu" or "gpu"; the film does not depend on it."""
     return max(WAVE_SLOTS[kind], SLOTS_OF_CORE * compute_units if kind == "cpu" else 0)
 
 
@@ -264,11 +264,11 @@ class Waves:
 
     def over(self, tiles: int, first_sample: int, samples: int) -> list[Wave]:
         """Return the waves that render a range of samples of so many tiles."""
-        found, pixels = [], tiles * TILE_PIXELS
+        waves, pixels = [], tiles * TILE_PIXELS
         for start, count in self._pieces(first_sample, samples):
             for pixel in range(0, pixels, self.pixels):
-                found.append((pixel, min(self.pixels, pixels - pixel), start, count))
-        return found
+                waves.append((pixel, min(self.pixels, pixels - pixel), start, count))
+        return waves
 
     def _pieces(self, first_sample: int, samples: int) -> Iterator[tuple[int, int]]:
         """Yield first sample and number of what goes into a wave together."""
@@ -279,7 +279,7 @@ class Waves:
             yield start, min(self.samples, first_sample + samples - start)
 
     def rays_of(self, wave: Wave, tiles: NDArray[np.uint32]) -> int:
-        """Return how many samples of the picture's pixels a wave holds; ``tiles`` is the list that it goes through."""
+        """How many samples of the picture's pixels a wave holds; ``tiles`` is the list that it goes through."""
         first_pixel, pixels, _, samples = wave
         taken = tiles[first_pixel // TILE_PIXELS : (first_pixel + pixels) // TILE_PIXELS]
         return samples * int(self._layout.pixels_of_tile[taken].sum())
@@ -295,15 +295,15 @@ class Waves:
 
 
 @lru_cache(maxsize=4)
-def _shuffled(cycle: int, steps: int) -> NDArray[np.intp]:
+def _shuffle(cycle: int, steps: int) -> NDArray[np.intp]:
     """Return the numbers below ``steps`` in an order that neighbouring cycles do not share."""
     return np.argsort([seed_words(cycle * steps + step)[0] for step in range(steps)], kind="stable")
 
 
 def step_of(sample: int, steps: int) -> int:
-    """Return which step of the exposure a sample of every pixel is of: so many samples have each of them once."""
+    """The step of the exposure that a sample of every pixel is of: so many samples have each of them once."""
     cycle, place = divmod(sample, steps)
-    return int(_shuffled(cycle, steps)[place])
+    return int(_shuffle(cycle, steps)[place])
 
 
 def seed_words(seed: int) -> tuple[int, int]:
@@ -391,18 +391,51 @@ class FilmBuffers:
         self.counts[:], self.rays = counts[:-1], int(counts[-1])
 
 
+class RenderedFilm:
+    """A film with the counters of its rays, whatever devices hold it: what follows from both."""
+
+    def planes(self) -> NDArray[np.float32]:
+        """All of the film, (planes, pixels of the buffer)."""
+        raise NotImplementedError
+
+    def counts(self) -> NDArray[np.uint64]:
+        """Rays by status, samples that were not finite, and camera rays, up to the last `finish`."""
+        raise NotImplementedError
+
+    def sums(self) -> NDArray[np.float32]:
+        """The film's sums and their compensations, shape (6, pixels of the buffer)."""
+        return self.planes()[:PLANES]
+
+    def removed_share(self) -> float:
+        """The share of the light that the limit of the samples has removed."""
+        return removed_share_of(self.planes())
+
+    @property
+    def camera_rays(self) -> int:
+        """Samples of the picture's pixels, up to the last `finish`."""
+        return int(self.counts()[-1])
+
+    def not_finite(self) -> int:
+        """How many samples were dropped because they were not finite, up to the last `finish`."""
+        return int(self.counts()[-2])
+
+    def outcomes(self) -> dict[str, int]:
+        """How many camera rays passed the lens, and how many failed and why, up to the last `finish`."""
+        return outcomes_of(self.counts())
+
+
 def planes_of(clamped: bool) -> int:
-    """Return how many planes a film has, with a limit of the samples or without."""
+    """How many planes a film has, with a limit of the samples or without."""
     return PLANES + int(clamped)
 
 
 def outcomes_of(counts: NDArray[np.uint64]) -> dict[str, int]:
-    """Return how many camera rays passed the lens, and how many failed and why, of `FilmBuffers.all_counts`."""
+    """How many camera rays passed the lens, and how many failed and why, of `FilmBuffers.all_counts`."""
     stopped = {status.name.lower(): int(counts[status]) for status in list(RayStatus)[1:]}
     return {"passed": int(counts[-1]) - sum(stopped.values()), **stopped}
 
 
-def share_removed(planes: NDArray[np.float32]) -> float:
+def removed_share_of(planes: NDArray[np.float32]) -> float:
     """Return the share of the light of a whole film that the limit of the samples has removed."""
     exact = planes.astype(np.float64)
     removed, kept = exact[PLANES:].sum(), np.abs(exact[:3] - exact[3:PLANES]).sum() / 3
@@ -456,7 +489,7 @@ def plays(settings: RenderSettings) -> bool:
     return 0 < settings.roulette_depth < settings.max_depth
 
 
-def scouted(layout: FilmLayout) -> FilmLayout:
+def scout_layout(layout: FilmLayout) -> FilmLayout:
     """Return the tiles that are looked at, spread over the whole film, whatever part of it is rendered."""
     step = 1
     while (layout.full_width // (TILE * step)) * (layout.full_height // (TILE * step)) > MOST_TILES:
@@ -469,7 +502,7 @@ def scouted(layout: FilmLayout) -> FilmLayout:
 
 
 def roulette_of(picture: NDArray[np.floating], layout: FilmLayout) -> Roulette:
-    """Scale the survival in roulette by a picture (height, width, 3) of the tiles of `scouted`.
+    """Scale the survival in roulette by a picture (height, width, 3) of the tiles of `scout_layout`.
 
     Sums are taken in an order that no processor changes.
     """

@@ -40,7 +40,6 @@ from rptcam_cl.rendering.plan.environment import bright_parts
 from rptcam_cl.rendering.plan.plan import Plan, observer
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
 from rptcam_cl.rendering.several import array_of_text, text_of_array
-from rptcam_cl.scene.camera import RealisticCamera
 from rptcam_cl.scene.load import at_opening
 from rptcam_cl.scene.scene import Scene
 
@@ -110,21 +109,21 @@ def ghost_sources(
     """
     turn = at_opening(scene).camera.world_from_camera()[:3, :3]
     front = _front(lens, film_z, turn)
-    found, left_out, parts = [], set(), []
+    points, left_out, parts = [], set(), []
     records = plan.emitters.records[: plan.emitters.count]
     for record in records:
-        points = points_of(record, front.vertex)
+        own = points_of(record, front.vertex)
         if int(record["kind"]) == EmitterKind.ENVIRONMENT:
             parts = [points_at(*part, record) for part in _parts(scene)]
-            found += [(*part, _known(record, part[1])) for part in parts]
+            points += [(*part, _spectrum_of(record, part[1])) for part in parts]
             left_out.add("dim parts of the surroundings" if parts else "surroundings")
-        elif points is None:
+        elif own is None:
             left_out.add(EmitterKind(int(record["kind"])).name.lower())
         else:
-            found.append((*points, _known(record, points[1])))
-    if not found:
+            points.append((*own, _spectrum_of(record, own[1])))
+    if not points:
         return Sources(np.zeros((0, 4)), np.zeros((0, 3)), tuple(sorted(left_out)), 0.0, np.zeros((0, 2)))
-    at, light, target, known = (np.concatenate(column) for column in zip(*found, strict=True))
+    at, light, target, known = (np.concatenate(column) for column in zip(*points, strict=True))
     places = np.column_stack([at[:, :3] @ turn, at[:, 3]])
     lamps = places[:, 3] > 0
     places[:, :3] = np.where(lamps[:, None], (places[:, :3] - [0.0, 0.0, -film_z * 1e-3]) * 1e3, -places[:, :3])
@@ -141,7 +140,7 @@ def ghost_sources(
     return direct if pencils is None else _with_pencils(direct, pencils, turn)
 
 
-def _known(record: np.void, irradiance: Array) -> Array:
+def _spectrum_of(record: np.void, irradiance: Array) -> Array:
     """Return the number of an emitter's spectrum, and how many times it its points give (n, 2)."""
     brightest = int(np.argmax(record["radiance"][:3]))
     times = irradiance[:, brightest] / max(float(record["radiance"][brightest]), 1e-300)
@@ -170,13 +169,14 @@ def _ahead(ways: Array) -> NDArray[np.bool_]:
 
 def _with_pencils(direct: Sources, pencils: Pencils, turn: Array) -> Sources:
     """Return sources with mirrored highlights; the faintest of all are left out."""
-    ways, bends = pencils.ways @ turn, turn.T @ pencils.bends @ turn * 1e-3
+    ways, bends, irradiance = pencils
+    ways, bends = ways @ turn, turn.T @ bends @ turn * 1e-3
     ahead = _ahead(ways) & np.all(np.isfinite(bends), axis=(1, 2))
     places, first = np.zeros((len(direct.places) + int(ahead.sum()), 12)), len(direct.places)
     places[:first, :4] = direct.places
     places[first:, :3], places[first:, 3] = ways[ahead], PENCIL
     places[first:, 4:7], places[first:, 8:11] = bends[ahead, :, 0], bends[ahead, :, 1]
-    light = np.concatenate([direct.irradiance, pencils.irradiance[ahead]])
+    light = np.concatenate([direct.irradiance, irradiance[ahead]])
     bright = luminance(light)
     order = np.argsort(-bright, kind="stable")
     share = np.cumsum(bright[order]) / max(float(bright.sum()), 1e-300)
@@ -228,19 +228,19 @@ def bands(scene: Scene, plan: Plan, setting: LensSetting, sources: Sources) -> l
     def known(nm: float) -> float:
         return float(np.clip(nm, *limits))
 
-    plain, found = numbers == 0, []
+    plain, every = numbers == 0, []
     if plain.any() or not len(plain):
         light = np.where(plain[:, None], sources.irradiance, 0.0)
-        found = [(known(nm), light * share) for nm, share in zip(waves, shares, strict=True)]
+        every = [(known(nm), light * share) for nm, share in zip(waves, shares, strict=True)]
     matching = observer(scene)[1]
     for number in np.unique(numbers[~plain]):
         times = np.where(numbers == number, sources.known[:, 1], 0.0)[:, None]
-        for nm, seen in _of_spectrum(plan.colours[0].samples[number - 1][:, None] * matching, waves):
-            found.append((known(nm), times * seen))
-    return found
+        for nm, seen in _bands_of_spectrum(plan.colours[0].samples[number - 1][:, None] * matching, waves):
+            every.append((known(nm), times * seen))
+    return every
 
 
-def _of_spectrum(seen: Array, waves: tuple[float, ...]) -> Iterator[tuple[float, Array]]:
+def _bands_of_spectrum(seen: Array, waves: tuple[float, ...]) -> Iterator[tuple[float, Array]]:
     """Yield the middle [nm] of light (401, 3) in each band about some waves, and its sum (3,); none of dark ones."""
     places = np.argmin(np.abs(WAVELENGTHS_NM[:, None] - np.array(waves)), axis=1)
     for place, wave in enumerate(waves):
@@ -261,102 +261,6 @@ SURE = 32.0  # of them that shall come through the opening; where fewer would, t
 CLOSING = 4.0  # how far the stop is then closed at a time
 LATTICE = 2654435769  # over 2^32, the second coordinate's step from ray to ray: the kernel's
 ONE_LIGHT = float(1 << 36)  # units of the device's whole numbers
-
-
-class GhostRays:
-    """What sends light of ghosts onto the film of a scene."""
-
-    def __init__(self, scene: Scene, plan: Plan, session: Session) -> None:
-        self.session = session
-        setting = ghost_setting(scene)
-        self.lens, self.film_distance = setting.lens, setting.film_distance_mm
-        film_z = self.lens.film_z(self.film_distance)
-        buffers = SceneBuffers(session, plan)
-        self.sources: Sources = ghost_sources(scene, plan, buffers, session, self.lens, film_z)
-        self.bands = bands(scene, plan, setting, self.sources)
-        self.lenses = [self._opening(self.lens, nm, setting.transmission) for nm, _ in self.bands]
-        middle = len(self.bands) // 2
-        wider = [self._opening(lens, self.bands[middle][0], setting.transmission) for lens in self._wider()]
-        self.openings = [*wider, self.lenses[middle]]
-        (self.columns, self.rows), (width, height) = scene.film.resolution, scene.film.size_m()
-        sense = -1.0 if scene.camera.flip else 1.0
-        across, down = sense * self.columns / (1e3 * width), -sense * self.rows / (1e3 * height)
-        self.to_pixels = np.array([self.columns / 2, across, self.rows / 2, down], np.float32)
-        self.pixel_mm2 = 1e6 * width * height / (self.columns * self.rows)
-        pencils = int(self.sources.mirrored > 0)
-        facts = self.lenses[0][0].facts | {"VW": session.lanes, "DOUBLE": 0, "GHOST_PENCILS": pencils}
-        self.programs = {
-            scout: session.program(["pass/ghosts.cl"], facts | {"GHOST_SCOUT": scout}, device_declarations())
-            for scout in (0, 1)
-        }
-
-    @property
-    def reach(self) -> float:
-        """Half the side of the square on the plane of the first vertex through which all light comes [mm]."""
-        first = self.lens.surfaces[0]
-        depth = abs(float(np.nan_to_num(first.rim_sag(first.semi_diameter * (1 - 1e-9)))))
-        return first.semi_diameter + depth * self.sources.tilt
-
-    def _wider(self) -> list[Lens]:
-        """Return the lens with wider stops, widest first, where few scouts would come through its own."""
-        if self.lens.stop_index is None:
-            return []
-        pupil = self.lens.first_order().entrance_pupil.diameter_mm / 2
-        factor = float(np.sqrt(SURE / SCOUTS)) * 2 * self.reach / (float(np.sqrt(np.pi)) * pupil) if pupil > 0 else 1.0
-        stages = range(int(np.log(factor) / np.log(CLOSING)) + 1) if factor > 1 else range(0)
-        return [with_wider_stop(self.lens, factor / CLOSING**k) for k in stages]
-
-    def _opening(self, lens: Lens, nm: float, transmission: LensTransmission) -> Opening:
-        records = WayRecords.of(lens, nm, transmission)
-        return records, self.session.upload(records.stop)
-
-    def add(
-        self, film: Any, way: Way, record: int, places: Array, boxes: Array, weights: Array, first: Array, rays: int
-    ) -> None:
-        """Add rays of sources to a film, each with its weight in the film's colours and its lattice's first point.
-
-        Its buffer holds whole numbers, of which `ONE_LIGHT` is 1.
-        """
-        self._launch(0, way, self.lenses[record], self._table(places, boxes, weights, first), len(boxes), rays, film)
-
-    def landed(self, way: Way, opening: Opening, places: Array, boxes: Array, rays: int) -> tuple[Array, Array, Array]:
-        """Return column, row and share of the light (n, rays) of rays through boxes; no share beside the film."""
-        count = len(places)
-        memory = self.session.allocate(12 * count * rays)
-        self._launch(1, way, opening, self._table(places, boxes, np.ones((count, 3))), count, rays, memory)
-        landed = self.session.read(memory, np.float32, 3 * count * rays).astype(np.float64)
-        x, y, share = landed.reshape(3, count, rays)
-        columns, rows = self.to_pixels[0] + self.to_pixels[1] * x, self.to_pixels[2] + self.to_pixels[3] * y
-        with np.errstate(invalid="ignore"):
-            inside = (share > 0) & (columns >= 0) & (rows >= 0) & (columns < self.columns) & (rows < self.rows)
-        return columns, rows, np.where(inside, share, 0.0)
-
-    def lit(self, boxes: Array, record: int) -> NDArray[np.bool_]:
-        """Return which sources shine at a wavelength and have boxes."""
-        return np.asarray((boxes[:, 2] > 0) & self.bands[record][1].any(axis=1))
-
-    def whole_groups(self, rays: float) -> int:
-        """Return a number of rays of a source that fills whole work groups."""
-        step = self.session.lanes * GROUP
-        return max(int(np.ceil(rays / step)) * step, step)
-
-    def _table(self, places: Array, boxes: Array, weights: Array, first: ArrayLike = (0.5, 0.0)) -> Any:
-        """Return sources with their boxes, weights (n, 3) and first points of their lattices on the device."""
-        table = np.zeros((len(boxes), 3 + places.shape[1] // 4, 4), np.float32)
-        table[:, 0], table[:, 1], table[:, 2, :3], table[:, 3, :2] = places[:, :4], boxes, weights, first
-        table[:, 4:] = places[:, 4:].reshape(len(boxes), -1, 4)
-        return self.session.upload(table)
-
-    def _launch(self, scout: int, way: Way, opening: Opening, table: Any, count: int, rays: int, out: Any) -> None:
-        records, stop = opening
-        surfaces = records.way(way)
-        launch = self.session.bind(
-            self.programs[scout], "ghosts", surfaces=self.session.upload(surfaces), count=np.int32(len(surfaces)),
-            stop=stop, sources=table, source_count=np.uint32(count), rays=np.uint32(rays),
-            film_distance=np.float32(self.film_distance), pixels=self.to_pixels.tobytes(),
-            size=np.array([self.columns, self.rows], np.uint32).tobytes(), film=out,
-        )  # fmt: skip
-        launch.enqueue(count * rays // self.session.lanes, GROUP)
 
 
 # What some rays say of the light of ghosts by a pair of surfaces: where it enters, how much arrives, and where.
@@ -391,62 +295,6 @@ class Scouted:
     largest: float
 
 
-def scout(rays: GhostRays, way: Way) -> Scouted:
-    """Return how much light a way brings at each wavelength, and where."""
-    boxes, waves = _boxes(rays, way), len(rays.lenses)
-    flux, cells = np.zeros((waves, 3)), np.zeros((CELLS[1], CELLS[0], waves))
-    sent, arrived, largest = 0, 0, 0.0
-    for record in range(waves):
-        lit = rays.lit(boxes, record)
-        own, light = boxes[lit], rays.bands[record][1][lit]
-        if not len(own):
-            continue
-        sample = rays.whole_groups(SECOND_SCOUTS / (len(own) * waves))
-        area = (own[:, 2] * own[:, 3] / sample)[:, None]
-        x, y, share = rays.landed(way, rays.lenses[record], rays.sources.places[lit], own, sample)
-        flux[record] = np.abs((share.sum(axis=1)[:, None] * area * light).sum(axis=0))
-        hits = share > 0
-        at = [(place[hits] * cell / size).astype(int)
-              for place, cell, size in ((y, CELLS[1], rays.rows), (x, CELLS[0], rays.columns))]  # fmt: skip
-        carried = (share * area * np.abs(light).sum(axis=1)[:, None])[hits]
-        np.add.at(cells[..., record], tuple(at), carried / max(float(carried.sum()), 1e-300))
-        sent, arrived = sent + sample * len(own), arrived + int(hits.sum())
-        largest = max(largest, float(share.max()))
-    return Scouted(boxes, flux, cells, max(arrived / max(sent, 1), 1e-3), largest)
-
-
-def _boxes(rays: GhostRays, way: Way) -> Array:
-    """Return where the light of a way enters (n, 4), by rays over the whole front at a middle wavelength.
-
-    Where few of them would find a small opening, they look for the ways through wider ones first.
-    """
-    reach = rays.reach
-    boxes = np.tile([-reach, -reach, 2 * reach, 2 * reach], (len(rays.sources.places), 1))
-    for stage, opening in enumerate(rays.openings):
-        first_of_several = stage == 0 and len(rays.openings) > 1
-        boxes = _narrowed(rays, way, boxes, opening, MORE * SCOUTS if first_of_several else SCOUTS)
-    return boxes
-
-
-def _narrowed(rays: GhostRays, way: Way, boxes: Array, opening: Opening, scouts: int) -> Array:
-    """Return the part of each box (n, 4) through which light gets to the film, some room about it."""
-    lit = np.flatnonzero(boxes[:, 2] > 0)
-    found, margin = np.zeros_like(boxes), 1.5 / np.sqrt(scouts)
-    if not len(lit):
-        return found
-    inside = rays.landed(way, opening, rays.sources.places[lit], boxes[lit], scouts)[2] > 0
-    numbers = np.arange(scouts, dtype=np.uint64)
-    u = (numbers + 0.5) / scouts
-    v = ((numbers * LATTICE % (1 << 32)) >> 8).astype(np.float64) / (1 << 24)
-    for source, hit in zip(lit, inside, strict=True):
-        if hit.any():
-            low = np.clip([u[hit].min() - margin, v[hit].min() - margin], 0.0, 1.0)
-            high = np.clip([u[hit].max() + margin, v[hit].max() + margin], 0.0, 1.0)
-            corner, sides = boxes[source, :2], boxes[source, 2:]
-            found[source] = [*(low * sides + corner), *((high - low) * sides)]
-    return found
-
-
 #
 # The light of ghosts on a film: rays of every pair of reflecting surfaces, shared out by the light that they bring.
 #
@@ -467,13 +315,155 @@ class GhostFilm:
     """The film of a scene under the light of ghosts."""
 
     def __init__(self, scene: Scene, plan: Plan, session: Session) -> None:
-        self.rays = GhostRays(scene, plan, session)
-        self.shape = (self.rays.rows, self.rays.columns, 3)
-        self.value = float(plan.camera.metadata["values_per_irradiance"]) / self.rays.pixel_mm2  # of 1 W/m2 over 1 mm2
+        self.session = session
+        setting = ghost_setting(scene)
+        self.lens, self.film_distance = setting.lens, setting.film_distance_mm
+        film_z = self.lens.film_z(self.film_distance)
+        buffers = SceneBuffers(session, plan)
+        self.sources: Sources = ghost_sources(scene, plan, buffers, session, self.lens, film_z)
+        self.bands = bands(scene, plan, setting, self.sources)
+        self.lenses = [self._opening(self.lens, nm, setting.transmission) for nm, _ in self.bands]
+        middle = len(self.bands) // 2
+        wider = [self._opening(lens, self.bands[middle][0], setting.transmission) for lens in self._wider()]
+        self.openings = [*wider, self.lenses[middle]]
+        (self.columns, self.rows), (width, height) = scene.film.resolution, scene.film.size_m()
+        sense = -1.0 if scene.camera.flip else 1.0
+        across, down = sense * self.columns / (1e3 * width), -sense * self.rows / (1e3 * height)
+        self.to_pixels = np.array([self.columns / 2, across, self.rows / 2, down], np.float32)
+        pixel_mm2 = 1e6 * width * height / (self.columns * self.rows)
+        self.value = plan.camera.metadata["values_per_irradiance"] / pixel_mm2  # of 1 W/m2 over 1 mm2
+        self.shape = (self.rows, self.columns, 3)
+        pencils = int(self.sources.mirrored > 0)
+        facts = self.lenses[0][0].facts | {"VW": session.lanes, "DOUBLE": 0, "GHOST_PENCILS": pencils}
+        self.programs = {
+            scout: session.program(["pass/ghosts.cl"], facts | {"GHOST_SCOUT": scout}, device_declarations())
+            for scout in (0, 1)
+        }
+
+    @property
+    def _reach(self) -> float:
+        """Half the side of the square on the plane of the first vertex through which all light comes [mm]."""
+        first = self.lens.surfaces[0]
+        depth = abs(float(np.nan_to_num(first.rim_sag(first.semi_diameter * (1 - 1e-9)))))
+        return first.semi_diameter + depth * self.sources.tilt
+
+    def _wider(self) -> list[Lens]:
+        """Return the lens with wider stops, widest first, where few scouts would come through its own."""
+        if self.lens.stop_index is None:
+            return []
+        pupil = self.lens.first_order().entrance_pupil.diameter_mm / 2
+        factor = float(np.sqrt(SURE / SCOUTS)) * 2 * self._reach / (float(np.sqrt(np.pi)) * pupil) if pupil > 0 else 1.0
+        stages = range(int(np.log(factor) / np.log(CLOSING)) + 1) if factor > 1 else range(0)
+        return [with_wider_stop(self.lens, factor / CLOSING**k) for k in stages]
+
+    def _opening(self, lens: Lens, nm: float, transmission: LensTransmission) -> Opening:
+        records = WayRecords.of(lens, nm, transmission)
+        return records, self.session.upload(records.stop)
+
+    def _add(
+        self, film: Any, way: Way, record: int, places: Array, boxes: Array, weights: Array, first: Array, rays: int
+    ) -> None:
+        """Add rays of sources to a film, each with its weight in the film's colours and its lattice's first point.
+
+        Its buffer holds whole numbers, of which `ONE_LIGHT` is 1.
+        """
+        self._launch(0, way, self.lenses[record], self._table(places, boxes, weights, first), len(boxes), rays, film)
+
+    def _land(self, way: Way, opening: Opening, places: Array, boxes: Array, rays: int) -> tuple[Array, Array, Array]:
+        """Return column, row and share of the light (n, rays) of rays through boxes; no share beside the film."""
+        count = len(places)
+        memory = self.session.allocate(12 * count * rays)
+        self._launch(1, way, opening, self._table(places, boxes, np.ones((count, 3))), count, rays, memory)
+        landed = self.session.read(memory, np.float32, 3 * count * rays).astype(np.float64)
+        x, y, share = landed.reshape(3, count, rays)
+        columns, rows = self.to_pixels[0] + self.to_pixels[1] * x, self.to_pixels[2] + self.to_pixels[3] * y
+        with np.errstate(invalid="ignore"):
+            inside = (share > 0) & (columns >= 0) & (rows >= 0) & (columns < self.columns) & (rows < self.rows)
+        return columns, rows, np.where(inside, share, 0.0)
+
+    def _lit(self, boxes: Array, record: int) -> NDArray[np.bool_]:
+        """Find the sources that shine at a wavelength and have boxes."""
+        return np.asarray((boxes[:, 2] > 0) & self.bands[record][1].any(axis=1))
+
+    def _whole_groups(self, rays: float) -> int:
+        """Return a number of rays of a source that fills whole work groups."""
+        step = self.session.lanes * GROUP
+        return max(int(np.ceil(rays / step)) * step, step)
+
+    def _table(self, places: Array, boxes: Array, weights: Array, first: ArrayLike = (0.5, 0.0)) -> Any:
+        """Return sources with their boxes, weights (n, 3) and first points of their lattices on the device."""
+        table = np.zeros((len(boxes), 3 + places.shape[1] // 4, 4), np.float32)
+        table[:, 0], table[:, 1], table[:, 2, :3], table[:, 3, :2] = places[:, :4], boxes, weights, first
+        table[:, 4:] = places[:, 4:].reshape(len(boxes), -1, 4)
+        return self.session.upload(table)
+
+    def _launch(self, scout: int, way: Way, opening: Opening, table: Any, count: int, rays: int, out: Any) -> None:
+        records, stop = opening
+        surfaces = records.way(way)
+        launch = self.session.bind(
+            self.programs[scout], "ghosts", surfaces=self.session.upload(surfaces), count=np.int32(len(surfaces)),
+            stop=stop, sources=table, source_count=np.uint32(count), rays=np.uint32(rays),
+            film_distance=np.float32(self.film_distance), pixels=self.to_pixels.tobytes(),
+            size=np.array([self.columns, self.rows], np.uint32).tobytes(), film=out,
+        )  # fmt: skip
+        launch.enqueue(count * rays // self.session.lanes, GROUP)
+
+    def _scout(self, way: Way) -> Scouted:
+        """Look by some rays how much light a way brings at each wavelength, and where."""
+        boxes, waves = self._boxes(way), len(self.lenses)
+        flux, cells = np.zeros((waves, 3)), np.zeros((CELLS[1], CELLS[0], waves))
+        sent, arrived, largest = 0, 0, 0.0
+        for record in range(waves):
+            lit = self._lit(boxes, record)
+            own, light = boxes[lit], self.bands[record][1][lit]
+            if not len(own):
+                continue
+            sample = self._whole_groups(SECOND_SCOUTS / (len(own) * waves))
+            area = (own[:, 2] * own[:, 3] / sample)[:, None]
+            x, y, share = self._land(way, self.lenses[record], self.sources.places[lit], own, sample)
+            flux[record] = np.abs((share.sum(axis=1)[:, None] * area * light).sum(axis=0))
+            hits = share > 0
+            at = [(place[hits] * cell / size).astype(int)
+                  for place, cell, size in ((y, CELLS[1], self.rows), (x, CELLS[0], self.columns))]  # fmt: skip
+            carried = (share * area * np.abs(light).sum(axis=1)[:, None])[hits]
+            np.add.at(cells[..., record], tuple(at), carried / max(float(carried.sum()), 1e-300))
+            sent, arrived = sent + sample * len(own), arrived + int(hits.sum())
+            largest = max(largest, float(share.max()))
+        return Scouted(boxes, flux, cells, max(arrived / max(sent, 1), 1e-3), largest)
+
+    def _boxes(self, way: Way) -> Array:
+        """Return where the light of a way enters (n, 4), by rays over the whole front at a middle wavelength.
+
+        Where few of them would find a small opening, they look for the ways through wider ones first.
+        """
+        reach = self._reach
+        boxes = np.tile([-reach, -reach, 2 * reach, 2 * reach], (len(self.sources.places), 1))
+        for stage, opening in enumerate(self.openings):
+            first_of_several = stage == 0 and len(self.openings) > 1
+            boxes = self._narrow(way, boxes, opening, MORE * SCOUTS if first_of_several else SCOUTS)
+        return boxes
+
+    def _narrow(self, way: Way, boxes: Array, opening: Opening, scouts: int) -> Array:
+        """Return the part of each box (n, 4) through which light gets to the film, some room about it."""
+        lit = np.flatnonzero(boxes[:, 2] > 0)
+        narrow, margin = np.zeros_like(boxes), 1.5 / np.sqrt(scouts)
+        if not len(lit):
+            return narrow
+        inside = self._land(way, opening, self.sources.places[lit], boxes[lit], scouts)[2] > 0
+        numbers = np.arange(scouts, dtype=np.uint64)
+        u = (numbers + 0.5) / scouts
+        v = ((numbers * LATTICE % (1 << 32)) >> 8).astype(np.float64) / (1 << 24)
+        for source, hit in zip(lit, inside, strict=True):
+            if hit.any():
+                low = np.clip([u[hit].min() - margin, v[hit].min() - margin], 0.0, 1.0)
+                high = np.clip([u[hit].max() + margin, v[hit].max() + margin], 0.0, 1.0)
+                corner, sides = boxes[source, :2], boxes[source, 2:]
+                narrow[source] = [*(low * sides + corner), *((high - low) * sides)]
+        return narrow
 
     def light(self) -> tuple[Array, dict[str, Any]]:
         """Return the film's values (rows, columns, 3) of all ghosts, and what metadata should say."""
-        sources = self.rays.sources
+        sources = self.sources
         metadata: dict[str, Any] = {"sources": len(sources.places)}
         if sources.mirrored:
             metadata["mirrored"] = sources.mirrored
@@ -481,68 +471,68 @@ class GhostFilm:
             metadata["left_out"] = list(sources.left_out)
         if not len(sources.places):
             return np.zeros(self.shape), metadata | {"ways": 0, "dropped_share": 0.0}
-        scouted = {way: scout(self.rays, way) for way in _pairs(self.rays.lens)}
-        fluxes = {way: found.flux.sum(axis=0) for way, found in scouted.items()}
+        scouted = {way: self._scout(way) for way in _pairs(self.lens)}
+        fluxes = {way: one.flux.sum(axis=0) for way, one in scouted.items()}
         total = sum(fluxes.values())
-        kept = {way: found for way, found in scouted.items() if np.any(fluxes[way] > LEAST_SHARE * total)}
+        kept = {way: one for way, one in scouted.items() if np.any(fluxes[way] > LEAST_SHARE * total)}
         dropped = 1.0 - float(sum(fluxes[way].sum() for way in kept) / total.sum()) if kept else 0.0
         dropped = 1.0 - (1.0 - dropped) * (1.0 - sources.dropped_share)
-        film = self._splatted(kept) if kept else np.zeros(self.shape)
+        film = self._splat(kept) if kept else np.zeros(self.shape)
         return film, metadata | {"ways": len(kept), "dropped_share": dropped}
 
-    def _shared_out(self, kept: Mapping[Way, Scouted]) -> dict[Way, Array]:
-        """Return how many rays each wavelength of each way gets.
+    def _share_out(self, kept: Mapping[Way, Scouted]) -> dict[Way, Array]:
+        """How many rays each wavelength of each way gets.
 
         The mean square of what light on a pixel errs by, relative to all light there, is least when rays are shared
         out by flux / light (Cauchy and Schwarz), over the root of the share of the rays that arrive. Wide faint ways
         are spread more, and need less.
         """
-        light = sum(np.einsum("ijk,kc->ijc", found.cells, found.flux) for found in kept.values())
+        light = sum(np.einsum("ijk,kc->ijc", one.cells, one.flux) for one in kept.values())
         light = np.maximum(light, DARK * light.mean(axis=(0, 1)))
         weights = {}
-        for way, found in kept.items():
-            over = np.einsum("ijk,ijc->kc", found.cells, 1.0 / np.maximum(light, 1e-100) ** 2)
-            needs = np.sqrt(np.sum(found.flux**2 * over, axis=1))
-            weights[way] = needs * needs.sum() ** (SHARING - 1.0) / np.sqrt(found.arriving)
+        for way, one in kept.items():
+            over = np.einsum("ijk,ijc->kc", one.cells, 1.0 / np.maximum(light, 1e-100) ** 2)
+            needs = np.sqrt(np.sum(one.flux**2 * over, axis=1))
+            weights[way] = needs * needs.sum() ** (SHARING - 1.0) / np.sqrt(one.arriving)
         total = float(np.clip(PER_PIXEL * self.shape[0] * self.shape[1], LEAST_RAYS, MOST_RAYS))
         scale = total / sum(float(weight.sum()) for weight in weights.values())
         return {way: scale * weight for way, weight in weights.items()}
 
-    def _spread_steps(self, found: Scouted, rays: float) -> int:
+    def _spread_steps(self, one: Scouted, rays: float) -> int:
         """Return over how many steps of `FINER` from one pixel the light of a way is spread, which has got some rays.
 
         What is spread over a width w errs at its edges, as the edges' length times w, and has noise, as 1 / rays / w^2:
         together least where w^3 goes as the root of the area over the rays that arrive on a pixel of it.
         """
-        shares = found.cells.mean(axis=2)
+        shares = one.cells.mean(axis=2)
         area = shares.sum() ** 2 / np.sum(shares**2) * self.shape[0] * self.shape[1] / shares.size
-        width = WIDTH * np.cbrt(area**1.5 / (rays * found.arriving))
+        width = WIDTH * np.cbrt(area**1.5 / (rays * one.arriving))
         return max(round(float(np.log(width) / np.log(FINER))), LEAST_SPREAD)
 
-    def _splatted(self, kept: Mapping[Way, Scouted]) -> Array:
+    def _splat(self, kept: Mapping[Way, Scouted]) -> Array:
         """Return the light of ways on the film, each spread by its own width."""
-        shared, largest = self._shared_out(kept), 0.0
+        shared, largest = self._share_out(kept), 0.0
         launches: dict[int, list[Any]] = {}
-        for way, found in kept.items():
-            alike = launches.setdefault(self._spread_steps(found, float(shared[way].sum())), [])
-            for record, (_, light) in enumerate(self.rays.bands):
-                lit = self.rays.lit(found.boxes, record)
-                boxes = found.boxes[lit]
+        for way, one in kept.items():
+            alike = launches.setdefault(self._spread_steps(one, float(shared[way].sum())), [])
+            for record, (_, light) in enumerate(self.bands):
+                lit = self._lit(one.boxes, record)
+                boxes = one.boxes[lit]
                 if not len(boxes):
                     continue
-                count = self.rays.whole_groups(shared[way][record] / len(boxes))
+                count = self._whole_groups(shared[way][record] / len(boxes))
                 weights = light[lit] * (boxes[:, 2] * boxes[:, 3] / count)[:, None]
-                brightest = 4.0 * found.largest * float(np.abs(weights).max())  # a ray may bring more than scouts
+                brightest = 4.0 * one.largest * float(np.abs(weights).max())  # a ray may bring more than scouts
                 largest = max(largest, brightest)
-                alike.append((way, record, self.rays.sources.places[lit], boxes, weights, count))
-        film, session = np.zeros(self.shape), self.rays.session
+                alike.append((way, record, self.sources.places[lit], boxes, weights, count))
+        film, session = np.zeros(self.shape), self.session
         for steps, alike in sorted(launches.items()):
             words = session.allocate(8 * film.size, zeroed=True)
             for way, record, places, boxes, weights, count in alike:
                 first = _shifts(len(boxes) * record + np.arange(len(boxes)), count)
-                self.rays.add(words, way, record, places, boxes, weights / largest, first, count)
+                self._add(words, way, record, places, boxes, weights / largest, first, count)
             units = session.read(words, "<i8", film.size).astype(np.float64)
-            film += _spread(units.reshape(film.shape), FINER**steps)
+            film += _spread_light(units.reshape(film.shape), FINER**steps)
         return film * (largest / ONE_LIGHT * self.value)
 
 
@@ -572,7 +562,7 @@ def _pairs(lens: Lens) -> Iterator[Way]:
         yield from ((j, i) for i in partly if i < j)
 
 
-def _spread(film: Array, width: float) -> Array:
+def _spread_light(film: Array, width: float) -> Array:
     """Return a film whose light is spread by a tent of a half width [pixels], and mirrored at its border."""
     reach = int(np.ceil(width))
     tent = np.maximum(width - np.abs(np.arange(-reach, reach + 1)), 0.0)
@@ -606,24 +596,24 @@ class Ghosting:
     session: Session
 
     @cached_property
-    def found(self) -> tuple[Array, dict[str, Any]]:
+    def result(self) -> tuple[Array, dict[str, Any]]:
         """The light of all ghosts on the rendered part of the film, in its values, and what metadata should say."""
         pixels, metadata = GhostFilm(self.scene, self.plan, self.session).light()
         if share := _barrel_share(self.scene):
             metadata["barrel_share"] = share
-        metadata["says"] = _says(metadata)
+        metadata["says"] = _summary(metadata)
         layout = FilmLayout.of(self.scene.film)
         rows, columns = slice(layout.y, layout.y + layout.height), slice(layout.x, layout.x + layout.width)
         return pixels[rows, columns], metadata
 
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """Return what a saved part needs so that `merge` can add them without the scene."""
-        light, said = self.found
+        """The arrays of a saved part by which `merge` adds them without the scene."""
+        light, said = self.result
         return {"ghosts_light": light.astype(np.float32), "ghosts_said": array_of_text(said)}
 
 
 def saved_ghosts(arrays: Mapping[str, NDArray[Any]]) -> tuple[NDArray[np.float32], dict[str, Any]] | None:
-    """Return what `Ghosting.arrays` is of; None where there are none.
+    """Read the arrays of `Ghosting.arrays`; None where there are none.
 
     Raises
     ------
@@ -640,7 +630,8 @@ def saved_ghosts(arrays: Mapping[str, NDArray[Any]]) -> tuple[NDArray[np.float32
 
 def has_ghosts(scene: Scene) -> bool:
     """Return whether the camera of a scene makes ghosts."""
-    return isinstance(scene.camera, RealisticCamera) and scene.camera.ghosts == "on"
+    camera = scene.camera.traced_camera
+    return camera is not None and camera.ghosts == "on"
 
 
 def ghosting_of(scene: Scene | None, plan: Plan, session: Session) -> Ghosting | None:
@@ -663,8 +654,8 @@ def ghosting_of(scene: Scene | None, plan: Plan, session: Session) -> Ghosting |
 
 def _barrel_share(scene: Scene) -> float:
     """Return the light that the barrel adds evenly, in parts of the film's mean; `veiling_glare` estimates it."""
-    camera = scene.camera
-    if not isinstance(camera, RealisticCamera) or not camera.barrel_reflectance:
+    camera = scene.camera.traced_camera
+    if camera is None or not camera.barrel_reflectance:
         return 0.0
     setting = ghost_setting(scene)
     try:
@@ -676,15 +667,15 @@ def _barrel_share(scene: Scene) -> float:
         raise InputError(f"camera.barrel_reflectance: {problem} (allowed: 0)") from None
 
 
-def _says(found: dict[str, Any]) -> str:
-    """Return a line on what was found."""
-    text = f"{found['ways']} pairs of surfaces from {found['sources']} points of light"
-    if "mirrored" in found:
-        text += f", {found['mirrored']} of them mirrored"
-    if found["dropped_share"] > 0:
-        text += f"; fainter ones with {found['dropped_share']:.1g} of the light are left out"
-    if "barrel_share" in found:
-        text += f"; the barrel adds {found['barrel_share']:.2g} of the film's mean light"
-    if "left_out" in found:
-        text += f"; what makes none here: {', '.join(found['left_out'])}"
+def _summary(metadata: dict[str, Any]) -> str:
+    """A line on the ghosts of a picture."""
+    text = f"{metadata['ways']} pairs of surfaces from {metadata['sources']} points of light"
+    if "mirrored" in metadata:
+        text += f", {metadata['mirrored']} of them mirrored"
+    if metadata["dropped_share"] > 0:
+        text += f"; fainter ones with {metadata['dropped_share']:.1g} of the light are left out"
+    if "barrel_share" in metadata:
+        text += f"; the barrel adds {metadata['barrel_share']:.2g} of the film's mean light"
+    if "left_out" in metadata:
+        text += f"; what makes none here: {', '.join(metadata['left_out'])}"
     return text

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.device.session import Session
-from rptcam_cl.rendering.cameras.chief_rays import CameraRays, chief_rays, seen_places
+from rptcam_cl.rendering.cameras.chief_rays import CameraRays, seen_places
+from rptcam_cl.rendering.cameras.kinds import camera_of
 from rptcam_cl.rendering.cameras.model import exposure_timing
 from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.rendering.layers import SharpHits, SharpPass
@@ -46,7 +47,7 @@ class Moments:
     @cached_property
     def chief(self) -> CameraRays:
         """The chief rays of its camera."""
-        return chief_rays(self.scene)
+        return camera_of(self.scene).chief_rays()
 
     @property
     def rolls(self) -> bool:
@@ -71,14 +72,14 @@ class Moments:
 
     def frames(self, objects: Indices, times: Array) -> Array:
         """Return the matrices (n, 4, 4) of the frames of objects [scene units] at moments (n,); unity for none."""
-        found = np.tile(np.eye(4), (len(objects), 1, 1))
+        matrices = np.tile(np.eye(4), (len(objects), 1, 1))
         for index in np.unique(objects[objects >= 0]).tolist():
             mine, item = objects == index, self.scene.objects[index]
             if item.motion:
-                found[mine] = _at_moments(times[mine], partial(object_frame, item))
+                matrices[mine] = _at_moments(times[mine], partial(object_frame, item))
             else:
-                found[mine] = object_frame(item, 0.0)
-        return found
+                matrices[mine] = object_frame(item, 0.0)
+        return matrices
 
     def kind_of(self, index: int) -> str | None:
         """Return the shape of an object; None where there is no such object."""
@@ -87,8 +88,8 @@ class Moments:
 
 def _at_moments(times: Array, matrix: Callable[[float], Array]) -> Array:
     unique, place = np.unique(times, return_inverse=True)
-    found: Array = np.stack([matrix(time) for time in unique.tolist()]) if len(unique) else np.zeros((0, 4, 4))
-    return found[place.reshape(-1)]
+    matrices: Array = np.stack([matrix(time) for time in unique.tolist()]) if len(unique) else np.zeros((0, 4, 4))
+    return matrices[place.reshape(-1)]
 
 
 Neighbours = tuple[Scene | None, Scene | None]
@@ -120,7 +121,7 @@ class GroundTruth:
     neighbours: Neighbours | None = None
 
     @cached_property
-    def found(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+    def result(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
         """The layers by name, and what metadata should say."""
         layout = FilmLayout.of(self.scene.film)
         shape = layout.height, layout.width
@@ -136,8 +137,8 @@ class GroundTruth:
         return layers, said
 
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """Return what a saved part needs so that `merge` has the layers without the scene."""
-        layers, said = self.found
+        """The arrays of a saved part by which `merge` has the layers without the scene."""
+        layers, said = self.result
         layout = FilmLayout.of(self.scene.film)
         return {f"{SHARP}{name}": layout.in_tiles(each) for name, each in layers.items()} | {SAID: array_of_text(said)}
 
@@ -251,7 +252,7 @@ class GroundTruth:
     def _occlusion(self) -> NDArray[np.float32]:
         return np.append(self._hidden, np.nan)[self._hits.objects].astype(np.float32)
 
-    def _seen(self, other: Moments, times: Array, guess: Array) -> Array:
+    def _places_in(self, other: Moments, times: Array, guess: Array) -> Array:
         """Return where another picture shows at moments (n,) what this one shows; ``guess`` is near there [pixels]."""
         unit, there = self.scene.metres_per_unit, other.scene.metres_per_unit
         points, shown = self._points.copy(), self._hits.objects
@@ -281,7 +282,7 @@ class GroundTruth:
     def _over_shutter(self) -> tuple[Array, Array]:
         """The ways to the opening and to the closing of the shutter of each pixel."""
         half = self.scene.shutter.time_s / 2
-        opening, closing = (self._seen(self._moments, self._times + off, self._places) for off in (-half, half))
+        opening, closing = (self._places_in(self._moments, self._times + off, self._places) for off in (-half, half))
         return self._way(opening), self._way(closing)
 
     def _flow(self, side: int) -> Array:
@@ -294,10 +295,10 @@ class GroundTruth:
         if (neighbour := self.neighbours[side]) is None:
             return np.full((len(self._places), 2), np.nan)
         other = Moments(neighbour)
-        places = self._seen(other, other.middles(self._places), self._places)
+        places = self._places_in(other, other.middles(self._places), self._places)
         for _ in range(ROLLING_ROUNDS if other.rolls else 0):
             before = places
-            places = self._seen(other, other.middles(before), np.where(np.isfinite(before), before, self._places))
+            places = self._places_in(other, other.middles(before), np.where(np.isfinite(before), before, self._places))
             if np.nanmax(np.abs(places - before), initial=0.0) < SAME_PLACE:
                 break
         return self._way(places)
@@ -317,12 +318,12 @@ def saved_truth(
     ValueError
         They do not fit together.
     """
-    found = {}
+    layers = {}
     for name, planes in arrays.items():
         if name.startswith(SHARP):
             rows = np.moveaxis(layout.in_rows(planes), 0, -1)
-            found[name.removeprefix(SHARP)] = np.ascontiguousarray(rows if len(planes) > 1 else rows[..., 0])
-    return found, text_of_array(arrays[SAID]) if SAID in arrays else {}
+            layers[name.removeprefix(SHARP)] = np.ascontiguousarray(rows if len(planes) > 1 else rows[..., 0])
+    return layers, text_of_array(arrays[SAID]) if SAID in arrays else {}
 
 
 def classes_of(scene: Scene) -> dict[str, Any]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import fields
 from functools import partial
 from itertools import groupby
 from typing import Any
@@ -12,14 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.colour import luminance
-from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.core.dataclass import Rows, dataclass
 from rptcam_cl.core.records import EmitterKind, device_declarations
 from rptcam_cl.core.remember import content_name, identity_of_code
 from rptcam_cl.device.session import Session
 from rptcam_cl.rendering.cameras.lamp_aim import Sights
 from rptcam_cl.rendering.plan.materials import SPREADING_ALPHA, Lobe, lobes_of
-from rptcam_cl.rendering.plan.mirror_faces import Bend, Faces, Outline, joined, polished_count, polished_faces
-from rptcam_cl.rendering.plan.plan import Plan, aimed, may_aim
+from rptcam_cl.rendering.plan.mirror_faces import Bend, Faces, Outline, polished_count, polished_faces
+from rptcam_cl.rendering.plan.plan import Plan, aim, may_aim
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
 from rptcam_cl.rendering.several import GOLDEN
 
@@ -76,8 +75,8 @@ def _directions(record: np.void, kind: EmitterKind) -> Array:
     sine2 = u * float(record["a"][3])
     sine, angle = np.sqrt(sine2)[:, None], 2 * np.pi * v[:, None]
     aside = np.cos(angle) * first + np.sin(angle) * second
-    found: Array = np.sqrt(1 - sine2)[:, None] * towards + sine * aside
-    return found
+    directions: Array = np.sqrt(1 - sine2)[:, None] * towards + sine * aside
+    return directions
 
 
 def _across(direction: Array) -> tuple[Array, Array]:
@@ -184,7 +183,7 @@ MARGIN = 0.5  # of a piece's range, by which what is nearly linear over it may l
 
 
 @dataclass(frozen=True, eq=False)
-class MirrorSights:
+class MirrorSights(Rows):
     """Ways from eyes by polished pieces to lamps, one each.
 
     Attributes
@@ -202,9 +201,6 @@ class MirrorSights:
     eyes: Array
     lamps: Array
     slopes: Array
-
-    def __getitem__(self, which: NDArray[np.bool_] | NDArray[np.intp]) -> MirrorSights:
-        return MirrorSights(*(getattr(self, field.name)[which] for field in fields(self)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -244,21 +240,21 @@ class Reflections:
 
 
 def may_reflect(sights: MirrorSights, slack: Array) -> NDArray[np.bool_]:
-    """Return which pieces may show their lamps: what differs from a reflection changes its sign over them, or nearly.
+    """Find the pieces that may show their lamps: what differs from a reflection changes its sign over them, or nearly.
 
     Parameters
     ----------
     slack : (n,) array
         By which the half vector may be off.
     """
-    found = np.zeros(len(sights.faces), np.bool_)
+    may = np.zeros(len(sights.faces), np.bool_)
     rest = np.flatnonzero(_near_enough(sights, slack))
-    found[rest] = _changes_sign(sights[rest], slack[rest])
-    return found
+    may[rest] = _changes_sign(sights[rest], slack[rest])
+    return may
 
 
 def _near_enough(sights: MirrorSights, slack: Array) -> NDArray[np.bool_]:
-    """Return which flat pieces are not too far from reflecting, by their middles; all others are kept."""
+    """Find the flat pieces that are not too far from reflecting, by their middles; all others are kept."""
     faces = sights.faces
     middle = _middle(faces)
     first, second = _perpendiculars(_unit(faces.normals[:, 0]))
@@ -275,19 +271,19 @@ def _near_enough(sights: MirrorSights, slack: Array) -> NDArray[np.bool_]:
 
 
 def _changes_sign(sights: MirrorSights, slack: Array) -> NDArray[np.bool_]:
-    """Return what `may_reflect` does, of pieces one by one."""
+    """Find the pieces that may show their lamps, as `may_reflect` says, one by one."""
     plain = sights.faces.plain
     first, second = _perpendiculars(sights.faces.at(*_middle(sights.faces))[1])
-    count, found = len(sights.faces), []
+    count, differences = len(sights.faces), []
     for x, y in ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0)):
         half, normal, same = _half_vector(sights, np.full(count, x), np.full(count, y), first, second)
         off = half - normal
-        found.append([_dot(off, first), _dot(off, second), same])
-    corners = np.moveaxis(np.array(found), 1, 2)
+        differences.append([_dot(off, first), _dot(off, second), same])
+    corners = np.moveaxis(np.array(differences), 1, 2)
     low, high = corners[..., :2].min(axis=0), corners[..., :2].max(axis=0)
     room = MARGIN * (high - low) + slack[:, None]
     curved = np.all((low - room <= 0) & (high + room >= 0), axis=1) & (corners[..., 2].max(axis=0) > 0)
-    a, b = _plain_seed(sights)
+    a, b = _seed_on_plane(sights)
     size = np.linalg.norm(sights.faces.first, axis=1), np.linalg.norm(sights.faces.second, axis=1)
     distance = np.linalg.norm(sights.faces.corner - sights.eyes, axis=1)
     reach = [np.minimum(4.0 * slack * (distance + each) / each, 1e3) for each in size]
@@ -298,7 +294,7 @@ def _changes_sign(sights: MirrorSights, slack: Array) -> NDArray[np.bool_]:
 
 def seeds(sights: MirrorSights) -> tuple[Array, Array]:
     """Return coordinates near those of the reflection, within the pieces but for endless ones."""
-    a, b = _plain_seed(sights)
+    a, b = _seed_on_plane(sights)
     curved = ~sights.faces.plain
     if curved.any():
         own = sights[curved]
@@ -306,7 +302,7 @@ def seeds(sights: MirrorSights) -> tuple[Array, Array]:
         zero, one = np.zeros(len(own.faces)), np.ones(len(own.faces))
         corners = [_off(own, x, y, first, second) for x, y in ((zero, zero), (one, zero), (zero, one))]
         matrix = np.stack([corners[1] - corners[0], corners[2] - corners[0]], axis=2)
-        a[curved], b[curved] = _solved(matrix, -corners[0]).T
+        a[curved], b[curved] = _solve(matrix, -corners[0]).T
     endless = sights.faces.outline == Outline.ENDLESS
     a, b = np.where(np.isfinite(a), a, 0.5), np.where(np.isfinite(b), b, 0.5)
     within = np.clip(a, 0.0, 1.0), np.clip(b, 0.0, 1.0)
@@ -350,7 +346,7 @@ def _solution(sights: MirrorSights) -> tuple[Array, Array, Array, Array]:
     for _ in range(ITERATIONS):
         own, ways = sights[rest], (first[rest], second[rest])
         off = _off(own, a[rest], b[rest], *ways)
-        step = _solved(_slope(own, a[rest], b[rest], *ways), -off)
+        step = _solve(_slope(own, a[rest], b[rest], *ways), -off)
         step = np.clip(np.nan_to_num(step), -bound[rest, None], bound[rest, None])
         a[rest], b[rest] = a[rest] + step[:, 0], b[rest] + step[:, 1]
         rest = rest[np.any(np.abs(off) > EXACT, axis=1)]
@@ -367,7 +363,7 @@ def _waves(
     to_lamp: Array,
     sharpest: float,
 ) -> tuple[Array, Array]:
-    """Return how the light's direction changes with the eye, and the image's solid angle over the lamp's area."""
+    """How the light's direction changes with the eye, and the image's solid angle over the lamp's area."""
     slope = _slope(sights, a, b, first, second)
     points = sights.faces.at(a, b)[0]
     along = np.stack(
@@ -385,21 +381,21 @@ def _waves(
         for change, eye, lamp in ((of_eye, distance, 0.0 * reach), (of_lamp, 0.0 * distance, reach)):
             shift = STEP * eye[:, None] * across[:, :, axis], STEP * lamp[:, None] * beside[:, :, axis]
             ahead, back = (
-                _off(_moved(sights, sign * shift[0], sign * shift[1]), a, b, first, second) for sign in (1.0, -1.0)
+                _off(_move(sights, sign * shift[0], sign * shift[1]), a, b, first, second) for sign in (1.0, -1.0)
             )
             change[:, :, axis] = (ahead - back) / (2.0 * STEP * (eye + lamp))[:, None]
     moved_by_eye, moved_by_lamp = moves @ of_eye, moves @ of_lamp
     turned = np.swapaxes(across, 1, 2)
     curvature = turned @ (across - moved_by_eye) / distance[:, None, None]
     curvature = 0.5 * (curvature + np.swapaxes(curvature, 1, 2))
-    curvature, less = _bounded(curvature, sharpest)
+    curvature, less = _bound(curvature, sharpest)
     bend = across @ curvature @ turned
     mean = 0.5 * np.trace(curvature, axis1=1, axis2=2)
     bend += mean[:, None, None] * to_eye[:, :, None] * to_eye[:, None, :]
     return bend, less * np.abs(np.linalg.det(turned @ moved_by_lamp / distance[:, None, None]))
 
 
-def _bounded(curvature: Array, sharpest: float) -> tuple[Array, Array]:
+def _bound(curvature: Array, sharpest: float) -> tuple[Array, Array]:
     """Return symmetric matrices (n, 2, 2) whose eigenvalues are no larger, and the share of light that this leaves."""
     values, vectors = np.linalg.eigh(curvature)
     within = np.clip(values, -sharpest, sharpest)
@@ -407,7 +403,7 @@ def _bounded(curvature: Array, sharpest: float) -> tuple[Array, Array]:
     return np.einsum("nik,nk,njk->nij", vectors, within, vectors), less
 
 
-def _moved(sights: MirrorSights, eye: Array, lamp: Array) -> MirrorSights:
+def _move(sights: MirrorSights, eye: Array, lamp: Array) -> MirrorSights:
     """Return sights with eyes and lamps elsewhere; directions stay unit vectors."""
     lamps = sights.lamps.copy()
     lamps[:, :3] += lamp
@@ -417,12 +413,12 @@ def _moved(sights: MirrorSights, eye: Array, lamp: Array) -> MirrorSights:
 
 
 def _facet_weight(sights: MirrorSights, normals: Array, half: Array, to_eye: Array) -> Array:
-    """Return what facets that the eye sees have over those that are there; 1 of a smooth surface."""
+    """The area of the facets that the eye sees over that of those that are there; 1 of a smooth surface."""
     weight = _dot(half, to_eye) / np.maximum(_dot(normals, to_eye) * _dot(normals, half), 1e-6)
     return np.asarray(np.where(sights.slopes.any(axis=1), weight, 1.0))
 
 
-def _plain_seed(sights: MirrorSights) -> tuple[Array, Array]:
+def _seed_on_plane(sights: MirrorSights) -> tuple[Array, Array]:
     """Return the coordinates where the plane of a piece shows the lamp; nan where it does not."""
     faces = sights.faces
     normal = _unit(np.cross(faces.first, faces.second))
@@ -442,7 +438,7 @@ def _plain_seed(sights: MirrorSights) -> tuple[Array, Array]:
 
 
 def _slope(sights: MirrorSights, a: Array, b: Array, first: Array, second: Array) -> Array:
-    """Return how what is off changes with the coordinates (n, 2, 2)."""
+    """How what is off changes with the coordinates (n, 2, 2)."""
     columns = [
         (_off(sights, a + x, b + y, first, second) - _off(sights, a - x, b - y, first, second)) / (2.0 * STEP)
         for x, y in ((STEP, 0.0), (0.0, STEP))
@@ -499,7 +495,7 @@ def _inverse(matrices: Array) -> Array:
         return np.moveaxis(np.array([[d, -b], [-c, a]]) / (a * d - b * c), -1, 0)
 
 
-def _solved(matrices: Array, right: Array) -> Array:
+def _solve(matrices: Array, right: Array) -> Array:
     """Return the solutions of two equations each."""
     with np.errstate(invalid="ignore"):
         return np.asarray(np.einsum("nij,nj->ni", _inverse(matrices), right))
@@ -530,43 +526,20 @@ class Front:
     radius: float
 
 
-@dataclass(frozen=True)
-class Pencils:
-    """Light that arrives at the front.
+Pencils = tuple[Array, Array, Array]
+"""Light that arrives at the front.
 
-    Attributes
-    ----------
-    ways : (n, 3) array
-        Unit direction of the light at the first vertex.
-    bends : (n, 3, 3) array
-        By which it changes as one moves across it [1/m].
-    irradiance : (n, 3) array
-        Across the light at the vertex, on the mean over the front [W/m2].
-    """
-
-    ways: Array
-    bends: Array
-    irradiance: Array
-
-
-@dataclass(frozen=True)
-class Lamp:
-    """A lamp.
-
-    Attributes
-    ----------
-    points : callable
-        Its points, as they show to a place of the world about the eye.
-    strength : float
-        Luminance of the irradiance that it may give the front.
-    """
-
-    points: Callable[[Array], Points]
-    strength: float
+Its unit direction at the first vertex (n, 3); by how much that changes as one moves across it (n, 3, 3) [1/m]; and its
+irradiance across the light at the vertex, on the mean over the front (n, 3) [W/m2].
+"""
+Lamp = tuple[Callable[[Array], Points], float]
+"""A lamp: what gives its points as they show to a place of the world about the eye; luminance of the irradiance that it
+may give the front.
+"""
 
 
 @dataclass(frozen=True, eq=False)
-class _Trial:
+class _Trial(Rows):
     """Sights with the light of each lamp's point and where it comes from."""
 
     sights: MirrorSights
@@ -578,15 +551,15 @@ class _Trial:
 
 def lamps_among(records: NDArray[np.void], parts: Sequence[Points], front: Array) -> list[Lamp]:
     """Return the brightest lamps of emitter records and of parts of the surroundings; an emissive mesh is one lamp."""
-    found = [Lamp(partial(_as_they_are, part), float(luminance(part[1]).sum())) for part in parts]
+    lamps: list[Lamp] = [(partial(_as_they_are, part), float(luminance(part[1]).sum())) for part in parts]
     for (kind, _), group in groupby(records, key=_owner):
         own = np.array(list(group), records.dtype)
         if kind is EmitterKind.TRIANGLE:
-            found.append(_some_of_mesh(own, front))
+            lamps.append(_some_of_mesh(own, front))
         else:
             known = [record for record in own if points_of(record, front) is not None]
-            found += [Lamp(partial(_together, [record], 1.0), _strength(record, front)) for record in known]
-    return sorted(found, key=lambda lamp: -lamp.strength)[:LAMPS]
+            lamps += [(partial(_together, [record], 1.0), _strength(record, front)) for record in known]
+    return sorted(lamps, key=lambda lamp: -lamp[1])[:LAMPS]
 
 
 def highlights(
@@ -599,11 +572,11 @@ def highlights(
     numbered = [lobe for own in lobes.values() for lobe in own]
     if not numbered:
         return None
-    found, lamps = [], lamps[: max(MOST_PAIRS // max(polished_count(plan), 1), 1)]
+    parts, lamps = [], lamps[: max(MOST_PAIRS // max(polished_count(plan), 1), 1)]
     for faces in polished_faces(plan):
         for trial in _trials(faces, lobes, numbered, lamps, front):
-            found += _reflected(trial, numbered, front, plan, session, buffers)
-    return _gathered(found) if found else None
+            parts += _reflect(trial, numbered, front, plan, session, buffers)
+    return _gather(parts) if parts else None
 
 
 def _owner(record: np.void) -> tuple[EmitterKind, int]:
@@ -631,7 +604,7 @@ def _some_of_mesh(records: NDArray[np.void], front: Array) -> Lamp:
         chosen = np.unique(np.minimum(np.searchsorted(np.cumsum(power), steps), len(records) - 1))
     scale = float(power.sum() / max(float(power[chosen].sum()), 1e-300))
     own = list(records[chosen])
-    return Lamp(partial(_together, own, scale), scale * sum(_strength(record, front) for record in own))
+    return partial(_together, own, scale), scale * sum(_strength(record, front) for record in own)
 
 
 def _as_they_are(part: Points, _: Array) -> Points:
@@ -653,25 +626,25 @@ def _trials(
     widest = np.array([max((SPREAD * lobe.alpha for lobe in own), default=0.0) for own in lobes.values()])
     first = np.cumsum([0, *map(len, lobes.values())])
     parts: list[_Trial] = []
-    for number, lamp in enumerate(lamps):
-        for some, places in _candidates(faces, widest[faces.material], lamp, front):
+    for number, (points, _) in enumerate(lamps):
+        for some, places in _candidates(faces, widest[faces.material], points, front):
             for material in np.unique(faces.material[some]):
                 own = some[faces.material[some] == material]
                 for lobe in range(int(first[material]), int(first[material + 1])):
-                    parts += _paired(faces[own], numbered[lobe].alpha, lobe, places, number, front)
+                    parts += _pair(faces[own], numbered[lobe].alpha, lobe, places, number, front)
             if sum(len(part.light) for part in parts) > SIGHTS:
-                yield _joined(parts)
+                yield _Trial.joined(parts)
                 parts = []
     if parts:
-        yield _joined(parts)
+        yield _Trial.joined(parts)
 
 
 def _candidates(
-    faces: Faces, widest: Array, lamp: Lamp, front: Front
+    faces: Faces, widest: Array, points: Callable[[Array], Points], front: Front
 ) -> Iterator[tuple[NDArray[np.intp], tuple[Points, bool]]]:
     """Yield pieces that may show a lamp to the front, with the lamp as it shows to them, and whether they are many."""
     count = len(faces)
-    places = lamp.points(front.vertex)[0]
+    places = points(front.vertex)[0]
     centre = np.append(places[:, :3].mean(axis=0), places[0, 3])
     size = 1.25 * float(np.linalg.norm(places[:, :3] - centre[:3], axis=1).max())
     sights = MirrorSights(faces, np.tile(front.vertex, (count, 1)), np.tile(centre, (count, 1)), np.zeros((count, 2)))
@@ -680,25 +653,23 @@ def _candidates(
     near, far = np.linalg.norm(to_eye, axis=1), np.linalg.norm(to_lamp, axis=1)
     sum_of_units = np.linalg.norm(to_eye / near[:, None] + to_lamp / far[:, None], axis=1)
     slack = (front.radius / near + size / far) / np.maximum(sum_of_units, 0.1) + widest
-    found = np.flatnonzero(may_reflect(sights, slack))
-    if not len(found):
+    able = np.flatnonzero(may_reflect(sights, slack))
+    if not len(able):
         return
-    seen_from = sights[found].faces.at(*seeds(sights[found]))[0]
+    seen_from = sights[able].faces.at(*seeds(sights[able]))[0]
     way = np.linalg.norm(centre[:3] - seen_from, axis=1).min() if centre[3] else np.inf
-    cells = np.floor(seen_from / max(NEIGHBOURS * float(way), 1e-9)) if centre[3] else np.zeros((len(found), 1))
+    cells = np.floor(seen_from / max(NEIGHBOURS * float(way), 1e-9)) if centre[3] else np.zeros((len(able), 1))
     _, place = np.unique(cells, axis=0, return_inverse=True)
     for cell in range(int(place.max()) + 1):
         own = np.flatnonzero(place.reshape(-1) == cell)
         middle = seen_from[own].mean(axis=0)
-        at, light, target = lamp.points(middle)
+        at, light, target = points(middle)
         square = np.where(at[:, 3:] > 0, np.sum((at[:, :3] - middle) ** 2, axis=1)[:, None], 1.0)
         for low in range(0, len(own), TOGETHER):
-            yield found[own[low : low + TOGETHER]], ((at, light * square, target), len(found) > MANY)
+            yield able[own[low : low + TOGETHER]], ((at, light * square, target), len(able) > MANY)
 
 
-def _paired(
-    faces: Faces, alpha: float, lobe: int, lamp: tuple[Points, bool], number: int, front: Front
-) -> list[_Trial]:
+def _pair(faces: Faces, alpha: float, lobe: int, lamp: tuple[Points, bool], number: int, front: Front) -> list[_Trial]:
     """Return the sights of pieces: each point of a lamp, with a slope of the facets, from each point of the front."""
     (places, light, targets), many = lamp
     slopes = np.zeros((1, 2))
@@ -728,49 +699,41 @@ def _paired(
     return [_Trial(sights[may], share * light[point], targets[point], lobes, lamps)]
 
 
-def _joined(trials: list[_Trial]) -> _Trial:
-    faces = joined([trial.sights.faces for trial in trials])
-    rest = (np.concatenate([getattr(trial.sights, name) for trial in trials]) for name in ("eyes", "lamps", "slopes"))
-    own = ("light", "targets", "lobe", "lamp")
-    return _Trial(
-        MirrorSights(faces, *rest), *(np.concatenate([getattr(trial, name) for trial in trials]) for name in own)
-    )
-
-
 Found = tuple[Array, Array, Array, NDArray[np.intp]]
 
 
-def _reflected(
+def _reflect(
     trial: _Trial, lobes: list[Lobe], front: Front, plan: Plan, session: Session, buffers: SceneBuffers
 ) -> list[Found]:
     """Return ways and bends at the vertex, irradiance, and lamp and primitive, of reflections that nothing hides."""
-    found = reflections(trial.sights, 1.0 / front.radius)
-    if not len(found.which):
+    mirrored = reflections(trial.sights, 1.0 / front.radius)
+    if not len(mirrored.which):
         return []
-    own = trial.sights[found.which]
-    light = trial.light[found.which] * (found.weight * found.growth)[:, None]
-    for number in np.unique(trial.lobe[found.which]):
-        mine = trial.lobe[found.which] == number
-        light[mine] *= lobes[number].reflectance(found.cosine[mine], found.behind[mine])
+    trial = trial[mirrored.which]
+    own = trial.sights
+    light = trial.light * (mirrored.weight * mirrored.growth)[:, None]
+    for number in np.unique(trial.lobe):
+        mine = trial.lobe == number
+        light[mine] *= lobes[number].reflectance(mirrored.cosine[mine], mirrored.behind[mine])
     # Look whether anything stands on the way to the front, or to the lamp.
-    near = np.linalg.norm(own.eyes - found.points, axis=1)
-    far = np.where(own.lamps[:, 3] > 0, np.linalg.norm(own.lamps[:, :3] - found.points, axis=1), np.inf)
+    near = np.linalg.norm(own.eyes - mirrored.points, axis=1)
+    far = np.where(own.lamps[:, 3] > 0, np.linalg.norm(own.lamps[:, :3] - mirrored.points, axis=1), np.inf)
     start = SHORT * np.minimum(near, far)
-    dark = occluded(session, plan, buffers, own.eyes, -found.to_eye, (1.0 - SHORT) * near)
+    dark = occluded(session, plan, buffers, own.eyes, -mirrored.to_eye, (1.0 - SHORT) * near)
     reach = np.minimum((1.0 - SHORT) * far - start, float(np.finfo(np.float32).max) / 4)
-    origins = found.points + start[:, None] * found.to_lamp
-    dark |= occluded(session, plan, buffers, origins, found.to_lamp, reach, trial.targets[found.which])
+    origins = mirrored.points + start[:, None] * mirrored.to_lamp
+    dark |= occluded(session, plan, buffers, origins, mirrored.to_lamp, reach, trial.targets)
     # Take the wave from the point of the front to the first vertex.
-    ways = found.to_eye + np.einsum("nij,nj->ni", found.bend, front.vertex - own.eyes)
+    ways = mirrored.to_eye + np.einsum("nij,nj->ni", mirrored.bend, front.vertex - own.eyes)
     length = np.linalg.norm(ways, axis=1)
-    owner = np.stack([trial.lamp[found.which], own.faces.primitive], axis=1)
-    every = ways / length[:, None], found.bend / length[:, None, None], light / length[:, None] ** 2, owner
+    owner = np.stack([trial.lamp, own.faces.primitive], axis=1)
+    every = ways / length[:, None], mirrored.bend / length[:, None, None], light / length[:, None] ** 2, owner
     return [(every[0][~dark], every[1][~dark], every[2][~dark], every[3][~dark])]
 
 
-def _gathered(found: list[Found]) -> Pencils | None:
+def _gather(parts: list[Found]) -> Pencils | None:
     """Return pencils: reflections of a lamp in a primitive by cells of direction, in the order of the cells."""
-    ways, bends, light, owner = (np.concatenate(column) for column in zip(*found, strict=True))
+    ways, bends, light, owner = (np.concatenate(column) for column in zip(*parts, strict=True))
     weight = luminance(light)
     lit = weight > 0
     if not lit.any():
@@ -784,7 +747,7 @@ def _gathered(found: list[Found]) -> Pencils | None:
     ways = np.stack([np.bincount(place, weight * part) for part in ways.T], axis=1)
     bends = np.stack([np.bincount(place, weight * part) for part in bends.reshape(-1, 9).T], axis=1)
     length = np.linalg.norm(ways, axis=1)
-    return Pencils(ways / length[:, None], (bends / total[:, None]).reshape(-1, 3, 3), irradiance)
+    return ways / length[:, None], (bends / total[:, None]).reshape(-1, 3, 3), irradiance
 
 
 # The plan whose camera rays aim at lamps out of focus; the device tries through which pixels a lamp shows.
@@ -814,7 +777,7 @@ def aimed_plan(
         scene = held[0] = held[0] or SceneBuffers(session, plan)
         return _open(sights, session, plan, scene)
 
-    new = aimed(plan, shows, _name_of_sights(plan, session), on_disk=buffers is None)
+    new = aim(plan, shows, _name_of_sights(plan, session), on_disk=buffers is None)
     scene = held[0]
     return new, scene if new is plan or scene is None else SceneBuffers(session, new, scene)
 

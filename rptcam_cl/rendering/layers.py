@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.core.dataclass import Rows, dataclass
 from rptcam_cl.core.records import WAVE, device_declarations
 from rptcam_cl.device.session import Session
 from rptcam_cl.rendering.film import FilmLayout
@@ -28,7 +28,7 @@ MOST_SURFACES = 512  # that a ray is followed through
 
 
 @dataclass(frozen=True)
-class SharpHits:
+class SharpHits(Rows):
     """What n rays meet.
 
     Attributes
@@ -73,7 +73,7 @@ class SharpPass:
         self._owners = session.upload(plan.owners.of_primitive)
 
     def hits(self, origins: Array, directions: Array, times: Array, since: SharpHits | None = None) -> SharpHits:
-        """Return what rays meet.
+        """Trace rays to the first surface that they meet.
 
         Parameters
         ----------
@@ -88,18 +88,16 @@ class SharpPass:
             self._part(slice(low, low + MOST_RAYS), origins, directions, times, since)
             for low in range(0, len(origins), MOST_RAYS)
         ]
-        return SharpHits(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+        return SharpHits.joined(parts)
 
     def all_hits(self, origins: Array, directions: Array, times: Array) -> list[SharpHits]:
-        """Return what rays meet first, second and so on, until none meets anything."""
-        found = [self.hits(origins, directions, times)]
-        while found[-1].met.any() and len(found) < MOST_SURFACES:
-            found.append(self.hits(found[-1].departures, directions, times, found[-1]))
-        return found
+        """Trace rays to the first surface, the second and so on, until none meets anything."""
+        hits = [self.hits(origins, directions, times)]
+        while hits[-1].met.any() and len(hits) < MOST_SURFACES:
+            hits.append(self.hits(hits[-1].departures, directions, times, hits[-1]))
+        return hits
 
-    def _part(
-        self, part: slice, origins: Array, directions: Array, times: Array, since: SharpHits | None
-    ) -> tuple[Array | Indices, ...]:
+    def _part(self, part: slice, origins: Array, directions: Array, times: Array, since: SharpHits | None) -> SharpHits:
         session, count, group = self._session, len(origins[part]), GROUP * self._session.lanes
         capacity = -(-count // group) * group
         rays = np.zeros((7, capacity), np.float32)
@@ -122,18 +120,19 @@ class SharpPass:
         session.finish()
         values = session.read(points, np.float32, 10 * capacity).reshape(10, capacity)[:, :count].astype(np.float64)
         owners = session.read(hits, np.int32, 4 * capacity).reshape(4, capacity)[:, :count].copy()
-        return _towards(values, owners, directions[part])
+        return _facing(values, owners, directions[part])
 
 
-def _towards(values: Array, owners: Indices, directions: Array) -> tuple[Array | Indices, ...]:
-    """Return the fields of `SharpHits`, with normals that face where rays come from."""
+def _facing(values: Array, owners: Indices, directions: Array) -> SharpHits:
+    """Make hits of what the pass wrote, with normals that face where rays come from."""
     point, normal, own = (values[row : row + 3].T for row in (0, 3, 6))
     along = np.sum(own * np.nan_to_num(directions), axis=1)
     turn = np.where(along > 0, -1.0, 1.0)[:, None]
     departure = point + np.copysign(values[9], along)[:, None] * own
     met = (owners[0] >= 0)[:, None]
-    turned = (np.where(met, turn * each, 0.0) for each in (normal, own))
-    return point, *turned, *owners, departure
+    normal, own = (np.where(met, turn * each, 0.0) for each in (normal, own))
+    primitives, triangles, objects, materials = owners
+    return SharpHits(point, normal, own, primitives, triangles, objects, materials, departure)
 
 
 # Planes of each layer: means over the rays, and values of the first ray.

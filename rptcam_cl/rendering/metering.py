@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import field
 from typing import Any
 
 import numpy as np
@@ -11,11 +10,10 @@ from numpy.typing import NDArray
 
 from rptcam_cl.core.colour import luminance
 from rptcam_cl.core.constants import LUMENS_PER_WATT
-from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.device.session import Session
+from rptcam_cl.rendering.cameras.kinds import camera_model
 from rptcam_cl.rendering.cameras.model import camera_irradiance, values_per_irradiance
-from rptcam_cl.rendering.cameras.realistic import camera_model
 from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.rendering.progressive import render_plan
@@ -33,32 +31,24 @@ CENTRE_SHARE = 0.75  # of the weight, in a disk half as wide as the frame's shor
 SPOT_AREA = 0.02  # of the frame
 
 
-@dataclass(frozen=True)
-class ResolvedExposure:
-    """A scene with its exposure resolved.
+def resolve_exposure(
+    scene: Scene, session: Session, known_cd_m2: float | None = None
+) -> tuple[Scene, float | None, dict[str, Any]]:
+    """Resolve the exposure of a scene, by metering on a device where its mode is `auto`.
 
-    Attributes
+    Parameters
     ----------
+    known_cd_m2
+        Reading of an earlier part of this render, in place of metering.
+
+    Returns
+    -------
     scene : Scene
         With mode ``auto`` replaced by the settings that it stands for.
     metered_cd_m2 : float or None
         The luminance that they follow from; None where nothing was to be metered.
     metadata : dict
         What the picture's metadata should say about the metering.
-    """
-
-    scene: Scene
-    metered_cd_m2: float | None = None
-    metadata: dict[str, Any] = field(default_factory=dict)
-
-
-def resolve_exposure(scene: Scene, session: Session, known_cd_m2: float | None = None) -> ResolvedExposure:
-    """Return the scene with its exposure resolved, by metering on a device where its mode is `auto`.
-
-    Parameters
-    ----------
-    known_cd_m2
-        Reading of an earlier part of this render, in place of metering.
 
     Raises
     ------
@@ -67,7 +57,7 @@ def resolve_exposure(scene: Scene, session: Session, known_cd_m2: float | None =
     """
     exposure = scene.exposure
     if exposure.mode != "auto":
-        return ResolvedExposure(scene)
+        return scene, None, {}
     reading = exposure.lock_cd_m2 or known_cd_m2 or metered_cd_m2(scene, session)
     metadata = {"metered_cd_m2": reading, "metering": "locked" if exposure.lock_cd_m2 else exposure.metering}
     on_axis = camera_irradiance(camera_model(_relative(scene), coarse=True), exposure)
@@ -75,7 +65,7 @@ def resolve_exposure(scene: Scene, session: Session, known_cd_m2: float | None =
         _compensation(exposure, reading) if on_axis is None else _settings(scene, reading / LUMENS_PER_WATT * on_axis)
     )
     # Set as keys, which hold where keys of the shutter make the scene anew.
-    return ResolvedExposure(set_keys(scene, keys), reading, metadata)
+    return set_keys(scene, keys), reading, metadata
 
 
 def metered_cd_m2(scene: Scene, session: Session) -> float:
@@ -100,13 +90,13 @@ def metered_cd_m2(scene: Scene, session: Session) -> float:
 
 
 def reading_cd_m2(radiances: NDArray[np.floating], exposure: Exposure, film: Film) -> float:
-    """Return what the meter reads of a film (height, width, 3) of radiances [W/(m² sr)], in cd/m²."""
+    """The reading of the meter for a film (height, width, 3) of radiances [W/(m² sr)], in cd/m²."""
     values = luminance(radiances)
     return float(np.sum(values * weights(exposure, film))) * LUMENS_PER_WATT
 
 
 def weights(exposure: Exposure, film: Film) -> NDArray[np.float64]:
-    """Return how much each pixel (height, width) counts, 1 in all."""
+    """How much each pixel (height, width) counts, 1 in all."""
     columns, rows = film.resolution
     width, height = film.size_m()
     x = (np.arange(columns) + 0.5) / columns * width
@@ -130,7 +120,7 @@ def _relative(scene: Scene, *, small: bool = False) -> Scene:
         columns, rows = scene.film.resolution
         factor = min(1.0, LONGEST_SIDE / max(columns, rows))
         down = max(round(rows * factor), 1)
-        across = 2 * down if scene.camera.kind == "environment" else max(round(columns * factor), 1)
+        across = 2 * down if scene.camera.sees_all_around else max(round(columns * factor), 1)
         film = {"resolution": (across, down), "size_mm": tuple(side * 1e3 for side in scene.film.size_m())}
         kept = {name: getattr(scene.render, name) for name in ("max_depth", "roulette_depth", "sampler")}
         clamped = scene.render.clamp is not None and scene.render.caustics == "auto"
@@ -165,19 +155,19 @@ def _settings(scene: Scene, irradiance: float) -> dict[str, Any]:
     wanted = exposure.target * 2.0 ** (exposure.ev + exposure.neutral_density_stops) / irradiance
     if exposure.priority == "shutter":
         iso = wanted / values_per_irradiance(time_s, 1.0)
-        what, found, least, most = "ISO", iso, LEAST_ISO, MOST_ISO
+        what, value, least, most = "ISO", iso, LEAST_ISO, MOST_ISO
     else:
         iso = exposure.iso
         time_s = wanted / values_per_irradiance(1.0, iso)
-        what, found, least, most = "exposure time in s", time_s, SHORTEST_S, LONGEST_S
-    _check_range(what, found, least, most)
+        what, value, least, most = "exposure time in s", time_s, SHORTEST_S, LONGEST_S
+    _check_range(what, value, least, most)
     settings = {"mode": "physical", "iso": iso, "neutral_density_stops": exposure.neutral_density_stops}
     settings |= {} if exposure.f_number is None else {"f_number": exposure.f_number}
     return {"exposure": settings, "shutter.time_s": time_s}
 
 
-def _check_range(what: str, found: float, least: float, most: float) -> None:
-    if not least <= found <= most:
+def _check_range(what: str, value: float, least: float, most: float) -> None:
+    if not least <= value <= most:
         raise InputError(
-            f"exposure: auto metering needs an {what} out of range (got {found:.3g}; allowed: {least:g} to {most:g})"
+            f"exposure: auto metering needs an {what} out of range (got {value:.3g}; allowed: {least:g} to {most:g})"
         )

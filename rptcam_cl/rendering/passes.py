@@ -188,7 +188,7 @@ def keeps_rays(plan: Plan, settings: RenderSettings, *, stream: bool) -> bool:
 
 
 def bytes_of_state(plan: Plan, capacity: int, *, stream: bool) -> int:
-    """Return how large the state of the paths is, without the rays of a lens traced in float64."""
+    """How large the state of the paths is, without the rays of a lens traced in float64."""
     floats = floats_per_slot(
         stream=stream,
         emitters=plan.emitters.count > 0,
@@ -202,7 +202,7 @@ def bytes_of_state(plan: Plan, capacity: int, *, stream: bool) -> int:
 
 
 def bytes_of_lens_rays(plan: Plan, capacity: int) -> int:
-    """Return how large the rays of a lens traced in float64 are; 0 for other cameras."""
+    """How large the rays of a lens traced in float64 are; 0 for other cameras."""
     return BYTES_PER_SLOT * capacity if traces_in_float64(plan.camera) else 0
 
 
@@ -262,16 +262,15 @@ class CameraPasses:
                 session, camera, facts, buffers.capacity, scene.camera, buffers.tiles, scene.filter, scene.colours
             )
         self._generate = session.bind(
-            program, "generate", **buffers.slots, **scene.camera, counters=buffers.film.counters, wave=_NO_WAVE,
-            tiles=buffers.tiles, filter=scene.filter, colours=scene.colours, **scene.trajectory,
-            **({} if self._lens is None else {"traced": self._lens.rays}),
+            program, "generate", **buffers.slots, **_arguments_of(scene), counters=buffers.film.counters, wave=_NO_WAVE,
+            tiles=buffers.tiles, **({} if self._lens is None else {"traced": self._lens.rays}),
         )  # fmt: skip
 
     def take_over(self, scene: SceneBuffers) -> bool:
         """Make the rays of another plan, whose kernels are the same; return whether that can be."""
         if self._lens is not None:
             return False
-        self._generate.set(**scene.camera, **scene.trajectory, filter=scene.filter, colours=scene.colours)
+        self._generate.set(**_arguments_of(scene))
         return True
 
     def use_camera(self, camera: CameraModel) -> None:
@@ -287,6 +286,11 @@ class CameraPasses:
             self._lens.enqueue(wave, slots, run)
         self._generate.set(wave=wave)
         run(self._generate, slots // self._slots_per_item)
+
+
+def _arguments_of(scene: SceneBuffers) -> dict[str, Any]:
+    """The arguments of ``generate`` that a scene decides."""
+    return {**scene.camera, **scene.trajectory, "filter": scene.filter, "colours": scene.colours}
 
 
 class StreamPass:
@@ -309,24 +313,21 @@ class StreamPass:
         facts: dict[str, int | str] = {"RAYS_FILE": "integrator/read_rays.h"}
         if not makes_rays or keeps_rays:
             facts["BLOCKS_MANY"] = int(plan.camera.blocks_many)
-        made: dict[str, Any] = {}
         if makes_rays:
             together = packets if plan.camera.crosses_surfaces and session.lanes > 1 else 1
             facts |= _camera_facts(plan) | {"CAMERA_PACKETS": together}
             facts["RAYS_FILE"] = f"integrator/{'kept' if keeps_rays else 'made'}_rays.h"
-            made = {**self._of_camera(scene.camera), "filter": scene.filter, **scene.trajectory}
         self._makes_rays, self._alike = makes_rays, buffers.survival_scale
         program = _tracing_program(session, plan, buffers, ["pass/stream.cl"], facts)
         self._stream = session.bind(
-            program, "stream", **scene.scene, **kept, **made, wave=_NO_WAVE, limits=ALIKE.limits(settings),
+            program, "stream", **self._of_scene(scene), **kept, wave=_NO_WAVE, limits=ALIKE.limits(settings),
             sums=buffers.film.sums, counters=buffers.film.counters, pixels=np.uint32(buffers.film.pixels),
             tiles=buffers.tiles, survival_scale=buffers.survival_scale,
         )  # fmt: skip
 
     def take_over(self, scene: SceneBuffers, settings: RenderSettings) -> None:
         """Trace another plan, whose kernels are the same."""
-        made = {**self._of_camera(scene.camera), "filter": scene.filter, **scene.trajectory} if self._makes_rays else {}
-        self._stream.set(**scene.scene, **made, limits=ALIKE.limits(settings), survival_scale=self._alike)
+        self._stream.set(**self._of_scene(scene), limits=ALIKE.limits(settings), survival_scale=self._alike)
 
     def use_roulette(self, limits: bytes, survival_scale: Any) -> None:
         """Play roulette by other limits, and by another buffer of survival scales."""
@@ -340,6 +341,11 @@ class StreamPass:
         """Trace a wave."""
         self._stream.set(wave=wave)
         run(self._stream, pixels // self._lanes)
+
+    def _of_scene(self, scene: SceneBuffers) -> dict[str, Any]:
+        """The arguments that a scene decides, its camera among it where this pass makes the rays."""
+        own = {**self._of_camera(scene.camera), "filter": scene.filter, **scene.trajectory} if self._makes_rays else {}
+        return scene.scene | own
 
     def _of_camera(self, buffers: dict[str, Any]) -> dict[str, Any]:
         return {name: buffers[name] for name in self._camera_names}
@@ -394,7 +400,7 @@ _NO_FACTS: Mapping[str, int | str] = {}
 
 
 def _camera_facts(plan: Plan) -> dict[str, int | str]:
-    """Return what the scene requires of the passes that make camera rays."""
+    """The facts of the scene for the passes that make camera rays."""
     names = ("HAS_EMITTERS", "SAMPLER_LATTICE", "HAS_MESH", "MOVES", "CAMERA_SEGMENTS")
     return {
         **plan.camera.facts,
@@ -503,22 +509,19 @@ def way_of(session: Session, organisation: str, wavefront: Callable[..., Any]) -
     with _trying:
         key = session.info.id, *facts
         if key not in _passed:
-            _passed[key] = _way_that_passes(session, ways, (driver_name(session.info.handle), facts), wavefront)
+            named = driver_name(session.info.handle), facts
+            place = _DISK.find_or_make(named, lambda: _first_right(session, ways, wavefront))
+            if place > 0:
+                device = f"device {session.info.id} {session.info.name}"
+                warnings.warn(
+                    f"{device}: its driver renders wrong pictures as {ways[0]}, so it renders as {ways[place]}, slower",
+                    stacklevel=1,
+                )
+            _passed[key] = ways[place]
         return _passed[key]
 
 
-def _way_that_passes(session: Session, ways: tuple[Way, ...], key: object, wavefront: Callable[..., Any]) -> Way:
-    found = _DISK.find_or_make(key, lambda: _found(session, ways, wavefront))
-    if found > 0:
-        device = f"device {session.info.id} {session.info.name}"
-        warnings.warn(
-            f"{device}: its driver renders wrong pictures as {ways[0]}, so it renders as {ways[found]}, slower",
-            stacklevel=1,
-        )
-    return ways[found]
-
-
-def _found(session: Session, ways: tuple[Way, ...], wavefront: Callable[..., Any]) -> int:
+def _first_right(session: Session, ways: tuple[Way, ...], wavefront: Callable[..., Any]) -> int:
     """Return the place of the first way that passes."""
     faults = []
     for place, way in enumerate(ways):
@@ -530,7 +533,7 @@ def _found(session: Session, ways: tuple[Way, ...], wavefront: Callable[..., Any
 
 
 def fault_of(session: Session, way: Way, wavefront: Callable[..., Any]) -> str | None:
-    """Return what of the known picture is wrong as a device renders it in a way; None where it is right."""
+    """Find what is wrong with the known picture as a device renders it in a way; None where it is right."""
     scene = load_scene(SCENE)
     made = wavefront(
         session.alone(), make_plan(scene), FilmLayout.of(scene.film), scene.render, organisation=way.organisation,

@@ -51,26 +51,6 @@ def next_end(done: int) -> int:
     return (done // length + 1) * length
 
 
-@dataclass(frozen=True)
-class NoiseReport:
-    """How noisy the picture is.
-
-    Attributes
-    ----------
-    target : float or None
-        The relative standard error requested.
-    median, worst : float
-        Relative standard error of the tiles.
-    met : float
-        Share of the tiles that meet the target; 1 without one.
-    """
-
-    target: float | None
-    median: float
-    worst: float
-    met: float
-
-
 class NoiseEstimate:
     """Variance of every pixel's mean luminance, and the tiles that are still rendered.
 
@@ -145,12 +125,20 @@ class NoiseEstimate:
         self.tiles = self.tiles[~finished]
         return bool(finished.any())
 
-    def report(self) -> NoiseReport | None:
-        """Return how noisy the picture is; None before 64 samples per pixel."""
+    def report(self) -> dict[str, Any] | None:
+        """How noisy the picture is; None before 64 samples per pixel.
+
+        Returns
+        -------
+        dict
+            The ``target``; ``median`` and ``worst`` relative standard error of the tiles; ``met``, the share of them
+            that meet the target, 1 without one.
+        """
         if np.isnan(self.error).all():
             return None
         met = 1.0 if self.target is None else float((self.error <= self.target).mean())
-        return NoiseReport(self.target, float(np.median(self.error)), float(self.error.max()), met)
+        median, worst = float(np.median(self.error)), float(self.error.max())
+        return {"target": self.target, "median": median, "worst": worst, "met": met}
 
     def arrays(self) -> dict[str, NDArray[np.generic]]:
         """Return everything that `restore` needs."""
@@ -172,35 +160,22 @@ class NoiseEstimate:
 LARGEST_SHARE = 0.875  # of the samples that those before a look at the film may be
 
 
-@dataclass(frozen=True)
-class AchievedNoise:
-    """Relative standard errors of a picture's luminance.
-
-    Attributes
-    ----------
-    picture : float
-        Root mean square over the pixels of the standard error of a pixel, divided by the mean of the picture.
-    tile_95 : float
-        The same per tile of 8 x 8 pixels: the error that 95 of 100 tiles keep. Tiles darker than a twentieth of the
-        picture's mean count relative to that.
-    source : str
-        What it was estimated from: "runs of samples", or "two parts of the samples".
-    """
-
-    picture: float
-    tile_95: float
-    source: str
-
-
-def _achieved(
+def _noise_of(
     layout: FilmLayout, mean: NDArray[np.floating], variance: NDArray[np.floating], source: str
-) -> AchievedNoise | None:
-    """Return how noisy a picture is; None where it is black or its noise is not known.
+) -> dict[str, Any] | None:
+    """How noisy a picture is; None where it is black or its noise is not known.
 
     Parameters
     ----------
     mean, variance : (pixels,) arrays
         Mean luminance of each pixel of the film's buffer, and the variance of that mean.
+
+    Returns
+    -------
+    dict
+        ``picture``: root mean square over the pixels of the standard error of a pixel, over the mean of the picture.
+        ``tile_95``: the same per tile of 8 x 8 pixels, the error that 95 of 100 tiles keep; tiles darker than a
+        twentieth of the picture's mean count relative to that. ``source``: what it was estimated from.
     """
     inside, pixels = layout.inside, layout.pixels_of_tile[: layout.tiles]
     tiles = [
@@ -213,7 +188,7 @@ def _achieved(
         return None
     errors = np.sqrt(variances / pixels) / np.maximum(means / pixels, DARKEST * whole)
     picture = float(np.sqrt(variances.sum() / pixels.sum())) / whole
-    return AchievedNoise(picture, float(np.quantile(errors, 0.95)), source)
+    return {"picture": picture, "tile_95": float(np.quantile(errors, 0.95)), "source": source}
 
 
 def _luminance(sums: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -256,11 +231,11 @@ class NoiseWatch:
             self._take_snapshot(done)
 
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """Return what to keep, to go on later."""
+        """The arrays that a later run goes on from."""
         return {} if self.estimate is None else self.estimate.arrays()
 
     def most(self, done: int, count: int) -> int:
-        """Return how many of ``count`` samples may follow before the film has to be looked at."""
+        """How many of ``count`` samples may follow before the film has to be looked at."""
         return count if self.estimate is None else min(count, next_end(done) - done)
 
     def observe(self, done: int, *, last: bool) -> None:
@@ -277,7 +252,7 @@ class NoiseWatch:
         self._snapshots = [*self._snapshots[-1:], (done, _luminance(self._wavefront.sums()))]
 
     def samples_of_tiles(self, done: int) -> NDArray[np.uint32]:
-        """Return how many samples per pixel each tile has."""
+        """How many samples per pixel each tile has."""
         if self.estimate is not None:
             return self.estimate.samples_of_tiles(done)
         return np.full(len(self._wavefront.layout.whole_list()), done, np.uint32)
@@ -288,16 +263,16 @@ class NoiseWatch:
             return self.estimate.variance
         return np.full(self._wavefront.layout.pixels, np.nan, np.float32)
 
-    def report(self) -> NoiseReport | None:
-        """Return how noisy the tiles are, where that is recorded."""
+    def report(self) -> dict[str, Any] | None:
+        """How noisy the tiles are, where that is recorded."""
         return None if self.estimate is None else self.estimate.report()
 
-    def achieved(self, done: int, sums: NDArray[np.float32]) -> AchievedNoise | None:
-        """Return how noisy the finished picture is; None where all samples came at once, or with no variance yet."""
+    def achieved(self, done: int, sums: NDArray[np.float32]) -> dict[str, Any] | None:
+        """How noisy the finished picture is; None where all samples came at once, or with no variance yet."""
         layout, summed = self._wavefront.layout, _luminance(sums)
         if self.estimate is not None:
             mean = summed / np.repeat(np.maximum(self.samples_of_tiles(done), 1), TILE_PIXELS)
-            return _achieved(layout, mean, self.estimate.variance, "runs of samples")
+            return _noise_of(layout, mean, self.estimate.variance, "runs of samples")
         earlier = [snapshot for snapshot in self._snapshots if snapshot[0] <= LARGEST_SHARE * done]
         if not earlier:
             return None
@@ -305,7 +280,7 @@ class NoiseWatch:
         second = done - first
         difference = before / first - (summed - before) / second
         variance = difference**2 * (first * second / done**2)
-        return _achieved(layout, summed / done, variance, "two parts of the samples")
+        return _noise_of(layout, summed / done, variance, "two parts of the samples")
 
 
 # A film under way: how many samples it has, where within a sample it was left, and how noisy it is.
@@ -313,14 +288,8 @@ class NoiseWatch:
 GROWING = ("noise_tiles", "noise_runs")  # as many rows as tiles are left, or as runs are kept
 
 SavedArrays = Mapping[str, NDArray[Any]]
-
-
-@dataclass(frozen=True)
-class SavedState:
-    """A render under way, for `render_plan` to go on with: samples per pixel and arrays by name."""
-
-    done: int
-    arrays: dict[str, NDArray[Any]]
+SavedState = tuple[int, dict[str, NDArray[Any]]]
+"""A film under way: samples per pixel, and arrays by name."""
 
 
 class FilmRun:
@@ -359,10 +328,11 @@ class FilmRun:
 
     def resume(self, saved: SavedState) -> None:
         """Go on from an earlier state; raises `StateError` where it does not fit."""
-        self.done = self._end = saved.done
-        check_fits(saved.arrays, self.wavefront.state() | self.watch.arrays())
-        self.wavefront.restore(saved.arrays)
-        self.watch.resume(saved.done, saved.arrays)
+        done, arrays = saved
+        self.done = self._end = done
+        check_fits(arrays, self.wavefront.state() | self.watch.arrays())
+        self.wavefront.restore(arrays)
+        self.watch.resume(done, arrays)
 
     def add(
         self,
@@ -400,7 +370,7 @@ class FilmRun:
         return True
 
     def samples_of_tiles(self) -> NDArray[np.uint32]:
-        """Return how many samples per pixel each tile of the buffer has, those of a sample that was left included."""
+        """How many samples per pixel each tile of the buffer has, those of a sample that was left included."""
         samples = self.part.samples_of_tiles(self.watch.samples_of_tiles(self.done), self.wavefront.layout.tiles)
         for first, pixels, start, count in self._made:
             tiles = self.wavefront.tiles[first // TILE_PIXELS : (first + pixels) // TILE_PIXELS]
@@ -413,9 +383,9 @@ class FilmRun:
         return self.wavefront.layout.picture(self.wavefront.sums(), self.samples_of_tiles())
 
     def state(self) -> SavedState:
-        """Return what `resume` needs; the film is whole."""
+        """The state that `resume` takes; the film is whole."""
         self.wavefront.finish()
-        return SavedState(self.done, self.wavefront.state() | self.watch.arrays())
+        return self.done, self.wavefront.state() | self.watch.arrays()
 
 
 def _pieces(wave: Wave, slots: int | None) -> Iterator[Wave]:
@@ -509,7 +479,7 @@ class TimeLeft:
             self._marks.append((seconds, samples))
 
     def tiles_left(self, estimate: NoiseEstimate | None, done: int, most: int | None) -> TilesLeft | None:
-        """Return what is left; None without a target, before the noise is known, and when all tiles meet it.
+        """Foretell the rest; None without a target, before the noise is known, and when all tiles meet it.
 
         Parameters
         ----------
@@ -625,9 +595,9 @@ class Rendering:
         Samples of each pixel.
     variance : (height, width) array
         Of each pixel's mean luminance; nan unless it is recorded and there are 64 samples to estimate it from.
-    noise : NoiseReport or None
-        How noisy the tiles are, likewise.
-    achieved : AchievedNoise or None
+    noise : dict or None
+        How noisy the tiles are, likewise, as `NoiseEstimate.report` has it.
+    achieved : dict or None
         How noisy the picture is, as far as it is known without a noise target.
     seconds : float
         Time spent rendering [s].
@@ -648,8 +618,8 @@ class Rendering:
     spp: int
     samples: NDArray[np.uint32]
     variance: NDArray[np.float32]
-    noise: NoiseReport | None
-    achieved: AchievedNoise | None
+    noise: dict[str, Any] | None
+    achieved: dict[str, Any] | None
     seconds: float
     interrupted: bool
     layers: dict[str, NDArray[Any]]
@@ -738,7 +708,7 @@ def render_state(wavefront: AnyWavefront, spp: int, part: FilmPart = WHOLE) -> S
 
 
 def rendering_of(run: FilmRun, *, start: int, seconds: float, new_samples: int, interrupted: bool) -> Rendering:
-    """Return what a film has come to, of so many samples per pixel at the start and so many of all pixels since."""
+    """Make the picture of a film, of so many samples per pixel at the start and so many of all pixels since."""
     wavefront, watch, done = run.wavefront, run.watch, run.done
     layout = wavefront.layout
     tiles = run.samples_of_tiles()
@@ -807,7 +777,7 @@ class _Clock:
         self.report()
 
     def fitting(self, seconds: float) -> int:
-        """Return how many samples per pixel fit into what is left of ``seconds``, at the speed so far; at least one."""
+        """How many samples per pixel fit into what is left of ``seconds``, at the speed so far; at least one."""
         made = self._run.done - self._first
         return max(round((seconds - self.elapsed) / self.elapsed * made), 1) if made else 1
 

@@ -25,7 +25,7 @@ from rptcam_cl.rendering.film import (
     seed_words,
 )
 from rptcam_cl.rendering.plan.plan import Plan
-from rptcam_cl.rendering.trees import PrimitiveTree, SceneTrees, primitive_tree, scene_trees
+from rptcam_cl.rendering.trees import DeviceTree, primitive_tree, scene_trees
 
 # What a render will hold on the device, added up before anything is allocated: running out kills a CPU's process.
 
@@ -68,7 +68,7 @@ class MemoryNeeds:
 
 
 def memory_needs(plan: Plan, session: Session, *, film: Sequence[int], paths: Sequence[int]) -> MemoryNeeds:
-    """Return what a plan needs besides the buffers of ``film`` and ``paths`` [bytes each]."""
+    """Add up what a plan needs besides the buffers of ``film`` and ``paths`` [bytes each]."""
     triangles = building = 0
     if plan.meshes is not None:
         count = len(plan.meshes.triangles)
@@ -131,7 +131,7 @@ def check_memory(needs: MemoryNeeds, session: Session) -> None:
 
 
 def memory_budget(session: Session) -> int:
-    """Return how much memory a render may plan with [bytes]; on a CPU also not more than the host has free."""
+    """How much memory a render may plan with [bytes]; on a CPU also not more than the host has free."""
     offered = session.info.memory_bytes
     if session.info.type == "cpu" and (free := free_host_bytes()) is not None:
         offered = min(offered, free)
@@ -245,8 +245,8 @@ class PhotonMap:
         )  # fmt: skip
         self._launch.set(**{"pass": record.tobytes()})
         self._launch.enqueue(count // self._session.lanes, self._session.group)
-        found = self._session.read(self._found, np.float32, count * PHOTON_FLOATS).reshape(count, PHOTON_FLOATS)
-        return np.asarray(found[found[:, MARK].view(np.int32) >= 0])
+        photons = self._session.read(self._found, np.float32, count * PHOTON_FLOATS).reshape(count, PHOTON_FLOATS)
+        return np.asarray(photons[photons[:, MARK].view(np.int32) >= 0])
 
     def _put(self, photons: Photons, radius: float) -> None:
         grid, order, cells = sorted_by_cell(photons, radius)
@@ -257,7 +257,7 @@ class PhotonMap:
 
 
 def sorted_by_cell(photons: Photons, radius: float) -> tuple[NDArray[np.void], NDArray[np.int64], NDArray[np.int32]]:
-    """Return how photons lie in memory for a radius [m]: the record ``PhotonGrid``, their order, the starts of cells.
+    """How photons lie in memory for a radius [m]: the record ``PhotonGrid``, their order, the starts of cells.
 
     Photons of a cell keep their order, so that sums over them do not depend on how they are sorted.
     """
@@ -341,29 +341,11 @@ class SceneBuffers:
         self._session, self._plan = session, plan
         self._before = {} if earlier is None else earlier._uploaded
         self._uploaded: dict[str, tuple[NDArray[Any], Any]] = {}
-        self.scene: dict[str, Any] = {
-            "primitives": self._buffer("primitives", plan.primitives),
-            "kind_end": self._buffer("kind_end", plan.kind_end),
-            "materials": self._buffer("materials", plan.materials),
-            "textures": self._buffer("textures", plan.textures.records),
-            "texels": self._buffer("texels", plan.textures.texels),
-            "emitters": self._buffer("emitters", plan.emitters.records),
-            "environment": self._buffer("environment", plan.surroundings.record),
-            "distribution": self._buffer(
-                "distribution", np.concatenate([plan.emitters.curve, plan.surroundings.distribution])
-            ),
-            "emitter_count": np.int32(plan.emitters.count),
-        }
-        if plan.emitters.tree is not None:
-            self.scene |= {"light_nodes": self._buffer("light_nodes", plan.emitters.tree.nodes)}
+        self.scene: dict[str, Any] = {name: self._buffer(name, array) for name, array in _scene_arrays(plan).items()}
+        self.scene["emitter_count"] = np.int32(plan.emitters.count)
         self.colours = self._buffer("colours", plan.spectrum.table)
         if plan.facts["SPECTRUM"]:
-            self.scene |= {"colours": self.colours}
-        if plan.facts["HAS_MOTION"]:
-            self.scene |= {
-                "segments": self._buffer("segments", plan.movements.segments),
-                "movement_of": self._buffer("movement_of", plan.movements.of_primitive),
-            }
+            self.scene["colours"] = self.colours
         self.tree_facts: dict[str, int] = {}
         self._add_primitive_tree(earlier)
         self._add_meshes(earlier)
@@ -390,7 +372,7 @@ class SceneBuffers:
             array = arrays.get(id(value))
             return value if array is None else array.reshape(-1)[: most_bytes // array.itemsize + 1]
 
-        other = self._mapped(cut)
+        other = self._map(cut)
         other.camera = {name: arrays[id(buffer)] for name, buffer in self.camera.items()}
         if self.photons is not None:
             other.scene = {name: value for name, value in other.scene.items() if name not in self.photons.arguments}
@@ -400,8 +382,8 @@ class SceneBuffers:
         return other
 
     def uploaded_to(self, session: Session) -> SceneBuffers:
-        """Return what `on_host` has made, on a device."""
-        other = self._mapped(lambda value: session.upload(value) if isinstance(value, np.ndarray) else value)
+        """Upload what `on_host` has made to a device."""
+        other = self._map(lambda value: session.upload(value) if isinstance(value, np.ndarray) else value)
         if other._plan.caustics.active:
             other.photons = PhotonBuffers(session, other._plan)
             other.scene |= other.photons.arguments
@@ -412,7 +394,7 @@ class SceneBuffers:
         """Of an array."""
         return max(array.nbytes for array, _ in self._uploaded.values())
 
-    def _mapped(self, change: Callable[[Any], Any]) -> SceneBuffers:
+    def _map(self, change: Callable[[Any], Any]) -> SceneBuffers:
         other = copy.copy(self)
         for name in ("scene", "camera", "trajectory"):
             setattr(other, name, {key: change(value) for key, value in getattr(self, name).items()})
@@ -434,33 +416,40 @@ class SceneBuffers:
         else:
             new = earlier is None  # the next plan of a series has other primitives
             tree = primitive_tree(plan.primitives, plan.kind_end, self._session, plan.movements, on_disk=new)
-        self._tree: PrimitiveTree | None = tree
+        self._tree: DeviceTree | None = tree
         if tree is not None:
-            self.tree_facts |= tree.facts
-            self.scene |= {
-                "primitive_nodes": self._buffer("primitive_nodes", tree.nodes),
-                "primitive_leaves": self._buffer("primitive_leaves", tree.leaves),
-            }
+            self.tree_facts |= tree[1]
+            self.scene |= {name: self._buffer(name, array) for name, array in tree[0].items()}
 
     def _add_meshes(self, earlier: SceneBuffers | None) -> None:
         plan = self._plan
-        self._mesh_trees: SceneTrees | None = None
+        self._mesh_trees: DeviceTree | None = None
         if plan.meshes is None:
             return
         if earlier is not None and earlier._plan.meshes is plan.meshes and _moves_alike(earlier._plan, plan):
             self._mesh_trees = earlier._mesh_trees
         trees = self._mesh_trees = self._mesh_trees or scene_trees(plan.meshes, self._session, plan.movements)
-        self.tree_facts |= trees.facts
-        low, high = trees.bounds
-        arrays = {
-            "nodes": trees.nodes,
-            "blocks": trees.blocks,
-            "triangles": plan.meshes.triangles,
-            "vertices": trees.vertices,
-            "instances": trees.instances,
-        }
-        self.scene |= {name: self._buffer(name, array, in_place=True) for name, array in arrays.items()}
-        self.scene |= {"mesh_root": np.int32(trees.root), "mesh_low": low.tobytes(), "mesh_high": high.tobytes()}
+        self.tree_facts |= trees[1]
+        for name, value in {**trees[0], "triangles": plan.meshes.triangles}.items():
+            self.scene[name] = self._buffer(name, value, in_place=True) if isinstance(value, np.ndarray) else value
+
+
+def _scene_arrays(plan: Plan) -> dict[str, NDArray[Any]]:
+    arrays = {
+        "primitives": plan.primitives,
+        "kind_end": plan.kind_end,
+        "materials": plan.materials,
+        "textures": plan.textures.records,
+        "texels": plan.textures.texels,
+        "emitters": plan.emitters.records,
+        "environment": plan.surroundings.record,
+        "distribution": np.concatenate([plan.emitters.curve, plan.surroundings.distribution]),
+    }
+    if plan.emitters.tree is not None:
+        arrays["light_nodes"] = plan.emitters.tree.nodes
+    if plan.facts["HAS_MOTION"]:
+        arrays |= {"segments": plan.movements.segments, "movement_of": plan.movements.of_primitive}
+    return arrays
 
 
 def camera_buffers(session: Session, camera: CameraModel) -> dict[str, Any]:

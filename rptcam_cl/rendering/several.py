@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import DeviceError, InputError, RptcamError
 from rptcam_cl.device.session import Session
-from rptcam_cl.rendering.film import BLOCK, PLANES, TILE_PIXELS, FilmLayout, outcomes_of, share_removed
+from rptcam_cl.rendering.film import BLOCK, TILE_PIXELS, FilmLayout, RenderedFilm
 from rptcam_cl.rendering.plan.plan import Plan
 from rptcam_cl.rendering.tracer import Wavefront
 from rptcam_cl.scene.film import RenderSettings
@@ -44,20 +44,20 @@ def owners(tiles: int, shares: Sequence[float]) -> NDArray[np.intp]:
     return np.asarray(np.searchsorted(ends, places, side="right"), np.intp)
 
 
-def measured_speed(wavefront: Wavefront) -> float:
-    """Return how many samples per second a device renders of tiles all over the picture; its film is empty after."""
+def measure_speed(wavefront: Wavefront) -> float:
+    """How many samples per second a device renders of tiles all over the picture; its film is empty after."""
     layout = wavefront.layout
     at_once = max(wavefront.capacity // wavefront.samples_per_wave, BLOCK) // TILE_PIXELS
     step = -(-layout.tiles // at_once)
     wavefront.choose_tiles(np.arange(0, layout.tiles, step, dtype=np.uint32))
-    samples, first, begun = 0, 0, time.perf_counter()
-    while time.perf_counter() - begun < MEASURED_SECONDS or not samples:
+    samples, first, begin_part = 0, 0, time.perf_counter()
+    while time.perf_counter() - begin_part < MEASURED_SECONDS or not samples:
         for wave in wavefront.waves(first, wavefront.samples_per_wave):
             wavefront.enqueue(*wave)
             samples += wave[1] * wave[3]
         first += wavefront.samples_per_wave
         wavefront.finish()
-    seconds = time.perf_counter() - begun
+    seconds = time.perf_counter() - begin_part
     wavefront.clear()
     return samples / seconds
 
@@ -79,7 +79,7 @@ def split_of(text: str) -> dict[str, float]:
     return {identity: float(share) for identity, _, share in (part.rpartition("=") for part in text.split(","))}
 
 
-def begun(parts: Sequence[Part], first: int, split: str, dropped: Mapping[str, str] | None = None) -> list[Part]:
+def begin_part(parts: Sequence[Part], first: int, split: str, dropped: Mapping[str, str] | None = None) -> list[Part]:
     """Return the parts with one more, from sample ``first`` on; what was recorded of later samples gives way."""
     gone: dict[str, str] = {}
     for part in parts:
@@ -90,14 +90,14 @@ def begun(parts: Sequence[Part], first: int, split: str, dropped: Mapping[str, s
     return [*kept, {"samples": [first, first], "split": split} | ({"dropped": gone} if gone else {})]
 
 
-def ended(parts: Sequence[Part], done: int) -> list[Part]:
+def end_parts(parts: Sequence[Part], done: int) -> list[Part]:
     """Return the parts, each ending where the next begins, the last after ``done`` samples."""
     ends = [*(part["samples"][0] for part in parts[1:]), done][: len(parts)]
-    found = [part | {"samples": [part["samples"][0], end]} for part, end in zip(parts, ends, strict=True)]
-    return [part for part in found if part["samples"][1] > part["samples"][0]]
+    whole = [part | {"samples": [part["samples"][0], end]} for part, end in zip(parts, ends, strict=True)]
+    return [part for part in whole if part["samples"][1] > part["samples"][0]]
 
 
-def joined(earlier: Sequence[Part], later: Sequence[Part]) -> list[Part]:
+def join_parts(earlier: Sequence[Part], later: Sequence[Part]) -> list[Part]:
     """Return the parts of a render before and after it was interrupted; those with the same shares as one."""
     if not earlier or not later or {"dropped"} & (earlier[-1].keys() | later[0].keys()):
         return [*earlier, *later]
@@ -155,41 +155,41 @@ class FilmPart:
             )
 
     def tiles(self, tiles: int) -> NDArray[np.uint32]:
-        """Return which of so many tiles are its own; those of one part are spread over the picture."""
+        """Its own of so many tiles; those of one part are spread over the picture."""
         places = np.argsort(np.modf((np.arange(tiles) + 0.5) * GOLDEN)[0], kind="stable")
         bounds = [tiles * each // self.count for each in (self.number - 1, self.number)]
         return np.sort(places[slice(*bounds)]).astype(np.uint32)
 
     def samples_of_tiles(self, ends: NDArray[np.uint32], tiles: int) -> NDArray[np.uint32]:
-        """Return how many samples per pixel each tile of the buffer has, from the sample that it is rendered up to."""
+        """How many samples per pixel each tile of the buffer has, from the sample that it is rendered up to."""
         if self == WHOLE:
             return ends
         own, samples = self.tiles(tiles), np.zeros_like(ends)
         samples[own] = ends[own] - self.first
         return samples
 
-    def packed(self, arrays: Arrays, tiles: int) -> Arrays:
+    def pack(self, arrays: Arrays, tiles: int) -> Arrays:
         """Return the arrays of a saved render with its own tiles alone."""
         if self.count == 1:
             return arrays
         pixels = pixels_of(self.tiles(tiles))
         return arrays | {name: array[:, pixels] for name, array in arrays.items() if name.startswith(IN_PIXELS)}
 
-    def unpacked(self, arrays: Arrays, tiles: int, pixels: int) -> Arrays:
-        """Return the arrays that `packed` was given, of a buffer of so many pixels, other tiles empty.
+    def unpack(self, arrays: Arrays, tiles: int, pixels: int) -> Arrays:
+        """Return the arrays that `pack` was given, of a buffer of so many pixels, other tiles empty.
 
         Arrays that do not fit are left as they are.
         """
         own = pixels_of(self.tiles(tiles))
-        found = dict(arrays)
+        whole = dict(arrays)
         for name, packed in arrays.items():
             if self.count > 1 and name.startswith(IN_PIXELS) and packed.ndim == 2 and packed.shape[1] == len(own):
-                found[name] = np.zeros((len(packed), pixels), packed.dtype)
-                found[name][:, own] = packed
-        return found
+                whole[name] = np.zeros((len(packed), pixels), packed.dtype)
+                whole[name][:, own] = packed
+        return whole
 
     def facts(self) -> list[int | None] | None:
-        """Return what a saved render says of it: number, count, first sample and end; None for the whole."""
+        """Its description in a saved render: number, count, first sample and end; None for the whole."""
         return None if self == WHOLE else [self.number, self.count, self.first, self.end]
 
     @property
@@ -205,7 +205,7 @@ WHOLE = FilmPart()
 
 
 def part_of_facts(facts: Any) -> FilmPart:
-    """Return the part that `FilmPart.facts` described.
+    """The part that `FilmPart.facts` describes.
 
     Raises
     ------
@@ -223,12 +223,12 @@ def part_of_facts(facts: Any) -> FilmPart:
 
 
 def array_of_text(data: dict[str, Any]) -> NDArray[np.uint32]:
-    """Return what JSON holds as an array, to be saved among others."""
+    """Encode what JSON holds as an array, to be saved among others."""
     return np.frombuffer(json.dumps(data).encode("utf-32-le"), np.uint32)
 
 
 def text_of_array(array: NDArray[Any]) -> dict[str, Any]:
-    """Return what `array_of_text` made an array of.
+    """Decode an array of `array_of_text`.
 
     Raises
     ------
@@ -288,11 +288,11 @@ class Worker:
 
     def run(self, ranges: Ranges, halt: threading.Event) -> None:
         """Render ranges of samples and wait for them; leave early once ``halt`` is set."""
-        begun, before = time.perf_counter(), self.wavefront.camera_rays
+        begin_part, before = time.perf_counter(), self.wavefront.camera_rays
         for tiles, first, samples in ranges:
             self._render(tiles, first, samples, halt)
         self.made += self.wavefront.camera_rays - before
-        self.seconds += time.perf_counter() - begun
+        self.seconds += time.perf_counter() - begin_part
 
     def _render(self, tiles: NDArray[np.uint32], first: int, samples: int, halt: threading.Event) -> None:
         wavefront, pending = self.wavefront, 0
@@ -319,8 +319,8 @@ class Worker:
         self.kept += self.wavefront.camera_rays
         self.wavefront.clear_counts()
 
-    def described(self) -> dict[str, Any]:
-        """Return what it has done."""
+    def describe(self) -> dict[str, Any]:
+        """Describe what it has done."""
         working = self.dropped is None
         return {
             "id": self.id,
@@ -349,7 +349,7 @@ ROUND_SECONDS = 0.5  # of work between two times that the devices wait for each 
 MOST_OF_A_ROUND = 4096  # samples per pixel
 
 
-class SharedWavefront:
+class SharedWavefront(RenderedFilm):
     """What `Wavefront` is for one device, for several at once.
 
     Parameters
@@ -420,7 +420,7 @@ class SharedWavefront:
         speeds: dict[str, float] = {}
 
         def measure(worker: Worker) -> None:
-            speeds[worker.id] = measured_speed(worker.wavefront)
+            speeds[worker.id] = measure_speed(worker.wavefront)
 
         for worker, error in self._in_parallel(self._workers, measure):
             _tell(f"{error}; it is dropped, and the other devices render without it")
@@ -480,7 +480,7 @@ class SharedWavefront:
 
     def enqueue(self, first_pixel: int, pixels: int, first_sample: int, samples: int) -> None:
         """Render what `waves` returned, each device its tiles, and wait for it."""
-        begun = time.perf_counter()
+        begin_part = time.perf_counter()
         if self._base_done is None:
             self._base_done = first_sample
         if not self._parts:
@@ -488,7 +488,7 @@ class SharedWavefront:
         self._ends[self.tiles] = first_sample + samples
         own = {worker.id: self.tiles[worker.owned[self.tiles]] for worker in self._live()}
         self._run({name: [(tiles, first_sample, samples)] for name, tiles in own.items()}, {})
-        seconds = time.perf_counter() - begun
+        seconds = time.perf_counter() - begin_part
         if seconds < 0.5 * ROUND_SECONDS and samples >= self._round:
             self._round = min(2 * self._round, MOST_OF_A_ROUND)
         elif seconds > 2 * ROUND_SECONDS:
@@ -544,7 +544,7 @@ class SharedWavefront:
         return {name: self._ranges_lost(own) for name, own in taken_over.items()}, taken_over
 
     def _ranges_lost(self, tiles: NDArray[np.intp]) -> Ranges:
-        """Return what brings tiles from what is safe to where they were."""
+        """The samples that bring tiles from what is safe to where they were."""
         first, ends = self._base_done or 0, self._ends[tiles]
         return [
             (tiles[ends == end].astype(np.uint32), first, int(end - first)) for end in np.unique(ends) if end > first
@@ -553,7 +553,7 @@ class SharedWavefront:
     def finish(self) -> None:
         """Nothing to wait for: `enqueue` has waited."""
 
-    def _gathered(self, read: Callable[[Wavefront], NDArray[np.float32]]) -> NDArray[np.float32]:
+    def _gather(self, read: Callable[[Wavefront], NDArray[np.float32]]) -> NDArray[np.float32]:
         """Return planes with the tiles of each device."""
         while True:
             failed, whole = [], None
@@ -571,24 +571,20 @@ class SharedWavefront:
                 return whole
             self._run(*self._without(failed))
 
-    def sums(self) -> NDArray[np.float32]:
-        """Return the film's sums and their compensations, shape (6, pixels of the buffer)."""
-        return self._gathered(Wavefront.planes)[:PLANES]
-
-    def removed_share(self) -> float:
-        """Return the share of the light that the limit of the samples has removed."""
-        return share_removed(self._gathered(Wavefront.planes))
+    def planes(self) -> NDArray[np.float32]:
+        """All of the film, (planes, pixels of the buffer)."""
+        return self._gather(Wavefront.planes)
 
     def layers(self) -> dict[str, NDArray[Any]]:
         """Return the auxiliary layers by name, (height, width) or (height, width, channels)."""
         layers = self._live()[0].wavefront.layer_pass
-        return {} if layers is None else layers.arrays(self._gathered(_layer_planes))
+        return {} if layers is None else layers.arrays(self._gather(_layer_planes))
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Return what `restore` needs to go on; from here on, no more than what follows can be lost with a device."""
-        arrays = {"film": self._gathered(Wavefront.planes)}
+        """Read the arrays that `restore` takes; from here on, no more than what follows can be lost with a device."""
+        arrays = {"film": self.planes()}
         if self._live()[0].wavefront.layer_pass is not None:
-            arrays["layers"] = self._gathered(_layer_planes)
+            arrays["layers"] = self._gather(_layer_planes)
         self._base, self._base_counts, self._base_done = arrays, self.counts(), None
         for worker in self._live():
             worker.keep()
@@ -608,30 +604,17 @@ class SharedWavefront:
         counts = [self._base_counts, *(worker.wavefront.counts() for worker in self._live())]
         return np.asarray(np.sum(counts, axis=0, dtype=np.uint64))
 
-    @property
-    def camera_rays(self) -> int:
-        """Samples of the picture's pixels."""
-        return int(self.counts()[-1])
-
-    def outcomes(self) -> dict[str, int]:
-        """Return how many camera rays passed the lens, and how many failed and why."""
-        return outcomes_of(self.counts())
-
-    def not_finite(self) -> int:
-        """Return how many samples were dropped because they were not finite."""
-        return int(self.counts()[-2])
-
     def _begin_part(self, first: int, dropped: dict[str, str] | None = None) -> None:
         split = split_text({worker.id: worker.share for worker in self._live()})
-        self._parts = begun(self._parts, first, split, dropped)
+        self._parts = begin_part(self._parts, first, split, dropped)
 
     def parts(self, done: int) -> list[Part]:
-        """Return which device took which samples, of ``done`` per pixel."""
-        return ended(self._parts, done)
+        """Say which device took which samples, of ``done`` per pixel."""
+        return end_parts(self._parts, done)
 
     def devices(self) -> list[dict[str, Any]]:
-        """Return what each device has done."""
-        return [worker.described() for worker in self._workers]
+        """Describe what each device has done."""
+        return [worker.describe() for worker in self._workers]
 
 
 AnyWavefront = Wavefront | SharedWavefront

@@ -24,9 +24,8 @@ from rptcam_cl.optics.glass import AIR, abbe_number
 from rptcam_cl.optics.lens import Lens, brought_to_focus, configured, film_distance
 from rptcam_cl.optics.spot import Beam, passing_beam
 from rptcam_cl.optics.waves import diffraction_mtf
-from rptcam_cl.scene.lens_settings import GRADES
+from rptcam_cl.scene.lens_settings import GRADES, Distribution, Merit, Tolerance, Tolerances, grade
 from rptcam_cl.scene.load import input_error
-from rptcam_cl.scene.tolerances import Distribution, Merit, Tolerance, Tolerances, grade
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -77,16 +76,16 @@ def specification(source: str | Path | bytes | Mapping[str, Any] | Tolerances, n
     if isinstance(source, str) and source in GRADES:
         return Specification(grade(source))
     if isinstance(source, Mapping):
-        return _checked(dict(source), None)
+        return _check_specification(dict(source), None)
     if isinstance(source, str | Path) and not Path(source).exists():
         raise InputError(f"{source}: no such file and no grade of tolerances (allowed: {', '.join(GRADES)}, or a file)")
     document = read_yaml(source if isinstance(source, bytes) else Path(source), name or None)
     if not isinstance(document.data, dict):
         raise InputError(f"{document.name}:1:1: a specification must be a mapping (allowed: with the key tolerances)")
-    return _checked(document.data, document)
+    return _check_specification(document.data, document)
 
 
-def _checked(data: dict[str, Any], document: Document | None) -> Specification:
+def _check_specification(data: dict[str, Any], document: Document | None) -> Specification:
     def where(path: KeyPath, at_key: bool = False) -> str:
         if document is None:
             return ""
@@ -132,13 +131,8 @@ class Limit:
     key: tuple[int, int]
 
 
-@dataclass(frozen=True)
-class _Item:
-    """Surfaces that a tolerance concerns, what they are called, and the key of the specification that names them."""
-
-    first: int
-    last: int
-    name: str
+_Item = tuple[int, int, str]
+"""First and last surface that a tolerance concerns, and what they are called."""
 
 
 def elements(lens: Lens) -> list[int]:
@@ -148,59 +142,59 @@ def elements(lens: Lens) -> list[int]:
 
 def components(lens: Lens) -> list[tuple[int, int]]:
     """Return first and last surface of each element, or of elements that are cemented."""
-    found: list[tuple[int, int]] = []
+    ends: list[tuple[int, int]] = []
     for k in elements(lens):
-        if found and found[-1][1] == k:
-            found[-1] = (found[-1][0], k + 1)
+        if ends and ends[-1][1] == k:
+            ends[-1] = (ends[-1][0], k + 1)
         else:
-            found.append((k, k + 1))
-    return found
+            ends.append((k, k + 1))
+    return ends
 
 
 def limits(lens: Lens, specification: Specification) -> list[Limit]:
-    """Return all that may be off: what concerns surfaces first, then elements, then groups, as poses act.
+    """List all that may be off: what concerns surfaces first, then elements, then groups, as poses act.
 
     Raises
     ------
     InputError
         When a tolerance names what the lens does not have.
     """
-    given = specification.tolerances
-    found: list[tuple[int, Limit]] = []
-    for entry, tolerance in enumerate(given.tolerances):
-        distribution = tolerance.distribution or given.distribution
-        sigmas = tolerance.sigmas or given.sigmas
+    wanted = specification.tolerances
+    ranked: list[tuple[int, Limit]] = []
+    for entry, tolerance in enumerate(wanted.tolerances):
+        distribution = tolerance.distribution or wanted.distribution
+        sigmas = tolerance.sigmas or wanted.sigmas
         rank = 2 if tolerance.group else 1 if tolerance.surfaces is None and tolerance.of == "element" else 0
         rank = 0 if tolerance.quantity.startswith("wedge") else rank
         for number, item in enumerate(_items(lens, specification, entry)):
             deviation, size, text = _deviation(lens, tolerance, item)
             if size is not None:
-                label = f"{text} {'behind' if tolerance.quantity == 'spacing_mm' else 'of'} {item.name}"
-                found.append((rank, Limit(deviation, size, label, distribution, sigmas, (entry, number))))
-    if not found:
+                label = f"{text} {'behind' if tolerance.quantity == 'spacing_mm' else 'of'} {item[2]}"
+                ranked.append((rank, Limit(deviation, size, label, distribution, sigmas, (entry, number))))
+    if not ranked:
         raise InputError(f"{lens.name}: none of the tolerances concerns anything of this lens")
-    return [limit for _, limit in sorted(found, key=lambda pair: pair[0])]
+    return [limit for _, limit in sorted(ranked, key=lambda pair: pair[0])]
 
 
 def _items(lens: Lens, specification: Specification, entry: int) -> Iterator[_Item]:
-    """Return what a tolerance concerns."""
+    """Yield what a tolerance concerns."""
     tolerance = specification.tolerances.tolerances[entry]
     path: KeyPath = ("tolerances", entry)
     quantity = tolerance.quantity
     if tolerance.group is not None:
         first, last = tolerance.group
         _check(specification, (*path, "group"), "surface", last, len(lens.surfaces))
-        yield _Item(first, last, f"surfaces {first} to {last}")
+        yield (first, last, f"surfaces {first} to {last}")
     elif quantity.startswith(("decentre", "tilt")) and tolerance.of == "element" and tolerance.surfaces is None:
         every = components(lens)
         for k in _chosen(specification, path, "elements", "element", len(every)):
             first, last = every[k]
-            yield _Item(first, last, f"element {k} (surfaces {first} to {last})")
+            yield (first, last, f"element {k} (surfaces {first} to {last})")
     elif quantity.startswith(("radius", "spacing", "decentre", "tilt")):
         chosen = _chosen(specification, path, "surfaces", "surface", len(lens.surfaces))
         for k in chosen:
             if _concerns(lens, quantity, k):
-                yield _Item(k, k, f"surface {k}")
+                yield (k, k, f"surface {k}")
             elif tolerance.surfaces is not None:
                 place = (*path, "surfaces", tolerance.surfaces.index(k))
                 what = "no air space is behind it" if quantity == "spacing_mm" else "light does not bend there"
@@ -208,7 +202,7 @@ def _items(lens: Lens, specification: Specification, entry: int) -> Iterator[_It
     else:
         glasses = elements(lens)
         for k in _chosen(specification, path, "elements", "element", len(glasses)):
-            yield _Item(glasses[k], glasses[k] + 1, f"element {k} (surfaces {glasses[k]} to {glasses[k] + 1})")
+            yield (glasses[k], glasses[k] + 1, f"element {k} (surfaces {glasses[k]} to {glasses[k] + 1})")
 
 
 def _concerns(lens: Lens, quantity: str, k: int) -> bool:
@@ -236,8 +230,8 @@ def _check(specification: Specification, path: KeyPath, noun: str, number: int, 
 
 
 def _deviation(lens: Lens, tolerance: Tolerance, item: _Item) -> tuple[Deviation, float | None, str]:
-    """Return what a tolerance of one item is a limit of, its size, and its words; no size where it is of no effect."""
-    quantity, k = tolerance.quantity, item.first
+    """The deviation that a tolerance of one item limits, its size, and its words; no size where it is of no effect."""
+    quantity, (k, last, _) = tolerance.quantity, item
     value = float(getattr(tolerance, quantity))
     surface = lens.surfaces[k]
     match quantity:
@@ -266,10 +260,10 @@ def _deviation(lens: Lens, tolerance: Tolerance, item: _Item) -> tuple[Deviation
             angle = 1e-3 * value / (2 * lens.surfaces[k + 1].semi_diameter)
             return Deviation("tilt", k + 1, k + 1), angle, f"wedge {value:g} µm"
         case "decentre_mm":
-            return Deviation("decentre", k, item.last), value, f"decentre {value:g} mm"
+            return Deviation("decentre", k, last), value, f"decentre {value:g} mm"
         case "tilt_arcmin":
-            return Deviation("tilt", k, item.last), value * ARCMIN, f"tilt {value:g}′"
-    return Deviation("tilt", k, item.last), 1e-3 * value / (2 * surface.semi_diameter), f"tilt {value:g} µm"
+            return Deviation("tilt", k, last), value * ARCMIN, f"tilt {value:g}′"
+    return Deviation("tilt", k, last), 1e-3 * value / (2 * surface.semi_diameter), f"tilt {value:g} µm"
 
 
 #
@@ -283,8 +277,8 @@ Array = NDArray[np.float64]
 _NORMAL = np.vectorize(NormalDist().inv_cdf, otypes=[np.float64])
 
 
-def drawn(limits: Sequence[Limit], copies: int, seed: int) -> Array:
-    """Return values (copies, limits, 2) of all that may be off.
+def draw_values(limits: Sequence[Limit], copies: int, seed: int) -> Array:
+    """Draw values (copies, limits, 2) of all that may be off.
 
     A single number lies within ± its size: evenly, by a normal distribution cut off there, or at one of the two ends. A
     pair lies in the disc of that radius: evenly over its area, by the normal distribution of both cut off at its rim,
@@ -338,13 +332,13 @@ class Interval(NamedTuple):
 
 
 def share(hits: int, count: int, confidence: float = CONFIDENCE) -> Interval:
-    """Return which share of all copies is good, of how many of a sample are (Wilson, J. Am. Stat. Assoc. 22, 1927)."""
+    """The share of all copies that is good, of how many of a sample are (Wilson, J. Am. Stat. Assoc. 22, 1927)."""
     z = NormalDist().inv_cdf(0.5 + confidence / 2)
-    found, weight = hits / count, 1.0 / (1.0 + z * z / count)
-    middle = weight * (found + z * z / (2 * count))
-    half = weight * z * math.sqrt(found * (1 - found) / count + (z / (2 * count)) ** 2)
+    ratio, weight = hits / count, 1.0 / (1.0 + z * z / count)
+    middle = weight * (ratio + z * z / (2 * count))
+    half = weight * z * math.sqrt(ratio * (1 - ratio) / count + (z / (2 * count)) ** 2)
     low, high = (0.0 if hits == 0 else middle - half), (1.0 if hits == count else middle + half)
-    return Interval(found, low, high)
+    return Interval(ratio, low, high)
 
 
 def rank(percent: float, count: int) -> int:
@@ -426,14 +420,14 @@ class FieldRays:
     places: Array
     finer: tuple[Array, Array] | None = None
 
-    def turned(self, beam: Beam) -> FieldRays:
+    def turn(self, beam: Beam) -> FieldRays:
         """Return the rays of the same field seen from another side."""
         angle = np.radians(beam.azimuth_degrees - self.beam.azimuth_degrees)
         turn = np.array([[np.cos(angle), np.sin(angle), 0], [-np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
         return replace(self, beam=beam, origins=self.origins @ turn, directions=self.directions @ turn)
 
     def filled_in(self, finer: FieldRays) -> FieldRays:
-        """Return the same with what gives at the places of other rays, that are more, what these have at theirs.
+        """The same with what gives at the places of other rays, that are more, what these have at theirs.
 
         It is the polynomial over the beam with the least squared difference.
         """
@@ -460,8 +454,8 @@ def default_fields(lens: Lens, film_distance_mm: float, object_distance_mm: floa
     x, y = (axis.ravel() for axis in np.meshgrid(across, across))
     sags = np.nan_to_num(lens.surfaces[0].sag(x, y))
 
-    def seen(degrees: float) -> tuple[float, float]:
-        """Return how many rays of a field pass, spread over the first surface, and their rms on the film [mm]."""
+    def see(degrees: float) -> tuple[float, float]:
+        """How many rays of a field pass, spread over the first surface, and their rms on the film [mm]."""
         beam = Beam(degrees, object_distance_mm)
         _, directions = beam.rays(np.stack([x, y], axis=1))
         at = np.stack([x, y], axis=1) - sags[:, None] * directions[:, :2] / directions[:, 2:]
@@ -471,19 +465,23 @@ def default_fields(lens: Lens, film_distance_mm: float, object_distance_mm: floa
         film = rays.origins[good, :2] + slopes * (lens.film_z(film_distance_mm) - rays.origins[good, 2:])
         return float(good.sum()), float(np.sqrt(np.var(film, axis=0).sum())) if good.any() else math.inf
 
-    area, blur = seen(0.0)
+    area, blur = see(0.0)
     largest = max(LARGEST_SPOT * abs(lens.first_order(wavelength_nm).focal_length_mm), 2 * blur)
     low, high = 0.0, STEEPEST
     for _ in range(9):
         middle = (low + high) / 2
-        left, spread = seen(middle)
+        left, spread = see(middle)
         low, high = (middle, high) if left >= LEFT_OPEN * area and spread <= largest else (low, middle)
     digits = max(1 - math.floor(math.log10(low)), 0) if low > 0 else 0
     return [round(share * low, digits) for share in SHARES]
 
 
-class Field:
-    """One angle from the axis, seen from one side or four, and the rays by which it is judged.
+Sampler = Callable[[int, int], list["FieldRays"]]
+"""Makes the rays of each beam of a field, in so many rings of about so many arms."""
+
+
+def sample_field(lens: Lens, degrees: float, object_distance_mm: float, wavelength_nm: float) -> Sampler:
+    """Find the outlines of the beams of a field; one beside the axis is seen from four sides, as copies differ there.
 
     Along directions from the middle of the beam the edge is found by bisection; Gaussian nodes in the squared radius
     lie inside of it (Forbes, J. Opt. Soc. Am. A 5, 1943, 1988, for a beam of any outline). The directions are Gaussian
@@ -492,38 +490,20 @@ class Field:
     Raises
     ------
     InputError
-        When nothing of the beam passes.
-    """
-
-    def __init__(self, lens: Lens, beams: Sequence[Beam], wavelength_nm: float) -> None:
-        self.lens, self.beams, self.wavelength_nm = lens, beams, wavelength_nm
-        self._outlines = [_outline(lens, beam, wavelength_nm) for beam in (beams[:1] if lens.is_rotational else beams)]
-
-    def rays(self, rings: int, arms: int) -> list[FieldRays]:
-        """Return the rays of each beam, in rings of about `arms`; of a round lens those of the first, turned."""
-        found = [
-            _beam_rays(self.lens, beam, self.wavelength_nm, outline, rings, arms)
-            for beam, outline in zip(self.beams, self._outlines, strict=False)
-        ]
-        return [*found, *(found[0].turned(beam) for beam in self.beams[len(found) :])]
-
-
-def fields_of(lens: Lens, degrees: Sequence[float], object_distance_mm: float, wavelength_nm: float) -> list[Field]:
-    """Return fields by their angles from the axis; those beside it are seen from four sides, as copies differ there.
-
-    Raises
-    ------
-    InputError
         When nothing of a beam passes.
     """
-    return [
-        Field(
-            lens,
-            [Beam(angle, object_distance_mm, azimuth) for azimuth in (AZIMUTHS if angle else AZIMUTHS[:1])],
-            wavelength_nm,
-        )
-        for angle in dict.fromkeys(degrees)
-    ]
+    beams = [Beam(degrees, object_distance_mm, azimuth) for azimuth in (AZIMUTHS if degrees else AZIMUTHS[:1])]
+    see = beams[:1] if lens.is_rotational else beams
+    outlines = [_outline(lens, beam, wavelength_nm) for beam in see]
+
+    def rays(rings: int, arms: int) -> list[FieldRays]:
+        own = [
+            _beam_rays(lens, beam, wavelength_nm, outline, rings, arms)
+            for beam, outline in zip(see, outlines, strict=True)
+        ]
+        return [*own, *(own[0].turn(beam) for beam in beams[len(own) :])]  # of a round lens those of the first
+
+    return rays
 
 
 def _outline(lens: Lens, beam: Beam, wavelength_nm: float) -> tuple[Array, float, Array]:
@@ -568,7 +548,7 @@ def _corners(lens: Lens, beam: Beam, wavelength_nm: float, middle: Array, limit:
     """Return the angles about the middle of a beam, ascending, between which one surface bounds it."""
 
     def bounds(angles: Array) -> NDArray[np.int32]:
-        """Return which surface stops the first ray beyond the edge."""
+        """Find the surface that stops the first ray beyond the edge."""
         outward = np.stack([np.cos(angles), np.sin(angles)], axis=-1).reshape(-1, 2)
         edge = _edge(lens, beam, wavelength_nm, middle, outward, limit)
         beyond = middle + (edge + limit * 2.0 ** (1 - BISECTIONS))[:, None] * outward
@@ -588,7 +568,7 @@ def _corners(lens: Lens, beam: Beam, wavelength_nm: float, middle: Array, limit:
 
 
 def _edge(lens: Lens, beam: Beam, wavelength_nm: float, middle: Array, outward: Array, limit: float) -> Array:
-    """Return how far from the middle of a beam its rays pass, along each direction (n, 2)."""
+    """How far from the middle of a beam its rays pass, along each direction (n, 2)."""
     low, high = np.zeros(len(outward)), np.full(len(outward), limit)
     for _ in range(BISECTIONS):
         trial = (low + high) / 2
@@ -663,15 +643,15 @@ class Judge:
         self.limits = self._limits(lens)
 
     def best_shift(self, lens: Lens) -> float:
-        """Return how far the film must move along the light for the least spots of the design in all fields [mm]."""
+        """How far the film must move along the light for the least spots of the design in all fields [mm]."""
         points, slopes = (
-            self._centred(self.weights[None], values) for values in self._film(Copies(lens, (), np.zeros((1, 0, 2))))
+            self._centre(self.weights[None], values) for values in self._film(Copies(lens, (), np.zeros((1, 0, 2))))
         )
         together, spread = (self._moment(self.weights, slopes, values).sum() for values in (points, slopes))
         return -float(together / spread)
 
     def scores(self, copies: Copies, refocus: bool, shifts_mm: Array | None = None) -> Scores:
-        """Return what copies are worth, each with its film at the least spots of all fields where `refocus` says so.
+        """Score copies, each with its film at the least spots of all fields where `refocus` says so.
 
         With `shifts_mm` (copies,) the film of each is moved by so much.
         """
@@ -688,7 +668,7 @@ class Judge:
         totals = self._sums(weights)
         dark = totals == 0  # fields of which no ray comes through
         weights = weights / self._each(np.where(dark, 1.0, totals))
-        points, slopes = (self._centred(weights, np.nan_to_num(values)) for values in (points, slopes))
+        points, slopes = (self._centre(weights, np.nan_to_num(values)) for values in (points, slopes))
         if shifts is None:
             shifts = np.zeros(copies.count)
             if refocus:
@@ -703,12 +683,12 @@ class Judge:
         return np.where(dark, np.inf, spots), self._modulation(weights, points), shifts
 
     def _film(self, copies: Copies) -> tuple[Array, Array]:
-        """Return where rays meet the film and their slopes there, each (copies, wavelengths, rays, 2)."""
-        found = [
+        """Find where rays meet the film and their slopes there, each (copies, wavelengths, rays, 2)."""
+        pairs = [
             film_points(copies, self.origins, self.directions, wavelength, self.film)
             for wavelength in self.merit.wavelengths_nm
         ]
-        return tuple(np.stack([pair[k] for pair in found], axis=1) for k in (0, 1))  # type: ignore[return-value]
+        return tuple(np.stack([pair[k] for pair in pairs], axis=1) for k in (0, 1))  # type: ignore[return-value]
 
     def _sums(self, values: Array) -> Array:
         """Return the sums (copies, fields, …) of values (copies, wavelengths, rays, …)."""
@@ -718,7 +698,7 @@ class Judge:
         """Return values (copies, fields, …) for each ray (copies, 1, rays, …)."""
         return np.repeat(values, self.counts, axis=1)[:, None]
 
-    def _centred(self, weights: Array, values: Array) -> Array:
+    def _centre(self, weights: Array, values: Array) -> Array:
         """Return values (copies, wavelengths, rays, 2) from the mean of their field."""
         return values - self._each(self._sums(weights[..., None] * values))
 
@@ -735,7 +715,7 @@ class Judge:
 
         Where a field has finer places, what the points are there counts, of copies that let all rays through.
         """
-        found = np.zeros((len(points), len(self.counts)))
+        mean = np.zeros((len(points), len(self.counts)))
         for limits, axis in zip(self.limits, self._axes(), strict=True):
             along = 2 * np.pi * self.merit.mtf_per_mm * (points[..., 0] * axis[:, 0] + points[..., 1] * axis[:, 1])
             cosines, sines = (self._sums(weights * function(along)) for function in (np.cos, np.sin))
@@ -747,14 +727,14 @@ class Judge:
                     there = along[full][..., rays] @ finer[0].T
                     both = ((function(there) @ finer[1]).mean(axis=1) for function in (np.cos, np.sin))
                     modulation[full, k] = np.hypot(*both)
-            found += modulation * limits / 2
-        return found
+            mean += modulation * limits / 2
+        return mean
 
     def _limits(self, lens: Lens) -> Array:
         """Return the modulation that diffraction leaves the design (2, fields), along the field and across it."""
         _, slopes = self._film(Copies(lens, (), np.zeros((1, 0, 2))))
         cosines = slopes / np.sqrt(1.0 + np.sum(slopes**2, axis=-1, keepdims=True))
-        found = np.zeros((2, len(self.counts)))
+        mean = np.zeros((2, len(self.counts)))
         for place, wavelength in enumerate(self.merit.wavelengths_nm):
             index = float(lens.indices(wavelength)[-1])
             weights = self.weights[None, [place]] * len(self.merit.wavelengths_nm)
@@ -762,8 +742,8 @@ class Judge:
                 along = np.sum(cosines[:, [place]] * axis, axis=-1)
                 off = along - self._each(self._sums(weights * along))
                 apertures = 2 * index * np.sqrt(self._sums(weights * off**2)[0])
-                found[number] += [diffraction_mtf([self.merit.mtf_per_mm], na, wavelength)[0] for na in apertures]
-        return found / len(self.merit.wavelengths_nm)
+                mean[number] += [diffraction_mtf([self.merit.mtf_per_mm], na, wavelength)[0] for na in apertures]
+        return mean / len(self.merit.wavelengths_nm)
 
 
 # A tolerance run: many copies of a lens made at random and judged, and each tolerance alone at its limits.
@@ -865,13 +845,15 @@ class ToleranceRun:
         """
         merit = self.scores.by(self.rank_by)[self.order]
         if self.rank_by == "spot":
-            found = percentile(merit, percent)
-            return Interval(found.value, found.low * (1 - self.spot_error), found.high * (1 + self.spot_error))
-        found = percentile(-merit, percent)
-        return Interval(-found.value, -found.high - self.mtf_error, -found.low + self.mtf_error)
+            of_copies = percentile(merit, percent)
+            return Interval(
+                of_copies.value, of_copies.low * (1 - self.spot_error), of_copies.high * (1 + self.spot_error)
+            )
+        of_copies = percentile(-merit, percent)
+        return Interval(-of_copies.value, -of_copies.high - self.mtf_error, -of_copies.low + self.mtf_error)
 
     def yield_at(self, limit: float) -> Interval:
-        """Return which share of all copies is at least as good as a limit, with the bounds of its 95 % interval.
+        """The share of all copies that is at least as good as a limit, with the bounds of its 95 % interval.
 
         They hold what more copies and what more rays would change.
         """
@@ -880,10 +862,10 @@ class ToleranceRun:
             merit, limit, error = -merit, -limit, limit * self.spot_error
         else:
             error = self.mtf_error
-        found, worst, best = (
+        of_copies, worst, best = (
             share(int(np.count_nonzero(merit >= limit + off)), len(merit)) for off in (0.0, error, -error)
         )
-        return Interval(found.value, worst.low, best.high)
+        return Interval(of_copies.value, worst.low, best.high)
 
     def worst_offenders(self, count: int = 10) -> list[Sensitivity]:
         """Return the tolerances that cost most, each in its worst direction."""
@@ -906,7 +888,7 @@ def tolerance(
     seed: int | None = None,
     with_sensitivities: bool = True,
 ) -> ToleranceRun:
-    """Return how copies of a lens turn out within tolerances.
+    """Find how copies of a lens turn out within tolerances.
 
     Parameters
     ----------
@@ -926,21 +908,21 @@ def tolerance(
     StateError
         When its file cannot be read.
     """
-    given = spec if isinstance(spec, Specification) else specification(spec)
-    wanted = given.tolerances
+    spec = spec if isinstance(spec, Specification) else specification(spec)
+    wanted = spec.tolerances
     check_copies(lens)
-    found = limits(lens, given)
-    state, front = _state(lens, given)
-    deviations = tuple(limit.deviation for limit in found)
+    within = limits(lens, spec)
+    state, front = _state(lens, spec)
+    deviations = tuple(limit.deviation for limit in within)
     count = copies or wanted.copies
-    made = Copies(state, deviations, drawn(found, count, wanted.seed if seed is None else seed))
-    plain = Copies(state, deviations, np.zeros((1, len(found), 2)))
-    tried = Copies(state, deviations, np.concatenate([plain.values, made.values[:PROBES]]))
-    judge, fields, errors = _judge(given, tried, front)
+    sample = Copies(state, deviations, draw_values(within, count, wanted.seed if seed is None else seed))
+    plain = Copies(state, deviations, np.zeros((1, len(within), 2)))
+    tried = Copies(state, deviations, np.concatenate([plain.values, sample.values[:PROBES]]))
+    judge, fields, errors = _judge(spec, tried, front)
     design = judge.scores(plain, wanted.refocus)
-    rows = _sensitivities(state, found, judge, design, wanted.refocus) if with_sensitivities else ()
-    scores = judge.scores(made, wanted.refocus)
-    return ToleranceRun(state, wanted, found, fields, judge.film, design, scores, made, rows, *errors)
+    rows = _sensitivities(state, within, judge, design, wanted.refocus) if with_sensitivities else ()
+    scores = judge.scores(sample, wanted.refocus)
+    return ToleranceRun(state, wanted, within, fields, judge.film, design, scores, sample, rows, *errors)
 
 
 def _state(lens: Lens, given: Specification) -> tuple[Lens, float]:
@@ -959,7 +941,7 @@ def _state(lens: Lens, given: Specification) -> tuple[Lens, float]:
 
 
 def _judge(given: Specification, tried: Copies, front: float) -> tuple[Judge, tuple[float, ...], tuple[float, float]]:
-    """Return what gives scores, with the film of the design at its best; the fields; and the errors of its rays.
+    """Make what gives scores, with the film of the design at its best; the fields; and the errors of its rays.
 
     Each field has as many rays as leave the scores of some copies, the first of which is the design, where they are.
     """
@@ -968,8 +950,8 @@ def _judge(given: Specification, tried: Copies, front: float) -> tuple[Judge, tu
     film = film_distance(lens, front, "front", wave)
     degrees = tuple(dict.fromkeys(merit.fields_degrees or default_fields(lens, film, front, wave)))
     try:
-        fields = fields_of(lens, degrees, front, wave)
-        rays = [field.rays(RINGS[1], 2 * RINGS[1]) for field in fields]
+        fields = [sample_field(lens, each, front, wave) for each in degrees]
+        rays = [sample(RINGS[1], 2 * RINGS[1]) for sample in fields]
     except InputError as problem:
         raise given.problem(("merit", "fields_degrees"), str(problem)) from None
 
@@ -978,16 +960,16 @@ def _judge(given: Specification, tried: Copies, front: float) -> tuple[Judge, tu
 
     film += judge(rays, film).best_shift(lens)
     shifts = judge(rays, film).scores(tried, given.tolerances.refocus).shifts_mm
-    found = [_enough(field, merit, film, tried, shifts) for field in fields]
-    rays = [field_rays for field_rays, _ in found]
-    few, many = (_joined([scores[k] for _, scores in found]) for k in (0, 1))
+    enough = [_enough(sample, merit, film, tried, shifts) for sample in fields]
+    rays = [field_rays for field_rays, _ in enough]
+    few, many = (_join([scores[k] for _, scores in enough]) for k in (0, 1))
     film += judge(rays, film).best_shift(lens)
     errors = _moves(few.spot_um, many.spot_um, many.spot_um), _moves(few.modulation, many.modulation, 1.0)
     return judge(rays, film), degrees, errors
 
 
 def _enough(
-    field: Field, merit: Merit, film: float, tried: Copies, shifts: Array
+    sample: Sampler, merit: Merit, film: float, tried: Copies, shifts: Array
 ) -> tuple[list[FieldRays], tuple[Scores, Scores]]:
     """Return the rays of a field, and what some copies are worth by them and by more.
 
@@ -995,7 +977,7 @@ def _enough(
     polynomials, which traced rays confirm.
     """
 
-    def scored(rays: list[FieldRays]) -> Scores:
+    def score(rays: list[FieldRays]) -> Scores:
         return Judge(tried.lens, rays, merit, film).scores(tried, False, shifts)
 
     def spots_move(few: Scores, many: Scores) -> float:
@@ -1006,27 +988,27 @@ def _enough(
 
     if merit.rings is not None or merit.arms is not None:
         rings = merit.rings or max(2, (merit.arms or 0) // 2)
-        rays = field.rays(rings, merit.arms or 2 * rings)
-        return rays, (scored(rays), scored(field.rays(2 * rings, 2 * (merit.arms or 2 * rings))))
-    tries = [field.rays(rings, 2 * rings) for rings in RINGS[:2]]
-    scores = [scored(rays) for rays in tries]
+        rays = sample(rings, merit.arms or 2 * rings)
+        return rays, (score(rays), score(sample(2 * rings, 2 * (merit.arms or 2 * rings))))
+    tries = [sample(rings, 2 * rings) for rings in RINGS[:2]]
+    scores = [score(rays) for rays in tries]
     while len(tries) < len(RINGS) and (
         spots_move(*scores[-2:]) > SPOTS_STAY or modulation_moves(*scores[-2:]) > MODULATION_STAYS
     ):
-        tries.append(field.rays(RINGS[len(tries)], 2 * RINGS[len(tries)]))
-        scores.append(scored(tries[-1]))
+        tries.append(sample(RINGS[len(tries)], 2 * RINGS[len(tries)]))
+        scores.append(score(tries[-1]))
     # Where figures do not come to rest, as those of copies that lose rays at an edge do, few rays are as good as many.
     allowed = max(SPOTS_STAY, 2 * spots_move(*scores[-2:])), max(MODULATION_STAYS, 2 * modulation_moves(*scores[-2:]))
     for number, rays in enumerate(tries[:-2]):
         if spots_move(scores[number], scores[-1]) <= allowed[0]:
             filled = [few.filled_in(many) for few, many in zip(rays, tries[-2], strict=True)]
-            found = scored(filled)
-            if modulation_moves(found, scores[-1]) <= allowed[1]:
-                return filled, (found, scores[-1])
+            by_few = score(filled)
+            if modulation_moves(by_few, scores[-1]) <= allowed[1]:
+                return filled, (by_few, scores[-1])
     return tries[-2], (scores[-2], scores[-1])
 
 
-def _joined(scores: Sequence[Scores]) -> Scores:
+def _join(scores: Sequence[Scores]) -> Scores:
     """Return the scores of several fields as those of one lens."""
     spots, mtf = (np.concatenate([getattr(one, name) for one in scores], axis=1) for name in ("spots_um", "mtf"))
     return Scores(spots, mtf, scores[0].shifts_mm)
@@ -1035,26 +1017,26 @@ def _joined(scores: Sequence[Scores]) -> Scores:
 def _moves(one: Array, other: Array, scale: Array | float) -> float:
     """Return the largest difference, in units of a scale, of numbers that are finite."""
     with np.errstate(invalid="ignore", divide="ignore"):
-        found = np.abs(one - other) / scale
-    return float(np.max(found, where=np.isfinite(found), initial=0.0))
+        moved = np.abs(one - other) / scale
+    return float(np.max(moved, where=np.isfinite(moved), initial=0.0))
 
 
 def _sensitivities(
-    lens: Lens, found: Sequence[Limit], judge: Judge, design: Scores, refocus: bool
+    lens: Lens, within: Sequence[Limit], judge: Judge, design: Scores, refocus: bool
 ) -> tuple[Sensitivity, ...]:
-    """Return what each tolerance alone does, at each of its ends."""
+    """Score the design with each tolerance alone at each of its ends."""
     rows: list[tuple[int, int, float, str]] = []
-    for number, limit in enumerate(found):
+    for number, limit in enumerate(within):
         for k, axis in enumerate(("x", "y") if limit.deviation.is_pair else ("",)):
             rows += [(number, k, limit.size, f"+{axis}"), (number, k, -limit.size, f"-{axis}")]
-    values = np.zeros((len(rows), len(found), 2))
+    values = np.zeros((len(rows), len(within), 2))
     for place, (number, k, value, _) in enumerate(rows):
         values[place, number, k] = value
-    scores = judge.scores(Copies(lens, tuple(limit.deviation for limit in found), values), refocus)
+    scores = judge.scores(Copies(lens, tuple(limit.deviation for limit in within), values), refocus)
     spots, mtf = scores.spot_um, scores.modulation
     return tuple(
         Sensitivity(
-            found[number].label, direction, float(spots[k]), float(mtf[k]), float(spots[k] - design.spot_um[0]),
+            within[number].label, direction, float(spots[k]), float(mtf[k]), float(spots[k] - design.spot_um[0]),
             float(mtf[k] - design.modulation[0]), float(scores.shifts_mm[k]),
         )
         for k, (number, _, _, direction) in enumerate(rows)
@@ -1152,15 +1134,15 @@ def percentile_rows(run: ToleranceRun) -> list[dict[str, Any]]:
     rows = []
     for percent in PERCENTILES:
         number = run.copy_at(percent)
-        found = run.percentile(percent)
+        interval = run.percentile(percent)
         rows.append(
             {
                 "percent": percent,
                 "copy": number,
                 "spot_um": float(run.scores.spot_um[number]),
                 "mtf": float(run.scores.modulation[number]),
-                "low": found.low,
-                "high": found.high,
+                "low": interval.low,
+                "high": interval.high,
                 "shift_mm": float(run.scores.shifts_mm[number]),
             }
         )
@@ -1168,7 +1150,7 @@ def percentile_rows(run: ToleranceRun) -> list[dict[str, Any]]:
 
 
 def yield_curve(run: ToleranceRun, points: int = CURVE) -> list[tuple[float, Interval]]:
-    """Return limits of the merit and which share of all copies is as good: from the best to the worst in whose fields
+    """List limits of the merit and the share of all copies that is as good: from the best to the worst in whose fields
     light arrives.
     """
     merit = run.scores.by(run.rank_by)
@@ -1179,7 +1161,7 @@ def yield_curve(run: ToleranceRun, points: int = CURVE) -> list[tuple[float, Int
 
 
 def report(run: ToleranceRun) -> dict[str, Any]:
-    """Return everything about a run but the numbers of each copy."""
+    """Everything about a run but the numbers of each copy."""
     merit = run.tolerances.merit
     return {
         "lens": run.lens.name,
@@ -1195,7 +1177,7 @@ def report(run: ToleranceRun) -> dict[str, Any]:
         "design": {"spot_um": float(run.design.spot_um[0]), "mtf": float(run.design.modulation[0])},
         "sampling_error": {"spot_share": run.spot_error, "mtf": run.mtf_error},
         "percentiles": percentile_rows(run),
-        "yield": [{"limit": limit, **found._asdict()} for limit, found in yield_curve(run)],
+        "yield": [{"limit": limit, **each._asdict()} for limit, each in yield_curve(run)],
         "sensitivities": [asdict(one) for one in run.sensitivities],
     }
 
@@ -1223,7 +1205,7 @@ def _draw_yield(axes: Axes, run: ToleranceRun) -> None:
     scale, unit = _scale(run)
     curve = yield_curve(run, LIMITS)
     limits = scale * np.array([limit for limit, _ in curve])
-    value, low, high = (100 * np.array(row) for row in zip(*(found for _, found in curve), strict=True))
+    value, low, high = (100 * np.array(row) for row in zip(*(interval for _, interval in curve), strict=True))
     axes.fill_between(limits, low, high, color=series(0), alpha=0.2, linewidth=0)
     axes.plot(limits, value, color=series(0))
     design = scale * float(run.design.by(run.rank_by)[0])

@@ -2,22 +2,14 @@
 
 from __future__ import annotations
 
-import contextlib
-import json
-import os
 import pickle
-import struct
-import subprocess
-import sys
-import threading
-from collections import OrderedDict
 from dataclasses import replace
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.device.fork_server import end_work
+from rptcam_cl.core.remember import Memory
 from rptcam_cl.device.session import Session, open_session
 from rptcam_cl.rendering.cameras.model import CameraModel, CameraView
 from rptcam_cl.rendering.film import (
@@ -27,15 +19,14 @@ from rptcam_cl.rendering.film import (
     SCOUTING_SEED,
     FilmBuffers,
     FilmLayout,
+    RenderedFilm,
     Roulette,
     Wave,
     Waves,
-    outcomes_of,
     planes_of,
     plays,
     roulette_of,
-    scouted,
-    share_removed,
+    scout_layout,
     step_of,
     wave_slots,
 )
@@ -65,7 +56,7 @@ from rptcam_cl.scene.film import RenderSettings
 ORGANISATION = {"cpu": "stream", "gpu": "passes"}
 
 
-class Wavefront:
+class Wavefront(RenderedFilm):
     """The passes of one scene on one device, with their buffers.
 
     Parameters
@@ -337,7 +328,7 @@ class Wavefront:
         """Render a few tiles of the picture, and scale the survival in roulette by them."""
         plan = self._plan.steps[0] if self._plan.steps else self._plan
         scene = SceneBuffers(self.session, plan, self._held.scene) if self._plan.steps else self._held.scene
-        layout, settings = scouted(self.layout), self.settings.model_copy(update={"layers_spp": 0})
+        layout, settings = scout_layout(self.layout), self.settings.model_copy(update={"layers_spp": 0})
         scout = Wavefront(
             self.session, plan, layout, settings, layout.pixels, self.organisation, scene, scouts=False, single=True,
             packets=self._way.packets,
@@ -363,30 +354,17 @@ class Wavefront:
         self._launches.finish()
         self._film.finish()
 
-    def sums(self) -> NDArray[np.float32]:
-        """Return the film's sums and their compensations, shape (6, pixels of the buffer)."""
-        return self.planes()[:PLANES]
-
     def planes(self) -> NDArray[np.float32]:
         """Return all of the film, (planes, pixels of the buffer)."""
         return self._film.planes()
-
-    def removed_share(self) -> float:
-        """Return the share of the light that the limit of the samples has removed."""
-        return share_removed(self.planes())
 
     def picture(self, spp: int | NDArray[np.uint32]) -> NDArray[np.float32]:
         """Return the film's mean, shape (height, width, 3), over the samples per pixel, of all or of each tile."""
         tiles = np.broadcast_to(np.asarray(spp, np.uint32), self.layout.whole_list().shape)
         return self.layout.picture(self.sums(), tiles)
 
-    @property
-    def camera_rays(self) -> int:
-        """Samples of the picture's pixels, up to the last `finish`."""
-        return self._film.rays
-
     def state(self) -> dict[str, NDArray[Any]]:
-        """Return what `restore` needs to go on as if nothing had happened."""
+        """The arrays from which `restore` goes on as if nothing had happened."""
         arrays: dict[str, NDArray[Any]] = {"film": self.planes(), "counts": self.counts()}
         return arrays if self._layers is None else arrays | {"layers": self._layers.planes()}
 
@@ -418,14 +396,6 @@ class Wavefront:
         """The pass that fills the layers, where there are any."""
         return self._layers
 
-    def outcomes(self) -> dict[str, int]:
-        """Return how many camera rays passed the lens, and how many failed and why, up to the last `finish`."""
-        return outcomes_of(self.counts())
-
-    def not_finite(self) -> int:
-        """Return how many samples were dropped because they were not finite, up to the last `finish`."""
-        return int(self._film.counts[-1])
-
 
 # Wavefronts of one device that are kept for the plans to come, with the scene that they have uploaded.
 
@@ -444,7 +414,7 @@ class WavefrontPool:
     def __init__(self, session: Session) -> None:
         self._session = session
         self._scene: SceneBuffers | None = None
-        self._wavefronts: OrderedDict[tuple[Any, ...], Wavefront] = OrderedDict()
+        self._wavefronts: Memory[Wavefront] = Memory(MOST)
 
     def upload(self, plan: Plan) -> SceneBuffers:
         """Return the arrays of a plan on the device; those that the last plan had too are there already."""
@@ -464,14 +434,13 @@ class WavefrontPool:
             Wavefronts of another purpose stay as they are.
         """
         key = (purpose, *signature(plan, scene, layout, settings))
-        wavefront = self._wavefronts.pop(key, None)
+        wavefront: Wavefront | None = self._wavefronts.find(key)
         if wavefront is None:
-            while len(self._wavefronts) >= MOST:
-                self._wavefronts.popitem(last=False)
+            self._wavefronts.make_room()
             wavefront = Wavefront(self._session, plan, layout, settings, buffers=scene, scouts=purpose == "film")
+            self._wavefronts.add(key, wavefront)
         else:
             wavefront.use_plan(plan, scene, settings)
-        self._wavefronts[key] = wavefront
         return wavefront
 
     def close(self) -> None:
@@ -490,14 +459,8 @@ class WavefrontPool:
 # short. It runs a wave without samples, in which no path looks at them.
 
 SMALL = FilmLayout(16, 16, 0, 0, 16, 16)  # programs do not depend on the film's size
-SECONDS_TO_END = 0.2  # that a process has to end by itself
 MOST_BYTES = 1 << 16  # of each array of the scene
 MOST_WITH_PHOTONS = 1 << 26  # of each array, where photons look at the scene
-_CHILD = (
-    "import json, sys; sys.path[:] = json.loads(sys.argv[1]); from rptcam_cl.rendering import tracer; "
-    "tracer.serve(sys.stdin.buffer, sys.stdout.buffer)"
-)
-_DONE, _FAILED = b"compiled\n", b"failed\n"
 
 
 def compile_plan(device: str, plan: Plan, buffers: SceneBuffers, settings: RenderSettings) -> None:
@@ -507,7 +470,7 @@ def compile_plan(device: str, plan: Plan, buffers: SceneBuffers, settings: Rende
 
 
 def order(session: Session, plan: Plan, buffers: SceneBuffers, settings: RenderSettings) -> bytes | None:
-    """Return what `Compiler.compile` takes: `compile_plan` and its arguments; None where they cannot be sent."""
+    """Pickle `compile_plan` and its arguments for `CompileServer.compile`; None where they cannot be sent."""
     most = MOST_WITH_PHOTONS if plan.caustics.active else MOST_BYTES
     if plan.caustics.active and buffers.most_bytes > most:
         return None
@@ -522,90 +485,3 @@ def order(session: Session, plan: Plan, buffers: SceneBuffers, settings: RenderS
         return pickle.dumps((compile_plan, (session.info.id, light, buffers.on_host(light, most), settings)))
     except (pickle.PicklingError, AttributeError, TypeError):  # something in it holds a function
         return None
-
-
-class Compiler:
-    """A process that compiles; started at the first order, and kept for the next ones.
-
-    It is a new Python, and not a fork of this process as `rptcam_cl.device.fork_server` makes for the trials of
-    drivers: by now threads and drivers are at work here, which a fork would lack, and a viewfinder keeps it for hours.
-    """
-
-    def __init__(self) -> None:
-        self._process: subprocess.Popen[bytes] | None = None
-        self._lock = threading.Lock()
-        self._closed = False
-
-    @property
-    def is_closed(self) -> bool:
-        """Whether it compiles nothing more."""
-        return self._closed
-
-    def compile(self, wanted: bytes) -> bool:
-        """Call a pickled function with its arguments in the process; return whether that has worked.
-
-        The process may fail, crash or be closed.
-        """
-        try:
-            process = self._running()
-            if process is None or process.stdin is None or process.stdout is None:
-                return False
-            process.stdin.write(struct.pack("<Q", len(wanted)) + wanted)
-            process.stdin.flush()
-            for line in process.stdout:
-                if line in (_DONE, _FAILED):
-                    return line == _DONE
-        except (OSError, ValueError):  # no process can be started, or it has gone
-            pass
-        self._end()
-        return False
-
-    def close(self) -> None:
-        """End the process, whatever it does."""
-        self._closed = True
-        self._end()
-
-    def _running(self) -> subprocess.Popen[bytes] | None:
-        with self._lock:
-            if self._process is None and not self._closed and sys.executable:
-                self._process = subprocess.Popen(
-                    [sys.executable, "-c", _CHILD, json.dumps(sys.path)],
-                    stdin=subprocess.PIPE,
-                    stdout=subprocess.PIPE,
-                    stderr=subprocess.DEVNULL,
-                    start_new_session=True,  # Ctrl-C is for the parent, which ends this one
-                )
-            return self._process
-
-    def _end(self) -> None:
-        with self._lock:
-            process, self._process = self._process, None
-        if process is not None:
-            with contextlib.suppress(OSError):
-                if process.stdin is not None:
-                    process.stdin.close()  # it ends by itself if it has nothing to do
-            try:
-                process.wait(SECONDS_TO_END)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
-            for pipe in (process.stdin, process.stdout):
-                with contextlib.suppress(OSError):
-                    if pipe is not None:
-                        pipe.close()
-
-
-def serve(orders: BinaryIO, answers: BinaryIO) -> None:
-    """Compile what arrives until nothing more does; a line for each order says whether that succeeded."""
-    while len(head := orders.read(8)) == 8:
-        content = orders.read(struct.unpack("<Q", head)[0])
-        try:
-            function, arguments = pickle.loads(content)
-            function(*arguments)
-        except Exception:  # the parent compiles it itself then, and reports what is wrong
-            answers.write(b"\n" + _FAILED)
-        else:
-            answers.write(b"\n" + _DONE)
-        answers.flush()
-    end_work()
-    os._exit(0)  # nothing to tidy up, and a driver may take its time for it

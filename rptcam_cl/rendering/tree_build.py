@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.core.dataclass import Rows, dataclass
 from rptcam_cl.device.programs import Program
 from rptcam_cl.device.session import Session
 
@@ -166,7 +166,7 @@ class Builder:
         self._run(kernel, items, GROUP[self._session.kind], **arguments)
 
     def is_small(self, count: NDArray[np.int64], depth: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Return which nodes are left to one work item: small ones, and those deep enough to need exact halves."""
+        """Find the nodes that are left to one work item: small ones, and those deep enough to need exact halves."""
         blocks = -(-count // self.leaf_size)
         return (count <= self._small) | (depth + np.ceil(np.log2(np.maximum(blocks, 1))) >= self.max_depth)
 
@@ -238,7 +238,7 @@ MOVES_OF_LAUNCH = 1 << 11  # a GPU that shows a screen, too, ends a launch that 
 STEPS_OF_MOVE = 6 * 128  # at most: five ways up a tree, taken together with the loop over the moves
 
 
-def reinserted(tree: BinaryTree, max_depth: int, session: Session) -> BinaryTree:
+def reinsert(tree: BinaryTree, max_depth: int, session: Session) -> BinaryTree:
     """Return a tree of the same leaves with less area, or the same tree where that would get deeper than ``max_depth``.
 
     In each round all nodes look for better places at once, and then move one after the other, the greatest gain first
@@ -264,13 +264,13 @@ def reinserted(tree: BinaryTree, max_depth: int, session: Session) -> BinaryTree
     most = MOVES_OF_LAUNCH if session.loop_limit is None else session.loop_limit // STEPS_OF_MOVE
     for _ in range(ROUNDS):
         search.enqueue(-(-nodes // group) * group, group)
-        found, gain = session.read(places, np.int32, nodes), session.read(gains, np.float32, nodes)
-        moving = np.flatnonzero(found >= 0)
+        better_places, gain = session.read(places, np.int32, nodes), session.read(gains, np.float32, nodes)
+        moving = np.flatnonzero(better_places >= 0)
         if len(moving) == 0:
             break
         moving = moving[np.argsort(-gain[moving], kind="stable")][:MOST_MOVES]
         for part in np.array_split(moving, -(-len(moving) // most)):
-            moves = {"nodes": session.upload(part.astype(np.int32)), "places": session.upload(found[part])}
+            moves = {"nodes": session.upload(part.astype(np.int32)), "places": session.upload(better_places[part])}
             session.bind(program, "reinsert", **on_device, **moves, count=np.int32(len(part))).enqueue(1, 1)
     better = session.read(on_device["boxes"], np.float32, boxes.size).reshape(boxes.shape)[:, :, :3].reshape(-1, 6)
     children = session.read(on_device["children"], np.int32, tree.children.size).reshape(-1, 2)
@@ -382,7 +382,7 @@ def is_sound(bvh: Bvh) -> bool:
         and _are_all(leaf, len(blocks))
         and _are_all(used, len(used))
         and not bool((blocks < -1).any() or ((blocks[:, :-1] < 0) & (blocks[:, 1:] >= 0)).any())
-        and _reached(children) == len(children)
+        and _count_reached(children) == len(children)
     )
 
 
@@ -394,8 +394,8 @@ def _are_boxes(bounds: NDArray[np.float32], children: NDArray[np.int32]) -> bool
     return bool(np.where(used, boxes, (lower == np.inf) & (upper == -np.inf)).all())
 
 
-def _reached(children: NDArray[np.int32]) -> int:
-    """Return how many nodes hang below the root, it included, where each is the child of at most one."""
+def _count_reached(children: NDArray[np.int32]) -> int:
+    """How many nodes hang below the root, it included, where each is the child of at most one."""
     level, count = np.zeros(1, np.int64), 0
     while len(level):
         count += len(level)
@@ -442,7 +442,7 @@ MAX_STACK = 128  # entries that a traversal may need
 
 
 def max_levels(width: int) -> int:
-    """Return how many levels of wide nodes keep the traversal's stack within `MAX_STACK` entries."""
+    """How many levels of wide nodes keep the traversal's stack within `MAX_STACK` entries."""
     return (MAX_STACK - 1) // (width - 1)
 
 
@@ -505,7 +505,7 @@ def _node_areas(tree: BinaryTree) -> NDArray[np.float32]:
 
 
 def _cheapest(tree: BinaryTree, costs: NDArray[np.float32], nodes: NDArray[np.int32], width: int) -> NDArray[np.int32]:
-    """Return what stands in the slots of wide nodes of least cost: nodes of the binary tree, or -1."""
+    """Fill the slots of wide nodes of least cost: with nodes of the binary tree, or -1."""
     slots, granted = np.full((len(nodes), width), -1, np.int32), np.zeros((len(nodes), width), np.int64)
     slots[:, 0], granted[:, 0] = nodes, np.where(nodes >= tree.leaves, width, 1)
     for filled in range(1, width):
@@ -527,7 +527,7 @@ def _cheapest(tree: BinaryTree, costs: NDArray[np.float32], nodes: NDArray[np.in
 
 
 def _flattest(tree: BinaryTree, nodes: NDArray[np.int32], width: int) -> NDArray[np.int32]:
-    """Return what stands in the slots of wide nodes that opened their deepest child each time."""
+    """Fill the slots of wide nodes by opening their deepest child each time."""
     slots = np.full((len(nodes), width), -1, np.int32)
     slots[:, 0] = nodes
     rows = np.arange(len(nodes))
@@ -631,7 +631,7 @@ CLOSEST = 1e-36  # centroids closer than this coincide, as in kernels/build
 
 
 @dataclass(frozen=True, eq=False)
-class Nodes:
+class Nodes(Rows):
     """Ranges of primitives, with the depth of their nodes and the bounds of their doubled centroids."""
 
     begin: NDArray[np.int64]
@@ -639,18 +639,6 @@ class Nodes:
     depth: NDArray[np.int64]
     low: NDArray[np.float32]
     high: NDArray[np.float32]
-
-    def __len__(self) -> int:
-        return len(self.begin)
-
-    def where(self, which: NDArray[np.bool_]) -> Nodes:
-        """Return some of the nodes."""
-        return Nodes(*(getattr(self, each.name)[which] for each in fields(self)))
-
-
-def joined(parts: list[Nodes]) -> Nodes:
-    """Return the nodes of several lists as one."""
-    return Nodes(*(np.concatenate([getattr(part, each.name) for part in parts]) for each in fields(Nodes)))
 
 
 def split_large_nodes(builder: Builder, root: Nodes, marks: NDArray[np.uint8]) -> Nodes:
@@ -663,17 +651,17 @@ def split_large_nodes(builder: Builder, root: Nodes, marks: NDArray[np.uint8]) -
     nodes, strayed = root, False
     while True:
         small = builder.is_small(nodes.end - nodes.begin, nodes.depth)
-        done.append(nodes.where(small))
-        strays, large = nodes.where(small & strayed), nodes.where(~small)
+        done.append(nodes[small])
+        strays, large = nodes[small & strayed], nodes[~small]
         if len(large) + len(strays) == 0:
-            return joined(done)
+            return Nodes.joined(done)
         nodes = _split_level(builder, large, strays, marks)
         strayed = not strayed
 
 
 def _split_level(builder: Builder, large: Nodes, strays: Nodes, marks: NDArray[np.uint8]) -> Nodes:
     """Split the large nodes and return their children; move the strays as they are."""
-    nodes = joined([large, strays])
+    nodes = Nodes.joined([large, strays])
     first, count, node, starts = _chunks(nodes)
     shared = int(np.searchsorted(node, len(large)))  # chunks of large nodes, which come first
     axis, threshold = np.zeros(len(nodes), np.int64), np.full(len(nodes), BINS)
@@ -730,9 +718,9 @@ def _best_splits(
     right = _split_costs(low[:, :, ::-1], high[:, :, ::-1], count[:, :, ::-1], leaf_size)[:, :, -2::-1]
     costs = (left + right).reshape(len(starts), -1)
     best = costs.argmin(axis=1)
-    found = np.isfinite(costs[np.arange(len(starts)), best])
+    exists = np.isfinite(costs[np.arange(len(starts)), best])
     axis, before = np.divmod(best, BINS - 1)
-    return axis, np.where(found, before + 1, BINS)
+    return axis, np.where(exists, before + 1, BINS)
 
 
 def _split_costs(
@@ -803,10 +791,10 @@ def build_bvh(
     lower, upper = np.ascontiguousarray(lower, np.float32), np.ascontiguousarray(upper, np.float32)
     check_boxes(lower, upper)
     if len(lower) == 0:
-        return _nothing(width, leaf_size)
+        return _empty_tree(width, leaf_size)
     max_depth = max_binary_depth(width)
     blocks, bounds, depths = sort_into_leaves(lower, upper, leaf_size, max_depth, session)
-    return widen(reinserted(binary_tree(depths, bounds), max_depth, session), blocks, width)
+    return widen(reinsert(binary_tree(depths, bounds), max_depth, session), blocks, width)
 
 
 def check_boxes(lower: NDArray[np.float32], upper: NDArray[np.float32]) -> None:
@@ -825,7 +813,7 @@ def check_boxes(lower: NDArray[np.float32], upper: NDArray[np.float32]) -> None:
         )
 
 
-def _nothing(width: int, leaf_size: int) -> Bvh:
+def _empty_tree(width: int, leaf_size: int) -> Bvh:
     bounds = np.full((1, 6, width), np.inf, np.float32)
     bounds[:, 3:] = -np.inf
     return Bvh(bounds, np.full((1, width), EMPTY, np.int32), np.empty((0, leaf_size), np.int32))

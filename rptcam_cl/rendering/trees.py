@@ -6,17 +6,17 @@ import hashlib
 from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.files import cache_dir, kernels_dir
 from rptcam_cl.core.records import HIT_ROUNDING, Kind
 from rptcam_cl.core.remember import Disk
 from rptcam_cl.device.session import Session
 from rptcam_cl.rendering import tree_build
-from rptcam_cl.rendering.plan.primitives import Movements, PackedMeshes, Places, TriangleGroup, shifted
+from rptcam_cl.rendering.plan.primitives import Movements, PackedMeshes, Places, TriangleGroup, shift_points
 
 #
 # Trees kept on disk between runs, under the hash of what they were built from; one that is not sound is built anew.
@@ -80,23 +80,8 @@ BREAK_EVEN = 48  # bounded primitives: see benchmarks/journal.md
 LEAF = 4  # most primitives of a leaf: measured best of 1, 2, 4 and 8
 
 
-@dataclass(frozen=True, eq=False)
-class PrimitiveTree:
-    """Arrays of the kernels (``kernels/geometry/primitive_tree.h``).
-
-    Attributes
-    ----------
-    nodes : (n, 8) float32 array
-        Middle of a box and ``first``, half size and ``count``; the integers as bits.
-    leaves : int32 array
-        Primitives, leaf by leaf.
-    facts : dict
-        Facts that the kernels are compiled for.
-    """
-
-    nodes: NDArray[np.float32]
-    leaves: NDArray[np.int32]
-    facts: dict[str, int]
+DeviceTree = tuple[dict[str, Any], dict[str, int]]
+"""What kernels read of a tree, arrays and numbers by the kernels' names for them; facts that they are compiled for."""
 
 
 def primitive_tree(
@@ -106,8 +91,11 @@ def primitive_tree(
     movements: Movements | None = None,
     *,
     on_disk: bool = True,
-) -> PrimitiveTree | None:
-    """Return the tree over the bounded primitives of a scene, or None where there are too few to gain by one.
+) -> DeviceTree | None:
+    """Make the tree over the bounded primitives of a scene; None where there are too few to gain by one.
+
+    ``primitive_nodes`` (n, 8) hold the middle of a box and ``first``, half its size and ``count``, the integers as
+    bits; ``primitive_leaves`` the primitives, leaf by leaf (``kernels/geometry/primitive_tree.h``).
 
     Parameters
     ----------
@@ -134,15 +122,16 @@ def primitive_tree(
     upper32 = np.nextafter(upper.astype(np.float32), infinity)
 
     def build() -> tuple[NDArray[np.float32], NDArray[np.int32], int]:
-        return _built(lower32, upper32, session)
+        return _build(lower32, upper32, session)
 
     driver = session.info.name, session.info.driver, session.kind, session.loop_limit
     key = builder_identity(), driver, lower32, upper32
     nodes, order, stack = _PRIMITIVES.find_or_make(key, build) if on_disk or len(bounded) > tree_build.FEW else build()
-    return PrimitiveTree(nodes, bounded[order], {"HAS_PRIMITIVE_TREE": 1, "PRIMITIVE_STACK": stack})
+    arrays = {"primitive_nodes": nodes, "primitive_leaves": bounded[order]}
+    return arrays, {"HAS_PRIMITIVE_TREE": 1, "PRIMITIVE_STACK": stack}
 
 
-def _built(
+def _build(
     lower: NDArray[np.float32], upper: NDArray[np.float32], session: Session
 ) -> tuple[NDArray[np.float32], NDArray[np.int32], int]:
     """Return the same of a new tree."""
@@ -197,7 +186,7 @@ def _bounds_of_rows(rows: Array, kinds: NDArray[np.int64]) -> tuple[Array, Array
 
 
 def _extent(kind: Kind, x: Array, y: Array, z: Array) -> tuple[Array, Array]:
-    """Return how far a kind's canonical shape, its axes placed as given (n, 3), reaches from its origin."""
+    """How far a kind's canonical shape, its axes placed as given (n, 3), reaches from its origin."""
     zero = np.zeros_like(x)
     if kind in (Kind.SPHERE, Kind.ELLIPSOID):
         reach = np.sqrt(x * x + y * y + z * z)
@@ -234,10 +223,10 @@ def _nodes(tree: tree_build.Bvh) -> NDArray[np.float32]:
     links[inner] = np.stack([1 + 2 * children[inner], ~axis[children[inner]]], axis=1)
     links[leaf] = np.stack([firsts[~children[leaf]], counts[~children[leaf]]], axis=1)
     whole = np.concatenate([bounds[0, :, :3].min(axis=0), bounds[0, :, 3:].max(axis=0)])
-    return _packed(np.vstack([whole, corners]), np.vstack([[1, ~axis[0]], links]))
+    return _pack(np.vstack([whole, corners]), np.vstack([[1, ~axis[0]], links]))
 
 
-def _packed(corners: Array, links: NDArray[np.int64]) -> NDArray[np.float32]:
+def _pack(corners: Array, links: NDArray[np.int64]) -> NDArray[np.float32]:
     out = np.zeros((len(corners), 8), np.float32)
     there = np.isfinite(corners).all(axis=1)
     low, high = corners[there, :3], corners[there, 3:]
@@ -261,38 +250,13 @@ MESH_ROUNDING = (
 )
 
 
-@dataclass(frozen=True, eq=False)
-class SceneTrees:
-    """Arrays of the kernels (``kernels/geometry/bvh.h``).
+def scene_trees(meshes: PackedMeshes, session: Session, movements: Movements | None = None) -> DeviceTree:
+    """Make the trees of a scene's meshes for a device, taken from the disk or built on it.
 
-    Attributes
-    ----------
-    nodes : (n, 7, width) float32 array
-        Rows min x, y, z, max x, y, z of the children, then the children as integers.
-    blocks : (b, 10, leaf) float32 array
-        Rows x, y, z of the three corners, then the triangles as integers.
-    vertices : (v, 8) float32 array
-        Shifted to where rays meet them.
-    instances : array of ``Instance`` records, with their roots
-    root : int
-        The node at which rays begin.
-    bounds : two (4,) float32 arrays
-        Lowest and highest corner of all meshes, as the root has them.
-    facts : dict
-        Facts that the kernels are compiled for: children of a node, triangles of a block, entries of the stack.
-    """
-
-    nodes: NDArray[np.float32]
-    blocks: NDArray[np.float32]
-    vertices: NDArray[np.float32]
-    instances: NDArray[np.void]
-    root: int
-    bounds: tuple[NDArray[np.float32], NDArray[np.float32]]
-    facts: dict[str, int]
-
-
-def scene_trees(meshes: PackedMeshes, session: Session, movements: Movements | None = None) -> SceneTrees:
-    """Return the trees of a scene's meshes for a device, taken from the disk or built on it.
+    ``nodes`` (n, 7, width) have rows min x, y, z, max x, y, z of the children, then the children as integers;
+    ``blocks`` (b, 10, leaf) rows x, y, z of the three corners, then the triangles as integers; ``vertices`` (v, 8) are
+    shifted to where rays meet them; ``instances`` have their roots. Rays begin at the node ``mesh_root``; ``mesh_low``
+    and ``mesh_high`` are the corners of all meshes, as it has them (``kernels/geometry/bvh.h``).
 
     The box of an instance that moves holds all of its way.
     """
@@ -300,7 +264,7 @@ def scene_trees(meshes: PackedMeshes, session: Session, movements: Movements | N
     vertices = meshes.vertices.copy()
     for group in meshes.groups:
         part = slice(group.first_vertex, group.first_vertex + group.vertices)
-        vertices[part, :3] = shifted(meshes.vertices[part, :3], group.shift)
+        vertices[part, :3] = shift_points(meshes.vertices[part, :3], group.shift)
     nodes, blocks, roots, stack = [], [], [], 0
     first_node = first_block = 0
     for group in meshes.groups:
@@ -320,12 +284,13 @@ def scene_trees(meshes: PackedMeshes, session: Session, movements: Movements | N
         root, stack = first_node, stack + tree_build.quality(top).stack
     facts = {"BVH_WIDTH": width, "LEAF_WIDTH": leaf, "BVH_STACK": tree_build.stack_size(stack)}
     all_nodes = np.concatenate(nodes)
-    return SceneTrees(all_nodes, np.concatenate(blocks), vertices, instances, root, _bounds(all_nodes[root]), facts)
-
-
-def _bounds(node: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Return the corners (4,) of the box round a node (7, width)."""
-    return np.append(node[:3].min(axis=1), np.float32(0)), np.append(node[3:6].max(axis=1), np.float32(0))
+    arrays = {"nodes": all_nodes, "blocks": np.concatenate(blocks), "vertices": vertices, "instances": instances}
+    low, high = all_nodes[root, :3].min(axis=1), all_nodes[root, 3:6].max(axis=1)
+    corners = {
+        "mesh_low": np.append(low, np.float32(0)).tobytes(),
+        "mesh_high": np.append(high, np.float32(0)).tobytes(),
+    }
+    return {**arrays, "mesh_root": np.int32(root), **corners}, facts
 
 
 def _group_tree(meshes: PackedMeshes, group: TriangleGroup, width: int, leaf: int, session: Session) -> tree_build.Bvh:
@@ -351,7 +316,7 @@ def _group_tree(meshes: PackedMeshes, group: TriangleGroup, width: int, leaf: in
 def _mesh_nodes(tree: tree_build.Bvh, group: TriangleGroup, first_node: int, first_block: int) -> NDArray[np.float32]:
     out = np.empty((len(tree.children), 7, tree.children.shape[1]), np.float32)
     corners = tree.bounds.reshape(-1, 2, 3, tree.children.shape[1]).transpose(0, 1, 3, 2)
-    out[:, :6] = shifted(corners, group.shift).transpose(0, 1, 3, 2).reshape(tree.bounds.shape)
+    out[:, :6] = shift_points(corners, group.shift).transpose(0, 1, 3, 2).reshape(tree.bounds.shape)
     children = tree.children.copy()
     inner = (children >= 0) & (children != tree_build.EMPTY)
     children[inner] += first_node

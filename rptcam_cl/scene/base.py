@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar, NamedTuple, get_args
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, GetJsonSchemaHandler, PrivateAttr, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, GetJsonSchemaHandler, PrivateAttr, model_validator
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, PydanticCustomError
 
@@ -79,6 +79,51 @@ def listed(names: Sequence[str], most: int = 24) -> str:
     return f"{shown}, … ({len(names)} in all)" if len(names) > most else shown
 
 
+def unknown_name(
+    problem: str,
+    name: object,
+    known: Iterable[str],
+    *,
+    otherwise: str = "",
+    without: str = "",
+    path: tuple[str | int, ...] = (),
+) -> PydanticCustomError:
+    """The error for a name that is none of those known; it suggests the one that was probably meant.
+
+    Parameters
+    ----------
+    problem : str
+        What is wrong, as ``names no material``.
+    otherwise : str
+        What is allowed beside the known names, appended to them.
+    without : str
+        What is allowed where no names are known.
+    """
+    names = list(known)
+    allowed = listed(names) + otherwise if names else without
+    return refuse(f"{problem}{near_name(name, names)}", got=name, allowed=allowed, path=path)
+
+
+def word_for(
+    key: str,
+    words: Sequence[str],
+    *,
+    problem: str = "is not a known choice",
+    otherwise: str = ", or a mapping",
+    nothing: str | None = None,
+) -> BeforeValidator:
+    """A validator by which a word stands for a mapping of one key to it; the word `nothing` stands for None."""
+
+    def read(value: Any) -> Any:
+        if not isinstance(value, str):
+            return value
+        if value not in words:
+            raise unknown_name(problem, value, words, otherwise=otherwise)
+        return None if value == nothing else {key: value}
+
+    return BeforeValidator(read)
+
+
 FLOAT32_MAX = 3.4028234663852886e38
 FLOAT32_MIN_NORMAL = 1.1754943508222875e-38
 
@@ -134,23 +179,21 @@ class Alternatives(NamedTuple):
 
 
 class AlsoAccepts:
-    """Adds to a field's JSON schema a form that its validator turns into the declared one."""
+    """Adds to a field's JSON schema a form that its validator turns into the declared one.
 
-    def __init__(self, form: dict[str, Any]) -> None:
+    Parameters
+    ----------
+    form : dict, optional
+        Its JSON schema; by default that of an item of the list that is declared.
+    """
+
+    def __init__(self, form: dict[str, Any] | None = None) -> None:
         self.form = form
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
-        """Return the JSON schema of either form."""
-        return {"anyOf": [self.form, handler(schema)]}
-
-
-class AlsoAcceptsItem:
-    """Adds to the JSON schema of a list that a single item may stand for a list of one."""
-
-    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
-        """Return the JSON schema of either form."""
-        described = handler(schema)
-        return {"anyOf": [described["items"], described]}
+        """The JSON schema of either form."""
+        declared = handler(schema)
+        return {"anyOf": [declared["items"] if self.form is None else self.form, declared]}
 
 
 class SceneModel(BaseModel):
@@ -195,7 +238,7 @@ class SceneModel(BaseModel):
 @lru_cache(maxsize=256)
 def _descriptions(model: type[SceneModel]) -> dict[str, str]:
     """Return the text below each field of a model and of its bases, by the field's name."""
-    found: dict[str, str] = {}
+    texts: dict[str, str] = {}
     for base in reversed(model.__mro__):
         if not issubclass(base, BaseModel) or base is BaseModel:
             continue
@@ -209,8 +252,8 @@ def _descriptions(model: type[SceneModel]) -> dict[str, str]:
                 and isinstance(text.value, ast.Constant)
                 and isinstance(text.value.value, str)
             ):
-                found[field.target.id] = inspect.cleandoc(text.value.value)
-    return found
+                texts[field.target.id] = inspect.cleandoc(text.value.value)
+    return texts
 
 
 def _check_alternatives(group: Alternatives, data: dict[str, Any]) -> None:
@@ -312,7 +355,7 @@ class FileReference(SceneModel):
         return hashlib.sha256(source).hexdigest() if isinstance(source, bytes) else digest(source, LARGEST_FILE)
 
 
-def described(value: SceneModel, folders: Folders) -> dict[str, Any]:
+def describe(value: SceneModel, folders: Folders) -> dict[str, Any]:
     """Return a part of a scene as plain data in which files stand by their content."""
     content = value.model_dump(mode="json")
     for path, reference in file_references(value):

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, get_args
 
 import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
-from pydantic_core import PydanticCustomError
 
 from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.errors import InputError
@@ -188,37 +188,137 @@ def _keeps_a_view(first: Vector, second: Vector) -> bool:
     return all(side2(share) > least for share in (0.0, 1.0, *turning[(turning > 0) & (turning < 1)]))
 
 
-# The camera models.
+# Cameras of all kinds: what the other parts of the program ask of one.
 
 Degrees = Annotated[float, Field(gt=0, lt=180), NUMBER]
 FovAxis = Literal["horizontal", "vertical", "diagonal"]
-AnyPose = TypeVar("AnyPose", bound="Pose")
+Keys = dict[str, Any]
 NOT_FOUND_YET = "camera.focus.auto: the focus is found by render() or autofocus(), before the camera can be used"
 FNumber = Annotated[float, Field(ge=1e-2, le=1e6), NUMBER]
 
 
-def _refuse_diffraction(camera: AnyPose) -> AnyPose:
-    """Refuse the diffraction of an opening that a camera does not have."""
-    if camera.diffraction == "on":
-        raise refuse(
-            "needs an opening of a size, which this camera has not",
-            got="on",
-            allowed="off or auto, or a camera with an f-number: thin_lens, thick_lens or realistic",
-            path=("diffraction",),
-        )
-    return camera
+class CameraKind(Pose):
+    """A camera of any kind: what its keys answer to the rest of the program, here as a camera without a lens does.
+
+    A kind overrides what it has. What needs the lens itself, or rays, stands in `rendering/cameras/kinds.py`.
+    """
+
+    if TYPE_CHECKING:
+        kind: str  # declared by each kind, after its other keys
+
+    alternatives: ClassVar[tuple[Alternatives, ...]] = ()
+    sees_all_around: ClassVar[bool] = False
+    opens: ClassVar[bool] = False
+    """Whether it has a lens opening, that diffracts and lights the film."""
+
+    focuses: ClassVar[bool] = False
+    """Whether there is a plane in focus."""
+
+    fixed_outline: ClassVar[str | None] = "this camera has no opening"
+    """Why the outline of the opening cannot be chosen; None where it can."""
+
+    @property
+    def lens_camera(self) -> LensCamera | None:
+        """This camera, where it has a lens of surfaces."""
+        return None
+
+    @property
+    def traced_camera(self) -> RealisticCamera | None:
+        """This camera, where rays are traced through its surfaces."""
+        return None
+
+    @property
+    def ideal_lens(self) -> ThinLensCamera | None:
+        """This camera, where it has an ideal lens and no surfaces."""
+        return None
+
+    @property
+    def has_opening(self) -> bool:
+        """Whether its opening has a size, so that the exposure goes by its light."""
+        return self.opens
+
+    @property
+    def film_movements(self) -> Movements:
+        """How its film stands; straight where it has no key for that."""
+        found: Movements = getattr(self, "movements", NO_MOVEMENTS)
+        return found
+
+    @property
+    def outline(self) -> lens_settings.Aperture:
+        """The outline of its opening; round where it has no key for that."""
+        found: lens_settings.Aperture = getattr(self, "aperture", lens_settings.ROUND)
+        return found
+
+    @property
+    def field_of_view(self) -> tuple[float, FovAxis] | None:
+        """Full field of view [degrees] and the side of the film that it spans, where keys say so."""
+        degrees: float | None = getattr(self, "fov_degrees", None)
+        return None if degrees is None else (degrees, getattr(self, "fov_axis", "horizontal"))
+
+    @property
+    def autofocus(self) -> lens_settings.AutoFocus | None:
+        """The settings of autofocus; None where the focus is given, or there is none."""
+        focus = getattr(self, "focus", None)
+        return None if focus is None else focus.auto
+
+    @property
+    def followed(self) -> str | None:
+        """The name of the object that the focus follows."""
+        focus = getattr(self, "focus", None)
+        return None if focus is None else focus.object
+
+    def check_film(self, resolution: tuple[int, int]) -> None:
+        """Raise if the film is not one for this camera."""
+
+    def focus_keys(self, distance_m: float) -> Keys:
+        """Return the keys that focus it at a distance [m]; None removes a key."""
+        raise self.lacks("a focus to set")
+
+    def following(self, middle: tuple[float, float, float], ahead_m: float) -> Keys:
+        """Return the values that focus it on an object, by its middle [scene units] and how far that lies ahead."""
+        raise self.lacks("a focus to set")
+
+    def distance_in_focus(self, metres_per_unit: float) -> float | None:
+        """Return how far in front of the eye the plane in focus lies [scene units]; None where keys do not say."""
+        return None
+
+    def f_number_keys(self, f_number: float) -> Keys | None:
+        """Return the keys that set an f-number; None without an opening that has one."""
+        return None
+
+    def zoom_keys(self, focal_mm: float, now_mm: float) -> Keys | None:
+        """Return the keys that change the field of view as from one focal length to another [mm]; None without any."""
+        field = self.field_of_view
+        if field is None:
+            return None
+        tangent = math.tan(math.radians(field[0]) / 2) * now_mm / focal_mm
+        return {"fov_degrees": math.degrees(2 * math.atan(tangent))}
+
+    def lacks(self, what: str) -> InputError:
+        """Return the error of asking a camera for what its kind has not."""
+        return InputError(f"camera.kind: {self.kind} lacks {what}")
+
+    @model_validator(mode="after")
+    def _check_diffraction(self) -> Self:
+        if self.diffraction == "on" and not self.has_opening:
+            *others, last = kinds_where(lambda kind: kind.opens)
+            raise refuse(
+                "needs an opening of a size, which this camera has not",
+                got="on",
+                allowed=f"off or auto, or a camera with an f-number: {', '.join(others)} or {last}",
+                path=("diffraction",),
+            )
+        if self.diffraction == "on" and self.film_movements.turns:
+            raise refuse(
+                "is known on a film across the axis alone",
+                got="on",
+                allowed="off or auto with tilt or swing",
+                path=("diffraction",),
+            )
+        return self
 
 
-def _no_tilted_diffraction() -> PydanticCustomError:
-    return refuse(
-        "is known on a film across the axis alone",
-        got="on",
-        allowed="off or auto with tilt or swing",
-        path=("diffraction",),
-    )
-
-
-class PinholeCamera(Pose):
+class PinholeCamera(CameraKind):
     """A camera without a lens: everything is sharp."""
 
     kind: Literal["pinhole"]
@@ -236,19 +336,28 @@ class PinholeCamera(Pose):
     movements: Movements = NO_MOVEMENTS
     """How the film stands behind the lens; straight across its axis by default."""
 
-    _check_opening = model_validator(mode="after")(_refuse_diffraction)
 
-
-class EnvironmentCamera(Pose):
+class EnvironmentCamera(CameraKind):
     """A camera that sees the whole sphere: 360 degrees across, 180 degrees down. The film must be 2:1."""
+
+    sees_all_around: ClassVar[bool] = True
 
     kind: Literal["environment"]
     """Camera model."""
 
-    _check_opening = model_validator(mode="after")(_refuse_diffraction)
+    def check_film(self, resolution: tuple[int, int]) -> None:
+        """Raise if the film is not twice as wide as high."""
+        width, height = resolution
+        if width != 2 * height:
+            raise refuse(
+                "does not fit an environment camera, which sees 360 by 180 degrees",
+                got=[width, height],
+                allowed=f"twice as wide as high, for instance [{2 * height}, {height}]",
+                path=("film", "resolution"),
+            )
 
 
-class ThinLensCamera(Pose):
+class ThinLensCamera(CameraKind):
     """An ideal lens of no thickness: one plane is sharp.
 
     Exactly one of `fov_degrees` and `focal_length_mm`, of `aperture_radius_m` and `f_number`, and of
@@ -260,6 +369,9 @@ class ThinLensCamera(Pose):
         Alternatives(("aperture_radius_m", "f_number"), required=True),
         Alternatives(("focus_distance_m", "focus"), required=True),
     )
+
+    opens = focuses = True
+    fixed_outline = None
 
     kind: Literal["thin_lens"]
     """Camera model."""
@@ -285,17 +397,41 @@ class ThinLensCamera(Pose):
     focus: lens_settings.FoundFocus | None = None
     """Autofocus, or an object to follow, in its place."""
 
-    aperture: lens_settings.Aperture = lens_settings.CircularAperture()
+    aperture: lens_settings.Aperture = lens_settings.ROUND
     """Outline of the opening."""
 
     movements: Movements = NO_MOVEMENTS
     """How the film stands behind the lens; straight across its axis by default."""
 
-    @model_validator(mode="after")
-    def _check_opening(self) -> Self:
-        if self.diffraction == "on" and self.movements.turns:
-            raise _no_tilted_diffraction()
-        return _refuse_diffraction(self) if self.aperture_radius_m == 0 else self
+    @property
+    def ideal_lens(self) -> ThinLensCamera:
+        """This camera."""
+        return self
+
+    @property
+    def has_opening(self) -> bool:
+        """Whether its opening has a size, so that the exposure goes by its light."""
+        return self.aperture_radius_m != 0
+
+    def focus_keys(self, distance_m: float) -> Keys:
+        """Return the keys that focus it at a distance from the lens [m]."""
+        return {"focus_distance_m": distance_m, "focus": None}
+
+    def following(self, middle: tuple[float, float, float], ahead_m: float) -> Keys:
+        """Return the values that focus it on the plane of an object."""
+        return {"focus": None, "focus_distance_m": ahead_m}
+
+    def distance_in_focus(self, metres_per_unit: float) -> float | None:
+        """Return the distance of the plane of focus [scene units]; None before it is found."""
+        return None if self.focus_distance_m is None else self.focus_distance_m / metres_per_unit
+
+    def f_number_keys(self, f_number: float) -> Keys | None:
+        """Return the keys that set an f-number; None without an opening."""
+        return {"f_number": f_number, "aperture_radius_m": None} if self.has_opening else None
+
+    def zoom_keys(self, focal_mm: float, now_mm: float) -> Keys | None:
+        """Return the keys that change the focal length, or the field of view where that is given."""
+        return super().zoom_keys(focal_mm, now_mm) or {"focal_length_mm": focal_mm}
 
     @property
     def plane_m(self) -> float:
@@ -323,7 +459,7 @@ class ThinLensCamera(Pose):
         return self
 
 
-class LensCamera(Pose):
+class LensCamera(CameraKind):
     """A camera with a lens of surfaces.
 
     At most one of `stop_diameter_mm` and `f_number`, and at most one of `zoom` and `focal_length_mm`.
@@ -333,6 +469,8 @@ class LensCamera(Pose):
         Alternatives(("stop_diameter_mm", "f_number"), required=False),
         Alternatives(("zoom", "focal_length_mm"), required=False),
     )
+
+    opens = focuses = True
 
     lens: lens_settings.LensOrDesign
     """The lens: a name, a file in the scene's folder, or a prescription written out as a mapping; or a mapping with one
@@ -363,6 +501,32 @@ class LensCamera(Pose):
     """How the film stands behind the lens; straight across its axis by default."""
 
     @property
+    def lens_camera(self) -> LensCamera:
+        """This camera."""
+        return self
+
+    def focus_keys(self, distance_m: float) -> Keys:
+        """Return the keys that focus it at a distance from the film [m], by the method of before."""
+        focus = self.focus
+        kept = {} if focus.method == "thick" else {"method": focus.method, "field": focus.field}
+        return {"focus": {"distance_m": distance_m} | {key: value for key, value in kept.items() if value is not None}}
+
+    def following(self, middle: tuple[float, float, float], ahead_m: float) -> Keys:
+        """Return the values that focus it on the middle of an object."""
+        return {"focus": lens_settings.Focus(point=middle, method=self.focus.method, field=self.focus.field)}
+
+    def distance_in_focus(self, metres_per_unit: float) -> float | None:
+        """Return the distance that is set [scene units]; None where the film or the group is placed, or to be."""
+        if self.focus.point is not None:
+            return self.ahead(self.focus.point)
+        distance_m = self.focus.distance_m or self.focus.front_distance_m
+        return None if distance_m is None else distance_m / metres_per_unit
+
+    def f_number_keys(self, f_number: float) -> Keys | None:
+        """Return the keys that set an f-number."""
+        return {"f_number": f_number, "stop_diameter_mm": None}
+
+    @property
     def design(self) -> str | dict[str, Any]:
         """The name, file or prescription of the lens."""
         return self.lens.design if isinstance(self.lens, lens_settings.RealLens) else self.lens
@@ -390,13 +554,13 @@ class LensCamera(Pose):
                 allowed="a point on the side that the camera looks to",
                 path=("focus", "point"),
             )
-        if self.diffraction == "on" and self.movements.turns:
-            raise _no_tilted_diffraction()
         return self
 
 
 class ThickLensCamera(LensCamera):
     """A lens by its cardinal points and pupils: every aberration and every rim but the stop left out."""
+
+    fixed_outline = "the stop of a thick lens is round"
 
     kind: Literal["thick_lens"]
     """Camera model."""
@@ -416,10 +580,12 @@ class ThickLensCamera(LensCamera):
 class RealisticCamera(LensCamera):
     """A real lens: every ray is traced through every surface."""
 
+    fixed_outline = None
+
     kind: Literal["realistic"]
     """Camera model."""
 
-    aperture: lens_settings.Aperture = lens_settings.CircularAperture()
+    aperture: lens_settings.Aperture = lens_settings.ROUND
     """Shape of the stop, within the circle of its diameter."""
 
     pupil: Literal["auto", "rear", "thick", "bounds", "tight", "shared"] = "auto"
@@ -442,6 +608,11 @@ class RealisticCamera(LensCamera):
 
     barrel_reflectance: Annotated[float, Field(ge=0, lt=1), NUMBER] = 0.0
     """Share that rims behind the stop scatter evenly to the film, with `ghosts`; they count as lit like the film."""
+
+    @property
+    def traced_camera(self) -> RealisticCamera:
+        """This camera."""
+        return self
 
     @model_validator(mode="after")
     def _check_ghosts(self) -> Self:
@@ -476,6 +647,9 @@ Camera = Annotated[
 ]
 
 
-def unknown_camera(kind: str, lacks: str) -> InputError:
-    """Return the error of a kind of camera that some part of the program does not know, by what it lacks there."""
-    return InputError(f"camera.kind: {kind} lacks {lacks}")
+CAMERA_KINDS: tuple[type[CameraKind], ...] = get_args(get_args(Camera)[0])
+
+
+def kinds_where(has: Callable[[type[CameraKind]], bool]) -> list[str]:
+    """Return the names of the kinds that have something."""
+    return [get_args(kind.model_fields["kind"].annotation)[0] for kind in CAMERA_KINDS if has(kind)]

@@ -9,8 +9,8 @@ from typing import Annotated, Any, Literal, Self, get_args
 from pydantic import AfterValidator, BeforeValidator, Field, field_validator, model_validator
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.scene.base import AlsoAccepts, SceneModel, listed, near_name, refuse
-from rptcam_cl.scene.camera import Camera, FNumber, LensCamera, ThinLensCamera
+from rptcam_cl.scene.base import AlsoAccepts, SceneModel, listed, refuse, word_for
+from rptcam_cl.scene.camera import Camera, FNumber
 from rptcam_cl.scene.placement import MOST_KEYFRAMES, Keyframe, in_order, place_between
 from rptcam_cl.scene.quantities import NUMBER, WHOLE_NUMBER, Duration, Fraction, Moment, list_of
 
@@ -95,7 +95,7 @@ class FrameSequence(SceneModel):
 
 
 def value_at(frames: Sequence[ValueKeyframe], time_s: float) -> Any:
-    """Return what keyframes say at a moment; the ends hold."""
+    """Interpolate keyframes at a moment; the ends hold."""
     index, share = place_between(frames, time_s)
     here = frames[index].value
     return here if share == 0 else _between(here, frames[index + 1].value, share)
@@ -115,10 +115,10 @@ def _shape(value: Any) -> int | None:
 
 def _between(one: Any, other: Any, share: float) -> Any:
     if _is_number(one) and _is_number(other):
-        found = one + share * (other - one)
-        if isinstance(one, int) and isinstance(other, int) and abs(found - round(found)) <= ROUNDING * abs(found):
-            return round(found)
-        return found
+        value = one + share * (other - one)
+        if isinstance(one, int) and isinstance(other, int) and abs(value - round(value)) <= ROUNDING * abs(value):
+            return round(value)
+        return value
     if isinstance(one, list | tuple) and isinstance(other, list | tuple) and len(one) == len(other):
         return [_between(a, b, share) for a, b in zip(one, other, strict=True)]
     return one
@@ -290,24 +290,16 @@ class Exposure(SceneModel):
         return float(2.0 ** (self.ev - self.neutral_density_stops))
 
 
-def _from_word(value: Any) -> Any:
-    """Return the mapping that a mode alone stands for."""
-    if not isinstance(value, str):
-        return value
-    if value not in MODES:
-        raise refuse(
-            f"is not a known choice{near_name(value, MODES)}",
-            allowed=f"{listed(MODES)}, or a mapping with the keys {listed(list(Exposure.model_fields))}",
-        )
-    return {"mode": value}
-
-
-ExposureOrMode = Annotated[Exposure, BeforeValidator(_from_word), AlsoAccepts({"enum": list(MODES), "type": "string"})]
+ExposureOrMode = Annotated[
+    Exposure,
+    word_for("mode", MODES, otherwise=f", or a mapping with the keys {listed(list(Exposure.model_fields))}"),
+    AlsoAccepts({"enum": list(MODES), "type": "string"}),
+]
 
 
 def check_exposure(exposure: Exposure, camera: Camera) -> None:
     """Refuse an exposure that says too little about a camera without a lens opening, or too much."""
-    if has_opening(camera):
+    if camera.has_opening:
         if exposure.f_number is not None:
             raise refuse(
                 f"is for cameras without a lens opening, not for one of kind {camera.kind}",
@@ -331,10 +323,3 @@ def check_exposure(exposure: Exposure, camera: Camera) -> None:
                     allowed="exposure.f_number beside it",
                     path=("exposure", key),
                 )
-
-
-def has_opening(camera: Camera) -> bool:
-    """Return whether a camera has a lens opening of some size."""
-    if isinstance(camera, ThinLensCamera):
-        return camera.aperture_radius_m != 0
-    return isinstance(camera, LensCamera)

@@ -11,17 +11,8 @@ from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema, mod
 
 from rptcam_cl.core.colour import blackbody, illuminant, srgb_from_spectrum, srgb_from_xyz, xyz_from_spectrum
 from rptcam_cl.core.constants import MAX_SEED, MAX_SPP
-from rptcam_cl.scene.base import (
-    AlsoAccepts,
-    Alternatives,
-    SceneModel,
-    listed,
-    near_name,
-    number_at,
-    read_number,
-    refuse,
-)
-from rptcam_cl.scene.quantities import NUMBER, WHOLE_NUMBER, Fraction, IlluminantName, list_of
+from rptcam_cl.scene.base import AlsoAccepts, Alternatives, SceneModel, number_at, read_number, refuse, word_for
+from rptcam_cl.scene.quantities import NUMBER, WHOLE_NUMBER, IlluminantName, Rectangle, list_of
 
 # How the picture is computed: samples, layers, and how colour is carried along paths.
 
@@ -271,7 +262,7 @@ class Film(SceneModel):
     pixel_pitch_um: Annotated[float, Field(ge=1e-3, le=1e9), NUMBER] | None = None
     """Distance between the centres of neighbouring pixels [µm], which are square."""
 
-    crop: Annotated[tuple[Fraction, Fraction, Fraction, Fraction], BeforeValidator(list_of(4, CROP))] | None = None
+    crop: Annotated[Rectangle, BeforeValidator(list_of(4, CROP))] | None = None
     """Part to render, [x0, x1, y0, y1] as fractions of the film from its left and top edges; the whole by default."""
 
     filter: FilmFilter = FilmFilter()
@@ -286,10 +277,6 @@ class Film(SceneModel):
                 got=[width, height],
                 allowed="fewer than 2^31 pixels",
                 path=("resolution",),
-            )
-        if self.crop is not None and not (self.crop[0] < self.crop[1] and self.crop[2] < self.crop[3]):
-            raise refuse(
-                "has no area", got=list(self.crop), allowed="0 <= x0 < x1 <= 1 and 0 <= y0 < y1 <= 1", path=("crop",)
             )
         return self
 
@@ -584,21 +571,6 @@ NO_BALANCE = "none"
 DEFAULT_TONE_WHITE = 4.0
 
 
-def _from_words(key: str, words: tuple[str, ...]) -> BeforeValidator:
-    """Return a validator that takes a word as a mapping of one key."""
-
-    def read(value: Any) -> Any:
-        if isinstance(value, str):
-            if value not in words:
-                raise refuse(
-                    f"is not a known choice{near_name(value, words)}", allowed=f"{listed(words)}, or a mapping"
-                )
-            return None if value == NO_BALANCE else {key: value}
-        return value
-
-    return BeforeValidator(read)
-
-
 class ToneCurve(SceneModel):
     """How light without an upper limit fits into what a screen can show; a word stands for `kind`."""
 
@@ -629,11 +601,13 @@ class PictureSettings(SceneModel):
     """Exposure compensation [stops]; +1 doubles the brightness."""
 
     white_balance: Annotated[
-        WhiteBalance | None, _from_words("light", (NO_BALANCE, *LIGHTS)), AlsoAccepts({"enum": [NO_BALANCE, *LIGHTS]})
+        WhiteBalance | None,
+        word_for("light", (NO_BALANCE, *LIGHTS), nothing=NO_BALANCE),
+        AlsoAccepts({"enum": [NO_BALANCE, *LIGHTS]}),
     ] = None
     """What light is made grey; `none` leaves colours as they are, white being D65."""
 
-    tone: Annotated[ToneCurve, _from_words("kind", TONES), AlsoAccepts({"enum": list(TONES)})] = ToneCurve()
+    tone: Annotated[ToneCurve, word_for("kind", TONES), AlsoAccepts({"enum": list(TONES)})] = ToneCurve()
     """How light without an upper limit fits into what a screen can show."""
 
     gamut: Gamut = "clip"

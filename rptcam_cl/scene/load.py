@@ -21,7 +21,7 @@ from rptcam_cl.core.errors import InputError, MissingFileError
 from rptcam_cl.core.files import Folders
 from rptcam_cl.core.strict_yaml import Document, KeyPath, dotted, parse_scalar, read_yaml
 from rptcam_cl.scene.base import REFUSED, SceneModel, file_references, listed, near_name
-from rptcam_cl.scene.camera import LensCamera, Pose, ThinLensCamera
+from rptcam_cl.scene.camera import CAMERA_KINDS, Pose
 from rptcam_cl.scene.exposure import value_at
 from rptcam_cl.scene.film import Film, PictureSettings, WhiteBalance
 from rptcam_cl.scene.lens_settings import DESIGN, GRADES, IN_WORDS, LAYERED, REAL, Focus, with_design
@@ -155,12 +155,12 @@ def _line(item: Any, data: Any, where: Where) -> str:
         path, value = (*path, key), _child(value, key)
     if item["type"] in ("union_tag_invalid", "union_tag_not_found"):
         path, value = (*path, _tag_key(context["discriminator"])), context.get("tag")
-    found = _explain(item["type"], item["msg"], context, value)
-    if found.problem == "unknown key" and isinstance(data, Mapping) and "camera" in data:  # of a scene
-        found = found._replace(problem=found.problem + _elsewhere(str(path[-1])))
-    details = "; ".join(part for part in (found.got, found.allowed and f"allowed: {found.allowed}") if part)
+    finding = _explain(item["type"], item["msg"], context, value)
+    if finding.problem == "unknown key" and isinstance(data, Mapping) and "camera" in data:  # of a scene
+        finding = finding._replace(problem=finding.problem + _elsewhere(str(path[-1])))
+    details = "; ".join(part for part in (finding.got, finding.allowed and f"allowed: {finding.allowed}") if part)
     subject = f"{dotted(path)}: " if path else ""
-    return f"{where(path, found.at_key)}{subject}{found.problem}" + (f" ({details})" if details else "")
+    return f"{where(path, finding.at_key)}{subject}{finding.problem}" + (f" ({details})" if details else "")
 
 
 def _tag_key(discriminator: str) -> str:
@@ -190,7 +190,7 @@ def _follow(location: tuple[Any, ...], data: Any) -> tuple[KeyPath, Any]:
 
 
 def _child(value: Any, key: str | int) -> Any:
-    """Return what a key leads to, None when nothing is there."""
+    """Look up a key or an index; None when nothing is there."""
     if isinstance(value, Mapping):
         return value.get(key)
     if isinstance(value, (list, tuple)) and isinstance(key, int) and key < len(value):
@@ -199,7 +199,7 @@ def _child(value: Any, key: str | int) -> Any:
 
 
 def _explain(kind: str, message: str, context: dict[str, Any], value: Any) -> _Finding:
-    """Return what to say of an error of pydantic's."""
+    """Word an error of pydantic's."""
     got = f"got {shown(context.get('got', value))}"
     if kind == REFUSED:
         problem = context["problem"]
@@ -240,7 +240,7 @@ def _models(annotation: Any) -> Iterator[type[SceneModel]]:
 
 
 def refusal_text(refusal: PydanticCustomError) -> str:
-    """Return what a refusal outside the model's own validation says."""
+    """The text of a refusal outside the model's own validation."""
     context = dict(refusal.context or {})
     return f"{context['problem']} (got {shown(context['got'])}; allowed: {context['allowed']})"
 
@@ -267,7 +267,7 @@ def shown(value: Any) -> str:
 # Where keys that exclude each other live, and the models that say which they are.
 _EXCLUSIVE: dict[KeyPath, tuple[type[SceneModel], ...]] = {
     ("film",): (Film,),
-    ("camera",): (ThinLensCamera, LensCamera),
+    ("camera",): CAMERA_KINDS,
     ("camera", "focus"): (Focus,),
     ("picture", "white_balance"): (WhiteBalance,),
 }
@@ -341,14 +341,14 @@ def _parent(data: dict[Any, Any], path: KeyPath, text: str) -> Any:
             place = _key(value, key)
         else:
             place = _index(value, key, path[: length - 1], text)
-        value[place] = value = _opened(value[place])
+        value[place] = value = _copy_to_change(value[place])
         if not isinstance(value, (dict, list)):
             problem = f"is {shown(value)} and has no keys{_hint(path, value)}"
             raise InputError(f"{text}: {dotted(path[:length])}: {problem}")
     return value
 
 
-def _opened(value: Any) -> Any:
+def _copy_to_change(value: Any) -> Any:
     """Return a copy of a mapping, a list or a part of a scene, to be changed; other values as they are."""
     if isinstance(value, SceneModel):
         return _fields(value)
@@ -549,7 +549,7 @@ def with_files(scene: Scene, where: Where, missing: Missing) -> Scene:
         hint = f"; a grade is one of {', '.join(GRADES)}" if isinstance(problem, MissingFileError) else ""
         raise type(problem)(f"{where(key, False)}{dotted(key)}: {problem}{hint}") from None
     pictures: list[str] = []
-    kept, without = _checked_meshes(scene, where, pictures)
+    kept, without = _check_meshes(scene, where, pictures)
     fatal: list[str] = []
     for path, reference in file_references(scene):
         key = (*path, "file")
@@ -572,7 +572,7 @@ def with_files(scene: Scene, where: Where, missing: Missing) -> Scene:
     return scene.with_stand_ins(kept, stand_ins) if stand_ins else scene
 
 
-def _checked_meshes(scene: Scene, where: Where, pictures: list[str]) -> tuple[tuple[Object, ...], list[str]]:
+def _check_meshes(scene: Scene, where: Where, pictures: list[str]) -> tuple[tuple[Object, ...], list[str]]:
     """Return the objects without those whose mesh is missing, and what there is to say of these."""
     absent: list[str] = []
     scene.report_missing_pictures(absent)
@@ -745,7 +745,7 @@ def _objects(scene: Scene, before: Mapping[str, Any], data: Mapping[str, Any], t
     if not isinstance(wanted, (list, tuple)):
         return wanted  # type: ignore[no-any-return]
     if touched is None:
-        return [_named(plain, names) for plain in wanted]
+        return [_with_material_name(plain, names) for plain in wanted]
     if not touched:
         return [known.get(id(plain), plain) for plain in wanted]
 
@@ -753,11 +753,11 @@ def _objects(scene: Scene, before: Mapping[str, Any], data: Mapping[str, Any], t
         material = getattr(item, "material", None)
         return names.get(id(material)) not in touched and not _is_mix(material)
 
-    found = ((plain, known.get(id(plain))) for plain in wanted)
-    return [item if item is not None and stays(item) else _named(plain, names) for plain, item in found]
+    pairs = ((plain, known.get(id(plain))) for plain in wanted)
+    return [item if item is not None and stays(item) else _with_material_name(plain, names) for plain, item in pairs]
 
 
-def _named(item: Any, names: Mapping[int, str]) -> Any:
+def _with_material_name(item: Any, names: Mapping[int, str]) -> Any:
     """Return the keys of an object whose material is one of the scene's, with its name; else the item."""
     name = names.get(id(getattr(item, "material", None)))
     if not isinstance(item, SceneModel) or name is None:
@@ -784,7 +784,7 @@ def at_opening(scene: Scene) -> Scene:
     """
     scene = at_rest(scene)
     if scene.camera.motion:
-        scene = scene.model_copy(update={"camera": _moved(scene.camera, scene.shutter.open_s)})
+        scene = scene.model_copy(update={"camera": _camera_at(scene.camera, scene.shutter.open_s)})
     return _following(scene)
 
 
@@ -818,7 +818,7 @@ def exposure_steps(scene: Scene) -> list[Scene]:
     InputError
         When a key leads nowhere, or out of its range.
     """
-    shutter, found = scene.shutter, []
+    shutter, steps = scene.shutter, []
     if not shutter.keys:
         return []
     share_s = shutter.time_s / shutter.steps
@@ -829,8 +829,8 @@ def exposure_steps(scene: Scene) -> list[Scene]:
         if still.exposure.mode == "physical":
             gained = still.exposure.model_copy(update={"ev": still.exposure.ev + float(np.log2(shutter.steps))})
             still = still.model_copy(update={"exposure": gained})
-        found.append(still)
-    return found
+        steps.append(still)
+    return steps
 
 
 def _at_keys(scene: Scene, time_s: float, own: dict[str, Any]) -> Scene:
@@ -845,20 +845,17 @@ def _at_keys(scene: Scene, time_s: float, own: dict[str, Any]) -> Scene:
 def _following(scene: Scene) -> Scene:
     """Return a scene whose focus is at the plane of the object that it follows; itself where it follows none."""
     camera = scene.camera
-    if not isinstance(camera, LensCamera | ThinLensCamera) or camera.focus is None or camera.focus.object is None:
+    if camera.followed is None:
         return scene
-    middle = _middle_of(scene, camera.focus.object)
+    middle = _middle_of(scene, camera.followed)
     ahead = float(np.dot(np.subtract(camera.eye, middle), camera.world_from_camera()[:3, 2]))
     if not ahead > 0:
         raise InputError(
-            f"camera.focus.object: {camera.focus.object} does not lie in front of the camera at"
+            f"camera.focus.object: {camera.followed} does not lie in front of the camera at"
             f" {scene.shutter.open_s:g} s (allowed: an object on the side that the camera looks to)"
         )
-    if isinstance(camera, LensCamera):
-        point = (float(middle[0]), float(middle[1]), float(middle[2]))
-        changes: dict[str, Any] = {"focus": Focus(point=point, method=camera.focus.method, field=camera.focus.field)}
-    else:
-        changes = {"focus": None, "focus_distance_m": ahead * scene.metres_per_unit}
+    point = (float(middle[0]), float(middle[1]), float(middle[2]))
+    changes = camera.following(point, ahead * scene.metres_per_unit)
     return scene.model_copy(update={"camera": camera.model_copy(update=changes)})
 
 
@@ -870,7 +867,7 @@ def _middle_of(scene: Scene, name: str) -> Vector:
     return np.asarray(matrix[:3, :3] @ ((low + high) / 2) + matrix[:3, 3])
 
 
-def _moved(camera: Pose, time_s: float) -> Pose:
+def _camera_at(camera: Pose, time_s: float) -> Pose:
     """Return a camera at the place that it has at a moment, on the same way."""
     given = {"eye": camera.eye, "target": camera.target, "up": camera.up}
     frames = tuple(

@@ -12,6 +12,7 @@ from pydantic import (
     Discriminator,
     Field,
     GetCoreSchemaHandler,
+    GetPydanticSchema,
     PlainSerializer,
     PlainValidator,
     Tag,
@@ -37,11 +38,10 @@ from rptcam_cl.scene.base import (
     FileName,
     FileReference,
     SceneModel,
-    listed,
-    near_name,
     one_pixel,
     read_number,
     refuse,
+    unknown_name,
 )
 from rptcam_cl.scene.quantities import (
     NUMBER,
@@ -58,7 +58,7 @@ from rptcam_cl.scene.quantities import (
     SpectralColour,
     TexturePair,
     Turn,
-    fault_of,
+    check_wavelengths,
     list_of,
     read_rows,
 )
@@ -85,10 +85,17 @@ class Pattern(SceneModel):
 class Blend(Pattern):
     """A pattern that is somewhere between two colours at every point."""
 
+    ends: ClassVar[tuple[str, str]]
+    """The keys of the two colours."""
+
+    number: ClassVar[str] = ""
+    """The key of the number of its own that the kernels read, if there is one."""
+
     @property
     def colours(self) -> tuple[Colour, Colour]:
         """The two colours."""
-        raise NotImplementedError
+        first, second = (getattr(self, key) for key in self.ends)
+        return first, second
 
     @property
     def share(self) -> float:
@@ -98,11 +105,13 @@ class Blend(Pattern):
     @property
     def parameter(self) -> float:
         """The number of its own that the kernels read."""
-        return 0.0
+        return float(getattr(self, self.number)) if self.number else 0.0
 
 
 class Checker(Blend):
     """A chessboard: a cell is even or odd as the sum of its whole coordinates is."""
+
+    ends = ("even", "odd")
 
     kind: Literal["checker"]
     """Kind of texture."""
@@ -113,14 +122,12 @@ class Checker(Blend):
     odd: PatternAlbedo
     """Colour of odd cells; channels 0 to 1."""
 
-    @property
-    def colours(self) -> tuple[Colour, Colour]:
-        """Those of even and of odd cells."""
-        return self.even, self.odd
-
 
 class Grid(Blend):
     """Lines on a background: where the fraction of either coordinate is below `line_width`."""
+
+    ends = ("background", "line")
+    number = "line_width"
 
     kind: Literal["grid"]
     """Kind of texture."""
@@ -135,23 +142,15 @@ class Grid(Blend):
     """Width of a line as a fraction of the cell."""
 
     @property
-    def colours(self) -> tuple[Colour, Colour]:
-        """Those of background and line."""
-        return self.background, self.line
-
-    @property
     def share(self) -> float:
         """Share of the lines."""
         return 1 - (1 - self.line_width) ** 2
 
-    @property
-    def parameter(self) -> float:
-        """Width of a line."""
-        return self.line_width
-
 
 class Gradient(Blend):
     """A colour that changes evenly with the first coordinate, from 0 to 1, and stays beyond."""
+
+    ends = ("start", "end")
 
     kind: Literal["gradient"]
     """Kind of texture."""
@@ -162,14 +161,12 @@ class Gradient(Blend):
     end: PatternAlbedo
     """Colour at 1; channels 0 to 1."""
 
-    @property
-    def colours(self) -> tuple[Colour, Colour]:
-        """Those at 0 and at 1."""
-        return self.start, self.end
-
 
 class Noise(Blend):
     """Random mottling without a repeat: gradient noise summed over octaves, each twice as fine."""
+
+    ends = ("low", "high")
+    number = "gain"
 
     kind: Literal["noise"]
     """Kind of texture."""
@@ -191,16 +188,6 @@ class Noise(Blend):
 
     seed: Annotated[int, Field(ge=0, le=2**31 - 1), WHOLE_NUMBER] = 0
     """Which of the patterns."""
-
-    @property
-    def colours(self) -> tuple[Colour, Colour]:
-        """Those where the noise is lowest and highest."""
-        return self.low, self.high
-
-    @property
-    def parameter(self) -> float:
-        """Gain of an octave."""
-        return self.gain
 
 
 class ImageTexture(FileReference, Pattern):
@@ -378,7 +365,7 @@ SMALLEST_INDEX, LARGEST_INDEX = 0.2, 5.0
 KEYS = {name: key for name, key in GLASS.items() if name != "transmittance"}
 
 
-def _read(value: Any, info: ValidationInfo) -> Medium:
+def _read_medium(value: Any, info: ValidationInfo) -> Medium:
     """Return the law of a glass that is a name or a mapping."""
     if isinstance(value, Medium):
         return value
@@ -395,11 +382,11 @@ def _read(value: Any, info: ValidationInfo) -> Medium:
         raise refuse(problem.text, path=problem.path[1:]) from None
     except (InputError, StateError) as problem:
         raise refuse(str(problem)) from None
-    _check(medium)
+    _check_medium(medium)
     return medium
 
 
-def _check(medium: Medium) -> None:
+def _check_medium(medium: Medium) -> None:
     limits = known_range(medium)
     if limits is not None and not limits[0] <= LINE_D_NM <= limits[1]:
         raise refuse(f"is known from {limits[0]:g} to {limits[1]:g} nm only", allowed="a glass known at 587.56 nm")
@@ -421,7 +408,7 @@ def nearest_to_one(medium: Medium) -> float:
 
 Glass = Annotated[
     Medium,
-    PlainValidator(_read),
+    PlainValidator(_read_medium),
     PlainSerializer(repr, when_used="json"),
     WithJsonSchema(glass_json_schema(KEYS)),
 ]
@@ -581,18 +568,6 @@ class MetalSpectrum:
         return {name: [float(f"{x:.9g}") for x in getattr(self, name)] for name in ("n", "k")}
 
 
-class _MetalForm:
-    """Reads a metal from its table."""
-
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        """Return what checks the table."""
-        return core_schema.with_info_after_validator_function(
-            _metal_spectrum,
-            handler.generate_schema(MetalTable),
-            serialization=core_schema.plain_serializer_function_ser_schema(MetalSpectrum.described, when_used="json"),
-        )
-
-
 def _metal_spectrum(table: MetalTable, info: core_schema.ValidationInfo) -> MetalSpectrum:
     if table.file is not None:
         for name in ("n", "k"):
@@ -615,16 +590,23 @@ def _metal_spectrum(table: MetalTable, info: core_schema.ValidationInfo) -> Meta
 
 def _written_rows(table: MetalTable) -> tuple[Spectrum, Spectrum, Spectrum]:
     """Return wavelengths, n and k of a table in the scene itself."""
+    assert table.wavelengths_nm is not None
     wavelengths = np.array(table.wavelengths_nm)
     for name in ("n", "k"):
         column = getattr(table, name)
         if column is None or len(column) != len(wavelengths):
             raise refuse("does not fit wavelengths_nm", allowed=f"{len(wavelengths)} numbers", path=(name,))
-    fault = fault_of(wavelengths)
-    if fault is not None:
-        index, problem = fault
-        raise refuse(problem, allowed="rising wavelengths in nm", path=("wavelengths_nm", index))
+    check_wavelengths(table.wavelengths_nm)
     return wavelengths, np.array(table.n), np.array(table.k)
+
+
+def _metal_schema(source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+    """The schema that reads a metal from its table."""
+    return core_schema.with_info_after_validator_function(
+        _metal_spectrum,
+        handler.generate_schema(MetalTable),
+        serialization=core_schema.plain_serializer_function_ser_schema(MetalSpectrum.described, when_used="json"),
+    )
 
 
 def _metal_form(value: Any) -> str:
@@ -648,7 +630,7 @@ class Conductor(RoughMaterial, BumpyMaterial):
         Annotated[
             Annotated[Metal, Tag("name")]
             | Annotated[OpticalConstants, Tag(WRITTEN_OUT)]
-            | Annotated[MetalSpectrum, _MetalForm(), Tag(MEASURED)],
+            | Annotated[MetalSpectrum, GetPydanticSchema(_metal_schema), Tag(MEASURED)],
             Discriminator(_metal_form),
         ]
         | None
@@ -864,15 +846,10 @@ Material = Annotated[
 _GREY = Matte(kind="matte", reflectance=(0.5, 0.5, 0.5))
 
 
-def _named(name: str, materials: Mapping[str, Any], path: tuple[str | int, ...]) -> Any:
+def _find_material(name: str, materials: Mapping[str, Any], path: tuple[str | int, ...]) -> Any:
     if name not in materials:
-        names = list(materials)
-        raise refuse(
-            f"names no material{near_name(name, names)}",
-            got=name,
-            allowed=listed(names) if names else "a material mapping, or a name once `materials` defines one",
-            path=path,
-        )
+        without = "a material mapping, or a name once `materials` defines one"
+        raise unknown_name("names no material", name, materials, without=without, path=path)
     return materials[name]
 
 
@@ -893,12 +870,12 @@ def with_parts(material: Any, materials: Mapping[str, Any] | None, path: tuple[s
     parts = material.get("materials")
     if not isinstance(parts, (list, tuple)):
         return material
-    found = [
+    resolved = [
         part if not isinstance(part, str) else _GREY if materials is None
-        else _named(part, materials, (*path, "materials", index))
+        else _find_material(part, materials, (*path, "materials", index))
         for index, part in enumerate(parts)
     ]  # fmt: skip
-    return material | {"materials": found}
+    return material | {"materials": resolved}
 
 
 def with_material(item: Any, index: int, materials: Mapping[str, Any] | None) -> Any:
@@ -910,4 +887,4 @@ def with_material(item: Any, index: int, materials: Mapping[str, Any] | None) ->
     if not isinstance(name, str):
         return item | {"material": with_parts(name, materials, path)}
     # Where the materials have errors, the object's other keys still count.
-    return item | {"material": _GREY if materials is None else _named(name, materials, path)}
+    return item | {"material": _GREY if materials is None else _find_material(name, materials, path)}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from numbers import Integral
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
@@ -19,7 +19,6 @@ from pydantic import (
     WithJsonSchema,
     model_validator,
 )
-from pydantic_core import PydanticCustomError
 
 from rptcam_cl.core.errors import InputError, MissingFileError
 from rptcam_cl.core.files import Folders
@@ -39,12 +38,14 @@ from rptcam_cl.scene.assets.mesh import (
     winding_number,
 )
 from rptcam_cl.scene.assets.pictures import has_alpha
-from rptcam_cl.scene.base import Alternatives, SceneModel, described, listed, near_name, number_at, one_pixel, refuse
+from rptcam_cl.scene.base import Alternatives, SceneModel, describe, number_at, one_pixel, refuse, unknown_name
 from rptcam_cl.scene.materials import (
+    LARGEST_INDEX,
     LEAST_BEND,
     MOST_BEND,
     MOST_INDEX,
     SMALLEST_ALPHA,
+    SMALLEST_INDEX,
     AnisotropyMap,
     Attenuation,
     Dielectric,
@@ -63,37 +64,31 @@ from rptcam_cl.scene.quantities import LARGEST_COORDINATE, LARGEST_GAIN, LARGEST
 # Mesh files by their suffix.
 
 
-def _ply(path: Path, find: Find) -> Draft:
-    from rptcam_cl.scene.assets.ply import read_ply  # no scene imports the readers of formats that it does not have
+def read_draft(path: Path, find: Find) -> Draft:
+    """Read a mesh file of one of `SUFFIXES`, unchecked."""
+    match path.suffix.lower():  # no scene imports the readers of formats that it does not have
+        case ".ply":
+            from rptcam_cl.scene.assets.ply import read_ply
 
-    return read_ply(path)
+            return read_ply(path)
+        case ".obj":
+            from rptcam_cl.scene.assets.obj import read_obj
 
+            return read_obj(path, find)
+        case ".stl":
+            from rptcam_cl.scene.assets.ply import read_stl
 
-def _obj(path: Path, find: Find) -> Draft:
-    from rptcam_cl.scene.assets.obj import read_obj
-
-    return read_obj(path, find)
-
-
-def _gltf(path: Path, find: Find) -> Draft:
+            return Draft([read_stl(path)])
     from rptcam_cl.scene.assets.gltf import read_gltf
 
     return read_gltf(path, find)
 
 
-def _stl(path: Path, find: Find) -> Draft:
-    from rptcam_cl.scene.assets.ply import read_stl
-
-    return Draft([read_stl(path)])
-
-
-READERS: dict[str, Callable[[Path, Find], Draft]] = {
-    ".ply": _ply, ".obj": _obj, ".gltf": _gltf, ".glb": _gltf, ".stl": _stl,
-}  # fmt: skip
+SUFFIXES = (".ply", ".obj", ".gltf", ".glb", ".stl")
 
 
 def read_mesh_file(path: Path, find: Find) -> MeshContents:
-    """Return what a mesh file holds.
+    """Read a mesh file.
 
     Parameters
     ----------
@@ -108,13 +103,13 @@ def read_mesh_file(path: Path, find: Find) -> MeshContents:
         When the file does not hold what its format promises, or nothing that can be shown.
     """
     suffix = path.suffix.lower()
-    if suffix not in READERS:
-        raise InputError(f"{path}: is not a mesh file (got {suffix or 'no suffix'}; allowed: {', '.join(READERS)})")
+    if suffix not in SUFFIXES:
+        raise InputError(f"{path}: is not a mesh file (got {suffix or 'no suffix'}; allowed: {', '.join(SUFFIXES)})")
     try:
         if not path.stat().st_size:
             raise InputError(f"{path}: is empty")
         with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is found by looking at the numbers
-            return make_contents(READERS[suffix](path, find), str(path))
+            return make_contents(read_draft(path, find), str(path))
     except OSError as problem:
         raise InputError(f"{path}: cannot be read ({problem.strerror or problem})") from None
 
@@ -159,12 +154,12 @@ class Faces:
 
     def plain(self) -> list[Any]:
         """Return the polygons in their order, as lists."""
-        found = [
+        numbered = [
             (int(number), row.tolist())
             for numbers, corners in self.groups
             for number, row in zip(numbers, corners, strict=True)
         ]
-        return [row for _, row in sorted(found)]
+        return [row for _, row in sorted(numbered)]
 
 
 def _vectors(size: int, value: Any) -> Vectors:
@@ -222,13 +217,8 @@ def _normals(value: Any) -> Vectors | str:
     if not isinstance(value, str):
         return _vectors(3, value)
     if value not in NORMALS_MODES:
-        raise _unknown_mode(value)
+        raise unknown_name("is not a known choice", value, NORMALS_MODES, otherwise=", or a list of vectors")
     return value
-
-
-def _unknown_mode(value: str) -> PydanticCustomError:
-    names = listed(NORMALS_MODES)
-    return refuse(f"is not a known choice{near_name(value, NORMALS_MODES)}", allowed=f"{names}, or a list of vectors")
 
 
 def _rows_schema(item: str, least: int, most: int | None) -> dict[str, Any]:
@@ -299,7 +289,7 @@ class _Translation:
         emits = max(given.emission) > 0
         black = max(given.base_color) == 0 and given.metallic == 0
         if emits and black and given.matte and given.emission_texture is None:
-            radiance = _within(given.emission, LARGEST_RADIANCE)
+            radiance = _clip_colour(given.emission, LARGEST_RADIANCE)
             return Emissive(kind="emissive", radiance=radiance, two_sided=given.both_sides)
         if given.matte and not emits:
             return Matte(kind="matte", reflectance=self._base(), **self._normals, **self._cover)
@@ -315,7 +305,7 @@ class _Translation:
         if clear and plain:
             return Dielectric(
                 kind="dielectric",
-                index=_clipped(given.index, 0.2, 5),
+                index=_clip(given.index, SMALLEST_INDEX, LARGEST_INDEX),
                 **self._absorption(),
                 **self._normals,
                 **self._cover,
@@ -325,7 +315,10 @@ class _Translation:
     def _pane(self) -> Material:
         """Return a pane without thickness, beside what is not transparent."""
         given = self._given
-        glass = {"index": _clipped(given.index, 0.2, 5), "transmittance": _within(given.base_color, 1.0)}
+        glass = {
+            "index": _clip(given.index, SMALLEST_INDEX, LARGEST_INDEX),
+            "transmittance": _clip_colour(given.base_color, 1.0),
+        }
         share = self._share(given.transmission * (1 - given.metallic), given.transmission_texture, "r")
         if share == 1:
             return ThinGlass(kind="thin_glass", **glass, **self._cover)
@@ -375,43 +368,43 @@ class _Translation:
         """Return index and colour of the reflectance head on; the index takes what of the colour exceeds 1."""
         given = self._given
         low, high = (1 + LEAST_BEND, MOST_BEND) if transmission else (1.0, MOST_INDEX)
-        index = _clipped(given.index, low, high)
+        index = _clip(given.index, low, high)
         color, normal = given.specular_color, _at_normal(index)
         if not transmission and max(color) > 1 and normal > 0:
-            color = _within(color, _at_normal(MOST_INDEX) / normal)
+            color = _clip_colour(color, _at_normal(MOST_INDEX) / normal)
             root = math.sqrt(max(color) * normal)
             index = (1 + root) / (1 - root)
-            color = _scaled(color, 1 / max(color))
+            color = _scale(color, 1 / max(color))
         return {"index": index, "specular_color": self._colour(color, given.specular_color_texture)}
 
     def _stretch(self) -> dict[str, Any]:
-        """Return what stretches highlights as KHR_materials_anisotropy says: numbers, or a picture where one varies."""
+        """The anisotropy of KHR_materials_anisotropy: as numbers, or as a picture where one varies."""
         given = self._given
-        strength = _clipped(given.anisotropy, 0.0, 1.0)
+        strength = _clip(given.anisotropy, 0.0, 1.0)
         if strength == 0:
             return {}
         if given.anisotropy_texture is None and given.roughness_texture is None:
-            return _stretched(given.roughness, strength)
+            return _stretch_keys(given.roughness, strength)
         directions = given.anisotropy_texture or ALONG_U
-        found = AnisotropyMap(**self._laid(directions), strength=strength)
-        self._fill(found, directions)
-        return {"anisotropy_map": found}
+        anisotropy_map = AnisotropyMap(**self._texture_keys(directions), strength=strength)
+        self._fill(anisotropy_map, directions)
+        return {"anisotropy_map": anisotropy_map}
 
     def _base(self) -> Colour | ImageTexture:
         return self._colour(self._given.base_color, self._given.base_texture)
 
     def _colour(self, factor: Colour, file_texture: FileTexture | None) -> Colour | ImageTexture:
-        factor = _within(factor, 1.0)
+        factor = _clip_colour(factor, 1.0)
         return factor if file_texture is None or max(factor) == 0 else self._texture(file_texture, gain=factor)
 
     def _emission(self) -> Colour | ImageTexture:
         given = self._given
         if given.emission_texture is None or max(given.emission) == 0:
-            return _within(given.emission, LARGEST_RADIANCE)
-        return self._texture(given.emission_texture, gain=_within(given.emission, LARGEST_GAIN))
+            return _clip_colour(given.emission, LARGEST_RADIANCE)
+        return self._texture(given.emission_texture, gain=_clip_colour(given.emission, LARGEST_GAIN))
 
     def _share(self, factor: float, file_texture: FileTexture | None, channel: str) -> float | ImageTexture:
-        factor = _clipped(factor, 0.0, 1.0)
+        factor = _clip(factor, 0.0, 1.0)
         if file_texture is None or factor == 0:
             return factor
         return self._texture(file_texture, gain=factor, channel=channel)
@@ -420,28 +413,28 @@ class _Translation:
         if self._given.attenuation is None:
             return {}
         colour, distance = self._given.attenuation
-        left = Attenuation(color=_within(colour, 1.0), distance_m=_clipped(distance, 1e-9, 1e9))
+        left = Attenuation(color=_clip_colour(colour, 1.0), distance_m=_clip(distance, 1e-9, 1e9))
         return {"attenuation": left}
 
     def _covering(self) -> dict[str, Any]:
         given = self._given
         mask: dict[str, Any] = {}
         if given.opacity_cutoff is not None:
-            mask = {"opacity_mode": "mask", "opacity_cutoff": _clipped(given.opacity_cutoff, 0.0, 1.0)}
+            mask = {"opacity_mode": "mask", "opacity_cutoff": _clip(given.opacity_cutoff, 0.0, 1.0)}
         file_texture = given.opacity_texture
         if file_texture is None:
-            return {"opacity": _clipped(given.opacity, 0.0, 1.0), **mask}
+            return {"opacity": _clip(given.opacity, 0.0, 1.0), **mask}
         transparent = has_alpha(self._source(file_texture))
         if not transparent and file_texture == given.base_texture:
-            return {"opacity": _clipped(given.opacity, 0.0, 1.0), **mask}
+            return {"opacity": _clip(given.opacity, 0.0, 1.0), **mask}
         return {"opacity": self._share(given.opacity, file_texture, "a" if transparent else "r"), **mask}
 
     def _normal_map(self, normals: FileTexture | None, strength: float) -> NormalMap | None:
         if normals is None:
             return None
-        found = NormalMap(**self._laid(normals), strength=_clipped(strength, 0.0, 10.0))
-        self._fill(found, normals)
-        return found
+        normal_map = NormalMap(**self._texture_keys(normals), strength=_clip(strength, 0.0, 10.0))
+        self._fill(normal_map, normals)
+        return normal_map
 
     def _source(self, file_texture: FileTexture) -> Path | bytes:
         if isinstance(file_texture.source, bytes):
@@ -457,11 +450,11 @@ class _Translation:
         return b""
 
     def _texture(self, file_texture: FileTexture, **keys: Any) -> ImageTexture:
-        found = ImageTexture(kind="image", **self._laid(file_texture), **keys)
-        self._fill(found, file_texture)
-        return found
+        texture = ImageTexture(kind="image", **self._texture_keys(file_texture), **keys)
+        self._fill(texture, file_texture)
+        return texture
 
-    def _laid(self, file_texture: FileTexture) -> dict[str, Any]:
+    def _texture_keys(self, file_texture: FileTexture) -> dict[str, Any]:
         """Return the keys of a texture that say which picture it is and how it lies."""
         source = self._source(file_texture)
         return {
@@ -480,7 +473,7 @@ class _Translation:
             texture.hold(content)
 
 
-def _stretched(roughness: float, strength: float) -> dict[str, float]:
+def _stretch_keys(roughness: float, strength: float) -> dict[str, float]:
     """Return roughness and anisotropy of ours that have both alphas of KHR_materials_anisotropy.
 
     Those are alpha across, and alpha + (1 - alpha) strength² along; ours are the mean alpha divided and multiplied by
@@ -491,23 +484,23 @@ def _stretched(roughness: float, strength: float) -> dict[str, float]:
     return {"roughness": (across * along) ** 0.25, "anisotropy": min(1.0, (1 - across / along) / 0.9)}
 
 
-def _clipped(value: float, low: float, high: float) -> float:
+def _clip(value: float, low: float, high: float) -> float:
     clipped = min(high, max(low, value))
     return clipped if abs(clipped) > SMALLEST else 0.0
 
 
 def _at_normal(index: float) -> float:
-    """Return what a dielectric reflects at normal incidence."""
+    """The reflectance of a dielectric at normal incidence."""
     return ((index - 1) / (index + 1)) ** 2
 
 
-def _scaled(colour: Colour, factor: float) -> Colour:
+def _scale(colour: Colour, factor: float) -> Colour:
     red, green, blue = (value * factor for value in colour)
     return (red, green, blue)
 
 
-def _within(colour: Colour, high: float) -> Colour:
-    red, green, blue = (_clipped(value, 0.0, high) for value in colour)
+def _clip_colour(colour: Colour, high: float) -> Colour:
+    red, green, blue = (_clip(value, 0.0, high) for value in colour)
     return (red, green, blue)
 
 
@@ -528,15 +521,17 @@ class MeshLibrary:
         self._absent = absent
         self._folders = folders
         self._named = named
-        self._known: dict[tuple[Path | _Same, NormalsMode], MeshContents] = {}
+        # By path, or by the identity of a source that is written out, which is kept so that it stays one of a kind.
+        self._known: dict[tuple[Path | int, NormalsMode], MeshContents] = {}
+        self._written: dict[int, MeshSource] = {}
         self._meshes: dict[str, Mesh] = {}
         self._materials: dict[FileMaterial, Material] = {}
-        self._loaded: dict[_Same, LoadedMesh] = {}
+        self._loaded: dict[int, LoadedMesh] = {}  # by the identity of its item
 
     def begun_anew(self, objects: Iterable[object], absent: list[str]) -> MeshLibrary:
         """Return a library that has of this one what it loaded for some objects, and reads files again for others."""
         library = MeshLibrary(self._folders, self._named, absent)
-        wanted = {_Same(item) for item in objects if isinstance(item, MeshObject)}
+        wanted = {id(item) for item in objects if isinstance(item, MeshObject)}
         library._loaded |= {key: mesh for key, mesh in self._loaded.items() if key in wanted}
         return library
 
@@ -548,7 +543,7 @@ class MeshLibrary:
         InputError
             When its triangles cannot be used, or it has no material.
         """
-        key = _Same(item)
+        key = id(item)
         if key not in self._loaded:
             source: MeshSource = item if item.mesh is None else self._named[item.mesh]
             contents = self._contents(source, item.normals_mode)
@@ -557,9 +552,13 @@ class MeshLibrary:
 
     def _contents(self, source: MeshSource, mode: NormalsMode) -> MeshContents:
         path = self._folders.find(source.file) if source.file is not None else None
-        key = path or _Same(source)
+        key = path or id(source)
+        if path is None:
+            self._written[id(source)] = source
         if (key, "auto") not in self._known:
-            plain = _written_out(source) if path is None else read_mesh_file(path, self._folders.find_beside(path))
+            plain = (
+                _read_written_mesh(source) if path is None else read_mesh_file(path, self._folders.find_beside(path))
+            )
             self._known[key, "auto"] = plain.sharing(self._meshes)
         if (key, mode) not in self._known:
             self._known[key, mode] = self._known[key, "auto"].with_normals(mode).sharing(self._meshes)
@@ -579,23 +578,10 @@ class MeshLibrary:
         return tuple(self._materials[material] for material in given)
 
 
-class _Same:
-    """Stands for one instance of a model, which would otherwise count as equal to others."""
-
-    def __init__(self, source: MeshSource) -> None:
-        self._source = source
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Same) and other._source is self._source
-
-    def __hash__(self) -> int:
-        return id(self._source)
-
-
-def _written_out(source: MeshSource) -> MeshContents:
+def _read_written_mesh(source: MeshSource) -> MeshContents:
     assert source.vertices is not None and source.faces is not None
     positions = source.vertices.rows
-    normals = source.given_normals()
+    normals = source.given_normals
     for polygons in source.faces.groups:
         check_corners(polygons, len(positions), "the mesh: face")
     surface = MeshSurface(
@@ -631,15 +617,17 @@ class MeshSource(SceneModel):
     uvs: Pairs | None = None
     """Texture coordinates of the vertices, a list of [u, v]."""
 
+    @property
     def given_normals(self) -> Vectors | None:
-        """Return the normals that are written out."""
-        raise NotImplementedError
+        """The normals that are written out."""
+        normals = getattr(self, "normals", None)
+        return normals if isinstance(normals, Vectors) else None
 
     @model_validator(mode="after")
     def _check_lists(self) -> Self:
         if self.vertices is not None and self.faces is None:
             raise refuse("is required beside vertices", got=None, allowed="a list of faces", path=("faces",))
-        normals = self.given_normals()
+        normals = self.given_normals
         for key, rows in (("faces", self.faces), ("uvs", self.uvs), ("normals", normals)):
             if rows is None:
                 continue
@@ -659,10 +647,6 @@ class NamedMesh(MeshSource):
     normals: Points | None = None
     """Normals of the vertices, a list of vectors of any length."""
 
-    def given_normals(self) -> Vectors | None:
-        """Return the normals that are written out."""
-        return self.normals
-
 
 class MeshObject(MeshSource, PlacedObject):
     """A mesh of triangles; u and v are the file's, v = 0 at the lower edge of a picture."""
@@ -681,10 +665,6 @@ class MeshObject(MeshSource, PlacedObject):
 
     material: Annotated[Material, MATERIAL_NAME] | None = None
     """Name of one of `materials`, or a material written out; without it, the materials of the file."""
-
-    def given_normals(self) -> Vectors | None:
-        """Return the normals that are written out."""
-        return self.normals if isinstance(self.normals, Vectors) else None
 
     @property
     def normals_mode(self) -> NormalsMode:
@@ -725,7 +705,7 @@ class LoadedMesh(NamedTuple):
             {
                 "mesh": part.mesh.content_hash,
                 "placement": part.placement.tolist(),
-                "material": described(material, folders) if getattr(self.item, "material", None) is None else None,
+                "material": describe(material, folders) if getattr(self.item, "material", None) is None else None,
             }
             for part, material in zip(self.contents.parts, self.materials, strict=True)
         ]

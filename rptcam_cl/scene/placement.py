@@ -7,13 +7,13 @@ from bisect import bisect_right
 from collections.abc import Sequence
 from functools import cached_property
 from itertools import pairwise
-from typing import Annotated, Any, ClassVar, Protocol, Self, TypeVar
+from typing import Annotated, Any, ClassVar, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema, model_validator
 
-from rptcam_cl.scene.base import AlsoAccepts, AlsoAcceptsItem, Alternatives, SceneModel, refuse
+from rptcam_cl.scene.base import AlsoAccepts, Alternatives, SceneModel, refuse
 from rptcam_cl.scene.materials import Material
 from rptcam_cl.scene.quantities import LARGEST_COORDINATE, NUMBER, Coordinate, Direction, Moment, Position, list_of
 
@@ -156,7 +156,7 @@ Transform = Annotated[
     Field(max_length=100),
     BeforeValidator(_as_steps),
     AfterValidator(_check_product),
-    AlsoAcceptsItem(),
+    AlsoAccepts(),
 ]
 
 
@@ -367,19 +367,6 @@ class PlacedObject(SceneModel):
         """Return the 4x4 matrix that places the object in the world at a moment: its transform, then its motion."""
         matrix = self.world_from_object
         return matrix if self.trajectory is None else self.trajectory.at(time_s) @ matrix
-
-
-class Solid(Protocol):
-    """What is known of an object once its files are read."""
-
-    def shown_materials(self) -> tuple[Material, ...]:
-        """Return the materials that the object shows."""
-
-    def bounds(self) -> Bounds:
-        """Return the lowest and highest corner of the shape before its transform [scene units]."""
-
-    def contains(self, point: NDArray[np.float64]) -> bool:
-        """Return whether a point, in the frame before the transform, lies inside the solid."""
 
 
 class SceneObject(PlacedObject):

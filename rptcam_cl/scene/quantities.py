@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable, Sequence
 from numbers import Integral, Real
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -125,13 +125,6 @@ LARGEST_FILE = 4_000_000  # bytes
 _SHORTEST, _LONGEST = WAVELENGTHS_NM[0], WAVELENGTHS_NM[-1]
 
 
-class SpectrumRows(NamedTuple):
-    """A table that is checked: wavelengths [nm] that rise, and columns of values, shape (columns, rows)."""
-
-    wavelengths: Spectrum
-    columns: NDArray[np.float64]
-
-
 def numbers_of(value: Any) -> tuple[float, ...]:
     """Return a list of at least two numbers."""
     items = value.tolist() if isinstance(value, np.ndarray) else value
@@ -172,8 +165,12 @@ def is_table_file(name: object) -> bool:
     return isinstance(name, str) and name.lower().endswith(SUFFIXES)
 
 
-def read_rows(name: str, folders: Folders, meanings: Sequence[str] = ("a value",)) -> SpectrumRows:
-    """Return the table of a file: a wavelength [nm] and values a line; comments begin with #, one heading may lead.
+def read_rows(
+    name: str, folders: Folders, meanings: Sequence[str] = ("a value",)
+) -> tuple[Spectrum, NDArray[np.float64]]:
+    """Read the table of a file: wavelengths [nm] that rise, and columns of values, shape (columns, rows).
+
+    A line holds a wavelength and its values; comments begin with #, one heading may lead.
 
     Parameters
     ----------
@@ -210,11 +207,11 @@ def read_rows(name: str, folders: Folders, meanings: Sequence[str] = ("a value",
     if fault is not None:
         index, problem = fault
         raise InputError(f"line {given[index][0]} {problem}")
-    return SpectrumRows(wavelengths, np.array(columns))
+    return wavelengths, np.array(columns)
 
 
 def fault_of(wavelengths: Sequence[float] | Spectrum) -> tuple[int, str] | None:
-    """Return what is wrong with the wavelengths of a table and at which row, None if nothing."""
+    """The first row of a table whose wavelength is wrong, and why; None where all rise and some are visible."""
     falls = np.flatnonzero(np.diff(wavelengths) <= 0)
     if len(falls):
         return int(falls[0]) + 1, "has a wavelength that is not longer than the one before it"
@@ -222,6 +219,14 @@ def fault_of(wavelengths: Sequence[float] | Spectrum) -> tuple[int, str] | None:
         hint = "; these look like micrometres" if wavelengths[-1] < 20 else ""
         return 0, f"begins a table without a wavelength from {_SHORTEST:g} to {_LONGEST:g} nm{hint}"
     return None
+
+
+def check_wavelengths(wavelengths: Sequence[float]) -> None:
+    """Refuse the key `wavelengths_nm` of a table where they do not rise, or miss what is visible."""
+    if (fault := fault_of(wavelengths)) is not None:
+        index, problem = fault
+        path = ("wavelengths_nm", index)
+        raise refuse(problem, got=wavelengths[index], allowed="rising wavelengths in nm", path=path)
 
 
 def _numbers(text: str) -> list[float]:
@@ -282,13 +287,7 @@ class TabulatedSpectrum(SceneModel):
         if self.values is None or len(self.values) != len(self.wavelengths_nm):
             count = len(self.wavelengths_nm)
             raise refuse("does not fit wavelengths_nm", got=self.values, allowed=f"{count} numbers", path=("values",))
-        fault = fault_of(self.wavelengths_nm)
-        if fault is not None:
-            index, problem = fault
-            raise refuse(
-                problem, got=self.wavelengths_nm[index], allowed="rising wavelengths in nm",
-                path=("wavelengths_nm", index),
-            )  # fmt: skip
+        check_wavelengths(self.wavelengths_nm)
         return self
 
     def rows(self, folders: Folders, largest: float, excess: str) -> tuple[Spectrum, Spectrum]:
@@ -397,11 +396,6 @@ def coefficient(spectrum: TabulatedSpectrum, folders: Folders) -> SpectralColour
     return SpectralColour.of_coefficient(on_grid(*spectrum.rows(folders, LARGEST_VALUE, "is too large for float32")))
 
 
-def radiance(spectrum: LightSpectrum, folders: Folders) -> SpectralColour:
-    """Return the light of an emitter."""
-    return spectrum.emission(folders)
-
-
 def tint(spectrum: LightSpectrum, folders: Folders) -> SpectralColour:
     """Return light of luminance 1."""
     made = spectrum.light(folders)
@@ -421,13 +415,6 @@ CHANNELS, SPECTRUM = "channels", "a spectrum"
 _HEX_COLOUR = re.compile(r"#([0-9a-fA-F]{6})")
 
 
-class SpectralForm(NamedTuple):
-    """How a colour is read from a spectrum: the keys that it has, and what makes a colour of them."""
-
-    keys: type[TabulatedSpectrum]
-    read: Callable[[Any, Folders], SpectralColour]
-
-
 class ColourForms:
     """How a colour may be written; stands beside the type of a field.
 
@@ -437,20 +424,29 @@ class ColourForms:
         Largest value of a channel.
     excess : str
         What is wrong with larger ones, as a sentence without its subject.
-    spectrum : SpectralForm, optional
-        How a spectrum may stand for it; by default none may.
+    spectrum : type of TabulatedSpectrum, optional
+        The keys of a spectrum that may stand for it; by default none may.
+    read : callable, optional
+        Makes the colour of a spectrum.
     """
 
-    def __init__(self, largest: float, excess: str, spectrum: SpectralForm | None = None) -> None:
+    def __init__(
+        self,
+        largest: float,
+        excess: str,
+        spectrum: type[TabulatedSpectrum] | None = None,
+        read: Callable[[Any, Folders], SpectralColour] | None = None,
+    ) -> None:
         self.largest = largest
         self.excess = excess
         self.spectrum = spectrum
+        self.read = read
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        """Return what checks either form."""
+        """The schema that reads either form."""
         schema: CoreSchema = core_schema.no_info_plain_validator_function(self._channels)
         if self.spectrum is not None:
-            keys = handler.generate_schema(self.spectrum.keys)
+            keys = handler.generate_schema(self.spectrum)
             spectral = core_schema.with_info_after_validator_function(self._spectrum, keys)
             schema = core_schema.tagged_union_schema({CHANNELS: schema, SPECTRUM: spectral}, _form)
         return core_schema.no_info_after_validator_function(
@@ -470,9 +466,9 @@ class ColourForms:
         return {"anyOf": forms}
 
     def _spectrum(self, spectrum: TabulatedSpectrum, info: core_schema.ValidationInfo) -> SpectralColour:
-        assert self.spectrum is not None
+        assert self.read is not None
         folders = info.context["folders"] if info.context else Folders()
-        made = self.spectrum.read(spectrum, folders)
+        made = self.read(spectrum, folders)
         if max(made) > self.largest or made.samples.max() > self.largest:
             raise refuse(self.excess, got=max(made), allowed=f"0 to {self.largest:g}")
         return made
@@ -562,6 +558,13 @@ def _not_zero(value: tuple[float, float, float]) -> tuple[float, float, float]:
     return value
 
 
+def _check_area(zone: tuple[float, float, float, float]) -> tuple[float, float, float, float]:
+    """Refuse a rectangle [x0, x1, y0, y1] whose sides do not rise."""
+    if not (zone[0] < zone[1] and zone[2] < zone[3]):
+        raise refuse("has no area", got=list(zone), allowed="0 <= x0 < x1 <= 1 and 0 <= y0 < y1 <= 1")
+    return zone
+
+
 NUMBER = BeforeValidator(read_number)
 WHOLE_NUMBER = BeforeValidator(_whole_number)
 TextureNumber = Annotated[float, Field(ge=-1e6, le=1e6), NUMBER]
@@ -574,22 +577,19 @@ Gain = Annotated[float, Field(ge=0, le=LARGEST_GAIN), NUMBER]
 Metres = Annotated[float, Field(ge=1e-9, le=1e12), NUMBER]
 Millimetres = Annotated[float, Field(ge=1e-6, le=1e12), NUMBER]
 Fraction = Annotated[float, Field(ge=0, le=1), NUMBER]
+Rectangle = Annotated[tuple[Fraction, Fraction, Fraction, Fraction], AfterValidator(_check_area)]
 
 Position = Annotated[
     tuple[Coordinate, Coordinate, Coordinate], BeforeValidator(list_of(3, "a point or vector [x, y, z]"))
 ]
 Direction = Annotated[Position, AfterValidator(_not_zero)]
-Albedo = Annotated[
-    Colour, ColourForms(1.0, "would reflect more light than arrives", SpectralForm(TabulatedSpectrum, albedo))
-]
+Albedo = Annotated[Colour, ColourForms(1.0, "would reflect more light than arrives", TabulatedSpectrum, albedo)]
 Radiance = Annotated[
-    Colour, ColourForms(LARGEST_RADIANCE, "is too bright for sums in float32", SpectralForm(LightSpectrum, radiance))
+    Colour, ColourForms(LARGEST_RADIANCE, "is too bright for sums in float32", LightSpectrum, LightSpectrum.emission)
 ]
-LightColour = Annotated[
-    Colour, ColourForms(LARGEST_RADIANCE, "is too bright for sums in float32", SpectralForm(LightSpectrum, tint))
-]
+LightColour = Annotated[Colour, ColourForms(LARGEST_RADIANCE, "is too bright for sums in float32", LightSpectrum, tint)]
 Coefficient = Annotated[
-    Colour, ColourForms(LARGEST_RADIANCE, "is too large for float32", SpectralForm(TabulatedSpectrum, coefficient))
+    Colour, ColourForms(LARGEST_RADIANCE, "is too large for float32", TabulatedSpectrum, coefficient)
 ]
 PatternAlbedo = Annotated[Colour, ColourForms(1.0, "would reflect more light than arrives")]
 GainColour = Annotated[Colour, ColourForms(LARGEST_GAIN, "is too large a factor")]

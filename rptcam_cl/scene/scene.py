@@ -21,34 +21,23 @@ from rptcam_cl.optics.glass import continued_words
 from rptcam_cl.optics.lens import Lens, at_position
 from rptcam_cl.optics.library import digests_of_lens, load_lens, named_lens, names_a_file
 from rptcam_cl.scene.assets.mesh import LAMPS_LEFT_OUT
-from rptcam_cl.scene.base import FileReference, SceneModel, file_references, listed, near_name, refuse
-from rptcam_cl.scene.camera import Camera, LensCamera, ThinLensCamera
+from rptcam_cl.scene.base import FileReference, SceneModel, file_references, refuse, unknown_name
+from rptcam_cl.scene.camera import Camera
 from rptcam_cl.scene.exposure import Exposure, ExposureOrMode, FrameSequence, Shutter, check_exposure
 from rptcam_cl.scene.film import SHARP_LAYERS, Film, PictureSettings, RenderSettings, Sensor, SpectrumSettings
 from rptcam_cl.scene.lens_settings import GRADES, AutoFocus, RealLens
-from rptcam_cl.scene.lights import (
-    WITH_UP,
-    ConstantEnvironment,
-    DirectionalLight,
-    Environment,
-    GradientEnvironment,
-    ImageEnvironment,
-    Light,
-    PointLight,
-    ProfileLight,
-    SkyEnvironment,
-    SpotLight,
-    SunLight,
-)
+from rptcam_cl.scene.lights import WITH_UP, Environment, Light
 from rptcam_cl.scene.materials import Dielectric, Emissive, Material, Principled, with_material, with_parts
 from rptcam_cl.scene.meshes import LoadedMesh, MeshLibrary, MeshObject, NamedMesh
-from rptcam_cl.scene.placement import PlacedObject, Solid, moments
-from rptcam_cl.scene.quantities import LARGEST_COORDINATE, NUMBER, SMALLEST_LENGTH, Colour
+from rptcam_cl.scene.placement import PlacedObject, SceneObject, moments
+from rptcam_cl.scene.quantities import LARGEST_COORDINATE, NUMBER, SMALLEST_LENGTH
 from rptcam_cl.scene.shapes import Board, Object, Plane
 
 # Checks across the parts of a scene: errors where float32 is too small, and warnings of probable mistakes.
 
-# Objects of the scene, each with what is known once its files are read.
+Solid = SceneObject | Board | LoadedMesh
+"""The shape and materials of an object, once its files are read."""
+
 Objects = Sequence[tuple[Object, Solid]]
 
 # Ratio of extents beyond which the 24 bits of a float32 no longer resolve the smallest object.
@@ -86,13 +75,14 @@ def check_extent(item: Object, solid: Solid, path: tuple[str | int, ...]) -> Non
 
 def check_focus(camera: Camera, shutter: Shutter) -> None:
     """Refuse a point in focus that a moving camera has behind it when the shutter opens."""
-    if not isinstance(camera, LensCamera) or camera.focus.point is None or not camera.motion:
+    lens = camera.lens_camera
+    if lens is None or lens.focus.point is None or not camera.motion:
         return
     eye, target, _ = camera.pose_at(shutter.open_s)
-    if not np.dot(camera.focus.point - eye, target - eye) > 0:
+    if not np.dot(lens.focus.point - eye, target - eye) > 0:
         raise refuse(
             "does not lie in front of the film when the shutter opens",
-            got=list(camera.focus.point),
+            got=list(lens.focus.point),
             allowed="a point on the side that the camera looks to at shutter.open_s",
             path=("camera", "focus", "point"),
         )
@@ -100,13 +90,13 @@ def check_focus(camera: Camera, shutter: Shutter) -> None:
 
 def check_followed(camera: Camera, objects: Sequence[Object]) -> None:
     """Refuse a focus that follows an object that is not there, or has no middle."""
-    if not isinstance(camera, LensCamera | ThinLensCamera) or camera.focus is None or camera.focus.object is None:
+    followed, path = camera.followed, ("camera", "focus", "object")
+    if followed is None:
         return
-    followed, path = camera.focus.object, ("camera", "focus", "object")
     known = [item.name for item in objects if item.name and not isinstance(item, Plane)]
     if followed not in known:
-        allowed = listed(known) or "a name, once an object has one"
-        raise refuse(f"is no name of an object{near_name(followed, known)}", got=followed, allowed=allowed, path=path)
+        without = "a name, once an object has one"
+        raise unknown_name("is no name of an object", followed, known, without=without, path=path)
 
 
 def check_sequence(sequence: FrameSequence | None, shutter: Shutter, exposure: Exposure, autofocus: bool) -> None:
@@ -164,27 +154,31 @@ def scene_warnings(
     lights: Sequence[Light],
     environment: Environment | None,
 ) -> tuple[str, ...]:
-    """Return what is allowed but probably not meant, one sentence each."""
-    found: list[str] = []
+    """Warnings of probable mistakes, one sentence each."""
+    warnings: list[str] = []
     if not _any_light(objects, lights, environment):
-        found.append("nothing in the scene emits light: the image will be black")
+        warnings.append("nothing in the scene emits light: the image will be black")
     width, height = film.size_m()
     aspect = (width / film.resolution[0]) / (height / film.resolution[1])
     if abs(aspect - 1) > SQUARE_TOLERANCE:
-        found.append(f"film.size_mm does not fit film.resolution: pixels are {aspect:.3g} times as wide as high")
-    found += _extent_warnings(objects)
-    found += _mesh_warnings(objects, lights)
-    found += _inside_warnings(camera, shutter, objects)
-    found += _motion_warnings(camera, shutter, objects)
+        warnings.append(f"film.size_mm does not fit film.resolution: pixels are {aspect:.3g} times as wide as high")
+    warnings += _extent_warnings(objects)
+    warnings += _mesh_warnings(objects, lights)
+    warnings += _inside_warnings(camera, shutter, objects)
+    warnings += _motion_warnings(camera, shutter, objects)
     shown = (material for _, solid in objects for material in solid.shown_materials())
     glasses = [material.glass for material in shown if isinstance(material, Dielectric) and material.glass is not None]
-    found += filter(None, dict.fromkeys(map(continued_words, glasses)))
-    return tuple(found)
+    warnings += filter(None, dict.fromkeys(map(continued_words, glasses)))
+    return tuple(warnings)
+
+
+# The keys of lights and environments that say how strong they are.
+STRENGTHS = ("intensity", "irradiance", "radiance", "bottom", "top", "gain")
 
 
 def _any_light(objects: Objects, lights: Sequence[Light], environment: Environment | None) -> bool:
-    given = [*_light_colours(lights), *_environment_colours(environment)]
-    return any(max(colour) > 0 for colour in given) or any(_shines(solid) for _, solid in objects)
+    strengths = (getattr(part, key, 0.0) for part in (*lights, environment) for key in STRENGTHS)
+    return any(np.max(strength) > 0 for strength in strengths) or any(_shines(solid) for _, solid in objects)
 
 
 def _shines(solid: Solid) -> bool:
@@ -192,30 +186,6 @@ def _shines(solid: Solid) -> bool:
     glowing = [material.radiance for material in shown if isinstance(material, Emissive)]
     glowing += [material.emission for material in shown if isinstance(material, Principled)]
     return any(max(colour) > 0 if isinstance(colour, tuple) else True for colour in glowing)
-
-
-def _light_colours(lights: Sequence[Light]) -> list[Colour]:
-    colours = []
-    for light in lights:
-        match light:
-            case PointLight() | SpotLight():
-                colours.append(light.intensity)
-            case DirectionalLight() | SunLight():
-                colours.append(light.irradiance)
-            case ProfileLight():
-                colours.append((light.gain, light.gain, light.gain))
-    return colours
-
-
-def _environment_colours(environment: Environment | None) -> list[Colour]:
-    match environment:
-        case ConstantEnvironment():
-            return [environment.radiance]
-        case GradientEnvironment():
-            return [environment.bottom, environment.top]
-        case ImageEnvironment() | SkyEnvironment():
-            return [(environment.gain, environment.gain, environment.gain)]
-    return []
 
 
 def _extent_warnings(objects: Objects) -> list[str]:
@@ -239,7 +209,7 @@ def _label(item: PlacedObject, size: float) -> str:
 
 
 def _mesh_warnings(objects: Objects, lights: Sequence[Light]) -> list[str]:
-    """Return what was left out of the meshes, said once for each; a scene with lights is not missing theirs."""
+    """Notes on parts of mesh files that are left out, each once; a scene with lights is not missing theirs."""
     contents = [solid.contents for _, solid in objects if isinstance(solid, LoadedMesh)]
     notes = dict.fromkeys(note for each in contents for note in each.notes)
     return [note for note in notes if not (lights and note.endswith(LAMPS_LEFT_OUT))]
@@ -256,7 +226,7 @@ def _inside_warnings(camera: Camera, shutter: Shutter, objects: Objects) -> list
 
 def _motion_warnings(camera: Camera, shutter: Shutter, objects: Objects) -> list[str]:
     ghosts = getattr(camera, "ghosts", "off") != "off"
-    found = [
+    warnings = [
         f"objects[{index}] shines and moves: light sampling leaves it out, so that what it lights is noisy"
         + (", and it makes no ghosts" if ghosts else "")
         for index, (item, solid) in enumerate(objects)
@@ -264,8 +234,10 @@ def _motion_warnings(camera: Camera, shutter: Shutter, objects: Objects) -> list
     ]
     first, *poses = (camera.pose_at(time_s) for time_s in moments(camera.motion, *shutter.span_s))
     if ghosts and any(not np.array_equal(pose, first) for pose in poses):
-        found.append("camera.motion: ghosts stand where they are when the shutter opens, and what makes them moves on")
-    return found
+        warnings.append(
+            "camera.motion: ghosts stand where they are when the shutter opens, and what makes them moves on"
+        )
+    return warnings
 
 
 FOLLOWS_THE_FILM = {"diffraction", "ghosts", "barrel_reflectance", "stop"}  # keys of the camera
@@ -335,10 +307,10 @@ class Scene(SceneModel):
     def _resolve_materials(cls, objects: Any, info: ValidationInfo) -> Any:
         if not isinstance(objects, (list, tuple)):
             return objects
-        found = [with_material(item, index, info.data.get("materials")) for index, item in enumerate(objects)]
-        for index, item in enumerate(found):
+        resolved = [with_material(item, index, info.data.get("materials")) for index, item in enumerate(objects)]
+        for index, item in enumerate(resolved):
             _check_mesh_name(item, index, info.data.get("meshes"))
-        return found
+        return resolved
 
     @field_validator("environment", mode="before")
     @classmethod
@@ -370,14 +342,7 @@ class Scene(SceneModel):
 
     @model_validator(mode="after")
     def _check_whole(self, info: ValidationInfo) -> Self:
-        width, height = self.film.resolution
-        if self.camera.kind == "environment" and width != 2 * height:
-            raise refuse(
-                "does not fit an environment camera, which sees 360 by 180 degrees",
-                got=[width, height],
-                allowed=f"twice as wide as high, for instance [{2 * height}, {height}]",
-                path=("film", "resolution"),
-            )
+        self.camera.check_film(self.film.resolution)
         check_exposure(self.exposure, self.camera)
         self.picture.check_crop(self.film.crop)
         check_focus(self.camera, self.shutter)
@@ -434,16 +399,16 @@ class Scene(SceneModel):
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
-        """What is allowed but probably not meant, one sentence each."""
+        """Warnings of probable mistakes, one sentence each."""
         objects = tuple(zip(self.objects, self.solids(), strict=True))
-        found = scene_warnings(self.camera, self.film, self.shutter, objects, self.lights, self.environment)
-        return (*self._stand_ins, *found, *self.lens_doubts)
+        own = scene_warnings(self.camera, self.film, self.shutter, objects, self.lights, self.environment)
+        return (*self._stand_ins, *own, *self.lens_doubts)
 
     @property
     def lens_doubts(self) -> tuple[str, ...]:
         """Doubts about the lens, and what it really opens to; none about one that cannot be used, which is an error."""
-        camera = self.camera
-        if not isinstance(camera, LensCamera):
+        camera = self.camera.lens_camera
+        if camera is None:
             return ()
         try:
             lens = self.load_lens()
@@ -462,21 +427,20 @@ class Scene(SceneModel):
     @property
     def requested_autofocus(self) -> AutoFocus | None:
         """The settings of autofocus; None where the focus is given."""
-        camera = self.camera
-        if isinstance(camera, LensCamera):
-            return camera.focus.auto
-        return camera.focus.auto if isinstance(camera, ThinLensCamera) and camera.focus is not None else None
+        return self.camera.autofocus
 
     def lens_source(self) -> str | Path | dict[str, Any] | None:
-        """Return what to load the lens from: a name, a checked path or a mapping; None without a real lens."""
-        if not isinstance(self.camera, LensCamera):
+        """The source of the lens: a name, a checked path or a mapping; None without a real lens."""
+        camera = self.camera.lens_camera
+        if camera is None:
             return None
-        lens = self.camera.design
+        lens = camera.design
         return self._folders.find(lens) if isinstance(lens, str) and names_a_file(lens) else lens
 
     def tolerances_source(self) -> str | Path | None:
         """Return the tolerances of a lens as built: a grade, or a checked path; None for a design."""
-        made = self.camera.as_built if isinstance(self.camera, LensCamera) else None
+        camera = self.camera.lens_camera
+        made = None if camera is None else camera.as_built
         if made is None:
             return None
         return made.spec if made.spec in GRADES else self._folders.find(made.spec)
@@ -537,11 +501,11 @@ class Scene(SceneModel):
         if source is not None and not isinstance(source, str):
             digests = digests_of_lens(source, self._lens_folders(source))
             if isinstance(source, Path):
-                found = digests.pop("")
+                design = digests.pop("")
                 if isinstance(self.camera.lens, RealLens):  # type: ignore[union-attr]
-                    content["camera"]["lens"]["design"] = found
+                    content["camera"]["lens"]["design"] = design
                 else:
-                    content["camera"]["lens"] = found
+                    content["camera"]["lens"] = design
             if digests:
                 content["camera"]["files of the lens"] = digests
         if isinstance(tolerances := self.tolerances_source(), Path):
@@ -577,10 +541,5 @@ def _check_mesh_name(item: Any, index: int, meshes: Mapping[str, NamedMesh] | No
     name = item.get("mesh") if isinstance(item, dict) else None
     if not isinstance(name, str) or meshes is None or name in meshes:
         return
-    names = list(meshes)
-    raise refuse(
-        f"names no mesh{near_name(name, names)}",
-        got=name,
-        allowed=listed(names) if names else "file or vertices, or a name once `meshes` defines one",
-        path=(index, "mesh"),
-    )
+    without = "file or vertices, or a name once `meshes` defines one"
+    raise unknown_name("names no mesh", name, meshes, without=without, path=(index, "mesh"))

@@ -11,7 +11,7 @@ from pydantic import Field, field_validator, model_validator
 
 from rptcam_cl.scene.assets.boards import DICTIONARIES, Pattern, aruco, charuco, checker, circles, siemens, slanted_edge
 from rptcam_cl.scene.assets.mesh import Draft, make_contents
-from rptcam_cl.scene.base import listed, near_name, refuse
+from rptcam_cl.scene.base import refuse, unknown_name
 from rptcam_cl.scene.materials import Material, Matte
 from rptcam_cl.scene.meshes import LoadedMesh, MeshObject
 from rptcam_cl.scene.placement import Bounds, PlacedObject, SceneObject
@@ -82,8 +82,7 @@ class Board(PlacedObject):
     @classmethod
     def _check_dictionary(cls, name: str) -> str:
         if name not in DICTIONARIES:
-            names = list(DICTIONARIES)
-            raise refuse(f"is no known dictionary{near_name(name, names)}", got=name, allowed=listed(names))
+            raise unknown_name("is no known dictionary", name, DICTIONARIES)
         return name
 
     @model_validator(mode="after")
@@ -150,7 +149,7 @@ class Board(PlacedObject):
         return False
 
     def described(self, index: int, time_s: float, metres_per_unit: float) -> dict[str, Any]:
-        """Return what the metadata of a picture say of it at a moment: its points in the axes of the scene [m]."""
+        """Describe the board at a moment, for the metadata of a picture: its points in the axes of the scene [m]."""
         world = np.diag([metres_per_unit] * 3 + [1.0]) @ self.placed_at(time_s)
         keys = [key for key in ("columns", "rows", "fill", "dictionary", "first_id", "sectors", "angle_degrees")
                 if self.kind in _OF_KINDS[key]]  # fmt: skip

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Mapping
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -131,7 +132,7 @@ LAMP = {"kind": "emissive", "radiance": 4}
 KINDS = ("sphere", "ellipsoid", "rectangle", "disk", "box", "cylinder", "cone")
 
 
-def one(kind: str, center: Array, size: float, rng: np.random.Generator) -> dict[str, Any]:
+def turned_object(kind: str, center: Array, size: float, rng: np.random.Generator) -> dict[str, Any]:
     """Return an object of a kind about a place, turned at random."""
     a, b = directions(rng, 2) * size
     at = center.tolist()
@@ -153,7 +154,7 @@ def one(kind: str, center: Array, size: float, rng: np.random.Generator) -> dict
     return shapes[kind]
 
 
-def upright(kind: str, center: Array, size: float) -> dict[str, Any]:
+def upright_object(kind: str, center: Array, size: float) -> dict[str, Any]:
     """Return an object of a kind whose planes and axes are those of the world: its box is flat, or touched all over."""
     at, x, y = center.tolist(), [size, 0, 0], [0, size, 0]
     shapes: dict[str, dict[str, Any]] = {
@@ -175,7 +176,11 @@ def crowd(rng: np.random.Generator, count: int, place: Any = (0, 0, 0), holes: b
     items = []
     for index, center in enumerate(grid):
         kind, size = KINDS[index % len(KINDS)], float(rng.choice([0.03, 0.125, 0.25]))
-        item = upright(kind, place + center, size) if index % 3 == 0 else one(kind, place + center, size, rng)
+        item = (
+            upright_object(kind, place + center, size)
+            if index % 3 == 0
+            else turned_object(kind, place + center, size, rng)
+        )
         items.append(item | {"material": NET if holes and index % 5 == 0 else MATTE})
     items += items[:: max(count // 15, 1)]  # at equal distance: the first of the list counts
     plane = {"shape": "plane", "point": (place - [0, 1.5, 0]).tolist(), "normal": [0, 1, 0]}
@@ -233,23 +238,83 @@ def mesh_object(points: Any, faces: Any, **keys: Any) -> dict[str, Any]:
     } | keys
 
 
-class MeshScene:
-    """Objects with meshes on a device, the eye at the origin."""
+NOTHING = -1
+TREE_ARGUMENTS = ("primitive_nodes", "primitive_leaves")
 
-    def __init__(self, session: Session, objects: list[dict[str, Any]], **keys: Any) -> None:
-        camera = {"kind": "pinhole", "eye": [0, 0, 0], "target": [0, 0, -1], "up": [0, 1, 0], "fov_degrees": 40}
+
+@dataclass(frozen=True)
+class Met:
+    """What rays met: distance and primitive of the nearest hit, and whether anything lay in the way."""
+
+    t: NDArray[np.float32]
+    primitive: NDArray[np.int32]
+    blocked: NDArray[np.bool_]
+
+    def unlike(self, other: Met) -> NDArray[np.bool_]:
+        """Return which rays met something else, to the last bit."""
+        return np.asarray(
+            (self.t.view(np.int32) != other.t.view(np.int32))
+            | (self.primitive != other.primitive)
+            | (self.blocked != other.blocked)
+        )
+
+
+class TracedScene:
+    """Objects and meshes on a device, the eye where requested, to be traced by the kernels of a render."""
+
+    def __init__(self, session: Session, objects: list[dict[str, Any]], eye: Any = (0, 0, 0), **keys: Any) -> None:
+        target = [eye[0], eye[1], eye[2] - 1]
+        camera = {"kind": "pinhole", "eye": list(eye), "target": target, "up": [0, 1, 0], "fov_degrees": 40}
         self.plan = make_plan(load_scene({"camera": camera, "objects": objects, **keys}))
         self.session = session
         self.buffers = SceneBuffers(session, self.plan)
+
+    @property
+    def has_tree(self) -> bool:
+        """Whether rays walk a tree over the primitives."""
+        return "HAS_PRIMITIVE_TREE" in self.buffers.tree_facts
+
+    def without_tree(self) -> TracedScene:
+        """Return the same objects, all of which every ray is tested against; they must hold no mesh."""
+        assert self.has_tree
+        assert self.plan.meshes is None
+        other = copy.copy(self)
+        other.buffers = copy.copy(self.buffers)
+        other.buffers.scene = {name: value for name, value in self.buffers.scene.items() if name not in TREE_ARGUMENTS}
+        other.buffers.tree_facts = {}
+        return other
+
+    @cached_property
+    def mesh_trees(self) -> Mapping[str, NDArray[Any]]:
+        """The arrays of the trees over triangles."""
         assert self.plan.meshes is not None
-        self.trees = scene_trees(self.plan.meshes, session)
+        return scene_trees(self.plan.meshes, self.session)[0]
 
     def _run(self, probe: str, items: int, lanes: int, **arguments: Any) -> None:
         facts = self.plan.facts | self.buffers.tree_facts | {"VW": lanes}
         run_probe(self.session, probe, facts, items, **self.buffers.scene, **arguments)
 
-    def trace(self, o: Any, d: Any, reach: Any = 3e38, self_part: Any = None, lanes: int = 8) -> MeshHits:
-        """Return what the rays (n, 3) meet."""
+    def trace_shapes(
+        self, o: Any, d: Any, self_hit: Any = NOTHING, reach: Any = 3e38, target: Any = NOTHING, lanes: int = 8
+    ) -> Met:
+        """Trace rays (n, 3) from points on the primitives ``self_hit`` against the shapes, in the world of the eye."""
+        n = len(o)
+        count = -(-n // (GROUP * 8)) * GROUP * 8
+        rays = np.zeros((9, count), np.float32)
+        rays[:3, :n], rays[3:6, :n], rays[7, :n] = np.asarray(o).T, np.asarray(d).T, reach
+        rays[6] = np.int32(-2).view(np.float32)
+        rays[6, :n] = np.broadcast_to(np.int32(self_hit), n).view(np.float32)
+        rays[8, :n] = np.broadcast_to(np.int32(target), n).view(np.float32)
+        hits, dark = self.session.allocate(8 * count), self.session.allocate(4 * count)
+        held = self.session.allocate(rays.nbytes)  # aligned for packs, as the host's array need not be
+        self.session.write(held, rays)
+        arguments = {"rays": held, "hits": hits, "blocked": dark, "count": np.uint32(count)}
+        self._run("probe_primitives", count // lanes, lanes, **arguments)
+        t, primitive = self.session.read(hits, np.float32, 2 * count).reshape(2, count)[:, :n]
+        return Met(t, primitive.view(np.int32), self.session.read(dark, np.int32, count)[:n] != 0)
+
+    def trace_mesh(self, o: Any, d: Any, reach: Any = 3e38, self_part: Any = None, lanes: int = 8) -> MeshHits:
+        """Trace rays (n, 3) against the meshes."""
         n = len(o)
         count = -(-n // (GROUP * 8)) * GROUP * 8
         rays = np.zeros((9, count), np.float32)
@@ -274,7 +339,7 @@ class MeshScene:
         count = len(o)
         rays = np.zeros((9, count), np.float32)
         rays[:3], rays[3:6] = np.asarray(o).T, np.asarray(d).T
-        out, blocks = self.session.allocate(8 * count), np.uint32(len(self.trees.blocks))
+        out, blocks = self.session.allocate(8 * count), np.uint32(len(self.mesh_trees["blocks"]))
         held = self.session.upload(rays)
         self._run("probe_brute", count, 1, rays=held, hits=out, block_count=blocks, count=np.uint32(count))
         rows = self.session.read(out, np.float32, 2 * count).reshape(2, count)
@@ -288,75 +353,6 @@ class MeshScene:
         held = self.session.upload(np.ascontiguousarray(rays))
         self._run("probe_departure", count // lanes, lanes, rays=held, again=out, count=np.uint32(count))
         return self.session.read(out, np.int32, count)
-
-
-NOTHING = -1
-TREE_ARGUMENTS = ("primitive_nodes", "primitive_leaves")
-
-
-@dataclass(frozen=True)
-class Met:
-    """What rays met: distance and primitive of the nearest hit, and whether anything lay in the way."""
-
-    t: NDArray[np.float32]
-    primitive: NDArray[np.int32]
-    blocked: NDArray[np.bool_]
-
-    def unlike(self, other: Met) -> NDArray[np.bool_]:
-        """Return which rays met something else, to the last bit."""
-        return np.asarray(
-            (self.t.view(np.int32) != other.t.view(np.int32))
-            | (self.primitive != other.primitive)
-            | (self.blocked != other.blocked)
-        )
-
-
-class ObjectRays:
-    """Objects on a device, the eye where requested; with a tree over them where they are many."""
-
-    def __init__(self, session: Session, objects: list[dict[str, Any]], eye: Any = (0, 0, 0), **keys: Any) -> None:
-        target = [eye[0], eye[1], eye[2] - 1]
-        camera = {"kind": "pinhole", "eye": list(eye), "target": target, "up": [0, 1, 0], "fov_degrees": 40}
-        self.plan = make_plan(load_scene({"camera": camera, "objects": objects, **keys}))
-        self.session = session
-        self.buffers = SceneBuffers(session, self.plan)
-
-    @property
-    def has_tree(self) -> bool:
-        """Whether rays walk a tree over the primitives."""
-        return "HAS_PRIMITIVE_TREE" in self.buffers.tree_facts
-
-    def without_tree(self) -> ObjectRays:
-        """Return the same objects, all of which every ray is tested against; they must hold no mesh."""
-        assert self.has_tree
-        assert self.plan.meshes is None
-        other = copy.copy(self)
-        other.buffers = copy.copy(self.buffers)
-        other.buffers.scene = {name: value for name, value in self.buffers.scene.items() if name not in TREE_ARGUMENTS}
-        other.buffers.tree_facts = {}
-        return other
-
-    def trace(
-        self, o: Any, d: Any, self_hit: Any = NOTHING, reach: Any = 3e38, target: Any = NOTHING, lanes: int = 8
-    ) -> Met:
-        """Return what rays (n, 3) meet that start at ``o`` on the primitives ``self_hit``, in the world of the eye."""
-        n = len(o)
-        count = -(-n // (GROUP * 8)) * GROUP * 8
-        rays = np.zeros((9, count), np.float32)
-        rays[:3, :n], rays[3:6, :n], rays[7, :n] = np.asarray(o).T, np.asarray(d).T, reach
-        rays[6] = np.int32(-2).view(np.float32)
-        rays[6, :n] = np.broadcast_to(np.int32(self_hit), n).view(np.float32)
-        rays[8, :n] = np.broadcast_to(np.int32(target), n).view(np.float32)
-        hits, dark = self.session.allocate(8 * count), self.session.allocate(4 * count)
-        facts = self.plan.facts | self.buffers.tree_facts | {"VW": lanes}
-        held = self.session.allocate(rays.nbytes)  # aligned for packs, as the host's array need not be
-        self.session.write(held, rays)
-        run_probe(
-            self.session, "probe_primitives", facts, count // lanes, **self.buffers.scene, rays=held, hits=hits,
-            blocked=dark, count=np.uint32(count),
-        )  # fmt: skip
-        t, primitive = self.session.read(hits, np.float32, 2 * count).reshape(2, count)[:, :n]
-        return Met(t, primitive.view(np.int32), self.session.read(dark, np.int32, count)[:n] != 0)
 
 
 # Checks of the ground that all else stands on: random numbers, roots and quotients, sums of the film.
@@ -502,9 +498,9 @@ def lanes_of(session: Session) -> int:
 def leaks(session: Session, place: Any, rng: np.random.Generator, rays: int, rings: int) -> int:
     """Return how many rays from inside a closed mesh at a place leave it, aimed at its edges and corners."""
     points, faces = globe(rings, rings)
-    scene = MeshScene(session, [mesh_object(points * 2 + place, faces)])
+    scene = TracedScene(session, [mesh_object(points * 2 + place, faces)])
     assert scene.plan.meshes is not None
-    stored = scene.trees.vertices[:, :3].astype(np.float64)  # where the device has them
+    stored = scene.mesh_trees["vertices"][:, :3].astype(np.float64)  # where the device has them
     corners = stored[scene.plan.meshes.triangles[:, :3]]
     inside = np.asarray(place) + 0.9 * directions(rng, rays) * rng.random((rays, 1))
     chosen = corners[rng.integers(len(corners), size=rays)]
@@ -512,7 +508,7 @@ def leaks(session: Session, place: Any, rng: np.random.Generator, rays: int, rin
     origin = inside.astype(np.float32)
     d = chosen[:, 0] * (1 - edge) + chosen[:, 1] * edge - origin
     d = (d / np.linalg.norm(d, axis=1, keepdims=True)).astype(np.float32)
-    hits = scene.trace(origin, d, lanes=lanes_of(session))
+    hits = scene.trace_mesh(origin, d, lanes=lanes_of(session))
     return int(((hits.primitive != 0) | ~hits.blocked).sum())
 
 
@@ -546,29 +542,29 @@ def mesh_tree_check(session: Session) -> Check:
     """The tree over triangles against all triangles, one after the other."""
     rng, rays = np.random.default_rng(11), 8192
     points, faces = globe(24, 32)
-    scene = MeshScene(session, [mesh_object(points, faces)])
+    scene = TracedScene(session, [mesh_object(points, faces)])
     wrong = 0
     kinds = ("random", "axis", "denormal")
     for kind in kinds:
         o, d = (rows.astype(np.float32) for rows in mesh_rays_of(kind, rng, rays))
         t, triangle = scene.brute(o, d)
-        hits = scene.trace(o, d, lanes=lanes_of(session))
-        found = triangle >= 0
+        hits = scene.trace_mesh(o, d, lanes=lanes_of(session))
+        is_hit = triangle >= 0
         apart = hits.t.view(np.uint32) != t.view(np.uint32)
-        wrong += int((((hits.primitive >= 0) != found) | (found & apart) | (hits.blocked != found)).sum())
+        wrong += int((((hits.primitive >= 0) != is_hit) | (is_hit & apart) | (hits.blocked != is_hit)).sum())
     return Check("mesh: tree against every triangle", wrong, 0, f"of {rays * len(kinds)} rays differ in a bit")
 
 
 def object_tree_check(session: Session) -> Check:
     """The tree over shapes against all shapes, one after the other."""
     rng, rays = np.random.default_rng(13), 16384
-    tree = ObjectRays(session, crowd(rng, 150))
+    tree = TracedScene(session, crowd(rng, 150))
     loop = tree.without_tree()
     wrong = 0
     for make in (random_rays, axis_rays):
         o, d = (rows.astype(np.float32) for rows in make(rng, rays))
-        found, expected = (scene.trace(o, d, lanes=lanes_of(session)) for scene in (tree, loop))
-        wrong += int(found.unlike(expected).sum())
+        by_tree, expected = (scene.trace_shapes(o, d, lanes=lanes_of(session)) for scene in (tree, loop))
+        wrong += int(by_tree.unlike(expected).sum())
     return Check("shapes: tree against every shape", wrong, 0, f"of {2 * rays} rays differ in a bit")
 
 
@@ -579,7 +575,7 @@ def departures(session: Session, size: float, away: float, rng: np.random.Genera
     """
     points, faces = globe(12, 16)
     place = directions(rng, 1)[0] * size * away
-    scene = MeshScene(session, [mesh_object(points * size + place, faces)])
+    scene = TracedScene(session, [mesh_object(points * size + place, faces)])
     o = place + size * 2 * directions(rng, rays)
     d = place + size * rng.uniform(-0.6, 0.6, (rays, 3)) - o
     d /= np.linalg.norm(d, axis=1, keepdims=True)
@@ -602,11 +598,11 @@ def departure_check(session: Session) -> Check:
 def far_sphere_errors(session: Session, distance: float, rng: np.random.Generator, rays: int) -> tuple[float, int]:
     """Return how far from a unit sphere rays meet it, over the distance that they come from, and how many miss it."""
     sphere = {"shape": "sphere", "center": [0, 0, 0], "radius": 1, "material": RAY_MATTE}
-    scene = ObjectRays(session, [sphere])
+    scene = TracedScene(session, [sphere])
     o = (distance * directions(rng, rays)).astype(np.float32)
     d = 0.8 * directions(rng, rays) * rng.random((rays, 1)) - o
     d = (d / np.linalg.norm(d, axis=1, keepdims=True)).astype(np.float32)
-    met = scene.trace(o, d, lanes=lanes_of(session))
+    met = scene.trace_shapes(o, d, lanes=lanes_of(session))
     hit = met.primitive >= 0
     points = (o.astype(np.float64) + met.t.astype(np.float64)[:, None] * d)[hit]
     return float(np.abs(np.linalg.norm(points, axis=1) - 1).max(initial=0.0)) / distance, int((~hit).sum())
@@ -615,8 +611,8 @@ def far_sphere_errors(session: Session, distance: float, rng: np.random.Generato
 def far_sphere_checks(session: Session) -> list[Check]:
     """Spheres seen from 10 to 1e6 radii."""
     rng, rays = np.random.default_rng(19), 4096
-    found = [far_sphere_errors(session, 10.0**power, rng, rays) for power in range(1, 7)]
+    errors = [far_sphere_errors(session, 10.0**power, rng, rays) for power in range(1, 7)]
     return [
-        Check("spheres from 10 to 1e6 radii: points", max(e for e, _ in found), 1.6e-6, "of the distance"),
-        Check("spheres from 10 to 1e6 radii: misses", sum(n for _, n in found), 0, f"of {rays * len(found)} rays"),
+        Check("spheres from 10 to 1e6 radii: points", max(e for e, _ in errors), 1.6e-6, "of the distance"),
+        Check("spheres from 10 to 1e6 radii: misses", sum(n for _, n in errors), 0, f"of {rays * len(errors)} rays"),
     ]

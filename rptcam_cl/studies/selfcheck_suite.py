@@ -205,13 +205,13 @@ def library_errors(session: Session, name: str, precision: Precision) -> tuple[f
 
 def library_checks(session: Session) -> list[selfcheck.Check]:
     """Rays through lenses of the library, aspheres and cylinders among them, against the float64 reference."""
-    found = np.array([library_errors(session, name, "single") for name in LENSES])
+    errors = np.array([library_errors(session, name, "single") for name in LENSES])
     checks = [
-        selfcheck.Check(f"lens: points behind {len(LENSES)} real lenses", found[:, 0].max(), 6e-5, "mm"),
-        selfcheck.Check("lens: directions behind them", found[:, 1].max(), 3e-6, "of 1"),
+        selfcheck.Check(f"lens: points behind {len(LENSES)} real lenses", errors[:, 0].max(), 6e-5, "mm"),
+        selfcheck.Check("lens: directions behind them", errors[:, 1].max(), 3e-6, "of 1"),
         # a ray within a millionth of a rim may go either way
         selfcheck.Check(
-            "lens: fates in them", found[:, 2].sum(), 2, f"of {512 * len(LENSES)} rays other than in float64"
+            "lens: fates in them", errors[:, 2].sum(), 2, f"of {512 * len(LENSES)} rays other than in float64"
         ),
     ]
     precise = "lens: the first of them in float64", "mm"
@@ -349,14 +349,14 @@ PREFIXES = ("RPTCAM_", "PYOPENCL_CTX", "POCL_", "OCL_ICD_", "CUDA_VISIBLE")
 
 
 def environment(device: str | None = None) -> dict[str, Any]:
-    """Return what there is, as plain data; ``no_device`` says why no device can be used, if so.
+    """Collect versions, devices and caches as plain data; ``no_device`` says why no device can be used, if so.
 
     Parameters
     ----------
     device
         The devices to report, as ``--device`` on the command line; all of them when absent.
     """
-    found: dict[str, Any] = {
+    report: dict[str, Any] = {
         "version": __version__,
         "python": platform.python_version(),
         "system": platform.platform(),
@@ -371,15 +371,15 @@ def environment(device: str | None = None) -> dict[str, Any]:
     try:
         devices = list_devices()
     except DeviceError as problem:
-        return found | {"no_device": str(problem)}
+        return report | {"no_device": str(problem)}
     shown = devices if device is None else fitting_devices(devices, device)[0]
     try:
         default = default_device(devices).id
     except DeviceError as problem:
         default = None
-        found["no_device"] = str(problem)
-    found["devices"] = [device_details(each) | {"default": each.id == default} for each in shown]
-    return found
+        report["no_device"] = str(problem)
+    report["devices"] = [device_details(each) | {"default": each.id == default} for each in shown]
+    return report
 
 
 def _version(package: str) -> str | None:
@@ -409,21 +409,21 @@ def _folder(path: Path) -> dict[str, Any]:
     return {"folder": shown, "bytes": size, "writable": os.access(place, os.W_OK)}
 
 
-def as_lines(found: dict[str, Any]) -> list[str]:
+def as_lines(report: dict[str, Any]) -> list[str]:
     """Return the lines of a report on what `environment` found."""
-    packages = ", ".join(f"{name} {version}" for name, version in found["packages"].items() if version)
+    packages = ", ".join(f"{name} {version}" for name, version in report["packages"].items() if version)
     lines = [
-        f"rptcam_cl {found['version']}, Python {found['python']} on {found['system']}",
-        f"{found['processor']}, {found['processors']} logical processors",
+        f"rptcam_cl {report['version']}, Python {report['python']} on {report['system']}",
+        f"{report['processor']}, {report['processors']} logical processors",
         packages,
     ]
-    lines += [f"{name}={value}" for name, value in found["variables"].items()]
-    for name, cache in found["caches"].items():
+    lines += [f"{name}={value}" for name, value in report["variables"].items()]
+    for name, cache in report["caches"].items():
         barred = "" if cache["writable"] else ", NOT WRITABLE"
         lines.append(f"cache of {name}: {cache['folder']} ({cache['bytes'] / 2**20:.1f} MiB{barred})")
-    for device in found["devices"]:
+    for device in report["devices"]:
         lines += _device_lines(device)
-    return lines + ([f"no device: {found['no_device']}"] if "no_device" in found else [])
+    return lines + ([f"no device: {report['no_device']}"] if "no_device" in report else [])
 
 
 def _device_lines(device: dict[str, Any]) -> list[str]:

@@ -16,14 +16,12 @@ from rptcam_cl.optics.stop_shape import StopMask, StopShape
 from rptcam_cl.rendering.cameras.ideal import ThickLens, stop_shape, thick_lens_of
 from rptcam_cl.rendering.cameras.lens_records import disperses, usable_nm
 from rptcam_cl.rendering.cameras.ray_map import RayMap, allowed_px, fitted_map
-from rptcam_cl.rendering.cameras.setting import LensSetting, lens_setting, lens_to_focus
+from rptcam_cl.rendering.cameras.setting import LensSetting, lens_camera, lens_setting, lens_to_focus
 from rptcam_cl.scene.assets.mesh import MeshPlacement
-from rptcam_cl.scene.camera import RealisticCamera
 from rptcam_cl.scene.load import change_scene, with_camera
 from rptcam_cl.scene.materials import Emissive, Material, Matte, Mix
 from rptcam_cl.scene.meshes import LoadedMesh
-from rptcam_cl.scene.placement import Solid
-from rptcam_cl.scene.scene import Scene
+from rptcam_cl.scene.scene import Scene, Solid
 from rptcam_cl.scene.shapes import Box, Object, Plane, Rectangle
 
 # Round stops in place of shaped ones: of the same area, and how far from their place they bring light.
@@ -82,17 +80,17 @@ def coverage(shape: StopShape | StopMask, points: Array) -> Array:
 
 def _farthest(points: Array, others: Array) -> float:
     """Return how far any of the points is from the nearest of the others; 0 without points."""
-    found = 0.0
+    largest = 0.0
     for low in range(0, len(points), ROWS):
         apart = points[low : low + ROWS, None] - others
-        found = max(found, float(np.sqrt(np.sum(apart**2, axis=-1).min(axis=1)).max()))
-    return found
+        largest = max(largest, float(np.sqrt(np.sum(apart**2, axis=-1).min(axis=1)).max()))
+    return largest
 
 
 # Cheaper cameras in place of a traced lens: polynomials, or what agrees with it to first order.
 
 
-def fitted_to(scene: Scene, *, colours: bool) -> RayMap:
+def fit_polynomials(scene: Scene, *, colours: bool) -> RayMap:
     """Return the polynomials of the lens of a scene.
 
     Parameters
@@ -105,10 +103,11 @@ def fitted_to(scene: Scene, *, colours: bool) -> RayMap:
     InputError
         When there are none that are good enough.
     """
-    camera, setting = scene.camera, lens_setting(scene)
-    assert isinstance(camera, RealisticCamera)
+    camera, setting = scene.camera.traced_camera, lens_setting(scene)
     range_nm = usable_nm(setting.lens) if colours and disperses(setting.lens) else None
-    return fitted_map(setting.lens, setting, scene.film, range_nm, allowed_px(camera))
+    return fitted_map(
+        setting.lens, setting, scene.film, range_nm, allowed_px(None if camera is None else camera.accuracy)
+    )
 
 
 Tier = Literal["pinhole", "thin_lens", "thick_lens", "fitted", "realistic"]
@@ -151,7 +150,7 @@ class FirstOrderCamera:
 
 
 def first_order_camera(scene: Scene) -> FirstOrderCamera:
-    """Return what the lens of a scene's camera is to first order.
+    """Describe the lens of a scene's camera to first order.
 
     Raises
     ------
@@ -183,17 +182,17 @@ def equivalent(scene: Scene, tier: Tier) -> Scene:
     InputError
         When the lens has no such equivalent; the message says why.
     """
-    camera = scene.camera
+    camera = scene.camera.traced_camera
     if tier == "realistic":
         return scene
-    assert isinstance(camera, RealisticCamera)
+    assert camera is not None
     if tier == "fitted":
-        fitted_to(scene, colours=scene.spectrum.lens_colour == "on")
+        fit_polynomials(scene, colours=scene.spectrum.lens_colour == "on")
         return change_scene(scene, camera={"rays": "fitted"})
     if camera.motion:
         raise InputError("camera.motion: a moving camera keeps its traced lens")
     if tier == "thick_lens":
-        return with_camera(scene, _thick_lens(scene, camera))
+        return with_camera(scene, _thick_lens(scene))
     if tier == "pinhole" and camera.ghosts == "on":
         raise InputError("camera.ghosts: add the light that comes through an opening, and a pinhole has none")
     first = first_order_camera(scene)
@@ -218,10 +217,11 @@ def equivalent(scene: Scene, tier: Tier) -> Scene:
     return with_camera(scene, keys)
 
 
-def _thick_lens(scene: Scene, camera: RealisticCamera) -> dict[str, Any]:
+def _thick_lens(scene: Scene) -> dict[str, Any]:
     """Return the keys of the thick lens in place of a traced one."""
+    camera = lens_camera(scene)
     keys = {name: getattr(camera, name) for name in camera.model_fields_set if name not in _TRACED_ONLY}
-    shape = stop_shape(scene, camera.aperture)
+    shape = stop_shape(scene, camera.outline)
     if shape is not None:
         stop = lens_to_focus(scene, camera).stop
         if stop is None:
@@ -445,7 +445,7 @@ class VisibleWorld:
         return starts, np.column_stack([signs * self.slopes, np.ones(5)])
 
 
-def within(polygon: Array, view: VisibleWorld) -> Array:
+def clip_polygon(polygon: Array, view: VisibleWorld) -> Array:
     """Return the part of a polygon (n, 3) that lies in the view (Sutherland and Hodgman 1974)."""
     for normal, offset in zip(*view.sides(), strict=True):
         side = polygon @ normal + offset
@@ -465,7 +465,7 @@ def triangle_depths(triangles: Array, view: VisibleWorld) -> list[float]:
     inside = triangles @ normals.T + offsets >= 0
     whole = np.all(inside, axis=(1, 2))
     cut = triangles[np.all(np.any(inside, axis=1), axis=1) & ~whole]  # the others lie wholly beyond one side
-    pieces = [within(triangle, view) for triangle in cut] if len(cut) <= MOST_CUT else [cut.reshape(-1, 3)]
+    pieces = [clip_polygon(triangle, view) for triangle in cut] if len(cut) <= MOST_CUT else [cut.reshape(-1, 3)]
     seen = np.concatenate([triangles[whole].reshape(-1, 3), *pieces])
     return [float(seen[:, 2].min()), float(seen[:, 2].max())] if len(seen) else []
 
@@ -481,7 +481,7 @@ def depth_range_mm(scene: Scene, view: VisibleWorld) -> tuple[float, float]:
     Of objects, the parts of their boxes within the view count. Where nothing bounds the view, as under a sky, the far
     end is `FAR_MM`; so it is where something in view reflects or refracts, whose images lie farther back than itself.
     """
-    found = [FAR_MM] if scene.environment is not None else []
+    all_depths = [FAR_MM] if scene.environment is not None else []
     from_world = np.linalg.inv(scene.camera.world_from_camera() * _columns(scene))
     from_world[2] *= -1.0  # z ahead
     for item, solid in zip(scene.objects, scene.solids(), strict=True):
@@ -489,10 +489,10 @@ def depth_range_mm(scene: Scene, view: VisibleWorld) -> tuple[float, float]:
         for world_from_object in _places_over_time(scene, item):
             placed = from_world @ world_from_object
             seen += _plane_depths(item, placed, view) if isinstance(item, Plane) else _depths(solid, placed, view)
-        found += seen
+        all_depths += seen
         if seen and any(map(_shows_images, solid.shown_materials())):
-            found.append(FAR_MM)
-    depths = np.clip(found or [FAR_MM], view.start_mm, FAR_MM)
+            all_depths.append(FAR_MM)
+    depths = np.clip(all_depths or [FAR_MM], view.start_mm, FAR_MM)
     return float(depths.min()), float(depths.max())
 
 
@@ -504,7 +504,7 @@ def _shows_images(material: Material) -> bool:
 
 
 def _columns(scene: Scene) -> Array:
-    """Return what makes the lengths of a camera's frame millimetres of the scene's units."""
+    """Factors (4,) that make the lengths of a camera's frame millimetres of the scene's units."""
     per_mm = 1e-3 / scene.metres_per_unit
     return np.array([per_mm, per_mm, per_mm, 1.0])
 
@@ -521,20 +521,20 @@ def _depths(item: Solid, placed: Array, view: VisibleWorld) -> list[float]:
     """Return the ends of the distances at which the view cuts an object, nothing where it does not."""
     if isinstance(item, Rectangle):
         corner, u, v = (np.array(edge) for edge in (item.corner, item.edge_u, item.edge_v))
-        return _faces([_moved(np.array([corner, corner + u, corner + u + v, corner + v]), placed)], view)
+        return _faces([_transform(np.array([corner, corner + u, corner + u + v, corner + v]), placed)], view)
     if isinstance(item, LoadedMesh):
         return [depth for part in item.contents.parts for depth in _part_depths(part, placed, view)]
-    box = _moved(np.array(list(product(*zip(*item.bounds(), strict=True)))), placed)
+    box = _transform(np.array(list(product(*zip(*item.bounds(), strict=True)))), placed)
     around = not isinstance(item, Box) and _holds_start(box, view)
     return _box_faces(box, view) + [view.start_mm] * around
 
 
 def _part_depths(part: MeshPlacement, placed: Array, view: VisibleWorld) -> list[float]:
     """Return the same for a part of a mesh: by its box, or by its triangles where the view starts within."""
-    box = _moved(part.corners(), placed)
+    box = _transform(part.corners(), placed)
     if not _holds_start(box, view):
         return _box_faces(box, view)
-    vertices = _moved(part.mesh.positions + part.mesh.origin, placed @ part.placement)
+    vertices = _transform(part.mesh.positions + part.mesh.origin, placed @ part.placement)
     return triangle_depths(vertices[part.mesh.faces], view)
 
 
@@ -543,7 +543,7 @@ def _box_faces(box: Array, view: VisibleWorld) -> list[float]:
 
 
 def _faces(faces: list[Array], view: VisibleWorld) -> list[float]:
-    return [depth for face in faces for depth in within(face, view)[:, 2].tolist()]
+    return [depth for face in faces for depth in clip_polygon(face, view)[:, 2].tolist()]
 
 
 def _holds_start(box: Array, view: VisibleWorld) -> bool:
@@ -555,7 +555,7 @@ def _holds_start(box: Array, view: VisibleWorld) -> bool:
     return bool(np.any(np.all((shares >= 0) & (shares <= 1), axis=1)))
 
 
-def _moved(points: Array, matrix: Array) -> Array:
+def _transform(points: Array, matrix: Array) -> Array:
     return np.asarray(points @ matrix[:3, :3].T + matrix[:3, 3])
 
 
@@ -563,7 +563,7 @@ def _plane_depths(item: Plane, placed: Array, view: VisibleWorld) -> list[float]
     """Return the distances at which the edges of the view and its axis meet a plane; the far end beyond the horizon."""
     normal = np.linalg.inv(placed[:3, :3]).T @ np.array(item.normal)
     starts, directions = view.corners()
-    height = (_moved(np.array([item.point]), placed) - starts) @ normal
+    height = (_transform(np.array([item.point]), placed) - starts) @ normal
     with np.errstate(divide="ignore", invalid="ignore"):
         steps = height / (directions @ normal)
     seen = steps > 0

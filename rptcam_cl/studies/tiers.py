@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import Any, Literal
 
@@ -16,12 +16,12 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.irradiance import on_axis_irradiance
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.stop_shape import StopMask, StopShape
-from rptcam_cl.rendering.cameras.ideal import stop_shape
+from rptcam_cl.rendering.cameras.ideal import shaped, stop_shape
+from rptcam_cl.rendering.cameras.kinds import camera_model
 from rptcam_cl.rendering.cameras.lens_records import EXTREMES_NM, colour_error_px, disperses, usable_nm
 from rptcam_cl.rendering.cameras.ray_map import RayMap
-from rptcam_cl.rendering.cameras.realistic import camera_model, lens_tint, shows_losses
+from rptcam_cl.rendering.cameras.realistic import lens_tint, shows_losses
 from rptcam_cl.rendering.cameras.setting import LensSetting, lens_setting
-from rptcam_cl.scene.camera import RealisticCamera
 from rptcam_cl.scene.film import LensColour
 from rptcam_cl.scene.lens_settings import Accuracy
 from rptcam_cl.scene.load import change_scene
@@ -40,7 +40,7 @@ from rptcam_cl.studies.tier_models import (
     depth_range_mm,
     equivalent,
     first_order_camera,
-    fitted_to,
+    fit_polynomials,
     round_stop,
     tier_bundle,
 )
@@ -64,7 +64,7 @@ class FieldPoint:
         On the film [mm].
     bundle : RayBundle
         Its rays at the wavelength of the camera.
-    beside : RayBundle
+    neighbour : RayBundle
         The same rays from a film point close by.
     apart_px : float
         How many pixels lie between the two.
@@ -77,7 +77,7 @@ class FieldPoint:
 
     point: Array
     bundle: RayBundle
-    beside: RayBundle
+    neighbour: RayBundle
     apart_px: float
     colours: tuple[RayBundle, ...]
     light: Array
@@ -90,7 +90,7 @@ class FieldPoint:
 
     def pixels_per_mm(self, plane_mm: float) -> float:
         """Return the scale of the picture of a plane across the axis; infinite where it has none."""
-        steps = self.beside.places(plane_mm) - self.bundle.places(plane_mm)
+        steps = self.neighbour.places(plane_mm) - self.bundle.places(plane_mm)
         good = np.isfinite(steps[:, 0])
         step = float(np.hypot(*steps[good].mean(axis=0))) if good.any() else 0.0
         return self.apart_px / step if step > 0 else np.inf
@@ -102,7 +102,7 @@ class FieldPoint:
         return float(max((np.max(each[np.isfinite(each)], initial=0.0) for each in apart), default=0.0))
 
 
-def traced_fields(
+def trace_fields(
     setting: LensSetting,
     shape: StopShape | StopMask | None,
     half_mm: Array,
@@ -110,7 +110,7 @@ def traced_fields(
     shares: Sequence[float],
     colours_nm: Sequence[float] = (),
 ) -> list[FieldPoint | None]:
-    """Return what a lens does at film points along the half diagonal; None where it lets no light through.
+    """Trace a lens at film points along the half diagonal; None where it lets no light through.
 
     Parameters
     ----------
@@ -132,21 +132,21 @@ def traced_fields(
     pupils = Pupils.of(lens, back_mm, points, own_nm)
     rear, area = pupils.nodes(RINGS)
     nudges = np.where(np.any(points, axis=1)[:, None], -NUDGE, NUDGE) * half_mm
-    moved = rear + (nudges * _follows(lens, back_mm, own_nm))[:, None]
+    moved = rear + (nudges * _exit_pupil_shift(lens, back_mm, own_nm))[:, None]
     here = _bundles(setting, points, rear, area)
-    beside = _bundles(setting, points + nudges, moved, area)
+    neighbours = _bundles(setting, points + nudges, moved, area)
     others = [_bundles(setting, points, rear, area, nm) for nm in colours_nm]
     light = np.array([[bundle.light for bundle in here]]) if shape is None else _shaped_light(setting, shape, pupils)
-    found: list[FieldPoint | None] = []
+    fields: list[FieldPoint | None] = []
     for k, point in enumerate(points):
         if not here[k].light > 0:
-            found.append(None)
+            fields.append(None)
             continue
         good = np.isfinite(here[k].origins[:, 0])
         colours = tuple(other[k].only(good) for other in others)
         apart_px = float(np.hypot(*nudges[k])) / pixel_mm
-        found.append(FieldPoint(point, here[k].only(good), beside[k].only(good), apart_px, colours, light[:, k]))
-    return found
+        fields.append(FieldPoint(point, here[k].only(good), neighbours[k].only(good), apart_px, colours, light[:, k]))
+    return fields
 
 
 def _bundles(
@@ -181,7 +181,7 @@ def _bundles(
     return [RayBundle(*part) for part in zip(*parts, strict=True)]
 
 
-def _follows(lens: Lens, back_mm: float, wavelength_nm: float) -> float:
+def _exit_pupil_shift(lens: Lens, back_mm: float, wavelength_nm: float) -> float:
     """Return how far rays through a point of the exit pupil move at the last vertex per distance along the film."""
     from_film = back_mm - lens.first_order(wavelength_nm).exit_pupil.distance_mm
     return 1.0 - back_mm / from_film if np.isfinite(from_film) and from_film else 1.0
@@ -250,20 +250,19 @@ class Truth:
 
     @classmethod
     def of(cls, scene: Scene, first: FirstOrderCamera) -> Truth:
-        """Return what the lens of a scene does."""
-        camera, setting = scene.camera, first.setting
-        assert isinstance(camera, RealisticCamera)
+        """Trace the lens of a scene."""
+        setting = first.setting
         half_mm = np.array(scene.film.size_m()) / 2 * 1e3
-        shape = stop_shape(scene, camera.aperture)
-        shaped = setting.lens if shape is None else setting.lens.with_stop_shape(shape)
+        shape = stop_shape(scene, scene.camera.outline)
         low, high = usable_nm(setting.lens)
         requested = scene.spectrum.lens_colour != "off"
         coloured = requested and disperses(setting.lens)
         colours_nm = [min(max(end, low), high) for end in EXTREMES_NM] if coloured else []
         pixel_mm = float(2 * half_mm[0] / scene.film.resolution[0])
-        fields = traced_fields(setting, shape, half_mm, pixel_mm, FIELDS, colours_nm)
+        fields = trace_fields(setting, shape, half_mm, pixel_mm, FIELDS, colours_nm)
         tint = lens_tint(scene, setting) if requested else 0.0
-        return cls(scene, first, shaped, half_mm, tuple(fields), round_stop(shape)[1], tint, coloured)
+        lens = shaped(scene, setting).lens
+        return cls(scene, first, lens, half_mm, tuple(fields), round_stop(shape)[1], tint, coloured)
 
     @property
     def view(self) -> VisibleWorld:
@@ -365,9 +364,9 @@ def tier_error(truth: Truth, depths_mm: Sequence[float], tier: Tier) -> TierErro
     if tier == "realistic":
         return TierError(tier, dict.fromkeys(EFFECTS, none), none)
     if tier == "fitted":
-        return fitted_errors(fitted_to(truth.scene, colours=truth.coloured))
+        return errors_of_polynomials(fit_polynomials(truth.scene, colours=truth.coloured))
     bundles = [tier_bundle(truth.first, tier, field * truth.half_mm) for field in FIELDS]
-    apart = [_apart(*pair, depths_mm) for pair in zip(truth.fields, bundles, strict=True)]
+    apart = [_bundle_errors(*pair, depths_mm) for pair in zip(truth.fields, bundles, strict=True)]
     distortion, blur, outline = (tuple(column) for column in zip(*apart, strict=True))
     effects = {"distortion": distortion, "blur": blur, "outline": outline, "shape": none, "colour": none}
     if truth.shape_apart and tier not in WITH_SHAPES and tier != "pinhole":
@@ -379,24 +378,26 @@ def tier_error(truth: Truth, depths_mm: Sequence[float], tier: Tier) -> TierErro
     return TierError(tier, effects, _illumination(truth, lit, truth.axial(tier)), 0.0 if has_colours else truth.tint)
 
 
-def fitted_errors(found: RayMap) -> TierError:
+def errors_of_polynomials(polynomials: RayMap) -> TierError:
     """Return the errors of polynomials in place of a lens: one bound for the whole film."""
     none = (0.0,) * len(FIELDS)
-    effects = dict.fromkeys(EFFECTS, none) | {"distortion": (found.error_px,) * len(FIELDS)}
-    return TierError("fitted", effects, (found.light_error,) * len(FIELDS))
+    effects = dict.fromkeys(EFFECTS, none) | {"distortion": (polynomials.error_px,) * len(FIELDS)}
+    return TierError("fitted", effects, (polynomials.light_error,) * len(FIELDS))
 
 
-def _apart(field: FieldPoint | None, other: RayBundle, depths_mm: Sequence[float]) -> tuple[float, float, float]:
+def _bundle_errors(
+    field: FieldPoint | None, other: RayBundle, depths_mm: Sequence[float]
+) -> tuple[float, float, float]:
     """Return by how much middle, spread and outline of a bundle differ from those of the lens, at most [pixels]."""
     if field is None:
         return np.inf, np.inf, np.inf
-    found = []
+    by_depth = []
     for depth in depths_mm:
         spots = zip(field.bundle.spot(depth, field.along), other.spot(depth, field.along), strict=True)
         shift, spread, outline = (np.abs(own - true) for true, own in spots)
         per_mm = field.pixels_per_mm(depth)
-        found.append([float(np.hypot(*shift)) * per_mm, spread.max() * per_mm, outline.max() * per_mm])
-    distortion, blur, outlines = np.max(found, axis=0).tolist()
+        by_depth.append([float(np.hypot(*shift)) * per_mm, spread.max() * per_mm, outline.max() * per_mm])
+    distortion, blur, outlines = np.max(by_depth, axis=0).tolist()
     return distortion, blur, outlines
 
 
@@ -411,22 +412,26 @@ def _illumination(truth: Truth, lit: Sequence[float], axial: float) -> tuple[flo
     centre = truth.fields[0]
     if centre is None:
         return (np.inf,) * len(lit)
-    found = []
+    errors = []
     for each, own in zip(truth.fields, lit, strict=True):
         true = np.zeros(1) if each is None else each.light / centre.light
-        found.append(float(np.abs(axial * own / true - 1).max()) if np.all(true > 0) else np.inf)
-    return tuple(found)
+        errors.append(float(np.abs(axial * own / true - 1).max()) if np.all(true > 0) else np.inf)
+    return tuple(errors)
 
 
 # What was measured of a scene's lens, the camera model chosen from it, and both in words.
 
 
 @dataclass(frozen=True)
-class Findings:
-    """Numbers over the whole film and all depths that it may show.
+class Decision:
+    """The camera model that was chosen, and the numbers behind the choice, over the whole film and all depths.
 
     Attributes
     ----------
+    scene : Scene
+        With the camera that was chosen, and with `spectrum.lens` set.
+    allowed : Accuracy or None
+        What `camera.accuracy` allows; None where the scene asks for no choice.
     errors : tuple of TierError
         Of every tier that there is for the lens, cheapest first.
     reason : str
@@ -448,6 +453,8 @@ class Findings:
         Whether the lens refracts each wavelength separately.
     """
 
+    scene: Scene
+    allowed: Accuracy | None = None
     errors: tuple[TierError, ...] = ()
     reason: str = ""
     depths_m: tuple[float, float | None] | None = None
@@ -458,28 +465,33 @@ class Findings:
     tier: Tier = "realistic"
     colours: LensColour = "off"
 
+    @property
+    def metadata(self) -> dict[str, Any]:
+        """The ``accuracy`` of the picture's metadata; empty where the scene asks for no choice."""
+        return {} if self.allowed is None else {"accuracy": describe(self, self.allowed)}
+
 
 NAMES = dict(zip(EFFECTS, ("distortion", "blur", "outline of blurs", "round stop", "colour"), strict=True))
 
 
-def described(found: Findings, allowed: Accuracy) -> dict[str, Any]:
-    """Return what the picture's metadata should say of a decision; null stands for what the lens does not see."""
+def describe(decision: Decision, allowed: Accuracy) -> dict[str, Any]:
+    """Describe a decision for the picture's metadata; null stands for what the lens does not see."""
     numbers = {
-        "depths_m": found.depths_m,
-        "blur_px": found.blur_px,
-        "stop_shape_px": found.shape_px,
-        "lens_colour_px": found.colour_px,
-        "lens_tint": found.tint or None,
+        "depths_m": decision.depths_m,
+        "blur_px": decision.blur_px,
+        "stop_shape_px": decision.shape_px,
+        "lens_colour_px": decision.colour_px,
+        "lens_tint": decision.tint or None,
     }
     return {
-        "camera_model": found.tier,
-        "lens_colour": found.colours,
-        "says": list(_sentences(found, allowed)),
+        "camera_model": decision.tier,
+        "lens_colour": decision.colours,
+        "says": list(_sentences(decision, allowed)),
         "max_error_px": allowed.max_error_px,
         "max_illumination_error": allowed.max_illumination_error,
         **{key: _plain(value) for key, value in numbers.items() if value is not None},
-        "errors": [_as_data(error) for error in found.errors],
-        **({"reason": found.reason} if found.reason else {}),
+        "errors": [_as_data(error) for error in decision.errors],
+        **({"reason": decision.reason} if decision.reason else {}),
     }
 
 
@@ -499,39 +511,39 @@ def _plain(value: float | Sequence[float | None] | None) -> Any:
     return float(f"{value:.4g}") if isinstance(value, (int, float)) else [_plain(each) for each in value]
 
 
-def _sentences(found: Findings, allowed: Accuracy) -> Iterator[str]:
+def _sentences(decision: Decision, allowed: Accuracy) -> Iterator[str]:
     """Yield what was chosen, then what was found of the lens, then why no cheaper model was taken."""
     bounds = f"allowed are {pixels(allowed.max_error_px)} and {per_cent(allowed.max_illumination_error)}"
-    chosen = next((error for error in found.errors if error.tier == found.tier), None)
-    errs = "every ray is traced" if chosen is None else _effects(chosen)
-    yield f"{found.tier}: {errs} ({bounds})"
-    yield from _lens(found, allowed)
-    if found.reason:
-        yield f"no cheaper camera model: {found.reason}"
-    for error in found.errors:
-        if error.tier == found.tier or found.blur_px == math.inf:
+    chosen = next((error for error in decision.errors if error.tier == decision.tier), None)
+    errs = "every ray is traced" if chosen is None else _effects_text(chosen)
+    yield f"{decision.tier}: {errs} ({bounds})"
+    yield from _lens_sentences(decision, allowed)
+    if decision.reason:
+        yield f"no cheaper camera model: {decision.reason}"
+    for error in decision.errors:
+        if error.tier == decision.tier or decision.blur_px == math.inf:
             break
-        yield f"not {error.tier}: {_effects(error, allowed)}"
+        yield f"not {error.tier}: {_effects_text(error, allowed)}"
 
 
-def _lens(found: Findings, allowed: Accuracy) -> Iterator[str]:
+def _lens_sentences(decision: Decision, allowed: Accuracy) -> Iterator[str]:
     """Yield what is visible of the lens at this size of pixels."""
-    if found.blur_px == math.inf:
+    if decision.blur_px == math.inf:
         yield "part of the film sees nothing through the lens"
-    elif found.blur_px is not None:
-        shows = "the aperture shows" if found.blur_px > allowed.max_error_px else "the aperture does not show"
-        yield f"blur up to {pixels(2 * found.blur_px)} across: {shows}"
-    if found.shape_px is not None and found.shape_px < math.inf:
-        shows = "its shape shows" if found.shape_px > allowed.max_error_px else "its shape does not show"
-        yield f"a round stop of the same area would be {pixels(found.shape_px)} off: {shows}"
-    if found.colour_px is not None:
-        tint = f", tint {per_cent(found.tint)}" if found.tint else ""
+    elif decision.blur_px is not None:
+        shows = "the aperture shows" if decision.blur_px > allowed.max_error_px else "the aperture does not show"
+        yield f"blur up to {pixels(2 * decision.blur_px)} across: {shows}"
+    if decision.shape_px is not None and decision.shape_px < math.inf:
+        shows = "its shape shows" if decision.shape_px > allowed.max_error_px else "its shape does not show"
+        yield f"a round stop of the same area would be {pixels(decision.shape_px)} off: {shows}"
+    if decision.colour_px is not None:
+        tint = f", tint {per_cent(decision.tint)}" if decision.tint else ""
         separately = "the lens refracts each wavelength separately"
-        refracts = separately if found.colours == "on" else "one wavelength stands for all"
-        yield f"colour {pixels(found.colour_px)}{tint}: {refracts}"
+        refracts = separately if decision.colours == "on" else "one wavelength stands for all"
+        yield f"colour {pixels(decision.colour_px)}{tint}: {refracts}"
 
 
-def _effects(error: TierError, beyond: Accuracy | None = None) -> str:
+def _effects_text(error: TierError, beyond: Accuracy | None = None) -> str:
     """Return the effects of a tier with their numbers: all that are any, or those beyond what is allowed."""
     least = 0.0 if beyond is None else beyond.max_error_px
     said = [f"{NAMES[name]} {pixels(worst)}" for name in EFFECTS if (worst := max(error.effects[name])) > least]
@@ -559,92 +571,74 @@ WORTH_FITTING = 1e9  # surfaces that all samples cross: fewer take less time tha
 FIRST_ORDER: tuple[Tier, ...] = ("pinhole", "thin_lens", "thick_lens")
 
 
-@dataclass(frozen=True)
-class Decision:
-    """The camera model that was chosen, and the numbers behind the choice.
-
-    Attributes
-    ----------
-    scene : Scene
-        With the camera that was chosen, and with `spectrum.lens` set.
-    tier : str
-    errors : tuple of TierError
-        Of every tier that there is for the lens.
-    metadata : dict
-        What the picture's metadata should say.
-    """
-
-    scene: Scene
-    tier: Tier
-    errors: tuple[TierError, ...] = ()
-    metadata: dict[str, Any] = field(default_factory=dict)
-
-
 def choose_camera(scene: Scene) -> Decision:
     """Return a scene with the cheapest camera whose errors its `camera.accuracy` allows; as it was without that key.
 
     Whether the lens refracts each wavelength separately follows from the same bounds, where `spectrum` leaves it
     open.
     """
-    camera = scene.camera
-    if not isinstance(camera, RealisticCamera) or camera.accuracy is None:
-        return Decision(scene, "realistic")
+    camera = scene.camera.traced_camera
+    if camera is None or camera.accuracy is None:
+        return Decision(scene)
     allowed = camera.accuracy
-    found = measured(scene)
-    lens_colour = _lens_colour(scene, found, allowed)
-    tier: Tier | None = next((each.tier for each in found.errors if _within(each, allowed)), None)
+    decision = measure_lens(scene)
+    lens_colour = _lens_colour(scene, decision, allowed)
+    tier: Tier | None = next((each.tier for each in decision.errors if _is_allowed(each, allowed)), None)
     if tier is None:
-        found, tier = _polynomials(scene, found, allowed, lens_colour)
+        decision, tier = _polynomials(scene, decision, allowed, lens_colour)
     chosen = equivalent(scene, tier)
     if tier in WITH_COLOURS:
         chosen = change_scene(chosen, spectrum={"lens": lens_colour})
-    found = replace(found, tier=tier, colours=lens_colour if tier in WITH_COLOURS else "off")
-    return Decision(chosen, tier, found.errors, {"accuracy": described(found, allowed)})
+    colours = lens_colour if tier in WITH_COLOURS else "off"
+    return replace(decision, scene=chosen, allowed=allowed, tier=tier, colours=colours)
 
 
-def _lens_colour(scene: Scene, found: Findings, allowed: Accuracy) -> LensColour:
+def _lens_colour(scene: Scene, decision: Decision, allowed: Accuracy) -> LensColour:
     """Return whether the lens refracts each wavelength separately: as requested, or as the bounds say."""
     if scene.spectrum.lens_colour != "auto":
         return scene.spectrum.lens_colour
-    shows = (found.colour_px or 0.0) > allowed.max_error_px or found.tint > allowed.max_illumination_error
+    shows = (decision.colour_px or 0.0) > allowed.max_error_px or decision.tint > allowed.max_illumination_error
     return "on" if shows else "off"
 
 
 def _polynomials(
-    scene: Scene, found: Findings, allowed: Accuracy, lens_colour: LensColour
-) -> tuple[Findings, Literal["fitted", "realistic"]]:
-    """Return what was found, with the errors of polynomials where requested or worth it, and the choice."""
-    camera, (columns, rows) = scene.camera, scene.film.resolution
-    requested = isinstance(camera, RealisticCamera) and camera.rays == "fitted"
+    scene: Scene, decision: Decision, allowed: Accuracy, lens_colour: LensColour
+) -> tuple[Decision, Literal["fitted", "realistic"]]:
+    """Add the errors of polynomials where they are requested or worth it, and choose between them and the lens."""
+    camera, (columns, rows) = scene.camera.traced_camera, scene.film.resolution
+    requested = camera is not None and camera.rays == "fitted"
     surfaces = len(lens_setting(scene).lens.surfaces)
     if not requested and columns * rows * scene.render.spp * surfaces < WORTH_FITTING:
-        return found, "realistic"
+        return decision, "realistic"
     try:
-        polynomials = fitted_to(scene, colours=lens_colour == "on")
+        polynomials = fit_polynomials(scene, colours=lens_colour == "on")
     except InputError:
-        return found, "realistic"
+        return decision, "realistic"
     if not requested and polynomials.multiply_adds > MULTIPLY_ADDS * surfaces:
-        return found, "realistic"
-    errors = fitted_errors(polynomials)
-    return replace(found, errors=(*found.errors, errors)), "fitted" if _within(errors, allowed) else "realistic"
+        return decision, "realistic"
+    errors = errors_of_polynomials(polynomials)
+    return replace(decision, errors=(*decision.errors, errors)), "fitted" if _is_allowed(
+        errors, allowed
+    ) else "realistic"
 
 
-def _within(found: TierError, allowed: Accuracy) -> bool:
-    return found.worst_px <= allowed.max_error_px and found.worst_illumination <= allowed.max_illumination_error
+def _is_allowed(error: TierError, allowed: Accuracy) -> bool:
+    return error.worst_px <= allowed.max_error_px and error.worst_illumination <= allowed.max_illumination_error
 
 
-def measured(scene: Scene) -> Findings:
-    """Return what the lens of a scene shows, and the errors of the cheaper models that there are in its place."""
+def measure_lens(scene: Scene) -> Decision:
+    """Measure the lens of a scene at its size of pixels, and the errors of the cheaper models that there are."""
     try:
         first = first_order_camera(scene)
     except InputError as problem:
-        return _colour_alone(scene, str(problem))
+        return _decide_by_colour(scene, str(problem))
     truth = Truth.of(scene, first)
     depths = _depths(scene, truth)
-    missing = {tier: _missing(scene, tier) for tier in FIRST_ORDER}
+    missing = {tier: _why_no_equivalent(scene, tier) for tier in FIRST_ORDER}
     tiers = [tier for tier in FIRST_ORDER if not missing[tier]]
     blur_px, far = max(truth.blur_px(depths)), depths[-1]
-    return Findings(
+    return Decision(
+        scene,
         errors=tuple(tier_error(truth, depths, tier) for tier in tiers),
         reason="" if tiers else missing["thick_lens"],
         depths_m=(depths[0] * 1e-3, far * 1e-3 if far < FAR_MM else None),
@@ -655,7 +649,7 @@ def measured(scene: Scene) -> Findings:
     )
 
 
-def _missing(scene: Scene, tier: Tier) -> str:
+def _why_no_equivalent(scene: Scene, tier: Tier) -> str:
     """Return why the lens of a scene has no equivalent of a tier; nothing where it has."""
     try:
         equivalent(scene, tier)
@@ -664,14 +658,14 @@ def _missing(scene: Scene, tier: Tier) -> str:
     return ""
 
 
-def _colour_alone(scene: Scene, reason: str) -> Findings:
-    """Return what is known of a lens that no cheaper model stands for: how far off its colours are in focus."""
+def _decide_by_colour(scene: Scene, reason: str) -> Decision:
+    """Measure how far off the colours of a lens are in focus, where no cheaper model stands for it."""
     setting = lens_setting(scene)
     if scene.spectrum.lens_colour == "off" or not disperses(setting.lens):
-        return Findings(reason=reason)
+        return Decision(scene, reason=reason)
     nm = setting.camera.wavelength_nm
     colour_px = colour_error_px(setting.lens, setting.film_distance_mm, setting.focus_distance_mm, scene.film, nm)
-    return Findings(reason=reason, colour_px=colour_px, tint=lens_tint(scene, setting))
+    return Decision(scene, reason=reason, colour_px=colour_px, tint=lens_tint(scene, setting))
 
 
 def _depths(scene: Scene, truth: Truth) -> list[float]:

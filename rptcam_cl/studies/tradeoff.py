@@ -157,21 +157,21 @@ class TradeoffReport:
 
     def named(self, name: str) -> Measurement:
         """Return the measurement of a configuration by its name or by that of another that is the same way."""
-        for found in self.measurements:
-            if name in (found.name, *found.same_as):
-                return found
-        names = [known for found in self.measurements for known in (found.name, *found.same_as)]
+        for measurement in self.measurements:
+            if name in (measurement.name, *measurement.same_as):
+                return measurement
+        names = [known for measurement in self.measurements for known in (measurement.name, *measurement.same_as)]
         raise InputError(f"{name}: was not compared (there are: {', '.join(names)})")
 
-    def camera_of(self, found: Measurement) -> TierError | None:
+    def camera_of(self, measurement: Measurement) -> TierError | None:
         """Return the errors of a configuration's camera model, where it is not the traced lens."""
-        return next((each for each in self.cameras if each.tier == found.tier), None)
+        return next((each for each in self.cameras if each.tier == measurement.tier), None)
 
     def as_dict(self) -> dict[str, Any]:
         """Return everything as plain values; what is infinite becomes null in JSON, which means never (or always)."""
         values = asdict(self)
-        for found in values["measurements"]:
-            found["seconds_to"] = {f"{target:g}": value for target, value in found["seconds_to"].items()}
+        for measurement in values["measurements"]:
+            measurement["seconds_to"] = {f"{target:g}": value for target, value in measurement["seconds_to"].items()}
         return values | {"fields": list(FIELDS), "confidence": CONFIDENCE}
 
     def __str__(self) -> str:
@@ -250,9 +250,9 @@ def pixels(value: float) -> str:
     return "dark" if math.isinf(value) else f"{_short(value)} px"
 
 
-def bias(found: Interval) -> str:
+def bias(interval: Interval) -> str:
     """Return the root of a bias (relMSE) with its interval; only the upper end where it may be zero."""
-    low, value, high = (math.sqrt(max(end, 0.0)) for end in (found.low, found.value, found.high))
+    low, value, high = (math.sqrt(max(end, 0.0)) for end in (interval.low, interval.value, interval.high))
     if high == 0:
         return "none"
     if low == 0:
@@ -261,9 +261,9 @@ def bias(found: Interval) -> str:
     return per_cent(value) if least == most == _short(100 * value) else f"{per_cent(value)} ({least} to {most})"
 
 
-def ends(found: Interval, say: Callable[[float], str] = seconds) -> str:
+def ends(interval: Interval, say: Callable[[float], str] = seconds) -> str:
     """Return an estimate with the ends of its interval in brackets, once where they are the same."""
-    value, low, high = (say(end) for end in (found.value, found.low, found.high))
+    value, low, high = (say(end) for end in (interval.value, interval.low, interval.high))
     if low == high == value:
         return value
     units = {text.rpartition(" ")[2] for text in (value, low, high)}
@@ -272,17 +272,17 @@ def ends(found: Interval, say: Callable[[float], str] = seconds) -> str:
     return f"{value} ({low} to {high})"
 
 
-def crossing(found: Interval) -> str:
+def crossing(interval: Interval) -> str:
     """Return the time until which something is better, with its interval where that says anything."""
-    if found.high <= 0:
+    if interval.high <= 0:
         return "never"
-    if found.low >= LONGEST:
+    if interval.low >= LONGEST:
         return "always"
-    beside = not found.low <= found.value <= found.high  # an estimate that its own interval leaves out
-    if found.low <= 0 or found.high > VAGUE * found.low or beside:
-        below = found.high < LONGEST and (found.low > 0 or found.value > 0)
-        return f"too close to call (before {until(found.high)})" if below else "too close to call"
-    return ends(found, until)
+    beside = not interval.low <= interval.value <= interval.high  # an estimate that its own interval leaves out
+    if interval.low <= 0 or interval.high > VAGUE * interval.low or beside:
+        below = interval.high < LONGEST and (interval.low > 0 or interval.value > 0)
+        return f"too close to call (before {until(interval.high)})" if below else "too close to call"
+    return ends(interval, until)
 
 
 def _short(value: float) -> str:
@@ -297,65 +297,65 @@ def _short(value: float) -> str:
 WORTH = 1.05  # factor by which another configuration must be better than the most accurate one
 
 
-def for_time(found: Sequence[Measurement], seconds: float) -> Advice:
+def advise_for_time(measurements: Sequence[Measurement], seconds: float) -> Advice:
     """Return the configuration with the least error after a time; the first one unless another is clearly better.
 
     Its name is None where the time is too short for one sample per pixel.
     """
-    found = _trusted(found)
-    errors = [each.error_after(seconds) for each in found]
-    likely = [each.error_after(seconds, "value") for each in found]
-    best = _clear_best([each.error_after(seconds) for each in _surely(found)])
-    name = found[best].name if math.isfinite(errors[best]) else None
-    perhaps = _better_yet(found, likely, errors, best)
+    measurements = _may_be_advised(measurements)
+    errors = [each.error_after(seconds) for each in measurements]
+    likely = [each.error_after(seconds, "value") for each in measurements]
+    best = _clear_best([each.error_after(seconds) for each in _at_their_worst(measurements)])
+    name = measurements[best].name if math.isfinite(errors[best]) else None
+    perhaps = _perhaps_better(measurements, likely, errors, best)
     if name is None:
         return Advice("time", seconds, None, seconds, math.inf, 0, math.inf, math.inf, seconds, math.inf, perhaps)
-    samples = int(seconds / found[best].sample_s.value)
-    ends = found[best].errors_after(samples * found[best].sample_s.value)
+    samples = int(seconds / measurements[best].sample_s.value)
+    ends = measurements[best].errors_after(samples * measurements[best].sample_s.value)
     return Advice("time", seconds, name, seconds, errors[best], samples, *ends, seconds, errors[0], perhaps)
 
 
-def for_error(found: Sequence[Measurement], error: float) -> Advice:
+def advise_for_error(measurements: Sequence[Measurement], error: float) -> Advice:
     """Return the configuration that reaches an error first; the most accurate one unless another is clearly faster."""
-    found = _trusted(found)
-    times = [each.seconds_until(error) for each in found]
-    likely = [each.seconds_until(error, "value") for each in found]
-    best = _clear_best([each.seconds_until(error) for each in _surely(found)])
-    perhaps = _better_yet(found, likely, times, best)
+    measurements = _may_be_advised(measurements)
+    times = [each.seconds_until(error) for each in measurements]
+    likely = [each.seconds_until(error, "value") for each in measurements]
+    best = _clear_best([each.seconds_until(error) for each in _at_their_worst(measurements)])
+    perhaps = _perhaps_better(measurements, likely, times, best)
     if math.isinf(times[best]):
         return Advice("error", error, None, math.inf, error, 0, 0.0, math.inf, times[0], error, perhaps)
-    samples = max(math.ceil(times[best] / found[best].sample_s.value), 1)
-    ends = found[best].errors_after(samples * found[best].sample_s.value)
-    return Advice("error", error, found[best].name, times[best], error, samples, *ends, times[0], error, perhaps)
+    samples = max(math.ceil(times[best] / measurements[best].sample_s.value), 1)
+    ends = measurements[best].errors_after(samples * measurements[best].sample_s.value)
+    return Advice("error", error, measurements[best].name, times[best], error, samples, *ends, times[0], error, perhaps)
 
 
-def _trusted(found: Sequence[Measurement]) -> list[Measurement]:
+def _may_be_advised(measurements: Sequence[Measurement]) -> list[Measurement]:
     """Return the measurements that may be advised, the most accurate one first.
 
     Independent samples show what the lattice gains; they can be better only by chance. Where noise comes from rare
     paths, configurations that differ only in noise cannot be compared.
     """
-    full = found[0]
-    rare = [full.has_rare_paths or each.has_rare_paths for each in found]
+    full = measurements[0]
+    rare = [full.has_rare_paths or each.has_rare_paths for each in measurements]
     kept = [
         each
-        for each, by_chance in zip(found[1:], rare[1:], strict=True)
+        for each, by_chance in zip(measurements[1:], rare[1:], strict=True)
         if each.knob != "sampler" and not (each.unbiased and by_chance)
     ]
     return [full, *kept]
 
 
-def _surely(found: Sequence[Measurement]) -> list[Measurement]:
+def _at_their_worst(measurements: Sequence[Measurement]) -> list[Measurement]:
     """Return the measurements with the worst noise and time, relative to the first, that their intervals allow."""
-    return [found[0], *(_at_worst(each, found[0].rate.value) for each in found[1:])]
+    return [measurements[0], *(_at_worst(each, measurements[0].rate.value) for each in measurements[1:])]
 
 
-def _at_worst(found: Measurement, full_rate: float) -> Measurement:
-    if not (full_rate > 0 and found.rate.value > 0):
-        return replace(found, sample_s=replace(found.sample_s, value=found.sample_s.high))
-    times = full_rate / found.gain.low / found.rate.value if found.gain.low > 0 else math.inf
-    first, last = (replace(end, value=end.value * times) for end in found.noise)
-    return replace(found, noise=(first, last))
+def _at_worst(measurement: Measurement, full_rate: float) -> Measurement:
+    if not (full_rate > 0 and measurement.rate.value > 0):
+        return replace(measurement, sample_s=replace(measurement.sample_s, value=measurement.sample_s.high))
+    times = full_rate / measurement.gain.low / measurement.rate.value if measurement.gain.low > 0 else math.inf
+    first, last = (replace(end, value=end.value * times) for end in measurement.noise)
+    return replace(measurement, noise=(first, last))
 
 
 def _clear_best(values: Sequence[float]) -> int:
@@ -364,12 +364,12 @@ def _clear_best(values: Sequence[float]) -> int:
     return 0 if values[0] <= WORTH * values[best] else best
 
 
-def _better_yet(
-    found: Sequence[Measurement], likely: Sequence[float], sure: Sequence[float], chosen: int
+def _perhaps_better(
+    measurements: Sequence[Measurement], likely: Sequence[float], sure: Sequence[float], chosen: int
 ) -> str | None:
     """Return the name of another one whose likely value is clearly less than the sure value of the one chosen."""
-    best = min(range(len(found)), key=likely.__getitem__)
-    return found[best].name if best != chosen and WORTH * likely[best] < sure[chosen] else None
+    best = min(range(len(measurements)), key=likely.__getitem__)
+    return measurements[best].name if best != chosen and WORTH * likely[best] < sure[chosen] else None
 
 
 # The lines that matter: what to set, what it costs, what it gains; then what is probable or too close to call.
@@ -383,17 +383,17 @@ LONGER = 4  # times the measurement, which halves its intervals
 def headline(report: TradeoffReport) -> list[str]:
     """Return three lines, then one for each configuration that may be better than the advised one."""
     said = [_each("Set", report, _set), _each("Costs", report, _cost), _each("Gains", report, _gain)]
-    return said + list(dict.fromkeys(line for advice in report.advice for line in _open(report, advice)))
+    return said + list(dict.fromkeys(line for advice in report.advice for line in _open_questions(report, advice)))
 
 
-def called(report: TradeoffReport, name: str) -> str:
+def name_in_sentence(report: TradeoffReport, name: str) -> str:
     """Return the name of a configuration in a sentence."""
-    found = report.named(name)
-    if AS_IT_IS in (name, *found.same_as):
+    measurement = report.named(name)
+    if AS_IT_IS in (name, *measurement.same_as):
         return f"the scene as it is{f' ({FULL})' if name == REFERENCE else ''}"
     if name == REFERENCE:
         return FULL
-    return f"the {name}" if found.knob == "camera" else f"«{name}»"
+    return f"the {name}" if measurement.knob == "camera" else f"«{name}»"
 
 
 def _each(title: str, report: TradeoffReport, say: Callable[[TradeoffReport, Advice], str]) -> str:
@@ -405,9 +405,9 @@ def _wish(advice: Advice) -> str:
 
 
 def _settings(report: TradeoffReport, name: str, samples: int = 0) -> str:
-    found = report.named(name)
-    sets = " ".join(f" --set '{text}'" for text in found.settings)
-    return f"{COMMAND}{sets}{f' --spp {samples}' if samples else ''} ({called(report, name)})"
+    measurement = report.named(name)
+    sets = " ".join(f" --set '{text}'" for text in measurement.settings)
+    return f"{COMMAND}{sets}{f' --spp {samples}' if samples else ''} ({name_in_sentence(report, name)})"
 
 
 def _set(report: TradeoffReport, advice: Advice) -> str:
@@ -418,7 +418,7 @@ def _set(report: TradeoffReport, advice: Advice) -> str:
 
 def _cost(report: TradeoffReport, advice: Advice) -> str:
     if advice.chosen is None and advice.wish == "time":
-        fastest = min(found.sample_s.value for found in report.measurements)
+        fastest = min(each.sample_s.value for each in report.measurements)
         return f"one sample per pixel takes at least {seconds(fastest)}"
     if advice.chosen is None:
         return f"no configuration reaches {per_cent(advice.amount)}"
@@ -443,18 +443,18 @@ def _gain(report: TradeoffReport, advice: Advice) -> str:
     return f"{times:.1f} times as fast {_wish(advice)} as {FULL} ({seconds(advice.full_seconds)})"
 
 
-def _open(report: TradeoffReport, advice: Advice) -> list[str]:
+def _open_questions(report: TradeoffReport, advice: Advice) -> list[str]:
     """Return a line about what may be better than what is advised, with its odds where they are known."""
     if advice.perhaps is None:
         return []
-    other, wish = called(report, advice.perhaps), _wish(advice)
+    other, wish = name_in_sentence(report, advice.perhaps), _wish(advice)
     longer = f"measure longer (--budget {seconds(LONGER * (report.budget or report.seconds)).replace(' ', '')})"
     share = _odds(report, advice)
     if share is None:
         return [f"Perhaps better {wish}: {other}; {longer}."]
     if share >= PROBABLE:
         return [f"Probably better {wish}, {odds(share)}: {_settings(report, advice.perhaps)}; {longer} to be sure."]
-    both = f"{called(report, REFERENCE)} and {other}"
+    both = f"{name_in_sentence(report, REFERENCE)} and {other}"
     return [f"Too close to call {wish} between {both}, {odds(1 - share)}: {longer}."]
 
 
@@ -478,8 +478,8 @@ PLACES = (("top", "middle", "bottom"), ("left", "centre", "right"))
 def recommendation(report: TradeoffReport) -> list[str]:
     """Return sentences: the advice, the meaning of its terms, then what else was found."""
     chosen = list(dict.fromkeys(advice.chosen for advice in report.advice if advice.chosen is not None))
-    said = [*headline(report), *_meant(report)]
-    said += [_differs(report, report.named(name)) for name in chosen if name != REFERENCE]
+    said = [*headline(report), *_terms(report)]
+    said += [_difference_text(report, report.named(name)) for name in chosen if name != REFERENCE]
     said += _camera(report)
     said += _depth(report)
     return said
@@ -495,7 +495,7 @@ def caveats(report: TradeoffReport) -> list[str]:
         f" {report.resolution[0]} x {report.resolution[1]} pixels, {report.seeds} seeds with {first} and {second}"
         f" samples per pixel, {report.long_tiles} tiles with {most}. Brackets are intervals of 95 %."
     ]
-    said += [*unsure(report), *longer(report)]
+    said += [*rare_path_warnings(report), *why_longer(report)]
     clock = report.measurements[0].wall_sample_s.value / report.measurements[0].sample_s.value
     if report.by_cpu:
         said.append("Times are CPU times divided by the number of cores: those of a render on an idle machine.")
@@ -509,10 +509,10 @@ def caveats(report: TradeoffReport) -> list[str]:
     return said
 
 
-def unsure(report: TradeoffReport) -> list[str]:
+def rare_path_warnings(report: TradeoffReport) -> list[str]:
     """Return a warning where the noise of an advised configuration or the reference comes from rare bright paths."""
     names = dict.fromkeys([REFERENCE, *(advice.chosen for advice in report.advice)])
-    rare = [called(report, name) for name in names if name is not None and report.named(name).has_rare_paths]
+    rare = [name_in_sentence(report, name) for name in names if name is not None and report.named(name).has_rare_paths]
     if not rare:
         return []
     return [
@@ -521,11 +521,11 @@ def unsure(report: TradeoffReport) -> list[str]:
     ]
 
 
-def longer(report: TradeoffReport) -> list[str]:
+def why_longer(report: TradeoffReport) -> list[str]:
     """Return why measuring took longer than it was to."""
     if not report.budget or report.seconds <= LATE * report.budget:
         return []
-    preparing = sum(found.start_s for found in report.measurements)
+    preparing = sum(each.start_s for each in report.measurements)
     first = report.measurements[0]
     busy = first.wall_sample_s.value / first.sample_s.value
     shared = f"; renders took {busy:.1f} times as long as on an idle machine" if busy > SHOWS_LOAD else ""
@@ -536,8 +536,8 @@ def longer(report: TradeoffReport) -> list[str]:
     ]
 
 
-def _meant(report: TradeoffReport) -> list[str]:
-    """Return what an error and full accuracy mean."""
+def _terms(report: TradeoffReport) -> list[str]:
+    """Explain an error and full accuracy."""
     how = ": every ray through every surface of the lens" if report.allowed else ", with its own camera"
     return [
         MEANT,
@@ -545,18 +545,18 @@ def _meant(report: TradeoffReport) -> list[str]:
     ]
 
 
-def _differs(report: TradeoffReport, found: Measurement) -> str:
-    name = called(report, found.name)
-    if found.unbiased:
+def _difference_text(report: TradeoffReport, measurement: Measurement) -> str:
+    name = name_in_sentence(report, measurement.name)
+    if measurement.unbiased:
         return f"The only change by {name} is in the noise."
-    sure = found.sure_bias_of_tiles
-    where = f", most at the {place(sure, report.grid)}" if sure.any() and found.bias.low > 0 else ""
-    camera = report.camera_of(found)
+    sure = measurement.sure_bias_of_tiles
+    where = f", most at the {place(sure, report.grid)}" if sure.any() and measurement.bias.low > 0 else ""
+    camera = report.camera_of(measurement)
     at = f", {_over_field(camera)}" if camera is not None else ""
-    apart = bias(found.bias)
+    apart = bias(measurement.bias)
     if apart == "none":
         return f"No difference between {name} and {FULL} was measured, except in time."
-    more = "; a longer measurement would be more precise" if found.bias.low <= 0 else ""
+    more = "; a longer measurement would be more precise" if measurement.bias.low <= 0 else ""
     apart = apart.replace("below", "less than")
     return f"Without noise, {name} differs from {FULL} by {apart}{where}{at}{more}."
 
@@ -634,30 +634,35 @@ Table = tuple[str, tuple[str, ...], list[list[str]]]
 
 def tables(report: TradeoffReport) -> list[Table]:
     """Return the errors of the configurations, their costs, and the errors of cheaper cameras if there are any."""
-    found = report.measurements
+    measured = report.measurements
     wrong = f"Error against {REFERENCE}, without noise"
     taken = "Cost: time of one sample per pixel, noise, time to an error, time before the first ray"
     over = "How far cheaper cameras displace light, from the middle of the picture (0) to its corner (1)"
     shown: list[Table] = [
-        (wrong, ERROR_COLUMNS, [_errors(each) for each in found if each.knob]),
-        (taken, COST_COLUMNS, [_costs(each) for each in found]),
+        (wrong, ERROR_COLUMNS, [_errors(each) for each in measured if each.knob]),
+        (taken, COST_COLUMNS, [_costs(each) for each in measured]),
     ]
     if cameras := _cameras(report):
         shown.append((over, CAMERA_COLUMNS, cameras))
     return shown
 
 
-def _errors(found: Measurement) -> list[str]:
-    return [found.name, bias(found.bias), ends(found.energy, per_cent), crossing(found.better_until)]
-
-
-def _costs(found: Measurement) -> list[str]:
+def _errors(measurement: Measurement) -> list[str]:
     return [
-        found.name,
-        ends(found.sample_s),
-        noise(max(found.rate.value, 0.0) ** 0.5),
-        *(ends(found.seconds_to[target]) for target in TARGETS),
-        seconds(found.start_s),
+        measurement.name,
+        bias(measurement.bias),
+        ends(measurement.energy, per_cent),
+        crossing(measurement.better_until),
+    ]
+
+
+def _costs(measurement: Measurement) -> list[str]:
+    return [
+        measurement.name,
+        ends(measurement.sample_s),
+        noise(max(measurement.rate.value, 0.0) ** 0.5),
+        *(ends(measurement.seconds_to[target]) for target in TARGETS),
+        seconds(measurement.start_s),
     ]
 
 
@@ -676,17 +681,17 @@ def _cameras(report: TradeoffReport) -> list[list[str]]:
 
 def summary(report: TradeoffReport) -> list[str]:
     """Return the lines that the command prints without its details: the advice, its terms, and doubts."""
-    doubts = [*unsure(report), *longer(report)]
+    doubts = [*rare_path_warnings(report), *why_longer(report)]
     return [*headline(report), "", MEANT, *doubts, "All numbers and how they were found: --details."]
 
 
 def plain_text(report: TradeoffReport) -> str:
     """Return the report as text, its tables in plain columns."""
-    parts = [f"{title}\n{_aligned([columns, *rows])}" for title, columns, rows in tables(report)]
+    parts = [f"{title}\n{_align([columns, *rows])}" for title, columns, rows in tables(report)]
     return "\n\n".join(["\n".join(recommendation(report)), *parts, "\n".join(caveats(report))])
 
 
-def _aligned(lines: Sequence[Sequence[str]]) -> str:
+def _align(lines: Sequence[Sequence[str]]) -> str:
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
     return "\n".join("  ".join(map(str.rjust, line, widths)).rstrip() for line in lines)
 
@@ -723,7 +728,7 @@ def tradeoff_plot(report: TradeoffReport, title: str) -> Figure:
     right is how far cheaper cameras displace light. Below are maps, tile by tile, of the configurations that differ
     most; those that are advised come first.
     """
-    shown = _most_biased(report)
+    shown = _choose_maps(report)
     columns, rows = report.resolution
     height = MAPS + min(WIDTH / MOST_MAPS * rows / columns, WIDTH / 2) if shown else 0.0
     figure = new_figure(title, (WIDTH, CHARTS + height))
@@ -733,41 +738,41 @@ def tradeoff_plot(report: TradeoffReport, title: str) -> Figure:
         _draw_maps(rooms[1, 0], report, shown)
     left, right = charts.subplots(1, 2, width_ratios=WIDTHS)
     different = [*dict.fromkeys(map(series, range(len(MORE)))), *MORE]
-    colours = {found.name: different[number % len(different)] for number, found in enumerate(report.measurements)}
+    colours = {each.name: different[number % len(different)] for number, each in enumerate(report.measurements)}
     _errors_over_time(left, report.measurements, colours)
     _errors_over_field(right, report, colours)
     add_key(charts, left.lines)
     return figure
 
 
-def _errors_over_time(axes: Axes, found: Sequence[Measurement], colours: dict[str, str]) -> None:
+def _errors_over_time(axes: Axes, measured: Sequence[Measurement], colours: dict[str, str]) -> None:
     """Draw a curve for each configuration, with its band, and where it meets the most accurate one."""
-    full = found[0].rate.value or found[0].sample_s.value  # an even picture has no noise
+    full = measured[0].rate.value or measured[0].sample_s.value  # an even picture has no noise
     first, last = _decades(full, full / FINEST**2)  # from an error of 100 % of the most accurate one
     low, high = _decades(FINEST / 5, COARSEST)
     times = np.geomspace(first, last, POINTS)
-    curves = {each.name: _error(each, times) for each in found}
+    curves = {each.name: _error(each, times) for each in measured}
     axes.set(title="error over time, with bands of 95 %", xlabel="time to render the picture",
              ylabel="error: root of relMSE [%]", xscale="log", yscale="log", xlim=(first, last),
              ylim=(100 * low, 100 * high))  # fmt: skip
     axes.minorticks_off()
     axes.xaxis.set_major_formatter(lambda value, _: seconds(value))
     axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
-    for number, each in enumerate(found):
+    for number, each in enumerate(measured):
         colour, line = colours[each.name], "-" if colours[each.name] not in list(colours.values())[:number] else "--"
         band = [100 * np.maximum(_error(each, times, end), low / 10) for end in ("low", "high")]
         axes.fill_between(times, *band, color=colour, alpha=0.16, linewidth=0)
         axes.plot(times, 100 * np.maximum(curves[each.name], low / 10), line, color=colour, label=each.name)
     guide = first * 10.0 ** np.array([0.3, 2.3])
     axes.plot(guide, 100 * low * np.array([25.0, 2.5]), ":", color=FAINT, label="slope of noise")
-    for each in found:
+    for each in measured:
         meets = each.better_until.value
         if each.knob and first < meets < last:
             axes.scatter([meets], 100 * _error(each, np.array([meets])), color=colours[each.name], zorder=3)
-    _beside_the_chart(axes, curves, (low, high))
+    _name_curves_off_chart(axes, curves, (low, high))
 
 
-def _beside_the_chart(axes: Axes, curves: dict[str, np.ndarray], shown: tuple[float, float]) -> None:
+def _name_curves_off_chart(axes: Axes, curves: dict[str, np.ndarray], shown: tuple[float, float]) -> None:
     """Say which curves lie wholly above or below the chart."""
     for where, place, out in (
         ("above", 0.97, {name for name, curve in curves.items() if (curve > shown[1]).all()}),
@@ -786,9 +791,9 @@ def _decades(low: float, high: float) -> tuple[float, float]:
     return 10.0**first, 10.0 ** max(math.ceil(math.log10(high)), first + 1)
 
 
-def _error(found: Measurement, times: np.ndarray, end: str = "value") -> np.ndarray:
+def _error(measurement: Measurement, times: np.ndarray, end: str = "value") -> np.ndarray:
     """Return the root of relMSE after times, with bias and noise at an end of their intervals."""
-    return np.asarray(np.sqrt(found.bias_at(end) + found.law(end).even(times / found.sample_s.value)))
+    return np.asarray(np.sqrt(measurement.bias_at(end) + measurement.law(end).even(times / measurement.sample_s.value)))
 
 
 def _errors_over_field(axes: Axes, report: TradeoffReport, colours: dict[str, str]) -> None:
@@ -811,11 +816,11 @@ def _errors_over_field(axes: Axes, report: TradeoffReport, colours: dict[str, st
     axes.set_ylim(0.0, max(1.08, axes.get_ylim()[1]))
 
 
-def _most_biased(report: TradeoffReport) -> list[Measurement]:
+def _choose_maps(report: TradeoffReport) -> list[Measurement]:
     """Return the configurations that get a map: those that are advised, then those that differ most."""
-    biased = [found for found in report.measurements if found.knob and not found.unbiased]
+    biased = [each for each in report.measurements if each.knob and not each.unbiased]
     chosen = {advice.chosen for advice in report.advice}
-    return sorted(biased, key=lambda found: (found.name in chosen, found.bias.value), reverse=True)[:MOST_MAPS]
+    return sorted(biased, key=lambda each: (each.name in chosen, each.bias.value), reverse=True)[:MOST_MAPS]
 
 
 def _draw_maps(figure: SubFigure, report: TradeoffReport, shown: Sequence[Measurement]) -> None:
@@ -826,11 +831,11 @@ def _draw_maps(figure: SubFigure, report: TradeoffReport, shown: Sequence[Measur
                     x=0.01, horizontalalignment="left")  # fmt: skip
     panels = figure.subplots(1, MOST_MAPS)
     columns, rows = report.resolution
-    for axes, found in zip(panels, shown, strict=False):
-        bias = np.sqrt(np.maximum(found.sure_bias_of_tiles.reshape(report.grid), LOW**2))
+    for axes, measurement in zip(panels, shown, strict=False):
+        bias = np.sqrt(np.maximum(measurement.sure_bias_of_tiles.reshape(report.grid), LOW**2))
         image = axes.imshow(100 * bias, cmap="BuPu", norm=LogNorm(100 * LOW, 100 * HIGH, clip=True),
                             extent=(0, columns, rows, 0), interpolation="nearest")  # fmt: skip
-        axes.set_title(found.name)
+        axes.set_title(measurement.name)
         axes.set(xticks=(), yticks=())
     for axes in panels[len(shown) :]:
         axes.set_axis_off()
@@ -859,7 +864,7 @@ def measure_tradeoff(
     device: str | Session | None = None,
     on_progress: Tell | None = None,
 ) -> TradeoffReport:
-    """Return what each approximation of a scene's picture costs and gains, and which to take; see docs/tradeoff.md.
+    """Measure what each approximation of a scene's picture costs and gains, and which to take; see docs/tradeoff.md.
 
     Parameters
     ----------
@@ -893,24 +898,24 @@ def measure_tradeoff(
     session = device if isinstance(device, Session) else open_session(device)
     tell("focus and exposure", 0.0)
     fixed = _with_focus_and_exposure(scene, session)
-    steps = ladder(fixed)
-    count = len(steps.configurations)
+    configurations, skipped, decision = ladder(fixed)
+    count = len(configurations)
     ready, impossible = prepare(
-        steps.configurations, session, lambda name, done: tell(f"preparing: {name}", 0.3 * done / count)
+        configurations, session, lambda name, done: tell(f"preparing: {name}", 0.3 * done / count)
     )
     left = max(budget - (time.perf_counter() - begun), budget / 3)
     pictures = render_by_turns(ready, left, scene.render.seed, lambda words, share: tell(words, 0.3 + 0.7 * share))
     _check_light(pictures, fixed)
     tell("errors", 1.0)
-    found = _measured(ready, pictures)
+    measured = _measure(ready, pictures)
     return TradeoffReport(
         **_conditions(fixed, session, ready, pictures),
         seconds=time.perf_counter() - begun,
-        measurements=tuple(found),
-        advice=(for_time(found, seconds), for_error(found, error)),
-        cameras=() if steps.decision is None else steps.decision.errors,
-        allowed="" if steps.decision is None else steps.decision.tier,
-        skipped=steps.skipped | impossible,
+        measurements=tuple(measured),
+        advice=(advise_for_time(measured, seconds), advise_for_error(measured, error)),
+        cameras=() if decision is None else decision.errors,
+        allowed="" if decision is None else decision.tier,
+        skipped=skipped | impossible,
         diffraction=_diffraction(fixed),
         ghosts=_ghosts(fixed),
         budget=budget,
@@ -927,14 +932,14 @@ def _check_goals(**goals: float) -> None:
 def _with_focus_and_exposure(scene: Scene, session: Session) -> Scene:
     """Return the scene in focus, with the exposure that its most accurate picture is metered to."""
     sharp, _ = in_focus(scene, session, None)
-    shot = resolve_exposure(most_accurate(sharp).scene, session)
-    return change_scene(sharp, exposure=_given(shot.scene.exposure), shutter=_given(shot.scene.shutter))
+    shot = resolve_exposure(most_accurate(sharp).scene, session)[0]
+    return change_scene(sharp, exposure=_set_keys(shot.exposure), shutter=_set_keys(shot.shutter))
 
 
 def _diffraction(scene: Scene) -> dict[str, Any] | None:
-    """Return what `camera.diffraction: auto` decides; None for a camera that has no opening."""
-    found = diffraction_of(change_scene(scene, camera={"diffraction": "auto"}))
-    return None if found is None or found.airy_radius_px is None else found.metadata
+    """The decision of `camera.diffraction: auto`; None for a camera that has no opening."""
+    decision = diffraction_of(change_scene(scene, camera={"diffraction": "auto"}))
+    return None if decision is None or decision.airy_radius_px is None else decision.metadata
 
 
 def _ghosts(scene: Scene) -> float | None:
@@ -947,10 +952,10 @@ def _ghosts(scene: Scene) -> float | None:
             setting.lens, setting.film_distance_mm, wavelength_nm=setting.camera.wavelength_nm, film_mm=frame,
             transmission=setting.transmission,
         )  # fmt: skip
-        found = find_ghosts(lit)
+        account = find_ghosts(lit)
     except InputError:
         return None
-    return sum(ghost.flux_in_frame for ghost in found.ghosts) / found.reference
+    return sum(ghost.flux_in_frame for ghost in account.ghosts) / account.reference
 
 
 def _check_light(pictures: Pictures, scene: Scene) -> None:
@@ -962,7 +967,7 @@ def _check_light(pictures: Pictures, scene: Scene) -> None:
 
 
 def _conditions(scene: Scene, session: Session, ready: list[Ready], pictures: Pictures) -> dict[str, Any]:
-    """Return what was compared and how: the members of a report that no measurement is in."""
+    """The conditions of a comparison: the members of a report that no measurement is in."""
     return {
         "scene": scene.content_hash(),
         "device": session.info.name,
@@ -978,11 +983,11 @@ def _conditions(scene: Scene, session: Session, ready: list[Ready], pictures: Pi
     }
 
 
-def _given(part: Any) -> dict[str, Any]:
+def _set_keys(part: Any) -> dict[str, Any]:
     return {name: getattr(part, name) for name in part.model_fields_set}
 
 
-def _measured(ready: list[Ready], pictures: Pictures) -> list[Measurement]:
+def _measure(ready: list[Ready], pictures: Pictures) -> list[Measurement]:
     errors = pair_errors(pictures.pixels, pictures.samples, pictures.tiles, pictures.long)
     names = ("name", "knob", "same_as", "settings", "tier", "unbiased")
     named = [{name: getattr(each.configuration, name) for name in names} | {"start_s": each.start_s} for each in ready]

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.rendering.film import TILE, TILE_PIXELS, FilmLayout
-from rptcam_cl.scene.camera import RealisticCamera, ThinLensCamera
 from rptcam_cl.scene.load import change_scene, with_camera
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.studies.tier_models import TIERS, Tier, equivalent
@@ -102,15 +101,15 @@ def _of_part(part: str, own: Any, wanted: Any) -> list[str]:
     values = wanted.model_dump(mode="json", exclude_none=True)
     if type(own) is type(wanted):
         apart = [name for name in type(own).model_fields if getattr(own, name) != getattr(wanted, name)]
-        return [_said(f"{part}.{name}", values.get(name)) for name in apart if name not in NOT_SAID]
+        return [_override_text(f"{part}.{name}", values.get(name)) for name in apart if name not in NOT_SAID]
     given = {name: values[name] for name in values if name in wanted.model_fields_set | {"kind"}}
     gone = [f"{part}.{name}=null" for name in own.model_fields_set if name not in given]
     apart = [name for name in given if getattr(own, name, None) != getattr(wanted, name)]
-    by_key = [*gone, *(_said(f"{part}.{name}", given[name]) for name in apart)]
-    return min(by_key, [_said(part, given)], key=lambda texts: len(" ".join(texts)))
+    by_key = [*gone, *(_override_text(f"{part}.{name}", given[name]) for name in apart)]
+    return min(by_key, [_override_text(part, given)], key=lambda texts: len(" ".join(texts)))
 
 
-def _said(path: str, value: Any) -> str:
+def _override_text(path: str, value: Any) -> str:
     return f"{path}={value if isinstance(value, str) else json.dumps(value)}"
 
 
@@ -148,35 +147,27 @@ class Variant:
     settings: tuple[str, ...] = ()
     same_as: tuple[str, ...] = ()
 
-    def also(self, other: Variant) -> Variant:
+    def with_name_of(self, other: Variant) -> Variant:
         """Return it with the name of an equal configuration added, and the shorter settings of the two."""
         shorter = min(self.settings, other.settings, key=lambda texts: len(" ".join(texts)))
         return replace(self, settings=shorter, same_as=(*self.same_as, other.name))
 
 
-@dataclass(frozen=True)
-class Ladder:
-    """Configurations, the most accurate first.
+def ladder(scene: Scene) -> tuple[list[Variant], dict[str, str], Decision | None]:
+    """Make the configurations of a scene; their plans may show that some are equal.
 
-    Attributes
-    ----------
-    configurations : tuple of Configuration
+    Returns
+    -------
+    configurations : list of Variant
+        The most accurate first.
     skipped : dict
         Why a configuration is missing, by its name.
     decision : Decision or None
         What `camera.accuracy: auto` would choose; None for a camera without a lens of surfaces.
     """
-
-    configurations: tuple[Variant, ...]
-    skipped: dict[str, str]
-    decision: Decision | None
-
-
-def ladder(scene: Scene) -> Ladder:
-    """Make the configurations of a scene; their plans may show that some are equal."""
     reference = most_accurate(scene)
     full, camera = reference.scene, reference.scene.camera
-    found, skipped = [replace(reference, settings=settings(scene, full))], {}
+    variants, skipped = [replace(reference, settings=settings(scene, full))], {}
     decision = None
 
     def add(name: str, knob: str, make: Callable[[], Scene], *, unbiased: bool = False, tier: str = "") -> None:
@@ -188,17 +179,17 @@ def ladder(scene: Scene) -> Ladder:
             skipped[name] = str(problem)
         else:
             texts = settings(scene, requested)
-            found.append(Variant(name, knob, made, tier or reference.tier, unbiased, texts))
+            variants.append(Variant(name, knob, made, tier or reference.tier, unbiased, texts))
 
-    add(AS_IT_IS, "scene", partial(_as_it_is, scene))
-    if isinstance(camera, RealisticCamera):
+    add(AS_IT_IS, "scene", partial(_without_layers, scene))
+    if camera.traced_camera is not None:
         decision = choose_camera(change_scene(full, camera={"accuracy": "auto"}))
         for tier in reversed(TIERS[:-1]):
             add(name_of(tier), "camera", partial(equivalent, full, tier), tier=tier)
         add("lens: float64", "precision", partial(change_scene, full, camera={"precision": "double"}))
         for pupil in PUPILS:
             add(f"pupil: {pupil}", "pupil", partial(change_scene, full, camera={"pupil": pupil}), unbiased=True)
-    if isinstance(camera, ThinLensCamera) and camera.fov_degrees is not None:
+    if camera.ideal_lens is not None and camera.field_of_view is not None:
         add("pinhole", "camera", partial(_without_lens, full))
     for mode in ("dispersive", "rgb"):
         add(f"spectrum: {mode}", "spectrum", partial(_with_mode, full, mode))
@@ -209,12 +200,12 @@ def ladder(scene: Scene) -> Ladder:
     add("independent samples", "sampler", independent, unbiased=True)
     if decision is not None:
         cheap = change_scene(scene, camera={"accuracy": "auto"})
-        add("accuracy: auto", "combination", partial(_as_it_is, cheap), tier=decision.tier)
-    return Ladder(tuple(found), skipped, decision)
+        add("accuracy: auto", "combination", partial(_without_layers, cheap), tier=decision.tier)
+    return variants, skipped, decision
 
 
 def name_of(tier: Tier) -> str:
-    """Return what a camera model is called."""
+    """The name of a camera model for readers."""
     return "fitted rays" if tier == "fitted" else tier.replace("_", " ")
 
 
@@ -226,7 +217,7 @@ def most_accurate(scene: Scene) -> Variant:
     difference in the mean.
     """
     plain = change_scene(scene, render={"clamp": None, "noise": None, "layers": (), "sampler": "lattice"})
-    if not isinstance(scene.camera, RealisticCamera):
+    if scene.camera.traced_camera is None:
         return Variant(REFERENCE, "", plain)
     plain = change_scene(plain, camera={"accuracy": None, "pupil": "auto", "rays": "traced", "precision": "single"})
     if plain.spectrum.mode != "rgb":
@@ -234,7 +225,7 @@ def most_accurate(scene: Scene) -> Variant:
     return Variant(REFERENCE, "", plain, "realistic")
 
 
-def _as_it_is(scene: Scene) -> Scene:
+def _without_layers(scene: Scene) -> Scene:
     return change_scene(scene, render={"noise": None, "layers": ()})
 
 
@@ -281,7 +272,7 @@ def draws(seeds: int, rng: np.random.Generator, replicates: int = REPLICATES) ->
     return several
 
 
-def once(seeds: int) -> NDArray[np.int64]:
+def every_seed_once(seeds: int) -> NDArray[np.int64]:
     """Return the draw that holds every seed once, shape (1, seeds): what estimates follow from."""
     return np.ones((1, seeds), np.int64)
 
@@ -390,19 +381,19 @@ class NoiseLaw:
         """Exponent of the samples between the two numbers."""
         first, last = self.noise
         with np.errstate(divide="ignore", invalid="ignore"):
-            found = np.log(np.divide(last, first)) / np.log(self.samples[1] / self.samples[0])
-        return np.clip(np.where(np.isfinite(found), found, INDEPENDENT), STEEPEST, FLATTEST)
+            exponent = np.log(np.divide(last, first)) / np.log(self.samples[1] / self.samples[0])
+        return np.clip(np.where(np.isfinite(exponent), exponent, INDEPENDENT), STEEPEST, FLATTEST)
 
     def after(self, samples: Any) -> Any:
         """Return the noise after any number of samples per pixel."""
         return np.sqrt(self.even(samples) * self.blocks(samples))
 
     def least(self, samples: Any) -> Any:
-        """Return what the noise may be at least, if blocks balance each other."""
+        """The least noise there may be, if blocks balance each other."""
         return np.minimum(self.even(samples), self.blocks(samples)) / self._unevenness
 
     def most(self, samples: Any) -> Any:
-        """Return what the noise may be at most, if they do not."""
+        """The most noise there may be, if they do not."""
         return np.maximum(self.even(samples), self.blocks(samples)) * self._unevenness
 
     @property
@@ -425,13 +416,13 @@ class NoiseLaw:
     def blocks(self, samples: Any) -> Any:
         """Return the noise after any number of samples per pixel, if its blocks err independently."""
         rest = np.asarray(samples, np.float64)
-        found: Any = 0.0
+        sum_of_blocks: Any = 0.0
         for _ in range(BLOCKS):
             block = np.exp2(np.floor(np.log2(np.maximum(rest, LEAST))))
-            found = found + np.where(rest > LEAST, block**2 * self.even(block), 0.0)
+            sum_of_blocks = sum_of_blocks + np.where(rest > LEAST, block**2 * self.even(block), 0.0)
             rest = np.maximum(rest - block, 0.0)
-        found = found + np.where(rest > LEAST, rest**2 * self.even(np.maximum(rest, LEAST)), 0.0)
-        return found / np.square(samples)
+        sum_of_blocks = sum_of_blocks + np.where(rest > LEAST, rest**2 * self.even(np.maximum(rest, LEAST)), 0.0)
+        return sum_of_blocks / np.square(samples)
 
     def even(self, samples: Any) -> Any:
         """Return the noise after a power of two of samples per pixel, or what lies on the line between them."""
@@ -448,15 +439,15 @@ class NoiseLaw:
             )
             even = np.where(noise < self.noise[1], last * np.divide(noise, self.noise[1]) ** (1 / self.beyond), middle)
             below = np.exp2(np.floor(np.log2(np.maximum(even, LEAST))))
-        found = 2 * below
+        enough_samples = 2 * below
         for step in STEPS[-2::-1]:
-            found = np.where(self.after(step * below) <= noise, step * below, found)
-        short = found - (STEPS[1] - STEPS[0]) * below
+            enough_samples = np.where(self.after(step * below) <= noise, step * below, enough_samples)
+        short = enough_samples - (STEPS[1] - STEPS[0]) * below
         for _ in range(HALVINGS):
-            middle = (short + found) / 2
+            middle = (short + enough_samples) / 2
             enough = self.after(middle) <= noise
-            short, found = np.where(enough, short, middle), np.where(enough, middle, found)
-        return np.where((even > 0) & np.isfinite(even), found, even)
+            short, enough_samples = np.where(enough, short, middle), np.where(enough, middle, enough_samples)
+        return np.where((even > 0) & np.isfinite(even), enough_samples, even)
 
 
 def noise_law(samples: tuple[int, int, int], noise: Array, fall: Array, before: Array) -> NoiseLaw:
@@ -481,15 +472,15 @@ def noise_law(samples: tuple[int, int, int], noise: Array, fall: Array, before: 
     rng = np.random.default_rng(len(noise))
     share = rng.random(len(noise))
     steepness = np.log(samples[2] / samples[1])
-    left = np.clip(_left(fall, len(noise), rng), np.exp(STEEPEST * steepness), np.exp(FLATTEST * steepness))
+    left = np.clip(_remaining_noise(fall, len(noise), rng), np.exp(STEEPEST * steepness), np.exp(FLATTEST * steepness))
     law = NoiseLaw(samples[1:], (noise, noise * left), np.clip(before, STEEPEST, FLATTEST), INDEPENDENT)
     beyond = INDEPENDENT + share * (np.minimum(law.between, SMOOTH) - INDEPENDENT)
     beyond[0] = (INDEPENDENT + law.between[0]) / 2
     return NoiseLaw(law.samples, law.noise, law.before, beyond)
 
 
-def _left(fall: Array, replicates: int, rng: np.random.Generator) -> Array:
-    """Return what is left of the noise: bootstrap over tiles, which counts both their noise and the choice of them.
+def _remaining_noise(fall: Array, replicates: int, rng: np.random.Generator) -> Array:
+    """The share of the noise that is left: bootstrap over tiles, which counts both their noise and the choice of them.
 
     It is widened for few tiles, as `statistics` does for few seeds.
     """
@@ -591,8 +582,8 @@ class _Scales:
         total, squares, count = self._total, self._all_squares, self.seeds - len(left_out)
         for seed in left_out:
             total, squares = total - self._pictures[seed], squares - self._squares[seed]
-        found = (np.mean(total**2, axis=1) - squares) / (count * (count - 1))
-        return np.asarray(np.maximum(_sums(found, self._tiles) / self.shares, 0.0) + self._edge**2)
+        squares_of_mean = (np.mean(total**2, axis=1) - squares) / (count * (count - 1))
+        return np.asarray(np.maximum(_sums(squares_of_mean, self._tiles) / self.shares, 0.0) + self._edge**2)
 
 
 def pair_errors(
@@ -619,14 +610,14 @@ def pair_errors(
     scales = _Scales(means[0], tiles)
     light = [_sums(mean.mean(axis=(0, 2)), tiles) for mean in means]
     few = tiles.some(long.chosen)
-    found = []
+    errors_of_all = []
     for own, more, mean, lit in zip(pictures, long.pixels, means, light, strict=True):
         away = _by_pair(mean - means[0], tiles, _product)
         noises = [_by_pair(stack, tiles, _half_square) for stack in own]
         bias, last = _over_tiles(away, scales), _over_tiles(noises[-1], scales)
         by_tile = {"bias": _mean_of_pairs(away, scales), "noise": _mean_of_pairs(noises[-1], scales)}
         errors = {name: _sampling_error(sums, scales.shares, tiles.all) for name, sums in by_tile.items()}
-        found.append(
+        errors_of_all.append(
             PairErrors(
                 bias=bias,
                 noise=(*(_over_tiles(noise, scales) for noise in noises[:-1]), last),
@@ -642,7 +633,7 @@ def pair_errors(
                 fall=_fall(by_tile["noise"][long.chosen], _by_pair(more, few, _half_square), scales, long.chosen),
             )
         )
-    return found
+    return errors_of_all
 
 
 def _fall(noise: Array, sums: Array, scales: _Scales, chosen: NDArray[np.int64]) -> Array:

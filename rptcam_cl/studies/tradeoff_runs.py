@@ -197,7 +197,7 @@ def measurements(
         Draws of the seeds, by `statistics.draws`.
     """
     seeds = counts.shape[1]
-    counts = np.concatenate([tradeoff_errors.once(seeds), counts])  # the first row gives the estimates
+    counts = np.concatenate([tradeoff_errors.every_seed_once(seeds), counts])  # the first row gives the estimates
     sources = []
     for names, error, times in zip(named, errors, timings, strict=True):
         law = tradeoff_errors.noise_law(samples, _noise(error, counts), error.fall, _slope(error, samples, counts))
@@ -205,7 +205,7 @@ def measurements(
         bias = np.zeros(len(counts)) if exact else _bias(error, errors[0], counts)
         sample_s = tradeoff_errors.median_over_seeds(times[0], counts)
         sources.append(_Replicates(sample_s, law, bias))
-    found = []
+    results = []
     for names, error, times, own in zip(named, errors, timings, sources, strict=True):
         values = {
             "sample_s": own.sample_s,
@@ -231,8 +231,8 @@ def measurements(
         }
         tiles: dict[str, Any] = {"bias_of_tiles": error.by_tile, "noise_of_tiles": error.noise_of_tiles}
         tiles["odds"] = (_gains(own, sources[0])[:, 1:] > 0).mean(axis=1)
-        found.append(Measurement(**names, **intervals, **tiles, samples=samples[1:], noise=noise, seconds_to=to))
-    return found
+        results.append(Measurement(**names, **intervals, **tiles, samples=samples[1:], noise=noise, seconds_to=to))
+    return results
 
 
 def _bias(error: tradeoff_errors.PairErrors, reference: tradeoff_errors.PairErrors, counts: NDArray[np.int64]) -> Array:
@@ -240,34 +240,34 @@ def _bias(error: tradeoff_errors.PairErrors, reference: tradeoff_errors.PairErro
 
     Light that few paths bring, each to a pixel of its own, is missing in no pixel of two pictures, but in their means.
     """
-    found = tradeoff_errors.over_pairs(error.bias, counts)
+    values = tradeoff_errors.over_pairs(error.bias, counts)
     own = math.sqrt(tradeoff_errors.error_over_pairs(error.bias) ** 2 + error.weight_variances["bias"])
-    found = tradeoff_errors.spread_about(found[0], found, max(own, error.tile_errors["bias"]))
+    values = tradeoff_errors.spread_about(values[0], values, max(own, error.tile_errors["bias"]))
     energy = _energy(error, reference, counts)
     if abs(energy[0]) <= SURE * float(energy.std()):
-        return found
-    return np.maximum(found, reference.evenness * energy**2)
+        return values
+    return np.maximum(values, reference.evenness * energy**2)
 
 
 def _noise(error: tradeoff_errors.PairErrors, counts: NDArray[np.int64]) -> Array:
     """Return the noise of a picture, spread by its logarithm, as it is above 0; nothing where pictures are the same."""
-    found = tradeoff_errors.over_pairs(error.noise[-1], counts)
-    if not found[0] > 0:
-        return np.zeros_like(found)
-    found = np.maximum(found, LEAST_NOISE * found[0])
-    own = math.sqrt(float(found.var()) + error.weight_variances["noise"])
-    spread = max(own, error.tile_errors["noise"]) / found[0]
-    return np.asarray(found[0] * np.exp(tradeoff_errors.spread_about(0.0, np.log(found / found[0]), spread)))
+    values = tradeoff_errors.over_pairs(error.noise[-1], counts)
+    if not values[0] > 0:
+        return np.zeros_like(values)
+    values = np.maximum(values, LEAST_NOISE * values[0])
+    own = math.sqrt(float(values.var()) + error.weight_variances["noise"])
+    spread = max(own, error.tile_errors["noise"]) / values[0]
+    return np.asarray(values[0] * np.exp(tradeoff_errors.spread_about(0.0, np.log(values / values[0]), spread)))
 
 
 def _energy(
     error: tradeoff_errors.PairErrors, reference: tradeoff_errors.PairErrors, counts: NDArray[np.int64]
 ) -> Array:
-    found = (
+    values = (
         tradeoff_errors.over_seeds(error.brightness, counts) / tradeoff_errors.over_seeds(reference.brightness, counts)
         - 1
     )
-    return tradeoff_errors.spread_about(found[0], found, max(float(found.std()), error.tile_errors["energy"]))
+    return tradeoff_errors.spread_about(values[0], values, max(float(values.std()), error.tile_errors["energy"]))
 
 
 def _slope(error: tradeoff_errors.PairErrors, samples: tuple[int, ...], counts: NDArray[np.int64]) -> Array:
@@ -276,8 +276,8 @@ def _slope(error: tradeoff_errors.PairErrors, samples: tuple[int, ...], counts: 
         tradeoff_errors.over_pairs(error.noise[-1], counts),
     )
     with np.errstate(divide="ignore", invalid="ignore"):
-        found = np.log(last / first) / np.log(samples[1] / samples[0])
-    return np.where(np.isfinite(found), found, tradeoff_errors.INDEPENDENT)
+        exponents = np.log(last / first) / np.log(samples[1] / samples[0])
+    return np.where(np.isfinite(exponents), exponents, tradeoff_errors.INDEPENDENT)
 
 
 def _time_to(own: _Replicates, target: float) -> Array:
@@ -312,8 +312,8 @@ def _better_until(own: _Replicates, reference: _Replicates) -> Array:
     here, there = gains[last, place], gains[after, place]
     with np.errstate(divide="ignore", invalid="ignore"):
         crossing = times[last] * (times[1] / times[0]) ** (here / (here - there))
-    found = np.where(last == QUANTILE_STEPS - 1, np.inf, crossing)
-    return np.where(better.any(axis=0), found, 0.0)
+    last_times = np.where(last == QUANTILE_STEPS - 1, np.inf, crossing)
+    return np.where(better.any(axis=0), last_times, 0.0)
 
 
 # Short renders of every configuration by turns, with what each took of the clock and of the processor.
@@ -353,7 +353,7 @@ def prepare(
         When the first, which all others are measured against, cannot be.
     """
     seen: dict[bytes, int] = {}
-    found: list[Ready] = []
+    ready: list[Ready] = []
     skipped: dict[str, str] = {}
     for done, configuration in enumerate(configurations):
         on_step(configuration.name, done)
@@ -362,29 +362,29 @@ def prepare(
             plan = make_plan(configuration.scene)
             check_precision(session, plan.camera)
         except (InputError, DeviceError) as problem:
-            if not found:
+            if not ready:
                 raise
             skipped[configuration.name] = str(problem)
             continue
         known_as = mark(plan, configuration.scene.render)
         if known_as in seen:
-            same = found[seen[known_as]]
-            known = same.configuration.also(configuration)
-            found[seen[known_as]] = replace(same, configuration=known)
+            same = ready[seen[known_as]]
+            known = same.configuration.with_name_of(configuration)
+            ready[seen[known_as]] = replace(same, configuration=known)
             continue
-        seen[known_as] = len(found)
+        seen[known_as] = len(ready)
         layout, settings = FilmLayout.of(configuration.scene.film), configuration.scene.render
         plan, buffers = aimed_plan(plan, session, settings.layers)
         wavefront = Wavefront(session, plan, layout, settings, buffers=buffers)
         wavefront.warm_up()
         facts = plan.camera.metadata | plan.spectrum.metadata
         rest = truncation(plan.albedo, configuration.scene.render.max_depth)
-        found.append(Ready(configuration, wavefront, time.perf_counter() - begun, facts, rest))
-    return found, skipped
+        ready.append(Ready(configuration, wavefront, time.perf_counter() - begun, facts, rest))
+    return ready, skipped
 
 
 def mark(plan: Plan, settings: RenderSettings) -> bytes:
-    """Return what two configurations that render the same picture have in common."""
+    """Identify the picture that a configuration renders: two with the same mark render the same."""
     camera = plan.camera
     arrays = (camera.record, camera.tables, camera.surfaces, camera.stop, plan.spectrum.table)
     words = (camera.kernel, sorted(camera.facts.items()), sorted(plan.facts.items()), settings.max_depth)

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.colour import luminance
-from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.scene.base import FLOAT32_MIN_NORMAL
 from rptcam_cl.viewfinder import instruments as histogram
@@ -24,7 +23,7 @@ from rptcam_cl.viewfinder.instruments import (
     zebra,
     zebra_rgba,
 )
-from rptcam_cl.viewfinder.messages import MEDIA, Client, Codes, FrameData, Magnify, encoded, fitted
+from rptcam_cl.viewfinder.messages import MEDIA, Client, Codes, FrameData, Magnify, encode, shrink
 from rptcam_cl.viewfinder.studio import Shown, Slot
 
 #
@@ -40,52 +39,33 @@ RANGE_STOPS = 2.0  # that the map shows in its strongest colours
 DARKER, EQUAL, BRIGHTER = (40, 90, 220), (244, 244, 244), (214, 48, 40)
 
 
-@dataclass(frozen=True)
-class Difference:
-    """What a second film shows against a first.
+def difference_rgb(stops: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """Draw by how much a second film is brighter (h, w) as a picture (h, w, 3): blue where it is darker, else red."""
+    share = np.clip(stops / np.float32(RANGE_STOPS), -1, 1)[..., None]
+    darker, equal, brighter = (np.array(colour, np.float32) for colour in (DARKER, EQUAL, BRIGHTER))
+    ends = np.where(share < 0, darker, brighter)
+    return np.asarray(np.floor(equal + np.abs(share) * (ends - equal) + 0.5), np.uint8)
 
-    Attributes
-    ----------
+
+LEGEND = [
+    {"stops": -RANGE_STOPS, "colour": DARKER},
+    {"stops": 0.0, "colour": EQUAL},
+    {"stops": RANGE_STOPS, "colour": BRIGHTER},
+]
+"""Stops and colours of the map's ends and middle."""
+
+
+def difference(first: NDArray[np.float32], second: NDArray[np.float32]) -> tuple[NDArray[np.float32], dict[str, float]]:
+    """Compare a second film (h, w, 3) with a first of the same size.
+
+    Returns
+    -------
     stops : (h, w) float32 array
         How much brighter the second is; negative where it is darker.
-    relmse : float
-    mean_stops : float
-        Mean of the absolute values of `stops`.
-    bias_stops : float
-        How much brighter the second is in the mean.
-    worst_stops : float
-        99.9th percentile of the absolute values: more than noise of single pixels.
-    """
-
-    stops: NDArray[np.float32]
-    relmse: float
-    mean_stops: float
-    bias_stops: float
-    worst_stops: float
-
-    def numbers(self) -> dict[str, Any]:
-        """Return the numbers as plain values."""
-        return {name: value for name, value in vars(self).items() if name != "stops"}
-
-    def rgb(self, range_stops: float = RANGE_STOPS) -> NDArray[np.uint8]:
-        """Return the map as a picture (h, w, 3): blue where the second is darker, red where it is brighter."""
-        share = np.clip(self.stops / np.float32(range_stops), -1, 1)[..., None]
-        darker, equal, brighter = (np.array(colour, np.float32) for colour in (DARKER, EQUAL, BRIGHTER))
-        ends = np.where(share < 0, darker, brighter)
-        return np.asarray(np.floor(equal + np.abs(share) * (ends - equal) + 0.5), np.uint8)
-
-
-def legend(range_stops: float = RANGE_STOPS) -> list[dict[str, Any]]:
-    """Return stops and colours of the map's ends and middle."""
-    return [
-        {"stops": -range_stops, "colour": DARKER},
-        {"stops": 0.0, "colour": EQUAL},
-        {"stops": range_stops, "colour": BRIGHTER},
-    ]
-
-
-def difference(first: NDArray[np.float32], second: NDArray[np.float32]) -> Difference:
-    """Return how a film (h, w, 3) differs from another of the same size.
+    numbers : dict
+        ``relmse``; ``mean_stops``, the mean of the absolute values of `stops`; ``bias_stops``, how much brighter the
+        second is in the mean; ``worst_stops``, the 99.9th percentile of the absolute values: more than noise of single
+        pixels.
 
     Raises
     ------
@@ -103,13 +83,12 @@ def difference(first: NDArray[np.float32], second: NDArray[np.float32]) -> Diffe
     floor = FLOOR * max(float(bright_a.mean()), float(bright_b.mean()), FLOAT32_MIN_NORMAL)
     stops = np.log2(np.maximum(bright_b, floor) / np.maximum(bright_a, floor))
     size = np.abs(stops)
-    return Difference(
-        stops.astype(np.float32),
-        relmse,
-        float(size.mean()),
-        float(np.log2(max(bright_b.mean(), floor) / max(bright_a.mean(), floor))),
-        float(np.percentile(size, 99.9)),
-    )
+    return stops.astype(np.float32), {
+        "relmse": relmse,
+        "mean_stops": float(size.mean()),
+        "bias_stops": float(np.log2(max(bright_b.mean(), floor) / max(bright_a.mean(), floor))),
+        "worst_stops": float(np.percentile(size, 99.9)),
+    }
 
 
 def _tile_means(values: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -145,18 +124,18 @@ class Delivery:
     def _send(self, slot: Slot, shown: Shown, client: Client) -> None:
         settings = client.settings
         key = ("picture", settings.width, settings.height, settings.format, settings.quality)
-        size, data = self._once(slot, shown, key, lambda: _picture(shown.codes, *key[1:]))
+        size, data = self._make_once(slot, shown, key, lambda: _picture(shown.codes, *key[1:]))
         header = self._header(slot, shown, client, size)
         client.outbox.frame((slot.name, "picture"), (header | {"media": MEDIA[settings.format]}, data))
         for name in settings.overlays_on():
             level = {"zebra": settings.zebra_level, "peaking": settings.peaking_level}.get(name, 0.0)
             wanted = ("overlay", name, level, settings.width, settings.height)
-            size, data = self._once(slot, shown, wanted, lambda: _overlay(shown, *wanted[1:]))  # noqa: B023 -- called at once
-            client.outbox.frame((slot.name, "overlay", name), _exact(header, "overlay", size, data, overlay=name))
+            size, data = self._make_once(slot, shown, wanted, lambda: _overlay(shown, *wanted[1:]))  # noqa: B023 -- called at once
+            client.outbox.frame((slot.name, "overlay", name), _png_frame(header, "overlay", size, data, overlay=name))
         if client.magnifier is not None and client.magnifier.place is not None and shown.frame.scale == 1:
-            size, data = _magnified(shown.codes, client.magnifier)
+            size, data = _magnify(shown.codes, client.magnifier)
             place = {"x": client.magnifier.x, "y": client.magnifier.y}
-            client.outbox.frame((slot.name, "magnifier"), _exact(header, "magnifier", size, data, **place))
+            client.outbox.frame((slot.name, "magnifier"), _png_frame(header, "magnifier", size, data, **place))
 
     def count(self, slot: Slot, clients: Iterable[Client]) -> None:
         """Tell clients the histograms of the picture that they have been sent, which pages paint first."""
@@ -171,7 +150,7 @@ class Delivery:
         ]
         if not waiting or not self._may_count(shown):
             return
-        counts = self._once(slot, shown, ("histogram",), lambda: _counts(slot, shown))
+        counts = self._make_once(slot, shown, ("histogram",), lambda: _counts(slot, shown))
         message = {"type": "histogram", "generation": shown.frame.generation, "slot": slot.name, **counts}
         for client in waiting:
             client.counted[slot.name] = shown.number
@@ -201,19 +180,18 @@ class Delivery:
         if first.frame.spp != second.frame.spp or first.stale or second.stale:
             return
         number = first.number + second.number
-        found = None
-        for client in clients:
-            if client.shown.get("difference", 0) < number and client.outbox.has_room:
-                client.shown["difference"] = number
-                found = found or difference(first.frame.pixels, second.frame.pixels)
-                codes = fitted(found.rgb(), client.settings.width, client.settings.height)
-                header = self._header(b, second, client, codes.shape[1::-1])
-                more = {"numbers": found.numbers(), "legend": legend()}
-                size = (codes.shape[1], codes.shape[0])
-                data = encoded(codes, "png", 100)
-                client.outbox.frame("difference", _exact(header, "difference", size, data, **more))
+        lacking = [each for each in clients if each.shown.get("difference", 0) < number and each.outbox.has_room]
+        if not lacking:
+            return
+        stops, numbers = difference(first.frame.pixels, second.frame.pixels)
+        for client in lacking:
+            client.shown["difference"] = number
+            size, data = _picture(difference_rgb(stops), client.settings.width, client.settings.height, "png", 100)
+            header = self._header(b, second, client, size)
+            frame = _png_frame(header, "difference", size, data, numbers=numbers, legend=LEGEND)
+            client.outbox.frame("difference", frame)
 
-    def _once(self, slot: Slot, shown: Shown, key: Any, make: Any) -> Any:
+    def _make_once(self, slot: Slot, shown: Shown, key: Any, make: Any) -> Any:
         """Make something of a picture once, for all clients with the same settings."""
         number, made = self._made.get(slot.name, (0, {}))
         if number != shown.number:
@@ -246,11 +224,11 @@ class Delivery:
 
 
 def _picture(codes: Codes, width: int, height: int, form: Any, quality: int) -> tuple[tuple[int, int], bytes]:
-    small = fitted(codes, width, height)
-    return (small.shape[1], small.shape[0]), encoded(small, form, quality)
+    small = shrink(codes, width, height)
+    return (small.shape[1], small.shape[0]), encode(small, form, quality)
 
 
-def _exact(header: dict[str, Any], kind: str, size: tuple[int, int], data: bytes, **more: Any) -> FrameData:
+def _png_frame(header: dict[str, Any], kind: str, size: tuple[int, int], data: bytes, **more: Any) -> FrameData:
     own = {"kind": kind, "width": size[0], "height": size[1], "media": MEDIA["png"]}
     return header | own | more, data
 
@@ -266,10 +244,10 @@ def _overlay(shown: Shown, name: str, level: float, width: int, height: int) -> 
     return _picture(rgba, width, height, "png", 100)
 
 
-def _magnified(codes: Codes, wanted: Magnify) -> tuple[tuple[int, int], bytes]:
+def _magnify(codes: Codes, wanted: Magnify) -> tuple[tuple[int, int], bytes]:
     assert wanted.x is not None and wanted.y is not None
     crop, _ = magnifier(codes, wanted.x, wanted.y, wanted.width, wanted.height)
-    return (crop.shape[1], crop.shape[0]), encoded(np.ascontiguousarray(crop), "png", 100)
+    return (crop.shape[1], crop.shape[0]), encode(np.ascontiguousarray(crop), "png", 100)
 
 
 def _counts(slot: Slot, shown: Shown) -> dict[str, Any]:

@@ -19,21 +19,15 @@ from rptcam_cl.core.remember import Disk, remember
 from rptcam_cl.optics.lens import Lens, configured
 from rptcam_cl.optics.library import list_lenses, load_lens, named_lens
 from rptcam_cl.rendering.cameras.model import values_per_irradiance
+from rptcam_cl.rendering.cameras.setting import lens_camera
 from rptcam_cl.scene.base import listed, near_name
-from rptcam_cl.scene.camera import (
-    EnvironmentCamera,
-    LensCamera,
-    PinholeCamera,
-    RealisticCamera,
-    ThickLensCamera,
-    ThinLensCamera,
-)
+from rptcam_cl.scene.camera import LensCamera
 from rptcam_cl.scene.exposure import LEAST_CD_M2, MOST_CD_M2, MOST_STOPS, Exposure
 from rptcam_cl.scene.film import COOLEST, HOTTEST, LIGHTS, NO_BALANCE, SIDES_MM, TONES
-from rptcam_cl.scene.lens_settings import CircularAperture, PolygonAperture
+from rptcam_cl.scene.lens_settings import PolygonAperture
 from rptcam_cl.scene.load import change_scene, with_camera
 from rptcam_cl.scene.scene import Scene
-from rptcam_cl.viewfinder.lens_panel import INFINITY_M, focus_keys, nearest_focus_m, perspective
+from rptcam_cl.viewfinder.lens_panel import INFINITY_M, nearest_focus_m, perspective
 from rptcam_cl.viewfinder.panel import (
     F_NUMBERS,
     KEPT,
@@ -50,7 +44,6 @@ from rptcam_cl.viewfinder.panel import (
     film_mm,
     flag,
     focal_length_mm,
-    has_opening,
     is_same_size,
     linked,
     number,
@@ -189,9 +182,10 @@ def chosen_lens(scene: Scene, name: str) -> LensEntry:
 
 def current_name(scene: Scene) -> str | None:
     """Return the name of the scene's lens; of a prescription written out, what it is called; None without one."""
-    if not isinstance(scene.camera, LensCamera):
+    camera = scene.camera.lens_camera
+    if camera is None:
         return None
-    lens = scene.camera.design
+    lens = camera.design
     return lens if isinstance(lens, str) else str(lens.get("name", "own prescription"))
 
 
@@ -413,7 +407,7 @@ def _write(panel: Panel, found: Linked, messages: tuple[str, ...] = ()) -> Turne
     dials, settings, scene = panel.dials, found.settings, panel.scene
     exposure = _exposure(panel, found)
     changes: dict[str, Any] = {}
-    if has_opening(scene) and settings.f_number != panel.settings.f_number:
+    if scene.camera.has_opening and settings.f_number != panel.settings.f_number:
         changes["camera.f_number"] = settings.f_number
     if (exposure.mode == "physical" or dials.auto_iso) and settings.time_s != scene.shutter.time_s:
         changes["shutter.time_s"] = settings.time_s
@@ -426,7 +420,7 @@ def _exposure(panel: Panel, found: Linked) -> Exposure:
     """Return the exposure of a scene that stands for the state of the body."""
     dials, scene, settings = panel.dials, panel.scene, found.settings
     old = scene.exposure
-    f_number = None if has_opening(scene) else settings.f_number
+    f_number = None if scene.camera.has_opening else settings.f_number
     if dials.mode == "relative":
         return old.model_copy(update={"ev": dials.ev})
     kept: dict[str, Any] = {"neutral_density_stops": old.neutral_density_stops, "iso": settings.iso}
@@ -466,7 +460,7 @@ def _words(panel: Panel, found: Linked) -> tuple[str, ...]:
         "time_s": TIMES.text(settings.time_s),
         "iso": SPEEDS.text(settings.iso),
     }
-    lens = " of the lens" if isinstance(panel.scene.camera, LensCamera) and found.clamped == ("f_number",) else ""
+    lens = " of the lens" if panel.scene.camera.lens_camera is not None and found.clamped == ("f_number",) else ""
     ends = " and ".join(texts[name] for name in found.clamped)
     how = "bright" if found.off_ev > 0 else "dark"
     return (f"{ends} is the limit{lens}: the picture is {abs(found.off_ev):.1f} EV too {how}",)
@@ -494,14 +488,14 @@ ZOOM_TEXTS: dict[ZoomKind, str] = {
 def turn_focus(panel: Panel, value: Any) -> Turned:
     """Focus at a distance [m]; from 100 km on at infinity."""
     metres, camera = number("focus_m", value), panel.scene.camera
-    if not isinstance(camera, (LensCamera, ThinLensCamera)):
+    if not camera.focuses:
         return panel.same("everything is sharp through this camera: there is no focus to set")
     if not metres > 0:
         raise InputError(f"focus_m: must be above 0 (got {metres:g})")
     nearest = nearest_focus_m(panel.view)
     reached = INFINITY_M if metres >= INFINITE_M else max(metres, nearest or 0.0)
     messages = (f"the nearest focus is {nearest:.3g} m",) if nearest is not None and metres < nearest else ()
-    return Turned(panel.dials, _as_paths(focus_keys(panel.scene, reached)), messages)
+    return Turned(panel.dials, _as_paths(camera.focus_keys(reached)), messages)
 
 
 def _as_paths(keys: dict[str, Any]) -> dict[str, Any]:
@@ -513,11 +507,9 @@ def _as_paths(keys: dict[str, Any]) -> dict[str, Any]:
 def zoom_kind(scene: Scene) -> ZoomKind:
     """Return what zooming does with a camera."""
     camera = scene.camera
-    if isinstance(camera, EnvironmentCamera):
-        return "none"
-    if isinstance(camera, LensCamera):
+    if camera.lens_camera is not None:
         return "zoom" if len(scene.load_lens().configurations) > 1 else "crop"
-    return "angle"
+    return "none" if camera.zoom_keys(1.0, 1.0) is None else "angle"
 
 
 def zoom_range(panel: Panel) -> tuple[float, float] | None:
@@ -537,8 +529,7 @@ def zoom_range(panel: Panel) -> tuple[float, float] | None:
 
 @remember(most=KEPT, by=optics_key)
 def _zoom_ends(scene: Scene) -> tuple[float, float]:
-    assert isinstance(scene.camera, LensCamera)
-    lens, wavelength_nm = scene.load_lens(), scene.camera.wavelength_nm
+    lens, wavelength_nm = scene.load_lens(), lens_camera(scene).wavelength_nm
     states = [configured(lens, state.name) for state in lens.configurations]
     lengths = [state.first_order(wavelength_nm).focal_length_mm for state in states]
     return min(lengths), max(lengths)
@@ -591,8 +582,7 @@ SIZES = ("format", "size_mm", "width_mm", "diagonal_mm", "pixel_pitch_um")
 def _zoomed(panel: Panel, focal_mm: float) -> dict[str, Any]:
     """Return the changes that zoom a lens; an f-number beyond the zoomed lens's widest becomes that."""
     changes: dict[str, Any] = {"camera.focal_length_mm": focal_mm}
-    camera = panel.scene.camera
-    assert isinstance(camera, LensCamera)
+    camera = lens_camera(panel.scene)
     if camera.f_number is not None:
         keys = {"focal_length_mm": focal_mm, "zoom": None, "f_number": None}
         widest = f_numbers(change_scene(panel.scene, camera=keys))[0]
@@ -603,12 +593,9 @@ def _zoomed(panel: Panel, focal_mm: float) -> dict[str, Any]:
 
 def _widened(panel: Panel, focal_mm: float) -> dict[str, Any]:
     """Return the changes that give an ideal camera another field."""
-    camera, here = panel.scene.camera, focal_length_mm(panel.view)
-    assert isinstance(camera, (PinholeCamera, ThinLensCamera)) and here is not None
-    if camera.fov_degrees is None:
-        return {"camera.focal_length_mm": focal_mm}
-    tangent = math.tan(math.radians(camera.fov_degrees) / 2) * here / focal_mm
-    return {"camera.fov_degrees": math.degrees(2 * math.atan(tangent))}
+    here = focal_length_mm(panel.view)
+    assert here is not None
+    return {f"camera.{name}": value for name, value in (panel.scene.camera.zoom_keys(focal_mm, here) or {}).items()}
 
 
 def turn_lens(panel: Panel, value: Any) -> Turned:
@@ -616,7 +603,7 @@ def turn_lens(panel: Panel, value: Any) -> Turned:
     if not isinstance(value, str):
         raise InputError(f"lens: must be a name of the list (got {str(value)[:40]!r})")
     scene = panel.scene
-    if value == current_name(scene) and isinstance(scene.camera, LensCamera):
+    if value == current_name(scene):
         return panel.same()
     entry = chosen_lens(scene, value)
     changed = with_camera(scene, _keys_behind(panel, entry.name, {"distance_m": INFINITY_M}))
@@ -631,15 +618,15 @@ def turn_lens(panel: Panel, value: Any) -> Turned:
     if nearest is not None and metres < nearest:
         messages, metres = (*messages, f"its nearest focus is {nearest:.3g} m"), nearest
     keys["camera.focus"] = {"distance_m": metres}
-    shape = getattr(scene.camera, "aperture", CircularAperture()).shape
-    if isinstance(scene.camera, RealisticCamera) and shape != "circle" and changed.load_lens().stop is None:
+    shape, lens = scene.camera.outline.shape, scene.camera.lens_camera
+    if lens is not None and shape != "circle" and changed.load_lens().stop is None:
         keys["camera.aperture"] = {"shape": "circle"}
         messages = (*messages, f"{entry.title} has no stop to shape: its rims are round")
-    if not isinstance(scene.camera, LensCamera):
+    if lens is None:
         camera = _keys_behind(panel, entry.name, keys["camera.focus"])
         f_keys = {"f_number": keys["camera.f_number"]} if "camera.f_number" in keys else {}
         return Turned(panel.dials, {"camera": _plain(camera | f_keys)}, messages)
-    return Turned(panel.dials, keys | _without(scene.camera, keys), messages)
+    return Turned(panel.dials, keys | _without(lens, keys), messages)
 
 
 def _without(camera: LensCamera, keys: dict[str, Any]) -> dict[str, Any]:
@@ -657,10 +644,10 @@ def _keys_behind(panel: Panel, lens: str, focus: dict[str, Any]) -> dict[str, An
     camera = panel.scene.camera
     pose = {name: getattr(camera, name) for name in ("eye", "target", "up", "flip", "motion")}
     kept = {}
-    if isinstance(camera, LensCamera):
+    if camera.lens_camera is not None:
         own = ("lens", "zoom", "focal_length_mm", "stop_diameter_mm", "f_number", "focus", "kind")
         kept = {name: getattr(camera, name) for name in camera.model_fields_set if name not in own}
-    kind = camera.kind if isinstance(camera, LensCamera) else "realistic"
+    kind = "realistic" if camera.lens_camera is None else camera.kind
     return pose | kept | {"kind": kind, "lens": lens, "focus": focus}
 
 
@@ -676,7 +663,7 @@ def _focus_m(scene: Scene) -> float:
     found = perspective(scene)
     if found is not None and math.isfinite(found.focus_mm):
         return min(found.focus_mm * 1e-3, INFINITY_M)
-    if isinstance(scene.camera, PinholeCamera):
+    if not (scene.camera.focuses or scene.camera.sees_all_around):
         return float(math.dist(scene.camera.eye, scene.camera.target)) * scene.metres_per_unit
     return INFINITY_M
 
@@ -702,7 +689,7 @@ def turn_blades(panel: Panel, value: Any) -> Turned:
     if count == 0:
         return Turned(panel.dials, {"camera.aperture": {"shape": "circle"}})
     blades, messages = _clamp(count, BLADES, f"a stop has from {BLADES[0]} to {BLADES[1]} blades")
-    aperture = getattr(panel.scene.camera, "aperture", None)
+    aperture = panel.scene.camera.outline
     kept = {}
     if isinstance(aperture, PolygonAperture):
         kept = {name: getattr(aperture, name) for name in ("curvature", "rotation_degrees") if getattr(aperture, name)}
@@ -713,11 +700,9 @@ def turn_blades(panel: Panel, value: Any) -> Turned:
 def stop_is_fixed(scene: Scene) -> str | None:
     """Return why the stop of a camera cannot be shaped; None where it can."""
     camera = scene.camera
-    if isinstance(camera, ThickLensCamera):
-        return "the stop of a thick lens is round"
-    if isinstance(camera, RealisticCamera):
-        return None if scene.load_lens().stop is not None else "this lens has no stop: its rims limit the light"
-    return None if isinstance(camera, ThinLensCamera) else "this camera has no opening"
+    if camera.fixed_outline is None and camera.lens_camera is not None and scene.load_lens().stop is None:
+        return "this lens has no stop: its rims limit the light"
+    return camera.fixed_outline
 
 
 def turn_format(panel: Panel, value: Any) -> Turned:

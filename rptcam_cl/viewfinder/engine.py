@@ -68,7 +68,7 @@ class Reports:
             return
         answers = tuple((client.number, client.answers) for client in clients)
         here = (slot.session.generation, slot.dials, slot.messages, self._studio.paused, resting)
-        reported = (*here, *self._compared(), answers)
+        reported = (*here, *self._compare_state(), answers)
         if reported != self._reported and not slot.wants_glance:
             self._reported, self._last_state = reported, time.monotonic()
             message = state_message(self._studio, slot, detailed=resting)
@@ -95,7 +95,7 @@ class Reports:
         if studio.file_error is not None:
             client.outbox.answer(studio.file_error)
 
-    def _compared(self) -> tuple[Any, ...]:
+    def _compare_state(self) -> tuple[Any, ...]:
         compare = self._studio.compare
         return (compare["mode"], compare["model"], repr(compare["changes"]), compare["difference"])
 
@@ -168,7 +168,7 @@ class Requests:
         if isinstance(request, Scene):
             self._show_file(request)
             return
-        client, message = request.client, request.message
+        client, message = request
         try:
             self._handlers[message.type](client, message)
         except (InputError, StateError) as problem:
@@ -231,7 +231,7 @@ class Requests:
         order = partial(focus_order, slot.session.device.info.id, slot.scene, method, place)
         if slot.session.is_carried_out(("focus", method), order):
             return False
-        request = messages.Request(client, message)
+        request = (client, message)
         if request not in self._announced:
             text = "autofocus: its kernels are being compiled, the picture goes on"
             client.outbox.news("focus", {"type": "notice", "kind": "focus", "ok": True, "text": text})
@@ -359,11 +359,11 @@ class Engine:
         OverflowError
             Too many requests wait.
         """
-        older = self._inbox.put(messages.Request(client, message))
+        older = self._inbox.put((client, message))
         if message.type in _CHANGES:
             self._interrupt()
-        if isinstance(older, messages.Request):
-            older.client.done(older.message.id, self._studio.generation, superseded=True)
+        if isinstance(older, tuple):
+            older[0].done(older[1].id, self._studio.generation, superseded=True)
 
     def show_file(self, scene: Scene) -> None:
         """Show the scene as its files are now; any thread."""
@@ -555,11 +555,11 @@ class Viewfinder:
         self._last_number = 0
         self.origin = Origin(scene, overrides)
         self._studio = Studio(self.origin, device, size, self.clients)
-        found = self._studio.load()
-        self.warnings = found.warnings
+        loaded = self._studio.load()
+        self.warnings = loaded.warnings
         self._engine = Engine(self._studio, self.clients)
         self._engine.start()
-        lens_entries(found)  # which the first page wants to know; meanwhile the engine opens the device
+        lens_entries(loaded)  # which the first page wants to know; meanwhile the engine opens the device
         self._watch: Watch | None = None
         if self.origin.path is not None:
             self._watch = Watch(lambda: self.origin.files, self._read_again)
@@ -613,7 +613,7 @@ class Viewfinder:
             client.error(str(problem), problem.id, "message", place_of(str(problem)))
             return
         if isinstance(message, messages.Ack):
-            client.outbox.acknowledged(message.frame)
+            client.outbox.acknowledge(message.frame)
             self._engine.wake()
         elif message.type in ("ping", "hello"):
             client.done(message.id, self._studio.generation)

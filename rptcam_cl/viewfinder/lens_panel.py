@@ -21,14 +21,13 @@ from rptcam_cl.optics.image_quality import COLUMNS, FilmSpot, field_mtf
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.pupils import FilmProbe, narrowed
 from rptcam_cl.optics.ray_trace import IDEAL, Rays, Status
-from rptcam_cl.rendering.cameras.ideal import stop_shape, thick_lens_of
+from rptcam_cl.rendering.cameras.ideal import shaped, thick_lens_of
+from rptcam_cl.rendering.cameras.kinds import Perspective, camera_of
 from rptcam_cl.rendering.cameras.lens_records import disperses, usable_nm
-from rptcam_cl.rendering.cameras.realistic import camera_model
 from rptcam_cl.rendering.cameras.setting import LensSetting, film_frame, film_point, lens_setting
 from rptcam_cl.rendering.traceable_lens import LensTracer
-from rptcam_cl.scene.camera import EnvironmentCamera, LensCamera, RealisticCamera, ThinLensCamera
 from rptcam_cl.scene.lens_settings import Focus
-from rptcam_cl.scene.load import at_opening, change_scene
+from rptcam_cl.scene.load import change_scene
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.studies.focus.drives import focus_drive
 from rptcam_cl.studies.focus.probe import circle_of_confusion
@@ -152,10 +151,8 @@ class LensState:
 
 def lens_state(scene: Scene, device: Session) -> LensState:
     """Return the lens of a scene in focus, whose camera has one."""
-    setting, camera = lens_setting(scene), scene.camera
-    assert isinstance(camera, LensCamera)
-    shape = stop_shape(scene, camera.aperture) if hasattr(camera, "aperture") else None
-    lens = setting.lens if shape is None or setting.lens.stop is None else setting.lens.with_stop_shape(shape)
+    setting = lens_setting(scene)
+    lens = setting.lens if setting.lens.stop is None else shaped(scene, setting).lens
     return LensState(scene, setting, lens, device)
 
 
@@ -173,45 +170,6 @@ DEPTH_STOPS = (2.0, 2.8, 4.0, 5.6, 8.0, 11.0, 16.0, 22.0)  # engraved about the 
 FEWEST, MOST = 3, 12  # marks of a focus scale
 
 
-@dataclass(frozen=True)
-class Perspective:
-    """The pupil and the image of a focused lens, to first order [mm].
-
-    Attributes
-    ----------
-    focus_mm : float
-        Plane in focus to the point that distances are counted from: the film of a real lens, the thin lens itself.
-    pupil_mm : float
-        Entrance pupil ahead of that point.
-    diameter_mm : float
-        Of the entrance pupil.
-    per_tangent_mm : float
-        How far the image moves on the film per unit of the tangent from the entrance pupil.
-    focal_length_mm : float
-    """
-
-    focus_mm: float
-    pupil_mm: float
-    diameter_mm: float
-    per_tangent_mm: float
-    focal_length_mm: float
-
-    def field(self, circle_mm: float, opening: float = 1.0) -> tuple[float, float]:
-        """Return the near and the far end of what is sharp [mm], the latter perhaps infinite.
-
-        Parameters
-        ----------
-        circle_mm
-            Largest blur on the film that counts as sharp.
-        opening
-            Share of the pupil's diameter.
-        """
-        u, reach = self.focus_mm - self.pupil_mm, opening * self.diameter_mm * self.per_tangent_mm
-        near = u * reach / (reach + circle_mm * u)
-        far = u * reach / (reach - circle_mm * u) if reach > circle_mm * u else math.inf
-        return near + self.pupil_mm, far + self.pupil_mm
-
-
 @remember(most=KEPT, by=optics_key)
 def perspective(scene: Scene) -> Perspective | None:
     """Return the first-order picture of a scene's camera; None where no plane is in focus or there is no focus.
@@ -221,30 +179,7 @@ def perspective(scene: Scene) -> Perspective | None:
     scene
         In focus.
     """
-    camera = at_opening(scene).camera
-    if isinstance(camera, ThinLensCamera):
-        found = camera_model(scene).metadata
-        diameter = found["focal_length_mm"] / found["f_number"]
-        focal = found["focal_length_mm"]
-        image = 1 / (1 / focal - 1 / (camera.plane_m * 1e3))
-        return Perspective(camera.plane_m * 1e3, 0.0, diameter, image, focal) if diameter else None
-    if not isinstance(camera, LensCamera):
-        return None
-    setting = lens_setting(scene)
-    first = setting.lens.first_order(camera.wavelength_nm)
-    try:
-        thick = thick_lens_of(setting.lens, setting.film_distance_mm, camera.wavelength_nm)
-    except InputError:  # no cardinal points: nothing to say to first order
-        return None
-    pupil = first.entrance_pupil
-    if setting.focus_distance_mm is None or not math.isfinite(pupil.distance_mm):
-        return None
-    ahead = setting.lens.film_z(setting.film_distance_mm) - pupil.distance_mm
-    if not setting.focus_distance_mm > ahead:
-        return None
-    return Perspective(
-        setting.focus_distance_mm, ahead, pupil.diameter_mm, 1 / abs(thick.slope[0]), first.focal_length_mm
-    )
+    return camera_of(scene).perspective()
 
 
 DEPTH_KEYS = ("distance_m", "near_m", "far_m", "hyperfocal_m", "circle_mm", "magnification", "breathing")
@@ -294,20 +229,9 @@ def depth_of_field(scene: Scene) -> dict[str, float | None] | None:
 def at_infinity(scene: Scene) -> Perspective | None:
     """Return the first-order picture with the focus at infinity; None where the lens does not go there."""
     try:
-        return perspective(change_scene(scene, camera=focus_keys(scene, INFINITY_M)))
+        return perspective(change_scene(scene, camera=scene.camera.focus_keys(INFINITY_M)))
     except InputError:
         return None
-
-
-def focus_keys(scene: Scene, distance_m: float) -> dict[str, Any]:
-    """Return the keys of a scene's camera that focus it at a distance, for `change_scene`."""
-    camera = scene.camera
-    if isinstance(camera, ThinLensCamera):
-        return {"focus_distance_m": distance_m, "focus": None}
-    assert isinstance(camera, LensCamera)
-    focus = camera.focus
-    kept = {} if focus.method == "thick" else {"method": focus.method, "field": focus.field}
-    return {"focus": {"distance_m": distance_m} | {key: value for key, value in kept.items() if value is not None}}
 
 
 def nearest_focus_m(scene: Scene) -> float | None:
@@ -316,10 +240,10 @@ def nearest_focus_m(scene: Scene) -> float | None:
     A lens that moves as a whole reaches natural size.
     """
     camera = scene.camera
-    if not isinstance(camera, (LensCamera, ThinLensCamera)):
+    if not camera.focuses:
         return None
-    update: dict[str, Any] = {"focus_distance_m": INFINITY_M, "focus": None}
-    if isinstance(camera, LensCamera):  # wherever it stands, which may be beyond the reach, and however wide it is open
+    update = camera.focus_keys(INFINITY_M)
+    if camera.lens_camera is not None:  # wherever it stands, perhaps beyond the reach, and however wide it is open
         update = {"focus": Focus(distance_m=INFINITY_M), "f_number": None, "stop_diameter_mm": None}
     return _nearest(scene.model_copy(update={"camera": camera.model_copy(update=update)}))
 
@@ -394,17 +318,17 @@ def _working_f_number(scene: Scene) -> float | None:
     here = perspective(scene)
     if here is None:
         return None
-    if not isinstance(scene.camera, LensCamera):
+    setting = camera_of(scene).setting
+    if setting is None:
         return here.per_tangent_mm / here.diameter_mm
-    setting = lens_setting(scene)
-    pupil = setting.lens.first_order(scene.camera.wavelength_nm).exit_pupil
-    index = float(setting.lens.indices(scene.camera.wavelength_nm)[-1])
+    pupil = setting.lens.first_order(setting.camera.wavelength_nm).exit_pupil
+    index = float(setting.lens.indices(setting.camera.wavelength_nm)[-1])
     return abs(setting.film_distance_mm - pupil.distance_mm) / (index * pupil.diameter_mm)
 
 
 def _angles(scene: Scene, focal_mm: float | None) -> dict[str, Any]:
     """Return the angles of view by the first-order projection [degrees]."""
-    if isinstance(scene.camera, EnvironmentCamera) or focal_mm is None:
+    if focal_mm is None:
         return {"field_degrees": None, "fields_degrees": None}
     found = perspective(scene)
     per_tangent = focal_mm if found is None else found.per_tangent_mm
@@ -501,9 +425,9 @@ def lens_section(state: LensState) -> dict[str, Any]:
 
 def ideal_section(scene: Scene) -> dict[str, Any]:
     """Return opening, film and axis of a camera without a lens of glass: the opening is at z = 0."""
-    camera, kind = scene.camera, scene.camera.kind
+    kind = scene.camera.kind
     empty: dict[str, Any] = {"kind": kind, "name": kind.replace("_", " "), "surfaces": [], "glass": [], "stop": []}
-    if isinstance(camera, EnvironmentCamera):
+    if scene.camera.sees_all_around:
         return empty | {"film": None, "pupils": {"entrance": None, "exit": None}, "axis": [0.0, 0.0]}
     radius, film_z = ideal_opening(scene)
     half_mm = scene.film.diagonal_m() * 500
@@ -520,10 +444,9 @@ def ideal_section(scene: Scene) -> dict[str, Any]:
 
 def ideal_opening(scene: Scene) -> tuple[float, float]:
     """Return the radius of an ideal camera's opening and how far behind it the film lies [mm]."""
-    if isinstance(scene.camera, ThinLensCamera):
-        found = perspective(scene)
-        if found is not None:
-            return found.diameter_mm / 2, found.per_tangent_mm
+    found = perspective(scene)
+    if found is not None:
+        return found.diameter_mm / 2, found.per_tangent_mm
     return 0.0, focal_length_mm(scene) or 0.0
 
 
@@ -561,8 +484,7 @@ CENTRED_MM = 1e-6
 
 def pointer_rays(state: LensState, x: float, y: float) -> dict[str, Any]:
     """Return fan, spot and transfer of a point of the picture, in fractions from its left and top."""
-    camera = state.scene.camera
-    assert isinstance(camera, LensCamera)
+    camera = state.setting.camera
     *place, depth = film_point(state.scene, camera, x, y)
     start = np.array([*place, state.film_z + state.lens.sense * depth])
     across = _section(state, start)
@@ -744,8 +666,7 @@ def _mtf(spots: list[FilmSpot]) -> dict[str, Any] | None:
 
 def thick_rays(state: LensState, x: float, y: float) -> dict[str, Any]:
     """Return the rays of a thick lens: straight lines between film, lens and scene, through points of its pupil."""
-    camera = state.scene.camera
-    assert isinstance(camera, LensCamera)
+    camera = state.setting.camera
     film = np.array(film_point(state.scene, camera, x, y)[:2])
     across = _section(state, np.array([*film, 0.0]))
     height = float(film @ across)
@@ -812,7 +733,7 @@ class LensPanel:
 
     def section(self, resolved: Scene) -> dict[str, Any]:
         """Return the lines of the cross-section [mm]: surfaces, glass, stop, film, pupils; fewer for ideal cameras."""
-        if not isinstance(resolved.camera, LensCamera):
+        if resolved.camera.lens_camera is None:
             return ideal_section(resolved)
         found: dict[str, Any] = self._once("section", resolved, lambda: lens_section(self._state(resolved)))
         return found
@@ -821,7 +742,7 @@ class LensPanel:
         """Return the numbers of the camera in its state; None where there is no such number."""
 
         def find() -> dict[str, Any]:
-            if isinstance(resolved.camera, LensCamera):
+            if resolved.camera.lens_camera is not None:
                 return lens_numbers(self._state(resolved))
             return camera_numbers(resolved) | {"entrance_pupil": None, "exit_pupil": None}
 
@@ -838,18 +759,18 @@ class LensPanel:
         """
         if not (0 <= x <= 1 and 0 <= y <= 1):
             raise InputError(f"pointer: lies outside the picture (got {x:g}, {y:g}; allowed: 0 to 1)")
-        if isinstance(resolved.camera, RealisticCamera):
+        if resolved.camera.traced_camera is not None:
             return pointer_rays(self._state(resolved), x, y)
-        if isinstance(resolved.camera, LensCamera):
+        if resolved.camera.lens_camera is not None:
             return thick_rays(self._state(resolved), x, y)
         return ideal_rays(resolved, x, y)
 
     def guides(self, resolved: Scene) -> dict[str, Any]:
         """Return the image circle as an ellipse in fractions of the picture; None where it does not limit the film."""
         radius = None
-        if isinstance(resolved.camera, RealisticCamera):
+        if resolved.camera.traced_camera is not None:
             radius = self._once("circle", resolved, lambda: image_circle_mm(self._state(resolved)))
-        if radius is None or isinstance(resolved.camera, EnvironmentCamera):
+        if radius is None:
             return {"image_circle": None}
         width_mm, height_mm = (side * 1e3 for side in resolved.film.size_m())
         return {"image_circle": {"x": 0.5, "y": 0.5, "rx": radius / width_mm, "ry": radius / height_mm}}

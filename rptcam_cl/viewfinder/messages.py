@@ -11,17 +11,18 @@ import threading
 from collections.abc import Callable, Hashable, Mapping
 from dataclasses import asdict, field, is_dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image as Pillow
 from pydantic import BaseModel, ConfigDict, Field, JsonValue, TypeAdapter, ValidationError, model_validator
+from pydantic_core import from_json
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.files import scratch_folder
-from rptcam_cl.imaging.development import quantised
+from rptcam_cl.imaging.development import quantise
 from rptcam_cl.imaging.image import Image
 from rptcam_cl.scene.scene import Scene
 
@@ -41,10 +42,10 @@ _OPTIONS: dict[str, dict[str, Any]] = {
 
 def codes_of(image: Image) -> Codes:
     """Return the developed picture in codes of 8 bits, as PNG files have them."""
-    return np.asarray(quantised(image.developed(), 8), np.uint8)
+    return np.asarray(quantise(image.developed(), 8), np.uint8)
 
 
-def fitted(codes: Codes, width: int, height: int) -> Codes:
+def shrink(codes: Codes, width: int, height: int) -> Codes:
     """Return codes that are made smaller, by the means of areas, where they have more pixels than they are shown with.
 
     Parameters
@@ -62,7 +63,7 @@ def fitted(codes: Codes, width: int, height: int) -> Codes:
     return np.asarray(Pillow.fromarray(codes).resize(size, Pillow.Resampling.BOX))
 
 
-def encoded(codes: Codes, form: Format, quality: int) -> bytes:
+def encode(codes: Codes, form: Format, quality: int) -> bytes:
     """Return codes, (height, width, 3 or 4), as an image file."""
     stream = io.BytesIO()
     options = _OPTIONS[form] | ({} if form == "png" else {"quality": quality})
@@ -77,7 +78,7 @@ def file_name(name: str, kind: str) -> str:
 
 
 def file_bytes(image: Image, kind: str) -> bytes:
-    """Return what a file of the picture holds.
+    """Encode the picture as a file.
 
     Parameters
     ----------
@@ -317,16 +318,14 @@ def _first_problem(problem: ValidationError) -> str:
     return f"{place}: {first['msg']}"
 
 
-class _Numbered(BaseModel):
-    model_config: ClassVar[ConfigDict] = ConfigDict(strict=True)
-    id: Count | None = None
+_NUMBER: TypeAdapter[int | None] = TypeAdapter(Count | None)
 
 
 def _number_of(text: str) -> int | None:
-    """Return the number of a message that is wrong in other ways."""
+    """The number of a message that is wrong in other ways."""
     try:
-        return _Numbered.model_validate_json(text).id
-    except (ValidationError, ValueError):
+        return _NUMBER.validate_python(from_json(text).get("id"), strict=True)
+    except (ValueError, TypeError, AttributeError):  # no JSON, no text, no mapping, or no number
         return None
 
 
@@ -420,7 +419,7 @@ class Outbox:
             self._frames[key] = frame
         self._wake()
 
-    def acknowledged(self, number: int) -> None:
+    def acknowledge(self, number: int) -> None:
         """Note that a frame has arrived."""
         with self._lock:
             self._under_way.discard(number)
@@ -437,7 +436,7 @@ class Outbox:
         return not (self._under_way or self._frames)
 
     def take(self) -> list[str | bytes]:
-        """Return what can be sent now."""
+        """Take what can be sent now."""
         with self._lock:
             found: list[str | bytes] = list(self._answers)
             found += [as_text(message) for message in self._news.values()]
@@ -529,17 +528,13 @@ class Client:
 MOST_WAITING = 256
 
 
-@dataclass(frozen=True)
-class Request:
-    """A message and the client that sent it."""
-
-    client: Client
-    message: AnyMessage
+Request = tuple[Client, AnyMessage]
+"""A message, and before it the client that sent it."""
 
 
 def _key(request: Request) -> Hashable:
-    """Return what a request shares with those that it replaces; None where it replaces none."""
-    message = request.message
+    """The key that a request shares with those that it replaces; None where it replaces none."""
+    client, message = request
     if isinstance(message, Dial):
         return ("dial", message.slot, message.name)
     if isinstance(message, Set):
@@ -547,17 +542,17 @@ def _key(request: Request) -> Hashable:
     if isinstance(message, Move):
         return ("move", message.kind)
     if isinstance(message, Pointer | Magnify):
-        return (message.type, request.client)
+        return (message.type, client)
     return None
 
 
-def _join(older: Any, newer: Any) -> Any:
+def _join(older: Request | Scene, newer: Request | Scene) -> Request | Scene:
     """Make one of two requests of one key: the newer, and of moves both."""
-    if not isinstance(newer.message, Move):
+    if isinstance(older, Scene) or isinstance(newer, Scene) or not isinstance(newer[1], Move):
         return newer
-    before, after = older.message, newer.message
+    before, (client, after) = older[1], newer
     steps = {name: getattr(before, name) + getattr(after, name) for name in ("dx", "dy", "dz")}
-    return Request(newer.client, after.model_copy(update=steps))
+    return client, after.model_copy(update=steps)
 
 
 class Inbox:

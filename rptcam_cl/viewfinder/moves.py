@@ -16,7 +16,7 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.device.session import Session
 from rptcam_cl.scene.base import near_name
-from rptcam_cl.scene.camera import LensCamera, PinholeCamera, ThinLensCamera, pose_matrix
+from rptcam_cl.scene.camera import pose_matrix
 from rptcam_cl.scene.lens_settings import METHODS
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.studies.focus.controller import autofocus
@@ -87,29 +87,20 @@ def field_at_one(scene: Scene) -> float:
     """Return the width of what the picture shows at distance 1, first-order, of a scene in focus."""
     camera = scene.camera
     width, height = scene.film.size_m()
-    if isinstance(camera, PinholeCamera | ThinLensCamera) and camera.fov_degrees is not None:
-        across = 2 * math.tan(math.radians(camera.fov_degrees) / 2)
+    if camera.field_of_view is not None:
+        degrees, axis = camera.field_of_view
+        across = 2 * math.tan(math.radians(degrees) / 2)
         sides = {"horizontal": width, "vertical": height, "diagonal": math.hypot(width, height)}
-        return across * width / sides[camera.fov_axis]
-    if isinstance(camera, ThinLensCamera) and camera.focal_length_mm is not None:
-        return width / (camera.focal_length_mm * 1e-3)
-    if isinstance(camera, LensCamera):
-        focal_length_mm = camera.focal_length_mm or scene.load_lens().first_order().focal_length_mm
-        return width / abs(focal_length_mm * 1e-3)
-    return _WIDE
+        return across * width / sides[axis]
+    focal_length_mm = None if (lens := camera.lens_camera or camera.ideal_lens) is None else lens.focal_length_mm
+    if focal_length_mm is None and camera.lens_camera is not None:
+        focal_length_mm = scene.load_lens().first_order().focal_length_mm
+    return _WIDE if focal_length_mm is None else width / abs(focal_length_mm * 1e-3)
 
 
 def distance_in_focus(scene: Scene) -> float | None:
     """Return how far in front of the eye the plane in focus lies [scene units]; None where that is not known."""
-    camera = scene.camera
-    if isinstance(camera, ThinLensCamera) and camera.focus_distance_m is not None:
-        return camera.focus_distance_m / scene.metres_per_unit
-    if isinstance(camera, LensCamera):
-        if camera.focus.point is not None:
-            return camera.ahead(camera.focus.point)
-        distance_m = camera.focus.distance_m or camera.focus.front_distance_m
-        return None if distance_m is None else distance_m / scene.metres_per_unit
-    return None
+    return scene.camera.distance_in_focus(scene.metres_per_unit)
 
 
 def moved(stand: Viewpoint, kind: str, dx: float, dy: float, dz: float) -> Viewpoint:
@@ -223,7 +214,7 @@ def _plain(value: float | None) -> float | None:
 
 
 def focus_order(device: str, scene: Scene, method: str | None, place: dict[str, Any]) -> bytes:
-    """Pickle a search for `Compiler.compile`: another process makes it first, so that this one has its kernels.
+    """Pickle a search for `CompileServer.compile`: another process makes it first, so that this one has its kernels.
 
     Parameters
     ----------

@@ -28,17 +28,17 @@ def _variable(module: str) -> str:
     return "module_" + module.replace("-", "_")
 
 
-def _in_order(module: str, found: dict[str, str]) -> None:
+def _collect_modules(module: str, texts: dict[str, str]) -> None:
     """Add a module and, before it, those that it imports, to the texts by name."""
-    if module in found:
+    if module in texts:
         return
     text = (PAGE / f"{module}.js").read_text("utf-8")
     for needed in _IMPORT.findall(text):
-        _in_order(needed[1], found)
-    found[module] = text
+        _collect_modules(needed[1], texts)
+    texts[module] = text
 
 
-def _enclosed(module: str, text: str) -> str:
+def _enclose(module: str, text: str) -> str:
     """Return a module as a function that is called at once, as names of two modules may be the same."""
     exported = ", ".join(_EXPORT.findall(text))
     inside = _EXPORT.sub("", _IMPORT.sub(lambda each: f"const {{{each[1]}}} = {_variable(each[2])};\n", text))
@@ -48,9 +48,9 @@ def _enclosed(module: str, text: str) -> str:
 @cache
 def module_text() -> str:
     """Return the widget's module with all that it imports, as anywidget takes it."""
-    found: dict[str, str] = {}
-    _in_order("widget", found)
-    parts = [_enclosed(name, text) for name, text in found.items()]
+    texts: dict[str, str] = {}
+    _collect_modules("widget", texts)
+    parts = [_enclose(name, text) for name, text in texts.items()]
     return "\n".join([*parts, f"export default {{ render: {_variable('widget')}.render }};\n"])
 
 

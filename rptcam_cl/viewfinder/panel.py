@@ -11,19 +11,8 @@ from typing import Any, Literal
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.remember import remember
-from rptcam_cl.optics.irradiance import on_axis_irradiance as lens_irradiance
-from rptcam_cl.rendering.cameras.ideal import stop_shape
-from rptcam_cl.rendering.cameras.model import camera_irradiance, values_per_irradiance
-from rptcam_cl.rendering.cameras.realistic import camera_model
-from rptcam_cl.rendering.cameras.setting import design_to_focus, lens_setting
-from rptcam_cl.scene.camera import (
-    EnvironmentCamera,
-    LensCamera,
-    PinholeCamera,
-    RealisticCamera,
-    ThinLensCamera,
-    unknown_camera,
-)
+from rptcam_cl.rendering.cameras.kinds import camera_of
+from rptcam_cl.rendering.cameras.model import values_per_irradiance
 from rptcam_cl.scene.exposure import Exposure
 from rptcam_cl.scene.lens_settings import ImageAperture
 from rptcam_cl.scene.load import at_opening, change_scene
@@ -38,7 +27,7 @@ def optics_key(scene: Scene) -> Hashable:
     """Return what the optics of a scene depend on; a file counts by its place and the time of its last change."""
     camera = at_opening(scene).camera
     pose: set[str] = {"eye", "target", "up", "motion"}
-    if isinstance(camera, LensCamera) and camera.focus.point is not None:
+    if camera.lens_camera is not None and camera.lens_camera.focus.point is not None:
         pose = set()
     return (
         camera.model_dump_json(exclude=pose),
@@ -50,7 +39,7 @@ def optics_key(scene: Scene) -> Hashable:
 
 
 def _files(scene: Scene) -> Hashable:
-    source, aperture = scene.lens_source(), getattr(scene.camera, "aperture", None)
+    source, aperture = scene.lens_source(), scene.camera.outline
     found = [source] if isinstance(source, Path) else []
     if isinstance(aperture, ImageAperture) and isinstance(content := scene.content_of(aperture), Path):
         found.append(content)
@@ -73,13 +62,7 @@ def irradiance_per_radiance(scene: Scene) -> float | None:
     scene
         In focus.
     """
-    camera = scene.camera
-    if not isinstance(camera, RealisticCamera):
-        plain = scene.model_copy(update={"exposure": Exposure()})
-        return camera_irradiance(camera_model(plain), scene.exposure)
-    setting, shape = lens_setting(scene), stop_shape(scene, camera.aperture)
-    lens = setting.lens if shape is None else setting.lens.with_stop_shape(shape)
-    return float(lens_irradiance(lens, setting.film_distance_mm, camera.wavelength_nm, setting.transmission))
+    return camera_of(scene).irradiance()
 
 
 def value_per_radiance(resolved: Scene) -> float:
@@ -382,8 +365,6 @@ def ev_text(ev: float) -> str:
     return f"{sign}{whole if whole or not rest else ''}{('', '⅓', '⅔')[rest]} EV"
 
 
-NARROWEST = 32.0
-IDEAL_F_NUMBERS = (0.5, 64.0)
 AUTO_ISO = (100.0, 102400.0)
 DIAGONAL_35_MM = math.hypot(36.0, 24.0)
 AS_RADIANCE = Exposure()
@@ -483,7 +464,7 @@ class Panel:
     @property
     def without_film(self) -> bool:
         """Whether nothing says how much light a film would get: no opening, and no f-number that stands for one."""
-        return not has_opening(self.scene) and self.scene.exposure.f_number is None
+        return not self.scene.camera.has_opening and self.scene.exposure.f_number is None
 
     @property
     def light(self) -> Light:
@@ -520,67 +501,27 @@ class Panel:
 @remember(most=KEPT, by=optics_key)
 def f_number_of_camera(scene: Scene) -> float | None:
     """Return the f-number that a camera stands at; that of the ideal lens in its place, None without either."""
-    camera = scene.camera
-    if isinstance(camera, LensCamera):
-        if camera.f_number is not None:
-            return camera.f_number
-        found = design_to_focus(scene, camera).first_order(camera.wavelength_nm).f_number
-        return found if math.isfinite(found) else None
-    if isinstance(camera, ThinLensCamera):
-        if camera.f_number is not None:
-            return camera.f_number
-        found = float(camera_model(scene).metadata["f_number"])
-        return found if math.isfinite(found) else scene.exposure.f_number
-    return scene.exposure.f_number
+    return camera_of(scene).f_number()
 
 
 @remember(most=KEPT, by=optics_key)
 def f_numbers(scene: Scene) -> tuple[float, float]:
     """Return the widest and the narrowest f-number of a camera; equal where its opening cannot be set."""
-    camera = scene.camera
-    if not isinstance(camera, LensCamera):
-        return IDEAL_F_NUMBERS
-    lens = design_to_focus(scene, camera.model_copy(update={"f_number": None, "stop_diameter_mm": None}))
-    widest = lens.first_order(camera.wavelength_nm).f_number
-    if not math.isfinite(widest):
-        return IDEAL_F_NUMBERS
-    return (widest, widest) if lens.stop is None else (widest, max(NARROWEST, 4 * widest))
+    return camera_of(scene).f_numbers()
 
 
 def with_f_number(scene: Scene, f_number: float) -> Scene:
     """Return a scene at an f-number: of its camera, or of the ideal lens in its place."""
-    camera = scene.camera
-    if isinstance(camera, LensCamera):
-        if camera.f_number == f_number or f_number_of_camera(scene) == f_number:
-            return scene
-        return change_scene(scene, camera={"f_number": f_number, "stop_diameter_mm": None})
-    if isinstance(camera, ThinLensCamera) and camera.aperture_radius_m != 0:
-        return change_scene(scene, camera={"f_number": f_number, "aperture_radius_m": None})
-    return scene.model_copy(update={"exposure": Exposure(mode="physical", f_number=f_number)})
+    keys = scene.camera.f_number_keys(f_number)
+    if keys is None:
+        return scene.model_copy(update={"exposure": Exposure(mode="physical", f_number=f_number)})
+    return scene if f_number_of_camera(scene) == f_number else change_scene(scene, camera=keys)
 
 
 @remember(most=KEPT, by=optics_key)
 def focal_length_mm(scene: Scene) -> float | None:
     """Return the focal length of a camera [mm]; of a pinhole, the distance from its film; None for a whole sphere."""
-    camera = scene.camera
-    if isinstance(camera, EnvironmentCamera):
-        return None
-    if isinstance(camera, PinholeCamera):
-        width_m, height_m = scene.film.size_m()
-        sides = {"horizontal": width_m, "vertical": height_m, "diagonal": scene.film.diagonal_m()}
-        return sides[camera.fov_axis] * 1e3 / 2 / math.tan(math.radians(camera.fov_degrees) / 2)
-    if isinstance(camera, LensCamera):
-        found = lens_setting(scene).lens.first_order(camera.wavelength_nm).focal_length_mm
-        return found if math.isfinite(found) else None
-    if isinstance(camera, ThinLensCamera):
-        return float(camera_model(scene).metadata["focal_length_mm"])
-    raise unknown_camera(scene.camera.kind, "its focal length (rptcam_cl/viewfinder/panel.py)")
-
-
-def has_opening(scene: Scene) -> bool:
-    """Return whether a camera has an opening whose light the exposure goes by."""
-    camera = scene.camera
-    return isinstance(camera, LensCamera) or (isinstance(camera, ThinLensCamera) and camera.aperture_radius_m != 0)
+    return camera_of(scene).focal_length_mm()
 
 
 def read_dials(scene: Scene, before: Dials | None = None) -> Dials:
@@ -592,14 +533,7 @@ def read_dials(scene: Scene, before: Dials | None = None) -> Dials:
         As requested.
     before
         The state so far, which stays where the scene's exposure and film are what it wrote.
-
-    Raises
-    ------
-    InputError
-        For a kind of camera that the dials do not know.
     """
-    if not isinstance(scene.camera, PinholeCamera | EnvironmentCamera | ThinLensCamera | LensCamera):
-        raise unknown_camera(scene.camera.kind, "dials in the viewfinder (rptcam_cl/viewfinder/panel.py)")
     size = film_mm(scene)
     whole = before.whole_mm if before is not None and is_same_size(before.cropped_mm, size) else size
     if before is not None and before.written == scene.exposure:

@@ -61,12 +61,12 @@ _HEADERS = {
 def page_files() -> dict[str, tuple[str, bytes]]:
     """Return media type and content of the page's files by the path of the request."""
     folder = Path(__file__).parent / "page"
-    found = {
+    files = {
         f"/{path.relative_to(folder).as_posix()}": (_MEDIA[path.suffix], path.read_bytes())
         for path in sorted(folder.rglob("*"))
         if path.is_file() and path.suffix in _MEDIA
     }
-    return found | ({"/": found["/index.html"]} if "/index.html" in found else {})
+    return files | ({"/": files["/index.html"]} if "/index.html" in files else {})
 
 
 def make_app(finder: Viewfinder, tokens: Tokens, host: str, port: int) -> Any:
@@ -88,10 +88,10 @@ def make_app(finder: Viewfinder, tokens: Tokens, host: str, port: int) -> Any:
 
 async def _page(request: Request) -> Response:
     """Return a file of the page; only exact names are known."""
-    found = page_files().get(request.url.path)
-    if found is None:
+    file = page_files().get(request.url.path)
+    if file is None:
         return Response("no such page\n", 404, headers=_HEADERS, media_type="text/plain")
-    return Response(found[1], headers=_HEADERS, media_type=found[0])
+    return Response(file[1], headers=_HEADERS, media_type=file[0])
 
 
 class _WebSocketHandler:
@@ -201,16 +201,16 @@ def bound_socket(host: str, port: int) -> socket.socket:
         The port is taken, or the host is not of this machine.
     """
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
-    found = socket.socket(family, socket.SOCK_STREAM)
+    listener = socket.socket(family, socket.SOCK_STREAM)
     try:
         if os.name == "posix":
-            found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        found.bind((host, port))
-        found.listen(16)
+            listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listener.bind((host, port))
+        listener.listen(16)
     except OSError as problem:
-        found.close()
+        listener.close()
         raise StateError(f"cannot listen at {host} port {port}: {problem.strerror or problem}") from None
-    return found
+    return listener
 
 
 class ViewServer:
@@ -252,15 +252,8 @@ class ViewServer:
             server_header=False,
             timeout_graceful_shutdown=_CLOSING_S,  # type: ignore[arg-type]  # it is a timeout of asyncio
         )
-
-        class Server(uvicorn.Server):
-            """Leaves signals to who serves."""
-
-            @contextlib.contextmanager
-            def capture_signals(self) -> Iterator[None]:
-                yield
-
-        self._server = Server(config)
+        self._server = uvicorn.Server(config)
+        self._server.capture_signals = contextlib.nullcontext  # type: ignore[method-assign, assignment]  # `serve` has the signals
 
     def address(self, token: str) -> str:
         """Return the address of the page for who has a token."""
@@ -293,10 +286,10 @@ def _patient_protocol() -> Any:
             if self.scope is None or (self.cycle is not None and self.cycle.response_complete):
                 self._wait()  # for the rest of a request
             else:
-                self._arrived()
+                self._stop_waiting()
 
         def connection_lost(self, exc: Exception | None) -> None:
-            self._arrived()
+            self._stop_waiting()
             super().connection_lost(exc)
 
         def _wait(self) -> None:
@@ -305,19 +298,19 @@ def _patient_protocol() -> Any:
                     next(iter(waiting))._give_up()
                 waiting[self] = self.loop.call_later(REQUEST_S, self._give_up)
 
-        def _arrived(self) -> None:
+        def _stop_waiting(self) -> None:
             if self in waiting:
                 waiting.pop(self).cancel()
 
         def _give_up(self) -> None:
-            self._arrived()
+            self._stop_waiting()
             self.transport.abort()
 
     return Patient
 
 
 @contextlib.contextmanager
-def _stopping(stop: Callable[[], None]) -> Iterator[None]:
+def _stop_on_signals(stop: Callable[[], None]) -> Iterator[None]:
     """Ctrl-C and termination call ``stop``; the second time the process ends at once."""
     requested = False
 
@@ -352,7 +345,7 @@ def serve(finder: Viewfinder, *, host: str, port: int, browse: bool, announce: C
     """
     try:
         server = ViewServer(finder, host, port)
-        with _stopping(server.stop):
+        with _stop_on_signals(server.stop):
             announce(server.address(server.tokens.lasting))
             if browse:
                 address = server.address(server.tokens.once)

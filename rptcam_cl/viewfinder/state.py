@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 from rptcam_cl._version import __version__
-from rptcam_cl.scene.camera import LensCamera, ThinLensCamera
 from rptcam_cl.scene.film import COOLEST, HOTTEST, SIDES_MM, TONES
 from rptcam_cl.scene.lens_settings import METHODS, Aperture, CircularAperture
 from rptcam_cl.viewfinder.dials import (
@@ -138,10 +137,10 @@ def _optics(panel: Panel) -> list[Entry]:
 
 def _focus(panel: Panel) -> Entry:
     camera = panel.scene.camera
-    if not isinstance(camera, (LensCamera, ThinLensCamera)):
+    if not camera.focuses:
         return _entry("focus_m", "focus", "number", None, "everything", unit="m", enabled=False)
-    found, nearest = perspective(panel.view), nearest_focus_m(panel.view)
-    here = None if found is None else min(found.focus_mm * 1e-3, INFINITY_M)
+    view, nearest = perspective(panel.view), nearest_focus_m(panel.view)
+    here = None if view is None else min(view.focus_mm * 1e-3, INFINITY_M)
     text = "nowhere" if here is None else "∞" if here >= INFINITY_M / 10 else f"{here:.3g} m"
     least = nearest or 0.01
     steps = [least / (1 - k / FOCUS_STEPS) for k in range(FOCUS_STEPS)] + [INFINITY_M]
@@ -206,7 +205,7 @@ _FOCUS = ("distance_m", "near_m", "far_m", "hyperfocal_m")
 
 
 def hello_message(studio: Studio, slot: Slot, client: int) -> dict[str, Any]:
-    """Return what a client learns at first."""
+    """The first message to a client."""
     return {
         "type": "hello",
         "version": VERSION,
@@ -224,14 +223,16 @@ def hello_message(studio: Studio, slot: Slot, client: int) -> dict[str, Any]:
 
 
 def _left_out(slot: Slot) -> list[str]:
-    """Return what a saved picture has and the one on the screen has not, and which lenses are not offered."""
-    found = []
+    """Sentences on what a saved picture alone has, and on lenses that are not offered."""
+    sentences = []
     if count := files_left_out(slot.scene):
-        found.append(f"Of the files in the scene's folder {count} are not looked at for lenses (at most {MOST_FILES})")
+        sentences.append(
+            f"Of the files in the scene's folder {count} are not looked at for lenses (at most {MOST_FILES})"
+        )
     shown_by_image = slot.scene.sensor is not None or slot.session.metadata.get("diffraction", {}).get("on", False)
     if "ghosts" in slot.session.metadata and not shown_by_image:
-        found.append("Ghosts of the lens are in saved pictures alone")
-    return found
+        sentences.append("Ghosts of the lens are in saved pictures alone")
+    return sentences
 
 
 def state_message(studio: Studio, slot: Slot, *, detailed: bool) -> dict[str, Any]:
@@ -242,21 +243,21 @@ def state_message(studio: Studio, slot: Slot, *, detailed: bool) -> dict[str, An
     detailed
         Whether what has to be traced is there too: depth of field and image circle.
     """
-    camera = slot.scene.camera
+    camera, lens = slot.scene.camera, slot.scene.camera.lens_camera
     message: dict[str, Any] = {
         "type": "state",
         "generation": slot.session.generation,
         "dials": dial_list(slot.panel),
         "camera": {
             "kind": camera.kind,
-            "lens": camera.design if isinstance(camera, LensCamera) and isinstance(camera.design, str) else None,
+            "lens": lens.design if lens is not None and isinstance(lens.design, str) else None,
             "eye": list(camera.eye),
             "target": list(camera.target),
             "up": list(camera.up),
         },
         "wheel": wheel(slot.scene),
         "compare": studio.compare,
-        "changed": list(slot.changes.as_dict()),
+        "changed": list(slot.changes),
         "paused": studio.paused,
         "files": [name for name in FILE_MEDIA if name != "dng" or slot.scene.sensor is not None],
         "needle": meter_needle(slot.panel),

@@ -18,10 +18,9 @@ from pydantic import BaseModel
 from rptcam_cl.api.session import Change, Frame, RenderSession
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, RptcamError
-from rptcam_cl.core.files import named_files
+from rptcam_cl.core.files import FileState, file_state, named_files
 from rptcam_cl.imaging.formats import RawImage
 from rptcam_cl.imaging.image import Image, with_picture_settings
-from rptcam_cl.scene.camera import LensCamera
 from rptcam_cl.scene.load import change_scene, load_scene, plain, scene_text, set_keys
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.viewfinder.dials import follow_light
@@ -66,7 +65,7 @@ class Pace:
             return 1
         return max(1, min(_MOST_SAMPLES, int(self._take_s / max(self._sample_s, 1e-6))))
 
-    def glanced(self, scale: float, seconds: float) -> None:
+    def note_glance(self, scale: float, seconds: float) -> None:
         """Note what a glance took; the scale goes down at once where it was too slow, and up where there is room."""
         if scale != self.scale:
             return
@@ -76,7 +75,7 @@ class Pace:
         elif self._index > 0 and seconds * 4 < _HEADROOM * self._glance_s:
             self._index -= 1
 
-    def took(self, samples: int, seconds: float) -> None:
+    def note_take(self, samples: int, seconds: float) -> None:
         """Note what a take took."""
         if samples > 0:
             each = seconds / samples
@@ -126,7 +125,7 @@ def _ways_by_hand(scene: Scene) -> list[dict[str, Any]]:
     camera = scene.camera
     if scene.requested_autofocus is not None:
         distance_m = scene.metres_per_unit * math.dist(camera.eye, camera.target)
-        focus = {f"camera.focus{'.' if isinstance(camera, LensCamera) else '_'}distance_m": distance_m}
+        focus = {f"camera.focus{'_' if camera.lens_camera is None else '.'}distance_m": distance_m}
     if scene.exposure.mode == "auto":
         exposure = dict(WITHOUT_METER)
     return [keys for keys in (focus, exposure, {**focus, **exposure} if focus and exposure else {}) if keys]
@@ -137,28 +136,14 @@ def _ways_by_hand(scene: Scene) -> list[dict[str, Any]]:
 _PLACE = re.compile(r"^(?P<where>\S[^:\n]*:\d+:\d+): |^(?P<key>[A-Za-z_][\w.\[\]]*): ")
 
 
-class Changes:
-    """Keys of a scene that were changed, each once, in the order of their last change."""
-
-    def __init__(self, keys: Mapping[str, Any] | None = None) -> None:
-        self._keys: dict[str, Any] = {}
-        self.add(keys or {})
-
-    def add(self, keys: Mapping[str, Any]) -> None:
-        """Take further changes; those of keys below a changed key are forgotten with it."""
-        for key, value in keys.items():
-            for old in [old for old in self._keys if old == key or old.startswith((f"{key}.", f"{key}["))]:
-                del self._keys[old]
-            self._keys[key] = value
-
-    def drop(self, prefix: str = "") -> None:
-        """Forget the changes of a part, or all."""
-        for old in [old for old in self._keys if old.startswith(prefix)]:
-            del self._keys[old]
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the values by their keys; None removes a key."""
-        return dict(self._keys)
+def with_changes(changes: Mapping[str, Any], keys: Mapping[str, Any]) -> dict[str, Any]:
+    """Add changed keys, in the order of their last change; those below a changed key are forgotten with it."""
+    merged = dict(changes)
+    for key, value in keys.items():
+        for old in [old for old in merged if old == key or old.startswith((f"{key}.", f"{key}["))]:
+            del merged[old]
+        merged[key] = value
+    return merged
 
 
 class Origin:
@@ -196,7 +181,7 @@ class Origin:
         with named_files() as named:
             try:
                 scene = self._given if isinstance(self._given, Scene) else load_scene(self._given, self._overrides)
-                if isinstance(scene.camera, LensCamera):
+                if scene.camera.lens_camera is not None:
                     scene.load_lens()
             except BaseException:
                 self.files = self.files | own | named
@@ -228,7 +213,7 @@ class Origin:
 
 
 def _data(scene: Scene) -> dict[str, Any]:
-    """Return what a scene file of a scene holds; parts of a scene made in Python are written out."""
+    """The data of a scene as in a scene file; parts of a scene made in Python are written out."""
     given = {name: value for name, value in scene.made_of.items() if value is not None}
     if all(map(_is_plain, given.values())):
         return dict(plain(given))
@@ -251,13 +236,13 @@ def _differences(path: str, before: Any, after: Any) -> dict[str, Any]:
     if not (isinstance(before, dict) and isinstance(after, dict)):
         return {path: after}
     inside = f"{path}." if path else ""
-    found: dict[str, Any] = {f"{inside}{key}": None for key in before if key not in after}
+    changes: dict[str, Any] = {f"{inside}{key}": None for key in before if key not in after}
     for key, value in after.items():
         if key not in before:
-            found[f"{inside}{key}"] = value
+            changes[f"{inside}{key}"] = value
         else:
-            found |= _differences(f"{inside}{key}", before[key], value)
-    return found
+            changes |= _differences(f"{inside}{key}", before[key], value)
+    return changes
 
 
 def scene_error(text: str) -> dict[str, Any]:
@@ -267,15 +252,13 @@ def scene_error(text: str) -> dict[str, Any]:
 
 def place_of(text: str) -> str | None:
     """Return the file, line and column, or else the key path, that an error begins with."""
-    found = _PLACE.match(text)
-    return None if found is None else found["where"] or found["key"]
+    match = _PLACE.match(text)
+    return None if match is None else match["where"] or match["key"]
 
 
 # Watches files by looking at them several times a second.
 
 INTERVAL_S = 0.2  # an edit is seen after two looks: when it is there, and when it has come to rest
-
-_State = tuple[int, int, int] | None
 
 
 class Watch:
@@ -293,7 +276,7 @@ class Watch:
         self, files: Callable[[], Iterable[Path]], on_change: Callable[[], object], interval_s: float = INTERVAL_S
     ) -> None:
         self._files, self._on_change, self._interval_s = files, on_change, interval_s
-        self._known: dict[Path, _State] = {}
+        self._known: dict[Path, FileState] = {}
         self._end = threading.Event()
         self._thread = threading.Thread(target=self._run, name="rptcam-watch", daemon=True)
 
@@ -306,28 +289,20 @@ class Watch:
         """End; no call comes after this unless one is under way."""
         self._end.set()
 
-    def _states(self) -> dict[Path, _State]:
-        return {path: _state(path) for path in self._files()}
+    def _states(self) -> dict[Path, FileState]:
+        return {path: file_state(path) for path in self._files()}
 
     def _run(self) -> None:
         changed = False
         while not self._end.wait(self._interval_s):
-            found = self._states()
-            moving = any(path in self._known and self._known[path] != state for path, state in found.items())
-            self._known = found
+            states = self._states()
+            moving = any(path in self._known and self._known[path] != state for path, state in states.items())
+            self._known = states
             if moving:
                 changed = True
             elif changed:
                 changed = False
                 self._on_change()
-
-
-def _state(path: Path) -> _State:
-    try:
-        state = path.stat()
-    except OSError:
-        return None
-    return (state.st_mtime_ns, state.st_size, state.st_ino)
 
 
 # One picture of the viewfinder: a render session, the dials of its camera, and how far it is.
@@ -367,7 +342,9 @@ class Slot:
         The state of the camera's body; read from the scene by default.
     """
 
-    def __init__(self, name: str, session: RenderSession, changes: Changes, dials: Dials | None = None) -> None:
+    def __init__(
+        self, name: str, session: RenderSession, changes: Mapping[str, Any], dials: Dials | None = None
+    ) -> None:
         self.name = name
         self.session = session
         self.changes = changes
@@ -381,7 +358,7 @@ class Slot:
         self.compiling = False  # the last change waits for its kernels, and the picture is the one before
         self.awaits_kernels = False  # of the film, while glances have theirs
         self._moving_until = self._paused_until = 0.0
-        self.shown_changes = (Changes(changes.as_dict()), self.dials)  # those of the last picture
+        self.shown_changes = (changes, self.dials)  # those of the last picture
         self._number = self._metered = 0
         self._answers: Mapping[int, int | None] = {}
         self._next_samples = 1
@@ -427,15 +404,15 @@ class Slot:
             A value is wrong; nothing is changed.
         """
         change = self.session.change(dict(keys), wait=False)
-        self.changes.add(keys)
+        self.changes = with_changes(self.changes, keys)
         if dials is not None:
             self.dials = dials
         elif any(part in _BODY for part in change.keys):
             self.dials = read_dials(self.scene, self.dials)
-        self.touched(transient, change)
+        self.note_change(transient, change)
         return change
 
-    def touched(self, transient: bool, change: Change) -> None:
+    def note_change(self, transient: bool, change: Change) -> None:
         """Note what a change came to: the picture is another from here on, or the film is developed in another way."""
         self._follows = True
         self._moving_until = time.monotonic() + (REST_S if transient else 0.0)
@@ -486,7 +463,7 @@ class Slot:
         scale = self.pace.scale
         self.wants_glance = self.wants_showing = False
         self._last = self.session.glance(scale)
-        self.pace.glanced(scale, self._last.seconds)
+        self.pace.note_glance(scale, self._last.seconds)
         return self._last
 
     def again(self) -> Frame:
@@ -520,7 +497,7 @@ class Slot:
         count = max(1, min(self._next_samples, self.pace.samples, self.target_spp - before))
         complete = self.session.add(count)
         took = time.monotonic() - begun
-        self.pace.took(self.session.spp - before, took)
+        self.pace.note_take(self.session.spp - before, took)
         self._next_samples = 2 * count
         self._paused_until = begun + (1 + PAUSE) * took
         self._reaches_noise = complete and self.session.spp == before
@@ -531,7 +508,7 @@ class Slot:
         stale = self.compiling
         if not stale:
             self._answers = answers
-            self.shown_changes = (Changes(self.changes.as_dict()), self.dials)
+            self.shown_changes = (self.changes, self.dials)
         image = self.image_of(frame)
         raw = image.raw() if image.has_sensor else None
         self.shown = Shown(self._number, frame, codes_of(image), moving, stale, self._answers, raw)
@@ -551,11 +528,11 @@ class Slot:
 
     def image_of(self, frame: Frame) -> Image:
         """Return a frame as an image that develops as the scene says; glances leave sensor and diffraction out."""
-        found = self.session.metadata
-        comes_last = self.scene.sensor is not None or found.get("diffraction", {}).get("on", False)
+        described = self.session.metadata
+        comes_last = self.scene.sensor is not None or described.get("diffraction", {}).get("on", False)
         if comes_last and frame.scale == 1 and self.session.spp > 0:
             return self.session.image()
-        metadata = {"spectrum": found.get("spectrum", "rgb")}
+        metadata = {"spectrum": described.get("spectrum", "rgb")}
         return with_picture_settings(Image(frame.pixels, metadata), self.scene.picture)
 
     def close(self) -> None:
@@ -585,7 +562,7 @@ class Studio:
         self.origin = origin
         self._device, self._size, self._clients = device, size, clients
         self._scene: Scene | None = None
-        self._kept: tuple[Changes, Dials | None] = (Changes(), None)
+        self._kept: tuple[Mapping[str, Any], Dials | None] = ({}, None)
         self._by_hand: dict[str, Any] = {}  # what the scene's camera did not find by itself
         self.a: Slot | None = None
         self.b: Slot | None = None
@@ -620,10 +597,10 @@ class Studio:
         InputError
             It is not open.
         """
-        found = self.a if name == "A" else self.b
-        if found is None:
+        chosen = self.a if name == "A" else self.b
+        if chosen is None:
             raise InputError(f"slot: {name} is not open (allowed: A{', and B while two are compared' * (name == 'B')})")
-        return found
+        return chosen
 
     def load(self) -> Scene:
         """Return the scene of the file.
@@ -633,7 +610,7 @@ class Studio:
         InputError, StateError
             It cannot be used.
         """
-        self._scene = self._sized(self.origin.load())
+        self._scene = self._with_size(self.origin.load())
         return self._scene
 
     def open(self) -> None:
@@ -643,15 +620,15 @@ class Studio:
         assert self._scene is not None, "loaded before the engine starts"
         session, by_hand, problem = open_session(self._scene, self._device)
         kept, dials = self._kept
-        turned = self._turned(kept)
+        turned = self._without_by_hand(kept)
         self._by_hand = by_hand
-        changes = Changes({**self._by_hand, **turned})
+        changes = with_changes(self._by_hand, turned)
         if turned:
             try:
-                session.change(changes.as_dict())
+                session.change(changes)
             except InputError:  # the camera was turned to where its meter finds no light
-                changes.add(WITHOUT_METER)
-                session.change(changes.as_dict())
+                changes = with_changes(changes, WITHOUT_METER)
+                session.change(changes)
                 dials = read_dials(session.scene, dials)
         self.a = Slot("A", session, changes, dials)
         if problem is not None:
@@ -661,7 +638,7 @@ class Studio:
         self.panel = LensPanel(session.device)
         self.set_compare(self.compare)
 
-    def _sized(self, scene: Scene) -> Scene:
+    def _with_size(self, scene: Scene) -> Scene:
         return scene if self._size is None else change_scene(scene, film={"resolution": self._size})
 
     def close(self) -> None:
@@ -759,36 +736,33 @@ class Studio:
             session.close()
             self.compare = dict(NO_COMPARISON)
             raise
-        changes = Changes(self.a.changes.as_dict())
-        changes.add(keys)
-        self.b = Slot("B", session, changes)
-        self.b.touched(False, change)
+        self.b = Slot("B", session, with_changes(self.a.changes, keys))
+        self.b.note_change(False, change)
         for client in self._clients():
             client.shown.pop("B", None)
             client.shown.pop("difference", None)
 
-    def _turned(self, changes: Changes) -> dict[str, Any]:
-        """Return changes without those that stand where the scene's camera found nothing."""
-        found = changes.as_dict().items()
-        return {key: value for key, value in found if key not in self._by_hand or self._by_hand[key] != value}
+    def _without_by_hand(self, changes: Mapping[str, Any]) -> dict[str, Any]:
+        """Leave out the changes that stand where the scene's camera found nothing."""
+        return {key: value for key, value in changes.items() if (key, value) not in self._by_hand.items()}
 
     def replace(self, scene: Scene) -> list[str]:
         """Show another state of the scene file, with the changes that still fit; return what did not fit."""
-        scene = self._sized(scene)
+        scene = self._with_size(scene)
         if self.a is None:
             self._scene = scene
             return []
         slot = self.a
-        turned, by_hand = self._turned(slot.changes), self._by_hand
+        turned, by_hand = self._without_by_hand(slot.changes), self._by_hand
         try:
             change, self._by_hand = slot.session.replace(scene, wait=False), {}
         except InputError:
             if not by_hand:
                 raise
             change = slot.session.replace(set_keys(scene, by_hand), wait=False)
-        slot.touched(False, change)
+        slot.note_change(False, change)
         self._scene = scene
-        wanted, slot.changes = {**self._by_hand, **turned}, Changes()
+        wanted, slot.changes = {**self._by_hand, **turned}, {}
         dropped = _apply(slot, wanted)
         slot.dials = read_dials(slot.scene, slot.dials)
         self._tell_compiling(slot, not slot.compiling)
@@ -801,12 +775,12 @@ class Studio:
     def reset(self, prefix: str) -> None:
         """Go back to the scene file, as a whole or in the keys that begin so."""
         assert self._scene is not None and self.a is not None
-        self.a.changes.drop(prefix)
+        self.a.changes = {key: value for key, value in self.a.changes.items() if not key.startswith(prefix)}
         self.replace(self._scene)
 
 
 def text_of(problem: Exception) -> str:
-    """Return what to say of an error."""
+    """The text of an error for a client."""
     return str(problem) if isinstance(problem, RptcamError) else f"unexpected {type(problem).__name__}: {problem}"
 
 

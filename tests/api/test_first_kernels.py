@@ -12,8 +12,8 @@ import pytest
 import rptcam_cl
 from rptcam_cl.api.session import RenderSession
 from rptcam_cl.device.devices import choose_device
+from rptcam_cl.device.fork_server import CompileServer
 from rptcam_cl.device.session import Session
-from rptcam_cl.rendering.tracer import Compiler
 
 SCENE: dict[str, Any] = {
     "film": {"resolution": [48, 32]},
@@ -56,7 +56,7 @@ def device(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Watched:
 def compiled(monkeypatch: pytest.MonkeyPatch) -> threading.Event:
     """When the process apart has compiled what it was to."""
     found = threading.Event()
-    monkeypatch.setattr(Compiler, "compile", lambda self, wanted: found.wait(PATIENCE_S))
+    monkeypatch.setattr(CompileServer, "compile", lambda self, wanted: found.wait(PATIENCE_S))
     return found
 
 

@@ -58,7 +58,7 @@ def test_table_for_people(rptcam: Any, scene: Path) -> None:
         (["--zones", "none.txt"], "none.txt: cannot be read"),
         (["--plot", "curve.jpg"], "unknown kind of picture"),
         (["--method", "depth", "--plot", "curve.svg"], "method depth has no curve"),
-        (["--set", "objects=[]"], "no contrast in the zone"),
+        pytest.param(["--set", "objects=[]"], "no contrast in the zone", marks=pytest.mark.slow),
         (["--set", "camera={kind: pinhole, eye: [0, 0, 0], target: [0, 0, -1], fov_degrees: 40}"], "no focus to find"),
     ],
 )

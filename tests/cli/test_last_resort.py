@@ -71,8 +71,9 @@ def test_file_that_may_not_grow_is_not_called_standard_output(tmp_path: Path) ->
 
     words = ["lens", "draw", "dgauss-50mm", "--device", "none", "-o", str(tmp_path / "a.svg")]
     done = subprocess.run(
-        [sys.executable, "-m", "rptcam_cl", *words], capture_output=True, text=True, check=False, preexec_fn=small
-    )
+        [sys.executable, "-m", "rptcam_cl", *words], capture_output=True, text=True, check=False, preexec_fn=small,
+        env=os.environ | {"PYTHONDONTWRITEBYTECODE": "1"},  # its modules would be cut off, for others too
+    )  # fmt: skip
     assert done.returncode == 4, done.stderr
     assert "File too large" in done.stderr
     assert "standard output" not in done.stderr
@@ -94,8 +95,9 @@ def test_error_without_a_file_is_blamed_on_standard_output_only_where_it_is_full
 def test_full_standard_output_is_named() -> None:
     with Path("/dev/full").open("w") as full:
         done = subprocess.run(
-            [sys.executable, "-m", "rptcam_cl", "schema"], stdout=full, stderr=subprocess.PIPE, text=True, check=False
-        )
+            [sys.executable, "-m", "rptcam_cl", "schema", "--lens"], stdout=full, stderr=subprocess.PIPE, text=True,
+            check=False,
+        )  # fmt: skip
     assert done.returncode == 4
     assert done.stderr == "error: standard output: No space left on device\n"
 
@@ -128,12 +130,11 @@ def test_closed_streams_hold_no_picture_up_and_nothing_is_written_into_it(stream
 @pytest.mark.parametrize(
     ("line", "code", "said"),
     [
-        ("rptcam schema >&-", 4, b"error: standard output: Bad file descriptor\n"),
+        ("rptcam schema --lens >&-", 4, b"error: standard output: Bad file descriptor\n"),
         ("rptcam --help >&-", 4, b"error: standard output: Bad file descriptor\n"),
-        pytest.param("rptcam schema >&- 2>&-", 4, b"", marks=pytest.mark.slow),
+        pytest.param("rptcam schema --lens >&- 2>&-", 4, b"", marks=pytest.mark.slow),
         ("rptcam render no.yaml -o a.png 2>&-", 2, b""),
         ("rptcam render no.yaml -o a.png 2>&1 | true; exit ${PIPESTATUS[0]}", 2, b""),
-        ("rptcam schema | true; exit ${PIPESTATUS[0]}", 0, b""),
     ],
 )
 def test_closed_streams_end_in_the_right_code_and_no_traceback(

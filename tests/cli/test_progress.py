@@ -7,7 +7,7 @@ import pytest
 
 from rptcam_cl.api.options import duration
 from rptcam_cl.cli import output as module
-from rptcam_cl.cli.output import LastTiles, as_duration, describe, fraction_done, progress_on_stderr
+from rptcam_cl.cli.output import as_duration, describe, fraction_done, progress_on_stderr
 
 
 def report(**changes: Any) -> Any:
@@ -59,26 +59,26 @@ def test_noise_target_has_a_time_and_a_reason_once_its_noise_is_known() -> None:
     assert shown.startswith("98 % of the tiles done, about 12 s left, 40 have up to 4.1 % noise for 2 %, ")
 
 
-def test_last_tiles_that_took_long_are_reported_at_the_end_with_the_reason() -> None:
+def test_last_tiles_that_took_long_are_reported_at_the_end_with_the_reason(capsys: pytest.CaptureFixture[str]) -> None:
+    def end_of(reports: list[Any]) -> str:
+        with progress_on_stderr() as show:
+            for item in reports:
+                show(item)
+        return capsys.readouterr().err
+
     left = SimpleNamespace(count=18, worst=0.126, target=0.05, seconds=20.0, few=True)
     reports = [
         report(seconds=10.0),  # before the noise is known
         report(seconds=40.0, tiles_done=0.97, tiles_left=left),
         report(seconds=75.0, tiles_done=0.981, tiles_left=left),
-        report(seconds=95.0, tiles_done=0.99, tiles_left=SimpleNamespace(count=9, worst=0.06, target=0.05)),
+        report(seconds=95.0, tiles_done=0.99, tiles_left=left),
         report(seconds=100.0, tiles_done=1.0),
     ]
-    last = LastTiles()
-    for item in reports:
-        last.note(item)
-    assert (last.line() or "").startswith(
+    assert end_of(reports).startswith(
         "the last 18 tiles took 25 % of the time: they had up to 13 % noise when all others met 5 %"
     )
     for shortened in (reports[:3], reports[:1], [report(seconds=9.0, tiles_done=0.99, tiles_left=left)]):
-        last = LastTiles()
-        for item in shortened:
-            last.note(item)
-        assert last.line() is None
+        assert end_of(shortened) == ""
 
 
 def test_start_without_samples_divides_by_nothing() -> None:

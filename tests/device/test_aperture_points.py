@@ -53,7 +53,7 @@ def counts(x, y):
     return np.histogram2d(x, y, bins=(edges, edges))[0]
 
 
-@pytest.mark.parametrize("lanes", [1, 8])
+@pytest.mark.parametrize("lanes", [pytest.param(1, marks=pytest.mark.slow), 8])
 @pytest.mark.parametrize("name", SHAPES)
 def test_points_are_even_over_the_shape(name, lanes, session, folder):
     given = scene(name, folder)

@@ -52,7 +52,7 @@ FORMULAS = {
     # below a roughness of 0.25 the formula wins energy: it is divided by the largest share that comes back
     "fine sheen": (
         BLACK_CLOTH | {"sheen_roughness": 0.15},
-        lambda i, o: sheen_lobe(0.0225).scale * bsdfs.sheen(i, o, 0.0225) * RGB,
+        lambda i, o: sheen_lobe(0.0225)[0] * bsdfs.sheen(i, o, 0.0225) * RGB,
     ),
     "plastic": (
         {"kind": "plastic", "reflectance": RGB, "index": 1.4},

@@ -55,13 +55,13 @@ fork_server.IDLE = 0.0
 prepare = devices.prepare_trial
 def prepare_and_wait():
     prepare()
-    os.waitid(os.P_PID, devices._fork_server[0]._process, os.WEXITED | os.WNOWAIT)
+    os.waitid(os.P_PID, devices._fork_server[0]._child[0], os.WEXITED | os.WNOWAIT)
 devices.prepare_trial = prepare_and_wait
 """
 CRASH = "devices.try_here = lambda handle: os.abort()"
 HANG = """\
-ask = devices.ForkServer.ask
-devices.ForkServer.ask = lambda self, *order, timeout_s: ask(self, *order, timeout_s=0.5)
+ask = devices.CompileServer.ask
+devices.CompileServer.ask = lambda self, *order, timeout_s: ask(self, *order, timeout_s=0.5)
 devices.try_here = lambda handle: time.sleep(60)
 """
 
@@ -126,7 +126,7 @@ def test_programs_come_out_of_the_cache_that_it_has_built(tmp_path: Path) -> Non
     assert apart == before + 1 == here
 
 
-KILLED = "os.kill(devices._fork_server[0]._process, 9); time.sleep(0.1)"
+KILLED = "os.kill(devices._fork_server[0]._child[0], 9); time.sleep(0.1)"
 
 
 @pytest.mark.parametrize("end", [KILLED, "devices.end_trials()"])
@@ -143,7 +143,7 @@ def test_it_builds_nothing_for_a_device_that_it_has_not_tried(tmp_path: Path) ->
 
 
 def test_a_process_that_nobody_asks_ends_with_its_maker(tmp_path: Path) -> None:
-    script = "from rptcam_cl.device import devices; devices.prepare_trial(); print(devices._fork_server[0]._process)"
+    script = "from rptcam_cl.device import devices; devices.prepare_trial(); print(devices._fork_server[0]._child[0])"
     (process,) = ran(tmp_path, script)
     state = Path("/proc") / str(process) / "stat"
     for _ in range(100_000):

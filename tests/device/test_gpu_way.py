@@ -54,11 +54,12 @@ def taken(kind, session):
     return np.asarray(image).astype(np.float64)
 
 
-SLOW = "a lens in float64"  # whose way through the lens has tests of its own
+# The first has tests of its own way through the lens; wavelengths are carried as behind a lens that disperses.
+SLOW = ("a lens in float64", "spectra")
 # all shapes, lamps and textures are in test_widths.py
 
 
-@pytest.mark.parametrize("kind", [pytest.param(kind, marks=[pytest.mark.slow] * (kind == SLOW)) for kind in KINDS])
+@pytest.mark.parametrize("kind", [pytest.param(kind, marks=[pytest.mark.slow] * (kind in SLOW)) for kind in KINDS])
 def test_passes_of_single_lanes_make_the_picture_of_the_stream(kind, monkeypatch):
     stream = taken(kind, open_session())
     monkeypatch.setattr(Session, "kind", "gpu")

@@ -94,7 +94,7 @@ def test_field_is_found_only_where_the_record_is_as_expected(texts, found):
 def test_what_lies_behind_the_record_is_not_read():
     # PoCL 3.0 allocates 1024 bytes and a little: a copy of the triple behind them once hid the record's own.
     words, kept = record(b"pthread", b"x86_64-unknown-linux-gnu", b"generic")
-    for left in range(128, 299):
+    for left in range(128, 299, 9):
         words[left], words[left + 1] = ctypes.addressof(kept[1]), ctypes.addressof(kept[2])
         assert drivers.processor_field(ctypes.addressof(words)) == ctypes.addressof(words) + 24
         words[left] = words[left + 1] = 0

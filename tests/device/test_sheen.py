@@ -45,10 +45,10 @@ def test_share_sent_back_is_the_integral_of_the_formula(alpha):
 
 @pytest.mark.parametrize("alpha", SOME_ALPHAS)
 def test_fit_of_the_share_is_from_above_and_close(alpha):
-    lobe = sheen_lobe(alpha)
-    roots = np.linspace(0.1, 1, 60)
-    share = lobe.scale * np.array([sheen_albedo(root**2, alpha) for root in roots])
-    fit = np.exp(sum(c * roots**i for i, c in enumerate(lobe.albedo)))
+    scale, members = sheen_lobe(alpha)
+    roots = np.linspace(0.1, 1, 20)
+    share = scale * np.array([sheen_albedo(root**2, alpha) for root in roots])
+    fit = np.exp(sum(c * roots**i for i, c in enumerate((*members["sheen_cover"], members["sheen_last"]))))
     off = fit - share
     assert off.min() > -0.003
     assert np.average(off, weights=roots**3) < 0.005
@@ -57,12 +57,12 @@ def test_fit_of_the_share_is_from_above_and_close(alpha):
 
 @pytest.mark.parametrize("alpha", SOME_ALPHAS)
 def test_no_direction_gets_back_more_than_arrives(alpha):
-    most = max(sheen_albedo(cosine, alpha) for cosine in np.geomspace(1e-4, 1, 60))
-    assert sheen_lobe(alpha).scale * most <= 1 + 1e-3
-    assert (sheen_lobe(alpha).scale == 1) == (alpha > 0.0625)
+    most = max(sheen_albedo(cosine, alpha) for cosine in np.geomspace(1e-4, 1, 20))
+    assert sheen_lobe(alpha)[0] * most <= 1 + 1e-3
+    assert (sheen_lobe(alpha)[0] == 1) == (alpha > 0.0625)
 
 
-@pytest.mark.parametrize("roughness", [0.3, 0.6, 1.0])
+@pytest.mark.parametrize("roughness", [0.3, pytest.param(0.6, marks=pytest.mark.slow), 1.0])
 def test_base_gets_what_the_sheen_leaves(session, roughness):
     base = {"kind": "principled", "base_color": [0.8, 0.4, 0.2], "roughness": 0.7}
     sheen = {"sheen": [0.2, 0.9, 0.5], "sheen_roughness": roughness}
@@ -71,7 +71,7 @@ def test_base_gets_what_the_sheen_leaves(session, roughness):
     both = scatter(session, base | sheen, wi, wo).value
     alone = scatter(session, base | {"base_color": 0, "specular": 0} | sheen, wi, wo).value
     below = scatter(session, base, wi, wo).value
-    cosines = np.linspace(0.2, 1, 40) ** 2
+    cosines = np.linspace(0.2, 1, 16) ** 2
     share = [sheen_albedo(cosine, roughness**2) for cosine in cosines]
     # of the largest channel, the lower of both directions
     kept = 0.9 * np.interp(np.minimum(wi[:, 2], wo[:, 2]), cosines, share)
@@ -80,7 +80,7 @@ def test_base_gets_what_the_sheen_leaves(session, roughness):
     assert np.abs(off).mean() < 0.02
 
 
-@pytest.mark.parametrize("roughness", [0.1, 0.5, 1.0])
+@pytest.mark.parametrize("roughness", [0.1, pytest.param(0.5, marks=pytest.mark.slow), 1.0])
 def test_white_cloth_over_a_white_base_keeps_its_light(session, roughness):
     rng = np.random.default_rng(8)
     cloth = {"kind": "principled", "base_color": WHITE, "specular": 0, "sheen": WHITE, "sheen_roughness": roughness}

@@ -12,8 +12,8 @@ import pytest
 from rptcam_cl.cli import main
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.imaging import writers
-from rptcam_cl.imaging.development import Development, GreyWorld
 from rptcam_cl.imaging.image import Image, read_film
+from rptcam_cl.scene.film import PictureSettings, WhiteBalance
 
 SUFFIXES = (".exr", ".npy", ".npz")
 ODD = (None, True, -1, 1e300, "", "x" * 50, [], [[]], {}, [1, 2, 3, 4], {"a": [1]}, [None] * 4, float("nan"))
@@ -121,7 +121,10 @@ def test_large_film_in_a_small_file_is_refused_before_it_is_unpacked(tmp_path: P
 def test_film_developed_in_bands_is_the_same_as_in_one(monkeypatch: pytest.MonkeyPatch) -> None:
     module = sys.modules["rptcam_cl.imaging.development"]  # the package has a function of the same name
     pixels = np.random.default_rng(3).random((50, 20, 3), dtype=np.float32) * 3
-    for picture in (Development(tone="agx"), Development(white_balance=GreyWorld(), gamut="desaturate")):
+    for picture in (
+        PictureSettings(tone="agx"),
+        PictureSettings(white_balance=WhiteBalance(light="auto"), gamut="desaturate"),
+    ):
         whole = module.developed_values(pixels, picture)
         monkeypatch.setattr(module, "BAND_PIXELS", 7 * 20)
         np.testing.assert_allclose(module.developed_values(pixels, picture), whole, rtol=0, atol=2e-7)

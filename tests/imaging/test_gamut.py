@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.imaging.development import Development, developed_values
+from rptcam_cl.imaging.development import developed_values
+from rptcam_cl.scene.film import PictureSettings
 
 WEIGHTS = np.array([0.2126, 0.7152, 0.0722])
 
@@ -14,7 +15,7 @@ def colours() -> np.ndarray:
 
 
 def linear(colours: np.ndarray, gamut: str) -> np.ndarray:
-    return developed_values(colours, Development(tone="linear", gamut=gamut))
+    return developed_values(colours, PictureSettings(tone="linear", gamut=gamut))
 
 
 def test_clipping_is_by_channel(colours: np.ndarray) -> None:

@@ -5,8 +5,9 @@ import PIL.Image
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.imaging.development import Development, developed_values, quantised
+from rptcam_cl.imaging.development import developed_values, quantise
 from rptcam_cl.imaging.image import Image
+from rptcam_cl.scene.film import PictureSettings
 
 
 @pytest.fixture
@@ -50,6 +51,6 @@ def test_numbers_of_another_kind_are_refused(pixels: np.ndarray) -> None:
 
 
 def test_notebook_shows_the_developed_picture(pixels: np.ndarray) -> None:
-    picture = Development(ev=1.0, tone="aces")
+    picture = PictureSettings(ev=1.0, tone="aces")
     with PIL.Image.open(io.BytesIO(Image(pixels, development=picture)._repr_png_())) as shown:
-        assert np.array_equal(np.asarray(shown), quantised(developed_values(pixels, picture), 8))
+        assert np.array_equal(np.asarray(shown), quantise(developed_values(pixels, picture), 8))

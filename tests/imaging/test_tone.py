@@ -7,15 +7,14 @@ import pytest
 
 from rptcam_cl.imaging.development import (
     AGX_WHITE,
-    Development,
-    Tone,
     agx,
     agx_contrast,
     developed_values,
     linear_from_srgb,
-    quantised,
+    quantise,
     srgb_from_linear,
 )
+from rptcam_cl.scene.film import PictureSettings, Tone
 
 TONES = get_args(Tone)
 WHITES = {"srgb": 1.0, "linear": 1.0, "reinhard": 4.0, "aces": 7.25, "agx": AGX_WHITE}
@@ -26,9 +25,9 @@ def greys(values: np.ndarray) -> np.ndarray:
     return np.repeat(np.asarray(values, np.float32).reshape(1, -1, 1), 3, axis=2)
 
 
-def shown(values: np.ndarray, tone: Tone, **settings: float) -> np.ndarray:
+def shown(values: np.ndarray, tone: Tone, white: float | None = None, **settings: float) -> np.ndarray:
     """The linear light of the display for greys."""
-    encoded = developed_values(greys(values), Development(tone=tone, **settings))
+    encoded = developed_values(greys(values), PictureSettings(tone={"kind": tone, "white": white}, **settings))
     assert np.all(np.ptp(encoded, axis=2) < 1e-6)  # a grey stays grey
     return encoded[0, :, 0] if tone == "linear" else linear_from_srgb(encoded[0, :, 0])
 
@@ -62,20 +61,20 @@ def test_plain_picture_has_the_very_codes_of_the_curve_alone() -> None:
         curve = np.float32(1.055) * x ** np.float32(1 / 2.4) - np.float32(0.055)
         encoded = np.where(x <= np.float32(0.0031308), x * np.float32(12.92), curve)
         codes = (encoded * np.float32(255.0) + np.float32(0.5)).astype(np.uint8)
-        assert np.array_equal(quantised(developed_values(pixels, Development(ev=ev)), 8), codes)
+        assert np.array_equal(quantise(developed_values(pixels, PictureSettings(ev=ev)), 8), codes)
 
 
 def test_every_code_of_eight_bits_survives_the_way_there_and_back() -> None:
     codes = np.arange(256) / 255.0
     linear = np.where(codes <= 0.04045, codes / 12.92, ((codes + 0.055) / 1.055) ** 2.4)
-    assert quantised(developed_values(greys(linear)), 8)[0, :, 0].tolist() == list(range(256))
+    assert quantise(developed_values(greys(linear)), 8)[0, :, 0].tolist() == list(range(256))
 
 
 def test_sixteen_bits_tell_values_apart_that_eight_do_not() -> None:
     encoded = developed_values(greys(np.linspace(0.4, 0.41, 400)))
-    assert np.unique(quantised(encoded, 16)).size == 400
-    assert np.unique(quantised(encoded, 8)).size < 5
-    assert quantised(np.ones((1, 1, 3), np.float32), 16).max() == 65535
+    assert np.unique(quantise(encoded, 16)).size == 400
+    assert np.unique(quantise(encoded, 8)).size < 5
+    assert quantise(np.ones((1, 1, 3), np.float32), 16).max() == 65535
 
 
 @pytest.mark.parametrize("tone", TONES)
@@ -95,7 +94,7 @@ def test_values_of_any_size_stay_in_range(tone: Tone, gamut: str) -> None:
     odd = [np.nan, np.inf, -np.inf, 1e38, -1e38, 1e-40, -1e-40, 0.0, 0.5, 3.0]
     pixels = np.array([[r, g, b] for r in odd for g in odd for b in odd], np.float32)[None]
     with np.errstate(all="raise", under="ignore"):
-        encoded = developed_values(pixels, Development(ev=3.0, tone=tone, gamut=gamut))
+        encoded = developed_values(pixels, PictureSettings(ev=3.0, tone=tone, gamut=gamut))
     assert encoded.dtype == np.float32
     assert np.isfinite(encoded).all()
     assert encoded.min() >= 0
@@ -105,13 +104,13 @@ def test_values_of_any_size_stay_in_range(tone: Tone, gamut: str) -> None:
 def test_one_stop_doubles_the_light() -> None:
     pixels = np.linspace(0.0, 0.5, 60, dtype=np.float32).reshape(4, 5, 3)
     for tone in TONES:
-        once, twice = Development(ev=1.0, tone=tone), Development(tone=tone)
+        once, twice = PictureSettings(ev=1.0, tone=tone), PictureSettings(tone=tone)
         assert np.array_equal(developed_values(pixels, once), developed_values(2 * pixels, twice))
 
 
 def test_linear_picture_is_the_light_itself() -> None:
     pixels = np.random.default_rng(2).random((3, 4, 3), dtype=np.float32)
-    assert np.array_equal(developed_values(pixels, Development(tone="linear")), pixels)
+    assert np.array_equal(developed_values(pixels, PictureSettings(tone="linear")), pixels)
 
 
 @pytest.mark.parametrize("white", [1.0, 4.0, 100.0])
@@ -119,10 +118,10 @@ def test_reinhard_maps_luminance_by_the_formula_and_keeps_ratios(white: float) -
     # Reinhard et al. 2002, eq. 4: L (1 + L / white^2) / (1 + L)
     light = np.array([0.01, 0.18, 0.5, 0.9])
     expected = light * (1 + light / white**2) / (1 + light)
-    assert shown(light, "reinhard", tone_white=white) == pytest.approx(expected, rel=2e-6)
+    assert shown(light, "reinhard", white) == pytest.approx(expected, rel=2e-6)
     colour = np.array([0.8, 0.4, 0.1], np.float32)
     display = linear_from_srgb(
-        developed_values(colour[None, None], Development(tone="reinhard", tone_white=white))[0, 0]
+        developed_values(colour[None, None], PictureSettings(tone={"kind": "reinhard", "white": white}))[0, 0]
     )
     assert display / display[1] == pytest.approx(colour / colour[1], rel=1e-5)
 
@@ -171,11 +170,11 @@ def test_agx_shows_middle_grey_at_half_of_the_signal() -> None:
 def test_agx_turns_bright_colours_white_and_leaves_dim_ones_coloured() -> None:
     lamp = np.array([[[1.0, 0.05, 0.02]]], np.float32)
     spread = [
-        float(np.ptp(developed_values(lamp, Development(ev=ev, tone="agx")))) for ev in (-2.0, 2.0, 4.0, 6.0, 9.0)
+        float(np.ptp(developed_values(lamp, PictureSettings(ev=ev, tone="agx")))) for ev in (-2.0, 2.0, 4.0, 6.0, 9.0)
     ]
     assert spread == sorted(spread, reverse=True)
     assert spread[0] > 0.3
     assert spread[-1] < 0.02
-    clipped = developed_values(lamp, Development(ev=2.0))[0, 0]
+    clipped = developed_values(lamp, PictureSettings(ev=2.0))[0, 0]
     assert clipped[0] == pytest.approx(1, abs=1e-6)  # plain sRGB shows the lamp as pure red
     assert np.ptp(clipped) > 0.4

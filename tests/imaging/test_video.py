@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 
 from rptcam_cl.core.errors import InputError, StateError
-from rptcam_cl.imaging.development import Development, quantised
+from rptcam_cl.imaging.development import quantise
 from rptcam_cl.imaging.image import Image, check_video, write_video
+from rptcam_cl.scene.film import PictureSettings
 
 LEVELS = (0.05, 0.2, 0.6)
 
@@ -28,7 +29,7 @@ def test_frames_of_a_video_are_the_developed_pictures(suffix, most, tmp_path):
     assert len(found) == 3
     for frame, image in zip(found, pictures(), strict=True):
         assert frame.shape == (34, 50, 3)  # an odd column is left out
-        wanted = quantised(image.developed()[:, :50], 16).astype(int)
+        wanted = quantise(image.developed()[:, :50], 16).astype(int)
         assert np.abs(frame - wanted).mean() <= 65535 * most
 
 
@@ -75,7 +76,7 @@ def test_colours_of_a_video_are_by_the_matrix_that_it_names(suffix, tmp_path):
 
 
 def test_video_of_linear_pictures_says_so(tmp_path):
-    image = Image(np.full((8, 8, 3), 0.5, np.float32), development=Development(tone="linear"))
+    image = Image(np.full((8, 8, 3), 0.5, np.float32), development=PictureSettings(tone="linear"))
     write_video(tmp_path / "a.mkv", [image], 24)
     with av.open(str(tmp_path / "a.mkv")) as file:
         assert file.streams.video[0].codec_context.color_trc == 8

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from rptcam_cl.core.colour import WAVELENGTHS_NM, blackbody, illuminant, srgb_from_reflectance, srgb_from_spectrum
-from rptcam_cl.imaging.development import Development, Grey, GreyWorld, KnownLight, developed_values
+from rptcam_cl.imaging.development import developed_values
 from rptcam_cl.imaging.image import Image, development_of
-from rptcam_cl.scene.film import LIGHTS
+from rptcam_cl.scene.film import LIGHTS, PictureSettings, WhiteBalance
 from rptcam_cl.scene.load import load_picture
 
 WEIGHTS = np.array([0.2126, 0.7152, 0.0722])
@@ -123,7 +123,7 @@ def test_place_that_is_told_becomes_grey(grey: list[float], column: int, other: 
     "place", [(0.4, 0.5, 0.3, 0.7), (0.5, 0.5), (0.55, 0.4), (0.61, 0.47), (0.41, 0.415, 0.3, 0.301)]
 )
 def test_place_is_of_the_whole_film_also_in_a_part_of_it(place: tuple[float, ...]) -> None:
-    picture = Development(tone="linear", white_balance=Grey(place))
+    picture = PictureSettings(tone="linear", white_balance=WhiteBalance(grey=place))
     metadata = {"resolution": [20, 10], "window": [8, 2, 12, 7]}
     pixels = np.random.default_rng(4).random((10, 20, 3), dtype=np.float32)
     part = Image(pixels[2:9, 8:], metadata, development=picture).developed()
@@ -139,11 +139,11 @@ def test_mean_of_the_picture_becomes_grey_without_its_lamps() -> None:
     np.testing.assert_allclose(linear(pixels, white_balance="auto")[1:], shown[1:], atol=1e-6)
 
 
-@pytest.mark.parametrize("balance", [GreyWorld(), Grey((0.5, 0.5))])
+@pytest.mark.parametrize("balance", [WhiteBalance(light="auto"), WhiteBalance(grey=(0.5, 0.5))])
 @pytest.mark.parametrize("colour", [[0, 0, 0], [0.1, 0.3, -0.1], [-0.1, -0.2, 0.3]])
-def test_what_cannot_be_grey_is_left_with_a_warning(balance: GreyWorld | Grey, colour: list[float]) -> None:
+def test_what_cannot_be_grey_is_left_with_a_warning(balance: WhiteBalance, colour: list[float]) -> None:
     with pytest.warns(UserWarning, match="black or of no colour that light has; left as it is"):
-        shown = developed_values(wall(colour), Development(tone="linear", white_balance=balance))
+        shown = developed_values(wall(colour), PictureSettings(tone="linear", white_balance=balance))
     assert np.array_equal(shown, np.clip(wall(colour), 0, 1))
 
 
@@ -151,6 +151,6 @@ def test_not_a_number_does_not_spread_to_other_channels_or_pixels() -> None:
     pixels = wall([0.4, 0.3, 0.2])
     pixels[0, 0] = [np.nan, 0.3, 0.2]
     pixels[1, 1] = np.inf
-    shown = developed_values(pixels, Development(tone="linear", white_balance=KnownLight((1.2, 1.0, 0.5))))
+    shown = developed_values(pixels, PictureSettings(tone="linear", white_balance=WhiteBalance(light="A")))
     assert np.isfinite(shown).all()
     assert shown[1, 1].tolist() == [1, 1, 1]

@@ -7,9 +7,10 @@ import PIL.Image
 import pytest
 
 from rptcam_cl.core.errors import InputError, StateError
-from rptcam_cl.imaging.development import Development, quantised
+from rptcam_cl.imaging.development import quantise
 from rptcam_cl.imaging.image import Image
 from rptcam_cl.imaging.writers import check_output
+from rptcam_cl.scene.film import PictureSettings
 
 METADATA = {
     "scene_hash": "5e1f",
@@ -29,7 +30,7 @@ METADATA = {
 @pytest.fixture
 def image() -> Image:
     pixels = np.random.default_rng(1).random((5, 7, 3), dtype=np.float32) * 4
-    return Image(pixels, metadata=METADATA, development=Development(ev=-1.0))
+    return Image(pixels, metadata=METADATA, development=PictureSettings(ev=-1.0))
 
 
 def test_npy_holds_the_film_bit_for_bit(tmp_path: Path, image: Image) -> None:
@@ -44,7 +45,7 @@ def test_png_holds_the_developed_picture_and_the_metadata(tmp_path: Path, image:
     with PIL.Image.open(tmp_path / "picture.PNG") as picture:
         assert picture.format == "PNG"
         assert picture.info["srgb"] == 0
-        assert np.array_equal(np.asarray(picture), quantised(image.developed(), 8))
+        assert np.array_equal(np.asarray(picture), quantise(image.developed(), 8))
         text = picture.text
     assert text["lens"] == "Gauß 50 mm f/2"
     assert text["seed"] == str(2**63)
@@ -61,7 +62,7 @@ def test_jpeg_holds_the_developed_picture_closely_and_its_exif_data(tmp_path: Pa
         image.save(tmp_path / name)
         with PIL.Image.open(tmp_path / name) as picture:
             assert picture.format == "JPEG"
-            error = np.asarray(picture, np.float64) - quantised(image.developed(), 8)
+            error = np.asarray(picture, np.float64) - quantise(image.developed(), 8)
             assert abs(error).max() <= 6  # what quality 95 loses of a slope
             assert picture.getexif().get_ifd(0x8769)[0x829D] == 2.0  # FNumber
             assert picture.info["icc_profile"]
@@ -75,7 +76,7 @@ def test_jpeg_is_smaller_by_a_lower_quality(tmp_path: Path) -> None:
     sizes = []
     for quality in (100, 95, 60, 5):
         path = tmp_path / f"{quality}.jpg"
-        Image(pixels, development=Development(jpeg_quality=quality)).save(path)
+        Image(pixels, development=PictureSettings(jpeg_quality=quality)).save(path)
         sizes.append(path.stat().st_size)
     assert sizes == sorted(sizes, reverse=True)
     assert sizes[-1] < sizes[0] / 5

@@ -106,10 +106,14 @@ def test_the_double_gauss_has_its_known_ghosts() -> None:
     assert total(bare) == pytest.approx(3.596e-2, rel=0.01)
     assert sum(ghost.flux_in_frame / bare.reference > 1e-5 for ghost in bare.ghosts) == 28
     assert total(coated) == pytest.approx(2.63e-4, rel=0.01)
-    assert total(ghosts_of("dgauss50", 0, "mgf2")) == pytest.approx(1.21e-3, rel=0.01)  # 450 nm
-    assert total(ghosts_of("dgauss50", 2, "mgf2")) == pytest.approx(9.4e-4, rel=0.01)  # 650 nm
     f8 = next(n for n, case in enumerate(DGAUSS["cases"]) if case["stop_semi_diameter"] < 3)
     assert total(ghosts_of("dgauss50", f8, "bare")) == pytest.approx(0.081, rel=0.01)
+
+
+@pytest.mark.slow
+def test_a_layer_for_green_leaves_more_of_the_other_colours() -> None:
+    assert total(ghosts_of("dgauss50", 0, "mgf2")) == pytest.approx(1.21e-3, rel=0.01)  # 450 nm
+    assert total(ghosts_of("dgauss50", 2, "mgf2")) == pytest.approx(9.4e-4, rel=0.01)  # 650 nm
 
 
 CLEAR, DARK = QuarterWave(1.38, 550.0), LayerStack((Layer(1.46, 70.0), Layer(0.9, 3.0, 2.6)))

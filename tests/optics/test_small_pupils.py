@@ -11,9 +11,9 @@ from rptcam_cl.optics.design import lens_info
 from rptcam_cl.optics.irradiance import film_irradiance
 from rptcam_cl.optics.lens import film_distance
 from rptcam_cl.optics.library import list_lenses, load_lens
+from tests.support.lenses import each_lens
 
 STOPS = [1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0, 256.0, 512.0]
-STOPPED = [name for name in list_lenses() if load_lens(name).stop is not None]
 # of light, to that of first-order optics, where the pupil is so small that only its real place off it counts
 CLOSE = 0.01
 
@@ -76,7 +76,12 @@ def is_full(lens):
     return not any(surface.inner_semi_diameter for surface in lens.surfaces)
 
 
-@pytest.mark.parametrize("name", [n for n in STOPPED if load_lens(n).is_rotational and is_full(load_lens(n))])
+def stopped_lenses():
+    lenses = {name: load_lens(name) for name in list_lenses()}
+    return [name for name, lens in lenses.items() if lens.stop is not None and lens.is_rotational and is_full(lens)]
+
+
+@pytest.mark.parametrize("name", each_lens(stopped_lenses()))
 def test_a_lens_stopped_down_has_the_light_of_first_order_optics(name):
     lens = load_lens(name)
     back = distance_of(lens)

@@ -10,7 +10,7 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.design import image_circle, lens_info, stop_diameter_by_sine, t_number, working_f_number
 from rptcam_cl.optics.glass import ConstantIndex
 from rptcam_cl.optics.lens import Lens
-from rptcam_cl.optics.library import list_lenses, load_lens
+from rptcam_cl.optics.library import load_lens
 from rptcam_cl.optics.surface import Surface
 
 
@@ -84,7 +84,7 @@ def test_working_f_number_in_another_medium(gap):
     assert working_f_number(lens, film) == pytest.approx(20.0 / 4.0)  # 1 / (2 n' u'), n' u' = 2 mm / 20 mm
 
 
-@pytest.mark.parametrize("name", list_lenses()[::3])
+@pytest.mark.parametrize("name", ["biconvex", "dgauss-50mm", "human-eye", "mirror-500mm", "zoom-80-200mm"])
 def test_info_is_plain_json_for_every_bundled_lens(name):
     info = lens_info(load_lens(name))
     assert json.loads(json.dumps(info, allow_nan=False)) == info

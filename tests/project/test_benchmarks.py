@@ -212,6 +212,7 @@ def test_losses_in_a_lens_are_compared_with_none(checkout: Path, tmp_path: Path)
     assert all(time > 0 for times in results["seconds_per_ray"].values() for time in times)
 
 
+@pytest.mark.slow
 def test_building_trees_is_timed_by_stage(checkout: Path, tmp_path: Path) -> None:
     printed, results = quick(checkout, tmp_path, "bvh_build")
     assert "wide nodes" in printed
@@ -267,6 +268,7 @@ def test_both_renderers_do_the_same_work(checkout: Path, tmp_path: Path) -> None
     ]
 
 
+@pytest.mark.slow
 def test_lens_for_mitsuba_aims_at_all_that_passes() -> None:
     found, lens = prescription(reference_scene("A_lens")), load_lens("dgauss-50mm")
     rng, count = np.random.default_rng(1), 4000
@@ -316,6 +318,7 @@ def test_description_of_the_cornell_box_has_every_face(tmp_path: Path) -> None:
     assert sum("emitter" in item for item in description.values() if isinstance(item, dict)) == 1
 
 
+@pytest.mark.slow
 def test_room_of_meshes_is_told_to_other_renderers_as_it_is(tmp_path: Path) -> None:
     scene = reference_scene("D", shrink=8)
     theirs = describe(scene, roulette=False, folder=tmp_path)
@@ -340,6 +343,7 @@ def faces_of(path: Path) -> int:
     return int(re.search(rb"element face (\d+)", head)[1])
 
 
+@pytest.mark.slow
 def test_description_for_cycles_has_every_face_and_the_lens(tmp_path: Path) -> None:
     box = cycles_scene.describe(reference_scene("B"), roulette=False, folder=tmp_path)
     files = {mesh["look"]["kind"]: [] for mesh in box["meshes"]}

@@ -23,9 +23,8 @@ ROOT = Path(__file__).resolve().parents[2]
 SCENES = sorted(path for path in (ROOT / "examples").rglob("*.yaml") if "\nvary:" not in path.read_text("utf-8"))
 STUDIO = ROOT / "examples" / "studio"
 LARGEST_PICTURE = 800_000  # bytes; the page shows three dozen
-# Lenses, pbrt, meshes with pictures, autofocus. Programs of their own take the others seconds each.
-SHOWN = {"first_light", "still_life", "tea_table", "autofocus"}
-SLOW_TO_PLAN = {"zoom_burst"}  # 32 states of a zoom
+# Lenses, pbrt, meshes with pictures. Programs of their own take the others seconds each.
+SHOWN = {"first_light", "still_life", "tea_table"}
 FOCUSED_FIRST = {"bunnies"}  # no plan before autofocus
 
 
@@ -59,17 +58,12 @@ def shows_something(image: rptcam_cl.Image) -> bool:
     return bool(np.isfinite(pixels).all() and pixels.mean() > 0.01 and pixels.std() > 0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
-    "path",
-    [
-        pytest.param(path, marks=pytest.mark.slow if path.stem in SLOW_TO_PLAN else ())
-        for path in SCENES
-        if path.stem not in SHOWN | FOCUSED_FIRST
-    ],
-    ids=lambda path: path.stem,
+    "path", [path for path in SCENES if path.stem not in SHOWN | FOCUSED_FIRST], ids=lambda path: path.stem
 )
 def test_example_can_be_planned(path: Path) -> None:
-    """All that goes before kernels are compiled, for the examples whose pictures are slow tests."""
+    """All that goes before kernels are compiled."""
     assert len(make_plan(rptcam_cl.load_scene(path)).primitives) > 0
 
 
@@ -94,6 +88,7 @@ def test_gallery_shows_the_picture_of_every_command() -> None:
     assert len(set(shown)) == len(shown) > 15
 
 
+@pytest.mark.slow
 def test_commands_of_the_gallery_parse_and_their_files_exist() -> None:
     parser = build_parser()
     for arguments in RENDERS:

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.size import parsed
+
 # From the ground up; each may import rooms that stand above it in this list, those that it names.
 ROOMS: dict[str, set[str]] = {
     "_version": set(),
@@ -48,7 +50,7 @@ def room_of(path: Path, package: Path) -> str:
 
 def imported(source: str) -> Iterator[str]:
     """Dotted names of all modules that a module imports from, wherever in the file."""
-    for node in ast.walk(ast.parse(source)):
+    for node in ast.walk(parsed(source)):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -74,7 +76,7 @@ def wrong_imports(room: str, source: str) -> list[str]:
 
 def private_imports(source: str) -> Iterator[str]:
     """Names with an underscore that a module takes from another of ours: a module's public names are its face."""
-    for node in ast.walk(ast.parse(source)):
+    for node in ast.walk(parsed(source)):
         if isinstance(node, ast.ImportFrom) and str(node.module).split(".")[0] == "rptcam_cl":
             for alias in node.names:
                 if alias.name.startswith("_") and not alias.name.startswith("__"):
@@ -114,7 +116,7 @@ def imports_between(checkout: Path) -> dict[str, set[str]]:
     found = {module_name(path, checkout): path for path in modules(checkout)}
     edges: dict[str, set[str]] = {name: set() for name in found}
     for name, path in found.items():
-        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+        for node in ast.walk(parsed(path.read_text("utf-8"))):
             if isinstance(node, ast.ImportFrom) and node.module in found:
                 inner = {f"{node.module}.{alias.name}" for alias in node.names}
                 edges[name] |= (inner & found.keys()) | ({str(node.module)} if inner - found.keys() else set())

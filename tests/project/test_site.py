@@ -90,6 +90,7 @@ class Addresses(HTMLParser):
                 self.names.add(value or "")
 
 
+@pytest.mark.slow
 def test_site_builds_without_a_warning_and_finds_keys_names_and_options(site: Path) -> None:
     texts = json.loads((site / "search" / "search_index.json").read_text("utf-8"))["docs"]
     found = " ".join(item["title"] + " " + item["text"] for item in texts)
@@ -97,6 +98,7 @@ def test_site_builds_without_a_warning_and_finds_keys_names_and_options(site: Pa
     assert "tutorial.html" in Addresses(site / "index.html").links
 
 
+@pytest.mark.slow
 def test_pages_load_nothing_from_another_host_and_their_links_lead_somewhere(site: Path) -> None:
     # 404.html is for servers: it stands at any address, so its own are absolute.
     pages = {page: Addresses(page) for page in site.rglob("*.html") if page != site / "404.html"}

@@ -51,9 +51,18 @@ THIN = {"kind": "thin_lens", "focal_length_mm": 50, "f_number": 2.1, "focus_dist
 REAL = {"kind": "realistic", "lens": "dgauss-50mm", "f_number": 2.1, "focus": {"distance_m": 1.05}}
 
 
-@pytest.mark.parametrize("name", SHAPES)
-@pytest.mark.parametrize("lens", [THIN, REAL], ids=["thin", "real"])
-def test_blur_of_a_point_has_the_shape_of_the_aperture(name, lens, folder):
+# A polygon, an outline and a mask; the other shapes are of the same kinds.
+BLURRED = [("thin", "hexagon")]
+BLURRED += [("real", name) for name in ("bulging pentagon", "letter L", "picture")]
+ALL_BLURRED = [(kind, name) for kind in ("thin", "real") for name in SHAPES]
+
+
+@pytest.mark.parametrize(
+    ("kind", "name"),
+    [case if case in BLURRED else pytest.param(*case, marks=pytest.mark.slow) for case in ALL_BLURRED],
+)
+def test_blur_of_a_point_has_the_shape_of_the_aperture(kind, name, folder):
+    lens = {"thin": THIN, "real": REAL}[kind]
     picture = blur_of_a_point({**lens, "aperture": SHAPES[name]}, folder)
     loaded = scene({**lens, "aperture": SHAPES[name]}, folder)
     shape = stop_shape(loaded, loaded.camera.aperture)

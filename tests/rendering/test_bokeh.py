@@ -93,7 +93,7 @@ def film(scene, name, count, spp, *, aims):
 
 
 @pytest.mark.parametrize(
-    "name", [name if name in ("far", "thin heart") else pytest.param(name, marks=pytest.mark.slow) for name in CASES]
+    "name", ["far", *(pytest.param(name, marks=pytest.mark.slow) for name in CASES if name != "far")]
 )
 def test_aimed_rays_make_the_same_picture(name):
     many = name not in ("far", "thin heart")
@@ -118,6 +118,7 @@ def test_parts_of_a_picture_have_its_bits():
     assert np.array_equal(np.asarray(part), np.asarray(whole)[3:27, 5:37])
 
 
+@pytest.mark.slow
 def test_a_session_takes_the_samples_of_a_render():
     with rptcam_cl.RenderSession(CASES["far"], seed=1) as session:
         session.take(3)

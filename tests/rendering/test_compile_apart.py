@@ -8,10 +8,11 @@ import pytest
 
 from rptcam_cl.core.files import CACHE_VARIABLE
 from rptcam_cl.device.drivers import pocl_cache_folder
+from rptcam_cl.device.fork_server import CompileServer
 from rptcam_cl.device.session import open_session
 from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
-from rptcam_cl.rendering.tracer import SMALL, Compiler, Wavefront, order
+from rptcam_cl.rendering.tracer import SMALL, Wavefront, order
 from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.scene import Scene
 
@@ -63,7 +64,7 @@ def test_process_apart_fills_the_cache_with_what_a_wave_takes(
     own = libraries(pocl_cache_folder())
     monkeypatch.setenv("POCL_CACHE_DIR", os.fspath(tmp_path))
     monkeypatch.setenv(CACHE_VARIABLE, os.fspath(tmp_path / "marks"))
-    compiler = Compiler()
+    compiler = CompileServer()
     assert compiler.compile(wanted(scene))
     compiler.close()
     assert not list(tmp_path.rglob("*.at-work")), "it ended well"
@@ -73,7 +74,7 @@ def test_process_apart_fills_the_cache_with_what_a_wave_takes(
 
 
 def test_order_that_fails_is_left_to_the_caller_and_a_closed_compiler_compiles_nothing() -> None:
-    compiler = Compiler()
+    compiler = CompileServer()
     assert not compiler.compile(b"no order")
     compiler.close()
     assert compiler.is_closed and not compiler.compile(wanted(load_scene(WORLD)))

@@ -136,6 +136,7 @@ def test_size_of_one_pixel_works(named):
     assert pixels(scene(name), size=(1, 1), spp=3).shape == (1, 1, 3)
 
 
+@pytest.mark.slow
 def test_independent_samples_converge_with_the_square_root():
     truth = pixels(scene("pinhole"), size=(48, 32), seed=100, spp=4096)
     counts = [4, 16, 64]

@@ -77,6 +77,7 @@ def test_a_driver_that_is_right_is_tried_once_and_renders_as_it_does_usually(unt
     assert not recwarn
 
 
+@pytest.mark.slow
 def test_a_fault_of_packets_is_gone_round_with_a_word(untried, plant):
     right = film(open_session())
     plant(*GARBAGE)

@@ -25,12 +25,23 @@ CONVEX = {
     "plane": {"shape": "plane", "point": [0, 0, -1], "normal": [0.1, 0.2, 1]},
 }
 ROUND_TRIP = 1e-6  # a handful of float32 roundings per sample
+# Far above, and far too small to be seen: with them one program renders all shapes.
+SPECKS = [
+    {"shape": "sphere", "center": [0, 0, 60], "radius": 0.01},
+    {"shape": "sphere", "center": [0, 0, 0], "radius": 0.01, "transform": [*SQUASH, {"translate": [1, 0, 60]}]},
+    {"shape": "box", "min": [2, 0, 60], "max": [2.01, 0.01, 60.01]},
+    {"shape": "cylinder", "base": [3, 0, 60], "top": [3, 0, 60.01], "radius": 0.01, "capped": True},
+    {"shape": "cone", "base": [4, 0, 60], "apex": [4, 0, 60.01], "radius": 0.01, "capped": True},
+    {"shape": "disk", "center": [5, 0, 60], "normal": [0, 0, 1], "radius": 0.01},
+    {"shape": "rectangle", "corner": [6, 0, 60], "edge_u": [0.01, 0, 0], "edge_v": [0, 0.01, 0]},
+]
 
 
 def furnace(shape, material, scale=1.0, **options):
     """A body of about unit size in a white world, seen from three units away."""
     camera = looking([0.4, -3, 0.8], [0, 0, 0], fov=38)
-    return scene_of([{**shape, "material": material}], camera, environment=WHITE, metres_per_unit=scale, **options)
+    objects = [item | {"material": material} for item in (shape, *SPECKS)]
+    return scene_of(objects, camera, environment=WHITE, metres_per_unit=scale, **options)
 
 
 @pytest.mark.parametrize("scale", [1.0, 1e-3, 1e4], ids=["metres", "millimetres", "ten kilometres"])

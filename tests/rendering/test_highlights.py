@@ -70,6 +70,7 @@ def test_what_hides_the_image_hides_its_ghosts(what: str) -> None:
     assert image.metadata["ghosts"]["sources"] == image.metadata["ghosts"]["dropped_share"] == 0
 
 
+@pytest.mark.slow
 def test_a_lamp_of_a_size_has_the_ghosts_of_its_image(mirrored: rptcam_cl.Image) -> None:
     def lamp(place: np.ndarray) -> dict[str, Any]:
         return {"shape": "sphere", "center": place.tolist(), "radius": 0.05,
@@ -91,6 +92,7 @@ def sun() -> dict[str, Any]:
     return {"kind": "sun", "direction": (-SUN).tolist(), "irradiance": [800.0] * 3, "diameter_degrees": 0.53}
 
 
+@pytest.mark.slow
 def test_a_sun_in_a_chrome_ball_has_the_ghosts_of_its_small_image(glint: rptcam_cl.Image) -> None:
     film_z = glint.metadata["film_distance_mm"] + load_lens("dgauss-50mm").length
     eye, at = np.array([0.0, 0.0, -film_z * 1e-3]), BALL.copy()
@@ -110,6 +112,7 @@ def test_a_sun_in_a_chrome_ball_has_the_ghosts_of_its_small_image(glint: rptcam_
     assert np.abs(glint["ghosts"] - direct["ghosts"]).sum() < 0.01 * direct["ghosts"].sum()
 
 
+@pytest.mark.slow
 def test_a_ball_of_triangles_is_a_ball(glint: rptcam_cl.Image, tmp_path: Path) -> None:
     around, up = 128, 64
     turn, fall = np.meshgrid(2 * np.pi * np.arange(around) / around, np.pi * np.arange(up + 1) / up)

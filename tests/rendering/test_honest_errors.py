@@ -40,11 +40,11 @@ class Pictures:
             wavefront.seed = seed_of(f"{name} {sampler} {k}")
             done.append(render_plan(wavefront, spp=spp, seconds=None, has_lens=plan.camera.has_lens, noise=target))
         self.light = np.array([each.pixels.astype(float) @ LUMINANCE for each in done])
-        self.reported = np.array([each.achieved.picture for each in done])
+        self.reported = np.array([each.achieved["picture"] for each in done])
         self.variance = np.array([each.variance for each in done], float)
         self.samples = np.array([each.samples for each in done])
-        self.worst = np.array([each.noise.worst for each in done if each.noise is not None])
-        self.sources = {each.achieved.source for each in done}
+        self.worst = np.array([each.noise["worst"] for each in done if each.noise is not None])
+        self.sources = {each.achieved["source"] for each in done}
 
     @property
     def error(self):

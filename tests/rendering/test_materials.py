@@ -17,10 +17,25 @@ PLASTIC = {"kind": "plastic", "reflectance": [0.6, 0.2, 0.1]}
 GOLD = {"kind": "conductor", "metal": "gold", "roughness": 0.4}
 
 
-def ball(material, depth=5, **rest):
-    """A ball of a material over a floor, under a lamp and a sky."""
+def constant(value):
+    return {"kind": "gradient", "start": value, "end": value}
+
+
+SPECK = {"shape": "sphere", "center": [0, 500, 0], "radius": 1e-3}  # that no ray finds
+LAYERS = ("roughness", "metallic", "clearcoat", "clearcoat_roughness", "sheen", "specular", "specular_color",
+          "transmission")  # fmt: skip
+# With these in every scene one program renders them all.
+CROWD = [
+    PLASTIC, GOLD, {"kind": "conductor", "reflectance": 0.5, "alpha": [0.1, 0.4], "anisotropy_rotation_degrees": 30},
+    {"kind": "principled", "anisotropy": 0.5} | {key: constant(0.5) for key in LAYERS},
+    {"kind": "mix", "materials": [PLASTIC, GOLD], "factor": {"kind": "checker", "even": 0.1, "odd": 0.9}},
+]  # fmt: skip
+
+
+def ball(material, depth=5, crowd=CROWD, **rest):
+    """A ball of a material over a floor, under a lamp and a sky, and specks of other materials."""
     camera = looking([0.4, -3.4, 1.2], [0, 0, -0.1], fov=42)
-    objects = [{**SPHERE, "material": material}, FLOOR]
+    objects = [{**SPHERE, "material": material}, FLOOR, *({**SPECK, "material": other} for other in crowd)]
     return scene_of(objects, camera, depth=depth, lights=[LAMP], environment=SKY, **rest)
 
 
@@ -123,10 +138,6 @@ def test_mix_by_a_texture_is_its_parts_side_by_side():
     same(ball(mixed), ball(checked))
 
 
-def constant(value):
-    return {"kind": "gradient", "start": value, "end": value}
-
-
 def test_textured_numbers_are_as_constant_ones():
     keys = {"metallic": 0.4, "roughness": 0.3}
     plain = {"kind": "principled", "base_color": [0.7, 0.3, 0.1], "anisotropy": 0.5}
@@ -210,16 +221,13 @@ def test_metallic_principled_is_the_conductor_but_for_schlick():
 
 def test_plain_conductor_does_not_change_beside_every_other_material():
     metal = {"kind": "conductor", "reflectance": [0.9, 0.6, 0.3], "alpha": 0.2}
-    far = {"shape": "sphere", "center": [0, 500, 0], "radius": 1e-3}
     others = [
         PLASTIC, GOLD, {"kind": "dielectric", "alpha": 0.3, "absorption_per_m": 1}, {"kind": "thin_glass"},
         {**PLASTIC, "alpha": 0.3}, {"kind": "conductor", "reflectance": 1, "alpha": [0.1, 0.4]}, {"kind": "mirror"},
         {"kind": "principled", "transmission": 0.5, "clearcoat": 1.0, "roughness": constant(0.5)},
     ]  # fmt: skip
-    crowd = ball(metal)
-    crowd["objects"] = crowd["objects"] + [{**far, "material": material} for material in others]
-    a = batches(ball(metal), "alone", 4, spp=16)
-    b = batches(crowd, "in a crowd", 4, spp=16)
+    a = batches(ball(metal, crowd=[]), "alone", 4, spp=16)
+    b = batches(ball(metal, crowd=others), "in a crowd", 4, spp=16)
     assert_same_tiles(a, b)
 
 

@@ -297,9 +297,9 @@ def test_compensated_sums_keep_what_float32_alone_would_lose():
     for index, sums in enumerate(exact):
         high = sums.astype(np.float32)
         planes = np.concatenate([high, (high - sums).astype(np.float32)])
-        facts = {"layers": [], "picture": {"clamp": None}}
         arrays = {"film": planes, "counts": np.zeros(3, np.uint64)}
         part = FilmPart(1, 1, 4 * index, 4 * index + 4)
-        saved.append(checkpoint.SavedPart(Path("a"), Checkpoint(facts, arrays), part, part.end, part.end))
-    film = checkpoint.merged_arrays(saved, layout)["film"].astype(np.float64)[:, :64]
+        facts = {"layers": [], "picture": {"clamp": None}, "part": part.facts(), "done": part.end}
+        saved.append(Checkpoint(Path("a"), facts, arrays))
+    film = checkpoint.merge_arrays(saved, layout)["film"].astype(np.float64)[:, :64]
     np.testing.assert_allclose(film[:3] - film[3:], exact.sum(axis=0)[:, :64], rtol=1e-14)

@@ -53,7 +53,7 @@ def stopped(target, seed):
     return means, samples, estimate.error
 
 
-@pytest.mark.parametrize(("target", "bias"), [(0.5, 0.01), (0.2, 0.0025)])
+@pytest.mark.parametrize(("target", "bias"), [(0.5, 0.01), pytest.param(0.2, 0.0025, marks=pytest.mark.slow)])
 def test_rare_spikes_keep_their_mean_where_tiles_decide(target, bias):
     # of these spikes a pixel needs 256 and 1600 samples
     means, samples, _ = stopped(target, f"spikes {target}")
@@ -62,6 +62,7 @@ def test_rare_spikes_keep_their_mean_where_tiles_decide(target, bias):
     assert_equivalent(means.mean(), means.std(ddof=1) / SIDE, 1, bias)
 
 
+@pytest.mark.slow
 def test_rare_spikes_would_lose_it_if_pixels_decided():
     # the control: eight samples at least, then whenever four more leave the error of the mean below the target
     rng = np.random.default_rng(seed_of("pixels"))
@@ -146,6 +147,7 @@ def test_wave_size_does_not_change_what_is_stopped(wave_size):
         np.testing.assert_array_equal(one[name], other[name])
 
 
+@pytest.mark.slow
 def test_organisation_does_not_change_a_bit():
     overrides = ["film.filter={kind: mitchell}", "film.resolution=[50, 37]", "render.clamp=3"]
     scene = rptcam_cl.load_scene(still_life(), overrides)

@@ -20,6 +20,24 @@ SHAPES = pytest.mark.parametrize("sheet", [SHEET, MESH_SHEET], ids=["rectangle",
 DOWN = looking([0, 0, 3], [0, 0, 0], fov=40, up=(0, 1, 0))
 
 
+SOLIDS = {
+    "sphere": {"shape": "sphere", "center": [0, 0, 0], "radius": 1},
+    "ellipsoid": {"shape": "sphere", "center": [0, 0, 0], "radius": 1, "transform": [{"scale": [1.2, 1, 0.8]}]},
+    "box": {"shape": "box", "min": [-1, -1, -1], "max": [1, 1, 1]},
+    "cylinder": {"shape": "cylinder", "base": [-1, 0, 0], "top": [1, 0, 0], "radius": 1},
+    "cone": {"shape": "cone", "base": [0, 0, -1], "apex": [0, 0, 1], "radius": 1},
+}
+AWAY = [{"scale": 1e-4}, {"translate": [0, 0, 90]}]  # behind the camera, and too small to be met
+# With these one program renders all shapes, with and without a texture.
+SPECKS = [item | {"transform": [*item.get("transform", []), *AWAY]} for item in (SHEET, MESH_SHEET, *SOLIDS.values())]
+
+
+def below(objects):
+    """Objects in an even world, seen from above."""
+    specks = [item | {"material": BLACK | {"opacity": CHECKS}} for item in SPECKS]
+    return scene_of([*objects, *specks], DOWN, depth=2, environment={"kind": "constant", "radiance": 1})
+
+
 def sheet_of(sheet, opacity, mode="blend"):
     return sheet | {"material": BLACK | {"opacity": opacity, "opacity_mode": mode}}
 
@@ -27,7 +45,7 @@ def sheet_of(sheet, opacity, mode="blend"):
 @SHAPES
 @pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
 def test_share_of_rays_that_pass_is_what_opacity_leaves(sheet, share):
-    scene = scene_of([sheet_of(sheet, share)], DOWN, depth=2, environment={"kind": "constant", "radiance": 1})
+    scene = below([sheet_of(sheet, share)])
     mean, error = flat_mean(scene, f"share {share} {sheet['shape']}", spp=64)
     if share in (0.0, 1.0):
         assert (mean == 1 - share).all()
@@ -38,8 +56,7 @@ def test_share_of_rays_that_pass_is_what_opacity_leaves(sheet, share):
 
 @SHAPES
 def test_mask_cuts_where_its_texture_is_below_the_cutoff(sheet):
-    scene = scene_of([sheet_of(sheet, CHECKS, "mask")], DOWN, depth=2, resolution=(64, 64),
-                     environment={"kind": "constant", "radiance": 1})  # fmt: skip
+    scene = below([sheet_of(sheet, CHECKS, "mask")]) | {"film": {"resolution": [64, 64]}}
     seen = pixels(scene, spp=4)[..., 0]
     assert set(np.unique(seen[8::16, 8::16])) <= {0.0, 1.0}  # within cells
     assert np.isclose(seen.mean(), 0.5, atol=0.03)
@@ -84,20 +101,10 @@ def test_choice_does_not_depend_on_the_wave(monkeypatch):
     assert (films[0] == films[1]).all()
 
 
-SOLIDS = {
-    "sphere": {"shape": "sphere", "center": [0, 0, 0], "radius": 1},
-    "ellipsoid": {"shape": "sphere", "center": [0, 0, 0], "radius": 1, "transform": [{"scale": [1.2, 1, 0.8]}]},
-    "box": {"shape": "box", "min": [-1, -1, -1], "max": [1, 1, 1]},
-    "cylinder": {"shape": "cylinder", "base": [-1, 0, 0], "top": [1, 0, 0], "radius": 1},
-    "cone": {"shape": "cone", "base": [0, 0, -1], "apex": [0, 0, 1], "radius": 1},
-}
-
-
 @pytest.mark.parametrize("solid", SOLIDS)
 def test_both_sides_of_a_solid_have_their_own_holes(solid):
     body = SOLIDS[solid] | {"material": BLACK | {"opacity": 0.5}}
     camera = looking([0.02, -0.03, 9], [0, 0, 0], fov=2, up=(0, 1, 0))
-    mean, error = flat_mean(scene_of([body], camera, depth=2, environment={"kind": "constant", "radiance": 1}),
-                            f"solid {solid}", spp=256)  # fmt: skip
+    mean, error = flat_mean(below([body]) | {"camera": camera}, f"solid {solid}", spp=256)
     assert (np.abs(mean - 0.25) < 4 * error).all()
     assert (error < 0.005).all()

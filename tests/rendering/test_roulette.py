@@ -14,7 +14,7 @@ from rptcam_cl.rendering.film import (
     Roulette,
     plays,
     roulette_of,
-    scouted,
+    scout_layout,
 )
 from rptcam_cl.scene.film import RenderSettings
 from tests.rendering.pictures import MATTE, looking, scene_of
@@ -25,7 +25,7 @@ def layout(width, height):
 
 
 def test_a_picture_as_bright_everywhere_is_treated_alike():
-    found = roulette_of(np.full((24, 40, 3), 0.3), scouted(layout(40, 24)))
+    found = roulette_of(np.full((24, 40, 3), 0.3), scout_layout(layout(40, 24)))
     np.testing.assert_allclose(found.survival_scale, np.full((3, 5), SURVIVAL_SCALE), rtol=1e-6)
     assert found.cell_shift == 3
 
@@ -33,34 +33,34 @@ def test_a_picture_as_bright_everywhere_is_treated_alike():
 def test_a_quarter_of_the_light_is_four_times_the_survival_scale():
     picture = np.full((8, 16, 3), 0.4)
     picture[:, 8:] = 0.1
-    bright, dark = roulette_of(picture, scouted(layout(16, 8))).survival_scale[0]
+    bright, dark = roulette_of(picture, scout_layout(layout(16, 8))).survival_scale[0]
     assert dark == pytest.approx(4 * bright)
     assert bright == pytest.approx(SURVIVAL_SCALE * 0.75**2)  # the mean root is 3/4 of that of the bright half
 
 
 def test_a_lamp_in_a_tile_hardly_matters():
     picture = np.full((8, 16, 3), 0.1)
-    plain = roulette_of(picture, scouted(layout(16, 8))).survival_scale
+    plain = roulette_of(picture, scout_layout(layout(16, 8))).survival_scale
     picture[3, 3] = 10.0
-    lit = roulette_of(picture, scouted(layout(16, 8))).survival_scale
+    lit = roulette_of(picture, scout_layout(layout(16, 8))).survival_scale
     assert lit[0, 0] > 0.8 * plain[0, 0]
 
 
 def test_survival_scale_has_an_end():
     picture = np.zeros((8, 16, 3))
     picture[:, :8] = 1.0
-    assert roulette_of(picture, scouted(layout(16, 8))).survival_scale[0, 1] == pytest.approx(
+    assert roulette_of(picture, scout_layout(layout(16, 8))).survival_scale[0, 1] == pytest.approx(
         SURVIVAL_SCALE * MOST_SURVIVAL
     )
 
 
 def test_a_black_picture_is_treated_alike():
-    assert roulette_of(np.zeros((8, 16, 3)), scouted(layout(16, 8))) is ALIKE
+    assert roulette_of(np.zeros((8, 16, 3)), scout_layout(layout(16, 8))) is ALIKE
 
 
 @pytest.mark.parametrize("size", [(1, 1), (5, 300), (8, 8), (150, 90), (640, 360), (7680, 4320)])
 def test_scouted_tiles_lie_on_the_film(size):
-    found = scouted(layout(*size))
+    found = scout_layout(layout(*size))
     step = 8 * (found.tiles_skipped + 1)
     assert found.tiles <= MOST_TILES
     for first, side, full in ((found.x, found.width, size[0]), (found.y, found.height, size[1])):
@@ -69,7 +69,7 @@ def test_scouted_tiles_lie_on_the_film(size):
 
 
 def test_a_crop_scouts_the_whole_film():
-    assert scouted(FilmLayout(640, 360, 100, 50, 30, 20)) == scouted(layout(640, 360))
+    assert scout_layout(FilmLayout(640, 360, 100, 50, 30, 20)) == scout_layout(layout(640, 360))
 
 
 def test_limits_say_where_cells_lie():

@@ -59,7 +59,7 @@ def test_ratio_to_the_ideal_picture_is_the_transmittance():
     assert np.ptp(ratio) < 0.01
 
 
-@pytest.mark.parametrize("mode", ["rgb", "dispersive", "spectral"])
+@pytest.mark.parametrize("mode", ["rgb", pytest.param("dispersive", marks=pytest.mark.slow), "spectral"])
 def test_relative_exposure_keeps_white_white(mode):
     scene = white_through("dgauss-50mm", MGF2, exposure="relative", spectrum=mode)
     mean, error = flat_mean(scene, f"white {mode}", spp=512)

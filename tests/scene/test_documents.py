@@ -10,6 +10,7 @@ import yaml
 
 from rptcam_cl.scene.base import FileReference, SceneModel
 from rptcam_cl.scene.camera import (
+    CameraKind,
     EnvironmentCamera,
     LensCamera,
     Movements,
@@ -42,11 +43,14 @@ from rptcam_cl.scene.lens_settings import (
     FoundFocus,
     HeartAperture,
     ImageAperture,
+    Merit,
     OutlineAperture,
     PolygonAperture,
     RealLens,
     StarAperture,
     Stop,
+    Tolerance,
+    Tolerances,
     Transmission,
     ZonesFile,
 )
@@ -102,7 +106,6 @@ from rptcam_cl.scene.placement import (
 from rptcam_cl.scene.quantities import LightSpectrum, TabulatedSpectrum
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.scene.shapes import Board, Box, Cone, Cylinder, Disk, Plane, Rectangle, Sphere
-from rptcam_cl.scene.tolerances import Merit, Tolerance, Tolerances
 
 # Sections of docs/scene.md: the model that each describes, and the sections that describe the keys that it shares.
 SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
@@ -191,6 +194,7 @@ SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
 }
 BASES = {
     SceneModel,
+    CameraKind,
     Pose,
     Keyframe,
     FileReference,

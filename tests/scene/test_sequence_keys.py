@@ -5,7 +5,7 @@ import pytest
 
 from rptcam_cl.optics.lens import floated
 from rptcam_cl.optics.library import load_lens
-from rptcam_cl.rendering.cameras.realistic import camera_model
+from rptcam_cl.rendering.cameras.kinds import camera_model
 from rptcam_cl.rendering.cameras.setting import film_frame, lens_setting
 from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.scene.exposure import FrameSequence

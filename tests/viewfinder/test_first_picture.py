@@ -12,8 +12,8 @@ import pytest
 import yaml
 
 from rptcam_cl.device.devices import choose_device
+from rptcam_cl.device.fork_server import CompileServer
 from rptcam_cl.device.session import Session
-from rptcam_cl.rendering.tracer import Compiler
 from rptcam_cl.viewfinder.engine import Viewfinder
 from rptcam_cl.viewfinder.messages import Client
 from tests.viewfinder.page_client import ALIVE_WITHIN_S, SCENE
@@ -35,7 +35,7 @@ def messages(client: Client) -> Iterator[dict[str, Any]]:
             else:
                 (length,) = struct.unpack("<I", message[:4])
                 header = json.loads(message[4 : 4 + length])
-                client.outbox.acknowledged(header["frame"])
+                client.outbox.acknowledge(header["frame"])
                 yield header
         time.sleep(0.005)
     raise AssertionError("no such message came")
@@ -56,7 +56,7 @@ def test_while_the_kernels_of_the_film_compile_the_page_says_so_and_dials_show(
     if not device.generates_late or device.lanes == 1:
         pytest.skip("the driver compiles all of a program when it is built, or has but narrow kernels")
     monkeypatch.setenv("POCL_CACHE_DIR", str(tmp_path))  # where no note of kernels is
-    monkeypatch.setattr(Compiler, "compile", lambda self, wanted: compiled.wait(ALIVE_WITHIN_S))
+    monkeypatch.setattr(CompileServer, "compile", lambda self, wanted: compiled.wait(ALIVE_WITHIN_S))
     with Viewfinder(yaml.safe_load(SCENE), device=device) as finder:  # type: ignore[arg-type]
         client = finder.connect(lambda: None)
         heard = messages(client)

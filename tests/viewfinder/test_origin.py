@@ -3,13 +3,14 @@
 import shlex
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.files import named_files
 from rptcam_cl.scene.load import load_scene, set_keys
-from rptcam_cl.viewfinder.studio import Changes, Origin
+from rptcam_cl.viewfinder.studio import Origin, with_changes
 
 SCENE = """
 film: {resolution: [16, 8]}
@@ -33,21 +34,17 @@ def path(tmp_path: Path) -> Path:
 
 
 def test_changes_are_kept_in_the_order_of_their_last_value() -> None:
-    changes = Changes({"camera.f_number": 4, "camera.focus.distance_m": 2})
-    changes.add({"camera.stop_diameter_mm": 5})
-    changes.add({"camera.f_number": 8})
-    assert list(changes.as_dict()) == ["camera.focus.distance_m", "camera.stop_diameter_mm", "camera.f_number"]
-    changes.add({"camera.focus": {"auto": "hybrid"}})
-    assert "camera.focus.distance_m" not in changes.as_dict()
-    changes.drop("camera.f")
-    assert list(changes.as_dict()) == ["camera.stop_diameter_mm"]
+    changes = with_changes({"camera.f_number": 4, "camera.focus.distance_m": 2}, {"camera.stop_diameter_mm": 5})
+    changes = with_changes(changes, {"camera.f_number": 8})
+    assert list(changes) == ["camera.focus.distance_m", "camera.stop_diameter_mm", "camera.f_number"]
+    assert "camera.focus.distance_m" not in with_changes(changes, {"camera.focus": {"auto": "hybrid"}})
 
 
 def test_thousands_of_values_of_a_key_take_the_room_of_one() -> None:
-    changes = Changes()
+    changes: dict[str, Any] = {}
     for value in range(5000):
-        changes.add({"camera.f_number": value})
-    assert changes.as_dict() == {"camera.f_number": 4999}
+        changes = with_changes(changes, {"camera.f_number": value})
+    assert changes == {"camera.f_number": 4999}
 
 
 def test_yaml_of_what_is_shown_is_the_same_scene(path: Path) -> None:

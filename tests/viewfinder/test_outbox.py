@@ -24,7 +24,7 @@ def test_only_the_newest_frame_waits_and_two_are_under_way() -> None:
         outbox.frame("A", picture(number))
         sent += outbox.take()
     assert [header_of(message)["picture"] for message in sent] == [0, 1]
-    outbox.acknowledged(header_of(sent[0])["frame"])
+    outbox.acknowledge(header_of(sent[0])["frame"])
     (last,) = outbox.take()
     assert header_of(last) == {"picture": 9, "frame": 3}
     assert isinstance(last, bytes)
@@ -34,10 +34,10 @@ def test_only_the_newest_frame_waits_and_two_are_under_way() -> None:
 
 def test_acknowledgements_of_nothing_change_nothing() -> None:
     outbox = Outbox(lambda: None)
-    outbox.acknowledged(99)
+    outbox.acknowledge(99)
     for number in range(3):
         outbox.frame("A", picture(number))
-        outbox.acknowledged(99)
+        outbox.acknowledge(99)
     assert outbox.has_room
     outbox.frame("B", picture(1))
     assert not outbox.has_room
@@ -52,7 +52,7 @@ def test_frames_of_different_kinds_take_turns() -> None:
     first = outbox.take()
     assert [header_of(message)["picture"] for message in first] == [4, 2]
     outbox.frame("A", picture(5))
-    outbox.acknowledged(1)
+    outbox.acknowledge(1)
     assert [header_of(message)["picture"] for message in outbox.take()] == [3]
 
 

@@ -9,7 +9,7 @@ def run(pace: Pace, seconds_at_full: float, fixed: float, turns: int = 30) -> li
     for _ in range(turns):
         scale = pace.scale
         scales.append(scale)
-        pace.glanced(scale, fixed + seconds_at_full * scale**2)
+        pace.note_glance(scale, fixed + seconds_at_full * scale**2)
     return scales
 
 
@@ -33,7 +33,7 @@ def test_scale_follows_a_change_of_speed() -> None:
 def test_glance_of_another_scale_says_nothing() -> None:
     pace = Pace()
     before = pace.scale
-    pace.glanced(SCALES[-1], 100 * GLANCE_S)
+    pace.note_glance(SCALES[-1], 100 * GLANCE_S)
     assert pace.scale == before
 
 
@@ -41,7 +41,7 @@ def test_samples_of_a_take_keep_its_time() -> None:
     pace = Pace()
     assert pace.samples == 1
     for _ in range(20):
-        pace.took(pace.samples, pace.samples * TAKE_S / 10)
+        pace.note_take(pace.samples, pace.samples * TAKE_S / 10)
     assert 8 <= pace.samples <= 10
-    pace.took(1, 1000.0)
+    pace.note_take(1, 1000.0)
     assert pace.samples == 1

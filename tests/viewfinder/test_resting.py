@@ -13,7 +13,7 @@ from rptcam_cl.viewfinder.delivery import Delivery
 from rptcam_cl.viewfinder.dials import meter_needle, turn_dial
 from rptcam_cl.viewfinder.messages import Client, ClientSettings, codes_of
 from rptcam_cl.viewfinder.panel import Panel
-from rptcam_cl.viewfinder.studio import Changes, Slot
+from rptcam_cl.viewfinder.studio import Slot
 from tests.viewfinder.page_client import SCENE
 
 SPP = 8
@@ -38,7 +38,7 @@ def slots() -> Iterator[Any]:
     made = []
 
     def make(given: dict[str, Any]) -> Slot:
-        made.append(Slot("A", rptcam_cl.RenderSession(given), Changes()))
+        made.append(Slot("A", rptcam_cl.RenderSession(given), {}))
         return made[-1]
 
     yield make

@@ -12,9 +12,9 @@ from PIL import Image as Pillow
 
 from rptcam_cl.api.interface import render
 from rptcam_cl.api.session import RenderSession
+from rptcam_cl.device.fork_server import CompileServer
 from rptcam_cl.device.session import open_session
 from rptcam_cl.imaging.image import read_film
-from rptcam_cl.rendering.tracer import Compiler
 from rptcam_cl.scene.load import load_scene
 from rptcam_cl.viewfinder.engine import Viewfinder
 from rptcam_cl.viewfinder.moves import focus_order
@@ -295,7 +295,7 @@ def test_picture_goes_on_while_another_process_compiles_what_autofocus_needs(
 @pytest.mark.slow
 def test_order_of_a_search_is_carried_out_by_another_process(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
     scene, device = load_scene(served[2]), open_session()
-    compiler = Compiler()
+    compiler = CompileServer()
     assert compiler.compile(focus_order(device.info.id, scene, None, {"point": (0.5, 0.5)}))
     assert compiler.compile(focus_order(device.info.id, scene, None, {"point": (0.0, 0.0)}))  # finds nothing
     assert not compiler.compile(focus_order("no-device", scene, None, {"point": (0.5, 0.5)}))

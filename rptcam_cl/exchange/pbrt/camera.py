@@ -211,11 +211,11 @@ class Raster:
 
     def keys(self) -> dict[str, Any]:
         """Return the keys of a film."""
-        found: dict[str, Any] = {"resolution": [self.width, self.height]}
+        keys: dict[str, Any] = {"resolution": [self.width, self.height]}
         if self.window != (0, self.width, 0, self.height):
             sides = (self.width, self.width, self.height, self.height)
-            found["crop"] = [pixel / side for pixel, side in zip(self.window, sides, strict=True)]
-        return found
+            keys["crop"] = [pixel / side for pixel, side in zip(self.window, sides, strict=True)]
+        return keys
 
 
 def raster_of(context: Context, film: Entity | None) -> Raster:
@@ -348,7 +348,7 @@ def _screen(camera: Entity, raster: Raster) -> Array:
     return window
 
 
-def _centred(context: Context, camera: Entity, raster: Raster) -> tuple[Raster, float, float]:
+def _centre_screen(context: Context, camera: Entity, raster: Raster) -> tuple[Raster, float, float]:
     """Return a film whose middle is on the axis, and its half width and height on the screen.
 
     A screen window off the axis is a part of a larger film; its edges come to the nearest half pixel.
@@ -374,7 +374,7 @@ def _film_keys(raster: Raster, half_x: float, half_y: float) -> Keys:
 
 
 def _perspective(context: Context, camera: Entity, frame: Frame, raster: Raster, film: Entity | None) -> CameraKeys:
-    raster, half_x, half_y = _centred(context, camera, raster)
+    raster, half_x, half_y = _centre_screen(context, camera, raster)
     half_x, half_y = half_x * frame.stretch[0], half_y * frame.stretch[1]
     fov = camera.parameters.number("fov", 90.0)
     if camera.parameters.has("halffov"):
@@ -395,7 +395,7 @@ def _perspective(context: Context, camera: Entity, frame: Frame, raster: Raster,
 
 
 def _orthographic(context: Context, camera: Entity, frame: Frame, raster: Raster, film: Entity | None) -> CameraKeys:
-    raster, half_x, half_y = _centred(context, camera, raster)
+    raster, half_x, half_y = _centre_screen(context, camera, raster)
     reach = ORTHOGRAPHIC_REACH * max(half_x, half_y)
     context.report.approximated(
         camera.place,

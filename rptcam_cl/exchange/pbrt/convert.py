@@ -64,7 +64,7 @@ class Conversion:
             with tempfile.TemporaryDirectory(prefix=".rptcam-convert-", dir=target.parent) as name:
                 staged = Path(name)
                 self.files.stage(staged)
-                warnings = self._checked(staged, target)
+                warnings = self._load_staged(staged, target)
                 self.files.place(staged)
         except OSError as problem:
             raise StateError(f"{target}: cannot be written ({problem.strerror})") from None
@@ -73,7 +73,7 @@ class Conversion:
             temporary.write_text(text, "utf-8")
         return warnings
 
-    def _checked(self, staged: Path, target: Path) -> tuple[str, ...]:
+    def _load_staged(self, staged: Path, target: Path) -> tuple[str, ...]:
         """Return the warnings of the scene with its staged files, which have their later names there."""
         prefix = f"{staged.name}/"
         try:
@@ -85,7 +85,7 @@ class Conversion:
 
 
 def convert_scene(source: Path, target: Path, *, missing: Missing = "error") -> Conversion:
-    """Return what a pbrt scene file says as a scene of ours.
+    """Convert a pbrt scene file to a scene of ours.
 
     Parameters
     ----------

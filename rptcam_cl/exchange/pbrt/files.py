@@ -68,7 +68,7 @@ class FileStore:
             return name
         if real not in self._copied:
             if check is not None:
-                _checked(check, real, place)
+                _check_file(check, real, place)
             name = self.new_name("files", real.name.removesuffix(".gz") if packed else real.name)
             self._copied[real] = name
             self._pending[name] = lambda target: _copy(real, target)
@@ -133,7 +133,7 @@ class FileStore:
         return real
 
 
-def _checked(check: Callable[[Path], object], path: Path, place: Place) -> None:
+def _check_file(check: Callable[[Path], object], path: Path, place: Place) -> None:
     try:
         check(path)
     except InputError as problem:
@@ -272,15 +272,15 @@ def in_longitude_and_latitude(square: NDArray[np.float32], *, clockwise: bool) -
     longitude = (np.arange(2 * rows * SAMPLES) + 0.5) / (2 * rows * SAMPLES) * (2 * np.pi)
     if clockwise:
         longitude = longitude[::-1]
-    found = np.empty((rows, 2 * rows, 3), np.float32)
+    converted = np.empty((rows, 2 * rows, 3), np.float32)
     for row in range(rows):
         latitude = np.pi * (row + (np.arange(SAMPLES) + 0.5) / SAMPLES) / rows
         u, v = square_of_angles(np.cos(latitude)[:, None], longitude[None, :])
         column = np.minimum((u * size).astype(np.intp), size - 1)
         line = np.minimum((v * size).astype(np.intp), size - 1)
         samples = square[line, column].reshape(SAMPLES, 2 * rows, SAMPLES, 3)
-        found[row] = samples.mean(axis=(0, 2), dtype=np.float64)
-    return found
+        converted[row] = samples.mean(axis=(0, 2), dtype=np.float64)
+    return converted
 
 
 # Pictures of pbrt scenes: those that ours reads by their name, TGA and PFM files in another format.
@@ -318,7 +318,7 @@ def picture_name(context: Context, path: Path, place: Place) -> str:
 def linear_pixels(path: Path, place: Place) -> Pixels:
     """Return the linear colours of a picture, (height, width, 3), the top row first."""
     texels = _texels(path, place)
-    return np.asarray(texels, np.float32) if texels.dtype != np.uint8 else _decoded(texels)
+    return np.asarray(texels, np.float32) if texels.dtype != np.uint8 else _decode_srgb(texels)
 
 
 def mean_colour(path: Path, place: Place, *, linear: bool) -> NDArray[np.float64]:
@@ -326,7 +326,7 @@ def mean_colour(path: Path, place: Place, *, linear: bool) -> NDArray[np.float64
     texels = _texels(path, place)
     if texels.dtype != np.uint8:
         return np.asarray(texels.mean(axis=(0, 1), dtype=np.float64))
-    return np.asarray((texels / 255 if linear else _decoded(texels)).mean(axis=(0, 1), dtype=np.float64))
+    return np.asarray((texels / 255 if linear else _decode_srgb(texels)).mean(axis=(0, 1), dtype=np.float64))
 
 
 def _texels(path: Path, place: Place) -> NDArray[Any]:
@@ -341,7 +341,7 @@ def _texels(path: Path, place: Place) -> NDArray[Any]:
         raise place.error(f"{path.name}: {problem}") from None
 
 
-def _decoded(texels: NDArray[Any]) -> Pixels:
+def _decode_srgb(texels: NDArray[Any]) -> Pixels:
     """Return the linear values of sRGB bytes (IEC 61966-2-1)."""
     encoded = np.arange(256) / 255
     curve = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)

@@ -253,7 +253,7 @@ def _photometric(pixels: Pixels, illuminance: float, place: Place) -> float:
         )
     if illuminance <= 0:
         return 1.0
-    found = float((pixels @ LUMINANCE * np.clip(heights(size), 0, None)).sum()) * 2 * math.pi / size**2
-    if not found > 0:
+    own_illuminance = float((pixels @ LUMINANCE * np.clip(heights(size), 0, None)).sum()) * 2 * math.pi / size**2
+    if not own_illuminance > 0:
         raise place.error("the picture is black above the horizon, so that it cannot give an illuminance")
-    return illuminance / found
+    return illuminance / own_illuminance

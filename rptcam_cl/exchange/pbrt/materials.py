@@ -13,14 +13,12 @@ from numpy.typing import NDArray
 from rptcam_cl.core.colour import luminance
 from rptcam_cl.exchange.pbrt.files import Context, is_readable, picture_name
 from rptcam_cl.exchange.pbrt.textures import Array, Shade, number_shade, samples_of, shade, single, value
-from rptcam_cl.exchange.pbrt.world import Entity, MaterialName
+from rptcam_cl.exchange.pbrt.world import Entity
+from rptcam_cl.scene.materials import LARGEST_INDEX, LEAST_BEND, SMALLEST_INDEX
 
 # Materials of ours as plain keys, and pbrt's roughness as GGX's alpha.
 
 Keys = dict[str, Any]
-
-# A rough surface whose index is nearer to 1 has no distinguishable facets (see scene.dielectric).
-LEAST_BEND = 0.01
 
 # A share of light that is too small to matter.
 NOTHING = 1e-6
@@ -126,20 +124,21 @@ def index_of(context: Context, entity: Entity, name: str = "eta", default: float
             index = parameters.number(key, default)
         elif item.kind == "spectrum":
             name = str(item.values[0]) if len(item.values) == 1 else ""
-            index = GLASSES.get(name) or float(np.interp(589.0, *_sorted(samples_of(context, item))))
+            index = GLASSES.get(name) or float(np.interp(589.0, *_sort_samples(samples_of(context, item))))
             context.approximated(entity, f'"{key}" without dispersion, {index:g} at all wavelengths', item.place)
         else:  # a colour, or a texture of numbers or of colours that are cut at 1
             values = item.values
             index = float(np.mean(values)) if isinstance(values, np.ndarray) else value(context, entity, key, 1.5)
             context.approximated(entity, f'"{key}" as the number {index:g}', item.place)
-        if not 0.2 <= index <= 5:
-            raise parameters.error(key, f"must lie between 0.2 and 5 (got {index:g})")
+        if not SMALLEST_INDEX <= index <= LARGEST_INDEX:
+            span = f"{SMALLEST_INDEX:g} and {LARGEST_INDEX:g}"
+            raise parameters.error(key, f"must lie between {span} (got {index:g})")
         return index
     return default
 
 
 def metal_keys(context: Context, entity: Entity, prefix: str = "") -> dict[str, Any]:
-    """Return what a metal reflects, as keys of a conductor: by name, by n and k, or by a colour."""
+    """The keys of a conductor that say how a metal reflects: by name, by n and k, or by a colour."""
     parameters = entity.parameters
     if parameters.has(f"{prefix}reflectance"):
         return {"reflectance": shade(context, entity, f"{prefix}reflectance", 1.0).keys()}
@@ -174,13 +173,13 @@ def _channels(context: Context, entity: Entity, key: str, default: float) -> lis
     if item is None:
         values = np.full(3, default)
     elif item.kind == "spectrum":
-        values = np.interp(CHANNELS_NM, *_sorted(samples_of(context, item)))
+        values = np.interp(CHANNELS_NM, *_sort_samples(samples_of(context, item)))
     else:
         values = np.broadcast_to(np.asarray(item.values, np.float64), (3,))
     return np.clip(values, LOWEST, HIGHEST).tolist()  # type: ignore[no-any-return]
 
 
-def _sorted(samples: tuple[Any, Any]) -> tuple[Any, Any]:
+def _sort_samples(samples: tuple[Any, Any]) -> tuple[Any, Any]:
     order = np.argsort(samples[0], kind="stable")
     return samples[0][order], samples[1][order]
 
@@ -200,10 +199,10 @@ def _plastic(context: Context, material: Entity) -> Keys:
     pbrt adds a gloss of index 1.5, Ks strong, to the base. Ours shares the light out between the two.
     """
     diffuse, gloss = shade(context, material, "Kd", 0.25), shade(context, material, "Ks", 0.25)
-    return _covered(context, material, diffuse, gloss, 1.5, alphas(context, material, 0.1))
+    return _covered_keys(context, material, diffuse, gloss, 1.5, alphas(context, material, 0.1))
 
 
-def _covered(
+def _covered_keys(
     context: Context, material: Entity, diffuse: Shade, gloss: Shade, index: float, pair: tuple[float, float] | None
 ) -> Keys:
     """Return a base under a clear cover of the index that gives the gloss its reflectance head-on."""
@@ -279,10 +278,10 @@ def _uber(context: Context, material: Entity) -> Keys:
         material.parameters.skip("roughness", "uroughness", "vroughness", "remaproughness")
     gloss, pair = (smooth, None) if is_smooth else (rough, alphas(context, material, 0.1))
     if passing <= NOTHING:
-        return _covered(context, material, diffuse, gloss, index, pair) | holes
+        return _covered_keys(context, material, diffuse, gloss, index, pair) | holes
     context.approximated(material, f"{passing:.3g} of it clear glass, the rest opaque")
     opaque = diffuse.scaled(np.full(3, 1 / max(1 - passing, 0.01)))
-    base = _covered(context, material, opaque, gloss, index, pair)
+    base = _covered_keys(context, material, opaque, gloss, index, pair)
     return {"kind": "mix", "materials": [base, glass], "factor": passing} | holes
 
 
@@ -323,12 +322,12 @@ def _translucent(context: Context, material: Entity) -> Keys:
     reflect, _ = shade(context, material, "reflect", 0.5), shade(context, material, "transmit", 0.5)
     context.approximated(material, "what it reflects; what shines through is left out")
     diffuse, gloss = diffuse.scaled(reflect.colour), gloss.scaled(reflect.colour)
-    return _covered(context, material, diffuse, gloss, 1.5, alphas(context, material, 0.1))
+    return _covered_keys(context, material, diffuse, gloss, 1.5, alphas(context, material, 0.1))
 
 
 def _disney(context: Context, material: Entity) -> Keys:
     """Return the principled material; sheen, tints of gloss and flatness have no counterpart."""
-    found: Keys = {
+    keys: Keys = {
         "kind": "principled",
         "base_color": shade(context, material, "color", 0.5).keys(),
         "metallic": _share(context, material, "metallic", 0.0),
@@ -339,20 +338,20 @@ def _disney(context: Context, material: Entity) -> Keys:
         "clearcoat": _cut(value(context, material, "clearcoat", 0.0)),
     }
     gloss = value(context, material, "clearcoatgloss", 1.0)
-    found["clearcoat_roughness"] = math.sqrt(_cut(0.1 + (0.001 - 0.1) * gloss))  # alpha runs from 0.1 to 0.001
-    if found["transmission"] > 0:
-        found["index"] = max(found["index"], 1.02)
+    keys["clearcoat_roughness"] = math.sqrt(_cut(0.1 + (0.001 - 0.1) * gloss))  # alpha runs from 0.1 to 0.001
+    if keys["transmission"] > 0:
+        keys["index"] = max(keys["index"], 1.02)
     left = [name for name in ("sheen", "speculartint", "flatness", "thin", "scatterdistance", "difftrans", "sheentint")
             if material.parameters.has(name)]  # fmt: skip
     if left:
         material.parameters.skip(*left)
         context.ignored(material, ", ".join(left))
-    return found
+    return keys
 
 
 def _share(context: Context, material: Entity, name: str, default: float) -> object:
-    found = number_shade(context, material, name, default)
-    return found.texture if found.texture is not None else _cut(single(context, material, name, found))
+    share = number_shade(context, material, name, default)
+    return share.texture if share.texture is not None else _cut(single(context, material, name, share))
 
 
 def _cut(number: float) -> float:
@@ -444,11 +443,11 @@ def _thin_dielectric(context: Context, material: Entity) -> Keys:
 def _diffuse_transmission(context: Context, material: Entity) -> Keys:
     """Return the matte side; light does not pass."""
     scale = value(context, material, "scale", 1.0)
-    found = shade(context, material, "reflectance", 0.25).scaled(np.full(3, scale))
+    diffuse = shade(context, material, "reflectance", 0.25).scaled(np.full(3, scale))
     through = shade(context, material, "transmittance", 0.25)
     if has_effect(through):
         context.approximated(material, "matte of the reflectance; what shines through is left out")
-    return matte(found)
+    return matte(diffuse)
 
 
 def _subsurface(context: Context, material: Entity) -> Keys:
@@ -495,10 +494,7 @@ def _mix_material(context: Context, material: Entity, depth: int) -> Keys | None
         names.reverse()  # the share of the first material becomes that of the second
         if amount.texture is not None:
             context.approximated(material, "the textured amount is inverted")
-    parts = [
-        convert_material(context, context.scene.material_of(MaterialName(name, material.place)), depth + 1)
-        for name in names
-    ]
+    parts = [convert_material(context, context.scene.material_of((name, material.place)), depth + 1) for name in names]
     first, second = parts
     if first is None or second is None or "mix" in (first["kind"], second["kind"]):
         context.approximated(material, "the one of its materials that is a plain surface")
@@ -506,7 +502,7 @@ def _mix_material(context: Context, material: Entity, depth: int) -> Keys | None
     mixed = [{key: value for key, value in part.items() if key != "opacity"} for part in (first, second)]
     if mixed != [first, second]:
         context.ignored(material, "the opacity of its materials")
-    if amount.texture is None and np.ptp(amount.colour) > 0 and (blend := _blended(mixed, amount.colour)) is not None:
+    if amount.texture is None and np.ptp(amount.colour) > 0 and (blend := _blend(mixed, amount.colour)) is not None:
         return blend
     factor: Any = amount.texture
     if factor is None:
@@ -514,7 +510,7 @@ def _mix_material(context: Context, material: Entity, depth: int) -> Keys | None
     return {"kind": "mix", "materials": mixed, "factor": factor}
 
 
-def _blended(parts: list[Keys], amount: Array) -> Keys | None:
+def _blend(parts: list[Keys], amount: Array) -> Keys | None:
     """Return two matte colours mixed channel by channel, which is exact; None for other materials."""
     if any(part.keys() != {"kind", "reflectance"} or part["kind"] != "matte" for part in parts):
         return None

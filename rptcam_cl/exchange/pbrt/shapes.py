@@ -94,12 +94,12 @@ class MeshData:
 
     def keys(self) -> dict[str, Any]:
         """Return the keys of a mesh that is written out."""
-        found: dict[str, Any] = {"vertices": tidy(self.vertices), "faces": self.faces.tolist()}
+        keys: dict[str, Any] = {"vertices": tidy(self.vertices), "faces": self.faces.tolist()}
         if self.normals is not None:
-            found["normals"] = tidy(self.normals)
+            keys["normals"] = tidy(self.normals)
         if self.uvs is not None:
-            found["uvs"] = self.uvs.tolist()
-        return found
+            keys["uvs"] = self.uvs.tolist()
+        return keys
 
     def write_ply(self, path: Path) -> None:
         """Write the mesh as a binary PLY file."""
@@ -138,7 +138,7 @@ def rectangle_of(mesh: MeshData, *, textured: bool, oriented: bool) -> dict[str,
         if mesh.uvs is None:
             return None
         turns = [ring] if oriented else [ring, ring[::-1]]
-        fits = [turn for way in turns for turn in _turns(way) if np.allclose(mesh.uvs[turn], CORNERS_UV, atol=1e-6)]
+        fits = [turn for way in turns for turn in _rotations(way) if np.allclose(mesh.uvs[turn], CORNERS_UV, atol=1e-6)]
         if not fits:
             return None
         ring = fits[0]
@@ -163,7 +163,7 @@ def _ring(mesh: MeshData) -> list[int] | None:
     return None
 
 
-def _turns(ring: list[int]) -> list[list[int]]:
+def _rotations(ring: list[int]) -> list[list[int]]:
     return [ring[k:] + ring[:k] for k in range(4)]
 
 
@@ -228,10 +228,10 @@ def bilinear_patches(context: Context, shape: Entity) -> tuple[MeshData, int]:
         faces = np.concatenate([np.stack([p00, p10, p11], axis=1), np.stack([p00, p11, p01], axis=1)])
         return _clean(context, shape, MeshData(vertices, faces, normals, uvs)), len(quads)
     context.approximated(shape, f"each patch as {PATCH_CELLS} x {PATCH_CELLS} cells of two triangles")
-    return _clean(context, shape, _tessellated(vertices, quads, normals, uvs)), len(quads)
+    return _clean(context, shape, _tessellate(vertices, quads, normals, uvs)), len(quads)
 
 
-def _tessellated(vertices: Array, quads: Indices, normals: Array | None, uvs: Array | None) -> MeshData:
+def _tessellate(vertices: Array, quads: Indices, normals: Array | None, uvs: Array | None) -> MeshData:
     """Return patches cut into cells, each patch with vertices of its own."""
     cells = PATCH_CELLS
     t = np.linspace(0, 1, cells + 1)
@@ -409,7 +409,7 @@ def positive(parameters: Parameters, name: str, default: float) -> float:
     return value
 
 
-def turned(profile: Profile, degrees: float) -> MeshData:
+def sweep(profile: Profile, degrees: float) -> MeshData:
     """Return the mesh that a profile sweeps from +x over +y; its front is that of pbrt: along du x dv.
 
     u and v of the mesh run from 0 to 1 along the turn and along the profile. Of a profile without extent there are no
@@ -481,21 +481,9 @@ class Placed:
         return self.use.shape
 
 
-@dataclass(frozen=True, eq=False)
-class Piece:
-    """An object of ours without its material; a mesh is still data.
-
-    Attributes
-    ----------
-    keys : dict
-        Of the object; without a shape for a mesh.
-    area : float
-        Mean area of the parts that pbrt takes for lamps of their own [square units of pbrt's scene]; 0 if unknown.
-    """
-
-    keys: Keys
-    area: float
-    mesh: MeshData | None = None
+Piece = tuple[Keys, float, MeshData | None]
+"""An object of ours without its material: its keys, without a shape for a mesh, which is still data; the mean area of
+the parts that pbrt takes for lamps of their own [square units of pbrt's scene], 0 if unknown; the mesh, if any."""
 
 
 def convert_shape(context: Context, placed: Placed) -> Piece | None:
@@ -534,9 +522,9 @@ def _sphere(context: Context, placed: Placed) -> Piece | None:
     radius = parameters.number("radius", 1.0)
     if is_similarity(placed.world) and not placed.textured:
         scaled = radius * mean_scale(placed.world)
-        return Piece({"shape": "sphere", "center": tidy(placed.world[:3, 3]), "radius": scaled}, profile.area)
+        return {"shape": "sphere", "center": tidy(placed.world[:3, 3]), "radius": scaled}, profile.area, None
     keys = {"shape": "sphere", "center": [0, 0, 0], "radius": radius}
-    return Piece(keys | transform_keys(placed.world), profile.area)
+    return keys | transform_keys(placed.world), profile.area, None
 
 
 def _round(context: Context, placed: Placed) -> Piece | None:
@@ -558,13 +546,13 @@ def _round(context: Context, placed: Placed) -> Piece | None:
         end = "apex" if placed.shape.kind == "cone" else "top"
         keys = {"shape": placed.shape.kind, "base": [0, 0, float(first[2])], end: [0, 0, float(last[2])],
                 "radius": radius, "capped": False}  # fmt: skip
-    return Piece(keys | transform_keys(placed.world), profile.area)
+    return keys | transform_keys(placed.world), profile.area, None
 
 
 def _revolved_mesh(context: Context, placed: Placed, profile: Profile, degrees: float) -> Piece | None:
     if not 0 < degrees <= 360:
         raise placed.shape.error(f"phimax must lie between 0 and 360 (got {degrees:g})")
-    mesh = turned(profile, degrees)
+    mesh = sweep(profile, degrees)
     if not len(mesh.faces):
         _note_no_area(context, placed.shape)
         return None
@@ -593,10 +581,10 @@ def _piece(placed: Placed, mesh: MeshData, area: float) -> Piece:
     if placed.use.reverse:
         mesh = mesh.reversed()
     if placed.shared:
-        return Piece(transform_keys(placed.world), area, mesh)
+        return transform_keys(placed.world), area, mesh
     mesh = mesh.transformed(placed.world)
     rectangle = rectangle_of(mesh, textured=placed.textured, oriented=placed.oriented)
-    return Piece({}, area, mesh) if rectangle is None else Piece(rectangle, area)
+    return ({}, area, mesh) if rectangle is None else (rectangle, area, None)
 
 
 def _ply(context: Context, placed: Placed) -> Piece | None:
@@ -614,8 +602,8 @@ def _ply(context: Context, placed: Placed) -> Piece | None:
         area = float(facing.transformed(placed.shape.world_from_object).areas().mean())
         if changed and placed.oriented:
             context.report.noted(place, f"{name}: written anew with its front where pbrt has it")
-            return Piece(keys, area, facing)
-    return Piece({"shape": "mesh", "file": context.files.reference(path, place), **keys}, area)
+            return keys, area, facing
+    return {"shape": "mesh", "file": context.files.reference(path, place), **keys}, area, None
 
 
 # The objects of a scene of ours: shapes with their materials, each material and shared mesh once.
@@ -714,16 +702,19 @@ class Objects:
         piece = convert_shape(self.context, Placed(use, world, textured, oriented, shared))
         if piece is None:
             return
-        if "transform" in piece.keys and not is_transform_of_ours(world):
+        keys, area, mesh = piece
+        if "transform" in keys and not is_transform_of_ours(world):
             self._leave_out(use, instance)
             return
         if lamp is not None:
-            material = self._lamp(lamp, piece, use, opacity)
+            material = self._lamp(lamp, area, use, opacity)
         assert material is not None
         name = self._name(material, self._wanted_name(use, lamp))
-        if piece.mesh is not None and not shared:
-            self._loose[len(self.items)] = use, piece.mesh
-        self.items.append({**self._shape_keys(use, piece, shared), "material": name})
+        if mesh is not None and shared:
+            keys = {"shape": "mesh", "mesh": self._share_mesh(use, mesh), **keys}
+        elif mesh is not None:
+            self._loose[len(self.items)] = use, mesh
+        self.items.append({**keys, "material": name})
 
     def _leave_out(self, use: ShapeUse, instance: Instance | None) -> None:
         """Report a shape whose transform flattens space, or leads out of it."""
@@ -745,8 +736,8 @@ class Objects:
             return {}
         return opacity_keys(self.context, use.shape, "alpha", number_shade(self.context, use.shape, "alpha", 1.0))
 
-    def _lamp(self, lamp: Entity, piece: Piece, use: ShapeUse, opacity: Keys) -> Keys:
-        radiance, two_sided = lamp_radiance(self.context, lamp, piece.area)
+    def _lamp(self, lamp: Entity, area: float, use: ShapeUse, opacity: Keys) -> Keys:
+        radiance, two_sided = lamp_radiance(self.context, lamp, area)
         if opacity:
             self.context.ignored(use.shape, "alpha of a lamp, which stays visible")
         reflecting = self._material(use)
@@ -755,14 +746,13 @@ class Objects:
         keys: Keys = {"kind": "emissive", "radiance": radiance.tolist()}
         return keys | ({"two_sided": True} if two_sided else {})
 
-    def _shape_keys(self, use: ShapeUse, piece: Piece, shared: bool) -> Keys:
-        if piece.mesh is None or not shared:
-            return piece.keys
+    def _share_mesh(self, use: ShapeUse, mesh: MeshData) -> str:
+        """The name of a mesh that stands in several places; the mesh is added to the scene at its first."""
         if id(use) not in self._shared:
             name = self._unique("mesh")
             self._shared[id(use)] = use, name
-            self.meshes[name] = self._mesh_keys(use, piece.mesh)
-        return {"shape": "mesh", "mesh": self._shared[id(use)][1], **piece.keys}
+            self.meshes[name] = self._mesh_keys(use, mesh)
+        return self._shared[id(use)][1]
 
     def _merge(self) -> None:
         """Put the meshes of each material together that stand in one place only."""

@@ -206,7 +206,7 @@ class Tokens:
                 raise place.error('this " has no partner on its line')
             self._offset = match.end()
             if match.lastgroup == "string":
-                return Token("string", _unescaped(match[0][1:-1], place), place)
+                return Token("string", _unescape(match[0][1:-1], place), place)
             if match.lastgroup != "blank":
                 return Token(str(match.lastgroup), match[0], place)
         return None
@@ -222,7 +222,7 @@ def number_of(token: Token) -> float:
     return number
 
 
-def _unescaped(text: str, place: Place) -> str:
+def _unescape(text: str, place: Place) -> str:
     if "\\" not in text:
         return text
 
@@ -420,14 +420,14 @@ class Parameters:
 
 def read_parameters(tokens: Tokens, what: str, place: Place) -> Parameters:
     """Take the parameters that follow in a file, up to the next directive."""
-    found = Parameters(what, place)
+    parameters = Parameters(what, place)
     while (token := tokens.peek()) is not None and token.kind == "string":
         tokens.take()
         kind, name = _declaration(token, what)
-        if name in found.items:
-            found.repeated.append(found.items.pop(name))
-        found.items[name] = Parameter(kind, name, _values(tokens, token, kind), token.place)
-    return found
+        if name in parameters.items:
+            parameters.repeated.append(parameters.items.pop(name))
+        parameters.items[name] = Parameter(kind, name, _values(tokens, token, kind), token.place)
+    return parameters
 
 
 def _declaration(token: Token, what: str) -> tuple[str, str]:
@@ -443,7 +443,7 @@ def _declaration(token: Token, what: str) -> tuple[str, str]:
 def _values(tokens: Tokens, declared: Token, kind: str) -> Values:
     values: Values | None = tokens.numbers_in_brackets()
     if values is None:
-        values = _of_words(_listed(tokens, declared), declared)
+        values = _of_words(_take_values(tokens, declared), declared)
     is_text = isinstance(values, tuple) and all(isinstance(value, str) for value in values)
     name = declared.shown()
     if isinstance(values, tuple) and not is_text and kind != "bool":
@@ -459,7 +459,7 @@ def _values(tokens: Tokens, declared: Token, kind: str) -> Values:
     return values
 
 
-def _listed(tokens: Tokens, declared: Token) -> list[Token]:
+def _take_values(tokens: Tokens, declared: Token) -> list[Token]:
     """Take the value, or the values in brackets, of a parameter."""
     token = tokens.take()
     if token is None:
@@ -468,12 +468,12 @@ def _listed(tokens: Tokens, declared: Token) -> list[Token]:
         return [token]
     if token.text == "]":
         raise token.place.error(f"expected the value of {declared.shown()} (got ])")
-    found = []
+    values = []
     while (item := tokens.take()) is not None:
         if item.kind != "bracket":
-            found.append(item)
+            values.append(item)
         elif item.text == "]":
-            return found
+            return values
         else:
             raise item.place.error(f"a second [ in the values of {declared.shown()}")
     raise token.place.error("this [ is never closed")
@@ -573,11 +573,11 @@ def read_statements(path: Path) -> Iterator[Statement]:
         imported = statement.place if statement.directive == "Import" else None
         if imported is not None:
             yield Statement("AttributeBegin", statement.place)
-        real, tokens = _included(statement, path.parent, [level[0] for level in stack])
+        real, tokens = _open_included(statement, path.parent, [level[0] for level in stack])
         stack.append((real, tokens, imported))
 
 
-def _included(statement: Statement, folder: Path, including: list[Path]) -> tuple[Path, Tokens]:
+def _open_included(statement: Statement, folder: Path, including: list[Path]) -> tuple[Path, Tokens]:
     """Return the real path of a file that a statement of others includes, and its tokens."""
     (name,) = statement.texts
     try:
@@ -638,17 +638,17 @@ def _numbers(tokens: Tokens, directive: Token, count: int) -> NDArray[np.float64
 
 def _texts(tokens: Tokens, directive: Token, count: int) -> tuple[str, ...]:
     """Take the quoted texts of a directive; a MediumInterface may have one instead of two."""
-    found: list[str] = []
-    while len(found) < count:
+    texts: list[str] = []
+    while len(texts) < count:
         token = tokens.peek()
         if token is None or token.kind != "string":
-            if directive.text == "MediumInterface" and found:
+            if directive.text == "MediumInterface" and texts:
                 break
             got = "the end of the file" if token is None else token.shown()
             raise directive.place.error(f"{directive.text} needs {count} text{'s' * (count > 1)} in quotes (got {got})")
         tokens.take()
-        found.append(token.text)
-    return tuple(found)
+        texts.append(token.text)
+    return tuple(texts)
 
 
 def _active(tokens: Tokens, directive: Token) -> str:

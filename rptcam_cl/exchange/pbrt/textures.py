@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rptcam_cl.core.colour import WAVELENGTHS_NM, blackbody, cie_1931, planck_radiance
+from rptcam_cl.core.colour import RGB_FROM_XYZ, SRGB_WHITE, WAVELENGTHS_NM, blackbody, cie_1931, planck_radiance, xyz_of
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.exchange.pbrt.files import NOT_READ, READABLE, Context, is_readable, mean_colour, picture_name
 from rptcam_cl.exchange.pbrt.source import Parameter, read_limited
@@ -21,21 +21,13 @@ from rptcam_cl.scene.assets.pictures import write_exr
 
 Array = NDArray[np.float64]
 
-D65 = (0.3127, 0.3290)
 ACES_WHITE = (0.32168, 0.33767)
-# Primaries and white as CIE x, y: BT.709, BT.2020, SMPTE RP 431-2 with D65 as pbrt has it, SMPTE ST 2065-1.
+# Primaries and white as CIE x, y: BT.2020, SMPTE RP 431-2 with D65 as pbrt has it, SMPTE ST 2065-1.
 _PRIMARIES = {
-    "srgb": ((0.64, 0.33), (0.30, 0.60), (0.15, 0.06), D65),
-    "rec2020": ((0.708, 0.292), (0.170, 0.797), (0.131, 0.046), D65),
-    "dci-p3": ((0.680, 0.320), (0.265, 0.690), (0.150, 0.060), D65),
+    "rec2020": ((0.708, 0.292), (0.170, 0.797), (0.131, 0.046), SRGB_WHITE),
+    "dci-p3": ((0.680, 0.320), (0.265, 0.690), (0.150, 0.060), SRGB_WHITE),
     "aces2065-1": ((0.7347, 0.2653), (0.0, 1.0), (0.0001, -0.077), ACES_WHITE),
 }
-
-
-def xyz_of(xy: ArrayLike) -> Array:
-    """Return X, Y = 1, Z of a chromaticity."""
-    x, y = np.asarray(xy, np.float64)
-    return np.array([x / y, 1.0, (1 - x - y) / y])
 
 
 def _xyz_from_rgb(space: str) -> Array:
@@ -44,16 +36,12 @@ def _xyz_from_rgb(space: str) -> Array:
     return np.asarray(columns * np.linalg.solve(columns, xyz_of(white)))
 
 
-XYZ_FROM_SRGB = _xyz_from_rgb("srgb")
-SRGB_FROM_XYZ = np.linalg.inv(XYZ_FROM_SRGB)
-
-
 def srgb_from(space: str, rgb: ArrayLike) -> Array:
     """Return linear sRGB of the colour (…, 3) of a space; white stays white, as in the space's own light."""
     values = np.asarray(rgb, np.float64)
     if space == "srgb":
         return values
-    matrix = SRGB_FROM_XYZ @ _xyz_from_rgb(space)
+    matrix = RGB_FROM_XYZ @ _xyz_from_rgb(space)
     # scaled per channel so that (1, 1, 1) stays so, also where the whites differ
     return np.asarray(values @ (matrix / (matrix @ np.ones(3))[:, None]).T)
 
@@ -63,7 +51,7 @@ LUMINOUS = float(cie_1931()[:, 1].sum())
 
 # Chromaticities x, y of standard illuminants, 2 degrees (CIE 15:2004, table T.3 and T.5); ACES: SMPTE ST 2065-1.
 ILLUMINANTS = {
-    "stdillum-A": (0.44758, 0.40745), "stdillum-D50": (0.34567, 0.35851), "stdillum-D65": D65,
+    "stdillum-A": (0.44758, 0.40745), "stdillum-D50": (0.34567, 0.35851), "stdillum-D65": SRGB_WHITE,
     "stdillum-F1": (0.3131, 0.3371), "stdillum-F2": (0.3721, 0.3751), "stdillum-F3": (0.4091, 0.3941),
     "stdillum-F4": (0.4402, 0.4031), "stdillum-F5": (0.3138, 0.3452), "stdillum-F6": (0.3779, 0.3882),
     "stdillum-F7": (0.3129, 0.3292), "stdillum-F8": (0.3458, 0.3586), "stdillum-F9": (0.3741, 0.3727),
@@ -84,8 +72,8 @@ def xyz_of_samples(wavelengths_nm: ArrayLike, values: ArrayLike) -> Array:
 
 def reflectance_srgb(wavelengths_nm: ArrayLike, values: ArrayLike) -> Array:
     """Return linear sRGB of a reflectance spectrum; one that reflects everything is (1, 1, 1)."""
-    white = SRGB_FROM_XYZ @ xyz_of_samples([500.0], [1.0])
-    return np.asarray(SRGB_FROM_XYZ @ xyz_of_samples(wavelengths_nm, values) / white)
+    white = RGB_FROM_XYZ @ xyz_of_samples([500.0], [1.0])
+    return np.asarray(RGB_FROM_XYZ @ xyz_of_samples(wavelengths_nm, values) / white)
 
 
 def light_srgb(wavelengths_nm: ArrayLike, values: ArrayLike, *, luminance: float | None = None) -> Array:
@@ -93,7 +81,7 @@ def light_srgb(wavelengths_nm: ArrayLike, values: ArrayLike, *, luminance: float
     xyz = xyz_of_samples(wavelengths_nm, values)
     if luminance is not None:
         xyz = xyz * (luminance / xyz[1]) if xyz[1] > 0 else np.zeros(3)
-    return np.asarray(SRGB_FROM_XYZ @ xyz)
+    return np.asarray(RGB_FROM_XYZ @ xyz)
 
 
 def black_body_srgb(kelvin: float, *, luminance: float | None) -> Array:
@@ -140,7 +128,7 @@ def light(context: Context, entity: Entity, name: str) -> Array:
         scale = float(values[1]) if len(values) == 2 else 1.0
         colour = scale * black_body_srgb(float(values[0]), luminance=luminance)
     elif item.kind == "spectrum" and len(values) == 1 and str(values[0]) in ILLUMINANTS:
-        colour = np.asarray(SRGB_FROM_XYZ @ xyz_of(ILLUMINANTS[str(values[0])]))
+        colour = np.asarray(RGB_FROM_XYZ @ xyz_of(ILLUMINANTS[str(values[0])]))
     elif item.kind == "spectrum":
         colour = light_srgb(*samples_of(context, item), luminance=luminance)
     else:
@@ -195,7 +183,7 @@ def _plain(item: Parameter, entity: Entity) -> Array:
     if len(values) != 3:
         raise entity.parameters.error(item.name, f"needs 3 numbers (got {len(values)})")
     if item.kind == "xyz":
-        return np.asarray(SRGB_FROM_XYZ @ values)
+        return np.asarray(RGB_FROM_XYZ @ values)
     return srgb_from(entity.color_space, values)
 
 
@@ -231,7 +219,7 @@ class Shade:
         return self.mean() if callable(self.mean) else self.mean
 
     def keys(self) -> Any:
-        """Return what a key of ours that takes colours and textures is set to."""
+        """The value of a key of ours that takes colours and textures."""
         return self.colour.tolist() if self.texture is None else self.texture
 
     def scaled(self, factor: Array) -> Shade:
@@ -253,16 +241,16 @@ def shade(context: Context, entity: Entity, name: str, default: float, depth: in
     item = entity.parameters.get(name, "texture", *COLOURS)
     if item is None or item.kind != "texture":
         return Shade(reflectance(context, entity, name, default))
-    return _named(context, entity, item, "spectrum", depth)
+    return _convert_named(context, entity, item, "spectrum", depth)
 
 
 def value(context: Context, entity: Entity, name: str, default: float) -> float:
     """Return a number parameter; a texture or colour is replaced by its mean."""
-    found = number_shade(context, entity, name, default)
-    if found.texture is not None:
+    number = number_shade(context, entity, name, default)
+    if number.texture is not None:
         place = entity.parameters.items[name].place
         context.approximated(entity, f'"{name}" is its mean, not a texture', place)
-    return single(context, entity, name, found)
+    return single(context, entity, name, number)
 
 
 def number_shade(context: Context, entity: Entity, name: str, default: float) -> Shade:
@@ -271,19 +259,19 @@ def number_shade(context: Context, entity: Entity, name: str, default: float) ->
     if item is None or item.kind == "float":
         return Shade(np.full(3, default if item is None else entity.parameters.number(name, default)))
     if item.kind == "texture":
-        return _named(context, entity, item, "float", 0)
+        return _convert_named(context, entity, item, "float", 0)
     return Shade(reflectance(context, entity, name, default))
 
 
-def single(context: Context, entity: Entity, name: str, found: Shade) -> float:
+def single(context: Context, entity: Entity, name: str, texture: Shade) -> float:
     """Return the mean over the channels of a parameter where ours takes one number; a colour is reported."""
-    if np.ptp(found.colour) > 1e-6:
+    if np.ptp(texture.colour) > 1e-6:
         place = entity.parameters.items[name].place
         context.approximated(entity, f'the colour "{name}" as its mean over the channels', place)
-    return float(found.colour.mean())
+    return float(texture.colour.mean())
 
 
-def _named(context: Context, entity: Entity, item: Parameter, kind: str, depth: int) -> Shade:
+def _convert_named(context: Context, entity: Entity, item: Parameter, kind: str, depth: int) -> Shade:
     (name, *others) = (str(text) for text in item.values)
     texture = entity.textures.get((kind, name))
     if texture is None or others:
@@ -292,13 +280,13 @@ def _named(context: Context, entity: Entity, item: Parameter, kind: str, depth: 
         raise item.place.error(f'no {kind} texture is named "{name}"{hint}')
     if depth > DEEPEST:
         raise item.place.error(f"textures refer to each other more than {DEEPEST} deep")
-    found = context.known.get(id(texture))
-    if not isinstance(found, Shade):
-        found = context.known[id(texture)] = _converted(context, texture, depth + 1)
-    return found
+    known = context.known.get(id(texture))
+    if not isinstance(known, Shade):
+        known = context.known[id(texture)] = _convert(context, texture, depth + 1)
+    return known
 
 
-def _converted(context: Context, texture: Entity, depth: int) -> Shade:
+def _convert(context: Context, texture: Entity, depth: int) -> Shade:
     """Return a texture as one of ours."""
     if texture.kind not in KINDS:
         raise texture.unknown("texture", KINDS)

@@ -14,6 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.exchange.pbrt.source import NUMBERS, Parameter, Parameters, Place, Report, Statement, read_statements
+from rptcam_cl.scene.placement import SMALLEST_STRETCH_RATIO, turn_about
+from rptcam_cl.scene.quantities import LARGEST_COORDINATE
 
 #
 # Transforms of pbrt: 4x4 matrices that act on columns, in float64.
@@ -23,10 +25,6 @@ from rptcam_cl.exchange.pbrt.source import NUMBERS, Parameter, Parameters, Place
 
 Matrix = NDArray[np.float64]
 SMALLEST = 1e-12
-# Beyond what coordinates of ours may be (see scene.quantities).
-LARGEST = 1e12
-# Ratio of stretches from which on ours takes a transform (see scene.transform); vertices may be flattened further.
-LEAST_RATIO = 1e-6
 
 # Where nothing is: the transform of what stands under one that cannot be used.
 NOWHERE = np.full((4, 4), np.nan)
@@ -63,11 +61,11 @@ def step_matrix(statement: Statement) -> Matrix:
         case "LookAt":
             result = _camera_from_world(statement)
         case _:
-            result = checked(statement)
+            result = read_matrix(statement)
     return result
 
 
-def checked(statement: Statement) -> Matrix:
+def read_matrix(statement: Statement) -> Matrix:
     """Return the matrix of ``Transform`` or ``ConcatTransform``, which pbrt writes column by column.
 
     Raises
@@ -99,25 +97,22 @@ def is_bearable(matrix: Matrix) -> bool:
     if not is_invertible(matrix):
         return False
     stretches = np.linalg.svd(matrix[:3, :3], compute_uv=False)
-    return bool(stretches[-1] > SMALLEST and stretches[0] < LARGEST and np.abs(matrix[:3, 3]).max() < LARGEST)
+    return bool(stretches[-1] > SMALLEST and max(stretches[0], np.abs(matrix[:3, 3]).max()) < LARGEST_COORDINATE)
 
 
 def is_transform_of_ours(matrix: Matrix) -> bool:
-    """Return whether a scene of ours takes a matrix as the transform of an object."""
+    """Whether a scene of ours takes a matrix as the transform of an object; vertices may be flattened further."""
     stretches = np.linalg.svd(matrix[:3, :3], compute_uv=False)
-    return bool(stretches[-1] > LEAST_RATIO * (1 + LEAST_RATIO) * stretches[0])
+    return bool(stretches[-1] > SMALLEST_STRETCH_RATIO * (1 + SMALLEST_STRETCH_RATIO) * stretches[0])
 
 
 def _rotation(statement: Statement) -> Matrix:
-    """Return the 3x3 turn about an axis (Rodrigues)."""
+    """Return the 3x3 turn about an axis."""
     degrees, *axis = statement.numbers
     length = math.hypot(*axis)
     if length < SMALLEST:
         raise OddTransformError("Rotate needs an axis (got 0 0 0)")
-    unit = np.array(axis) / length
-    angle = math.radians(degrees)
-    aligned = np.outer(unit, unit)
-    return np.asarray(aligned + math.cos(angle) * (np.eye(3) - aligned) + math.sin(angle) * np.cross(np.eye(3), unit))
+    return turn_about(np.array(axis) / length, float(degrees))
 
 
 def _camera_from_world(statement: Statement) -> Matrix:
@@ -224,12 +219,8 @@ class Entity:
         return name, self.parameters.items["filename"].place
 
 
-@dataclass(frozen=True, eq=False)
-class MaterialName:
-    """A material called by its name, which may be defined later."""
-
-    name: str
-    place: Place
+MaterialName = tuple[str, Place]
+"""A material called by its name, which may be defined later, and where it is called."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -274,12 +265,13 @@ class PbrtScene:
 
     def material_of(self, use: Entity | MaterialName | None) -> Entity | None:
         """Return a material, looked up when it is called by its name; None for pbrt's default."""
-        if not isinstance(use, MaterialName):
+        if not isinstance(use, tuple):
             return use
-        if use.name not in self.materials:
+        name, place = use
+        if name not in self.materials:
             known = ", ".join(list(self.materials)[:10]) or "none"
-            raise use.place.error(f'no material is named "{use.name}" (named are: {known})')
-        return self.materials[use.name]
+            raise place.error(f'no material is named "{name}" (named are: {known})')
+        return self.materials[name]
 
     def placed(self) -> Iterator[tuple[ShapeUse, Matrix, Instance | None]]:
         """Yield every shape with its placement in the world, once for each instance."""
@@ -364,7 +356,7 @@ class World:
         return self.scene
 
     def entity(self, statement: Statement, kind: str) -> Entity:
-        """Return what a statement declares, with the defaults of ``Attribute`` and the textures that it names."""
+        """The entity that a statement declares, with the defaults of ``Attribute`` and the textures that it names."""
         given = statement.with_parameters()
         for item in self.state.defaults.get(TARGETS.get(statement.directive, ""), ()):
             given.items.setdefault(item.name, item)
@@ -382,10 +374,10 @@ class World:
         try:
             is_whole = statement.directive == "Transform"
             with np.errstate(over="ignore", invalid="ignore"):
-                found = checked(statement) if is_whole else self.state.ctm @ step_matrix(statement)
-            if not np.isfinite(found).all() and np.isfinite(self.state.ctm).all():
+                matrix = read_matrix(statement) if is_whole else self.state.ctm @ step_matrix(statement)
+            if not np.isfinite(matrix).all() and np.isfinite(self.state.ctm).all():
                 raise OddTransformError(f"{statement.directive} leads beyond the range of numbers")
-            self.set_transform(found)
+            self.set_transform(matrix)
         except OddTransformError as problem:
             self.report.noted(statement.place, f"{problem}; what stands under it is left out")
             self.set_transform(NOWHERE)
@@ -402,8 +394,8 @@ class World:
             self.report.ignored(self.scene.options[name].place, f"{name}: a later one takes its place")
         self.scene.options[name] = self.entity(statement, statement.texts[0])
         if name == "Camera":
-            found = np.linalg.inv(self.state.ctm) if is_invertible(self.state.ctm) else NOWHERE
-            self.spaces["camera"] = np.asarray(found, np.float64)
+            world_from_camera = np.linalg.inv(self.state.ctm) if is_invertible(self.state.ctm) else NOWHERE
+            self.spaces["camera"] = np.asarray(world_from_camera, np.float64)
         if statement.directive == "SurfaceIntegrator" or (name == "Film" and statement.texts[0] == "image"):
             self.scene.version = 3
 
@@ -521,8 +513,8 @@ def _material(world: World, statement: Statement) -> None:
 
 def _named_material(world: World, statement: Statement) -> None:
     (name,) = statement.texts
-    found = world.scene.materials.get(name)
-    world.state = replace(world.state, material=found or MaterialName(name, statement.place))
+    material = world.scene.materials.get(name) or (name, statement.place)
+    world.state = replace(world.state, material=material)
 
 
 def _make_named_material(world: World, statement: Statement) -> None:
@@ -580,7 +572,7 @@ _ACTIONS: dict[str, Callable[[World, Statement], None]] = {
 
 
 def read_world(path: Path, report: Report) -> PbrtScene:
-    """Return what a scene file and the files that it includes declare."""
+    """Read a scene file and the files that it includes."""
     world = World(report)
     for statement in read_statements(path):
         world.take(statement)

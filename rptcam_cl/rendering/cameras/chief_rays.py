@@ -17,19 +17,8 @@ from rptcam_cl.optics.chief_rays import ChiefRays, aimed_rays, film_chief_rays
 from rptcam_cl.optics.irradiance import on_axis_irradiance
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.ray_trace import IDEAL, LensTransmission
-from rptcam_cl.rendering.cameras.ideal import optics_of, thick_lens_of
-from rptcam_cl.rendering.cameras.model import half_tangents
 from rptcam_cl.rendering.cameras.pupil import FilmGrid
-from rptcam_cl.rendering.cameras.setting import LensSetting, film_frame, half_film_mm, lens_setting
-from rptcam_cl.scene.camera import (
-    EnvironmentCamera,
-    PinholeCamera,
-    RealisticCamera,
-    ThickLensCamera,
-    ThinLensCamera,
-    unknown_camera,
-)
-from rptcam_cl.scene.load import at_opening
+from rptcam_cl.rendering.cameras.setting import LensSetting, film_frame, half_film_mm
 from rptcam_cl.scene.scene import Scene
 
 if TYPE_CHECKING:
@@ -89,10 +78,11 @@ class CameraRays(ABC):
         return np.asarray((upright * (self._sign, -self._sign) + 1.0) / 2.0 * self.resolution)
 
 
-class _WholeSphere(CameraRays):
-    """Of an environment camera."""
+class SphereRays(CameraRays):
+    """The chief rays of a camera that sees the whole sphere, in longitude and latitude."""
 
     def rays(self, places: Array) -> tuple[Array, Array]:
+        """Return origins [m] and unit directions (n, 3), all from the eye."""
         longitude, latitude = (self.upright(places) * (np.pi, np.pi / 2)).T
         flat = np.cos(latitude)
         directions = np.stack([flat * np.sin(longitude), np.sin(latitude), -flat * np.cos(longitude)], axis=1)
@@ -100,11 +90,12 @@ class _WholeSphere(CameraRays):
 
     @property
     def wraps(self) -> bool:
+        """Whether the left edge of the picture follows its right edge: it does."""
         return True
 
 
-class _Perspective(CameraRays):
-    """Of an ideal camera: a film point h is joined to the scene by ``height h + z slope h``.
+class PerspectiveRays(CameraRays):
+    """The chief rays of an ideal camera: a film point h is joined to the scene by ``height h + z slope h``.
 
     Parameters
     ----------
@@ -123,6 +114,7 @@ class _Perspective(CameraRays):
         self._height, self._slope, self._film_slope, self._z = height, slope, film_slope, origin_z
 
     def rays(self, places: Array) -> tuple[Array, Array]:
+        """Return origins [m] and unit directions (n, 3)."""
         film = self._frame.points(-self.upright(places) * self._half)
         there = film[:, :2] / (1.0 + film[:, 2:] * self._film_slope)
         one = np.ones((len(there), 1))
@@ -131,8 +123,8 @@ class _Perspective(CameraRays):
         return origins, directions / np.linalg.norm(directions, axis=1, keepdims=True)
 
 
-class _Traced(CameraRays):
-    """Of a lens, traced surface by surface; where rims stop the chief ray there is none."""
+class TracedRays(CameraRays):
+    """The chief rays of a lens, traced surface by surface; where rims stop the chief ray there is none."""
 
     def __init__(self, scene: Scene, setting: LensSetting) -> None:
         super().__init__(scene)
@@ -145,15 +137,18 @@ class _Traced(CameraRays):
         self._grid = FilmGrid(values.reshape(NODES, NODES, -1), REACH)
 
     def rays(self, places: Array) -> tuple[Array, Array]:
+        """Return origins [m] and unit directions (n, 3); nan where rims stop the ray."""
         upright = self.upright(places)
         found = self._aimed(upright)
         return _kept(self._in_camera(found), found.clear)
 
     def unlimited(self, places: Array) -> tuple[Array, Array]:
+        """Return the same as if the lens had no rims."""
         found = self._aimed(self.upright(places))
         return _kept(self._in_camera(found), found.found)
 
     def smooth(self, places: Array) -> tuple[Array, Array]:
+        """Return about the same, by cubics between nodes."""
         found = self._grid.at(self.upright(places))
         directions = found[:, 5:]
         return found[:, 2:5], directions / np.linalg.norm(directions, axis=1, keepdims=True)
@@ -175,36 +170,6 @@ class _Traced(CameraRays):
 def _kept(rays: tuple[Array, Array], keep: NDArray[np.bool_]) -> tuple[Array, Array]:
     origins, directions = (np.where(keep[:, None], each, np.nan) for each in rays)
     return origins, directions
-
-
-def chief_rays(scene: Scene) -> CameraRays:
-    """Return the chief rays of a scene's camera, whose focus is known.
-
-    Raises
-    ------
-    InputError
-        When the lens cannot be set as requested, and for a kind of camera whose chief rays are not known.
-    """
-    scene = at_opening(scene)
-    camera = scene.camera
-    if isinstance(camera, RealisticCamera):
-        return _Traced(scene, lens_setting(scene))
-    if isinstance(camera, ThickLensCamera):
-        setting = lens_setting(scene)
-        thick = thick_lens_of(setting.lens, setting.film_distance_mm, camera.wavelength_nm)
-        first_vertex_m = -setting.lens.film_z(setting.film_distance_mm) * 1e-3
-        height = thick.height[0] * 1e-3
-        return _Perspective(scene, height, thick.slope[0], thick.film_slope[0], first_vertex_m)
-    if isinstance(camera, ThinLensCamera | PinholeCamera):
-        if isinstance(camera, PinholeCamera):
-            across, _ = half_tangents(camera.fov_degrees, camera.fov_axis, scene.film)
-        else:
-            across, _, _ = optics_of(camera, scene.film)
-        per_mm = across / half_film_mm(scene)[0]
-        return _Perspective(scene, 0.0, -per_mm, per_mm, 0.0)
-    if isinstance(camera, EnvironmentCamera):
-        return _WholeSphere(scene)
-    raise unknown_camera(scene.camera.kind, "its chief rays (rptcam_cl/rendering/cameras/chief_rays.py)")
 
 
 # Where the picture shows a point: the place whose chief ray meets it, found in float64.
@@ -295,9 +260,12 @@ def _nearest_trials(chief: CameraRays, points: Array) -> Array:
     width, height = chief.resolution
     grid = np.stack(np.meshgrid(np.linspace(0, width, TRIALS), np.linspace(0, height, TRIALS)), axis=-1).reshape(-1, 2)
     origins, directions = chief.smooth(grid)
-    middle = origins[len(grid) // 2]
-    towards = _towards(points, np.broadcast_to(middle, (len(points), 3)))
-    return np.asarray(grid[np.argmax(np.nan_to_num(towards @ directions.T, nan=-1.0), axis=1)])
+    at, scale = points[:, :3], points[:, 3:]
+    along = at @ directions.T - scale * np.sum(origins * directions, axis=1)
+    square = np.sum(at**2, axis=1, keepdims=True) - 2 * scale * (at @ origins.T) + scale**2 * np.sum(origins**2, axis=1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        cosines = along / np.sqrt(square)
+    return np.asarray(grid[np.argmax(np.nan_to_num(cosines, nan=-1.0), axis=1)])
 
 
 def _on_whole_sphere(chief: CameraRays, points: Array) -> Array:

@@ -17,23 +17,13 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.ghosts import with_wider_stop
 from rptcam_cl.optics.lens import Lens
-from rptcam_cl.optics.pupils import FilmFrame, cells, grid, narrowing_probes, pupil_boxes
+from rptcam_cl.optics.pupils import cells, grid, narrowing_probes, pupil_boxes
 from rptcam_cl.optics.ray_trace import passing
 from rptcam_cl.optics.stop_shape import StopMask, StopShape
-from rptcam_cl.rendering.cameras.ideal import optics_of, radius_of, stop_shape, thick_lens_of
+from rptcam_cl.rendering.cameras.ideal import ThickLens, shaped
 from rptcam_cl.rendering.cameras.model import CameraModel
 from rptcam_cl.rendering.cameras.ray_map import allowed_px, fitted_map
-from rptcam_cl.rendering.cameras.setting import LensSetting, film_frame, lens_setting
-from rptcam_cl.scene.camera import (
-    EnvironmentCamera,
-    LensCamera,
-    PinholeCamera,
-    RealisticCamera,
-    ThickLensCamera,
-    ThinLensCamera,
-    unknown_camera,
-)
-from rptcam_cl.scene.load import at_opening
+from rptcam_cl.rendering.cameras.setting import LensSetting, film_frame
 from rptcam_cl.scene.scene import Scene
 
 # The rays that points of the film receive, in float64: what `kernels/camera` draws at random, on a grid.
@@ -76,28 +66,11 @@ class PupilRays:
         return np.asarray(vergence * self.origins[..., :2] + ahead * self.slopes)
 
 
-def pupil_rays(scene: Scene, places: Array) -> PupilRays:
-    """Return the rays of places of the picture (m, 2), right and down in pixels.
-
-    Raises
-    ------
-    InputError
-        When the camera has no aperture, or a place receives no light.
-    """
-    camera = scene.camera
-    if isinstance(camera, ThinLensCamera):
-        return thin_lens_rays(scene, camera, places)
-    if isinstance(camera, LensCamera):
-        return lens_rays(scene, lens_setting(scene), places)
-    if not isinstance(camera, PinholeCamera | EnvironmentCamera):
-        raise unknown_camera(scene.camera.kind, "the rays of its pupil (rptcam_cl/rendering/cameras/film_pupil.py)")
-    raise InputError(f"camera.kind: {camera.kind} has no pupil (allowed: thin_lens, thick_lens, realistic)")
-
-
-def _on_film(scene: Scene, places: Array) -> Array:
-    """Return places right and up in the upright picture, to 1 at its edges."""
+def _film_points(scene: Scene, places: Array) -> Array:
+    """Return places of the picture (n, 2) [pixels] on the film (n, 3) [mm]: a lens inverts."""
     film = 2.0 * np.asarray(places, np.float64) / scene.film.resolution - 1.0
-    return np.asarray(film * (1.0, -1.0) * (1.0 if scene.camera.flip else -1.0))
+    upright = film * (1.0, -1.0) * (1.0 if scene.camera.flip else -1.0)
+    return film_frame(scene.camera).points(-upright * np.array(scene.film.size_m()) * 500.0)
 
 
 def _unit_grid() -> Array:
@@ -105,18 +78,18 @@ def _unit_grid() -> Array:
     return np.stack(np.meshgrid(steps, steps, indexing="ij"), axis=-1).reshape(-1, 2)
 
 
-def thin_lens_rays(scene: Scene, camera: ThinLensCamera, places: Array) -> PupilRays:
-    """Return the rays of places of the picture as `pupil_rays` does, for a thin lens on the scene's film."""
-    across, _, focal_length = optics_of(camera, scene.film)
-    distance = scene.film.size_m()[0] / 2 / across
-    film = film_frame(camera).points(-_on_film(scene, places) * np.array(scene.film.size_m()) * 500.0) * 1e-3 / distance
+def thin_lens_rays(
+    scene: Scene, places: Array, radius_m: float, film_m: float, plane_m: float, shape: StopShape | StopMask | None
+) -> PupilRays:
+    """Return the rays of places of the picture (m, 2) [pixels] through a thin lens, by its radius and distances."""
+    film = _film_points(scene, places) * 1e-3 / film_m
     nearer = 1.0 + film[:, None, 2:]
-    points, shape = _unit_grid(), stop_shape(scene, camera.aperture)
+    points = _unit_grid()
     x, y = points.T
     points = points[np.hypot(x, y) <= 1.0 if shape is None else shape.holds(x, y)]
     many = (len(film), len(points), 2)
-    on_lens = np.broadcast_to(points * radius_of(camera, focal_length), many)
-    vergence = 1.0 / camera.plane_m + (1.0 - 1.0 / nearer) / distance
+    on_lens = np.broadcast_to(points * radius_m, many)
+    vergence = 1.0 / plane_m + (1.0 - 1.0 / nearer) / film_m
     slopes = -film[:, None, :2] / nearer - on_lens * vergence
     origins = np.concatenate([on_lens, np.zeros((*many[:2], 1))], axis=-1)
     weights = np.full(many[:2], 1.0 / len(points))
@@ -124,17 +97,9 @@ def thin_lens_rays(scene: Scene, camera: ThinLensCamera, places: Array) -> Pupil
     return PupilRays(origins, slopes, weights, np.broadcast_to(points, many), cell, np.zeros_like(film[:, :2]))
 
 
-def lens_rays(scene: Scene, setting: LensSetting, places: Array) -> PupilRays:
-    """Return the rays of places of the picture as `pupil_rays` does, for a lens as it is set."""
-    frame = film_frame(scene.camera)
-    film_mm = frame.points(-_on_film(scene, places) * np.array(scene.film.size_m()) * 500.0)  # a lens inverts
-    if isinstance(setting.camera, RealisticCamera):
-        return _traced(scene, setting, film_mm, frame)
-    return _thick(setting, film_mm, np.array(frame.normal))
-
-
-def _thick(setting: LensSetting, film_mm: Array, normal: Array) -> PupilRays:
-    thick = thick_lens_of(setting.lens, setting.film_distance_mm, setting.camera.wavelength_nm)
+def thick_lens_rays(scene: Scene, places: Array, thick: ThickLens, first_vertex_m: float) -> PupilRays:
+    """Return the rays of places of the picture (m, 2) [pixels] through a thick lens."""
+    film_mm, normal = _film_points(scene, places), np.array(film_frame(scene.camera).normal)
     points = _unit_grid()
     points = points[np.hypot(*points.T) <= 1.0]
     many = (len(film_mm), len(points), 2)
@@ -145,7 +110,7 @@ def _thick(setting: LensSetting, film_mm: Array, normal: Array) -> PupilRays:
     def together(factors: tuple[float, float]) -> Array:
         return np.asarray(factors[0] * there + factors[1] * points)
 
-    z = np.full((*many[:2], 1), -setting.lens.film_z(setting.film_distance_mm) * 1e-3)
+    z = np.full((*many[:2], 1), first_vertex_m)
     origins = np.concatenate([together(thick.height) * 1e-3, z], axis=-1)
     slopes = together(slope)
     facing = np.maximum(slopes @ normal[:2] + normal[2], 0.0)
@@ -156,12 +121,17 @@ def _thick(setting: LensSetting, film_mm: Array, normal: Array) -> PupilRays:
     return PupilRays(origins, together(thick.slope), weights, np.broadcast_to(points, many), cell, film)
 
 
-def _traced(scene: Scene, setting: LensSetting, points_mm: Array, frame: FilmFrame) -> PupilRays:
+def traced_lens_rays(scene: Scene, setting: LensSetting, places: Array) -> PupilRays:
+    """Return the rays of places of the picture (m, 2) [pixels] through the surfaces of a lens.
+
+    Raises
+    ------
+    InputError
+        When a place receives no light.
+    """
+    points_mm, frame = _film_points(scene, places), film_frame(scene.camera)
     film_mm, depths = points_mm[:, :2], points_mm[:, 2]
-    lens, back, wavelength = setting.lens, setting.film_distance_mm, setting.camera.wavelength_nm
-    assert isinstance(setting.camera, RealisticCamera)
-    shape = stop_shape(scene, setting.camera.aperture)
-    lens = lens if shape is None else lens.with_stop_shape(shape)
+    lens, back, wavelength = shaped(scene, setting).lens, setting.film_distance_mm, setting.camera.wavelength_nm
     boxes, lit = pupil_boxes(narrowing_probes(lens, back, wavelength, frame), film_mm)
     if not lit.all():
         x, y = film_mm[~lit][0]
@@ -185,16 +155,16 @@ def _through(
 ) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Return where rays from film points through places of the plane of the last vertex (m, n, 2) leave the lens, their
     directions (m, n, 3), and which do, as the camera lets them: traced, or by polynomials."""
-    camera, shape = setting.camera, (*rear.shape[:2], 3)
-    if isinstance(camera, RealisticCamera) and camera.rays == "fitted":
-        found = fitted_map(lens, setting, scene.film, None, allowed_px(camera))
+    shape, traced = (*rear.shape[:2], 3), setting.camera.traced_camera
+    if traced is not None and traced.rays == "fitted":
+        found = fitted_map(lens, setting, scene.film, None, allowed_px(traced.accuracy))
         flat = film.reshape(-1, 2), rear.reshape(-1, 2), np.zeros(film.size // 2)
         origins, directions = (values * (1.0, 1.0, -1.0) for values in found.trace(*flat))
         passed = found.passes(lens, *flat)
     else:
         start = np.concatenate([film, lens.length + lens.sense * distances], axis=-1)
         away = np.concatenate([rear - film, -lens.sense * distances], axis=-1)
-        rays = lens.trace(start.reshape(-1, 3), away.reshape(-1, 3), camera.wavelength_nm)
+        rays = lens.trace(start.reshape(-1, 3), away.reshape(-1, 3), setting.camera.wavelength_nm)
         origins, directions, passed = rays.origins, rays.directions, rays.passed
     return origins.reshape(shape), directions.reshape(shape), passed.reshape(shape[:2])
 
@@ -291,49 +261,8 @@ class FilmPupils:
         return np.asarray(middle + near[:, None] * towards)
 
 
-def film_pupils(scene: Scene) -> FilmPupils:
-    """Return what gives the opening that points of the film see.
-
-    Raises
-    ------
-    InputError
-        For a camera without an opening.
-    """
-    scene = at_opening(scene)
-    camera = scene.camera
-    if isinstance(camera, RealisticCamera):
-        return _trace_pupils(_shaped(scene, camera, lens_setting(scene)))
-    if isinstance(camera, ThickLensCamera):
-        setting = lens_setting(scene)
-        thick = thick_lens_of(setting.lens, setting.film_distance_mm, camera.wavelength_nm)
-        index = float(setting.lens.indices(camera.wavelength_nm)[-1])
-        return FilmPupils(_flat(thick.film_slope, None, -1.0), index, _stop_radius(setting.lens))
-    if isinstance(camera, ThinLensCamera):
-        across, _, focal_length = optics_of(camera, scene.film)
-        radius, distance = radius_of(camera, focal_length), scene.film.size_m()[0] / 2 / across
-        if radius > 0:
-            slopes = (-1e-3 / distance, radius / distance)
-            return FilmPupils(_flat(slopes, stop_shape(scene, camera.aperture), 1.0), 1.0, 1e3 * radius)
-    elif not isinstance(camera, PinholeCamera | EnvironmentCamera):
-        raise unknown_camera(scene.camera.kind, "what says its opening (rptcam_cl/rendering/cameras/film_pupil.py)")
-    raise InputError(
-        "camera.diffraction: the camera has no opening that diffracts"
-        " (allowed: off, or a camera with an f-number: thin_lens, thick_lens, realistic)"
-    )
-
-
-def _shaped(scene: Scene, camera: RealisticCamera, setting: LensSetting) -> LensSetting:
-    shape = stop_shape(scene, camera.aperture)
-    return setting if shape is None else replace(setting, lens=setting.lens.with_stop_shape(shape))
-
-
-def _stop_radius(lens: Lens) -> float:
-    stop = lens.stop or lens.surfaces[0]
-    return float(stop.semi_diameter)
-
-
-def _trace_pupils(setting: LensSetting) -> FilmPupils:
-    """Return the openings by rays traced from the film."""
+def traced_pupils(setting: LensSetting) -> FilmPupils:
+    """Return the openings of a lens with its stop in shape, by rays traced from the film."""
     lens, wavelength = setting.lens, setting.camera.wavelength_nm
     if not any(np.isfinite(lens.first_order(wavelength, section).focal_length_mm) for section in "xy"):
         raise InputError(f"camera.diffraction: {lens.name}: is afocal, so it forms no image (allowed: off)")
@@ -363,7 +292,8 @@ def _trace_pupils(setting: LensSetting) -> FilmPupils:
             box = _about(found, box)
         return opens, box
 
-    return FilmPupils(seen, float(lens.indices(wavelength)[-1]), _stop_radius(lens))
+    stop = lens.stop or lens.surfaces[0]
+    return FilmPupils(seen, float(lens.indices(wavelength)[-1]), float(stop.semi_diameter))
 
 
 def _rear_box(lens: Lens, origin: Array, rear: float) -> Array:
@@ -377,9 +307,9 @@ def _rear_box(lens: Lens, origin: Array, rear: float) -> Array:
     return np.stack([(low + high) / 2, np.full(2, float((high - low).max()) / 2 * 1.02)])
 
 
-def _flat(
-    slopes: tuple[float, float], shape: StopShape | StopMask | None, sense: float
-) -> Callable[[Array], tuple[OpenTo, Array]]:
+def flat_pupils(
+    slopes: tuple[float, float], shape: StopShape | StopMask | None, sense: float, index: float, radius_mm: float
+) -> FilmPupils:
     """Return the openings of an ideal lens: its pupil is a disk across the axis.
 
     Parameters
@@ -388,6 +318,8 @@ def _flat(
         Sideways per unit of the axis, for a film point [mm] and for the edge of the pupil.
     sense
         1 where the slopes are those towards the pupil, and light has the opposite ones.
+    index, radius_mm
+        As in `FilmPupils`.
     """
 
     def seen(point: Array) -> tuple[OpenTo, Array]:
@@ -406,7 +338,7 @@ def _flat(
         low, high = cosines.min(axis=0), cosines.max(axis=0)
         return opens, np.stack([(low + high) / 2, np.full(2, float((high - low).max()) / 2 * 1.02)])
 
-    return seen
+    return FilmPupils(seen, index, radius_mm)
 
 
 def _pupil(opens: OpenTo, box: Array, index: float) -> FilmPupil:

@@ -1,4 +1,4 @@
-"""Cameras without a traced lens: pinhole, environment, thin and thick lens; and the outline of the stop."""
+"""Thin and thick lenses to first order, and the outline of the stop, for the kinds of camera."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ import math
 import struct
 import warnings
 import zlib
+from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,20 +18,14 @@ from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.core.files import read_whole
 from rptcam_cl.core.records import curves
 from rptcam_cl.optics.lens import Lens, limiting_surface, system_matrix
-from rptcam_cl.optics.ray_trace import axial_transmittance
 from rptcam_cl.optics.stop_shape import StopMask, StopShape, blades, fitted, heart, polygon, star
-from rptcam_cl.rendering.cameras import model
-from rptcam_cl.rendering.cameras.setting import (
-    EntrancePupil,
-    LensSetting,
-    check_film,
-    entrance_pupil,
-    lens_setting,
-    movements_metadata,
-    place_film,
+from rptcam_cl.rendering.cameras.model import (
+    Blur,
+    film_depths,
+    intrinsics,
+    perfect_blur,
 )
-from rptcam_cl.scene.camera import EnvironmentCamera, PinholeCamera, ThickLensCamera, ThinLensCamera
-from rptcam_cl.scene.film import Film
+from rptcam_cl.rendering.cameras.setting import Intrinsics, LensSetting
 from rptcam_cl.scene.lens_settings import (
     Aperture,
     Dirt,
@@ -178,6 +174,22 @@ def stop_shape(scene: Scene, aperture: Aperture) -> StopShape | StopMask | None:
     return None
 
 
+def shaped(scene: Scene, setting: LensSetting) -> LensSetting:
+    """Return a lens in use with its stop in the shape of the camera's aperture.
+
+    Raises
+    ------
+    InputError
+        When the lens has no stop to shape.
+    """
+    shape = stop_shape(scene, scene.camera.outline)
+    if shape is None:
+        return setting
+    if setting.lens.stop is None:
+        raise InputError(f"camera.aperture: {setting.lens.name} has no stop to shape (mark one with stop: true)")
+    return replace(setting, lens=setting.lens.with_stop_shape(shape))
+
+
 def aperture_tables(scene: Scene, aperture: Aperture) -> tuple[NDArray[np.float32], dict[str, int]]:
     """Return the tables of an aperture of radius 1 and its facts, both as `kernels/lens/aperture.h` describes them."""
     shape = stop_shape(scene, aperture)
@@ -221,119 +233,13 @@ def _mask(scene: Scene, aperture: ImageAperture) -> NDArray[np.bool_]:
     return np.asarray(cells)
 
 
-# The pinhole camera: perspective without a lens.
-
-
-def pinhole_camera(scene: Scene) -> model.CameraModel:
-    """Return the camera for the device."""
-    camera = scene.camera
-    assert isinstance(camera, PinholeCamera)
-    across, down = model.half_tangents(camera.fov_degrees, camera.fov_axis, scene.film)
-    record = model.camera_record(
-        camera, scene.film, "pinhole", half_width=across, half_height=down, near_distance=camera.near_m
-    )
-    moved = place_film(record, scene, scene.film.size_m()[0] * 500.0 / across)
-    projection = model.intrinsics(scene, (0.5 / across, 0.5 / down))
-    metadata = movements_metadata(camera) | {"camera": "pinhole", "intrinsics": projection}
-    metadata["entrance_pupil"] = EntrancePupil().described()
-    return model.CameraModel(
-        "camera/pinhole.h", record, moved, metadata=metadata, view=model.CameraView(starts_ahead=True)
-    )
-
-
-# The environment camera: the whole sphere in longitude and latitude.
-
-
-def environment_camera(scene: Scene) -> model.CameraModel:
-    """Return the camera for the device."""
-    camera = scene.camera
-    assert isinstance(camera, EnvironmentCamera)
-    record = model.camera_record(camera, scene.film, "environment")
-    return model.CameraModel("camera/environment.h", record, facts={}, metadata={"camera": "environment"})
-
-
 # The thin lens: an ideal lens of no thickness with one plane of focus.
 
 
-def optics_of(camera: ThinLensCamera, film: Film) -> tuple[float, float, float]:
-    """Return the tangents of half the field across and down, and the focal length [m].
-
-    The film stands where the plane of focus is sharp, 1/f = 1/focus + 1/film distance; given the field of view instead
-    of the focal length, the film distance follows from the film's size.
-    """
-    width, height = film.size_m()
-    focus = camera.plane_m
-    if camera.focal_length_mm is not None:
-        focal_length = camera.focal_length_mm * 1e-3
-        distance = 1 / (1 / focal_length - 1 / focus)
-        return width / 2 / distance, height / 2 / distance, focal_length
-    assert camera.fov_degrees is not None
-    across, down = model.half_tangents(camera.fov_degrees, camera.fov_axis, film)
-    distance = width / 2 / across
-    return across, down, 1 / (1 / distance + 1 / focus)
-
-
-def radius_of(camera: ThinLensCamera, focal_length_m: float) -> float:
-    """Return the radius of the opening [m]."""
-    if camera.aperture_radius_m is not None:
-        return camera.aperture_radius_m
-    assert camera.f_number is not None
-    return focal_length_m / camera.f_number / 2
-
-
-def thin_lens_camera(scene: Scene) -> model.CameraModel:
-    """Return the camera for the device.
-
-    Its film is lit evenly: every pixel has the irradiance that its light would have on the axis.
-    """
-    camera = scene.camera
-    assert isinstance(camera, ThinLensCamera)
-    return thin_lens_model(scene, camera)
-
-
-def thin_lens_model(scene: Scene, camera: ThinLensCamera) -> model.CameraModel:
-    """Return the camera of a scene set in some other way than the scene says."""
-    across, down, focal_length = optics_of(camera, scene.film)
-    radius = radius_of(camera, focal_length)
-    record = model.camera_record(
-        camera, scene.film, "thin_lens",
-        half_width=across, half_height=down, focus_distance=camera.plane_m, aperture_radius=radius,
-    )  # fmt: skip
-    tables, facts = aperture_tables(scene, camera.aperture)
-    film_distance = scene.film.size_m()[0] / 2 / across
-    shape = stop_shape(scene, camera.aperture)
-    on_axis = model.opening_irradiance(shape, radius, film_distance) if radius else None
-    facts |= place_film(record, scene, film_distance * 1e3)
-    metadata = movements_metadata(camera) | {
-        "camera": "thin_lens",
-        "focal_length_mm": focal_length * 1e3,
-        "f_number": focal_length / (2 * radius) if radius else math.inf,
-        "focus_distance_m": camera.plane_m,
-        "on_axis_irradiance": on_axis,
-        "intrinsics": model.intrinsics(scene, (0.5 / across, 0.5 / down)),
-        "entrance_pupil": EntrancePupil(diameter_mm=2e3 * radius).described(),
-    }
-    pixels_per_tangent = math.sqrt(scene.film.resolution[0] / across * scene.film.resolution[1] / down) / 2
-    view = model.CameraView(
-        pupil_radius_m=radius,
-        blur=lambda: _thin_lens_blur(scene, 2 * radius * pixels_per_tangent, 1 / camera.plane_m, film_distance),
-    )
-    return model.CameraModel(
-        "camera/thin_lens.h",
-        record,
-        facts=facts,
-        tables=tables,
-        metadata=metadata,
-        view=view,
-        on_axis_irradiance=on_axis,
-        reach=model.thin_lens_reach(radius, camera.plane_m, (across, down), shape) if radius else None,
-    )
-
-
-def _thin_lens_blur(scene: Scene, gain: float, focus: float, film_distance_m: float) -> model.Blur:
+def thin_lens_blur(scene: Scene, gain: float, focus: float, film_distance_m: float) -> Blur:
     """Return the circle of confusion: a film point farther back has its plane of focus nearer, and a longer lever."""
-    nearer = 1.0 + model.film_depths(scene) * 1e-3 / film_distance_m
-    return model.perfect_blur(gain * nearer, focus + (1.0 - 1.0 / nearer) / film_distance_m)
+    nearer = 1.0 + film_depths(scene) * 1e-3 / film_distance_m
+    return perfect_blur(gain * nearer, focus + (1.0 - 1.0 / nearer) / film_distance_m)
 
 
 # The thick lens: what the cardinal points and the pupils of a lens say, and nothing of its aberrations and rims.
@@ -429,62 +335,14 @@ def _check(lens: Lens, wavelength_nm: float) -> None:
         raise InputError(f"{lens.name}: its stop is not round; take camera.kind: realistic")
 
 
-def thick_lens_camera(scene: Scene) -> model.CameraModel:
-    """Return the camera for the device.
-
-    Raises
-    ------
-    InputError
-        When the lens cannot be set as requested, or is not one that a thick lens stands for.
-    """
-    return thick_lens_model(scene, lens_setting(scene))
+def thick_lens_intrinsics(
+    scene: Scene, thick: ThickLens, distortion: Literal["none", "traced lens"] = "none"
+) -> Intrinsics:
+    """Return the intrinsics of a scene's camera, whose lens is that thick lens to first order."""
+    return intrinsics(scene, thick.film_per_tangent(*scene.film.size_m()), distortion=distortion, lever=thick.lever)
 
 
-def thick_lens_model(scene: Scene, setting: LensSetting) -> model.CameraModel:
-    """Return the camera of a scene with its lens set in some other way than the scene says."""
-    camera = scene.camera
-    assert isinstance(camera, ThickLensCamera)
-    thick = thick_lens_of(setting.lens, setting.film_distance_mm, camera.wavelength_nm)
-    passed = float(axial_transmittance(setting.lens, camera.wavelength_nm, setting.transmission))
-    on_axis = setting.gain * passed * thick.axial_cone
-    scale = setting.gain * passed * thick.pupil_solid_angle
-    width_m, height_m = scene.film.size_m()
-    first_vertex_m = -setting.lens.film_z(setting.film_distance_mm) * 1e-3
-    record = model.camera_record(
-        camera, scene.film, "thick_lens",
-        film_half_width=width_m / 2 * 1e3, film_half_height=height_m / 2 * 1e3, weight=scale,
-        metres_per_mm=1e-3, first_vertex_z=first_vertex_m,
-        film_slope_per_film=thick.film_slope[0], film_slope_per_pupil=thick.film_slope[1],
-        height_per_film=thick.height[0], height_per_pupil=thick.height[1],
-        slope_per_film=thick.slope[0], slope_per_pupil=thick.slope[1],
-    )  # fmt: skip
-    check_film(setting.lens, setting.film_distance_mm, scene)
-    moved = place_film(record, scene)
-    projection = model.intrinsics(scene, thick.film_per_tangent(width_m, height_m), lever=thick.lever)
-    metadata = {"camera": "thick_lens", **setting.metadata, "on_axis_irradiance": on_axis, "intrinsics": projection}
-    metadata |= movements_metadata(camera) | {"entrance_pupil": entrance_pupil(scene, setting).described()}
-    metadata |= {"transmittance": passed} if setting.transmission else {}
-    view = model.entrance_pupil_view(
-        setting.lens.first_order(camera.wavelength_nm),
-        first_vertex_m,
-        lambda: _thick_lens_blur(thick, scene, first_vertex_m),
-    )
-    return model.CameraModel(
-        "camera/thick_lens.h",
-        record,
-        facts=moved,
-        metadata=metadata,
-        view=view,
-        on_axis_irradiance=on_axis,
-        passed=passed,
-        axial_weight=on_axis,
-        reach=model.thick_lens_reach(
-            thick.height, thick.slope, first_vertex_m, (width_m / 2 * 1e3, height_m / 2 * 1e3)
-        ),
-    )
-
-
-def _thick_lens_blur(thick: ThickLens, scene: Scene, first_vertex_m: float) -> model.Blur:
+def thick_lens_blur(thick: ThickLens, scene: Scene, first_vertex_m: float) -> Blur:
     """Return the circle of confusion: where a point is seen, its rays spread over the film as the pupil's points do.
 
     A point x at a distance D from the first vertex belongs to film points h with x = (height + D slope) (h, p). A film
@@ -494,10 +352,10 @@ def _thick_lens_blur(thick: ThickLens, scene: Scene, first_vertex_m: float) -> m
     width_m, height_m = film.size_m()
     pixels_per_mm = math.sqrt(film.resolution[0] / width_m * film.resolution[1] / height_m) * 1e-3
     (at, across), (turn, spread) = thick.height, thick.slope
-    depths = model.film_depths(scene)
+    depths = film_depths(scene)
     nearer = 1.0 + depths * thick.film_slope[0]
     moved = depths * thick.film_slope[1] / nearer
     across_there, spread_there = across - moved * at, spread - moved * turn
     gains = 2 * pixels_per_mm * np.abs(across_there / turn * nearer) * 1e-3
     focuses = -spread_there / across_there * 1e3
-    return model.perfect_blur(gains, focuses, shift=at / turn * 1e-3, origin_z=first_vertex_m)
+    return perfect_blur(gains, focuses, shift=at / turn * 1e-3, origin_z=first_vertex_m)

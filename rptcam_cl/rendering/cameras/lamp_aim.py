@@ -19,6 +19,7 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.records import DISPERSION_SCALE, DISPERSION_SHIFT
 from rptcam_cl.core.remember import Disk, Memory, content_name
 from rptcam_cl.rendering.cameras.model import NEAR, CameraModel, LampReach, Reached
+from rptcam_cl.rendering.cameras.setting import CameraMetadata
 
 # How the film sees one lamp through the pupil: polynomials in the film point, fitted to exact rays from the lamp.
 
@@ -482,7 +483,7 @@ def aimed_at_lamps(
     new["lamp_table"], new["lamp_shift"] = len(camera.tables), found.shift
     new["lamp_across"], new["lamp_down"] = found.counts
     facts = camera.facts | {"LAMP_AIM": 1, "LAMP_COLOURS": int(camera.bends_colours)}
-    metadata = camera.metadata | {"lamps_aimed_at": found.lamps}
+    metadata: CameraMetadata = {**camera.metadata, "lamps_aimed_at": found.lamps}
     return replace(
         camera, record=new, facts=facts, tables=np.concatenate([camera.tables, found.table]), metadata=metadata
     )

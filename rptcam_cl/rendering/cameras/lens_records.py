@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -28,9 +27,8 @@ from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.ray_trace import IDEAL, LensTransmission, is_tinted, known_nm, passed_rays
 from rptcam_cl.optics.stop_shape import StopMask, StopShape
 from rptcam_cl.optics.surface import Region, Surface, SurfacePose
-from rptcam_cl.rendering.cameras.ideal import stop_shape
+from rptcam_cl.rendering.cameras.ideal import shaped
 from rptcam_cl.rendering.cameras.setting import LensSetting, LossFiller, LossTables, lens_setting
-from rptcam_cl.scene.camera import RealisticCamera
 from rptcam_cl.scene.film import Film
 from rptcam_cl.scene.load import at_opening
 from rptcam_cl.scene.scene import Scene
@@ -317,16 +315,15 @@ def ghost_setting(scene: Scene) -> LensSetting:
         When the camera has no surfaces, or they are ideal and reflect nothing.
     """
     scene = at_opening(scene)
-    camera = scene.camera
-    if not isinstance(camera, RealisticCamera):
+    camera = scene.camera.traced_camera
+    if camera is None:
         raise InputError("camera.ghosts: the camera has no surfaces that reflect (allowed: off, or kind realistic)")
     if not camera.transmission.fresnel:
         raise InputError(
             "camera.ghosts: ideal surfaces reflect nothing (allowed: off, or a camera.transmission such as bare,"
             " coated or {coating: mgf2})"
         )
-    setting, shape = lens_setting(scene), stop_shape(scene, camera.aperture)
-    return setting if shape is None else replace(setting, lens=setting.lens.with_stop_shape(shape))
+    return shaped(scene, lens_setting(scene))
 
 
 def ghosts_have_colours(setting: LensSetting) -> bool:

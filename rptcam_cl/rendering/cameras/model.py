@@ -22,9 +22,16 @@ from rptcam_cl.optics.pupils import UNMOVED, FilmFrame
 from rptcam_cl.optics.ray_trace import passed_rays
 from rptcam_cl.optics.stop_shape import StopMask, StopShape
 from rptcam_cl.rendering.cameras.pupil import content_of
-from rptcam_cl.rendering.cameras.setting import EntrancePupil, LensSetting, film_frame, half_film_mm
+from rptcam_cl.rendering.cameras.setting import (
+    CameraMetadata,
+    EntrancePupil,
+    Intrinsics,
+    LensSetting,
+    film_frame,
+    half_film_mm,
+)
 from rptcam_cl.scene.base import FLOAT32_MAX, FLOAT32_MIN_NORMAL
-from rptcam_cl.scene.camera import LensCamera, Pose, pose_matrix
+from rptcam_cl.scene.camera import CameraKind, Pose, pose_matrix
 from rptcam_cl.scene.exposure import Exposure, Shutter
 from rptcam_cl.scene.film import Film, FilmFilter
 from rptcam_cl.scene.placement import moments
@@ -413,7 +420,7 @@ def intrinsics(
     *,
     distortion: Literal["none", "traced lens"] = "none",
     lever: float = 1.0,
-) -> dict[str, Any]:
+) -> Intrinsics:
     """Return what projects a point (x, y, z) of the camera's frame on the picture, in pixels of the whole film.
 
     The point is seen at column ``cx + fx x / -z`` and row ``cy - fy y / -z``; pixel (0, 0) covers 0 to 1. A film
@@ -598,8 +605,7 @@ class CameraModel:
         Facts for the compilation of the camera's kernel.
     has_lens : bool
         Whether rays can be blocked.
-    metadata : dict
-        What the picture's metadata should say about the camera.
+    metadata : CameraMetadata
     view : CameraView
     usable_nm : (low, high)
         Wavelengths that its lens is known for [nm].
@@ -627,7 +633,7 @@ class CameraModel:
     surfaces: NDArray[np.void] = field(default_factory=lambda: SURFACE.zeros(1))
     stop: NDArray[np.floating] = field(default_factory=lambda: np.zeros(1, np.float32))
     has_lens: bool = False
-    metadata: dict[str, Any] = field(default_factory=dict)
+    metadata: CameraMetadata = field(default_factory=lambda: CameraMetadata())
     view: CameraView = CameraView()
     usable_nm: tuple[float, float] = DISPERSION_NM
     axial_colour: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
@@ -667,11 +673,11 @@ def camera_record(pose: Pose, film: Film, kind: str, **own: float) -> NDArray[np
     return record
 
 
-def turned(camera: CameraModel, pose: Pose) -> CameraModel:
+def turned(camera: CameraModel, pose: CameraKind) -> CameraModel:
     """Return the same camera in another pose, which it does not focus by."""
-    setting = camera.setting
-    if setting is not None and isinstance(pose, LensCamera):
-        setting = replace(setting, camera=pose)
+    setting, lens = camera.setting, pose.lens_camera
+    if setting is not None and lens is not None:
+        setting = replace(setting, camera=lens)
     return replace(camera, record=_posed(camera.record.copy(), pose), setting=setting)
 
 
@@ -782,7 +788,7 @@ def exposed(model: CameraModel, scene: Scene) -> CameraModel:
     """
     exposure, on_axis = scene.exposure, camera_irradiance(model, scene.exposure)
     per_value = 1.0  # values of the film per value of mode relative
-    metadata: dict[str, Any] = {}
+    metadata: CameraMetadata = {}
     if exposure.mode in ("irradiance", "physical"):
         assert on_axis is not None
         scale = 1.0
@@ -792,17 +798,15 @@ def exposed(model: CameraModel, scene: Scene) -> CameraModel:
         per_value = on_axis * scale
     per_value *= exposure.factor
     if on_axis is not None:
-        metadata |= {
-            "working_f_number": working_f_number(on_axis / model.passed),
-            "t_number": working_f_number(on_axis),
-            "values_per_irradiance": per_value / on_axis,
-        }
+        metadata["working_f_number"] = working_f_number(on_axis / model.passed)
+        metadata["t_number"] = working_f_number(on_axis)
+        metadata["values_per_irradiance"] = per_value / on_axis
     record = model.record.copy()
     record["exposure"] = _in_float32(per_value / model.axial_weight)
     return replace(model, record=record, metadata=model.metadata | metadata)
 
 
-def _photographic(scene: Scene, on_axis: float) -> dict[str, Any]:
+def _photographic(scene: Scene, on_axis: float) -> CameraMetadata:
     """Return what a photographer writes down; EV at ISO 100 by the f-number that the irradiance stands for."""
     exposure, time_s = scene.exposure, scene.shutter.time_s
     return {

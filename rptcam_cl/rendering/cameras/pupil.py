@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Hashable
 from dataclasses import field, replace
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -122,6 +122,14 @@ class PupilLines(NamedTuple):
     lines: float
 
 
+class SamplingMetadata(TypedDict, total=False):
+    """What a picture's metadata say of how rays aim at the pupil."""
+
+    pupil: str  # the tier
+    pupil_instead_of: str
+    pupil_widened: float
+
+
 @dataclass(frozen=True)
 class PupilSampling:
     """What `kernels/lens/pupil.h` reads: kind and facts, a few numbers and a table."""
@@ -157,12 +165,14 @@ class PupilSampling:
         return {PupilCircle: "circle", PupilGrid: "grid", PupilLines: "lines"}[type(self.parameters)]
 
     @property
-    def metadata(self) -> dict[str, str | float]:
+    def metadata(self) -> SamplingMetadata:
         """What the picture's metadata should say."""
-        said: dict[str, str | float] = {"pupil": self.tier}
+        metadata: SamplingMetadata = {"pupil": self.tier}
         if self.instead_of:
-            said["pupil_instead_of"] = f"{self.instead_of}: the pupil has parts that its tables do not hold"
-        return said | ({"pupil_widened": self.widened} if self.widened > 1.0 else {})
+            metadata["pupil_instead_of"] = f"{self.instead_of}: the pupil has parts that its tables do not hold"
+        if self.widened > 1.0:
+            metadata["pupil_widened"] = self.widened
+        return metadata
 
     @property
     def facts(self) -> dict[str, int]:

@@ -13,7 +13,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import field, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,9 +28,9 @@ from rptcam_cl.optics.ray_trace import LensTransmission
 from rptcam_cl.rendering.cameras.lens_records import LensRecords, lens_records
 from rptcam_cl.rendering.cameras.model import SURFACE_BY_SURFACE
 from rptcam_cl.rendering.cameras.pupil import by_content, has_shape, without_shape
-from rptcam_cl.rendering.cameras.setting import LensSetting
-from rptcam_cl.scene.camera import RealisticCamera
+from rptcam_cl.rendering.cameras.setting import CameraMetadata, LensSetting
 from rptcam_cl.scene.film import Film
+from rptcam_cl.scene.lens_settings import Accuracy
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -405,25 +404,21 @@ class LensRays:
     stop: NDArray[np.floating]
     facts: dict[str, int]
     table: NDArray[np.float32] = field(default_factory=lambda: np.zeros(0, np.float32))
-    metadata: dict[str, Any] = field(default_factory=dict)
+    metadata: CameraMetadata = field(default_factory=lambda: CameraMetadata())
 
 
-def traced_rays(
-    lens: Lens, camera: RealisticCamera, film_distance_mm: float, dispersive: bool, losses: LensTransmission
-) -> LensRays:
-    """Return the surfaces of a lens."""
-    double = camera.precision == "double"
+def traced_rays(lens: Lens, setting: LensSetting, precision: str, dispersive: bool) -> LensRays:
+    """Return the surfaces of a lens, which is that of a setting with its stop in shape."""
+    double, losses, wavelength_nm = precision == "double", setting.transmission, setting.camera.wavelength_nm
     if has_shape(lens):
-        records = _records(lens, camera.wavelength_nm, film_distance_mm, double, dispersive, losses)
+        records = _records(lens, wavelength_nm, setting.film_distance_mm, double, dispersive, losses)
     else:
-        records = _records_of(lens, camera.wavelength_nm, double, dispersive, losses)
+        records = _records_of(lens, wavelength_nm, double, dispersive, losses)
         surfaces = records.surfaces.copy()
-        surfaces[0]["gap"] = film_distance_mm
+        surfaces[0]["gap"] = setting.film_distance_mm
         records = replace(records, surfaces=surfaces)
     facts = records.facts | ({"LENS_FLOAT64": 1} if double else {})
-    return LensRays(
-        SURFACE_BY_SURFACE, records.surfaces, records.stop, facts, metadata={"lens_precision": camera.precision}
-    )
+    return LensRays(SURFACE_BY_SURFACE, records.surfaces, records.stop, facts, metadata={"lens_precision": precision})
 
 
 def _records(
@@ -444,9 +439,9 @@ def _records_of(
     return records
 
 
-def allowed_px(camera: RealisticCamera) -> float:
-    """Return the largest allowed error of a fitted ray of a camera [pixels]."""
-    return LARGEST_ERROR_PX if camera.accuracy is None else min(camera.accuracy.max_error_px, LARGEST_ERROR_PX)
+def allowed_px(accuracy: Accuracy | None) -> float:
+    """Return the largest allowed error of a fitted ray [pixels], where a camera bears one."""
+    return LARGEST_ERROR_PX if accuracy is None else min(accuracy.max_error_px, LARGEST_ERROR_PX)
 
 
 def fitted_map(
@@ -468,15 +463,15 @@ def fitted_map(
     InputError
         When polynomials cannot stand for the lens, or not well enough.
     """
-    camera, film_mm = setting.camera, setting.film_distance_mm
+    camera, traced, film_mm = setting.camera, setting.camera.traced_camera, setting.film_distance_mm
     if setting.transmission:
         raise InputError("camera.rays: fitted rays know no losses (leave out camera.transmission, or use traced)")
-    if isinstance(camera, RealisticCamera) and camera.precision != "single":
+    if traced is not None and traced.precision != "single":
         raise InputError("camera.rays: fitted rays are float32 (leave out camera.precision, or use traced)")
-    if isinstance(camera, RealisticCamera) and camera.pupil not in ("auto", "tight"):
+    if traced is not None and traced.pupil not in ("auto", "tight"):
         raise InputError(
             "camera.rays: fitted rays hold for the true pupil alone"
-            f" (camera.pupil is {camera.pupil}; allowed: auto, tight)"
+            f" (camera.pupil is {traced.pupil}; allowed: auto, tight)"
         )
     width_mm, height_mm = (side * 1e3 for side in film.size_m())
     focus_mm = setting.focus_distance_mm
@@ -509,7 +504,7 @@ def fitted_rays(
         "MAP_RIMS": len(found.surfaces),
         "MAP_COLOURS": int(found.rays.colours),
     }
-    metadata = {
+    metadata: CameraMetadata = {
         "lens_rays": "fitted",
         "lens_degree": 2 * found.rays.order + 1,
         "lens_rims": len(found.surfaces),

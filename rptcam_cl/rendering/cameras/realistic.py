@@ -1,36 +1,25 @@
-"""The realistic camera, whose rays are traced through every surface of a lens, and the choice of any camera's model."""
+"""The realistic camera: every ray is traced through every surface of a lens."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import field
-from typing import Any
+from contextlib import suppress
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.remember import remember
 from rptcam_cl.optics.irradiance import axial_irradiance, disk_irradiance, on_axis_irradiance
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.ray_trace import IDEAL, LensTransmission, axial_transmittance, is_tinted
-from rptcam_cl.rendering.cameras.ideal import (
-    environment_camera,
-    pinhole_camera,
-    stop_shape,
-    thick_lens_camera,
-    thick_lens_of,
-    thin_lens_camera,
-)
+from rptcam_cl.rendering.cameras.ideal import shaped, thick_lens_intrinsics, thick_lens_of
 from rptcam_cl.rendering.cameras.lens_records import colour_error_px, disperses, usable_nm
 from rptcam_cl.rendering.cameras.model import (
     CameraModel,
     CameraView,
     camera_record,
     entrance_pupil_view,
-    exposed,
-    intrinsics,
     lens_reach,
     traced_blur,
 )
@@ -44,21 +33,18 @@ from rptcam_cl.rendering.cameras.pupil import (
 )
 from rptcam_cl.rendering.cameras.ray_map import allowed_px, fitted_rays, traced_rays
 from rptcam_cl.rendering.cameras.setting import (
+    CameraMetadata,
     LensSetting,
     check_film,
     entrance_pupil,
     film_frame,
-    lens_setting,
+    half_film_mm,
     movements_metadata,
     place_film,
 )
 from rptcam_cl.rendering.cameras.shared_pupil import Window, paraxial_irradiance, pupil_in_windows, shared_sampling
-from rptcam_cl.scene.camera import RealisticCamera, unknown_camera
 from rptcam_cl.scene.film import Film, LensColour
-from rptcam_cl.scene.load import at_opening
 from rptcam_cl.scene.scene import Scene
-
-# The realistic camera: every ray is traced through every surface of a lens.
 
 SHOWS_PX = 0.5  # colour error that a picture shows [pixels]
 SHOWS_TINT = 0.01  # share of the light by which colours differ that it shows
@@ -66,17 +52,6 @@ TINTS_NM = (450.0, 545.0, 610.0)  # about what blue, green and red see
 AXIAL_SAMPLES = 9  # wavelengths at which the irradiance on the axis is found
 LOSS_SAMPLES = 101  # and those at which losses are
 REMEMBERED = 256  # numbers of lens states that are kept: irradiance, at some wavelengths, and errors
-
-
-def realistic_camera(scene: Scene, lens_colour: LensColour = "off", *, coarse: bool = False) -> CameraModel:
-    """Return the camera for the device; arguments as in `camera_model`.
-
-    Raises
-    ------
-    InputError
-        When the lens cannot be focused or stopped as requested, or lets no light through to the centre of the film.
-    """
-    return realistic_model(scene, lens_setting(scene), lens_colour=lens_colour, coarse=coarse)
 
 
 def realistic_model(
@@ -95,30 +70,42 @@ def realistic_model(
         Parts of the film that will be rendered, where not the whole is: then only the pupils seen from there are found,
         in a tenth of the time, and `exposure: relative` goes by first-order optics.
     """
-    camera = scene.camera
-    assert isinstance(camera, RealisticCamera)
+    camera = scene.camera.traced_camera
+    assert camera is not None
     check_film(setting.lens, setting.film_distance_mm, scene)
-    lens, back_mm = _shaped(scene, camera, setting.lens), setting.film_distance_mm
+    lens, back_mm = shaped(scene, setting).lens, setting.film_distance_mm
     losses = setting.transmission
-    colour = _colour(scene, setting, lens_colour)
-    low, high = usable_nm(lens, losses if colour.dispersive else IDEAL)
-    sampled_nm = (camera.wavelength_nm, low, high) if colour.dispersive else (camera.wavelength_nm,)
+    dispersive, colour = _colour(scene, setting, lens_colour)
+    low, high = usable_nm(lens, losses if dispersive else IDEAL)
+    sampled_nm = (camera.wavelength_nm, low, high) if dispersive else (camera.wavelength_nm,)
     shares = camera.pupil == "shared" and not (windows or coarse)
     shared = shared_sampling(scene, setting, sampled_nm) if shares else None
     on_axis_of = _on_axis if shared is None else _on_axis_of_disk
     irradiance = paraxial_irradiance if windows else _on_axis_soon if coarse else on_axis_of
     clear, on_axis = _irradiance(lens, back_mm, camera.wavelength_nm, losses, irradiance)
     balanced = (IDEAL, clear) if shows_losses(scene) else (losses, on_axis)
-    pupil = shared or _pupil(scene, camera, setting, lens, sampled_nm, windows, coarse)
+    pupil = shared or _pupil(scene, setting, lens, sampled_nm, windows, coarse)
     if camera.rays == "fitted":
-        through = fitted_rays(lens, setting, scene.film, (low, high) if colour.dispersive else None, allowed_px(camera))
+        range_nm = (low, high) if dispersive else None
+        through = fitted_rays(lens, setting, scene.film, range_nm, allowed_px(camera.accuracy))
     else:
-        through = traced_rays(lens, camera, back_mm, colour.dispersive, losses)
-    said = through.metadata | setting.metadata | {"on_axis_irradiance": on_axis}
-    if losses:
-        said["transmittance"] = on_axis / clear
-    record = _record(scene, camera, setting, lens, pupil, len(through.surfaces))
+        through = traced_rays(lens, setting, camera.precision, dispersive)
+    record = _record(scene, setting, lens, pupil, len(through.surfaces))
     entrance = None if windows else entrance_pupil(scene, setting, drifts=not coarse)
+    metadata: CameraMetadata = {
+        "camera": "realistic",
+        **through.metadata,
+        **setting.metadata,
+        "on_axis_irradiance": on_axis,
+    }
+    if losses:
+        metadata["transmittance"] = on_axis / clear
+    metadata = {**metadata, **pupil.metadata, **movements_metadata(camera), **colour}
+    with suppress(InputError):  # where no thick lens stands for it
+        thick = thick_lens_of(setting.lens, setting.film_distance_mm, camera.wavelength_nm)
+        metadata["intrinsics"] = thick_lens_intrinsics(scene, thick, "traced lens")
+    if entrance is not None:
+        metadata["entrance_pupil"] = entrance.described()
     return CameraModel(
         through.kernel,
         record,
@@ -127,31 +114,17 @@ def realistic_model(
         surfaces=through.surfaces,
         stop=through.stop,
         has_lens=True,
-        metadata={"camera": "realistic"}
-        | said
-        | pupil.metadata
-        | movements_metadata(camera)
-        | colour.metadata
-        | _projection(scene, camera, setting)
-        | ({} if entrance is None else {"entrance_pupil": entrance.described()}),
+        metadata=metadata,
         view=_view(scene, setting),
         on_axis_irradiance=on_axis,
         passed=on_axis / clear,
         axial_weight=on_axis,
         usable_nm=(low, high),
-        reach=lens_reach(lens, back_mm, camera.wavelength_nm, _half_film_mm(scene)),
-        axial_colour=_axial_colour(on_axis_of, lens, back_mm, *balanced, (low, high)) if colour.dispersive else None,
+        reach=lens_reach(lens, back_mm, camera.wavelength_nm, half_film_mm(scene)),
+        axial_colour=_axial_colour(on_axis_of, lens, back_mm, *balanced, (low, high)) if dispersive else None,
         setting=setting,
         pupil=None if coarse else entrance,
     )
-
-
-@dataclass(frozen=True)
-class _Colour:
-    """Whether a lens refracts each wavelength separately, and what the picture's metadata should say of it."""
-
-    dispersive: bool
-    metadata: dict[str, Any] = field(default_factory=dict)
 
 
 def _irradiance(
@@ -170,7 +143,6 @@ def _irradiance(
 
 def _pupil(
     scene: Scene,
-    camera: RealisticCamera,
     setting: LensSetting,
     lens: Lens,
     sampled_nm: tuple[float, ...],
@@ -178,18 +150,14 @@ def _pupil(
     coarse: bool,
 ) -> PupilSampling:
     """Return how rays aim at the pupil that all wavelengths see, from the whole film or from windows of it."""
-    half_film_mm, frame, back_mm = _half_film_mm(scene), film_frame(camera), setting.film_distance_mm
+    camera, half_mm, back_mm = scene.camera.traced_camera, half_film_mm(scene), setting.film_distance_mm
+    assert camera is not None
+    frame = film_frame(camera)
     if windows:
-        bounds = frame.bounds(half_film_mm)
-        return pupil_in_windows(lens, back_mm, bounds, camera.wavelength_nm, windows, frame)
+        return pupil_in_windows(lens, back_mm, frame.bounds(half_mm), camera.wavelength_nm, windows, frame)
     sampling = coarse_pupil if coarse else pupil_sampling
     tier = "auto" if camera.pupil == "shared" else camera.pupil
-    return sampling(lens, back_mm, half_film_mm, sampled_nm, tier, frame)
-
-
-def _half_film_mm(scene: Scene) -> tuple[float, float]:
-    width_mm, height_mm = (side * 1e3 for side in scene.film.size_m())
-    return width_mm / 2, height_mm / 2
+    return sampling(lens, back_mm, half_mm, sampled_nm, tier, frame)
 
 
 def _on_axis(lens: Lens, back_mm: float, wavelength_nm: float, losses: LensTransmission = IDEAL) -> float:
@@ -228,13 +196,11 @@ def _on_axis_without_losses(lens: Lens, back_mm: float, wavelength_nm: float) ->
     return float(on_axis_irradiance(lens, back_mm, wavelength_nm))
 
 
-def _record(
-    scene: Scene, camera: RealisticCamera, setting: LensSetting, lens: Lens, pupil: PupilSampling, surfaces: int
-) -> NDArray[np.void]:
-    width_mm, height_mm = (side * 1e3 for side in scene.film.size_m())
+def _record(scene: Scene, setting: LensSetting, lens: Lens, pupil: PupilSampling, surfaces: int) -> NDArray[np.void]:
+    half_width, half_height = half_film_mm(scene)
     record = camera_record(
-        camera, scene.film, "realistic",
-        film_half_width=width_mm / 2, film_half_height=height_mm / 2,
+        scene.camera, scene.film, "realistic",
+        film_half_width=half_width, film_half_height=half_height,
         film_distance=setting.film_distance_mm, gain=setting.gain,
         metres_per_mm=1e-3, first_vertex_z=-lens.film_z(setting.film_distance_mm) * 1e-3,
         surfaces=surfaces, first_polynomial=len(pupil.table),
@@ -242,13 +208,14 @@ def _record(
     aim = record["own"]["realistic"]["pupil"][pupil.member]
     for name, value in pupil.parameters._asdict().items():
         aim[name] = value
-    record["wavelength"] = camera.wavelength_nm
+    record["wavelength"] = setting.camera.wavelength_nm
     return record
 
 
-def _colour(scene: Scene, setting: LensSetting, wanted: LensColour) -> _Colour:
+def _colour(scene: Scene, setting: LensSetting, wanted: LensColour) -> tuple[bool, CameraMetadata]:
+    """Return whether the lens refracts each wavelength separately, and what metadata say of that."""
     if wanted == "off" or not (disperses(setting.lens) or is_tinted(setting.lens, setting.transmission)):
-        return _Colour(False)
+        return False, {}
     error_px = _colour_error(
         setting.lens,
         setting.film_distance_mm,
@@ -258,8 +225,10 @@ def _colour(scene: Scene, setting: LensSetting, wanted: LensColour) -> _Colour:
     )
     tint = lens_tint(scene, setting)
     shows = error_px > SHOWS_PX or tint > SHOWS_TINT
-    metadata = {"lens_colour_px": round(error_px, 4)} | ({"lens_tint": round(tint, 4)} if tint else {})
-    return _Colour(wanted == "on" or shows, metadata)
+    metadata: CameraMetadata = {"lens_colour_px": round(error_px, 4)}
+    if tint:
+        metadata["lens_tint"] = round(tint, 4)
+    return wanted == "on" or shows, metadata
 
 
 @remember(most=REMEMBERED, by=by_content)
@@ -311,59 +280,9 @@ def _view(scene: Scene, setting: LensSetting) -> CameraView:
             lens,
             setting.film_distance_mm,
             setting.focus_distance_mm,
-            (size_mm[0] / 2, size_mm[1] / 2),
+            half_film_mm(scene),
             (columns / size_mm[0], rows / size_mm[1]),
             wavelength_nm,
             film_frame(scene.camera),
         ),
     )
-
-
-def _projection(scene: Scene, camera: RealisticCamera, setting: LensSetting) -> dict[str, Any]:
-    """Return the intrinsics of the lens to first order, nothing where a thick lens cannot stand for it."""
-    try:
-        thick = thick_lens_of(setting.lens, setting.film_distance_mm, camera.wavelength_nm)
-    except InputError:
-        return {}
-    per_tangent = thick.film_per_tangent(*scene.film.size_m())
-    return {"intrinsics": intrinsics(scene, per_tangent, distortion="traced lens", lever=thick.lever)}
-
-
-def _shaped(scene: Scene, camera: RealisticCamera, lens: Lens) -> Lens:
-    """Return the lens with its stop in the shape of the camera's aperture."""
-    shape = stop_shape(scene, camera.aperture)
-    if shape is None:
-        return lens
-    if lens.stop is None:
-        raise InputError(f"camera.aperture: {lens.name} has no stop to shape (mark one with stop: true)")
-    return lens.with_stop_shape(shape)
-
-
-# Camera models, one module each: a camera of the scene becomes a record, tables and the kernel that reads them.
-
-_MODELS: dict[str, Callable[[Scene], CameraModel]] = {
-    "pinhole": pinhole_camera,
-    "environment": environment_camera,
-    "thin_lens": thin_lens_camera,
-    "thick_lens": thick_lens_camera,
-}
-
-
-def camera_model(scene: Scene, lens_colour: LensColour = "off", *, coarse: bool = False) -> CameraModel:
-    """Return what the camera of a scene needs on the device, where it is when the shutter opens.
-
-    Parameters
-    ----------
-    lens_colour
-        Whether the lens refracts each wavelength separately: only where a picture of this size shows it with ``auto``.
-    coarse
-        Whether a table of the pupil does that is made faster and holds all but slivers of it.
-    """
-    scene = at_opening(scene)
-    if isinstance(scene.camera, RealisticCamera):
-        return exposed(realistic_camera(scene, lens_colour, coarse=coarse), scene)
-    if scene.camera.kind not in _MODELS:
-        raise unknown_camera(
-            scene.camera.kind, "what makes its records (_MODELS in rptcam_cl/rendering/cameras/realistic.py)"
-        )
-    return exposed(_MODELS[scene.camera.kind](scene), scene)

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import field
 from functools import partial
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,16 +35,8 @@ from rptcam_cl.optics.lens import (
 )
 from rptcam_cl.optics.pupils import UNMOVED, FilmFrame, FilmProbe
 from rptcam_cl.optics.ray_trace import LensTransmission, has_coatings, known_nm, with_coating
-from rptcam_cl.rendering.cameras.pupil import by_content, on_disk, without_shape
-from rptcam_cl.scene.camera import (
-    NO_MOVEMENTS,
-    NOT_FOUND_YET,
-    LensCamera,
-    Movements,
-    Pose,
-    RealisticCamera,
-    pose_matrix,
-)
+from rptcam_cl.rendering.cameras.pupil import SamplingMetadata, by_content, on_disk, without_shape
+from rptcam_cl.scene.camera import NO_MOVEMENTS, NOT_FOUND_YET, CameraKind, LensCamera, pose_matrix
 from rptcam_cl.scene.lens_settings import CoatingLayers
 from rptcam_cl.scene.load import at_opening
 from rptcam_cl.scene.scene import Scene
@@ -58,16 +50,76 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 
-def movements_of(camera: Pose) -> Movements:
-    """Return the movements of a camera; none of one that has no film."""
-    found = getattr(camera, "movements", NO_MOVEMENTS)
-    assert isinstance(found, Movements)
-    return found
+# What a picture's metadata say of its camera.
 
 
-def film_frame(camera: Pose) -> FilmFrame:
+class Intrinsics(TypedDict, total=False):
+    """What projects points of a camera's frame on the picture, as `intrinsics` says."""
+
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    matrix: list[list[float]]
+    distortion: Literal["none", "traced lens"]
+
+
+class PupilMetadata(TypedDict, total=False):
+    """What metadata say of an entrance pupil; None of what is infinite."""
+
+    world_m: list[float] | None  # added where a picture is described
+    ahead_of_eye_mm: float | None
+    diameter_mm: float | None
+    drift_mm: dict[str, float]  # by the field
+
+
+class CameraMetadata(SamplingMetadata, total=False):
+    """What a picture's metadata say of its camera; what a kind has not is left out."""
+
+    camera: str  # its kind
+    lens: str
+    zoom: str | None
+    focal_length_mm: float | None  # None of a lens without power
+    f_number: float | None
+    film_distance_mm: float
+    focus_distance_m: float | None  # None where nothing is sharp
+    focus_method: str | None
+    focus_field: list[float] | None
+    focused_by: str | None
+    wavelength_nm: float
+    as_built: dict[str, Any]
+    temperature_c: float
+    pressure_hpa: float
+    movements: dict[str, Any]
+    intrinsics: Intrinsics
+    entrance_pupil: PupilMetadata
+    on_axis_irradiance: float | None  # for radiance 1
+    transmittance: float  # on the axis
+    lens_precision: str
+    lens_rays: str
+    lens_degree: int
+    lens_rims: int
+    lens_error_px: float
+    lens_light_error: float
+    lens_colour_px: float
+    lens_tint: float
+    lamps_aimed_at: int
+    working_f_number: float
+    t_number: float
+    values_per_irradiance: float
+    exposure_time_s: float
+    iso: float
+    ev100: float
+    exposure_ev: float
+    neutral_density_stops: float
+
+
+# How the film stands behind the lens.
+
+
+def film_frame(camera: CameraKind) -> FilmFrame:
     """Return how the film of a camera stands behind its lens [mm]."""
-    movements = movements_of(camera)
+    movements = camera.film_movements
     if movements == NO_MOVEMENTS:
         return UNMOVED
     return FilmFrame((-movements.shift_mm, -movements.rise_mm), *movements.sides())
@@ -132,9 +184,9 @@ def reaches_lens(distance_mm: float) -> InputError:
     )
 
 
-def movements_metadata(camera: Pose) -> dict[str, Any]:
+def movements_metadata(camera: CameraKind) -> CameraMetadata:
     """Return what the picture's metadata should say: the movements, and which way the film faces."""
-    movements = movements_of(camera)
+    movements = camera.film_movements
     if movements == NO_MOVEMENTS:
         return {}
     frame = film_frame(camera)
@@ -174,9 +226,9 @@ class RealState:
         return cold if self.heat is None else self.heat.film(cold)
 
     @property
-    def metadata(self) -> dict[str, Any]:
+    def metadata(self) -> CameraMetadata:
         """What the picture's metadata should say; nothing of a design."""
-        said: dict[str, Any] = {}
+        said: CameraMetadata = {}
         if self.copy is not None:
             copy = self.copy
             merit = {"spot_um": copy.spot_um, "mtf": copy.mtf, "refocus_mm": copy.shift_mm}
@@ -189,6 +241,20 @@ class RealState:
 DESIGN = RealState()
 
 
+def lens_camera(scene: Scene) -> LensCamera:
+    """Return the camera of a scene.
+
+    Raises
+    ------
+    InputError
+        When it has no lens of surfaces.
+    """
+    camera = scene.camera.lens_camera
+    if camera is None:
+        raise scene.camera.lacks("a lens of surfaces")
+    return camera
+
+
 def real_state(scene: Scene) -> RealState:
     """Return how the lens of a scene's camera differs from its design.
 
@@ -197,8 +263,7 @@ def real_state(scene: Scene) -> RealState:
     InputError
         When the tolerances are wrong or do not suit the lens, or nothing says how one of its glasses takes heat.
     """
-    camera = scene.camera
-    assert isinstance(camera, LensCamera)
+    camera = lens_camera(scene)
     heat = camera.heat
     if heat is not None:
         try:
@@ -513,7 +578,7 @@ class LensSetting:
         return transmission_of(self.camera)
 
     @property
-    def metadata(self) -> dict[str, Any]:
+    def metadata(self) -> CameraMetadata:
         """What the picture's metadata should say."""
         first = self.lens.first_order(self.camera.wavelength_nm)
         focus = self.camera.focus
@@ -546,10 +611,9 @@ def lens_setting(scene: Scene) -> LensSetting:
     InputError
         When it cannot be zoomed, stopped down or focused as requested.
     """
-    if isinstance(scene.camera, LensCamera) and scene.camera.focus.object is not None:
+    if scene.camera.followed is not None:
         scene = at_opening(scene)
-    camera = scene.camera
-    assert isinstance(camera, LensCamera)
+    camera = lens_camera(scene)
     lens, focus, real = design_to_focus(scene, camera), camera.focus, real_state(scene)
     if focus.film_distance_mm is not None:
         lens, back_mm = real.lens(lens), focus.film_distance_mm
@@ -577,7 +641,7 @@ def _sharpest(scene: Scene, camera: LensCamera) -> FilmPoint:
     return None if camera.focus.field is None else film_point(scene, camera, *camera.focus.field)
 
 
-def film_point(scene: Scene, camera: Pose, right: float, down: float) -> tuple[float, float, float]:
+def film_point(scene: Scene, camera: CameraKind, right: float, down: float) -> tuple[float, float, float]:
     """Return where on the film a point of the picture lies [mm]: x, y in the frame of the lens, depth behind the film
     distance.
 
@@ -668,16 +732,18 @@ class EntrancePupil:
     diameter_mm: float = 0.0
     drift_mm: tuple[tuple[float, float], ...] = ()
 
-    def described(self) -> dict[str, Any]:
+    def described(self) -> PupilMetadata:
         """Return what the metadata of a picture say of it, but for its place in the world."""
-        return {
+        metadata: PupilMetadata = {
             "ahead_of_eye_mm": self.ahead_mm if math.isfinite(self.ahead_mm) else None,
             "diameter_mm": self.diameter_mm if math.isfinite(self.diameter_mm) else None,
-            **({"drift_mm": {f"{field:g}": drift for field, drift in self.drift_mm}} if self.drift_mm else {}),
         }
+        if self.drift_mm:
+            metadata["drift_mm"] = {f"{field:g}": drift for field, drift in self.drift_mm}
+        return metadata
 
 
-def pupil_in_world(scene: Scene, described: Mapping[str, Any]) -> dict[str, Any]:
+def pupil_in_world(scene: Scene, described: PupilMetadata) -> PupilMetadata:
     """Return a described entrance pupil with its place in the world [m], in the axes of the scene; None without one."""
     ahead_mm = described["ahead_of_eye_mm"]
     if ahead_mm is None:
@@ -688,13 +754,13 @@ def pupil_in_world(scene: Scene, described: Mapping[str, Any]) -> dict[str, Any]
 
 
 def entrance_pupil(scene: Scene, setting: LensSetting, *, drifts: bool = True) -> EntrancePupil:
-    """Return the entrance pupil of the lens of a scene, with its drift where that is wanted and the lens is traced."""
+    """Return the entrance pupil of the lens of a scene, with its drift where that is wanted."""
     lens, back, wavelength = setting.lens, setting.film_distance_mm, setting.camera.wavelength_nm
     pupil = lens.first_order(wavelength).entrance_pupil
     if not math.isfinite(pupil.distance_mm):
         return EntrancePupil(math.inf, math.inf)
     ahead = lens.film_z(back) - pupil.distance_mm
-    drift = _drift(scene, setting, pupil.distance_mm) if drifts and isinstance(scene.camera, RealisticCamera) else ()
+    drift = _drift(scene, setting, pupil.distance_mm) if drifts else ()
     return EntrancePupil(ahead, pupil.diameter_mm, drift)
 
 

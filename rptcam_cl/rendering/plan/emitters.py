@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.colour import LUMINANCE, luminance
-from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.core.dataclass import Rows, dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.records import (
     EMITTER,
@@ -26,7 +26,7 @@ from rptcam_cl.core.records import (
     fill,
 )
 from rptcam_cl.rendering.cameras.lamp_aim import SeenLamp
-from rptcam_cl.rendering.plan.environment import SUN_RADIUS_DEGREES, DistantSun, Surroundings
+from rptcam_cl.rendering.plan.environment import SUN_RADIUS_DEGREES, Surroundings
 from rptcam_cl.rendering.plan.primitives import Primitive, corners_of_box, sphere_of, turn_to, world_from_scene
 from rptcam_cl.rendering.plan.textures import Colours, KnownSpectra, TextureTable
 from rptcam_cl.scene.assets.mesh import Mesh
@@ -54,20 +54,27 @@ def light_emitter(
 ) -> tuple[np.void, float]:
     """Return record and power [W, luminance] of a light; ``reach`` is the radius of the scene [m]."""
     record = _without_surface()
+    colour: Colour
     match light:
         case PointLight():
-            fill(record, kind=EmitterKind.POINT, radiance=light.intensity)
-            power = 4 * np.pi * luminance(light.intensity)
+            colour = light.intensity
+            fill(record, kind=EmitterKind.POINT, radiance=colour)
+            power = 4 * np.pi * luminance(colour)
         case SpotLight():
-            power = _spot(record, light)
+            colour, power = light.intensity, _spot(record, light)
         case ProfileLight():
-            power = _profile(record, light, scene, textures)
+            colour, power = light.color, _profile(record, light, scene, textures)
         case DirectionalLight():
-            fill(record, kind=EmitterKind.DIRECTIONAL, radiance=light.irradiance)
-            power = np.pi * reach**2 * luminance(light.irradiance)
+            colour = light.irradiance
+            fill(record, kind=EmitterKind.DIRECTIONAL, radiance=colour)
+            power = np.pi * reach**2 * luminance(colour)
         case SunLight():
-            power = fill_sun(record, light.irradiance, light.diameter_degrees / 2) * np.pi * reach**2
-    record["radiance"][3] = _number(light, record, spectra)
+            colour = light.irradiance
+            power = fill_sun(record, colour, light.diameter_degrees / 2) * np.pi * reach**2
+    # The spectrum is scaled as the record has its colour.
+    largest = int(np.argmax(colour))
+    gain = float(record["radiance"][largest]) / colour[largest] if colour[largest] > 0 else 0.0
+    record["radiance"][3] = spectra.number(colour, light=True, gain=gain)
     if isinstance(light, DirectionalLight | SunLight):
         record["normal"][:3] = -_unit(light.direction)
     else:
@@ -80,20 +87,6 @@ def _without_surface() -> np.void:
     return record
 
 
-def _number(light: Light, record: np.void, spectra: KnownSpectra) -> int:
-    """Return the number of a light's spectrum, scaled as the record has its colour."""
-    match light:
-        case PointLight() | SpotLight():
-            colour: Colour = light.intensity
-        case DirectionalLight() | SunLight():
-            colour = light.irradiance
-        case ProfileLight():
-            colour = light.color
-    largest = int(np.argmax(colour))
-    gain = float(record["radiance"][largest]) / colour[largest] if colour[largest] > 0 else 0.0
-    return spectra.number(colour, light=True, gain=gain)
-
-
 def fill_sun(record: np.void, irradiance: tuple[float, float, float], radius_degrees: float) -> float:
     """Fill in a disk at infinity that gives an irradiance where it is faced; return that as luminance [W/m²]."""
     sin2 = np.sin(np.deg2rad(radius_degrees)) ** 2
@@ -101,11 +94,11 @@ def fill_sun(record: np.void, irradiance: tuple[float, float, float], radius_deg
     return float(luminance(irradiance))
 
 
-def sun_emitter(sun: DistantSun, reach: float) -> tuple[np.void, float]:
+def sun_emitter(towards: Array, irradiance: Array, reach: float) -> tuple[np.void, float]:
     """Return record and power [W, luminance] of the sun of a sky; ``reach`` is the radius of the scene [m]."""
     record = _without_surface()
-    fill(record, normal=sun.towards)
-    red, green, blue = sun.irradiance.tolist()
+    fill(record, normal=towards)
+    red, green, blue = irradiance.tolist()
     return record, fill_sun(record, (red, green, blue), SUN_RADIUS_DEGREES) * np.pi * reach**2
 
 
@@ -216,7 +209,7 @@ MOST_LAMPS, MOST_POINTS = 4096, 64  # that tell whether a tree gains
 
 
 @dataclass(frozen=True, eq=False)
-class Lamps:
+class Lamps(Rows):
     """What the tree knows of each lamp.
 
     Attributes
@@ -247,7 +240,7 @@ class LightTree:
 
 
 def lamps_of(records: NDArray[np.void], power: Array) -> Lamps:
-    """Return what the tree knows of emitter records that are not at infinity."""
+    """Describe emitter records that are not at infinity for the tree."""
     kind = records["kind"]
     a, u, v, z = (records[name][:, :3].astype(np.float64) for name in ("a", "u", "v", "normal"))
     uu, vv, zz, uv = ((x * y).sum(axis=1) for x, y in ((u, u), (v, v), (z, z), (u, v)))
@@ -279,17 +272,17 @@ def variance_by_power(lamps: Lamps, points: Array) -> float:
 
     Shadows and the surfaces' own directions are left out.
     """
-    lamps = Lamps(*(part[:: -(-len(lamps.power) // MOST_LAMPS)] for part in vars(lamps).values()))
-    shining = lamps.power > 0
+    lamps = lamps[:: -(-len(lamps) // MOST_LAMPS)]
+    lamps = lamps[lamps.power > 0]
     moments = []
     for point in points[:: -(-len(points) // MOST_POINTS) or 1]:
-        to = lamps.middle[shining] - point
-        inverse = 1 / np.maximum((to**2).sum(axis=1) + lamps.extent2[shining], np.finfo(np.float32).tiny)
-        axis, spread = lamps.axis[shining], lamps.extent2[shining] * inverse / 2
+        to = lamps.middle - point
+        inverse = 1 / np.maximum((to**2).sum(axis=1) + lamps.extent2, np.finfo(np.float32).tiny)
+        axis, spread = lamps.axis, lamps.extent2 * inverse / 2
         cosine = -(axis * to).sum(axis=1) * np.sqrt(inverse)
         soft = np.sqrt(np.maximum(cosine**2 + spread + (1 - (axis**2).sum(axis=1)) / 4, 0))
         light = np.maximum((cosine + soft) / 2, 0.01) * inverse
-        power = lamps.power[shining]
+        power = lamps.power
         moments.append((power * light**2).sum() * power.sum() / (power * light).sum() ** 2 - 1)
     return float(np.mean(moments)) if moments else 0.0
 
@@ -304,7 +297,7 @@ def light_tree(lamps: Lamps) -> LightTree:
     for level in range(levels + 1):
         nodes[1 << level : 2 << level] = _nodes(lamps, order, starts)
         if level < levels:
-            order = _sorted(lamps.middle, order, starts)
+            order = _sort(lamps.middle, order, starts)
             halves = starts[:-1] + (np.diff(starts) + 1) // 2
             starts = np.append(np.stack([starts[:-1], halves], axis=1).ravel(), count)
     leaf = np.repeat(np.arange(1 << levels), np.diff(starts))
@@ -313,7 +306,7 @@ def light_tree(lamps: Lamps) -> LightTree:
     return LightTree(np.concatenate([nodes.ravel(), lamp_of.view(np.float32)]), leaf_of, levels // 2)
 
 
-def _sorted(middle: Array, order: NDArray[np.int64], starts: NDArray[np.int64]) -> NDArray[np.int64]:
+def _sort(middle: Array, order: NDArray[np.int64], starts: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return the order in which the lamps of each node stand along the axis on which they lie farthest apart."""
     there = middle[order]
     lamps = np.diff(starts)[np.diff(starts) > 0]
@@ -506,7 +499,7 @@ class Glow:
 
 
 def glow_of(material: Material, textures: TextureTable, spectra: KnownSpectra) -> Glow:
-    """Return what a material emits; its texture and its spectrum are entered."""
+    """Find the light that a material emits; its texture and its spectrum are entered."""
     emitted: Texture | Colour = (0.0, 0.0, 0.0)
     two_sided = False
     if isinstance(material, Emissive):
@@ -597,8 +590,8 @@ def pack_emitters(
         fill(record, kind=EmitterKind.ENVIRONMENT)
         lights.append((record, surroundings.flux * np.pi * reach**2))
     if surroundings.sun is not None:
-        lights.append(sun_emitter(surroundings.sun, reach))
-    lights = sorted((found for found in lights if found[1] > 0), key=lambda found: found[0]["kind"] == EmitterKind.SUN)
+        lights.append(sun_emitter(*surroundings.sun, reach))
+    lights = sorted((each for each in lights if each[1] > 0), key=lambda each: each[0]["kind"] == EmitterKind.SUN)
     chosen += [(np.array([record], EMITTER.dtype), np.array([power])) for record, power in lights]
     count = sum(len(records) for records, _ in chosen)
     records, curve, tree = EMITTER.zeros(count), np.zeros((1, 2), np.float32), None
@@ -658,13 +651,13 @@ def _surface_emitters(
         if has_holes(primitive.material) or primitive.trajectory is not None:
             continue
         if primitive.mesh is None:
-            found = _surface_emitter(index, primitive, glow)
+            emitter = _surface_emitter(index, primitive, glow)
         else:
-            found = _mesh_emitters(index, primitive, first_triangles[index - first_mesh], eye, glow)
-        if found is not None:
+            emitter = _mesh_emitters(index, primitive, first_triangles[index - first_mesh], eye, glow)
+        if emitter is not None:
             of_primitive[index] = count
-            count += len(found[0])
-            chosen.append(found)
+            count += len(emitter[0])
+            chosen.append(emitter)
     return chosen, of_primitive
 
 
@@ -675,24 +668,24 @@ ANGLES = np.linspace(0.0, np.pi / 2, 16, endpoint=False)  # at which the least r
 
 
 def visible_lamps(primitives: Iterable[Primitive], eye: Array, textures: TextureTable) -> tuple[SeenLamp, ...]:
-    """Return what shines and stands still, seen from the eye, in the world about it [m].
+    """Find the lamps that stand still, as seen from the eye, in the world about it [m].
 
     Planes, lamps around the eye and those that turn their back to it are left out.
     """
-    lamps = (_seen(primitive, eye, textures) for primitive in primitives if primitive.trajectory is None)
+    lamps = (_see_lamp(primitive, eye, textures) for primitive in primitives if primitive.trajectory is None)
     return tuple(lamp for lamp in lamps if lamp is not None)
 
 
-def _seen(primitive: Primitive, eye: Array, textures: TextureTable) -> SeenLamp | None:
+def _see_lamp(primitive: Primitive, eye: Array, textures: TextureTable) -> SeenLamp | None:
     if primitive.kind is Kind.PLANE:
         return None
     glow = glow_of(primitive.material, textures, KnownSpectra())
     if glow.strength <= 0:
         return None
-    found = _outline(primitive, eye, two_sided=glow.two_sided)
-    if found is None or np.linalg.norm(found[0]) <= 1.5 * np.linalg.norm(found[1], axis=1).max():
+    outline = _outline(primitive, eye, two_sided=glow.two_sided)
+    if outline is None or np.linalg.norm(outline[0]) <= 1.5 * np.linalg.norm(outline[1], axis=1).max():
         return None
-    centre, axes, is_round = found
+    centre, axes, is_round = outline
     return SeenLamp(centre, axes, is_round, float(luminance(glow.radiance)))
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,10 +23,9 @@ from rptcam_cl.rendering.plan.textures import (
     PICTURES,
     Colours,
     KnownSpectra,
-    PictureTable,
     TextureTable,
     linear_codes,
-    unpacked,
+    unpack_texels,
 )
 from rptcam_cl.scene.lights import ConstantEnvironment, GradientEnvironment, ImageEnvironment, SkyEnvironment
 from rptcam_cl.scene.quantities import Colour
@@ -67,23 +65,16 @@ _OZONE = (
 _OZONE_CM = 0.35
 
 
-class Sky(NamedTuple):
-    """A baked sky.
+def bake_sky(sky: SkyEnvironment) -> tuple[NDArray[np.float32], Array]:
+    """Bake a sky whose sun stands over the middle column of the picture.
 
-    Attributes
-    ----------
+    Returns
+    -------
     radiance : (ROWS, COLUMNS, 3) array
         [W/(m² sr)] of a picture of the whole sphere, the top row first; below the horizon the ground.
     sun_irradiance : (3,) array
         Of the sun on a surface that faces it [W/m²].
     """
-
-    radiance: NDArray[np.float32]
-    sun_irradiance: Array
-
-
-def bake_sky(sky: SkyEnvironment) -> Sky:
-    """Return a sky whose sun stands over the middle column of the picture."""
     zenith_angle = np.deg2rad(90 - sky.sun_elevation_degrees)
     polar = (np.arange(ROWS // 2) + 0.5) * np.pi / ROWS
     longitude = ((np.arange(COLUMNS) + 0.5) / COLUMNS - 0.5) * 2 * np.pi
@@ -95,7 +86,7 @@ def bake_sky(sky: SkyEnvironment) -> Sky:
     arriving = np.einsum("ijk,i->k", above, weights) + (sun * np.cos(zenith_angle) if sky.sun else 0.0)
     ground = np.broadcast_to(np.array(sky.ground_albedo) * arriving / np.pi, above.shape)
     radiance = sky.gain * np.concatenate([above, ground])
-    return Sky(radiance.astype(np.float32), sky.gain * sun)
+    return radiance.astype(np.float32), sky.gain * sun
 
 
 def sky_radiance(cosine: Array, towards: Array, zenith_angle: float, turbidity: float) -> Array:
@@ -148,22 +139,6 @@ MOST_CELLS = (1024, 2048)  # rows and columns that light sampling tells apart: 2
 LEAST_CONTRAST = 1e-6  # share of a picture's light above its mean: less is rounding
 
 
-@dataclass(frozen=True, eq=False)
-class DistantSun:
-    """The sun of a sky.
-
-    Attributes
-    ----------
-    towards : (3,) array
-        Unit direction to its middle.
-    irradiance : (3,) array
-        On a surface that faces it [W/m²].
-    """
-
-    towards: Array
-    irradiance: Array
-
-
 @dataclass(frozen=True)
 class Surroundings:
     """The environment for the kernels.
@@ -176,15 +151,16 @@ class Surroundings:
         Tables of `sampling_tables`; one zero where there are none.
     flux : float
         Integral over all directions of the radiance that light sampling takes on [W/m², luminance]; else 0.
-    sun : DistantSun or None
-                Shines in addition.
+    sun : two (3,) arrays, or None
+        Unit direction to the middle of a sun that shines in addition, and its irradiance on a surface that faces it
+        [W/m²].
     """
 
     kind: EnvironmentKind
     record: NDArray[np.void]
     distribution: NDArray[np.float32]
     flux: float
-    sun: DistantSun | None = None
+    sun: tuple[Array, Array] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,7 +176,7 @@ class _Brightness:
     @classmethod
     def of(cls, colours: Colours) -> _Brightness:
         shares = cell_shares(brightness_of(colours))
-        above = compensated(shares)
+        above = compensate(shares)
         tables = sampling_tables(above)
         tables.flags.writeable = False
         return cls((shares.shape[0], shares.shape[1]), tables, float(shares.sum()), float(above.sum()))
@@ -227,7 +203,7 @@ def pack_environment(scene: Scene, textures: TextureTable, spectra: KnownSpectra
             fill(record, bottom=light(constant.radiance))
             return Surroundings(EnvironmentKind.CONSTANT, record, nothing, 0.0)
         case ImageEnvironment() as image:
-            colours = textures.pictures.colours(image, "rgb", image.color_space)
+            colours = textures.colours(image, "rgb", image.color_space)
             record["texture"] = textures.add_sphere(colours, image.gain)
             return _of_picture(record, colours, axes(image.up, image.rotation_degrees), image.gain)
         case SkyEnvironment() as sky:
@@ -247,14 +223,14 @@ def _of_picture(record: NDArray[np.void], colours: Colours, directions: Array, g
 
 
 def _of_sky(record: NDArray[np.void], sky: SkyEnvironment, textures: TextureTable) -> Surroundings:
-    baked = bake_sky(sky)
-    colours = Colours.of(baked.radiance, TexelFormat.HALF, f"sky {sky.model_dump_json()}")
+    radiance, sun_light = bake_sky(sky)
+    colours = Colours.of(radiance, TexelFormat.HALF, f"sky {sky.model_dump_json()}")
     record["texture"] = textures.add_sphere(colours)
     directions = axes(sky.up, sky.sun_azimuth_degrees)
     surroundings = _of_picture(record, colours, directions, 1.0)
     elevation = np.deg2rad(sky.sun_elevation_degrees)
     towards = np.cos(elevation) * directions[2] + np.sin(elevation) * directions[1]
-    return replace(surroundings, sun=DistantSun(towards, baked.sun_irradiance)) if sky.sun else surroundings
+    return replace(surroundings, sun=(towards, sun_light)) if sky.sun else surroundings
 
 
 def axes(up: tuple[float, float, float], rotation_degrees: float) -> Array:
@@ -298,11 +274,11 @@ def cell_shares(brightness: Array) -> Array:
     smooth = (0.75 * across + 0.125 * (above + below))[::-1]
     bands = -np.diff(np.cos(np.linspace(0, np.pi, height + 1))) * (2 * np.pi / width)
     rows, columns = min(height, MOST_CELLS[0]), min(width, MOST_CELLS[1])
-    return _gathered(_gathered(smooth * bands[:, None], rows, 0), columns, 1)
+    return _gather(_gather(smooth * bands[:, None], rows, 0), columns, 1)
 
 
-def compensated(shares: Array) -> Array:
-    """Return what each cell has above the mean brightness of the sphere; nothing where all is even.
+def compensate(shares: Array) -> Array:
+    """The light of each cell above the mean brightness of the sphere; nothing where all is even.
 
     Directions chosen by the BSDF find the rest, and MIS leaves it to them: light samples are for the bright parts of a
     picture (Karlík et al., «MIS compensation», ACM TOG 38(6) 2019).
@@ -314,7 +290,7 @@ def compensated(shares: Array) -> Array:
     return above if above.sum() > LEAST_CONTRAST * total else np.zeros_like(shares)
 
 
-def _gathered(values: Array, count: int, axis: int) -> Array:
+def _gather(values: Array, count: int, axis: int) -> Array:
     """Return the sums of values over ``count`` equal parts of an axis; a value that straddles parts is split."""
     length = values.shape[axis]
     if count == length:
@@ -328,7 +304,7 @@ def _gathered(values: Array, count: int, axis: int) -> Array:
 
 
 def sampling_tables(shares: Array) -> NDArray[np.float32]:
-    """Return what ``kernels/light/environment.h`` reads.
+    """The tables that ``kernels/light/environment.h`` reads.
 
     One after the other: the curve of the rows, those of the cells of each row, and the density of each cell per solid
     angle, times the sine of the angle from the poles.
@@ -343,7 +319,7 @@ def sampling_tables(shares: Array) -> NDArray[np.float32]:
 def brightness_of(colours: Colours) -> Array:
     """Return the luminance of every texel of a picture, shape (height, width)."""
     weights = LUMINANCE.astype(np.float32)
-    texels = unpacked(colours.words, colours.size, colours.form)
+    texels = unpack_texels(colours.words, colours.size, colours.form)
     if colours.form is TexelFormat.HALF:
         return np.asarray(colours.scale * (texels.astype(np.float32) @ weights), dtype=np.float64)
     codes = linear_codes(colours.form)
@@ -364,7 +340,7 @@ def bright_parts(scene: Scene) -> tuple[Array, Array]:
     image = scene.environment
     if not isinstance(image, ImageEnvironment):
         return np.zeros((0, 3)), np.zeros((0, 3))
-    colours = PictureTable(scene).colours(image, "rgb", image.color_space)
+    colours = TextureTable(scene).colours(image, "rgb", image.color_space)
     light = _linear(colours)
     height, width = light.shape[:2]
     elevation = np.pi * (0.5 - (np.arange(height) + 0.5) / height)
@@ -388,7 +364,7 @@ def bright_parts(scene: Scene) -> tuple[Array, Array]:
 
 def _linear(colours: Colours) -> Array:
     """Return the linear light (height, width, 3) of a picture, the top row first."""
-    texels = unpacked(colours.words, colours.size, colours.form)
+    texels = unpack_texels(colours.words, colours.size, colours.form)
     if colours.form is TexelFormat.HALF:
         return np.asarray(colours.scale * texels.astype(np.float64))
     return np.asarray(linear_codes(colours.form)[texels], dtype=np.float64)

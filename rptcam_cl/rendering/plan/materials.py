@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,37 +38,25 @@ from rptcam_cl.scene.quantities import LARGEST_RADIANCE, Colour, SpectralColour
 # The largest share of light that any surface of a scene gives back: what bounds the light of long paths.
 
 
-@dataclass(frozen=True)
-class LargestAlbedo:
-    """The largest albedo of a scene, at any wavelength and angle.
-
-    Attributes
-    ----------
-    value : float or None
-        None where nothing below 1 is known for sure.
-    reason : str
-        Why it is not known; empty where it is.
-    """
-
-    value: float | None
-    reason: str = ""
+LargestAlbedo = float | str
+"""The largest albedo of a scene, at any wavelength and angle, or why nothing below 1 is known for sure."""
 
 
 def largest_albedo(materials: Iterable[Material]) -> LargestAlbedo:
     """Return the largest albedo of some materials; that of none is 0."""
     largest = 0.0
     for material in {id(material): material for material in materials}.values():
-        found = _albedo(material)
-        if found.value is None:
-            return found
-        largest = max(largest, found.value)
-    return LargestAlbedo(largest)
+        albedo = _albedo(material)
+        if isinstance(albedo, str):
+            return albedo
+        largest = max(largest, albedo)
+    return largest
 
 
 def _albedo(material: Material) -> LargestAlbedo:
     match material:
         case Emissive():
-            return LargestAlbedo(0.0)
+            return 0.0
         case Mix():
             return largest_albedo(material.materials)
         case Matte() | Mirror():
@@ -75,14 +64,14 @@ def _albedo(material: Material) -> LargestAlbedo:
         case Conductor() if material.reflectance is not None:
             return _of_colour(material.reflectance)
     # Fresnel's equations reflect everything at grazing angles, and glass passes on what it does not reflect.
-    return LargestAlbedo(None, f"{material.kind} may reflect or pass on all light")
+    return f"{material.kind} may reflect or pass on all light"
 
 
 def _of_colour(colour: Colour | Texture) -> LargestAlbedo:
     if isinstance(colour, ImageTexture):
-        return LargestAlbedo(None, "a picture gives the reflectance")
+        return "a picture gives the reflectance"
     parts: tuple[Colour, ...] = colour.colours if isinstance(colour, Blend) else (colour,)
-    return LargestAlbedo(max(map(_largest, parts)))
+    return max(map(_largest, parts))
 
 
 def _largest(colour: Colour) -> float:
@@ -100,29 +89,6 @@ _SHALLOW = np.geomspace(1e-4, 0.2, 25)  # cosines among which the albedo is larg
 _DEGREE = 4  # of kernels/material/sheen.h
 # Their fit of Smith's Lambda at alpha 0 and 1: a, b, c, d, e of a / (1 + b x^c) + d x + e.
 _FIT = np.array([[25.3245, 3.32435, 0.16801, -1.27393, -4.85967], [21.5473, 3.82987, 0.19823, -1.97760, -4.32054]])
-
-
-@dataclass(frozen=True)
-class SheenLobe:
-    """What the kernels take of a sheen.
-
-    Attributes
-    ----------
-    scale : float
-        Factor on the formula with which no direction gets back more than arrives: 1 from a roughness of 0.25 on.
-    peak : float
-        Density of normals in the surface, with the factor.
-    half : float
-        Logarithm of Smith's Lambda at the cosine 0.5.
-    albedo : tuple of float
-        Coefficients of the logarithm of the share that a white sheen sends back: a quartic in the root of the cosine,
-        from above.
-    """
-
-    scale: float
-    peak: float
-    half: float
-    albedo: tuple[float, ...]
 
 
 def sheen_lambda(cosine: Array, alpha: float) -> Array:
@@ -157,8 +123,18 @@ def sheen_albedo(cosine: float, alpha: float) -> float:
 
 
 @lru_cache(maxsize=256)
-def sheen_lobe(alpha: float) -> SheenLobe:
-    """Return what the kernels take of a sheen."""
+def sheen_lobe(alpha: float) -> tuple[float, dict[str, Any]]:
+    """Fit what the kernels take of a sheen.
+
+    Returns
+    -------
+    scale : float
+        Factor on the formula with which no direction gets back more than arrives: 1 from a roughness of 0.25 on.
+    members : dict
+        Of a material's record: the density of normals in the surface, with the factor, the logarithm of Smith's Lambda
+        at the cosine 0.5, and the coefficients of the logarithm of the share that a white sheen sends back, a quartic
+        in the root of the cosine, from above.
+    """
     share = np.array([sheen_albedo(float(cosine), alpha) for cosine in _ROOTS**2])
     scale = 1 / max(1.0, *share, *(sheen_albedo(float(cosine), alpha) for cosine in _SHALLOW))
     share *= scale
@@ -170,7 +146,8 @@ def sheen_lobe(alpha: float) -> SheenLobe:
     fit[0] += max(float(np.max((wanted - powers @ fit)[counts])), 0.0)
     peak = scale * float(sheen_density(np.array(1.0), alpha))
     half = float(np.log(sheen_lambda(np.array(0.5), alpha)))
-    return SheenLobe(scale, peak, half, tuple(map(float, fit)))
+    cover = {"sheen_cover": tuple(map(float, fit[:4])), "sheen_last": float(fit[4])}
+    return scale, {"sheen_alpha": alpha, "sheen_peak": peak, "sheen_half": half, **cover}
 
 
 # What the dielectric cover of a plastic lets in and out, by quadrature in float64.
@@ -179,11 +156,12 @@ _COVER_GRID = 96  # points along each side of the square of facet normals
 _COSINES = np.concatenate([[0.02, 0.05], np.linspace(0.1, 1.0, 25)])
 
 
-def fresnel(cosine: Array, index: float) -> Array:
-    """Return the unpolarised reflectance of a smooth dielectric of index >= 1 from outside."""
-    inside = np.sqrt(1 - (1 - cosine**2) / index**2)
-    s, p = (cosine - index * inside) / (cosine + index * inside), (index * cosine - inside) / (index * cosine + inside)
-    return np.asarray((s**2 + p**2) / 2)
+def fresnel(cosine: Array, index: float | Array) -> Array:
+    """The unpolarised reflectance of a smooth dielectric, given the index behind its surface over that in front."""
+    sine2 = (1.0 - cosine**2) / index**2
+    beyond = np.sqrt(np.maximum(1.0 - sine2, 0.0))
+    s, p = (cosine - index * beyond) / (cosine + index * beyond), (index * cosine - beyond) / (index * cosine + beyond)
+    return np.asarray(np.where(sine2 >= 1.0, 1.0, 0.5 * (s * s + p * p)))
 
 
 def rough_albedo(cosine: float, alpha: tuple[float, float], index: float) -> float:
@@ -276,19 +254,19 @@ class Lobe:
         record, kind = self.record, MaterialKind(int(self.record["kind"]))
         colour, index = record["color"][:3].astype(np.float64), float(record["parameter"])
         if self.coat:
-            found = float(record["coat"]) * _coat(cosine)[:, None] * np.ones(3)
+            share = float(record["coat"]) * _coat(cosine)[:, None] * np.ones(3)
         elif kind is MaterialKind.METAL:
             n, k = (record[name][:3].astype(np.float64) for name in ("metal_n", "metal_k"))
-            found = colour * _of_metal(cosine[:, None], n, k)
+            share = colour * _of_metal(cosine[:, None], n, k)
         elif kind is MaterialKind.THIN_GLASS:
-            found = colour * _of_pane(cosine, index, record["absorption"][:3].astype(np.float64))
+            share = colour * _of_pane(cosine, index, record["absorption"][:3].astype(np.float64))
         elif kind is MaterialKind.PRINCIPLED:
-            found = _of_principled(record, cosine)
+            share = _of_principled(record, cosine)
         elif kind in COVERS:
-            found = _fresnel(cosine, np.where(behind, 1.0 / index, index))[:, None] * np.ones(3)
+            share = fresnel(cosine, np.where(behind, 1.0 / index, index))[:, None] * np.ones(3)
         else:
-            found = np.tile(colour, (len(cosine), 1))
-        return np.asarray(self.share * found)
+            share = np.tile(colour, (len(cosine), 1))
+        return np.asarray(self.share * share)
 
 
 def lobes_of(materials: NDArray[np.void], index: int, share: float = 1.0) -> Iterator[Lobe]:
@@ -321,15 +299,6 @@ def lobes_of(materials: NDArray[np.void], index: int, share: float = 1.0) -> Ite
         yield Lobe(record, share, float(record["coat_alpha"]), coat=True)
 
 
-def _fresnel(cosine: Array, eta: Array) -> Array:
-    """Return the reflectance of a dielectric; `eta` is the index behind the surface over that in front."""
-    sine2 = (1.0 - cosine**2) / eta**2
-    beyond = np.sqrt(np.maximum(1.0 - sine2, 0.0))
-    s = (cosine - eta * beyond) / (cosine + eta * beyond)
-    p = (eta * cosine - beyond) / (eta * cosine + beyond)
-    return np.asarray(np.where(sine2 >= 1.0, 1.0, 0.5 * (s * s + p * p)))
-
-
 def _of_metal(cosine: Array, n: Array, k: Array) -> Array:
     """Return the reflectance of a metal of index n + i k."""
     root = np.sqrt((n + 1j * k) ** 2 - (1.0 - cosine**2))
@@ -339,8 +308,8 @@ def _of_metal(cosine: Array, n: Array, k: Array) -> Array:
 
 
 def _of_pane(cosine: Array, index: float, depth: Array) -> Array:
-    """Return what both faces of a pane reflect together."""
-    r = _fresnel(cosine, np.full_like(cosine, index))[:, None]
+    """The reflectance of both faces of a pane together."""
+    r = fresnel(cosine, index)[:, None]
     inside = np.sqrt(np.maximum(1.0 - (1.0 - cosine**2) / index**2, 1e-12))[:, None]
     t2 = np.exp(-2.0 * depth / inside)
     return np.asarray(r + (1.0 - r) ** 2 * r * t2 / np.maximum(1.0 - r * r * t2, 1e-30))
@@ -488,10 +457,7 @@ class _Filler:
 
     def _sheen(self, record: np.void, material: Principled) -> None:
         self._colour(record, "sheen", "sheen_texture", material.sheen, 1.0)
-        alpha = alpha_pair(material.sheen_roughness, 0.0)[0]
-        lobe = sheen_lobe(alpha)
-        record["sheen_cover"], record["sheen_last"] = lobe.albedo[:4], lobe.albedo[4]
-        record["sheen_alpha"], record["sheen_peak"], record["sheen_half"] = alpha, lobe.peak, lobe.half
+        fill(record, **sheen_lobe(alpha_pair(material.sheen_roughness, 0.0)[0])[1])
 
 
 def _facets(record: np.void, material: Faceted, alphas: tuple[float, float]) -> None:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import fields
+from collections.abc import Iterator
 from enum import IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.core.dataclass import Rows, dataclass
 from rptcam_cl.core.records import Kind
 from rptcam_cl.rendering.plan.materials import lobes_of
 from rptcam_cl.rendering.plan.plan import Plan
@@ -43,7 +42,7 @@ class Bend(IntEnum):
 
 
 @dataclass(frozen=True, eq=False)
-class Faces:
+class Faces(Rows):
     """Pieces of surfaces.
 
     Attributes
@@ -72,12 +71,6 @@ class Faces:
     material: Indices
     primitive: Indices
 
-    def __len__(self) -> int:
-        return len(self.corner)
-
-    def __getitem__(self, which: Indices | NDArray[np.bool_]) -> Faces:
-        return Faces(*(getattr(self, field.name)[which] for field in fields(self)))
-
     @property
     def plain(self) -> NDArray[np.bool_]:
         """Which are flat, with one normal."""
@@ -102,15 +95,10 @@ class Faces:
         return np.asarray(np.choose(self.outline, inside))
 
 
-def joined(parts: Sequence[Faces]) -> Faces:
-    """Return pieces of several lists in one."""
-    return Faces(*(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(Faces)))
-
-
 def polished_faces(plan: Plan) -> Iterator[Faces]:
     """Yield the pieces of what reflects like a mirror, or nearly, as it stands when the shutter opens."""
     flats = []
-    for index, kind in _polished(plan):
+    for index, kind in _polished_primitives(plan):
         record = plan.primitives[index]
         if kind is Kind.MESH and plan.meshes is not None:
             yield from _of_mesh(plan.meshes, record, index)
@@ -122,13 +110,13 @@ def polished_faces(plan: Plan) -> Iterator[Faces]:
         else:
             yield faces
     if flats:
-        yield joined(flats)
+        yield Faces.joined(flats)
 
 
 def polished_count(plan: Plan) -> int:
-    """Return how many triangles take as long to search as all that `polished_faces` yields, about."""
+    """How many triangles take as long to search as all that `polished_faces` yields, about."""
     count = 0
-    for index, kind in _polished(plan):
+    for index, kind in _polished_primitives(plan):
         if kind is Kind.MESH and plan.meshes is not None:
             count += len(_triangles(plan.meshes, plan.primitives[index], index))
         else:
@@ -136,7 +124,7 @@ def polished_count(plan: Plan) -> int:
     return count
 
 
-def _polished(plan: Plan) -> Iterator[tuple[int, Kind]]:
+def _polished_primitives(plan: Plan) -> Iterator[tuple[int, Kind]]:
     """Yield the primitives that reflect like a mirror, or nearly, and their kinds."""
     polished = np.array([any(True for _ in lobes_of(plan.materials, index)) for index in range(len(plan.materials))])
     if not polished.any():
@@ -218,14 +206,14 @@ _SQUARE = np.array([[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]])
 
 
 def _box() -> Array:
-    found = []
+    triangles = []
     for axis in range(3):
         for side in (-1.0, 1.0):
             corners = np.full((3, 3), -1.0)
             corners[:, axis] = side
             corners[1, (axis + 1) % 3] = corners[2, (axis + 2) % 3] = 1.0
-            found.append(corners)
-    return np.array(found)
+            triangles.append(corners)
+    return np.array(triangles)
 
 
 _BOX = _box()

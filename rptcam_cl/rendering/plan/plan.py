@@ -22,9 +22,9 @@ from rptcam_cl.core.colour import (
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.records import CAUSTIC_SURFACE, EmitterKind, Kind, SpectrumKind, curves, fill
+from rptcam_cl.rendering.cameras.kinds import camera_model
 from rptcam_cl.rendering.cameras.lamp_aim import SeenLamp, Shows, Sights, aimed_at_lamps
 from rptcam_cl.rendering.cameras.model import CameraModel, FilterTable, camera_trajectory, filter_table, turned
-from rptcam_cl.rendering.cameras.realistic import camera_model
 from rptcam_cl.rendering.plan.emitters import (
     SOLIDS,
     Emitters,
@@ -36,7 +36,6 @@ from rptcam_cl.rendering.plan.emitters import (
 from rptcam_cl.rendering.plan.environment import Surroundings
 from rptcam_cl.rendering.plan.materials import LargestAlbedo, Materials, largest_albedo
 from rptcam_cl.rendering.plan.primitives import (
-    MeshPlan,
     Movements,
     Owners,
     PackedMeshes,
@@ -106,7 +105,7 @@ class Spectrum:
 
 
 def primary_spectra() -> Array:
-    """Return how red, green and blue light is spread over `WAVELENGTHS_NM`, shape (401, 3), each of sum 1.
+    """How red, green and blue light is spread over `WAVELENGTHS_NM`, shape (401, 3), each of sum 1.
 
     White light of D65 as the sRGB primaries' matching functions (CIE 1931) see it, their negative parts left out: none
     of red, green and blue can be less than nothing. Each channel then is light of its own, and white a mixture of all.
@@ -185,7 +184,7 @@ def least_noise(spectra: Array) -> Array:
 
 
 def observer(scene: Scene) -> tuple[str, Array]:
-    """Return who sees, the scene's sensor or the eye, and the weights (401, 3) that make linear sRGB of spectra."""
+    """Find who sees, the scene's sensor or the eye, and the weights (401, 3) that make linear sRGB of spectra."""
     if scene.sensor is not None and scene.sensor.response is not None:
         return scene.sensor.response, response_curves(scene.sensor.response)
     return "cie_1931", cie_1931() @ srgb_from_xyz().T
@@ -214,10 +213,10 @@ def _spectral(
 
 
 def _density(matching: Array, lights: list[Array]) -> Array:
-    """Return how likely wavelengths are: as daylight is seen, and half of them as the lights of known spectra are."""
+    """How likely wavelengths are: as daylight is seen, and half of them as the lights of known spectra are."""
     sees = np.abs(matching).mean(axis=1)
-    found = sees * daylight_65()
-    density = found / found.sum()
+    shares = sees * daylight_65()
+    density = shares / shares.sum()
     shining = [light for light in lights if (light * sees).sum() > 0]
     if shining:
         density = (density + np.mean([light * sees / (light * sees).sum() for light in shining], axis=0)) / 2
@@ -236,7 +235,7 @@ def cell_means(spectra: Array, edges_nm: Array) -> Array:
 
 
 def _left_of_white(table: NDArray[np.float32], white: Array, axial: AxialColour) -> Array:
-    """Return what a lens leaves of white on its axis, as a factor on each channel; 1s where the exposure shows it."""
+    """What a lens leaves of white on its axis, as a factor on each channel; 1s where the exposure shows it."""
     if axial is None:
         return np.ones(3)
     middles = (table[:-1, 0] + table[1:, 0]) / 2
@@ -393,14 +392,14 @@ def _surfaces(
         if primitive.mesh is not None:
             triangles, area = triangle_emitters(primitive.mesh, primitive.placement, eye)
             place = (triangles["a"] + (triangles["u"] + triangles["v"]) / 3)[:, :3]
-            found = CAUSTIC_SURFACE.zeros(len(area))
-            found["kind"], found["area"] = Kind.MESH, area
-            found["triangle"] = first_triangles[index - first_mesh] + np.arange(len(area))
+            own = CAUSTIC_SURFACE.zeros(len(area))
+            own["kind"], own["area"] = Kind.MESH, area
+            own["triangle"] = first_triangles[index - first_mesh] + np.arange(len(area))
         else:
-            found, area = _shape_surfaces(primitive)
-            place = np.zeros((len(found), 3))
-        found["primitive"] = index
-        records.append(found)
+            own, area = _shape_surfaces(primitive)
+            place = np.zeros((len(own), 3))
+        own["primitive"] = index
+        records.append(own)
         areas.append(area)
         places.append(place)
     return np.concatenate(records), np.concatenate(areas), np.concatenate(places)
@@ -410,15 +409,15 @@ def _shape_surfaces(primitive: Primitive) -> tuple[NDArray[np.void], NDArray[np.
     kind, placements = primitive.kind, [primitive.placement]
     if kind is Kind.BOX:
         kind, placements = Kind.RECTANGLE, [primitive.placement @ face for face in _FACES]
-    found = CAUSTIC_SURFACE.zeros(len(placements))
+    records = CAUSTIC_SURFACE.zeros(len(placements))
     row_x, row_y, row_z, _ = np.moveaxis(np.array(placements), 1, 0)
-    fill(found, kind=kind, triangle=-1, area=_AREA[kind], row_x=row_x, row_y=row_y, row_z=row_z)
-    return found, np.array([_area_of(kind, placement[:3, :3]) for placement in placements])
+    fill(records, kind=kind, triangle=-1, area=_AREA[kind], row_x=row_x, row_y=row_y, row_z=row_z)
+    return records, np.array([_area_of(kind, placement[:3, :3]) for placement in placements])
 
 
 def _cube_faces() -> list[NDArray[np.float64]]:
     """Return the placements of the unit square on the six faces of the cube from -1 to 1."""
-    found = []
+    faces = []
     for axis in range(3):
         for side in (-1.0, 1.0):
             face = np.zeros((4, 4))
@@ -426,8 +425,8 @@ def _cube_faces() -> list[NDArray[np.float64]]:
             face[axis, 2] = 1.0
             face[:3, 3] = -1.0
             face[axis, 3], face[3, 3] = side, 1.0
-            found.append(face)
-    return found
+            faces.append(face)
+    return faces
 
 
 _FACES = _cube_faces()
@@ -471,7 +470,7 @@ def _left_to_paths(
 def _share_of_small_lamps(
     primitives: Sequence[Primitive], lamps: NDArray[np.void], surfaces: NDArray[np.void], places: NDArray[np.float64]
 ) -> float:
-    """Return how much of the lamps' irradiance on glass and mirrors comes from lamps that are seen small from there."""
+    """How much of the lamps' irradiance on glass and mirrors comes from lamps that are seen small from there."""
     suns = lamps["kind"] == EmitterKind.SUN
     _, lamp = np.unique(np.where(suns, -1 - np.arange(len(lamps)), lamps["primitive"]), return_inverse=True)
     size = _sizes(primitives, lamps)
@@ -530,7 +529,7 @@ FEW = 16  # primitives, as many as lanes that a processor permutes at once
 
 
 def _world(scene: Scene, parts: PlanParts) -> dict[str, Any]:
-    """Return what a `Plan` has of a scene without its camera: as before, where what it is made of is the same."""
+    """The fields of a `Plan` that no camera decides: as before, where what they are made of is the same."""
     solids, far = scene.solids(), (scene.lights, scene.environment)
     named = tuple(scene.materials), tuple(scene.materials.values())
     shown = tuple(solid.shown_materials() for solid in solids)
@@ -571,7 +570,7 @@ def _pack_world(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> dict[
         "emitters": emitters,
         "surroundings": surroundings,
         "caustics": caustics,
-        "meshes": meshes.packed if meshes else None,
+        "meshes": meshes,
         "owners": owners_of(scene, primitives),
         "eye_m": eye_m,
         "albedo": largest_albedo(materials),
@@ -580,9 +579,9 @@ def _pack_world(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> dict[
 
 
 def _facts_of_shapes(
-    primitives: list[Primitive], meshes: MeshPlan | None, materials: Mapping[str, int]
+    primitives: list[Primitive], meshes: PackedMeshes | None, materials: Mapping[str, int]
 ) -> dict[str, int]:
-    """Return which kinds of primitives there are, and what their surfaces require beside positions and normals."""
+    """Find which kinds of primitives there are, and what their surfaces require beside positions and normals."""
     kinds = {primitive.kind for primitive in primitives}
     is_smooth = any(primitive.mesh is not None and primitive.mesh.normals is not None for primitive in primitives)
     bumpy = materials["HAS_NORMAL_MAP"] or materials["HAS_COAT_NORMAL"]
@@ -591,7 +590,7 @@ def _facts_of_shapes(
         "HAS_BITANGENT": int(any(materials[name] for name in FRAMED)),
         "HAS_SHADING_NORMAL": int(bumpy or is_smooth),
         "HAS_AFFINE": int(bool(kinds - {Kind.SPHERE, Kind.MESH})),
-        "HAS_INSTANCES": int(meshes is not None and meshes.packed.instanced),
+        "HAS_INSTANCES": int(meshes is not None and meshes.instanced),
     }
 
 
@@ -724,7 +723,7 @@ def may_aim(plan: Plan, layers: Iterable[str] = ()) -> bool:
     return bool(plan.lamps) and not (plan.steps or plan.facts["CAMERA_SEGMENTS"] or FIRST_RAY & set(layers))
 
 
-def aimed(plan: Plan, shows: Shows, sights: str | None = None, *, on_disk: bool = True) -> Plan:
+def aim(plan: Plan, shows: Shows, sights: str | None = None, *, on_disk: bool = True) -> Plan:
     """Return a plan that `may_aim` with camera rays that aim at lamps; without one out of focus, the plan as given.
 
     Parameters

@@ -12,16 +12,16 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.core.dataclass import Rows, dataclass
 from rptcam_cl.core.records import HUGE_POWER, INSTANCE, MOTION_MARGIN, PRIMITIVE, SEGMENT, Kind, fill
+from rptcam_cl.rendering.cameras.kinds import camera_model
 from rptcam_cl.rendering.cameras.model import CameraModel, turned
-from rptcam_cl.rendering.cameras.realistic import camera_model
 from rptcam_cl.rendering.plan.environment import Surroundings, pack_environment
 from rptcam_cl.rendering.plan.materials import Materials, pack_materials
 from rptcam_cl.rendering.plan.textures import KnownSpectra, Textures, TextureTable
 from rptcam_cl.scene.assets.mesh import Mesh
 from rptcam_cl.scene.base import file_references
-from rptcam_cl.scene.camera import LensCamera
+from rptcam_cl.scene.camera import CameraKind
 from rptcam_cl.scene.exposure import Exposure, Shutter
 from rptcam_cl.scene.film import Film, SpectrumSettings
 from rptcam_cl.scene.materials import Material
@@ -34,7 +34,7 @@ from rptcam_cl.scene.shapes import Board, Box, Cone, Cylinder, Disk, Object, Pla
 # What the last plan was made of, for the next: the frames of a dataset and what a viewfinder shows change little.
 
 Part = TypeVar("Part")
-BY_VALUE = (str, bytes, int, float, LensCamera, Film, Exposure, Shutter, SpectrumSettings)
+BY_VALUE = (str, bytes, int, float, CameraKind, Film, Exposure, Shutter, SpectrumSettings)
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,10 +46,10 @@ class Appearance:
     shown: Materials
     surroundings: Surroundings
 
-    def copied(self) -> Appearance:
+    def copy(self) -> Appearance:
         """Return these to be added to: lights have textures and spectra too, and write into the surroundings."""
         surroundings = replace(self.surroundings, record=self.surroundings.record.copy())
-        return Appearance(self.table.copied(), self.spectra.copied(), self.shown, surroundings)
+        return Appearance(self.table.copy(), self.spectra.copy(), self.shown, surroundings)
 
 
 class PlanParts:
@@ -69,11 +69,11 @@ class PlanParts:
         known = self._known.get(name)
         if known is None or not _are_same(known[0], of):
             known = self._known[name] = of, make()
-        found: Part = known[1]
-        return found
+        part: Part = known[1]
+        return part
 
     def appearance(self, scene: Scene, materials: Sequence[Material], files: tuple[str, ...]) -> Appearance:
-        """Return what the materials of primitives and the environment of a scene look like; it can be added to.
+        """Pack the look of the materials of primitives and of the environment of a scene; it can be added to.
 
         Parameters
         ----------
@@ -86,7 +86,7 @@ class PlanParts:
             shown = pack_materials(materials, table, spectra)
             return Appearance(table, spectra, shown, pack_environment(scene, table, spectra))
 
-        return self.part("appearance", (*materials, scene.environment, files), make).copied()
+        return self.part("appearance", (*materials, scene.environment, files), make).copy()
 
     def textures(self, appearance: Appearance) -> Textures:
         """Return the textures of appearance to which all has been added."""
@@ -100,15 +100,18 @@ class PlanParts:
             return camera_model(scene, scene.spectrum.lens_colour, coarse=coarse)
 
         camera = scene.camera
-        if not isinstance(camera, LensCamera) or not _is_portable(scene, camera):
+        if not _is_portable(scene):
             return make()
         still = camera.model_copy(update={"eye": (0.0, 0.0, 0.0), "target": (0.0, 0.0, -1.0), "up": (0.0, 1.0, 0.0)})
         of = (still, scene.film, scene.exposure, scene.shutter, scene.metres_per_unit, scene.spectrum, coarse)
         return turned(self.part("camera", of, make), camera)
 
 
-def _is_portable(scene: Scene, camera: LensCamera) -> bool:
-    """Return whether a camera is the same wherever it stands, and made of no file that somebody may write anew."""
+def _is_portable(scene: Scene) -> bool:
+    """Return whether a camera's lens is the same wherever it stands, and made of no file that one may write anew."""
+    camera = scene.camera.lens_camera
+    if camera is None:
+        return False
     focus = camera.focus
     if camera.motion or scene.shutter.keys or not (focus.point is None and focus.object is None and focus.auto is None):
         return False
@@ -171,6 +174,10 @@ class PackedMeshes:
     group_of_instance : (i,) int array
     instanced : bool
         Whether rays must be taken to the frames of instances: false where all triangles stand in the world.
+    order : tuple of int
+        The placed meshes in the order in which their primitives must stand.
+    instance_of, first_triangles : tuple of int
+        Per placed mesh, in that order: its instance and its first triangle in the pool.
     """
 
     vertices: NDArray[np.float32]
@@ -179,9 +186,12 @@ class PackedMeshes:
     instances: NDArray[np.void]
     group_of_instance: NDArray[np.int64]
     instanced: bool
+    order: tuple[int, ...]
+    instance_of: tuple[int, ...]
+    first_triangles: tuple[int, ...]
 
 
-def shifted(points: NDArray[np.float32], shift: NDArray[np.float64]) -> NDArray[np.float32]:
+def shift_points(points: NDArray[np.float32], shift: NDArray[np.float64]) -> NDArray[np.float32]:
     """Return points or box corners (..., 3) moved by ``shift``, rounded once.
 
     Rounding keeps order, so a box that held points before holds them afterwards.
@@ -240,26 +250,7 @@ MOST_COPIED = 1 << 14  # triangles that copies of one mesh may add to the common
 Matrix = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
-class MeshPlan:
-    """The packed meshes, and where each placed mesh is found in them.
-
-    Attributes
-    ----------
-    packed : PackedMeshes
-    order : tuple of int
-        The placed meshes in the order in which their primitives must stand.
-    instances, first_triangles : tuple of int
-        Per placed mesh, in that order: its instance and its first triangle in the pool.
-    """
-
-    packed: PackedMeshes
-    order: tuple[int, ...]
-    instances: tuple[int, ...]
-    first_triangles: tuple[int, ...]
-
-
-def pack_meshes(placed: Sequence[Primitive], eye: NDArray[np.float64], first_primitive: int) -> MeshPlan:
+def pack_meshes(placed: Sequence[Primitive], eye: NDArray[np.float64], first_primitive: int) -> PackedMeshes:
     """Return the pools of some primitives that are meshes.
 
     Parameters
@@ -285,19 +276,15 @@ def pack_meshes(placed: Sequence[Primitive], eye: NDArray[np.float64], first_pri
         if id(mesh) not in group_of:
             group_of[id(mesh)] = pools.add_shared(mesh)
     groups = [group_of[id(placed[i].mesh)] for i in shared]
-    packed = PackedMeshes(
+    return PackedMeshes(
         vertices=np.concatenate(pools.vertices),
         triangles=np.concatenate(pools.triangles),
         groups=tuple(pools.groups),
         instances=_instances([placed[i] for i in shared], eye, first_primitive, len(copied)),
         group_of_instance=np.array([0] * bool(copied) + groups),
         instanced=bool(shared),
-    )
-    own = [bool(copied) + place for place in range(len(shared))]
-    return MeshPlan(
-        packed=packed,
         order=(*copied, *shared),
-        instances=(*[0] * len(copied), *own),
+        instance_of=(*[0] * len(copied), *(bool(copied) + place for place in range(len(shared)))),
         first_triangles=(*first, *(pools.groups[group].first_triangle for group in groups)),
     )
 
@@ -401,7 +388,7 @@ def _instances(
 
 
 def _transform(world_from_mesh: Matrix) -> dict[str, Any]:
-    """Return what the record of an instance has of its placement."""
+    """The members of an instance's record that say its placement."""
     both = {"row": np.linalg.inv(world_from_mesh), "world": world_from_mesh}
     return {f"{name}_{axis}": row for name, rows in both.items() for axis, row in zip("xyz", rows[:3], strict=True)}
 
@@ -504,17 +491,17 @@ def world_from_scene(scene: Scene) -> Matrix:
 def scene_primitives(scene: Scene) -> list[Primitive]:
     """Return every primitive of the scene, sorted by kind and otherwise in the order of the scene."""
     world = world_from_scene(scene)
-    found = []
+    primitives = []
     for index, item in enumerate(scene.objects):
         if isinstance(item, MeshObject | Board):
-            found += _mesh_primitives(scene, item, index)
+            primitives += _mesh_primitives(scene, item, index)
             continue
         for kind, canonical in _canonical(item):
             placement = world @ item.placed_at(scene.shutter.open_s) @ canonical
             if kind is Kind.SPHERE and not _is_similarity(placement[:3, :3]):
                 kind = Kind.ELLIPSOID
-            found.append(Primitive(kind, placement, item.material, index, trajectory=_trajectory(scene, item)))
-    return sorted(found, key=lambda primitive: primitive.kind)
+            primitives.append(Primitive(kind, placement, item.material, index, trajectory=_trajectory(scene, item)))
+    return sorted(primitives, key=lambda primitive: primitive.kind)
 
 
 def object_frame(item: Object, time_s: float) -> Matrix:
@@ -559,7 +546,9 @@ def has_huge_sphere(primitives: list[Primitive]) -> bool:
     return any(abs(eye_power(placement)) < HUGE_POWER * sphere_of(placement)[1] ** 2 for placement in spheres)
 
 
-def with_meshes(primitives: list[Primitive], scene: Scene, parts: PlanParts) -> tuple[list[Primitive], MeshPlan | None]:
+def with_meshes(
+    primitives: list[Primitive], scene: Scene, parts: PlanParts
+) -> tuple[list[Primitive], PackedMeshes | None]:
     """Return the primitives with the meshes, which stand last, in the order that their pools need; and the pools."""
     solid = [primitive for primitive in primitives if primitive.mesh is None]
     meshes = [primitive for primitive in primitives if primitive.mesh is not None]
@@ -573,7 +562,7 @@ def with_meshes(primitives: list[Primitive], scene: Scene, parts: PlanParts) -> 
 
 
 def pack_primitives(
-    primitives: list[Primitive], materials: dict[int, int], emitters: dict[int, int], meshes: MeshPlan | None
+    primitives: list[Primitive], materials: dict[int, int], emitters: dict[int, int], meshes: PackedMeshes | None
 ) -> tuple[NDArray[np.void], NDArray[np.int32]]:
     """Return the records and, per kind, the index after its last one.
 
@@ -601,7 +590,7 @@ def pack_primitives(
         fill(records[index], material=materials[id(primitive.material)], emitter=emitters.get(index, -1))
     _count_shared_planes(primitives, records)
     if meshes is not None:
-        records["instance"][-len(meshes.order) :] = meshes.instances
+        records["instance"][-len(meshes.order) :] = meshes.instance_of
         records["first_triangle"][-len(meshes.order) :] = meshes.first_triangles
     ends = [sum(primitive.kind <= kind for primitive in primitives) for kind in Kind]
     return records, np.array(ends, np.int32)
@@ -665,7 +654,7 @@ MOST_STEPS = 1024  # of a segment
 
 
 @dataclass(frozen=True, eq=False)
-class Places:
+class Places(Rows):
     """Places that a body takes one after another.
 
     Attributes
@@ -723,11 +712,10 @@ class Movements:
     def places(self, primitive: int) -> Places:
         """Return places that a moving primitive takes, close enough to each other to bound the way between them."""
         first, count = self.of_primitive[primitive]
-        parts = [_places(segment) for segment in self.segments[first : first + count]]
-        return Places(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+        return Places.joined([_places(segment) for segment in self.segments[first : first + count]])
 
 
-def _places(segment: np.void) -> tuple[Array, Array, Array]:
+def _places(segment: np.void) -> Places:
     pivot, shift, travel = (segment[name].astype(np.float64)[:3] for name in ("pivot", "shift", "travel"))
     turns = float(segment["travel"][3])
     steps = int(np.clip(np.ceil(abs(turns) * STEPS_PER_TURN), 1, MOST_STEPS))
@@ -738,7 +726,7 @@ def _places(segment: np.void) -> tuple[Array, Array, Array]:
     matrices[:, :3, :3] = _rotations(np.hstack([np.sin(half) * axis, np.cos(half)])) @ _rotations(segment["turn"][None])
     matrices[:, :3, 3] = pivot + shift + shares[:, None] * travel - matrices[:, :3, :3] @ pivot
     bend = min((2 * np.pi * turns / steps) ** 2 / 8, 2.0)
-    return matrices, np.tile(pivot, (len(shares), 1)), np.full(len(shares), bend)
+    return Places(matrices, np.tile(pivot, (len(shares), 1)), np.full(len(shares), bend))
 
 
 def _rotations(quaternions: NDArray[np.floating]) -> Array:

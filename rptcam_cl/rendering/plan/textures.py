@@ -62,7 +62,7 @@ class KnownSpectra:
     colours: int = 0
     _numbers: dict[bytes, int] = field(default_factory=dict)
 
-    def copied(self) -> KnownSpectra:
+    def copy(self) -> KnownSpectra:
         """Return these to be added to."""
         return KnownSpectra(self.samples.copy(), self.lights.copy(), self.colours, self._numbers.copy())
 
@@ -135,7 +135,7 @@ def is_dispersive(material: object) -> bool:
 
 
 def dielectric_index(material: Dielectric) -> Index:
-    """Return what gives the refractive index at wavelengths [nm]; beyond those of a glass's law, that of its end."""
+    """The refractive index as a function of wavelengths [nm]; beyond those of a glass's law, that of its end."""
     if material.glass is None:
         return lambda wavelength_nm: np.full(np.shape(wavelength_nm), material.index)
     glass = material.glass
@@ -164,7 +164,7 @@ Texels = NDArray[np.uint8] | NDArray[np.float32]
 _LARGEST_EXPONENT = 15  # halves reach 2^16
 
 
-def srgb_decoded(encoded: NDArray[np.float32]) -> NDArray[np.float32]:
+def decode_srgb(encoded: NDArray[np.float32]) -> NDArray[np.float32]:
     """Return the linear values of sRGB-encoded ones (IEC 61966-2-1)."""
     power = ((encoded + np.float32(0.055)) / np.float32(1.055)) ** np.float32(2.4)
     return np.where(encoded <= np.float32(0.04045), encoded / np.float32(12.92), power).astype(np.float32)
@@ -179,10 +179,10 @@ def colour_texels(picture: Picture, channel: str, *, encoded: bool) -> tuple[Tex
     if texels.dtype == np.uint8:
         return texels, TexelFormat.SRGB if encoded else TexelFormat.LINEAR
     floats = texels.astype(np.float32, copy=False)
-    return srgb_decoded(floats) if encoded else floats, TexelFormat.HALF
+    return decode_srgb(floats) if encoded else floats, TexelFormat.HALF
 
 
-def packed(texels: Texels, form: TexelFormat) -> tuple[NDArray[np.uint32], float]:
+def pack_texels(texels: Texels, form: TexelFormat) -> tuple[NDArray[np.uint32], float]:
     """Return the words of texels (height, width, 3) whose first row is on top, and what a stored 1 stands for.
 
     Rows start at the bottom; each ends with its first texel once more.
@@ -197,10 +197,10 @@ def packed(texels: Texels, form: TexelFormat) -> tuple[NDArray[np.uint32], float
     return halves.view(np.uint32).ravel(), 2.0**exponent
 
 
-def unpacked(
+def unpack_texels(
     words: NDArray[np.uint32], size: tuple[int, int], form: TexelFormat
 ) -> NDArray[np.uint8] | NDArray[np.float16]:
-    """Return the texels (height, width, 3), the top row first, that `packed` made words of: bytes or scaled halves."""
+    """The texels (height, width, 3), the top row first, of words of `pack_texels`: bytes, or scaled halves."""
     height, width = size
     numbers = words.view(np.float16 if form is TexelFormat.HALF else np.uint8)  # little-endian, as devices are
     return np.asarray(numbers.reshape(height, width + 1, 4)[::-1, :-1, :3])
@@ -218,7 +218,7 @@ def linear_mean(texels: Texels, form: TexelFormat) -> NDArray[np.float64]:
 def linear_codes(form: TexelFormat) -> NDArray[np.float32]:
     """Return the linear values of the 256 codes of a byte."""
     codes = np.arange(256, dtype=np.float32) / np.float32(255)
-    return srgb_decoded(codes) if form is TexelFormat.SRGB else codes
+    return decode_srgb(codes) if form is TexelFormat.SRGB else codes
 
 
 # The pictures of a scene's textures: each file read once, each way of storing it packed once and remembered.
@@ -227,6 +227,7 @@ MOST_BYTES = 512 << 20  # of all that is kept; what alone is larger is not
 
 
 PICTURES: Memory[Any] = Memory(most_bytes=MOST_BYTES)  # by the content of their files
+_TRAITS: Memory[tuple[bool, bool]] = Memory(most=4096)  # what decides how a picture is stored
 
 
 _MOST_WORDS = 1 << 32  # what a uint can index: 16 GiB
@@ -239,7 +240,7 @@ class Colours:
     Attributes
     ----------
     words : array of uint32
-        Texels as `rptcam_cl.rendering.plan.textures.packed` returns them.
+        Texels as `pack_texels` returns them.
     scale : float
         What a stored 1 stands for.
     size : (height, width)
@@ -260,7 +261,7 @@ class Colours:
     @classmethod
     def of(cls, texels: Texels, form: TexelFormat, name: str) -> Colours:
         """Return the colours of texels (height, width, 3), the top row first: bytes, or linear floats to be halves."""
-        words, scale = packed(texels, form)
+        words, scale = pack_texels(texels, form)
         words.flags.writeable = False
         return cls(words, scale, (texels.shape[0], texels.shape[1]), linear_mean(texels, form), form, name)
 
@@ -268,93 +269,6 @@ class Colours:
     def nbytes(self) -> int:
         """Size in memory."""
         return self.words.nbytes
-
-
-@dataclass(frozen=True)
-class _Traits:
-    """What decides how a picture is stored."""
-
-    has_alpha: bool
-    encoded: bool
-    nbytes: int = 64  # or so
-
-
-class PictureTable:
-    """Pictures by the content of their files, and the words of those that the device needs."""
-
-    def __init__(self, scene: Scene) -> None:
-        self._scene = scene
-        self._pictures: dict[str, Picture] = {}
-        self._places: dict[str, int] = {}
-        self._words: list[NDArray[np.uint32]] = []
-        self._count = 0
-
-    def copied(self) -> PictureTable:
-        """Return this table to be added to."""
-        other = copy.copy(self)
-        other._pictures, other._places, other._words = self._pictures.copy(), self._places.copy(), self._words.copy()
-        return other
-
-    def colours(self, reference: FileReference, channel: str, space: Literal["auto", "srgb", "linear"]) -> Colours:
-        """Return the colours of the picture that a part of the scene names, or one of its channels as a grey.
-
-        Raises
-        ------
-        InputError
-            When the picture cannot be used, with the place in the scene.
-        """
-        content = self._scene.digest_of(reference)
-        traits = PICTURES.find_or_make(f"traits {content}", lambda: self._traits(reference, content))
-        if channel == "a" and not traits.has_alpha:
-            raise InputError(f"{reference.place}has no alpha channel (allowed: channel rgb, r, g or b)")
-        encoded = space == "srgb" or (space == "auto" and traits.encoded and channel == "rgb")
-        name = f"{content} {channel} {encoded}"
-
-        def stored() -> Colours:
-            texels, form = colour_texels(self._picture(reference, content), channel, encoded=encoded)
-            return Colours.of(texels, form, name)
-
-        colours: Colours = PICTURES.find_or_make(f"colours {name}", stored)
-        return colours
-
-    def _traits(self, reference: FileReference, content: str) -> _Traits:
-        picture = self._picture(reference, content)
-        return _Traits(picture.has_alpha, picture.encoded)
-
-    def _picture(self, reference: FileReference, content: str) -> Picture:
-        if content not in self._pictures:
-            try:
-                self._pictures[content] = found = read_picture(self._scene.content_of(reference))
-            except InputError as problem:
-                raise InputError(f"{reference.place}{problem}") from None
-            if found.negative.count:
-                warnings.warn(
-                    f"{reference.place}{found.negative.count} of {found.width * found.height} texels are negative and"
-                    f" count as black (least value {found.negative.least:.4g})",
-                    UserWarning,
-                    stacklevel=2,
-                )
-        return self._pictures[content]
-
-    def place(self, colours: Colours) -> int:
-        """Return the word where a picture's texels start.
-
-        Raises
-        ------
-        InputError
-            When the pictures are too many to count their words.
-        """
-        if colours.name not in self._places:
-            self._places[colours.name] = self._count
-            self._words.append(colours.words)
-            self._count += len(colours.words)
-            if self._count >= _MOST_WORDS:
-                raise InputError("the pictures of the scene are too large together (allowed: 16 GiB)")
-        return self._places[colours.name]
-
-    def words(self) -> NDArray[np.uint32]:
-        """Return the words of all pictures that have a place, and some more: kernels load four at a time."""
-        return np.concatenate([*self._words, np.zeros(4, np.uint32)])
 
 
 # Textures of the scene as records.
@@ -384,20 +298,25 @@ class Textures:
 
 
 class TextureTable:
-    """Collects the textures of a scene as records."""
+    """Collects the textures of a scene as records, and the words of their pictures by the content of the files."""
 
     def __init__(self, scene: Scene) -> None:
-        self.pictures = PictureTable(scene)
+        self._scene = scene
+        self._pictures: dict[str, Picture] = {}
+        self._places: dict[str, int] = {}  # the word where the texels of a picture start
+        self._words: list[NDArray[np.uint32]] = []
+        self._word_count = 0
         self._records: list[np.void] = []
         self._index: dict[tuple[int, float], int] = {}
         self._means: list[NDArray[np.float64]] = []
         self._origin: TextureTable | None = None
 
-    def copied(self) -> TextureTable:
+    def copy(self) -> TextureTable:
         """Return this table to be added to; its records are not to be changed."""
         other = copy.copy(self)
-        other._origin, other.pictures = self, self.pictures.copied()
-        other._records, other._index, other._means = self._records.copy(), self._index.copy(), self._means.copy()
+        other._origin = self
+        for name in ("_records", "_index", "_means", "_pictures", "_places", "_words"):
+            setattr(other, name, getattr(self, name).copy())
         return other
 
     @property
@@ -407,7 +326,7 @@ class TextureTable:
         return origin if origin is not None and len(self._records) == len(origin._records) else None
 
     def slot(self, value: Texture | Colour, *, limit: float) -> tuple[Colour, int]:
-        """Return what a material's record holds of a colour: the colour and -1, or black and the index of a texture.
+        """The members of a material's record for a colour: the colour and -1, or black and the index of a texture.
 
         Parameters
         ----------
@@ -441,13 +360,72 @@ class TextureTable:
             records[index] = record
         kinds = {int(self._records[index]["kind"]) for index in self._index.values()}  # what materials show
         facts = {f"HAS_{kind.name}": int(kind in kinds) for kind in TextureKind} | {"HAS_TEXTURE": int(bool(kinds))}
-        return Textures(records, self.pictures.words(), facts)
+        words = np.concatenate([*self._words, np.zeros(4, np.uint32)])  # kernels load four at a time
+        return Textures(records, words, facts)
+
+    def colours(self, reference: FileReference, channel: str, space: Literal["auto", "srgb", "linear"]) -> Colours:
+        """Return the colours of the picture that a part of the scene names, or one of its channels as a grey.
+
+        Raises
+        ------
+        InputError
+            When the picture cannot be used, with the place in the scene.
+        """
+        content = self._scene.digest_of(reference)
+        has_alpha, is_encoded = _TRAITS.find_or_make(content, lambda: self._traits(reference, content))
+        if channel == "a" and not has_alpha:
+            raise InputError(f"{reference.place}has no alpha channel (allowed: channel rgb, r, g or b)")
+        encoded = space == "srgb" or (space == "auto" and is_encoded and channel == "rgb")
+        name = f"{content} {channel} {encoded}"
+
+        def store() -> Colours:
+            texels, form = colour_texels(self._picture(reference, content), channel, encoded=encoded)
+            return Colours.of(texels, form, name)
+
+        colours: Colours = PICTURES.find_or_make(f"colours {name}", store)
+        return colours
+
+    def _traits(self, reference: FileReference, content: str) -> tuple[bool, bool]:
+        """Whether a picture has an alpha channel, and whether its numbers are encoded."""
+        picture = self._picture(reference, content)
+        return picture.has_alpha, picture.encoded
+
+    def _picture(self, reference: FileReference, content: str) -> Picture:
+        if content not in self._pictures:
+            try:
+                self._pictures[content] = picture = read_picture(self._scene.content_of(reference))
+            except InputError as problem:
+                raise InputError(f"{reference.place}{problem}") from None
+            if picture.negative[0]:
+                warnings.warn(
+                    f"{reference.place}{picture.negative[0]} of {picture.width * picture.height} texels are negative"
+                    f" and count as black (least value {picture.negative[1]:.4g})",
+                    UserWarning,
+                    stacklevel=2,
+                )
+        return self._pictures[content]
+
+    def _place(self, colours: Colours) -> int:
+        """Return the word where a picture's texels start.
+
+        Raises
+        ------
+        InputError
+            When the pictures are too many to count their words.
+        """
+        if colours.name not in self._places:
+            self._places[colours.name] = self._word_count
+            self._words.append(colours.words)
+            self._word_count += len(colours.words)
+            if self._word_count >= _MOST_WORDS:
+                raise InputError("the pictures of the scene are too large together (allowed: 16 GiB)")
+        return self._places[colours.name]
 
     def _record(self, texture: Texture, limit: float) -> np.void:
-        row_u, row_v = _mapping(texture)
+        row_u, row_v = _map_uv(texture)
         record: np.void = TEXTURE.one(row_u=row_u, row_v=row_v)[0]
         if isinstance(texture, ImageTexture):
-            colours = self.pictures.colours(texture, texture.channel, texture.color_space)
+            colours = self.colours(texture, texture.channel, texture.color_space)
             wrap = _WRAPS[texture.wrap]
             fill(record, **self._image(colours, texture.gain), wrap_u=wrap, wrap_v=wrap, limit=limit)
             fill(record, nearest=texture.filter == "nearest")
@@ -460,16 +438,16 @@ class TextureTable:
         return record
 
     def _image(self, colours: Colours, gain: float | tuple[float, float, float]) -> dict[str, Any]:
-        """Return what the record of an image has of its picture, and note its mean."""
+        """The members of an image's record that say its picture, whose mean is noted."""
         self._means.append(np.multiply(gain, colours.mean))
         height, width = colours.size
         return {
-            "kind": TextureKind.IMAGE, "format": colours.form, "first": self.pictures.place(colours),
+            "kind": TextureKind.IMAGE, "format": colours.form, "first": self._place(colours),
             "height": height, "width": width, "a": np.multiply(gain, np.full(3, colours.scale)),
         }  # fmt: skip
 
 
-def _mapping(texture: Texture) -> NDArray[np.float64]:
+def _map_uv(texture: Texture) -> NDArray[np.float64]:
     """Return the two rows that take (u, v, 1) to the pattern: scaled, turned, shifted."""
     quarters, rest = divmod(texture.rotation_degrees, 90)
     angle = np.deg2rad(rest)

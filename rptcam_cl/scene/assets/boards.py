@@ -30,8 +30,8 @@ DICTIONARIES: dict[str, tuple[str, int]] = {
 
 @cache
 def _table() -> dict[str, str]:
-    found: dict[str, str] = json.loads(files(__package__).joinpath("dictionaries.json").read_text("utf-8"))
-    return found
+    dictionaries: dict[str, str] = json.loads(files(__package__).joinpath("dictionaries.json").read_text("utf-8"))
+    return dictionaries
 
 
 def marker_bits(dictionary: str, number: int) -> NDArray[np.bool_]:
@@ -131,8 +131,8 @@ class Pattern:
 
         def there(points: Sequence[tuple[float, float]]) -> list[list[float]]:
             rows = np.array([(x, y, 0.0, 1.0) for x, y in points]).reshape(-1, 4)
-            found: list[list[float]] = (rows @ world_from_board.T)[:, :3].tolist()
-            return found
+            placed: list[list[float]] = (rows @ world_from_board.T)[:, :3].tolist()
+            return placed
 
         said: dict[str, Any] = {"corners": there(self.corners), "ids": list(range(len(self.corners)))}
         if self.markers:

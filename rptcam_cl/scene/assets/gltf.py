@@ -16,9 +16,10 @@ from urllib.parse import unquote, unquote_to_bytes
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core.constants import LUMENS_PER_WATT  # glTF counts candelas and lux, a scene watts
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.core.errors import InputError, errors_named
-from rptcam_cl.core.files import read_whole
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.files import errors_named, read_whole
 from rptcam_cl.scene.assets.mesh import (
     LAMPS_LEFT_OUT,
     MOST_TRIANGLES,
@@ -32,8 +33,9 @@ from rptcam_cl.scene.assets.mesh import (
     Polygons,
     Wrap,
     check_corners,
-    painted,
+    paint_triangles,
 )
+from rptcam_cl.scene.placement import SMALLEST_STRETCH_RATIO
 
 # The JSON of a glTF file, read key by key; what is not as it must be is refused with its place.
 
@@ -51,13 +53,13 @@ class JsonNode:
 
     def __init__(self, value: Any, place: str) -> None:
         if not isinstance(value, dict):
-            raise InputError(f"{place}: must be a mapping (got {_shown(value)})")
+            raise InputError(f"{place}: must be a mapping (got {_quote(value)})")
         self._value = value
         self.place = place
 
     def wrong(self, key: str, problem: str, allowed: str) -> InputError:
         """Return the error for a key's value."""
-        return InputError(f"{self.place}.{key}: {problem} (got {_shown(self._value.get(key))}; allowed: {allowed})")
+        return InputError(f"{self.place}.{key}: {problem} (got {_quote(self._value.get(key))}; allowed: {allowed})")
 
     def has(self, key: str) -> bool:
         """Return whether a key is there."""
@@ -143,7 +145,7 @@ def _is_number(value: Any) -> bool:
     return abs(value) < 1e300 if isinstance(value, int) else math.isfinite(value)
 
 
-def _shown(value: Any) -> str:
+def _quote(value: Any) -> str:
     text = repr(value)
     return text if len(text) <= 60 else text[:57] + "…"
 
@@ -184,13 +186,13 @@ def draco_arrays(packed: JsonNode, content: bytes) -> tuple[NDArray[np.int64], M
     except Exception as problem:  # the library raises its own, and whatever its wrapper meets
         raise InputError(f"{packed.place}: is damaged ({str(problem) or type(problem).__name__})") from None
     names = packed.part("attributes")
-    found: dict[str, NDArray[Any]] = {}
+    attributes: dict[str, NDArray[Any]] = {}
     for name in names.names():
         identifier = names.whole(name)
         if identifier not in by_id:
             raise names.wrong(name, "is not in the compressed data", ", ".join(map(str, by_id)))
-        found[name] = by_id[identifier].reshape(len(by_id[identifier]), -1)
-    return faces, found
+        attributes[name] = by_id[identifier].reshape(len(by_id[identifier]), -1)
+    return faces, attributes
 
 
 def meshopt_bytes(packed: JsonNode, content: bytes) -> NDArray[np.uint8]:
@@ -215,7 +217,7 @@ def meshopt_bytes(packed: JsonNode, content: bytes) -> NDArray[np.uint8]:
             rows = library.decode_vertex_buffer(count, stride, content)
             octets = np.frombuffer(np.ascontiguousarray(rows).tobytes(), np.uint8).copy()
             if way != "NONE":
-                octets = _filtered(getattr(library, FILTERS[way]), octets, count, stride)
+                octets = _apply_filter(getattr(library, FILTERS[way]), octets, count, stride)
             return octets
         decode = library.decode_index_buffer if mode == "TRIANGLES" else library.decode_index_sequence
         indices = np.asarray(decode(count, 4, content))
@@ -224,7 +226,7 @@ def meshopt_bytes(packed: JsonNode, content: bytes) -> NDArray[np.uint8]:
         raise InputError(f"{packed.place}: is damaged ({problem})") from None
 
 
-def _filtered(decode: Any, octets: NDArray[np.uint8], count: int, stride: int) -> NDArray[np.uint8]:
+def _apply_filter(decode: Any, octets: NDArray[np.uint8], count: int, stride: int) -> NDArray[np.uint8]:
     """Return unfiltered bytes; the library works on what it is given, or returns it."""
     result = decode(octets, count, stride)
     return octets if result is None else np.frombuffer(np.ascontiguousarray(result).tobytes(), np.uint8)
@@ -268,17 +270,17 @@ def _chunks(content: bytes, path: Path) -> tuple[bytes, bytes | None]:
         raise InputError(f"{path}: is binary glTF of version {version} (allowed: 2)")
     if length != len(content):
         raise InputError(f"{path}: is cut short: says it has {length} bytes (got {len(content)} bytes)")
-    found: dict[int, bytes] = {}
+    chunks: dict[int, bytes] = {}
     place = 12
     while place + 8 <= length:
         size, kind = (int.from_bytes(content[at : at + 4], "little") for at in (place, place + 4))
         if place + 8 + size > length:
             raise InputError(f"{path}: is cut short: a chunk of {size} bytes begins at byte {place} of {length}")
-        found.setdefault(kind, content[place + 8 : place + 8 + size])
+        chunks.setdefault(kind, content[place + 8 : place + 8 + size])
         place += 8 + size
-    if JSON_CHUNK not in found:
+    if JSON_CHUNK not in chunks:
         raise InputError(f"{path}: has no JSON chunk")
-    return found[JSON_CHUNK], found.get(BINARY_CHUNK)
+    return chunks[JSON_CHUNK], chunks.get(BINARY_CHUNK)
 
 
 class Data:
@@ -343,7 +345,7 @@ class Data:
         return self._loaded[index]
 
     def _content(self, part: JsonNode) -> bytes:
-        """Return what the `uri` of a buffer holds."""
+        """Read the content that the `uri` of a buffer names."""
         source = self.file_named_by(part)
         if isinstance(source, bytes):
             return source
@@ -391,12 +393,12 @@ class Data:
         else:
             rows = np.zeros((count, width), dtype)
         if part.has("sparse"):
-            rows = self._replaced(part.part("sparse"), rows, dtype)
-        return _scaled(part, rows)
+            rows = self._replace_sparse(part.part("sparse"), rows, dtype)
+        return _scale_rows(part, rows)
 
     def scaled(self, index: int, rows: NDArray[Any]) -> NDArray[Any]:
         """Return numbers that were compressed as the accessor of an attribute says that they count."""
-        return _scaled(self._accessors[index], rows)
+        return _scale_rows(self._accessors[index], rows)
 
     def _rows(self, part: JsonNode, dtype: np.dtype[Any], width: int, count: int) -> NDArray[Any]:
         octets, stride = self.view(part.whole("bufferView", below=len(self._views)))
@@ -416,7 +418,7 @@ class Data:
         strided = np.lib.stride_tricks.as_strided(octets[start:end], (count, size), (stride, 1))
         return np.ascontiguousarray(strided).view(dtype)
 
-    def _replaced(self, sparse: JsonNode, rows: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
+    def _replace_sparse(self, sparse: JsonNode, rows: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
         """Return rows with those that a sparse accessor names replaced."""
         count = sparse.whole("count", below=2**31)
         indices, values = sparse.part("indices"), sparse.part("values")
@@ -431,7 +433,7 @@ class Data:
         return rows
 
 
-def _scaled(part: JsonNode, rows: NDArray[Any]) -> NDArray[Any]:
+def _scale_rows(part: JsonNode, rows: NDArray[Any]) -> NDArray[Any]:
     """Return whole numbers as fractions of their largest, where an accessor says that they are (glTF 2.0, 3.6.2.2)."""
     if not part.flag("normalized") or rows.dtype.kind not in "iu":
         return rows
@@ -549,7 +551,7 @@ class GltfMaterials:
         """Return the material of a primitive."""
         return primitive.whole("material", below=self._count) if primitive.has("material") else self._count
 
-    def painted(self, surface: MeshSurface, colours: NDArray[np.float32], primitive: JsonNode) -> MeshSurface:
+    def paint(self, surface: MeshSurface, colours: NDArray[np.float32], primitive: JsonNode) -> MeshSurface:
         """Return a surface of a primitive in a material of its own that has the colours of the vertices."""
         assert surface.material is not None
         material = self.materials[surface.material]
@@ -559,7 +561,7 @@ class GltfMaterials:
         if len(surface.faces) > MOST_TRIANGLES:
             self.notes.append(f"{primitive.place}: colours of more than {MOST_TRIANGLES} triangles are left out")
             return surface
-        surface, texture = painted(surface, colours)
+        surface, texture = paint_triangles(surface, colours)
         self.materials.append(replace(material.without_textures(), base_texture=texture))
         return replace(surface, material=len(self.materials) - 1)
 
@@ -588,9 +590,9 @@ class GltfMaterials:
             emission_texture=self._texture(part, "emissiveTexture"),
             both_sides=part.flag("doubleSided"),
         )
-        return self._extended(part, material)
+        return self._add_extensions(part, material)
 
-    def _extended(self, part: JsonNode, material: FileMaterial) -> FileMaterial:
+    def _add_extensions(self, part: JsonNode, material: FileMaterial) -> FileMaterial:
         """Return a material with what the extensions add."""
         for strength in part.extensions("KHR_materials_emissive_strength"):
             factor = strength.number("emissiveStrength", 1.0, 0)
@@ -671,11 +673,11 @@ class GltfMaterials:
             return None
         wrap, nearest = self._sampling(plain)
         self._sets[key] = reference.whole("texCoord", 0, below=100)
-        found = FileTexture(self._content(image), _name(image), wrap=wrap, nearest=nearest)
+        file_texture = FileTexture(self._content(image), _name(image), wrap=wrap, nearest=nearest)
         for transform in reference.extensions("KHR_texture_transform"):
             self._sets[key] = transform.whole("texCoord", self._sets[key], below=100)
-            found = replace(found, **_laid(transform))
-        return found
+            file_texture = replace(file_texture, **_transform_keys(transform))
+        return file_texture
 
     def _content(self, image: JsonNode) -> Path | bytes:
         """Return the path of a picture, or its bytes; the same object for the same picture."""
@@ -709,7 +711,7 @@ def _name(image: JsonNode) -> str:
     return (image.text("name") or uri or image.place.rpartition(" ")[2])[:200]
 
 
-def _laid(transform: JsonNode) -> dict[str, Any]:
+def _transform_keys(transform: JsonNode) -> dict[str, Any]:
     """Return how KHR_texture_transform lays a picture, with v upwards.
 
     Its v runs downwards, where (u, v) goes to R S (u, v) + offset and R turns from v towards u; the example of its
@@ -758,7 +760,7 @@ def read_gltf(path: Path, find: Find) -> Draft:
             shown = [_surface(primitive, data, materials, title) for primitive in part.parts("primitives")]
             surfaces += [surface for surface in shown if surface is not None]
             places[mesh] = list(range(before, len(surfaces)))
-        nodes += [Node(index, placement, name or surfaces[index].name) for index in places[mesh]]
+        nodes += [(index, placement, name or surfaces[index].name) for index in places[mesh]]
     if not nodes:
         raise InputError(f"{path}: its scene shows no triangles")
     return Draft(surfaces, materials.materials, nodes, [*materials.notes, *_left_out(document)])
@@ -774,16 +776,16 @@ def _check_version(document: JsonNode, path: Path) -> None:
 
 
 def _left_out(document: JsonNode) -> list[str]:
-    """Return what of a file is left out that changes its picture."""
+    """Notes on parts of a file that are left out, and would change its picture."""
     primitives = [primitive for mesh in document.parts("meshes") for primitive in mesh.parts("primitives")]
-    found = {
+    omissions = {
         LAMPS_LEFT_OUT: any(part.parts("lights") for part in document.extensions(LIGHTS)),
         "skins are left out": bool(document.parts("skins")),
         "animations are left out": bool(document.parts("animations")),
         "morph targets are left out": any(primitive.has("targets") for primitive in primitives),
         "variants of materials are left out; the default materials show": VARIANTS in document.texts("extensionsUsed"),
     }
-    return [f"{document.place}: {text}" for text, there in found.items() if there]
+    return [f"{document.place}: {text}" for text, there in omissions.items() if there]
 
 
 def _surface(primitive: JsonNode, data: Data, materials: GltfMaterials, name: str | None) -> MeshSurface | None:
@@ -810,11 +812,7 @@ def _surface(primitive: JsonNode, data: Data, materials: GltfMaterials, name: st
         name,
     )
     colours = vertices.rows("COLOR_0", ("VEC3", "VEC4"))
-    return surface if colours is None else materials.painted(surface, colours[:, :3], primitive)
-
-
-# Ratio of the smallest to the largest stretch of a transform that can be inverted in float32 (as for objects).
-SMALLEST_STRETCH_RATIO = 1e-6
+    return surface if colours is None else materials.paint(surface, colours[:, :3], primitive)
 
 
 def placed_meshes(document: JsonNode, data: Data) -> Iterator[tuple[int, NDArray[np.float64], str | None]]:
@@ -943,32 +941,10 @@ class GltfCamera:
     aspect: float | None
 
 
-@dataclass(frozen=True)
-class GltfLight:
-    """A lamp without size.
+def read_gltf_world(path: Path) -> tuple[list[GltfCamera], list[dict[str, Any]], list[str]]:
+    """Read the cameras and lamps that the default scene of a glTF file shows, and notes on what is left out.
 
-    Attributes
-    ----------
-    name, kind : str
-        Kind is point, spot or directional.
-    eye, forward : (x, y, z)
-        Place, and unit direction in which it shines.
-    amount : (red, green, blue)
-        Its colour times candelas, for a directional one lux.
-    cone_radians : (inner, outer)
-        Angles from the axis of a spot.
-    """
-
-    name: str
-    kind: str
-    eye: Vector
-    forward: Vector
-    amount: Colour
-    cone_radians: tuple[float, float] = (0.0, math.pi / 4)
-
-
-def read_gltf_world(path: Path) -> tuple[list[GltfCamera], list[GltfLight], list[str]]:
-    """Return the cameras and lamps that the default scene of a glTF file shows, and notes on what is left out.
+    Lamps have the keys of a scene's lights.
 
     Raises
     ------
@@ -979,7 +955,7 @@ def read_gltf_world(path: Path) -> tuple[list[GltfCamera], list[GltfLight], list
     all_cameras = document.parts("cameras")
     all_lights = [light for part in document.extensions(LIGHTS) for light in part.parts("lights")]
     cameras: list[GltfCamera] = []
-    lights: list[GltfLight] = []
+    lights: list[dict[str, Any]] = []
     notes: list[str] = []
     for node, placement in placed_nodes(document):
         if node.has("camera"):
@@ -991,7 +967,7 @@ def read_gltf_world(path: Path) -> tuple[list[GltfCamera], list[GltfLight], list
                 notes.append(f"{node.place}: {name} is not a perspective camera and is left out")
         for shown in node.extensions(LIGHTS):
             light = all_lights[shown.whole("light", below=len(all_lights))]
-            lights += _read_light(light, f"light {len(lights) + 1}", node, placement)
+            lights += _read_light(light, node, placement)
     return cameras, lights, notes
 
 
@@ -1006,21 +982,26 @@ def _read_camera(camera: JsonNode, name: str, node: JsonNode, placement: NDArray
     return GltfCamera(name, eye, forward, up, height, None if math.isnan(aspect) else aspect)
 
 
-def _read_light(light: JsonNode, name: str, node: JsonNode, placement: NDArray[np.float64]) -> list[GltfLight]:
-    """Return a lamp that is not dark; a name is that of one without."""
+def _read_light(light: JsonNode, node: JsonNode, placement: NDArray[np.float64]) -> list[dict[str, Any]]:
+    """Read a lamp that is not dark, as keys of a scene's light."""
     kind = light.text("type")
     if kind not in KINDS:
         raise light.wrong("type", "is not known", ", ".join(KINDS))
     strength = light.number("intensity", 1.0, 0)
-    red, green, blue = (max(0.0, strength * value) for value in light.numbers("color", (1.0, 1.0, 1.0)))
-    if not max(red, green, blue) > 0:
+    amount = [max(0.0, strength * value) / LUMENS_PER_WATT for value in light.numbers("color", (1.0, 1.0, 1.0))]
+    if not max(amount) > 0:
         return []
     cone = light.part("spot")
     outer = cone.number("outerConeAngle", math.pi / 4, 1e-4, math.pi / 2)
     inner = min(cone.number("innerConeAngle", 0.0, 0, math.pi / 2), outer * (1 - 1e-3))
-    name = node.text("name") or light.text("name") or name
     eye, forward = _pose_of(placement, node)
-    return [GltfLight(name, kind, eye, forward, (red, green, blue), (inner, outer))]
+    match kind:
+        case "directional":
+            return [{"kind": kind, "direction": forward, "irradiance": amount}]
+        case "point":
+            return [{"kind": kind, "position": eye, "intensity": amount}]
+    angles = {"inner_degrees": math.degrees(inner), "outer_degrees": math.degrees(outer)}
+    return [{"kind": kind, "position": eye, "intensity": amount, "direction": forward} | angles]
 
 
 def _pose_of(placement: NDArray[np.float64], node: JsonNode) -> tuple[Vector, Vector]:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import hashlib
 import io
 import math
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Mapping
 from dataclasses import field, fields, replace
 from functools import cached_property
 from itertools import product
@@ -16,9 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.core.errors import InputError, errors_named
-from rptcam_cl.core.files import open_regular
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.files import errors_named, open_regular
 from rptcam_cl.scene.assets.pictures import LARGEST_PIXELS
+from rptcam_cl.scene.quantities import LARGEST_COORDINATE, SMALLEST_LENGTH
 
 # Materials and textures as mesh files describe them.
 
@@ -161,28 +163,15 @@ class FileMaterial:
 CHUNK = 1 << 17
 
 
-class Dropped(NamedTuple):
-    """How many triangles were dropped, by reason."""
-
-    not_finite: int = 0
-    no_area: int = 0
-    duplicate: int = 0
-
-    def plus(self, other: Dropped) -> Dropped:
-        """Return the sum by reason."""
-        return Dropped(*(mine + its for mine, its in zip(self, other, strict=True)))
-
-    def __str__(self) -> str:
-        reasons = {"with a vertex that is not finite": self.not_finite, "without area": self.no_area}
-        parts = [f"{count} {reason}" for reason, count in {**reasons, "given twice": self.duplicate}.items() if count]
-        return ", ".join(parts) or "none"
+NOT_FINITE, NO_AREA, TWICE = "with a vertex that is not finite", "without area", "given twice"
 
 
-NOTHING_DROPPED = Dropped()
+def _count_text(dropped: Mapping[str, int]) -> str:
+    return ", ".join(f"{count} {reason}" for reason, count in dropped.items() if count) or "none"
 
 
-def sound_faces(positions: NDArray[np.float32], faces: NDArray[Any]) -> tuple[NDArray[np.int32], Dropped]:
-    """Return the faces (m, 3) that have finite vertices, an area and no earlier copy, and the count of the others.
+def sound_faces(positions: NDArray[np.float32], faces: NDArray[Any]) -> tuple[NDArray[np.int32], dict[str, int]]:
+    """The faces (m, 3) that have finite vertices, an area and no earlier copy, and how many others, by reason.
 
     An area is zero when the cross product of two edges is, in float64, which is exact for most float32 corners. A copy
     has the same corners in the same order round; the same corners the other way round are another face.
@@ -201,7 +190,7 @@ def sound_faces(positions: NDArray[np.float32], faces: NDArray[Any]) -> tuple[ND
     copies = _copies(positions, faces)
     if len(copies):
         faces = np.delete(faces, copies, axis=0)
-    return faces, Dropped(not_finite, no_area, len(copies))
+    return faces, {NOT_FINITE: not_finite, NO_AREA: no_area, TWICE: len(copies)}
 
 
 def _without_area(positions: NDArray[np.float32], faces: NDArray[np.int32]) -> NDArray[np.bool_]:
@@ -235,7 +224,7 @@ def _vertex_keys(positions: NDArray[np.float32]) -> NDArray[np.uint64]:
     keys = np.zeros(len(positions), np.uint64)
     for axis in range(3):
         bits = (positions[:, axis] + np.float32(0)).view(np.uint32)
-        keys = _mixed(keys ^ bits)
+        keys = _mix_bits(keys ^ bits)
     return keys
 
 
@@ -245,12 +234,12 @@ def _face_keys(vertex_keys: NDArray[np.uint64], faces: NDArray[np.int32]) -> NDA
     for start in range(0, len(faces), CHUNK):
         a, b, c = vertex_keys[faces[start : start + CHUNK]].T
         result[start : start + CHUNK] = (
-            _mixed(a ^ (b << np.uint64(1))) + _mixed(b ^ (c << np.uint64(1))) + _mixed(c ^ (a << np.uint64(1)))
+            _mix_bits(a ^ (b << np.uint64(1))) + _mix_bits(b ^ (c << np.uint64(1))) + _mix_bits(c ^ (a << np.uint64(1)))
         )
     return result
 
 
-def _mixed(keys: NDArray[np.uint64]) -> NDArray[np.uint64]:
+def _mix_bits(keys: NDArray[np.uint64]) -> NDArray[np.uint64]:
     """Return well mixed bits (the finaliser of SplitMix64; Steele, Lea and Flood 2014)."""
     keys = keys + np.uint64(0x9E3779B97F4A7C15)
     keys = (keys ^ (keys >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
@@ -463,17 +452,17 @@ def _fan_fits(positions: NDArray[Any], polygons: NDArray[Any]) -> NDArray[np.boo
 
 def _ears(corners: NDArray[np.float64]) -> list[tuple[int, int, int]]:
     """Return the triangles of one polygon (k, 3), by cutting off ears in the plane it lies in best (Meisters 1975)."""
-    flat = _flattened(corners)
+    flat = _flatten(corners)
     left = list(range(len(flat)))
-    found: list[tuple[int, int, int]] = []
+    triangles: list[tuple[int, int, int]] = []
     while len(left) > 3:
         ear = next((place for place in range(len(left)) if _is_ear(flat, left, place)), 0)
-        found.append((left[ear - 1], left[ear], left[(ear + 1) % len(left)]))
+        triangles.append((left[ear - 1], left[ear], left[(ear + 1) % len(left)]))
         del left[ear]
-    return [*found, (left[0], left[1], left[2])]
+    return [*triangles, (left[0], left[1], left[2])]
 
 
-def _flattened(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+def _flatten(corners: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return corners (k, 2) seen along the axis that is nearest to the polygon's normal, counter-clockwise."""
     normal = np.cross(corners, np.roll(corners, -1, axis=0)).sum(axis=0)
     axis = int(np.argmax(np.abs(normal)))
@@ -565,10 +554,6 @@ def _one_column(columns: list[NDArray[Any]]) -> list[NDArray[Any]]:
 
 NormalsMode = Literal["auto", "smooth", "flat"]
 
-# Coordinates that a scene takes, and the smallest extent whose squares float32 holds (see the scene's quantities).
-LARGEST_COORDINATE = 1e12
-SMALLEST_EXTENT = 1e-12
-
 # A mesh that lies farther than this many times its size from the zero of its coordinates is moved to its own origin.
 FARTHEST_FROM_ZERO = 4
 
@@ -612,7 +597,7 @@ class Mesh:
         """Return the mesh with the normals of a mode, sharing all other arrays; `auto` leaves them."""
         if mode == "auto" or (mode == "flat" and self.normals is None):
             return self
-        normals = _frozen(smooth_normals(self.positions, self.faces) if mode == "smooth" else None)
+        normals = _freeze(smooth_normals(self.positions, self.faces) if mode == "smooth" else None)
         content_hash = _hash(self.origin, self.positions, self.faces, normals, self.uvs)
         return replace(self, normals=normals, content_hash=content_hash)
 
@@ -643,8 +628,8 @@ class MeshSurface:
     name: str | None = None
 
 
-def make_mesh(surface: MeshSurface, place: str) -> tuple[Mesh | None, Dropped]:
-    """Return the mesh of a surface, None when no triangle of it is sound, and how many triangles were dropped.
+def make_mesh(surface: MeshSurface, place: str) -> tuple[Mesh | None, dict[str, int]]:
+    """The mesh of a surface, None when no triangle of it is sound; how many triangles were dropped, by reason.
 
     Parameters
     ----------
@@ -652,7 +637,7 @@ def make_mesh(surface: MeshSurface, place: str) -> tuple[Mesh | None, Dropped]:
     place : str
         What errors begin with: the file.
     """
-    origin, positions = _centred(surface.positions, place)
+    origin, positions = _centre(surface.positions, place)
     faces, dropped = sound_faces(positions, surface.faces)
     if not len(faces):
         return None, dropped
@@ -662,8 +647,8 @@ def make_mesh(surface: MeshSurface, place: str) -> tuple[Mesh | None, Dropped]:
         positions = positions[kept]
         normals, uvs = (None if rows is None else rows[kept] for rows in (normals, uvs))
     extent = float((positions.max(axis=0) - positions.min(axis=0)).max())
-    if extent < SMALLEST_EXTENT:
-        allowed = f"an extent of at least {SMALLEST_EXTENT:g}"
+    if extent < SMALLEST_LENGTH:
+        allowed = f"an extent of at least {SMALLEST_LENGTH:g}"
         raise InputError(f"{place}: is too small for float32 (got {extent:g}; allowed: {allowed})")
     if normals is not None:
         _check_finite(normals, kept, f"{place}: normal")
@@ -671,11 +656,11 @@ def make_mesh(surface: MeshSurface, place: str) -> tuple[Mesh | None, Dropped]:
     if uvs is not None:
         uvs = uvs.astype(np.float32)
         _check_finite(uvs, kept, f"{place}: texture coordinate")
-    origin, positions, faces, normals, uvs = map(_frozen, (origin, positions, faces, normals, uvs))
+    origin, positions, faces, normals, uvs = map(_freeze, (origin, positions, faces, normals, uvs))
     return Mesh(origin, positions, faces, normals, uvs, _hash(origin, positions, faces, normals, uvs)), dropped
 
 
-def _centred(positions: NDArray[Any], place: str) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
+def _centre(positions: NDArray[Any], place: str) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
     """Return the origin and float32 positions relative to it; both exact where the file has float32.
 
     The origin is a multiple of the power of two next to the extent, so the difference has no more bits than a
@@ -708,7 +693,7 @@ def _check_finite(rows: NDArray[Any], kept: NDArray[np.intp] | None, what: str) 
         raise InputError(f"{what} {number} is not finite (got {rows[index].tolist()}; allowed: finite numbers)")
 
 
-def _frozen(rows: NDArray[Any] | None) -> Any:
+def _freeze(rows: NDArray[Any] | None) -> Any:
     """Return a read-only array that does not keep the data of a whole file alive."""
     if rows is not None:
         base = rows
@@ -758,7 +743,7 @@ def winding_number(positions: NDArray[np.float32], faces: NDArray[np.int32], poi
 MOST_TRIANGLES = LARGEST_PIXELS // 4
 
 
-def painted(surface: MeshSurface, colours: NDArray[np.float32]) -> tuple[MeshSurface, FileTexture]:
+def paint_triangles(surface: MeshSurface, colours: NDArray[np.float32]) -> tuple[MeshSurface, FileTexture]:
     """Return a surface whose triangles share no vertices, and the picture that lies on it.
 
     Parameters
@@ -834,15 +819,12 @@ class MeshContents:
 
     Attributes
     ----------
-    parts : tuple of PlacedMesh
-    dropped : Dropped
-        How many triangles could not be used.
+    parts : tuple of MeshPlacement
     notes : tuple of str
         What of the file is left out, triangles included.
     """
 
     parts: tuple[MeshPlacement, ...]
-    dropped: Dropped = NOTHING_DROPPED
     notes: tuple[str, ...] = ()
 
     def with_normals(self, mode: NormalsMode) -> MeshContents:
@@ -863,12 +845,8 @@ class MeshContents:
 LAMPS_LEFT_OUT = "lamps are left out of an object; `rptcam new` makes a scene with them"  # a note of a file
 
 
-class Node(NamedTuple):
-    """A surface at its place in the file."""
-
-    surface: int
-    placement: NDArray[np.float64]
-    name: str | None
+Node = tuple[int, NDArray[np.float64], str | None]
+"""The number of a surface, where it is in the file, and its name."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -900,12 +878,12 @@ def make_contents(draft: Draft, place: str) -> MeshContents:
     InputError
         When no triangle is left.
     """
-    nodes = draft.nodes or [Node(index, np.eye(4), surface.name) for index, surface in enumerate(draft.surfaces)]
-    dropped = NOTHING_DROPPED
+    nodes = draft.nodes or [(index, np.eye(4), surface.name) for index, surface in enumerate(draft.surfaces)]
+    dropped: Counter[str] = Counter()
     meshes: dict[int, Mesh | None] = {}
     for index in dict.fromkeys(index for index, _, _ in nodes):
         meshes[index], lost = make_mesh(draft.surfaces[index], place)
-        dropped = dropped.plus(lost)
+        dropped.update(lost)
     parts = []
     for index, placement, name in nodes:
         if (mesh := meshes[index]) is not None:
@@ -915,9 +893,11 @@ def make_contents(draft: Draft, place: str) -> MeshContents:
                 material = material.without_textures()
             parts.append(MeshPlacement(mesh, placement, material, name))
     if not parts:
-        raise InputError(f"{place}: has no triangle that can be shown (dropped: {dropped})")
-    notes = [*draft.notes, f"{place}: triangles dropped: {dropped}"] if any(dropped) else draft.notes
-    return MeshContents(tuple(parts), dropped, tuple(notes))
+        raise InputError(f"{place}: has no triangle that can be shown (dropped: {_count_text(dropped)})")
+    notes = (
+        [*draft.notes, f"{place}: triangles dropped: {_count_text(dropped)}"] if any(dropped.values()) else draft.notes
+    )
+    return MeshContents(tuple(parts), tuple(notes))
 
 
 LARGEST_MESH = 16 << 30  # bytes

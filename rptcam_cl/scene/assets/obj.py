@@ -13,8 +13,8 @@ from typing import Any, BinaryIO, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.core.errors import InputError, errors_named
-from rptcam_cl.core.files import read_whole
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.files import errors_named, read_whole
 from rptcam_cl.scene.assets import mesh
 
 # MTL files: the materials that OBJ files name.
@@ -66,7 +66,7 @@ class _Material:
         self._lines = lines
 
     def material(self, name: str) -> mesh.FileMaterial:
-        """Return what the lines say."""
+        """Read the material."""
         model = int(self._number("illum", 2))
         gloss = self._colour("ks", (0.0, 0.0, 0.0))
         exponent = max(0.0, self._number("ns", 0.0))
@@ -138,7 +138,7 @@ class _Material:
 
 def _options(words: list[str]) -> tuple[dict[str, tuple[float, float]], str]:
     """Return the options of a texture line that are followed, and the name of the picture, which may have spaces."""
-    found: dict[str, tuple[float, float]] = {}
+    options: dict[str, tuple[float, float]] = {}
     place = 0
     while place < len(words) and words[place] in OPTIONS:
         option = words[place]
@@ -147,11 +147,11 @@ def _options(words: list[str]) -> tuple[dict[str, tuple[float, float]], str]:
             values = values[: next((n for n, word in enumerate(values) if not _is_number(word)), len(values))]
         if option in ("-s", "-o") and values:
             default = 1.0 if option == "-s" else 0.0
-            found[option] = (float(values[0]), float(values[1]) if len(values) > 1 else default)
+            options[option] = (float(values[0]), float(values[1]) if len(values) > 1 else default)
         elif option == "-clamp" and values == ["on"]:
-            found[option] = (1.0, 1.0)
+            options[option] = (1.0, 1.0)
         place += 1 + len(values)
-    return found, " ".join(words[place:])
+    return options, " ".join(words[place:])
 
 
 def _is_number(word: str) -> bool:
@@ -166,7 +166,7 @@ def _is_number(word: str) -> bool:
 Line = tuple[int, bytes]
 
 
-def parsed(text: bytes) -> NDArray[np.float64] | None:
+def parse_numbers(text: bytes) -> NDArray[np.float64] | None:
     """Return the numbers in a text, None when something else is in it."""
     try:
         with warnings.catch_warnings():
@@ -192,13 +192,13 @@ def numbers_of_lines(lines: Sequence[Line], each: int, what: str, path: Path) ->
     """
     if not lines:
         return np.empty((0, each))
-    found = parsed(b" ".join(text for _, text in lines))
+    numbers = parse_numbers(b" ".join(text for _, text in lines))
     width = len(lines[0][1].split())
-    if found is not None and width >= each and all(len(text.split()) == width for _, text in lines):
-        return found.reshape(-1, width)[:, :each]
+    if numbers is not None and width >= each and all(len(text.split()) == width for _, text in lines):
+        return numbers.reshape(-1, width)[:, :each]
     rows = np.empty((len(lines), each))
     for place, (number, text) in enumerate(lines):
-        row = parsed(text) if text.strip() else None
+        row = parse_numbers(text) if text.strip() else None
         if row is None or len(row) < each:
             got = text.decode("latin-1").strip()[:60]
             raise InputError(f"{path}:{number}: is not {what} (got {got!r}; allowed: {each} numbers)")
@@ -275,12 +275,12 @@ class Block:
         """Return the place of each line's keyword in `KEYWORDS`, -1 for others."""
         padded = np.concatenate([self._octets, np.full(3, BLANK, np.uint8)])
         one, two, three = (padded[self._starts + place] for place in range(3))
-        found = np.full(len(self._starts), -1, np.int8)
-        found[(one == ord("v")) & (two <= BLANK)] = 0
-        found[(one == ord("v")) & (two == ord("t")) & (three <= BLANK)] = 1
-        found[(one == ord("v")) & (two == ord("n")) & (three <= BLANK)] = 2
-        found[(one == ord("f")) & (two <= BLANK)] = 3
-        return found
+        keywords = np.full(len(self._starts), -1, np.int8)
+        keywords[(one == ord("v")) & (two <= BLANK)] = 0
+        keywords[(one == ord("v")) & (two == ord("t")) & (three <= BLANK)] = 1
+        keywords[(one == ord("v")) & (two == ord("n")) & (three <= BLANK)] = 2
+        keywords[(one == ord("f")) & (two <= BLANK)] = 3
+        return keywords
 
     def of(self, keyword: bytes) -> KeywordLines:
         """Return the lines of one of the `KEYWORDS`."""
@@ -387,7 +387,7 @@ class FaceLines:
             small = int(np.argmax(sizes < 3))
             place = f"{self.path}:{lines.numbers[small]}"
             raise InputError(f"{place}: is a face of {sizes[small]} corners (allowed: at least 3)")
-        self.corners.append(self._counted_from_0(corners, np.repeat(before, sizes, axis=0), lines.numbers, sizes))
+        self.corners.append(self._count_from_0(corners, np.repeat(before, sizes, axis=0), lines.numbers, sizes))
         self.sizes.append(sizes.astype(np.int32))
         self.lines.append(lines.numbers.astype(np.int32))
 
@@ -397,18 +397,18 @@ class FaceLines:
         try:
             if not 1 <= len(parts) <= 3 or (len(parts) > 1 and not parts[-1]):
                 raise ValueError
-            found = [int(part) if part else 0 for part in parts]
-            zeros = (part and not index for part, index in zip(parts, found, strict=True))
-            if not parts[0] or any(zeros) or max(map(abs, found)) > 2**31:
+            indices = [int(part) if part else 0 for part in parts]
+            zeros = (part and not index for part, index in zip(parts, indices, strict=True))
+            if not parts[0] or any(zeros) or max(map(abs, indices)) > 2**31:
                 raise ValueError
         except ValueError:
             got = word.decode("latin-1")[:40]
             allowed = "v, v/vt, v//vn or v/vt/vn, of whole numbers that count from 1, or from -1 backwards"
             place = f"{self.path}:{number}"
             raise InputError(f"{place}: is not a corner of a face (got {got!r}; allowed: {allowed})") from None
-        return found + [0] * (3 - len(found))
+        return indices + [0] * (3 - len(indices))
 
-    def _counted_from_0(
+    def _count_from_0(
         self,
         corners: NDArray[np.int64],
         before: NDArray[np.int64],
@@ -458,7 +458,7 @@ def _alike(lines: KeywordLines) -> NDArray[np.int64] | None:
     columns = FORMS.get((int(slashes[0]), doubles > 0))
     if columns is None:
         return None
-    numbers = parsed(lines.text.replace(b"/", b" "))
+    numbers = parse_numbers(lines.text.replace(b"/", b" "))
     if numbers is None or len(numbers) != count * len(columns):
         return None
     if not (np.abs(numbers) <= 2**31).all() or (numbers != np.floor(numbers)).any() or (numbers == 0).any():
@@ -576,15 +576,15 @@ class ObjReader:
         if word == b"vt":
             each = max(1, min(2, int(lines.words.min())))
         width = int(lines.words[0])
-        found = parsed(lines.text) if (lines.words == width).all() and width >= each else None
-        if found is not None and len(found) == width * len(lines.numbers):
-            found = found.reshape(-1, width)[:, :each]
+        numbers = parse_numbers(lines.text) if (lines.words == width).all() and width >= each else None
+        if numbers is not None and len(numbers) == width * len(lines.numbers):
+            numbers = numbers.reshape(-1, width)[:, :each]
         else:
-            found = numbers_of_lines(lines.singly(), each, what, self.path)
+            numbers = numbers_of_lines(lines.singly(), each, what, self.path)
         if each == 1:
-            found = np.column_stack([found, np.zeros(len(found))])
-        self.rows[word].append(np.ascontiguousarray(found))  # which does not keep a wider table alive
-        self.counts[word] += len(found)
+            numbers = np.column_stack([numbers, np.zeros(len(numbers))])
+        self.rows[word].append(np.ascontiguousarray(numbers))  # which does not keep a wider table alive
+        self.counts[word] += len(numbers)
 
     def table(self, word: bytes) -> NDArray[np.float64]:
         """Return all rows of a keyword."""
@@ -623,12 +623,14 @@ def read_obj(path: Path, find: mesh.Find) -> mesh.Draft:
         place = None
         if materials or grey:
             place = len(used)
-            used.append(_named(materials, name_, path, grey=grey))
+            used.append(_material_named(materials, name_, path, grey=grey))
         surfaces.append(surface_of(faces, positions, uvs, normals, place, name_))
     return mesh.Draft(surfaces, used, notes=notes)
 
 
-def _named(materials: dict[str, mesh.FileMaterial], name: str | None, path: Path, *, grey: bool) -> mesh.FileMaterial:
+def _material_named(
+    materials: dict[str, mesh.FileMaterial], name: str | None, path: Path, *, grey: bool
+) -> mesh.FileMaterial:
     """Return a material by its name; faces without one are grey, and where a library is missing those of others."""
     if name is None or (grey and name not in materials):
         return mesh.FileMaterial(matte=True)

@@ -24,17 +24,6 @@ LARGEST_PIXELS = 1 << 26  # 64 million: an equirectangular picture of 8192 x 819
 SLIGHTLY_NEGATIVE = -1e-3  # what resampling leaves beside bright edges; taken as zero
 
 
-@dataclass(frozen=True)
-class Negative:
-    """How many texels had a clearly negative channel, and the least value."""
-
-    count: int
-    least: float
-
-
-NO_NEGATIVE = Negative(0, 0.0)
-
-
 @dataclass(frozen=True, eq=False)
 class Picture:
     """Texels of a picture.
@@ -47,14 +36,14 @@ class Picture:
         Whether the file has an alpha channel; otherwise alpha is opaque.
     encoded : bool
         Whether a file of this kind normally holds sRGB-encoded colours and not linear ones.
-    negative : Negative
-        Texels below zero in the file, which are black here.
+    negative : (int, float)
+        How many texels of the file have a clearly negative channel, and the least value; they are black here.
     """
 
     texels: NDArray[np.uint8] | NDArray[np.float32]
     has_alpha: bool
     encoded: bool
-    negative: Negative = NO_NEGATIVE
+    negative: tuple[int, float] = (0, 0.0)
 
     @property
     def height(self) -> int:
@@ -81,8 +70,8 @@ def check_size(width: int, height: int) -> None:
         raise InputError(f"is too large (got {width} x {height} pixels; allowed: at most {LARGEST_PIXELS})")
 
 
-def checked_floats(texels: NDArray[np.float32]) -> tuple[NDArray[np.float32], Negative]:
-    """Return texels (height, width, channels) with negative ones made zero, and how many were clearly negative.
+def checked_floats(texels: NDArray[np.float32]) -> tuple[NDArray[np.float32], tuple[int, float]]:
+    """Texels (height, width, channels), negative ones made zero; how many were clearly negative, and the least value.
 
     Raises
     ------
@@ -98,7 +87,7 @@ def checked_floats(texels: NDArray[np.float32]) -> tuple[NDArray[np.float32], Ne
         )
     least = float(texels.min(initial=0.0))
     below = int((texels < SLIGHTLY_NEGATIVE).any(axis=2).sum()) if least < SLIGHTLY_NEGATIVE else 0
-    return np.maximum(texels, np.float32(0)), Negative(below, least) if below else NO_NEGATIVE
+    return np.maximum(texels, np.float32(0)), (below, least) if below else (0, 0.0)
 
 
 # PNG, JPEG, TIFF, BMP and WebP, read by Pillow with its other formats shut off.
@@ -129,14 +118,14 @@ def read_bitmap(content: bytes) -> Picture:
             with PIL.Image.open(io.BytesIO(content), formats=FORMATS) as image:
                 check_size(*image.size)
                 image.load()
-                return _converted(image)
+                return _convert(image)
     except PIL.UnidentifiedImageError:
         raise InputError(f"is not a picture that can be read (allowed: {ALLOWED})") from None
     except (*troubles, PIL.Image.DecompressionBombError, OverflowError, MemoryError) as problem:
         raise InputError(f"is damaged ({str(problem) or type(problem).__name__}; allowed: {ALLOWED})") from None
 
 
-def _converted(image: Any) -> Picture:
+def _convert(image: Any) -> Picture:
     if image.mode in _WIDE:
         grey = np.asarray(image, dtype=np.float32) / np.float32(_WIDE[image.mode])
         texels = np.ones((*grey.shape, 4), np.float32)
@@ -184,7 +173,7 @@ def read_exr(path: Path) -> Picture:
         raise InputError(f"is damaged ({problem})") from None
     texels, has_alpha = _colours(channels, (data[3] - data[1], data[2] - data[0]))
     colours, negative = checked_floats(texels)
-    return Picture(_placed(colours, data, display), has_alpha=has_alpha, encoded=False, negative=negative)
+    return Picture(_place(colours, data, display), has_alpha=has_alpha, encoded=False, negative=negative)
 
 
 def _window(header: dict[str, Any], name: str) -> Window:
@@ -206,7 +195,7 @@ def _colours(channels: dict[str, NDArray[Any]], shape: tuple[int, int]) -> tuple
     return texels, "A" in channels
 
 
-def _placed(texels: NDArray[np.float32], data: Window, display: Window) -> NDArray[np.float32]:
+def _place(texels: NDArray[np.float32], data: Window, display: Window) -> NDArray[np.float32]:
     if data == display:
         return texels
     width, height = display[2] - display[0], display[3] - display[1]
@@ -299,14 +288,14 @@ def _scanlines(content: bytes, position: int, width: int, height: int) -> NDArra
     head = bytes((2, 2, width >> 8, width & 255))
     for row in range(height):
         if width in _CODED_WIDTHS and content[position : position + 4] == head:
-            line, position = _coded_line(content, position + 4, width)
+            line, position = _read_coded_line(content, position + 4, width)
             rows[row] = np.frombuffer(line, np.uint8).reshape(4, width).T
         else:
             rows[row], position = _plain_line(content, position, width)
     return rows
 
 
-def _coded_line(content: bytes, position: int, width: int) -> tuple[bytes, int]:
+def _read_coded_line(content: bytes, position: int, width: int) -> tuple[bytes, int]:
     """Return the four components of a line one after the other, and where the next line starts."""
     parts: list[bytes] = []
     for _ in range(4):

@@ -21,7 +21,7 @@ from rptcam_cl.scene.assets.mesh import (
     open_mesh,
     weld,
 )
-from rptcam_cl.scene.assets.obj import numbers_of_lines, parsed
+from rptcam_cl.scene.assets.obj import numbers_of_lines, parse_numbers
 
 # The header of a PLY file (Turk 1994): which elements follow, how many, and how their rows are laid out.
 
@@ -190,7 +190,7 @@ def read_binary(file: BinaryIO, element: Element, path: Path) -> Rows:
         file.seek(start)
     elif not element.lists:
         raise _cut_short(path, element.name, (size - start) // max(1, element.smallest_row(False)))
-    return _varied(file, element, path)
+    return _read_varied_rows(file, element, path)
 
 
 def _cut_short(path: Path, name: str, number: int) -> InputError:
@@ -216,7 +216,7 @@ def _row_like_the_first(file: BinaryIO, element: Element, size: int) -> np.dtype
     return np.dtype(fields)
 
 
-def _varied(file: BinaryIO, element: Element, path: Path) -> Rows:
+def _read_varied_rows(file: BinaryIO, element: Element, path: Path) -> Rows:
     """Return rows whose lists differ in length: one walk finds where each row's parts begin."""
     data = file.read()
     begun = {item.name: np.empty(element.count, np.int64) for item in element.properties}
@@ -267,7 +267,7 @@ def read_text(file: BinaryIO, element: Element, path: Path, line: int) -> Rows:
         lines = list(islice(file, min(element.count - done, CHUNK_LINES)))
         if element.count and not lines:
             raise InputError(f"{path}: is cut short: ends after {done} rows of {element.name}")
-        numbers = parsed(b" ".join(lines))
+        numbers = parse_numbers(b" ".join(lines))
         try:
             if numbers is None:
                 raise ValueError
@@ -359,15 +359,15 @@ def read_ply(path: Path) -> Draft:
         if "vertex" not in names or "face" not in names:
             missing = "faces" if "vertex" in names else "vertices"
             raise InputError(f"{path}: has no {missing} (allowed: elements vertex and face)")
-        found: dict[str, Rows] = {}
+        rows: dict[str, Rows] = {}
         for element in elements:
             is_text = not order
-            found[element.name] = read_text(file, element, path, line) if is_text else read_binary(file, element, path)
+            rows[element.name] = read_text(file, element, path, line) if is_text else read_binary(file, element, path)
             line += element.count
     notes = [
-        f"{path}: colours of each {name} are left out" for name in ("vertex", "face") if "red" in found[name].values
+        f"{path}: colours of each {name} are left out" for name in ("vertex", "face") if "red" in rows[name].values
     ]
-    return Draft([_surface(found["vertex"], found["face"], path)], notes=notes)
+    return Draft([_surface(rows["vertex"], rows["face"], path)], notes=notes)
 
 
 def _check_size(elements: list[Element], size: int, path: Path, *, is_text: bool) -> None:
@@ -388,7 +388,7 @@ def _surface(vertex: Rows, face: Rows, path: Path) -> MeshSurface:
     if index is None:
         raise InputError(f"{path}: its faces have no list of vertices (allowed: a property list vertex_indices)")
     normals = _columns(vertex, ("nx", "ny", "nz"))
-    uvs = next((found for names in UV_NAMES if (found := _columns(vertex, names)) is not None), None)
+    uvs = next((columns for names in UV_NAMES if (columns := _columns(vertex, names)) is not None), None)
     polygons = face.lists[index]
     if not sum(len(corners) for _, corners in polygons):
         raise InputError(f"{path}: has no faces")
@@ -415,16 +415,16 @@ def _columns(rows: Rows, names: tuple[str, ...]) -> Columns | None:
 def _corner_uvs(polygons: list[Polygons], face: Rows) -> list[Columns] | None:
     """Return texture coordinates of the corners (m, k, 2) of each group of polygons, None when they do not fit."""
     groups = {len(uvs[0]) // 2: (numbers, uvs) for numbers, uvs in face.lists[CORNER_UVS] if len(uvs)}
-    found = []
+    fitting = []
     for numbers, corners in polygons:
         if not len(corners):
-            found.append(np.empty((0, corners.shape[1], 2), np.float32))
+            fitting.append(np.empty((0, corners.shape[1], 2), np.float32))
             continue
         same, uvs = groups.get(corners.shape[1], (None, None))
         if uvs is None or same is None or not np.array_equal(same, numbers):
             return None
-        found.append(uvs.reshape(len(uvs), -1, 2))
-    return found
+        fitting.append(uvs.reshape(len(uvs), -1, 2))
+    return fitting
 
 
 # STL files, binary or text: triangles without anything else.

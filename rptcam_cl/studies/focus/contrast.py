@@ -21,10 +21,10 @@ from rptcam_cl.studies.focus.probe import (
     Probe,
     ProbeRecord,
     Zone,
-    chosen,
+    choose_zone,
     peak_of,
 )
-from rptcam_cl.studies.focus.renderer import Probes, Task, within
+from rptcam_cl.studies.focus.renderer import Probes, Task, probability_within
 
 #
 # Focus by distance: rays tell how far away the zone is, and the lens says where its film has to be.
@@ -81,7 +81,7 @@ def check_reach(task: Task, state: float) -> None:
     if not met:
         return
     medians = {k: float(np.median(depth)) for k, depth in met.items()}
-    zone = chosen(task.policy, task.zones, {k: -median for k, median in medians.items()})
+    zone = choose_zone(task.policy, task.zones, {k: -median for k, median in medians.items()})
     try:
         state_within_reach(task.drive, medians[zone], task.zones[zone])
     except OutOfReach:
@@ -118,7 +118,7 @@ def focus_by_depth(task: Task) -> FocusReport:
         if not met:
             raise NoContrast("nothing in the zone: its rays meet no surface; the focus stays as it was")
         medians = {k: float(np.median(depth[np.isfinite(depth)])) for k, depth in met.items()}
-        zone = chosen(task.policy, task.zones, {k: -median for k, median in medians.items()})
+        zone = choose_zone(task.policy, task.zones, {k: -median for k, median in medians.items()})
         before = drive.coordinate(state)
         state = state_within_reach(drive, medians[zone], task.zones[zone])
         zones = {zone: task.zones[zone]}
@@ -171,7 +171,7 @@ COARSE, FINE = 0.05, 0.02  # relative standard error of the measure that rounds 
 FIRST_SAMPLES, MOST_SAMPLES = 128, 512  # per pixel
 
 
-def nothing_to_see(why: str) -> NoContrast:
+def no_contrast(why: str) -> NoContrast:
     """Return the refusal of a zone."""
     return NoContrast(f"no contrast in the zone: {why}; the focus stays as it was (aim at something with texture)")
 
@@ -211,7 +211,7 @@ def greatest_contrast(probes: Probes, policy: Policy, start: tuple[float, float]
     places = [low + k * step for k in range(count)]
     reference = None if start is None else start[0]
     made, samples = _round(probes, places, stop, FIRST_SAMPLES, zones, COARSE, reference)
-    peaks = _widened(probes, made, zones, step, samples)
+    peaks = _widen(probes, made, zones, step, samples)
     rounds = math.ceil(math.log(1 / stop) / math.log(OPENING) - 1e-9)
     factor = stop ** (-1 / rounds) if rounds else 1.0
     for number in range(rounds):
@@ -219,10 +219,10 @@ def greatest_contrast(probes: Probes, policy: Policy, start: tuple[float, float]
         zones = _still_possible(policy, probes, peaks, zones, step)
         step = _next_step(probes, peaks, zones, stop, factor)
         centre = _centre(peaks, zones)
-        made, samples = _round(probes, _about(probes, centre, step), stop, samples, zones, FINE, centre)
-        peaks = _widened(probes, made, zones, step, samples)
-    zone = chosen(policy, probes.zones, {k: peaks[k].place for k in zones})
-    peak = _refined(probes, made, zone, peaks[zone], samples)
+        made, samples = _round(probes, _three_places(probes, centre, step), stop, samples, zones, FINE, centre)
+        peaks = _widen(probes, made, zones, step, samples)
+    zone = choose_zone(policy, probes.zones, {k: peaks[k].place for k in zones})
+    peak = _refine(probes, made, zone, peaks[zone], samples)
     if peak.place >= probes.ends[1] - 1e-9 * abs(probes.ends[1]):
         raise NoContrast(
             "what the zone shows is too near: it still gets sharper where the focus ends; it stays as it was"
@@ -244,11 +244,11 @@ def _round(
         made = [probes.at(place, samples, stop, reference) for place in places]
         seen = [zone for zone in zones if _contrast(probes, made, zone)]
         noise = min((_noise(made, zone) for zone in zones), default=math.inf)
-        if seen or samples >= MOST_SAMPLES or all(_surely_flat(probes, made, zone) for zone in zones):
+        if seen or samples >= MOST_SAMPLES or all(_is_surely_flat(probes, made, zone) for zone in zones):
             break
         samples = min(8 * samples, MOST_SAMPLES)
     if not seen:
-        raise nothing_to_see(_unseen(probes, made, zones, samples))
+        raise no_contrast(_why_unseen(probes, made, zones, samples))
     zones[:] = seen
     factor = max(1.0, min((noise / wanted) ** 2, 16.0))
     return made, min(int(samples * factor), MOST_SAMPLES)
@@ -265,12 +265,12 @@ def _noise(made: Sequence[Probe], zone: int) -> float:
 
 def _contrast(probes: Probes, made: Sequence[Probe], zone: int) -> bool:
     """Return whether any probe shows contrast; the top itself may be noisy where hardly any rays pass a small stop."""
-    found = [probe.found[zone] for probe in made]
-    return any(one.value > probes.measure.least and one.value > CLEAR * one.error for one in found)
+    measures = [probe.found[zone] for probe in made]
+    return any(one.value > probes.measure.least and one.value > CLEAR * one.error for one in measures)
 
 
-def _unseen(probes: Probes, made: Sequence[Probe], zones: list[int], samples: int) -> str:
-    """Return what was measured of zones in which there is too little to see."""
+def _why_unseen(probes: Probes, made: Sequence[Probe], zones: list[int], samples: int) -> str:
+    """Say why zones show too little to focus on, by their measures."""
     top = max((_top(made, zone).found[zone] for zone in zones), key=lambda found: found.value)
     if top.value > CLEAR * top.error:
         least = probes.measure.least
@@ -283,18 +283,18 @@ def _unseen(probes: Probes, made: Sequence[Probe], zones: list[int], samples: in
 
 
 def _same_everywhere(peak: Peak) -> NoContrast:
-    return nothing_to_see(
+    return no_contrast(
         "it looks the same in and out of focus: from the least sharp probe to the sharpest its measure rises by"
         f" {peak.rise:.1f} standard errors, and {CLEAR:g} are needed"
     )
 
 
-def _surely_flat(probes: Probes, made: Sequence[Probe], zone: int) -> bool:
+def _is_surely_flat(probes: Probes, made: Sequence[Probe], zone: int) -> bool:
     top = _top(made, zone).found[zone]
     return top.value + CLEAR * top.error < probes.measure.least
 
 
-def _widened(probes: Probes, made: list[Probe], zones: list[int], step: float, samples: int) -> dict[int, Peak]:
+def _widen(probes: Probes, made: list[Probe], zones: list[int], step: float, samples: int) -> dict[int, Peak]:
     """Return the tops of the zones; probe farther where a top lies at the end of what was probed."""
     low, high = probes.ends
     for _ in range(FIRST_PROBES):
@@ -314,7 +314,7 @@ def _widened(probes: Probes, made: list[Probe], zones: list[int], step: float, s
 
 def _still_possible(policy: Policy, probes: Probes, peaks: dict[int, Peak], zones: list[int], step: float) -> list[int]:
     """Return the zones that may decide in the end: those whose tops lie within a step of the one chosen by now."""
-    zone = chosen(policy, probes.zones, {k: peaks[k].place for k in zones})
+    zone = choose_zone(policy, probes.zones, {k: peaks[k].place for k in zones})
     if policy.by_place:
         return [k for k in zones if abs(peaks[k].place - peaks[zone].place) <= step / 2]
     return [zone]
@@ -325,7 +325,7 @@ def _centre(peaks: dict[int, Peak], zones: list[int]) -> float:
     return (min(places) + max(places)) / 2
 
 
-def _about(probes: Probes, centre: float, step: float) -> list[float]:
+def _three_places(probes: Probes, centre: float, step: float) -> list[float]:
     """Return three places a step apart, about a place where the reach of the lens has room for them."""
     low, high = probes.ends
     centre = min(max(centre, low + step), high - step)
@@ -339,7 +339,7 @@ def _next_step(probes: Probes, peaks: dict[int, Peak], zones: list[int], stop: f
     return min(max(SHARE * width, STEP / 4 * sharp), WIDEST * sharp)
 
 
-def _refined(probes: Probes, made: list[Probe], zone: int, peak: Peak, samples: int) -> Peak:
+def _refine(probes: Probes, made: list[Probe], zone: int, peak: Peak, samples: int) -> Peak:
     """Return the top from probes that lie evenly about it, with as many samples as its error requires."""
     sharp = probes.drive.depth_of_focus
     low, high = probes.ends
@@ -353,7 +353,7 @@ def _refined(probes: Probes, made: list[Probe], zone: int, peak: Peak, samples: 
         if peak.rise < CLEAR or peak.error >= sharp / 8:
             samples, made, reference = min(4 * samples, MOST_SAMPLES), [], peak.place
             step = min(2 * step, WIDEST * sharp)
-        for place in _about(probes, peak.place, step):
+        for place in _three_places(probes, peak.place, step):
             if not any(abs(probe.place - place) < 0.25 * step for probe in made):
                 made.append(probes.at(place, samples, reference=reference))
         peak = peak_of(made, zone)
@@ -380,7 +380,7 @@ def focus_by_contrast(task: Task) -> FocusReport:
     NoContrast
         When sharp and blurred cannot be distinguished in any zone.
     """
-    return _by("contrast", BEST, task)
+    return _focus_by_measure("contrast", BEST, task)
 
 
 def focus_by_laplacian(task: Task) -> FocusReport:
@@ -391,14 +391,16 @@ def focus_by_laplacian(task: Task) -> FocusReport:
     NoContrast
         When sharp and blurred cannot be distinguished in any zone.
     """
-    return _by("laplacian", "sum_modified_laplacian", task)
+    return _focus_by_measure("laplacian", "sum_modified_laplacian", task)
 
 
-def _by(method: str, measure: str, task: Task) -> FocusReport:
+def _focus_by_measure(method: str, measure: str, task: Task) -> FocusReport:
     probes = task.probes(MEASURES[measure])
     peak, zone = greatest_contrast(probes, task.policy, task.near_place(probes))
     state = probes.state_of(peak.place)
-    sure = within(task.drive.depth_of_focus / 4, peak.error) if peak.inside else 0.0  # at the far end of the reach
+    sure = (
+        probability_within(task.drive.depth_of_focus / 4, peak.error) if peak.inside else 0.0
+    )  # at the far end of the reach
     return task.report(method, state, task.zones[zone], peak.error, sure, probes.records(zone))
 
 

@@ -90,7 +90,7 @@ def _other_distance(task: Task, report: FocusReport) -> str | None:
         return None
     sharp = drive.sharp_vergence(report.state)
     expected = 1 / report.focus_distance_m
-    here = _shown(task, report.state, zone, APART * sharp)
+    here = _distances_shown(task, report.state, zone, APART * sharp)
     if not here:
         return None
     # what the focus is on: by the distances of the zone, as astigmatism and curved fields move that of the lens
@@ -98,7 +98,7 @@ def _other_distance(task: Task, report: FocusReport) -> str | None:
     own = min(large, key=lambda vergence: abs(vergence - expected))
     probes = [here]
     if task.near is None and abs(drive.image_scale(*drive.limits) - 1) > 0.02:
-        probes += [_shown(task, state, zone, APART * sharp) for state in drive.limits]
+        probes += [_distances_shown(task, state, zone, APART * sharp) for state in drive.limits]
     tried = [own]
     for probe in probes:
         for vergence, share in probe:
@@ -109,7 +109,7 @@ def _other_distance(task: Task, report: FocusReport) -> str | None:
                 there = drive.state_for(1 / vergence, zone)
             except InputError:  # out of reach
                 continue
-            seen = [share for found, share in _shown(task, there, zone, APART * sharp)
+            seen = [share for found, share in _distances_shown(task, there, zone, APART * sharp)
                     if abs(found - vergence) < APART / 2 * sharp]  # fmt: skip
             if sum(seen) >= LEAST_SHARE:
                 return (
@@ -119,7 +119,7 @@ def _other_distance(task: Task, report: FocusReport) -> str | None:
     return None
 
 
-def _shown(task: Task, state: float, zone: Zone, gap: float) -> list[tuple[float, float]]:
+def _distances_shown(task: Task, state: float, zone: Zone, gap: float) -> list[tuple[float, float]]:
     """Return the distances that a zone shows in a state, as vergences [1/m], and the share of the zone of each.
 
     Two are distinguished by a gap between them that nothing in the zone fills.
@@ -169,14 +169,14 @@ def zone_of_object(renderer: ProbeRenderer, name: str) -> Zone:
     seen = renderer.objects() == names.index(name)
     if not seen.any():
         raise InputError(f"camera.focus.auto.object: {name} is not in the picture")
-    row, column, half = _deepest(seen)
+    row, column, half = _find_deepest(seen)
     height, width = seen.shape
     size = max(half, LEAST_HALF * min(height, width))
     left, top = max((column + 0.5 - size) / width, 0.0), max((row + 0.5 - size) / height, 0.0)
     return Zone(left, min((column + 0.5 + size) / width, 1.0), top, min((row + 0.5 + size) / height, 1.0))
 
 
-def _deepest(seen: NDArray[np.bool_]) -> tuple[int, int, float]:
+def _find_deepest(seen: NDArray[np.bool_]) -> tuple[int, int, float]:
     """Return row and column of a pixel farthest from the edge of a shape, and how far that is."""
     depth, shape = 0, np.pad(seen, 1)
     while True:
@@ -323,17 +323,17 @@ def follow_focus(scenes: Iterable[Scene], session: Session, settings: AutoFocus)
     for scene in scenes:
         try:
             try:
-                found = find_focus(scene, session, settings, near=None if last is None else last.state)
+                report = find_focus(scene, session, settings, near=None if last is None else last.state)
             except NoContrast:
                 if last is None:
                     raise
-                found = find_focus(scene, session, settings)
+                report = find_focus(scene, session, settings)
         except (NoContrast, OutOfReach) as problem:
             if last is None:
                 raise
-            found = last.kept(problem)
-        last = found
-        yield found
+            report = last.keep_for_next_frame(problem)
+        last = report
+        yield report
 
 
 def in_focus(
@@ -356,11 +356,11 @@ def in_focus(
     if settings is None:
         return scene, None
     if known is None:
-        known = _found(scene, session, settings)
+        known = _find_keys(scene, session, settings)
     return change_scene(scene, camera=known["camera"]), known
 
 
-def _found(scene: Scene, session: Session, settings: AutoFocus) -> dict[str, Any]:
+def _find_keys(scene: Scene, session: Session, settings: AutoFocus) -> dict[str, Any]:
     """Return the keys of the camera in focus, and metadata; the end of the reach where the target lies beyond it."""
     drive = focus_drive(scene)
     try:
@@ -483,7 +483,7 @@ class Following:
     rest: float = 0.0
 
 
-def after(
+def follow(
     before: Following, measured: float | None, depth_of_focus: float, settings: ContinuousFocus, frame_s: float
 ) -> Following:
     """Return where the focus of the next frame stands.

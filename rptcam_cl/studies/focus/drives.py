@@ -26,20 +26,18 @@ from rptcam_cl.optics.lens import (
     shift_of,
     travel_mm,
 )
-from rptcam_cl.rendering.cameras.film_pupil import PupilRays, lens_rays, thin_lens_rays
-from rptcam_cl.rendering.cameras.ideal import optics_of, thick_lens_model, thin_lens_model
+from rptcam_cl.rendering.cameras.film_pupil import PupilRays
+from rptcam_cl.rendering.cameras.kinds import camera_of
 from rptcam_cl.rendering.cameras.model import CameraModel
-from rptcam_cl.rendering.cameras.realistic import realistic_model
-from rptcam_cl.rendering.cameras.setting import LensSetting, film_for_infinity, film_point, lens_setting, lens_to_focus
-from rptcam_cl.scene.camera import (
-    EnvironmentCamera,
-    LensCamera,
-    PinholeCamera,
-    RealisticCamera,
-    ThickLensCamera,
-    ThinLensCamera,
-    unknown_camera,
+from rptcam_cl.rendering.cameras.setting import (
+    LensSetting,
+    film_for_infinity,
+    film_point,
+    lens_camera,
+    lens_setting,
+    lens_to_focus,
 )
+from rptcam_cl.scene.camera import LensCamera, ThinLensCamera, kinds_where
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.studies.focus.probe import Drive, Zone, circle_of_confusion
 
@@ -83,8 +81,7 @@ class LensDrive(Drive):
     @property
     def own_camera(self) -> LensCamera:
         """The scene's camera."""
-        assert isinstance(self.scene.camera, LensCamera)
-        return self.scene.camera
+        return lens_camera(self.scene)
 
     @abstractmethod
     def lens_at(self, state: float) -> tuple[Lens, float]:
@@ -102,14 +99,13 @@ class LensDrive(Drive):
         """Return the camera in a state for the device."""
         lens, back_mm = self.lens_at(state)
         setting = LensSetting(stopped(lens, stop), back_mm, None, self.own_camera)
-        if not isinstance(self.own_camera, RealisticCamera):
-            return thick_lens_model(scene, setting)
-        return realistic_model(scene, setting, [self._window(scene, zone) for zone in zones])
+        return camera_of(scene, setting).model(windows=[self._window(scene, zone) for zone in zones])
 
     def rays(self, scene: Scene, state: float, stop: float, places: NDArray[np.float64]) -> PupilRays:
         """Return the rays of places of the picture."""
         lens, back_mm = self.lens_at(state)
-        return lens_rays(scene, LensSetting(stopped(lens, stop), back_mm, None, self.own_camera), places)
+        setting = LensSetting(stopped(lens, stop), back_mm, None, self.own_camera)
+        return camera_of(scene, setting).pupil_rays(places)
 
     def _window(self, scene: Scene, zone: Zone) -> tuple[float, float, float, float]:
         """Return the part of the film that a zone needs [mm]: itself and what the filter reaches."""
@@ -194,7 +190,7 @@ class LensDrive(Drive):
         wavelength = self.own_camera.wavelength_nm
         x, y, depth = (0.0, 0.0, 0.0) if zone is None else film_point(self.scene, self.own_camera, *zone.centre)
         distance_mm += depth  # to the film in the zone
-        if isinstance(self.own_camera, ThickLensCamera):
+        if self.own_camera.traced_camera is None:
             return film_distance(lens, distance_mm, wavelength_nm=wavelength) - depth
         if not (x or y) and lens.is_rotational:
             return best_film_distance(lens, distance_mm, wavelengths_nm=(wavelength,)) - depth
@@ -336,14 +332,17 @@ class ThinDrive(Drive):
 
     @cached_property
     def _camera(self) -> ThinLensCamera:
-        assert isinstance(self.scene.camera, ThinLensCamera)
-        return self.scene.camera
+        camera = self.scene.camera.ideal_lens
+        assert camera is not None
+        return camera
 
     @cached_property
     def _focal_length_mm(self) -> float:
         """Focal length, or for a field of view the film distance: its focal length at infinity [mm]."""
-        far = self._camera.model_copy(update={"focus_distance_m": FARTHEST_M})
-        return optics_of(far, self.scene.film)[2] * 1e3
+        far = self._camera.model_copy(update={"focus_distance_m": FARTHEST_M, "focus": None})
+        focal_length_mm = camera_of(self.scene.model_copy(update={"camera": far})).focal_length_mm()
+        assert focal_length_mm is not None
+        return focal_length_mm
 
     def _is_fixed(self) -> bool:
         return self._camera.focal_length_mm is not None
@@ -383,13 +382,13 @@ class ThinDrive(Drive):
 
     def camera(self, scene: Scene, state: float, stop: float, zones: Sequence[Zone]) -> CameraModel:
         """Return the camera in a state for the device."""
-        return thin_lens_model(scene, self._set(state, stop))
+        return camera_of(self._set(scene, state, stop)).model()
 
     def rays(self, scene: Scene, state: float, stop: float, places: NDArray[np.float64]) -> PupilRays:
         """Return the rays of places of the picture."""
-        return thin_lens_rays(scene, self._set(state, stop), places)
+        return camera_of(self._set(scene, state, stop)).pupil_rays(places)
 
-    def _set(self, state: float, stop: float) -> ThinLensCamera:
+    def _set(self, scene: Scene, state: float, stop: float) -> Scene:
         camera = self._camera
         opening: dict[str, float | None]
         if camera.f_number is not None:
@@ -397,7 +396,8 @@ class ThinDrive(Drive):
         else:
             assert camera.aperture_radius_m is not None
             opening = {"aperture_radius_m": camera.aperture_radius_m * stop}
-        return camera.model_copy(update={"focus_distance_m": state, **opening})
+        camera = camera.model_copy(update={"focus_distance_m": state, "focus": None, **opening})
+        return scene.model_copy(update={"camera": camera})
 
     def image_scale(self, state: float, reference: float) -> float:
         """Return how large a state draws what is sharp in the state of reference, against that one."""
@@ -467,14 +467,14 @@ def focus_drive(scene: Scene) -> Drive:
     InputError
         For a camera that has no focus.
     """
-    if isinstance(scene.camera, ThinLensCamera):
+    if scene.camera.ideal_lens is not None:
         return ThinDrive(scene)
-    if isinstance(scene.camera, LensCamera):
-        lens = lens_to_focus(scene, scene.camera)
+    if (camera := scene.camera.lens_camera) is not None:
+        lens = lens_to_focus(scene, camera)
         return GroupDrive(scene, lens) if lens.focuses_by_group else WholeLens(scene, lens)
-    if not isinstance(scene.camera, PinholeCamera | EnvironmentCamera):
-        raise unknown_camera(scene.camera.kind, "what moves when it focuses (rptcam_cl/studies/focus/drives.py)")
+    if scene.camera.focuses:
+        raise scene.camera.lacks("what moves when it focuses (rptcam_cl/studies/focus/drives.py)")
     raise InputError(
         f"camera.kind: {scene.camera.kind}: everything it sees is sharp, so there is no focus to find"
-        " (allowed: thin_lens, thick_lens, realistic)"
+        f" (allowed: {', '.join(kinds_where(lambda kind: kind.focuses))})"
     )

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.rendering.cameras.film_pupil import PupilLine, PupilRays, Split, halved, pupil_line
-from rptcam_cl.studies.focus.contrast import focus_by_contrast, greatest_contrast, nothing_to_see, state_within_reach
+from rptcam_cl.studies.focus.contrast import focus_by_contrast, greatest_contrast, no_contrast, state_within_reach
 from rptcam_cl.studies.focus.probe import (
     BEST,
     MEASURES,
@@ -31,11 +31,11 @@ from rptcam_cl.studies.focus.probe import (
     Zone,
     ZoneImage,
     block_sums,
-    chosen,
+    choose_zone,
     circle_of_confusion,
     without_trend,
 )
-from rptcam_cl.studies.focus.renderer import ProbeRenderer, Probes, Task, within
+from rptcam_cl.studies.focus.renderer import ProbeRenderer, Probes, Task, probability_within
 
 # What the halves of a pupil do to the picture of a plane at any distance, by exact rays.
 
@@ -333,7 +333,7 @@ class PhaseMatch:
         low, high = low - BEYOND / slope, min(high + BEYOND / slope, self.view.nearest)
         trials = np.linspace(low, high, max(int((high - low) * slope / TRIAL_STEP) + 2, POINTS))
         misfits = np.array([self.misfit(trial) for trial in trials])
-        vergence, error, least = self._refined(trials[int(np.argmin(misfits))], trials[1] - trials[0])
+        vergence, error, least = self._refine(trials[int(np.argmin(misfits))], trials[1] - trials[0])
         shown = np.array([self.view.displacement(trial) for trial in trials])
         displacement = self.view.displacement(vergence)
         level = float(np.median(misfits))
@@ -358,7 +358,7 @@ class PhaseMatch:
         height, width = self.halves.zone
         return max(float(np.sum(twice * self._weights)) * height * width / math.prod(self._shape), 1.0)
 
-    def _refined(self, start: float, step: float) -> tuple[float, float, float]:
+    def _refine(self, start: float, step: float) -> tuple[float, float, float]:
         """Return the vergence of the least misfit, its standard error, and that misfit."""
         wide = 2 * step
         for _ in range(ROUNDS):
@@ -470,13 +470,14 @@ def half_view(renderer: ProbeRenderer, state: float, zone: Zone, split: Split, s
 def measure_halves(
     renderer: ProbeRenderer, state: float, zones: Sequence[Zone], samples: int, seed: int, split: Split = "x"
 ) -> list[tuple[ZoneImage, ZoneImage]]:
-    """Return what zones show through the left and the right half of the pupil, or the lower and the upper one.
+    """Render zones through the left and the right half of the pupil, or the lower and the upper one.
 
     The parameters are those of `ProbeRenderer.measure`. Halves are of equal light in the middle of each zone, and of
     independent noise.
     """
     return [
-        _through(renderer, half_view(renderer, state, zone, split), state, zone, samples, seed, 1.0) for zone in zones
+        _render_halves(renderer, half_view(renderer, state, zone, split), state, zone, samples, seed, 1.0)
+        for zone in zones
     ]
 
 
@@ -502,7 +503,7 @@ def half_probe(
     begun = time.perf_counter()
     across, down = (-(-pixels // MARGIN_STEP) * MARGIN_STEP for pixels in margin)
     margins = renderer.choose_zones([zone], (across, down)).margins(zone)
-    images = _through(renderer, view, state, zone, samples, seed, stop)
+    images = _render_halves(renderer, view, state, zone, samples, seed, stop)
     parts = np.stack([image.luminance for image in images])
     light = parts.mean(axis=(1, 2, 3), keepdims=True)
     halves = Halves(parts / np.where(light > 0, light, 1.0), margins)
@@ -510,10 +511,10 @@ def half_probe(
     return HalfProbe(state, stop, view, halves, taken, time.perf_counter() - begun)
 
 
-def _through(
+def _render_halves(
     renderer: ProbeRenderer, view: HalfView, state: float, zone: Zone, samples: int, seed: int, stop: float
 ) -> tuple[ZoneImage, ZoneImage]:
-    """Return what a zone shows through the half before the line and that beyond it.
+    """Render a zone through the half before the line and through that beyond it.
 
     With the same random numbers the noise of the halves would be each other's negative. Two seeds avoid that.
     """
@@ -606,8 +607,8 @@ class PhaseSearch:
             if match is not None and match.refusal in ("vague", "ambiguous"):
                 refusal = str(match.refusal)
             if not self.probe.halves.pictures.any():
-                raise nothing_to_see(REASONS["dark"])
-        raise nothing_to_see(REASONS[refusal])
+                raise no_contrast(REASONS["dark"])
+        raise no_contrast(REASONS[refusal])
 
     def finish(self) -> float:
         """Return the state that makes the target sharpest, after as many probes as that takes.
@@ -632,9 +633,9 @@ class PhaseSearch:
         match, probe = self.match, self.probe
         samples = int(min(max(samples, SAMPLES * self.error * probe.stop / PRECISE), MOST_SAMPLES))
         reach = max(DEVIATIONS * match.error, LEAST_REACH * probe.stop * match.error / match.displacement_error)
-        found = self._probe(state, probe.view.split, samples, (match.vergence - reach, match.vergence + reach))
-        if found is None or found.refusal in ("flat", "vague"):  # the first probe has distinguished rivals
-            raise nothing_to_see(REASONS["flat" if found is None else str(found.refusal)])
+        refined = self._probe(state, probe.view.split, samples, (match.vergence - reach, match.vergence + reach))
+        if refined is None or refined.refusal in ("flat", "vague"):  # the first probe has distinguished rivals
+            raise no_contrast(REASONS["flat" if refined is None else str(refined.refusal)])
         return samples
 
     def _starts(self, start: float) -> Iterator[float]:
@@ -665,10 +666,10 @@ class PhaseSearch:
         match = PhaseMatch(probe.halves, view).best(low, high) if probe.halves.pictures.any() else None
         self.probes.append((probe, match))
         if self.on_probe is not None:
-            value, error = self._shown(probe, match)
+            value, error = self._displacement_of(probe, match)
             place = self.drive.nearer * self.drive.coordinate(state)
-            found = [Measured(value, error, np.zeros(0))]
-            self.on_probe(Probe(place, stop, None, 1.0, found, probe.samples, probe.seconds))
+            measures = [Measured(value, error, np.zeros(0))]
+            self.on_probe(Probe(place, stop, None, 1.0, measures, probe.samples, probe.seconds))
         return match
 
     def _side(self, axis: int) -> float:
@@ -699,7 +700,7 @@ class PhaseSearch:
         per_pixel = pixel_mm / (2 * SEPARATION * circle_of_confusion(self.renderer.scene))
         return self.match.displacement_error * per_pixel / self.probe.stop
 
-    def _shown(self, probe: HalfProbe, match: Match | None) -> tuple[float, float]:
+    def _displacement_of(self, probe: HalfProbe, match: Match | None) -> tuple[float, float]:
         """Return the displacement that a probe shows, and its standard error; the zone's side where it shows none."""
         if match is None:
             return 0.0, self._side(probe.view.axis)
@@ -711,7 +712,7 @@ class PhaseSearch:
             ProbeRecord(
                 probe.state,
                 self.drive.film_distance(probe.state),
-                *self._shown(probe, match),
+                *self._displacement_of(probe, match),
                 probe.stop,
                 probe.samples,
                 probe.seconds,
@@ -721,7 +722,7 @@ class PhaseSearch:
         ]
 
     def notes(self) -> dict[str, Any]:
-        """Return what else there is to say of the last probe."""
+        """Describe the last probe for the report."""
         match = self.match
         return {
             "displacement_pixels": match.displacement,
@@ -741,7 +742,7 @@ def focus_by_phase(task: Task) -> FocusReport:
     """
     search = phase_search(task)
     state = search.finish()
-    sure = within(0.25, search.error)
+    sure = probability_within(0.25, search.error)
     report = task.report("phase", state, search.zone, search.error * task.drive.depth_of_focus, sure, search.records())
     report.notes.update(search.notes())
     return report
@@ -769,16 +770,18 @@ def phase_search(task: Task) -> PhaseSearch:
     if not searches:
         assert refusal is not None
         raise refusal
-    index = chosen(task.policy, task.zones, {k: search.match.vergence for k, search in searches.items()})
-    found = searches[index]
-    found.others = [probe for search in searches.values() if search is not found for probe in search.probes]
-    return found
+    index = choose_zone(task.policy, task.zones, {k: search.match.vergence for k, search in searches.items()})
+    search_of_zone = searches[index]
+    search_of_zone.others = [
+        probe for search in searches.values() if search is not search_of_zone for probe in search.probes
+    ]
+    return search_of_zone
 
 
 # Hybrid focus: phase detection points to the focus, and contrast finds it there.
 
 
-def still_to_move(search: PhaseSearch) -> float:
+def uncertainty_of(search: PhaseSearch) -> float:
     """Return how uncertain the state of a search is [depths of focus], its distance from the last probe included.
 
     Far from the focus the blur of the target's surroundings shifts the match by a few percent of the way.
@@ -814,7 +817,7 @@ def focus_by_hybrid(task: Task) -> FocusReport:
     probes = task.probes(MEASURES[BEST])
     probes.zones = [search.zone]
     sharp = task.drive.depth_of_focus
-    reach = max(REACH, AGREEMENT * still_to_move(search)) * sharp
+    reach = max(REACH, AGREEMENT * uncertainty_of(search)) * sharp
     pointed = probes.place_of(search.state)
     try:
         peak, _ = greatest_contrast(probes, Policy.CENTRE, (pointed, reach))
@@ -823,7 +826,7 @@ def focus_by_hybrid(task: Task) -> FocusReport:
     if abs(peak.place - pointed) > DISAGREE * sharp:
         search.step(probes.state_of(peak.place), SAMPLES)
         return _by_phase(task, search, probes, "phase, as contrast is greatest elsewhere")
-    sure = within(sharp / 4, peak.error)
+    sure = probability_within(sharp / 4, peak.error)
     records = search.records() + probes.records(0)
     report = task.report("hybrid", probes.state_of(peak.place), search.zone, peak.error, sure, records)
     report.notes["finished_by"] = "contrast"
@@ -834,7 +837,7 @@ def _by_phase(task: Task, search: PhaseSearch, probes: Probes, why: str) -> Focu
     """Return the focus that phase detection finds with further probes."""
     state = search.finish()
     error = search.error * task.drive.depth_of_focus
-    sure = within(0.25, search.error)
+    sure = probability_within(0.25, search.error)
     report = task.report("hybrid", state, search.zone, error, sure, search.records() + probes.records(0))
     report.notes["finished_by"] = why
     return report
@@ -843,6 +846,6 @@ def _by_phase(task: Task, search: PhaseSearch, probes: Probes, why: str) -> Focu
 def _approach(search: PhaseSearch) -> None:
     """Probe through half pupils until contrast finds the way."""
     for _ in range(HYBRID_STEPS):
-        if still_to_move(search) <= NEAR_ENOUGH:
+        if uncertainty_of(search) <= NEAR_ENOUGH:
             return
         search.step(search.state, SAMPLES)

@@ -201,7 +201,7 @@ class Policy(StrEnum):
         return self in (Policy.CLOSEST, Policy.FARTHEST, Policy.WEIGHTED)
 
 
-def chosen(policy: Policy, zones: Sequence[Zone], places: Mapping[int, float]) -> int:
+def choose_zone(policy: Policy, zones: Sequence[Zone], places: Mapping[int, float]) -> int:
     """Return the zone that decides.
 
     Parameters
@@ -272,7 +272,7 @@ class Measured:
     leave_one_out: Array
 
 
-def evenly_exposed(image: ZoneImage) -> Array | None:
+def without_exposure(image: ZoneImage) -> Array | None:
     """Divide the luminance of the parts (count, height, width) by its mean, and take a quadratic off; None if dark."""
     luminance = image.luminance
     mean = float(luminance.mean())
@@ -299,7 +299,7 @@ def energy(filters: Filters) -> Callable[[ZoneImage], Measured]:
     """
 
     def measure(image: ZoneImage) -> Measured:
-        parts = evenly_exposed(image)
+        parts = without_exposure(image)
         count = len(image.parts)
         if parts is None:
             return Measured(0.0, 0.0, np.zeros(count))
@@ -389,13 +389,13 @@ def sum_modified_laplacian(image: ZoneImage) -> Measured:
     what noise makes; here the sign of a difference is that of the *other* parts, so that noise adds nothing on the
     average and no threshold is needed. The error is never below that of a zone with nothing but this noise in it.
     """
-    parts = evenly_exposed(image)
+    parts = without_exposure(image)
     count = len(image.parts)
     if parts is None or min(parts.shape[1:]) < 3:
         return Measured(0.0, 0.0, np.zeros(count))
     differences = _second_differences(parts)
-    found = jackknife(count, lambda kept: sum(float(_sizes(each[kept]).mean()) for each in differences))
-    return replace(found, error=max(found.error, _error_of_noise(differences)))
+    measure = jackknife(count, lambda kept: sum(float(_sizes(each[kept]).mean()) for each in differences))
+    return replace(measure, error=max(measure.error, _error_of_noise(differences)))
 
 
 def _second_differences(parts: Array) -> list[Array]:
@@ -721,7 +721,7 @@ class FocusReport:
         return sum(probe.seconds for probe in self.probes)
 
     def summary(self) -> dict[str, Any]:
-        """Return what a picture's metadata should say."""
+        """Summarise the focus for the metadata of a picture."""
         return {
             "method": self.method,
             "film_distance_mm": self.film_distance_mm,
@@ -734,7 +734,7 @@ class FocusReport:
             "samples": self.samples,
         }
 
-    def kept(self, why: InputError) -> FocusReport:
+    def keep_for_next_frame(self, why: InputError) -> FocusReport:
         """Return the same focus, kept because no better one was found."""
         failure = f"{why}; the focus of the frame before is kept"
         return replace(self, confidence=0.0, probes=[], notes={"kept": True}, failure=failure, remarks=())
@@ -755,7 +755,7 @@ FEWEST_SHIFTS = 2  # probes that show which way the halves part
 
 @styled()
 def focus_plot(report: FocusReport, title: str) -> Figure:
-    """Return what an autofocus saw over the film distance.
+    """Plot the probes of an autofocus over the film distance.
 
     Contrast: on the left every probe and on the right the last ones, each as a share of the greatest at the same stop.
     Phase: how far apart the halves of the pupil show the zone, zero where it is sharp; of the hybrid on the left, with

@@ -24,7 +24,6 @@ from rptcam_cl.rendering.film import TILE, FilmLayout
 from rptcam_cl.rendering.plan.plan import Plan, make_plan
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
 from rptcam_cl.rendering.tracer import Wavefront
-from rptcam_cl.scene.camera import RealisticCamera
 from rptcam_cl.scene.exposure import Exposure
 from rptcam_cl.scene.film import LayerName
 from rptcam_cl.scene.load import at_opening, change_scene
@@ -203,7 +202,7 @@ class ProbeRenderer:
     """
 
     def __init__(self, scene: Scene, session: Session, state: float | None = None) -> None:
-        self.scene, self.session = _traced(at_opening(scene)), session
+        self.scene, self.session = _with_traced_lens(at_opening(scene)), session
         self.drive = focus_drive(self.scene)
         self.state = self.drive.start if state is None else state
         self.samples, self.seconds = 0, 0.0
@@ -239,7 +238,7 @@ class ProbeRenderer:
         stop: float = 1.0,
         reference: float | None = None,
     ) -> list[ZoneImage]:
-        """Return what zones show.
+        """Render zones in a focus state.
 
         Parameters
         ----------
@@ -278,7 +277,7 @@ class ProbeRenderer:
         return self.drive.rays(self.view.scene, state, stop, places)
 
     def render(self, camera: CameraModel, samples: int, seed: int) -> list[ZoneImage]:
-        """Return what the chosen zones show through a camera."""
+        """Render the chosen zones through a camera."""
         begun, view = time.perf_counter(), self.view
         camera = exposed(camera, view.scene)
         wavefront = self._wavefront(camera)
@@ -335,9 +334,10 @@ class ProbeRenderer:
         return self._wavefronts[facts]
 
 
-def _traced(scene: Scene) -> Scene:
+def _with_traced_lens(scene: Scene) -> Scene:
     """Return a scene whose lens is traced: polynomials would have to be fitted anew in every state."""
-    fitted = isinstance(scene.camera, RealisticCamera) and scene.camera.rays == "fitted"
+    camera = scene.camera.traced_camera
+    fitted = camera is not None and camera.rays == "fitted"
     return change_scene(scene, camera={"rays": "traced"}) if fitted else scene
 
 
@@ -402,7 +402,7 @@ class Task:
         )
 
 
-def within(tolerance: float, error: float) -> float:
+def probability_within(tolerance: float, error: float) -> float:
     """Return the probability that a normal error of a standard deviation stays within a tolerance."""
     return math.erf(tolerance / (math.sqrt(2) * error)) if error > 0 else 1.0
 
@@ -467,20 +467,26 @@ class Probes:
         fixed = None if reference is None else self.state_of(reference)
         images = self.renderer.measure(self.state_of(place), self.zones, samples, self.seed, stop, fixed)
         pixels = sum(image.parts.shape[1] * image.parts.shape[2] for image in images)
-        found = [self.measure.of(image) for image in images]
+        measures = [self.measure.of(image) for image in images]
         scale = self.drive.image_scale(self.state_of(place), self.state_of(self.ends[0]) if fixed is None else fixed)
-        probe = Probe(place, stop, reference, scale, found, pixels * images[0].samples, time.perf_counter() - begun)
+        probe = Probe(place, stop, reference, scale, measures, pixels * images[0].samples, time.perf_counter() - begun)
         self.made.append(probe)
         if self.on_probe is not None:
             self.on_probe(probe)
         return probe
 
     def records(self, zone: int) -> list[ProbeRecord]:
-        """Return what each probe measured in one zone."""
+        """List the measures of one zone, a record for each probe."""
         return [self._record(probe, zone) for probe in self.made]
 
     def _record(self, probe: Probe, zone: int) -> ProbeRecord:
-        state, found = self.state_of(probe.place), probe.found[zone]
+        state, measure = self.state_of(probe.place), probe.found[zone]
         return ProbeRecord(
-            state, self.drive.film_distance(state), found.value, found.error, probe.stop, probe.samples, probe.seconds
+            state,
+            self.drive.film_distance(state),
+            measure.value,
+            measure.error,
+            probe.stop,
+            probe.samples,
+            probe.seconds,
         )

@@ -198,7 +198,7 @@ def test_states_drawn_from_a_continuum_share_pupils_and_frames_stay_what_they_ar
 @pytest.mark.parametrize(
     "key, lens",
     [
-        ("camera.focal_length_mm: {uniform: [100, 101]}", "zoom-70-200mm"),
+        pytest.param("camera.focal_length_mm: {uniform: [100, 101]}", "zoom-70-200mm", marks=pytest.mark.slow),
         ("camera.movements.rise_mm: {uniform: [-2, 2]}", "dgauss-50mm"),
     ],
 )
@@ -220,7 +220,11 @@ def test_zooms_and_shifts_drawn_from_a_continuum_share_pupils(key: str, lens: st
     assert np.array_equal(alone.image.pixels, whole[2].image.pixels)
 
 
-@pytest.mark.parametrize(("width_mm", "fits"), [(36, 1), (50, 3)], ids=["light in the corners", "dark corners"])
+@pytest.mark.parametrize(
+    ("width_mm", "fits"),
+    [(36, 1), pytest.param(50, 3, marks=pytest.mark.slow)],
+    ids=["light in the corners", "dark corners"],
+)
 def test_f_numbers_share_a_camera_model_and_frames_stay_what_they_are_alone(
     place: Path, width_mm: float, fits: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -40,7 +40,7 @@ WORK = {
     "pupil tables": "rendering.cameras.pupil:_made",
     "cells of pupils": "rendering.cameras.shared_pupil:stopped_pupils",
     "traced cells": "rendering.cameras.shared_pupil:shared_shapes",
-    "cameras": "rendering.cameras.realistic:realistic_model",
+    "cameras": "rendering.cameras.kinds:realistic_model",
     "camera models": "batch.dataset:calibrate_best",
     "lamps in the lens": "rendering.cameras.lamp_aim:fits_of_small",
     "lamps on the film": "rendering.cameras.lamp_aim:_seen",

@@ -80,19 +80,19 @@ def test_straight_picture_has_overscan_for_what_the_lens_shows(bent):
 
 
 def test_vignetting_map_is_the_irradiance_of_each_pixel():
-    seen = view(subject("dgauss-50mm", size=(24, 16)))
+    seen = view(subject("dgauss-50mm", size=(12, 8)))
     found, lens, back = vignetting_map(seen), seen.setting.lens, seen.setting.film_distance_mm
-    expected = film_irradiance(lens, back, [0.0, np.hypot(0.75, 0.75), np.hypot(17.25, 11.25)])
-    assert found[8, 12] == pytest.approx(expected[1] / expected[0], rel=1e-3)
+    expected = film_irradiance(lens, back, [0.0, np.hypot(1.5, 1.5), np.hypot(16.5, 10.5)])
+    assert found[4, 6] == pytest.approx(expected[1] / expected[0], rel=1e-3)
     assert found[0, 0] == pytest.approx(expected[2] / expected[0], rel=2e-3)
     assert found == pytest.approx(found[::-1, ::-1], rel=1e-6)
 
 
 def test_vignetting_map_follows_the_edge_of_the_image_circle():
-    seen = view(subject("fisheye-10mm", size=(301, 1), film_mm=(28.0, 28.0 / 301)))
+    seen = view(subject("fisheye-10mm", size=(61, 1), film_mm=(28.0, 28.0 / 61)))
     found, lens, back = vignetting_map(seen)[0], seen.setting.lens, seen.setting.film_distance_mm
-    columns = np.arange(280, 301)  # where the last rays are cut off
-    expected = film_irradiance(lens, back, (columns - 150.0) * 28.0 / 301) / film_irradiance(lens, back, 0.0)
+    columns = np.arange(56, 61)  # where the last rays are cut off
+    expected = film_irradiance(lens, back, (columns - 30.0) * 28.0 / 61) / film_irradiance(lens, back, 0.0)
     assert expected.min() == 0.0 < 0.2 < expected.max()
     assert found[columns] == pytest.approx(expected, abs=1e-3)
 
@@ -147,8 +147,9 @@ def test_circle_of_confusion_is_the_width_of_the_kernel():
     assert blur[0, 400, 600] == pytest.approx(width, rel=0.01)
 
 
-@pytest.mark.parametrize("flip", [True, False])
-@pytest.mark.parametrize("movements", [{"shift_mm": -6, "rise_mm": 3}, {"swing_degrees": 4, "rise_mm": 3}])
+@pytest.mark.parametrize(
+    ("movements", "flip"), [({"shift_mm": -6, "rise_mm": 3}, False), ({"swing_degrees": 4, "rise_mm": 3}, True)]
+)
 def test_circle_of_confusion_of_a_film_that_is_moved_is_that_of_its_own_side(movements, flip):
     camera = CAMERA | {"flip": flip, "movements": movements, "f_number": 2.8}
     seen = view(load_scene({"film": FILM | {"resolution": [300, 200]}, "camera": camera}))
@@ -213,13 +214,13 @@ def test_commands_write_maps_whole(tmp_path, capsys):
     }
     words = [word for name, file in files.items() for word in (f"--{name}", str(tmp_path / file))]
     scene = tmp_path / "scene.yaml"
-    scene.write_text(json.dumps({"film": FILM, "camera": CAMERA}))
+    scene.write_text(json.dumps({"film": FILM | {"resolution": [24, 16]}, "camera": CAMERA}))
     more = ["--distances-m", "1,2", "--psf-cells", "1x1"]
     assert main(["camera", str(scene), *words, *more]) == 0
     with OpenEXR.File(str(tmp_path / "u.exr")) as file:
         assert file.channels()["RGB"].pixels.dtype == np.float32
         said = dict(file.header())
-    assert json.loads(said["picture_size"]) == [60, 40]
+    assert json.loads(said["picture_size"]) == [24, 16]
     assert json.loads(said["offset"])[0] >= 0
     with OpenEXR.File(str(tmp_path / "c.exr")) as file:
         assert set(file.channels()) == {"coc.0", "coc.1"}

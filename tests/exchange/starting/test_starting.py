@@ -10,7 +10,7 @@ import pytest
 from rptcam_cl.api.interface import render
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.exchange.camera_view import view
-from rptcam_cl.exchange.starting import Projection, StartOptions, starting_scene
+from rptcam_cl.exchange.starting import Projection, starting_scene
 from rptcam_cl.rendering.cameras.setting import lens_setting
 from rptcam_cl.scene.load import load_scene
 from tests.scene.assets.gltf_writer import GltfWriter, triangle
@@ -43,7 +43,7 @@ def home(tmp_path: Path) -> Path:
 
 @pytest.mark.parametrize("lens", ["dgauss-50mm", "fisheye-10mm"])
 def test_model_fills_two_thirds_of_a_rendered_frame(model: Path, home: Path, lens: str) -> None:
-    start = starting_scene(StartOptions(model, lens=lens), home)
+    start = starting_scene(home, model, lens=lens)
     start.copies.write()
     scene = start.scene | {"environment": None, "render": {"spp": 4}, "exposure": "relative"}
     scene["materials"] = {"light": {"kind": "emissive", "radiance": 1, "two_sided": True}}
@@ -68,7 +68,7 @@ def test_lenses_that_go_by_first_order_are_framed_by_their_chief_rays(lens: str,
 
 
 def test_front_of_the_model_is_in_focus(model: Path, home: Path) -> None:
-    start = starting_scene(StartOptions(model), home)
+    start = starting_scene(home, model)
     setting = lens_setting(load_scene({"camera": start.scene["camera"], "film": start.scene["film"]}))
     eye, target = (np.array(start.scene["camera"][key]) for key in ("eye", "target"))
     ahead = (target - eye) / np.linalg.norm(target - eye)
@@ -77,7 +77,7 @@ def test_front_of_the_model_is_in_focus(model: Path, home: Path) -> None:
 
 
 def test_lens_that_sees_nearly_half_the_world_stands_outside_the_subject(home: Path) -> None:
-    start = starting_scene(StartOptions(lens="paper-biconvex"), home)
+    start = starting_scene(home, lens="paper-biconvex")
     eye, target = (np.array(start.scene["camera"][key]) for key in ("eye", "target"))
     balls = [ball for ball in start.scene["objects"] if ball["shape"] == "sphere"]
     assert all(np.linalg.norm(eye - ball["center"]) > 1.5 * ball["radius"] for ball in balls)
@@ -87,7 +87,7 @@ def test_lens_that_sees_nearly_half_the_world_stands_outside_the_subject(home: P
 
 def test_small_model_is_framed_as_near_as_the_lens_focuses(tmp_path: Path, home: Path) -> None:
     (tmp_path / "bead.obj").write_text(OCTAHEDRON)
-    start = starting_scene(StartOptions(tmp_path / "bead.obj", lens="macro-55mm", metres_per_unit=1e-3), home)
+    start = starting_scene(home, tmp_path / "bead.obj", lens="macro-55mm", metres_per_unit=1e-3)
     lens_setting(
         load_scene(start.scene | {"objects": [], "environment": None})
     )  # which is refused where it is too near
@@ -110,25 +110,25 @@ def test_unlikely_size_of_a_model_is_said_with_the_unit_that_mends_it(
 ) -> None:
     corners = "".join(f"v {scale * x} {scale * y} 0\n" for x, y in ((-1, 0), (1, 0), (0, 1)))
     (tmp_path / "helmet.obj").write_text(corners + "f 1 2 3\n")
-    report = starting_scene(StartOptions(tmp_path / "helmet.obj", metres_per_unit=unit), home).report
+    report = starting_scene(home, tmp_path / "helmet.obj", metres_per_unit=unit).report
     hints = [line for line in report if line.startswith("hint: ")]
     assert len(hints) == bool(said)
     assert all(hint.endswith(said) for hint in hints)
 
 
 def test_files_from_elsewhere_are_copied_and_others_are_not_replaced(model: Path, home: Path) -> None:
-    start = starting_scene(StartOptions(model), home)
+    start = starting_scene(home, model)
     assert {path.name for path in start.copies.write()} == {"gem.obj", "gem.mtl"}
     assert start.scene["objects"][0]["file"] == "gem.obj"
     assert any("red.png" in message and "grey" in message for message in start.report)
-    starting_scene(StartOptions(model), home)  # the same files may lie there
+    starting_scene(home, model)  # the same files may lie there
     (home / "gem.mtl").write_text("newmtl red\n")
     with pytest.raises(InputError, match=r"a scene reads its own folder only, and another gem\.mtl is there already"):
-        starting_scene(StartOptions(model), home)
+        starting_scene(home, model)
 
 
 def test_scene_without_model_or_picture_of_light_is_complete(home: Path) -> None:
-    scene = load_scene(starting_scene(StartOptions(), home).scene)
+    scene = load_scene(starting_scene(home).scene)
     assert len(scene.objects) == 5
     assert scene.exposure.mode == "auto"
     assert scene.warnings == ()
@@ -159,7 +159,7 @@ def world(kind: str) -> GltfWriter:
 @pytest.mark.parametrize("lens", [None, "dgauss-50mm"])
 def test_camera_of_a_gltf_file_is_taken(home: Path, lens: str | None) -> None:
     (home / "room.glb").write_bytes(world("spot").glb())
-    scene = load_scene(starting_scene(StartOptions(home / "room.glb", lens=lens), home).scene, base_dir=home)
+    scene = load_scene(starting_scene(home, home / "room.glb", lens=lens).scene, base_dir=home)
     assert scene.film.resolution == (960, 768)
     assert scene.camera.target == (0.2, 0.2, 0)
     if lens is None:
@@ -180,7 +180,7 @@ def test_perspective_of_a_gltf_camera_is_that_of_the_lens(home: Path, lens: str,
     writer.json["nodes"][1]["translation"] = [0.2, 0.2, away]
     writer.json["cameras"][0]["perspective"]["yfov"] = math.radians(degrees)
     (home / "room.glb").write_bytes(writer.glb())
-    scene = load_scene(starting_scene(StartOptions(home / "room.glb", lens=lens), home).scene, base_dir=home)
+    scene = load_scene(starting_scene(home, home / "room.glb", lens=lens).scene, base_dir=home)
     seen = view(scene)
     assert seen.pose()[:3, 3] == pytest.approx([0.2, 0.2, away], abs=5e-5)  # six digits of metres are written
     assert seen.distance_m == pytest.approx(away, abs=5e-5)
@@ -194,13 +194,13 @@ def test_gltf_camera_that_is_too_near_for_its_lens_is_refused(home: Path) -> Non
     writer.json["nodes"][1]["translation"] = [0.2, 0.2, 0.1]
     (home / "room.glb").write_bytes(writer.glb())
     with pytest.raises(InputError, match=r"shot of the file: .* cannot focus at .*\(allowed: another lens, or --ref"):
-        starting_scene(StartOptions(home / "room.glb", lens="dgauss-50mm"), home)
+        starting_scene(home, home / "room.glb", lens="dgauss-50mm")
 
 
 @pytest.mark.parametrize("kind", ["spot", "point", "directional"])
 def test_lamps_of_a_gltf_file_are_taken(home: Path, kind: str) -> None:
     (home / "room.glb").write_bytes(world(kind).glb())
-    start = starting_scene(StartOptions(home / "room.glb"), home)
+    start = starting_scene(home, home / "room.glb")
     (light,) = load_scene(start.scene, base_dir=home).lights
     assert light.kind == kind
     amount = light.irradiance if kind == "directional" else light.intensity
@@ -217,7 +217,7 @@ def test_lamps_of_a_gltf_file_are_taken(home: Path, kind: str) -> None:
 @pytest.mark.parametrize("reframe", [False, True])
 def test_scene_with_the_lamps_of_its_file_is_not_warned_of_them(reframe: bool, home: Path) -> None:
     (home / "room.glb").write_bytes(world("point").glb())
-    written = starting_scene(StartOptions(home / "room.glb", reframe=reframe), home).scene
+    written = starting_scene(home, home / "room.glb", reframe=reframe).scene
     assert load_scene(written, base_dir=home).warnings == ()
     sky = {"lights": [], "environment": {"kind": "constant", "radiance": 1}}
     (warning,) = load_scene(written | sky, base_dir=home).warnings
@@ -229,14 +229,14 @@ def test_further_cameras_of_a_gltf_file_are_named_once(home: Path) -> None:
     writer.json["nodes"].append({"name": "from above", "camera": 0, "translation": [0, 9, 0]})
     writer.json["scenes"][0]["nodes"].append(3)
     (home / "room.glb").write_bytes(writer.glb())
-    start = starting_scene(StartOptions(home / "room.glb"), home)
+    start = starting_scene(home, home / "room.glb")
     assert start.report[0] == "other cameras of the file are left out: from above"
     assert load_scene(start.scene, base_dir=home).warnings == ()
 
 
 def test_reframe_leaves_the_camera_of_the_file_out(home: Path) -> None:
     (home / "room.glb").write_bytes(world("point").glb())
-    scene = starting_scene(StartOptions(home / "room.glb", reframe=True), home).scene
+    scene = starting_scene(home, home / "room.glb", reframe=True).scene
     assert scene["camera"]["kind"] == "realistic"
     assert scene["camera"]["eye"] != [0.2, 0.2, 4]
 
@@ -249,7 +249,7 @@ def test_camera_straight_above_the_model_has_a_studio(home: Path) -> None:
     del writer.json["nodes"][2], writer.json["extensions"]
     writer.json["scenes"] = [{"nodes": [0, 1]}]
     (home / "top.glb").write_bytes(writer.glb())
-    scene = load_scene(starting_scene(StartOptions(home / "top.glb"), home).scene, base_dir=home)
+    scene = load_scene(starting_scene(home, home / "top.glb").scene, base_dir=home)
     assert [item.name for item in scene.objects] == ["model", "floor", "soft box"]
 
 
@@ -258,5 +258,5 @@ def test_gltf_without_indices_of_cameras_is_refused(home: Path) -> None:
     writer.json["nodes"][1]["camera"] = 3
     (home / "room.gltf").write_text(writer.gltf())
     with pytest.raises(InputError, match=r"nodes\[1\]\.camera: must be a whole number in its range"):
-        starting_scene(StartOptions(home / "room.gltf"), home)
+        starting_scene(home, home / "room.gltf")
     assert json.loads((home / "room.gltf").read_text())["nodes"][1]["camera"] == 3

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.imaging.sensor import SensorModel, exposed
+from rptcam_cl.imaging.sensor import SensorModel, expose
 from tests.imaging.sensor.sensors import Transfer, flat, photon_transfer, sensor
 from tests.support.statistics import assert_equivalent
 
@@ -19,7 +19,7 @@ MONO = sensor(
 
 def transfer(chosen: SensorModel, size: int = 512) -> Transfer:
     def frame(level: float, seed: int) -> np.ndarray:
-        return exposed(flat(level, size), replace(chosen, seed=seed)).numbers
+        return expose(flat(level, size), replace(chosen, seed=seed))
 
     return photon_transfer(frame, LEVELS, 1.5)
 
@@ -45,14 +45,14 @@ def test_photon_transfer_would_notice_three_percent() -> None:
 
 
 def test_noise_is_that_of_the_electrons() -> None:
-    frame = exposed(flat(0.5, 256), replace(MONO, system_gain_dn_per_e=1.0))
-    counted = frame.numbers.astype(float)
+    frame = expose(flat(0.5, 256), replace(MONO, system_gain_dn_per_e=1.0))
+    counted = frame.astype(float)
     assert counted.mean() == pytest.approx(512 + 7500, abs=4 * np.sqrt(7500 / 65536))
     assert counted.var() == pytest.approx(7500 + 49 + 1 / 12, rel=4 * np.sqrt(2 / 65536))
 
 
 def test_dark_current_adds_electrons_and_their_noise() -> None:
-    dark = exposed(flat(0.0, 256), replace(MONO, system_gain_dn_per_e=1.0, dark_e=400.0)).numbers.astype(float)
+    dark = expose(flat(0.0, 256), replace(MONO, system_gain_dn_per_e=1.0, dark_e=400.0)).astype(float)
     assert dark.mean() == pytest.approx(512 + 400, abs=4 * np.sqrt(449 / 65536))
     assert dark.var() == pytest.approx(400 + 49 + 1 / 12, rel=4 * np.sqrt(2 / 65536))
 
@@ -61,30 +61,30 @@ def test_dark_current_adds_electrons_and_their_noise() -> None:
 def test_same_seed_gives_the_same_bytes_and_another_seed_others(bayer: str) -> None:
     chosen = sensor(bayer=bayer, prnu=0.01, dsnu_e=5.0, seed=7)
     film = np.random.default_rng(3).random((40, 60, 3)) * 0.3
-    first = exposed(film, chosen).numbers
-    assert first.tobytes() == exposed(film, replace(chosen)).numbers.tobytes()
-    other = exposed(film, replace(chosen, seed=8)).numbers
+    first = expose(film, chosen)
+    assert first.tobytes() == expose(film, replace(chosen)).tobytes()
+    other = expose(film, replace(chosen, seed=8))
     assert np.mean(first != other) > 0.9
 
 
 def test_fixed_pattern_stays_while_the_noise_changes() -> None:
     chosen = sensor(bayer="monochrome", prnu=0.05, dsnu_e=300.0, pattern_seed=4)
-    residue = [exposed(flat(0.3, 96), replace(chosen, seed=seed)).numbers.astype(float).ravel() for seed in (1, 2)]
+    residue = [expose(flat(0.3, 96), replace(chosen, seed=seed)).astype(float).ravel() for seed in (1, 2)]
     assert np.corrcoef(residue)[0, 1] > 0.9
-    elsewhere = exposed(flat(0.3, 96), replace(chosen, seed=1, pattern_seed=5)).numbers.astype(float).ravel()
+    elsewhere = expose(flat(0.3, 96), replace(chosen, seed=1, pattern_seed=5)).astype(float).ravel()
     assert abs(np.corrcoef(residue[0], elsewhere)[0, 1]) < 0.05
 
 
 def test_fixed_pattern_has_the_size_put_in() -> None:
-    frames = [exposed(flat(0.3, 256), replace(MONO, prnu=0.02, seed=seed)).numbers.astype(float) for seed in (1, 2)]
+    frames = [expose(flat(0.3, 256), replace(MONO, prnu=0.02, seed=seed)).astype(float) for seed in (1, 2)]
     together = np.mean((frames[0] - frames[0].mean()) * (frames[1] - frames[1].mean()))  # noise is not shared
     assert np.sqrt(together) == pytest.approx(0.02 * 4500 * 1.2, rel=0.02)
 
 
 def test_part_of_the_film_has_the_pixels_of_the_whole() -> None:
     chosen = sensor(read_noise_e=0.0, prnu=0.05, dsnu_e=500.0, electrons=np.zeros((3, 3)), black_level_dn=4000.0)
-    whole = exposed(np.zeros((30, 40, 3)), chosen).numbers
-    part = exposed(np.zeros((11, 13, 3)), replace(chosen, origin=(7, 5))).numbers
+    whole = expose(np.zeros((30, 40, 3)), chosen)
+    part = expose(np.zeros((11, 13, 3)), replace(chosen, origin=(7, 5)))
     assert np.array_equal(part, whole[5:16, 7:20])
     assert replace(chosen, origin=(7, 5)).pattern == "BGGR"
     assert replace(chosen, origin=(1, 0)).pattern == "GRBG"
@@ -96,26 +96,26 @@ def test_numbers_fill_the_range_of_the_converter_and_no_more(bits: int) -> None:
     top = 2**bits - 1
     chosen = sensor(bit_depth=bits, black_level_dn=top / 32, system_gain_dn_per_e=top / 30000, bayer="none")
     ramp = np.linspace(0, 3, 512)[None, :, None] * np.ones((4, 1, 3))
-    numbers = exposed(ramp, chosen).numbers
+    numbers = expose(ramp, chosen)
     assert numbers.dtype == np.uint16
     assert numbers.max() == top and numbers.min() >= 0
 
 
 def test_full_well_saturates_below_the_converter() -> None:
     chosen = sensor(bayer="none", read_noise_e=0.0, full_well_e=10000.0)
-    numbers = exposed(flat(2.0), chosen).numbers
+    numbers = expose(flat(2.0), chosen)
     assert set(numbers.ravel().tolist()) == {round(chosen.white_level_dn)}
     assert chosen.white_level_dn == pytest.approx(512 + 10000 * chosen.system_gain_dn_per_e)
 
 
 def test_strange_light_gives_numbers_all_the_same() -> None:
     film = np.array([[[np.nan] * 3, [np.inf] * 3], [[-1.0] * 3, [-np.inf] * 3]])
-    numbers = exposed(film, sensor(bayer="none", read_noise_e=0.0)).numbers
+    numbers = expose(film, sensor(bayer="none", read_noise_e=0.0))
     assert numbers[:, :, 1].tolist() == [[512, 16383], [512, 512]]
 
 
 @pytest.mark.parametrize("shape", [(1, 5, 3), (5, 1, 3)])
 def test_mosaic_needs_two_by_two_pixels(shape: tuple[int, int, int]) -> None:
     with pytest.raises(InputError, match=r"sensor.bayer: a mosaic needs more pixels"):
-        exposed(np.ones(shape), sensor())
-    assert exposed(np.ones(shape), sensor(bayer="none")).numbers.shape == shape
+        expose(np.ones(shape), sensor())
+    assert expose(np.ones(shape), sensor(bayer="none")).shape == shape

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from rptcam_cl.imaging.sensor import demosaiced, exposed, linear_picture, mosaic
+from rptcam_cl.imaging.sensor import expose, interpolate_colours, linear_picture, mosaic
 from tests.imaging.sensor.sensors import flat, sensor
 
 ORDERS = ("RGGB", "BGGR", "GRBG", "GBRG")
@@ -46,13 +46,13 @@ def test_mosaic_keeps_the_colour_of_each_place(order: str) -> None:
 @pytest.mark.parametrize("shape", [(2, 2), (2, 7), (9, 12)])
 def test_even_colour_comes_back_exactly(order: str, method: str, shape: tuple[int, int]) -> None:
     colour = np.broadcast_to([0.25, 0.5, 0.125] if method == "bilinear" else [0.25] * 3, (*shape, 3))
-    assert np.array_equal(demosaiced(mosaic(colour, order), order, method), colour)
+    assert np.array_equal(interpolate_colours(mosaic(colour, order), order, method), colour)
 
 
 @pytest.mark.parametrize("order", ORDERS)
 def test_even_colours_come_back_by_malvar_where_no_edge_is_near(order: str) -> None:
     colour = np.broadcast_to([0.3, 0.7, 0.1], (12, 12, 3))
-    assert demosaiced(mosaic(colour, order), order, "malvar") == pytest.approx(colour, abs=1e-15)
+    assert interpolate_colours(mosaic(colour, order), order, "malvar") == pytest.approx(colour, abs=1e-15)
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -62,7 +62,7 @@ def test_ramp_comes_back_exactly_inside(order: str, method: str) -> None:
     ramp = np.stack([x + 2.0 * y, 3.0 * x - y + 40, 0.5 * x + y], axis=2) if method == "bilinear" else None
     if ramp is None:
         ramp = np.repeat((x + 2.0 * y)[..., None], 3, axis=2)
-    found = demosaiced(mosaic(ramp, order), order, method)
+    found = interpolate_colours(mosaic(ramp, order), order, method)
     assert found[2:-2, 2:-2] == pytest.approx(ramp[2:-2, 2:-2], abs=1e-12)
 
 
@@ -70,7 +70,7 @@ def test_each_pixel_keeps_what_it_saw() -> None:
     values = np.random.default_rng(5).random((16, 18))
     for method in METHODS:
         for order in ORDERS:
-            assert np.array_equal(mosaic(demosaiced(values, order, method), order), values)
+            assert np.array_equal(mosaic(interpolate_colours(values, order, method), order), values)
 
 
 # Measured with this plate: bilinear 27.4 and 16.9 dB, Malvar 33.5 and 27.5 dB, in every order.
@@ -78,13 +78,13 @@ def test_each_pixel_keeps_what_it_saw() -> None:
 def test_zone_plate_comes_back_the_better_by_malvar(frequency: float, bilinear: float, malvar: float) -> None:
     plate = zone_plate(frequency)
     for order in ORDERS:
-        assert psnr(demosaiced(mosaic(plate, order), order, "bilinear"), plate) > bilinear
-        assert psnr(demosaiced(mosaic(plate, order), order, "malvar"), plate) > malvar
+        assert psnr(interpolate_colours(mosaic(plate, order), order, "bilinear"), plate) > bilinear
+        assert psnr(interpolate_colours(mosaic(plate, order), order, "malvar"), plate) > malvar
 
 
 def test_zone_plate_would_show_a_wrong_order() -> None:
     plate = zone_plate(0.125) * [1.0, 0.5, 0.5]
-    assert psnr(demosaiced(mosaic(plate, "RGGB"), "BGGR", "malvar"), plate) < 20
+    assert psnr(interpolate_colours(mosaic(plate, "RGGB"), "BGGR", "malvar"), plate) < 20
 
 
 @pytest.mark.parametrize("order", [*ORDERS, "none"])
@@ -93,26 +93,27 @@ def test_chart_keeps_its_colours_through_the_sensor(order: str, response: str | 
     film = CHART.repeat(48, axis=0).repeat(48, axis=1)
     many = replace(sensor(response, bayer=order, bit_depth=16, full_well_e=3e8), black_level_dn=2048.0)
     silent = replace(many, electrons=many.electrons * 1e4, system_gain_dn_per_e=(65535 - 2048) / 3e8)
-    found = linear_picture(exposed(film, silent))
+    found = linear_picture(expose(film, silent), silent)
     patches = found.reshape(3, 48, 6, 48, 3)[:, 12:-12, :, 12:-12].mean(axis=(1, 3))
     assert patches == pytest.approx(CHART, abs=2e-4)  # a dozen steps of the converter, of which pixels average many
 
 
 def test_chart_would_show_a_wrong_order() -> None:
     film = CHART.repeat(48, axis=0).repeat(48, axis=1)
-    frame = exposed(film, sensor(bayer="RGGB"))
-    found = linear_picture(replace(frame, sensor=sensor(bayer="BGGR")))
+    found = linear_picture(expose(film, sensor(bayer="RGGB")), sensor(bayer="BGGR"))
     assert np.abs(found.reshape(3, 48, 6, 48, 3).mean(axis=(1, 3)) - CHART).max() > 0.1
 
 
 def test_highlights_stay_neutral() -> None:
     for order in ("RGGB", "none"):
-        found = linear_picture(exposed(flat(5.0), sensor("nikon_d5100", bayer=order)))
+        chosen = sensor("nikon_d5100", bayer=order)
+        found = linear_picture(expose(flat(5.0), chosen), chosen)
         assert found == pytest.approx(np.ones_like(found), abs=0.02)
 
 
 def test_monochrome_sees_all_light() -> None:
-    found = linear_picture(exposed(flat([0.3, 0.5, 0.1]), sensor(bayer="monochrome", full_well_e=1e6)))
+    chosen = sensor(bayer="monochrome", full_well_e=1e6)
+    found = linear_picture(expose(flat([0.3, 0.5, 0.1]), chosen), chosen)
     weights = sensor().electrons.sum(axis=1) / sensor().electrons.sum()
     assert found[..., 0].mean() == pytest.approx(float(weights @ [0.3, 0.5, 0.1]), rel=0.01)
     assert np.array_equal(found[..., 0], found[..., 2])

@@ -12,7 +12,7 @@ import tifffile
 from rptcam_cl.core.colour import RESPONSES
 from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.imaging.formats import RawImage, check_raw_output
-from rptcam_cl.imaging.sensor import SensorModel, exposed
+from rptcam_cl.imaging.sensor import SensorModel, expose
 from tests.imaging.sensor.sensors import sensor
 from tests.imaging.sensor.test_mosaic import CHART
 
@@ -26,8 +26,7 @@ SENSORS += [("canon_eos_5d_mark_ii", "RGGB"), ("sigma_sd_merrill", "none"), (Non
 
 def raw_of(chosen: SensorModel, size: int = 24) -> RawImage:
     film = CHART.repeat(size, axis=0).repeat(size, axis=1)
-    frame = exposed(film, chosen)
-    return RawImage(frame.numbers, frame.sensor, METADATA)
+    return RawImage(expose(film, chosen), chosen, METADATA)
 
 
 def quiet(response: str | None, bayer: str) -> SensorModel:

@@ -13,7 +13,7 @@ import rptcam_cl
 from rptcam_cl.cli import main
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.device.session import Session, open_session
-from rptcam_cl.imaging.sensor import SensorModel, exposed
+from rptcam_cl.imaging.sensor import SensorModel, expose
 from tests.imaging.sensor.sensors import photon_transfer
 from tests.support.statistics import assert_equivalent
 
@@ -53,7 +53,7 @@ def test_photon_transfer_of_a_rendered_flat_field_gives_back_what_was_put_in(ses
             shot = {**WALL, "shutter": {"time_s": level * 1e-3}} if level else {**WALL, "environment": None}
             films[level] = rptcam_cl.render(shot, spp=1, device=session)
         sensor = SensorModel.from_description(films[level].metadata["sensor"])
-        return exposed(films[level].pixels, replace(sensor, seed=seed)).numbers
+        return expose(films[level].pixels, replace(sensor, seed=seed))
 
     electrons_per_ms = exposed_electrons(1e-3)
     levels = [share * 12000 / electrons_per_ms for share in (0.02, 0.1, 0.25, 0.45, 0.7)]

@@ -8,7 +8,7 @@ import pytest
 
 from rptcam_cl.core.colour import RESPONSES
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.imaging.sensor import SensorModel, exposed, sensor_of
+from rptcam_cl.imaging.sensor import SensorModel, expose, sensor_of
 from rptcam_cl.scene.film import PRESETS, PresetName, ResponseName
 from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.scene import Scene
@@ -104,7 +104,7 @@ def test_white_of_one_just_saturates_sensors_of_every_mosaic(bayer: str, mode: s
     found = sensor_in(keys, metadata, exposure=mode, shutter={"time_s": 1 / 100})
 
     def highest(level: float) -> int:
-        return int(exposed(np.full((8, 8, 3), level, np.float32), found).numbers.max())
+        return int(expose(np.full((8, 8, 3), level, np.float32), found).max())
 
     assert found.white_electrons.max() > 1e9  # of pixels so large that noise does not count
     assert highest(0.99) < found.top_dn
@@ -177,7 +177,7 @@ def test_frames_of_a_sequence_have_noise_of_their_own_and_one_fixed_pattern() ->
     assert again.seed == second.seed
     assert {first.pattern_seed, second.pattern_seed, third.pattern_seed} == {3}
     film = np.full((32, 32, 3), 0.5, np.float32)
-    one, two = (exposed(film, replace(frame, bayer="none")).numbers.astype(float) for frame in (first, second))
+    one, two = (expose(film, replace(frame, bayer="none")).astype(float) for frame in (first, second))
     apart = np.corrcoef((one - one.mean(axis=(0, 1))).ravel(), (two - two.mean(axis=(0, 1))).ravel())[0, 1]
     assert abs(apart) < 0.1  # six standard errors of 3072 numbers
     assert sensor_in({}, {}, shutter={"open_s": 1.0}).seed != sensor_in({"seed": 1}, {}, shutter={"open_s": 1.0}).seed

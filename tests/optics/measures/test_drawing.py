@@ -12,9 +12,10 @@ from rptcam_cl.device.session import open_session
 from rptcam_cl.optics.charts import Path
 from rptcam_cl.optics.drawing import View, draw_lens, glass, profile, ray_paths, reference, svg
 from rptcam_cl.optics.image_quality import default_fields, section_rays, setting, widest_field
-from rptcam_cl.optics.library import list_lenses, load_lens
+from rptcam_cl.optics.library import load_lens
 from rptcam_cl.optics.ray_trace import Status
 from rptcam_cl.rendering.traceable_lens import device_tracer
+from tests.support.lenses import each_lens
 
 SPHERE = {
     "name": "Thick ball",
@@ -25,7 +26,7 @@ SPHERE = {
 }
 
 
-@pytest.mark.parametrize("name", list_lenses())
+@pytest.mark.parametrize("name", each_lens())
 def test_every_lens_is_drawn_with_rays_that_reach_the_film(name: str) -> None:
     lens = load_lens(name)
     picture = draw_lens(setting(lens), View(rays=3, fields=(0.0,), blocked=False))

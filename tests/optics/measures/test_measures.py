@@ -185,14 +185,14 @@ def test_lens_without_a_real_image_cannot_be_measured() -> None:
 
 def test_a_field_that_nothing_reaches_is_an_empty_row_among_others() -> None:
     state = setting(load_lens("wide-22mm"))
-    spots = film_spots(state, [0.0, 60.0, 100.0], [587.56], 24)
+    spots = film_spots(state, [0.0, 100.0], [587.56], 24)
     rows = spot_table(spots)
-    assert [row["rays"] > 0 for row in rows] == [True, False, False]
+    assert [row["rays"] > 0 for row in rows] == [True, False]
     assert rows[1]["rms_um"] is None
     modulation = mtf_table(spots, [20.0])
-    assert [row["tangential"] is None for row in modulation] == [False, True, True]
-    heights = [row["height_mm"] for row in distortion_table(state, [0.0, 60.0, 100.0], [587.56], "tan")]
-    assert [height is None for height in heights] == [False, True, True]
+    assert [row["tangential"] is None for row in modulation] == [False, True]
+    heights = [row["height_mm"] for row in distortion_table(state, [0.0, 100.0], [587.56], "tan")]
+    assert [height is None for height in heights] == [False, True]
     with pytest.raises(InputError, match="nothing of a beam"):
         film_spots(state, [60.0], [587.56], 24)
 
@@ -239,7 +239,7 @@ def test_t_numbers_count_what_a_ring_leaves_and_near_objects(hole: float, focus_
     assert row["t_number_coated"] is None
 
 
-@pytest.mark.parametrize("pixel", [0.249, 0.499])  # in wavelengths times f-number
+@pytest.mark.parametrize("pixel", [0.249, pytest.param(0.499, marks=pytest.mark.slow)])  # in wavelengths times f-number
 def test_pixels_of_a_diffracted_point_have_the_mean_of_the_airy_pattern(pixel: float) -> None:
     rows = [{"thickness": 3, "glass": {"index": 1.5}, "diameter": 26, "stop": True},
             {"radius": -25, "conic": -2.25, "diameter": 26}]  # fmt: skip
@@ -261,8 +261,8 @@ def perfect_wave(behind_mm: float) -> FieldWave:
 
 
 def test_radii_of_a_large_blur_are_those_of_its_disc() -> None:
-    facts = wave_point_image([perfect_wave(6.0)], 4).facts
-    radius = 1e3 * 6 / 16  # more than 48 Airy radii, by similar triangles
+    facts = wave_point_image([perfect_wave(4.5)], 4).facts
+    radius = 1e3 * 4.5 / 16  # more than 48 Airy radii, by similar triangles
     for percent in (50, 80, 95):
         found = facts[f"radius_of_{percent}_percent_um"]
         assert found == pytest.approx(radius * (percent / 100) ** 0.5, rel=0.03)
@@ -274,7 +274,10 @@ def test_radii_of_several_wavelengths_hold_shares_of_all_their_light() -> None:
     assert facts["radius_of_80_percent_um"] == pytest.approx(1e3 * 3 / 16 * 0.6**0.5, rel=0.03)
 
 
-@pytest.mark.parametrize(("name", "f_number", "degrees"), [("tessar-102mm", 8.0, 29.0), ("cylinder-pair", 8.0, 0.0)])
+@pytest.mark.parametrize(
+    ("name", "f_number", "degrees"),
+    [pytest.param("tessar-102mm", 8.0, 29.0, marks=pytest.mark.slow), ("cylinder-pair", 8.0, 0.0)],
+)
 def test_figures_by_default_are_those_of_many_rays_and_say_how_exact_they_are(
     name: str, f_number: float, degrees: float
 ) -> None:  # once 2.3 % off the spot, and 0.29 for a modulation of 0.0001, as the rays stood in step with the lines

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import cache
 from typing import Any
 from zlib import crc32
 
@@ -54,6 +55,7 @@ def back_distance(lens: Lens) -> float:
         return abs(lens.first_order().focal_length_mm)
 
 
+@cache
 def film_beam(
     lens: Lens, count: int, half_film_mm: float | None = None, back_mm: float | None = None
 ) -> tuple[Array, Array]:
@@ -71,7 +73,10 @@ def film_beam(
     found = np.flatnonzero(arriving.passed)[: count // 2]
     heading = arriving.directions[found]
     at_film = arriving.origins[found] + (lens.length + back - arriving.origins[found, 2:]) / heading[:, 2:] * heading
-    return np.concatenate([origins, at_film]), np.concatenate([directions, -heading])
+    beam = np.concatenate([origins, at_film]), np.concatenate([directions, -heading])
+    for each in beam:  # every test of this lens has the same
+        each.setflags(write=False)
+    return beam
 
 
 def scene_beam(lens: Lens, rng: np.random.Generator, count: int, slope: float = 0.3) -> tuple[Array, Array]:

@@ -10,7 +10,7 @@ from rptcam_cl.api.interface import render
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.as_built import Heat
 from rptcam_cl.optics.library import load_lens
-from rptcam_cl.rendering.cameras.realistic import camera_model
+from rptcam_cl.rendering.cameras.kinds import camera_model
 from rptcam_cl.rendering.cameras.setting import design_to_focus, film_for_infinity, lens_setting
 from rptcam_cl.scene.load import change_scene, load_scene, set_keys
 from rptcam_cl.scene.scene import Scene
@@ -69,19 +69,19 @@ def test_design_written_out_is_the_lens_alone(folder: Path) -> None:
     assert (one.lens, one.film_distance_mm, one.metadata) == (other.lens, other.film_distance_mm, other.metadata)
 
 
-@pytest.mark.parametrize("precision", PRECISIONS)
-def test_device_follows_float64_through_a_copy(folder: Path, session: Any, precision: Any) -> None:
+def test_device_follows_float64_through_a_copy(folder: Path, session: Any) -> None:
     lens = lens_setting(scene(folder, built("90%"))).lens
     assert not lens.is_rotational
-    rays = film_beam(lens, 4000)
-    sure = ~doubtful(lens, *rays)
-    found, expected = on_device(session, lens, *rays, precision), lens.trace(*rays)
-    np.testing.assert_array_equal(found.status[sure], expected.status[sure])
+    rays = film_beam(lens, 1500)
+    sure, expected = ~doubtful(lens, *rays), lens.trace(*rays)
     both = sure & expected.passed
-    assert both.sum() > 1000
-    bound = 2e-6 if precision == "single" else 1e-14  # of directions: some roundings, six surfaces
-    assert np.abs(found.directions - expected.directions)[both].max() <= bound
-    assert np.abs(found.origins - expected.origins)[both].max() <= 20 * bound  # millimetres
+    assert both.sum() > 400
+    for precision in PRECISIONS:
+        found = on_device(session, lens, *rays, precision)
+        np.testing.assert_array_equal(found.status[sure], expected.status[sure])
+        bound = 2e-6 if precision == "single" else 1e-14  # of directions: some roundings, six surfaces
+        assert np.abs(found.directions - expected.directions)[both].max() <= bound
+        assert np.abs(found.origins - expected.origins)[both].max() <= 20 * bound  # millimetres
 
 
 def test_worse_percentiles_are_worse_copies(folder: Path) -> None:
@@ -202,10 +202,8 @@ def test_tolerances_that_do_not_suit_the_lens_are_refused_with_their_place(folde
         camera_model(scene(folder, built("90%", "commercial", "mirror-500mm"), {"distance_m": 8.0}))
 
 
-def test_rays_pass_and_the_picture_says_which_copy_took_it(folder: Path) -> None:
-    image = render(scene(folder, built("90%")), spp=16)
-    outcomes = image.stats["lens"]
-    assert outcomes["passed"] >= 0.9 * sum(outcomes.values())
+def test_picture_says_which_copy_took_it(folder: Path) -> None:
+    image = render(scene(folder, built("90%"), pupil="bounds"), spp=16)
     assert image.metadata["as_built"]["percentile"] == 90
     assert image.pixels.mean() == pytest.approx(0.5, abs=0.08)  # of 0.1 and 0.9, darker in the corners
 
@@ -274,7 +272,7 @@ def test_pictures_of_zero_tolerances_and_of_20_degrees_are_those_of_the_design(f
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["dgauss-50mm", "retrofocus-28mm", "phone-5.6mm"])
+@pytest.mark.parametrize("name", ["cooke-triplet-50mm", "dgauss-50mm", "retrofocus-28mm", "phone-5.6mm"])
 def test_most_rays_pass_through_poor_copies(folder: Path, name: str) -> None:
     outcomes = render(
         scene(folder, built("90%", "precision", name), film_mm=(4.0 if "phone" in name else 30.0)), spp=64

@@ -1,6 +1,5 @@
 """Chief rays: through the middle of the opening, and back from points to the places that see them."""
 
-import dataclasses
 from collections.abc import Callable
 from typing import Any, Literal
 
@@ -8,20 +7,21 @@ import numpy as np
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.exchange.camera_models import calibrate
 from rptcam_cl.exchange.camera_view import view
 from rptcam_cl.optics.lens import limiting_surface
-from rptcam_cl.rendering.cameras import realistic
-from rptcam_cl.rendering.cameras.chief_rays import chief_rays, seen_places
-from rptcam_cl.rendering.cameras.film_pupil import film_pupils, pupil_rays
+from rptcam_cl.rendering.cameras import kinds
+from rptcam_cl.rendering.cameras.chief_rays import PerspectiveRays, seen_places
+from rptcam_cl.rendering.cameras.kinds import camera_model, camera_of
+from rptcam_cl.rendering.cameras.model import CameraModel
 from rptcam_cl.rendering.cameras.pupil import FilmGrid
-from rptcam_cl.rendering.cameras.realistic import camera_model
 from rptcam_cl.rendering.cameras.setting import lens_setting
-from rptcam_cl.scene.camera import Pose
+from rptcam_cl.scene.camera import CameraKind
 from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.studies.focus.drives import focus_drive
-from rptcam_cl.viewfinder.panel import focal_length_mm, read_dials
+from rptcam_cl.viewfinder.lens_panel import camera_numbers
+from rptcam_cl.viewfinder.panel import Panel, focal_length_mm, read_dials
+from rptcam_cl.viewfinder.state import dial_list
 
 POSE = {"eye": [0, 0, 0], "target": [0, 0, -1]}
 MOVED = {"movements": {"tilt_degrees": 8, "rise_mm": 3}}
@@ -54,7 +54,7 @@ def places_of(step: int) -> np.ndarray:
 def test_ideal_cameras_project_as_their_intrinsics_say(name: str) -> None:
     scene, places = scene_of(IDEAL[name]), places_of(6)
     model = camera_model(scene)
-    origins, directions = chief_rays(scene).rays(places)
+    origins, directions = camera_of(scene).chief_rays().rays(places)
     pupil = np.array([0.0, 0.0, model.view.pupil_z_m])
     points = origins + directions * 7.0 - pupil
     said = model.metadata["intrinsics"]
@@ -69,7 +69,7 @@ def test_ideal_cameras_project_as_their_intrinsics_say(name: str) -> None:
 
 @pytest.mark.parametrize("lens", LENSES)
 def test_places_of_points_on_chief_rays_are_those_of_the_rays(lens: str) -> None:
-    chief, places = chief_rays(lens_scene(lens)), places_of(5)
+    chief, places = camera_of(lens_scene(lens)).chief_rays(), places_of(5)
     origins, directions = chief.rays(places)
     good = np.isfinite(origins).all(axis=1)
     assert good.mean() > 0.6
@@ -84,7 +84,7 @@ def test_places_of_points_on_chief_rays_are_those_of_the_rays(lens: str) -> None
 def test_chief_rays_cross_the_middle_of_the_stop() -> None:
     scene, places = lens_scene("dgauss-50mm"), places_of(8)
     setting = lens_setting(scene)
-    origins, directions = chief_rays(scene).rays(places)
+    origins, directions = camera_of(scene).chief_rays().rays(places)
     lens, stop = setting.lens, limiting_surface(setting.lens, setting.camera.wavelength_nm)
     origin_mm = origins * 1e3 + [0, 0, lens.film_z(setting.film_distance_mm)]
     from dataclasses import replace
@@ -97,7 +97,7 @@ def test_chief_rays_cross_the_middle_of_the_stop() -> None:
 
 def test_no_chief_ray_passes_beside_the_image_circle() -> None:
     wide = scene_of({"kind": "realistic", "lens": "dgauss-50mm", "focus": {"distance_m": 4}}, width_mm=90)
-    origins, directions = chief_rays(wide).rays(np.array([[48.0, 24.0], [0.5, 0.5]]))
+    origins, directions = camera_of(wide).chief_rays().rays(np.array([[48.0, 24.0], [0.5, 0.5]]))
     assert np.isfinite(origins[0]).all()
     assert np.isnan(origins[1]).all()
     assert np.isnan(directions[1]).all()
@@ -105,14 +105,24 @@ def test_no_chief_ray_passes_beside_the_image_circle() -> None:
 
 @pytest.mark.parametrize("name", ["pinhole", "dgauss-50mm"])
 def test_what_lies_behind_the_camera_is_seen_nowhere(name: str) -> None:
-    chief = chief_rays(scene_of(IDEAL[name]) if name in IDEAL else lens_scene(name))
+    chief = camera_of(scene_of(IDEAL[name]) if name in IDEAL else lens_scene(name)).chief_rays()
     behind = np.array([[0.1, 0.2, 3.0, 1.0], [0.0, 0.0, 1.0, 0.0], [np.nan, 0.0, -1.0, 1.0]])
     assert np.isnan(seen_places(chief, behind)).all()
     assert seen_places(chief, behind[:0]).shape == (0, 2)
 
 
+def test_points_are_found_where_rays_are_parallel_as_well() -> None:
+    scene, per_mm = scene_of(IDEAL["pinhole"]), 0.08
+    chief = PerspectiveRays(scene, -per_mm, 0.0, 0.0, 0.0)  # all rays look ahead, from places of a plane
+    half_m = per_mm * 500 * np.array(scene.film.size_m())
+    points = np.array([[share * half_m[0], -share * half_m[1], -near] for share in (0.1, 0.9) for near in (0.2, 7.0)])
+    expected = (np.array([[share, share] for share in (0.1, 0.1, 0.9, 0.9)]) + 1) / 2 * scene.film.resolution
+    found = seen_places(chief, np.hstack([points, np.ones((4, 1))]))
+    np.testing.assert_allclose(found, expected, atol=1e-6)
+
+
 def test_environment_camera_sees_every_direction() -> None:
-    chief, places = chief_rays(scene_of({"kind": "environment"})), places_of(5)
+    chief, places = camera_of(scene_of({"kind": "environment"})).chief_rays(), places_of(5)
     origins, directions = chief.rays(places)
     assert not origins.any()
     np.testing.assert_allclose(seen_places(chief, np.hstack([directions, np.zeros((len(places), 1))])), places)
@@ -133,10 +143,17 @@ def test_a_grid_gives_cubics_exactly_and_continues_parabolas() -> None:
     assert np.isnan(FilmGrid(values, 1.25).at(np.array([[1.3, 0.0]]))).all()
 
 
-class Throwaway(Pose):
-    """A camera of a kind that nothing knows."""
+class Throwaway(CameraKind):
+    """A camera of a kind that has keys and nothing else."""
 
     kind: Literal["throwaway"]
+
+
+class ThrowawayOptics(kinds.CameraOptics):
+    """What it needs to be rendered, and nothing else."""
+
+    def model(self, lens_colour: Any = "off", coarse: bool = False, windows: Any = ()) -> CameraModel:
+        return camera_model(scene_of({"kind": "environment"}))
 
 
 def throwaway() -> Scene:
@@ -145,32 +162,38 @@ def throwaway() -> Scene:
     return scene.model_copy(update={"camera": Throwaway(kind="throwaway", **pose)})
 
 
-@pytest.mark.parametrize(
-    ("door", "lacks"),
-    [
-        (camera_model, "what makes its records"),
-        (chief_rays, "its chief rays"),
-        (film_pupils, "what says its opening"),
-        (lambda scene: pupil_rays(scene, np.zeros((1, 2))), "the rays of its pupil"),
-        (focus_drive, "what moves when it focuses"),
-        (lambda scene: view(scene).pupil, "what makes its records"),
-        (read_dials, "dials in the viewfinder"),
-        (focal_length_mm, "its focal length"),
-    ],
-)
-def test_a_camera_of_an_unknown_kind_is_refused_by_what_it_lacks(door: Callable[[Scene], object], lacks: str) -> None:
-    with pytest.raises(InputError, match=rf"camera.kind: throwaway lacks {lacks}"):
+@pytest.mark.parametrize("door", [camera_model, camera_of, view, focal_length_mm])
+def test_a_kind_without_optics_is_refused(door: Callable[[Scene], object]) -> None:
+    with pytest.raises(InputError, match=r"camera.kind: throwaway lacks its optics"):
         door(throwaway())
 
 
-def test_a_camera_that_says_no_intrinsics_has_no_model(monkeypatch: pytest.MonkeyPatch) -> None:
-    plain = camera_model(scene_of({"kind": "environment"}))  # what CONTRIBUTING asks for, and no more
-    monkeypatch.setitem(realistic._MODELS, "throwaway", lambda scene: plain)
-    assert camera_model(throwaway()).kernel == "camera/environment.h"
-    with pytest.raises(InputError, match=r"camera.kind: throwaway lacks entrance_pupil in the metadata"):
-        view(throwaway())
-    pupil = {"entrance_pupil": {"diameter_mm": 0.0}}
-    with_pupil = dataclasses.replace(plain, metadata=plain.metadata | pupil)
-    monkeypatch.setitem(realistic._MODELS, "throwaway", lambda scene: with_pupil)
-    with pytest.raises(InputError, match=r"camera.kind: throwaway lacks intrinsics in the metadata"):
-        calibrate(view(throwaway()), "pinhole")
+@pytest.mark.parametrize(
+    ("door", "message"),
+    [
+        (lambda scene: camera_of(scene).chief_rays(), "camera.kind: throwaway lacks its chief rays"),
+        (lambda scene: camera_of(scene).film_pupils(), "camera.diffraction: the camera has no opening that diffracts"),
+        (lambda scene: camera_of(scene).pupil_rays(np.zeros((1, 2))), "camera.kind: throwaway has no pupil"),
+        (lambda scene: camera_of(scene).intrinsics(), "camera.kind: throwaway lacks intrinsics"),
+        (focus_drive, "camera.kind: throwaway: everything it sees is sharp"),
+        (view, "camera.kind: throwaway lacks an entrance pupil"),
+        (lens_setting, "camera.kind: throwaway lacks a lens of surfaces"),
+        (lambda scene: scene.camera.focus_keys(2.0), "camera.kind: throwaway lacks a focus to set"),
+    ],
+)
+def test_a_kind_says_what_it_lacks(
+    door: Callable[[Scene], object], message: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(kinds._KINDS, "throwaway", ThrowawayOptics)
+    with pytest.raises(InputError, match=message):
+        door(throwaway())
+
+
+def test_a_new_kind_has_dials_and_numbers_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(kinds._KINDS, "throwaway", ThrowawayOptics)
+    scene = throwaway()
+    assert camera_model(scene).kernel == "camera/environment.h"
+    assert focal_length_mm(scene) is None
+    entries = {entry["name"]: entry for entry in dial_list(Panel(read_dials(scene), scene, scene))}
+    assert not entries["focus_m"]["enabled"] and not entries["zoom"]["enabled"]
+    assert camera_numbers(scene)["f_number"] is None

@@ -8,7 +8,7 @@ import pytest
 import rptcam_cl
 from rptcam_cl.optics.irradiance import on_axis_irradiance
 from rptcam_cl.optics.library import load_lens
-from rptcam_cl.rendering.cameras.realistic import camera_model
+from rptcam_cl.rendering.cameras.kinds import camera_model
 from rptcam_cl.scene.load import load_scene
 from tests.rendering.cameras.marginal import LENSES, axial_irradiance
 from tests.rendering.pictures import WHITE, flat_mean, pixels, scene_of

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.rendering.cameras.realistic import camera_model
+from rptcam_cl.rendering.cameras.kinds import camera_model
 from rptcam_cl.rendering.cameras.setting import lens_setting
 from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.scene.load import at_opening, exposure_steps, load_scene, set_keys

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rptcam_cl.rendering.cameras.film_pupil import halved, pupil_line, pupil_rays
+from rptcam_cl.rendering.cameras.film_pupil import halved, pupil_line
+from rptcam_cl.rendering.cameras.kinds import camera_of
 from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.rendering.progressive import render_plan
@@ -47,7 +48,7 @@ def scene_through(name):
 def rays_round(scene):
     """The float64 rays of the place and of four round it."""
     steps = np.array([[0, 0], [200, 0], [-200, 0], [0, 200], [0, -200]])
-    return pupil_rays(scene, PLACE + steps)
+    return camera_of(scene).pupil_rays(PLACE + steps)
 
 
 @pytest.fixture(scope="module")
@@ -111,8 +112,8 @@ def test_line_shares_the_light_of_a_vignetted_pupil_evenly(session):
 def test_pictures_of_the_halves_add_up_to_that_of_the_whole(session):
     ball = {"shape": "sphere", "center": [0.3, 0, -1.2], "radius": 0.2, "material": MATTE}
     film = {"size_mm": [24, 16]}
-    scene = load_scene(scene_of([ball], CAMERAS["tight"], resolution=(24, 16), film=film, environment=WHITE))
-    plan, line = make_plan(scene), pupil_line(pupil_rays(scene, np.array([[20.0, 9], [22, 9], [18, 9]])), "x")
+    scene = load_scene(scene_of([ball], CAMERAS["thick lens"], resolution=(24, 16), film=film, environment=WHITE))
+    plan, line = make_plan(scene), pupil_line(camera_of(scene).pupil_rays(np.array([[20.0, 9], [22, 9], [18, 9]])), "x")
 
     def film_of(camera):
         wavefront = Wavefront(session, replace(plan, camera=camera), FilmLayout.of(scene.film), scene.render)

@@ -11,8 +11,8 @@ from rptcam_cl.core.files import CACHE_VARIABLE
 from rptcam_cl.core.remember import forget
 from rptcam_cl.optics.library import load_lens
 from rptcam_cl.rendering.cameras import pupil, realistic
+from rptcam_cl.rendering.cameras.kinds import camera_model
 from rptcam_cl.rendering.cameras.pupil import pupil_sampling
-from rptcam_cl.rendering.cameras.realistic import camera_model
 from rptcam_cl.scene.load import change_scene, load_scene
 
 NAME, BACK_MM, HALF_MM, NM = "dgauss-50mm", 38.0, (18.0, 12.0), 550.0

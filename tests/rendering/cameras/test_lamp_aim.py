@@ -7,8 +7,8 @@ import pytest
 
 from rptcam_cl.core.files import CACHE_VARIABLE
 from rptcam_cl.rendering.cameras import lamp_aim
+from rptcam_cl.rendering.cameras.kinds import camera_model
 from rptcam_cl.rendering.cameras.lamp_aim import SeenLamp, aimed_at_lamps
-from rptcam_cl.rendering.cameras.realistic import camera_model
 from rptcam_cl.rendering.cameras.setting import lens_setting
 from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.scene.load import load_scene, set_keys

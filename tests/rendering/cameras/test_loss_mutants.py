@@ -13,9 +13,7 @@ pytestmark = pytest.mark.slow
 
 
 def one_wavelength(name, kind):
-    return lambda session: losses.test_rays_of_one_wavelength_keep_what_the_reference_says(
-        session, name, kind, "single"
-    )
+    return lambda session: losses.test_rays_of_one_wavelength_keep_what_the_reference_says(session, name, kind)
 
 
 def many_wavelengths(name, kind):

@@ -9,8 +9,8 @@ from dataclasses import replace
 import pytest
 
 from rptcam_cl.device.session import Session
+from rptcam_cl.rendering.cameras import lens_records as records_of_lenses
 from rptcam_cl.rendering.cameras import ray_map, realistic
-from rptcam_cl.rendering.cameras import realistic as cameras
 from rptcam_cl.rendering.cameras.lens_records import LensRecords, lens_records
 from rptcam_cl.rendering.cameras.pupil import pupil_sampling
 from tests.device.probes import open_session
@@ -35,11 +35,11 @@ def wide_etendue(session):
 
 
 def rays_of(name, label="d"):
-    return lambda session: truth_rays.test_rays_are_those_of_the_truth_table(session, name, label, "film", "single")
+    return lambda session: truth_rays.test_rays_are_those_of_the_truth_table(session, name, label)
 
 
 def reversal(session):
-    invariants.test_rays_sent_back_return_to_their_film_point(session, "dgauss-50mm", "single")
+    invariants.test_rays_sent_back_return_to_their_film_point(session, "dgauss-50mm")
 
 
 def pass_rate(session):
@@ -137,7 +137,7 @@ RECORD_MUTANTS = [
 
 @pytest.mark.parametrize(("fault", "killers"), RECORD_MUTANTS)
 def test_fault_in_the_records_of_a_lens_is_found(monkeypatch, fault, killers):
-    for module in (cameras, ray_map):
+    for module in (records_of_lenses, ray_map):
         monkeypatch.setattr(module, "lens_records", fault)
     assert_killed(killers, open_session())
 

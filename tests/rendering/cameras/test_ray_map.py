@@ -64,7 +64,7 @@ def test_terms_do_not_change_when_the_lens_turns():
     np.testing.assert_allclose(terms(x @ turn, y @ turn, colour, powers), terms(x, y, colour, powers), rtol=1e-9)
 
 
-@pytest.mark.parametrize("name", ["dgauss-50mm", "wide-22mm"])
+@pytest.mark.parametrize("name", ["dgauss-50mm", pytest.param("wide-22mm", marks=pytest.mark.slow)])
 def test_polynomials_follow_rays_at_every_azimuth(name):
     lens, back, found = mapped(name)
     film, aims, rays = rays_of(lens, back, 587.5618)
@@ -87,8 +87,8 @@ def test_polynomials_follow_every_wavelength():
 
 
 def test_finer_pixels_take_higher_orders():
-    orders = [mapped("dgauss-50mm", pixels_per_mm=pixels / 36)[2].rays.order for pixels in (40, 1920, 6000)]
-    assert orders == sorted(orders) and len(set(orders)) == 3
+    orders = [mapped("dgauss-50mm", pixels_per_mm=pixels / 36)[2].rays.order for pixels in (40, 1920)]
+    assert orders == sorted(orders) and len(set(orders)) == 2
 
 
 @pytest.mark.parametrize(

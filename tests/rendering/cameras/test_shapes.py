@@ -11,7 +11,8 @@ from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.library import load_lens
 from rptcam_cl.optics.stop_shape import StopShape
 from rptcam_cl.optics.surface import Region, Surface, SurfacePose
-from rptcam_cl.rendering.traceable_lens import BLOCK, trace_on_device
+from rptcam_cl.rendering import traceable_lens
+from rptcam_cl.rendering.traceable_lens import trace_on_device
 from tests.optics.test_surfaces import SHAPES
 from tests.rendering.cameras.beams import PRECISIONS, doubtful, film_beam, generator, on_device
 
@@ -106,9 +107,10 @@ def test_shaped_stops(session):
     assert_traced_alike(session, lens, "film", "single")
 
 
-def test_more_rays_than_a_block_of_several_wavelengths(session):
+def test_more_rays_than_a_block_of_several_wavelengths(session, monkeypatch):
     lens = load_lens("achromat-100mm")
-    origins, directions = film_beam(lens, BLOCK + 1000)
+    monkeypatch.setattr(traceable_lens, "BLOCK", 2048)
+    origins, directions = film_beam(lens, 3000)
     wavelengths = np.resize([486.1, 587.6, 656.3], len(origins))
     wanted = lens.trace(origins, directions, wavelengths)
     got = trace_on_device(lens, session, origins, directions, wavelengths, "film", "single")

@@ -9,8 +9,8 @@ from rptcam_cl.core.files import CACHE_VARIABLE
 from rptcam_cl.core.remember import forget
 from rptcam_cl.optics.pupils import FilmProbe, spread_points
 from rptcam_cl.rendering.cameras import shared_pupil
+from rptcam_cl.rendering.cameras.kinds import camera_model
 from rptcam_cl.rendering.cameras.pupil import PupilSampling, left_out
-from rptcam_cl.rendering.cameras.realistic import camera_model
 from rptcam_cl.rendering.cameras.setting import film_frame, half_film_mm, lens_setting
 from rptcam_cl.scene.load import load_scene, set_keys
 from rptcam_cl.scene.scene import Scene
@@ -49,9 +49,9 @@ def lost_and_passing(scene: Scene, sampling: PupilSampling) -> tuple[float, floa
     [
         ("dgauss-50mm", 36, 0.6, "thick", False),
         ("dgauss-50mm", 36, 0.6, "spot", True),
-        ("retrofocus-35mm", 28, 0.5, "thick", False),
+        pytest.param("retrofocus-35mm", 28, 0.5, "thick", False, marks=pytest.mark.slow),
         ("zoom-70-200mm", 30, 3, "thick", False),
-        ("double-gauss-50mm-f1.1", 28, 1, "thick", False),
+        pytest.param("double-gauss-50mm-f1.1", 28, 1, "thick", False, marks=pytest.mark.slow),
         ("double-gauss-50mm-f1.1", 36, 1, "thick", True),  # no chief ray comes from the corners
     ],
 )
@@ -108,7 +108,7 @@ def test_focal_lengths_of_a_cell_have_one_table(monkeypatch: pytest.MonkeyPatch)
         shared(set_keys(scene, {"camera.focal_length_mm": 106.0}))
 
 
-@pytest.mark.parametrize("lens", ["dgauss-50mm", "retrofocus-35mm"])
+@pytest.mark.parametrize("lens", ["dgauss-50mm", pytest.param("retrofocus-35mm", marks=pytest.mark.slow)])
 def test_a_film_that_is_shifted_has_the_table_of_a_larger_one(lens: str, monkeypatch: pytest.MonkeyPatch) -> None:
     base = scene_of(lens, 16, 4, f_number=4.1, movements={"rise_mm": 3.0, "shift_mm": -2.0})
     assert camera_model(base).metadata["pupil"] == "shared"

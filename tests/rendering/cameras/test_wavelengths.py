@@ -8,6 +8,7 @@ from rptcam_cl.optics.library import list_lenses, load_lens
 from rptcam_cl.rendering.cameras.lens_records import ENOUGH, disperses, fewest_terms, fit_nodes, lens_records, usable_nm
 from tests.optics.truth import truth
 from tests.rendering.cameras.beams import ASSIGNMENT, film_beam, generator, neighbours, on_device
+from tests.support.lenses import each_lens
 
 DISPERSIVE = [name for name in list_lenses() if disperses(load_lens(name))]
 COUNT = 1000
@@ -30,7 +31,7 @@ def test_library_has_many_lenses_that_disperse():
     assert len(DISPERSIVE) > 20
 
 
-@pytest.mark.parametrize("name", DISPERSIVE)
+@pytest.mark.parametrize("name", each_lens(DISPERSIVE))
 def test_ratios_of_indices_are_polynomials(name):
     lens = load_lens(name)
     low, high = usable_nm(lens)
@@ -54,7 +55,7 @@ def scaled_inverse(wavelengths_nm):
     return DISPERSION_SCALE / wavelengths_nm - DISPERSION_SHIFT
 
 
-@pytest.mark.parametrize("name", DISPERSIVE)
+@pytest.mark.parametrize("name", each_lens(DISPERSIVE))
 def test_every_ray_has_the_wavelength_of_its_own(session, name):
     lens, origins, directions, wavelengths = bundle(name)
     wanted = lens.trace(origins, directions, wavelengths)

@@ -61,11 +61,18 @@ def of_panel(camera, depth, place):
     return rptcam_cl.render(scene, spp=8, layers=["coc"])["coc"]
 
 
-@pytest.mark.parametrize(("depth", "place"), [(0.8, CORNER), (6.0, CENTRE)], ids=["near corner", "far centre"])
-@pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
-def test_circle_of_confusion_is_the_blur_of_a_point_within_5_percent(camera, depth, place):
-    diameter, middle = measured(camera, depth, place)
-    told = of_panel(camera, depth, place)[middle]
+@pytest.mark.parametrize(
+    ("name", "depth", "place"),
+    [
+        ("thin_lens", 6.0, CENTRE),
+        ("thick_lens", 0.8, CORNER),
+        ("double_gauss", 0.8, CORNER),
+        pytest.param("double_gauss", 6.0, CENTRE, marks=pytest.mark.slow),
+    ],
+)
+def test_circle_of_confusion_is_the_blur_of_a_point_within_5_percent(name, depth, place):
+    diameter, middle = measured(CAMERAS[name], depth, place)
+    told = of_panel(CAMERAS[name], depth, place)[middle]
     assert diameter > 5
     assert abs(told / diameter - 1) < 0.05  # about twice the noise of the measurement
 
@@ -112,7 +119,7 @@ TILTED = {
 def test_tilted_lens_blurs_each_corner_in_its_own_way(place):
     width_mm, columns, rows, depth = 18.0, 360, 240, 1.2
     film = {"resolution": [columns, rows], "width_mm": width_mm}
-    camera = {"kind": "realistic", "lens": TILTED, "focus": {"film_distance_mm": 50.0}} | FORWARD
+    camera = {"kind": "realistic", "lens": TILTED, "focus": {"film_distance_mm": 50.0}, "pupil": "bounds"} | FORWARD
     centre = [(place[0] - 0.5) * width_mm / 50 * depth, (0.5 - place[1]) * width_mm / 75 * depth, -depth]
     radius = LAMP_PIXELS / 2 * width_mm / columns / 50 * depth
     lamp = {"shape": "sphere", "center": centre, "radius": radius, "material": {"kind": "emissive", "radiance": 1e3}}

@@ -34,7 +34,15 @@ def two_panels(camera: str, near: dict, far: dict) -> dict:
     }
 
 
-@pytest.mark.parametrize("camera", ["pinhole", "thin_lens", "thick_lens", "double_gauss"])
+@pytest.mark.parametrize(
+    "camera",
+    [
+        pytest.param("pinhole", marks=pytest.mark.slow),
+        "thin_lens",
+        pytest.param("thick_lens", marks=pytest.mark.slow),
+        "double_gauss",
+    ],
+)
 def test_means_mix_what_the_pixel_sees_as_the_light_does(camera):
     layers = ["depth", "coverage", "albedo", "material_id", "object_id"]
     scene = two_panels(camera, glow([1, 0, 0]), glow([0, 1, 0]))
@@ -51,7 +59,7 @@ def test_means_mix_what_the_pixel_sees_as_the_light_does(camera):
     assert (image["albedo"] == 0).all()  # lamps reflect nothing
 
 
-@pytest.mark.parametrize("camera", ["pinhole", "thin_lens", "double_gauss"])
+@pytest.mark.parametrize("camera", [pytest.param("pinhole", marks=pytest.mark.slow), "thin_lens", "double_gauss"])
 def test_identifiers_are_those_of_the_first_ray_exactly(camera):
     scene = two_panels(camera, glow([1, 0, 0]), glow([0, 1, 0]))
     one = np.asarray(rptcam_cl.render(scene, spp=1, seed=5))
@@ -124,7 +132,7 @@ def test_picture_is_the_same_with_layers_and_without():
     assert tuple(layered.layers) == LAYER_NAMES
 
 
-@pytest.mark.parametrize("camera", ["thin_lens", "double_gauss"])
+@pytest.mark.parametrize("camera", [pytest.param("thin_lens", marks=pytest.mark.slow), "double_gauss"])
 def test_layers_depend_neither_on_the_wave_nor_on_the_organisation(camera):
     scene = load_scene(
         world(camera) | {"film": {"resolution": [40, 20]}, "render": {"layers": LAYER_NAMES, "layers_spp": 11}}
@@ -139,7 +147,7 @@ def test_layers_depend_neither_on_the_wave_nor_on_the_organisation(camera):
             np.testing.assert_array_equal(found[0][name], other[name], err_msg=name)
 
 
-@pytest.mark.parametrize("camera", ["thin_lens", "double_gauss"])
+@pytest.mark.parametrize("camera", [pytest.param("thin_lens", marks=pytest.mark.slow), "double_gauss"])
 def test_one_lane_per_work_item_gives_the_same_layers(camera, monkeypatch):
     eight = rptcam_cl.render(world(camera), spp=3, layers=LAYER_NAMES)
     monkeypatch.setattr(Session, "lanes", 1)

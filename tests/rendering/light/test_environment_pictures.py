@@ -106,6 +106,7 @@ def batches(scene, plan, name, count=6, spp=32):
     return sampled(films)
 
 
+@pytest.mark.slow
 def test_picture_is_the_same_without_light_sampling(folder: Path) -> None:
     scene = still_life(folder)
     plan = make_plan(scene)

@@ -7,7 +7,7 @@ import pytest
 
 from rptcam_cl.core.colour import LUMINANCE
 from rptcam_cl.device.session import Session
-from rptcam_cl.rendering.plan.environment import cell_shares, compensated
+from rptcam_cl.rendering.plan.environment import cell_shares, compensate
 from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
 from rptcam_cl.scene.load import load_scene
@@ -71,7 +71,7 @@ def test_counts_follow_the_density(session: Session, tmp_path: Path) -> None:
     expected = np.full(rows * columns, np.nan)
     expected[cells] = density * np.sin(np.pi * v) * 2 * np.pi**2 / (rows * columns)
     found = np.isfinite(expected)
-    above = compensated(cell_shares(sky @ LUMINANCE))[::-1].ravel() > 0
+    above = compensate(cell_shares(sky @ LUMINANCE))[::-1].ravel() > 0
     np.testing.assert_array_equal(found, above)
     observed, expected = observed[found], expected[found]
     assert expected.sum() == pytest.approx(1, abs=1e-4)
@@ -84,11 +84,11 @@ def test_light_samples_take_what_is_above_the_mean() -> None:
     shares = cell_shares(rough_sky() @ LUMINANCE)
     bands = -np.diff(np.cos(np.linspace(0, np.pi, 33))) * 2 * np.pi / 64
     mean = shares.sum() / (4 * np.pi)
-    np.testing.assert_allclose(compensated(shares), np.maximum(shares - mean * bands[:, None], 0), atol=1e-12)
+    np.testing.assert_allclose(compensate(shares), np.maximum(shares - mean * bands[:, None], 0), atol=1e-12)
 
 
 def test_even_sky_has_no_light_samples() -> None:
-    assert (compensated(cell_shares(np.full((32, 64), 0.3))) == 0).all()
+    assert (compensate(cell_shares(np.full((32, 64), 0.3))) == 0).all()
 
 
 def test_even_sky_is_as_bright_as_it_says(tmp_path: Path) -> None:

@@ -18,6 +18,18 @@ from tests.support.statistics import assert_equivalent, assert_same_tiles
 GROUND = {"shape": "plane", "point": [0, 0, 0], "normal": [0, 0, 1], "material": MATTE}
 PICTURE = np.random.default_rng(8).random((5, 8, 3)) ** 3
 GLOW = {"kind": "emissive", "radiance": {"kind": "image", "file": "glow.exr", "gain": 5}}
+# Under the ground, and too small to be chosen: with them one program renders all lamps.
+SPECKS = [
+    {"shape": "rectangle", "corner": [0, 0, -9], "edge_u": [0, 1e-5, 0], "edge_v": [1e-5, 0, 0], "material": GLOW},
+    {"shape": "disk", "center": [1, 0, -9], "normal": [0, 0, -1], "radius": 1e-5, "material": GLOW},
+    {"shape": "sphere", "center": [0, 0, 0], "radius": 1e-5, "material": GLOW,
+     "transform": [{"rotate": {"axis": [1, 2, 0], "degrees": 50}}, {"translate": [2, 0, -9]}]},
+    {"shape": "box", "min": [3, 0, -9], "max": [3.00001, 0.00001, -8.99999], "material": GLOW},
+    {"shape": "cylinder", "base": [4, 0, -9], "top": [4, 0, -8.99999], "radius": 1e-5, "capped": False,
+     "material": GLOW},
+    {"shape": "mesh", "vertices": [[5, 0, -9], [5, 1e-5, -9], [5.00001, 0, -9]], "faces": [[0, 1, 2]],
+     "uvs": [[0, 0], [1, 0], [0, 1]], "material": GLOW},
+]  # fmt: skip
 COUNT = 400
 STEPS = (np.arange(COUNT) + 0.5) / COUNT
 
@@ -30,7 +42,7 @@ def folder(tmp_path: Path) -> Path:
 
 def assert_irradiance(folder, lamp, expected, name) -> None:
     camera = looking([-0.1, -0.1, 0.03], [0, 0, 0], fov=0.0002)
-    scene = load_scene(scene_of([GROUND, lamp], camera, depth=2, resolution=(64, 64)), base_dir=folder)
+    scene = load_scene(scene_of([GROUND, lamp, *SPECKS], camera, depth=2, resolution=(64, 64)), base_dir=folder)
     film = np.pi * np.asarray(rptcam_cl.render(scene, spp=512, seed=seed_of(name)), np.float64).reshape(-1, 3)
     assert_equivalent(film.mean(axis=0), film.std(axis=0) / 64, expected, 0.01 * expected)
 

@@ -7,7 +7,7 @@ import rptcam_cl.rendering.trees as scene_trees
 from rptcam_cl.rendering.plan import primitives
 from rptcam_cl.studies.selfcheck import (
     RAY_MATTE,
-    MeshScene,
+    TracedScene,
     departures,
     directions,
     globe,
@@ -26,7 +26,7 @@ def test_no_ray_leaks_through_edges_or_vertices(session, place):
     assert leaks(session, place, rng_of(f"leaks {place}"), 200_000, 100) == 0
 
 
-@pytest.mark.parametrize("width", [4, 8, 16])
+@pytest.mark.parametrize("width", [4, pytest.param(8, marks=pytest.mark.slow), 16])
 @pytest.mark.parametrize("kind", ["random", "axis", "denormal"])
 @pytest.mark.parametrize("shape", ["globe", "flat grid"])
 def test_tree_finds_what_every_triangle_finds(session, monkeypatch, shape, kind, width):
@@ -39,11 +39,11 @@ def test_tree_finds_what_every_triangle_finds(session, monkeypatch, shape, kind,
         points = np.stack([x, y, np.zeros_like(x)], -1).reshape(-1, 3)
         k = (np.arange(16)[:, None] * 17 + np.arange(16)).ravel()
         faces = np.concatenate([np.stack([k, k + 17, k + 18], 1), np.stack([k, k + 18, k + 1], 1)])
-    scene = MeshScene(session, [mesh_object(points, faces)])
+    scene = TracedScene(session, [mesh_object(points, faces)])
     o, d = (rows.astype(np.float32) for rows in mesh_rays_of(kind, rng, 16384))
     t, triangle = scene.brute(o, d)
     for lanes in sorted({1, 8, session.lanes}):  # 16: side by side
-        hits = scene.trace(o, d, lanes=lanes)
+        hits = scene.trace_mesh(o, d, lanes=lanes)
         found = hits.primitive >= 0
         assert (found == (triangle >= 0)).all()
         assert (hits.t[found].view(np.uint32) == t[found].view(np.uint32)).all()
@@ -62,9 +62,9 @@ def test_rays_that_leave_a_convex_mesh_do_not_meet_it_again(session):
 def test_offset_is_small_beside_the_distance(session):
     """A shadow begins where its object does: the step off the surface is a few roundings."""
     points, faces = globe(12, 16)
-    scene = MeshScene(session, [mesh_object(points - np.array([0, 0, 10]), faces)])
+    scene = TracedScene(session, [mesh_object(points - np.array([0, 0, 10]), faces)])
     d = np.tile([[0, 0, -1.0]], (128, 1))
-    hits = scene.trace(np.random.default_rng(1).uniform(-0.3, 0.3, (128, 3)) * [1, 1, 0], d)
+    hits = scene.trace_mesh(np.random.default_rng(1).uniform(-0.3, 0.3, (128, 3)) * [1, 1, 0], d)
     assert (hits.offset > 0).all()
     assert (hits.offset < 1e-5).all()
 
@@ -84,13 +84,13 @@ def test_instances_are_met_where_copies_are(session, monkeypatch, turn):
     o = rng.uniform(-1, 1, (n, 3)) + np.array([0, 0, 4])
     d = np.concatenate([rng.uniform(-3, 3, (n // 2, 3)) - np.array([0, 0, 8]) - o[: n // 2], directions(rng, n // 2)])
     d /= np.linalg.norm(d, axis=1, keepdims=True)
-    copies = MeshScene(session, objects, meshes=meshes)
+    copies = TracedScene(session, objects, meshes=meshes)
     monkeypatch.setattr(primitives, "MOST_COPIED", 0)
-    shared = MeshScene(session, objects, meshes=meshes)
+    shared = TracedScene(session, objects, meshes=meshes)
     assert copies.plan.facts["HAS_INSTANCES"] == 0
     assert shared.plan.facts["HAS_INSTANCES"] == 1
     assert len(shared.plan.meshes.triangles) == len(faces) == len(copies.plan.meshes.triangles) / 3
-    a, b = (scene.trace(o, d, lanes=session.lanes) for scene in (copies, shared))
+    a, b = (scene.trace_mesh(o, d, lanes=session.lanes) for scene in (copies, shared))
     both = (a.primitive >= 0) & (b.primitive >= 0)
     assert ((a.primitive >= 0) != (b.primitive >= 0)).sum() <= 8  # grazing the outline
     assert both.sum() > 3000

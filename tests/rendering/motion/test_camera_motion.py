@@ -55,7 +55,7 @@ def test_camera_holds_before_the_first_keyframe_and_after_the_last(session, open
     assert held.tobytes() == film(scene_with(camera=PINHOLE | pose_at(moment)), session).tobytes()
 
 
-@pytest.mark.parametrize("camera", [PINHOLE, LENS])
+@pytest.mark.parametrize("camera", [pytest.param(PINHOLE, marks=pytest.mark.slow), LENS])
 def test_exposure_is_the_mean_of_still_pictures(session, camera):
     options = {"spp": 64}
     blurred = exposures(moving(camera), session, "blurred", **options)
@@ -113,18 +113,17 @@ def test_passes_and_stream_and_every_width_agree(session, lanes, organisation, m
     assert np.isclose(film(moving(), open_session()), plain, rtol=1e-5, atol=1e-6).mean() > 0.95
 
 
-def test_depth_is_measured_from_where_the_camera_is(session):
+@pytest.mark.parametrize("organisation", [pytest.param("passes", marks=pytest.mark.slow), "stream"])
+def test_depth_is_measured_from_where_the_camera_is(session, organisation, monkeypatch):
     """A wall 6 m ahead that the camera goes towards by 2 m: its depth is 5 m in the mean."""
     wall = {"shape": "plane", "point": [0, 0, -1], "normal": [0, 0, 1], "material": GREY}
     camera = PINHOLE | {"motion": [{"time_s": 0}, {"time_s": 1, "eye": [0, 1, 3], "target": [0, 1, -5]}]}
     scene = scene_with([wall], camera, {"time_s": 1})
-    for organisation in ("passes", "stream"):
-        with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(tracer, "ORGANISATION", {"cpu": organisation, "gpu": organisation})
-            image = rptcam_cl.render(scene, spp=64, layers=["depth", "distance"], device=session)
-            # times are stratified: 64 samples miss the mean by less than a stratum
-            np.testing.assert_allclose(image["depth"], 5, atol=2 / 64)
-            assert image["distance"].min() > image["depth"].min()
+    monkeypatch.setattr(tracer, "ORGANISATION", {"cpu": organisation, "gpu": organisation})
+    image = rptcam_cl.render(scene, spp=64, layers=["depth", "distance"], device=session)
+    # times are stratified: 64 samples miss the mean by less than a stratum
+    np.testing.assert_allclose(image["depth"], 5, atol=2 / 64)
+    assert image["distance"].min() > image["depth"].min()
 
 
 def test_samples_of_a_pixel_are_spread_over_the_exposure(session):

@@ -41,7 +41,9 @@ SHARE = 0.2  # of the exposure, after which all paths fall on the film in a copy
 
 
 @pytest.mark.parametrize("t", [0.4, 1.7])
-@pytest.mark.parametrize("group", ["coated", pytest.param("bent", marks=pytest.mark.slow), "open"])
+@pytest.mark.parametrize(
+    "group", [pytest.param("coated", marks=pytest.mark.slow), pytest.param("bent", marks=pytest.mark.slow), "open"]
+)
 def test_exposure_at_one_time_is_the_still_picture(session, group, t):
     items = [
         moved(SHAPES[shape] | {"material": material}, [{"scale": 0.5}, {"translate": [k % 2 - 0.6, 0.7 * (k // 2), 0]}])

@@ -9,7 +9,7 @@ from rptcam_cl.core.files import CACHE_VARIABLE
 from rptcam_cl.core.records import Kind
 from rptcam_cl.rendering.trees import primitive_bounds, primitive_tree
 from rptcam_cl.studies.selfcheck import (
-    ObjectRays,
+    TracedScene,
     axis_rays,
     crowd,
     directions,
@@ -33,18 +33,20 @@ def both(session, monkeypatch, objects, **keys):
     pair = []
     for wanted in (True, False):
         with_tree(monkeypatch, wanted)
-        pair.append(ObjectRays(session, objects, **keys))
+        pair.append(TracedScene(session, objects, **keys))
         assert pair[-1].has_tree is wanted
     return pair
 
 
-@pytest.mark.parametrize(("rays", "lanes"), [*((rays, 8) for rays in RAYS), ("axis", 1)])
+@pytest.mark.parametrize(
+    ("rays", "lanes"), [*((rays, 8) for rays in RAYS), pytest.param("axis", 1, marks=pytest.mark.slow)]
+)
 def test_hits_are_those_of_the_loop(session, monkeypatch, rays, lanes):
     rng = rng_of(f"hits {rays}")
     tree, loop = both(session, monkeypatch, crowd(rng, 150))
     o, d = (array.astype(np.float32) for array in RAYS[rays](rng, 100_000))
     reach = rng.choice([0.1, 0.5, 3e38], len(o))
-    found, expected = (scene.trace(o, d, reach=reach, lanes=lanes) for scene in (tree, loop))
+    found, expected = (scene.trace_shapes(o, d, reach=reach, lanes=lanes) for scene in (tree, loop))
     assert not found.unlike(expected).any()
     kinds = np.searchsorted(loop.plan.kind_end, np.unique(expected.primitive), side="right")
     assert set(range(Kind.CONE + 1)) <= set(kinds)
@@ -56,7 +58,7 @@ def test_hits_are_those_of_the_loop(session, monkeypatch, rays, lanes):
     on = directions(rng, len(start)).astype(np.float32)
     target = rng.permutation(expected.primitive[hit])
     found, expected = (
-        scene.trace(start, on, expected.primitive[hit], reach[hit], target, lanes) for scene in (tree, loop)
+        scene.trace_shapes(start, on, expected.primitive[hit], reach[hit], target, lanes) for scene in (tree, loop)
     )
     assert not found.unlike(expected).any()
 
@@ -72,7 +74,8 @@ def test_hits_far_from_the_eye_are_those_of_the_loop(session, monkeypatch, rays,
         d = o - rng.normal(scale=0.5, size=o.shape)
         d /= np.linalg.norm(d, axis=1, keepdims=True)
         o = np.zeros_like(o)
-    found, expected = (scene.trace(o.astype(np.float32), d.astype(np.float32)) for scene in (tree, loop))
+    o, d = o.astype(np.float32), d.astype(np.float32)
+    found, expected = (scene.trace_shapes(o, d) for scene in (tree, loop))
     assert not found.unlike(expected).any()
     assert (np.unique(expected.primitive) >= 0).sum() > 100
 
@@ -87,7 +90,8 @@ def test_hits_from_a_far_start_are_those_of_the_loop(session, monkeypatch, dista
     o = distance * directions(rng, 100_000)
     d = rng.uniform(-1, 1, o.shape) - o
     d /= np.linalg.norm(d, axis=1, keepdims=True)
-    found, expected = (scene.trace(o.astype(np.float32), d.astype(np.float32)) for scene in (tree, loop))
+    o, d = o.astype(np.float32), d.astype(np.float32)
+    found, expected = (scene.trace_shapes(o, d) for scene in (tree, loop))
     assert not found.unlike(expected).any()
     assert (np.unique(expected.primitive) >= 0).sum() > 100
 
@@ -98,18 +102,20 @@ def test_hits_among_meshes_are_those_of_the_loop(session, monkeypatch):
     objects = [*crowd(rng, 60), mesh_object(points * 0.6 + [0.3, 0, 0.2], faces)]
     tree, loop = both(session, monkeypatch, objects)
     o, d = random_rays(rng, 100_000)
-    found, expected = (scene.trace(o.astype(np.float32), d.astype(np.float32), reach=0.7) for scene in (tree, loop))
+    found, expected = (
+        scene.trace_shapes(o.astype(np.float32), d.astype(np.float32), reach=0.7) for scene in (tree, loop)
+    )
     assert not found.unlike(expected).any()
     assert len(objects) - 1 in expected.primitive  # the mesh stands last
 
 
-@pytest.mark.parametrize("count", [1, 2, 5])
+@pytest.mark.parametrize("count", [1, pytest.param(2, marks=pytest.mark.slow), 5])
 def test_few_primitives_make_a_sound_tree(session, monkeypatch, count):
     rng = rng_of(f"few {count}")
     tree, loop = both(session, monkeypatch, crowd(rng, count)[:count])
     o = rng.uniform(-2, 2, (20_000, 3)).astype(np.float32)
     d = directions(rng, len(o)).astype(np.float32)
-    assert not tree.trace(o, d).unlike(loop.trace(o, d)).any()
+    assert not tree.trace_shapes(o, d).unlike(loop.trace_shapes(o, d)).any()
 
 
 def test_tree_is_kept_for_the_next_run(session, monkeypatch, tmp_path):
@@ -119,9 +125,8 @@ def test_tree_is_kept_for_the_next_run(session, monkeypatch, tmp_path):
     built = primitive_tree(tree.plan.primitives, tree.plan.kind_end, session)
     monkeypatch.setattr("rptcam_cl.rendering.tree_build.tree_of_few", None)
     again = primitive_tree(tree.plan.primitives, tree.plan.kind_end, session)
-    assert again.facts == built.facts
-    assert again.nodes.tobytes() == built.nodes.tobytes()
-    assert again.leaves.tobytes() == built.leaves.tobytes()
+    assert again[1] == built[1]
+    assert [array.tobytes() for array in again[0].values()] == [array.tobytes() for array in built[0].values()]
     moved = tree.plan.primitives.copy()
     moved["row_x"] += 1.0
     with pytest.raises(TypeError):
@@ -130,31 +135,31 @@ def test_tree_is_kept_for_the_next_run(session, monkeypatch, tmp_path):
 
 def test_scene_of_planes_alone_has_no_tree(session, monkeypatch):
     with_tree(monkeypatch, True)
-    assert not ObjectRays(session, crowd(rng_of("plane"), 7)[-1:]).has_tree
+    assert not TracedScene(session, crowd(rng_of("plane"), 7)[-1:]).has_tree
 
 
 def test_boxes_too_small_by_a_twentieth_lose_hits(session, monkeypatch):
     rng = rng_of("control")
     loop, tree = reversed(both(session, monkeypatch, crowd(rng, 150, holes=False)))
     with_tree(monkeypatch, True)
-    arrays = primitive_tree(tree.plan.primitives, tree.plan.kind_end, session)
-    arrays.nodes[:, 4:7] *= 0.95
-    tree.buffers.scene["primitive_nodes"] = session.upload(arrays.nodes)
+    nodes = primitive_tree(tree.plan.primitives, tree.plan.kind_end, session)[0]["primitive_nodes"]
+    nodes[:, 4:7] *= 0.95
+    tree.buffers.scene["primitive_nodes"] = session.upload(nodes)
     o, d = (array.astype(np.float32) for array in random_rays(rng, 100_000))
-    assert tree.trace(o, d).unlike(loop.trace(o, d)).sum() > 20
+    assert tree.trace_shapes(o, d).unlike(loop.trace_shapes(o, d)).sum() > 20
 
 
 def test_bounds_hold_and_touch_the_points_of_every_kind(session, monkeypatch):
     rng = rng_of("bounds")
     with_tree(monkeypatch, False)
-    scene = ObjectRays(session, crowd(rng, 21, holes=False)[:21])
+    scene = TracedScene(session, crowd(rng, 21, holes=False)[:21])
     kinds = np.searchsorted(scene.plan.kind_end, np.arange(21), side="right")
     lower, upper = primitive_bounds(scene.plan.primitives[:21], kinds)
     o = 4 * directions(rng, 400_000)
     chosen = rng.integers(21, size=len(o))
     d = rng.uniform(lower[chosen], upper[chosen]) - o
     d /= np.linalg.norm(d, axis=1, keepdims=True)
-    hits = scene.trace(o.astype(np.float32), d.astype(np.float32))
+    hits = scene.trace_shapes(o.astype(np.float32), d.astype(np.float32))
     points = o + hits.t.astype(np.float64)[:, None] * d
     for primitive in range(21):
         own = points[hits.primitive == primitive]

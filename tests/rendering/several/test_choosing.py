@@ -10,7 +10,7 @@ from rptcam_cl.core.errors import DeviceError
 from rptcam_cl.device import devices
 from rptcam_cl.device.devices import Trial, choose_device, try_device
 from rptcam_cl.device.session import open_sessions
-from rptcam_cl.rendering.several import begun, ended, is_shared, joined, split_of, split_text
+from rptcam_cl.rendering.several import begin_part, end_parts, is_shared, join_parts, split_of, split_text
 
 SCENE = """\
 film: {resolution: [24, 16]}
@@ -147,16 +147,16 @@ def test_command_ends_with_3_and_one_line(rptcam, words, tmp_path):
 def test_record_of_parts_joins_what_is_alike_and_keeps_what_was_dropped():
     both, one = split_text({"0:1": 0.7, "0:2": 0.3}), split_text({"0:1": 1.0})
     assert split_of(both) == {"0:1": 0.7, "0:2": 0.3}
-    assert ended([], 16) == []
-    parts = begun([], 0, both)
-    assert ended(parts, 16) == [{"samples": [0, 16], "split": both}]
-    parts = begun(parts, 8, one, {"0:2": "why"})
+    assert end_parts([], 16) == []
+    parts = begin_part([], 0, both)
+    assert end_parts(parts, 16) == [{"samples": [0, 16], "split": both}]
+    parts = begin_part(parts, 8, one, {"0:2": "why"})
     after = {"samples": [8, 16], "split": one, "dropped": {"0:2": "why"}}
-    assert ended(parts, 16) == [{"samples": [0, 8], "split": both}, after]
-    assert ended(begun(parts, 8, one, {"0:3": "how"}), 9)[1]["dropped"] == {"0:2": "why", "0:3": "how"}
-    assert ended(begun(parts, 0, one), 9) == [{"samples": [0, 9], "split": one, "dropped": {"0:2": "why"}}]
+    assert end_parts(parts, 16) == [{"samples": [0, 8], "split": both}, after]
+    assert end_parts(begin_part(parts, 8, one, {"0:3": "how"}), 9)[1]["dropped"] == {"0:2": "why", "0:3": "how"}
+    assert end_parts(begin_part(parts, 0, one), 9) == [{"samples": [0, 9], "split": one, "dropped": {"0:2": "why"}}]
     first, second = {"samples": [0, 8], "split": both}, {"samples": [8, 9], "split": both}
-    assert joined([first], [second]) == [{"samples": [0, 9], "split": both}]
-    assert joined([first], [after]) == [first, after]
+    assert join_parts([first], [second]) == [{"samples": [0, 9], "split": both}]
+    assert join_parts([first], [after]) == [first, after]
     assert not is_shared([{"samples": [0, 8], "split": one}])
     assert is_shared([first])

@@ -37,7 +37,7 @@ def taken(image):
     return {device["id"]: device["samples"] for device in image.stats["devices"]}
 
 
-@pytest.mark.parametrize("name", ["pinhole", "lens"])
+@pytest.mark.parametrize("name", ["pinhole", pytest.param("lens", marks=pytest.mark.slow)])
 def test_shared_picture_is_that_of_one_device(name, first, second, whole):
     options = {"size": SIZE, "seed": 3, "spp": 41, "layers": LAYERS}
     made = rptcam_cl.load_scene(scene(name), ["render.clamp=3"])
@@ -90,6 +90,7 @@ def test_time_ends_a_shared_render(first, second):
     )
 
 
+@pytest.mark.slow
 def test_auto_exposure_and_focus_are_those_of_one_device(first, second, whole):
     auto = scene("pinhole") | {"camera": LENS | {"focus": {"auto": "depth"}}, "exposure": {"mode": "auto"}}
     options = {"size": SIZE, "spp": 2}

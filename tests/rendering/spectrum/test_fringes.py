@@ -124,8 +124,15 @@ def profile(lens, back_mm, window_mm, mode):
     return shares @ white_as_seen(mode)
 
 
-@pytest.mark.parametrize("mode", ["dispersive", "spectral"])
-@pytest.mark.parametrize("v", [3, 10])
+@pytest.mark.parametrize(
+    ("v", "mode"),
+    [
+        (3, "dispersive"),
+        (10, "spectral"),
+        pytest.param(3, "spectral", marks=pytest.mark.slow),
+        pytest.param(10, "dispersive", marks=pytest.mark.slow),
+    ],
+)
 def test_edge_in_white_light_has_its_fringes(v, mode):
     lens, back_mm = load_lens(singlet(v)), SINGLET_BACK_MM[15]
     window = 5 * max(spot(lens, back_mm, wavelength).std() for wavelength in (380, 780))

@@ -8,9 +8,8 @@ import pytest
 
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.library import load_lens
-from rptcam_cl.rendering.tolerances import Limit, components, drawn, limits, specification
-from rptcam_cl.scene.lens_settings import GRADES
-from rptcam_cl.scene.tolerances import Merit, Tolerance, Tolerances
+from rptcam_cl.rendering.tolerances import Limit, components, draw_values, limits, specification
+from rptcam_cl.scene.lens_settings import GRADES, Merit, Tolerance, Tolerances
 
 TRIPLET = load_lens("cooke-triplet-50mm")
 
@@ -113,7 +112,7 @@ def test_every_grade_suits_a_lens(name: str) -> None:
 
 
 def values(tolerance: dict[str, Any], copies: int = 4000) -> Any:
-    return drawn(limits_of(tolerance), copies, 5)[:, 0]
+    return draw_values(limits_of(tolerance), copies, 5)[:, 0]
 
 
 def test_numbers_have_their_distributions() -> None:
@@ -145,10 +144,10 @@ def test_pairs_have_their_distributions() -> None:
 
 
 def test_copies_are_the_same_however_many_and_whatever_follows() -> None:
-    few = drawn(limits_of({"index": 0.001}), 10, 3)
-    many = drawn(limits_of({"index": 0.001}, {"thickness_mm": 0.1}), 50, 3)
+    few = draw_values(limits_of({"index": 0.001}), 10, 3)
+    many = draw_values(limits_of({"index": 0.001}, {"thickness_mm": 0.1}), 50, 3)
     assert np.array_equal(few, many[:10, :3])
-    assert not np.array_equal(few, drawn(limits_of({"index": 0.001}), 10, 4))
+    assert not np.array_equal(few, draw_values(limits_of({"index": 0.001}), 10, 4))
 
 
 def test_example_suits_the_lens_that_it_names(checkout: Path) -> None:

@@ -5,7 +5,7 @@ import pytest
 
 from rptcam_cl.device.session import Session
 from rptcam_cl.rendering import tree_build
-from rptcam_cl.rendering.tree_build import MAX_STACK, binary_tree, build_bvh, quality, reinserted, widen
+from rptcam_cl.rendering.tree_build import MAX_STACK, binary_tree, build_bvh, quality, reinsert, widen
 from tests.rendering.trees.meshes import boxes_of, hall, knot, soup
 
 WIDTH, LEAF = 8, 8
@@ -80,7 +80,7 @@ def test_moving_nodes_takes_area_away_and_keeps_boxes_exact(session):
     bounds = np.concatenate([low, low + random.uniform(0, 0.1, (3000, 3)).astype(np.float32) ** 2], axis=1)
     bounds = bounds[np.argsort(low[:, 0])]  # a tree that has only seen x
     tree = binary_tree(halving_depths(0, len(bounds)), bounds)
-    better = reinserted(tree, 127, session)
+    better = reinsert(tree, 127, session)
     assert inner_area(better) < 0.6 * inner_area(tree)
     assert np.array_equal(better.bounds[: tree.leaves], bounds)
     left, right = better.bounds[better.children[:, 0]], better.bounds[better.children[:, 1]]
@@ -103,10 +103,10 @@ def test_no_launch_moves_more_nodes_than_a_screen_waits_for(session, monkeypatch
         return Session.bind(session, program, kernel, **arguments)
 
     monkeypatch.setattr(session, "bind", bind)
-    split = reinserted(tree, 127, session)
+    split = reinsert(tree, 127, session)
     assert max(counts) <= 2048 < sum(counts[:2])
     monkeypatch.setattr(tree_build, "MOVES_OF_LAUNCH", 1 << 16)
-    np.testing.assert_array_equal(split.children, reinserted(tree, 127, session).children)
+    np.testing.assert_array_equal(split.children, reinsert(tree, 127, session).children)
     assert max(counts) > 2048
 
 
@@ -126,7 +126,7 @@ def halving_depths(first, last):
 def test_moving_nodes_helps_where_large_and_small_things_mix(session, monkeypatch):
     lower, upper = boxes_of(np.concatenate([hall(), soup(3000, size=3) * 20]))
     with_it = quality(build_bvh(lower, upper, session=session)).cost
-    monkeypatch.setattr(tree_build, "reinserted", lambda tree, depth, session: tree)
+    monkeypatch.setattr(tree_build, "reinsert", lambda tree, depth, session: tree)
     assert with_it < 0.97 * quality(build_bvh(lower, upper, session=session)).cost
 
 
@@ -134,8 +134,8 @@ def test_tree_that_would_get_too_deep_stays_as_it_was(session):
     lower, upper = boxes_of(soup(400))
     bounds = np.concatenate([lower, upper], axis=1)[np.argsort(lower[:, 0])]
     tree = binary_tree(halving_depths(0, len(bounds)), bounds)
-    assert reinserted(tree, int(tree.height[tree.root]), session) is tree
-    assert reinserted(tree, 127, session) is not tree
+    assert reinsert(tree, int(tree.height[tree.root]), session) is tree
+    assert reinsert(tree, 127, session) is not tree
 
 
 def nested_things(scales):

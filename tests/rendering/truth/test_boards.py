@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import rptcam_cl
-from rptcam_cl.rendering.cameras.chief_rays import chief_rays, seen_places
+from rptcam_cl.rendering.cameras.chief_rays import seen_places
+from rptcam_cl.rendering.cameras.kinds import camera_of
 from rptcam_cl.scene.load import load_scene
 
 BOARDS: dict[str, dict[str, Any]] = {
@@ -40,7 +41,7 @@ def picture(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, Any], n
     image.save(path)
     metadata = json.loads(str(np.load(path)["metadata"]))
     loaded = load_scene(scene)
-    back, chief = np.linalg.inv(np.array(metadata["world_from_camera"])), chief_rays(loaded)
+    back, chief = np.linalg.inv(np.array(metadata["world_from_camera"])), camera_of(loaded).chief_rays()
     seen = {}
     for board in metadata["boards"]:
         points = np.hstack([board["corners"], np.ones((len(board["corners"]), 1))]) @ back.T

@@ -22,13 +22,14 @@ PAN = [
     {"time_s": 1, "eye": [0.2, 0.1, 0], "target": [-0.3, 0.2, -5]},
 ]
 FINE = {"resolution": [60, 40]}
+COARSE = {"resolution": [42, 28]}
 
 
 def moving(camera: dict[str, Any], shutter: dict[str, Any], open_s: float = 0.0) -> Scene:
     """A card that turns and travels before a wall, seen by a camera that pans and travels."""
     card = panel(0.0, 0.7, name="card", motion=TURN)
     scene = {
-        "film": FINE, "camera": camera | {"motion": PAN}, "objects": [card, panel(-6.0, 20.0, name="wall")],
+        "film": COARSE, "camera": camera | {"motion": PAN}, "objects": [card, panel(-6.0, 20.0, name="wall")],
         "environment": SKY, "shutter": shutter | {"open_s": open_s},
     }  # fmt: skip
     return load_scene(scene)
@@ -85,7 +86,7 @@ def beside_px(here: Scene, image: rptcam_cl.Image, there: Scene, flow: np.ndarra
     other = rptcam_cl.render(there, spp=1, layers=["sharp_position", "sharp_object_id"])
     rows, columns = np.indices(flow.shape[:2]) + 0.5
     places = (np.stack([columns, rows], axis=-1) + flow).reshape(-1, 2)
-    inside = np.all((places > 2) & (places < np.array(FINE["resolution"]) - 2), axis=1)
+    inside = np.all((places > 2) & (places < np.array(COARSE["resolution"]) - 2), axis=1)
     places, owner = places[inside], image["sharp_object_id"].ravel()[inside]
     found, near = cubic(other["sharp_position"], places)
     _, ids = cubic(other["sharp_object_id"][..., None], places)

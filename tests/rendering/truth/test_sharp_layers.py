@@ -8,7 +8,8 @@ import pytest
 
 import rptcam_cl
 from rptcam_cl.core.errors import StateError
-from rptcam_cl.rendering.cameras.chief_rays import chief_rays, seen_places
+from rptcam_cl.rendering.cameras.chief_rays import seen_places
+from rptcam_cl.rendering.cameras.kinds import camera_of
 from rptcam_cl.scene.load import load_scene
 
 GREY = {"kind": "matte", "reflectance": 0.5}
@@ -112,7 +113,7 @@ def test_sharp_places_are_where_the_lens_draws_small_lamps() -> None:
     film = {"resolution": [240, 160]}
     scene = world(camera, *lamps, film=film, environment={"kind": "constant", "radiance": 0.0})
     light = np.asarray(rptcam_cl.render(scene, spp=64))[..., 1].astype(np.float64)
-    seen = seen_places(chief_rays(load_scene(scene)), np.hstack([points, np.ones((3, 1))]))
+    seen = seen_places(camera_of(load_scene(scene)).chief_rays(), np.hstack([points, np.ones((3, 1))]))
     rows, columns = np.indices(light.shape) + 0.5
     for column, row in seen:
         near = light * (np.hypot(columns - column, rows - row) < 6)

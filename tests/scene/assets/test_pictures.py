@@ -173,11 +173,11 @@ def test_slightly_negative_texels_are_black(tmp_path: Path) -> None:
     colours[0, 1, 2] = -5e-4
     picture = read_picture(save_exr(tmp_path / "a.exr", {"RGB": colours}))
     assert picture.texels[0, 1, 2] == 0
-    assert picture.negative.count == 0
+    assert picture.negative[0] == 0
 
 
 def test_negative_texels_of_an_environment_are_black_with_one_warning(tmp_path: Path) -> None:
-    from rptcam_cl.rendering.plan.textures import PictureTable
+    from rptcam_cl.rendering.plan.textures import TextureTable
     from rptcam_cl.scene.load import load_scene
 
     colours = np.ones((4, 8, 3), np.float32)
@@ -185,7 +185,7 @@ def test_negative_texels_of_an_environment_are_black_with_one_warning(tmp_path: 
     save_exr(tmp_path / "a.exr", {"RGB": colours})
     camera = {"kind": "pinhole", "eye": [0, 0, 5], "target": [0, 0, 0], "fov_degrees": 40}
     scene = load_scene({"camera": camera, "environment": {"kind": "image", "file": "a.exr"}}, base_dir=tmp_path)
-    table = PictureTable(scene)
+    table = TextureTable(scene)
     with pytest.warns(
         UserWarning, match=r"2 of 32 texels are negative and count as black \(least value -3\)"
     ) as caught:

@@ -41,8 +41,6 @@ def cone_before(lens, front_mm, film_mm, zone, texture, method):
 
 
 CASES = [
-    (BACKGROUND, "checks", "laplacian"),
-    (CLOSEUP, "noise", "depth"),
     (TELEPHOTO, "checks", "contrast"),
 ]
 MORE = [

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rptcam_cl.scene.exposure import ContinuousFocus
-from rptcam_cl.studies.focus.controller import Following, after
+from rptcam_cl.studies.focus.controller import Following, follow
 
 FRAME_S = 1 / 24
 
@@ -15,7 +15,7 @@ def places(measured, manner=None, depth=0.1, frame_s=FRAME_S):
     """Return where the focus stands in each frame."""
     manner = manner or ContinuousFocus()
     steps = itertools.accumulate(
-        measured[1:], lambda state, new: after(state, new, depth, manner, frame_s), initial=Following(measured[0])
+        measured[1:], lambda state, new: follow(state, new, depth, manner, frame_s), initial=Following(measured[0])
     )
     return np.array([state.place for state in steps])
 

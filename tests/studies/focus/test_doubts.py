@@ -144,6 +144,7 @@ def test_distance_that_a_zone_shows_only_once_the_focus_is_there_is_told():
     assert "what is 0.26 m away fills 100% of the zone when the focus is there" in remark
 
 
+@pytest.mark.slow
 def test_line_focuses_of_an_anamorphic_lens_are_told():
     probe = probe_of(scene_of([target(1.0, 0.6, checker(200))], lens_camera("anamorphic-100mm")))
     task, report = report_of(probe, "contrast", 0.99, 1.0)

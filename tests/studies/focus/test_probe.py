@@ -132,7 +132,10 @@ FILMS = [
 ]
 
 
-@pytest.mark.parametrize("film", FILMS, ids=[next(iter(film)) for film in FILMS])
+@pytest.mark.parametrize(
+    "film",
+    [pytest.param(film, id=next(iter(film)), marks=() if "size_mm" in film else pytest.mark.slow) for film in FILMS],
+)
 def test_film_is_the_same_whichever_way_its_size_is_said(film):
     sizes = {"size_mm": None} | film
     scene, plain = (

@@ -21,7 +21,7 @@ def test_random_cases_end_in_focus_or_in_a_refusal(method):
     assert [row["case"] for row in found if not row["good"]] == []
 
 
-@pytest.mark.parametrize("number", [4, 8, 11])
+@pytest.mark.parametrize("number", [4, *(pytest.param(n, marks=pytest.mark.slow) for n in (8, 11))])
 def test_laplacian_finds_what_is_faint_far_or_coarse(number):
     assert outcome(random_case(number), "laplacian", open_session(None))["miss"] < 0.25
 

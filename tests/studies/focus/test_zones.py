@@ -7,7 +7,7 @@ from rptcam_cl.cli import main
 from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.scene.lens_settings import read_zones
 from rptcam_cl.studies.focus.controller import METHODS, zone_at
-from rptcam_cl.studies.focus.probe import Policy, Zone, chosen
+from rptcam_cl.studies.focus.probe import Policy, Zone, choose_zone
 from tests.studies.focus.scenes import lens_camera, scene_of
 
 GOOD = {
@@ -93,8 +93,8 @@ PLACES = {0: 37.0, 1: 38.0, 2: 36.5}  # film distances: zone 1 has what is neare
     ("policy", "zone"), [(Policy.CLOSEST, 1), (Policy.FARTHEST, 2), (Policy.CENTRE, 1), (Policy.WEIGHTED, 0)]
 )
 def test_policy_chooses_its_zone(policy, zone):
-    assert chosen(policy, ZONES, PLACES) == zone
-    assert chosen(policy, ZONES, {2: 36.5}) == 2
+    assert choose_zone(policy, ZONES, PLACES) == zone
+    assert choose_zone(policy, ZONES, {2: 36.5}) == 2
 
 
 @pytest.mark.parametrize("point", [(0.5, 0.5), (0.0, 1.0), (0.99, 0.02)])

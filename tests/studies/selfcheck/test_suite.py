@@ -66,6 +66,7 @@ FAULTS = [
 ]  # fmt: skip
 
 
+@pytest.mark.slow
 @each_mutant(FAULTS)
 def test_fault_in_the_kernels_is_found(mutant):
     assert_found(mutant, Session(choose_device()))
@@ -87,7 +88,8 @@ def test_what_is_not_a_number_fails():
 
 def test_check_that_needs_float64_is_skipped_and_told_on_a_device_without(monkeypatch, capsys):
     single = replace(choose_device(), fp64=False)
-    monkeypatch.setattr(selfcheck_suite.run_suite, "__defaults__", ({"real lenses": SUITE["real lenses"]},))
+    checks = SUITE["real lenses"](Session(single))
+    monkeypatch.setattr(selfcheck_suite.run_suite, "__defaults__", ({"real lenses": lambda _: checks},))
     monkeypatch.setattr("rptcam_cl.device.session.open_session", lambda _: Session(single))
     assert main(["doctor", "--numerics"]) == 0
     said = capsys.readouterr().out

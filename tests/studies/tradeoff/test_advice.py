@@ -8,7 +8,7 @@ import pytest
 
 from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.studies import tradeoff
-from rptcam_cl.studies.tradeoff import for_error, for_time, place
+from rptcam_cl.studies.tradeoff import advise_for_error, advise_for_time, place
 from rptcam_cl.studies.tradeoff_errors import Interval, spread_tiles
 from rptcam_cl.studies.tradeoff_runs import TARGETS, Measurement
 
@@ -31,53 +31,53 @@ QUICK = measurement("quick", 1e-3, bias=1e-4)  # crosses the full one after 30 s
 
 
 def test_quick_configuration_is_for_short_times_only():
-    assert for_time([FULL, QUICK], 10.0).chosen == "quick"
-    assert for_time([FULL, QUICK], 100.0).chosen == "full"
+    assert advise_for_time([FULL, QUICK], 10.0).chosen == "quick"
+    assert advise_for_time([FULL, QUICK], 100.0).chosen == "full"
 
 
 def test_error_that_bias_forbids_takes_the_full_configuration():
-    assert for_error([FULL, QUICK], 0.02).chosen == "quick"
-    advice = for_error([FULL, QUICK], 0.009)
+    assert advise_for_error([FULL, QUICK], 0.02).chosen == "quick"
+    advice = advise_for_error([FULL, QUICK], 0.009)
     assert advice.chosen == "full"
     assert advice.seconds == pytest.approx(4e-3 / 0.009**2, rel=1e-3)
 
 
 def test_gain_within_a_twentieth_is_not_worth_an_approximation():
     close = measurement("close", 3.9e-3)
-    assert for_time([FULL, close], 10.0).chosen == "full"
-    assert for_error([FULL, close], 0.02).chosen == "full"
+    assert advise_for_time([FULL, close], 10.0).chosen == "full"
+    assert advise_for_error([FULL, close], 0.02).chosen == "full"
 
 
 def test_bias_that_is_not_known_well_is_counted_in_full_and_said():
     vague = replace(QUICK, bias=Interval(0.0, 0.0, 1.0))
-    advice = for_error([FULL, vague], 0.02)
+    advice = advise_for_error([FULL, vague], 0.02)
     assert (advice.chosen, advice.perhaps) == ("full", "quick")
-    assert for_error([FULL, QUICK], 0.02).perhaps is None
+    assert advise_for_error([FULL, QUICK], 0.02).perhaps is None
 
 
 def test_gain_that_may_be_none_is_no_reason_to_leave_the_full_configuration():
     unsure = replace(QUICK, gain=Interval(4.0, 0.9, 9.0))
-    assert for_time([FULL, unsure], 10.0).chosen == "full"
-    advice = for_error([FULL, unsure], 0.02)
+    assert advise_for_time([FULL, unsure], 10.0).chosen == "full"
+    advice = advise_for_error([FULL, unsure], 0.02)
     assert (advice.chosen, advice.perhaps) == ("full", "quick")
 
 
 def test_chance_between_ways_that_differ_by_noise_alone_is_no_advice():
-    assert for_error([FULL, replace(QUICK, unbiased=True)], 0.02).chosen == "quick"
-    assert for_error([FULL, replace(QUICK, unbiased=True, knob="sampler")], 0.02).chosen == "full"
+    assert advise_for_error([FULL, replace(QUICK, unbiased=True)], 0.02).chosen == "quick"
+    assert advise_for_error([FULL, replace(QUICK, unbiased=True, knob="sampler")], 0.02).chosen == "full"
     first, last = QUICK.noise
     rare = replace(QUICK, noise=(first, replace(last, high=4 * last.low)))
     assert rare.has_rare_paths and replace(QUICK, slope=Interval(-0.8, -0.9, -0.7)).has_rare_paths
     assert not QUICK.has_rare_paths
-    assert for_error([FULL, rare], 0.02).chosen == "quick"
-    assert for_error([FULL, replace(rare, unbiased=True)], 0.02).chosen == "full"
+    assert advise_for_error([FULL, rare], 0.02).chosen == "quick"
+    assert advise_for_error([FULL, replace(rare, unbiased=True)], 0.02).chosen == "full"
 
 
 def test_time_that_is_too_short_for_a_sample_has_no_advice():
     slow = replace(FULL, sample_s=Interval(2.0, 2.0, 2.0))
-    assert for_time([slow, replace(QUICK, sample_s=Interval(0.5, 0.5, 0.5))], 1.0).chosen == "quick"
-    assert for_time([slow], 1.0).chosen is None
-    assert for_error([slow], 0.9).seconds == 2.0  # not a share of a sample
+    assert advise_for_time([slow, replace(QUICK, sample_s=Interval(0.5, 0.5, 0.5))], 1.0).chosen == "quick"
+    assert advise_for_time([slow], 1.0).chosen is None
+    assert advise_for_error([slow], 0.9).seconds == 2.0  # not a share of a sample
 
 
 @pytest.mark.parametrize(

@@ -107,7 +107,7 @@ def test_most_accurate_way_traces_in_float32_whatever_the_scene_says():
 def test_device_without_float64_is_said_not_to_compare_it(monkeypatch):
     session = Session(choose_device())
     monkeypatch.setattr(session, "info", replace(session.info, fp64=False))
-    steps = [step for step in ladder(load_scene(SCENE)).configurations if step.name in ("full", "lens: float64")]
+    steps = [step for step in ladder(load_scene(SCENE))[0] if step.name in ("full", "lens: float64")]
     ready, skipped = prepare(steps, session, lambda name, done: None)
     assert [each.configuration.name for each in ready] == ["full"]
     assert skipped["lens: float64"].startswith("camera.precision: double needs float64, which device ")
@@ -153,19 +153,19 @@ def test_what_took_longer_than_the_budget_is_said(report):
 
 
 def test_turns_end_where_they_take_longer_than_the_first_said(monkeypatch):
-    steps = {step.name: step for step in ladder(load_scene(SCENE)).configurations}
+    steps = {step.name: step for step in ladder(load_scene(SCENE))[0]}
     ready, _ = prepare([steps["thin lens"], steps["thick lens"]], open_session(), lambda name, done: None)
     extent = spread_tiles(ready[0].wavefront.layout, 24, np.random.default_rng(0)), 1
     monkeypatch.setattr(tradeoff_runs, "_extent", lambda *_: extent)
 
     def slowly(*work):
-        until = time.process_time() + 0.04
+        until = time.process_time() + 0.02
         while time.process_time() < until:
             pass
         return run(*work)
 
     monkeypatch.setattr(tradeoff_runs, "run", slowly)
-    hurried = tradeoff_runs.render_by_turns(ready, 0.4, 1, lambda words, share: None)
+    hurried = tradeoff_runs.render_by_turns(ready, 0.2, 1, lambda words, share: None)
     assert hurried.seeds == 4 and len(hurried.long.chosen) == 16
     assert all(part.shape[0] == 4 for each in hurried.pixels for part in each)
     assert all(len(wall) == 4 for _, wall in hurried.timings)

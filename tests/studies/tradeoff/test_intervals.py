@@ -10,9 +10,9 @@ from rptcam_cl.studies.tradeoff_errors import (
     EDGE,
     LongPictures,
     draws,
+    every_seed_once,
     interval,
     median_over_seeds,
-    once,
     over_pairs,
     pair_errors,
     student_quantile,
@@ -21,7 +21,7 @@ from rptcam_cl.studies.tradeoff_runs import measurements
 from tests.studies.tradeoff.synthetic import MANY, NOISE, PER_TILE, SAMPLES, SECONDS, SEEDS, measured, spread
 
 EVERY = 16  # tiles
-TRIALS = 120
+TRIALS = 60
 FEWEST = 0.9  # of TRIALS: if intervals hold 95 % of what they are of, one set in a hundred has fewer
 NAMES = ("bias", "noise", "rate", "energy", "time", "better until")
 
@@ -87,7 +87,7 @@ def test_light_that_no_two_pictures_miss_in_the_same_pixel_is_missing_all_the_sa
     assert found.bias.value == pytest.approx(missing**2, rel=1e-3)
 
 
-@pytest.mark.parametrize("fall", [1.0, 1.5])
+@pytest.mark.parametrize("fall", [pytest.param(1.0, marks=pytest.mark.slow), 1.5])
 def test_fall_of_noise_is_found(fall):
     rng, trials = np.random.default_rng(8), 40
     found = [measured(rng, np.zeros(EVERY * PER_TILE), EVERY, EVERY, 200, fall)[1] for _ in range(trials)]
@@ -128,7 +128,7 @@ def test_pairs_of_a_seed_with_itself_would_count_noise_as_bias():
     rng = np.random.default_rng(4)
     apart = rng.standard_normal((SEEDS, 500))
     products = apart @ apart.T / 500
-    assert abs(over_pairs(products, once(SEEDS))[0]) < 0.02
+    assert abs(over_pairs(products, every_seed_once(SEEDS))[0]) < 0.02
     assert products.mean() > 0.1
 
 

@@ -13,9 +13,9 @@ from rptcam_cl.scene.load import load_scene
 from rptcam_cl.studies.tradeoff_errors import (
     draws,
     error_over_pairs,
+    every_seed_once,
     interval,
     ladder,
-    once,
     over_pairs,
     pair_errors,
     spread_about,
@@ -74,7 +74,7 @@ def scene_through(name):
 
 def biases(session, scene, budget=20.0):
     """What pairs of seeds tell of the bias of each configuration against the lens in float64, by name."""
-    steps = {step.name: step for step in ladder(scene).configurations}
+    steps = {step.name: step for step in ladder(scene)[0]}
     names = [BEST, *dict.fromkeys(name for name in CAMERAS + DEPTHS if name != BEST)]
     ready, _ = prepare([steps[name] for name in names], session, lambda name, done: None)
     pictures = render_by_turns(ready, budget, 1, lambda words, share: None)
@@ -87,7 +87,7 @@ def growth(matrices, worse, better):
     """By how much relMSE of the bias grows from one to the other, with its interval."""
     matrix = matrices[worse] - matrices[better]
     seeds = len(matrix)
-    found = over_pairs(matrix, np.concatenate([once(seeds), draws(seeds, np.random.default_rng(7))]))
+    found = over_pairs(matrix, np.concatenate([every_seed_once(seeds), draws(seeds, np.random.default_rng(7))]))
     return interval(found[0], spread_about(found[0], found[1:], error_over_pairs(matrix)), seeds)
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from rptcam_cl.scene.load import change_scene, load_scene
 from rptcam_cl.studies import tradeoff_runs
-from rptcam_cl.studies.tradeoff import _measured
+from rptcam_cl.studies.tradeoff import _measure
 from rptcam_cl.studies.tradeoff_errors import EDGE, ladder, spread_tiles
 from rptcam_cl.studies.tradeoff_runs import prepare, render_by_turns, run
 from tests.device.probes import open_session
@@ -103,7 +103,7 @@ def fewest_samples(noise, wanted):
 def repeated(repetitions, size=(32, 24)):
     """Measurements of the small scene under different seeds, the truth of all, and noise for times."""
     scene = change_scene(load_scene(SCENE), film={"resolution": size}, spectrum={"mode": "rgb"})
-    steps = {step.name: step for step in ladder(scene).configurations}
+    steps = {step.name: step for step in ladder(scene)[0]}
     ready, _ = prepare([steps[name] for name in NAMES], open_session(), lambda name, done: None)
     layout = ready[0].wavefront.layout
     extent = spread_tiles(layout, layout.tiles, np.random.default_rng(0)), FIRST
@@ -111,7 +111,7 @@ def repeated(repetitions, size=(32, 24)):
     with patch.object(tradeoff_runs, "_extent", lambda *_: extent), patch.object(tradeoff_runs, "TARGETS", TARGETS):
         for repetition in range(repetitions):
             pictures = render_by_turns(ready, np.inf, 100 * repetition, lambda words, share: None)
-            found.append(_measured(ready, pictures))
+            found.append(_measure(ready, pictures))
             truth.take(pictures)
     return found, truth, noise_between(ready, truth)
 

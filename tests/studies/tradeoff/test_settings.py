@@ -26,7 +26,7 @@ def picture(scene):
 
 @pytest.mark.parametrize(("name", "overrides"), SCENES)
 def test_scene_that_is_set_so_is_the_one_that_was_measured(name, overrides):
-    found = ladder(load_scene(EXAMPLES / name, overrides)).configurations
+    found = ladder(load_scene(EXAMPLES / name, overrides))[0]
     measured = {each.name: picture(each.scene) for each in found}
     assert len(found) > 5 and len(set(measured.values())) > 2  # the comparison can tell
     for configuration in found:
@@ -38,8 +38,8 @@ def test_scene_that_is_set_so_is_the_one_that_was_measured(name, overrides):
 
 def test_same_way_is_asked_for_by_what_is_shorter():
     scene = load_scene(EXAMPLES / "sunny_sixteen.yaml")
-    by_name = {each.name: each for each in ladder(scene).configurations}
-    both = by_name["spectrum: rgb"].also(by_name[AS_IT_IS])
+    by_name = {each.name: each for each in ladder(scene)[0]}
+    both = by_name["spectrum: rgb"].with_name_of(by_name[AS_IT_IS])
     assert by_name["spectrum: rgb"].settings and both.settings == ()
     assert both.same_as == (AS_IT_IS,)
     assert by_name["thick lens"].settings == ("camera.kind=thick_lens", "spectrum.lens=on")

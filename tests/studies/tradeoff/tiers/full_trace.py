@@ -13,6 +13,7 @@ from scipy.spatial import cKDTree
 from rptcam_cl.optics.pupils import FilmProbe
 from rptcam_cl.rendering.cameras import film_pupil
 from rptcam_cl.rendering.cameras.ideal import stop_shape
+from rptcam_cl.rendering.cameras.kinds import camera_of
 from rptcam_cl.rendering.cameras.setting import lens_setting
 from rptcam_cl.scene.load import change_scene
 
@@ -40,7 +41,7 @@ class Cloud:
 
 def dense_rays(scene, places):
     with mock.patch.object(film_pupil, "ACROSS", ACROSS):
-        return film_pupil.pupil_rays(scene, np.asarray(places))
+        return camera_of(scene).pupil_rays(np.asarray(places))
 
 
 def clouds(scene, places, eye_ahead_m=0.0):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rptcam_cl.optics.stop_shape import star
-from rptcam_cl.rendering.cameras.realistic import camera_model
+from rptcam_cl.rendering.cameras.kinds import camera_model
 from rptcam_cl.rendering.cameras.setting import lens_to_focus
 from rptcam_cl.scene.load import change_scene
 from rptcam_cl.studies.tiers import choose_camera
@@ -154,6 +154,7 @@ def test_polynomials_stand_for_many_surfaces_where_enough_rays_cross_them():
     assert camera_model(many.scene).kernel == "camera/fitted.h"
 
 
+@pytest.mark.slow
 def test_lens_without_polynomials_keeps_its_surfaces():
     film = {"resolution": [1280, 853], "width_mm": 4}
     found = choose_camera(change_scene(scene_of("phone-5.6mm", accuracy="auto", film=film), render={"spp": 1024}))
