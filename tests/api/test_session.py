@@ -121,10 +121,10 @@ def test_glance_is_the_same_view_in_fewer_pixels(session: RenderSession) -> None
 
 def cancel_after_each_wave(session: RenderSession, monkeypatch: pytest.MonkeyPatch) -> None:
     """Cancel whatever is under way when its first wave is on the device, and make waves far shorter than a sample."""
-    enqueued = Pace.enqueued
+    count_waves = Pace.count_waves
 
     def cut(pace: Pace, finish: Callable[[], None]) -> Callable[[int], bool]:
-        count = enqueued(pace, finish)
+        count = count_waves(pace, finish)
 
         def counted(slots: int) -> bool:
             session.cancel()
@@ -133,7 +133,7 @@ def cancel_after_each_wave(session: RenderSession, monkeypatch: pytest.MonkeyPat
         return counted
 
     monkeypatch.setattr("rptcam_cl.api.session.QUEUE_SECONDS", 5e-4)
-    monkeypatch.setattr(Pace, "enqueued", cut)
+    monkeypatch.setattr(Pace, "count_waves", cut)
 
 
 def test_cancelled_take_is_gone_on_with(session: RenderSession, monkeypatch: pytest.MonkeyPatch) -> None:
