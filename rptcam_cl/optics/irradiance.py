@@ -94,7 +94,7 @@ def irradiance_with_error(
     boxes, lit, parted = _pupil_boxes(probe, film)
     values = np.zeros((len(film), 2))
     for k in np.flatnonzero(lit):
-        values[k] = _integrate(probe, film[k], boxes[k], parted=bool(parted[k]))
+        values[k] = _integrate(probe, film[k], boxes[k], azimuths=AZIMUTHS, parted=bool(parted[k]))
         if transmission:
             share, error = _mean_transmittance(probe, film[k], boxes[k], transmission)
             values[k] = values[k, 0] * share, values[k, 1] * share + values[k, 0] * error
@@ -113,7 +113,7 @@ def pass_areas(lens: Lens, film_distance_mm: float, radii_mm: Array, wavelength_
     film = np.stack([radii_mm, np.zeros_like(radii_mm)], axis=1)
     pupils = zip(film, *_pupil_boxes(probe, film), strict=True)
     return np.array([
-        _integrate(probe, point, box, parted=bool(parted), of_area=True)[0] if lit else 0.0
+        _integrate(probe, point, box, azimuths=AZIMUTHS, parted=bool(parted), of_area=True)[0] if lit else 0.0
         for point, box, lit, parted in pupils
     ])  # fmt: skip
 
@@ -239,9 +239,9 @@ def _integrate(
     film: Array,
     box: Array,
     *,
+    azimuths: int,
     parted: bool = False,
     of_area: bool = False,
-    azimuths: int = AZIMUTHS,
 ) -> tuple[float, float]:
     """Return the integral for the irradiance of a film point over what passes, or the area of that [mm2].
 

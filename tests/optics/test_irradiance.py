@@ -4,7 +4,10 @@ import numpy as np
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics.irradiance import axial_irradiance, film_irradiance, on_axis_irradiance
+from rptcam_cl.optics import irradiance
+from rptcam_cl.optics.design import image_circle
+from rptcam_cl.optics.irradiance import axial_irradiance, film_irradiance, irradiance_with_error, on_axis_irradiance
+from rptcam_cl.optics.lens import film_distance
 from rptcam_cl.optics.library import load_lens
 from tests.optics.truth import NAMES, truth, truth_lens
 
@@ -71,3 +74,18 @@ def test_axial_irradiance_is_the_integral_over_the_pupil(f_number: float | None)
         lens = lens.with_stop_diameter(lens.stop_diameter_for(f_number))
     assert axial_irradiance(lens, 31.0) == pytest.approx(on_axis_irradiance(lens, 31.0), rel=2e-5)
     assert axial_irradiance(load_lens("anamorphic-100mm"), 31.0) is None
+
+
+@pytest.mark.parametrize("name", ["dgauss-50mm", "heliar-105mm"])
+def test_sampling_error_is_said_and_holds_for_round_lenses_too(name, monkeypatch):
+    lens = load_lens(name)
+    back = film_distance(lens, np.inf)
+    radii = np.array([0.0, 0.8, 0.99]) * image_circle(lens, back)
+    values, errors = irradiance_with_error(lens, back, radii)
+    np.testing.assert_array_equal(values, film_irradiance(lens, back, radii))
+    assert errors[0] == 0  # all azimuths are alike
+    assert (errors[1:] > 1e-7 * values[1:]).all()  # half of a pupil is no mirror image of the other half
+    monkeypatch.setattr(irradiance, "AZIMUTHS", 4096)
+    many = np.array([irradiance_with_error(lens, back, radius)[0] for radius in radii])
+    assert (np.abs(values - many)[1:] < 2 * errors[1:]).all()
+    assert (errors[1:] < 0.005 * values[1:]).all()
