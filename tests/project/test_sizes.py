@@ -6,8 +6,11 @@ from pathlib import Path
 
 from benchmarks.architecture import PICTURE, imports, shortest
 from benchmarks.size import TOP, Size, budget, parsed, rooms, size_of
+from rptcam_cl.scene.camera import CAMERA_KINDS
 
 MOST_FILES, MOST_ROOMS = 190, 12
+# Keys of each kind of camera; its optics; the drive of an ideal lens, whose state is its plane of focus.
+FILES_OF_CAMERA_KINDS = {"scene/camera.py", "rendering/cameras/kinds.py", "studies/focus/drives.py"}
 
 
 def test_rooms_keep_to_budgets_that_are_what_they_need() -> None:
@@ -42,3 +45,15 @@ def test_nine_of_ten_functions_have_at_most_40_lines(checkout: Path, tracked: li
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
     ]
     assert sum(size <= 40 for size in sizes) >= 0.9 * len(sizes)
+
+
+def test_a_kind_of_camera_is_named_where_it_is_made_alone(checkout: Path, tracked: list[str]) -> None:
+    kinds = {kind.__name__ for kind in CAMERA_KINDS}
+    naming = {
+        name.removeprefix("rptcam_cl/")
+        for name in tracked
+        if name.startswith("rptcam_cl/") and name.endswith(".py")
+        for node in ast.walk(parsed((checkout / name).read_text("utf-8")))
+        if (isinstance(node, ast.Name) and node.id in kinds) or (isinstance(node, ast.Attribute) and node.attr in kinds)
+    }
+    assert naming == FILES_OF_CAMERA_KINDS
