@@ -478,7 +478,7 @@ def _about(view: View, calibration: Calibration) -> str:
 
 
 def object_text(view: View) -> str:
-    """Return what a view's models are fitted to; at other distances they err by the drift of the pupil."""
+    """The distance that a view's models are fitted at; at others they err by the drift of the pupil."""
     shape = view.object_shape
     if shape is None:
         return "for objects far away"

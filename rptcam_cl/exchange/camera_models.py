@@ -47,7 +47,7 @@ def in_reach(model: str, directions: Array) -> NDArray[np.bool_]:
 
 
 def normal_points(model: str, directions: Array) -> Array:
-    """Return what a model distorts (n, 2): tangents, or for the model by angles the angle itself along its azimuth."""
+    """The coordinates (n, 2) that a model distorts: tangents, or of the model by angles the angle along its azimuth."""
     across = directions[:, :2]
     with np.errstate(all="ignore"):
         if model != BY_ANGLE:
@@ -156,7 +156,7 @@ def slopes(model: str, parameters: Array, points: Array) -> Array:
 
 
 def denominator(coefficients: Array, square: Array) -> Array:
-    """Return what the rational model divides by, at squared distances from the axis."""
+    """The denominator of the rational model, at squared distances from the axis."""
     k4, k5, k6 = coefficients[5:8]
     return np.asarray(1 + square * (k4 + square * (k5 + square * k6)))
 
@@ -334,7 +334,7 @@ def calibrate_best(view: View, models: Sequence[str], allowed_px: float) -> Cali
 
 @lru_cache(maxsize=8)
 def _samples(view: View) -> tuple[Seen, Checked]:
-    """Return what the fit goes by, and what its residual is measured at."""
+    """The places that a fit goes by, and those that its residual is measured at."""
     places, weights, even, lines = _places(view.size, mirrored=view.is_mirrored)
     directions, lit = view.directions(np.concatenate([places, even.reshape(-1, 2), lines]))
     n, m, shape = len(places), len(places) + even.shape[0] * even.shape[1], even.shape[:2]

@@ -187,7 +187,7 @@ class View:
         return origins, np.where(rays.found[:, None], rays.directions, np.nan), lit
 
     def _shape_of(self, away: Array, lit: Mask) -> str:
-        """Return what the object is: a sphere where no plane across the axis lies before all of the field."""
+        """The kind of object: a sphere where no plane across the axis lies before all of the field."""
         return self.shape or ("sphere" if np.any(-away[lit, 2] < STEEP) else "plane")
 
     @property
@@ -235,7 +235,7 @@ class View:
         return _grid(self.size, columns, rows)
 
     def facts(self) -> dict[str, Any]:
-        """Return what programs want to know of the camera beside its projection."""
+        """The facts of the camera that programs want beside its projection."""
         sides = zip(half_film_mm(self.scene), self.scene.film.resolution, strict=True)
         found: dict[str, Any] = {
             "camera": self.name,

@@ -505,7 +505,7 @@ def _as_paths(keys: dict[str, Any]) -> dict[str, Any]:
 
 @remember(most=KEPT, by=optics_key)
 def zoom_kind(scene: Scene) -> ZoomKind:
-    """Return what zooming does with a camera."""
+    """How a camera zooms: by its lens, its angle, or the crop of the film."""
     camera = scene.camera
     if camera.lens_camera is not None:
         return "zoom" if len(scene.load_lens().configurations) > 1 else "crop"
@@ -781,6 +781,6 @@ def turn_dial(panel: Panel, name: str, value: Any) -> Turned:
 
 
 def wheel(scene: Scene) -> dict[str, str]:
-    """Return what the wheel does with this camera: ``zoom``, ``angle``, ``crop`` or ``none``, and how to say it."""
+    """How the wheel zooms this camera: ``zoom``, ``angle``, ``crop`` or ``none``, and how to say it."""
     does = zoom_kind(scene)
     return {"does": does, "text": ZOOM_TEXTS[does]}

@@ -301,7 +301,7 @@ LARGEST = 2.5  # image circle that is sought, over the film's own
 
 
 def camera_numbers(scene: Scene) -> dict[str, Any]:
-    """Return what is known of any camera in focus; None where there is no such number."""
+    """The numbers of any camera in focus; None where there is no such number."""
     focal_mm = focal_length_mm(scene)
     depth: dict[str, Any] = depth_of_field(scene) or dict.fromkeys(DEPTH_KEYS)
     numbers = {
@@ -779,5 +779,5 @@ class LensPanel:
         return self._states.find_or_make(optics_key(resolved), lambda: lens_state(resolved, self._device))
 
     def _once(self, what: str, resolved: Scene, find: Callable[[], Any]) -> Any:
-        """Return what was found for this lens state, or find it."""
+        """Look up a result for this state of the lens, or compute it."""
         return self._results.find_or_make((what, optics_key(resolved)), find)

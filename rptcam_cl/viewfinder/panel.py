@@ -24,7 +24,7 @@ KEPT = 48  # lens states
 
 
 def optics_key(scene: Scene) -> Hashable:
-    """Return what the optics of a scene depend on; a file counts by its place and the time of its last change."""
+    """The key of what the optics of a scene depend on; a file counts by its place and the time of its last change."""
     camera = at_opening(scene).camera
     pose: set[str] = {"eye", "target", "up", "motion"}
     if camera.lens_camera is not None and camera.lens_camera.focus.point is not None:
@@ -312,7 +312,7 @@ class Scale:
         return value
 
     def text(self, value: float) -> str:
-        """Return what a value is called: the engraving of its step, or its own digits between and beyond steps."""
+        """The name of a value: the engraving of its step, or its own digits between and beyond steps."""
         step = self.nearest(value)
         off = THIRDS * self.per_stop * math.log2(value / self.value(step))
         if abs(off) <= 0.51 and step == round(THIRDS * self.per_stop * math.log2(value / self.origin)):

@@ -143,7 +143,7 @@ class CameraOptics(ABC):
 
     @abstractmethod
     def model(self, lens_colour: LensColour = "off", coarse: bool = False, windows: Windows = ()) -> CameraModel:
-        """Return what the device needs of it; parameters as in `camera_model` and `realistic_model`."""
+        """Make its record, tables and facts for the device; parameters as in `camera_model` and `realistic_model`."""
 
     def chief_rays(self) -> CameraRays:
         """Return its chief rays: one for each place of the picture, in float64."""
@@ -161,7 +161,7 @@ class CameraOptics(ABC):
         raise InputError(f"camera.kind: {self.camera.kind} has no pupil (allowed: {allowed})")
 
     def film_pupils(self) -> FilmPupils:
-        """Return what gives the opening that points of the film see."""
+        """The opening that points of the film see."""
         allowed = ", ".join(kinds_where(lambda kind: kind.opens))
         raise InputError(
             "camera.diffraction: the camera has no opening that diffracts"
@@ -173,7 +173,7 @@ class CameraOptics(ABC):
         raise self.camera.lacks("an entrance pupil")
 
     def intrinsics(self) -> Intrinsics:
-        """Return what projects points of its frame on the picture, to first order."""
+        """The projection of points of its frame on the picture, to first order."""
         raise self.camera.lacks("intrinsics")
 
     def focal_length_mm(self) -> float | None:
@@ -549,7 +549,7 @@ def camera_of(scene: Scene, setting: LensSetting | None = None) -> CameraOptics:
 
 
 def camera_model(scene: Scene, lens_colour: LensColour = "off", *, coarse: bool = False) -> CameraModel:
-    """Return what the camera of a scene needs on the device, where it is when the shutter opens.
+    """Make the camera of a scene for the device, where it is when the shutter opens.
 
     Parameters
     ----------

@@ -522,7 +522,7 @@ _small_lamp_fits: Memory[dict[int, LampFit]] = Memory(REMEMBERED)
 
 
 def _places(lamps: Sequence[SeenLamp]) -> tuple[object, ...]:
-    """Return what a lens makes of lamps, whatever they emit."""
+    """Find how a lens shows lamps, whatever they emit."""
     return tuple((each.centre.tobytes(), each.axes.tobytes(), each.is_round) for each in lamps)
 
 
@@ -567,7 +567,7 @@ _DISK = Disk(
 
 
 def _key(camera: CameraModel, lamps: Sequence[SeenLamp], sights: str) -> tuple[object, ...]:
-    """Return what the tables of a camera for lamps that show as ``sights`` names it follow from."""
+    """The key of the tables of a camera for lamps that show as ``sights`` names it."""
     assert camera.reach is not None
     lamp_content = [(each.centre, each.axes, each.is_round, each.radiance) for each in lamps]
     state = camera.record.tobytes(), camera.bends_colours, camera.axial_weight, lamp_content

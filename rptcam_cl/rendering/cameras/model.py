@@ -421,7 +421,7 @@ def intrinsics(
     distortion: Literal["none", "traced lens"] = "none",
     lever: float = 1.0,
 ) -> Intrinsics:
-    """Return what projects a point (x, y, z) of the camera's frame on the picture, in pixels of the whole film.
+    """The intrinsics that project a point (x, y, z) of the camera's frame on the picture, in pixels of the film.
 
     The point is seen at column ``cx + fx x / -z`` and row ``cy - fy y / -z``; pixel (0, 0) covers 0 to 1. A film
     that is tilted or swung has a ``matrix`` by rows in their place: it takes (x, y, -z) to a multiple of (column, row,
@@ -807,7 +807,7 @@ def exposed(model: CameraModel, scene: Scene) -> CameraModel:
 
 
 def _photographic(scene: Scene, on_axis: float) -> CameraMetadata:
-    """Return what a photographer writes down; EV at ISO 100 by the f-number that the irradiance stands for."""
+    """The exposure as a photographer writes it down; EV at ISO 100 by the f-number that the irradiance stands for."""
     exposure, time_s = scene.exposure, scene.shutter.time_s
     return {
         **({} if exposure.f_number is None else {"f_number": exposure.f_number}),

@@ -86,7 +86,7 @@ def _continued(values: Array) -> Array:
 
 
 def _moved(values: Array, known: NDArray[np.bool_], rows: int, columns: int) -> tuple[Array, NDArray[np.bool_]]:
-    """Return what the node so many rows and columns farther holds, and whether it is known."""
+    """The values of the nodes so many rows and columns farther, and which of them are known."""
     count = len(values)
     index = np.arange(count)
     row, column = np.clip(index + rows, 0, count - 1), np.clip(index + columns, 0, count - 1)

@@ -269,7 +269,7 @@ def _axial_colour(
 
 
 def _view(scene: Scene, setting: LensSetting) -> CameraView:
-    """Return what layers need to know; a stop that is not round counts as its circle."""
+    """The view of a lens for layers; a stop that is not round counts as its circle."""
     lens, wavelength_nm = setting.lens, setting.camera.wavelength_nm
     size_mm = [side * 1e3 for side in scene.film.size_m()]
     columns, rows = scene.film.resolution

@@ -185,7 +185,7 @@ def reaches_lens(distance_mm: float) -> InputError:
 
 
 def movements_metadata(camera: CameraKind) -> CameraMetadata:
-    """Return what the picture's metadata should say: the movements, and which way the film faces."""
+    """The movements for a picture's metadata, and which way the film faces."""
     movements = camera.film_movements
     if movements == NO_MOVEMENTS:
         return {}
@@ -216,7 +216,7 @@ class RealState:
     heat: Heat | None = None
 
     def lens(self, state: Lens) -> Lens:
-        """Return what a state of the design really is."""
+        """The lens as it is made and as warm as it is, in a state of its design."""
         made = state if self.copy is None else self.copy.lens(state)
         return made if self.heat is None else self.heat.lens(made)
 
@@ -733,7 +733,7 @@ class EntrancePupil:
     drift_mm: tuple[tuple[float, float], ...] = ()
 
     def described(self) -> PupilMetadata:
-        """Return what the metadata of a picture say of it, but for its place in the world."""
+        """The pupil for the metadata of a picture, but for its place in the world."""
         metadata: PupilMetadata = {
             "ahead_of_eye_mm": self.ahead_mm if math.isfinite(self.ahead_mm) else None,
             "diameter_mm": self.diameter_mm if math.isfinite(self.diameter_mm) else None,

@@ -460,7 +460,7 @@ class ThinDrive(Drive):
 
 
 def focus_drive(scene: Scene) -> Drive:
-    """Return what moves when the camera of a scene focuses.
+    """Find what moves when the camera of a scene focuses.
 
     Raises
     ------
