@@ -144,7 +144,7 @@ def run_settle(arguments: argparse.Namespace) -> int:
     print_warnings(scene.warnings)
     notes = settle(scene, arguments.output, device=arguments.device).found
     if not arguments.quiet:
-        print(f"wrote {arguments.output}: {', '.join(notes) or 'nothing was left to be notes'}", file=sys.stderr)
+        print(f"wrote {arguments.output}: {', '.join(notes) or 'nothing was left to be found'}", file=sys.stderr)
     return 0
 
 
