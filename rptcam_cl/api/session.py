@@ -485,7 +485,7 @@ class SceneCompiler:
         return key_of(*self._of_glances(state))
 
     def _plan_state(self, scene: Scene, resolved: Resolved, plan: Plan, *, is_final: bool) -> SceneState:
-        return SceneState(scene, resolved, plan, self.pool.upload(plan), is_final)
+        return SceneState(scene, resolved, plan, self.pool.upload(plan, rough=not is_final), is_final)
 
 
 def of_glance(scene: Scene) -> RenderSettings:
@@ -709,7 +709,7 @@ class RenderSession:
         self._arrive()
         state = self._shown
         plan, film = plan_smaller_film(state, scale, self._reading)
-        buffers = self._compiler.pool.upload(plan)
+        buffers = self._compiler.pool.upload(plan, rough=not state.is_final)
         pool = self._compiler.pool_of_glances(state)
         run = FilmRun(pool.wavefront(plan, buffers, FilmLayout.of(film), of_glance(state.scene), "glance"))
         complete = self._add(run, 1)

@@ -348,6 +348,33 @@ class Quality:
     stack: int
 
 
+def refit(bvh: Bvh, lower: NDArray[np.float32], upper: NDArray[np.float32]) -> Bvh:
+    """Return the same nodes and blocks about other boxes of their primitives (n, 3)."""
+    unused = bvh.blocks[..., None] < 0
+    leaf_low = np.where(unused, np.float32(np.inf), lower[bvh.blocks]).min(axis=1)
+    leaf_high = np.where(unused, np.float32(-np.inf), upper[bvh.blocks]).max(axis=1)
+    bounds = bvh.bounds.copy()
+    low, high = bounds[:, :3].transpose(0, 2, 1), bounds[:, 3:].transpose(0, 2, 1)  # (node, child, axis)
+    for level in reversed(_levels(bvh.children)):
+        row = bvh.children[level]
+        leaf, inner = row < 0, (row >= 0) & (row != EMPTY)
+        for ours, of_leaves, whole in ((low, leaf_low, np.min), (high, leaf_high, np.max)):
+            boxes = ours[level]
+            boxes[leaf] = of_leaves[~row[leaf]]
+            boxes[inner] = whole(ours[row[inner]], axis=1)
+            ours[level] = boxes
+    return Bvh(bounds, bvh.children, bvh.blocks)
+
+
+def _levels(children: NDArray[np.int32]) -> list[NDArray[np.int64]]:
+    """Return the nodes of each level, the root first."""
+    levels = [np.zeros(1, np.int64)]
+    while len(levels[-1]):
+        row = children[levels[-1]]
+        levels.append(row[(row >= 0) & (row != EMPTY)].astype(np.int64))
+    return levels[:-1]
+
+
 def stack_size(entries: int) -> int:
     """Return the size of the stack that kernels are compiled with for a tree that needs so many entries."""
     return -(-entries // STACK_STEP) * STACK_STEP
@@ -396,12 +423,7 @@ def _are_boxes(bounds: NDArray[np.float32], children: NDArray[np.int32]) -> bool
 
 def _count_reached(children: NDArray[np.int32]) -> int:
     """How many nodes hang below the root, it included, where each is the child of at most one."""
-    level, count = np.zeros(1, np.int64), 0
-    while len(level):
-        count += len(level)
-        row = children[level]
-        level = row[(row >= 0) & (row != EMPTY)].astype(np.int64)
-    return count
+    return sum(map(len, _levels(children)))
 
 
 def _are_all(indices: NDArray[np.int32], count: int) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -11,12 +12,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.files import cache_dir, kernels_dir
 from rptcam_cl.core.records import HIT_ROUNDING, Kind
 from rptcam_cl.core.remember import Disk
 from rptcam_cl.device.session import Session
 from rptcam_cl.rendering import tree_build
-from rptcam_cl.rendering.plan.primitives import Movements, PackedMeshes, Places, TriangleGroup, shift_points
+from rptcam_cl.rendering.plan.primitives import (
+    VERTEX_FLOATS,
+    Movements,
+    PackedMeshes,
+    Places,
+    TriangleGroup,
+    shift_points,
+)
 
 #
 # Trees kept on disk between runs, under the hash of what they were built from; one that is not sound is built anew.
@@ -117,9 +126,7 @@ def primitive_tree(
         if movements is not None and movements.of_primitive[index, 1]:
             box = lower[place], upper[place]
             lower[place], upper[place] = _swept(records[index], int(kinds[index]), movements.places(index), box)
-    infinity = np.float32(np.inf)
-    lower32 = np.nextafter(lower.astype(np.float32), -infinity)
-    upper32 = np.nextafter(upper.astype(np.float32), infinity)
+    lower32, upper32 = _outwards(lower, upper)
 
     def build() -> tuple[NDArray[np.float32], NDArray[np.int32], int]:
         return _build(lower32, upper32, session)
@@ -245,52 +252,137 @@ def _pack(corners: Array, links: NDArray[np.int64]) -> NDArray[np.float32]:
 # bounces on 300k triangles go 1.2 times as fast at 16 as at 8, and 1.5 times as fast at 8 as at 4. A GPU's thread takes
 # one box after the other, so that small nodes suit it; that is not measured.
 WIDTH = {"cpu": 16, "gpu": 4}
+BLOCK_ROWS = 10
 MESH_ROUNDING = (
     1e-6  # of an instance's box, relative to its farthest coordinate: what a ray taken to the mesh may be off
 )
 
 
-def scene_trees(meshes: PackedMeshes, session: Session, movements: Movements | None = None) -> DeviceTree:
-    """Make the trees of a scene's meshes for a device, taken from the disk or built on it.
+@dataclass(frozen=True, eq=False)
+class MeshTrees:
+    """The trees of a scene's meshes in the frames of these, wherever the eye is.
 
-    ``nodes`` (n, 7, width) have rows min x, y, z, max x, y, z of the children, then the children as integers;
-    ``blocks`` (b, 10, leaf) rows x, y, z of the three corners, then the triangles as integers; ``vertices`` (v, 8) are
-    shifted to where rays meet them; ``instances`` have their roots. Rays begin at the node ``mesh_root``; ``mesh_low``
-    and ``mesh_high`` are the corners of all meshes, as it has them (``kernels/geometry/bvh.h``).
-
-    The box of an instance that moves holds all of its way.
+    Attributes
+    ----------
+    meshes : PackedMeshes
+    groups : tuple of Bvh
+        Over the triangles of each group.
+    boxes : (groups, 2, 3) float64 array
+        Lowest and highest corner of each group.
+    instances : Bvh or None
+        Over the instances, None where rays need none; its boxes are not those that rays meet.
+    is_rough : bool
+        Whether that was made for instances that stood elsewhere.
     """
-    width = leaf = WIDTH[session.kind]
+
+    meshes: PackedMeshes
+    groups: tuple[tree_build.Bvh, ...]
+    boxes: Array
+    instances: tree_build.Bvh | None
+    is_rough: bool = False
+
+
+def mesh_trees(
+    meshes: PackedMeshes, session: Session, before: MeshTrees | None = None, *, rough: bool = False
+) -> MeshTrees:
+    """Make the trees of a scene's meshes for a device: taken from those before, from the disk, or built on it.
+
+    Where ``rough`` instances move, their tree stays and only its boxes change.
+    """
+    if before is not None and before.meshes is meshes and (rough or not before.is_rough):
+        return before
+    if before is None or before.meshes.vertices is not meshes.vertices:
+        width = WIDTH[session.kind]
+        groups = tuple(_group_tree(meshes, group, width, width, session) for group in meshes.groups)
+        spans = [slice(group.first_vertex, group.first_vertex + group.vertices) for group in meshes.groups]
+        points = [meshes.vertices[span, :3] for span in spans] if meshes.instanced else []
+        boxes = np.array([(each.min(axis=0), each.max(axis=0)) for each in points], np.float64)
+        before = None
+    else:
+        groups, boxes = before.groups, before.boxes
+    if not meshes.instanced:
+        return MeshTrees(meshes, groups, boxes, None)
+    if before is not None and before.instances is not None:
+        stays = before.meshes.placements is meshes.placements
+        if stays and (rough or not before.is_rough):
+            return replace(before, meshes=meshes)
+        if rough and np.array_equal(before.meshes.group_of_instance, meshes.group_of_instance):
+            return replace(before, meshes=meshes, is_rough=True)
+    return MeshTrees(meshes, groups, boxes, _instance_tree(meshes, boxes, session))
+
+
+def scene_trees(meshes: PackedMeshes, session: Session, movements: Movements | None = None) -> DeviceTree:
+    """Return the trees of a scene's meshes as kernels walk them: `placed_triangles` and `placed_trees`."""
+    trees = mesh_trees(meshes, session)
+    arrays, facts = placed_trees(trees, session, movements)
+    return arrays | placed_triangles(trees), facts
+
+
+def placed_triangles(trees: MeshTrees) -> dict[str, Any]:
+    """Return the triangles of meshes as rays meet them.
+
+    ``vertices`` (v, 8) are shifted to there; ``blocks`` (b, 10, leaf) have rows x, y, z of the three corners, then the
+    triangles as integers.
+    """
+    meshes, vertices = trees.meshes, placed_vertices(trees.meshes)
+    pairs = zip(trees.groups, meshes.groups, strict=True)
+    blocks = np.concatenate([_blocks(tree, group, meshes.triangles, vertices) for tree, group in pairs])
+    return {"blocks": blocks, "vertices": vertices}
+
+
+def placed_vertices(meshes: PackedMeshes) -> NDArray[np.float32]:
+    """Return the vertices (v, 8) shifted to where rays meet them."""
     vertices = meshes.vertices.copy()
     for group in meshes.groups:
         part = slice(group.first_vertex, group.first_vertex + group.vertices)
         vertices[part, :3] = shift_points(meshes.vertices[part, :3], group.shift)
-    nodes, blocks, roots, stack = [], [], [], 0
+    return vertices
+
+
+def placed_blocks(session: Session, before: Any, count: int, vertices: Any, triangles: Any) -> Any:
+    """Return a buffer of ``count`` leaf blocks, made on the device from that of the same triangles elsewhere."""
+    width = WIDTH[session.kind]
+    blocks = session.allocate(4 * BLOCK_ROWS * width * count)
+    program = session.program(["build/blocks.cl"], {"LEAF_WIDTH": width, "VERTEX_FLOATS": VERTEX_FLOATS}, "")
+    given = {"before": before, "blocks": blocks, "vertices": vertices, "triangles": triangles}
+    session.bind(program, "fill_blocks", **given, count=np.int32(count)).enqueue(-(-count // 64) * 64, 64)
+    return blocks
+
+
+def placed_trees(trees: MeshTrees, session: Session, movements: Movements | None = None) -> DeviceTree:
+    """Return nodes and instances as kernels walk them.
+
+    ``nodes`` (n, 7, width) have rows min x, y, z, max x, y, z of the children, then the children as integers;
+    ``instances`` have their roots. Rays begin at the node ``mesh_root``; ``mesh_low`` and ``mesh_high`` are the corners
+    of all meshes, as it has them (``kernels/geometry/bvh.h``).
+
+    The box of an instance that moves holds all of its way.
+    """
+    meshes = trees.meshes
+    nodes, roots, stack = [], [], 0
     first_node = first_block = 0
-    for group in meshes.groups:
-        tree = _group_tree(meshes, group, width, leaf, session)
+    for tree, group in zip(trees.groups, meshes.groups, strict=True):
         roots.append(first_node)
         nodes.append(_mesh_nodes(tree, group, first_node, first_block))
-        blocks.append(_blocks(tree, group, meshes.triangles, vertices))
         first_node += len(tree.children)
         first_block += len(tree.blocks)
         stack = max(stack, tree_build.quality(tree).stack)
     instances = meshes.instances.copy()
     instances["root"] = np.array(roots)[meshes.group_of_instance]
     root = roots[0]
-    if meshes.instanced:
-        top = _instance_tree(meshes, instances, vertices, width, session, movements)
+    if trees.instances is not None:
+        top = tree_build.refit(trees.instances, *_instance_boxes(trees, movements))
         nodes.append(_top_nodes(top, first_node))
         root, stack = first_node, stack + tree_build.quality(top).stack
-    facts = {"BVH_WIDTH": width, "LEAF_WIDTH": leaf, "BVH_STACK": tree_build.stack_size(stack)}
+    width = WIDTH[session.kind]
+    facts = {"BVH_WIDTH": width, "LEAF_WIDTH": width, "BVH_STACK": tree_build.stack_size(stack)}
     all_nodes = np.concatenate(nodes)
-    arrays = {"nodes": all_nodes, "blocks": np.concatenate(blocks), "vertices": vertices, "instances": instances}
     low, high = all_nodes[root, :3].min(axis=1), all_nodes[root, 3:6].max(axis=1)
     corners = {
         "mesh_low": np.append(low, np.float32(0)).tobytes(),
         "mesh_high": np.append(high, np.float32(0)).tobytes(),
     }
-    return {**arrays, "mesh_root": np.int32(root), **corners}, facts
+    return {"nodes": all_nodes, "instances": instances, "mesh_root": np.int32(root), **corners}, facts
 
 
 def _group_tree(meshes: PackedMeshes, group: TriangleGroup, width: int, leaf: int, session: Session) -> tree_build.Bvh:
@@ -345,32 +437,42 @@ def _blocks(
     return out
 
 
-def _instance_tree(
-    meshes: PackedMeshes,
-    instances: NDArray[np.void],
-    vertices: NDArray[np.float32],
-    width: int,
-    session: Session,
-    movements: Movements | None,
-) -> tree_build.Bvh:
-    boxes = []
-    for group in meshes.groups:
-        points = vertices[group.first_vertex : group.first_vertex + group.vertices, :3]
-        boxes.append((points.min(axis=0).astype(np.float64), points.max(axis=0).astype(np.float64)))
-    low, high = (np.array(side)[meshes.group_of_instance] for side in zip(*boxes, strict=True))
-    rows = np.stack([instances[f"world_{axis}"] for axis in "xyz"], axis=1).astype(np.float64)
+def _instance_tree(meshes: PackedMeshes, boxes: Array, session: Session) -> tree_build.Bvh:
+    """Return a tree over the instances as they stand in the scene, about the middle of all of them."""
+    low, high = boxes[meshes.group_of_instance].transpose(1, 0, 2)
+    offset = meshes.placements[:, :3, 3] + meshes.origins
+    if meshes.groups[0].centre is not None:
+        offset[0] = meshes.groups[0].centre
+    lower, upper = _placed_boxes(meshes.placements[:, :3, :3], offset, low, high)
+    middle = (lower.min(axis=0) + upper.max(axis=0)) / 2
+    return tree_build.build_bvh(
+        *_outwards(lower - middle, upper - middle), width=WIDTH[session.kind], leaf_size=1, session=session
+    )
+
+
+def _instance_boxes(trees: MeshTrees, movements: Movements | None) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Return the boxes of the instances that rays meet, about the eye."""
+    meshes = trees.meshes
+    shifts = np.array([group.shift for group in meshes.groups])
+    boxes = shift_points(trees.boxes.astype(np.float32), shifts[:, None]).astype(np.float64)
+    low, high = boxes[meshes.group_of_instance].transpose(1, 0, 2)
+    rows = np.stack([meshes.instances[f"world_{axis}"] for axis in "xyz"], axis=1).astype(np.float64)
     linear, offset = rows[:, :, :3], rows[:, :, 3]
     lowest, highest = _placed_boxes(linear, offset, low, high)
-    for index, primitive in enumerate(instances["first_primitive"].tolist()):
-        if movements is not None and movements.of_primitive[primitive, 1]:
-            places = movements.places(primitive)
-            turns, shifts = places.matrices[:, :3, :3], places.matrices[:, :3, 3]
-            way = _placed_boxes(turns @ linear[index], turns @ offset[index] + shifts, low[index], high[index])
-            lowest[index], highest[index] = places.box(*way, (lowest[index], highest[index]))
+    if movements is not None and movements.facts["HAS_MOTION"]:
+        for index, primitive in enumerate(meshes.instances["first_primitive"].tolist()):
+            if movements.of_primitive[primitive, 1]:
+                places = movements.places(primitive)
+                turns, shifts = places.matrices[:, :3, :3], places.matrices[:, :3, 3]
+                way = _placed_boxes(turns @ linear[index], turns @ offset[index] + shifts, low[index], high[index])
+                lowest[index], highest[index] = places.box(*way, (lowest[index], highest[index]))
+    return _outwards(lowest, highest)
+
+
+def _outwards(lower: Array, upper: Array) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Return boxes in float32 that hold those given."""
     infinity = np.float32(np.inf)
-    lower = np.nextafter(lowest.astype(np.float32), -infinity)
-    upper = np.nextafter(highest.astype(np.float32), infinity)
-    return tree_build.build_bvh(lower, upper, width=width, leaf_size=1, session=session)
+    return np.nextafter(lower.astype(np.float32), -infinity), np.nextafter(upper.astype(np.float32), infinity)
 
 
 def _placed_boxes(linear: Array, offset: Array, low: Array, high: Array) -> tuple[Array, Array]:

@@ -432,7 +432,8 @@ class Scene(SceneModel):
 
     def solids(self) -> tuple[Solid, ...]:
         """Return the shape and materials of each object, those of meshes from their files."""
-        return tuple(self.load_mesh(item) if isinstance(item, MeshObject) else item for item in self.objects)
+        load = self._library.load
+        return tuple(load(item) if isinstance(item, MeshObject) else item for item in self.objects)
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
