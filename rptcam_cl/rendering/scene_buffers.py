@@ -442,8 +442,8 @@ class SceneBuffers:
             return
         before = None if earlier is None else earlier._trees
         self._trees = trees = mesh_trees(plan.meshes, self._session, before, rough=rough)
-        if earlier is not None and before is not None and before.meshes.vertices is plan.meshes.vertices:
-            self._take_triangles(earlier, trees)
+        if earlier is not None and before is not None and trees.has_blocks_of(before):
+            self._take_triangles(earlier, before, trees)
         else:
             for name, array in {**placed_triangles(trees), "triangles": plan.meshes.triangles}.items():
                 self.scene[name] = self._buffer(name, array, in_place=True)
@@ -454,12 +454,13 @@ class SceneBuffers:
         for name, value in arrays.items():
             self.scene[name] = self._buffer(name, value, in_place=True) if isinstance(value, np.ndarray) else value
 
-    def _take_triangles(self, earlier: SceneBuffers, trees: MeshTrees) -> None:
+    def _take_triangles(self, earlier: SceneBuffers, before: MeshTrees, trees: MeshTrees) -> None:
         """Take the triangles of earlier arrays; those that lie elsewhere about the eye are moved on the device."""
         for name in ("vertices", "triangles", "blocks"):
             self._uploaded[name], self.scene[name] = self._before[name], earlier.scene[name]
-        groups = zip(earlier._trees.meshes.groups, trees.meshes.groups, strict=True)  # type: ignore[union-attr]
-        if all(np.array_equal(one.shift, other.shift) for one, other in groups):
+        groups = zip(before.meshes.groups, trees.meshes.groups, strict=True)
+        shifted = any(not np.array_equal(one.shift, other.shift) for one, other in groups)
+        if before.meshes.vertices is trees.meshes.vertices and not shifted:
             return
         blocks, buffer = self._before["blocks"]
         self.scene["vertices"] = self._buffer("vertices", placed_vertices(trees.meshes), in_place=True)

@@ -348,22 +348,25 @@ class Quality:
     stack: int
 
 
-def refit(bvh: Bvh, lower: NDArray[np.float32], upper: NDArray[np.float32]) -> Bvh:
-    """Return the same nodes and blocks about other boxes of their primitives (n, 3)."""
-    unused = bvh.blocks[..., None] < 0
-    leaf_low = np.where(unused, np.float32(np.inf), lower[bvh.blocks]).min(axis=1)
-    leaf_high = np.where(unused, np.float32(-np.inf), upper[bvh.blocks]).max(axis=1)
-    bounds = bvh.bounds.copy()
-    low, high = bounds[:, :3].transpose(0, 2, 1), bounds[:, 3:].transpose(0, 2, 1)  # (node, child, axis)
+def leaf_boxes(bvh: Bvh) -> NDArray[np.float32]:
+    """Return the lowest and highest corners (blocks, 2, 3) of the leaf blocks, as the nodes above have them."""
+    node, child = np.nonzero(bvh.children < 0)
+    boxes = np.empty((len(bvh.blocks), 2, 3), np.float32)
+    boxes[~bvh.children[node, child]] = bvh.bounds[node, :, child].reshape(-1, 2, 3)
+    return boxes
+
+
+def refit(bvh: Bvh, leaves: NDArray[np.float32]) -> Bvh:
+    """Return the same nodes and blocks where the leaf blocks have other boxes (blocks, 2, 3)."""
+    bounds = bvh.bounds.transpose(0, 2, 1).reshape(*bvh.children.shape, 2, 3).copy()
     for level in reversed(_levels(bvh.children)):
-        row = bvh.children[level]
+        row, boxes = bvh.children[level], bounds[level]
         leaf, inner = row < 0, (row >= 0) & (row != EMPTY)
-        for ours, of_leaves, whole in ((low, leaf_low, np.min), (high, leaf_high, np.max)):
-            boxes = ours[level]
-            boxes[leaf] = of_leaves[~row[leaf]]
-            boxes[inner] = whole(ours[row[inner]], axis=1)
-            ours[level] = boxes
-    return Bvh(bounds, bvh.children, bvh.blocks)
+        boxes[leaf] = leaves[~row[leaf]]
+        below = bounds[row[inner]]
+        boxes[inner] = np.stack([below[:, :, 0].min(axis=1), below[:, :, 1].max(axis=1)], axis=1)
+        bounds[level] = boxes
+    return Bvh(bounds.reshape(*bvh.children.shape, 6).transpose(0, 2, 1).copy(), bvh.children, bvh.blocks)
 
 
 def _levels(children: NDArray[np.int32]) -> list[NDArray[np.int64]]:
@@ -392,6 +395,11 @@ def quality(bvh: Bvh) -> Quality:
         depth=depth,
         stack=stack,
     )
+
+
+def stack_entries(bvh: Bvh) -> int:
+    """Return the most entries that a traversal holds; see `Quality`."""
+    return _longest_way(bvh.children)[1]
 
 
 def is_sound(bvh: Bvh) -> bool:

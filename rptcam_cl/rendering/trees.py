@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable
-from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -267,19 +266,21 @@ class MeshTrees:
     meshes : PackedMeshes
     groups : tuple of Bvh
         Over the triangles of each group.
-    boxes : (groups, 2, 3) float64 array
-        Lowest and highest corner of each group.
     instances : Bvh or None
         Over the instances, None where rays need none; its boxes are not those that rays meet.
     is_rough : bool
-        Whether that was made for instances that stood elsewhere.
+        Whether something stood elsewhere when they were built.
     """
 
     meshes: PackedMeshes
     groups: tuple[tree_build.Bvh, ...]
-    boxes: Array
     instances: tree_build.Bvh | None
     is_rough: bool = False
+
+    def has_blocks_of(self, other: MeshTrees) -> bool:
+        """Whether the leaf blocks are those of other trees, but for the places of the triangles in them."""
+        same = self.meshes.triangles is other.meshes.triangles and len(self.groups) == len(other.groups)
+        return same and all(one.blocks is two.blocks for one, two in zip(self.groups, other.groups, strict=True))
 
 
 def mesh_trees(
@@ -287,28 +288,29 @@ def mesh_trees(
 ) -> MeshTrees:
     """Make the trees of a scene's meshes for a device: taken from those before, from the disk, or built on it.
 
-    Where ``rough`` instances move, their tree stays and only its boxes change.
+    Where ``rough`` things have moved, trees stay and only their boxes change.
     """
-    if before is not None and before.meshes is meshes and (rough or not before.is_rough):
+    if before is not None and before.is_rough and not rough:
+        before = None
+    if before is not None and before.meshes is meshes:
         return before
-    if before is None or before.meshes.vertices is not meshes.vertices:
+    is_rough = before is not None and before.is_rough
+    if before is not None and before.meshes.vertices is meshes.vertices:
+        groups = before.groups
+    elif before is not None and rough and before.meshes.triangles is meshes.triangles:
+        pairs = zip(before.groups, meshes.groups, strict=True)
+        groups, is_rough = tuple(_refit_group(tree, before.meshes, meshes, group) for tree, group in pairs), True
+    else:
         width = WIDTH[session.kind]
         groups = tuple(_group_tree(meshes, group, width, width, session) for group in meshes.groups)
-        spans = [slice(group.first_vertex, group.first_vertex + group.vertices) for group in meshes.groups]
-        points = [meshes.vertices[span, :3] for span in spans] if meshes.instanced else []
-        boxes = np.array([(each.min(axis=0), each.max(axis=0)) for each in points], np.float64)
-        before = None
-    else:
-        groups, boxes = before.groups, before.boxes
     if not meshes.instanced:
-        return MeshTrees(meshes, groups, boxes, None)
+        return MeshTrees(meshes, groups, None, is_rough)
     if before is not None and before.instances is not None:
-        stays = before.meshes.placements is meshes.placements
-        if stays and (rough or not before.is_rough):
-            return replace(before, meshes=meshes)
+        if np.array_equal(before.meshes.placements, meshes.placements) and groups is before.groups:
+            return MeshTrees(meshes, groups, before.instances, is_rough)
         if rough and np.array_equal(before.meshes.group_of_instance, meshes.group_of_instance):
-            return replace(before, meshes=meshes, is_rough=True)
-    return MeshTrees(meshes, groups, boxes, _instance_tree(meshes, boxes, session))
+            return MeshTrees(meshes, groups, before.instances, True)
+    return MeshTrees(meshes, groups, _instance_tree(meshes, session), is_rough)
 
 
 def scene_trees(meshes: PackedMeshes, session: Session, movements: Movements | None = None) -> DeviceTree:
@@ -366,14 +368,15 @@ def placed_trees(trees: MeshTrees, session: Session, movements: Movements | None
         nodes.append(_mesh_nodes(tree, group, first_node, first_block))
         first_node += len(tree.children)
         first_block += len(tree.blocks)
-        stack = max(stack, tree_build.quality(tree).stack)
+        stack = max(stack, tree_build.stack_entries(tree))
     instances = meshes.instances.copy()
     instances["root"] = np.array(roots)[meshes.group_of_instance]
     root = roots[0]
     if trees.instances is not None:
-        top = tree_build.refit(trees.instances, *_instance_boxes(trees, movements))
+        boxes = np.stack(_instance_boxes(meshes, movements), axis=1)
+        top = tree_build.refit(trees.instances, boxes[trees.instances.blocks[:, 0]])
         nodes.append(_top_nodes(top, first_node))
-        root, stack = first_node, stack + tree_build.quality(top).stack
+        root, stack = first_node, stack + tree_build.stack_entries(top)
     width = WIDTH[session.kind]
     facts = {"BVH_WIDTH": width, "LEAF_WIDTH": width, "BVH_STACK": tree_build.stack_size(stack)}
     all_nodes = np.concatenate(nodes)
@@ -399,7 +402,7 @@ def _group_tree(meshes: PackedMeshes, group: TriangleGroup, width: int, leaf: in
     def fits(tree: tree_build.Bvh) -> bool:
         """Return whether a tree has these many triangles and the shape that kernels are compiled for."""
         shape = (tree.children.shape[1], tree.blocks.shape[1], int(np.count_nonzero(tree.blocks >= 0)))
-        return shape == (width, leaf, group.triangles) and tree_build.quality(tree).stack <= tree_build.MAX_STACK
+        return shape == (width, leaf, group.triangles) and tree_build.stack_entries(tree) <= tree_build.MAX_STACK
 
     way = session.kind if session.loop_limit is None else f"{session.kind} in short loops"
     return load_or_build(f"{group.key} {width} {leaf} {way}", build, fits)
@@ -437,35 +440,54 @@ def _blocks(
     return out
 
 
-def _instance_tree(meshes: PackedMeshes, boxes: Array, session: Session) -> tree_build.Bvh:
+def _refit_group(
+    tree: tree_build.Bvh, before: PackedMeshes, meshes: PackedMeshes, group: TriangleGroup
+) -> tree_build.Bvh:
+    """Return the tree of a group in which some of the triangles have moved."""
+    own = slice(group.first_vertex, group.first_vertex + group.vertices)
+    faces = meshes.triangles[group.first_triangle : group.first_triangle + group.triangles, :3]
+    moved = np.zeros(len(meshes.vertices), np.bool_)
+    moved[own] = (before.vertices[own, :3] != meshes.vertices[own, :3]).any(axis=1)
+    changed = np.append(moved[faces].any(axis=1), False)  # the last for places without a triangle, -1
+    touched = np.flatnonzero(changed[tree.blocks].any(axis=1))
+    boxes = tree_build.leaf_boxes(tree)
+    for some in np.array_split(touched, -(-len(touched) // (1 << 12)) or 1):
+        unused = (tree.blocks[some] < 0)[..., None, None]
+        corners = meshes.vertices[faces[tree.blocks[some]], :3]
+        boxes[some, 0] = np.where(unused, np.float32(np.inf), corners).min(axis=(1, 2))
+        boxes[some, 1] = np.where(unused, np.float32(-np.inf), corners).max(axis=(1, 2))
+    return tree_build.refit(tree, boxes)
+
+
+def _instance_tree(meshes: PackedMeshes, session: Session) -> tree_build.Bvh:
     """Return a tree over the instances as they stand in the scene, about the middle of all of them."""
-    low, high = boxes[meshes.group_of_instance].transpose(1, 0, 2)
+    low, high = meshes.boxes[meshes.group_of_instance].transpose(1, 0, 2)
     offset = meshes.placements[:, :3, 3] + meshes.origins
     if meshes.groups[0].centre is not None:
         offset[0] = meshes.groups[0].centre
     lower, upper = _placed_boxes(meshes.placements[:, :3, :3], offset, low, high)
     middle = (lower.min(axis=0) + upper.max(axis=0)) / 2
-    return tree_build.build_bvh(
-        *_outwards(lower - middle, upper - middle), width=WIDTH[session.kind], leaf_size=1, session=session
-    )
+    width, boxes = WIDTH[session.kind], _outwards(lower - middle, upper - middle)
+    return tree_build.build_bvh(*boxes, width=width, leaf_size=1, session=session)
 
 
-def _instance_boxes(trees: MeshTrees, movements: Movements | None) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def _instance_boxes(
+    meshes: PackedMeshes, movements: Movements | None
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Return the boxes of the instances that rays meet, about the eye."""
-    meshes = trees.meshes
     shifts = np.array([group.shift for group in meshes.groups])
-    boxes = shift_points(trees.boxes.astype(np.float32), shifts[:, None]).astype(np.float64)
+    boxes = shift_points(meshes.boxes, shifts[:, None]).astype(np.float64)
     low, high = boxes[meshes.group_of_instance].transpose(1, 0, 2)
     rows = np.stack([meshes.instances[f"world_{axis}"] for axis in "xyz"], axis=1).astype(np.float64)
     linear, offset = rows[:, :, :3], rows[:, :, 3]
     lowest, highest = _placed_boxes(linear, offset, low, high)
-    if movements is not None and movements.facts["HAS_MOTION"]:
-        for index, primitive in enumerate(meshes.instances["first_primitive"].tolist()):
-            if movements.of_primitive[primitive, 1]:
-                places = movements.places(primitive)
-                turns, shifts = places.matrices[:, :3, :3], places.matrices[:, :3, 3]
-                way = _placed_boxes(turns @ linear[index], turns @ offset[index] + shifts, low[index], high[index])
-                lowest[index], highest[index] = places.box(*way, (lowest[index], highest[index]))
+    if movements is not None:
+        moves = movements.of_primitive[meshes.instances["first_primitive"], 1] > 0
+        for index in np.flatnonzero(moves).tolist():
+            places = movements.places(int(meshes.instances["first_primitive"][index]))
+            turns, ways = places.matrices[:, :3, :3], places.matrices[:, :3, 3]
+            way = _placed_boxes(turns @ linear[index], turns @ offset[index] + ways, low[index], high[index])
+            lowest[index], highest[index] = places.box(*way, (lowest[index], highest[index]))
     return _outwards(lowest, highest)
 
 

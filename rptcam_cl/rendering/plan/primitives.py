@@ -53,9 +53,17 @@ class Appearance:
 
 
 class PlanParts:
-    """Keeps each part of a plan until it is made of something else."""
+    """Keeps each part of a plan until it is made of something else.
+
+    Attributes
+    ----------
+    rough : bool
+        Whether meshes may stand about an earlier middle of the scene, which rounds them in another way: then those that
+        do not move are taken as they are. `settle` ends it.
+    """
 
     def __init__(self) -> None:
+        self.rough = False
         self._known: dict[str, tuple[tuple[Any, ...], Any]] = {}
         self.placed: tuple[Any, dict[int, PlacedMesh]] = None, {}  # unit and shutter; by the index of the object
 
@@ -72,6 +80,19 @@ class PlanParts:
             known = self._known[name] = of, make()
         part: Part = known[1]
         return part
+
+    def pools(self, in_world: Sequence[Primitive], shared: Collection[Mesh]) -> _Pools:
+        """Return the pools of meshes; see `pack_meshes`."""
+        before: _Pools | None = self._known["pools"][1] if "pools" in self._known else None
+        of = tuple((item.mesh, item.placement) for item in in_world), tuple(shared)
+        return self.part("pools", of, lambda: _Pools(in_world, shared, before, keep_centre=self.rough))
+
+    def settle(self) -> None:
+        """Make what was made roughly anew from now on."""
+        self.rough = False
+        if "pools" in self._known and not self._known["pools"][1].is_exact:
+            for name in ("pools", "meshes", "world"):
+                self._known.pop(name, None)
 
     def appearance(self, scene: Scene, materials: Collection[Material], files: tuple[str, ...]) -> Appearance:
         """Pack the look of the materials of primitives and of the environment of a scene; it can be added to.
@@ -175,6 +196,8 @@ class PackedMeshes:
     triangles : (m, 4) int32 array
         Corners in the pool of vertices, and the place of the triangle's primitive among those of its instance.
     groups : tuple of TriangleGroup
+    boxes : (groups, 2, 3) float32 array
+        Lowest and highest corner of the vertices of each group; empty where no instances are needed.
     placements, origins : (i, 4, 4) and (i, 3) float64 arrays
         Of instances: what takes them to the scene [m], and where the origin of their frame comes to lie by its turn.
     instances : array of ``Instance`` records
@@ -191,6 +214,7 @@ class PackedMeshes:
     vertices: NDArray[np.float32]
     triangles: NDArray[np.int32]
     groups: tuple[TriangleGroup, ...]
+    boxes: NDArray[np.float32]
     placements: NDArray[np.float64]
     origins: NDArray[np.float64]
     instances: NDArray[np.void]
@@ -294,8 +318,7 @@ def pack_meshes(placed: Sequence[Primitive], first_primitive: int, parts: PlanPa
     shared = [i for i, share in enumerate(is_shared) if share]
     in_world = [placed[i] for i in copied]
     meshes = {id(placed[i].mesh): _mesh_of(placed[i]) for i in shared}
-    of = tuple((item.mesh, item.placement) for item in in_world), tuple(meshes.values())
-    pools = parts.part("pools", of, lambda: _Pools(in_world, meshes.values()))
+    pools = parts.pools(in_world, meshes.values())
     group_of = {key: bool(copied) + place for place, key in enumerate(meshes)}
     groups = [group_of[id(placed[i].mesh)] for i in shared]
     placements = np.array([np.eye(4)] * bool(copied) + [placed[i].placement for i in shared])
@@ -304,6 +327,7 @@ def pack_meshes(placed: Sequence[Primitive], first_primitive: int, parts: PlanPa
         vertices=pools.vertices,
         triangles=pools.triangles,
         groups=tuple(pools.groups),
+        boxes=pools.boxes() if shared else np.zeros((0, 2, 3), np.float32),
         placements=placements,
         origins=(placements[:, :3, :3] @ origins[:, :, None])[:, :, 0],
         instances=_instances(len(shared), first_primitive, len(copied)),
@@ -318,62 +342,104 @@ def pack_meshes(placed: Sequence[Primitive], first_primitive: int, parts: PlanPa
 class _Pools:
     """Vertices and triangles of meshes: those in the world as one group, each that instances share as one of its own.
 
+    Parameters
+    ----------
+    in_world, shared
+        The meshes.
+    before
+        Pools of perhaps the same meshes, from which what has not moved is taken.
+    keep_centre
+        Whether the world's group may stand about the centre before.
+
     Attributes
     ----------
     vertices, triangles
-        As of `PackedMeshes`.
+        As of `PackedMeshes`; ``triangles`` are the same array as before where they are the same.
     groups : list of TriangleGroup
     first_triangles : list of int
         Of each mesh in the world.
+    is_exact : bool
+        Whether the world's group stands about its own centre.
     """
 
-    def __init__(self, in_world: Sequence[Primitive], shared: Iterable[Mesh]) -> None:
-        self._vertices: list[NDArray[np.float32]] = []
-        self._triangles: list[NDArray[np.int32]] = []
-        self._vertex_count = self._triangle_count = 0
+    def __init__(
+        self, in_world: Sequence[Primitive], shared: Iterable[Mesh], before: _Pools | None, *, keep_centre: bool
+    ) -> None:
         self.groups: list[TriangleGroup] = []
-        self.first_triangles = self._add_world(in_world) if in_world else []
+        self.is_exact = True
+        self._placed: list[tuple[Mesh, Matrix]] = []
+        self._slots: list[int] = []  # of each mesh, among the primitives of its instance
+        self._ends = np.zeros((1, 2), np.int64)  # of the triangles and vertices of the meshes so far
+        if in_world:
+            self._add_world(in_world, before.groups[0].centre if keep_centre and before is not None else None)
         for mesh in shared:
-            self._add_shared(mesh)
-        self.vertices, self.triangles = np.concatenate(self._vertices), np.concatenate(self._triangles)
-        del self._vertices, self._triangles
+            self._add([(mesh, affine(np.eye(3), -mesh.origin))], f"shared {mesh.content_hash}", None)
+        self.first_triangles: list[int] = self._ends[: len(in_world), 0].tolist()
+        self._reflects = [bool(np.linalg.det(matrix[:3, :3]) <= 0) for _, matrix in self._placed]
+        if before is not None and not self._has_meshes_of(before):
+            before = None
+        self.triangles: NDArray[np.int32] = (
+            np.concatenate(list(self._corners())) if before is None else before.triangles
+        )
+        self.vertices: NDArray[np.float32] = np.concatenate(list(self._points(before)))
 
-    def _add_world(self, placed: Sequence[Primitive]) -> list[int]:
-        """Add meshes taken to the world as one group; return the first triangle of each."""
-        centre = _centre(placed)
-        key = hashlib.sha256()
-        starts = []
-        for slot, item in enumerate(placed):
+    def boxes(self) -> NDArray[np.float32]:
+        """Return lowest and highest corner of each group (groups, 2, 3)."""
+        spans = [slice(group.first_vertex, group.first_vertex + group.vertices) for group in self.groups]
+        points = [self.vertices[span, :3] for span in spans]
+        return np.array([(each.min(axis=0), each.max(axis=0)) for each in points])
+
+    def _add_world(self, placed: Sequence[Primitive], given: NDArray[np.float64] | None) -> None:
+        """Add meshes taken to the world as one group, about a given centre or its own."""
+        own = _centre(placed)
+        centre = own if given is None else given
+        self.is_exact = np.array_equal(own, centre)
+        key, meshes = hashlib.sha256(), []
+        for item in placed:
             local = item.placement.copy()
             local[:3, 3] -= centre
             key.update(_mesh_of(item).content_hash.encode() + local.tobytes())
-            starts.append(self._append(_mesh_of(item), local, slot))
-        self._close(key.hexdigest(), 0, 0, centre)
-        return starts
+            meshes.append((_mesh_of(item), local))
+        self._add(meshes, key.hexdigest(), centre)
 
-    def _add_shared(self, mesh: Mesh) -> None:
-        """Add a mesh in its own frame as a group of its own."""
-        first_triangle, first_vertex = self._triangle_count, self._vertex_count
-        self._append(mesh, affine(np.eye(3), -mesh.origin), 0)
-        self._close(f"shared {mesh.content_hash}", first_triangle, first_vertex, None)
-
-    def _append(self, mesh: Mesh, matrix: Matrix, slot: int) -> int:
-        start = self._triangle_count
-        corners = np.empty((len(mesh.faces), 4), np.int32)
-        # A reflection turns the front of a triangle round; exchanging two corners turns it back.
-        order = [0, 1, 2] if np.linalg.det(matrix[:3, :3]) > 0 else [0, 2, 1]
-        np.add(mesh.faces[:, order], self._vertex_count, out=corners[:, :3], casting="unsafe")
-        corners[:, 3] = slot
-        self._vertices.append(_vertices(mesh, matrix))
-        self._triangles.append(corners)
-        self._vertex_count += len(mesh.positions)
-        self._triangle_count += len(corners)
-        return start
-
-    def _close(self, key: str, first_triangle: int, first_vertex: int, centre: NDArray[np.float64] | None) -> None:
-        triangles, vertices = self._triangle_count - first_triangle, self._vertex_count - first_vertex
+    def _add(self, placed: list[tuple[Mesh, Matrix]], key: str, centre: NDArray[np.float64] | None) -> None:
+        """Add a group of meshes, each with the matrix that takes it to the frame of the group."""
+        self._placed += placed
+        self._slots += range(len(placed))
+        sizes = np.array([(len(mesh.faces), len(mesh.positions)) for mesh, _ in placed])
+        first_triangle, first_vertex = self._ends[-1].tolist()
+        self._ends = np.vstack([self._ends, self._ends[-1] + np.cumsum(sizes, axis=0)])
+        triangles, vertices = sizes.sum(axis=0).tolist()
         shift = np.zeros(3) if centre is None else centre
         self.groups.append(TriangleGroup(key, first_triangle, triangles, first_vertex, vertices, centre, shift))
+
+    def _has_meshes_of(self, other: _Pools) -> bool:
+        """Return whether the meshes are the same in all but their places."""
+        one, two = (
+            [(id(mesh), *rest) for (mesh, _), *rest in zip(each._placed, each._slots, each._reflects, strict=True)]
+            for each in (self, other)
+        )
+        return one == two
+
+    def _corners(self) -> Iterator[NDArray[np.int32]]:
+        """Yield the triangles of each mesh."""
+        for (mesh, _), slot, (_, first), reflects in zip(
+            self._placed, self._slots, self._ends, self._reflects, strict=False
+        ):
+            corners = np.empty((len(mesh.faces), 4), np.int32)
+            # A reflection turns the front of a triangle round; exchanging two corners turns it back.
+            order = [0, 2, 1] if reflects else [0, 1, 2]
+            np.add(mesh.faces[:, order], first, out=corners[:, :3], casting="unsafe")
+            corners[:, 3] = slot
+            yield corners
+
+    def _points(self, before: _Pools | None) -> Iterator[NDArray[np.float32]]:
+        """Yield the vertices of each mesh."""
+        for place, (mesh, matrix) in enumerate(self._placed):
+            if before is not None and np.array_equal(before._placed[place][1], matrix):
+                yield before.vertices[slice(*self._ends[place : place + 2, 1])]
+            else:
+                yield _vertices(mesh, matrix)
 
 
 def _vertices(mesh: Mesh, matrix: Matrix) -> NDArray[np.float32]:
@@ -565,10 +631,20 @@ def _place_mesh(
     scene: Scene, item: MeshObject | Board, index: int, loaded: LoadedMesh, before: PlacedMesh | None
 ) -> PlacedMesh:
     """Place a mesh object; where it only shows another material than before, its primitives keep their places."""
-    if before is not None and item.transform is before.item.transform and item.motion is before.item.motion:
-        if [id(part.mesh) for part in loaded.contents.parts] == [id(each.mesh) for each in before.primitives]:
-            pairs = zip(before.primitives, loaded.materials, strict=True)
-            return PlacedMesh(item, [replace(one, material=material) for one, material in pairs])
+    meshes = [id(part.mesh) for part in loaded.contents.parts]
+    if (
+        before is not None
+        and item.transform is before.item.transform
+        and item.motion is before.item.motion
+        and meshes == [id(each.mesh) for each in before.primitives]
+    ):
+        return PlacedMesh(
+            item,
+            [
+                Primitive(Kind.MESH, one.placement, material, index, one.mesh, one.trajectory)
+                for one, material in zip(before.primitives, loaded.materials, strict=True)
+            ],
+        )
     scale = affine(scene.metres_per_unit * np.eye(3), np.zeros(3))
     trajectory = _trajectory(scene, item)
     primitives = [
