@@ -304,6 +304,7 @@ class SceneCompiler:
         Autofocus takes millions of samples, for which full kernels are worth their time.
         """
         is_final = True
+        self._parts.settle()
         if self._quick is None or scene.requested_autofocus is not None:
             resolved = resolve(scene, self._device)
         else:
@@ -316,6 +317,7 @@ class SceneCompiler:
     def for_glances(self, before: SceneState, scene: Scene, reading: float | None) -> SceneState:
         """Plan a scene for glances: by the last reading of the meter and coarse tables."""
         resolved = resolve(scene, self._device, metered_cd_m2=reading)
+        self._parts.rough = True
         plan = plan_for_glances(before, scene, resolved.scene, self._parts)
         if plan.camera.facts != before.plan.camera.facts:  # coarse tables may be of another kind
             plan = make_plan(resolved.scene, parts=self._parts)
@@ -323,6 +325,7 @@ class SceneCompiler:
 
     def final(self, state: SceneState) -> SceneState:
         """Plan a scene as `render` does."""
+        self._parts.settle()
         resolved = resolve(state.scene, self._device, state.resolved.focus)
         return self._plan_state(state.scene, resolved, make_plan(resolved.scene, parts=self._parts), is_final=True)
 
@@ -485,7 +488,7 @@ class SceneCompiler:
         return key_of(*self._of_glances(state))
 
     def _plan_state(self, scene: Scene, resolved: Resolved, plan: Plan, *, is_final: bool) -> SceneState:
-        return SceneState(scene, resolved, plan, self.pool.upload(plan), is_final)
+        return SceneState(scene, resolved, plan, self.pool.upload(plan, rough=not is_final), is_final)
 
 
 def of_glance(scene: Scene) -> RenderSettings:
@@ -709,7 +712,7 @@ class RenderSession:
         self._arrive()
         state = self._shown
         plan, film = plan_smaller_film(state, scale, self._reading)
-        buffers = self._compiler.pool.upload(plan)
+        buffers = self._compiler.pool.upload(plan, rough=not state.is_final)
         pool = self._compiler.pool_of_glances(state)
         run = FilmRun(pool.wavefront(plan, buffers, FilmLayout.of(film), of_glance(state.scene), "glance"))
         complete = self._add(run, 1)

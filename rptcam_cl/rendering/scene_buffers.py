@@ -25,7 +25,16 @@ from rptcam_cl.rendering.film import (
     seed_words,
 )
 from rptcam_cl.rendering.plan.plan import Plan
-from rptcam_cl.rendering.trees import DeviceTree, primitive_tree, scene_trees
+from rptcam_cl.rendering.trees import (
+    DeviceTree,
+    MeshTrees,
+    mesh_trees,
+    placed_blocks,
+    placed_trees,
+    placed_triangles,
+    placed_vertices,
+    primitive_tree,
+)
 
 # What a render will hold on the device, added up before anything is allocated: running out kills a CPU's process.
 
@@ -322,6 +331,8 @@ class SceneBuffers:
         The device, and whose arrays.
     earlier
         Of another plan, perhaps nearly the same: what has not changed stays where it is.
+    rough
+        Whether a tree over instances may be one that was made for other places of them: soon there, slower to walk.
 
     Attributes
     ----------
@@ -337,7 +348,9 @@ class SceneBuffers:
         And one more if anything moves: when the shutter is open and where the camera is.
     """
 
-    def __init__(self, session: Session, plan: Plan, earlier: SceneBuffers | None = None) -> None:
+    def __init__(
+        self, session: Session, plan: Plan, earlier: SceneBuffers | None = None, *, rough: bool = False
+    ) -> None:
         self._session, self._plan = session, plan
         self._before = {} if earlier is None else earlier._uploaded
         self._uploaded: dict[str, tuple[NDArray[Any], Any]] = {}
@@ -348,7 +361,7 @@ class SceneBuffers:
             self.scene["colours"] = self.colours
         self.tree_facts: dict[str, int] = {}
         self._add_primitive_tree(earlier)
-        self._add_meshes(earlier)
+        self._add_meshes(earlier, rough)
         self.photons = PhotonBuffers(session, plan) if plan.caustics.active else None
         self.scene |= {} if self.photons is None else self.photons.arguments
         self.trajectory = {"trajectory": self._buffer("trajectory", plan.trajectory)} if plan.facts["MOVES"] else {}
@@ -377,7 +390,7 @@ class SceneBuffers:
         if self.photons is not None:
             other.scene = {name: value for name, value in other.scene.items() if name not in self.photons.arguments}
             other.photons = None
-        other._session = other._tree = other._mesh_trees = None  # type: ignore[assignment]
+        other._session = other._tree = other._trees = other._placed = None  # type: ignore[assignment]
         other._plan, other._uploaded = plan, {}
         return other
 
@@ -421,17 +434,39 @@ class SceneBuffers:
             self.tree_facts |= tree[1]
             self.scene |= {name: self._buffer(name, array) for name, array in tree[0].items()}
 
-    def _add_meshes(self, earlier: SceneBuffers | None) -> None:
+    def _add_meshes(self, earlier: SceneBuffers | None, rough: bool) -> None:
         plan = self._plan
-        self._mesh_trees: DeviceTree | None = None
+        self._trees: MeshTrees | None = None
+        self._placed: DeviceTree | None = None
         if plan.meshes is None:
             return
+        before = None if earlier is None else earlier._trees
+        self._trees = trees = mesh_trees(plan.meshes, self._session, before, rough=rough)
+        if earlier is not None and before is not None and trees.has_blocks_of(before):
+            self._take_triangles(earlier, before, trees)
+        else:
+            for name, array in {**placed_triangles(trees), "triangles": plan.meshes.triangles}.items():
+                self.scene[name] = self._buffer(name, array, in_place=True)
         if earlier is not None and earlier._plan.meshes is plan.meshes and _moves_alike(earlier._plan, plan):
-            self._mesh_trees = earlier._mesh_trees
-        trees = self._mesh_trees = self._mesh_trees or scene_trees(plan.meshes, self._session, plan.movements)
-        self.tree_facts |= trees[1]
-        for name, value in {**trees[0], "triangles": plan.meshes.triangles}.items():
+            self._placed = earlier._placed if trees is before else None
+        arrays, facts = self._placed = self._placed or placed_trees(trees, self._session, plan.movements)
+        self.tree_facts |= facts
+        for name, value in arrays.items():
             self.scene[name] = self._buffer(name, value, in_place=True) if isinstance(value, np.ndarray) else value
+
+    def _take_triangles(self, earlier: SceneBuffers, before: MeshTrees, trees: MeshTrees) -> None:
+        """Take the triangles of earlier arrays; those that lie elsewhere about the eye are moved on the device."""
+        for name in ("vertices", "triangles", "blocks"):
+            self._uploaded[name], self.scene[name] = self._before[name], earlier.scene[name]
+        groups = zip(before.meshes.groups, trees.meshes.groups, strict=True)
+        shifted = any(not np.array_equal(one.shift, other.shift) for one, other in groups)
+        if before.meshes.vertices is trees.meshes.vertices and not shifted:
+            return
+        blocks, buffer = self._before["blocks"]
+        self.scene["vertices"] = self._buffer("vertices", placed_vertices(trees.meshes), in_place=True)
+        given = self.scene["vertices"], self.scene["triangles"]
+        self.scene["blocks"] = placed_blocks(self._session, buffer, len(blocks), *given)
+        self._uploaded["blocks"] = blocks, self.scene["blocks"]
 
 
 def _scene_arrays(plan: Plan) -> dict[str, NDArray[Any]]:

@@ -348,6 +348,36 @@ class Quality:
     stack: int
 
 
+def leaf_boxes(bvh: Bvh) -> NDArray[np.float32]:
+    """Return the lowest and highest corners (blocks, 2, 3) of the leaf blocks, as the nodes above have them."""
+    node, child = np.nonzero(bvh.children < 0)
+    boxes = np.empty((len(bvh.blocks), 2, 3), np.float32)
+    boxes[~bvh.children[node, child]] = bvh.bounds[node, :, child].reshape(-1, 2, 3)
+    return boxes
+
+
+def refit(bvh: Bvh, leaves: NDArray[np.float32]) -> Bvh:
+    """Return the same nodes and blocks where the leaf blocks have other boxes (blocks, 2, 3)."""
+    bounds = bvh.bounds.transpose(0, 2, 1).reshape(*bvh.children.shape, 2, 3).copy()
+    for level in reversed(_levels(bvh.children)):
+        row, boxes = bvh.children[level], bounds[level]
+        leaf, inner = row < 0, (row >= 0) & (row != EMPTY)
+        boxes[leaf] = leaves[~row[leaf]]
+        below = bounds[row[inner]]
+        boxes[inner] = np.stack([below[:, :, 0].min(axis=1), below[:, :, 1].max(axis=1)], axis=1)
+        bounds[level] = boxes
+    return Bvh(bounds.reshape(*bvh.children.shape, 6).transpose(0, 2, 1).copy(), bvh.children, bvh.blocks)
+
+
+def _levels(children: NDArray[np.int32]) -> list[NDArray[np.int64]]:
+    """Return the nodes of each level, the root first."""
+    levels = [np.zeros(1, np.int64)]
+    while len(levels[-1]):
+        row = children[levels[-1]]
+        levels.append(row[(row >= 0) & (row != EMPTY)].astype(np.int64))
+    return levels[:-1]
+
+
 def stack_size(entries: int) -> int:
     """Return the size of the stack that kernels are compiled with for a tree that needs so many entries."""
     return -(-entries // STACK_STEP) * STACK_STEP
@@ -365,6 +395,11 @@ def quality(bvh: Bvh) -> Quality:
         depth=depth,
         stack=stack,
     )
+
+
+def stack_entries(bvh: Bvh) -> int:
+    """Return the most entries that a traversal holds; see `Quality`."""
+    return _longest_way(bvh.children)[1]
 
 
 def is_sound(bvh: Bvh) -> bool:
@@ -396,12 +431,7 @@ def _are_boxes(bounds: NDArray[np.float32], children: NDArray[np.int32]) -> bool
 
 def _count_reached(children: NDArray[np.int32]) -> int:
     """How many nodes hang below the root, it included, where each is the child of at most one."""
-    level, count = np.zeros(1, np.int64), 0
-    while len(level):
-        count += len(level)
-        row = children[level]
-        level = row[(row >= 0) & (row != EMPTY)].astype(np.int64)
-    return count
+    return sum(map(len, _levels(children)))
 
 
 def _are_all(indices: NDArray[np.int32], count: int) -> bool:

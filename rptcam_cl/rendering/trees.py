@@ -11,12 +11,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.files import cache_dir, kernels_dir
 from rptcam_cl.core.records import HIT_ROUNDING, Kind
 from rptcam_cl.core.remember import Disk
 from rptcam_cl.device.session import Session
 from rptcam_cl.rendering import tree_build
-from rptcam_cl.rendering.plan.primitives import Movements, PackedMeshes, Places, TriangleGroup, shift_points
+from rptcam_cl.rendering.plan.primitives import (
+    VERTEX_FLOATS,
+    Movements,
+    PackedMeshes,
+    Places,
+    TriangleGroup,
+    shift_points,
+)
 
 #
 # Trees kept on disk between runs, under the hash of what they were built from; one that is not sound is built anew.
@@ -117,9 +125,7 @@ def primitive_tree(
         if movements is not None and movements.of_primitive[index, 1]:
             box = lower[place], upper[place]
             lower[place], upper[place] = _swept(records[index], int(kinds[index]), movements.places(index), box)
-    infinity = np.float32(np.inf)
-    lower32 = np.nextafter(lower.astype(np.float32), -infinity)
-    upper32 = np.nextafter(upper.astype(np.float32), infinity)
+    lower32, upper32 = _outwards(lower, upper)
 
     def build() -> tuple[NDArray[np.float32], NDArray[np.int32], int]:
         return _build(lower32, upper32, session)
@@ -245,52 +251,141 @@ def _pack(corners: Array, links: NDArray[np.int64]) -> NDArray[np.float32]:
 # bounces on 300k triangles go 1.2 times as fast at 16 as at 8, and 1.5 times as fast at 8 as at 4. A GPU's thread takes
 # one box after the other, so that small nodes suit it; that is not measured.
 WIDTH = {"cpu": 16, "gpu": 4}
+BLOCK_ROWS = 10
 MESH_ROUNDING = (
     1e-6  # of an instance's box, relative to its farthest coordinate: what a ray taken to the mesh may be off
 )
 
 
-def scene_trees(meshes: PackedMeshes, session: Session, movements: Movements | None = None) -> DeviceTree:
-    """Make the trees of a scene's meshes for a device, taken from the disk or built on it.
+@dataclass(frozen=True, eq=False)
+class MeshTrees:
+    """The trees of a scene's meshes in the frames of these, wherever the eye is.
 
-    ``nodes`` (n, 7, width) have rows min x, y, z, max x, y, z of the children, then the children as integers;
-    ``blocks`` (b, 10, leaf) rows x, y, z of the three corners, then the triangles as integers; ``vertices`` (v, 8) are
-    shifted to where rays meet them; ``instances`` have their roots. Rays begin at the node ``mesh_root``; ``mesh_low``
-    and ``mesh_high`` are the corners of all meshes, as it has them (``kernels/geometry/bvh.h``).
-
-    The box of an instance that moves holds all of its way.
+    Attributes
+    ----------
+    meshes : PackedMeshes
+    groups : tuple of Bvh
+        Over the triangles of each group.
+    instances : Bvh or None
+        Over the instances, None where rays need none; its boxes are not those that rays meet.
+    is_rough : bool
+        Whether something stood elsewhere when they were built.
     """
-    width = leaf = WIDTH[session.kind]
+
+    meshes: PackedMeshes
+    groups: tuple[tree_build.Bvh, ...]
+    instances: tree_build.Bvh | None
+    is_rough: bool = False
+
+    def has_blocks_of(self, other: MeshTrees) -> bool:
+        """Whether the leaf blocks are those of other trees, but for the places of the triangles in them."""
+        same = self.meshes.triangles is other.meshes.triangles and len(self.groups) == len(other.groups)
+        return same and all(one.blocks is two.blocks for one, two in zip(self.groups, other.groups, strict=True))
+
+
+def mesh_trees(
+    meshes: PackedMeshes, session: Session, before: MeshTrees | None = None, *, rough: bool = False
+) -> MeshTrees:
+    """Make the trees of a scene's meshes for a device: taken from those before, from the disk, or built on it.
+
+    Where ``rough`` things have moved, trees stay and only their boxes change.
+    """
+    if before is not None and before.is_rough and not rough:
+        before = None
+    if before is not None and before.meshes is meshes:
+        return before
+    is_rough = before is not None and before.is_rough
+    if before is not None and before.meshes.vertices is meshes.vertices:
+        groups = before.groups
+    elif before is not None and rough and before.meshes.triangles is meshes.triangles:
+        pairs = zip(before.groups, meshes.groups, strict=True)
+        groups, is_rough = tuple(_refit_group(tree, before.meshes, meshes, group) for tree, group in pairs), True
+    else:
+        width = WIDTH[session.kind]
+        groups = tuple(_group_tree(meshes, group, width, width, session) for group in meshes.groups)
+    if not meshes.instanced:
+        return MeshTrees(meshes, groups, None, is_rough)
+    if before is not None and before.instances is not None:
+        if np.array_equal(before.meshes.placements, meshes.placements) and groups is before.groups:
+            return MeshTrees(meshes, groups, before.instances, is_rough)
+        if rough and np.array_equal(before.meshes.group_of_instance, meshes.group_of_instance):
+            return MeshTrees(meshes, groups, before.instances, True)
+    return MeshTrees(meshes, groups, _instance_tree(meshes, session), is_rough)
+
+
+def scene_trees(meshes: PackedMeshes, session: Session, movements: Movements | None = None) -> DeviceTree:
+    """Return the trees of a scene's meshes as kernels walk them: `placed_triangles` and `placed_trees`."""
+    trees = mesh_trees(meshes, session)
+    arrays, facts = placed_trees(trees, session, movements)
+    return arrays | placed_triangles(trees), facts
+
+
+def placed_triangles(trees: MeshTrees) -> dict[str, Any]:
+    """Return the triangles of meshes as rays meet them.
+
+    ``vertices`` (v, 8) are shifted to there; ``blocks`` (b, 10, leaf) have rows x, y, z of the three corners, then the
+    triangles as integers.
+    """
+    meshes, vertices = trees.meshes, placed_vertices(trees.meshes)
+    pairs = zip(trees.groups, meshes.groups, strict=True)
+    blocks = np.concatenate([_blocks(tree, group, meshes.triangles, vertices) for tree, group in pairs])
+    return {"blocks": blocks, "vertices": vertices}
+
+
+def placed_vertices(meshes: PackedMeshes) -> NDArray[np.float32]:
+    """Return the vertices (v, 8) shifted to where rays meet them."""
     vertices = meshes.vertices.copy()
     for group in meshes.groups:
         part = slice(group.first_vertex, group.first_vertex + group.vertices)
         vertices[part, :3] = shift_points(meshes.vertices[part, :3], group.shift)
-    nodes, blocks, roots, stack = [], [], [], 0
+    return vertices
+
+
+def placed_blocks(session: Session, before: Any, count: int, vertices: Any, triangles: Any) -> Any:
+    """Return a buffer of ``count`` leaf blocks, made on the device from that of the same triangles elsewhere."""
+    width = WIDTH[session.kind]
+    blocks = session.allocate(4 * BLOCK_ROWS * width * count)
+    program = session.program(["build/blocks.cl"], {"LEAF_WIDTH": width, "VERTEX_FLOATS": VERTEX_FLOATS}, "")
+    given = {"before": before, "blocks": blocks, "vertices": vertices, "triangles": triangles}
+    session.bind(program, "fill_blocks", **given, count=np.int32(count)).enqueue(-(-count // 64) * 64, 64)
+    return blocks
+
+
+def placed_trees(trees: MeshTrees, session: Session, movements: Movements | None = None) -> DeviceTree:
+    """Return nodes and instances as kernels walk them.
+
+    ``nodes`` (n, 7, width) have rows min x, y, z, max x, y, z of the children, then the children as integers;
+    ``instances`` have their roots. Rays begin at the node ``mesh_root``; ``mesh_low`` and ``mesh_high`` are the corners
+    of all meshes, as it has them (``kernels/geometry/bvh.h``).
+
+    The box of an instance that moves holds all of its way.
+    """
+    meshes = trees.meshes
+    nodes, roots, stack = [], [], 0
     first_node = first_block = 0
-    for group in meshes.groups:
-        tree = _group_tree(meshes, group, width, leaf, session)
+    for tree, group in zip(trees.groups, meshes.groups, strict=True):
         roots.append(first_node)
         nodes.append(_mesh_nodes(tree, group, first_node, first_block))
-        blocks.append(_blocks(tree, group, meshes.triangles, vertices))
         first_node += len(tree.children)
         first_block += len(tree.blocks)
-        stack = max(stack, tree_build.quality(tree).stack)
+        stack = max(stack, tree_build.stack_entries(tree))
     instances = meshes.instances.copy()
     instances["root"] = np.array(roots)[meshes.group_of_instance]
     root = roots[0]
-    if meshes.instanced:
-        top = _instance_tree(meshes, instances, vertices, width, session, movements)
+    if trees.instances is not None:
+        boxes = np.stack(_instance_boxes(meshes, movements), axis=1)
+        top = tree_build.refit(trees.instances, boxes[trees.instances.blocks[:, 0]])
         nodes.append(_top_nodes(top, first_node))
-        root, stack = first_node, stack + tree_build.quality(top).stack
-    facts = {"BVH_WIDTH": width, "LEAF_WIDTH": leaf, "BVH_STACK": tree_build.stack_size(stack)}
+        root, stack = first_node, stack + tree_build.stack_entries(top)
+    width = WIDTH[session.kind]
+    facts = {"BVH_WIDTH": width, "LEAF_WIDTH": width, "BVH_STACK": tree_build.stack_size(stack)}
     all_nodes = np.concatenate(nodes)
-    arrays = {"nodes": all_nodes, "blocks": np.concatenate(blocks), "vertices": vertices, "instances": instances}
     low, high = all_nodes[root, :3].min(axis=1), all_nodes[root, 3:6].max(axis=1)
     corners = {
         "mesh_low": np.append(low, np.float32(0)).tobytes(),
         "mesh_high": np.append(high, np.float32(0)).tobytes(),
     }
-    return {**arrays, "mesh_root": np.int32(root), **corners}, facts
+    return {"nodes": all_nodes, "instances": instances, "mesh_root": np.int32(root), **corners}, facts
 
 
 def _group_tree(meshes: PackedMeshes, group: TriangleGroup, width: int, leaf: int, session: Session) -> tree_build.Bvh:
@@ -307,7 +402,7 @@ def _group_tree(meshes: PackedMeshes, group: TriangleGroup, width: int, leaf: in
     def fits(tree: tree_build.Bvh) -> bool:
         """Return whether a tree has these many triangles and the shape that kernels are compiled for."""
         shape = (tree.children.shape[1], tree.blocks.shape[1], int(np.count_nonzero(tree.blocks >= 0)))
-        return shape == (width, leaf, group.triangles) and tree_build.quality(tree).stack <= tree_build.MAX_STACK
+        return shape == (width, leaf, group.triangles) and tree_build.stack_entries(tree) <= tree_build.MAX_STACK
 
     way = session.kind if session.loop_limit is None else f"{session.kind} in short loops"
     return load_or_build(f"{group.key} {width} {leaf} {way}", build, fits)
@@ -345,32 +440,61 @@ def _blocks(
     return out
 
 
-def _instance_tree(
-    meshes: PackedMeshes,
-    instances: NDArray[np.void],
-    vertices: NDArray[np.float32],
-    width: int,
-    session: Session,
-    movements: Movements | None,
+def _refit_group(
+    tree: tree_build.Bvh, before: PackedMeshes, meshes: PackedMeshes, group: TriangleGroup
 ) -> tree_build.Bvh:
-    boxes = []
-    for group in meshes.groups:
-        points = vertices[group.first_vertex : group.first_vertex + group.vertices, :3]
-        boxes.append((points.min(axis=0).astype(np.float64), points.max(axis=0).astype(np.float64)))
-    low, high = (np.array(side)[meshes.group_of_instance] for side in zip(*boxes, strict=True))
-    rows = np.stack([instances[f"world_{axis}"] for axis in "xyz"], axis=1).astype(np.float64)
+    """Return the tree of a group in which some of the triangles have moved."""
+    own = slice(group.first_vertex, group.first_vertex + group.vertices)
+    faces = meshes.triangles[group.first_triangle : group.first_triangle + group.triangles, :3]
+    moved = np.zeros(len(meshes.vertices), np.bool_)
+    moved[own] = (before.vertices[own, :3] != meshes.vertices[own, :3]).any(axis=1)
+    changed = np.append(moved[faces].any(axis=1), False)  # the last for places without a triangle, -1
+    touched = np.flatnonzero(changed[tree.blocks].any(axis=1))
+    boxes = tree_build.leaf_boxes(tree)
+    for some in np.array_split(touched, -(-len(touched) // (1 << 12)) or 1):
+        unused = (tree.blocks[some] < 0)[..., None, None]
+        corners = meshes.vertices[faces[tree.blocks[some]], :3]
+        boxes[some, 0] = np.where(unused, np.float32(np.inf), corners).min(axis=(1, 2))
+        boxes[some, 1] = np.where(unused, np.float32(-np.inf), corners).max(axis=(1, 2))
+    return tree_build.refit(tree, boxes)
+
+
+def _instance_tree(meshes: PackedMeshes, session: Session) -> tree_build.Bvh:
+    """Return a tree over the instances as they stand in the scene, about the middle of all of them."""
+    low, high = meshes.boxes[meshes.group_of_instance].transpose(1, 0, 2)
+    offset = meshes.placements[:, :3, 3] + meshes.origins
+    if meshes.groups[0].centre is not None:
+        offset[0] = meshes.groups[0].centre
+    lower, upper = _placed_boxes(meshes.placements[:, :3, :3], offset, low, high)
+    middle = (lower.min(axis=0) + upper.max(axis=0)) / 2
+    width, boxes = WIDTH[session.kind], _outwards(lower - middle, upper - middle)
+    return tree_build.build_bvh(*boxes, width=width, leaf_size=1, session=session)
+
+
+def _instance_boxes(
+    meshes: PackedMeshes, movements: Movements | None
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Return the boxes of the instances that rays meet, about the eye."""
+    shifts = np.array([group.shift for group in meshes.groups])
+    boxes = shift_points(meshes.boxes, shifts[:, None]).astype(np.float64)
+    low, high = boxes[meshes.group_of_instance].transpose(1, 0, 2)
+    rows = np.stack([meshes.instances[f"world_{axis}"] for axis in "xyz"], axis=1).astype(np.float64)
     linear, offset = rows[:, :, :3], rows[:, :, 3]
     lowest, highest = _placed_boxes(linear, offset, low, high)
-    for index, primitive in enumerate(instances["first_primitive"].tolist()):
-        if movements is not None and movements.of_primitive[primitive, 1]:
-            places = movements.places(primitive)
-            turns, shifts = places.matrices[:, :3, :3], places.matrices[:, :3, 3]
-            way = _placed_boxes(turns @ linear[index], turns @ offset[index] + shifts, low[index], high[index])
+    if movements is not None:
+        moves = movements.of_primitive[meshes.instances["first_primitive"], 1] > 0
+        for index in np.flatnonzero(moves).tolist():
+            places = movements.places(int(meshes.instances["first_primitive"][index]))
+            turns, ways = places.matrices[:, :3, :3], places.matrices[:, :3, 3]
+            way = _placed_boxes(turns @ linear[index], turns @ offset[index] + ways, low[index], high[index])
             lowest[index], highest[index] = places.box(*way, (lowest[index], highest[index]))
+    return _outwards(lowest, highest)
+
+
+def _outwards(lower: Array, upper: Array) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Return boxes in float32 that hold those given."""
     infinity = np.float32(np.inf)
-    lower = np.nextafter(lowest.astype(np.float32), -infinity)
-    upper = np.nextafter(highest.astype(np.float32), infinity)
-    return tree_build.build_bvh(lower, upper, width=width, leaf_size=1, session=session)
+    return np.nextafter(lower.astype(np.float32), -infinity), np.nextafter(upper.astype(np.float32), infinity)
 
 
 def _placed_boxes(linear: Array, offset: Array, low: Array, high: Array) -> tuple[Array, Array]:

@@ -20,13 +20,13 @@ from pydantic_core import PydanticCustomError
 from rptcam_cl.core.errors import InputError, MissingFileError
 from rptcam_cl.core.files import Folders
 from rptcam_cl.core.strict_yaml import Document, KeyPath, dotted, parse_scalar, read_yaml
-from rptcam_cl.scene.base import REFUSED, SceneModel, file_references, listed, near_name
+from rptcam_cl.scene.base import REFUSED, FileReference, SceneModel, file_references, listed, near_name
 from rptcam_cl.scene.camera import CAMERA_KINDS, Pose
 from rptcam_cl.scene.exposure import value_at
 from rptcam_cl.scene.film import Film, PictureSettings, WhiteBalance
 from rptcam_cl.scene.lens_settings import DESIGN, GRADES, IN_WORDS, LAYERED, REAL, Focus, with_design
 from rptcam_cl.scene.materials import CONSTANT, MEASURED, WRITTEN_OUT
-from rptcam_cl.scene.meshes import MeshObject
+from rptcam_cl.scene.meshes import WRITTEN_LISTS, MeshObject
 from rptcam_cl.scene.placement import Vector, moments
 from rptcam_cl.scene.quantities import SPECTRUM
 from rptcam_cl.scene.scene import Scene, check_extent
@@ -536,8 +536,11 @@ def _locator(document: Document | None, labels: dict[KeyPath, str]) -> Where:
     return where
 
 
-def with_files(scene: Scene, where: Where, missing: Missing) -> Scene:
-    """Return a scene whose files are where they may be; refuse one with others, naming all that are missing."""
+def with_files(scene: Scene, where: Where, missing: Missing, before: Scene | None = None) -> Scene:
+    """Return a scene whose files are where they may be; refuse one with others, naming all that are missing.
+
+    What it has in common with the scene ``before`` is taken to be as it was.
+    """
     try:
         scene.lens_source()
     except InputError as problem:
@@ -549,9 +552,10 @@ def with_files(scene: Scene, where: Where, missing: Missing) -> Scene:
         hint = f"; a grade is one of {', '.join(GRADES)}" if isinstance(problem, MissingFileError) else ""
         raise type(problem)(f"{where(key, False)}{dotted(key)}: {problem}{hint}") from None
     pictures: list[str] = []
-    kept, without = _check_meshes(scene, where, pictures)
+    is_new = before is None or scene.objects is not before.objects
+    kept, without = _check_meshes(scene, where, pictures) if is_new else (scene.objects, [])
     fatal: list[str] = []
-    for path, reference in file_references(scene):
+    for path, reference in _new_references(scene, before):
         key = (*path, "file")
         reference.locate(f"{where(key, False)}{dotted(key)}: ")
         try:
@@ -572,15 +576,44 @@ def with_files(scene: Scene, where: Where, missing: Missing) -> Scene:
     return scene.with_stand_ins(kept, stand_ins) if stand_ins else scene
 
 
+def _new_references(scene: Scene, before: Scene | None) -> Iterator[tuple[KeyPath, FileReference]]:
+    """Yield the parts of a scene that name a file and are not in the scene before, with the keys that lead to them."""
+    if before is None:
+        yield from file_references(scene)
+        return
+    sections = [name for name in Scene.model_fields if getattr(scene, name) is not getattr(before, name)]
+    known = {id(part) for name in sections for _, part in _items(getattr(before, name))}
+    if "objects" in sections:
+        known |= scene.checked
+    for name in sections:
+        for path, part in _items(getattr(scene, name)):
+            if id(part) not in known:
+                yield from file_references(part, (name, *path))
+
+
+def _items(section: Any) -> Iterable[tuple[KeyPath, Any]]:
+    """Return the items of a section of a scene with their keys; the section itself where it has none."""
+    if isinstance(section, Mapping):
+        return (((key,), item) for key, item in section.items())
+    if isinstance(section, tuple):
+        return (((index,), item) for index, item in enumerate(section))
+    return [((), section)]
+
+
+def _material_of(item: Any) -> Any:
+    return getattr(item, "material", None)
+
+
 def _check_meshes(scene: Scene, where: Where, pictures: list[str]) -> tuple[tuple[Object, ...], list[str]]:
     """Return the objects without those whose mesh is missing, and what there is to say of these."""
     absent: list[str] = []
     scene.report_missing_pictures(absent)
     kept: list[Object] = []
     without: list[str] = []
+    checked = scene.checked
     for index, item in enumerate(scene.objects):
         try:
-            if isinstance(item, MeshObject):
+            if id(item) not in checked and isinstance(item, MeshObject):
                 _check_mesh(scene, item, index, where)
             kept.append(item)
         except MissingFileError as problem:
@@ -684,7 +717,8 @@ def set_keys(scene: Scene, changes: Mapping[str, Any]) -> Scene:
         raise input_error(problem, data, _nowhere) from None
     if touched <= WITHOUT_FILES:
         return changed
-    return with_files(changed, _nowhere, "grey" if scene.stand_ins else "error")
+    earlier = None if "meshes" in touched else scene
+    return with_files(changed, _nowhere, "grey" if scene.stand_ins else "error", earlier)
 
 
 def _path(text: str) -> KeyPath:
@@ -731,7 +765,7 @@ def _is_mix(material: Any) -> bool:
 
 
 def _objects(scene: Scene, before: Mapping[str, Any], data: Mapping[str, Any], touched: set[str] | None) -> list[Any]:
-    """Return the data of objects; those that stay as they were, as they are; others with names for their materials.
+    """Return the data of objects; those that stay as they were, as they are, but for the materials of names.
 
     Parameters
     ----------
@@ -739,27 +773,38 @@ def _objects(scene: Scene, before: Mapping[str, Any], data: Mapping[str, Any], t
         Names of the materials that do not stay; None where nothing does.
     """
     listed = before.get("objects") or ()
-    known = {id(plain): item for plain, item in zip(listed, scene.objects, strict=False)}
-    names = {id(material): name for name, material in scene.materials.items()}
     wanted = data.get("objects") or ()
     if not isinstance(wanted, (list, tuple)):
         return wanted  # type: ignore[no-any-return]
+    names = {id(material): name for name, material in scene.materials.items()}
     if touched is None:
         return [_with_material_name(plain, names) for plain in wanted]
-    if not touched:
-        return [known.get(id(plain), plain) for plain in wanted]
+    known = {id(plain): item for plain, item in zip(listed, scene.objects, strict=False)}
+    objects = [known.get(id(plain), plain) for plain in wanted]
+    for index, (plain, item) in enumerate(zip(wanted, objects, strict=True)):
+        if touched and item is not plain and _mixes_its_own(item, names):
+            objects[index] = _with_material_name(plain, names)
+        elif item is plain and index < len(listed):
+            objects[index] = _with_known_lists(plain, listed[index], scene.objects[index])
+    return objects
 
-    def stays(item: Any) -> bool:
-        material = getattr(item, "material", None)
-        return names.get(id(material)) not in touched and not _is_mix(material)
 
-    pairs = ((plain, known.get(id(plain))) for plain in wanted)
-    return [item if item is not None and stays(item) else _with_material_name(plain, names) for plain, item in pairs]
+def _mixes_its_own(item: Any, names: Mapping[int, str]) -> bool:
+    """Return whether a material is mixed in an object, of which others may have changed."""
+    return id(_material_of(item)) not in names and _is_mix(_material_of(item))
+
+
+def _with_known_lists(plain: Any, before: Any, item: Object) -> Any:
+    """Return the mapping of a changed object with the lists of numbers that it had before as they were read then."""
+    if not (isinstance(plain, Mapping) and isinstance(before, Mapping)):
+        return plain
+    same = [key for key in WRITTEN_LISTS if plain.get(key) is not None and plain[key] is before.get(key)]
+    return dict(plain) | {key: getattr(item, key) for key in same}
 
 
 def _with_material_name(item: Any, names: Mapping[int, str]) -> Any:
     """Return the keys of an object whose material is one of the scene's, with its name; else the item."""
-    name = names.get(id(getattr(item, "material", None)))
+    name = names.get(id(_material_of(item)))
     if not isinstance(item, SceneModel) or name is None:
         return item
     return {key: getattr(item, key) for key in item.model_fields_set} | {"material": name}

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Hashable, Iterable, Mapping
+from contextlib import suppress
 from numbers import Integral
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
@@ -521,19 +522,39 @@ class MeshLibrary:
         self._absent = absent
         self._folders = folders
         self._named = named
-        # By path, or by the identity of a source that is written out, which is kept so that it stays one of a kind.
-        self._known: dict[tuple[Path | int, NormalsMode], MeshContents] = {}
-        self._written: dict[int, MeshSource] = {}
+        self._known: dict[tuple[Hashable, NormalsMode], MeshContents] = {}
+        self._written: dict[Hashable, MeshSource] = {}  # kept so that the identities of its lists stay ones of a kind
         self._meshes: dict[str, Mesh] = {}
         self._materials: dict[FileMaterial, Material] = {}
         self._loaded: dict[int, LoadedMesh] = {}  # by the identity of its item
 
     def begun_anew(self, objects: Iterable[object], absent: list[str]) -> MeshLibrary:
-        """Return a library that has of this one what it loaded for some objects, and reads files again for others."""
+        """Return a library that has of this one what it loaded for some objects, and what these are made of."""
         library = MeshLibrary(self._folders, self._named, absent)
-        wanted = {id(item) for item in objects if isinstance(item, MeshObject)}
-        library._loaded |= {key: mesh for key, mesh in self._loaded.items() if key in wanted}
+        items = {id(item): item for item in objects if isinstance(item, MeshObject)}
+        library._loaded = {key: mesh for key, mesh in self._loaded.items() if key in items}
+        sources = {id(source): source for key, item in items.items() if key not in library._loaded
+                   for source in [self._source(item)]}  # fmt: skip
+        with suppress(InputError):  # of a file that is missing, which is told when it is loaded
+            wanted = {self._key(source) for source in sources.values()}
+            used = {id(mesh.contents) for mesh in library._loaded.values()}
+            library._known = {at: known for at, known in self._known.items() if at[0] in wanted or id(known) in used}
+            library._written = {key: source for key, source in self._written.items() if key in wanted}
+        library._materials = self._materials
+        for contents in library._known.values():
+            contents.sharing(library._meshes)
         return library
+
+    def _source(self, item: MeshObject) -> MeshSource:
+        return item if item.mesh is None else self._named[item.mesh]
+
+    def _key(self, source: MeshSource) -> Hashable:
+        """Return what names the triangles of a source: path, size and time of a file, or the lists written out."""
+        if source.file is None:
+            return tuple(map(id, (source.vertices, source.faces, source.uvs, source.given_normals)))
+        path = self._folders.find(source.file)
+        state = path.stat()
+        return path, state.st_size, state.st_mtime_ns
 
     def load(self, item: MeshObject) -> LoadedMesh:
         """Return the parts and materials of an object; they are found once.
@@ -545,20 +566,19 @@ class MeshLibrary:
         """
         key = id(item)
         if key not in self._loaded:
-            source: MeshSource = item if item.mesh is None else self._named[item.mesh]
-            contents = self._contents(source, item.normals_mode)
+            contents = self._contents(self._source(item), item.normals_mode)
             self._loaded[key] = LoadedMesh(item, contents, self._shown(item, contents))
         return self._loaded[key]
 
     def _contents(self, source: MeshSource, mode: NormalsMode) -> MeshContents:
-        path = self._folders.find(source.file) if source.file is not None else None
-        key = path or id(source)
-        if path is None:
-            self._written[id(source)] = source
+        key = self._key(source)
+        self._written[key] = source
         if (key, "auto") not in self._known:
-            plain = (
-                _read_written_mesh(source) if path is None else read_mesh_file(path, self._folders.find_beside(path))
-            )
+            if source.file is None:
+                plain = _read_written_mesh(source)
+            else:
+                path = self._folders.find(source.file)
+                plain = read_mesh_file(path, self._folders.find_beside(path))
             self._known[key, "auto"] = plain.sharing(self._meshes)
         if (key, mode) not in self._known:
             self._known[key, mode] = self._known[key, "auto"].with_normals(mode).sharing(self._meshes)
@@ -600,6 +620,9 @@ def _printable(value: str) -> str:
 
 
 FilePath = Annotated[str, Field(max_length=1000), AfterValidator(_printable)]
+
+
+WRITTEN_LISTS = ("vertices", "faces", "uvs", "normals")  # keys of triangles that are written out
 
 
 class MeshSource(SceneModel):

@@ -12,7 +12,15 @@ from typing import Annotated, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, PrivateAttr, ValidationInfo, field_validator, model_validator
+from pydantic import (
+    Field,
+    PrivateAttr,
+    ValidationError,
+    ValidationInfo,
+    ValidatorFunctionWrapHandler,
+    field_validator,
+    model_validator,
+)
 
 from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.core.files import Folders, References, digest
@@ -294,6 +302,7 @@ class Scene(SceneModel):
     _library: MeshLibrary = PrivateAttr()
     _stand_ins: tuple[str, ...] = PrivateAttr(default=())
     _made_of: dict[str, Any] | None = PrivateAttr(default=None)
+    _checked: set[int] = PrivateAttr(default_factory=set)  # identities of objects that the scene before has, too
 
     @field_validator("materials", mode="before")
     @classmethod
@@ -311,6 +320,29 @@ class Scene(SceneModel):
         for index, item in enumerate(resolved):
             _check_mesh_name(item, index, info.data.get("meshes"))
         return resolved
+
+    @field_validator("objects", mode="wrap")
+    @classmethod
+    def _validate_new_objects(cls, objects: Any, handler: ValidatorFunctionWrapHandler, info: ValidationInfo) -> Any:
+        """Validate the objects that the scene before does not have; its own may get the new material of a name."""
+        context: dict[str, Any] = info.context or {}
+        before, materials = context.get("scene"), info.data.get("materials")
+        if before is None or materials is None or not isinstance(objects, (list, tuple)):
+            return handler(objects)
+        changed = {id(one): name for name, one in before.materials.items() if materials.get(name) is not one}
+        own = context["checked"] = set(map(id, before.objects))
+        if objects is before.objects and not changed:
+            return objects
+        given = [_with_changed_material(item, changed, materials) if id(item) in own else item for item in objects]
+        own.update(
+            id(new) for old, new in zip(objects, given, strict=True) if new is not old and type(new) is type(old)
+        )
+        fresh = [item for item in given if id(item) not in own]
+        try:
+            validated = iter(handler(fresh) if fresh else ())
+        except ValidationError:
+            return handler(given)  # names the places of the errors
+        return tuple(item if id(item) in own else next(validated) for item in given)
 
     @field_validator("environment", mode="before")
     @classmethod
@@ -335,13 +367,14 @@ class Scene(SceneModel):
         given = context.get("scene")
         if given is not None:
             self._folders, self._library, self._stand_ins = given._folders, given._library, given._stand_ins
+            self._checked = context.get("checked", self._checked)
         else:
             self._folders = context.get("folders", self._folders)
             self._library = MeshLibrary(self._folders, self.meshes)
         return self
 
     @model_validator(mode="after")
-    def _check_whole(self, info: ValidationInfo) -> Self:
+    def _check_whole(self) -> Self:
         self.camera.check_film(self.film.resolution)
         check_exposure(self.exposure, self.camera)
         self.picture.check_crop(self.film.crop)
@@ -349,10 +382,9 @@ class Scene(SceneModel):
         check_sequence(self.sequence, self.shutter, self.exposure, self.requested_autofocus is not None)
         check_followed(self.camera, self.objects)
         check_keys_of_shutter(self.shutter, self.camera, self.render)
-        given = (info.context or {}).get("scene")
-        checked = set() if given is None else set(map(id, given.objects))
+        checked = self._checked
         for index, item in enumerate(self.objects):
-            if not isinstance(item, MeshObject) and id(item) not in checked:
+            if id(item) not in checked and not isinstance(item, MeshObject):
                 check_extent(item, item, path=("objects", index))
         return self
 
@@ -383,6 +415,11 @@ class Scene(SceneModel):
         scene._stand_ins, scene._made_of = stand_ins, None
         return scene
 
+    @property
+    def checked(self) -> set[int]:
+        """Identities of the objects that the scene before, of which this was made, has but perhaps for a material."""
+        return self._checked
+
     def load_mesh(self, item: MeshObject | Board) -> LoadedMesh:
         """Return the parts and materials of one of the scene's mesh objects; they are read once.
 
@@ -395,7 +432,8 @@ class Scene(SceneModel):
 
     def solids(self) -> tuple[Solid, ...]:
         """Return the shape and materials of each object, those of meshes from their files."""
-        return tuple(self.load_mesh(item) if isinstance(item, MeshObject) else item for item in self.objects)
+        load = self._library.load
+        return tuple(load(item) if isinstance(item, MeshObject) else item for item in self.objects)
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
@@ -534,6 +572,16 @@ class Scene(SceneModel):
 def _hash(content: Any) -> str:
     text = json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _with_changed_material(item: Object, changed: Mapping[int, str], materials: Mapping[str, Material]) -> Any:
+    """Give an object the new material of a name, where its own is one of those that have changed, by identity."""
+    name = changed.get(id(getattr(item, "material", None)))
+    if name is None:
+        return item
+    if name not in materials:
+        return {key: getattr(item, key) for key in item.model_fields_set} | {"material": name}
+    return item.model_copy(update={"material": materials[name]})
 
 
 def _check_mesh_name(item: Any, index: int, meshes: Mapping[str, NamedMesh] | None) -> None:

@@ -102,6 +102,12 @@ def test_motion_is_compared_with_the_scene_standing_still(checkout: Path, tmp_pa
 
 
 @pytest.mark.slow
+def test_edits_are_timed_in_both_scenes(checkout: Path, tmp_path: Path) -> None:
+    _, results = quick(checkout, tmp_path, "edits")
+    assert len(results) == 9 and all(set(found) == {"change", "glance", "sample"} for found in results.values())
+
+
+@pytest.mark.slow
 def test_growth_has_its_four_tables(checkout: Path, tmp_path: Path) -> None:
     printed, results = quick(checkout, tmp_path, "growth")
     assert printed.count("Msamples/s by wall") == len(results) == 4

@@ -5,7 +5,7 @@ Emissive planes, insides of solids, what moves and what has holes shine as well,
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -513,7 +513,7 @@ def glow_of(material: Material, textures: TextureTable, spectra: KnownSpectra) -
 
 def _surface_emitter(index: int, primitive: Primitive, glow: Glow) -> Found | None:
     """Return record and power [W, luminance] of an emissive primitive, or None when it is not sampled."""
-    if primitive.kind not in _SAMPLED or glow.strength <= 0:
+    if primitive.kind not in _SAMPLED:
         return None
     records = EMITTER.one(primitive=index, triangle=-1, **glow.members)
     area = _SAMPLED[primitive.kind](primitive, records[0])
@@ -522,10 +522,9 @@ def _surface_emitter(index: int, primitive: Primitive, glow: Glow) -> Found | No
 
 def _mesh_emitters(
     index: int, primitive: Primitive, first_triangle: int, eye: NDArray[np.float64], glow: Glow
-) -> Found | None:
-    """Return records and powers [W, luminance] of the triangles of an emissive mesh, or None when it does not shine."""
-    if primitive.mesh is None or glow.strength <= 0:
-        return None
+) -> Found:
+    """Return records and powers [W, luminance] of the triangles of an emissive mesh."""
+    assert primitive.mesh is not None
     records, areas = triangle_emitters(primitive.mesh, primitive.placement, eye)
     fill(records, primitive=index, triangle=first_triangle + np.arange(len(records)), **glow.members)
     return records, np.pi * areas * glow.strength
@@ -535,10 +534,13 @@ def _scene_reach(primitives: list[Primitive], eye: NDArray[np.float64]) -> float
     """Return a radius about the eye that holds all bounded primitives [m]."""
     placements = [each.placement[:3] for each in primitives if each.mesh is None and each.kind is not Kind.PLANE]
     reach = float(np.linalg.norm(placements, ord=2, axis=(1, 2)).max()) if placements else 0.0
+    of_mesh: dict[Mesh, list[NDArray[np.float64]]] = {}
     for primitive in primitives:
         if primitive.mesh is not None:
-            corners = corners_of_box(*primitive.mesh.bounds(), primitive.placement)
-            reach = max(reach, float(np.linalg.norm(corners - eye, axis=1).max()))
+            of_mesh.setdefault(primitive.mesh, []).append(primitive.placement)
+    for mesh, matrices in of_mesh.items():
+        corners = corners_of_box(*mesh.bounds(), np.array(matrices))
+        reach = max(reach, float(np.linalg.norm(corners - eye, axis=-1).max()))
     return reach or 1.0
 
 
@@ -645,11 +647,16 @@ def _surface_emitters(
     of_primitive: dict[int, int] = {}
     count = 0
     first_mesh = len(primitives) - len(first_triangles)
-    for index, primitive in enumerate(primitives):
-        glow = glow_of(primitive.material, textures, spectra)
+    shining = {}
+    for material in {id(primitive.material): primitive.material for primitive in primitives}.values():
+        glow = glow_of(material, textures, spectra)
         # A sample would have to ask whether it lies in a hole, or follow what moves; paths find what shines there.
-        if has_holes(primitive.material) or primitive.trajectory is not None:
+        if glow.strength > 0 and not has_holes(material):
+            shining[id(material)] = glow
+    for index, primitive in enumerate(primitives):
+        if id(primitive.material) not in shining or primitive.trajectory is not None:
             continue
+        glow = shining[id(primitive.material)]
         if primitive.mesh is None:
             emitter = _surface_emitter(index, primitive, glow)
         else:
@@ -667,21 +674,23 @@ OUTLINE_STEPS = 32  # of an outline
 ANGLES = np.linspace(0.0, np.pi / 2, 16, endpoint=False)  # at which the least rectangle about a lamp is looked for
 
 
-def visible_lamps(primitives: Iterable[Primitive], eye: Array, textures: TextureTable) -> tuple[SeenLamp, ...]:
+def visible_lamps(primitives: Sequence[Primitive], eye: Array, textures: TextureTable) -> tuple[SeenLamp, ...]:
     """Find the lamps that stand still, as seen from the eye, in the world about it [m].
 
     Planes, lamps around the eye and those that turn their back to it are left out.
     """
-    lamps = (_see_lamp(primitive, eye, textures) for primitive in primitives if primitive.trajectory is None)
+    materials = {id(primitive.material): primitive.material for primitive in primitives}
+    glows = {key: glow_of(material, textures, KnownSpectra()) for key, material in materials.items()}
+    shining = {key: glow for key, glow in glows.items() if glow.strength > 0}
+    lamps = (
+        _see_lamp(primitive, eye, shining[id(primitive.material)])
+        for primitive in primitives
+        if id(primitive.material) in shining and primitive.trajectory is None and primitive.kind is not Kind.PLANE
+    )
     return tuple(lamp for lamp in lamps if lamp is not None)
 
 
-def _see_lamp(primitive: Primitive, eye: Array, textures: TextureTable) -> SeenLamp | None:
-    if primitive.kind is Kind.PLANE:
-        return None
-    glow = glow_of(primitive.material, textures, KnownSpectra())
-    if glow.strength <= 0:
-        return None
+def _see_lamp(primitive: Primitive, eye: Array, glow: Glow) -> SeenLamp | None:
     outline = _outline(primitive, eye, two_sided=glow.two_sided)
     if outline is None or np.linalg.norm(outline[0]) <= 1.5 * np.linalg.norm(outline[1], axis=1).max():
         return None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator
 from functools import lru_cache
 from typing import Any
 
@@ -515,7 +515,7 @@ def _white(count: int) -> NDArray[np.void]:
     return records
 
 
-def pack_materials(materials: Sequence[Material], textures: TextureTable, spectra: KnownSpectra) -> Materials:
+def pack_materials(materials: Collection[Material], textures: TextureTable, spectra: KnownSpectra) -> Materials:
     """Return one record per distinct material, those that are mixed included; collect their textures and spectra."""
     parts = [part for material in materials if isinstance(material, Mix) for part in material.materials]
     distinct = list({id(material): material for material in (*materials, *parts)}.values())

@@ -49,7 +49,7 @@ from rptcam_cl.rendering.plan.primitives import (
     with_meshes,
 )
 from rptcam_cl.rendering.plan.textures import KnownSpectra, Textures
-from rptcam_cl.scene.base import file_references
+from rptcam_cl.scene.base import FileReference, file_references
 from rptcam_cl.scene.film import Film
 from rptcam_cl.scene.load import at_opening, exposure_steps
 from rptcam_cl.scene.materials import (
@@ -63,7 +63,7 @@ from rptcam_cl.scene.materials import (
     ThinGlass,
     has_holes,
 )
-from rptcam_cl.scene.scene import Scene
+from rptcam_cl.scene.scene import Scene, Solid
 
 # What the numbers of a path's light are, and which wavelengths paths have.
 
@@ -324,7 +324,9 @@ def pack_caustics(
     wanted = scene.render.caustics
     if wanted == "off":
         return _without(None)
-    roles = np.array([_role(primitive) for primitive in primitives] or [0], np.int32)
+    kinds = {(id(each.material), each.kind is Kind.PLANE): each for each in primitives}
+    role_of = {key: _role(primitive) for key, primitive in kinds.items()}
+    roles = np.array([role_of[id(each.material), each.kind is Kind.PLANE] for each in primitives] or [0], np.int32)
     if reason := _nothing_to_do(roles, emitters):
         return _without(reason if "caustics" in scene.render.model_fields_set else None)
     if any(primitive.trajectory is not None for primitive in primitives):
@@ -530,19 +532,25 @@ FEW = 16  # primitives, as many as lanes that a processor permutes at once
 
 def _world(scene: Scene, parts: PlanParts) -> dict[str, Any]:
     """The fields of a `Plan` that no camera decides: as before, where what they are made of is the same."""
-    solids, far = scene.solids(), (scene.lights, scene.environment)
-    named = tuple(scene.materials), tuple(scene.materials.values())
-    shown = tuple(solid.shown_materials() for solid in solids)
-    files = tuple(scene.digest_of(reference) for _, reference in file_references((shown, far)))
+    far, named = (scene.lights, scene.environment), (tuple(scene.materials), tuple(scene.materials.values()))
+    solids, references = parts.part("solids", (scene.objects, named, far), lambda: _solids(scene, far))
+    files = tuple(map(scene.digest_of, references))
     caustics = scene.render.caustics, "caustics" in scene.render.model_fields_set, scene.render.clamp is None
     about = scene.camera.eye, scene.metres_per_unit, scene.shutter, caustics
     of = scene.objects, solids, named, far, files, about
     return parts.part("world", of, lambda: _pack_world(scene, parts, files))
 
 
+def _solids(scene: Scene, far: tuple[Any, ...]) -> tuple[tuple[Solid, ...], tuple[FileReference, ...]]:
+    """Return the objects with what their files hold, and every part that is shown and names a file."""
+    solids = scene.solids()
+    shown = {id(material): material for solid in solids for material in solid.shown_materials()}
+    return solids, tuple(reference for _, reference in file_references((tuple(shown.values()), far)))
+
+
 def _pack_world(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> dict[str, Any]:
-    primitives, meshes = with_meshes(scene_primitives(scene), scene, parts)
-    materials = [primitive.material for primitive in primitives]
+    primitives, meshes = with_meshes(scene_primitives(scene, parts), scene, parts)
+    materials = {id(primitive.material): primitive.material for primitive in primitives}.values()
     seen = parts.appearance(scene, materials, files)
     table, spectra, shown, surroundings = seen.table, seen.spectra, seen.shown, seen.surroundings
     first_triangles = meshes.first_triangles if meshes else ()

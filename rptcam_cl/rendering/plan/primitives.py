@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import hashlib
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -25,7 +25,7 @@ from rptcam_cl.scene.camera import CameraKind
 from rptcam_cl.scene.exposure import Exposure, Shutter
 from rptcam_cl.scene.film import Film, SpectrumSettings
 from rptcam_cl.scene.materials import Material
-from rptcam_cl.scene.meshes import MeshObject
+from rptcam_cl.scene.meshes import LoadedMesh, MeshObject
 from rptcam_cl.scene.placement import PlacedObject, Trajectory, moments, quaternion_of
 from rptcam_cl.scene.quantities import cross
 from rptcam_cl.scene.scene import Scene
@@ -53,10 +53,19 @@ class Appearance:
 
 
 class PlanParts:
-    """Keeps each part of a plan until it is made of something else."""
+    """Keeps each part of a plan until it is made of something else.
+
+    Attributes
+    ----------
+    rough : bool
+        Whether meshes may stand about an earlier middle of the scene, which rounds them in another way: then those that
+        do not move are taken as they are. `settle` ends it.
+    """
 
     def __init__(self) -> None:
+        self.rough = False
         self._known: dict[str, tuple[tuple[Any, ...], Any]] = {}
+        self.placed: tuple[Any, dict[int, PlacedMesh]] = None, {}  # unit and shutter; by the index of the object
 
     def part(self, name: str, of: tuple[Any, ...], make: Callable[[], Part]) -> Part:
         """Return the part of a name that is made of the same as before, else what ``make`` returns; not to be changed.
@@ -72,7 +81,20 @@ class PlanParts:
         part: Part = known[1]
         return part
 
-    def appearance(self, scene: Scene, materials: Sequence[Material], files: tuple[str, ...]) -> Appearance:
+    def pools(self, in_world: Sequence[Primitive], shared: Collection[Mesh]) -> _Pools:
+        """Return the pools of meshes; see `pack_meshes`."""
+        before: _Pools | None = self._known["pools"][1] if "pools" in self._known else None
+        of = tuple((item.mesh, item.placement) for item in in_world), tuple(shared)
+        return self.part("pools", of, lambda: _Pools(in_world, shared, before, keep_centre=self.rough))
+
+    def settle(self) -> None:
+        """Make what was made roughly anew from now on."""
+        self.rough = False
+        if "pools" in self._known and not self._known["pools"][1].is_exact:
+            for name in ("pools", "meshes", "world"):
+                self._known.pop(name, None)
+
+    def appearance(self, scene: Scene, materials: Collection[Material], files: tuple[str, ...]) -> Appearance:
         """Pack the look of the materials of primitives and of the environment of a scene; it can be added to.
 
         Parameters
@@ -121,11 +143,13 @@ def _is_portable(scene: Scene) -> bool:
 
 
 def _are_same(one: Any, other: Any) -> bool:
-    """Return whether two things are: the same instances, but for numbers, texts and how a camera is set."""
+    """Return whether two things are: the same instances, but for numbers, texts, arrays and how a camera is set."""
     if one is other:
         return True
     if isinstance(one, tuple) and type(one) is type(other):
         return len(one) == len(other) and all(map(_are_same, one, other))
+    if isinstance(one, np.ndarray) and isinstance(other, np.ndarray):
+        return np.array_equal(one, other)
     return isinstance(one, BY_VALUE) and type(one) is type(other) and bool(one == other)
 
 
@@ -146,6 +170,8 @@ class TriangleGroup:
         Where it lies in the pool of triangles.
     first_vertex, vertices : int
         Where it lies in the pool of vertices.
+    centre : (3,) float64 array or None
+        Where its frame stands in the scene [m]; None for a mesh that instances share.
     shift : (3,) float64 array
         What takes the group's frame to that in which rays meet it [m]: zero for a mesh that instances share.
     """
@@ -155,6 +181,7 @@ class TriangleGroup:
     triangles: int
     first_vertex: int
     vertices: int
+    centre: NDArray[np.float64] | None
     shift: NDArray[np.float64]
 
 
@@ -169,6 +196,10 @@ class PackedMeshes:
     triangles : (m, 4) int32 array
         Corners in the pool of vertices, and the place of the triangle's primitive among those of its instance.
     groups : tuple of TriangleGroup
+    boxes : (groups, 2, 3) float32 array
+        Lowest and highest corner of the vertices of each group; empty where no instances are needed.
+    placements, origins : (i, 4, 4) and (i, 3) float64 arrays
+        Of instances: what takes them to the scene [m], and where the origin of their frame comes to lie by its turn.
     instances : array of ``Instance`` records
         Their roots are not known yet.
     group_of_instance : (i,) int array
@@ -183,12 +214,28 @@ class PackedMeshes:
     vertices: NDArray[np.float32]
     triangles: NDArray[np.int32]
     groups: tuple[TriangleGroup, ...]
+    boxes: NDArray[np.float32]
+    placements: NDArray[np.float64]
+    origins: NDArray[np.float64]
     instances: NDArray[np.void]
     group_of_instance: NDArray[np.int64]
     instanced: bool
     order: tuple[int, ...]
     instance_of: tuple[int, ...]
     first_triangles: tuple[int, ...]
+
+    def seen_from(self, eye: NDArray[np.float64]) -> PackedMeshes:
+        """Return these as rays meet them about an eye, in the scene [m]; trees do not depend on it."""
+        groups = tuple(
+            group if group.centre is None else replace(group, shift=group.centre - eye) for group in self.groups
+        )
+        instances, world = self.instances.copy(), self.placements.copy()
+        own = slice(int(groups[0].centre is not None), None)  # the first stands for all copied meshes, if any
+        world[own, :3, 3] += self.origins[own] - eye
+        for name, rows in (("row", np.linalg.inv(world)), ("world", world)):
+            for place, axis in enumerate("xyz"):
+                instances[f"{name}_{axis}"] = rows[:, place]
+        return replace(self, groups=groups, instances=instances)
 
 
 def shift_points(points: NDArray[np.float32], shift: NDArray[np.float64]) -> NDArray[np.float32]:
@@ -250,17 +297,17 @@ MOST_COPIED = 1 << 14  # triangles that copies of one mesh may add to the common
 Matrix = NDArray[np.float64]
 
 
-def pack_meshes(placed: Sequence[Primitive], eye: NDArray[np.float64], first_primitive: int) -> PackedMeshes:
-    """Return the pools of some primitives that are meshes.
+def pack_meshes(placed: Sequence[Primitive], first_primitive: int, parts: PlanParts) -> PackedMeshes:
+    """Return some primitives that are meshes, as rays from the origin of the scene meet them.
 
     Parameters
     ----------
     placed
         At least one.
-    eye
-        Position of the eye [m], which becomes the origin. Trees do not depend on it.
     first_primitive
         Index of the first primitive that is a mesh.
+    parts
+        Keeps the pools until others of these stand in the world, or other meshes are shared.
     """
     uses = Counter(id(item.mesh) for item in placed if item.trajectory is None)
     is_shared = [
@@ -269,73 +316,130 @@ def pack_meshes(placed: Sequence[Primitive], eye: NDArray[np.float64], first_pri
     ]
     copied = [i for i, share in enumerate(is_shared) if not share]
     shared = [i for i, share in enumerate(is_shared) if share]
-    pools = _Pools()
-    first = pools.add_world([placed[i] for i in copied], eye) if copied else []
-    group_of: dict[int, int] = {}
-    for mesh in (_mesh_of(placed[i]) for i in shared):
-        if id(mesh) not in group_of:
-            group_of[id(mesh)] = pools.add_shared(mesh)
+    in_world = [placed[i] for i in copied]
+    meshes = {id(placed[i].mesh): _mesh_of(placed[i]) for i in shared}
+    pools = parts.pools(in_world, meshes.values())
+    group_of = {key: bool(copied) + place for place, key in enumerate(meshes)}
     groups = [group_of[id(placed[i].mesh)] for i in shared]
+    placements = np.array([np.eye(4)] * bool(copied) + [placed[i].placement for i in shared])
+    origins = np.array([np.zeros(3)] * bool(copied) + [_mesh_of(placed[i]).origin for i in shared])
     return PackedMeshes(
-        vertices=np.concatenate(pools.vertices),
-        triangles=np.concatenate(pools.triangles),
+        vertices=pools.vertices,
+        triangles=pools.triangles,
         groups=tuple(pools.groups),
-        instances=_instances([placed[i] for i in shared], eye, first_primitive, len(copied)),
+        boxes=pools.boxes() if shared else np.zeros((0, 2, 3), np.float32),
+        placements=placements,
+        origins=(placements[:, :3, :3] @ origins[:, :, None])[:, :, 0],
+        instances=_instances(len(shared), first_primitive, len(copied)),
         group_of_instance=np.array([0] * bool(copied) + groups),
         instanced=bool(shared),
         order=(*copied, *shared),
         instance_of=(*[0] * len(copied), *(bool(copied) + place for place in range(len(shared)))),
-        first_triangles=(*first, *(pools.groups[group].first_triangle for group in groups)),
+        first_triangles=(*pools.first_triangles, *(pools.groups[group].first_triangle for group in groups)),
     )
 
 
 class _Pools:
-    """Vertices and triangles under collection."""
+    """Vertices and triangles of meshes: those in the world as one group, each that instances share as one of its own.
 
-    def __init__(self) -> None:
-        self.vertices: list[NDArray[np.float32]] = []
-        self.triangles: list[NDArray[np.int32]] = []
+    Parameters
+    ----------
+    in_world, shared
+        The meshes.
+    before
+        Pools of perhaps the same meshes, from which what has not moved is taken.
+    keep_centre
+        Whether the world's group may stand about the centre before.
+
+    Attributes
+    ----------
+    vertices, triangles
+        As of `PackedMeshes`; ``triangles`` are the same array as before where they are the same.
+    groups : list of TriangleGroup
+    first_triangles : list of int
+        Of each mesh in the world.
+    is_exact : bool
+        Whether the world's group stands about its own centre.
+    """
+
+    def __init__(
+        self, in_world: Sequence[Primitive], shared: Iterable[Mesh], before: _Pools | None, *, keep_centre: bool
+    ) -> None:
         self.groups: list[TriangleGroup] = []
-        self._vertex_count = 0
-        self._triangle_count = 0
+        self.is_exact = True
+        self._placed: list[tuple[Mesh, Matrix]] = []
+        self._slots: list[int] = []  # of each mesh, among the primitives of its instance
+        self._ends = np.zeros((1, 2), np.int64)  # of the triangles and vertices of the meshes so far
+        if in_world:
+            self._add_world(in_world, before.groups[0].centre if keep_centre and before is not None else None)
+        for mesh in shared:
+            self._add([(mesh, affine(np.eye(3), -mesh.origin))], f"shared {mesh.content_hash}", None)
+        self.first_triangles: list[int] = self._ends[: len(in_world), 0].tolist()
+        self._reflects = [bool(np.linalg.det(matrix[:3, :3]) <= 0) for _, matrix in self._placed]
+        if before is not None and not self._has_meshes_of(before):
+            before = None
+        self.triangles: NDArray[np.int32] = (
+            np.concatenate(list(self._corners())) if before is None else before.triangles
+        )
+        self.vertices: NDArray[np.float32] = np.concatenate(list(self._points(before)))
 
-    def add_world(self, placed: Sequence[Primitive], eye: NDArray[np.float64]) -> list[int]:
-        """Add meshes taken to the world as one group; return the first triangle of each."""
-        centre = _centre(placed)
-        key = hashlib.sha256()
-        first_triangle, first_vertex = self._triangle_count, self._vertex_count
-        starts = []
-        for slot, item in enumerate(placed):
+    def boxes(self) -> NDArray[np.float32]:
+        """Return lowest and highest corner of each group (groups, 2, 3)."""
+        spans = [slice(group.first_vertex, group.first_vertex + group.vertices) for group in self.groups]
+        points = [self.vertices[span, :3] for span in spans]
+        return np.array([(each.min(axis=0), each.max(axis=0)) for each in points])
+
+    def _add_world(self, placed: Sequence[Primitive], given: NDArray[np.float64] | None) -> None:
+        """Add meshes taken to the world as one group, about a given centre or its own."""
+        own = _centre(placed)
+        centre = own if given is None else given
+        self.is_exact = np.array_equal(own, centre)
+        key, meshes = hashlib.sha256(), []
+        for item in placed:
             local = item.placement.copy()
             local[:3, 3] -= centre
             key.update(_mesh_of(item).content_hash.encode() + local.tobytes())
-            starts.append(self._append(_mesh_of(item), local, slot))
-        self._close(key.hexdigest(), first_triangle, first_vertex, centre - eye)
-        return starts
+            meshes.append((_mesh_of(item), local))
+        self._add(meshes, key.hexdigest(), centre)
 
-    def add_shared(self, mesh: Mesh) -> int:
-        """Add a mesh in its own frame as a group of its own; return the group's index."""
-        first_triangle, first_vertex = self._triangle_count, self._vertex_count
-        self._append(mesh, affine(np.eye(3), -mesh.origin), 0)
-        self._close(f"shared {mesh.content_hash}", first_triangle, first_vertex, np.zeros(3))
-        return len(self.groups) - 1
+    def _add(self, placed: list[tuple[Mesh, Matrix]], key: str, centre: NDArray[np.float64] | None) -> None:
+        """Add a group of meshes, each with the matrix that takes it to the frame of the group."""
+        self._placed += placed
+        self._slots += range(len(placed))
+        sizes = np.array([(len(mesh.faces), len(mesh.positions)) for mesh, _ in placed])
+        first_triangle, first_vertex = self._ends[-1].tolist()
+        self._ends = np.vstack([self._ends, self._ends[-1] + np.cumsum(sizes, axis=0)])
+        triangles, vertices = sizes.sum(axis=0).tolist()
+        shift = np.zeros(3) if centre is None else centre
+        self.groups.append(TriangleGroup(key, first_triangle, triangles, first_vertex, vertices, centre, shift))
 
-    def _append(self, mesh: Mesh, matrix: Matrix, slot: int) -> int:
-        start = self._triangle_count
-        corners = np.empty((len(mesh.faces), 4), np.int32)
-        # A reflection turns the front of a triangle round; exchanging two corners turns it back.
-        order = [0, 1, 2] if np.linalg.det(matrix[:3, :3]) > 0 else [0, 2, 1]
-        np.add(mesh.faces[:, order], self._vertex_count, out=corners[:, :3], casting="unsafe")
-        corners[:, 3] = slot
-        self.vertices.append(_vertices(mesh, matrix))
-        self.triangles.append(corners)
-        self._vertex_count += len(mesh.positions)
-        self._triangle_count += len(corners)
-        return start
+    def _has_meshes_of(self, other: _Pools) -> bool:
+        """Return whether the meshes are the same in all but their places."""
+        one, two = (
+            [(id(mesh), *rest) for (mesh, _), *rest in zip(each._placed, each._slots, each._reflects, strict=True)]
+            for each in (self, other)
+        )
+        return one == two
 
-    def _close(self, key: str, first_triangle: int, first_vertex: int, shift: NDArray[np.float64]) -> None:
-        triangles, vertices = self._triangle_count - first_triangle, self._vertex_count - first_vertex
-        self.groups.append(TriangleGroup(key, first_triangle, triangles, first_vertex, vertices, shift))
+    def _corners(self) -> Iterator[NDArray[np.int32]]:
+        """Yield the triangles of each mesh."""
+        for (mesh, _), slot, (_, first), reflects in zip(
+            self._placed, self._slots, self._ends, self._reflects, strict=False
+        ):
+            corners = np.empty((len(mesh.faces), 4), np.int32)
+            # A reflection turns the front of a triangle round; exchanging two corners turns it back.
+            order = [0, 2, 1] if reflects else [0, 1, 2]
+            np.add(mesh.faces[:, order], first, out=corners[:, :3], casting="unsafe")
+            corners[:, 3] = slot
+            yield corners
+
+    def _points(self, before: _Pools | None) -> Iterator[NDArray[np.float32]]:
+        """Yield the vertices of each mesh."""
+        for place, (mesh, matrix) in enumerate(self._placed):
+            if before is not None and np.array_equal(before._placed[place][1], matrix):
+                yield before.vertices[slice(*self._ends[place : place + 2, 1])]
+            else:
+                yield _vertices(mesh, matrix)
 
 
 def _vertices(mesh: Mesh, matrix: Matrix) -> NDArray[np.float32]:
@@ -367,30 +471,21 @@ def _centre(placed: Sequence[Primitive]) -> NDArray[np.float64]:
 
 
 def corners_of_box(low: NDArray[np.float64], high: NDArray[np.float64], matrix: Matrix) -> NDArray[np.float64]:
-    """Return the eight corners of a box (8, 3) under a matrix."""
+    """Return the eight corners of a box (..., 8, 3) under matrices (..., 4, 4)."""
     choice = np.array(np.meshgrid([0, 1], [0, 1], [0, 1])).reshape(3, 8).T
     corners = np.where(choice, high, low)
-    return np.asarray(corners @ matrix[:3, :3].T + matrix[:3, 3])
+    linear = np.swapaxes(matrix[..., :3, :3], -1, -2)
+    return np.asarray(corners @ linear + matrix[..., None, :3, 3])
 
 
-def _instances(
-    shared: Sequence[Primitive], eye: NDArray[np.float64], first_primitive: int, copied: int
-) -> NDArray[np.void]:
-    """Return instance records: one for the copied meshes, if any, then one for each shared."""
-    records = INSTANCE.zeros(len(shared) + bool(copied))
+def _instances(shared: int, first_primitive: int, copied: int) -> NDArray[np.void]:
+    """Return instance records but for their places: one for the copied meshes, if any, then one for each shared."""
+    records = INSTANCE.zeros(shared + bool(copied))
+    records["primitives"] = 1
+    records["first_primitive"][bool(copied) :] = first_primitive + copied + np.arange(shared)
     if copied:
-        fill(records[0], **_transform(np.eye(4)), first_primitive=first_primitive, primitives=copied)
-    for place, (record, item) in enumerate(zip(records[bool(copied) :], shared, strict=True)):
-        world = item.placement.copy()
-        world[:3, 3] += item.placement[:3, :3] @ _mesh_of(item).origin - eye
-        fill(record, **_transform(world), first_primitive=first_primitive + copied + place, primitives=1)
+        records["first_primitive"][0], records["primitives"][0] = first_primitive, copied
     return records
-
-
-def _transform(world_from_mesh: Matrix) -> dict[str, Any]:
-    """The members of an instance's record that say its placement."""
-    both = {"row": np.linalg.inv(world_from_mesh), "world": world_from_mesh}
-    return {f"{name}_{axis}": row for name, rows in both.items() for axis, row in zip("xyz", rows[:3], strict=True)}
 
 
 MOST = float(np.finfo(np.float32).max)
@@ -488,13 +583,25 @@ def world_from_scene(scene: Scene) -> Matrix:
     return affine(scale * np.eye(3), -scale * np.array(scene.camera.eye))
 
 
-def scene_primitives(scene: Scene) -> list[Primitive]:
-    """Return every primitive of the scene, sorted by kind and otherwise in the order of the scene."""
-    world = world_from_scene(scene)
-    primitives = []
-    for index, item in enumerate(scene.objects):
+def scene_primitives(scene: Scene, parts: PlanParts | None = None) -> list[Primitive]:
+    """Return every primitive of the scene, sorted by kind and otherwise in the order of the scene.
+
+    Those of meshes that are in ``parts`` are taken from there.
+    """
+    world, parts = world_from_scene(scene), parts or PlanParts()
+    by = scene.metres_per_unit, scene.shutter.open_s, scene.shutter.span_s
+    before = parts.placed[1] if parts.placed[0] == by else {}
+    of_meshes: dict[int, PlacedMesh] = {}
+    parts.placed = by, of_meshes
+    primitives: list[Primitive] = []
+    for index, (item, solid) in enumerate(zip(scene.objects, scene.solids(), strict=True)):
         if isinstance(item, MeshObject | Board):
-            primitives += _mesh_primitives(scene, item, index)
+            placed = before.get(index)
+            if placed is None or placed.item is not item:
+                loaded = solid if isinstance(solid, LoadedMesh) else scene.load_mesh(item)
+                placed = _place_mesh(scene, item, index, loaded, placed)
+            of_meshes[index] = placed
+            primitives += placed.primitives
             continue
         for kind, canonical in _canonical(item):
             placement = world @ item.placed_at(scene.shutter.open_s) @ canonical
@@ -513,11 +620,38 @@ def object_frame(item: Object, time_s: float) -> Matrix:
     return placed if isinstance(item, MeshObject | Board) else np.asarray(placed @ next(_canonical(item))[1])
 
 
-def _mesh_primitives(scene: Scene, item: MeshObject | Board, index: int) -> list[Primitive]:
+class PlacedMesh(NamedTuple):
+    """A mesh object and its primitives."""
+
+    item: MeshObject | Board
+    primitives: list[Primitive]
+
+
+def _place_mesh(
+    scene: Scene, item: MeshObject | Board, index: int, loaded: LoadedMesh, before: PlacedMesh | None
+) -> PlacedMesh:
+    """Place a mesh object; where it only shows another material than before, its primitives keep their places."""
+    meshes = [id(part.mesh) for part in loaded.contents.parts]
+    if (
+        before is not None
+        and item.transform is before.item.transform
+        and item.motion is before.item.motion
+        and meshes == [id(each.mesh) for each in before.primitives]
+    ):
+        return PlacedMesh(
+            item,
+            [
+                Primitive(Kind.MESH, one.placement, material, index, one.mesh, one.trajectory)
+                for one, material in zip(before.primitives, loaded.materials, strict=True)
+            ],
+        )
     scale = affine(scene.metres_per_unit * np.eye(3), np.zeros(3))
-    parts = mesh_parts(scene, item)
     trajectory = _trajectory(scene, item)
-    return [Primitive(Kind.MESH, scale @ part.placement, part.material, index, part.mesh, trajectory) for part in parts]
+    primitives = [
+        Primitive(Kind.MESH, scale @ part.placement, part.material, index, part.mesh, trajectory)
+        for part in mesh_parts(scene, item)
+    ]
+    return PlacedMesh(item, primitives)
 
 
 def _trajectory(scene: Scene, item: PlacedObject) -> Trajectory | None:
@@ -554,11 +688,12 @@ def with_meshes(
     meshes = [primitive for primitive in primitives if primitive.mesh is not None]
     if not meshes:
         return solid, None
+    where = tuple((item.mesh, item.placement, item.trajectory is not None) for item in meshes)
+    pools = parts.part("meshes", (where, len(solid)), lambda: pack_meshes(meshes, len(solid), parts))
     eye = scene.metres_per_unit * np.array(scene.camera.eye)
-    where = tuple((item.mesh, item.placement.tobytes(), item.trajectory is not None) for item in meshes)
-    of = where, eye.tobytes(), len(solid)
-    plan = parts.part("meshes", of, lambda: pack_meshes(meshes, eye, len(solid)))
-    return solid + [meshes[index] for index in plan.order], plan
+    return solid + [meshes[index] for index in pools.order], parts.part(
+        "seen", (pools, eye), lambda: pools.seen_from(eye)
+    )
 
 
 def pack_primitives(
@@ -579,21 +714,25 @@ def pack_primitives(
     """
     records = PRIMITIVE.zeros(len(primitives))
     for index, primitive in enumerate(primitives):
+        if primitive.kind is Kind.MESH:  # they stand last
+            break
         if primitive.kind is Kind.SPHERE:
             center, radius = sphere_of(primitive.placement)
             axes = primitive.placement[:3, :3] / radius
             handedness, power = np.sign(np.linalg.det(axes)), np.clip(eye_power(primitive.placement), -MOST, MOST)
             fill(records[index], row_x=(*center, radius), row_y=(*axes[:, 0], handedness), row_z=(*axes[:, 2], power))
-        elif primitive.kind is not Kind.MESH:
+        else:
             rows = np.linalg.inv(primitive.placement)[:3].astype(np.float32) + 0.0  # no -0: kernels test bits
             fill(records[index], row_x=rows[0], row_y=rows[1], row_z=rows[2])
-        fill(records[index], material=materials[id(primitive.material)], emitter=emitters.get(index, -1))
+    if primitives:
+        records["material"] = [materials[id(primitive.material)] for primitive in primitives]
+        records["emitter"] = [emitters.get(index, -1) for index in range(len(primitives))]
     _count_shared_planes(primitives, records)
     if meshes is not None:
         records["instance"][-len(meshes.order) :] = meshes.instance_of
         records["first_triangle"][-len(meshes.order) :] = meshes.first_triangles
-    ends = [sum(primitive.kind <= kind for primitive in primitives) for kind in Kind]
-    return records, np.array(ends, np.int32)
+    kinds = np.array([primitive.kind for primitive in primitives], np.int32)
+    return records, np.searchsorted(kinds, list(Kind), side="right").astype(np.int32)
 
 
 @dataclass(frozen=True)
@@ -626,8 +765,8 @@ def owners_of(scene: Scene, primitives: Sequence[Primitive]) -> Owners:
         if id(primitive.material) not in identifiers:
             identifiers[id(primitive.material)] = len(names)
             names.append(f"objects.{primitive.object}.material")
-    for row, primitive in zip(rows, primitives, strict=False):
-        row[:] = primitive.object, identifiers[id(primitive.material)]
+    if primitives:
+        rows[:] = [(primitive.object, identifiers[id(primitive.material)]) for primitive in primitives]
     return Owners(rows, objects, tuple(names))
 
 
@@ -635,6 +774,8 @@ def _count_shared_planes(primitives: list[Primitive], records: NDArray[np.void])
     """Write, into the first of rectangles or disks that follow one another in a plane and stay there, their number."""
     first = 0
     for index, primitive in enumerate(primitives):
+        if primitive.kind is Kind.MESH:  # they stand last
+            break
         if primitive.kind not in (Kind.RECTANGLE, Kind.DISK):
             continue
         before = primitives[index - 1]

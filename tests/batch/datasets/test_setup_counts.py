@@ -50,10 +50,8 @@ WORK = {
 }
 POSE = {
     "trees of primitives": FRAMES,
-    "meshes": FRAMES,
     "lamps in the lens": FRAMES,
     "lamps on the film": FRAMES,
-    "files": FRAMES,
 }
 LENS = {"cameras": FRAMES, "lamps in the lens": FRAMES, "lamps on the film": FRAMES}
 KINDS: dict[str, tuple[dict[str, Any], dict[str, Any], dict[str, int]]] = {

@@ -1,0 +1,29 @@
+// Writes the corners of triangles into leaf blocks once more, for vertices that have moved: one work item per block.
+// A block (kernels/geometry/bvh.h) has rows x, y, z of the three corners, and the triangles, -1 where there is none.
+
+#define ROWS 10
+
+__kernel void fill_blocks(__global const float *before,     // [count][ROWS][LEAF_WIDTH] the same triangles
+                          __global float       *blocks,
+                          __global const float *vertices,   // [][VERTEX_FLOATS]
+                          __global const int   *triangles,  // [][4] the corners' vertices
+                          int                   count)      // blocks
+{
+    int block = (int)get_global_id(0);
+    if (block >= count)
+        return;
+    __global const float *own = before + (size_t)block * ROWS * LEAF_WIDTH;
+    __global float *out = blocks + (size_t)block * ROWS * LEAF_WIDTH;
+    for (int lane = 0; lane < LEAF_WIDTH; lane++)
+    {
+        float number = own[(ROWS - 1) * LEAF_WIDTH + lane];
+        int triangle = as_int(number);
+        for (int corner = 0; corner < 3; corner++)
+        {
+            size_t vertex = triangle < 0 ? 0 : (size_t)triangles[4 * (size_t)triangle + corner];
+            for (int axis = 0; axis < 3; axis++)
+                out[(3 * corner + axis) * LEAF_WIDTH + lane] = triangle < 0 ? 0.0f : vertices[VERTEX_FLOATS * vertex + axis];
+        }
+        out[(ROWS - 1) * LEAF_WIDTH + lane] = number;
+    }
+}
