@@ -246,12 +246,11 @@ def lamps_of(records: NDArray[np.void], power: Array) -> Lamps:
     uu, vv, zz, uv = ((x * y).sum(axis=1) for x, y in ((u, u), (v, v), (z, z), (u, v)))
     nothing, radius2 = np.zeros_like(a), records["a"][:, 3].astype(np.float64) ** 2
     facing = z * np.where(records["two_sided"] != 0, 0.0, 1.0)[:, None]
-    by_kind = {  # offset of the middle from `a`, mean squared distance from there, axis
+    by_kind = {  # offset of the middle from `a`, mean squared distance from there, axis: 0 of a point
         EmitterKind.RECTANGLE: ((u + v) / 2, (uu + vv) / 12, facing),
         EmitterKind.DISK: (nothing, (uu + vv) / 4, facing),
         EmitterKind.TRIANGLE: ((u + v) / 3, (uu + vv - uv) / 18, facing),
         EmitterKind.SPHERE: (nothing, radius2, nothing),
-        EmitterKind.POINT: (nothing, 0 * uu, nothing),
         EmitterKind.SPOT: (nothing, 0 * uu, z),
         EmitterKind.PROFILE: (nothing, 0 * uu, z / 2),
         EmitterKind.BOX: (nothing, (uu + vv + zz) * 5 / 9, nothing),
