@@ -375,7 +375,8 @@ class EmitterKind(IntEnum):
 
 SOLID_EMITTERS = frozenset({EmitterKind.BOX, EmitterKind.ELLIPSOID, EmitterKind.CYLINDER, EmitterKind.CONE})
 FLAT_EMITTERS = frozenset({EmitterKind.RECTANGLE, EmitterKind.DISK, EmitterKind.TRIANGLE})
-SIZELESS_EMITTERS = frozenset({EmitterKind.POINT, EmitterKind.SPOT, EmitterKind.PROFILE})
+FAR_EMITTERS = frozenset({EmitterKind.DIRECTIONAL, EmitterKind.SUN, EmitterKind.ENVIRONMENT})
+SIZELESS_EMITTERS = frozenset(EmitterKind) - SOLID_EMITTERS - FLAT_EMITTERS - FAR_EMITTERS - {EmitterKind.SPHERE}
 EMITTER_FACTS = {
     "EMITTER_FLATS": FLAT_EMITTERS,
     "EMITTER_SIZELESS": SIZELESS_EMITTERS,

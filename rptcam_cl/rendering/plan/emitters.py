@@ -17,6 +17,7 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.records import (
     EMITTER,
     EMITTER_FACTS,
+    FAR_EMITTERS,
     TINY_ANGLE,
     EmitterKind,
     EnvironmentKind,
@@ -203,7 +204,6 @@ def area_of_solid(kind: Kind, linear: Array) -> float:
 # Variance of picks by power from which on a tree is used. Of the scenes measured above it none lost at equal time, and
 # they gained up to 12 times; most of those below it lost, as a vertex takes longer by a tree (benchmarks/journal.md).
 BREAK_EVEN = 0.5
-FROM_AFAR = frozenset({EmitterKind.ENVIRONMENT, EmitterKind.DIRECTIONAL, EmitterKind.SUN})
 NODE_FLOATS = 8
 MOST_LAMPS, MOST_POINTS = 4096, 64  # that tell whether a tree gains
 
@@ -599,7 +599,7 @@ def pack_emitters(
         powers = np.concatenate([power for _, power in chosen])
         curve, chance = curves(powers[None])
         records["pick"] = chance[0]
-        near = ~np.isin(records["kind"], list(FROM_AFAR))
+        near = ~np.isin(records["kind"], list(FAR_EMITTERS))
         lamps = lamps_of(records[near], powers[near]) if near.sum() > 1 else None
         if lamps and variance_by_power(lamps, lit_points(primitives, of_primitive, lamps, eye)) > BREAK_EVEN:
             order = np.argsort(~near, kind="stable")  # of_primitive stays: surfaces stand first
