@@ -133,28 +133,6 @@ static void sample_round(const __global Emitter *es, I e, F pick, I kind, F dist
 }
 #endif
 
-#if EMITTER_POINTS || EMITTER_SPOTS || EMITTER_PROFILES
-// Weight of lamps without size at the squared distance d2.
-static void sample_point(Scene scene, I e, F pick, I kind, F d2, LightSample *s, F *weight)
-{
-    const __global Emitter *es = scene.emitters;
-#if EMITTER_POINTS
-    I point = kind == EMITTER_POINT;
-    *weight = point ? ONE / (d2 * pick) : *weight;
-#endif
-#if EMITTER_SPOTS
-    I spot = kind == EMITTER_SPOT;
-    if (ANY(spot))
-        *weight = spot ? spot_share(es, e, s->direction) / (d2 * pick) : *weight;
-#endif
-#if EMITTER_PROFILES
-    I measured = kind == EMITTER_PROFILE;
-    if (ANY(measured))
-        *weight = measured ? profile_intensity(scene, e, measured, s->direction) / (d2 * pick) : *weight;
-#endif
-}
-#endif
-
 #if EMITTER_DIRECTIONS
 static inline void sample_directional(const __global Emitter *es, I e, F pick, I kind, LightSample *s, F *weight)
 {
@@ -269,7 +247,7 @@ static LightSample sample_emitter(Scene scene, F3 p, F3 n, F pick_u, F u, F v)
         s.radiance = select3(textured, textured_radiance(e, textured, x, y, there, scene), s.radiance);
     }
 #endif
-#if EMITTER_POINTS || EMITTER_SPOTS || EMITTER_PROFILES
+#if EMITTER_SIZELESS
     sample_point(scene, e, pick, kind, d2, &s, &weight);
 #endif
 #if EMITTER_DIRECTIONS

@@ -37,4 +37,26 @@ static F profile_intensity(Scene scene, I e, I mine, F3 to)
 }
 #endif
 
+#if EMITTER_SIZELESS
+// Weight of lamps without size at the squared distance d2.
+static void sample_point(Scene scene, I e, F pick, I kind, F d2, LightSample *s, F *weight)
+{
+    const __global Emitter *es = scene.emitters;
+#if EMITTER_POINTS
+    I point = kind == EMITTER_POINT;
+    *weight = point ? ONE / (d2 * pick) : *weight;
+#endif
+#if EMITTER_SPOTS
+    I spot = kind == EMITTER_SPOT;
+    if (ANY(spot))
+        *weight = spot ? spot_share(es, e, s->direction) / (d2 * pick) : *weight;
+#endif
+#if EMITTER_PROFILES
+    I measured = kind == EMITTER_PROFILE;
+    if (ANY(measured))
+        *weight = measured ? profile_intensity(scene, e, measured, s->direction) / (d2 * pick) : *weight;
+#endif
+}
+#endif
+
 #endif

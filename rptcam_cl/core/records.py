@@ -367,25 +367,28 @@ class EmitterKind(IntEnum):
     PROFILE = 7  # a point whose intensity in each direction is a picture
     SUN = 8
     ENVIRONMENT = 9
-    BOX = 10  # this one and those below are solids, see kernels/light/solids.h
-    ELLIPSOID = 11
-    CYLINDER = 12
-    CONE = 13
+    BOX = 16  # from this number on they are solids, see kernels/light/solids.h
+    ELLIPSOID = 17
+    CYLINDER = 18
+    CONE = 19
 
 
 SOLID_EMITTERS = frozenset({EmitterKind.BOX, EmitterKind.ELLIPSOID, EmitterKind.CYLINDER, EmitterKind.CONE})
 FLAT_EMITTERS = frozenset({EmitterKind.RECTANGLE, EmitterKind.DISK, EmitterKind.TRIANGLE})
-_SINGLE_EMITTERS = (
-    EmitterKind.TRIANGLE, EmitterKind.DISK, EmitterKind.SPHERE, EmitterKind.ELLIPSOID, EmitterKind.CYLINDER,
-    EmitterKind.CONE, EmitterKind.POINT, EmitterKind.SPOT, EmitterKind.PROFILE, EmitterKind.SUN,
-)  # fmt: skip
+FAR_EMITTERS = frozenset({EmitterKind.DIRECTIONAL, EmitterKind.SUN, EmitterKind.ENVIRONMENT})
+SIZELESS_EMITTERS = frozenset(EmitterKind) - SOLID_EMITTERS - FLAT_EMITTERS - FAR_EMITTERS - {EmitterKind.SPHERE}
 EMITTER_FACTS = {
     "EMITTER_FLATS": FLAT_EMITTERS,
+    "EMITTER_SIZELESS": SIZELESS_EMITTERS,
     "EMITTER_SOLIDS": SOLID_EMITTERS,
     "EMITTER_BOXES": frozenset({EmitterKind.BOX}),
     "EMITTER_DIRECTIONS": frozenset({EmitterKind.DIRECTIONAL}),
     "ENVIRONMENT_SAMPLED": frozenset({EmitterKind.ENVIRONMENT}),
-    **{f"EMITTER_{kind.name}S": frozenset({kind}) for kind in _SINGLE_EMITTERS},
+    **{
+        f"EMITTER_{kind.name}S": frozenset({kind})
+        for kind in EmitterKind
+        if kind.name not in ("RECTANGLE", "BOX", "DIRECTIONAL", "ENVIRONMENT")
+    },
 }
 """Facts that kernels are compiled for, and the kinds of emitter of which one must be there."""
 

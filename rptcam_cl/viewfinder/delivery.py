@@ -13,16 +13,7 @@ from rptcam_cl.core.colour import luminance
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.scene.base import FLOAT32_MIN_NORMAL
 from rptcam_cl.viewfinder import instruments as histogram
-from rptcam_cl.viewfinder.instruments import (
-    false_colour,
-    false_colour_rgba,
-    magnifier,
-    peaking,
-    peaking_rgba,
-    spot_meter,
-    zebra,
-    zebra_rgba,
-)
+from rptcam_cl.viewfinder.instruments import OVERLAYS, OverlayName, magnifier, spot_meter
 from rptcam_cl.viewfinder.messages import MEDIA, Client, Codes, FrameData, Magnify, encode, shrink
 from rptcam_cl.viewfinder.studio import Shown, Slot
 
@@ -233,15 +224,8 @@ def _png_frame(header: dict[str, Any], kind: str, size: tuple[int, int], data: b
     return header | own | more, data
 
 
-def _overlay(shown: Shown, name: str, level: float, width: int, height: int) -> tuple[tuple[int, int], bytes]:
-    pixels = shown.frame.pixels
-    if name == "zebra":
-        rgba: NDArray[np.uint8] = zebra_rgba(zebra(pixels, level))
-    elif name == "peaking":
-        rgba = peaking_rgba(peaking(pixels, level, shown.frame.noise))
-    else:
-        rgba = false_colour_rgba(false_colour(pixels))
-    return _picture(rgba, width, height, "png", 100)
+def _overlay(shown: Shown, name: OverlayName, level: float, width: int, height: int) -> tuple[tuple[int, int], bytes]:
+    return _picture(OVERLAYS[name](shown.frame.pixels, level, shown.frame.noise), width, height, "png", 100)
 
 
 def _magnify(codes: Codes, wanted: Magnify) -> tuple[tuple[int, int], bytes]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import asdict, field
 from typing import Any, Literal, get_args
 
@@ -347,6 +348,15 @@ def peaking_rgba(mask: Mask) -> Rgba:
     picture = np.zeros((*mask.shape, 4), np.uint8)
     picture[mask] = PEAKING_COLOUR
     return picture
+
+
+OverlayName = Literal["zebra", "false_colour", "peaking"]
+OVERLAYS: dict[OverlayName, Callable[[Film, float, float | None], Rgba]] = {
+    "zebra": lambda pixels, level, noise: zebra_rgba(zebra(pixels, level)),
+    "false_colour": lambda pixels, level, noise: false_colour_rgba(false_colour(pixels)),
+    "peaking": lambda pixels, level, noise: peaking_rgba(peaking(pixels, level, noise)),
+}
+"""What is drawn over a film, by its level from 0 to 1, where it has one, and the noise of the picture."""
 
 
 def overlay(picture: NDArray[np.uint8], *layers: Rgba) -> NDArray[np.uint8]:

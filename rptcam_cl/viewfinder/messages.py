@@ -25,6 +25,7 @@ from rptcam_cl.core.files import scratch_folder
 from rptcam_cl.imaging.development import quantise
 from rptcam_cl.imaging.image import Image
 from rptcam_cl.scene.scene import Scene
+from rptcam_cl.viewfinder.instruments import OverlayName
 
 # Films as image data: those of frames, made small enough for the client, and those of files to keep.
 
@@ -148,7 +149,7 @@ class View(Message):
     type: Literal["view"]
     width: Annotated[int, Field(ge=16, le=8192)] | None = None
     height: Annotated[int, Field(ge=16, le=8192)] | None = None
-    overlays: dict[Literal["zebra", "false_colour", "peaking"], bool] | None = None
+    overlays: dict[OverlayName, bool] | None = None
     zebra_level: Share | None = None
     peaking_level: Share | None = None
     format: Literal["jpeg", "webp", "png"] | None = None
@@ -459,7 +460,7 @@ class ClientSettings:
 
     width: int = 1920
     height: int = 1080
-    overlays: Mapping[str, bool] = field(default_factory=dict)
+    overlays: Mapping[OverlayName, bool] = field(default_factory=dict)
     zebra_level: float = 0.95
     peaking_level: float = 0.5
     format: Format = "jpeg"
@@ -475,7 +476,7 @@ class ClientSettings:
             given["overlays"] = {**self.overlays, **given["overlays"]}
         return replace(self, **given)
 
-    def overlays_on(self) -> tuple[str, ...]:
+    def overlays_on(self) -> tuple[OverlayName, ...]:
         """Return the names of the overlays that are wanted."""
         return tuple(name for name, wanted in self.overlays.items() if wanted)
 

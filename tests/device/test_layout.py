@@ -5,7 +5,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rptcam_cl.core.records import RECORDS, STATE_FIELDS, Record, device_declarations, floats_per_slot
+from rptcam_cl.core.records import (
+    RECORDS,
+    SIZELESS_EMITTERS,
+    SOLID_EMITTERS,
+    STATE_FIELDS,
+    EmitterKind,
+    Record,
+    device_declarations,
+    floats_per_slot,
+)
 from tests.device.probes import GROUP
 
 IN_ARRAYS = ("Primitive", "Material", "Emitter", "Environment", "Surface", "Camera", "View")
@@ -75,3 +84,8 @@ def test_slot_of_a_path_ends_with_the_last_field_that_a_scene_needs(needed: tupl
     names = ("emitters", "meshes", "moves", "colours", "light_tree", "caustics")
     floats = floats_per_slot(stream=False, **{name: name in needed for name in names})
     assert STATE_FIELDS[:floats][-1] == last
+
+
+def test_kernels_tell_solid_emitters_by_their_numbers() -> None:
+    assert {kind for kind in EmitterKind if kind >= EmitterKind.BOX} == SOLID_EMITTERS
+    assert {EmitterKind.POINT, EmitterKind.SPOT, EmitterKind.PROFILE} <= SIZELESS_EMITTERS

@@ -8,7 +8,15 @@ import pytest
 ROOTS = (
     "", "kernels", "kernels/pass", "rptcam_cl", "rptcam_cl/studies/focus", "rptcam_cl/api", "kernels/material",
 )  # fmt: skip
+FILE = re.compile(r"`([\w./]+(?:/|\.(?:py|h|cl|js|md|json)))`")
+WITH_NAMES = re.compile(FILE.pattern + r"\s+\(((?:`\w+`(?:, )?)+)\)")
+DEFINES = r"^[ \t]*(?:(?:async )?(?:def|class)\s+{0}\b|{0}\b[^=\n]*=|(?:async\s|static\b.*\s)?{0}\(.*\{{?$)"
 TO_BE_WRITTEN = re.compile(r"(^|/)(name|velvet)\.")  # files of whoever adds something
+
+
+def found(checkout: Path, name: str) -> list[Path]:
+    """Where a file or a folder that the page names lies."""
+    return [path for root in ROOTS if (path := checkout / root / name).exists()]
 
 
 @pytest.fixture
@@ -35,12 +43,19 @@ def test_rooms_of_the_map_are_packages_in_the_order_of_the_import_table(page: st
 
 
 def test_files_that_the_page_names_are_there(checkout: Path, page: str) -> None:
-    named = set(re.findall(r"`([\w./]+(?:/|\.(?:py|h|cl|md|json)))`", page))
+    named = set(FILE.findall(page))
     assert len(named) > 20
-    lost = [
-        name for name in sorted(named)
-        if not TO_BE_WRITTEN.search(name) and not any((checkout / root / name).exists() for root in ROOTS)
-    ]  # fmt: skip
+    assert [name for name in sorted(named) if not TO_BE_WRITTEN.search(name) and not found(checkout, name)] == []
+
+
+def test_names_that_the_page_gives_with_a_file_are_defined_in_it(checkout: Path, page: str) -> None:
+    lost = []
+    pairs = [(file, name) for file, names in WITH_NAMES.findall(page) for name in re.findall(r"\w+", names)]
+    assert len(pairs) > 40
+    for file, name in pairs:
+        [path, *_] = found(checkout, file)
+        if not re.search(DEFINES.format(name), path.read_text("utf-8"), re.MULTILINE):
+            lost.append(f"{file}: {name}")
     assert lost == []
 
 

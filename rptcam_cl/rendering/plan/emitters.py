@@ -17,6 +17,7 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.records import (
     EMITTER,
     EMITTER_FACTS,
+    FAR_EMITTERS,
     TINY_ANGLE,
     EmitterKind,
     EnvironmentKind,
@@ -203,7 +204,6 @@ def area_of_solid(kind: Kind, linear: Array) -> float:
 # Variance of picks by power from which on a tree is used. Of the scenes measured above it none lost at equal time, and
 # they gained up to 12 times; most of those below it lost, as a vertex takes longer by a tree (benchmarks/journal.md).
 BREAK_EVEN = 0.5
-FROM_AFAR = frozenset({EmitterKind.ENVIRONMENT, EmitterKind.DIRECTIONAL, EmitterKind.SUN})
 NODE_FLOATS = 8
 MOST_LAMPS, MOST_POINTS = 4096, 64  # that tell whether a tree gains
 
@@ -246,12 +246,11 @@ def lamps_of(records: NDArray[np.void], power: Array) -> Lamps:
     uu, vv, zz, uv = ((x * y).sum(axis=1) for x, y in ((u, u), (v, v), (z, z), (u, v)))
     nothing, radius2 = np.zeros_like(a), records["a"][:, 3].astype(np.float64) ** 2
     facing = z * np.where(records["two_sided"] != 0, 0.0, 1.0)[:, None]
-    by_kind = {  # offset of the middle from `a`, mean squared distance from there, axis
+    by_kind = {  # offset of the middle from `a`, mean squared distance from there, axis: 0 of a point
         EmitterKind.RECTANGLE: ((u + v) / 2, (uu + vv) / 12, facing),
         EmitterKind.DISK: (nothing, (uu + vv) / 4, facing),
         EmitterKind.TRIANGLE: ((u + v) / 3, (uu + vv - uv) / 18, facing),
         EmitterKind.SPHERE: (nothing, radius2, nothing),
-        EmitterKind.POINT: (nothing, 0 * uu, nothing),
         EmitterKind.SPOT: (nothing, 0 * uu, z),
         EmitterKind.PROFILE: (nothing, 0 * uu, z / 2),
         EmitterKind.BOX: (nothing, (uu + vv + zz) * 5 / 9, nothing),
@@ -602,7 +601,7 @@ def pack_emitters(
         powers = np.concatenate([power for _, power in chosen])
         curve, chance = curves(powers[None])
         records["pick"] = chance[0]
-        near = ~np.isin(records["kind"], list(FROM_AFAR))
+        near = ~np.isin(records["kind"], list(FAR_EMITTERS))
         lamps = lamps_of(records[near], powers[near]) if near.sum() > 1 else None
         if lamps and variance_by_power(lamps, lit_points(primitives, of_primitive, lamps, eye)) > BREAK_EVEN:
             order = np.argsort(~near, kind="stable")  # of_primitive stays: surfaces stand first

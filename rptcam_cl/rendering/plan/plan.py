@@ -21,7 +21,7 @@ from rptcam_cl.core.colour import (
 )
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.core.records import CAUSTIC_SURFACE, EmitterKind, Kind, SpectrumKind, curves, fill
+from rptcam_cl.core.records import CAUSTIC_SURFACE, SIZELESS_EMITTERS, EmitterKind, Kind, SpectrumKind, curves, fill
 from rptcam_cl.rendering.cameras.kinds import camera_model
 from rptcam_cl.rendering.cameras.lamp_aim import SeenLamp, Shows, Sights, aimed_at_lamps
 from rptcam_cl.rendering.cameras.model import CameraModel, FilterTable, camera_trajectory, filter_table, turned
@@ -257,7 +257,7 @@ LEAST_SHARE = 0.1  # of the lamps' light on glass and mirrors that must come fro
 LEAST_VIEWS, MOST_VIEWS = 4, 64  # pieces of glass and mirrors that are asked how large they see the lamps
 # Least GGX alpha of a principled receiver: the highlight of a smoother one shows what it mirrors, which photons blur.
 LEAST_ALPHA = 0.04
-WITHOUT_SIZE = (EmitterKind.POINT, EmitterKind.SPOT, EmitterKind.PROFILE, EmitterKind.DIRECTIONAL)
+WITHOUT_SIZE = (*SIZELESS_EMITTERS, EmitterKind.DIRECTIONAL)
 
 # Area of the canonical shapes [1].
 _AREA = {

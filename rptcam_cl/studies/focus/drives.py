@@ -1,4 +1,4 @@
-"""The drive of a scene's camera; that of a thin lens moves its plane of focus."""
+"""What moves when a camera focuses: a lens as a whole, its focusing group, or the plane of focus of a thin lens."""
 
 from __future__ import annotations
 

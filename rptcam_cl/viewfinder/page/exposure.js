@@ -74,7 +74,7 @@ export class Overlays {
   constructor(link, stage) {
     this.link = link;
     this.stage = stage;
-    this.on = { zebra: false, false_colour: false, peaking: false };
+    this.on = {};
     this.buttons = {};
   }
 

@@ -3,7 +3,7 @@
 import { h } from "./dom.js";
 import { guidesDrawing } from "./guides.js";
 
-const ORDER = ["picture", "overlay/false_colour", "overlay/zebra", "overlay/peaking"];
+const ORDER = ["picture", "overlay/false_colour", "overlay/zebra", "overlay/peaking"]; // upwards; other overlays lie above
 
 export class Pane {
   constructor(slot, label) {
@@ -26,7 +26,8 @@ export class Pane {
 
   /** Draw a frame into the layer that it belongs to. */
   draw(header, bitmap) {
-    const canvas = this.layers.get(header.kind === "overlay" ? `overlay/${header.overlay}` : header.kind);
+    const name = header.kind === "overlay" ? `overlay/${header.overlay}` : header.kind;
+    const canvas = this.layers.get(name) ?? (header.kind === "overlay" ? this.layer(name) : null);
     if (!canvas) return;
     if (canvas.width !== bitmap.width || canvas.height !== bitmap.height) {
       canvas.width = bitmap.width;
