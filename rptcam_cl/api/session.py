@@ -304,7 +304,7 @@ class SceneCompiler:
         Autofocus takes millions of samples, for which full kernels are worth their time.
         """
         is_final = True
-        self._parts.settle()
+        self._parts.drop_rough()
         if self._quick is None or scene.requested_autofocus is not None:
             resolved = resolve(scene, self._device)
         else:
@@ -325,7 +325,7 @@ class SceneCompiler:
 
     def final(self, state: SceneState) -> SceneState:
         """Plan a scene as `render` does."""
-        self._parts.settle()
+        self._parts.drop_rough()
         resolved = resolve(state.scene, self._device, state.resolved.focus)
         return self._plan_state(state.scene, resolved, make_plan(resolved.scene, parts=self._parts), is_final=True)
 

@@ -535,7 +535,7 @@ class MeshLibrary:
         library._loaded = {key: mesh for key, mesh in self._loaded.items() if key in items}
         sources = {id(source): source for key, item in items.items() if key not in library._loaded
                    for source in [self._source(item)]}  # fmt: skip
-        with suppress(InputError):  # of a file that is missing, which is told when it is loaded
+        with suppress(InputError):  # of a missing file, which loading it will report
             wanted = {self._key(source) for source in sources.values()}
             used = {id(mesh.contents) for mesh in library._loaded.values()}
             library._known = {at: known for at, known in self._known.items() if at[0] in wanted or id(known) in used}

@@ -59,7 +59,7 @@ class PlanParts:
     ----------
     rough : bool
         Whether meshes may stand about an earlier middle of the scene, which rounds them in another way: then those that
-        do not move are taken as they are. `settle` ends it.
+        do not move are taken as they are. `drop_rough` ends it.
     """
 
     def __init__(self) -> None:
@@ -87,7 +87,7 @@ class PlanParts:
         of = tuple((item.mesh, item.placement) for item in in_world), tuple(shared)
         return self.part("pools", of, lambda: _Pools(in_world, shared, before, keep_centre=self.rough))
 
-    def settle(self) -> None:
+    def drop_rough(self) -> None:
         """Make what was made roughly anew from now on."""
         self.rough = False
         if "pools" in self._known and not self._known["pools"][1].is_exact:
