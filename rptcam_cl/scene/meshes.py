@@ -549,7 +549,7 @@ class MeshLibrary:
         return item if item.mesh is None else self._named[item.mesh]
 
     def _key(self, source: MeshSource) -> Hashable:
-        """Return what names the triangles of a source: path, size and time of a file, or the lists written out."""
+        """Identify the triangles of a source: by path, size and time of a file, or by the lists written out."""
         if source.file is None:
             return tuple(map(id, (source.vertices, source.faces, source.uvs, source.given_normals)))
         path = self._folders.find(source.file)
