@@ -26,7 +26,6 @@ from rptcam_cl.rendering.cameras.model import (
 from rptcam_cl.rendering.cameras.pupil import (
     PupilSampling,
     by_content,
-    coarse_pupil,
     has_shape,
     on_disk,
     pupil_sampling,
@@ -155,9 +154,8 @@ def _pupil(
     frame = film_frame(camera)
     if windows:
         return pupil_in_windows(lens, back_mm, frame.bounds(half_mm), camera.wavelength_nm, windows, frame)
-    sampling = coarse_pupil if coarse else pupil_sampling
     tier = "auto" if camera.pupil == "shared" else camera.pupil
-    return sampling(lens, back_mm, half_mm, sampled_nm, tier, frame)
+    return pupil_sampling(lens, back_mm, half_mm, sampled_nm, tier, frame, coarse=coarse)
 
 
 def _on_axis(lens: Lens, back_mm: float, wavelength_nm: float, losses: LensTransmission = IDEAL) -> float:

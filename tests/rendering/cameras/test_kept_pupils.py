@@ -37,7 +37,8 @@ def no_more(monkeypatch):
     def refuse(*_):
         raise ComputedError
 
-    monkeypatch.setattr(pupil, "_made", refuse)
+    for name in ("_rear", "_thick", "_bounds", "tight_sampling"):
+        monkeypatch.setattr(pupil, name, refuse)
     forget()
 
 
