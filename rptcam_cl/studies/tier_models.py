@@ -198,12 +198,12 @@ def equivalent(scene: Scene, tier: Tier) -> Scene:
     first = first_order_camera(scene)
     back = camera.world_from_camera()[:3, 2]
     eye = np.array(camera.eye) - back * first.pupil_mm * 1e-3 / scene.metres_per_unit
-    half_mm = scene.film.size_m()[0] / 2 * 1e3
+    half_film_mm = scene.film.size_m()[0] / 2 * 1e3
     keys = {name: getattr(camera, name) for name in _POSE} | {
         "kind": tier,
         "eye": eye.tolist(),
         "target": (eye - back).tolist(),
-        "fov_degrees": float(np.rad2deg(2 * np.arctan(half_mm / first.film_mm_per_tangent))),
+        "fov_degrees": float(np.rad2deg(2 * np.arctan(half_film_mm / first.film_mm_per_tangent))),
         "fov_axis": "horizontal",
     }
     if tier == "thin_lens":
@@ -419,14 +419,14 @@ class VisibleWorld:
     ----------
     start_mm : float
         Distance ahead of the camera's eye where it starts.
-    half_mm : (2,) array
+    half_film_mm : (2,) array
         Half its width and height there.
     slopes : (2,) array
         What they grow by per distance.
     """
 
     start_mm: float
-    half_mm: Array
+    half_film_mm: Array
     slopes: Array
 
     def sides(self) -> tuple[Array, Array]:
@@ -435,13 +435,13 @@ class VisibleWorld:
         for axis in (0, 1):
             for sign in (1.0, -1.0):
                 normals.append((sign * (axis == 0), sign * (axis == 1), float(self.slopes[axis])))
-                offsets.append(float(self.half_mm[axis] - self.slopes[axis] * self.start_mm))
+                offsets.append(float(self.half_film_mm[axis] - self.slopes[axis] * self.start_mm))
         return np.array(normals), np.array(offsets)
 
     def corners(self) -> tuple[Array, Array]:
         """Return where its edges and its axis start (5, 3), and their directions."""
         signs = np.array([(0, 0), (1, 1), (1, -1), (-1, -1), (-1, 1)], dtype=np.float64)
-        starts = np.column_stack([signs * self.half_mm, np.full(5, self.start_mm)])
+        starts = np.column_stack([signs * self.half_film_mm, np.full(5, self.start_mm)])
         return starts, np.column_stack([signs * self.slopes, np.ones(5)])
 
 

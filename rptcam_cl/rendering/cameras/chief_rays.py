@@ -304,17 +304,17 @@ def breathing_table(
     for name, lens in lenses:
         first: float | None = None
         for distance in distances_m:
-            state, back_mm = focused(lens, 1000 * distance, "film", "thick", wavelength_nm)
-            thick = thick_lens_of(state, back_mm, wavelength_nm)
+            state, film_distance_mm = focused(lens, 1000 * distance, "film", "thick", wavelength_nm)
+            thick = thick_lens_of(state, film_distance_mm, wavelength_nm)
             tangent = film_width_mm / 2 * abs(thick.slope[0])
             first = tangent if first is None else first
-            ahead = 1000 * distance - state.film_z(back_mm)  # of the first vertex
-            speeds = (_f_number(state, back_mm, wavelength_nm, losses) for losses in (IDEAL, transmission))
+            ahead = 1000 * distance - state.film_z(film_distance_mm)  # of the first vertex
+            speeds = (_f_number(state, film_distance_mm, wavelength_nm, losses) for losses in (IDEAL, transmission))
             row: Row = {
                 "zoom": name,
                 "focus_distance_m": distance if math.isfinite(distance) else None,
                 "focal_length_mm": state.first_order(wavelength_nm).focal_length_mm,
-                "film_distance_mm": back_mm,
+                "film_distance_mm": film_distance_mm,
                 "field_of_view_degrees": 2 * math.degrees(math.atan(tangent)),
                 "breathing_percent": 100 * (tangent / first - 1),
                 "magnification": 1 / abs(thick.height[0] + ahead * thick.slope[0]) if math.isfinite(ahead) else 0.0,
@@ -323,8 +323,8 @@ def breathing_table(
     return rows
 
 
-def _f_number(lens: Lens, back_mm: float, wavelength_nm: float, losses: LensTransmission) -> float:
-    return math.sqrt(math.pi / (4 * on_axis_irradiance(lens, back_mm, wavelength_nm, losses)))
+def _f_number(lens: Lens, film_distance_mm: float, wavelength_nm: float, losses: LensTransmission) -> float:
+    return math.sqrt(math.pi / (4 * on_axis_irradiance(lens, film_distance_mm, wavelength_nm, losses)))
 
 
 def breathing_csv(rows: Sequence[Row]) -> str:

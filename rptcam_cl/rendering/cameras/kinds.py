@@ -430,7 +430,7 @@ class _ThickLens(_LensOfSurfaces):
 
     def model(self, lens_colour: LensColour = "off", coarse: bool = False, windows: Windows = ()) -> CameraModel:
         scene, camera, setting, thick = self.scene, self.camera, self.setting, self._thick
-        first_vertex_m, half_mm = self._first_vertex_m, half_film_mm(scene)
+        first_vertex_m, half = self._first_vertex_m, half_film_mm(scene)
         passed = float(axial_transmittance(setting.lens, camera.wavelength_nm, setting.transmission))
         on_axis = setting.gain * passed * thick.axial_cone
         width_m, height_m = scene.film.size_m()
@@ -468,7 +468,7 @@ class _ThickLens(_LensOfSurfaces):
             on_axis_irradiance=on_axis,
             passed=passed,
             axial_weight=on_axis,
-            reach=thick_lens_reach(thick.height, thick.slope, first_vertex_m, half_mm),
+            reach=thick_lens_reach(thick.height, thick.slope, first_vertex_m, half),
         )
 
     def chief_rays(self) -> CameraRays:

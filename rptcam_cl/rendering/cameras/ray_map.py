@@ -463,7 +463,7 @@ def fitted_map(
     InputError
         When polynomials cannot stand for the lens, or not well enough.
     """
-    camera, traced, film_mm = setting.camera, setting.camera.traced_camera, setting.film_distance_mm
+    camera, traced, film_distance_mm = setting.camera, setting.camera.traced_camera, setting.film_distance_mm
     if setting.transmission:
         raise InputError("camera.rays: fitted rays know no losses (leave out camera.transmission, or use traced)")
     if traced is not None and traced.precision != "single":
@@ -475,11 +475,11 @@ def fitted_map(
         )
     width_mm, height_mm = (side * 1e3 for side in film.size_m())
     focus_mm = setting.focus_distance_mm
-    near = FAR_MM if focus_mm is None else min(focus_mm - lens.length - lens.sense * film_mm, FAR_MM)
+    near = FAR_MM if focus_mm is None else min(focus_mm - lens.length - lens.sense * film_distance_mm, FAR_MM)
     try:
         return _map(
             without_shape(lens),
-            film_mm,
+            film_distance_mm,
             (width_mm / 2, height_mm / 2),
             camera.wavelength_nm if range_nm is None else range_nm,
             film.resolution[0] / width_mm,

@@ -72,7 +72,7 @@ def realistic_model(
     camera = scene.camera.traced_camera
     assert camera is not None
     check_film(setting.lens, setting.film_distance_mm, scene)
-    lens, back_mm = shaped(scene, setting).lens, setting.film_distance_mm
+    lens, film_distance_mm = shaped(scene, setting).lens, setting.film_distance_mm
     losses = setting.transmission
     dispersive, colour = _colour(scene, setting, lens_colour)
     low, high = usable_nm(lens, losses if dispersive else IDEAL)
@@ -81,7 +81,7 @@ def realistic_model(
     shared = shared_sampling(scene, setting, sampled_nm) if shares else None
     on_axis_of = _on_axis if shared is None else _on_axis_of_disk
     irradiance = paraxial_irradiance if windows else _on_axis_soon if coarse else on_axis_of
-    clear, on_axis = _irradiance(lens, back_mm, camera.wavelength_nm, losses, irradiance)
+    clear, on_axis = _irradiance(lens, film_distance_mm, camera.wavelength_nm, losses, irradiance)
     balanced = (IDEAL, clear) if shows_losses(scene) else (losses, on_axis)
     pupil = shared or _pupil(scene, setting, lens, sampled_nm, windows, coarse)
     if camera.rays == "fitted":
@@ -119,23 +119,27 @@ def realistic_model(
         passed=on_axis / clear,
         axial_weight=on_axis,
         usable_nm=(low, high),
-        reach=lens_reach(lens, back_mm, camera.wavelength_nm, half_film_mm(scene)),
-        axial_colour=_axial_colour(on_axis_of, lens, back_mm, *balanced, (low, high)) if dispersive else None,
+        reach=lens_reach(lens, film_distance_mm, camera.wavelength_nm, half_film_mm(scene)),
+        axial_colour=_axial_colour(on_axis_of, lens, film_distance_mm, *balanced, (low, high)) if dispersive else None,
         setting=setting,
         pupil=None if coarse else entrance,
     )
 
 
 def _irradiance(
-    lens: Lens, back_mm: float, wavelength_nm: float, losses: LensTransmission, irradiance: Callable[..., float]
+    lens: Lens,
+    film_distance_mm: float,
+    wavelength_nm: float,
+    losses: LensTransmission,
+    irradiance: Callable[..., float],
 ) -> tuple[float, float]:
     """Return the irradiance in the centre of the film under unit radiance, without losses in the lens and with them."""
-    clear = irradiance(lens, back_mm, wavelength_nm)
-    on_axis = irradiance(lens, back_mm, wavelength_nm, losses) if losses else clear
+    clear = irradiance(lens, film_distance_mm, wavelength_nm)
+    on_axis = irradiance(lens, film_distance_mm, wavelength_nm, losses) if losses else clear
     if not on_axis > 0:
         raise InputError(
             f"camera.lens: {lens.name}: no ray from the centre of the film passes the lens"
-            f" (film distance {back_mm:g} mm)"
+            f" (film distance {film_distance_mm:g} mm)"
         )
     return clear, on_axis
 
@@ -149,49 +153,51 @@ def _pupil(
     coarse: bool,
 ) -> PupilSampling:
     """Return how rays aim at the pupil that all wavelengths see, from the whole film or from windows of it."""
-    camera, half_mm, back_mm = scene.camera.traced_camera, half_film_mm(scene), setting.film_distance_mm
+    camera, half, film_distance_mm = scene.camera.traced_camera, half_film_mm(scene), setting.film_distance_mm
     assert camera is not None
     frame = film_frame(camera)
     if windows:
-        return pupil_in_windows(lens, back_mm, frame.bounds(half_mm), camera.wavelength_nm, windows, frame)
+        return pupil_in_windows(lens, film_distance_mm, frame.bounds(half), camera.wavelength_nm, windows, frame)
     tier = "auto" if camera.pupil == "shared" else camera.pupil
-    return pupil_sampling(lens, back_mm, half_mm, sampled_nm, tier, frame, coarse=coarse)
+    return pupil_sampling(lens, film_distance_mm, half, sampled_nm, tier, frame, coarse=coarse)
 
 
-def _on_axis(lens: Lens, back_mm: float, wavelength_nm: float, losses: LensTransmission = IDEAL) -> float:
+def _on_axis(lens: Lens, film_distance_mm: float, wavelength_nm: float, losses: LensTransmission = IDEAL) -> float:
     """Return the irradiance on the axis; that of a round stop is remembered."""
     if has_shape(lens):
-        return on_axis_irradiance(lens, back_mm, wavelength_nm, losses)
+        return on_axis_irradiance(lens, film_distance_mm, wavelength_nm, losses)
     if losses:
-        return _on_axis_with_losses(lens, back_mm, wavelength_nm, losses)
-    return _on_axis_without_losses(lens, back_mm, wavelength_nm)
+        return _on_axis_with_losses(lens, film_distance_mm, wavelength_nm, losses)
+    return _on_axis_without_losses(lens, film_distance_mm, wavelength_nm)
 
 
-def _on_axis_of_disk(lens: Lens, back_mm: float, wavelength_nm: float, losses: LensTransmission = IDEAL) -> float:
+def _on_axis_of_disk(
+    lens: Lens, film_distance_mm: float, wavelength_nm: float, losses: LensTransmission = IDEAL
+) -> float:
     """Return the same where nothing lies apart from the pupil, as the table shows that states share."""
-    found = None if losses else disk_irradiance(lens, back_mm, wavelength_nm)
-    return _on_axis(lens, back_mm, wavelength_nm, losses) if found is None else found
+    found = None if losses else disk_irradiance(lens, film_distance_mm, wavelength_nm)
+    return _on_axis(lens, film_distance_mm, wavelength_nm, losses) if found is None else found
 
 
-def _on_axis_soon(lens: Lens, back_mm: float, wavelength_nm: float, losses: LensTransmission = IDEAL) -> float:
+def _on_axis_soon(lens: Lens, film_distance_mm: float, wavelength_nm: float, losses: LensTransmission = IDEAL) -> float:
     """Return the same for a glance: without losses through a round pupil within 2e-5."""
-    found = None if losses else _axial(lens, back_mm, wavelength_nm)
-    return _on_axis(lens, back_mm, wavelength_nm, losses) if found is None else found
+    found = None if losses else _axial(lens, film_distance_mm, wavelength_nm)
+    return _on_axis(lens, film_distance_mm, wavelength_nm, losses) if found is None else found
 
 
 @remember(most=REMEMBERED, by=by_content)
-def _axial(lens: Lens, back_mm: float, wavelength_nm: float) -> float | None:
-    return axial_irradiance(lens, back_mm, wavelength_nm)
+def _axial(lens: Lens, film_distance_mm: float, wavelength_nm: float) -> float | None:
+    return axial_irradiance(lens, film_distance_mm, wavelength_nm)
 
 
 @remember(most=REMEMBERED, by=by_content)
-def _on_axis_with_losses(lens: Lens, back_mm: float, wavelength_nm: float, losses: LensTransmission) -> float:
-    return on_axis_irradiance(lens, back_mm, wavelength_nm, losses)
+def _on_axis_with_losses(lens: Lens, film_distance_mm: float, wavelength_nm: float, losses: LensTransmission) -> float:
+    return on_axis_irradiance(lens, film_distance_mm, wavelength_nm, losses)
 
 
 @remember(most=REMEMBERED, by=by_content, disk=on_disk())
-def _on_axis_without_losses(lens: Lens, back_mm: float, wavelength_nm: float) -> float:
-    return float(on_axis_irradiance(lens, back_mm, wavelength_nm))
+def _on_axis_without_losses(lens: Lens, film_distance_mm: float, wavelength_nm: float) -> float:
+    return float(on_axis_irradiance(lens, film_distance_mm, wavelength_nm))
 
 
 def _record(scene: Scene, setting: LensSetting, lens: Lens, pupil: PupilSampling, surfaces: int) -> NDArray[np.void]:
@@ -230,8 +236,10 @@ def _colour(scene: Scene, setting: LensSetting, wanted: LensColour) -> tuple[boo
 
 
 @remember(most=REMEMBERED, by=by_content)
-def _colour_error(lens: Lens, back_mm: float, focus_mm: float | None, film: Film, wavelength_nm: float) -> float:
-    return colour_error_px(lens, back_mm, focus_mm, film, wavelength_nm)
+def _colour_error(
+    lens: Lens, film_distance_mm: float, focus_mm: float | None, film: Film, wavelength_nm: float
+) -> float:
+    return colour_error_px(lens, film_distance_mm, focus_mm, film, wavelength_nm)
 
 
 def shows_losses(scene: Scene) -> bool:
@@ -249,7 +257,7 @@ def lens_tint(scene: Scene, setting: LensSetting) -> float:
 def _axial_colour(
     irradiance: Callable[..., float],
     lens: Lens,
-    back_mm: float,
+    film_distance_mm: float,
     losses: LensTransmission,
     on_axis: float,
     range_nm: tuple[float, float],
@@ -259,7 +267,7 @@ def _axial_colour(
     Losses vary faster with the wavelength than pupils do, but almost as they do on the axis itself.
     """
     few, wavelengths = np.linspace(*range_nm, AXIAL_SAMPLES), np.linspace(*range_nm, LOSS_SAMPLES)
-    seen = np.array([irradiance(lens, back_mm, nm, losses) for nm in few.tolist()]) / on_axis
+    seen = np.array([irradiance(lens, film_distance_mm, nm, losses) for nm in few.tolist()]) / on_axis
     if not losses:
         return few, seen
     slow = np.interp(wavelengths, few, seen / axial_transmittance(lens, few, losses))
