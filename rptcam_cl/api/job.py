@@ -19,6 +19,7 @@ from rptcam_cl.api.options import SCENE_KEYS, excluded_by, part_numbers
 from rptcam_cl.core.constants import MAX_SPP
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, NumericError, out_of_range
+from rptcam_cl.core.files import plain
 from rptcam_cl.device.session import Session, Split, Wanted, means_all, open_session, open_sessions
 from rptcam_cl.imaging.development import GUIDES, check_denoiser
 from rptcam_cl.imaging.image import Image, with_picture_settings
@@ -67,7 +68,7 @@ from rptcam_cl.rendering.several import (
 )
 from rptcam_cl.rendering.tracer import Wavefront, WavefrontPool
 from rptcam_cl.scene.film import ADAPTIVE_SPP, LayerName
-from rptcam_cl.scene.load import at_rest, change_scene, exposure_steps, load_scene, plain
+from rptcam_cl.scene.load import at_rest, change_scene, exposure_steps, load_scene
 from rptcam_cl.scene.scene import Scene
 
 SceneSource = Scene | str | Path | Mapping[str, Any]
