@@ -466,6 +466,15 @@ def make_folder(path: Path) -> Path:
     return path
 
 
+def known_suffix(path: str | os.PathLike[str], suffixes: Iterable[str], problem: str, hint: str = "") -> str:
+    """Return the suffix of a file in small letters; raise an error that states a problem where none such is allowed."""
+    suffix = Path(path).suffix.lower()
+    if suffix not in suffixes:
+        allowed = ", ".join(dict.fromkeys(suffixes))
+        raise InputError(f"{path}: {problem} (got {suffix or 'no suffix'}; allowed: {allowed}){hint}")
+    return suffix
+
+
 def check_writable(path: str | os.PathLike[str], inputs: Iterable[str | os.PathLike[str]] = ()) -> None:
     """Raise an error when a file could not be written at ``path``. Nothing is left behind.
 

@@ -49,10 +49,12 @@ NEVER_0 = float(np.finfo(np.float64).tiny)
 
 @dataclass(frozen=True)
 class PupilFunction:
-    """Light of one point and wavelength behind the lens, on a square grid of direction cosines.
+    """Light of one field and wavelength behind the lens, on a square grid of direction cosines.
 
     Attributes
     ----------
+    field_degrees : float
+        Angle from the axis of the beam.
     wavelength_nm : float
         In vacuum.
     index : float
@@ -71,6 +73,7 @@ class PupilFunction:
         The same up to the sphere about C through the axial point of the exit pupil.
     """
 
+    field_degrees: float
     wavelength_nm: float
     index: float
     chief: Array
@@ -217,8 +220,8 @@ class _ExitRays:
         density = self._density(points, step)
         coverage = np.where(np.isfinite(density), self._coverage(points, targets, step), 0.0)
         return PupilFunction(
-            self.wavelength_nm, self.index, self.chief[:2].copy(), cosines_x, cosines_y, coverage,
-            np.where(coverage > 0, density, 0.0), plane, sphere,
+            self.beam.field_degrees, self.wavelength_nm, self.index, self.chief[:2].copy(), cosines_x, cosines_y,
+            coverage, np.where(coverage > 0, density, 0.0), plane, sphere,
         )  # fmt: skip
 
     def _waves(self, points: Array, rays: Rays) -> tuple[Array, Array]:
