@@ -111,7 +111,6 @@ _PUBLISHED_INSET = np.array(
 INSET = _PUBLISHED_INSET / _PUBLISHED_INSET.sum(axis=1, keepdims=True)
 OUTSET = np.linalg.inv(INSET)
 LEAST_LOG2, MOST_LOG2 = -12.47393, 4.026069  # 10 stops below a grey of 0.18, 6.5 above it
-AGX_WHITE = 2.0**MOST_LOG2
 _PIVOT, _PIVOT_SHOWN, _SLOPE = 10 / 16.5, 0.5, 2.0  # the grey in the range, what it becomes, and the slope there
 _TOE, _SHOULDER = 3.0, 3.25  # powers
 _DISPLAY_POWER = 2.2

@@ -242,8 +242,8 @@ def read_film(path: str | os.PathLike[str], *, most_pixels: int | None = None) -
     try:
         size, pixels_there = _size(path, suffix)
         if most_pixels is not None and pixels_there > most_pixels:
-            found, most = pixels_there / 1e6, most_pixels / 1e6
-            raise InputError(f"has {found:.4g} million pixels (allowed: {most:.4g}, or any with --large)")
+            has, most = pixels_there / 1e6, most_pixels / 1e6
+            raise InputError(f"has {has:.4g} million pixels (allowed: {most:.4g}, or any with --large)")
         _check_memory(size)
         pixels, metadata = _exr(path) if suffix == ".exr" else _numpy(path)
         known = metadata.items() if isinstance(metadata, dict) else ()

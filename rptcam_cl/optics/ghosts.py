@@ -370,14 +370,6 @@ def ghost_image(
     return GhostImage(float(focal), float(image), a + reach * c, n * (b + reach * d))
 
 
-def ghost_magnification(lens: Lens, way: Way, wavelength_nm: float, object_distance_mm: float) -> float:
-    """Return the transverse magnification of an object so far before the first vertex [mm]."""
-    _, (c, d) = system_matrix(unfold(lens, way), wavelength_nm).tolist()
-    n = float(lens.indices(wavelength_nm)[0])
-    with np.errstate(divide="ignore"):
-        return float(1.0 / np.float64(d + c * object_distance_mm / n))
-
-
 # Light of one source on the front of a lens: rays spread evenly over the first surface, each with its flux.
 
 GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0  # steps that fill a line most evenly: lattices of any number of points

@@ -426,11 +426,6 @@ def _correlate(pupil: PupilFunction, shifts: Array, axis: int) -> Waves:
     return np.where(shifts < len(pupil.coverage), values, 0.0)
 
 
-def encircled_shares(pupil: PupilFunction, radii_mm: ArrayLike, about: tuple[float, float]) -> Array:
-    """Return the share of the light inside circles of given radii about a point, x, y from C [mm]."""
-    return encircled_function(pupil, about)(np.atleast_1d(np.asarray(radii_mm, dtype=np.float64)))
-
-
 def encircled_function(pupil: PupilFunction, about: tuple[float, float]) -> Callable[[Array], Array]:
     """Return the function that gives the share of the light inside circles of radii [mm] about a point.
 

@@ -369,10 +369,10 @@ class Pupils:
     def of(cls, lens: Lens, film_distance_mm: float, film: Array, wavelength_nm: float) -> Pupils:
         """Return the pupils that film points (m, 2) see."""
         probes = narrowing_probes(lens, film_distance_mm, wavelength_nm)
-        boxes, found = pupil_boxes(probes, film, FINE)
+        boxes, lit = pupil_boxes(probes, film, FINE)
         centres, axes = (boxes[:, 1::2] + boxes[:, ::2]) / 2, (boxes[:, 1::2] - boxes[:, ::2]) / 2
         radii = np.zeros((len(film), SPOKES))
-        radii[found] = _edges(probes[-1], film[found], centres[found], axes[found])
+        radii[lit] = _edges(probes[-1], film[lit], centres[lit], axes[lit])
         return cls(film, centres, axes, radii)
 
     def nodes(self, rings: int) -> tuple[Array, Array]:

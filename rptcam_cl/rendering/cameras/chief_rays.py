@@ -139,19 +139,19 @@ class TracedRays(CameraRays):
     def rays(self, places: Array) -> tuple[Array, Array]:
         """Return origins [m] and unit directions (n, 3); nan where rims stop the ray."""
         upright = self.upright(places)
-        found = self._aimed(upright)
-        return _kept(self._in_camera(found), found.clear)
+        rays = self._aimed(upright)
+        return _kept(self._in_camera(rays), rays.clear)
 
     def unlimited(self, places: Array) -> tuple[Array, Array]:
         """Return the same as if the lens had no rims."""
-        found = self._aimed(self.upright(places))
-        return _kept(self._in_camera(found), found.found)
+        rays = self._aimed(self.upright(places))
+        return _kept(self._in_camera(rays), rays.found)
 
     def smooth(self, places: Array) -> tuple[Array, Array]:
         """Return about the same, by cubics between nodes."""
-        found = self._grid.at(self.upright(places))
-        directions = found[:, 5:]
-        return found[:, 2:5], directions / np.linalg.norm(directions, axis=1, keepdims=True)
+        values = self._grid.at(self.upright(places))
+        directions = values[:, 5:]
+        return values[:, 2:5], directions / np.linalg.norm(directions, axis=1, keepdims=True)
 
     def _film(self, upright: Array) -> Array:
         """Return places right and up in the picture on the film (n, 3), in the frame of the lens [mm]: it inverts."""
@@ -200,7 +200,7 @@ def seen_places(chief: CameraRays, points: Array, guess: Array | None = None) ->
     if chief.wraps:
         return _on_whole_sphere(chief, points)
     places = _nearest_trials(chief, points) if guess is None else np.array(guess, np.float64)
-    found = np.full_like(places, np.nan)
+    solved = np.full_like(places, np.nan)
     active = np.flatnonzero(np.isfinite(places).all(axis=1) & np.isfinite(points).all(axis=1))
     with np.errstate(invalid="ignore", divide="ignore"):
         for _ in range(ROUNDS):
@@ -208,12 +208,12 @@ def seen_places(chief: CameraRays, points: Array, guess: Array | None = None) ->
             places[active] -= step
             done = np.abs(step).max(axis=1) < CLOSE
             lost = ~np.isfinite(places[active]).all(axis=1)
-            found[active[done]] = places[active[done]]
+            solved[active[done]] = places[active[done]]
             active = active[~(done | lost)]
             if not len(active):
                 break
-        found -= _step(chief, chief.unlimited, found, points)
-    return _ahead(chief, points, found)
+        solved -= _step(chief, chief.unlimited, solved, points)
+    return _ahead(chief, points, solved)
 
 
 def _step(chief: CameraRays, rays: Rays, places: Array, points: Array) -> Array:

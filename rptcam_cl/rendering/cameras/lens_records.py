@@ -79,12 +79,12 @@ def fit_nodes(low_nm: float, high_nm: float) -> Array:
 
 def fewest_terms(ratios: Array, wavelengths_nm: Array, enough: float = ENOUGH) -> list[Array]:
     """Return the coefficients of polynomials through values (n, wavelengths): as few as give all to an error."""
-    found: list[tuple[Array, float]] = []
+    fits: list[tuple[Array, float]] = []
     for terms in range(1, DISPERSION_TERMS + 1):
-        found = [fitted(ratio, wavelengths_nm, terms) for ratio in ratios]
-        if all(error <= enough for _, error in found):
+        fits = [fitted(ratio, wavelengths_nm, terms) for ratio in ratios]
+        if all(error <= enough for _, error in fits):
             break
-    return [coefficients for coefficients, _ in found]
+    return [coefficients for coefficients, _ in fits]
 
 
 def fill_dispersion(records: NDArray[np.void], lens: Lens, backwards: bool) -> int:
@@ -93,12 +93,12 @@ def fill_dispersion(records: NDArray[np.void], lens: Lens, backwards: bool) -> i
     indices = lens.indices(wavelengths)
     ratios = (indices[1:] / indices[:-1])[::-1] if backwards else indices[:-1] / indices[1:]
     double = records["eta"].dtype == np.float64
-    found = fewest_terms(ratios, wavelengths, ENOUGH_IN_DOUBLE if double else ENOUGH)
-    for record, ratio, coefficients in zip(records, ratios, found, strict=True):
+    polynomials = fewest_terms(ratios, wavelengths, ENOUGH_IN_DOUBLE if double else ENOUGH)
+    for record, ratio, coefficients in zip(records, ratios, polynomials, strict=True):
         record["dispersion"][: len(coefficients)] = coefficients
         if record["refracts"] >= 0:
             record["refracts"] = bool(np.any(ratio != 1.0))
-    return len(found[0])
+    return len(polynomials[0])
 
 
 def colour_error_px(

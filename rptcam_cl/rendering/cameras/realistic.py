@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,13 +24,7 @@ from rptcam_cl.rendering.cameras.model import (
     lens_reach,
     traced_blur,
 )
-from rptcam_cl.rendering.cameras.pupil import (
-    PupilSampling,
-    by_content,
-    has_shape,
-    on_disk,
-    pupil_sampling,
-)
+from rptcam_cl.rendering.cameras.pupil import PupilSampling, by_content, has_shape, on_disk, pupil_sampling
 from rptcam_cl.rendering.cameras.ray_map import allowed_px, fitted_rays, traced_rays
 from rptcam_cl.rendering.cameras.setting import (
     CameraMetadata,
@@ -42,7 +37,7 @@ from rptcam_cl.rendering.cameras.setting import (
     place_film,
 )
 from rptcam_cl.rendering.cameras.shared_pupil import Window, paraxial_irradiance, pupil_in_windows, shared_sampling
-from rptcam_cl.scene.film import Film, LensColour
+from rptcam_cl.scene.film import LensColour
 from rptcam_cl.scene.scene import Scene
 
 SHOWS_PX = 0.5  # colour error that a picture shows [pixels]
@@ -79,8 +74,8 @@ def realistic_model(
     sampled_nm = (camera.wavelength_nm, low, high) if dispersive else (camera.wavelength_nm,)
     shares = camera.pupil == "shared" and not (windows or coarse)
     shared = shared_sampling(scene, setting, sampled_nm) if shares else None
-    on_axis_of = _on_axis if shared is None else _on_axis_of_disk
-    irradiance = paraxial_irradiance if windows else _on_axis_soon if coarse else on_axis_of
+    on_axis_of = _on_axis if shared is None else partial(_on_axis, soon=disk_irradiance)
+    irradiance = paraxial_irradiance if windows else partial(_on_axis, soon=_axial) if coarse else on_axis_of
     clear, on_axis = _irradiance(lens, film_distance_mm, camera.wavelength_nm, losses, irradiance)
     balanced = (IDEAL, clear) if shows_losses(scene) else (losses, on_axis)
     pupil = shared or _pupil(scene, setting, lens, sampled_nm, windows, coarse)
@@ -162,42 +157,34 @@ def _pupil(
     return pupil_sampling(lens, film_distance_mm, half, sampled_nm, tier, frame, coarse=coarse)
 
 
-def _on_axis(lens: Lens, film_distance_mm: float, wavelength_nm: float, losses: LensTransmission = IDEAL) -> float:
-    """Return the irradiance on the axis; that of a round stop is remembered."""
+_axial = remember(most=REMEMBERED, by=by_content)(axial_irradiance)
+_with_losses = remember(most=REMEMBERED, by=by_content)(on_axis_irradiance)
+_without_losses = remember(most=REMEMBERED, by=by_content, disk=on_disk())(on_axis_irradiance)
+_colour_error = remember(most=REMEMBERED, by=by_content)(colour_error_px)
+
+
+def _on_axis(
+    lens: Lens,
+    film_distance_mm: float,
+    wavelength_nm: float,
+    losses: LensTransmission = IDEAL,
+    soon: Callable[[Lens, float, float], float | None] | None = None,
+) -> float:
+    """Return the irradiance on the axis; that of a round stop is remembered.
+
+    Parameters
+    ----------
+    soon
+        Gives it sooner where there are no losses, or None: `disk_irradiance` where nothing lies apart from the pupil,
+        as the table shows that states share, and `_axial` for a glance, within 2e-5.
+    """
+    if soon and not losses and (irradiance := soon(lens, film_distance_mm, wavelength_nm)) is not None:
+        return irradiance
     if has_shape(lens):
         return on_axis_irradiance(lens, film_distance_mm, wavelength_nm, losses)
     if losses:
-        return _on_axis_with_losses(lens, film_distance_mm, wavelength_nm, losses)
-    return _on_axis_without_losses(lens, film_distance_mm, wavelength_nm)
-
-
-def _on_axis_of_disk(
-    lens: Lens, film_distance_mm: float, wavelength_nm: float, losses: LensTransmission = IDEAL
-) -> float:
-    """Return the same where nothing lies apart from the pupil, as the table shows that states share."""
-    found = None if losses else disk_irradiance(lens, film_distance_mm, wavelength_nm)
-    return _on_axis(lens, film_distance_mm, wavelength_nm, losses) if found is None else found
-
-
-def _on_axis_soon(lens: Lens, film_distance_mm: float, wavelength_nm: float, losses: LensTransmission = IDEAL) -> float:
-    """Return the same for a glance: without losses through a round pupil within 2e-5."""
-    found = None if losses else _axial(lens, film_distance_mm, wavelength_nm)
-    return _on_axis(lens, film_distance_mm, wavelength_nm, losses) if found is None else found
-
-
-@remember(most=REMEMBERED, by=by_content)
-def _axial(lens: Lens, film_distance_mm: float, wavelength_nm: float) -> float | None:
-    return axial_irradiance(lens, film_distance_mm, wavelength_nm)
-
-
-@remember(most=REMEMBERED, by=by_content)
-def _on_axis_with_losses(lens: Lens, film_distance_mm: float, wavelength_nm: float, losses: LensTransmission) -> float:
-    return on_axis_irradiance(lens, film_distance_mm, wavelength_nm, losses)
-
-
-@remember(most=REMEMBERED, by=by_content, disk=on_disk())
-def _on_axis_without_losses(lens: Lens, film_distance_mm: float, wavelength_nm: float) -> float:
-    return float(on_axis_irradiance(lens, film_distance_mm, wavelength_nm))
+        return _with_losses(lens, film_distance_mm, wavelength_nm, losses)
+    return _without_losses(lens, film_distance_mm, wavelength_nm)
 
 
 def _record(scene: Scene, setting: LensSetting, lens: Lens, pupil: PupilSampling, surfaces: int) -> NDArray[np.void]:
@@ -221,11 +208,7 @@ def _colour(scene: Scene, setting: LensSetting, wanted: LensColour) -> tuple[boo
     if wanted == "off" or not (disperses(setting.lens) or is_tinted(setting.lens, setting.transmission)):
         return False, {}
     error_px = _colour_error(
-        setting.lens,
-        setting.film_distance_mm,
-        setting.focus_distance_mm,
-        scene.film,
-        setting.camera.wavelength_nm,
+        setting.lens, setting.film_distance_mm, setting.focus_distance_mm, scene.film, setting.camera.wavelength_nm
     )
     tint = lens_tint(scene, setting)
     shows = error_px > SHOWS_PX or tint > SHOWS_TINT
@@ -233,13 +216,6 @@ def _colour(scene: Scene, setting: LensSetting, wanted: LensColour) -> tuple[boo
     if tint:
         metadata["lens_tint"] = round(tint, 4)
     return wanted == "on" or shows, metadata
-
-
-@remember(most=REMEMBERED, by=by_content)
-def _colour_error(
-    lens: Lens, film_distance_mm: float, focus_mm: float | None, film: Film, wavelength_nm: float
-) -> float:
-    return colour_error_px(lens, film_distance_mm, focus_mm, film, wavelength_nm)
 
 
 def shows_losses(scene: Scene) -> bool:

@@ -789,17 +789,17 @@ def _drift(scene: Scene, setting: LensSetting, pupil_z: float) -> tuple[tuple[fl
 def _round_drift(
     lens: Lens, film: tuple[tuple[float, ...], ...], wavelength_nm: float, pupil_z: float
 ) -> list[tuple[float, float]]:
-    return _found(round_chief_rays, lens, film, wavelength_nm, pupil_z)
+    return _drift_by(round_chief_rays, lens, film, wavelength_nm, pupil_z)
 
 
 @remember(most=REMEMBERED, by=by_content, disk=on_disk())
 def _film_drift(
     lens: Lens, film: tuple[tuple[float, ...], ...], wavelength_nm: float, pupil_z: float
 ) -> list[tuple[float, float]]:
-    return _found(film_chief_rays, lens, film, wavelength_nm, pupil_z)
+    return _drift_by(film_chief_rays, lens, film, wavelength_nm, pupil_z)
 
 
-def _found(
+def _drift_by(
     chief_rays: Callable[[Lens, Array, float], ChiefRays],
     lens: Lens,
     film: tuple[tuple[float, ...], ...],

@@ -86,14 +86,14 @@ def pupil_in_windows(
     corners = np.unique(np.concatenate([cells + np.array([i, j]) for i in (0, 1) for j in (0, 1)]), axis=0)
     size = 2 * np.array(half_film_mm) / CELLS
     probes = narrowing_probes(lens, film_distance_mm, wavelength_nm, frame)
-    boxes, found = pupil_boxes(probes, corners * size - half_film_mm, PROBES)
-    if not found.any():
+    boxes, lit = pupil_boxes(probes, corners * size - half_film_mm, PROBES)
+    if not lit.any():
         raise InputError(f"{lens.name}: no light reaches the zones {film_distance_mm:g} mm behind the lens")
     place = {tuple(corner): k for k, corner in enumerate(corners.tolist())}
     table = np.zeros((CELLS, CELLS, 4), np.float32)
     for x, y in cells.tolist():
         around = [place[x + i, y + j] for i in (0, 1) for j in (0, 1)]
-        table[y, x] = _around(boxes[around], found[around])
+        table[y, x] = _around(boxes[around], lit[around])
     parameters = PupilGrid(1 / size[0], 1 / size[1], CELLS, CELLS)
     return PupilSampling("windows", PupilKind.BOXES, parameters, table.ravel())
 
@@ -109,12 +109,12 @@ def _touched(half_film_mm: tuple[float, float], windows: Sequence[Window]) -> ND
     return np.argwhere(touched)
 
 
-def _around(boxes: NDArray[np.float64], found: NDArray[np.bool_]) -> NDArray[np.float64]:
+def _around(boxes: NDArray[np.float64], lit: NDArray[np.bool_]) -> NDArray[np.float64]:
     """Return the corner and size of a box that holds the pupils of the corners of a cell, and a little more."""
-    if not found.any():
+    if not lit.any():
         return np.zeros(4)
-    low, high = boxes[found][:, ::2].min(axis=0), boxes[found][:, 1::2].max(axis=0)
-    spread = (SPREAD if found.all() else EDGE_SPREAD) * (high - low)
+    low, high = boxes[lit][:, ::2].min(axis=0), boxes[lit][:, 1::2].max(axis=0)
+    spread = (SPREAD if lit.all() else EDGE_SPREAD) * (high - low)
     return np.concatenate([low - spread, high - low + 2 * spread])
 
 
@@ -188,15 +188,15 @@ def shared_sampling(scene: Scene, setting: LensSetting, wavelength_nm: Wavelengt
         states = (of[0], middle), *((lens, end) for lens in of[1:] or of for end in ends)
         return _Cell(states, method, radius_mm, camera.wavelength_nm, wavelength_nm)
 
-    found = None
+    shared = None
     if method == "thick" and setting.lens.stop is not None:
-        found = _with_stop(cell_of(wide_open), max(lens.stop.semi_diameter for lens in lenses if lens.stop))
-    if found is None or not found.holds(corner_mm, film_distance_mm):
-        found = _of_traced(cell_of(lenses))
-    if found is None:
+        shared = _with_stop(cell_of(wide_open), max(lens.stop.semi_diameter for lens in lenses if lens.stop))
+    if shared is None or not shared.holds(corner_mm, film_distance_mm):
+        shared = _of_traced(cell_of(lenses))
+    if shared is None:
         return None
-    found.sampling.table.flags.writeable = False
-    return _moved(found, film_distance_mm)
+    shared.sampling.table.flags.writeable = False
+    return _moved(shared, film_distance_mm)
 
 
 def _zooms(scene: Scene, camera: LensCamera) -> list[dict[str, float]]:

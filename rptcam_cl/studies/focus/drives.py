@@ -141,14 +141,14 @@ class LensDrive(Drive):
     def object_distance(self, state: float, zone: Zone | None = None) -> float | None:
         """Return the distance from the plane that is sharpest in a zone, by default on the axis, to the film [m]."""
         lens, film_distance_mm = self.lens_at(state)
-        found = FAR_FOCAL_LENGTHS * lens.first_order(self.own_camera.wavelength_nm).focal_length_mm
+        distance_mm = FAR_FOCAL_LENGTHS * lens.first_order(self.own_camera.wavelength_nm).focal_length_mm
         for _ in range(INVERSIONS):
             # by how much the sharpest place differs from that of first-order optics changes slowly with the distance
-            new = self._first_order_distance(lens, film_distance_mm - self._beyond_first_order(lens, found, zone))
-            if new is None or np.isinf(new) or abs(new - found) < INVERTED * new:
+            new = self._first_order_distance(lens, film_distance_mm - self._beyond_first_order(lens, distance_mm, zone))
+            if new is None or np.isinf(new) or abs(new - distance_mm) < INVERTED * new:
                 return None if new is None else new * 1e-3
-            found = new
-        return found * 1e-3
+            distance_mm = new
+        return distance_mm * 1e-3
 
     def _beyond_first_order(self, lens: Lens, distance_mm: float, zone: Zone | None) -> float:
         """Return by how much the sharpest film distance of a plane exceeds that of first-order optics [mm]."""
@@ -160,8 +160,8 @@ class LensDrive(Drive):
 
     def first_order_distance(self, state: float) -> float | None:
         """Return the distance from the plane in focus to the film by first-order optics [m]; None where none is."""
-        found = self._first_order_distance(*self.lens_at(state))
-        return None if found is None else found * 1e-3
+        distance_mm = self._first_order_distance(*self.lens_at(state))
+        return None if distance_mm is None else distance_mm * 1e-3
 
     def first_order_vergence(self, state: float) -> float:
         """Return 1 over that distance [1/m], by Newton's formula; below 0 nearer to the lens than for infinity."""
