@@ -284,7 +284,7 @@ def check_order(order: int) -> None:
 
 def check_lens(lens: Lens) -> None:
     """Raise an error when ghosts of a lens are not known."""
-    if any(surface.region is not None and not surface.region.blocks for surface in lens.surfaces):
+    if lens.is_split:
         raise InputError(f"{lens.name}: a half lens has rays beside its glass, so its ghosts are not known")
 
 

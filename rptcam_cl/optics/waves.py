@@ -159,7 +159,7 @@ def _check(lens: Lens, beam: Beam) -> None:
         raise InputError(
             f"{lens.name}: the wavefront is known for fields up to 85 degrees (got {beam.field_degrees:g})"
         )
-    if any(surface.region is not None and not surface.region.blocks for surface in lens.surfaces):
+    if lens.is_split:
         raise InputError(f"{lens.name}: a half lens has no single wavefront, so its diffraction is not known")
 
 

@@ -645,7 +645,7 @@ def ghosting_of(scene: Scene | None, plan: Plan, session: Session) -> Ghosting |
     if scene is None:
         return None
     setting = ghost_setting(scene)
-    if any(surface.region is not None and not surface.region.blocks for surface in setting.lens.surfaces):
+    if setting.lens.is_split:
         raise InputError(
             f"camera.ghosts: {setting.lens.name}: a half lens has ghosts that are not known (allowed: off)"
         )

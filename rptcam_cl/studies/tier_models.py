@@ -12,7 +12,7 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.pupils import FINE, FilmProbe, narrowing_probes, pupil_boxes
-from rptcam_cl.optics.stop_shape import StopMask, StopShape
+from rptcam_cl.optics.stop_shape import StopMask, StopShape, cut_polygon
 from rptcam_cl.rendering.cameras.ideal import ThickLens, stop_shape, thick_lens_of
 from rptcam_cl.rendering.cameras.lens_records import disperses, usable_nm
 from rptcam_cl.rendering.cameras.ray_map import RayMap, allowed_px, fitted_map
@@ -446,17 +446,11 @@ class VisibleWorld:
 
 
 def clip_polygon(polygon: Array, view: VisibleWorld) -> Array:
-    """Return the part of a polygon (n, 3) that lies in the view (Sutherland and Hodgman 1974)."""
+    """Return the part of a polygon (n, 3) that lies in the view."""
     for normal, offset in zip(*view.sides(), strict=True):
-        side = polygon @ normal + offset
-        following, after = np.roll(polygon, -1, axis=0), np.roll(side, -1)
-        crossing = (side < 0) != (after < 0)
-        share = np.where(crossing, side / np.where(crossing, side - after, 1.0), 0.0)[:, None]
-        both = np.stack([polygon, polygon + share * (following - polygon)], axis=1)
-        polygon = both[np.stack([side >= 0, crossing], axis=1)]
-        if not len(polygon):
-            break
-    return np.asarray(polygon)
+        if len(polygon):
+            polygon = cut_polygon(polygon, polygon @ normal + offset)
+    return polygon
 
 
 def triangle_depths(triangles: Array, view: VisibleWorld) -> list[float]:
