@@ -128,12 +128,6 @@ def srgb_from_linear(linear: NDArray[np.floating]) -> Pixels:
     return np.where(clipped <= np.float32(0.0031308), foot, curve)
 
 
-def linear_from_srgb(encoded: Pixels) -> Pixels:
-    """Linear values of sRGB-encoded ones in 0..1 (IEC 61966-2-1)."""
-    curve = ((encoded + np.float32(0.055)) / np.float32(1.055)) ** np.float32(2.4)
-    return np.where(encoded <= np.float32(0.04045), encoded / np.float32(12.92), curve)
-
-
 def reinhard(linear: Pixels, white: float) -> Pixels:
     """Reinhard, Stark, Shirley and Ferwerda, SIGGRAPH 2002, eq. 4, on luminance: hue and saturation stay.
 

@@ -5,12 +5,12 @@ from typing import get_args
 import numpy as np
 import pytest
 
+from rptcam_cl.core.colour import linear_from_srgb
 from rptcam_cl.imaging.development import (
     MOST_LOG2,
     agx,
     agx_contrast,
     developed_values,
-    linear_from_srgb,
     quantise,
     srgb_from_linear,
 )
