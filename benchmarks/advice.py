@@ -32,7 +32,7 @@ from rptcam_cl.studies.tradeoff import (
     recommendation,
     seconds,
 )
-from rptcam_cl.studies.tradeoff_errors import REFERENCE
+from rptcam_cl.studies.tradeoff_runs import REFERENCE
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
 RENDERS, REFERENCES = 3, 4

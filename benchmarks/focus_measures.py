@@ -94,7 +94,7 @@ def compared(session: Session, name: str, samples: int, seeds: int, sweep: list[
     curves = [probes_of(probe, sweep, samples, seed) for seed in range(seeds)]
     found: dict[str, dict[str, Any]] = {}
     for measure in MEASURES:
-        values = [[one.found[0] for one in curve[measure]] for curve in curves]
+        values = [[one.measures[0] for one in curve[measure]] for curve in curves]
         triples = [
             [one for one in curve[measure] if np.isclose((one.place - best) / depth, TRIPLES).any()] for curve in curves
         ]

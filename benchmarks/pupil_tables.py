@@ -51,13 +51,13 @@ def film_of(name: str) -> tuple[Lens, float, float]:
     return lens, back, min(image_circle(lens, back), length)
 
 
-def share_that_passes(lens: Lens, back_mm: float, radius_mm: float, sampling: PupilSampling) -> float:
+def share_that_passes(lens: Lens, film_distance_mm: float, radius_mm: float, sampling: PupilSampling) -> float:
     """Return the share of rays that pass of those that a table aims from all over a disk of film."""
     random = np.random.default_rng(1)
     turn, out = 2 * np.pi * random.random(RAYS), radius_mm * np.sqrt(random.random(RAYS))
     film = np.stack([out * np.cos(turn), out * np.sin(turn)], axis=1)
     points, aimed = _aims(sampling, film, radius_mm, random)
-    return float(FilmProbe(lens, back_mm, LINE_D_NM).passes(film[aimed], points[aimed]).mean())
+    return float(FilmProbe(lens, film_distance_mm, LINE_D_NM).passes(film[aimed], points[aimed]).mean())
 
 
 def _aims(

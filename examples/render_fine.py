@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 import rptcam_cl
 from rptcam_cl.api import options
-from rptcam_cl.imaging.development import linear_from_srgb
+from rptcam_cl.core.colour import linear_from_srgb
 
 FINER = 2  # pixels along each side of one of the picture
 

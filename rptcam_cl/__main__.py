@@ -43,10 +43,10 @@ def _open_closed_streams() -> None:
         try:
             os.fstat(number)
         except OSError:
-            found = os.open(os.devnull, os.O_WRONLY if name == "stderr" else os.O_RDONLY)
-            if found != number:  # as where one before it is in use again
-                os.dup2(found, number)
-                os.close(found)
+            opened = os.open(os.devnull, os.O_WRONLY if name == "stderr" else os.O_RDONLY)
+            if opened != number:  # as where one before it is in use again
+                os.dup2(opened, number)
+                os.close(opened)
         if getattr(sys, name) is None:
             setattr(sys, name, os.fdopen(number, "r" if name == "stdin" else "w", errors="backslashreplace"))
 

@@ -19,6 +19,7 @@ from rptcam_cl.api.options import SCENE_KEYS, excluded_by, part_numbers
 from rptcam_cl.core.constants import MAX_SPP
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, NumericError, out_of_range
+from rptcam_cl.core.files import plain
 from rptcam_cl.device.session import Session, Split, Wanted, means_all, open_session, open_sessions
 from rptcam_cl.imaging.development import GUIDES, check_denoiser
 from rptcam_cl.imaging.image import Image, with_picture_settings
@@ -67,7 +68,7 @@ from rptcam_cl.rendering.several import (
 )
 from rptcam_cl.rendering.tracer import Wavefront, WavefrontPool
 from rptcam_cl.scene.film import ADAPTIVE_SPP, LayerName
-from rptcam_cl.scene.load import at_rest, change_scene, exposure_steps, load_scene, plain
+from rptcam_cl.scene.load import at_rest, change_scene, exposure_steps, load_scene
 from rptcam_cl.scene.scene import Scene
 
 SceneSource = Scene | str | Path | Mapping[str, Any]
@@ -409,12 +410,14 @@ class RenderJob:
         return job
 
     @classmethod
-    def prepare_parts(cls, source: SceneSource, options: RenderOptions, found: Mapping[str, Any] | None = None) -> Self:
+    def prepare_parts(
+        cls, source: SceneSource, options: RenderOptions, measured: Mapping[str, Any] | None = None
+    ) -> Self:
         """Make a render ready of which `part` takes one part after the other, on one device.
 
         Parameters
         ----------
-        found
+        measured
             Focus and exposure as another render's `findings` has them; else they are found here.
 
         Raises
@@ -428,7 +431,7 @@ class RenderJob:
         assert options.device is None or isinstance(options.device, str), "a worker has one device"
         session = open_session(options.device)
         saver = _saver(f"part{SUFFIX}", scene, [session], RenderOptions())
-        resolved = _resolve_for(saver, scene, session, found)
+        resolved = _resolve_for(saver, scene, session, measured)
         plan, buffers = aimed_plan(make_plan(resolved.scene), session, scene.render.layers)
         wavefront = _compile([session], None, plan, scene, buffers, RenderOptions())
         job = cls(options, scene, resolved, plan, wavefront, begun=begun, saver=saver)
@@ -589,12 +592,12 @@ def _saver(path: str | os.PathLike[str], scene: Scene, sessions: Sequence[Sessio
 
 
 def _resolve_for(
-    saver: Saver | None, scene: Scene, session: Session, found: Mapping[str, Any] | None = None
+    saver: Saver | None, scene: Scene, session: Session, measured: Mapping[str, Any] | None = None
 ) -> Resolved:
     """Resolve a scene; what was found for an earlier part of the render is kept."""
     if saver is None:
         return resolve(scene, session)
-    resolved = resolve(scene, session, **(found or {"focus": saver.focus, "metered_cd_m2": saver.metered_cd_m2}))
+    resolved = resolve(scene, session, **(measured or {"focus": saver.focus, "metered_cd_m2": saver.metered_cd_m2}))
     saver.metered_cd_m2, saver.focus = resolved.metered_cd_m2, resolved.focus
     return resolved
 

@@ -345,9 +345,6 @@ RENDER_OPTIONS = (
 )
 # fmt: on
 
-KEYWORDS_ALONE = ("checkpoint", "wave_size", "numerics", "neighbours", "on_progress", "should_stop")
-"""Keywords of `rptcam_cl.render` that no option of the command sets as they are."""
-
 SCENE_KEYS = {option.name: option.key for option in RENDER_OPTIONS if option.key}
 """Keys of the scene that options replace, by keyword."""
 

@@ -9,15 +9,9 @@ from rptcam_cl.api.options import add_options, size
 from rptcam_cl.cli.output import print_warnings, save
 from rptcam_cl.cli.parser import add_device, check_different, names_of, positive
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.files import check_writable, known_suffix, replacing
 
-SCENES = (".yaml", ".yml")
-
-
-def _check_scene_name(path: Path, hint: str = "") -> None:
-    """Raise `InputError` if a scene file would not end as one."""
-    if path.suffix.lower() not in SCENES:
-        got = path.suffix or "no suffix"
-        raise InputError(f"{path}: a scene file is YAML (got {got}; allowed: {', '.join(SCENES)}){hint}")
+SCENES, NOT_SCENE = (".yaml", ".yml"), "a scene file is YAML"
 
 
 # ``rptcam merge``: parts of a render become its picture.
@@ -36,7 +30,6 @@ def add_merge(parser: argparse.ArgumentParser) -> None:
 def run_merge(arguments: argparse.Namespace) -> int:
     """Put together the parts that `rptcam render --part` and --samples made, anywhere."""
     from rptcam_cl.api.interface import merge
-    from rptcam_cl.core.files import check_writable
     from rptcam_cl.imaging.writers import check_output
     from rptcam_cl.rendering.checkpoint import SUFFIX
 
@@ -98,9 +91,7 @@ def run_develop(arguments: argparse.Namespace) -> int:
     from rptcam_cl.imaging.writers import DEVELOPED_SUFFIXES, check_output
 
     for output in arguments.outputs:
-        if output.suffix.lower() not in DEVELOPED_SUFFIXES:
-            got = output.suffix or "no suffix"
-            raise InputError(f"{output}: is no developed picture (got {got}; allowed {' '.join(DEVELOPED_SUFFIXES)})")
+        known_suffix(output, DEVELOPED_SUFFIXES, "is no developed picture")
         check_output(output, [arguments.film])
     for raw in arguments.raws:
         check_raw_output(raw, [arguments.film])
@@ -135,10 +126,9 @@ def add_settle(parser: argparse.ArgumentParser) -> None:
 def run_settle(arguments: argparse.Namespace) -> int:
     """Write a scene whose auto focus, accuracy and exposure are found, so that parts and frames agree."""
     from rptcam_cl.api.interface import settle
-    from rptcam_cl.core.files import check_writable
     from rptcam_cl.scene.load import load_scene
 
-    _check_scene_name(arguments.output)
+    known_suffix(arguments.output, SCENES, NOT_SCENE)
     check_writable(arguments.output, [arguments.scene])
     scene = load_scene(arguments.scene, arguments.overrides)
     print_warnings(scene.warnings)
@@ -162,7 +152,6 @@ def add_convert(parser: argparse.ArgumentParser) -> None:
 
 
 def _check_names(source: Path, target: Path) -> None:
-    from rptcam_cl.core.files import check_writable
 
     if not source.name.lower().endswith(SOURCES):
         hint = " (put a mesh into a scene as an object of shape mesh)" if source.suffix.lower() in MESHES else ""
@@ -170,7 +159,7 @@ def _check_names(source: Path, target: Path) -> None:
             f"{source}: only scenes of pbrt can be converted{hint} (got {source.suffix or 'no suffix'}; "
             f"allowed: {', '.join(SOURCES)})"
         )
-    _check_scene_name(target)
+    known_suffix(target, SCENES, NOT_SCENE)
     check_writable(target, [source])
 
 
@@ -221,7 +210,6 @@ def run_new(arguments: argparse.Namespace) -> int:
     copied beside it, because a scene reads its own folder only. Without a model it shows three balls, without a
     picture of light a studio. Cameras and lamps of a glTF file count.
     """
-    from rptcam_cl.core.files import check_writable, replacing
     from rptcam_cl.exchange.starting import starting_scene
     from rptcam_cl.scene.load import load_scene, scene_text
 
@@ -230,7 +218,7 @@ def run_new(arguments: argparse.Namespace) -> int:
     if target.is_file() and arguments.model is None:
         words = ["rptcam", "new", f"{target.stem}.yaml", "--model", str(target)]
         hint = f"; for a scene of that model: {shlex.join(words)}"
-    _check_scene_name(target, hint)
+    known_suffix(target, SCENES, NOT_SCENE, hint)
     if target.exists():
         raise InputError(f"{target}: is there already; choose another name, or remove it first")
     check_writable(target)

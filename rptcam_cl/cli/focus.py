@@ -180,13 +180,12 @@ def run_tradeoff(arguments: argparse.Namespace) -> int:
 
 def _check_outputs(arguments: argparse.Namespace) -> None:
     """Check, before anything is measured, that all files can be written."""
-    from rptcam_cl.core.files import check_writable
+    from rptcam_cl.core.files import check_writable, known_suffix
 
     for path, suffix in ((arguments.json, ".json"), (arguments.markdown, ".md")):
         if path is None or (path == PRINTED and suffix == ".json"):
             continue
-        if path.suffix.lower() != suffix:
-            raise InputError(f"{path}: unknown kind of file (allowed: a name that ends in {suffix})")
+        known_suffix(path, (suffix,), "unknown kind of file")
         check_writable(path, [arguments.scene])
     if arguments.plot is not None:
         check_picture(arguments.plot, str(arguments.scene))

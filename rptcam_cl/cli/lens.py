@@ -14,6 +14,7 @@ from rptcam_cl.cli.output import as_json
 from rptcam_cl.cli.parser import Commands, Parser, add_command, finite, positive, run_nothing
 from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.files import known_suffix
 from rptcam_cl.optics.measures import FDC
 
 if TYPE_CHECKING:
@@ -46,9 +47,7 @@ def _run_lens_convert(arguments: argparse.Namespace) -> int:
     from rptcam_cl.optics.lens import zoom_to
     from rptcam_cl.optics.ray_trace import has_coatings
 
-    suffix = arguments.output.suffix.lower()
-    if suffix not in _SUFFIXES:
-        raise InputError(f"{arguments.output}: unknown kind of lens file to write (allowed: {', '.join(_SUFFIXES)})")
+    suffix = known_suffix(arguments.output, _SUFFIXES, "unknown kind of lens file to write")
     lens_options.check_file(arguments.output, arguments.lens)
     lens = lens_options.load(arguments.lens, arguments.catalogue)
     comments = []

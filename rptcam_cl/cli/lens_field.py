@@ -3,6 +3,7 @@
 import argparse
 import math
 import sys
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -214,7 +215,7 @@ def _run_lens_tolerance(arguments: argparse.Namespace) -> int:
         seed=arguments.seed,
     )
     if arguments.json:
-        share = {} if arguments.limit is None else {"limit": arguments.limit} | run.yield_at(arguments.limit)._asdict()
+        share = {} if arguments.limit is None else {"limit": arguments.limit} | asdict(run.yield_at(arguments.limit))
         print(as_json(report(run) | ({"yield_at": share} if share else {})))
     else:
         _print(run, arguments.limit)

@@ -18,6 +18,7 @@ from types import FrameType
 from typing import TYPE_CHECKING, Any
 
 from rptcam_cl.core.errors import DeviceError, RptcamError
+from rptcam_cl.core.files import plain
 
 if TYPE_CHECKING:
     import argparse
@@ -29,22 +30,9 @@ if TYPE_CHECKING:
 # What the commands print: JSON that every reader accepts, numbers for people, and tables.
 
 
-def _plain(value: Any) -> Any:
-    """The value with what JSON cannot say (infinity, not-a-number) as null and NumPy scalars as Python's."""
-    if isinstance(value, dict):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if hasattr(value, "tolist"):
-        return _plain(value.tolist())
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
-
-
 def as_json(value: Any) -> str:
     """The value as indented JSON text."""
-    return json.dumps(_plain(value), indent=2, ensure_ascii=False, allow_nan=False)
+    return json.dumps(plain(value, json=True), indent=2, ensure_ascii=False, allow_nan=False)
 
 
 def as_bytes(count: float) -> str:

@@ -236,6 +236,11 @@ def srgb_from_reflectance(reflectance: ArrayLike) -> Array:
     return srgb_from_spectrum(np.asarray(reflectance, np.float64) * daylight_65())
 
 
+def linear_from_srgb(encoded: Any) -> Any:
+    """Return the linear values of sRGB-encoded ones from 0 to 1, numbers or an array (IEC 61966-2-1)."""
+    return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
+
+
 def within_srgb(srgb: ArrayLike) -> Array:
     """Return linear sRGB colours (..., 3) without negative channels: those become 0, the luminance stays."""
     given = np.asarray(srgb, np.float64)

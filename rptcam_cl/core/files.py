@@ -4,21 +4,22 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import dataclasses
 import hashlib
 import io
+import math
 import os
 import secrets
 import shutil
 import stat
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
-from dataclasses import field
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, MissingFileError, StateError
@@ -147,7 +148,7 @@ class Folders:
         What errors call the file that names others.
     """
 
-    base: Path = field(default_factory=Path.cwd)
+    base: Path = dataclasses.field(default_factory=Path.cwd)
     allowed: tuple[Path, ...] = ()
     owner: str = "scene"
 
@@ -465,6 +466,15 @@ def make_folder(path: Path) -> Path:
     return path
 
 
+def known_suffix(path: str | os.PathLike[str], suffixes: Iterable[str], problem: str, hint: str = "") -> str:
+    """Return the suffix of a file in small letters; raise an error that states a problem where none such is allowed."""
+    suffix = Path(path).suffix.lower()
+    if suffix not in suffixes:
+        allowed = ", ".join(dict.fromkeys(suffixes))
+        raise InputError(f"{path}: {problem} (got {suffix or 'no suffix'}; allowed: {allowed}){hint}")
+    return suffix
+
+
 def check_writable(path: str | os.PathLike[str], inputs: Iterable[str | os.PathLike[str]] = ()) -> None:
     """Raise an error when a file could not be written at ``path``. Nothing is left behind.
 
@@ -550,3 +560,27 @@ def file_state(path: Path) -> FileState:
     except OSError:
         return None
     return state.st_mtime_ns, state.st_size, state.st_ino
+
+
+# Values that files can hold.
+
+
+def plain(value: Any, *, json: bool = False) -> Any:
+    """Copy a value as mappings, lists and Python's scalars, no two parts of which are the same list.
+
+    Parameters
+    ----------
+    json
+        Records are mappings, and numbers that are not finite, which JSON cannot say, are None.
+    """
+    if isinstance(value, Mapping):
+        return {str(key): plain(item, json=json) for key, item in value.items()}
+    if json and dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return plain(dataclasses.asdict(value), json=True)
+    if json and hasattr(value, "_asdict"):
+        return plain(value._asdict(), json=True)
+    if isinstance(value, list | tuple):
+        return [plain(item, json=json) for item in value]
+    if hasattr(value, "tolist"):
+        return plain(value.tolist(), json=json)
+    return None if json and isinstance(value, float) and not math.isfinite(value) else value

@@ -146,7 +146,6 @@ BUILD_OPTIONS = ("-cl-std=CL1.2", "-w")  # a program that builds has nothing to 
 _QUICK = "#undef inline\n#define inline __attribute__((always_inline))\n"
 _SMALL = "#pragma clang attribute push(__attribute__((minsize)), apply_to=function)\n"
 _NOT_OPTIMISED = "-cl-opt-disable"
-_HASH_BYTES = 32
 _GUARD = re.compile(r"^#ifndef (\w+)\n#define \1$", re.MULTILINE)
 _CONDITION = re.compile(r"^\s*#\s*(if|ifdef|ifndef|endif)\b")
 _INCLUDE = re.compile(r'^\s*#include\s+(?:"([^"]+)"|([A-Z_]+))\s*$')

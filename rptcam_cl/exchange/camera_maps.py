@@ -113,7 +113,7 @@ class SmoothMap:
 
     def places(self, angles: Array) -> tuple[Array, Mask]:
         """Return the places (n, 2) of angles (n, 2), and which of them lie in the picture or just beyond its edges."""
-        found = np.full(angles.shape, -1.0)
+        places = np.full(angles.shape, -1.0)
         inside = np.all((angles >= self.to_places.low) & (angles <= self.to_places.high), axis=1)
         rows = np.flatnonzero(inside & (np.linalg.norm(angles, axis=1) <= self.widest * (1 + MARGIN)))
         low, high = self.to_angles.low, self.to_angles.high
@@ -128,10 +128,10 @@ class SmoothMap:
                 break
         good = np.ones(len(rows), bool)
         good[left] = False
-        found[rows[good]] = at[good]
+        places[rows[good]] = at[good]
         known = np.zeros(len(angles), bool)
         known[rows[good]] = True
-        return found, known
+        return places, known
 
 
 def smooth_map(view: View) -> SmoothMap:
@@ -398,12 +398,12 @@ def _along_radius(light: Callable[[Array], Array], farthest: float) -> tuple[Arr
     unsure = np.arange(RADII - 1)  # stretches by the index of their inner end
     for _ in range(ROUNDS):
         middle = (radii[unsure] + radii[unsure + 1]) / 2
-        found = light(middle)
-        error = np.abs(found - np.interp(middle**2, radii**2, values))
-        bent = error > LINE_ERROR * np.maximum(found, FAINT * values[0])
+        true = light(middle)
+        error = np.abs(true - np.interp(middle**2, radii**2, values))
+        bent = error > LINE_ERROR * np.maximum(true, FAINT * values[0])
         # a stretch is halved where it bends; its halves lie behind as many new radii as are before them
         at = unsure + 1
-        radii, values = np.insert(radii, at, middle), np.insert(values, at, found)
+        radii, values = np.insert(radii, at, middle), np.insert(values, at, true)
         inner = unsure + np.arange(len(unsure))
         unsure = np.sort(np.concatenate([inner[bent], inner[bent] + 1]))
         if not unsure.size:

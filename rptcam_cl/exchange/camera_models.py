@@ -130,10 +130,10 @@ def slopes(model: str, parameters: Array, points: Array) -> Array:
     """Return the derivatives (n, 2, parameters) of places in the picture, of points of `normal_points` (n, 2)."""
     focal, coefficients = parameters[:2], parameters[4:]
     square = np.sum(points * points, axis=1)
-    found = np.zeros((len(points), 2, len(parameters)))
-    found[:, 0, 0], found[:, 1, 1] = distorted(model, coefficients, points).T
-    found[:, 0, 2] = found[:, 1, 3] = 1.0
-    by = found[:, :, 4:]
+    jacobian = np.zeros((len(points), 2, len(parameters)))
+    jacobian[:, 0, 0], jacobian[:, 1, 1] = distorted(model, coefficients, points).T
+    jacobian[:, 0, 2] = jacobian[:, 1, 3] = 1.0
+    by = jacobian[:, :, 4:]
     powers = np.multiply.accumulate(np.repeat(square[:, None], 4, axis=1), axis=1)
     if model == BY_ANGLE:
         by[:] = points[:, :, None] * powers[:, None]
@@ -152,7 +152,7 @@ def slopes(model: str, parameters: Array, points: Array) -> Array:
         if len(coefficients) > 8:
             by[:, 0, 8:10] = by[:, 1, 10:12] = powers[:, :2]
     by *= focal[:, None]
-    return found
+    return jacobian
 
 
 def denominator(coefficients: Array, square: Array) -> Array:
@@ -419,8 +419,8 @@ def _fitted(model: str, seen: Seen) -> Array:
     if count == 8:
         starts.append(_rational_start(simpler, points, seen.places))
     square = np.sum(points * points, axis=1)
-    found = [whole(least_squares(errors, derivatives, begin[free])) for begin in starts]
-    good = [one for one in found if denominator(one[4:], np.linspace(0.0, 1.1 * square.max(), 200)).min() > 0]
+    solutions = [whole(least_squares(errors, derivatives, begin[free])) for begin in starts]
+    good = [one for one in solutions if denominator(one[4:], np.linspace(0.0, 1.1 * square.max(), 200)).min() > 0]
     return min(good or [starts[0]], key=lambda one: float(np.sum(errors(one[free]) ** 2)))
 
 
@@ -441,16 +441,16 @@ def _radial_start(model: str, points: Array, seen: Seen) -> Array:
     powers = np.ones((len(points), count + 1))
     powers[:, 1:] = (square / reach)[:, None]
     np.multiply.accumulate(powers, axis=1, out=powers)
-    middle, found = seen.middle, []
+    middle, axes = seen.middle, []
     for k in (0, 1):
         rows, offset = points[:, k, None] * powers, 0.0 if middle is None else middle[k]
         if middle is None:
             rows = np.column_stack([rows, np.ones(len(points))])
         weighted = rows.T * seen.weights
         solution = np.linalg.solve(weighted @ rows, weighted @ (seen.places[:, k] - offset))
-        found.append(solution if middle is None else [*solution, offset])
-    (fx, *_, cx), (fy, *_, cy) = found
-    bent = np.mean([np.array(values[1:-1]) / values[0] for values in found], axis=0) / reach ** np.arange(1, count + 1)
+        axes.append(solution if middle is None else [*solution, offset])
+    (fx, *_, cx), (fy, *_, cy) = axes
+    bent = np.mean([np.array(values[1:-1]) / values[0] for values in axes], axis=0) / reach ** np.arange(1, count + 1)
     if model == BY_ANGLE:
         return np.array([fx, fy, cx, cy, *bent])
     k1, k2, k3 = bent

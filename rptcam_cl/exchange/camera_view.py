@@ -237,7 +237,7 @@ class View:
     def facts(self) -> dict[str, Any]:
         """The facts of the camera that programs want beside its projection."""
         sides = zip(half_film_mm(self.scene), self.scene.film.resolution, strict=True)
-        found: dict[str, Any] = {
+        facts: dict[str, Any] = {
             "camera": self.name,
             "width": self.size[0],
             "height": self.size[1],
@@ -248,8 +248,8 @@ class View:
         }
         if self.setting is not None:
             lens = self.setting.metadata
-            found |= {key: lens[key] for key in ("focal_length_mm", "f_number", "focus_distance_m")}
-        return found | {"entrance_pupil": pupil_in_world(self.scene, self.pupil.described())}
+            facts |= {key: lens[key] for key in ("focal_length_mm", "f_number", "focus_distance_m")}
+        return facts | {"entrance_pupil": pupil_in_world(self.scene, self.pupil.described())}
 
 
 @lru_cache(maxsize=16)
@@ -308,17 +308,17 @@ def view(
     scene = at_opening(scene)
     if scene.requested_autofocus is not None:
         raise InputError("camera.focus.auto: the focus is yet to be found (write a scene with it by rptcam settle)")
-    found = View(scene, shape=shape)
+    view = View(scene, shape=shape)
     if camera is not None and camera.setting is not None and camera.pupil is not None:
-        found.__dict__.update(setting=camera.setting, pupil=camera.pupil)
-    if not math.isfinite(found.pupil_ahead_mm):
-        raise InputError(f"{found.name}: its entrance pupil is infinitely far away, so no centre of projection exists")
+        view.__dict__.update(setting=camera.setting, pupil=camera.pupil)
+    if not math.isfinite(view.pupil_ahead_mm):
+        raise InputError(f"{view.name}: its entrance pupil is infinitely far away, so no centre of projection exists")
     if distance_m is None:
-        if found.setting is None or found.setting.focus_distance_mm is None:
-            return found
-        distance_m = (found.setting.focus_distance_mm - found.pupil_ahead_mm) * 1e-3
-    there = replace(found, distance_m=distance_m)
-    there.__dict__.update(setting=found.setting, pupil=found.pupil)  # which the distance does not change
+        if view.setting is None or view.setting.focus_distance_mm is None:
+            return view
+        distance_m = (view.setting.focus_distance_mm - view.pupil_ahead_mm) * 1e-3
+    there = replace(view, distance_m=distance_m)
+    there.__dict__.update(setting=view.setting, pupil=view.pupil)  # which the distance does not change
     return there
 
 

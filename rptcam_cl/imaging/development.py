@@ -111,7 +111,6 @@ _PUBLISHED_INSET = np.array(
 INSET = _PUBLISHED_INSET / _PUBLISHED_INSET.sum(axis=1, keepdims=True)
 OUTSET = np.linalg.inv(INSET)
 LEAST_LOG2, MOST_LOG2 = -12.47393, 4.026069  # 10 stops below a grey of 0.18, 6.5 above it
-AGX_WHITE = 2.0**MOST_LOG2
 _PIVOT, _PIVOT_SHOWN, _SLOPE = 10 / 16.5, 0.5, 2.0  # the grey in the range, what it becomes, and the slope there
 _TOE, _SHOULDER = 3.0, 3.25  # powers
 _DISPLAY_POWER = 2.2
@@ -127,12 +126,6 @@ def srgb_from_linear(linear: NDArray[np.floating]) -> Pixels:
     foot = clipped * np.float32(12.92)
     curve = np.float32(1.055) * clipped ** np.float32(1 / 2.4) - np.float32(0.055)
     return np.where(clipped <= np.float32(0.0031308), foot, curve)
-
-
-def linear_from_srgb(encoded: Pixels) -> Pixels:
-    """Linear values of sRGB-encoded ones in 0..1 (IEC 61966-2-1)."""
-    curve = ((encoded + np.float32(0.055)) / np.float32(1.055)) ** np.float32(2.4)
-    return np.where(encoded <= np.float32(0.04045), encoded / np.float32(12.92), curve)
 
 
 def reinhard(linear: Pixels, white: float) -> Pixels:

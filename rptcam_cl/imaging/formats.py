@@ -19,8 +19,8 @@ from numpy.typing import DTypeLike, NDArray
 
 from rptcam_cl.core.colour import SRGB_WHITE, XYZ_FROM_RGB, adaptation, xyz_of
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.core.errors import InputError, StateError
-from rptcam_cl.core.files import check_writable, replacing
+from rptcam_cl.core.errors import StateError
+from rptcam_cl.core.files import check_writable, known_suffix, replacing
 from rptcam_cl.imaging.sensor import CHANNELS, SensorModel, camera_from_xyz, linear_picture
 
 # Directories of tagged values, as TIFF files and EXIF data hold them (TIFF revision 6.0, section 2).
@@ -568,7 +568,7 @@ class RawImage:
         StateError
             The file cannot be written.
         """
-        writer = _WRITERS[known_suffix(path, _WRITERS, "raw format")]
+        writer = _WRITERS[known_suffix(path, _WRITERS, "the suffix sets the raw format")]
         check_writable(path)
         with replacing(path) as temporary:
             writer(temporary, self)
@@ -593,16 +593,8 @@ def check_raw_output(path: str | os.PathLike[str], inputs: Iterable[str | os.Pat
     inputs
         Files that it must not overwrite.
     """
-    known_suffix(path, _WRITERS, "raw format")
+    known_suffix(path, _WRITERS, "the suffix sets the raw format")
     check_writable(path, inputs)
-
-
-def known_suffix(path: str | os.PathLike[str], suffixes: Iterable[str], form: str) -> str:
-    """Return the suffix of a file to be written, which sets its form; refuse another."""
-    suffix = Path(path).suffix.lower()
-    if suffix not in suffixes:
-        raise InputError(f"{path}: the suffix sets the {form} (got {suffix or 'none'}; allowed {' '.join(suffixes)})")
-    return suffix
 
 
 def write_npy(path: Path, numbers: NDArray[Any]) -> None:

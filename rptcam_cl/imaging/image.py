@@ -21,7 +21,7 @@ from numpy.typing import DTypeLike, NDArray
 from rptcam_cl.core.colour import SRGB_PRIMARIES, SRGB_WHITE, luminance
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, StateError
-from rptcam_cl.core.files import check_writable, free_host_bytes, replacing, utf8_name
+from rptcam_cl.core.files import check_writable, free_host_bytes, known_suffix, replacing, utf8_name
 from rptcam_cl.imaging.development import GUIDES, PLAIN, denoise, developed_values, quantise
 from rptcam_cl.imaging.formats import ALL_METADATA, RawImage, from_exr_attributes
 from rptcam_cl.imaging.sensor import SensorModel, expose
@@ -238,14 +238,12 @@ def read_film(path: str | os.PathLike[str], *, most_pixels: int | None = None) -
     StateError
         The file cannot be read.
     """
-    suffix = Path(path).suffix.lower()
-    if suffix not in FILM_SUFFIXES:
-        raise InputError(f"{path}: is no linear film (got {suffix or 'no suffix'}; allowed {' '.join(FILM_SUFFIXES)})")
+    suffix = known_suffix(path, FILM_SUFFIXES, "is no linear film")
     try:
         size, pixels_there = _size(path, suffix)
         if most_pixels is not None and pixels_there > most_pixels:
-            found, most = pixels_there / 1e6, most_pixels / 1e6
-            raise InputError(f"has {found:.4g} million pixels (allowed: {most:.4g}, or any with --large)")
+            has, most = pixels_there / 1e6, most_pixels / 1e6
+            raise InputError(f"has {has:.4g} million pixels (allowed: {most:.4g}, or any with --large)")
         _check_memory(size)
         pixels, metadata = _exr(path) if suffix == ".exr" else _numpy(path)
         known = metadata.items() if isinstance(metadata, dict) else ()
@@ -448,9 +446,7 @@ def check_video(path: str | os.PathLike[str], inputs: Iterable[str | os.PathLike
     StateError
         The file cannot be written.
     """
-    suffix = Path(path).suffix.lower()
-    if suffix not in FORMATS:
-        raise InputError(f"{path}: is no video (got {suffix or 'no suffix'}; allowed {' '.join(FORMATS)})")
+    suffix = known_suffix(path, FORMATS, "is no video")
     try:
         import av
     except ImportError:

@@ -17,13 +17,12 @@ from numpy.typing import NDArray
 
 from rptcam_cl.core.colour import SRGB_PRIMARIES, SRGB_WHITE
 from rptcam_cl.core.errors import InputError, StateError
-from rptcam_cl.core.files import check_writable, replacing
+from rptcam_cl.core.files import check_writable, known_suffix, replacing
 from rptcam_cl.imaging.development import WHOLE, Part, developed_codes
 from rptcam_cl.imaging.formats import (
     ALL_METADATA,
     exif_bytes,
     exr_attributes,
-    known_suffix,
     profile,
     world_to_camera,
     write_npy,
@@ -366,7 +365,7 @@ def check_output(path: str | os.PathLike[str], inputs: Iterable[str | os.PathLik
     inputs
         Files that the picture must not overwrite.
     """
-    known_suffix(path, _WRITERS, "format")
+    known_suffix(path, _WRITERS, "the suffix sets the format")
     check_writable(path, inputs)
 
 
@@ -402,7 +401,7 @@ def write(
     layers
         Arrays by name, for the formats in `LAYER_SUFFIXES`.
     """
-    writer = _WRITERS[known_suffix(path, _WRITERS, "format")]
+    writer = _WRITERS[known_suffix(path, _WRITERS, "the suffix sets the format")]
     check_writable(path)
     with replacing(path) as temporary:
         writer(temporary, pixels, metadata, picture, layers)

@@ -350,7 +350,7 @@ def check_copies(lens: Lens) -> None:
             f"{lens.name}: has mirrors, so light may meet a surface twice, whose errors are the same both times;"
             " tolerances are for lenses without"
         )
-    if any(surface.region is not None and not surface.region.blocks for surface in lens.surfaces):
+    if lens.is_split:
         raise InputError(f"{lens.name}: light passes beside some of its surfaces; tolerances are for whole lenses")
 
 

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.files import known_suffix
 
 if TYPE_CHECKING:
     import os
@@ -276,12 +277,8 @@ def series(number: int) -> str:
 
 def check_suffix(path: FilePath, plain: Sequence[str] = ()) -> None:
     """Raise an error when a picture cannot be written under this name; `plain` suffixes need no matplotlib."""
-    suffix, known = path.suffix.lower(), ", ".join(dict.fromkeys((*SUFFIXES, *plain)))
-    if suffix in plain:
-        return
-    if suffix not in SUFFIXES:
-        raise InputError(f"{path}: unknown kind of picture (allowed: a name that ends in {known})")
-    check_charts()
+    if known_suffix(path, (*SUFFIXES, *plain), "unknown kind of picture") not in plain:
+        check_charts()
 
 
 def encode(picture: Drawing | Figure, path: FilePath) -> bytes:

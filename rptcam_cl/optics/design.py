@@ -11,6 +11,7 @@ import numpy as np
 from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.files import plain
 from rptcam_cl.optics.irradiance import on_axis_irradiance
 from rptcam_cl.optics.lens import brought_to_focus
 from rptcam_cl.optics.pupils import FilmProbe, box_near, grid, narrow_boxes, narrowing_probes, pupil_boxes
@@ -254,7 +255,7 @@ def lens_info(
         if circle < farthest(lens, film, wavelength_nm):  # else nothing in the lens ends its picture
             result["image_circle_mm"] = 2 * circle
             result["field_of_view_degrees"] = field_of_view(lens, film, circle * INSIDE, wavelength_nm)
-    return {key: _plain(value) for key, value in result.items()}
+    return dict(plain(result, json=True))
 
 
 def working_f_number(lens: Lens, film_distance_mm: float, wavelength_nm: float = LINE_D_NM) -> float:
@@ -415,12 +416,3 @@ def stop_diameter_by_sine(lens: Lens, f_number: float, wavelength_nm: float = LI
     if not ray.passed[0] or diameter > has * (1 + 5e-3):
         raise InputError(f"{lens.name}: the stop opens to {has:.5g} mm (f/{f_number:g} would need {diameter:.5g} mm)")
     return min(diameter, has)
-
-
-def _plain(value: Any) -> Any:
-    """Return nested values with numbers that are not finite as None."""
-    if isinstance(value, dict):
-        return {key: _plain(inner) for key, inner in value.items()}
-    if isinstance(value, float) and not np.isfinite(value):
-        return None
-    return value

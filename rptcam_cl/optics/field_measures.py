@@ -17,7 +17,6 @@ from rptcam_cl.optics.chief_rays import without_obstructions
 from rptcam_cl.optics.design import image_circle, t_number
 from rptcam_cl.optics.ghosts import Ghosts, ghost_image, steps, unfold, with_film
 from rptcam_cl.optics.image_quality import (
-    MOST_ACROSS,
     NOTHING,
     STAYS,
     Setting,
@@ -30,6 +29,7 @@ from rptcam_cl.optics.image_quality import (
 from rptcam_cl.optics.irradiance import irradiance_with_error, pass_areas, veiling_glare
 from rptcam_cl.optics.ray_trace import COATED, UNCOATED, LensTransmission, Rays, axial_transmittance, has_coatings
 from rptcam_cl.optics.spot import Beam, chief_ray, passing_beam
+from rptcam_cl.optics.waves import MOST_ACROSS
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -284,7 +284,7 @@ def check_order(order: int) -> None:
 
 def check_lens(lens: Lens) -> None:
     """Raise an error when ghosts of a lens are not known."""
-    if any(surface.region is not None and not surface.region.blocks for surface in lens.surfaces):
+    if lens.is_split:
         raise InputError(f"{lens.name}: a half lens has rays beside its glass, so its ghosts are not known")
 
 
@@ -368,14 +368,6 @@ def ghost_image(
         focal = -m / np.float64(c)
     reach = film_distance_mm / m
     return GhostImage(float(focal), float(image), a + reach * c, n * (b + reach * d))
-
-
-def ghost_magnification(lens: Lens, way: Way, wavelength_nm: float, object_distance_mm: float) -> float:
-    """Return the transverse magnification of an object so far before the first vertex [mm]."""
-    _, (c, d) = system_matrix(unfold(lens, way), wavelength_nm).tolist()
-    n = float(lens.indices(wavelength_nm)[0])
-    with np.errstate(divide="ignore"):
-        return float(1.0 / np.float64(d + c * object_distance_mm / n))
 
 
 # Light of one source on the front of a lens: rays spread evenly over the first surface, each with its flux.

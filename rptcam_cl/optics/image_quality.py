@@ -252,7 +252,7 @@ class FilmSpot:
     fewer: Array | None = None
 
 
-OfField = TypeVar("OfField", "FilmSpot", "FieldWave")
+OfField = TypeVar("OfField", "FilmSpot", "PupilFunction")
 Moves = Callable[[Sequence[FilmSpot], Sequence[FilmSpot]], float]
 
 
@@ -548,15 +548,8 @@ def table_of(
     return rows
 
 
-def mtf_chart(setting: Setting, spots: Sequence[FilmSpot], highest_per_mm: float) -> Figure:
-    """Return the curves of every field up to a frequency."""
-    frequencies = np.linspace(0.0, highest_per_mm, CURVE)
-    curves = {degrees: field_mtf(group, frequencies) for degrees, group in by_field(spots).items()}
-    return curves_chart(f"{setting.lens.name}: MTF, geometrical times diffraction", frequencies, curves)
-
-
 @charts.styled()
-def curves_chart(title: str, frequencies: Array, fields: Mapping[float, Sequence[Array] | None]) -> Figure:
+def mtf_chart(title: str, frequencies: Array, fields: Mapping[float, Sequence[Array] | None]) -> Figure:
     """Return a chart of curves as `field_mtf` has them: tangential full, sagittal dashed, the first limit dotted."""
     from matplotlib.lines import Line2D
 
@@ -588,14 +581,22 @@ def mtf(
     rays: int | None,
 ) -> charts.Measured:
     """Return the modulation of each field at frequencies, by rays times diffraction or by waves."""
-    highest = max(frequencies_per_mm)
+    groups: Mapping[float, Sequence[Any]]
+    curves: Callable[[Sequence[Any], ArrayLike], list[Array] | None]
     if diffraction:
-        waves = field_waves(setting, fields, wavelengths_nm, rays)
-        rows = wave_mtf_table(waves, frequencies_per_mm)
-        return result_of(setting, "MTF", rows, lambda: wave_mtf_chart(setting, waves, highest))
-    spots = film_spots(setting, fields, wavelengths_nm, rays, mtf_moves(frequencies_per_mm))
-    rows = mtf_table(spots, frequencies_per_mm)
-    return result_of(setting, "MTF", rows, lambda: mtf_chart(setting, spots, highest))
+        groups, curves = by_field(field_waves(setting, fields, wavelengths_nm, rays)), wave_transfer
+        rows = table_of({one: curves(group, frequencies_per_mm) for one, group in groups.items()}, frequencies_per_mm)
+    else:
+        spots = film_spots(setting, fields, wavelengths_nm, rays, mtf_moves(frequencies_per_mm))
+        groups, curves, rows = by_field(spots), field_mtf, mtf_table(spots, frequencies_per_mm)
+    how = " by wave optics" if diffraction else ", geometrical times diffraction"
+    frequencies = np.linspace(0.0, max(frequencies_per_mm), CURVE)
+
+    def chart() -> Figure:
+        shown = {degrees: curves(group, frequencies) for degrees, group in groups.items()}
+        return mtf_chart(f"{setting.lens.name}: MTF{how}", frequencies, shown)
+
+    return result_of(setting, "MTF", rows, chart)
 
 
 # The image of a point by geometrical optics: the share of its light that each small square of the film receives.
@@ -715,18 +716,9 @@ def psf(
 # Wavefronts of fields and wavelengths: path differences, Strehl ratios, and the map over the pupil.
 
 
-@dataclass(frozen=True)
-class FieldWave:
-    """The light of one field and wavelength behind the lens."""
-
-    field_degrees: float
-    wavelength_nm: float
-    pupil: PupilFunction
-
-
 def field_waves(
     setting: Setting, fields: Sequence[float] | None, wavelengths_nm: Sequence[float], across: int | None = None
-) -> list[FieldWave]:
+) -> list[PupilFunction]:
     """Return the light of each field and wavelength; fields whose light does not pass are left out.
 
     Parameters
@@ -744,51 +736,48 @@ def field_waves(
         When nothing of any beam passes, or the lens has no film.
     """
     film = setting.film
-    waves: list[FieldWave] = []
+    waves: list[PupilFunction] = []
     refused: InputError | None = None
     for degrees in default_fields(setting) if fields is None else fields:
         for wavelength in wavelengths_nm:
             beam = Beam(degrees, setting.object_distance_mm)
             try:
-                pupil = pupil_function(setting.lens, film, beam, wavelength, across)
+                waves.append(pupil_function(setting.lens, film, beam, wavelength, across))
             except InputError as problem:
                 refused = problem
-                continue
-            waves.append(FieldWave(degrees, wavelength, pupil))
     if refused is not None and not waves:
         raise refused
     return waves
 
 
-def wavefront_table(waves: Sequence[FieldWave]) -> list[dict[str, Any]]:
+def wavefront_table(waves: Sequence[PupilFunction]) -> list[dict[str, Any]]:
     """Return a row for each wavefront, up to the sphere about the chief ray's point: rms, range, Strehl ratios."""
     rows = []
     for wave in waves:
-        pupil, ratio = wave.pupil, strehl(wave.pupil)
+        ratio = strehl(wave)
         rows.append({
             "field_degrees": wave.field_degrees,
             "wavelength_nm": wave.wavelength_nm,
-            "rms_waves": rms_waves(pupil, pupil.waves_on_sphere),
-            "rms_waves_without_tilt": rms_waves(pupil, pupil.waves_on_sphere, without_tilt=True),
-            "peak_to_valley_waves": peak_to_valley(pupil, pupil.waves_on_sphere),
+            "rms_waves": rms_waves(wave, wave.waves_on_sphere),
+            "rms_waves_without_tilt": rms_waves(wave, wave.waves_on_sphere, without_tilt=True),
+            "peak_to_valley_waves": peak_to_valley(wave, wave.waves_on_sphere),
             "strehl": ratio.at_chief_ray,
             "strehl_at_peak": ratio.at_peak,
-            "chief_y_mm": float(pupil.chief[1]),
+            "chief_y_mm": float(wave.chief[1]),
         })  # fmt: skip
     return rows
 
 
 @charts.styled()
-def wavefront_chart(setting: Setting, waves: Sequence[FieldWave]) -> Figure:
+def wavefront_chart(setting: Setting, waves: Sequence[PupilFunction]) -> Figure:
     """Return the maps of path differences over the pupil side by side, to one scale, in direction cosines."""
     figure, panels = _panels(f"{setting.lens.name}: wavefront at the exit pupil", len(waves), TITLE)
-    maps = [_map(wave.pupil) for wave in waves]
+    maps = [_map(wave) for wave in waves]
     most = max(float(np.nanmax(np.abs(part))) for part in maps) or 1.0
     for axes, wave, part in zip(panels.flat, waves, maps, strict=False):
-        pupil = wave.pupil
-        extent = (pupil.cosines_x[0], pupil.cosines_x[-1], pupil.cosines_y[0], pupil.cosines_y[-1])
+        extent = (wave.cosines_x[0], wave.cosines_x[-1], wave.cosines_y[0], wave.cosines_y[-1])
         shown = axes.imshow(part, cmap="RdBu_r", vmin=-most, vmax=most, origin="lower", extent=extent)
-        rms = rms_waves(pupil, pupil.waves_on_sphere)
+        rms = rms_waves(wave, wave.waves_on_sphere)
         axes.set_title(f"{wave.field_degrees:g}°, {wave.wavelength_nm:g} nm\nrms {rms:.3g} waves")
         axes.set(xlabel="direction cosine in x", ylabel="in y" if axes in panels[:, 0] else "")
         axes.locator_params(nbins=4)
@@ -820,38 +809,25 @@ FINEST = 16.0  # points per wavelength times f-number that pixels are averaged o
 MOST_POINTS = 1200  # along each side of the image
 
 
-def wave_transfer(group: Sequence[FieldWave], frequencies_per_mm: ArrayLike) -> list[Array]:
+def wave_transfer(group: Sequence[PupilFunction], frequencies_per_mm: ArrayLike) -> list[Array]:
     """Return tangential and sagittal modulation of one field, and what its perfect pupil would leave of each."""
     weights = _weights(group)
-    origin = group[0].pupil.chief
+    origin = group[0].chief
     parts, limits = [], []
     for wave in group:
-        off = origin - wave.pupil.chief
-        parts.append(transfer(wave.pupil, frequencies_per_mm, (float(off[0]), float(off[1]))))
-        limits.append([np.abs(curve) for curve in transfer(wave.pupil.without_aberrations(), frequencies_per_mm)])
+        off = origin - wave.chief
+        parts.append(transfer(wave, frequencies_per_mm, (float(off[0]), float(off[1]))))
+        limits.append([np.abs(curve) for curve in transfer(wave.without_aberrations(), frequencies_per_mm)])
     curves = [np.abs(np.tensordot(weights, [part[axis] for part in parts], 1)) for axis in (0, 1)]
     return [*curves, *(np.tensordot(weights, [limit[axis] for limit in limits], 1) for axis in (0, 1))]
 
 
-def wave_mtf_table(waves: Sequence[FieldWave], frequencies_per_mm: Sequence[float]) -> list[dict[str, Any]]:
-    """Return a row for each field and frequency, the wavelengths of a field together."""
-    fields = {degrees: wave_transfer(group, frequencies_per_mm) for degrees, group in by_field(waves).items()}
-    return table_of(fields, frequencies_per_mm)
-
-
-def wave_mtf_chart(setting: Setting, waves: Sequence[FieldWave], highest_per_mm: float) -> Figure:
-    """Return the curves of every field up to a frequency."""
-    frequencies = np.linspace(0.0, highest_per_mm, CURVE)
-    fields = {degrees: wave_transfer(group, frequencies) for degrees, group in by_field(waves).items()}
-    return curves_chart(f"{setting.lens.name}: MTF by wave optics", frequencies, fields)
-
-
-def wave_point_image(group: Sequence[FieldWave], pixels: int, width_um: float | None = None) -> PointImage:
+def wave_point_image(group: Sequence[PupilFunction], pixels: int, width_um: float | None = None) -> PointImage:
     """Return the image of one field, its wavelengths together, about the middle of its light.
 
     Parameters
     ----------
-    group : sequence of FieldWave
+    group : sequence of PupilFunction
         Of one field.
     pixels : int
         Along each side.
@@ -861,44 +837,44 @@ def wave_point_image(group: Sequence[FieldWave], pixels: int, width_um: float | 
     if pixels < 2:
         raise InputError(f"an image needs at least 2 pixels a side (got {pixels})")
     weights = _weights(group)
-    middles = np.array([wave.pupil.chief + centroid(wave.pupil) for wave in group])
+    middles = np.array([wave.chief + centroid(wave) for wave in group])
     middle = weights @ middles
-    offsets = [middle - wave.pupil.chief for wave in group]
+    offsets = [middle - wave.chief for wave in group]
     facts = _facts(group, weights, offsets)
     facts |= {"centroid_x_mm": float(middle[0]), "centroid_y_mm": float(middle[1])}
     half = (width_um or 2 * SHOWN * facts["radius_of_80_percent_um"]) / 2e3
     shares = np.zeros((pixels, pixels))
     for wave, weight, offset in zip(group, weights, offsets, strict=True):
-        shares += weight * _pixel_shares(wave.pupil, offset, half, pixels)
+        shares += weight * _pixel_shares(wave, offset, half, pixels)
     return PointImage(shares, 2e3 * half, facts)
 
 
-def _weights(group: Sequence[FieldWave]) -> Array:
+def _weights(group: Sequence[PupilFunction]) -> Array:
     """Return the share of each wavelength: that of the light of its beam."""
-    light = np.array([wave.pupil.flux.sum() * wave.pupil.step**2 for wave in group])
+    light = np.array([wave.flux.sum() * wave.step**2 for wave in group])
     return np.asarray(light / light.sum())
 
 
-def _facts(group: Sequence[FieldWave], weights: Array, offsets: Sequence[Array]) -> dict[str, float]:
+def _facts(group: Sequence[PupilFunction], weights: Array, offsets: Sequence[Array]) -> dict[str, float]:
     """Return the Strehl ratios and the radii about the middle of the light that hold shares of it [micrometres]."""
-    ratios = [strehl(wave.pupil) for wave in group]
+    ratios = [strehl(wave) for wave in group]
     facts = {
         "strehl": float(weights @ [ratio.at_chief_ray for ratio in ratios]),
         "strehl_at_peak": float(weights @ [ratio.at_peak for ratio in ratios]),
     }
 
     circles = [
-        encircled_function(wave.pupil, (float(off[0]), float(off[1]))) for wave, off in zip(group, offsets, strict=True)
+        encircled_function(wave, (float(off[0]), float(off[1]))) for wave, off in zip(group, offsets, strict=True)
     ]
 
     def within(radii: Array) -> Array:
         return np.asarray(weights @ [shares(radii) for shares in circles])
 
-    airy = [_airy_radius(wave.pupil) for wave in group]
+    airy = [_airy_radius(wave) for wave in group]
     held = [float(shares(np.array([radius]))[0]) for shares, radius in zip(circles, airy, strict=True)]
     facts |= {"airy_radius_um": 1e3 * float(weights @ airy), "share_within_airy_radius": float(weights @ held)}
     widest = WIDEST * max(airy)
-    room = min(wave.pupil.length_mm / wave.pupil.step for wave in group) / 2  # beyond it the light repeats
+    room = min(wave.length_mm / wave.step for wave in group) / 2  # beyond it the light repeats
     while widest < room and within(np.array([widest]))[0] < max(PSF_SHARES):
         widest = min(2 * widest, room)
     for share in PSF_SHARES:

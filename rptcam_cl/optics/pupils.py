@@ -87,25 +87,25 @@ class FilmFrame:
         columns = np.array([self.across[:2], self.up[:2]]).T
         return np.asarray((points - np.array(self.centre)) @ np.linalg.inv(columns).T)
 
-    def corners(self, half_mm: tuple[float, float]) -> Array:
+    def corners(self, half_film_mm: tuple[float, float]) -> Array:
         """Return the corners (4, 3) of a film of such half sides, in order round it."""
-        return self.points(np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * np.array(half_mm))
+        return self.points(np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * np.array(half_film_mm))
 
-    def bounds(self, half_mm: tuple[float, float]) -> tuple[float, float]:
+    def bounds(self, half_film_mm: tuple[float, float]) -> tuple[float, float]:
         """Return half the sides of the rectangle about the axis that holds the film, across the axis [mm]."""
         if not self.is_moved:
-            return half_mm
-        x, y = np.abs(self.corners(half_mm)[:, :2]).max(axis=0).tolist()
+            return half_film_mm
+        x, y = np.abs(self.corners(half_film_mm)[:, :2]).max(axis=0).tolist()
         return x, y
 
-    def grid(self, half_mm: tuple[float, float], count: int) -> Array:
+    def grid(self, half_film_mm: tuple[float, float], count: int) -> Array:
         """Return points (count, count, 2) from edge to edge of the film, rows upwards, x and y in the lens's frame."""
-        x, y = (np.linspace(-half, half, count) for half in half_mm)
+        x, y = (np.linspace(-half, half, count) for half in half_film_mm)
         return self.points(np.stack(np.meshgrid(x, y), axis=-1))[..., :2]
 
-    def reach(self, half_mm: tuple[float, float], directions: Array) -> Array:
+    def reach(self, half_film_mm: tuple[float, float], directions: Array) -> Array:
         """Return how far from the axis the film goes in directions (n, 2), 0 where it is not [mm]."""
-        corners = self.corners(half_mm)[:, :2]
+        corners = self.corners(half_film_mm)[:, :2]
         sides = np.roll(corners, -1, axis=0) - corners
         with np.errstate(divide="ignore", invalid="ignore"):
             turn = directions[:, :1] * sides[:, 1] - directions[:, 1:] * sides[:, 0]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -227,19 +227,30 @@ def steep_chief_ray(lens: Lens, field_degrees: float, stop: int, wavelength_nm: 
     def at(places: Array) -> Array:
         return np.column_stack([np.zeros_like(places), places])
 
-    low, high = -_radius(lens), _radius(lens)
-    for count in (801, 65, 65, 65, 65, 65):
+    def trace(places: Array) -> Rays:
+        return enter(front, field_degrees, at(places), wavelength_nm)
+
+    ends = -_radius(lens), _radius(lens)
+    place = _to_centre_of_stop(trace, ends, (801, *[65] * 5), f"{lens.name}: no ray at {field_degrees:g} degrees")
+    return place, enter(lens, field_degrees, at(np.array([place])), wavelength_nm)
+
+
+def _to_centre_of_stop(
+    trace: Callable[[Array], Rays], ends: tuple[float, float], counts: Sequence[int], none: str
+) -> float:
+    """Return the place between two of the ray that meets the axis in the stop, sought by so many rays at a time."""
+    low, high = ends
+    for count in counts:
         places = np.linspace(low, high, count)
-        rays = enter(front, field_degrees, at(places), wavelength_nm)
+        rays = trace(places)
         values = np.where(rays.passed, rays.origins[:, 1], np.nan)
         with np.errstate(invalid="ignore"):
             cross = np.flatnonzero(np.sign(values[:-1]) * np.sign(values[1:]) <= 0)
         if not len(cross):
-            raise InputError(f"{lens.name}: no ray at {field_degrees:g} degrees reaches the centre of the stop")
+            raise InputError(f"{none} reaches the centre of the stop")
         k = cross[np.argmin(np.abs(values[cross]) + np.abs(values[cross + 1]))]
         low, high = places[k], places[k + 1]
-    place = float((low + high) / 2)
-    return place, enter(lens, field_degrees, at(np.array([place])), wavelength_nm)
+    return float((low + high) / 2)
 
 
 #
@@ -386,25 +397,13 @@ def chief_ray(
     front = replace(lens, surfaces=opened)
     beam = Beam(field_degrees, object_distance_mm)
 
-    def miss(heights: Array) -> Array:
-        rays = front.trace(*beam.rays(np.column_stack([np.zeros_like(heights), heights])), wavelength_nm, start="scene")
-        return np.where(rays.status == Status.ok, rays.origins[:, 1], np.nan)
+    def trace(heights: Array) -> Rays:
+        points = np.column_stack([np.zeros_like(heights), heights])
+        return front.trace(*beam.rays(points), wavelength_nm, start="scene")
 
-    box = _first_box(lens, beam)
-    heights = np.linspace(box[0, 1], box[1, 1], 401)
-    values = miss(heights)
-    with np.errstate(invalid="ignore"):
-        cross = np.flatnonzero(np.sign(values[:-1]) * np.sign(values[1:]) <= 0)
-    if not len(cross):
-        raise InputError(f"{lens.name}: no ray at {field_degrees:g} degrees reaches the centre of the stop")
-    at = cross[np.argmin(np.abs(values[cross]) + np.abs(values[cross + 1]))]
-    low, high = heights[at], heights[at + 1]
-    for _ in range(6):
-        trial = np.linspace(low, high, 65)
-        sign = np.sign(miss(trial))
-        k = int(np.flatnonzero(sign[:-1] * sign[1:] <= 0)[0])
-        low, high = trial[k], trial[k + 1]
-    height = float((low + high) / 2)
+    low, high = _first_box(lens, beam)[:, 1].tolist()
+    none = f"{lens.name}: no ray at {field_degrees:g} degrees"
+    height = _to_centre_of_stop(trace, (low, high), (401, *[65] * 6), none)
     return height, lens.trace(*beam.rays(np.array([[0.0, height]])), wavelength_nm, start="scene")
 
 

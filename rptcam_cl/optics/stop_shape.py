@@ -146,17 +146,24 @@ def _signed_area(vertices: Array) -> float:
     return float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)) / 2
 
 
+def cut_polygon(polygon: Array, side: Array) -> Array:
+    """Return the part of a polygon (n, any) on one side of a plane; ``side`` (n,) grows with the distance from it.
+
+    Sutherland and Hodgman 1974.
+    """
+    following, after = np.roll(polygon, -1, axis=0), np.roll(side, -1)
+    crossing = (side < 0) != (after < 0)
+    share = np.where(crossing, side / np.where(crossing, side - after, 1.0), 0.0)[:, None]
+    both = np.stack([polygon, polygon + share * (following - polygon)], axis=1)
+    return np.asarray(both[np.stack([side >= 0, crossing], axis=1)])
+
+
 def _sees_all(vertices: Array) -> Array | None:
     """Return a point (2,) from which all of a counter-clockwise polygon is seen; None where there is next to none."""
     seen = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])  # what lies left of every edge
     for start, end in zip(vertices, np.roll(vertices, -1, axis=0), strict=True):
         along = end - start
-        side = along[0] * (seen[:, 1] - start[1]) - along[1] * (seen[:, 0] - start[0])
-        following, after = np.roll(seen, -1, axis=0), np.roll(side, -1)
-        crossing = (side < 0) != (after < 0)
-        share = np.where(crossing, side / np.where(crossing, side - after, 1.0), 0.0)[:, None]
-        both = np.stack([seen, seen + share * (following - seen)], axis=1)
-        seen = both[np.stack([side >= 0, crossing], axis=1)]
+        seen = cut_polygon(seen, along[0] * (seen[:, 1] - start[1]) - along[1] * (seen[:, 0] - start[0]))
         if len(seen) < 3:
             return None
     return np.asarray(seen.mean(axis=0)) if _signed_area(seen) > SMALLEST_VIEW else None

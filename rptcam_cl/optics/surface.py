@@ -448,6 +448,11 @@ class Prescription:
         """Whether any surface has a hole or an obstruction in its middle."""
         return any(surface.inner_semi_diameter > 0 for surface in self.surfaces)
 
+    @property
+    def is_split(self) -> bool:
+        """Whether light passes beside some of its surfaces, as beside a half lens before another one."""
+        return any(surface.region is not None and not surface.region.blocks for surface in self.surfaces)
+
     def film_z(self, distance_mm: float) -> float:
         """Return z of a plane at a distance behind the last vertex, along the light [mm]."""
         return self.length + self.sense * distance_mm

@@ -49,10 +49,12 @@ NEVER_0 = float(np.finfo(np.float64).tiny)
 
 @dataclass(frozen=True)
 class PupilFunction:
-    """Light of one point and wavelength behind the lens, on a square grid of direction cosines.
+    """Light of one field and wavelength behind the lens, on a square grid of direction cosines.
 
     Attributes
     ----------
+    field_degrees : float
+        Angle from the axis of the beam.
     wavelength_nm : float
         In vacuum.
     index : float
@@ -71,6 +73,7 @@ class PupilFunction:
         The same up to the sphere about C through the axial point of the exit pupil.
     """
 
+    field_degrees: float
     wavelength_nm: float
     index: float
     chief: Array
@@ -156,7 +159,7 @@ def _check(lens: Lens, beam: Beam) -> None:
         raise InputError(
             f"{lens.name}: the wavefront is known for fields up to 85 degrees (got {beam.field_degrees:g})"
         )
-    if any(surface.region is not None and not surface.region.blocks for surface in lens.surfaces):
+    if lens.is_split:
         raise InputError(f"{lens.name}: a half lens has no single wavefront, so its diffraction is not known")
 
 
@@ -217,8 +220,8 @@ class _ExitRays:
         density = self._density(points, step)
         coverage = np.where(np.isfinite(density), self._coverage(points, targets, step), 0.0)
         return PupilFunction(
-            self.wavelength_nm, self.index, self.chief[:2].copy(), cosines_x, cosines_y, coverage,
-            np.where(coverage > 0, density, 0.0), plane, sphere,
+            self.beam.field_degrees, self.wavelength_nm, self.index, self.chief[:2].copy(), cosines_x, cosines_y,
+            coverage, np.where(coverage > 0, density, 0.0), plane, sphere,
         )  # fmt: skip
 
     def _waves(self, points: Array, rays: Rays) -> tuple[Array, Array]:
@@ -421,11 +424,6 @@ def _correlate(pupil: PupilFunction, shifts: Array, axis: int) -> Waves:
     values = np.exp(2j * np.pi / count * np.outer(shifts, places)) @ line
     values += (1.0 - line.sum()) * np.maximum(1.0 - shifts, 0.0)  # unmoved, cells on the edge count by their flux
     return np.where(shifts < len(pupil.coverage), values, 0.0)
-
-
-def encircled_shares(pupil: PupilFunction, radii_mm: ArrayLike, about: tuple[float, float]) -> Array:
-    """Return the share of the light inside circles of given radii about a point, x, y from C [mm]."""
-    return encircled_function(pupil, about)(np.atleast_1d(np.asarray(radii_mm, dtype=np.float64)))
 
 
 def encircled_function(pupil: PupilFunction, about: tuple[float, float]) -> Callable[[Array], Array]:

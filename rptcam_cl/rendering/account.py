@@ -67,7 +67,7 @@ def lens_margin(scene: Scene, session: Session) -> LensMargin | None:
 
 def film_rays(
     lens: Lens,
-    film_mm: float,
+    film_distance_mm: float,
     half_film_mm: tuple[float, float],
     wavelength_nm: float,
     count: int = RAYS,
@@ -80,16 +80,16 @@ def film_rays(
     rng = np.random.default_rng(SEED)
     points = frame.points(rng.uniform(-1, 1, (count, 2)) * half_film_mm)
     film, depth = points[:, :2], points[:, 2]
-    boxes = FilmProbe(lens, film_mm, wavelength_nm, frame).windows(film)
+    boxes = FilmProbe(lens, film_distance_mm, wavelength_nm, frame).windows(film)
     aims = boxes[:, ::2] + rng.random(film.shape) * (boxes[:, 1::2] - boxes[:, ::2])
     aims = np.column_stack([aims, np.full(count, lens.length)])
     pupil = lens.first_order(wavelength_nm).exit_pupil
-    if np.isfinite(pupil.distance_mm) and np.isfinite(pupil.diameter_mm) and pupil.distance_mm < film_mm:
+    if np.isfinite(pupil.distance_mm) and np.isfinite(pupil.diameter_mm) and pupil.distance_mm < film_distance_mm:
         half = count // 2
         radius, turn = pupil.diameter_mm / 2 * np.sqrt(rng.random(half)), 2 * np.pi * rng.random(half)
         there = np.full(half, lens.film_z(pupil.distance_mm))
         aims[:half] = np.column_stack([radius * np.cos(turn), radius * np.sin(turn), there])
-    origins = np.column_stack([film, lens.film_z(film_mm) + lens.sense * depth])
+    origins = np.column_stack([film, lens.film_z(film_distance_mm) + lens.sense * depth])
     return origins, aims - origins
 
 

@@ -128,9 +128,9 @@ def ghost_sources(
     lamps = places[:, 3] > 0
     places[:, :3] = np.where(lamps[:, None], (places[:, :3] - [0.0, 0.0, -film_z * 1e-3]) * 1e3, -places[:, :3])
     seen = _ahead(np.where(lamps[:, None], -places[:, :3], places[:, :3])) & (luminance(light) > 0)
-    places, light, target, at, known = places[seen], light[seen], target[seen], at[seen], known[seen]
-    order = np.argsort(-luminance(light), kind="stable")[:MOST]
-    dropped = 1.0 - float(luminance(light[order]).sum() / luminance(light).sum()) if len(order) else 0.0
+    bright = luminance(light[seen])
+    order = np.flatnonzero(seen)[np.argsort(-bright, kind="stable")[:MOST]]
+    dropped = 1.0 - float(luminance(light[order]).sum() / bright.sum()) if len(order) else 0.0
     places, light, target, at, known = places[order], light[order], target[order], at[order], known[order]
     visible = _visible(session, plan, buffers, at, target, front)
     bright, kinds = visible > 0, tuple(sorted(left_out))
@@ -360,15 +360,6 @@ class GhostFilm:
         records = WayRecords.of(lens, nm, transmission)
         return records, self.session.upload(records.stop)
 
-    def _add(
-        self, film: Any, way: Way, record: int, places: Array, boxes: Array, weights: Array, first: Array, rays: int
-    ) -> None:
-        """Add rays of sources to a film, each with its weight in the film's colours and its lattice's first point.
-
-        Its buffer holds whole numbers, of which `ONE_LIGHT` is 1.
-        """
-        self._launch(0, way, self.lenses[record], self._table(places, boxes, weights, first), len(boxes), rays, film)
-
     def _land(self, way: Way, opening: Opening, places: Array, boxes: Array, rays: int) -> tuple[Array, Array, Array]:
         """Return column, row and share of the light (n, rays) of rays through boxes; no share beside the film."""
         count = len(places)
@@ -530,7 +521,8 @@ class GhostFilm:
             words = session.allocate(8 * film.size, zeroed=True)
             for way, record, places, boxes, weights, count in alike:
                 first = _shifts(len(boxes) * record + np.arange(len(boxes)), count)
-                self._add(words, way, record, places, boxes, weights / largest, first, count)
+                table = self._table(places, boxes, weights / largest, first)  # added up in units of `ONE_LIGHT`
+                self._launch(0, way, self.lenses[record], table, len(boxes), count, words)
             units = session.read(words, "<i8", film.size).astype(np.float64)
             film += _spread_light(units.reshape(film.shape), FINER**steps)
         return film * (largest / ONE_LIGHT * self.value)
@@ -645,7 +637,7 @@ def ghosting_of(scene: Scene | None, plan: Plan, session: Session) -> Ghosting |
     if scene is None:
         return None
     setting = ghost_setting(scene)
-    if any(surface.region is not None and not surface.region.blocks for surface in setting.lens.surfaces):
+    if setting.lens.is_split:
         raise InputError(
             f"camera.ghosts: {setting.lens.name}: a half lens has ghosts that are not known (allowed: off)"
         )

@@ -8,7 +8,7 @@ from dataclasses import asdict, replace
 from functools import cached_property
 from pathlib import Path
 from statistics import NormalDist
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -323,12 +323,16 @@ def _pairs(limit: Limit, chances: Array) -> Array:
 CONFIDENCE = 0.95
 
 
-class Interval(NamedTuple):
-    """An estimate and the bounds that hold it with a given confidence."""
+@dataclass(frozen=True)
+class Interval:
+    """An estimate and the bounds that hold it with a given confidence; each may be infinite."""
 
     value: float
     low: float
     high: float
+
+    def __iter__(self) -> Iterator[float]:
+        return iter((self.value, self.low, self.high))
 
 
 def share(hits: int, count: int, confidence: float = CONFIDENCE) -> Interval:
@@ -1177,7 +1181,7 @@ def report(run: ToleranceRun) -> dict[str, Any]:
         "design": {"spot_um": float(run.design.spot_um[0]), "mtf": float(run.design.modulation[0])},
         "sampling_error": {"spot_share": run.spot_error, "mtf": run.mtf_error},
         "percentiles": percentile_rows(run),
-        "yield": [{"limit": limit, **each._asdict()} for limit, each in yield_curve(run)],
+        "yield": [{"limit": limit, **asdict(each)} for limit, each in yield_curve(run)],
         "sensitivities": [asdict(one) for one in run.sensitivities],
     }
 

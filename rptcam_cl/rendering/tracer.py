@@ -397,7 +397,8 @@ class Wavefront(RenderedFilm):
         return self._layers
 
 
-# Wavefronts of one device that are kept for the plans to come, with the scene that they have uploaded.
+# Wavefronts of one device for the plans to come, beside the scene that was uploaded last, from which the next one takes
+# what it shares.
 
 MOST = 3  # wavefronts that are kept: one of the picture, two of its glances
 

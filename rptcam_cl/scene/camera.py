@@ -240,14 +240,14 @@ class CameraKind(Pose):
     @property
     def film_movements(self) -> Movements:
         """How its film stands; straight where it has no key for that."""
-        found: Movements = getattr(self, "movements", NO_MOVEMENTS)
-        return found
+        movements: Movements = getattr(self, "movements", NO_MOVEMENTS)
+        return movements
 
     @property
     def outline(self) -> lens_settings.Aperture:
         """The outline of its opening; round where it has no key for that."""
-        found: lens_settings.Aperture = getattr(self, "aperture", lens_settings.ROUND)
-        return found
+        aperture: lens_settings.Aperture = getattr(self, "aperture", lens_settings.ROUND)
+        return aperture
 
     @property
     def field_of_view(self) -> tuple[float, FovAxis] | None:

@@ -18,7 +18,7 @@ from pydantic import ValidationError
 from pydantic_core import PydanticCustomError
 
 from rptcam_cl.core.errors import InputError, MissingFileError
-from rptcam_cl.core.files import Folders
+from rptcam_cl.core.files import Folders, plain
 from rptcam_cl.core.strict_yaml import Document, KeyPath, dotted, parse_scalar, read_yaml
 from rptcam_cl.scene.base import REFUSED, FileReference, SceneModel, file_references, listed, near_name
 from rptcam_cl.scene.camera import CAMERA_KINDS, Pose
@@ -51,15 +51,6 @@ def _text(dumper: Any, value: str) -> Any:
 
 
 _Dumper.add_representer(str, _text)
-
-
-def plain(value: Any) -> Any:
-    """Return a copy without NumPy's numbers and arrays, no two parts of which are the same list."""
-    if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(item) for item in value]
-    return plain(value.tolist()) if isinstance(value, np.ndarray | np.generic) else value
 
 
 def scene_text(scene: Mapping[str, Any], comments: tuple[str, ...] = ()) -> str:

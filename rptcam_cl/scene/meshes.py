@@ -22,7 +22,7 @@ from pydantic import (
 )
 
 from rptcam_cl.core.errors import InputError, MissingFileError
-from rptcam_cl.core.files import Folders
+from rptcam_cl.core.files import Folders, known_suffix
 from rptcam_cl.scene.assets.mesh import (
     Draft,
     FileMaterial,
@@ -103,9 +103,7 @@ def read_mesh_file(path: Path, find: Find) -> MeshContents:
     InputError
         When the file does not hold what its format promises, or nothing that can be shown.
     """
-    suffix = path.suffix.lower()
-    if suffix not in SUFFIXES:
-        raise InputError(f"{path}: is not a mesh file (got {suffix or 'no suffix'}; allowed: {', '.join(SUFFIXES)})")
+    known_suffix(path, SUFFIXES, "is not a mesh file")
     try:
         if not path.stat().st_size:
             raise InputError(f"{path}: is empty")

@@ -33,6 +33,7 @@ from rptcam_cl.core.colour import (
     daylight,
     exact_luminance,
     illuminant,
+    linear_from_srgb,
     lines_on_grid,
     on_grid,
     srgb_from_reflectance,
@@ -478,7 +479,7 @@ class ColourForms:
         if isinstance(items, SpectralColour):
             return items
         if isinstance(items, str) and (match := _HEX_COLOUR.fullmatch(items)):
-            red, green, blue = (_linear(byte) for byte in bytes.fromhex(match[1]))
+            red, green, blue = (float(linear_from_srgb(byte / 255)) for byte in bytes.fromhex(match[1]))
             return (red, green, blue)
         if isinstance(items, Real) and not isinstance(items, bool):
             grey = self._channel(items, ())
@@ -510,12 +511,6 @@ def _form(value: Any) -> str:
 def _plain(colour: Colour) -> Any:
     """Return a colour as plain data."""
     return colour.described() if isinstance(colour, SpectralColour) else list(colour)
-
-
-def _linear(byte: int) -> float:
-    """Return the linear value of an sRGB byte (IEC 61966-2-1)."""
-    encoded = byte / 255
-    return encoded / 12.92 if encoded <= 0.04045 else float(((encoded + 0.055) / 1.055) ** 2.4)
 
 
 # Bounds that keep squares (intersection) and reciprocals of areas (sampling densities) inside float32,

@@ -202,13 +202,6 @@ def axis_rays(rng: np.random.Generator, count: int) -> tuple[Array, Array]:
     return o, d
 
 
-def slanting_rays(rng: np.random.Generator, count: int) -> tuple[Array, Array]:
-    """Return rays that almost lie in such a plane."""
-    o, d = axis_rays(rng, count)
-    d += rng.choice([0.0, 1e-30, -1e-30, 1e-8, -1e-8, 1e-4], (count, 3))
-    return o, d / np.linalg.norm(d, axis=1, keepdims=True)
-
-
 # Rays against the meshes and the objects of a scene, by the kernels that render.
 
 RAY_MATTE = {"kind": "matte", "reflectance": 0.5}

@@ -190,11 +190,11 @@ def library_errors(session: Session, name: str, precision: Precision) -> tuple[f
     pass that should not or the other way round."""
     lens = load_lens(name)
     try:
-        back_mm = film_distance(lens, 1e7)
+        film_distance_mm = film_distance(lens, 1e7)
     except InputError:
-        back_mm = abs(lens.first_order().focal_length_mm)
-    half_mm = 0.3 * abs(lens.first_order().focal_length_mm)
-    origins, directions = film_rays(lens, back_mm, (half_mm, half_mm), LINE_D_NM)
+        film_distance_mm = abs(lens.first_order().focal_length_mm)
+    half_film_mm = 0.3 * abs(lens.first_order().focal_length_mm)
+    origins, directions = film_rays(lens, film_distance_mm, (half_film_mm, half_film_mm), LINE_D_NM)
     exact = lens.trace(origins, directions)
     got = trace_on_device(lens, session, origins, directions, LINE_D_NM, "film", precision)
     both = exact.passed & got.passed

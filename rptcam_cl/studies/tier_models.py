@@ -12,7 +12,7 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.pupils import FINE, FilmProbe, narrowing_probes, pupil_boxes
-from rptcam_cl.optics.stop_shape import StopMask, StopShape
+from rptcam_cl.optics.stop_shape import StopMask, StopShape, cut_polygon
 from rptcam_cl.rendering.cameras.ideal import ThickLens, stop_shape, thick_lens_of
 from rptcam_cl.rendering.cameras.lens_records import disperses, usable_nm
 from rptcam_cl.rendering.cameras.ray_map import RayMap, allowed_px, fitted_map
@@ -198,12 +198,12 @@ def equivalent(scene: Scene, tier: Tier) -> Scene:
     first = first_order_camera(scene)
     back = camera.world_from_camera()[:3, 2]
     eye = np.array(camera.eye) - back * first.pupil_mm * 1e-3 / scene.metres_per_unit
-    half_mm = scene.film.size_m()[0] / 2 * 1e3
+    half_film_mm = scene.film.size_m()[0] / 2 * 1e3
     keys = {name: getattr(camera, name) for name in _POSE} | {
         "kind": tier,
         "eye": eye.tolist(),
         "target": (eye - back).tolist(),
-        "fov_degrees": float(np.rad2deg(2 * np.arctan(half_mm / first.film_mm_per_tangent))),
+        "fov_degrees": float(np.rad2deg(2 * np.arctan(half_film_mm / first.film_mm_per_tangent))),
         "fov_axis": "horizontal",
     }
     if tier == "thin_lens":
@@ -369,10 +369,10 @@ class Pupils:
     def of(cls, lens: Lens, film_distance_mm: float, film: Array, wavelength_nm: float) -> Pupils:
         """Return the pupils that film points (m, 2) see."""
         probes = narrowing_probes(lens, film_distance_mm, wavelength_nm)
-        boxes, found = pupil_boxes(probes, film, FINE)
+        boxes, lit = pupil_boxes(probes, film, FINE)
         centres, axes = (boxes[:, 1::2] + boxes[:, ::2]) / 2, (boxes[:, 1::2] - boxes[:, ::2]) / 2
         radii = np.zeros((len(film), SPOKES))
-        radii[found] = _edges(probes[-1], film[found], centres[found], axes[found])
+        radii[lit] = _edges(probes[-1], film[lit], centres[lit], axes[lit])
         return cls(film, centres, axes, radii)
 
     def nodes(self, rings: int) -> tuple[Array, Array]:
@@ -419,14 +419,14 @@ class VisibleWorld:
     ----------
     start_mm : float
         Distance ahead of the camera's eye where it starts.
-    half_mm : (2,) array
+    half_film_mm : (2,) array
         Half its width and height there.
     slopes : (2,) array
         What they grow by per distance.
     """
 
     start_mm: float
-    half_mm: Array
+    half_film_mm: Array
     slopes: Array
 
     def sides(self) -> tuple[Array, Array]:
@@ -435,28 +435,22 @@ class VisibleWorld:
         for axis in (0, 1):
             for sign in (1.0, -1.0):
                 normals.append((sign * (axis == 0), sign * (axis == 1), float(self.slopes[axis])))
-                offsets.append(float(self.half_mm[axis] - self.slopes[axis] * self.start_mm))
+                offsets.append(float(self.half_film_mm[axis] - self.slopes[axis] * self.start_mm))
         return np.array(normals), np.array(offsets)
 
     def corners(self) -> tuple[Array, Array]:
         """Return where its edges and its axis start (5, 3), and their directions."""
         signs = np.array([(0, 0), (1, 1), (1, -1), (-1, -1), (-1, 1)], dtype=np.float64)
-        starts = np.column_stack([signs * self.half_mm, np.full(5, self.start_mm)])
+        starts = np.column_stack([signs * self.half_film_mm, np.full(5, self.start_mm)])
         return starts, np.column_stack([signs * self.slopes, np.ones(5)])
 
 
 def clip_polygon(polygon: Array, view: VisibleWorld) -> Array:
-    """Return the part of a polygon (n, 3) that lies in the view (Sutherland and Hodgman 1974)."""
+    """Return the part of a polygon (n, 3) that lies in the view."""
     for normal, offset in zip(*view.sides(), strict=True):
-        side = polygon @ normal + offset
-        following, after = np.roll(polygon, -1, axis=0), np.roll(side, -1)
-        crossing = (side < 0) != (after < 0)
-        share = np.where(crossing, side / np.where(crossing, side - after, 1.0), 0.0)[:, None]
-        both = np.stack([polygon, polygon + share * (following - polygon)], axis=1)
-        polygon = both[np.stack([side >= 0, crossing], axis=1)]
-        if not len(polygon):
-            break
-    return np.asarray(polygon)
+        if len(polygon):
+            polygon = cut_polygon(polygon, polygon @ normal + offset)
+    return polygon
 
 
 def triangle_depths(triangles: Array, view: VisibleWorld) -> list[float]:

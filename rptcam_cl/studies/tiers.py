@@ -105,7 +105,7 @@ class FieldPoint:
 def trace_fields(
     setting: LensSetting,
     shape: StopShape | StopMask | None,
-    half_mm: Array,
+    half_film_mm: Array,
     pixel_mm: float,
     shares: Sequence[float],
     colours_nm: Sequence[float] = (),
@@ -118,7 +118,7 @@ def trace_fields(
         The lens in use.
     shape
         Of its stop; None is round.
-    half_mm
+    half_film_mm
         (2,) half the sides of the film.
     pixel_mm
         Side of a pixel.
@@ -127,12 +127,12 @@ def trace_fields(
     colours_nm
         Other wavelengths.
     """
-    lens, back_mm, own_nm = setting.lens, setting.film_distance_mm, setting.camera.wavelength_nm
-    points = np.outer(shares, half_mm)
-    pupils = Pupils.of(lens, back_mm, points, own_nm)
+    lens, film_distance_mm, own_nm = setting.lens, setting.film_distance_mm, setting.camera.wavelength_nm
+    points = np.outer(shares, half_film_mm)
+    pupils = Pupils.of(lens, film_distance_mm, points, own_nm)
     rear, area = pupils.nodes(RINGS)
-    nudges = np.where(np.any(points, axis=1)[:, None], -NUDGE, NUDGE) * half_mm
-    moved = rear + (nudges * _exit_pupil_shift(lens, back_mm, own_nm))[:, None]
+    nudges = np.where(np.any(points, axis=1)[:, None], -NUDGE, NUDGE) * half_film_mm
+    moved = rear + (nudges * _exit_pupil_shift(lens, film_distance_mm, own_nm))[:, None]
     here = _bundles(setting, points, rear, area)
     neighbours = _bundles(setting, points + nudges, moved, area)
     others = [_bundles(setting, points, rear, area, nm) for nm in colours_nm]
@@ -161,8 +161,8 @@ def _bundles(
     wavelength_nm
         That of the camera by default, which losses in the lens are known for.
     """
-    lens, back_mm = setting.lens, setting.film_distance_mm
-    origins, towards = _from_film(lens, back_mm, points, rear)
+    lens, film_distance_mm = setting.lens, setting.film_distance_mm
+    origins, towards = _from_film(lens, film_distance_mm, points, rear)
     rays = lens.trace(
         origins,
         towards,
@@ -170,10 +170,10 @@ def _bundles(
         transmission=setting.transmission if wavelength_nm is None and setting.transmission else None,
     )
     good = rays.passed
-    weights = np.where(good, area.ravel() * (back_mm / np.sum(towards**2, axis=1)) ** 2, 0.0)
+    weights = np.where(good, area.ravel() * (film_distance_mm / np.sum(towards**2, axis=1)) ** 2, 0.0)
     if rays.transmittance is not None:
         weights = weights * rays.transmittance
-    starts = np.where(good[:, None], rays.origins * (1, 1, -1) + (0, 0, lens.film_z(back_mm)), np.nan)
+    starts = np.where(good[:, None], rays.origins * (1, 1, -1) + (0, 0, lens.film_z(film_distance_mm)), np.nan)
     leaving = np.where(good[:, None], rays.directions / -rays.directions[:, 2:], np.nan)
     leaving[:, 2] *= -1.0
     shape = (len(points), -1)
@@ -181,10 +181,10 @@ def _bundles(
     return [RayBundle(*part) for part in zip(*parts, strict=True)]
 
 
-def _exit_pupil_shift(lens: Lens, back_mm: float, wavelength_nm: float) -> float:
+def _exit_pupil_shift(lens: Lens, film_distance_mm: float, wavelength_nm: float) -> float:
     """Return how far rays through a point of the exit pupil move at the last vertex per distance along the film."""
-    from_film = back_mm - lens.first_order(wavelength_nm).exit_pupil.distance_mm
-    return 1.0 - back_mm / from_film if np.isfinite(from_film) and from_film else 1.0
+    from_film = film_distance_mm - lens.first_order(wavelength_nm).exit_pupil.distance_mm
+    return 1.0 - film_distance_mm / from_film if np.isfinite(from_film) and from_film else 1.0
 
 
 def _shaped_light(setting: LensSetting, shape: StopShape | StopMask, pupils: Pupils) -> Array:
@@ -197,19 +197,19 @@ def _shaped_light(setting: LensSetting, shape: StopShape | StopMask, pupils: Pup
 
 def _at_stop(setting: LensSetting, film: Array, rear: Array) -> Array:
     """Return where rays from film points (m, 2) cross the stop (m, n, 2), in units of its radius."""
-    lens, back_mm = setting.lens, setting.film_distance_mm
+    lens, film_distance_mm = setting.lens, setting.film_distance_mm
     assert lens.stop is not None and lens.stop_index is not None
     behind = replace(lens, surfaces=lens.surfaces[lens.stop_index :], stop_index=0)
-    origins, towards = _from_film(behind, back_mm, film, rear)
+    origins, towards = _from_film(behind, film_distance_mm, film, rear)
     rays = behind.trace(origins, towards, setting.camera.wavelength_nm)
     return rays.origins[:, :2].reshape(rear.shape) / lens.stop.semi_diameter
 
 
-def _from_film(lens: Lens, back_mm: float, film: Array, rear: Array) -> tuple[Array, Array]:
+def _from_film(lens: Lens, film_distance_mm: float, film: Array, rear: Array) -> tuple[Array, Array]:
     """Return origins and directions of rays from film points (m, 2) through points (m, n, 2) behind the last vertex."""
     origins, towards = np.empty((2, *rear.shape[:2], 3))
-    origins[..., :2], origins[..., 2] = film[:, None], lens.film_z(back_mm)
-    towards[..., :2], towards[..., 2] = rear - film[:, None], -lens.sense * back_mm
+    origins[..., :2], origins[..., 2] = film[:, None], lens.film_z(film_distance_mm)
+    towards[..., :2], towards[..., 2] = rear - film[:, None], -lens.sense * film_distance_mm
     return origins.reshape(-1, 3), towards.reshape(-1, 3)
 
 
@@ -227,7 +227,7 @@ class Truth:
         What the lens is to first order.
     shaped : Lens
         It, with its stop in the shape that it has.
-    half_mm : (2,) array
+    half_film_mm : (2,) array
         Half the sides of the film.
     fields : tuple of Field or None
         What the lens does at each of `FIELDS`; None where it sees nothing.
@@ -242,7 +242,7 @@ class Truth:
     scene: Scene
     first: FirstOrderCamera
     shaped: Lens
-    half_mm: Array
+    half_film_mm: Array
     fields: tuple[FieldPoint | None, ...]
     shape_apart: float
     tint: float
@@ -252,24 +252,24 @@ class Truth:
     def of(cls, scene: Scene, first: FirstOrderCamera) -> Truth:
         """Trace the lens of a scene."""
         setting = first.setting
-        half_mm = np.array(scene.film.size_m()) / 2 * 1e3
+        half_film_mm = np.array(scene.film.size_m()) / 2 * 1e3
         shape = stop_shape(scene, scene.camera.outline)
         low, high = usable_nm(setting.lens)
         requested = scene.spectrum.lens_colour != "off"
         coloured = requested and disperses(setting.lens)
         colours_nm = [min(max(end, low), high) for end in EXTREMES_NM] if coloured else []
-        pixel_mm = float(2 * half_mm[0] / scene.film.resolution[0])
-        fields = trace_fields(setting, shape, half_mm, pixel_mm, FIELDS, colours_nm)
+        pixel_mm = float(2 * half_film_mm[0] / scene.film.resolution[0])
+        fields = trace_fields(setting, shape, half_film_mm, pixel_mm, FIELDS, colours_nm)
         tint = lens_tint(scene, setting) if requested else 0.0
         lens = shaped(scene, setting).lens
-        return cls(scene, first, lens, half_mm, tuple(fields), round_stop(shape)[1], tint, coloured)
+        return cls(scene, first, lens, half_film_mm, tuple(fields), round_stop(shape)[1], tint, coloured)
 
     @property
     def view(self) -> VisibleWorld:
         """What the camera may see, ahead of the film: at least as much as to first order."""
         setting = self.first.setting
         start = setting.lens.film_z(setting.film_distance_mm)
-        half, slopes = np.zeros(2), self.half_mm / self.first.film_mm_per_tangent
+        half, slopes = np.zeros(2), self.half_film_mm / self.first.film_mm_per_tangent
         for each in self.fields:
             if each is not None:
                 half = np.maximum(half, np.abs(each.bundle.places(start)).max(axis=0))
@@ -365,7 +365,7 @@ def tier_error(truth: Truth, depths_mm: Sequence[float], tier: Tier) -> TierErro
         return TierError(tier, dict.fromkeys(EFFECTS, none), none)
     if tier == "fitted":
         return errors_of_polynomials(fit_polynomials(truth.scene, colours=truth.coloured))
-    bundles = [tier_bundle(truth.first, tier, field * truth.half_mm) for field in FIELDS]
+    bundles = [tier_bundle(truth.first, tier, field * truth.half_film_mm) for field in FIELDS]
     apart = [_bundle_errors(*pair, depths_mm) for pair in zip(truth.fields, bundles, strict=True)]
     distortion, blur, outline = (tuple(column) for column in zip(*apart, strict=True))
     effects = {"distortion": distortion, "blur": blur, "outline": outline, "shape": none, "colour": none}

@@ -19,26 +19,19 @@ from rptcam_cl.optics.ghosts import Lit, find_ghosts
 from rptcam_cl.rendering.cameras.lens_records import ghost_setting
 from rptcam_cl.rendering.diffraction import diffraction_of
 from rptcam_cl.rendering.metering import resolve_exposure
+from rptcam_cl.rendering.tolerances import CONFIDENCE, Interval
 from rptcam_cl.scene.load import change_scene, load_scene
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.studies.focus.controller import in_focus
 from rptcam_cl.studies.tiers import FIELDS, TierError
-from rptcam_cl.studies.tradeoff_errors import (
-    AS_IT_IS,
-    CONFIDENCE,
-    REFERENCE,
-    Interval,
-    draws,
-    ladder,
-    most_accurate,
-    pair_errors,
-)
+from rptcam_cl.studies.tradeoff_errors import TARGETS, Measurement, draws, measurements, pair_errors
 from rptcam_cl.studies.tradeoff_runs import (
-    TARGETS,
-    Measurement,
+    AS_IT_IS,
+    REFERENCE,
     Pictures,
     Ready,
-    measurements,
+    ladder,
+    most_accurate,
     prepare,
     render_by_turns,
 )

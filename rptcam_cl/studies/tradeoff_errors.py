@@ -1,12 +1,11 @@
-"""The configurations that are compared, and how their pictures differ, by pairs of seeds."""
+"""How pictures differ by pairs of seeds, and what is said of each configuration: noise, bias and times."""
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable
-from dataclasses import replace
-from functools import cache, partial
+from dataclasses import field
+from functools import cache
 from itertools import combinations
 from statistics import NormalDist
 from typing import Any
@@ -15,231 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.core.errors import InputError
-from rptcam_cl.rendering.film import TILE, TILE_PIXELS, FilmLayout
-from rptcam_cl.scene.load import change_scene, with_camera
-from rptcam_cl.scene.scene import Scene
-from rptcam_cl.studies.tier_models import TIERS, Tier, equivalent
-from rptcam_cl.studies.tiers import Decision, choose_camera
-
-#
-# Which tiles of the film are rendered: all, or some spread evenly, at the resolution of the picture itself.
-#
-# A picture made smaller would hide what an inaccurate camera does to fine detail; tiles of the true one do not.
-
-
-@dataclass(frozen=True)
-class SpreadTiles:
-    """One tile in each cell of a grid over the film.
-
-    Attributes
-    ----------
-    tiles : (n,) array
-        Numbers of the tiles, row by row of the grid.
-    shape : (rows, columns)
-        Of the grid.
-    pixels : (p,) array
-        Where their pixels lie in the film's buffer.
-    cell : (p,) array
-        Which tile of `tiles` a pixel is in.
-    weights : (p,) array
-        Share of the picture that a pixel stands for; 1 in all.
-    all : int
-        Tiles that the picture has.
-    """
-
-    tiles: NDArray[np.uint32]
-    shape: tuple[int, int]
-    pixels: NDArray[np.int64]
-    cell: NDArray[np.int64]
-    weights: NDArray[np.float64]
-    all: int
-
-    def some(self, chosen: NDArray[np.int64]) -> SpreadTiles:
-        """Return a few of the tiles, by their places in `tiles`; each pixel stands for what it did."""
-        of_cell = np.full(len(self.tiles), -1)
-        of_cell[chosen] = np.arange(len(chosen))
-        cell = of_cell[self.cell]
-        kept = cell >= 0
-        shape = (1, len(chosen))
-        return SpreadTiles(self.tiles[chosen], shape, self.pixels[kept], cell[kept], self.weights[kept], self.all)
-
-
-def spread_tiles(layout: FilmLayout, most: int, rng: np.random.Generator) -> SpreadTiles:
-    """Return at most so many tiles, at a random place in cells of equal size; all where there are no more."""
-    across, down = layout.tiles_across, -(-layout.height // TILE)
-    columns, rows = across, down
-    if across * down > most:
-        columns = min(max(round((most * across / down) ** 0.5), 1), across, most)
-        rows = min(max(most // columns, 1), down)
-    x_edges, y_edges = (np.arange(n + 1) * of // n for n, of in ((columns, across), (rows, down)))
-    x = rng.integers(x_edges[:-1], x_edges[1:], size=(rows, columns))
-    y = rng.integers(y_edges[:-1, None], y_edges[1:, None], size=(rows, columns))
-    tiles = (y * across + x).ravel().astype(np.uint32)
-    cells = np.outer(np.diff(y_edges), np.diff(x_edges)).ravel()
-    buffer = (tiles[:, None].astype(np.int64) * TILE_PIXELS + np.arange(TILE_PIXELS)).ravel()
-    inside = layout.inside[buffer]
-    cell = np.repeat(np.arange(len(tiles)), TILE_PIXELS)
-    full = len(tiles) == across * down
-    weights = np.ones(len(cell)) if full else cells[cell] / layout.pixels_of_tile[tiles][cell].clip(1)
-    weights = weights[inside] / weights[inside].sum()
-    return SpreadTiles(tiles, (rows, columns), buffer[inside], cell[inside], weights, layout.tiles)
-
-
-# The configurations that are compared: the most accurate one of a scene, and others with one thing changed.
-
-PARTS = ("film", "camera", "exposure", "shutter", "spectrum", "render")
-NOT_SAID = ("spp", "layers")  # keys of `render` that do not change the configuration
-
-
-def settings(scene: Scene, wanted: Scene) -> tuple[str, ...]:
-    """Return the arguments of ``rptcam render --set`` that turn one scene into another; only such keys may differ."""
-    return tuple(text for part in PARTS for text in _of_part(part, getattr(scene, part), getattr(wanted, part)))
-
-
-def _of_part(part: str, own: Any, wanted: Any) -> list[str]:
-    values = wanted.model_dump(mode="json", exclude_none=True)
-    if type(own) is type(wanted):
-        apart = [name for name in type(own).model_fields if getattr(own, name) != getattr(wanted, name)]
-        return [_override_text(f"{part}.{name}", values.get(name)) for name in apart if name not in NOT_SAID]
-    given = {name: values[name] for name in values if name in wanted.model_fields_set | {"kind"}}
-    gone = [f"{part}.{name}=null" for name in own.model_fields_set if name not in given]
-    apart = [name for name in given if getattr(own, name, None) != getattr(wanted, name)]
-    by_key = [*gone, *(_override_text(f"{part}.{name}", given[name]) for name in apart)]
-    return min(by_key, [_override_text(part, given)], key=lambda texts: len(" ".join(texts)))
-
-
-def _override_text(path: str, value: Any) -> str:
-    return f"{path}={value if isinstance(value, str) else json.dumps(value)}"
-
-
-REFERENCE = "full"
-AS_IT_IS = "as the scene says"
-PUPILS = ("rear", "thick", "bounds")  # beside the outline of the pupil itself, which the reference has
-SHORT_DEPTHS = (2, 4)  # edges: direct light alone, and two bounces more
-
-
-@dataclass(frozen=True)
-class Variant:
-    """One configuration in which a scene is rendered.
-
-    Attributes
-    ----------
-    name : str
-    knob : str
-        What differs from the most accurate one; empty for that one itself.
-    scene : Scene
-    tier : str
-        Camera model, one of `tiers.TIERS`; empty for a camera without a lens of surfaces.
-    unbiased : bool
-        Whether the change affects only the noise, not the mean of the picture.
-    settings : tuple of str
-        Arguments of ``rptcam render --set`` that give this configuration.
-    same_as : tuple of str
-        Names of other configurations that give the same picture.
-    """
-
-    name: str
-    knob: str
-    scene: Scene
-    tier: str = ""
-    unbiased: bool = False
-    settings: tuple[str, ...] = ()
-    same_as: tuple[str, ...] = ()
-
-    def with_name_of(self, other: Variant) -> Variant:
-        """Return it with the name of an equal configuration added, and the shorter settings of the two."""
-        shorter = min(self.settings, other.settings, key=lambda texts: len(" ".join(texts)))
-        return replace(self, settings=shorter, same_as=(*self.same_as, other.name))
-
-
-def ladder(scene: Scene) -> tuple[list[Variant], dict[str, str], Decision | None]:
-    """Make the configurations of a scene; their plans may show that some are equal.
-
-    Returns
-    -------
-    configurations : list of Variant
-        The most accurate first.
-    skipped : dict
-        Why a configuration is missing, by its name.
-    decision : Decision or None
-        What `camera.accuracy: auto` would choose; None for a camera without a lens of surfaces.
-    """
-    reference = most_accurate(scene)
-    full, camera = reference.scene, reference.scene.camera
-    variants, skipped = [replace(reference, settings=settings(scene, full))], {}
-    decision = None
-
-    def add(name: str, knob: str, make: Callable[[], Scene], *, unbiased: bool = False, tier: str = "") -> None:
-        """Add what a scene becomes as requested, before `camera.accuracy` chooses a camera model."""
-        try:
-            requested = make()
-            made = choose_camera(requested).scene
-        except InputError as problem:
-            skipped[name] = str(problem)
-        else:
-            texts = settings(scene, requested)
-            variants.append(Variant(name, knob, made, tier or reference.tier, unbiased, texts))
-
-    add(AS_IT_IS, "scene", partial(_without_layers, scene))
-    if camera.traced_camera is not None:
-        decision = choose_camera(change_scene(full, camera={"accuracy": "auto"}))
-        for tier in reversed(TIERS[:-1]):
-            add(name_of(tier), "camera", partial(equivalent, full, tier), tier=tier)
-        add("lens: float64", "precision", partial(change_scene, full, camera={"precision": "double"}))
-        for pupil in PUPILS:
-            add(f"pupil: {pupil}", "pupil", partial(change_scene, full, camera={"pupil": pupil}), unbiased=True)
-    if camera.ideal_lens is not None and camera.field_of_view is not None:
-        add("pinhole", "camera", partial(_without_lens, full))
-    for mode in ("dispersive", "rgb"):
-        add(f"spectrum: {mode}", "spectrum", partial(_with_mode, full, mode))
-    for depth in SHORT_DEPTHS:
-        if depth < full.render.max_depth:
-            add(f"depth {depth}", "depth", partial(change_scene, full, render={"max_depth": depth}))
-    independent = partial(change_scene, full, render={"sampler": "independent"})
-    add("independent samples", "sampler", independent, unbiased=True)
-    if decision is not None:
-        cheap = change_scene(scene, camera={"accuracy": "auto"})
-        add("accuracy: auto", "combination", partial(_without_layers, cheap), tier=decision.tier)
-    return variants, skipped, decision
-
-
-def name_of(tier: Tier) -> str:
-    """The name of a camera model for readers."""
-    return "fitted rays" if tier == "fitted" else tier.replace("_", " ")
-
-
-def most_accurate(scene: Scene) -> Variant:
-    """Return the most accurate configuration of a scene.
-
-    Every ray goes through every surface and aims at the pupil's outline. The lens refracts each wavelength separately
-    unless the spectrum is RGB. Nothing is clamped. The lens is traced in float32, because float64 has shown no
-    difference in the mean.
-    """
-    plain = change_scene(scene, render={"clamp": None, "noise": None, "layers": (), "sampler": "lattice"})
-    if scene.camera.traced_camera is None:
-        return Variant(REFERENCE, "", plain)
-    plain = change_scene(plain, camera={"accuracy": None, "pupil": "auto", "rays": "traced", "precision": "single"})
-    if plain.spectrum.mode != "rgb":
-        plain = change_scene(plain, spectrum={"lens": "on"})
-    return Variant(REFERENCE, "", plain, "realistic")
-
-
-def _without_layers(scene: Scene) -> Scene:
-    return change_scene(scene, render={"noise": None, "layers": ()})
-
-
-def _without_lens(scene: Scene) -> Scene:
-    """Return a scene with a pinhole in place of its thin lens."""
-    names = ("eye", "target", "up", "flip", "motion", "fov_degrees", "fov_axis")
-    return with_camera(scene, {name: getattr(scene.camera, name) for name in names} | {"kind": "pinhole"})
-
-
-def _with_mode(scene: Scene, mode: str) -> Scene:
-    if mode == "dispersive" and scene.spectrum.mode != "spectral":
-        return scene
-    return change_scene(scene, spectrum={"mode": mode, "lens": "off" if mode == "rgb" else "on"})
-
+from rptcam_cl.rendering.tolerances import CONFIDENCE, Interval
+from rptcam_cl.studies.tradeoff_runs import LongPictures, SpreadTiles, Timings
 
 #
 # Intervals of what is measured by a few independent repetitions: bootstrap over the seeds.
@@ -253,16 +29,6 @@ def _with_mode(scene: Scene, mode: str) -> Scene:
 Array = NDArray[np.float64]
 
 REPLICATES = 2000
-CONFIDENCE = 0.95
-
-
-@dataclass(frozen=True)
-class Interval:
-    """An estimate and the ends of its interval of confidence; each may be infinite."""
-
-    value: float
-    low: float
-    high: float
 
 
 def draws(seeds: int, rng: np.random.Generator, replicates: int = REPLICATES) -> NDArray[np.int64]:
@@ -482,7 +248,7 @@ def noise_law(samples: tuple[int, int, int], noise: Array, fall: Array, before: 
 def _remaining_noise(fall: Array, replicates: int, rng: np.random.Generator) -> Array:
     """The share of the noise that is left: bootstrap over tiles, which counts both their noise and the choice of them.
 
-    It is widened for few tiles, as `statistics` does for few seeds.
+    It is widened for few tiles, as `interval` does for few seeds.
     """
     tiles = fall.shape[1]
     if tiles < 2 or not fall.sum(axis=1).all():
@@ -545,25 +311,6 @@ class PairErrors:
     weight_variances: dict[str, float]
     tile_errors: dict[str, float]
     fall: Array
-
-
-@dataclass(frozen=True)
-class LongPictures:
-    """Pictures of a few of the tiles with many samples, which tell how noise falls.
-
-    Attributes
-    ----------
-    samples : int
-        Samples per pixel.
-    chosen : (m,) array
-        Which of the tiles.
-    pixels : list
-        For each configuration, pixels (seeds, p, 3).
-    """
-
-    samples: int
-    chosen: NDArray[np.int64]
-    pixels: list[NDArray[np.float32]]
 
 
 class _Scales:
@@ -707,3 +454,276 @@ def _ratio_error(sums: Array, reference: Array, shares: Array, all_tiles: int) -
     whole = float(reference.sum())
     ratio = float(sums.sum()) / whole
     return _sampling_error(sums - ratio * reference, shares, all_tiles) / abs(whole)
+
+
+# What is said of each configuration: rates, bias and times, with intervals.
+
+SURE = 4.0  # standard errors above which a difference counts as certain: the bias of a tile, that of the brightness
+LEAST_NOISE = 1e-6  # of the estimate: what draws of the seeds count in which pictures happen to be the same
+RARE = 2.0  # times the lower end of the noise's interval that the upper is, where few paths make most of it
+SLOW = -0.95  # exponent of the noise over the samples: more would be slower than independent samples
+QUANTILE_STEPS = 121
+TIMES = np.geomspace(1e-4, 1e8, QUANTILE_STEPS)  # at which errors are compared [s]
+TARGETS = (0.02, 0.01)  # relative errors (root of relMSE) for which times are reported
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """One configuration. Times are for the whole picture on an idle device, unless stated otherwise.
+
+    Attributes
+    ----------
+    name, knob : str
+        As in `Variant`.
+    same_as, settings : tuple of str
+    tier : str
+    unbiased : bool
+    start_s : float
+        From the scene to the first ray [s].
+    sample_s, wall_sample_s : Interval
+        Time of one sample per pixel [s], and that by the clock.
+    samples : (int, int)
+        Numbers of samples per pixel that the noise was measured with.
+    noise : (Interval, Interval)
+        relMSE of the noise after these.
+    before, slope, beyond : Interval
+        Exponents of the noise over the samples: below the first number, between them, and what may be beyond the
+        second; -1 for independent samples.
+    rate : Interval
+        relMSE of the noise after a second.
+    bias : Interval
+        The relMSE that no time removes, against the most accurate configuration.
+    energy : Interval
+        Relative error of the mean of the picture.
+    seconds_to : dict
+        Time to each of `TARGETS` [s], at least that of one sample per pixel; infinite where the bias forbids it.
+    better_until : Interval
+        Time until which it errs less than the most accurate configuration [s]; 0 never, infinite always.
+    gain : Interval
+        How many times its noise (relMSE) the most accurate configuration has after a second, found by the same seeds.
+    bias_of_tiles : (tiles,) array
+        relMSE of the bias in each rendered tile.
+    noise_of_tiles : (tiles,) array
+        Standard error that noise alone gives it.
+    odds : (times,) array
+        Share of the draws of the seeds by which it errs less than the most accurate configuration, after each of
+        `TIMES`; empty where that was not drawn.
+    """
+
+    name: str
+    knob: str
+    same_as: tuple[str, ...]
+    settings: tuple[str, ...]
+    tier: str
+    unbiased: bool
+    start_s: float
+    sample_s: Interval
+    wall_sample_s: Interval
+    samples: tuple[int, int]
+    noise: tuple[Interval, Interval]
+    before: Interval
+    slope: Interval
+    beyond: Interval
+    rate: Interval
+    bias: Interval
+    energy: Interval
+    seconds_to: dict[float, Interval]
+    better_until: Interval
+    gain: Interval
+    bias_of_tiles: Array
+    noise_of_tiles: Array
+    odds: Array = field(default_factory=lambda: np.empty(0))
+
+    def odds_after(self, seconds: float) -> float | None:
+        """Return how probable it is that it errs less than the most accurate configuration after a time [s]."""
+        return float(np.interp(np.log(seconds), np.log(TIMES), self.odds)) if len(self.odds) else None
+
+    @property
+    def sure_bias_of_tiles(self) -> Array:
+        """The bias of tiles where it is larger than noise explains, and 0 elsewhere."""
+        return np.where(self.bias_of_tiles > SURE * self.noise_of_tiles, self.bias_of_tiles, 0.0)
+
+    def bias_at(self, end: str) -> float:
+        """Return the bias as relMSE, ``low``, ``value`` or ``high`` of its interval; 0 where there can be none."""
+        return 0.0 if self.unbiased or not self.knob else max(float(getattr(self.bias, end)), 0.0)
+
+    @property
+    def has_rare_paths(self) -> bool:
+        """Whether the noise comes from paths so rare that its size is uncertain."""
+        return self.noise[1].high > RARE * self.noise[1].low or self.slope.low > SLOW
+
+    def error_after(self, seconds: float, end: str = "high") -> float:
+        """Return the relative error (root of relMSE) after a time, with the bias at an end of its interval.
+
+        Infinite where the time is not enough for a sample in every pixel.
+        """
+        if seconds < self.sample_s.value:
+            return math.inf
+        return math.sqrt(self.bias_at(end) + self.noise_after(seconds))
+
+    def errors_after(self, seconds: float) -> tuple[float, float]:
+        """Return the least and the largest relative error after a time that the intervals of noise and bias allow."""
+        samples = seconds / self.sample_s.value
+        low, high = float(self.law("low").least(samples)), float(self.law("high").most(samples))
+        return math.sqrt(self.bias_at("low") + low), math.sqrt(self.bias_at("high") + high)
+
+    def noise_after(self, seconds: float) -> float:
+        """Return the noise after a time as relMSE."""
+        return float(self.law().after(seconds / self.sample_s.value))
+
+    def law(self, end: str = "value") -> NoiseLaw:
+        """Return how the noise falls, or with all of it at one end of its interval."""
+        first, last, before, beyond = (getattr(x, end) for x in (*self.noise, self.before, self.beyond))
+        return NoiseLaw(self.samples, (first, last), before, beyond)
+
+    def seconds_until(self, error: float, end: str = "high") -> float:
+        """Return the time to a relative error [s], with the bias at an end of its interval; infinite means never."""
+        left = error**2 - self.bias_at(end)
+        return max(float(self.law().until(left)), 1.0) * self.sample_s.value if left > 0 else math.inf
+
+
+@dataclass(frozen=True)
+class _Replicates:
+    """Cost and error of one configuration for each draw of the seeds; the first draw has each seed once."""
+
+    sample_s: Array
+    law: NoiseLaw
+    bias: Array
+
+    @property
+    def rate(self) -> Array:
+        return np.asarray(self.law.after(1.0 / self.sample_s))
+
+    def even_after(self, seconds: Any) -> Array:
+        return np.asarray(self.law.even(seconds / self.sample_s))
+
+
+def measurements(
+    named: list[dict[str, Any]],
+    errors: list[PairErrors],
+    timings: list[Timings],
+    samples: tuple[int, int, int],
+    counts: NDArray[np.int64],
+) -> list[Measurement]:
+    """Return the measurement of every configuration, the reference first.
+
+    Parameters
+    ----------
+    named
+        Attributes of each that are not measured, by their names.
+    errors, timings
+        What was measured.
+    samples
+        Numbers of samples per pixel of the pictures, and of the long ones.
+    counts
+        Draws of the seeds, by `draws`.
+    """
+    seeds = counts.shape[1]
+    counts = np.concatenate([every_seed_once(seeds), counts])  # the first row gives the estimates
+    sources = []
+    for names, error, times in zip(named, errors, timings, strict=True):
+        law = noise_law(samples, _noise(error, counts), error.fall, _slope(error, samples, counts))
+        exact = names["unbiased"] or not names["knob"]
+        bias = np.zeros(len(counts)) if exact else _bias(error, errors[0], counts)
+        sample_s = median_over_seeds(times[0], counts)
+        sources.append(_Replicates(sample_s, law, bias))
+    results = []
+    for names, error, times, own in zip(named, errors, timings, sources, strict=True):
+        values = {
+            "sample_s": own.sample_s,
+            "wall_sample_s": median_over_seeds(times[1], counts),
+            "first": own.law.noise[0],
+            "last": own.law.noise[1],
+            "before": own.law.before,
+            "slope": own.law.between,
+            "beyond": own.law.beyond,
+            "rate": own.rate,
+            "bias": _bias(error, errors[0], counts),
+            "energy": _energy(error, errors[0], counts),
+            "better_until": _better_until(own, sources[0]),
+            "gain": _gain(own, sources[0]),
+        }
+        intervals: dict[str, Any] = {name: interval(rows[0], rows[1:], seeds) for name, rows in values.items()}
+        noise = (intervals.pop("first"), intervals.pop("last"))
+        reached = ((target, _time_to(own, target)) for target in TARGETS)
+        to = {target: interval(rows[0], rows[1:], seeds) for target, rows in reached}
+        tiles: dict[str, Any] = {"bias_of_tiles": error.by_tile, "noise_of_tiles": error.noise_of_tiles}
+        tiles["odds"] = (_gains(own, sources[0])[:, 1:] > 0).mean(axis=1)
+        results.append(Measurement(**names, **intervals, **tiles, samples=samples[1:], noise=noise, seconds_to=to))
+    return results
+
+
+def _bias(error: PairErrors, reference: PairErrors, counts: NDArray[np.int64]) -> Array:
+    """Return the bias; a certain difference in the brightness of the whole picture is its lower limit.
+
+    Light that few paths bring, each to a pixel of its own, is missing in no pixel of two pictures, but in their means.
+    """
+    values = over_pairs(error.bias, counts)
+    own = math.sqrt(error_over_pairs(error.bias) ** 2 + error.weight_variances["bias"])
+    values = spread_about(values[0], values, max(own, error.tile_errors["bias"]))
+    energy = _energy(error, reference, counts)
+    if abs(energy[0]) <= SURE * float(energy.std()):
+        return values
+    return np.maximum(values, reference.evenness * energy**2)
+
+
+def _noise(error: PairErrors, counts: NDArray[np.int64]) -> Array:
+    """Return the noise of a picture, spread by its logarithm, as it is above 0; nothing where pictures are the same."""
+    values = over_pairs(error.noise[-1], counts)
+    if not values[0] > 0:
+        return np.zeros_like(values)
+    values = np.maximum(values, LEAST_NOISE * values[0])
+    own = math.sqrt(float(values.var()) + error.weight_variances["noise"])
+    spread = max(own, error.tile_errors["noise"]) / values[0]
+    return np.asarray(values[0] * np.exp(spread_about(0.0, np.log(values / values[0]), spread)))
+
+
+def _energy(error: PairErrors, reference: PairErrors, counts: NDArray[np.int64]) -> Array:
+    values = over_seeds(error.brightness, counts) / over_seeds(reference.brightness, counts) - 1
+    return spread_about(values[0], values, max(float(values.std()), error.tile_errors["energy"]))
+
+
+def _slope(error: PairErrors, samples: tuple[int, ...], counts: NDArray[np.int64]) -> Array:
+    first, last = (
+        over_pairs(error.noise[0], counts),
+        over_pairs(error.noise[-1], counts),
+    )
+    with np.errstate(divide="ignore", invalid="ignore"):
+        exponents = np.log(last / first) / np.log(samples[1] / samples[0])
+    return np.where(np.isfinite(exponents), exponents, INDEPENDENT)
+
+
+def _time_to(own: _Replicates, target: float) -> Array:
+    left = target**2 - np.maximum(own.bias, 0.0)
+    off = np.random.default_rng(len(left)).uniform(-1.0, 1.0, len(left))
+    off[0] = 0.0  # the estimate
+    samples = own.law.until(np.where(left > 0, left * own.law.doubt**off, np.inf))
+    return np.where(left > 0, np.maximum(samples, 1.0) * own.sample_s, np.inf)
+
+
+def _gain(own: _Replicates, reference: _Replicates) -> Array:
+    """Return how many times its noise the reference has; how many times its time of a sample where neither has any."""
+    even = np.where(reference.rate > 0, np.inf, reference.sample_s / own.sample_s)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(own.rate > 0, reference.rate / own.rate, even)
+
+
+def _gains(own: _Replicates, reference: _Replicates) -> Array:
+    """Return the logarithm of how many times its error (relMSE) the reference has: a row for each of `TIMES`."""
+    bias, times = np.maximum(own.bias, 0.0), TIMES[:, None]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(np.log(reference.even_after(times) / (own.even_after(times) + bias)))
+
+
+def _better_until(own: _Replicates, reference: _Replicates) -> Array:
+    """Return the last time at which it errs less than the reference: 0 for never, infinite for always."""
+    gains, times = _gains(own, reference), TIMES
+    better = gains > 0
+    last = QUANTILE_STEPS - 1 - better[::-1].argmax(axis=0)
+    after = np.minimum(last + 1, QUANTILE_STEPS - 1)
+    place = np.arange(gains.shape[1])
+    here, there = gains[last, place], gains[after, place]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        crossing = times[last] * (times[1] / times[0]) ** (here / (here - there))
+    last_times = np.where(last == QUANTILE_STEPS - 1, np.inf, crossing)
+    return np.where(better.any(axis=0), last_times, 0.0)

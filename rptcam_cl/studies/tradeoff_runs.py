@@ -1,12 +1,14 @@
-"""Short renders of every configuration by turns, how many fit the time, and what is said of each."""
+"""The configurations that are compared, and short renders of them by turns: how many fit the time."""
 
 from __future__ import annotations
 
+import json
 import math
 import os
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import field, replace
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,304 +18,236 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import DeviceError, InputError
 from rptcam_cl.device.session import Session
 from rptcam_cl.rendering.account import truncation
-from rptcam_cl.rendering.film import TILE_PIXELS, FilmLayout
+from rptcam_cl.rendering.film import TILE, TILE_PIXELS, FilmLayout
 from rptcam_cl.rendering.highlights import aimed_plan
 from rptcam_cl.rendering.passes import check_precision
 from rptcam_cl.rendering.plan.plan import Plan, make_plan
 from rptcam_cl.rendering.tracer import Wavefront
 from rptcam_cl.scene.film import RenderSettings
-from rptcam_cl.studies import tradeoff_errors
-
-# What is said of each configuration: rates, bias and times, with intervals.
+from rptcam_cl.scene.load import change_scene, with_camera
+from rptcam_cl.scene.scene import Scene
+from rptcam_cl.studies.tier_models import TIERS, Tier, equivalent
+from rptcam_cl.studies.tiers import Decision, choose_camera
 
 Array = NDArray[np.float64]
 
-SURE = 4.0  # standard errors above which a difference counts as certain: the bias of a tile, that of the brightness
-LEAST_NOISE = 1e-6  # of the estimate: what draws of the seeds count in which pictures happen to be the same
-RARE = 2.0  # times the lower end of the noise's interval that the upper is, where few paths make most of it
-SLOW = -0.95  # exponent of the noise over the samples: more would be slower than independent samples
-QUANTILE_STEPS = 121
-TIMES = np.geomspace(1e-4, 1e8, QUANTILE_STEPS)  # at which errors are compared [s]
-TARGETS = (0.02, 0.01)  # relative errors (root of relMSE) for which times are reported
-
-
-Timings = tuple[Array, Array]
-"""Times of one configuration, per sample per pixel of the whole picture, one for each seed [s].
-
-With the device to itself: on a processor the CPU time of all threads divided by the cores, else by the clock. Then the
-time by the clock.
-"""
+#
+# Which tiles of the film are rendered: all, or some spread evenly, at the resolution of the picture itself.
+#
+# A picture made smaller would hide what an inaccurate camera does to fine detail; tiles of the true one do not.
 
 
 @dataclass(frozen=True)
-class Measurement:
-    """One configuration. Times are for the whole picture on an idle device, unless stated otherwise.
+class SpreadTiles:
+    """One tile in each cell of a grid over the film.
 
     Attributes
     ----------
-    name, knob : str
-        As in `ladder.Configuration`.
-    same_as, settings : tuple of str
+    tiles : (n,) array
+        Numbers of the tiles, row by row of the grid.
+    shape : (rows, columns)
+        Of the grid.
+    pixels : (p,) array
+        Where their pixels lie in the film's buffer.
+    cell : (p,) array
+        Which tile of `tiles` a pixel is in.
+    weights : (p,) array
+        Share of the picture that a pixel stands for; 1 in all.
+    all : int
+        Tiles that the picture has.
+    """
+
+    tiles: NDArray[np.uint32]
+    shape: tuple[int, int]
+    pixels: NDArray[np.int64]
+    cell: NDArray[np.int64]
+    weights: NDArray[np.float64]
+    all: int
+
+    def some(self, chosen: NDArray[np.int64]) -> SpreadTiles:
+        """Return a few of the tiles, by their places in `tiles`; each pixel stands for what it did."""
+        of_cell = np.full(len(self.tiles), -1)
+        of_cell[chosen] = np.arange(len(chosen))
+        cell = of_cell[self.cell]
+        kept = cell >= 0
+        shape = (1, len(chosen))
+        return SpreadTiles(self.tiles[chosen], shape, self.pixels[kept], cell[kept], self.weights[kept], self.all)
+
+
+def spread_tiles(layout: FilmLayout, most: int, rng: np.random.Generator) -> SpreadTiles:
+    """Return at most so many tiles, at a random place in cells of equal size; all where there are no more."""
+    across, down = layout.tiles_across, -(-layout.height // TILE)
+    columns, rows = across, down
+    if across * down > most:
+        columns = min(max(round((most * across / down) ** 0.5), 1), across, most)
+        rows = min(max(most // columns, 1), down)
+    x_edges, y_edges = (np.arange(n + 1) * of // n for n, of in ((columns, across), (rows, down)))
+    x = rng.integers(x_edges[:-1], x_edges[1:], size=(rows, columns))
+    y = rng.integers(y_edges[:-1, None], y_edges[1:, None], size=(rows, columns))
+    tiles = (y * across + x).ravel().astype(np.uint32)
+    cells = np.outer(np.diff(y_edges), np.diff(x_edges)).ravel()
+    buffer = (tiles[:, None].astype(np.int64) * TILE_PIXELS + np.arange(TILE_PIXELS)).ravel()
+    inside = layout.inside[buffer]
+    cell = np.repeat(np.arange(len(tiles)), TILE_PIXELS)
+    full = len(tiles) == across * down
+    weights = np.ones(len(cell)) if full else cells[cell] / layout.pixels_of_tile[tiles][cell].clip(1)
+    weights = weights[inside] / weights[inside].sum()
+    return SpreadTiles(tiles, (rows, columns), buffer[inside], cell[inside], weights, layout.tiles)
+
+
+# The configurations that are compared: the most accurate one of a scene, and others with one thing changed.
+
+PARTS = ("film", "camera", "exposure", "shutter", "spectrum", "render")
+NOT_SAID = ("spp", "layers")  # keys of `render` that do not change the configuration
+
+
+def settings(scene: Scene, wanted: Scene) -> tuple[str, ...]:
+    """Return the arguments of ``rptcam render --set`` that turn one scene into another; only such keys may differ."""
+    return tuple(text for part in PARTS for text in _of_part(part, getattr(scene, part), getattr(wanted, part)))
+
+
+def _of_part(part: str, own: Any, wanted: Any) -> list[str]:
+    values = wanted.model_dump(mode="json", exclude_none=True)
+    if type(own) is type(wanted):
+        apart = [name for name in type(own).model_fields if getattr(own, name) != getattr(wanted, name)]
+        return [_override_text(f"{part}.{name}", values.get(name)) for name in apart if name not in NOT_SAID]
+    given = {name: values[name] for name in values if name in wanted.model_fields_set | {"kind"}}
+    gone = [f"{part}.{name}=null" for name in own.model_fields_set if name not in given]
+    apart = [name for name in given if getattr(own, name, None) != getattr(wanted, name)]
+    by_key = [*gone, *(_override_text(f"{part}.{name}", given[name]) for name in apart)]
+    return min(by_key, [_override_text(part, given)], key=lambda texts: len(" ".join(texts)))
+
+
+def _override_text(path: str, value: Any) -> str:
+    return f"{path}={value if isinstance(value, str) else json.dumps(value)}"
+
+
+REFERENCE = "full"
+AS_IT_IS = "as the scene says"
+PUPILS = ("rear", "thick", "bounds")  # beside the outline of the pupil itself, which the reference has
+SHORT_DEPTHS = (2, 4)  # edges: direct light alone, and two bounces more
+
+
+@dataclass(frozen=True)
+class Variant:
+    """One configuration in which a scene is rendered.
+
+    Attributes
+    ----------
+    name : str
+    knob : str
+        What differs from the most accurate one; empty for that one itself.
+    scene : Scene
     tier : str
+        Camera model, one of `tiers.TIERS`; empty for a camera without a lens of surfaces.
     unbiased : bool
-    start_s : float
-        From the scene to the first ray [s].
-    sample_s, wall_sample_s : Interval
-        Time of one sample per pixel [s], and that by the clock.
-    samples : (int, int)
-        Numbers of samples per pixel that the noise was measured with.
-    noise : (Interval, Interval)
-        relMSE of the noise after these.
-    before, slope, beyond : Interval
-        Exponents of the noise over the samples: below the first number, between them, and what may be beyond the
-        second; -1 for independent samples.
-    rate : Interval
-        relMSE of the noise after a second.
-    bias : Interval
-        The relMSE that no time removes, against the most accurate configuration.
-    energy : Interval
-        Relative error of the mean of the picture.
-    seconds_to : dict
-        Time to each of `TARGETS` [s], at least that of one sample per pixel; infinite where the bias forbids it.
-    better_until : Interval
-        Time until which it errs less than the most accurate configuration [s]; 0 never, infinite always.
-    gain : Interval
-        How many times its noise (relMSE) the most accurate configuration has after a second, found by the same seeds.
-    bias_of_tiles : (tiles,) array
-        relMSE of the bias in each rendered tile.
-    noise_of_tiles : (tiles,) array
-        Standard error that noise alone gives it.
-    odds : (times,) array
-        Share of the draws of the seeds by which it errs less than the most accurate configuration, after each of
-        `TIMES`; empty where that was not drawn.
+        Whether the change affects only the noise, not the mean of the picture.
+    settings : tuple of str
+        Arguments of ``rptcam render --set`` that give this configuration.
+    same_as : tuple of str
+        Names of other configurations that give the same picture.
     """
 
     name: str
     knob: str
-    same_as: tuple[str, ...]
-    settings: tuple[str, ...]
-    tier: str
-    unbiased: bool
-    start_s: float
-    sample_s: tradeoff_errors.Interval
-    wall_sample_s: tradeoff_errors.Interval
-    samples: tuple[int, int]
-    noise: tuple[tradeoff_errors.Interval, tradeoff_errors.Interval]
-    before: tradeoff_errors.Interval
-    slope: tradeoff_errors.Interval
-    beyond: tradeoff_errors.Interval
-    rate: tradeoff_errors.Interval
-    bias: tradeoff_errors.Interval
-    energy: tradeoff_errors.Interval
-    seconds_to: dict[float, tradeoff_errors.Interval]
-    better_until: tradeoff_errors.Interval
-    gain: tradeoff_errors.Interval
-    bias_of_tiles: Array
-    noise_of_tiles: Array
-    odds: Array = field(default_factory=lambda: np.empty(0))
+    scene: Scene
+    tier: str = ""
+    unbiased: bool = False
+    settings: tuple[str, ...] = ()
+    same_as: tuple[str, ...] = ()
 
-    def odds_after(self, seconds: float) -> float | None:
-        """Return how probable it is that it errs less than the most accurate configuration after a time [s]."""
-        return float(np.interp(np.log(seconds), np.log(TIMES), self.odds)) if len(self.odds) else None
-
-    @property
-    def sure_bias_of_tiles(self) -> Array:
-        """The bias of tiles where it is larger than noise explains, and 0 elsewhere."""
-        return np.where(self.bias_of_tiles > SURE * self.noise_of_tiles, self.bias_of_tiles, 0.0)
-
-    def bias_at(self, end: str) -> float:
-        """Return the bias as relMSE, ``low``, ``value`` or ``high`` of its interval; 0 where there can be none."""
-        return 0.0 if self.unbiased or not self.knob else max(float(getattr(self.bias, end)), 0.0)
-
-    @property
-    def has_rare_paths(self) -> bool:
-        """Whether the noise comes from paths so rare that its size is uncertain."""
-        return self.noise[1].high > RARE * self.noise[1].low or self.slope.low > SLOW
-
-    def error_after(self, seconds: float, end: str = "high") -> float:
-        """Return the relative error (root of relMSE) after a time, with the bias at an end of its interval.
-
-        Infinite where the time is not enough for a sample in every pixel.
-        """
-        if seconds < self.sample_s.value:
-            return math.inf
-        return math.sqrt(self.bias_at(end) + self.noise_after(seconds))
-
-    def errors_after(self, seconds: float) -> tuple[float, float]:
-        """Return the least and the largest relative error after a time that the intervals of noise and bias allow."""
-        samples = seconds / self.sample_s.value
-        low, high = float(self.law("low").least(samples)), float(self.law("high").most(samples))
-        return math.sqrt(self.bias_at("low") + low), math.sqrt(self.bias_at("high") + high)
-
-    def noise_after(self, seconds: float) -> float:
-        """Return the noise after a time as relMSE."""
-        return float(self.law().after(seconds / self.sample_s.value))
-
-    def law(self, end: str = "value") -> tradeoff_errors.NoiseLaw:
-        """Return how the noise falls, or with all of it at one end of its interval."""
-        first, last, before, beyond = (getattr(x, end) for x in (*self.noise, self.before, self.beyond))
-        return tradeoff_errors.NoiseLaw(self.samples, (first, last), before, beyond)
-
-    def seconds_until(self, error: float, end: str = "high") -> float:
-        """Return the time to a relative error [s], with the bias at an end of its interval; infinite means never."""
-        left = error**2 - self.bias_at(end)
-        return max(float(self.law().until(left)), 1.0) * self.sample_s.value if left > 0 else math.inf
+    def with_name_of(self, other: Variant) -> Variant:
+        """Return it with the name of an equal configuration added, and the shorter settings of the two."""
+        shorter = min(self.settings, other.settings, key=lambda texts: len(" ".join(texts)))
+        return replace(self, settings=shorter, same_as=(*self.same_as, other.name))
 
 
-@dataclass(frozen=True)
-class _Replicates:
-    """Cost and error of one configuration for each draw of the seeds; the first draw has each seed once."""
+def ladder(scene: Scene) -> tuple[list[Variant], dict[str, str], Decision | None]:
+    """Make the configurations of a scene; their plans may show that some are equal.
 
-    sample_s: Array
-    law: tradeoff_errors.NoiseLaw
-    bias: Array
-
-    @property
-    def rate(self) -> Array:
-        return np.asarray(self.law.after(1.0 / self.sample_s))
-
-    def even_after(self, seconds: Any) -> Array:
-        return np.asarray(self.law.even(seconds / self.sample_s))
-
-
-def measurements(
-    named: list[dict[str, Any]],
-    errors: list[tradeoff_errors.PairErrors],
-    timings: list[Timings],
-    samples: tuple[int, int, int],
-    counts: NDArray[np.int64],
-) -> list[Measurement]:
-    """Return the measurement of every configuration, the reference first.
-
-    Parameters
-    ----------
-    named
-        Attributes of each that are not measured, by their names.
-    errors, timings
-        What was measured.
-    samples
-        Numbers of samples per pixel of the pictures, and of the long ones.
-    counts
-        Draws of the seeds, by `statistics.draws`.
+    Returns
+    -------
+    configurations : list of Variant
+        The most accurate first.
+    skipped : dict
+        Why a configuration is missing, by its name.
+    decision : Decision or None
+        What `camera.accuracy: auto` would choose; None for a camera without a lens of surfaces.
     """
-    seeds = counts.shape[1]
-    counts = np.concatenate([tradeoff_errors.every_seed_once(seeds), counts])  # the first row gives the estimates
-    sources = []
-    for names, error, times in zip(named, errors, timings, strict=True):
-        law = tradeoff_errors.noise_law(samples, _noise(error, counts), error.fall, _slope(error, samples, counts))
-        exact = names["unbiased"] or not names["knob"]
-        bias = np.zeros(len(counts)) if exact else _bias(error, errors[0], counts)
-        sample_s = tradeoff_errors.median_over_seeds(times[0], counts)
-        sources.append(_Replicates(sample_s, law, bias))
-    results = []
-    for names, error, times, own in zip(named, errors, timings, sources, strict=True):
-        values = {
-            "sample_s": own.sample_s,
-            "wall_sample_s": tradeoff_errors.median_over_seeds(times[1], counts),
-            "first": own.law.noise[0],
-            "last": own.law.noise[1],
-            "before": own.law.before,
-            "slope": own.law.between,
-            "beyond": own.law.beyond,
-            "rate": own.rate,
-            "bias": _bias(error, errors[0], counts),
-            "energy": _energy(error, errors[0], counts),
-            "better_until": _better_until(own, sources[0]),
-            "gain": _gain(own, sources[0]),
-        }
-        intervals: dict[str, Any] = {
-            name: tradeoff_errors.interval(rows[0], rows[1:], seeds) for name, rows in values.items()
-        }
-        noise = (intervals.pop("first"), intervals.pop("last"))
-        reached = {target: _time_to(own, target) for target in TARGETS}
-        to: dict[float, tradeoff_errors.Interval] = {
-            target: tradeoff_errors.interval(rows[0], rows[1:], seeds) for target, rows in reached.items()
-        }
-        tiles: dict[str, Any] = {"bias_of_tiles": error.by_tile, "noise_of_tiles": error.noise_of_tiles}
-        tiles["odds"] = (_gains(own, sources[0])[:, 1:] > 0).mean(axis=1)
-        results.append(Measurement(**names, **intervals, **tiles, samples=samples[1:], noise=noise, seconds_to=to))
-    return results
+    reference = most_accurate(scene)
+    full, camera = reference.scene, reference.scene.camera
+    variants, skipped = [replace(reference, settings=settings(scene, full))], {}
+    decision = None
+
+    def add(name: str, knob: str, make: Callable[[], Scene], *, unbiased: bool = False, tier: str = "") -> None:
+        """Add what a scene becomes as requested, before `camera.accuracy` chooses a camera model."""
+        try:
+            requested = make()
+            made = choose_camera(requested).scene
+        except InputError as problem:
+            skipped[name] = str(problem)
+        else:
+            texts = settings(scene, requested)
+            variants.append(Variant(name, knob, made, tier or reference.tier, unbiased, texts))
+
+    add(AS_IT_IS, "scene", partial(_without_layers, scene))
+    if camera.traced_camera is not None:
+        decision = choose_camera(change_scene(full, camera={"accuracy": "auto"}))
+        for tier in reversed(TIERS[:-1]):
+            add(name_of(tier), "camera", partial(equivalent, full, tier), tier=tier)
+        add("lens: float64", "precision", partial(change_scene, full, camera={"precision": "double"}))
+        for pupil in PUPILS:
+            add(f"pupil: {pupil}", "pupil", partial(change_scene, full, camera={"pupil": pupil}), unbiased=True)
+    if camera.ideal_lens is not None and camera.field_of_view is not None:
+        add("pinhole", "camera", partial(_without_lens, full))
+    for mode in ("dispersive", "rgb"):
+        add(f"spectrum: {mode}", "spectrum", partial(_with_mode, full, mode))
+    for depth in SHORT_DEPTHS:
+        if depth < full.render.max_depth:
+            add(f"depth {depth}", "depth", partial(change_scene, full, render={"max_depth": depth}))
+    independent = partial(change_scene, full, render={"sampler": "independent"})
+    add("independent samples", "sampler", independent, unbiased=True)
+    if decision is not None:
+        cheap = change_scene(scene, camera={"accuracy": "auto"})
+        add("accuracy: auto", "combination", partial(_without_layers, cheap), tier=decision.tier)
+    return variants, skipped, decision
 
 
-def _bias(error: tradeoff_errors.PairErrors, reference: tradeoff_errors.PairErrors, counts: NDArray[np.int64]) -> Array:
-    """Return the bias; a certain difference in the brightness of the whole picture is its lower limit.
+def name_of(tier: Tier) -> str:
+    """The name of a camera model for readers."""
+    return "fitted rays" if tier == "fitted" else tier.replace("_", " ")
 
-    Light that few paths bring, each to a pixel of its own, is missing in no pixel of two pictures, but in their means.
+
+def most_accurate(scene: Scene) -> Variant:
+    """Return the most accurate configuration of a scene.
+
+    Every ray goes through every surface and aims at the pupil's outline. The lens refracts each wavelength separately
+    unless the spectrum is RGB. Nothing is clamped. The lens is traced in float32, because float64 has shown no
+    difference in the mean.
     """
-    values = tradeoff_errors.over_pairs(error.bias, counts)
-    own = math.sqrt(tradeoff_errors.error_over_pairs(error.bias) ** 2 + error.weight_variances["bias"])
-    values = tradeoff_errors.spread_about(values[0], values, max(own, error.tile_errors["bias"]))
-    energy = _energy(error, reference, counts)
-    if abs(energy[0]) <= SURE * float(energy.std()):
-        return values
-    return np.maximum(values, reference.evenness * energy**2)
+    plain = change_scene(scene, render={"clamp": None, "noise": None, "layers": (), "sampler": "lattice"})
+    if scene.camera.traced_camera is None:
+        return Variant(REFERENCE, "", plain)
+    plain = change_scene(plain, camera={"accuracy": None, "pupil": "auto", "rays": "traced", "precision": "single"})
+    if plain.spectrum.mode != "rgb":
+        plain = change_scene(plain, spectrum={"lens": "on"})
+    return Variant(REFERENCE, "", plain, "realistic")
 
 
-def _noise(error: tradeoff_errors.PairErrors, counts: NDArray[np.int64]) -> Array:
-    """Return the noise of a picture, spread by its logarithm, as it is above 0; nothing where pictures are the same."""
-    values = tradeoff_errors.over_pairs(error.noise[-1], counts)
-    if not values[0] > 0:
-        return np.zeros_like(values)
-    values = np.maximum(values, LEAST_NOISE * values[0])
-    own = math.sqrt(float(values.var()) + error.weight_variances["noise"])
-    spread = max(own, error.tile_errors["noise"]) / values[0]
-    return np.asarray(values[0] * np.exp(tradeoff_errors.spread_about(0.0, np.log(values / values[0]), spread)))
+def _without_layers(scene: Scene) -> Scene:
+    return change_scene(scene, render={"noise": None, "layers": ()})
 
 
-def _energy(
-    error: tradeoff_errors.PairErrors, reference: tradeoff_errors.PairErrors, counts: NDArray[np.int64]
-) -> Array:
-    values = (
-        tradeoff_errors.over_seeds(error.brightness, counts) / tradeoff_errors.over_seeds(reference.brightness, counts)
-        - 1
-    )
-    return tradeoff_errors.spread_about(values[0], values, max(float(values.std()), error.tile_errors["energy"]))
+def _without_lens(scene: Scene) -> Scene:
+    """Return a scene with a pinhole in place of its thin lens."""
+    names = ("eye", "target", "up", "flip", "motion", "fov_degrees", "fov_axis")
+    return with_camera(scene, {name: getattr(scene.camera, name) for name in names} | {"kind": "pinhole"})
 
 
-def _slope(error: tradeoff_errors.PairErrors, samples: tuple[int, ...], counts: NDArray[np.int64]) -> Array:
-    first, last = (
-        tradeoff_errors.over_pairs(error.noise[0], counts),
-        tradeoff_errors.over_pairs(error.noise[-1], counts),
-    )
-    with np.errstate(divide="ignore", invalid="ignore"):
-        exponents = np.log(last / first) / np.log(samples[1] / samples[0])
-    return np.where(np.isfinite(exponents), exponents, tradeoff_errors.INDEPENDENT)
-
-
-def _time_to(own: _Replicates, target: float) -> Array:
-    left = target**2 - np.maximum(own.bias, 0.0)
-    off = np.random.default_rng(len(left)).uniform(-1.0, 1.0, len(left))
-    off[0] = 0.0  # the estimate
-    samples = own.law.until(np.where(left > 0, left * own.law.doubt**off, np.inf))
-    return np.where(left > 0, np.maximum(samples, 1.0) * own.sample_s, np.inf)
-
-
-def _gain(own: _Replicates, reference: _Replicates) -> Array:
-    """Return how many times its noise the reference has; how many times its time of a sample where neither has any."""
-    even = np.where(reference.rate > 0, np.inf, reference.sample_s / own.sample_s)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where(own.rate > 0, reference.rate / own.rate, even)
-
-
-def _gains(own: _Replicates, reference: _Replicates) -> Array:
-    """Return the logarithm of how many times its error (relMSE) the reference has: a row for each of `TIMES`."""
-    bias, times = np.maximum(own.bias, 0.0), TIMES[:, None]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.asarray(np.log(reference.even_after(times) / (own.even_after(times) + bias)))
-
-
-def _better_until(own: _Replicates, reference: _Replicates) -> Array:
-    """Return the last time at which it errs less than the reference: 0 for never, infinite for always."""
-    gains, times = _gains(own, reference), TIMES
-    better = gains > 0
-    last = QUANTILE_STEPS - 1 - better[::-1].argmax(axis=0)
-    after = np.minimum(last + 1, QUANTILE_STEPS - 1)
-    place = np.arange(gains.shape[1])
-    here, there = gains[last, place], gains[after, place]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        crossing = times[last] * (times[1] / times[0]) ** (here / (here - there))
-    last_times = np.where(last == QUANTILE_STEPS - 1, np.inf, crossing)
-    return np.where(better.any(axis=0), last_times, 0.0)
+def _with_mode(scene: Scene, mode: str) -> Scene:
+    if mode == "dispersive" and scene.spectrum.mode != "spectral":
+        return scene
+    return change_scene(scene, spectrum={"mode": mode, "lens": "off" if mode == "rgb" else "on"})
 
 
 # Short renders of every configuration by turns, with what each took of the clock and of the processor.
@@ -335,7 +269,7 @@ class Ready:
         Bound on the light of longer paths, from `rendering.truncation`.
     """
 
-    configuration: tradeoff_errors.Variant
+    configuration: Variant
     wavefront: Wavefront
     start_s: float
     facts: dict[str, Any]
@@ -343,7 +277,7 @@ class Ready:
 
 
 def prepare(
-    configurations: Sequence[tradeoff_errors.Variant], session: Session, on_step: Callable[[str, int], Any]
+    configurations: Sequence[Variant], session: Session, on_step: Callable[[str, int], Any]
 ) -> tuple[list[Ready], dict[str, str]]:
     """Return the configurations that differ, compiled, and why others of them cannot be rendered, by name.
 
@@ -391,9 +325,7 @@ def mark(plan: Plan, settings: RenderSettings) -> bytes:
     return repr((words, settings.roulette_depth)).encode() + b"".join(array.tobytes() for array in arrays)
 
 
-def run(
-    ready: Ready, tiles: tradeoff_errors.SpreadTiles, samples: int, seed: int
-) -> tuple[NDArray[np.float32], float, float]:
+def run(ready: Ready, tiles: SpreadTiles, samples: int, seed: int) -> tuple[NDArray[np.float32], float, float]:
     """Render the tiles once.
 
     Returns
@@ -443,6 +375,33 @@ LONG_TIME = _LONG / (_SHORT + _LONG)  # of all that is rendered
 
 
 @dataclass(frozen=True)
+class LongPictures:
+    """Pictures of a few of the tiles with many samples, which tell how noise falls.
+
+    Attributes
+    ----------
+    samples : int
+        Samples per pixel.
+    chosen : (m,) array
+        Which of the tiles.
+    pixels : list
+        For each configuration, pixels (seeds, p, 3).
+    """
+
+    samples: int
+    chosen: NDArray[np.int64]
+    pixels: list[NDArray[np.float32]]
+
+
+Timings = tuple[Array, Array]
+"""Times of one configuration, per sample per pixel of the whole picture, one for each seed [s].
+
+With the device to itself: on a processor the CPU time of all threads divided by the cores, else by the clock. Then the
+time by the clock.
+"""
+
+
+@dataclass(frozen=True)
 class Pictures:
     """All short renders.
 
@@ -460,11 +419,11 @@ class Pictures:
         Whether the undisturbed times are CPU times divided by the cores.
     """
 
-    tiles: tradeoff_errors.SpreadTiles
+    tiles: SpreadTiles
     samples: tuple[int, int]
     seeds: int
     pixels: list[list[NDArray[np.float32]]]
-    long: tradeoff_errors.LongPictures
+    long: LongPictures
     timings: list[Timings]
     by_cpu: bool
 
@@ -516,12 +475,12 @@ def _order(count: int, turn: int) -> NDArray[np.int64]:
 
 def _long(
     ready: Sequence[Ready],
-    tiles: tradeoff_errors.SpreadTiles,
+    tiles: SpreadTiles,
     most: int,
     samples: int,
     seed: int,
     on_progress: Callable[[str, float], Any],
-) -> tradeoff_errors.LongPictures:
+) -> LongPictures:
     """Return pictures of a few of the tiles with many samples, of as many as the time allows."""
     count = min(max(min(len(tiles.tiles) // LONG_SHARE, most), FEWEST_LONG), len(tiles.tiles))
     chosen = np.sort(np.random.default_rng(TILES_SEED).choice(len(tiles.tiles), count, replace=False))
@@ -532,15 +491,15 @@ def _long(
             share = (turn + place / len(ready)) / LONG_SEEDS
             on_progress("rendering some tiles longer", 1 - LONG_TIME * (1 - share))
             pixels[index][turn], *_ = run(ready[index], few, samples, seed + turn)
-    return tradeoff_errors.LongPictures(samples, chosen, pixels)
+    return LongPictures(samples, chosen, pixels)
 
 
-def _extent(ready: Sequence[Ready], seconds: float, seeds: int) -> tuple[tradeoff_errors.SpreadTiles, int]:
+def _extent(ready: Sequence[Ready], seconds: float, seeds: int) -> tuple[SpreadTiles, int]:
     """Return the tiles and the samples per pixel of the first pictures, by the speed of small ones."""
     layout, kind = ready[0].wavefront.layout, ready[0].wavefront.session.info.type
     now = undisturbed_clock(kind)
     rng = np.random.default_rng(TILES_SEED)
-    pilot = tradeoff_errors.spread_tiles(layout, PILOT_TILES, rng)
+    pilot = spread_tiles(layout, PILOT_TILES, rng)
     for each in ready:
         run(each, pilot, 1, 0)
     begun = now()
@@ -550,5 +509,5 @@ def _extent(ready: Sequence[Ready], seconds: float, seeds: int) -> tuple[tradeof
     # Of one tile with one sample per pixel in the first picture of each seed.
     fits = seconds * (1 - LONG_TIME) / (seeds * (1 + GROWTH) * per_sample * TILE_PIXELS)
     most = int(np.clip(fits / WANTED_SAMPLES, FEWEST_TILES, MOST_TILES.get(kind, MOST_TILES["gpu"])))
-    tiles = tradeoff_errors.spread_tiles(layout, most, rng)
+    tiles = spread_tiles(layout, most, rng)
     return tiles, 2 ** math.floor(math.log2(max(fits / len(tiles.tiles), 1)))  # lattices are even at powers of two

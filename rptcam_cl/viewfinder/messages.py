@@ -9,7 +9,7 @@ import re
 import struct
 import threading
 from collections.abc import Callable, Hashable, Mapping
-from dataclasses import asdict, field, is_dataclass, replace
+from dataclasses import field, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -21,7 +21,7 @@ from pydantic_core import from_json
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.core.files import scratch_folder
+from rptcam_cl.core.files import plain, scratch_folder
 from rptcam_cl.imaging.development import quantise
 from rptcam_cl.imaging.image import Image
 from rptcam_cl.scene.scene import Scene
@@ -356,22 +356,9 @@ FrameData = tuple[Mapping[str, Any], bytes]
 """A frame without its number: header and image bytes."""
 
 
-def plain(value: Any) -> Any:
-    """Return a value as JSON can say it: arrays are lists, records mappings, and what is not finite is None."""
-    if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
-    if is_dataclass(value) and not isinstance(value, type):
-        return plain(asdict(value))
-    if isinstance(value, list | tuple):
-        return plain(value._asdict()) if hasattr(value, "_asdict") else [plain(item) for item in value]
-    if hasattr(value, "tolist"):
-        return plain(value.tolist())
-    return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
 def as_text(message: Mapping[str, Any]) -> str:
     """Return a message as JSON text, in which what is not finite is null."""
-    return json.dumps(plain(message), ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    return json.dumps(plain(message, json=True), ensure_ascii=False, allow_nan=False, separators=(",", ":"))
 
 
 def as_bytes(header: Mapping[str, Any], data: bytes) -> bytes:

@@ -18,10 +18,10 @@ from pydantic import BaseModel
 from rptcam_cl.api.session import Change, Frame, RenderSession
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, RptcamError
-from rptcam_cl.core.files import FileState, file_state, named_files
+from rptcam_cl.core.files import FileState, file_state, named_files, plain
 from rptcam_cl.imaging.formats import RawImage
 from rptcam_cl.imaging.image import Image, with_picture_settings
-from rptcam_cl.scene.load import change_scene, load_scene, plain, scene_text, set_keys
+from rptcam_cl.scene.load import change_scene, load_scene, scene_text, set_keys
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.viewfinder.dials import follow_light
 from rptcam_cl.viewfinder.instruments import as_model, film_reading

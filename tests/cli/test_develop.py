@@ -63,7 +63,10 @@ def test_settings_can_be_replaced_one_by_one(rptcam: Command, film: Image) -> No
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["film.exr", "-o", "a.exr"], "a.exr: is no developed picture (got .exr; allowed .png .jpg .jpeg .tif .tiff)"),
+        (
+            ["film.exr", "-o", "a.exr"],
+            "a.exr: is no developed picture (got .exr; allowed: .png, .jpg, .jpeg, .tif, .tiff)",
+        ),
         (["film.exr", "-o", "a.png", "--set", "camera.f_number=4"], "the film is there already"),
         (["film.exr", "-o", "a.png", "--set", "picture=agx"], "the film is there already"),
         (["film.exr", "-o", "a.png", "--set", "picture.tone=agy"], "did you mean agx?"),

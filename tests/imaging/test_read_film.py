@@ -70,7 +70,7 @@ def test_file_that_is_no_film_is_named(tmp_path: Path) -> None:
             read_film(tmp_path / name)
     with pytest.raises(InputError, match=r"grey\.npy: pixels: wrong shape"):
         read_film(tmp_path / "grey.npy")
-    with pytest.raises(InputError, match=r"allowed \.exr \.npy \.npz"):
+    with pytest.raises(InputError, match=r"allowed: \.exr, \.npy, \.npz"):
         read_film(tmp_path / "a.png")
     for name in ("none.exr", "none.npy"):
         with pytest.raises(StateError, match=f"{name}: cannot be read: No such file"):

@@ -5,19 +5,19 @@ from typing import get_args
 import numpy as np
 import pytest
 
+from rptcam_cl.core.colour import linear_from_srgb
 from rptcam_cl.imaging.development import (
-    AGX_WHITE,
+    MOST_LOG2,
     agx,
     agx_contrast,
     developed_values,
-    linear_from_srgb,
     quantise,
     srgb_from_linear,
 )
 from rptcam_cl.scene.film import PictureSettings, Tone
 
 TONES = get_args(Tone)
-WHITES = {"srgb": 1.0, "linear": 1.0, "reinhard": 4.0, "aces": 7.25, "agx": AGX_WHITE}
+WHITES = {"srgb": 1.0, "linear": 1.0, "reinhard": 4.0, "aces": 7.25, "agx": 2.0**MOST_LOG2}
 GREYS = np.r_[0.0, np.geomspace(1e-5, 1e5, 4001)].astype(np.float32)
 
 

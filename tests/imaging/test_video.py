@@ -83,7 +83,7 @@ def test_video_of_linear_pictures_says_so(tmp_path):
 
 
 def test_mistakes_of_a_video_are_named(tmp_path):
-    with pytest.raises(InputError, match=r"a\.avi: is no video .got \.avi; allowed \.mov"):
+    with pytest.raises(InputError, match=r"a\.avi: is no video .got \.avi; allowed: \.mov"):
         check_video(tmp_path / "a.avi")
     with pytest.raises(StateError, match="there is no folder"):
         check_video(tmp_path / "none" / "a.mkv")

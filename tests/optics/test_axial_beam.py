@@ -17,14 +17,16 @@ def test_irradiance_of_a_disk_is_that_of_the_quadrature(name: str) -> None:
     lens = load_lens(name)
     for stop, away in ((1.0, 1.0), (0.6, 1.02), (0.17, 1.1)):
         state = lens if lens.stop is None else lens.with_stop_diameter(2 * stop * lens.stop.semi_diameter)
-        back_mm = away * film_distance(lens, np.inf)
-        found = disk_irradiance(state, back_mm, NM)
-        assert found == pytest.approx(on_axis_irradiance(state, back_mm, NM), rel=1e-8)  # its bisection ends at 2e-9
+        film_distance_mm = away * film_distance(lens, np.inf)
+        found = disk_irradiance(state, film_distance_mm, NM)
+        assert found == pytest.approx(
+            on_axis_irradiance(state, film_distance_mm, NM), rel=1e-8
+        )  # its bisection ends at 2e-9
 
 
 def test_nothing_is_traced_again_for_another_stop_or_film(monkeypatch: pytest.MonkeyPatch) -> None:
-    lens, back_mm = load_lens("dgauss-50mm"), 32.0
-    disk_irradiance(lens.with_stop_diameter(8.4), back_mm, NM)
+    lens, film_distance_mm = load_lens("dgauss-50mm"), 32.0
+    disk_irradiance(lens.with_stop_diameter(8.4), film_distance_mm, NM)
     monkeypatch.setattr(irradiance, "_trace_beam", None)  # whatever traces again fails
     state = lens.with_stop_diameter(8.3)
     assert disk_irradiance(state, 32.1, NM) == pytest.approx(on_axis_irradiance(state, 32.1, NM), rel=1e-8)

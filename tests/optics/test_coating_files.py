@@ -10,7 +10,7 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.files import Folders, References
 from rptcam_cl.optics.coating import BARE, MAGNESIUM_FLUORIDE, Layer, LayerStack, MeasuredReflectance, QuarterWave
 from rptcam_cl.optics.files.export import lens_text
-from rptcam_cl.optics.files.glass_catalogues import read_agf, read_refractive_index
+from rptcam_cl.optics.files.glass_catalogues import glasses_of_agf, read_refractive_index
 from rptcam_cl.optics.glass import attenuation
 from rptcam_cl.optics.library import load_lens
 
@@ -144,7 +144,7 @@ def test_catalogue_says_what_a_glass_absorbs(tmp_path):
         "IT 0.70 0.99 25.0\nIT 0.40 0.95 10.0\nIT 0.30 0.0 25.0\n"
         "NM CLEAR 1 517642 1.5168 64.17 0 1 0\nCD 2.27 -0.01 0.01 0 0 0\n"
     )
-    glasses = read_agf(path)
+    glasses = glasses_of_agf(path.read_bytes(), path)
     assert glasses["CLEAR"].absorption is None
     alpha = attenuation(glasses["GLASS"], [300.0, 400.0, 700.0])
     np.testing.assert_allclose(np.exp(-alpha * [25, 10, 25]), [1e-6, 0.95, 0.99], rtol=1e-9)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics.files.glass_catalogues import find_glass, read_agf, read_refractive_index
+from rptcam_cl.optics.files.glass_catalogues import find_glass, glasses_of_agf, read_refractive_index
 from rptcam_cl.optics.glass import GLASSES, TabulatedIndex, abbe_number, known_range, stated_range
 from rptcam_cl.optics.library import load_lens
 
@@ -60,7 +60,7 @@ DATA:
 def test_zemax_catalogue(tmp_path):
     path = tmp_path / "x.agf"
     path.write_bytes(AGF.encode("utf-16"))
-    glasses = read_agf(path)
+    glasses = glasses_of_agf(path.read_bytes(), path)
     assert list(glasses) == ["N-BK7", "BK7OLD"]
     for glass in glasses.values():
         assert float(glass.index(587.5618)) == pytest.approx(1.5168, abs=3e-6)
@@ -133,10 +133,10 @@ def test_bad_catalogues_are_refused(tmp_path):
     path = tmp_path / "bad.agf"
     path.write_text("NM X\n")
     with pytest.raises(InputError, match=r"bad\.agf:1: cannot read this NM line"):
-        read_agf(path)
+        glasses_of_agf(path.read_bytes(), path)
     path.write_text("nothing\n")
     with pytest.raises(InputError, match="no glass with a known formula"):
-        read_agf(path)
+        glasses_of_agf(path.read_bytes(), path)
     path.write_text("DATA:\n  - type: formula 9\n")
     with pytest.raises(InputError, match=r"no dispersion formula that is known \(has 'formula 9'"):
         read_refractive_index(path)

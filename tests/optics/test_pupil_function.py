@@ -18,7 +18,7 @@ from rptcam_cl.optics.waves import (
     AIRY,
     PupilFunction,
     centroid,
-    encircled_shares,
+    encircled_function,
     peak_to_valley,
     pupil_function,
     rms_waves,
@@ -81,13 +81,13 @@ def check(name: str, case: dict) -> None:
     about = (0.0, case["centroid_dy"])
     half, most, share = case["ee"]
     if half is not None:  # 2 % of the radius
-        low, high = encircled_shares(pupil, [0.98 * half, 1.02 * half], about)
+        low, high = encircled_function(pupil, about)(np.array([0.98 * half, 1.02 * half]))
         assert low < 0.5 < high
     if most is not None:
-        low, high = encircled_shares(pupil, [0.98 * most, 1.02 * most], about)
+        low, high = encircled_function(pupil, about)(np.array([0.98 * most, 1.02 * most]))
         assert low < 0.8 < high
     if share is not None:
-        agree("ee", encircled_shares(pupil, AIRY * case["nm"] * 1e-6 * case["N"], about), [share], [0.01])
+        agree("ee", encircled_function(pupil, about)(np.array([AIRY * case["nm"] * 1e-6 * case["N"]])), [share], [0.01])
     if case.get("psf"):
         places = (np.arange(9) - 4) * case["psf"]["step"]
         values = np.array(case["psf"]["values"])
@@ -139,7 +139,7 @@ def test_a_lens_without_aberrations_has_the_airy_pattern(f_number: float) -> Non
     ring = AIRY * 550e-6 * f_number
     assert strehl(pupil).at_chief_ray == pytest.approx(1.0, abs=1e-9)
     assert first_minimum(pupil, ring) == pytest.approx(ring, rel=0.01)
-    assert encircled_shares(pupil, ring, (0.0, 0.0))[0] == pytest.approx(0.838, abs=0.01)
+    assert encircled_function(pupil, (0.0, 0.0))(np.array([ring]))[0] == pytest.approx(0.838, abs=0.01)
     share = np.linspace(0.0, 0.95, 20)
     exact = 2 / np.pi * (np.arccos(share) - share * np.sqrt(1 - share**2))
     for curve in transfer(pupil, share / (550e-6 * f_number)):  # 0.4 % of the lens's own at f/8: it breaks the sines
@@ -167,7 +167,7 @@ def test_stop_shapes_have_their_closed_patterns(shape: int) -> None:
     pupil = pupil_function(lens, lens.first_order().back_focal_distance_mm, wavelength_nm=550.0)
     unit = 550e-6 * n
     radii = np.array(expected["encircled_energy_radii_lamN"]) * unit
-    np.testing.assert_allclose(encircled_shares(pupil, radii, (0.0, 0.0)), row["encircled_energy"], atol=0.01)
+    np.testing.assert_allclose(encircled_function(pupil, (0.0, 0.0))(radii), row["encircled_energy"], atol=0.01)
     places = (np.arange(9) - 4) * row["samples"]["step_lamN"] * unit
     light = spread(pupil, places, places)
     # The image of the stop is turned by half, which the pattern does not show.

@@ -3,8 +3,9 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
+from rptcam_cl.core.files import plain
 from rptcam_cl.core.strict_yaml import read_yaml
-from rptcam_cl.scene.load import plain, scene_text
+from rptcam_cl.scene.load import scene_text
 
 WORDS = [
     "1e-3", "0o17", "on", "2:8", "1_000", ".5e3", "0x1F", "null", "~", "12e03", "=", "<<", "a: b", "- a", "#1", "",

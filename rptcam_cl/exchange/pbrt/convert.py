@@ -9,7 +9,7 @@ from typing import Any
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, StateError
-from rptcam_cl.core.files import replacing
+from rptcam_cl.core.files import plain, replacing
 from rptcam_cl.core.strict_yaml import MAX_NODES
 from rptcam_cl.exchange.pbrt.camera import convert_camera, exposure_ev, filter_keys, frame_of, raster_of, render_keys
 from rptcam_cl.exchange.pbrt.files import Context, FileStore
@@ -17,7 +17,7 @@ from rptcam_cl.exchange.pbrt.lights import convert_lights, convert_sky
 from rptcam_cl.exchange.pbrt.shapes import Objects, count_values
 from rptcam_cl.exchange.pbrt.source import Report
 from rptcam_cl.exchange.pbrt.world import read_world
-from rptcam_cl.scene.load import Missing, load_scene, plain, scene_text
+from rptcam_cl.scene.load import Missing, load_scene, scene_text
 
 # Parameters of every camera that concern motion, which is not converted.
 SHUTTER = ("shutteropen", "shutterclose")

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rptcam_cl.core.colour import linear_from_srgb
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, MissingFileError
 from rptcam_cl.core.files import Folders
@@ -343,9 +344,7 @@ def _texels(path: Path, place: Place) -> NDArray[Any]:
 
 def _decode_srgb(texels: NDArray[Any]) -> Pixels:
     """Return the linear values of sRGB bytes (IEC 61966-2-1)."""
-    encoded = np.arange(256) / 255
-    curve = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
-    return np.asarray(curve.astype(np.float32)[texels])
+    return np.asarray(linear_from_srgb(np.arange(256) / 255).astype(np.float32)[texels])
 
 
 def _tga(path: Path, place: Place) -> NDArray[np.uint8]:

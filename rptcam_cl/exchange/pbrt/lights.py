@@ -25,6 +25,7 @@ from rptcam_cl.exchange.pbrt.files import (
 from rptcam_cl.exchange.pbrt.source import Place
 from rptcam_cl.exchange.pbrt.textures import GREY, light, scale_factor
 from rptcam_cl.exchange.pbrt.world import ODD, Entity, Matrix, apply, is_bearable, is_similarity, reflects, tidy
+from rptcam_cl.rendering.plan.environment import axes
 from rptcam_cl.scene.assets.pictures import write_exr
 
 Array = NDArray[np.float64]
@@ -226,19 +227,9 @@ def _placement(context: Context, entity: Entity, frame: Frame) -> tuple[Array, f
         context.approximated(entity, "without the uneven scaling of its transform")
     x, _, up = (axis / np.linalg.norm(axis) for axis in matrix[:3, :3].T)
     forward = -(x - up * (x @ up))
-    right_at_0, forward_at_0 = _axes(up)
+    right_at_0, _, forward_at_0 = axes(up.tolist(), 0.0)
     turn = math.degrees(math.atan2(-(forward @ right_at_0), forward @ forward_at_0))
     return up, round(turn, 10) + 0.0, not reflects(matrix)
-
-
-def _axes(up: Array) -> tuple[Array, Array]:
-    """Return right and forward of an unturned environment: where the short turn from +y to ``up`` takes +x and -z."""
-    if up[1] < -1 + 1e-12:
-        turn = np.diag([1.0, -1.0, -1.0])
-    else:
-        cross = np.array([[0.0, up[0], 0.0], [-up[0], 0.0, -up[2]], [0.0, up[2], 0.0]])
-        turn = np.eye(3) + cross + cross @ cross / (1 + up[1])
-    return turn[:, 0], -turn[:, 2]
 
 
 def _photometric(pixels: Pixels, illuminance: float, place: Place) -> float:

@@ -479,20 +479,20 @@ def _take_values(tokens: Tokens, declared: Token) -> list[Token]:
     raise token.place.error("this [ is never closed")
 
 
-def _of_words(found: list[Token], declared: Token) -> Values:
-    if found and found[0].kind == "string":
-        for token in found:
+def _of_words(tokens: list[Token], declared: Token) -> Values:
+    if tokens and tokens[0].kind == "string":
+        for token in tokens:
             if token.kind != "string":
                 raise token.place.error(f"{declared.shown()} mixes text with other values (got {token.shown()})")
-        return tuple(token.text for token in found)
-    if found and found[0].text in _BOOLS:
-        for token in found:
+        return tuple(token.text for token in tokens)
+    if tokens and tokens[0].text in _BOOLS:
+        for token in tokens:
             if token.text not in _BOOLS or token.kind != "word":
                 raise token.place.error(f"expected true or false (got {token.shown()})")
-        return tuple(_BOOLS[token.text] for token in found)
-    if found and re.match(r"[A-Z]", found[0].text):
-        raise declared.place.error(f"{declared.shown()} has no value; {found[0].shown()} follows")
-    return np.array([number_of(token) for token in found], np.float64)
+        return tuple(_BOOLS[token.text] for token in tokens)
+    if tokens and re.match(r"[A-Z]", tokens[0].text):
+        raise declared.place.error(f"{declared.shown()} has no value; {tokens[0].shown()} follows")
+    return np.array([number_of(token) for token in tokens], np.float64)
 
 
 # Statements of pbrt files: a directive with its arguments, in the order in which included files bring them.

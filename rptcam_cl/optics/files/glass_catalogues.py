@@ -16,7 +16,7 @@ import numpy as np
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, StateError
-from rptcam_cl.core.files import glass_catalogues_dir, read_whole
+from rptcam_cl.core.files import glass_catalogues_dir
 from rptcam_cl.core.strict_yaml import read_yaml
 from rptcam_cl.optics.glass import (
     GLASSES,
@@ -42,22 +42,6 @@ POWERS: dict[int, tuple[int, ...]] = {
     EXTENDED_2: (0, 2, -2, -4, -6, -8, 4, 6),
     EXTENDED_3: (0, 2, 4, -2, -4, -6, -8, -10, -12),
 }
-
-
-def read_agf(path: Path | str) -> dict[str, Medium]:
-    """Return the glasses of a catalogue file by name, as `glasses_of_agf` does.
-
-    Raises
-    ------
-    InputError
-        When it is not a regular file of bearable size, or holds no glass that is known.
-    StateError
-        When it cannot be read.
-    """
-    try:
-        return glasses_of_agf(read_whole(Path(path), LARGEST_FILE), path)
-    except StateError as problem:
-        raise StateError(f"{path}: {problem}") from None
 
 
 def glasses_of_agf(content: bytes, path: Path | str) -> dict[str, Medium]:

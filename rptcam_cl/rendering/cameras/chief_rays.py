@@ -139,19 +139,19 @@ class TracedRays(CameraRays):
     def rays(self, places: Array) -> tuple[Array, Array]:
         """Return origins [m] and unit directions (n, 3); nan where rims stop the ray."""
         upright = self.upright(places)
-        found = self._aimed(upright)
-        return _kept(self._in_camera(found), found.clear)
+        rays = self._aimed(upright)
+        return _kept(self._in_camera(rays), rays.clear)
 
     def unlimited(self, places: Array) -> tuple[Array, Array]:
         """Return the same as if the lens had no rims."""
-        found = self._aimed(self.upright(places))
-        return _kept(self._in_camera(found), found.found)
+        rays = self._aimed(self.upright(places))
+        return _kept(self._in_camera(rays), rays.found)
 
     def smooth(self, places: Array) -> tuple[Array, Array]:
         """Return about the same, by cubics between nodes."""
-        found = self._grid.at(self.upright(places))
-        directions = found[:, 5:]
-        return found[:, 2:5], directions / np.linalg.norm(directions, axis=1, keepdims=True)
+        values = self._grid.at(self.upright(places))
+        directions = values[:, 5:]
+        return values[:, 2:5], directions / np.linalg.norm(directions, axis=1, keepdims=True)
 
     def _film(self, upright: Array) -> Array:
         """Return places right and up in the picture on the film (n, 3), in the frame of the lens [mm]: it inverts."""
@@ -200,7 +200,7 @@ def seen_places(chief: CameraRays, points: Array, guess: Array | None = None) ->
     if chief.wraps:
         return _on_whole_sphere(chief, points)
     places = _nearest_trials(chief, points) if guess is None else np.array(guess, np.float64)
-    found = np.full_like(places, np.nan)
+    solved = np.full_like(places, np.nan)
     active = np.flatnonzero(np.isfinite(places).all(axis=1) & np.isfinite(points).all(axis=1))
     with np.errstate(invalid="ignore", divide="ignore"):
         for _ in range(ROUNDS):
@@ -208,12 +208,12 @@ def seen_places(chief: CameraRays, points: Array, guess: Array | None = None) ->
             places[active] -= step
             done = np.abs(step).max(axis=1) < CLOSE
             lost = ~np.isfinite(places[active]).all(axis=1)
-            found[active[done]] = places[active[done]]
+            solved[active[done]] = places[active[done]]
             active = active[~(done | lost)]
             if not len(active):
                 break
-        found -= _step(chief, chief.unlimited, found, points)
-    return _ahead(chief, points, found)
+        solved -= _step(chief, chief.unlimited, solved, points)
+    return _ahead(chief, points, solved)
 
 
 def _step(chief: CameraRays, rays: Rays, places: Array, points: Array) -> Array:
@@ -304,17 +304,17 @@ def breathing_table(
     for name, lens in lenses:
         first: float | None = None
         for distance in distances_m:
-            state, back_mm = focused(lens, 1000 * distance, "film", "thick", wavelength_nm)
-            thick = thick_lens_of(state, back_mm, wavelength_nm)
+            state, film_distance_mm = focused(lens, 1000 * distance, "film", "thick", wavelength_nm)
+            thick = thick_lens_of(state, film_distance_mm, wavelength_nm)
             tangent = film_width_mm / 2 * abs(thick.slope[0])
             first = tangent if first is None else first
-            ahead = 1000 * distance - state.film_z(back_mm)  # of the first vertex
-            speeds = (_f_number(state, back_mm, wavelength_nm, losses) for losses in (IDEAL, transmission))
+            ahead = 1000 * distance - state.film_z(film_distance_mm)  # of the first vertex
+            speeds = (_f_number(state, film_distance_mm, wavelength_nm, losses) for losses in (IDEAL, transmission))
             row: Row = {
                 "zoom": name,
                 "focus_distance_m": distance if math.isfinite(distance) else None,
                 "focal_length_mm": state.first_order(wavelength_nm).focal_length_mm,
-                "film_distance_mm": back_mm,
+                "film_distance_mm": film_distance_mm,
                 "field_of_view_degrees": 2 * math.degrees(math.atan(tangent)),
                 "breathing_percent": 100 * (tangent / first - 1),
                 "magnification": 1 / abs(thick.height[0] + ahead * thick.slope[0]) if math.isfinite(ahead) else 0.0,
@@ -323,8 +323,8 @@ def breathing_table(
     return rows
 
 
-def _f_number(lens: Lens, back_mm: float, wavelength_nm: float, losses: LensTransmission) -> float:
-    return math.sqrt(math.pi / (4 * on_axis_irradiance(lens, back_mm, wavelength_nm, losses)))
+def _f_number(lens: Lens, film_distance_mm: float, wavelength_nm: float, losses: LensTransmission) -> float:
+    return math.sqrt(math.pi / (4 * on_axis_irradiance(lens, film_distance_mm, wavelength_nm, losses)))
 
 
 def breathing_csv(rows: Sequence[Row]) -> str:

@@ -157,10 +157,10 @@ def _through(
     directions (m, n, 3), and which do, as the camera lets them: traced, or by polynomials."""
     shape, traced = (*rear.shape[:2], 3), setting.camera.traced_camera
     if traced is not None and traced.rays == "fitted":
-        found = fitted_map(lens, setting, scene.film, None, allowed_px(traced.accuracy))
+        fitted = fitted_map(lens, setting, scene.film, None, allowed_px(traced.accuracy))
         flat = film.reshape(-1, 2), rear.reshape(-1, 2), np.zeros(film.size // 2)
-        origins, directions = (values * (1.0, 1.0, -1.0) for values in found.trace(*flat))
-        passed = found.passes(lens, *flat)
+        origins, directions = (values * (1.0, 1.0, -1.0) for values in fitted.trace(*flat))
+        passed = fitted.passes(lens, *flat)
     else:
         start = np.concatenate([film, lens.length + lens.sense * distances], axis=-1)
         away = np.concatenate([rear - film, -lens.sense * distances], axis=-1)
@@ -285,11 +285,11 @@ def traced_pupils(setting: LensSetting) -> FilmPupils:
             return opens
 
         opens, box = opens_through(lens), _rear_box(lens, origin, rear)
-        for factor in WIDER if lens.stop_index is not None and not len(_found(opens, box)) else ():
-            found = _found(opens_through(with_wider_stop(lens, factor)), box)
-            if not len(found):
+        for factor in WIDER if lens.stop_index is not None and not len(_open_directions(opens, box)) else ():
+            wider = _open_directions(opens_through(with_wider_stop(lens, factor)), box)
+            if not len(wider):
                 break
-            box = _about(found, box)
+            box = _about(wider, box)
         return opens, box
 
     stop = lens.stop or lens.surfaces[0]
@@ -344,10 +344,10 @@ def flat_pupils(
 def _pupil(opens: OpenTo, box: Array, index: float) -> FilmPupil:
     """Return the opening that lies within a box (middle, half width) of cosines."""
     for _ in range(4):  # a small opening behind a large rear surface is found step by step
-        found, before = _found(opens, box), box
-        if not len(found):
+        inside, before = _open_directions(opens, box), box
+        if not len(inside):
             raise InputError("camera.diffraction: no light reaches the film there (allowed: off, or a smaller film)")
-        box = _about(found, before)
+        box = _about(inside, before)
         if not box[1, 0] < 0.7 * before[1, 0]:
             break
     x, y = _axes(box, PUPIL_ACROSS)
@@ -361,17 +361,17 @@ def _pupil(opens: OpenTo, box: Array, index: float) -> FilmPupil:
     return FilmPupil(coverage, x, y, index)
 
 
-def _found(opens: OpenTo, box: Array) -> Array:
+def _open_directions(opens: OpenTo, box: Array) -> Array:
     """Return those of some directions (n, 2) over a box that are open."""
     points = np.stack(np.meshgrid(*_axes(box, FIRST_ACROSS)), axis=-1).reshape(-1, 2)
     return np.asarray(points[opens(points)])
 
 
-def _about(found: Array, box: Array) -> Array:
-    """Return the box about directions that `_found` has found, with room of a step."""
+def _about(inside: Array, box: Array) -> Array:
+    """Return the box about directions that `_open_directions` returns, with room of a step."""
     x, _ = _axes(box, FIRST_ACROSS)
     step = x[1] - x[0]
-    low, high = found.min(axis=0) - step, found.max(axis=0) + step
+    low, high = inside.min(axis=0) - step, inside.max(axis=0) + step
     return np.stack([(low + high) / 2, np.full(2, float((high - low).max()) / 2)])
 
 

@@ -389,14 +389,14 @@ class _LensOfSurfaces(CameraOptics):
         return -self.setting.lens.film_z(self.setting.film_distance_mm) * 1e-3
 
     def focal_length_mm(self) -> float | None:
-        found = self.setting.lens.first_order(self.camera.wavelength_nm).focal_length_mm
-        return found if math.isfinite(found) else None
+        focal_length_mm = self.setting.lens.first_order(self.camera.wavelength_nm).focal_length_mm
+        return focal_length_mm if math.isfinite(focal_length_mm) else None
 
     def f_number(self) -> float | None:
         if self.camera.f_number is not None:
             return self.camera.f_number
-        found = design_to_focus(self.scene, self.camera).first_order(self.camera.wavelength_nm).f_number
-        return found if math.isfinite(found) else None
+        f_number = design_to_focus(self.scene, self.camera).first_order(self.camera.wavelength_nm).f_number
+        return f_number if math.isfinite(f_number) else None
 
     def f_numbers(self) -> tuple[float, float]:
         wide_open = self.camera.model_copy(update={"f_number": None, "stop_diameter_mm": None})
@@ -430,7 +430,7 @@ class _ThickLens(_LensOfSurfaces):
 
     def model(self, lens_colour: LensColour = "off", coarse: bool = False, windows: Windows = ()) -> CameraModel:
         scene, camera, setting, thick = self.scene, self.camera, self.setting, self._thick
-        first_vertex_m, half_mm = self._first_vertex_m, half_film_mm(scene)
+        first_vertex_m, half = self._first_vertex_m, half_film_mm(scene)
         passed = float(axial_transmittance(setting.lens, camera.wavelength_nm, setting.transmission))
         on_axis = setting.gain * passed * thick.axial_cone
         width_m, height_m = scene.film.size_m()
@@ -468,7 +468,7 @@ class _ThickLens(_LensOfSurfaces):
             on_axis_irradiance=on_axis,
             passed=passed,
             axial_weight=on_axis,
-            reach=thick_lens_reach(thick.height, thick.slope, first_vertex_m, half_mm),
+            reach=thick_lens_reach(thick.height, thick.slope, first_vertex_m, half),
         )
 
     def chief_rays(self) -> CameraRays:
@@ -516,8 +516,8 @@ class _TracedLens(_LensOfSurfaces):
 
     def irradiance(self) -> float:
         lens, setting = shaped(self.scene, self.setting).lens, self.setting
-        found = on_axis_irradiance(lens, setting.film_distance_mm, self.camera.wavelength_nm, setting.transmission)
-        return float(found)
+        irradiance = on_axis_irradiance(lens, setting.film_distance_mm, self.camera.wavelength_nm, setting.transmission)
+        return float(irradiance)
 
 
 _KINDS: dict[str, type[CameraOptics]] = {

@@ -76,9 +76,9 @@ class Polynomial:
 
     def _powers(self, axis: int, places: Array) -> Array:
         """Return the powers (n, degree + 1) of places along an axis."""
-        found = np.ones((len(places), self._degree + 1))
-        found[:, 1:] = ((places - self._middle[axis]) / self._scale[axis])[:, None]
-        return np.asarray(np.multiply.accumulate(found, axis=1))
+        powers = np.ones((len(places), self._degree + 1))
+        powers[:, 1:] = ((places - self._middle[axis]) / self._scale[axis])[:, None]
+        return np.asarray(np.multiply.accumulate(powers, axis=1))
 
     def on_grid(self, x: Array, y: Array) -> Array:
         """Return its values (y, x, k) at all points of a grid."""
@@ -193,10 +193,10 @@ def _parts_of_pupil(points: Array, near: Array, reach: LampReach) -> Array:
     near
         Where they are seen through the lens, as `LampReach.near` has it.
     """
-    found = reach.rays(points.reshape(-1, 3), SCANT_ACROSS, None, near.reshape(-1, *NEAR))
-    if not found.passed.any():
+    rays = reach.rays(points.reshape(-1, 3), SCANT_ACROSS, None, near.reshape(-1, *NEAR))
+    if not rays.passed.any():
         return np.zeros(len(points))
-    film, passed = found.film.reshape(*points.shape[:2], -1, 2), found.passed.reshape(*points.shape[:2], -1)
+    film, passed = rays.film.reshape(*points.shape[:2], -1, 2), rays.passed.reshape(*points.shape[:2], -1)
     count = np.maximum(passed.sum(axis=-1), 1)[..., None]
     middle = np.where(passed[..., None], film, 0.0).sum(axis=2) / count
     square = np.sum(np.where(passed, np.sum((film - middle[:, :, None]) ** 2, axis=-1), 0.0), axis=-1) / count[..., 0]
@@ -476,16 +476,16 @@ def aimed_at_lamps(
     def make() -> LampTables:
         return _tables(camera, lamps, _remembered(camera, lamps, shows, sights))
 
-    found = make() if sights is None or not on_disk else _DISK.find_or_make(_key(camera, lamps, sights), make)
-    if not found.lamps:
+    aim = make() if sights is None or not on_disk else _DISK.find_or_make(_key(camera, lamps, sights), make)
+    if not aim.lamps:
         return camera
     new = camera.record.copy()
-    new["lamp_table"], new["lamp_shift"] = len(camera.tables), found.shift
-    new["lamp_across"], new["lamp_down"] = found.counts
+    new["lamp_table"], new["lamp_shift"] = len(camera.tables), aim.shift
+    new["lamp_across"], new["lamp_down"] = aim.counts
     facts = camera.facts | {"LAMP_AIM": 1, "LAMP_COLOURS": int(camera.bends_colours)}
-    metadata: CameraMetadata = {**camera.metadata, "lamps_aimed_at": found.lamps}
+    metadata: CameraMetadata = {**camera.metadata, "lamps_aimed_at": aim.lamps}
     return replace(
-        camera, record=new, facts=facts, tables=np.concatenate([camera.tables, found.table]), metadata=metadata
+        camera, record=new, facts=facts, tables=np.concatenate([camera.tables, aim.table]), metadata=metadata
     )
 
 
@@ -508,10 +508,10 @@ def _seen(camera: CameraModel, lamps: Sequence[SeenLamp], shows: Shows) -> _Seen
     flip = 1.0 if record["per_width"] > 0 else -1.0
     fits = _fits(camera, reach, lamps)
     blocks = _fine_enough(_Blocks(0, resolution, np.array(reach.film_scale), flip), list(fits.values()))
-    found = {number: _entries(lamps[number], fit, blocks) for number, fit in fits.items()}
+    entries_of = {number: _entries(lamps[number], fit, blocks) for number, fit in fits.items()}
     shown = [
         (number, _that_show(entries, lamps[number], reach.entry_z_m, shows))
-        for number, entries in found.items()
+        for number, entries in entries_of.items()
         if len(entries.blocks)
     ]
     return _Seen(blocks, [(number, entries) for number, entries in shown if len(entries.blocks)])
@@ -561,7 +561,7 @@ def _tables(camera: CameraModel, lamps: Sequence[SeenLamp], seen: _Seen) -> Lamp
 _DISK = Disk(
     "lamps",
     ("core", "optics", "rendering/cameras"),
-    pack=lambda found: ({"table": found.table}, {"of": [found.shift, found.counts, found.lamps]}),
+    pack=lambda aim: ({"table": aim.table}, {"of": [aim.shift, aim.counts, aim.lamps]}),
     unpack=lambda arrays, facts: LampTables(arrays["table"], facts["of"][0], tuple(facts["of"][1]), facts["of"][2]),
 )
 

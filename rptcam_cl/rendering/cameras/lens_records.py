@@ -79,12 +79,12 @@ def fit_nodes(low_nm: float, high_nm: float) -> Array:
 
 def fewest_terms(ratios: Array, wavelengths_nm: Array, enough: float = ENOUGH) -> list[Array]:
     """Return the coefficients of polynomials through values (n, wavelengths): as few as give all to an error."""
-    found: list[tuple[Array, float]] = []
+    fits: list[tuple[Array, float]] = []
     for terms in range(1, DISPERSION_TERMS + 1):
-        found = [fitted(ratio, wavelengths_nm, terms) for ratio in ratios]
-        if all(error <= enough for _, error in found):
+        fits = [fitted(ratio, wavelengths_nm, terms) for ratio in ratios]
+        if all(error <= enough for _, error in fits):
             break
-    return [coefficients for coefficients, _ in found]
+    return [coefficients for coefficients, _ in fits]
 
 
 def fill_dispersion(records: NDArray[np.void], lens: Lens, backwards: bool) -> int:
@@ -93,12 +93,12 @@ def fill_dispersion(records: NDArray[np.void], lens: Lens, backwards: bool) -> i
     indices = lens.indices(wavelengths)
     ratios = (indices[1:] / indices[:-1])[::-1] if backwards else indices[:-1] / indices[1:]
     double = records["eta"].dtype == np.float64
-    found = fewest_terms(ratios, wavelengths, ENOUGH_IN_DOUBLE if double else ENOUGH)
-    for record, ratio, coefficients in zip(records, ratios, found, strict=True):
+    polynomials = fewest_terms(ratios, wavelengths, ENOUGH_IN_DOUBLE if double else ENOUGH)
+    for record, ratio, coefficients in zip(records, ratios, polynomials, strict=True):
         record["dispersion"][: len(coefficients)] = coefficients
         if record["refracts"] >= 0:
             record["refracts"] = bool(np.any(ratio != 1.0))
-    return len(found[0])
+    return len(polynomials[0])
 
 
 def colour_error_px(
@@ -111,12 +111,12 @@ def colour_error_px(
     image points lie apart. Lateral and axial colour both count.
     """
     low, high = usable_nm(lens)
-    half_mm = np.array(film.size_m()) / 2 * 1e3
-    pitch_mm = 2 * half_mm[0] / film.resolution[0]
+    half_film_mm = np.array(film.size_m()) / 2 * 1e3
+    pitch_mm = 2 * half_film_mm[0] / film.resolution[0]
     sharp = focus_distance_mm is not None and focus_distance_mm < FAR_MM
     plane_mm = lens.film_z(film_distance_mm) - (focus_distance_mm if sharp and focus_distance_mm else FAR_MM)
     probe = _Probe(lens, film_distance_mm, plane_mm, wavelength_nm)
-    nudge, points = np.full(2, 1e-3 * pitch_mm), np.array(FIELDS)[:, None] * half_mm
+    nudge, points = np.full(2, 1e-3 * pitch_mm), np.array(FIELDS)[:, None] * half_film_mm
     here, beside = np.split(probe.meets(np.concatenate([points, points - nudge]), wavelength_nm), 2)
     ends = [probe.meets(points, min(max(end, low), high)) for end in EXTREMES_NM]
     worst = 0.0
@@ -137,7 +137,7 @@ class _Probe:
     """Rays from film points through a square of points of the paraxial exit pupil to a plane of the scene."""
 
     def __init__(self, lens: Lens, film_distance_mm: float, plane_mm: float, wavelength_nm: float) -> None:
-        self.lens, self.film_mm, self.plane_mm = lens, lens.film_z(film_distance_mm), plane_mm
+        self.lens, self.film_z, self.plane_mm = lens, lens.film_z(film_distance_mm), plane_mm
         pupil = lens.first_order(wavelength_nm).exit_pupil
         distance, radius = pupil.distance_mm, pupil.diameter_mm / 2
         if not (np.isfinite(distance) and np.isfinite(radius)):
@@ -148,7 +148,7 @@ class _Probe:
 
     def meets(self, points: Array, wavelength_nm: float) -> Array:
         """Return where rays from film points (k, 2) meet the plane, (k, n, 2); not a number where they are blocked."""
-        origins = np.concatenate([points, np.full((len(points), 1), self.film_mm)], axis=1)[:, None]
+        origins = np.concatenate([points, np.full((len(points), 1), self.film_z)], axis=1)[:, None]
         directions = self.aims - origins
         directions *= -self.lens.sense * np.sign(directions[..., 2:])  # also through a pupil behind the film
         origins = np.broadcast_to(origins, directions.shape).reshape(-1, 3)

@@ -249,9 +249,9 @@ class LampReach:
 @lru_cache(maxsize=8)
 def _square(across: int) -> Array:
     steps = (np.arange(across) + 0.5) * 2 / across - 1
-    found = np.stack(np.meshgrid(steps, steps, indexing="ij"), axis=-1).reshape(-1, 2)
-    found.flags.writeable = False
-    return found
+    nodes = np.stack(np.meshgrid(steps, steps, indexing="ij"), axis=-1).reshape(-1, 2)
+    nodes.flags.writeable = False
+    return nodes
 
 
 def _disk(across: int) -> Array:
@@ -318,9 +318,9 @@ def lens_reach(
         passed, kept = np.zeros(len(away), np.bool_), rows[met]
         passed[kept] = True
         o, a = origins[kept], away[kept]
-        found = np.zeros((3, len(away), 2))
-        found[:, kept] = film.T[met], last.T[met], (o[:, :2] - a[:, :2] * (o[:, 2:] / a[:, 2:])) * 1e-3
-        on_film, on_last, entry = found.reshape(3, *shape, 2)
+        traced = np.zeros((3, len(away), 2))
+        traced[:, kept] = film.T[met], last.T[met], (o[:, :2] - a[:, :2] * (o[:, 2:] / a[:, 2:])) * 1e-3
+        on_film, on_last, entry = traced.reshape(3, *shape, 2)
         return Reached(on_film, on_last, entry, passed.reshape(shape))
 
     def starts(points: Array) -> Array:
@@ -329,12 +329,12 @@ def lens_reach(
     def near(points: Array, nm: float | None) -> Array:
         coarse = _square(COARSE) * (WIDER * pupil.diameter_mm / 2)
         wide = np.broadcast_to(coarse, (len(points), *coarse.shape))
-        found = through(starts(points), wide, wavelength_nm if nm is None else nm).passed[..., None]
-        if not found.any():
+        passed = through(starts(points), wide, wavelength_nm if nm is None else nm).passed[..., None]
+        if not passed.any():
             return np.zeros((len(points), *NEAR))
-        none = ~found.any(axis=1)
-        low = np.where(none, 0.0, np.where(found, wide, np.inf).min(axis=1))
-        high = np.where(none, 0.0, np.where(found, wide, -np.inf).max(axis=1))
+        none = ~passed.any(axis=1)
+        low = np.where(none, 0.0, np.where(passed, wide, np.inf).min(axis=1))
+        high = np.where(none, 0.0, np.where(passed, wide, -np.inf).max(axis=1))
         return np.stack([low, high], axis=1)
 
     def rays(points: Array, across: int, nm: float | None, seen: Array) -> Reached:

@@ -49,13 +49,13 @@ class FilmGrid:
             known = np.all((scaled >= -1e-9) & (scaled <= count - 1 + 1e-9), axis=1)
         scaled = np.where(known[:, None], scaled, 1.0)
         first = np.clip(np.floor(scaled).astype(np.int64) - 1, 0, count - 4)
-        (across, along), found = (_weights(t) for t in (scaled - first).T), np.zeros((len(places), flat.shape[1]))
+        (across, along), values = (_weights(t) for t in (scaled - first).T), np.zeros((len(places), flat.shape[1]))
         for row in range(4):
             start = (first[:, 1] + row) * count + first[:, 0]
             for column in range(4):
-                found += (along[row] * across[column])[:, None] * flat[start + column]
-        found[~known] = np.nan
-        return found
+                values += (along[row] * across[column])[:, None] * flat[start + column]
+        values[~known] = np.nan
+        return values
 
 
 def _weights(t: Array) -> tuple[Array, Array, Array, Array]:
@@ -303,6 +303,22 @@ PROBES = (18, 18)  # rays per box and film point
 MOVED_GRID = 9  # points along each side of a film that is moved, seen from which the rear rim is held
 
 
+class _View(NamedTuple):
+    """A lens, its stop round, as points of the film behind it see it, from which all tables of its pupil follow."""
+
+    lens: Lens
+    film_distance_mm: float
+    half_film_mm: tuple[float, float]
+    wavelength_nm: pupils.Wavelengths
+    frame: pupils.FilmFrame
+
+    def narrowing_probes(self) -> list[pupils.FilmProbe]:
+        return pupils.narrowing_probes(self.lens, self.film_distance_mm, self.wavelength_nm, self.frame)
+
+    def shapes(self, fineness: pupils.Fineness = pupils.FINE_OUTLINES) -> pupils.PupilShapes:
+        return pupils.pupil_shapes(*self[:4], fineness, self.frame)
+
+
 def pupil_sampling(
     lens: Lens,
     film_distance_mm: float,
@@ -310,6 +326,8 @@ def pupil_sampling(
     wavelength_nm: pupils.Wavelengths,
     tier: Tier,
     frame: pupils.FilmFrame = pupils.UNMOVED,
+    *,
+    coarse: bool = False,
 ) -> PupilSampling:
     """Return the sampling of a tier.
 
@@ -326,27 +344,14 @@ def pupil_sampling(
         ``auto``: tight, which needs the fewest samples on the four lenses it was measured on.
     frame
         How the film stands.
+    coarse
+        Makes ``tight`` in a fifth of the time, and unchecked. It may leave out slivers of the pupil, less than a
+        thousandth of the light of the lenses that it was tried on.
     """
-    sampling = _checked(without_shape(lens), film_distance_mm, half_film_mm, wavelength_nm, tier, frame)
+    view = _View(without_shape(lens), film_distance_mm, half_film_mm, wavelength_nm, frame)
+    sampling = _coarse(view) if coarse and tier in ("auto", "tight") else _checked(view, tier)
     sampling.table.flags.writeable = False
     return sampling
-
-
-def coarse_pupil(
-    lens: Lens,
-    film_distance_mm: float,
-    half_film_mm: tuple[float, float],
-    wavelength_nm: pupils.Wavelengths,
-    tier: Tier,
-    frame: pupils.FilmFrame = pupils.UNMOVED,
-) -> PupilSampling:
-    """Return a sampling that is made in a fifth of the time of the tier ``tight``, and not checked; others as they are.
-
-    It may leave out slivers of the pupil, less than a thousandth of the light of the lenses that it was tried on.
-    """
-    if tier not in ("auto", "tight"):
-        return pupil_sampling(lens, film_distance_mm, half_film_mm, wavelength_nm, tier, frame)
-    return _coarse(without_shape(lens), film_distance_mm, half_film_mm, wavelength_nm, frame)
 
 
 def without_shape(lens: Lens) -> Lens:
@@ -376,80 +381,45 @@ def on_disk(**ways: Any) -> Disk:
 
 @remember(
     most=REMEMBERED,
-    by=by_content,
+    by=lambda view, tier: by_content(*view, tier),
     disk=on_disk(
         pack=lambda sampling: ({"table": sampling.table}, sampling.facts_but_table()),
         unpack=lambda arrays, facts: PupilSampling.of_facts(facts, arrays["table"]),
     ),
 )
-def _checked(
-    lens: Lens,
-    film_distance_mm: float,
-    half_film_mm: tuple[float, float],
-    wavelength_nm: pupils.Wavelengths,
-    tier: Tier,
-    frame: pupils.FilmFrame,
-) -> PupilSampling:
+def _checked(view: _View, tier: Tier) -> PupilSampling:
     """Return the sampling of a tier, or of another one where its tables would lose light."""
-    sampling = _made(lens, film_distance_mm, half_film_mm, wavelength_nm, tier, frame)
-    probe = pupils.FilmProbe(lens, film_distance_mm, wavelength_nm, frame)
-    if tier != "rear" and loses_light(sampling, probe, half_film_mm):
-        rear = _rear(lens, film_distance_mm, half_film_mm, wavelength_nm, frame)
-        sampling = replace(rear, instead_of=sampling.tier)
-    return sampling
-
-
-@remember(most=REMEMBERED, by=by_content)
-def _coarse(
-    lens: Lens,
-    film_distance_mm: float,
-    half_film_mm: tuple[float, float],
-    wavelength_nm: pupils.Wavelengths,
-    frame: pupils.FilmFrame,
-) -> PupilSampling:
-    shapes = pupils.pupil_shapes(lens, film_distance_mm, half_film_mm, wavelength_nm, pupils.COARSE_OUTLINES, frame)
-    sampling = tight_sampling(shapes)
-    sampling.table.flags.writeable = False
-    return sampling
-
-
-def _made(
-    lens: Lens,
-    film_distance_mm: float,
-    half_film_mm: tuple[float, float],
-    wavelength_nm: pupils.Wavelengths,
-    tier: Tier,
-    frame: pupils.FilmFrame,
-) -> PupilSampling:
     if tier == "rear":
-        return _rear(lens, film_distance_mm, half_film_mm, wavelength_nm, frame)
+        return _rear(view)
     if tier == "thick":
-        return _thick(lens, film_distance_mm, half_film_mm, wavelength_nm, frame)
-    if tier == "bounds":
-        return _bounds(
-            pupils.narrowing_probes(lens, film_distance_mm, wavelength_nm, frame), frame.bounds(half_film_mm)
-        )
-    return tight_sampling(pupils.pupil_shapes(lens, film_distance_mm, half_film_mm, wavelength_nm, frame=frame))
+        sampling = _thick(view)
+    elif tier == "bounds":
+        sampling = _bounds(view.narrowing_probes(), view.frame.bounds(view.half_film_mm))
+    else:
+        sampling = tight_sampling(view.shapes())
+    probe = pupils.FilmProbe(view.lens, view.film_distance_mm, view.wavelength_nm, view.frame)
+    if loses_light(sampling, probe, view.half_film_mm):
+        return replace(_rear(view), instead_of=sampling.tier)
+    return sampling
 
 
-def _rear(
-    lens: Lens,
-    film_distance_mm: float,
-    half_film_mm: tuple[float, float],
-    wavelength_nm: pupils.Wavelengths,
-    frame: pupils.FilmFrame,
-) -> PupilSampling:
+@remember(most=REMEMBERED, by=lambda view: by_content(*view))
+def _coarse(view: _View) -> PupilSampling:
+    return tight_sampling(view.shapes(pupils.COARSE_OUTLINES))
+
+
+def _rear(view: _View) -> PupilSampling:
     """The rear rim, projected from the film point on the plane of the last vertex.
 
     A rim at depth t behind that plane shows as a circle, scaled by Z / (Z + t) and shifted towards the film point.
     Where the surface bulges out of the cone to its rim, as a ball's does, the circle is widened to hold it.
     """
-    probe = pupils.FilmProbe(lens, film_distance_mm, wavelength_nm)
-    scale = film_distance_mm / (film_distance_mm - probe.patch[:, 2])
+    probe = pupils.FilmProbe(view.lens, view.film_distance_mm, view.wavelength_nm)
+    scale = view.film_distance_mm / (view.film_distance_mm - probe.patch[:, 2])
     shift = 1.0 - scale[-1]  # of the rim, the last ring of the patch
-    film = np.linspace(0.0, float(np.hypot(*half_film_mm)), 9)[:, None]
-    if frame.is_moved:
-        return PupilSampling("rear", PupilKind.CIRCLE, _round_windows(probe, half_film_mm, frame, float(shift)))
+    film = np.linspace(0.0, float(np.hypot(*view.half_film_mm)), 9)[:, None]
+    if view.frame.is_moved:
+        return PupilSampling("rear", PupilKind.CIRCLE, _round_windows(view, float(shift)))
     u = film * (1.0 - scale) + probe.patch[:, 0] * scale - shift * film
     reach = np.hypot(u, probe.patch[:, 1] * scale)
     radius = float(reach.max())
@@ -458,43 +428,30 @@ def _rear(
     return PupilSampling("rear", PupilKind.CIRCLE, PupilCircle(float(shift), radius))
 
 
-def _round_windows(
-    probe: pupils.FilmProbe, half_film_mm: tuple[float, float], frame: pupils.FilmFrame, shift: float
-) -> PupilCircle:
+def _round_windows(view: _View, shift: float) -> PupilCircle:
     """Return the circle that holds the rear rim as points all over a film that is moved see it."""
-    moved = pupils.FilmProbe(probe.lens, probe.distance, probe.wavelength_nm, frame)
-    film = frame.grid(half_film_mm, MOVED_GRID).reshape(-1, 2)
-    boxes = moved.windows(film)
+    film = view.frame.grid(view.half_film_mm, MOVED_GRID).reshape(-1, 2)
+    boxes = pupils.FilmProbe(view.lens, view.film_distance_mm, view.wavelength_nm, view.frame).windows(film)
     middles, halves = (boxes[:, 1::2] + boxes[:, ::2]) / 2, (boxes[:, 1::2] - boxes[:, ::2]) / 2
     reach = np.hypot(*(np.abs(middles - shift * film) + halves).T)
     return PupilCircle(shift, float(reach.max()))
 
 
-def _thick(
-    lens: Lens,
-    film_distance_mm: float,
-    half_film_mm: tuple[float, float],
-    wavelength_nm: pupils.Wavelengths,
-    frame: pupils.FilmFrame,
-) -> PupilSampling:
+def _thick(view: _View) -> PupilSampling:
     """The paraxial exit pupil, seen on the plane of the last vertex; widened where it would lose light."""
-    pupil = lens.first_order(wavelength_nm[0] if isinstance(wavelength_nm, tuple) else wavelength_nm).exit_pupil
-    from_film = film_distance_mm - pupil.distance_mm
+    nm = view.wavelength_nm
+    pupil = view.lens.first_order(nm[0] if isinstance(nm, tuple) else nm).exit_pupil
+    from_film = view.film_distance_mm - pupil.distance_mm
     if not (np.isfinite(from_film) and from_film > 0):
         raise InputError(
-            f"camera.pupil: {lens.name}: its exit pupil lies behind the film, so it bounds no rays"
+            f"camera.pupil: {view.lens.name}: its exit pupil lies behind the film, so it bounds no rays"
             " (allowed: rear, bounds, tight)"
         )
-    shrink = film_distance_mm / from_film
+    shrink = view.film_distance_mm / from_film
     shift, radius = 1.0 - shrink, pupil.diameter_mm / 2 * shrink
-    needed = _needed_radius(pupils.narrowing_probes(lens, film_distance_mm, wavelength_nm, frame), half_film_mm, shift)
+    needed = _needed_radius(view.narrowing_probes(), view.half_film_mm, shift)
     widened = max(1.0, needed / radius)
     return PupilSampling("thick", PupilKind.CIRCLE, PupilCircle(shift, radius * widened), widened=widened)
-
-
-def _film_points(half_film_mm: tuple[float, float], count: int) -> NDArray[np.float64]:
-    x, y = (np.linspace(-half, half, count) for half in half_film_mm)
-    return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
 
 
 def _needed_radius(probes: list[pupils.FilmProbe], half_film_mm: tuple[float, float], shift: float) -> float:
@@ -504,8 +461,8 @@ def _needed_radius(probes: list[pupils.FilmProbe], half_film_mm: tuple[float, fl
         film = np.stack([np.linspace(0.0, float(np.hypot(*half_film_mm)), 17), np.zeros(17)], axis=1)
     else:
         film = probes[-1].frame.grid(half_film_mm, 11).reshape(-1, 2)
-    windows, found = pupils.pupil_boxes(probes, film, PROBES, radial=radial)
-    film, windows = film[found], windows[found]
+    windows, lit = pupils.pupil_boxes(probes, film, PROBES, radial=radial)
+    film, windows = film[lit], windows[lit]
     points = pupils.grid(windows, 2 * PROBES[0], 2 * PROBES[1])
     passes = probes[-1].passes(film[:, None], points)
     away = points - shift * film[:, None]
@@ -515,12 +472,12 @@ def _needed_radius(probes: list[pupils.FilmProbe], half_film_mm: tuple[float, fl
 
 def _bounds(probes: list[pupils.FilmProbe], half_film_mm: tuple[float, float]) -> PupilSampling:
     """A box per film cell that holds the pupils of its corners, and a little more."""
-    low, high, found = _corner_boxes(probes, half_film_mm)
+    low, high, is_open = _corner_boxes(probes, half_film_mm)
     corners = [(slice(i, i + CELLS), slice(j, j + CELLS)) for i in (0, 1) for j in (0, 1)]
     low = np.min([low[corner] for corner in corners], axis=0)
     high = np.max([high[corner] for corner in corners], axis=0)
     lit = np.isfinite(low[..., 0])
-    closed = ~np.all([found[corner] for corner in corners], axis=0)
+    closed = ~np.all([is_open[corner] for corner in corners], axis=0)
     spread = np.where(closed, EDGE_SPREAD, SPREAD)[..., None] * np.where(lit[..., None], high - low, 0.0)
     low, high = low - spread, high + spread
     if not lit.any():
@@ -537,12 +494,11 @@ def _corner_boxes(
 ) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Return the low and high corners (n, n, 2) of boxes round the pupils at the corners of the film's cells, and where
     it is open. Of a rotationally symmetric lens a quarter of the film is traced."""
-    count = CELLS + 1
-    film = _film_points(half_film_mm, count).reshape(count, count, 2)
+    film = pupils.UNMOVED.grid(half_film_mm, CELLS + 1)
     symmetric = probes[-1].lens.is_rotational and probes[-1].frame.is_flat
     part = film[CELLS // 2 :, CELLS // 2 :] if symmetric else film
-    boxes, found = pupils.pupil_boxes(probes, part.reshape(-1, 2), PROBES)
-    lit = found.reshape(part.shape[:2])
+    boxes, lit = pupils.pupil_boxes(probes, part.reshape(-1, 2), PROBES)
+    lit = lit.reshape(part.shape[:2])
     low, high = (np.where(lit[..., None], boxes[:, k::2].reshape(part.shape), none) for k, none in enumerate(NOWHERE))
     if symmetric:
         for axis in (0, 1):

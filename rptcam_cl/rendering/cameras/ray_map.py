@@ -209,47 +209,49 @@ def ray_map(
         raise InputError(f"{lens.name} has mirrors or a ring for a pupil")
     radius, nodes = float(np.hypot(*half_film_mm)), _nodes(wavelengths_nm)
     fitted, others = (_Sample.of(lens, film_distance_mm, radius, nodes, seed) for seed in (1, 2))
-    passes = others.found.within(lens)
+    passes = others.traced.within(lens)
     if not passes.any():
         raise InputError(f"{lens.name} lets no light through")
     film, aims = others.film[passes], others.aims[passes]
     shift = float(np.sum(aims * film) / np.sum(film**2))
     variables = Variables(radius, float(np.hypot(*(aims - shift * film).T).max()), shift)
-    fit = _Fit(fitted, fitted.found.within(lens, REACH), variables, len(nodes) > 1)
+    fit = _Fit(fitted, fitted.traced.within(lens, REACH), variables, len(nodes) > 1)
     surfaces = _blocking(lens, others)
     start = RayMap(variables, fit.rays(1), fit.rims(1, surfaces), surfaces)
-    found = _with_rims(start, lens, fit, others, passes)
+    with_rims = _with_rims(start, lens, fit, others, passes)
 
     def error_px(mapped: RayMap) -> float:
         worst = max(_error(mapped, others, passes, distance) for distance in distances_mm)
         return NUDGE * radius * pixels_per_mm * worst
 
-    return _with_rays(found, lens.name, fit, error_px, max_error_px)
+    return _with_rays(with_rims, lens.name, fit, error_px, max_error_px)
 
 
-def _with_rims(found: RayMap, lens: Lens, fit: _Fit, others: _Sample, passes: Mask) -> RayMap:
+def _with_rims(fitted: RayMap, lens: Lens, fit: _Fit, others: _Sample, passes: Mask) -> RayMap:
     """Return a map with rims of the lowest order that gets the light of other rays right."""
     for order in range(1, LARGEST_ORDER + 1):
-        found = replace(found, rims=fit.rims(order, found.surfaces))
-        found = replace(found, light_error=_light_error(lens, found, others, passes))
-        if found.light_error <= LARGEST_LIGHT_ERROR:
-            return found
-    error = f"{100 * found.light_error:.2g} %"
+        fitted = replace(fitted, rims=fit.rims(order, fitted.surfaces))
+        fitted = replace(fitted, light_error=_light_error(lens, fitted, others, passes))
+        if fitted.light_error <= LARGEST_LIGHT_ERROR:
+            return fitted
+    error = f"{100 * fitted.light_error:.2g} %"
     raise InputError(f"{lens.name}: polynomials let {error} too much or too little light through")
 
 
-def _with_rays(found: RayMap, name: str, fit: _Fit, error_px: Callable[[RayMap], float], max_error_px: float) -> RayMap:
+def _with_rays(
+    fitted: RayMap, name: str, fit: _Fit, error_px: Callable[[RayMap], float], max_error_px: float
+) -> RayMap:
     """Return a map with rays that are as right as they are allowed to be, of a low order."""
     best = np.inf
     for order in range(1, LARGEST_ORDER + 1):
-        mapped = replace(found, rays=fit.rays(order))
+        mapped = replace(fitted, rays=fit.rays(order))
         error = error_px(mapped)
         if error < best:
-            best, found = error, replace(mapped, error_px=error)
+            best, fitted = error, replace(mapped, error_px=error)
         if best <= (min(GOOD_ERROR_PX, max_error_px) if order < CHEAP_ORDER else max_error_px):
-            return found
+            return fitted
     if best <= max_error_px:
-        return found
+        return fitted
     raise InputError(
         f"{name}: polynomials of degree {2 * LARGEST_ORDER + 1} err by up to {best:.2g} pixels"
         f" (allowed: {max_error_px:.2g})"
@@ -272,7 +274,7 @@ class _Sample:
     film: Array
     aims: Array
     colour: Array
-    found: Crossings
+    traced: Crossings
 
     @classmethod
     def of(cls, lens: Lens, film_distance_mm: float, radius_mm: float, nodes: Array, seed: int) -> _Sample:
@@ -291,12 +293,12 @@ class _Sample:
         groups = [np.arange(first, len(film), len(nodes)) for first in range(len(nodes))]
         parts = [crossings(lens, start[rows], away[rows], nm) for rows, nm in zip(groups, nodes.tolist(), strict=True)]
         order = np.argsort(np.concatenate(groups))
-        found = Crossings(
+        traced = Crossings(
             np.concatenate([part.heights for part in parts], axis=1)[:, order],
             np.concatenate([part.origins for part in parts])[order],
             np.concatenate([part.directions for part in parts])[order],
         )
-        return cls(film, aims, DISPERSION_SCALE / nodes[np.arange(len(film)) % len(nodes)] - DISPERSION_SHIFT, found)
+        return cls(film, aims, DISPERSION_SCALE / nodes[np.arange(len(film)) % len(nodes)] - DISPERSION_SHIFT, traced)
 
     def in_rings(self, which: Mask) -> NDArray[np.int64]:
         """Return how many of some rays each of `PARTS` rings of the film has."""
@@ -308,7 +310,7 @@ class _Sample:
 def _blocking(lens: Lens, sample: _Sample) -> tuple[int, ...]:
     """Return the stop and the fewest surfaces, found one by one, whose rims block all else; from the film on."""
     radii = np.array([surface.semi_diameter for surface in lens.surfaces])[:, None]
-    heights = sample.found.heights
+    heights = sample.traced.heights
     with np.errstate(invalid="ignore"):
         blocks = ~(np.hypot(heights[..., 0], heights[..., 1]) <= radii)
     passed = sample.in_rings(np.asarray(~blocks.any(axis=0)))
@@ -331,13 +333,13 @@ class _Fit:
 
     def rays(self, order: int) -> Polynomials:
         """Return the polynomials of points on the first surface and directions."""
-        origins, directions = self.sample.found.origins, self.sample.found.directions
+        origins, directions = self.sample.traced.origins, self.sample.traced.directions
         vectors = np.stack([origins[:, :2], directions[:, :2]])
         return self._of(order, vectors, -np.stack([origins[:, 2], directions[:, 2]]))
 
     def rims(self, order: int, surfaces: tuple[int, ...]) -> Polynomials:
         """Return the polynomials of heights on some surfaces."""
-        heights = self.sample.found.heights
+        heights = self.sample.traced.heights
         return self._of(order, heights[list(surfaces)], np.empty((0, heights.shape[1])))
 
     def _of(self, order: int, vectors: Array, numbers: Array) -> Polynomials:
@@ -353,23 +355,23 @@ class _Fit:
         return Polynomials(order, self.colours, both.transpose(1, 2, 0).reshape(len(powers), -1), along)
 
 
-def _error(found: RayMap, sample: _Sample, passes: Mask, distance_mm: float) -> float:
+def _error(fitted: RayMap, sample: _Sample, passes: Mask, distance_mm: float) -> float:
     """Return the largest distance of a ray from its place, over that of the ray of a film point `NUDGE` farther out."""
     film, aims, colour = sample.film[passes], sample.aims[passes], sample.colour[passes]
 
     def there(moved_mm: float) -> Array:
-        points, directions = found.trace(film + np.array([moved_mm, 0.0]), aims, colour)
+        points, directions = fitted.trace(film + np.array([moved_mm, 0.0]), aims, colour)
         return np.asarray(points + distance_mm * directions)
 
-    truth = (sample.found.origins[passes] + distance_mm * sample.found.directions[passes]) * (1.0, 1.0, -1.0)
+    truth = (sample.traced.origins[passes] + distance_mm * sample.traced.directions[passes]) * (1.0, 1.0, -1.0)
     own = there(0.0)
-    step = np.linalg.norm(there(NUDGE * found.variables.film_mm) - own, axis=1)
+    step = np.linalg.norm(there(NUDGE * fitted.variables.film_mm) - own, axis=1)
     return float(np.max(np.linalg.norm(own - truth, axis=1) / step))
 
 
-def _light_error(lens: Lens, found: RayMap, sample: _Sample, passes: Mask) -> float:
+def _light_error(lens: Lens, fitted: RayMap, sample: _Sample, passes: Mask) -> float:
     """Return the largest share by which the number of rays that pass differs in a ring of the film."""
-    own = sample.in_rings(found.passes(lens, sample.film, sample.aims, sample.colour))
+    own = sample.in_rings(fitted.passes(lens, sample.film, sample.aims, sample.colour))
     true = sample.in_rings(passes)
     lit = true > 0
     return float(np.max(np.abs(own[lit] / true[lit] - 1)))
@@ -463,7 +465,7 @@ def fitted_map(
     InputError
         When polynomials cannot stand for the lens, or not well enough.
     """
-    camera, traced, film_mm = setting.camera, setting.camera.traced_camera, setting.film_distance_mm
+    camera, traced, film_distance_mm = setting.camera, setting.camera.traced_camera, setting.film_distance_mm
     if setting.transmission:
         raise InputError("camera.rays: fitted rays know no losses (leave out camera.transmission, or use traced)")
     if traced is not None and traced.precision != "single":
@@ -475,11 +477,11 @@ def fitted_map(
         )
     width_mm, height_mm = (side * 1e3 for side in film.size_m())
     focus_mm = setting.focus_distance_mm
-    near = FAR_MM if focus_mm is None else min(focus_mm - lens.length - lens.sense * film_mm, FAR_MM)
+    near = FAR_MM if focus_mm is None else min(focus_mm - lens.length - lens.sense * film_distance_mm, FAR_MM)
     try:
         return _map(
             without_shape(lens),
-            film_mm,
+            film_distance_mm,
             (width_mm / 2, height_mm / 2),
             camera.wavelength_nm if range_nm is None else range_nm,
             film.resolution[0] / width_mm,
@@ -494,31 +496,31 @@ def fitted_rays(
     lens: Lens, setting: LensSetting, film: Film, range_nm: tuple[float, float] | None, max_error_px: float
 ) -> LensRays:
     """Return the polynomials of a lens, as `fitted_map` does."""
-    found = fitted_map(lens, setting, film, range_nm, max_error_px)
+    fitted = fitted_map(lens, setting, film, range_nm, max_error_px)
     records = lens_records(lens, setting.camera.wavelength_nm, "film", setting.film_distance_mm)
-    rows = [len(lens.surfaces) - 1 - k for k in found.surfaces]
+    rows = [len(lens.surfaces) - 1 - k for k in fitted.surfaces]
     facts = {
         **{name: value for name, value in records.facts.items() if name in ("LENS_OUTLINE", "LENS_MASK")},
-        "MAP_ORDER": found.rays.order,
-        "MAP_RIM_ORDER": found.rims.order,
-        "MAP_RIMS": len(found.surfaces),
-        "MAP_COLOURS": int(found.rays.colours),
+        "MAP_ORDER": fitted.rays.order,
+        "MAP_RIM_ORDER": fitted.rims.order,
+        "MAP_RIMS": len(fitted.surfaces),
+        "MAP_COLOURS": int(fitted.rays.colours),
     }
     metadata: CameraMetadata = {
         "lens_rays": "fitted",
-        "lens_degree": 2 * found.rays.order + 1,
-        "lens_rims": len(found.surfaces),
-        "lens_error_px": round(found.error_px, 4),
-        "lens_light_error": round(found.light_error, 4),
+        "lens_degree": 2 * fitted.rays.order + 1,
+        "lens_rims": len(fitted.surfaces),
+        "lens_error_px": round(fitted.error_px, 4),
+        "lens_light_error": round(fitted.light_error, 4),
     }
-    return LensRays("camera/fitted.h", records.surfaces[rows], records.stop, facts, _table(found), metadata)
+    return LensRays("camera/fitted.h", records.surfaces[rows], records.stop, facts, _table(fitted), metadata)
 
 
-def _table(found: RayMap) -> NDArray[np.float32]:
+def _table(fitted: RayMap) -> NDArray[np.float32]:
     """Return the table of `kernels/lens/ray_map.h`."""
-    scales, rays = found.variables, np.concatenate([found.rays.vectors, found.rays.numbers], axis=1)
+    scales, rays = fitted.variables, np.concatenate([fitted.rays.vectors, fitted.rays.numbers], axis=1)
     head = [1 / scales.film_mm, scales.shift, 1 / scales.pupil_mm, 0.0]
-    return np.concatenate([head, rays.ravel(), found.rims.vectors.ravel()]).astype(np.float32)
+    return np.concatenate([head, rays.ravel(), fitted.rims.vectors.ravel()]).astype(np.float32)
 
 
 _map = remember(most=REMEMBERED, by=by_content)(ray_map)

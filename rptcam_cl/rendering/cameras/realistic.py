@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,14 +24,7 @@ from rptcam_cl.rendering.cameras.model import (
     lens_reach,
     traced_blur,
 )
-from rptcam_cl.rendering.cameras.pupil import (
-    PupilSampling,
-    by_content,
-    coarse_pupil,
-    has_shape,
-    on_disk,
-    pupil_sampling,
-)
+from rptcam_cl.rendering.cameras.pupil import PupilSampling, by_content, has_shape, on_disk, pupil_sampling
 from rptcam_cl.rendering.cameras.ray_map import allowed_px, fitted_rays, traced_rays
 from rptcam_cl.rendering.cameras.setting import (
     CameraMetadata,
@@ -43,7 +37,7 @@ from rptcam_cl.rendering.cameras.setting import (
     place_film,
 )
 from rptcam_cl.rendering.cameras.shared_pupil import Window, paraxial_irradiance, pupil_in_windows, shared_sampling
-from rptcam_cl.scene.film import Film, LensColour
+from rptcam_cl.scene.film import LensColour
 from rptcam_cl.scene.scene import Scene
 
 SHOWS_PX = 0.5  # colour error that a picture shows [pixels]
@@ -73,16 +67,16 @@ def realistic_model(
     camera = scene.camera.traced_camera
     assert camera is not None
     check_film(setting.lens, setting.film_distance_mm, scene)
-    lens, back_mm = shaped(scene, setting).lens, setting.film_distance_mm
+    lens, film_distance_mm = shaped(scene, setting).lens, setting.film_distance_mm
     losses = setting.transmission
     dispersive, colour = _colour(scene, setting, lens_colour)
     low, high = usable_nm(lens, losses if dispersive else IDEAL)
     sampled_nm = (camera.wavelength_nm, low, high) if dispersive else (camera.wavelength_nm,)
     shares = camera.pupil == "shared" and not (windows or coarse)
     shared = shared_sampling(scene, setting, sampled_nm) if shares else None
-    on_axis_of = _on_axis if shared is None else _on_axis_of_disk
-    irradiance = paraxial_irradiance if windows else _on_axis_soon if coarse else on_axis_of
-    clear, on_axis = _irradiance(lens, back_mm, camera.wavelength_nm, losses, irradiance)
+    on_axis_of = _on_axis if shared is None else partial(_on_axis, soon=disk_irradiance)
+    irradiance = paraxial_irradiance if windows else partial(_on_axis, soon=_axial) if coarse else on_axis_of
+    clear, on_axis = _irradiance(lens, film_distance_mm, camera.wavelength_nm, losses, irradiance)
     balanced = (IDEAL, clear) if shows_losses(scene) else (losses, on_axis)
     pupil = shared or _pupil(scene, setting, lens, sampled_nm, windows, coarse)
     if camera.rays == "fitted":
@@ -120,23 +114,27 @@ def realistic_model(
         passed=on_axis / clear,
         axial_weight=on_axis,
         usable_nm=(low, high),
-        reach=lens_reach(lens, back_mm, camera.wavelength_nm, half_film_mm(scene)),
-        axial_colour=_axial_colour(on_axis_of, lens, back_mm, *balanced, (low, high)) if dispersive else None,
+        reach=lens_reach(lens, film_distance_mm, camera.wavelength_nm, half_film_mm(scene)),
+        axial_colour=_axial_colour(on_axis_of, lens, film_distance_mm, *balanced, (low, high)) if dispersive else None,
         setting=setting,
         pupil=None if coarse else entrance,
     )
 
 
 def _irradiance(
-    lens: Lens, back_mm: float, wavelength_nm: float, losses: LensTransmission, irradiance: Callable[..., float]
+    lens: Lens,
+    film_distance_mm: float,
+    wavelength_nm: float,
+    losses: LensTransmission,
+    irradiance: Callable[..., float],
 ) -> tuple[float, float]:
     """Return the irradiance in the centre of the film under unit radiance, without losses in the lens and with them."""
-    clear = irradiance(lens, back_mm, wavelength_nm)
-    on_axis = irradiance(lens, back_mm, wavelength_nm, losses) if losses else clear
+    clear = irradiance(lens, film_distance_mm, wavelength_nm)
+    on_axis = irradiance(lens, film_distance_mm, wavelength_nm, losses) if losses else clear
     if not on_axis > 0:
         raise InputError(
             f"camera.lens: {lens.name}: no ray from the centre of the film passes the lens"
-            f" (film distance {back_mm:g} mm)"
+            f" (film distance {film_distance_mm:g} mm)"
         )
     return clear, on_axis
 
@@ -150,50 +148,43 @@ def _pupil(
     coarse: bool,
 ) -> PupilSampling:
     """Return how rays aim at the pupil that all wavelengths see, from the whole film or from windows of it."""
-    camera, half_mm, back_mm = scene.camera.traced_camera, half_film_mm(scene), setting.film_distance_mm
+    camera, half, film_distance_mm = scene.camera.traced_camera, half_film_mm(scene), setting.film_distance_mm
     assert camera is not None
     frame = film_frame(camera)
     if windows:
-        return pupil_in_windows(lens, back_mm, frame.bounds(half_mm), camera.wavelength_nm, windows, frame)
-    sampling = coarse_pupil if coarse else pupil_sampling
+        return pupil_in_windows(lens, film_distance_mm, frame.bounds(half), camera.wavelength_nm, windows, frame)
     tier = "auto" if camera.pupil == "shared" else camera.pupil
-    return sampling(lens, back_mm, half_mm, sampled_nm, tier, frame)
+    return pupil_sampling(lens, film_distance_mm, half, sampled_nm, tier, frame, coarse=coarse)
 
 
-def _on_axis(lens: Lens, back_mm: float, wavelength_nm: float, losses: LensTransmission = IDEAL) -> float:
-    """Return the irradiance on the axis; that of a round stop is remembered."""
+_axial = remember(most=REMEMBERED, by=by_content)(axial_irradiance)
+_with_losses = remember(most=REMEMBERED, by=by_content)(on_axis_irradiance)
+_without_losses = remember(most=REMEMBERED, by=by_content, disk=on_disk())(on_axis_irradiance)
+_colour_error = remember(most=REMEMBERED, by=by_content)(colour_error_px)
+
+
+def _on_axis(
+    lens: Lens,
+    film_distance_mm: float,
+    wavelength_nm: float,
+    losses: LensTransmission = IDEAL,
+    soon: Callable[[Lens, float, float], float | None] | None = None,
+) -> float:
+    """Return the irradiance on the axis; that of a round stop is remembered.
+
+    Parameters
+    ----------
+    soon
+        Gives it sooner where there are no losses, or None: `disk_irradiance` where nothing lies apart from the pupil,
+        as the table shows that states share, and `_axial` for a glance, within 2e-5.
+    """
+    if soon and not losses and (irradiance := soon(lens, film_distance_mm, wavelength_nm)) is not None:
+        return irradiance
     if has_shape(lens):
-        return on_axis_irradiance(lens, back_mm, wavelength_nm, losses)
+        return on_axis_irradiance(lens, film_distance_mm, wavelength_nm, losses)
     if losses:
-        return _on_axis_with_losses(lens, back_mm, wavelength_nm, losses)
-    return _on_axis_without_losses(lens, back_mm, wavelength_nm)
-
-
-def _on_axis_of_disk(lens: Lens, back_mm: float, wavelength_nm: float, losses: LensTransmission = IDEAL) -> float:
-    """Return the same where nothing lies apart from the pupil, as the table shows that states share."""
-    found = None if losses else disk_irradiance(lens, back_mm, wavelength_nm)
-    return _on_axis(lens, back_mm, wavelength_nm, losses) if found is None else found
-
-
-def _on_axis_soon(lens: Lens, back_mm: float, wavelength_nm: float, losses: LensTransmission = IDEAL) -> float:
-    """Return the same for a glance: without losses through a round pupil within 2e-5."""
-    found = None if losses else _axial(lens, back_mm, wavelength_nm)
-    return _on_axis(lens, back_mm, wavelength_nm, losses) if found is None else found
-
-
-@remember(most=REMEMBERED, by=by_content)
-def _axial(lens: Lens, back_mm: float, wavelength_nm: float) -> float | None:
-    return axial_irradiance(lens, back_mm, wavelength_nm)
-
-
-@remember(most=REMEMBERED, by=by_content)
-def _on_axis_with_losses(lens: Lens, back_mm: float, wavelength_nm: float, losses: LensTransmission) -> float:
-    return on_axis_irradiance(lens, back_mm, wavelength_nm, losses)
-
-
-@remember(most=REMEMBERED, by=by_content, disk=on_disk())
-def _on_axis_without_losses(lens: Lens, back_mm: float, wavelength_nm: float) -> float:
-    return float(on_axis_irradiance(lens, back_mm, wavelength_nm))
+        return _with_losses(lens, film_distance_mm, wavelength_nm, losses)
+    return _without_losses(lens, film_distance_mm, wavelength_nm)
 
 
 def _record(scene: Scene, setting: LensSetting, lens: Lens, pupil: PupilSampling, surfaces: int) -> NDArray[np.void]:
@@ -217,11 +208,7 @@ def _colour(scene: Scene, setting: LensSetting, wanted: LensColour) -> tuple[boo
     if wanted == "off" or not (disperses(setting.lens) or is_tinted(setting.lens, setting.transmission)):
         return False, {}
     error_px = _colour_error(
-        setting.lens,
-        setting.film_distance_mm,
-        setting.focus_distance_mm,
-        scene.film,
-        setting.camera.wavelength_nm,
+        setting.lens, setting.film_distance_mm, setting.focus_distance_mm, scene.film, setting.camera.wavelength_nm
     )
     tint = lens_tint(scene, setting)
     shows = error_px > SHOWS_PX or tint > SHOWS_TINT
@@ -229,11 +216,6 @@ def _colour(scene: Scene, setting: LensSetting, wanted: LensColour) -> tuple[boo
     if tint:
         metadata["lens_tint"] = round(tint, 4)
     return wanted == "on" or shows, metadata
-
-
-@remember(most=REMEMBERED, by=by_content)
-def _colour_error(lens: Lens, back_mm: float, focus_mm: float | None, film: Film, wavelength_nm: float) -> float:
-    return colour_error_px(lens, back_mm, focus_mm, film, wavelength_nm)
 
 
 def shows_losses(scene: Scene) -> bool:
@@ -251,7 +233,7 @@ def lens_tint(scene: Scene, setting: LensSetting) -> float:
 def _axial_colour(
     irradiance: Callable[..., float],
     lens: Lens,
-    back_mm: float,
+    film_distance_mm: float,
     losses: LensTransmission,
     on_axis: float,
     range_nm: tuple[float, float],
@@ -261,7 +243,7 @@ def _axial_colour(
     Losses vary faster with the wavelength than pupils do, but almost as they do on the axis itself.
     """
     few, wavelengths = np.linspace(*range_nm, AXIAL_SAMPLES), np.linspace(*range_nm, LOSS_SAMPLES)
-    seen = np.array([irradiance(lens, back_mm, nm, losses) for nm in few.tolist()]) / on_axis
+    seen = np.array([irradiance(lens, film_distance_mm, nm, losses) for nm in few.tolist()]) / on_axis
     if not losses:
         return few, seen
     slow = np.interp(wavelengths, few, seen / axial_transmittance(lens, few, losses))

@@ -521,7 +521,12 @@ def _film_distance(
 
 
 def _by_group(
-    lens: Lens, distance_mm: float, film_mm: float, method: Method, wavelength_nm: float, film_point_mm: FilmPoint
+    lens: Lens,
+    distance_mm: float,
+    film_distance_mm: float,
+    method: Method,
+    wavelength_nm: float,
+    film_point_mm: FilmPoint,
 ) -> tuple[Lens, float]:
     """Return the lens with its group moved, for a film that stays, and the film distance [mm].
 
@@ -530,12 +535,12 @@ def _by_group(
     """
     offset = before = error_before = 0.0
     for _ in range(ROUNDS):
-        state, image = focused_by_group(lens, distance_mm - offset, film_mm - offset, wavelength_nm)
+        state, image = focused_by_group(lens, distance_mm - offset, film_distance_mm - offset, wavelength_nm)
         if method == "thick":
             return state, image
         front = distance_mm - offset - state.length - state.sense * image
         error = _film_distance(state, front, "front", method, wavelength_nm, film_point_mm) - image - offset
-        if abs(error) <= (CONVERGED if film_point_mm is None else CONVERGED_AT_A_POINT) * film_mm:
+        if abs(error) <= (CONVERGED if film_point_mm is None else CONVERGED_AT_A_POINT) * film_distance_mm:
             return state, image + offset
         slope = (error - error_before) / (offset - before) if offset != before else -1.0
         offset, before, error_before = offset - error / slope, offset, error
@@ -616,24 +621,28 @@ def lens_setting(scene: Scene) -> LensSetting:
     camera = lens_camera(scene)
     lens, focus, real = design_to_focus(scene, camera), camera.focus, real_state(scene)
     if focus.film_distance_mm is not None:
-        lens, back_mm = real.lens(lens), focus.film_distance_mm
-        return LensSetting(lens, back_mm, _sharp_at(lens, back_mm, camera), camera, real)
+        lens, film_distance_mm = real.lens(lens), focus.film_distance_mm
+        return LensSetting(lens, film_distance_mm, _sharp_at(lens, film_distance_mm, camera), camera, real)
     if focus.group_shift_mm is not None:
         return _at_shift(lens, focus.group_shift_mm, camera, real)
     if focus.auto is not None:
         raise InputError(NOT_FOUND_YET)
     if focus.front_distance_m is not None:
         front_mm = focus.front_distance_m * 1e3
-        lens, back_mm = focused(lens, front_mm, "front", focus.method, camera.wavelength_nm, _sharpest(scene, camera))
-        distance_mm = front_mm + lens.length + lens.sense * back_mm
-        return LensSetting(real.lens(lens), real.film(back_mm), distance_mm, camera, real)
+        lens, film_distance_mm = focused(
+            lens, front_mm, "front", focus.method, camera.wavelength_nm, _sharpest(scene, camera)
+        )
+        distance_mm = front_mm + lens.length + lens.sense * film_distance_mm
+        return LensSetting(real.lens(lens), real.film(film_distance_mm), distance_mm, camera, real)
     if focus.point is not None:
         distance_mm = camera.ahead(focus.point) * scene.metres_per_unit * 1e3
     else:
         assert focus.distance_m is not None
         distance_mm = focus.distance_m * 1e3
-    lens, back_mm = focused(lens, distance_mm, "film", focus.method, camera.wavelength_nm, _sharpest(scene, camera))
-    return LensSetting(real.lens(lens), real.film(back_mm), distance_mm, camera, real)
+    lens, film_distance_mm = focused(
+        lens, distance_mm, "film", focus.method, camera.wavelength_nm, _sharpest(scene, camera)
+    )
+    return LensSetting(real.lens(lens), real.film(film_distance_mm), distance_mm, camera, real)
 
 
 def _sharpest(scene: Scene, camera: LensCamera) -> FilmPoint:
@@ -691,13 +700,13 @@ def _at_shift(lens: Lens, shift_mm: float, camera: LensCamera, real: RealState) 
             f" allowed: {low:g} to {high:g})"
         )
     infinity_mm = real.film(film_distance(lens, np.inf, wavelength_nm=camera.wavelength_nm))
-    state, back_mm = move_group(real.lens(lens), shift_mm), film_behind(lens, shift_mm, infinity_mm)
-    return LensSetting(state, back_mm, _sharp_at(state, back_mm, camera), camera, real)
+    state, film_distance_mm = move_group(real.lens(lens), shift_mm), film_behind(lens, shift_mm, infinity_mm)
+    return LensSetting(state, film_distance_mm, _sharp_at(state, film_distance_mm, camera), camera, real)
 
 
-def _sharp_at(lens: Lens, back_mm: float, camera: LensCamera) -> float | None:
+def _sharp_at(lens: Lens, film_distance_mm: float, camera: LensCamera) -> float | None:
     try:
-        return object_distance(lens, back_mm, camera.wavelength_nm)
+        return object_distance(lens, film_distance_mm, camera.wavelength_nm)
     except InputError:  # the film lies where no object images: legal, just never sharp
         return None
 
@@ -780,17 +789,17 @@ def _drift(scene: Scene, setting: LensSetting, pupil_z: float) -> tuple[tuple[fl
 def _round_drift(
     lens: Lens, film: tuple[tuple[float, ...], ...], wavelength_nm: float, pupil_z: float
 ) -> list[tuple[float, float]]:
-    return _found(round_chief_rays, lens, film, wavelength_nm, pupil_z)
+    return _drift_by(round_chief_rays, lens, film, wavelength_nm, pupil_z)
 
 
 @remember(most=REMEMBERED, by=by_content, disk=on_disk())
 def _film_drift(
     lens: Lens, film: tuple[tuple[float, ...], ...], wavelength_nm: float, pupil_z: float
 ) -> list[tuple[float, float]]:
-    return _found(film_chief_rays, lens, film, wavelength_nm, pupil_z)
+    return _drift_by(film_chief_rays, lens, film, wavelength_nm, pupil_z)
 
 
-def _found(
+def _drift_by(
     chief_rays: Callable[[Lens, Array, float], ChiefRays],
     lens: Lens,
     film: tuple[tuple[float, ...], ...],

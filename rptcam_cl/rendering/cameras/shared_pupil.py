@@ -86,14 +86,14 @@ def pupil_in_windows(
     corners = np.unique(np.concatenate([cells + np.array([i, j]) for i in (0, 1) for j in (0, 1)]), axis=0)
     size = 2 * np.array(half_film_mm) / CELLS
     probes = narrowing_probes(lens, film_distance_mm, wavelength_nm, frame)
-    boxes, found = pupil_boxes(probes, corners * size - half_film_mm, PROBES)
-    if not found.any():
+    boxes, lit = pupil_boxes(probes, corners * size - half_film_mm, PROBES)
+    if not lit.any():
         raise InputError(f"{lens.name}: no light reaches the zones {film_distance_mm:g} mm behind the lens")
     place = {tuple(corner): k for k, corner in enumerate(corners.tolist())}
     table = np.zeros((CELLS, CELLS, 4), np.float32)
     for x, y in cells.tolist():
         around = [place[x + i, y + j] for i in (0, 1) for j in (0, 1)]
-        table[y, x] = _around(boxes[around], found[around])
+        table[y, x] = _around(boxes[around], lit[around])
     parameters = PupilGrid(1 / size[0], 1 / size[1], CELLS, CELLS)
     return PupilSampling("windows", PupilKind.BOXES, parameters, table.ravel())
 
@@ -109,12 +109,12 @@ def _touched(half_film_mm: tuple[float, float], windows: Sequence[Window]) -> ND
     return np.argwhere(touched)
 
 
-def _around(boxes: NDArray[np.float64], found: NDArray[np.bool_]) -> NDArray[np.float64]:
+def _around(boxes: NDArray[np.float64], lit: NDArray[np.bool_]) -> NDArray[np.float64]:
     """Return the corner and size of a box that holds the pupils of the corners of a cell, and a little more."""
-    if not found.any():
+    if not lit.any():
         return np.zeros(4)
-    low, high = boxes[found][:, ::2].min(axis=0), boxes[found][:, 1::2].max(axis=0)
-    spread = (SPREAD if found.all() else EDGE_SPREAD) * (high - low)
+    low, high = boxes[lit][:, ::2].min(axis=0), boxes[lit][:, 1::2].max(axis=0)
+    spread = (SPREAD if lit.all() else EDGE_SPREAD) * (high - low)
     return np.concatenate([low - spread, high - low + 2 * spread])
 
 
@@ -145,12 +145,12 @@ class _Shared:
     """A table, last vertex to film [mm] in the state that its film points are of, and how far from the axis they go."""
 
     sampling: PupilSampling
-    back_mm: float
+    film_distance_mm: float
     radius_mm: float = math.inf
 
-    def holds(self, radius_mm: float, back_mm: float) -> bool:
+    def holds(self, radius_mm: float, film_distance_mm: float) -> bool:
         """Return whether it goes as far as a film at another distance."""
-        return radius_mm * self.back_mm / back_mm <= self.radius_mm
+        return radius_mm * self.film_distance_mm / film_distance_mm <= self.radius_mm
 
 
 def shared_sampling(scene: Scene, setting: LensSetting, wavelength_nm: Wavelengths) -> PupilSampling | None:
@@ -178,22 +178,25 @@ def shared_sampling(scene: Scene, setting: LensSetting, wavelength_nm: Wavelengt
     width = FOCUS_CELL / 2 ** max(math.ceil(math.log2(length_mm / (2 * setting.film_distance_mm))), 0)
     cell = math.floor(length_mm / distance_mm / width)
     middle, *ends = (min(length_mm / max(at * width, 1e-300), FAR_MM) for at in (cell + 0.5, cell, cell + 1))
-    corner_mm, back_mm = float(np.hypot(*frame.corners(half_film_mm(scene))[:, :2].T).max()), setting.film_distance_mm
+    corner_mm, film_distance_mm = (
+        float(np.hypot(*frame.corners(half_film_mm(scene))[:, :2].T).max()),
+        setting.film_distance_mm,
+    )
     radius_mm, method = _rounded_up(BEYOND_FILM * corner_mm, FILM_CELLS), camera.focus.method
 
     def cell_of(of: Sequence[Lens]) -> _Cell:
         states = (of[0], middle), *((lens, end) for lens in of[1:] or of for end in ends)
         return _Cell(states, method, radius_mm, camera.wavelength_nm, wavelength_nm)
 
-    found = None
+    shared = None
     if method == "thick" and setting.lens.stop is not None:
-        found = _with_stop(cell_of(wide_open), max(lens.stop.semi_diameter for lens in lenses if lens.stop))
-    if found is None or not found.holds(corner_mm, back_mm):
-        found = _of_traced(cell_of(lenses))
-    if found is None:
+        shared = _with_stop(cell_of(wide_open), max(lens.stop.semi_diameter for lens in lenses if lens.stop))
+    if shared is None or not shared.holds(corner_mm, film_distance_mm):
+        shared = _of_traced(cell_of(lenses))
+    if shared is None:
         return None
-    found.sampling.table.flags.writeable = False
-    return _moved(found, back_mm)
+    shared.sampling.table.flags.writeable = False
+    return _moved(shared, film_distance_mm)
 
 
 def _zooms(scene: Scene, camera: LensCamera) -> list[dict[str, float]]:
@@ -222,11 +225,11 @@ def _stopped(wide_open: Sequence[Lens], state: Lens) -> list[Lens]:
     ]
 
 
-def _moved(shared: _Shared, back_mm: float) -> PupilSampling:
+def _moved(shared: _Shared, film_distance_mm: float) -> PupilSampling:
     """Return the table for a film at another distance: film points in one direction have the same outlines."""
     parameters = shared.sampling.parameters
     assert isinstance(parameters, PupilGrid)
-    scaled = parameters._replace(per_mm_across=parameters.per_mm_across * shared.back_mm / back_mm)
+    scaled = parameters._replace(per_mm_across=parameters.per_mm_across * shared.film_distance_mm / film_distance_mm)
     return replace(shared.sampling, parameters=scaled)
 
 
@@ -266,12 +269,12 @@ def _with_stop(cell: _Cell, semi_diameter_mm: float) -> _Shared | None:
     if not arrays:
         return None
     rays = (arrays[key].astype(np.float64) for key in ("centres", "reach", "heights"))
-    return _of_pupils(StoppedPupils(facts["radius_mm"], *rays), facts["back_mm"], semi_diameter_mm)
+    return _of_pupils(StoppedPupils(facts["radius_mm"], *rays), facts["film_distance_mm"], semi_diameter_mm)
 
 
-def _of_pupils(pupils: StoppedPupils, back_mm: float, semi_diameter_mm: float) -> _Shared | None:
+def _of_pupils(pupils: StoppedPupils, film_distance_mm: float, semi_diameter_mm: float) -> _Shared | None:
     shapes = pupils.shapes(semi_diameter_mm)
-    return None if shapes is None else _Shared(_of_shapes(shapes), back_mm, pupils.radius_mm)
+    return None if shapes is None else _Shared(_of_shapes(shapes), film_distance_mm, pupils.radius_mm)
 
 
 def _of_shapes(shapes: PupilShapes) -> PupilSampling:
@@ -290,23 +293,30 @@ def _rays(cell: _Cell) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
         pupils = stopped_pupils(states, cell.radius_mm, nm if isinstance(nm, tuple) else (nm,))
     except InputError:  # an end of the cell is out of reach, or dark
         return {}, {}
-    back_mm = states[0][1]
-    widest = None if pupils is None else _of_pupils(pupils, back_mm, widest_mm)
+    film_distance_mm = states[0][1]
+    widest = None if pupils is None else _of_pupils(pupils, film_distance_mm, widest_mm)
     if pupils is None or widest is None or _loses_light(widest, states, pupils.radius_mm / BEYOND_FILM, nm):
         return {}, {}
     arrays = {"centres": pupils.centres, "reach": pupils.reach, "heights": pupils.heights}
-    facts = {"radius_mm": pupils.radius_mm, "back_mm": back_mm}
+    facts = {"radius_mm": pupils.radius_mm, "film_distance_mm": film_distance_mm}
     return {key: values.astype(np.float32) for key, values in arrays.items()}, facts
 
 
 def _pack(shared: _Shared | None) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
     if shared is None:
         return {}, {}
-    return {"table": shared.sampling.table}, {"sampling": shared.sampling.facts_but_table(), "back_mm": shared.back_mm}
+    return {"table": shared.sampling.table}, {
+        "sampling": shared.sampling.facts_but_table(),
+        "film_distance_mm": shared.film_distance_mm,
+    }
 
 
 def _unpack(arrays: dict[str, NDArray[Any]], facts: dict[str, Any]) -> _Shared | None:
-    return _Shared(PupilSampling.of_facts(facts["sampling"], arrays["table"]), facts["back_mm"]) if arrays else None
+    return (
+        _Shared(PupilSampling.of_facts(facts["sampling"], arrays["table"]), facts["film_distance_mm"])
+        if arrays
+        else None
+    )
 
 
 @remember(most=REMEMBERED, by=lambda cell: cell.key(), disk=on_disk(pack=_pack, unpack=_unpack))
@@ -325,8 +335,8 @@ def _loses_light(
     shared: _Shared, states: Sequence[tuple[Lens, float]], radius_mm: float, wavelength_nm: Wavelengths
 ) -> bool:
     """Return whether rays of some state pass that lie well outside of the table."""
-    half_mm = radius_mm / math.sqrt(2.0), radius_mm / math.sqrt(2.0)
+    half_film_mm = radius_mm / math.sqrt(2.0), radius_mm / math.sqrt(2.0)
     return any(
-        loses_light(_moved(shared, back_mm), FilmProbe(state, back_mm, wavelength_nm), half_mm)
-        for state, back_mm in states
+        loses_light(_moved(shared, film_distance_mm), FilmProbe(state, film_distance_mm, wavelength_nm), half_film_mm)
+        for state, film_distance_mm in states
     )

@@ -12,7 +12,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rptcam_cl.core.colour import Spectrum, metal_optics, srgb_from_reflectance
+from rptcam_cl.core.colour import Spectrum, linear_from_srgb, metal_optics, srgb_from_reflectance
 from rptcam_cl.core.constants import LINE_C_NM, LINE_D_NM, LINE_F_NM
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
@@ -164,12 +164,6 @@ Texels = NDArray[np.uint8] | NDArray[np.float32]
 _LARGEST_EXPONENT = 15  # halves reach 2^16
 
 
-def decode_srgb(encoded: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return the linear values of sRGB-encoded ones (IEC 61966-2-1)."""
-    power = ((encoded + np.float32(0.055)) / np.float32(1.055)) ** np.float32(2.4)
-    return np.where(encoded <= np.float32(0.04045), encoded / np.float32(12.92), power).astype(np.float32)
-
-
 def colour_texels(picture: Picture, channel: str, *, encoded: bool) -> tuple[Texels, TexelFormat]:
     """Return red, green and blue of a picture, shape (height, width, 3), and how to store them.
 
@@ -179,7 +173,7 @@ def colour_texels(picture: Picture, channel: str, *, encoded: bool) -> tuple[Tex
     if texels.dtype == np.uint8:
         return texels, TexelFormat.SRGB if encoded else TexelFormat.LINEAR
     floats = texels.astype(np.float32, copy=False)
-    return decode_srgb(floats) if encoded else floats, TexelFormat.HALF
+    return linear_from_srgb(floats) if encoded else floats, TexelFormat.HALF
 
 
 def pack_texels(texels: Texels, form: TexelFormat) -> tuple[NDArray[np.uint32], float]:
@@ -218,7 +212,7 @@ def linear_mean(texels: Texels, form: TexelFormat) -> NDArray[np.float64]:
 def linear_codes(form: TexelFormat) -> NDArray[np.float32]:
     """Return the linear values of the 256 codes of a byte."""
     codes = np.arange(256, dtype=np.float32) / np.float32(255)
-    return decode_srgb(codes) if form is TexelFormat.SRGB else codes
+    return linear_from_srgb(codes) if form is TexelFormat.SRGB else codes
 
 
 # The pictures of a scene's textures: each file read once, each way of storing it packed once and remembered.

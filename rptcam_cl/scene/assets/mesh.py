@@ -269,7 +269,7 @@ def smooth_normals(positions: NDArray[np.float32], faces: NDArray[np.int32]) -> 
 
     Vertices of equal position count as one, so seams of texture coordinates do not show (Thürmer and Wüthrich 1998).
     """
-    corner = _same_position(positions)
+    _, corner = different_rows(list(positions.T))
     sums = np.zeros((3, int(corner.max()) + 1))
     anyone = np.zeros_like(sums)
     columns = np.ascontiguousarray(positions.T)
@@ -300,17 +300,6 @@ def unit_normals(
     if missing.any():
         result[missing] = smooth_normals(positions, faces)[missing]
     return result
-
-
-def _same_position(positions: NDArray[np.float32]) -> NDArray[np.intp]:
-    """Return, for each vertex, the number of its position among the different ones."""
-    order = np.lexsort(tuple(positions.T))
-    ordered = positions[order]
-    new = np.ones(len(order), bool)
-    new[1:] = (ordered[1:] != ordered[:-1]).any(axis=1)
-    number = np.empty(len(order), np.intp)
-    number[order] = np.cumsum(new) - 1
-    return number
 
 
 def _angles_and_normal(a: Vectors, b: Vectors, c: Vectors) -> tuple[Vectors, Vectors]:

@@ -255,23 +255,23 @@ def _round(
 
 
 def _top(made: Sequence[Probe], zone: int) -> Probe:
-    return max(made, key=lambda probe: probe.found[zone].value)
+    return max(made, key=lambda probe: probe.measures[zone].value)
 
 
 def _noise(made: Sequence[Probe], zone: int) -> float:
-    top = _top(made, zone).found[zone]
+    top = _top(made, zone).measures[zone]
     return top.error / top.value if top.value > 0 else math.inf
 
 
 def _contrast(probes: Probes, made: Sequence[Probe], zone: int) -> bool:
     """Return whether any probe shows contrast; the top itself may be noisy where hardly any rays pass a small stop."""
-    measures = [probe.found[zone] for probe in made]
+    measures = [probe.measures[zone] for probe in made]
     return any(one.value > probes.measure.least and one.value > CLEAR * one.error for one in measures)
 
 
 def _why_unseen(probes: Probes, made: Sequence[Probe], zones: list[int], samples: int) -> str:
     """Say why zones show too little to focus on, by their measures."""
-    top = max((_top(made, zone).found[zone] for zone in zones), key=lambda found: found.value)
+    top = max((_top(made, zone).measures[zone] for zone in zones), key=lambda measure: measure.value)
     if top.value > CLEAR * top.error:
         least = probes.measure.least
         return f"its details are faint: their measure is {top.value:.2g} at most, and more than {least:.2g} is needed"
@@ -290,7 +290,7 @@ def _same_everywhere(peak: Peak) -> NoContrast:
 
 
 def _is_surely_flat(probes: Probes, made: Sequence[Probe], zone: int) -> bool:
-    top = _top(made, zone).found[zone]
+    top = _top(made, zone).measures[zone]
     return top.value + CLEAR * top.error < probes.measure.least
 
 
@@ -434,7 +434,7 @@ def focus_by_variance(task: Task) -> FocusReport:
         if abs(step) < WALK_END * distance:
             break
         there = _probe_at(probes, distance + step, zone)
-        if there is not None and there.found[0].value > here.found[0].value:
+        if there is not None and there.measures[0].value > here.measures[0].value:
             distance, here = distance + step, there
         else:
             step = -step / 2

@@ -109,8 +109,8 @@ def _other_distance(task: Task, report: FocusReport) -> str | None:
                 there = drive.state_for(1 / vergence, zone)
             except InputError:  # out of reach
                 continue
-            seen = [share for found, share in _distances_shown(task, there, zone, APART * sharp)
-                    if abs(found - vergence) < APART / 2 * sharp]  # fmt: skip
+            seen = [share for shown, share in _distances_shown(task, there, zone, APART * sharp)
+                    if abs(shown - vergence) < APART / 2 * sharp]  # fmt: skip
             if sum(seen) >= LEAST_SHARE:
                 return (
                     f"the zone shows two distances: the focus is on what is {1 / own:.4g} m away, and what is"

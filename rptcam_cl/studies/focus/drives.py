@@ -97,14 +97,14 @@ class LensDrive(Drive):
 
     def camera(self, scene: Scene, state: float, stop: float, zones: Sequence[Zone]) -> CameraModel:
         """Return the camera in a state for the device."""
-        lens, back_mm = self.lens_at(state)
-        setting = LensSetting(stopped(lens, stop), back_mm, None, self.own_camera)
+        lens, film_distance_mm = self.lens_at(state)
+        setting = LensSetting(stopped(lens, stop), film_distance_mm, None, self.own_camera)
         return camera_of(scene, setting).model(windows=[self._window(scene, zone) for zone in zones])
 
     def rays(self, scene: Scene, state: float, stop: float, places: NDArray[np.float64]) -> PupilRays:
         """Return the rays of places of the picture."""
-        lens, back_mm = self.lens_at(state)
-        setting = LensSetting(stopped(lens, stop), back_mm, None, self.own_camera)
+        lens, film_distance_mm = self.lens_at(state)
+        setting = LensSetting(stopped(lens, stop), film_distance_mm, None, self.own_camera)
         return camera_of(scene, setting).pupil_rays(places)
 
     def _window(self, scene: Scene, zone: Zone) -> tuple[float, float, float, float]:
@@ -122,17 +122,17 @@ class LensDrive(Drive):
         scale = scales[0] / scales[1]
         return scale if np.isfinite(scale) and scale > 0 else 1.0
 
-    def _chief_ray_scale(self, lens: Lens, back_mm: float, distance_mm: float | None) -> float:
+    def _chief_ray_scale(self, lens: Lens, film_distance_mm: float, distance_mm: float | None) -> float:
         """Return image size over object size, but for a factor where the object is infinitely far away.
 
         A chief ray leaves the exit pupil as steeply as it enters the entrance pupil, times the ratio of their sizes.
         """
         first = lens.first_order(self.own_camera.wavelength_nm)
         ratio = first.entrance_pupil.diameter_mm / first.exit_pupil.diameter_mm
-        image = ratio * (back_mm - first.exit_pupil.distance_mm)
+        image = ratio * (film_distance_mm - first.exit_pupil.distance_mm)
         if distance_mm is None or np.isinf(distance_mm):
             return image
-        return image / (distance_mm - lens.length - lens.sense * back_mm + first.entrance_pupil.distance_mm)
+        return image / (distance_mm - lens.length - lens.sense * film_distance_mm + first.entrance_pupil.distance_mm)
 
     def film_distance(self, state: float) -> float:
         """Return the distance from the last vertex to the film [mm]."""
@@ -140,15 +140,15 @@ class LensDrive(Drive):
 
     def object_distance(self, state: float, zone: Zone | None = None) -> float | None:
         """Return the distance from the plane that is sharpest in a zone, by default on the axis, to the film [m]."""
-        lens, back_mm = self.lens_at(state)
-        found = FAR_FOCAL_LENGTHS * lens.first_order(self.own_camera.wavelength_nm).focal_length_mm
+        lens, film_distance_mm = self.lens_at(state)
+        distance_mm = FAR_FOCAL_LENGTHS * lens.first_order(self.own_camera.wavelength_nm).focal_length_mm
         for _ in range(INVERSIONS):
             # by how much the sharpest place differs from that of first-order optics changes slowly with the distance
-            new = self._first_order_distance(lens, back_mm - self._beyond_first_order(lens, found, zone))
-            if new is None or np.isinf(new) or abs(new - found) < INVERTED * new:
+            new = self._first_order_distance(lens, film_distance_mm - self._beyond_first_order(lens, distance_mm, zone))
+            if new is None or np.isinf(new) or abs(new - distance_mm) < INVERTED * new:
                 return None if new is None else new * 1e-3
-            found = new
-        return found * 1e-3
+            distance_mm = new
+        return distance_mm * 1e-3
 
     def _beyond_first_order(self, lens: Lens, distance_mm: float, zone: Zone | None) -> float:
         """Return by how much the sharpest film distance of a plane exceeds that of first-order optics [mm]."""
@@ -160,20 +160,20 @@ class LensDrive(Drive):
 
     def first_order_distance(self, state: float) -> float | None:
         """Return the distance from the plane in focus to the film by first-order optics [m]; None where none is."""
-        found = self._first_order_distance(*self.lens_at(state))
-        return None if found is None else found * 1e-3
+        distance_mm = self._first_order_distance(*self.lens_at(state))
+        return None if distance_mm is None else distance_mm * 1e-3
 
     def first_order_vergence(self, state: float) -> float:
         """Return 1 over that distance [1/m], by Newton's formula; below 0 nearer to the lens than for infinity."""
-        lens, back_mm = self.lens_at(state)
+        lens, film_distance_mm = self.lens_at(state)
         first = lens.first_order(self.own_camera.wavelength_nm)
-        extension = back_mm - first.back_focal_distance_mm
-        to_front = lens.length + lens.sense * back_mm - first.front_focal_distance_mm
+        extension = film_distance_mm - first.back_focal_distance_mm
+        to_front = lens.length + lens.sense * film_distance_mm - first.front_focal_distance_mm
         return 1e3 * extension / (first.focal_length_mm * first.front_focal_length_mm + extension * to_front)
 
-    def _first_order_distance(self, lens: Lens, back_mm: float) -> float | None:
+    def _first_order_distance(self, lens: Lens, film_distance_mm: float) -> float | None:
         try:
-            return object_distance(lens, back_mm, self.own_camera.wavelength_nm)
+            return object_distance(lens, film_distance_mm, self.own_camera.wavelength_nm)
         except InputError:
             return None
 
@@ -264,8 +264,8 @@ class GroupDrive(LensDrive):
         start = shift_of(self.lens, focused_by_group(self.lens, distance_mm, self._film_mm, wavelength)[0])
 
         def miss(shift: float) -> float:
-            lens, back_mm = self.lens_at(shift)
-            return self.sharpest_film(lens, distance_mm, zone) - back_mm
+            lens, film_distance_mm = self.lens_at(shift)
+            return self.sharpest_film(lens, distance_mm, zone) - film_distance_mm
 
         before, shift = start, start + self.depth_of_focus
         missed_before, missed = miss(before), miss(shift)

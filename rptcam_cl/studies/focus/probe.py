@@ -490,7 +490,7 @@ class Probe:
         Coordinate [mm], see `Drive`; rising towards nearer objects.
     stop : float
         Share of the opening's diameter.
-    found : list of Measured
+    measures : list of Measured
         Of each zone.
     reference : float or None
         Coordinate for which the zones are given; None where the film was not scaled with the image.
@@ -505,7 +505,7 @@ class Probe:
     stop: float
     reference: float | None
     scale: float
-    found: list[Measured]
+    measures: list[Measured]
     samples: int
     seconds: float
 
@@ -558,8 +558,8 @@ def peak_of(probes: Sequence[Probe], zone: int) -> Peak:
     growth = _growth(away, scale) if is_scaled else 0.0
     places = away / (1 + growth * away)
     gain = np.ones_like(scale) if is_scaled else scale**DETAIL
-    values = gain * [probe.found[zone].value for probe in probes]
-    without = gain[:, None] * [probe.found[zone].leave_one_out for probe in probes]
+    values = gain * [probe.measures[zone].value for probe in probes]
+    without = gain[:, None] * [probe.measures[zone].leave_one_out for probe in probes]
     top = int(values.argmax())
     inside = 0 < top < len(probes) - 1
     three = np.arange(max(min(top - 1, len(probes) - 3), 0), min(max(top + 2, 3), len(probes)))

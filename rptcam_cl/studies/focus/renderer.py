@@ -480,7 +480,7 @@ class Probes:
         return [self._record(probe, zone) for probe in self.made]
 
     def _record(self, probe: Probe, zone: int) -> ProbeRecord:
-        state, measure = self.state_of(probe.place), probe.found[zone]
+        state, measure = self.state_of(probe.place), probe.measures[zone]
         return ProbeRecord(
             state,
             self.drive.film_distance(state),

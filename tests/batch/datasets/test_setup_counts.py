@@ -37,7 +37,7 @@ SCENE: dict[str, Any] = {
 ZOOM = {"camera.lens": "zoom-70-200mm", "camera.f_number": 4.2, "camera.focal_length_mm": 101}
 WORK = {
     "programs": "device.session:Program",
-    "pupil tables": "rendering.cameras.pupil:_made",
+    "pupil tables": "rendering.cameras.pupil:tight_sampling",
     "cells of pupils": "rendering.cameras.shared_pupil:stopped_pupils",
     "traced cells": "rendering.cameras.shared_pupil:shared_shapes",
     "cameras": "rendering.cameras.kinds:realistic_model",

@@ -94,9 +94,9 @@ def test_same_seed_gives_the_same_file(tmp_path: Path, suffix: str) -> None:
 
 
 def test_other_suffixes_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"raw\.png: the suffix sets the raw format \(got \.png; allowed \.dng "):
+    with pytest.raises(InputError, match=r"raw\.png: the suffix sets the raw format \(got \.png; allowed: \.dng"):
         raw_of(sensor(), 4).save(tmp_path / "raw.png")
-    with pytest.raises(InputError, match="got none"):
+    with pytest.raises(InputError, match="got no suffix"):
         check_raw_output(tmp_path / "raw")
     with pytest.raises(StateError, match="there is no folder"):
         check_raw_output(tmp_path / "nowhere" / "raw.dng")

@@ -25,7 +25,7 @@ from rptcam_cl.optics.field_measures import (
     vignetting_chart,
     vignetting_table,
 )
-from rptcam_cl.optics.image_quality import film_spots, mtf_chart, point_image, psf_chart, setting, spot_chart
+from rptcam_cl.optics.image_quality import film_spots, mtf, point_image, psf_chart, setting, spot_chart
 from rptcam_cl.optics.library import load_lens
 from rptcam_cl.studies.focus.probe import FocusReport, ProbeRecord, Zone, focus_plot
 
@@ -51,7 +51,7 @@ CHARTS: dict[str, Callable[[], Figure]] = {
     "spots": lambda: spots((0.0, 10.0, 20.0)),
     "spots of one field": lambda: spots((0.0,)),
     "spots of many fields": lambda: spots((0.0, 5.0, 10.0, 15.0, 20.0)),
-    "mtf": lambda: mtf_chart(TESSAR, film_spots(TESSAR, (0.0, 10.0), WAVES, 16), 50.0),
+    "mtf": lambda: mtf(TESSAR, (50.0,), (0.0, 10.0), WAVES, diffraction=False, rays=16).chart(),
     "psf": lambda: psf_chart(TESSAR, point_image(film_spots(TESSAR, (5.0,), WAVES, 16), 16), 5.0),
     "vignetting": lambda: vignetting_chart(TESSAR, vignetting_table(TESSAR, film_radii(TESSAR, 2, 20.0))),
     "distortion": lambda: distortion_chart(TESSAR, distortion_table(TESSAR, (0.0, 10.0), WAVES, "tan"), "tan"),

@@ -19,7 +19,6 @@ from rptcam_cl.optics.field_measures import (
     vignetting_table,
 )
 from rptcam_cl.optics.image_quality import (
-    FieldWave,
     FilmSpot,
     at_best_focus,
     field_waves,
@@ -38,7 +37,7 @@ from rptcam_cl.optics.image_quality import (
 from rptcam_cl.optics.irradiance import film_irradiance, pass_areas
 from rptcam_cl.optics.library import load_lens
 from rptcam_cl.optics.pupils import FilmProbe
-from rptcam_cl.optics.waves import diffraction_mtf
+from rptcam_cl.optics.waves import PupilFunction, diffraction_mtf
 
 RNG = np.random.default_rng(7)
 
@@ -252,7 +251,7 @@ def test_pixels_of_a_diffracted_point_have_the_mean_of_the_airy_pattern(pixel: f
     np.testing.assert_allclose(light, airy.reshape(8, 32, 8, 32).sum(axis=(1, 3)), rtol=0, atol=3e-3 * light.max())
 
 
-def perfect_wave(behind_mm: float) -> FieldWave:
+def perfect_wave(behind_mm: float) -> PupilFunction:
     """The light of a lens f/8 without aberrations on a film behind its focus."""
     rows = [{"thickness": 3, "glass": {"index": 1.5}, "diameter": 26, "stop": True},
             {"radius": -25, "conic": -2.25, "diameter": 26}]  # fmt: skip

@@ -57,11 +57,11 @@ def back_distance(lens: Lens) -> float:
 
 @cache
 def film_beam(
-    lens: Lens, count: int, half_film_mm: float | None = None, back_mm: float | None = None
+    lens: Lens, count: int, half_film_mm: float | None = None, film_distance_mm: float | None = None
 ) -> tuple[Array, Array]:
     """Return origins on a film and directions: half to all of the last surface, half of what comes from the scene."""
     rng = generator("film beam", lens.name)
-    back = back_distance(lens) if back_mm is None else back_mm
+    back = back_distance(lens) if film_distance_mm is None else film_distance_mm
     half = 0.3 * abs(lens.first_order().focal_length_mm) if half_film_mm is None else half_film_mm
     film = rng.uniform(-half, half, (count // 2, 2))
     boxes = FilmProbe(lens, back, LINE_D_NM).windows(film)

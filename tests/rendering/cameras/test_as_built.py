@@ -130,8 +130,8 @@ def test_group_that_focuses_keeps_the_film_where_autofocus_has_it(folder: Path) 
     design = {"surfaces": rows, "focusing": {"surfaces": [0, 1], "travel": [-1, 1]}}
     made = scene(folder, built("90%", design=design), {"group_shift_mm": -0.2})
     setting, camera = lens_setting(made), made.camera
-    state, back_mm = GroupDrive(made, setting.real.lens(design_to_focus(made, camera))).lens_at(-0.2)  # type: ignore[arg-type]
-    assert (state, back_mm) == (setting.lens, setting.film_distance_mm)
+    state, film_distance_mm = GroupDrive(made, setting.real.lens(design_to_focus(made, camera))).lens_at(-0.2)  # type: ignore[arg-type]
+    assert (state, film_distance_mm) == (setting.lens, setting.film_distance_mm)
     shift = setting.metadata["as_built"]["refocus_mm"]
     plain = scene(folder, design, {"group_shift_mm": -0.2})
     assert film_for_infinity(made, camera) == film_for_infinity(plain, plain.camera) + shift  # type: ignore[arg-type]

@@ -9,8 +9,9 @@ import pytest
 from rptcam_cl.core import remember
 from rptcam_cl.core.files import CACHE_VARIABLE
 from rptcam_cl.core.remember import forget
+from rptcam_cl.optics import irradiance
 from rptcam_cl.optics.library import load_lens
-from rptcam_cl.rendering.cameras import pupil, realistic
+from rptcam_cl.rendering.cameras import pupil
 from rptcam_cl.rendering.cameras.kinds import camera_model
 from rptcam_cl.rendering.cameras.pupil import pupil_sampling
 from rptcam_cl.scene.load import change_scene, load_scene
@@ -37,7 +38,8 @@ def no_more(monkeypatch):
     def refuse(*_):
         raise ComputedError
 
-    monkeypatch.setattr(pupil, "_made", refuse)
+    for name in ("_rear", "_thick", "_bounds", "tight_sampling"):
+        monkeypatch.setattr(pupil, name, refuse)
     forget()
 
 
@@ -86,9 +88,9 @@ def test_a_lens_in_colour_is_traced_once_for_all_pictures_in_the_same_state(monk
     })  # fmt: skip
     first = camera_model(scene, lens_colour="on")
     assert first.axial_colour is not None
-    for name in ("on_axis_irradiance", "colour_error_px"):
-        monkeypatch.setattr(f"rptcam_cl.rendering.cameras.realistic.{name}", None)  # whatever asks again fails
-    monkeypatch.setattr("rptcam_cl.rendering.cameras.ray_map.lens_records", None)
+    for name in ("optics.irradiance.film_irradiance", "rendering.cameras.lens_records._Probe",
+                 "rendering.cameras.ray_map.lens_records"):  # fmt: skip
+        monkeypatch.setattr(f"rptcam_cl.{name}", None)  # whatever asks again fails
     second = camera_model(scene, lens_colour="on")
     assert second.axial_colour is not None and np.array_equal(first.axial_colour, second.axial_colour)
     assert np.array_equal(first.surfaces, second.surfaces)
@@ -103,10 +105,10 @@ def test_light_on_the_axis_and_the_drift_of_the_pupil_come_back(monkeypatch):
     made = camera_model(scene)
     assert len(made.metadata["entrance_pupil"]) > 1
 
-    def refuse(*_):
+    def refuse(*_, **__):
         raise ComputedError
 
-    monkeypatch.setattr(realistic, "on_axis_irradiance", refuse)
+    monkeypatch.setattr(irradiance, "film_irradiance", refuse)
     monkeypatch.setattr(entrance_pupil, "film_chief_rays", refuse)
     forget()
     kept = camera_model(scene)

@@ -50,14 +50,14 @@ def film_of(scene, rays, points):
     return places - rays.pixel
 
 
-def landed(lens, back_mm, frame, rays):
+def landed(lens, film_distance_mm, frame, rays):
     """Return where rays, sent back from the scene in float64, meet a film, on the film [mm]."""
-    origins = rays.origin * 1e3 + [0, 0, lens.film_z(back_mm)]
+    origins = rays.origin * 1e3 + [0, 0, lens.film_z(film_distance_mm)]
     traced = lens.trace(origins, -rays.direction, start="scene")
     normal = np.array(frame.normal)
-    away = traced.origins - [*frame.centre, lens.film_z(back_mm)]
+    away = traced.origins - [*frame.centre, lens.film_z(film_distance_mm)]
     points = traced.origins - ((away @ normal) / (traced.directions @ normal))[:, None] * traced.directions
-    centre = np.array([*frame.centre, lens.film_z(back_mm)])
+    centre = np.array([*frame.centre, lens.film_z(film_distance_mm)])
     return (points - centre) @ np.array([frame.across, frame.up]).T, traced.passed
 
 

@@ -143,8 +143,8 @@ def test_fault_in_the_records_of_a_lens_is_found(monkeypatch, fault, killers):
 
 
 def test_pupil_table_2_percent_too_small_is_found(monkeypatch):
-    def shrunk(*given):
-        sampling = pupil_sampling(*given)
+    def shrunk(*given, **options):
+        sampling = pupil_sampling(*given, **options)
         nodes = int(sampling.parameters.across * sampling.parameters.down)
         table = sampling.table.copy()
         table[4 * (nodes + 1) :] *= 0.98  # the radii stand behind the frames

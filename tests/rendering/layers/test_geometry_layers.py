@@ -139,8 +139,8 @@ def test_lens_traced_back_in_float64_leads_from_each_point_to_its_pixel(name):
     mapping = world(name)
     scene, image = load_scene(mapping), one_sample(mapping, GEOMETRY, seed=4)
     setting = lens_setting(scene)
-    lens, back_mm = setting.lens, setting.film_distance_mm
-    first_z = (back_mm + lens.length) * 1e-3
+    lens, film_distance_mm = setting.lens, setting.film_distance_mm
+    first_z = (film_distance_mm + lens.length) * 1e-3
     hit = (image["object_id"] >= 0) & np.isfinite(image["pupil"]).all(axis=-1)
     entrance = lens.first_order().entrance_pupil
     pupil = np.column_stack([image["pupil"][hit] * entrance.diameter_mm / 2, np.full(hit.sum(), entrance.distance_mm)])
@@ -148,7 +148,7 @@ def test_lens_traced_back_in_float64_leads_from_each_point_to_its_pixel(name):
     points[:, 2] = -(points[:, 2] - first_z * 1e3)
     rays = lens.trace(points, pupil - points, scene.camera.wavelength_nm, start="scene")
     assert rays.passed.mean() > 0.995  # rounding may clip a ray at the very rim
-    step = (lens.length + back_mm - rays.origins[:, 2]) / rays.directions[:, 2]
+    step = (lens.length + film_distance_mm - rays.origins[:, 2]) / rays.directions[:, 2]
     film = rays.origins[:, :2] + step[:, None] * rays.directions[:, :2]
     width, height = (side * 1e3 for side in scene.film.size_m())
     seen = np.full((image.height, image.width, 2), np.nan)

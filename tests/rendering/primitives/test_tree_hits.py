@@ -16,9 +16,16 @@ from rptcam_cl.studies.selfcheck import (
     globe,
     mesh_object,
     random_rays,
-    slanting_rays,
 )
 from tests.rendering.primitives.trees import with_tree
+
+
+def slanting_rays(rng, count):
+    """Return rays that almost lie in such a plane."""
+    o, d = axis_rays(rng, count)
+    d += rng.choice([0.0, 1e-30, -1e-30, 1e-8, -1e-8, 1e-4], (count, 3))
+    return o, d / np.linalg.norm(d, axis=1, keepdims=True)
+
 
 RAYS = {"random": random_rays, "axis": axis_rays, "slanting": slanting_rays}
 FAR = (6000.0, -5000.0, 6500.0)  # about 1e4 from the eye

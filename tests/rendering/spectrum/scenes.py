@@ -34,17 +34,17 @@ def doublet(radius_mm: float = 0.1) -> dict[str, Any]:
     }
 
 
-def paper_camera(lens: dict[str, Any], back_mm: float, **rest: Any) -> dict[str, Any]:
+def paper_camera(lens: dict[str, Any], film_distance_mm: float, **rest: Any) -> dict[str, Any]:
     """Return a camera whose film stands at the eye, 1 unit being 1 mm."""
-    focus = {"film_distance_mm": back_mm}
+    focus = {"film_distance_mm": film_distance_mm}
     pose = {"eye": [0, 0, 0], "target": [0, 0, -1], "up": [0, 1, 0]}
     return {"kind": "realistic", "lens": lens, "focus": focus, **pose, **rest}
 
 
-def white_wall(lens: dict[str, Any], back_mm: float, **rest: Any) -> dict[str, Any]:
+def white_wall(lens: dict[str, Any], film_distance_mm: float, **rest: Any) -> dict[str, Any]:
     """Return a world of radiance 1 through a lens, in millimetres: the middle of the paper's film."""
     film = {"size_mm": [0.05, 0.05]}
-    camera = paper_camera(lens, back_mm)
+    camera = paper_camera(lens, film_distance_mm)
     return scene_of([], camera, film=film, environment=WHITE, metres_per_unit=1e-3, **rest)
 
 

@@ -32,36 +32,38 @@ FIGURE_7 = {"singlet": (singlet(3, 0.1), SINGLET_BACK_MM[18]), "doublet": (doubl
 OBJECT_MM = 18.0
 
 
-def thin_blur(lens, back_mm, wavelength_nm):
+def thin_blur(lens, film_distance_mm, wavelength_nm):
     """Diameter of the disk that a point of the axis is spread to [mm], the lens taken for a thin one in its middle."""
-    film = back_mm + lens.length / 2
+    film = film_distance_mm + lens.length / 2
     image = 1 / (1 / lens.first_order(wavelength_nm).focal_length_mm - 1 / (OBJECT_MM - film))
     return 2 * lens.surfaces[0].semi_diameter * abs(film / image - 1)
 
 
-def spot(lens, back_mm, wavelength_nm):
+def spot(lens, film_distance_mm, wavelength_nm):
     """Where the rays of an object point on the axis meet the film, along x [mm]."""
-    there = -(OBJECT_MM - back_mm - lens.length)
+    there = -(OBJECT_MM - film_distance_mm - lens.length)
     aims = np.column_stack([opening(lens), np.zeros(4096)])
     start = np.array([0.0, 0.0, there])
     rays = lens.trace(np.tile(start, (len(aims), 1)), aims - start, wavelength_nm, "scene")
-    z = lens.length + back_mm - rays.origins[:, 2]
+    z = lens.length + film_distance_mm - rays.origins[:, 2]
     return (rays.origins[:, 0] + z * rays.directions[:, 0] / rays.directions[:, 2])[rays.passed]
 
 
-def edge(lens, back_mm, window_mm, name, spp=64, **rest):
+def edge(lens, film_distance_mm, window_mm, name, spp=64, **rest):
     """Picture of the edge of a wall of light (rows, columns, channels), and the width of a pixel [mm]."""
     wall = {"shape": "rectangle", "corner": [0, -9, -OBJECT_MM], "edge_u": [9, 0, 0], "edge_v": [0, 18, 0]}
     wall["material"] = {"kind": "emissive", "radiance": 1.0}
-    camera = paper_camera(lens, back_mm, **rest.pop("camera", {}))
+    camera = paper_camera(lens, film_distance_mm, **rest.pop("camera", {}))
     film = {"size_mm": [window_mm, window_mm / 2]}
     scene = scene_of([wall], camera, depth=1, film=film, resolution=(128, 64), metres_per_unit=1e-3, **rest)
     return pixels(scene, seed=seed_of(name), spp=spp), window_mm / 128
 
 
-def edge_width(lens, back_mm, window_mm, name, wavelength_nm):
+def edge_width(lens, film_distance_mm, window_mm, name, wavelength_nm):
     """Four standard deviations of the edge in a picture by light of one wavelength [mm]."""
-    rows, pixel = edge(lens, back_mm, window_mm, name, spp=256, camera={"wavelength_nm": wavelength_nm}, spectrum="rgb")
+    rows, pixel = edge(
+        lens, film_distance_mm, window_mm, name, spp=256, camera={"wavelength_nm": wavelength_nm}, spectrum="rgb"
+    )
     seen = rows[..., 1].mean(axis=0)
     steps = np.diff(seen) / (seen[-1] - seen[0])
     x = np.arange(1, 128) * pixel
@@ -70,12 +72,12 @@ def edge_width(lens, back_mm, window_mm, name, wavelength_nm):
 
 @pytest.mark.parametrize("v", FIGURE_4)
 def test_blur_of_figure_4(v):
-    lens, back_mm = load_lens(singlet(v)), SINGLET_BACK_MM[15]
+    lens, film_distance_mm = load_lens(singlet(v)), SINGLET_BACK_MM[15]
     for wavelength, published in zip(PAPER_NM, FIGURE_4[v], strict=True):
-        thin = thin_blur(lens, back_mm, wavelength)
+        thin = thin_blur(lens, film_distance_mm, wavelength)
         assert thin / PAPER_PIXEL_MM == pytest.approx(published, rel=0.05)
-        traced = 4 * spot(lens, back_mm, wavelength).std()
-        width = edge_width(singlet(v), back_mm, 2 * traced, f"figure 4 {v} {wavelength}", wavelength)
+        traced = 4 * spot(lens, film_distance_mm, wavelength).std()
+        width = edge_width(singlet(v), film_distance_mm, 2 * traced, f"figure 4 {v} {wavelength}", wavelength)
         assert width == pytest.approx(traced, rel=0.02)
         # The principal planes lie 0.003 from the middle of the lens: a thirtieth of a pixel, of which 0.15 feels much.
         assert width == pytest.approx(thin, rel=0.05, abs=0.03 * PAPER_PIXEL_MM)
@@ -83,23 +85,23 @@ def test_blur_of_figure_4(v):
 
 @pytest.mark.parametrize("name", FIGURE_7)
 def test_blur_of_figure_7(name):
-    prescription, back_mm = FIGURE_7[name]
+    prescription, film_distance_mm = FIGURE_7[name]
     lens = load_lens(prescription)
     for wavelength, published in zip(PAPER_NM, IN_FOCUS[name], strict=True):
         first = lens.first_order(wavelength)
-        image = back_mm - first.principal_planes_mm.rear
+        image = film_distance_mm - first.principal_planes_mm.rear
         from_principal = 1 / (1 / first.focal_length_mm - 1 / image)
-        in_focus = from_principal - first.principal_planes_mm.front + lens.length + back_mm
+        in_focus = from_principal - first.principal_planes_mm.front + lens.length + film_distance_mm
         assert in_focus == pytest.approx(published, rel=2e-3)
-        wanted = 4 * spot(lens, back_mm, wavelength).std()
-        width = edge_width(prescription, back_mm, 2 * wanted, f"figure 7 {name} {wavelength}", wavelength)
+        wanted = 4 * spot(lens, film_distance_mm, wavelength).std()
+        width = edge_width(prescription, film_distance_mm, 2 * wanted, f"figure 7 {name} {wavelength}", wavelength)
         assert width == pytest.approx(wanted, rel=0.02)
 
 
 def test_doublet_of_figure_7_has_a_tenth_of_the_colour():
     widths = {
-        name: [spot(load_lens(lens), back_mm, wavelength).std() for wavelength in PAPER_NM]
-        for name, (lens, back_mm) in FIGURE_7.items()
+        name: [spot(load_lens(lens), film_distance_mm, wavelength).std() for wavelength in PAPER_NM]
+        for name, (lens, film_distance_mm) in FIGURE_7.items()
     }
     assert max(widths["doublet"]) < 0.1 * max(widths["singlet"])
 
@@ -110,13 +112,13 @@ def white_as_seen(mode):
     return seen / seen.sum(axis=0)
 
 
-def profile(lens, back_mm, window_mm, mode):
+def profile(lens, film_distance_mm, window_mm, mode):
     """Mean of the columns of the edge's picture in white light (128, 3), from float64 rays of 101 wavelengths."""
     nodes = np.linspace(380, 780, 101)
     borders = np.arange(129) * window_mm / 128 - window_mm / 2
     columns = []
     for wavelength in nodes:
-        x = np.sort(spot(lens, back_mm, wavelength))
+        x = np.sort(spot(lens, film_distance_mm, wavelength))
         below = np.concatenate([[0.0], np.cumsum(x)])
         found = np.searchsorted(x, borders)
         columns.append(np.diff(borders * found - below[found]) * 128 / window_mm / len(x))  # mean share of rays before
@@ -134,11 +136,11 @@ def profile(lens, back_mm, window_mm, mode):
     ],
 )
 def test_edge_in_white_light_has_its_fringes(v, mode):
-    lens, back_mm = load_lens(singlet(v)), SINGLET_BACK_MM[15]
-    window = 5 * max(spot(lens, back_mm, wavelength).std() for wavelength in (380, 780))
+    lens, film_distance_mm = load_lens(singlet(v)), SINGLET_BACK_MM[15]
+    window = 5 * max(spot(lens, film_distance_mm, wavelength).std() for wavelength in (380, 780))
     kind = {"mode": mode, "lens": "on"}
-    rows, _ = edge(singlet(v), back_mm, window, f"white {mode} {v}", spectrum=kind, spp=1024)
-    expected = profile(lens, back_mm, window, mode)
+    rows, _ = edge(singlet(v), film_distance_mm, window, f"white {mode} {v}", spectrum=kind, spp=1024)
+    expected = profile(lens, film_distance_mm, window, mode)
     mean, error = rows.mean(axis=0), rows.std(axis=0, ddof=1) / 8
     assert_equivalent(mean, error, expected, 0.02)
     grey = np.abs(expected - expected[:, 1:2]).max()

@@ -171,19 +171,22 @@ def test_white_wall_stays_white(mode, v, sampler):
 def test_exposure_divides_out_the_colour_that_a_lens_has_on_its_axis():
     prescription = singlet(3, 0.1)
     prescription["surfaces"][0]["thickness"] = 2.0  # so that the stop in front is seen through much glass
-    lens, back_mm = load_lens(prescription), 2.0
+    lens, film_distance_mm = load_lens(prescription), 2.0
     nodes = np.linspace(380, 780, 41)
-    shares = [on_axis_irradiance(lens, back_mm, nm) / on_axis_irradiance(lens, back_mm, 587.5618) for nm in nodes]
+    shares = [
+        on_axis_irradiance(lens, film_distance_mm, nm) / on_axis_irradiance(lens, film_distance_mm, 587.5618)
+        for nm in nodes
+    ]
     tint = np.interp(WAVELENGTHS_NM, nodes, shares) @ primary_spectra()
     assert np.ptp(tint) > 0.05
     found = {}
     for exposure in ("irradiance", "relative"):
-        scene = white_wall(prescription, back_mm, spectrum=FORCED["dispersive"], exposure=exposure, **SMALL)
+        scene = white_wall(prescription, film_distance_mm, spectrum=FORCED["dispersive"], exposure=exposure, **SMALL)
         scene["film"]["size_mm"] = [0.006, 0.004]
         film = pixels(scene, seed=seed_of(exposure), spp=1024).reshape(-1, 3)
         found[exposure] = film.mean(axis=0), film.std(axis=0, ddof=1) / np.sqrt(len(film))
     assert_equivalent(*found["relative"], 1.0, 0.003)
-    mean, error = (values / on_axis_irradiance(lens, back_mm, 587.5618) for values in found["irradiance"])
+    mean, error = (values / on_axis_irradiance(lens, film_distance_mm, 587.5618) for values in found["irradiance"])
     assert_equivalent(mean, error, tint, 0.004)
 
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from rptcam_cl.studies.tradeoff_errors import LongPictures, SpreadTiles, draws, pair_errors
-from rptcam_cl.studies.tradeoff_runs import measurements
+from rptcam_cl.studies.tradeoff_errors import draws, measurements, pair_errors
+from rptcam_cl.studies.tradeoff_runs import LongPictures, SpreadTiles
 
 PER_TILE = 64
 SAMPLES = (2, 8)

@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 from rptcam_cl.rendering.film import FilmLayout
+from rptcam_cl.rendering.tolerances import Interval
 from rptcam_cl.studies import tradeoff
 from rptcam_cl.studies.tradeoff import advise_for_error, advise_for_time, place
-from rptcam_cl.studies.tradeoff_errors import Interval, spread_tiles
-from rptcam_cl.studies.tradeoff_runs import TARGETS, Measurement
+from rptcam_cl.studies.tradeoff_errors import TARGETS, Measurement
+from rptcam_cl.studies.tradeoff_runs import spread_tiles
 
 
 def measurement(name, rate, bias=0.0, knob="camera"):

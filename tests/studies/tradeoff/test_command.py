@@ -17,8 +17,7 @@ from rptcam_cl.device.session import Session, open_session
 from rptcam_cl.scene.load import load_scene
 from rptcam_cl.studies import tradeoff_runs
 from rptcam_cl.studies.tradeoff import _ghosts, measure_tradeoff, recommendation, summary, tables, tradeoff_plot
-from rptcam_cl.studies.tradeoff_errors import ladder, most_accurate, spread_tiles
-from rptcam_cl.studies.tradeoff_runs import prepare, run
+from rptcam_cl.studies.tradeoff_runs import ladder, most_accurate, prepare, run, spread_tiles
 
 BOARD = {"kind": "matte", "reflectance": {"kind": "checker", "even": 0.8, "odd": 0.1, "scale": [60, 60]}}
 LAMP = {"kind": "emissive", "radiance": 2.0}

@@ -8,16 +8,16 @@ from scipy import stats
 
 from rptcam_cl.studies.tradeoff_errors import (
     EDGE,
-    LongPictures,
     draws,
     every_seed_once,
     interval,
+    measurements,
     median_over_seeds,
     over_pairs,
     pair_errors,
     student_quantile,
 )
-from rptcam_cl.studies.tradeoff_runs import measurements
+from rptcam_cl.studies.tradeoff_runs import LongPictures
 from tests.studies.tradeoff.synthetic import MANY, NOISE, PER_TILE, SAMPLES, SECONDS, SEEDS, measured, spread
 
 EVERY = 16  # tiles

@@ -15,12 +15,11 @@ from rptcam_cl.studies.tradeoff_errors import (
     error_over_pairs,
     every_seed_once,
     interval,
-    ladder,
     over_pairs,
     pair_errors,
     spread_about,
 )
-from rptcam_cl.studies.tradeoff_runs import prepare, render_by_turns
+from rptcam_cl.studies.tradeoff_runs import ladder, prepare, render_by_turns
 from tests.device.probes import open_session
 
 pytestmark = pytest.mark.slow

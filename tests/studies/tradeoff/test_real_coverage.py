@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from rptcam_cl.scene.load import change_scene, load_scene
-from rptcam_cl.studies import tradeoff_runs
+from rptcam_cl.studies import tradeoff_errors, tradeoff_runs
 from rptcam_cl.studies.tradeoff import _measure
-from rptcam_cl.studies.tradeoff_errors import EDGE, ladder, spread_tiles
-from rptcam_cl.studies.tradeoff_runs import prepare, render_by_turns, run
+from rptcam_cl.studies.tradeoff_errors import EDGE
+from rptcam_cl.studies.tradeoff_runs import ladder, prepare, render_by_turns, run, spread_tiles
 from tests.device.probes import open_session
 from tests.studies.tradeoff.test_command import SCENE
 
@@ -108,7 +108,7 @@ def repeated(repetitions, size=(32, 24)):
     layout = ready[0].wavefront.layout
     extent = spread_tiles(layout, layout.tiles, np.random.default_rng(0)), FIRST
     truth, found = Truth(), []
-    with patch.object(tradeoff_runs, "_extent", lambda *_: extent), patch.object(tradeoff_runs, "TARGETS", TARGETS):
+    with patch.object(tradeoff_runs, "_extent", lambda *_: extent), patch.object(tradeoff_errors, "TARGETS", TARGETS):
         for repetition in range(repetitions):
             pictures = render_by_turns(ready, np.inf, 100 * repetition, lambda words, share: None)
             found.append(_measure(ready, pictures))

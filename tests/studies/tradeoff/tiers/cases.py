@@ -39,5 +39,5 @@ def stop_mm(lens):
     return 2 * first_order_camera(scene_of(lens)).setting.lens.stop.semi_diameter
 
 
-def half_mm(scene):
+def half_film_mm(scene):
     return np.array(scene.film.size_m()) / 2 * 1e3

@@ -7,7 +7,7 @@ from rptcam_cl.optics.irradiance import film_irradiance
 from rptcam_cl.optics.stop_shape import StopMask, blades, heart, star
 from rptcam_cl.studies.tier_models import RayBundle, round_stop
 from rptcam_cl.studies.tiers import EFFECTS, FIELDS, choose_camera
-from tests.studies.tradeoff.tiers.cases import errors_of, half_mm, scene_of, stop_mm, truth_of
+from tests.studies.tradeoff.tiers.cases import errors_of, half_film_mm, scene_of, stop_mm, truth_of
 
 STAR = {"shape": "star", "points": 5}
 
@@ -16,7 +16,7 @@ STAR = {"shape": "star", "points": 5}
 def test_light_of_the_probed_points_is_that_of_the_dense_quadrature(lens):
     scene = scene_of(lens)
     truth = truth_of(scene)
-    setting, radii = truth.first.setting, float(np.hypot(*half_mm(scene))) * np.array(FIELDS)
+    setting, radii = truth.first.setting, float(np.hypot(*half_film_mm(scene))) * np.array(FIELDS)
     expected = film_irradiance(setting.lens, setting.film_distance_mm, radii)
     assert [field.light[0] for field in truth.fields] == pytest.approx(expected, rel=2e-3)
 
@@ -24,8 +24,8 @@ def test_light_of_the_probed_points_is_that_of_the_dense_quadrature(lens):
 def test_light_through_a_shaped_stop_is_that_of_the_dense_quadrature():
     scene = scene_of("telephoto-250mm", aperture=STAR)
     truth = truth_of(scene)
-    radii = float(np.hypot(*half_mm(scene))) * np.array(FIELDS)
-    angle = float(np.rad2deg(np.arctan2(*half_mm(scene)[::-1])))
+    radii = float(np.hypot(*half_film_mm(scene))) * np.array(FIELDS)
+    angle = float(np.rad2deg(np.arctan2(*half_film_mm(scene)[::-1])))
     expected = film_irradiance(truth.shaped, truth.first.setting.film_distance_mm, radii, azimuth_degrees=angle)
     found = np.array([field.light[0] for field in truth.fields])
     assert found / found[0] == pytest.approx(expected / expected[0], abs=5e-3)
