@@ -32,6 +32,7 @@ FILES: list[Row] = [
         r":5: names a vertex that is not there \(got -5; allowed: 1 to 4",
     ),
     ("too far on", "a.obj", SQUARE + "f 1 2 5\n", r":5: names a vertex that is not there \(got 5; allowed: 1 to 4"),
+    ("long corner", "a.obj", SQUARE + f"f {'x' * 50} 1 2\n", rf":5: is not a corner of a face \(got '{'x' * 40}'"),
     ("huge second index", "a.obj", SQUARE + "vt 0 0\nf 1/99999999999999999999 2/1 3\n", r":6: is not a corner"),
     ("huge index", "a.obj", SQUARE + "f 1 2 99999999999999999999\n", r":5: is not a corner"),
     (

@@ -189,6 +189,7 @@ def test_colours_of_vertices_are_linear_over_each_triangle(read: Read, dtype: st
     assert part.material.base_texture is not None
     assert isinstance(part.material.base_texture.source, bytes)
     texels = read_picture(part.material.base_texture.source).texels[..., :3] / 255.0
+    assert texels.shape == (4, 6, 3)  # two by two for each of five triangles, in three columns
     linear = np.where(texels <= 0.04045, texels / 12.92, ((texels + 0.055) / 1.055) ** 2.4)
     mesh = part.mesh
     assert mesh.uvs is not None

@@ -137,6 +137,8 @@ def test_exponent_of_0_is_black() -> None:
 def test_radiance_exposure_is_undone_and_rows_may_run_upwards() -> None:
     pixels = rgbe(RNG.random((3, 9, 3)) + 0.5)
     plain = read_picture(radiance_file(pixels, coded=False)).texels
+    low = read_picture(radiance_file(pixels // np.uint8([1, 1, 1, 9]), coded=False, header=b"EXPOSURE=1.2e-30\n"))
+    assert np.isfinite(low.texels).all()
     header = b"EXPOSURE=2.0\nEXPOSURE= 0.25\n"
     brighter = read_picture(radiance_file(pixels, coded=False, header=header)).texels
     np.testing.assert_allclose(brighter[..., :3], 2 * plain[..., :3], rtol=1e-6)
