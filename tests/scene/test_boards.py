@@ -58,6 +58,58 @@ def test_dark_and_light_cover_the_board_once(kind: str) -> None:
     np.testing.assert_allclose(high - low, [item.pattern.width, item.pattern.height, 0])
 
 
+def is_dark(item: Board, points: np.ndarray) -> np.ndarray:
+    """Whether points (n, 2) of a board lie on its dark part."""
+    dark = item.pattern.surfaces()[0]
+    a, b, c = (dark.positions[dark.faces[:, k], None, :2] for k in range(3))
+    left = [
+        (q - p)[..., 0] * (points - p)[..., 1] >= (q - p)[..., 1] * (points - p)[..., 0]
+        for p, q in ((a, b), (b, c), (c, a))
+    ]
+    return np.asarray(np.all(left, axis=0).any(axis=0))
+
+
+def picture_of_opencv(kind: str) -> np.ndarray:
+    """A board of 5 x 3 squares, 40 pixels each, whose markers fill three quarters of them."""
+    known, numbers = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50), np.arange(6, 6 + 15)
+    if kind == "charuco":
+        return np.asarray(cv2.aruco.CharucoBoard((5, 3), 0.04, 0.03, known, numbers[:7]).generateImage((200, 120)))
+    markers = cv2.aruco.GridBoard((5, 3), 0.03, 0.01, known, numbers)
+    return np.asarray(markers.generateImage((200, 120), marginSize=5))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_each_point_is_dark_or_light_as_it_should_be(kind: str) -> None:
+    """Against pictures of OpenCV for markers, and against a formula for other kinds."""
+    grid = kind not in ("siemens", "slanted_edge")
+    keys = ({"columns": 5, "rows": 3} if grid else {}) | ({"first_id": 6} if kind.endswith("aruco") else {})
+    item = board(kind, pitch=0.04, margin=0.25, **keys)
+    sides = np.array([5, 3] if grid else [1, 1])
+    np.testing.assert_allclose([item.pattern.width, item.pattern.height], (sides + 0.5) * 0.04)
+    right, down = np.random.default_rng(3).uniform(-0.25, sides + 0.25, (3000, 2)).T  # in squares, from the upper left
+    inside = (right > 0) & (right < sides[0]) & (down > 0) & (down < sides[1])
+    radius, clear = np.hypot(right % 1 - 0.5, down % 1 - 0.5), np.ones(3000, bool)
+    match kind:
+        case "charuco" | "aruco":
+            picture = picture_of_opencv(kind)
+            rows, columns = (at.clip(0, side - 1).astype(int) for at, side in ((down * 40, 120), (right * 40, 200)))
+            expected = picture[rows, columns] == 0
+            clear = np.abs(np.array([right, down]) * 8 % 1 - 0.5).max(axis=0) < 0.49  # off the edges of cells
+        case "checker":
+            expected = (right.astype(int) + down.astype(int)) % 2 == 0
+        case "circles":
+            expected, clear = radius < 0.375, np.abs(radius - 0.375) > 1e-3  # a rim of 96 corners
+        case "siemens":
+            sector = np.arctan2(0.5 - down, right - 0.5) / np.pi * item.sectors
+            expected, clear = (np.floor(sector) % 2 == 0) & (radius < 0.375), np.abs(radius - 0.375) > 1e-3
+        case _:
+            expected = right - 0.5 < (0.5 - down) * np.tan(np.radians(item.angle_degrees))
+    found = is_dark(item, np.stack([right - sides[0] / 2, sides[1] / 2 - down], axis=1) * 0.04)
+    np.testing.assert_array_equal(found[clear], (expected & inside)[clear])
+    assert clear.mean() > 0.9
+    assert 0.1 < found[inside].mean() < 0.9
+
+
 def test_points_of_a_charuco_board_are_those_of_opencv() -> None:
     item = board("charuco", columns=7, rows=5, pitch=0.04)
     dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)

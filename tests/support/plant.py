@@ -40,7 +40,7 @@ TESTS = {
     "imaging": "cli/test_develop rendering/truth/test_cryptomatte",
     "scene": "rendering/plan imaging/sensor core/colour rendering/tolerances/test_specification"
     " rendering/cameras/test_losses rendering/test_transmission",
-    "scene/assets": "exchange/starting",
+    "scene/assets": "scene/test_boards exchange/starting",
     "optics": "rendering/tolerances rendering/layers/test_blur cli/test_lens_views cli/test_lens cli/test_breathing"
     " cli/test_lens_tolerance rendering/cameras/test_as_built",
     "core": "device/test_layout device/test_signatures rendering/test_world scene/assets/test_remembered_pictures"
@@ -70,6 +70,11 @@ TESTS = {
 
 # Faults that change nothing a user could notice: the file and the line with the fault, and why.
 EQUIVALENT = {
+    r"""scene/assets/obj.py: while end > 0 and content[max(0, end - 2) : end].rstrip(b"\r").endswith(b"\\"):""": "none "
+    "goes on before the first byte",
+    "scene/assets/mesh.py: rows = rows.copy() if base.base is not None and base.nbytes > rows.nbytes else "
+    "np.ascontiguousarray(rows)": "takes more memory",
+    "scene/assets/mesh.py: cancelled = (sums * sums).sum(axis=0) <= 1e-18": "sums are far smaller or far larger",
     "core/files.py: path.unlink(missing_ok=False)": "the caller passes over it, and the next call deletes what is left",
     'imaging/formats.py: planarconfig="contig" if (not (raw.numbers.ndim == 3)) else None,': "tifffile finds the same",
     "optics/ghosts.py: turns = np.full((len(entered), max(map(len, ways), default=0) + 2), NOWHERE)": "more room",

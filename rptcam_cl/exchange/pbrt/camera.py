@@ -228,13 +228,13 @@ def raster_of(context: Context, film: Entity | None) -> Raster:
         raise film.error(f"the resolution must be at least 1 x 1 (got {width} x {height})")
     crop = parameters.numbers("cropwindow")
     bounds = parameters.numbers("pixelbounds", "integer", "float")
-    if crop is not None and len(crop) == 4:
+    if any(window is not None and len(window) != 4 for window in (crop, bounds)):
+        raise film.error("a window needs 4 numbers, x0 x1 y0 y1")
+    if crop is not None:
         sides = np.array([width, width, height, height])
         bounds = np.ceil(np.clip(np.stack([crop[:2], crop[2:]]), 0, 1).reshape(-1) * sides - 1e-9)
     if bounds is None:
         return Raster(width, height, (0, width, 0, height))
-    if len(bounds) != 4 or (crop is not None and len(crop) != 4):
-        raise film.error("a window needs 4 numbers, x0 x1 y0 y1")
     x0, x1, y0, y1 = (int(value) for value in np.clip(bounds, 0, [width, width, height, height]))
     if x0 >= x1 or y0 >= y1:
         raise film.error("the window to render is empty")

@@ -152,7 +152,7 @@ def lamp_radiance(context: Context, lamp: Entity, area: float) -> tuple[Array, b
     if power > 0 and area > 0:
         colour = colour * power / (math.pi * area * (2 if two_sided else 1))
     elif power > 0:
-        context.ignored(lamp, '"power" of a shape whose area is in another file')
+        context.ignored(lamp, '"power" of a shape whose area is not known')
     if parameters.has("filename"):
         parameters.skip("filename")
         context.ignored(lamp, "the picture that it shines with")

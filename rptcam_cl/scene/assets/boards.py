@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import field
 from functools import cache
 from importlib.resources import files
+from itertools import pairwise
 from typing import Any, Literal
 
 import numpy as np
@@ -110,10 +111,10 @@ class Pattern:
         turns = [2 * math.pi * k / count for k in range(count + 1)]
         centre = np.array(middle)
         rim = [centre + true * np.array([math.cos(turn), math.sin(turn)]) for turn in turns]
-        for k in range(count):
+        for k, (first, second) in enumerate(pairwise(rim)):
             dark = not sectors or (2 * sectors * k // count) % 2 == 0
-            self.polygon("dark" if dark else "light", [centre, rim[k], rim[k + 1]])
-            self._outside(rim[k] - centre, rim[k + 1] - centre, centre, half)
+            self.polygon("dark" if dark else "light", [centre, first, second])
+            self._outside(first - centre, second - centre, centre, half)
 
     def _outside(self, first: Array, second: Array, centre: Array, half: float) -> None:
         """Add what lies between a chord of a disk and the square around it."""

@@ -242,7 +242,7 @@ MOST_JSON_BYTES = 256_000_000
 MOST_ZEROS = 10_000_000  # entries of an array that has no data, which no file size bounds
 
 COMPONENTS = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
-WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
+WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 
 Octets = NDArray[np.uint8]
 

@@ -394,7 +394,7 @@ def triangulate(positions: NDArray[Any], polygons: Polygons, face: str) -> Corne
     ----------
     positions : (n, 3) array
     polygons : Polygons
-        Their corners are indices into the positions, inside their range; they have 3 or more.
+        Their corners are indices into the positions, inside their range; they have 4 or more.
     face : str
         What an error calls a polygon, before its number.
 
@@ -406,8 +406,6 @@ def triangulate(positions: NDArray[Any], polygons: Polygons, face: str) -> Corne
     count, size = corners.shape
     fan = np.stack([np.zeros(size - 2, np.int64), np.arange(1, size - 1), np.arange(2, size)], axis=1)
     triangles = np.broadcast_to(fan, (count, size - 2, 3))
-    if size == 3:
-        return triangles
     bent = np.flatnonzero(~_fan_fits(positions, corners))
     if not len(bent):
         return triangles
@@ -445,7 +443,7 @@ def _ears(corners: NDArray[np.float64]) -> list[tuple[int, int, int]]:
     left = list(range(len(flat)))
     triangles: list[tuple[int, int, int]] = []
     while len(left) > 3:
-        ear = next((place for place in range(len(left)) if _is_ear(flat, left, place)), 0)
+        ear = _find_ear(flat[left])
         triangles.append((left[ear - 1], left[ear], left[(ear + 1) % len(left)]))
         del left[ear]
     return [*triangles, (left[0], left[1], left[2])]
@@ -459,21 +457,28 @@ def _flatten(corners: NDArray[np.float64]) -> NDArray[np.float64]:
     return flat if normal[axis] >= 0 else flat * (1, -1)
 
 
-def _is_ear(flat: NDArray[np.float64], left: list[int], place: int) -> bool:
-    """Return whether a corner turns inwards and no other corner that is left lies in its triangle."""
-    around = [left[place - 1], left[place], left[(place + 1) % len(left)]]
-    a, b, c = flat[around]
-    if _turn(a, b, c) <= 0:
-        return False
-    others = flat[[index for index in left if index not in around]]
-    inside = (_turn(a, b, others) >= 0) & (_turn(b, c, others) >= 0) & (_turn(c, a, others) >= 0)
-    same = ((others == a) | (others == b) | (others == c)).all(axis=1)
-    return not bool((inside & ~same).any())
+def _find_ear(ring: NDArray[np.float64]) -> int:
+    """Return the place of a corner that turns left and whose triangle holds no corner that turns right.
+
+    Others may touch its sides, as what follows them leads away. A polygon that crosses itself may have no such corner:
+    then it is the one that turns least.
+    """
+    before, after = np.roll(ring, 1, axis=0), np.roll(ring, -1, axis=0)
+    turns = _turn(before, ring, after)
+    others = ring[turns < 0]
+    for place in np.flatnonzero(turns > 0).tolist():
+        a, b, c = before[place], ring[place], after[place]
+        inside = (_turn(a, b, others) >= 0) & (_turn(b, c, others) >= 0) & (_turn(c, a, others) >= 0)
+        same = (others == a).all(axis=1) | (others == b).all(axis=1) | (others == c).all(axis=1)
+        if not (inside & ~same).any():
+            return int(place)
+    return int(np.argmin(np.abs(turns)))
 
 
-def _turn(a: NDArray[np.float64], b: NDArray[np.float64], points: NDArray[np.float64]) -> Any:
+def _turn(a: NDArray[np.float64], b: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return twice the signed area of the triangles a, b, point."""
-    return (b[0] - a[0]) * (points[..., 1] - a[1]) - (b[1] - a[1]) * (points[..., 0] - a[0])
+    (ax, ay), (bx, by), (x, y) = (np.moveaxis(corner, -1, 0) for corner in (a, b, points))
+    return np.asarray((bx - ax) * (y - ay) - (by - ay) * (x - ax))
 
 
 def weld(

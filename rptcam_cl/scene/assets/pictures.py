@@ -253,7 +253,8 @@ def read_radiance(content: bytes) -> Picture:
     rgbe = _scanlines(content, end + 1, width, height)
     scale = np.ldexp(np.float64(1 / exposure), rgbe[..., 3].astype(np.int32) - 136)
     texels = np.ones((height, width, 4), np.float32)
-    texels[..., :3] = np.where(rgbe[..., 3:] > 0, rgbe[..., :3] * scale[..., None], 0.0)
+    with np.errstate(over="ignore"):  # refused in the next line
+        texels[..., :3] = np.where(rgbe[..., 3:] > 0, rgbe[..., :3] * scale[..., None], 0.0)
     checked_floats(texels)
     upright = texels[:: 1 if match[1] == b"-" else -1, :: 1 if match[3] == b"+" else -1]
     return Picture(np.ascontiguousarray(upright), has_alpha=False, encoded=False)

@@ -81,8 +81,6 @@ def read_header(file: BinaryIO, path: Path) -> tuple[ByteOrder, list[Element], i
     The file is left at the first row.
     """
     lines = _lines(file, path)
-    if lines[0].strip() != "ply":
-        raise InputError(f"{path}: is not a PLY file (allowed: a first line 'ply')")
     order: ByteOrder | None = None
     elements: list[Element] = []
     for number, line in enumerate(lines[1:-1], start=2):
@@ -405,7 +403,7 @@ def _columns(rows: Rows, names: tuple[str, ...]) -> Columns | None:
     """Return values (n, len(names)) in float32, or float64 when the file has that."""
     if not all(name in rows.values for name in names):
         return None
-    wide = any(rows.values[name].dtype.itemsize > 4 for name in names)
+    wide = any(rows.values[name].dtype.itemsize == 8 for name in names)
     result = np.empty((len(rows.values[names[0]]), len(names)), np.float64 if wide else np.float32)
     for place, name in enumerate(names):
         result[:, place] = rows.values[name]
@@ -414,12 +412,9 @@ def _columns(rows: Rows, names: tuple[str, ...]) -> Columns | None:
 
 def _corner_uvs(polygons: list[Polygons], face: Rows) -> list[Columns] | None:
     """Return texture coordinates of the corners (m, k, 2) of each group of polygons, None when they do not fit."""
-    groups = {len(uvs[0]) // 2: (numbers, uvs) for numbers, uvs in face.lists[CORNER_UVS] if len(uvs)}
+    groups = {len(uvs[0]) // 2: (numbers, uvs) for numbers, uvs in face.lists[CORNER_UVS]}
     fitting = []
     for numbers, corners in polygons:
-        if not len(corners):
-            fitting.append(np.empty((0, corners.shape[1], 2), np.float32))
-            continue
         same, uvs = groups.get(corners.shape[1], (None, None))
         if uvs is None or same is None or not np.array_equal(same, numbers):
             return None

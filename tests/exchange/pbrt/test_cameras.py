@@ -12,6 +12,7 @@ from rptcam_cl.optics.library import load_lens
 from rptcam_cl.rendering.cameras.model import half_tangents
 from rptcam_cl.scene.scene import Scene
 from tests.exchange.pbrt import reference as pbrt
+from tests.exchange.pbrt.test_materials import png
 
 Convert = Callable[..., Any]
 
@@ -99,6 +100,33 @@ def test_screen_windows_off_the_axis_are_parts_of_a_larger_film(
     assert done.says("part of a half pixel") == (WINDOWS[window] > 0.1)
     x0, x1, y0, y1 = np.array(done.scene.film.crop) * np.repeat(done.scene.film.resolution, 2)
     np.testing.assert_allclose([x1 - x0, y1 - y0], [64, 48])
+
+
+@pytest.mark.parametrize(("aspect", "window"), [(2, (-2, 2, -1, 1)), (0.5, (-1, 1, -2, 2)), (1, (-1, 1, -1, 1))])
+def test_aspect_of_the_screen_need_not_be_that_of_the_film(convert: Convert, aspect: float, window: Any) -> None:
+    transform = "LookAt 1 2 6  0 .1 0  0 1 0"
+    done = convert(SPHERES, head(transform, f'"perspective" "float fov" 35 "float frameaspectratio" {aspect}'))
+    expected = pbrt.raster_of(TRANSFORMS[transform], POINTS, 35, (64, 48), window)
+    np.testing.assert_allclose(seen_at(done.scene), expected, atol=1e-8)
+
+
+def test_half_of_the_field_of_view_and_its_default(convert: Convert) -> None:
+    assert convert("", head("", '"perspective" "float halffov" 20 "float fov" 9')).scene.camera.fov_degrees == 40
+    assert convert("", head("", '"perspective"')).scene.camera.fov_degrees == 90
+
+
+def test_lens_radius_without_a_distance_is_in_focus_far_away(convert: Convert) -> None:
+    assert convert("", head("", '"perspective" "float lensradius" .1')).scene.camera.focus_distance_m == 1e6
+    assert convert("", head("", '"perspective" "float focaldistance" 2')).scene.camera.kind == "pinhole"
+
+
+def test_panorama_of_another_film_is_twice_as_wide_as_high(convert: Convert) -> None:
+    done = convert("", head("", '"environment"', (64, 48), '"float cropwindow" [.1 .9 .25 .7]'))
+    assert (done.scene.film.resolution, done.scene.film.crop) == ((96, 48), None)
+    assert not done.says("equal-area")
+    done = convert("", head("", '"environment"', (64, 32), '"float cropwindow" [.25 .75 0 1]'))
+    assert (done.scene.film.resolution, done.scene.film.crop) == ((64, 32), (0.25, 0.75, 0, 1))
+    assert not done.says("twice as wide")
 
 
 def test_scales_that_are_rounding_are_none(convert: Convert) -> None:
@@ -227,6 +255,28 @@ def test_a_stop_opens_no_wider_than_the_lens_has_it(convert: Convert) -> None:
     assert done.says("in.pbrt:2: note: the stop opens to 8 mm, not to 50 mm")
 
 
+@pytest.mark.parametrize("diameter", [8, 0.5])
+def test_a_stop_may_be_as_wide_as_the_lens_has_it(convert: Convert, diameter: float) -> None:
+    camera = f'"realistic" "string lensfile" "a.dat" "float aperturediameter" {diameter}'
+    done = convert("", head("", camera), **{"a.dat": LENS})
+    assert done.scene.camera.stop_diameter_mm == diameter
+    assert not done.says("the stop opens")
+
+
+def test_a_lens_without_a_stop_has_no_diameter(convert: Convert) -> None:
+    camera = '"realistic" "string lensfile" "a.dat" "float aperturediameter" 2'
+    done = convert("", head("", camera), **{"a.dat": LENS.replace("0 3 0 8\n", "")})
+    assert done.scene.camera.stop_diameter_mm is None
+    assert done.scene.camera.focus.distance_m == 10
+    assert done.says("in.pbrt:2: ignored: the aperture diameter: the lens has no stop")
+
+
+def test_a_picture_is_a_stop(convert: Convert) -> None:
+    camera = '"realistic" "string lensfile" "a.dat" "float aperturediameter" 5 "string aperture" "stop.png"'
+    done = convert("", head("", camera), **{"a.dat": LENS, "stop.png": png()})
+    assert done.keys["camera"]["aperture"] == {"shape": "image", "file": "stop.png"}
+
+
 def test_simple_weighting_is_exposure_relative_to_the_axis(convert: Convert) -> None:
     text = head("", '"realistic" "string lensfile" "a.dat" "float aperturediameter" 5').replace('"rgb"', '"image"')
     done = convert("WorldEnd", text, **{"a.dat": LENS})
@@ -245,6 +295,17 @@ def test_stop_shapes(convert: Convert) -> None:
 BAD = {
     '"perspective" "float fov" 180': "fov must lie between 0 and 180 degrees",
     '"perspective" "float screenwindow" [1 0 0 1]': "x0 < x1",
+    '"perspective" "float fov" 0': "fov must lie between 0 and 180 degrees (got 0)",
+    '"perspective" "float halffov" 90': "fov must lie between 0 and 180 degrees (got 180)",
+    '"perspective" "float screenwindow" [0 0 0 1]': "x0 < x1",
+    '"perspective" "float screenwindow" [0 1 1 1]': "y0 < y1",
+    '"perspective" "float screenwindow" [0 1 0]': "screenwindow needs x0 x1 y0 y1",
+    '"perspective" "float frameaspectratio" 0': "frameaspectratio must be above 0 (got 0)",
+    '"perspective" "float lensradius" .1 "float focaldistance" 0': "focaldistance must be above 0 (got 0)",
+    '"realistic" "string lensfile" "a.dat" "float aperturediameter" 0': '"aperturediameter" must be above 0 mm (got 0)',
+    '"realistic" "string specfile" "a.dat" "float aperture_diameter" -1': '"aperture_diameter" must be above 0 mm',
+    '"realistic" "string specfile" "a.dat" "float filmdistance" 0': '"filmdistance" must be above 0 mm (got 0)',
+    '"realistic" "string specfile" "a.dat" "float filmdiag" 0': '"filmdiag" must be above 0 mm (got 0)',
     '"fisheye"': 'unknown camera "fisheye" (allowed: perspective',
     '"realistic"': "needs a lens file",
     '"realistic" "string specfile" ""': "needs a lens file",
@@ -258,7 +319,7 @@ BAD = {
 @pytest.mark.parametrize("camera", BAD)
 def test_bad_cameras_are_told(convert: Convert, camera: str) -> None:
     with pytest.raises(InputError, match=r"in\.pbrt:2:") as problem:
-        convert("", head("", camera))
+        convert("", head("", camera), **{"a.dat": LENS})
     assert BAD[camera] in str(problem.value)
 
 

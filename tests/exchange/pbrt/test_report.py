@@ -12,6 +12,7 @@ from rptcam_cl.exchange.pbrt.convert import convert_scene
 from rptcam_cl.exchange.pbrt.source import Place, Report, Source
 from rptcam_cl.scene.load import load_scene
 from tests.exchange.pbrt.conftest import HEAD
+from tests.exchange.pbrt.test_materials import png
 
 Convert = Callable[..., Any]
 BALL = 'Shape "sphere"\n'
@@ -29,6 +30,12 @@ OPTIONS = {
     'Integrator "bdpt"': 'approximated: Integrator "bdpt": paths from the camera only',
     'Integrator "ao" "float maxdistance" 2': "another picture than paths of light give",
     'Integrator "path" "bool regularize" true': 'ignored: Integrator "path": "bool regularize"',
+    'Integrator "volpath"': 'approximated: Integrator "volpath": paths without media',
+    'Camera "orthographic" "float lensradius" 1': "the lens radius of a parallel view",
+    'Camera "spherical"': "longitude and latitude in place of the equal-area square",
+    'Camera "environment"': "the film becomes 1440 x 720 pixels, twice as wide as high",
+    'Scale 2 1 1 Camera "environment"': "ignored: uneven scaling of the camera's space",
+    'Sampler "sobol" Sampler "halton"': "ignored: Sampler: a later one takes its place",
     'Sampler "halton" "float other" 2': 'ignored: Sampler "halton": "float other"',
     'Film "rgb" "float maxcomponentvalue" 5': 'ignored: Film "rgb": "float maxcomponentvalue"',
     'Film "rgb" "string sensor" "canon_eos_5d"': 'ignored: the sensor "canon_eos_5d"',
@@ -52,6 +59,14 @@ WORLD = {
         'ignored: Texture "t" "spectrum" "constant": "float other"'
     ),
     'ObjectBegin "o" Shape "sphere" ObjectEnd Shape "sphere"': 'object "o" is never placed',
+    'ObjectBegin "o" ObjectEnd ObjectBegin "o" ObjectEnd Shape "sphere"': 'note: object "o" is defined again',
+    'MakeNamedMaterial "m" "string type" "mirror" MakeNamedMaterial "m" "string type" "mirror"': (
+        'note: material "m" is defined again'
+    ),
+    'AreaLightSource "diffuse" "float power" 5 Shape "paraboloid"': '"power" of a shape whose area is not known',
+    'LightSource "point" "xyz I" [0 1 0]': 'approximated: LightSource "point": "I" lies outside sRGB; cut at 0',
+    'Material "mirror" "string normalmap" "a.png" Shape "sphere"': 'Material "mirror": the normal map a.png',
+    'Material "diffuse" "string normalmap" "a.gif" Shape "sphere"': 'Material "diffuse": the normal map a.gif',
     "ActiveTransform EndTime Translate 1 2 3": "ignored: Translate at the end time",
     'AreaLightSource "diffuse" "string filename" "a.exr" Shape "sphere"': "the picture that it shines with",
     'AreaLightSource "diffuse" Shape "sphere" "float alpha" .5': "alpha of a lamp",
@@ -69,8 +84,34 @@ def test_every_option_that_is_left_out_is_reported(convert: Convert, text: str) 
 
 @pytest.mark.parametrize("text", WORLD)
 def test_everything_of_the_world_that_is_left_out_is_reported(convert: Convert, text: str) -> None:
-    done = convert(text)
+    done = convert(text, **{"a.png": png(), "a.gif": b"x"})
     assert done.says("in.pbrt:5: ", WORLD[text]), done.report
+
+
+@pytest.mark.parametrize("text", ['Integrator "path"', 'Integrator "simplepath"', 'Sampler "halton" "integer seed" 3'])
+def test_options_that_change_no_picture_are_not_reported(convert: Convert, text: str) -> None:
+    assert convert(BALL, f'Camera "perspective"\n{text}\nWorldBegin LightSource "infinite"\n').report == []
+
+
+WRONG_OPTIONS = {
+    'Film "rgb" "integer xresolution" 0': "the resolution must be at least 1 x 1 (got 0 x 720)",
+    'Film "rgb" "integer yresolution" 0': "the resolution must be at least 1 x 1 (got 1280 x 0)",
+    'Film "rgb" "float xresolution" 1.5': '"xresolution" must be a whole number (got 1.5)',
+    'Film "rgb" "float cropwindow" [0 1 0]': "a window needs 4 numbers, x0 x1 y0 y1",
+    'Film "rgb" "integer pixelbounds" [0 1 0]': "a window needs 4 numbers, x0 x1 y0 y1",
+    'Film "rgb" "float cropwindow" [.5 .5 0 1]': "the window to render is empty",
+    'Film "rgb" "float cropwindow" [0 1 .5 .5]': "the window to render is empty",
+    'Sampler "halton" "integer pixelsamples" 0': "needs at least 1 sample per pixel (got 0)",
+    'Sampler "stratified" "integer xsamples" 0': "needs at least 1 sample per pixel (got 0)",
+    'Integrator "path" "integer maxdepth" -1': "maxdepth must not be negative (got -1)",
+}
+
+
+@pytest.mark.parametrize("text", WRONG_OPTIONS)
+def test_wrong_options_are_refused(convert: Convert, text: str) -> None:
+    with pytest.raises(InputError, match=r"^in\.pbrt:2:|/in\.pbrt:2:") as problem:
+        convert(BALL, f'Camera "perspective"\n{text}\nWorldBegin\n')
+    assert WRONG_OPTIONS[text] in str(problem.value)
 
 
 def test_a_scene_of_what_ours_has_is_reported_with_nothing(convert: Convert) -> None:
@@ -106,6 +147,28 @@ def test_settings_of_the_picture(convert: Convert) -> None:
     assert scene.film.resolution == (1280, 720)
     defaults = convert(BALL, 'Camera "perspective" WorldBegin\n').scene
     assert (defaults.render.spp, defaults.render.max_depth) == (16, 6)
+    assert (defaults.film.resolution, defaults.film.crop) == ((1280, 720), None)
+    options = 'Sampler "stratified" "integer xsamples" 1 "integer ysamples" 1 Integrator "path" "integer maxdepth" 0'
+    least = convert(BALL, f'{options} Camera "perspective" WorldBegin\n').scene.render
+    assert (least.spp, least.max_depth) == (1, 1)
+    default = convert(BALL, 'Sampler "stratified" Camera "perspective" WorldBegin\n').scene.render
+    assert default.spp == 16
+
+
+@pytest.mark.parametrize(
+    ("options", "stops"),
+    [
+        ('Film "rgb" "float iso" 400 Camera "perspective" "float shutteropen" .25 "float shutterclose" .5', 0.0),
+        ('Film "rgb" "float iso" 200 Camera "perspective" "float shutterclose" 4', 3.0),
+        ('Film "rgb" "float iso" 0 Camera "perspective"', 0.0),
+        ('Film "rgb" "float scale" 8 Camera "perspective"', 0.0),  # of pbrt-v3 only
+        ('Film "image" "float scale" .5 Camera "perspective" "float shutterclose" 4', -1.0),
+    ],
+)
+def test_exposure_goes_to_the_picture(convert: Convert, options: str, stops: float) -> None:
+    done = convert(BALL, f'{options} WorldBegin LightSource "infinite"\n')
+    assert done.keys.get("picture") == ({"ev": stops} if stops else None)
+    assert done.says("goes to picture.ev") == bool(stops)
 
 
 FILTERS = {

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.exchange.pbrt.source import Report, Statement, read_statements
+from rptcam_cl.exchange.pbrt.source import Report, Statement, one_line, read_limited, read_statements
 from rptcam_cl.exchange.pbrt.world import read_world
 from tests.exchange.pbrt.conftest import HEAD
 
@@ -105,6 +105,23 @@ BAD = {
     "SearchPath": "a directive of pbrt-v1 or of LuxRender",
     "LookAt 1 2 3": "LookAt needs 9 numbers (got 3)",
     "Translate [1 2 3 4]": "Translate needs 3 numbers (got 4)",
+    "Translate ] 1 2 3": "a.pbrt:1:11: Translate needs 3 numbers (got 0)",
+    "Translate 1 [2 3]": "a.pbrt:1:13: Translate needs 3 numbers (got 1)",
+    "Translate 1 2": "a.pbrt:1:1: Translate needs 3 numbers (got 2)",
+    'Shape "sphere" "float r" [1e999]': "beyond the range of numbers",
+    'Shape "sphere" "float r" [-inf]': "expected a number (got -inf)",
+    'Shape "sphere" "float r" true': '"float r" must hold numbers or text, not true or false',
+    'Shape "sphere" "float r" "1"': '"float r" must hold numbers, not text',
+    'Shape "sphere" "bool b" [1]': '"bool b" must hold true or false',
+    'Shape "sphere" "bool b" [true "false"]': 'a.pbrt:1:31: expected true or false (got "false")',
+    'Shape "sphere" "bool b" [true no]': "a.pbrt:1:31: expected true or false (got no)",
+    'Shape "sphere" "float r" ]': 'a.pbrt:1:26: expected the value of "float r" (got ])',
+    'Shape "sphere" "string s" ["a]" "b"': "a.pbrt:1:27: this [ is never closed",
+    'MediumInterface "a': "has no partner on its line",
+    "MediumInterface 5": "MediumInterface needs 2 texts in quotes (got 5)",
+    "NamedMaterial": "NamedMaterial needs 1 text in quotes (got the end of the file)",
+    "ActiveTransform": "(got the end of the file)",
+    "Quux": "expected a directive (got Quux) such as Shape or Camera",
     "ActiveTransform Sometimes": "StartTime, EndTime, All",
     r'NamedMaterial "a\wood"': r"unknown escape \w in a string",
     'Include "missing.pbrt"': "no such file",
@@ -202,3 +219,36 @@ def test_the_head_of_the_tests_is_read(tmp_path: Path) -> None:
     path = tmp_path / "in.pbrt"
     path.write_text(HEAD)
     assert set(read_world(path, Report()).options) == {"Camera", "Film"}
+
+
+def test_numbers_of_directives_stand_with_brackets_or_without(read: Reader) -> None:
+    found = read("Translate 1 2 3 Translate [4 5 6] Translate [7 8 # nine follows\n 9] Identity")
+    assert [item.numbers.tolist() for item in found] == [[1, 2, 3], [4, 5, 6], [7, 8, 9], []]
+
+
+def test_a_medium_interface_has_one_name_or_two(read: Reader) -> None:
+    found = read('MediumInterface "in" "out" MediumInterface "in" Identity')
+    assert [item.texts for item in found] == [("in", "out"), ("in",), ()]
+
+
+def test_text_in_utf_16_and_files_beyond_their_limit_are_refused(read: Reader, tmp_path: Path) -> None:
+    for code in ("utf-16-le", "utf-16-be"):
+        with pytest.raises(InputError, match=r"a\.pbrt:1:1: is UTF-16 text; save it as UTF-8"):
+            read("\ufeffIdentity".encode(code))
+    assert [item.directive for item in read("\ufeffIdentity")] == ["Identity"]
+    (tmp_path / "b.gz").write_bytes(gzip.compress(b"x" * 5000))
+    (tmp_path / "b").write_bytes(b"x" * 5000)
+    for name in ("b", "b.gz"):
+        assert read_limited(tmp_path / name, name, 5000) == b"x" * 5000
+        with pytest.raises(InputError, match=f"^{name}: holds more than 4999 bytes"):
+            read_limited(tmp_path / name, name, 4999)
+
+
+def test_lines_end_as_on_any_system(read: Reader) -> None:
+    with pytest.raises(InputError, match=r"a\.pbrt:4:2: expected a directive"):
+        read(b"Identity\r\nIdentity\rIdentity\n 1")
+
+
+@pytest.mark.parametrize("length", [1000, 1001])
+def test_messages_end_at_a_thousand_characters(length: int) -> None:
+    assert one_line("x" * length) == "x" * 1000 + "\u2026" * (length > 1000)

@@ -43,6 +43,22 @@ def cut(writer: GltfWriter) -> bytes:
     return writer.glb()[:-1]
 
 
+def sparse(component: int, offset: int) -> dict[str, Any]:
+    """A sparse accessor whose index is read from the positions: 1.0 is the bytes 0 0 128 63, from byte 12 on."""
+    indices = {"bufferView": 0, "byteOffset": offset, "componentType": component}
+    return {"count": 1, "indices": indices, "values": {"bufferView": 0}}
+
+
+def ragged(writer: GltfWriter) -> bytes:
+    writer.json["meshes"][0]["primitives"][0]["attributes"]["NORMAL"] = writer.array([[0, 0, 1], [0, 0, 1]])
+    return writer.glb()
+
+
+def signed(writer: GltfWriter) -> bytes:
+    writer.json["meshes"][0]["primitives"][0]["indices"] = writer.array([0, 1, 2], "i2")
+    return writer.glb()
+
+
 BEYOND = [{"children": [1], "scale": [1e200] * 3}, {"mesh": 0, "scale": [1e200] * 3}]
 CYCLE = [{"mesh": 0, "children": [1]}, {"children": [0]}]
 TEXTURED = {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}
@@ -62,6 +78,13 @@ GLTF: list[tuple[Callable[[GltfWriter], bytes], str]] = [
         changed("extensionsRequired", ["KHR_texture_basisu"]),
         "needs extensions that are not read (got KHR_texture_basisu",
     ),
+    (changed("asset.version", 2), "asset.version: must be text (got 2; allowed: text)"),
+    (changed("extensionsRequired", [3]), "extensionsRequired: must be a list of texts (got [3]"),
+    (changed("extensionsRequired", "x" * 70), f"must be a list (got '{'x' * 56}…; allowed: a list)"),
+    (changed("accessors.0.sparse", sparse(5126, 0)), "sparse.indices.componentType: is no index (got 5126"),
+    (changed("accessors.0.sparse", sparse(5121, 14)), "sparse.indices: names an entry that is not there (got 128)"),
+    (ragged, "attributes.NORMAL: has 2 entries (got 1; allowed: 3, as POSITION has)"),
+    (signed, "primitives[0].indices: are not whole numbers (got 1; allowed: an accessor of unsigned"),
     (changed("nodes", []), "nodes: must be a list of whole numbers in their range (got [0]"),
     (changed("scenes", [{"nodes": []}]), "its scene shows no triangles"),
     (changed("scene", 4), "scene: must be a whole number in its range (got 4"),
@@ -137,3 +160,11 @@ def test_json_of_a_glb_without_data_is_refused(read: Read) -> None:
     del whole["buffers"][0]["uri"]
     with pytest.raises(InputError, match=r"buffers\[0\]: has no uri, and the file no binary chunk"):
         read("a.gltf", json.dumps(whole))
+
+
+def test_more_json_than_allowed_is_refused(read: Read, monkeypatch: pytest.MonkeyPatch) -> None:
+    text = triangle().gltf()
+    monkeypatch.setattr("rptcam_cl.scene.assets.gltf.MOST_JSON_BYTES", len(text))
+    assert read("a.gltf", text).parts
+    with pytest.raises(InputError, match=f"a.gltf: has more than {len(text)} bytes of JSON"):
+        read("a.gltf", text + " ")

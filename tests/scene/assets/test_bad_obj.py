@@ -5,6 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rptcam_cl.core.errors import InputError
+
 from .conftest import Read
 from .refusal import Row, check_refused
 
@@ -30,6 +32,8 @@ FILES: list[Row] = [
         r":5: names a vertex that is not there \(got -5; allowed: 1 to 4",
     ),
     ("too far on", "a.obj", SQUARE + "f 1 2 5\n", r":5: names a vertex that is not there \(got 5; allowed: 1 to 4"),
+    ("long corner", "a.obj", SQUARE + f"f {'x' * 50} 1 2\n", rf":5: is not a corner of a face \(got '{'x' * 40}'"),
+    ("huge second index", "a.obj", SQUARE + "vt 0 0\nf 1/99999999999999999999 2/1 3\n", r":6: is not a corner"),
     ("huge index", "a.obj", SQUARE + "f 1 2 99999999999999999999\n", r":5: is not a corner"),
     (
         "no such normal",
@@ -48,6 +52,12 @@ FILES: list[Row] = [
     ),
     ("library of other lines", "a.obj", "mtllib a.obj\n" + SQUARE + "f 1 2 3\n", r":1: is not in a material"),
     (
+        "mesh of no size",
+        "a.obj",
+        "v 0 0 0\nv 1e-31 0 0\nv 0 1e-31 0\nf 1 2 3\n",
+        r": is too small for float32 \(got 1e-31",
+    ),
+    (
         "coordinate beyond float32",
         "a.obj",
         SQUARE + "vt 0 1e300\nf 1/1 2/1 3/1\n",
@@ -60,3 +70,19 @@ FILES: list[Row] = [
 @pytest.mark.parametrize(("name", "content", "message"), [row[1:] for row in FILES], ids=[row[0] for row in FILES])
 def test_unusable_file_is_refused(read: Read, tmp_path: Path, name: str, content: str | bytes, message: str) -> None:
     check_refused(read, tmp_path, name, content, message)
+
+
+@pytest.mark.parametrize(
+    ("lines", "message"),
+    [
+        ("newmtl a\n", "a.obj: usemtl w: names no material .allowed: a."),
+        ("newmtl w\nKd red\n", "a.mtl:2: is not a value .got 'kd red'; allowed: finite numbers."),
+        ("newmtl w\nNs\n", "a.mtl:2: is not a value .got 'ns'"),
+        ("newmtl w\nd -halo\n", "a.mtl:2: is not a value .got 'd'"),
+        ("newmtl w\n\nNi inf\n", "a.mtl:3: is not a value .got 'ni inf'"),
+    ],
+)
+def test_wrong_materials_are_refused(read: Read, tmp_path: Path, lines: str, message: str) -> None:
+    (tmp_path / "a.mtl").write_text(lines)
+    with pytest.raises(InputError, match=message):
+        read("a.obj", f"mtllib a.mtl\nusemtl w\n{SQUARE}f 1 2 3\n")

@@ -13,6 +13,10 @@ from .test_stl import TRIANGLES, text
 TEXT_PLY = header("ascii", 3, XYZ, 1, CORNERS) + "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"
 FACE = struct.pack("<Biii", 3, 0, 1, 2)
 BINARY_PLY = header("binary_little_endian", 4, XYZ, 1, CORNERS).encode() + POINTS.tobytes() + FACE
+FACES_FIRST = (
+    b"ply\nformat binary_little_endian 1.0\nelement face 1\nproperty list uchar int vertex_indices\n"
+    b"element vertex 4\nproperty float x\nproperty float y\nproperty float z\nend_header\n"
+) + FACE + POINTS.tobytes()  # fmt: skip
 CLAIM = header("binary_little_endian", 10**12, XYZ, 1, CORNERS)
 
 
@@ -55,6 +59,21 @@ FILES: list[Row] = [
     ("10^9 rows of text", "a.ply", changed_ply("vertex 3", "vertex 1000000000"), r": is cut short"),
     ("text cut short", "a.ply", TEXT_PLY[:-9], r": is cut short"),
     ("binary cut short", "a.ply", BINARY_PLY[:-1], r": is cut short: ends inside face 0"),
+    ("no faces in binary", "a.ply", header("binary_little_endian", 0, XYZ, 0, CORNERS), r": has no faces"),
+    ("binary vertices after faces", "a.ply", FACES_FIRST[:-1], r": is cut short: ends inside vertex 3"),
+    ("number of Python", "a.ply", changed_ply("1 0 0", "1_0 0 0"), r":11: holds rows of vertex that cannot be read"),
+    (
+        "rows missing in text",
+        "a.ply",
+        changed_ply("face 1", "face 3").replace("1 0 0", "1.000000 0 0"),
+        r": is cut short: ends after 1 rows of face",
+    ),
+    (
+        "not a number in binary",
+        "a.ply",
+        BINARY_PLY.replace(POINTS.tobytes(), b"\xff" * 48),
+        r": has no triangle .*dropped: 1 with",
+    ),
     ("binary vertices cut short", "a.ply", BINARY_PLY[:-30], r": is cut short"),
     (
         "list of 4 10^9 entries",
@@ -110,6 +129,7 @@ FILES: list[Row] = [
         header("ascii", 3, f"{XYZ}, float u, float v", 1, CORNERS) + "0 0 0 0 0\n1 0 0 0 0\n0 1 0 nan 1\n3 0 1 2\n",
         r": texture coordinate 2 is not finite",
     ),
+    ("too far down", "a.ply", changed_ply("0 0 0", "-1e13 0 0"), r": reaches too far \(got 1e\+13"),
     ("too far", "a.ply", changed_ply("1 0 0", "1e13 0 0"), r": reaches too far"),
 ]
 

@@ -8,6 +8,7 @@ import pytest
 
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.scene.assets.pictures import read_picture
+from rptcam_cl.scene.placement import SMALLEST_STRETCH_RATIO
 
 from .conftest import Read
 from .gltf_writer import GltfWriter, triangle
@@ -188,6 +189,7 @@ def test_colours_of_vertices_are_linear_over_each_triangle(read: Read, dtype: st
     assert part.material.base_texture is not None
     assert isinstance(part.material.base_texture.source, bytes)
     texels = read_picture(part.material.base_texture.source).texels[..., :3] / 255.0
+    assert texels.shape == (4, 6, 3)  # two by two for each of five triangles, in three columns
     linear = np.where(texels <= 0.04045, texels / 12.92, ((texels + 0.055) / 1.055) ** 2.4)
     mesh = part.mesh
     assert mesh.uvs is not None
@@ -219,3 +221,60 @@ def test_colours_of_vertices_beside_a_texture_are_noted(read: Read) -> None:
         "materials": [{"normalTexture": {"index": 0}}],
     }
     assert "colours of vertices are left out beside a texture" in read("a.glb", writer.glb()).notes[0]
+
+
+def test_colours_of_too_many_triangles_are_noted(read: Read, monkeypatch: pytest.MonkeyPatch) -> None:
+    writer = triangle(indices=1)
+    writer.json["meshes"][0]["primitives"][0]["indices"] = writer.array([0, 1, 2, 0, 2, 1], "u1")
+    writer.json["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"] = writer.array(TRIANGLE)
+    monkeypatch.setattr("rptcam_cl.scene.assets.gltf.MOST_TRIANGLES", 2)
+    assert not read("a.glb", writer.glb()).notes
+    monkeypatch.setattr("rptcam_cl.scene.assets.gltf.MOST_TRIANGLES", 1)
+    contents = read("a.glb", writer.glb())
+    assert contents.notes[0].endswith("primitives[0]: colours of more than 1 triangles are left out")
+    assert len(contents.parts[0].mesh.faces) == 2
+
+
+def test_array_without_data_is_zero_but_for_its_sparse_entries(read: Read) -> None:
+    writer = GltfWriter()
+    indices = {"bufferView": writer.view(b"\1\2"), "componentType": 5121}
+    values = {"bufferView": writer.view(np.array([[1, 0, 0], [0, 1, 0]], "<f4").tobytes())}
+    sparse = {"count": 2, "indices": indices, "values": values}
+    writer.json["accessors"] = [{"componentType": 5126, "count": 3, "type": "VEC3", "sparse": sparse}]
+    writer.json |= {"meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}], "nodes": [{"mesh": 0}]}
+    mesh = read("a.glb", writer.glb()).parts[0].mesh
+    assert mesh.positions[mesh.faces].tolist() == [TRIANGLE]
+
+
+@pytest.mark.parametrize(("stride", "width"), [(None, 3), (12, 3), (16, 3), (252, 3), (None, 4), (16, 4), (20, 4)])
+def test_entries_lie_as_far_apart_as_the_view_says(read: Read, stride: int | None, width: int) -> None:
+    apart = stride or 4 * width
+    rows = np.zeros((3, apart), np.uint8)
+    rows[:, : 4 * width] = np.pad(np.array(TRIANGLE, "<f4"), ((0, 0), (0, width - 3))).view(np.uint8)
+    writer = triangle()
+    content = bytes(8) + rows.tobytes()[: 2 * apart + 4 * width]  # no more than to the end of the last entry
+    view = writer.view(content, **({"byteStride": stride} if stride else {}))
+    accessor = {"bufferView": view, "byteOffset": 8, "componentType": 5126, "count": 3, "type": f"VEC{width}"}
+    writer.json["accessors"].append(accessor)
+    attributes = writer.json["meshes"][0]["primitives"][0]["attributes"]
+    attributes["POSITION" if width == 3 else "COLOR_0"] = 1
+    (part,) = read("a.glb", writer.glb()).parts
+    assert part.mesh.positions[part.mesh.faces].tolist() == [TRIANGLE]
+    assert (part.material.base_texture is not None) == (width == 4)
+
+
+@pytest.mark.parametrize("primitive", [{"attributes": {}}, {"attributes": {"POSITION": 1}}, {"mode": 0}])
+def test_primitives_without_triangles_show_nothing(read: Read, primitive: dict[str, Any]) -> None:
+    writer = triangle()
+    writer.json["accessors"].append({"bufferView": 0, "componentType": 5126, "count": 0, "type": "VEC3"})
+    writer.json["meshes"][0]["primitives"].append({"attributes": {"POSITION": 0}} | primitive)
+    assert len(read("a.glb", writer.glb()).parts) == 1
+
+
+def test_flattest_transform_that_is_allowed_is_shown(read: Read) -> None:
+    writer = triangle()
+    writer.json["nodes"] = [{"mesh": 0, "scale": [1, 1, SMALLEST_STRETCH_RATIO]}]
+    assert read("a.glb", writer.glb()).parts
+    writer.json["nodes"] = [{"mesh": 0, "scale": [1, 1, 0.99 * SMALLEST_STRETCH_RATIO]}]
+    with pytest.raises(InputError, match="flattens space"):
+        read("b.glb", writer.glb())

@@ -2,11 +2,13 @@
 
 import math
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.scene.assets.mesh import FileMaterial, MeshContents
 from rptcam_cl.scene.assets.pictures import has_alpha, read_picture
 
@@ -255,6 +257,18 @@ def test_what_is_left_out_is_noted(read: Read, material: dict[str, Any], parts: 
     assert any(note in text for text in notes), notes
 
 
+def test_unlit_is_matte(read: Read) -> None:
+    found = material_of(read, {"extensions": {"KHR_materials_unlit": {}}})
+    assert found == replace(material_of(read, {}), matte=True)
+
+
+@pytest.mark.parametrize("key", ["wrapS", "wrapT"])
+def test_unknown_wrap_is_refused(read: Read, key: str) -> None:
+    parts = {"samplers": [{key: 7}], "textures": [{"source": 0, "sampler": 0}]}
+    with pytest.raises(InputError, match=rf"samplers\[0\]\.{key}: is not known \(got 7; allowed: 10497, 33071, 33"):
+        contents_of(read, {"normalTexture": {"index": 0}}, **parts)
+
+
 @pytest.mark.parametrize(
     ("content", "alpha"),
     [
@@ -266,5 +280,7 @@ def test_what_is_left_out_is_noted(read: Read, material: dict[str, Any], parts: 
         (b"", False),
     ],
 )
-def test_alpha_is_told_by_the_head_of_a_picture(content: bytes, alpha: bool) -> None:
+def test_alpha_is_told_by_the_head_of_a_picture(content: bytes, alpha: bool, tmp_path: Path) -> None:
     assert has_alpha(content) is alpha
+    (tmp_path / "a.png").write_bytes(content)
+    assert has_alpha(tmp_path / "a.png") is alpha

@@ -7,7 +7,7 @@ import pytest
 
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.scene.assets import obj as obj_blocks
-from rptcam_cl.scene.assets.mesh import FileMaterial
+from rptcam_cl.scene.assets.mesh import FileMaterial, FileTexture
 
 from .conftest import Read
 
@@ -134,8 +134,55 @@ def test_factor_of_a_map_without_a_value_is_1(read: Read, tmp_path: Path) -> Non
     assert (material.roughness, material.metallic, material.emission, material.matte) == (1, 1, (1, 1, 1), False)
 
 
-def test_illumination_model_of_glass_is_glass(read: Read, tmp_path: Path) -> None:
-    (tmp_path / "a.mtl").write_text("newmtl g\nillum 7\nKd 0 0 0\nKs 1 1 1\nNi 1.33\nd 0.1\n")
+@pytest.mark.parametrize("model", [4, 6, 7, 9])
+def test_illumination_model_of_glass_is_glass(read: Read, tmp_path: Path, model: int) -> None:
+    (tmp_path / "a.mtl").write_text(f"newmtl g\nillum {model}\nKd 0 0 0\nKs 1 1 1\nNi 1.33\nd 0.1\n")
     material = read("a.obj", f"mtllib a.mtl\nusemtl g\n{SQUARE}f 1 2 3\n").parts[0].material
     assert material is not None
     assert (material.transmission, material.solid, material.index, material.opacity) == (1.0, True, 1.33, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("lines", "keys"),
+    [
+        # a mirror by model 3 or 5, where nothing is diffuse and something is reflected
+        ("illum 3\nKd 0 0 0\nKs 0.9 0.8 0.7\n", {"metallic": 1.0, "base_color": (0.9, 0.8, 0.7)}),
+        ("illum 5\nKd 0 0 0\nKs 0 0 0.7\n", {"metallic": 1.0, "base_color": (0, 0, 0.7)}),
+        ("illum 2\nKd 0 0 0\nKs 0.9 0.8 0.7\n", {"metallic": 0.0, "base_color": (0, 0, 0)}),
+        ("illum 3\nKd 0 0 0.1\nKs 0.9 0.8 0.7\n", {"metallic": 0.0, "base_color": (0, 0, 0.1)}),
+        ("illum 3\nKd 0 0 0\nKs 0 0 0\n", {"metallic": 0.0, "base_color": (0, 0, 0), "matte": True}),
+        # a gloss by model 2 on, and by any number of the physical extension
+        ("illum 1\nKs 1 1 1\n", {"matte": True}),
+        ("illum 2\nKs 1 1 1\n", {"matte": False}),
+        ("illum 8\nKs 1 1 1\n", {"matte": False, "transmission": 0.0, "solid": False}),
+        ("Ks 1 1 1\n", {"matte": False}),
+        ("Pr 0.25\n", {"matte": False, "roughness": 0.25}),
+        # shares are cut at 0 and 1, a light is not; one number is a grey, a fourth one is not looked at
+        ("Kd 2 -1 0.5\nKe 9\nPm 7\nd -halo 3\n", {
+            "base_color": (1, 0, 0.5), "emission": (9, 9, 9), "metallic": 1.0, "opacity": 1.0}),
+        ("Kd 0.1 0.2 0.3 0.4\nTr 3\nNs -5\n", {"base_color": (0.1, 0.2, 0.3), "opacity": 0.0, "roughness": 1.0}),
+        ("d 0.25\nTr 0.5\n", {"opacity": 0.25}),  # d counts where both stand
+        ("illum 6\nTf 0.5 1 1\nmap_Kd a.png\n", {
+            "base_color": (0.5, 1, 1), "base_texture": None, "transmission": 1.0, "solid": True, "matte": False}),
+        ("map_Kd\n", {"base_texture": None}),
+        ("map_norm n.png\n", {"normals": ("n.png", (1, 1), (0, 0), "repeat")}),
+        ("map_Kd -clamp off -s 2 a b.png\n", {"base_texture": ("a b.png", (2, 1), (0, 0), "repeat")}),
+        ("map_Kd -mm 0 1 -o 0.5 0.25 0 -clamp on a.png\n", {"base_texture": ("a.png", (1, 1), (0.5, 0.25), "clamp")}),
+    ],
+)  # fmt: skip
+def test_lines_of_a_material_mean_what_the_format_says(read: Read, tmp_path: Path, lines: str, keys: dict) -> None:
+    (tmp_path / "a.mtl").write_text("newmtl w\n" + lines)
+    material = read("a.obj", f"mtllib a.mtl\nusemtl w\n{SQUARE}vt 0 0\nf 1/1 2/1 3/1\n").parts[0].material
+    found = {key: getattr(material, key) for key in keys}
+    for key, value in found.items():
+        if isinstance(value, FileTexture):
+            assert value.source == tmp_path / value.name
+            found[key] = (value.name, value.scale, value.offset, value.wrap)
+    assert found == keys
+
+
+@pytest.mark.parametrize("rows", ["vt 0.25\nvt 0.5\n", "vt 0.25\nvt 0.5 7\n", "vt 0.25 \nvt 0.5 # 3\n"])
+def test_texture_coordinates_of_one_number_have_a_second_of_0(read: Read, rows: str) -> None:
+    mesh = read("a.obj", f"{SQUARE}{rows}f 1/1 2/2 3/1\n").parts[0].mesh
+    assert mesh.uvs is not None
+    assert mesh.uvs[mesh.faces].tolist() == [[[0.25, 0], [0.5, 0], [0.25, 0]]]

@@ -13,7 +13,7 @@ import PIL.Image
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.scene.assets.pictures import LARGEST_PIXELS, read_picture
+from rptcam_cl.scene.assets.pictures import LARGEST_PIXELS, read_picture, write_exr
 
 RNG = np.random.default_rng(7)
 BYTES = RNG.integers(0, 256, (5, 7, 3)).astype(np.uint8)
@@ -119,9 +119,26 @@ def test_radiance_pictures_are_read(coded) -> None:
     assert np.abs(picture.texels[..., :3] - colours).max() <= (colours.max(axis=2) / 128).max()
 
 
+def test_runs_and_rows_of_bytes_may_have_any_length_that_their_code_can_say() -> None:
+    """A code above 128 repeats one byte so often less 128; of others so many bytes follow (Ward 1991)."""
+    numbers = [7, *range(100, 228), *[9] * 127, 3, *range(40), *[5] * 2]
+    line = bytes([129, 7, 128, *range(100, 228), 255, 9, 1, 3, 40, *range(40), 130, 5])
+    head = b"#?RADIANCE\n\n-Y 1 +X %d\n" % len(numbers) + bytes([2, 2, len(numbers) >> 8, len(numbers) & 255])
+    picture = read_picture(head + 3 * line + bytes([255, 136, 128 + len(numbers) - 254, 136, 255, 136]))
+    np.testing.assert_array_equal(picture.texels[0, :, :3], np.repeat(np.float32(numbers)[:, None], 3, axis=1))
+
+
+def test_exponent_of_0_is_black() -> None:
+    head = b"#?RADIANCE\n\n-Y 1 +X 2\n"
+    texels = read_picture(head + bytes([10, 20, 30, 0, 10, 20, 30, 1])).texels
+    np.testing.assert_array_equal(texels[0, :, :3], [[0, 0, 0], np.array([10, 20, 30]) * 2.0**-135], strict=False)
+
+
 def test_radiance_exposure_is_undone_and_rows_may_run_upwards() -> None:
     pixels = rgbe(RNG.random((3, 9, 3)) + 0.5)
     plain = read_picture(radiance_file(pixels, coded=False)).texels
+    low = read_picture(radiance_file(pixels // np.uint8([1, 1, 1, 9]), coded=False, header=b"EXPOSURE=1.2e-30\n"))
+    assert np.isfinite(low.texels).all()
     header = b"EXPOSURE=2.0\nEXPOSURE= 0.25\n"
     brighter = read_picture(radiance_file(pixels, coded=False, header=header)).texels
     np.testing.assert_allclose(brighter[..., :3], 2 * plain[..., :3], rtol=1e-6)
@@ -232,8 +249,15 @@ BAD: dict[str, tuple[bytes, str]] = {
     "HDR without end of header": (b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n", "no end of its header"),
     "HDR of XYZ": (b"#?RADIANCE\nFORMAT=32-bit_rle_xyze\n\n-Y 1 +X 1\n....", "holds 32-bit_rle_xyze"),
     "HDR with no exposure": (b"#?RADIANCE\nEXPOSURE=0\n\n-Y 1 +X 1\n....", "EXPOSURE"),
+    "HDR with an exposure in words": (b"#?RADIANCE\nEXPOSURE=bright\n\n-Y 1 +X 1\n....", "has an EXPOSURE that is not"),
+    "HDR beyond float32": (
+        b"#?RADIANCE\nEXPOSURE=1e-20\n\n-Y 1 +X 1\n" + bytes([9, 9, 9, 255]),
+        "1 pixels are not finite",
+    ),
     "HDR of no rows": (b"#?RADIANCE\n\n-Y 0 +X 7\n", "has no pixels"),
     "HDR larger than its file": (b"#?RADIANCE\n\n-Y 8000 +X 8000\n....", "is cut off"),
+    "HDR of the largest size": (b"#?RADIANCE\n\n-Y 8192 +X 8192\n....", "is cut off"),
+    "HDR of a row more": (b"#?RADIANCE\n\n-Y 8193 +X 8192\n....", "is too large"),
     "HDR too large": (b"#?RADIANCE\n\n-Y 90000 +X 90000\n....", "is too large"),
     "HDR cut off": (HDR[:-40], "cut off"),
     "HDR with a run past its line": (HDR.replace(LINE, LINE + bytes([255, 7]), 1), "damaged"),
@@ -294,6 +318,16 @@ def test_exr_without_colours_is_refused(tmp_path: Path) -> None:
     path = save_exr(tmp_path / "depth.exr", {"Z": np.ones((2, 2), np.float32)})
     with pytest.raises(InputError, match=r"has no colours \(got channels Z"):
         read_picture(path)
+
+
+def test_written_exr_holds_the_channels_and_what_its_header_says(tmp_path: Path) -> None:
+    colours, grey = RNG.random((3, 5, 3)), RNG.random((3, 5))
+    write_exr({"RGB": colours}, tmp_path / "a.exr", {"lens": "of a test"})
+    write_exr({"Y": grey}, tmp_path / "b.exr")
+    with OpenEXR.File(str(tmp_path / "a.exr")) as file:
+        assert file.header()["lens"] == "of a test"
+        np.testing.assert_array_equal(file.channels()["RGB"].pixels, colours.astype(np.float32))
+    np.testing.assert_array_equal(read_picture(tmp_path / "b.exr").texels[..., 2], grey.astype(np.float32))
 
 
 def test_missing_file_is_refused(tmp_path: Path) -> None:

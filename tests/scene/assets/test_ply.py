@@ -87,3 +87,55 @@ def test_texture_coordinates_of_corners_tell_vertices_apart(read: Read) -> None:
     assert len(mesh.positions) == 5  # vertex 2 has two texture coordinates, vertex 0 has one
     assert np.array_equal(mesh.positions[mesh.faces], POINTS[[[0, 1, 2], [0, 2, 3]]])
     assert mesh.uvs[mesh.faces].tolist() == [[[0, 0], [1, 0], [1, 1]], [[0, 0], [0.5, 0.5], [0, 1]]]
+
+
+def test_binary_faces_may_stand_before_vertices(read: Read) -> None:
+    content = header("binary_little_endian", 4, XYZ, 2, CORNERS).encode()
+    start, vertex, face = content.split(b"element ")
+    content = b"element ".join([start, face.replace(b"end_header\n", b""), vertex + b"end_header\n"])
+    content += struct.pack("<BiiiBiiii", 3, 0, 1, 3, 4, 0, 1, 2, 3) + POINTS.tobytes()
+    mesh = read("a.ply", content).parts[0].mesh
+    assert np.array_equal(mesh.positions, POINTS)
+    assert sorted(mesh.faces.tolist()) == [[0, 1, 2], [0, 1, 3], [0, 2, 3]]
+
+
+def test_text_faces_with_further_properties(read: Read) -> None:
+    content = header("ascii", 4, XYZ, 2, f"uchar red, {CORNERS}, float quality")
+    content += "".join(f"{x:g} {y:g} {z:g}\n" for x, y, z in POINTS.tolist()) + "9 3 0 1 3 0.5\n8 4 0 1 2 3 0.25\n"
+    contents = read("a.ply", content)
+    assert sorted(contents.parts[0].mesh.faces.tolist()) == [[0, 1, 2], [0, 1, 3], [0, 2, 3]]
+    assert contents.notes[0].endswith("a.ply: colours of each face are left out")
+
+
+def test_texture_coordinates_that_do_not_fit_the_corners_are_none(read: Read) -> None:
+    content = header("ascii", 4, XYZ, 2, f"{CORNERS}, list uchar float texcoord")
+    content += "".join(f"{x:g} {y:g} {z:g}\n" for x, y, z in POINTS.tolist())
+    for rows in ("3 0 1 2 6 0 0 1 0 1 1\n3 0 2 3 0\n", "3 0 1 2 8 0 0 1 0 1 1 0 1\n4 0 1 2 3 6 0 0 1 0 1 1\n"):
+        assert read("a.ply", content + rows).parts[0].mesh.uvs is None
+
+
+def test_texture_coordinates_of_polygons_of_several_sizes(read: Read) -> None:
+    content = header("ascii", 4, f"{XYZ}, float nx, float ny, float nz", 2, f"{CORNERS}, list uchar float texcoord")
+    content += "".join(f"{x:g} {y:g} {z:g} {k} 1 0\n" for k, (x, y, z) in enumerate(POINTS.tolist()))
+    content += "4 0 1 2 3 8 0 0 1 0 1 1 0 1\n3 3 1 0 6 0.5 1 0.5 0 0 0\n"
+    mesh = read("a.ply", content).parts[0].mesh
+    rows = np.hstack([mesh.positions, mesh.uvs])[mesh.faces].tolist()
+    texts = [[0, 0], [1, 0], [1, 1], [0, 1], [0.5, 1], [0.5, 0]]
+    corners = [(*POINTS[at].tolist(), *texts[uv]) for at, uv in ((0, 0), (1, 1), (2, 2), (3, 3), (3, 4), (1, 5))]
+    expected = [[corners[k] for k in face] for face in ([4, 5, 0], [0, 1, 2], [0, 2, 3])]
+    assert [[tuple(row) for row in face] for face in rows] == expected
+    steepness = np.hypot(1, np.arange(4))
+    along = [np.abs(POINTS - row).sum(axis=1).argmin() for row in mesh.positions]
+    np.testing.assert_allclose(
+        mesh.normals, np.stack([along, np.ones(6), np.zeros(6)], 1) / steepness[along, None], atol=1e-6
+    )
+
+
+@pytest.mark.parametrize(("form", "order"), BINARY)
+def test_vertices_with_lists_of_several_lengths(read: Read, form: str, order: str) -> None:
+    content = header(form, 4, "double x, list char short bones, float y, short z", 1, CORNERS).encode()
+    for k, (x, y, z) in enumerate([(1e7, 0.5, 0), (1e7 + 0.125, 0.5, 0), (1e7 + 0.125, 1.5, 300), (1e7, 1.5, -2)]):
+        content += struct.pack(f"{order}db{k}hfh", x, k, *range(k), y, z)
+    mesh = read("a.ply", content + struct.pack(order + "Biiii", 4, 0, 1, 2, 3)).parts[0].mesh
+    found = mesh.positions + mesh.origin
+    assert found.tolist() == [[1e7, 0.5, 0], [1e7 + 0.125, 0.5, 0], [1e7 + 0.125, 1.5, 300], [1e7, 1.5, -2]]
