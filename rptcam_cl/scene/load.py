@@ -772,11 +772,11 @@ def _objects(scene: Scene, before: Mapping[str, Any], data: Mapping[str, Any], t
         return [_with_material_name(plain, names) for plain in wanted]
     known = {id(plain): item for plain, item in zip(listed, scene.objects, strict=False)}
     objects = [known.get(id(plain), plain) for plain in wanted]
-    for index, (plain, item) in enumerate(zip(wanted, objects, strict=True)):
-        if touched and item is not plain and _mixes_its_own(item, names):
-            objects[index] = _with_material_name(plain, names)
-        elif item is plain and index < len(listed):
-            objects[index] = _with_known_lists(plain, listed[index], scene.objects[index])
+    for index, (data_of, item) in enumerate(zip(wanted, objects, strict=True)):
+        if touched and item is not data_of and _mixes_its_own(item, names):
+            objects[index] = _with_material_name(data_of, names)
+        elif item is data_of and index < len(listed):
+            objects[index] = _with_known_lists(data_of, listed[index], scene.objects[index])
     return objects
 
 
