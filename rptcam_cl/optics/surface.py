@@ -477,12 +477,12 @@ class Prescription:
         if nm.size > FEW:
             return np.stack([medium.index(wavelength_nm) for medium in media])
 
-        def look_up() -> tuple[tuple[Medium, ...], Array]:
+        def media_and_indices() -> tuple[tuple[Medium, ...], Array]:
             values = np.stack([medium.index(wavelength_nm) for medium in media])
             values.flags.writeable = False
             return media, values  # and the media are kept, so that no others get their ids
 
-        return _INDICES.find_or_make((nm.tobytes(), nm.shape, *map(id, media)), look_up)[1]
+        return _INDICES.find_or_make((nm.tobytes(), nm.shape, *map(id, media)), media_and_indices)[1]
 
     @property
     def known_nm(self) -> tuple[float, float]:
