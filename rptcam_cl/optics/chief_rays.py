@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.core.remember import remember
 from rptcam_cl.optics.lens import limiting_surface, system_matrix
 from rptcam_cl.optics.ray_trace import L, arrive, leave, passing, refract, trace
 
@@ -263,8 +264,6 @@ FAN_ROUNDS = 2  # of Newton's method, from within 1e-5
 TELLS_APART = 10  # decimals of millimetres by which distances of film points from the axis differ
 REMEMBERED = 128  # lenses whose fans are kept
 
-_FANS: dict[tuple[object, ...], tuple[tuple[float, float], dict[int, _Fan | None]]] = {}
-
 
 def round_chief_rays(lens: Lens, film_points: Array, wavelength_nm: float = LINE_D_NM) -> ChiefRays:
     """Return the rays of `film_chief_rays` for a round lens and points (n, 3) of one plane across its axis."""
@@ -309,24 +308,20 @@ def fan_chief_rays(lens: Lens, film_points: Array, wavelength_nm: float) -> Chie
     return None
 
 
-def _fans_of(lens: Lens, stop: int, wavelength_nm: float) -> tuple[tuple[float, float], dict[int, _Fan | None]]:
-    """Return height on the plane of the last vertex and slope behind it over the tangent at the stop, to first order,
-    and the fans by their width: all states of the film and of the stop share them."""
-    key = geometry_but_stop(lens, stop, wavelength_nm)
-    if key not in _FANS:
-        if len(_FANS) >= REMEMBERED:
-            _FANS.clear()
-        indices = lens.indices(wavelength_nm)
-        (_, height), (_, slope) = (system_matrix(lens, wavelength_nm, stop) * indices[stop]).tolist()
-        _FANS[key] = (height, slope / float(indices[-1])), {}
-    return _FANS[key]
-
-
 def geometry_but_stop(lens: Lens, stop: int, wavelength_nm: float) -> tuple[object, ...]:
     """Return all that rays of a wavelength through a round lens follow from, but how wide its stop is."""
     at = lens.surfaces[stop]
     of_stop = at.curvature, at.conic, at.aspheric, at.thickness, at.glass
     return lens.surfaces[:stop], of_stop, lens.surfaces[stop + 1 :], lens.object_medium, wavelength_nm
+
+
+@remember(most=REMEMBERED, by=geometry_but_stop)
+def _fans_of(lens: Lens, stop: int, wavelength_nm: float) -> tuple[tuple[float, float], dict[int, _Fan | None]]:
+    """Return height on the plane of the last vertex and slope behind it over the tangent at the stop, to first order,
+    and the fans by their width: all states of the film and of the stop share them."""
+    indices = lens.indices(wavelength_nm)
+    (_, height), (_, slope) = (system_matrix(lens, wavelength_nm, stop) * indices[stop]).tolist()
+    return (height, slope / float(indices[-1])), {}
 
 
 def chebyshev_nodes(count: int) -> tuple[Array, Array]:

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.remember import remember
 from rptcam_cl.optics.chief_rays import chebyshev_nodes, geometry_but_stop, trace_crossings
 from rptcam_cl.optics.ghosts import Lit, Tree, check_lens
 from rptcam_cl.optics.glass import Medium
@@ -346,8 +347,6 @@ PLACES = 65  # at which a search begins
 ROUNDS = 4  # of Newton's method
 REMEMBERED = 128  # lenses whose beams are kept
 
-_BEAMS: dict[tuple[object, ...], dict[tuple[int, int], _Beam | None]] = {}
-
 
 def disk_irradiance(lens: Lens, film_distance_mm: float, wavelength_nm: float = LINE_D_NM) -> float | None:
     """Return `on_axis_irradiance` without losses for a lens of whose pupil nothing lies apart.
@@ -364,12 +363,7 @@ def disk_irradiance(lens: Lens, film_distance_mm: float, wavelength_nm: float = 
     height = abs(pupil.diameter_mm / 2 * film_distance_mm / away)
     cell = math.floor(CELLS_OF_DISTANCE * math.log2(film_distance_mm))
     step = math.ceil(STEPS_OF_HEIGHT * math.log2(height))
-    key = geometry_but_stop(lens, stop, wavelength_nm)
-    if key not in _BEAMS:
-        if len(_BEAMS) >= REMEMBERED:
-            _BEAMS.clear()
-        _BEAMS[key] = {}
-    beams = _BEAMS[key]
+    beams = _beams_of(lens, stop, wavelength_nm)
     for width in range(step, step + WIDER):
         if (cell, width) not in beams:
             beams[cell, width] = _trace_beam(lens, wavelength_nm, cell, 2.0 ** (width / STEPS_OF_HEIGHT))
@@ -380,6 +374,12 @@ def disk_irradiance(lens: Lens, film_distance_mm: float, wavelength_nm: float = 
             indices = lens.indices(wavelength_nm)
             return float(math.pi * square / (film_distance_mm**2 + square) * (indices[-1] / indices[0]) ** 2)
     return None
+
+
+@remember(most=REMEMBERED, by=geometry_but_stop)
+def _beams_of(lens: Lens, stop: int, wavelength_nm: float) -> dict[tuple[int, int], _Beam | None]:
+    """Return where beams are kept, by their cells and widths: all states of the film and of the stop share them."""
+    return {}
 
 
 def _trace_beam(lens: Lens, wavelength_nm: float, cell: int, height: float) -> _Beam | None:

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.records import SurfaceKind
+from rptcam_cl.core.remember import Memory
 from rptcam_cl.optics.coating import Coating
 from rptcam_cl.optics.glass import AIR, Medium, known_range
 from rptcam_cl.optics.shapes import Form, Hits, Shape, shape_of_profile
@@ -278,7 +279,7 @@ FEW = 16  # wavelengths of which indices are remembered
 REMEMBERED = 256  # rows of media at some wavelengths, whose indices are remembered
 # f/2, F2.8 and F/1.4 in a name; not f = 50 mm, nor F50
 _SPEED = re.compile(r"(?<![A-Za-z])[fF](?:\s?/\s?|(?=\d{1,2}\.\d))(\d{1,2}(?:\.\d+)?)(?![\d.]*\s?mm)")
-_INDICES: dict[tuple[object, ...], tuple[tuple[Medium, ...], Array]] = {}
+_INDICES: Memory[tuple[tuple[Medium, ...], Array]] = Memory(REMEMBERED)
 
 
 @dataclass(frozen=True)
@@ -475,15 +476,13 @@ class Prescription:
         media, nm = self.media, np.asarray(wavelength_nm, np.float64)
         if nm.size > FEW:
             return np.stack([medium.index(wavelength_nm) for medium in media])
-        key = nm.tobytes(), nm.shape, *map(id, media)
-        known = _INDICES.get(key)
-        if known is None:
+
+        def media_and_indices() -> tuple[tuple[Medium, ...], Array]:
             values = np.stack([medium.index(wavelength_nm) for medium in media])
             values.flags.writeable = False
-            if len(_INDICES) >= REMEMBERED:
-                _INDICES.clear()
-            known = _INDICES[key] = media, values  # which keeps the media, so that no others get their ids
-        return known[1]
+            return media, values  # and the media are kept, so that no others get their ids
+
+        return _INDICES.find_or_make((nm.tobytes(), nm.shape, *map(id, media)), media_and_indices)[1]
 
     @property
     def known_nm(self) -> tuple[float, float]:

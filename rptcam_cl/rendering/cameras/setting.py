@@ -628,20 +628,17 @@ def lens_setting(scene: Scene) -> LensSetting:
     if focus.auto is not None:
         raise InputError(NOT_FOUND_YET)
     if focus.front_distance_m is not None:
-        front_mm = focus.front_distance_m * 1e3
-        lens, film_distance_mm = focused(
-            lens, front_mm, "front", focus.method, camera.wavelength_nm, _sharpest(scene, camera)
-        )
-        distance_mm = front_mm + lens.length + lens.sense * film_distance_mm
-        return LensSetting(real.lens(lens), real.film(film_distance_mm), distance_mm, camera, real)
-    if focus.point is not None:
+        distance_mm = focus.front_distance_m * 1e3
+    elif focus.point is not None:
         distance_mm = camera.ahead(focus.point) * scene.metres_per_unit * 1e3
     else:
         assert focus.distance_m is not None
         distance_mm = focus.distance_m * 1e3
-    lens, film_distance_mm = focused(
-        lens, distance_mm, "film", focus.method, camera.wavelength_nm, _sharpest(scene, camera)
-    )
+    side: Side = "film" if focus.front_distance_m is None else "front"
+    nm, sharpest = camera.wavelength_nm, _sharpest(scene, camera)
+    lens, film_distance_mm = focused(lens, distance_mm, side, focus.method, nm, sharpest)
+    if side == "front":
+        distance_mm = distance_mm + lens.length + lens.sense * film_distance_mm
     return LensSetting(real.lens(lens), real.film(film_distance_mm), distance_mm, camera, real)
 
 

@@ -159,29 +159,23 @@ def shared_sampling(scene: Scene, setting: LensSetting, wavelength_nm: Wavelengt
     So do lenses that are not round, have mirrors or are not as designed, a film that is turned, and a focus that is no
     distance.
     """
-    camera, distance_mm, frame = setting.camera, setting.focus_distance_mm, film_frame(setting.camera)
+    camera, distance_mm, film_distance_mm = setting.camera, setting.focus_distance_mm, setting.film_distance_mm
+    frame = film_frame(camera)
     own = distance_mm is None or camera.focus.field is not None or setting.real != DESIGN
     if own or not setting.lens.is_rotational or setting.lens.has_mirrors or not frame.is_flat:
         return None
     assert distance_mm is not None
-    wide_open = [
-        without_shape(
-            design_to_focus(scene, camera.model_copy(update={"f_number": None, "stop_diameter_mm": None} | at))
-        )
-        for at in _zooms(scene, camera)
-    ]
+    opened = [{"f_number": None, "stop_diameter_mm": None} | at for at in _zooms(scene, camera)]
+    wide_open = [without_shape(design_to_focus(scene, camera.model_copy(update=keys))) for keys in opened]
     lenses = _stopped(wide_open, setting.lens)
     length_mm = abs(wide_open[0].first_order(camera.wavelength_nm).focal_length_mm)
     if not (math.isfinite(length_mm) and distance_mm > 0):
         return None
     # The film of a lens much shorter than its focal length moves by more of its distance.
-    width = FOCUS_CELL / 2 ** max(math.ceil(math.log2(length_mm / (2 * setting.film_distance_mm))), 0)
+    width = FOCUS_CELL / 2 ** max(math.ceil(math.log2(length_mm / (2 * film_distance_mm))), 0)
     cell = math.floor(length_mm / distance_mm / width)
     middle, *ends = (min(length_mm / max(at * width, 1e-300), FAR_MM) for at in (cell + 0.5, cell, cell + 1))
-    corner_mm, film_distance_mm = (
-        float(np.hypot(*frame.corners(half_film_mm(scene))[:, :2].T).max()),
-        setting.film_distance_mm,
-    )
+    corner_mm = float(np.hypot(*frame.corners(half_film_mm(scene))[:, :2].T).max())
     radius_mm, method = _rounded_up(BEYOND_FILM * corner_mm, FILM_CELLS), camera.focus.method
 
     def cell_of(of: Sequence[Lens]) -> _Cell:
@@ -305,18 +299,14 @@ def _rays(cell: _Cell) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
 def _pack(shared: _Shared | None) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
     if shared is None:
         return {}, {}
-    return {"table": shared.sampling.table}, {
-        "sampling": shared.sampling.facts_but_table(),
-        "film_distance_mm": shared.film_distance_mm,
-    }
+    facts = {"sampling": shared.sampling.facts_but_table(), "film_distance_mm": shared.film_distance_mm}
+    return {"table": shared.sampling.table}, facts
 
 
 def _unpack(arrays: dict[str, NDArray[Any]], facts: dict[str, Any]) -> _Shared | None:
-    return (
-        _Shared(PupilSampling.of_facts(facts["sampling"], arrays["table"]), facts["film_distance_mm"])
-        if arrays
-        else None
-    )
+    if not arrays:
+        return None
+    return _Shared(PupilSampling.of_facts(facts["sampling"], arrays["table"]), facts["film_distance_mm"])
 
 
 @remember(most=REMEMBERED, by=lambda cell: cell.key(), disk=on_disk(pack=_pack, unpack=_unpack))
