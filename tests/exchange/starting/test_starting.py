@@ -11,7 +11,7 @@ from rptcam_cl.api.interface import render
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.files import lenses_dir
 from rptcam_cl.exchange.camera_view import view
-from rptcam_cl.exchange.starting import Copies, Projection, starting_scene
+from rptcam_cl.exchange.starting import Copies, Projection, frame_subject, starting_scene
 from rptcam_cl.rendering.cameras.setting import lens_setting
 from rptcam_cl.scene.assets.pictures import write_exr
 from rptcam_cl.scene.load import load_scene
@@ -69,9 +69,7 @@ def test_lenses_that_go_by_first_order_are_framed_by_their_chief_rays(lens: str,
     np.testing.assert_allclose(direction[:2] / direction[2] * depth, [4e-3 * away, -2e-3 * away], rtol=3e-3)
 
 
-def test_large_model_fills_two_thirds_through_a_lens_of_one_s_own_that_sees_little_of_it(
-    model: Path, home: Path, tmp_path: Path
-) -> None:
+def test_large_model_fills_two_thirds_through_a_lens_of_one_s_own(model: Path, home: Path, tmp_path: Path) -> None:
     """At first it is wider than the lens sees; far away a picture is f x / z high."""
     for name, lens in (("elsewhere/own.yaml", "own.yaml"), ("home/own.yaml", "own.yaml")):
         (tmp_path / name).write_text((lenses_dir() / "telephoto-400mm.yaml").read_text("utf-8"), "utf-8")
@@ -91,21 +89,31 @@ def test_large_model_fills_two_thirds_through_a_lens_of_one_s_own_that_sees_litt
 
 def test_files_of_one_name_from_two_folders_are_refused(tmp_path: Path, home: Path) -> None:
     for folder, content in (("a", "one"), ("b", "two"), ("c", "one")):
-        (tmp_path / folder / "deep").mkdir(parents=True)
+        (tmp_path / folder / "deep" / "er").mkdir(parents=True)
         (tmp_path / folder / "x.obj").write_text(content)
-        (tmp_path / folder / "deep" / "y.png").write_text(content)
+        (tmp_path / folder / "deep" / "er" / "y.png").write_text(content)
     copies = Copies(home)
-    copies.add_companions(tmp_path / "a" / "x.obj", [tmp_path / "a" / "deep" / "y.png", tmp_path / "b" / "x.obj"])
+    copies.add_companions(
+        tmp_path / "a" / "x.obj", [tmp_path / "a" / "deep" / "er" / "y.png", tmp_path / "b" / "x.obj"]
+    )
     assert copies.name_of(tmp_path / "a" / "x.obj") == copies.name_of(tmp_path / "a" / "x.obj") == "x.obj"
     with pytest.raises(InputError, match="have one name; copy them into"):
         copies.name_of(tmp_path / "b" / "x.obj")
-    assert [path.relative_to(home).as_posix() for path in copies.write()] == ["deep/y.png", "x.obj"]
-    assert (home / "deep" / "y.png").read_text() == "one"
+    assert [path.relative_to(home).as_posix() for path in copies.write()] == ["deep/er/y.png", "x.obj"]
+    assert (home / "deep" / "er" / "y.png").read_text() == "one"
     assert copies.write() == []
-    assert Copies(home).name_of(home / "deep" / "y.png") == "deep/y.png"
+    assert Copies(home).name_of(home / "deep" / "er" / "y.png") == "deep/er/y.png"
     for wrong, problem in (("none.obj", "no such file"), ("a", "is not a regular file")):
         with pytest.raises(InputError, match=f"{wrong}: {problem}"):
             copies.name_of(tmp_path / wrong)
+
+
+def test_lens_that_focuses_nowhere_frames_nothing() -> None:
+    def refuse(view: object, depth: float) -> None:
+        raise InputError(f"cannot focus at {depth:g}")
+
+    with pytest.raises(InputError, match="cannot focus at"):
+        frame_subject(np.eye(3), np.array([0, 0, 1.0]), np.array([0, 1.0, 0]), (36, 24), refuse, 1.0)  # type: ignore
 
 
 def test_picture_of_light_is_taken_and_checked(model: Path, home: Path, tmp_path: Path) -> None:
