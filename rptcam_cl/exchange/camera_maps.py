@@ -261,7 +261,7 @@ def _map(places: Array, known: Mask, size: tuple[int, ...], of: tuple[int, ...])
 
 def _to_lens(smooth: SmoothMap, tangents: Array) -> tuple[Array, Mask]:
     length = np.linalg.norm(tangents, axis=1)
-    scale = np.where(length > 1e-12, np.arctan(length) / np.maximum(length, 1e-12), 1.0)
+    scale = np.arctan(length) / np.maximum(length, 1e-300)
     return smooth.places(tangents * scale[:, None])
 
 
@@ -275,7 +275,7 @@ def _tangents(smooth: SmoothMap, places: Array) -> tuple[Array, Mask]:
     angles = smooth.to_angles(places)
     length = np.linalg.norm(angles, axis=1)
     near = (length <= WIDEST) & (length <= smooth.widest)
-    scale = np.where(length > 1e-12, np.tan(np.minimum(length, WIDEST)) / np.maximum(length, 1e-12), 1.0)
+    scale = np.tan(np.minimum(length, WIDEST)) / np.maximum(length, 1e-300)
     return np.asarray(angles * scale[:, None]), near
 
 

@@ -430,6 +430,7 @@ def frame_subject(
     target = (points.min(axis=0) + points.max(axis=0)) / 2
     radius = float(np.linalg.norm(points - target, axis=1).max())
     distance, nearest = 4 * radius + 100 / unit_mm, radius  # nearer, a wide lens would stand among the parts
+    view, refused = None, InputError("")
     for _ in range(ROUNDS):
         try:
             tried = View.towards(target, direction, distance, up)
@@ -437,10 +438,8 @@ def frame_subject(
             image = projection.film_mm(tried.seen(points))
             if not np.isfinite(image).all():
                 raise InputError("is wider than the lens sees")
-        except InputError:
-            if distance > 1e6 * radius + 1e9 / unit_mm:
-                raise
-            nearest, distance = distance, 1.25 * distance
+        except InputError as problem:
+            refused, nearest, distance = problem, distance, 1.25 * distance
             continue
         view, low, high = tried, image.min(axis=0), image.max(axis=0)
         share, middle = float(((high - low) / 2 / half).max()), (low + high) / 2
@@ -453,6 +452,8 @@ def frame_subject(
         if is_centred and (abs(share / FILL - 1) < CLOSE_ENOUGH or is_nearest):
             break
         distance = max(wanted, nearest * 1.01)
+    if view is None:
+        raise refused
     return view, target, share
 
 

@@ -1,16 +1,23 @@
 """The table of the options of a render agrees with all that takes them: `render`, its docstring, cluster, session."""
 
+import argparse
 import inspect
 import re
+from collections.abc import Callable
 from dataclasses import fields
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
 import rptcam_cl
+from rptcam_cl.api import interface, options
 from rptcam_cl.api.job import RenderOptions
 from rptcam_cl.api.options import NOT_WITH, OF_A_CLUSTER, RENDER_OPTIONS, SCENE_KEYS
 from rptcam_cl.batch.cluster_run import render_on_cluster
+from rptcam_cl.core.constants import MAX_SPP
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.scene.film import LAYER_NAMES
 from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.scene import Scene
 
@@ -71,3 +78,61 @@ def test_names_flags_and_modes_are_what_they_should_be() -> None:
 def test_part_goes_with_nothing_that_needs_the_whole_film(name: str, value: object) -> None:
     with pytest.raises(InputError, match=rf"{name}: needs the whole film \(allowed: without part and samples\)"):
         RenderOptions(part="1/2", **{name: value})
+
+
+WORDS: list[tuple[Callable[[str], Any], dict[str, Any], list[str]]] = [
+    (options.spp, {"1": 1, "1e6": 1_000_000, "3.0": 3, str(MAX_SPP): MAX_SPP},
+     ["0", "-1", "1.5", "x", "", str(MAX_SPP + 1), "inf", "nan"]),
+    (options.seed, {"0": 0, str(2**64 - 1): 2**64 - 1}, ["-1", str(2**64), "1e3", "1.0"]),
+    (options.share, {"0.02": 0.02, "2%": 0.02, " 50 % ": 0.5, "1e-3": 1e-3}, ["0", "1", "100%", "-1%", "nan", "2%%"]),
+    (options.duration, {"60": 60, "60s": 60, "2min": 120, "2m": 120, "1h": 3600, "1h30m": 5400, "1m30s": 90,
+                        "1h 2 min 3s": 3723, "1e3": 1000, "1e9": 1e9},
+     ["0", "0s", "-1", "1d", "", "s", "1s2m", "1.2.3s", "1e10", "nan"]),
+    (options.sample_range, {"0:1": (0, 1), "64:128": (64, 128), f"0:{MAX_SPP}": (0, MAX_SPP)},
+     ["1:1", "2:1", "1", "0:", "a:b", "-1:2", f"0:{MAX_SPP + 1}", "0:1:2"]),
+    (options.part, {"1/1": "1/1", "8/8": "8/8", "3/8": "3/8"}, ["0/8", "9/8", "1", "1/0", "-1/2", "a/b"]),
+    (options.size, {"640x360": (640, 360), "1X1": (1, 1)}, ["0x1", "1x0", "640", "640x", "-1x1", "1.5x1"]),
+    (options.crop, {"0,1,0,1": (0, 1, 0, 1), "0.25,0.5,0.75,1": (0.25, 0.5, 0.75, 1)},
+     ["0,0,0,1", "0,1,1,1", "-1,1,0,1", "0,1.1,0,1", "0,1,0", "0,1,0,1,1", "a,1,0,1", "0,1,-1,1", "0,1,0,2"]),
+    (options.layers, {"depth": ("depth",), "depth, normal": ("depth", "normal"), "all": LAYER_NAMES},
+     ["depht", "depth,depth", "depth,", "", "all,depth"]),
+    (options.frame_range, {"7": range(7, 8), "1-240": range(1, 241), "1-240:2": range(1, 241, 2), "5-5:9": range(5, 6)},
+     ["0", "0-3", "3-2", "1-5:0", "a", "1-", "-3", "12345678", "1-2-3"]),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("read", "values", "refused"), WORDS, ids=[str(k) for k in range(len(WORDS))])
+def test_words_of_the_command_line_are_what_they_say(
+    read: Callable[[str], Any], values: dict[str, Any], refused: list[str]
+) -> None:
+    for word, value in values.items():
+        assert read(word) == (pytest.approx(value) if isinstance(value, float) else value)
+    for word in refused:
+        with pytest.raises(argparse.ArgumentTypeError, match="allowed") as caught:
+            read(word)
+        assert word.split(",")[0] in str(caught.value)
+
+
+def test_a_layer_that_is_not_known_is_told_the_nearest() -> None:
+    with pytest.raises(argparse.ArgumentTypeError, match=r"^got depht; did you mean depth\?; allowed all, "):
+        options.layers("depht")
+
+
+def test_defaults_of_the_options_are_those_of_render() -> None:
+    keywords = inspect.signature(rptcam_cl.render).parameters
+    for each in fields(RenderOptions):
+        assert each.default == keywords[each.name].default, each.name
+
+
+@pytest.mark.parametrize("usable", [True, False])
+def test_devices_tell_which_one_is_taken_and_what_is_wrong_with_others(
+    monkeypatch: pytest.MonkeyPatch, usable: bool
+) -> None:
+    facts = {"name": "n", "platform": "p", "type": "cpu", "compute_units": 2, "memory_bytes": 3, "fp64": True}
+    listed = [SimpleNamespace(id=name, **facts) for name in ("0:0", "0:1")]
+    monkeypatch.setattr(interface, "list_devices", lambda: listed)
+    monkeypatch.setattr(interface, "problem_of", lambda device: None if usable and device is listed[1] else "broken")
+    monkeypatch.setattr(interface, "choose_device", lambda name: listed[1])
+    first, second = interface.devices()
+    assert first == {"id": "0:0", **facts, "problem": "broken", "default": False}
+    assert second == {"id": "0:1", **facts, "problem": None if usable else "broken", "default": usable}

@@ -1,6 +1,7 @@
 """Bits of `render` after changes, for every kind of scene; and memory that stays flat."""
 
 import gc
+import time
 from pathlib import Path
 from typing import Any
 
@@ -103,7 +104,8 @@ def test_kernels_are_compiled_in_the_background_while_the_picture_stays() -> Non
             assert shown.spp == 3
         session.change({"camera.f_number": 4}, wait=False)
         while not session.ready:
-            session.take()
+            time.sleep(0.01)
+        assert session.glance(0.25).generation > before.generation  # what was waited for, without a sample of it
         frame = session.take()
         assert frame.generation > before.generation and session.spp == 1
         assert session.scene.camera.f_number == 4

@@ -5,9 +5,10 @@ import math
 import numpy as np
 import pytest
 from scipy.optimize import brentq
+from scipy.signal.windows import tukey
 from scipy.special import erf
 
-from rptcam_cl.api.sweeping import mtf50_at
+from rptcam_cl.api.sweeping import _window, mtf50_at
 
 
 def edge(sigma, degrees, size=64, low=0.1, high=1.0):
@@ -31,6 +32,11 @@ def expected(sigma, degrees):
 @pytest.mark.parametrize("sigma", [0.5, 1.0, 2.0])
 def test_mtf50_of_a_blurred_edge_is_that_of_gaussian_and_pixel(sigma, degrees):
     assert mtf50_at(edge(sigma, degrees), 0.5, 0.5) == pytest.approx(expected(sigma, degrees), rel=0.03)
+
+
+@pytest.mark.parametrize("length", [9, 96])
+def test_window_over_an_edge_is_that_of_tukey(length):
+    np.testing.assert_allclose(_window(length), tukey(length, 0.5), atol=1e-12)
 
 
 def test_noise_of_a_hundredth_leaves_it_within_a_tenth():

@@ -1,6 +1,8 @@
 """The commands that trace rays, convert lens files and design lenses."""
 
+import argparse
 import json
+import re
 from collections.abc import Callable
 from io import StringIO
 from pathlib import Path
@@ -9,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from rptcam_cl.cli import lens_options
 from rptcam_cl.optics.library import load_lens
 
 Command = Callable[..., Any]
@@ -135,6 +138,43 @@ def test_dispersion_that_is_lost_is_said(rptcam: Command, tmp_path: Path) -> Non
     run = rptcam("lens", "convert", "takumar-50mm", "-o", str(tmp_path / "a.dat"))
     assert run.code == 0, run.err
     assert "no dispersion" in run.err
+    assert "focusing" not in run.err
+
+
+def test_focusing_group_and_coatings_that_are_lost_are_said(rptcam: Command, tmp_path: Path) -> None:
+    lens = tmp_path / "own.yaml"
+    lens.write_text(
+        "name: own\nsurfaces:\n"
+        "- {radius: 40, thickness: 4, glass: {index: 1.6}, diameter: 20, coating: mgf2}\n"
+        "- {radius: -60, thickness: 5, diameter: 20}\n- {stop: true, thickness: 5, diameter: 8}\n"
+        "- {radius: 90, thickness: 3, glass: {index: 1.5}, diameter: 18}\n- {radius: -80, diameter: 18}\n"
+        "focusing: {surfaces: [3, 4], travel: [-1, 1]}\n"
+    )
+    run = rptcam("lens", "convert", str(lens), "-o", str(tmp_path / "a.dat"))
+    assert run.code == 0, run.err
+    for words in ("no focusing group: the lens is written focused at infinity", "no coatings: they are left out"):
+        assert f"a .dat table has {words}\n" in run.err
+    assert "no dispersion" not in run.err
+
+
+READERS: list[tuple[Callable[[str], Any], dict[str, list[float]], list[str]]] = [
+    (lens_options.numbers, {"0,-10,2.5e3": [0, -10, 2500]}, ["", "1,,2", "a", "nan", "inf", "1e12", "-1e12"]),
+    (lens_options.angles, {"-88.9,0,88.9": [-88.9, 0, 88.9]}, ["89", "-89", "nan"]),
+    (lens_options.wavelengths, {"200,587.56,3000": [200, 587.56, 3000]}, ["199.9", "3000.1", "587,nan", "-500"]),
+    (lens_options.count, {"1": 1, "2000": 2000}, ["0", "2001", "1.0", "-1", "\u0663"]),  # type: ignore[dict-item]
+    (lens_options.wavelength, {"200": 200, "3000": 3000}, ["199", "3001", "500,600"]),  # type: ignore[dict-item]
+]
+
+
+@pytest.mark.parametrize(("read", "values", "refused"), READERS, ids=range(len(READERS)))
+def test_numbers_of_the_command_line_lie_in_their_ranges(
+    read: Callable[[str], Any], values: dict[str, Any], refused: list[str]
+) -> None:
+    for word, value in values.items():
+        assert read(word) == value
+    for word in refused:
+        with pytest.raises(argparse.ArgumentTypeError, match=f"^got {re.escape(word)}; allowed "):
+            read(word)
 
 
 def test_designed_singlet_has_its_focal_length(rptcam: Command, tmp_path: Path) -> None:

@@ -98,7 +98,8 @@ def test_settle_writes_a_scene(scene: Path, rptcam: Command) -> None:
     ("words", "code", "message"),
     [
         (["-o", "scene.yaml"], 2, "is an input"),
-        (["-o", "a.png"], 2, "a scene file is YAML"),
+        (["-o", "a.png"], 2, "a.png: a scene file is YAML (got .png; allowed: .yaml, .yml)"),
+        (["-o", "a"], 2, "a: a scene file is YAML (got no suffix; allowed"),
         (["-o", "none/a.yaml"], 4, "there is no folder"),
     ],
 )

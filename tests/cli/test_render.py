@@ -4,11 +4,13 @@ import re
 import signal
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from rptcam_cl.cli.output import dark_warnings
 from rptcam_cl.core.errors import DeviceError, StateError
 from rptcam_cl.imaging.image import Image, read_film
 
@@ -273,3 +275,40 @@ def test_second_interrupt_leaves_at_once(scene: Path, renderer: Any, rptcam: Com
     run = rptcam("render", "scene.yaml", "-o", "a.npy")
     assert (run.code, run.err) == (130, "interrupted\n")
     assert names(scene.parent) == ["scene.yaml"]
+
+
+BLACK, DIM = np.zeros((2, 3, 3), np.float32), np.zeros((2, 3, 3), np.float32)
+DIM[1, 2, 0] = 1e-9
+
+
+@pytest.mark.parametrize(
+    ("pixels", "whole", "passed", "metadata", "words"),
+    [
+        (BLACK, True, 50, {}, "the picture is black: no light reaches the film"),
+        (BLACK, False, 50, {}, ""),  # a part of a picture may be black
+        (DIM, True, 50, {}, ""),
+        (DIM, True, 9, {"film_size_mm": [36.0, 24.0]}, "blocked 91 % of the rays: the film of 36 x 24 mm is perhaps"),
+        (DIM, True, 9, {}, "blocked 91 % of the rays: the film is perhaps"),
+        (DIM, True, 0, {}, "blocked 100 % of the rays"),
+        (DIM, True, None, {}, ""),
+    ],
+)
+def test_dark_pictures_are_warned_of(
+    pixels: np.ndarray, whole: bool, passed: int | None, metadata: dict[str, Any], words: str
+) -> None:
+    stats = {} if passed is None else {"lens": {"passed": passed, "blocked": 100 - passed}}
+    found = dark_warnings(SimpleNamespace(pixels=pixels, stats=stats, metadata=metadata), whole=whole)  # type: ignore
+    assert len(found) == bool(words)
+    assert words in "".join(found)
+
+
+def test_truth_is_refused_where_it_could_not_be_written(
+    scene: Path, rptcam: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (scene.parent / "file").write_text("")
+    run = rptcam("render", "scene.yaml", "-o", "a.npy", "--truth", "file/deep")
+    assert (run.code, "file is no folder" in run.err) == (4, True), run.err
+    monkeypatch.setattr(os, "access", lambda path, mode: not str(path).endswith(scene.parent.name))
+    run = rptcam("render", "scene.yaml", "-o", "a.npy", "--truth", "new/deep")
+    assert (run.code, "cannot be written to" in run.err) == (4, True), run.err
+    assert names(scene.parent) == ["file", "scene.yaml"]

@@ -47,7 +47,10 @@ TESTS = {
     " imaging/sensor",
     "rendering/plan": "rendering/light rendering/caustics rendering/test_emitters scene/test_warnings"
     " rendering/test_shapes",
-    "api": "rendering/test_honest_errors",
+    "cli": "exchange/calibration/test_camera_outputs exchange/calibration/test_camera_files exchange/pbrt/test_command"
+    " studies/tradeoff/test_command",
+    "api": "rendering/test_honest_errors cli/test_sweep cli/test_series cli/test_render cli/test_parts"
+    " rendering/test_sweep rendering/test_settle rendering/test_resume rendering/several/test_shared_renders",
     "kernels/lens": "device/test_camera_rays optics/test_surfaces rendering/test_lens_float64"
     " rendering/cameras/test_losses optics/test_mirrors rendering/cameras/test_ray_map optics/test_coatings"
     " rendering/test_lens_light",
@@ -75,6 +78,9 @@ EQUIVALENT = {
     "scene/assets/mesh.py: rows = rows.copy() if base.base is not None and base.nbytes > rows.nbytes else "
     "np.ascontiguousarray(rows)": "takes more memory",
     "scene/assets/mesh.py: cancelled = (sums * sums).sum(axis=0) <= 1e-18": "sums are far smaller or far larger",
+    'cli/output.py: print("  ".join(cell.rjust(width) for cell, width in zip(line, widths, strict=False)).rstrip())': (
+        "rows are as long as their head"
+    ),
     "core/files.py: path.unlink(missing_ok=False)": "the caller passes over it, and the next call deletes what is left",
     'imaging/formats.py: planarconfig="contig" if (not (raw.numbers.ndim == 3)) else None,': "tifffile finds the same",
     "optics/ghosts.py: turns = np.full((len(entered), max(map(len, ways), default=0) + 2), NOWHERE)": "more room",
@@ -373,6 +379,8 @@ class Copy:
             self.write(self.tree / fault.path, source)
         if code == 0:
             return False, f"{len(tests)} tests pass"
+        if "ERROR: not found" in text:
+            raise SystemExit("the trace names tests that are no longer there: delete its file")
         by = re.search(r"^(?:FAILED|ERROR) (\S+)", text, re.MULTILINE)
         return True, by[1] if by else "out of time" if code == -1 else f"pytest ends with {code}"
 

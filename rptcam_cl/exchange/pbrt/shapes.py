@@ -674,7 +674,7 @@ class Objects:
 
     def _note_unplaced(self, placed: set[int]) -> None:
         for name, shapes in self.context.scene.objects.items():
-            if shapes and not any(id(use) in placed for use in shapes):
+            if shapes and id(shapes[0]) not in placed:  # all are placed, or none
                 self.context.report.noted(shapes[0].shape.place, f'object "{name}" is never placed')
 
     def _add(self, use: ShapeUse, world: Matrix, instance: Instance | None, *, shared: bool) -> None:

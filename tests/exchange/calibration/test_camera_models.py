@@ -5,7 +5,18 @@ import pytest
 
 from rptcam_cl.cli import main
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.exchange.camera_models import COEFFICIENTS, FITTED, calibrate, calibrate_best, distorted, project, slopes
+from rptcam_cl.exchange.camera_models import (
+    CHECKED,
+    COEFFICIENTS,
+    FITTED,
+    calibrate,
+    calibrate_best,
+    distorted,
+    normal_points,
+    placed,
+    project,
+    slopes,
+)
 from rptcam_cl.exchange.camera_view import subject, view
 from rptcam_cl.optics.chief_rays import film_chief_rays, round_chief_rays
 from rptcam_cl.optics.library import load_lens
@@ -377,3 +388,32 @@ def test_no_other_parameters_leave_less(lens, model, size, film):
             other = found.copy()
             other[k] += share * max(abs(found[k]), 0.01)
             assert left(other) >= least
+
+
+def test_errors_over_the_whole_picture_are_those_of_each_place():
+    """A round lens is asked over a quarter of the picture alone."""
+    seen = camera("dgauss-50mm", (96, 64))
+    found = calibrate(seen, "brown_conrady")
+    places = seen.grid(*CHECKED)
+    directions, _ = seen.directions(places)
+    off = placed("brown_conrady", found.parameters, normal_points("brown_conrady", directions)) - places
+    np.testing.assert_allclose(found.errors, off.reshape(*CHECKED[::-1], 2), atol=1e-6)
+
+
+@pytest.mark.parametrize("movements", [{"rise_mm": 3}, {"tilt_degrees": 4, "shift_mm": -5}, {"swing_degrees": -6}])
+@pytest.mark.parametrize("flip", [False, True])
+def test_ideal_lens_on_a_moved_film_sees_what_the_lens_itself_does_but_for_its_distortion(movements, flip):
+    pose = {"lens": "dgauss-50mm", "eye": [0, 0, 0], "target": [0, 0, -1], "focus": {"distance_m": 2}}
+    film = {"resolution": [60, 40], "size_mm": [36.0, 24.0]}
+    keys = pose | {"movements": movements, "flip": flip}
+    kinds = (view(load_scene({"film": film, "camera": keys | {"kind": kind}})) for kind in ("realistic", "thick_lens"))
+    exact, ideal = (seen.directions([[30, 20], [45, 20], [30, 32], [12, 10]])[0] for seen in kinds)
+    np.testing.assert_allclose(ideal, exact, atol=4e-3)
+
+
+def test_lens_alone_stands_at_the_origin_and_looks_along_minus_z():
+    seen = camera("dgauss-50mm")
+    assert seen.scene.camera.eye == (0, 0, 0)
+    matrix = seen.pose()
+    np.testing.assert_allclose(matrix[:3, :3], np.diag([1, -1, -1]), atol=1e-12)
+    np.testing.assert_allclose(matrix[:3, 3], [0, 0, -seen.pupil_ahead_mm * 1e-3], atol=1e-12)

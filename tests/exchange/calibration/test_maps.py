@@ -10,7 +10,7 @@ import yaml
 from rptcam_cl.cli import main
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.files import lenses_dir
-from rptcam_cl.exchange.camera_maps import coc_map, point_images, st_maps, vignetting_map
+from rptcam_cl.exchange.camera_maps import _over_plane, between, coc_map, point_images, st_maps, vignetting_map
 from rptcam_cl.exchange.camera_view import subject, view
 from rptcam_cl.optics.irradiance import film_irradiance
 from rptcam_cl.rendering.cameras.ideal import stop_shape
@@ -95,6 +95,59 @@ def test_vignetting_map_follows_the_edge_of_the_image_circle():
     expected = film_irradiance(lens, back, (columns - 30.0) * 28.0 / 61) / film_irradiance(lens, back, 0.0)
     assert expected.min() == 0.0 < 0.2 < expected.max()
     assert found[columns] == pytest.approx(expected, abs=1e-3)
+
+
+class Plane:
+    """What of a view says where its places lie: 3 x 2 mm, y upwards, the middle off the axis."""
+
+    size = (60, 40)
+
+    def film_points(self, places):
+        x, y = np.asarray(places).T / 20
+        return np.stack([x - 1.0, 0.75 - y, 0 * x], axis=1)
+
+
+def test_values_over_a_plane_follow_their_function_where_it_bends():
+    """A roof with a ridge along y = x / 3 and even slopes beside: its values at coarse nodes, and near the ridge at
+    finer ones; straight lines join them elsewhere."""
+
+    def roof(radius, degrees):
+        x, y = radius * np.cos(np.radians(degrees)), radius * np.sin(np.radians(degrees))
+        return float(2 + x / 2 - 2 * abs(y - x / 3))
+
+    asked = []
+    nodes = _over_plane(Plane(), lambda *given: asked.append(given) or roof(*given))
+    assert nodes.shape == (25, 33)
+    places = np.stack(np.meshgrid(np.linspace(0, 60, 33), np.linspace(0, 40, 25)), axis=-1)
+    x, y, _ = Plane().film_points(places.reshape(-1, 2)).T
+    np.testing.assert_allclose(nodes.ravel(), 2 + x / 2 - 2 * abs(y - x / 3), atol=1e-6)
+    assert len(asked) == len(set(asked)) < 25 * 33 - 200
+
+
+def test_values_between_nodes_lie_on_straight_lines():
+    rows, columns = np.mgrid[:4, :5]
+    found = between(3.0 * columns - 2.0 * rows + columns * rows, (8, 6))
+    x, y = np.meshgrid((np.arange(8) + 0.5) / 8 * 4, (np.arange(6) + 0.5) / 6 * 3)
+    np.testing.assert_allclose(found, 3 * x - 2 * y + x * y, atol=1e-12)
+
+
+def test_vignetting_of_ideal_cameras_is_none_or_the_fourth_power_of_a_cosine():
+    pinhole = {"kind": "pinhole", "eye": [0, 0, 0], "target": [0, 0, -1], "fov_degrees": 60}
+    assert (vignetting_map(view(load_scene({"film": FILM, "camera": pinhole}))) == 1).all()
+    seen = view(load_scene({"film": FILM, "camera": CAMERA | {"kind": "thick_lens"}}))
+    lens = seen.setting.lens
+    away = seen.setting.film_distance_mm - lens.first_order(seen.setting.camera.wavelength_nm).exit_pupil.distance_mm
+    x, y = np.meshgrid((np.arange(60) - 29.5) * 0.6, (np.arange(40) - 19.5) * 0.6)
+    np.testing.assert_allclose(vignetting_map(seen), np.cos(np.arctan(np.hypot(x, y) / away)) ** 4, rtol=1e-5)
+
+
+def test_maps_that_no_picture_can_hold_are_refused(monkeypatch):
+    tilted = CAMERA | {"movements": {"tilt_degrees": 3}}
+    with pytest.raises(InputError, match="--vignetting: is known on a film across the axis alone"):
+        vignetting_map(view(load_scene({"film": FILM, "camera": tilted})))
+    monkeypatch.setattr("rptcam_cl.exchange.camera_maps.MOST_PIXELS", 60 * 40)
+    with pytest.raises(InputError, match=r"straight picture of it would have \d+ x \d+ pixels \(allowed: 2400 in all"):
+        st_maps(view(subject("fisheye-10mm", size=(60, 40), film_mm=(21, 14))))
 
 
 @pytest.mark.slow

@@ -32,6 +32,42 @@ def test_point_lights(convert: Convert) -> None:
     assert light_of(convert(text, LEFT))["position"] == [-2, 2, 3]
 
 
+def test_lights_have_the_places_and_cones_of_pbrt_where_nothing_is_said(convert: Convert) -> None:
+    lights = convert('Translate 1 2 3 LightSource "point" LightSource "spot" LightSource "distant"', RIGHT).keys[
+        "lights"
+    ]
+    assert lights == [
+        {"kind": "point", "position": [1, 2, 3], "intensity": [1, 1, 1]},
+        {"kind": "spot", "position": [1, 2, 3], "direction": [0, 0, 1], "intensity": [1, 1, 1],
+         "outer_degrees": 30, "inner_degrees": 25},
+        {"kind": "directional", "direction": [0, 0, 1], "irradiance": [1, 1, 1]},
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(("angle", "delta", "inner"), [(40, 10, 30), (20, 40, 0), (90, 0, 90 * (1 - 1e-6))])
+def test_power_of_a_spot_fills_its_cone_and_half_of_its_edge(
+    convert: Convert, angle: float, delta: float, inner: float
+) -> None:
+    """pbrt's book, 12.2.1: 2 pi ((1 - cos inner) + (cos inner - cos outer) / 2)."""
+    text = f'LightSource "spot" "float power" .5 "float coneangle" {angle} "float conedeltaangle" {delta}'
+    done = convert(text, RIGHT)
+    found = light_of(done)
+    assert (found["outer_degrees"], found["inner_degrees"]) == (angle, pytest.approx(inner))
+    start, stop = math.cos(math.radians(inner)), math.cos(math.radians(angle))
+    np.testing.assert_allclose(found["intensity"], 0.5 / (2 * math.pi * (1 - (start + stop) / 2)), rtol=1e-6)
+    assert not done.says("smooth step")
+    assert convert(text + "\nWorldEnd", RIGHT).says("in.pbrt:2: ", "the edge of its cone as a smooth step")
+
+
+def test_spectra_of_lights_are_scaled_to_luminance_one_by_the_fourth_release(convert: Convert) -> None:
+    """Equal energy is 1.2048, 0.9483, 0.9089 in linear sRGB of luminance 1 (white E: x = y = 1/3)."""
+    text = 'LightSource "point" "spectrum I" [400 3 700 3] "spectrum scale" [400 .5 700 .5]'
+    for end, factor in (("", 0.5), ("\nWorldEnd", 1.5)):
+        found = light_of(convert(text + end, RIGHT))["intensity"]
+        np.testing.assert_allclose(found, np.array([1.2048, 0.9483, 0.9089]) * factor, rtol=1e-3)
+    assert light_of(convert('LightSource "point" "spectrum I" [400 0 700 0]', RIGHT))["intensity"] == [0, 0, 0]
+
+
 def test_power_is_spread_over_the_sphere(convert: Convert) -> None:
     found = light_of(convert('LightSource "point" "float power" 100', RIGHT))
     np.testing.assert_allclose(found["intensity"], 100 / (4 * math.pi))
@@ -104,9 +140,9 @@ def test_lamps_have_the_radiance_of_pbrt(convert: Convert) -> None:
 )
 @pytest.mark.parametrize("sides", [1, 2])
 def test_power_of_lamps_is_spread_over_their_area(convert: Convert, shape: str, area: float, sides: int) -> None:
-    lamp = f'AreaLightSource "diffuse" "float power" 60 "bool twosided" {"true" if sides == 2 else "false"}'
+    lamp = f'AreaLightSource "diffuse" "float power" 0.6 "bool twosided" {"true" if sides == 2 else "false"}'
     done = convert(f"{lamp} Shape {shape}", RIGHT)
-    np.testing.assert_allclose(done.material()["radiance"], 60 / (math.pi * area * sides))
+    np.testing.assert_allclose(done.material()["radiance"], 0.6 / (math.pi * area * sides))
 
 
 def test_lamps_in_objects_do_not_shine(convert: Convert) -> None:
@@ -124,6 +160,12 @@ BAD = {
     'AreaLightSource "neon" Shape "sphere"': 'unknown area light "neon"',
     'LightSource "distant" "point3 from" [1 1 1] "point3 to" [1 1 1]': "are the same point",
     'LightSource "spot" "float coneangle" 0': "coneangle must lie between 0 and 180",
+    'LightSource "spot" "float coneangle" 181': "coneangle must lie between 0 and 180",
+    'LightSource "spot" "float conedeltaangle" -1': "conedeltaangle not below 0",
+    'LightSource "point" "point3 from" [0 0 0 1 1 1]': '"from" needs 3 numbers (got 6)',
+    'LightSource "point" "blackbody I" [1 2 3]': "a temperature above 0 [K] (got 1 2 3)",
+    'LightSource "point" "blackbody I" []': "a temperature above 0 [K] (got nothing)",
+    'LightSource "infinite" "string filename" "black.exr" "float illuminance" 1': "the picture is black above",
     'LightSource "point" "blackbody I" -3': "a temperature above 0",
     'LightSource "point" "texture I" "t"': '"I" is a texture (allowed: rgb',
     'LightSource "infinite" "string filename" "no.exr"': "no such file",
@@ -135,6 +177,7 @@ BAD = {
 @pytest.mark.parametrize("text", BAD)
 def test_bad_lights_are_told(convert: Convert, text: str, tmp_path: Path) -> None:
     write_exr(tmp_path / "wide.exr", np.ones((2, 4, 3)))
+    write_exr(tmp_path / "black.exr", np.zeros((8, 8, 3)))
     with pytest.raises(InputError, match=r"in\.pbrt:2:") as problem:
         convert(text, RIGHT, **{"bad.exr": b"no picture"})
     assert BAD[text] in str(problem.value)
@@ -196,7 +239,8 @@ def sky_of_pbrt(kind: str, size: int) -> np.ndarray:
 
 @pytest.mark.parametrize("kind", ["mapname", "filename"])
 @pytest.mark.parametrize("head", [RIGHT, LEFT])
-@pytest.mark.parametrize("turn", ["", "Rotate -90 1 0 0", "Rotate 37 1 -2 .5", "Scale -1 1 1 Rotate -90 1 0 0"])
+@pytest.mark.parametrize("turn", ["", "Rotate -90 1 0 0", "Rotate 37 1 -2 .5", "Scale -1 1 1 Rotate -90 1 0 0",
+                                  "Rotate 90 1 0 0"])  # fmt: skip
 def test_sky_shows_each_direction_where_pbrt_has_it(
     convert: Convert, tmp_path: Path, kind: str, head: str, turn: str
 ) -> None:
@@ -205,7 +249,7 @@ def test_sky_shows_each_direction_where_pbrt_has_it(
         'Film "rgb" "integer xresolution" 16 "integer yresolution" 12 WorldBegin'))  # fmt: skip
     done = convert(f'{turn} LightSource "infinite" "string {kind}" "sky.exr"', camera)
     matrices = {
-        "": np.eye(4), "Rotate -90 1 0 0": pbrt.rotate_x(-90),
+        "": np.eye(4), "Rotate -90 1 0 0": pbrt.rotate_x(-90), "Rotate 90 1 0 0": pbrt.rotate_x(90),
         "Scale -1 1 1 Rotate -90 1 0 0": pbrt.scale(-1, 1, 1) @ pbrt.rotate_x(-90),
     }  # fmt: skip
     world_from_light = matrices.get(turn)
@@ -246,6 +290,37 @@ def test_illuminance_of_a_sky_is_that_of_pbrt_on_the_ground(convert: Convert, tm
     weights = np.clip(np.cos(theta), 0, None) * np.sin(theta) * (np.pi / 128) ** 2
     assert (pixels * weights[:, None]).sum() == pytest.approx(20, rel=5e-3)
     assert done.says("in.pbrt:", "twice as bright as that says")
+
+
+def test_no_illuminance_leaves_a_sky_as_it_is(convert: Convert, tmp_path: Path) -> None:
+    write_exr(tmp_path / "sky.exr", sky_of_pbrt("filename", 16))
+    for text in ("", '"float illuminance" 0'):
+        done = convert(f'LightSource "infinite" "string filename" "sky.exr" {text}', LEFT)
+        with OpenEXR.File(str(tmp_path / done.keys["environment"]["file"])) as file:
+            pixels = file.channels()["RGB"].pixels
+        np.testing.assert_allclose(pixels.max(), sky_of_pbrt("filename", 16).max(), rtol=0.02)
+        assert not done.says("twice as bright")
+
+
+def test_a_sky_has_one_picture_and_no_uneven_scale(convert: Convert, tmp_path: Path) -> None:
+    write_exr(tmp_path / "sky.exr", sky_of_pbrt("mapname", 8))
+    sky = 'LightSource "infinite" "string mapname" "sky.exr"'
+    done = convert(f'Scale 1 2 1 {sky} "float scale" 3\n{sky} "float scale" 2', LEFT)
+    assert done.keys["environment"]["gain"] == 3
+    assert done.says("in.pbrt:2: approximated: ", "without the uneven scaling of its transform")
+    assert done.says("in.pbrt:3: ignored: ", "a second picture of the sky")
+    assert len(done.report) == 2
+
+
+def test_constant_light_adds_to_the_picture_of_a_sky(convert: Convert, tmp_path: Path) -> None:
+    write_exr(tmp_path / "sky.exr", sky_of_pbrt("mapname", 8))
+    text = 'LightSource "infinite" "rgb L" [1 2 3] LightSource "infinite" "string mapname" "sky.exr" "rgb L" [2 1 1]'
+    done = convert(text, LEFT)
+    assert "gain" not in done.keys["environment"]
+    with OpenEXR.File(str(tmp_path / done.keys["environment"]["file"])) as file:
+        pixels = file.channels()["RGB"].pixels
+    np.testing.assert_allclose(pixels, sky_of_pbrt("mapname", 8) * [2, 1, 1] + [1, 2, 3], rtol=1e-6)
+    assert done.says("written anew with its factor, to out_files/sky-sky.exr")
 
 
 def test_pictures_of_the_sky_of_other_kinds_are_reported(convert: Convert) -> None:

@@ -12,7 +12,7 @@ import pytest
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.exchange.pbrt.materials import alpha_of
 from rptcam_cl.exchange.pbrt.textures import black_body_srgb, reflectance_srgb
-from rptcam_cl.scene.assets.pictures import read_picture
+from rptcam_cl.scene.assets.pictures import read_picture, write_exr
 
 Convert = Callable[..., Any]
 HEAD = 'Scale -1 1 1 LookAt 0 0 9  0 0 0  0 1 0 Camera "perspective" WorldBegin LightSource "infinite"\n'
@@ -52,6 +52,55 @@ KINDS: dict[str, tuple[dict[str, Any], str]] = {
     '"dielectric" "float uroughness" .01 "float vroughness" .04': (
         {"kind": "dielectric", "index": 1.5, "alpha": [0.1, 0.2]}, ""),
     '"dielectric" "spectrum eta" "glass-BK7"': ({"kind": "dielectric", "index": 1.5168}, "without dispersion"),
+    # between 1.6 at 400 nm and 1.5 at 700 nm, at the sodium line
+    '"dielectric" "spectrum eta" [700 1.5 400 1.6]': ({"kind": "dielectric", "index": 1.537}, "1.537 at all"),
+    '"dielectric" "float eta" 1.001 "float roughness" .3': ({"kind": "dielectric", "index": 1.001}, ""),
+    '"coateddiffuse" "float eta" 1': ({"kind": "matte", "reflectance": [0.5] * 3}, ""),
+    '"conductor" "spectrum eta" "metal-CuZn-eta" "spectrum k" "metal-CuZn-k"': (
+        {"kind": "conductor", "reflectance": [0.91, 0.778, 0.423], "alpha": 0.001}, "CuZn by constants"),
+    '"conductor" "rgb eta" [.2 .9 1.1]': (
+        {"kind": "conductor", "metal": {"n": [0.2, 0.9, 1.1], "k": [3.9] * 3}, "alpha": 0.001}, ""),
+    '"conductor" "float k" 200': (
+        {"kind": "conductor", "metal": {"n": [0.2] * 3, "k": [100.0] * 3}, "alpha": 0.001}, ""),
+    # a straight line from 2 at 400 nm to 1 at 700 nm, at 610, 550 and 465 nm
+    '"conductor" "spectrum eta" [700 1 400 2] "float k" 3': (
+        {"kind": "conductor", "metal": {"n": [1.3, 1.5, 2 - 65 / 300], "k": [3.0] * 3}, "alpha": 0.001}, ""),
+    '"conductor" "float roughness" 4': ({"kind": "conductor", "metal": "copper", "alpha": 1.0}, ""),
+    '"conductor" "float roughness" -1': ({"kind": "conductor", "metal": "copper", "alpha": 0.001}, ""),
+    '"metal"': ({"kind": "conductor", "metal": "copper", "alpha": alpha_of(0.01, version=3)}, ""),
+    '"coatedconductor" "float conductor.roughness" .01 "float interface.uroughness" .04': (
+        {"kind": "conductor", "metal": "copper", "alpha": [0.2, 0.1]}, "without its clear cover"),
+    '"coatedconductor"': ({"kind": "conductor", "metal": "copper", "alpha": 0.001}, "without its clear cover"),
+    '"diffusetransmission" "rgb transmittance" [0 0 0]': ({"kind": "matte", "reflectance": [0.25] * 3}, ""),
+    '"glass" "rgb Kt" [0 0 0]': (
+        {"kind": "conductor", "metal": {"n": [1.5] * 3, "k": [1e-3] * 3}, "alpha": 0.001}, "a mirror of its index"),
+    # Ks = 0.25 of the 4 % of index 1.5 is 1 %: (1 + 0.1) / (1 - 0.1)
+    '"plastic"': (
+        {"kind": "plastic", "reflectance": [0.25] * 3, "index": 1.1 / 0.9, "alpha": alpha_of(0.1, version=3)},
+        "its gloss as that of a clear cover"),
+    '"uber" "rgb Kr" [.1 .1 .1]': (
+        {"kind": "plastic", "reflectance": [0.25] * 3, "index": 1.1 / 0.9, "alpha": alpha_of(0.1, version=3)},
+        "the stronger gloss of Ks and Kr"),
+    '"uber" "rgb Kr" [1 1 1] "rgb Ks" [.1 .1 .1] "float roughness" .4': (
+        {"kind": "plastic", "reflectance": [0.25] * 3, "index": 1.5}, "the stronger gloss of Ks and Kr"),
+    '"uber" "rgb Ks" [0 0 0] "float index" 1': ({"kind": "matte", "reflectance": [0.25] * 3}, ""),
+    '"uber" "rgb Ks" [0 0 0] "float opacity" 1.5': ({"kind": "matte", "reflectance": [0.25] * 3}, ""),
+    '"substrate" "rgb Ks" [0 0 0]': ({"kind": "matte", "reflectance": [0.5] * 3}, "reflects 0 head-on"),
+    '"substrate"': (
+        {"kind": "plastic", "reflectance": [0.5] * 3, "index": (1 + 0.4**0.5) / (1 - 0.4**0.5),
+         "alpha": alpha_of(0.1, version=3)}, "reflects 0.4 head-on"),
+    '"translucent" "rgb reflect" [1 1 1] "rgb Ks" [1 1 1]': (
+        {"kind": "plastic", "reflectance": [0.25] * 3, "index": 1.5, "alpha": alpha_of(0.1, version=3)}, "left out"),
+    '"disney" "float spectrans" .5 "float eta" 1 "float anisotropic" 1 "float clearcoat" 2 "float clearcoatgloss" 0': (
+        {"kind": "principled", "base_color": [0.5] * 3, "metallic": 0.0, "roughness": 0.5, "anisotropy": 1.0,
+         "index": 1.02, "transmission": 0.5, "clearcoat": 1.0, "clearcoat_roughness": math.sqrt(0.1)}, ""),
+    '"disney" "float eta" .5': (
+        {"kind": "principled", "base_color": [0.5] * 3, "metallic": 0.0, "roughness": 0.5, "anisotropy": 0.0,
+         "index": 1.0, "transmission": 0.0, "clearcoat": 0.0, "clearcoat_roughness": math.sqrt(0.001)}, ""),
+    '"subsurface" "rgb Kd" [.2 .3 .4] "float eta" 1.4 "float roughness" .04': (
+        {"kind": "plastic", "reflectance": [0.2, 0.3, 0.4], "index": 1.4, "alpha": 0.2}, "light does not pass below"),
+    '"shinymetal" "color Ks" [.1 .1 .1] "color Kr" [.5 .4 .3]': (
+        {"kind": "conductor", "reflectance": [0.5, 0.4, 0.3], "alpha": 0.001}, "the stronger"),
     '"thindielectric" "float eta" 1.4': ({"kind": "thin_glass", "index": 1.4}, ""),
     '"conductor"': ({"kind": "conductor", "metal": "copper", "alpha": 0.001}, ""),
     '"conductor" "spectrum eta" "metal-Au-eta" "spectrum k" "metal-Au-k" "float roughness" .04': (
@@ -185,6 +234,27 @@ def test_pictures(convert: Convert, text: str, keys: dict[str, Any]) -> None:
     assert done.report == []
 
 
+@pytest.mark.parametrize(
+    ("text", "keys", "words"),
+    [
+        ('"bool invert" true', {}, "ignored: Texture"),
+        ('"string wrap" "black"', {"wrap": "clamp"}, 'wrap "black" as clamp'),
+        ('"string encoding" "gamma 2.2"', {"color_space": "srgb"}, 'encoding "gamma 2.2" as sRGB'),
+        ('"bool gamma" "false"', {"color_space": "linear"}, ""),
+        ('"string encoding" "sRGB" "bool gamma" "false"', {"color_space": "srgb"}, ""),
+        ('"string wrap" "octahedralsphere"', {"wrap": "clamp"}, ""),
+        ('"float scale" -1 "float udelta" 0', {"gain": 0}, ""),
+        ('"float maxanisotropy" 4 "string filter" "ewa"', {}, ""),
+    ],
+)
+def test_pictures_as_near_as_ours_come(convert: Convert, text: str, keys: dict[str, Any], words: str) -> None:
+    done = convert(IMAGE.format(text) + BALL, HEAD, **{"a.png": png()})
+    assert done.material()["reflectance"] == {"kind": "image", "file": "a.png", **keys}
+    told = [line for line in done.report if "bool gamma" not in line]
+    assert bool(told) == bool(words), told
+    assert not words or done.says("in.pbrt:2: ", words)
+
+
 def test_kinds_of_pictures_that_are_not_read_are_grey(convert: Convert) -> None:
     done = convert(IMAGE.format("").replace("a.png", "a.gif") + BALL, HEAD, **{"a.gif": b"x"})
     assert done.material()["reflectance"] == [0.5] * 3
@@ -234,6 +304,27 @@ TEXTURES: dict[str, tuple[Any, str]] = {
         [0.125 * math.pi * 0.49, 0.0, 1 - 0.125 * math.pi * 0.49], "the mean of its spots"),
     'Texture "t" "spectrum" "bilerp" "rgb v00" [1 0 0] "rgb v01" [1 0 0] "rgb v10" [0 0 0] "rgb v11" [0 1 0]': (
         [0.5, 0.25, 0.0], "the mean of its corners"),
+    CHECKS.replace('"float uscale" 4', '"string mapping" "planar" "vector3 v1" [1 0 0]'): (
+        {"kind": "checker", "even": [0.1, 0.2, 0.3], "odd": [0.4, 0.5, 0.6]}, 'the mapping "planar" as that'),
+    CHECKS.replace('"float uscale" 4', '"integer dimension" 3 "string aamode" "none"'): (
+        {"kind": "checker", "even": [0.1, 0.2, 0.3], "odd": [0.4, 0.5, 0.6]}, "in u and v, not in space"),
+    CHECKS.replace('"float uscale" 4', '"float vdelta" .5'): (
+        {"kind": "checker", "even": [0.1, 0.2, 0.3], "odd": [0.4, 0.5, 0.6], "offset": [0, 0.5]}, ""),
+    'Texture "t" "spectrum" "checkerboard"': ({"kind": "checker", "even": [1.0] * 3, "odd": [0.0] * 3}, ""),
+    CHECKS.replace('"t"', '"c"') + 'Texture "t" "spectrum" "checkerboard" "texture tex2" "c"': (
+        {"kind": "checker", "even": [1.0] * 3, "odd": [0.25, 0.35, 0.45]}, "its textures as one colour each"),
+    CHECKS.replace('"t"', '"c"') + 'Texture "t" "spectrum" "scale" "texture tex" "c" "texture scale" "c"': (
+        {"kind": "checker", "even": [0.025, 0.07, 0.135], "odd": [0.1, 0.175, 0.27], "scale": [4, 1]},
+        "the second texture as one colour"),
+    CHECKS.replace('"t"', '"c"') + 'Texture "t" "spectrum" "scale" "rgb scale" [.5 .5 .5] "texture tex" "c"': (
+        {"kind": "checker", "even": [0.05, 0.1, 0.15], "odd": [0.2, 0.25, 0.3], "scale": [4, 1]}, ""),
+    CHECKS.replace('"t"', '"c"') + 'Texture "t" "spectrum" "mix" "texture tex1" "c" "rgb tex2" [1 1 1]': (
+        [0.625, 0.675, 0.725], "its textures as one colour each"),
+    'Texture "t" "spectrum" "mix"': ([0.5] * 3, ""),
+    'Texture "t" "spectrum" "scale" "rgb tex1" [.4 .4 .4]': ([0.4] * 3, ""),
+    'Texture "t" "spectrum" "constant"': ([1.0] * 3, ""),
+    'Texture "t" "spectrum" "dots"': ([0.125 * math.pi * 0.49] * 3, "the mean of its spots"),
+    'Texture "t" "spectrum" "bilerp"': ([0.5] * 3, "the mean of its corners"),
     'Texture "t" "spectrum" "fbm"': ([0.5] * 3, "grey 0.5"),
     'Texture "t" "spectrum" "marble" "float scale" 2': ([0.5] * 3, "grey 0.5"),
 }  # fmt: skip
@@ -262,6 +353,86 @@ def test_colours_where_numbers_are_expected(convert: Convert) -> None:
     done = convert('Material "uber" "rgb Ks" [0 0 0] "rgb opacity" [.1 .2 .3]' + BALL, HEAD)
     assert done.material()["opacity"] == near(0.2)
     assert done.says('the colour "opacity" as its mean')
+
+
+PICTURE = 'Texture "p" "{}" "imagemap" "string filename" "a.png" '
+
+
+@pytest.mark.parametrize("kind", ["float", "spectrum"])
+def test_pictures_where_ours_takes_a_number_or_a_texture(convert: Convert, kind: str) -> None:
+    shown = {"kind": "image", "file": "a.png"}
+    text = PICTURE.format(kind) + 'Material "uber" "rgb Ks" [0 0 0] "texture opacity" "p"' + BALL
+    done = convert(text, HEAD, **{"a.png": png()})
+    assert done.material() == {"kind": "matte", "reflectance": [0.25] * 3, "opacity": shown}
+    assert done.report == []
+    text = MIXED + PICTURE.format(kind) + 'Material "mix" {} "texture amount" "p"' + BALL
+    older = '"string namedmaterial1" "a" "string namedmaterial2" "b"'
+    for names, kinds in (('"string materials" ["a" "b"]', ["mirror", "matte"]), (older, ["matte", "mirror"])):
+        done = convert(text.format(names), HEAD, **{"a.png": png()})
+        assert done.material()["factor"] == shown
+        assert [part["kind"] for part in done.material()["materials"]] == kinds
+        assert done.says("the textured amount is inverted") == (names == older)
+
+
+def test_numbers_by_textures_are_their_means(convert: Convert) -> None:
+    text = 'Texture "p" "float" "constant" "float value" .25 Material "dielectric" "texture roughness" "p"' + BALL
+    done = convert(text, HEAD)
+    assert (done.material()["alpha"], done.report) == (0.5, [])
+    done = convert(
+        PICTURE.format("float") + 'Material "disney" "texture anisotropic" "p"' + BALL, HEAD, **{"a.png": png()}
+    )
+    encoded = np.array([200, 100, 50]) / 255
+    assert done.material()["anisotropy"] == pytest.approx((((encoded + 0.055) / 1.055) ** 2.4).mean(), rel=1e-5)
+    assert done.says('"anisotropic" is its mean, not a texture')
+
+
+@pytest.mark.parametrize("kind", ["pfm", "tga", "exr"])
+def test_means_of_pictures_of_every_kind(convert: Convert, tmp_path: Any, kind: str) -> None:
+    pixels = np.random.default_rng(2).random((3, 5, 3)).astype(np.float32)
+    linear = pixels.mean(axis=(0, 1))
+    if kind == "exr":
+        write_exr({"RGB": pixels}, tmp_path / "a.exr")
+        content = (tmp_path / "a.exr").read_bytes()
+    elif kind == "pfm":
+        content = b"PF\n5 3\n-1.0\n" + pixels[::-1].astype("<f4").tobytes()
+    else:
+        stream, octets = BytesIO(), (pixels * 255).astype(np.uint8)
+        PIL.Image.fromarray(octets).save(stream, format="TGA")
+        content, encoded = stream.getvalue(), octets / 255
+        linear = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4).mean(axis=(0, 1))
+    picture = f'Texture "p" "spectrum" "imagemap" "string filename" "a.{kind}" Material "mirror" "texture Kr" "p"'
+    done = convert(picture + BALL, HEAD, **{f"a.{kind}": content})
+    np.testing.assert_allclose(done.material()["reflectance"], linear, rtol=1e-5)
+
+
+def test_linear_bytes_have_a_linear_mean(convert: Convert) -> None:
+    text = (
+        IMAGE.format('"string encoding" "linear" "float scale" .5')
+        .replace("diffuse", "mirror")
+        .replace("reflectance", "Kr")
+    )
+    done = convert(text + BALL, HEAD, **{"a.png": png()})
+    np.testing.assert_allclose(done.material()["reflectance"], np.array([200, 100, 50]) / 510, rtol=1e-5)
+
+
+def test_mixtures_of_what_ours_cannot_mix(convert: Convert) -> None:
+    made = MIXED + 'MakeNamedMaterial "n" "string type" "interface" MakeNamedMaterial "m" "string type" "mix" '
+    made += '"string materials" ["a" "b"] '
+    for names, kind in (("n b", "matte"), ("a n", "mirror"), ("m b", "matte"), ("m m", "mix")):
+        first, second = names.split()
+        done = convert(f'{made} Material "mix" "string materials" ["{first}" "{second}"]{BALL}', HEAD)
+        assert done.material()["kind"] == kind
+        assert done.says("the one of its materials that is a plain surface")
+    done = convert(f'{made} Material "mix" "string materials" ["n" "n"]{BALL} Material "diffuse" Shape "disk"', HEAD)
+    assert [item["shape"] for item in done.objects] == ["disk"]
+
+
+def test_mixtures_have_no_holes_and_no_amount_beyond_one(convert: Convert) -> None:
+    holes = 'MakeNamedMaterial "h" "string type" "uber" "rgb Ks" [0 0 0] "float opacity" .5 '
+    done = convert(MIXED + holes + f'Material "mix" "string materials" ["a" "h"] "float amount" 3{BALL}', HEAD)
+    assert done.material()["factor"] == 1
+    assert done.material()["materials"][1] == {"kind": "matte", "reflectance": [0.25] * 3}
+    assert done.says("the opacity of its materials")
 
 
 GREYS = 'MakeNamedMaterial "a" "string type" "matte" "rgb Kd" [1 0 .5] MakeNamedMaterial "b" "string type" "{}" '
@@ -358,6 +529,16 @@ BAD = {
     'Material "dielectric" "float eta" 9': '"eta" must lie between 0.2 and 5 (got 9)',
     'Material "diffuse" "spectrum reflectance" "no.spd"': "no such file",
     'Material "diffuse" "spectrum reflectance" [400 .1 500]': "needs pairs of a wavelength",
+    'Material "diffuse" "spectrum reflectance" ["a" "b"]': '"reflectance" needs one spectrum (got 2)',
+    'Material "diffuse" "spectrum reflectance" "words.spd"': "words.spd: must hold pairs of a wavelength",
+    'Material "diffuse" "blackbody reflectance" 3000': '"reflectance" cannot be a blackbody',
+    'Material "diffuse" "rgb reflectance" [1 0 0 1 0 0]': '"reflectance" needs 3 numbers (got 6)',
+    'Material "diffuse" "float reflectance" [1 0]': '"reflectance" needs 3 numbers (got 2)',
+    'Material "plastic" "string remaproughness" "maybe"': '"remaproughness" must be true or false (got "maybe")',
+    'Material "dielectric" "float eta" .1': '"eta" must lie between 0.2 and 5 (got 0.1)',
+    'Texture "t" "spectrum" "constant" Material "diffuse" "texture reflectance" ["t" "t"]': "no spectrum texture",
+    IMAGE.format("").replace("a.png", "nan.pfm"): "nan.pfm: holds numbers that are not finite",
+    IMAGE.format("").replace("a.png", "none.pfm"): "none.pfm: holds fewer than its 0 x 9 pixels",
     'Material "mix" "string materials" ["a"]': "needs the names of two materials (got 1)",
     'MakeNamedMaterial "m" "string type" "mix" "string materials" ["m" "m"] NamedMaterial "m"': "mix each other more",
     IMAGE.format("").replace("a.png", "bad.tga"): "bad.tga: is not a TGA picture",
@@ -371,5 +552,16 @@ BAD = {
 @pytest.mark.parametrize("text", BAD)
 def test_bad_materials_are_told(convert: Convert, text: str) -> None:
     with pytest.raises(InputError, match=r"in\.pbrt:2:") as problem:
-        convert(text + BALL, HEAD, **{"bad.tga": b"x", "bad.pfm": b"PF", "cut.pfm": b"PF\n9 9\n-1.0\n1234"})
+        convert(
+            text + BALL,
+            HEAD,
+            **{
+                "bad.tga": b"x",
+                "bad.pfm": b"PF",
+                "cut.pfm": b"PF\n9 9\n-1.0\n1234",
+                "nan.pfm": b"Pf\n1 1\n-1.0\n\xff\xff\xff\xff",
+                "none.pfm": b"Pf\n0 9\n-1.0\n",
+                "words.spd": "400 one",
+            },
+        )
     assert BAD[text] in str(problem.value)

@@ -90,6 +90,27 @@ def test_parts_are_meshes_of_the_same_area(convert: Convert, text: str) -> None:
     assert done.says("in.pbrt:2: approximated: Shape", "a mesh of")
 
 
+def test_hyperboloid_is_what_its_segment_sweeps(convert: Convert) -> None:
+    mesh = mesh_of(convert('Shape "hyperboloid" "point3 p1" [1 0 -1] "point3 p2" [0 1 1] "float phimax" 270', HEAD))
+    x, y, z = (mesh.positions + mesh.origin).T
+    v = (z + 1) / 2
+    np.testing.assert_allclose(x * x + y * y, (1 - v) ** 2 + v**2, atol=1e-5)
+    # p turns from p1 + v (p2 - p1) by up to 270 degrees, from +x over +y
+    turn = np.arctan2(y, x) - np.arctan2(v, 1 - v)
+    assert np.isclose((turn + 1e-3) % (2 * np.pi), np.pi, atol=0.1).any()
+    assert ((turn + 1e-3) % (2 * np.pi) < 1.5 * np.pi + 2e-3).all()
+    gradient = np.stack([x, y, -z / 2], axis=1)  # of x^2 + y^2 - (1 + z^2) / 2
+    cosines = (mesh.normals * gradient).sum(axis=1) / np.linalg.norm(gradient, axis=1)
+    np.testing.assert_allclose(np.abs(cosines), 1, atol=1e-5)
+
+
+def test_paraboloid_lies_on_its_formula_and_begins_at_its_least_height(convert: Convert) -> None:
+    mesh = mesh_of(convert('Shape "paraboloid" "float radius" 2 "float zmin" .5 "float zmax" 4.5', HEAD))
+    x, y, z = (mesh.positions + mesh.origin).T
+    np.testing.assert_allclose(z, 4.5 * (x * x + y * y) / 4, atol=1e-5)
+    assert (z.min(), z.max()) == pytest.approx((0.5, 4.5))
+
+
 @pytest.mark.parametrize("text", ['Shape "sphere" "float zmin" -.9', 'Shape "cylinder" "float phimax" 359'])
 def test_parts_face_outwards(convert: Convert, text: str) -> None:
     mesh = mesh_of(convert('AreaLightSource "diffuse" ' + text, HEAD))
@@ -128,6 +149,9 @@ def test_two_triangles_of_a_parallelogram_are_a_rectangle(convert: Convert) -> N
         (f'{QUAD} "point2 uv" [0 0 2 0 2 2 0 2]', "mesh"),
         (QUAD.replace("2 3 0", "2 3.1 0") + QUAD_UV, "mesh"),
         (QUAD.replace("0 2 3]", "0 3 2]") + QUAD_UV, "mesh"),  # one face turned over
+        (f'{QUAD} {QUAD_UV} "normal N" [0 0 1 0 0 1 0 0 2 0 0 1]', "rectangle"),
+        (f'{QUAD} {QUAD_UV} "normal N" [0 0 1 0 0 1 0 .1 1 0 0 1]', "mesh"),  # a bent one
+        (QUAD.replace("2 3 0  0 3 0", "2 1e-9 0  0 1e-9 0") + QUAD_UV, "mesh"),  # a line
     ],
 )
 def test_textured_rectangles_need_the_corners_of_a_texture(convert: Convert, shape: str, kind: str) -> None:
@@ -176,6 +200,15 @@ def test_control_mesh_of_a_subdivision_surface(convert: Convert) -> None:
     assert done.says("control mesh with smooth normals, not subdivided 4 times")
 
 
+@pytest.mark.parametrize("count", [200, 201])
+def test_meshes_of_two_hundred_faces_stand_in_the_scene(convert: Convert, count: int) -> None:
+    points = " ".join(f"{k} {k % 2} 0" for k in range(count + 2))
+    indices = " ".join(f"{k} {k + 1} {k + 2}" for k in range(count))
+    done = convert(f'Shape "trianglemesh" "point3 P" [{points}] "integer indices" [{indices}]', HEAD)
+    assert ("file" in done.objects[0]) == (count == 201)
+    assert len(mesh_of(done).faces) == count
+
+
 def test_large_meshes_go_to_a_file_beside_the_scene(convert: Convert) -> None:
     rng = np.random.default_rng(3)
     points, faces = rng.random((120, 3)), rng.integers(0, 120, (300, 3))
@@ -200,8 +233,10 @@ def test_meshes_of_a_material_become_one_where_a_scene_file_holds_no_more(conver
         points = rng.random((3, 3)).round(4)
         expected[kind].append(points.mean(axis=0))
         text += f'Material "{kind}" Shape "trianglemesh" "point3 P" [{" ".join(map(str, points.reshape(-1)))}]\n'
-    done = convert(text + 'Shape "sphere"', HEAD)
-    assert [item["material"] for item in done.objects] == ["diffuse", "mirror", "mirror"]
+    alone = 'Material "conductor" Shape "trianglemesh" "point3 P" [0 0 0 1 0 0 0 1 0]'
+    done = convert(f'{text} Shape "sphere" {alone}', HEAD)
+    assert [item["material"] for item in done.objects] == ["diffuse", "mirror", "mirror", "conductor"]
+    assert not done.says("of conductor")
     assert done.says("in.pbrt:2: note: 800 meshes of diffuse became one")
     for index, kind in enumerate(expected):
         mesh = mesh_of(done, index)
@@ -323,6 +358,7 @@ BAD = {
     'Shape "trianglemesh" "point3 P" [0 0 0 1 0 0 0 1 0] "integer indices" [0 1 3]': "whole numbers from 0 to 2",
     'Shape "trianglemesh" "point3 P" [0 0 0 1 0 0 0 1 0] "integer indices" [0 1 -1]': "whole numbers from 0 to 2",
     'Shape "trianglemesh" "point3 P" [0 0 0 1 0 0 0 1 0] "integer indices" [0 1]': "not a multiple of 3",
+    'Shape "trianglemesh" "point3 P" [0 0 0 1 0 0 0 1 0] "float uv" [0 0 1]': '"uv" holds 3 numbers, not a',
     'Shape "trianglemesh" "point3 P" [0 0 0 1 0 0 0 1 0] "point2 uv" [0 0]': "uv has 1 entries, P has 3",
     'Shape "plymesh"': 'needs a parameter "string filename"',
     'Shape "plymesh" "string filename" "no.ply"': "no such file",

@@ -194,6 +194,7 @@ def test_an_odd_transform_costs_what_stands_under_it_and_no_more(convert: Conver
     assert [light["kind"] for light in done.keys["lights"]] == ["point"]
     assert done.keys["environment"]["kind"] == "constant"
     assert done.says("in.pbrt:2: note: ", ODD[text]) == bool(ODD[text])
+    assert not done.says(': "string mapname"')  # what is left out has no parameters to be told of
     for what in ('Shape "sphere"', 'Shape "disk" of "o"', 'LightSource "spot"', 'LightSource "infinite"'):
         assert done.says(f"ignored: {what}: its transform flattens space, or leads beyond"), done.report
 

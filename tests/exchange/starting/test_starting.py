@@ -9,9 +9,11 @@ import pytest
 
 from rptcam_cl.api.interface import render
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.files import lenses_dir
 from rptcam_cl.exchange.camera_view import view
-from rptcam_cl.exchange.starting import Projection, starting_scene
+from rptcam_cl.exchange.starting import Copies, Projection, frame_subject, starting_scene
 from rptcam_cl.rendering.cameras.setting import lens_setting
+from rptcam_cl.scene.assets.pictures import write_exr
 from rptcam_cl.scene.load import load_scene
 from tests.scene.assets.gltf_writer import GltfWriter, triangle
 
@@ -65,6 +67,64 @@ def test_lenses_that_go_by_first_order_are_framed_by_their_chief_rays(lens: str,
     (direction,), _ = seen.directions([[480 + film[0] / 20 * 1153.7764, 320 - film[1] / 20 * 1153.7764]])
     depth = away - seen.pupil_ahead_mm * 1e-3
     np.testing.assert_allclose(direction[:2] / direction[2] * depth, [4e-3 * away, -2e-3 * away], rtol=3e-3)
+
+
+def test_large_model_fills_two_thirds_through_a_lens_of_one_s_own(model: Path, home: Path, tmp_path: Path) -> None:
+    """At first it is wider than the lens sees; far away a picture is f x / z high."""
+    for name, lens in (("elsewhere/own.yaml", "own.yaml"), ("home/own.yaml", "own.yaml")):
+        (tmp_path / name).write_text((lenses_dir() / "telephoto-400mm.yaml").read_text("utf-8"), "utf-8")
+        start = starting_scene(home, model, lens=str(tmp_path / name), metres_per_unit=10.0)
+        assert start.scene["camera"]["lens"] == lens
+        assert (home / lens in start.copies.pending) == (name[0] == "e")
+        eye, target, up = (np.array(start.scene["camera"][key]) for key in ("eye", "target", "up"))
+        ahead = (target - eye) / np.linalg.norm(target - eye)
+        right = np.cross(ahead, up) / np.linalg.norm(np.cross(ahead, up))
+        seen = np.concatenate([np.eye(3), -np.eye(3)]) - eye
+        image = 400 * np.stack([seen @ right, seen @ np.cross(right, ahead)], axis=1) / (seen @ ahead)[:, None]
+        share = np.ptp(image, axis=0) / (36, 24)
+        assert share.max() == pytest.approx(2 / 3, rel=0.01)
+        assert np.abs(image.max(axis=0) + image.min(axis=0)).max() / 2 < 0.2
+        assert "20 x 20 x 20 m; it fills 67% of the frame" in start.report[-1]
+
+
+def test_files_of_one_name_from_two_folders_are_refused(tmp_path: Path, home: Path) -> None:
+    for folder, content in (("a", "one"), ("b", "two"), ("c", "one")):
+        (tmp_path / folder / "deep" / "er").mkdir(parents=True)
+        (tmp_path / folder / "x.obj").write_text(content)
+        (tmp_path / folder / "deep" / "er" / "y.png").write_text(content)
+    copies = Copies(home)
+    copies.add_companions(
+        tmp_path / "a" / "x.obj", [tmp_path / "a" / "deep" / "er" / "y.png", tmp_path / "b" / "x.obj"]
+    )
+    assert copies.name_of(tmp_path / "a" / "x.obj") == copies.name_of(tmp_path / "a" / "x.obj") == "x.obj"
+    with pytest.raises(InputError, match="have one name; copy them into"):
+        copies.name_of(tmp_path / "b" / "x.obj")
+    assert [path.relative_to(home).as_posix() for path in copies.write()] == ["deep/er/y.png", "x.obj"]
+    assert (home / "deep" / "er" / "y.png").read_text() == "one"
+    assert copies.write() == []
+    assert Copies(home).name_of(home / "deep" / "er" / "y.png") == "deep/er/y.png"
+    for wrong, problem in (("none.obj", "no such file"), ("a", "is not a regular file")):
+        with pytest.raises(InputError, match=f"{wrong}: {problem}"):
+            copies.name_of(tmp_path / wrong)
+
+
+def test_lens_that_focuses_nowhere_frames_nothing() -> None:
+    def refuse(view: object, depth: float) -> None:
+        raise InputError(f"cannot focus at {depth:g}")
+
+    with pytest.raises(InputError, match="cannot focus at"):
+        frame_subject(np.eye(3), np.array([0, 0, 1.0]), np.array([0, 1.0, 0]), (36, 24), refuse, 1.0)  # type: ignore
+
+
+def test_picture_of_light_is_taken_and_checked(model: Path, home: Path, tmp_path: Path) -> None:
+    write_exr({"RGB": np.ones((2, 4, 3))}, tmp_path / "sky.exr")
+    start = starting_scene(home, model, hdri=tmp_path / "sky.exr", up="z")
+    assert start.scene["environment"] == {"kind": "image", "file": "sky.exr", "up": [0, 0, 1]}
+    assert start.scene["exposure"] == {"mode": "auto"}
+    assert [item["shape"] for item in start.scene["objects"]] == ["mesh"]
+    (tmp_path / "bad.exr").write_text("no picture")
+    with pytest.raises(InputError, match=r"bad\.exr: is not a picture"):
+        starting_scene(home, model, hdri=tmp_path / "bad.exr")
 
 
 def test_front_of_the_model_is_in_focus(model: Path, home: Path) -> None:
