@@ -4,8 +4,8 @@
 syntax tree: a comparison, an operator, a number, a sign, two arguments the other way round, a condition, a statement
 that is left out. A fault in a kernel (``ROOM=kernels/lens``) changes a token or leaves out a statement.
 
-The tests of the room run once first, with a trace of which of them runs which line (in kernels: launches a program that
-has it); a fault is then given to those that run its line, the fastest first, up to the first that fails. Faults in lines
+The tests of the room run once first, with a trace of which of them runs which line (in kernels: has it in
+a program that it launches); a fault is then given to those that run its line, the fastest first, up to the first that fails. Faults in lines
 that no test of the room runs survive.
 """
 
@@ -52,10 +52,10 @@ TESTS = {
     "api": "rendering/test_honest_errors",
     "kernels/lens": "device/test_camera_rays optics/test_surfaces rendering/test_lens_float64"
     " rendering/cameras/test_losses optics/test_mirrors rendering/cameras/test_ray_map optics/test_coatings"
-    " rendering/test_lens_light",
+    " rendering/test_lens_light rendering/test_ghosts rendering/cameras/test_lamp_aim",
     "kernels/camera": "device/test_camera_rays rendering/test_thick_lens rendering/test_filters"
     " rendering/cameras/test_fitted_camera rendering/cameras/test_movements rendering/test_apertures rendering/motion"
-    " rendering/test_lens_light",
+    " rendering/test_lens_light rendering/cameras/test_lamp_aim",
     "kernels/material": "device/test_bsdf_values device/test_bsdf_sampling device/test_sheen device/test_covers"
     " rendering/light/test_textures rendering/test_opacity rendering/test_materials rendering/test_normal_maps"
     " rendering/test_material_maps rendering/test_furnaces",
@@ -64,7 +64,7 @@ TESTS = {
     "kernels/geometry": "rendering/primitives rendering/test_shapes rendering/test_meshes rendering/meshes"
     " rendering/motion",
     "kernels/integrator": "rendering/test_furnaces rendering/layers rendering/test_world rendering/test_determinism"
-    " rendering/test_clamp rendering/test_checkpoint device/test_kernels",
+    " rendering/test_clamp rendering/test_checkpoint rendering/test_roulette device/test_kernels",
     "kernels/caustics": "rendering/caustics",
     "kernels/build": "rendering/trees",
     "kernels/common": "device/test_random device/test_kernels device/test_lattice rendering/spectrum",
@@ -79,6 +79,22 @@ EQUIVALENT = {
     " and s.pose is None]": "a sense is 1 or -1",
     "optics/ray_trace.py: return Hits(hit, to_plane + step, normal, cosine, np.isfinite(step) & (normal[2] > 0)"
     " & (cosine >= 0))": "only rays along the surface itself",
+    "kernels/light/solids.h: *pdf = ((rho2 > 1.0f) & (line.density >= 0.0f) & (line.density < NEVER)) ? line.density"
+    " : ZERO;": "a density of 0 is 0 either way",
+    "kernels/light/solids.h: F share = ((x > y) & (x >= z)) ? f.share.x : (y >= z ? f.share.y : f.share.z);": "only rays"
+    " through the edge of a box",
+    "kernels/light/solids.h: I on_y = NOT(on_x) & ((pick - of_x <= of_y) | (of_z <= 0.0f));": "a single random number",
+    "kernels/light/light_tree.h: for (int e = scene.environment->lamps; e <= scene.emitter_count; ++e) {": "every lane"
+    " has picked before",
+    "kernels/caustics/gather.h: on = on & (p.x >= grid->low.x) & (p.y >= grid->low.y) & (p.z > grid->low.z)": "only"
+    " points on the rim of the grid",
+    "kernels/caustics/gather.h: Eight photon = load_eight(scene.photons, (more ? k : TRUE) * 8);": "of lanes that are off",
+    "kernels/caustics/gather.h: I k = on ? GATHER(I, scene.photon_cells, cell, ) : TRUE;": "of lanes that are off",
+    "kernels/caustics/photon.h: I known = (on & (primitive > 0)) ? primitive : FALSE;": "primitive 0 is FALSE",
+    "kernels/camera/packets.h: paths[i].crossed = TRUE;       // where a camera ray fails is of no interest": "not read",
+    "kernels/geometry/triangle.h: I instance = on ? GATHER(I, scene.primitives, on ? hit.primitive : FALSE, .instance)"
+    " : TRUE;": "of lanes that are off",
+    "kernels/geometry/bvh.h: int z_leads = az >= ax && az > ay;": "y leads as well where both are as long",
 }
 
 
