@@ -4,9 +4,9 @@
 syntax tree: a comparison, an operator, a number, a sign, two arguments the other way round, a condition, a statement
 that is left out. A fault in a kernel (``ROOM=kernels/lens``) changes a token or leaves out a statement.
 
-The tests of the room run once first, with a trace of which of them runs which line (in kernels: has it in
-a program that it launches); a fault is then given to those that run its line, the fastest first, up to the first that fails. Faults in lines
-that no test of the room runs survive.
+The tests of the room run once first, with a trace of which of them runs which line (in kernels: has it in a program
+that it launches); a fault is then given to those that run its line, the fastest first, up to the first that fails.
+Faults in lines that no test of the room runs survive.
 """
 
 from __future__ import annotations

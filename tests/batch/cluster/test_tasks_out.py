@@ -1,8 +1,10 @@
 """Tasks on a cluster that is a few lines of Python: what is late goes to others, what is lost is said."""
 
 import queue
+import time
 from types import SimpleNamespace
 
+import distributed
 import pytest
 
 from rptcam_cl.batch import cluster
@@ -48,7 +50,8 @@ class Task:
 
 
 def tasks_out(client: Client) -> TasksOut:
-    return TasksOut(client, SimpleNamespace(digest="", files={}), ["a", "b"], " (3 parts are kept)")  # type: ignore[arg-type]
+    parcel, end = SimpleNamespace(digest="", files={}), time.monotonic() + 10
+    return TasksOut(client, parcel, ["a", "b"], " (3 parts are kept)", lambda: time.monotonic() > end)  # type: ignore[arg-type]
 
 
 def test_what_is_late_goes_to_one_after_the_other_of_those_that_were_heard_of_last(monkeypatch) -> None:
@@ -84,3 +87,8 @@ def test_what_is_lost_is_said_with_what_is_kept(lost, says, monkeypatch) -> None
         tasks.check_reached()
     client.status, client.threads = "running", {"a": 1}
     tasks.check_reached()
+
+
+def test_a_render_is_not_the_default_cluster_of_its_process(address) -> None:
+    with cluster.connect(address, None, False, None), pytest.raises(ValueError, match="No clients found"):
+        distributed.default_client()

@@ -1,4 +1,4 @@
-"""Each split of the device's builder is what its size asks for: the cheapest of all, the cheapest of bins, or halves."""
+"""Each split of the device's builder is the one that its size asks for: cheapest of all, cheapest of bins, halves."""
 
 from itertools import pairwise
 
@@ -62,7 +62,8 @@ def test_splits_of_subtrees_are_those_that_their_sizes_ask_for(session: Session,
         (middle,) = begin + 1 + np.flatnonzero(marks[begin + 1 : end] == depth + 1)
         left, right = order[begin:middle], order[middle:end]
         if depth + levels_of_halves(end - begin, leaf) >= DEEPEST:
-            assert middle - begin == leaf * -(-(-(-(end - begin) // leaf)) // 2)  # whole blocks, the odd one left
+            blocks = -((begin - end) // leaf)
+            assert middle - begin == leaf * ((blocks + 1) // 2)  # whole blocks, the odd one left
             axis = np.ptp((low + high)[order[begin:end]], axis=0).argmax()
             assert (low + high)[left, axis].max() <= (low + high)[right, axis].min()
         else:
