@@ -32,8 +32,7 @@ static F3 canonical_point(I kind, F u, F v, F3 *normal)
     o = select3(cylinder, f3(cs, sn, v), o);
     *normal = select3(cylinder, f3(cs, sn, ZERO), *normal);
     I cone = kind == KIND_CONE;
-    o = select3(cone, f3(r * cs, r * sn, 1.0f - r), o);
-    return select3(cone, o, o);
+    return select3(cone, f3(r * cs, r * sn, 1.0f - r), o);
 }
 
 static StartPoint start_point(const __global CausticSurface *surfaces, const __global float *curve, int count, F pick, F u, F v)

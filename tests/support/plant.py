@@ -4,8 +4,9 @@
 syntax tree: a comparison, an operator, a number, a sign, two arguments the other way round, a condition, a statement
 that is left out. A fault in a kernel (``ROOM=kernels/lens``) changes a token or leaves out a statement.
 
-The tests of the room run once first, with a trace of which of them runs which line; a fault is then given to those that
-run its line, the fastest first, up to the first that fails. Faults in lines that no test of the room runs survive.
+The tests of the room run once first, with a trace of which of them runs which line (in kernels: has it in a program
+that it launches); a fault is then given to those that run its line, the fastest first, up to the first that fails.
+Faults in lines that no test of the room runs survive.
 """
 
 from __future__ import annotations
@@ -14,11 +15,11 @@ import argparse
 import ast
 import difflib
 import json
+import multiprocessing
 import os
 import random
 import re
 import shutil
-import subprocess
 import sys
 import tempfile
 import threading
@@ -26,6 +27,7 @@ import time
 from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -53,10 +55,10 @@ TESTS = {
     " rendering/test_sweep rendering/test_settle rendering/test_resume rendering/several/test_shared_renders",
     "kernels/lens": "device/test_camera_rays optics/test_surfaces rendering/test_lens_float64"
     " rendering/cameras/test_losses optics/test_mirrors rendering/cameras/test_ray_map optics/test_coatings"
-    " rendering/test_lens_light",
+    " rendering/test_lens_light rendering/test_ghosts rendering/cameras/test_lamp_aim",
     "kernels/camera": "device/test_camera_rays rendering/test_thick_lens rendering/test_filters"
     " rendering/cameras/test_fitted_camera rendering/cameras/test_movements rendering/test_apertures rendering/motion"
-    " rendering/test_lens_light",
+    " rendering/test_lens_light rendering/cameras/test_lamp_aim",
     "kernels/material": "device/test_bsdf_values device/test_bsdf_sampling device/test_sheen device/test_covers"
     " rendering/light/test_textures rendering/test_opacity rendering/test_materials rendering/test_normal_maps"
     " rendering/test_material_maps rendering/test_furnaces",
@@ -65,7 +67,7 @@ TESTS = {
     "kernels/geometry": "rendering/primitives rendering/test_shapes rendering/test_meshes rendering/meshes"
     " rendering/motion",
     "kernels/integrator": "rendering/test_furnaces rendering/layers rendering/test_world rendering/test_determinism"
-    " rendering/test_clamp rendering/test_checkpoint device/test_kernels",
+    " rendering/test_clamp rendering/test_checkpoint rendering/test_roulette device/test_kernels",
     "kernels/caustics": "rendering/caustics",
     "kernels/build": "rendering/trees",
     "kernels/common": "device/test_random device/test_kernels device/test_lattice rendering/spectrum",
@@ -88,6 +90,22 @@ EQUIVALENT = {
     " and s.pose is None]": "a sense is 1 or -1",
     "optics/ray_trace.py: return Hits(hit, to_plane + step, normal, cosine, np.isfinite(step) & (normal[2] > 0)"
     " & (cosine >= 0))": "only rays along the surface itself",
+    "kernels/light/solids.h: *pdf = ((rho2 > 1.0f) & (line.density >= 0.0f) & (line.density < NEVER)) ? line.density"
+    " : ZERO;": "a density of 0 is 0 either way",
+    "kernels/light/solids.h: F share = ((x > y) & (x >= z)) ? f.share.x : (y >= z ? f.share.y : f.share.z);": "only rays"
+    " through the edge of a box",
+    "kernels/light/solids.h: I on_y = NOT(on_x) & ((pick - of_x <= of_y) | (of_z <= 0.0f));": "a single random number",
+    "kernels/light/light_tree.h: for (int e = scene.environment->lamps; e <= scene.emitter_count; ++e) {": "every lane"
+    " has picked before",
+    "kernels/caustics/gather.h: on = on & (p.x >= grid->low.x) & (p.y >= grid->low.y) & (p.z > grid->low.z)": "only"
+    " points on the rim of the grid",
+    "kernels/caustics/gather.h: Eight photon = load_eight(scene.photons, (more ? k : TRUE) * 8);": "of lanes that are off",
+    "kernels/caustics/gather.h: I k = on ? GATHER(I, scene.photon_cells, cell, ) : TRUE;": "of lanes that are off",
+    "kernels/caustics/photon.h: I known = (on & (primitive > 0)) ? primitive : FALSE;": "primitive 0 is FALSE",
+    "kernels/camera/packets.h: paths[i].crossed = TRUE;       // where a camera ray fails is of no interest": "not read",
+    "kernels/geometry/triangle.h: I instance = on ? GATHER(I, scene.primitives, on ? hit.primitive : FALSE, .instance)"
+    " : TRUE;": "of lanes that are off",
+    "kernels/geometry/bvh.h: int z_leads = az >= ax && az > ay;": "y leads as well where both are as long",
 }
 
 
@@ -231,9 +249,14 @@ def kernel_faults(path: str, source: str) -> list[Fault]:
     return found
 
 
+def folder_of(room: str, tree: Path) -> Path:
+    """Return the folder of a room."""
+    return tree / room if room.startswith("kernels/") else tree / "rptcam_cl" / room
+
+
 def faults_of(room: str, tree: Path) -> list[Fault]:
     """Return all faults that there are for a room: a package of rptcam_cl, or a folder ``kernels/…``."""
-    folder = tree / room if room.startswith("kernels/") else tree / "rptcam_cl" / room
+    folder = folder_of(room, tree)
     if not folder.is_dir():
         raise SystemExit(f"ROOM={room}: is no folder (allowed: one of rptcam_cl, as optics, or kernels/NAME)")
     found: list[Fault] = []
@@ -275,6 +298,45 @@ def _tracer(frame: Any, event: str, arg: object) -> Any:
     return within(frame, event, arg)
 
 
+@lru_cache
+def compiled_lines(source: str) -> dict[str, set[int]]:
+    """Return the lines of each file of kernels that the conditions of a program leave."""
+    path, number, directive, marked = "", 0, False, []
+    for line in source.splitlines():
+        number += 1
+        if place := re.match(r'#line (\d+) "(.*)"', line):
+            path, number = f"kernels/{place[2]}", int(place[1]) - 1
+            continue
+        directive = directive or line.lstrip().startswith("#")
+        marked.append(line if directive else f"@{path}:{number}@ {line}")
+        directive = directive and line.endswith("\\")
+    from rptcam_cl.device.programs import _COMMENT, _active_lines
+
+    lines: dict[str, set[int]] = defaultdict(set)
+    for line in _active_lines(_COMMENT.sub(" ", "\n".join(marked)), {}):
+        if at := re.match(r"@(.+):(\d+)@", line):
+            lines[at[1]].add(int(at[2]))
+    return lines
+
+
+def pytest_configure() -> None:
+    """Note the lines of kernels that launches run, where the trace of kernels is asked for."""
+    room = os.environ.get(TRACED, "").removeprefix(f"{ROOT}{os.sep}")
+    if not room.startswith("kernels"):
+        return
+    from rptcam_cl.device.session import Launch
+
+    enqueue = Launch.enqueue
+
+    def noted(launch: Any, items: int, group: int) -> Any:
+        for path, lines in compiled_lines(launch._program.source).items():
+            if path.startswith(room):
+                _LINES[path] |= lines
+        return enqueue(launch, items, group)
+
+    Launch.enqueue = noted  # type: ignore[method-assign]
+
+
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item: pytest.Item) -> Iterator[Any]:
     """Note the lines of the room that a test runs, with its fixtures, and its time."""
@@ -282,8 +344,9 @@ def pytest_runtest_protocol(item: pytest.Item) -> Iterator[Any]:
         return (yield)
     _LINES.clear()
     begin = time.process_time()
-    threading.settrace(_tracer)
-    sys.settrace(_tracer)
+    if os.environ[TRACED].startswith(f"{ROOT / 'rptcam_cl'}{os.sep}"):
+        threading.settrace(_tracer)
+        sys.settrace(_tracer)
     try:
         return (yield)
     finally:
@@ -293,6 +356,19 @@ def pytest_runtest_protocol(item: pytest.Item) -> Iterator[Any]:
         lines = {name.removeprefix(root): sorted(lines) for name, lines in _LINES.items()}
         with Path(os.environ[TRACE]).open("a", encoding="utf-8") as file:
             file.write(json.dumps([item.nodeid, time.process_time() - begin, lines]) + "\n")
+
+
+def _tests(tree: Path, arguments: tuple[str, ...], variables: dict[str, str], written: Path) -> None:
+    """Run pytest in a process forked before any import of the project; libraries are there already."""
+    file = os.open(written, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+    os.dup2(file, 1)
+    os.dup2(file, 2)
+    os.chdir(tree)
+    os.environ |= variables
+    sys.path[:] = [str(tree), *(place for place in sys.path if Path(place).resolve() != ROOT)]
+    for name in [name for name in sys.modules if name.split(".")[0] in ("tests", "rptcam_cl")]:
+        del sys.modules[name]
+    os._exit(pytest.main(["-q", "-n", "0", "-p", "no:cacheprovider", *arguments]))
 
 
 class Copy:
@@ -316,22 +392,24 @@ class Copy:
     def run(self, *arguments: str, limit_s: float | None = LIMIT_S, **variables: str) -> tuple[int, str]:
         """Return the exit code of pytest, and what it wrote; -1 where it took too long."""
         own = {"PYTHONPATH": str(self.tree), "XDG_CACHE_HOME": str(self.folder / "cache")}
-        command = [sys.executable, "-m", "pytest", "-q", "-n", "0", "-p", "no:cacheprovider", *arguments]
-        with subprocess.Popen(
-            command, cwd=self.tree, env=os.environ | own | variables,
-            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
-        ) as child:  # fmt: skip
-            try:
-                text, _ = child.communicate(timeout=limit_s)
-            except subprocess.TimeoutExpired:
-                child.kill()
-                return -1, ""
-        return child.returncode, text
+        if not self.room.startswith("kernels/"):  # what the driver has compiled is true for every fault
+            own["POCL_CACHE_DIR"] = os.environ.get("POCL_CACHE_DIR", str(Path.home() / ".cache/pocl/kcache"))
+        written = self.folder / "written"
+        process = multiprocessing.get_context("fork").Process(
+            target=_tests, args=(self.tree, arguments, own | variables, written)
+        )
+        process.start()
+        process.join(limit_s)
+        if process.exitcode is None:
+            process.kill()
+            process.join()
+            return -1, ""
+        return process.exitcode, written.read_text("utf-8", errors="replace")
 
     def trace(self, kept: Path) -> None:
         """Learn which tests run which lines, from a run of them all, kept in a file; what does not pass is left out."""
         if not kept.exists():
-            to = {TRACE: str(self.folder / "trace"), TRACED: f"{self.tree / 'rptcam_cl' / self.room}{os.sep}"}
+            to = {TRACE: str(self.folder / "trace"), TRACED: f"{folder_of(self.room, self.tree)}{os.sep}"}
             paths = [self.tree / place for place in self.tests]
             files = [file for path in paths for file in (sorted(path.rglob("test_*.py")) if path.is_dir() else [path])]
             failed: set[str] = set()
@@ -350,9 +428,13 @@ class Copy:
         Fixtures are shared, so that a test may see what another one has run. What a module does as it is imported, all
         tests of the room may see.
         """
-        if not self.runs:
-            return self.tests
         first = fault.line(source)
+        if not fault.path.endswith(".py"):
+            own = {name for name, _, runs in self.runs if first in runs.get(fault.path, ())}
+            files = {name.split("::")[0] for name in own}
+            near = {name for name, _, runs in self.runs if not runs and name.split("::")[0] in files}
+            asked = [(name in near, seconds, name) for name, seconds, _ in self.runs if name in own | near]
+            return [name for _, _, name in sorted(asked)]
         holders = [
             node for node in ast.walk(ast.parse(source))
             if isinstance(node, ast.stmt) and node.lineno <= first <= (node.end_lineno or 0)
@@ -396,8 +478,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory(prefix="rptcam-mutants-") as scratch:
         copy, survivors = Copy(given.room, Path(scratch)), 0
         faults = list(drawn(faults_of(given.room, copy.tree), given.count, f"{given.room} {given.seed}", copy.tree))
-        if not given.room.startswith("kernels/"):
-            copy.trace(given.trace or Path(scratch) / "kept")
+        copy.trace(given.trace or Path(scratch) / "kept")
         for number, fault in enumerate(faults, 1):
             source, begin = (copy.tree / fault.path).read_text("utf-8"), time.monotonic()
             killed, why = copy.verdict(fault, source)

@@ -195,6 +195,17 @@ def test_lamps_without_power_are_never_picked(session) -> None:
     np.testing.assert_array_equal(chance == 0, lamps.power == 0)
 
 
+def test_what_stands_in_memory_behind_the_emitters_is_none(session) -> None:
+    plan = planned(AFAR)
+    beyond = plan.emitters.records[plan.emitters.count - 1 :][:1].copy()
+    beyond["pick"] = 1e6
+    records = np.concatenate([plan.emitters.records[: plan.emitters.count], beyond])
+    more = replace(plan, emitters=replace(plan.emitters, records=records))
+    points, normals = some_places(256, 8)
+    numbers, asked = np.random.default_rng(2).random(256), np.arange(256) % plan.emitters.count
+    np.testing.assert_array_equal(*(probed(session, each, points, normals, numbers, asked) for each in (plan, more)))
+
+
 def lamps_at(middle, power=None):
     middle = np.asarray(middle, float)
     power = np.ones(len(middle)) if power is None else np.asarray(power, float)
