@@ -277,6 +277,10 @@ CAMERA = Record(
         ("float4", "film_across"),  # half the film
         ("float4", "film_up"),
         ("float4", "film_normal"),  # unit
+        # Of a lens whose axis is folded: rows of scene_from_lens, w: the origin of the lens [mm]
+        ("float4", "fold_x"),
+        ("float4", "fold_y"),
+        ("float4", "fold_z"),
         ("float", "width"),  # [pixels]
         ("float", "height"),
         ("float", "per_width"),  # 1 / width, negative where the picture is shown as it lies on the film

@@ -67,6 +67,8 @@ class Heat:
             return lens
         if lens.has_mirrors:
             raise InputError(f"{lens.name}: has mirrors, of which no file says how they expand")
+        if lens.fold is not None:
+            raise InputError(f"{lens.name}: its axis is folded, and no file says how its parts are held apart")
         media = [self._medium(lens, f"surfaces[{k}]", lens.surfaces[k].glass) for k in range(len(lens.surfaces))]
         growth = [self._growth(lens, k) for k in range(len(lens.surfaces))]
         bodies = [growth[k] if s.glass != AIR or k == 0 else growth[k - 1] for k, s in enumerate(lens.surfaces)]
@@ -349,6 +351,10 @@ def check_copies(lens: Lens) -> None:
         raise InputError(
             f"{lens.name}: has mirrors, so light may meet a surface twice, whose errors are the same both times;"
             " tolerances are for lenses without"
+        )
+    if lens.fold is not None:
+        raise InputError(
+            f"{lens.name}: its axis is folded; tolerances are for lenses whose film stands across one axis"
         )
     if any(surface.region is not None and not surface.region.blocks for surface in lens.surfaces):
         raise InputError(f"{lens.name}: light passes beside some of its surfaces; tolerances are for whole lenses")

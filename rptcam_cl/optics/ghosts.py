@@ -286,6 +286,8 @@ def check_lens(lens: Lens) -> None:
     """Raise an error when ghosts of a lens are not known."""
     if any(surface.region is not None and not surface.region.blocks for surface in lens.surfaces):
         raise InputError(f"{lens.name}: a half lens has rays beside its glass, so its ghosts are not known")
+    if lens.fold is not None:
+        raise InputError(f"{lens.name}: its axis is folded, so its ghosts are not known")
 
 
 def with_film(lens: Lens, film_distance_mm: float, reflectance: float = 0.0) -> Lens:

@@ -23,6 +23,8 @@ from rptcam_cl.optics.stop_shape import StopMask, StopShape
 
 Array = NDArray[np.float64]
 
+RIGHT_ANGLE = 1e-8  # cosine of a turn below which it is one
+
 
 @dataclass(frozen=True)
 class SurfacePose:
@@ -76,6 +78,22 @@ def rotation_matrix(tilt_degrees: tuple[float, float, float]) -> Array:
     about_y = np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]])
     about_z = np.array([[cz, -sz, 0], [sz, cz, 0], [0, 0, 1]])
     return np.asarray(about_z @ about_y @ about_x, dtype=np.float64)
+
+
+def tilt_of(rotation: Array) -> tuple[float, float, float]:
+    """Return the turns about the x, then y, then z axis [degrees] that make up a rotation.
+
+    Turned by a right angle about y, x and z are one axis, and all of the rest is a turn about x.
+    """
+    r = rotation
+    across = float(np.hypot(r[0, 0], r[1, 0]))
+    y = np.arctan2(-r[2, 0], across)
+    x, z = (
+        (np.arctan2(-r[1, 2], r[1, 1]), 0.0)
+        if across < RIGHT_ANGLE
+        else (np.arctan2(r[2, 1], r[2, 2]), np.arctan2(r[1, 0], r[0, 0]))
+    )
+    return float(np.degrees(x)), float(np.degrees(y)), float(np.degrees(z))
 
 
 # Clear regions beyond the circular rim: a rectangle or a half plane, and what lies outside of it.
@@ -366,6 +384,9 @@ class Prescription:
         Doubts about the prescription that do not make it unusable.
     first_sense : float
         Which way light comes to the first surface: 1 to +z; -1 for a part of a lens that begins behind a mirror.
+    fold : SurfacePose or None
+        How the axes of the scene stand in the frame of the lens, whose z is the axis of the film; None where mirrors do
+        not fold the axis. Rays before the first surface are then counted in the axes of the scene.
     """
 
     name: str
@@ -379,6 +400,7 @@ class Prescription:
     floating: tuple[FocusState, ...] = ()
     warnings: tuple[str, ...] = ()
     first_sense: float = 1.0
+    fold: SurfacePose | None = None
 
     def with_changes(self, changes: Mapping[int, Mapping[str, Any]], **of_lens: Any) -> Self:
         """Return the lens with attributes of some surfaces changed, by their numbers, and perhaps some of its own."""
@@ -437,6 +459,14 @@ class Prescription:
     def sense(self) -> float:
         """Which way light travels to the film: 1 to +z, -1 to -z behind an odd number of mirrors."""
         return float(self.senses[-1])
+
+    def from_scene_axes(self, points: Array, directions: Array) -> tuple[Array, Array]:
+        """Return points and directions (3, n) of the axes of the scene in the frame of the lens."""
+        return self.fold.outward(points, directions) if self.fold else (points, directions)
+
+    def in_scene_axes(self, points: Array, directions: Array) -> tuple[Array, Array]:
+        """Return points and directions (3, n) of the frame of the lens in the axes of the scene."""
+        return self.fold.inward(points, directions) if self.fold else (points, directions)
 
     @property
     def has_mirrors(self) -> bool:

@@ -226,6 +226,10 @@ class LensTracer:
         surfaces
             Number of surfaces, in the order in which rays meet them, behind which they are stopped; all by default.
         """
+        if not self.backwards:
+            points, vectors = (
+                v.T for v in self.surfaces_of.from_scene_axes(np.transpose(points), np.transpose(vectors))
+            )
         count = rows.stop if isinstance(rows, slice) else len(rows)
         size = PACKETS * self.lanes * GROUP
         capacity = min(-(-count // size) * size, BLOCK)
@@ -243,6 +247,11 @@ class LensTracer:
             launch.enqueue(capacity // (PACKETS * self.lanes), min(self.session.group, GROUP))
             out = self.session.read(memory, self.real, table.size).reshape(table.shape)
             self._unpack(out[:, : high - low], rays, part, self._end(surfaces))
+        if self.backwards and surfaces is None and self.surfaces_of.fold is not None:
+            done = np.arange(count)[rows] if isinstance(rows, slice) else rows
+            done = done[rays.status[done] == 0]
+            ends = self.surfaces_of.in_scene_axes(rays.origins[done].T, rays.directions[done].T)
+            rays.origins[done], rays.directions[done] = (values.T for values in ends)
 
     def _bound(self, capacity: int, size: int) -> tuple[Any, Any]:
         """Return memory for so many rays and the kernel that traces them, kept from one bundle to the next."""
@@ -260,7 +269,8 @@ class LensTracer:
         stopped; a ray that misses a surface stays on the one before.
         """
         count = len(points)
-        corners = [np.array(points, np.float64)]
+        begin = points if self.backwards else self.surfaces_of.from_scene_axes(points.T, vectors.T)[0].T
+        corners = [np.array(begin, np.float64)]
         for surfaces in range(1, int(self.lens["count"]) + 1):
             rays = Rays(np.empty((count, 3)), np.empty((count, 3)), np.empty(count, np.int32),
                         np.empty(count, np.int32), np.empty(0))  # fmt: skip

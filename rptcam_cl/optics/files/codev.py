@@ -128,7 +128,8 @@ def read_codev(text: str, path: str, makers: tuple[str, ...] = ()) -> Lens:
         decentre, tilt = _three(surface.bend, TILTS[:3]), _three(surface.bend, TILTS[3:])
         if surface.way != "REV":
             frame.bend(decentre, tilt)
-        row = _row(surface, table, private) | frame.keys()
+        row = _row(surface, table, private)
+        frame.stand(row)
         if surface.way == "REV":
             frame.unbend(decentre, tilt)
         elif surface.way == "DAR":
@@ -139,7 +140,7 @@ def read_codev(text: str, path: str, makers: tuple[str, ...] = ()) -> Lens:
             row["thickness"] = surface.thickness
         frame.advance(surface.thickness)
         table.rows.append(row)
-    table.note_fold(frame.is_nominal)
+    table.place(frame)
     if table.rows and not any(surface.stop for surface in surfaces):
         table.rows[0]["stop"] = True  # as in that program
     table.size_stop()

@@ -204,6 +204,11 @@ LENS = {
         POSITIVE,
     ),
     "unit": Key("Of all lengths; mm by default.", {"enum": list(UNITS_MM)}),
+    "fold": Key(
+        "Of a lens whose axis mirrors fold: how the axes of the scene stand in those of the lens, whose z is that of"
+        " the film.",
+        mapping(POSE, minProperties=1),
+    ),
     "object_medium": Key("Glass in front of the lens; air by default.", GLASS_VALUE),
     "coating": Key("Of every surface between glass and air that has none of its own; bare by default.", COATING_VALUE),
     "surfaces": Key(

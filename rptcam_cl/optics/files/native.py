@@ -487,10 +487,21 @@ def read_native(document: Document) -> Lens:
         configurations=read_configurations(top, len(surfaces), scale),
         focusing=read_focusing(top, len(surfaces), scale),
         floating=read_floating(top, len(surfaces), scale),
+        fold=_fold(top, scale),
     )
     if lens.configurations:
         lens = in_configuration(lens, lens.configurations[0].name)
     return check_lens(lens, lambda index, key, text: problem(document, ("surfaces", index, key), text))
+
+
+def _fold(top: Fields, scale: float) -> SurfacePose | None:
+    """Return how the axes of the scene stand in those of the lens, whose gaps are then fixed."""
+    if "fold" not in top:
+        return None
+    for key in ("configurations", "focusing", "floating"):
+        if key in top:
+            raise top.fail(key, "a lens whose axis is folded focuses by its film alone")
+    return read_pose(top.inner("fold", keys.POSE), scale)
 
 
 def _unit(top: Fields) -> float:

@@ -86,7 +86,8 @@ def read_zemax(text: str, path: str, makers: tuple[str, ...] = ()) -> Lens:
             if table.rows and thickness:
                 table.rows[-1]["thickness"] = table.rows[-1].get("thickness", 0.0) + thickness
             continue
-        row = _row(surface, table) | frame.keys()
+        row = _row(surface, table)
+        frame.stand(row)
         if surface.stop and surface.outer_radius > 0 and not surface.offset:
             table.stop_opening = 2 * surface.outer_radius
         if not last:
@@ -94,7 +95,7 @@ def read_zemax(text: str, path: str, makers: tuple[str, ...] = ()) -> Lens:
         frame.advance(thickness)
         table.rows.append(row)
         openings.append(surface.has_aperture)
-    table.note_fold(frame.is_nominal)
+    table.place(frame)
     _trim(table, openings)
     table.size_stop()
     return table.lens()

@@ -38,13 +38,22 @@ SYSTEMS = {
         {"radius": 60, "thickness": 4, "glass": "N-BK7", "diameter": 24},
         {"radius": 50, "diameter": 24},
     ],
+    "folded": [
+        {"radius": 120, "thickness": 6, "glass": "N-BK7", "diameter": 40, "decentre": [0, -26, 26],
+         "tilt_degrees": [-90, 0, 0]},
+        {"radius": -400, "thickness": 20, "diameter": 36, "stop": True, "decentre": [0, -20, 20],
+         "tilt_degrees": [-90, 0, 0]},
+        {"thickness": -30, "mirror": True, "diameter": 60, "tilt_degrees": [-45, 0, 0]},
+        {"radius": -90, "diameter": 40},
+    ],
     "one mirror": [{"radius": -200, "conic": -1, "mirror": True, "diameter": 60, "inner_diameter": 12}],
 }  # fmt: skip
 
 
 @cache
 def system(name):
-    return rptcam_cl.load_lens({"name": name, "surfaces": SYSTEMS[name]})
+    fold = {"fold": {"decentre": [0, -26, 26], "tilt_degrees": [-90, 0, 0]}} if name == "folded" else {}
+    return rptcam_cl.load_lens({"name": name, "surfaces": SYSTEMS[name], **fold})
 
 
 def beam(lens, start):
