@@ -202,7 +202,9 @@ class LensTracer:
         traced = lens_records(
             lens, wavelength_nm, side, 0.0, double=double, dispersive=dispersive, transmission=transmission
         )
+        self.folds = lens.fold is not None and not self.backwards
         self.facts = traced.facts | {"VW": self.lanes, "DOUBLE": int(double), "LENS_KEEP_FAILED": 1}
+        self.facts |= {"LENS_FOLD": 1} if self.folds else {}
         self._kept: dict[tuple[int, int], tuple[Any, Any]] = {}
         self.lens = {
             "surfaces": session.upload(traced.surfaces),
@@ -226,10 +228,8 @@ class LensTracer:
         surfaces
             Number of surfaces, in the order in which rays meet them, behind which they are stopped; all by default.
         """
-        if not self.backwards:
-            points, vectors = (
-                v.T for v in self.surfaces_of.from_scene_axes(np.transpose(points), np.transpose(vectors))
-            )
+        if self.folds:
+            points, vectors = self._into_lens(points, vectors)
         count = rows.stop if isinstance(rows, slice) else len(rows)
         size = PACKETS * self.lanes * GROUP
         capacity = min(-(-count // size) * size, BLOCK)
@@ -252,6 +252,13 @@ class LensTracer:
             done = done[rays.status[done] == 0]
             ends = self.surfaces_of.in_scene_axes(rays.origins[done].T, rays.directions[done].T)
             rays.origins[done], rays.directions[done] = (values.T for values in ends)
+
+    def _into_lens(self, points: Array, vectors: Array) -> tuple[Array, Array]:
+        """Return rays of the axes of the scene in the frame of the lens, from the plane of the first vertex."""
+        points, vectors = np.asarray(points, np.float64), np.asarray(vectors, np.float64)
+        near = points - vectors * (points[:, 2:] / vectors[:, 2:])
+        p, d = self.surfaces_of.from_scene_axes(near.T, vectors.T)
+        return p.T, d.T
 
     def _bound(self, capacity: int, size: int) -> tuple[Any, Any]:
         """Return memory for so many rays and the kernel that traces them, kept from one bundle to the next."""

@@ -171,7 +171,7 @@ def test_the_film_of_a_folded_lens_stands_where_its_axis_ends(tmp_path):
 
 def test_axes_folded_out_of_the_plane_are_those_of_the_file(tmp_path):
     """Five mirrors at 45 degrees turn the axis down, to the side and down: turns by a right angle about y are among
-    them, which x and z then share. Two that are moved sideways by 6 and 5 leave the axis 1 beside the middle of the film.
+    them, which x and z then share. Two that are moved by 6 and 5 leave the axis 1 beside the film.
     """
     breaks = [
         ((0, 0, 45, 0), -40),
