@@ -128,6 +128,10 @@ SURFACE = Record(
         ("real", "edge"),
         ("real", "edge_x"),
         ("real", "edge_y"),
+        ("real", "centre_x"),  # of the rectangle and the circles of the region
+        ("real", "centre_y"),
+        ("real", "radius2"),
+        ("real", "inner_radius2"),
         ("real", "stop_radius"),  # half the side of a mask
         ("real", "refracts"),  # 0 where the media before and after are the same, -1 where a mirror turns z round
         ("real", f"even[{EVEN_TERMS}]"),  # coefficients of r^2, r^4, ...

@@ -153,7 +153,11 @@ def _scale_surface(surface: Surface, scale: float) -> Surface:
         pose = replace(pose, offset=(x * scale, y * scale, z * scale))
     if region is not None:
         width, height = region.half_width * scale, region.half_height * scale
-        region = replace(region, half_width=width, half_height=height, edge=region.edge * scale)
+        x, y = region.centre
+        region = replace(
+            region, half_width=width, half_height=height, edge=region.edge * scale, centre=(x * scale, y * scale),
+            radius=region.radius * scale, inner_radius=region.inner_radius * scale,
+        )  # fmt: skip
     return replace(
         surface,
         curvature=surface.curvature / scale,

@@ -96,7 +96,7 @@ def tilt_of(rotation: Array) -> tuple[float, float, float]:
     return float(np.degrees(x)), float(np.degrees(y)), float(np.degrees(z))
 
 
-# Clear regions beyond the circular rim: a rectangle or a half plane, and what lies outside of it.
+# Clear regions beyond the circular rim: a rectangle, a half plane or circles beside the axis, and what lies outside of it.
 
 Mask = NDArray[np.bool_]
 
@@ -118,7 +118,11 @@ class Region:
         another one makes a split dioptre. Every surface of such a half lens carries the same region, and the medium
         on its two sides is the same.
     inverted : bool
-        Whether the clear area is what lies outside of the rectangle or half plane.
+        Whether the clear area is what lies outside of all of these.
+    centre : (x, y)
+        Of the rectangle and the circles [mm].
+    radius, inner_radius : float
+        Of a circle that holds the clear area, and of one that is not clear [mm].
     """
 
     half_width: float = np.inf
@@ -127,10 +131,22 @@ class Region:
     edge: float = 0.0
     blocks: bool = True
     inverted: bool = False
+    centre: tuple[float, float] = (0.0, 0.0)
+    radius: float = np.inf
+    inner_radius: float = 0.0
+
+    @property
+    def is_round(self) -> bool:
+        """Whether it has a circle, or lies beside the axis."""
+        return self.centre != (0.0, 0.0) or np.isfinite(self.radius) or self.inner_radius > 0
 
     def holds(self, x: Array, y: Array) -> Mask:
         """Return which points lie inside."""
-        inside = (np.abs(x) <= self.half_width) & (np.abs(y) <= self.half_height)
+        across, up = x - self.centre[0], y - self.centre[1]
+        inside = (np.abs(across) <= self.half_width) & (np.abs(up) <= self.half_height)
+        if self.is_round:
+            square = across * across + up * up
+            inside &= (square <= self.radius * self.radius) & (square >= self.inner_radius * self.inner_radius)
         if self.normal_degrees is not None:
             angle = np.radians(self.normal_degrees)
             inside &= x * np.cos(angle) + y * np.sin(angle) >= self.edge

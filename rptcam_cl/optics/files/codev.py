@@ -10,7 +10,7 @@ from typing import Any
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics.files.table import AxisFrame, LensTable, model_glass, numbers
+from rptcam_cl.optics.files.table import AxisFrame, LensTable, model_glass, numbers, opening_beside_the_axis
 from rptcam_cl.optics.glass import AbbeCauchy
 from rptcam_cl.optics.lens import Lens
 
@@ -347,8 +347,9 @@ def _row(surface: _Surface, table: LensTable, private: Mapping[str, Any]) -> dic
     if "REX" in surface.clear and "REY" in surface.clear:
         row["clear"] = {"rectangle": [2 * abs(surface.clear["REX"]), 2 * abs(surface.clear["REY"])]}
         row.setdefault("diameter", 2 * math.hypot(surface.clear["REX"], surface.clear["REY"]))
-    if (offset := math.hypot(*(surface.bend.get(key, 0.0) for key in OFFSETS))) and "diameter" in row:
-        row["diameter"] = table.around_the_axis(surface.line, row["diameter"], offset)
+    x, y = (surface.bend.get(key, 0.0) for key in OFFSETS)
+    if (x or y) and {"diameter", "clear", "inner_diameter"} & row.keys():
+        opening_beside_the_axis(row, (x, y), surface.diameter or 0.0, row.pop("inner_diameter", 0.0))
     if surface.glass.upper() == "REFL":
         row["mirror"] = True
     elif (medium := _medium(surface.glass, surface.line, table, private)) is not None:

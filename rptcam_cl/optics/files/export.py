@@ -156,6 +156,8 @@ def sequence_reasons(lens: Lens) -> Iterator[tuple[int, str]]:
         region = surface.region
         if region is not None and (region.inverted or region.normal_degrees is not None or not region.blocks):
             yield k, "only a part of it is there"
+        elif region is not None and region.is_round:
+            yield k, "its opening lies beside the axis"
         if surface.form is not None and not isinstance(surface.form, Biconic | Toroid):
             yield k, f"it is {surface.form.description}"
         if isinstance(surface.form, Biconic) and surface.aspheric:
@@ -572,6 +574,12 @@ def _region(region: Region, where: str) -> dict[str, Any]:
     clear: dict[str, Any] = {}
     if math.isfinite(region.half_width):
         clear["rectangle"] = [2 * region.half_width, 2 * region.half_height]
+    if any(region.centre):
+        clear["centre"] = list(region.centre)
+    if math.isfinite(region.radius):
+        clear["diameter"] = 2 * region.radius
+    if region.inner_radius:
+        clear["inner_diameter"] = 2 * region.inner_radius
     if region.normal_degrees is not None:
         clear |= {"half_plane_degrees": region.normal_degrees, "edge": region.edge}
     return {"clear": clear} if region.blocks else {"clear": clear, "outside": "pass"}

@@ -181,11 +181,6 @@ class LensTable:
         """Return the first of some words as a finite number, or say where there is none."""
         return numbers(words[:1], self.path, line, 1)[0]
 
-    def around_the_axis(self, line: int, diameter: float, offset: float) -> float:
-        """Return the diameter about the axis that holds an opening beside it, with a note."""
-        self.note(line, f"an opening {offset:g} beside the axis is read as the circle around the axis that holds it")
-        return diameter + 2 * offset
-
     def lens(self) -> Lens:
         """Return the lens, its notes among the warnings."""
         if not self.rows:
@@ -244,7 +239,11 @@ class LensTable:
         The rim of the stop yields to that beam, but not `stop_opening`.
         """
         stop = next((k for k, row in enumerate(self.rows) if row.get("stop")), None)
-        if stop is None or not (self.pupil_diameter or self.f_number or self._cone):
+        if (
+            stop is None
+            or "centre" in self.rows[stop].get("clear", {})
+            or not (self.pupil_diameter or self.f_number or self._cone)
+        ):
             return
         lens = self._tiny_lens()
         beam = 2 * abs(float(system_matrix(lens, LINE_D_NM, 0, stop, False)[0] @ self._beam(lens, stop)[:, 0]))
@@ -355,6 +354,28 @@ class LensTable:
         if not limits:
             raise InputError(f"{self.path}: gives no diameters, and no pupil or f-number to work them out from")
         return float(min(limits))
+
+
+def opening_beside_the_axis(
+    row: dict[str, Any], centre: tuple[float, float], diameter: float, inner_diameter: float
+) -> None:
+    """Move what a row clears to a centre [unit]: its rectangle, a circle and one that is blocked; 0 is no circle.
+
+    Its diameter about the axis becomes one that holds the opening, where there is one.
+    """
+    clear = row.setdefault("clear", {})
+    clear["centre"] = [float(value) for value in centre]
+    if diameter:
+        clear["diameter"] = diameter
+    if inner_diameter:
+        clear["inner_diameter"] = inner_diameter
+    reach = [diameter / 2 + math.hypot(*centre)] if diameter else []
+    if "rectangle" in clear:
+        reach.append(
+            math.hypot(*(side / 2 + abs(middle) for side, middle in zip(clear["rectangle"], centre, strict=True)))
+        )
+    if reach:
+        row["diameter"] = 2 * min(reach)
 
 
 def _sag(row: dict[str, Any], height: float) -> float:

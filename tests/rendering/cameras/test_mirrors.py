@@ -39,6 +39,12 @@ SYSTEMS = {
         {"radius": 60, "thickness": 4, "glass": "N-BK7", "diameter": 24},
         {"radius": 50, "diameter": 24},
     ],
+    "beside the axis": [
+        {"thickness": 80, "diameter": 90, "stop": True, "clear": {"centre": [0, 20], "diameter": 40}},
+        {"radius": -200, "thickness": -60, "mirror": True, "diameter": 110, "conic": -1,
+         "clear": {"centre": [2, 20], "rectangle": [60, 36], "diameter": 50, "inner_diameter": 6}},
+        {"diameter": 60},
+    ],
     "folded": [
         {"radius": 120, "thickness": 6, "glass": "N-BK7", "diameter": 40, "decentre": [0, -26, 26],
          "tilt_degrees": [-90, 0, 0]},
