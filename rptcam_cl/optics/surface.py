@@ -96,7 +96,7 @@ def tilt_of(rotation: Array) -> tuple[float, float, float]:
     return float(np.degrees(x)), float(np.degrees(y)), float(np.degrees(z))
 
 
-# Clear regions beyond the circular rim: a rectangle, a half plane or circles beside the axis, and what lies outside of it.
+# Clear regions beyond the circular rim: a rectangle, a half plane, circles beside the axis, and what lies outside.
 
 Mask = NDArray[np.bool_]
 
