@@ -1,6 +1,7 @@
 // What cameras with a lens share: the ray from a film point to where it aims, and what it weighs behind the lens. The mean
 // is the film's irradiance E = int L cos^4 / Z^2 dA over the pupil, as a ray that the lens blocks weighs zero.
-// Z is the distance from the film to the last vertex [mm]; the tables are as in lens/pupil.h. Fact: FILM_MOVED.
+// Z is the distance from the film to the last vertex [mm]; the tables are as in lens/pupil.h. Facts: FILM_MOVED;
+// LENS_FOLD, whether mirrors fold the axis.
 #ifndef AIMED_H
 #define AIMED_H
 #include "camera/film_point.h"
@@ -55,6 +56,11 @@ static Aimed aimed_ray(Lane lane, F4 u, F wavelength, const __global Camera *cam
     return ray;
 }
 
+#if LENS_FOLD
+static inline F along_row(float4 row, F3 d) { return row.x * d.x + row.y * d.y + row.z * d.z; }
+static inline F row_at(float4 row, F3 p) { return along_row(row, p) + row.w; }
+#endif
+
 // `p` and `d` on the scene side of the lens, z along the travel from the first vertex.
 static CameraRay behind_lens(Aimed ray, F3 p, F3 d, I passed, I status, const __global Camera *camera)
 {
@@ -71,6 +77,13 @@ static CameraRay behind_lens(Aimed ray, F3 p, F3 d, I passed, I status, const __
     F weight = own->gain * ray.at.inverse_density * cos2_over_length2 * cos2_over_length2;
 #endif
     F mm = (F)(own->metres_per_mm);
+#if LENS_FOLD
+    F3 at = p;
+    at.z = -p.z;
+    p = f3(row_at(camera->fold_x, at), row_at(camera->fold_y, at), -row_at(camera->fold_z, at));
+    d.z = -d.z;
+    d = f3(along_row(camera->fold_x, d), along_row(camera->fold_y, d), -along_row(camera->fold_z, d));
+#endif
     r.o = keep3(passed, f3(p.x * mm, p.y * mm, own->first_vertex_z - p.z * mm));
     r.d = select3(passed, f3(d.x, d.y, -d.z), f3(ZERO, ZERO, -ONE));    // travel is along -z
     r.weight = passed ? weight : ZERO;

@@ -297,12 +297,19 @@ static inline I within_rim(const __global Surface *surface, const __global real 
 }
 
 #if LENS_REGION
-// A rectangle or half plane of the vertex plane, or what lies outside of it.
+// A rectangle, half plane or ring of the vertex plane, or what lies outside of it.
 static inline I within_region(const __global Surface *surface, F3 p)
 {
     if (surface->region == REGION_NONE)
         return TRUE;
+#if LENS_ROUND_REGION
+    F x = p.x - surface->centre_x, y = p.y - surface->centre_y;
+    F square = x * x + y * y;
+    I inside = (absolute(x) <= surface->half_width) & (absolute(y) <= surface->half_height)
+             & (square <= surface->radius2) & (square >= surface->inner_radius2)
+#else
     I inside = (absolute(p.x) <= surface->half_width) & (absolute(p.y) <= surface->half_height)
+#endif
              & (p.x * surface->edge_x + p.y * surface->edge_y >= surface->edge);
     return surface->inverted ? NOT(inside) : inside;
 }

@@ -1,6 +1,6 @@
 // Traces given rays through a lens with the code that renders: rays in, rays with status and surface out. A work item has
 // two packets of lanes under way, since a surface is a long chain of roots and divisions that leaves room for another.
-// Facts: LENS_DISPERSION and LENS_TINTED; with either, every ray brings its wavelength [nm] in the row of the status.
+// Facts: LENS_FOLD, whether rays come by another axis than z, then from near the lens; LENS_DISPERSION and LENS_TINTED; with either, every ray brings its wavelength [nm] in the row of the status.
 #include "lens/trace.h"
 
 // A ray that starts far away is taken to the plane of the first vertex, since surfaces are met from near by.
@@ -13,8 +13,10 @@ static inline LensPath load_path(const __global real *rays, uint capacity, uint 
 #else
     LensPath path = enter_lens(p, d, ONE);
 #endif
+#if !LENS_FOLD
     path.p = along(p, d, (first->gap - p.z) / d.z);
     path.p.z = (F)(first->gap);
+#endif
     return path;
 }
 

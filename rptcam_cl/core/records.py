@@ -128,6 +128,10 @@ SURFACE = Record(
         ("real", "edge"),
         ("real", "edge_x"),
         ("real", "edge_y"),
+        ("real", "centre_x"),  # of the rectangle and the circles of the region
+        ("real", "centre_y"),
+        ("real", "radius2"),
+        ("real", "inner_radius2"),
         ("real", "stop_radius"),  # half the side of a mask
         ("real", "refracts"),  # 0 where the media before and after are the same, -1 where a mirror turns z round
         ("real", f"even[{EVEN_TERMS}]"),  # coefficients of r^2, r^4, ...
@@ -277,6 +281,10 @@ CAMERA = Record(
         ("float4", "film_across"),  # half the film
         ("float4", "film_up"),
         ("float4", "film_normal"),  # unit
+        # Of a lens whose axis is folded: rows of scene_from_lens, w: the origin of the lens [mm]
+        ("float4", "fold_x"),
+        ("float4", "fold_y"),
+        ("float4", "fold_z"),
         ("float", "width"),  # [pixels]
         ("float", "height"),
         ("float", "per_width"),  # 1 / width, negative where the picture is shown as it lies on the film

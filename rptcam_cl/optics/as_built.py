@@ -67,6 +67,8 @@ class Heat:
             return lens
         if lens.has_mirrors:
             raise InputError(f"{lens.name}: has mirrors, of which no file says how they expand")
+        if lens.fold is not None:
+            raise InputError(f"{lens.name}: its axis is folded, and no file says how its parts are held apart")
         media = [self._medium(lens, f"surfaces[{k}]", lens.surfaces[k].glass) for k in range(len(lens.surfaces))]
         growth = [self._growth(lens, k) for k in range(len(lens.surfaces))]
         bodies = [growth[k] if s.glass != AIR or k == 0 else growth[k - 1] for k, s in enumerate(lens.surfaces)]
@@ -151,7 +153,11 @@ def _scale_surface(surface: Surface, scale: float) -> Surface:
         pose = replace(pose, offset=(x * scale, y * scale, z * scale))
     if region is not None:
         width, height = region.half_width * scale, region.half_height * scale
-        region = replace(region, half_width=width, half_height=height, edge=region.edge * scale)
+        x, y = region.centre
+        region = replace(
+            region, half_width=width, half_height=height, edge=region.edge * scale, centre=(x * scale, y * scale),
+            radius=region.radius * scale, inner_radius=region.inner_radius * scale,
+        )  # fmt: skip
     return replace(
         surface,
         curvature=surface.curvature / scale,
@@ -349,6 +355,10 @@ def check_copies(lens: Lens) -> None:
         raise InputError(
             f"{lens.name}: has mirrors, so light may meet a surface twice, whose errors are the same both times;"
             " tolerances are for lenses without"
+        )
+    if lens.fold is not None:
+        raise InputError(
+            f"{lens.name}: its axis is folded; tolerances are for lenses whose film stands across one axis"
         )
     if lens.is_split:
         raise InputError(f"{lens.name}: light passes beside some of its surfaces; tolerances are for whole lenses")

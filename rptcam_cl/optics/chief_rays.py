@@ -201,7 +201,7 @@ def _rear(lens: Lens, stop: int) -> Prescription:
     """Return the lens from its stop on, without rims; z = 0 at the stop."""
     before = lens.surfaces[stop - 1].glass if stop else lens.object_medium
     surfaces = (surface.open() for surface in lens.surfaces[stop:])
-    return lens.of_surfaces(surfaces, None, object_medium=before, first_sense=float(lens.senses[stop]))
+    return lens.of_surfaces(surfaces, None, object_medium=before, first_sense=float(lens.senses[stop]), fold=None)
 
 
 def _towards(lens: Lens, points: Array, aims: Array) -> Array:

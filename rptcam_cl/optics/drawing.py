@@ -65,7 +65,7 @@ def ray_paths(lens: Lens, origins: Array, directions: Array, wavelength_nm: floa
 
     Rays that miss a surface end where they would cross the plane of its vertex.
     """
-    points = [np.array(origins, dtype=np.float64)]
+    points = [lens.from_scene_axes(np.array(origins, dtype=np.float64).T, np.array(directions).T)[0].T]
     rays = None
     for count in range(1, len(lens.surfaces) + 1):
         rays = tracer(cut_behind(lens, count), origins, directions, wavelength_nm)

@@ -241,6 +241,9 @@ def _patch(surface: Surface, sense: float) -> Array:
     angles = np.arange(azimuths) * 2 * np.pi / azimuths
     radii = np.linspace(0.0, surface.semi_diameter * (1 - 1e-12), PATCH_RADII)
     x, y = (np.outer(radii, turn(angles)).ravel() for turn in (np.cos, np.sin))
+    if surface.region and np.isfinite(surface.region.radius) and surface.region.blocks:  # which holds the clear area
+        share = surface.region.radius / surface.semi_diameter
+        x, y = share * x + surface.region.centre[0], share * y + surface.region.centre[1]
     points = np.stack([x, y, surface.sag(x, y)])
     if surface.pose:
         points, _ = surface.pose.outward(points, points)

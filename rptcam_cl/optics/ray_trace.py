@@ -244,7 +244,8 @@ def trace(
     ----------
     lens : Prescription
     origins, directions : (n, 3) arrays
-        Points [mm] and directions of any length in the frame of the lens, z = 0 at its first vertex and +z to the film.
+        Points [mm] and directions of any length in the frame of the lens, z = 0 at its first vertex and +z to the film;
+        before the first surface in the axes of the scene (`Prescription.fold`), as are those that are returned there.
     wavelength_nm : float or (n,) array
     start : "film" or "scene"
         Side where the rays begin: from the scene they travel to +z, from the film to -z, or to +z behind an odd number
@@ -280,6 +281,7 @@ def passed_rays(
             rows = np.arange(low, min(low + CHUNK, len(origins)))
             p, d = np.ascontiguousarray(origins[rows].T), np.ascontiguousarray(directions[rows].T)
             d /= np.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
+            p, d = lens.from_scene_axes(p, d) if start == "scene" else (p, d)
             parts.append(_trace_passing(lens, rows, p, d, indices, start == "scene"))
     rows, p, d = (np.concatenate(values, axis=-1) for values in zip(*parts, strict=True))
     return rows, p, d
@@ -309,6 +311,7 @@ def _trace_passing(
             rows, p, d, beside, good = rows[good], p[:, good], d[:, good], beside[good], good[good]
         if not len(rows):
             break
+    p, d = (p, d) if forward else lens.in_scene_axes(p, d)
     return (rows, p, d) if good.all() else (rows[good], p[:, good], d[:, good])
 
 
@@ -363,10 +366,14 @@ def _trace_part(
 ) -> None:
     """Trace some of the rays and write the results in their place."""
     beam = _Beam(rays, part, indices, losses)
+    if forward:
+        beam.p, beam.d = lens.from_scene_axes(beam.p, beam.d)
     for k in range(len(lens.surfaces)) if forward else range(len(lens.surfaces) - 1, -1, -1):
         beam.cross(lens, k, forward)
         if not len(beam.rows):
             return
+    if not forward:
+        beam.p, beam.d = lens.in_scene_axes(beam.p, beam.d)
     beam.store(slice(None), Status.ok, -1)
     if losses is not None and rays.transmittance is not None:
         rays.transmittance[beam.rows] = losses.share

@@ -104,7 +104,7 @@ def takes_steep_light(lens: Lens) -> bool:
     """Return whether the first surface is one that light from the side can meet here: a sphere about the axis."""
     first = lens.surfaces[0]
     plain = first.is_rotational and first.pose is None and first.region is None and first.is_sphere
-    return len(lens.surfaces) > 1 and plain and first.curvature > 0 and lens.stop_index != 0
+    return lens.fold is None and len(lens.surfaces) > 1 and plain and first.curvature > 0 and lens.stop_index != 0
 
 
 def _radius(lens: Lens) -> float:

@@ -24,6 +24,8 @@ from rptcam_cl.optics.stop_shape import StopMask, StopShape
 
 Array = NDArray[np.float64]
 
+RIGHT_ANGLE = 1e-8  # cosine of a turn below which it is one
+
 
 @dataclass(frozen=True)
 class SurfacePose:
@@ -79,7 +81,23 @@ def rotation_matrix(tilt_degrees: tuple[float, float, float]) -> Array:
     return np.asarray(about_z @ about_y @ about_x, dtype=np.float64)
 
 
-# Clear regions beyond the circular rim: a rectangle or a half plane, and what lies outside of it.
+def tilt_of(rotation: Array) -> tuple[float, float, float]:
+    """Return the turns about the x, then y, then z axis [degrees] that make up a rotation.
+
+    Turned by a right angle about y, x and z are one axis, and all of the rest is a turn about x.
+    """
+    r = rotation
+    across = float(np.hypot(r[0, 0], r[1, 0]))
+    y = np.arctan2(-r[2, 0], across)
+    x, z = (
+        (np.arctan2(-r[1, 2], r[1, 1]), 0.0)
+        if across < RIGHT_ANGLE
+        else (np.arctan2(r[2, 1], r[2, 2]), np.arctan2(r[1, 0], r[0, 0]))
+    )
+    return float(np.degrees(x)), float(np.degrees(y)), float(np.degrees(z))
+
+
+# Clear regions beyond the circular rim: a rectangle, a half plane, circles beside the axis, and what lies outside.
 
 Mask = NDArray[np.bool_]
 
@@ -101,7 +119,11 @@ class Region:
         another one makes a split dioptre. Every surface of such a half lens carries the same region, and the medium
         on its two sides is the same.
     inverted : bool
-        Whether the clear area is what lies outside of the rectangle or half plane.
+        Whether the clear area is what lies outside of all of these.
+    centre : (x, y)
+        Of the rectangle and the circles [mm].
+    radius, inner_radius : float
+        Of a circle that holds the clear area, and of one that is not clear [mm].
     """
 
     half_width: float = np.inf
@@ -110,10 +132,22 @@ class Region:
     edge: float = 0.0
     blocks: bool = True
     inverted: bool = False
+    centre: tuple[float, float] = (0.0, 0.0)
+    radius: float = np.inf
+    inner_radius: float = 0.0
+
+    @property
+    def is_round(self) -> bool:
+        """Whether it has a circle, or lies beside the axis."""
+        return self.centre != (0.0, 0.0) or np.isfinite(self.radius) or self.inner_radius > 0
 
     def holds(self, x: Array, y: Array) -> Mask:
         """Return which points lie inside."""
-        inside = (np.abs(x) <= self.half_width) & (np.abs(y) <= self.half_height)
+        across, up = x - self.centre[0], y - self.centre[1]
+        inside = (np.abs(across) <= self.half_width) & (np.abs(up) <= self.half_height)
+        if self.is_round:
+            square = across * across + up * up
+            inside &= (square <= self.radius * self.radius) & (square >= self.inner_radius * self.inner_radius)
         if self.normal_degrees is not None:
             angle = np.radians(self.normal_degrees)
             inside &= x * np.cos(angle) + y * np.sin(angle) >= self.edge
@@ -367,6 +401,9 @@ class Prescription:
         Doubts about the prescription that do not make it unusable.
     first_sense : float
         Which way light comes to the first surface: 1 to +z; -1 for a part of a lens that begins behind a mirror.
+    fold : SurfacePose or None
+        How the axes of the scene stand in the frame of the lens, whose z is the axis of the film; None where mirrors do
+        not fold the axis. Rays before the first surface are then counted in the axes of the scene.
     """
 
     name: str
@@ -380,6 +417,7 @@ class Prescription:
     floating: tuple[FocusState, ...] = ()
     warnings: tuple[str, ...] = ()
     first_sense: float = 1.0
+    fold: SurfacePose | None = None
 
     def with_changes(self, changes: Mapping[int, Mapping[str, Any]], **of_lens: Any) -> Self:
         """Return the lens with attributes of some surfaces changed, by their numbers, and perhaps some of its own."""
@@ -438,6 +476,14 @@ class Prescription:
     def sense(self) -> float:
         """Which way light travels to the film: 1 to +z, -1 to -z behind an odd number of mirrors."""
         return float(self.senses[-1])
+
+    def from_scene_axes(self, points: Array, directions: Array) -> tuple[Array, Array]:
+        """Return points and directions (3, n) of the axes of the scene in the frame of the lens."""
+        return self.fold.outward(points, directions) if self.fold else (points, directions)
+
+    def in_scene_axes(self, points: Array, directions: Array) -> tuple[Array, Array]:
+        """Return points and directions (3, n) of the frame of the lens in the axes of the scene."""
+        return self.fold.inward(points, directions) if self.fold else (points, directions)
 
     @property
     def has_mirrors(self) -> bool:

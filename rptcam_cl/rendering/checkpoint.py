@@ -206,7 +206,7 @@ class Saver:
         *,
         allow_mixed: bool = False,
     ) -> None:
-        self.path, self.part = Path(path), part
+        self.path, self.part, self._scene = Path(path), part, scene
         self._layout = FilmLayout.of(scene.film)
         self._facts = {
             "version": __version__,
@@ -270,10 +270,32 @@ class Saver:
         """Read the file; raise if it is of another render."""
         saved = read_checkpoint(self.path)
         check_facts(self.path, saved.facts)
-        for name, value in self._facts.items():
+        facts = self._facts
+        if self._may_go_on(saved, self._scene.render.noise):
+            before = {"noise": saved.facts["noise"]}
+            scene = self._scene.model_copy(update={"render": self._scene.render.model_copy(update=before)})
+            facts = facts | before | {"scene": scene.content_hash()}
+        for name, value in facts.items():
             if saved.facts.get(name) != value:
                 raise self._misfit(name, saved.facts.get(name), value)
         return saved
+
+    def _may_go_on(self, saved: Checkpoint, noise: float | None) -> bool:
+        """Return whether a lower noise target can go on, with the bits of one run.
+
+        It can while each tile that was left alone meets it, too: those that do not have missed samples and decisions.
+        """
+        target, error, tiles = (saved.facts.get("noise"), *map(saved.arrays.get, ("noise_error", "noise_tiles")))
+        if target is None or noise is None or noise >= target or error is None or tiles is None:
+            return False
+        alone = np.setdiff1d(np.arange(len(error)), tiles)
+        missed = int(np.count_nonzero(~(error[alone] <= noise)))
+        if missed:
+            raise StateError(
+                f"{self.path}: does not continue this render: {missed} of {len(error)} tiles met its noise target"
+                f" {target:g} and were left alone, but do not meet {noise:g}; --noise {target:g} goes on"
+            )
+        return True
 
     def _misfit(self, name: str, saved: Any, wanted: Any) -> StateError:
         if name == "part":

@@ -641,6 +641,8 @@ def ghosting_of(scene: Scene | None, plan: Plan, session: Session) -> Ghosting |
         raise InputError(
             f"camera.ghosts: {setting.lens.name}: a half lens has ghosts that are not known (allowed: off)"
         )
+    if setting.lens.fold is not None:
+        raise InputError(f"camera.ghosts: {setting.lens.name}: ghosts of a folded axis are not known (allowed: off)")
     return Ghosting(scene, plan, session)
 
 

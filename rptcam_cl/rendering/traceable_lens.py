@@ -202,7 +202,9 @@ class LensTracer:
         traced = lens_records(
             lens, wavelength_nm, side, 0.0, double=double, dispersive=dispersive, transmission=transmission
         )
+        self.folds = lens.fold is not None and not self.backwards
         self.facts = traced.facts | {"VW": self.lanes, "DOUBLE": int(double), "LENS_KEEP_FAILED": 1}
+        self.facts |= {"LENS_FOLD": 1} if self.folds else {}
         self._kept: dict[tuple[int, int], tuple[Any, Any]] = {}
         self.lens = {
             "surfaces": session.upload(traced.surfaces),
@@ -226,6 +228,8 @@ class LensTracer:
         surfaces
             Number of surfaces, in the order in which rays meet them, behind which they are stopped; all by default.
         """
+        if self.folds:
+            points, vectors = self._into_lens(points, vectors)
         count = rows.stop if isinstance(rows, slice) else len(rows)
         size = PACKETS * self.lanes * GROUP
         capacity = min(-(-count // size) * size, BLOCK)
@@ -243,6 +247,18 @@ class LensTracer:
             launch.enqueue(capacity // (PACKETS * self.lanes), min(self.session.group, GROUP))
             out = self.session.read(memory, self.real, table.size).reshape(table.shape)
             self._unpack(out[:, : high - low], rays, part, self._end(surfaces))
+        if self.backwards and surfaces is None and self.surfaces_of.fold is not None:
+            done = np.arange(count)[rows] if isinstance(rows, slice) else rows
+            done = done[rays.status[done] == 0]
+            ends = self.surfaces_of.in_scene_axes(rays.origins[done].T, rays.directions[done].T)
+            rays.origins[done], rays.directions[done] = (values.T for values in ends)
+
+    def _into_lens(self, points: Array, vectors: Array) -> tuple[Array, Array]:
+        """Return rays of the axes of the scene in the frame of the lens, from the plane of the first vertex."""
+        points, vectors = np.asarray(points, np.float64), np.asarray(vectors, np.float64)
+        near = points - vectors * (points[:, 2:] / vectors[:, 2:])
+        p, d = self.surfaces_of.from_scene_axes(near.T, vectors.T)
+        return p.T, d.T
 
     def _bound(self, capacity: int, size: int) -> tuple[Any, Any]:
         """Return memory for so many rays and the kernel that traces them, kept from one bundle to the next."""
@@ -260,7 +276,8 @@ class LensTracer:
         stopped; a ray that misses a surface stays on the one before.
         """
         count = len(points)
-        corners = [np.array(points, np.float64)]
+        begin = points if self.backwards else self.surfaces_of.from_scene_axes(points.T, vectors.T)[0].T
+        corners = [np.array(begin, np.float64)]
         for surfaces in range(1, int(self.lens["count"]) + 1):
             rays = Rays(np.empty((count, 3)), np.empty((count, 3)), np.empty(count, np.int32),
                         np.empty(count, np.int32), np.empty(0))  # fmt: skip

@@ -476,7 +476,9 @@ RAY_FAN = 9  # rays of each wavelength that pass
 BEYOND = 3  # and on each side, as far as there is glass, that do not
 LINE = 145  # rays that find out which pass
 SCOUTS = (40, 40)
-ACROSS = 24  # rays that span the beam of the spot each way
+ACROSS = 24  # rays that span the beam of a film point each way
+FINER = (48, 96)  # and those of its spot, until its radius moves by less than
+CONVERGED = 0.005
 DOTS = 120  # of each wavelength that are drawn
 FREQUENCIES = np.arange(0.0, 101.0, 5.0)  # [cycles/mm]
 CENTRED_MM = 1e-6
@@ -582,8 +584,18 @@ def _beam(state: LensState, start: Array, across: Array, box: Array) -> dict[str
     entrance = origins - directions * (origins[:, 2:] / directions[:, 2:])
     mean = directions.mean(axis=0)
     angle = float(np.degrees(np.arctan2(np.hypot(*mean[:2]), -mean[2])))
-    spots = _spots(state, entrance, mean, across)
-    return {"field_degrees": round(angle, 3), "spot": _spot(spots), "mtf": _mtf(spots)}
+    spots, moved = _spots(state, entrance, mean, across, ACROSS), np.inf
+    for count in FINER:
+        radius, spots = _radius(spots), _spots(state, entrance, mean, across, count)
+        moved = abs(radius / _radius(spots) - 1) if _radius(spots) else 0.0
+        if moved < CONVERGED:
+            break
+    spot = _spot(spots)
+    return {
+        "field_degrees": round(angle, 3),
+        "spot": spot and spot | {"relative_error": round(moved, 4)},
+        "mtf": _mtf(spots),
+    }
 
 
 def _scouts(state: LensState, start: Array, box: Array) -> Rays:
@@ -594,15 +606,21 @@ def _scouts(state: LensState, start: Array, box: Array) -> Rays:
     return state.from_film.trace(points, targets - start, np.full(len(targets), state.setting.camera.wavelength_nm))
 
 
-def _spots(state: LensState, entrance: Array, mean: Array, across: Array) -> list[FilmSpot]:
+def _radius(spots: list[FilmSpot]) -> float:
+    """Return the root mean square radius of spots about their common centroid [mm]; 0 without rays."""
+    together = np.concatenate([spot.points for spot in spots])
+    return float(np.sqrt(together.var(axis=0).sum())) if len(together) else 0.0
+
+
+def _spots(state: LensState, entrance: Array, mean: Array, across: Array, count: int) -> list[FilmSpot]:
     """Return the spots of each wavelength: rays of one object point, spread over the plane of the first vertex.
 
     Their axes are sagittal and tangential: across the plane of the section, and in it.
     """
     (u0, v0), (u1, v1) = entrance[:, :2].min(axis=0), entrance[:, :2].max(axis=0)
     margin = np.array([u1 - u0, v1 - v0]) / ACROSS
-    u, v = (np.linspace(low - gap, high + gap, ACROSS) for low, high, gap in ((u0, u1, margin[0]), (v0, v1, margin[1])))
-    grid = np.column_stack([*(axis.ravel() for axis in np.meshgrid(u, v)), np.zeros(ACROSS**2)])
+    u, v = (np.linspace(low - gap, high + gap, count) for low, high, gap in ((u0, u1, margin[0]), (v0, v1, margin[1])))
+    grid = np.column_stack([*(axis.ravel() for axis in np.meshgrid(u, v)), np.zeros(count**2)])
     along = -mean / np.linalg.norm(mean)
     if np.isinf(state.object_mm):
         vectors = np.broadcast_to(along, grid.shape)
@@ -616,9 +634,9 @@ def _spots(state: LensState, entrance: Array, mean: Array, across: Array) -> lis
         else np.minimum(2 * state.size_mm, lengths)
     )
     origins = grid - vectors / lengths * back
-    count, axes = len(state.wavelengths_nm), np.stack([[across[1], -across[0]], across], axis=1)
+    colours, axes = len(state.wavelengths_nm), np.stack([[across[1], -across[0]], across], axis=1)
     wavelengths = np.repeat(state.wavelengths_nm, len(grid))
-    rays = state.from_scene.trace(np.tile(origins, (count, 1)), np.tile(vectors, (count, 1)), wavelengths)
+    rays = state.from_scene.trace(np.tile(origins, (colours, 1)), np.tile(vectors, (colours, 1)), wavelengths)
     good = rays.passed
     step = (state.film_z - rays.origins[:, 2:]) / np.where(good[:, None], rays.directions[:, 2:], 1.0)
     film = (rays.origins[:, :2] + rays.directions[:, :2] * step) @ axes

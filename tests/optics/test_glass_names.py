@@ -135,6 +135,7 @@ def test_bad_tables_of_indices_are_refused(table, message):
         ("PMMA_SZCZUROWSKI", 1.4906, "taken as PMMA-Szczurowski"),
         ("SK19_Schott", 1.613, "taken as 1.613 / 57.4, the code 613574 of SCHOTT's old catalogues"),
         ("sk19", 1.613, "the code 613574"),
+        ("SK1", 1.610, "1.61 / 56.7, the code 610567 of SCHOTT's old catalogues; P-SK60 (SCHOTT) 1.61035 / 57.9"),
     ],
 )
 def test_names_with_their_authors_and_of_old_glasses_are_taken_with_a_word(tmp_path, name, nd, words):

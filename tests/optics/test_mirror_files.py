@@ -1,8 +1,11 @@
 """Mirrors, rings and folds as files of Zemax, CODE V and our own have them, read and written."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.files.export import codev_text, lens_text, zemax_text
 from rptcam_cl.optics.library import load_lens
 from tests.optics.test_mirrors import BEAM, axial, cassegrain, crossing
@@ -144,4 +147,61 @@ def test_rays_through_folded_lenses_are_those_of_ray_optics(tmp_path):
         [-0.0001884995764714903, 0.7134718187434236, -0.700683900433613],
     ]
     np.testing.assert_allclose(directions.T, expected, atol=1e-13)
-    assert any("mirrors fold the axis" in text for text in folded.warnings)
+
+
+def test_the_film_of_a_folded_lens_stands_where_its_axis_ends(tmp_path):
+    """The axis comes to the middle of the film at a right angle; rays go back the way that they came."""
+    path = tmp_path / "folded.seq"
+    path.write_text(FOLDED)
+    folded = load_lens(path)
+    axis = folded.trace([[0, 0, 0]], [[0, 0, 1]], 555.0, "scene")
+    np.testing.assert_allclose(axis.origins[0, :2], 0, atol=1e-10)
+    np.testing.assert_allclose(axis.directions[0], [0, 0, folded.sense], atol=1e-10)
+    there = folded.trace([[0.1, 0.3, 0], [0.2, -0.25, 0]], [[0, 0, 1], [0.01, 0.02, 1]], 555.0, "scene")
+    back = folded.trace(there.origins + 3 * there.directions, -there.directions, 555.0, "film")
+    start = back.origins - back.directions * (back.origins[:, 2:] / back.directions[:, 2:])
+    np.testing.assert_allclose(start, [[0.1, 0.3, 0], [0.2, -0.25, 0]], atol=1e-9)
+    np.testing.assert_allclose(back.directions[0], [0, 0, -1], atol=1e-9)
+    (tmp_path / "again.yaml").write_text(lens_text(folded))
+    again = load_lens(tmp_path / "again.yaml").trace([[0.2, -0.25, 0]], [[0.01, 0.02, 1]], 555.0, "scene")
+    np.testing.assert_allclose(again.origins[0], there.origins[1], atol=1e-9)
+    with pytest.raises(InputError, match="its axis is folded"):
+        zemax_text(folded)
+
+
+def test_axes_folded_out_of_the_plane_are_those_of_the_file(tmp_path):
+    """Five mirrors at 45 degrees turn the axis down, to the side and down: turns by a right angle about y are among
+    them, which x and z then share. Two that are moved by 6 and 5 leave the axis 1 beside the film.
+    """
+    breaks = [
+        ((0, 0, 45, 0), -40),
+        ((0, 0, -45, 0), 40),
+        ((0, 0, 0, -45), -60),
+        ((0, -6, 45, 0), 55),
+        ((0, 5, 0, -45), -40),
+    ]
+    lines = ["MODE SEQ", "UNIT MM", "ENPD 4", "SURF 0", "TYPE STANDARD", "DISZ INFINITY"]
+    lines += ["SURF 1", "STOP", "TYPE STANDARD", "DISZ 30", "DIAM 2"]
+    for (x, y, about_x, about_y), way in breaks:
+        for move, thickness in (((x, y), 0), ((0, 0), way)):
+            values = (*move, about_x, about_y, 0, 0)
+            lines += [
+                "SURF 2",
+                "TYPE COORDBRK",
+                *(f"PARM {k + 1} {v}" for k, v in enumerate(values)),
+                f"DISZ {thickness}",
+            ]
+            if thickness == 0:
+                lines += ["SURF 3", "TYPE STANDARD", "GLAS MIRROR 0 0", "DIAM 40", "DISZ 0"]
+    for curvature, thickness in ((-1 / 60, -5), (1 / 60, -55)):
+        glass = ["GLAS N-BK7 0 0"] if thickness == -5 else []
+        lines += ["SURF 4", "TYPE STANDARD", f"CURV {curvature!r}", f"DISZ {thickness}", *glass, "DIAM 11"]
+    path = tmp_path / "folded.zmx"
+    path.write_text("\n".join([*lines, "SURF 5", "TYPE STANDARD", ""]))
+    lens = load_lens(path)
+    mirrors = replace(lens, surfaces=lens.surfaces[:-2], stop_index=0)
+    rays = mirrors.trace([[0, 0, -10], [0.5, 0.25, -10]], [[0, 0, 1], [0, 0, 1]], start="scene")
+    np.testing.assert_allclose(rays.directions, [[0, 0, -1]] * 2, atol=1e-12)
+    np.testing.assert_allclose(rays.origins[0, :2], [0, 1], atol=1e-12)
+    np.testing.assert_allclose(rays.origins[1, :2] - [0, 1], [0.5, 0.25], atol=1e-12)  # local axes follow mirrors
+    assert lens.trace([[0, 0, -10]], [[0, 0, 1]], start="scene").passed.all()

@@ -5,7 +5,7 @@ import pytest
 
 import rptcam_cl
 from rptcam_cl.core.colour import LUMINANCE
-from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.device.session import open_session
 from rptcam_cl.rendering.film import TILE_PIXELS, FilmLayout
 from rptcam_cl.rendering.plan.plan import make_plan
@@ -182,3 +182,22 @@ def test_black_picture_is_done_at_once():
 def test_wrong_target_is_refused(noise):
     with pytest.raises(InputError, match=r"render\.noise"):
         rptcam_cl.load_scene(still_life() | {"render": {"noise": noise}})
+
+
+@pytest.mark.parametrize(("first", "then"), [(0.02, 0.015), (0.05, 0.02), (0.02, 0.03)])
+def test_a_saved_render_goes_on_to_a_lower_noise_or_says_why_not(tmp_path, first, then):
+    """It has the bits of one run while every tile that was left alone meets the new target, too."""
+
+    def rendered(noise, spp, **options):
+        return rptcam_cl.render(still_life(), noise=noise, spp=spp, size=(48, 32), seed=3, **options)
+
+    state = {"checkpoint": tmp_path / "a.rpck", "resume": True}
+    tiles = rendered(first, 64, **state).stats["noise"]["met"]
+    assert 0 < tiles < 1
+    if then == 0.015:
+        assert np.asarray(rendered(then, 192, **state)).tobytes() == np.asarray(rendered(then, 192)).tobytes()
+        return
+    why = "4 of 24 tiles met its noise target 0.05 .* do not meet 0.02; --noise 0.05 goes on"
+    with pytest.raises(StateError, match=why if then < first else "its noise is 0.02, and this render's 0.03"):
+        rendered(then, 192, **state)
+    assert rendered(first, 72, **state).stats["noise"]["target"] == first

@@ -10,7 +10,7 @@ from typing import Any
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics.files.table import AxisFrame, LensTable, model_glass, numbers
+from rptcam_cl.optics.files.table import AxisFrame, LensTable, model_glass, numbers, opening_beside_the_axis
 from rptcam_cl.optics.glass import AbbeCauchy
 from rptcam_cl.optics.lens import Lens
 
@@ -128,7 +128,8 @@ def read_codev(text: str, path: str, makers: tuple[str, ...] = ()) -> Lens:
         decentre, tilt = _three(surface.bend, TILTS[:3]), _three(surface.bend, TILTS[3:])
         if surface.way != "REV":
             frame.bend(decentre, tilt)
-        row = _row(surface, table, private) | frame.keys()
+        row = _row(surface, table, private)
+        frame.stand(row)
         if surface.way == "REV":
             frame.unbend(decentre, tilt)
         elif surface.way == "DAR":
@@ -139,7 +140,7 @@ def read_codev(text: str, path: str, makers: tuple[str, ...] = ()) -> Lens:
             row["thickness"] = surface.thickness
         frame.advance(surface.thickness)
         table.rows.append(row)
-    table.note_fold(frame.is_nominal)
+    table.place(frame)
     if table.rows and not any(surface.stop for surface in surfaces):
         table.rows[0]["stop"] = True  # as in that program
     table.size_stop()
@@ -346,8 +347,9 @@ def _row(surface: _Surface, table: LensTable, private: Mapping[str, Any]) -> dic
     if "REX" in surface.clear and "REY" in surface.clear:
         row["clear"] = {"rectangle": [2 * abs(surface.clear["REX"]), 2 * abs(surface.clear["REY"])]}
         row.setdefault("diameter", 2 * math.hypot(surface.clear["REX"], surface.clear["REY"]))
-    if (offset := math.hypot(*(surface.bend.get(key, 0.0) for key in OFFSETS))) and "diameter" in row:
-        row["diameter"] = table.around_the_axis(surface.line, row["diameter"], offset)
+    x, y = (surface.bend.get(key, 0.0) for key in OFFSETS)
+    if (x or y) and {"diameter", "clear", "inner_diameter"} & row.keys():
+        opening_beside_the_axis(row, (x, y), surface.diameter or 0.0, row.pop("inner_diameter", 0.0))
     if surface.glass.upper() == "REFL":
         row["mirror"] = True
     elif (medium := _medium(surface.glass, surface.line, table, private)) is not None:

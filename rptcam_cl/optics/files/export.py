@@ -40,7 +40,7 @@ from rptcam_cl.optics.image_quality import default_fields, setting
 from rptcam_cl.optics.lens import Lens, limiting_surface
 from rptcam_cl.optics.shapes import Biconic, Toroid, short_radius
 from rptcam_cl.optics.stop_shape import StopShape
-from rptcam_cl.optics.surface import FocusState, Region, Surface, SurfacePose
+from rptcam_cl.optics.surface import FocusState, Region, Surface, SurfacePose, tilt_of
 
 # What files of other programs have in common when a lens is written: what they cannot say, beam, rows, tilts.
 
@@ -85,6 +85,8 @@ def refuse(lens: Lens, form: str, of_surfaces: Iterable[tuple[int, str]], of_who
         reasons.append(f"the medium in front of it is {lens.object_medium.name}, not air: a {form} begins in air")
     if lens.configurations:
         reasons.append("it is a zoom lens (choose a focal length)")
+    if lens.fold is not None:
+        reasons.append("its axis is folded, and its film stands across the last part of it")
     where: dict[str, list[str]] = {}
     for k, reason in of_surfaces:
         where.setdefault(reason, []).append(str(k))
@@ -125,10 +127,8 @@ def model_of(medium: Medium) -> tuple[float, float]:
 
 def tilts(pose: SurfacePose) -> tuple[float, float, float]:
     """Return right-handed turns [degrees] about x, then the new y, then the new z, that make up the tilt of a pose."""
-    r = pose.matrix()
-    y = math.asin(float(np.clip(r[0, 2], -1, 1)))
-    x, z = math.atan2(-r[1, 2], r[2, 2]), math.atan2(-r[0, 1], r[0, 0])
-    return math.degrees(x), math.degrees(y), math.degrees(z)
+    x, y, z = tilt_of(pose.matrix().T)  # of the way back, which turns in the other order
+    return -x, -y, -z
 
 
 def number(value: float) -> str:
@@ -156,6 +156,8 @@ def sequence_reasons(lens: Lens) -> Iterator[tuple[int, str]]:
         region = surface.region
         if region is not None and (region.inverted or region.normal_degrees is not None or not region.blocks):
             yield k, "only a part of it is there"
+        elif region is not None and region.is_round:
+            yield k, "its opening lies beside the axis"
         if surface.form is not None and not isinstance(surface.form, Biconic | Toroid):
             yield k, f"it is {surface.form.description}"
         if isinstance(surface.form, Biconic) and surface.aspheric:
@@ -484,6 +486,8 @@ def lens_text(lens: Lens, comments: Sequence[str] = ()) -> str:
         lines.append(f"marked_f_number: {_flow(lens.published['marked_f_number'])}")
     if lens.object_medium != AIR:
         lines.append(f"object_medium: {_flow(_medium(lens.object_medium))}")
+    if lens.fold is not None:
+        lines.append(f"fold: {_flow(_pose(lens.fold))}")
     lines.append("surfaces:")
     last = len(lens.surfaces) - 1
     lines += [f"  - {_flow(_surface_keys(lens, k, k == last))}" for k in range(last + 1)]
@@ -555,13 +559,12 @@ def _shape(surface: Surface) -> dict[str, Any]:
 
 def _pose(pose: SurfacePose) -> dict[str, Any]:
     """Return decentre and tilt: the matrix is a turn about x, then y, then z."""
-    r = pose.matrix()
-    tilt = [math.atan2(r[2, 1], r[2, 2]), math.asin(float(np.clip(-r[2, 0], -1, 1))), math.atan2(r[1, 0], r[0, 0])]
+    tilt = tilt_of(pose.matrix())
     row: dict[str, Any] = {}
     if any(pose.offset) or not any(tilt):
         row["decentre"] = list(pose.offset)
     if any(tilt):
-        row["tilt_degrees"] = [math.degrees(angle) for angle in tilt]
+        row["tilt_degrees"] = list(tilt)
     return row
 
 
@@ -571,6 +574,12 @@ def _region(region: Region, where: str) -> dict[str, Any]:
     clear: dict[str, Any] = {}
     if math.isfinite(region.half_width):
         clear["rectangle"] = [2 * region.half_width, 2 * region.half_height]
+    if any(region.centre):
+        clear["centre"] = list(region.centre)
+    if math.isfinite(region.radius):
+        clear["diameter"] = 2 * region.radius
+    if region.inner_radius:
+        clear["inner_diameter"] = 2 * region.inner_radius
     if region.normal_degrees is not None:
         clear |= {"half_plane_degrees": region.normal_degrees, "edge": region.edge}
     return {"clear": clear} if region.blocks else {"clear": clear, "outside": "pass"}

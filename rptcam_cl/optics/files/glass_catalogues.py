@@ -433,8 +433,9 @@ def other_name(name: str) -> tuple[Any, str] | None:
     code = _RETIRED.get(plain_glass_name(base)) if makers_of(last or "schott") == ("schott",) else None
     if code is None:
         return None
-    nd, vd = 1 + int(code[:3]) / 1000, int(code[3:]) / 10
-    return {"nd": nd, "vd": vd}, f"{nd:g} / {vd:g}, the code {code} of SCHOTT's old catalogues"
+    nd, vd = round(1 + int(code[:3]) / 1000, 3), int(code[3:]) / 10
+    nearest = f"{near_glass_words(nd, vd, ('schott',))} is their nearest now"
+    return {"nd": nd, "vd": vd}, f"{nd:g} / {vd:g}, the code {code} of SCHOTT's old catalogues; {nearest}"
 
 
 def find_glass(name: str) -> Medium | None:
@@ -470,9 +471,9 @@ def near_glasses(nd: float, vd: float, makers: Sequence[str] = (), count: int = 
     return sorted(known, key=distance)[:count]
 
 
-def near_glass_words(nd: float, vd: float) -> str:
+def near_glass_words(nd: float, vd: float, makers: Sequence[str] = ()) -> str:
     """Return the nearest glass in words: ``N-BK7 (SCHOTT) 1.5168 / 64.17``."""
-    glass = near_glasses(nd, vd, count=1)[0]
+    glass = near_glasses(nd, vd, makers, count=1)[0]
     return f"{glass.name} ({glass.maker.upper()}) {glass.nd:g} / {glass.vd:.4g}"
 
 

@@ -123,6 +123,9 @@ SHAPE = {
 
 CLEAR = {
     "rectangle": Key("Width and height [unit].", {"type": "array", "items": POSITIVE, "minItems": 2, "maxItems": 2}),
+    "centre": Key("[x, y] of the rectangle and the circles [unit]; the axis by default.", numbers(2, 2)),
+    "diameter": Key("Of a circle [unit].", POSITIVE),
+    "inner_diameter": Key("Of a circle within which light is blocked [unit].", POSITIVE),
     "half_plane_degrees": Key("Direction from the axis into the half plane, from +x towards +y.", NUMBER),
     "edge": Key("Distance of the half plane's edge from the axis [unit]; 0 by default.", NUMBER),
 }
@@ -204,6 +207,11 @@ LENS = {
         POSITIVE,
     ),
     "unit": Key("Of all lengths; mm by default.", {"enum": list(UNITS_MM)}),
+    "fold": Key(
+        "Of a lens whose axis mirrors fold: how the axes of the scene stand in those of the lens, whose z is that of"
+        " the film.",
+        mapping(POSE, minProperties=1),
+    ),
     "object_medium": Key("Glass in front of the lens; air by default.", GLASS_VALUE),
     "coating": Key("Of every surface between glass and air that has none of its own; bare by default.", COATING_VALUE),
     "surfaces": Key(

@@ -355,7 +355,20 @@ def _region(fields: Fields, scale: float) -> Region | None:
         width, height = size
     normal = inner.number("half_plane_degrees") if "half_plane_degrees" in inner else None
     edge = inner.number("edge", 0.0) * scale
-    return Region(width * scale / 2, height * scale / 2, normal, edge, outside == "block")
+    region = Region(width * scale / 2, height * scale / 2, normal, edge, outside == "block")
+    if not any(key in inner for key in ("centre", "diameter", "inner_diameter")):
+        return region
+    centre = inner.numbers("centre") if "centre" in inner else (0.0, 0.0)
+    if len(centre) != 2:
+        raise inner.fail("centre", "expected [x, y]")
+    radii = (
+        inner.positive(key) * scale / 2 if key in inner else other
+        for key, other in (("diameter", math.inf), ("inner_diameter", 0.0))
+    )
+    radius, inner_radius = radii
+    if not radius > inner_radius:
+        raise inner.fail("inner_diameter", "must be below the diameter")
+    return replace(region, centre=(centre[0] * scale, centre[1] * scale), radius=radius, inner_radius=inner_radius)
 
 
 # The keys `configurations`, `focusing` and `floating` of a lens file: zoom positions and groups that move to focus.
@@ -478,10 +491,21 @@ def read_native(document: Document) -> Lens:
         configurations=read_configurations(top, len(surfaces), scale),
         focusing=read_focusing(top, len(surfaces), scale),
         floating=read_floating(top, len(surfaces), scale),
+        fold=_fold(top, scale),
     )
     if lens.configurations:
         lens = in_configuration(lens, lens.configurations[0].name)
     return check_lens(lens, lambda index, key, text: problem(document, ("surfaces", index, key), text))
+
+
+def _fold(top: Fields, scale: float) -> SurfacePose | None:
+    """Return how the axes of the scene stand in those of the lens, whose gaps are then fixed."""
+    if "fold" not in top:
+        return None
+    for key in ("configurations", "focusing", "floating"):
+        if key in top:
+            raise top.fail(key, "a lens whose axis is folded focuses by its film alone")
+    return read_pose(top.inner("fold", keys.POSE), scale)
 
 
 def _unit(top: Fields) -> float:

@@ -17,7 +17,9 @@ from rptcam_cl.optics.files.glass_catalogues import named_glass, near_glass_word
 from rptcam_cl.optics.files.native import document_of, read_native
 from rptcam_cl.optics.glass import NO_DISPERSION
 from rptcam_cl.optics.lens import Lens, limiting_surface, system_matrix
-from rptcam_cl.optics.surface import rotation_matrix
+from rptcam_cl.optics.surface import rotation_matrix, tilt_of
+
+Array = NDArray[np.float64]
 
 # Coordinate breaks of sequential lens files, followed along the axis and turned into the pose of each surface.
 
@@ -36,6 +38,7 @@ class AxisFrame:
         self.place = np.zeros(3)
         self.turn = np.eye(3)
         self.nominal = 0.0
+        self.stands: list[tuple[Any, Array, Array, float]] = []
 
     @property
     def is_nominal(self) -> bool:
@@ -70,22 +73,37 @@ class AxisFrame:
         self.turn = self.turn @ bent.turn.T
         self.place = self.place - self.turn @ np.array(decentre)
 
-    def keys(self) -> dict[str, list[float]]:
-        """Return the decentre and tilt keys of a surface that stands here; empty on the axis."""
-        if self.is_nominal:
-            return {}
-        offset = self.place - (0.0, 0.0, self.nominal)
-        return {"decentre": [float(v) for v in offset], "tilt_degrees": [float(v) for v in self._angles()]}
+    def stand(self, row: dict[str, Any]) -> None:
+        """Remember that the surface of a row stands here."""
+        self.stands.append((row, self.place, self.turn, self.nominal))
 
-    def _angles(self) -> tuple[float, float, float]:
-        """Return the turns about x, then y, then z that make up the rotation [degrees]."""
-        r = self.turn
-        y = np.arcsin(np.clip(-r[2, 0], -1.0, 1.0))
-        x, z = np.arctan2(r[2, 1], r[2, 2]), np.arctan2(r[1, 0], r[0, 0])
-        return float(np.degrees(x)), float(np.degrees(y)), float(np.degrees(z))
+    def place_rows(self, straight: bool) -> dict[str, list[float]]:
+        """Give each row its decentre and tilt.
 
+        Parameters
+        ----------
+        straight
+            Whether in the frame of the first surface; else in one whose axis goes through the film, which stands here.
 
-Array = NDArray[np.float64]
+        Returns
+        -------
+        mapping
+            Decentre and tilt of the axes of the scene in that frame; empty where it is the same.
+        """
+        back = self.turn.T
+
+        def keys(place: Array, turn: Array, nominal: float) -> dict[str, list[float]]:
+            if not straight:  # else to the bit as they are
+                place, turn = back @ (place - self.place) + (0.0, 0.0, self.nominal), back @ turn
+            offset = place - (0.0, 0.0, nominal)
+            if np.allclose(place, (0, 0, nominal)) and np.allclose(turn, np.eye(3)):
+                return {}
+            return {"decentre": [float(v) for v in offset], "tilt_degrees": [float(v) for v in tilt_of(turn)]}
+
+        for row, place, turn, nominal in self.stands:
+            row |= keys(place, turn, nominal)
+        return {} if straight else keys(np.zeros(3), np.eye(3), 0.0)
+
 
 STEEPEST = math.tan(math.radians(60))  # field that diameters are chosen for
 LEAST_GLASS = 0.3  # of a six-digit code: 003283 means n_d = 2.003
@@ -163,11 +181,6 @@ class LensTable:
         """Return the first of some words as a finite number, or say where there is none."""
         return numbers(words[:1], self.path, line, 1)[0]
 
-    def around_the_axis(self, line: int, diameter: float, offset: float) -> float:
-        """Return the diameter about the axis that holds an opening beside it, with a note."""
-        self.note(line, f"an opening {offset:g} beside the axis is read as the circle around the axis that holds it")
-        return diameter + 2 * offset
-
     def lens(self) -> Lens:
         """Return the lens, its notes among the warnings."""
         if not self.rows:
@@ -179,12 +192,15 @@ class LensTable:
         lens = read_native(type(document)(document.data, self.path, {}, {}))
         return lens.with_warnings(tuple(self.notes))
 
-    def note_fold(self, ends_on_the_axis: bool) -> None:
-        """Remember that the film does not stand where mirrors have folded the axis to."""
-        if not ends_on_the_axis and any(row.get("mirror") for row in self.rows):
+    def place(self, frame: AxisFrame) -> None:
+        """Place the surfaces and the film, which stands where mirrors have folded the axis to."""
+        folds = not frame.is_nominal and any(row.get("mirror") for row in self.rows)
+        if fold := frame.place_rows(not folds):
+            self.keys["fold"] = fold
+        elif not frame.is_nominal:
             self.notes.append(
-                f"{self.path}: mirrors fold the axis: rays are traced to the last surface as the file has it, but"
-                " a film stands across the axis of the first one"
+                f"{self.path}: its image is moved or tilted against the axis of the first surface, but the film stands"
+                " across that axis"
             )
 
     def glass(self, name: str, line: int, nd: float | None = None, vd: float | None = None) -> Any:
@@ -223,7 +239,11 @@ class LensTable:
         The rim of the stop yields to that beam, but not `stop_opening`.
         """
         stop = next((k for k, row in enumerate(self.rows) if row.get("stop")), None)
-        if stop is None or not (self.pupil_diameter or self.f_number or self._cone):
+        if (
+            stop is None
+            or "centre" in self.rows[stop].get("clear", {})
+            or not (self.pupil_diameter or self.f_number or self._cone)
+        ):
             return
         lens = self._tiny_lens()
         beam = 2 * abs(float(system_matrix(lens, LINE_D_NM, 0, stop, False)[0] @ self._beam(lens, stop)[:, 0]))
@@ -251,7 +271,7 @@ class LensTable:
         """Return the lens with diameters that every shape reaches, for first-order data [unit]."""
         tiny = [{**row, "diameter": UNKNOWN_DIAMETER, "inner_diameter": None} for row in self.rows]
         tiny = [{k: v for k, v in row.items() if v is not None} for row in tiny]
-        before = {"object_medium": self.keys["object_medium"]} if "object_medium" in self.keys else {}
+        before: dict[str, Any] = {key: self.keys[key] for key in ("object_medium", "fold") if key in self.keys}
         return read_native(document_of({"name": self.path, "surfaces": tiny, **before}))
 
     def _beam(self, lens: Lens, stop: int) -> Array:
@@ -334,6 +354,28 @@ class LensTable:
         if not limits:
             raise InputError(f"{self.path}: gives no diameters, and no pupil or f-number to work them out from")
         return float(min(limits))
+
+
+def opening_beside_the_axis(
+    row: dict[str, Any], centre: tuple[float, float], diameter: float, inner_diameter: float
+) -> None:
+    """Move what a row clears to a centre [unit]: its rectangle, a circle and one that is blocked; 0 is no circle.
+
+    Its diameter about the axis becomes one that holds the opening, where there is one.
+    """
+    clear = row.setdefault("clear", {})
+    clear["centre"] = [float(value) for value in centre]
+    if diameter:
+        clear["diameter"] = diameter
+    if inner_diameter:
+        clear["inner_diameter"] = inner_diameter
+    reach = [diameter / 2 + math.hypot(*centre)] if diameter else []
+    if "rectangle" in clear:
+        reach.append(
+            math.hypot(*(side / 2 + abs(middle) for side, middle in zip(clear["rectangle"], centre, strict=True)))
+        )
+    if reach:
+        row["diameter"] = 2 * min(reach)
 
 
 def _sag(row: dict[str, Any], height: float) -> float:

@@ -10,7 +10,7 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.files.glass_catalogues import makers_of
 from rptcam_cl.optics.files.native import bfs_powers
-from rptcam_cl.optics.files.table import AxisFrame, LensTable, model, numbers
+from rptcam_cl.optics.files.table import AxisFrame, LensTable, model, numbers, opening_beside_the_axis
 from rptcam_cl.optics.lens import Lens
 
 UNITS = {"MM": "mm", "CM": "cm", "IN": "in", "METER": "m"}
@@ -39,8 +39,7 @@ class _Surface:
     rectangle: list[float] | None = None
     inner_radius: float = 0.0
     outer_radius: float = 0.0
-    offset: float = 0.0
-    line_of_offset: int = 0
+    offset: tuple[float, float] = (0.0, 0.0)
 
     @property
     def is_mirror(self) -> bool:
@@ -55,11 +54,11 @@ class _Surface:
     def semi_diameter(self) -> float:
         """Return the radius beyond which light ends, 0 when nothing says it; the stop is no wider than its beam.
 
-        Of an opening beside the axis it is its own.
+        Of an opening beside the axis it is what is drawn.
         """
         drawn = self.values.get("DIAM", 0.0)
-        if self.outer_radius <= 0 or self.offset:
-            return self.outer_radius if self.offset and self.outer_radius > 0 else max(drawn, 0.0)
+        if self.outer_radius <= 0 or any(self.offset):
+            return max(drawn, 0.0)
         return min(drawn, self.outer_radius) if self.stop and drawn > 0 else self.outer_radius
 
 
@@ -86,15 +85,16 @@ def read_zemax(text: str, path: str, makers: tuple[str, ...] = ()) -> Lens:
             if table.rows and thickness:
                 table.rows[-1]["thickness"] = table.rows[-1].get("thickness", 0.0) + thickness
             continue
-        row = _row(surface, table) | frame.keys()
-        if surface.stop and surface.outer_radius > 0 and not surface.offset:
+        row = _row(surface, table)
+        frame.stand(row)
+        if surface.stop and surface.outer_radius > 0 and not any(surface.offset):
             table.stop_opening = 2 * surface.outer_radius
         if not last:
             row["thickness"] = thickness
         frame.advance(thickness)
         table.rows.append(row)
         openings.append(surface.has_aperture)
-    table.note_fold(frame.is_nominal)
+    table.place(frame)
     _trim(table, openings)
     table.size_stop()
     return table.lens()
@@ -184,8 +184,8 @@ def _take(surface: _Surface, key: str, rest: list[str], line: int, table: LensTa
     elif key == "SCBD" and any(numbers(rest[3:], table.path, line)):
         table.note(line, "SCBD, a decentre and tilt in a surface's own line, is ignored")
     elif key == "OBDC":
-        surface.offset = math.hypot(*numbers(rest[:2], table.path, line, 2))
-        surface.line_of_offset = line
+        x, y = numbers(rest[:2], table.path, line, 2)
+        surface.offset = (x, y)
     elif key in MEANT:
         table.note(line, f"{key} is ignored")
 
@@ -219,13 +219,13 @@ def _row(surface: _Surface, table: LensTable) -> dict[str, Any]:
         row["stop"] = True
     if surface.semi_diameter > 0:
         row["diameter"] = 2 * surface.semi_diameter
-        if surface.offset:
-            row["diameter"] = table.around_the_axis(surface.line_of_offset, row["diameter"], surface.offset)
     if surface.rectangle and all(surface.rectangle):
         row["clear"] = {"rectangle": surface.rectangle}
     if surface.values.get("CONI"):
         row["conic"] = surface.values["CONI"]
-    if surface.inner_radius > 0 and not surface.offset:
+    if any(surface.offset) and surface.has_aperture:
+        opening_beside_the_axis(row, surface.offset, 2 * surface.outer_radius, 2 * surface.inner_radius)
+    elif surface.inner_radius > 0:
         row["inner_diameter"] = 2 * surface.inner_radius
     if surface.is_mirror:
         row["mirror"] = True

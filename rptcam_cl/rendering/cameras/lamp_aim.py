@@ -470,7 +470,7 @@ def aimed_at_lamps(
     on_disk
         Whether tables with a name are kept from one run to the next.
     """
-    if camera.reach is None or camera.facts.get("FILM_MOVED"):
+    if camera.reach is None or camera.facts.get("FILM_MOVED") or camera.facts.get("LENS_FOLD"):
         return camera
 
     def make() -> LampTables:

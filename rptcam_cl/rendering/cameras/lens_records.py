@@ -108,7 +108,9 @@ def colour_error_px(
 
     Rays from film points on the axis, at 0.7 and 1 of the half diagonal go through a square of points of the exit pupil
     at the wavelength of the camera and at those of `EXTREMES_NM`; where they meet the object plane tells how far their
-    image points lie apart. Lateral and axial colour both count.
+    image points lie apart. Lateral and axial colour both count. It is coarse on purpose, as it decides whether colours
+    are rendered: 17 x 17 points of the pupil and 9 of the film find up to 41 % more for lenses that vignette much, and
+    a stray ray at a rim (petzval-51mm) made it 3.6 times as large as those find it.
     """
     low, high = usable_nm(lens)
     half_film_mm = np.array(film.size_m()) / 2 * 1e3
@@ -262,6 +264,8 @@ def _fill_region(record: np.void, region: Region, joins: bool) -> None:
     record["inverted"] = region.inverted
     largest = float(np.finfo(np.float32).max)
     record["half_width"], record["half_height"] = min(region.half_width, largest), min(region.half_height, largest)
+    record["centre_x"], record["centre_y"] = region.centre
+    record["radius2"], record["inner_radius2"] = min(region.radius**2, largest), region.inner_radius**2
     record["edge"] = -largest
     if region.normal_degrees is not None:
         angle = np.radians(region.normal_degrees)
@@ -287,18 +291,22 @@ def _facts(lens: Lens, records: NDArray[np.void]) -> dict[str, int]:
     kinds = records["kind"]
     general = bool(np.any(kinds >= SurfaceKind.ASPHERE))
     of_forms = {fact: 1 for surface in lens.surfaces if surface.form for fact in surface.form.facts}
-    return of_forms | {
-        "LENS_CONIC": int(bool(np.any(kinds == SurfaceKind.CONIC_KIND))),
-        "LENS_GENERAL": int(general),
-        "LENS_CYLINDER": int(any(surface.cylinder is not None for surface in lens.surfaces)),
-        "LENS_ODD": int(bool(np.any(records["odd_terms"] > 0))),
-        "LENS_POSE": int(any(surface.pose is not None for surface in lens.surfaces)),
-        "LENS_OUTLINE": int(bool(np.any(records["stop_shape"] == StopKind.OUTLINE))),
-        "LENS_MASK": int(bool(np.any(records["stop_shape"] == StopKind.MASK))),
-        "LENS_MIRROR": int(lens.has_mirrors),
-        "LENS_RING": int(lens.is_obstructed),
-        "LENS_REGION": int(any(surface.region is not None for surface in lens.surfaces)),
-    }
+    return (
+        of_forms
+        | {
+            "LENS_CONIC": int(bool(np.any(kinds == SurfaceKind.CONIC_KIND))),
+            "LENS_GENERAL": int(general),
+            "LENS_CYLINDER": int(any(surface.cylinder is not None for surface in lens.surfaces)),
+            "LENS_ODD": int(bool(np.any(records["odd_terms"] > 0))),
+            "LENS_POSE": int(any(surface.pose is not None for surface in lens.surfaces)),
+            "LENS_OUTLINE": int(bool(np.any(records["stop_shape"] == StopKind.OUTLINE))),
+            "LENS_MASK": int(bool(np.any(records["stop_shape"] == StopKind.MASK))),
+            "LENS_MIRROR": int(lens.has_mirrors),
+            "LENS_RING": int(lens.is_obstructed),
+            "LENS_REGION": int(any(surface.region is not None for surface in lens.surfaces)),
+        }
+        | ({"LENS_ROUND_REGION": 1} if any(s.region and s.region.is_round for s in lens.surfaces) else {})
+    )
 
 
 # A way of light between the surfaces of a lens as device records, in the order in which light meets them.

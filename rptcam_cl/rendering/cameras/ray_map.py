@@ -496,6 +496,10 @@ def fitted_rays(
     lens: Lens, setting: LensSetting, film: Film, range_nm: tuple[float, float] | None, max_error_px: float
 ) -> LensRays:
     """Return the polynomials of a lens, as `fitted_map` does."""
+    if lens.fold is not None:
+        raise InputError(
+            f"camera.rays: {lens.name}: its axis is folded, which no polynomials are fitted to (allowed: traced)"
+        )
     fitted = fitted_map(lens, setting, film, range_nm, max_error_px)
     records = lens_records(lens, setting.camera.wavelength_nm, "film", setting.film_distance_mm)
     rows = [len(lens.surfaces) - 1 - k for k in fitted.surfaces]

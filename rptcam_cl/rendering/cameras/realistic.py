@@ -35,6 +35,7 @@ from rptcam_cl.rendering.cameras.setting import (
     half_film_mm,
     movements_metadata,
     place_film,
+    place_fold,
 )
 from rptcam_cl.rendering.cameras.shared_pupil import Window, paraxial_irradiance, pupil_in_windows, shared_sampling
 from rptcam_cl.scene.film import LensColour
@@ -103,7 +104,7 @@ def realistic_model(
     return CameraModel(
         through.kernel,
         record,
-        facts=through.facts | pupil.facts | place_film(record, scene),
+        facts=through.facts | pupil.facts | place_film(record, scene) | place_fold(record, lens),
         tables=np.concatenate([pupil.table, through.table]),
         surfaces=through.surfaces,
         stop=through.stop,

@@ -161,6 +161,17 @@ def place_film(record: NDArray[np.void], scene: Scene, distance_mm: float | None
     return {"FILM_MOVED": 1}
 
 
+def place_fold(record: NDArray[np.void], lens: Lens) -> dict[str, int]:
+    """Write to a camera's record how the axes of the scene stand in the frame of its lens; return the facts."""
+    if lens.fold is None:
+        return {}
+    turn = lens.fold.matrix().T
+    rows = np.column_stack([turn, -turn @ np.array(lens.fold.offset)])
+    for name, row in zip(("fold_x", "fold_y", "fold_z"), rows, strict=True):
+        record[name][0] = row
+    return {"LENS_FOLD": 1}
+
+
 def check_film(lens: Lens, film_distance_mm: float, scene: Scene) -> None:
     """Refuse a film that reaches the lens.
 

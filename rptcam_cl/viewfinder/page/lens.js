@@ -137,7 +137,7 @@ export class LensView {
     const stopped = [...count].map(([surface, times]) => `${times} at ${surface}`).join(", ");
     this.field.textContent = `${Number.isFinite(field) ? `${digits(field)}° off the axis: ` : ""}${rays.length - blocked.length} of ${rays.length} rays pass${stopped ? `; blocked ${stopped}` : ""}`;
     this.spot.replaceChildren(...[
-      spot?.points_um?.length && h("figure", {}, spotPlot(spot), h("figcaption", {}, `Spot, ${digits(spot.rms_um)}\u00a0µm RMS`)),
+      spot?.points_um?.length && h("figure", {}, spotPlot(spot), h("figcaption", {}, `Spot, ${digits(spot.rms_um)}\u00a0µm RMS ±\u00a0${digits(100 * (spot.relative_error ?? 0))}\u00a0%`)),
       mtf?.frequencies?.length && h("figure", {}, mtfPlot(mtf), h("figcaption", {}, h("b", { class: "vf-tangential" }, "tangential"), " ", h("b", { class: "vf-sagittal" }, "sagittal"))),
     ].filter(Boolean));
   }
