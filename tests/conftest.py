@@ -8,7 +8,9 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-from rptcam_cl.device import session
+# For NumPy, which is imported after this: beside other processes, the threads of its linear algebra burn ten times the
+# work in waiting for each other.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 # The same examples on every run: a machine's fast tests pass or fail by the code alone.
 settings.register_profile("repeatable", derandomize=True, deadline=None)
@@ -35,6 +37,8 @@ def pictures_that_compile_soonest() -> Iterator[None]:
 
     Compiling takes most of the time of the tests. Full kernels are compared in `rendering/test_quick_kernels.py`.
     """
+    from rptcam_cl.device import session
+
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(session, "FEW_SAMPLES", 1 << 40)
         yield
