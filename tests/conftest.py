@@ -57,3 +57,11 @@ def processes_that_compile_modules_once(tmp_path_factory: pytest.TempPathFactory
             place = own.parent if "PYTEST_XDIST_WORKER" in os.environ else own  # the workers have one
             patch.setenv("PYTHONPYCACHEPREFIX", str(place / "bytecode"))
         yield
+
+
+@pytest.fixture(scope="session")
+def session():
+    """The session of all tests that need one, so that a program is built once."""
+    from tests.device.probes import open_session
+
+    return open_session()

@@ -25,11 +25,6 @@ def cache_of_few_kernels(monkeypatch, tmp_path):
     monkeypatch.setattr(selfcheck_suite, "pocl_cache_folder", lambda: tmp_path)
 
 
-@pytest.fixture(scope="module")
-def session() -> Session:
-    return Session(choose_device())
-
-
 def checks_of(session, name):
     return [check for checks, _ in run_suite(session, {name: SUITE[name]}) for check in checks]
 
