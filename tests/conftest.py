@@ -1,5 +1,6 @@
 """What every test may ask for."""
 
+import gc
 import os
 from collections.abc import Iterator
 from pathlib import Path
@@ -7,11 +8,21 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-from rptcam_cl.device import session
+# For NumPy, which is imported after this: beside other processes, the threads of its linear algebra burn ten times the
+# work in waiting for each other.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 # The same examples on every run: a machine's fast tests pass or fail by the code alone.
 settings.register_profile("repeatable", derandomize=True, deadline=None)
 settings.load_profile("repeatable")
+
+# Thousands of tests are objects that stay: to look through them again and again takes a third of their collection.
+gc.disable()
+
+
+def pytest_collection_finish() -> None:
+    gc.freeze()
+    gc.enable()
 
 
 @pytest.fixture(scope="session")
@@ -26,6 +37,8 @@ def pictures_that_compile_soonest() -> Iterator[None]:
 
     Compiling takes most of the time of the tests. Full kernels are compared in `rendering/test_quick_kernels.py`.
     """
+    from rptcam_cl.device import session
+
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(session, "FEW_SAMPLES", 1 << 40)
         yield
@@ -40,5 +53,15 @@ def processes_that_compile_modules_once(tmp_path_factory: pytest.TempPathFactory
     with pytest.MonkeyPatch.context() as patch:
         if os.environ.get("PYTHONDONTWRITEBYTECODE"):
             patch.delenv("PYTHONDONTWRITEBYTECODE")
-            patch.setenv("PYTHONPYCACHEPREFIX", str(tmp_path_factory.mktemp("bytecode")))
+            own = tmp_path_factory.getbasetemp()
+            place = own.parent if "PYTEST_XDIST_WORKER" in os.environ else own  # the workers have one
+            patch.setenv("PYTHONPYCACHEPREFIX", str(place / "bytecode"))
         yield
+
+
+@pytest.fixture(scope="session")
+def session():
+    """The session of all tests that need one, so that a program is built once."""
+    from tests.device.probes import open_session
+
+    return open_session()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import cached_property
+from functools import cache, cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -451,12 +451,18 @@ def encircled_function(pupil: PupilFunction, about: tuple[float, float]) -> Call
     return shares
 
 
-def _bessel_1(x: Array) -> Array:
-    """Return J1: from its integral by the trapezoidal rule, and far out by Hankel's expansion (Watson, 7.21)."""
+@cache
+def _near_bessel_1() -> tuple[Array, Array]:
+    """J1 up to ``FAR``, from its integral by the trapezoidal rule."""
     steps = int(FAR) + 64
     t = (np.arange(steps) + 0.5) * np.pi / steps
     known = np.linspace(0.0, FAR, BESSEL_STEPS)
-    values = np.cos(t - known[:, None] * np.sin(t)).mean(axis=1)
+    return known, np.cos(t - known[:, None] * np.sin(t)).mean(axis=1)
+
+
+def _bessel_1(x: Array) -> Array:
+    """J1, far out by Hankel's expansion (Watson, 7.21)."""
+    known, values = _near_bessel_1()
     far = np.maximum(x, FAR)
     turn = far - 0.75 * np.pi
     even = 1 + 15 / (128 * far**2) - 4725 / (32768 * far**4)

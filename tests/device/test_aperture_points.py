@@ -6,7 +6,7 @@ from PIL import Image, ImageDraw
 
 from rptcam_cl.rendering.cameras.ideal import stop_shape
 from rptcam_cl.scene.load import load_scene
-from tests.device.probes import camera_rays, open_session
+from tests.device.probes import camera_rays
 from tests.support.statistics import chi_squared
 
 RADIUS = 0.25
@@ -24,11 +24,6 @@ SHAPES = {
     "S, which no point sees all of": {"shape": "outline", "points": S, "rotation_degrees": 20},
     "picture": {"shape": "image", "file": "mask.png"},
 }
-
-
-@pytest.fixture(scope="module")
-def session():
-    return open_session()
 
 
 @pytest.fixture(scope="module")

@@ -10,13 +10,9 @@ from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.library import load_lens
 from rptcam_cl.optics.ray_trace import Status, refract
 from rptcam_cl.optics.surface import Surface
-from tests.optics.truth import truth, truth_lens
+from tests.optics.truth import radius, truth, truth_lens
 
 EXTREMES = truth("extremes_open")
-
-
-def radius(case):
-    return np.inf if case["R"] == "inf" else float(case["R"])
 
 
 def column(values):

@@ -1,6 +1,7 @@
 """The lens truth files: 50-digit rays, first-order data, spots and irradiance that three programs agree on."""
 
 import json
+import math
 from functools import cache
 from pathlib import Path
 
@@ -47,3 +48,8 @@ def _row(surface: dict, label: str) -> dict:
     if surface["kind"] in ("cyl_x", "cyl_y"):
         row["cylinder"] = surface["kind"][-1]
     return row
+
+
+def radius(case):
+    """That of the surface of a case."""
+    return math.inf if case["R"] == "inf" else float(case["R"])

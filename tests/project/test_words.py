@@ -3,6 +3,7 @@
 import re
 import tokenize
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 # Words that no identifier has, alone or between others.
@@ -34,9 +35,17 @@ def is_retired(name: str) -> bool:
     return name in CLASSES or (name not in STANDARD and bool(words(name) & RETIRED))
 
 
-def names_of_python(path: Path) -> Iterator[str]:
+@cache
+def read_python(path: Path) -> tuple[set[str], list[tuple[int, str]]]:
+    """The names of a file; its comments and texts of several lines, with the lines that they begin at."""
+    names, texts = set(), []
     with path.open("rb") as stream:
-        yield from (token.string for token in tokenize.tokenize(stream.readline) if token.type == tokenize.NAME)
+        for token in tokenize.tokenize(stream.readline):
+            if token.type == tokenize.NAME:
+                names.add(token.string)
+            elif token.type == tokenize.COMMENT or (token.type == tokenize.STRING and '"""' in token.string):
+                texts.append((token.start[0], token.string))
+    return names, texts
 
 
 def names_of_kernel(text: str) -> list[str]:
@@ -46,7 +55,7 @@ def names_of_kernel(text: str) -> list[str]:
 
 def found(checkout: Path) -> dict[str, set[str]]:
     """Retired names by the file they stand in."""
-    names = {path: set(names_of_python(path)) for path in (checkout / "rptcam_cl").rglob("*.py")}
+    names = {path: read_python(path)[0] for path in (checkout / "rptcam_cl").rglob("*.py")}
     kernels = [path for path in (checkout / "kernels").rglob("*") if path.suffix in (".h", ".cl")]
     names |= {path: set(names_of_kernel(path.read_text("utf-8"))) for path in kernels}
     retired = {str(path.relative_to(checkout)): set(filter(is_retired, all_)) for path, all_ in names.items()}
@@ -78,18 +87,10 @@ def test_retired_words_are_found_in_names_and_not_in_others() -> None:
     assert not any(map(is_retired, ["finish", "stand_in", "standard", "legendre", "lookup", "undecided", "Outlook"]))
 
 
-def prose_of_python(path: Path) -> Iterator[tuple[int, str]]:
-    """Comments and texts of several lines, with the lines that they begin at."""
-    with path.open("rb") as stream:
-        for token in tokenize.tokenize(stream.readline):
-            if token.type == tokenize.COMMENT or (token.type == tokenize.STRING and '"""' in token.string):
-                yield token.start[0], token.string
-
-
 def prose(checkout: Path) -> Iterator[tuple[Path, int, str]]:
     """All prose of the checkout: a file, the line where a piece begins, and the piece."""
     for path in (checkout / "rptcam_cl").rglob("*.py"):
-        yield from ((path, number, text) for number, text in prose_of_python(path))
+        yield from ((path, number, text) for number, text in read_python(path)[1])
     for path in (checkout / "kernels").rglob("*.[hc]*"):
         lines = enumerate(path.read_text("utf-8").splitlines(), 1)
         yield from ((path, number, line.partition("//")[2]) for number, line in lines)

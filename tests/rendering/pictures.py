@@ -1,5 +1,6 @@
 """Pictures for tests: seeds that follow from the test, small scenes, and means with their errors."""
 
+import hashlib
 from collections.abc import Mapping
 from typing import Any
 from zlib import crc32
@@ -63,3 +64,8 @@ def looking(eye: Any, target: Any, fov: float = 40.0, up: Any = (0, 0, 1), **res
 def lamp(radiance: Any, *, two_sided: bool = False) -> dict[str, Any]:
     """Return an emissive material."""
     return {"kind": "emissive", "radiance": radiance, "two_sided": two_sided}
+
+
+def bits(image: rptcam_cl.Image) -> str:
+    """The hash of a picture."""
+    return hashlib.sha256(np.asarray(image).tobytes()).hexdigest()

@@ -5,12 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rptcam_cl.device.session import Session
 from rptcam_cl.rendering.film import FilmLayout, seed_words
 from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.rendering.tracer import Wavefront
 from rptcam_cl.scene.load import change_scene, load_scene
-from tests.device.probes import camera_rays, open_session
+from tests.device.probes import camera_rays
 from tests.rendering.pictures import lamp, scene_of, seed_of
 from tests.support.statistics import Z
 
@@ -124,11 +123,6 @@ def light(session, name, fault=exact, seeds=8):
         one, other = (rendered(wavefront, seed_of(f"light {name} {k}"), 64).mean() for wavefront in pair)
         apart.append(other / one - 1)
     return float(np.mean(apart)), float(np.std(apart, ddof=1) / np.sqrt(seeds))
-
-
-@pytest.fixture(scope="module")
-def session() -> Session:
-    return open_session()
 
 
 @pytest.mark.parametrize("name", LENSES)

@@ -1,6 +1,5 @@
 """Interrupted renders go on to the same bits, and nothing else is taken for them."""
 
-import hashlib
 import subprocess
 import sys
 import time
@@ -13,7 +12,7 @@ import rptcam_cl
 from rptcam_cl.core.errors import StateError
 from rptcam_cl.rendering import checkpoint as saving
 from rptcam_cl.scene.load import load_scene
-from tests.rendering.pictures import seed_of
+from tests.rendering.pictures import bits, seed_of
 from tests.rendering.test_determinism import LENS
 from tests.rendering.test_world import still_life
 
@@ -22,10 +21,6 @@ SIZE = (50, 37)
 
 def scene(name):
     return still_life() | ({"camera": LENS} if name == "lens" else {})
-
-
-def bits(image):
-    return hashlib.sha256(np.asarray(image).tobytes()).hexdigest()
 
 
 def until(count):

@@ -12,7 +12,7 @@ import rawpy
 import rptcam_cl
 from rptcam_cl.cli import main
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.device.session import Session, open_session
+from rptcam_cl.device.session import Session
 from rptcam_cl.imaging.sensor import SensorModel, expose
 from tests.imaging.sensor.sensors import photon_transfer
 from tests.support.statistics import assert_equivalent
@@ -38,11 +38,6 @@ environment: {kind: gradient, bottom: [0.1, 0.2, 0.3], top: [0.8, 0.6, 0.4]}
 render: {spp: 4}
 sensor: {full_well_e: 900}
 """
-
-
-@pytest.fixture(scope="module")
-def session() -> Session:
-    return open_session()
 
 
 def test_photon_transfer_of_a_rendered_flat_field_gives_back_what_was_put_in(session: Session) -> None:

@@ -17,17 +17,13 @@ from rptcam_cl.optics.library import load_lens
 from rptcam_cl.optics.ray_trace import Status
 from rptcam_cl.optics.surface import Surface, SurfacePose
 from rptcam_cl.studies.selfcheck_suite import surface_errors
-from tests.optics.truth import truth, truth_lens
+from tests.optics.truth import radius, truth, truth_lens
 from tests.rendering.cameras.beams import PRECISIONS, film_beam, generator, on_device, scaled
 
 EXTREMES = truth("extremes_open")
 GROUPS = sorted({case["group"] for case in EXTREMES["intersect"]})
 CRITICAL = 1e-6  # of cos^2 behind the surface: nearer to the critical angle the device blocks the ray
 EPS = {"single": 2.0**-24, "double": 2.0**-53}
-
-
-def radius(case):
-    return np.inf if case["R"] == "inf" else float(case["R"])
 
 
 def unit(vector):

@@ -9,7 +9,7 @@ from rptcam_cl.api.interface import render
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.scene.load import change_scene, load_scene
-from tests.device.probes import camera_rays, open_session
+from tests.device.probes import camera_rays
 
 WIDTH = 96
 DISTANCE_M = 2.0
@@ -24,11 +24,6 @@ def scene_of(lens="dgauss-50mm", width_mm=36.0, **camera):
             "environment": {"kind": "constant", "radiance": 1},
         }
     )  # fmt: skip
-
-
-@pytest.fixture(scope="module")
-def session():
-    return open_session()
 
 
 def both_ways(session, scene, spoil=None):

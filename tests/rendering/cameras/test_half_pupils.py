@@ -12,7 +12,7 @@ from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.rendering.progressive import render_plan
 from rptcam_cl.rendering.tracer import Wavefront
 from rptcam_cl.scene.load import load_scene
-from tests.device.probes import camera_rays, open_session
+from tests.device.probes import camera_rays
 from tests.rendering.pictures import MATTE, WHITE, scene_of
 from tests.support.statistics import Z
 
@@ -49,11 +49,6 @@ def rays_round(scene):
     """The float64 rays of the place and of four round it."""
     steps = np.array([[0, 0], [200, 0], [-200, 0], [0, 200], [0, -200]])
     return camera_of(scene).pupil_rays(PLACE + steps)
-
-
-@pytest.fixture(scope="module")
-def session():
-    return open_session()
 
 
 @pytest.mark.parametrize("split", ["x", "y"])

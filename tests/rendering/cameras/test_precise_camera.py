@@ -16,7 +16,7 @@ from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.rendering.scene_buffers import camera_buffers
 from rptcam_cl.rendering.traceable_lens import trace_on_device
 from rptcam_cl.scene.load import change_scene, load_scene
-from tests.device.probes import open_session, wave_record
+from tests.device.probes import wave_record
 
 POSE = {"eye": [0, 0, 0], "target": [0, 0, -1]}
 ROUNDING = 2.0**-24
@@ -81,11 +81,6 @@ def aimed(scene, lens, aims):
     back = lens_setting(scene).film_distance_mm
     film = np.column_stack([aims[0], aims[1], np.full(aims.shape[1], lens.length + back)])
     return film, np.column_stack([aims[2], aims[3], np.full(aims.shape[1], lens.length)]) - film
-
-
-@pytest.fixture(scope="module")
-def session():
-    return open_session()
 
 
 def errors(exact, origins, directions, status):

@@ -1,5 +1,7 @@
 """Polynomials in place of a lens, on the host, beside rays traced in float64."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -16,6 +18,7 @@ PIXELS_PER_MM = 1920 / 36
 DISTANCES_MM = (1900.0, 1e9)
 
 
+@cache
 def mapped(name: str, wavelengths=587.5618, pixels_per_mm=PIXELS_PER_MM):
     """Return a lens focused at two metres, its distance to the film and its polynomials."""
     lens = load_lens(name)

@@ -11,18 +11,13 @@ from rptcam_cl.rendering.plan.environment import cell_shares, compensate
 from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
 from rptcam_cl.scene.load import load_scene
-from tests.device.probes import open_session, run
+from tests.device.probes import run
 from tests.rendering.light.pictures import bilinear, direction_of, rough_sky, save_exr
 from tests.rendering.pictures import MATTE, looking, pixels, scene_of
 from tests.support.statistics import ALPHA, chi_squared
 
 CAMERA = {"kind": "environment", "eye": [0, 0, 0], "target": [0, 0, -1]}
 FILM = {"resolution": [64, 32]}
-
-
-@pytest.fixture(scope="module")
-def session() -> Session:
-    return open_session()
 
 
 def sampled(session, folder, sky, count, lanes=8, **keys):

@@ -6,24 +6,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rptcam_cl.device.session import Session
 from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.rendering.plan.emitters import Lamps, lamps_of, light_tree, variance_by_power
 from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
 from rptcam_cl.rendering.tracer import Wavefront
 from rptcam_cl.scene.load import load_scene
-from tests.device.probes import open_session, run
+from tests.device.probes import run
 from tests.rendering.light.test_environment_pictures import batches
 from tests.rendering.pictures import MATTE, flat_mean, lamp, looking, scene_of
 from tests.support.statistics import assert_equivalent, assert_same_tiles
 
 GROUND = {"shape": "plane", "point": [0, 0, 0], "normal": [0, 0, 1], "material": MATTE}
-
-
-@pytest.fixture(scope="module")
-def session() -> Session:
-    return open_session()
 
 
 def assorted(spread=6.0):

@@ -7,12 +7,10 @@ import numpy as np
 import pytest
 
 from rptcam_cl.core.records import Kind
-from rptcam_cl.device.session import Session
 from rptcam_cl.rendering.plan.emitters import area_of_solid
 from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.rendering.plan.primitives import scene_primitives
 from rptcam_cl.scene.load import load_scene
-from tests.device.probes import open_session
 from tests.rendering.light.lamps import lit, picks, unit_numbers
 from tests.rendering.light.test_environment_pictures import batches
 from tests.rendering.pictures import MATTE, flat_mean, lamp, looking, scene_of, seed_of
@@ -37,11 +35,6 @@ PLACES = {"skewed and mirrored": [0, 0, 4], "thin": [0, 4, 0], "long": [4, 0, 0]
 POINTS = {"near": [0.5, 0.6, 1.9], "far": [-3.0, 1.0, -30.0], "aside": [-1.5, 2.0, 0.2]}  # from the middle of a lamp
 CASES = [(shape, name) for shape in SHAPES for name in MAPS]
 LEVEL = sidak(ALPHA, len(SHAPES) * len(POINTS))
-
-
-@pytest.fixture(scope="module")
-def session() -> Session:
-    return open_session()
 
 
 def every_lamp():

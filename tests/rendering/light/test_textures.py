@@ -7,22 +7,16 @@ import PIL.Image
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.device.session import Session
 from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
 from rptcam_cl.scene.load import load_scene
-from tests.device.probes import open_session, run
+from tests.device.probes import run
 from tests.rendering.light.pictures import save_exr
 
 CAMERA = {"kind": "pinhole", "eye": [0, 0, 5], "target": [0, 0, 0], "fov_degrees": 40}
 RNG = np.random.default_rng(11)
 COUNT = 1 << 13
 PLACES = RNG.uniform(-3, 4, (2, COUNT)).astype(np.float32)
-
-
-@pytest.fixture(scope="module")
-def session() -> Session:
-    return open_session()
 
 
 def looked_up(session, texture, folder, places=PLACES, lanes=8):

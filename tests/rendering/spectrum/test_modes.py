@@ -1,7 +1,5 @@
 """Three ways to carry the colour of light: where nothing disperses and nothing but RGB is known, they agree."""
 
-import hashlib
-
 import numpy as np
 import pytest
 from scipy import stats
@@ -16,17 +14,13 @@ from rptcam_cl.rendering import tracer
 from rptcam_cl.rendering.plan.plan import WAVELENGTH_CELLS, least_noise, make_plan, primary_spectra, wavelength_table
 from rptcam_cl.scene.load import load_scene
 from tests.device.probes import open_session
-from tests.rendering.pictures import WHITE, batches, looking, pixels, scene_of, seed_of
+from tests.rendering.pictures import WHITE, batches, bits, looking, pixels, scene_of, seed_of
 from tests.rendering.spectrum.scenes import SINGLET_BACK_MM, paper_camera, room, singlet, white_wall
 from tests.support.statistics import Z, assert_equivalent, assert_same_tiles, chi_squared
 
 SMALL = {"resolution": (48, 32)}
 GLASS_BALL = {"kind": "dielectric", "glass": "SF11"}
 FORCED = {mode: {"mode": mode, "lens": "on"} for mode in ("dispersive", "spectral")}
-
-
-def bits(image):
-    return hashlib.sha256(np.asarray(image).tobytes()).hexdigest()
 
 
 def test_dispersive_without_dispersion_is_rgb_to_the_bit():

@@ -19,9 +19,10 @@ from rptcam_cl.studies.selfcheck_suite import SUITE, run_suite
 from tests.support.mutants import Mutant, assert_found, each_mutant
 
 
-@pytest.fixture(scope="module")
-def session() -> Session:
-    return Session(choose_device())
+@pytest.fixture(autouse=True)
+def cache_of_few_kernels(monkeypatch, tmp_path):
+    """A report counts every file of the driver's cache, which may be a hundred thousand."""
+    monkeypatch.setattr(selfcheck_suite, "pocl_cache_folder", lambda: tmp_path)
 
 
 def checks_of(session, name):
