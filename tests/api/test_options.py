@@ -136,3 +136,25 @@ def test_devices_tell_which_one_is_taken_and_what_is_wrong_with_others(
     first, second = interface.devices()
     assert first == {"id": "0:0", **facts, "problem": "broken", "default": False}
     assert second == {"id": "0:1", **facts, "problem": None if usable else "broken", "default": usable}
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"spp": 3, "samples": (0, 4)}, "spp: does not go with samples, which say where they end"),
+        ({"part": "9/8"}, "part: is none (got 9/8; allowed: as 3/8, from 1/8 to 8/8)"),
+        ({"samples": (4, 4)}, "samples: are out of range (got 4:4; allowed: as 0:64)"),
+        ({"samples": (-1, 4)}, "samples: are out of range (got -1:4"),
+        ({"samples": (0, MAX_SPP)}, f"samples: are out of range (got 0:{MAX_SPP}"),
+        ({"seconds": 0}, "seconds: is out of range"),
+        ({"seconds": float("inf")}, "seconds: is out of range"),
+    ],
+)
+def test_options_that_exclude_each_other_or_are_out_of_range_are_refused(given: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError, match="^" + re.escape(message)):
+        RenderOptions(**given)
+
+
+def test_merge_needs_a_part() -> None:
+    with pytest.raises(InputError, match=r"^parts: there are none"):
+        rptcam_cl.merge([])

@@ -202,3 +202,20 @@ def test_designed_doublet_brings_f_and_c_together(rptcam: Command, tmp_path: Pat
     assert lengths[1] == pytest.approx(100, rel=0.01)  # thin-lens radii, real thickness
     # the ray of d differs by the secondary spectrum, about f / 2500; an uncorrected lens has f / V = f / 64
     assert max(lengths) - min(lengths) < 0.12
+
+
+def test_list_of_lenses_as_text_as_json_and_as_a_table(rptcam: Command) -> None:
+    text, rows, table = (rptcam("lens", "list", *words).out for words in ([], ["--json"], ["--markdown"]))
+    row = next(row for row in json.loads(rows) if row["name"] == "dgauss-50mm")
+    source = row.pop("source")
+    assert row | {"focal_length_mm": 0, "f_number": 0} == {
+        "name": "dgauss-50mm", "lens": "Double Gauss 50 mm f/2", "focal_length_mm": 0, "f_number": 0, "surfaces": 11,
+    }  # fmt: skip
+    assert (row["focal_length_mm"], row["f_number"]) == (pytest.approx(50, abs=0.5), pytest.approx(2, abs=0.05))
+    f, n = f"{row['focal_length_mm']:.4g}", f"{row['f_number']:.3g}"
+    assert f"\n| `dgauss-50mm` | Double Gauss 50 mm f/2 | {f} | {n} | 11 | {source} |\n" in table
+    lines = text.splitlines()
+    assert len(lines) == len(json.loads(rows)) == len(table.splitlines()) - 2
+    assert [line.split()[-5:] for line in lines if line.startswith("dgauss-50mm ")] == [
+        ["Double", "Gauss", "50", "mm", "f/2"]
+    ]

@@ -76,7 +76,7 @@ def test_model_in_place_of_the_scene_is_told_where_it_goes(
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["s.json"], "a scene file is YAML"),
+        (["s.json"], "a scene file is YAML (got .json; allowed: .yaml, .yml)\n"),
         (["s.yaml", "--model", "lost.glb"], "lost.glb: no such file"),
         (["s.yaml", "--hdri", "lost.hdr"], "lost.hdr: no such file"),
         (["s.yaml", "--hdri", __file__], "test_new_and_examples.py: is not a picture that can be read (allowed: PNG"),

@@ -50,8 +50,9 @@ TESTS = {
     "rendering/plan": "rendering/light rendering/caustics rendering/test_emitters scene/test_warnings"
     " rendering/test_shapes",
     "cli": "exchange/calibration/test_camera_outputs exchange/calibration/test_camera_files exchange/pbrt/test_command"
-    " studies/tradeoff/test_command",
+    " exchange/calibration/test_maps studies/tradeoff/test_command optics/measures/test_lens_views",
     "api": "rendering/test_honest_errors cli/test_sweep cli/test_series cli/test_render cli/test_parts"
+    " cli/test_frames_that_follow"
     " rendering/test_sweep rendering/test_settle rendering/test_resume rendering/several/test_shared_renders",
     "kernels/lens": "device/test_camera_rays optics/test_surfaces rendering/test_lens_float64"
     " rendering/cameras/test_losses optics/test_mirrors rendering/cameras/test_ray_map optics/test_coatings"

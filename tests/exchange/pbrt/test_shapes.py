@@ -83,6 +83,11 @@ PARTS = {
 }
 
 
+def test_straight_profiles_need_no_more_triangles_than_their_circle(convert: Convert) -> None:
+    done = convert('Shape "cylinder" "float phimax" 180', HEAD)
+    assert done.says("a mesh of 128 triangles")  # two for each of 64 sides of half a circle
+
+
 @pytest.mark.parametrize("text", PARTS)
 def test_parts_are_meshes_of_the_same_area(convert: Convert, text: str) -> None:
     done = convert(text, HEAD)
