@@ -81,19 +81,17 @@ EQUIVALENT = {
     " & (cosine >= 0))": "only rays along the surface itself",
     "kernels/light/solids.h: *pdf = ((rho2 > 1.0f) & (line.density >= 0.0f) & (line.density < NEVER)) ? line.density"
     " : ZERO;": "a density of 0 is 0 either way",
-    "kernels/light/solids.h: F share = ((x > y) & (x >= z)) ? f.share.x : (y >= z ? f.share.y : f.share.z);": "only rays"
-    " through the edge of a box",
+    "kernels/light/solids.h: F share = ((x > y) & (x >= z)) ? f.share.x : (y >= z ? f.share.y : f.share.z);": "only"
+    " rays through the edge of a box",
     "kernels/light/solids.h: I on_y = NOT(on_x) & ((pick - of_x <= of_y) | (of_z <= 0.0f));": "a single random number",
-    "kernels/light/light_tree.h: for (int e = scene.environment->lamps; e <= scene.emitter_count; ++e) {": "every lane"
-    " has picked before",
     "kernels/caustics/gather.h: on = on & (p.x >= grid->low.x) & (p.y >= grid->low.y) & (p.z > grid->low.z)": "only"
     " points on the rim of the grid",
-    "kernels/caustics/gather.h: Eight photon = load_eight(scene.photons, (more ? k : TRUE) * 8);": "of lanes that are off",
+    "kernels/caustics/gather.h: Eight photon = load_eight(scene.photons, (more ? k : TRUE) * 8);": "of lanes that are"
+    " off",
     "kernels/caustics/gather.h: I k = on ? GATHER(I, scene.photon_cells, cell, ) : TRUE;": "of lanes that are off",
     "kernels/caustics/photon.h: I known = (on & (primitive > 0)) ? primitive : FALSE;": "primitive 0 is FALSE",
-    "kernels/camera/packets.h: paths[i].crossed = TRUE;       // where a camera ray fails is of no interest": "not read",
-    "kernels/geometry/triangle.h: I instance = on ? GATHER(I, scene.primitives, on ? hit.primitive : FALSE, .instance)"
-    " : TRUE;": "of lanes that are off",
+    "kernels/camera/packets.h: paths[i].crossed = TRUE;       // where a camera ray fails is of no interest": "not"
+    " read",
     "kernels/geometry/bvh.h: int z_leads = az >= ax && az > ay;": "y leads as well where both are as long",
 }
 
