@@ -14,6 +14,7 @@ from __future__ import annotations
 import argparse
 import ast
 import difflib
+import importlib
 import json
 import multiprocessing
 import os
@@ -35,6 +36,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 TRACE, TRACED = "RPTCAM_TRACE_TO", "RPTCAM_TRACE_OF"  # variables of the environment by which the trace is asked for
+LIBRARIES = "numpy scipy.stats pydantic yaml hypothesis xdist PIL.Image"  # that most tests import
 LIMIT_S = 600.0  # of all tests of one fault; what never ends is found
 
 # Where the tests of a room are, beside the folder of its name.
@@ -460,6 +462,8 @@ def main() -> None:
     parser.add_argument("--seed", default="1")
     parser.add_argument("--trace", type=Path, help="file that keeps which tests run which lines")
     given = parser.parse_args()
+    for library in LIBRARIES.split():
+        importlib.import_module(library)
     with tempfile.TemporaryDirectory(prefix="rptcam-mutants-") as scratch:
         copy, survivors = Copy(given.room, Path(scratch)), 0
         faults = list(drawn(faults_of(given.room, copy.tree), given.count, f"{given.room} {given.seed}", copy.tree))
