@@ -94,6 +94,7 @@ EQUIVALENT = {
     "kernels/caustics/photon.h: I known = (on & (primitive > 0)) ? primitive : FALSE;": "primitive 0 is FALSE",
     "kernels/camera/packets.h: paths[i].crossed = TRUE;       // where a camera ray fails is of no interest": "not"
     " read",
+    "kernels/build/reinsert.cl: if (won < 0.0f) {": "a move that wins nothing costs nothing",
     "kernels/geometry/bvh.h: int z_leads = az >= ax && az > ay;": "y leads as well where both are as long",
 }
 
