@@ -8,8 +8,8 @@ import sys
 
 LITTER = 150_000  # objects more than before at which cycles are looked for; what a render imports is fewer
 QUICK_TO_START = {
-    # Else numpy's threads for linear algebra wait for one another with the processor on: a fit of 400 terms to 9000 rays
-    # takes 0.5 s with one, and 3 to 8 s with two beside other work; and its last bits go by the number of threads.
+    # Else numpy's threads for linear algebra wait for one another with the processor on: beside other work a fit of 400
+    # terms to 9000 rays takes 3 to 8 s of it with two, and 0.5 s with one; and its last bits go by their number.
     "OPENBLAS_NUM_THREADS": "1",
     "PYDANTIC_DISABLE_PLUGINS": "__all__",  # else it reads what every installed package has to offer
 }
