@@ -159,7 +159,7 @@ def aim(task: Task) -> float | None:
     """
     state, zones = task.renderer.state, dict(enumerate(task.zones))
     try:
-        zone, _, aimed = _state_by_rays(task, state, zones)
+        _, _, aimed = _state_by_rays(task, state, zones)
         if abs(task.drive.image_scale(aimed, state) - 1) > BREATHING:
             aimed = _state_by_rays(task, aimed, zones)[2]
     except InputError:
