@@ -472,6 +472,8 @@ class Engine:
         self._finishing: dict[str, int] = {}  # by slot, the film whose picture is finished
         self._ends = threading.Event()
         self._refining: Slot | None = None
+        self._refined: Slot | None = None  # whose samples were shown last
+        self._show_s = 0.0  # that developing them took
         self._interrupted = False
         self._leaves_alone_until = 0.0
         self._alone_since: float | None = None
@@ -560,6 +562,7 @@ class Engine:
         if not hurries:
             self._reports.inform(clients)
         timeout = self._render(clients)
+        rendered = time.monotonic()
         self._finish_pictures()
         if not clients and timeout is None:
             self._reports.prepare()
@@ -574,6 +577,9 @@ class Engine:
         else:
             self._reports.inform(clients)
             self._tidy()
+        if self._refined is not None:
+            self._refined.pace.note_show(self._show_s + time.monotonic() - rendered)
+            self._refined = None
         if self._requests.any_waits:
             timeout = _POLL_S if timeout is None else min(timeout, _POLL_S)
         timeout = self._let_workers_go_on(timeout)
@@ -680,7 +686,9 @@ class Engine:
             if self._inbox.is_empty and not self._ends.is_set():
                 frame = slot.refine(lambda: not self._interrupted)
                 if frame is not None:
+                    begun = time.monotonic()
                     slot.show(frame, False, answers)
+                    self._refined, self._show_s = slot, time.monotonic() - begun
         finally:
             self._refining = None
 

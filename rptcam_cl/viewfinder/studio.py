@@ -36,7 +36,10 @@ from rptcam_cl.viewfinder.panel import Dials, Panel, read_dials
 
 SCALES = (1.0, 0.5, 0.25, 0.125)
 GLANCE_S = 0.07  # a glance may take: with the way to the page, more than ten of them a second
-TAKE_S = 0.15  # samples of a resting picture may take, so that what the user does next is not kept waiting
+TAKE_S = 0.15  # samples of a resting picture may take at first; what the user does next ends them at once
+LONGEST_S = 3.0  # of a take
+SHOWN_SHARE = 0.08  # of the time of a take, that showing it may take
+GROWTH = 4  # a take has this part of the samples that are there, as fewer are hardly seen
 _HEADROOM = 0.6  # of the time that a larger scale may be foreseen to take before it is tried
 _NEWS = 0.5  # weight of the last measurement
 _MOST_SAMPLES = 4096  # of one take
@@ -55,18 +58,24 @@ class Pace:
         self._index = 1
         self._measured = False
         self._sample_s: float | None = None
+        self._show_s = 0.0
 
     @property
     def scale(self) -> float:
         """Scale of the next glance."""
         return SCALES[self._index]
 
-    @property
-    def samples(self) -> int:
-        """Samples per pixel of the next take."""
+    def samples(self, done: int) -> int:
+        """Return the samples per pixel of the next take of a film that has some."""
         if self._sample_s is None:
             return 1
-        return max(1, min(_MOST_SAMPLES, int(self._take_s / max(self._sample_s, 1e-6))))
+        each = max(self._sample_s, 1e-6)
+        worth = max(self._take_s, self._show_s / SHOWN_SHARE) / each
+        return max(1, min(_MOST_SAMPLES, int(max(worth, done / GROWTH)), int(max(LONGEST_S, self._take_s) / each)))
+
+    def note_show(self, seconds: float) -> None:
+        """Note what it took to show a picture at full scale."""
+        self._show_s = _NEWS * seconds + (1 - _NEWS) * self._show_s if self._show_s else seconds
 
     def note_glance(self, scale: float, seconds: float) -> None:
         """Note what a glance took; the scale goes down at once where it was too slow, and up where there is room."""
@@ -522,7 +531,7 @@ class Slot:
 
     def _add(self) -> None:
         before, begun = self.session.spp, time.monotonic()
-        count = max(1, min(self._next_samples, self.pace.samples, self.target_spp - before))
+        count = max(1, min(self._next_samples, self.pace.samples(before), self.target_spp - before))
         complete = self.session.add(count)
         took = time.monotonic() - begun
         self.pace.note_take(self.session.spp - before, took)
