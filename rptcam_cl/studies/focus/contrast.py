@@ -206,7 +206,8 @@ OFF_MIDDLE = 0.45  # of a step: how far the top may lie from the middle one of t
 CLEAR = 4.0  # standard errors by which a top must rise above the rest
 COARSE, FINE = 0.05, 0.02  # relative standard error of the measure that rounds aim at
 FIRST_SAMPLES, MOST_SAMPLES = 128, 512  # per pixel
-NEAR_SAMPLES = 32  # of a search near a place, whose probes are sharp enough to tell more from fewer
+NEAR_SAMPLES = 64  # of a search near a place, whose probes are sharp enough to tell more from fewer
+PRECISE = 8.0  # parts of a depth of focus, of which a top may err by one
 
 
 def no_contrast(why: str) -> NoContrast:
@@ -252,6 +253,8 @@ def greatest_contrast(probes: Probes, policy: Policy, start: tuple[float, float]
     made, samples = _round(probes, places, stop, first, zones, COARSE, reference)
     peaks = _widen(probes, made, zones, step, samples)
     rounds = math.ceil(math.log(1 / stop) / math.log(OPENING) - 1e-9)
+    if start is not None:  # once more about the top, as the curve of an aberrated lens is lopsided
+        rounds = max(rounds, 1)
     factor = stop ** (-1 / rounds) if rounds else 1.0
     for number in range(rounds):
         stop = 1.0 if number == rounds - 1 else stop * factor
@@ -388,11 +391,15 @@ def _refine(probes: Probes, made: list[Probe], zone: int, peak: Peak, samples: i
     for _ in range(4):
         if peak.rise < CLEAR and samples >= MOST_SAMPLES:
             raise _same_everywhere(peak)
-        if peak.rise >= CLEAR and peak.error < sharp / 8 and _is_even(made, zone, peak, (low, high), WIDEST * sharp):
+        if (
+            peak.rise >= CLEAR
+            and peak.error < sharp / PRECISE
+            and _is_even(made, zone, peak, (low, high), WIDEST * sharp)
+        ):
             return peak
         step = min(max(SHARE * peak.width, sharp), WIDEST / 2 * sharp)
-        if peak.rise < CLEAR or peak.error >= sharp / 8:
-            more = 4.0 if peak.rise < CLEAR else float(np.clip(2 * (8 * peak.error / sharp) ** 2, 2, 16))
+        if peak.rise < CLEAR or peak.error >= sharp / PRECISE:
+            more = 4.0 if peak.rise < CLEAR else float(np.clip(2 * (PRECISE * peak.error / sharp) ** 2, 2, 16))
             samples, made, reference = min(int(more * samples), MOST_SAMPLES), [], peak.place
             step = min(2 * step, WIDEST * sharp)
         for place in _three_places(probes, peak.place, step):

@@ -309,7 +309,7 @@ def find_focus(
 
 
 AIMED = ("contrast", "laplacian", "phase", "hybrid")
-AIMED_REACH = 3.0  # depths of focus
+AIMED_REACH = 4.5  # depths of focus
 
 
 def search(task: Task, method: str) -> FocusReport:

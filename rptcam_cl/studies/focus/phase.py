@@ -528,7 +528,6 @@ def _render_halves(
 CAPTURE = 0.3  # of the zone's side: largest displacement that a probe is to find
 LEAST_STOP = 0.04  # share of the opening
 SAMPLES, MOST_SAMPLES = 64, 512  # per pixel
-NEAR_SAMPLES = 32  # of a search near a state, whose first probe is through the whole opening
 _SPLITS: tuple[Split, ...] = ("x", "y")
 DEVIATIONS = 6.0  # standard errors to either side that the next probe is prepared for
 LEAST_REACH = 5.0  # displacement at full aperture that it is prepared for in any case [pixels]
@@ -604,7 +603,7 @@ class PhaseSearch:
         away = width * self.drive.sharp_vergence(start)
         refusal = "flat"
         for split in _SPLITS:
-            match = self._probe(start, split, NEAR_SAMPLES, (own - away, own + away))
+            match = self._probe(start, split, SAMPLES, (own - away, own + away))
             if match is not None and match.refusal is None and abs(match.vergence - own) <= away:
                 return
             refusal = refusal if match is None else match.refusal or "vague"
@@ -644,7 +643,7 @@ class PhaseSearch:
         NoContrast
             When the target is lost on the way.
         """
-        samples = NEAR_SAMPLES
+        samples = SAMPLES
         while len(self.probes) < MOST_PROBES:
             state = self.state
             if self.moved <= NEAR:
