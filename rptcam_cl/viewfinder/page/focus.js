@@ -107,7 +107,8 @@ export class Focus {
   draw(curve) {
     const points = curve.map((each) => (Array.isArray(each) ? each : [each.position, each.score])).filter(([x, y]) => Number.isFinite(x) && Number.isFinite(y));
     if (points.length < 2) {
-      this.curve.replaceChildren(h("p", { class: "vf-note" }, "This method measures distances: it has no curve."));
+      const why = points.length ? "One probe was enough: there is no curve." : "This method measures distances: it has no curve.";
+      this.curve.replaceChildren(h("p", { class: "vf-note" }, why));
       return;
     }
     const xs = points.map(([x]) => x);
