@@ -24,7 +24,7 @@ from rptcam_cl.studies.focus.probe import (
     choose_zone,
     peak_of,
 )
-from rptcam_cl.studies.focus.renderer import Probes, Task, probability_within
+from rptcam_cl.studies.focus.renderer import MOST_SAMPLES, Probes, Task, probability_within
 
 #
 # Focus by distance: rays tell how far away the zone is, and the lens says where its film has to be.
@@ -205,8 +205,9 @@ WIDEST = 6.0  # depths of focus at the stop of a round: its widest step
 OFF_MIDDLE = 0.45  # of a step: how far the top may lie from the middle one of three probes
 CLEAR = 4.0  # standard errors by which a top must rise above the rest
 COARSE, FINE = 0.05, 0.02  # relative standard error of the measure that rounds aim at
-FIRST_SAMPLES, MOST_SAMPLES = 128, 512  # per pixel
+FIRST_SAMPLES = 128  # per pixel
 NEAR_SAMPLES = 64  # of a search near a place, whose probes are sharp enough to tell more from fewer
+MOST_NEAR = 128  # of it: what is not clear by then may be so elsewhere
 PRECISE = 8.0  # parts of a depth of focus, of which a top may err by one
 
 
@@ -288,14 +289,14 @@ def _round(
         made = [probes.at(place, samples, stop, reference) for place in places]
         seen = [zone for zone in zones if _contrast(probes, made, zone)]
         noise = min((_noise(made, zone) for zone in zones), default=math.inf)
-        if seen or samples >= MOST_SAMPLES or all(_is_surely_flat(probes, made, zone) for zone in zones):
+        if seen or samples >= probes.most or all(_is_surely_flat(probes, made, zone) for zone in zones):
             break
-        samples = min(8 * samples, MOST_SAMPLES)
+        samples = min(8 * samples, probes.most)
     if not seen:
         raise no_contrast(_why_unseen(probes, made, zones, samples))
     zones[:] = seen
     factor = max(1.0, min((noise / wanted) ** 2, 16.0))
-    return made, min(int(samples * factor), MOST_SAMPLES)
+    return made, min(int(samples * factor), probes.most)
 
 
 def _top(made: Sequence[Probe], zone: int) -> Probe:
@@ -389,7 +390,7 @@ def _refine(probes: Probes, made: list[Probe], zone: int, peak: Peak, samples: i
     low, high = probes.ends
     reference = made[0].reference
     for _ in range(4):
-        if peak.rise < CLEAR and samples >= MOST_SAMPLES:
+        if peak.rise < CLEAR and samples >= probes.most:
             raise _same_everywhere(peak)
         if (
             peak.rise >= CLEAR
@@ -400,7 +401,7 @@ def _refine(probes: Probes, made: list[Probe], zone: int, peak: Peak, samples: i
         step = min(max(SHARE * peak.width, sharp), WIDEST / 2 * sharp)
         if peak.rise < CLEAR or peak.error >= sharp / PRECISE:
             more = 4.0 if peak.rise < CLEAR else float(np.clip(2 * (PRECISE * peak.error / sharp) ** 2, 2, 16))
-            samples, made, reference = min(int(more * samples), MOST_SAMPLES), [], peak.place
+            samples, made, reference = min(int(more * samples), probes.most), [], peak.place
             step = min(2 * step, WIDEST * sharp)
         for place in _three_places(probes, peak.place, step):
             if not any(abs(probe.place - place) < 0.25 * step for probe in made):
@@ -445,7 +446,10 @@ def focus_by_laplacian(task: Task) -> FocusReport:
 
 def _focus_by_measure(method: str, measure: str, task: Task) -> FocusReport:
     probes = task.probes(MEASURES[measure])
+    probes.most = MOST_SAMPLES if task.near is None else MOST_NEAR
     peak, zone = greatest_contrast(probes, task.policy, task.near_place(probes))
+    if task.near is not None and peak.error >= task.drive.depth_of_focus / PRECISE:
+        raise no_contrast("its details are not clear where it was searched")
     task.note_state(probes.state_of(peak.place))
     state = probes.state_of(peak.place)
     sure = (

@@ -441,6 +441,7 @@ def probability_within(tolerance: float, error: float) -> float:
     return math.erf(tolerance / (math.sqrt(2) * error)) if error > 0 else 1.0
 
 
+MOST_SAMPLES = 512  # per pixel
 MOST_PROBES = 40  # after which a search gives up
 
 
@@ -457,6 +458,8 @@ class Probes:
         Of every probe: their noise is alike, so that differences between states are seen through it.
     on_probe : callable or None
         Called with every probe.
+    most : int
+        Samples per pixel of a probe that a search takes at most.
     """
 
     renderer: ProbeRenderer
@@ -465,6 +468,7 @@ class Probes:
     seed: int = 0
     on_probe: Callable[[Probe], None] | None = None
     made: list[Probe] = field(default_factory=list)
+    most: int = MOST_SAMPLES
 
     @property
     def drive(self) -> Drive:
