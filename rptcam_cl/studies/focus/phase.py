@@ -647,7 +647,8 @@ class PhaseSearch:
         while len(self.probes) < MOST_PROBES:
             state = self.state
             if self.moved <= NEAR:
-                if self.error <= ENOUGH or samples == MOST_SAMPLES:
+                is_confirmed = len(self.probes) > 1  # by a second probe, from the state that the first has found
+                if (self.error <= ENOUGH and is_confirmed) or samples == MOST_SAMPLES:
                     return state
                 samples *= 2 if self.probe.stop == 1.0 else 1
             samples = self.step(state, samples)
