@@ -24,7 +24,7 @@ from rptcam_cl.device.devices import choose_device
 from rptcam_cl.device.session import Session
 from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.scene import Scene
-from rptcam_cl.studies.focus.controller import METHODS
+from rptcam_cl.studies.focus.controller import search
 from rptcam_cl.studies.focus.probe import NoContrast, Policy, Zone
 from rptcam_cl.studies.focus.renderer import ProbeRenderer, Task
 
@@ -112,7 +112,7 @@ def outcome(case: Case, method: str, session: Session) -> dict[str, Any]:
     begun, used = time.perf_counter(), time.process_time()
     found: dict[str, Any] = {"case": case.words, "method": method, "blank": case.blank, "reason": "", "miss": math.nan}
     try:
-        report = METHODS[method](Task(probe, (case.zone,), Policy.CLOSEST, 1))
+        report = search(Task(probe, (case.zone,), Policy.CLOSEST, 1), method)
         best = probe.drive.coordinate(probe.drive.state_for(case.distance_m, case.zone))
         found["miss"] = abs(probe.drive.coordinate(report.state) - best) / probe.drive.depth_of_focus
         found["probes"] = len(report.probes)

@@ -5,8 +5,9 @@
 `examples/first_light.yaml` at 960x540. *first picture* is from the start of the command to the arrival of the first
 frame, with empty and with filled caches of kernels. *answer* is from sending a dial's value to the arrival of the first
 frame that shows it, from rest. *other kernels* is from sending a change that no compiled kernel fits, with the longest
-time between two frames until it shows. *drag* moves the camera thirty times a second: frames that arrive a second, and
-how old the movement is that they show. ``CPU`` is the processor time of the server for each answer or frame.
+time between two frames until it shows. *during a search* is the answer of the tone dial while autofocus searches.
+*drag* moves the camera thirty times a second: frames that arrive a second, and how old the movement is that they show.
+``CPU`` is the processor time of the server for each answer or frame.
 """
 
 from __future__ import annotations
@@ -52,6 +53,7 @@ class Client:
     def __init__(self, socket: ClientConnection, token: str) -> None:
         self._socket = socket
         self._last = self.generation = 0
+        self.answered: set[int] = set()  # numbers of messages
         self.send(type="hello", token=token, version=1)
         self.send(type="view", width=SIZE[0], height=SIZE[1], panels=["histogram"])
 
@@ -78,6 +80,8 @@ class Client:
                     return header
             elif '"type":"error"' in message:
                 raise RuntimeError(message)
+            else:
+                self.answered.add(json.loads(message).get("id"))
         return None
 
     def frame_that(self, wanted: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
@@ -86,6 +90,14 @@ class Client:
             if wanted(header):
                 return header
         raise RuntimeError("the picture does not come")
+
+    def answer(self, number: int) -> None:
+        """Take in what comes until a message is answered."""
+        end = time.perf_counter() + ALIVE_WITHIN_S
+        while number not in self.answered:
+            self.frame(REST_S)
+            if time.perf_counter() > end:
+                raise RuntimeError("no answer comes")
 
     def rest(self) -> None:
         """Take in what comes until little more does."""
@@ -164,6 +176,26 @@ def answers(client: Client, process: subprocess.Popen[str], name: str, times: in
                 "cpu": 1e3 * (cpu_seconds(process) - before),
             }
         )
+    return found
+
+
+def during_searches(client: Client, process: subprocess.Popen[str], turns: int) -> list[dict[str, float]]:
+    """Return how long a dial took to show while autofocus was under way, once its kernels were there."""
+    client.answer(client.send(type="autofocus", method="hybrid"))
+    found: list[dict[str, float]] = []
+    tones = DIALS["tone"]
+    while len(found) < turns:
+        client.rest()
+        search = client.send(type="autofocus", method="hybrid")
+        for turn in range(3):
+            before, begun = cpu_seconds(process), time.perf_counter()
+            number = client.send(type="dial", name="tone", value=tones[turn])
+            shown = client.frame_that(lambda header, number=number: (header["answers"] or 0) >= number)  # type: ignore[misc]
+            if search in client.answered:
+                break
+            ms, cpu = 1e3 * (time.perf_counter() - begun), 1e3 * (cpu_seconds(process) - before)
+            found.append({"ms": ms, "scale": shown["scale"], "cpu": cpu})
+        client.answer(search)
     return found
 
 
@@ -263,6 +295,7 @@ def measured(options: argparse.Namespace, device: str) -> dict[str, Any]:
         for name in DIALS:
             answers(client, process, name, 2)  # what the first turn of a dial finds out is kept
             found[name] = answers(client, process, name, turns)
+        found["during a search"] = during_searches(client, process, turns)
         found["drag"] = drag(client, process, seconds)
         found["other kernels"] = other_kernels(client)
         found["edit, ms"] = edit(client, Path(cache) / SCENE.name)
@@ -284,7 +317,7 @@ def main() -> None:
     starts = [[name, f"{statistics.median(s):.2f}"] for name, s in found["first picture, s"].items()]
     print_table("First picture, median", ("caches", "s"), starts)
     rows = []
-    for name in DIALS:
+    for name in (*DIALS, "during a search"):
         cpu = statistics.median(each["cpu"] for each in found[name])
         rows.append(row(name, [each["ms"] for each in found[name]], [each["scale"] for each in found[name]], cpu))
     moved = found["drag"]

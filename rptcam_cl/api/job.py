@@ -41,7 +41,7 @@ from rptcam_cl.rendering.account import (
 from rptcam_cl.rendering.checkpoint import SUFFIX, Saver
 from rptcam_cl.rendering.diffraction import Diffraction, diffract, diffraction_of
 from rptcam_cl.rendering.film import FilmLayout
-from rptcam_cl.rendering.ghosts import ghosting_of, has_ghosts
+from rptcam_cl.rendering.ghosts import Ghosting, ghosting_of, has_ghosts
 from rptcam_cl.rendering.ground_truth import GroundTruth, ground_truth_of
 from rptcam_cl.rendering.highlights import aimed_plan
 from rptcam_cl.rendering.metering import resolve_exposure
@@ -326,9 +326,12 @@ class RenderJob:
         Those that the image is to have; by default the scene's.
     saver, saved
         The checkpoint and the state in it, where there are any.
+    ghosting
+        Of an earlier picture of the same plan.
 
     Attributes
     ----------
+    ghosting : Ghosting or None
     seconds : dict
         What preparing took: ``start`` and ``compile`` [s].
     """
@@ -345,12 +348,15 @@ class RenderJob:
         layers: tuple[LayerName, ...] | None = None,
         saver: Saver | None = None,
         saved: SavedState | None = None,
+        ghosting: Ghosting | None = None,
     ) -> None:
         self.options, self.scene, self.resolved, self.plan, self.wavefront = options, scene, resolved, plan, wavefront
         self.layers = scene.render.layers if layers is None else layers
         self.saver, self.saved = saver, saved
         self._begun, self.seconds = begun, {"start": 0.0, "compile": 0.0}
-        self._ghosting = ghosting_of(resolved.ghosts, plan, wavefront.session)
+        self.ghosting = ghosting
+        if ghosting is None and resolved.ghosts is not None:
+            self.ghosting = ghosting_of(resolved.ghosts, plan, wavefront.session.beside())
         self._truth = self._ground_truth()
         if saver is not None:
             saver.of_picture = self._of_picture()
@@ -511,7 +517,15 @@ class RenderJob:
                 raise NumericError(f"strict: {'; '.join(faults)}", image)
         return image
 
+    def later(self, rendering: Rendering) -> Callable[[], Image]:
+        """Read the film now; return what adds ghosts and diffraction, which take long, in any thread."""
+        image = self._film_image(rendering, self.options, None)
+        return lambda: self._with_optics(image)
+
     def _image(self, rendering: Rendering, options: RenderOptions, saver: Saver | None) -> Image:
+        return self._with_optics(self._film_image(rendering, options, saver))
+
+    def _film_image(self, rendering: Rendering, options: RenderOptions, saver: Saver | None) -> Image:
         total = time.perf_counter() - self._begun
         times = self.seconds | {"render": rendering.seconds, "total": total}
         is_measured = options.numerics or options.strict
@@ -532,8 +546,11 @@ class RenderJob:
         image = with_picture_settings(Image(rendering.pixels, metadata, stats, layers=layers), self.scene.picture)
         if options.denoise:
             image = replace(image.denoised(), layers={name: image[name] for name in self.layers})
-        if self._ghosting is not None:
-            image = with_ghosts(image, *self._ghosting.result)
+        return image
+
+    def _with_optics(self, image: Image) -> Image:
+        if self.ghosting is not None:
+            image = with_ghosts(image, *self.ghosting.result)
         return replace(image, pixels=diffract(self.resolved.diffraction, image.pixels))
 
     def _report_progress(self, progress: Progress) -> None:
@@ -561,7 +578,7 @@ class RenderJob:
 
     def _arrays_beside(self, *, whole: bool) -> dict[str, Any]:
         """What `merge` needs beside the samples; of a part also the ghosts and the sharp layers."""
-        makers = (self.resolved.diffraction, *((None, None) if whole else (self._ghosting, self._truth)))
+        makers = (self.resolved.diffraction, *((None, None) if whole else (self.ghosting, self._truth)))
         return {name: array for each in makers if each is not None for name, array in each.arrays().items()}
 
     def _ground_truth(self) -> GroundTruth | None:

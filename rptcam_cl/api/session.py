@@ -22,6 +22,7 @@ from rptcam_cl.imaging.image import Image
 from rptcam_cl.imaging.sensor import check_sensor
 from rptcam_cl.rendering.account import window
 from rptcam_cl.rendering.film import FilmLayout
+from rptcam_cl.rendering.ghosts import Ghosting
 from rptcam_cl.rendering.highlights import aimed_plan
 from rptcam_cl.rendering.metering import reading_cd_m2
 from rptcam_cl.rendering.passes import signature
@@ -549,6 +550,7 @@ class RenderSession:
         self._generation = 0
         self._run: FilmRun | None = None
         self._of_film: tuple[Plan, SceneBuffers] | None = None
+        self._ghosting: Ghosting | None = None  # of the film
         self._noise: float | None = None  # of the film
         self._noise_spp = 1  # at which it was estimated
         self._waiting: SceneState | None = None
@@ -737,15 +739,28 @@ class RenderSession:
         InputError
             Before the first sample.
         """
+        return self.image_later()()
+
+    def image_later(self) -> Callable[[], Image]:
+        """Read the film; return what makes its image as `image` does, in any thread: optics may take seconds.
+
+        Raises
+        ------
+        InputError
+            Before the first sample.
+        """
         run = self._film()
         while not run.is_whole:
             self._add(run, 1)
         if run.done == 0:
             raise InputError("the session has no samples yet (call take() first)")
         plan, state, wavefront = self._film_plan()[0], self._shown, run.wavefront
-        job = RenderJob(self._options, state.scene, state.resolved, plan, wavefront, begun=self._begun)
+        job = RenderJob(
+            self._options, state.scene, state.resolved, plan, wavefront, begun=self._begun, ghosting=self._ghosting
+        )
+        self._ghosting = job.ghosting
         samples = wavefront.camera_rays
-        return job.report(rendering_of(run, start=0, seconds=self._seconds, new_samples=samples, interrupted=False))
+        return job.later(rendering_of(run, start=0, seconds=self._seconds, new_samples=samples, interrupted=False))
 
     def close(self) -> None:
         """Let go of the device; the session is of no use then."""
@@ -799,7 +814,7 @@ class RenderSession:
         return Change(kind_of(before.plan, state.plan, compiled, keys), keys)
 
     def _show(self, state: SceneState) -> None:
-        self._shown, self._waiting, self._run, self._of_film = state, None, None, None
+        self._shown, self._waiting, self._run, self._of_film, self._ghosting = state, None, None, None, None
         self._noise, self._noise_spp, self._seconds = None, 1, 0.0
         self._reading = self._reading or state.resolved.metered_cd_m2
         self._generation += 1

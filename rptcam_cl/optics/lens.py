@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rptcam_cl.core.cancellation import checkpoint
 from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
@@ -220,6 +221,7 @@ class Lens(Prescription):
         transmission: LensTransmission | None = None,
     ) -> Rays:
         """Return rays traced through every surface in float64, from the film or from the scene. See `optics.trace`."""
+        checkpoint()
         return trace(self, origins, directions, wavelength_nm, start, transmission)
 
     def with_warnings(self, more: tuple[str, ...]) -> Lens:

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core.cancellation import checkpoint
 from rptcam_cl.core.colour import WAVELENGTHS_NM, cie_1931, daylight_65, rgb_basis
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
@@ -62,6 +63,7 @@ def blur(planes: Array, offset: tuple[int, int], nodes: tuple[Array, Array], ker
         left, right, top, bottom = columns[0], columns[-1] + 1, rows[0], rows[-1] + 1
         share = weights[1][row, top:bottom, None] * weights[0][column, left:right]
         for plane, part, target in zip(planes, kernel, wide, strict=True):
+            checkpoint()
             spread = _convolve(plane[top:bottom, left:right] * share, part)
             target[top : bottom + 2 * reach, left : right + 2 * reach] += spread
     return _fold(_fold(wide, height, reach, 1), width, reach, 2)
@@ -182,6 +184,7 @@ def kernel(pupil: FilmPupil, pixel_mm: tuple[float, float], reach: int) -> Array
 
 def of_wavelength(pupil: FilmPupil, pixel_mm: tuple[float, float], reach: int, nm: float) -> Array:
     """Return the light of a wavelength in each pixel, its sum 1."""
+    checkpoint()
     unit, size = unit_px(pupil, pixel_mm, nm), 2 * reach + 1
     if KNOWN * unit < 0.5:  # all of it in the middle one
         return np.pad(np.ones((1, 1)), reach)
@@ -334,6 +337,7 @@ class FarLight:
 
 def _along(edges: Array, angles: Array) -> Array:
     """Return |F|^2 of an opening in its widths at multiples of 1 / LINE, (directions, CELLS / 2 + 1)."""
+    checkpoint()
     n = np.stack([np.cos(angles), np.sin(angles)])
     start, end = edges[:, :2] @ n, edges[:, 2:] @ n  # (edges, directions)
     mass = n[0] * (edges[:, 3:4] - edges[:, 1:2]) - n[1] * (edges[:, 2:3] - edges[:, 0:1])
@@ -541,6 +545,7 @@ class Diffraction:
 
     def _pupil_at(self, point: Array) -> FilmPupil:
         assert self.pupils is not None
+        checkpoint()
         try:
             return self.pupils(point)
         except InputError:

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rptcam_cl.core.cancellation import checkpoint
 from rptcam_cl.core.colour import WAVELENGTHS_NM, luminance
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
@@ -401,6 +402,7 @@ class GhostFilm:
 
     def _scout(self, way: Way) -> Scouted:
         """Look by some rays how much light a way brings at each wavelength, and where."""
+        checkpoint()
         boxes, waves = self._boxes(way), len(self.lenses)
         flux, cells = np.zeros((waves, 3)), np.zeros((CELLS[1], CELLS[0], waves))
         sent, arrived, largest = 0, 0, 0.0
@@ -520,6 +522,7 @@ class GhostFilm:
         for steps, alike in sorted(launches.items()):
             words = session.allocate(8 * film.size, zeroed=True)
             for way, record, places, boxes, weights, count in alike:
+                checkpoint()
                 first = _shifts(len(boxes) * record + np.arange(len(boxes)), count)
                 table = self._table(places, boxes, weights / largest, first)  # added up in units of `ONE_LIGHT`
                 self._launch(0, way, self.lenses[record], table, len(boxes), count, words)

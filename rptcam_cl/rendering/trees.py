@@ -345,7 +345,7 @@ def placed_blocks(session: Session, before: Any, count: int, vertices: Any, tria
     """Return a buffer of ``count`` leaf blocks, made on the device from that of the same triangles elsewhere."""
     width = WIDTH[session.kind]
     blocks = session.allocate(4 * BLOCK_ROWS * width * count)
-    program = session.program(["build/blocks.cl"], {"LEAF_WIDTH": width, "VERTEX_FLOATS": VERTEX_FLOATS}, "")
+    program = session.program(["build/fill_blocks.cl"], {"LEAF_WIDTH": width, "VERTEX_FLOATS": VERTEX_FLOATS}, "")
     given = {"before": before, "blocks": blocks, "vertices": vertices, "triangles": triangles}
     session.bind(program, "fill_blocks", **given, count=np.int32(count)).enqueue(-(-count // 64) * 64, 64)
     return blocks

@@ -210,6 +210,7 @@ class Delivery:
             "noise": frame.noise,
             "moving": shown.moving,
             "stale": shown.stale,
+            "lacks": list(shown.lacks),
             "answers": shown.answers.get(client.number),
         }
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import threading
 import time
@@ -14,21 +15,24 @@ from typing import Any, Self
 from rptcam_cl.core.errors import DeviceError, InputError, RptcamError, StateError
 from rptcam_cl.core.files import give_back
 from rptcam_cl.scene.scene import Scene
-from rptcam_cl.studies.focus.probe import FocusReport
+from rptcam_cl.studies.focus.probe import FocusReport, Probe
 from rptcam_cl.viewfinder import messages
+from rptcam_cl.viewfinder.background import Background, Job, Worker
 from rptcam_cl.viewfinder.delivery import Delivery
 from rptcam_cl.viewfinder.dials import lens_entries, turn_dial, zoom_by
 from rptcam_cl.viewfinder.moves import (
+    check_search,
     describe_focus,
     focus_at,
     focus_changes,
     focus_order,
     focus_zones,
     moved,
+    state_changes,
     viewpoint_of,
 )
-from rptcam_cl.viewfinder.state import MOST_CLIENTS, hello_message, state_message
-from rptcam_cl.viewfinder.studio import Origin, Slot, Studio, Watch, place_of, scene_error, text_of
+from rptcam_cl.viewfinder.state import MOST_CLIENTS, details_of, hello_message, state_message
+from rptcam_cl.viewfinder.studio import Origin, Slot, Studio, Watch, place_of, scene_error, text_of, values_before
 
 # What the engine says to clients without a request: how the camera stands, and what lies under the pointer.
 
@@ -45,10 +49,12 @@ class Reports:
         What the reports are about.
     delivery
         Makes the figures of the picture.
+    lens
+        The worker that the lens panel belongs to.
     """
 
-    def __init__(self, studio: Studio, delivery: Delivery) -> None:
-        self._studio, self._delivery = studio, delivery
+    def __init__(self, studio: Studio, delivery: Delivery, lens: Worker) -> None:
+        self._studio, self._delivery, self._tracing = studio, delivery, lens
         self._reported: tuple[Any, ...] = ()
         self._is_prepared = False
         self._last_panel = self._last_state = 0.0
@@ -71,9 +77,27 @@ class Reports:
         reported = (*here, *self._compare_state(), answers)
         if reported != self._reported and not slot.wants_glance:
             self._reported, self._last_state = reported, time.monotonic()
-            message = state_message(self._studio, slot, detailed=resting)
+            message = state_message(self._studio, slot)
             for client in clients:
                 client.outbox.news("state", message | {"answers": client.answers})
+            if resting:
+                self._trace_details(slot, clients)
+
+    def _trace_details(self, slot: Slot, clients: list[messages.Client]) -> None:
+        """Say what has to be traced of the camera once that is done."""
+        panel, resolved, generation = self._studio.panel, slot.resolved, slot.session.generation
+        if panel is None:
+            return
+
+        def done(details: dict[str, Any]) -> None:
+            if slot is self._studio.a and slot.session.generation == generation:
+                message = state_message(self._studio, slot, details)
+                for client in clients:
+                    client.outbox.news("state", message | {"answers": client.answers})
+
+        self._tracing.start(
+            Job("lens panel", lambda job: details_of(panel, resolved), done, _raise, ("details", len(clients) > 0))
+        )
 
     def prepare(self) -> None:
         """Find what the first client will want to know, while it is still on its way."""
@@ -81,7 +105,8 @@ class Reports:
         if studio.a is not None and not self._is_prepared:
             self._is_prepared = True
             hello_message(studio, studio.a, 0)
-            state_message(studio, studio.a, detailed=True)
+            state_message(studio, studio.a)
+            self._trace_details(studio.a, [])
 
     def greet(self, client: messages.Client) -> None:
         """Tell a new client what there is and how the camera stands."""
@@ -90,7 +115,8 @@ class Reports:
             return
         token = {} if client.token is None else {"token": client.token}
         client.outbox.answer(hello_message(studio, studio.a, client.number) | token)
-        client.outbox.news("state", state_message(studio, studio.a, detailed=True))
+        client.outbox.news("state", state_message(studio, studio.a))
+        self._reported = ()  # it hears the details as soon as they are traced
         client.was_greeted = studio.was_seen = True
         if studio.file_error is not None:
             client.outbox.answer(studio.file_error)
@@ -110,21 +136,33 @@ class Reports:
                 client.pointed_at = place
 
     def _lens(self, slot: Slot, client: messages.Client) -> None:
-        panel = self._studio.panel
+        panel, resolved, pointer = self._studio.panel, slot.resolved, client.pointer
         if panel is None or "lens" not in client.settings.panels:
             return
-        at = (client.pointer, slot.session.generation)
+        at = (pointer, slot.session.generation)
         now = time.monotonic()
         if at == client.lens_at or (slot.rests_in() > 0 and now - self._last_panel < PANEL_S):
             return
         self._last_panel = now
-        message: dict[str, Any] = {"type": "lens", "generation": slot.session.generation, "pointer": None}
-        if client.lens_at is None or client.lens_at[1] != at[1]:
-            message |= {"section": panel.section(slot.resolved), "numbers": panel.numbers(slot.resolved)}
-        if client.pointer is not None:
-            message["pointer"] = panel.pointer(slot.resolved, *client.pointer)
+        is_known = client.lens_shown == at[1]
+
+        def trace(job: Job) -> dict[str, Any]:
+            own = {} if is_known else {"section": panel.section(resolved), "numbers": panel.numbers(resolved)}
+            rays = None if pointer is None else panel.pointer(resolved, *pointer)
+            return {"type": "lens", "generation": at[1], "pointer": rays} | own
+
+        def done(message: dict[str, Any]) -> None:
+            if "section" in message:
+                client.lens_shown = at[1]
+            client.outbox.news("lens" if "section" not in message else "lens with section", message)
+
         client.lens_at = at
-        client.outbox.news("lens" if "section" not in message else "lens with section", message)
+        self._tracing.start(Job("lens panel", trace, done, _raise, ("lens", client.number)))
+
+
+def _raise(problem: Exception) -> None:
+    """Let the engine meet a problem of a worker as its own."""
+    raise problem
 
 
 # What the engine does for each kind of message.
@@ -139,10 +177,13 @@ class Requests:
     ----------
     studio
         What the messages are about.
+    background
+        Does what takes long.
     """
 
-    def __init__(self, studio: Studio) -> None:
+    def __init__(self, studio: Studio, background: Background) -> None:
         self._studio = studio
+        self._searching, self._saving = background.worker("focus"), background.worker("save")
         self._waiting: list[messages.Request] = []
         self._announced: list[messages.Request] = []  # those whose clients know that they wait
         self._handlers: dict[str, Callable[[messages.Client, Any], None]] = {
@@ -187,14 +228,33 @@ class Requests:
             client.done(message.id, self._studio.generation)
 
     def _set(self, client: messages.Client, message: messages.Set) -> None:
-        self._studio.change(message.slot, message.changes, transient=message.transient)
+        self._change(message.slot, message.changes, transient=message.transient)
+
+    def _change(self, name: str, keys: Mapping[str, Any], **how: Any) -> None:
+        """Change a slot by hand, which ends a search for the focus of another camera, or of another scene."""
+        change = self._studio.change(name, keys, **how)
+        if name == "A" and not set(change.keys) <= _LEAVES_FOCUS:
+            self.leave_search()
+
+    def leave_search(self) -> None:
+        """End the search for focus, where one runs or waits."""
+        under_way = [job.key[1] for job in self._searching.jobs if isinstance(job.key, tuple)]
+        for client, message in (*under_way, *self._waiting):
+            client.done(message.id, self._studio.generation, superseded=True)
+        self._searching.end()
+        self._waiting.clear()
+
+    @property
+    def is_searching(self) -> bool:
+        """Whether a search for focus runs."""
+        return bool(self._searching.jobs)
 
     def _dial(self, client: messages.Client, message: messages.Dial) -> None:
         slot = self._studio.slot(message.slot)
         turned = turn_dial(slot.panel, message.name, message.value)
         slot.messages = turned.messages
         if turned.changes:
-            self._studio.change(message.slot, turned.changes, transient=message.transient, dials=turned.dials)
+            self._change(message.slot, turned.changes, transient=message.transient, dials=turned.dials)
         slot.dials = turned.dials
 
     def _move(self, client: messages.Client, message: messages.Move) -> None:
@@ -203,14 +263,15 @@ class Requests:
             turned = zoom_by(slot.panel, message.dy)
             slot.messages = turned.messages
             if turned.changes:
-                self._studio.change("A", turned.changes, transient=message.transient, dials=turned.dials)
+                self._change("A", turned.changes, transient=message.transient, dials=turned.dials)
         else:
             before = viewpoint_of(slot.resolved)
             keys = moved(before, message.kind, message.dx, message.dy, message.dz).changes(before)
             if keys:
-                self._studio.change("A", keys, transient=message.transient)
+                self._change("A", keys, transient=message.transient)
 
     def _reset(self, client: messages.Client, message: messages.Reset) -> None:
+        self.leave_search()
         self._studio.reset("camera" if message.what == "camera" else "")
 
     @property
@@ -239,23 +300,69 @@ class Requests:
         return True
 
     def _focus(self, client: messages.Client, message: messages.Focus) -> None:
+        self._leave_other_search(message)
         if not self._compiles(client, message, point=(message.x, message.y)):
-            slot = self._studio.slot("A")
-            report = focus_at(slot.scene, slot.session.device, message.x, message.y)
-            self._set_focus(client, message, slot.scene, report)
+            self._search(client, message, partial(focus_at, x=message.x, y=message.y))
 
     def _autofocus(self, client: messages.Client, message: messages.Autofocus) -> None:
+        self._leave_other_search(message)
         zones = None if message.zones is None else [tuple(zone) for zone in message.zones]
+        check_search(message.method, zones)
         if not self._compiles(client, message, zones=zones):
-            slot = self._studio.slot("A")
-            report = focus_zones(slot.scene, slot.session.device, message.method, zones)
-            self._set_focus(client, message, slot.scene, report)
+            self._search(client, message, partial(focus_zones, method=message.method, zones=zones))
 
-    def _set_focus(
-        self, client: messages.Client, message: messages.Focus | messages.Autofocus, scene: Scene, report: FocusReport
+    def _leave_other_search(self, message: messages.Focus | messages.Autofocus) -> None:
+        if all(waiting is not message for _, waiting in self._announced):
+            self.leave_search()
+
+    def _search(
+        self,
+        client: messages.Client,
+        message: messages.Focus | messages.Autofocus,
+        find: Callable[..., FocusReport],
     ) -> None:
-        self._studio.change("A", focus_changes(scene, report))
-        client.outbox.answer({"type": "focused", "id": message.id, **describe_focus(report)})
+        """Search for the focus while the picture goes on; the camera follows what is found by and by."""
+        slot = self._studio.slot("A")
+        scene, device = slot.scene, slot.session.device.beside()
+        curve: list[dict[str, Any]] = []
+        followed: set[str] = set()  # keys that the search has changed
+
+        def on_probe(job: Job, probe: Probe) -> None:
+            curve.append({"position": probe.place, "score": probe.measures[0].value})
+            points = list(curve)
+            job.post(lambda: client.outbox.news("search", {"type": "search", "curve": points}))
+
+        def work(job: Job) -> FocusReport:
+            return find(
+                scene,
+                device,
+                on_probe=partial(on_probe, job),
+                on_state=lambda state: job.post(lambda: self._follow(scene, state, followed)),
+            )
+
+        def done(report: FocusReport) -> None:
+            try:
+                self._studio.change("A", focus_changes(scene, report))
+            except InputError as problem:
+                failed(problem)
+            else:
+                client.outbox.answer({"type": "focused", "id": message.id, **describe_focus(report)})
+
+        def failed(problem: Exception) -> None:
+            client.error(text_of(problem), message.id, "change", place_of(str(problem)))
+            if not isinstance(problem, InputError | StateError):
+                raise problem
+            if followed:
+                self._studio.change("A", values_before(scene, followed))
+
+        self._searching.start(Job("focus search", work, done, failed, ("focus", (client, message))))
+
+    def _follow(self, scene: Scene, state: float, followed: set[str]) -> None:
+        """Set the focus to where a search takes it to be by now."""
+        keys = state_changes(scene, state)
+        with contextlib.suppress(InputError):  # what cannot be shown is not
+            self._studio.change("A", keys)
+            followed.update(keys)
 
     def _pointer(self, client: messages.Client, message: messages.Pointer) -> None:
         client.pointer = message.place
@@ -281,9 +388,20 @@ class Requests:
         slot = self._studio.slot(message.slot)
         if slot.session.spp == 0:
             slot.session.take(1)
-        data = messages.file_bytes(slot.session.image(), message.format)
         name, media = messages.file_name(message.name, message.format), messages.FILE_MEDIA[message.format]
-        client.outbox.answer({"type": "file", "id": message.id, "name": name, "media": media}, data)
+        if message.format == "dng" and slot.scene.sensor is None:
+            raise InputError(messages.NO_RAW)
+        later = slot.session.image_later()
+
+        def done(data: bytes) -> None:
+            client.outbox.answer({"type": "file", "id": message.id, "name": name, "media": media}, data)
+
+        def failed(problem: Exception) -> None:
+            client.error(text_of(problem), message.id, "save")
+
+        self._saving.start(
+            Job(f"saving {name}", lambda job: messages.file_bytes(later(), message.format), done, failed)
+        )
 
     def _text(self, client: messages.Client, message: messages.TextRequest) -> None:
         slot, origin = self._studio.slot(message.slot), self._studio.origin
@@ -298,6 +416,7 @@ class Requests:
 
     def _show_file(self, scene: Scene) -> None:
         """Show the scene file as it was read again, with what the page has changed of it."""
+        self.leave_search()
         try:
             dropped = self._studio.replace(scene)
         except (InputError, StateError) as problem:
@@ -310,6 +429,7 @@ class Requests:
 
 
 _CHANGE_THE_CAMERA = ("set", "dial", "move")
+_LEAVES_FOCUS = {"exposure", "picture", "sensor"}  # parts of a scene whose change leaves a search for focus as it is
 _WITH_OWN_ANSWER = ("focus", "autofocus", "save", "scene", "command", "pointer", "magnify")
 
 
@@ -331,16 +451,29 @@ class Engine:
         The scene and its slots; the engine's thread alone uses it once it runs.
     clients
         Returns those that are connected.
+    background
+        Does what takes long.
+    inbox
+        What waits to be done.
     """
 
-    def __init__(self, studio: Studio, clients: Callable[[], Iterable[messages.Client]]) -> None:
-        self._studio, self._clients = studio, clients
-        self._inbox = messages.Inbox()
+    def __init__(
+        self,
+        studio: Studio,
+        clients: Callable[[], Iterable[messages.Client]],
+        background: Background,
+        inbox: messages.Inbox,
+    ) -> None:
+        self._studio, self._clients, self._inbox = studio, clients, inbox
         self._delivery = Delivery()
-        self._requests = Requests(studio)
-        self._reports = Reports(studio, self._delivery)
+        self._background = background
+        self._requests = Requests(studio, background)
+        self._reports = Reports(studio, self._delivery, background.worker("lens"))
+        self._finishing: dict[str, int] = {}  # by slot, the film whose picture is finished
         self._ends = threading.Event()
         self._refining: Slot | None = None
+        self._refined: Slot | None = None  # whose samples were shown last
+        self._show_s = 0.0  # that developing them took
         self._interrupted = False
         self._leaves_alone_until = 0.0
         self._alone_since: float | None = None
@@ -361,6 +494,7 @@ class Engine:
         """
         older = self._inbox.put((client, message))
         if message.type in _CHANGES:
+            self._background.hold(True)
             self._interrupt()
         if isinstance(older, tuple):
             older[0].done(older[1].id, self._studio.generation, superseded=True)
@@ -378,8 +512,10 @@ class Engine:
         self._ends.set()
         self._interrupt()
         self._inbox.wake()
+        end = time.monotonic() + timeout_s
         self._thread.join(timeout_s)
-        return not self._thread.is_alive()
+        has_ended = self._background.close(max(end - time.monotonic(), 0.05))
+        return has_ended and not self._thread.is_alive()
 
     def _interrupt(self) -> None:
         """End the samples under way, which nobody will see."""
@@ -412,6 +548,7 @@ class Engine:
             self._studio.open()
         for client in clients:
             self._reports.greet(client)
+        self._background.take()
         for request in requests:
             self._requests.answer(request)
         self._requests.answer_waiting()
@@ -425,6 +562,8 @@ class Engine:
         if not hurries:
             self._reports.inform(clients)
         timeout = self._render(clients)
+        rendered = time.monotonic()
+        self._finish_pictures()
         if not clients and timeout is None:
             self._reports.prepare()
         self._deliver(clients)
@@ -438,9 +577,44 @@ class Engine:
         else:
             self._reports.inform(clients)
             self._tidy()
+        if self._refined is not None:
+            self._refined.pace.note_show(self._show_s + time.monotonic() - rendered)
+            self._refined = None
         if self._requests.any_waits:
             timeout = _POLL_S if timeout is None else min(timeout, _POLL_S)
+        timeout = self._let_workers_go_on(timeout)
+        self._tell_busy(clients)
         return timeout if self._inbox.is_empty else 0.0
+
+    def _let_workers_go_on(self, timeout: float | None) -> float | None:
+        """Have workers wait while a hand moves something; return when to look again."""
+        rests_in = max((slot.rests_in() for slot in self._studio.slots), default=0.0)
+        if not self._inbox.is_empty or any(slot.wants_glance for slot in self._studio.slots):
+            return timeout
+        self._background.hold(rests_in > 0)
+        if rests_in <= 0:
+            return timeout
+        return rests_in if timeout is None else min(timeout, rests_in)
+
+    def _finish_pictures(self) -> None:
+        """Have pictures at rest finished off this thread, those of films that are no more no longer."""
+        slots = {slot.name: slot for slot in self._studio.slots}
+        for name in {*slots, *self._finishing}:
+            worker, slot = self._background.worker(f"picture {name}"), slots.get(name)
+            if slot is None or self._finishing.get(name) != slot.film:
+                worker.end()
+            if slot is not None and not worker.jobs and slot.wants_finishing:
+                self._finishing[name] = slot.film
+                finish = slot.finish_later()
+                text = " and ".join(slot.comes_last) + (" of B" if name == "B" else "")
+                worker.start(Job(text, lambda job, finish=finish: finish(), slot.show_finished, _raise))  # type: ignore[misc]
+
+    def _tell_busy(self, clients: list[messages.Client]) -> None:
+        texts = [*self._background.texts, *(["kernels of the focus search"] if self._requests.any_waits else [])]
+        for client in clients:
+            if client.busy != texts:
+                client.busy = texts
+                client.outbox.news("busy", {"type": "busy", "texts": texts})
 
     def _deliver(self, clients: list[messages.Client]) -> bool:
         """Hand over what is shown to clients that have not had it; return whether there was any."""
@@ -496,6 +670,8 @@ class Engine:
                 slot.show(slot.again(), slot.rests_in() > 0, answers)
                 return 0.0
         resting = [slot for slot in slots if not slot.is_done and slot.refines_in() <= 0]
+        if self._requests.is_searching:  # whose probes come first
+            return _POLL_S if compiling else None
         if not clients and all(slot.shown is not None for slot in slots):
             return _POLL_S if compiling else None
         if resting:
@@ -510,7 +686,9 @@ class Engine:
             if self._inbox.is_empty and not self._ends.is_set():
                 frame = slot.refine(lambda: not self._interrupted)
                 if frame is not None:
+                    begun = time.monotonic()
                     slot.show(frame, False, answers)
+                    self._refined, self._show_s = slot, time.monotonic() - begun
         finally:
             self._refining = None
 
@@ -554,10 +732,12 @@ class Viewfinder:
         self._clients: dict[int, messages.Client] = {}
         self._last_number = 0
         self.origin = Origin(scene, overrides)
-        self._studio = Studio(self.origin, device, size, self.clients)
+        inbox = messages.Inbox()
+        background = Background(inbox.wake)
+        self._studio = Studio(self.origin, device, size, self.clients, background)
         loaded = self._studio.load()
         self.warnings = loaded.warnings
-        self._engine = Engine(self._studio, self.clients)
+        self._engine = Engine(self._studio, self.clients, background, inbox)
         self._engine.start()
         lens_entries(loaded)  # which the first page wants to know; meanwhile the engine opens the device
         self._watch: Watch | None = None

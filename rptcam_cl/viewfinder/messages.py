@@ -33,6 +33,7 @@ Codes = NDArray[np.uint8]
 Format = Literal["jpeg", "webp", "png"]
 MEDIA = {"jpeg": "image/jpeg", "webp": "image/webp", "png": "image/png"}
 FILE_MEDIA = {"png": "image/png", "jpeg": "image/jpeg", "exr": "image/x-exr", "dng": "image/x-adobe-dng"}
+NO_RAW = "a DNG holds what a sensor puts out (allowed: scenes with `sensor: {}`)"
 _SUFFIXES = {"png": ".png", "jpeg": ".jpg", "exr": ".exr", "dng": ".dng"}
 _OPTIONS: dict[str, dict[str, Any]] = {
     "jpeg": {"subsampling": "4:2:0"},
@@ -97,7 +98,7 @@ def file_bytes(image: Image, kind: str) -> bytes:
             try:
                 image.raw().save(path)
             except InputError:
-                raise InputError("a DNG holds what a sensor puts out (allowed: scenes with `sensor: {}`)") from None
+                raise InputError(NO_RAW) from None
         else:
             image.save(path)
         return path.read_bytes()
@@ -486,12 +487,14 @@ class Client:
         self.number = number
         self.outbox = Outbox(wake)
         self.settings = ClientSettings()
+        self.busy: list[str] = []  # what it has been told that runs
         self.pointer: tuple[float, float] | None = None
         self.magnifier: Magnify | None = None
         self.shown: dict[str, int] = {}  # by slot: number of the picture that was sent last
         self.counted: dict[str, int] = {}  # and of the one whose histogram was sent last
         self.answers: int | None = None  # the change of this client that is in force
         self.lens_at: tuple[tuple[float, float] | None, int] | None = None  # pointer and generation of the last panel
+        self.lens_shown: int | None = None  # generation of the section that it has
         self.pointed_at: tuple[tuple[float, float] | None, int | None] | None = None  # and the picture under it
         self.was_greeted = False
 
@@ -499,7 +502,7 @@ class Client:
         """Take whatever comes next for new."""
         self.shown.clear()
         self.counted.clear()
-        self.lens_at = self.pointed_at = None
+        self.lens_at = self.pointed_at = self.lens_shown = None
 
     def done(self, number: int | None, generation: int, **more: Any) -> None:
         """Say that a request is in force."""

@@ -239,6 +239,7 @@ def focus_at(
     y: float,
     method: str | None = None,
     on_probe: Callable[[Any], Any] | None = None,
+    on_state: Callable[[float], Any] | None = None,
 ) -> FocusReport:
     """Find the focus on a point of the picture, the answer of ``rptcam focus SCENE --point x,y``.
 
@@ -250,8 +251,8 @@ def focus_at(
         In fractions of the picture from its left and top.
     method
         In place of the scene's, or of contrast.
-    on_probe
-        Called with every probe.
+    on_probe, on_state
+        Called with every probe, and with every state that the focus is taken to be in by now.
 
     Raises
     ------
@@ -260,7 +261,7 @@ def focus_at(
     InputError
         The camera has no focus, or an argument is wrong.
     """
-    return autofocus(scene, _method(method), point=(x, y), device=device, on_probe=on_probe)
+    return autofocus(scene, _method(method), point=(x, y), device=device, on_probe=on_probe, on_state=on_state)
 
 
 def focus_zones(
@@ -269,6 +270,7 @@ def focus_zones(
     method: str | None = None,
     zones: Sequence[Sequence[float]] | None = None,
     on_probe: Callable[[Any], Any] | None = None,
+    on_state: Callable[[float], Any] | None = None,
 ) -> FocusReport:
     """Find the focus in zones, or in those of the scene; errors as of `focus_at`.
 
@@ -277,10 +279,16 @@ def focus_zones(
     zones
         Rectangles [x0, x1, y0, y1] in fractions of the picture from its left and top.
     """
+    check_search(method, zones)
+    places = None if zones is None else [tuple(zone) for zone in zones]
+    return autofocus(scene, _method(method), zones=places, device=device, on_probe=on_probe, on_state=on_state)
+
+
+def check_search(method: str | None, zones: Sequence[Sequence[float]] | None) -> None:
+    """Raise `InputError` for a method that there is not, or too many zones."""
+    _method(method)
     if zones is not None and len(zones) > MOST_ZONES:
         raise InputError(f"zones: too many (got {len(zones)}; allowed: up to {MOST_ZONES})")
-    places = None if zones is None else [tuple(zone) for zone in zones]
-    return autofocus(scene, _method(method), zones=places, device=device, on_probe=on_probe)
 
 
 def _method(name: str | None) -> str | None:
@@ -293,5 +301,10 @@ def _method(name: str | None) -> str | None:
 
 def focus_changes(scene: Scene, report: FocusReport) -> dict[str, Any]:
     """Return the key paths of the scene, with their values, that set the state which was found."""
-    keys = focus_drive(scene).camera_keys(report.state)
+    return state_changes(scene, report.state)
+
+
+def state_changes(scene: Scene, state: float) -> dict[str, Any]:
+    """Return the key paths of the scene, with their values, that set a focus state."""
+    keys = focus_drive(scene).camera_keys(state)
     return {f"camera.{name}": value for name, value in keys.items() if value is not None}

@@ -7,6 +7,7 @@ from typing import Any
 from rptcam_cl._version import __version__
 from rptcam_cl.scene.film import COOLEST, HOTTEST, SIDES_MM, TONES
 from rptcam_cl.scene.lens_settings import METHODS, Aperture, CircularAperture
+from rptcam_cl.scene.scene import Scene
 from rptcam_cl.viewfinder.dials import (
     BALANCES,
     METERINGS,
@@ -24,7 +25,7 @@ from rptcam_cl.viewfinder.dials import (
     zoomed_mm,
 )
 from rptcam_cl.viewfinder.instruments import false_colour_legend
-from rptcam_cl.viewfinder.lens_panel import INFINITY_M, focus_scale, nearest_focus_m, perspective
+from rptcam_cl.viewfinder.lens_panel import INFINITY_M, LensPanel, focus_scale, nearest_focus_m, perspective
 from rptcam_cl.viewfinder.messages import FILE_MEDIA, MOST_BYTES, MOST_UNACKNOWLEDGED, VERSION
 from rptcam_cl.viewfinder.panel import EV_STEPS, F_NUMBERS, SPEEDS, TIMES, Panel, ev_text
 from rptcam_cl.viewfinder.studio import Slot, Studio
@@ -223,26 +224,24 @@ def hello_message(studio: Studio, slot: Slot, client: int) -> dict[str, Any]:
 
 
 def _left_out(slot: Slot) -> list[str]:
-    """Sentences on what a saved picture alone has, and on lenses that are not offered."""
+    """Sentences on lenses that are not offered."""
     sentences = []
     if count := files_left_out(slot.scene):
         sentences.append(
             f"Of the files in the scene's folder {count} are not looked at for lenses (at most {MOST_FILES})"
         )
-    shown_by_image = slot.scene.sensor is not None or slot.session.metadata.get("diffraction", {}).get("on", False)
-    if "ghosts" in slot.session.metadata and not shown_by_image:
-        sentences.append("Ghosts of the lens are in saved pictures alone")
     return sentences
 
 
-def state_message(studio: Studio, slot: Slot, *, detailed: bool) -> dict[str, Any]:
-    """Return how camera, dials and comparison stand.
+def details_of(panel: LensPanel, resolved: Scene) -> dict[str, Any]:
+    """Return what has to be traced of a camera's state: depth of field and image circle."""
+    numbers = panel.numbers(resolved)
+    focus = {name: numbers[name] for name in _FOCUS} if numbers.get("distance_m") else None
+    return {"focus": focus, "guides": panel.guides(resolved)}
 
-    Parameters
-    ----------
-    detailed
-        Whether what has to be traced is there too: depth of field and image circle.
-    """
+
+def state_message(studio: Studio, slot: Slot, details: dict[str, Any] | None = None) -> dict[str, Any]:
+    """Return how camera, dials and comparison stand; of a camera at rest with its `details_of`."""
     camera, lens = slot.scene.camera, slot.scene.camera.lens_camera
     message: dict[str, Any] = {
         "type": "state",
@@ -265,9 +264,7 @@ def state_message(studio: Studio, slot: Slot, *, detailed: bool) -> dict[str, An
     }
     if studio.b is not None:
         message["dials_b"] = dial_list(studio.b.panel)
-    if detailed and studio.panel is not None:
+    if details is not None:
         message["messages"] = [*slot.scene.warnings, *message["messages"]]
-        numbers = studio.panel.numbers(slot.resolved)
-        message["focus"] = {name: numbers[name] for name in _FOCUS} if numbers.get("distance_m") else None
-        message["guides"] = studio.panel.guides(slot.resolved)
+        message |= details
     return message

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import json
 import math
 import re
@@ -21,8 +22,10 @@ from rptcam_cl.core.errors import InputError, RptcamError
 from rptcam_cl.core.files import FileState, file_state, named_files, plain
 from rptcam_cl.imaging.formats import RawImage
 from rptcam_cl.imaging.image import Image, with_picture_settings
+from rptcam_cl.scene.film import PictureSettings
 from rptcam_cl.scene.load import change_scene, load_scene, scene_text, set_keys
 from rptcam_cl.scene.scene import Scene
+from rptcam_cl.viewfinder.background import Background
 from rptcam_cl.viewfinder.dials import follow_light
 from rptcam_cl.viewfinder.instruments import as_model, film_reading
 from rptcam_cl.viewfinder.lens_panel import LensPanel
@@ -33,7 +36,10 @@ from rptcam_cl.viewfinder.panel import Dials, Panel, read_dials
 
 SCALES = (1.0, 0.5, 0.25, 0.125)
 GLANCE_S = 0.07  # a glance may take: with the way to the page, more than ten of them a second
-TAKE_S = 0.15  # samples of a resting picture may take, so that what the user does next is not kept waiting
+TAKE_S = 0.15  # samples of a resting picture may take at first; what the user does next ends them at once
+LONGEST_S = 3.0  # of a take
+SHOWN_SHARE = 0.08  # of the time of a take, that showing it may take
+GROWTH = 4  # a take has this part of the samples that are there, as fewer are hardly seen
 _HEADROOM = 0.6  # of the time that a larger scale may be foreseen to take before it is tried
 _NEWS = 0.5  # weight of the last measurement
 _MOST_SAMPLES = 4096  # of one take
@@ -52,18 +58,24 @@ class Pace:
         self._index = 1
         self._measured = False
         self._sample_s: float | None = None
+        self._show_s = 0.0
 
     @property
     def scale(self) -> float:
         """Scale of the next glance."""
         return SCALES[self._index]
 
-    @property
-    def samples(self) -> int:
-        """Samples per pixel of the next take."""
+    def samples(self, done: int) -> int:
+        """Return the samples per pixel of the next take of a film that has some."""
         if self._sample_s is None:
             return 1
-        return max(1, min(_MOST_SAMPLES, int(self._take_s / max(self._sample_s, 1e-6))))
+        each = max(self._sample_s, 1e-6)
+        worth = max(self._take_s, self._show_s / SHOWN_SHARE) / each
+        return max(1, min(_MOST_SAMPLES, int(max(worth, done / GROWTH)), int(max(LONGEST_S, self._take_s) / each)))
+
+    def note_show(self, seconds: float) -> None:
+        """Note what it took to show a picture at full scale."""
+        self._show_s = _NEWS * seconds + (1 - _NEWS) * self._show_s if self._show_s else seconds
 
     def note_glance(self, scale: float, seconds: float) -> None:
         """Note what a glance took; the scale goes down at once where it was too slow, and up where there is room."""
@@ -221,6 +233,13 @@ def _data(scene: Scene) -> dict[str, Any]:
     return {name: plain(value) if _is_plain(value) else dumped.get(name) for name, value in given.items()}
 
 
+def values_before(scene: Scene, changes: Iterable[str]) -> dict[str, Any]:
+    """Return the values that keys of its sections, as ``camera.focus``, have in a scene; None where it has none."""
+    paths = {key: key.split(".") for key in changes}
+    data = _data(scene)
+    return {key: (data.get(section) or {}).get(name) for key, (section, name) in paths.items()}
+
+
 def _is_plain(value: Any) -> bool:
     if isinstance(value, Mapping):
         return all(map(_is_plain, value.values()))
@@ -311,6 +330,8 @@ REST_S = 0.25  # after the last movement of what is held, before the picture is 
 PAUSE = 2.0  # times what a take took, that the old picture leaves to the compilation of what comes after it
 POLL_S = 0.05  # between two looks whether the kernels of the film are there
 _SAME_FILM = ("none", "picture")  # kinds of change after which the film is as it was
+_FILMS = itertools.count(1)
+_GROWN = 1.25  # by how much the samples of a film grow before it is finished once more
 _BODY = ("exposure", "shutter", "sensor", "camera")  # parts of the scene that the dials read
 
 
@@ -325,6 +346,19 @@ class Shown:
     stale: bool
     answers: Mapping[int, int | None]  # by client: its last change that the frame shows
     raw: RawImage | None = None  # what the sensor puts out for it, where there is one
+    lacks: tuple[str, ...] = ()  # what a saved picture has beyond it
+
+
+@dataclass(frozen=True)
+class Finished:
+    """A film with what takes long: ghosts, diffraction, sensor. It is developed as a saved picture is."""
+
+    film: int  # as `Slot.film`
+    frame: Frame
+    image: Image
+    codes: Codes
+    raw: RawImage | None
+    picture: PictureSettings  # that it is developed by
 
 
 class Slot:
@@ -363,6 +397,8 @@ class Slot:
         self._answers: Mapping[int, int | None] = {}
         self._next_samples = 1
         self._last: Frame | None = None  # of what is there now
+        self.film = next(_FILMS)  # a number of the film's own
+        self.finished: Finished | None = None  # the last picture of this film that lacks nothing
         self._reaches_noise = False  # the requested noise
         self._unread = False  # whether the film has samples that no picture was made of
 
@@ -432,6 +468,7 @@ class Slot:
 
     def _begin_anew(self) -> None:
         self.wants_glance, self._last = True, None
+        self.film, self.finished = next(_FILMS), None
         self._reaches_noise = self._unread = False
         self._next_samples = 1
 
@@ -470,10 +507,10 @@ class Slot:
         """Return the picture that is there, to be developed anew."""
         assert self._last is not None, "there is one where a change leaves the film"
         self.wants_showing = False
-        return self._last
+        return self._last if self.finished is None else self.finished.frame
 
     def refine(self, is_wanted: Callable[[], bool]) -> Frame | None:
-        """Return the picture with more samples; None where it cannot have any yet, or was left within the first.
+        """Return the picture with more samples; None where it has none yet, was left within one, or is finished.
 
         Parameters
         ----------
@@ -490,11 +527,11 @@ class Slot:
         if self.session.spp == 0 or self._unread:
             return None
         self._last = self.session.frame()
-        return self._last
+        return None if self.finished is not None else self._last
 
     def _add(self) -> None:
         before, begun = self.session.spp, time.monotonic()
-        count = max(1, min(self._next_samples, self.pace.samples, self.target_spp - before))
+        count = max(1, min(self._next_samples, self.pace.samples(before), self.target_spp - before))
         complete = self.session.add(count)
         took = time.monotonic() - begun
         self.pace.note_take(self.session.spp - before, took)
@@ -503,15 +540,61 @@ class Slot:
         self._reaches_noise = complete and self.session.spp == before
 
     def show(self, frame: Frame, moving: bool, answers: Mapping[int, int | None]) -> None:
-        """Develop a frame."""
-        self._number += 1
+        """Develop a frame; what takes long it lacks, until `show_finished`."""
         stale = self.compiling
         if not stale:
             self._answers = answers
             self.shown_changes = (self.changes, self.dials)
-        image = self.image_of(frame)
-        raw = image.raw() if image.has_sensor else None
-        self.shown = Shown(self._number, frame, codes_of(image), moving, stale, self._answers, raw)
+        image, lacks = self._plain_image(frame), self.comes_last
+        finished = self.finished
+        if finished is not None and finished.frame is frame and self.scene.sensor is None:
+            image, lacks = with_picture_settings(finished.image, self.scene.picture), ()
+        self._number += 1
+        self.shown = Shown(self._number, frame, codes_of(image), moving, stale, self._answers, None, lacks)
+
+    @property
+    def comes_last(self) -> tuple[str, ...]:
+        """What of the picture takes so long that it is added at rest, off the thread of frames."""
+        described = self.session.metadata
+        has = {
+            "diffraction": described.get("diffraction", {}).get("on", False),
+            "ghosts": "ghosts" in described,
+            "sensor": self.scene.sensor is not None,
+        }
+        return tuple(name for name, is_there in has.items() if is_there)
+
+    @property
+    def wants_finishing(self) -> bool:
+        """Whether the picture at rest lacks what comes last, and is to have it now."""
+        last, done = self._last, self.finished
+        if not self.comes_last or self.compiling or self.wants_glance or self.wants_showing or self.rests_in() > 0:
+            return False
+        if last is None or last.scale < 1 or not last.complete or last.spp == 0 or last.spp != self.session.spp:
+            return False
+        if done is None or done.picture != self.scene.picture:
+            return True
+        return last.spp >= _GROWN * done.frame.spp or (self.is_done and last.spp > done.frame.spp)
+
+    def finish_later(self) -> Callable[[], Finished]:
+        """Read the film; return what finishes its picture, in any thread."""
+        film, frame, done, picture = self.film, self._last, self.finished, self.scene.picture
+        assert frame is not None, "as `wants_finishing` says"
+        later = self.session.image_later() if done is None or done.frame is not frame else lambda: done.image
+
+        def finish() -> Finished:
+            image = with_picture_settings(later(), picture)
+            return Finished(film, frame, image, codes_of(image), image.raw() if image.has_sensor else None, picture)
+
+        return finish
+
+    def show_finished(self, finished: Finished) -> None:
+        """Show a finished picture, unless there is another film by now."""
+        if finished.film == self.film and not self.wants_glance:
+            self.finished = finished
+            self._number += 1
+            self.shown = Shown(
+                self._number, finished.frame, finished.codes, False, self.compiling, self._answers, finished.raw
+            )
 
     def follow(self) -> None:
         """Meter what is shown, once it is on its way; dials that follow the light follow it."""
@@ -526,13 +609,8 @@ class Slot:
                 self.change(turned.changes, dials=turned.dials, transient=shown.moving)
             self.dials, self._follows = turned.dials, False
 
-    def image_of(self, frame: Frame) -> Image:
-        """Return a frame as an image that develops as the scene says; glances leave sensor and diffraction out."""
-        described = self.session.metadata
-        comes_last = self.scene.sensor is not None or described.get("diffraction", {}).get("on", False)
-        if comes_last and frame.scale == 1 and self.session.spp > 0:
-            return self.session.image()
-        metadata = {"spectrum": described.get("spectrum", "rgb")}
+    def _plain_image(self, frame: Frame) -> Image:
+        metadata = {"spectrum": self.session.metadata.get("spectrum", "rgb")}
         return with_picture_settings(Image(frame.pixels, metadata), self.scene.picture)
 
     def close(self) -> None:
@@ -554,12 +632,19 @@ class Studio:
         As `RenderSession` takes them.
     clients
         Returns those that are connected.
+    background
+        Whose jobs end when the device is let go of.
     """
 
     def __init__(
-        self, origin: Origin, device: str | None, size: tuple[int, int] | None, clients: Callable[[], Iterable[Client]]
+        self,
+        origin: Origin,
+        device: str | None,
+        size: tuple[int, int] | None,
+        clients: Callable[[], Iterable[Client]],
+        background: Background,
     ) -> None:
-        self.origin = origin
+        self.origin, self._background = origin, background
         self._device, self._size, self._clients = device, size, clients
         self._scene: Scene | None = None
         self._kept: tuple[Mapping[str, Any], Dials | None] = ({}, None)
@@ -635,7 +720,7 @@ class Studio:
             self.file_error = scene_error(str(problem))
         for client in self._clients():
             client.forget_pictures()
-        self.panel = LensPanel(session.device)
+        self.panel = LensPanel(session.device.beside())  # the worker "lens" alone calls it
         self.set_compare(self.compare)
 
     def _with_size(self, scene: Scene) -> Scene:
@@ -648,6 +733,7 @@ class Studio:
         self._let_go()
 
     def _let_go(self) -> None:
+        self._background.end()
         slots, self.a, self.b, self.panel, self.paused = self.slots, None, None, None, False
         for slot in slots:
             slot.close()
@@ -671,7 +757,7 @@ class Studio:
 
     def change(
         self, name: str, keys: Mapping[str, Any], *, transient: bool = False, dials: Dials | None = None
-    ) -> None:
+    ) -> Change:
         """Change a slot; what A gets, B gets too, where it has nothing else for it.
 
         Raises
@@ -680,7 +766,7 @@ class Studio:
             Nothing is changed then.
         """
         slot = self.slot(name)
-        slot.change(keys, transient=transient, dials=dials)
+        change = slot.change(keys, transient=transient, dials=dials)
         self._tell_compiling(slot, not slot.compiling)
         if name == "A" and self.b is not None:
             own = {key: value for key, value in keys.items() if not _touches(key, self.b_keys)}
@@ -690,6 +776,7 @@ class Studio:
             except InputError as problem:
                 self.b.messages = (f"B keeps its own: {problem}",)
         self.generation = slot.next_generation
+        return change
 
     @property
     def b_keys(self) -> tuple[str, ...]:

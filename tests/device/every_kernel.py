@@ -67,7 +67,11 @@ def meshes() -> None:
     shape = {"shape": "mesh", "mesh": "soup", "material": {"kind": "matte", "reflectance": 0.5}}
     scene = still_life()
     objects = [*scene["objects"][:2], shape, shape | {"transform": [{"translate": [0, 0, 0.2]}]}]
-    shown(scene | {"meshes": {"soup": mesh}, "objects": objects}, layers=list(LAYER_NAMES))
+    scene |= {"meshes": {"soup": mesh}, "objects": objects, "render": {"max_depth": 3, "caustics": "off"}}
+    shown(scene, layers=list(LAYER_NAMES))
+    with rptcam_cl.RenderSession(scene, size=SIZE) as viewed:  # its triangles move about the eye
+        viewed.change({"camera.eye": [0.3, -5.5, 1.4]})
+        assert viewed.take().pixels.max() > 0
 
 
 def tree_of_shapes() -> None:
@@ -101,7 +105,7 @@ RENDERS: dict[str, tuple[Callable[[], None], set[str]]] = {
     "passes": (passes, WAVE),
     "stream": (stream, {"stream"}),
     "lens": (lens, WAVE | {"aim_rays", "trace_lens", "trace_rays"}),
-    "meshes": (meshes, WAVE | TREES | {"layers", "sharp"}),
+    "meshes": (meshes, WAVE | TREES | {"fill_blocks", "layers", "sharp"}),
     "tree of shapes": (tree_of_shapes, WAVE | (TREES - {"histogram", "partition", "search", "reinsert"})),
     "everything": (everything, WAVE),
     "light of lamps": (light_of_lamps, WAVE | {"photons", "ghosts", "occluded"}),

@@ -1,6 +1,8 @@
 """The pace of the picture: its scale and its samples follow the speed measured."""
 
-from rptcam_cl.viewfinder.studio import GLANCE_S, SCALES, TAKE_S, Pace
+import pytest
+
+from rptcam_cl.viewfinder.studio import GLANCE_S, LONGEST_S, SCALES, SHOWN_SHARE, TAKE_S, Pace
 
 
 def run(pace: Pace, seconds_at_full: float, fixed: float, turns: int = 30) -> list[float]:
@@ -39,9 +41,23 @@ def test_glance_of_another_scale_says_nothing() -> None:
 
 def test_samples_of_a_take_keep_its_time() -> None:
     pace = Pace()
-    assert pace.samples == 1
+    assert pace.samples(0) == 1
     for _ in range(20):
-        pace.note_take(pace.samples, pace.samples * TAKE_S / 10)
-    assert 8 <= pace.samples <= 10
+        samples = pace.samples(0)
+        pace.note_take(samples, samples * TAKE_S / 10)
+    assert 8 <= pace.samples(0) <= 10
     pace.note_take(1, 1000.0)
-    assert pace.samples == 1
+    assert pace.samples(0) == 1
+
+
+def test_takes_grow_with_what_showing_costs_and_with_the_samples_that_are_there() -> None:
+    pace = Pace()
+    for _ in range(20):
+        pace.note_take(10, 10 * 0.015)
+    alone = pace.samples(0)
+    for _ in range(20):
+        pace.note_show(0.06)
+    assert pace.samples(0) * 0.015 * SHOWN_SHARE == pytest.approx(0.06, rel=0.05)
+    assert pace.samples(0) > alone
+    assert pace.samples(400) == 100
+    assert pace.samples(10**6) == pytest.approx(LONGEST_S / 0.015, rel=0.02)

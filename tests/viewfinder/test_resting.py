@@ -53,6 +53,10 @@ def rested(slot: Slot) -> None:
         assert frame is not None
         slot.show(frame, False, {})
         slot.follow()
+    if slot.wants_finishing:
+        assert slot.shown is not None and slot.shown.lacks == slot.comes_last
+        slot.show_finished(slot.finish_later()())
+        assert not slot.shown.lacks and not slot.wants_finishing
 
 
 def histograms(slot: Slot) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.core.files import References, plain
+from rptcam_cl.core.files import References
 from rptcam_cl.core.strict_yaml import Document, KeyPath
 from rptcam_cl.optics.files import keys
 from rptcam_cl.optics.files.fields import Fields, as_number, problem
@@ -456,7 +456,16 @@ def document_of(mapping: Mapping[str, Any], files: References | None = None) -> 
     """Return a mapping made in Python as a document without line numbers; it may name files of the working folder."""
     name = mapping.get("name")
     label = name if isinstance(name, str) and name else "<lens>"
-    return Document(plain(mapping), label, {}, {}, files or References())
+    return Document(_plain(mapping), label, {}, {}, files or References())
+
+
+def _plain(value: Any) -> Any:
+    """Copy a value as mappings, lists and Python's numbers; keys stay, as powers are numbers in errors, too."""
+    if isinstance(value, Mapping):
+        return {key: _plain(inner) for key, inner in value.items()}
+    if isinstance(value, list | tuple | np.ndarray):
+        return [_plain(inner) for inner in value]
+    return value.item() if isinstance(value, np.generic) else value
 
 
 def read_native(document: Document) -> Lens:

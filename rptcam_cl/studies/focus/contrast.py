@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,7 @@ from rptcam_cl.studies.focus.probe import (
     choose_zone,
     peak_of,
 )
-from rptcam_cl.studies.focus.renderer import Probes, Task, probability_within
+from rptcam_cl.studies.focus.renderer import MOST_SAMPLES, Probes, Task, probability_within
 
 #
 # Focus by distance: rays tell how far away the zone is, and the lens says where its film has to be.
@@ -113,22 +113,59 @@ def focus_by_depth(task: Task) -> FocusReport:
     records: list[ProbeRecord] = []
     for number in range(MOST_PROBES):
         samples, seconds = renderer.samples, renderer.seconds
-        depths = renderer.depths(state, list(zones.values()), task.seed)
-        met = {k: depth for k, depth in zip(zones, depths, strict=True) if np.isfinite(depth).mean() >= LEAST_SHARE}
-        if not met:
-            raise NoContrast("nothing in the zone: its rays meet no surface; the focus stays as it was")
-        medians = {k: float(np.median(depth[np.isfinite(depth)])) for k, depth in met.items()}
-        zone = choose_zone(task.policy, task.zones, {k: -median for k, median in medians.items()})
         before = drive.coordinate(state)
-        state = state_within_reach(drive, medians[zone], task.zones[zone])
-        zones = {zone: task.zones[zone]}
+        zone, met, state = _state_by_rays(task, state, zones)
+        zones, middle = {zone: task.zones[zone]}, float(np.median(met))
+        task.note_state(state)
         film = drive.film_distance(state)
         taken = (renderer.samples - samples, renderer.seconds - seconds)
-        records.append(ProbeRecord(state, film, medians[zone], _spread(met[zone]), 0.0, *taken, "distance"))
+        records.append(ProbeRecord(state, film, middle, _spread(met), 0.0, *taken, "distance"))
         if number and abs(drive.coordinate(state) - before) < CONVERGED * drive.depth_of_focus:
             break
-    share = _within_depth_of_field(task, state, met[zone])
-    return task.report("depth", state, task.zones[zone], 0.0, share, records)
+    share = _within_depth_of_field(task, state, met)
+    distance = middle if drive.limits[0] < state < drive.limits[1] else None
+    return task.report("depth", state, task.zones[zone], 0.0, share, records, distance)
+
+
+def _state_by_rays(task: Task, state: float, zones: Mapping[int, Zone]) -> tuple[int, NDArray[np.float64], float]:
+    """Return which of some zones decides by what its rays meet, their distances [m], and the state for the median.
+
+    Raises
+    ------
+    NoContrast, OutOfReach
+        As `focus_by_depth`.
+    """
+    depths = [depth[np.isfinite(depth)] for depth in task.renderer.depths(state, list(zones.values()), task.seed)]
+    pixels = [task.renderer.view.pixels_of(zone) for zone in zones.values()]
+    met = {
+        k: depth
+        for k, depth, (x0, x1, y0, y1) in zip(zones, depths, pixels, strict=True)
+        if len(depth) >= LEAST_SHARE * (x1 - x0) * (y1 - y0)
+    }
+    if not met:
+        raise NoContrast("nothing in the zone: its rays meet no surface; the focus stays as it was")
+    medians = {k: float(np.median(depth)) for k, depth in met.items()}
+    zone = choose_zone(task.policy, task.zones, {k: -median for k, median in medians.items()})
+    return zone, met[zone], state_within_reach(task.drive, medians[zone], task.zones[zone])
+
+
+BREATHING = 0.05  # by how much the image may grow on the way before the rays of a zone meet something else
+
+
+def aim(task: Task) -> float | None:
+    """Return the state that rays tell a search to begin in: what they meet is often, but not always, what is seen.
+
+    None where they meet nothing, or what is out of reach.
+    """
+    state, zones = task.renderer.state, dict(enumerate(task.zones))
+    try:
+        _, _, aimed = _state_by_rays(task, state, zones)
+        if abs(task.drive.image_scale(aimed, state) - 1) > BREATHING:
+            aimed = _state_by_rays(task, aimed, zones)[2]
+    except InputError:
+        return None
+    task.note_state(aimed)
+    return aimed
 
 
 def _spread(depth: NDArray[np.float64]) -> float:
@@ -168,7 +205,10 @@ WIDEST = 6.0  # depths of focus at the stop of a round: its widest step
 OFF_MIDDLE = 0.45  # of a step: how far the top may lie from the middle one of three probes
 CLEAR = 4.0  # standard errors by which a top must rise above the rest
 COARSE, FINE = 0.05, 0.02  # relative standard error of the measure that rounds aim at
-FIRST_SAMPLES, MOST_SAMPLES = 128, 512  # per pixel
+FIRST_SAMPLES = 128  # per pixel
+NEAR_SAMPLES = 64  # of a search near a place, whose probes are sharp enough to tell more from fewer
+MOST_NEAR = 128  # of it: what is not clear by then may be so elsewhere
+PRECISE = 8.0  # parts of a depth of focus, of which a top may err by one
 
 
 def no_contrast(why: str) -> NoContrast:
@@ -210,9 +250,12 @@ def greatest_contrast(probes: Probes, policy: Policy, start: tuple[float, float]
     zones = list(range(len(probes.zones)))
     places = [low + k * step for k in range(count)]
     reference = None if start is None else start[0]
-    made, samples = _round(probes, places, stop, FIRST_SAMPLES, zones, COARSE, reference)
+    first = FIRST_SAMPLES if start is None else NEAR_SAMPLES
+    made, samples = _round(probes, places, stop, first, zones, COARSE, reference)
     peaks = _widen(probes, made, zones, step, samples)
     rounds = math.ceil(math.log(1 / stop) / math.log(OPENING) - 1e-9)
+    if start is not None:  # once more about the top, as the curve of an aberrated lens is lopsided
+        rounds = max(rounds, 1)
     factor = stop ** (-1 / rounds) if rounds else 1.0
     for number in range(rounds):
         stop = 1.0 if number == rounds - 1 else stop * factor
@@ -223,6 +266,8 @@ def greatest_contrast(probes: Probes, policy: Policy, start: tuple[float, float]
         peaks = _widen(probes, made, zones, step, samples)
     zone = choose_zone(policy, probes.zones, {k: peaks[k].place for k in zones})
     peak = _refine(probes, made, zone, peaks[zone], samples)
+    if start is not None and not peak.inside and abs(peak.place - probes.ends[0]) > 1e-9 * abs(peak.place):
+        raise no_contrast("it still gets sharper where it was searched")
     if peak.place >= probes.ends[1] - 1e-9 * abs(probes.ends[1]):
         raise NoContrast(
             "what the zone shows is too near: it still gets sharper where the focus ends; it stays as it was"
@@ -244,14 +289,14 @@ def _round(
         made = [probes.at(place, samples, stop, reference) for place in places]
         seen = [zone for zone in zones if _contrast(probes, made, zone)]
         noise = min((_noise(made, zone) for zone in zones), default=math.inf)
-        if seen or samples >= MOST_SAMPLES or all(_is_surely_flat(probes, made, zone) for zone in zones):
+        if seen or samples >= probes.most or all(_is_surely_flat(probes, made, zone) for zone in zones):
             break
-        samples = min(8 * samples, MOST_SAMPLES)
+        samples = min(8 * samples, probes.most)
     if not seen:
         raise no_contrast(_why_unseen(probes, made, zones, samples))
     zones[:] = seen
     factor = max(1.0, min((noise / wanted) ** 2, 16.0))
-    return made, min(int(samples * factor), MOST_SAMPLES)
+    return made, min(int(samples * factor), probes.most)
 
 
 def _top(made: Sequence[Probe], zone: int) -> Probe:
@@ -345,13 +390,18 @@ def _refine(probes: Probes, made: list[Probe], zone: int, peak: Peak, samples: i
     low, high = probes.ends
     reference = made[0].reference
     for _ in range(4):
-        if peak.rise < CLEAR and samples >= MOST_SAMPLES:
+        if peak.rise < CLEAR and samples >= probes.most:
             raise _same_everywhere(peak)
-        if peak.rise >= CLEAR and peak.error < sharp / 8 and _is_even(made, zone, peak, (low, high), WIDEST * sharp):
+        if (
+            peak.rise >= CLEAR
+            and peak.error < sharp / PRECISE
+            and _is_even(made, zone, peak, (low, high), WIDEST * sharp)
+        ):
             return peak
         step = min(max(SHARE * peak.width, sharp), WIDEST / 2 * sharp)
-        if peak.rise < CLEAR or peak.error >= sharp / 8:
-            samples, made, reference = min(4 * samples, MOST_SAMPLES), [], peak.place
+        if peak.rise < CLEAR or peak.error >= sharp / PRECISE:
+            more = 4.0 if peak.rise < CLEAR else float(np.clip(2 * (PRECISE * peak.error / sharp) ** 2, 2, 16))
+            samples, made, reference = min(int(more * samples), probes.most), [], peak.place
             step = min(2 * step, WIDEST * sharp)
         for place in _three_places(probes, peak.place, step):
             if not any(abs(probe.place - place) < 0.25 * step for probe in made):
@@ -396,7 +446,11 @@ def focus_by_laplacian(task: Task) -> FocusReport:
 
 def _focus_by_measure(method: str, measure: str, task: Task) -> FocusReport:
     probes = task.probes(MEASURES[measure])
+    probes.most = MOST_SAMPLES if task.near is None else MOST_NEAR
     peak, zone = greatest_contrast(probes, task.policy, task.near_place(probes))
+    if task.near is not None and peak.error >= task.drive.depth_of_focus / PRECISE:
+        raise no_contrast("its details are not clear where it was searched")
+    task.note_state(probes.state_of(peak.place))
     state = probes.state_of(peak.place)
     sure = (
         probability_within(task.drive.depth_of_focus / 4, peak.error) if peak.inside else 0.0

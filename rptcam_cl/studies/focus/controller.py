@@ -22,6 +22,7 @@ from rptcam_cl.scene.lens_settings import AutoFocus, read_zones
 from rptcam_cl.scene.load import change_scene, input_error, load_scene
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.studies.focus.contrast import (
+    aim,
     check_reach,
     focus_by_contrast,
     focus_by_depth,
@@ -261,6 +262,7 @@ def find_focus(
     zones: Sequence[Zone] | None = None,
     near: float | None = None,
     on_probe: Callable[[Probe], None] | None = None,
+    on_state: Callable[[float], None] | None = None,
 ) -> FocusReport:
     """Return the focus of a scene's camera.
 
@@ -274,6 +276,8 @@ def find_focus(
         State near which the focus is expected; by default it is sought over the whole reach.
     on_probe
         Called with every probe.
+    on_state
+        Called with every state that the focus is taken to be in by now, first that of the distance by rays.
 
     Raises
     ------
@@ -293,14 +297,38 @@ def find_focus(
         Policy(settings.policy),
         scene.render.seed,
         near,
-        on_probe,
+        on_probe=on_probe,
+        on_state=on_state,
     )
     try:
-        report = METHODS[settings.method](task)
+        report = search(task, settings.method)
     except NoContrast:
         check_reach(task, renderer.state if near is None else near)
         raise
     return with_warnings(task, report)
+
+
+AIMED = ("contrast", "laplacian", "phase", "hybrid")
+AIMED_REACH = 4.5  # depths of focus
+
+
+def search(task: Task, method: str) -> FocusReport:
+    """Return the focus by a method; one that looks for what is sharp begins where rays tell that something is.
+
+    Where nothing gets sharp there, as in front of a mirror or a window, it searches as the task says.
+
+    Raises
+    ------
+    NoContrast, OutOfReach
+        As the method does.
+    """
+    aimed = aim(task) if method in AIMED else None
+    if aimed is not None:
+        try:
+            return METHODS[method](replace(task, near=aimed, reach=AIMED_REACH))
+        except NoContrast:
+            pass
+    return METHODS[method](task)
 
 
 def focused_scene(scene: Scene, report: FocusReport) -> Scene:
@@ -405,6 +433,7 @@ def autofocus(
     seed: int | None = None,
     device: str | Session | None = None,
     on_probe: Callable[[Probe], Any] | None = None,
+    on_state: Callable[[float], Any] | None = None,
 ) -> FocusReport:
     """Return the focus that the camera of a scene finds; the scene stays as it is, see `focused_scene`.
 
@@ -430,6 +459,8 @@ def autofocus(
         As for `render`.
     on_probe
         Called with every probe.
+    on_state
+        Called with every state that the focus is taken to be in by now, first that of the distance by rays.
 
     Raises
     ------
@@ -448,7 +479,7 @@ def autofocus(
     where = {"zones": zones, "point": point, "object": object}
     settings = focus_settings(scene, {"method": method, "policy": policy}, where)
     session = device if isinstance(device, Session) else open_session(device)
-    return find_focus(scene, session, settings, near=near, on_probe=on_probe)
+    return find_focus(scene, session, settings, near=near, on_probe=on_probe, on_state=on_state)
 
 
 #

@@ -46,8 +46,8 @@ from rptcam_cl.studies.focus.probe import Drive, Zone, circle_of_confusion
 BEYOND_INFINITY = 0.06  # focal lengths that the film may go nearer than for infinity: curved fields focus there
 LEAST_DISTANCE = 0.02  # of the back focal distance, that the film keeps from the lens
 INVERSIONS = 12  # most rounds of the search for the object of a state
-FAR_FOCAL_LENGTHS = 100.0  # where it begins
-INVERTED = 1e-4  # of a distance, between two rounds
+FAR_FOCAL_LENGTHS = 100.0  # where it begins when first-order optics has none
+INVERTED = 3e-3  # of a distance, between two rounds: what the last one corrects changes by as little then
 
 
 def stopped(lens: Lens, share: float) -> Lens:
@@ -141,7 +141,9 @@ class LensDrive(Drive):
     def object_distance(self, state: float, zone: Zone | None = None) -> float | None:
         """Return the distance from the plane that is sharpest in a zone, by default on the axis, to the film [m]."""
         lens, film_distance_mm = self.lens_at(state)
-        distance_mm = FAR_FOCAL_LENGTHS * lens.first_order(self.own_camera.wavelength_nm).focal_length_mm
+        distance_mm = self._distances_mm.get(zone) or self._first_order_distance(lens, film_distance_mm) or math.inf
+        if math.isinf(distance_mm):
+            distance_mm = FAR_FOCAL_LENGTHS * lens.first_order(self.own_camera.wavelength_nm).focal_length_mm
         for _ in range(INVERSIONS):
             # by how much the sharpest place differs from that of first-order optics changes slowly with the distance
             new = self._first_order_distance(lens, film_distance_mm - self._beyond_first_order(lens, distance_mm, zone))
@@ -149,6 +151,16 @@ class LensDrive(Drive):
                 return None if new is None else new * 1e-3
             distance_mm = new
         return distance_mm * 1e-3
+
+    @cached_property
+    def _distances_mm(self) -> dict[Zone | None, float]:
+        """The distance for which the state of a zone was found last, near which further ones lie."""
+        return {}
+
+    @cached_property
+    def _sharpest_films(self) -> dict[tuple[Lens, float, Zone | None], float]:
+        """What `sharpest_film` has found, as exact rays take their time."""
+        return {}
 
     def _beyond_first_order(self, lens: Lens, distance_mm: float, zone: Zone | None) -> float:
         """Return by how much the sharpest film distance of a plane exceeds that of first-order optics [mm]."""
@@ -187,6 +199,12 @@ class LensDrive(Drive):
         distance_mm
             From the plane to the film's centre.
         """
+        key = (lens, distance_mm, zone)
+        if key not in self._sharpest_films:
+            self._sharpest_films[key] = self._find_sharpest_film(lens, distance_mm, zone)
+        return self._sharpest_films[key]
+
+    def _find_sharpest_film(self, lens: Lens, distance_mm: float, zone: Zone | None) -> float:
         wavelength = self.own_camera.wavelength_nm
         x, y, depth = (0.0, 0.0, 0.0) if zone is None else film_point(self.scene, self.own_camera, *zone.centre)
         distance_mm += depth  # to the film in the zone
@@ -208,7 +226,9 @@ class WholeLens(LensDrive):
 
     def state_for(self, distance_m: float, zone: Zone) -> float:
         """Return the film distance that makes a plane sharpest in a zone [mm]."""
-        return self.sharpest_film(self.lens, distance_m * 1e3, zone)
+        found = self.sharpest_film(self.lens, distance_m * 1e3, zone)
+        self._distances_mm[zone] = distance_m * 1e3
+        return found
 
     @cached_property
     def depth_of_focus(self) -> float:
@@ -279,6 +299,7 @@ class GroupDrive(LensDrive):
             end = self.object_distance(within, zone)
             words = "" if end is None else f"; the end of its travel is sharp at {end * 1e3:.6g} mm"
             raise InputError(f"{self.lens.name}: its group cannot focus at {distance_mm:.6g} mm from the film{words}")
+        self._distances_mm[zone] = distance_mm
         return within
 
     @cached_property

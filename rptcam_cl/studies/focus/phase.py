@@ -528,6 +528,7 @@ def _render_halves(
 CAPTURE = 0.3  # of the zone's side: largest displacement that a probe is to find
 LEAST_STOP = 0.04  # share of the opening
 SAMPLES, MOST_SAMPLES = 64, 512  # per pixel
+_SPLITS: tuple[Split, ...] = ("x", "y")
 DEVIATIONS = 6.0  # standard errors to either side that the next probe is prepared for
 LEAST_REACH = 5.0  # displacement at full aperture that it is prepared for in any case [pixels]
 NEAR = 1.0  # depths of focus: a probe so near to the focus that it found is the last one
@@ -560,14 +561,18 @@ class PhaseSearch:
         Every probe so far and what was made of it; None where it shows nothing.
     others : list
         The same of zones that did not decide.
+    on_state : callable or None
+        Called with every state that the target is taken to be sharp in.
     """
 
     renderer: ProbeRenderer
     zone: Zone
     seed: int = 0
     on_probe: Callable[[Probe], None] | None = None
+    on_state: Callable[[float], None] | None = None
     probes: list[tuple[HalfProbe, Match | None]] = field(default_factory=list)
     others: list[tuple[HalfProbe, Match | None]] = field(default_factory=list)
+    _state: tuple[Match, float] | None = None  # of the last match
 
     @property
     def drive(self) -> Drive:
@@ -585,6 +590,26 @@ class PhaseSearch:
         match = self.probes[-1][1]
         assert match is not None
         return match
+
+    def begin_near(self, start: float, width: float) -> None:
+        """Probe from a state for a distance that is sharp within so many depths of focus of it.
+
+        Raises
+        ------
+        NoContrast
+            When there is none.
+        """
+        own = half_view(self.renderer, start, self.zone, "x").sharpest()
+        away = width * self.drive.sharp_vergence(start)
+        refusal = "flat"
+        for split in _SPLITS:
+            match = self._probe(start, split, SAMPLES, (own - away, own + away))
+            if match is not None and match.refusal is None and abs(match.vergence - own) <= away:
+                return
+            refusal = refusal if match is None else match.refusal or "vague"
+            if refusal == "flat":
+                break
+        raise no_contrast(REASONS[refusal])
 
     def begin(self, start: float) -> None:
         """Probe from a state, and from others where that shows too little, until there is a distance.
@@ -622,7 +647,8 @@ class PhaseSearch:
         while len(self.probes) < MOST_PROBES:
             state = self.state
             if self.moved <= NEAR:
-                if self.error <= ENOUGH or samples == MOST_SAMPLES:
+                is_confirmed = len(self.probes) > 1  # by a second probe, from the state that the first has found
+                if (self.error <= ENOUGH and is_confirmed) or samples == MOST_SAMPLES:
                     return state
                 samples *= 2 if self.probe.stop == 1.0 else 1
             samples = self.step(state, samples)
@@ -680,11 +706,17 @@ class PhaseSearch:
     @property
     def state(self) -> float:
         """The state that makes the target sharpest, by the last probe."""
-        vergence = self.match.vergence
-        try:
-            return state_within_reach(self.drive, 1 / vergence if vergence > 0 else math.inf, self.zone)
-        except OutOfReach as problem:
-            return problem.state
+        match = self.match
+        if self._state is None or self._state[0] is not match:  # exact rays take their time
+            distance = 1 / match.vergence if match.vergence > 0 else math.inf
+            try:
+                state = state_within_reach(self.drive, distance, self.zone)
+            except OutOfReach as problem:
+                state = problem.state
+            self._state = match, state
+            if self.on_state is not None and match.refusal is None:
+                self.on_state(state)
+        return self._state[1]
 
     @property
     def moved(self) -> float:
@@ -760,9 +792,12 @@ def phase_search(task: Task) -> PhaseSearch:
     searches: dict[int, PhaseSearch] = {}
     refusal: NoContrast | None = None
     for k, zone in enumerate(task.zones):
-        search = PhaseSearch(task.renderer, zone, task.seed, task.on_probe)
+        search = PhaseSearch(task.renderer, zone, task.seed, task.on_probe, task.on_state)
         try:
-            search.begin(start)
+            if task.near is None:
+                search.begin(start)
+            else:
+                search.begin_near(start, task.reach)
         except NoContrast as problem:
             refusal = problem
         else:

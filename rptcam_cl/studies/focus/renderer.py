@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core.cancellation import checkpoint, is_cancellable
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.device.session import Session
@@ -47,6 +48,7 @@ from rptcam_cl.studies.focus.probe import (
 OPENINGS = (0.02, 0.1, 0.5, 1.0)
 ENOUGH = 0.05  # of the rays pass
 SAMPLES = 16  # per pixel
+SMALL_WAVE = 1 << 14  # slots, of work that may be given up: so few hold up nothing else on the device
 
 
 def first_hits(
@@ -58,8 +60,9 @@ def first_hits(
     layout: FilmLayout,
     names: Sequence[LayerName],
     seed: int,
-) -> tuple[dict[str, NDArray[Any]], int]:
-    """Return layers of what a part of the film sees, (height, width) each, and how many samples they took.
+    first: int = 0,
+) -> tuple[dict[str, NDArray[Any]], int, int]:
+    """Return layers of what a part of the film sees, (height, width) each, the samples taken, and the opening.
 
     Parameters
     ----------
@@ -67,20 +70,34 @@ def first_hits(
         With the film that `layout` is a part of.
     zones
         Where the layers are needed.
+    first
+        Number of the opening to begin with.
     """
     seen = change_scene(scene, render={"layers": tuple(names), "layers_spp": SAMPLES, "max_depth": 1, "noise": None})
     taken = 0
-    for opening in OPENINGS:
-        camera = exposed(drive.camera(seen, state, opening, zones), seen)
-        wavefront = Wavefront(session, make_plan(seen, camera), layout, seen.render, scouts=False)
+    for opening in range(first, len(OPENINGS)):
+        camera = exposed(drive.camera(seen, state, OPENINGS[opening], zones), seen)
+        wavefront = Wavefront(session, make_plan(seen, camera), layout, seen.render, _wave_size(), scouts=False)
         wavefront.seed = seed
-        for wave in wavefront.waves(0, SAMPLES):
-            wavefront.enqueue(*wave)
-        wavefront.finish()
+        take_samples(wavefront, SAMPLES)
         taken += wavefront.camera_rays
         if wavefront.outcomes()["passed"] >= ENOUGH * wavefront.camera_rays:
             break
-    return wavefront.layers(), taken
+    return wavefront.layers(), taken, opening
+
+
+def _wave_size() -> int | None:
+    return SMALL_WAVE if is_cancellable() else None
+
+
+def take_samples(wavefront: Wavefront, samples: int) -> None:
+    """Take samples of every pixel; where they may be given up, the queue of the device is kept short."""
+    for wave in wavefront.waves(0, samples):
+        wavefront.enqueue(*wave)
+        if is_cancellable():
+            wavefront.finish()
+            checkpoint()
+    wavefront.finish()
 
 
 PARTS = 4  # independent pictures that a probe consists of
@@ -210,6 +227,7 @@ class ProbeRenderer:
         self._plan: Plan | None = None
         self._buffers: SceneBuffers | None = None
         self._wavefronts: dict[tuple[tuple[str, int], ...], Wavefront] = {}
+        self._opening = 0  # that the last rays had
 
     @property
     def view(self) -> ZoneView:
@@ -287,9 +305,7 @@ class ProbeRenderer:
         for part in range(PARTS):
             wavefront.clear()
             wavefront.seed = seed * PARTS + part
-            for wave in wavefront.waves(0, count):
-                wavefront.enqueue(*wave)
-            wavefront.finish()
+            take_samples(wavefront, count)
             self.samples += wavefront.camera_rays
             pictures.append(wavefront.picture(count))
         self.seconds += time.perf_counter() - begun
@@ -299,8 +315,8 @@ class ProbeRenderer:
     def depths(self, state: float, zones: Sequence[Zone], seed: int) -> list[NDArray[np.float64]]:
         """Return how far along the axis what each zone's pixels show lies from the film [m]; infinite for nothing."""
         begun, view = time.perf_counter(), self.choose_zones(zones)
-        layers, samples = first_hits(
-            self.drive, view.scene, self.session, state, view.zones, view.layout, ("depth",), seed
+        layers, samples, self._opening = first_hits(
+            self.drive, view.scene, self.session, state, view.zones, view.layout, ("depth",), seed, self._opening
         )
         self.samples += samples
         self.seconds += time.perf_counter() - begun
@@ -314,7 +330,7 @@ class ProbeRenderer:
         columns, rows = (max(round(side * scale), 1) for side in film.resolution)
         small = change_scene(self.scene, film=film.whole_in((columns, rows)))
         layout = FilmLayout(columns, rows, 0, 0, columns, rows)
-        layers, _ = first_hits(self.drive, small, self.session, self.state, [WHOLE], layout, ("object_id",), 0)
+        layers, _, _ = first_hits(self.drive, small, self.session, self.state, [WHOLE], layout, ("object_id",), 0)
         return np.asarray(layers["object_id"], np.int32)
 
     def _wavefront(self, camera: CameraModel) -> Wavefront:
@@ -328,7 +344,7 @@ class ProbeRenderer:
             if self._buffers is None:
                 self._buffers = SceneBuffers(self.session, plan)
             self._wavefronts[facts] = Wavefront(
-                self.session, plan, view.layout, view.scene.render, buffers=self._buffers, scouts=False
+                self.session, plan, view.layout, view.scene.render, _wave_size(), buffers=self._buffers, scouts=False
             )
             self._wavefronts[facts].choose_tiles(view.tiles())
         return self._wavefronts[facts]
@@ -359,8 +375,12 @@ class Task:
     seed : int
     near : float or None
         State near which the focus is expected; None for anywhere.
+    reach : float
+        How far from there it is searched to either side [depths of focus].
     on_probe : callable or None
         Called with every probe.
+    on_state : callable or None
+        Called with every state that the focus is taken to be in by now.
     """
 
     renderer: ProbeRenderer
@@ -368,7 +388,14 @@ class Task:
     policy: Policy
     seed: int = 0
     near: float | None = None
+    reach: float = NEAR
     on_probe: Callable[[Probe], None] | None = None
+    on_state: Callable[[float], None] | None = None
+
+    def note_state(self, state: float) -> None:
+        """Report a state that the focus is taken to be in."""
+        if self.on_state is not None:
+            self.on_state(state)
 
     @property
     def drive(self) -> Drive:
@@ -381,18 +408,25 @@ class Task:
 
     def near_place(self, probes: Probes) -> tuple[float, float] | None:
         """Return where the focus is expected and how far to either side of it to search [mm]."""
-        return None if self.near is None else (probes.place_of(self.near), NEAR * self.drive.depth_of_focus)
+        return None if self.near is None else (probes.place_of(self.near), self.reach * self.drive.depth_of_focus)
 
     def report(
-        self, method: str, state: float, zone: Zone, error: float, confidence: float, probes: list[ProbeRecord]
+        self,
+        method: str,
+        state: float,
+        zone: Zone,
+        error: float,
+        confidence: float,
+        probes: list[ProbeRecord],
+        distance_m: float | None = None,
     ) -> FocusReport:
-        """Return the report of a focus that was found."""
+        """Return the report of a focus that was found; by default it finds which distance the lens has it at."""
         drive = self.drive
         return FocusReport(
             method=method,
             state=state,
             film_distance_mm=drive.film_distance(state),
-            focus_distance_m=drive.object_distance(state, zone),
+            focus_distance_m=drive.object_distance(state, zone) if distance_m is None else distance_m,
             confidence=confidence,
             error=error,
             depth_of_focus_mm=drive.depth_of_focus,
@@ -407,6 +441,7 @@ def probability_within(tolerance: float, error: float) -> float:
     return math.erf(tolerance / (math.sqrt(2) * error)) if error > 0 else 1.0
 
 
+MOST_SAMPLES = 512  # per pixel
 MOST_PROBES = 40  # after which a search gives up
 
 
@@ -423,6 +458,8 @@ class Probes:
         Of every probe: their noise is alike, so that differences between states are seen through it.
     on_probe : callable or None
         Called with every probe.
+    most : int
+        Samples per pixel of a probe that a search takes at most.
     """
 
     renderer: ProbeRenderer
@@ -431,6 +468,7 @@ class Probes:
     seed: int = 0
     on_probe: Callable[[Probe], None] | None = None
     made: list[Probe] = field(default_factory=list)
+    most: int = MOST_SAMPLES
 
     @property
     def drive(self) -> Drive:

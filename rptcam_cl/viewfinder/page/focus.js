@@ -42,6 +42,7 @@ export class Focus {
     link.on("hello", ({ methods }) => methods && this.method.fill(named(methods), ""));
     link.on("state", ({ focus }) => this.standing(focus));
     link.on("link", () => this.show([]));
+    link.on("search", ({ curve }) => this.busy && curve.length > 1 && this.draw(curve));
   }
 
   standing(focus) {
@@ -74,22 +75,27 @@ export class Focus {
   }
 
   async search(zone, answer) {
-    this.busy = true;
+    this.busy = answer;
     this.show(zone ? [zone] : []);
     this.result.textContent = "Focusing …";
-    this.start.disabled = true;
     try {
-      this.found(await answer, zone);
+      const report = await answer;
+      if (this.busy === answer) this.found(report, zone);
     } catch (problem) {
+      if (this.busy !== answer) return;
       this.result.textContent = problem.message;
       this.show(zone ? [{ ...zone, state: "failed" }] : []);
     } finally {
-      this.busy = false;
-      this.start.disabled = false;
+      if (this.busy === answer) this.busy = null;
     }
   }
 
   found(report, zone) {
+    if (report.superseded) {
+      this.result.textContent = "The search ended, as something else was changed.";
+      this.show([]);
+      return;
+    }
     const sure = report.confidence === null || report.confidence === undefined ? "" : `, confidence ${percent(report.confidence)}`;
     this.result.textContent = report.failure || `${distance(report.distance_m)} by ${report.method}${sure}`;
     const state = report.failure ? "failed" : "found";
@@ -101,7 +107,8 @@ export class Focus {
   draw(curve) {
     const points = curve.map((each) => (Array.isArray(each) ? each : [each.position, each.score])).filter(([x, y]) => Number.isFinite(x) && Number.isFinite(y));
     if (points.length < 2) {
-      this.curve.replaceChildren(h("p", { class: "vf-note" }, "This method measures distances: it has no curve."));
+      const why = points.length ? "One probe was enough: there is no curve." : "This method measures distances: it has no curve.";
+      this.curve.replaceChildren(h("p", { class: "vf-note" }, why));
       return;
     }
     const xs = points.map(([x]) => x);

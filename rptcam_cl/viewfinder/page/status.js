@@ -19,12 +19,17 @@ export class Status {
     this.values = Object.fromEntries(READINGS.map(({ name }) => [name, h("dd", { "data-reading": name }, "–")]));
     const list = h("dl", { class: "vf-readings", "aria-label": "Picture" },
       READINGS.map(({ name, label, title }) => h("div", { title }, h("dt", {}, label), this.values[name])));
+    this.lacking = h("span", { class: "vf-lacks", hidden: true, title: "A saved picture has it; it is added to the picture at rest once it is computed" });
+    this.busyWords = h("span", {});
+    this.busy = h("p", { class: "vf-busy", role: "status", hidden: true }, h("i", {}), this.busyWords);
     this.messages = h("p", { class: "vf-messages", role: "status", hidden: true });
-    this.element = h("header", { class: "vf-top" }, h("h1", { class: "vf-name" }, this.lamp, this.name), this.words, list);
+    this.element = h("header", { class: "vf-top" }, h("h1", { class: "vf-name" }, this.lamp, this.name), this.words, this.busy, this.lacking, list);
     link.on("link", ({ state, words }) => this.connection(state, words));
     link.on("hello", ({ scene, device }) => this.opened(scene, device));
     link.on("painted", (header) => this.painted(header));
     link.on("state", (state) => this.standing(state));
+    link.on("busy", ({ texts }) => this.working(texts));
+    link.on("link", () => this.working([]));
   }
 
   connection(state, words) {
@@ -38,6 +43,12 @@ export class Status {
     this.name.title = `${scene}, rendered by ${device}`;
   }
 
+  /** The one sign of all that runs beside the frames. */
+  working(texts) {
+    this.busy.hidden = texts.length === 0;
+    this.busyWords.textContent = texts.join(", ");
+  }
+
   standing({ messages = [], paused, changed = [] }) {
     const words = [paused ? "Paused: press space to go on" : null, ...messages].filter(Boolean);
     this.messages.hidden = words.length === 0;
@@ -45,17 +56,19 @@ export class Status {
     this.name.classList.toggle("vf-changed", changed.length > 0);
   }
 
-  painted({ kind, slot, scale, spp, target_spp: target, ms, noise, stale, moving, width, height }) {
+  painted({ kind, slot, scale, spp, target_spp: target, ms, noise, stale, moving, width, height, lacks = [] }) {
     if (kind !== "picture") return;
     if (slot === "A") {
       this.values.scale.textContent = reduction(scale);
       this.values.scale.classList.toggle("vf-reduced", scale < 0.99);
       this.values.spp.textContent = target > 1 ? `${spp}\u2009/\u2009${target}` : String(spp);
       this.values.ms.textContent = digits(ms, 3);
+      this.lacking.hidden = lacks.length === 0;
+      this.lacking.textContent = `without ${lacks.join(", ")}`;
       this.values.noise.textContent = noise === null || noise === undefined ? "–" : percent(noise);
     }
     const words = `Picture ${slot}, ${width} by ${height} pixels, scale ${reduction(scale)}, ${spp} samples per pixel`;
-    this.stage.panes[slot].describe(words + (stale ? ", of an older setting" : "") + (moving ? ", moving" : ""));
+    this.stage.panes[slot].describe(words + (stale ? ", of an older setting" : "") + (moving ? ", moving" : "") + (lacks.length ? `, without ${lacks.join(", ")}` : ""));
     this.stage.panes[slot].element.classList.toggle("vf-stale", Boolean(stale));
   }
 }

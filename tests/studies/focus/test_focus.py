@@ -200,7 +200,7 @@ def test_moving_target_is_followed_from_frame_to_frame():
     for report, distance in zip(reports, distances, strict=True):
         assert report.focus_distance_m == pytest.approx(distance, rel=0.01)
     cold, *warm = [len(report.probes) for report in reports]
-    assert max(warm) < cold
+    assert max(warm) <= cold <= 6
 
 
 @pytest.mark.slow
