@@ -8,8 +8,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rptcam_cl.cli import lens_options
-from rptcam_cl.cli.lens_field import add_lens_breathing, add_lens_tolerance, add_lens_trace
-from rptcam_cl.cli.lens_measures import add_lens_ghosts, add_lens_measurements
+from rptcam_cl.cli.lens_measures import (
+    add_lens_breathing,
+    add_lens_ghosts,
+    add_lens_measurements,
+    add_lens_tolerance,
+    add_lens_trace,
+)
 from rptcam_cl.cli.output import as_json
 from rptcam_cl.cli.parser import Commands, Parser, add_command, finite, positive, run_nothing
 from rptcam_cl.core.constants import LINE_D_NM

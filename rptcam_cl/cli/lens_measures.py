@@ -1,9 +1,15 @@
-"""The commands ``rptcam lens spot``, ``mtf``, … of every declared measurement, and ``rptcam lens ghosts``."""
+"""The commands of ``rptcam lens`` that measure: ``spot``, ``mtf``, … of every declared measurement, ``ghosts``,
+``trace``, ``breathing`` and ``tolerance``."""
 
 import argparse
+import math
+import sys
+from dataclasses import asdict
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rptcam_cl.api.options import digits, number
 from rptcam_cl.cli import lens_options
 from rptcam_cl.cli.output import as_json, print_table
 from rptcam_cl.cli.parser import Commands, Parser, add_command, finite, positive
@@ -14,6 +20,10 @@ from rptcam_cl.optics.measures import MEASUREMENTS, MIDDLE_NM, Measurement, Opti
 if TYPE_CHECKING:
     from rptcam_cl.optics.charts import Measured
     from rptcam_cl.optics.image_quality import Setting
+    from rptcam_cl.optics.lens import Lens
+    from rptcam_cl.optics.ray_trace import Rays
+    from rptcam_cl.rendering.tolerances import ToleranceRun
+    from rptcam_cl.rendering.traceable_lens import Precision
 
 
 NUMBERS = (".npy",)
@@ -200,7 +210,9 @@ def _ghosts(arguments: argparse.Namespace) -> int:
         print(as_json(head | {"ghosts": parts}))
     else:
         for part in parts:
-            _print(part, f"{state.lens.name}, film at {state.film:.6g} mm, source at {arguments.source:g}°", arguments)
+            _print_ghosts(
+                part, f"{state.lens.name}, film at {state.film:.6g} mm, source at {arguments.source:g}°", arguments
+            )
     if arguments.output is not None:
         worst = next((part["worst"] for part in parts if part["worst"]), None)
         if worst is not None:
@@ -208,7 +220,7 @@ def _ghosts(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _print(part: dict[str, Any], title: str, arguments: argparse.Namespace) -> None:
+def _print_ghosts(part: dict[str, Any], title: str, arguments: argparse.Namespace) -> None:
     """Print the sums of one wavelength and its brightest ways."""
     from rptcam_cl.optics.field_measures import way_text
 
@@ -223,3 +235,229 @@ def _print(part: dict[str, Any], title: str, arguments: argparse.Namespace) -> N
         print(f"worst: {way_text(part['worst'])}; most concentrated: {way_text(part['densest'])}")
     goes = ", ".join(f"{name.replace('_', ' ')} {value:.4g}" for name, value in part["account"].items() if value)
     print(f"of the light that enters: {goes}")
+
+
+# ``rptcam lens trace``: the path and fate of single rays.
+
+
+def add_lens_trace(commands: Commands) -> None:
+    """Add the command."""
+    text = "trace single rays: where they leave the lens, or which surface stops them"
+    description = f"{text.capitalize()}. Millimetres; z = 0 at the first vertex, +z towards the film."
+    parser = add_command(commands, "trace", text, _run_lens_trace, description)
+    lens_options.add_lens_argument(parser)
+    parser.add_argument(
+        "rays", metavar="RAYS", nargs="?",
+        help="JSON [{origin, direction, wavelength_nm}], or CSV x,y,z,dx,dy,dz[,wavelength_nm]; - reads standard input",
+    )  # fmt: skip
+    parser.add_argument("--film-point", type=finite, nargs=2, metavar=("X", "Y"), help="one ray from here on the film")
+    parser.add_argument(
+        "--through", type=finite, nargs=2, metavar=("U", "V"), default=(0.0, 0.0),
+        help="to this point of the plane of the last vertex (default: 0 0)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--start", choices=("film", "scene"), default="film", help="side where rays begin (default: %(default)s)"
+    )
+    lens_options.add_wavelength(parser, "of rays that have none of their own")
+    parser.add_argument(
+        "--device", metavar="SPEC",
+        help="an index as 0:0, a part of a name, cpu, gpu or auto (default: the float64 reference on the host)",
+    )  # fmt: skip
+    parser.add_argument("--precision", choices=("single", "double"), help="arithmetic of the device (default: single)")
+    parser.add_argument("--json", action="store_true", help="print JSON")
+
+
+def _rays(arguments: argparse.Namespace, state: "Setting") -> lens_options.RayList:
+    if (arguments.rays is None) == (arguments.film_point is None):
+        raise InputError("rptcam lens trace: needs either a file of rays or --film-point")
+    if arguments.rays is not None:
+        return lens_options.read_rays(arguments.rays, arguments.wavelength_nm)
+    if arguments.start != "film":
+        raise InputError("--film-point: such a ray starts from the film (leave out --start scene)")
+    (x, y), (u, v) = arguments.film_point, arguments.through
+    return [[x, y, state.film_z]], [[u - x, v - y, -state.film]], [arguments.wavelength_nm]
+
+
+def _trace(arguments: argparse.Namespace, state: "Setting", rays: lens_options.RayList) -> "tuple[Rays, str]":
+    """The rays behind the lens, and what traced them."""
+    from rptcam_cl.optics.ray_trace import trace
+
+    if arguments.device in (None, "none"):
+        if arguments.precision is not None:
+            raise InputError("--precision: belongs to a device; name one with --device")
+        return trace(state.lens, *rays, arguments.start), "in float64 on the host"
+    from rptcam_cl.device.session import open_session
+    from rptcam_cl.rendering.traceable_lens import trace_on_device
+
+    session = open_session(arguments.device)
+    precision: Precision = arguments.precision or "single"
+    name = f"on {session.info.id} {session.info.name}, {precision} precision"
+    return trace_on_device(state.lens, session, *rays, arguments.start, precision), name
+
+
+def _rows(rays: "Rays", wavelengths: list[float]) -> list[dict[str, Any]]:
+    from rptcam_cl.optics.ray_trace import Status
+
+    return [
+        {
+            "status": Status(int(rays.status[i])).name,
+            "surface": int(rays.surface[i]) if rays.surface[i] >= 0 else None,
+            "origin": rays.origins[i].tolist(),
+            "direction": rays.directions[i].tolist(),
+            "wavelength_nm": wavelengths[i],
+        }
+        for i in range(len(wavelengths))
+    ]
+
+
+def _run_lens_trace(arguments: argparse.Namespace) -> int:
+    state = lens_options.lens_in_use(arguments, arguments.wavelength_nm)
+    rays = _rays(arguments, state)
+    traced, name = _trace(arguments, state, rays)
+    rows = _rows(traced, rays[2])
+    print(f"{len(rows)} rays traced {name}", file=sys.stderr)
+    if arguments.json:
+        print(as_json({"lens": state.lens.name, "start": arguments.start, "rays": rows}))
+        return 0
+    columns = ("ray", "status", "surface", "x", "y", "z", "dx", "dy", "dz", "wavelength [nm]")
+    cells = [
+        [i, row["status"].replace("_", " "), row["surface"], *row["origin"], *row["direction"], row["wavelength_nm"]]
+        for i, row in enumerate(rows)
+    ]
+    print_table(columns, cells, f"{state.lens.name}, rays from the {arguments.start}")
+    return 0
+
+
+# ``rptcam lens breathing``: field of view and speed of a lens over its focus and its zoom.
+
+DISTANCES_M = "inf,10,5,3,2,1.5"
+_distances = lens_options.number_list(
+    "distances above 0 with commas between, as inf,5,2,1", lambda value: 0 < value < 1e9 or value == math.inf
+)
+
+
+def add_lens_breathing(commands: Commands) -> None:
+    """Add the command."""
+    text = "field of view, f-number and T-number over focus and zoom"
+    parser = add_command(commands, "breathing", text, _breathing)
+    lens_options.add_lens_argument(parser)
+    parser.add_argument(
+        "--distances-m", type=_distances, metavar="A,B,…", default=DISTANCES_M,
+        help="from the object to the film in metres, the first is what others are compared with; inf is infinity"
+        " (default: %(default)s)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--film-width-mm", type=positive, metavar="W", default=36.0, help="of the film (default: %(default)s)"
+    )
+    lens_options.add_coating(parser)
+    parser.add_argument("--csv", action="store_true", help="print comma-separated values")
+    lens_options.add_plot(parser)
+
+
+def _positions(arguments: argparse.Namespace) -> list[tuple[str, "Lens"]]:
+    """The lens in each of its zoom positions, or in the one that the options choose, stopped down."""
+    from rptcam_cl.optics.lens import in_configuration
+
+    lens = lens_options.zoomed_lens(arguments, LINE_D_NM)
+    if lens.configurations and arguments.zoom is None and arguments.focal_length_mm is None:
+        positions = [(each.name, in_configuration(lens, each.name)) for each in lens.configurations]
+    else:
+        positions = [(arguments.zoom or "", lens)]
+    if arguments.f_number is None:
+        return positions
+    return [(name, each.with_stop_diameter(each.stop_diameter_for(arguments.f_number))) for name, each in positions]
+
+
+def _breathing(arguments: argparse.Namespace) -> int:
+    from rptcam_cl.optics.ray_trace import COATED, UNCOATED, has_coatings
+    from rptcam_cl.rendering.cameras.chief_rays import breathing_chart, breathing_csv, breathing_table
+
+    lens_options.check_picture(arguments.output, arguments.lens)
+    if arguments.focus_distance_m is not None:
+        raise InputError("--focus-distance-m: has no effect on breathing (allowed: --distances-m)")
+    positions = _positions(arguments)
+    lens = positions[0][1]
+    losses = COATED if has_coatings(lens) else UNCOATED
+    rows = breathing_table(positions, arguments.distances_m, arguments.film_width_mm, LINE_D_NM, losses)
+    if arguments.json:
+        print(as_json({"lens": lens.name, "film_width_mm": arguments.film_width_mm, "breathing": rows}))
+    elif arguments.csv:
+        print(breathing_csv(rows), end="")
+    else:
+        columns = ("zoom", "focus [m]", "f [mm]", "film [mm]", "field [°]", "breathing [%]", "magnification", "f/", "T")
+        print_table(columns, [list(row.values()) for row in rows], lens.name)
+    if arguments.output is not None:
+        lens_options.write_picture(breathing_chart(lens.name, rows), arguments.output)
+    return 0
+
+
+# ``rptcam lens tolerance``: how copies of a lens turn out within tolerances.
+
+MOST_COPIES = 100_000
+_copies = number(digits, 10, MOST_COPIES, f"10 to {MOST_COPIES}")
+_seed = number(digits, 0, 2**63 - 1, "whole numbers from 0")
+
+
+def add_lens_tolerance(commands: Commands) -> None:
+    """Add the command."""
+    text = "copies of a lens made within tolerances: yield, percentiles and worst offenders"
+    parser = add_command(commands, "tolerance", text, _run_lens_tolerance)
+    parser.add_argument("lens", metavar="LENS", help="a name from the list, or a lens file")
+    parser.add_argument(
+        "spec", metavar="SPEC", help="a YAML file of tolerances, or a grade: commercial, precision, high_precision"
+    )
+    lens_options.add_catalogue(parser)
+    default = "(default: as the specification says)"
+    parser.add_argument("--copies", type=_copies, metavar="N", help=f"how many lenses to make {default}")
+    parser.add_argument("--seed", type=_seed, metavar="S", help=f"which lenses {default}")
+    parser.add_argument(
+        "--limit", type=finite, metavar="X",
+        help="print which share of the copies has this spot [micrometres], or modulation (0 to 1), or a better one",
+    )  # fmt: skip
+    lens_options.add_plot(parser)
+
+
+def _run_lens_tolerance(arguments: argparse.Namespace) -> int:
+    from rptcam_cl.rendering.tolerances import report, tolerance, tolerance_chart
+
+    lens_options.check_picture(arguments.output, arguments.lens)
+    if arguments.output is not None and arguments.output.resolve() == Path(arguments.spec).resolve():
+        raise InputError(f"{arguments.output}: would overwrite the specification")
+    run = tolerance(
+        lens_options.load(arguments.lens, arguments.catalogue),
+        arguments.spec,
+        copies=arguments.copies,
+        seed=arguments.seed,
+    )
+    if arguments.json:
+        share = {} if arguments.limit is None else {"limit": arguments.limit} | asdict(run.yield_at(arguments.limit))
+        print(as_json(report(run) | ({"yield_at": share} if share else {})))
+    else:
+        _print_tolerance(run, arguments.limit)
+    if arguments.output is not None:
+        lens_options.write_picture(tolerance_chart(run), arguments.output)
+    return 0
+
+
+def _print_tolerance(run: "ToleranceRun", limit: float | None) -> None:
+    from rptcam_cl.rendering.tolerances import percentile_rows
+
+    by_spot = run.rank_by == "spot"
+    head = f"{run.lens.name}, {run.copies.count} copies, fields {', '.join(f'{a:g}' for a in run.fields_degrees)}°"
+    modulation = f"MTF at {run.tolerances.merit.mtf_per_mm:g}/mm"
+    columns = ("copies [%]", "rms spot [µm]", modulation, "95 % interval", "refocus [mm]", "copy")
+    rows: list[list[object]] = [["design", float(run.design.spot_um[0]), float(run.design.modulation[0]), "", 0.0, ""]]
+    for row in percentile_rows(run):
+        interval = f"{row['low']:.4g} to {row['high']:.4g}"
+        rows.append([f"{row['percent']:g}", row["spot_um"], row["mtf"], interval, row["shift_mm"], str(row["copy"])])
+    print_table(columns, rows, f"{head}; ranked by {'spot' if by_spot else 'modulation'}")
+    print(f"more rays change spots by at most {100 * run.spot_error:.2g} %, modulation by {run.mtf_error:.2g}")
+    if limit is not None:
+        share, low, high = (100 * value for value in run.yield_at(limit))
+        what = f"a spot of {limit:g} µm or less" if by_spot else f"a modulation of {limit:g} or more"
+        print(f"{share:.1f} % of the copies have {what} (95 %: {low:.1f} to {high:.1f} %)")
+    offenders = [
+        [one.label, one.direction, one.spot_change_um, one.mtf_change, one.shift_mm] for one in run.worst_offenders()
+    ]
+    changes = ("worst offenders", "at", "spot [µm]", "MTF", "refocus [mm]")
+    print_table(changes, offenders, "Each tolerance alone, less the design")

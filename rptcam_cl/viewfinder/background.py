@@ -8,7 +8,7 @@ Who owns what:
   buffers of its own (`Session.beside`), and hands what it finds back by `Background.post`: the engine calls that
   between two frames. So there is no lock but those of the two lists that threads share, and none is held while a
   kernel runs.
-- A job is ended by a flag that the engine sets. The worker looks at it at every checkpoint (`core/cancellation.py`);
+- A job is ended by a flag that the engine sets. The worker looks at it at every checkpoint (`core/remember.py`);
   what it has posted by then is dropped, as the engine looks at the flag before it takes anything over. So a result can
   never belong to another state than the one that the job was started for, however late it comes.
 - While a hand moves something, workers wait at their checkpoints (`hold`): the device and the interpreter are left to
@@ -24,7 +24,7 @@ import time
 from collections.abc import Callable, Hashable
 from typing import Any
 
-from rptcam_cl.core.cancellation import CancelledError, cancellable
+from rptcam_cl.core.remember import CancelledError, cancellable
 
 LOG = logging.getLogger("rptcam_cl.viewfinder")
 

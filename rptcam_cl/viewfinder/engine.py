@@ -563,7 +563,7 @@ class Engine:
             self._reports.inform(clients)
         timeout = self._render(clients)
         rendered = time.monotonic()
-        self._finish_pictures()
+        self._make_pictures()
         if not clients and timeout is None:
             self._reports.prepare()
         self._deliver(clients)
@@ -596,7 +596,7 @@ class Engine:
             return timeout
         return rests_in if timeout is None else min(timeout, rests_in)
 
-    def _finish_pictures(self) -> None:
+    def _make_pictures(self) -> None:
         """Have pictures at rest finished off this thread, those of films that are no more no longer."""
         slots = {slot.name: slot for slot in self._studio.slots}
         for name in {*slots, *self._finishing}:
@@ -605,7 +605,7 @@ class Engine:
                 worker.end()
             if slot is not None and not worker.jobs and slot.wants_finishing:
                 self._finishing[name] = slot.film
-                finish = slot.finish_later()
+                finish = slot.picture_later()
                 text = " and ".join(slot.comes_last) + (" of B" if name == "B" else "")
                 worker.start(Job(text, lambda job, finish=finish: finish(), slot.show_finished, _raise))  # type: ignore[misc]
 

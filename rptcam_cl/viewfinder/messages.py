@@ -487,7 +487,7 @@ class Client:
         self.number = number
         self.outbox = Outbox(wake)
         self.settings = ClientSettings()
-        self.busy: list[str] = []  # what it has been told that runs
+        self.busy: list[str] = []  # what runs, as it knows
         self.pointer: tuple[float, float] | None = None
         self.magnifier: Magnify | None = None
         self.shown: dict[str, int] = {}  # by slot: number of the picture that was sent last

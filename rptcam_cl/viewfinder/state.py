@@ -234,7 +234,7 @@ def _left_out(slot: Slot) -> list[str]:
 
 
 def details_of(panel: LensPanel, resolved: Scene) -> dict[str, Any]:
-    """Return what has to be traced of a camera's state: depth of field and image circle."""
+    """Trace depth of field and image circle of a camera's state."""
     numbers = panel.numbers(resolved)
     focus = {name: numbers[name] for name in _FOCUS} if numbers.get("distance_m") else None
     return {"focus": focus, "guides": panel.guides(resolved)}

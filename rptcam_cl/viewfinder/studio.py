@@ -575,7 +575,7 @@ class Slot:
             return True
         return last.spp >= _GROWN * done.frame.spp or (self.is_done and last.spp > done.frame.spp)
 
-    def finish_later(self) -> Callable[[], Finished]:
+    def picture_later(self) -> Callable[[], Finished]:
         """Read the film; return what finishes its picture, in any thread."""
         film, frame, done, picture = self.film, self._last, self.finished, self.scene.picture
         assert frame is not None, "as `wants_finishing` says"

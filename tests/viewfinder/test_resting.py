@@ -55,7 +55,7 @@ def rested(slot: Slot) -> None:
         slot.follow()
     if slot.wants_finishing:
         assert slot.shown is not None and slot.shown.lacks == slot.comes_last
-        slot.show_finished(slot.finish_later()())
+        slot.show_finished(slot.picture_later()())
         assert not slot.shown.lacks and not slot.wants_finishing
 
 
