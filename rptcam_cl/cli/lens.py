@@ -7,14 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rptcam_cl.cli import lens_options
-from rptcam_cl.cli.lens_measures import (
-    add_lens_breathing,
-    add_lens_ghosts,
-    add_lens_measurements,
-    add_lens_tolerance,
-    add_lens_trace,
-)
+from rptcam_cl.cli import lens_measures, lens_options
 from rptcam_cl.cli.output import as_json
 from rptcam_cl.cli.parser import Commands, Parser, add_command, finite, positive, run_nothing
 from rptcam_cl.core.constants import LINE_D_NM
@@ -278,11 +271,11 @@ def add_lens(parser: Parser) -> None:
     info.add_argument("--json", action="store_true", help="print JSON")
     for add in (
         add_lens_draw,
-        add_lens_measurements,
-        add_lens_breathing,
-        add_lens_tolerance,
-        add_lens_ghosts,
-        add_lens_trace,
+        lens_measures.add_lens_measurements,
+        lens_measures.add_lens_breathing,
+        lens_measures.add_lens_tolerance,
+        lens_measures.add_lens_ghosts,
+        lens_measures.add_lens_trace,
         add_lens_convert,
         add_lens_design,
     ):

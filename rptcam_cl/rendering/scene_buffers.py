@@ -14,6 +14,7 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.files import free_host_bytes
 from rptcam_cl.core.records import PHOTON_GRID, PHOTON_PASS, device_declarations
 from rptcam_cl.device.session import Session
+from rptcam_cl.rendering import trees
 from rptcam_cl.rendering.cameras.model import CameraModel
 from rptcam_cl.rendering.film import (
     CELL_BITS_MORE,
@@ -25,16 +26,6 @@ from rptcam_cl.rendering.film import (
     seed_words,
 )
 from rptcam_cl.rendering.plan.plan import Plan
-from rptcam_cl.rendering.trees import (
-    DeviceTree,
-    MeshTrees,
-    mesh_trees,
-    placed_blocks,
-    placed_trees,
-    placed_triangles,
-    placed_vertices,
-    primitive_tree,
-)
 
 # What a render will hold on the device, added up before anything is allocated: running out kills a CPU's process.
 
@@ -428,44 +419,44 @@ class SceneBuffers:
             tree = earlier._tree
         else:
             new = earlier is None  # the next plan of a series has other primitives
-            tree = primitive_tree(plan.primitives, plan.kind_end, self._session, plan.movements, on_disk=new)
-        self._tree: DeviceTree | None = tree
+            tree = trees.primitive_tree(plan.primitives, plan.kind_end, self._session, plan.movements, on_disk=new)
+        self._tree: trees.DeviceTree | None = tree
         if tree is not None:
             self.tree_facts |= tree[1]
             self.scene |= {name: self._buffer(name, array) for name, array in tree[0].items()}
 
     def _add_meshes(self, earlier: SceneBuffers | None, rough: bool) -> None:
         plan = self._plan
-        self._trees: MeshTrees | None = None
-        self._placed: DeviceTree | None = None
+        self._trees: trees.MeshTrees | None = None
+        self._placed: trees.DeviceTree | None = None
         if plan.meshes is None:
             return
         before = None if earlier is None else earlier._trees
-        self._trees = trees = mesh_trees(plan.meshes, self._session, before, rough=rough)
-        if earlier is not None and before is not None and trees.has_blocks_of(before):
-            self._take_triangles(earlier, before, trees)
+        self._trees = own = trees.mesh_trees(plan.meshes, self._session, before, rough=rough)
+        if earlier is not None and before is not None and own.has_blocks_of(before):
+            self._take_triangles(earlier, before, own)
         else:
-            for name, array in {**placed_triangles(trees), "triangles": plan.meshes.triangles}.items():
+            for name, array in {**trees.placed_triangles(own), "triangles": plan.meshes.triangles}.items():
                 self.scene[name] = self._buffer(name, array, in_place=True)
         if earlier is not None and earlier._plan.meshes is plan.meshes and _moves_alike(earlier._plan, plan):
-            self._placed = earlier._placed if trees is before else None
-        arrays, facts = self._placed = self._placed or placed_trees(trees, self._session, plan.movements)
+            self._placed = earlier._placed if own is before else None
+        arrays, facts = self._placed = self._placed or trees.placed_trees(own, self._session, plan.movements)
         self.tree_facts |= facts
         for name, value in arrays.items():
             self.scene[name] = self._buffer(name, value, in_place=True) if isinstance(value, np.ndarray) else value
 
-    def _take_triangles(self, earlier: SceneBuffers, before: MeshTrees, trees: MeshTrees) -> None:
+    def _take_triangles(self, earlier: SceneBuffers, before: trees.MeshTrees, own: trees.MeshTrees) -> None:
         """Take the triangles of earlier arrays; those that lie elsewhere about the eye are moved on the device."""
         for name in ("vertices", "triangles", "blocks"):
             self._uploaded[name], self.scene[name] = self._before[name], earlier.scene[name]
-        groups = zip(before.meshes.groups, trees.meshes.groups, strict=True)
+        groups = zip(before.meshes.groups, own.meshes.groups, strict=True)
         shifted = any(not np.array_equal(one.shift, other.shift) for one, other in groups)
-        if before.meshes.vertices is trees.meshes.vertices and not shifted:
+        if before.meshes.vertices is own.meshes.vertices and not shifted:
             return
         blocks, buffer = self._before["blocks"]
-        self.scene["vertices"] = self._buffer("vertices", placed_vertices(trees.meshes), in_place=True)
+        self.scene["vertices"] = self._buffer("vertices", trees.placed_vertices(own.meshes), in_place=True)
         given = self.scene["vertices"], self.scene["triangles"]
-        self.scene["blocks"] = placed_blocks(self._session, buffer, len(blocks), *given)
+        self.scene["blocks"] = trees.placed_blocks(self._session, buffer, len(blocks), *given)
         self._uploaded["blocks"] = blocks, self.scene["blocks"]
 
 
