@@ -348,6 +348,7 @@ def placed_blocks(session: Session, before: Any, count: int, vertices: Any, tria
     program = session.program(["build/fill_blocks.cl"], {"LEAF_WIDTH": width, "VERTEX_FLOATS": VERTEX_FLOATS}, "")
     given = {"before": before, "blocks": blocks, "vertices": vertices, "triangles": triangles}
     session.bind(program, "fill_blocks", **given, count=np.int32(count)).enqueue(-(-count // 64) * 64, 64)
+    session.finish()  # the vertices may lie in memory of the host, which the next change lets go of
     return blocks
 
 
