@@ -127,7 +127,11 @@ def test_programs_come_out_of_the_cache_that_it_has_built(tmp_path: Path) -> Non
     assert apart == before + 1 == here
 
 
-KILLED = "os.kill(devices._fork_server[0]._child[0], 9); os.waitid(os.P_PID, devices._fork_server[0]._child[0], os.WEXITED | os.WNOWAIT)"
+KILLED = """\
+child = devices._fork_server[0]._child[0]
+os.kill(child, 9)
+os.waitid(os.P_PID, child, os.WEXITED | os.WNOWAIT)
+"""
 
 
 @pytest.mark.parametrize("end", [KILLED, "devices.end_trials()"])

@@ -16,7 +16,6 @@ from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.materials import Checker, Grid, Matte
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.scene.shapes import Sphere
-
 from tests.support.counting import calls
 
 from .conftest import EVERYTHING, SMALL, Load
