@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from rptcam_cl._version import __version__
 from rptcam_cl.cli import COMMANDS, build_parser
+from rptcam_cl.core.constants import __version__
 from rptcam_cl.core.errors import DeviceError
 
 Command = Callable[..., Any]
