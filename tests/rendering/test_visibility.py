@@ -3,10 +3,14 @@
 import copy
 
 import numpy as np
+import PIL.Image
+import png
 import pytest
+import tifffile
 
 import rptcam_cl
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.imaging.image import desqueezed
 from rptcam_cl.rendering import tracer
 
 FLOOR = {
@@ -182,3 +186,66 @@ def test_session_follows_what_is_hidden():
         session.change({"objects.3.visible.shadow": False})
         after = session.take(4).pixels
     assert (after == film(scene(*THINGS["sphere"], visible={"shadow": False}), spp=4)).all()
+
+
+TRANSPARENT = scene(
+    *THINGS["sphere"], environment={"kind": "constant", "radiance": [0.4, 0.5, 0.6]}, film={"transparent": True}
+)
+
+
+@pytest.mark.parametrize("suffix", [".png", ".tiff", ".exr", ".npz"])
+def test_film_without_a_background_over_another_is_the_scene_before_it(suffix, tmp_path):
+    """Files of it, developed linearly and laid over the surroundings, against the scene with them in sight."""
+    linear = {"picture": {"tone": "linear", "bits": 16}, "render": {"roulette_depth": 0}}  # which goes by brightness
+    image = rptcam_cl.render(TRANSPARENT | linear, size=(32, 24), spp=100)
+    before = np.asarray(rptcam_cl.render(TRANSPARENT | linear | {"film": {}}, size=(32, 24), spp=100))
+    assert 0.2 < image["coverage"].mean() < 0.95
+    assert (image.pixels[image["coverage"] == 0] == 0).all()
+    path = tmp_path / f"picture{suffix}"
+    image.save(path)
+    if suffix in (".exr", ".npz"):  # as a compositor has it: colours times alpha
+        film = rptcam_cl.develop(path)
+        colour, alpha = film.pixels, film["coverage"]
+        film.save(tmp_path / "again.png")
+        assert PIL.Image.open(tmp_path / "again.png").mode == "RGBA"
+        wide = desqueezed(film, 2)["coverage"]
+        np.testing.assert_allclose(wide, np.repeat(alpha, 2, axis=1), atol=1e-6)
+    else:
+        codes = tifffile.imread(path) if suffix == ".tiff" else read_png(path)
+        alpha = codes[..., 3] / 65535
+        colour = codes[..., :3] / 65535 * alpha[..., None]
+    over = colour + (1 - alpha[..., None]) * [0.4, 0.5, 0.6]
+    kept = image.pixels.max(axis=2) <= image["coverage"]  # a screen clips what is brighter
+    assert kept.mean() > 0.9
+    np.testing.assert_allclose(over[kept], before[kept], atol=2e-5)
+
+
+@pytest.mark.parametrize("bits", [8, 16])
+def test_png_with_alpha_is_read_as_it_was_written(bits, tmp_path):
+    image = rptcam_cl.render(TRANSPARENT | {"picture": {"bits": bits}}, size=(33, 24), spp=4)
+    image.save(tmp_path / "a.png")
+    codes = read_png(tmp_path / "a.png")
+    top = 2**bits - 1
+    assert codes.dtype == (np.uint8 if bits == 8 else np.uint16)
+    np.testing.assert_allclose(codes[..., 3] / top, image["coverage"], atol=0.51 / top)
+    full = image["coverage"] == 1
+    np.testing.assert_allclose(codes[..., :3][full] / top, image.developed()[full], atol=0.51 / top)
+
+
+def test_film_without_a_background_goes_through_lens_and_session(tmp_path):
+    made = TRANSPARENT | {"camera": {"kind": "thin_lens", "eye": [2, 1.2, 3.5], "target": [0, 0.6, 0]}}
+    made["camera"] |= {"focal_length_mm": 20, "f_number": 1.4, "focus_distance_m": 1}
+    image = rptcam_cl.render(made, size=(32, 24), spp=16)
+    blurred = (image["coverage"] > 0) & (image["coverage"] < 1)
+    assert blurred.mean() > 0.04
+    with rptcam_cl.RenderSession(made | {"film": {}}, size=(32, 24)) as session:
+        session.take(1)
+        session.change({"film.transparent": True})
+        np.testing.assert_array_equal(session.take(16).pixels, image.pixels)
+
+
+def read_png(path):
+    """Return the codes of a PNG with alpha, read by another program than wrote it."""
+    width, height, rows, info = png.Reader(str(path)).read()
+    assert info["planes"] == 4
+    return np.vstack([np.asarray(row) for row in rows]).reshape(height, width, 4)

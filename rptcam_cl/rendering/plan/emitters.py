@@ -74,7 +74,7 @@ def light_emitter(
         case SunLight():
             colour = light.irradiance
             power = fill_sun(record, colour, light.diameter_degrees / 2) * np.pi * reach**2
-            record["hidden"] = _hidden_from_camera(light)
+            record["hidden"] = _hidden_from_camera(light, scene)
     # The spectrum is scaled as the record has its colour.
     largest = int(np.argmax(colour))
     gain = float(record["radiance"][largest]) / colour[largest] if colour[largest] > 0 else 0.0
@@ -86,8 +86,8 @@ def light_emitter(
     return record, power
 
 
-def _hidden_from_camera(part: SunLight | Environment) -> int:
-    return 0 if part.visible.camera else int(Hidden.FROM_CAMERA)
+def _hidden_from_camera(part: SunLight | Environment, scene: Scene) -> int:
+    return 0 if part.visible.camera and not scene.film.transparent else int(Hidden.FROM_CAMERA)
 
 
 def _without_surface() -> np.void:
@@ -597,12 +597,12 @@ def pack_emitters(
     if surroundings.kind is EnvironmentKind.IMAGE:
         record = _without_surface()
         assert scene.environment is not None
-        fill(record, kind=EmitterKind.ENVIRONMENT, hidden=_hidden_from_camera(scene.environment))
+        fill(record, kind=EmitterKind.ENVIRONMENT, hidden=_hidden_from_camera(scene.environment, scene))
         lights.append((record, surroundings.flux * np.pi * reach**2))
     if surroundings.sun is not None:
         assert scene.environment is not None
         lights.append(sun_emitter(*surroundings.sun, reach))
-        lights[-1][0]["hidden"] = _hidden_from_camera(scene.environment)
+        lights[-1][0]["hidden"] = _hidden_from_camera(scene.environment, scene)
     lights = sorted((each for each in lights if each[1] > 0), key=lambda each: each[0]["kind"] == EmitterKind.SUN)
     chosen += [(np.array([record], EMITTER.dtype), np.array([power])) for record, power in lights]
     count = sum(len(records) for records, _ in chosen)

@@ -538,7 +538,7 @@ def _world(scene: Scene, parts: PlanParts) -> dict[str, Any]:
     solids, references = parts.part("solids", (scene.objects, named, far), lambda: _solids(scene, far))
     files = tuple(map(scene.digest_of, references))
     caustics = scene.render.caustics, "caustics" in scene.render.model_fields_set, scene.render.clamp is None
-    about = scene.camera.eye, scene.metres_per_unit, scene.shutter, caustics
+    about = scene.camera.eye, scene.metres_per_unit, scene.shutter, caustics, scene.film.transparent
     of = scene.objects, solids, named, far, files, about
     return parts.part("world", of, lambda: _pack_world(scene, parts, files))
 
@@ -569,7 +569,7 @@ def _pack_world(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> dict[
         "FEW_PRIMITIVES": int(len(primitives) <= FEW),
         "HUGE_SPHERES": int(has_huge_sphere(primitives)),
         "HAS_HIDDEN": int(hidden.any()),
-        "HIDDEN_SKY": int(scene.environment is not None and not scene.environment.visible.camera),
+        "HIDDEN_SKY": int(_hides_sky(scene)),
         "LAMPS_BY_SAMPLES": int(by_samples_alone(primitives, emitters)),
     }
     return {
@@ -591,6 +591,11 @@ def _pack_world(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> dict[
         "albedo": largest_albedo(materials),
         "lamps": visible_lamps(primitives, eye_m, table),
     }
+
+
+def _hides_sky(scene: Scene) -> bool:
+    sky = scene.environment
+    return sky is not None and (scene.film.transparent or not sky.visible.camera)
 
 
 def _facts_of_shapes(
