@@ -331,7 +331,8 @@ class Scene(SceneModel):
         if before is None or materials is None or not isinstance(objects, (list, tuple)):
             return handler(objects)
         changed = {id(one): name for name, one in before.materials.items() if materials.get(name) is not one}
-        own = context["checked"] = set(map(id, before.objects))
+        own: set[int] = context["checked"]
+        own.update(map(id, before.objects))
         if objects is before.objects and not changed:
             return objects
         given = [_with_changed_material(item, changed, materials) if id(item) in own else item for item in objects]
@@ -377,7 +378,7 @@ class Scene(SceneModel):
         given = context.get("scene")
         if given is not None:
             self._folders, self._library, self._stand_ins = given._folders, given._library, given._stand_ins
-            self._checked = context.get("checked", self._checked)
+            self._checked = context["checked"]
         else:
             self._folders = context.get("folders", self._folders)
             self._library = MeshLibrary(self._folders, self.meshes)

@@ -642,6 +642,7 @@ class Plan:
     albedo: LargestAlbedo
     colours: tuple[KnownSpectra, Materials]  # of the scene, for a camera in place of this one
     lamps: tuple[SeenLamp, ...]  # that the eye sees
+    is_rough: bool = False  # whether trees may be some made for other places of its meshes: soon there, slower to walk
     steps: tuple[Plan, ...] = ()  # of an exposure in which keys move, in place of this plan for its rays
 
 
@@ -686,7 +687,7 @@ def _still_plan(scene: Scene, camera: CameraModel | None, coarse: bool, parts: P
         "SAMPLER_LATTICE": int(scene.render.sampler == "lattice"),
         "CLAMP": 0 if scene.render.clamp is None else int(np.float32(scene.render.clamp).view(np.int32)),
     }
-    return replace(plan, facts=plan.facts | spectrum.facts | facts)
+    return replace(plan, facts=plan.facts | spectrum.facts | facts, is_rough=parts.rough)
 
 
 def with_film(plan: Plan, scene: Scene, film: Film) -> Plan:

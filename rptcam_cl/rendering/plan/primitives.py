@@ -58,8 +58,8 @@ class PlanParts:
     Attributes
     ----------
     rough : bool
-        Whether meshes may stand about an earlier middle of the scene, which rounds them in another way: then those that
-        do not move are taken as they are. `drop_rough` ends it.
+        Whether plans are for glances: then meshes may stand about an earlier middle of the scene, which rounds them in
+        another way, so that those that do not move are taken as they are. `drop_rough` ends it.
     """
 
     def __init__(self) -> None:
