@@ -1,15 +1,16 @@
 """The render session: bits of `render` after any changes, nothing rebuilt that stays, errors that change nothing."""
 
 from collections.abc import Callable, Iterator
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
 import rptcam_cl
-from rptcam_cl.api.session import Pace, RenderSession
+from rptcam_cl.api.session import Pace, RenderSession, focuses_anew
 from rptcam_cl.core.errors import InputError, StateError
-from rptcam_cl.device.session import open_session
+from rptcam_cl.device.session import Session, open_session
 
 POSE = {"eye": [0, -6, 1.5], "target": [0, 0, 0.8], "up": [0, 0, 1]}
 WORLD: dict[str, Any] = {
@@ -95,6 +96,63 @@ def test_picture_settings_keep_the_samples(session: RenderSession) -> None:
     session.change({"picture": {"tone": "agx", "ev": 1}})
     assert session.spp == 2 and session.generation == generation + 1
     assert session.image().development.tone.kind == "agx"
+
+
+def test_generation_counts_the_changes_that_are_shown() -> None:
+    with RenderSession(PINHOLE) as session:
+        assert session.generation == session.take().generation == 0
+        for count, change in enumerate(({"camera.eye": [0, -5, 1.5]}, {"picture.ev": 1}, {"objects.0.radius": 0.9}), 1):
+            session.change(change)
+            session.change(change)  # which changes nothing
+            assert session.generation == session.glance(0.5).generation == session.take().generation == count
+
+
+@pytest.mark.parametrize("method", ["replace", "change"])
+def test_change_has_its_kernels_when_it_returns(method: str) -> None:
+    lens = {"kind": "thin_lens", "focal_length_mm": 50, "f_number": 4, "focus_distance_m": 6, **POSE}
+    device = Session(open_session().info)
+    with RenderSession(PINHOLE, device=device) as session:
+        session.take()
+        session.glance(0.5)
+        known = len(device.programs)
+        change = (
+            session.replace(PINHOLE | {"camera": lens}) if method == "replace" else session.change({"camera": lens})
+        )
+        assert (change.kind, change.ready, session.is_waiting) == ("program", True, False)
+        new = len(device.programs)
+        assert new > known
+        assert session.glance(0.5).generation == 1
+        assert len(device.programs) == new
+
+
+@pytest.mark.parametrize(
+    ("changes", "automatic", "anew"),
+    [
+        ({"camera": {}}, False, True),
+        ({"camera.lens": "tessar-100mm"}, False, True),
+        ({"camera.zoom": 0.5}, False, True),
+        ({"camera.eye": [0, 0, 1]}, True, False),
+        ({"camera.focus": {"auto": {}}}, True, True),
+        ({"camera.focus.auto.method": "depth"}, True, True),
+        ({"camera.focus.auto.method": "depth"}, False, False),
+        ({"camera.focus_distance_m": 2}, False, False),
+        ({"objects.0.radius": 2, "film.width_mm": 24}, True, False),
+        ({"film.resolution": [3, 2], "camera.kind": "thin_lens"}, False, True),
+    ],
+)
+def test_focus_is_found_anew_where_it_is_asked_for_and_for_another_lens(
+    changes: dict[str, Any], automatic: bool, anew: bool
+) -> None:
+    scene: Any = SimpleNamespace(requested_autofocus=SimpleNamespace() if automatic else None)
+    assert focuses_anew(changes, scene) is anew
+
+
+def test_less_than_a_sample_is_refused(session: RenderSession) -> None:
+    with pytest.raises(InputError, match=r"^samples: is out of range \(got 0; allowed: at least 1"):
+        session.take(0)
+    with pytest.raises(InputError, match=r"^scale: is out of range \(got 1.01; "):
+        session.glance(1.01)
+    assert session.glance(1).pixels.shape == session.pixels().shape
 
 
 def test_change_that_is_refused_leaves_the_session_as_it_was(session: RenderSession) -> None:

@@ -55,7 +55,8 @@ TESTS = {
     " exchange/calibration/test_maps studies/tradeoff/test_command optics/measures/test_lens_views",
     "api": "rendering/test_honest_errors cli/test_sweep cli/test_series cli/test_render cli/test_parts"
     " cli/test_frames_that_follow"
-    " rendering/test_sweep rendering/test_settle rendering/test_resume rendering/several/test_shared_renders",
+    " rendering/test_sweep rendering/test_settle rendering/test_resume rendering/several/test_shared_renders"
+    " rendering/test_merge rendering/test_ghosts",
     "kernels/lens": "device/test_camera_rays optics/test_surfaces rendering/test_lens_float64"
     " rendering/cameras/test_losses optics/test_mirrors rendering/cameras/test_ray_map optics/test_coatings"
     " rendering/test_lens_light rendering/test_ghosts rendering/cameras/test_lamp_aim",
@@ -80,6 +81,7 @@ TESTS = {
 EQUIVALENT = {
     r"""scene/assets/obj.py: while end > 0 and content[max(0, end - 2) : end].rstrip(b"\r").endswith(b"\\"):""": "none "
     "goes on before the first byte",
+    "api/options.py: matches = difflib.get_close_matches(word, list(known), n=2)": "the first is the one that is shown",
     "scene/assets/mesh.py: rows = rows.copy() if base.base is not None and base.nbytes > rows.nbytes else "
     "np.ascontiguousarray(rows)": "takes more memory",
     "scene/assets/mesh.py: cancelled = (sums * sums).sum(axis=0) <= 1e-18": "sums are far smaller or far larger",
