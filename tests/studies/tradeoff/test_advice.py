@@ -134,9 +134,9 @@ def test_tiles_are_spread_over_the_film_and_stand_for_it(width, height, most):
     rows, columns = found.shape
     assert rows == min(max(most // columns, 1), down) and columns <= across
     places = np.array(np.divmod(found.tiles.reshape(rows, columns), across))
-    for place, axis, count, of in ((places[0], 0, rows, down), (places[1].T, 0, columns, across)):
+    for seen, axis, count, of in ((places[0], 0, rows, down), (places[1].T, 0, columns, across)):
         edges = np.arange(count + 1) * of // count
-        assert (place >= edges[:-1, None]).all() and (place < edges[1:, None]).all(), axis
+        assert (seen >= edges[:-1, None]).all() and (seen < edges[1:, None]).all(), axis
     if len(found.tiles) == layout.tiles:
         assert len(found.pixels) == width * height
         assert np.ptp(found.weights) == 0
