@@ -157,6 +157,11 @@ def test_options_that_exclude_each_other_or_are_out_of_range_are_refused(given: 
         RenderOptions(**given)
 
 
+@pytest.mark.parametrize("given", [{"seconds": 1e-3}, {"samples": (0, 1)}, {"samples": (MAX_SPP - 2, MAX_SPP - 1)}])
+def test_options_at_the_ends_of_their_ranges_are_taken(given: dict[str, Any]) -> None:
+    assert {name: getattr(RenderOptions(**given), name) for name in given} == given
+
+
 def test_merge_needs_a_part() -> None:
     with pytest.raises(InputError, match=r"^parts: there are none"):
         rptcam_cl.merge([])
