@@ -109,9 +109,10 @@ def test_generation_counts_the_changes_that_are_shown() -> None:
 
 @pytest.mark.parametrize("method", ["replace", "change"])
 def test_change_has_its_kernels_when_it_returns(method: str) -> None:
-    lens = {"kind": "thin_lens", "focal_length_mm": 50, "f_number": 4, "focus_distance_m": 6, **POSE}
+    lens: dict[str, Any] = {"kind": "thin_lens", "focal_length_mm": 50, "f_number": 4, "focus_distance_m": 6, **POSE}
     device = Session(open_session().info)
-    with RenderSession(PINHOLE, device=device) as session:
+    scene = PINHOLE | {"exposure": {"mode": "relative"}}  # a meter would compile them, too
+    with RenderSession(scene, device=device) as session:
         session.take()
         session.glance(0.5)
         known = len(device.programs)

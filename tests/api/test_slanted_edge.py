@@ -47,10 +47,9 @@ def test_point_on_the_rim_of_the_picture_belongs_to_its_last_pixel():
     assert mtf50_at(picture.T, 0.5, 1.0) == mtf50_at(picture.T, 0.5, 63.5 / 64) == pytest.approx(found, rel=0.05)
 
 
-@pytest.mark.parametrize("wrong", [np.nan, np.inf])
-def test_edge_with_what_is_no_number_has_none(wrong):
+def test_edge_with_what_is_no_number_has_none():
     picture = edge(1.0, 8)
-    picture[30, 40] = wrong
+    picture[30, 40] = np.nan
     assert mtf50_at(picture, 0.5, 0.5) is None
 
 
