@@ -95,6 +95,12 @@ EQUIVALENT = {
     " and s.pose is None]": "a sense is 1 or -1",
     "optics/ray_trace.py: return Hits(hit, to_plane + step, normal, cosine, np.isfinite(step) & (normal[2] > 0)"
     " & (cosine >= 0))": "only rays along the surface itself",
+    'viewfinder/state.py: "A": 2856, "D50": 5003, "D55": 5503, "D65": 6504, "D75": 7504, "E": 5455, "F2": 4231, "F7": '
+    '6500, "F11": 4000,': "a kelvin",
+    'viewfinder/lens_panel.py: {"points": np.round(line, 5).tolist(), "wavelength_nm": round(nm, 2), "colour": '
+    "wavelength_colour(nm),": "a tenth of a micrometre of a drawing",
+    'studies/focus/probe.py: axes.axvline(report.film_distance_mm, color=INK, linestyle="--", '
+    "linewidth=1.7999999999999998)": "a dashed line a little thicker",
     "kernels/light/solids.h: *pdf = ((rho2 > 1.0f) & (line.density >= 0.0f) & (line.density < NEVER)) ? line.density"
     " : ZERO;": "a density of 0 is 0 either way",
     "kernels/light/solids.h: F share = ((x > y) & (x >= z)) ? f.share.x : (y >= z ? f.share.y : f.share.z);": "only"

@@ -2,9 +2,11 @@
 
 import threading
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from rptcam_cl.api.session import RenderSession
 from rptcam_cl.scene.load import load_scene, set_keys
 from rptcam_cl.viewfinder.engine import Viewfinder
 from rptcam_cl.viewfinder.server import ViewServer
@@ -83,13 +85,23 @@ def test_camera_may_be_turned_into_the_dark_and_back(tmp_path: Path, automatic: 
         assert all("finds no light" in text for text in wrong)
 
 
-def test_reset_goes_back_to_the_last_good_scene_and_the_error_of_the_file_stays(tmp_path: Path) -> None:
-    path = tmp_path / "ball.yaml"
+def test_reset_goes_back_to_the_last_good_scene_and_the_error_of_the_file_stays(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, tried = tmp_path / "ball.yaml", []
     path.write_text(SCENE)
+    replace = RenderSession.replace
+
+    def counted(session: RenderSession, *given: Any, **options: Any) -> Any:
+        tried.append(given)
+        return replace(session, *given, **options)
+
+    monkeypatch.setattr(RenderSession, "replace", counted)
     with serving(path) as (_, server), page(server) as client:
         client.frame()
         path.write_text(BLIND)
         client.wait(lambda message: message.type == "error")
+        assert len(tried) == 1  # autofocus takes seconds, and fails as it did
         assert client.ask(1, "reset", what="all").type == "done"
         assert "distance_m: 0.95" in client.ask(2, "scene").header["yaml"]
         with page(server) as later:
