@@ -1,10 +1,12 @@
 """A scene that is resolved once and written has the bits of the scene that left its focus and exposure open."""
 
+import json
+
 import numpy as np
 import pytest
 
 import rptcam_cl
-from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.errors import InputError, StateError
 from tests.rendering.test_world import still_life
 
 SIZE = [40, 24]
@@ -49,3 +51,15 @@ def test_scene_that_names_files_stays_in_its_folder(tmp_path, monkeypatch):
     (tmp_path / "other").mkdir()
     with pytest.raises(InputError, match=r"other/a\.yaml: the scene names files in its own folder .allowed: a name in"):
         rptcam_cl.settle(still_life() | {"camera": CAMERA | {"lens": "lens.yaml"}}, "other/a.yaml")
+
+
+@pytest.mark.parametrize("there", ["scene.yaml", "./scene.yaml", "none/a.yaml"])
+def test_file_that_cannot_be_written_is_named_before_anything_is_measured(there, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("rptcam_cl.api.interface.open_sessions", None)
+    given = json.dumps(scene(CAMERA))
+    (tmp_path / "scene.yaml").write_text(given)
+    with pytest.raises((InputError, StateError), match=there.split("/")[0]):
+        rptcam_cl.settle("scene.yaml", there)
+    assert (tmp_path / "scene.yaml").read_text() == given
+    assert [path.name for path in tmp_path.iterdir()] == ["scene.yaml"]
