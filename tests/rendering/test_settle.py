@@ -38,6 +38,17 @@ def test_resolved_scene_has_the_bits_of_the_open_one(camera, tmp_path):
     np.testing.assert_array_equal(one.pixels, other.pixels)
 
 
+def test_lens_that_stays_traced_has_no_accuracy_left_to_be_found(tmp_path):
+    exact = {"max_error_px": 0.01, "max_illumination_error": 0.001}
+    given = scene(CAMERA | {"f_number": 4, "focus": {"distance_m": 6}, "accuracy": exact})
+    found = rptcam_cl.settle(given, tmp_path / "resolved.yaml").found
+    assert found[0] == "camera model: realistic"
+    resolved = rptcam_cl.load_scene(tmp_path / "resolved.yaml")
+    assert resolved.camera.kind == "realistic" and resolved.camera.accuracy is None
+    one, other = (rptcam_cl.render(each, spp=1) for each in (given, tmp_path / "resolved.yaml"))
+    np.testing.assert_array_equal(one.pixels, other.pixels)
+
+
 def test_scene_that_leaves_nothing_open_is_written_as_it_is(tmp_path):
     found = rptcam_cl.settle(still_life(), tmp_path / "a.yaml")
     assert found.found == ()

@@ -56,7 +56,8 @@ TESTS = {
     "api": "rendering/test_honest_errors cli/test_sweep cli/test_series cli/test_render cli/test_parts"
     " cli/test_frames_that_follow"
     " rendering/test_sweep rendering/test_settle rendering/test_resume rendering/several/test_shared_renders"
-    " rendering/test_merge rendering/test_ghosts",
+    " rendering/test_merge rendering/test_ghosts rendering/test_diffraction rendering/test_stages imaging/test_denoise"
+    " cli/test_watch_and_preview studies/focus/test_doubts",
     "kernels/lens": "device/test_camera_rays optics/test_surfaces rendering/test_lens_float64"
     " rendering/cameras/test_losses optics/test_mirrors rendering/cameras/test_ray_map optics/test_coatings"
     " rendering/test_lens_light rendering/test_ghosts rendering/cameras/test_lamp_aim",
