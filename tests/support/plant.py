@@ -52,7 +52,8 @@ TESTS = {
     "rendering/plan": "rendering/light rendering/caustics rendering/test_emitters scene/test_warnings"
     " rendering/test_shapes",
     "cli": "exchange/calibration/test_camera_outputs exchange/calibration/test_camera_files exchange/pbrt/test_command"
-    " exchange/calibration/test_maps studies/tradeoff/test_command optics/measures/test_lens_views",
+    " exchange/calibration/test_maps studies/tradeoff/test_command optics/measures/test_lens_views"
+    " studies/selfcheck/test_suite",
     "api": "rendering/test_honest_errors cli/test_sweep cli/test_series cli/test_render cli/test_parts"
     " cli/test_frames_that_follow"
     " rendering/test_sweep rendering/test_settle rendering/test_resume rendering/several/test_shared_renders"
