@@ -90,6 +90,7 @@ EQUIVALENT = {
     'cli/output.py: print("  ".join(cell.rjust(width) for cell, width in zip(line, widths, strict=False)).rstrip())': (
         "rows are as long as their head"
     ),
+    "cli/output.py: Path(name).unlink(missing_ok=False)": "the file was made a moment before",
     "core/files.py: path.unlink(missing_ok=False)": "the caller passes over it, and the next call deletes what is left",
     'imaging/formats.py: planarconfig="contig" if (not (raw.numbers.ndim == 3)) else None,': "tifffile finds the same",
     "optics/ghosts.py: turns = np.full((len(entered), max(map(len, ways), default=0) + 2), NOWHERE)": "more room",
