@@ -231,7 +231,7 @@ def plan_smaller_film(state: SceneState, scale: float, reading: float | None) ->
         columns = 2 * rows
     smaller = film.model_copy(update={"resolution": (columns, rows)})
     plan, metered = with_film(state.plan, state.resolved.scene, smaller), state.resolved.metered_cd_m2
-    if metered is not None and reading is not None:
+    if metered is not None and reading is not None and not state.scene.exposure.lock_cd_m2:
         plan.camera.record["exposure"] *= metered / reading
     return plan, smaller
 

@@ -52,10 +52,13 @@ TESTS = {
     "rendering/plan": "rendering/light rendering/caustics rendering/test_emitters scene/test_warnings"
     " rendering/test_shapes",
     "cli": "exchange/calibration/test_camera_outputs exchange/calibration/test_camera_files exchange/pbrt/test_command"
-    " exchange/calibration/test_maps studies/tradeoff/test_command optics/measures/test_lens_views",
+    " exchange/calibration/test_maps studies/tradeoff/test_command optics/measures/test_lens_views"
+    " studies/selfcheck/test_suite",
     "api": "rendering/test_honest_errors cli/test_sweep cli/test_series cli/test_render cli/test_parts"
     " cli/test_frames_that_follow"
-    " rendering/test_sweep rendering/test_settle rendering/test_resume rendering/several/test_shared_renders",
+    " rendering/test_sweep rendering/test_settle rendering/test_resume rendering/several/test_shared_renders"
+    " rendering/test_merge rendering/test_ghosts rendering/test_diffraction rendering/test_stages imaging/test_denoise"
+    " cli/test_watch_and_preview studies/focus/test_doubts",
     "kernels/lens": "device/test_camera_rays optics/test_surfaces rendering/test_lens_float64"
     " rendering/cameras/test_losses optics/test_mirrors rendering/cameras/test_ray_map optics/test_coatings"
     " rendering/test_lens_light rendering/test_ghosts rendering/cameras/test_lamp_aim",
@@ -80,12 +83,14 @@ TESTS = {
 EQUIVALENT = {
     r"""scene/assets/obj.py: while end > 0 and content[max(0, end - 2) : end].rstrip(b"\r").endswith(b"\\"):""": "none "
     "goes on before the first byte",
+    "api/options.py: matches = difflib.get_close_matches(word, list(known), n=2)": "the first is the one that is shown",
     "scene/assets/mesh.py: rows = rows.copy() if base.base is not None and base.nbytes > rows.nbytes else "
     "np.ascontiguousarray(rows)": "takes more memory",
     "scene/assets/mesh.py: cancelled = (sums * sums).sum(axis=0) <= 1e-18": "sums are far smaller or far larger",
     'cli/output.py: print("  ".join(cell.rjust(width) for cell, width in zip(line, widths, strict=False)).rstrip())': (
         "rows are as long as their head"
     ),
+    "cli/output.py: Path(name).unlink(missing_ok=False)": "the file was made a moment before",
     "core/files.py: path.unlink(missing_ok=False)": "the caller passes over it, and the next call deletes what is left",
     'imaging/formats.py: planarconfig="contig" if (not (raw.numbers.ndim == 3)) else None,': "tifffile finds the same",
     "optics/ghosts.py: turns = np.full((len(entered), max(map(len, ways), default=0) + 2), NOWHERE)": "more room",
@@ -93,6 +98,12 @@ EQUIVALENT = {
     " and s.pose is None]": "a sense is 1 or -1",
     "optics/ray_trace.py: return Hits(hit, to_plane + step, normal, cosine, np.isfinite(step) & (normal[2] > 0)"
     " & (cosine >= 0))": "only rays along the surface itself",
+    'viewfinder/state.py: "A": 2856, "D50": 5003, "D55": 5503, "D65": 6504, "D75": 7504, "E": 5455, "F2": 4231, "F7": '
+    '6500, "F11": 4000,': "a kelvin",
+    'viewfinder/lens_panel.py: {"points": np.round(line, 5).tolist(), "wavelength_nm": round(nm, 2), "colour": '
+    "wavelength_colour(nm),": "a tenth of a micrometre of a drawing",
+    'studies/focus/probe.py: axes.axvline(report.film_distance_mm, color=INK, linestyle="--", '
+    "linewidth=1.7999999999999998)": "a dashed line a little thicker",
     "kernels/light/solids.h: *pdf = ((rho2 > 1.0f) & (line.density >= 0.0f) & (line.density < NEVER)) ? line.density"
     " : ZERO;": "a density of 0 is 0 either way",
     "kernels/light/solids.h: F share = ((x > y) & (x >= z)) ? f.share.x : (y >= z ? f.share.y : f.share.z);": "only"
