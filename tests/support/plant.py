@@ -65,7 +65,7 @@ TESTS = {
     " rendering/test_lens_light rendering/cameras/test_lamp_aim",
     "kernels/material": "device/test_bsdf_values device/test_bsdf_sampling device/test_sheen device/test_covers"
     " rendering/light/test_textures rendering/test_opacity rendering/test_materials rendering/test_normal_maps"
-    " rendering/test_material_maps rendering/test_furnaces",
+    " rendering/test_material_maps rendering/test_furnaces rendering/layers/test_means",
     "kernels/light": "rendering/light/test_light_tree rendering/light/test_solid_lamps rendering/test_emitters"
     " rendering/light",
     "kernels/geometry": "rendering/primitives rendering/test_shapes rendering/test_meshes rendering/meshes"
