@@ -75,7 +75,9 @@ TESTS = {
     " rendering/truth/test_cryptomatte",
     "kernels/caustics": "rendering/caustics",
     "kernels/build": "rendering/trees",
-    "kernels/common": "device/test_random device/test_kernels device/test_lattice rendering/spectrum",
+    "kernels/common": "device/test_random device/test_kernels device/test_lattice device/test_widths"
+    " device/test_bsdf_values device/test_bsdf_sampling device/test_aperture_points"
+    " rendering/light/test_environment_pictures rendering/spectrum core/colour/test_spectral_pictures",
 }
 
 # Faults that change nothing a user could notice: the file and the line with the fault, and why.
