@@ -69,7 +69,7 @@ TESTS = {
     "kernels/light": "rendering/light/test_light_tree rendering/light/test_solid_lamps rendering/test_emitters"
     " rendering/light",
     "kernels/geometry": "rendering/primitives rendering/test_shapes rendering/test_meshes rendering/meshes"
-    " rendering/motion",
+    " rendering/motion rendering/test_opacity",
     "kernels/integrator": "rendering/test_furnaces rendering/layers rendering/test_world rendering/test_determinism"
     " rendering/test_clamp rendering/test_checkpoint rendering/test_roulette device/test_kernels"
     " rendering/truth/test_cryptomatte",
@@ -114,6 +114,10 @@ EQUIVALENT = {
     "kernels/camera/packets.h: paths[i].crossed = TRUE;       // where a camera ray fails is of no interest": "not"
     " read",
     "kernels/build/reinsert.cl: if (won < 0.0f) {": "a move that wins nothing costs nothing",
+    "kernels/geometry/triangle.h: F3 each = f3(MAX(absolute(a.x), absolute(b.x)), MAX(absolute(a.y), absolute(b.y)),"
+    " MIN(absolute(a.z), absolute(b.z)));": "a power of two, which only slivers 1e19 times as long as wide need",
+    "kernels/geometry/triangle.h: I instance = on ? GATHER(I, scene.primitives, on ? hit.primitive : FALSE, .instance)"
+    " : TRUE;": "of lanes that are off",
     "kernels/geometry/bvh.h: int z_leads = az >= ax && az > ay;": "y leads as well where both are as long",
 }
 

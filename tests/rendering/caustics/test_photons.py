@@ -10,7 +10,6 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.device.session import open_session
 from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.rendering.plan.plan import make_plan
-from rptcam_cl.rendering.scene_buffers import FIRST_PHOTONS, PILOT_PHOTONS, PhotonPass, first_radius
 from rptcam_cl.rendering.tracer import Wavefront
 from rptcam_cl.scene.load import load_scene
 from tests.rendering.pictures import batches, looking, pixels, scene_of
@@ -176,11 +175,3 @@ def test_objects_that_move_are_refused():
 def test_bad_value_is_refused():
     with pytest.raises(InputError, match=r"render\.caustics.*'yes'"):
         load_scene(scene(caustics="yes"))
-
-
-def test_first_radius_holds_so_many_photons_of_a_pass() -> None:
-    pilot = np.zeros((2000, 8), np.float32)
-    pilot[:, :2] = np.random.default_rng(4).random((2000, 2)) * 0.5  # on a square of a quarter of a square metre
-    per_m2 = 2000 / 0.25 * PhotonPass(0, 0, 1).photons(10_000) / PILOT_PHOTONS  # of a pass of one sample
-    assert first_radius(pilot, 10_000) == pytest.approx(math.sqrt(FIRST_PHOTONS / per_m2 / math.pi), rel=0.1)
-    assert first_radius(pilot[:5], 10_000) == 1  # too few to tell
