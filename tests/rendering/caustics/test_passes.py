@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.rendering.film import MOST_CELLS, MOST_PHOTONS, PILOT_PHOTONS, PhotonPass, pass_of, within_passes
+from rptcam_cl.rendering.film import MOST_CELLS, MOST_PHOTONS, PhotonPass, pass_of, within_passes
 from rptcam_cl.rendering.plan.plan import make_plan
-from rptcam_cl.rendering.scene_buffers import FIRST_PHOTONS, first_radius, sorted_by_cell
+from rptcam_cl.rendering.scene_buffers import FIRST_PHOTONS, PILOT_PHOTONS, first_radius, sorted_by_cell
 from rptcam_cl.scene.load import load_scene
 from tests.rendering.caustics.test_photons import LAMP, ball, glasses, lamp, scene
 
