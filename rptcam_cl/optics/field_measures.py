@@ -641,7 +641,8 @@ def _rays(setting: Setting, ghosts: Ghosts, way: tuple[int, ...]) -> list[Array]
     chosen = passed[np.unique(np.linspace(0, len(passed) - 1, RAYS).round().astype(int))]
     paths = drawing.ray_paths(lens, origins[chosen], directions[chosen], lit.wavelength_nm, drawing.reference)
     corners = np.moveaxis(paths.points, 0, 1).copy()
-    along = directions[chosen] / np.linalg.norm(directions[chosen], axis=1)[:, None]
+    along = lit.lens.from_scene_axes(origins[chosen].T, directions[chosen].T)[1].T
+    along = along / np.linalg.norm(along, axis=1)[:, None]
     reach = min(drawing.APPROACH * drawing.size_of(lit.lens), lit.source.object_distance_mm)
     corners[:, 0] = corners[:, 1] - along * reach
     return [line[:, [2, 1]] for line in corners]

@@ -315,7 +315,7 @@ def _break(frame: AxisFrame, surface: _Surface) -> None:
 
 
 def _bend_image(frame: AxisFrame, surfaces: list[_Surface], table: LensTable) -> None:
-    """Decentre and tilt the image as its own line says (SCBD 1: before the surface); say that of others it is not read.
+    """Decentre and tilt the image as its own line says (SCBD 1: before the surface); of others say that it is not read.
 
     Light may come to either side of an image, but to a film along its axis, or against it behind an odd mirror.
     """
