@@ -97,7 +97,7 @@ class Frame:
     generation: int
 
 
-class Pace:
+class QueueLimit:
     """Keeps the queue of a device so short that work is given up at once when it is cancelled.
 
     Parameters
@@ -489,7 +489,7 @@ class SceneCompiler:
         return key_of(*self._of_glances(state))
 
     def _plan_state(self, scene: Scene, resolved: Resolved, plan: Plan, *, is_final: bool) -> SceneState:
-        return SceneState(scene, resolved, plan, self.pool.upload(plan, rough=not is_final), is_final)
+        return SceneState(scene, resolved, plan, self.pool.upload(plan), is_final)
 
 
 def of_glance(scene: Scene) -> RenderSettings:
@@ -546,7 +546,7 @@ class RenderSession:
         self._device = sessions[0]
         self._compiler = SceneCompiler(self._device, waits=wait)
         self._cancelled = threading.Event()
-        self._pace = Pace(self._cancelled)
+        self._queue = QueueLimit(self._cancelled)
         self._generation = 0
         self._run: FilmRun | None = None
         self._of_film: tuple[Plan, SceneBuffers] | None = None
@@ -714,7 +714,7 @@ class RenderSession:
         self._arrive()
         state = self._shown
         plan, film = plan_smaller_film(state, scale, self._reading)
-        buffers = self._compiler.pool.upload(plan, rough=not state.is_final)
+        buffers = self._compiler.pool.upload(plan)
         pool = self._compiler.pool_of_glances(state)
         run = FilmRun(pool.wavefront(plan, buffers, FilmLayout.of(film), of_glance(state.scene), "glance"))
         complete = self._add(run, 1)
@@ -869,10 +869,10 @@ class RenderSession:
         """Add samples to a film unless that is cancelled; return whether all are there."""
         self._cancelled.clear()
         end = run.done + samples
-        count, most = self._pace.count_waves(run.wavefront.finish), run.wavefront.samples_per_wave
+        count, most = self._queue.count_waves(run.wavefront.finish), run.wavefront.samples_per_wave
         complete = True
         while complete and run.done < end and not run.watch.satisfied:
-            complete = run.add(min(end - run.done, most), count, slots=self._pace.slots)
+            complete = run.add(min(end - run.done, most), count, slots=self._queue.slots)
             complete = complete and not (self._cancelled.is_set() and run.done < end)
         run.wavefront.finish()
         return complete

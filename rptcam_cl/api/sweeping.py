@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl._version import __version__
 from rptcam_cl.api.interface import render
 from rptcam_cl.api.job import RenderOptions, SceneSource, SeriesRenderer, read_scene
+from rptcam_cl.core.constants import __version__
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, RptcamError, StateError
 from rptcam_cl.core.files import check_writable, kernels_dir, make_folder, replacing, resolve_links

@@ -11,7 +11,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from rptcam_cl._version import __version__
 from rptcam_cl.api.interface import merge
 from rptcam_cl.api.job import RenderOptions, SceneSource, check_divisible, plain_data, read_scene
 from rptcam_cl.batch.cluster import (
@@ -30,6 +29,7 @@ from rptcam_cl.batch.cluster import (
     render_part,
     render_scene,
 )
+from rptcam_cl.core.constants import __version__
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import StateError
 from rptcam_cl.core.files import scratch_folder

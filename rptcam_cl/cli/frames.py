@@ -13,9 +13,9 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rptcam_cl._version import __version__
 from rptcam_cl.api.options import check_together
 from rptcam_cl.cli.parser import apply_options, device_of, files_to_write, names_of
+from rptcam_cl.core.constants import __version__
 from rptcam_cl.core.errors import InputError, RptcamError
 from rptcam_cl.core.files import file_state, named_files
 from rptcam_cl.core.remember import OneMaker, made_by

@@ -1,4 +1,6 @@
-"""Numbers of physics and limits of the program that need no array: each is written here and nowhere else."""
+"""The version, numbers of physics and limits of the program, none an array: each is written here and nowhere else."""
+
+__version__ = "0.2.0"
 
 LUMENS_PER_WATT = 683.0  # SI: the luminous efficacy of light of 540 THz
 LINE_F_NM, LINE_D_NM, LINE_C_NM = 486.1327, 587.5618, 656.2725  # Fraunhofer lines of n_d and V_d

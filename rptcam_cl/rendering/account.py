@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl._version import __version__
+from rptcam_cl.core.constants import __version__
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.remember import Maker, made_by
@@ -305,6 +305,7 @@ def describe(
         **({} if plan.caustics.choice is None else {"caustics": plan.caustics.choice}),
         **camera_geometry(scene),
         "window": window(scene),
+        **({"transparent": True} if scene.film.transparent else {}),
         **({"missing": list(scene.stand_ins)} if scene.stand_ins else {}),
         **({"object_names": plan.owners.objects} if NAMING_OBJECTS & set(layers) else {}),
         **({"material_names": plan.owners.materials} if NAMING_MATERIALS & set(layers) else {}),

@@ -322,8 +322,6 @@ class SceneBuffers:
         The device, and whose arrays.
     earlier
         Of another plan, perhaps nearly the same: what has not changed stays where it is.
-    rough
-        Whether a tree over instances may be one that was made for other places of them: soon there, slower to walk.
 
     Attributes
     ----------
@@ -339,9 +337,7 @@ class SceneBuffers:
         And one more if anything moves: when the shutter is open and where the camera is.
     """
 
-    def __init__(
-        self, session: Session, plan: Plan, earlier: SceneBuffers | None = None, *, rough: bool = False
-    ) -> None:
+    def __init__(self, session: Session, plan: Plan, earlier: SceneBuffers | None = None) -> None:
         self._session, self._plan = session, plan
         self._before = {} if earlier is None else earlier._uploaded
         self._uploaded: dict[str, tuple[NDArray[Any], Any]] = {}
@@ -352,7 +348,7 @@ class SceneBuffers:
             self.scene["colours"] = self.colours
         self.tree_facts: dict[str, int] = {}
         self._add_primitive_tree(earlier)
-        self._add_meshes(earlier, rough)
+        self._add_meshes(earlier)
         self.photons = PhotonBuffers(session, plan) if plan.caustics.active else None
         self.scene |= {} if self.photons is None else self.photons.arguments
         self.trajectory = {"trajectory": self._buffer("trajectory", plan.trajectory)} if plan.facts["MOVES"] else {}
@@ -425,14 +421,14 @@ class SceneBuffers:
             self.tree_facts |= tree[1]
             self.scene |= {name: self._buffer(name, array) for name, array in tree[0].items()}
 
-    def _add_meshes(self, earlier: SceneBuffers | None, rough: bool) -> None:
+    def _add_meshes(self, earlier: SceneBuffers | None) -> None:
         plan = self._plan
         self._trees: trees.MeshTrees | None = None
         self._placed: trees.DeviceTree | None = None
         if plan.meshes is None:
             return
         before = None if earlier is None else earlier._trees
-        self._trees = own = trees.mesh_trees(plan.meshes, self._session, before, rough=rough)
+        self._trees = own = trees.mesh_trees(plan.meshes, self._session, before, rough=plan.is_rough)
         if earlier is not None and before is not None and own.has_blocks_of(before):
             self._take_triangles(earlier, before, own)
         else:
@@ -473,6 +469,8 @@ def _scene_arrays(plan: Plan) -> dict[str, NDArray[Any]]:
     }
     if plan.emitters.tree is not None:
         arrays["light_nodes"] = plan.emitters.tree.nodes
+    if plan.facts["HAS_HIDDEN"]:
+        arrays["hidden"] = plan.hidden
     if plan.facts["HAS_MOTION"]:
         arrays |= {"segments": plan.movements.segments, "movement_of": plan.movements.of_primitive}
     return arrays

@@ -417,12 +417,9 @@ class WavefrontPool:
         self._scene: SceneBuffers | None = None
         self._wavefronts: Memory[Wavefront] = Memory(MOST)
 
-    def upload(self, plan: Plan, *, rough: bool = False) -> SceneBuffers:
-        """Return the arrays of a plan on the device; those that the last plan had too are there already.
-
-        ``rough`` is as for `SceneBuffers`.
-        """
-        self._scene = SceneBuffers(self._session, plan, self._scene, rough=rough)
+    def upload(self, plan: Plan) -> SceneBuffers:
+        """Return the arrays of a plan on the device; those that the last plan had too are there already."""
+        self._scene = SceneBuffers(self._session, plan, self._scene)
         return self._scene
 
     def wavefront(

@@ -428,7 +428,7 @@ def with_camera(scene: Scene, keys: Mapping[str, Any]) -> Scene:
 def _checked(scene: Scene, data: dict[str, Any], changed: Iterable[str]) -> Scene:
     made_of = scene.made_of | {name: data[name] for name in changed}
     try:
-        return Scene.model_validate(data, context={"scene": scene, "folders": scene.folders, "made_of": made_of})
+        return Scene.model_validate(data, context=_context(scene, set()) | {"made_of": made_of})
     except ValidationError as problem:
         raise input_error(problem, data, lambda path, at_key: "") from None
 
@@ -720,8 +720,13 @@ def _path(text: str) -> KeyPath:
 
 
 def _context(scene: Scene, touched: set[str]) -> dict[str, Any]:
-    """Return how files are found: from the meshes that are loaded already, unless other ones have their names."""
-    return {"folders": scene.folders} | ({} if "meshes" in touched else {"scene": scene})
+    """Make the context in which a changed scene is validated.
+
+    It has the ``folders``, and the ``scene``, whose objects need no check again and whose meshes are loaded already,
+    unless other ones have their names. In ``checked`` the validator of objects puts the identities of those that stay,
+    for the validators after it.
+    """
+    return {"folders": scene.folders} | ({} if "meshes" in touched else {"scene": scene, "checked": set()})
 
 
 def _touched_materials(paths: Iterable[KeyPath], data: Mapping[str, Any]) -> set[str] | None:

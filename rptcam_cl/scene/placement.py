@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema, model_validator
 
+from rptcam_cl.core.records import Hidden
 from rptcam_cl.scene.base import AlsoAccepts, Alternatives, SceneModel, refuse
 from rptcam_cl.scene.materials import Material
 from rptcam_cl.scene.quantities import LARGEST_COORDINATE, NUMBER, Coordinate, Direction, Moment, Position, list_of
@@ -336,6 +337,32 @@ Bounds = tuple[NDArray[np.float64], NDArray[np.float64]]
 MATERIAL_NAME = AlsoAccepts({"type": "string", "description": "Name of one of `materials`."})
 
 
+class CameraVisibility(SceneModel):
+    """Whether the camera sees it directly."""
+
+    camera: bool = Field(default=True, strict=True)
+    """Whether the camera sees it directly; it shines and casts shadows in any case."""
+
+
+class Visibility(CameraVisibility):
+    """Which rays meet an object; the others pass through it as if it were not there."""
+
+    shadow: bool = Field(default=True, strict=True)
+    """Whether it stands in the way of the light of lamps."""
+
+    reflection: bool = Field(default=True, strict=True)
+    """Whether rays from other surfaces meet it: what mirrors and glass show, and light that surfaces exchange."""
+
+    @property
+    def hidden(self) -> int:
+        """The rays that it is hidden from, as a sum of `Hidden`."""
+        return (
+            (not self.camera) * Hidden.FROM_CAMERA
+            + (not self.shadow) * Hidden.FROM_SHADOW
+            + (not self.reflection) * Hidden.FROM_REFLECTION
+        )
+
+
 class PlacedObject(SceneModel):
     """What every object has."""
 
@@ -350,6 +377,9 @@ class PlacedObject(SceneModel):
 
     motion: ObjectMotion = ()
     """Where it is over time, after its transform; without keyframes it stands still."""
+
+    visible: Visibility = Visibility()
+    """Which rays meet it; a lamp without `reflection` lights as one without size does, and mirrors do not show it."""
 
     @cached_property
     def world_from_object(self) -> NDArray[np.float64]:

@@ -22,6 +22,7 @@ from pydantic import (
     model_validator,
 )
 
+from rptcam_cl.core.constants import MAX_SPP
 from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.core.files import Folders, References, digest
 from rptcam_cl.core.strict_yaml import MAX_BYTES
@@ -277,7 +278,7 @@ class Scene(SceneModel):
     spectrum: SpectrumSettings = SpectrumSettings()
     """How the colour of light is carried along paths."""
 
-    render: RenderSettings = RenderSettings()
+    render: RenderSettings = Field(default=RenderSettings(), validate_default=True)
     """How the light paths are sampled."""
 
     picture: PictureSettings = PictureSettings()
@@ -330,7 +331,8 @@ class Scene(SceneModel):
         if before is None or materials is None or not isinstance(objects, (list, tuple)):
             return handler(objects)
         changed = {id(one): name for name, one in before.materials.items() if materials.get(name) is not one}
-        own = context["checked"] = set(map(id, before.objects))
+        own: set[int] = context["checked"]
+        own.update(map(id, before.objects))
         if objects is before.objects and not changed:
             return objects
         given = [_with_changed_material(item, changed, materials) if id(item) in own else item for item in objects]
@@ -350,6 +352,15 @@ class Scene(SceneModel):
         has_up = isinstance(environment, dict) and environment.get("kind") in WITH_UP
         return {"up": info.data["camera"].up} | environment if has_up and "camera" in info.data else environment
 
+    @field_validator("render")
+    @classmethod
+    def _add_coverage(cls, render: RenderSettings, info: ValidationInfo) -> RenderSettings:
+        """Have the coverage of every sample recorded for a film without a background."""
+        if "film" not in info.data or not info.data["film"].transparent:
+            return render
+        layers = tuple(dict.fromkeys((*render.layers, "coverage")))
+        return render.model_copy(update={"layers": layers, "layers_spp": MAX_SPP})
+
     @field_validator("lights", mode="before")
     @classmethod
     def _default_down(cls, lights: Any, info: ValidationInfo) -> Any:
@@ -367,7 +378,7 @@ class Scene(SceneModel):
         given = context.get("scene")
         if given is not None:
             self._folders, self._library, self._stand_ins = given._folders, given._library, given._stand_ins
-            self._checked = context.get("checked", self._checked)
+            self._checked = context["checked"]
         else:
             self._folders = context.get("folders", self._folders)
             self._library = MeshLibrary(self._folders, self.meshes)

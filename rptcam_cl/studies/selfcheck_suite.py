@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl._version import __version__
-from rptcam_cl.core.constants import LINE_D_NM
+from rptcam_cl.core.constants import LINE_D_NM, __version__
 from rptcam_cl.core.errors import DeviceError, InputError
 from rptcam_cl.device.devices import default_device, device_details, fitting_devices, list_devices, opencl_version
 from rptcam_cl.device.drivers import pocl_cache_folder

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from rptcam_cl._version import __version__
+from rptcam_cl.core.constants import __version__
 from rptcam_cl.scene.film import COOLEST, HOTTEST, SIDES_MM, TONES
 from rptcam_cl.scene.lens_settings import METHODS, Aperture, CircularAperture
 from rptcam_cl.scene.scene import Scene

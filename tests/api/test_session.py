@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import rptcam_cl
-from rptcam_cl.api.session import Pace, RenderSession, focuses_anew
+from rptcam_cl.api.session import QueueLimit, RenderSession, focuses_anew
 from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.device.session import Session, open_session
 
@@ -271,10 +271,10 @@ def test_glance_is_the_same_view_in_fewer_pixels(session: RenderSession) -> None
 
 def cancel_after_each_wave(session: RenderSession, monkeypatch: pytest.MonkeyPatch) -> None:
     """Cancel whatever is under way when its first wave is on the device, and make waves far shorter than a sample."""
-    count_waves = Pace.count_waves
+    count_waves = QueueLimit.count_waves
 
-    def cut(pace: Pace, finish: Callable[[], None]) -> Callable[[int], bool]:
-        count = count_waves(pace, finish)
+    def cut(queue: QueueLimit, finish: Callable[[], None]) -> Callable[[int], bool]:
+        count = count_waves(queue, finish)
 
         def counted(slots: int) -> bool:
             session.cancel()
@@ -283,7 +283,7 @@ def cancel_after_each_wave(session: RenderSession, monkeypatch: pytest.MonkeyPat
         return counted
 
     monkeypatch.setattr("rptcam_cl.api.session.QUEUE_SECONDS", 5e-4)
-    monkeypatch.setattr(Pace, "count_waves", cut)
+    monkeypatch.setattr(QueueLimit, "count_waves", cut)
 
 
 def test_cancelled_take_is_gone_on_with(session: RenderSession, monkeypatch: pytest.MonkeyPatch) -> None:

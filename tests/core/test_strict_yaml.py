@@ -81,11 +81,11 @@ BAD = [
 
 @pytest.mark.parametrize(("text", "message"), BAD, ids=[m[:40] for _, m in BAD])
 def test_what_is_not_strict_is_refused_with_its_place(text, message):
-    start = time.perf_counter()
+    start = time.process_time()
     with pytest.raises(InputError, match=message) as caught:
         read_yaml(text, "x")
     assert "\n" not in str(caught.value)
-    assert time.perf_counter() - start < 2
+    assert time.process_time() - start < 20, "seconds; less than one is usual"
 
 
 def test_a_laughing_bomb_is_refused_at_its_first_anchor():

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from rptcam_cl._version import __version__
 from rptcam_cl.cli import build_parser
+from rptcam_cl.core.constants import __version__
 
 
 def workflows(checkout: Path) -> list[Path]:

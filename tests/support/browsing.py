@@ -135,7 +135,7 @@ def standing(finder: Viewfinder) -> dict[str, Any]:
         finder.disconnect(client)
 
 
-def reached(page: Page, finder: Viewfinder, name: str, value: Any, seconds: float = 10.0) -> None:
+def reached(page: Page, finder: Viewfinder, name: str, value: Any, seconds: float = 60.0) -> None:
     """Assert that a dial comes to a value, at the server and on the page, and stays there."""
     end = time.monotonic() + seconds
     while (found := standing(finder)[name])["value"] != value and time.monotonic() < end:

@@ -77,11 +77,11 @@ def test_error_in_the_scene_file_is_shown_with_its_line_until_it_is_mended(
     file.write_text(good, "utf-8")
     with served(file, size=(64, 36)) as (_, address), visited(browser, address) as page:
         file.write_text(good.replace("metres_per_unit", "metres_per_unite"), "utf-8")
-        page.wait_for_selector(".vf-fault:visible", timeout=10_000)
+        page.wait_for_selector(".vf-fault:visible", timeout=60_000)
         assert "scene.yaml:3" in page.inner_text(".vf-fault")
         assert mean(page)[3] == 255  # the last good picture
         file.write_text(good, "utf-8")
-        page.wait_for_selector(".vf-fault", state="hidden", timeout=10_000)
+        page.wait_for_selector(".vf-fault", state="hidden", timeout=60_000)
 
 
 def test_page_says_over_the_picture_that_the_server_is_gone_and_comes_back(browser: Browser, scene_file: Path) -> None:
@@ -97,7 +97,7 @@ def test_page_says_over_the_picture_that_the_server_is_gone_and_comes_back(brows
         assert not gone.is_visible()
         first.stop()
         thread.join(10)
-        gone.wait_for(state="visible", timeout=10_000)
+        gone.wait_for(state="visible", timeout=60_000)
         assert "The server is gone" in gone.inner_text()
         box, stage = gone.bounding_box(), page.locator(".vf-stage").bounding_box()
         assert box == stage  # over all of the picture
@@ -107,7 +107,7 @@ def test_page_says_over_the_picture_that_the_server_is_gone_and_comes_back(brows
         second.tokens.lasting = first.tokens.lasting
         thread = threading.Thread(target=second.run, daemon=True)
         thread.start()
-        gone.wait_for(state="hidden", timeout=15_000)
+        gone.wait_for(state="hidden", timeout=60_000)
         assert not page.evaluate("document.querySelector('.vf-foot').inert")
         page.focus("[data-dial=f_number]")
         page.keyboard.press("End")
@@ -121,7 +121,7 @@ def test_wrong_token_is_refused_in_words(browser: Browser, address: str) -> None
     context = browser.new_context()
     page = context.new_page()
     page.goto(address.partition("#")[0] + "#" + "x" * 43)
-    page.wait_for_selector(".vf-link[data-state=refused]", timeout=10_000)
+    page.wait_for_selector(".vf-link[data-state=refused]", timeout=60_000)
     assert "token" in page.inner_text(".vf-link-words")
     context.close()
 

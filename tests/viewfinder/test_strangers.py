@@ -126,7 +126,7 @@ def test_client_killed_in_the_middle_of_a_frame_harms_nothing(served: Served) ->
             client.socket.socket.close()
         assert other.ask(5, "reset").type == "done"
         other.frame(at_rest)
-        deadline = time.monotonic() + 20
+        deadline = time.monotonic() + 60
         while len(finder.clients()) > 1 and time.monotonic() < deadline:
             time.sleep(0.01)
         assert len(finder.clients()) == 1
@@ -161,8 +161,8 @@ def test_half_sent_requests_are_bounded_in_number_and_closed_soon(
     for first in (*halves, whole + halves[1]):
         slow.append(socket.create_connection(("127.0.0.1", server.port)))
         slow[-1].sendall(first)
-    ends = time.monotonic() + 2.5
-    while time.monotonic() < ends:
+    ends = time.monotonic() + 60
+    while any(map(still_open, (*connections, *slow))) and time.monotonic() < ends:
         time.sleep(0.1)
         for connection in slow:
             with contextlib.suppress(OSError):  # bytes that trickle in do not prolong it

@@ -48,16 +48,19 @@ def test_edits_replacements_and_new_files_are_seen(tmp_path: Path) -> None:
 
 def test_file_that_is_being_written_is_left_alone(tmp_path: Path) -> None:
     scene = tmp_path / "scene.yaml"
-    scene.write_text("a")
-    calls = Calls()
-    watch = Watch(lambda: [scene], calls, interval_s=1.5)  # longer than what a busy machine adds to a sleep
+    looks, called = 0, Calls()
+
+    def files() -> list[Path]:  # asked at each look, from the thread that looks
+        nonlocal looks
+        looks += called.count == 0
+        if looks <= 20:
+            scene.write_text("a" * looks)
+        return [scene]
+
+    watch = Watch(files, called, interval_s=0.001)
     watch.start()
     try:
-        for size in range(20):
-            scene.write_text("a" * size)
-            time.sleep(0.04)
-        early = calls.count
-        assert calls.reach(1)
-        assert early == 0
+        assert called.reach(1)
+        assert looks == 21, "the first at which it had stayed as it was"
     finally:
         watch.stop()

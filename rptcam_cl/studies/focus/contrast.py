@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.studies.focus.drives import Drive
 from rptcam_cl.studies.focus.probe import (
     BEST,
     MEASURES,
-    Drive,
     FocusReport,
     NoContrast,
     OutOfReach,
@@ -247,7 +247,7 @@ def greatest_contrast(probes: Probes, policy: Policy, start: tuple[float, float]
         stop = min(1.0, STEP * 2 * probes.drive.depth_of_focus / (high - low))
     count = FIRST_PROBES if start is None else 3
     step = (high - low) / (count - 1)
-    zones = list(range(len(probes.zones)))
+    zones = list(range(len(probes.task.zones)))
     places = [low + k * step for k in range(count)]
     reference = None if start is None else start[0]
     first = FIRST_SAMPLES if start is None else NEAR_SAMPLES
@@ -264,7 +264,7 @@ def greatest_contrast(probes: Probes, policy: Policy, start: tuple[float, float]
         centre = _centre(peaks, zones)
         made, samples = _round(probes, _three_places(probes, centre, step), stop, samples, zones, FINE, centre)
         peaks = _widen(probes, made, zones, step, samples)
-    zone = choose_zone(policy, probes.zones, {k: peaks[k].place for k in zones})
+    zone = choose_zone(policy, probes.task.zones, {k: peaks[k].place for k in zones})
     peak = _refine(probes, made, zone, peaks[zone], samples)
     if start is not None and not peak.inside and abs(peak.place - probes.ends[0]) > 1e-9 * abs(peak.place):
         raise no_contrast("it still gets sharper where it was searched")
@@ -359,7 +359,7 @@ def _widen(probes: Probes, made: list[Probe], zones: list[int], step: float, sam
 
 def _still_possible(policy: Policy, probes: Probes, peaks: dict[int, Peak], zones: list[int], step: float) -> list[int]:
     """Return the zones that may decide in the end: those whose tops lie within a step of the one chosen by now."""
-    zone = choose_zone(policy, probes.zones, {k: peaks[k].place for k in zones})
+    zone = choose_zone(policy, probes.task.zones, {k: peaks[k].place for k in zones})
     if policy.by_place:
         return [k for k in zones if abs(peaks[k].place - peaks[zone].place) <= step / 2]
     return [zone]

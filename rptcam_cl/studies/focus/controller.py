@@ -29,9 +29,9 @@ from rptcam_cl.studies.focus.contrast import (
     focus_by_laplacian,
     focus_by_variance,
 )
-from rptcam_cl.studies.focus.drives import focus_drive
+from rptcam_cl.studies.focus.drives import Drive, focus_drive
 from rptcam_cl.studies.focus.phase import focus_by_hybrid, focus_by_phase, half_view
-from rptcam_cl.studies.focus.probe import Drive, FocusReport, NoContrast, OutOfReach, Policy, Probe, Zone
+from rptcam_cl.studies.focus.probe import FocusReport, NoContrast, OutOfReach, Policy, Probe, Zone
 from rptcam_cl.studies.focus.renderer import ProbeRenderer, Task
 
 # What can be wrong with a focus that was found: too uncertain, one of two distances, or one of two line focuses.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
@@ -39,7 +39,105 @@ from rptcam_cl.rendering.cameras.setting import (
 )
 from rptcam_cl.scene.camera import LensCamera, ThinLensCamera, kinds_where
 from rptcam_cl.scene.scene import Scene
-from rptcam_cl.studies.focus.probe import Drive, Zone, circle_of_confusion
+from rptcam_cl.studies.focus.probe import Zone, circle_of_confusion
+
+
+class Drive(ABC):
+    """Focus states of one kind of camera.
+
+    A *state* is the film distance [mm] of a lens that is focused as a whole, the shift of its group towards the film
+    [mm] where a group focuses, and the distance of the plane of focus [m] of a thin lens. Searches walk along a
+    *coordinate* [mm] in which the blur on the film grows evenly with the distance from the focus: the state itself of a
+    lens of surfaces, the image distance of a thin lens. It grows as nearer objects become sharp where `nearer` is 1.
+    """
+
+    @property
+    @abstractmethod
+    def limits(self) -> tuple[float, float]:
+        """Lowest and highest state."""
+
+    @property
+    @abstractmethod
+    def start(self) -> float:
+        """State in which a search begins: that of the scene, or far away where autofocus is to find it."""
+
+    @property
+    @abstractmethod
+    def depth_of_focus(self) -> float:
+        """2 N c in units of the coordinate: so far apart are the ends of what counts as sharp at full aperture."""
+
+    @property
+    @abstractmethod
+    def nearer(self) -> int:
+        """1 or -1: the sense along the coordinate in which nearer objects become sharp."""
+
+    def coordinate(self, state: float) -> float:
+        """Return the coordinate of a state [mm]."""
+        return state
+
+    def state_at(self, coordinate: float) -> float:
+        """Return the state of a coordinate."""
+        return coordinate
+
+    @abstractmethod
+    def camera(self, scene: Scene, state: float, stop: float, zones: Sequence[Zone]) -> CameraModel:
+        """Return the camera in a state for the device; it need not see more than the zones."""
+
+    @abstractmethod
+    def image_scale(self, state: float, reference: float) -> float:
+        """Return how large a state draws what is sharp in the state of reference, against that one."""
+
+    @abstractmethod
+    def rays(self, scene: Scene, state: float, stop: float, places: NDArray[np.float64]) -> PupilRays:
+        """Return the rays of places (m, 2) of the picture [pixels], in float64."""
+
+    @abstractmethod
+    def film_distance(self, state: float) -> float:
+        """Return the distance from the last vertex to the film, or of a thin lens to the film [mm]."""
+
+    @abstractmethod
+    def object_distance(self, state: float, zone: Zone | None = None) -> float | None:
+        """Return the distance of the plane that is sharpest in a zone, by default on the axis [m].
+
+        It is measured to the film (thin lens: to the lens); None where no plane is in focus.
+        """
+
+    @abstractmethod
+    def first_order_distance(self, state: float) -> float | None:
+        """Return the distance of the plane in focus by first-order optics [m]; None where none is."""
+
+    @abstractmethod
+    def first_order_vergence(self, state: float) -> float:
+        """Return 1 over that distance [1/m]; below 0 where the film stands too near for anything to be sharp."""
+
+    def sharp_vergence(self, state: float) -> float:
+        """Return how many 1/m a depth of focus is worth."""
+        low, high = self.limits
+        place = self.coordinate(state)
+        ends = [min(max(self.state_at(place + side * self.depth_of_focus), low), high) for side in (-1, 1)]
+        one, other = (self.first_order_vergence(end) for end in ends)
+        span = abs(self.coordinate(ends[1]) - self.coordinate(ends[0]))
+        return abs(other - one) / span * self.depth_of_focus
+
+    @abstractmethod
+    def state_for(self, distance_m: float, zone: Zone) -> float:
+        """Return the state that makes a plane sharpest in the middle of a zone, by the lens alone.
+
+        Parameters
+        ----------
+        distance_m
+            From the film (thin lens: from the lens) along the axis.
+
+        Raises
+        ------
+        InputError
+            When the plane is out of reach.
+        """
+
+    @abstractmethod
+    def camera_keys(self, state: float) -> dict[str, object]:
+        """Return the keys of the scene's camera that set the state."""
+
 
 # Drives of cameras with a lens prescription: focusing moves the film, or a group of the lens.
 

@@ -16,11 +16,11 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.rendering.cameras.film_pupil import PupilLine, PupilRays, Split, halved, pupil_line
 from rptcam_cl.studies.focus.contrast import focus_by_contrast, greatest_contrast, no_contrast, state_within_reach
+from rptcam_cl.studies.focus.drives import Drive
 from rptcam_cl.studies.focus.probe import (
     BEST,
     MEASURES,
     TERMS,
-    Drive,
     FocusReport,
     Measured,
     NoContrast,
@@ -849,8 +849,7 @@ def focus_by_hybrid(task: Task) -> FocusReport:
         report = replace(focus_by_contrast(task), method="hybrid")
         report.notes["finished_by"] = "contrast alone"
         return report
-    probes = task.probes(MEASURES[BEST])
-    probes.zones = [search.zone]
+    probes = replace(task, zones=(search.zone,)).probes(MEASURES[BEST])
     sharp = task.drive.depth_of_focus
     reach = max(REACH, AGREEMENT * uncertainty_of(search)) * sharp
     pointed = probes.place_of(search.state)

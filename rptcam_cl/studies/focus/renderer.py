@@ -1,4 +1,4 @@
-"""The probe renderer: zones of the film seen through the scene's camera in any focus state.
+"""The probes of a search: zones of the film seen through the scene's camera in any focus state, and measured.
 
 Programs, trees and textures are made once; a probe replaces the camera's records and nothing else.
 """
@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core.cancel import checkpoint, is_cancellable
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.core.remember import checkpoint, is_cancellable
 from rptcam_cl.device.session import Session
 from rptcam_cl.rendering.cameras.film_pupil import PupilRays
 from rptcam_cl.rendering.cameras.model import CameraModel, exposed
@@ -29,9 +29,8 @@ from rptcam_cl.scene.exposure import Exposure
 from rptcam_cl.scene.film import LayerName
 from rptcam_cl.scene.load import at_opening, change_scene
 from rptcam_cl.scene.scene import Scene
-from rptcam_cl.studies.focus.drives import focus_drive
+from rptcam_cl.studies.focus.drives import Drive, focus_drive
 from rptcam_cl.studies.focus.probe import (
-    Drive,
     FocusReport,
     Measure,
     NoContrast,
@@ -373,6 +372,7 @@ class Task:
     policy : Policy
         Which zone decides.
     seed : int
+        Of every probe: their noise is alike, so that differences between states are seen through it.
     near : float or None
         State near which the focus is expected; None for anywhere.
     reach : float
@@ -404,7 +404,7 @@ class Task:
 
     def probes(self, measure: Measure) -> Probes:
         """Return a search of the zones with a measure, with no probe so far."""
-        return Probes(self.renderer, self.zones, measure, self.seed, self.on_probe)
+        return Probes(self, measure)
 
     def near_place(self, probes: Probes) -> tuple[float, float] | None:
         """Return where the focus is expected and how far to either side of it to search [mm]."""
@@ -447,33 +447,25 @@ MOST_PROBES = 40  # after which a search gives up
 
 @dataclass
 class Probes:
-    """A camera to probe, and every probe so far.
+    """The probes of a task with one measure, so far.
 
     Attributes
     ----------
-    renderer : ProbeRenderer
-    zones : sequence of Zone
+    task : Task
     measure : Measure
-    seed : int
-        Of every probe: their noise is alike, so that differences between states are seen through it.
-    on_probe : callable or None
-        Called with every probe.
     most : int
         Samples per pixel of a probe that a search takes at most.
     """
 
-    renderer: ProbeRenderer
-    zones: Sequence[Zone]
+    task: Task
     measure: Measure
-    seed: int = 0
-    on_probe: Callable[[Probe], None] | None = None
     made: list[Probe] = field(default_factory=list)
     most: int = MOST_SAMPLES
 
     @property
     def drive(self) -> Drive:
         """What moves when the camera focuses."""
-        return self.renderer.drive
+        return self.task.drive
 
     @property
     def ends(self) -> tuple[float, float]:
@@ -503,14 +495,14 @@ class Probes:
             raise NoContrast(f"no focus found in the zone after {MOST_PROBES} probes")
         begun = time.perf_counter()
         fixed = None if reference is None else self.state_of(reference)
-        images = self.renderer.measure(self.state_of(place), self.zones, samples, self.seed, stop, fixed)
+        images = self.task.renderer.measure(self.state_of(place), self.task.zones, samples, self.task.seed, stop, fixed)
         pixels = sum(image.parts.shape[1] * image.parts.shape[2] for image in images)
         measures = [self.measure.of(image) for image in images]
         scale = self.drive.image_scale(self.state_of(place), self.state_of(self.ends[0]) if fixed is None else fixed)
         probe = Probe(place, stop, reference, scale, measures, pixels * images[0].samples, time.perf_counter() - begun)
         self.made.append(probe)
-        if self.on_probe is not None:
-            self.on_probe(probe)
+        if self.task.on_probe is not None:
+            self.task.on_probe(probe)
         return probe
 
     def records(self, zone: int) -> list[ProbeRecord]:

@@ -50,7 +50,7 @@ class Task:
 
 
 def tasks_out(client: Client) -> TasksOut:
-    parcel, end = SimpleNamespace(digest="", files={}), time.monotonic() + 10
+    parcel, end = SimpleNamespace(digest="", files={}), time.monotonic() + 60
     return TasksOut(client, parcel, ["a", "b"], " (3 parts are kept)", lambda: time.monotonic() > end)  # type: ignore[arg-type]
 
 

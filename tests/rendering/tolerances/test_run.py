@@ -11,7 +11,7 @@ from rptcam_cl.optics.best_focus import best_film_distance
 from rptcam_cl.optics.image_quality import Setting, film_spots, mtf_table, setting, spot_table
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.library import load_lens
-from rptcam_cl.rendering.tolerances import ToleranceRun, percentile, rank, report, share, tolerance
+from rptcam_cl.rendering.tolerances import ToleranceRun, percentile, rank, report, share, tolerance, tolerance_chart
 
 TRIPLET = load_lens("cooke-triplet-50mm")
 D_NM = 587.5618
@@ -279,3 +279,13 @@ def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
         held[1] += found.low <= 0.3 <= found.high
     least = 0.95 - 3 * math.sqrt(0.95 * 0.05 / 400)
     assert min(held) / 400 >= least
+
+
+def test_chart_has_the_worst_offender_on_top(run: ToleranceRun) -> None:
+    axes = tolerance_chart(run).axes[1]
+    bars = sorted(((bar.get_y(), bar.get_width()) for bar in axes.patches), reverse=True)
+    widths = [abs(width) for _, width in bars]
+    assert len(widths) == 10
+    assert widths == sorted(widths, reverse=True)
+    worst = run.worst_offenders(1)[0]
+    assert axes.get_yticklabels()[-1].get_text() == f"{worst.label}, {worst.direction}"
