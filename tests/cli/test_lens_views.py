@@ -289,3 +289,14 @@ def test_specification_of_tolerances_is_not_overwritten(rptcam: Command, tmp_pat
     run = rptcam("lens", "tolerance", "dgauss-50mm", str(spec), "-o", str(spec))
     assert run.code == 2 and "would overwrite the specification" in run.err
     assert spec.read_text() == "radius: {percent: 0.1}\n"
+
+
+def test_spot_of_all_wavelengths_together_is_called_all(rptcam: Command) -> None:
+    words = ("lens", "spot", "dgauss-50mm", "--fields", "0,10", "--wavelengths", "486,656", "--rays", "16")
+    rows = json.loads(rptcam(*words, "--json").out)["spots"]
+    lines = rptcam(*words).out.splitlines()[2:]
+    assert len(lines) == len(rows) and {row["wavelength_nm"] for row in rows} == {486, 656, None}
+    for row, line in zip(rows, lines, strict=True):
+        cells = line.split()
+        assert ("all" in cells) == (row["wavelength_nm"] is None)
+        assert row["wavelength_nm"] is None or f"{row['wavelength_nm']:g}" in cells
