@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from rptcam_cl.cli.output import dark_warnings
-from rptcam_cl.core.errors import DeviceError, NumericError, StateError
+from rptcam_cl.core.errors import DeviceError, InputError, NumericError, StateError
 from rptcam_cl.imaging.image import Image, read_film
 
 Command = Callable[..., Any]
@@ -391,3 +391,36 @@ def test_picture_that_is_interrupted_while_watched_is_not_written(
     renderer.image.stats["interrupted"] = False
     assert rptcam("render", "scene.yaml", "-o", "a.npy", "--watch").code == 0
     assert names(scene.parent) == ["a.npy", "scene.yaml"]
+
+
+@pytest.mark.parametrize(
+    ("words", "early"),
+    [
+        ([], None),
+        (["--device", "cpu"], "cpu"),
+        (["--set", "camera.fov_degrees=50", "--layers", "depth", "-o", "a.npz"], None),
+        (["--device", "all"], ...),
+        (["--device", "0:0", "--device", "0:1"], ...),
+        (["--split", "0:0=0.7,1:0=0.3"], ...),
+        (["--plan"], ...),
+    ],
+)
+def test_device_of_a_single_picture_is_opened_while_its_scene_is_read(
+    scene: Path, renderer: Any, rptcam: Command, monkeypatch: pytest.MonkeyPatch, words: list[str], early: Any
+) -> None:
+    opened: list[Any] = []
+
+    def open_early(*given: Any) -> Callable[[], None]:
+        opened.append(given)
+        return lambda: opened.append("rendered")
+
+    monkeypatch.setattr("rptcam_cl.device.session.open_early", open_early)
+    monkeypatch.setattr("rptcam_cl.cli.render._print_plan", lambda *_: 0)
+    assert rptcam("render", "scene.yaml", "-o", "a.npy", *words).code == 0
+    overrides = [word for word in words if word.startswith("camera.")]
+    layers = ("depth",) if "--layers" in words else None
+    assert opened == ([] if early is ... else [(early, str(scene), overrides, layers), "rendered"])
+    opened.clear()
+    renderer.during = lambda options: (_ for _ in ()).throw(InputError("no"))
+    rptcam("render", "scene.yaml", "-o", "a.npy", *words)
+    assert "rendered" not in opened  # after an error it is opened anew
