@@ -63,7 +63,7 @@ def histograms(slot: Slot) -> dict[str, Any]:
     """Return the histograms that a page gets of the picture that is shown."""
     client = Client(1, lambda: None)
     client.settings = ClientSettings(panels=("histogram",))
-    delivery = Delivery()
+    delivery = Delivery(lambda: False)
     delivery.deliver(slot, [client])
     delivery.count(slot, [client])
     (found,) = [message for key, message in client.outbox._news.items() if key == ("histogram", "A")]
