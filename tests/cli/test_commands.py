@@ -102,10 +102,11 @@ def test_machine_without_opencl_platforms_gets_the_remedy(tmp_path: Path) -> Non
     assert "Traceback" not in done.stderr
 
 
-def test_schema_is_the_published_one(rptcam: Command, checkout: Path) -> None:
-    run = rptcam("schema")
+@pytest.mark.parametrize(("words", "name"), [([], "scene"), (["--lens"], "lens")])
+def test_schema_is_the_published_one(rptcam: Command, checkout: Path, words: list[str], name: str) -> None:
+    run = rptcam("schema", *words)
     assert run.code == 0
-    assert run.out == (checkout / "docs" / "scene.schema.json").read_text("utf-8")
+    assert run.out == (checkout / "docs" / f"{name}.schema.json").read_text("utf-8")
 
 
 def test_every_lens_is_listed_by_name_and_title(rptcam: Command, checkout: Path) -> None:

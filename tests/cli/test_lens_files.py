@@ -246,3 +246,16 @@ def test_list_of_lenses_as_text_as_json_and_as_a_table(rptcam: Command) -> None:
     assert [line.split()[-5:] for line in lines if line.startswith("dgauss-50mm ")] == [
         ["Double", "Gauss", "50", "mm", "f/2"]
     ]
+
+
+@pytest.mark.parametrize("suffix", ["zmx", "seq"])
+def test_lens_for_another_program_keeps_its_first_order_and_what_is_lost_is_said(
+    rptcam: Command, tmp_path: Path, suffix: str
+) -> None:
+    path = tmp_path / f"lens.{suffix}"
+    run = rptcam("lens", "convert", "telephoto-250mm", "-o", str(path))
+    assert run.code == 0, run.err
+    first, second = load_lens("telephoto-250mm").first_order(), load_lens(path).first_order()
+    assert second.focal_length_mm == pytest.approx(first.focal_length_mm, rel=1e-5)
+    assert second.f_number == pytest.approx(first.f_number, rel=1e-3)
+    assert all(line.startswith((f"a .{suffix} file: ", "wrote ")) for line in run.err.splitlines())

@@ -15,6 +15,7 @@ from rptcam_cl.cli import camera, lens_measures
 from rptcam_cl.cli.lens_options import coating
 from rptcam_cl.optics.coating import Layer, LayerStack, QuarterWave, constant_reflectance
 from rptcam_cl.optics.files.glasses import WORDS
+from rptcam_cl.optics.library import load_lens
 from rptcam_cl.scene.lens_settings import COATINGS
 
 Command = Callable[..., Any]
@@ -142,6 +143,8 @@ def test_wave_optics_of_a_lens_as_numbers_and_as_pictures(rptcam: Command, tmp_p
         (["breathing", "dgauss-50mm", "--distances-m", "0"], "allowed distances above 0"),
         (["breathing", "dgauss-50mm", "--focus-distance-m", "2"], "has no effect on breathing"),
         (["breathing", "anamorphic-100mm"], "not the same from every side"),
+        (["psf", "dgauss-50mm", "--best-focus-field", "90"], "--best-focus-field: got 90; allowed between -89 and 89"),
+        (["draw", "dgauss-50mm", "-o", "lens.jpg"], "lens.jpg: unknown kind of picture"),
         (["ghosts", "ball", "--coating", "1.38:99.6,2.1"], "allowed 1 to 12 layers"),
         (["ghosts", "ball", "--coating", "0.5:99"], "with an index from 1 to 5"),
         (["ghosts", "ball", "--coating", "0.5:nan:1"], "allowed 1 to 12 layers"),
@@ -261,3 +264,39 @@ def test_ghosts_are_printed_from_the_brightest_with_their_sums(rptcam: Command) 
     assert len(rptcam(*words, "--all").out.splitlines()) == len(lines) - 1 + len(shares) - lens_measures.SHOWN
     goes = lines[-1].removeprefix("of the light that enters: ").split(", ")
     assert sum(float(each.rsplit(" ", 1)[1]) for each in goes) == pytest.approx(1, abs=2e-3)
+
+
+def test_lens_without_a_real_image_is_drawn_without_a_film(rptcam: Command) -> None:
+    run = rptcam("lens", "draw", "biconcave", "--device", "none")
+    assert run.code == 0 and run.out.startswith("<svg")
+    assert "this lens forms no real image of a distant object: no film is drawn" in run.err
+    run = rptcam("lens", "draw", "dgauss-50mm", "--device", "none")
+    assert run.code == 0 and "no real image" not in run.err
+
+
+def test_breathing_of_a_zoom_has_a_row_for_each_position_and_distance(rptcam: Command) -> None:
+    words = ("lens", "breathing", "zoom-70-200mm", "--distances-m", "5,20", "--json")
+    rows = json.loads(rptcam(*words).out)["breathing"]
+    positions = list(dict.fromkeys(row["zoom"] for row in rows))
+    assert positions == [each.name for each in load_lens("zoom-70-200mm").configurations]
+    (zoom,) = {row["zoom"] for row in json.loads(rptcam(*words, "--zoom", positions[0]).out)["breathing"]}
+    assert zoom == positions[0]
+
+
+def test_specification_of_tolerances_is_not_overwritten(rptcam: Command, tmp_path: Path) -> None:
+    spec = tmp_path / "spec.svg"
+    spec.write_text("radius: {percent: 0.1}\n")
+    run = rptcam("lens", "tolerance", "dgauss-50mm", str(spec), "-o", str(spec))
+    assert run.code == 2 and "would overwrite the specification" in run.err
+    assert spec.read_text() == "radius: {percent: 0.1}\n"
+
+
+def test_spot_of_all_wavelengths_together_is_called_all(rptcam: Command) -> None:
+    words = ("lens", "spot", "dgauss-50mm", "--fields", "0,10", "--wavelengths", "486,656", "--rays", "16")
+    rows = json.loads(rptcam(*words, "--json").out)["spots"]
+    lines = rptcam(*words).out.splitlines()[2:]
+    assert len(lines) == len(rows) and {row["wavelength_nm"] for row in rows} == {486, 656, None}
+    for row, line in zip(rows, lines, strict=True):
+        cells = line.split()
+        assert ("all" in cells) == (row["wavelength_nm"] is None)
+        assert row["wavelength_nm"] is None or f"{row['wavelength_nm']:g}" in cells

@@ -71,7 +71,7 @@ def histograms(slot: Slot) -> dict[str, Any]:
 
 
 def test_a_picture_goes_once_to_each_page_that_has_room(slots: Any) -> None:
-    slot, delivery = slots(scene()), Delivery()
+    slot, delivery = slots(scene()), Delivery(lambda: False)
     first, full = (Client(number, lambda: None) for number in (1, 2))
     for number in range(MOST_UNACKNOWLEDGED):
         full.outbox.frame(("other", number), ({}, b""))
@@ -89,7 +89,8 @@ def test_a_picture_goes_once_to_each_page_that_has_room(slots: Any) -> None:
 
 
 def test_difference_goes_once_to_each_page(slots: Any) -> None:
-    a, b, delivery, client = slots(scene()), slots(scene()), Delivery(), Client(1, lambda: None)
+    a, b, client = slots(scene()), slots(scene()), Client(1, lambda: None)
+    delivery = Delivery(lambda: False)
     for slot in (a, b):
         delivery.difference(a, b, [client])
         assert client.outbox.is_clear  # as long as one of them has no picture
