@@ -221,7 +221,9 @@ def main() -> None:
     print_machine(facts)
     if options.examples:
         scenes = [path.resolve() for path in options.scenes] or sorted((ROOT / "examples").rglob("*.yaml"))
-        by_scene = over_examples(device.id, 1 if options.quick else options.turns, [each for each in scenes if is_scene(each)])
+        by_scene = over_examples(
+            device.id, 1 if options.quick else options.turns, [each for each in scenes if is_scene(each)]
+        )
         print_examples(by_scene)
         write_json(options.json, facts, by_scene)
         return

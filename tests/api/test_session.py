@@ -123,8 +123,8 @@ def cancel_after_each_wave(session: RenderSession, monkeypatch: pytest.MonkeyPat
     """Cancel whatever is under way when its first wave is on the device, and make waves far shorter than a sample."""
     count_waves = Pace.count_waves
 
-    def cut(pace: Pace, finish: Callable[[], None]) -> Callable[[int], bool]:
-        count = count_waves(pace, finish)
+    def cut(pace: Pace, finish: Callable[[], None], should_stop: Callable[[], bool]) -> Callable[[int], bool]:
+        count = count_waves(pace, finish, should_stop)
 
         def counted(slots: int) -> bool:
             session.cancel()
