@@ -108,11 +108,11 @@ class Client:
 
 @contextmanager
 def viewing(
-    cache: Path, device: str, size: tuple[int, int], scene: Path = SCENE
+    cache: Path | None, device: str, size: tuple[int, int], scene: Path = SCENE
 ) -> Iterator[tuple[subprocess.Popen[str], int, str]]:
-    """Run the command; yield its process, its port and its token."""
+    """Run the command; yield process, port and token. Without a folder for them it has the user's caches."""
     words = [sys.executable, "-m", "rptcam_cl", "view", str(scene), "--no-browser", "--device", device]
-    folders = {"POCL_CACHE_DIR": str(cache / "pocl"), "XDG_CACHE_HOME": str(cache / "xdg")}
+    folders = {} if cache is None else {"POCL_CACHE_DIR": str(cache / "pocl"), "XDG_CACHE_HOME": str(cache / "xdg")}
     words += ["--size", f"{size[0]}x{size[1]}"]
     process = subprocess.Popen(words, cwd=ROOT, env=os.environ | folders, stdout=subprocess.PIPE, text=True)
     try:

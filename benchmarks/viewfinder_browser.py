@@ -1,14 +1,21 @@
 """How fast the viewfinder answers in a real browser: from a key or a drag to the painted picture.
 
     python -m benchmarks.viewfinder_browser [--turns 40] [--json FILE]
+    python -m benchmarks.viewfinder_browser --examples [--turns 4] [--json FILE] [SCENE ...]
 
 `examples/first_light.yaml` at 960x540 before the system's Chromium without a window. *answer* is from the keydown event
 that turns a dial, from rest, to the end of the frame of the screen that shows the new picture, by the browser's clock.
 *drag* moves the pointer sixty times a second: pictures painted a second, and how old the movement is that they show.
+
+With ``--examples``, the dials that all example scenes have, at 800x450 with every instrument on: zebra, peaking,
+histogram, meter, and the panel of the lens. A key is pressed at a time of its own after the picture rests, between
+0.1 and 1 s (the same times in every run). `p99` of all is the figure that docs/viewfinder.md states.
 """
 
 from __future__ import annotations
 
+import os
+import random
 import shutil
 import statistics
 import tempfile
@@ -19,10 +26,15 @@ from typing import Any
 from playwright.sync_api import Page, sync_playwright
 
 from benchmarks.report import arguments, machine, print_machine, print_table, write_json
-from benchmarks.viewfinder import REST_S, SIZE, cpu_seconds, row, viewing
+from benchmarks.viewfinder import REST_S, ROOT, SIZE, cpu_seconds, percentile, row, viewing
+from rptcam_cl.core.errors import RptcamError
 from rptcam_cl.device.devices import choose_device
+from rptcam_cl.scene.load import load_scene
 
 KEYS = {"f_number": "][", "focus_m": "kj"}
+EVERY_KEY = KEYS | {"ev": ")(", "iso": "';"}
+INSTRUMENTS = ("[data-tab=exposure]", "[data-tab=lens]")  # tabs that stay open, so that their figures are made
+LONGEST_MS = 150.0  # from an input to its answer
 ALIVE_WITHIN_S = 60.0
 CHROMIUM = ("chromium", "chromium-browser", "google-chrome")
 FLAGS = ["--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking"]
@@ -69,11 +81,15 @@ def rest(page: Page) -> None:
             return
 
 
-def answers(page: Page, process: Any, keys: str, turns: int) -> list[dict[str, float]]:
-    """Return how long each press of a key took to be seen [ms], and at which scale."""
+def answers(page: Page, process: Any, keys: str, turns: int, first: int | None = None) -> list[dict[str, Any]]:
+    """Return how long each press of a key took to be seen [ms], and at which scale.
+
+    ``first`` is the number of a turn that follows others of other dials: the picture need not rest at full scale.
+    """
     found = []
-    for turn in range(turns):
-        rest(page)
+    for turn in range(turns) if first is None else (6 * first,):
+        if first is None:
+            rest(page)
         before, last = cpu_seconds(process), page.evaluate("Math.max(0, ...window.sent.keys())")
         page.evaluate(EXPECTING, [last, 1e3 * ALIVE_WITHIN_S])
         page.keyboard.press(keys[turn // 6 % len(keys)])  # six clicks one way, then six back
@@ -108,6 +124,70 @@ def drag(page: Page, process: Any, seconds: float) -> dict[str, Any]:
     }  # fmt: skip
 
 
+def at_rest(page: Page, process: Any, turns: int, pauses: random.Random) -> list[dict[str, Any]]:
+    """Return how long each press of a key took to be seen [ms], at which scale and load, for every dial there is."""
+    found: list[dict[str, Any]] = []
+    for turn in range(turns):
+        for name, keys in EVERY_KEY.items():
+            if not page.is_enabled(f"[data-dial={name}]"):
+                continue
+            page.wait_for_timeout(1e3 * pauses.uniform(0.1, 1.0))
+            for each in answers(page, process, keys, 1, turn):
+                found.append(each | {"dial": name, "load": os.getloadavg()[0]})
+    return found
+
+
+def over_examples(device: str, turns: int, scenes: list[Path]) -> dict[str, list[dict[str, Any]]]:
+    """Return the answers of the dials at rest by example scene, with every instrument on."""
+    found: dict[str, list[dict[str, Any]]] = {}
+    program, pauses = next(filter(None, map(shutil.which, CHROMIUM)), None), random.Random(1)
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=program, args=FLAGS)
+        for scene in scenes:
+            with viewing(None, device, (800, 450), scene) as (process, port, token):
+                page = browser.new_page(viewport={"width": 1184, "height": 670})
+                page.add_init_script(WATCHING)
+                page.goto(f"http://127.0.0.1:{port}/#{token}")
+                page.wait_for_selector("[data-reading=scale]", timeout=1e3 * ALIVE_WITHIN_S)
+                for tab in INSTRUMENTS:
+                    page.click(tab)
+                for key in "zp":
+                    page.keyboard.press(key)
+                rest(page)
+                at_rest(page, process, 1, pauses)  # what the first turn of a dial finds out is kept
+                found[str(scene.relative_to(ROOT))] = at_rest(page, process, turns, pauses)
+                page.close()
+        browser.close()
+    return found
+
+
+def is_scene(path: Path) -> bool:
+    """Whether a file is a scene; examples have plans of data sets beside them."""
+    try:
+        load_scene(path)
+    except RptcamError:
+        return False
+    return True
+
+
+def print_examples(found: dict[str, list[dict[str, Any]]]) -> None:
+    """Print the table of `over_examples`."""
+    every = [each for answers in found.values() for each in answers]
+    groups = found | {f"all, {dial}": [each for each in every if each["dial"] == dial] for dial in EVERY_KEY}
+    rows = []
+    for name, each in (groups | {"all": every}).items():
+        if each:
+            ms = [one["ms"] for one in each]
+            cells = [f"{percentile(ms, share):.0f}" for share in (0.5, 0.95, 0.99)]
+            late, cpu = sum(one > LONGEST_MS for one in ms), statistics.median(one["cpu"] for one in each)
+            rows.append([name, str(len(ms)), *cells, str(late), f"{cpu:.0f}"])
+    columns = ("scene", "answers", "p50, ms", "p95, ms", "p99, ms", f"over {LONGEST_MS:.0f} ms", "CPU, ms")
+    print_table("From the key to the painted picture, at rest", columns, rows)
+    if every:
+        loads = [each["load"] for each in every]
+        print(f"load average from {min(loads):.1f} to {max(loads):.1f}, median {statistics.median(loads):.1f}")
+
+
 def measured(device: str, turns: int, seconds: float, size: tuple[int, int]) -> dict[str, Any]:
     """Return all that is measured."""
     found: dict[str, Any] = {}
@@ -133,10 +213,20 @@ def main() -> None:
     """Measure and print."""
     parser = arguments("How fast the viewfinder answers in a browser.")
     parser.add_argument("--turns", type=int, default=40, help="turns of each dial (default 40)")
+    parser.add_argument("--examples", action="store_true", help="dials at rest in every example scene")
+    parser.add_argument("scenes", nargs="*", type=Path, help="with --examples: these scenes alone")
     options = parser.parse_args()
     device = choose_device(options.device)
     facts = machine(device)
     print_machine(facts)
+    if options.examples:
+        scenes = [path.resolve() for path in options.scenes] or sorted((ROOT / "examples").rglob("*.yaml"))
+        by_scene = over_examples(
+            device.id, 1 if options.quick else options.turns, [each for each in scenes if is_scene(each)]
+        )
+        print_examples(by_scene)
+        write_json(options.json, facts, by_scene)
+        return
     found = measured(device.id, 3 if options.quick else options.turns, 1.0 if options.quick else 8.0, SIZE)
     rows = []
     for name in KEYS:

@@ -22,6 +22,13 @@
 #define MOTION_PARTS(EACH)
 #endif
 
+#if HAS_HIDDEN
+#define HIDDEN_PARTS(EACH) \
+    EACH(const __global int *, hidden)                  /* of primitives, kernels/geometry/hidden.h */
+#else
+#define HIDDEN_PARTS(EACH)
+#endif
+
 #if HAS_PRIMITIVE_TREE
 #define TREE_PARTS(EACH) \
     EACH(const __global float4 *, primitive_nodes)      /* kernels/geometry/primitive_tree.h */ \
@@ -71,7 +78,8 @@
     EACH(const __global Environment *, environment) \
     EACH(const __global float *, distribution)          /* curves of how light sampling picks, common/curve.h */ \
     EACH(int, emitter_count) \
-    LIGHT_TREE_PARTS(EACH) CAUSTIC_PARTS(EACH) COLOUR_PARTS(EACH) MOTION_PARTS(EACH) TREE_PARTS(EACH) MESH_PARTS(EACH)
+    LIGHT_TREE_PARTS(EACH) CAUSTIC_PARTS(EACH) COLOUR_PARTS(EACH) MOTION_PARTS(EACH) HIDDEN_PARTS(EACH) TREE_PARTS(EACH) \
+    MESH_PARTS(EACH)
 
 #define AS_MEMBER(type, name) type name;
 #define AS_PARAMETER(type, name) type name,

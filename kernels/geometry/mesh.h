@@ -8,6 +8,9 @@
 #include "geometry/bvh.h"
 #include "geometry/hit.h"
 #include "geometry/movement.h"
+#if HAS_HIDDEN
+#include "geometry/hidden.h"
+#endif
 #if HAS_OPACITY
 #include "material/opacity.h"
 #endif
@@ -75,6 +78,10 @@ IN_PLACE static int hit_block(int index, BoxRay r, int origin, OneRay ray, int f
         uint k = LOWEST_BIT(bits);
         float tk = ((const float *)&t)[k];
         if (tk < hit->t && triangles[k] != origin) {
+#if HAS_HIDDEN
+            if (is_hidden(triangles[k], KIND_OF_RAY(int, ray.origin), first_primitive, scene))
+                continue;
+#endif
 #if HAS_OPACITY
             if (!is_solid(ray, triangles[k], ((const float *)&b1)[k], ((const float *)&b2)[k], first_primitive, scene))
                 continue;
@@ -100,6 +107,10 @@ IN_PLACE static int block_blocks(int index, BoxRay r, int origin, int target, fl
         uint k = LOWEST_BIT(bits);
         if (triangles[k] == origin || triangles[k] == target)
             continue;
+#if HAS_HIDDEN
+        if (is_hidden(triangles[k], KIND_OF_SHADOW, first_primitive, scene))
+            continue;
+#endif
 #if HAS_OPACITY
         if (!is_solid(ray, triangles[k], ((const float *)&b1)[k], ((const float *)&b2)[k], first_primitive, scene))
             continue;

@@ -8,6 +8,12 @@
 #if HAS_MESH
 #include "geometry/mesh.h"
 #endif
+#if HAS_HIDDEN
+#include "geometry/hidden.h"
+#define IF_SEEN     t = where_seen(t, i, kind, scene);
+#else
+#define IF_SEEN
+#endif
 #if HAS_OPACITY
 #include "geometry/surface_point.h"
 #include "material/opacity.h"
@@ -79,22 +85,25 @@ static Hit nearest_hit(Ray ray, Scene scene)
     const __global int *kind_end = scene.kind_end;
     F best = (F)(NEVER);
     I index = (I)(NO_PRIMITIVE);
+#if HAS_HIDDEN
+    I kind = KIND_OF_RAY(I, ray.origin);
+#endif
 #if HAS_PRIMITIVE_TREE
     I living = ray.origin != PATH_ENDED;
     EACH_PLANE(ray,
-        t = PAST_HOLES(met & (t > 0.0f) & (t < best));
+        IF_SEEN t = PAST_HOLES(met & (t > 0.0f) & (t < best));
         I closer = met & (t > 0.0f) & (t < best);
         best = closer ? t : best;
         index = closer ? (I)(i) : index;)
     // The tree has an order of its own: of two at the same distance the first of the list counts, as in the loop.
     EACH_IN_TREE(ray, living, best,
-        t = PAST_HOLES(met & (t > 0.0f) & (t <= best));
+        IF_SEEN t = PAST_HOLES(met & (t > 0.0f) & (t <= best));
         I closer = met & (t > 0.0f) & ((t < best) | ((t == best) & (index > i)));
         best = closer ? t : best;
         index = closer ? (I)(i) : index;)
 #else
     EACH_PRIMITIVE(ray, ALL_FLATS,
-        t = PAST_HOLES(met & (t > 0.0f) & (t < best));
+        IF_SEEN t = PAST_HOLES(met & (t > 0.0f) & (t < best));
         I closer = met & (t > 0.0f) & (t < best);
         best = closer ? t : best;
         index = closer ? (I)(i) : index;)
@@ -118,18 +127,21 @@ static I any_hit(Ray ray, F reach, I target, I target_triangle, Scene scene)
     const __global Primitive *primitives = scene.primitives;
     const __global int *kind_end = scene.kind_end;
     I blocked = FALSE;
+#if HAS_HIDDEN
+    I kind = (I)(KIND_OF_SHADOW);
+#endif
 #if HAS_PRIMITIVE_TREE
     EACH_PLANE(ray,
-        t = PAST_HOLES(met & (t > 0.0f) & (t < reach) & (target != i));
+        IF_SEEN t = PAST_HOLES(met & (t > 0.0f) & (t < reach) & (target != i));
         blocked |= met & (t > 0.0f) & (t < reach) & (target != i);)
     I open = (reach > 0.0f) & NOT(blocked);
     EACH_IN_TREE(ray, open, reach,
-        t = PAST_HOLES(met & (t > 0.0f) & (t < reach) & (target != i));
+        IF_SEEN t = PAST_HOLES(met & (t > 0.0f) & (t < reach) & (target != i));
         blocked |= met & (t > 0.0f) & (t < reach) & (target != i);
         open &= NOT(blocked);)
 #else
     EACH_PRIMITIVE(ray, FLATS_BETWEEN(reach, target),
-        t = PAST_HOLES(met & (t > 0.0f) & (t < reach) & (target != i));
+        IF_SEEN t = PAST_HOLES(met & (t > 0.0f) & (t < reach) & (target != i));
         blocked |= met & (t > 0.0f) & (t < reach) & (target != i);)
 #endif
 #if HAS_MESH

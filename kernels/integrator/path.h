@@ -157,7 +157,11 @@ static ShadowRay light_sample(Path path, Vertex vertex, I on, Hit hit, Scene sce
     F3 through = mul(path.beta, scatter_eval(vertex, path.ray.d, light.direction, &pdf));
     F rival = MIN(light.pdf, (F)(LARGEST_DENSITY));
     F rival2 = rival * rival;
+#if LAMPS_BY_SAMPLES
+    F mis = ONE;
+#else
     F mis = rival > 0.0f ? rival2 / (rival2 + pdf * pdf) : ONE;
+#endif
     ShadowRay shadow;
     shadow.light = scale(mul(through, light.radiance), mis);
     shadow.ray.o = departure(vertex, light.direction);
@@ -208,7 +212,8 @@ static ShadowRay shade_vertex(Path *path, Hit hit, Scene scene, Rules rules)
 #else
         I sunless = FALSE;
 #endif
-        F3 light = light_from_infinity(path->ray.o, normal_behind(*path), path->ray.d, path->pdf, sunless, scene);
+        I kind = path->ray.origin == NO_PRIMITIVE ? (I)(HIDDEN_FROM_CAMERA) : (I)(HIDDEN_FROM_REFLECTION);
+        F3 light = light_from_infinity(path->ray.o, normal_behind(*path), path->ray.d, path->pdf, sunless, kind, scene);
         path->radiance = add(path->radiance, keep3(escaped, mul(path->beta, light)));
     }
 #endif

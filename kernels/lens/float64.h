@@ -24,7 +24,6 @@ static inline LensRay traced_ray(const __global float *rays, uint capacity, uint
     ray.d = f3(LOAD_F(rays + 3 * capacity, slot), LOAD_F(rays + 4 * capacity, slot), LOAD_F(rays + 5 * capacity, slot));
     ray.status = TO_I(LOAD_F(rays + 6 * capacity, slot));
     ray.passed = ray.status == RAY_OK;
-    ray.surface = (I)(-1);
 #if LENS_LOSSES
     ray.transmittance = LOAD_F(rays + 7 * capacity, slot);
 #endif

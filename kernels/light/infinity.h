@@ -7,11 +7,16 @@
 #endif
 
 // MIS weight (power heuristic, Veach 1997, ch. 9) of a direction of density `own` that light sampling would have chosen with
-// density `other`; own is 0 where light sampling cannot compete.
+// density `other`; own is 0 where light sampling cannot compete. Where rays of one kind meet what those of the other pass, light
+// sampling alone counts.
 static inline F against_lights(F own, F other)
 {
+#if LAMPS_BY_SAMPLES
+    return (own > 0.0f) & (other > 0.0f) ? ZERO : ONE;
+#else
     F own2 = own * own;
     return own > 0.0f ? own2 / (own2 + other * other) : ONE;
+#endif
 }
 
 // Probability with which light sampling picks an emitter at infinity, at p on a surface with normal n.
@@ -25,8 +30,8 @@ static inline F pick_from_afar(int e, F3 p, F3 n, Scene scene)
 }
 
 #if EMITTER_SUNS
-// Of suns whose disk a direction meets, weighted.
-static F3 suns_radiance(F3 p, F3 n, F3 d, F own, Scene scene)
+// Of suns whose disk a direction meets, weighted; `kind` says what a ray is, one of HIDDEN_….
+static F3 suns_radiance(F3 p, F3 n, F3 d, F own, I kind, Scene scene)
 {
     F3 sum = f3(ZERO, ZERO, ZERO);
     int first = scene.environment->first_sun;
@@ -35,6 +40,9 @@ static F3 suns_radiance(F3 p, F3 n, F3 d, F own, Scene scene)
         F3 off = sub(d, f3_of(sun->normal));
         float versine = sun->a.w / (1.0f + sqrt(1.0f - sun->a.w));      // 1 - cos of its radius; a.w is its squared sine
         I inside = dot3(off, off) <= 2.0f * versine;
+#if HIDDEN_SUNS
+        inside = inside & ((kind & sun->hidden) == 0);
+#endif
         if (ANY(inside)) {
             F weight = against_lights(own, pick_from_afar(i, p, n, scene) / (2.0f * PI_F * versine));
             F3 radiance = f3_of(sun->radiance);
@@ -49,8 +57,8 @@ static F3 suns_radiance(F3 p, F3 n, F3 d, F own, Scene scene)
 #endif
 
 // Radiance that a path meets which leaves the scene along d, weighted against light sampling at p, with normal n, where it
-// comes from; without suns in the lanes `sunless`.
-static inline F3 light_from_infinity(F3 p, F3 n, F3 d, F own, I sunless, Scene scene)
+// comes from; without suns in the lanes `sunless`. `kind` says what a ray is, one of HIDDEN_….
+static inline F3 light_from_infinity(F3 p, F3 n, F3 d, F own, I sunless, I kind, Scene scene)
 {
     F3 sum = f3(ZERO, ZERO, ZERO);
 #if ENVIRONMENT
@@ -59,11 +67,14 @@ static inline F3 light_from_infinity(F3 p, F3 n, F3 d, F own, I sunless, Scene s
 #if ENVIRONMENT_SAMPLED
     sum = scale(sum, against_lights(own, environment_pdf(d, scene) * pick_from_afar(scene.environment->emitter, p, n, scene)));
 #endif
+#if HIDDEN_SKY
+    sum = keep3(kind != HIDDEN_FROM_CAMERA, sum);
+#endif
 #if EMITTER_SUNS
 #if CAUSTICS
-    sum = add(sum, keep3(NOT(sunless), suns_radiance(p, n, d, own, scene)));
+    sum = add(sum, keep3(NOT(sunless), suns_radiance(p, n, d, own, kind, scene)));
 #else
-    sum = add(sum, suns_radiance(p, n, d, own, scene));
+    sum = add(sum, suns_radiance(p, n, d, own, kind, scene));
 #endif
 #endif
     return sum;

@@ -1,5 +1,6 @@
 // Which ways something of the scene stands on. A surface that lets light through does as well: light that it bends goes
 // elsewhere. Nothing moves.
+#define KIND_OF_SHADOW HIDDEN_FROM_CAMERA   // what stands between a lamp and the lens is what the camera sees there
 #include "geometry/nearest.h"
 
 __kernel void occluded(SCENE_PARAMETERS

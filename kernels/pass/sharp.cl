@@ -1,5 +1,6 @@
 // What given rays meet: one each, for layers that know no blur. A ray that departs from a surface goes on beyond it.
 #define CHANCE_OF_ALL_RAYS 0.49999997f  // surfaces with holes are there from an opacity of one half on: nothing is random
+#define KIND_OF_RAY(T, origin) (T)(HIDDEN_FROM_CAMERA)
 #include "geometry/nearest.h"
 #include "material/vertex.h"
 

@@ -47,14 +47,7 @@ from rptcam_cl.rendering.highlights import aimed_plan
 from rptcam_cl.rendering.metering import resolve_exposure
 from rptcam_cl.rendering.plan.plan import Plan, make_plan
 from rptcam_cl.rendering.plan.primitives import PlanParts
-from rptcam_cl.rendering.progressive import (
-    Progress,
-    Rendering,
-    SavedState,
-    render_plan,
-    render_state,
-    rendering_of,
-)
+from rptcam_cl.rendering.progressive import Progress, Rendering, SavedState, render_plan, render_state, rendering_of
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
 from rptcam_cl.rendering.several import (
     WHOLE,

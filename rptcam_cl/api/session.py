@@ -40,7 +40,7 @@ from rptcam_cl.scene.scene import Scene
 
 Kind = Literal["none", "picture", "camera", "scene", "program"]
 
-QUEUE_SECONDS = 0.012  # of work that is enqueued before the device is waited for
+QUEUE_SECONDS = 0.02  # of work that is enqueued before the device is waited for
 FIRST_SLOTS = 1 << 14  # of the first wave, whose time is not known
 
 
@@ -98,16 +98,9 @@ class Frame:
 
 
 class QueueLimit:
-    """Keeps the queue of a device so short that work is given up at once when it is cancelled.
+    """Keeps the queue of a device so short that work is given up at once where nobody wants it any more."""
 
-    Parameters
-    ----------
-    cancelled
-        Set where work is to be given up.
-    """
-
-    def __init__(self, cancelled: threading.Event) -> None:
-        self._cancelled = cancelled
+    def __init__(self) -> None:
         self._rate: float | None = None  # slots per second
         self._pending, self._since = 0, 0.0
 
@@ -116,8 +109,8 @@ class QueueLimit:
         """Most of a wave."""
         return FIRST_SLOTS if self._rate is None else max(int(self._rate * QUEUE_SECONDS), 1)
 
-    def count_waves(self, finish: Callable[[], None]) -> Callable[[int], bool]:
-        """A counter of waves of so many slots, which says whether to give up; ``finish`` waits for the device."""
+    def count_waves(self, finish: Callable[[], None], should_stop: Callable[[], bool]) -> Callable[[int], bool]:
+        """A counter of waves of so many slots, which says whether to stop; ``finish`` waits for the device."""
         self._pending, self._since = 0, time.perf_counter()
 
         def count(slots: int) -> bool:
@@ -127,7 +120,7 @@ class QueueLimit:
                 now = time.perf_counter()
                 self._rate = self._pending / max(now - self._since, 1e-6)
                 self._pending, self._since = 0, now
-            return self._cancelled.is_set()
+            return should_stop()
 
         return count
 
@@ -231,7 +224,7 @@ def plan_smaller_film(state: SceneState, scale: float, reading: float | None) ->
         columns = 2 * rows
     smaller = film.model_copy(update={"resolution": (columns, rows)})
     plan, metered = with_film(state.plan, state.resolved.scene, smaller), state.resolved.metered_cd_m2
-    if metered is not None and reading is not None:
+    if metered is not None and reading is not None and not state.scene.exposure.lock_cd_m2:
         plan.camera.record["exposure"] *= metered / reading
     return plan, smaller
 
@@ -546,7 +539,7 @@ class RenderSession:
         self._device = sessions[0]
         self._compiler = SceneCompiler(self._device, waits=wait)
         self._cancelled = threading.Event()
-        self._queue = QueueLimit(self._cancelled)
+        self._queue = QueueLimit()
         self._generation = 0
         self._run: FilmRun | None = None
         self._of_film: tuple[Plan, SceneBuffers] | None = None
@@ -595,6 +588,16 @@ class RenderSession:
     def spp(self) -> int:
         """Samples that every pixel of the film has."""
         return 0 if self._run is None else self._run.done
+
+    @property
+    def samples_per_wave(self) -> int:
+        """Samples per pixel that the device takes of the film at once; fewer cost more each."""
+        return 1 if self._run is None else self._run.wavefront.samples_per_wave
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether all pixels of the film have the same samples: it was not left within one."""
+        return self._run is None or self._run.is_whole
 
     @property
     def is_waiting(self) -> bool:
@@ -681,12 +684,15 @@ class RenderSession:
         self.add(samples)
         return self.frame()
 
-    def add(self, samples: int = 1) -> bool:
-        """Add samples to the film as `take` does, but read nothing of it; return whether all of them are there."""
+    def add(self, samples: int = 1, should_stop: Callable[[], bool] = lambda: False) -> bool:
+        """Add samples to the film as `take` does, but read nothing of it; return whether all of them are there.
+
+        ``should_stop`` is asked again and again whether to return with what there is.
+        """
         if samples < 1:
             raise out_of_range("samples", samples, "at least 1")
         begun = time.perf_counter()
-        self._complete = self._add(self._film(), samples)
+        self._complete = self._add(self._film(), samples, should_stop)
         self._added_s = time.perf_counter() - begun
         self._seconds += self._added_s
         return self._complete
@@ -865,14 +871,18 @@ class RenderSession:
             self._noise_spp = 1 if achieved is None else run.done
         return None if self._noise is None else float(self._noise * np.sqrt(self._noise_spp / run.done))
 
-    def _add(self, run: FilmRun, samples: int) -> bool:
+    def _add(self, run: FilmRun, samples: int, should_stop: Callable[[], bool] = lambda: False) -> bool:
         """Add samples to a film unless that is cancelled; return whether all are there."""
         self._cancelled.clear()
+
+        def stops() -> bool:
+            return self._cancelled.is_set() or should_stop()
+
         end = run.done + samples
-        count, most = self._queue.count_waves(run.wavefront.finish), run.wavefront.samples_per_wave
+        count, most = self._queue.count_waves(run.wavefront.finish, stops), run.wavefront.samples_per_wave
         complete = True
         while complete and run.done < end and not run.watch.satisfied:
             complete = run.add(min(end - run.done, most), count, slots=self._queue.slots)
-            complete = complete and not (self._cancelled.is_set() and run.done < end)
+            complete = complete and not (stops() and run.done < end)
         run.wavefront.finish()
         return complete

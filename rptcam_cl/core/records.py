@@ -401,6 +401,14 @@ EMITTER_FACTS = {
 """Facts that kernels are compiled for, and the kinds of emitter of which one must be there."""
 
 
+class Hidden(IntEnum):
+    """Rays that something is hidden from; they add up."""
+
+    FROM_CAMERA = 1
+    FROM_SHADOW = 2
+    FROM_REFLECTION = 4
+
+
 class EnvironmentKind(IntEnum):
     """What surrounds the scene."""
 
@@ -474,6 +482,7 @@ _PREFIXES: dict[str, type[IntEnum]] = {
     "TEXEL": TexelFormat,
     "WRAP": Wrap,
     "EMITTER": EmitterKind,
+    "HIDDEN": Hidden,
     "ENVIRONMENT": EnvironmentKind,
     "SPECTRUM": SpectrumKind,
     "RAY": RayStatus,
@@ -652,7 +661,7 @@ EMITTER = Record(
         ("int", "triangle"),  # of the primitive, or -1
         ("int", "texture"),  # index of the texture of the radiance or of a profile's intensities, or -1
         ("int", "leaf"),  # of the light tree
-        ("int", "reserved_0"),
+        ("int", "hidden"),  # sum of `Hidden`
     ),
 )
 

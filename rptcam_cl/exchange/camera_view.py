@@ -22,13 +22,7 @@ from rptcam_cl.optics.lens import Lens, film_distance
 from rptcam_cl.optics.library import list_lenses, load_lens, names_a_file
 from rptcam_cl.rendering.cameras.kinds import camera_of
 from rptcam_cl.rendering.cameras.model import CameraModel
-from rptcam_cl.rendering.cameras.setting import (
-    EntrancePupil,
-    LensSetting,
-    film_frame,
-    half_film_mm,
-    pupil_in_world,
-)
+from rptcam_cl.rendering.cameras.setting import EntrancePupil, LensSetting, film_frame, half_film_mm, pupil_in_world
 from rptcam_cl.scene.camera import pose_matrix
 from rptcam_cl.scene.load import at_opening, change_scene, load_scene
 from rptcam_cl.scene.scene import Scene

@@ -260,7 +260,7 @@ def _mean(colours: Pixels) -> Colour:
     return np.asarray(colours.reshape(-1, 3).mean(axis=0, dtype=np.float64))
 
 
-BAND_PIXELS = 1 << 18  # developed at a time
+BAND_PIXELS = 1 << 16  # developed at a time; more leave the cache, and take twice as long
 _LARGEST = np.float32(1e30)  # leaves room for products; far beyond the white of any curve
 
 

@@ -278,7 +278,7 @@ def _parametric_curve() -> bytes:
 Codes = NDArray[np.unsignedinteger[Any]]
 
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
-_TRUE_COLOUR = 2
+_TRUE_COLOUR, _WITH_ALPHA = 2, 6
 _PERCEPTUAL_INTENT = b"\0"
 _SUB, _PAETH = 1, 4  # filters
 _BAND_BYTES = 1 << 19  # of rows that are compressed by themselves
@@ -288,7 +288,7 @@ _MOD = 65521  # of Adler's checksum
 
 
 def write_png_to(stream: BinaryIO, codes: Codes, texts: dict[str, str], exif: bytes, *, encoded: bool) -> None:
-    """Write codes of 8 or 16 bits, (height, width, 3).
+    """Write codes of 8 or 16 bits, (height, width, 3) or with alpha (height, width, 4).
 
     Parameters
     ----------
@@ -306,8 +306,8 @@ def write_png_to(stream: BinaryIO, codes: Codes, texts: dict[str, str], exif: by
     from concurrent.futures import ThreadPoolExecutor
 
     height, width = codes.shape[:2]
-    bits = 8 * codes.dtype.itemsize
-    stream.write(_SIGNATURE + _chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, bits, _TRUE_COLOUR, 0, 0, 0)))
+    bits, kind = 8 * codes.dtype.itemsize, _TRUE_COLOUR if codes.shape[2] == 3 else _WITH_ALPHA
+    stream.write(_SIGNATURE + _chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, bits, kind, 0, 0, 0)))
     if encoded:
         stream.write(_chunk(b"sRGB", _PERCEPTUAL_INTENT))
     else:
@@ -360,22 +360,23 @@ def _filter_sub(codes: Codes) -> bytes:
 
     With the filter that suits each row best 15 pictures took 1.7 times as long, for 0.92 to 1.34 of the size.
     """
-    rows = codes.reshape(len(codes), -1)
+    rows, step = codes.reshape(len(codes), -1), codes.shape[2]
     filtered = np.empty((len(rows), rows.shape[1] + 1), np.uint8)
     filtered[:, 0] = _SUB
-    filtered[:, 1:4] = rows[:, :3]
-    np.subtract(rows[:, 3:], rows[:, :-3], out=filtered[:, 4:])
+    filtered[:, 1 : 1 + step] = rows[:, :step]
+    np.subtract(rows[:, step:], rows[:, :-step], out=filtered[:, 1 + step :])
     return filtered.tobytes()
 
 
 def _filter_paeth(codes: Codes, start: int, end: int) -> bytes:
     """Return rows of 16 bits, each byte less the one that Paeth's filter predicts."""
     part = np.ascontiguousarray(codes[max(start - 1, 0) : end], ">u2").view(np.uint8)
-    part = part.reshape(-1, 6 * codes.shape[1])
+    step = 2 * codes.shape[2]
+    part = part.reshape(-1, step * codes.shape[1])
     if start == 0:
         part = np.pad(part, ((1, 0), (0, 0)))
-    rows = np.pad(part, ((0, 0), (6, 0)))
-    filtered = part[1:] - _predict_paeth(rows[1:, :-6], rows[:-1, 6:], rows[:-1, :-6])
+    rows = np.pad(part, ((0, 0), (step, 0)))
+    filtered = part[1:] - _predict_paeth(rows[1:, :-step], rows[:-1, step:], rows[:-1, :-step])
     return np.pad(filtered, ((0, 0), (1, 0)), constant_values=_PAETH).tobytes()
 
 
@@ -396,7 +397,8 @@ def _predict_paeth(left: NDArray[np.uint8], up: NDArray[np.uint8], corner: NDArr
 _WIDTH, _LENGTH, _BITS, _COMPRESSION, _PHOTOMETRIC, _DESCRIPTION = 256, 257, 258, 259, 262, 270
 _STRIP_OFFSETS, _SAMPLES, _ROWS_PER_STRIP, _STRIP_SIZES, _X_DENSITY, _Y_DENSITY = 273, 277, 278, 279, 282, 283
 _TIFF_SOFTWARE, _PREDICTOR, _TIFF_EXIF, _ICC = 305, 317, 34665, 34675
-_DEFLATE, _RGB, _DIFFERENCES = 8, 2, 2
+_EXTRA = 338
+_DEFLATE, _RGB, _DIFFERENCES, _STRAIGHT_ALPHA = 8, 2, 2, 2
 _LARGEST_FILE = 2**32 - 1  # bytes, as offsets have 32 bits
 _STRIP = 1 << 18  # bytes before compression, about
 _DENSITY = 72.0  # pixels per inch; the format requires one
@@ -405,31 +407,32 @@ _DENSITY = 72.0  # pixels per inch; the format requires one
 def write_tiff_to(
     stream: BinaryIO, codes: NDArray[np.unsignedinteger[Any]], metadata: Mapping[str, Any], *, encoded: bool
 ) -> None:
-    """Write codes of 8 or 16 bits, (height, width, 3); the metadata become EXIF data, and JSON as the description.
+    """Write codes of 8 or 16 bits, (height, width, 3) or 4 with alpha; the metadata become EXIF data and a description.
 
     Raises
     ------
     StateError
         The picture is too large for the format.
     """
-    height, width = codes.shape[:2]
-    rows = max(1, _STRIP // (3 * width * codes.itemsize))
+    height, width, samples = codes.shape
+    rows = max(1, _STRIP // (samples * width * codes.itemsize))
     strips = list(_strips(codes, rows))
     sizes = [len(strip) for strip in strips]
     fields: dict[int, TagField | Directory] = {
         _WIDTH: long([width]),
         _LENGTH: long([height]),
-        _BITS: short(*[8 * codes.itemsize] * 3),
+        _BITS: short(*[8 * codes.itemsize] * samples),
         _COMPRESSION: short(_DEFLATE),
         _PHOTOMETRIC: short(_RGB),
         _DESCRIPTION: ascii_text(json.dumps(dict(metadata), default=str)),
-        _SAMPLES: short(3),
+        _SAMPLES: short(samples),
         _ROWS_PER_STRIP: long([rows]),
         _STRIP_SIZES: long(sizes),
         _X_DENSITY: rational(_DENSITY),
         _Y_DENSITY: rational(_DENSITY),
         _TIFF_SOFTWARE: ascii_text(str(metadata.get("software", "rptcam_cl"))),
         _PREDICTOR: short(_DIFFERENCES),
+        **({_EXTRA: short(_STRAIGHT_ALPHA)} if samples == 4 else {}),
         _TIFF_EXIF: exif_fields(metadata, encoded=encoded),
         _ICC: undefined(profile(encoded=encoded)),
     }

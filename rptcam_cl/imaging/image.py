@@ -26,7 +26,7 @@ from rptcam_cl.imaging.development import GUIDES, PLAIN, denoise, developed_valu
 from rptcam_cl.imaging.formats import ALL_METADATA, RawImage, from_exr_attributes
 from rptcam_cl.imaging.sensor import SensorModel, expose
 from rptcam_cl.imaging.truth_files import coco, save_truth
-from rptcam_cl.imaging.writers import PNG_BITS, Layer, check_layers, film_part, is_developed, png_to, write
+from rptcam_cl.imaging.writers import PNG_BITS, Layer, alpha_of, check_layers, film_part, is_developed, png_to, write
 from rptcam_cl.scene.film import PictureSettings
 from rptcam_cl.scene.load import load_picture
 
@@ -205,7 +205,7 @@ class Image:
 
     def _repr_png_(self) -> bytes:
         stream = io.BytesIO()
-        png_to(stream, self.seen, self.metadata, self.development, PNG_BITS)
+        png_to(stream, self.seen, self.metadata, self.development, PNG_BITS, self.layers)
         return stream.getvalue()
 
     def __repr__(self) -> str:
@@ -223,7 +223,7 @@ _CLOSE = 1e-3  # in chromaticity: programs round those of sRGB differently
 
 
 def read_film(path: str | os.PathLike[str], *, most_pixels: int | None = None) -> Image:
-    """Return the film of a file, with the metadata it holds and without layers.
+    """Return the film of a file, with the metadata it holds and without layers, but for the coverage that is its alpha.
 
     Parameters
     ----------
@@ -244,9 +244,11 @@ def read_film(path: str | os.PathLike[str], *, most_pixels: int | None = None) -
             has, most = pixels_there / 1e6, most_pixels / 1e6
             raise InputError(f"has {has:.4g} million pixels (allowed: {most:.4g}, or any with --large)")
         _check_memory(size)
-        pixels, metadata = _exr(path) if suffix == ".exr" else _numpy(path)
+        pixels, metadata, alpha = _exr(path) if suffix == ".exr" else _numpy(path)
         known = metadata.items() if isinstance(metadata, dict) else ()
-        return Image(np.asarray(pixels, np.float32), {key: value for key, value in known if _NAME.fullmatch(key)})
+        layers = {} if alpha is None else {"coverage": np.asarray(alpha, np.float32)}
+        named = {key: value for key, value in known if _NAME.fullmatch(key)}
+        return Image(np.asarray(pixels, np.float32), named, layers=layers)
     except InputError as problem:
         raise InputError(f"{path}: {problem}") from None
     except OSError as problem:
@@ -298,27 +300,39 @@ def _check_memory(size: int) -> None:
         )
 
 
-def _numpy(path: str | os.PathLike[str]) -> tuple[NDArray[Any], dict[str, Any]]:
+Film = tuple[NDArray[Any], dict[str, Any], NDArray[Any] | None]
+"""Pixels, metadata, and the coverage of a picture without a background."""
+
+
+def _numpy(path: str | os.PathLike[str]) -> Film:
     held = np.load(path, allow_pickle=False)
     if isinstance(held, np.ndarray):
-        return held, {}
+        return held, {}, None
     with held:
-        return held["rgb"], json.loads(str(held["metadata"])) if "metadata" in held else {}
+        metadata = json.loads(str(held["metadata"])) if "metadata" in held else {}
+        return held["rgb"], metadata, held["coverage"] if _is_transparent(metadata) and "coverage" in held else None
 
 
-def _exr(path: str | os.PathLike[str]) -> tuple[NDArray[Any], dict[str, Any]]:
+def _is_transparent(metadata: object) -> bool:
+    return isinstance(metadata, dict) and metadata.get("transparent") is True
+
+
+def _exr(path: str | os.PathLike[str]) -> Film:
     import OpenEXR
 
     with utf8_name(path) as name, OpenEXR.File(name, separate_channels=True) as file:
         header = dict(file.header())  # the file empties its own when it closes
-        planes = [file.channels()[name].pixels for name in "RGB"]
+        channels = file.channels()
+        planes = [channels[name].pixels for name in "RGB"]
+        alpha = channels["A"].pixels if "A" in channels else None
     primaries = header.get("chromaticities")
     expected = np.ravel([*SRGB_PRIMARIES, SRGB_WHITE])
     if primaries is not None and not np.allclose(np.ravel(primaries), expected, atol=_CLOSE):
         got = ", ".join(f"{number:.4g}" for number in np.ravel(primaries))
         raise InputError(f"has other primaries than sRGB (got {got}; allowed {', '.join(map(str, expected))})")
-    metadata = header.get(ALL_METADATA)
-    return np.stack(planes, axis=-1), json.loads(metadata) if isinstance(metadata, str) else from_exr_attributes(header)
+    text = header.get(ALL_METADATA)
+    metadata = json.loads(text) if isinstance(text, str) else from_exr_attributes(header)
+    return np.stack(planes, axis=-1), metadata, alpha if _is_transparent(metadata) else None
 
 
 #
@@ -353,7 +367,9 @@ def desqueezed(image: Image, factor: float) -> Image:
     width = max(round(image.width * factor), 1)
     metadata = {key: value for key, value in image.metadata.items() if key not in OF_PIXELS}
     pixels = _resample(image.seen, width)  # a sensor counts the pixels that are squeezed
-    return replace(image, pixels=pixels, metadata=metadata | {"desqueezed": width / image.width}, layers={})
+    alpha = alpha_of(image.metadata, image.layers)
+    layers = {} if alpha is None else {"coverage": _resample(alpha[..., None], width)[..., 0]}
+    return replace(image, pixels=pixels, metadata=metadata | {"desqueezed": width / image.width}, layers=layers)
 
 
 def _resample(pixels: NDArray[np.float32], width: int) -> NDArray[np.float32]:

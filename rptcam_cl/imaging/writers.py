@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from rptcam_cl.core.colour import SRGB_PRIMARIES, SRGB_WHITE
 from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.core.files import DEVELOPED_SUFFIXES, LAYER_SUFFIXES, check_writable, known_suffix, replacing
-from rptcam_cl.imaging.development import WHOLE, Part, developed_codes
+from rptcam_cl.imaging.development import WHOLE, Part, developed_codes, quantise
 from rptcam_cl.imaging.formats import (
     ALL_METADATA,
     exif_bytes,
@@ -212,12 +212,35 @@ def film_part(metadata: Metadata, pixels: Pixels) -> Part:
     return (x / columns, (x + width) / columns, y / rows, (y + height) / rows)
 
 
-def png_to(stream: BinaryIO, pixels: Pixels, metadata: Metadata, picture: PictureSettings, bits: int) -> None:
+def png_to(
+    stream: BinaryIO,
+    pixels: Pixels,
+    metadata: Metadata,
+    picture: PictureSettings,
+    bits: int,
+    layers: Layers = MappingProxyType({}),
+) -> None:
     """Write the developed picture; each piece of metadata becomes a text chunk, some also EXIF data."""
-    codes = _codes_with_marks(pixels, metadata, picture, bits)
+    codes = _codes_with_alpha(pixels, metadata, picture, bits, layers)
     texts = {key: _text(value) for key, value in {**metadata, "ev": picture.ev}.items()}
     encoded = picture.tone.kind != "linear"
     write_png_to(stream, codes, texts, exif_bytes(metadata, encoded=encoded), encoded=encoded)
+
+
+def alpha_of(metadata: Metadata, layers: Layers) -> Layer | None:
+    """Return the alpha of a picture without a background, (height, width); None where it has one."""
+    return layers.get("coverage") if metadata.get("transparent") is True else None
+
+
+def _codes_with_alpha(
+    pixels: Pixels, metadata: Metadata, picture: PictureSettings, bits: int, layers: Layers
+) -> NDArray[Any]:
+    """Return the developed picture; of one without a background the colours before it and alpha, (height, width, 4)."""
+    if (alpha := alpha_of(metadata, layers)) is None:
+        return _codes_with_marks(pixels, metadata, picture, bits)
+    opaque = pixels / np.where(alpha > 0, alpha, 1.0)[..., None]
+    codes = _codes_with_marks(np.asarray(opaque, np.float32), metadata, picture, bits)
+    return np.concatenate([codes, quantise(np.clip(alpha, 0.0, 1.0), bits)[..., None]], axis=-1)
 
 
 def _codes_with_marks(pixels: Pixels, metadata: Metadata, picture: PictureSettings, bits: int) -> NDArray[Any]:
@@ -230,7 +253,7 @@ def _codes_with_marks(pixels: Pixels, metadata: Metadata, picture: PictureSettin
 
 def _write_png(path: Path, pixels: Pixels, metadata: Metadata, picture: PictureSettings, layers: Layers) -> None:
     with path.open("xb") as stream:
-        png_to(stream, pixels, metadata, picture, picture.bits or PNG_BITS)
+        png_to(stream, pixels, metadata, picture, picture.bits or PNG_BITS, layers)
 
 
 def _write_jpeg(path: Path, pixels: Pixels, metadata: Metadata, picture: PictureSettings, layers: Layers) -> None:
@@ -260,7 +283,7 @@ def _jpeg_comments(metadata: Metadata) -> bytes:
 
 
 def _write_tiff(path: Path, pixels: Pixels, metadata: Metadata, picture: PictureSettings, layers: Layers) -> None:
-    codes = developed_codes(pixels, picture, film_part(metadata, pixels), picture.bits or TIFF_BITS)
+    codes = _codes_with_alpha(pixels, metadata, picture, picture.bits or TIFF_BITS, layers)
     with path.open("xb") as stream:
         write_tiff_to(stream, codes, {**metadata, "ev": picture.ev}, encoded=picture.tone.kind != "linear")
 
@@ -325,7 +348,9 @@ def _write_exr(path: Path, pixels: Pixels, metadata: Metadata, picture: PictureS
         **_exr_pixel_aspect(metadata),
         **_windows(metadata, pixels),
     }
-    write_exr({"RGB": pixels, **dict(exr_channels(layers))}, path, header)
+    alpha = alpha_of(metadata, layers)
+    over = {} if alpha is None else {"A": alpha}
+    write_exr({"RGB": pixels, **over, **dict(exr_channels(layers))}, path, header)
 
 
 def _write_npy(path: Path, pixels: Pixels, metadata: Metadata, picture: PictureSettings, layers: Layers) -> None:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import charts
+from rptcam_cl.optics.chief_rays import without_rims
 from rptcam_cl.optics.image_quality import Setting, at_plane, default_fields, fan_points, section_rays, setting
 from rptcam_cl.optics.ray_trace import Rays, Status
 
@@ -139,7 +140,7 @@ class Bundle:
     field_degrees, wavelength_nm : float
     colour : str
     incoming : (n, 3) array
-        Directions before the lens.
+        Directions before the lens, in its frame.
     paths : RayPaths
     """
 
@@ -188,7 +189,7 @@ def bundles(setting: Setting, view: View, tracer: Tracer) -> Iterator[Bundle]:
                 else charts.SERIES[number % len(charts.SERIES)]
             )
             paths = ray_paths(setting.lens, origins, directions, wavelength, tracer)
-            yield Bundle(degrees, wavelength, colour, directions, paths)
+            yield Bundle(degrees, wavelength, colour, setting.lens.from_scene_axes(origins.T, directions.T)[1].T, paths)
 
 
 def _chosen_points(setting: Setting, degrees: float, view: View) -> Array:
@@ -287,12 +288,12 @@ def blades(lens: Lens, section: str) -> list[Array]:
     k = lens.stop_index
     edge = profile(lens, k, section)
     semi = lens.surfaces[k].semi_diameter
-    near = [lens.surfaces[i].semi_diameter for i in (k - 1, k + 1) if 0 <= i < len(lens.surfaces)]
-    length = max(BLADE * semi, 1.1 * max(filter(np.isfinite, near), default=0.0) - semi)
-    return [
-        np.array([edge[0], edge[0] - [0.0, length]]),
-        np.array([edge[-1], edge[-1] + [0.0, length]]),
-    ]
+    near = [lens.surfaces[i] for i in (k - 1, k + 1) if 0 <= i < len(lens.surfaces)]
+    wide = [surface.semi_diameter for surface in near if np.isfinite(surface.semi_diameter) and surface.region is None]
+    length = max(BLADE * semi, 1.1 * max(wide, default=0.0) - semi)
+    along = edge[-1] - edge[0]
+    outwards = along / np.hypot(*along) * length if np.any(along) else np.array([0.0, length])
+    return [np.array([edge[0], edge[0] - outwards]), np.array([edge[-1], edge[-1] + outwards])]
 
 
 def _join_rims(front: Array, rear: Array) -> Array:
@@ -327,7 +328,7 @@ def draw_lens(setting: Setting, view: View | None = None, tracer: Tracer = refer
     frame = Frame.around([*outline, *([film] if film is not None else []), *(line for _, _, line in lines)], setting)
     picture = charts.Drawing(WIDTH, frame.height, _title(setting))
     draw_glass(picture, frame, setting, view)
-    picture.add(charts.Path(frame.axis(), charts.FAINT, 0.8, dash=(10, 3, 2, 3)))
+    picture.add(charts.Path(_axis(frame, setting, view), charts.FAINT, 0.8, dash=(10, 3, 2, 3)))
     for beam, ray, line in lines:
         _draw_ray(picture, frame, beam, ray, line)
     draw_surfaces(picture, frame, setting, view)
@@ -376,12 +377,16 @@ class Frame:
         size = size_of(setting.lens)
         points = np.concatenate(lines)
         left, right = float(points[:, 0].min()), float(points[:, 0].max())
-        left = max(left, -APPROACH * size - 0.5 * size)
-        reach = float(np.abs(points[:, 1]).max())
-        scale = min((WIDTH - 2 * MARGIN) / (right - left), MOST_HEIGHT / (2 * reach))
-        tall = max(2 * reach * scale, LEAST_HEIGHT)
+        above = below = float(np.abs(points[:, 1]).max())
+        if setting.lens.fold is None:
+            left = max(left, -APPROACH * size - 0.5 * size)
+        else:
+            below, above = -float(points[:, 1].min()), float(points[:, 1].max())
+        scale = min((WIDTH - 2 * MARGIN) / (right - left), MOST_HEIGHT / (above + below))
+        tall = max((above + below) * scale, LEAST_HEIGHT)
         spare = (WIDTH - 2 * MARGIN) / scale - (right - left)
-        return Frame(scale, left - spare / 2, HEAD + tall / 2, HEAD + tall + FOOT)
+        middle = HEAD + tall / 2 + (above - below) / 2 * scale
+        return Frame(scale, left - spare / 2, middle, HEAD + tall + FOOT)
 
     def places(self, points: Array) -> list[charts.Point]:
         """Return pixels for points (z, height)."""
@@ -390,6 +395,19 @@ class Frame:
     def axis(self) -> list[charts.Point]:
         """Return the ends of the optical axis in pixels."""
         return [(MARGIN / 2, self.middle), (WIDTH - MARGIN / 2, self.middle)]
+
+
+def _axis(frame: Frame, setting: Setting, view: View) -> list[charts.Point]:
+    """Return the optical axis in pixels, from mirror to mirror where they fold it."""
+    lens = without_rims(setting.lens)
+    if lens.fold is None:
+        return frame.axis()
+    origins, directions = section_rays(setting, 0.0, np.zeros((1, 2)), view.section)
+    paths = ray_paths(lens, origins, directions, setting.wavelength_nm, reference)
+    if not paths.last.passed[0]:
+        return frame.axis()
+    incoming = lens.from_scene_axes(origins.T, directions.T)[1].T
+    return frame.places(_flat(Bundle(0.0, setting.wavelength_nm, "", incoming, paths).line(setting, 0), view))
 
 
 def _flat(line: Array, view: View) -> Array:

@@ -44,6 +44,7 @@ Row = dict[str, Any]
 
 NEAR = 1e-5  # of the size of the first surface: how far from the chief ray the rays lie that say where it is sharp
 ACROSS = 64  # rays across a beam whose width, or middle, is sought
+BISECTIONS = 40  # for the edge of what passes
 FEWEST = 32  # of a spot, at first
 FINE = (0.0, 0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875, 1.0)  # shares of the widest field
 FEW = (0.0, 0.7, 1.0)
@@ -76,7 +77,7 @@ def ray_fan(
         middle = at_plane(chief.origins, chief.directions, setting.film_z)[0, :2]
         for axis in (1, 0):
             start = np.array([0.0, height])
-            reach = float(np.abs(points[:, axis] - start[axis]).max())
+            reach = _reach(setting, degrees, start, axis, 1.2 * float(np.abs(points[:, axis] - start[axis]).max()))
             steps = np.linspace(-1.0, 1.0, rays)
             line = np.tile(start, (rays, 1))
             line[:, axis] += steps * reach
@@ -97,6 +98,26 @@ def ray_fan(
             "from the chief ray on the film [µm]", "field_degrees",
         ),
     )  # fmt: skip
+
+
+def _reach(setting: Setting, degrees: float, start: Array, axis: int, most: float) -> float:
+    """Return how far from a point of the plane of the first vertex rays pass along x or y, up to a distance [mm]."""
+
+    def passes(steps: Array) -> NDArray[np.bool_]:
+        line = np.tile(start, (len(steps), 1))
+        line[:, axis] += steps
+        return _through(setting, setting.lens, degrees, setting.wavelength_nm, line).passed
+
+    steps = most * np.linspace(-1.0, 1.0, 4 * ACROSS + 1)
+    lit = np.flatnonzero(passes(steps))
+    if not len(lit):  # nothing of this line, as in a ring whose middle is elsewhere
+        return most / 1.2
+    inside, outside = steps[lit[[0, -1]]], steps[[max(lit[0] - 1, 0), min(lit[-1] + 1, len(steps) - 1)]]
+    for _ in range(BISECTIONS):
+        middle = (inside + outside) / 2
+        still = passes(middle)
+        inside, outside = np.where(still, middle, inside), np.where(still, outside, middle)
+    return float(np.abs(inside).max())
 
 
 def field_curvature(
@@ -641,7 +662,8 @@ def _rays(setting: Setting, ghosts: Ghosts, way: tuple[int, ...]) -> list[Array]
     chosen = passed[np.unique(np.linspace(0, len(passed) - 1, RAYS).round().astype(int))]
     paths = drawing.ray_paths(lens, origins[chosen], directions[chosen], lit.wavelength_nm, drawing.reference)
     corners = np.moveaxis(paths.points, 0, 1).copy()
-    along = directions[chosen] / np.linalg.norm(directions[chosen], axis=1)[:, None]
+    along = lit.lens.from_scene_axes(origins[chosen].T, directions[chosen].T)[1].T
+    along = along / np.linalg.norm(along, axis=1)[:, None]
     reach = min(drawing.APPROACH * drawing.size_of(lit.lens), lit.source.object_distance_mm)
     corners[:, 0] = corners[:, 1] - along * reach
     return [line[:, [2, 1]] for line in corners]

@@ -9,6 +9,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rptcam_cl.core.cancel import checkpoint
 from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
@@ -278,6 +279,7 @@ def passed_rays(
     indices, parts = lens.indices(wavelength_nm), []
     with np.errstate(all="ignore"):
         for low in range(0, max(len(origins), 1), CHUNK):
+            checkpoint()
             rows = np.arange(low, min(low + CHUNK, len(origins)))
             p, d = np.ascontiguousarray(origins[rows].T), np.ascontiguousarray(directions[rows].T)
             d /= np.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
@@ -354,6 +356,7 @@ def _trace(
                 np.zeros(count) if transmission else None)  # fmt: skip
     with np.errstate(all="ignore"):
         for low in range(0, count, CHUNK):
+            checkpoint()
             part = slice(low, min(low + CHUNK, count))
             of_part = wavelengths[part] if wavelengths.ndim else wavelengths
             losses = Losses(lens, transmission, of_part, part.stop - low) if transmission else None

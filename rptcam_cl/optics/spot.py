@@ -399,7 +399,11 @@ def chief_ray(
 
     def trace(heights: Array) -> Rays:
         points = np.column_stack([np.zeros_like(heights), heights])
-        return front.trace(*beam.rays(points), wavelength_nm, start="scene")
+        rays = front.trace(*beam.rays(points), wavelength_nm, start="scene")
+        if (pose := opened[-1].pose) is None:
+            return rays
+        at_stop = pose.inward((rays.origins - [0.0, 0.0, lens.vertices[stop]]).T, rays.directions.T)
+        return replace(rays, origins=at_stop[0].T, directions=at_stop[1].T)
 
     low, high = _first_box(lens, beam)[:, 1].tolist()
     none = f"{lens.name}: no ray at {field_degrees:g} degrees"

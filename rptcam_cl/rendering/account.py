@@ -305,6 +305,7 @@ def describe(
         **({} if plan.caustics.choice is None else {"caustics": plan.caustics.choice}),
         **camera_geometry(scene),
         "window": window(scene),
+        **({"transparent": True} if scene.film.transparent else {}),
         **({"missing": list(scene.stand_ins)} if scene.stand_ins else {}),
         **({"object_names": plan.owners.objects} if NAMING_OBJECTS & set(layers) else {}),
         **({"material_names": plan.owners.materials} if NAMING_MATERIALS & set(layers) else {}),

@@ -17,7 +17,7 @@ from rptcam_cl.core.cancel import checkpoint
 from rptcam_cl.core.colour import WAVELENGTHS_NM, luminance
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.core.records import EmitterKind, SpectrumKind, device_declarations
+from rptcam_cl.core.records import EmitterKind, Hidden, SpectrumKind, device_declarations
 from rptcam_cl.device.session import Session
 from rptcam_cl.optics.ghosts import with_wider_stop
 from rptcam_cl.optics.irradiance import veiling_glare
@@ -112,16 +112,17 @@ def ghost_sources(
     front = _front(lens, film_z, turn)
     points, left_out, parts = [], set(), []
     records = plan.emitters.records[: plan.emitters.count]
+    mirrored = records[records["hidden"] & Hidden.FROM_REFLECTION == 0]
     for record in records:
-        own = points_of(record, front.vertex)
+        own, shown = points_of(record, front.vertex), float(not record["hidden"] & Hidden.FROM_CAMERA)
         if int(record["kind"]) == EmitterKind.ENVIRONMENT:
             parts = [points_at(*part, record) for part in _parts(scene)]
-            points += [(*part, _spectrum_of(record, part[1])) for part in parts]
+            points += [(at, shown * light, target, _spectrum_of(record, light)) for at, light, target in parts]
             left_out.add("dim parts of the surroundings" if parts else "surroundings")
         elif own is None:
             left_out.add(EmitterKind(int(record["kind"])).name.lower())
         else:
-            points.append((*own, _spectrum_of(record, own[1])))
+            points.append((own[0], shown * own[1], own[2], _spectrum_of(record, own[1])))
     if not points:
         return Sources(np.zeros((0, 4)), np.zeros((0, 3)), tuple(sorted(left_out)), 0.0, np.zeros((0, 2)))
     at, light, target, known = (np.concatenate(column) for column in zip(*points, strict=True))
@@ -137,7 +138,7 @@ def ghost_sources(
     bright, kinds = visible > 0, tuple(sorted(left_out))
     known[:, 1] *= visible
     direct = Sources(places[bright], light[bright] * visible[bright, None], kinds, dropped, known[bright])
-    pencils = highlights(plan, session, buffers, lamps_among(records, parts, front.vertex), front)
+    pencils = highlights(plan, session, buffers, lamps_among(mirrored, parts, front.vertex), front)
     return direct if pencils is None else _with_pencils(direct, pencils, turn)
 
 

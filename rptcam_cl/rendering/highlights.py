@@ -789,7 +789,8 @@ def _name_of_sights(plan: Plan, session: Session) -> str | None:
     info = session.info
     driver = info.name, info.driver, session.kind, session.lanes
     code = identity_of_code(("rendering",), ("common", "geometry", "pass"))
-    shapes: list[object] = [plan.primitives, plan.kind_end, plan.movements.segments, plan.movements.of_primitive]
+    places: list[object] = [plan.primitives, plan.kind_end, plan.hidden]
+    shapes = [*places, plan.movements.segments, plan.movements.of_primitive]
     meshes: list[object] = []
     if plan.meshes is not None:
         shapes += [plan.meshes.instances, plan.meshes.group_of_instance]

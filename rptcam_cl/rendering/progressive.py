@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core.cancel import checkpoint, is_cancellable
 from rptcam_cl.core.colour import luminance
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import StateError
@@ -528,6 +529,7 @@ def _run_end(samples: float) -> float:
 # Progressive rendering: waves until the samples or the time run out.
 
 REPORT_INTERVAL = 0.2  # seconds of work that may be enqueued before a report and a chance to stop
+GIVING_WAY_S = 0.02  # likewise, where somebody may want it no longer
 
 
 @dataclass(frozen=True)
@@ -772,9 +774,10 @@ class _Clock:
         self._wavefront.finish()
         now = time.perf_counter()
         rate = self._pending / max(now - self._last, 1e-6)
-        self._batch = max(int(rate * REPORT_INTERVAL), 1)
+        self._batch = max(int(rate * (GIVING_WAY_S if is_cancellable() else REPORT_INTERVAL)), 1)
         self._pending, self._last = 0, now
         self.report()
+        checkpoint()
 
     def fitting(self, seconds: float) -> int:
         """How many samples per pixel fit into what is left of ``seconds``, at the speed so far; at least one."""

@@ -469,6 +469,8 @@ def _scene_arrays(plan: Plan) -> dict[str, NDArray[Any]]:
     }
     if plan.emitters.tree is not None:
         arrays["light_nodes"] = plan.emitters.tree.nodes
+    if plan.facts["HAS_HIDDEN"]:
+        arrays["hidden"] = plan.hidden
     if plan.facts["HAS_MOTION"]:
         arrays |= {"segments": plan.movements.segments, "movement_of": plan.movements.of_primitive}
     return arrays

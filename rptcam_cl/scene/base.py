@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import hashlib
 import inspect
+import io
 import math
 import re
 import textwrap
@@ -15,10 +16,19 @@ from functools import lru_cache
 from itertools import pairwise
 from numbers import Real
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, NamedTuple, get_args
+from typing import Annotated, Any, ClassVar, NamedTuple, Self, get_args
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, GetJsonSchemaHandler, PrivateAttr, model_validator
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    GetJsonSchemaHandler,
+    ModelWrapValidatorHandler,
+    PrivateAttr,
+    model_validator,
+)
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, PydanticCustomError
 
@@ -308,6 +318,7 @@ def one_pixel(red: int, green: int, blue: int) -> bytes:
 GREY = one_pixel(188, 188, 188)  # 0.503 once decoded from sRGB
 LARGEST_FILE = 2 << 30  # bytes, of a picture, the largest kind of file that parts of a scene name
 _PLAIN = {str, int, float, bool}
+ARRAY = "an array"  # name of what is no file
 FileName = Annotated[str, Field(min_length=1, max_length=1000)]
 
 
@@ -323,8 +334,24 @@ class FileReference(SceneModel):
     _data: bytes | None = PrivateAttr(None)
     """Content of the file, where it comes from inside another file; `file` is a name for the reader then."""
 
+    _digest: str | None = PrivateAttr(None)
+    """SHA-256 of that content, once it is known."""
+
     _place: str = PrivateAttr("")
     """Where the scene names the file, ``scene.yaml:3:9: materials.wood.reflectance.file: ``; for errors."""
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _take_array(cls, data: Any, validate: ModelWrapValidatorHandler[Self]) -> Self:
+        """Hold an array that stands in place of the file's name, as the content of a NumPy file."""
+        array = data.get("file") if isinstance(data, Mapping) else None
+        if not isinstance(array, np.ndarray):
+            return validate(data)
+        stream = io.BytesIO()
+        np.save(stream, array, allow_pickle=False)
+        made = validate({**data, "file": ARRAY})
+        made.hold(stream.getvalue())
+        return made
 
     @property
     def place(self) -> str:
@@ -337,7 +364,7 @@ class FileReference(SceneModel):
 
     def hold(self, content: bytes) -> None:
         """Take content in place of the file's."""
-        self._data = content
+        self._data, self._digest = content, None
 
     def source(self, folders: Folders) -> Path | bytes:
         """Return the real path of the file, or its content where that is known.
@@ -352,7 +379,10 @@ class FileReference(SceneModel):
     def content_digest(self, folders: Folders) -> str:
         """Return the SHA-256 of the content."""
         source = self.source(folders)
-        return hashlib.sha256(source).hexdigest() if isinstance(source, bytes) else digest(source, LARGEST_FILE)
+        if not isinstance(source, bytes):
+            return digest(source, LARGEST_FILE)
+        self._digest = self._digest or hashlib.sha256(source).hexdigest()
+        return self._digest
 
 
 def describe(value: SceneModel, folders: Folders) -> dict[str, Any]:

@@ -268,6 +268,9 @@ class Film(SceneModel):
     filter: FilmFilter = FilmFilter()
     """How much light beside a pixel's centre counts."""
 
+    transparent: bool = Field(default=False, strict=True)
+    """Whether the picture has no background: the camera sees no surroundings, and files have the coverage as alpha."""
+
     @model_validator(mode="after")
     def _check(self) -> Self:
         width, height = self.resolution

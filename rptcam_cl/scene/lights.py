@@ -15,6 +15,7 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.files import read_whole
 from rptcam_cl.scene.base import GREY, FileReference, SceneModel, refuse
+from rptcam_cl.scene.placement import CameraVisibility
 from rptcam_cl.scene.quantities import NUMBER, Direction, Gain, LightColour, PatternAlbedo, Position, Radiance, Turn
 
 #
@@ -230,13 +231,23 @@ class SunLight(SceneModel):
     diameter_degrees: Annotated[float, Field(ge=0.01, le=180), NUMBER] = 0.53
     """Angle across the disk [degrees]; its radiance is the same all over."""
 
+    visible: CameraVisibility = CameraVisibility()
+    """Whether the camera sees its disk."""
+
 
 Light = Annotated[PointLight | DirectionalLight | SpotLight | ProfileLight | SunLight, Field(discriminator="kind")]
 
 WITH_UP = ("gradient", "image", "sky")  # kinds whose `up` is the camera's by default
 
 
-class ConstantEnvironment(SceneModel):
+class Surrounding(SceneModel):
+    """What every environment has."""
+
+    visible: CameraVisibility = CameraVisibility()
+    """Whether the camera sees it directly; where not, it sees black there."""
+
+
+class ConstantEnvironment(Surrounding):
     """The same radiance from everywhere."""
 
     kind: Literal["constant"]
@@ -246,7 +257,7 @@ class ConstantEnvironment(SceneModel):
     """Radiance [W/(m² sr) per channel]; a colour."""
 
 
-class GradientEnvironment(SceneModel):
+class GradientEnvironment(Surrounding):
     """Radiance that changes linearly with the cosine to `up`, from `bottom` straight below to `top` straight above."""
 
     kind: Literal["gradient"]
@@ -262,7 +273,7 @@ class GradientEnvironment(SceneModel):
     """Direction that counts as above; any length. In a scene the default is the `up` of the camera."""
 
 
-class ImageEnvironment(FileReference):
+class ImageEnvironment(Surrounding, FileReference):
     """A picture of the whole sphere in longitude and latitude, 360 degrees across and 180 degrees down."""
 
     stand_in: ClassVar[bytes | None] = GREY
@@ -283,7 +294,7 @@ class ImageEnvironment(FileReference):
     """Turn of the surroundings about `up`, counter-clockwise seen from above [degrees]."""
 
 
-class SkyEnvironment(SceneModel):
+class SkyEnvironment(Surrounding):
     """A clear sky with its sun over an even ground, in absolute units (Preetham 1999)."""
 
     kind: Literal["sky"]

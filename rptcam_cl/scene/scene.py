@@ -22,6 +22,7 @@ from pydantic import (
     model_validator,
 )
 
+from rptcam_cl.core.constants import MAX_SPP
 from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.core.files import Folders, References, digest
 from rptcam_cl.core.strict_yaml import MAX_BYTES
@@ -277,7 +278,7 @@ class Scene(SceneModel):
     spectrum: SpectrumSettings = SpectrumSettings()
     """How the colour of light is carried along paths."""
 
-    render: RenderSettings = RenderSettings()
+    render: RenderSettings = Field(default=RenderSettings(), validate_default=True)
     """How the light paths are sampled."""
 
     picture: PictureSettings = PictureSettings()
@@ -350,6 +351,15 @@ class Scene(SceneModel):
     def _default_up(cls, environment: Any, info: ValidationInfo) -> Any:
         has_up = isinstance(environment, dict) and environment.get("kind") in WITH_UP
         return {"up": info.data["camera"].up} | environment if has_up and "camera" in info.data else environment
+
+    @field_validator("render")
+    @classmethod
+    def _add_coverage(cls, render: RenderSettings, info: ValidationInfo) -> RenderSettings:
+        """Have the coverage of every sample recorded for a film without a background."""
+        if "film" not in info.data or not info.data["film"].transparent:
+            return render
+        layers = tuple(dict.fromkeys((*render.layers, "coverage")))
+        return render.model_copy(update={"layers": layers, "layers_spp": MAX_SPP})
 
     @field_validator("lights", mode="before")
     @classmethod

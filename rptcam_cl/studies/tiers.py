@@ -21,7 +21,7 @@ from rptcam_cl.rendering.cameras.kinds import camera_model
 from rptcam_cl.rendering.cameras.lens_records import EXTREMES_NM, colour_error_px, disperses, usable_nm
 from rptcam_cl.rendering.cameras.ray_map import RayMap
 from rptcam_cl.rendering.cameras.realistic import lens_tint, shows_losses
-from rptcam_cl.rendering.cameras.setting import LensSetting, lens_setting
+from rptcam_cl.rendering.cameras.setting import LensSetting, film_frame, lens_setting
 from rptcam_cl.scene.film import LensColour
 from rptcam_cl.scene.lens_settings import Accuracy
 from rptcam_cl.scene.load import change_scene
@@ -663,8 +663,10 @@ def _decide_by_colour(scene: Scene, reason: str) -> Decision:
     setting = lens_setting(scene)
     if scene.spectrum.lens_colour == "off" or not disperses(setting.lens):
         return Decision(scene, reason=reason)
-    nm = setting.camera.wavelength_nm
-    colour_px = colour_error_px(setting.lens, setting.film_distance_mm, setting.focus_distance_mm, scene.film, nm)
+    colour_px, _ = colour_error_px(
+        setting.lens, setting.film_distance_mm, setting.focus_distance_mm, scene.film, setting.camera.wavelength_nm,
+        film_frame(scene.camera),
+    )  # fmt: skip
     return Decision(scene, reason=reason, colour_px=colour_px, tint=lens_tint(scene, setting))
 
 

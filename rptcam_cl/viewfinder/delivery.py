@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
@@ -95,9 +95,16 @@ COUNT_S = 0.2  # between two histograms of a picture that moves
 
 
 class Delivery:
-    """Makes frames of what slots show; only the engine's thread uses it."""
+    """Makes frames of what slots show; only the engine's thread uses it.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    hurries
+        Tells whether somebody waits for another picture, so that what goes with one of full scale is left for later.
+    """
+
+    def __init__(self, hurries: Callable[[], bool]) -> None:
+        self._hurries = hurries
         self._made: dict[str, tuple[int, dict[Any, Any]]] = {}  # by slot: picture, and what was made of it
         self._last_count = 0.0
 
@@ -109,16 +116,31 @@ class Delivery:
         lacking = [each for each in clients if each.shown.get(slot.name, 0) < shown.number and each.outbox.has_room]
         for client in lacking:
             client.shown[slot.name] = shown.number
-            self._send(slot, shown, client)
+            settings = client.settings
+            key = ("picture", settings.width, settings.height, settings.format, settings.quality)
+            size, data = self._make_once(slot, shown, key, lambda: _picture(shown.codes, *key[1:]))  # noqa: B023 -- at once
+            header = self._header(slot, shown, client, size) | {"media": MEDIA[settings.format]}
+            client.outbox.frame((slot.name, "picture"), (header, data))
+        self.cover(slot, clients)
         return bool(lacking)
 
-    def _send(self, slot: Slot, shown: Shown, client: Client) -> None:
-        settings = client.settings
-        key = ("picture", settings.width, settings.height, settings.format, settings.quality)
-        size, data = self._make_once(slot, shown, key, lambda: _picture(shown.codes, *key[1:]))
-        header = self._header(slot, shown, client, size)
-        client.outbox.frame((slot.name, "picture"), (header | {"media": MEDIA[settings.format]}, data))
+    def cover(self, slot: Slot, clients: Iterable[Client]) -> None:
+        """Send what lies over the picture that clients were sent, or beside it; later, where somebody waits."""
+        shown = slot.shown
+        if shown is None:
+            return
+        for client in clients:
+            if client.covered.get(slot.name, 0) < shown.number == client.shown.get(slot.name):
+                if not self._cover(slot, shown, client):
+                    return
+                client.covered[slot.name] = shown.number
+
+    def _cover(self, slot: Slot, shown: Shown, client: Client) -> bool:
+        """Send all that lies over a picture; False where it was left within it."""
+        settings, header = client.settings, self._header(slot, shown, client, (0, 0))
         for name in settings.overlays_on():
+            if shown.frame.scale == 1 and self._hurries():
+                return False
             level = {"zebra": settings.zebra_level, "peaking": settings.peaking_level}.get(name, 0.0)
             wanted = ("overlay", name, level, settings.width, settings.height)
             size, data = self._make_once(slot, shown, wanted, lambda: _overlay(shown, *wanted[1:]))  # noqa: B023 -- called at once
@@ -127,6 +149,7 @@ class Delivery:
             size, data = _magnify(shown.codes, client.magnifier)
             place = {"x": client.magnifier.x, "y": client.magnifier.y}
             client.outbox.frame((slot.name, "magnifier"), _png_frame(header, "magnifier", size, data, **place))
+        return True
 
     def count(self, slot: Slot, clients: Iterable[Client]) -> None:
         """Tell clients the histograms of the picture that they have been sent, which pages paint first."""

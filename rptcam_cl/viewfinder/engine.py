@@ -12,6 +12,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
+from rptcam_cl.core.cancel import CancelledError, cancellable
 from rptcam_cl.core.errors import DeviceError, InputError, RptcamError, StateError
 from rptcam_cl.core.files import give_back
 from rptcam_cl.scene.scene import Scene
@@ -66,6 +67,7 @@ class Reports:
             self._state(slot, clients)
             self._point(slot, clients)
         for each in self._studio.slots:
+            self._delivery.cover(each, clients)
             self._delivery.count(each, clients)
 
     def _state(self, slot: Slot, clients: list[messages.Client]) -> None:
@@ -255,6 +257,8 @@ class Requests:
         slot.messages = turned.messages
         if turned.changes:
             self._change(message.slot, turned.changes, transient=message.transient, dials=turned.dials)
+        else:
+            slot.show_again()  # which is the answer
         slot.dials = turned.dials
 
     def _move(self, client: messages.Client, message: messages.Move) -> None:
@@ -369,7 +373,7 @@ class Requests:
 
     def _magnify(self, client: messages.Client, message: messages.Magnify) -> None:
         client.magnifier = None if message.place is None else message
-        client.shown.pop("A", None)
+        client.forget_picture("A")
 
     def _view(self, client: messages.Client, message: messages.View) -> None:
         client.settings = client.settings.changed(message)
@@ -465,13 +469,12 @@ class Engine:
         inbox: messages.Inbox,
     ) -> None:
         self._studio, self._clients, self._inbox = studio, clients, inbox
-        self._delivery = Delivery()
+        self._delivery = Delivery(lambda: not inbox.is_empty)
         self._background = background
         self._requests = Requests(studio, background)
         self._reports = Reports(studio, self._delivery, background.worker("lens"))
         self._finishing: dict[str, int] = {}  # by slot, the film whose picture is finished
         self._ends = threading.Event()
-        self._refining: Slot | None = None
         self._refined: Slot | None = None  # whose samples were shown last
         self._show_s = 0.0  # that developing them took
         self._interrupted = False
@@ -520,9 +523,11 @@ class Engine:
     def _interrupt(self) -> None:
         """End the samples under way, which nobody will see."""
         self._interrupted = True
-        slot = self._refining
-        if slot is not None:
-            slot.session.cancel()
+
+    def _check(self) -> None:
+        """End the plan of a film that nobody will see."""
+        if self._interrupted:
+            raise CancelledError
 
     def _run(self) -> None:
         timeout: float | None = 0.0
@@ -554,7 +559,7 @@ class Engine:
         self._requests.answer_waiting()
         if self._studio.is_closed:
             return None
-        hurries = any(slot.wants_glance for slot in self._studio.slots)
+        hurries = any(slot.wants_glance or slot.wants_showing for slot in self._studio.slots)
         if not hurries and self._deliver(clients):  # what was made before they came
             self._leaves_alone_until = time.monotonic() + TIME_TO_PAINT_S
         if not hurries and (left := self._leaves_alone(clients)) > 0:
@@ -574,7 +579,7 @@ class Engine:
             self._delivery.difference(a, b, clients)
         if hurries and self._inbox.is_empty:  # the first picture leaves alone, what is said of it comes next
             self._leaves_alone_until = time.monotonic() + TIME_TO_PAINT_S
-        else:
+        elif hurries or self._inbox.is_empty:
             self._reports.inform(clients)
             self._tidy()
         if self._refined is not None:
@@ -681,16 +686,15 @@ class Engine:
         return min(waits) if waits else None
 
     def _refine(self, slot: Slot, answers: dict[int, int | None]) -> None:
-        self._refining, self._interrupted = slot, False
-        try:
-            if self._inbox.is_empty and not self._ends.is_set():
-                frame = slot.refine(lambda: not self._interrupted)
-                if frame is not None:
-                    begun = time.monotonic()
-                    slot.show(frame, False, answers)
-                    self._refined, self._show_s = slot, time.monotonic() - begun
-        finally:
-            self._refining = None
+        self._interrupted = False
+        if not self._inbox.is_empty or self._ends.is_set():
+            return
+        with contextlib.suppress(CancelledError), cancellable(self._check):
+            frame = slot.refine(lambda: not self._interrupted)
+            if frame is not None:
+                begun = time.monotonic()
+                slot.show(frame, False, answers)
+                self._refined, self._show_s = slot, time.monotonic() - begun
 
 
 # The viewfinder of one scene, for any number of pages over any transport.

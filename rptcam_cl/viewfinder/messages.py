@@ -22,8 +22,9 @@ from pydantic_core import from_json
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.files import plain, scratch_folder
-from rptcam_cl.imaging.development import quantise
+from rptcam_cl.imaging.development import developed_codes
 from rptcam_cl.imaging.image import Image
+from rptcam_cl.imaging.writers import film_part
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.viewfinder.instruments import OverlayName
 
@@ -44,7 +45,8 @@ _OPTIONS: dict[str, dict[str, Any]] = {
 
 def codes_of(image: Image) -> Codes:
     """Return the developed picture in codes of 8 bits, as PNG files have them."""
-    return np.asarray(quantise(image.developed(), 8), np.uint8)
+    codes = developed_codes(image.seen, image.development, film_part(image.metadata, image.seen), 8)
+    return np.asarray(codes, np.uint8)
 
 
 def shrink(codes: Codes, width: int, height: int) -> Codes:
@@ -491,17 +493,23 @@ class Client:
         self.pointer: tuple[float, float] | None = None
         self.magnifier: Magnify | None = None
         self.shown: dict[str, int] = {}  # by slot: number of the picture that was sent last
-        self.counted: dict[str, int] = {}  # and of the one whose histogram was sent last
+        self.covered: dict[str, int] = {}  # of the one whose overlays were sent last
+        self.counted: dict[str, int] = {}  # and of the one whose histogram was
         self.answers: int | None = None  # the change of this client that is in force
         self.lens_at: tuple[tuple[float, float] | None, int] | None = None  # pointer and generation of the last panel
         self.lens_shown: int | None = None  # generation of the section that it has
         self.pointed_at: tuple[tuple[float, float] | None, int | None] | None = None  # and the picture under it
         self.was_greeted = False
 
+    def forget_picture(self, slot: str) -> None:
+        """Take the next picture of a slot for new."""
+        for sent in (self.shown, self.covered, self.counted):
+            sent.pop(slot, None)
+
     def forget_pictures(self) -> None:
         """Take whatever comes next for new."""
-        self.shown.clear()
-        self.counted.clear()
+        for sent in (self.shown, self.covered, self.counted):
+            sent.clear()
         self.lens_at = self.pointed_at = self.lens_shown = None
 
     def done(self, number: int | None, generation: int, **more: Any) -> None:

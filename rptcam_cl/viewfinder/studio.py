@@ -65,13 +65,22 @@ class Pace:
         """Scale of the next glance."""
         return SCALES[self._index]
 
-    def samples(self, done: int) -> int:
-        """Return the samples per pixel of the next take of a film that has some."""
+    def samples(self, done: int, of_wave: int = 1) -> int:
+        """Return the samples per pixel of the next take of a film that has some.
+
+        Where they come near to those of a wave, the take ends with one, as parts of waves cost more a sample.
+        """
         if self._sample_s is None:
             return 1
         each = max(self._sample_s, 1e-6)
         worth = max(self._take_s, self._show_s / SHOWN_SHARE) / each
-        return max(1, min(_MOST_SAMPLES, int(max(worth, done / GROWTH)), int(max(LONGEST_S, self._take_s) / each)))
+        most = int(max(LONGEST_S, self._take_s) / each)
+        count = max(1, min(_MOST_SAMPLES, int(max(worth, done / GROWTH)), most))
+        if 2 * count < of_wave:
+            return count
+        end = done + count
+        ends = (-(-end // of_wave) * of_wave, end // of_wave * of_wave)
+        return next((whole - done for whole in ends if 0 < whole - done <= most), count)
 
     def note_show(self, seconds: float) -> None:
         """Note what it took to show a picture at full scale."""
@@ -453,10 +462,13 @@ class Slot:
         self._follows = True
         self._moving_until = time.monotonic() + (REST_S if transient else 0.0)
         self.compiling = self.session.is_waiting
-        if change.kind in _SAME_FILM and self._last is not None and not self.wants_glance:
-            self.wants_showing = True
-        elif not self.compiling:
+        if not (change.kind in _SAME_FILM and self.show_again()) and not self.compiling:
             self._begin_anew()
+
+    def show_again(self) -> bool:
+        """Have the picture that is there shown anew; return whether there is one."""
+        self.wants_showing = self._last is not None and not self.wants_glance
+        return self.wants_showing
 
     def arrive(self) -> bool:
         """Show the change that has waited for its kernels, if they are there now; return whether they are."""
@@ -515,24 +527,25 @@ class Slot:
         Parameters
         ----------
         is_wanted
-            Whether it is still wanted once the samples are there: otherwise nothing is made of them.
+            Whether it is still wanted: otherwise the samples are left where they are, and nothing is made of them.
         """
         if not self._has_all:
             self.awaits_kernels = not self.session.is_film_ready()
             if self.awaits_kernels:
                 self._paused_until = time.monotonic() + POLL_S
                 return None
-            self._add()
+            self._add(is_wanted)
         self._unread = not is_wanted()
         if self.session.spp == 0 or self._unread:
             return None
         self._last = self.session.frame()
         return None if self.finished is not None else self._last
 
-    def _add(self) -> None:
+    def _add(self, is_wanted: Callable[[], bool]) -> None:
         before, begun = self.session.spp, time.monotonic()
-        count = max(1, min(self._next_samples, self.pace.samples(before), self.target_spp - before))
-        complete = self.session.add(count)
+        wanted = self.pace.samples(before, self.session.samples_per_wave)
+        count = max(1, min(self._next_samples, wanted, self.target_spp - before))
+        complete = self.session.add(count, lambda: not is_wanted())
         took = time.monotonic() - begun
         self.pace.note_take(self.session.spp - before, took)
         self._next_samples = 2 * count
@@ -570,6 +583,8 @@ class Slot:
         if not self.comes_last or self.compiling or self.wants_glance or self.wants_showing or self.rests_in() > 0:
             return False
         if last is None or last.scale < 1 or not last.complete or last.spp == 0 or last.spp != self.session.spp:
+            return False
+        if not self.session.is_whole:  # what is left of a sample may take long
             return False
         if done is None or done.picture != self.scene.picture:
             return True
@@ -826,8 +841,8 @@ class Studio:
         self.b = Slot("B", session, with_changes(self.a.changes, keys))
         self.b.note_change(False, change)
         for client in self._clients():
-            client.shown.pop("B", None)
-            client.shown.pop("difference", None)
+            client.forget_picture("B")
+            client.forget_picture("difference")
 
     def _without_by_hand(self, changes: Mapping[str, Any]) -> dict[str, Any]:
         """Leave out the changes that stand where the scene's camera found nothing."""

@@ -88,6 +88,8 @@ WORDS: list[tuple[Callable[[str], Any], dict[str, Any], list[str]]] = [
     (options.duration, {"60": 60, "60s": 60, "2min": 120, "2m": 120, "1h": 3600, "1h30m": 5400, "1m30s": 90,
                         "1h 2 min 3s": 3723, "1e3": 1000, "1e9": 1e9},
      ["0", "0s", "-1", "1d", "", "s", "1s2m", "1.2.3s", "1e10", "nan"]),
+    (options.number(options.digits, 1, 12, "1 to 12"), {"1": 1, "12": 12, "007": 7},
+     ["0", "13", "-1", "+1", "1_0", " 7", "²", "1.0", ""]),
     (options.sample_range, {"0:1": (0, 1), "64:128": (64, 128), f"0:{MAX_SPP}": (0, MAX_SPP)},
      ["1:1", "2:1", "1", "0:", "a:b", "-1:2", f"0:{MAX_SPP + 1}", "0:1:2"]),
     (options.part, {"1/1": "1/1", "8/8": "8/8", "3/8": "3/8"}, ["0/8", "9/8", "1", "1/0", "-1/2", "a/b"]),
@@ -153,6 +155,11 @@ def test_devices_tell_which_one_is_taken_and_what_is_wrong_with_others(
 def test_options_that_exclude_each_other_or_are_out_of_range_are_refused(given: dict[str, Any], message: str) -> None:
     with pytest.raises(InputError, match="^" + re.escape(message)):
         RenderOptions(**given)
+
+
+@pytest.mark.parametrize("given", [{"seconds": 1e-3}, {"samples": (0, 1)}, {"samples": (MAX_SPP - 2, MAX_SPP - 1)}])
+def test_options_at_the_ends_of_their_ranges_are_taken(given: dict[str, Any]) -> None:
+    assert {name: getattr(RenderOptions(**given), name) for name in given} == given
 
 
 def test_merge_needs_a_part() -> None:

@@ -79,7 +79,6 @@ def test_what_autofocus_found_stays_until_it_is_asked_again() -> None:
         assert session.metadata["autofocus"]
 
 
-@pytest.mark.slow
 def test_glances_follow_the_exposure_meter() -> None:
     dark = WORLD["environment"] | {"bottom": 0.0002, "top": [0.0006, 0.0008, 0.001]}
     with RenderSession(PINHOLE) as session:

@@ -34,6 +34,25 @@ def test_mtf50_of_a_blurred_edge_is_that_of_gaussian_and_pixel(sigma, degrees):
     assert mtf50_at(edge(sigma, degrees), 0.5, 0.5) == pytest.approx(expected(sigma, degrees), rel=0.03)
 
 
+@pytest.mark.parametrize(("degrees", "aside"), [(40, 12), (60, 12), (30, 14)])
+def test_edge_that_leaves_at_the_sides_of_what_is_looked_at_is_measured(degrees, aside):
+    picture = edge(0.5, degrees, size=96)
+    assert mtf50_at(picture, 0.5 + aside / 96, 0.5) == pytest.approx(expected(0.5, degrees), rel=0.03)
+
+
+def test_point_on_the_rim_of_the_picture_belongs_to_its_last_pixel():
+    picture = edge(1.0, 40, size=128)[16:80, 16:80]
+    found = mtf50_at(picture, 1.0, 0.5)
+    assert found == mtf50_at(picture, 63.5 / 64, 0.5) == pytest.approx(expected(1.0, 40), rel=0.05)
+    assert mtf50_at(picture.T, 0.5, 1.0) == mtf50_at(picture.T, 0.5, 63.5 / 64) == pytest.approx(found, rel=0.05)
+
+
+def test_edge_with_what_is_no_number_has_none():
+    picture = edge(1.0, 8)
+    picture[30, 40] = np.nan
+    assert mtf50_at(picture, 0.5, 0.5) is None
+
+
 @pytest.mark.parametrize("length", [9, 96])
 def test_window_over_an_edge_is_that_of_tukey(length):
     np.testing.assert_allclose(_window(length), tukey(length, 0.5), atol=1e-12)

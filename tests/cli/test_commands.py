@@ -1,13 +1,15 @@
 import json
+import re
 import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
-from rptcam_cl.cli import COMMANDS, build_parser
+from rptcam_cl.cli import COMMANDS, build_parser, output
 from rptcam_cl.core.constants import __version__
 from rptcam_cl.core.errors import DeviceError
 
@@ -100,10 +102,11 @@ def test_machine_without_opencl_platforms_gets_the_remedy(tmp_path: Path) -> Non
     assert "Traceback" not in done.stderr
 
 
-def test_schema_is_the_published_one(rptcam: Command, checkout: Path) -> None:
-    run = rptcam("schema")
+@pytest.mark.parametrize(("words", "name"), [([], "scene"), (["--lens"], "lens")])
+def test_schema_is_the_published_one(rptcam: Command, checkout: Path, words: list[str], name: str) -> None:
+    run = rptcam("schema", *words)
     assert run.code == 0
-    assert run.out == (checkout / "docs" / "scene.schema.json").read_text("utf-8")
+    assert run.out == (checkout / "docs" / f"{name}.schema.json").read_text("utf-8")
 
 
 def test_every_lens_is_listed_by_name_and_title(rptcam: Command, checkout: Path) -> None:
@@ -161,3 +164,87 @@ def test_interrupt_before_the_renderer_starts_is_130(rptcam: Command, monkeypatc
     monkeypatch.setattr("rptcam_cl.api.interface.devices", press)
     run = rptcam("devices")
     assert (run.code, run.err) == (130, "interrupted\n")
+
+
+@pytest.mark.parametrize(
+    ("words", "given", "served"),
+    [
+        ([], {}, {}),
+        (["--size", "32x18", "--device", "cpu", "--set", "camera.fov_degrees=50"],
+         {"size": (32, 18), "device": "cpu", "overrides": ["camera.fov_degrees=50"]}, {}),
+        (["--port", "8123", "--no-browser", "--host", "::1"], {}, {"port": 8123, "browse": False, "host": "::1"}),
+        (["--host", "0.0.0.0", "--let-others-in"], {}, {"host": "0.0.0.0"}),
+    ],
+)  # fmt: skip
+def test_view_opens_the_scene_where_it_is_told(
+    scene: Path, rptcam: Command, monkeypatch: pytest.MonkeyPatch, words: list[str], given: Any, served: Any
+) -> None:
+    made: list[Any] = []
+
+    def finder(path: Path, overrides: list[str], **options: Any) -> Any:
+        made.append({"path": path, "overrides": overrides, **options})
+        return SimpleNamespace(warnings=["the film is small"])
+
+    def serve(finder: Any, *, announce: Callable[[str], None], **options: Any) -> None:
+        made.append(options)
+        announce("http://127.0.0.1:8123/#token")
+
+    monkeypatch.setattr("rptcam_cl.viewfinder.engine.Viewfinder", finder)
+    monkeypatch.setattr("rptcam_cl.viewfinder.server.serve", serve)
+    monkeypatch.setattr("rptcam_cl.device.session.open_early", lambda device: made.append(device))
+    run = rptcam("view", "scene.yaml", *words)
+    assert (run.code, run.err) == (0, "warning: the film is small\n")
+    assert run.out == "scene.yaml is at http://127.0.0.1:8123/#token\nCtrl-C ends it.\n"
+    early, opened, options = made
+    assert early == given.get("device")
+    assert opened == {"path": Path("scene.yaml"), "overrides": [], "device": None, "size": None} | given
+    assert options == {"host": "127.0.0.1", "port": 0, "browse": True} | served
+
+
+@pytest.mark.parametrize("host", ["0.0.0.0", "::", "192.168.1.5", "render.example"])
+def test_view_lets_nobody_in_without_consent(
+    scene: Path, rptcam: Command, monkeypatch: pytest.MonkeyPatch, host: str
+) -> None:
+    monkeypatch.setattr("rptcam_cl.device.session.open_early", lambda device: None)
+    monkeypatch.setattr("rptcam_cl.viewfinder.engine.Viewfinder", None)
+    run = rptcam("view", "scene.yaml", "--host", host)
+    assert run.code == 2
+    assert run.err.startswith(f"error: --host {host}: lets other machines in, over a connection that is not encrypted")
+
+
+def test_table_on_a_terminal_is_ruled_and_holds_the_same(capsys: pytest.CaptureFixture[str]) -> None:
+    rows = [["[a]", 1.23456789, None], ["b", float("nan"), 1e-15]]
+    output.print_table(["name", "[mm]", "left"], rows, "a [title]")
+    plain = capsys.readouterr().out
+    assert plain == "a [title]\nname    [mm]  left\n [a]  1.2346     -\n   b       -     0\n"
+    with pytest.MonkeyPatch.context() as terminal:
+        terminal.setattr("sys.stdout.isatty", lambda: True, raising=False)
+        output.print_table(["name", "[mm]", "left"], rows, "a [title]")
+    ruled = re.sub(r"\x1b\[\d*m", "", capsys.readouterr().out)
+    assert "a [title]" in ruled and "┃" in ruled
+    cells = [[cell.strip() for cell in line.strip("│┃").replace("┃", "│").split("│")] for line in ruled.splitlines()]
+    assert ["name", "[mm]", "left"] in cells and ["[a]", "1.2346", "-"] in cells and ["b", "-", "0"] in cells
+
+
+def test_bytes_are_written_with_the_largest_unit_of_which_there_is_one() -> None:
+    sizes = (0, 1023, 1024, 1536, 5 << 20, 3 << 30, 2000 << 30)
+    assert [output.as_bytes(size) for size in sizes] == [
+        "0 B", "1023 B", "1 KiB", "1.5 KiB", "5 MiB", "3 GiB", "2000 GiB",
+    ]  # fmt: skip
+
+
+def test_devices_that_share_a_render_are_named_with_what_each_took() -> None:
+    devices = [
+        {"id": "0:0", "name": "one", "share": 0.7, "msamples_per_second": 12.34},
+        {"id": "1:0", "name": "two", "share": 0.3, "msamples_per_second": 5.0},
+    ]
+    work = [{"split": "0:0=0.7,1:0=0.3"}]
+    assert output.shared_text({"devices": devices, "work": work}) == (
+        "devices: 0:0 one took 70.0% at 12.3 Msamples/s, 1:0 two took 30.0% at 5 Msamples/s;"
+        " --split 0:0=0.7,1:0=0.3 repeats it"
+    )
+    devices[1]["dropped"] = True
+    assert output.shared_text({"devices": devices, "work": [*work, {"split": "0:0=1"}]}) == (
+        "devices: 0:0 one took 70.0% at 12.3 Msamples/s, 1:0 two was dropped at 5 Msamples/s"
+    )
+    assert output.shared_text({"devices": devices[:1]}) is output.shared_text({}) is None

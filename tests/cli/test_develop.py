@@ -134,3 +134,34 @@ def test_python_develops_by_the_same_keys(film: Image) -> None:
         rptcam_cl.develop(image, bits=9)
     with pytest.raises(InputError, match=r"picture\.white_balance\.temperature_k: cannot be given together with light"):
         rptcam_cl.develop(image, white_balance={"light": "A", "temperature_k": 5000})
+
+
+POSE = {"eye": [0, 0, 5], "target": [0, 0, 0], "focus_distance_m": 5}
+
+
+def test_raw_file_of_a_film_is_that_of_its_picture_and_a_squeezed_one_is_widened(
+    tmp_path: Path, rptcam: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    scene = {
+        "film": {"resolution": [6, 4], "width_mm": 36},
+        "camera": {"kind": "thin_lens", "focal_length_mm": 50, "f_number": 4, **POSE},
+        "environment": {"kind": "constant", "radiance": 40},
+        "exposure": {"mode": "physical", "iso": 100},
+        "shutter": {"time_s": 0.01},
+        "sensor": {},
+    }
+    image = rptcam_cl.render(scene, spp=1)
+    image.save("film.exr")
+    run = rptcam("develop", "film.exr", "-o", "a.png", "--raw", "a.npy")
+    assert (run.code, run.err) == (0, "wrote a.png, a.npy: 6 x 4\n")
+    np.testing.assert_array_equal(np.load("a.npy"), image.raw().numbers)
+    run = rptcam("develop", "film.exr", "-o", "wide.png", "--desqueeze", "1.5")
+    assert (run.code, run.err) == (0, "wrote wide.png: 9 x 4\n")
+    run = rptcam("develop", "film.exr", "-o", "b.png", "--raw", "b.npy", "--desqueeze", "1.5")
+    assert run.code == 2 and "--raw: is what the sensor counts, as it is squeezed" in run.err
+    for raw, message in (("film.exr", "film.exr"), ("a.jpg", "a.jpg"), ("b.tif", "same file twice")):
+        run = rptcam("develop", "film.exr", "-o", "b.tif", "--raw", raw)
+        assert run.code in (2, 4) and message in run.err, run.err
+    assert rptcam("develop", "film.exr", "-o", "c.png", "--quiet").err == ""
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.npy", "a.png", "c.png", "film.exr", "wide.png"]

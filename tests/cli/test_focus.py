@@ -7,6 +7,10 @@ from typing import Any
 
 import pytest
 
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.scene.load import load_scene
+from rptcam_cl.studies.focus import controller
+
 SCENE = """\
 film: {resolution: [60, 40], size_mm: [36, 24]}
 camera: {kind: realistic, lens: dgauss-50mm, f_number: 5.6, eye: [0, 0, 0], target: [0, 0, -1], focus: {distance_m: 9}}
@@ -39,6 +43,38 @@ def test_json_has_the_promised_keys_and_the_plot_is_drawn(rptcam: Any, scene: Pa
     assert nearest["film_distance_mm"] == pytest.approx(found["film_distance_mm"], abs=1.0)
     assert found["zone"] == {"left": 0.45, "right": 0.5, "top": 0.45, "bottom": 0.52}
     assert "found</text>" in plot.read_text()
+
+
+@pytest.mark.parametrize(
+    ("words", "given"),
+    [
+        ([], {"method": None}),
+        (["--method", "depth", "--seed", "7", "--device", "cpu"], {"method": "depth", "seed": 7, "device": "cpu"}),
+        (["--zone", "0.1,0.2,0.3,0.4", "--zone", "0.5,0.6,0,1"], {"zones": [(0.1, 0.2, 0.3, 0.4), (0.5, 0.6, 0, 1)]}),
+        (["--zones", "zones.txt", "--policy", "farthest"], {"zones": [(0.7, 0.75, 0.4, 0.5)], "policy": "farthest"}),
+        (["--point", "0.25,0.75", "--set", "render.seed=9"], {"point": (0.25, 0.75)}),
+        (["--object", "wall"], {"object": "wall"}),
+    ],
+)
+def test_autofocus_is_asked_for_what_the_options_say(
+    rptcam: Any, scene: Path, monkeypatch: pytest.MonkeyPatch, words: list[str], given: dict[str, Any]
+) -> None:
+    monkeypatch.chdir(scene.parent)
+    Path("zones.txt").write_text("xleft xright ytop ybottom\n0.7 0.75 0.4 0.5\n")
+    asked: list[Any] = []
+
+    def autofocus(scene: Any, method: Any, **options: Any) -> None:
+        asked.append((scene, {"method": method, **options}))
+        raise InputError("that was all")
+
+    monkeypatch.setattr(controller, "autofocus", autofocus)
+    assert rptcam("focus", str(scene), *words).err == "error: that was all\n"
+    [(read, options)] = asked
+    assert read.render.seed == (9 if "--set" in words else load_scene(scene).render.seed)
+    if "zones" in given:
+        options["zones"] = [tuple(zone) for zone in options["zones"]]
+    nothing = dict.fromkeys(("method", "zones", "point", "object", "policy", "seed", "device"))
+    assert options == nothing | given
 
 
 def test_table_for_people(rptcam: Any, scene: Path) -> None:

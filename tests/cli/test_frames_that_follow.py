@@ -12,6 +12,8 @@ from rptcam_cl.api.sweeping import FrameTracker
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.device.session import open_session
 from rptcam_cl.imaging.image import read_film
+from rptcam_cl.scene.load import set_keys
+from rptcam_cl.scene.scene import Scene
 
 Command = Callable[..., Any]
 SCENE = """
@@ -94,6 +96,33 @@ def test_measured_anew_it_is_the_same(following: Path, tmp_path: Path, monkeypat
         assert tracker.measured == 8  # focus and meter of each frame from the first on
         found.append((frame.camera.focus_distance_m, frame.exposure.lock_cd_m2, frame.content_hash()))
     assert found[0] == found[1]
+
+
+def test_exposure_follows_what_each_frame_is_metered_to_in_focus(following: Path) -> None:
+    scene = rptcam_cl.load_scene(following, ["sequence.continuous_focus=null", "camera.f_number=1"])
+    tracker = FrameTracker(scene, lambda: open_session(None))
+    (first, metadata), (later, _) = tracker.frame(1), tracker.frame(3)
+    assert metadata == {} and first.requested_autofocus is not None
+    alone = [render_alone(scene, time_s) for time_s in (0.0, 0.2)]
+    assert first.exposure.lock_cd_m2 == pytest.approx(alone[0], rel=1e-6)
+    share = np.log(later.exposure.lock_cd_m2 / alone[0]) / np.log(alone[1] / alone[0])
+    assert share == pytest.approx(1 - np.exp(-0.1 / 0.5), rel=1e-6)
+    assert tracker.frame(1)[0].exposure == first.exposure  # an earlier frame again
+
+
+def render_alone(scene: Scene, time_s: float) -> float:
+    """The reading of the meter for a picture of that moment."""
+    radiance = 1.0 if time_s < 0.19 else 8.0
+    changes = {"sequence": None, "shutter.open_s": time_s, "environment.radiance": radiance}
+    reading = rptcam_cl.render(set_keys(scene, changes), spp=1).metadata["metered_cd_m2"]
+    assert isinstance(reading, float)
+    return reading
+
+
+def test_first_frame_with_nothing_to_focus_on_is_named(following: Path) -> None:
+    scene = rptcam_cl.load_scene(following, ["objects=[]"])
+    with pytest.raises(InputError, match=r"^frame 1: camera\.focus\.auto: nothing to focus on in the first frame"):
+        FrameTracker(scene, lambda: open_session(None)).frame(2)
 
 
 @pytest.mark.parametrize(

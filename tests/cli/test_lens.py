@@ -79,8 +79,28 @@ def test_zoom_is_part_of_the_facts(rptcam: Command, words: list[str], focal_leng
 def test_facts_for_people_carry_their_units(rptcam: Command) -> None:
     run = rptcam("lens", "info", "dgauss-50mm")
     assert run.code == 0
-    assert "focal length [mm]" in run.out
-    assert "50.3582" in run.out
+    lines = run.out.splitlines()
+    assert lines[0] == "name                            Double Gauss 50 mm f/2"
+    for line in (
+        "wavelength [nm]                 587.562",
+        "focal length [mm]               50.3582",
+        "principal planes [mm]",
+        "  rear                          -14.2523",
+        "entrance pupil",
+        "  distance [mm]                 19.9465",
+        "f number                        2.03015",
+        "surfaces                        11",
+        "axial transmittance             1",
+        "field of view [degrees]         59.6346",
+    ):
+        assert line in lines
+    assert "_" not in "".join(line[:32] for line in lines) and "warnings" not in run.out
+
+
+def test_facts_that_a_lens_does_not_have_are_a_dash(rptcam: Command) -> None:
+    lines = rptcam("lens", "info", "biconcave").out.splitlines()
+    assert "film distance [mm]              -" in lines
+    assert "image circle [mm]               -" in lines
 
 
 @pytest.mark.parametrize(

@@ -32,6 +32,13 @@ def test_rays_of_a_file_are_those_of_the_reference(rptcam: Command, tmp_path: Pa
     exact = load_lens("tessar-100mm").trace([[0, 3, 70]] * 2, [[0, 0.05, -1]] * 2, [587.5618, 486.1])
     rows = rays_of(rptcam("lens", "trace", "tessar-100mm", str(rays), "--json"))
     assert rows == rays_of(rptcam("lens", "trace", "tessar-100mm", str(table), "--json"))
+    rays.write_text(json.dumps({"rays": [RAY, RAY | {"wavelength_nm": 486.1}]}))
+    assert rows == rays_of(rptcam("lens", "trace", "tessar-100mm", str(rays), "--json"))
+    table.write_text("0, 3, 70, 0, 0.05, -1\n\n0,3,70,0,0.05,-1\n", "utf-8-sig")
+    words = ("lens", "trace", "tessar-100mm", str(table), "--json", "--wavelength-nm", "486.1")
+    assert [rows[1]] * 2 == rays_of(rptcam(*words))
+    table.write_bytes(b"\xff\xfe")
+    assert "is not text; rays are JSON or CSV" in rptcam(*words).err
     for row, origin, direction in zip(rows, exact.origins, exact.directions, strict=True):
         assert (row["status"], row["surface"]) == ("ok", None)
         assert row["origin"] == origin.tolist()
@@ -52,6 +59,11 @@ def test_rays_of_standard_input_say_where_they_fail(rptcam: Command, monkeypatch
 def test_film_point_is_traced_on_a_device(rptcam: Command, precision: str, tolerance: float) -> None:
     words = ("lens", "trace", "dgauss-50mm", "--film-point", "5", "-3", "--through", "1", "-0.1", "--json")
     (exact,) = rays_of(rptcam(*words))
+    lens = load_lens("dgauss-50mm")
+    film = 36.10590523854216  # behind the last vertex, as two other programs say
+    ray = lens.trace([[5, -3, 32.04 + film]], [[1 - 5, -0.1 + 3, -film]])
+    np.testing.assert_allclose(exact["origin"], ray.origins[0], atol=1e-9)
+    np.testing.assert_allclose(exact["direction"], ray.directions[0], atol=1e-9)
     (traced,) = rays_of(rptcam(*words, "--device", "auto", "--precision", precision))
     np.testing.assert_allclose(traced["origin"], exact["origin"], atol=tolerance)
     np.testing.assert_allclose(traced["direction"], exact["direction"], atol=tolerance)
@@ -73,6 +85,21 @@ def test_film_point_is_traced_on_a_device(rptcam: Command, precision: str, toler
         ('[{"origin": [0, 0], "direction": [0, 0, 1]}]', "three numbers each"),
         ('[{"origin": [0, 0, 9], "direction": [0, 0, 1], "wavelength_nm": -1}]', "above 0"),
         ('[{"origin": [0, 0, 9], "direction": [0, 0, 1], "lambda": 1}]', "unknown key 'lambda'"),
+        ('[{"origin": [0, 0, 9], "direction": [0, 0, 1]}, {"direction": [0, 0, 1]}]', "ray 1: expected"),
+        ("[5]", "ray 0: expected"),
+        ('{"rays": 5}', "expected a list of rays"),
+        ('{"rays": []}', "holds no rays"),
+        ('[{"origin": [0, 0, 1], "direction": [0, 0, 1, 0]}]', "three numbers each"),
+        ('[{"origin": [0, 0, true], "direction": [0, 0, 1]}]', "three numbers each"),
+        ('[{"origin": [0, 0, 1], "direction": [0, 0, "1"]}]', "three numbers each"),
+        ('[{"origin": [0, 0, 1e301], "direction": [0, 0, 1]}]', "three numbers each"),
+        ('[{"origin": "009", "direction": [0, 0, 1]}]', "three numbers each"),
+        ('[{"origin": [0, 0, 9], "direction": [0, 0, 1], "wavelength_nm": true}]', "wavelength_nm must be a number"),
+        ('[{"origin": [0, 0, 9], "direction": [0, 0, 1], "wavelength_nm": "500"}]', "wavelength_nm must be a number"),
+        ("0,0,9,0,0,1,0\n", "1: wavelength_nm must be above 0 (got 0)"),
+        ("x,y,z,dx,dy,dz,wavelength_nm\n\n0,0,9,0,0,1,inf\n", "3: wavelength_nm must be above 0 (got inf)"),
+        ("0,0,9,0,0,1,500,1\n", "got 8 cells"),
+        ("x,y,z,dx,dy,dz,nm\n0,0,0,0,0,1,500\n", "expected the columns"),
     ],
 )
 def test_bad_rays_are_refused_with_their_place(rptcam: Command, tmp_path: Path, content: str, message: str) -> None:
@@ -219,3 +246,16 @@ def test_list_of_lenses_as_text_as_json_and_as_a_table(rptcam: Command) -> None:
     assert [line.split()[-5:] for line in lines if line.startswith("dgauss-50mm ")] == [
         ["Double", "Gauss", "50", "mm", "f/2"]
     ]
+
+
+@pytest.mark.parametrize("suffix", ["zmx", "seq"])
+def test_lens_for_another_program_keeps_its_first_order_and_what_is_lost_is_said(
+    rptcam: Command, tmp_path: Path, suffix: str
+) -> None:
+    path = tmp_path / f"lens.{suffix}"
+    run = rptcam("lens", "convert", "telephoto-250mm", "-o", str(path))
+    assert run.code == 0, run.err
+    first, second = load_lens("telephoto-250mm").first_order(), load_lens(path).first_order()
+    assert second.focal_length_mm == pytest.approx(first.focal_length_mm, rel=1e-5)
+    assert second.f_number == pytest.approx(first.f_number, rel=1e-3)
+    assert all(line.startswith((f"a .{suffix} file: ", "wrote ")) for line in run.err.splitlines())

@@ -1,6 +1,8 @@
 """The commands that draw and measure a lens: tables, JSON, pictures and errors."""
 
+import argparse
 import json
+import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -9,9 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from rptcam_cl.cli import camera, lens_measures
 from rptcam_cl.cli.lens_options import coating
-from rptcam_cl.optics.coating import Layer, LayerStack, QuarterWave
+from rptcam_cl.optics.coating import Layer, LayerStack, QuarterWave, constant_reflectance
 from rptcam_cl.optics.files.glasses import WORDS
+from rptcam_cl.optics.library import load_lens
 from rptcam_cl.scene.lens_settings import COATINGS
 
 Command = Callable[..., Any]
@@ -139,6 +143,8 @@ def test_wave_optics_of_a_lens_as_numbers_and_as_pictures(rptcam: Command, tmp_p
         (["breathing", "dgauss-50mm", "--distances-m", "0"], "allowed distances above 0"),
         (["breathing", "dgauss-50mm", "--focus-distance-m", "2"], "has no effect on breathing"),
         (["breathing", "anamorphic-100mm"], "not the same from every side"),
+        (["psf", "dgauss-50mm", "--best-focus-field", "90"], "--best-focus-field: got 90; allowed between -89 and 89"),
+        (["draw", "dgauss-50mm", "-o", "lens.jpg"], "lens.jpg: unknown kind of picture"),
         (["ghosts", "ball", "--coating", "1.38:99.6,2.1"], "allowed 1 to 12 layers"),
         (["ghosts", "ball", "--coating", "0.5:99"], "with an index from 1 to 5"),
         (["ghosts", "ball", "--coating", "0.5:nan:1"], "allowed 1 to 12 layers"),
@@ -201,3 +207,96 @@ def test_the_option_takes_the_coatings_that_scenes_take():
     assert coating("1.46:70,0.9:3:2.6") == LayerStack((Layer(1.46, 70.0), Layer(0.9, 3.0, 2.6)))
     assert coating("1.38:100") == QuarterWave(1.38, 4 * 1.38 * 100)
     assert set(WORDS) == set(COATINGS)
+    # an index from 1 to 5, from above 0 where light is absorbed; an extinction to 20; a thickness above 0
+    assert coating("1:1,5:2") == LayerStack((Layer(1.0, 1.0), Layer(5.0, 2.0)))
+    assert coating("0.01:3:20,1.5:4:0") == LayerStack((Layer(0.01, 3.0, 20.0), Layer(1.5, 4.0)))
+    most = ",".join(12 * ["1.4:100"])
+    assert coating(most) == LayerStack(12 * (Layer(1.4, 100.0),))
+    wrong = "0.99:1,2:1 5.1:1,2:1 0:1:1,2:1 1.4:0,2:1 1.4:inf,2:1 1.4:1:20.1 1.4:1:-1 1.4:1:1:1 0.99:1:0,2:1 a:b"
+    for text in (*wrong.split(), f"{most},1.4:100"):
+        with pytest.raises(argparse.ArgumentTypeError, match=r"allowed 1 to 12 layers"):
+            coating(text)
+
+
+def test_reflectance_of_a_coating_is_from_0_to_below_1():
+    for text in ("0", "0.005", "0.999"):
+        assert coating(text) == constant_reflectance(float(text))
+    for text in ("1", "-0.001", "nan", "x", ""):
+        with pytest.raises(argparse.ArgumentTypeError, match=r"a reflectance from 0 to below 1"):
+            coating(text)
+
+
+@pytest.mark.parametrize(
+    ("read", "values", "refused"),
+    [
+        (lens_measures.frame, {"36,24": (36, 24), "0.1,2": (0.1, 2)}, ["36", "36,0", "-36,24", "1,2,3"]),
+        (lens_measures.order, {"2": 2, "4": 4}, ["0", "1", "3", "6", "2.0", "x"]),
+        (lens_measures.share, {"0": 0, "0.999": 0.999}, ["1", "-0.1"]),
+        (camera.film, {"36x24": (36, 24), "0.5×2e3": (0.5, 2000), "36X24": (36, 24)},
+         ["36", "36x0", "0x24", "-36x24", "1e6x1", "1x1e6", "1x2x3", "nanx1", "axb"]),
+        (lens_measures._copies, {"10": 10, str(lens_measures.MOST_COPIES): lens_measures.MOST_COPIES},
+         ["9", str(lens_measures.MOST_COPIES + 1), "1e2"]),
+        (lens_measures._seed, {"0": 0, str(2**63 - 1): 2**63 - 1}, ["-1", str(2**63)]),
+    ],
+    ids=["frame", "order", "share", "film", "copies", "seed"],
+)  # fmt: skip
+def test_words_of_lens_commands_lie_in_their_ranges(read, values, refused):
+    for word, value in values.items():
+        assert read(word) == value
+    for word in refused:
+        with pytest.raises(argparse.ArgumentTypeError, match=f"^got {re.escape(word)}"):
+            read(word)
+
+
+def test_ghosts_are_printed_from_the_brightest_with_their_sums(rptcam: Command) -> None:
+    words = ("lens", "ghosts", "dgauss-50mm", "--source", "5", "--coating", "bare")
+    (part,) = json.loads(rptcam(*words, "--json").out)["ghosts"]
+    run = rptcam(*words)
+    assert run.code == 0, run.err
+    lines = run.out.splitlines()
+    shares = [row["share_in_frame"] for row in part["ways"]]
+    assert shares == sorted(shares, reverse=True) and len(shares) > lens_measures.SHOWN
+    rows = lines[2 : 2 + lens_measures.SHOWN]
+    assert lines[0].endswith("source at 5°, 550 nm; shares of the image's light")
+    assert len(rows) == lens_measures.SHOWN and not any(row.startswith("and ") for row in rows)
+    assert lines[2 + lens_measures.SHOWN] == f"and {len(shares) - lens_measures.SHOWN} fainter ones (--all shows them)"
+    assert f"all ghosts: {part['ghosts_in_frame']:.4g} in the frame, {part['ghosts']:.4g} on its plane" in lines
+    assert len(rptcam(*words, "--all").out.splitlines()) == len(lines) - 1 + len(shares) - lens_measures.SHOWN
+    goes = lines[-1].removeprefix("of the light that enters: ").split(", ")
+    assert sum(float(each.rsplit(" ", 1)[1]) for each in goes) == pytest.approx(1, abs=2e-3)
+
+
+def test_lens_without_a_real_image_is_drawn_without_a_film(rptcam: Command) -> None:
+    run = rptcam("lens", "draw", "biconcave", "--device", "none")
+    assert run.code == 0 and run.out.startswith("<svg")
+    assert "this lens forms no real image of a distant object: no film is drawn" in run.err
+    run = rptcam("lens", "draw", "dgauss-50mm", "--device", "none")
+    assert run.code == 0 and "no real image" not in run.err
+
+
+def test_breathing_of_a_zoom_has_a_row_for_each_position_and_distance(rptcam: Command) -> None:
+    words = ("lens", "breathing", "zoom-70-200mm", "--distances-m", "5,20", "--json")
+    rows = json.loads(rptcam(*words).out)["breathing"]
+    positions = list(dict.fromkeys(row["zoom"] for row in rows))
+    assert positions == [each.name for each in load_lens("zoom-70-200mm").configurations]
+    (zoom,) = {row["zoom"] for row in json.loads(rptcam(*words, "--zoom", positions[0]).out)["breathing"]}
+    assert zoom == positions[0]
+
+
+def test_specification_of_tolerances_is_not_overwritten(rptcam: Command, tmp_path: Path) -> None:
+    spec = tmp_path / "spec.svg"
+    spec.write_text("radius: {percent: 0.1}\n")
+    run = rptcam("lens", "tolerance", "dgauss-50mm", str(spec), "-o", str(spec))
+    assert run.code == 2 and "would overwrite the specification" in run.err
+    assert spec.read_text() == "radius: {percent: 0.1}\n"
+
+
+def test_spot_of_all_wavelengths_together_is_called_all(rptcam: Command) -> None:
+    words = ("lens", "spot", "dgauss-50mm", "--fields", "0,10", "--wavelengths", "486,656", "--rays", "16")
+    rows = json.loads(rptcam(*words, "--json").out)["spots"]
+    lines = rptcam(*words).out.splitlines()[2:]
+    assert len(lines) == len(rows) and {row["wavelength_nm"] for row in rows} == {486, 656, None}
+    for row, line in zip(rows, lines, strict=True):
+        cells = line.split()
+        assert ("all" in cells) == (row["wavelength_nm"] is None)
+        assert row["wavelength_nm"] is None or f"{row['wavelength_nm']:g}" in cells

@@ -92,3 +92,9 @@ def test_new_refuses_what_it_cannot_show_and_writes_nothing(
     assert main(["new", *words]) == 2
     assert message in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
+
+
+def test_folder_without_a_scene_to_copy_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["examples", "-o", str(tmp_path / "out")]) == 2
+    assert "-o copies one scene; name it, as rptcam examples first_light -o my_scene" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())

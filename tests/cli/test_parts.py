@@ -3,11 +3,14 @@
 import re
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 import rptcam_cl
+from rptcam_cl.cli.render import _forecast_lines
+from rptcam_cl.rendering.account import Forecast
 
 Command = Callable[..., Any]
 
@@ -116,6 +119,21 @@ def test_plan_says_what_a_render_takes_and_renders_nothing(scene: Path, rptcam: 
     assert re.search(r"^samples: 240, \d+ kernel launches\nmemory:  .* on device .*\ntime:    \d", run.out), run.out
     assert [path.name for path in scene.parent.iterdir()] == ["scene.yaml"]
     assert rptcam("render", "scene.yaml", "-o", "a.png", "--plan", "--noise", "0.1").out.startswith("samples: at most ")
+
+
+def test_lines_of_a_plan_are_its_numbers_with_their_units() -> None:
+    needs = {"0:0": SimpleNamespace(total=3_000_000), "1:0": SimpleNamespace(total=5 * 10**9)}
+    given: dict[str, Any] = {"samples": 3_000_000, "devices": needs, "saved_bytes": 2_000_000, "launches": 1200}
+    given |= {"seconds": 120.0, "measured_seconds": 0.5}
+    lines = _forecast_lines(Forecast(**given, at_most=False), 2.0)
+    assert lines == [
+        "samples: 3,000,000, 1,200 kernel launches",
+        "memory:  3 MB on device 0:0, 5 GB on device 1:0; 2 MB for its state on disk",
+        "time:    2 min 00 s of rendering at 0.025 Msamples/s (measured for 0.5 s), after 2.0 s of preparing",
+    ]
+    lines = _forecast_lines(Forecast(**given, at_most=True), 2.0)
+    assert lines[0] == "samples: at most 3,000,000, at most 1,200 kernel launches"
+    assert lines[2].startswith("time:    at most 2 min 00 s of ")
 
 
 def test_plan_of_a_given_time_is_refused(scene: Path, rptcam: Command) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from rptcam_cl.cli.output import dark_warnings
-from rptcam_cl.core.errors import DeviceError, StateError
+from rptcam_cl.core.errors import DeviceError, InputError, NumericError, StateError
 from rptcam_cl.imaging.image import Image, read_film
 
 Command = Callable[..., Any]
@@ -129,6 +129,21 @@ def test_statistics_that_json_cannot_say_are_null(scene: Path, renderer: Any, rp
         (["-o", "scene.npy"], 2, "is an input"),
         ([], 2, "required: -o"),
         (["-o"], 2, "expected one argument"),
+        (["-o", "a.png", "--watch", "--plan"], 2, "--plan: renders nothing that could be watched"),
+        (["-o", "a.png", "--watch", "--resume"], 2, "--watch: every picture begins anew"),
+        (["-o", "a.rpck", "--watch", "--part", "1/2"], 2, "renders one whole picture, here .allowed: without --part"),
+        (["-o", "a.rpck", "--watch", "--samples", "0:2"], 2, "one whole picture, here .allowed: without --samples"),
+        (["-o", "a.#.png", "--watch", "--frames", "1-2"], 2, "one whole picture, here .allowed: without --frames"),
+        (["-o", "a.png", "--watch", "--cluster", "tls://a:1"], 2, "whole picture, here .allowed: without --cluster"),
+        (["-o", "a.png", "--watch", "--workers", "2"], 2, "one whole picture, here .allowed: without --workers"),
+        (["-o", "a.png", "--raw", "a.dng"], 2, "--raw: the scene has no sensor"),
+        (
+            ["-o", "a.png", "--raw", "a.gif", "--set", "exposure={mode: physical, f_number: 8}", "--set", "sensor={}"],
+            2,
+            r"a\.gif",
+        ),
+        (["-o", "a.png", "--layers", "depth"], 2, "--layers: no output can hold them"),
+        (["-o", "a.png", "--truth", "scene.yaml"], 4, "scene.yaml is no folder"),
         (["-o", "a.png", "--noise", "1"], 2, "--noise: got 1; allowed a number between 0 and 1"),
         (["-o", "a.png", "--noise", "nan"], 2, "--noise: got nan; allowed a number between 0 and 1"),
         (["-o", "a.png", "--spp", "0"], 2, "--spp: got 0; allowed a whole number from 1 to 4294967295"),
@@ -312,3 +327,100 @@ def test_truth_is_refused_where_it_could_not_be_written(
     run = rptcam("render", "scene.yaml", "-o", "a.npy", "--truth", "new/deep")
     assert (run.code, "cannot be written to" in run.err) == (4, True), run.err
     assert names(scene.parent) == ["file", "scene.yaml"]
+
+
+def test_what_was_done_beside_the_samples_is_said_a_line_each(scene: Path, renderer: Any, rptcam: Command) -> None:
+    metadata = renderer.image.metadata
+    more = {
+        "diffraction": {"says": "off"}, "ghosts": {"says": "12 ways"}, "lamps_aimed_at": 2,
+        "accuracy": {"says": ["thin_lens", "as the blur is small"]}, "metered_cd_m2": 12.5,
+        "autofocus": {"warnings": ["it is dark"]},
+    }  # fmt: skip
+    metadata.update(more)
+    run = rptcam("render", "scene.yaml", "-o", "a.npy")
+    assert run.err.splitlines()[:-1] == [
+        "warning: autofocus: it is dark", "diffraction: off", "ghosts: 12 ways",
+        "bokeh: camera rays aim at 2 lamps out of focus", "accuracy: thin_lens", "accuracy: as the blur is small",
+    ]  # fmt: skip
+    metadata["lamps_aimed_at"] = 1
+    assert "aim at 1 lamp out of focus" in rptcam("render", "scene.yaml", "-o", "a.npy").err
+    assert rptcam("render", "scene.yaml", "-o", "a.npy", "--quiet").err == "warning: autofocus: it is dark\n"
+
+
+def test_picture_of_a_strict_render_that_fails_is_written(scene: Path, renderer: Any, rptcam: Command) -> None:
+    def fail(options: dict[str, Any]) -> None:
+        raise NumericError("strict: 3 samples were not finite", renderer.image)
+
+    renderer.during = fail
+    run = rptcam("render", "scene.yaml", "-o", "a.npy", "--strict", "--quiet")
+    assert (run.code, run.err) == (5, "error: strict: 3 samples were not finite\n")
+    np.testing.assert_array_equal(np.load("a.npy"), renderer.image.pixels)
+
+
+def test_part_whose_file_could_not_be_written_is_an_error(scene: Path, renderer: Any, rptcam: Command) -> None:
+    renderer.image.stats["checkpoint"] = None
+    run = rptcam("render", "scene.yaml", "-o", "a.rpck", "--part", "1/2")
+    assert (run.code, run.err) == (4, "error: a.rpck: could not be written\n")
+
+
+def test_film_that_nothing_takes_is_said_to_be_lost(
+    scene: Path, renderer: Any, rptcam: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: Any, **__: Any) -> Any:
+        raise OSError(28, "No space left on device")
+
+    Path("out").mkdir()
+
+    def end(options: dict[str, Any]) -> None:
+        Path("out").rmdir()
+        monkeypatch.setattr("tempfile.mkstemp", full)
+
+    renderer.during = end
+    run = rptcam("render", "scene.yaml", "-o", "out/a.png")
+    assert run.code == 4
+    assert run.err.endswith("make it first (and no place was found where the film could be kept)\n")
+
+
+def test_picture_that_is_interrupted_while_watched_is_not_written(
+    scene: Path, renderer: Any, rptcam: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    renderer.image.stats["interrupted"] = True
+    monkeypatch.setattr("rptcam_cl.cli.render.render_again", lambda path, stop, picture: picture(lambda: False))
+    assert rptcam("render", "scene.yaml", "-o", "a.npy", "--watch").code == 0
+    assert names(scene.parent) == ["scene.yaml"]
+    renderer.image.stats["interrupted"] = False
+    assert rptcam("render", "scene.yaml", "-o", "a.npy", "--watch").code == 0
+    assert names(scene.parent) == ["a.npy", "scene.yaml"]
+
+
+@pytest.mark.parametrize(
+    ("words", "early"),
+    [
+        ([], None),
+        (["--device", "cpu"], "cpu"),
+        (["--set", "camera.fov_degrees=50", "--layers", "depth", "-o", "a.npz"], None),
+        (["--device", "all"], ...),
+        (["--device", "0:0", "--device", "0:1"], ...),
+        (["--split", "0:0=0.7,1:0=0.3"], ...),
+        (["--plan"], ...),
+    ],
+)
+def test_device_of_a_single_picture_is_opened_while_its_scene_is_read(
+    scene: Path, renderer: Any, rptcam: Command, monkeypatch: pytest.MonkeyPatch, words: list[str], early: Any
+) -> None:
+    opened: list[Any] = []
+
+    def open_early(*given: Any) -> Callable[[], None]:
+        opened.append(given)
+        return lambda: opened.append("rendered")
+
+    monkeypatch.setattr("rptcam_cl.device.session.open_early", open_early)
+    monkeypatch.setattr("rptcam_cl.cli.render._print_plan", lambda *_: 0)
+    assert rptcam("render", "scene.yaml", "-o", "a.npy", *words).code == 0
+    overrides = [word for word in words if word.startswith("camera.")]
+    layers = ("depth",) if "--layers" in words else None
+    assert opened == ([] if early is ... else [(early, str(scene), overrides, layers), "rendered"])
+    opened.clear()
+    renderer.during = lambda options: (_ for _ in ()).throw(InputError("no"))
+    rptcam("render", "scene.yaml", "-o", "a.npy", *words)
+    assert "rendered" not in opened  # after an error it is opened anew

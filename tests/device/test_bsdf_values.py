@@ -6,7 +6,7 @@ import pytest
 from rptcam_cl.core.colour import METALS
 from rptcam_cl.rendering.plan.materials import sheen_lobe
 from rptcam_cl.rendering.plan.textures import metal_colour, metal_constants, reflectance
-from tests.device import bsdfs
+from tests.device import bsdfs, scattering
 from tests.device.scattering import direction, scatter
 
 COUNT = 4096
@@ -89,6 +89,14 @@ def test_rough_plastic_is_its_formula_to_the_fit_of_its_cover(session, alpha):
     got = scatter(session, material, UP[keep], OTHER[keep]).value
     expected = bsdfs.rough_plastic(UP[keep], OTHER[keep], RGB, 1.5, (alpha, alpha))
     np.testing.assert_allclose(got, expected, rtol=0.03)
+
+
+def test_principled_is_the_same_whatever_else_the_scene_has(session, monkeypatch):
+    material = {"kind": "principled", "base_color": RGB, "roughness": 0.3, "metallic": 0.2, "sheen": 0.3}
+    among = scatter(session, material, UP, OTHER).value
+    for name in ("ROUGH_PLASTIC", "PLASTIC", "ROUGH_DIELECTRIC"):
+        monkeypatch.setitem(scattering.FACTS, f"HAS_{name}", 0)
+    np.testing.assert_allclose(scatter(session, material, UP, OTHER).value, among, rtol=2e-6)
 
 
 SYMMETRIC = {

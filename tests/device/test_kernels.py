@@ -7,6 +7,7 @@ from pathlib import Path
 import pyopencl as cl
 import pytest
 
+from rptcam_cl.core.errors import DeviceError
 from rptcam_cl.core.files import kernels_dir
 from rptcam_cl.core.records import device_declarations
 from rptcam_cl.device.devices import try_device
@@ -274,3 +275,9 @@ def test_same_source_is_built_once(session):
     other = session.program(["pass/trace_rays.cl"], {"VW": 8}, device_declarations())
     assert first is again
     assert first.identity != other.identity
+
+
+def test_a_kernel_that_a_program_has_not_is_named(session):
+    program = session.program(["probe/probe_unit_float.cl"], {"VW": 1}, device_declarations())
+    with pytest.raises(DeviceError, match=r"has no kernel probe_of_nothing in what it built"):
+        session.bind(program, "probe_of_nothing")

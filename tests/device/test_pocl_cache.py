@@ -168,3 +168,11 @@ def rendered(folder):
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     return done.stderr
+
+
+def test_what_links_lead_to_is_left_alone(tmp_path):
+    elsewhere, inside = damaged_kernel(tmp_path / "elsewhere"), damaged_kernel(tmp_path / "kcache")
+    (tmp_path / "kcache" / "link").symlink_to(tmp_path / "elsewhere")
+    make_pocl_cache_usable()
+    assert elsewhere.exists()
+    assert not inside.exists()

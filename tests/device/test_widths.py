@@ -6,7 +6,7 @@ import pytest
 import rptcam_cl
 from rptcam_cl.device.session import Session
 from rptcam_cl.rendering import tracer
-from tests.device.probes import open_session
+from tests.device.probes import open_session, run
 from tests.rendering.test_determinism import LENS
 from tests.rendering.test_world import still_life
 from tests.support.statistics import assert_same_tiles, sampled
@@ -42,3 +42,17 @@ def test_passes_and_stream_give_pictures_that_agree(camera, lanes, monkeypatch):
         monkeypatch.setattr(tracer, "ORGANISATION", {"cpu": organisation, "gpu": organisation})
         pictures[organisation] = picture(camera, session, 5)
     assert np.isclose(pictures["passes"], pictures["stream"], rtol=1e-5, atol=1e-6).mean() > 0.98
+
+
+@pytest.mark.parametrize(("lanes", "plain"), [(1, 0), (8, 0), (16, 0), (16, 1)])
+def test_eight_neighbours_of_each_lane_are_read_and_written_whole(session, lanes, plain):
+    rng, kept = np.random.default_rng(5), -1.0
+    records, places = rng.random((64, 8)).astype(np.float32), (8 * rng.permutation(16)).astype(np.int32)
+    columns, copies = session.allocate(4 * 8 * 16), session.upload(np.full((24, 8), kept, np.float32))
+    run(session, "probe_eight", {"VW": lanes, "PLAIN": plain}, 16 // lanes, records=session.upload(records),
+        places=session.upload(places), columns=columns, copies=copies, count=np.uint32(16))  # fmt: skip
+    expected = records[places // 8]
+    np.testing.assert_array_equal(session.read(columns, np.float32, 128).reshape(8, 16).T, expected)
+    copied = session.read(copies, np.float32, 192).reshape(24, 8)
+    np.testing.assert_array_equal(copied[:16], expected)
+    assert (copied[16:] == kept).all()

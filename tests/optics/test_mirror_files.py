@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.optics.drawing import View, bundles, reference
 from rptcam_cl.optics.files.export import codev_text, lens_text, zemax_text
+from rptcam_cl.optics.image_quality import setting
 from rptcam_cl.optics.library import load_lens
+from rptcam_cl.optics.waves import pupil_function, rms_waves
 from tests.optics.test_mirrors import BEAM, axial, cassegrain, crossing
 
 N_BK7 = 1.5168000345
@@ -205,3 +208,56 @@ def test_axes_folded_out_of_the_plane_are_those_of_the_file(tmp_path):
     np.testing.assert_allclose(rays.origins[0, :2], [0, 1], atol=1e-12)
     np.testing.assert_allclose(rays.origins[1, :2] - [0, 1], [0.5, 0.25], atol=1e-12)  # local axes follow mirrors
     assert lens.trace([[0, 0, -10]], [[0, 0, 1]], start="scene").passed.all()
+
+
+OFF_AXIS = """\
+MODE SEQ
+UNIT MM
+ENPD 50.8
+SURF 0
+  CURV 0
+  DISZ INFINITY
+SURF 1
+  STOP
+  CURV 0
+  DISZ 200
+  DIAM 25.4
+SURF 2
+  TYPE COORDBRK
+  PARM 2 -190.6
+  DISZ 0
+SURF 3
+  CURV -0.0052465897166841559
+  CONI -1
+  DISZ -95.3
+  GLAS MIRROR 0 0 1.5 40
+  DIAM 25.4
+  CLAP 0 25.4 0
+  OBDC 0 190.6
+SURF 4
+  CURV 0
+  SCBD 1 0 0 0 0 {tilt} 0 0
+  DISZ 0
+"""
+
+
+@pytest.mark.parametrize("tilt", [90, -90])
+def test_an_image_tilted_in_its_own_line_is_met_at_a_right_angle(tmp_path, tilt):
+    """An off-axis paraboloid turns light by 90 degrees, all of it to the focus."""
+    path = tmp_path / "off_axis.zmx"
+    path.write_text(OFF_AXIS.format(tilt=tilt))
+    lens = load_lens(path)
+    x, y = (part.ravel() for part in np.meshgrid(*[np.linspace(-17, 17, 9)] * 2))
+    rays = lens.trace(np.stack([x, y, 0 * x], axis=1), np.tile([0.0, 0.0, 1.0], (81, 1)), 550.0, "scene")
+    assert rays.passed.all()
+    film_z = lens.film_z(95.3)
+    steps = (film_z - rays.origins[:, 2]) / rays.directions[:, 2]
+    np.testing.assert_allclose((rays.origins + steps[:, None] * rays.directions)[:, :2], 0, atol=1e-10)
+    np.testing.assert_allclose(rays.directions[40], [0, 0, lens.sense], atol=1e-12)
+    assert steps[40] == pytest.approx(190.6)  # p / (1 + cos 90 degrees), p the radius at the vertex
+    wave = pupil_function(lens, 95.3, wavelength_nm=550.0, across=40)
+    assert rms_waves(wave, wave.waves_on_sphere) < 1e-6
+    assert any("52 % of the light on the axis" in note for note in lens.warnings)
+    drawn = next(bundles(setting(lens), View(fields=[0.0], rays=3), reference))
+    line = drawn.line(setting(lens), 1)
+    np.testing.assert_allclose((line[1] - line[0])[:2] / np.linalg.norm(line[1] - line[0]), [0, -1], atol=1e-12)

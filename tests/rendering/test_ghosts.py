@@ -289,3 +289,16 @@ def test_parts_are_merged_with_their_ghosts(bare: rptcam_cl.Image, tmp_path: Pat
     np.testing.assert_array_equal(merged.pixels, bare.pixels)
     np.testing.assert_array_equal(merged["ghosts"], bare["ghosts"])
     assert merged.metadata["ghosts"] == bare.metadata["ghosts"]
+
+
+@pytest.mark.parametrize("share", [1.0, 0.25])
+def test_ghosts_are_spread_by_the_pixels_that_they_cover(share: float) -> None:
+    film = object.__new__(ghost_film.GhostFilm)
+    film.shape = (400, 600)
+    cells = np.zeros((16, 24, 1))
+    cells[: round(16 * share)] = 1.0
+    way = ghost_film.Scouted(np.zeros((1, 4)), np.ones((1, 3)), cells, 0.5, 1.0)
+    pixels, rays = 400 * 600 * share, 4000.0
+    width = ghost_film.WIDTH * (pixels**0.5 / (0.5 * rays / pixels)) ** (1 / 3)
+    steps = np.log(width) / np.log(ghost_film.FINER)
+    assert abs(film._spread_steps(way, rays) - steps) <= 0.5

@@ -360,3 +360,23 @@ def test_white_body_of_twenty_faces_has_no_black_rims(kind, least):
     film = pixels(scene, seed=seed_of("rims"), spp=64)
     assert film.mean() > least
     assert film.min() > 0.7
+
+
+def test_materials_side_by_side_are_those_far_apart():
+    """Lanes of one work item meet both; what one takes for itself must not reach the other."""
+    rough = {"kind": "plastic", "reflectance": [0.6, 0.2, 0.1], "alpha": 0.3}
+    gloss = {"kind": "principled", "base_color": [0.2, 0.5, 0.7], "roughness": 0.4}
+
+    def picture(left, right):
+        halves = [
+            {"shape": "box", "min": [x, -2, -1], "max": [x + 2, 2, 0], "material": material}
+            for x, material in ((-2.5, left), (-0.5, right))
+        ]
+        specks = [{**SPECK, "material": material} for material in (rough, gloss)]
+        camera = looking([0, -0.4, 3], [0, 0, 0], up=[0, 1, 0])
+        return pixels(scene_of([*halves, *specks], camera, depth=2, resolution=(8, 8), environment=SKY), seed=1)
+
+    both = picture(rough, gloss)
+    np.testing.assert_array_equal(both[:, :2], picture(rough, rough)[:, :2])
+    np.testing.assert_array_equal(both[:, 3:], picture(gloss, gloss)[:, 3:])
+    assert np.abs(both[:, :2].mean((0, 1)) - both[:, 3:].mean((0, 1))).min() > 0.05

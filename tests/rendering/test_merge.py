@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import rptcam_cl
+from rptcam_cl.api.job import RenderJob, RenderOptions
 from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.rendering import checkpoint
 from rptcam_cl.rendering.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
@@ -68,6 +69,43 @@ def test_files_of_merged_parts_are_those_of_one_run_to_the_byte(order, whole, fo
         np.testing.assert_array_equal(archives[0][name], archives[1][name])
     assert merged.stats["lens"] == whole.stats["lens"]
     assert merged.stats["samples"] == whole.stats["samples"]
+
+
+@pytest.mark.parametrize("exposure", ["relative", "auto"])
+def test_parts_that_jobs_make_one_after_the_other_come_to_the_picture_of_one_run(exposure, whole, tmp_path):
+    """As workers of a cluster do; what the first has measured the second takes over."""
+    given = scene() | {"exposure": exposure}
+    if exposure == "auto":
+        whole = rptcam_cl.render(given, spp=SPP, **OPTIONS)
+    options = RenderOptions(spp=SPP, **OPTIONS)
+    first = RenderJob.prepare_parts(given, options)
+    second = RenderJob.prepare_parts(given, options, first.findings)
+    assert first.findings == second.findings == {
+        "focus": None, "metered_cd_m2": None if exposure == "relative" else whole.metadata["metered_cd_m2"],
+    }  # fmt: skip
+    for number, job in ((2, first), (1, first), (3, second)):
+        content, seconds = job.part(FilmPart(number, 3))
+        assert seconds > 0
+        (tmp_path / f"{number}.rpck").write_bytes(content)
+    merged = rptcam_cl.merge(parts(tmp_path, 1, 2, 3))
+    np.testing.assert_array_equal(merged.pixels, whole.pixels)
+    for name in whole.layers:
+        np.testing.assert_array_equal(merged[name], whole[name])
+    assert merged.metadata == json.loads(json.dumps(whole.metadata))
+    assert (merged.stats["lens"], merged.stats["samples"]) == (whole.stats["lens"], whole.stats["samples"])
+
+
+@pytest.mark.parametrize(
+    ("render", "message"),
+    [({"noise": 0.1}, "a noise target needs the whole film"), ({"layers": ["variance"]}, "the layer variance needs")],
+)
+def test_scene_that_cannot_be_divided_is_refused(render, message, tmp_path):
+    given = scene() | {"render": render}
+    with pytest.raises(InputError, match=rf"^part: {message}"):
+        rptcam_cl.render(given, size=SIZE, part="1/2", checkpoint=tmp_path / "a.rpck")
+    with pytest.raises(InputError, match=rf"^part: {message}"):
+        RenderJob.prepare_parts(given, RenderOptions(size=SIZE))
+    assert not list(tmp_path.iterdir())
 
 
 def test_ranges_of_samples_differ_by_the_rounding_of_float32_alone(whole, folder):

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import rptcam_cl
 from tests.rendering.pictures import flat_mean, looking, pixels, scene_of, seed_of
 
 CHECKS = {"kind": "checker", "even": 0.0, "odd": 1.0, "scale": [8, 8]}
@@ -108,3 +109,14 @@ def test_both_sides_of_a_solid_have_their_own_holes(solid):
     mean, error = flat_mean(below([body]) | {"camera": camera}, f"solid {solid}", spp=256)
     assert (np.abs(mean - 0.25) < 4 * error).all()
     assert (error < 0.005).all()
+
+
+@pytest.mark.parametrize("solid", SOLIDS)
+def test_rays_through_a_hole_of_a_solid_meet_its_far_side(solid):
+    body = SOLIDS[solid] | {"material": BLACK | {"opacity": 0.5}}
+    camera = looking([0.02, -0.03, 9], [0, 0, 0], fov=2, up=(0, 1, 0))
+    image = rptcam_cl.render(below([body]) | {"camera": camera}, spp=1, seed=seed_of("far side"), layers=["depth"])
+    depth = image["depth"][np.isfinite(image["depth"])]
+    near = depth < 9
+    error = np.sqrt(2 / 9 / len(depth))
+    assert abs(near.mean() - 2 / 3) < 4 * error < 0.1  # a half of all rays, and of the others a half

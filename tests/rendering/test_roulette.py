@@ -105,3 +105,11 @@ def test_mean_stays_where_roulette_is_kind_or_not():
     error = np.hypot(np.std(played, ddof=1), np.std(never, ddof=1)) / np.sqrt(6)
     assert abs(np.mean(played) - np.mean(never)) < 4 * error
     assert error < 2e-3 * np.mean(never)
+
+
+def test_roulette_begins_at_the_depth_that_is_asked_for():
+    scene, shots = lit_floor(), {}
+    for depth in (0, 2):
+        scene["render"] = {**scene["render"], "max_depth": 3, "roulette_depth": depth}
+        shots[depth] = np.asarray(rptcam_cl.render(scene, spp=4))
+    assert (shots[0] != shots[2]).any()  # the third vertex is the first that plays, and the last that goes on

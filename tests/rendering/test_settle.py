@@ -1,10 +1,12 @@
 """A scene that is resolved once and written has the bits of the scene that left its focus and exposure open."""
 
+import json
+
 import numpy as np
 import pytest
 
 import rptcam_cl
-from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.errors import InputError, StateError
 from tests.rendering.test_world import still_life
 
 SIZE = [40, 24]
@@ -36,6 +38,17 @@ def test_resolved_scene_has_the_bits_of_the_open_one(camera, tmp_path):
     np.testing.assert_array_equal(one.pixels, other.pixels)
 
 
+def test_lens_that_stays_traced_has_no_accuracy_left_to_be_found(tmp_path):
+    exact = {"max_error_px": 0.01, "max_illumination_error": 0.001}
+    given = scene(CAMERA | {"f_number": 4, "focus": {"distance_m": 6}, "accuracy": exact})
+    found = rptcam_cl.settle(given, tmp_path / "resolved.yaml").found
+    assert found[0] == "camera model: realistic"
+    resolved = rptcam_cl.load_scene(tmp_path / "resolved.yaml")
+    assert resolved.camera.kind == "realistic" and resolved.camera.accuracy is None
+    one, other = (rptcam_cl.render(each, spp=1) for each in (given, tmp_path / "resolved.yaml"))
+    np.testing.assert_array_equal(one.pixels, other.pixels)
+
+
 def test_scene_that_leaves_nothing_open_is_written_as_it_is(tmp_path):
     found = rptcam_cl.settle(still_life(), tmp_path / "a.yaml")
     assert found.found == ()
@@ -49,3 +62,15 @@ def test_scene_that_names_files_stays_in_its_folder(tmp_path, monkeypatch):
     (tmp_path / "other").mkdir()
     with pytest.raises(InputError, match=r"other/a\.yaml: the scene names files in its own folder .allowed: a name in"):
         rptcam_cl.settle(still_life() | {"camera": CAMERA | {"lens": "lens.yaml"}}, "other/a.yaml")
+
+
+@pytest.mark.parametrize("there", ["scene.yaml", "./scene.yaml", "none/a.yaml"])
+def test_file_that_cannot_be_written_is_named_before_anything_is_measured(there, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("rptcam_cl.api.interface.open_sessions", None)
+    given = json.dumps(scene(CAMERA))
+    (tmp_path / "scene.yaml").write_text(given)
+    with pytest.raises((InputError, StateError), match=there.split("/")[0]):
+        rptcam_cl.settle("scene.yaml", there)
+    assert (tmp_path / "scene.yaml").read_text() == given
+    assert [path.name for path in tmp_path.iterdir()] == ["scene.yaml"]

@@ -8,6 +8,7 @@ import pytest
 from PIL import Image as Pillow
 
 import rptcam_cl
+from rptcam_cl.api import sweeping
 from rptcam_cl.api.job import SeriesRenderer
 from rptcam_cl.cli import main
 from rptcam_cl.core.errors import InputError, StateError
@@ -67,6 +68,55 @@ def test_what_is_there_is_kept_and_the_rest_rendered(swept, tmp_path, monkeypatc
     assert not any(entry.kept for entry in longer)
 
 
+def test_film_of_another_entry_or_with_other_measures_is_made_anew(swept, tmp_path):
+    again = list(rptcam_cl.sweep(still_life(), OVER, tmp_path / "out", mtf_at=(0.5, 0.5), **OPTIONS))
+    assert all(entry.kept for entry in again)
+    swept[1].file.write_bytes(swept[4].file.read_bytes())
+    for entry, text in ((swept[2], "[]"), (swept[3], json.dumps({"key": "other", "measures": {}}))):
+        entry.file.with_suffix(".json").write_text(text)
+    again = list(rptcam_cl.sweep(still_life(), OVER, tmp_path / "out", mtf_at=(0.5, 0.5), **OPTIONS))
+    assert [entry.kept for entry in again] == [True, False, False, False, True, True]
+    for one, other in zip(swept, again, strict=True):
+        np.testing.assert_array_equal(one.image.pixels, other.image.pixels)
+        assert one.measures | {"seconds": 0} == other.measures | {"seconds": 0}
+
+
+def test_film_whose_measures_cannot_be_written_is_not_kept(tmp_path, monkeypatch):
+    real = sweeping.replacing
+
+    def full(path, *more):
+        if path.suffix == ".json":
+            raise StateError(f"{path}: no space left on device")
+        return real(path, *more)
+
+    monkeypatch.setattr(sweeping, "replacing", full)
+    with pytest.raises(StateError, match="no space left"):
+        list(rptcam_cl.sweep(still_life(), {"picture.ev": [1]}, tmp_path / "out", **OPTIONS))
+    assert list((tmp_path / "out").iterdir()) == []
+
+
+def test_pictures_that_are_made_elsewhere_are_those_of_this_process(swept, tmp_path):
+    asked = []
+
+    def elsewhere(scenes):
+        asked.extend(scenes)
+        for number in reversed(scenes):
+            image = rptcam_cl.render(scenes[number])
+            image.stats["cluster"] = {"workers": {"one": {"seconds": 1.5}, "two": {"seconds": 2.25}}}
+            yield number, image
+
+    swept[2].file.unlink()
+    swept[5].file.unlink()
+    options = OPTIONS | {"mtf_at": (0.5, 0.5), "pictures": elsewhere}
+    found = list(rptcam_cl.sweep(still_life(), OVER, tmp_path / "out", **options))
+    assert asked == [2, 5]
+    assert [entry.kept for entry in found] == [True, True, False, True, True, False]
+    for one, other in zip(swept, found, strict=True):
+        assert one.values == other.values
+        np.testing.assert_array_equal(one.image.pixels, other.image.pixels)
+    assert [found[k].measures["seconds"] for k in (2, 5)] == [3.75, 3.75]
+
+
 LENS = {"kind": "realistic", "lens": "dgauss-50mm", "eye": [0, 1, 6], "target": [0, 0, 0], "focus": {"distance_m": 6}}
 
 
@@ -80,6 +130,7 @@ LENS = {"kind": "realistic", "lens": "dgauss-50mm", "eye": [0, 1, 6], "target": 
         ({"camera.fov_degrees": [30, 400]}, r"^camera\.fov_degrees=400: "),
         ({"camera.fov_degrees": [30, 30]}, "is the same picture as"),
         ({"render.seed": list(range(10_001))}, "10001 combinations are too many"),
+        ({"render.seed": list(range(101)), "picture.ev": list(range(100))}, "10100 combinations are too many"),
         ({"camera": [LENS], "camera.f_number": [4, 0.1]}, r"camera\.f_number=0\.1: .*opens to"),
     ],
 )
@@ -88,6 +139,21 @@ def test_mistakes_are_named_before_any_work(over, message, tmp_path, monkeypatch
     with pytest.raises(InputError, match=message):
         rptcam_cl.sweep(still_life(), over, tmp_path / "out")
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("place", [(1.5, 0.5), (0.5, -0.1), (0.5, 1.01)])
+def test_edge_beside_the_picture_is_refused(place):
+    with pytest.raises(InputError, match=r"^mtf_at: is no point of the picture"):
+        rptcam_cl.sweep(still_life(), OVER, mtf_at=place)
+
+
+def test_values_on_labels_and_in_tables_are_as_people_write_them(tmp_path):
+    over = {"film.crop": [[0, 1, 0, 0.5]], "picture.ev": [1 / 3], "picture.tone": ["agx"], "render.seed": [7]}
+    (entry,) = rptcam_cl.sweep(still_life(), over, tmp_path / "out", **OPTIONS)
+    assert entry.label == "crop [0, 1, 0, 0.5], ev 0.333333, tone agx, seed 7"
+    (row,) = csv.DictReader((tmp_path / "out/table.csv").open())
+    assert [row[key] for key in over] == ["[0, 1, 0, 0.5]", str(1 / 3), "agx", "7"]
+    assert row["file"] == entry.file.name and row["mean"] == str(entry.measures["mean"])
 
 
 def test_a_marked_speed_begins_a_series_and_is_told_once(tmp_path, capsys):

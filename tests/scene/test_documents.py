@@ -64,6 +64,7 @@ from rptcam_cl.scene.lights import (
     SkyEnvironment,
     SpotLight,
     SunLight,
+    Surrounding,
 )
 from rptcam_cl.scene.load import load_scene, scene_json_schema
 from rptcam_cl.scene.materials import (
@@ -96,12 +97,14 @@ from rptcam_cl.scene.materials import (
 from rptcam_cl.scene.meshes import MeshObject, MeshSource, NamedMesh
 from rptcam_cl.scene.placement import (
     CameraKeyframe,
+    CameraVisibility,
     Keyframe,
     ObjectKeyframe,
     PlacedObject,
     Rotation,
     SceneObject,
     TransformStep,
+    Visibility,
 )
 from rptcam_cl.scene.quantities import LightSpectrum, TabulatedSpectrum
 from rptcam_cl.scene.scene import Scene
@@ -170,6 +173,8 @@ SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
     "Gradient": (Gradient, "Every texture"),
     "Noise": (Noise, "Every texture"),
     "Image": (ImageTexture, "Every texture"),
+    "Visibility": (Visibility, "Camera visibility"),
+    "Camera visibility": (CameraVisibility,),
     "Sphere": (Sphere, "Every object"),
     "Disk": (Disk, "Every object"),
     "Rectangle": (Rectangle, "Every object"),
@@ -194,6 +199,7 @@ SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
 }
 BASES = {
     SceneModel,
+    Surrounding,
     CameraKind,
     Pose,
     Keyframe,
@@ -227,7 +233,7 @@ IN_WORDS = {
     "radius_px",
     "tone",
 }
-IN_WORDS |= {"stop", "transmission"}
+IN_WORDS |= {"stop", "transmission", "visible"}
 FROM_CAMERA = {
     ("Gradient environment", "up"),
     ("Image environment", "up"),

@@ -52,47 +52,67 @@ TESTS = {
     "rendering/plan": "rendering/light rendering/caustics rendering/test_emitters scene/test_warnings"
     " rendering/test_shapes",
     "cli": "exchange/calibration/test_camera_outputs exchange/calibration/test_camera_files exchange/pbrt/test_command"
-    " exchange/calibration/test_maps studies/tradeoff/test_command optics/measures/test_lens_views",
+    " exchange/calibration/test_maps studies/tradeoff/test_command optics/measures/test_lens_views"
+    " studies/selfcheck/test_suite",
     "api": "rendering/test_honest_errors cli/test_sweep cli/test_series cli/test_render cli/test_parts"
     " cli/test_frames_that_follow"
-    " rendering/test_sweep rendering/test_settle rendering/test_resume rendering/several/test_shared_renders",
+    " rendering/test_sweep rendering/test_settle rendering/test_resume rendering/several/test_shared_renders"
+    " rendering/test_merge rendering/test_ghosts rendering/test_diffraction rendering/test_stages imaging/test_denoise"
+    " cli/test_watch_and_preview studies/focus/test_doubts",
     "kernels/lens": "device/test_camera_rays optics/test_surfaces rendering/test_lens_float64"
     " rendering/cameras/test_losses optics/test_mirrors rendering/cameras/test_ray_map optics/test_coatings"
-    " rendering/test_lens_light rendering/test_ghosts rendering/cameras/test_lamp_aim",
+    " rendering/test_lens_light rendering/test_ghosts rendering/cameras/test_lamp_aim rendering/cameras/test_shapes"
+    " rendering/cameras/test_mirrors rendering/cameras/test_wavelengths device/test_aperture_points",
     "kernels/camera": "device/test_camera_rays rendering/test_thick_lens rendering/test_filters"
     " rendering/cameras/test_fitted_camera rendering/cameras/test_movements rendering/test_apertures rendering/motion"
     " rendering/test_lens_light rendering/cameras/test_lamp_aim",
     "kernels/material": "device/test_bsdf_values device/test_bsdf_sampling device/test_sheen device/test_covers"
     " rendering/light/test_textures rendering/test_opacity rendering/test_materials rendering/test_normal_maps"
-    " rendering/test_material_maps rendering/test_furnaces",
+    " rendering/test_material_maps rendering/test_furnaces rendering/layers/test_means",
     "kernels/light": "rendering/light/test_light_tree rendering/light/test_solid_lamps rendering/test_emitters"
     " rendering/light",
     "kernels/geometry": "rendering/primitives rendering/test_shapes rendering/test_meshes rendering/meshes"
-    " rendering/motion",
+    " rendering/motion rendering/test_opacity",
     "kernels/integrator": "rendering/test_furnaces rendering/layers rendering/test_world rendering/test_determinism"
-    " rendering/test_clamp rendering/test_checkpoint rendering/test_roulette device/test_kernels",
+    " rendering/test_clamp rendering/test_checkpoint rendering/test_roulette device/test_kernels"
+    " rendering/truth/test_cryptomatte",
     "kernels/caustics": "rendering/caustics",
     "kernels/build": "rendering/trees",
-    "kernels/common": "device/test_random device/test_kernels device/test_lattice rendering/spectrum",
+    "kernels/common": "device/test_random device/test_kernels device/test_lattice device/test_widths"
+    " device/test_bsdf_values device/test_bsdf_sampling device/test_aperture_points"
+    " rendering/light/test_environment_pictures rendering/spectrum core/colour/test_spectral_pictures",
 }
 
 # Faults that change nothing a user could notice: the file and the line with the fault, and why.
 EQUIVALENT = {
     r"""scene/assets/obj.py: while end > 0 and content[max(0, end - 2) : end].rstrip(b"\r").endswith(b"\\"):""": "none "
     "goes on before the first byte",
+    "api/options.py: matches = difflib.get_close_matches(word, list(known), n=2)": "the first is the one that is shown",
     "scene/assets/mesh.py: rows = rows.copy() if base.base is not None and base.nbytes > rows.nbytes else "
     "np.ascontiguousarray(rows)": "takes more memory",
     "scene/assets/mesh.py: cancelled = (sums * sums).sum(axis=0) <= 1e-18": "sums are far smaller or far larger",
     'cli/output.py: print("  ".join(cell.rjust(width) for cell, width in zip(line, widths, strict=False)).rstrip())': (
         "rows are as long as their head"
     ),
+    "cli/output.py: Path(name).unlink(missing_ok=False)": "the file was made a moment before",
     "core/files.py: path.unlink(missing_ok=False)": "the caller passes over it, and the next call deletes what is left",
     'imaging/formats.py: planarconfig="contig" if (not (raw.numbers.ndim == 3)) else None,': "tifffile finds the same",
+    "rendering/cameras/pupil.py: cell = np.clip(0, (film / half_film_mm + 1) / 2 * count, count - 1).astype(int)": "the"
+    " middle of the three either way",
+    "rendering/highlights.py: close = np.linalg.norm(half - normal, axis=1) < 2.0 * spread + slack": "only"
+    " distances that are equal to the last bit",
     "optics/ghosts.py: turns = np.full((len(entered), max(map(len, ways), default=0) + 2), NOWHERE)": "more room",
     "optics/files/native.py: backwards = [k for k, s in enumerate(lens.surfaces) if s.is_mirror and lens.senses[k] <= 0"
     " and s.pose is None]": "a sense is 1 or -1",
     "optics/ray_trace.py: return Hits(hit, to_plane + step, normal, cosine, np.isfinite(step) & (normal[2] > 0)"
     " & (cosine >= 0))": "only rays along the surface itself",
+    'viewfinder/instruments.py: Band("VI", 0.5, 1.5, (150, 196, 61)),': "a shade",
+    'viewfinder/state.py: "A": 2856, "D50": 5003, "D55": 5503, "D65": 6504, "D75": 7504, "E": 5455, "F2": 4231, "F7": '
+    '6500, "F11": 4000,': "a kelvin",
+    'viewfinder/lens_panel.py: {"points": np.round(line, 5).tolist(), "wavelength_nm": round(nm, 2), "colour": '
+    "wavelength_colour(nm),": "a tenth of a micrometre of a drawing",
+    'studies/focus/probe.py: axes.axvline(report.film_distance_mm, color=INK, linestyle="--", '
+    "linewidth=1.7999999999999998)": "a dashed line a little thicker",
     "kernels/light/solids.h: *pdf = ((rho2 > 1.0f) & (line.density >= 0.0f) & (line.density < NEVER)) ? line.density"
     " : ZERO;": "a density of 0 is 0 either way",
     "kernels/light/solids.h: F share = ((x > y) & (x >= z)) ? f.share.x : (y >= z ? f.share.y : f.share.z);": "only"
@@ -104,9 +124,17 @@ EQUIVALENT = {
     " off",
     "kernels/caustics/gather.h: I k = on ? GATHER(I, scene.photon_cells, cell, ) : TRUE;": "of lanes that are off",
     "kernels/caustics/photon.h: I known = (on & (primitive > 0)) ? primitive : FALSE;": "primitive 0 is FALSE",
+    "kernels/lens/coating.h: if (first < 1)": "the shape of the stop takes one number or more before the first table",
+    "kernels/lens/aperture.h: I at = within ? (row + 1) * CURVE(APERTURE_ROWS) + 2 * column : TRUE;": "of lanes that"
+    " are off",
+    "kernels/camera/thick_lens.h: if (ANY(lamps.rest < 1.5f)) {": "the weight of rays is 1 either way where none aims",
     "kernels/camera/packets.h: paths[i].crossed = TRUE;       // where a camera ray fails is of no interest": "not"
     " read",
     "kernels/build/reinsert.cl: if (won < 0.0f) {": "a move that wins nothing costs nothing",
+    "kernels/geometry/triangle.h: F3 each = f3(MAX(absolute(a.x), absolute(b.x)), MAX(absolute(a.y), absolute(b.y)),"
+    " MIN(absolute(a.z), absolute(b.z)));": "a power of two, which only slivers 1e19 times as long as wide need",
+    "kernels/geometry/triangle.h: I instance = on ? GATHER(I, scene.primitives, on ? hit.primitive : FALSE, .instance)"
+    " : TRUE;": "of lanes that are off",
     "kernels/geometry/bvh.h: int z_leads = az >= ax && az > ay;": "y leads as well where both are as long",
 }
 
@@ -370,7 +398,9 @@ def _tests(tree: Path, arguments: tuple[str, ...], variables: dict[str, str], wr
     sys.path[:] = [str(tree), *(place for place in sys.path if Path(place).resolve() != ROOT)]
     for name in [name for name in sys.modules if name.split(".")[0] in ("tests", "rptcam_cl")]:
         del sys.modules[name]
-    os._exit(pytest.main(["-q", "-n", "0", "-p", "no:cacheprovider", *arguments]))
+    code = pytest.main(["-q", "-rfE", "-n", "0", "-p", "no:cacheprovider", *arguments])
+    sys.stdout.flush()  # which what ends at once does not do
+    os._exit(code)
 
 
 class Copy:

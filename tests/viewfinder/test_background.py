@@ -4,6 +4,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -221,6 +222,32 @@ def test_workers_wait_at_their_checkpoints_while_they_are_held(background: Backg
     background.hold(False)
     until_true(lambda: background.take() is None and bool(found))
     assert found == ["done"]
+
+
+@pytest.mark.parametrize(
+    ("timeout", "rests_in", "moves", "asked", "left", "held"),
+    [
+        (None, 0.25, False, False, 0.25, [True]),  # nothing to render: again once the hand has come to rest
+        (0.0, 0.25, False, False, 0.0, [True]),  # there is more to render at once
+        (1.0, 0.25, False, False, 0.25, [True]),
+        (1.0, -0.1, False, False, 1.0, [False]),
+        (None, 0.0, False, False, None, [False]),
+        (1.0, 0.25, True, False, 1.0, []),  # a glance, or a message, comes first
+        (None, 0.25, False, True, None, []),
+    ],
+)
+def test_workers_wait_until_the_hand_has_come_to_rest(
+    timeout: float | None, rests_in: float, moves: bool, asked: bool, left: float | None, held: list[bool]
+) -> None:
+    found: list[bool] = []
+    slots = [SimpleNamespace(rests_in=lambda s=s: s, wants_glance=moves) for s in (rests_in, -1.0)]
+    own: Any = SimpleNamespace(
+        _studio=SimpleNamespace(slots=slots),
+        _inbox=SimpleNamespace(is_empty=not asked),
+        _background=SimpleNamespace(hold=found.append),
+    )
+    assert engine.Engine._let_workers_go_on(own, timeout) == left
+    assert found == held
 
 
 # In a browser.

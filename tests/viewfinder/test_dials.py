@@ -4,6 +4,7 @@ import copy
 import json
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,8 @@ import yaml
 from rptcam_cl.core.colour import illuminant, xyz_from_spectrum
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.files import CACHE_VARIABLE
-from rptcam_cl.optics.library import list_lenses
+from rptcam_cl.optics.lens import in_configuration
+from rptcam_cl.optics.library import list_lenses, load_lens
 from rptcam_cl.scene.load import apply_overrides, load_scene
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.viewfinder import dials as lens_choice
@@ -362,3 +364,86 @@ def test_list_has_every_dial_and_is_plain(camera: str) -> None:
             ]
         if entry["kind"] == "choice":
             assert entry["value"] in [choice["value"] for choice in entry["choices"]]
+
+
+SPHERE = {"kind": "environment", **POSE}
+NO_STOP = LENS | {"lens": "biconvex"}
+
+
+@pytest.mark.parametrize(
+    ("camera", "before", "name", "value", "words"),
+    [
+        ("traced", {"mode": "S"}, "f_number", 8, "the f-number follows in S"),
+        ("traced", {"mode": "P"}, "f_number", 8, "the f-number follows in P"),
+        ("pinhole", {}, "f_number", 8, "the camera has no lens opening: choose M, A, S or P first"),
+        ("traced", {"mode": "A"}, "shutter_s", 0.1, "the time follows in A"),
+        ("traced", {"mode": "P"}, "shutter_s", 0.1, "the time follows in P"),
+        ("traced", {}, "iso", 400, "values stand for radiance, whatever the ISO"),
+        ("traced", {}, "auto_iso", True, "values stand for radiance, whatever the ISO"),
+        ("traced", {"mode": "M", "auto_iso": True}, "iso", 400, "the ISO is automatic"),
+        ("traced", {"mode": "M", "auto_iso": True}, "auto_iso", True, None),
+        ("traced", {"mode": "M"}, "lock", True, "nothing follows the meter, so there is nothing to lock"),
+        ("traced", {"mode": "M"}, "lock", False, None),
+        ("traced", {"mode": "M"}, "mode", "M", None),
+        ("pinhole", {}, "focus_m", 2, "everything is sharp through this camera"),
+        (SPHERE, {}, "zoom", 50, "a camera that sees the whole sphere has nothing to zoom"),
+        (NO_STOP, {}, "stop", "star", "this lens has no stop: its rims limit the light"),
+        (NO_STOP, {}, "blades", 7, "this lens has no stop: its rims limit the light"),
+        ("traced", {}, "lens", "dgauss-50mm", None),
+    ],
+)
+def test_dial_that_has_nothing_to_turn_says_why_and_changes_nothing(
+    camera: Any, before: dict[str, Any], name: str, value: Any, words: str | None
+) -> None:
+    body = Body(camera, film={"resolution": [48, 24]})
+    for dial, setting in before.items():
+        body.turn(dial, setting)
+    turned = turn_dial(Panel(body.dials, body.scene, body.resolved, body.reading), name, value)
+    assert (turned.changes, turned.dials) == ({}, body.dials)
+    assert len(turned.messages) == (words is not None) and (words or "") in "".join(turned.messages)
+
+
+def test_metering_is_that_of_the_scene_and_a_spot_goes_back_to_the_middle() -> None:
+    body = Body().turn("mode", "A")
+    body.dials = replace(body.turn("metering", "spot").dials, spot_at=(0.25, 0.75))
+    body.turn("ev", 1)
+    assert (body.scene.exposure.metering, body.scene.exposure.spot_at) == ("spot", (0.25, 0.75))
+    body.turn("metering", "average")
+    assert (body.scene.exposure.metering, body.dials.spot_at) == ("average", (0.5, 0.5))
+
+
+@pytest.mark.parametrize("ev", [0, 1.5])
+@pytest.mark.parametrize("mode", ["A", "S", "P"])
+def test_lock_before_the_meter_has_read_holds_the_exposure_as_it_stands(mode: str, ev: float) -> None:
+    body = Body(exposure={"mode": "relative", "neutral_density_stops": 1}).turn("mode", mode).turn("ev", ev)
+    turned = turn_dial(Panel(body.dials, body.scene, body.resolved, None), "lock", True)
+    assert turned.dials.locked_cd_m2 == pytest.approx(body.reading, rel=1e-3)
+    before = body.value
+    body.take(turned.dials, turned.changes, turned.messages)
+    assert body.value == pytest.approx(before, rel=1e-3)
+    body.reading *= 4
+    assert body.turn("ev", ev).value == pytest.approx(4 * before, rel=1e-3)  # it holds in other light
+
+
+def test_blades_keep_the_form_of_the_stop() -> None:
+    own = {"shape": "polygon", "blades": 5, "curvature": 0.2, "rotation_degrees": 10}
+    body = Body(LENS | {"aperture": own}).turn("blades", 9)
+    assert body.data["camera"]["aperture"] == own | {"blades": 9}
+    assert body.turn("blades", 0).data["camera"]["aperture"] == {"shape": "circle"}
+    assert body.turn("stop", "polygon").data["camera"]["aperture"] == {"shape": "polygon", "blades": 7}
+    assert body.turn("stop", "star").data["camera"]["aperture"] == {"shape": "star"}
+    with pytest.raises(InputError, match=r"^blades: must be a whole number .got 6\.5"):
+        body.turn("blades", 6.5)
+
+
+def test_zoom_to_a_smaller_opening_closes_the_stop_to_it() -> None:
+    lens = LENS | {"lens": "zoom-35-51mm"}
+    zoom = load_lens("zoom-35-51mm")
+    states = [in_configuration(zoom, each.name) for each in zoom.configurations]
+    ends = sorted((each.first_order().focal_length_mm, each.first_order().f_number) for each in states)
+    (short, wide), (long, narrow) = ends[0], ends[-1]
+    assert narrow > 1.01 * wide
+    body = Body(lens | {"focal_length_mm": short * 1.0001, "f_number": wide * 1.001}).turn("zoom", long)
+    assert body.scene.camera.f_number == pytest.approx(narrow, rel=2e-3)
+    assert body.turn("zoom", short).scene.camera.f_number == pytest.approx(narrow, rel=2e-3)  # which stays
+    assert body.turn("zoom", long * 2).messages == (f"it goes from {short:.4g} to {long:.4g} mm",)

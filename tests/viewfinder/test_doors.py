@@ -8,7 +8,7 @@ import pytest
 from rptcam_cl.viewfinder.page import OriginGuard, Tokens, is_loopback
 
 
-def passes(host: str, kind: str, headers: list[tuple[str, str]]) -> bool:
+def passes(host: str, kind: str, headers: list[tuple[str, str]], port: int = 8000) -> bool:
     """Return whether a request comes through the doors of a server at a host."""
     reached = []
 
@@ -22,7 +22,7 @@ def passes(host: str, kind: str, headers: list[tuple[str, str]]) -> bool:
         assert message.get("status", 403) == 403
 
     scope = {"type": kind, "headers": [(name.encode(), value.encode()) for name, value in headers]}
-    asyncio.run(OriginGuard(app, host, 8000)(scope, receive, send))
+    asyncio.run(OriginGuard(app, host, port)(scope, receive, send))
     return bool(reached)
 
 
@@ -57,6 +57,24 @@ def test_strangers_stay_outside(headers: list[tuple[str, str]]) -> None:
 
 def test_websocket_without_an_origin_stays_outside() -> None:
     assert not passes("127.0.0.1", "websocket", [("host", "127.0.0.1:8000")])
+
+
+@pytest.mark.parametrize(
+    ("server", "host"),
+    [("192.168.1.5", "192.168.1.5:8000"), ("render.example", "Render.Example:8000"), ("fd00::7", "[fd00::7]:8000")],
+)
+def test_server_takes_its_own_address_and_those_of_this_machine(server: str, host: str) -> None:
+    for name in (host, "localhost:8000", "[::1]:8000"):
+        assert passes(server, "websocket", [("host", name), ("origin", f"http://{name}")])
+    for name in (host.replace("8000", "80"), host.removesuffix(":8000"), "fd00::7:8000", "192.168.1.6:8000"):
+        assert not passes(server, "websocket", [("host", name), ("origin", f"http://{name}")]), name
+
+
+def test_port_that_browsers_leave_out_may_be_left_out() -> None:
+    for name in ("192.168.1.5", "192.168.1.5:80", "localhost", "[::1]"):
+        assert passes("192.168.1.5", "http", [("host", name), ("origin", f"http://{name}")], 80), name
+    for name in ("192.168.1.5:8000", "192.168.1.6", "evil.example"):
+        assert not passes("192.168.1.5", "http", [("host", name)], 80), name
 
 
 def test_server_for_all_takes_addresses_and_no_other_names() -> None:

@@ -2,6 +2,7 @@
 
 import json
 
+import numpy as np
 import pytest
 
 from rptcam_cl.viewfinder import messages
@@ -97,3 +98,27 @@ def test_long_messages_are_refused() -> None:
     assert "too long" in str(refused(text))
     many = json.dumps({"type": "set", "changes": {f"objects.{k}.radius": 1 for k in range(40)}})
     assert "32" in str(refused(many))
+
+
+@pytest.mark.parametrize(
+    ("shape", "shown", "size"),
+    [
+        ((60, 90, 3), (45, 60), (30, 45)),
+        ((60, 90, 3), (90, 20), (20, 30)),
+        ((60, 90, 4), (89, 60), (59, 89)),
+        ((4, 400, 3), (40, 40), (1, 40)),  # a line stays a line
+        ((400, 4, 3), (40, 40), (40, 1)),
+    ],
+)
+def test_pictures_are_made_as_small_as_they_are_shown_in_their_shape(
+    shape: tuple[int, ...], shown: tuple[int, int], size: tuple[int, int]
+) -> None:
+    codes = np.random.default_rng(2).integers(0, 256, shape, np.uint8)
+    small = messages.shrink(codes, *shown)
+    assert small.shape == (*size, shape[2]) and small.dtype == np.uint8
+    assert small.mean(axis=(0, 1)) == pytest.approx(codes.mean(axis=(0, 1)), abs=3)
+    if shape[:2] == (2 * size[0], 2 * size[1]):
+        means = codes.reshape(size[0], 2, size[1], 2, -1).mean(axis=(1, 3))
+        assert np.abs(small - means).max() <= 0.5
+    for larger in ((shape[1], shape[0]), (1000, 1000)):
+        assert messages.shrink(codes, *larger) is codes

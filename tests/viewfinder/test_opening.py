@@ -1,10 +1,15 @@
 """A scene whose camera finds no focus or no light by itself is shown by hand, so that there is a picture to aim by."""
 
+import threading
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from rptcam_cl.api.session import RenderSession
 from rptcam_cl.scene.load import load_scene, set_keys
+from rptcam_cl.viewfinder.engine import Viewfinder
+from rptcam_cl.viewfinder.server import ViewServer
 from rptcam_cl.viewfinder.studio import open_session
 from tests.viewfinder.page_client import SCENE, at_rest, page, serving
 
@@ -48,6 +53,19 @@ def test_blind_scene_is_shown_with_its_error_and_focused_again_once_it_is_mended
         assert "distance_m: 0.95" in client.ask(3, "scene").header["yaml"]
 
 
+@pytest.mark.parametrize(("text", "by_hand"), [(BLIND, "distance_m: 1"), (DARK, "exposure: relative")])
+def test_scene_that_stays_blind_is_shown_as_it_is_edited(tmp_path: Path, text: str, by_hand: str) -> None:
+    path = tmp_path / "even.yaml"
+    path.write_text(text)
+    with serving(path) as (_, server), page(server) as client:
+        before = client.ask(1, "scene").header["yaml"]
+        path.write_text(text.replace("radius: 0.15", "radius: 0.25"))
+        client.wait(lambda message: message.type == "notice" and message.header["kind"] == "watch")
+        after = client.ask(2, "scene").header["yaml"]
+        assert by_hand in before and by_hand in after
+        assert "radius: 0.15" in before and "radius: 0.25" in after
+
+
 LAMP = "lights: [{kind: point, position: [1, 1, 1], intensity: 5}]"
 NIGHT = SCENE.replace("environment: {kind: constant, radiance: [0.4, 0.5, 0.6]}", LAMP)
 
@@ -67,14 +85,42 @@ def test_camera_may_be_turned_into_the_dark_and_back(tmp_path: Path, automatic: 
         assert all("finds no light" in text for text in wrong)
 
 
-def test_reset_goes_back_to_the_last_good_scene_and_the_error_of_the_file_stays(tmp_path: Path) -> None:
-    path = tmp_path / "ball.yaml"
+def test_reset_goes_back_to_the_last_good_scene_and_the_error_of_the_file_stays(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, tried = tmp_path / "ball.yaml", []
     path.write_text(SCENE)
+    replace = RenderSession.replace
+
+    def counted(session: RenderSession, *given: Any, **options: Any) -> Any:
+        tried.append(given)
+        return replace(session, *given, **options)
+
+    monkeypatch.setattr(RenderSession, "replace", counted)
     with serving(path) as (_, server), page(server) as client:
         client.frame()
         path.write_text(BLIND)
         client.wait(lambda message: message.type == "error")
+        assert len(tried) == 1  # autofocus takes seconds, and fails as it did
         assert client.ask(1, "reset", what="all").type == "done"
         assert "distance_m: 0.95" in client.ask(2, "scene").header["yaml"]
         with page(server) as later:
             assert later.wait(lambda message: message.type == "error").header["source"] == "scene"
+
+
+def test_device_is_free_once_a_viewfinder_is_closed_though_a_page_looks(tmp_path: Path) -> None:
+    path = tmp_path / "ball.yaml"
+    path.write_text(SCENE)
+    finder = Viewfinder(path)
+    server = ViewServer(finder)
+    thread = threading.Thread(target=server.run, daemon=True)
+    thread.start()
+    try:
+        with page(server) as client:
+            client.frame()
+            assert finder.holds_device
+            assert finder.close(60.0)
+            assert not finder.holds_device
+    finally:
+        server.stop()
+        thread.join(10)

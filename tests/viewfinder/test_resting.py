@@ -11,7 +11,7 @@ import yaml
 import rptcam_cl
 from rptcam_cl.viewfinder.delivery import Delivery
 from rptcam_cl.viewfinder.dials import meter_needle, turn_dial
-from rptcam_cl.viewfinder.messages import Client, ClientSettings, codes_of
+from rptcam_cl.viewfinder.messages import MOST_UNACKNOWLEDGED, Client, ClientSettings, codes_of
 from rptcam_cl.viewfinder.panel import Panel
 from rptcam_cl.viewfinder.studio import Slot
 from tests.viewfinder.page_client import SCENE
@@ -63,11 +63,43 @@ def histograms(slot: Slot) -> dict[str, Any]:
     """Return the histograms that a page gets of the picture that is shown."""
     client = Client(1, lambda: None)
     client.settings = ClientSettings(panels=("histogram",))
-    delivery = Delivery()
+    delivery = Delivery(lambda: False)
     delivery.deliver(slot, [client])
     delivery.count(slot, [client])
     (found,) = [message for key, message in client.outbox._news.items() if key == ("histogram", "A")]
     return dict(found)
+
+
+def test_a_picture_goes_once_to_each_page_that_has_room(slots: Any) -> None:
+    slot, delivery = slots(scene()), Delivery(lambda: False)
+    first, full = (Client(number, lambda: None) for number in (1, 2))
+    for number in range(MOST_UNACKNOWLEDGED):
+        full.outbox.frame(("other", number), ({}, b""))
+    assert not delivery.deliver(slot, [first])  # there is no picture yet
+    slot.show(slot.glance(), False, {})
+    assert delivery.deliver(slot, [first, full])
+    assert list(first.outbox._frames) == [("A", "picture")] and ("A", "picture") not in full.outbox._frames
+    assert not delivery.deliver(slot, [first, full])  # which have it, and have no room
+    full.outbox._frames.clear()
+    assert delivery.deliver(slot, [first, full])
+    assert list(full.outbox._frames) == [("A", "picture")]
+    first.outbox._frames.clear()
+    slot.show(slot.glance(), False, {})
+    assert delivery.deliver(slot, [first]) and list(first.outbox._frames) == [("A", "picture")]
+
+
+def test_difference_goes_once_to_each_page(slots: Any) -> None:
+    a, b, client = slots(scene()), slots(scene()), Client(1, lambda: None)
+    delivery = Delivery(lambda: False)
+    for slot in (a, b):
+        delivery.difference(a, b, [client])
+        assert client.outbox.is_clear  # as long as one of them has no picture
+        slot.show(slot.glance(), False, {})
+    delivery.difference(a, b, [client])
+    assert not client.outbox.is_clear
+    client.outbox._frames.clear()
+    delivery.difference(a, b, [client])
+    assert client.outbox.is_clear
 
 
 def test_raw_histogram_counts_the_numbers_that_the_raw_file_holds(slots: Any) -> None:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 from PIL import Image as Pillow
 
 from rptcam_cl.api.interface import render
@@ -16,6 +17,8 @@ from rptcam_cl.device.fork_server import CompileServer
 from rptcam_cl.device.session import open_session
 from rptcam_cl.imaging.image import read_film
 from rptcam_cl.scene.load import load_scene
+from rptcam_cl.studies.focus.controller import autofocus
+from rptcam_cl.viewfinder import engine
 from rptcam_cl.viewfinder.engine import Viewfinder
 from rptcam_cl.viewfinder.moves import focus_order
 from rptcam_cl.viewfinder.server import ViewServer
@@ -117,6 +120,46 @@ def test_what_is_wrong_is_answered_and_the_server_lives(client: Page, text: str,
     assert error.header["id"] == number
     assert error.header["message"]
     assert client.ask(91, "scene").header["yaml"] == before, "nothing has changed"
+
+
+def test_unexpected_error_in_a_message_is_told_to_its_page_and_the_server_lives(
+    client: Page, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def odd(*_: Any) -> Any:
+        raise RuntimeError("what nobody thought of")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(engine, "turn_dial", odd)
+        error = client.ask(5, "dial", name="f_number", value=8)
+    assert error.type == "error" and error.header["source"] == "change"
+    assert "what nobody thought of" in error.header["message"]
+    assert client.ask(6, "dial", name="f_number", value=8).type == "done"
+    assert "f_number: 8" in client.ask(7, "scene").header["yaml"]
+
+
+@pytest.mark.parametrize("zones", [None, [[0.4, 0.6, 0.4, 0.6]]])
+def test_autofocus_is_at_the_zones_of_the_message(client: Page, zones: Any) -> None:
+    client.ask(5, "dial", name="focus_m", value=3)
+    found = client.ask(6, "autofocus", method="depth", zones=zones)
+    assert found.type == "focused", found.header
+    assert client.ask(7, "autofocus", method="depth", zones=[[0.6, 0.4, 0, 1]]).type == "error"
+    expected = autofocus(load_scene(yaml.safe_load(SCENE)), "depth", zones=zones)
+    assert found.header["distance_m"] == pytest.approx(expected.focus_distance_m, rel=1e-6)
+
+
+def test_file_that_cannot_be_read_for_an_odd_reason_is_told_as_well(
+    served: Served, client: Page, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def odd() -> Any:
+        raise RuntimeError("the disk is odd")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(served[0].origin, "load", odd)
+        served[0]._read_again()
+    error = client.wait(lambda message: message.type == "error")
+    assert error.header["source"] == "scene" and "the disk is odd" in error.header["message"]
+    served[0]._read_again()
+    assert client.ask(5, "dial", name="f_number", value=8).type == "done"
 
 
 def test_moves_change_the_camera_and_reset_brings_it_back(client: Page) -> None:

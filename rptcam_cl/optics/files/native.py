@@ -189,6 +189,9 @@ def crossed_surfaces(lens: Lens) -> tuple[str, ...]:
     return tuple(doubts)
 
 
+ACROSS, LOST = 33, 0.005  # rays across the first surface, and the share of them that counts
+
+
 def _doubts(lens: Lens) -> tuple[str, ...]:
     doubts = []
     data = first_order(lens, LINE_D_NM)
@@ -204,7 +207,7 @@ def _doubts(lens: Lens) -> tuple[str, ...]:
     for index, surface in enumerate(lens.surfaces):
         if surface.aspheric and not _monotone(surface):
             doubts.append(f"surface {index}: its sag turns back inside the rim; check the aspheric coefficients")
-    doubts += [*backward_gaps(lens), *crossed_surfaces(lens), *_in_the_way(lens)]
+    doubts += [*backward_gaps(lens), *crossed_surfaces(lens), *_in_the_way(lens), *_turned_too_far(lens)]
     doubts += filter(None, dict.fromkeys(continued_words(medium) for medium in lens.media))
     for place, value in enumerate(lens.indices(LINE_D_NM)):
         if value < THINNEST:
@@ -224,6 +227,25 @@ def _in_the_way(lens: Lens) -> tuple[str, ...]:
     return (
         f"surface {backwards[0]}: this mirror stands in the light that enters, which passes it all the same;"
         " inner_diameter on a surface before it would make a ring of the pupil",
+    )
+
+
+def _turned_too_far(lens: Lens) -> tuple[str, ...]:
+    """Return a doubt about light that a mirror turns by more than a right angle to its axis."""
+    radius = lens.surfaces[0].semi_diameter
+    if lens.fold is None or not np.isfinite(radius):
+        return ()
+    side = np.linspace(-radius, radius, ACROSS)
+    x, y = (part.ravel() for part in np.meshgrid(side, side))
+    along = np.broadcast_to([0.0, 0.0, 1.0], (len(x), 3))
+    there = lens.trace(np.stack([x, y, np.zeros(len(x))], axis=1), along, LINE_D_NM, "scene")
+    ends, back = there.origins[there.passed], -there.directions[there.passed]
+    lost = 1.0 - float(lens.trace(ends - back, back, LINE_D_NM, "film").passed.mean()) if len(ends) else 0.0
+    if lost < LOST:
+        return ()
+    return (
+        f"{100 * lost:.0f} % of the light on the axis is turned by more than a right angle to a mirror's axis: spots"
+        " and wavefronts have it, but renders and irradiance on the film lack it",
     )
 
 

@@ -6,6 +6,8 @@ import math
 from dataclasses import field
 from typing import Any
 
+import numpy as np
+
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.files.glass_catalogues import makers_of
@@ -40,6 +42,7 @@ class _Surface:
     inner_radius: float = 0.0
     outer_radius: float = 0.0
     offset: tuple[float, float] = (0.0, 0.0)
+    bends: list[tuple[int, list[str], list[float]]] = field(default_factory=list)
 
     @property
     def is_mirror(self) -> bool:
@@ -94,6 +97,7 @@ def read_zemax(text: str, path: str, makers: tuple[str, ...] = ()) -> Lens:
         frame.advance(thickness)
         table.rows.append(row)
         openings.append(surface.has_aperture)
+    _bend_image(frame, surfaces, table)
     table.place(frame)
     _trim(table, openings)
     table.size_stop()
@@ -181,8 +185,8 @@ def _take(surface: _Surface, key: str, rest: list[str], line: int, table: LensTa
     elif key == "GLAS":
         surface.glass = rest
         surface.line = line
-    elif key == "SCBD" and any(numbers(rest[3:], table.path, line)):
-        table.note(line, "SCBD, a decentre and tilt in a surface's own line, is ignored")
+    elif key == "SCBD" and any(values := numbers(rest[3:8], table.path, line)):
+        surface.bends.append((line, rest[:2], [*values, *[0.0] * (5 - len(values))]))
     elif key == "OBDC":
         x, y = numbers(rest[:2], table.path, line, 2)
         surface.offset = (x, y)
@@ -308,6 +312,24 @@ def _break(frame: AxisFrame, surface: _Surface) -> None:
     p = surface.parameters
     tilt_first = bool(p.get(6))
     frame.bend((p.get(1, 0.0), p.get(2, 0.0), 0.0), (p.get(3, 0.0), p.get(4, 0.0), p.get(5, 0.0)), tilt_first)
+
+
+def _bend_image(frame: AxisFrame, surfaces: list[_Surface], table: LensTable) -> None:
+    """Decentre and tilt the image as its own line says (SCBD 1: before the surface); of others say that it is not read.
+
+    Light may come to either side of an image, but to a film along its axis, or against it behind an odd mirror.
+    """
+    for surface in surfaces:
+        for line, (when, order), (x, y, *tilt) in surface.bends:
+            if surface is not surfaces[-1] or when != "1" or not frame.stands:
+                table.note(line, "SCBD, a decentre and tilt in a surface's own line, is ignored")
+                continue
+            frame.bend((x, y, 0.0), (tilt[0], tilt[1], tilt[2]), order != "0")
+            _, place, turn, _ = frame.stands[-1]
+            arriving = frame.place - place - turn @ np.array([*surfaces[-2].offset, 0.0])
+            mirrors = sum(surface.is_mirror for surface in surfaces)
+            if (-1) ** mirrors * float(frame.turn[:, 2] @ arriving) < 0:
+                frame.bend((0.0, 0.0, 0.0), (180.0, 0.0, 0.0))
 
 
 def _trim(table: LensTable, openings: list[bool]) -> None:

@@ -24,6 +24,7 @@ from rptcam_cl.core.records import (
 )
 from rptcam_cl.optics.ghosts import steps
 from rptcam_cl.optics.lens import Lens
+from rptcam_cl.optics.pupils import UNMOVED, FilmFrame
 from rptcam_cl.optics.ray_trace import IDEAL, LensTransmission, is_tinted, known_nm, passed_rays
 from rptcam_cl.optics.stop_shape import StopMask, StopShape
 from rptcam_cl.optics.surface import Region, Surface, SurfacePose
@@ -41,8 +42,12 @@ NODES = 48
 ENOUGH = 1e-8  # error of an index ratio that float32 does not see
 ENOUGH_IN_DOUBLE = 1e-13
 EXTREMES_NM = (440.0, 640.0)  # between which nine tenths of what the eye sees in daylight lies
-FIELDS = (0.0, 0.7, 1.0)  # film points along the half diagonal that are probed
-PUPIL = 5  # rays along a side of the square of rays of each of them
+ALL_BUT = 0.9  # share of the light whose colours fall no farther from their place
+FEWEST, MANY, MOST = 1024, 4096, 16384  # rays that it is sought by, and that tell how well it is known
+STAYS = 0.005  # share of it that its sampling error may be
+CLEARLY = 4  # sampling errors off a bound, from which it needs to be known no better
+WIDER = 1.2  # radii of the exit pupil that rays aim at, as it grows and moves off the axis
+LATTICE = np.array([1, 182667, 469891, 498753])  # Cools, Kuo and Nuyens 2006
 FAR_MM = 1e9  # object plane where none is sharp
 
 
@@ -102,63 +107,116 @@ def fill_dispersion(records: NDArray[np.void], lens: Lens, backwards: bool) -> i
 
 
 def colour_error_px(
-    lens: Lens, film_distance_mm: float, focus_distance_mm: float | None, film: Film, wavelength_nm: float
-) -> float:
-    """Return how far from its place at the camera's wavelength light of another falls on the film, at most [pixels].
+    lens: Lens,
+    film_distance_mm: float,
+    focus_distance_mm: float | None,
+    film: Film,
+    wavelength_nm: float,
+    frame: FilmFrame = UNMOVED,
+    bound_px: float | None = None,
+) -> tuple[float, float]:
+    """Find how far from its place at the camera's wavelength light of another falls on the film, all but a tenth of it.
 
-    Rays from film points on the axis, at 0.7 and 1 of the half diagonal go through a square of points of the exit pupil
-    at the wavelength of the camera and at those of `EXTREMES_NM`; where they meet the object plane tells how far their
-    image points lie apart. Lateral and axial colour both count. It is coarse on purpose, as it decides whether colours
-    are rendered: 17 x 17 points of the pupil and 9 of the film find up to 41 % more for lenses that vignette much, and
-    a stray ray at a rim (petzval-51mm) made it 3.6 times as large as those find it.
+    Rays from the whole film through the whole exit pupil go on at the wavelength of the camera and at those of
+    `EXTREMES_NM`, the worse of which counts: where they meet the object plane tells how far apart their image points
+    lie. Lateral and axial colour both count. They become more until the sampling error is small, or the bound so far
+    away that it does not matter.
+
+    Parameters
+    ----------
+    bound_px
+        What the result is going to be compared with, if anything.
+
+    Returns
+    -------
+    error_px, sampling_px : float
+        The second is the standard error of the first, by the quarters of the rays.
     """
     low, high = usable_nm(lens)
     half_film_mm = np.array(film.size_m()) / 2 * 1e3
     pitch_mm = 2 * half_film_mm[0] / film.resolution[0]
     sharp = focus_distance_mm is not None and focus_distance_mm < FAR_MM
     plane_mm = lens.film_z(film_distance_mm) - (focus_distance_mm if sharp and focus_distance_mm else FAR_MM)
-    probe = _Probe(lens, film_distance_mm, plane_mm, wavelength_nm)
-    nudge, points = np.full(2, 1e-3 * pitch_mm), np.array(FIELDS)[:, None] * half_film_mm
-    here, beside = np.split(probe.meets(np.concatenate([points, points - nudge]), wavelength_nm), 2)
-    ends = [probe.meets(points, min(max(end, low), high)) for end in EXTREMES_NM]
-    worst = 0.0
-    for field, meets in enumerate(here):
-        scale = _largest(beside[field] - meets) / float(np.linalg.norm(nudge))
-        for end in ends:
-            worst = max(worst, _largest(end[field] - meets) / (scale * pitch_mm) if scale > 0 else 0.0)
-    return worst
+    probe = _Probe(lens, film_distance_mm, plane_mm, wavelength_nm, frame)
+    ends_nm = [min(max(end, low), high) for end in EXTREMES_NM]
+    apart = np.empty((0, len(ends_nm)))
+    traced = 0
+    while True:
+        places = _lattice(traced, max(traced, FEWEST))
+        traced += len(places)
+        apart = np.concatenate([apart, probe.colours(places, half_film_mm, 1e-3 * pitch_mm, ends_nm) / pitch_mm])
+        if len(apart) < 4:  # next to nothing passes
+            error, spread = float(apart.max(initial=0.0)), np.inf
+        else:
+            error = float(np.quantile(apart, ALL_BUT, axis=0).max())
+            quarters = [np.quantile(part, ALL_BUT, axis=0).max() for part in np.array_split(apart, 4)]
+            spread = float(np.std(quarters, ddof=1)) / 2
+        is_clear = bound_px is not None and abs(error - bound_px) > CLEARLY * spread
+        if traced >= MOST or is_clear or (traced >= MANY and spread <= STAYS * error):
+            return error, min(spread, error)
 
 
-def _largest(places: Array) -> float:
-    """Return the largest length of vectors (n, 2), of those that are numbers; 0 where none is."""
-    lengths = np.hypot(places[:, 0], places[:, 1])
-    return float(lengths[np.isfinite(lengths)].max(initial=0.0))
+def _lattice(start: int, count: int) -> Array:
+    """Return points of an endless lattice (count, 4) that fills the unit cube more and more evenly."""
+    numbers, halves, share = np.arange(start, start + count), np.zeros(count), 0.5
+    while numbers.any():  # van der Corput: the digits of two in reverse
+        halves, numbers, share = halves + share * (numbers & 1), numbers >> 1, share / 2
+    return np.asarray((np.outer(halves, LATTICE) + 0.5 / MOST) % 1.0)
 
 
 class _Probe:
-    """Rays from film points through a square of points of the paraxial exit pupil to a plane of the scene."""
+    """Rays from film points through points of the paraxial exit pupil to a plane of the scene."""
 
-    def __init__(self, lens: Lens, film_distance_mm: float, plane_mm: float, wavelength_nm: float) -> None:
+    def __init__(
+        self, lens: Lens, film_distance_mm: float, plane_mm: float, wavelength_nm: float, frame: FilmFrame
+    ) -> None:
         self.lens, self.film_z, self.plane_mm = lens, lens.film_z(film_distance_mm), plane_mm
+        self.wavelength_nm, self.frame = wavelength_nm, frame
         pupil = lens.first_order(wavelength_nm).exit_pupil
         distance, radius = pupil.distance_mm, pupil.diameter_mm / 2
         if not (np.isfinite(distance) and np.isfinite(radius)):
             distance, radius = 0.0, lens.surfaces[-1].semi_diameter
-        side = np.linspace(-0.6, 0.6, PUPIL) * radius
-        x, y = (values.ravel() for values in np.meshgrid(side, side))
-        self.aims = np.stack([x, y, np.full(len(x), lens.film_z(distance))], axis=1)
+        self.aim_z, self.radius = lens.film_z(distance), WIDER * radius
 
-    def meets(self, points: Array, wavelength_nm: float) -> Array:
-        """Return where rays from film points (k, 2) meet the plane, (k, n, 2); not a number where they are blocked."""
-        origins = np.concatenate([points, np.full((len(points), 1), self.film_z)], axis=1)[:, None]
-        directions = self.aims - origins
-        directions *= -self.lens.sense * np.sign(directions[..., 2:])  # also through a pupil behind the film
-        origins = np.broadcast_to(origins, directions.shape).reshape(-1, 3)
+    def colours(self, places: Array, half_film_mm: Array, nudge_mm: float, ends_nm: list[float]) -> Array:
+        """Return how far on the film light of other wavelengths falls from its place (rays that pass, wavelengths).
+
+        Parameters
+        ----------
+        places
+            (n, 4) in the unit cube: two coordinates on the film, two in the pupil.
+        nudge_mm
+            Between film points that tell the scale of the picture.
+        """
+        film = (2 * places[:, :2] - 1) * half_film_mm
+        reach, turn = self.radius * np.sqrt(places[:, 2]), 2 * np.pi * places[:, 3]
+        aims = np.stack([reach * np.cos(turn), reach * np.sin(turn), np.full(len(reach), self.aim_z)], axis=1)
+        here = self._meets(film, aims, self.wavelength_nm)
+        seen = np.isfinite(here[:, 0])
+        film, aims, here = film[seen], aims[seen], here[seen]
+        right, up = (
+            (here - self._meets(film - step, aims, self.wavelength_nm)) / nudge_mm for step in np.eye(2) * nudge_mm
+        )
+        with np.errstate(all="ignore"):
+            area = right[:, 0] * up[:, 1] - right[:, 1] * up[:, 0]
+            moved = [self._meets(film, aims, end) - here for end in ends_nm]
+            apart = [
+                np.hypot(x * up[:, 1] - y * up[:, 0], right[:, 0] * y - right[:, 1] * x) / abs(area)
+                for x, y in (each.T for each in moved)
+            ]
+        lengths = np.stack(apart, axis=1)
+        return np.asarray(lengths[np.isfinite(lengths).all(axis=1)])
+
+    def _meets(self, film: Array, aims: Array, wavelength_nm: float) -> Array:
+        """Return where rays from points of the film (n, 2) meet the plane (n, 2); not a number where one is blocked."""
+        origins = self.frame.points(film) + np.array([0.0, 0.0, self.film_z])
+        directions = aims - origins
+        directions *= -self.lens.sense * np.sign(directions[:, 2:])  # also through a pupil behind the film
         places = np.full((len(origins), 2), np.nan)
-        passed, p, d = passed_rays(self.lens, origins, directions.reshape(-1, 3), wavelength_nm)
+        passed, p, d = passed_rays(self.lens, origins, directions, wavelength_nm)
         with np.errstate(all="ignore"):
             places[passed] = (p[:2] + (self.plane_mm - p[2]) / d[2] * d[:2]).T
-        return places.reshape(len(points), -1, 2)
+        return places
 
 
 # The surfaces of a lens as device records, in the order in which rays from one side meet them, and their facts.

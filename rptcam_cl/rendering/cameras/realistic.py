@@ -41,7 +41,7 @@ from rptcam_cl.rendering.cameras.shared_pupil import Window, paraxial_irradiance
 from rptcam_cl.scene.film import LensColour
 from rptcam_cl.scene.scene import Scene
 
-SHOWS_PX = 0.5  # colour error that a picture shows [pixels]
+SHOWS_PX = 0.5  # colour error that a picture shows, of all but a tenth of the light [pixels]
 SHOWS_TINT = 0.01  # share of the light by which colours differ that it shows
 TINTS_NM = (450.0, 545.0, 610.0)  # about what blue, green and red see
 AXIAL_SAMPLES = 9  # wavelengths at which the irradiance on the axis is found
@@ -208,12 +208,16 @@ def _colour(scene: Scene, setting: LensSetting, wanted: LensColour) -> tuple[boo
     """Return whether the lens refracts each wavelength separately, and what metadata say of that."""
     if wanted == "off" or not (disperses(setting.lens) or is_tinted(setting.lens, setting.transmission)):
         return False, {}
-    error_px = _colour_error(
-        setting.lens, setting.film_distance_mm, setting.focus_distance_mm, scene.film, setting.camera.wavelength_nm
-    )
+    error_px, sampling_px = _colour_error(
+        setting.lens, setting.film_distance_mm, setting.focus_distance_mm, scene.film, setting.camera.wavelength_nm,
+        film_frame(scene.camera), SHOWS_PX,
+    )  # fmt: skip
     tint = lens_tint(scene, setting)
     shows = error_px > SHOWS_PX or tint > SHOWS_TINT
-    metadata: CameraMetadata = {"lens_colour_px": round(error_px, 4)}
+    metadata: CameraMetadata = {
+        "lens_colour_px": round(error_px, 4),
+        "lens_colour_sampling_px": round(sampling_px, 4),
+    }
     if tint:
         metadata["lens_tint"] = round(tint, 4)
     return wanted == "on" or shows, metadata

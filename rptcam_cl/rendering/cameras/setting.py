@@ -102,6 +102,7 @@ class CameraMetadata(SamplingMetadata, total=False):
     lens_error_px: float
     lens_light_error: float
     lens_colour_px: float
+    lens_colour_sampling_px: float  # its standard error
     lens_tint: float
     lamps_aimed_at: int
     working_f_number: float

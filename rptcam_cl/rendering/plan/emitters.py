@@ -21,6 +21,7 @@ from rptcam_cl.core.records import (
     TINY_ANGLE,
     EmitterKind,
     EnvironmentKind,
+    Hidden,
     Kind,
     TexelFormat,
     curves,
@@ -33,6 +34,7 @@ from rptcam_cl.rendering.plan.textures import Colours, KnownSpectra, TextureTabl
 from rptcam_cl.scene.assets.mesh import Mesh
 from rptcam_cl.scene.lights import (
     DirectionalLight,
+    Environment,
     Light,
     Luminaire,
     PointLight,
@@ -72,6 +74,7 @@ def light_emitter(
         case SunLight():
             colour = light.irradiance
             power = fill_sun(record, colour, light.diameter_degrees / 2) * np.pi * reach**2
+            record["hidden"] = _hidden_from_camera(light, scene)
     # The spectrum is scaled as the record has its colour.
     largest = int(np.argmax(colour))
     gain = float(record["radiance"][largest]) / colour[largest] if colour[largest] > 0 else 0.0
@@ -81,6 +84,10 @@ def light_emitter(
     else:
         record["a"][:3] = (world_from_scene(scene) @ (*light.position, 1.0))[:3]
     return record, power
+
+
+def _hidden_from_camera(part: SunLight | Environment, scene: Scene) -> int:
+    return 0 if part.visible.camera and not scene.film.transparent else int(Hidden.FROM_CAMERA)
 
 
 def _without_surface() -> np.void:
@@ -439,6 +446,7 @@ class Emitters:
             "ONE_EMITTER": int(self.count == 1),
             "LIGHT_TREE": int(self.tree is not None),
             "TINY_LAMPS": int(self.tiny),
+            "HIDDEN_SUNS": int(np.any((self.records["kind"] == EmitterKind.SUN) & (self.records["hidden"] > 0))),
             "EMITTER_TEXTURES": int(painted[: self.count].any()),
             **{fact: int(bool(self.kinds & kinds)) for fact, kinds in EMITTER_FACTS.items()},
         }
@@ -588,10 +596,13 @@ def pack_emitters(
     lights = [light_emitter(light, scene, textures, spectra, reach) for light in scene.lights]
     if surroundings.kind is EnvironmentKind.IMAGE:
         record = _without_surface()
-        fill(record, kind=EmitterKind.ENVIRONMENT)
+        assert scene.environment is not None
+        fill(record, kind=EmitterKind.ENVIRONMENT, hidden=_hidden_from_camera(scene.environment, scene))
         lights.append((record, surroundings.flux * np.pi * reach**2))
     if surroundings.sun is not None:
+        assert scene.environment is not None
         lights.append(sun_emitter(*surroundings.sun, reach))
+        lights[-1][0]["hidden"] = _hidden_from_camera(scene.environment, scene)
     lights = sorted((each for each in lights if each[1] > 0), key=lambda each: each[0]["kind"] == EmitterKind.SUN)
     chosen += [(np.array([record], EMITTER.dtype), np.array([power])) for record, power in lights]
     count = sum(len(records) for records, _ in chosen)
@@ -663,8 +674,33 @@ def _surface_emitters(
         if emitter is not None:
             of_primitive[index] = count
             count += len(emitter[0])
+            emitter[0]["hidden"] = primitive.hidden
             chosen.append(emitter)
     return chosen, of_primitive
+
+
+def by_samples_alone(primitives: Sequence[Primitive], emitters: Emitters) -> bool:
+    """Return whether light sampling has to find all light of lamps: paths and shadow rays meet different things.
+
+    Raises
+    ------
+    InputError
+        For a lamp that only paths find and that is hidden from them.
+    """
+    either = Hidden.FROM_SHADOW | Hidden.FROM_REFLECTION
+    alone = False
+    for index, primitive in enumerate(primitives):
+        kinds = primitive.hidden & either
+        if not kinds:
+            continue
+        shines = isinstance(primitive.material, Emissive)
+        if shines and kinds & Hidden.FROM_REFLECTION and index not in emitters.of_primitive:
+            raise InputError(
+                f"objects.{primitive.object}.visible.reflection: this lamp would light nothing: what moves, has holes"
+                " or is a plane is found by its reflection alone (allowed: true)"
+            )
+        alone |= kinds != either or shines
+    return alone
 
 
 # Lamps that the camera may see out of focus, as it sees them.
@@ -684,7 +720,10 @@ def visible_lamps(primitives: Sequence[Primitive], eye: Array, textures: Texture
     lamps = (
         _see_lamp(primitive, eye, shining[id(primitive.material)])
         for primitive in primitives
-        if id(primitive.material) in shining and primitive.trajectory is None and primitive.kind is not Kind.PLANE
+        if id(primitive.material) in shining
+        and primitive.trajectory is None
+        and primitive.kind is not Kind.PLANE
+        and not primitive.hidden & Hidden.FROM_CAMERA
     )
     return tuple(lamp for lamp in lamps if lamp is not None)
 

@@ -19,14 +19,7 @@ from rptcam_cl.core.colour import (
 from rptcam_cl.core.constants import LUMENS_PER_WATT
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.records import ENVIRONMENT, EnvironmentKind, TexelFormat, curves, fill
-from rptcam_cl.rendering.plan.textures import (
-    PICTURES,
-    Colours,
-    KnownSpectra,
-    TextureTable,
-    linear_codes,
-    unpack_texels,
-)
+from rptcam_cl.rendering.plan.textures import PICTURES, Colours, KnownSpectra, TextureTable, linear_codes, unpack_texels
 from rptcam_cl.scene.lights import ConstantEnvironment, GradientEnvironment, ImageEnvironment, SkyEnvironment
 from rptcam_cl.scene.quantities import Colour
 from rptcam_cl.scene.scene import Scene

@@ -29,6 +29,7 @@ from rptcam_cl.rendering.plan.emitters import (
     SOLIDS,
     Emitters,
     area_of_solid,
+    by_samples_alone,
     pack_emitters,
     triangle_emitters,
     visible_lamps,
@@ -326,7 +327,8 @@ def pack_caustics(
         return _without(None)
     kinds = {(id(each.material), each.kind is Kind.PLANE): each for each in primitives}
     role_of = {key: _role(primitive) for key, primitive in kinds.items()}
-    roles = np.array([role_of[id(each.material), each.kind is Kind.PLANE] for each in primitives] or [0], np.int32)
+    of_each = [0 if each.hidden else role_of[id(each.material), each.kind is Kind.PLANE] for each in primitives]
+    roles = np.array(of_each or [0], np.int32)
     if reason := _nothing_to_do(roles, emitters):
         return _without(reason if "caustics" in scene.render.model_fields_set else None)
     if any(primitive.trajectory is not None for primitive in primitives):
@@ -536,7 +538,7 @@ def _world(scene: Scene, parts: PlanParts) -> dict[str, Any]:
     solids, references = parts.part("solids", (scene.objects, named, far), lambda: _solids(scene, far))
     files = tuple(map(scene.digest_of, references))
     caustics = scene.render.caustics, "caustics" in scene.render.model_fields_set, scene.render.clamp is None
-    about = scene.camera.eye, scene.metres_per_unit, scene.shutter, caustics
+    about = scene.camera.eye, scene.metres_per_unit, scene.shutter, caustics, scene.film.transparent
     of = scene.objects, solids, named, far, files, about
     return parts.part("world", of, lambda: _pack_world(scene, parts, files))
 
@@ -560,17 +562,22 @@ def _pack_world(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> dict[
     records, kind_end = pack_primitives(primitives, shown.index, emitters.of_primitive, meshes)
     movements = pack_movements(scene, primitives)
     caustics = pack_caustics(scene, primitives, first_triangles, emitters)
+    hidden = np.array([primitive.hidden for primitive in primitives] or [0], np.int32)
     facts = caustics.facts | shown.facts | textures.facts | emitters.facts | movements.facts
     facts |= _facts_of_shapes(primitives, meshes, shown.facts) | {
         "ENVIRONMENT": int(surroundings.kind),
         "FEW_PRIMITIVES": int(len(primitives) <= FEW),
         "HUGE_SPHERES": int(has_huge_sphere(primitives)),
+        "HAS_HIDDEN": int(hidden.any()),
+        "HIDDEN_SKY": int(_hides_sky(scene)),
+        "LAMPS_BY_SAMPLES": int(by_samples_alone(primitives, emitters)),
     }
     return {
         "facts": facts,
         "primitives": records,
         "primitive_count": len(primitives),
         "kind_end": kind_end,
+        "hidden": hidden,
         "movements": movements,
         "materials": shown.records,
         "colours": (spectra, shown),
@@ -584,6 +591,11 @@ def _pack_world(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> dict[
         "albedo": largest_albedo(materials),
         "lamps": visible_lamps(primitives, eye_m, table),
     }
+
+
+def _hides_sky(scene: Scene) -> bool:
+    sky = scene.environment
+    return sky is not None and (scene.film.transparent or not sky.visible.camera)
 
 
 def _facts_of_shapes(
@@ -617,6 +629,7 @@ class Plan:
     primitives: NDArray[np.void]
     movements: Movements
     kind_end: NDArray[np.int32]
+    hidden: NDArray[np.int32]
     materials: NDArray[np.void]
     textures: Textures
     emitters: Emitters

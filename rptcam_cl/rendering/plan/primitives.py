@@ -508,6 +508,8 @@ class Primitive:
     mesh : Mesh or None
     trajectory : Trajectory or None
         Its way while the shutter is open, None where it stands still; the placement is that at the opening.
+    hidden : int
+        Rays that pass through it, a sum of `Hidden`.
     """
 
     kind: Kind
@@ -516,6 +518,7 @@ class Primitive:
     object: int
     mesh: Mesh | None = None
     trajectory: Trajectory | None = None
+    hidden: int = 0
 
 
 def affine(columns: ArrayLike, origin: ArrayLike) -> Matrix:
@@ -607,7 +610,8 @@ def scene_primitives(scene: Scene, parts: PlanParts | None = None) -> list[Primi
             placement = world @ item.placed_at(scene.shutter.open_s) @ canonical
             if kind is Kind.SPHERE and not _is_similarity(placement[:3, :3]):
                 kind = Kind.ELLIPSOID
-            primitives.append(Primitive(kind, placement, item.material, index, trajectory=_trajectory(scene, item)))
+            way, hidden = _trajectory(scene, item), item.visible.hidden
+            primitives.append(Primitive(kind, placement, item.material, index, trajectory=way, hidden=hidden))
     return sorted(primitives, key=lambda primitive: primitive.kind)
 
 
@@ -641,14 +645,14 @@ def _place_mesh(
         return PlacedMesh(
             item,
             [
-                Primitive(Kind.MESH, one.placement, material, index, one.mesh, one.trajectory)
+                Primitive(Kind.MESH, one.placement, material, index, one.mesh, one.trajectory, item.visible.hidden)
                 for one, material in zip(before.primitives, loaded.materials, strict=True)
             ],
         )
     scale = affine(scene.metres_per_unit * np.eye(3), np.zeros(3))
     trajectory = _trajectory(scene, item)
     primitives = [
-        Primitive(Kind.MESH, scale @ part.placement, part.material, index, part.mesh, trajectory)
+        Primitive(Kind.MESH, scale @ part.placement, part.material, index, part.mesh, trajectory, item.visible.hidden)
         for part in mesh_parts(scene, item)
     ]
     return PlacedMesh(item, primitives)

@@ -138,6 +138,39 @@ def _convert(image: Any) -> Picture:
     return Picture(texels_8, has_alpha=has_alpha, encoded=True)
 
 
+_LARGEST = {"uint8": 255, "uint16": 65535}  # code of an array of codes; all else is linear
+ARRAYS = "an array (height, width) or with 1, 3 or 4 channels, of uint8, uint16 or floats"
+
+
+def read_array(content: bytes) -> Picture:
+    """Return the picture of a NumPy file's content, top row first: codes as sRGB has them, floats linear.
+
+    Raises
+    ------
+    InputError
+        When it is damaged, or an array of another shape or kind.
+    """
+    stream = io.BytesIO(content)
+    try:
+        read = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
+        shape, _, dtype = read[np.lib.format.read_magic(stream)](stream)
+        if len(shape) not in (2, 3) or (*shape, 1)[2] not in (1, 3, 4) or dtype.kind not in "uf" or dtype.itemsize > 8:
+            raise InputError(f"is no picture (got {shape} of {dtype}; allowed: {ARRAYS})")
+        check_size(shape[1], shape[0])
+        if dtype.kind == "u" and dtype.name not in _LARGEST:
+            raise InputError(f"is no picture (got {shape} of {dtype}; allowed: {ARRAYS})")
+        stored = np.load(io.BytesIO(content), allow_pickle=False).reshape(*shape[:2], -1)
+    except (ValueError, KeyError, EOFError, SyntaxError) as problem:
+        raise InputError(f"is damaged ({problem}; allowed: {ARRAYS})") from None
+    channels, largest = stored.shape[2], _LARGEST.get(dtype.name)
+    texels = np.full((*shape[:2], 4), 255 if dtype == np.uint8 else 1, np.uint8 if dtype == np.uint8 else np.float32)
+    texels[..., : max(channels, 3)] = stored if dtype == np.uint8 or largest is None else stored / np.float32(largest)
+    negative = (0, 0.0)
+    if texels.dtype != np.uint8:
+        texels, negative = checked_floats(texels)
+    return Picture(texels, has_alpha=channels == 4, encoded=largest is not None, negative=negative)
+
+
 # OpenEXR pictures: the first part, its R, G, B and A or Y channels, over the display window.
 
 _EXR_MAGIC = b"\x76\x2f\x31\x01"
@@ -357,6 +390,8 @@ def read_picture(source: Path | bytes) -> Picture:
             raise InputError("is OpenEXR inside another file (allowed: PNG or JPEG there)")
         return read_exr(source)
     content = read_whole(source, LARGEST_FILE)
+    if head.startswith(np.lib.format.MAGIC_PREFIX):
+        return read_array(content)
     return read_radiance(content) if is_radiance(head) else read_bitmap(content)
 
 

@@ -12,6 +12,8 @@ from rptcam_cl.rendering.cameras.lamp_aim import SeenLamp, aimed_at_lamps
 from rptcam_cl.rendering.cameras.setting import lens_setting
 from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.scene.load import load_scene, set_keys
+from tests.device.probes import camera_rays
+from tests.support.statistics import Z, moment_scores
 
 LAMP = 18  # floats of a lamp in a block
 RADIUS = 0.004
@@ -104,6 +106,25 @@ def test_shares_stay_below_one_however_many_lamps_a_pixel_sees():
         sums[tuple(place)] = sums.get(tuple(place), 0.0) + lamp[0]
     assert 0.6 < max(sums.values()) <= 0.7
     assert model.metadata["lamps_aimed_at"] == 12
+
+
+@pytest.mark.parametrize(
+    ("camera", "radius"), [(THIN, 0.0125), (THIN | {"aperture": {"shape": "polygon", "blades": 5}}, 0.0125)],
+    ids=["round", "polygon"],
+)  # fmt: skip
+def test_rays_that_aim_at_lamps_weigh_as_if_all_filled_the_pupil_evenly(session, camera, radius):
+    lamps = [round_lamp([0, 0, -3.0]), round_lamp([0.01, -0.005, -2.5])]
+    scene = set_keys(scene_with(camera), {"film.resolution": [24, 16], "film.width_mm": 0.5})
+    rays = camera_rays(session, scene, 1024, change=lambda model: aimed_at_lamps(model, lamps, everything))
+    x, y = rays.origin[:, :2].T / radius
+    blades = 5 if "aperture" in camera else 0
+    mean = (2 + np.cos(2 * np.pi / blades)) / 12 if blades else 1 / 4  # of x^2
+    moments = np.stack([np.ones(len(x)), x, y, x**2, y**2, x * y], 1) * rays.weight[:, None]
+    assert np.abs(moment_scores(moments, [1, 0, 0, mean, mean, 0])).max() < Z
+    ahead = rays.origin + rays.direction * ((-3.0 - rays.origin[:, 2]) / rays.direction[:, 2])[:, None]
+    meet = np.hypot(*ahead[:, :2].T) < RADIUS  # the lamp on the axis, through 3 % of the pupil
+    assert 0.2 < meet.mean() < 0.6
+    assert rays.weight[meet].max() < 0.2
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ import pytest
 from rptcam_cl.optics.glass import AIR, ConstantIndex
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.library import load_lens
+from rptcam_cl.optics.ray_trace import Status
 from rptcam_cl.optics.stop_shape import StopShape
 from rptcam_cl.optics.surface import Region, Surface, SurfacePose
 from rptcam_cl.rendering import traceable_lens
@@ -48,6 +49,17 @@ def assert_traced_alike(session, lens, start, precision):
 def test_every_shape(session, name, start, precision):
     shape = replace(SHAPES[name], thickness=4.0, glass=GLASS, semi_diameter=6.0)
     assert_traced_alike(session, Lens(name, (shape, END)), start, precision)
+
+
+@pytest.mark.parametrize("name", ["ball", "ellipsoid"])
+def test_what_passes_beside_a_ball_misses_it_for_certain(session, name):
+    asphere = replace(SHAPES["even asphere"], thickness=2.0, glass=GLASS, semi_diameter=6.0)
+    ball = Surface(1 / 2.5, 4.0, semi_diameter=6.0, conic=-0.4 if name == "ellipsoid" else 0.0)
+    lens = Lens("asphere and ball", (asphere, ball, END))
+    assert_traced_alike(session, lens, "scene", "single")
+    rays = on_device(session, lens, *beam(lens, "scene"), "single", "scene")
+    assert (rays.status == Status.missed).sum() > 100
+    assert (rays.status != Status.no_convergence).all()
 
 
 @pytest.mark.parametrize("precision", PRECISIONS)

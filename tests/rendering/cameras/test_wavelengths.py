@@ -5,7 +5,9 @@ import pytest
 
 from rptcam_cl.core.records import DISPERSION_SCALE, DISPERSION_SHIFT
 from rptcam_cl.optics.library import list_lenses, load_lens
+from rptcam_cl.rendering.cameras import lens_records as records
 from rptcam_cl.rendering.cameras.lens_records import ENOUGH, disperses, fewest_terms, fit_nodes, lens_records, usable_nm
+from rptcam_cl.scene.film import Film
 from tests.optics.truth import truth
 from tests.rendering.cameras.beams import ASSIGNMENT, film_beam, generator, neighbours, on_device
 from tests.support.lenses import each_lens
@@ -144,3 +146,44 @@ def test_colour_of_bundled_lenses_is_that_of_the_truth_files(session, name):
                 y, z = rays.origins[0, 1:]
                 height = y + (film_mm - z) * rays.directions[0, 1] / rays.directions[0, 2]
                 assert height == pytest.approx(field[label]["chief_ray"]["image_y"], abs=3e-5)
+
+
+def matrix_to_scene(lens, film_mm, object_mm, wavelength_nm):
+    """Paraxial (height, slope) from the film to a plane so far ahead of the first vertex, of surfaces in air."""
+    total = np.array([[1.0, film_mm], [0.0, 1.0]])
+    indices = lens.indices(wavelength_nm)
+    for k in range(len(lens.surfaces) - 1, -1, -1):
+        before, behind, surface = indices[k], indices[k + 1], lens.surfaces[k]
+        total = np.array([[1.0, 0.0], [surface.curvature * (before - behind) / before, behind / before]]) @ total
+        total = np.array([[1.0, lens.surfaces[k - 1].thickness if k else object_mm], [0.0, 1.0]]) @ total
+    return total
+
+
+def test_colour_of_a_single_lens_on_the_axis_is_that_of_paraxial_optics():
+    lens = load_lens("plano-convex-100mm")
+    lens = lens.with_stop_diameter(lens.stop_diameter_for(25.0))
+    first = lens.first_order()
+    film_mm, object_mm = first.back_focal_distance_mm, 1e9
+    here, *ends = (matrix_to_scene(lens, film_mm, object_mm, nm) for nm in (587.5618, 440.0, 640.0))
+    to_pupil = film_mm - first.exit_pupil.distance_mm
+    per_film_mm = here[0, 0] - here[0, 1] / to_pupil
+    rim_mm = max(abs(end[0, 1] - here[0, 1]) / to_pupil * first.exit_pupil.diameter_mm / 2 for end in ends)
+    expected_px = np.sqrt(0.9) * rim_mm / abs(per_film_mm) / 0.001  # nine tenths of the light pass within that height
+    film = Film(resolution=(100, 100), width_mm=0.1)
+    got, sampling = records.colour_error_px(lens, film_mm, None, film, 587.5618)
+    assert got == pytest.approx(expected_px, rel=0.005)
+    assert sampling < 0.005 * got
+
+
+@pytest.mark.parametrize("name", ["achromat-100mm", "petzval-51mm", "anamorphic-100mm", "zoom-35-51mm"])
+def test_colour_error_stays_within_its_sampling_error_with_more_rays(name, monkeypatch):
+    lens = load_lens(name)
+    film = Film(resolution=(300, 200), width_mm=24)
+    of = lens, lens.first_order().back_focal_distance_mm, None, film, 587.5618
+    got, sampling = records.colour_error_px(*of)
+    bounded, less_known = records.colour_error_px(*of, bound_px=0.01 * got)
+    monkeypatch.setattr(records, "MANY", 4 * records.MOST)
+    monkeypatch.setattr(records, "MOST", 4 * records.MOST)
+    more, _ = records.colour_error_px(*of)
+    assert abs(got - more) < 4 * sampling < 0.06 * more
+    assert abs(bounded - more) < 6 * less_known < more

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.rendering.film import MOST_CELLS, MOST_PHOTONS, pass_of, within_passes
+from rptcam_cl.rendering.film import MOST_CELLS, MOST_PHOTONS, PhotonPass, pass_of, within_passes
 from rptcam_cl.rendering.plan.plan import make_plan
-from rptcam_cl.rendering.scene_buffers import first_radius, sorted_by_cell
+from rptcam_cl.rendering.scene_buffers import FIRST_PHOTONS, PILOT_PHOTONS, first_radius, sorted_by_cell
 from rptcam_cl.scene.load import load_scene
 from tests.rendering.caustics.test_photons import LAMP, ball, glasses, lamp, scene
 
@@ -69,6 +69,13 @@ def test_radius_follows_the_density_of_most_photons():
     assert far == pytest.approx(10 * near, rel=1e-3)
     astray = np.concatenate([plane, np.full((20, 3), 1e4) * np.arange(1, 21)[:, None]])
     assert first_radius(photons_at(astray), 10**5) == pytest.approx(near, rel=0.05)
+
+
+def test_first_radius_holds_so_many_photons_of_a_pass():
+    half = photons_at(np.random.default_rng(4).uniform(0, 0.5, (2000, 3)) * [1, 1, 0])  # on a quarter of a square metre
+    per_m2 = 2000 / 0.25 * PhotonPass(0, 0, 1).photons(10**4) / PILOT_PHOTONS  # of a pass of one sample
+    assert first_radius(half, 10**4) == pytest.approx((FIRST_PHOTONS / per_m2 / np.pi) ** 0.5, rel=0.1)
+    assert first_radius(half[:5], 10**4) == 1  # too few to tell
 
 
 GREY_BALL = {"kind": "matte", "reflectance": 0.5}

@@ -86,6 +86,17 @@ def test_thin_lens_blurs_by_the_closed_form():
     assert of_panel(CAMERAS["thin_lens"], 2.0, CENTRE).max() < 1e-4
 
 
+def test_centred_lens_blurs_alike_on_both_sides():
+    """Between the nodes of the film, at which alone the lens is traced."""
+    wall = {"shape": "plane", "point": [0, 0, -0.8], "normal": [0, 0, 1], "material": "dark"}
+    scene = {"camera": CAMERAS["double_gauss"] | FORWARD, "film": {"resolution": [48, 32], "width_mm": WIDTH_MM},
+             "objects": [wall], "materials": {"dark": {"kind": "matte", "reflectance": 0}}}  # fmt: skip
+    told = rptcam_cl.render(scene, spp=16, layers=["coc"])["coc"]
+    np.testing.assert_allclose(told[:, ::-1], told, rtol=3e-3)  # rays of a pixel meet the wall at other distances
+    np.testing.assert_allclose(told[::-1], told, rtol=3e-3)
+    assert np.ptp(told[16]) > 0.05 * told[16, 24]
+
+
 def test_sky_is_blurred_as_what_is_infinitely_far():
     focal, stop = 0.05, 0.05 / 2.8
     image_distance = 1 / (1 / focal - 1 / 2.0)

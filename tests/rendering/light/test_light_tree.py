@@ -165,6 +165,17 @@ def test_picks_are_finite_at_the_extremes(session, plan, scale) -> None:
         assert (picked < plan.emitters.count).all()
 
 
+def test_the_number_zero_picks_no_lamp_where_all_light_comes_from_afar(session) -> None:
+    plan = planned([{"kind": "directional", "direction": [0, 0, 1], "irradiance": 1e30}])
+    far_below = ([0, 0, -1e10], [0, 0, -1])  # where the lamps' share of the light is 0 to float32
+    count = plan.emitters.count
+    _, _, chances = probed(session, plan, *far_below, 0.0, np.arange(count))
+    np.testing.assert_allclose(chances, np.arange(count) == count - 1, rtol=1e-6)
+    picked, pick, _ = probed(session, plan, *far_below, 0.0)
+    assert picked[0] == count - 1
+    assert pick[0] == pytest.approx(1)
+
+
 def test_light_from_infinity_may_be_1e40_times_that_of_the_lamps() -> None:
     rows = [(x, y, 2) for x in (-20, 0, 20) for y in (-20, 0, 20)]
     faint = [{"shape": "sphere", "center": place, "radius": 0.1, "material": lamp(1e-20)} for place in rows]

@@ -175,12 +175,14 @@ def test_noise_has_its_mean_and_spread(session, folder) -> None:
 
 def test_noise_is_smooth_where_an_octave_is_and_other_for_other_seeds(session, folder) -> None:
     x = np.linspace(0.2, 3.8, 4096, dtype=np.float32)
-    line = looked_up(session, NOISE | {"octaves": 1}, folder, np.stack([x, x]))[:, 0]
-    steps = np.diff(line) / np.diff(x)
-    assert np.abs(steps).max() < 4
-    # no jump across lattice lines: the slope itself changes little from step to step
-    assert np.abs(np.diff(steps)).max() < 0.2
-    other = looked_up(session, NOISE | {"octaves": 1, "seed": 1}, folder, np.stack([x, x]))[:, 0]
+    still = np.full_like(x, 0.4)
+    for places in ((x, x), (x, still), (still, x)):  # on the diagonal, at whose lattice points all is zero, and beside
+        line = looked_up(session, NOISE | {"octaves": 1}, folder, np.stack(places))[:, 0]
+        steps = np.diff(line) / np.diff(x)
+        assert np.abs(steps).max() < 4
+        # no jump across lattice lines: the slope itself changes little from step to step
+        assert np.abs(np.diff(steps)).max() < 0.2
+    other = looked_up(session, NOISE | {"octaves": 1, "seed": 1}, folder, np.stack([still, x]))[:, 0]
     assert abs(np.corrcoef(line, other)[0, 1]) < 0.9
     assert np.abs(line - other).max() > 0.1
 

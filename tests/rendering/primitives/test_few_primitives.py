@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import rptcam_cl
 from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.rendering.tracer import Wavefront
@@ -82,3 +83,10 @@ def test_flats_that_share_a_plane_look_as_if_each_had_its_own(session):
     film = film_of(session, plan, scene)
     assert film[:3].max() > 0
     np.testing.assert_array_equal(film, film_of(session, replace(plan, primitives=alone), scene))
+
+
+@pytest.mark.parametrize("shape", [2, 3, 4], ids=["disk", "box", "sphere"])
+def test_of_two_at_the_same_place_the_first_is_met(shape):
+    twins = [ROOM["objects"][shape] | {"material": {"kind": "matte", "reflectance": share}} for share in (0.2, 0.8)]
+    image = rptcam_cl.render(ROOM | {"objects": twins, "materials": {}}, spp=1, layers=["object_id"])
+    assert set(np.unique(image["object_id"])) == {-1, 0}

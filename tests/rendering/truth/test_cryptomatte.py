@@ -95,6 +95,20 @@ def test_objects_of_one_name_are_one_matte() -> None:
     assert set(np.unique(layer[..., 0]).tolist()) == {0.0, float(identifier("twin"))}
 
 
+def test_more_objects_than_a_pixel_keeps_apart_change_no_other_layer() -> None:
+    width = 2 * 3.0 * np.tan(np.radians(20)) / 12
+    strips = [panel(-3.0, width / 2, x=(k - 5.5) * width, name=f"strip {k}") for k in range(12)]
+    strips = [strip | {"corner": [strip["corner"][0], -12, -3], "edge_v": [0, 24, 0]} for strip in strips]
+    scene = {"film": {"resolution": [1, 8]}, "camera": PINHOLE | {"fov_axis": "horizontal"}, "environment": SKY,
+             "objects": strips}  # fmt: skip
+    others = ["object_id", "material_id", "uv"]
+    image = rptcam_cl.render(scene, spp=64, layers=["crypto_object", *others])
+    alone = rptcam_cl.render(scene, spp=64, layers=others)
+    for name in others:
+        np.testing.assert_array_equal(image[name], alone[name])
+    assert (image["crypto_object"][..., -1] > 0).all()
+
+
 @pytest.mark.parametrize(
     ("text", "seed", "expected"),
     [

@@ -193,6 +193,17 @@ def test_object_that_is_not_there_is_refused(auto, message):
         rptcam_cl.autofocus(scene)
 
 
+@pytest.mark.parametrize("method", ["contrast", pytest.param("phase", marks=pytest.mark.slow)])
+def test_what_a_mirror_shows_is_focused_at_its_distance_by_way_of_the_mirror(method):
+    mirror = target(1.0, 2.0, {"kind": "mirror"})
+    behind = target(-1.0, 6.0, noise(800))
+    scene = scene_of([mirror, behind], lens_camera("dgauss-50mm", f_number=2.8), render={"max_depth": 3})
+    report = rptcam_cl.autofocus(scene, method)
+    assert report.focus_distance_m == pytest.approx(1.0 + 2.0, rel=0.01)
+    assert report.confidence > 0.95
+    assert rptcam_cl.autofocus(scene, "depth").focus_distance_m == pytest.approx(1.0, rel=1e-3)
+
+
 def test_moving_target_is_followed_from_frame_to_frame():
     distances = [2.0, 1.9, 1.8]
     scenes = [scene_of([wall(distance, 50)], lens_camera("dgauss-50mm")) for distance in distances]

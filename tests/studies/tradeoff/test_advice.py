@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rptcam_cl.rendering.film import FilmLayout
+from rptcam_cl.rendering.film import TILE, FilmLayout
 from rptcam_cl.rendering.tolerances import Interval
 from rptcam_cl.studies import tradeoff
 from rptcam_cl.studies.tradeoff import advise_for_error, advise_for_time, place
@@ -128,6 +128,15 @@ def test_tiles_are_spread_over_the_film_and_stand_for_it(width, height, most):
     assert len(found.tiles) > min(layout.tiles, most) * 0.6
     assert found.weights.sum() == pytest.approx(1.0)
     assert layout.inside[found.pixels].all()
+    assert (found.pixels // TILE**2 == found.tiles[found.cell]).all()
+    # cells of equal size have a tile each, as many across and down as the film is wide and high
+    down, across = -(-height // TILE), layout.tiles_across
+    rows, columns = found.shape
+    assert rows == min(max(most // columns, 1), down) and columns <= across
+    places = np.array(np.divmod(found.tiles.reshape(rows, columns), across))
+    for seen, axis, count, of in ((places[0], 0, rows, down), (places[1].T, 0, columns, across)):
+        edges = np.arange(count + 1) * of // count
+        assert (seen >= edges[:-1, None]).all() and (seen < edges[1:, None]).all(), axis
     if len(found.tiles) == layout.tiles:
         assert len(found.pixels) == width * height
         assert np.ptp(found.weights) == 0

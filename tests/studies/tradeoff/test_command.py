@@ -164,7 +164,9 @@ def test_turns_end_where_they_take_longer_than_the_first_said(monkeypatch):
         return run(*work)
 
     monkeypatch.setattr(tradeoff_runs, "run", slowly)
-    hurried = tradeoff_runs.render_by_turns(ready, 0.2, 1, lambda words, share: None)
+    shares = []
+    hurried = tradeoff_runs.render_by_turns(ready, 0.2, 1, lambda words, share: shares.append(share))
+    assert shares == sorted(shares) and shares[0] == 0 and 0.5 < shares[-1] <= 1
     assert hurried.seeds == 4 and len(hurried.long.chosen) == 16
     assert all(part.shape[0] == 4 for each in hurried.pixels for part in each)
     assert all(len(wall) == 4 for _, wall in hurried.timings)
@@ -176,6 +178,19 @@ def test_curves_of_the_plot_have_colours_of_their_own(report):
     curves = charts[0].lines[:-1]  # but for the slope of noise
     assert len(curves) == len(report.measurements) > 7
     assert len({curve.get_color() for curve in curves}) == len(curves)
+
+
+def test_plot_draws_the_error_of_every_camera_and_the_shades_of_the_maps(report):
+    axes = {axes.get_ylabel() or axes.get_xlabel(): axes for axes in tradeoff_plot(report, "a scene").axes}
+    over_field = axes["light beside its place [pixels]"]
+    drawn = [list(line.get_ydata()) for line in over_field.lines if line.get_marker() == "o"]
+    assert drawn == [list(each.pixels) for each in report.cameras if each.tier != "realistic"] != []
+    assert not over_field.texts
+    shades = axes["root of relMSE of a tile [%]"]
+    assert [label.get_text() for label in shades.get_xticklabels()] == ["0.3", "1", "3", "10", "30", "100"]
+    assert shades.get_xlim() == pytest.approx((0.3, 100))
+    without = tradeoff_plot(replace(report, cameras=()), "a scene").axes
+    assert "The camera has\nno cheaper model." in [text.get_text() for axes in without for text in axes.texts]
 
 
 def test_summary_is_short_and_has_no_table(report):

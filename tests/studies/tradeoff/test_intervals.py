@@ -1,6 +1,7 @@
 """Intervals hold what they are of as often as they say, on pictures whose noise and bias are known."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ from scipy import stats
 
 from rptcam_cl.studies.tradeoff_errors import (
     EDGE,
+    _gain,
     draws,
     every_seed_once,
     interval,
@@ -158,3 +160,9 @@ def test_quantile_is_that_of_students_distribution(freedom):
 def test_ends_of_an_interval_may_be_infinite():
     found = interval(1.0, np.array([1.0] * 50 + [math.inf] * 50), SEEDS)
     assert (found.low, found.high) == (1.0, math.inf)
+
+
+def test_gain_is_the_ratio_of_noises_and_of_times_where_neither_has_any():
+    own = SimpleNamespace(rate=np.array([2.0, 0.0, 0.0, 4.0]), sample_s=np.array([1.0, 1.0, 4.0, 1.0]))
+    reference = SimpleNamespace(rate=np.array([6.0, 5.0, 0.0, 0.0]), sample_s=np.array([1.0, 3.0, 2.0, 1.0]))
+    assert _gain(own, reference).tolist() == [3.0, np.inf, 0.5, 0.0]

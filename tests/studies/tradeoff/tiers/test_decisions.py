@@ -9,7 +9,7 @@ from rptcam_cl.optics.stop_shape import star
 from rptcam_cl.rendering.cameras.kinds import camera_model
 from rptcam_cl.rendering.cameras.setting import lens_to_focus
 from rptcam_cl.scene.load import change_scene
-from rptcam_cl.studies.tiers import choose_camera
+from rptcam_cl.studies.tiers import choose_camera, measure_lens
 from tests.studies.tradeoff.tiers.cases import BALL, scene_of
 
 STAR = {"shape": "star", "points": 5}
@@ -68,6 +68,17 @@ def test_colour_that_the_scene_asks_for_stays_with_the_traced_lens():
     found = coloured(0.0, spectrum="dispersive")
     assert found.tier == "realistic"
     assert found.scene.spectrum.lens_colour == "on"
+
+
+@pytest.mark.parametrize("near_m", [0.075, 0.09, 0.11, 4.0])
+def test_errors_are_measured_from_the_nearest_object_on_even_close_before_the_lens(near_m):
+    """The first surface is 68.7 mm from the film."""
+    close = BALL | {"center": [0, 0, -near_m - 0.002], "radius": 0.002}
+    found = measure_lens(scene_of("dgauss-50mm", objects=[close, BALL]))
+    assert found.depths_m == pytest.approx((near_m, 5.5))
+    around = BALL | {"center": [0, 0, 0], "radius": 9}
+    near, far = measure_lens(scene_of("dgauss-50mm", objects=[around])).depths_m
+    assert 0.0687 < near < 0.07 and far == pytest.approx(9.0)
 
 
 def test_aperture_whose_blur_is_below_the_bound_is_a_pinhole():
