@@ -49,6 +49,7 @@ TESTS = {
     " cli/test_lens_tolerance rendering/cameras/test_as_built",
     "core": "device/test_layout device/test_signatures rendering/test_world scene/assets/test_remembered_pictures"
     " imaging/sensor",
+    "device": "rendering/several",
     "rendering/plan": "rendering/light rendering/caustics rendering/test_emitters scene/test_warnings"
     " rendering/test_shapes",
     "cli": "exchange/calibration/test_camera_outputs exchange/calibration/test_camera_files exchange/pbrt/test_command"
