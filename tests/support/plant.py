@@ -106,6 +106,8 @@ EQUIVALENT = {
     " : ZERO;": "a density of 0 is 0 either way",
     "kernels/light/solids.h: F share = ((x > y) & (x >= z)) ? f.share.x : (y >= z ? f.share.y : f.share.z);": "only"
     " rays through the edge of a box",
+    "kernels/light/light_tree.h: I here = open & ((left <= light) | ((I)(e) == scene.emitter_count - 1));": "a single"
+    " random number",
     "kernels/light/solids.h: I on_y = NOT(on_x) & ((pick - of_x <= of_y) | (of_z <= 0.0f));": "a single random number",
     "kernels/caustics/gather.h: on = on & (p.x >= grid->low.x) & (p.y >= grid->low.y) & (p.z > grid->low.z)": "only"
     " points on the rim of the grid",
