@@ -111,6 +111,10 @@ EQUIVALENT = {
     "kernels/light/solids.h: I on_y = NOT(on_x) & ((pick - of_x <= of_y) | (of_z <= 0.0f));": "a single random number",
     "kernels/caustics/gather.h: on = on & (p.x >= grid->low.x) & (p.y >= grid->low.y) & (p.z > grid->low.z)": "only"
     " points on the rim of the grid",
+    "kernels/caustics/gather.h: I end = on ? GATHER(I, scene.photon_cells, cell + 1, ) : TRUE;": "of lanes that are"
+    " off",
+    "kernels/caustics/photon.h: return on ? GATHER(I, scene.caustic_roles, known, ) : TRUE;": "of lanes that are off",
+    "kernels/caustics/photon.h: I known = (on | (primitive >= 0)) ? primitive : FALSE;": "of lanes that are off",
     "kernels/caustics/gather.h: Eight photon = load_eight(scene.photons, (more ? k : TRUE) * 8);": "of lanes that are"
     " off",
     "kernels/caustics/gather.h: I k = on ? GATHER(I, scene.photon_cells, cell, ) : TRUE;": "of lanes that are off",
