@@ -190,7 +190,8 @@ def test_top_at_the_end_of_what_was_searched_is_none_but_for_infinity(place, ins
     }  # fmt: skip
     for name, value in stand_ins.items():
         monkeypatch.setattr(contrast, name, lambda *_, value=value: value)
-    probes = SimpleNamespace(ends=(30.0, 80.0), zones=(CENTRE,), drive=SimpleNamespace(depth_of_focus=0.4))
+    drive = SimpleNamespace(depth_of_focus=0.4)
+    probes = SimpleNamespace(ends=(30.0, 80.0), drive=drive, task=SimpleNamespace(zones=(CENTRE,)))
     if message is None:
         assert contrast.greatest_contrast(probes, Policy.CENTRE, start) == (peak, 0)
     else:
