@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 from rptcam_cl.core.constants import MAX_SEED, MAX_SPP
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.files import DEVELOPED_SUFFIXES, FILM_SUFFIXES, LAYER_SUFFIXES, RAW_SUFFIXES, listed
 
 # Words of the command line as values, with their ranges.
 
@@ -235,12 +236,12 @@ LISTED: dict[str, Any] = {"action": "append", "default": []}
 # fmt: off
 RENDER_OPTIONS = (
     RenderOption(
-        "outputs", "-o --output", "picture to write, format by suffix: .png, .jpg and .tif developed, .exr, .npy and"
-        " .npz linear; may be repeated", Path, "OUT", more=SEVERAL | {"required": True},
+        "outputs", "-o --output", f"picture to write, format by suffix: {listed(DEVELOPED_SUFFIXES, 'and')} developed,"
+        f" {listed(FILM_SUFFIXES, 'and')} linear; may be repeated", Path, "OUT", more=SEVERAL | {"required": True},
     ),
     RenderOption(
-        "raws", "--raw", "also write a raw file of the scene's sensor, format by suffix: .dng, .tif or .npy; may be"
-        " repeated", Path, "OUT", not_with="part", more=LISTED,
+        "raws", "--raw", f"also write a raw file of the scene's sensor, format by suffix: {listed(RAW_SUFFIXES)}; may"
+        " be repeated", Path, "OUT", not_with="part", more=LISTED,
     ),
     RenderOption("spp", "--spp", "samples per pixel, in place of the scene's", spp, "N", key="render.spp"),
     RenderOption(
@@ -266,8 +267,8 @@ RENDER_OPTIONS = (
         "x0,x1,y0,y1", key="film.crop",
     ),
     RenderOption(
-        "layers", "--layers", "record these auxiliary layers in .exr and .npz outputs, as depth,normal; all for every"
-        " one", layers, "NAME,...", key="render.layers",
+        "layers", "--layers", f"record these auxiliary layers in {listed(LAYER_SUFFIXES, 'and')} outputs, as"
+        " depth,normal; all for every one", layers, "NAME,...", key="render.layers",
     ),
     RenderOption(
         "denoise", "--denoise", "remove the remaining noise (biased); needs rptcam_cl[denoise]",

@@ -40,7 +40,7 @@ from rptcam_cl.scene.scene import Scene
 
 Kind = Literal["none", "picture", "camera", "scene", "program"]
 
-QUEUE_SECONDS = 0.012  # of work that is enqueued before the device is waited for
+QUEUE_SECONDS = 0.02  # of work that is enqueued before the device is waited for
 FIRST_SLOTS = 1 << 14  # of the first wave, whose time is not known
 
 
@@ -588,6 +588,11 @@ class RenderSession:
     def spp(self) -> int:
         """Samples that every pixel of the film has."""
         return 0 if self._run is None else self._run.done
+
+    @property
+    def samples_per_wave(self) -> int:
+        """Samples per pixel that the device takes of the film at once; fewer cost more each."""
+        return 1 if self._run is None else self._run.wavefront.samples_per_wave
 
     @property
     def is_whole(self) -> bool:

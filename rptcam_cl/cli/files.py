@@ -9,7 +9,15 @@ from rptcam_cl.api.options import add_options, size
 from rptcam_cl.cli.output import print_warnings, save
 from rptcam_cl.cli.parser import add_device, check_different, names_of, positive
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.core.files import check_writable, known_suffix, replacing
+from rptcam_cl.core.files import (
+    DEVELOPED_SUFFIXES,
+    FILM_SUFFIXES,
+    RAW_SUFFIXES,
+    check_writable,
+    known_suffix,
+    listed,
+    replacing,
+)
 
 SCENES, NOT_SCENE = (".yaml", ".yml"), "a scene file is YAML"
 
@@ -60,14 +68,14 @@ def run_merge(arguments: argparse.Namespace) -> int:
 
 def add_develop(parser: argparse.ArgumentParser) -> None:
     """Add the options of the command."""
-    parser.add_argument("film", type=Path, metavar="FILM", help="film that render wrote: .exr, .npz or .npy")
+    parser.add_argument("film", type=Path, metavar="FILM", help=f"film that render wrote: {listed(FILM_SUFFIXES)}")
     parser.add_argument(
         "-o", "--output", action="append", required=True, type=Path, metavar="OUT", dest="outputs",
-        help="picture to write, format by suffix: .png, .jpg or .tif; may be repeated",
+        help=f"picture to write, format by suffix: {listed(DEVELOPED_SUFFIXES)}; may be repeated",
     )  # fmt: skip
     parser.add_argument(
         "--raw", action="append", default=[], type=Path, metavar="OUT", dest="raws",
-        help="raw file of the sensor that the film was rendered for: .dng, .tif or .npy; may be repeated",
+        help=f"raw file of the sensor that the film was rendered for: {listed(RAW_SUFFIXES)}; may be repeated",
     )  # fmt: skip
     parser.add_argument(
         "--set", action="append", default=[], metavar="picture.key=value", dest="overrides",
@@ -88,7 +96,7 @@ def run_develop(arguments: argparse.Namespace) -> int:
     """Make pictures of a linear film that was saved, with other settings of the section picture."""
     from rptcam_cl.imaging.formats import check_raw_output
     from rptcam_cl.imaging.image import LARGE, desqueezed, develop, read_film
-    from rptcam_cl.imaging.writers import DEVELOPED_SUFFIXES, check_output
+    from rptcam_cl.imaging.writers import check_output
 
     for output in arguments.outputs:
         known_suffix(output, DEVELOPED_SUFFIXES, "is no developed picture")

@@ -17,7 +17,7 @@ from rptcam_cl.api.options import check_together
 from rptcam_cl.cli.parser import apply_options, device_of, files_to_write, names_of
 from rptcam_cl.core.constants import __version__
 from rptcam_cl.core.errors import InputError, RptcamError
-from rptcam_cl.core.files import file_state, named_files
+from rptcam_cl.core.files import LAYER_SUFFIXES, file_state, listed, named_files
 from rptcam_cl.core.remember import OneMaker, made_by
 
 if TYPE_CHECKING:
@@ -96,7 +96,9 @@ def check_frame_options(arguments: argparse.Namespace) -> None:
 
         check_video(arguments.video, [arguments.scene])
         if _film(arguments) is None:
-            raise InputError("--video: is made of the films (allowed: with -o of a name that ends in .exr or .npz)")
+            raise InputError(
+                f"--video: is made of the films (allowed: with -o of a name that ends in {listed(LAYER_SUFFIXES)})"
+            )
 
 
 def _film(arguments: argparse.Namespace) -> Path | None:

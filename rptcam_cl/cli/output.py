@@ -18,7 +18,7 @@ from types import FrameType
 from typing import TYPE_CHECKING, Any
 
 from rptcam_cl.core.errors import DeviceError, RptcamError
-from rptcam_cl.core.files import plain
+from rptcam_cl.core.files import FILM_SUFFIXES, LAYER_SUFFIXES, plain
 
 if TYPE_CHECKING:
     import argparse
@@ -380,7 +380,6 @@ def stop_on_interrupt(words: str | None = None) -> Iterator[threading.Event]:
 def save(image: Image, arguments: argparse.Namespace) -> None:
     """Write every output that can be written, then report the first that could not, and where the film is instead."""
     from rptcam_cl.core.files import replacing
-    from rptcam_cl.imaging.image import FILM_SUFFIXES
 
     failures: list[Exception] = []
 
@@ -415,7 +414,7 @@ def save(image: Image, arguments: argparse.Namespace) -> None:
 def rescue(image: Image) -> str:
     """Write the film of a picture that cannot go where it was to go to the first place that takes it; say where."""
     for folder in dict.fromkeys((tempfile.gettempdir(), os.path.expanduser("~"), os.getcwd())):  # noqa: PTH109, PTH111
-        for suffix in (".exr", ".npz"):
+        for suffix in LAYER_SUFFIXES:
             try:
                 descriptor, name = tempfile.mkstemp(prefix="rptcam-", suffix=suffix, dir=folder)
                 os.close(descriptor)

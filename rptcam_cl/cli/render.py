@@ -132,7 +132,7 @@ def check_truth(arguments: argparse.Namespace, scene: Scene) -> None:
 
 def _check_outputs(arguments: argparse.Namespace, scene: Scene) -> None:
     """Check that all files can be written."""
-    from rptcam_cl.core.files import check_writable
+    from rptcam_cl.core.files import LAYER_SUFFIXES, check_writable, listed
     from rptcam_cl.imaging.formats import check_raw_output
     from rptcam_cl.imaging.writers import check_output, holds_layers
 
@@ -154,7 +154,9 @@ def _check_outputs(arguments: argparse.Namespace, scene: Scene) -> None:
     check_writable(checkpoint_of(arguments), inputs)
     check_truth(arguments, scene)
     if arguments.layers and not any(map(holds_layers, arguments.outputs)):
-        raise InputError("--layers: no output can hold them (allowed: -o with a name that ends in .exr or .npz)")
+        raise InputError(
+            f"--layers: no output can hold them (allowed: -o with a name that ends in {listed(LAYER_SUFFIXES)})"
+        )
     check_different(files_to_write(arguments), "-o, --raw" if arguments.raws else "-o")
 
 

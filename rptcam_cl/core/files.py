@@ -466,6 +466,18 @@ def make_folder(path: Path) -> Path:
     return path
 
 
+# What pictures are written as: `imaging/writers.py` writes them, raw files `imaging/formats.py`.
+DEVELOPED_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff")
+FILM_SUFFIXES, LAYER_SUFFIXES = (".exr", ".npy", ".npz"), (".exr", ".npz")
+RAW_SUFFIXES = (".dng", ".tif", ".tiff", ".npy")
+
+
+def listed(suffixes: Iterable[str], conjunction: str = "or") -> str:
+    """Suffixes in a sentence, as ``.png, .jpg or .tif``, without their second spellings."""
+    *others, last = (suffix for suffix in suffixes if suffix not in (".jpeg", ".tiff"))
+    return f"{', '.join(others)} {conjunction} {last}"
+
+
 def known_suffix(path: str | os.PathLike[str], suffixes: Iterable[str], problem: str, hint: str = "") -> str:
     """Return the suffix of a file in small letters; raise an error that states a problem where none such is allowed."""
     suffix = Path(path).suffix.lower()

@@ -636,7 +636,7 @@ def _write_tags(path: Path, raw: RawImage, photometric: str | int, tags: list[Ta
         )
 
 
-_WRITERS: dict[str, Callable[[Path, RawImage], None]] = {
+_WRITERS: dict[str, Callable[[Path, RawImage], None]] = {  # of each of `RAW_SUFFIXES`
     ".dng": _write_dng,
     ".tif": _write_tiff,
     ".tiff": _write_tiff,

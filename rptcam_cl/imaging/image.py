@@ -21,7 +21,7 @@ from numpy.typing import DTypeLike, NDArray
 from rptcam_cl.core.colour import SRGB_PRIMARIES, SRGB_WHITE, luminance
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, StateError
-from rptcam_cl.core.files import check_writable, free_host_bytes, known_suffix, replacing, utf8_name
+from rptcam_cl.core.files import FILM_SUFFIXES, check_writable, free_host_bytes, known_suffix, replacing, utf8_name
 from rptcam_cl.imaging.development import GUIDES, PLAIN, denoise, developed_values, quantise
 from rptcam_cl.imaging.formats import ALL_METADATA, RawImage, from_exr_attributes
 from rptcam_cl.imaging.sensor import SensorModel, expose
@@ -216,7 +216,6 @@ class Image:
 
 # Linear films that were saved: OpenEXR and NumPy files with their metadata, to be developed anew.
 
-FILM_SUFFIXES = (".exr", ".npy", ".npz")
 _NAME = re.compile(r"[A-Za-z]\w{0,60}", re.ASCII)  # of metadata, which become keys in all formats
 LARGE = 1 << 26  # pixels of a film, from which on small files may be meant to keep a machine busy
 NEEDED = 3  # times its own size, to read and to develop a film; measured at 48 million pixels

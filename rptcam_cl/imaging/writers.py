@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.core.colour import SRGB_PRIMARIES, SRGB_WHITE
 from rptcam_cl.core.errors import InputError, StateError
-from rptcam_cl.core.files import check_writable, known_suffix, replacing
+from rptcam_cl.core.files import DEVELOPED_SUFFIXES, LAYER_SUFFIXES, check_writable, known_suffix, replacing
 from rptcam_cl.imaging.development import WHOLE, Part, developed_codes, quantise
 from rptcam_cl.imaging.formats import (
     ALL_METADATA,
@@ -375,9 +375,6 @@ _WRITERS: dict[str, Callable[[Path, Pixels, Metadata, PictureSettings, Layers], 
     ".npy": _write_npy,
     ".npz": _write_npz,
 }
-SUFFIXES = tuple(_WRITERS)
-LAYER_SUFFIXES = (".exr", ".npz")
-DEVELOPED_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff")
 
 
 def check_output(path: str | os.PathLike[str], inputs: Iterable[str | os.PathLike[str]] = ()) -> None:
@@ -416,7 +413,7 @@ def write(
     Parameters
     ----------
     path
-        File that ends in one of `SUFFIXES`.
+        File that ends in one of `DEVELOPED_SUFFIXES` or `FILM_SUFFIXES`.
     pixels
         (height, width, 3), linear, top row first.
     metadata

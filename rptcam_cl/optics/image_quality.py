@@ -585,7 +585,14 @@ def mtf(
     curves: Callable[[Sequence[Any], ArrayLike], list[Array] | None]
     if diffraction:
         groups, curves = by_field(field_waves(setting, fields, wavelengths_nm, rays)), wave_transfer
-        rows = table_of({one: curves(group, frequencies_per_mm) for one, group in groups.items()}, frequencies_per_mm)
+        rows = [
+            row | {"error": error}
+            for one, group in groups.items()
+            for row, error in zip(
+                table_of({one: curves(group, frequencies_per_mm)}, frequencies_per_mm),
+                _transfer_errors(group, frequencies_per_mm), strict=True,
+            )
+        ]  # fmt: skip
     else:
         spots = film_spots(setting, fields, wavelengths_nm, rays, mtf_moves(frequencies_per_mm))
         groups, curves, rows = by_field(spots), field_mtf, mtf_table(spots, frequencies_per_mm)
@@ -751,18 +758,25 @@ def field_waves(
 
 
 def wavefront_table(waves: Sequence[PupilFunction]) -> list[dict[str, Any]]:
-    """Return a row for each wavefront, up to the sphere about the chief ray's point: rms, range, Strehl ratios."""
+    """Return a row for each wavefront, up to the sphere about the chief ray's point: rms, range, Strehl ratios.
+
+    The errors are what a third of the cells across the pupil changes, at most, over `FINER`.
+    """
     rows = []
     for wave in waves:
-        ratio = strehl(wave)
+        ratio, extent = strehl(wave), peak_to_valley(wave, wave.waves_on_sphere)
+        thirds = [(peak_to_valley(part, part.waves_on_sphere), strehl(part)) for part in wave.thirds()]
+        moves = [(part.at_chief_ray - ratio.at_chief_ray, part.at_peak - ratio.at_peak) for _, part in thirds]
         rows.append({
             "field_degrees": wave.field_degrees,
             "wavelength_nm": wave.wavelength_nm,
             "rms_waves": rms_waves(wave, wave.waves_on_sphere),
             "rms_waves_without_tilt": rms_waves(wave, wave.waves_on_sphere, without_tilt=True),
-            "peak_to_valley_waves": peak_to_valley(wave, wave.waves_on_sphere),
+            "peak_to_valley_waves": extent,
             "strehl": ratio.at_chief_ray,
             "strehl_at_peak": ratio.at_peak,
+            "range_error_waves": max(abs(part - extent) for part, _ in thirds) / FINER,
+            "strehl_error": float(np.abs(moves).max()) / FINER,
             "chief_y_mm": float(wave.chief[1]),
         })  # fmt: skip
     return rows
@@ -805,6 +819,7 @@ def wavefront(
 
 WIDEST = 48.0  # radius of the first circle that is searched, in Airy radii
 SHOWN = 1.2  # half width of the image over the radius that holds 80 % of the light
+FINER = 2.0  # what a third of the cells changes over the error of all: 8 where that goes by their square
 FINEST = 16.0  # points per wavelength times f-number that pixels are averaged over at least; 4 leave 2 % at the peak
 MOST_POINTS = 1200  # along each side of the image
 
@@ -820,6 +835,16 @@ def wave_transfer(group: Sequence[PupilFunction], frequencies_per_mm: ArrayLike)
         limits.append([np.abs(curve) for curve in transfer(wave.without_aberrations(), frequencies_per_mm)])
     curves = [np.abs(np.tensordot(weights, [part[axis] for part in parts], 1)) for axis in (0, 1)]
     return [*curves, *(np.tensordot(weights, [limit[axis] for limit in limits], 1) for axis in (0, 1))]
+
+
+def _transfer_errors(group: Sequence[PupilFunction], frequencies_per_mm: ArrayLike) -> list[float]:
+    """Return what a third of the cells across the pupil changes of the modulation of one field, over `FINER`."""
+    all_cells = np.array(wave_transfer(group, frequencies_per_mm)[:2])
+    parts = [
+        wave_transfer(part, frequencies_per_mm)[:2] for part in zip(*(wave.thirds() for wave in group), strict=True)
+    ]
+    errors: list[float] = (np.abs(np.array(parts) - all_cells).max(axis=(0, 1)) / FINER).tolist()
+    return errors
 
 
 def wave_point_image(group: Sequence[PupilFunction], pixels: int, width_um: float | None = None) -> PointImage:
@@ -842,6 +867,10 @@ def wave_point_image(group: Sequence[PupilFunction], pixels: int, width_um: floa
     offsets = [middle - wave.chief for wave in group]
     facts = _facts(group, weights, offsets)
     facts |= {"centroid_x_mm": float(middle[0]), "centroid_y_mm": float(middle[1])}
+    parts = [_facts(part, weights, offsets) for part in zip(*(wave.thirds() for wave in group), strict=True)]
+    errors = {name: max(abs(part[name] - facts[name]) for part in parts) / FINER for name in parts[0]}
+    facts["strehl_error"] = max(errors["strehl"], errors["strehl_at_peak"])
+    facts["radius_error_um"] = max(errors[f"radius_of_{100 * share:.0f}_percent_um"] for share in PSF_SHARES)
     half = (width_um or 2 * SHOWN * facts["radius_of_80_percent_um"]) / 2e3
     shares = np.zeros((pixels, pixels))
     for wave, weight, offset in zip(group, weights, offsets, strict=True):

@@ -240,7 +240,8 @@ WAVEFRONT = Measurement(
     (_wavelengths((LINE_D_NM,)), _RAYS, _fields()),
     _FIELD_COLUMN | _WAVELENGTH_COLUMN | {
         "rms_waves": "rms [waves]", "rms_waves_without_tilt": "less tilt", "peak_to_valley_waves": "range",
-        "strehl": "Strehl", "strehl_at_peak": "at the peak", "chief_y_mm": "y [mm]",
+        "strehl": "Strehl", "strehl_at_peak": "at the peak", "range_error_waves": "range ±", "strehl_error": "Strehl ±",
+        "chief_y_mm": "y [mm]",
     },
     "wavefronts", ("fields", "wavelengths_nm"), has_best_focus=True,
 )  # fmt: skip

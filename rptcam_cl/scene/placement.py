@@ -53,6 +53,9 @@ def _four_rows(value: Any) -> Any:
     return rows if len(rows) == 4 else [*rows, (0, 0, 0, 1)]
 
 
+AffineRows = Annotated[tuple[Row, Row, Row, Row], BeforeValidator(_four_rows), MATRIX_SCHEMA]
+
+
 class Rotation(SceneModel):
     """A turn about an axis through the origin."""
 
@@ -91,7 +94,7 @@ class TransformStep(SceneModel):
     translate: Position | None = None
     """Shift [scene units]."""
 
-    matrix: Annotated[tuple[Row, Row, Row, Row], BeforeValidator(_four_rows), MATRIX_SCHEMA] | None = None
+    matrix: AffineRows | None = None
     """Rows of an affine matrix, 3x4, or 4x4 with the last row [0, 0, 0, 1]."""
 
     @model_validator(mode="after")
@@ -168,6 +171,8 @@ Vector = NDArray[np.float64]
 # Sine of the angle below which two axes count as one: beyond rounding, below what anybody writes.
 SAME_AXIS = 1e-9
 
+RIGID = 1e-5  # by which the rows of a matrix that only turns may miss being at right angles and of length 1
+
 MOST_KEYFRAMES = 100_000
 
 
@@ -199,6 +204,37 @@ class ObjectKeyframe(Keyframe):
 
     translate: Position = (0.0, 0.0, 0.0)
     """Shift [scene units]."""
+
+    matrix: AffineRows | None = None
+    """Rows of a matrix that turns and shifts, 3x4 or 4x4, in place of the other two."""
+
+    @model_validator(mode="after")
+    def _check_rigid(self) -> Self:
+        if self.matrix is None:
+            return self
+        if self.model_fields_set & {"rotate", "translate"}:
+            raise refuse("says what rotate and translate say", allowed="matrix, or the other two", path=("matrix",))
+        linear = np.array(self.matrix)[:3, :3]
+        if (
+            self.matrix[3] != (0, 0, 0, 1)
+            or np.abs(linear.T @ linear - np.eye(3)).max() > RIGID
+            or np.linalg.det(linear) < 0
+        ):
+            raise refuse("does more than turn and shift", allowed="stretches in `transform`", path=("matrix",))
+        return self
+
+    @cached_property
+    def turn(self) -> Rotation | None:
+        """The turn about the origin; of a matrix the one of at most 180 degrees."""
+        if self.matrix is None:
+            return self.rotate
+        axis, degrees = _shortest(np.array(self.matrix)[:3, :3])
+        return Rotation(axis=axis.tolist(), degrees=degrees)
+
+    @property
+    def shift(self) -> tuple[float, ...]:
+        """The shift [scene units]."""
+        return self.translate if self.matrix is None else tuple(row[3] for row in self.matrix[:3])
 
 
 _K = TypeVar("_K", bound=Keyframe)
@@ -251,13 +287,13 @@ class Trajectory:
         """Return the 4x4 matrix that takes the object from where its transform leaves it to its place at a moment."""
         index, share = place_between(self.frames, time_s)
         matrix, frame = np.eye(4), self.frames[index]
-        matrix[:3, 3] = frame.translate
-        if frame.rotate is not None:
-            matrix[:3, :3] = frame.rotate.matrix()
+        matrix[:3, 3] = frame.shift
+        if frame.turn is not None:
+            matrix[:3, :3] = frame.turn.matrix()
         if share > 0:
             following = self.frames[index + 1]
-            matrix[:3, 3] += share * np.subtract(following.translate, frame.translate)
-            axis, degrees = turn_between(frame.rotate, following.rotate)
+            matrix[:3, 3] += share * np.subtract(following.shift, frame.shift)
+            axis, degrees = turn_between(frame.turn, following.turn)
             matrix[:3, :3] = turn_about(axis, share * degrees) @ matrix[:3, :3]
         return matrix
 
@@ -275,7 +311,7 @@ class Trajectory:
         if index == len(self.frames) - 1 or begin_s < self.frames[0].time_s or end_s <= begin_s:
             return np.array([0.0, 0.0, 1.0]), 0.0
         first, second = self.frames[index : index + 2]
-        axis, degrees = turn_between(first.rotate, second.rotate)
+        axis, degrees = turn_between(first.turn, second.turn)
         return axis, degrees / 360 * (end_s - begin_s) / (second.time_s - first.time_s)
 
 

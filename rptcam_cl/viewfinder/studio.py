@@ -65,13 +65,22 @@ class Pace:
         """Scale of the next glance."""
         return SCALES[self._index]
 
-    def samples(self, done: int) -> int:
-        """Return the samples per pixel of the next take of a film that has some."""
+    def samples(self, done: int, of_wave: int = 1) -> int:
+        """Return the samples per pixel of the next take of a film that has some.
+
+        Where they come near to those of a wave, the take ends with one, as parts of waves cost more a sample.
+        """
         if self._sample_s is None:
             return 1
         each = max(self._sample_s, 1e-6)
         worth = max(self._take_s, self._show_s / SHOWN_SHARE) / each
-        return max(1, min(_MOST_SAMPLES, int(max(worth, done / GROWTH)), int(max(LONGEST_S, self._take_s) / each)))
+        most = int(max(LONGEST_S, self._take_s) / each)
+        count = max(1, min(_MOST_SAMPLES, int(max(worth, done / GROWTH)), most))
+        if 2 * count < of_wave:
+            return count
+        end = done + count
+        ends = (-(-end // of_wave) * of_wave, end // of_wave * of_wave)
+        return next((whole - done for whole in ends if 0 < whole - done <= most), count)
 
     def note_show(self, seconds: float) -> None:
         """Note what it took to show a picture at full scale."""
@@ -534,7 +543,8 @@ class Slot:
 
     def _add(self, is_wanted: Callable[[], bool]) -> None:
         before, begun = self.session.spp, time.monotonic()
-        count = max(1, min(self._next_samples, self.pace.samples(before), self.target_spp - before))
+        wanted = self.pace.samples(before, self.session.samples_per_wave)
+        count = max(1, min(self._next_samples, wanted, self.target_spp - before))
         complete = self.session.add(count, lambda: not is_wanted())
         took = time.monotonic() - begun
         self.pace.note_take(self.session.spp - before, took)

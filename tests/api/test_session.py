@@ -273,8 +273,8 @@ def cancel_after_each_wave(session: RenderSession, monkeypatch: pytest.MonkeyPat
     """Cancel whatever is under way when its first wave is on the device, and make waves far shorter than a sample."""
     count_waves = QueueLimit.count_waves
 
-    def cut(queue: QueueLimit, finish: Callable[[], None]) -> Callable[[int], bool]:
-        count = count_waves(queue, finish)
+    def cut(queue: QueueLimit, finish: Callable[[], None], should_stop: Callable[[], bool]) -> Callable[[int], bool]:
+        count = count_waves(queue, finish, should_stop)
 
         def counted(slots: int) -> bool:
             session.cancel()

@@ -22,8 +22,9 @@ def few(**keys):
 
 
 def meshes():
-    raised = SHEET | {"transform": [{"translate": [0.2, 0.1, 0.7]}]}
-    return few(objects=[*few()["objects"], SHEET, raised], meshes={"sheet": sheet(40)})  # held once for both
+    upright = {"rotate": {"axis": [1, 0, 0], "degrees": 75}}
+    two = [SHEET | {"transform": [upright, {"translate": [x, -0.9, 0.1]}]} for x in (-1.6, 0.7)]
+    return few(objects=[*few()["objects"], *two], meshes={"sheet": sheet(40)})  # held once for both
 
 
 def crowd():
@@ -39,6 +40,14 @@ def moving():
     return scene | {"camera": scene["camera"] | {"motion": seen}, "shutter": {"time_s": 1}}
 
 
+def meshes_shapes_and_motion():
+    """All of these at once: a tree over shapes, instances of meshes, and what moves: a mesh, a shape and the camera."""
+    scene, other = moving(), meshes()
+    one, two = other["objects"][3:]
+    two |= {"motion": [{"time_s": 0}, {"time_s": 1, "rotate": {"axis": [0, 1, 0], "degrees": 20}}]}
+    return scene | {"objects": [*scene["objects"], *crowd()["objects"][3:], one, two], "meshes": other["meshes"]}
+
+
 KINDS = {
     "a lens that disperses": lambda: few(camera=LENS | {"transmission": {"coating": "mgf2"}}, spectrum="dispersive"),
     "a lens in float64": lambda: few(camera=LENS | {"precision": "double"}),
@@ -46,6 +55,7 @@ KINDS = {
     "a tree over shapes": crowd,
     "motion": moving,
     "spectra": lambda: few(spectrum="spectral"),
+    "meshes, shapes and motion": meshes_shapes_and_motion,
 }
 
 
@@ -54,8 +64,9 @@ def taken(kind, session):
     return np.asarray(image).astype(np.float64)
 
 
-# The first has tests of its own way through the lens; wavelengths are carried as behind a lens that disperses.
-SLOW = ("a lens in float64", "spectra")
+# The first has tests of its own way through the lens; wavelengths are carried as behind a lens that disperses. What the
+# others have is in the last.
+SLOW = ("a lens in float64", "spectra", "instances of a mesh", "a tree over shapes", "motion")
 # all shapes, lamps and textures are in test_widths.py
 
 

@@ -7,6 +7,8 @@ import PIL.Image
 import pytest
 
 from rptcam_cl.core.errors import InputError, StateError
+from rptcam_cl.core.files import DEVELOPED_SUFFIXES, FILM_SUFFIXES, LAYER_SUFFIXES, RAW_SUFFIXES
+from rptcam_cl.imaging import formats, writers
 from rptcam_cl.imaging.development import quantise
 from rptcam_cl.imaging.image import Image
 from rptcam_cl.imaging.writers import check_output
@@ -25,6 +27,12 @@ METADATA = {
     "interrupted": False,
     "samples": np.int64(7),
 }
+
+
+def test_suffixes_that_are_said_are_those_that_are_written() -> None:
+    assert set(writers._WRITERS) == {*DEVELOPED_SUFFIXES, *FILM_SUFFIXES} > set(LAYER_SUFFIXES)
+    assert set(formats._WRITERS) == set(RAW_SUFFIXES)
+    assert all(f"``{suffix}``" in str(Image.save.__doc__) for suffix in writers._WRITERS)
 
 
 @pytest.fixture

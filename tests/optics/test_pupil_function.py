@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.optics import field_measures, image_quality
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.library import load_lens
 from rptcam_cl.optics.spot import Beam
@@ -183,3 +184,34 @@ def test_what_has_no_wavefront_is_refused() -> None:
         pupil_function(lens, film, across=8)
     with pytest.raises(InputError, match="nothing of a beam"):
         pupil_function(lens, film, Beam(60.0))
+
+
+@pytest.mark.parametrize(("name", "degrees"), [("dgauss-50mm", 6.0), ("petzval-50mm", 0.0), ("mirror-500mm", 1.0)])
+def test_errors_of_wave_figures_hold_what_four_times_the_cells_change(name: str, degrees: float) -> None:
+    use = image_quality.setting(load_lens(name))
+    few, many = (image_quality.wavefront(use, [degrees], [587.5618], across).rows[0] for across in (80, 160))
+    assert abs(few["strehl"] - many["strehl"]) <= 1.5 * few["strehl_error"] < 0.3 * many["strehl"]
+    moved = abs(few["peak_to_valley_waves"] - many["peak_to_valley_waves"])
+    assert moved <= 1.5 * few["range_error_waves"] + 1e-3
+    curves = [
+        image_quality.mtf(use, [20.0, 40.0], [degrees], [587.5618], diffraction=True, rays=across).rows
+        for across in (80, 160)
+    ]
+    for less, more in zip(*curves, strict=True):
+        moved = max(abs(less[name] - more[name]) for name in ("tangential", "sagittal"))
+        assert moved <= 1.5 * less["error"] < 0.2
+
+
+def test_ray_fans_end_where_the_beam_does() -> None:
+    """The end of the fan is the highest of 2001 rays along it that passes, within their steps."""
+    use = image_quality.setting(load_lens("achromat-100mm"))
+    lens, first = use.lens, use.lens.surfaces[0]
+    rows = field_measures.ray_fan(use, [0.0], [587.5618], 3).rows
+    edge = next(row["off_um"] for row in rows if row["pupil"] == 1.0 and row["tangential"])
+    heights = np.linspace(0.9, 1.0, 2001) * first.semi_diameter
+    rays = lens.trace(
+        np.stack([0 * heights, heights, 0 * heights], axis=1), np.tile([0.0, 0.0, 1.0], (2001, 1)), 587.5618, "scene"
+    )
+    last = int(np.flatnonzero(rays.passed)[-1])
+    step = (use.film_z - rays.origins[last, 2]) / rays.directions[last, 2]
+    assert edge == pytest.approx(1e3 * (rays.origins[last, 1] + step * rays.directions[last, 1]), rel=1e-3)

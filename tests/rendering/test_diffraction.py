@@ -23,6 +23,7 @@ from rptcam_cl.rendering.diffraction import (
     kernel,
     of_wavelength,
     spread_of,
+    strew,
     white_shares,
 )
 from rptcam_cl.rendering.film import FilmLayout
@@ -276,6 +277,16 @@ def test_far_light_of_a_round_opening_is_that_of_its_closed_form():
         expected = 2 / np.pi**2 * (1 / radii[0] - 1 / rho)
         assert np.interp(rho, radii, total) == pytest.approx(expected, rel=0.01)
     assert found[:, -1] == pytest.approx(found[:, -1].mean(), rel=0.03)  # the same all around
+
+
+def test_far_light_of_each_pixel_falls_where_its_kernel_says():
+    rng = np.random.default_rng(8)
+    planes, light = rng.random((3, 4, 6)), rng.random((3, 9, 15))
+    expected = np.zeros_like(planes)
+    for row, column in np.ndindex(4, 6):  # the middle of the kernel on the pixel
+        part = light[:, 4 - row : 8 - row, 7 - column : 13 - column]
+        expected += planes[:, row, column, None, None] * part
+    np.testing.assert_allclose(strew(planes, light), expected, rtol=1e-12)
 
 
 def test_far_light_that_falls_beside_the_film_is_what_its_kernel_lacks():

@@ -97,6 +97,10 @@ EQUIVALENT = {
     "cli/output.py: Path(name).unlink(missing_ok=False)": "the file was made a moment before",
     "core/files.py: path.unlink(missing_ok=False)": "the caller passes over it, and the next call deletes what is left",
     'imaging/formats.py: planarconfig="contig" if (not (raw.numbers.ndim == 3)) else None,': "tifffile finds the same",
+    "rendering/cameras/pupil.py: cell = np.clip(0, (film / half_film_mm + 1) / 2 * count, count - 1).astype(int)": "the"
+    " middle of the three either way",
+    "rendering/highlights.py: close = np.linalg.norm(half - normal, axis=1) < 2.0 * spread + slack": "only"
+    " distances that are equal to the last bit",
     "optics/ghosts.py: turns = np.full((len(entered), max(map(len, ways), default=0) + 2), NOWHERE)": "more room",
     "optics/files/native.py: backwards = [k for k, s in enumerate(lens.surfaces) if s.is_mirror and lens.senses[k] <= 0"
     " and s.pose is None]": "a sense is 1 or -1",
@@ -123,6 +127,7 @@ EQUIVALENT = {
     "kernels/lens/coating.h: if (first < 1)": "the shape of the stop takes one number or more before the first table",
     "kernels/lens/aperture.h: I at = within ? (row + 1) * CURVE(APERTURE_ROWS) + 2 * column : TRUE;": "of lanes that"
     " are off",
+    "kernels/camera/thick_lens.h: if (ANY(lamps.rest < 1.5f)) {": "the weight of rays is 1 either way where none aims",
     "kernels/camera/packets.h: paths[i].crossed = TRUE;       // where a camera ray fails is of no interest": "not"
     " read",
     "kernels/build/reinsert.cl: if (won < 0.0f) {": "a move that wins nothing costs nothing",

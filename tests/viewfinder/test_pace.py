@@ -61,3 +61,16 @@ def test_takes_grow_with_what_showing_costs_and_with_the_samples_that_are_there(
     assert pace.samples(0) > alone
     assert pace.samples(400) == 100
     assert pace.samples(10**6) == pytest.approx(LONGEST_S / 0.015, rel=0.02)
+
+
+def test_takes_end_with_whole_waves_once_they_are_near_to_one() -> None:
+    pace = Pace()
+    for _ in range(20):
+        pace.note_take(10, 10 * TAKE_S / 8)
+    assert pace.samples(4, of_wave=64) == 8  # far from one
+    assert pace.samples(4, of_wave=16) == 12
+    assert pace.samples(16, of_wave=16) == 16
+    for done in range(1, 400):
+        assert (done + pace.samples(done, of_wave=16)) % 16 == 0
+    most = int(LONGEST_S / (TAKE_S / 8))
+    assert pace.samples(10**6, of_wave=16) == most // 16 * 16

@@ -204,10 +204,11 @@ SHARE = 0.6  # of the half width: steps of the last round, whose outer probes th
 WIDEST = 6.0  # depths of focus at the stop of a round: its widest step
 OFF_MIDDLE = 0.45  # of a step: how far the top may lie from the middle one of three probes
 CLEAR = 4.0  # standard errors by which a top must rise above the rest
-COARSE, FINE = 0.05, 0.02  # relative standard error of the measure that rounds aim at
-FIRST_SAMPLES = 128  # per pixel
-NEAR_SAMPLES = 64  # of a search near a place, whose probes are sharp enough to tell more from fewer
-MOST_NEAR = 128  # of it: what is not clear by then may be so elsewhere
+COARSE, FINE = 0.1, 0.05  # relative standard error of the measure that rounds aim at; `_refine` sees to the place
+FIRST_SAMPLES = 64  # per pixel
+NEAR_SAMPLES = 32  # of a search near a place, whose probes are sharp enough to tell more from fewer
+MOST_NEAR = 64  # of it, where nothing is seen: it may be elsewhere
+LUCK = 1.0  # standard errors that what is seen may lie below what there is
 PRECISE = 8.0  # parts of a depth of focus, of which a top may err by one
 
 
@@ -284,19 +285,28 @@ def _round(
     wanted: float,
     reference: float | None = None,
 ) -> tuple[list[Probe], int]:
-    """Probe at some places; once more with four times the samples where noise hides what there may be to see."""
+    """Probe at some places; again with more samples where noise hides what so many would show."""
+    most = min(probes.most, probes.affordable)
     while True:
         made = [probes.at(place, samples, stop, reference) for place in places]
         seen = [zone for zone in zones if _contrast(probes, made, zone)]
         noise = min((_noise(made, zone) for zone in zones), default=math.inf)
-        if seen or samples >= probes.most or all(_is_surely_flat(probes, made, zone) for zone in zones):
+        if seen or samples >= most or all(_is_surely_flat(probes, made, zone) for zone in zones):
             break
-        samples = min(8 * samples, probes.most)
+        if samples * (CLEAR / (_significance(made, zones) + LUCK)) ** 2 > most:  # as noise falls by the root of them
+            break
+        samples = min(4 * samples, most)
     if not seen:
         raise no_contrast(_why_unseen(probes, made, zones, samples))
     zones[:] = seen
     factor = max(1.0, min((noise / wanted) ** 2, 16.0))
-    return made, min(int(samples * factor), probes.most)
+    return made, max(samples, min(int(samples * factor), most))
+
+
+def _significance(made: Sequence[Probe], zones: list[int]) -> float:
+    """Return by how many standard errors the clearest measure of some zones exceeds 0."""
+    measures = [probe.measures[zone] for probe in made for zone in zones]
+    return max((one.value / one.error if one.error > 0 else math.inf for one in measures if one.value > 0), default=0.0)
 
 
 def _top(made: Sequence[Probe], zone: int) -> Probe:
@@ -385,23 +395,23 @@ def _next_step(probes: Probes, peaks: dict[int, Peak], zones: list[int], stop: f
 
 
 def _refine(probes: Probes, made: list[Probe], zone: int, peak: Peak, samples: int) -> Peak:
-    """Return the top from probes that lie evenly about it, with as many samples as its error requires."""
-    sharp = probes.drive.depth_of_focus
+    """Return the top from probes that lie evenly about it, with as many samples as its error requires.
+
+    Where that is more than a probe may take, the top is as uncertain as its error says.
+    """
+    sharp, most = probes.drive.depth_of_focus, probes.affordable
     low, high = probes.ends
     reference = made[0].reference
     for _ in range(4):
-        if peak.rise < CLEAR and samples >= probes.most:
+        if peak.rise < CLEAR and samples >= most:
             raise _same_everywhere(peak)
-        if (
-            peak.rise >= CLEAR
-            and peak.error < sharp / PRECISE
-            and _is_even(made, zone, peak, (low, high), WIDEST * sharp)
-        ):
+        is_settled = peak.rise >= CLEAR and (peak.error < sharp / PRECISE or samples >= most)
+        if is_settled and _is_even(made, zone, peak, (low, high), WIDEST * sharp):
             return peak
         step = min(max(SHARE * peak.width, sharp), WIDEST / 2 * sharp)
-        if peak.rise < CLEAR or peak.error >= sharp / PRECISE:
+        if not is_settled:
             more = 4.0 if peak.rise < CLEAR else float(np.clip(2 * (PRECISE * peak.error / sharp) ** 2, 2, 16))
-            samples, made, reference = min(int(more * samples), probes.most), [], peak.place
+            samples, made, reference = min(int(more * samples), most), [], peak.place
             step = min(2 * step, WIDEST * sharp)
         for place in _three_places(probes, peak.place, step):
             if not any(abs(probe.place - place) < 0.25 * step for probe in made):
@@ -448,7 +458,7 @@ def _focus_by_measure(method: str, measure: str, task: Task) -> FocusReport:
     probes = task.probes(MEASURES[measure])
     probes.most = MOST_SAMPLES if task.near is None else MOST_NEAR
     peak, zone = greatest_contrast(probes, task.policy, task.near_place(probes))
-    if task.near is not None and peak.error >= task.drive.depth_of_focus / PRECISE:
+    if task.near is not None and peak.error >= task.drive.depth_of_focus / 4:
         raise no_contrast("its details are not clear where it was searched")
     task.note_state(probes.state_of(peak.place))
     state = probes.state_of(peak.place)

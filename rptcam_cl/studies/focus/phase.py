@@ -527,12 +527,13 @@ def _render_halves(
 
 CAPTURE = 0.3  # of the zone's side: largest displacement that a probe is to find
 LEAST_STOP = 0.04  # share of the opening
-SAMPLES, MOST_SAMPLES = 64, 512  # per pixel
+SAMPLES, MOST_SAMPLES = 64, 256  # per pixel
+MOST_OF_ZONE = 1_000_000  # of all pixels of a zone: what is not precise by then is as uncertain as it says
 _SPLITS: tuple[Split, ...] = ("x", "y")
 DEVIATIONS = 6.0  # standard errors to either side that the next probe is prepared for
 LEAST_REACH = 5.0  # displacement at full aperture that it is prepared for in any case [pixels]
 NEAR = 1.0  # depths of focus: a probe so near to the focus that it found is the last one
-PRECISE, ENOUGH = 0.08, 0.125  # depths of focus: standard error aimed at, and taken
+PRECISE, ENOUGH = 0.1, 0.125  # depths of focus: standard error aimed at, and taken
 MOST_PROBES = 12
 SEPARATION = 8 / (3 * math.pi) / 2  # of the middles of the halves of a disk, over its diameter
 BLUR = 1.2  # radius of a blurred point over the displacement of its halves
@@ -591,6 +592,12 @@ class PhaseSearch:
         assert match is not None
         return match
 
+    @property
+    def most(self) -> int:
+        """Samples per pixel of a probe, at most."""
+        x0, x1, y0, y1 = self.renderer.view.pixels_of(self.zone)
+        return min(MOST_SAMPLES, max(MOST_OF_ZONE // ((x1 - x0) * (y1 - y0)), SAMPLES))
+
     def begin_near(self, start: float, width: float) -> None:
         """Probe from a state for a distance that is sharp within so many depths of focus of it.
 
@@ -622,7 +629,7 @@ class PhaseSearch:
         reach = self._reach()
         refusal = "flat"
         for number, state in enumerate(self._starts(start)):
-            samples = SAMPLES if number == 0 else 4 * SAMPLES
+            samples = SAMPLES if number == 0 else 2 * SAMPLES
             match = self._probe(state, "x", samples, reach)
             if match is not None and match.refusal in ("vague", "ambiguous"):  # it may change along the other axis
                 refusal = str(match.refusal)
@@ -648,7 +655,7 @@ class PhaseSearch:
             state = self.state
             if self.moved <= NEAR:
                 is_confirmed = len(self.probes) > 1  # by a second probe, from the state that the first has found
-                if (self.error <= ENOUGH and is_confirmed) or samples == MOST_SAMPLES:
+                if (self.error <= ENOUGH and is_confirmed) or samples >= self.most:
                     return state
                 samples *= 2 if self.probe.stop == 1.0 else 1
             samples = self.step(state, samples)
@@ -657,7 +664,7 @@ class PhaseSearch:
     def step(self, state: float, samples: int) -> int:
         """Probe from a state near the focus, and return with how many samples per pixel."""
         match, probe = self.match, self.probe
-        samples = int(min(max(samples, SAMPLES * self.error * probe.stop / PRECISE), MOST_SAMPLES))
+        samples = int(min(max(samples, SAMPLES * self.error * probe.stop / PRECISE), self.most))
         reach = max(DEVIATIONS * match.error, LEAST_REACH * probe.stop * match.error / match.displacement_error)
         refined = self._probe(state, probe.view.split, samples, (match.vergence - reach, match.vergence + reach))
         if refined is None or refined.refusal in ("flat", "vague"):  # the first probe has distinguished rivals

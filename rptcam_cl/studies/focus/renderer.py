@@ -46,7 +46,7 @@ from rptcam_cl.studies.focus.probe import (
 # which aim at boxes, rarely find the pupil, the next one is taken.
 OPENINGS = (0.02, 0.1, 0.5, 1.0)
 ENOUGH = 0.05  # of the rays pass
-SAMPLES = 16  # per pixel
+SAMPLES = 4  # per pixel
 SMALL_WAVE = 1 << 14  # slots, of work that may be given up: so few hold up nothing else on the device
 
 
@@ -177,6 +177,11 @@ class ZoneView:
         """Return where some columns and rows lie in an array (height, width) of the layout."""
         (x0, x1, y0, y1), x, y = ranges, self.layout.x, self.layout.y
         return slice(y0 - y, y1 - y), slice(x0 - x, x1 - x)
+
+    def samples_in(self, samples: int) -> int:
+        """Return how many samples per pixel so many of all pixels shown are, at least one of each part."""
+        shown = map(self.shown, self.zones)
+        return max(samples // sum((x1 - x0) * (y1 - y0) for x0, x1, y0, y1 in shown), PARTS)
 
     def tiles(self) -> NDArray[np.uint32]:
         """Return the tiles of the layout that zones touch."""
@@ -442,6 +447,7 @@ def probability_within(tolerance: float, error: float) -> float:
 
 
 MOST_SAMPLES = 512  # per pixel
+MOST_OF_SEARCH = 4_000_000  # samples of all pixels: what is not settled by then is refused, or as uncertain as it says
 MOST_PROBES = 40  # after which a search gives up
 
 
@@ -466,6 +472,12 @@ class Probes:
     def drive(self) -> Drive:
         """What moves when the camera focuses."""
         return self.task.drive
+
+    @property
+    def affordable(self) -> int:
+        """Samples per pixel that each of three probes more takes at most."""
+        left = MOST_OF_SEARCH - sum(probe.samples for probe in self.made)
+        return min(MOST_SAMPLES, self.task.renderer.choose_zones(self.task.zones).samples_in(left // 3))
 
     @property
     def ends(self) -> tuple[float, float]:

@@ -83,6 +83,15 @@ def test_light_of_a_lamp_without_size_is_the_closed_form(eye, foot, irradiance):
     assert film.mean(axis=(0, 1)) == pytest.approx(expected, rel=0.01)  # five times the noise
 
 
+def test_a_principled_floor_takes_photons():
+    made = scene(PANE, camera=looking([0.1, 0, 0.4], [0, 0, 0], fov=4), lights=[LAMP], size=(16, 16), depth=3)
+    dull = {"kind": "principled", "base_color": GREY["reflectance"], "specular": 0}  # what is left of it is matte
+    made["objects"][0] = FLOOR | {"material": dull}
+    film = pixels(made, spp=1024, seed=1)
+    expected = np.array(GREY["reflectance"]) / math.pi * 3.0 * 2 * 1.7 / (1.7**2 + 1)
+    assert film.mean(axis=(0, 1)) == pytest.approx(expected, rel=0.01)
+
+
 def test_floor_in_water_gets_what_the_water_leaves():
     # index 1: light goes straight on, 0.1 m of it in the water; of the way to the eye a path counts nothing
     water = {"kind": "dielectric", "index": 1.0, "absorption_per_m": [0, 3, 10]}

@@ -1,7 +1,6 @@
 """Exposures of scenes with motion, and the means of still pictures that they must agree with."""
 
 import numpy as np
-import pytest
 
 import rptcam_cl
 from tests.rendering.pictures import seed_of
@@ -30,9 +29,7 @@ def film(scene, session, name="", **options):
 
 # Lanes per work item with the organisation that goes with them: on GPUs, on CPUs with AVX2 and with AVX-512. The other
 # pairs are of no device.
-PAIRS = [(1, "passes")]
-SLOW_PAIRS = [(1, "stream"), (8, "stream"), (16, "stream"), (8, "passes"), (16, "passes")]
-PAIRS += [pytest.param(*pair, marks=pytest.mark.slow) for pair in SLOW_PAIRS]
+PAIRS = [(lanes, way) for way in ("passes", "stream") for lanes in (1, 8, 16)]
 
 
 def exposures(scene, session, name, count=4, **options):

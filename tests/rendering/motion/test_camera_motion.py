@@ -105,6 +105,7 @@ def test_wave_size_crop_and_interruption_change_no_bit(session, tmp_path):
     np.testing.assert_array_equal(part, whole[12:, 8:24])
 
 
+@pytest.mark.slow  # single lanes in passes are in `device/test_gpu_way.py`
 @pytest.mark.parametrize(("lanes", "organisation"), PAIRS)
 def test_passes_and_stream_and_every_width_agree(session, lanes, organisation, monkeypatch):
     plain = film(moving(), session)

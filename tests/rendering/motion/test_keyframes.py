@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation, Slerp
 
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.scene.load import at_opening, load_scene
-from tests.rendering.motion.pictures import PINHOLE, scene_with
+from tests.rendering.motion.pictures import BALL, PINHOLE, scene_with
 
 LENS = {
     "kind": "realistic",
@@ -54,10 +55,43 @@ REFUSED = [
 ]
 
 
+TURN = [[0, -1, 0, 3], [1, 0, 0, 4], [0, 0, 1, 5]]  # by 90 degrees about z
+
+
+def with_ball(*frames):
+    return scene_with(objects=[BALL | {"motion": list(frames)}])
+
+
+REFUSED += [
+    (
+        with_ball({"time_s": 0, "matrix": TURN, "translate": [0, 0, 0]}),
+        r"objects\[0\].motion\[0\].matrix: says what rotate",
+    ),
+    (with_ball({"time_s": 0, "matrix": (2 * np.array(TURN)).tolist()}), r"motion\[0\].matrix: does more than turn"),
+    (with_ball({"time_s": 0, "matrix": [[-1, 0, 0, 0], *TURN[1:]]}), r"motion\[0\].matrix: does more than turn"),
+    (with_ball({"time_s": 0, "matrix": [[-1, 0, 0, 0], [0, 1, 0, 0], TURN[2]]}), r"matrix: does more than turn"),
+    (with_ball({"time_s": 0, "matrix": TURN[:2]}), r"motion\[0\].matrix: must be 3 or 4 rows"),
+]
+
+
 @pytest.mark.parametrize(("scene", "message"), REFUSED)
 def test_what_cannot_be_is_refused(scene, message):
     with pytest.raises(InputError, match=message):
         load_scene(scene)
+
+
+def test_keyframes_by_matrix_are_those_by_turn_and_shift():
+    """SciPy's turns about a random axis, at the keyframes and on the way between them."""
+    first, second = Rotation.from_rotvec([0.3, -0.2, 0.5]), Rotation.from_rotvec([-0.4, 0.9, 0.1])
+    rows = [np.column_stack([turn.as_matrix(), [k, 2, -k]]) for k, turn in enumerate((first, second))]
+    made = with_ball(*({"time_s": k, "matrix": matrix.astype(np.float32).tolist()} for k, matrix in enumerate(rows)))
+    way = load_scene(made).objects[0].trajectory
+    between = Slerp([0, 1], Rotation.concatenate([first, second]))
+    for time in (0, 0.25, 0.9, 1):
+        expected = np.column_stack([between(time).as_matrix(), [time, 2, -time]])
+        np.testing.assert_allclose(way.at(time)[:3], expected, atol=1e-6)
+    still = load_scene(with_ball({"time_s": 0, "matrix": np.eye(4)[:3].tolist()})).objects[0]
+    np.testing.assert_array_equal(still.placed_at(7), np.eye(4))
 
 
 def test_view_that_vanishes_for_one_moment_is_found_wherever_it_is():

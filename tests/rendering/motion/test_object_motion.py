@@ -224,6 +224,7 @@ def test_meshes_that_share_triangles_go_their_own_ways(session):
         assert_same_tiles(exposures(earlier, session, "earlier", spp=64), still)
 
 
+@pytest.mark.slow  # single lanes in passes are in `device/test_gpu_way.py`
 @pytest.mark.parametrize(("lanes", "organisation"), PAIRS)
 def test_passes_and_stream_and_every_width_agree(session, lanes, organisation, monkeypatch):
     objects = [FLOOR, SHAPES["rectangle"] | {"motion": WAY}, CUBE | {"motion": WAY}, BALL | {"motion": STRAIGHT}]

@@ -1,6 +1,7 @@
 """Tolerance runs: sensitivities against another program, refocusing, percentiles and yields with their intervals."""
 
 import math
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,17 @@ from rptcam_cl.optics.best_focus import best_film_distance
 from rptcam_cl.optics.image_quality import Setting, film_spots, mtf_table, setting, spot_table
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.library import load_lens
-from rptcam_cl.rendering.tolerances import ToleranceRun, percentile, rank, report, share, tolerance, tolerance_chart
+from rptcam_cl.rendering import tolerances
+from rptcam_cl.rendering.tolerances import (
+    Scores,
+    ToleranceRun,
+    percentile,
+    rank,
+    report,
+    share,
+    tolerance,
+    tolerance_chart,
+)
 
 TRIPLET = load_lens("cooke-triplet-50mm")
 D_NM = 587.5618
@@ -289,3 +300,28 @@ def test_chart_has_the_worst_offender_on_top(run: ToleranceRun) -> None:
     assert widths == sorted(widths, reverse=True)
     worst = run.worst_offenders(1)[0]
     assert axes.get_yticklabels()[-1].get_text() == f"{worst.label}, {worst.direction}"
+
+
+@pytest.mark.parametrize(("by_six", "enough"), [(0.600, "6, filled in"), (0.593, "8")])
+def test_rays_are_enough_where_the_most_find_the_same_modulation(
+    monkeypatch: pytest.MonkeyPatch, by_six: float, enough: str
+) -> None:
+    modulations = {"6": 0.5, "8": 0.6, "10": 0.604, "6, filled in": by_six}  # 0.004 from 8 to 10 rings is little
+
+    class Rays(str):
+        def filled_in(self, many: str) -> "Rays":
+            assert many == "8"
+            return Rays(f"{self}, filled in")
+
+    class Judge:
+        def __init__(self, lens: Any, rays: list[Rays], merit: Any, film: float) -> None:
+            self.scored = Scores(np.full((2, 1), 7.0), np.full((2, 1), modulations[rays[0]]), np.zeros(2))
+
+        def scores(self, *_: Any) -> Scores:
+            return self.scored
+
+    monkeypatch.setattr(tolerances, "Judge", Judge)
+    given = SimpleNamespace(rings=None, arms=None), 20.0, SimpleNamespace(lens=TRIPLET), np.zeros(2)
+    rays, (few, many) = tolerances._enough(lambda rings, arms: [Rays(rings)], *given)
+    assert rays == [enough]
+    assert (few.modulation[0], many.modulation[0]) == (modulations[enough], 0.604)

@@ -16,7 +16,7 @@ BACKGROUND = ("dgauss-50mm", 713.0, 39.80, (0.37, 0.45, 0.36, 0.42))
 TELEPHOTO = ("telephoto-250mm", 5180.0, 116.85, (0.70, 0.76, 0.4, 0.46))  # 5619 mm is for first-order optics
 TEXTURES = {
     "noise": {"kind": "noise", "low": 0.05, "high": 0.95, "scale": [60, 60]},
-    "checks": {"kind": "checker", "even": 0.9, "odd": 0.1, "scale": [24, 16]},
+    "checks": {"kind": "checker", "even": 0.9, "odd": 0.1, "scale": [48, 32]},
     "large and dark": {"kind": "checker", "even": 0.1, "odd": 0.5, "scale": [12, 8]},
 }
 
