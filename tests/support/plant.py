@@ -112,6 +112,7 @@ EQUIVALENT = {
     '6500, "F11": 4000,': "a kelvin",
     'viewfinder/lens_panel.py: {"points": np.round(line, 5).tolist(), "wavelength_nm": round(nm, 2), "colour": '
     "wavelength_colour(nm),": "a tenth of a micrometre of a drawing",
+    "studies/tradeoff_errors.py: noise=(*(_over_tiles(noise, scales) for noise in noises[:(1)]), last),": "of two",
     'studies/focus/probe.py: axes.axvline(report.film_distance_mm, color=INK, linestyle="--", '
     "linewidth=1.7999999999999998)": "a dashed line a little thicker",
     "kernels/light/solids.h: *pdf = ((rho2 > 1.0f) & (line.density >= 0.0f) & (line.density < NEVER)) ? line.density"

@@ -119,6 +119,6 @@ def test_pictures_are_made_as_small_as_they_are_shown_in_their_shape(
     assert small.mean(axis=(0, 1)) == pytest.approx(codes.mean(axis=(0, 1)), abs=3)
     if shape[:2] == (2 * size[0], 2 * size[1]):
         means = codes.reshape(size[0], 2, size[1], 2, -1).mean(axis=(1, 3))
-        assert np.abs(small - means).max() <= 0.5
+        assert np.abs(small - means).max() <= 1  # rounded along rows, then along columns
     for larger in ((shape[1], shape[0]), (1000, 1000)):
         assert messages.shrink(codes, *larger) is codes

@@ -4,6 +4,7 @@ import json
 import math
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,8 +15,9 @@ from rptcam_cl.cli import main
 from rptcam_cl.core.errors import NumericError
 from rptcam_cl.device.session import open_session
 from rptcam_cl.scene.lens_settings import AutoFocus
+from rptcam_cl.studies.focus import contrast
 from rptcam_cl.studies.focus.controller import METHODS, follow_focus, with_warnings
-from rptcam_cl.studies.focus.probe import FocusReport, OutOfReach, Policy, Zone
+from rptcam_cl.studies.focus.probe import FocusReport, NoContrast, OutOfReach, Policy, Zone
 from rptcam_cl.studies.focus.renderer import Task
 from tests.studies.focus.scenes import CENTRE, checker, lens_camera, noise, probe_of, scene_of, target
 from tests.studies.focus.test_probe import THIN, with_group
@@ -166,3 +168,42 @@ def test_animation_keeps_its_focus_where_the_target_is_too_near():
     assert "cannot focus at 160 mm" in second.failure
     assert "focus of the frame before is kept" in second.failure
     assert math.isclose(second.confidence, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("place", "inside", "start", "message"),
+    [
+        (50.0, True, None, None),
+        (50.0, True, (50.0, 5.0), None),
+        (55.0, False, (50.0, 5.0), "it still gets sharper where it was searched"),
+        (30.0, False, (32.0, 5.0), None),  # at infinity
+        (30.0, False, None, None),
+        (80.0, False, None, "what the zone shows is too near: it still gets sharper where the focus ends"),
+        (80.0, False, (78.0, 5.0), "it still gets sharper where it was searched"),
+    ],
+)
+def test_top_at_the_end_of_what_was_searched_is_none_but_for_infinity(place, inside, start, message, monkeypatch):
+    peak = SimpleNamespace(place=place, inside=inside)
+    stand_ins = {
+        "_round": ([], 8), "_widen": {0: peak}, "_still_possible": [0], "_next_step": 1.0, "_three_places": [],
+        "_refine": peak, "choose_zone": 0,
+    }  # fmt: skip
+    for name, value in stand_ins.items():
+        monkeypatch.setattr(contrast, name, lambda *_, value=value: value)
+    drive = SimpleNamespace(depth_of_focus=0.4)
+    probes = SimpleNamespace(ends=(30.0, 80.0), drive=drive, task=SimpleNamespace(zones=(CENTRE,)))
+    if message is None:
+        assert contrast.greatest_contrast(probes, Policy.CENTRE, start) == (peak, 0)
+    else:
+        with pytest.raises(NoContrast, match=message):
+            contrast.greatest_contrast(probes, Policy.CENTRE, start)
+
+
+def test_first_stop_makes_the_steps_of_the_first_round_so_many_depths_of_focus():
+    for reach, sharp in ((50.0, 0.4), (50.0, 0.1), (1.0, 0.4)):
+        probes = SimpleNamespace(ends=(30.0, 30.0 + reach), drive=SimpleNamespace(depth_of_focus=sharp))
+        stop = contrast.first_stop(probes)
+        assert 0 < stop <= 1
+        step = reach / (contrast.FIRST_PROBES - 1)
+        assert stop == 1 or step == pytest.approx(contrast.STEP * sharp / stop)
+        assert stop < 1 or step <= contrast.STEP * sharp

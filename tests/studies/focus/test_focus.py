@@ -204,6 +204,17 @@ def test_what_a_mirror_shows_is_focused_at_its_distance_by_way_of_the_mirror(met
     assert rptcam_cl.autofocus(scene, "depth").focus_distance_m == pytest.approx(1.0, rel=1e-3)
 
 
+def test_hybrid_ends_with_contrast_and_repeats_itself_with_a_seed():
+    scene = scene_of([wall(2.0, 50)], lens_camera("dgauss-50mm", f_number=2.8))
+    found = [rptcam_cl.autofocus(scene, "hybrid", seed=seed) for seed in (1, 5, 5)]
+    for report in found:
+        assert (report.method, report.notes["finished_by"]) == ("hybrid", "contrast")
+        assert report.focus_distance_m == pytest.approx(2.0, rel=0.01)
+        assert report.confidence > 0.95
+        assert report.as_dict()["samples"] == sum(probe.samples for probe in report.probes)
+    assert found[0].state != found[1].state == found[2].state
+
+
 def test_moving_target_is_followed_from_frame_to_frame():
     distances = [2.0, 1.9, 1.8]
     scenes = [scene_of([wall(distance, 50)], lens_camera("dgauss-50mm")) for distance in distances]

@@ -97,6 +97,15 @@ def test_policy_chooses_its_zone(policy, zone):
     assert choose_zone(policy, ZONES, {2: 36.5}) == 2
 
 
+def test_weights_of_zones_are_their_areas_less_towards_the_corners():
+    large = [Zone(0.2, 0.8, 0.2, 0.8), Zone(0.45, 0.55, 0.45, 0.55), Zone(0.4, 0.5, 0.4, 0.5)]
+    assert choose_zone(Policy.WEIGHTED, large, {0: 36.0, 1: 38.0, 2: 39.0}) == 0
+    assert choose_zone(Policy.WEIGHTED, large, {1: 38.0, 2: 39.0, 0: 40.0}) == 0
+    corners = [Zone(0, 0.1, 0, 0.1), Zone(0.9, 1, 0.9, 1), Zone(0.45, 0.55, 0.45, 0.55)]
+    assert choose_zone(Policy.WEIGHTED, corners, {0: 36.0, 1: 37.0, 2: 38.0}) == 2
+    assert choose_zone(Policy.WEIGHTED, corners, {0: 36.0, 1: 37.0}) == 0
+
+
 @pytest.mark.parametrize("point", [(0.5, 0.5), (0.0, 1.0), (0.99, 0.02)])
 def test_zone_round_a_point_is_square_and_inside(point):
     zone = zone_at(scene_of([], lens_camera("dgauss-50mm")), *point)

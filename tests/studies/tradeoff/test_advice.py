@@ -113,6 +113,16 @@ def test_intervals_share_their_unit_and_say_when_they_know_nothing():
     assert tradeoff.crossing(Interval(1.0, 0.0, 2.0)) == "too close to call (before 2 s)"
 
 
+def test_numbers_are_written_as_people_read_them():
+    days = [tradeoff.seconds(value * 86400.0) for value in (1.99, 2.0, 30.0, math.inf)]
+    assert days == ["48 h", "2 days", "30 days", "never"]
+    assert [tradeoff.odds(share) for share in (0.99, 0.01, 0.005)] == [
+        "odds of 99 to 1 or more", "odds of 1 to 99 or less", "odds of 1 to 99 or less",
+    ]  # fmt: skip
+    assert [tradeoff.until(value) for value in (-1.0, 0.0, 2.0, math.inf)] == ["never", "never", "2 s", "always"]
+    assert [tradeoff.noise(share) for share in (0.018, 1.0, 1.01)] == ["1.8 %", "100 %", "above 100 %"]
+
+
 def test_place_is_the_ninth_that_differs_most():
     values = np.zeros((6, 9))
     values[0, 8] = 1.0

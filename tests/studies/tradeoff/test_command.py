@@ -219,6 +219,34 @@ def test_what_may_be_better_has_its_odds(report, share, expected):
     assert lines[3].startswith("Too close to call in 1 s between ") == (share == 0.6)
 
 
+@pytest.mark.parametrize(
+    ("wish", "changes", "words"),
+    [
+        ("time", {"chosen": None, "amount": 1e-3},
+         ("in 1 ms nothing does", "one sample per pixel takes at least ", "nothing")),
+        ("error", {"chosen": None, "amount": 1e-5},
+         ("to an error of 0.001 % nothing does", "no configuration reaches 0.001 %", "nothing")),
+        ("error", {"chosen": "pinhole", "amount": 0.05, "seconds": 2.0, "full_seconds": 6.0, "samples": 7},
+         ("to an error of 5 % rptcam render SCENE ", "2 s (7 samples per pixel) to 5 %, ",
+          "3.0 times as fast to an error of 5 % as full accuracy (6 s)")),
+        ("time", {"chosen": "pinhole", "amount": 60.0, "full_error": math.inf, "samples": 9},
+         ("in 60 s rptcam render SCENE ", " after 9 samples per pixel, ", "full accuracy has no picture in 60 s")),
+        ("time", {"chosen": "pinhole", "amount": 60.0, "full_error": 0.25},
+         ("in 60 s rptcam", "an error of ", "in 60 s full accuracy has an error of 25 %")),
+        ("time", {"chosen": "full", "amount": 60.0}, ("in 60 s ", "", "in 60 s no approximation is certainly better")),
+    ],
+)  # fmt: skip
+def test_advice_says_what_to_set_what_it_costs_and_what_it_gains(report, wish, changes, words):
+    advice = next(each for each in report.advice if each.wish == wish)
+    lines = recommendation(replace(report, advice=(replace(advice, **changes),)))
+    for line, head, text in zip(lines, ("Set: ", "Costs: ", "Gains: "), words, strict=False):
+        assert line.startswith(head) and text in line
+    if changes["chosen"] == "pinhole":
+        assert " --set 'camera=" in lines[0] or " --set 'camera.kind=pinhole" in lines[0]
+        assert f" --spp {changes['samples']}" in lines[0] if "samples" in changes else True
+        assert lines[1].endswith(" of it for good.")
+
+
 def test_odds_are_those_of_the_interval(report):
     """An approximation is certainly better before its crossing's interval and certainly not after it."""
     for found in report.measurements[1:]:
