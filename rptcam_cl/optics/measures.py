@@ -245,6 +245,38 @@ WAVEFRONT = Measurement(
     },
     "wavefronts", ("fields", "wavelengths_nm"), has_best_focus=True,
 )  # fmt: skip
+SEIDEL = Measurement(
+    "seidel", "seidel", "field_measures",
+    "Seidel sums of each surface and of the lens: the aberrations of third order, and of colour",
+    "Return the Seidel sums of each surface, and of the lens in the last row, whose surface is None.",
+    (
+        Option("field_degrees", "angle", None, "angle from the axis in degrees (default: the widest)", "--field", "A",
+               fault=_fault_of_field),
+        _wavelengths((LINE_F_NM, LINE_C_NM)),
+        Option("unit", "choice", "sums", "millimetres, waves at the edge of the pupil, or micrometres on the film "
+               "(default: %(default)s)", "--unit", choices=("sums", "waves", "transverse")),
+    ),
+    {
+        "surface": "surface", "spherical": "spherical", "coma": "coma", "astigmatism": "astigmatism",
+        "petzval": "Petzval", "distortion": "distortion", "axial_colour": "axial colour",
+        "lateral_colour": "lateral colour",
+    },
+    "seidel", ("field_degrees", "wavelengths_nm"), facts=("field_degrees", "unit", "lagrange_invariant_mm"),
+)  # fmt: skip
+ZERNIKE = Measurement(
+    "zernike", "zernike", "field_measures",
+    "Zernike coefficients of the wavefront over the field, by their fringe numbers and by Noll's",
+    "Return the Zernike coefficients of the wavefront of each field and wavelength.",
+    (
+        _wavelengths((LINE_D_NM,)), _RAYS, _fields(),
+        Option("order", "count", 8, "highest power of the radius (default: %(default)s)", "--order", printed=6),
+    ),
+    _FIELD_COLUMN | _WAVELENGTH_COLUMN | {
+        "n": "n", "m": "m", "fringe": "fringe", "fringe_waves": "[waves]", "noll": "Noll", "noll_waves": "rms [waves]",
+        "rest_waves": "rest [waves]",
+    },
+    "zernike", ("fields", "wavelengths_nm"), has_best_focus=True,
+)  # fmt: skip
 VIGNETTING = Measurement(
     "vignette", "vignetting", "field_measures",
     "how the film darkens towards its edge, by the pupil and by cos^4",
@@ -340,7 +372,8 @@ GLARE = Measurement(
 )  # fmt: skip
 
 MEASUREMENTS = (
-    SPOT, MTF, PSF, WAVEFRONT, RAY_FAN, FIELD_CURVATURE, THROUGH_FOCUS, VIGNETTING, DISTORTION, TRANSMITTANCE, GLARE,
+    SPOT, MTF, PSF, WAVEFRONT, SEIDEL, ZERNIKE, RAY_FAN, FIELD_CURVATURE, THROUGH_FOCUS, VIGNETTING, DISTORTION,
+    TRANSMITTANCE, GLARE,
 )  # fmt: skip
 
 
@@ -377,6 +410,8 @@ class Measurable:
     mtf = _method(MTF)
     psf = _method(PSF)
     wavefront = _method(WAVEFRONT)
+    seidel = _method(SEIDEL)
+    zernike = _method(ZERNIKE)
     ray_fan = _method(RAY_FAN)
     field_curvature = _method(FIELD_CURVATURE)
     through_focus = _method(THROUGH_FOCUS)
