@@ -30,7 +30,7 @@ from rptcam_cl.optics.image_quality import (
 from rptcam_cl.optics.irradiance import irradiance_with_error, pass_areas, veiling_glare
 from rptcam_cl.optics.ray_trace import COATED, UNCOATED, LensTransmission, Rays, axial_transmittance, has_coatings
 from rptcam_cl.optics.spot import Beam, chief_ray, passing_beam
-from rptcam_cl.optics.waves import MOST_ACROSS
+from rptcam_cl.optics.waves import MOST_ACROSS, ExitRays, check_wavefront
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -47,6 +47,7 @@ Row = dict[str, Any]
 NEAR = 1e-5  # of the size of the first surface: how far from the chief ray the rays lie that say where it is sharp
 ACROSS = 64  # rays across a beam whose width, or middle, is sought
 BISECTIONS = 40  # for the edge of what passes
+WITHIN = 1 - 1e-9  # of it, which holds both rims of a beam that is as wide on either side but for rounding
 FEWEST = 32  # of a spot, at first
 FINE = (0.0, 0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875, 1.0)  # shares of the widest field
 FEW = (0.0, 0.7, 1.0)
@@ -64,7 +65,8 @@ def ray_fan(
 
     `pupil` goes from -1 to 1 over what passes in the plane of the first vertex, along y and along x; at 0 is the chief
     ray of the setting's wavelength, or, where none of the field reaches the middle of the stop, the ray through the
-    middle of what passes. What does not pass has no row.
+    middle of what passes. What does not pass has no row. `ahead_waves` is by how much the path is shorter than that of
+    the wavelength's chief ray, up to the sphere about its point; None where no wavefront is known.
     """
     rows: list[Row] = []
     _ = setting.film
@@ -80,16 +82,18 @@ def ray_fan(
         for axis in (1, 0):
             start = np.array([0.0, height])
             most = 1.2 * float(np.abs(points[:, axis] - start[axis]).max())
-            reach = max(map(abs, _edges(setting, degrees, main, start, axis, most)))
+            reach = WITHIN * max(map(abs, _edges(setting, degrees, main, start, axis, most)))
             steps = np.linspace(-1.0, 1.0, rays)
             line = np.tile(start, (rays, 1))
             line[:, axis] += steps * reach
             for wavelength in wavelengths_nm:
                 traced = _through(setting, setting.lens, degrees, wavelength, line)
                 off = (at_plane(traced.origins, traced.directions, setting.film_z)[:, :2] - middle) * 1e3
+                ahead = _waves_ahead(setting, beam, wavelength, line, traced)
                 rows += [
                     {"field_degrees": degrees, "wavelength_nm": wavelength, "tangential": float(axis == 1),
-                     "pupil": float(steps[k]), "off_um": float(off[k, axis])}
+                     "pupil": float(steps[k]), "off_um": float(off[k, axis]),
+                     "ahead_waves": None if ahead is None else float(ahead[k])}
                     for k in np.flatnonzero(traced.passed)
                 ]  # fmt: skip
     shown = [row for row in rows if row["tangential"] and row["wavelength_nm"] == wavelengths_nm[0]]
@@ -101,6 +105,15 @@ def ray_fan(
             "from the chief ray on the film [µm]", "field_degrees",
         ),
     )  # fmt: skip
+
+
+def _waves_ahead(setting: Setting, beam: Beam, wavelength_nm: float, points: Array, traced: Rays) -> Array | None:
+    try:
+        check_wavefront(setting.lens, beam)
+        exit_rays = ExitRays(setting.lens, beam, wavelength_nm, setting.film_z)
+    except InputError:
+        return None
+    return exit_rays.waves(points, traced)[1]
 
 
 def _edges(
@@ -356,6 +369,8 @@ def seidel(
         for k, surface in enumerate(lens.surfaces)
     ])  # fmt: skip
     converging = indices[-1] * marginal[-1, 1]
+    if unit == "transverse" and abs(converging) < 1e-12:
+        raise InputError(f"{lens.name}: brings light to no focus, so its aberrations have no size on a film")
     scale = {"sums": np.ones(7), "waves": WAVES * 1e6 / nm, "transverse": ACROSS_FILM * 1e3 / converging}[unit]
     rows: list[Row] = [
         {"surface": k if k < len(sums) else None, **dict(zip(SEIDEL, values, strict=True))}
@@ -367,6 +382,38 @@ def seidel(
         setting, "Seidel sums", rows, lambda: _seidel_chart(title, word, rows), f"{lens.name}, at {degrees:g}°, {word}",
         field_degrees=degrees, unit=unit, lagrange_invariant_mm=float(lagrange),
     )  # fmt: skip
+
+
+def paraxial(setting: Setting, field_degrees: float | None) -> charts.Measured:
+    """Return the marginal and the chief ray to first order on each surface, and on the film."""
+    degrees = default_fields(setting)[-1] if field_degrees is None else field_degrees
+    marginal, chief = paraxial_rays(setting, degrees)
+    names = ("marginal_mm", "marginal_slope", "chief_mm", "chief_slope")
+    table = np.hstack([marginal, chief])
+    rows: list[Row] = [
+        {"surface": k, **dict(zip(names, row, strict=True))} for k, row in enumerate(table[:-1].tolist())
+    ]
+    height, slope, chief_height, chief_slope = table[-1].tolist()
+    if setting.film_distance_mm is not None:
+        film = setting.lens.sense * setting.film_distance_mm
+        at_film = (height + film * slope, slope, chief_height + film * chief_slope, chief_slope)
+        rows.append({"surface": None, **dict(zip(names, at_film, strict=True))})
+    title = f"{setting.lens.name}: first-order rays at {degrees:g}°"
+
+    @charts.styled()
+    def chart() -> Figure:
+        chief_mm, marginal_mm = ([row[name] for row in rows] for name in ("chief_mm", "marginal_mm"))
+        words = "height of the chief ray [mm]", "height of the marginal ray [mm]"
+        figure, axes = charts.new_chart(title, words, (min(chief_mm), max(chief_mm)))
+        axes.plot(chief_mm, marginal_mm, "o-", color=charts.series(0))
+        for row in rows:
+            where = "film" if row["surface"] is None else str(row["surface"])
+            axes.annotate(where, (row["chief_mm"], row["marginal_mm"]), (4, 4), textcoords="offset points")
+        return figure
+
+    return result_of(
+        setting, "first-order rays", rows, chart, f"{setting.lens.name}, at {degrees:g}°", field_degrees=degrees
+    )
 
 
 def paraxial_rays(setting: Setting, field_degrees: float) -> tuple[Array, Array]:

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 FDC = (LINE_F_NM, LINE_D_NM, LINE_C_NM)  # [nm]
 STEEPEST = 130.0  # degrees; fisheyes see up to 110
 MIDDLE_NM = 550.0
+HIGHEST = 20  # order of Zernike terms, beyond which rounding shows
 
 # What an option is, by which a command reads its text, and the type of its keyword.
 KINDS = {
@@ -166,6 +167,10 @@ def _fault_of_field(value: float) -> str:
     return "" if right else f"got {value:g}; allowed from -{STEEPEST:g} to {STEEPEST:g} degrees"
 
 
+def _fault_of_order(value: int) -> str:
+    return "" if 1 <= value <= HIGHEST else f"got {value}; allowed from 1 to {HIGHEST}"
+
+
 def _fault_of_range(value: float) -> str:
     return "" if 0 < value < float("inf") else f"must be above 0 mm (got {value:g})"
 
@@ -248,7 +253,7 @@ WAVEFRONT = Measurement(
 SEIDEL = Measurement(
     "seidel", "seidel", "field_measures",
     "Seidel sums of each surface and of the lens: the aberrations of third order, and of colour",
-    "Return the Seidel sums of each surface, and of the lens in the last row, whose surface is None.",
+    "Return the Seidel sums of each surface, and of the lens in the last row.",
     (
         Option("field_degrees", "angle", None, "angle from the axis in degrees (default: the widest)", "--field", "A",
                fault=_fault_of_field),
@@ -263,13 +268,28 @@ SEIDEL = Measurement(
     },
     "seidel", ("field_degrees", "wavelengths_nm"), facts=("field_degrees", "unit", "lagrange_invariant_mm"),
 )  # fmt: skip
+PARAXIAL = Measurement(
+    "paraxial", "paraxial", "field_measures",
+    "marginal and chief ray to first order: heights and slopes on each surface, and the y-ybar diagram",
+    "Return heights and slopes of the marginal and the chief ray before each surface, and on the film in the last row.",
+    (
+        Option("field_degrees", "angle", None, "angle from the axis in degrees (default: the widest)", "--field", "A",
+               fault=_fault_of_field),
+    ),
+    {
+        "surface": "surface", "marginal_mm": "y [mm]", "marginal_slope": "u", "chief_mm": "ybar [mm]",
+        "chief_slope": "ubar",
+    },
+    "paraxial", ("field_degrees",), facts=("field_degrees",),
+)  # fmt: skip
 ZERNIKE = Measurement(
     "zernike", "zernike", "field_measures",
     "Zernike coefficients of the wavefront over the field, by their fringe numbers and by Noll's",
     "Return the Zernike coefficients of the wavefront of each field and wavelength.",
     (
         _wavelengths((LINE_D_NM,)), _RAYS, _fields(),
-        Option("order", "count", 8, "highest power of the radius (default: %(default)s)", "--order", printed=6),
+        Option("order", "count", 8, "highest power of the radius (default: %(default)s)", "--order", printed=6,
+               fault=_fault_of_order),
     ),
     _FIELD_COLUMN | _WAVELENGTH_COLUMN | {
         "n": "n", "m": "m", "fringe": "fringe", "fringe_waves": "[waves]", "noll": "Noll", "noll_waves": "rms [waves]",
@@ -319,7 +339,8 @@ RAY_FAN = Measurement(
         _wavelengths(FDC), _fields(),
         Option("rays", "count", 41, "of a fan (default: %(default)s)", "--rays", printed=11),
     ),
-    _FIELD_COLUMN | _WAVELENGTH_COLUMN | {"tangential": "tangential", "pupil": "pupil", "off_um": "off [µm]"},
+    _FIELD_COLUMN | _WAVELENGTH_COLUMN | {"tangential": "tangential", "pupil": "pupil", "off_um": "off [µm]",
+                                          "ahead_waves": "ahead [waves]"},
     "ray_fans", ("fields", "wavelengths_nm"), has_best_focus=True,
 )  # fmt: skip
 FIELD_CURVATURE = Measurement(
@@ -372,8 +393,8 @@ GLARE = Measurement(
 )  # fmt: skip
 
 MEASUREMENTS = (
-    SPOT, MTF, PSF, WAVEFRONT, SEIDEL, ZERNIKE, RAY_FAN, FIELD_CURVATURE, THROUGH_FOCUS, VIGNETTING, DISTORTION,
-    TRANSMITTANCE, GLARE,
+    SPOT, MTF, PSF, WAVEFRONT, PARAXIAL, SEIDEL, ZERNIKE, RAY_FAN, FIELD_CURVATURE, THROUGH_FOCUS, VIGNETTING,
+    DISTORTION, TRANSMITTANCE, GLARE,
 )  # fmt: skip
 
 
@@ -410,6 +431,7 @@ class Measurable:
     mtf = _method(MTF)
     psf = _method(PSF)
     wavefront = _method(WAVEFRONT)
+    paraxial = _method(PARAXIAL)
     seidel = _method(SEIDEL)
     zernike = _method(ZERNIKE)
     ray_fan = _method(RAY_FAN)
