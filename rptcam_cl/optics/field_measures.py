@@ -263,6 +263,39 @@ def curvature_rows(setting: Setting, fields: Sequence[float], wavelengths_nm: Se
     return rows
 
 
+ZONES = (0.0, 0.7, 1.0)  # shares of the radius of the pupil
+
+
+def focal_shift(setting: Setting, wavelengths_nm: Sequence[float]) -> charts.Measured:
+    """Return where light of each wavelength and zone of the pupil meets the axis, behind the film [mm].
+
+    Zone 0 is the paraxial focus; the others are heights of real rays, in radii of the entrance pupil. None where a rim
+    stops the ray.
+    """
+    rows: list[Row] = []
+    for nm in wavelengths_nm:
+        marginal, _ = paraxial_rays(replace(setting, wavelength_nm=nm), 0.0)
+        start = np.zeros((len(ZONES) - 1, 2))
+        start[:, 1] = np.array(ZONES[1:]) * paraxial_rays(setting, 0.0)[0][0, 0]
+        traced = _through(setting, without_obstructions(setting.lens), 0.0, nm, start)
+        crossing = traced.origins[:, 2] - traced.origins[:, 1] * traced.directions[:, 2] / traced.directions[:, 1]
+        behind = setting.lens.sense * (crossing - setting.lens.length)
+        paraxial_focus = -setting.lens.sense * marginal[-1, 0] / marginal[-1, 1]
+        found = [paraxial_focus, *np.where(traced.passed, behind, np.nan)]
+        rows += [
+            {"wavelength_nm": nm, "zone": zone,
+             "shift_mm": float(place - setting.film) if math.isfinite(place) else None}
+            for zone, place in zip(ZONES, found, strict=True)
+        ]  # fmt: skip
+    return result_of(
+        setting, "focal shift", rows,
+        lambda: curves_over(
+            f"{setting.lens.name}: focus over the wavelength", rows, ("wavelength_nm", "wavelength [nm]"),
+            [("shift_mm", "of the pupil's radius")], "behind the film [mm]", "zone",
+        ),
+    )  # fmt: skip
+
+
 def through_focus(
     setting: Setting,
     range_mm: float | None,

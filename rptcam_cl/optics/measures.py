@@ -353,6 +353,14 @@ FIELD_CURVATURE = Measurement(
     },
     "field_curvature", ("fields", "wavelengths_nm"), has_best_focus=True,
 )  # fmt: skip
+FOCAL_SHIFT = Measurement(
+    "focal-shift", "focal_shift", "field_measures",
+    "where light of each wavelength meets the axis, paraxial and by zones of the pupil",
+    "Return where light of each wavelength and zone meets the axis, from the film away from the lens [mm].",
+    (_wavelengths((400.0, 450.0, 500.0, 550.0, 600.0, 650.0, 700.0)),),
+    _WAVELENGTH_COLUMN | {"zone": "zone", "shift_mm": "shift [mm]"},
+    "focal_shift", ("wavelengths_nm",), has_best_focus=True,
+)  # fmt: skip
 THROUGH_FOCUS = Measurement(
     "through-focus", "through_focus", "field_measures",
     "rms spot of each field over shifts of the film",
@@ -393,8 +401,8 @@ GLARE = Measurement(
 )  # fmt: skip
 
 MEASUREMENTS = (
-    SPOT, MTF, PSF, WAVEFRONT, PARAXIAL, SEIDEL, ZERNIKE, RAY_FAN, FIELD_CURVATURE, THROUGH_FOCUS, VIGNETTING,
-    DISTORTION, TRANSMITTANCE, GLARE,
+    SPOT, MTF, PSF, WAVEFRONT, PARAXIAL, SEIDEL, ZERNIKE, RAY_FAN, FIELD_CURVATURE, FOCAL_SHIFT,
+    THROUGH_FOCUS, VIGNETTING, DISTORTION, TRANSMITTANCE, GLARE,
 )  # fmt: skip
 
 
@@ -436,6 +444,7 @@ class Measurable:
     zernike = _method(ZERNIKE)
     ray_fan = _method(RAY_FAN)
     field_curvature = _method(FIELD_CURVATURE)
+    focal_shift = _method(FOCAL_SHIFT)
     through_focus = _method(THROUGH_FOCUS)
     vignetting = _method(VIGNETTING)
     distortion = _method(DISTORTION)

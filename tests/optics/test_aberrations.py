@@ -6,6 +6,7 @@ import pytest
 from rptcam_cl import load_lens
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import field_measures, image_quality
+from tests.optics.truth import truth
 
 NM, F, C = 587.5618, 486.1327, 656.2725
 COUNTED = ("cooke-triplet-50mm", "tessar-100mm", "achromat-100mm", "plano-convex-100mm", "dgauss-50mm")
@@ -105,6 +106,26 @@ def test_first_order_rays_are_those_of_pupils_and_focal_length(name):
     assert film["marginal_mm"] == pytest.approx(0, abs=1e-9)
     assert film["chief_mm"] == pytest.approx(first.focal_length_mm * np.tan(np.radians(1.5)), rel=1e-9)
     assert abs(rows[lens.stop_index]["chief_mm"] if lens.stop_index is not None else 0.0) < 1e-9
+
+
+@pytest.mark.parametrize(("name", "known"), [("plano-convex-100mm", "la1509"), ("achromat-100mm", "ac254_100_a")])
+def test_focal_shifts_are_those_of_the_truth_files(name, known):
+    """Paraxial foci to 1e-6 mm, zones to what four decimals of the table leave."""
+    lens, lines, chromatic = load_lens(name), truth(known)["wavelengths_nm"], truth(known)["chromatic"]
+    film = lens.first_order().back_focal_distance_mm
+    rows = {(row["wavelength_nm"], row["zone"]): row["shift_mm"] for row in lens.focal_shift(list(lines.values())).rows}
+    for line, nm in lines.items():
+        assert film + rows[nm, 0.0] == pytest.approx(chromatic[line]["BFL"], abs=1e-6)
+        zones = chromatic["real_axial_focus_by_zone"]
+        edge = next(zones[zone] for zone in zones if float(zone) == 1.0)
+        assert film + rows[nm, 1.0] == pytest.approx(edge[line], abs=2e-4)
+
+
+def test_focal_shift_of_a_near_object_is_that_of_its_film():
+    lens = load_lens("tessar-100mm")
+    for distance_m in (0.5, 3.0):
+        rows = lens.focal_shift([NM], focus_distance_m=distance_m).rows
+        assert rows[0]["shift_mm"] == pytest.approx(0, abs=1e-9)
 
 
 def test_lenses_that_differ_by_azimuth_have_no_seidel_sums():
