@@ -184,7 +184,7 @@ def zernike(
         lambda: curves_over(
             f"{setting.lens.name}: Zernike coefficients (fringe), {wavelengths_nm[0]:g} nm",
             [row for row in rows if row["wavelength_nm"] == wavelengths_nm[0] and row["fringe"] > 1],
-            ("fringe", "number of the term"), [("fringe_waves", "degrees")], "waves", "field_degrees",
+            ("fringe", "number of the term"), [("fringe_waves", "degrees")], "waves", "field_degrees", ("o:",),
         ),
     )  # fmt: skip
 
@@ -352,7 +352,13 @@ def _through_focus(
 
 @charts.styled()
 def curves_over(
-    title: str, rows: Sequence[Row], across: tuple[str, str], up: Sequence[tuple[str, str]], unit: str, by: str
+    title: str,
+    rows: Sequence[Row],
+    across: tuple[str, str],
+    up: Sequence[tuple[str, str]],
+    unit: str,
+    by: str,
+    styles: tuple[str, ...] = ("-", "--"),
 ) -> Figure:
     """Return curves of columns (name, label) over another, in a colour for each value of a third."""
     values = [row[across[0]] for row in rows]
@@ -360,7 +366,7 @@ def curves_over(
     axes.axhline(0.0, color=charts.INK, linewidth=0.8)
     for number, kind in enumerate(dict.fromkeys(row[by] for row in rows)):
         own = [row for row in rows if row[by] == kind]
-        for line, (name, label) in zip(("-", "--"), up, strict=False):
+        for line, (name, label) in zip(styles, up, strict=False):
             shown = [np.nan if row[name] is None else row[name] for row in own]
             said = f"{kind:g} {label}"
             axes.plot([row[across[0]] for row in own], shown, line, color=charts.series(number), label=said)
