@@ -462,9 +462,9 @@ class Slot:
         self._follows = True
         self._moving_until = time.monotonic() + (REST_S if transient else 0.0)
         self.compiling = self.session.is_waiting
-        if change.kind not in _SAME_FILM or not self.show_again():
-            if not self.compiling:
-                self._begin_anew()
+        is_shown = change.kind in _SAME_FILM and self.show_again()
+        if not is_shown and not self.compiling:
+            self._begin_anew()
 
     def show_again(self) -> bool:
         """Have the picture that is there shown anew; return whether there is one."""
