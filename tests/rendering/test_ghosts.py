@@ -123,6 +123,15 @@ def test_what_hides_the_sun_hides_its_ghosts() -> None:
     assert image.metadata["ghosts"]["sources"] == 0
 
 
+def test_ghosts_are_of_what_the_camera_sees(bare: rptcam_cl.Image) -> None:
+    unseen = {"visible": {"camera": False}}
+    image = rptcam_cl.render(scene(sun(10.0) | unseen))
+    assert not image["ghosts"].any()
+    assert image.metadata["ghosts"]["sources"] == 0
+    behind = rptcam_cl.render(scene(sun(10.0), objects=(ball(-3.5) | unseen,)))
+    np.testing.assert_array_equal(behind["ghosts"], bare["ghosts"])
+
+
 def test_a_sun_outside_of_the_frame_has_ghosts_within() -> None:
     image = rptcam_cl.render(scene(sun(20.0)))  # 18 mm from the middle of a frame 24 mm high
     total, _ = expected(image, Beam(20.0))

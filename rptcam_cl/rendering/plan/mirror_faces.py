@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import Rows, dataclass
-from rptcam_cl.core.records import Kind
+from rptcam_cl.core.records import Hidden, Kind
 from rptcam_cl.rendering.plan.materials import lobes_of
 from rptcam_cl.rendering.plan.plan import Plan
 from rptcam_cl.rendering.plan.primitives import PackedMeshes, TriangleGroup
@@ -125,11 +125,12 @@ def polished_count(plan: Plan) -> int:
 
 
 def _polished_primitives(plan: Plan) -> Iterator[tuple[int, Kind]]:
-    """Yield the primitives that reflect like a mirror, or nearly, and their kinds."""
+    """Yield the primitives that reflect like a mirror, or nearly, and that the camera sees, and their kinds."""
     polished = np.array([any(True for _ in lobes_of(plan.materials, index)) for index in range(len(plan.materials))])
     if not polished.any():
         return
-    own = np.flatnonzero(polished[plan.primitives["material"][: plan.primitive_count]])
+    seen = plan.hidden[: plan.primitive_count] & Hidden.FROM_CAMERA == 0
+    own = np.flatnonzero(polished[plan.primitives["material"][: plan.primitive_count]] & seen)
     kinds = np.searchsorted(plan.kind_end, own, side="right")
     yield from ((int(index), Kind(int(kind))) for index, kind in zip(own, kinds, strict=True))
 
