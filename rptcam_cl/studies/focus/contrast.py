@@ -405,11 +405,11 @@ def _refine(probes: Probes, made: list[Probe], zone: int, peak: Peak, samples: i
     for _ in range(4):
         if peak.rise < CLEAR and samples >= most:
             raise _same_everywhere(peak)
-        is_settled = peak.rise >= CLEAR and (peak.error < sharp / PRECISE or samples >= most)
-        if is_settled and _is_even(made, zone, peak, (low, high), WIDEST * sharp):
+        is_sure = peak.rise >= CLEAR and (peak.error < sharp / PRECISE or samples >= most)
+        if is_sure and _is_even(made, zone, peak, (low, high), WIDEST * sharp):
             return peak
         step = min(max(SHARE * peak.width, sharp), WIDEST / 2 * sharp)
-        if not is_settled:
+        if not is_sure:
             more = 4.0 if peak.rise < CLEAR else float(np.clip(2 * (PRECISE * peak.error / sharp) ** 2, 2, 16))
             samples, made, reference = min(int(more * samples), most), [], peak.place
             step = min(2 * step, WIDEST * sharp)

@@ -447,7 +447,7 @@ def probability_within(tolerance: float, error: float) -> float:
 
 
 MOST_SAMPLES = 512  # per pixel
-MOST_OF_SEARCH = 4_000_000  # samples of all pixels: what is not settled by then is refused, or as uncertain as it says
+MOST_OF_SEARCH = 4_000_000  # samples of all pixels: what is not found by then is refused, or as uncertain as it says
 MOST_PROBES = 40  # after which a search gives up
 
 
