@@ -1,9 +1,11 @@
 """Phase detection: half pictures tell the distance, the move finds the least spot, and blank targets are refused."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.optimize import minimize_scalar
 
 import rptcam_cl
 from rptcam_cl.rendering.cameras.kinds import camera_of
@@ -188,3 +190,20 @@ def test_zone_of_a_pixel_is_refused_in_a_sentence(method):
     scene = scene_of([target(2.0, 2.0, noise(400))], lens_camera("dgauss-50mm"))
     with pytest.raises(NoContrast, match="standard errors of the noise"):
         rptcam_cl.autofocus(scene, method, zones=[(0.5, 0.5005, 0.5, 0.5005)])
+
+
+def test_sharpest_planes_are_where_the_spread_is_least_across_down_and_of_both():
+    generator = np.random.default_rng(4)
+    weights = np.concatenate([generator.uniform(0.1, 1, 40), np.zeros(5)])
+    at, along = generator.normal(size=(2, 40, 2))
+    lit = weights[:40]
+
+    def spread(vergence, axes):
+        return float(lit @ np.sum((at + vergence * along)[:, axes] ** 2, axis=1))
+
+    own = SimpleNamespace(_lines=(at, along, None, None), rays=SimpleNamespace(weights=[weights]))
+    found = [*HalfView.sharpest_along(own), HalfView.sharpest(own)]
+    assert len({round(vergence, 6) for vergence in found}) == 3
+    for vergence, axes in zip(found, ([0], [1], [0, 1]), strict=True):
+        least = minimize_scalar(spread, args=(axes,), tol=1e-12).x
+        assert vergence == pytest.approx(least, abs=1e-6)
