@@ -207,3 +207,28 @@ def test_sharpest_planes_are_where_the_spread_is_least_across_down_and_of_both()
     for vergence, axes in zip(found, ([0], [1], [0, 1]), strict=True):
         least = minimize_scalar(spread, args=(axes,), tol=1e-12).x
         assert vergence == pytest.approx(least, abs=1e-6)
+
+
+def in_zone(whole, variance, axis=0):
+    shares = np.array([0.25 * whole, 0.75 * whole])
+    halves = SimpleNamespace(in_zone=shares, noise=np.array([0.4, 0.6]) * variance)
+    return SimpleNamespace(halves=halves, view=SimpleNamespace(axis=axis))
+
+
+def test_contrast_of_a_zone_is_its_deviation_over_its_mean_less_noise():
+    wave = np.sin(2 * np.pi * 8 * (np.arange(64) + 0.5) / 64)
+    stripes = np.tile(2.0 + 0.5 * wave, (64, 1))
+    contrast, significance = PhaseMatch.contrast(in_zone(stripes, 0.025))
+    assert contrast == pytest.approx(math.sqrt(0.5**2 / 2 - 0.025) / 2.0, rel=0.01)  # a trend takes a little
+    assert significance == pytest.approx((0.5**2 / 2 / 0.025 - 1) * math.sqrt(64 * 64 / 2), rel=0.02)
+    for whole, variance in ((np.zeros((8, 8)), 0.1), (-stripes, 0.1), (stripes, 0.0)):  # dark, or without an error
+        assert PhaseMatch.contrast(in_zone(whole, variance)) == (0.0, 0.0)
+    assert PhaseMatch.contrast(in_zone(stripes, 1.0))[0] == 0.0  # less than noise
+
+
+def test_share_of_changes_along_the_split_is_that_of_stripes_across_it():
+    stripes = np.tile(2.0 + np.sin(2 * np.pi * 8 * np.arange(64) / 64), (64, 1))
+    assert [PhaseMatch.along(in_zone(stripes, 0.0, axis)) for axis in (0, 1)] == pytest.approx([1, 0])
+    assert [PhaseMatch.along(in_zone(stripes.T, 0.0, axis)) for axis in (0, 1)] == pytest.approx([0, 1])
+    assert PhaseMatch.along(in_zone(stripes + stripes.T, 0.0)) == pytest.approx(0.5)
+    assert PhaseMatch.along(in_zone(np.full((64, 64), 2.0), 0.1)) == 0.5  # nothing but noise
