@@ -110,7 +110,7 @@ class Client:
 def viewing(
     cache: Path | None, device: str, size: tuple[int, int], scene: Path = SCENE
 ) -> Iterator[tuple[subprocess.Popen[str], int, str]]:
-    """Run the command; yield process, port and token. Without a folder for them it has the user's caches."""
+    """Run the command, with caches in a folder or the user's; yield its process, its port and its token."""
     words = [sys.executable, "-m", "rptcam_cl", "view", str(scene), "--no-browser", "--device", device]
     folders = {} if cache is None else {"POCL_CACHE_DIR": str(cache / "pocl"), "XDG_CACHE_HOME": str(cache / "xdg")}
     words += ["--size", f"{size[0]}x{size[1]}"]

@@ -69,7 +69,9 @@ def _add_option(parser: Parser, option: Option) -> None:
     if option.kind == "flag":
         parser.add_argument(option.flag, dest=option.keyword, action="store_true", help=option.help)
     elif option.kind == "choice":
-        parser.add_argument(option.flag, dest=option.keyword, choices=option.choices, help=option.help)
+        parser.add_argument(
+            option.flag, dest=option.keyword, choices=option.choices, default=option.default, help=option.help
+        )
     else:
         default = option.default if option.printed is None else option.printed
         parser.add_argument(

@@ -383,14 +383,9 @@ def remove_strays(folder: Path) -> None:
             is_old = stray.lstat().st_mtime < time.time() - STRAY_SECONDS
             if stray.is_dir() and not stray.is_symlink():
                 if is_dead or (is_old and not is_here):
-                    _remove_tree(stray)
+                    shutil.rmtree(stray, ignore_errors=True)
             elif is_dead or is_old:
                 stray.unlink()
-
-
-def _remove_tree(folder: Path) -> None:
-
-    shutil.rmtree(folder, ignore_errors=True)
 
 
 def _sync(path: Path, flags: int) -> None:

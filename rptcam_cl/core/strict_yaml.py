@@ -148,15 +148,12 @@ def _read_file(path: Path, label: str) -> bytes:
         raise type(problem)(f"{label}: {problem}") from None
 
 
-def _too_big(size: int) -> str:
-    return f"has {size} bytes (at most {MAX_BYTES}; put meshes and pictures in files of their own)"
-
-
 def _decode(raw: bytes, label: str) -> str:
     if raw.startswith((b"\xff\xfe", b"\xfe\xff")):
         raise InputError(f"{label}:1:1: is UTF-16 text; save it as UTF-8")
     if len(raw) > MAX_BYTES:
-        raise InputError(f"{label}: {_too_big(len(raw))}")
+        most = f"at most {MAX_BYTES}; put meshes and pictures in files of their own"
+        raise InputError(f"{label}: has {len(raw)} bytes ({most})")
     try:
         text = raw.decode("utf-8-sig")
     except UnicodeDecodeError as problem:

@@ -67,7 +67,8 @@ def denoise(pixels: Pixels, albedo: Pixels, normal: Pixels) -> tuple[Pixels, str
     try:
         import pyoidn
 
-        wide, guide, facing = (_with_margin(values) for values in (pixels, albedo, normal))
+        margins = ((MARGIN_PX,) * 2, (MARGIN_PX,) * 2, (0, 0))  # mirrored: the network takes what is beyond for black
+        wide, guide, facing = (np.pad(values, margins, mode="symmetric") for values in (pixels, albedo, normal))
         clean = _within_channels(partial(pyoidn.denoise, normal=facing, hdr=True), wide, guide)
     except (ImportError, OSError, RuntimeError) as error:
         raise InputError(f"denoising failed: {error}") from error
@@ -75,11 +76,6 @@ def denoise(pixels: Pixels, albedo: Pixels, normal: Pixels) -> tuple[Pixels, str
     return np.ascontiguousarray(
         clean[inside, inside], np.float32
     ), f"Open Image Denoise (pyoidn {version('pyoidn')}), biased"
-
-
-def _with_margin(values: Pixels) -> Pixels:
-    """Return a picture that goes on mirrored: the network takes what is beyond its edges for black."""
-    return np.pad(values, ((MARGIN_PX, MARGIN_PX), (MARGIN_PX, MARGIN_PX), (0, 0)), mode="symmetric")
 
 
 def _within_channels(remove_noise: Callable[..., Pixels], pixels: Pixels, albedo: Pixels) -> Pixels:

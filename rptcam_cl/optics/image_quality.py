@@ -838,7 +838,7 @@ def wave_transfer(group: Sequence[PupilFunction], frequencies_per_mm: ArrayLike)
 
 
 def _transfer_errors(group: Sequence[PupilFunction], frequencies_per_mm: ArrayLike) -> list[float]:
-    """Return what a third of the cells across the pupil changes of the modulation of one field, over `FINER`."""
+    """Return by how much a third of the cells across the pupil changes the modulation of one field, over `FINER`."""
     all_cells = np.array(wave_transfer(group, frequencies_per_mm)[:2])
     parts = [
         wave_transfer(part, frequencies_per_mm)[:2] for part in zip(*(wave.thirds() for wave in group), strict=True)

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 FDC = (LINE_F_NM, LINE_D_NM, LINE_C_NM)  # [nm]
 STEEPEST = 130.0  # degrees; fisheyes see up to 110
 MIDDLE_NM = 550.0
+HIGHEST = 20  # order of Zernike terms, beyond which rounding shows
 
 # What an option is, by which a command reads its text, and the type of its keyword.
 KINDS = {
@@ -166,6 +167,10 @@ def _fault_of_field(value: float) -> str:
     return "" if right else f"got {value:g}; allowed from -{STEEPEST:g} to {STEEPEST:g} degrees"
 
 
+def _fault_of_order(value: int) -> str:
+    return "" if 1 <= value <= HIGHEST else f"got {value}; allowed from 1 to {HIGHEST}"
+
+
 def _fault_of_range(value: float) -> str:
     return "" if 0 < value < float("inf") else f"must be above 0 mm (got {value:g})"
 
@@ -245,6 +250,53 @@ WAVEFRONT = Measurement(
     },
     "wavefronts", ("fields", "wavelengths_nm"), has_best_focus=True,
 )  # fmt: skip
+SEIDEL = Measurement(
+    "seidel", "seidel", "field_measures",
+    "Seidel sums of each surface and of the lens: the aberrations of third order, and of colour",
+    "Return the Seidel sums of each surface, and of the lens in the last row.",
+    (
+        Option("field_degrees", "angle", None, "angle from the axis in degrees (default: the widest)", "--field", "A",
+               fault=_fault_of_field),
+        _wavelengths((LINE_F_NM, LINE_C_NM)),
+        Option("unit", "choice", "sums", "millimetres, waves at the edge of the pupil, or micrometres on the film "
+               "(default: %(default)s)", "--unit", choices=("sums", "waves", "transverse")),
+    ),
+    {
+        "surface": "surface", "spherical": "spherical", "coma": "coma", "astigmatism": "astigmatism",
+        "petzval": "Petzval", "distortion": "distortion", "axial_colour": "axial colour",
+        "lateral_colour": "lateral colour",
+    },
+    "seidel", ("field_degrees", "wavelengths_nm"), facts=("field_degrees", "unit", "lagrange_invariant_mm"),
+)  # fmt: skip
+PARAXIAL = Measurement(
+    "paraxial", "paraxial", "field_measures",
+    "marginal and chief ray to first order: heights and slopes on each surface, and the y-ybar diagram",
+    "Return heights and slopes of the marginal and the chief ray before each surface, and on the film in the last row.",
+    (
+        Option("field_degrees", "angle", None, "angle from the axis in degrees (default: the widest)", "--field", "A",
+               fault=_fault_of_field),
+    ),
+    {
+        "surface": "surface", "marginal_mm": "y [mm]", "marginal_slope": "u", "chief_mm": "ybar [mm]",
+        "chief_slope": "ubar",
+    },
+    "paraxial", ("field_degrees",), facts=("field_degrees",),
+)  # fmt: skip
+ZERNIKE = Measurement(
+    "zernike", "zernike", "field_measures",
+    "Zernike coefficients of the wavefront over the field, by their fringe numbers and by Noll's",
+    "Return the Zernike coefficients of the wavefront of each field and wavelength.",
+    (
+        _wavelengths((LINE_D_NM,)), _RAYS, _fields(),
+        Option("order", "count", 8, "highest power of the radius (default: %(default)s)", "--order", printed=6,
+               fault=_fault_of_order),
+    ),
+    _FIELD_COLUMN | _WAVELENGTH_COLUMN | {
+        "n": "n", "m": "m", "fringe": "fringe", "fringe_waves": "[waves]", "noll": "Noll", "noll_waves": "rms [waves]",
+        "rest_waves": "rest [waves]",
+    },
+    "zernike", ("fields", "wavelengths_nm"), has_best_focus=True,
+)  # fmt: skip
 VIGNETTING = Measurement(
     "vignette", "vignetting", "field_measures",
     "how the film darkens towards its edge, by the pupil and by cos^4",
@@ -287,7 +339,8 @@ RAY_FAN = Measurement(
         _wavelengths(FDC), _fields(),
         Option("rays", "count", 41, "of a fan (default: %(default)s)", "--rays", printed=11),
     ),
-    _FIELD_COLUMN | _WAVELENGTH_COLUMN | {"tangential": "tangential", "pupil": "pupil", "off_um": "off [µm]"},
+    _FIELD_COLUMN | _WAVELENGTH_COLUMN | {"tangential": "tangential", "pupil": "pupil", "off_um": "off [µm]",
+                                          "ahead_waves": "ahead [waves]"},
     "ray_fans", ("fields", "wavelengths_nm"), has_best_focus=True,
 )  # fmt: skip
 FIELD_CURVATURE = Measurement(
@@ -299,6 +352,14 @@ FIELD_CURVATURE = Measurement(
         "tangential_mm": "tangential [mm]", "sagittal_mm": "sagittal [mm]", "astigmatism_mm": "astigmatism [mm]",
     },
     "field_curvature", ("fields", "wavelengths_nm"), has_best_focus=True,
+)  # fmt: skip
+FOCAL_SHIFT = Measurement(
+    "focal-shift", "focal_shift", "field_measures",
+    "where light of each wavelength meets the axis, paraxial and by zones of the pupil",
+    "Return where light of each wavelength and zone meets the axis, from the film away from the lens [mm].",
+    (_wavelengths((400.0, 450.0, 500.0, 550.0, 600.0, 650.0, 700.0)),),
+    _WAVELENGTH_COLUMN | {"zone": "zone", "shift_mm": "shift [mm]"},
+    "focal_shift", ("wavelengths_nm",), has_best_focus=True,
 )  # fmt: skip
 THROUGH_FOCUS = Measurement(
     "through-focus", "through_focus", "field_measures",
@@ -340,7 +401,8 @@ GLARE = Measurement(
 )  # fmt: skip
 
 MEASUREMENTS = (
-    SPOT, MTF, PSF, WAVEFRONT, RAY_FAN, FIELD_CURVATURE, THROUGH_FOCUS, VIGNETTING, DISTORTION, TRANSMITTANCE, GLARE,
+    SPOT, MTF, PSF, WAVEFRONT, PARAXIAL, SEIDEL, ZERNIKE, RAY_FAN, FIELD_CURVATURE, FOCAL_SHIFT,
+    THROUGH_FOCUS, VIGNETTING, DISTORTION, TRANSMITTANCE, GLARE,
 )  # fmt: skip
 
 
@@ -377,8 +439,12 @@ class Measurable:
     mtf = _method(MTF)
     psf = _method(PSF)
     wavefront = _method(WAVEFRONT)
+    paraxial = _method(PARAXIAL)
+    seidel = _method(SEIDEL)
+    zernike = _method(ZERNIKE)
     ray_fan = _method(RAY_FAN)
     field_curvature = _method(FIELD_CURVATURE)
+    focal_shift = _method(FOCAL_SHIFT)
     through_focus = _method(THROUGH_FOCUS)
     vignetting = _method(VIGNETTING)
     distortion = _method(DISTORTION)

@@ -154,10 +154,10 @@ def pupil_function(
         two rays of the beam leave the lens in one direction.
     """
     beam = beam or Beam()
-    _check(lens, beam)
+    check_wavefront(lens, beam)
     if across is not None and across < FEWEST_ACROSS:
         raise InputError(f"a wavefront needs at least {FEWEST_ACROSS} rays across the beam (got {across})")
-    exit_rays = _ExitRays(lens, beam, wavelength_nm, lens.film_z(film_distance_mm), sphere_z)
+    exit_rays = ExitRays(lens, beam, wavelength_nm, lens.film_z(film_distance_mm), sphere_z)
     box = exit_rays.box
     if across is not None:
         return exit_rays.on_grid(box, across)
@@ -168,7 +168,8 @@ def pupil_function(
     return exit_rays.on_grid(box, min(int(np.ceil(ACROSS * steepest / STEP)), MOST_ACROSS))
 
 
-def _check(lens: Lens, beam: Beam) -> None:
+def check_wavefront(lens: Lens, beam: Beam) -> None:
+    """Raise an error where the wavefront of a beam is not known."""
     if is_steep(beam.field_degrees) or beam.azimuth_degrees != 90.0:
         raise InputError(
             f"{lens.name}: the wavefront is known for fields up to 85 degrees (got {beam.field_degrees:g})"
@@ -184,10 +185,12 @@ def _steepest(pupil: PupilFunction) -> float:
     return float(np.max(steps, where=np.isfinite(steps), initial=0.0))
 
 
-class _ExitRays:
+class ExitRays:
     """The rays of a beam by their directions behind the lens."""
 
-    def __init__(self, lens: Lens, beam: Beam, wavelength_nm: float, film_z: float, sphere_z: float | None) -> None:
+    def __init__(
+        self, lens: Lens, beam: Beam, wavelength_nm: float, film_z: float, sphere_z: float | None = None
+    ) -> None:
         self.lens, self.beam, self.wavelength_nm, self.film_z = lens, beam, wavelength_nm, film_z
         self.open = without_rims(lens)
         indices = lens.indices(wavelength_nm)
@@ -229,7 +232,7 @@ class _ExitRays:
         step = float(offsets[1] - offsets[0])
         targets = np.stack(np.meshgrid(cosines_x, cosines_y), axis=-1)
         points, rays, met = self._find_rays(targets.reshape(-1, 2))
-        plane, sphere = (np.where(met, part, 0.0).reshape(cells, cells) for part in self._waves(points, rays))
+        plane, sphere = (np.where(met, part, 0.0).reshape(cells, cells) for part in self.waves(points, rays))
         points = np.where(met[:, None], points, np.nan).reshape(cells, cells, 2)
         density = self._density(points, step)
         coverage = np.where(np.isfinite(density), self._coverage(points, targets, step), 0.0)
@@ -238,7 +241,7 @@ class _ExitRays:
             coverage, np.where(coverage > 0, density, 0.0), plane, sphere,
         )  # fmt: skip
 
-    def _waves(self, points: Array, rays: Rays) -> tuple[Array, Array]:
+    def waves(self, points: Array, rays: Rays) -> tuple[Array, Array]:
         """Return by how much paths are shorter than the chief ray's: to the foot from C, and to the sphere."""
         length = self.wavelength_nm * MM_PER_NM
         plane = (self.chief_path - self._path(points, rays)) / length

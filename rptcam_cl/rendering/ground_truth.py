@@ -152,7 +152,7 @@ class GroundTruth:
             "sharp_object_id": lambda: self._hits.objects,
             "sharp_material_id": lambda: self._hits.materials,
             "sharp_class_id": self._classes,
-            "occlusion": self._occlusion,
+            "occlusion": lambda: np.append(self._hidden, np.nan)[self._hits.objects].astype(np.float32),
             "flow_forward": lambda: self._flow(1).astype(np.float32),
             "flow_backward": lambda: self._flow(0).astype(np.float32),
             "motion": self._motion,
@@ -248,9 +248,6 @@ class GroundTruth:
         whole = np.bincount(pairs[:, 1], minlength=count)
         with np.errstate(invalid="ignore"):
             return np.asarray(1.0 - seen / whole)
-
-    def _occlusion(self) -> NDArray[np.float32]:
-        return np.append(self._hidden, np.nan)[self._hits.objects].astype(np.float32)
 
     def _places_in(self, other: Moments, times: Array, guess: Array) -> Array:
         """Return where another picture shows at moments (n,) what this one shows; ``guess`` is near there [pixels]."""

@@ -417,7 +417,7 @@ def is_sound(bvh: Bvh) -> bool:
         and _are_all(leaf, len(blocks))
         and _are_all(used, len(used))
         and not bool((blocks < -1).any() or ((blocks[:, :-1] < 0) & (blocks[:, 1:] >= 0)).any())
-        and _count_reached(children) == len(children)
+        and sum(map(len, _levels(children))) == len(children)  # all hang below the root
     )
 
 
@@ -427,11 +427,6 @@ def _are_boxes(bounds: NDArray[np.float32], children: NDArray[np.int32]) -> bool
     used = (children != EMPTY)[:, None]
     boxes = (lower <= upper) & np.isfinite(lower) & np.isfinite(upper)
     return bool(np.where(used, boxes, (lower == np.inf) & (upper == -np.inf)).all())
-
-
-def _count_reached(children: NDArray[np.int32]) -> int:
-    """How many nodes hang below the root, it included, where each is the child of at most one."""
-    return sum(map(len, _levels(children)))
 
 
 def _are_all(indices: NDArray[np.int32], count: int) -> bool:

@@ -145,18 +145,14 @@ def _line(item: Any, data: Any, where: Where) -> str:
     for key in context.get("path", ()):
         path, value = (*path, key), _child(value, key)
     if item["type"] in ("union_tag_invalid", "union_tag_not_found"):
-        path, value = (*path, _tag_key(context["discriminator"])), context.get("tag")
+        key = "shape" if "shape" in context["discriminator"] else "kind"  # textures are distinguished by a function
+        path, value = (*path, key), context.get("tag")
     finding = _explain(item["type"], item["msg"], context, value)
     if finding.problem == "unknown key" and isinstance(data, Mapping) and "camera" in data:  # of a scene
         finding = finding._replace(problem=finding.problem + _elsewhere(str(path[-1])))
     details = "; ".join(part for part in (finding.got, finding.allowed and f"allowed: {finding.allowed}") if part)
     subject = f"{dotted(path)}: " if path else ""
     return f"{where(path, finding.at_key)}{subject}{finding.problem}" + (f" ({details})" if details else "")
-
-
-def _tag_key(discriminator: str) -> str:
-    """Return the key that says which form a mapping has; textures are distinguished by a function."""
-    return "shape" if "shape" in discriminator else "kind"
 
 
 def _follow(location: tuple[Any, ...], data: Any) -> tuple[KeyPath, Any]:

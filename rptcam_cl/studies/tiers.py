@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import field, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import Any, Literal
 
 import numpy as np
@@ -214,6 +215,7 @@ def _from_film(lens: Lens, film_distance_mm: float, film: Array, rear: Array) ->
 
 
 FIELDS = (0.0, 0.25, 0.5, 0.7, 0.85, 1.0)  # film points along its half diagonal
+BETWEEN = tuple(low + share * (high - low) for low, high in pairwise(FIELDS) for share in (0.25, 0.5, 0.75))
 
 
 @dataclass(frozen=True)
@@ -229,8 +231,10 @@ class Truth:
         It, with its stop in the shape that it has.
     half_film_mm : (2,) array
         Half the sides of the film.
+    shares : tuple of float
+        Where film points lie along the half diagonal.
     fields : tuple of Field or None
-        What the lens does at each of `FIELDS`; None where it sees nothing.
+        What the lens does at each of them; None where it sees nothing.
     shape_apart : float
         How far a round stop of the same area lies from its stop, at most, in radii; 0 for a stop that is round.
     tint : float
@@ -243,13 +247,14 @@ class Truth:
     first: FirstOrderCamera
     shaped: Lens
     half_film_mm: Array
+    shares: tuple[float, ...]
     fields: tuple[FieldPoint | None, ...]
     shape_apart: float
     tint: float
     coloured: bool
 
     @classmethod
-    def of(cls, scene: Scene, first: FirstOrderCamera) -> Truth:
+    def of(cls, scene: Scene, first: FirstOrderCamera, shares: tuple[float, ...] = FIELDS) -> Truth:
         """Trace the lens of a scene."""
         setting = first.setting
         half_film_mm = np.array(scene.film.size_m()) / 2 * 1e3
@@ -259,10 +264,10 @@ class Truth:
         coloured = requested and disperses(setting.lens)
         colours_nm = [min(max(end, low), high) for end in EXTREMES_NM] if coloured else []
         pixel_mm = float(2 * half_film_mm[0] / scene.film.resolution[0])
-        fields = trace_fields(setting, shape, half_film_mm, pixel_mm, FIELDS, colours_nm)
+        fields = trace_fields(setting, shape, half_film_mm, pixel_mm, shares, colours_nm)
         tint = lens_tint(scene, setting) if requested else 0.0
         lens = shaped(scene, setting).lens
-        return cls(scene, first, lens, half_film_mm, tuple(fields), round_stop(shape)[1], tint, coloured)
+        return cls(scene, first, lens, half_film_mm, shares, tuple(fields), round_stop(shape)[1], tint, coloured)
 
     @property
     def view(self) -> VisibleWorld:
@@ -277,7 +282,7 @@ class Truth:
         return VisibleWorld(start, half, slopes)
 
     def blur_px(self, depths_mm: Sequence[float]) -> tuple[float, ...]:
-        """Return how far light of a point falls from its middle at each of `FIELDS`, at most [pixels]."""
+        """Return how far light of a point falls from its middle at each film point, at most [pixels]."""
         return tuple(
             np.inf
             if field is None
@@ -289,7 +294,7 @@ class Truth:
         )
 
     def colour_px(self, depths_mm: Sequence[float]) -> tuple[float, ...]:
-        """Return how far light of other wavelengths falls from its place at each of `FIELDS`, at most [pixels]."""
+        """Return how far light of other wavelengths falls from its place at each film point, at most [pixels]."""
         return tuple(
             0.0 if field is None else max(field.colour_mm(depth) * field.pixels_per_mm(depth) for depth in depths_mm)
             for field in self.fields
@@ -329,12 +334,15 @@ class TierError:
         Relative error of the irradiance, both being 1 on the axis unless the exposure shows the light there too.
     tint : float
         How much more of one colour than of another is missing, as a share.
+    between : mapping
+        The largest of each effect between `FIELDS`, where vignetting begins or aberrations turn [pixels].
     """
 
     tier: Tier
     effects: Mapping[str, tuple[float, ...]]
     illumination: tuple[float, ...]
     tint: float = 0.0
+    between: Mapping[str, float] = field(default_factory=dict)
 
     @cached_property
     def pixels(self) -> tuple[float, ...]:
@@ -344,7 +352,7 @@ class TierError:
     @property
     def worst_px(self) -> float:
         """The largest error of place [pixels]."""
-        return max(self.pixels)
+        return max(*self.pixels, *self.between.values())
 
     @property
     def worst_illumination(self) -> float:
@@ -365,7 +373,7 @@ def tier_error(truth: Truth, depths_mm: Sequence[float], tier: Tier) -> TierErro
         return TierError(tier, dict.fromkeys(EFFECTS, none), none)
     if tier == "fitted":
         return errors_of_polynomials(fit_polynomials(truth.scene, colours=truth.coloured))
-    bundles = [tier_bundle(truth.first, tier, field * truth.half_film_mm) for field in FIELDS]
+    bundles = [tier_bundle(truth.first, tier, field * truth.half_film_mm) for field in truth.shares]
     apart = [_bundle_errors(*pair, depths_mm) for pair in zip(truth.fields, bundles, strict=True)]
     distortion, blur, outline = (tuple(column) for column in zip(*apart, strict=True))
     effects = {"distortion": distortion, "blur": blur, "outline": outline, "shape": none, "colour": none}
@@ -499,6 +507,7 @@ def _as_data(error: TierError) -> dict[str, Any]:
     return {
         "camera_model": error.tier,
         "pixels": _plain(error.pixels),
+        "between_px": {name: _plain(value) for name, value in error.between.items()},
         "effects_px": {name: _plain(values) for name, values in error.effects.items()},
         "illumination": _plain(error.illumination),
     }
@@ -546,7 +555,8 @@ def _lens_sentences(decision: Decision, allowed: Accuracy) -> Iterator[str]:
 def _effects_text(error: TierError, beyond: Accuracy | None = None) -> str:
     """Return the effects of a tier with their numbers: all that are any, or those beyond what is allowed."""
     least = 0.0 if beyond is None else beyond.max_error_px
-    said = [f"{NAMES[name]} {pixels(worst)}" for name in EFFECTS if (worst := max(error.effects[name])) > least]
+    largest = {name: max(*error.effects[name], error.between.get(name, 0.0)) for name in EFFECTS}
+    said = [f"{NAMES[name]} {pixels(worst)}" for name, worst in largest.items() if worst > least]
     light = max(error.illumination)
     for name, value in (("light", light), ("tint", error.tint)):
         if value > (0.0 if beyond is None else beyond.max_illumination_error):
@@ -636,15 +646,21 @@ def measure_lens(scene: Scene) -> Decision:
     depths = _depths(scene, truth)
     missing = {tier: _why_no_equivalent(scene, tier) for tier in FIRST_ORDER}
     tiers = [tier for tier in FIRST_ORDER if not missing[tier]]
-    blur_px, far = max(truth.blur_px(depths)), depths[-1]
+    between = Truth.of(scene, first, BETWEEN)
+    both = truth, between
+    errors = [(tier_error(truth, depths, tier), tier_error(between, depths, tier)) for tier in tiers]
+    blur_px, far = max(max(each.blur_px(depths)) for each in both), depths[-1]
     return Decision(
         scene,
-        errors=tuple(tier_error(truth, depths, tier) for tier in tiers),
+        errors=tuple(
+            replace(error, between={name: max(values) for name, values in other.effects.items()})
+            for error, other in errors
+        ),
         reason="" if tiers else missing["thick_lens"],
         depths_m=(depths[0] * 1e-3, far * 1e-3 if far < FAR_MM else None),
         blur_px=blur_px,
         shape_px=truth.shape_apart * blur_px if truth.shape_apart else None,
-        colour_px=max(truth.colour_px(depths)) if truth.coloured else None,
+        colour_px=max(max(each.colour_px(depths)) for each in both) if truth.coloured else None,
         tint=truth.tint,
     )
 

@@ -574,9 +574,11 @@ def _over_field(camera: TierError) -> str:
         return (
             f"{pixels(camera.pixels[0])} on the axis; at {FIELDS[worst]:g} of the half diagonal the lens sees nothing"
         )
+    between = f", {pixels(camera.worst_px)} between" if camera.worst_px > camera.pixels[worst] else ""
     return (
-        f"{pixels(camera.pixels[0])} on the axis and at most {pixels(camera.worst_px)}"
-        f" (at {FIELDS[worst]:g} of the half diagonal), brightness by up to {per_cent(camera.worst_illumination)}"
+        f"{pixels(camera.pixels[0])} on the axis and at most {pixels(camera.pixels[worst])}"
+        f" (at {FIELDS[worst]:g} of the half diagonal{between}),"
+        f" brightness by up to {per_cent(camera.worst_illumination)}"
     )
 
 

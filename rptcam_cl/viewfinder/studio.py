@@ -462,7 +462,8 @@ class Slot:
         self._follows = True
         self._moving_until = time.monotonic() + (REST_S if transient else 0.0)
         self.compiling = self.session.is_waiting
-        if not (change.kind in _SAME_FILM and self.show_again()) and not self.compiling:
+        is_shown = change.kind in _SAME_FILM and self.show_again()
+        if not is_shown and not self.compiling:
             self._begin_anew()
 
     def show_again(self) -> bool:

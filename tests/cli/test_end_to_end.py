@@ -78,7 +78,6 @@ def test_interrupt_while_rendering_saves_the_picture_so_far(
     assert stats["interrupted"] is True
     assert stats["spp"] >= 1
     assert "--resume goes on from it" in run.err
-    assert stats["seconds"]["render"] < 30
     assert np.isfinite(np.load("a.npy")).all()
     more = str(stats["spp"] + 3)
     run = rptcam("render", "scene.yaml", "-o", "a.npy", "--stats", "b.json", "--spp", more, "--resume", "--quiet")
@@ -113,7 +112,6 @@ def test_time_limit_ends_the_render(scene: Path, rptcam: Command) -> None:
     stats = json.loads(Path("a.json").read_text("utf-8"))
     assert stats["spp"] >= 1
     assert stats["interrupted"] is False
-    assert stats["seconds"]["render"] < 5  # generous for a busy machine; without a limit it would never end
 
 
 @pytest.mark.parametrize(

@@ -8,8 +8,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from rptcam_cl.device import drivers
-from rptcam_cl.device.devices import is_pocl
+from rptcam_cl.device import devices, drivers
+from rptcam_cl.device.devices import Trial, is_pocl, try_here
 from rptcam_cl.device.drivers import AVX2, AVX512, known_processor, rename_as_before, rename_processor
 from tests.device.probes import open_session
 
@@ -46,6 +46,24 @@ def test_unknown_processor_is_renamed_and_kernels_build(tmp_path):
     done = subprocess.run([sys.executable, "-c", UNKNOWN], env=environment, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert done.stderr in ("", "1 error generated.\n")  # of PoCL's compiler, in this very process
+
+
+@pytest.mark.parametrize("calls_build", [True, False])
+def test_built_ins_are_called_where_none_of_their_names_lets_them_be_inlined(monkeypatch, calls_build):
+    handle, tried = object(), []
+
+    def build(device, source):
+        assert device is handle
+        tried.append("pragma clang attribute" in source)
+        return None if calls_build and not tried[-1] else "inlining failed"
+
+    monkeypatch.setattr(devices, "is_pocl", lambda _: True)
+    monkeypatch.setattr(devices, "pocl_library_arch", lambda: "x86-64")
+    monkeypatch.setattr(drivers, "own_name", lambda _: "mine")
+    monkeypatch.setattr(drivers, "rename_processor", lambda *_: None)
+    monkeypatch.setattr(devices, "_build", build)
+    assert try_here(handle) == (Trial() if calls_build else Trial(problem="inlining failed"))
+    assert tried == [True, False]
 
 
 def test_name_is_the_best_that_the_features_allow():

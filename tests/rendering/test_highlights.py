@@ -44,7 +44,9 @@ def mirrored() -> rptcam_cl.Image:
 
 
 def test_a_lamp_in_a_mirror_has_the_ghosts_of_one_behind_an_opening(mirrored: rptcam_cl.Image) -> None:
-    direct = shown(point(IMAGE))
+    unseen = mirror() | {"corner": [0, 0, 9]}  # so that the kernels are the same
+    direct = shown(point(IMAGE), unseen)
+    assert direct.metadata["ghosts"].get("mirrored", 0) == 0
     assert mirrored.metadata["ghosts"]["mirrored"] == 1
     assert "1 of them mirrored" in mirrored.metadata["ghosts"]["says"]
     assert direct["ghosts"].any()

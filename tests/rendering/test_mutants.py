@@ -92,7 +92,7 @@ DEPTH = """#if !HAS_LAMPS
     on = on & (path->depth < rules.max_depth);"""
 MIS = "return own > 0.0f ? own2 / (own2 + other * other)"
 CLOSER = """EACH_PRIMITIVE(ray, ALL_FLATS,
-        t = PAST_HOLES(met & (t > 0.0f) & (t < best));
+        IF_SEEN t = PAST_HOLES(met & (t > 0.0f) & (t < best));
         I closer = met & (t > 0.0f)"""
 ORIGIN = "s.c = origin ? ZERO : c;"
 MUTANTS = [

@@ -49,6 +49,7 @@ TESTS = {
     " cli/test_lens_tolerance rendering/cameras/test_as_built",
     "core": "device/test_layout device/test_signatures rendering/test_world scene/assets/test_remembered_pictures"
     " imaging/sensor",
+    "device": "rendering/several",
     "rendering/plan": "rendering/light rendering/caustics rendering/test_emitters scene/test_warnings"
     " rendering/test_shapes",
     "cli": "exchange/calibration/test_camera_outputs exchange/calibration/test_camera_files exchange/pbrt/test_command"
@@ -120,9 +121,15 @@ EQUIVALENT = {
     " : ZERO;": "a density of 0 is 0 either way",
     "kernels/light/solids.h: F share = ((x > y) & (x >= z)) ? f.share.x : (y >= z ? f.share.y : f.share.z);": "only"
     " rays through the edge of a box",
+    "kernels/light/light_tree.h: I here = open & ((left <= light) | ((I)(e) == scene.emitter_count - 1));": "a single"
+    " random number",
     "kernels/light/solids.h: I on_y = NOT(on_x) & ((pick - of_x <= of_y) | (of_z <= 0.0f));": "a single random number",
     "kernels/caustics/gather.h: on = on & (p.x >= grid->low.x) & (p.y >= grid->low.y) & (p.z > grid->low.z)": "only"
     " points on the rim of the grid",
+    "kernels/caustics/gather.h: I end = on ? GATHER(I, scene.photon_cells, cell + 1, ) : TRUE;": "of lanes that are"
+    " off",
+    "kernels/caustics/photon.h: return on ? GATHER(I, scene.caustic_roles, known, ) : TRUE;": "of lanes that are off",
+    "kernels/caustics/photon.h: I known = (on | (primitive >= 0)) ? primitive : FALSE;": "of lanes that are off",
     "kernels/caustics/gather.h: Eight photon = load_eight(scene.photons, (more ? k : TRUE) * 8);": "of lanes that are"
     " off",
     "kernels/caustics/gather.h: I k = on ? GATHER(I, scene.photon_cells, cell, ) : TRUE;": "of lanes that are off",

@@ -492,12 +492,7 @@ def aimed_at_lamps(
 NO_LAMPS = LampTables(np.zeros(0, np.float32), 0, (0, 0), 0)
 
 
-@dataclass(frozen=True)
-class _Seen:
-    """Where the film sees which lamps, by their numbers, whatever these emit."""
-
-    blocks: _Blocks
-    lamps: list[tuple[int, _Entries]]
+_Seen = tuple[_Blocks, list[tuple[int, _Entries]]]  # where the film sees which lamps, by number, whatever they emit
 
 
 def _seen(camera: CameraModel, lamps: Sequence[SeenLamp], shows: Shows) -> _Seen:
@@ -514,7 +509,7 @@ def _seen(camera: CameraModel, lamps: Sequence[SeenLamp], shows: Shows) -> _Seen
         for number, entries in entries_of.items()
         if len(entries.blocks)
     ]
-    return _Seen(blocks, [(number, entries) for number, entries in shown if len(entries.blocks)])
+    return blocks, [(number, entries) for number, entries in shown if len(entries.blocks)]
 
 
 _seen_lamps: Memory[_Seen] = Memory(REMEMBERED)
@@ -548,14 +543,15 @@ def _remembered(camera: CameraModel, lamps: Sequence[SeenLamp], shows: Shows, si
 
 def _tables(camera: CameraModel, lamps: Sequence[SeenLamp], seen: _Seen) -> LampTables:
     """Return the tables for lamps that emit so much."""
-    if not seen.lamps:
+    blocks, shown = seen
+    if not shown:
         return NO_LAMPS
     assert camera.reach is not None
     per_radiance = float(camera.record[0]["exposure"]) * camera.axial_weight
-    values = np.concatenate([entries.part * lamps[number].radiance * per_radiance for number, entries in seen.lamps])
-    numbers, floats = (np.concatenate([getattr(e, name) for _, e in seen.lamps]) for name in ("blocks", "floats"))
-    table = np.concatenate([np.array([camera.reach.area], np.float32), _packed(numbers, floats, values, seen.blocks)])
-    return LampTables(table, seen.blocks.shift, seen.blocks.counts, len(seen.lamps))
+    values = np.concatenate([entries.part * lamps[number].radiance * per_radiance for number, entries in shown])
+    numbers, floats = (np.concatenate([getattr(e, name) for _, e in shown]) for name in ("blocks", "floats"))
+    table = np.concatenate([np.array([camera.reach.area], np.float32), _packed(numbers, floats, values, blocks)])
+    return LampTables(table, blocks.shift, blocks.counts, len(shown))
 
 
 _DISK = Disk(

@@ -29,7 +29,7 @@ from rptcam_cl.optics.ray_trace import IDEAL, LensTransmission, is_tinted, known
 from rptcam_cl.optics.stop_shape import StopMask, StopShape
 from rptcam_cl.optics.surface import Region, Surface, SurfacePose
 from rptcam_cl.rendering.cameras.ideal import shaped
-from rptcam_cl.rendering.cameras.setting import LensSetting, LossFiller, LossTables, lens_setting
+from rptcam_cl.rendering.cameras.setting import LensSetting, LossFiller, lens_setting
 from rptcam_cl.scene.film import Film
 from rptcam_cl.scene.load import at_opening
 from rptcam_cl.scene.scene import Scene
@@ -288,11 +288,10 @@ def lens_records(
             _fill_region(record, surface.region, joins)
         previous = k
     terms = fill_dispersion(records, lens, backwards) if dispersive else 0
-    tables = LossTables(len(stop), usable_nm(lens, transmission)) if dispersive else None
-    losses = LossFiller(transmission, wavelength_nm, tables).fill(records, lens, backwards)
-    if tables is not None:
-        stop = np.concatenate([stop, *tables.rows])
-    return LensRecords(records, stop.astype(real), _facts(lens, records) | losses | {"LENS_DISPERSION": terms})
+    filler = LossFiller(transmission, wavelength_nm, usable_nm(lens, transmission) if dispersive else None, len(stop))
+    facts = filler.fill(records, lens, backwards) | {"LENS_DISPERSION": terms}
+    stop = np.concatenate([stop, *filler.tables]).astype(real)
+    return LensRecords(records, stop, _facts(lens, records) | facts)
 
 
 def _fill_shape(record: np.void, surface: Surface, sense: float, where: str) -> None:

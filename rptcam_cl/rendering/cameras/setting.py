@@ -353,33 +353,6 @@ NO_LOSSES = dict.fromkeys(FACTS, 0)
 
 
 @dataclass
-class LossTables:
-    """Tables over the wavelength, each of which is there once.
-
-    Attributes
-    ----------
-    start : int
-        Where the first one will stand.
-    range_nm : (low, high)
-        Wavelengths that the lens is known for [nm]; beyond them the last value stays.
-    """
-
-    start: int
-    range_nm: tuple[float, float]
-    rows: list[Array] = field(default_factory=list)
-
-    def place(self, values: Values) -> int:
-        """Return where the table of a function of wavelengths [nm] stands, -1 when it is the same everywhere."""
-        row = np.asarray(values(np.clip(TABLE_NM, *self.range_nm)))
-        if np.ptp(row) == 0:
-            return -1
-        known = [k for k, other in enumerate(self.rows) if np.array_equal(row, other)]
-        if not known:
-            self.rows.append(row)
-        return self.start + (known[0] if known else len(self.rows) - 1) * LOSS_TABLE_LENGTH
-
-
-@dataclass(frozen=True)
 class LossFiller:
     """Fills records of surfaces.
 
@@ -388,13 +361,20 @@ class LossFiller:
     transmission : LensTransmission
     wavelength_nm : float
         Of all rays; where there are tables, of those values that do not depend on it.
-    tables : LossTables or None
-        None when all rays have one wavelength.
+    range_nm : (low, high) or None
+        Wavelengths that the lens is known for [nm]; beyond them the last value stays. None when all rays have one
+        wavelength.
+    start : int
+        Where the first table over the wavelength will stand.
+    tables : list of array
+        Each of which is there once.
     """
 
     transmission: LensTransmission
     wavelength_nm: float
-    tables: LossTables | None
+    range_nm: tuple[float, float] | None
+    start: int
+    tables: list[Array] = field(default_factory=list)
 
     def fill(self, records: NDArray[np.void], lens: Lens, backwards: bool) -> dict[str, int]:
         """Fill what each surface, and the glass before it, let through, in order of travel; return the facts."""
@@ -420,18 +400,18 @@ class LossFiller:
             "LENS_STACKS": int(stacks),
             "LENS_DARK_LAYERS": int(bool(np.any(records["extinction"] > 0))),
             "LENS_ABSORPTION": int(bool(np.any((records["attenuation"] > 0) | (records["attenuation_table"] >= 0)))),
-            "LENS_TINTED": int(self.tables is not None and (layers or bool(self.tables.rows))),
+            "LENS_TINTED": int(self.range_nm is not None and (layers or bool(self.tables))),
         }
 
     def _fill_surface(self, record: np.void, before: Medium, after: Medium, coating: Coating) -> None:
         record["gain"] = 1.0
         if isinstance(coating, QuarterWave):
             record["layer"] = coating.index
-            record["layer_turns"] = 0.5 * coating.wavelength_nm / (self.wavelength_nm if self.tables is None else 1.0)
+            record["layer_turns"] = 0.5 * coating.wavelength_nm / (self.wavelength_nm if self.range_nm is None else 1.0)
             self._put(record, "index", before.index)
         elif isinstance(coating, LayerStack):
             layers = coating.from_behind(before.index(LINE_D_NM), after.index(LINE_D_NM))
-            per = self.wavelength_nm if self.tables is None else 1.0
+            per = self.wavelength_nm if self.range_nm is None else 1.0
             record["stack"][: 2 * len(layers)] = [x for f in layers for x in (f.index, f.index * f.thickness_nm / per)]
             record["extinction"][: len(layers)] = [layer.extinction for layer in layers]
             record["stacked"] = len(layers)
@@ -447,7 +427,19 @@ class LossFiller:
     def _put(self, record: np.void, name: str, values: Values) -> None:
         """Fill a value and the place of its table."""
         record[name] = values(np.asarray(self.wavelength_nm))
-        record[f"{name}_table"] = -1 if self.tables is None else self.tables.place(values)
+        record[f"{name}_table"] = self._place(values)
+
+    def _place(self, values: Values) -> int:
+        """Find where the table of a function of wavelengths [nm] stands, -1 when it is the same everywhere."""
+        if self.range_nm is None:
+            return -1
+        row = np.asarray(values(np.clip(TABLE_NM, *self.range_nm)))
+        if np.ptp(row) == 0:
+            return -1
+        known = [k for k, other in enumerate(self.tables) if np.array_equal(row, other)]
+        if not known:
+            self.tables.append(row)
+        return self.start + (known[0] if known else len(self.tables) - 1) * LOSS_TABLE_LENGTH
 
 
 # The lens of a camera as its scene sets it: zoomed, stopped down and focused.
@@ -647,16 +639,12 @@ def lens_setting(scene: Scene) -> LensSetting:
         assert focus.distance_m is not None
         distance_mm = focus.distance_m * 1e3
     side: Side = "film" if focus.front_distance_m is None else "front"
-    nm, sharpest = camera.wavelength_nm, _sharpest(scene, camera)
+    nm, field = camera.wavelength_nm, focus.field
+    sharpest = None if field is None else film_point(scene, camera, *field)
     lens, film_distance_mm = focused(lens, distance_mm, side, focus.method, nm, sharpest)
     if side == "front":
         distance_mm = distance_mm + lens.length + lens.sense * film_distance_mm
     return LensSetting(real.lens(lens), real.film(film_distance_mm), distance_mm, camera, real)
-
-
-def _sharpest(scene: Scene, camera: LensCamera) -> FilmPoint:
-    """Return where on the film the picture is to be sharpest [mm]; None for the axis."""
-    return None if camera.focus.field is None else film_point(scene, camera, *camera.focus.field)
 
 
 def film_point(scene: Scene, camera: CameraKind, right: float, down: float) -> tuple[float, float, float]:

@@ -620,6 +620,15 @@ class GltfMaterials:
             else:
                 texture = self._texture(transmission, "transmissionTexture")
                 material = replace(material, transmission_texture=texture)
+        for _ in part.extensions("KHR_materials_unlit"):
+            material = replace(material, matte=True)
+        for other in part.part("extensions").names():
+            if other.startswith("KHR_materials_") and other not in FOLLOWED:
+                self.notes.append(f"{part.place}: {other} is left out")
+        return self._add_layers(part, material)
+
+    def _add_layers(self, part: JsonNode, material: FileMaterial) -> FileMaterial:
+        """Return a material with what extensions put over it: coat, sheen and the direction of its brushing."""
         for coat in part.extensions("KHR_materials_clearcoat"):
             material = replace(
                 material,
@@ -647,11 +656,6 @@ class GltfMaterials:
                 anisotropy_texture=self._texture(stretch, "anisotropyTexture"),
                 anisotropy_rotation_degrees=turn,
             )
-        for _ in part.extensions("KHR_materials_unlit"):
-            material = replace(material, matte=True)
-        for other in part.part("extensions").names():
-            if other.startswith("KHR_materials_") and other not in FOLLOWED:
-                self.notes.append(f"{part.place}: {other} is left out")
         return material
 
     def _leave_out(self, part: JsonNode, *keys: str) -> None:

@@ -204,10 +204,10 @@ SHARE = 0.6  # of the half width: steps of the last round, whose outer probes th
 WIDEST = 6.0  # depths of focus at the stop of a round: its widest step
 OFF_MIDDLE = 0.45  # of a step: how far the top may lie from the middle one of three probes
 CLEAR = 4.0  # standard errors by which a top must rise above the rest
-COARSE, FINE = 0.1, 0.05  # relative standard error of the measure that rounds aim at; `_refine` sees to the place
+COARSE, FINE = 0.05, 0.05  # relative standard error of the measure that rounds aim at; `_refine` sees to the place
 FIRST_SAMPLES = 64  # per pixel
-NEAR_SAMPLES = 32  # of a search near a place, whose probes are sharp enough to tell more from fewer
-MOST_NEAR = 64  # of it, where nothing is seen: it may be elsewhere
+NEAR_SAMPLES = 64  # of a search near a place, whose probes are sharp enough to tell more from fewer
+MOST_NEAR = 128  # of it, where nothing is seen: it may be elsewhere
 LUCK = 1.0  # standard errors that what is seen may lie below what there is
 PRECISE = 8.0  # parts of a depth of focus, of which a top may err by one
 
@@ -405,11 +405,11 @@ def _refine(probes: Probes, made: list[Probe], zone: int, peak: Peak, samples: i
     for _ in range(4):
         if peak.rise < CLEAR and samples >= most:
             raise _same_everywhere(peak)
-        is_settled = peak.rise >= CLEAR and (peak.error < sharp / PRECISE or samples >= most)
-        if is_settled and _is_even(made, zone, peak, (low, high), WIDEST * sharp):
+        is_converged = peak.rise >= CLEAR and (peak.error < sharp / PRECISE or samples >= most)
+        if is_converged and _is_even(made, zone, peak, (low, high), WIDEST * sharp):
             return peak
         step = min(max(SHARE * peak.width, sharp), WIDEST / 2 * sharp)
-        if not is_settled:
+        if not is_converged:
             more = 4.0 if peak.rise < CLEAR else float(np.clip(2 * (PRECISE * peak.error / sharp) ** 2, 2, 16))
             samples, made, reference = min(int(more * samples), most), [], peak.place
             step = min(2 * step, WIDEST * sharp)

@@ -46,7 +46,7 @@ from rptcam_cl.studies.focus.probe import (
 # which aim at boxes, rarely find the pupil, the next one is taken.
 OPENINGS = (0.02, 0.1, 0.5, 1.0)
 ENOUGH = 0.05  # of the rays pass
-SAMPLES = 4  # per pixel
+SAMPLES = 16  # per pixel, of which few pass the opening
 SMALL_WAVE = 1 << 14  # slots, of work that may be given up: so few hold up nothing else on the device
 
 
@@ -447,7 +447,7 @@ def probability_within(tolerance: float, error: float) -> float:
 
 
 MOST_SAMPLES = 512  # per pixel
-MOST_OF_SEARCH = 4_000_000  # samples of all pixels: what is not settled by then is refused, or as uncertain as it says
+MOST_OF_SEARCH = 4_000_000  # samples of all pixels: what is not decided by then is refused, or as uncertain as it says
 MOST_PROBES = 40  # after which a search gives up
 
 

@@ -26,6 +26,45 @@ def known(spectrum):
     return np.interp(WAVELENGTHS_NM, EVERY_5, spectrum[::5])
 
 
+def coloured_glass(share):
+    return {"kind": "thin_glass", "index": 1.5, "transmittance": table(share)}
+
+
+def metal(n, k):
+    tables = {"n": [float(x) for x in n[::5]], "k": [float(x) for x in k[::5]]}
+    return {"kind": "conductor", "alpha": 1e-3, "metal": {"wavelengths_nm": EVERY_5} | tables}
+
+
+def absorbing(coefficient):
+    return {"kind": "dielectric", "index": 1.0, "absorption_per_m": table(coefficient)}
+
+
+def ground(material):
+    """A square that nothing is seen beside of."""
+    return {
+        "shape": "rectangle",
+        "corner": [-9, 0, -9],
+        "edge_u": [0, 0, 18],
+        "edge_v": [18, 0, 0],
+        "material": material,
+    }
+
+
+def solid(material):
+    return {"shape": "box", "min": [-1, -0.25, -1], "max": [1, 0.25, 1], "material": material}
+
+
+# Specks behind the camera of everything that is shown: one program renders all.
+HALF = np.full(len(WAVELENGTHS_NM), 0.5)
+KINDS = ({"kind": "matte", "reflectance": table(HALF)}, coloured_glass(HALF), metal(2 * HALF, HALF), absorbing(HALF))
+SPECKS = [
+    shape(material) | {"transform": [{"scale": 1e-4}, {"translate": [0, 90, 0]}]}
+    for material in KINDS
+    for shape in (ground, solid)
+    if shape is ground or material is not KINDS[1]  # panes are no solids
+]
+
+
 def picture(spectrum="spectral", **parts):
     """Mean of a picture that looks straight down, and its standard error."""
     scene = {
@@ -39,13 +78,9 @@ def picture(spectrum="spectral", **parts):
     return pixels.mean(axis=0), pixels.std(axis=0) / np.sqrt(len(pixels))
 
 
-def ground(**material):
-    return [{"shape": "plane", "point": [0, 0, 0], "normal": [0, 1, 0], "material": material}]
-
-
-def check(parts, light):
+def check(shown, light):
     """A picture shows light of a spectrum; that of its colours multiplied does not."""
-    expected = srgb_from_spectrum(light)
+    expected, parts = srgb_from_spectrum(light), {"objects": [shown, *SPECKS]}
     mean, error = picture(**parts)
     bound = TOLERANCE * expected.max()
     assert (3.9 * error < bound / 2).all(), "inconclusive: too noisy"
@@ -56,7 +91,7 @@ def check(parts, light):
 
 def test_paint_under_a_lamp_of_lines():
     green = color_checker()["bluish green"]
-    check({"objects": ground(kind="matte", reflectance=table(green))}, known(green) * illuminant("F11"))
+    check(ground({"kind": "matte", "reflectance": table(green)}), known(green) * illuminant("F11"))
 
 
 def test_pane_of_coloured_glass():
@@ -66,22 +101,17 @@ def test_pane_of_coloured_glass():
     tau = known(share)
     passed = (1 - once) ** 2 * tau / (1 - once**2 * tau**2)
     reflected = once + (1 - once) ** 2 * once * tau**2 / (1 - once**2 * tau**2)
-    pane = {"kind": "thin_glass", "index": n, "transmittance": table(share)}
-    check({"objects": ground(**pane)}, (passed + reflected) * illuminant("F11"))
+    check(ground(coloured_glass(share)), (passed + reflected) * illuminant("F11"))
 
 
 def test_solid_that_absorbs():
     coefficient = 8 * np.exp(-(((WAVELENGTHS_NM - 610) / 15) ** 2))
-    solid = {"shape": "box", "min": [-1, -0.25, -1], "max": [1, 0.25, 1]}
-    solid["material"] = {"kind": "dielectric", "index": 1.0, "absorption_per_m": table(coefficient)}
-    check({"objects": [solid]}, np.exp(-0.5 * known(coefficient)) * illuminant("F11"))
+    check(solid(absorbing(coefficient)), np.exp(-0.5 * known(coefficient)) * illuminant("F11"))
 
 
 def test_metal_by_its_table():
     n, k = metal_optics("gold")
-    gold = {"kind": "conductor", "alpha": 1e-3, "metal": {"wavelengths_nm": EVERY_5}}
-    gold["metal"] |= {"n": [float(x) for x in n[::5]], "k": [float(x) for x in k[::5]]}
-    check({"objects": ground(**gold)}, reflectance(known(n) + 1j * known(k)) * illuminant("F11"))
+    check(ground(metal(n, k)), reflectance(known(n) + 1j * known(k)) * illuminant("F11"))
 
 
 def test_sky_between_two_spectra():

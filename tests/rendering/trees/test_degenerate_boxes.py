@@ -39,6 +39,17 @@ def test_points_make_a_tree(session, name, width, leaf_size):
     check(bvh, lower, lower, width, leaf_size)
 
 
+@pytest.mark.parametrize("power", [90, -90])
+def test_size_of_a_flat_mesh_changes_no_split(session, power):
+    lower = points(*np.random.default_rng(6).random((2, 3000)), 0)
+    one, other = (
+        build_bvh(scaled, scaled, width=8, leaf_size=8, session=session)
+        for scaled in (lower, np.ldexp(lower, power).astype(np.float32))
+    )
+    np.testing.assert_array_equal(other.blocks, one.blocks)
+    np.testing.assert_array_equal(other.children, one.children)
+
+
 def test_no_primitives_give_a_root_without_children(session):
     nothing = np.empty((0, 3), np.float32)
     bvh = build_bvh(nothing, nothing, session=session)

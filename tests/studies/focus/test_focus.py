@@ -56,7 +56,10 @@ def test_contrast_is_greatest_where_the_spot_is_least(name):
     assert abs(error) + 2 * report.error / report.depth_of_focus_mm <= 0.25
     assert len(report.probes) <= 15
     assert report.confidence > 0.95
-    assert report.focus_distance_m == pytest.approx(distance, rel=0.05)
+    # the lens has it at this distance in first order, but for what the state is off, in vergence [1/m]: a depth of
+    # focus of a wide lens is a good part of the distance
+    depth = report.depth_of_focus_mm * 1e-3 / (focal_length * 1e-3) ** 2
+    assert abs(1 / report.focus_distance_m - 1 / distance) <= 0.05 / distance + abs(error) * depth
 
 
 @pytest.mark.parametrize("method", ["depth", *(pytest.param(m, marks=pytest.mark.slow) for m in ("phase", "contrast"))])

@@ -5,8 +5,8 @@ import pytest
 
 from rptcam_cl.optics.irradiance import film_irradiance
 from rptcam_cl.optics.stop_shape import StopMask, blades, heart, star
-from rptcam_cl.studies.tier_models import RayBundle, round_stop
-from rptcam_cl.studies.tiers import EFFECTS, FIELDS, choose_camera
+from rptcam_cl.studies.tier_models import FAR_MM, RayBundle, first_order_camera, round_stop
+from rptcam_cl.studies.tiers import EFFECTS, FIELDS, Truth, choose_camera, measure_lens, tier_error
 from tests.studies.tradeoff.tiers.cases import errors_of, half_film_mm, scene_of, stop_mm, truth_of
 
 STAR = {"shape": "star", "points": 5}
@@ -122,3 +122,16 @@ def test_light_that_the_exposure_shows_counts_on_the_axis_too():
     assert found["relative"]["thin_lens"] == pytest.approx(0, abs=1e-9)
     assert found["irradiance"]["thin_lens"] > 0.2
     assert found["irradiance"]["thick_lens"] < 0.01
+
+
+def test_effects_that_are_largest_between_film_points_count():
+    """Where the rims of this lens begin to cut its beams, blurs are a tenth farther off than at the film points."""
+    film = {"resolution": [300, 200], "width_mm": 30}
+    scene = scene_of("petzval-50mm", focus=2.0, film=film, accuracy={}, objects=[])
+    decision = measure_lens(scene)
+    thin = next(error for error in decision.errors if error.tier == "thin_lens")
+    assert thin.between["outline"] > 1.05 * max(thin.effects["outline"])
+    assert thin.worst_px == thin.between["outline"] > max(thin.pixels)
+    depths = [1e3 * depth if depth is not None else FAR_MM for depth in decision.depths_m]
+    dense = Truth.of(scene, first_order_camera(scene), tuple(np.linspace(0, 1, 65)))
+    assert thin.worst_px == pytest.approx(tier_error(dense, depths, "thin_lens").worst_px, rel=0.03)
