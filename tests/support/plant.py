@@ -113,6 +113,8 @@ EQUIVALENT = {
     'viewfinder/lens_panel.py: {"points": np.round(line, 5).tolist(), "wavelength_nm": round(nm, 2), "colour": '
     "wavelength_colour(nm),": "a tenth of a micrometre of a drawing",
     "studies/tradeoff_errors.py: noise=(*(_over_tiles(noise, scales) for noise in noises[:(1)]), last),": "of two",
+    "studies/tradeoff_errors.py: sum_of_blocks = sum_of_blocks + np.where(rest >= LEAST, block**2 * self.even(block),"
+    " 0.0)": "a millionth of a sample",
     'studies/focus/probe.py: axes.axvline(report.film_distance_mm, color=INK, linestyle="--", '
     "linewidth=1.7999999999999998)": "a dashed line a little thicker",
     "kernels/light/solids.h: *pdf = ((rho2 > 1.0f) & (line.density >= 0.0f) & (line.density < NEVER)) ? line.density"

@@ -111,3 +111,29 @@ def test_energy_of_a_filter_is_the_mean_square_of_its_output():
     picture = stripes()
     found = energy(lambda parts: [parts])(image_of(picture, 0.0, np.random.default_rng(0)))
     assert found.value == pytest.approx(0.02, rel=0.1)
+
+
+def haar(k):
+    """Of a wave along x, whose details down are none: differences over a step, means over the steps before."""
+    gains, mean = [], 1.0
+    for step in (1, 2, 4):
+        gains.append(mean * abs(np.sin(k * step / 2)))
+        mean *= abs(np.cos(k * step / 2))
+    return sum(gain**2 for gain in gains)
+
+
+@pytest.mark.parametrize("turned", [False, True])
+@pytest.mark.parametrize(
+    ("name", "gain2"),
+    [
+        ("brenner", lambda k: (2 * np.sin(k)) ** 2),
+        ("tenengrad", lambda k: (8 * np.sin(k)) ** 2),
+        ("energy_of_laplacian", lambda k: (4 * np.sin(k / 2) ** 2) ** 2),
+        ("wavelet", haar),
+    ],
+)
+def test_measure_of_a_wave_is_the_square_of_its_filters_gain(name, gain2, turned):
+    period = 8.0
+    wave = np.tile(1 + 0.2 * np.sin(2 * np.pi * (np.arange(64) + 0.5) / period), (64, 1))
+    found = MEASURES[name].of(image_of(wave.T if turned else wave, 0.0, np.random.default_rng(0)))
+    assert found.value == pytest.approx(gain2(2 * np.pi / period) * 0.2**2 / 2, rel=0.03)

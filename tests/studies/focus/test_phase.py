@@ -1,9 +1,11 @@
 """Phase detection: half pictures tell the distance, the move finds the least spot, and blank targets are refused."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.optimize import minimize_scalar
 
 import rptcam_cl
 from rptcam_cl.rendering.cameras.kinds import camera_of
@@ -188,3 +190,45 @@ def test_zone_of_a_pixel_is_refused_in_a_sentence(method):
     scene = scene_of([target(2.0, 2.0, noise(400))], lens_camera("dgauss-50mm"))
     with pytest.raises(NoContrast, match="standard errors of the noise"):
         rptcam_cl.autofocus(scene, method, zones=[(0.5, 0.5005, 0.5, 0.5005)])
+
+
+def test_sharpest_planes_are_where_the_spread_is_least_across_down_and_of_both():
+    generator = np.random.default_rng(4)
+    weights = np.concatenate([generator.uniform(0.1, 1, 40), np.zeros(5)])
+    at, along = generator.normal(size=(2, 40, 2))
+    lit = weights[:40]
+
+    def spread(vergence, axes):
+        return float(lit @ np.sum((at + vergence * along)[:, axes] ** 2, axis=1))
+
+    own = SimpleNamespace(_lines=(at, along, None, None), rays=SimpleNamespace(weights=[weights]))
+    found = [*HalfView.sharpest_along(own), HalfView.sharpest(own)]
+    assert len({round(vergence, 6) for vergence in found}) == 3
+    for vergence, axes in zip(found, ([0], [1], [0, 1]), strict=True):
+        least = minimize_scalar(spread, args=(axes,), tol=1e-12).x
+        assert vergence == pytest.approx(least, abs=1e-6)
+
+
+def in_zone(whole, variance, axis=0):
+    shares = np.array([0.25 * whole, 0.75 * whole])
+    halves = SimpleNamespace(in_zone=shares, noise=np.array([0.4, 0.6]) * variance)
+    return SimpleNamespace(halves=halves, view=SimpleNamespace(axis=axis))
+
+
+def test_contrast_of_a_zone_is_its_deviation_over_its_mean_less_noise():
+    wave = np.sin(2 * np.pi * 8 * (np.arange(64) + 0.5) / 64)
+    stripes = np.tile(2.0 + 0.5 * wave, (64, 1))
+    contrast, significance = PhaseMatch.contrast(in_zone(stripes, 0.025))
+    assert contrast == pytest.approx(math.sqrt(0.5**2 / 2 - 0.025) / 2.0, rel=0.01)  # a trend takes a little
+    assert significance == pytest.approx((0.5**2 / 2 / 0.025 - 1) * math.sqrt(64 * 64 / 2), rel=0.02)
+    for whole, variance in ((np.zeros((8, 8)), 0.1), (-stripes, 0.1), (stripes, 0.0)):  # dark, or without an error
+        assert PhaseMatch.contrast(in_zone(whole, variance)) == (0.0, 0.0)
+    assert PhaseMatch.contrast(in_zone(stripes, 1.0))[0] == 0.0  # less than noise
+
+
+def test_share_of_changes_along_the_split_is_that_of_stripes_across_it():
+    stripes = np.tile(2.0 + np.sin(2 * np.pi * 8 * np.arange(64) / 64), (64, 1))
+    assert [PhaseMatch.along(in_zone(stripes, 0.0, axis)) for axis in (0, 1)] == pytest.approx([1, 0])
+    assert [PhaseMatch.along(in_zone(stripes.T, 0.0, axis)) for axis in (0, 1)] == pytest.approx([0, 1])
+    assert PhaseMatch.along(in_zone(stripes + stripes.T, 0.0)) == pytest.approx(0.5)
+    assert PhaseMatch.along(in_zone(np.full((64, 64), 2.0), 0.1)) == 0.5  # nothing but noise

@@ -173,6 +173,19 @@ def test_turns_end_where_they_take_longer_than_the_first_said(monkeypatch):
     assert tradeoff_runs.render_by_turns(ready, 60.0, 1, lambda words, share: None).seeds == 8
 
 
+def test_times_are_those_of_a_sample_of_every_pixel_of_the_film(monkeypatch):
+    steps = {step.name: step for step in ladder(load_scene(SCENE))[0]}
+    ready, _ = prepare([steps["thin lens"]], open_session(), lambda name, done: None)
+    tiles = spread_tiles(ready[0].wavefront.layout, 6, np.random.default_rng(0))
+    monkeypatch.setattr(tradeoff_runs, "_extent", lambda *_: (tiles, 2))
+    monkeypatch.setattr(tradeoff_runs, "run", lambda *work: (run(*work)[0], 3.0, 1.5))
+    found = tradeoff_runs.render_by_turns(ready, math.inf, 1, lambda words, share: None, seeds=4)
+    ((cpu, wall),) = found.timings
+    share = 48 * 32 / len(tiles.pixels)  # of the film, to all pixels
+    assert wall == pytest.approx(np.full(4, 2 * 3.0 * share / sum(found.samples)))
+    assert cpu == pytest.approx(wall / 2 / tradeoff_runs.cores() if found.by_cpu else wall)
+
+
 def test_curves_of_the_plot_have_colours_of_their_own(report):
     charts = [axes for axes in tradeoff_plot(report, "a scene").axes if axes.get_ylabel().startswith("error: root")]
     curves = charts[0].lines[:-1]  # but for the slope of noise
