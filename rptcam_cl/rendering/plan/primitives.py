@@ -915,4 +915,6 @@ def _segments(trajectory: Trajectory, scene: Scene) -> NDArray[np.void]:
             axis=axis,
             turn=quaternion_of(first[:3, :3] @ rest[:3, :3].T),
         )
+    if not (segments["travel"][:, 3].any() or segments["turn"][:, :3].any()):
+        segments["pivot"][:, :3] = 0.0  # of what does not turn any point will do, and a far one rounds
     return segments
