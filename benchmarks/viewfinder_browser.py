@@ -36,6 +36,7 @@ EVERY_KEY = KEYS | {"ev": ")(", "iso": "';"}
 INSTRUMENTS = ("[data-tab=exposure]", "[data-tab=lens]")  # tabs that stay open, so that their figures are made
 LONGEST_MS = 150.0  # from an input to its answer
 ALIVE_WITHIN_S = 60.0
+REFUSED_AFTER_S = 5.0  # without a picture: the dial cannot be turned so in this scene, and says why
 CHROMIUM = ("chromium", "chromium-browser", "google-chrome")
 FLAGS = ["--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking"]
 # A task that follows requestAnimationFrame runs when the frame has been painted.
@@ -91,7 +92,7 @@ def answers(page: Page, process: Any, keys: str, turns: int, first: int | None =
         if first is None:
             rest(page)
         before, last = cpu_seconds(process), page.evaluate("Math.max(0, ...window.sent.keys())")
-        page.evaluate(EXPECTING, [last, 1e3 * ALIVE_WITHIN_S])
+        page.evaluate(EXPECTING, [last, 1e3 * (ALIVE_WITHIN_S if first is None else REFUSED_AFTER_S)])
         page.keyboard.press(keys[turn // 6 % len(keys)])  # six clicks one way, then six back
         shown = page.evaluate("window.expected")  # looking again and again would take the processor from what is timed
         if shown is not None:
@@ -132,8 +133,8 @@ def at_rest(page: Page, process: Any, turns: int, pauses: random.Random) -> list
             if not page.is_enabled(f"[data-dial={name}]"):
                 continue
             page.wait_for_timeout(1e3 * pauses.uniform(0.1, 1.0))
-            for each in answers(page, process, keys, 1, turn):
-                found.append(each | {"dial": name, "load": os.getloadavg()[0]})
+            shown = answers(page, process, keys, 1, turn)
+            found += [each | {"dial": name, "load": os.getloadavg()[0]} for each in shown]
     return found
 
 
@@ -156,6 +157,7 @@ def over_examples(device: str, turns: int, scenes: list[Path]) -> dict[str, list
                 rest(page)
                 at_rest(page, process, 1, pauses)  # what the first turn of a dial finds out is kept
                 found[str(scene.relative_to(ROOT))] = at_rest(page, process, turns, pauses)
+                print(f"{scene.relative_to(ROOT)}: {len(found[str(scene.relative_to(ROOT))])} answers", flush=True)
                 page.close()
         browser.close()
     return found
