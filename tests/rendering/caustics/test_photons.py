@@ -93,7 +93,7 @@ def test_a_principled_floor_takes_photons():
 
 
 def test_a_mirror_of_slanted_normals_sends_the_sun_where_they_say():
-    """Turned by them, a beam lights the floor as if the mirror stood so: what counts is the beam and its slant there."""
+    """A beam that they turn lights the floor as if the mirror stood so: the beam counts, and its slant there."""
     normal, down = np.array([-1, 0, 0.3]) / math.hypot(1, 0.3), np.array([0.6, 0, -0.8])
     wall = {"shape": "mesh", "vertices": [[1, -0.2, 0.05], [1, 0.2, 0.05], [1, 0.2, 0.25], [1, -0.2, 0.25]],
             "faces": [[0, 2, 1], [0, 3, 2]], "normals": [normal.tolist()] * 4,
