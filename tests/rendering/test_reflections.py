@@ -14,6 +14,7 @@ from rptcam_cl.rendering.highlights import (
     highlights,
     lamps_among,
     may_reflect,
+    occluded,
     points_of,
     reflections,
 )
@@ -116,6 +117,21 @@ def test_metal_and_glass_reflect_as_fresnel_says() -> None:
 )
 def test_what_spreads_light_widely_shows_no_lamps(material: dict[str, Any]) -> None:
     assert not list(polished_faces(plan_of(ball(material))))
+
+
+def test_of_all_that_stands_on_a_way_its_target_alone_does_not_block() -> None:
+    balls = [{"shape": "sphere", "center": [0, 0, z], "radius": 0.1, "material": MIRROR} for z in (-1, -2)]
+    sheet = {"shape": "mesh", "vertices": [[4, -1, -1], [6, -1, -1], [5, 1, -1]], "faces": [[0, 1, 2]],
+             "material": MIRROR}  # fmt: skip
+    plan, device = plan_of(*balls, sheet), open_session()
+    way, reach, target, blocks = map(np.array, zip(
+        (0, 1.5, (-1, -1), True), (0, 1.5, (0, -1), False), (0, 1.5, (1, -1), True), (0, 3, (0, -1), True),
+        (0, 3, (1, -1), True), (0, 0.5, (-1, -1), False), (5, 1.5, (-1, -1), True), (5, 1.5, (2, 0), False),
+        (5, 1.5, (2, 1), True), (5, 0.5, (-1, -1), False), strict=True,
+    ))  # fmt: skip
+    origins, down = way[:, None] * [1.0, 0, 0], np.tile([0.0, 0, -1], (len(way), 1))
+    dark = occluded(device, plan, SceneBuffers(device, plan), origins, down, reach, target)
+    assert dark.tolist() == blocks.tolist()
 
 
 def test_polished_metal_brings_the_light_of_its_lobe(monkeypatch: pytest.MonkeyPatch) -> None:

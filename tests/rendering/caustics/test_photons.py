@@ -92,6 +92,20 @@ def test_a_principled_floor_takes_photons():
     assert film.mean(axis=(0, 1)) == pytest.approx(expected, rel=0.01)
 
 
+def test_a_mirror_of_slanted_normals_sends_the_sun_where_they_say():
+    """A beam that they turn lights the floor as if the mirror stood so: the beam counts, and its slant there."""
+    normal, down = np.array([-1, 0, 0.3]) / math.hypot(1, 0.3), np.array([0.6, 0, -0.8])
+    wall = {"shape": "mesh", "vertices": [[1, -0.2, 0.05], [1, 0.2, 0.05], [1, 0.2, 0.25], [1, -0.2, 0.25]],
+            "faces": [[0, 2, 1], [0, 3, 2]], "normals": [normal.tolist()] * 4,
+            "material": {"kind": "mirror", "reflectance": [0.9, 0.6, 0.3]}}  # fmt: skip
+    sun = {"kind": "directional", "direction": down.tolist(), "irradiance": [2.0, 2.0, 2.0]}
+    camera = looking([0.58, -0.4, 0.4], [0.58, 0, 0], fov=4)
+    film = pixels(scene(wall, camera=camera, lights=[sun], size=(16, 16), depth=3), spp=512, seed=1)
+    slant = -(down - 2 * (down @ normal) * normal)[2]
+    expected = np.array(GREY["reflectance"]) / math.pi * 2.0 * (0.8 + slant * np.array([0.9, 0.6, 0.3]))
+    assert film.mean(axis=(0, 1)) == pytest.approx(expected, rel=0.01)
+
+
 def test_floor_in_water_gets_what_the_water_leaves():
     # index 1: light goes straight on, 0.1 m of it in the water; of the way to the eye a path counts nothing
     water = {"kind": "dielectric", "index": 1.0, "absorption_per_m": [0, 3, 10]}

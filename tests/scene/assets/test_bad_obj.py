@@ -19,6 +19,8 @@ FILES: list[Row] = [
     ("f 1//", "a.obj", SQUARE + "f 1// 2// 3//\n", r":5: is not a corner of a face \(got '1//'"),
     ("one f 1//", "a.obj", SQUARE + "f 1 2 3\nf 1// 2 3\n", r":6: is not a corner of a face \(got '1//'"),
     ("f 0", "a.obj", SQUARE + "f 0 1 2\n", r":5: is not a corner of a face \(got '0'"),
+    ("f 2/0", "a.obj", SQUARE + "vt 0 0\nf 1/1 2/0 3/1\n", r":6: is not a corner of a face \(got '2/0'"),
+    ("f 2/0 and 3", "a.obj", SQUARE + "vt 0 0\nf 1/1 2/0 3\n", r":6: is not a corner of a face \(got '2/0'"),
     ("f 1.5", "a.obj", SQUARE + "f 1.5 1 2\n", r":5: is not a corner"),
     ("f word", "a.obj", SQUARE + "f a b c\n", r":5: is not a corner"),
     ("f 1/2/3/4", "a.obj", SQUARE + "f 1/2/3/4 1 2\n", r":5: is not a corner"),

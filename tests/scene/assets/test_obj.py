@@ -186,3 +186,14 @@ def test_texture_coordinates_of_one_number_have_a_second_of_0(read: Read, rows: 
     mesh = read("a.obj", f"{SQUARE}{rows}f 1/1 2/2 3/1\n").parts[0].mesh
     assert mesh.uvs is not None
     assert mesh.uvs[mesh.faces].tolist() == [[[0.25, 0], [0.5, 0], [0.25, 0]]]
+
+
+@pytest.mark.parametrize(("middle", "origin"), [(-4.0, 0.0), (4.0, 0.0), (4.125, 4.0), (-4.125, -4.0)])
+def test_mesh_of_size_1_has_its_own_origin_where_it_is_farther_from_zero_than_four(
+    read: Read, middle: float, origin: float
+) -> None:
+    rows = [[middle - 0.5, 0, 0], [middle + 0.5, 0, 0], [middle, 0.5, 0]]
+    lines = "".join(f"v {x} {y} {z}\n" for x, y, z in rows)
+    mesh = read("a.obj", lines + "f 1 2 3\n").parts[0].mesh
+    assert mesh.origin.tolist() == [origin, 0, 0]
+    assert (mesh.positions + mesh.origin).tolist() == rows

@@ -185,6 +185,17 @@ def test_exr_covers_its_display_window(tmp_path: Path) -> None:
     np.testing.assert_array_equal(picture.texels[..., 0], expected)
 
 
+@pytest.mark.parametrize(("left", "top"), [(-9, 0), (9, 0), (0, -9), (0, 9), (-9, 9)])
+def test_exr_whose_data_are_beside_its_display_window_is_black(tmp_path: Path, left: int, top: int) -> None:
+    windows = {
+        "dataWindow": (np.array([left, top], np.int32), np.array([left + 5, top + 5], np.int32)),
+        "displayWindow": (np.array([0, 0], np.int32), np.array([4, 3], np.int32)),
+    }
+    picture = read_picture(save_exr(tmp_path / "a.exr", {"RGB": np.ones((6, 6, 3), np.float32)}, **windows))
+    assert picture.texels.shape == (4, 5, 4)
+    assert not picture.texels.any()
+
+
 def test_slightly_negative_texels_are_black(tmp_path: Path) -> None:
     colours = np.ones((2, 2, 3), np.float32)
     colours[0, 1, 2] = -5e-4
