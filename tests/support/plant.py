@@ -139,6 +139,10 @@ EQUIVALENT = {
     "kernels/camera/packets.h: paths[i].crossed = TRUE;       // where a camera ray fails is of no interest": "not"
     " read",
     "kernels/build/reinsert.cl: if (won < 0.0f) {": "a move that wins nothing costs nothing",
+    "kernels/build/splits.h: else if (middle > i)": "what is before the middle is not above the rest either way",
+    "kernels/build/splits.h: bin_scale(span.lower.z, span.upper.z), 1.0f);": "the fourth is not read",
+    "kernels/build/splits.h: for (int bin = BINS - 1; bin >= 0; --bin) {": "the cost of bin 0 is not read",
+    "kernels/pass/shade.cl: if (ANY(shadow.reach >= 0.0f)) {": "a shadow ray of no reach is not read",
     "kernels/geometry/triangle.h: F3 each = f3(MAX(absolute(a.x), absolute(b.x)), MAX(absolute(a.y), absolute(b.y)),"
     " MIN(absolute(a.z), absolute(b.z)));": "a power of two, which only slivers 1e19 times as long as wide need",
     "kernels/geometry/triangle.h: I instance = on ? GATHER(I, scene.primitives, on ? hit.primitive : FALSE, .instance)"
