@@ -88,6 +88,8 @@ TESTS = {
 EQUIVALENT = {
     r"""scene/assets/obj.py: while end > 0 and content[max(0, end - 2) : end].rstrip(b"\r").endswith(b"\\"):""": "none "
     "goes on before the first byte",
+    "scene/assets/obj.py: if numbers is not None and width >= each and all(len(text.split()) != width for _, text in"
+    " lines):": "line by line it takes longer",
     "api/options.py: matches = difflib.get_close_matches(word, list(known), n=2)": "the first is the one that is shown",
     "scene/assets/mesh.py: rows = rows.copy() if base.base is not None and base.nbytes > rows.nbytes else "
     "np.ascontiguousarray(rows)": "takes more memory",
