@@ -88,6 +88,8 @@ TESTS = {
 EQUIVALENT = {
     r"""scene/assets/obj.py: while end > 0 and content[max(0, end - 2) : end].rstrip(b"\r").endswith(b"\\"):""": "none "
     "goes on before the first byte",
+    "scene/assets/obj.py: if numbers is not None and width >= each and all(len(text.split()) != width for _, text in"
+    " lines):": "line by line it takes longer",
     "api/options.py: matches = difflib.get_close_matches(word, list(known), n=2)": "the first is the one that is shown",
     "scene/assets/mesh.py: rows = rows.copy() if base.base is not None and base.nbytes > rows.nbytes else "
     "np.ascontiguousarray(rows)": "takes more memory",
@@ -141,6 +143,10 @@ EQUIVALENT = {
     "kernels/camera/packets.h: paths[i].crossed = TRUE;       // where a camera ray fails is of no interest": "not"
     " read",
     "kernels/build/reinsert.cl: if (won < 0.0f) {": "a move that wins nothing costs nothing",
+    "kernels/build/splits.h: else if (middle > i)": "what is before the middle is not above the rest either way",
+    "kernels/build/splits.h: bin_scale(span.lower.z, span.upper.z), 1.0f);": "the fourth is not read",
+    "kernels/build/splits.h: for (int bin = BINS - 1; bin >= 0; --bin) {": "the cost of bin 0 is not read",
+    "kernels/pass/shade.cl: if (ANY(shadow.reach >= 0.0f)) {": "a shadow ray of no reach is not read",
     "kernels/geometry/triangle.h: F3 each = f3(MAX(absolute(a.x), absolute(b.x)), MAX(absolute(a.y), absolute(b.y)),"
     " MIN(absolute(a.z), absolute(b.z)));": "a power of two, which only slivers 1e19 times as long as wide need",
     "kernels/geometry/triangle.h: I instance = on ? GATHER(I, scene.primitives, on ? hit.primitive : FALSE, .instance)"

@@ -10,6 +10,7 @@ import yaml
 from rptcam_cl.cli import main
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.files import lenses_dir
+from rptcam_cl.exchange import camera_maps
 from rptcam_cl.exchange.camera_maps import _over_plane, between, coc_map, point_images, st_maps, vignetting_map
 from rptcam_cl.exchange.camera_view import subject, view
 from rptcam_cl.optics.irradiance import film_irradiance
@@ -41,6 +42,14 @@ def bent(request):
     lens, film = request.param
     seen = view(subject(lens, size=(96, 64), film_mm=film))
     return seen, st_maps(seen)
+
+
+@pytest.mark.parametrize(("good", "degree"), [(np.inf, 4), (1e-9, 6)])
+def test_a_map_is_of_the_least_degree_that_is_good_enough(good, degree, monkeypatch):
+    monkeypatch.setattr(camera_maps, "DEGREES", (4, 6))
+    monkeypatch.setattr(camera_maps, "GOOD_PX", good)
+    made = camera_maps.smooth_map(view(subject("dgauss-50mm", size=(96, 64), film_mm=(36, 24))))
+    assert made.to_angles.coefficients.shape[0] == degree + 1
 
 
 def test_st_maps_lead_there_and_back(bent):

@@ -7,7 +7,7 @@ import pytest
 
 import rptcam_cl
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.device.session import open_session
+from rptcam_cl.device.session import Session, open_session
 from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.rendering.tracer import Wavefront
@@ -138,6 +138,15 @@ def test_solid_of_index_1_takes_no_light_from_the_floor_behind_it(shape):
     film = pixels(scene(*solids, camera=camera, lights=[sun], size=(16, 16), depth=4), spp=512, seed=1)
     expected = np.array(GREY["reflectance"]) / math.pi * 2.0
     assert film.mean(axis=(0, 1)) == pytest.approx(expected, rel=0.04)  # four times the noise of the ball
+
+
+def test_lamp_behind_glass_is_seen_as_it_is(monkeypatch):
+    """The light of a lamp seen through glass is that of the path: photons bring what goes on from a receiver alone."""
+    monkeypatch.setattr(Session, "lanes", 1)  # where what is true is 1, not -1
+    camera = looking([0.3, 0.15, 0.2], [0.3, 0.2, 0.6], fov=3)
+    pane = {"shape": "box", "min": [0.2, 0.1, 0.3], "max": [0.4, 0.3, 0.4], "material": AIR}
+    film = pixels(scene(lamp(), pane, camera=camera, size=(8, 8), depth=4), spp=4, seed=1)
+    assert film == pytest.approx(np.full(film.shape, 10.0), rel=1e-5)
 
 
 @pytest.fixture(scope="module")

@@ -94,6 +94,20 @@ def test_sharp_layers_of_a_pinhole_are_those_of_the_middles_of_its_pixels() -> N
     np.testing.assert_allclose(image["occlusion"], np.select([in_near, in_far], [0.0, hidden], np.nan), rtol=1e-6)
 
 
+def test_sharp_layers_of_a_mesh_lie_on_it() -> None:
+    corners = [[-2, -1, -2], [2, -1, -6], [2, 1, -6], [-2, 1, -2]]  # a wall aslant: z = -4 - x
+    wall = {"shape": "mesh", "vertices": corners, "faces": [[0, 1, 2], [0, 2, 3]], "material": GREY}
+    image = rptcam_cl.render(world(PINHOLE, wall), spp=1, layers=["sharp_position", "sharp_depth"])
+    tangent = np.tan(np.radians(20)) / 24
+    x, y = np.meshgrid((np.arange(48) - 23.5) * tangent, (15.5 - np.arange(32)) * tangent)
+    depth = 4 / (1 - x)  # of the middles of the pixels
+    on_wall = (np.abs(x * depth) < 2) & (np.abs(y * depth) < 1)
+    expected = np.where(on_wall[..., None], np.stack([x * depth, y * depth, -depth], axis=-1), np.nan)
+    np.testing.assert_allclose(image["sharp_position"], expected, rtol=1e-5, atol=1e-5)
+    np.testing.assert_allclose(image["sharp_depth"], np.where(on_wall, depth, np.inf), rtol=1e-5)
+    assert 0 < on_wall.sum() < on_wall.size
+
+
 def test_occlusion_counts_whole_solids_once_and_says_none_of_what_is_out_of_the_picture() -> None:
     ball = {"shape": "sphere", "center": [0, 0, -4], "radius": 0.5, "material": GREY}
     behind = panel(-9.0, 0.2, name="behind the ball")
