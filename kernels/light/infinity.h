@@ -12,7 +12,7 @@
 static inline F against_lights(F own, F other)
 {
 #if LAMPS_BY_SAMPLES
-    return (own > 0.0f) & (other > 0.0f) ? ZERO : ONE;
+    return ((own > 0.0f) & (other > 0.0f)) ? ZERO : ONE;
 #else
     F own2 = own * own;
     return own > 0.0f ? own2 / (own2 + other * other) : ONE;

@@ -104,7 +104,11 @@ def all_facts():
     scene |= {"spectrum": "spectral"}
     leaning = [{"time_s": 0}, {"time_s": 1e-3}, {"time_s": 1, "up": [0.1, 0, 1]}]
     turning = [{"time_s": 0}, {"time_s": 1e-3, "rotate": {"axis": [0, 0, 1], "degrees": 90}}, {"time_s": 1}]
-    scene["objects"] = [item | {"motion": turning} for item in scene["objects"][:1]] + scene["objects"][1:]
+    first, *rest = scene["objects"]
+    scene |= {
+        "objects": [first | {"motion": turning, "visible": {"shadow": False}}, *rest],
+        "film": {"transparent": True},
+    }
     return facts_of(scene | {"camera": scene["camera"] | {"motion": leaning}})
 
 
@@ -171,7 +175,7 @@ def test_pass_compiles_for_red_green_and_blue_of_one_wavelength(session, file):
         | TREES
         | GLASS
         | READ
-        | {"SPECTRUM": 1, "SPECTRAL_COLOURS": 0, "HAS_SPECTRA": 0, "LENS_SPLITS": 0, "VW": 8}
+        | {"SPECTRUM": 1, "SPECTRAL_COLOURS": 0, "HAS_SPECTRA": 0, "LENS_SPLITS": 0, "LAMPS_BY_SAMPLES": 0, "VW": 8}
     )
     without_warnings(session, [file], facts)
 
