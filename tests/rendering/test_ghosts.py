@@ -164,6 +164,18 @@ def test_a_coating_measured_over_few_wavelengths_keeps_its_last_values_beyond() 
     np.testing.assert_allclose(ghosts(measured).sum(axis=(0, 1)), ghosts(0.02).sum(axis=(0, 1)), rtol=2e-3)
 
 
+def test_ghosts_lose_what_the_glass_takes_on_each_of_their_three_ways_through_it(tmp_path: Path) -> None:
+    inside = {"thickness_mm": 6, "wavelengths_nm": [300, 900], "values": [0.8, 0.8]}
+    rows = [{"radius": 60, "thickness": 6, "glass": {"index": 1.6, "transmittance": inside}, "diameter": 24,
+             "stop": True}, {"radius": -60, "diameter": 24}]  # fmt: skip
+    lens = {"name": "Single lens", "surfaces": rows}
+    image = rptcam_cl.render(scene(sun(10.0), lens=lens))
+    (tmp_path / "lens.json").write_text(json.dumps(lens))
+    total, _ = expected(image, Beam(10.0), lens=load_lens(tmp_path / "lens.json"))
+    left = 1 - image.metadata["ghosts"]["dropped_share"]
+    assert image["ghosts"].sum(axis=(0, 1), dtype=np.float64) == pytest.approx(IRRADIANCE * total * left, rel=5e-3)
+
+
 @pytest.mark.slow
 def test_ghosts_take_the_shape_of_the_stop() -> None:
     image = rptcam_cl.render(scene(sun(10.0), f_number=8, aperture={"shape": "polygon", "blades": 3}))

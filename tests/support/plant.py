@@ -146,6 +146,7 @@ EQUIVALENT = {
     "kernels/build/splits.h: else if (middle > i)": "what is before the middle is not above the rest either way",
     "kernels/build/splits.h: bin_scale(span.lower.z, span.upper.z), 1.0f);": "the fourth is not read",
     "kernels/build/splits.h: for (int bin = BINS - 1; bin >= 0; --bin) {": "the cost of bin 0 is not read",
+    "kernels/pass/stream.cl: path.since_receiver = TRUE;": "every path sets it as it starts",
     "kernels/pass/shade.cl: if (ANY(shadow.reach >= 0.0f)) {": "a shadow ray of no reach is not read",
     "kernels/geometry/triangle.h: F3 each = f3(MAX(absolute(a.x), absolute(b.x)), MAX(absolute(a.y), absolute(b.y)),"
     " MIN(absolute(a.z), absolute(b.z)));": "a power of two, which only slivers 1e19 times as long as wide need",

@@ -314,9 +314,20 @@ def film(session, scene, organisation):
     return wavefront.picture(4)
 
 
-@pytest.mark.slow
-def test_passes_and_stream_give_the_same_bits(session) -> None:
-    scene = load_scene(hall())
+def large_lamps():
+    """Nine lamps over the ground, so large that scattered rays meet them as often as light samples do."""
+    lamps = [
+        {"shape": "sphere", "center": [4.0 * x, 4.0 * y, 1.2], "radius": 0.8, "material": lamp(1.0 + x)}
+        for x in range(3)
+        for y in range(3)
+    ]
+    return scene_of([GROUND, *lamps], looking([3, -5, 4], [3, 3, 0]), depth=3, resolution=(24, 16))
+
+
+@pytest.mark.parametrize("made", [large_lamps, pytest.param(hall, marks=pytest.mark.slow)])
+def test_passes_and_stream_give_the_same_bits(session, made) -> None:
+    scene = load_scene(made())
+    assert make_plan(scene).facts["LIGHT_TREE"] == 1
     np.testing.assert_array_equal(film(session, scene, "passes"), film(session, scene, "stream"))
 
 
