@@ -175,6 +175,11 @@ def _fault_of_range(value: float) -> str:
     return "" if 0 < value < float("inf") else f"must be above 0 mm (got {value:g})"
 
 
+def _field() -> Option:
+    text = "angle from the axis in degrees (default: the widest)"
+    return Option("field_degrees", "angle", None, text, "--field", "A", fault=_fault_of_field)
+
+
 def _fields(kind: str = "angles") -> Option:
     text = "angles from the axis in degrees (default: chosen from the lens)"
     return Option("fields", kind, None, text, "--fields", "A,B,…")
@@ -255,8 +260,7 @@ SEIDEL = Measurement(
     "Seidel sums of each surface and of the lens: the aberrations of third order, and of colour",
     "Return the Seidel sums of each surface, and of the lens in the last row.",
     (
-        Option("field_degrees", "angle", None, "angle from the axis in degrees (default: the widest)", "--field", "A",
-               fault=_fault_of_field),
+        _field(),
         _wavelengths((LINE_F_NM, LINE_C_NM)),
         Option("unit", "choice", "sums", "millimetres, waves at the edge of the pupil, or micrometres on the film "
                "(default: %(default)s)", "--unit", choices=("sums", "waves", "transverse")),
@@ -272,10 +276,7 @@ PARAXIAL = Measurement(
     "paraxial", "paraxial", "field_measures",
     "marginal and chief ray to first order: heights and slopes on each surface, and the y-ybar diagram",
     "Return heights and slopes of the marginal and the chief ray before each surface, and on the film in the last row.",
-    (
-        Option("field_degrees", "angle", None, "angle from the axis in degrees (default: the widest)", "--field", "A",
-               fault=_fault_of_field),
-    ),
+    (_field(),),
     {
         "surface": "surface", "marginal_mm": "y [mm]", "marginal_slope": "u", "chief_mm": "ybar [mm]",
         "chief_slope": "ubar",

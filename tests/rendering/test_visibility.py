@@ -127,6 +127,21 @@ def test_lamp_that_is_not_reflected_lights_as_before():
     assert film(shown).max() < 1 < bright
 
 
+def test_glow_that_only_the_camera_sees_lights_as_before():
+    """A principled lamp is sampled as others are; paths that cannot meet it take nothing of its light away."""
+    glow = {"kind": "principled", "base_color": 0, "emission": 5, "specular": 0}
+    large = {"corner": [-3, 2.2, -3], "edge_u": [6, 0, 0], "edge_v": [0, 0, 6]}  # so that paths find much of its light
+    lamp = LAMP | large | {"material": glow}
+    made = {"camera": scene()["camera"], "objects": [FLOOR, lamp], "render": {"max_depth": 2}}
+    before = film(made, spp=64)
+    made["objects"][1] = lamp | {"visible": {"shadow": False, "reflection": False}}
+    np.testing.assert_allclose(film(made, spp=64).mean(), before.mean(), rtol=5e-3)
+    assert before.mean() > 0.01
+    moves = {"motion": [{"time_s": 0}, {"time_s": 1, "translate": [0, 1, 0]}]}
+    with pytest.raises(InputError, match=r"objects\.1\.visible\.reflection: .* would light nothing"):
+        film(made | {"objects": [FLOOR, made["objects"][1] | moves], "shutter": {"open_s": 0, "time_s": 1}})
+
+
 @pytest.mark.parametrize("roughness", [0.3, 0.6])
 def test_light_sampling_alone_has_the_mean_of_both(roughness):
     """A far object without a shadow makes light sampling count alone; the floor is a rough metal."""

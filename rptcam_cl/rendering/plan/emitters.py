@@ -679,6 +679,9 @@ def _surface_emitters(
     return chosen, of_primitive
 
 
+BLACK = (0.0, 0.0, 0.0)
+
+
 def by_samples_alone(primitives: Sequence[Primitive], emitters: Emitters) -> bool:
     """Return whether light sampling has to find all light of lamps: paths and shadow rays meet different things.
 
@@ -693,13 +696,14 @@ def by_samples_alone(primitives: Sequence[Primitive], emitters: Emitters) -> boo
         kinds = primitive.hidden & either
         if not kinds:
             continue
-        shines = isinstance(primitive.material, Emissive)
-        if shines and kinds & Hidden.FROM_REFLECTION and index not in emitters.of_primitive:
+        is_sampled, material = index in emitters.of_primitive, primitive.material
+        shines = isinstance(material, Emissive) or (isinstance(material, Principled) and material.emission != BLACK)
+        if shines and kinds & Hidden.FROM_REFLECTION and not is_sampled:
             raise InputError(
                 f"objects.{primitive.object}.visible.reflection: this lamp would light nothing: what moves, has holes"
                 " or is a plane is found by its reflection alone (allowed: true)"
             )
-        alone |= kinds != either or shines
+        alone |= kinds != either or is_sampled
     return alone
 
 

@@ -154,11 +154,10 @@ def read_array(content: bytes) -> Picture:
     try:
         read = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
         shape, _, dtype = read[np.lib.format.read_magic(stream)](stream)
-        if len(shape) not in (2, 3) or (*shape, 1)[2] not in (1, 3, 4) or dtype.kind not in "uf" or dtype.itemsize > 8:
+        is_known = dtype.name in _LARGEST or (dtype.kind == "f" and dtype.itemsize <= 8)
+        if len(shape) not in (2, 3) or (*shape, 1)[2] not in (1, 3, 4) or not is_known:
             raise InputError(f"is no picture (got {shape} of {dtype}; allowed: {ARRAYS})")
         check_size(shape[1], shape[0])
-        if dtype.kind == "u" and dtype.name not in _LARGEST:
-            raise InputError(f"is no picture (got {shape} of {dtype}; allowed: {ARRAYS})")
         stored = np.load(io.BytesIO(content), allow_pickle=False).reshape(*shape[:2], -1)
     except (ValueError, KeyError, EOFError, SyntaxError) as problem:
         raise InputError(f"is damaged ({problem}; allowed: {ARRAYS})") from None
