@@ -16,7 +16,7 @@ from rptcam_cl.optics.stop_shape import StopMask, StopShape, cut_polygon
 from rptcam_cl.rendering.cameras.ideal import ThickLens, stop_shape, thick_lens_of
 from rptcam_cl.rendering.cameras.lens_records import disperses, usable_nm
 from rptcam_cl.rendering.cameras.ray_map import RayMap, allowed_px, fitted_map
-from rptcam_cl.rendering.cameras.setting import LensSetting, lens_camera, lens_setting, lens_to_focus
+from rptcam_cl.rendering.cameras.setting import LensSetting, lens_camera, lens_setting, lens_to_focus, on_film
 from rptcam_cl.scene.assets.mesh import MeshPlacement
 from rptcam_cl.scene.load import change_scene, with_camera
 from rptcam_cl.scene.materials import Emissive, Material, Matte, Mix
@@ -182,9 +182,10 @@ def equivalent(scene: Scene, tier: Tier) -> Scene:
     InputError
         When the lens has no such equivalent; the message says why.
     """
-    camera = scene.camera.traced_camera
     if tier == "realistic":
         return scene
+    scene = on_film(scene)
+    camera = scene.camera.traced_camera
     assert camera is not None
     if tier == "fitted":
         fit_polynomials(scene, colours=scene.spectrum.lens_colour == "on")

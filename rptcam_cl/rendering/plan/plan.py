@@ -25,6 +25,7 @@ from rptcam_cl.core.records import CAUSTIC_SURFACE, SIZELESS_EMITTERS, EmitterKi
 from rptcam_cl.rendering.cameras.kinds import camera_model
 from rptcam_cl.rendering.cameras.lamp_aim import SeenLamp, Shows, Sights, aimed_at_lamps
 from rptcam_cl.rendering.cameras.model import CameraModel, FilterTable, camera_trajectory, filter_table, turned
+from rptcam_cl.rendering.cameras.setting import on_film
 from rptcam_cl.rendering.plan.emitters import (
     SOLIDS,
     Emitters,
@@ -658,7 +659,7 @@ def make_plan(
     parts
         What the last plan was made of; it takes what this one is.
     """
-    parts = parts or PlanParts()
+    parts, scene = parts or PlanParts(), on_film(scene)
     plan = _still_plan(at_opening(scene), camera, coarse, parts)
     return plan if camera is not None else replace(plan, steps=_steps(plan, scene, coarse, parts))
 
