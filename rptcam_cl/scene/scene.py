@@ -532,7 +532,7 @@ class Scene(SceneModel):
         Left out are the number of samples, layers, the sensor without its response, what follows the film (diffraction,
         ghosts and how the picture is shown), names and labels. Files count by their content. `picture_hash` has more.
         """
-        left_out = {"name", "label", "file", "mesh", "vertices", "faces", "uvs", "normals"}
+        left_out = {"name", "label", "file", "mesh", "vertices", "faces", "uvs", "normals", "colors"}
         content = self.model_dump(
             mode="json",
             exclude={

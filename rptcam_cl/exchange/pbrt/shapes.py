@@ -301,12 +301,12 @@ LARGEST_FILE = 4 << 30
 def _read_mesh(path: Path, place: Place) -> MeshData:
     try:
         if path.suffix.lower() != ".gz":
-            contents = read_mesh_file(path, lambda other: other)
+            contents = read_mesh_file(path, lambda other: other, painted=False)
         else:
             with tempfile.TemporaryDirectory() as folder:
                 unpacked = Path(folder) / path.stem
                 unpacked.write_bytes(read_limited(path, path.name, LARGEST_FILE))
-                contents = read_mesh_file(unpacked, lambda other: other)
+                contents = read_mesh_file(unpacked, lambda other: other, painted=False)
     except InputError as problem:
         raise place.error(str(problem)) from None
     (part,) = contents.parts
