@@ -195,7 +195,8 @@ def triangle_mesh(context: Context, shape: Entity) -> tuple[MeshData, int]:
     parameters.skip("faceIndices")
     for name, values in (("N", normals), ("uv", uvs)):
         if values is not None and len(values) != len(vertices):
-            raise shape.error(f"{name} has {len(values)} entries, P has {len(vertices)}")
+            context.ignored(shape, f"{name}, which has {len(values)} entries where P has {len(vertices)}")
+    normals, uvs = (values if values is None or len(values) == len(vertices) else None for values in (normals, uvs))
     return _clean(context, shape, MeshData(vertices, corners, normals, uvs)), len(corners)
 
 
@@ -493,12 +494,10 @@ def convert_shape(context: Context, placed: Placed) -> Piece | None:
         "sphere": _sphere, "disk": _round, "cylinder": _round, "cone": _round, "paraboloid": _round,
         "hyperboloid": _round, "trianglemesh": _mesh, "bilinearmesh": _mesh, "loopsubdiv": _mesh, "plymesh": _ply,
     }  # fmt: skip
-    if shape.kind in ("curve", "nurbs", "heightfield", "heightfield2"):
-        shape.parameters.skip_all()
-        context.ignored(shape, "there is no such shape")
-        return None
     if shape.kind not in kinds:
-        raise shape.unknown("shape", (*kinds, "curve"))
+        shape.parameters.skip_all()
+        context.ignored(shape, f"there is no such shape (known: {', '.join(kinds)})")
+        return None
     return kinds[shape.kind](context, placed)
 
 
