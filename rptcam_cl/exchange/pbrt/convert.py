@@ -11,11 +11,10 @@ from typing import Any
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.core.files import Folders, plain, replacing
-from rptcam_cl.core.strict_yaml import MAX_NODES
 from rptcam_cl.exchange.pbrt.camera import convert_camera, exposure_ev, filter_keys, frame_of, raster_of, render_keys
 from rptcam_cl.exchange.pbrt.files import Context, FileStore
 from rptcam_cl.exchange.pbrt.lights import convert_lights, convert_sky
-from rptcam_cl.exchange.pbrt.shapes import Objects, count_values
+from rptcam_cl.exchange.pbrt.shapes import Objects
 from rptcam_cl.exchange.pbrt.source import Report
 from rptcam_cl.exchange.pbrt.world import read_world
 from rptcam_cl.scene.load import Missing, load_scene, scene_text
@@ -112,11 +111,6 @@ def convert_scene(source: Path, target: Path, *, missing: Missing = "error", roo
     scene = _scene_keys(context, source)
     context.refuse_missing()
     _note_unused(context)
-    if count_values(scene) > MAX_NODES:
-        raise InputError(
-            f"{source}: becomes {len(scene['objects'])} objects in {count_values(scene)} values, too many for a scene "
-            f"file (allowed: {MAX_NODES} values, some 2000 instances)"
-        )
     return Conversion(source, scene, report, context.files)
 
 

@@ -278,7 +278,7 @@ class MeshPart:
 
 
 def mesh_parts(scene: Scene, item: MeshObject | Board) -> tuple[MeshPart, ...]:
-    """Return the parts of one of a scene's mesh objects, in the order of the file.
+    """Return the parts of one of a scene's mesh objects, in the order of the file, at each of its places.
 
     Raises
     ------
@@ -287,7 +287,8 @@ def mesh_parts(scene: Scene, item: MeshObject | Board) -> tuple[MeshPart, ...]:
     """
     loaded = scene.load_mesh(item)
     return tuple(
-        MeshPart(part.mesh, item.placed_at(scene.shutter.open_s) @ part.placement, material, part.name or item.name)
+        MeshPart(part.mesh, place @ part.placement, material, part.name or item.name)
+        for place in item.places(scene.folders, scene.shutter.open_s)
         for part, material in zip(loaded.contents.parts, loaded.materials, strict=True)
     )
 
@@ -606,12 +607,13 @@ def scene_primitives(scene: Scene, parts: PlanParts | None = None) -> list[Primi
             of_meshes[index] = placed
             primitives += placed.primitives
             continue
-        for kind, canonical in _canonical(item):
-            placement = world @ item.placed_at(scene.shutter.open_s) @ canonical
-            if kind is Kind.SPHERE and not _is_similarity(placement[:3, :3]):
-                kind = Kind.ELLIPSOID
-            way, hidden = _trajectory(scene, item), item.visible.hidden
-            primitives.append(Primitive(kind, placement, item.material, index, trajectory=way, hidden=hidden))
+        way, hidden = _trajectory(scene, item), item.visible.hidden
+        for place in item.places(scene.folders, scene.shutter.open_s):
+            for kind, canonical in _canonical(item):
+                placement = world @ place @ canonical
+                if kind is Kind.SPHERE and not _is_similarity(placement[:3, :3]):
+                    kind = Kind.ELLIPSOID
+                primitives.append(Primitive(kind, placement, item.material, index, trajectory=way, hidden=hidden))
     return sorted(primitives, key=lambda primitive: primitive.kind)
 
 
@@ -640,6 +642,7 @@ def _place_mesh(
         before is not None
         and item.transform is before.item.transform
         and item.motion is before.item.motion
+        and item.instances is before.item.instances is None
         and meshes == [id(each.mesh) for each in before.primitives]
     ):
         return PlacedMesh(
