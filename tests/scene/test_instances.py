@@ -77,7 +77,7 @@ BAD = {
     "flat": ({"matrices": np.array([np.eye(4)[:3], np.diag([1, 1, 0, 1])[:3]])}, "place 1 cannot be inverted"),
     "nan": ({"positions": np.array([[0, np.nan, 0]])}, "place 0 holds numbers that are not finite"),
     "far": ({"positions": np.array([[0, 0, 1e13]])}, "place 0 stretches or shifts too far"),
-    "small": ({"positions": np.zeros((2, 3)), "scales": np.array([1, 1e-13])}, "is too small for float32"),
+    "small": ({"positions": np.zeros((2, 3)), "scales": np.array([1, 1e-13])}, "place 1 stretches or shifts too far"),
 }
 
 

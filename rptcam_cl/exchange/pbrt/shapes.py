@@ -813,7 +813,7 @@ class Objects:
                 self.items[index] = {}
             self.context.report.noted(
                 use.shape.place,
-                f"{1 + len(others)} meshes of {material} became one: a scene file holds no more objects",
+                f"{1 + len(others)} meshes of {material} became one, as there are very many",
             )
 
     def _mesh_keys(self, use: ShapeUse, mesh: MeshData) -> Keys:
