@@ -548,7 +548,8 @@ def _solids(scene: Scene, far: tuple[Any, ...]) -> tuple[tuple[Solid, ...], tupl
     """Return the objects with what their files hold, and every part that is shown and names a file."""
     solids = scene.solids()
     shown = {id(material): material for solid in solids for material in solid.shown_materials()}
-    return solids, tuple(reference for _, reference in file_references((tuple(shown.values()), far)))
+    tables = tuple(item.instances for item in scene.objects if item.instances is not None)
+    return solids, tuple(reference for _, reference in file_references((tuple(shown.values()), far, tables)))
 
 
 def _pack_world(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> dict[str, Any]:
