@@ -1,0 +1,278 @@
+"""The render engine: F12 with passes, progress and cancel, and the viewport, both through a render session."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.core.errors import RptcamError
+
+from .live import LiveScene
+from .panels import settings_of
+from .reader import Reader
+from .scene import Export
+from .viewport import view_of
+
+SECONDS_BETWEEN_PICTURES = 1.0
+VIEW_SECONDS = 0.08  # that a redraw of the viewport may render
+FARTHEST = 1e10  # depth where there is nothing, as Cycles has it
+
+Array = NDArray[Any]
+
+
+@dataclass(frozen=True)
+class Pass:
+    """A render pass of Blender's, made of a layer of ours.
+
+    Attributes
+    ----------
+    name, channels, kind
+        As `RenderEngine.register_pass` takes them.
+    flag : str
+        Of the view layer, that asks for it.
+    layer : str
+        Of `render.layers`.
+    made : callable
+        Takes the layer and the export, returns an array (height, width, channels).
+    """
+
+    name: str
+    channels: str
+    kind: str
+    flag: str
+    layer: str
+    made: Callable[[Array, Export], Array]
+
+
+def _units(export: Export) -> float:
+    return float(export.keys["metres_per_unit"])
+
+
+def _depth(layer: Array, export: Export) -> Array:
+    return np.where(np.isfinite(layer), layer / _units(export), FARTHEST)[..., None]
+
+
+def _index(layer: Array, table: Array) -> Array:
+    numbers = np.concatenate([table, [0]])  # -1 is nothing
+    return numbers[np.clip(layer, -1, len(table) - 1)][..., None]
+
+
+def _crypto(rank: int) -> Callable[[Array, Export], Array]:
+    return lambda layer, export: layer[..., 4 * rank : 4 * rank + 4]
+
+
+PASSES = (
+    Pass("Depth", "Z", "VALUE", "use_pass_z", "depth", _depth),
+    Pass("Normal", "XYZ", "VECTOR", "use_pass_normal", "normal", lambda layer, export: layer),
+    Pass(
+        "Position", "XYZ", "VECTOR", "use_pass_position", "position",
+        lambda layer, export: np.nan_to_num(layer / _units(export)),
+    ),
+    Pass(
+        "UV", "UVA", "VECTOR", "use_pass_uv", "uv",
+        lambda layer, export: np.nan_to_num(np.concatenate([layer, np.isfinite(layer[..., :1])], axis=-1)),
+    ),
+    Pass(
+        "IndexOB", "X", "VALUE", "use_pass_object_index", "object_id",
+        lambda layer, export: _index(layer, export.object_indices),
+    ),
+    Pass(
+        "IndexMA", "X", "VALUE", "use_pass_material_index", "material_id",
+        lambda layer, export: _index(layer, export.material_indices),
+    ),
+    Pass("DiffCol", "RGB", "COLOR", "use_pass_diffuse_color", "albedo", lambda layer, export: layer),
+    *(
+        Pass(f"Crypto{what}{rank:02}", "RGBA", "COLOR", f"use_pass_cryptomatte_{what.lower()}", f"crypto_{what.lower()}",
+             _crypto(rank))
+        for what in ("Object", "Material") for rank in range(3)
+    ),
+)  # fmt: skip
+WITHOUT = {
+    "use_pass_vector": "Vector", "use_pass_mist": "Mist", "use_pass_shadow": "Shadow", "use_pass_emit": "Emission",
+    "use_pass_environment": "Environment", "use_pass_ambient_occlusion": "Ambient Occlusion",
+    "use_pass_diffuse_direct": "Diffuse Light", "use_pass_glossy_direct": "Glossy Light",
+    "use_pass_transmission_direct": "Transmission Light", "use_pass_cryptomatte_asset": "Cryptomatte Asset",
+}  # fmt: skip
+GHOSTS = Pass("Ghosts", "RGB", "COLOR", "", "ghosts", lambda layer, export: layer)
+
+
+def passes_of(view_layer: Any, scene: Any) -> list[Pass]:
+    """The passes that a view layer asks for."""
+    found = [each for each in PASSES if getattr(view_layer, each.flag, False)]
+    camera = scene.camera
+    if camera is not None and getattr(camera.data, "rptcam", None) and camera.data.rptcam.shows_ghosts:
+        found.append(GHOSTS)
+    return found
+
+
+kept = LiveScene()
+reader_kept = Reader()
+
+
+class RptcamEngine(bpy.types.RenderEngine):
+    """Renders scenes through real lenses."""
+
+    bl_idname = "RPTCAM"
+    bl_label = "rptcam"
+    bl_use_preview = False
+    bl_use_shading_nodes_custom = False
+    bl_use_postprocess = True
+
+    # F12
+
+    def update_render_passes(self, scene: Any = None, renderlayer: Any = None) -> None:
+        """Say which passes there are."""
+        self.register_pass(scene, renderlayer, "Combined", 4, "RGBA", "COLOR")
+        for each in passes_of(renderlayer, scene):
+            self.register_pass(scene, renderlayer, each.name, len(each.channels), each.channels, each.kind)
+
+    def render(self, depsgraph: Any) -> None:
+        """Render a frame."""
+        try:
+            self._render(depsgraph)
+        except RptcamError as problem:
+            self.report({"ERROR"}, str(problem))
+            self.error_set(str(problem))
+
+    def _render(self, depsgraph: Any) -> None:
+        global kept
+        scene, view_layer = depsgraph.scene, depsgraph.view_layer
+        wanted = passes_of(view_layer, scene)
+        layers = list(dict.fromkeys(each.layer for each in wanted))
+        if scene.render.film_transparent and "coverage" not in layers:
+            layers.append("coverage")
+        self.update_stats("", "Reading the scene")
+        reader = reader_kept if scene.render.use_persistent_data else Reader()
+        export = reader.read(depsgraph, settings_of(scene, layers), set_time=self.frame_set)
+        for flag, name in WITHOUT.items():
+            if getattr(view_layer, flag, False):
+                export.report.add(f"View layer {view_layer.name}: the pass {name} is not made.")
+        say(scene, export)
+        self.update_stats("", "Preparing the lens and compiling")
+        live = kept if scene.render.use_persistent_data else LiveScene()
+        try:
+            session = live.show(export.keys | {"picture": {}})
+            self._take(session, export, view_layer.name, wanted)
+        finally:
+            if live is not kept:
+                live.close()
+
+    def _take(self, session: Any, export: Export, layer: str, wanted: list[Pass]) -> None:
+        """Add samples until there are enough, and show the picture now and then."""
+        width, height = session.resolution
+        x, _, bottom, _ = window_of(export)
+        for each in wanted:
+            self.add_pass(each.name, len(each.channels), each.channels, layer=layer)
+        result = self.begin_result(x, bottom, width, height, layer=layer)
+        target, shown = int(session.scene.render.spp), time.monotonic()
+        step = 1
+        while session.spp < target and not self.test_break():
+            before, begun = session.spp, time.monotonic()
+            session.add(min(step, target - before), self.test_break)
+            if session.spp == before and session.is_whole:
+                break  # the noise target is met
+            step = max(session.samples_per_wave, step * 2 if time.monotonic() - begun < 0.5 else step)
+            self.update_progress(session.spp / target)
+            self.update_stats("", f"Sample {session.spp}/{target}")
+            if time.monotonic() - shown > SECONDS_BETWEEN_PICTURES and session.spp:
+                write(result.layers[0].passes["Combined"], with_alpha(session.pixels()))
+                self.update_result(result)
+                shown = time.monotonic()
+        if session.spp:
+            image = session.image()
+            write(result.layers[0].passes["Combined"], with_alpha(image.pixels, image.layers.get("coverage")))
+            for each in wanted:
+                write(result.layers[0].passes[each.name], each.made(image.layers[each.layer], export))
+        self.end_result(result, cancel=self.test_break())
+
+    # The viewport
+
+    _reader: Reader | None = None
+    _live: LiveScene | None = None
+    _view: Any = None
+    _problem = ""
+
+    def view_update(self, context: Any, depsgraph: Any) -> None:
+        """Follow the scene."""
+        if self._reader is None:
+            self._reader, self._live = Reader(), LiveScene()
+        self._reader.forget(depsgraph.updates)
+        self._view = None  # read anew when it is drawn
+        self._depsgraph_changed = True
+
+    def view_draw(self, context: Any, depsgraph: Any) -> None:
+        """Draw the picture so far, and render some more of it."""
+        from .viewport import draw
+
+        if self._reader is None:
+            self.view_update(context, depsgraph)
+        assert self._reader is not None and self._live is not None
+        view = view_of(context)
+        try:
+            if view != self._view:
+                settings = settings_of(depsgraph.scene, [], through_lens=view.through_camera)
+                export = self._reader.read(depsgraph, settings, eye=view.eye)
+                self._live.show(export.keys)
+                self._view = view
+            session = self._live.session
+            assert session is not None
+            begun = time.monotonic()
+            target = depsgraph.scene.rptcam.viewport_samples
+            while session.spp < target and time.monotonic() - begun < VIEW_SECONDS:
+                session.add(1)
+            pixels = session.pixels()
+        except RptcamError as problem:
+            self.update_stats("rptcam", str(problem))
+            return
+        self.update_stats("rptcam", f"Sample {session.spp}/{target}")
+        draw(self, depsgraph.scene, with_alpha(pixels), view.rectangle)
+        if session.spp < target:
+            self.tag_redraw()
+
+
+def window_of(export: Export) -> tuple[int, int, int, int]:
+    """Left, top, bottom and right of what is rendered in the whole picture [pixels], rows from the bottom."""
+    film = export.keys["film"]
+    width, height = film["resolution"]
+    x0, x1, y0, y1 = film.get("crop", (0.0, 1.0, 0.0, 1.0))
+    return round(x0 * width), round(height - y0 * height), round(height - y1 * height), round(x1 * width)
+
+
+def with_alpha(pixels: Array, coverage: Array | None = None) -> Array:
+    """A film with its coverage as alpha."""
+    alpha = np.ones((*pixels.shape[:2], 1), np.float32) if coverage is None else coverage.reshape(*pixels.shape[:2], 1)
+    return np.concatenate([pixels, alpha], axis=-1)
+
+
+def write(into: Any, pixels: Array) -> None:
+    """Fill a pass, whose bottom row comes first."""
+    rows = np.ascontiguousarray(pixels[::-1], np.float32).ravel()
+    into.rect.foreach_set(rows)
+
+
+def say(scene: Any, export: Export) -> None:
+    """Print the report and keep it for the panel."""
+    for sentence in export.report.sentences:
+        print(f"rptcam: {sentence}")
+    REPORTS[scene.name] = export.report.sentences
+
+
+REPORTS: dict[str, list[str]] = {}
+"""What the last export of each scene left out."""
+
+
+def register() -> None:
+    """Add the engine."""
+    bpy.utils.register_class(RptcamEngine)
+
+
+def unregister() -> None:
+    """Remove it."""
+    kept.close()
+    bpy.utils.unregister_class(RptcamEngine)

@@ -1,0 +1,412 @@
+"""Blender's materials as materials of a scene: surface nodes to BSDFs, their inputs to constants and textures.
+
+What has no equal is approximated, and the report says how.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from collections.abc import Mapping as MappingOf
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from .fields import Field, combine, constant, grey, rgb, texture_of
+from .nodes import Link, Node, ValueReader
+from .report import Report
+
+
+@dataclass(frozen=True)
+class BlenderMaterial:
+    """A material: its surface, whatever else its output has, and the size of its texture coordinates.
+
+    Attributes
+    ----------
+    surface : Node or None
+        What is linked to the output.
+    color : tuple of float
+        Of a material without nodes, likewise metallic and roughness.
+    has_displacement, has_volume
+        Whether something is linked there.
+    """
+
+    name: str
+    surface: Node | None
+    color: tuple[float, ...] = (0.8, 0.8, 0.8)
+    metallic: float = 0.0
+    roughness: float = 0.4
+    has_displacement: bool = False
+    has_volume: bool = False
+
+
+@dataclass(frozen=True)
+class Translated:
+    """A material of the scene, and which coordinates its textures go by."""
+
+    keys: dict[str, Any]
+    coordinates: str = "uv"
+
+
+BLACK = {"kind": "matte", "reflectance": 0.0}
+NO_SURFACE = {"kind": "matte", "reflectance": 0.0, "opacity": 0.0}
+SMOOTHEST = 0.032  # roughness that principled materials have at least
+MOST_RADIANCE = 1e30
+
+
+def translate(material: BlenderMaterial, report: Report) -> Translated:
+    """The material as a scene has it."""
+    reader = _Translator(f"Material {material.name}", report)
+    if material.surface is None:
+        keys = {
+            "kind": "principled",
+            "base_color": [min(max(float(c), 0.0), 1.0) for c in material.color[:3]],
+            "metallic": material.metallic,
+            "roughness": material.roughness,
+        }
+        return Translated(keys)
+    if material.has_displacement:
+        reader.say("displacement is left out; subdivide and displace by a modifier")
+    if material.has_volume:
+        reader.say("its volume is left out")
+    keys = reader.surface(material.surface)
+    return Translated(keys, reader.coordinates())
+
+
+class _Translator(ValueReader):
+    """The surfaces of one material."""
+
+    def surface(self, node: Node) -> dict[str, Any]:
+        """The material of a shader node."""
+        found = _SURFACES.get(node.kind)
+        if found is None:
+            self.say(f"the shader {node.name} has no equal; matte grey stands in")
+            return {"kind": "matte", "reflectance": 0.5}
+        return found(self, node)
+
+    def shader(self, node: Node, name: str) -> Node | None:
+        """The shader that is linked to an input."""
+        link = node.inputs.get(name)
+        return link.node if isinstance(link, Link) else None
+
+    def principled(self, node: Node) -> dict[str, Any]:
+        """The Principled BSDF."""
+        keys: dict[str, Any] = {"kind": "principled"}
+        base, transmission = self.field(node, "Base Color"), self.field(node, "Transmission Weight")
+        is_clear = not transmission.is_constant or transmission.number > 0
+        if is_clear and transmission.is_constant and transmission.number == 1:
+            base = combine(lambda c: np.sqrt(np.clip(c, 0, 1)), base)  # each passage takes the root, both the colour
+        elif is_clear:
+            self.say("partly transparent: light that passes takes the base colour at each of its two passages")
+        keys["base_color"] = texture_of(base, 3)
+        for key, name in (("metallic", "Metallic"), ("roughness", "Roughness")):
+            keys[key] = self.number(node, name)
+        index = max(self.constant(node, "IOR", "the index"), 1e-3)
+        keys["index"] = self._index(node, index, is_clear)
+        self._colour_of_specular(node, keys)
+        if is_clear:
+            keys["transmission"] = texture_of(transmission, 1)
+            if isinstance(keys["roughness"], float) and keys["roughness"] < SMOOTHEST:
+                white = base.is_constant and float(base.values[:3].min()) >= 1
+                if white and keys["transmission"] == 1 and keys["metallic"] == 0:
+                    keys = {"kind": "dielectric", "index": keys["index"]}
+                    return keys | self._holes(node) | self._normals(node)
+                self.say(f"clear and tinted: its roughness is {SMOOTHEST} at least")
+        self._layers(node, keys)
+        self._emission(node, keys)
+        return keys | self._holes(node) | self._normals(node)
+
+    def _index(self, node: Node, index: float, is_clear: bool) -> float:
+        """The index that has the reflectance of Blender's index and specular level together."""
+        level = self.constant(node, "Specular IOR Level", "the specular level")
+        if level == 0.5:
+            return max(index, 1.01) if is_clear else max(index, 1.0)
+        f0 = min(((index - 1) / (index + 1)) ** 2 * 2 * level, 0.99)
+        if is_clear:
+            self.say("clear with a specular level that is not 0.5: the level is left out")
+            return max(index, 1.01)
+        return (1 + math.sqrt(f0)) / (1 - math.sqrt(f0))
+
+    def _colour_of_specular(self, node: Node, keys: dict[str, Any]) -> None:
+        tint = self.field(node, "Specular Tint", (1.0, 1.0, 1.0))
+        if not tint.is_constant or float(np.abs(tint.colour - 1).max()) > 0:
+            keys["specular_color"] = texture_of(tint, 3)
+            if keys["metallic"] != 0.0:
+                self.say("the specular tint colours its dielectric part, not the rim of the metal")
+
+    def _layers(self, node: Node, keys: dict[str, Any]) -> None:
+        """Coat, sheen, brushing; what has no equal."""
+        if self.counts(node, "Anisotropic"):
+            keys["anisotropy"] = min(max(self.constant(node, "Anisotropic", "the anisotropy"), 0.0), 1.0)
+            turn = self.constant(node, "Anisotropic Rotation", "the anisotropic rotation")
+            if turn:
+                keys["anisotropy_rotation_degrees"] = 360 * (turn % 1)
+            self.say("brushed along its texture coordinates, whatever its tangent says")
+        if self.counts(node, "Coat Weight"):
+            keys["clearcoat"] = self.number(node, "Coat Weight")
+            keys["clearcoat_roughness"] = self.number(node, "Coat Roughness")
+            if self.constant(node, "Coat IOR", "the coat's index") != 1.5:
+                self.say("its coat has the index 1.5")
+            if not self.is_white(node, "Coat Tint"):
+                self.say("its coat is clear, without a tint")
+            keys |= {"clearcoat_flat": True} if self._normals(node, quiet=True) else {}
+        if self.counts(node, "Sheen Weight"):
+            tint, weight = self.field(node, "Sheen Tint", (1.0, 1.0, 1.0)), self.field(node, "Sheen Weight")
+            keys["sheen"] = texture_of(combine(lambda a, b: rgb(a) * grey(b), tint, weight), 3)
+            keys["sheen_roughness"] = min(max(self.constant(node, "Sheen Roughness", "its sheen's roughness"), 0), 1)
+            self.say("its sheen is that of Estevez and Kulla; Blender's is another")
+        if self.counts(node, "Subsurface Weight"):
+            self.say("subsurface scattering is left out: its base scatters at the surface")
+        if self.counts(node, "Diffuse Roughness"):
+            self.say("its base is even (Lambert), without a roughness of its own")
+        if self.counts(node, "Thin Film Thickness"):
+            self.say("its thin film is left out")
+
+    def _emission(self, node: Node, keys: dict[str, Any]) -> None:
+        strength, colour = self.field(node, "Emission Strength"), self.field(node, "Emission Color")
+        if strength.is_constant and strength.number <= 0:
+            return
+        light = combine(lambda a, b: rgb(a) * grey(b), colour, strength)
+        if light.is_constant and not light.colour.any():
+            return
+        keys["emission"] = self.radiance(light)
+        self.say("its surface shines to the front alone")
+
+    def radiance(self, light: Field) -> Any:
+        """A radiance that may be above 1, of pictures too."""
+        if light.is_constant:
+            return [float(min(max(c, 0.0), MOST_RADIANCE)) for c in light.colour]
+        return texture_of(light, 3, MOST_RADIANCE)
+
+    def diffuse(self, node: Node) -> dict[str, Any]:
+        """Diffuse BSDF."""
+        if self.counts(node, "Roughness"):
+            self.say("diffuse with a roughness: even (Lambert) here")
+        return {"kind": "matte", "reflectance": self.colour(node, "Color")} | self._normals(node)
+
+    def scattering(self, node: Node) -> dict[str, Any]:
+        """What scatters inside, as a matte surface."""
+        self.say(f"{node.name}: it scatters at the surface, as matte, and lets no light through")
+        return {"kind": "matte", "reflectance": self.colour(node, "Color")} | self._normals(node)
+
+    def sheen(self, node: Node) -> dict[str, Any]:
+        """Sheen and velvet without a base."""
+        self.say("its sheen is that of Estevez and Kulla over black")
+        roughness = min(max(self.constant(node, "Roughness", "its roughness"), 0.0), 1.0)
+        keys = {"base_color": 0.0, "specular": 0.0, "sheen": self.colour(node, "Color"), "sheen_roughness": roughness}
+        return {"kind": "principled"} | keys | self._normals(node)
+
+    def glossy(self, node: Node) -> dict[str, Any]:
+        """Glossy BSDF."""
+        roughness = self.constant(node, "Roughness", "the roughness of a glossy surface")
+        if roughness**2 < 1e-3:
+            colour = self.field(node, "Color")
+            if not colour.is_constant:
+                self.say("a mirror has one colour: the mean of its texture")
+            return {"kind": "mirror", "reflectance": [float(min(max(c, 0), 1)) for c in colour.colour]}
+        if node.values.get("distribution", "GGX") not in ("GGX", "MULTI_GGX"):
+            self.say(f"its {node.values['distribution'].title()} highlights are GGX here")
+        if roughness > 0.3 and node.values.get("distribution") == "MULTI_GGX":
+            self.say("light that meets its facets twice is lost (distribution GGX, not Multiscatter GGX)")
+        keys = {"kind": "conductor", "reflectance": self.colour(node, "Color"), "roughness": min(roughness, 1.0)}
+        anisotropy = self.constant(node, "Anisotropy", "the anisotropy") if "Anisotropy" in node.inputs else 0.0
+        if anisotropy:
+            self.say("its highlights are round: the anisotropy of the glossy shader is left out")
+        return keys | self._normals(node)
+
+    def glass(self, node: Node) -> dict[str, Any]:
+        """Glass and Refraction BSDF."""
+        if node.kind == "BSDF_REFRACTION":
+            self.say("the refraction shader also reflects here, as glass does")
+        index = min(max(self.constant(node, "IOR", "the index"), 0.2), 5.0)
+        roughness = self.constant(node, "Roughness", "the roughness of glass")
+        colour = self.field(node, "Color")
+        rough = {"roughness": min(roughness, 1.0)} if roughness**2 >= 1e-3 else {}
+        if rough and abs(index - 1) <= 0.01:
+            index = 1.011
+        if rough and roughness > 0.3 and node.values.get("distribution") == "MULTI_GGX":
+            self.say("light that meets its facets twice is lost (distribution GGX, not Multiscatter GGX)")
+        if colour.is_constant and float(colour.colour.min()) >= 1:
+            return {"kind": "dielectric", "index": index} | rough | self._normals(node)
+        if index < 1.01:
+            self.say("tinted glass has an index of at least 1.01")
+        if not rough:
+            self.say(f"tinted glass: its roughness is {SMOOTHEST}")
+        tint = texture_of(colour, 3)
+        keys = {"base_color": tint, "specular_color": tint, "transmission": 1.0, "index": max(index, 1.01)}
+        return {"kind": "principled", "roughness": min(roughness, 1.0)} | keys | self._normals(node)
+
+    def transparent(self, node: Node) -> dict[str, Any]:
+        """Transparent BSDF."""
+        colour = self.field(node, "Color")
+        if not colour.is_constant:
+            self.say("transparent: the mean of its colours is taken")
+        if float(colour.colour.min()) >= 1:
+            return dict(NO_SURFACE)
+        return {"kind": "thin_glass", "index": 1.0, "transmittance": [float(min(max(c, 0), 1)) for c in colour.colour]}
+
+    def emission(self, node: Node) -> dict[str, Any]:
+        """Emission, from both sides."""
+        light = combine(lambda a, b: rgb(a) * grey(b), self.field(node, "Color"), self.field(node, "Strength"))
+        return {"kind": "emissive", "radiance": self.radiance(light), "two_sided": True}
+
+    def holdout(self, node: Node) -> dict[str, Any]:
+        """Holdout."""
+        self.say("holdout: black here, and alpha is not cut out")
+        return dict(BLACK)
+
+    def mix(self, node: Node) -> dict[str, Any]:
+        """Mix Shader: holes, emission beside a surface, or a mix of two."""
+        factor, first, second = self.field(node, "Fac"), self.shader(node, "Shader"), self.shader(node, "Shader_001")
+        if factor.is_constant and factor.number <= 0:
+            return self.surface(first) if first else dict(BLACK)
+        if factor.is_constant and factor.number >= 1:
+            return self.surface(second) if second else dict(BLACK)
+        ends = [self.surface(each) if each else dict(BLACK) for each in (first, second)]
+        inverse = combine(lambda f: 1 - grey(f), factor)
+        for seen, other, share in ((ends[1], ends[0], factor), (ends[0], ends[1], inverse)):
+            if other == NO_SURFACE:
+                return self._with_holes(seen, share)
+        for lamp, other, share in ((ends[1], ends[0], factor), (ends[0], ends[1], inverse)):
+            if lamp["kind"] == "emissive":
+                return self._lamp_beside(lamp, other, share)
+        return self._mix_of_two(ends, factor)
+
+    def _with_holes(self, keys: dict[str, Any], share: Field) -> dict[str, Any]:
+        if keys.get("opacity", 1.0) != 1.0:
+            self.say("holes within holes: those of the inner shader are left out")
+        return keys | {"opacity": texture_of(share, 1)}
+
+    def _mix_of_two(self, ends: list[dict[str, Any]], factor: Field) -> dict[str, Any]:
+        leaves = []
+        for each in ends:
+            if each["kind"] in ("mix", "emissive"):
+                self.say("a mix within a mix: of the inner one its first shader is taken")
+                each = each["materials"][0] if each["kind"] == "mix" else dict(BLACK)
+            if "opacity" in each:
+                self.say("a mix of surfaces with holes: these are left out")
+            leaves.append({key: value for key, value in each.items() if key != "opacity"})
+        return {"kind": "mix", "materials": leaves, "factor": texture_of(factor, 1)}
+
+    def _lamp_beside(self, lamp: dict[str, Any], other: dict[str, Any], share: Field) -> dict[str, Any]:
+        """Emission mixed with a surface that scatters: both by their shares."""
+        if not isinstance(lamp["radiance"], list) or not share.is_constant:
+            self.say("emission mixed by a texture: the surface shines with the mean")
+        radiance = lamp["radiance"] if isinstance(lamp["radiance"], list) else [1.0, 1.0, 1.0]
+        light = [channel * share.number for channel in radiance]
+        self.say("emission mixed with a surface: it shines to the front alone, its surface is darker by its share")
+        if other["kind"] == "matte" and not isinstance(other["reflectance"], dict):
+            base = np.broadcast_to(np.array(other["reflectance"], np.float64), 3) * (1 - share.number)
+            return {"kind": "principled", "base_color": base.tolist(), "specular": 0.0, "emission": light}
+        if other["kind"] == "principled":
+            return other | {"emission": light}
+        return lamp | {"radiance": light}
+
+    def add(self, node: Node) -> dict[str, Any]:
+        """Add Shader: emission over a surface; of two surfaces a mix of twice the light is not possible."""
+        ends = [self.surface(each) for name in ("Shader", "Shader_001") if (each := self.shader(node, name))]
+        ends = [each for each in ends if each != NO_SURFACE or len(ends) == 1]
+        if len(ends) < 2:
+            return ends[0] if ends else dict(BLACK)
+        lamps = [each for each in ends if each["kind"] == "emissive"]
+        others = [each for each in ends if each["kind"] != "emissive"]
+        if len(lamps) == 2:
+            self.say("two emissions added: the first counts")
+            return lamps[0]
+        if lamps:
+            return self._lamp_over(lamps[0], others[0])
+        self.say("two shaders added: mixed half and half here")
+        return self._mix_of_two(ends, constant(0.5))
+
+    def _lamp_over(self, lamp: dict[str, Any], other: dict[str, Any]) -> dict[str, Any]:
+        self.say("emission added to a surface shines to the front alone")
+        if other["kind"] == "matte":
+            kept = {key: value for key, value in other.items() if key not in ("kind", "reflectance")}
+            base = {"kind": "principled", "base_color": other["reflectance"], "specular": 0.0}
+            return base | kept | {"emission": lamp["radiance"]}
+        if other["kind"] == "principled":
+            return other | {"emission": lamp["radiance"]}
+        self.say("what it is added to is left out")
+        return lamp
+
+    def _holes(self, node: Node) -> dict[str, Any]:
+        alpha = self.field(node, "Alpha", 1.0)
+        if alpha.is_constant and alpha.number >= 1:
+            return {}
+        return {"opacity": texture_of(alpha, 1)}
+
+    def _normals(self, node: Node, quiet: bool = False) -> dict[str, Any]:
+        """The normal map behind an input Normal."""
+        link = node.inputs.get("Normal")
+        if not isinstance(link, Link):
+            return {}
+        source = link.node
+        if source.kind == "NORMAL_MAP":
+            return self._normal_map(source, quiet)
+        if source.kind == "BUMP":
+            return self._bump(source, quiet)
+        if not quiet:
+            self.say(f"normals by {source.name} are left out")
+        return {}
+
+    def _normal_map(self, node: Node, quiet: bool) -> dict[str, Any]:
+        if node.values.get("space", "TANGENT") != "TANGENT":
+            if not quiet:
+                self.say("a normal map that is not in tangent space is left out")
+            return {}
+        picture = self.field(node, "Color")
+        if picture.is_constant:
+            return {}
+        texture = texture_of(picture, 3)
+        texture.pop("channel", None)
+        strength = self.constant(node, "Strength", "the strength of its normal map")
+        return {"normal_map": texture | {"strength": min(max(strength, 0.0), 10.0)}}
+
+    def _bump(self, node: Node, quiet: bool) -> dict[str, Any]:
+        """A normal map made of a picture of heights."""
+        height = self.field(node, "Height", 1.0)
+        if height.is_constant:
+            return {}
+        strength = self.constant(node, "Strength", "the strength of its bumps")
+        distance = self.constant(node, "Distance", "the height of its bumps")
+        size = node.values.get("uv_size", 1.0)  # of a unit of texture coordinates [units of the scene]
+        if not quiet:
+            self.say(
+                f"bumps are a normal map here, made for texture coordinates of {size:.3g} units; on other objects they "
+                "are as much steeper or flatter"
+            )
+        sign = -1.0 if node.values.get("invert") else 1.0
+        normals = _normals_of_heights(grey(height.values)[..., 0], height, sign * strength * distance / size)
+        texture = texture_of(replace(height, values=normals, codes=None), 3)
+        return {"normal_map": texture}
+
+
+def _normals_of_heights(heights: Any, picture: Field, gain: float) -> Any:
+    """Codes of a normal map of heights over texture coordinates."""
+    rows, columns = heights.shape
+    du = (np.roll(heights, -1, 1) - np.roll(heights, 1, 1)) * (columns / 2 * abs(picture.mapping.scale[0]))
+    dv = (np.roll(heights, 1, 0) - np.roll(heights, -1, 0)) * (rows / 2 * abs(picture.mapping.scale[1]))
+    normals = np.stack([-gain * du, -gain * dv, np.ones_like(heights)], axis=-1)
+    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+    return (0.5 + 0.5 * normals).astype(np.float32)
+
+
+_SURFACES: MappingOf[str, Callable[[_Translator, Node], dict[str, Any]]] = {
+    "BSDF_PRINCIPLED": _Translator.principled,
+    "BSDF_DIFFUSE": _Translator.diffuse,
+    "BSDF_GLOSSY": _Translator.glossy,
+    "BSDF_ANISOTROPIC": _Translator.glossy,
+    "BSDF_METALLIC": _Translator.glossy,
+    "BSDF_GLASS": _Translator.glass,
+    "BSDF_REFRACTION": _Translator.glass,
+    "BSDF_TRANSPARENT": _Translator.transparent,
+    "BSDF_TRANSLUCENT": _Translator.scattering,
+    "SUBSURFACE_SCATTERING": _Translator.scattering,
+    "BSDF_SHEEN": _Translator.sheen,
+    "EMISSION": _Translator.emission,
+    "BACKGROUND": _Translator.emission,
+    "HOLDOUT": _Translator.holdout,
+    "MIX_SHADER": _Translator.mix,
+    "ADD_SHADER": _Translator.add,
+}

@@ -1,0 +1,139 @@
+"""Blender's meshes as arrays: triangles whose corners have normals and texture coordinates of their own."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, eq=False)
+class BlenderMesh:
+    """An evaluated mesh.
+
+    Attributes
+    ----------
+    points : (n, 3) float32 array
+        Of the vertices, in the object's frame.
+    vertex_of_loop : (loops,) int array
+        The vertex at each corner of a polygon.
+    triangles : (m, 3) int array
+        Corners (loops) of each triangle.
+    slot : (m,) int array
+        Material slot of each triangle.
+    normals : (loops, 3) float32 array
+        At each corner.
+    uvs : dict
+        Texture coordinates of each corner, (loops, 2) float32, by name; the first is the active one.
+    is_flat : bool
+        Whether all faces are flat, so that corners have the normals of their triangles.
+    """
+
+    points: NDArray[np.float32]
+    vertex_of_loop: NDArray[np.int32]
+    triangles: NDArray[np.int32]
+    slot: NDArray[np.int32]
+    normals: NDArray[np.float32]
+    uvs: dict[str, NDArray[np.float32]]
+    is_flat: bool = False
+
+
+def part(mesh: BlenderMesh, slot: int, coordinates: str) -> dict[str, Any] | None:
+    """The triangles of a material slot as a scene's mesh; None where it has none.
+
+    ``coordinates`` are ``uv``, ``uv:NAME``, ``generated`` or ``object``.
+    """
+    loops = mesh.triangles[mesh.slot == slot]
+    if not len(loops):
+        return None
+    corners = loops.ravel()
+    vertices = mesh.vertex_of_loop[corners]
+    uvs = _coordinates(mesh, coordinates)
+    columns = [vertices.astype(np.uint32)[:, None]]
+    if not mesh.is_flat:
+        columns.append(np.ascontiguousarray(mesh.normals[corners]).view(np.uint32))
+    if uvs is not None:
+        columns.append(np.ascontiguousarray(uvs[corners]).view(np.uint32))
+    first, number = _distinct(np.concatenate(columns, axis=1))
+    keys: dict[str, Any] = {
+        "vertices": mesh.points[vertices[first]],
+        "faces": number.reshape(-1, 3).astype(np.int32),
+    }
+    if not mesh.is_flat:
+        keys["normals"] = mesh.normals[corners[first]]
+    if uvs is not None:
+        keys["uvs"] = uvs[corners[first]]
+    return keys
+
+
+def _distinct(rows: NDArray[np.uint32]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Where each distinct row stands first, and the number of each row among them, in the order of the rows."""
+    whole = np.ascontiguousarray(rows).view(np.dtype((np.void, rows.shape[1] * 4))).ravel()
+    _, first, number = np.unique(whole, return_index=True, return_inverse=True)
+    order = np.argsort(first)
+    place = np.empty_like(order)
+    place[order] = np.arange(len(order))
+    return first[order], place[number.ravel()]
+
+
+def _coordinates(mesh: BlenderMesh, kind: str) -> NDArray[np.float32] | None:
+    """Texture coordinates of each corner."""
+    if kind == "generated":
+        least, most = mesh.points.min(axis=0), mesh.points.max(axis=0)
+        size = np.where(most > least, most - least, 1)
+        generated: NDArray[np.float32] = ((mesh.points - least) / size)[mesh.vertex_of_loop, :2].astype(np.float32)
+        return generated
+    if kind == "object":
+        return mesh.points[mesh.vertex_of_loop, :2]
+    if kind.startswith("uv:") and kind[3:] in mesh.uvs:
+        return mesh.uvs[kind[3:]]
+    return next(iter(mesh.uvs.values()), None)
+
+
+def uv_size(mesh: BlenderMesh) -> float:
+    """Length that a unit of the active texture coordinates has on the mesh [units]; 1 where there are none."""
+    uvs = _coordinates(mesh, "uv")
+    if uvs is None or not len(mesh.triangles):
+        return 1.0
+    corners = mesh.points[mesh.vertex_of_loop[mesh.triangles]].astype(np.float64)
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum()
+    flat = uvs[mesh.triangles].astype(np.float64)
+    first, second = flat[:, 1] - flat[:, 0], flat[:, 2] - flat[:, 0]
+    covered = np.abs(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]).sum()
+    return float(np.sqrt(area / covered)) if covered > 0 and area > 0 else 1.0
+
+
+def is_rigid(turn: NDArray[np.float64]) -> bool:
+    """Whether a matrix turns and shifts without any stretch."""
+    linear = turn[:3, :3]
+    return bool(np.allclose(linear @ linear.T, np.eye(3), atol=1e-4) and np.linalg.det(linear) > 0)
+
+
+def movement(
+    start: NDArray[np.float64], end: NDArray[np.float64], times: tuple[float, float]
+) -> tuple[list[dict[str, Any]], bool]:
+    """Keyframes of an object that is at `start` and at `end` at two times, and whether they have all of its motion.
+
+    An object whose stretch changes is shifted alone.
+    """
+    if np.array_equal(start, end):
+        return [], True
+    turn = end @ np.linalg.inv(start)
+    whole = is_rigid(turn)
+    if not whole:
+        turn = np.eye(4)
+        turn[:3, 3] = end[:3, 3] - start[:3, 3]
+    else:  # float32 matrices of Blender are orthogonal to six digits, and the scene wants exact turns
+        u, _, v = np.linalg.svd(turn[:3, :3])
+        turn[:3, :3] = u @ v
+        turn[:3, 3] = end[:3, 3] - turn[:3, :3] @ start[:3, 3]
+    rows = [np.eye(4)[:3].tolist(), turn[:3].tolist()]
+    return [{"time_s": time, "matrix": matrix} for time, matrix in zip(times, rows, strict=True)], whole
+
+
+def can_be_inverted(matrix: NDArray[np.float64]) -> bool:
+    """Whether a scene takes the matrix: its smallest stretch is at least 1e-6 of the largest."""
+    stretches = np.linalg.svd(matrix[:3, :3], compute_uv=False)
+    return bool(np.isfinite(matrix).all() and stretches[-1] > 2e-6 * stretches[0] > 0)

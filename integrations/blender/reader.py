@@ -1,0 +1,488 @@
+"""Reads Blender's dependency graph: objects, lamps, camera, world and materials, into records for `scene.Builder`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from .camera import BlenderCamera, Frame, LensChoice
+from .lights import BlenderLamp
+from .materials import BlenderMaterial
+from .meshes import BlenderMesh, uv_size
+from .nodes import Link, Node
+from .report import Report
+from .scene import Builder, Export, Parts, Placed, Shutter
+from .world import environment
+
+WITH_FACES = ("MESH", "CURVE", "SURFACE", "FONT", "META")
+WITHOUT_SURFACE = ("CAMERA", "EMPTY", "ARMATURE", "LATTICE", "SPEAKER", "LIGHT_PROBE")
+LINEAR_SPACES = ("Non-Color", "Linear", "Linear Rec.709", "Raw", "scene_linear")
+OF_NODES = (
+    "vector_type", "operation", "use_clamp", "data_type", "blend_type", "clamp_factor", "clamp_result", "space",
+    "uv_map", "invert", "clamp", "interpolation_type", "mode", "distribution", "extension", "interpolation",
+    "projection", "sky_type", "sun_direction", "turbidity", "sun_elevation", "sun_rotation", "sun_disc", "dust_density",
+    "aerosol_density",
+)  # fmt: skip
+SetTime = Callable[[int, float], None]
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What the panels say, apart from Blender's own settings.
+
+    Attributes
+    ----------
+    lens : LensChoice
+    shutter_s : float or None
+        In place of that of Blender's motion blur.
+    rolling_s : float
+        Readout of a rolling shutter; 0 for a global one.
+    more : dict
+        Further sections of the scene: ``render``, ``exposure``.
+    """
+
+    lens: LensChoice = field(default_factory=LensChoice)
+    shutter_s: float | None = None
+    rolling_s: float = 0.0
+    more: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Eye:
+    """A view in place of the scene's camera, as of the viewport."""
+
+    camera: BlenderCamera
+    frame: Frame
+
+
+def matrix_of(value: Any) -> NDArray[np.float64]:
+    """A matrix of Blender as an array."""
+    return np.array(value, np.float64)
+
+
+class Reader:
+    """Reads scenes, and holds meshes and pictures between two readings."""
+
+    def __init__(self) -> None:
+        self.parts = Parts()
+        self._pictures: dict[str, NDArray[Any] | None] = {}
+
+    def read(
+        self, depsgraph: Any, settings: Settings, *, eye: Eye | None = None, set_time: SetTime | None = None
+    ) -> Export:
+        """Read the scene of a dependency graph; ``set_time`` moves it in time for motion blur."""
+        scene, report = depsgraph.scene_eval, Report()
+        fps = scene.render.fps / scene.render.fps_base
+        blurred = bool(scene.render.use_motion_blur and set_time is not None)
+        shutter_s = settings.shutter_s or scene.render.motion_blur_shutter / fps
+        shutter = Shutter(shutter_s, blurred, settings.rolling_s)
+        units = scene.unit_settings
+        scale = float(units.scale_length) if units.system != "NONE" else 1.0
+        builder = Builder(self.parts, scale, report, shutter)
+        frame = eye.frame if eye else frame_of(scene)
+        ends: dict[Any, NDArray[np.float64]] = {}
+        restore: tuple[int, float] | None = None
+        if blurred and set_time is not None:
+            restore, (first, last) = (scene.frame_current, scene.frame_subframe), shutter_times(scene, shutter_s * fps)
+            set_time(math.floor(last), last - math.floor(last))
+            ends = self._matrices(depsgraph)
+            set_time(math.floor(first), first - math.floor(first))
+            scene = depsgraph.scene_eval
+        camera = eye.camera if eye else camera_of(scene, report)
+        if scene.camera is not None and not eye and (end := ends.get("camera")) is not None:
+            moves = not np.array_equal(end, camera.matrix)
+            camera = replace(camera, matrix_end=end if moves else None)
+        self._read_instances(depsgraph, builder, report, ends)
+        world = self._read_world(scene, report)
+        export = builder.export(camera, frame, settings.lens, world, settings.more)
+        if restore is not None and set_time is not None:
+            set_time(*restore)
+        return export
+
+    def forget(self, updates: Iterable[Any]) -> None:
+        """Forget what an update of the dependency graph has changed."""
+        for update in updates:
+            name = update.id.name_full
+            if isinstance(update.id, bpy.types.Image):
+                self._pictures.pop(name, None)
+            elif getattr(update, "is_updated_geometry", False) or isinstance(update.id, bpy.types.Mesh):
+                for key in self.parts.keys():
+                    if key.startswith("instanced ") or key in (f"object {name}", f"data {name}"):
+                        self.parts.drop(key)
+                data = getattr(update.id, "data", None)
+                if data is not None:
+                    self.parts.drop(f"data {data.name_full}")
+
+    # Objects
+
+    def _matrices(self, depsgraph: Any) -> dict[Any, NDArray[np.float64]]:
+        """Where everything is at the time of the dependency graph."""
+        found = {_identity(each): matrix_of(each.matrix_world) for each in depsgraph.object_instances}
+        camera = depsgraph.scene_eval.camera
+        if camera is not None:
+            found["camera"] = matrix_of(camera.evaluated_get(depsgraph).matrix_world)
+        return found
+
+    def _read_instances(
+        self, depsgraph: Any, builder: Builder, report: Report, ends: dict[Any, NDArray[np.float64]]
+    ) -> None:
+        for each in depsgraph.object_instances:
+            item = each.object
+            if not each.show_self:
+                continue
+            matrix = matrix_of(each.matrix_world)
+            end = ends.get(_identity(each))
+            if end is not None and np.allclose(end, matrix, rtol=0, atol=1e-9):
+                end = None
+            if item.type == "LIGHT":
+                if end is not None:
+                    report.add(f"Lamp {item.name}: it stands still while the shutter is open.")
+                builder.add_lamp(lamp_of(item, matrix, self, report))
+            elif item.type in WITH_FACES:
+                self._read_object(each, matrix, end, builder, report)
+            elif item.type not in WITHOUT_SURFACE:
+                report.add(f"Object {item.name}: {item.type.replace('_', ' ').lower()} is left out.")
+
+    def _read_object(
+        self, each: Any, matrix: NDArray[np.float64], end: NDArray[np.float64] | None, builder: Builder, report: Report
+    ) -> None:
+        item = each.object
+        key = mesh_key(each)
+        if key not in self.parts:
+            mesh = mesh_of(item)
+            if mesh is None:
+                return
+            self.parts.put(key, mesh)
+        names = []
+        for slot in item.material_slots:
+            material = slot.material
+            names.append(material.name_full if material else "")
+            if material and not builder.has_material(material.name_full):
+                builder.add_material(self.material_of(material, self.parts.mesh(key), report), material.pass_index)
+        hair = [system.name for system in item.particle_systems if system.settings.type == "HAIR"]
+        if hair and any(system.settings.render_type == "PATH" for system in item.particle_systems):
+            report.add(f"Object {item.name}: the strands of its hair ({', '.join(hair)}) are left out.")
+        if getattr(item, "is_holdout", False) or getattr(item, "is_shadow_catcher", False):
+            report.add(f"Object {item.name}: holdouts and shadow catchers are seen like any other object.")
+        visible = visibility(item, report)
+        name = item.name_full
+        builder.place(Placed(name, key, matrix, tuple(names), visible, item.pass_index, end))
+
+    # Materials
+
+    def material_of(self, material: Any, mesh: BlenderMesh | None, report: Report) -> BlenderMaterial:
+        """A material's record; the mesh says how large its texture coordinates are."""
+        nodes = NodeReader(self, 1.0 if mesh is None else uv_size(mesh), report)
+        output = _output_of(material.node_tree) if material.use_nodes else None
+        surface = nodes.linked(output, "Surface") if output is not None else None
+        if output is not None and surface is None:
+            surface = Node("BSDF_DIFFUSE", "nothing", {"Color": (0.0, 0.0, 0.0)})
+        return BlenderMaterial(
+            material.name_full,
+            surface,
+            tuple(material.diffuse_color),
+            material.metallic,
+            material.roughness,
+            output is not None and output.inputs["Displacement"].is_linked,
+            output is not None and output.inputs["Volume"].is_linked,
+        )
+
+    def _read_world(self, scene: Any, report: Report) -> dict[str, Any] | None:
+        world = scene.world
+        if world is None:
+            return None
+        nodes = NodeReader(self, 1.0, report)
+        if not world.use_nodes:
+            return environment(None, tuple(world.color), report)
+        output = _output_of(world.node_tree)
+        if output is None:
+            return None
+        if output.inputs["Volume"].is_linked:
+            report.add("World: its volume is left out.")
+        surface = nodes.linked(output, "Surface")
+        return None if surface is None else environment(surface, tuple(world.color), report)
+
+    def picture(self, image: Any, report: Report) -> tuple[NDArray[Any] | None, str]:
+        """The codes of a picture, top row first, and its colour space."""
+        space = image.colorspace_settings.name
+        if space not in LINEAR_SPACES and space != "sRGB":
+            report.add(f"Picture {image.name}: its colour space {space} is read as sRGB.")
+        if image.source in ("TILED", "SEQUENCE", "MOVIE"):
+            report.add(f"Picture {image.name}: of a {image.source.lower()} picture what Blender holds now is shown.")
+        if image.name_full not in self._pictures:
+            self._pictures[image.name_full] = _codes(image)
+        return self._pictures[image.name_full], "linear" if space in LINEAR_SPACES or image.is_float else "srgb"
+
+
+def _codes(image: Any) -> NDArray[Any] | None:
+    width, height = image.size
+    if not width or not height:
+        return None
+    values = np.empty(width * height * image.channels, np.float32)
+    image.pixels.foreach_get(values)
+    rows = values.reshape(height, width, image.channels)[::-1]
+    if image.is_float:
+        return np.ascontiguousarray(rows)
+    return np.ascontiguousarray(np.clip(rows * 255 + 0.5, 0, 255).astype(np.uint8))
+
+
+def _identity(each: Any) -> Any:
+    parent = each.parent.name_full if each.parent else ""
+    return each.object.name_full, parent, tuple(each.persistent_id)
+
+
+def mesh_key(each: Any) -> str:
+    """Names the mesh of an instance: objects without modifiers share that of their data."""
+    item = each.object
+    original = item.original
+    if each.is_instance and original.data is not None and item.data is not None and item.type == "MESH":
+        same = item.data.name_full == original.data.name_full
+        if not same or (original.original.type != "MESH"):
+            return f"instanced {item.name_full} {item.data.as_pointer()}"
+    deforms = len(original.modifiers) > 0 or getattr(original.data, "shape_keys", None) is not None
+    if item.type != "MESH" or deforms:
+        return f"object {item.name_full}"
+    return f"data {item.data.name_full}"
+
+
+def mesh_of(item: Any) -> BlenderMesh | None:
+    """The evaluated mesh of an object; None where it has no faces."""
+    mesh = item.data if item.type == "MESH" else item.to_mesh()
+    if mesh is None or not len(mesh.polygons):
+        if item.type != "MESH":
+            item.to_mesh_clear()
+        return None
+    mesh.calc_loop_triangles()
+    points = _array(mesh.vertices, "co", 3, np.float32)
+    made = BlenderMesh(
+        points,
+        _array(mesh.loops, "vertex_index", 1, np.int32).ravel(),
+        _array(mesh.loop_triangles, "loops", 3, np.int32),
+        _array(mesh.loop_triangles, "material_index", 1, np.int32).ravel(),
+        _array(mesh.corner_normals, "vector", 3, np.float32),
+        _uvs(mesh),
+        mesh.normals_domain == "FACE",
+    )
+    if item.type != "MESH":
+        item.to_mesh_clear()
+    return made
+
+
+def _uvs(mesh: Any) -> dict[str, NDArray[np.float32]]:
+    """Texture coordinates by name, those that are rendered first."""
+    layers = sorted(mesh.uv_layers, key=lambda layer: not layer.active_render)
+    return {layer.name: _array(layer.uv, "vector", 2, np.float32) for layer in layers}
+
+
+def _array(collection: Any, name: str, width: int, dtype: type) -> NDArray[Any]:
+    values = np.empty(len(collection) * width, dtype)
+    collection.foreach_get(name, values)
+    return values.reshape(-1, width)
+
+
+def visibility(item: Any, report: Report) -> dict[str, bool]:
+    """Which rays meet an object."""
+    rays = {name: getattr(item, f"visible_{name}", True) for name in ("diffuse", "glossy", "transmission")}
+    if len(set(rays.values())) > 1:
+        hidden = " and ".join(name for name, seen in rays.items() if not seen)
+        report.add(f"Object {item.name}: hidden from {hidden} rays alone in Blender, from all reflections here.")
+    return {"camera": item.visible_camera, "shadow": item.visible_shadow, "reflection": all(rays.values())}
+
+
+def lamp_of(item: Any, matrix: NDArray[np.float64], reader: Reader, report: Report) -> BlenderLamp:
+    """A lamp's record."""
+    lamp = item.data
+    power = np.array(lamp.color, np.float64) * lamp.energy
+    if getattr(lamp, "use_temperature", False):
+        power = power * np.array(lamp.temperature_color[:3])
+    power *= 2.0 ** getattr(lamp, "exposure", 0.0)
+    if lamp.use_nodes and lamp.node_tree is not None:
+        power = power * _lamp_nodes(lamp, reader, report)
+    visible = visibility(item, report)
+    del visible["shadow"]
+    if not getattr(getattr(lamp, "cycles", None), "cast_shadow", True) or not getattr(lamp, "use_shadow", True):
+        report.add(f"Lamp {item.name}: things in its light cast shadows here.")
+    size = (getattr(lamp, "size", 1.0), getattr(lamp, "size_y", 1.0))
+    return BlenderLamp(
+        item.name_full,
+        lamp.type,
+        matrix,
+        (float(power[0]), float(power[1]), float(power[2])),
+        radius=getattr(lamp, "shadow_soft_size", 0.0),
+        spot_size=getattr(lamp, "spot_size", 0.0),
+        spot_blend=getattr(lamp, "spot_blend", 0.0),
+        angle=getattr(lamp, "angle", 0.0),
+        shape=getattr(lamp, "shape", "SQUARE"),
+        size=size,
+        spread=getattr(lamp, "spread", math.pi),
+        visible=visible,
+        normalized=getattr(lamp, "normalize", True),
+    )
+
+
+def _lamp_nodes(lamp: Any, reader: Reader, report: Report) -> NDArray[np.float64]:
+    """The colour by which a lamp's nodes multiply its power."""
+    from .nodes import ValueReader
+
+    output = _output_of(lamp.node_tree)
+    surface = NodeReader(reader, 1.0, report).linked(output, "Surface") if output is not None else None
+    if surface is None or surface.kind != "EMISSION":
+        report.add(f"Lamp {lamp.name}: its nodes are left out.")
+        return np.ones(3)
+    values = ValueReader(f"Lamp {lamp.name}", report)
+    strength = values.field(surface, "Strength", 1.0).number
+    return np.asarray(values.field(surface, "Color", (1.0, 1.0, 1.0)).colour, np.float64) * strength
+
+
+# Nodes
+
+
+def _output_of(tree: Any) -> Any:
+    """The active output of a material, world or lamp, as Cycles picks it."""
+    found = None
+    for node in tree.nodes:
+        is_output = node.bl_idname in ("ShaderNodeOutputMaterial", "ShaderNodeOutputWorld", "ShaderNodeOutputLight")
+        if is_output and node.target in ("ALL", "CYCLES"):
+            if node.is_active_output:
+                return node
+            found = found or node
+    return found
+
+
+class NodeReader:
+    """Reads nodes into records; a group is opened wherever it is used."""
+
+    def __init__(self, reader: Reader, size: float, report: Report) -> None:
+        self._reader, self._uv_size, self._report = reader, size, report
+        self._made: dict[tuple[Any, ...], Node] = {}
+
+    def linked(self, node: Any, name: str) -> Node | None:
+        """The node behind an input."""
+        value = self._input(node.inputs[name], ())
+        return value.node if isinstance(value, Link) else None
+
+    def _input(self, socket: Any, stack: tuple[Any, ...]) -> Any:
+        """What an input gets: a link, or its own value."""
+        if socket.is_linked and socket.links and not socket.links[0].is_muted:
+            link = socket.links[0]
+            return self._output(link.from_node, link.from_socket, stack, socket)
+        return _value_of(socket)
+
+    def _output(self, node: Any, socket: Any, stack: tuple[Any, ...], into: Any) -> Any:
+        """What an output gives, looked up through reroutes, groups and muted nodes."""
+        if node.type == "REROUTE":
+            return self._input(node.inputs[0], stack)
+        if node.mute:
+            behind = [link.from_socket for link in node.internal_links if link.to_socket == socket]
+            return self._input(behind[0], stack) if behind else _value_of(into)
+        if node.type == "GROUP" and node.node_tree is not None:
+            ends = [each for each in node.node_tree.nodes if each.type == "GROUP_OUTPUT" and each.is_active_output]
+            inner = [each for end in ends for each in end.inputs if each.identifier == socket.identifier]
+            return self._input(inner[0], (*stack, node)) if inner else _value_of(into)
+        if node.type == "GROUP_INPUT" and stack:
+            outer = [each for each in stack[-1].inputs if each.identifier == socket.identifier]
+            return self._input(outer[0], stack[:-1]) if outer else _value_of(into)
+        return Link(self._node(node, stack), socket.name if node.type == "TEX_COORD" else socket.identifier)
+
+    def _node(self, node: Any, stack: tuple[Any, ...]) -> Node:
+        key = (node.as_pointer(), *(group.as_pointer() for group in stack))
+        if key in self._made:
+            return self._made[key]
+        made = self._made[key] = Node(node.type, node.name)
+        for socket in node.inputs:
+            made.inputs[socket.identifier] = self._input(socket, stack)
+        if node.type in ("RGB", "VALUE"):
+            made.inputs["Color" if node.type == "RGB" else "Value"] = _value_of(node.outputs[0])
+        made.values = {name: _plain(getattr(node, name)) for name in OF_NODES if hasattr(node, name)}
+        made.values["uv_size"] = self._uv_size
+        if node.type == "VALTORGB":
+            made.values["table"] = [tuple(node.color_ramp.evaluate(i / 255)) for i in range(256)]
+        elif node.type == "CURVE_RGB":
+            made.values["table"] = _curves(node.mapping)
+        elif node.type in ("TEX_IMAGE", "TEX_ENVIRONMENT") and node.image is not None:
+            made.values["codes"], made.values["color_space"] = self._reader.picture(node.image, self._report)
+        return made
+
+
+def _plain(value: Any) -> Any:
+    return value if isinstance(value, (str, int, float, bool)) else tuple(value)
+
+
+def _value_of(socket: Any) -> Any:
+    value = getattr(socket, "default_value", None)
+    if value is None or isinstance(value, (str, bpy.types.ID)):
+        return None
+    return float(value) if isinstance(value, (int, float, bool)) else tuple(float(each) for each in value)
+
+
+def _curves(mapping: Any) -> list[tuple[float, ...]]:
+    """Red, green and blue of the curves with the common one, 256 rows."""
+    mapping.initialize()
+    common, channels = mapping.curves[3], mapping.curves[:3]
+    rows = []
+    for i in range(256):
+        at = mapping.evaluate(common, i / 255)
+        rows.append(tuple(mapping.evaluate(curve, at) for curve in channels))
+    return rows
+
+
+# Camera and time
+
+
+def frame_of(scene: Any) -> Frame:
+    """The picture of a scene."""
+    render = scene.render
+    share = render.resolution_percentage / 100
+    size = (max(int(render.resolution_x * share), 1), max(int(render.resolution_y * share), 1))
+    border = None
+    if render.use_border:
+        border = (render.border_min_x, render.border_max_x, render.border_min_y, render.border_max_y)
+    return Frame(size, (render.pixel_aspect_x, render.pixel_aspect_y), border, render.film_transparent)
+
+
+def camera_of(scene: Any, report: Report) -> BlenderCamera:
+    """The record of the scene's camera."""
+    if scene.camera is None:
+        report.add("The scene has no camera; it is seen from where Blender puts a new one.")
+        return BlenderCamera(matrix_of(((1, 0, 0, 0), (0, 0, -1, -10), (0, 1, 0, 0), (0, 0, 0, 1))))
+    return record_of(scene.camera)
+
+
+def record_of(item: Any) -> BlenderCamera:
+    """The record of a camera object."""
+    data = item.data
+    matrix = matrix_of(item.matrix_world)
+    dof = data.dof
+    distance = dof.focus_distance
+    if dof.focus_object is not None:
+        back = matrix[:3, 2] / np.linalg.norm(matrix[:3, 2])
+        to = matrix_of(dof.focus_object.matrix_world)[:3, 3] - matrix[:3, 3]
+        distance = abs(float(to @ back))
+    return BlenderCamera(
+        matrix,
+        data.lens,
+        (data.sensor_width, data.sensor_height),
+        data.sensor_fit,
+        (data.shift_x, data.shift_y),
+        data.type,
+        data.ortho_scale,
+        dof.aperture_fstop if dof.use_dof else None,
+        max(distance, 1e-6),
+        dof.aperture_blades,
+        dof.aperture_rotation,
+        dof.aperture_ratio,
+        data.clip_start,
+    )
+
+
+def shutter_times(scene: Any, frames: float) -> tuple[float, float]:
+    """When the shutter opens and closes [frames]."""
+    now = scene.frame_current + scene.frame_subframe
+    begin = {"START": 0.0, "CENTER": -0.5, "END": -1.0}[getattr(scene.render, "motion_blur_position", "CENTER")]
+    return now + begin * frames, now + (begin + 1) * frames

@@ -1,0 +1,204 @@
+"""A scene put together from what was read of Blender: meshes by content, materials by name, objects placed and moved."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .camera import BlenderCamera, Frame, LensChoice, camera_keys, keyframes
+from .lights import BlenderLamp, lamp_keys
+from .materials import BlenderMaterial, Translated, translate
+from .meshes import BlenderMesh, can_be_inverted, movement, part
+from .report import Report
+
+DEFAULT = "no_material"
+Matrix = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Shutter:
+    """When light falls on the film [s]; `moves` says whether things move meanwhile."""
+
+    time_s: float = 1 / 48
+    moves: bool = False
+    rolling_s: float = 0.0
+
+
+@dataclass(frozen=True)
+class Placed:
+    """One appearance of a mesh.
+
+    Attributes
+    ----------
+    name, mesh
+        Of the object, and the key of its mesh.
+    matrix, matrix_end
+        World from object when the shutter opens, and when it closes if it moves.
+    materials : tuple of str
+        Names of the materials of its slots.
+    visible : dict
+        As scenes have it.
+    index : int
+        Blender's pass index.
+    """
+
+    name: str
+    mesh: str
+    matrix: Matrix
+    materials: tuple[str, ...]
+    visible: dict[str, bool] = field(default_factory=dict)
+    index: int = 0
+    matrix_end: Matrix | None = None
+
+
+@dataclass(frozen=True)
+class Export:
+    """A scene as `rptcam_cl.load_scene` takes it, what it leaves out, and Blender's indices of its objects."""
+
+    keys: dict[str, Any]
+    report: Report
+    object_indices: NDArray[np.int32]
+    material_indices: NDArray[np.int32]
+
+
+def safe(name: str) -> str:
+    """The name as part of a key path, where dots part the keys and numbers count."""
+    return "m " + re.sub(r"[.\[\]]", "_", name)[:190]
+
+
+class Parts:
+    """Meshes split by material, kept between exports: a mesh that stays is the same array again."""
+
+    def __init__(self) -> None:
+        self._meshes: dict[str, BlenderMesh] = {}
+        self._parts: dict[tuple[str, int, str], dict[str, Any] | None] = {}
+
+    def __contains__(self, key: str) -> bool:
+        return key in self._meshes
+
+    def put(self, key: str, mesh: BlenderMesh) -> None:
+        """Take a mesh that was read."""
+        self.drop(key)
+        self._meshes[key] = mesh
+
+    def mesh(self, key: str) -> BlenderMesh:
+        """The mesh as it was read."""
+        return self._meshes[key]
+
+    def drop(self, key: str) -> None:
+        """Forget a mesh that has changed."""
+        self._meshes.pop(key, None)
+        self._parts = {of: value for of, value in self._parts.items() if of[0] != key}
+
+    def keys(self) -> list[str]:
+        """The meshes that are held."""
+        return list(self._meshes)
+
+    def slots(self, key: str) -> list[int]:
+        """Material slots that have triangles."""
+        return [int(slot) for slot in np.unique(self._meshes[key].slot)]
+
+    def of(self, key: str, slot: int, coordinates: str) -> dict[str, Any] | None:
+        """The keys of a part."""
+        place = (key, slot, coordinates)
+        if place not in self._parts:
+            self._parts[place] = part(self._meshes[key], slot, coordinates)
+        return self._parts[place]
+
+
+class Builder:
+    """Collects what one export consists of."""
+
+    def __init__(self, parts: Parts, metres_per_unit: float, report: Report, shutter: Shutter) -> None:
+        self._parts, self._units, self._report, self._shutter = parts, metres_per_unit, report, shutter
+        self._materials: dict[str, Translated] = {}
+        self._material_indices: dict[str, int] = {}
+        self._meshes: dict[str, Any] = {}
+        self._objects: list[dict[str, Any]] = []
+        self._indices: list[int] = []
+        self._lights: list[dict[str, Any]] = []
+
+    def has_material(self, name: str) -> bool:
+        """Whether a material was added already."""
+        return name in self._materials
+
+    def add_material(self, material: BlenderMaterial, index: int = 0) -> None:
+        """Translate a material."""
+        self._materials[material.name] = translate(material, self._report)
+        self._material_indices[material.name] = index
+
+    def place(self, item: Placed) -> None:
+        """Show a mesh, one object for each material."""
+        if not can_be_inverted(item.matrix):
+            self._report.add(f"Object {item.name}: flat by its scale, left out.")
+            return
+        motion: list[dict[str, Any]] = []
+        if item.matrix_end is not None:
+            motion, whole = movement(item.matrix, item.matrix_end, (0.0, self._shutter.time_s))
+            if not whole:
+                self._report.add(
+                    f"Object {item.name}: it grows or shears while the shutter is open; its shift blurs it."
+                )
+        for slot in self._parts.slots(item.mesh):
+            name = item.materials[min(slot, len(item.materials) - 1)] if item.materials else DEFAULT
+            if name not in self._materials:
+                self.add_material(BlenderMaterial(DEFAULT, None))
+                name = DEFAULT
+            self._show(item, slot, name, motion)
+
+    def _show(self, item: Placed, slot: int, material: str, motion: list[dict[str, Any]]) -> None:
+        coordinates = self._materials[material].coordinates
+        mesh = self._parts.of(item.mesh, slot, coordinates)
+        if mesh is None:
+            return
+        name = safe(f"{item.mesh} {slot} {coordinates}")
+        self._meshes[name] = mesh
+        keys: dict[str, Any] = {
+            "shape": "mesh",
+            "mesh": name,
+            "material": safe(material),
+            "name": item.name[:200],
+            "transform": {"matrix": np.asarray(item.matrix, np.float64)[:3].tolist()},
+        }
+        hidden = {key: False for key, seen in item.visible.items() if not seen}
+        self._objects.append(keys | ({"visible": hidden} if hidden else {}) | ({"motion": motion} if motion else {}))
+        self._indices.append(item.index)
+
+    def add_lamp(self, lamp: BlenderLamp) -> None:
+        """Add a lamp, with or without a surface."""
+        made = lamp_keys(lamp, self._report)
+        if made is None:
+            return
+        section, keys = made
+        if section == "lights":
+            self._lights.append(keys)
+        else:
+            self._objects.append(keys)
+            self._indices.append(0)
+
+    def export(
+        self,
+        camera: BlenderCamera,
+        frame: Frame,
+        choice: LensChoice,
+        environment: dict[str, Any] | None,
+        more: dict[str, Any],
+    ) -> Export:
+        """The scene of all that was added."""
+        keys: dict[str, Any] = {"metres_per_unit": self._units, "shutter": {"time_s": self._shutter.time_s}}
+        if self._shutter.rolling_s > 0:
+            keys["shutter"] |= {"kind": "rolling", "readout_s": self._shutter.rolling_s}
+        keys |= camera_keys(camera, frame, choice, self._units, self._report)
+        motion = keyframes(camera, 0.0, self._shutter.time_s)
+        if motion:
+            keys["camera"]["motion"] = motion
+        keys["materials"] = {safe(name): made.keys for name, made in self._materials.items()}
+        keys |= {"meshes": self._meshes, "objects": self._objects, "lights": self._lights}
+        if environment is not None:
+            keys["environment"] = environment
+        indices = [self._material_indices[name] for name in self._materials]
+        return Export(keys | more, self._report, np.array(self._indices, np.int32), np.array(indices, np.int32))
