@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache
 from typing import Any
 
@@ -205,9 +206,9 @@ def xyz_of(chromaticity: Chromaticity) -> Array:
     return np.array([x / y, 1.0, (1.0 - x - y) / y])
 
 
-def _xyz_from_rgb(white: Array) -> Matrix:
+def _xyz_from_rgb(white: Array, primaries: Sequence[Chromaticity] = SRGB_PRIMARIES) -> Matrix:
     """Return the matrix whose columns are the primaries, scaled so that their sum is the white (SMPTE RP 177)."""
-    columns = np.array([xyz_of(primary) for primary in SRGB_PRIMARIES]).T
+    columns = np.array([xyz_of(primary) for primary in primaries]).T
     return np.asarray(columns * np.linalg.solve(columns, white))
 
 
@@ -276,6 +277,26 @@ def adaptation(source: Array, target: Array) -> Matrix:
     """
     responses = BRADFORD @ target / (BRADFORD @ source)
     return np.linalg.inv(BRADFORD) @ (responses[:, None] * BRADFORD)
+
+
+def srgb_from_primaries(primaries: Sequence[Chromaticity], white: Chromaticity) -> Matrix:
+    """Return the matrix (3, 3) to linear sRGB from red, green and blue of other primaries; white stays white.
+
+    Raises
+    ------
+    InputError
+        When they are no primaries: on one line, or without luminance.
+    """
+    try:
+        source = xyz_of(white)
+        columns = _xyz_from_rgb(source, primaries)
+        matrix = RGB_FROM_XYZ @ adaptation(source, xyz_of(SRGB_WHITE)) @ columns
+    except (ZeroDivisionError, np.linalg.LinAlgError):
+        matrix = np.full((3, 3), np.nan)
+    if not np.isfinite(matrix).all():
+        got = ", ".join(f"{value:g}" for pair in (*primaries, white) for value in pair)
+        raise InputError(f"has chromaticities that are no primaries (got {got})")
+    return np.asarray(matrix)
 
 
 # Metals by their optical constants, from the literature.

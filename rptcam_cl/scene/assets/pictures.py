@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core.colour import SRGB_PRIMARIES, SRGB_WHITE, srgb_from_primaries
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.files import open_regular, read_whole, utf8_name
@@ -90,10 +91,10 @@ def checked_floats(texels: NDArray[np.float32]) -> tuple[NDArray[np.float32], tu
     return np.maximum(texels, np.float32(0)), (below, least) if below else (0, 0.0)
 
 
-# PNG, JPEG, TIFF, BMP and WebP, read by Pillow with its other formats shut off.
+# PNG, JPEG, TIFF, BMP, WebP and TGA, read by Pillow with its other formats shut off.
 
-FORMATS = ("PNG", "JPEG", "TIFF", "BMP", "WEBP")
-ALLOWED = "PNG, JPEG, TIFF, BMP, WebP, OpenEXR or Radiance HDR"
+FORMATS = ("PNG", "JPEG", "TIFF", "BMP", "WEBP", "TGA")
+ALLOWED = "PNG, JPEG, TIFF, BMP, WebP, TGA, OpenEXR or Radiance HDR"
 _WIDE = {"I;16": 65535.0, "I;16B": 65535.0, "I;16L": 65535.0, "I": 65535.0, "F": 1.0}  # greys of more than 8 bits
 
 
@@ -173,6 +174,7 @@ def read_array(content: bytes) -> Picture:
 # OpenEXR pictures: the first part, its R, G, B and A or Y channels, over the display window.
 
 _EXR_MAGIC = b"\x76\x2f\x31\x01"
+SAME_PRIMARIES = 1e-3  # in chromaticity: programs round those of sRGB differently
 Window = tuple[int, int, int, int]
 
 
@@ -183,6 +185,8 @@ def is_exr(head: bytes) -> bool:
 
 def read_exr(path: Path) -> Picture:
     """Return the picture of a file; what lies outside the data window is black and transparent.
+
+    Colours of other `chromaticities` than those of sRGB become linear sRGB, adapted to its white.
 
     Raises
     ------
@@ -204,6 +208,13 @@ def read_exr(path: Path) -> Picture:
     except (RuntimeError, ValueError, KeyError, TypeError, MemoryError, OSError) as problem:
         raise InputError(f"is damaged ({problem})") from None
     texels, has_alpha = _colours(channels, (data[3] - data[1], data[2] - data[0]))
+    if "chromaticities" in header and "R" in channels:
+        red, green, blue, white = ((float(x), float(y)) for x, y in np.reshape(header["chromaticities"], (4, 2)))
+        known = np.ravel([*SRGB_PRIMARIES, SRGB_WHITE])
+        if not np.allclose(header["chromaticities"], known, atol=SAME_PRIMARIES):
+            with np.errstate(all="ignore"):  # what is not finite is refused in the next line
+                matrix = srgb_from_primaries((red, green, blue), white)
+                texels[..., :3] = texels[..., :3] @ matrix.T.astype(np.float32)
     colours, negative = checked_floats(texels)
     return Picture(_place(colours, data, display), has_alpha=has_alpha, encoded=False, negative=negative)
 

@@ -10,6 +10,7 @@ from typing import Any, BinaryIO, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core.colour import linear_from_srgb
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.scene.assets.mesh import (
@@ -406,8 +407,7 @@ def _colours(vertex: Rows, types: Mapping[str, np.dtype[Any]]) -> NDArray[np.flo
     if stored is None or types["red"].kind == "f":
         return None if stored is None else stored.astype(np.float32)
     codes = np.clip(stored / np.iinfo(types["red"]).max, 0, 1)
-    linear = np.where(codes <= 0.04045, codes / 12.92, ((codes + 0.055) / 1.055) ** 2.4)  # IEC 61966-2-1
-    return np.asarray(linear, np.float32)
+    return np.asarray(linear_from_srgb(codes), np.float32)
 
 
 def _columns(rows: Rows, names: tuple[str, ...]) -> Columns | None:

@@ -167,6 +167,50 @@ def test_exr_is_read_with_its_alpha(tmp_path: Path) -> None:
     assert picture.has_alpha
 
 
+# x and y of red, green, blue and white, and the matrix to linear sRGB that is published for them.
+PUBLISHED = {
+    "AP1": (  # colour-science.org's ACEScg to sRGB, Bradford, as in ACES' own utilities (to four digits)
+        (0.713, 0.293, 0.165, 0.830, 0.128, 0.044, 0.32168, 0.33767),
+        [[1.7051, -0.6217, -0.0833], [-0.1302, 1.1408, -0.0106], [-0.0240, -0.1289, 1.1529]],
+    ),
+    "Rec. 2020": (  # ITU-R BT.2087-0, the inverse of table 2
+        (0.708, 0.292, 0.170, 0.797, 0.131, 0.046, 0.3127, 0.3290),
+        [[1.6605, -0.5876, -0.0728], [-0.1246, 1.1329, -0.0083], [-0.0182, -0.1006, 1.1187]],
+    ),
+}
+
+
+@pytest.mark.parametrize("name", PUBLISHED)
+def test_exr_of_other_primaries_becomes_srgb(tmp_path: Path, name: str) -> None:
+    primaries, matrix = PUBLISHED[name]
+    colours = np.random.default_rng(2).random((3, 5, 3), np.float32) * 0.2 + 0.4  # inside sRGB: nothing is cut
+    picture = read_picture(save_exr(tmp_path / "a.exr", {"RGB": colours}, chromaticities=primaries))
+    assert picture.texels[..., :3] == pytest.approx(colours @ np.array(matrix).T, abs=2e-4)
+    pure = np.zeros((1, 2, 3), np.float32) + [1, 0, 0]
+    picture = read_picture(save_exr(tmp_path / "b.exr", {"RGB": pure.astype(np.float32)}, chromaticities=primaries))
+    assert picture.negative[0] == 2
+    assert picture.texels[0, 0, 0] == pytest.approx(matrix[0][0], abs=2e-4)
+
+
+def test_exr_of_srgb_stays_as_it_is_and_no_primaries_are_refused(tmp_path: Path) -> None:
+    colours = np.random.default_rng(2).random((3, 5, 3), np.float32)
+    rounded = (0.6401, 0.33, 0.30, 0.60, 0.1499, 0.06, 0.3127, 0.3290)
+    picture = read_picture(save_exr(tmp_path / "a.exr", {"RGB": colours}, chromaticities=rounded))
+    assert np.array_equal(picture.texels[..., :3], colours)
+    for wrong in ((0.1, 0.1, 0.2, 0.2, 0.3, 0.3, 0.3, 0.3), (0.7, 0.0, 0.2, 0.7, 0.1, 0.0, 0.3, 0.3)):
+        with pytest.raises(InputError, match="chromaticities that are no primaries"):
+            read_picture(save_exr(tmp_path / "b.exr", {"RGB": colours}, chromaticities=wrong))
+
+
+@pytest.mark.parametrize("mode", ["RGB", "RGBA", "L"])
+def test_tga_is_read(tmp_path: Path, mode: str) -> None:
+    own = PIL.Image.fromarray(np.random.default_rng(4).integers(0, 256, (5, 7, 4), np.uint8), "RGBA").convert(mode)
+    own.save(tmp_path / "a.tga")
+    picture = read_picture(tmp_path / "a.tga")
+    assert np.array_equal(picture.texels, np.array(own.convert("RGBA")))
+    assert picture.has_alpha == (mode == "RGBA") and picture.encoded
+
+
 def test_exr_of_luminance_and_of_halves_is_grey(tmp_path: Path) -> None:
     grey = RNG.random((4, 6)).astype(np.float16)
     picture = read_picture(save_exr(tmp_path / "a.exr", {"Y": grey}))
