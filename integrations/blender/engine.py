@@ -88,9 +88,9 @@ PASSES = (
     ),
     Pass("DiffCol", "RGB", "COLOR", "use_pass_diffuse_color", "albedo", lambda layer, export: layer),
     *(
-        Pass(f"Crypto{what}{rank:02}", "RGBA", "COLOR", f"use_pass_cryptomatte_{what.lower()}", f"crypto_{what.lower()}",
+        Pass(f"Crypto{what.title()}{rank:02}", "RGBA", "COLOR", f"use_pass_cryptomatte_{what}", f"crypto_{what}",
              _crypto(rank))
-        for what in ("Object", "Material") for rank in range(3)
+        for what in ("object", "material") for rank in range(3)
     ),
 )  # fmt: skip
 WITHOUT = {

@@ -206,11 +206,16 @@ def mix_colours(kind: str, factor: Values, first: Values, second: Values) -> Val
     return result
 
 
+def _quotient(a: Values, b: Values) -> Values:
+    zero = np.zeros(np.broadcast_shapes(a.shape, b.shape), np.float32)
+    return np.divide(a, b, out=zero, where=b != 0)
+
+
 MATH: dict[str, Callable[[Values, Values, Values], Values]] = {
     "ADD": lambda a, b, c: a + b,
     "SUBTRACT": lambda a, b, c: a - b,
     "MULTIPLY": lambda a, b, c: a * b,
-    "DIVIDE": lambda a, b, c: np.divide(a, b, out=np.zeros(np.broadcast_shapes(a.shape, b.shape), np.float32), where=b != 0),
+    "DIVIDE": lambda a, b, c: _quotient(a, b),
     "MULTIPLY_ADD": lambda a, b, c: a * b + c,
     "POWER": lambda a, b, c: np.power(np.maximum(a, 0), b),
     "SQRT": lambda a, b, c: np.sqrt(np.maximum(a, 0)),

@@ -1,7 +1,7 @@
 """Blender's lamps as lights of a scene, in the units of Cycles: watts of radiant power, sun in W/m².
 
-A point lamp of P watts has the radiant intensity P / 4π, its sphere of radius r the radiance P / (4 π² r²); an area lamp
-of area A has P / (π A); a spot is a cone cut out of the point lamp.
+A point lamp of P watts has the radiant intensity P / 4π, its sphere of radius r the radiance P / (4 π² r²); an area
+lamp of area A has P / (π A); a spot is a cone cut out of the point lamp.
 """
 
 from __future__ import annotations

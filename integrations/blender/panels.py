@@ -1,5 +1,6 @@
 """Properties and panels: lens, f-stop, shutter, exposure, focus, samples, and what the translation leaves out."""
 
+# ruff: noqa: N801, RUF012 (names and sets as Blender wants them)
 from __future__ import annotations
 
 import math

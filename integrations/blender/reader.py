@@ -112,7 +112,7 @@ class Reader:
             if isinstance(update.id, bpy.types.Image):
                 self._pictures.pop(name, None)
             elif getattr(update, "is_updated_geometry", False) or isinstance(update.id, bpy.types.Mesh):
-                for key in self.parts.keys():
+                for key in self.parts.held():
                     if key.startswith("instanced ") or key in (f"object {name}", f"data {name}"):
                         self.parts.drop(key)
                 data = getattr(update.id, "data", None)
