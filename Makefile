@@ -37,6 +37,10 @@ SEED ?= 1
 mutants: $(VENV)/.test
 	$(BIN)/python -m tests.support.plant $(ROOM) --count $(COUNT) --seed $(SEED)
 
+# Compilers for GPUs, for `python -m benchmarks.gpu_compilers`: about 800 MB, into a folder of the checkout.
+gpu-tools: $(VENV)/.test
+	$(BIN)/python -m benchmarks.gpu_tools
+
 # Each stamp says which extras the environment has; a change of pyproject.toml brings it up to date.
 $(BIN)/python:
 	$(PYTHON) -m venv $(VENV)
@@ -63,4 +67,4 @@ size: $(VENV)/.test
 clean:
 	rm -rf $(VENV) out
 
-.PHONY: demo test browser docs lint size mutants clean
+.PHONY: demo test browser docs lint size mutants gpu-tools clean

@@ -38,6 +38,7 @@ from rptcam_cl.rendering.account import (
     statistics,
     window,
 )
+from rptcam_cl.rendering.cameras.setting import on_film
 from rptcam_cl.rendering.checkpoint import SUFFIX, Saver
 from rptcam_cl.rendering.diffraction import Diffraction, diffract, diffraction_of
 from rptcam_cl.rendering.film import FilmLayout
@@ -234,6 +235,7 @@ def resolve(
 
         focus = in_focus(still, session, focus)[1]
         sharp = in_focus(scene, session, focus)[0]
+    sharp = on_film(sharp)
     diffraction, in_focus_with_lens = diffraction_of(sharp), sharp
     described_choice: dict[str, Any] = {}
     traced = sharp.camera.traced_camera

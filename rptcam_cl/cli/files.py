@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 from rptcam_cl.api.options import add_options, size
-from rptcam_cl.cli.output import print_warnings, save
+from rptcam_cl.cli.output import as_json, print_warnings, save
 from rptcam_cl.cli.parser import add_device, check_different, names_of, positive
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.files import (
@@ -155,6 +155,10 @@ def add_convert(parser: argparse.ArgumentParser) -> None:
     """Add the options of the command."""
     parser.add_argument("source", type=Path, metavar="SCENE.pbrt", help="scene file of pbrt-v2, v3 or v4")
     parser.add_argument("target", type=Path, metavar="SCENE.yaml", help="scene file to write")
+    parser.add_argument(
+        "--root", type=Path, metavar="DIR", help="further folder inside which files of the scene may lie, as .."
+    )
+    parser.add_argument("--json", action="store_true", help="print the report as JSON, with the objects of each line")
     parser.add_argument("--quiet", action="store_true", help="print only errors")
     add_options(parser, "missing")
 
@@ -181,9 +185,12 @@ def run_convert(arguments: argparse.Namespace) -> int:
     from rptcam_cl.exchange.pbrt.convert import convert_scene
 
     _check_names(arguments.source, arguments.target)
-    done = convert_scene(arguments.source, arguments.target, missing=arguments.missing)
+    done = convert_scene(arguments.source, arguments.target, missing=arguments.missing, root=arguments.root)
     warnings = done.write(arguments.target)
-    if not arguments.quiet:
+    if arguments.json:
+        objects = len(done.scene.get("objects", ()))
+        print(as_json({"objects": objects, "report": done.report.described(), "warnings": warnings}))
+    elif not arguments.quiet:
         for message in (*done.report, *(f"warning: {text}" for text in warnings)):
             print(message, file=sys.stderr)
         count = len(done.scene.get("objects", ()))

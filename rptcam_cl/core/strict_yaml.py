@@ -92,7 +92,9 @@ def dotted(path: KeyPath) -> str:
     return text.removeprefix(".")
 
 
-def read_yaml(source: str | bytes | Path, name: str | None = None) -> Document:
+def read_yaml(
+    source: str | bytes | Path, name: str | None = None, *, most_bytes: int = MAX_BYTES, most_values: int = MAX_NODES
+) -> Document:
     """Return the one document of a YAML text or file.
 
     Parameters
@@ -101,6 +103,8 @@ def read_yaml(source: str | bytes | Path, name: str | None = None) -> Document:
         A `Path` is a file to read; a string or bytes are the text itself.
     name : str, optional
         File name for messages; the path's own by default.
+    most_bytes, most_values : int
+        How large it may be.
 
     Raises
     ------
@@ -110,9 +114,9 @@ def read_yaml(source: str | bytes | Path, name: str | None = None) -> Document:
         When the file cannot be read.
     """
     label = name or (str(source) if isinstance(source, Path) else "<text>")
-    raw = _read_file(source, label) if isinstance(source, Path) else source
-    text = _decode(raw if isinstance(raw, bytes) else raw.encode("utf-8", "surrogatepass"), label)
-    return _Builder(label).build(text)
+    raw = _read_file(source, label, most_bytes) if isinstance(source, Path) else source
+    text = _decode(raw if isinstance(raw, bytes) else raw.encode("utf-8", "surrogatepass"), label, most_bytes)
+    return _Builder(label, most_values).build(text)
 
 
 def parse_scalar(text: str) -> Any:
@@ -141,18 +145,18 @@ def _finite(text: str) -> float:
     return value
 
 
-def _read_file(path: Path, label: str) -> bytes:
+def _read_file(path: Path, label: str, most_bytes: int) -> bytes:
     try:
-        return read_whole(path, MAX_BYTES)
+        return read_whole(path, most_bytes)
     except (InputError, StateError) as problem:
         raise type(problem)(f"{label}: {problem}") from None
 
 
-def _decode(raw: bytes, label: str) -> str:
+def _decode(raw: bytes, label: str, most_bytes: int) -> str:
     if raw.startswith((b"\xff\xfe", b"\xfe\xff")):
         raise InputError(f"{label}:1:1: is UTF-16 text; save it as UTF-8")
-    if len(raw) > MAX_BYTES:
-        most = f"at most {MAX_BYTES}; put meshes and pictures in files of their own"
+    if len(raw) > most_bytes:
+        most = f"at most {most_bytes}; put meshes and pictures in files of their own"
         raise InputError(f"{label}: has {len(raw)} bytes ({most})")
     try:
         text = raw.decode("utf-8-sig")
@@ -183,8 +187,9 @@ class _Open:
 class _Builder:
     """Turns the events of PyYAML's parser into plain data, without recursion that deep nesting could overflow."""
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: str, most_values: int) -> None:
         self.name = name
+        self.most_values = most_values
         self.stack: list[_Open] = []
         self.values: dict[KeyPath, Position] = {}
         self.keys: dict[KeyPath, Position] = {}
@@ -245,8 +250,9 @@ class _Builder:
 
     def _check_node(self, event: Any) -> None:
         self.nodes += 1
-        if self.nodes > MAX_NODES:
-            raise self._fail(event.start_mark, f"more than {MAX_NODES} values (put meshes in files of their own)")
+        if self.nodes > self.most_values:
+            problem = f"more than {self.most_values} values (put meshes and places in files of their own)"
+            raise self._fail(event.start_mark, problem)
         if event.anchor:
             raise self._fail(event.start_mark, f"anchors are not allowed (got &{event.anchor})")
         if event.tag:

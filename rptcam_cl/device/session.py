@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import copy
 import math
+import os
 import re
 import threading
 import warnings
@@ -31,6 +32,8 @@ from rptcam_cl.device.programs import Parameters, Program, assemble, options_of,
 # `src/gallium/auxiliary/gallivm/lp_bld_limits.h`, "shared between every loop"). Kernels must get their work in pieces
 # small enough.
 LLVMPIPE_LOOP_LIMIT = 65535
+ORGANISATION = "RPTCAM_ORGANISATION"  # environment variable; PASSES has any device work as a GPU does, for tests
+PASSES = "passes"
 FEW_SAMPLES = 1 << 20  # of all pictures of a process, up to which quick programs are worth their slowness
 MOST_PROGRAMS = 48  # that a session keeps; those used longest ago are let go
 _opening = threading.Lock()
@@ -138,6 +141,10 @@ class Session:
         cl = load_opencl()
         self.info = info
         self.profiling = profiling
+        wanted = os.environ.get(ORGANISATION, "")
+        if wanted not in ("", PASSES):
+            raise DeviceError(f"{ORGANISATION}: got {wanted}; allowed: {PASSES}, or no such variable")
+        self._works_as_gpu = wanted == PASSES
         problem = devices.problem_of(info)
         if problem is not None:
             raise DeviceError(f"device {info.id} {info.name} cannot be used: {problem}; {instead()}")
@@ -160,8 +167,9 @@ class Session:
         """How the work is cut up for the device: "cpu" or "gpu".
 
         Mesa's llvmpipe runs on a processor, but its compiler takes work items together as that of a GPU does.
+        With `ORGANISATION` in the environment a processor is given its work so, too: what a GPU would get can be tested.
         """
-        return "gpu" if is_llvmpipe(self.info.handle) else self.info.type
+        return "gpu" if self._works_as_gpu or is_llvmpipe(self.info.handle) else self.info.type
 
     @property
     def generates_late(self) -> bool:

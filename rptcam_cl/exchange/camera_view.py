@@ -22,7 +22,14 @@ from rptcam_cl.optics.lens import Lens, film_distance
 from rptcam_cl.optics.library import list_lenses, load_lens, names_a_file
 from rptcam_cl.rendering.cameras.kinds import camera_of
 from rptcam_cl.rendering.cameras.model import CameraModel
-from rptcam_cl.rendering.cameras.setting import EntrancePupil, LensSetting, film_frame, half_film_mm, pupil_in_world
+from rptcam_cl.rendering.cameras.setting import (
+    EntrancePupil,
+    LensSetting,
+    film_frame,
+    half_film_mm,
+    on_film,
+    pupil_in_world,
+)
 from rptcam_cl.scene.camera import pose_matrix
 from rptcam_cl.scene.load import at_opening, change_scene, load_scene
 from rptcam_cl.scene.scene import Scene
@@ -299,7 +306,7 @@ def view(
         raise InputError(f"shape: is no shape of an object (got {shape}; allowed: {', '.join(SHAPES)})")
     if distance_m is not None:
         check_distances((distance_m,), "distance_m")
-    scene = at_opening(scene)
+    scene = at_opening(scene if scene.requested_autofocus is not None else on_film(scene))
     if scene.requested_autofocus is not None:
         raise InputError("camera.focus.auto: the focus is yet to be found (write a scene with it by rptcam settle)")
     view = View(scene, shape=shape)

@@ -19,7 +19,14 @@ from rptcam_cl.optics.pupils import UNMOVED, FilmFrame, FilmProbe
 from rptcam_cl.optics.ray_trace import Rays
 from rptcam_cl.rendering.cameras.ideal import shaped, thick_lens_of
 from rptcam_cl.rendering.cameras.model import camera_geometry
-from rptcam_cl.rendering.cameras.setting import LensSetting, film_frame, half_film_mm, lens_setting, pupil_in_world
+from rptcam_cl.rendering.cameras.setting import (
+    LensSetting,
+    film_frame,
+    half_film_mm,
+    lens_setting,
+    on_film,
+    pupil_in_world,
+)
 from rptcam_cl.rendering.film import BLOCK, TILE_PIXELS, FilmLayout
 from rptcam_cl.rendering.passes import traces_in_float64
 from rptcam_cl.rendering.plan.materials import LargestAlbedo
@@ -287,7 +294,7 @@ def describe(
 
     ``found_before`` is what was found before the render: focus, camera model and exposure.
     """
-    layers, content_hash = scene.render.layers, scene.content_hash()
+    layers, content_hash, placed = scene.render.layers, scene.content_hash(), on_film(scene)
     metadata = {
         "software": f"rptcam_cl {__version__}",
         "version": __version__,
@@ -303,7 +310,7 @@ def describe(
         **{key: value for key, value in plan.camera.metadata.items() if value is not None},
         **plan.spectrum.metadata,
         **({} if plan.caustics.choice is None else {"caustics": plan.caustics.choice}),
-        **camera_geometry(scene),
+        **camera_geometry(placed),
         "window": window(scene),
         **({"transparent": True} if scene.film.transparent else {}),
         **({"missing": list(scene.stand_ins)} if scene.stand_ins else {}),
@@ -314,7 +321,7 @@ def describe(
         "numerics": summary(stats["numerics"]),
     }
     if "entrance_pupil" in metadata:
-        metadata["entrance_pupil"] = pupil_in_world(scene, metadata["entrance_pupil"])
+        metadata["entrance_pupil"] = pupil_in_world(placed, metadata["entrance_pupil"])
     if "clamp" in stats:
         metadata["clamp"] = clamp_text(**stats["clamp"])
     return metadata

@@ -15,6 +15,7 @@ from rptcam_cl.device.session import Session
 from rptcam_cl.rendering.cameras.chief_rays import CameraRays, seen_places
 from rptcam_cl.rendering.cameras.kinds import camera_of
 from rptcam_cl.rendering.cameras.model import exposure_timing
+from rptcam_cl.rendering.cameras.setting import on_film
 from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.rendering.layers import SharpHits, SharpPass
 from rptcam_cl.rendering.plan.plan import Plan
@@ -65,8 +66,12 @@ class Moments:
         """Return the matrices (n, 4, 4) of the camera [m] at moments (n,)."""
         return _at_moments(times, self._pose)
 
+    @cached_property
+    def _on_film(self) -> Scene:
+        return on_film(self.scene)
+
     def _pose(self, time_s: float) -> Array:
-        matrix = pose_matrix(self.scene.camera.pose_at(time_s))
+        matrix = pose_matrix(self._on_film.camera.pose_at(time_s))
         matrix[:3, 3] *= self.scene.metres_per_unit
         return matrix
 

@@ -75,7 +75,8 @@ class Pose(SceneModel):
     """Where a camera stands and looks. It looks along -z of its own frame, with +y up and +x to the right."""
 
     eye: Position
-    """Where the camera stands [scene units]; with a `lens`, the centre of the film."""
+    """Where the camera stands [scene units]; with a `lens`, the centre of the film, unless it `stands_at` another
+    place."""
 
     target: Position
     """A point that the camera looks at [scene units]."""
@@ -236,6 +237,11 @@ class CameraKind(Pose):
     def has_opening(self) -> bool:
         """Whether its opening has a size, so that the exposure goes by its light."""
         return self.opens
+
+    @property
+    def stands_by_pupil(self) -> bool:
+        """Whether its eye is the entrance pupil of a lens, so that where its film is follows from the lens."""
+        return getattr(self, "stands_at", "film") == "entrance_pupil"
 
     @property
     def film_movements(self) -> Movements:
@@ -500,6 +506,10 @@ class LensCamera(CameraKind):
     movements: Movements = NO_MOVEMENTS
     """How the film stands behind the lens; straight across its axis by default."""
 
+    stands_at: Literal["film", "entrance_pupil"] = "film"
+    """What of the camera is at the eye: the centre of its film, or the lens's entrance pupil, the centre of its
+    perspective."""
+
     @property
     def lens_camera(self) -> LensCamera:
         """This camera."""
@@ -553,6 +563,13 @@ class LensCamera(CameraKind):
                 got=list(self.focus.point),
                 allowed="a point on the side that the camera looks to",
                 path=("focus", "point"),
+            )
+        if self.stands_by_pupil and self.focus.auto is not None:
+            raise refuse(
+                "moves the film, which autofocus has in its place",
+                got=self.stands_at,
+                allowed="film, or a focus at a distance, a point or an object",
+                path=("stands_at",),
             )
         return self
 

@@ -191,9 +191,9 @@ class FoundFocus(SceneModel):
 class Focus(SceneModel):
     """Focus of a real lens: where the object plane, the film or the group is. Exactly one of these, or `auto`.
 
-    The eye is the centre of the film, so `distance_m`, `point` and `object` fix a plane of the scene, at right angles
-    to the axis. `front_distance_m` fixes it relative to the lens: the plane lies farther from the eye by the length of
-    the lens and the film distance, which follow from it.
+    Where the eye is the centre of the film, `distance_m`, `point` and `object` fix a plane of the scene, at right
+    angles to the axis. `front_distance_m` fixes it relative to the lens: the plane lies farther from the eye by the
+    length of the lens and the film distance, which follow from it.
     """
 
     alternatives: ClassVar[tuple[Alternatives, ...]] = (

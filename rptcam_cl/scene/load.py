@@ -27,7 +27,7 @@ from rptcam_cl.scene.film import Film, PictureSettings, WhiteBalance
 from rptcam_cl.scene.lens_settings import DESIGN, GRADES, IN_WORDS, LAYERED, REAL, Focus, with_design
 from rptcam_cl.scene.materials import CONSTANT, MEASURED, WRITTEN_OUT
 from rptcam_cl.scene.meshes import WRITTEN_LISTS, MeshObject
-from rptcam_cl.scene.placement import Vector, moments
+from rptcam_cl.scene.placement import Instances, Vector, moments
 from rptcam_cl.scene.quantities import SPECTRUM
 from rptcam_cl.scene.scene import Scene, check_extent
 from rptcam_cl.scene.shapes import Object
@@ -438,6 +438,8 @@ def _fields(part: SceneModel) -> dict[str, Any]:
 
 Missing = Literal["error", "grey"]
 
+LARGEST_FILE, MOST_VALUES = 1 << 28, 5_000_000  # of a scene: bytes, and values, some 500 bytes of memory each
+
 # What becomes a scene first, and how.
 _MODELS = (".glb", ".gltf", ".obj", ".ply", ".stl")
 NO_SCENES = {".pbrt": "rptcam convert {} scene.yaml makes one of it"}
@@ -483,7 +485,7 @@ def load_scene(
     else:
         if (hint := NO_SCENES.get(Path(source).suffix.lower())) is not None:
             raise InputError(f"{source}: is no scene file; {hint.format(shlex.quote(str(source)))}")
-        document = read_yaml(Path(source))
+        document = read_yaml(Path(source), most_bytes=LARGEST_FILE, most_values=MOST_VALUES)
         data, folder = document.data, Path(source).absolute().parent
     data = _as_scene_mapping(data, document)
     labels = apply_overrides(data, overrides)
@@ -554,6 +556,10 @@ def with_files(scene: Scene, where: Where, missing: Missing, before: Scene | Non
             (pictures if reference.stand_in is not None else fatal).append(message)
             if reference.stand_in is not None:
                 reference.hold(reference.stand_in)
+            continue
+        if isinstance(reference, Instances):
+            reference.matrices(scene.folders)
+            _check_instances(scene, path[:2], where)
     if fatal or (missing == "error" and (without or pictures)):
         raise MissingFileError("\n".join(dict.fromkeys((*without, *pictures, *fatal))))
     stand_ins = (
@@ -576,6 +582,16 @@ def _new_references(scene: Scene, before: Scene | None) -> Iterator[tuple[KeyPat
         for path, part in _items(getattr(scene, name)):
             if id(part) not in known:
                 yield from file_references(part, (name, *path))
+
+
+def _check_instances(scene: Scene, path: KeyPath, where: Where) -> None:
+    """Refuse an object that its table of places makes too large or too small."""
+    item = scene.objects[int(path[1])]
+    try:
+        check_extent(item, item if not isinstance(item, MeshObject) else scene.load_mesh(item), path, scene.folders)
+    except PydanticCustomError as problem:
+        key = (*path, "instances")
+        raise InputError(f"{where(key, False)}{dotted(key)}: {refusal_text(problem)}") from None
 
 
 def _items(section: Any) -> Iterable[tuple[KeyPath, Any]]:
@@ -900,8 +916,9 @@ def _middle_of(scene: Scene, name: str) -> Vector:
     """Return the middle of the box round an object, the first of that name, when the shutter opens [scene units]."""
     index = [item.name for item in scene.objects].index(name)
     low, high = scene.solids()[index].bounds()
-    matrix = scene.objects[index].placed_at(scene.shutter.open_s)
-    return np.asarray(matrix[:3, :3] @ ((low + high) / 2) + matrix[:3, 3])
+    places = scene.objects[index].places(scene.folders, scene.shutter.open_s)
+    middles = places[:, :3, :3] @ ((low + high) / 2) + places[:, :3, 3]
+    return np.asarray((middles.min(axis=0) + middles.max(axis=0)) / 2)
 
 
 def _camera_at(camera: Pose, time_s: float) -> Pose:

@@ -88,7 +88,7 @@ def read_draft(path: Path, find: Find) -> Draft:
 SUFFIXES = (".ply", ".obj", ".gltf", ".glb", ".stl")
 
 
-def read_mesh_file(path: Path, find: Find) -> MeshContents:
+def read_mesh_file(path: Path, find: Find, *, painted: bool = True) -> MeshContents:
     """Read a mesh file.
 
     Parameters
@@ -97,6 +97,8 @@ def read_mesh_file(path: Path, find: Find) -> MeshContents:
         The file; its suffix gives the format.
     find : callable
         Returns the checked path of a further file that this one names.
+    painted
+        Whether it is shown in its own materials, and so in the colours of its vertices.
 
     Raises
     ------
@@ -108,7 +110,7 @@ def read_mesh_file(path: Path, find: Find) -> MeshContents:
         if not path.stat().st_size:
             raise InputError(f"{path}: is empty")
         with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is found by looking at the numbers
-            return make_contents(read_draft(path, find), str(path))
+            return make_contents(read_draft(path, find), str(path), painted=painted)
     except OSError as problem:
         raise InputError(f"{path}: cannot be read ({problem.strerror or problem})") from None
 
@@ -186,6 +188,15 @@ def _vectors(size: int, value: Any) -> Vectors:
     return Vectors(rows)
 
 
+def _shades(value: Any) -> Vectors:
+    shades = _vectors(3, value)
+    beyond = np.argwhere(~((shades.rows >= 0) & (shades.rows <= 1)))
+    if len(beyond):
+        row, column = (int(place) for place in beyond[0])
+        raise refuse("is out of range", got=float(shades.rows[row, column]), allowed="0 to 1", path=(row, column))
+    return shades
+
+
 def _faces(value: Any) -> Faces:
     allowed = "a list of lists of 3 or more vertex numbers, which count from 0"
     if isinstance(value, Faces):
@@ -234,6 +245,7 @@ Points = Annotated[Vectors, PlainValidator(lambda value: _vectors(3, value)), _P
 Pairs = Annotated[
     Vectors, PlainValidator(lambda value: _vectors(2, value)), _PLAIN, WithJsonSchema(_rows_schema("number", 2, 2))
 ]
+Shades = Annotated[Vectors, PlainValidator(_shades), _PLAIN, WithJsonSchema(_POINTS_SCHEMA)]
 FaceRows = Annotated[Faces, PlainValidator(_faces), _PLAIN, WithJsonSchema(_rows_schema("integer", 3, None))]
 Normals = Annotated[
     Vectors | NormalsMode,
@@ -520,7 +532,7 @@ class MeshLibrary:
         self._absent = absent
         self._folders = folders
         self._named = named
-        self._known: dict[tuple[Hashable, NormalsMode], MeshContents] = {}
+        self._known: dict[tuple[Hashable, NormalsMode, bool], MeshContents] = {}
         self._written: dict[Hashable, MeshSource] = {}  # kept so that the identities of its lists stay ones of a kind
         self._meshes: dict[str, Mesh] = {}
         self._materials: dict[FileMaterial, Material] = {}
@@ -549,7 +561,7 @@ class MeshLibrary:
     def _key(self, source: MeshSource) -> Hashable:
         """Identify the triangles of a source: by path, size and time of a file, or by the lists written out."""
         if source.file is None:
-            return tuple(map(id, (source.vertices, source.faces, source.uvs, source.given_normals)))
+            return tuple(map(id, (source.vertices, source.faces, source.uvs, source.given_normals, source.colors)))
         path = self._folders.find(source.file)
         state = path.stat()
         return path, state.st_size, state.st_mtime_ns
@@ -564,23 +576,25 @@ class MeshLibrary:
         """
         key = id(item)
         if key not in self._loaded:
-            contents = self._contents(self._source(item), item.normals_mode)
+            contents = self._contents(item)
             self._loaded[key] = LoadedMesh(item, contents, self._shown(item, contents))
         return self._loaded[key]
 
-    def _contents(self, source: MeshSource, mode: NormalsMode) -> MeshContents:
+    def _contents(self, item: MeshObject) -> MeshContents:
+        source, mode, painted = self._source(item), item.normals_mode, item.material is None
         key = self._key(source)
         self._written[key] = source
-        if (key, "auto") not in self._known:
+        if (key, "auto", painted) not in self._known:
             if source.file is None:
-                plain = _read_written_mesh(source)
+                plain = _read_written_mesh(source, painted=painted)
             else:
                 path = self._folders.find(source.file)
-                plain = read_mesh_file(path, self._folders.find_beside(path))
-            self._known[key, "auto"] = plain.sharing(self._meshes)
-        if (key, mode) not in self._known:
-            self._known[key, mode] = self._known[key, "auto"].with_normals(mode).sharing(self._meshes)
-        return self._known[key, mode]
+                plain = read_mesh_file(path, self._folders.find_beside(path), painted=painted)
+            self._known[key, "auto", painted] = plain.sharing(self._meshes)
+        if (key, mode, painted) not in self._known:
+            plain = self._known[key, "auto", painted]
+            self._known[key, mode, painted] = plain.with_normals(mode).sharing(self._meshes)
+        return self._known[key, mode, painted]
 
     def _shown(self, item: MeshObject, contents: MeshContents) -> tuple[Material, ...]:
         """Return the material of each part: the object's, or those of the file."""
@@ -596,7 +610,7 @@ class MeshLibrary:
         return tuple(self._materials[material] for material in given)
 
 
-def _read_written_mesh(source: MeshSource) -> MeshContents:
+def _read_written_mesh(source: MeshSource, *, painted: bool) -> MeshContents:
     assert source.vertices is not None and source.faces is not None
     positions = source.vertices.rows
     normals = source.given_normals
@@ -607,8 +621,9 @@ def _read_written_mesh(source: MeshSource) -> MeshContents:
         as_triangles(positions, source.faces.groups, "the mesh: face"),
         None if normals is None else normals.rows,
         None if source.uvs is None else source.uvs.rows,
+        colours=None if source.colors is None else source.colors.rows,
     )
-    return make_contents(Draft([surface]), "the mesh")
+    return make_contents(Draft([surface]), "the mesh", painted=painted)
 
 
 def _printable(value: str) -> str:
@@ -620,7 +635,7 @@ def _printable(value: str) -> str:
 FilePath = Annotated[str, Field(max_length=1000), AfterValidator(_printable)]
 
 
-WRITTEN_LISTS = ("vertices", "faces", "uvs", "normals")  # keys of triangles that are written out
+WRITTEN_LISTS = ("vertices", "faces", "uvs", "normals", "colors")  # keys of triangles that are written out
 
 
 class MeshSource(SceneModel):
@@ -638,6 +653,10 @@ class MeshSource(SceneModel):
     uvs: Pairs | None = None
     """Texture coordinates of the vertices, a list of [u, v]."""
 
+    colors: Shades | None = None
+    """Colours of the vertices, a list of linear [red, green, blue] from 0 to 1; they show where the object has no
+    `material`, as a matte surface that reflects so much."""
+
     @property
     def given_normals(self) -> Vectors | None:
         """The normals that are written out."""
@@ -649,7 +668,7 @@ class MeshSource(SceneModel):
         if self.vertices is not None and self.faces is None:
             raise refuse("is required beside vertices", got=None, allowed="a list of faces", path=("faces",))
         normals = self.given_normals
-        for key, rows in (("faces", self.faces), ("uvs", self.uvs), ("normals", normals)):
+        for key, rows in (("faces", self.faces), ("uvs", self.uvs), ("normals", normals), ("colors", self.colors)):
             if rows is None:
                 continue
             if self.vertices is None:
@@ -685,7 +704,7 @@ class MeshObject(MeshSource, PlacedObject):
     beside `vertices` also a list of vectors."""
 
     material: Annotated[Material, MATERIAL_NAME] | None = None
-    """Name of one of `materials`, or a material written out; without it, the materials of the file."""
+    """Name of one of `materials`, or a material written out; without it, the materials of the file, or `colors`."""
 
     @property
     def normals_mode(self) -> NormalsMode:

@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
+import io
 import math
+import zipfile
+import zlib
 from bisect import bisect_right
 from collections.abc import Sequence
 from functools import cached_property
 from itertools import pairwise
+from pathlib import Path
 from typing import Annotated, Any, ClassVar, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, PrivateAttr, WithJsonSchema, model_validator
+from pydantic_core import PydanticCustomError
 
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.files import Folders
 from rptcam_cl.core.records import Hidden
-from rptcam_cl.scene.base import AlsoAccepts, Alternatives, SceneModel, refuse
+from rptcam_cl.scene.base import AlsoAccepts, Alternatives, FileReference, SceneModel, refuse
 from rptcam_cl.scene.materials import Material
 from rptcam_cl.scene.quantities import LARGEST_COORDINATE, NUMBER, Coordinate, Direction, Moment, Position, list_of
 
@@ -366,6 +373,99 @@ def quaternion_of(matrix: Matrix) -> Vector:
     return np.asarray(quaternion * math.copysign(1.0, quaternion[3]))
 
 
+# Tables of places, beside the scene: a forest, a crowd, the atoms of a crystal.
+
+MOST_PLACES = 1 << 26  # of one table
+TABLE_KEYS = "allowed: matrices (n, 3, 4), or positions (n, 3) and perhaps scales (n,)"
+
+
+class Instances(FileReference):
+    """Many places at which an object stands: a table of NumPy beside the scene."""
+
+    _known: tuple[Any, Matrix] | None = PrivateAttr(None)
+    """The matrices, and the state of the file that they are of."""
+
+    def matrices(self, folders: Folders) -> Matrix:
+        """Return what takes the object, after its transform, to each of its places (n, 3, 4).
+
+        Raises
+        ------
+        InputError
+            When the file has no such table, or places something where float32 cannot.
+        """
+        source = self.source(folders)
+        state = source if isinstance(source, bytes) else (source, source.stat().st_size, source.stat().st_mtime_ns)
+        if self._known is None or self._known[0] != state:
+            try:
+                matrices = _read_places(source)
+            except InputError as problem:
+                raise InputError(f"{self.place}{problem}") from None
+            matrices.setflags(write=False)
+            self._known = state, matrices
+        return self._known[1]
+
+
+def _read_places(source: Path | bytes) -> Matrix:
+    table = _read_table(source)
+    if "matrices" in table:
+        rows = table["matrices"]
+        if rows.ndim != 3 or rows.shape[1:] not in ((3, 4), (4, 4)):
+            raise InputError(f"matrices have the shape {rows.shape} ({TABLE_KEYS})")
+        matrices = np.ascontiguousarray(rows[:, :3])
+    else:
+        positions = table["positions"]
+        scales = table.get("scales", np.ones(len(positions)))
+        if positions.shape != (len(scales), 3) or scales.ndim != 1:
+            raise InputError(f"positions have the shape {positions.shape}, scales {scales.shape} ({TABLE_KEYS})")
+        matrices = np.zeros((len(scales), 3, 4))
+        matrices[:, range(3), range(3)], matrices[:, :, 3] = scales[:, None], positions
+    if not 0 < len(matrices) <= MOST_PLACES:
+        raise InputError(f"has {len(matrices)} places (allowed: 1 to {MOST_PLACES})")
+    _check_places(matrices)
+    return matrices
+
+
+def _read_table(source: Path | bytes) -> dict[str, Matrix]:
+    try:
+        loaded = np.load(io.BytesIO(source) if isinstance(source, bytes) else source, allow_pickle=False)
+        if isinstance(loaded, np.ndarray):
+            return {"matrices": _numbers(loaded)}
+        with loaded as content:
+            if sum(info.file_size for info in content.zip.infolist()) > MOST_PLACES * 128:
+                raise InputError(f"holds more than {MOST_PLACES} places")
+            table = {name: _numbers(content[name]) for name in ("matrices", "positions", "scales") if name in content}
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error) as problem:
+        raise InputError(f"is no table of NumPy: {str(problem).splitlines()[0]} ({TABLE_KEYS})") from None
+    if "matrices" not in table and "positions" not in table:
+        raise InputError(f"has neither matrices nor positions ({TABLE_KEYS})")
+    return table
+
+
+def _numbers(array: NDArray[Any]) -> Matrix:
+    if array.dtype.kind not in "fiu":
+        raise InputError(f"holds more than numbers ({TABLE_KEYS})")
+    return np.asarray(array, np.float64)
+
+
+def _check_places(matrices: Matrix) -> None:
+    """Refuse places that `check_invertible` refuses; one product of stretches spares most their exact ones."""
+    linear = matrices[:, :, :3]
+    with np.errstate(all="ignore"):
+        norm = np.sqrt(np.einsum("nij,nij->n", linear, linear))
+        volume = np.abs(np.einsum("ni,ni->n", linear[:, 0], np.cross(linear[:, 1], linear[:, 2])))
+        is_sound = volume > 0.5 * norm**3 * SMALLEST_STRETCH_RATIO  # the least stretch is at least 2 volume / norm²
+        is_sound &= 2 * volume > norm**2 / LARGEST_COORDINATE
+        is_sound &= np.abs(matrices).max(axis=(1, 2)) <= LARGEST_COORDINATE
+    for index in np.flatnonzero(~is_sound):
+        try:
+            if not np.isfinite(matrices[index]).all():
+                raise refuse("holds numbers that are not finite", allowed="numbers")
+            check_invertible(np.vstack([matrices[index], (0, 0, 0, 1)]))
+        except PydanticCustomError as problem:
+            details = problem.context or {}
+            raise InputError(f"place {index} {details['problem']} (allowed: {details['allowed']})") from None
+
+
 # What the objects of a scene have in common.
 
 Bounds = tuple[NDArray[np.float64], NDArray[np.float64]]
@@ -411,6 +511,9 @@ class PlacedObject(SceneModel):
     transform: Transform = ()
     """One step or a list of steps, applied in their order to the shape as described by its own keys."""
 
+    instances: Instances | None = None
+    """Table of places at which it stands, each after its transform; in one place, that of its transform, by default."""
+
     motion: ObjectMotion = ()
     """Where it is over time, after its transform; without keyframes it stands still."""
 
@@ -428,6 +531,15 @@ class PlacedObject(SceneModel):
     def trajectory(self) -> Trajectory | None:
         """Return its way through the keyframes, None where it has none."""
         return Trajectory(self.motion) if self.motion else None
+
+    def places(self, folders: Folders, time_s: float) -> NDArray[np.float64]:
+        """Return the matrices that place the object in the world at a moment (n, 4, 4), one for each instance."""
+        if self.instances is None:
+            return self.placed_at(time_s)[None]
+        rows = self.instances.matrices(folders)
+        places = np.zeros((len(rows), 4, 4))
+        places[:, :3], places[:, 3, 3] = rows @ self.world_from_object, 1.0
+        return places if self.trajectory is None else self.trajectory.at(time_s) @ places
 
     def placed_at(self, time_s: float) -> NDArray[np.float64]:
         """Return the 4x4 matrix that places the object in the world at a moment: its transform, then its motion."""

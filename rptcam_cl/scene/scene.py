@@ -56,24 +56,25 @@ LARGEST_EXTENT_RATIO = 1e7
 SQUARE_TOLERANCE = 0.01
 
 
-def to_world(item: PlacedObject, points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return points of an object's own frame (n, 3) in the world."""
-    return np.asarray(points @ item.world_from_object[:3, :3].T + item.world_from_object[:3, 3])
+def to_world(item: PlacedObject, points: NDArray[np.float64], folders: Folders | None = None) -> NDArray[np.float64]:
+    """Return points of an object's own frame (n, 3) in the world (places, n, 3); without folders, where it is first."""
+    places = item.world_from_object[None] if folders is None else item.places(folders, 0.0)
+    return np.asarray(points @ np.swapaxes(places[:, :3, :3], 1, 2) + places[:, None, :3, 3])
 
 
-def world_corners(item: PlacedObject, solid: Solid) -> NDArray[np.float64]:
-    """Return the eight corners of an object's bounds in the world (8, 3)."""
-    return to_world(item, np.array(list(product(*zip(*solid.bounds(), strict=True)))))
+def world_corners(item: PlacedObject, solid: Solid, folders: Folders | None = None) -> NDArray[np.float64]:
+    """Return the eight corners of an object's bounds in the world (places, 8, 3), as `to_world` does."""
+    return to_world(item, np.array(list(product(*zip(*solid.bounds(), strict=True)))), folders)
 
 
-def check_extent(item: Object, solid: Solid, path: tuple[str | int, ...]) -> None:
-    """Refuse an object that its transform makes too far, too large or too small for float32."""
+def check_extent(item: Object, solid: Solid, path: tuple[str | int, ...], folders: Folders | None = None) -> None:
+    """Refuse an object that its transform, or a table of places, makes too far, too large or too small for float32."""
     if isinstance(item, Plane):
-        corners = to_world(item, np.array([item.point]))
+        corners = to_world(item, np.array([item.point]), folders)
         extent = np.inf
     else:
-        corners = world_corners(item, solid)
-        extent = float(np.ptp(corners, axis=0).max())
+        corners = world_corners(item, solid, folders)
+        extent = float(np.ptp(corners, axis=1).max(axis=1).min())
     if (reach := float(np.abs(corners).max())) > 4 * LARGEST_COORDINATE:
         allowed = f"coordinates up to {LARGEST_COORDINATE:g}"
         raise refuse("reaches too far for float32", got=reach, allowed=allowed, path=path)
@@ -162,6 +163,7 @@ def scene_warnings(
     objects: Objects,
     lights: Sequence[Light],
     environment: Environment | None,
+    folders: Folders,
 ) -> tuple[str, ...]:
     """Warnings of probable mistakes, one sentence each."""
     warnings: list[str] = []
@@ -171,9 +173,9 @@ def scene_warnings(
     aspect = (width / film.resolution[0]) / (height / film.resolution[1])
     if abs(aspect - 1) > SQUARE_TOLERANCE:
         warnings.append(f"film.size_mm does not fit film.resolution: pixels are {aspect:.3g} times as wide as high")
-    warnings += _extent_warnings(objects)
+    warnings += _extent_warnings(objects, folders)
     warnings += _mesh_warnings(objects, lights)
-    warnings += _inside_warnings(camera, shutter, objects)
+    warnings += _inside_warnings(camera, shutter, objects, folders)
     warnings += _motion_warnings(camera, shutter, objects)
     shown = (material for _, solid in objects for material in solid.shown_materials())
     glasses = [material.glass for material in shown if isinstance(material, Dielectric) and material.glass is not None]
@@ -197,13 +199,13 @@ def _shines(solid: Solid) -> bool:
     return any(max(colour) > 0 if isinstance(colour, tuple) else True for colour in glowing)
 
 
-def _extent_warnings(objects: Objects) -> list[str]:
+def _extent_warnings(objects: Objects, folders: Folders) -> list[str]:
     bounded = [(item, solid) for item, solid in objects if not isinstance(item, Plane)]
     if not bounded:
         return []
-    corners = [world_corners(item, solid) for item, solid in bounded]
-    sizes = [float(np.ptp(points, axis=0).max()) for points in corners]
-    whole = float(np.ptp(np.concatenate(corners), axis=0).max())
+    corners = [world_corners(item, solid, folders) for item, solid in bounded]
+    sizes = [float(np.ptp(points, axis=1).max(axis=1).min()) for points in corners]
+    whole = float(np.ptp(np.concatenate([points.reshape(-1, 3) for points in corners]), axis=0).max())
     smallest = int(np.argmin(sizes))
     if whole <= LARGEST_EXTENT_RATIO * sizes[smallest]:
         return []
@@ -224,13 +226,22 @@ def _mesh_warnings(objects: Objects, lights: Sequence[Light]) -> list[str]:
     return [note for note in notes if not (lights and note.endswith(LAMPS_LEFT_OUT))]
 
 
-def _inside_warnings(camera: Camera, shutter: Shutter, objects: Objects) -> list[str]:
+def _inside_warnings(camera: Camera, shutter: Shutter, objects: Objects, folders: Folders) -> list[str]:
     eye = np.append(camera.pose_at(shutter.open_s)[0], 1.0)
     return [
         f"the camera stands inside objects[{index}]"
         for index, (item, solid) in enumerate(objects)
-        if not isinstance(item, Plane) and solid.contains(np.linalg.solve(item.placed_at(shutter.open_s), eye)[:3])
+        if not isinstance(item, Plane) and _holds_eye(solid, item.places(folders, shutter.open_s), eye)
     ]
+
+
+def _holds_eye(solid: Solid, places: NDArray[np.float64], eye: NDArray[np.float64]) -> bool:
+    """Return whether the eye is inside a solid at one of its places; of many, those whose box holds it are tried."""
+    eyes = np.linalg.solve(places, np.broadcast_to(eye[:, None], (len(places), 4, 1)))[:, :3, 0]
+    if len(eyes) > 1:
+        lower, upper = solid.bounds()
+        eyes = eyes[np.all((eyes >= lower) & (eyes <= upper), axis=1)]
+    return any(map(solid.contains, eyes))
 
 
 def _motion_warnings(camera: Camera, shutter: Shutter, objects: Objects) -> list[str]:
@@ -450,7 +461,9 @@ class Scene(SceneModel):
     def warnings(self) -> tuple[str, ...]:
         """Warnings of probable mistakes, one sentence each."""
         objects = tuple(zip(self.objects, self.solids(), strict=True))
-        own = scene_warnings(self.camera, self.film, self.shutter, objects, self.lights, self.environment)
+        own = scene_warnings(
+            self.camera, self.film, self.shutter, objects, self.lights, self.environment, self._folders
+        )
         return (*self._stand_ins, *own, *self.lens_doubts)
 
     @property
@@ -532,7 +545,7 @@ class Scene(SceneModel):
         Left out are the number of samples, layers, the sensor without its response, what follows the film (diffraction,
         ghosts and how the picture is shown), names and labels. Files count by their content. `picture_hash` has more.
         """
-        left_out = {"name", "label", "file", "mesh", "vertices", "faces", "uvs", "normals"}
+        left_out = {"name", "label", "file", "mesh", "vertices", "faces", "uvs", "normals", "colors"}
         content = self.model_dump(
             mode="json",
             exclude={

@@ -92,6 +92,8 @@ class Board(PlacedObject):
                 allowed = f"with kind {' or '.join(kinds)}"
                 raise refuse(f"means nothing on a board of kind {self.kind}", got=getattr(self, key), allowed=allowed,
                              path=(key,))  # fmt: skip
+        if self.instances is not None:
+            raise refuse("does not go with a board, whose points are known", path=("instances",))
         if self.kind in ("checker", "charuco") and min(self.columns, self.rows) < 2:
             key = "columns" if self.columns < 2 else "rows"
             raise refuse("leaves no corner where squares meet", got=1, allowed="2 or more", path=(key,))

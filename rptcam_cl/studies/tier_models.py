@@ -16,7 +16,7 @@ from rptcam_cl.optics.stop_shape import StopMask, StopShape, cut_polygon
 from rptcam_cl.rendering.cameras.ideal import ThickLens, stop_shape, thick_lens_of
 from rptcam_cl.rendering.cameras.lens_records import disperses, usable_nm
 from rptcam_cl.rendering.cameras.ray_map import RayMap, allowed_px, fitted_map
-from rptcam_cl.rendering.cameras.setting import LensSetting, lens_camera, lens_setting, lens_to_focus
+from rptcam_cl.rendering.cameras.setting import LensSetting, lens_camera, lens_setting, lens_to_focus, on_film
 from rptcam_cl.scene.assets.mesh import MeshPlacement
 from rptcam_cl.scene.load import change_scene, with_camera
 from rptcam_cl.scene.materials import Emissive, Material, Matte, Mix
@@ -182,9 +182,10 @@ def equivalent(scene: Scene, tier: Tier) -> Scene:
     InputError
         When the lens has no such equivalent; the message says why.
     """
-    camera = scene.camera.traced_camera
     if tier == "realistic":
         return scene
+    scene = on_film(scene)
+    camera = scene.camera.traced_camera
     assert camera is not None
     if tier == "fitted":
         fit_polynomials(scene, colours=scene.spectrum.lens_colour == "on")
@@ -466,6 +467,7 @@ def triangle_depths(triangles: Array, view: VisibleWorld) -> list[float]:
 
 FAR_MM = 1e9  # stands for everything farther
 MOMENTS = 9  # at which objects that move are looked at
+FEW = 32  # places of an object that are all cut
 FACES = ((0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), (1, 3, 7, 5))  # of a box's corners
 
 
@@ -479,10 +481,12 @@ def depth_range_mm(scene: Scene, view: VisibleWorld) -> tuple[float, float]:
     from_world = np.linalg.inv(scene.camera.world_from_camera() * _columns(scene))
     from_world[2] *= -1.0  # z ahead
     for item, solid in zip(scene.objects, scene.solids(), strict=True):
-        seen: list[float] = []
-        for world_from_object in _places_over_time(scene, item):
-            placed = from_world @ world_from_object
-            seen += _plane_depths(item, placed, view) if isinstance(item, Plane) else _depths(solid, placed, view)
+        places = from_world @ _places_over_time(scene, item)
+        if isinstance(item, Plane):
+            seen = [depth for placed in places for depth in _plane_depths(item, placed, view)]
+        else:
+            assert not isinstance(solid, Plane)
+            seen = _ends(solid, places, view) if len(places) > FEW else _all_depths(solid, places, view)
         all_depths += seen
         if seen and any(map(_shows_images, solid.shown_materials())):
             all_depths.append(FAR_MM)
@@ -503,12 +507,32 @@ def _columns(scene: Scene) -> Array:
     return np.array([per_mm, per_mm, per_mm, 1.0])
 
 
-def _places_over_time(scene: Scene, item: Object) -> list[Array]:
-    """Return the places of an object while the shutter is open."""
-    if item.trajectory is None:
-        return [item.world_from_object]
-    shutter = scene.shutter
-    return [item.placed_at(time_s) for time_s in np.linspace(shutter.open_s, shutter.open_s + shutter.time_s, MOMENTS)]
+def _places_over_time(scene: Scene, item: Object) -> Array:
+    """Return the places of an object while the shutter is open (n, 4, 4)."""
+    open_s = scene.shutter.open_s
+    times = [open_s] if item.trajectory is None else np.linspace(open_s, open_s + scene.shutter.time_s, MOMENTS)
+    return np.concatenate([item.places(scene.folders, float(time_s)) for time_s in times])
+
+
+def _all_depths(item: Solid, places: Array, view: VisibleWorld) -> list[float]:
+    return [depth for placed in places for depth in _depths(item, placed, view)]
+
+
+def _ends(item: Solid, places: Array, view: VisibleWorld) -> list[float]:
+    """Return the ends of the distances of many places, of which those are cut that may be the first and the last."""
+    corners = np.array(list(product(*zip(*item.bounds(), strict=True))))
+    depths = corners @ np.swapaxes(places[:, 2:3, :3], 1, 2) + places[:, None, 2:3, 3]
+    nearest, farthest = depths.min(axis=(1, 2)), depths.max(axis=(1, 2))
+    low, high = np.inf, -np.inf
+    for index in nearest.argsort():
+        if nearest[index] >= low:
+            break
+        low = min([low, *_depths(item, places[index], view)])
+    for index in (-farthest).argsort():
+        if farthest[index] <= high:
+            break
+        high = max([high, *_depths(item, places[index], view)])
+    return [low, high] if low < np.inf else []
 
 
 def _depths(item: Solid, placed: Array, view: VisibleWorld) -> list[float]:

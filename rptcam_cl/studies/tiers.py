@@ -22,7 +22,7 @@ from rptcam_cl.rendering.cameras.kinds import camera_model
 from rptcam_cl.rendering.cameras.lens_records import EXTREMES_NM, colour_error_px, disperses, usable_nm
 from rptcam_cl.rendering.cameras.ray_map import RayMap
 from rptcam_cl.rendering.cameras.realistic import lens_tint, shows_losses
-from rptcam_cl.rendering.cameras.setting import LensSetting, film_frame, lens_setting
+from rptcam_cl.rendering.cameras.setting import LensSetting, film_frame, lens_setting, on_film
 from rptcam_cl.scene.film import LensColour
 from rptcam_cl.scene.lens_settings import Accuracy
 from rptcam_cl.scene.load import change_scene
@@ -638,6 +638,7 @@ def _is_allowed(error: TierError, allowed: Accuracy) -> bool:
 
 def measure_lens(scene: Scene) -> Decision:
     """Measure the lens of a scene at its size of pixels, and the errors of the cheaper models that there are."""
+    scene = on_film(scene)
     try:
         first = first_order_camera(scene)
     except InputError as problem:

@@ -244,7 +244,8 @@ def nearest_focus_m(scene: Scene) -> float | None:
         return None
     update = camera.focus_keys(INFINITY_M)
     if camera.lens_camera is not None:  # wherever it stands, perhaps beyond the reach, and however wide it is open
-        update = {"focus": Focus(distance_m=INFINITY_M), "f_number": None, "stop_diameter_mm": None}
+        focus = Focus(distance_m=INFINITY_M)
+        update = {"focus": focus, "f_number": None, "stop_diameter_mm": None, "stands_at": "film"}
     return _nearest(scene.model_copy(update={"camera": camera.model_copy(update=update)}))
 
 

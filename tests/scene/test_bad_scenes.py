@@ -36,8 +36,8 @@ FILES: list[tuple[str, str | bytes, str]] = [
     ("merge bomb", MERGES, r":1:4: anchors are not allowed"),
     ("merge key", "camera:\n  <<: {kind: pinhole}\n", r":2:3: merge keys"),
     ("nested too deep", "a: " + "[" * 1000 + "]" * 1000 + "\n", r":1:\d+: nested deeper than 32 levels"),
-    ("too long", "# " + "x" * 4_100_000 + "\n", r": is too large \(got \d+ bytes; allowed: at most 4000000"),
-    ("too many values", "a: [" + "0," * 60_000 + "]\n", r":1:\d+: more than 50000 values"),
+    ("too long", "# " + "x" * 110_000 + "\n", r": is too large \(got \d+ bytes; allowed: at most 100000"),
+    ("too many values", "a: [" + "0," * 20_000 + "]\n", r":1:\d+: more than 10000 values"),
     ("endless integer", HEAD.replace("40", "4" * 5000), r":1:\d+: a number of 5000 digits"),
     ("beyond float64", HEAD.replace("40", "1e400"), r":1:\d+: 1e400 is beyond the range"),
     ("word as key", HEAD + "1: 2\n", r":2:1: \[1\]: unknown key"),
@@ -45,7 +45,11 @@ FILES: list[tuple[str, str | bytes, str]] = [
 
 
 @pytest.mark.parametrize(("content", "message"), [row[1:] for row in FILES], ids=[row[0] for row in FILES])
-def test_file_is_refused_at_once(tmp_path: Path, content: str | bytes, message: str) -> None:
+def test_file_is_refused_at_once(
+    tmp_path: Path, content: str | bytes, message: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("rptcam_cl.scene.load.LARGEST_FILE", 100_000)
+    monkeypatch.setattr("rptcam_cl.scene.load.MOST_VALUES", 10_000)
     path = tmp_path / "scene.yaml"
     path.write_bytes(content if isinstance(content, bytes) else content.encode())
     start = time.thread_time()

@@ -98,6 +98,7 @@ from rptcam_cl.scene.meshes import MeshObject, MeshSource, NamedMesh
 from rptcam_cl.scene.placement import (
     CameraKeyframe,
     CameraVisibility,
+    Instances,
     Keyframe,
     ObjectKeyframe,
     PlacedObject,
@@ -173,6 +174,7 @@ SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
     "Gradient": (Gradient, "Every texture"),
     "Noise": (Noise, "Every texture"),
     "Image": (ImageTexture, "Every texture"),
+    "Instances": (Instances,),
     "Visibility": (Visibility, "Camera visibility"),
     "Camera visibility": (CameraVisibility,),
     "Sphere": (Sphere, "Every object"),

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import tempfile
+from collections import Counter
 from dataclasses import field
 from pathlib import Path
 from typing import Any
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, StateError
-from rptcam_cl.core.files import plain, replacing
-from rptcam_cl.core.strict_yaml import MAX_NODES
+from rptcam_cl.core.files import Folders, plain, replacing
 from rptcam_cl.exchange.pbrt.camera import convert_camera, exposure_ev, filter_keys, frame_of, raster_of, render_keys
 from rptcam_cl.exchange.pbrt.files import Context, FileStore
 from rptcam_cl.exchange.pbrt.lights import convert_lights, convert_sky
-from rptcam_cl.exchange.pbrt.shapes import Objects, count_values
+from rptcam_cl.exchange.pbrt.shapes import Objects
 from rptcam_cl.exchange.pbrt.source import Report
 from rptcam_cl.exchange.pbrt.world import read_world
 from rptcam_cl.scene.load import Missing, load_scene, scene_text
@@ -84,7 +84,7 @@ class Conversion:
             raise InputError(f"{self.source}: became a scene that cannot be used: {reason}") from None
 
 
-def convert_scene(source: Path, target: Path, *, missing: Missing = "error") -> Conversion:
+def convert_scene(source: Path, target: Path, *, missing: Missing = "error", root: Path | None = None) -> Conversion:
     """Convert a pbrt scene file to a scene of ours.
 
     Parameters
@@ -96,6 +96,8 @@ def convert_scene(source: Path, target: Path, *, missing: Missing = "error") -> 
     missing
         What becomes of pictures and meshes that are not there: an error that names them all, or grey in place of
         pictures and no object in place of meshes; the report lists them.
+    root
+        A further folder inside which files of the pbrt scene may lie, such as one above that of the scene.
 
     Raises
     ------
@@ -103,16 +105,12 @@ def convert_scene(source: Path, target: Path, *, missing: Missing = "error") -> 
         ``FILE:LINE:COL: problem`` for what is not a pbrt scene, or cannot be said.
     """
     report = Report()
-    pbrt = read_world(source, report)
-    context = Context(pbrt, report, source.parent, FileStore(target.parent, target.stem, report), missing)
+    folders = Folders(source.parent, () if root is None else (root,), owner="pbrt scene")
+    pbrt = read_world(source, report, folders)
+    context = Context(pbrt, report, folders, FileStore(target.parent, target.stem, report), missing)
     scene = _scene_keys(context, source)
     context.refuse_missing()
     _note_unused(context)
-    if count_values(scene) > MAX_NODES:
-        raise InputError(
-            f"{source}: becomes {len(scene['objects'])} objects in {count_values(scene)} values, too many for a scene "
-            f"file (allowed: {MAX_NODES} values, some 2000 instances)"
-        )
     return Conversion(source, scene, report, context.files)
 
 
@@ -159,13 +157,19 @@ def _no_objects(context: Context, source: Path) -> str:
 
 
 def _note_unused(context: Context) -> None:
-    """Report every parameter that was never looked up."""
+    """Report every parameter that was never looked up, and count the objects that each line says something of."""
     scene = context.scene
     entities = [*scene.options.values(), *scene.lights]
-    for use, _, _ in scene.placed():
-        for entity in (use.shape, scene.material_of(use.material), use.lamp):
-            if entity is not None:
-                entities += [entity, *entity.textures.values()]
+    uses = {id(use): use for use, _, _ in scene.placed()}
+    counts = Counter(id(use) for use, _, _ in scene.placed())
+    for index, use in uses.items():
+        shown = [entity for entity in (use.shape, scene.material_of(use.material), use.lamp) if entity is not None]
+        shown += [texture for entity in shown for texture in entity.textures.values()]
+        entities += shown
+        places = [entity.place for entity in shown]
+        places += [item.place for entity in shown for item in entity.parameters.items.values()]
+        for line in {(place.source.name, place.line_number) for place in places}:
+            context.report.objects[line] += counts[index]
     for parameters in dict.fromkeys(entity.parameters for entity in entities):
         for item in parameters.unused():
             context.report.ignored(item.place, f'{parameters.what}: "{item.kind} {item.name}"')

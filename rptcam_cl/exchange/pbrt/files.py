@@ -157,8 +157,8 @@ class Context:
 
     Attributes
     ----------
-    folder : Path
-        Of the pbrt scene file, where its names of files start.
+    folders : Folders
+        Where files of the pbrt scene may lie; their names start at the folder of its file.
     files : FileStore
         Files of the scene of ours.
     missing : "error" or "grey"
@@ -173,7 +173,7 @@ class Context:
 
     scene: PbrtScene
     report: Report
-    folder: Path
+    folders: Folders
     files: FileStore = field(repr=False)
     missing: Missing = "error"
     absent: list[str] = field(default_factory=list)
@@ -197,7 +197,7 @@ class Context:
             When there is no such file, it is no regular one, or lies outside the folder of the pbrt scene.
         """
         try:
-            return Folders(self.folder, owner="pbrt scene").find(name)
+            return self.folders.find(name)
         except InputError as problem:
             raise type(problem)(str(place.error(f"{name[:80]}: {problem}"))) from None
 

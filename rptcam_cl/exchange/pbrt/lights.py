@@ -59,7 +59,8 @@ def convert_lights(context: Context, frame: Frame) -> tuple[list[Keys], Array, l
         elif entity.kind in kinds:
             lights.append(kinds[entity.kind](context, entity, frame))
         else:
-            raise entity.unknown("light", (*kinds, "infinite"))
+            entity.parameters.skip_all()
+            context.ignored(entity, f"there is no such light (known: {', '.join(kinds)}, infinite)")
     return lights, sky, maps
 
 
@@ -145,7 +146,7 @@ def lamp_radiance(context: Context, lamp: Entity, area: float) -> tuple[Array, b
     parameters = lamp.parameters
     parameters.skip(*SAMPLING)
     if lamp.kind not in ("diffuse", "area"):
-        raise lamp.unknown("area light", ("diffuse",))
+        context.approximated(lamp, "shines as diffuse does, since there is no such lamp")
     two_sided = parameters.boolean("twosided", False)
     colour = light(context, lamp, "L") * scale_factor(context, lamp)
     power = parameters.number("power", -1.0)

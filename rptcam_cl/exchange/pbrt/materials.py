@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from rptcam_cl.core.colour import luminance
 from rptcam_cl.exchange.pbrt.files import Context, is_readable, picture_name
 from rptcam_cl.exchange.pbrt.textures import Array, Shade, number_shade, samples_of, shade, single, value
-from rptcam_cl.exchange.pbrt.world import Entity
+from rptcam_cl.exchange.pbrt.world import Entity, MaterialName
 from rptcam_cl.scene.materials import LARGEST_INDEX, LEAST_BEND, SMALLEST_INDEX
 
 # Materials of ours as plain keys, and pbrt's roughness as GGX's alpha.
@@ -373,8 +373,8 @@ def convert_material(context: Context, material: Entity | None, depth: int = 0) 
     if material.kind == "mix":
         return _mix_material(context, material, depth)
     if material.kind not in KINDS:
-        raise material.unknown("material", (*KINDS, "mix", "interface"))
-    keys = KINDS[material.kind](context, material)
+        context.approximated(material, "matte, as in pbrt-v3, since there is no such material")
+    keys = KINDS.get(material.kind, _matte)(context, material)
     _take_normal_map(context, material, keys)
     return keys
 
@@ -494,7 +494,10 @@ def _mix_material(context: Context, material: Entity, depth: int) -> Keys | None
         names.reverse()  # the share of the first material becomes that of the second
         if amount.texture is not None:
             context.approximated(material, "the textured amount is inverted")
-    parts = [convert_material(context, context.scene.material_of((name, material.place)), depth + 1) for name in names]
+    parts = [
+        convert_material(context, context.scene.material_of(MaterialName(name, material.place)), depth + 1)
+        for name in names
+    ]
     first, second = parts
     if first is None or second is None or "mix" in (first["kind"], second["kind"]):
         context.approximated(material, "the one of its materials that is a plain surface")

@@ -195,7 +195,8 @@ def triangle_mesh(context: Context, shape: Entity) -> tuple[MeshData, int]:
     parameters.skip("faceIndices")
     for name, values in (("N", normals), ("uv", uvs)):
         if values is not None and len(values) != len(vertices):
-            raise shape.error(f"{name} has {len(values)} entries, P has {len(vertices)}")
+            context.ignored(shape, f"{name}, which has {len(values)} entries where P has {len(vertices)}")
+    normals, uvs = (values if values is None or len(values) == len(vertices) else None for values in (normals, uvs))
     return _clean(context, shape, MeshData(vertices, corners, normals, uvs)), len(corners)
 
 
@@ -301,12 +302,12 @@ LARGEST_FILE = 4 << 30
 def _read_mesh(path: Path, place: Place) -> MeshData:
     try:
         if path.suffix.lower() != ".gz":
-            contents = read_mesh_file(path, lambda other: other)
+            contents = read_mesh_file(path, lambda other: other, painted=False)
         else:
             with tempfile.TemporaryDirectory() as folder:
                 unpacked = Path(folder) / path.stem
                 unpacked.write_bytes(read_limited(path, path.name, LARGEST_FILE))
-                contents = read_mesh_file(unpacked, lambda other: other)
+                contents = read_mesh_file(unpacked, lambda other: other, painted=False)
     except InputError as problem:
         raise place.error(str(problem)) from None
     (part,) = contents.parts
@@ -493,12 +494,10 @@ def convert_shape(context: Context, placed: Placed) -> Piece | None:
         "sphere": _sphere, "disk": _round, "cylinder": _round, "cone": _round, "paraboloid": _round,
         "hyperboloid": _round, "trianglemesh": _mesh, "bilinearmesh": _mesh, "loopsubdiv": _mesh, "plymesh": _ply,
     }  # fmt: skip
-    if shape.kind in ("curve", "nurbs", "heightfield", "heightfield2"):
-        shape.parameters.skip_all()
-        context.ignored(shape, "there is no such shape")
-        return None
     if shape.kind not in kinds:
-        raise shape.unknown("shape", (*kinds, "curve"))
+        shape.parameters.skip_all()
+        context.ignored(shape, f"there is no such shape (known: {', '.join(kinds)})")
+        return None
     return kinds[shape.kind](context, placed)
 
 
@@ -608,8 +607,8 @@ def _ply(context: Context, placed: Placed) -> Piece | None:
 
 # The objects of a scene of ours: shapes with their materials, each material and shared mesh once.
 
-# Of the 50 000 values that a scene file may hold (see strict_yaml), with room for what is not objects.
-MOST_VALUES = 45_000
+MOST_VALUES = 45_000  # from which single objects are put together, so that the scene file stays one to be read
+TABLED = 32  # places from which a table holds them
 
 
 def count_values(value: Any) -> int:
@@ -658,6 +657,7 @@ class Objects:
                  for index, (_, mesh) in self._loose.items()}  # fmt: skip
         if count_values(self.items) + sum(sizes.values()) > MOST_VALUES:
             self._merge()
+            self._merge_spheres()
         for index, (use, mesh) in self._loose.items():
             self.items[index] = {"shape": "mesh", **self._mesh_keys(use, mesh), **self.items[index]}
         self.items = [item for item in self.items if item]
@@ -666,18 +666,43 @@ class Objects:
 
     def add_all(self) -> None:
         """Add every shape at every place."""
-        placed = list(self.context.scene.placed())
-        uses = Counter(id(use) for use, _, _ in placed)
-        for use, world, instance in placed:
-            self._add(use, np.asarray(self.frame.world @ world), instance, shared=uses[id(use)] > 1)
-        self._note_unplaced({id(use) for use, _, _ in placed})
-
-    def _note_unplaced(self, placed: set[int]) -> None:
-        for name, shapes in self.context.scene.objects.items():
-            if shapes and id(shapes[0]) not in placed:  # all are placed, or none
+        scene = self.context.scene
+        placed = [item for item in scene.shapes if isinstance(item, Instance)]
+        counts = Counter(item.name for item in placed)
+        for item in scene.shapes:
+            if isinstance(item, ShapeUse):
+                self._add(item, np.asarray(self.frame.world @ item.shape.world_from_object))
+            elif counts[item.name] < TABLED:
+                for use in scene.objects.get(item.name, ()):
+                    world = self.frame.world @ item.world_from_instance @ use.shape.world_from_object
+                    self._add(use, np.asarray(world), item, shared=counts[item.name] > 1)
+        for name in counts:
+            if counts[name] >= TABLED and scene.objects.get(name):
+                self._add_table([item for item in placed if item.name == name], scene.objects[name])
+        for name, shapes in scene.objects.items():
+            if shapes and name not in counts:
                 self.context.report.noted(shapes[0].shape.place, f'object "{name}" is never placed')
 
-    def _add(self, use: ShapeUse, world: Matrix, instance: Instance | None, *, shared: bool) -> None:
+    def _add_table(self, instances: list[Instance], shapes: list[ShapeUse]) -> None:
+        """Add the shapes of an object that stands in many places, with a table of these."""
+        worlds = [np.asarray(self.frame.world @ item.world_from_instance) for item in instances]
+        kept = [index for index, world in enumerate(worlds) if is_bearable(world) and is_transform_of_ours(world)]
+        for index in set(range(len(worlds))).difference(kept):
+            self.context.report.ignored(instances[index].place, f'ObjectInstance "{instances[index].name}": {ODD}')
+        if not kept:
+            return
+        matrices = np.array([worlds[index][:3] for index in kept])
+        table = self._table(instances[0].name, matrices=matrices)
+        for use in shapes:
+            self._add(use, use.shape.world_from_object, instances[kept[0]], shared=True, table=table)
+
+    def _table(self, name: str, **arrays: Array) -> str:
+        """The name of a new file beside the scene that holds places."""
+        return self.context.files.add("places", f"{name}.npz", lambda path: np.savez(path, **arrays))  # type: ignore[arg-type]
+
+    def _add(
+        self, use: ShapeUse, world: Matrix, instance: Instance | None = None, *, shared: bool = False, table: str = ""
+    ) -> None:
         if not is_bearable(world):
             self._leave_out(use, instance)
             return
@@ -714,7 +739,8 @@ class Objects:
             keys = {"shape": "mesh", "mesh": self._share_mesh(use, mesh), **keys}
         elif mesh is not None:
             self._loose[len(self.items)] = use, mesh
-        self.items.append({**keys, "material": name})
+        places = {"instances": {"file": table}} if table else {}
+        self.items.append({**keys, **places, "material": name})
 
     def _leave_out(self, use: ShapeUse, instance: Instance | None) -> None:
         """Report a shape whose transform flattens space, or leads out of it."""
@@ -754,6 +780,22 @@ class Objects:
             self.meshes[name] = self._mesh_keys(use, mesh)
         return self._shared[id(use)][1]
 
+    def _merge_spheres(self) -> None:
+        """Make one object of the spheres of each material, with a table of their places."""
+        groups: dict[str, list[int]] = {}
+        for index, item in enumerate(self.items):
+            if item.keys() == {"shape", "center", "radius", "material"}:
+                groups.setdefault(item["material"], []).append(index)
+        for material, members in groups.items():
+            if len(members) < TABLED:
+                continue
+            places = {key: np.array([self.items[index][key] for index in members]) for key in ("center", "radius")}
+            table = self._table(f"{material}-spheres", positions=places["center"], scales=places["radius"])
+            for index in members:
+                self.items[index] = {}
+            one = {"shape": "sphere", "center": [0, 0, 0], "radius": 1, "instances": {"file": table}}
+            self.items[members[0]] = {**one, "material": material}
+
     def _merge(self) -> None:
         """Put the meshes of each material together that stand in one place only."""
         groups: dict[tuple[object, ...], list[int]] = {}
@@ -771,7 +813,7 @@ class Objects:
                 self.items[index] = {}
             self.context.report.noted(
                 use.shape.place,
-                f"{1 + len(others)} meshes of {material} became one: a scene file holds no more objects",
+                f"{1 + len(others)} meshes of {material} became one, as there are very many",
             )
 
     def _mesh_keys(self, use: ShapeUse, mesh: MeshData) -> Keys:

@@ -7,6 +7,7 @@ import gzip
 import re
 import zlib
 from bisect import bisect_right
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import field
 from functools import cached_property
@@ -243,8 +244,15 @@ LINES_NAMED = 8
 
 @dataclass
 class Report:
-    """Messages in the order of files and lines, each with all the lines that it concerns."""
+    """Messages in the order of files and lines, each with all the lines that it concerns.
 
+    Attributes
+    ----------
+    objects : Counter
+        How many objects each line of the source says something of, by file and line.
+    """
+
+    objects: Counter[tuple[str, int]] = field(default_factory=Counter)
     _lines: dict[str, set[tuple[str, int]]] = field(default_factory=dict)
 
     def ignored(self, place: Place, what: str) -> None:
@@ -262,9 +270,20 @@ class Report:
     def _note(self, place: Place, message: str) -> None:
         self._lines.setdefault(one_line(message), set()).add((place.source.name, place.line_number))
 
+    def described(self) -> list[dict[str, Any]]:
+        """List the messages as plain data: what becomes of what, in which lines, and of how many objects."""
+        return [
+            {"effect": effect, "message": text, "lines": [f"{file}:{line}" for file, line in places],
+             "objects": sum(self.objects[place] for place in places)}
+            for places, message in self._sorted()
+            for effect, _, text in [message.partition(": ")]
+        ]  # fmt: skip
+
+    def _sorted(self) -> list[tuple[list[tuple[str, int]], str]]:
+        return sorted((sorted(places), message) for message, places in self._lines.items())
+
     def __iter__(self) -> Iterator[str]:
-        placed = sorted((sorted(places), message) for message, places in self._lines.items())
-        for ((file, line), *others), message in placed:
+        for ((file, line), *others), message in self._sorted():
             named = ", ".join(str(other) if name == file else f"{name}:{other}" for name, other in others[:LINES_NAMED])
             rest = len(others) - LINES_NAMED
             more = f" (also on {named}{f' and {rest} more' if rest > 0 else ''})" if others else ""
@@ -331,13 +350,15 @@ class Parameters:
     repeated: list[Parameter] = field(default_factory=list)
 
     def get(self, name: str, *kinds: str) -> Parameter | None:
-        """Return a parameter of one of some types, None when there is none of the name."""
+        """Return a parameter of one of some types, None when there is none of the name.
+
+        One of another type is none, as in pbrt, which looks parameters up by name and type: it stays unused, and is
+        reported.
+        """
         item = self.items.get(name)
-        if item is None:
+        if item is None or (kinds and item.kind not in kinds):
             return None
         self.used.add(name)
-        if kinds and item.kind not in kinds:
-            raise self.error(name, f"is a {item.kind} (allowed: {', '.join(kinds)})")
         return item
 
     def numbers(self, name: str, *kinds: str) -> NDArray[np.float64] | None:
@@ -546,12 +567,18 @@ class Statement:
         return " ".join([self.directive, *(f'"{text}"' for text in self.texts)])
 
 
-def read_statements(path: Path) -> Iterator[Statement]:
+def read_statements(path: Path, folders: Folders | None = None) -> Iterator[Statement]:
     """Yield the statements of a scene file and of the files that it includes.
 
     Names of files start at the folder of the scene file, as pbrt has it. An imported file stands between
     ``AttributeBegin`` and ``AttributeEnd``: its state does not reach beyond it.
+
+    Parameters
+    ----------
+    folders
+        Where included files may lie; by default the folder of the scene file and those below it.
     """
+    folders = folders or Folders(path.parent, owner="pbrt scene")
     # files that are being read: their real paths, and where they are imported
     stack: list[tuple[Path, Tokens, Place | None]] = [(path.resolve(), Tokens(read_source(path, str(path))), None)]
     files = 1
@@ -573,18 +600,18 @@ def read_statements(path: Path) -> Iterator[Statement]:
         imported = statement.place if statement.directive == "Import" else None
         if imported is not None:
             yield Statement("AttributeBegin", statement.place)
-        real, tokens = _open_included(statement, path.parent, [level[0] for level in stack])
+        real, tokens = _open_included(statement, folders, [level[0] for level in stack])
         stack.append((real, tokens, imported))
 
 
-def _open_included(statement: Statement, folder: Path, including: list[Path]) -> tuple[Path, Tokens]:
+def _open_included(statement: Statement, folders: Folders, including: list[Path]) -> tuple[Path, Tokens]:
     """Return the real path of a file that a statement of others includes, and its tokens."""
     (name,) = statement.texts
     try:
-        real = Folders(folder, owner="pbrt scene").find(name)
+        real = folders.find(name)
         if real in including:
             raise InputError(f"{name} includes itself, by way of {len(including)} files")
-        return real, Tokens(read_source(real, str(folder / name)))
+        return real, Tokens(read_source(real, str(folders.base / name)))
     except RptcamError as problem:
         raise statement.place.error(f"{statement.directive}: {problem}") from None
 

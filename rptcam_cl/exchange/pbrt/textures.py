@@ -241,7 +241,7 @@ def shade(context: Context, entity: Entity, name: str, default: float, depth: in
     item = entity.parameters.get(name, "texture", *COLOURS)
     if item is None or item.kind != "texture":
         return Shade(reflectance(context, entity, name, default))
-    return _convert_named(context, entity, item, "spectrum", depth)
+    return _convert_named(context, entity, item, "spectrum", default, depth)
 
 
 def value(context: Context, entity: Entity, name: str, default: float) -> float:
@@ -259,7 +259,7 @@ def number_shade(context: Context, entity: Entity, name: str, default: float) ->
     if item is None or item.kind == "float":
         return Shade(np.full(3, default if item is None else entity.parameters.number(name, default)))
     if item.kind == "texture":
-        return _convert_named(context, entity, item, "float", 0)
+        return _convert_named(context, entity, item, "float", default)
     return Shade(reflectance(context, entity, name, default))
 
 
@@ -271,26 +271,24 @@ def single(context: Context, entity: Entity, name: str, texture: Shade) -> float
     return float(texture.colour.mean())
 
 
-def _convert_named(context: Context, entity: Entity, item: Parameter, kind: str, depth: int) -> Shade:
-    (name, *others) = (str(text) for text in item.values)
+def _convert_named(
+    context: Context, entity: Entity, item: Parameter, kind: str, default: float, depth: int = 0
+) -> Shade:
+    """Return the texture that a parameter names; the value that it has without one where none has the name."""
+    name = " ".join(str(text) for text in item.values)
     texture = entity.textures.get((kind, name))
-    if texture is None or others:
+    if texture is None or texture.kind not in KINDS:
         other = entity.textures.get(("float" if kind == "spectrum" else "spectrum", name))
-        hint = f"; one of the other type is, on {other.place.line}" if other is not None else ""
-        raise item.place.error(f'no {kind} texture is named "{name}"{hint}')
+        hint = f"; one of the other type has, on {other.place.line}" if other is not None else ""
+        why = f"no {kind} texture has the name{hint}" if texture is None else f'there is no texture "{texture.kind}"'
+        context.approximated(entity, f'"{item.name}" is {default:g} in place of "{name}": {why}', item.place)
+        return Shade(np.full(3, default))
     if depth > DEEPEST:
         raise item.place.error(f"textures refer to each other more than {DEEPEST} deep")
     known = context.known.get(id(texture))
     if not isinstance(known, Shade):
-        known = context.known[id(texture)] = _convert(context, texture, depth + 1)
+        known = context.known[id(texture)] = KINDS[texture.kind](context, texture, depth + 1)
     return known
-
-
-def _convert(context: Context, texture: Entity, depth: int) -> Shade:
-    """Return a texture as one of ours."""
-    if texture.kind not in KINDS:
-        raise texture.unknown("texture", KINDS)
-    return KINDS[texture.kind](context, texture, depth)
 
 
 def _grey(context: Context, texture: Entity, depth: int) -> Shade:

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.files import Folders
 from rptcam_cl.exchange.pbrt.source import NUMBERS, Parameter, Parameters, Place, Report, Statement, read_statements
 from rptcam_cl.scene.placement import SMALLEST_STRETCH_RATIO, turn_about
 from rptcam_cl.scene.quantities import LARGEST_COORDINATE
@@ -219,8 +220,21 @@ class Entity:
         return name, self.parameters.items["filename"].place
 
 
-MaterialName = tuple[str, Place]
-"""A material called by its name, which may be defined later, and where it is called."""
+@dataclass(frozen=True, eq=False)
+class MaterialName:
+    """A material called by its name, which may be defined later.
+
+    Attributes
+    ----------
+    place : Place
+        Where it is called.
+    before : Entity, MaterialName or None
+        What was the material before; pbrt-v3 keeps to it where nothing has the name.
+    """
+
+    name: str
+    place: Place
+    before: Entity | MaterialName | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -256,6 +270,7 @@ class PbrtScene:
         3 or 4: which release of pbrt the file was written for.
     """
 
+    report: Report
     options: dict[str, Entity] = field(default_factory=dict)
     shapes: list[ShapeUse | Instance] = field(default_factory=list)
     objects: dict[str, list[ShapeUse]] = field(default_factory=dict)
@@ -264,14 +279,14 @@ class PbrtScene:
     version: int = 4
 
     def material_of(self, use: Entity | MaterialName | None) -> Entity | None:
-        """Return a material, looked up when it is called by its name; None for pbrt's default."""
-        if not isinstance(use, tuple):
-            return use
-        name, place = use
-        if name not in self.materials:
-            known = ", ".join(list(self.materials)[:10]) or "none"
-            raise place.error(f'no material is named "{name}" (named are: {known})')
-        return self.materials[name]
+        """Return a material, looked up when it is called by its name; None for pbrt's default, a matte grey."""
+        while isinstance(use, MaterialName):
+            if use.name in self.materials:
+                return self.materials[use.name]
+            what = f'NamedMaterial "{use.name}": no material has the name; the one before, or grey 0.5'
+            self.report.approximated(use.place, what)
+            use = use.before
+        return use
 
     def placed(self) -> Iterator[tuple[ShapeUse, Matrix, Instance | None]]:
         """Yield every shape with its placement in the world, once for each instance."""
@@ -280,8 +295,8 @@ class PbrtScene:
                 yield item, item.shape.world_from_object, None
                 continue
             if item.name not in self.objects:
-                raise item.place.error(f'no object is named "{item.name}"')
-            for use in self.objects[item.name]:
+                self.report.ignored(item.place, f'ObjectInstance "{item.name}": no object has the name')
+            for use in self.objects.get(item.name, ()):
                 yield use, item.world_from_instance @ use.shape.world_from_object, item
 
 
@@ -322,17 +337,22 @@ class World:
     """Takes statements in their order."""
 
     report: Report
-    scene: PbrtScene = field(default_factory=PbrtScene)
+    scene: PbrtScene
     state: GraphicsState = field(default_factory=GraphicsState)
-    saved: list[tuple[str, GraphicsState, Place]] = field(default_factory=list)  # of blocks by kind and beginning
+    states: list[GraphicsState] = field(default_factory=list)  # for the ends of blocks of attributes and objects
+    blocks: list[tuple[str, GraphicsState, Place]] = field(default_factory=list)  # of all; their transforms count
     spaces: dict[str, Matrix] = field(default_factory=dict)
     textures: dict[TextureKey, Entity] = field(default_factory=dict)
     in_world: bool = False
+    ended: bool = False
     current_object: str | None = None
 
     def take(self, statement: Statement) -> None:
         """Carry out one statement."""
         name = statement.directive
+        if problem := self._misplaced(name):
+            self.report.ignored(statement.place, f"{name}: {problem}, as in pbrt")
+            return
         if statement.parameters is not None:
             for item in statement.parameters.repeated:
                 what = f'{statement.described()}: "{item.name}" is given twice; the last one counts'
@@ -348,11 +368,22 @@ class World:
             return
         _ACTIONS[name](self, statement)
 
+    def _misplaced(self, name: str) -> str:
+        """Say why pbrt skips a directive with a warning where it stands, nothing where it does not."""
+        if self.ended:
+            return "stands after WorldEnd, behind the picture that is rendered"
+        if self.in_world and (name in OPTIONS or name == "WorldBegin"):
+            return "stands inside the world"
+        if not self.in_world and name in ("Shape", "LightSource", "ObjectInstance", "WorldEnd"):
+            return "stands before WorldBegin"
+        if self.current_object is not None and name == "ObjectInstance":
+            return "stands inside an object"
+        return ""
+
     def finish(self) -> PbrtScene:
-        """Return the scene, once all blocks are closed."""
-        if self.saved:
-            kind, _, place = self.saved[-1]
-            raise place.error(f"{kind}Begin is never closed by {kind}End")
+        """Return the scene; a block that is never closed ends with it."""
+        for kind, _, place in self.blocks:
+            self.report.noted(place, f"{kind}Begin is never closed by {kind}End")
         return self.scene
 
     def entity(self, statement: Statement, kind: str) -> Entity:
@@ -388,8 +419,6 @@ class World:
 
     def _option(self, statement: Statement) -> None:
         name = "Integrator" if statement.directive == "SurfaceIntegrator" else statement.directive
-        if self.in_world:
-            raise statement.place.error(f"{statement.directive} belongs before WorldBegin")
         if name in self.scene.options:
             self.report.ignored(self.scene.options[name].place, f"{name}: a later one takes its place")
         self.scene.options[name] = self.entity(statement, statement.texts[0])
@@ -401,23 +430,29 @@ class World:
 
     def push(self, kind: str, place: Place) -> None:
         """Keep the state for the end of a block."""
-        if len(self.saved) >= DEEPEST:
+        if len(self.blocks) >= DEEPEST:
             raise place.error(f"{kind}Begin: blocks are nested more than {DEEPEST} deep")
-        self.saved.append((kind, self.state, place))
+        self.blocks.append((kind, self.state, place))
+        if kind != "Transform":
+            self.states.append(self.state)
 
-    def pop(self, kind: str, place: Place) -> GraphicsState:
-        """Return the state from the beginning of a block."""
-        if not self.saved:
-            raise place.error(f"{kind}End without {kind}Begin")
-        begun, state, beginning = self.saved.pop()
+    def pop(self, kind: str, place: Place) -> None:
+        """Go back to the state of the beginning of a block.
+
+        Blocks may overlap: pbrt-v2 and v3 have one stack of transforms, for all blocks, and one of all else, for those
+        of attributes and objects.
+        """
+        if not self.blocks or (kind != "Transform" and not self.states):
+            self.report.noted(place, f"{kind}End without {kind}Begin; it changes nothing")
+            return
+        begun, before, beginning = self.blocks.pop()
         if begun != kind:
-            raise place.error(f"{kind}End closes the {begun}Begin of {beginning.line}")
-        return state
+            self.report.noted(place, f"{kind}End closes the {begun}Begin of {beginning.line}, as in pbrt-v3")
+        rest = self.state if kind == "Transform" else self.states.pop()
+        self.state = replace(rest, ctm=before.ctm, moving=before.moving)
 
 
 def _world_begin(world: World, statement: Statement) -> None:
-    if world.in_world:
-        raise statement.place.error("a second WorldBegin")
     world.in_world = True
     world.state = replace(world.state, ctm=np.eye(4), moving=True)
     world.spaces["world"] = np.eye(4)
@@ -425,27 +460,22 @@ def _world_begin(world: World, statement: Statement) -> None:
 
 def _world_end(world: World, statement: Statement) -> None:
     world.scene.version = 3
-    if not world.in_world:
-        raise statement.place.error("WorldEnd without WorldBegin")
+    world.ended = True
 
 
 def _block_begin(world: World, statement: Statement) -> None:
     world.push(statement.directive.removesuffix("Begin"), statement.place)
 
 
-def _attribute_end(world: World, statement: Statement) -> None:
-    world.state = world.pop("Attribute", statement.place)
-
-
-def _transform_end(world: World, statement: Statement) -> None:
-    kept = world.pop("Transform", statement.place)
-    world.state = replace(world.state, ctm=kept.ctm, moving=kept.moving)
+def _block_end(world: World, statement: Statement) -> None:
+    world.pop(statement.directive.removesuffix("End"), statement.place)
 
 
 def _object_begin(world: World, statement: Statement) -> None:
-    if world.current_object is not None:
-        raise statement.place.error("ObjectBegin inside another object")
     (name,) = statement.texts
+    if world.current_object is not None:
+        what = f'ObjectBegin "{name}" inside "{world.current_object}", which ends here, as in pbrt-v3'
+        world.report.noted(statement.place, what)
     if name in world.scene.objects:
         world.report.noted(statement.place, f'object "{name}" is defined again; instances use the last one')
     world.push("Object", statement.place)
@@ -454,13 +484,11 @@ def _object_begin(world: World, statement: Statement) -> None:
 
 
 def _object_end(world: World, statement: Statement) -> None:
-    world.state = world.pop("Object", statement.place)
+    _block_end(world, statement)
     world.current_object = None
 
 
 def _object_instance(world: World, statement: Statement) -> None:
-    if world.current_object is not None:
-        raise statement.place.error("ObjectInstance inside an object")
     world.scene.shapes.append(Instance(statement.texts[0], world.state.ctm, statement.place))
 
 
@@ -471,8 +499,8 @@ def _coordinate_system(world: World, statement: Statement) -> None:
 def _coordinate_system_transform(world: World, statement: Statement) -> None:
     (name,) = statement.texts
     if name not in world.spaces:
-        known = ", ".join(world.spaces) or "none yet"
-        raise statement.place.error(f'no coordinate system is named "{name}" (named are: {known})')
+        world.report.ignored(statement.place, f"{statement.described()}: no coordinate system has the name, as in pbrt")
+        return
     world.set_transform(world.spaces[name])
 
 
@@ -513,7 +541,8 @@ def _material(world: World, statement: Statement) -> None:
 
 def _named_material(world: World, statement: Statement) -> None:
     (name,) = statement.texts
-    material = world.scene.materials.get(name) or (name, statement.place)
+    before = world.state.material
+    material = world.scene.materials.get(name) or MaterialName(name, statement.place, before)
     world.state = replace(world.state, material=material)
 
 
@@ -521,27 +550,22 @@ def _make_named_material(world: World, statement: Statement) -> None:
     (name,) = statement.texts
     parameters = statement.with_parameters()
     if not parameters.has("type"):
-        raise statement.place.error(f'{statement.described()} needs a parameter "string type"')
+        world.report.approximated(statement.place, f'{statement.described()}: matte, as it has no "string type"')
     if name in world.scene.materials:
         world.report.noted(statement.place, f'material "{name}" is defined again')
-    world.scene.materials[name] = world.entity(statement, parameters.text("type", ""))
+    world.scene.materials[name] = world.entity(statement, parameters.text("type", "matte"))
 
 
 def _texture(world: World, statement: Statement) -> None:
     name, kind, form = statement.texts
     kinds = {"float": "float", "spectrum": "spectrum", "color": "spectrum"}
     if kind not in kinds:
-        raise statement.place.error(f'{statement.described()}: unknown type "{kind}" (allowed: float, spectrum)')
+        world.report.ignored(statement.place, f'{statement.described()}: no texture has the type "{kind}"')
+        return
     world.textures[kinds[kind], name] = world.entity(statement, form)
 
 
-def _check_world(world: World, statement: Statement) -> None:
-    if not world.in_world:
-        raise statement.place.error(f"{statement.directive} belongs after WorldBegin")
-
-
 def _light(world: World, statement: Statement) -> None:
-    _check_world(world, statement)
     world.scene.lights.append(world.entity(statement, statement.texts[0]))
 
 
@@ -550,7 +574,6 @@ def _area_light(world: World, statement: Statement) -> None:
 
 
 def _shape(world: World, statement: Statement) -> None:
-    _check_world(world, statement)
     state = world.state
     use = ShapeUse(world.entity(statement, statement.texts[0]), state.material, state.lamp, state.reverse)
     if world.current_object is None:
@@ -561,7 +584,7 @@ def _shape(world: World, statement: Statement) -> None:
 
 _ACTIONS: dict[str, Callable[[World, Statement], None]] = {
     "WorldBegin": _world_begin, "WorldEnd": _world_end, "AttributeBegin": _block_begin,
-    "AttributeEnd": _attribute_end, "TransformBegin": _block_begin, "TransformEnd": _transform_end,
+    "AttributeEnd": _block_end, "TransformBegin": _block_begin, "TransformEnd": _block_end,
     "ObjectBegin": _object_begin, "ObjectEnd": _object_end, "ObjectInstance": _object_instance,
     "CoordinateSystem": _coordinate_system, "CoordSysTransform": _coordinate_system_transform, "Identity": _identity,
     "ActiveTransform": _active_transform, "ReverseOrientation": _reverse, "ColorSpace": _color_space,
@@ -571,9 +594,9 @@ _ACTIONS: dict[str, Callable[[World, Statement], None]] = {
 }  # fmt: skip
 
 
-def read_world(path: Path, report: Report) -> PbrtScene:
-    """Read a scene file and the files that it includes."""
-    world = World(report)
-    for statement in read_statements(path):
+def read_world(path: Path, report: Report, folders: Folders | None = None) -> PbrtScene:
+    """Read a scene file and the files that it includes, which may lie in `folders`."""
+    world = World(report, PbrtScene(report))
+    for statement in read_statements(path, folders):
         world.take(statement)
     return world.finish()

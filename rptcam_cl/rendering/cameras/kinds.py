@@ -59,6 +59,7 @@ from rptcam_cl.rendering.cameras.setting import (
     half_film_mm,
     lens_setting,
     movements_metadata,
+    on_film,
     place_film,
 )
 from rptcam_cl.rendering.cameras.shared_pupil import Window
@@ -542,7 +543,7 @@ def camera_of(scene: Scene, setting: LensSetting | None = None) -> CameraOptics:
     InputError
         When the focus is yet to be found.
     """
-    scene = scene if setting is not None else at_opening(scene)
+    scene = scene if setting is not None else at_opening(on_film(scene))
     if scene.camera.kind not in _KINDS:
         raise scene.camera.lacks("its optics (_KINDS in rptcam_cl/rendering/cameras/kinds.py)")
     return _KINDS[scene.camera.kind](scene, setting)

@@ -31,7 +31,7 @@ from rptcam_cl.rendering.cameras.setting import (
     half_film_mm,
 )
 from rptcam_cl.scene.base import FLOAT32_MAX, FLOAT32_MIN_NORMAL
-from rptcam_cl.scene.camera import CameraKind, Pose, pose_matrix
+from rptcam_cl.scene.camera import CameraKind, pose_matrix
 from rptcam_cl.scene.exposure import Exposure, Shutter
 from rptcam_cl.scene.film import Film, FilmFilter
 from rptcam_cl.scene.placement import moments
@@ -660,7 +660,7 @@ class CameraModel:
         return self.facts.get("PUPIL_KIND") != PupilKind.OUTLINES or bool(self.facts.get("HALF_PUPIL"))
 
 
-def camera_record(pose: Pose, film: Film, kind: str, **own: float) -> NDArray[np.void]:
+def camera_record(pose: CameraKind, film: Film, kind: str, **own: float) -> NDArray[np.void]:
     """Return a camera record with pose and resolution in place, and what a camera of a kind has of its own."""
     record = _posed(CAMERA.zeros(1), pose)
     width, height = film.resolution
@@ -681,7 +681,8 @@ def turned(camera: CameraModel, pose: CameraKind) -> CameraModel:
     return replace(camera, record=_posed(camera.record.copy(), pose), setting=setting)
 
 
-def _posed(record: NDArray[np.void], pose: Pose) -> NDArray[np.void]:
+def _posed(record: NDArray[np.void], pose: CameraKind) -> NDArray[np.void]:
+    assert not pose.stands_by_pupil, "where its film stands is to be found first (`on_film`)"
     matrix = pose.world_from_camera()
     for index, name in enumerate(("right", "up", "back")):
         record[name][0, :3] = matrix[:3, index]

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import field
 from functools import partial
+from itertools import zip_longest
 from typing import TYPE_CHECKING, Any, Literal, TypedDict
 
 import numpy as np
@@ -37,8 +38,9 @@ from rptcam_cl.optics.pupils import UNMOVED, FilmFrame, FilmProbe
 from rptcam_cl.optics.ray_trace import LensTransmission, has_coatings, known_nm, with_coating
 from rptcam_cl.rendering.cameras.pupil import SamplingMetadata, by_content, on_disk, without_shape
 from rptcam_cl.scene.camera import NO_MOVEMENTS, NOT_FOUND_YET, CameraKind, LensCamera, pose_matrix
-from rptcam_cl.scene.lens_settings import CoatingLayers
+from rptcam_cl.scene.lens_settings import CoatingLayers, Focus
 from rptcam_cl.scene.load import at_opening
+from rptcam_cl.scene.placement import CameraKeyframe
 from rptcam_cl.scene.scene import Scene
 
 if TYPE_CHECKING:
@@ -620,8 +622,8 @@ def lens_setting(scene: Scene) -> LensSetting:
     InputError
         When it cannot be zoomed, stopped down or focused as requested.
     """
-    if scene.camera.followed is not None:
-        scene = at_opening(scene)
+    if scene.camera.followed is not None or scene.camera.stands_by_pupil:
+        scene = at_opening(on_film(scene))
     camera = lens_camera(scene)
     lens, focus, real = design_to_focus(scene, camera), camera.focus, real_state(scene)
     if focus.film_distance_mm is not None:
@@ -645,6 +647,86 @@ def lens_setting(scene: Scene) -> LensSetting:
     if side == "front":
         distance_mm = distance_mm + lens.length + lens.sense * film_distance_mm
     return LensSetting(real.lens(lens), real.film(film_distance_mm), distance_mm, camera, real)
+
+
+# Where the film is of a camera that stands by its entrance pupil.
+#
+# Everything but this takes the eye for the centre of the film, so that such a scene is replaced by one that says the
+# same of its film before anything is made of it.
+
+LEAST_TURN = 0.01  # radians of view between keyframes: the film is on its arc within its lever / 80,000
+FARTHEST_MM = 1e6  # between eye and film; a pupil that lies farther away is no place to stand at
+PLACED = 1e-12  # relative change of the pupil's place at which it is found
+
+
+def on_film(scene: Scene) -> Scene:
+    """Return a scene whose eye is the centre of the film: itself, unless its camera stands by its entrance pupil.
+
+    The pupil is that of the lens in use when the shutter opens, on the axis, to first order. A focus at a point or an
+    object becomes one at its distance then.
+
+    Raises
+    ------
+    InputError
+        When the entrance pupil lies at infinity.
+    """
+    if not scene.camera.stands_by_pupil:
+        return scene
+    still = at_opening(scene)
+    camera, here = lens_camera(scene), lens_camera(still)
+    found = {} if here.focus.point is None else {"focus": _from_pupil(still, here, here.focus.point)}
+    state = still.model_copy(update={"camera": here.model_copy(update={"stands_at": "film"} | found)})
+    ahead_mm = entrance_pupil(state, lens_setting(state), drifts=False).ahead_mm
+    if not abs(ahead_mm) < FARTHEST_MM:
+        name = lens_setting(state).lens.name
+        raise InputError(f"camera.stands_at: the entrance pupil of {name} lies at infinity, or nearly (allowed: film)")
+    behind = ahead_mm * 1e-3 / scene.metres_per_unit
+    eye, target, _ = _set_back(np.array([camera.eye, camera.target, camera.up]), behind)
+    motion = _motion_set_back(camera, behind, scene.shutter.span_s)
+    update = {"eye": eye, "target": target, "motion": motion, "stands_at": "film"} | found
+    return scene.model_copy(update={"camera": camera.model_copy(update=update)})
+
+
+def _from_pupil(scene: Scene, camera: LensCamera, point: tuple[float, float, float]) -> Focus:
+    """Return the focus at a point that is known from the entrance pupil, by its distance from the first surface."""
+    wanted_mm = camera.ahead(point) * scene.metres_per_unit * 1e3
+    pupil_mm, focus = 0.0, camera.focus
+    for _ in range(ROUNDS):  # what focuses the lens may move its pupil
+        front_m = (wanted_mm - pupil_mm) * 1e-3
+        focus = Focus(front_distance_m=front_m, method=camera.focus.method, field=camera.focus.field)
+        known = camera.model_copy(update={"focus": focus, "stands_at": "film"})
+        setting = lens_setting(scene.model_copy(update={"camera": known}))
+        before, pupil_mm = pupil_mm, setting.lens.first_order(camera.wavelength_nm).entrance_pupil.distance_mm
+        if not abs(pupil_mm - before) > PLACED * wanted_mm:  # also at infinity, which is no place to measure from
+            break
+    return focus
+
+
+def _set_back(pose: Array, behind: float) -> tuple[tuple[float, ...], ...]:
+    """Return eye, target and up (3, 3) of a camera that stands further back, looking the same way."""
+    shift = behind * pose_matrix(pose)[:3, 2]
+    eye, target, up = (tuple(row.tolist()) for row in pose + np.array([shift, shift, 0.0 * shift]))
+    return eye, target, up
+
+
+def _motion_set_back(camera: LensCamera, behind: float, shutter_s: tuple[float, float]) -> tuple[CameraKeyframe, ...]:
+    """Return keyframes of the film: as it turns about the pupil it goes along an arc, while the shutter is open by
+    short steps."""
+    frames: list[CameraKeyframe] = []
+    times = [frame.time_s for frame in camera.motion]
+    for begin, end in zip_longest(times, times[1:]):
+        steps = 1
+        if end is not None and end > shutter_s[0] and begin < shutter_s[1]:
+            turn = math.acos(np.clip(_view(camera, begin) @ _view(camera, end), -1.0, 1.0))
+            steps = max(math.ceil(turn / LEAST_TURN), 1)
+        for time_s in [begin] if end is None else np.linspace(begin, end, steps, endpoint=False).tolist():
+            eye, target, up = _set_back(camera.pose_at(time_s), behind)
+            frames.append(CameraKeyframe(time_s=time_s, eye=eye, target=target, up=up))
+    return tuple(frames)
+
+
+def _view(camera: LensCamera, time_s: float) -> Array:
+    return -pose_matrix(camera.pose_at(time_s))[:3, 2]
 
 
 def film_point(scene: Scene, camera: CameraKind, right: float, down: float) -> tuple[float, float, float]:

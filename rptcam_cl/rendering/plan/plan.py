@@ -25,6 +25,7 @@ from rptcam_cl.core.records import CAUSTIC_SURFACE, SIZELESS_EMITTERS, EmitterKi
 from rptcam_cl.rendering.cameras.kinds import camera_model
 from rptcam_cl.rendering.cameras.lamp_aim import SeenLamp, Shows, Sights, aimed_at_lamps
 from rptcam_cl.rendering.cameras.model import CameraModel, FilterTable, camera_trajectory, filter_table, turned
+from rptcam_cl.rendering.cameras.setting import on_film
 from rptcam_cl.rendering.plan.emitters import (
     SOLIDS,
     Emitters,
@@ -547,7 +548,8 @@ def _solids(scene: Scene, far: tuple[Any, ...]) -> tuple[tuple[Solid, ...], tupl
     """Return the objects with what their files hold, and every part that is shown and names a file."""
     solids = scene.solids()
     shown = {id(material): material for solid in solids for material in solid.shown_materials()}
-    return solids, tuple(reference for _, reference in file_references((tuple(shown.values()), far)))
+    tables = tuple(item.instances for item in scene.objects if item.instances is not None)
+    return solids, tuple(reference for _, reference in file_references((tuple(shown.values()), far, tables)))
 
 
 def _pack_world(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> dict[str, Any]:
@@ -658,7 +660,7 @@ def make_plan(
     parts
         What the last plan was made of; it takes what this one is.
     """
-    parts = parts or PlanParts()
+    parts, scene = parts or PlanParts(), on_film(scene)
     plan = _still_plan(at_opening(scene), camera, coarse, parts)
     return plan if camera is not None else replace(plan, steps=_steps(plan, scene, coarse, parts))
 

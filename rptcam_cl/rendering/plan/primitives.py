@@ -278,7 +278,7 @@ class MeshPart:
 
 
 def mesh_parts(scene: Scene, item: MeshObject | Board) -> tuple[MeshPart, ...]:
-    """Return the parts of one of a scene's mesh objects, in the order of the file.
+    """Return the parts of one of a scene's mesh objects, in the order of the file, at each of its places.
 
     Raises
     ------
@@ -287,7 +287,8 @@ def mesh_parts(scene: Scene, item: MeshObject | Board) -> tuple[MeshPart, ...]:
     """
     loaded = scene.load_mesh(item)
     return tuple(
-        MeshPart(part.mesh, item.placed_at(scene.shutter.open_s) @ part.placement, material, part.name or item.name)
+        MeshPart(part.mesh, place @ part.placement, material, part.name or item.name)
+        for place in item.places(scene.folders, scene.shutter.open_s)
         for part, material in zip(loaded.contents.parts, loaded.materials, strict=True)
     )
 
@@ -575,9 +576,10 @@ def _canonical(item: Object) -> Iterator[tuple[Kind, Matrix]]:
             yield Kind.PLANE, affine(turn_to(item.normal), item.point)
 
 
-def _is_similarity(linear: Matrix) -> bool:
-    gram = linear.T @ linear
-    return bool(np.abs(gram - gram[0, 0] * np.eye(3)).max() <= 1e-9 * gram[0, 0])
+def _are_similarities(linear: Matrix) -> NDArray[np.bool_]:
+    gram = np.swapaxes(linear, 1, 2) @ linear
+    size = gram[:, :1, :1]
+    return np.asarray(np.abs(gram - size * np.eye(3)).max(axis=(1, 2)) <= 1e-9 * size[:, 0, 0])
 
 
 def world_from_scene(scene: Scene) -> Matrix:
@@ -606,12 +608,18 @@ def scene_primitives(scene: Scene, parts: PlanParts | None = None) -> list[Primi
             of_meshes[index] = placed
             primitives += placed.primitives
             continue
+        way, hidden = _trajectory(scene, item), item.visible.hidden
+        places = item.places(scene.folders, scene.shutter.open_s)
         for kind, canonical in _canonical(item):
-            placement = world @ item.placed_at(scene.shutter.open_s) @ canonical
-            if kind is Kind.SPHERE and not _is_similarity(placement[:3, :3]):
-                kind = Kind.ELLIPSOID
-            way, hidden = _trajectory(scene, item), item.visible.hidden
-            primitives.append(Primitive(kind, placement, item.material, index, trajectory=way, hidden=hidden))
+            # a product of stacks rounds in another way than one of single matrices
+            placements = world @ places @ canonical if len(places) > 1 else (world @ places[0] @ canonical)[None]
+            kinds = [kind] * len(places)
+            if kind is Kind.SPHERE:
+                kinds = [kind if even else Kind.ELLIPSOID for even in _are_similarities(placements[:, :3, :3]).tolist()]
+            primitives += [
+                Primitive(each, placement, item.material, index, trajectory=way, hidden=hidden)
+                for each, placement in zip(kinds, placements, strict=True)
+            ]
     return sorted(primitives, key=lambda primitive: primitive.kind)
 
 
@@ -640,6 +648,7 @@ def _place_mesh(
         before is not None
         and item.transform is before.item.transform
         and item.motion is before.item.motion
+        and item.instances is before.item.instances is None
         and meshes == [id(each.mesh) for each in before.primitives]
     ):
         return PlacedMesh(
@@ -668,11 +677,14 @@ def sphere_of(placement: Matrix) -> tuple[NDArray[np.float64], float]:
     return placement[:3, 3], float(np.cbrt(abs(np.linalg.det(placement[:3, :3]))))
 
 
-def eye_power(placement: Matrix) -> float:
-    """Return the power of the eye with respect to a sphere: its squared distance from the centre, less r² [m²]."""
-    center, radius = sphere_of(placement)
-    distance = float(np.linalg.norm(center))
-    return (distance - radius) * (distance + radius)
+def _spheres_of(placements: Matrix) -> tuple[Matrix, Matrix, Matrix]:
+    """Return centres (n, 3) and radii (n,) of unit spheres under similarities, and the power of the eye for each [m²].
+
+    That is its squared distance from the centre, less the square of the radius.
+    """
+    centers, radii = placements[:, :3, 3], np.cbrt(np.abs(np.linalg.det(placements[:, :3, :3])))
+    distances = np.array([np.linalg.norm(center) for center in centers])
+    return centers, radii, (distances - radii) * (distances + radii)
 
 
 def has_huge_sphere(primitives: list[Primitive]) -> bool:
@@ -680,8 +692,11 @@ def has_huge_sphere(primitives: list[Primitive]) -> bool:
 
     In float32 centre and radius place its surface within 6e-8 of the radius: a globe of Earth's size within 0.4 m.
     """
-    spheres = (primitive.placement for primitive in primitives if primitive.kind is Kind.SPHERE)
-    return any(abs(eye_power(placement)) < HUGE_POWER * sphere_of(placement)[1] ** 2 for placement in spheres)
+    spheres = [primitive.placement for primitive in primitives if primitive.kind is Kind.SPHERE]
+    if not spheres:
+        return False
+    _, radii, powers = _spheres_of(np.array(spheres))
+    return bool(np.any(np.abs(powers) < HUGE_POWER * radii**2))
 
 
 def with_meshes(
@@ -717,17 +732,21 @@ def pack_primitives(
         Where those of the primitives that are meshes have their triangles.
     """
     records = PRIMITIVE.zeros(len(primitives))
-    for index, primitive in enumerate(primitives):
-        if primitive.kind is Kind.MESH:  # they stand last
-            break
-        if primitive.kind is Kind.SPHERE:
-            center, radius = sphere_of(primitive.placement)
-            axes = primitive.placement[:3, :3] / radius
-            handedness, power = np.sign(np.linalg.det(axes)), np.clip(eye_power(primitive.placement), -MOST, MOST)
-            fill(records[index], row_x=(*center, radius), row_y=(*axes[:, 0], handedness), row_z=(*axes[:, 2], power))
+    for kind, members in _by_kind(primitives).items():
+        placements = np.array([primitive.placement for primitive in primitives[members]])
+        if kind is Kind.SPHERE:
+            centers, radii, powers = _spheres_of(placements)
+            axes = placements[:, :3, :3] / radii[:, None, None]
+            columns = (
+                (centers, radii),
+                (axes[:, :, 0], np.sign(np.linalg.det(axes))),
+                (axes[:, :, 2], np.clip(powers, -MOST, MOST)),
+            )
+            rows = np.stack([np.column_stack(pair) for pair in columns], axis=1).astype(np.float32)
         else:
-            rows = np.linalg.inv(primitive.placement)[:3].astype(np.float32) + 0.0  # no -0: kernels test bits
-            fill(records[index], row_x=rows[0], row_y=rows[1], row_z=rows[2])
+            rows = np.linalg.inv(placements)[:, :3].astype(np.float32) + 0.0  # no -0: kernels test bits
+        for place, axis in enumerate("xyz"):
+            records[f"row_{axis}"][members] = rows[:, place]
     if primitives:
         records["material"] = [materials[id(primitive.material)] for primitive in primitives]
         records["emitter"] = [emitters.get(index, -1) for index in range(len(primitives))]
@@ -737,6 +756,13 @@ def pack_primitives(
         records["first_triangle"][-len(meshes.order) :] = meshes.first_triangles
     kinds = np.array([primitive.kind for primitive in primitives], np.int32)
     return records, np.searchsorted(kinds, list(Kind), side="right").astype(np.int32)
+
+
+def _by_kind(primitives: Sequence[Primitive]) -> dict[Kind, slice]:
+    """Return where the primitives of each kind stand, without meshes; they are sorted by kind."""
+    kinds = np.array([primitive.kind for primitive in primitives], np.int32)
+    ends = {kind: np.searchsorted(kinds, [kind, kind + 1]).tolist() for kind in Kind if kind is not Kind.MESH}
+    return {kind: slice(*span) for kind, span in ends.items() if span[0] < span[1]}
 
 
 @dataclass(frozen=True)

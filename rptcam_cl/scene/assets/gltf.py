@@ -22,7 +22,6 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.files import name_errors, read_whole
 from rptcam_cl.scene.assets.mesh import (
     LAMPS_LEFT_OUT,
-    MOST_TRIANGLES,
     Colour,
     Draft,
     FileMaterial,
@@ -33,7 +32,6 @@ from rptcam_cl.scene.assets.mesh import (
     Polygons,
     Wrap,
     check_corners,
-    paint_triangles,
 )
 from rptcam_cl.scene.placement import SMALLEST_STRETCH_RATIO
 
@@ -551,20 +549,6 @@ class GltfMaterials:
         """Return the material of a primitive."""
         return primitive.whole("material", below=self._count) if primitive.has("material") else self._count
 
-    def paint(self, surface: MeshSurface, colours: NDArray[np.float32], primitive: JsonNode) -> MeshSurface:
-        """Return a surface of a primitive in a material of its own that has the colours of the vertices."""
-        assert surface.material is not None
-        material = self.materials[surface.material]
-        if material.has_textures and surface.uvs is not None:
-            self.notes.append(f"{primitive.place}: colours of vertices are left out beside a texture")
-            return surface
-        if len(surface.faces) > MOST_TRIANGLES:
-            self.notes.append(f"{primitive.place}: colours of more than {MOST_TRIANGLES} triangles are left out")
-            return surface
-        surface, texture = paint_triangles(surface, colours)
-        self.materials.append(replace(material.without_textures(), base_texture=texture))
-        return replace(surface, material=len(self.materials) - 1)
-
     def _material(self, part: JsonNode) -> FileMaterial:
         surface = part.part("pbrMetallicRoughness")
         *color, alpha = (min(1.0, max(0.0, value)) for value in surface.numbers("baseColorFactor", (1.0,) * 4))
@@ -807,16 +791,16 @@ def _surface(primitive: JsonNode, data: Data, materials: GltfMaterials, name: st
     if not len(corners):
         return None
     check_corners(Polygons(np.arange(len(corners)), corners), len(positions), f"{primitive.place}: face")
-    surface = MeshSurface(
+    colours = vertices.rows("COLOR_0", ("VEC3", "VEC4"))
+    return MeshSurface(
         positions,
         corners,
         vertices.rows("NORMAL", ("VEC3",)),
         None if uvs is None else np.column_stack([uvs[:, 0], 1 - uvs[:, 1]]),
         material,
         name,
+        None if colours is None else colours[:, :3],
     )
-    colours = vertices.rows("COLOR_0", ("VEC3", "VEC4"))
-    return surface if colours is None else materials.paint(surface, colours[:, :3], primitive)
 
 
 def placed_meshes(document: JsonNode, data: Data) -> Iterator[tuple[int, NDArray[np.float64], str | None]]:

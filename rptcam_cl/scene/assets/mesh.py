@@ -612,6 +612,8 @@ class MeshSurface:
     material : int or None
         Index into the materials of the file.
     name : str or None
+    colours : (n, 3) or None
+        Of the vertices, linear; they count where the surface is shown in its file's material.
     """
 
     positions: NDArray[Any]
@@ -620,6 +622,7 @@ class MeshSurface:
     uvs: NDArray[Any] | None = None
     material: int | None = None
     name: str | None = None
+    colours: NDArray[Any] | None = None
 
 
 def make_mesh(surface: MeshSurface, place: str) -> tuple[Mesh | None, dict[str, int]]:
@@ -732,25 +735,48 @@ def winding_number(positions: NDArray[np.float32], faces: NDArray[np.int32], poi
 #
 # The corners of a triangle lie on the centres of three texels. With the fourth as the sum of two less the third,
 # bilinear interpolation between them is the linear one over the triangle, so that no kernel has to know of such
-# colours.
+# colours. Where all three fourths there could be lie outside 0 to 1, the triangle is split at the middles of its sides:
+# the fourths of the parts, such as the mean of two corners, lie inside.
 
 MOST_TRIANGLES = LARGEST_PIXELS // 4
+OUTSIDE = 1 / 1024  # of a fourth texel that counts as inside 0 to 1; codes are 1/255 apart
+WHITE = FileMaterial(base_color=(1.0, 1.0, 1.0), matte=True)  # of a file that has colours of vertices and no materials
 
 
-def paint_triangles(surface: MeshSurface, colours: NDArray[np.float32]) -> tuple[MeshSurface, FileTexture]:
+def paint_draft(draft: Draft, place: str) -> Draft:
+    """Give a draft the colours of its vertices as pictures, each in a material of its own.
+
+    What has a texture keeps that; so does a surface of too many triangles its one colour. Notes say so.
+    """
+    surfaces, materials, notes = [], list(draft.materials), list(draft.notes)
+    for surface in draft.surfaces:
+        material = WHITE if surface.material is None else draft.materials[surface.material]
+        what = f"{place}: " if surface.name is None else f"{place}: {surface.name}: "
+        if surface.colours is None:
+            pass
+        elif material.has_textures and surface.uvs is not None:
+            notes.append(f"{what}colours of vertices are left out beside a texture")
+        elif 4 * len(surface.faces) > MOST_TRIANGLES:
+            notes.append(f"{what}colours of more than {MOST_TRIANGLES // 4} triangles are left out")
+        else:
+            surface, texture = paint_triangles(surface)
+            surface = replace(surface, material=len(materials))
+            materials.append(replace(material.without_textures(), base_texture=texture))
+        surfaces.append(surface)
+    return replace(draft, surfaces=surfaces, materials=materials, notes=notes)
+
+
+def paint_triangles(surface: MeshSurface) -> tuple[MeshSurface, FileTexture]:
     """Return a surface whose triangles share no vertices, and the picture that lies on it.
 
-    Parameters
-    ----------
-    surface
-        Of at most `MOST_TRIANGLES`.
-    colours : (n, 3) array
-        Of each vertex, linear.
+    The colours of its vertices are cut at 0 and 1.
     """
-    count = len(surface.faces)
+    surface = _split(replace(surface, colours=np.clip(np.asarray(surface.colours, np.float32), 0, 1)))
+    faces = np.take_along_axis(surface.faces, (_fourths(surface)[0][:, None] + np.arange(3)) % 3, axis=1)
+    assert surface.colours is not None
+    corners, count = surface.colours[faces], len(faces)
     columns = math.ceil(math.sqrt(count))
     rows = math.ceil(count / columns)
-    corners = np.clip(colours, 0, 1)[surface.faces]
     blocks = np.zeros((rows * columns, 2, 2, 3), np.float32)
     blocks[:count, 0, 0], blocks[:count, 0, 1], blocks[:count, 1, 0] = corners[:, 0], corners[:, 1], corners[:, 2]
     blocks[:count, 1, 1] = np.clip(corners[:, 1] + corners[:, 2] - corners[:, 0], 0, 1)
@@ -759,15 +785,48 @@ def paint_triangles(surface: MeshSurface, colours: NDArray[np.float32]) -> tuple
     left, top = 2 * (place % columns) + 0.5, 2 * (place // columns) + 0.5
     u = np.stack([left, left + 1, left], axis=1) / (2 * columns)
     v = 1 - np.stack([top, top, top + 1], axis=1) / (2 * rows)
-    flat = surface.faces.ravel()
+    flat = faces.ravel()
     alone = replace(
         surface,
         positions=surface.positions[flat],
         faces=np.arange(3 * count).reshape(-1, 3),
         normals=None if surface.normals is None else surface.normals[flat],
         uvs=np.column_stack([u.ravel(), v.ravel()]),
+        colours=None,
     )
     return alone, FileTexture(_png(texels), "colours of vertices", wrap="clamp")
+
+
+def _fourths(surface: MeshSurface) -> tuple[NDArray[np.intp], NDArray[np.float32]]:
+    """Return the corner of each triangle whose fourth texel lies least outside 0 to 1, and by how much."""
+    assert surface.colours is not None
+    corners = surface.colours[surface.faces]
+    fourth = corners.sum(axis=1, keepdims=True) - 2 * corners
+    outside = np.abs(fourth - np.clip(fourth, 0, 1)).max(axis=2)
+    return np.argmin(outside, axis=1), outside.min(axis=1)
+
+
+def _split(surface: MeshSurface) -> MeshSurface:
+    """Return a surface whose triangles all have a fourth texel."""
+    wide = _fourths(surface)[1] > OUTSIDE
+    if not wide.any():
+        return surface
+    a, b, c = np.asarray(surface.faces)[wide].T
+    sides = np.sort(np.stack([np.concatenate([a, b, c]), np.concatenate([b, c, a])], axis=1), axis=1)
+    ends, of = np.unique(sides, axis=0, return_inverse=True)
+    ab, bc, ca = of.reshape(3, -1) + len(surface.positions)
+    parts = np.concatenate([np.stack(part, axis=1) for part in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))])
+
+    def with_middles(rows: NDArray[Any] | None) -> NDArray[Any] | None:
+        return None if rows is None else np.concatenate([rows, (rows[ends[:, 0]] + rows[ends[:, 1]]) / 2])
+
+    return replace(
+        surface,
+        positions=np.concatenate([surface.positions, surface.positions[ends].mean(axis=1, dtype=np.float64)]),
+        faces=np.concatenate([np.asarray(surface.faces)[~wide], parts]),
+        normals=with_middles(surface.normals),
+        colours=with_middles(surface.colours),
+    )
 
 
 def _png(linear: NDArray[np.float32]) -> bytes:
@@ -864,14 +923,21 @@ class Draft:
     notes: list[str] = field(default_factory=list)
 
 
-def make_contents(draft: Draft, place: str) -> MeshContents:
+def make_contents(draft: Draft, place: str, *, painted: bool = True) -> MeshContents:
     """Return the contents of a file from what its reader found.
+
+    Parameters
+    ----------
+    painted
+        Whether it is shown in its own materials, and so in the colours of its vertices.
 
     Raises
     ------
     InputError
         When no triangle is left.
     """
+    if painted and any(surface.colours is not None for surface in draft.surfaces):
+        draft = paint_draft(draft, place)
     nodes = draft.nodes or [(index, np.eye(4), surface.name) for index, surface in enumerate(draft.surfaces)]
     dropped: Counter[str] = Counter()
     meshes: dict[int, Mesh | None] = {}

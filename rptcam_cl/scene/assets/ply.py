@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from itertools import islice
 from pathlib import Path
 from typing import Any, BinaryIO, Literal, NamedTuple
@@ -362,10 +363,9 @@ def read_ply(path: Path) -> Draft:
             is_text = not order
             rows[element.name] = read_text(file, element, path, line) if is_text else read_binary(file, element, path)
             line += element.count
-    notes = [
-        f"{path}: colours of each {name} are left out" for name in ("vertex", "face") if "red" in rows[name].values
-    ]
-    return Draft([_surface(rows["vertex"], rows["face"], path)], notes=notes)
+    notes = [f"{path}: colours of each face are left out"] if "red" in rows["face"].values else []
+    types = {item.name: item.type for element in elements if element.name == "vertex" for item in element.properties}
+    return Draft([_surface(rows["vertex"], rows["face"], path, types)], notes=notes)
 
 
 def _check_size(elements: list[Element], size: int, path: Path, *, is_text: bool) -> None:
@@ -378,7 +378,7 @@ def _check_size(elements: list[Element], size: int, path: Path, *, is_text: bool
         )
 
 
-def _surface(vertex: Rows, face: Rows, path: Path) -> MeshSurface:
+def _surface(vertex: Rows, face: Rows, path: Path, types: Mapping[str, np.dtype[Any]]) -> MeshSurface:
     positions = _columns(vertex, ("x", "y", "z"))
     if positions is None:
         raise InputError(f"{path}: its vertices have no position (allowed: properties x, y, z)")
@@ -387,6 +387,7 @@ def _surface(vertex: Rows, face: Rows, path: Path) -> MeshSurface:
         raise InputError(f"{path}: its faces have no list of vertices (allowed: a property list vertex_indices)")
     normals = _columns(vertex, ("nx", "ny", "nz"))
     uvs = next((columns for names in UV_NAMES if (columns := _columns(vertex, names)) is not None), None)
+    colours = _colours(vertex, types)
     polygons = face.lists[index]
     if not sum(len(corners) for _, corners in polygons):
         raise InputError(f"{path}: has no faces")
@@ -395,8 +396,18 @@ def _surface(vertex: Rows, face: Rows, path: Path) -> MeshSurface:
     if uvs is None and CORNER_UVS in face.lists and (corner_uvs := _corner_uvs(polygons, face)) is not None:
         vertices, uvs, polygons = weld(polygons, corner_uvs)
         positions = positions[vertices]
-        normals = None if normals is None else normals[vertices]
-    return MeshSurface(positions, as_triangles(positions, polygons, f"{path}: face"), normals, uvs)
+        normals, colours = (None if rows is None else rows[vertices] for rows in (normals, colours))
+    return MeshSurface(positions, as_triangles(positions, polygons, f"{path}: face"), normals, uvs, colours=colours)
+
+
+def _colours(vertex: Rows, types: Mapping[str, np.dtype[Any]]) -> NDArray[np.float32] | None:
+    """Return the colours of the vertices, linear: whole numbers are codes as sRGB has them, others are linear."""
+    stored = _columns(vertex, ("red", "green", "blue"))
+    if stored is None or types["red"].kind == "f":
+        return None if stored is None else stored.astype(np.float32)
+    codes = np.clip(stored / np.iinfo(types["red"]).max, 0, 1)
+    linear = np.where(codes <= 0.04045, codes / 12.92, ((codes + 0.055) / 1.055) ** 2.4)  # IEC 61966-2-1
+    return np.asarray(linear, np.float32)
 
 
 def _columns(rows: Rows, names: tuple[str, ...]) -> Columns | None:

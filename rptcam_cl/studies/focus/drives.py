@@ -584,8 +584,12 @@ def focus_drive(scene: Scene) -> Drive:
     Raises
     ------
     InputError
-        For a camera that has no focus.
+        For a camera that has no focus, or whose film moves with it.
     """
+    if scene.camera.stands_by_pupil:
+        raise InputError(
+            "camera.stands_at: entrance_pupil moves the film, which autofocus has in its place (allowed: film)"
+        )
     if scene.camera.ideal_lens is not None:
         return ThinDrive(scene)
     if (camera := scene.camera.lens_camera) is not None:

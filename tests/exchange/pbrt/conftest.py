@@ -50,11 +50,9 @@ def convert(tmp_path: Path) -> Callable[..., Converted]:
     def run(text: str, head: str = HEAD, **files: str | bytes) -> Converted:
         source = tmp_path / "in.pbrt"
         ball = (
-            ""
-            if "Shape" in head + text
-            else '\nAttributeBegin Identity Translate 0 1000 0 Shape "sphere" AttributeEnd\n'
+            "" if "Shape" in head + text else 'AttributeBegin Identity Translate 0 1000 0 Shape "sphere" AttributeEnd '
         )
-        source.write_text(head + text + ball, "utf-8")
+        source.write_text(head + ball + text, "utf-8")
         for name, content in files.items():
             path = tmp_path / name.replace("__", "/").replace("_dot_", ".")
             path.parent.mkdir(parents=True, exist_ok=True)

@@ -311,7 +311,6 @@ BAD = {
     '"realistic" "string specfile" ""': "needs a lens file",
     '"realistic" "string lensfile" "no.dat"': "in.pbrt:2:20: no.dat: no such file",
     '"spherical" "string mapping" "cube"': "allowed: equalarea, equirectangular",
-    '"perspective" "string fov" "wide"': '"fov" is a string (allowed: float)',
     '"perspective" "float fov" [40 50]': '"fov" needs one value (got 2)',
 }
 

@@ -1,5 +1,6 @@
 """``rptcam convert``."""
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -75,8 +76,31 @@ def test_a_scene_without_objects_is_an_error(source: Path, capsys: Any) -> None:
 
 
 def test_nothing_is_written_for_a_scene_that_is_wrong(source: Path, capsys: Any) -> None:
-    source.write_text(HEAD + 'Shape "sphere" "float zmin" 0\nShape "teapot"')
+    source.write_text(HEAD + 'Shape "sphere" "float zmin" 0\nShape "sphere" "float radius" 0')
     code, text = run(capsys, "in.pbrt", "out.yaml")
     assert code == 2
-    assert text.startswith('error: in.pbrt:6:1: unknown shape "teapot"')
+    assert text.startswith('error: in.pbrt:6:16: Shape "sphere": "radius" must be above 0')
     assert [path.name for path in source.parent.iterdir()] == ["in.pbrt"]
+
+
+def test_a_root_admits_files_of_a_folder_above(source: Path, capsys: Any) -> None:
+    folder = source.parent / "views"
+    folder.mkdir()
+    (folder / "a.pbrt").write_text(HEAD + 'Include "../geometry/ball.pbrt"\nLightSource "infinite"')
+    (source.parent / "geometry").mkdir()
+    (source.parent / "geometry" / "ball.pbrt").write_text('Shape "sphere"')
+    code, text = run(capsys, "views/a.pbrt", "out.yaml")
+    assert code == 2
+    assert "lies outside the pbrt scene's folder" in text
+    assert run(capsys, "views/a.pbrt", "out.yaml", "--root", ".")[0] == 0
+
+
+def test_the_report_as_json_counts_objects(source: Path, capsys: Any) -> None:
+    ball = 'ObjectBegin "a"\nMaterial "hair"\nShape "sphere"\nObjectEnd\n'
+    source.write_text(HEAD + ball + 'ObjectInstance "a"\nTranslate 3 0 0\nObjectInstance "a"\nShape "disk"\n')
+    assert main(["convert", "in.pbrt", "out.yaml", "--json"]) == 0
+    printed = json.loads(capsys.readouterr().out)
+    assert printed["objects"] == 3
+    (item,) = [item for item in printed["report"] if item["message"].startswith("Material")]
+    assert item == {"effect": "approximated", "message": 'Material "hair": matte grey 0.5', "lines": ["in.pbrt:6"],
+                    "objects": 2}  # fmt: skip

@@ -521,11 +521,31 @@ def test_wide_colour_spaces_are_turned_into_ours(convert: Convert) -> None:
         assert done.says("is cut to 0 … 1")
 
 
+FORGIVEN = {
+    'Material "velvet"': "matte, as in pbrt-v3, since there is no such material",
+    'NamedMaterial "x"': 'NamedMaterial "x": no material has the name; the one before, or grey 0.5',
+    'Material "diffuse" "texture reflectance" "x"': '"reflectance" is 0.5 in place of "x": no spectrum texture has the',
+    'Texture "t" "float" "constant" Material "diffuse" "texture reflectance" "t"': "one of the other type has, on",
+    'Texture "t" "spectrum" "constant" Material "diffuse" "texture reflectance" ["t" "t"]': "no spectrum texture",
+    'Texture "t" "spectrum" "cloth" Material "diffuse" "texture reflectance" "t"': 'there is no texture "cloth"',
+    'Material "diffuse" "string reflectance" "red"': 'ignored: Material "diffuse": "string reflectance"',
+    'MakeNamedMaterial "m" "string type" "mix" "string materials" ["a" "b"] NamedMaterial "m"': "no material has the",
+}
+
+
+@pytest.mark.parametrize("text", FORGIVEN)
+def test_unknown_names_and_types_become_grey(convert: Convert, text: str) -> None:
+    done = convert(text + BALL, HEAD)
+    assert done.says(FORGIVEN[text])
+    assert done.material() == {"kind": "matte", "reflectance": [0.5, 0.5, 0.5]} or "materials" in done.material()
+
+
+def test_an_unknown_name_leaves_the_material_before_it(convert: Convert) -> None:
+    done = convert(f'Material "mirror" NamedMaterial "x" NamedMaterial "y"{BALL}', HEAD)
+    assert done.material()["kind"] == "mirror"
+
+
 BAD = {
-    'Material "velvet"': 'unknown material "velvet" (allowed: diffuse',
-    'NamedMaterial "x"': 'no material is named "x" (named are: none)',
-    'Material "diffuse" "texture reflectance" "x"': 'no spectrum texture is named "x"',
-    'Texture "t" "float" "constant" Material "diffuse" "texture reflectance" "t"': "one of the other type is",
     'Material "dielectric" "float eta" 9': '"eta" must lie between 0.2 and 5 (got 9)',
     'Material "diffuse" "spectrum reflectance" "no.spd"': "no such file",
     'Material "diffuse" "spectrum reflectance" [400 .1 500]': "needs pairs of a wavelength",
@@ -536,7 +556,6 @@ BAD = {
     'Material "diffuse" "float reflectance" [1 0]': '"reflectance" needs 3 numbers (got 2)',
     'Material "plastic" "string remaproughness" "maybe"': '"remaproughness" must be true or false (got "maybe")',
     'Material "dielectric" "float eta" .1': '"eta" must lie between 0.2 and 5 (got 0.1)',
-    'Texture "t" "spectrum" "constant" Material "diffuse" "texture reflectance" ["t" "t"]': "no spectrum texture",
     IMAGE.format("").replace("a.png", "nan.pfm"): "nan.pfm: holds numbers that are not finite",
     IMAGE.format("").replace("a.png", "none.pfm"): "none.pfm: holds fewer than its 0 x 9 pixels",
     'Material "mix" "string materials" ["a"]': "needs the names of two materials (got 1)",
@@ -544,7 +563,6 @@ BAD = {
     IMAGE.format("").replace("a.png", "bad.tga"): "bad.tga: is not a TGA picture",
     IMAGE.format("").replace("a.png", "bad.pfm"): "bad.pfm: is not a PFM picture",
     IMAGE.format("").replace("a.png", "cut.pfm"): "holds fewer than its 9 x 9 pixels",
-    'Texture "t" "spectrum" "cloth" Material "diffuse" "texture reflectance" "t"': 'unknown texture "cloth"',
     'Texture "t" "spectrum" "imagemap" Material "diffuse" "texture reflectance" "t"': 'a parameter "string filename"',
 }
 

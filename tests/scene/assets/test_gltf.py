@@ -226,11 +226,11 @@ def test_colours_of_too_many_triangles_are_noted(read: Read, monkeypatch: pytest
     writer = triangle(indices=1)
     writer.json["meshes"][0]["primitives"][0]["indices"] = writer.array([0, 1, 2, 0, 2, 1], "u1")
     writer.json["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"] = writer.array(TRIANGLE)
-    monkeypatch.setattr("rptcam_cl.scene.assets.gltf.MOST_TRIANGLES", 2)
+    monkeypatch.setattr("rptcam_cl.scene.assets.mesh.MOST_TRIANGLES", 8)
     assert not read("a.glb", writer.glb()).notes
-    monkeypatch.setattr("rptcam_cl.scene.assets.gltf.MOST_TRIANGLES", 1)
+    monkeypatch.setattr("rptcam_cl.scene.assets.mesh.MOST_TRIANGLES", 4)
     contents = read("a.glb", writer.glb())
-    assert contents.notes[0].endswith("primitives[0]: colours of more than 1 triangles are left out")
+    assert contents.notes[0].endswith("colours of more than 1 triangles are left out")
     assert len(contents.parts[0].mesh.faces) == 2
 
 

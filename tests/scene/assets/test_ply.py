@@ -41,10 +41,7 @@ def test_binary_polygons_of_several_sizes_with_further_properties(read: Read, fo
     content += struct.pack(order + "BHIIIBfh", 9, 3, 0, 1, 3, 1, 0.5, -1)
     contents = read("a.ply", content)
     (part,) = contents.parts
-    assert [note.partition("a.ply: ")[2] for note in contents.notes] == [
-        "colours of each vertex are left out",
-        "colours of each face are left out",
-    ]
+    assert [note.partition("a.ply: ")[2] for note in contents.notes] == ["colours of each face are left out"]
     assert np.array_equal(part.mesh.positions, POINTS)
     assert sorted(part.mesh.faces.tolist()) == [[0, 1, 2], [0, 1, 3], [0, 2, 3]]
 
