@@ -236,12 +236,16 @@ def _through_lens(
         report.add("Camera: orthographic in Blender; the chosen lens has the perspective of its field.")
     scale = choice.focal_length_mm / camera.lens_mm if choice.match_field and camera.kind == "PERSP" else 1.0
     film = film | {"size_mm": [size * scale for size in film["size_mm"]]}
-    keys |= {"kind": "realistic", "lens": choice.lens, "stands_at": "entrance_pupil"} | _movements(camera, side * scale)
+    keys |= {"kind": "realistic", "lens": choice.lens} | _movements(camera, side * scale)
     if choice.f_number is not None:
         keys["f_number"] = choice.f_number
     if choice.autofocus:
+        report.add(
+            "Camera: with autofocus the film stands where Blender's camera stands, and not the pupil of the lens."
+        )
         keys["focus"] = {"auto": choice.autofocus}
     else:
+        keys["stands_at"] = "entrance_pupil"
         matrix = np.asarray(camera.matrix)
         back = matrix[:3, 2] / np.linalg.norm(matrix[:3, 2])
         keys["focus"] = {"point": (matrix[:3, 3] - camera.focus_distance * back).tolist()}

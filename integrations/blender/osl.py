@@ -17,8 +17,3 @@ def shader(keys: dict[str, Any]) -> str:
 def only_camera(keys: dict[str, Any]) -> dict[str, Any]:
     """The export without what is in front of its camera."""
     return {name: keys[name] for name in ("metres_per_unit", "film", "camera", "shutter") if name in keys}
-
-
-def pupil_ahead_m(keys: dict[str, Any]) -> float:
-    """How far the entrance pupil lies in front of the film [m]."""
-    return 0.0

@@ -363,14 +363,15 @@ class RPTCAM_OT_autofocus(bpy.types.Operator):
         if not data.rptcam.reference:
             self.report({"ERROR"}, "Choose a lens first: Blender's own camera has no autofocus here")
             return {"CANCELLED"}
-        method = "contrast" if data.rptcam.autofocus == "DISTANCE" else data.rptcam.autofocus
+        data.rptcam.autofocus = "contrast" if data.rptcam.autofocus == "DISTANCE" else data.rptcam.autofocus
         export = Reader().read(context.evaluated_depsgraph_get(), settings_of(scene, []))
         try:
-            found = rptcam_cl.autofocus(export.keys, method)
-            distance = pupil_distance(export.keys, found.focus_distance_m)
+            found = rptcam_cl.autofocus(export.keys, data.rptcam.autofocus)
         except RptcamError as problem:
             self.report({"ERROR"}, str(problem))
             return {"CANCELLED"}
+        # the film stood where Blender's camera stands, from which its distance counts
+        distance = found.focus_distance_m / float(export.keys["metres_per_unit"])
         data.dof.focus_object = None
         data.dof.focus_distance = distance
         data.rptcam.autofocus = "DISTANCE"
@@ -424,13 +425,6 @@ class RPTCAM_OT_check(bpy.types.Operator):
             self.report({"ERROR"}, str(problem))
             return {"CANCELLED"}
         return {"FINISHED"}
-
-
-def pupil_distance(keys: dict[str, Any], film_distance_m: float) -> float:
-    """Distance from the camera of Blender, the entrance pupil, of a plane that is so far from the film [units]."""
-    from .osl import pupil_ahead_m
-
-    return (film_distance_m - pupil_ahead_m(keys)) / float(keys["metres_per_unit"])
 
 
 CLASSES = (

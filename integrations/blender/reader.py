@@ -323,6 +323,7 @@ def lamp_of(item: Any, matrix: NDArray[np.float64], reader: Reader, report: Repo
         spread=getattr(lamp, "spread", math.pi),
         visible=visible,
         normalized=getattr(lamp, "normalize", True),
+        soft=getattr(lamp, "use_soft_falloff", False),
     )
 
 
