@@ -1,7 +1,7 @@
 """OpenCL where Blender itself is linked with a loader of OpenCL, as Debian's is.
 
-Calls of pyopencl then end in that loader, which knows the drivers of the system and not PoCL's wheel beside pyopencl. So
-that driver is named to it, together with those of the system.
+Calls of pyopencl then end in that loader, which knows the drivers of the system and not PoCL's wheel beside pyopencl.
+So that driver is named to it, together with those of the system.
 """
 
 from __future__ import annotations

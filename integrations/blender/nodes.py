@@ -365,7 +365,7 @@ _VALUES: MappingOf[str, Callable[[ValueReader, Node, str], Field | None]] = {
     ),
     "HUE_SAT": lambda self, node, output: combine(
         lambda f, c: rgb(c) * (1 - grey(f)) + grey(f) * hue_saturation(
-            c, self.constant(node, "Hue", "the hue") - 0.5 - 0.5,
+            c, self.constant(node, "Hue", "the hue") - 0.5,
             self.constant(node, "Saturation", "the saturation"), self.constant(node, "Value", "the value"),
         ),
         self.field(node, "Fac", 1.0), self.field(node, "Color"),

@@ -245,7 +245,8 @@ class RPTCAM_PT_report(_Panel, bpy.types.Panel):
 class RPTCAM_PT_lens(_Panel, bpy.types.Panel):
     """The lens."""
 
-    bl_label = "Lens"
+    bl_label = "Real Lens"
+    bl_order = -1
     bl_context = "data"
 
     @classmethod
