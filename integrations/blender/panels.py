@@ -3,12 +3,14 @@
 # ruff: noqa: N801, RUF012 (names and sets as Blender wants them)
 from __future__ import annotations
 
+import importlib
 import math
 from typing import Any
 
 import bpy
 import bpy.utils.previews
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
+from mathutils import Matrix
 
 from rptcam_cl.core.errors import RptcamError
 
@@ -381,7 +383,7 @@ class RPTCAM_OT_autofocus(bpy.types.Operator):
 
 
 class RPTCAM_OT_osl(bpy.types.Operator):
-    """Write a shader that traces this lens in Cycles: a text, and its camera where Blender has custom cameras."""
+    """Write a shader that traces this lens in Cycles, and a camera of it where Blender has custom cameras."""
 
     bl_idname = "rptcam.osl"
     bl_label = "Lens for Cycles (OSL)"
@@ -391,21 +393,25 @@ class RPTCAM_OT_osl(bpy.types.Operator):
         """Do it."""
         from .osl import shader
 
+        item = context.scene.camera
         export = Reader().read(context.evaluated_depsgraph_get(), settings_of(context.scene, []))
         try:
-            text = shader(export.keys)
+            text, behind = shader(export.keys)
         except RptcamError as problem:
             self.report({"ERROR"}, str(problem))
             return {"CANCELLED"}
-        name = f"{context.scene.camera.data.rptcam.lens}.osl"
-        block = bpy.data.texts.get(name) or bpy.data.texts.new(name)
+        name = f"{item.name} through {item.data.rptcam.lens}"
+        block = bpy.data.texts.get(f"{name}.osl") or bpy.data.texts.new(f"{name}.osl")
         block.from_string(text)
-        data = context.scene.camera.data
-        if hasattr(data, "custom_mode"):
-            data.type, data.custom_mode, data.custom_shader = "CUSTOM", "INTERNAL", block
-            self.report({"INFO"}, f"{name} is the camera of Cycles; its shading system has to be Open Shading Language")
-        else:
-            self.report({"WARNING"}, f"Text {name}: cameras by a shader come with Blender 5.0")
+        if not hasattr(item.data, "custom_mode"):
+            self.report({"WARNING"}, f"Text {block.name}: cameras by a shader come with Blender 5.0")
+            return {"FINISHED"}
+        made = bpy.data.objects.new(name, item.data.copy())
+        made.matrix_world = item.matrix_world @ Matrix.Translation((0, 0, behind))  # its film
+        context.scene.collection.objects.link(made)
+        made.data.type, made.data.custom_mode, made.data.custom_shader = "CUSTOM", "INTERNAL", block
+        importlib.import_module("cycles.osl").update_custom_camera_shader(made.data, self.report)
+        self.report({"INFO"}, f"{name} is a camera of Cycles; its shading system has to be Open Shading Language")
         return {"FINISHED"}
 
 
