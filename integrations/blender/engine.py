@@ -141,7 +141,6 @@ class RptcamEngine(bpy.types.RenderEngine):
             self.error_set(str(problem))
 
     def _render(self, depsgraph: Any) -> None:
-        global kept
         scene, view_layer = depsgraph.scene, depsgraph.view_layer
         wanted = passes_of(view_layer, scene)
         layers = list(dict.fromkeys(each.layer for each in wanted))
@@ -156,6 +155,7 @@ class RptcamEngine(bpy.types.RenderEngine):
         say(scene, export)
         self.update_stats("", "Preparing the lens and compiling")
         live = kept if scene.render.use_persistent_data else LiveScene()
+        live.use(scene.rptcam.device)
         try:
             session = live.show(export.keys | {"picture": {}})
             self._take(session, export, view_layer.name, wanted)
@@ -204,7 +204,6 @@ class RptcamEngine(bpy.types.RenderEngine):
             self._reader, self._live = Reader(), LiveScene()
         self._reader.forget(depsgraph.updates)
         self._view = None  # read anew when it is drawn
-        self._depsgraph_changed = True
 
     def view_draw(self, context: Any, depsgraph: Any) -> None:
         """Draw the picture so far, and render some more of it."""
@@ -218,6 +217,7 @@ class RptcamEngine(bpy.types.RenderEngine):
             if view != self._view:
                 settings = settings_of(depsgraph.scene, [], through_lens=view.through_camera)
                 export = self._reader.read(depsgraph, settings, eye=view.eye)
+                self._live.use(depsgraph.scene.rptcam.device)
                 self._live.show(export.keys)
                 self._view = view
             session = self._live.session
