@@ -248,3 +248,102 @@ def test_what_moves_is_blurred_as_in_cycles(tmp_path):
     other = cycles.of_cycles(tmp_path, 256)
     assert keys["objects"][0]["motion"] and np.abs(one - other).mean() < 0.02 * other.mean()  # noise of the edges
     assert one.mean(axis=(0, 2)) == pytest.approx(other.mean(axis=(0, 2)), abs=0.02)
+
+
+def interior(cycles):
+    """A room with a window, furniture of collections, pictures, a curve and a text; a lamp with nodes."""
+    import bpy
+
+    cycles.empty_scene()
+    room = cycles.add("cube", cycles.material("wall", Base_Color=(0.8, 0.78, 0.7, 1)), size=16, location=(0, 0, 7.9))
+    room.modifiers.new("in", "SOLIDIFY").thickness = 0.1
+    wood = cycles.material("wood", Roughness=0.4)
+    image = bpy.data.images.new("grain", 32, 32)
+    picture = wood.node_tree.nodes.new("ShaderNodeTexImage")
+    picture.image = image
+    wood.node_tree.links.new(picture.outputs["Color"], wood.node_tree.nodes["Principled BSDF"].inputs["Base Color"])
+    cycles.add("cube", wood, size=1, location=(0, 1, 0.5)).modifiers.new("b", "BEVEL")
+    bpy.ops.object.text_add(location=(-1, 1, 2))
+    bpy.ops.curve.primitive_bezier_circle_add(location=(1, 1, 1))
+    bpy.context.object.data.bevel_depth = 0.05
+    cycles.add_lamp("AREA", (0, -1, 5), 200, size=2.0)
+    return {"Text": 1, "wood": 1}
+
+
+def street(cycles):
+    """Wet asphalt with noise that is not translated, lamps by spots with a radius, glass, a volume."""
+    cycles.empty_scene()
+    asphalt = cycles.material("asphalt", Roughness=0.2)
+    tree = asphalt.node_tree
+    noise = tree.nodes.new("ShaderNodeTexNoise")
+    tree.links.new(noise.outputs["Fac"], tree.nodes["Principled BSDF"].inputs["Roughness"])
+    cycles.add("plane", asphalt, size=30)
+    for i in range(4):
+        cycles.add("cube", cycles.material(f"house{i}"), size=3, location=(4 * (i % 2) - 2, 2 + 3 * i, 1.5))
+        cycles.add_lamp("SPOT", (2 * (i % 2) - 1, 3 * i, 4), 400, shadow_soft_size=0.1)
+    cycles.add("plane", cycles.material("pane", Transmission_Weight=1.0, Roughness=0.0), location=(0, 3, 2))
+    return {"Noise Texture": 1, "radius": 4}
+
+
+def walker(cycles):
+    """A figure of bones that walks: its mesh is deformed by an armature from frame to frame."""
+    import bpy
+
+    cycles.empty_scene()
+    cycles.add("plane", cycles.material(), size=10)
+    bpy.ops.object.armature_add(location=(0, 0, 0))
+    bones = bpy.context.object
+    body = cycles.add("cylinder", cycles.material("body"), radius=0.3, depth=1.0, location=(0, 0, 0.5), vertices=16)
+    group = body.vertex_groups.new(name="Bone")
+    group.add(range(len(body.data.vertices)), 1.0, "ADD")
+    body.modifiers.new("bones", "ARMATURE").object = bones
+    for frame, turn in ((1, -0.4), (12, 0.4)):
+        bones.pose.bones["Bone"].rotation_mode = "XYZ"
+        bones.pose.bones["Bone"].rotation_euler.x = turn
+        bones.pose.bones["Bone"].keyframe_insert("rotation_euler", frame=frame)
+    cycles.add_lamp("SUN", (0, 0, 5), 3, rotation=(0.5, 0.2, 0))
+    bpy.context.scene.frame_set(6)
+    return {}
+
+
+def forest(cycles):
+    """Three hundred trees of one collection, placed by the faces of a plane, lit by the sky texture."""
+    import bpy
+
+    cycles.empty_scene()
+    ground = cycles.add("grid", cycles.material("ground"), size=20, x_subdivisions=17, y_subdivisions=17)
+    trees = bpy.data.collections.new("tree")
+    trunk = cycles.add("cone", cycles.material("needles", Base_Color=(0.05, 0.2, 0.05, 1)), radius1=0.3, depth=1.5)
+    bpy.context.scene.collection.objects.unlink(trunk)
+    trees.objects.link(trunk)
+    holder = bpy.data.objects.new("holder", None)
+    holder.instance_type, holder.instance_collection = "COLLECTION", trees
+    bpy.context.scene.collection.objects.link(holder)
+    holder.parent, ground.instance_type = ground, "FACES"
+    tree = cycles.world().node_tree
+    sky = tree.nodes.new("ShaderNodeTexSky")
+    tree.links.new(sky.outputs[0], tree.nodes["Background"].inputs["Color"])
+    return {"sky texture": 1}
+
+
+@pytest.mark.parametrize("make", [interior, street, walker, forest])
+def test_scene_of_a_kind_is_exported_with_its_report(make):
+    """The report names what is said of each scene, so often; what is exported renders, and is not dark."""
+    from tests.integrations import cycles
+
+    expected = make(cycles)
+    export = cycles.exported(render={"spp": 4, "caustics": "off"})
+    sentences = export.report.sentences
+    for word, least in {key: count for key, count in expected.items() if key not in ("Text", "wood")}.items():
+        assert sum(word in sentence for sentence in sentences) == least, sentences
+    if make is interior:
+        names = [item.get("name") for item in export.keys["objects"]]
+        assert {"Text", "BézierCircle"} & set(names) and not sentences
+    if make is forest:
+        cones = [item for item in export.keys["objects"] if "Cone" in item["name"]]
+        assert len(cones) == 17 * 17 + 1  # the one that is carried is shown as well, as Blender's own list has it
+        assert len(export.keys["meshes"]) == 1  # the ground only carries them
+    if make is walker:
+        points = next(mesh["vertices"] for name, mesh in export.keys["meshes"].items() if "Cylinder" in name)
+        assert np.ptp(points[:, 2]) < 1.2 and abs(np.linalg.norm(points.mean(axis=0))) > 0
+    assert float(np.asarray(rptcam_cl.render(export.keys)).mean()) > 1e-3
