@@ -342,7 +342,7 @@ def test_scene_of_a_kind_is_exported_with_its_report(make):
     if make is forest:
         cones = [item for item in export.keys["objects"] if "Cone" in item["name"]]
         assert len(cones) == 17 * 17 + 1  # the one that is carried is shown as well, as Blender's own list has it
-        assert len(export.keys["meshes"]) == 1  # the ground only carries them
+        assert len(export.keys["meshes"]) == 2  # tree and ground, each once
     if make is walker:
         points = next(mesh["vertices"] for name, mesh in export.keys["meshes"].items() if "Cylinder" in name)
         assert np.ptp(points[:, 2]) < 1.2 and abs(np.linalg.norm(points.mean(axis=0))) > 0
