@@ -112,7 +112,6 @@ def passes_of(view_layer: Any, scene: Any) -> list[Pass]:
 
 
 kept = LiveScene()
-reader_kept = Reader()
 
 
 class RptcamEngine(bpy.types.RenderEngine):
@@ -147,8 +146,9 @@ class RptcamEngine(bpy.types.RenderEngine):
         if scene.render.film_transparent and "coverage" not in layers:
             layers.append("coverage")
         self.update_stats("", "Reading the scene")
-        reader = reader_kept if scene.render.use_persistent_data else Reader()
-        export = reader.read(depsgraph, settings_of(scene, layers), set_time=self.frame_set)
+        export = Reader().read(depsgraph, settings_of(scene, layers), set_time=self.frame_set)
+        if view_layer.material_override is not None:
+            export.report.add(f"View layer {view_layer.name}: objects keep their own materials, without its override.")
         for flag, name in WITHOUT.items():
             if getattr(view_layer, flag, False):
                 export.report.add(f"View layer {view_layer.name}: the pass {name} is not made.")

@@ -122,6 +122,11 @@ class Builder:
         self._indices: list[int] = []
         self._lights: list[dict[str, Any]] = []
 
+    @property
+    def blurs(self) -> bool:
+        """Whether things move while the shutter is open."""
+        return self._shutter.moves
+
     def has_material(self, name: str) -> bool:
         """Whether a material was added already."""
         return name in self._materials

@@ -229,13 +229,11 @@ def test_what_moves_is_blurred_as_in_cycles(tmp_path):
     from tests.integrations import cycles
 
     scene = cycles.empty_scene()
+    bpy.context.preferences.edit.keyframe_new_interpolation_type = "LINEAR"
     cube = cycles.add("cube", cycles.shader("ShaderNodeEmission", Strength=1.0), size=1.0, location=(-1, 0, 1))
     cube.keyframe_insert("location", frame=1)
     cube.location.x = 1
     cube.keyframe_insert("location", frame=3)
-    for curve in cube.animation_data.action.fcurves:
-        for key in curve.keyframe_points:
-            key.interpolation = "LINEAR"
     scene.frame_set(2)
     scene.render.use_motion_blur, scene.render.motion_blur_shutter = True, 0.8
     graph = bpy.context.evaluated_depsgraph_get()
@@ -347,3 +345,43 @@ def test_scene_of_a_kind_is_exported_with_its_report(make):
         points = next(mesh["vertices"] for name, mesh in export.keys["meshes"].items() if "Cylinder" in name)
         assert np.ptp(points[:, 2]) < 1.2 and abs(np.linalg.norm(points.mean(axis=0))) > 0
     assert float(np.asarray(rptcam_cl.render(export.keys)).mean()) > 1e-3
+
+
+def test_animation_and_passes_are_written(tmp_path):
+    """Two frames of a cube that an armature-like modifier bends, with persistent data: each frame has its own shape."""
+    import bpy
+    import OpenEXR
+
+    import integrations.blender
+    from tests.integrations import cycles
+
+    integrations.blender.register()
+    try:
+        scene = cycles.empty_scene((48, 32))
+        cube = cycles.add("cube", cycles.material(), size=1.0, location=(0, 0, 1))
+        cube.pass_index = 5
+        bend = cube.modifiers.new("bend", "SIMPLE_DEFORM")
+        bend.deform_method, bend.factor = "STRETCH", 0.0
+        bend.keyframe_insert("factor", frame=1)
+        bend.factor = 1.5
+        bend.keyframe_insert("factor", frame=2)
+        cycles.world()
+        scene.render.engine, scene.rptcam.samples = "RPTCAM", 4
+        scene.render.use_persistent_data, scene.frame_start, scene.frame_end = True, 1, 2
+        layer = scene.view_layers[0]
+        layer.use_pass_z = layer.use_pass_object_index = layer.use_pass_normal = True
+        scene.render.image_settings.file_format = "OPEN_EXR_MULTILAYER"
+        scene.render.image_settings.color_depth = "32"
+        scene.render.filepath = str(tmp_path / "frame")
+        bpy.ops.render.render(animation=True)
+        seen = []
+        for file in sorted(tmp_path.glob("frame*.exr")):
+            channels = OpenEXR.File(str(file)).channels()
+            index = channels[f"{layer.name}.IndexOB.X"].pixels
+            depth = channels[f"{layer.name}.Depth.Z"].pixels
+            assert set(np.unique(index)) == {0, 5}
+            assert depth[index == 5].min() > 4 and depth[index == 5].max() < 7 and depth.max() == pytest.approx(1e10)
+            seen.append(int((index == 5).sum()))
+        assert len(seen) == 2 and seen[1] != seen[0]
+    finally:
+        integrations.blender.unregister()
