@@ -67,6 +67,7 @@ def _crypto(rank: int) -> Callable[[Array, Export], Array]:
     return lambda layer, export: layer[..., 4 * rank : 4 * rank + 4]
 
 
+IS_5 = bpy.app.version >= (5, 0, 0)  # which has other names for passes
 PASSES = (
     Pass("Depth", "Z", "VALUE", "use_pass_z", "depth", _depth),
     Pass("Normal", "XYZ", "VECTOR", "use_pass_normal", "normal", lambda layer, export: layer),
@@ -79,14 +80,17 @@ PASSES = (
         lambda layer, export: np.nan_to_num(np.concatenate([layer, np.isfinite(layer[..., :1])], axis=-1)),
     ),
     Pass(
-        "IndexOB", "X", "VALUE", "use_pass_object_index", "object_id",
+        "Object Index" if IS_5 else "IndexOB", "X", "VALUE", "use_pass_object_index", "object_id",
         lambda layer, export: _index(layer, export.object_indices),
     ),
     Pass(
-        "IndexMA", "X", "VALUE", "use_pass_material_index", "material_id",
+        "Material Index" if IS_5 else "IndexMA", "X", "VALUE", "use_pass_material_index", "material_id",
         lambda layer, export: _index(layer, export.material_indices),
     ),
-    Pass("DiffCol", "RGB", "COLOR", "use_pass_diffuse_color", "albedo", lambda layer, export: layer),
+    Pass(
+        "Diffuse Color" if IS_5 else "DiffCol", "RGB", "COLOR", "use_pass_diffuse_color", "albedo",
+        lambda layer, export: layer,
+    ),
     *(
         Pass(f"Crypto{what.title()}{rank:02}", "RGBA", "COLOR", f"use_pass_cryptomatte_{what}", f"crypto_{what}",
              _crypto(rank))

@@ -351,7 +351,7 @@ class RPTCAM_OT_match_camera(bpy.types.Operator):
 
 
 class RPTCAM_OT_autofocus(bpy.types.Operator):
-    """Focus as a camera does, by the contrast in the middle of the picture, and keep the distance."""
+    """Focus on what the middle of the picture shows, by depth or as chosen under Focus, and keep the distance."""
 
     bl_idname = "rptcam.autofocus"
     bl_label = "Focus Now"
@@ -366,10 +366,12 @@ class RPTCAM_OT_autofocus(bpy.types.Operator):
         if not data.rptcam.reference:
             self.report({"ERROR"}, "Choose a lens first: Blender's own camera has no autofocus here")
             return {"CANCELLED"}
-        data.rptcam.autofocus = "contrast" if data.rptcam.autofocus == "DISTANCE" else data.rptcam.autofocus
+        before = data.rptcam.autofocus
+        data.rptcam.autofocus = method = "depth" if before == "DISTANCE" else before
         export = Reader().read(context.evaluated_depsgraph_get(), settings_of(scene, []))
+        data.rptcam.autofocus = before
         try:
-            found = rptcam_cl.autofocus(export.keys, data.rptcam.autofocus)
+            found = rptcam_cl.autofocus(export.keys, method)
         except RptcamError as problem:
             self.report({"ERROR"}, str(problem))
             return {"CANCELLED"}

@@ -370,14 +370,17 @@ def test_animation_and_passes_are_written(tmp_path):
         scene.render.use_persistent_data, scene.frame_start, scene.frame_end = True, 1, 2
         layer = scene.view_layers[0]
         layer.use_pass_z = layer.use_pass_object_index = layer.use_pass_normal = True
+        if hasattr(scene.render.image_settings, "media_type"):  # from Blender 5.0 on
+            scene.render.image_settings.media_type = "MULTI_LAYER_IMAGE"
         scene.render.image_settings.file_format = "OPEN_EXR_MULTILAYER"
         scene.render.image_settings.color_depth = "32"
         scene.render.filepath = str(tmp_path / "frame")
         bpy.ops.render.render(animation=True)
+        index_name = "Object Index" if bpy.app.version >= (5, 0, 0) else "IndexOB"
         seen = []
         for file in sorted(tmp_path.glob("frame*.exr")):
             channels = OpenEXR.File(str(file)).channels()
-            index = channels[f"{layer.name}.IndexOB.X"].pixels
+            index = channels[f"{layer.name}.{index_name}.X"].pixels
             depth = channels[f"{layer.name}.Depth.Z"].pixels
             assert set(np.unique(index)) == {0, 5}
             assert depth[index == 5].min() > 4 and depth[index == 5].max() < 7 and depth.max() == pytest.approx(1e10)
