@@ -170,8 +170,9 @@ def settings_of(scene: Any, layers: list[str], *, through_lens: bool = True) -> 
         choice = scene.camera.data.rptcam.choice()
     exposure: dict[str, Any] = {"mode": given.exposure, "iso": given.iso}
     if given.exposure != "relative" and not choice.lens:
-        data = scene.camera.data if scene.camera is not None else None
-        exposure["f_number"] = data.dof.aperture_fstop if data is not None else 8.0
+        dof = scene.camera.data.dof if scene.camera is not None and scene.camera.type == "CAMERA" else None
+        if dof is None or not dof.use_dof or not through_lens:  # of a pinhole; a thin lens has its own
+            exposure["f_number"] = 8.0 if dof is None else dof.aperture_fstop
     more = {"render": render} | ({"exposure": exposure} if given.exposure != "relative" else {})
     shutter = 1 / given.shutter_s if given.use_shutter else None
     return Settings(choice, shutter, given.rolling_ms / 1000, more)

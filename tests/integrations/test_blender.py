@@ -379,7 +379,8 @@ def test_animation_and_passes_are_written(tmp_path):
         index_name = "Object Index" if bpy.app.version >= (5, 0, 0) else "IndexOB"
         seen = []
         for file in sorted(tmp_path.glob("frame*.exr")):
-            channels = OpenEXR.File(str(file)).channels()
+            parts = OpenEXR.File(str(file)).parts  # Blender 5 writes one for each pass
+            channels = {name: channel for each in parts for name, channel in each.channels.items()}
             index = channels[f"{layer.name}.{index_name}.X"].pixels
             depth = channels[f"{layer.name}.Depth.Z"].pixels
             assert set(np.unique(index)) == {0, 5}
