@@ -77,9 +77,9 @@ class Frame:
         width, height = self.resolution
         if self.border is None:
             return 0, width, 0, height
-        left, right, bottom, top = self.border
-        x0, x1 = int(left * width), int(right * width)
-        y0, y1 = int(bottom * height), int(top * height)
+        left, right, bottom, top = (np.float32(share) for share in self.border)  # Blender's arithmetic
+        x0, x1 = int(left * np.float32(width)), int(right * np.float32(width))
+        y0, y1 = int(bottom * np.float32(height)), int(top * np.float32(height))
         return x0, max(x1, x0 + 1), y0, max(y1, y0 + 1)
 
 

@@ -170,10 +170,9 @@ class RptcamEngine(bpy.types.RenderEngine):
     def _take(self, session: Any, export: Export, layer: str, wanted: list[Pass]) -> None:
         """Add samples until there are enough, and show the picture now and then."""
         width, height = session.resolution
-        x, _, bottom, _ = window_of(export)
         for each in wanted:
             self.add_pass(each.name, len(each.channels), each.channels, layer=layer)
-        result = self.begin_result(x, bottom, width, height, layer=layer)
+        result = self.begin_result(0, 0, width, height, layer=layer)  # within the border
         target, shown = int(session.scene.render.spp), time.monotonic()
         step = 1
         while session.spp < target and not self.test_break():
@@ -238,14 +237,6 @@ class RptcamEngine(bpy.types.RenderEngine):
         draw(self, depsgraph.scene, with_alpha(pixels), view.rectangle)
         if session.spp < target:
             self.tag_redraw()
-
-
-def window_of(export: Export) -> tuple[int, int, int, int]:
-    """Left, top, bottom and right of what is rendered in the whole picture [pixels], rows from the bottom."""
-    film = export.keys["film"]
-    width, height = film["resolution"]
-    x0, x1, y0, y1 = film.get("crop", (0.0, 1.0, 0.0, 1.0))
-    return round(x0 * width), round(height - y0 * height), round(height - y1 * height), round(x1 * width)
 
 
 def with_alpha(pixels: Array, coverage: Array | None = None) -> Array:

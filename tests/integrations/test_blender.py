@@ -389,3 +389,31 @@ def test_animation_and_passes_are_written(tmp_path):
         assert len(seen) == 2 and seen[1] != seen[0]
     finally:
         integrations.blender.unregister()
+
+
+def test_border_is_the_part_of_the_whole_picture(tmp_path):
+    import bpy
+
+    import integrations.blender
+    from rptcam_cl.imaging.image import read_film
+    from tests.integrations import cycles
+
+    integrations.blender.register()
+    try:
+        scene = cycles.empty_scene((120, 80))
+        cycles.add("cube", cycles.material(), size=1.0)
+        cycles.world()
+        scene.render.engine, scene.rptcam.samples = "RPTCAM", 4
+        scene.render.image_settings.file_format = "OPEN_EXR"
+        scene.render.image_settings.color_depth = "32"
+        films = []
+        for name, share in (("whole", 1.0), ("part", 0.7)):
+            scene.render.use_border, scene.render.use_crop_to_border = share < 1, share < 1
+            scene.render.border_min_x, scene.render.border_max_x = 0.25, share
+            scene.render.border_min_y, scene.render.border_max_y = 0.1, 0.9
+            scene.render.filepath = str(tmp_path / f"{name}.exr")
+            bpy.ops.render.render(write_still=True)
+            films.append(read_film(tmp_path / f"{name}.exr").pixels)
+        assert films[1].shape == (64, 54, 3) and np.array_equal(films[0][8:72, 30:84], films[1])
+    finally:
+        integrations.blender.unregister()
