@@ -249,7 +249,6 @@ class RPTCAM_PT_lens(_Panel, bpy.types.Panel):
     """The lens."""
 
     bl_label = "Real Lens"
-    bl_order = -1
     bl_context = "data"
 
     @classmethod
