@@ -61,10 +61,14 @@ $(VENV)/.lint: pyproject.toml | $(BIN)/python
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[pocl,dev]'
 	@touch $@ $(VENV)/.demo $(VENV)/.test
 
+# The extension for Blender, with wheels for each platform that has them
+blender: $(VENV)/.demo
+	$(BIN)/python -m integrations.blender.build
+
 size: $(VENV)/.test
 	$(BIN)/python -m benchmarks.size
 
 clean:
 	rm -rf $(VENV) out
 
-.PHONY: demo test browser docs lint size mutants gpu-tools clean
+.PHONY: demo test browser docs lint blender size mutants gpu-tools clean

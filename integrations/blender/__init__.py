@@ -8,6 +8,9 @@ from __future__ import annotations
 
 def register() -> None:
     """Enable the engine and its panels."""
+    from . import drivers
+
+    drivers.name_drivers()  # before OpenCL is loaded
     from . import engine, panels
 
     panels.register()

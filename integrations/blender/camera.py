@@ -77,9 +77,9 @@ class Frame:
         width, height = self.resolution
         if self.border is None:
             return 0, width, 0, height
-        left, right, bottom, top = self.border
-        x0, x1 = int(left * width), int(right * width)
-        y0, y1 = int(bottom * height), int(top * height)
+        left, right, bottom, top = (np.float32(share) for share in self.border)  # Blender's arithmetic
+        x0, x1 = int(left * np.float32(width)), int(right * np.float32(width))
+        y0, y1 = int(bottom * np.float32(height)), int(top * np.float32(height))
         return x0, max(x1, x0 + 1), y0, max(y1, y0 + 1)
 
 
@@ -236,12 +236,16 @@ def _through_lens(
         report.add("Camera: orthographic in Blender; the chosen lens has the perspective of its field.")
     scale = choice.focal_length_mm / camera.lens_mm if choice.match_field and camera.kind == "PERSP" else 1.0
     film = film | {"size_mm": [size * scale for size in film["size_mm"]]}
-    keys |= {"kind": "realistic", "lens": choice.lens, "stands_at": "entrance_pupil"} | _movements(camera, side * scale)
+    keys |= {"kind": "realistic", "lens": choice.lens} | _movements(camera, side * scale)
     if choice.f_number is not None:
         keys["f_number"] = choice.f_number
     if choice.autofocus:
+        report.add(
+            "Camera: with autofocus the film stands where Blender's camera stands, and not the pupil of the lens."
+        )
         keys["focus"] = {"auto": choice.autofocus}
     else:
+        keys["stands_at"] = "entrance_pupil"
         matrix = np.asarray(camera.matrix)
         back = matrix[:3, 2] / np.linalg.norm(matrix[:3, 2])
         keys["focus"] = {"point": (matrix[:3, 3] - camera.focus_distance * back).tolist()}

@@ -67,6 +67,7 @@ def _crypto(rank: int) -> Callable[[Array, Export], Array]:
     return lambda layer, export: layer[..., 4 * rank : 4 * rank + 4]
 
 
+IS_5 = bpy.app.version >= (5, 0, 0)  # which has other names for passes
 PASSES = (
     Pass("Depth", "Z", "VALUE", "use_pass_z", "depth", _depth),
     Pass("Normal", "XYZ", "VECTOR", "use_pass_normal", "normal", lambda layer, export: layer),
@@ -79,18 +80,21 @@ PASSES = (
         lambda layer, export: np.nan_to_num(np.concatenate([layer, np.isfinite(layer[..., :1])], axis=-1)),
     ),
     Pass(
-        "IndexOB", "X", "VALUE", "use_pass_object_index", "object_id",
+        "Object Index" if IS_5 else "IndexOB", "X", "VALUE", "use_pass_object_index", "object_id",
         lambda layer, export: _index(layer, export.object_indices),
     ),
     Pass(
-        "IndexMA", "X", "VALUE", "use_pass_material_index", "material_id",
+        "Material Index" if IS_5 else "IndexMA", "X", "VALUE", "use_pass_material_index", "material_id",
         lambda layer, export: _index(layer, export.material_indices),
     ),
-    Pass("DiffCol", "RGB", "COLOR", "use_pass_diffuse_color", "albedo", lambda layer, export: layer),
+    Pass(
+        "Diffuse Color" if IS_5 else "DiffCol", "RGB", "COLOR", "use_pass_diffuse_color", "albedo",
+        lambda layer, export: layer,
+    ),
     *(
-        Pass(f"Crypto{what}{rank:02}", "RGBA", "COLOR", f"use_pass_cryptomatte_{what.lower()}", f"crypto_{what.lower()}",
+        Pass(f"Crypto{what.title()}{rank:02}", "RGBA", "COLOR", f"use_pass_cryptomatte_{what}", f"crypto_{what}",
              _crypto(rank))
-        for what in ("Object", "Material") for rank in range(3)
+        for what in ("object", "material") for rank in range(3)
     ),
 )  # fmt: skip
 WITHOUT = {
@@ -112,7 +116,6 @@ def passes_of(view_layer: Any, scene: Any) -> list[Pass]:
 
 
 kept = LiveScene()
-reader_kept = Reader()
 
 
 class RptcamEngine(bpy.types.RenderEngine):
@@ -141,21 +144,22 @@ class RptcamEngine(bpy.types.RenderEngine):
             self.error_set(str(problem))
 
     def _render(self, depsgraph: Any) -> None:
-        global kept
         scene, view_layer = depsgraph.scene, depsgraph.view_layer
         wanted = passes_of(view_layer, scene)
         layers = list(dict.fromkeys(each.layer for each in wanted))
         if scene.render.film_transparent and "coverage" not in layers:
             layers.append("coverage")
         self.update_stats("", "Reading the scene")
-        reader = reader_kept if scene.render.use_persistent_data else Reader()
-        export = reader.read(depsgraph, settings_of(scene, layers), set_time=self.frame_set)
+        export = Reader().read(depsgraph, settings_of(scene, layers), set_time=self.frame_set)
+        if view_layer.material_override is not None:
+            export.report.add(f"View layer {view_layer.name}: objects keep their own materials, without its override.")
         for flag, name in WITHOUT.items():
             if getattr(view_layer, flag, False):
                 export.report.add(f"View layer {view_layer.name}: the pass {name} is not made.")
         say(scene, export)
         self.update_stats("", "Preparing the lens and compiling")
         live = kept if scene.render.use_persistent_data else LiveScene()
+        live.use(scene.rptcam.device)
         try:
             session = live.show(export.keys | {"picture": {}})
             self._take(session, export, view_layer.name, wanted)
@@ -166,10 +170,9 @@ class RptcamEngine(bpy.types.RenderEngine):
     def _take(self, session: Any, export: Export, layer: str, wanted: list[Pass]) -> None:
         """Add samples until there are enough, and show the picture now and then."""
         width, height = session.resolution
-        x, _, bottom, _ = window_of(export)
         for each in wanted:
             self.add_pass(each.name, len(each.channels), each.channels, layer=layer)
-        result = self.begin_result(x, bottom, width, height, layer=layer)
+        result = self.begin_result(0, 0, width, height, layer=layer)  # within the border
         target, shown = int(session.scene.render.spp), time.monotonic()
         step = 1
         while session.spp < target and not self.test_break():
@@ -204,7 +207,6 @@ class RptcamEngine(bpy.types.RenderEngine):
             self._reader, self._live = Reader(), LiveScene()
         self._reader.forget(depsgraph.updates)
         self._view = None  # read anew when it is drawn
-        self._depsgraph_changed = True
 
     def view_draw(self, context: Any, depsgraph: Any) -> None:
         """Draw the picture so far, and render some more of it."""
@@ -218,6 +220,7 @@ class RptcamEngine(bpy.types.RenderEngine):
             if view != self._view:
                 settings = settings_of(depsgraph.scene, [], through_lens=view.through_camera)
                 export = self._reader.read(depsgraph, settings, eye=view.eye)
+                self._live.use(depsgraph.scene.rptcam.device)
                 self._live.show(export.keys)
                 self._view = view
             session = self._live.session
@@ -234,14 +237,6 @@ class RptcamEngine(bpy.types.RenderEngine):
         draw(self, depsgraph.scene, with_alpha(pixels), view.rectangle)
         if session.spp < target:
             self.tag_redraw()
-
-
-def window_of(export: Export) -> tuple[int, int, int, int]:
-    """Left, top, bottom and right of what is rendered in the whole picture [pixels], rows from the bottom."""
-    film = export.keys["film"]
-    width, height = film["resolution"]
-    x0, x1, y0, y1 = film.get("crop", (0.0, 1.0, 0.0, 1.0))
-    return round(x0 * width), round(height - y0 * height), round(height - y1 * height), round(x1 * width)
 
 
 def with_alpha(pixels: Array, coverage: Array | None = None) -> Array:

@@ -206,11 +206,16 @@ def mix_colours(kind: str, factor: Values, first: Values, second: Values) -> Val
     return result
 
 
+def _quotient(a: Values, b: Values) -> Values:
+    zero = np.zeros(np.broadcast_shapes(a.shape, b.shape), np.float32)
+    return np.divide(a, b, out=zero, where=b != 0)
+
+
 MATH: dict[str, Callable[[Values, Values, Values], Values]] = {
     "ADD": lambda a, b, c: a + b,
     "SUBTRACT": lambda a, b, c: a - b,
     "MULTIPLY": lambda a, b, c: a * b,
-    "DIVIDE": lambda a, b, c: np.divide(a, b, out=np.zeros(np.broadcast_shapes(a.shape, b.shape), np.float32), where=b != 0),
+    "DIVIDE": lambda a, b, c: _quotient(a, b),
     "MULTIPLY_ADD": lambda a, b, c: a * b + c,
     "POWER": lambda a, b, c: np.power(np.maximum(a, 0), b),
     "SQRT": lambda a, b, c: np.sqrt(np.maximum(a, 0)),
@@ -230,17 +235,17 @@ MATH: dict[str, Callable[[Values, Values, Values], Values]] = {
 """Operations of the Math node."""
 
 
-def hue_saturation(colour: Values, hue: float, saturation: float, value: float) -> Values:
-    """The node Hue/Saturation/Value with factor 1."""
+def hue_saturation(colour: Values, turn: float, saturation: float, value: float) -> Values:
+    """The node Hue/Saturation/Value with factor 1; the hue turns by so many circles."""
     colour = rgb(colour)
     most, least = colour.max(axis=-1), colour.min(axis=-1)
     span = most - least
     safe = np.where(span > 0, span, 1)
     r, g, b = (colour[..., i] for i in range(3))
     h = np.where(most == r, (g - b) / safe, np.where(most == g, 2 + (b - r) / safe, 4 + (r - g) / safe)) / 6
-    h = np.mod(np.where(span > 0, h, 0) + hue + 0.5, 1)
+    h = np.mod(np.where(span > 0, h, 0) + turn, 1)
     s = np.clip(np.where(most > 0, span / np.where(most > 0, most, 1), 0) * saturation, 0, 1)
     v = most * value
-    shades = [np.clip(np.abs(np.mod(h * 6 + turn, 6) - 3) - 1, 0, 1) for turn in (0, 4, 2)]
+    shades = [np.clip(np.abs(np.mod(h * 6 + shift, 6) - 3) - 1, 0, 1) for shift in (0, 4, 2)]
     result: Values = np.stack([np.maximum(v * (1 - s + s * shade), 0) for shade in shades], axis=-1)
     return result

@@ -1,7 +1,7 @@
 """Blender's lamps as lights of a scene, in the units of Cycles: watts of radiant power, sun in W/m².
 
-A point lamp of P watts has the radiant intensity P / 4π, its sphere of radius r the radiance P / (4 π² r²); an area lamp
-of area A has P / (π A); a spot is a cone cut out of the point lamp.
+A point lamp of P watts has the radiant intensity P / 4π, its sphere of radius r the radiance P / (4 π² r²); an area
+lamp of area A has P / (π A); a spot is a cone cut out of the point lamp.
 """
 
 from __future__ import annotations
@@ -45,6 +45,8 @@ class BlenderLamp:
         `camera`, `shadow` and `reflection`, as scenes have it.
     normalized : bool
         Whether the power of an area lamp is independent of its size.
+    soft : bool
+        Whether a point lamp fades where it touches things.
     """
 
     name: str
@@ -60,6 +62,7 @@ class BlenderLamp:
     spread: float = math.pi
     visible: dict[str, bool] = field(default_factory=dict)
     normalized: bool = True
+    soft: bool = False
 
 
 def lamp_keys(lamp: BlenderLamp, report: Report) -> tuple[str, dict[str, Any]] | None:
@@ -101,6 +104,8 @@ def _point(lamp: BlenderLamp, report: Report) -> tuple[str, dict[str, Any]]:
     if lamp.radius <= SMALLEST_RADIUS:
         _sees_without_size(lamp, report)
         return "lights", {"kind": "point", "position": _place(lamp), "intensity": _scaled(lamp, 0.25 / math.pi)}
+    if lamp.soft:
+        report.add(f"Lamp {lamp.name}: a ball of light, which does not fade where it touches things (Soft Falloff).")
     radiance = _scaled(lamp, 0.25 / (math.pi * lamp.radius) ** 2)
     return _of_a_surface(lamp, {"shape": "sphere", "center": _place(lamp), "radius": lamp.radius}, radiance)
 

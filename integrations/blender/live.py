@@ -51,10 +51,16 @@ def is_same(one: Any, other: Any) -> bool:
 class LiveScene:
     """A session and the export that it shows."""
 
-    def __init__(self, device: str | None = None) -> None:
-        self._device = device
+    def __init__(self) -> None:
+        self._device: str | None = None
         self._keys: dict[str, Any] = {}
         self.session: RenderSession | None = None
+
+    def use(self, device: str) -> None:
+        """Render on a device, as `RenderSession` names it; empty for the fastest."""
+        if (device or None) != self._device:
+            self.close()
+            self._device = device or None
 
     def show(self, keys: dict[str, Any]) -> RenderSession:
         """Make the session show an export."""

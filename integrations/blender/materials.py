@@ -104,6 +104,8 @@ class _Translator(ValueReader):
             keys[key] = self.number(node, name)
         index = max(self.constant(node, "IOR", "the index"), 1e-3)
         keys["index"] = self._index(node, index, is_clear)
+        if keys["index"] == 1.0:
+            keys["specular"] = 0.0  # grazing light is not reflected either
         self._colour_of_specular(node, keys)
         if is_clear:
             keys["transmission"] = texture_of(transmission, 1)

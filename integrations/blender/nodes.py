@@ -63,6 +63,7 @@ class ValueReader:
         self._sources: dict[str, None] = {}
 
     def say(self, what: str) -> None:
+        """Report what is not as in Blender."""
         self._report.add(f"{self._name}: {what}.")
 
     def coordinates(self) -> str:
@@ -352,7 +353,8 @@ _VALUES: MappingOf[str, Callable[[ValueReader, Node, str], Field | None]] = {
         self.field(node, "Value"), self.field(node, "Min"), self.field(node, "Max", 1.0),
     ),
     "INVERT": lambda self, node, output: combine(
-        lambda f, c: rgb(c) * (1 - grey(f)) + (1 - rgb(c)) * grey(f), self.field(node, "Fac", 1.0), self.field(node, "Color")
+        lambda f, c: rgb(c) * (1 - grey(f)) + (1 - rgb(c)) * grey(f),
+        self.field(node, "Fac", 1.0), self.field(node, "Color"),
     ),
     "GAMMA": lambda self, node, output: combine(
         lambda c, g: np.power(np.maximum(rgb(c), 0), grey(g)), self.field(node, "Color"), self.field(node, "Gamma", 1.0)
@@ -363,7 +365,7 @@ _VALUES: MappingOf[str, Callable[[ValueReader, Node, str], Field | None]] = {
     ),
     "HUE_SAT": lambda self, node, output: combine(
         lambda f, c: rgb(c) * (1 - grey(f)) + grey(f) * hue_saturation(
-            c, self.constant(node, "Hue", "the hue") - 0.5 - 0.5,
+            c, self.constant(node, "Hue", "the hue") - 0.5,
             self.constant(node, "Saturation", "the saturation"), self.constant(node, "Value", "the value"),
         ),
         self.field(node, "Fac", 1.0), self.field(node, "Color"),

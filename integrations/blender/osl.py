@@ -1,4 +1,4 @@
-"""The lens for Cycles: the shader that traces it, where Blender's camera stands."""
+"""The lens for Cycles: the shader that traces it, and where its camera stands."""
 
 from __future__ import annotations
 
@@ -9,16 +9,14 @@ from rptcam_cl.exchange.camera_view import view
 from rptcam_cl.scene.load import load_scene
 
 
-def shader(keys: dict[str, Any]) -> str:
-    """The text of the shader for the camera of an export; raises `InputError` where the lens cannot be said."""
-    return osl_text(view(load_scene(only_camera(keys))))
+def shader(keys: dict[str, Any]) -> tuple[str, float]:
+    """The text of the shader for the camera of an export, and how far behind the pupil its film stands [units].
 
-
-def only_camera(keys: dict[str, Any]) -> dict[str, Any]:
-    """The export without what is in front of its camera."""
-    return {name: keys[name] for name in ("metres_per_unit", "film", "camera", "shutter") if name in keys}
-
-
-def pupil_ahead_m(keys: dict[str, Any]) -> float:
-    """How far the entrance pupil lies in front of the film [m]."""
-    return 0.0
+    Raises
+    ------
+    InputError
+        Where the lens cannot be said in a shader.
+    """
+    alone = {name: keys[name] for name in ("metres_per_unit", "film", "camera", "shutter") if name in keys}
+    seen = view(load_scene(alone))
+    return osl_text(seen), seen.pupil_ahead_mm / 1000 / float(keys["metres_per_unit"])

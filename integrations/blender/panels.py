@@ -1,13 +1,16 @@
 """Properties and panels: lens, f-stop, shutter, exposure, focus, samples, and what the translation leaves out."""
 
+# ruff: noqa: N801, RUF012 (names and sets as Blender wants them)
 from __future__ import annotations
 
+import importlib
 import math
 from typing import Any
 
 import bpy
 import bpy.utils.previews
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
+from mathutils import Matrix
 
 from rptcam_cl.core.errors import RptcamError
 
@@ -167,8 +170,9 @@ def settings_of(scene: Any, layers: list[str], *, through_lens: bool = True) -> 
         choice = scene.camera.data.rptcam.choice()
     exposure: dict[str, Any] = {"mode": given.exposure, "iso": given.iso}
     if given.exposure != "relative" and not choice.lens:
-        data = scene.camera.data if scene.camera is not None else None
-        exposure["f_number"] = data.dof.aperture_fstop if data is not None else 8.0
+        dof = scene.camera.data.dof if scene.camera is not None and scene.camera.type == "CAMERA" else None
+        if dof is None or not dof.use_dof or not through_lens:  # of a pinhole; a thin lens has its own
+            exposure["f_number"] = 8.0 if dof is None else dof.aperture_fstop
     more = {"render": render} | ({"exposure": exposure} if given.exposure != "relative" else {})
     shutter = 1 / given.shutter_s if given.use_shutter else None
     return Settings(choice, shutter, given.rolling_ms / 1000, more)
@@ -244,7 +248,7 @@ class RPTCAM_PT_report(_Panel, bpy.types.Panel):
 class RPTCAM_PT_lens(_Panel, bpy.types.Panel):
     """The lens."""
 
-    bl_label = "Lens"
+    bl_label = "Real Lens"
     bl_context = "data"
 
     @classmethod
@@ -347,7 +351,7 @@ class RPTCAM_OT_match_camera(bpy.types.Operator):
 
 
 class RPTCAM_OT_autofocus(bpy.types.Operator):
-    """Focus as a camera does, by the contrast in the middle of the picture, and keep the distance."""
+    """Focus on what the middle of the picture shows, by depth or as chosen under Focus, and keep the distance."""
 
     bl_idname = "rptcam.autofocus"
     bl_label = "Focus Now"
@@ -362,14 +366,17 @@ class RPTCAM_OT_autofocus(bpy.types.Operator):
         if not data.rptcam.reference:
             self.report({"ERROR"}, "Choose a lens first: Blender's own camera has no autofocus here")
             return {"CANCELLED"}
-        method = "contrast" if data.rptcam.autofocus == "DISTANCE" else data.rptcam.autofocus
+        before = data.rptcam.autofocus
+        data.rptcam.autofocus = method = "depth" if before == "DISTANCE" else before
         export = Reader().read(context.evaluated_depsgraph_get(), settings_of(scene, []))
+        data.rptcam.autofocus = before
         try:
             found = rptcam_cl.autofocus(export.keys, method)
-            distance = pupil_distance(export.keys, found.focus_distance_m)
         except RptcamError as problem:
             self.report({"ERROR"}, str(problem))
             return {"CANCELLED"}
+        # the film stood where Blender's camera stands, from which its distance counts
+        distance = found.focus_distance_m / float(export.keys["metres_per_unit"])
         data.dof.focus_object = None
         data.dof.focus_distance = distance
         data.rptcam.autofocus = "DISTANCE"
@@ -378,7 +385,7 @@ class RPTCAM_OT_autofocus(bpy.types.Operator):
 
 
 class RPTCAM_OT_osl(bpy.types.Operator):
-    """Write a shader that traces this lens in Cycles: a text, and its camera where Blender has custom cameras."""
+    """Write a shader that traces this lens in Cycles, and a camera of it where Blender has custom cameras."""
 
     bl_idname = "rptcam.osl"
     bl_label = "Lens for Cycles (OSL)"
@@ -388,21 +395,25 @@ class RPTCAM_OT_osl(bpy.types.Operator):
         """Do it."""
         from .osl import shader
 
+        item = context.scene.camera
         export = Reader().read(context.evaluated_depsgraph_get(), settings_of(context.scene, []))
         try:
-            text = shader(export.keys)
+            text, behind = shader(export.keys)
         except RptcamError as problem:
             self.report({"ERROR"}, str(problem))
             return {"CANCELLED"}
-        name = f"{context.scene.camera.data.rptcam.lens}.osl"
-        block = bpy.data.texts.get(name) or bpy.data.texts.new(name)
+        name = f"{item.name} through {item.data.rptcam.lens}"
+        block = bpy.data.texts.get(f"{name}.osl") or bpy.data.texts.new(f"{name}.osl")
         block.from_string(text)
-        data = context.scene.camera.data
-        if hasattr(data, "custom_mode"):
-            data.type, data.custom_mode, data.custom_shader = "CUSTOM", "INTERNAL", block
-            self.report({"INFO"}, f"{name} is the camera of Cycles; its shading system has to be Open Shading Language")
-        else:
-            self.report({"WARNING"}, f"Text {name}: cameras by a shader come with Blender 5.0")
+        if not hasattr(item.data, "custom_mode"):
+            self.report({"WARNING"}, f"Text {block.name}: cameras by a shader come with Blender 5.0")
+            return {"FINISHED"}
+        made = bpy.data.objects.new(name, item.data.copy())
+        made.matrix_world = item.matrix_world @ Matrix.Translation((0, 0, behind))  # its film
+        context.scene.collection.objects.link(made)
+        made.data.type, made.data.custom_mode, made.data.custom_shader = "CUSTOM", "INTERNAL", block
+        importlib.import_module("cycles.osl").update_custom_camera_shader(made.data, self.report)
+        self.report({"INFO"}, f"{name} is a camera of Cycles; its shading system has to be Open Shading Language")
         return {"FINISHED"}
 
 
@@ -423,13 +434,6 @@ class RPTCAM_OT_check(bpy.types.Operator):
             self.report({"ERROR"}, str(problem))
             return {"CANCELLED"}
         return {"FINISHED"}
-
-
-def pupil_distance(keys: dict[str, Any], film_distance_m: float) -> float:
-    """Distance from the camera of Blender, the entrance pupil, of a plane that is so far from the film [units]."""
-    from .osl import pupil_ahead_m
-
-    return (film_distance_m - pupil_ahead_m(keys)) / float(keys["metres_per_unit"])
 
 
 CLASSES = (

@@ -112,7 +112,7 @@ class Reader:
             if isinstance(update.id, bpy.types.Image):
                 self._pictures.pop(name, None)
             elif getattr(update, "is_updated_geometry", False) or isinstance(update.id, bpy.types.Mesh):
-                for key in self.parts.keys():
+                for key in self.parts.held():
                     if key.startswith("instanced ") or key in (f"object {name}", f"data {name}"):
                         self.parts.drop(key)
                 data = getattr(update.id, "data", None)
@@ -170,6 +170,10 @@ class Reader:
             report.add(f"Object {item.name}: the strands of its hair ({', '.join(hair)}) are left out.")
         if getattr(item, "is_holdout", False) or getattr(item, "is_shadow_catcher", False):
             report.add(f"Object {item.name}: holdouts and shadow catchers are seen like any other object.")
+        if builder.blurs and key.startswith("object ") and deforms_in_time(item):
+            report.add(
+                f"Object {item.name}: its shape is that of the open shutter; only its motion as a whole blurs it."
+            )
         visible = visibility(item, report)
         name = item.name_full
         builder.place(Placed(name, key, matrix, tuple(names), visible, item.pass_index, end))
@@ -251,6 +255,13 @@ def mesh_key(each: Any) -> str:
     return f"data {item.data.name_full}"
 
 
+def deforms_in_time(item: Any) -> bool:
+    """Whether modifiers or shape keys may change an object's shape while the shutter is open."""
+    bends = {"ARMATURE", "MESH_DEFORM", "LATTICE", "HOOK", "WAVE", "CLOTH", "SOFT_BODY", "NODES", "MESH_CACHE"}
+    keys = getattr(item.original.data, "shape_keys", None)
+    return any(each.type in bends for each in item.original.modifiers) or bool(keys and keys.animation_data)
+
+
 def mesh_of(item: Any) -> BlenderMesh | None:
     """The evaluated mesh of an object; None where it has no faces."""
     mesh = item.data if item.type == "MESH" else item.to_mesh()
@@ -323,6 +334,7 @@ def lamp_of(item: Any, matrix: NDArray[np.float64], reader: Reader, report: Repo
         spread=getattr(lamp, "spread", math.pi),
         visible=visible,
         normalized=getattr(lamp, "normalize", True),
+        soft=getattr(lamp, "use_soft_falloff", False),
     )
 
 

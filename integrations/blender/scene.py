@@ -1,4 +1,4 @@
-"""A scene put together from what was read of Blender: meshes by content, materials by name, objects placed and moved."""
+"""A scene put together from what was read of Blender: meshes by content, materials by name, objects placed, moved."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ class Parts:
         self._meshes.pop(key, None)
         self._parts = {of: value for of, value in self._parts.items() if of[0] != key}
 
-    def keys(self) -> list[str]:
+    def held(self) -> list[str]:
         """The meshes that are held."""
         return list(self._meshes)
 
@@ -121,6 +121,11 @@ class Builder:
         self._objects: list[dict[str, Any]] = []
         self._indices: list[int] = []
         self._lights: list[dict[str, Any]] = []
+
+    @property
+    def blurs(self) -> bool:
+        """Whether things move while the shutter is open."""
+        return self._shutter.moves
 
     def has_material(self, name: str) -> bool:
         """Whether a material was added already."""

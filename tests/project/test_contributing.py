@@ -7,6 +7,7 @@ import pytest
 
 ROOTS = (
     "", "kernels", "kernels/pass", "rptcam_cl", "rptcam_cl/studies/focus", "rptcam_cl/api", "kernels/material",
+    "integrations",
 )  # fmt: skip
 FILE = re.compile(r"`([\w./]+(?:/|\.(?:py|h|cl|js|md|json)))`")
 WITH_NAMES = re.compile(FILE.pattern + r"\s+\(((?:`\w+`(?:, )?)+)\)")
@@ -62,7 +63,7 @@ def test_names_that_the_page_gives_with_a_file_are_defined_in_it(checkout: Path,
 def test_folders_of_tests_are_named_like_the_rooms(checkout: Path) -> None:
     from tests.project.test_imports import ROOMS
 
-    about_no_room = {"benchmarks", "data", "project", "support"}
+    about_no_room = {"benchmarks", "data", "integrations", "project", "support"}
     folders = {path.parent.relative_to(checkout / "tests").parts[0] for path in (checkout / "tests").glob("*/**/*.py")}
     assert len(folders) > 10
     assert sorted(folders - set(ROOMS) - about_no_room) == []

@@ -1,0 +1,419 @@
+"""Blender's scenes rendered by our engine, beside Cycles and Blender's own projection; needs bpy (pip install bpy)."""
+
+import importlib.util
+import math
+
+import numpy as np
+import pytest
+
+import rptcam_cl
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(
+        importlib.util.find_spec("bpy") is None,
+        reason='Blender is not installed in this Python (pip install "bpy==4.2.*", Python 3.11)',
+    ),
+]
+
+LAMPS = {
+    "point": ("POINT", (1, -1, 3), 300, {"shadow_soft_size": 0.0}),
+    "ball": ("POINT", (1, -1, 3), 300, {"shadow_soft_size": 0.3, "use_soft_falloff": False}),
+    "spot": ("SPOT", (0.5, -1, 4), 300, {"shadow_soft_size": 0.0, "spot_size": math.radians(50), "spot_blend": 0.4}),
+    "hard spot": ("SPOT", (0.5, -1, 4), 300, {"shadow_soft_size": 0.0, "spot_size": math.radians(50), "spot_blend": 0}),
+    "directional": ("SUN", (0, 0, 5), 2, {"angle": 0.0, "rotation": (0.5, 0.3, 0)}),
+    "sun": ("SUN", (0, 0, 5), 2, {"angle": math.radians(5), "rotation": (0.5, 0.3, 0)}),
+    "square": ("AREA", (1, -1, 3), 200, {"size": 1.0, "rotation": (0.3, 0.2, 0)}),
+    "rectangle": ("AREA", (1, -1, 3), 200, {"shape": "RECTANGLE", "size_y": 0.5, "scale": (1.5, 1, 1)}),
+    "disk": ("AREA", (1, -1, 3), 200, {"shape": "DISK", "size": 1.0, "rotation": (0.3, 0.2, 0)}),
+    "ellipse": ("AREA", (1, -1, 3), 200, {"shape": "ELLIPSE", "size": 1.0, "size_y": 0.5}),
+}
+
+
+@pytest.mark.parametrize("kind", LAMPS)
+def test_lamp_lights_as_in_cycles(kind, tmp_path):
+    """Means within 0.2 % and pixels within 1 % rms: 512 samples of a lamp without bounces leave 0.4 % at most."""
+    from tests.integrations import cycles
+
+    cycles.empty_scene()
+    cycles.add("plane", cycles.material(), size=40)
+    cycles.add("uv_sphere", cycles.material(), radius=0.7, location=(0, 0, 0.7))
+    name, place, energy, values = LAMPS[kind]
+    cycles.add_lamp(name, place, energy, **values)
+    one, other = cycles.ours(512, depth=2), cycles.of_cycles(tmp_path, 512, depth=2)
+    assert one.mean() == pytest.approx(other.mean(), rel=2e-3)
+    assert np.sqrt(np.mean((one - other) ** 2)) < 0.01 * other.mean()
+
+
+def test_world_lights_as_in_cycles(tmp_path):
+    from tests.integrations import cycles
+
+    cycles.empty_scene()
+    cycles.add("plane", cycles.material(), size=40)
+    cycles.world((0.3, 0.5, 1.0), 0.7)
+    one, other = cycles.ours(256, depth=2), cycles.of_cycles(tmp_path, 256, depth=2)
+    assert one.mean((0, 1)) == pytest.approx(other.mean((0, 1)), rel=2e-3)
+
+
+def test_picture_of_the_world_lies_as_in_cycles(tmp_path):
+    """Each quarter of the sky has another colour; a ball that mirrors shows all of them."""
+    import bpy
+
+    from tests.integrations import cycles
+
+    cycles.empty_scene()
+    ball = cycles.shader("ShaderNodeBsdfGlossy", Roughness=0.0)
+    cycles.add("uv_sphere", ball, radius=2.0, segments=96, ring_count=48)
+    bpy.ops.object.shade_smooth()
+    image = bpy.data.images.new("sky", 64, 32, float_buffer=True)
+    u, v = np.meshgrid((np.arange(64) + 0.5) / 64, (np.arange(32) + 0.5) / 32)
+    pixels = np.stack([0.5 + 0.4 * np.sin(2 * np.pi * u), 0.5 + 0.4 * np.cos(2 * np.pi * u), v, np.ones_like(u)], -1)
+    image.pixels.foreach_set(pixels.astype(np.float32).ravel())
+    tree = cycles.world().node_tree
+    picture, mapping = tree.nodes.new("ShaderNodeTexEnvironment"), tree.nodes.new("ShaderNodeMapping")
+    picture.image = image
+    mapping.inputs["Rotation"].default_value = (0, 0, 0.7)
+    where = tree.nodes.new("ShaderNodeTexCoord")
+    tree.links.new(where.outputs["Generated"], mapping.inputs["Vector"])
+    tree.links.new(mapping.outputs[0], picture.inputs["Vector"])
+    tree.links.new(picture.outputs["Color"], tree.nodes["Background"].inputs["Color"])
+    one, other = cycles.ours(128, depth=3), cycles.of_cycles(tmp_path, 128, depth=3)
+    assert np.abs(one - other).mean() < 0.01 * other.mean()
+
+
+MATERIALS = {
+    "diffuse": lambda make: make.shader("ShaderNodeBsdfDiffuse", Color=(0.8, 0.3, 0.1, 1)),
+    "glossy": lambda make: make.shader("ShaderNodeBsdfGlossy", Color=(0.9, 0.6, 0.3, 1), Roughness=0.2),
+    "mirror": lambda make: make.shader("ShaderNodeBsdfGlossy", Color=(0.9, 0.6, 0.3, 1), Roughness=0.0),
+    "glass": lambda make: make.shader("ShaderNodeBsdfGlass", Color=(1, 1, 1, 1), Roughness=0.0),
+    "rough glass": lambda make: make.shader("ShaderNodeBsdfGlass", Color=(1, 1, 1, 1), Roughness=0.2),
+    "emission": lambda make: make.shader("ShaderNodeEmission", Color=(1, 0.5, 0.2, 1), Strength=2.0),
+    "metal": lambda make: make.material("m", Base_Color=(0.9, 0.6, 0.3, 1), Metallic=1.0, Roughness=0.2),
+    "clear principled": lambda make: make.material(
+        "g", Base_Color=(1, 1, 1, 1), Transmission_Weight=1.0, Roughness=0.0
+    ),
+    "holes": lambda make: make.material("h", Base_Color=(0.3, 0.1, 0.1, 1), Alpha=0.4, Specular_IOR_Level=0.0),
+    "chalk": lambda make: make.material("c", Base_Color=(0.8, 0.3, 0.1, 1), Specular_IOR_Level=0.0),
+}
+
+
+@pytest.mark.parametrize("kind", MATERIALS)
+def test_material_looks_as_in_cycles(kind, tmp_path):
+    """The mean of a ball on a floor under an even sky within 2 %; noise leaves 0.2 %."""
+    import bpy
+
+    from tests.integrations import cycles
+
+    cycles.empty_scene()
+    cycles.add("plane", cycles.material(), size=40)
+    surface = MATERIALS[kind](cycles)
+    cycles.add("uv_sphere", surface, radius=1.0, location=(0, 0, 1.0), segments=64, ring_count=32)
+    bpy.ops.object.shade_smooth()
+    cycles.world((0.4, 0.5, 0.6), 1.0)
+    ball = np.s_[14:46, 32:64]
+    one, other = cycles.ours(256, depth=8), cycles.of_cycles(tmp_path, 256, depth=8)
+    print("ball", kind, one[ball].mean((0, 1)) / other[ball].mean((0, 1)))
+    assert one[ball].mean((0, 1)) == pytest.approx(other[ball].mean((0, 1)), rel=0.02)
+
+
+@pytest.mark.parametrize("fit", ["AUTO", "HORIZONTAL", "VERTICAL"])
+@pytest.mark.parametrize("size", [(320, 200), (200, 320)])
+def test_corners_of_a_cube_lie_where_blender_projects_them(fit, size):
+    """Chief rays of all pixels make a projection; it meets Blender's own within 0.05 px."""
+    from bpy_extras.object_utils import world_to_camera_view
+    from mathutils import Vector
+
+    from tests.integrations import cycles
+
+    scene = cycles.empty_scene(size)
+    data = scene.camera.data
+    data.sensor_fit, data.lens, data.shift_x, data.shift_y = fit, 35.0, 0.12, -0.2
+    scene.camera.rotation_euler = (1.3, 0.2, 0.3)
+    cycles.add("cube", cycles.material(), size=1.0, location=(1, 1, 0.5))
+    layers = ["ray_origin", "ray_direction"]
+    image = rptcam_cl.render(cycles.exported(render={"spp": 1, "layers": layers}).keys)
+    origin, rays = image["ray_origin"].reshape(-1, 3)[0], image["ray_direction"].reshape(-1, 3)
+    basis = np.linalg.inv(np.array(scene.camera.matrix_world)[:3, :3])  # any would do that looks along its -z
+    seen = (rays @ basis.T)[:, :2] / -(rays @ basis.T)[:, 2:]
+    rows, columns = np.indices(size[::-1]) + 0.5
+    unknown = np.column_stack([seen, np.ones(len(seen))])
+    affine, *_ = np.linalg.lstsq(unknown, np.column_stack([columns.ravel(), rows.ravel()]), rcond=None)
+    for corner in np.array(np.meshgrid([0.5, 1.5], [0.5, 1.5], [0.0, 1.0])).reshape(3, -1).T:
+        x, y, depth = world_to_camera_view(scene, scene.camera, Vector(corner))
+        expected = np.array([x * size[0], (1 - y) * size[1]])
+        at = basis @ (corner - origin)
+        place = np.array([at[0] / -at[2], at[1] / -at[2], 1.0]) @ affine
+        assert depth > 0 and place == pytest.approx(expected, abs=0.05)
+
+
+def test_saved_picture_is_the_film(tmp_path):
+    import bpy
+
+    import integrations.blender
+    from rptcam_cl.imaging.image import read_film
+    from tests.integrations import cycles
+
+    integrations.blender.register()
+    try:
+        scene = cycles.empty_scene()
+        cycles.add("cube", cycles.material(), size=1.0)
+        cycles.add_lamp("POINT", (1, -2, 3), 300, shadow_soft_size=0.0)
+        scene.render.engine, scene.rptcam.samples = "RPTCAM", 16
+        scene.render.image_settings.file_format = "OPEN_EXR"
+        scene.render.image_settings.color_depth = "32"
+        scene.render.filepath = str(tmp_path / "ours.exr")
+        bpy.ops.render.render(write_still=True)
+        from integrations.blender.panels import settings_of
+        from integrations.blender.reader import Reader
+
+        export = Reader().read(bpy.context.evaluated_depsgraph_get(), settings_of(scene, []))
+        film = rptcam_cl.render(export.keys).pixels
+        assert np.array_equal(read_film(tmp_path / "ours.exr").pixels, film)
+    finally:
+        integrations.blender.unregister()
+
+
+def test_live_edits_have_the_bits_of_a_fresh_export():
+    import bpy
+
+    from integrations.blender.live import LiveScene
+    from integrations.blender.reader import Reader, Settings
+    from tests.integrations import cycles
+
+    cycles.empty_scene((64, 48))
+    cube, colour = cycles.add("cube", cycles.material(), size=1.0), cycles.material("c", Base_Color=(0.1, 0.5, 0.2, 1))
+    ball = cycles.add("uv_sphere", colour, radius=0.5, location=(1, 0, 0))
+    lamp = cycles.add_lamp("POINT", (1, -2, 3), 300, shadow_soft_size=0.0)
+    settings, reader, live = Settings(more={"render": {"spp": 4}}), Reader(), LiveScene()
+
+    def edit(number):
+        if number == 1:
+            cube.location.x = -0.7
+        elif number == 2:
+            colour.node_tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = (0.9, 0.1, 0.1, 1)
+        elif number == 3:
+            bpy.context.scene.camera.location.x = 0.5
+        elif number == 4:
+            lamp.data.energy = 500
+        elif number == 5:
+            ball.data.vertices[0].co.z += 0.5
+            ball.data.update()
+        elif number == 6:
+            bpy.data.objects.remove(cube)
+
+    updates = []
+    bpy.app.handlers.depsgraph_update_post.append(lambda scene, graph: updates.extend(graph.updates) or follow(graph))
+
+    def follow(graph):
+        reader.forget(graph.updates)
+
+    try:
+        for number in range(7):
+            edit(number)
+            bpy.context.view_layer.update()
+            graph = bpy.context.evaluated_depsgraph_get()
+            live_film = live.show(reader.read(graph, settings).keys).take(4).pixels
+            fresh = rptcam_cl.render(Reader().read(graph, settings).keys).pixels
+            assert np.array_equal(live_film, fresh), number
+        assert updates
+    finally:
+        bpy.app.handlers.depsgraph_update_post.clear()
+        live.close()
+
+
+def test_what_moves_is_blurred_as_in_cycles(tmp_path):
+    """A cube that crosses the picture while the shutter is open, by its columns' brightness."""
+    import bpy
+
+    from integrations.blender.reader import Reader, Settings
+    from tests.integrations import cycles
+
+    scene = cycles.empty_scene()
+    bpy.context.preferences.edit.keyframe_new_interpolation_type = "LINEAR"
+    cube = cycles.add("cube", cycles.shader("ShaderNodeEmission", Strength=1.0), size=1.0, location=(-1, 0, 1))
+    cube.keyframe_insert("location", frame=1)
+    cube.location.x = 1
+    cube.keyframe_insert("location", frame=3)
+    scene.frame_set(2)
+    scene.render.use_motion_blur, scene.render.motion_blur_shutter = True, 0.8
+    graph = bpy.context.evaluated_depsgraph_get()
+
+    def set_time(frame, part):
+        scene.frame_set(frame, subframe=part)
+
+    keys = Reader().read(graph, Settings(more={"render": {"spp": 256}}), set_time=set_time).keys
+    one = np.asarray(rptcam_cl.render(keys))
+    other = cycles.of_cycles(tmp_path, 256)
+    assert keys["objects"][0]["motion"] and np.abs(one - other).mean() < 0.02 * other.mean()  # noise of the edges
+    assert one.mean(axis=(0, 2)) == pytest.approx(other.mean(axis=(0, 2)), abs=0.02)
+
+
+def interior(cycles):
+    """A room with a window, furniture of collections, pictures, a curve and a text; a lamp with nodes."""
+    import bpy
+
+    cycles.empty_scene()
+    room = cycles.add("cube", cycles.material("wall", Base_Color=(0.8, 0.78, 0.7, 1)), size=16, location=(0, 0, 7.9))
+    room.modifiers.new("in", "SOLIDIFY").thickness = 0.1
+    wood = cycles.material("wood", Roughness=0.4)
+    image = bpy.data.images.new("grain", 32, 32)
+    picture = wood.node_tree.nodes.new("ShaderNodeTexImage")
+    picture.image = image
+    wood.node_tree.links.new(picture.outputs["Color"], wood.node_tree.nodes["Principled BSDF"].inputs["Base Color"])
+    cycles.add("cube", wood, size=1, location=(0, 1, 0.5)).modifiers.new("b", "BEVEL")
+    bpy.ops.object.text_add(location=(-1, 1, 2))
+    bpy.ops.curve.primitive_bezier_circle_add(location=(1, 1, 1))
+    bpy.context.object.data.bevel_depth = 0.05
+    cycles.add_lamp("AREA", (0, -1, 5), 200, size=2.0)
+    return {"Text": 1, "wood": 1}
+
+
+def street(cycles):
+    """Wet asphalt with noise that is not translated, lamps by spots with a radius, glass, a volume."""
+    cycles.empty_scene()
+    asphalt = cycles.material("asphalt", Roughness=0.2)
+    tree = asphalt.node_tree
+    noise = tree.nodes.new("ShaderNodeTexNoise")
+    tree.links.new(noise.outputs["Fac"], tree.nodes["Principled BSDF"].inputs["Roughness"])
+    cycles.add("plane", asphalt, size=30)
+    for i in range(4):
+        cycles.add("cube", cycles.material(f"house{i}"), size=3, location=(4 * (i % 2) - 2, 2 + 3 * i, 1.5))
+        cycles.add_lamp("SPOT", (2 * (i % 2) - 1, 3 * i, 4), 400, shadow_soft_size=0.1)
+    cycles.add("plane", cycles.material("pane", Transmission_Weight=1.0, Roughness=0.0), location=(0, 3, 2))
+    return {"Noise Texture": 1, "radius": 4}
+
+
+def walker(cycles):
+    """A figure of bones that walks: its mesh is deformed by an armature from frame to frame."""
+    import bpy
+
+    cycles.empty_scene()
+    cycles.add("plane", cycles.material(), size=10)
+    bpy.ops.object.armature_add(location=(0, 0, 0))
+    bones = bpy.context.object
+    body = cycles.add("cylinder", cycles.material("body"), radius=0.3, depth=1.0, location=(0, 0, 0.5), vertices=16)
+    group = body.vertex_groups.new(name="Bone")
+    group.add(range(len(body.data.vertices)), 1.0, "ADD")
+    body.modifiers.new("bones", "ARMATURE").object = bones
+    for frame, turn in ((1, -0.4), (12, 0.4)):
+        bones.pose.bones["Bone"].rotation_mode = "XYZ"
+        bones.pose.bones["Bone"].rotation_euler.x = turn
+        bones.pose.bones["Bone"].keyframe_insert("rotation_euler", frame=frame)
+    cycles.add_lamp("SUN", (0, 0, 5), 3, rotation=(0.5, 0.2, 0))
+    bpy.context.scene.frame_set(6)
+    return {}
+
+
+def forest(cycles):
+    """Three hundred trees of one collection, placed by the faces of a plane, lit by the sky texture."""
+    import bpy
+
+    cycles.empty_scene()
+    ground = cycles.add("grid", cycles.material("ground"), size=20, x_subdivisions=17, y_subdivisions=17)
+    trees = bpy.data.collections.new("tree")
+    trunk = cycles.add("cone", cycles.material("needles", Base_Color=(0.05, 0.2, 0.05, 1)), radius1=0.3, depth=1.5)
+    bpy.context.scene.collection.objects.unlink(trunk)
+    trees.objects.link(trunk)
+    holder = bpy.data.objects.new("holder", None)
+    holder.instance_type, holder.instance_collection = "COLLECTION", trees
+    bpy.context.scene.collection.objects.link(holder)
+    holder.parent, ground.instance_type = ground, "FACES"
+    tree = cycles.world().node_tree
+    sky = tree.nodes.new("ShaderNodeTexSky")
+    tree.links.new(sky.outputs[0], tree.nodes["Background"].inputs["Color"])
+    return {"sky texture": 1}
+
+
+@pytest.mark.parametrize("make", [interior, street, walker, forest])
+def test_scene_of_a_kind_is_exported_with_its_report(make):
+    """The report names what is said of each scene, so often; what is exported renders, and is not dark."""
+    from tests.integrations import cycles
+
+    expected = make(cycles)
+    export = cycles.exported(render={"spp": 4, "caustics": "off"})
+    sentences = export.report.sentences
+    for word, least in {key: count for key, count in expected.items() if key not in ("Text", "wood")}.items():
+        assert sum(word in sentence for sentence in sentences) == least, sentences
+    if make is interior:
+        names = [item.get("name") for item in export.keys["objects"]]
+        assert {"Text", "BézierCircle"} & set(names) and not sentences
+    if make is forest:
+        cones = [item for item in export.keys["objects"] if "Cone" in item["name"]]
+        assert len(cones) == 17 * 17 + 1  # the one that is carried is shown as well, as Blender's own list has it
+        assert len(export.keys["meshes"]) == 2  # tree and ground, each once
+    if make is walker:
+        points = next(mesh["vertices"] for name, mesh in export.keys["meshes"].items() if "Cylinder" in name)
+        assert np.ptp(points[:, 2]) < 1.2 and abs(np.linalg.norm(points.mean(axis=0))) > 0
+    assert float(np.asarray(rptcam_cl.render(export.keys)).mean()) > 1e-3
+
+
+def test_animation_and_passes_are_written(tmp_path):
+    """Two frames of a cube that an armature-like modifier bends, with persistent data: each frame has its own shape."""
+    import bpy
+    import OpenEXR
+
+    import integrations.blender
+    from tests.integrations import cycles
+
+    integrations.blender.register()
+    try:
+        scene = cycles.empty_scene((48, 32))
+        cube = cycles.add("cube", cycles.material(), size=1.0, location=(0, 0, 1))
+        cube.pass_index = 5
+        bend = cube.modifiers.new("bend", "SIMPLE_DEFORM")
+        bend.deform_method, bend.factor = "STRETCH", 0.0
+        bend.keyframe_insert("factor", frame=1)
+        bend.factor = 1.5
+        bend.keyframe_insert("factor", frame=2)
+        cycles.world()
+        scene.render.engine, scene.rptcam.samples = "RPTCAM", 4
+        scene.render.use_persistent_data, scene.frame_start, scene.frame_end = True, 1, 2
+        layer = scene.view_layers[0]
+        layer.use_pass_z = layer.use_pass_object_index = layer.use_pass_normal = True
+        if hasattr(scene.render.image_settings, "media_type"):  # from Blender 5.0 on
+            scene.render.image_settings.media_type = "MULTI_LAYER_IMAGE"
+        scene.render.image_settings.file_format = "OPEN_EXR_MULTILAYER"
+        scene.render.image_settings.color_depth = "32"
+        scene.render.filepath = str(tmp_path / "frame")
+        bpy.ops.render.render(animation=True)
+        index_name = "Object Index" if bpy.app.version >= (5, 0, 0) else "IndexOB"
+        seen = []
+        for file in sorted(tmp_path.glob("frame*.exr")):
+            parts = OpenEXR.File(str(file)).parts  # Blender 5 writes one for each pass
+            channels = {name: channel for each in parts for name, channel in each.channels.items()}
+            index = channels[f"{layer.name}.{index_name}.X"].pixels
+            depth = channels[f"{layer.name}.Depth.Z"].pixels
+            assert set(np.unique(index)) == {0, 5}
+            assert depth[index == 5].min() > 4 and depth[index == 5].max() < 7 and depth.max() == pytest.approx(1e10)
+            seen.append(int((index == 5).sum()))
+        assert len(seen) == 2 and seen[1] != seen[0]
+    finally:
+        integrations.blender.unregister()
+
+
+def test_border_is_the_part_of_the_whole_picture(tmp_path):
+    import bpy
+
+    import integrations.blender
+    from rptcam_cl.imaging.image import read_film
+    from tests.integrations import cycles
+
+    integrations.blender.register()
+    try:
+        scene = cycles.empty_scene((120, 80))
+        cycles.add("cube", cycles.material(), size=1.0)
+        cycles.world()
+        scene.render.engine, scene.rptcam.samples = "RPTCAM", 4
+        scene.render.image_settings.file_format = "OPEN_EXR"
+        scene.render.image_settings.color_depth = "32"
+        films = []
+        for name, share in (("whole", 1.0), ("part", 0.7)):
+            scene.render.use_border, scene.render.use_crop_to_border = share < 1, share < 1
+            scene.render.border_min_x, scene.render.border_max_x = 0.25, share
+            scene.render.border_min_y, scene.render.border_max_y = 0.1, 0.9
+            scene.render.filepath = str(tmp_path / f"{name}.exr")
+            bpy.ops.render.render(write_still=True)
+            films.append(read_film(tmp_path / f"{name}.exr").pixels)
+        assert films[1].shape == (64, 54, 3) and np.array_equal(films[0][8:72, 30:84], films[1])
+    finally:
+        integrations.blender.unregister()

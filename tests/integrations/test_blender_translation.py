@@ -1,0 +1,302 @@
+"""What Blender's cameras, lamps, nodes and meshes become, without Blender: closed forms."""
+
+import math
+
+import numpy as np
+import pytest
+
+import rptcam_cl
+from integrations.blender.camera import BlenderCamera, Frame, LensChoice, camera_keys, film_size_mm
+from integrations.blender.fields import Field, Mapping, combine, constant, hue_saturation, mix_colours
+from integrations.blender.lights import BlenderLamp, lamp_keys
+from integrations.blender.live import differences, is_same
+from integrations.blender.materials import BlenderMaterial, translate
+from integrations.blender.meshes import BlenderMesh, movement, part, uv_size
+from integrations.blender.nodes import Link, Node, linear
+from integrations.blender.report import Report
+from integrations.blender.scene import Builder, Parts, Placed, Shutter
+from integrations.blender.world import environment
+
+EYE = np.eye(4)
+
+
+def surface_of(node):
+    report = Report()
+    return translate(BlenderMaterial("m", node), report).keys, report.sentences
+
+
+def principled(**inputs):
+    defaults = {
+        "Base Color": (0.8, 0.8, 0.8), "Metallic": 0.0, "Roughness": 0.5, "IOR": 1.5, "Alpha": 1.0,
+        "Specular IOR Level": 0.5, "Specular Tint": (1.0, 1.0, 1.0),
+    }  # fmt: skip
+    return Node("BSDF_PRINCIPLED", "p", defaults | {key.replace("_", " "): value for key, value in inputs.items()})
+
+
+def picture(codes, **values):
+    return Node("TEX_IMAGE", "picture", {}, {"codes": codes, "color_space": "srgb", **values})
+
+
+@pytest.mark.parametrize(
+    ("fit", "size", "expected", "side"),
+    [
+        ("AUTO", (200, 100), (36, 18), 36),
+        ("AUTO", (100, 200), (18, 36), 36),
+        ("HORIZONTAL", (100, 200), (36, 72), 36),
+        ("VERTICAL", (200, 100), (48, 24), 24),
+    ],
+)
+def test_sensor_fit_spans_the_side_that_blender_names(fit, size, expected, side):
+    film, span = film_size_mm(BlenderCamera(EYE, sensor_fit=fit), Frame(size))
+    assert film == pytest.approx(expected) and span == side
+
+
+def test_pixels_that_are_not_square_change_the_film():
+    film, _ = film_size_mm(BlenderCamera(EYE), Frame((200, 200), (2.0, 1.0)))
+    assert film == pytest.approx((36, 18))
+
+
+def test_depth_of_field_is_a_thin_lens_of_the_same_opening():
+    report = Report()
+    camera = BlenderCamera(EYE, lens_mm=80, f_stop=2.0, focus_distance=3.0, shift=(0.1, -0.2))
+    keys = camera_keys(camera, Frame((300, 200)), LensChoice(), 1.0, report)["camera"]
+    assert keys["kind"] == "thin_lens" and keys["aperture_radius_m"] == pytest.approx(0.02)
+    assert keys["movements"] == pytest.approx({"shift_mm": 3.6, "rise_mm": -7.2})
+    assert not report
+
+
+def test_lens_that_matches_the_field_has_a_larger_film():
+    choice = LensChoice("dgauss-100mm", 4.0, True, 100.0)
+    made = camera_keys(BlenderCamera(EYE, lens_mm=50), Frame((300, 200)), choice, 1.0, Report())
+    assert made["film"]["size_mm"] == pytest.approx([72, 48])
+    assert made["camera"]["stands_at"] == "entrance_pupil"
+    assert rptcam_cl.load_scene(made | {"environment": {"kind": "constant", "radiance": 1}}).camera.kind == "realistic"
+
+
+def test_border_is_rounded_to_pixels_and_counts_from_the_top():
+    made = camera_keys(BlenderCamera(EYE), Frame((100, 50), border=(0.255, 0.5, 0.1, 0.9)), LensChoice(), 1.0, Report())
+    assert made["film"]["crop"] == pytest.approx([0.25, 0.5, 0.1, 0.9])
+
+
+def test_orthographic_camera_is_named_in_the_report():
+    report = Report()
+    keys = camera_keys(BlenderCamera(EYE, kind="ORTHO", ortho_scale=4), Frame((200, 100)), LensChoice(), 1, report)
+    assert keys["camera"]["eye"] == pytest.approx([0, 0, 4000]) and "orthographic" in report.sentences[0]
+
+
+def test_lamps_have_the_power_that_blender_gives_them():
+    power = (100.0, 50.0, 25.0)
+    section, point = lamp_keys(BlenderLamp("p", "POINT", EYE, power), Report())
+    assert section == "lights" and np.multiply(point["intensity"], 4 * math.pi) == pytest.approx(power)
+    _, ball = lamp_keys(BlenderLamp("b", "POINT", EYE, power, radius=0.5), Report())
+    emitted = np.multiply(ball["material"]["radiance"], math.pi * 4 * math.pi * 0.25)
+    assert emitted == pytest.approx(power) and ball["visible"]["shadow"] is False
+    _, area = lamp_keys(BlenderLamp("a", "AREA", EYE, power, shape="RECTANGLE", size=(2.0, 3.0)), Report())
+    assert np.multiply(area["material"]["radiance"], math.pi * 6) == pytest.approx(power)
+    normal = np.cross(area["edge_u"], area["edge_v"])
+    assert normal == pytest.approx([0, 0, -6])  # shines along −z
+    _, disk = lamp_keys(BlenderLamp("d", "AREA", EYE, power, shape="ELLIPSE", size=(2.0, 3.0)), Report())
+    assert np.multiply(disk["material"]["radiance"], math.pi * math.pi * 1.5) == pytest.approx(power)
+
+
+def test_spot_fades_over_its_blend_of_the_cosine():
+    report = Report()
+    lamp = BlenderLamp("s", "SPOT", EYE, (1.0, 1.0, 1.0), spot_size=math.radians(60), spot_blend=0.5, radius=0.2)
+    _, spot = lamp_keys(lamp, report)
+    outer, inner = (math.cos(math.radians(spot[f"{end}_degrees"])) for end in ("outer", "inner"))
+    assert inner == pytest.approx(outer + (1 - outer) / 2) and "radius" in report.sentences[0]
+
+
+def test_what_a_lamp_has_not_is_reported():
+    report = Report()
+    lamp_keys(BlenderLamp("a", "AREA", EYE, (1, 1, 1), spread=1.0), report)
+    assert lamp_keys(BlenderLamp("n", "POINT", EYE, (-1, 0, 1)), report) is None
+    assert len(report.sentences) == 2
+
+
+def test_principled_material_is_a_principled_one():
+    keys, said = surface_of(principled(Base_Color=(0.5, 0.25, 0.125), Metallic=1.0, Roughness=0.25))
+    assert keys["kind"] == "principled" and keys["base_color"] == pytest.approx([0.5, 0.25, 0.125])
+    assert (keys["metallic"], keys["roughness"], keys["index"]) == (1.0, 0.25, 1.5) and not said
+
+
+def test_specular_level_changes_the_index_by_its_reflectance():
+    keys, _ = surface_of(principled(Specular_IOR_Level=1.0))
+    assert ((keys["index"] - 1) / (keys["index"] + 1)) ** 2 == pytest.approx(0.08)
+
+
+def test_white_glass_is_a_dielectric_and_tinted_takes_the_root_at_each_passage():
+    clear, _ = surface_of(principled(Base_Color=(1.0, 1.0, 1.0), Transmission_Weight=1.0, Roughness=0.0))
+    assert clear == {"kind": "dielectric", "index": 1.5}
+    tinted, said = surface_of(principled(Base_Color=(0.25, 0.81, 1.0), Transmission_Weight=1.0, Roughness=0.2))
+    assert tinted["base_color"] == pytest.approx([0.5, 0.9, 1.0]) and not said
+
+
+def test_layers_without_an_equal_are_reported():
+    node = principled(Subsurface_Weight=1.0, Thin_Film_Thickness=300.0, Coat_Weight=1.0, Coat_IOR=1.8)
+    _, said = surface_of(node)
+    assert len(said) == 3
+
+
+def test_transparent_shader_makes_holes():
+    clear = Node("BSDF_TRANSPARENT", "t", {"Color": (1.0, 1.0, 1.0)})
+    red = Node("BSDF_DIFFUSE", "d", {"Color": (0.8, 0.1, 0.1)})
+    links = {"Shader": Link(clear, "BSDF"), "Shader_001": Link(red, "BSDF")}
+    keys, said = surface_of(Node("MIX_SHADER", "m", {"Fac": 0.25, **links}))
+    assert keys["kind"] == "matte" and keys["opacity"] == pytest.approx(0.25) and not said
+
+
+def test_emission_shines_from_both_sides():
+    keys, _ = surface_of(Node("EMISSION", "e", {"Color": (1.0, 0.5, 0.25), "Strength": 4.0}))
+    assert keys == {"kind": "emissive", "radiance": [4.0, 2.0, 1.0], "two_sided": True}
+
+
+def test_shader_without_an_equal_is_reported_and_grey():
+    keys, said = surface_of(Node("BSDF_HAIR", "hair"))
+    assert keys["kind"] == "matte" and "hair" in said[0]
+
+
+def test_picture_is_handed_on_as_it_is_stored():
+    codes = np.arange(48, dtype=np.uint8).reshape(4, 4, 3)
+    keys, _ = surface_of(principled(Base_Color=Link(picture(codes), "Color")))
+    assert np.array_equal(keys["base_color"]["file"], codes) and keys["base_color"]["color_space"] == "srgb"
+
+
+def test_picture_behind_nodes_is_calculated_texel_by_texel():
+    codes = np.full((2, 2, 3), 188, np.uint8)
+    codes[0, 0] = 0
+    invert = Node("INVERT", "i", {"Fac": 1.0, "Color": Link(picture(codes), "Color")})
+    keys, said = surface_of(principled(Base_Color=Link(invert, "Color")))
+    expected = 1 - linear(codes, "srgb")
+    assert np.allclose(keys["base_color"]["file"], expected, atol=1e-6) and not said
+
+
+def test_mapping_scales_turns_and_shifts_coordinates():
+    codes = np.zeros((2, 2, 3), np.uint8)
+    mapping = Node("MAPPING", "m", {
+        "Vector": Link(Node("TEX_COORD", "c"), "UV"), "Scale": (2.0, 3.0, 1.0), "Rotation": (0.0, 0.0, math.pi / 2),
+        "Location": (0.25, 0.0, 0.0),
+    }, {"vector_type": "POINT"})  # fmt: skip
+    node = picture(codes)
+    node.inputs["Vector"] = Link(mapping, "Vector")
+    keys, said = surface_of(principled(Base_Color=Link(node, "Color")))
+    texture = keys["base_color"]
+    assert texture["scale"] == [2.0, 3.0] and texture["rotation_degrees"] == pytest.approx(90) and not said
+    u, v = Mapping((2.0, 3.0), math.pi / 2, (0.25, 0.0)).at(np.float32(0.1), np.float32(0.2))
+    assert (u, v) == pytest.approx((0.25 - 0.6, 0.2), abs=1e-6)
+
+
+def test_unknown_nodes_are_reported():
+    _, said = surface_of(principled(Base_Color=Link(Node("TEX_VORONOI", "cells"), "Color")))
+    assert "cells" in said[0]
+
+
+def test_every_translated_material_is_a_valid_one():
+    codes = np.full((4, 4, 4), 128, np.uint8)
+    bump = Node("BUMP", "b", {"Height": Link(picture(codes), "Color"), "Strength": 1.0, "Distance": 0.1})
+    nodes = [
+        principled(Normal=Link(bump, "Normal"), Alpha=Link(picture(codes), "Alpha"), Coat_Weight=0.5, Sheen_Weight=0.2),
+        Node("BSDF_GLOSSY", "g", {"Color": (0.9, 0.9, 0.9), "Roughness": 0.3}, {"distribution": "GGX"}),
+        Node("BSDF_GLOSSY", "g", {"Color": (0.9, 0.9, 0.9), "Roughness": 0.0}),
+        Node("BSDF_GLASS", "g", {"Color": (0.9, 0.5, 0.9), "Roughness": 0.0, "IOR": 1.45}),
+        Node("BSDF_TRANSPARENT", "t", {"Color": (0.5, 0.5, 0.5)}),
+        Node("BSDF_SHEEN", "s", {"Color": (0.5, 0.5, 0.5), "Roughness": 0.5}),
+        Node("ADD_SHADER", "a", {
+            "Shader": Link(Node("EMISSION", "e", {"Color": (1.0, 1.0, 1.0), "Strength": 2.0}), "Emission"),
+            "Shader_001": Link(principled(), "BSDF"),
+        }),
+    ]  # fmt: skip
+    materials = {f"m{i}": surface_of(node)[0] for i, node in enumerate(nodes)}
+    mesh = {"vertices": np.eye(3), "faces": np.array([[0, 1, 2]]), "uvs": np.zeros((3, 2))}
+    scene = {
+        "camera": {"kind": "pinhole", "eye": [0, 0, 5], "target": [0, 0, 0], "fov_degrees": 40},
+        "materials": materials, "meshes": {"t": mesh},
+        "objects": [{"shape": "mesh", "mesh": "t", "material": name} for name in materials],
+    }  # fmt: skip
+    assert len(rptcam_cl.load_scene(scene).objects) == len(nodes)
+
+
+def test_fields_of_other_sizes_meet_over_the_unit_square():
+    ramp = np.repeat(np.linspace(0, 1, 64, dtype=np.float32)[None, :, None], 4, axis=0)
+    first, second = Field(ramp, Mapping((1.0, 1.0))), Field(np.ones((2, 2, 1), np.float32), Mapping((2.0, 2.0)))
+    made = combine(lambda a, b: a * b, first, second)
+    assert made.values.shape == (1024, 1024, 1) and made.values.mean() == pytest.approx(0.5, abs=2e-3)
+    assert combine(lambda a: 2 * a, constant(0.25)).number == pytest.approx(0.5)
+
+
+def test_colour_nodes_calculate_as_blender_documents():
+    red = np.array([1.0, 0.0, 0.0], np.float32)
+    assert hue_saturation(red, 1 / 3, 1.0, 1.0) == pytest.approx([0, 1, 0], abs=1e-6)
+    half = np.array([0.5], np.float32)
+    mixed = mix_colours("MULTIPLY", half, np.array([0.8, 0.8, 0.8], np.float32), red)
+    assert mixed == pytest.approx([0.8, 0.4, 0.4])
+
+
+def quad():
+    points = np.array([[0, 0, 0], [2, 0, 0], [2, 2, 0], [0, 2, 0]], np.float32)
+    uvs = points[:, :2] / 4
+    loops = np.arange(4, dtype=np.int32)
+    triangles = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
+    normals = np.tile(np.array([0, 0, 1], np.float32), (4, 1))
+    return BlenderMesh(points, loops, triangles, np.array([0, 1], np.int32), normals, {"UVMap": uvs})
+
+
+def test_mesh_is_parted_by_material_and_keeps_its_corners():
+    one, other = part(quad(), 0, "uv"), part(quad(), 1, "uv")
+    assert one is not None and other is not None and part(quad(), 2, "uv") is None
+    assert one["faces"].tolist() == [[0, 1, 2]] and len(other["vertices"]) == 3
+    assert np.array_equal(one["vertices"][one["faces"][0]], quad().points[[0, 1, 2]])
+    assert np.array_equal(other["uvs"][other["faces"][0]], quad().uvs["UVMap"][[0, 2, 3]])
+    assert uv_size(quad()) == pytest.approx(4)
+
+
+def test_motion_is_a_turn_about_the_origin_after_the_placing():
+    start, end = np.eye(4), np.eye(4)
+    start[:3, 3] = [1, 2, 3]
+    angle = 0.3
+    end[:2, :2] = [[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]]
+    end[:3, 3] = [2, 2, 3]
+    frames, whole = movement(start, end, (0.0, 0.5))
+    turn = np.vstack([frames[1]["matrix"], [0, 0, 0, 1]])
+    assert whole and np.allclose(turn @ start, end) and frames[1]["time_s"] == 0.5
+    grown = np.diag([2.0, 2.0, 2.0, 1.0])
+    assert movement(np.eye(4), grown, (0.0, 1.0))[1] is False
+
+
+def test_differences_of_exports_are_the_least_changes():
+    one = {"camera": {"eye": [0, 0, 1]}, "objects": [{"a": 1}, {"b": np.zeros(3)}], "materials": {"m": {"k": 1}}}
+    other = {"camera": {"eye": [0, 0, 2]}, "objects": [{"a": 1}, {"b": np.ones(3)}], "materials": {"m": {"k": 1}}}
+    assert list(differences(one, other)) == ["camera", "objects.1"]
+    assert differences(one, one | {"lights": []}) == {"lights": []}
+    assert differences(
+        one, {"camera": one["camera"], "objects": one["objects"][:1], "materials": one["materials"]}
+    ) == {"objects": one["objects"][:1]}
+    assert is_same({"x": [np.zeros(2)]}, {"x": [np.zeros(2)]}) and not is_same([1], [1, 2])
+
+
+def test_world_of_a_picture_is_turned_and_mixed_worlds_are_reported():
+    report = Report()
+    codes = np.ones((4, 8, 3), np.float32)
+    node = Node("TEX_ENVIRONMENT", "sky", {}, {"codes": codes, "color_space": "linear"})
+    made = environment(Node("BACKGROUND", "b", {"Color": Link(node, "Color"), "Strength": 2.0}), (0, 0, 0), report)
+    assert made is not None and made["rotation_degrees"] == -90 and made["gain"] == 2 and not report
+    backgrounds = [Node("BACKGROUND", "b", {"Color": (c, c, c), "Strength": 1.0}) for c in (0.25, 0.5)]
+    links = {name: Link(each, "") for name, each in zip(("Shader", "Shader_001"), backgrounds, strict=True)}
+    mixed = environment(Node("MIX_SHADER", "m", {"Fac": 0.5, **links}), (0, 0, 0), report)
+    assert mixed == {"kind": "constant", "radiance": [0.25] * 3} and len(report.sentences) == 1
+    assert environment(None, (0, 0, 0), report) is None
+
+
+def test_builder_makes_one_object_for_each_material():
+    parts, report = Parts(), Report()
+    parts.put("data quad", quad())
+    builder = Builder(parts, 0.01, report, Shutter(0.02))
+    for name in ("one.001", "two"):
+        builder.add_material(BlenderMaterial(name, None), 3)
+    builder.place(Placed("Quad", "data quad", EYE, ("one.001", "two"), {"camera": False}, 7))
+    builder.place(Placed("Flat", "data quad", np.diag([1.0, 1.0, 0.0, 1.0]), ("two",)))
+    export = builder.export(BlenderCamera(EYE), Frame((30, 20)), LensChoice(), None, {})
+    scene = rptcam_cl.load_scene(export.keys)
+    assert len(scene.objects) == 2 and export.object_indices.tolist() == [7, 7]
+    assert export.material_indices.tolist() == [3, 3] and scene.objects[0].visible.camera is False
+    assert report.sentences == ["Object Flat: flat by its scale, left out."]
