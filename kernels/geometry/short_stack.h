@@ -10,7 +10,7 @@
 
 #define NO_CHILD     0xffffffffu
 #ifndef SHORT_ENTRIES
-#define SHORT_ENTRIES 5u                // 5 at most; tests take fewer
+#define SHORT_ENTRIES 5                 // 5 at most; tests take fewer
 #endif
 
 typedef struct {
@@ -30,7 +30,7 @@ static Walk walk_from(int root)
 
 #define PUSH(w, entry)                                                                                      \
     { (w)->s4 = (w)->s3; (w)->s3 = (w)->s2; (w)->s2 = (w)->s1; (w)->s1 = (w)->s0; (w)->s0 = (entry);        \
-      (w)->held = min((w)->held + 1u, SHORT_ENTRIES); }
+      (w)->held = min((w)->held + 1u, (uint)SHORT_ENTRIES); }
 
 static inline int of_four_ints(int4 v, uint k) { return k & 2u ? (k & 1u ? v.w : v.z) : (k & 1u ? v.y : v.x); }
 

@@ -1,4 +1,4 @@
-"""Division, square roots and small numbers as GPUs compute them, simulated on a processor: texts of programs are changed.
+"""Division, square roots and small numbers as GPUs compute them, simulated: texts of programs are changed.
 
 OpenCL lets a division be 2.5 units in the last place off and a square root 3; NVIDIA's compiler takes `div.full` and
 `sqrt.approx`, Intel's `math.inv`. Here a divisor, and the result of a square root, goes to one of its neighbours by a
