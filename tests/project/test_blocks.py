@@ -40,7 +40,10 @@ WRITES = {
 }  # fmt: skip
 READS_LATER = {"tls"}  # files of the reader's own
 # Why a block may stay on paper; what else it says is checked all the same.
-REASONS = {"takes several machines", "takes several devices", "takes the extra denoise", "serves until Ctrl-C"}
+REASONS = {
+    "takes several machines", "takes several devices", "takes the extra denoise", "takes compilers for GPUs",
+    "serves until Ctrl-C",
+}  # fmt: skip
 
 
 def named(blocks: list[Block]) -> list[Any]:
