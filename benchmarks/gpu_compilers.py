@@ -74,14 +74,37 @@ class Limit:
     lanes: int
 
 
-LIMITS: dict[str, Limit] = {}
+LIMITS = {
+    "aim_rays": Limit(32, 0, 32),
+    "fill_blocks": Limit(24, 0, 32),
+    "film": Limit(40, 0, 16),
+    "gather": Limit(24, 0, 32),
+    "generate": Limit(56, 0, 16),
+    "ghosts": Limit(40, 0, 16),
+    "histogram": Limit(48, 1728, 16),
+    "intersect": Limit(64, 64, 8),
+    "layers": Limit(168, 0, 8),
+    "leaves": Limit(32, 0, 32),
+    "occluded": Limit(32, 0, 32),
+    "partition": Limit(40, 0, 16),
+    "photons": Limit(128, 64, 8),
+    "reinsert": Limit(48, 0, 32),
+    "search": Limit(48, 1024, 16),
+    "shade": Limit(128, 0, 8),
+    "shadow": Limit(64, 64, 8),
+    "sharp": Limit(72, 0, 8),
+    "subtree": Limit(168, 2976, 16),
+    "trace_lens": Limit(80, 0, 0),
+    "trace_rays": Limit(64, 0, 16),
+    "C: intersect": Limit(64, 0, 16),  # meshes alone; a tree over shapes has a stack in memory
+    "C: shadow": Limit(64, 0, 16),
+    "everything: photons": Limit(192, 1104, 8),
+    "everything: shade": Limit(255, 1064, 8),
+}
 
 
 def recorded(scenes: Iterable[str]) -> dict[str, list[str]]:
-    """Return the texts of all programs of some scenes, each with the names of those that need it; run in a process each.
-
-    Names of `OTHERS` are among the scenes.
-    """
+    """Return the texts of all programs of scenes and of `OTHERS`, each with the names of those that need it."""
     found: dict[str, list[str]] = {}
     names = list(scenes)
     groups = [[name for name in names if name not in OTHERS], *([name] for name in names if name in OTHERS)]
@@ -99,7 +122,6 @@ def recorded(scenes: Iterable[str]) -> dict[str, list[str]]:
 def record(scenes: list[str], path: str) -> None:
     """Write the programs of some scenes, which this process plans or renders, to a file."""
     from benchmarks import films
-    from benchmarks.scenes import wavefront_of  # noqa: F401 -- what `films` needs is imported before it is measured
     from rptcam_cl.core.errors import RptcamError
     from rptcam_cl.device import session
     from rptcam_cl.device.devices import choose_device
@@ -199,20 +221,19 @@ def compile_for_amd(target: str, folder: Path) -> list[Compiled]:
     root = FOLDER / "amd"
     built_ins = next((root / "usr/lib").glob("llvm-*/lib/clang/*/amdgcn/bitcode"))
     options = (
-        f"-resource-dir {root}/usr/lib/llvm-19/lib/clang/19 -target amdgcn-amd-amdhsa -mcpu={target} -x cl {OPTIONS} -O3 -w"
-        f" --rocm-device-lib-path={built_ins} -S program.cl -o program.s"
+        f"-resource-dir {root}/usr/lib/llvm-19/lib/clang/19 -target amdgcn-amd-amdhsa -mcpu={target} -x cl {OPTIONS}"
+        f" -O3 -w --rocm-device-lib-path={built_ins} -S program.cl -o program.s"
     )
     clang = command_of("amd", "usr/lib/llvm-19/bin/clang", "usr/lib/llvm-19/lib")
     _, seconds = run([*clang, *options.split()], folder)
     text = (folder / "program.s").read_text(encoding="utf-8")
-    waves = dict(
-        zip(re.findall(r"^\s*\.amdhsa_kernel (\w+)", text, re.M), re.findall(r"^; Occupancy: (\d+)", text, re.M))
-    )
+    names = re.findall(r"^\s*\.amdhsa_kernel (\w+)", text, re.MULTILINE)
+    waves = dict(zip(names, re.findall(r"^; Occupancy: (\d+)", text, re.MULTILINE), strict=False))  # functions follow
     described = yaml.safe_load(text.partition(".amdgpu_metadata")[2].partition("---")[2].partition("\n...")[0])
     return [
         Compiled(
-            kernel[".name"], kernel[".vgpr_count"], kernel[".private_segment_fixed_size"], kernel[".vgpr_spill_count"], 0,
-            int(waves[kernel[".name"]]), seconds,
+            kernel[".name"], kernel[".vgpr_count"], kernel[".private_segment_fixed_size"],
+            kernel[".vgpr_spill_count"], 0, int(waves[kernel[".name"]]), seconds,
         )
         for kernel in described["amdhsa.kernels"]
     ]  # fmt: skip
@@ -308,7 +329,7 @@ def beyond(found: Found) -> list[str]:
     """Return what takes more than `LIMITS` allow."""
     wrong = []
     for (scene, kernel), by_target in found.items():
-        limit = LIMITS.get(kernel)
+        limit = LIMITS.get(f"{scene}: {kernel}") or LIMITS.get(kernel)
         nvidia, intel = by_target.get("sm_90"), by_target.get("dg2")
         if limit is None:
             wrong.append(f"{kernel} of {scene} has no limit")

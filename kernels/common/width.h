@@ -176,6 +176,13 @@ typedef I Kept;
 #define ANY_KEPT(kept) ANY(kept)
 #endif
 
+// Intel's compiler takes eight work items together where it fears for its registers, and sixteen by request.
+#if SHORT_STACK && defined cl_intel_required_subgroup_size
+#define SIXTEEN_TOGETHER __attribute__((intel_reqd_sub_group_size(16)))
+#else
+#define SIXTEEN_TOGETHER
+#endif
+
 #define FALSE     ((I)(0))
 #define TRUE      NOT(FALSE)
 #define ZERO      ((F)(0.0f))

@@ -24,6 +24,9 @@ typedef Row   __attribute__((aligned(4))) RowAnywhere;
 typedef Block __attribute__((aligned(4))) BlockAnywhere;
 #define LOAD_ROW(p)       (*(const __global RowAnywhere *)(p))
 #define LOAD_BLOCK(p)     (*(const __global BlockAnywhere *)(p))
+#elif VW == 1                           // nodes and blocks are multiples of 16 bytes, and a GPU reads so many at once
+#define LOAD_ROW(p)       (*(const __global Row *)(p))
+#define LOAD_BLOCK(p)     (*(const __global Block *)(p))
 #else
 #define LOAD_ROW(p)       SIZED(vload, BVH_WIDTH)(0, p)
 #define LOAD_BLOCK(p)     SIZED(vload, LEAF_WIDTH)(0, p)

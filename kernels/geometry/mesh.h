@@ -160,15 +160,23 @@ static OneRay one_at_rest(OneRay r, int primitive, Scene scene)
 #endif
 
 #if HAS_INSTANCES
-static inline BoxRay in_mesh(const __global Instance *instance, OneRay r, Scene scene)
+static inline OneRay ray_in_mesh(const __global Instance *instance, OneRay r, Scene scene)
 {
 #if HAS_MOTION
     r = one_at_rest(r, instance->first_primitive, scene);
 #endif
     float4 x = instance->row_x, y = instance->row_y, z = instance->row_z;
-    return box_ray(x.x * r.o.x + x.y * r.o.y + x.z * r.o.z + x.w, y.x * r.o.x + y.y * r.o.y + y.z * r.o.z + y.w,
-                   z.x * r.o.x + z.y * r.o.y + z.z * r.o.z + z.w, x.x * r.d.x + x.y * r.d.y + x.z * r.d.z,
-                   y.x * r.d.x + y.y * r.d.y + y.z * r.d.z, z.x * r.d.x + z.y * r.d.y + z.z * r.d.z);
+    OneRay in = r;
+    in.o = (float3)(x.x * r.o.x + x.y * r.o.y + x.z * r.o.z + x.w, y.x * r.o.x + y.y * r.o.y + y.z * r.o.z + y.w,
+                    z.x * r.o.x + z.y * r.o.y + z.z * r.o.z + z.w);
+    in.d = (float3)(x.x * r.d.x + x.y * r.d.y + x.z * r.d.z, y.x * r.d.x + y.y * r.d.y + y.z * r.d.z,
+                    z.x * r.d.x + z.y * r.d.y + z.z * r.d.z);
+    return in;
+}
+
+static inline BoxRay in_mesh(const __global Instance *instance, OneRay r, Scene scene)
+{
+    return in_world(ray_in_mesh(instance, r, scene));
 }
 
 // The triangle of an instance that does not count for a ray.
@@ -181,6 +189,8 @@ static inline int origin_within(const __global Instance *instance, int origin, i
 
 #if SIDE_BY_SIDE
 #include "geometry/mesh_side_by_side.h"
+#elif SHORT_STACK
+#include "geometry/mesh_by_short_stack.h"
 #else
 #include "geometry/mesh_one_by_one.h"
 #endif

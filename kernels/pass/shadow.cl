@@ -2,6 +2,7 @@
 #include "geometry/nearest.h"
 #include "integrator/state.h"
 
+SIXTEEN_TOGETHER
 __kernel void shadow(SCENE_PARAMETERS
                      __global float *state,      // path state
                      uint            capacity)   // slots in the state

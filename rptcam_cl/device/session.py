@@ -167,7 +167,7 @@ class Session:
         """How the work is cut up for the device: "cpu" or "gpu".
 
         Mesa's llvmpipe runs on a processor, but its compiler takes work items together as that of a GPU does.
-        With `ORGANISATION` in the environment a processor is given its work so, too: what a GPU would get can be tested.
+        With `ORGANISATION` in the environment a processor is given its work so, too: tests see what a GPU would get.
         """
         return "gpu" if self._works_as_gpu or is_llvmpipe(self.info.handle) else self.info.type
 

@@ -385,7 +385,7 @@ def stack_size(entries: int) -> int:
 
 def quality(bvh: Bvh) -> Quality:
     """Return the figures of a tree."""
-    depth, stack = _longest_way(bvh.children)
+    depth, stack = longest_way(bvh.children)
     used = int(np.count_nonzero(bvh.blocks >= 0))
     return Quality(
         cost=_cost(bvh),
@@ -399,7 +399,7 @@ def quality(bvh: Bvh) -> Quality:
 
 def stack_entries(bvh: Bvh) -> int:
     """Return the most entries that a traversal holds; see `Quality`."""
-    return _longest_way(bvh.children)[1]
+    return longest_way(bvh.children)[1]
 
 
 def is_sound(bvh: Bvh) -> bool:
@@ -448,8 +448,8 @@ def _cost(bvh: Bvh) -> float:
     return 1.0 + float(areas.sum()) / root_area if root_area > 0.0 else 1.0
 
 
-def _longest_way(children: NDArray[np.int32]) -> tuple[int, int]:
-    """Return depth and stack entries, level by level."""
+def longest_way(children: NDArray[np.int32]) -> tuple[int, int]:
+    """Return the levels of a tree, and the entries of a stack that holds every child before the next is taken."""
     level, held = np.zeros(1, np.int64), np.zeros(1, np.int64)
     depth, stack = 0, 0
     while len(level):

@@ -84,6 +84,7 @@ _PRIMITIVES = Disk(
     pack=lambda tree: ({"nodes": tree[0], "order": tree[1]}, {"stack": tree[2]}),
     unpack=lambda arrays, facts: (arrays["nodes"], arrays["order"], facts["stack"]),
 )
+MOST_LEVELS = 32  # of nodes on the way of a ray that keeps its place in registers, `geometry/short_stack.h`
 BREAK_EVEN = 48  # bounded primitives: see benchmarks/journal.md
 LEAF = 4  # most primitives of a leaf: measured best of 1, 2, 4 and 8
 
@@ -362,14 +363,15 @@ def placed_trees(trees: MeshTrees, session: Session, movements: Movements | None
     The box of an instance that moves holds all of its way.
     """
     meshes = trees.meshes
-    nodes, roots, stack = [], [], 0
+    nodes, roots, stack, levels = [], [], 0, 0
     first_node = first_block = 0
     for tree, group in zip(trees.groups, meshes.groups, strict=True):
         roots.append(first_node)
         nodes.append(_mesh_nodes(tree, group, first_node, first_block))
         first_node += len(tree.children)
         first_block += len(tree.blocks)
-        stack = max(stack, tree_build.stack_entries(tree))
+        own = tree_build.longest_way(tree.children)
+        levels, stack = max(levels, own[0]), max(stack, own[1])
     instances = meshes.instances.copy()
     instances["root"] = np.array(roots)[meshes.group_of_instance]
     root = roots[0]
@@ -377,9 +379,11 @@ def placed_trees(trees: MeshTrees, session: Session, movements: Movements | None
         boxes = np.stack(_instance_boxes(meshes, movements), axis=1)
         top = tree_build.refit(trees.instances, boxes[trees.instances.blocks[:, 0]])
         nodes.append(_top_nodes(top, first_node))
-        root, stack = first_node, stack + tree_build.stack_entries(top)
+        above = tree_build.longest_way(top.children)
+        root, levels, stack = first_node, levels + above[0], stack + above[1]
     width = WIDTH[session.kind]
     facts = {"BVH_WIDTH": width, "LEAF_WIDTH": width, "BVH_STACK": tree_build.stack_size(stack)}
+    facts["SHORT_STACK"] = int(session.lanes == 1 and width == 4 and levels <= MOST_LEVELS)
     all_nodes = np.concatenate(nodes)
     low, high = all_nodes[root, :3].min(axis=1), all_nodes[root, 3:6].max(axis=1)
     corners = {

@@ -149,9 +149,11 @@ LENS_PASSES = ("pass/generate.cl", "pass/trace_rays.cl", "pass/aim_rays.cl", "pa
 SCENE_PASSES = [name for name in PASSES if name not in LENS_PASSES]
 
 
+@pytest.mark.parametrize("short", [0, 1])
 @pytest.mark.parametrize("file", ["pass/intersect.cl", "pass/shade.cl"])
-def test_meshes_compile_for_trees_of_four(session, file):
-    without_warnings(session, [file], all_facts() | {"BVH_WIDTH": 4, "LEAF_WIDTH": 4, "BVH_STACK": 32, "VW": 1})
+def test_meshes_compile_for_trees_of_four(session, file, short):
+    of_four = {"BVH_WIDTH": 4, "LEAF_WIDTH": 4, "BVH_STACK": 32, "SHORT_STACK": short}
+    without_warnings(session, [file], all_facts() | of_four | {"VW": 1})
 
 
 @pytest.mark.parametrize("lanes", [1, 8])

@@ -45,6 +45,7 @@ REASONS = {
     "takes several machines",
     "takes several devices",
     "takes the extra denoise",
+    "takes compilers for GPUs",
     "serves until Ctrl-C",
 }
 
