@@ -93,6 +93,7 @@ from rptcam_cl.scene.materials import (
     Principled,
     RoughMaterial,
     ThinGlass,
+    Translucent,
 )
 from rptcam_cl.scene.meshes import MeshObject, MeshSource, NamedMesh
 from rptcam_cl.scene.placement import (
@@ -159,6 +160,7 @@ SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
     "Anisotropy map": (AnisotropyMap, "Every texture"),
     "Attenuation": (Attenuation,),
     "Matte": (Matte, "Holes", "Normals"),
+    "Translucent": (Translucent, "Holes", "Normals"),
     "Mirror": (Mirror, "Holes"),
     "Conductor": (Conductor, "Holes", "Normals", "Roughness"),
     "Optical constants": (OpticalConstants,),
