@@ -166,7 +166,7 @@ SURFACE = Record(
 PINHOLE_CAMERA = Record(
     "PinholeCamera",
     (
-        ("float", "half_width"),  # tangents of half the field of view
+        ("float", "half_width"),  # tangents of half the field of view; of a parallel view its half widths [m]
         ("float", "half_height"),
         ("float", "near_distance"),  # [m]
     ),
