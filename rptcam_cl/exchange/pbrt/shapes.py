@@ -18,10 +18,9 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.exchange.pbrt.camera import Frame
 from rptcam_cl.exchange.pbrt.files import Context
-from rptcam_cl.exchange.pbrt.lights import lamp_radiance
 from rptcam_cl.exchange.pbrt.materials import convert_material, opacity_keys
 from rptcam_cl.exchange.pbrt.source import Parameters, Place, read_limited
-from rptcam_cl.exchange.pbrt.textures import number_shade
+from rptcam_cl.exchange.pbrt.textures import lamp_radiance, number_shade
 from rptcam_cl.exchange.pbrt.world import (
     ODD,
     Entity,
