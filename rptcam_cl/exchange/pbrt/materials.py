@@ -331,7 +331,7 @@ def _translucent(context: Context, material: Entity) -> Keys:
 
 
 def _sheet(context: Context, material: Entity, back: Shade, on: Shade) -> Keys:
-    """Return what scatters two shares of light to its sides, cut where they are more than all of it."""
+    """Return a sheet that scatters two shares of light to its sides, cut where they are more than all of it."""
     if back.texture is None and on.texture is None and (most := float((back.colour + on.colour).max())) > 1:
         context.approximated(material, f"its shares divided by {most:.3g}, as they are more than all light")
         back, on = (part.scaled(np.full(3, 1 / most)) for part in (back, on))
