@@ -44,6 +44,7 @@ SHAPES: dict[str, Keys] = {
 
 MATERIALS: dict[str, Keys] = {
     "Matte": {"kind": "matte", "reflectance": ORANGE},
+    "Translucent": {"kind": "translucent", "reflectance": [0.2, 0.3, 0.1], "transmittance": [0.4, 0.55, 0.1]},
     "Plastic": {"kind": "plastic", "reflectance": ORANGE, "roughness": 0.25},
     "Conductor": {"kind": "conductor", "metal": "copper", "roughness": 0.35},
     "Mirror": {"kind": "mirror", "reflectance": 0.9},
@@ -86,6 +87,7 @@ SEEN: Keys = {"eye": [0.1, 0.5, 2.2], "target": [0, 0.3, 0]}
 THIN: Keys = {"kind": "thin_lens", "fov_degrees": 40}
 CAMERAS: dict[str, Keys] = {
     "PinholeCamera": {"kind": "pinhole", "fov_degrees": 40, **SEEN},
+    "OrthographicCamera": {"kind": "orthographic", "width_m": 2.4, **SEEN},
     "ThinLensCamera": {**THIN, "aperture_radius_m": 0.06, "focus_distance_m": 2.2, **SEEN},
     "ThickLensCamera": {"kind": "thick_lens", "lens": "dgauss-50mm", "focus": {"distance_m": 2.2}, **SEEN},
     "RealisticCamera": {"kind": "realistic", "lens": "fisheye-10mm", "focus": {"distance_m": 1}, **SEEN,

@@ -15,7 +15,7 @@ static inline I receives(Vertex vertex, I role)
 {
     I kind = vertex.kind;
     I taking = (kind == MATERIAL_MATTE) | (kind == MATERIAL_PLASTIC) | (kind == MATERIAL_ROUGH_PLASTIC)
-        | (kind == MATERIAL_PRINCIPLED);
+        | (kind == MATERIAL_PRINCIPLED) | (kind == MATERIAL_TRANSLUCENT);
     return taking & ((role & ROLE_RECEIVER) != 0);
 }
 

@@ -84,7 +84,7 @@ static inline F3 normal_behind(Path path)
 static inline F3 receiving_normal(Vertex vertex, F3 d)
 {
     I passes = (vertex.kind == MATERIAL_DIELECTRIC) | (vertex.kind == MATERIAL_ROUGH_DIELECTRIC)
-        | (vertex.kind == MATERIAL_THIN_GLASS);
+        | (vertex.kind == MATERIAL_THIN_GLASS) | (vertex.kind == MATERIAL_TRANSLUCENT);
 #if HAS_TRANSMISSION
     passes |= vertex.kind == MATERIAL_PRINCIPLED;
 #endif

@@ -26,8 +26,13 @@
 #else
 #define HAS_UNDERCOVER 0
 #endif
+#if HAS_GLASS_TINT || HAS_TRANSLUCENT
+#define HAS_PASSED 1            // a colour of light that passes
+#else
+#define HAS_PASSED 0
+#endif
 #define HAS_LAMPS       (HAS_EMISSIVE || HAS_GLOW)
-#define HAS_CLOSURE     (HAS_GLOSSY || HAS_PLASTIC || HAS_THIN_GLASS || HAS_ABSORPTION || HAS_GLOW)   // any row below
+#define HAS_CLOSURE     (HAS_GLOSSY || HAS_PLASTIC || HAS_THIN_GLASS || HAS_PASSED || HAS_ABSORPTION || HAS_GLOW) // any row below
 
 #include "material/ggx.h"
 
@@ -57,6 +62,7 @@
     WHEN(HAS_UNDERCOVER,   EACH(F,     internal,     ZERO,             (F)(material->internal))) /* diffuse share */ \
     WHEN(HAS_ROUGH_PLASTIC, EACH(Cover, cover,       no_cover(),       known_cover(material->cover, material->cover_last))) \
     WHEN(HAS_THIN_GLASS,   EACH(F3,    depth,        BLACK_3,          coefficient(material->absorption, scene))) \
+    WHEN(HAS_PASSED,       EACH(F3,    passed,       WHITE_3,          COLOR(HAS_PASSED_TEXTURE, passed))) \
     WHEN(HAS_PRINCIPLED,   EACH(F,     metallic,     ZERO,             NUMBER(HAS_METALLIC_TEXTURE, metallic))) \
     WHEN(HAS_PRINCIPLED,   EACH(F,     specular,     ZERO,             NUMBER(HAS_SPECULAR_TEXTURE, specular))) \
     WHEN(HAS_SPECULAR_COLOR, EACH(F3,  specular_color, WHITE_3,        COLOR(HAS_SPECULAR_COLOR_TEXTURE, specular_color))) \

@@ -20,7 +20,11 @@ static Scattered dielectric_sample(Vertex vertex, F3 d, Side side, F u, F v, F l
     F squeeze = reflects ? ONE : inverse * inverse;       // radiance over n^2 is what refraction conserves
     Scattered out;
     out.direction = normalized(select3(reflects, reflected, refracted));
+#if HAS_GLASS_TINT
+    out.weight = scale(select3(reflects, vertex.color, vertex.closure.passed), squeeze);
+#else
     out.weight = f3(squeeze, squeeze, squeeze);
+#endif
     out.pdf = ZERO;
     return out;
 }

@@ -112,6 +112,11 @@ static Facet facet_of(Vertex vertex, Lobes lobes, F c)
         facet.reflected = select3(glass, f3(f, f, f), facet.reflected);
         facet.refracted = select3(glass & lobes.clear, f3(g, g, g), facet.refracted);
         facet.reflects = (glass & lobes.clear) ? f : facet.reflects;
+#if HAS_GLASS_TINT && HAS_ROUGH_DIELECTRIC
+        I tinted = vertex.kind == MATERIAL_ROUGH_DIELECTRIC;
+        facet.reflected = select3(tinted, mul(facet.reflected, vertex.color), facet.reflected);
+        facet.refracted = select3(tinted, mul(facet.refracted, vertex.closure.passed), facet.refracted);
+#endif
     }
 #endif
 #if HAS_PRINCIPLED

@@ -7,10 +7,12 @@
 #include "material/mirror.h"
 #include "material/plastic.h"
 #include "material/thin_glass.h"
+#include "material/translucent.h"
 
 // One row for each BSDF: SPREAD(name) where its directions have a density, SPECULAR(name) where they do not.
 #define BSDFS(SPREAD, SPECULAR) \
     WHEN(HAS_MATTE,      SPREAD(matte)) \
+    WHEN(HAS_TRANSLUCENT, SPREAD(translucent)) \
     WHEN(HAS_PLASTIC,    SPREAD(plastic)) \
     WHEN(HAS_GLOSSY,     SPREAD(glossy)) \
     WHEN(HAS_MIRROR,     SPECULAR(mirror)) \

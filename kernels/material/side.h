@@ -45,7 +45,8 @@ static Side side_of(Vertex vertex, F3 d)
     side.behind = front < 0.0f;
     F sign = with_sign(ONE, front);
     F3 out = scale(vertex.ng, sign);
-    side.n = facing_normal(scale(vertex.n, sign), out, d, vertex.kind != MATERIAL_MATTE, &side.cosine);
+    side.n = facing_normal(scale(vertex.n, sign), out, d, (vertex.kind != MATERIAL_MATTE) & (vertex.kind != MATERIAL_TRANSLUCENT),
+                          &side.cosine);
 #if HAS_COAT_NORMAL
     F unused;
     side.coat = facing_normal(scale(vertex.coat_n, sign), out, d, TRUE, &unused);

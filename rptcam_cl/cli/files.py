@@ -3,7 +3,9 @@
 import argparse
 import shlex
 import sys
+import tempfile
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from rptcam_cl.api.options import add_options, size
 from rptcam_cl.cli.output import as_json, print_warnings, save
@@ -18,6 +20,10 @@ from rptcam_cl.core.files import (
     listed,
     replacing,
 )
+
+if TYPE_CHECKING:
+    from rptcam_cl.exchange.pbrt.convert import Conversion
+    from rptcam_cl.scene.load import Missing
 
 SCENES, NOT_SCENE = (".yaml", ".yml"), "a scene file is YAML"
 
@@ -148,15 +154,18 @@ def run_settle(arguments: argparse.Namespace) -> int:
 
 # ``rptcam convert``: a scene file of another renderer becomes one of ours.
 
-SOURCES = (".pbrt", ".pbrt.gz")
+SOURCES = (".pbrt", ".pbrt.gz", ".usd", ".usda", ".usdc", ".usdz")
 
 
 def add_convert(parser: argparse.ArgumentParser) -> None:
     """Add the options of the command."""
-    parser.add_argument("source", type=Path, metavar="SCENE.pbrt", help="scene file of pbrt-v2, v3 or v4")
+    parser.add_argument("source", type=Path, metavar="SCENE", help="scene file of pbrt-v2, v3 or v4, or a stage of USD")
     parser.add_argument("target", type=Path, metavar="SCENE.yaml", help="scene file to write")
     parser.add_argument(
         "--root", type=Path, metavar="DIR", help="further folder inside which files of the scene may lie, as .."
+    )
+    parser.add_argument(
+        "--time-s", type=float, metavar="S", help="moment of a stage of USD, counted from its first time code [s]"
     )
     parser.add_argument("--json", action="store_true", help="print the report as JSON, with the objects of each line")
     parser.add_argument("--quiet", action="store_true", help="print only errors")
@@ -168,8 +177,8 @@ def _check_names(source: Path, target: Path) -> None:
     if not source.name.lower().endswith(SOURCES):
         hint = " (put a mesh into a scene as an object of shape mesh)" if source.suffix.lower() in MESHES else ""
         raise InputError(
-            f"{source}: only scenes of pbrt can be converted{hint} (got {source.suffix or 'no suffix'}; "
-            f"allowed: {', '.join(SOURCES)})"
+            f"{source}: only scenes of pbrt and stages of USD can be converted{hint}"
+            f" (got {source.suffix or 'no suffix'}; allowed: {', '.join(SOURCES)})"
         )
     known_suffix(target, SCENES, NOT_SCENE)
     check_writable(target, [source])
@@ -179,13 +188,11 @@ MESHES = (".ply", ".obj", ".stl", ".gltf", ".glb")
 
 
 def run_convert(arguments: argparse.Namespace) -> int:
-    """Make a scene file from one of pbrt-v2, v3 or v4. What is ignored or approximated is listed; meshes and pictures
-    go to folders beside the scene file.
+    """Make a scene file from one of pbrt-v2, v3 or v4, or from a stage of USD. What is ignored or approximated is
+    listed; meshes and pictures go to folders beside the scene file.
     """
-    from rptcam_cl.exchange.pbrt.convert import convert_scene
-
     _check_names(arguments.source, arguments.target)
-    done = convert_scene(arguments.source, arguments.target, missing=arguments.missing, root=arguments.root)
+    done = _converted(arguments.source, arguments.target, arguments.missing, arguments.root, arguments.time_s)
     warnings = done.write(arguments.target)
     if arguments.json:
         objects = len(done.scene.get("objects", ()))
@@ -196,6 +203,45 @@ def run_convert(arguments: argparse.Namespace) -> int:
         count = len(done.scene.get("objects", ()))
         print(f"wrote {arguments.target}: {count} object{'' if count == 1 else 's'}", file=sys.stderr)
     return 0
+
+
+def _converted(
+    source: Path, target: Path, missing: "Missing", root: Path | None = None, time_s: float | None = None
+) -> "Conversion":
+    if source.name.lower().endswith(SOURCES[:2]):
+        from rptcam_cl.exchange.pbrt.convert import convert_scene
+
+        if time_s is not None:
+            raise InputError("--time-s: is a moment of a stage of USD (allowed: without it for pbrt)")
+        return convert_scene(source, target, missing=missing, root=root)
+    from rptcam_cl.exchange.usd import convert_stage
+
+    if root is not None:
+        raise InputError("--root: is for scenes of pbrt (allowed: without it for USD, which finds its files itself)")
+    return convert_stage(source, target, time_s=time_s)
+
+
+_FOLDERS: list[tempfile.TemporaryDirectory[str]] = []  # of scenes that were made for this run; they go with it
+
+
+def scene_file(path: Path, missing: "Missing" = "error") -> Path:
+    """Return a scene file: the path itself, or what a scene of another program or a model becomes for this run."""
+    foreign, model = path.name.lower().endswith(SOURCES), path.suffix.lower() in MESHES
+    if not (foreign or model):
+        return path
+    _FOLDERS.append(tempfile.TemporaryDirectory(prefix="rptcam-scene-"))
+    target = Path(_FOLDERS[-1].name) / f"{path.name.split('.')[0] or 'scene'}.yaml"
+    if foreign:
+        done = _converted(path, target, missing)
+        messages = [*done.report, *done.write(target)]
+        again = f"rptcam convert {shlex.quote(str(path))} scene.yaml"
+    else:
+        messages = write_new(target, {"model": path})
+        again = f"rptcam new scene.yaml --model {shlex.quote(str(path))}"
+    for message in messages:
+        print(message, file=sys.stderr)
+    print(f"{path} is shown as a scene that is made for this run; to keep it: {again}", file=sys.stderr)
+    return target
 
 
 # ``rptcam new``: writes a starting scene round a model.
@@ -225,9 +271,6 @@ def run_new(arguments: argparse.Namespace) -> int:
     copied beside it, because a scene reads its own folder only. Without a model it shows three balls, without a
     picture of light a studio. Cameras and lamps of a glTF file count.
     """
-    from rptcam_cl.exchange.starting import starting_scene
-    from rptcam_cl.scene.load import load_scene, scene_text
-
     target: Path = arguments.scene
     hint = ""
     if target.is_file() and arguments.model is None:
@@ -238,17 +281,25 @@ def run_new(arguments: argparse.Namespace) -> int:
         raise InputError(f"{target}: is there already; choose another name, or remove it first")
     check_writable(target)
     names = ("model", "hdri", "lens", "size", "up", "metres_per_unit", "reframe")
-    start = starting_scene(target.parent, **{name: getattr(arguments, name) for name in names})
+    for message in write_new(target, {name: getattr(arguments, name) for name in names}):
+        print(message, file=sys.stderr)
+    named, picture = shlex.quote(str(target)), shlex.quote(f"{target.stem}.png")
+    print(f"wrote {target}; next: rptcam render {named} -o {picture}, or rptcam view {named}", file=sys.stderr)
+    return 0
+
+
+def write_new(target: Path, settings: dict[str, Any]) -> list[str]:
+    """Write a starting scene with the files that it needs, and return what there is to say of it."""
+    from rptcam_cl.exchange.starting import starting_scene
+    from rptcam_cl.scene.load import load_scene, scene_text
+
+    start = starting_scene(target.parent, **settings)
     copied = start.copies.write()
     scene = load_scene(start.scene, base_dir=target.parent, missing="grey")
     with replacing(target) as temporary:
         temporary.write_text(scene_text(start.scene, (HEAD,)), "utf-8")
     warnings = [f"warning: {text}" for text in scene.warnings if text not in start.report]
-    for message in (*start.report, *(f"copied {path.name}" for path in copied), *warnings):
-        print(message, file=sys.stderr)
-    named, picture = shlex.quote(str(target)), shlex.quote(f"{target.stem}.png")
-    print(f"wrote {target}; next: rptcam render {named} -o {picture}, or rptcam view {named}", file=sys.stderr)
-    return 0
+    return [*start.report, *(f"copied {path.name}" for path in copied), *warnings]
 
 
 HEAD = "A starting scene by rptcam new: change what you like; docs/scene.md has every key."

@@ -120,7 +120,9 @@ _CONSENT = "--let-others-in"
 
 def add_view(parser: argparse.ArgumentParser) -> None:
     """Add the options of the command."""
-    parser.add_argument("scene", type=Path, metavar="SCENE", help="scene file (YAML)")
+    parser.add_argument(
+        "scene", type=Path, metavar="SCENE", help="scene file (YAML), or one of pbrt, a stage of USD or a model"
+    )
     parser.add_argument("--port", type=port, default=0, metavar="N", help="port (default: one that is free)")
     parser.add_argument(
         "--host", default="127.0.0.1", metavar="ADDRESS",
@@ -155,7 +157,9 @@ def run_view(arguments: argparse.Namespace) -> int:
             f"--host {arguments.host}: lets other machines in, over a connection that is not encrypted (allowed: with"
             f" {_CONSENT}, or 127.0.0.1)"
         )
-    finder = Viewfinder(arguments.scene, arguments.overrides, device=arguments.device, size=arguments.size)
+    from rptcam_cl.cli.files import scene_file
+
+    finder = Viewfinder(scene_file(arguments.scene), arguments.overrides, device=arguments.device, size=arguments.size)
     for warning in finder.warnings:
         print(f"warning: {warning}", file=sys.stderr)
 

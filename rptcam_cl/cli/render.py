@@ -165,14 +165,21 @@ def _check_outputs(arguments: argparse.Namespace, scene: Scene) -> None:
 
 def add_render(parser: argparse.ArgumentParser) -> None:
     """Add the scene and all options of a render."""
-    parser.add_argument("scene", type=Path, metavar="SCENE", help="scene file (YAML)")
+    parser.add_argument(
+        "scene", type=Path, metavar="SCENE", help="scene file (YAML), or one of pbrt, a stage of USD or a model"
+    )
     for option in RENDER_OPTIONS:
         option.add_to(parser)
 
 
 def run_render(arguments: argparse.Namespace) -> int:
-    """Render a scene file. Ctrl-C ends the render and keeps the picture so far."""
+    """Render a scene file; one of pbrt, a stage of USD or a model as convert or new would make it. Ctrl-C ends the
+    render and keeps the picture so far.
+    """
     if not arguments.watch:
+        from rptcam_cl.cli.files import scene_file
+
+        arguments.scene = scene_file(arguments.scene, arguments.missing)
         return _picture(arguments)
     if arguments.plan:
         raise InputError("--plan: renders nothing that could be watched (allowed: without --watch)")

@@ -166,7 +166,7 @@ SURFACE = Record(
 PINHOLE_CAMERA = Record(
     "PinholeCamera",
     (
-        ("float", "half_width"),  # tangents of half the field of view
+        ("float", "half_width"),  # tangents of half the field of view; of a parallel view its half widths [m]
         ("float", "half_height"),
         ("float", "near_distance"),  # [m]
     ),
@@ -334,6 +334,7 @@ class MaterialKind(IntEnum):
     THIN_GLASS = 9
     PRINCIPLED = 10
     MIX = 11
+    TRANSLUCENT = 12
 
 
 class TextureKind(IntEnum):
@@ -549,9 +550,13 @@ MATERIAL = Record(
         # logarithm of the share of light that a white sheen sends back: a quartic in root cos
         ("float4", "sheen_cover"),
         ("float4", "glow"),  # radiance emitted by a surface that also scatters
+        (
+            "float4",
+            "passed",
+        ),  # of glass the factor on what it refracts, of a leaf the share that it passes
         ("int", "kind"),
         ("int", "textured"),  # whether texture coordinates are wanted
-        ("float", "parameter"),  # index of refraction; 1 if an emissive material shines on both sides
+        ("float", "parameter"),  # index of refraction; of matte the variance of slopes; 1 where a lamp's back shines
         ("float", "alpha"),  # GGX alpha along u; with a roughness texture what it is multiplied by
         ("float", "alpha_across"),
         ("float", "internal"),  # of plastic: share of diffuse light that the cover sends back down
@@ -594,6 +599,10 @@ MATERIAL = Record(
         ("float", "coat_normal_strength"),
         ("int", "coat_flat"),  # whether the coat has the normals of the shape, and not those of `normal_texture`
         ("int", "transmission_texture"),
+        ("int", "passed_texture"),
+        ("int", "reserved_0"),
+        ("int", "reserved_1"),
+        ("int", "reserved_2"),
     ),
     facts=(
         ("HAS_ROUGHNESS_TEXTURE", "roughness_texture"),
@@ -604,6 +613,7 @@ MATERIAL = Record(
         ("HAS_SPECULAR_TEXTURE", "specular_texture"),
         ("HAS_SPECULAR_COLOR_TEXTURE", "specular_color_texture"),
         ("HAS_TRANSMISSION_TEXTURE", "transmission_texture"),
+        ("HAS_PASSED_TEXTURE", "passed_texture"),
         ("HAS_NORMAL_MAP", "normal_texture"),
         ("HAS_ANISOTROPY_MAP", "anisotropy_texture"),
     ),

@@ -343,6 +343,23 @@ class PinholeCamera(CameraKind):
     """How the film stands behind the lens; straight across its axis by default."""
 
 
+class OrthographicCamera(CameraKind):
+    """A parallel view, without perspective: of plans, elevations and maps. Rays start in the plane of the eye."""
+
+    kind: Literal["orthographic"]
+    """Camera model."""
+
+    width_m: Annotated[float, Field(ge=1e-9, le=1e12), NUMBER]
+    """Width of what the picture shows [m]; its height follows from the sides of the film."""
+
+    near_m: Annotated[float, Field(ge=0, le=1e12), NUMBER] = 0.0
+    """Distance along the axis below which nothing is seen [m]."""
+
+    def zoom_keys(self, focal_mm: float, now_mm: float) -> Keys | None:
+        """Return the keys that change the width as a focal length would change the field of view."""
+        return {"width_m": self.width_m * now_mm / focal_mm}
+
+
 class EnvironmentCamera(CameraKind):
     """A camera that sees the whole sphere: 360 degrees across, 180 degrees down. The film must be 2:1."""
 
@@ -660,7 +677,8 @@ class RealisticCamera(LensCamera):
 
 
 Camera = Annotated[
-    PinholeCamera | EnvironmentCamera | ThinLensCamera | ThickLensCamera | RealisticCamera, Field(discriminator="kind")
+    PinholeCamera | OrthographicCamera | EnvironmentCamera | ThinLensCamera | ThickLensCamera | RealisticCamera,
+    Field(discriminator="kind"),
 ]
 
 

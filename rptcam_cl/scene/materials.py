@@ -475,6 +475,13 @@ class Dielectric(RoughMaterial, AbsorbingMaterial, BumpyMaterial):
     glass: Glass | None = None
     """What is inside instead, with its dispersion: a name, or a law as lens files have them."""
 
+    reflectance: Reflectance = (1.0, 1.0, 1.0)
+    """Factor on what the surface reflects: a colour of channels 0 to 1, or a texture; of real glass 1."""
+
+    transmittance: Reflectance = (1.0, 1.0, 1.0)
+    """Factor on what the surface refracts, at each passage: a colour of channels 0 to 1, or a texture; of real glass
+    1."""
+
     alternatives: ClassVar[tuple[Alternatives, ...]] = (Alternatives(("index", "glass"), False), ROUGHNESS, ABSORPTION)
 
     @property
@@ -753,13 +760,45 @@ class Principled(AbsorbingMaterial, BumpyMaterial):
 
 
 class Matte(BumpyMaterial):
-    """A surface that scatters light evenly (Lambert)."""
+    """A surface that scatters light evenly (Lambert), or of facets that do (Oren and Nayar)."""
 
     kind: Literal["matte"]
     """Kind of material."""
 
     reflectance: Reflectance
     """Share of light reflected: a colour of channels 0 to 1, or a texture."""
+
+    sigma_degrees: Annotated[float, Field(ge=0, le=90), NUMBER] = 0.0
+    """Standard deviation of the angles of facets (Oren and Nayar): plaster, clay and the moon have some 20 to 40."""
+
+    @property
+    def parameter(self) -> float:
+        """The number of its own that the kernels read: the variance of the angles [rad²]."""
+        return math.radians(self.sigma_degrees) ** 2
+
+
+class Translucent(BumpyMaterial):
+    """A thin sheet that scatters light evenly to both sides: a leaf, paper, a lampshade."""
+
+    kind: Literal["translucent"]
+    """Kind of material."""
+
+    reflectance: Reflectance = (0.25, 0.25, 0.25)
+    """Share of light scattered back: a colour of channels 0 to 1, or a texture."""
+
+    transmittance: Reflectance = (0.25, 0.25, 0.25)
+    """Share of light scattered to the other side: a colour, or a texture; with `reflectance` at most 1."""
+
+    @model_validator(mode="after")
+    def _check_sum(self) -> Self:
+        if isinstance(self.reflectance, tuple) and isinstance(self.transmittance, tuple):
+            most = max(a + b for a, b in zip(self.reflectance, self.transmittance, strict=True))
+            if most > 1 + 1e-6:
+                raise refuse(
+                    "gives back more light than arrives, with reflectance", got=most, allowed="at most 1",
+                    path=("transmittance",),
+                )  # fmt: skip
+        return self
 
 
 class Mirror(CoveringMaterial):
@@ -811,7 +850,8 @@ class Emissive(SceneModel):
 
 
 Leaf = Annotated[
-    Matte | Mirror | Conductor | Dielectric | Plastic | ThinGlass | Principled, Field(discriminator="kind")
+    Matte | Translucent | Mirror | Conductor | Dielectric | Plastic | ThinGlass | Principled,
+    Field(discriminator="kind"),
 ]
 
 
@@ -839,7 +879,7 @@ class Mix(CoveringMaterial):
 
 
 Material = Annotated[
-    Matte | Mirror | Conductor | Dielectric | Plastic | ThinGlass | Principled | Mix | Emissive,
+    Matte | Translucent | Mirror | Conductor | Dielectric | Plastic | ThinGlass | Principled | Mix | Emissive,
     Field(discriminator="kind"),
 ]
 

@@ -386,7 +386,7 @@ class Instances(FileReference):
     """The matrices, and the state of the file that they are of."""
 
     def matrices(self, folders: Folders) -> Matrix:
-        """Return what takes the object, after its transform, to each of its places (n, 3, 4).
+        """Find the matrices that take the object, after its transform, to its places (n, 3, 4).
 
         Raises
         ------

@@ -19,7 +19,7 @@ from rptcam_cl.rendering.cameras.ray_map import RayMap, allowed_px, fitted_map
 from rptcam_cl.rendering.cameras.setting import LensSetting, lens_camera, lens_setting, lens_to_focus, on_film
 from rptcam_cl.scene.assets.mesh import MeshPlacement
 from rptcam_cl.scene.load import change_scene, with_camera
-from rptcam_cl.scene.materials import Emissive, Material, Matte, Mix
+from rptcam_cl.scene.materials import Emissive, Material, Matte, Mix, Translucent
 from rptcam_cl.scene.meshes import LoadedMesh
 from rptcam_cl.scene.scene import Scene, Solid
 from rptcam_cl.scene.shapes import Box, Object, Plane, Rectangle
@@ -498,7 +498,7 @@ def _shows_images(material: Material) -> bool:
     """Return whether a surface may show more than itself: all but matte ones and lamps."""
     if isinstance(material, Mix):
         return any(map(_shows_images, material.materials))
-    return not isinstance(material, Matte | Emissive)
+    return not isinstance(material, Matte | Translucent | Emissive)
 
 
 def _columns(scene: Scene) -> Array:

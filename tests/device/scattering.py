@@ -16,9 +16,9 @@ LANES = 8
 # Every feature, in one program; no pictures, and each vertex of one material.
 FEATURES = ("MATTE", "MIRROR", "CONDUCTOR", "DIELECTRIC", "METAL", "ROUGH_DIELECTRIC", "PLASTIC", "ROUGH_PLASTIC",
             "THIN_GLASS", "PRINCIPLED", "ANISOTROPY", "TRANSMISSION", "CLEARCOAT", "SHEEN", "TANGENT",
-            "SPECULAR_COLOR", "SPHERE")  # fmt: skip
+            "SPECULAR_COLOR", "SPHERE", "TRANSLUCENT", "GLASS_TINT", "OREN_NAYAR")  # fmt: skip
 ABSENT = ("ABSORPTION", "GLOW", "METALLIC_TEXTURE", "COAT_TEXTURE", "COAT_ROUGHNESS_TEXTURE", "SHEEN_TEXTURE",
-          "SPECULAR_TEXTURE", "SPECULAR_COLOR_TEXTURE", "TRANSMISSION_TEXTURE")  # fmt: skip
+          "SPECULAR_TEXTURE", "SPECULAR_COLOR_TEXTURE", "TRANSMISSION_TEXTURE", "PASSED_TEXTURE")  # fmt: skip
 FACTS = {f"HAS_{name}": 1 for name in FEATURES} | {f"HAS_{name}": 0 for name in ABSENT} | {"VW": LANES}
 
 

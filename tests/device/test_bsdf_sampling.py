@@ -12,6 +12,9 @@ BANDS, SECTORS, INNER = 24, 24, 12
 WHITE = [1.0, 1.0, 1.0]
 MATERIALS = {
     "matte": {"kind": "matte", "reflectance": WHITE},
+    "clay": {"kind": "matte", "reflectance": WHITE, "sigma_degrees": 35},
+    "leaf": {"kind": "translucent", "reflectance": 0.3, "transmittance": 0.7},
+    "stained": {"kind": "dielectric", "alpha": 0.3, "reflectance": 0.8, "transmittance": 0.9},
     "conductor": {"kind": "conductor", "reflectance": WHITE, "alpha": 0.3},
     "brushed": {"kind": "conductor", "reflectance": WHITE, "alpha": [0.2, 0.7]},
     "copper": {"kind": "conductor", "metal": "copper", "roughness": 0.7},
@@ -33,7 +36,7 @@ MATERIALS = {
     },
 }  # fmt: skip
 COSINES = (1.0, 0.6, 0.15)
-CLEAR = ("frosted", "frosted bubble", "clear", "all")
+CLEAR = ("leaf", "stained", "frosted", "frosted bubble", "clear", "all")
 CASES = [(cosine, side) for cosine in COSINES for side in (1, -1)]
 LEVEL = sidak(ALPHA, 60)  # of each of the comparisons
 
@@ -104,7 +107,7 @@ LEAST = {"matte": 1 - 1e-6, "plastic": 0.999, "rough plastic": 0.96, "principled
 
 @pytest.mark.parametrize("name", MATERIALS)
 def test_no_more_light_comes_back_than_arrives(session, name):
-    index = MATERIALS[name].get("index", 1.5)
+    index = 1.0 if name == "leaf" else MATERIALS[name].get("index", 1.5)
     for cosine, side in [*cases(name), (0.02, 1)]:
         got = scatter(session, MATERIALS[name], direction(cosine, 0.05) * side, numbers=numbers(name))
         # radiance behind a surface of index n is n^2 times as large: undone, so that energy is compared

@@ -28,9 +28,23 @@ def tinted(cosine):
     return 0.8 * (normal + (1 - normal) * (1 - cosine) ** 5)
 
 
+def oren_nayar(wi, wo, degrees):
+    """The qualitative model of Oren and Nayar (1994), by its angles, times the cosine."""
+    theta_i, theta_o = np.arccos(wi[:, 2:]), np.arccos(wo[:, 2:])
+    turn = np.arctan2(wi[:, 1:2], wi[:, :1]) - np.arctan2(wo[:, 1:2], wo[:, :1])
+    variance = np.radians(degrees) ** 2
+    a, b = 1 - variance / (2 * (variance + 0.33)), 0.45 * variance / (variance + 0.09)
+    alpha, beta = np.maximum(theta_i, theta_o), np.minimum(theta_i, theta_o)
+    return wo[:, 2:] / np.pi * (a + b * np.maximum(0, np.cos(turn)) * np.sin(alpha) * np.tan(beta))
+
+
+LEAF = {"kind": "translucent", "reflectance": RGB, "transmittance": [0.05, 0.4, 0.2]}
 BLACK_CLOTH = {"kind": "principled", "base_color": 0, "specular": 0, "sheen": RGB}
 FORMULAS = {
     "matte": ({"kind": "matte", "reflectance": RGB}, lambda i, o: o[:, 2:] / np.pi * RGB),
+    "clay": ({"kind": "matte", "reflectance": RGB, "sigma_degrees": 30}, lambda i, o: oren_nayar(i, o, 30) * RGB),
+    "moon": ({"kind": "matte", "reflectance": RGB, "sigma_degrees": 90}, lambda i, o: oren_nayar(i, o, 90) * RGB),
+    "leaf": (LEAF, lambda i, o: o[:, 2:] / np.pi * RGB),
     "conductor": (
         {"kind": "conductor", "reflectance": RGB, "alpha": 0.2},
         lambda i, o: bsdfs.conductor(i, o, (0.2, 0.2), lambda c: np.array(RGB) + 0 * c),
@@ -82,6 +96,34 @@ def test_rough_dielectric_is_walters(session, alpha, index, behind):
         np.testing.assert_allclose(got, expected, rtol=2e-3, atol=1e-5 * expected.max())
 
 
+@pytest.mark.parametrize("flip", [1, -1])
+def test_a_leaf_passes_its_own_share_either_way(session, flip):
+    got = scatter(session, LEAF, UP * flip, BELOW * flip).value
+    np.testing.assert_allclose(got, OTHER[:, 2:] / np.pi * LEAF["transmittance"], rtol=2e-4)
+
+
+@pytest.mark.parametrize("behind", [False, True])
+def test_tints_of_frosted_glass_are_factors(session, behind):
+    plain = {"kind": "dielectric", "alpha": 0.3}
+    tinted = plain | {"reflectance": RGB, "transmittance": [0.2, 0.4, 0.6]}
+    flip = np.array([1, 1, -1.0]) if behind else np.ones(3)
+    for wo, tint in ((OTHER, RGB), (BELOW, [0.2, 0.4, 0.6])):
+        expected = scatter(session, plain, UP * flip, wo * flip).value * tint
+        assert (expected > 0).mean() > 0.1
+        np.testing.assert_allclose(scatter(session, tinted, UP * flip, wo * flip).value, expected, rtol=1e-5)
+
+
+def test_tints_of_smooth_glass_are_factors(session):
+    plain = {"kind": "dielectric"}
+    tinted = plain | {"reflectance": RGB, "transmittance": [0.2, 0.4, 0.6]}
+    numbers = RNG.integers(0, 1 << 24, (COUNT, 3)) / (1 << 24)
+    before, after = (scatter(session, material, UP, numbers=numbers) for material in (plain, tinted))
+    np.testing.assert_array_equal(before.direction, after.direction)
+    tint = np.where(before.direction[:, 2:] > 0, RGB, [0.2, 0.4, 0.6])
+    assert 0.02 < (before.direction[:, 2] > 0).mean() < 0.98
+    np.testing.assert_allclose(after.weight, before.weight * tint, rtol=1e-6)
+
+
 @pytest.mark.parametrize("alpha", [0.15, 0.5])
 def test_rough_plastic_is_its_formula_to_the_fit_of_its_cover(session, alpha):
     material = {"kind": "plastic", "reflectance": RGB, "alpha": alpha}
@@ -101,6 +143,7 @@ def test_principled_is_the_same_whatever_else_the_scene_has(session, monkeypatch
 
 SYMMETRIC = {
     "matte": {"kind": "matte", "reflectance": RGB},
+    "clay": {"kind": "matte", "reflectance": RGB, "sigma_degrees": 40},
     "brushed": {"kind": "conductor", "reflectance": RGB, "alpha": [0.1, 0.6]},
     "copper": {"kind": "conductor", "metal": "copper", "roughness": 0.5},
     "plastic": {"kind": "plastic", "reflectance": RGB},

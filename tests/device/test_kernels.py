@@ -51,7 +51,9 @@ GRID = {"kind": "grid", "background": 0.9, "line": 0.1, "line_width": 0.25, "sca
 IMAGE = PATTERNS["image"]
 EVERY_MATERIAL = {
     "metal": {"kind": "conductor", "metal": "gold", "alpha": [0.1, 0.3], "anisotropy_rotation_degrees": 30},
-    "frosted": {"kind": "dielectric", "alpha": 0.2, "absorption_per_m": 1, "opacity": 0.5},
+    "frosted": {"kind": "dielectric", "alpha": 0.2, "absorption_per_m": 1, "opacity": 0.5, "transmittance": IMAGE},
+    "leaf": {"kind": "translucent", "transmittance": IMAGE},
+    "clay": {"kind": "matte", "reflectance": 0.5, "sigma_degrees": 20},
     "spun": {"kind": "principled", "anisotropy_map": {"file": IMAGE["file"]}, "anisotropy_rotation_degrees": 30},
     "prism": {"kind": "dielectric", "glass": "N-BK7"},
     "pane": {"kind": "thin_glass"},

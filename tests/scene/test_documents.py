@@ -14,6 +14,7 @@ from rptcam_cl.scene.camera import (
     EnvironmentCamera,
     LensCamera,
     Movements,
+    OrthographicCamera,
     PinholeCamera,
     Pose,
     RealisticCamera,
@@ -93,6 +94,7 @@ from rptcam_cl.scene.materials import (
     Principled,
     RoughMaterial,
     ThinGlass,
+    Translucent,
 )
 from rptcam_cl.scene.meshes import MeshObject, MeshSource, NamedMesh
 from rptcam_cl.scene.placement import (
@@ -121,6 +123,7 @@ SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
     "Stop": (Stop,),
     "Dirt": (Dirt,),
     "Pinhole camera": (PinholeCamera, "Pose"),
+    "Orthographic camera": (OrthographicCamera, "Pose"),
     "Environment camera": (EnvironmentCamera, "Pose"),
     "Thin-lens camera": (ThinLensCamera, "Pose"),
     "Thick-lens camera": (ThickLensCamera, "Pose", "Lens cameras"),
@@ -159,6 +162,7 @@ SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
     "Anisotropy map": (AnisotropyMap, "Every texture"),
     "Attenuation": (Attenuation,),
     "Matte": (Matte, "Holes", "Normals"),
+    "Translucent": (Translucent, "Holes", "Normals"),
     "Mirror": (Mirror, "Holes"),
     "Conductor": (Conductor, "Holes", "Normals", "Roughness"),
     "Optical constants": (OpticalConstants,),

@@ -308,8 +308,6 @@ def _note_integrator(context: Context, integrator: Entity) -> None:
 
 # Cameras of pbrt as cameras of ours.
 
-# Distance of the pinhole that stands for a parallel view, in half widths of the picture.
-ORTHOGRAPHIC_REACH = 500.0
 # Shapes of the stop by name, as near as ours come (pbrt draws them as pictures of its own).
 STOPS: dict[str, Keys] = {
     "square": {"shape": "polygon", "blades": 4, "rotation_degrees": 45.0},
@@ -396,22 +394,10 @@ def _perspective(context: Context, camera: Entity, frame: Frame, raster: Raster,
 
 def _orthographic(context: Context, camera: Entity, frame: Frame, raster: Raster, film: Entity | None) -> CameraKeys:
     raster, half_x, half_y = _centre_screen(context, camera, raster)
-    reach = ORTHOGRAPHIC_REACH * max(half_x, half_y)
-    context.report.approximated(
-        camera.place,
-        f"{camera.what}: a pinhole {reach:g} units back, so that what lies N times half the picture's width nearer or"
-        f" farther than the camera is N/{ORTHOGRAPHIC_REACH:g} too large or small (2.8 % for 14)",
-    )
     if camera.parameters.number("lensradius", 0.0) > 0:
         context.ignored(camera, "the lens radius of a parallel view")
     camera.parameters.skip("focaldistance")
-    pose = frame.pose()
-    forward = frame.forward / np.linalg.norm(frame.forward)
-    eye = frame.eye - forward * (reach / frame.metres_per_unit)
-    keys = {
-        "kind": "pinhole", **pose, "eye": tidy(eye), "near_m": reach,
-        "fov_degrees": math.degrees(2 * math.atan(half_x / reach)),
-    }  # fmt: skip
+    keys = {"kind": "orthographic", **frame.pose(), "width_m": 2 * half_x}
     return keys, _film_keys(raster, half_x, half_y), {}
 
 

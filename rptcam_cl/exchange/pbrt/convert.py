@@ -1,23 +1,256 @@
-"""From a pbrt scene file to a scene of ours."""
+"""From a pbrt scene file to a scene of ours: its lights and its sky, and the whole."""
 
 from __future__ import annotations
 
+import math
 import tempfile
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.core.colour import LUMINANCE
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.core.files import Folders, plain, replacing
-from rptcam_cl.exchange.pbrt.camera import convert_camera, exposure_ev, filter_keys, frame_of, raster_of, render_keys
-from rptcam_cl.exchange.pbrt.files import Context, FileStore
-from rptcam_cl.exchange.pbrt.lights import convert_lights, convert_sky
+from rptcam_cl.exchange.pbrt.camera import (
+    Frame,
+    convert_camera,
+    exposure_ev,
+    filter_keys,
+    frame_of,
+    raster_of,
+    render_keys,
+)
+from rptcam_cl.exchange.pbrt.files import (
+    NOT_READ,
+    READABLE,
+    Context,
+    FileStore,
+    heights,
+    in_longitude_and_latitude,
+    is_readable,
+    linear_pixels,
+    picture_name,
+)
 from rptcam_cl.exchange.pbrt.shapes import Objects
-from rptcam_cl.exchange.pbrt.source import Report
-from rptcam_cl.exchange.pbrt.world import read_world
+from rptcam_cl.exchange.pbrt.source import Place, Report
+from rptcam_cl.exchange.pbrt.textures import GREY, SAMPLING, light, scale_factor
+from rptcam_cl.exchange.pbrt.world import (
+    ODD,
+    Entity,
+    Matrix,
+    apply,
+    is_bearable,
+    is_similarity,
+    read_world,
+    reflects,
+    tidy,
+)
+from rptcam_cl.rendering.plan.environment import axes
+from rptcam_cl.scene.assets.pictures import write_exr
 from rptcam_cl.scene.load import Missing, load_scene, scene_text
+
+Array = NDArray[np.float64]
+Pixels = NDArray[np.float32]
+Keys = dict[str, Any]
+
+# Lights without a surface: point, spot, distant, and constant light from everywhere.
+
+
+def convert_lights(context: Context, frame: Frame) -> tuple[list[Keys], Array, list[Entity]]:
+    """Return the lights of a scene of ours, the constant light of its sky, and the maps of the sky as they are."""
+    lights: list[Keys] = []
+    sky = np.zeros(3)
+    maps: list[Entity] = []
+    kinds: dict[str, Callable[[Context, Entity, Frame], Keys]] = {
+        "point": _point, "goniometric": _point, "projection": _point, "spot": _spot, "distant": _distant,
+    }  # fmt: skip
+    for entity in context.scene.lights:
+        entity.parameters.skip(*SAMPLING)
+        if (entity.kind in kinds or _is_map(entity)) and not is_bearable(_world(entity, frame)):
+            entity.parameters.skip_all()
+            context.ignored(entity, ODD)
+        elif entity.kind in ("infinite", "exinfinite"):
+            if entity.parameters.has("portal"):
+                entity.parameters.skip("portal")
+                context.ignored(entity, "its portal; the light comes from everywhere")
+            if _is_map(entity):
+                maps.append(entity)
+            else:
+                sky = sky + _radiance(context, entity, math.pi)
+        elif entity.kind in kinds:
+            lights.append(kinds[entity.kind](context, entity, frame))
+        else:
+            entity.parameters.skip_all()
+            context.ignored(entity, f"there is no such light (known: {', '.join(kinds)}, infinite)")
+    return lights, sky, maps
+
+
+def _is_map(entity: Entity) -> bool:
+    return entity.parameters.has("mapname") or entity.parameters.has("filename")
+
+
+def _world(entity: Entity, frame: Frame) -> Matrix:
+    return np.asarray(frame.world @ entity.world_from_object)
+
+
+def _intensity(context: Context, entity: Entity, frame: Frame, solid_angle: float) -> list[float]:
+    """Return the radiant intensity; pbrt divides it by distances in its units, we by metres.
+
+    ``power`` of pbrt-v4 is divided by the solid angle that gets it.
+    """
+    colour = light(context, entity, "I") * scale_factor(context, entity)
+    power = entity.parameters.number("power", -1.0)
+    colour = colour * (power / solid_angle if power > 0 else 1.0)
+    return (colour * frame.metres_per_unit**2).tolist()  # type: ignore[no-any-return]
+
+
+def _radiance(context: Context, entity: Entity, per_illuminance: float) -> Array:
+    """Return the colour L of a light, times its illuminance over what of it a light of 1 gives."""
+    colour = light(context, entity, "L") * scale_factor(context, entity)
+    illuminance = entity.parameters.number("illuminance", -1.0)
+    return colour * illuminance / per_illuminance if illuminance > 0 else colour
+
+
+def _point(context: Context, entity: Entity, frame: Frame) -> Keys:
+    if entity.kind != "point":
+        entity.parameters.skip("filename", "mapname", "fov")
+        context.approximated(entity, "a point light without its picture")
+    position = apply(_world(entity, frame), entity.parameters.vector("from", (0, 0, 0))[None])[0]
+    intensity = _intensity(context, entity, frame, 4 * math.pi)
+    return {"kind": "point", "position": tidy(position), "intensity": intensity}
+
+
+def _spot(context: Context, entity: Entity, frame: Frame) -> Keys:
+    """Return a spot light; its edge is the smooth step of pbrt-v4, where pbrt-v3 has a fourth power."""
+    parameters = entity.parameters
+    outer, delta = parameters.number("coneangle", 30.0), parameters.number("conedeltaangle", 5.0)
+    if not 0 < outer <= 180 or delta < 0:
+        raise entity.error("coneangle must lie between 0 and 180, conedeltaangle not below 0")
+    if context.scene.version == 3:
+        context.approximated(entity, "the edge of its cone as a smooth step")
+    inner = min(max(outer - delta, 0.0), outer * (1 - 1e-6))  # ours needs an edge
+    start, stop = math.cos(math.radians(inner)), math.cos(math.radians(outer))
+    origin, direction = _ray(entity, frame)
+    return {
+        "kind": "spot",
+        "position": tidy(origin),
+        "direction": tidy(direction),
+        "intensity": _intensity(context, entity, frame, 2 * math.pi * ((1 - start) + (start - stop) / 2)),
+        "outer_degrees": outer,
+        "inner_degrees": inner,
+    }
+
+
+def _ray(entity: Entity, frame: Frame) -> tuple[Array, Array]:
+    """Return where in the world of ours a light stands, and the direction to what it looks at."""
+    world, origin = _world(entity, frame), entity.parameters.vector("from", (0, 0, 0))
+    direction = world[:3, :3] @ (entity.parameters.vector("to", (0, 0, 1)) - origin)
+    if not np.linalg.norm(direction) > 0:
+        raise entity.error('"from" and "to" are the same point')
+    return apply(world, origin[None])[0], direction
+
+
+def _distant(context: Context, entity: Entity, frame: Frame) -> Keys:
+    _, direction = _ray(entity, frame)
+    irradiance = _radiance(context, entity, 1.0)
+    return {"kind": "directional", "direction": tidy(direction), "irradiance": irradiance.tolist()}
+
+
+# The sky: constant light, and pictures of the surroundings.
+
+
+def convert_sky(context: Context, frame: Frame, sky: Array, maps: list[Entity]) -> Keys | None:
+    """Return the environment of a scene of ours from constant light and maps of the sky, None for a black one."""
+    constant: Keys | None = {"kind": "constant", "radiance": sky.tolist()} if sky.any() else None
+    used = None
+    for entity in maps:
+        if used is None:
+            used = _of_map(context, entity, frame, sky)
+        else:
+            entity.parameters.skip_all()
+            context.ignored(entity, "a second picture of the sky")
+    return used or constant
+
+
+def _of_map(context: Context, entity: Entity, frame: Frame, sky: Array) -> Keys | None:
+    """Return the environment that a picture makes; None, with a report, when it cannot be read."""
+    parameters = entity.parameters
+    key = "filename" if parameters.has("filename") else "mapname"
+    name, place = parameters.text(key, ""), parameters.items[key].place
+    path = context.find_or_note(name, place, f"a sky of grey {GREY:g}")
+    if path is None:
+        parameters.skip_all()
+        return {"kind": "constant", "radiance": np.full(3, GREY).tolist()}
+    factor = scale_factor(context, entity) * (light(context, entity, "L") if key == "mapname" else 1.0)
+    if (illuminance := parameters.number("illuminance", -1.0)) > 0:
+        context.report.noted(
+            parameters.items["illuminance"].place,
+            f"{entity.what}: a picture with an illuminance is twice as bright as that says, as pbrt has it",
+        )
+    if not is_readable(path):
+        context.report.ignored(place, f"{name}: {NOT_READ} (allowed: {' '.join(READABLE)})")
+        return None
+    up, rotation_degrees, mirrored = _placement(context, entity, frame)
+    keys: Keys = {"kind": "image", "file": "", "up": tidy(up)}
+    if rotation_degrees:
+        keys["rotation_degrees"] = rotation_degrees
+    if key == "mapname" and not mirrored and np.ptp(factor) == 0 and not sky.any():
+        keys["file"] = picture_name(context, path, place)
+        return keys | ({"gain": float(factor[0])} if factor[0] != 1 else {})
+    pixels = linear_pixels(path, place)
+    if key == "filename":
+        factor = factor * _photometric(pixels, illuminance, place)
+        pixels = in_longitude_and_latitude(pixels, clockwise=mirrored)
+        how = "from the equal-area square to longitude and latitude"
+    else:
+        pixels = pixels[:, ::-1] if mirrored else pixels
+        how = "mirrored" if mirrored else "with its factor"
+    pixels = (pixels * factor + sky).astype(np.float32)
+    keys["file"] = context.files.add("files", f"{path.stem}-sky.exr", partial(write_exr, {"RGB": pixels}))
+    context.report.noted(place, f"{name}: written anew {how}, to {keys['file']}")
+    return keys
+
+
+def _placement(context: Context, entity: Entity, frame: Frame) -> tuple[Array, float, bool]:
+    """Return the direction of the top row of a picture of the sky, its turn [degrees], and whether it is mirrored.
+
+    pbrt's column at a quarter looks along +y of the light, the middle one along -x. A mirrored one has columns that run
+    against the turn of our longitude.
+    """
+    matrix = frame.world @ entity.world_from_object
+    if not is_similarity(matrix):
+        context.approximated(entity, "without the uneven scaling of its transform")
+    x, _, up = (axis / np.linalg.norm(axis) for axis in matrix[:3, :3].T)
+    forward = -(x - up * (x @ up))
+    right_at_0, _, forward_at_0 = axes(up.tolist(), 0.0)
+    turn = math.degrees(math.atan2(-(forward @ right_at_0), forward @ forward_at_0))
+    return up, round(turn, 10) + 0.0, not reflects(matrix)
+
+
+def _photometric(pixels: Pixels, illuminance: float, place: Place) -> float:
+    """Return the factor by which pbrt-v4 brightens a picture for an illuminance of the ground; 1 without a request.
+
+    pbrt counts 2 pi for the sphere of all pixels, whose solid angle is 4 pi: the ground has twice that illuminance.
+    """
+    size = len(pixels)
+    if pixels.shape[1] != size:
+        raise place.error(
+            f"the picture must be square, an equal-area map of the sphere (got {pixels.shape[1]} x {size} pixels)"
+        )
+    if illuminance <= 0:
+        return 1.0
+    own_illuminance = float((pixels @ LUMINANCE * np.clip(heights(size), 0, None)).sum()) * 2 * math.pi / size**2
+    if not own_illuminance > 0:
+        raise place.error("the picture is black above the horizon, so that it cannot give an illuminance")
+    return illuminance / own_illuminance
+
 
 # Parameters of every camera that concern motion, which is not converted.
 SHUTTER = ("shutteropen", "shutterclose")

@@ -188,9 +188,9 @@ def _sort_samples(samples: tuple[Any, Any]) -> tuple[Any, Any]:
 
 
 def _matte(context: Context, material: Entity, name: str = "Kd") -> Keys:
-    if value(context, material, "sigma", 0.0) > 0:
-        context.approximated(material, "Lambert's law in place of Oren and Nayar's")
-    return matte(shade(context, material, name, 0.5))
+    sigma = value(context, material, "sigma", 0.0)
+    rough = {"sigma_degrees": min(sigma, 90.0)} if sigma > 0 else {}
+    return matte(shade(context, material, name, 0.5)) | rough
 
 
 def _plastic(context: Context, material: Entity) -> Keys:
@@ -236,13 +236,14 @@ def _glass(context: Context, material: Entity) -> Keys:
     rough = alphas(context, material, 0.0) if max(pair) > 0 else None
     material.parameters.boolean("remaproughness", True)
     index = index_of(context, material)
-    tints = [shade(context, material, name, 1.0) for name in ("Kr", "Kt")]
-    if any(tint.texture is not None or np.abs(tint.colour - 1).max() > 0.01 for tint in tints):
-        context.ignored(material, "the tints Kr and Kt; clear glass neither adds nor takes")
-    if not has_effect(tints[1]):
-        context.approximated(material, "without Kt it is a mirror of its index")
-        return conductor({"metal": {"n": [index] * 3, "k": [1e-3] * 3}}, rough)
-    return dielectric(index, rough)
+    return dielectric(index, rough) | _tints(context, material, 1.0)
+
+
+def _tints(context: Context, material: Entity, default: float) -> Keys:
+    """Return the keys of what glass reflects and passes, which pbrt-v3 tints; nothing where it is clear."""
+    tints = {"reflectance": shade(context, material, "Kr", default),
+             "transmittance": shade(context, material, "Kt", default)}  # fmt: skip
+    return {key: tint.keys() for key, tint in tints.items() if tint.texture is not None or np.any(tint.colour != 1)}
 
 
 def _shiny_metal(context: Context, material: Entity) -> Keys:
@@ -317,12 +318,24 @@ def _substrate(context: Context, material: Entity) -> Keys:
 
 
 def _translucent(context: Context, material: Entity) -> Keys:
-    """Return the side that is lit; light does not pass."""
+    """Return a sheet that scatters light to both sides, or the glossy side that is lit where nothing passes."""
     diffuse, gloss = shade(context, material, "Kd", 0.25), shade(context, material, "Ks", 0.25)
-    reflect, _ = shade(context, material, "reflect", 0.5), shade(context, material, "transmit", 0.5)
-    context.approximated(material, "what it reflects; what shines through is left out")
-    diffuse, gloss = diffuse.scaled(reflect.colour), gloss.scaled(reflect.colour)
-    return _covered_keys(context, material, diffuse, gloss, 1.5, alphas(context, material, 0.1))
+    reflect, transmit = shade(context, material, "reflect", 0.5), shade(context, material, "transmit", 0.5)
+    rough = alphas(context, material, 0.1)
+    back, on = diffuse.scaled(reflect.colour), diffuse.scaled(transmit.colour)
+    if not has_effect(on):
+        return _covered_keys(context, material, back, gloss.scaled(reflect.colour), 1.5, rough)
+    if has_effect(gloss):
+        context.approximated(material, "without its gloss")
+    return _sheet(context, material, back, on)
+
+
+def _sheet(context: Context, material: Entity, back: Shade, on: Shade) -> Keys:
+    """Return a sheet that scatters two shares of light to its sides, cut where they are more than all of it."""
+    if back.texture is None and on.texture is None and (most := float((back.colour + on.colour).max())) > 1:
+        context.approximated(material, f"its shares divided by {most:.3g}, as they are more than all light")
+        back, on = (part.scaled(np.full(3, 1 / most)) for part in (back, on))
+    return {"kind": "translucent", "reflectance": back.keys(), "transmittance": on.keys()}
 
 
 def _disney(context: Context, material: Entity) -> Keys:
@@ -441,13 +454,10 @@ def _thin_dielectric(context: Context, material: Entity) -> Keys:
 
 
 def _diffuse_transmission(context: Context, material: Entity) -> Keys:
-    """Return the matte side; light does not pass."""
-    scale = value(context, material, "scale", 1.0)
-    diffuse = shade(context, material, "reflectance", 0.25).scaled(np.full(3, scale))
-    through = shade(context, material, "transmittance", 0.25)
-    if has_effect(through):
-        context.approximated(material, "matte of the reflectance; what shines through is left out")
-    return matte(diffuse)
+    """Return a sheet that scatters light to both sides."""
+    scale = np.full(3, value(context, material, "scale", 1.0))
+    back, on = (shade(context, material, name, 0.25).scaled(scale) for name in ("reflectance", "transmittance"))
+    return _sheet(context, material, back, on) if has_effect(on) else matte(back)
 
 
 def _subsurface(context: Context, material: Entity) -> Keys:

@@ -18,10 +18,9 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.exchange.pbrt.camera import Frame
 from rptcam_cl.exchange.pbrt.files import Context
-from rptcam_cl.exchange.pbrt.lights import lamp_radiance
 from rptcam_cl.exchange.pbrt.materials import convert_material, opacity_keys
 from rptcam_cl.exchange.pbrt.source import Parameters, Place, read_limited
-from rptcam_cl.exchange.pbrt.textures import number_shade
+from rptcam_cl.exchange.pbrt.textures import lamp_radiance, number_shade
 from rptcam_cl.exchange.pbrt.world import (
     ODD,
     Entity,
@@ -200,18 +199,88 @@ def triangle_mesh(context: Context, shape: Entity) -> tuple[MeshData, int]:
     return _clean(context, shape, MeshData(vertices, corners, normals, uvs)), len(corners)
 
 
-def control_mesh(context: Context, shape: Entity) -> tuple[MeshData, int]:
-    """Return the control mesh of a subdivision surface, with normals that smooth it."""
+MOST_SUBDIVIDED = 4_000_000  # triangles
+
+
+def subdivided_mesh(context: Context, shape: Entity) -> tuple[MeshData, int]:
+    """Return a subdivision surface, of vertices on the surface that the steps lead to."""
     levels = shape.parameters.integer("levels" if shape.parameters.has("levels") else "nlevels", 3)
     shape.parameters.skip("scheme")
     vertices = _points(shape)
     mesh = _clean(context, shape, MeshData(vertices, _indices(shape, len(vertices), 3)))
-    normals = np.zeros_like(vertices)
+    steps = max(levels, 0)
+    while steps and len(mesh.faces) * 4**steps > MOST_SUBDIVIDED:
+        steps -= 1
+    if steps != levels:
+        context.approximated(shape, f"subdivided {steps} times, not {levels}")
+    if not len(mesh.faces):
+        return mesh, 0
+    mesh = limit_of_loop(mesh, steps)
+    normals = np.zeros_like(mesh.vertices)
     for k in range(3):
         np.add.at(normals, mesh.faces[:, k], mesh.crosses())
     lengths = np.linalg.norm(normals, axis=1, keepdims=True)
-    context.approximated(shape, f"its control mesh with smooth normals, not subdivided {levels} times")
-    return MeshData(vertices, mesh.faces, normals / np.where(lengths > 0, lengths, 1)), len(mesh.faces)
+    return replace(mesh, normals=normals / np.where(lengths > 0, lengths, 1)), len(mesh.faces)
+
+
+def limit_of_loop(mesh: MeshData, steps: int) -> MeshData:
+    """Return a mesh subdivided after Loop (1987), with its vertices moved to the surface that further steps lead to."""
+    vertices, faces = mesh.vertices, mesh.faces
+    for _ in range(steps):
+        vertices, faces = _loop_step(vertices, faces)
+    edges, _, borders = _edges_of(faces)
+    valence, sums = _neighbours(len(vertices), edges, vertices)
+    gamma = 1 / (valence + 3 / (8 * _loop_weight(valence)))
+    limit = (1 - valence * gamma)[:, None] * vertices + gamma[:, None] * sums
+    return MeshData(_on_borders(vertices, edges[borders], limit, 1 / 6), faces)
+
+
+def _loop_step(vertices: Array, faces: Faces) -> tuple[Array, Faces]:
+    """Divide each triangle into four: new vertices on the edges, the others moved (Loop; Hoppe 1994 at borders)."""
+    edges, of_faces, borders = _edges_of(faces)
+    valence, sums = _neighbours(len(vertices), edges, vertices)
+    beta = _loop_weight(valence)
+    moved = (1 - valence * beta)[:, None] * vertices + beta[:, None] * sums
+    moved = _on_borders(vertices, edges[borders], moved, 1 / 8)
+    ends = vertices[edges].sum(axis=1)
+    apexes = np.zeros_like(ends)
+    for corner in range(3):
+        np.add.at(apexes, of_faces[:, corner], vertices[faces[:, (corner + 2) % 3]])
+    middles = np.where(borders[:, None], ends / 2, 3 / 8 * ends + apexes / 8)
+    ab, bc, ca = (of_faces[:, k] + len(vertices) for k in range(3))
+    a, b, c = faces.T
+    parts = [(a, ab, ca), (b, bc, ab), (c, ca, bc), (ab, bc, ca)]
+    return np.concatenate([moved, middles]), np.concatenate([np.stack(part, axis=1) for part in parts])
+
+
+def _edges_of(faces: Faces) -> tuple[Faces, Faces, NDArray[np.bool_]]:
+    """Return the edges (e, 2), those of each face (m, 3) from corner to corner, and which have not two faces."""
+    pairs = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
+    edges, numbers, counts = np.unique(pairs, axis=0, return_inverse=True, return_counts=True)
+    return edges, numbers.reshape(-1, 3), counts != 2
+
+
+def _neighbours(count: int, edges: Faces, vertices: Array) -> tuple[Array, Array]:
+    """Return how many neighbours each vertex has, at least one counted, and the sum of their positions."""
+    valence, sums = np.zeros(count), np.zeros((count, 3))
+    for end in range(2):
+        np.add.at(valence, edges[:, end], 1)
+        np.add.at(sums, edges[:, end], vertices[edges[:, 1 - end]])
+    return np.maximum(valence, 1), sums
+
+
+def _loop_weight(valence: Array) -> Array:
+    """Return the weight of each neighbour (Warren 1995, as pbrt has it)."""
+    return np.where(valence == 3, 3 / 16, 3 / (8 * valence))
+
+
+def _on_borders(vertices: Array, borders: Faces, inside: Array, weight: float) -> Array:
+    """Return vertices, those on a border from their neighbours along it alone."""
+    count, sums = _neighbours(len(vertices), borders, vertices)
+    on = np.zeros(len(vertices), bool)
+    on[borders] = True
+    along = (1 - 2 * weight) * vertices + 2 * weight * sums / count[:, None]
+    return np.where(on[:, None], along, inside)
 
 
 def bilinear_patches(context: Context, shape: Entity) -> tuple[MeshData, int]:
@@ -560,7 +629,7 @@ def _revolved_mesh(context: Context, placed: Placed, profile: Profile, degrees: 
 
 
 def _mesh(context: Context, placed: Placed) -> Piece | None:
-    makers = {"trianglemesh": triangle_mesh, "bilinearmesh": bilinear_patches, "loopsubdiv": control_mesh}
+    makers = {"trianglemesh": triangle_mesh, "bilinearmesh": bilinear_patches, "loopsubdiv": subdivided_mesh}
     mesh, parts = makers[placed.shape.kind](context, placed.shape)
     if not len(mesh.faces):
         _note_no_area(context, placed.shape)

@@ -147,6 +147,35 @@ def scale_factor(context: Context, entity: Entity, name: str = "scale") -> Array
     return np.maximum(reflectance_srgb(*samples_of(context, item)) if is_spectrum else _plain(item, entity), 0)
 
 
+# Parameters that say how many samples a light gets.
+SAMPLING = ("nsamples", "samples")
+
+
+def lamp_radiance(context: Context, lamp: Entity, area: float) -> tuple[Array, bool]:
+    """Return the radiance of a shape that shines, and whether its back does too.
+
+    Parameters
+    ----------
+    area
+        Of the part that pbrt takes for a lamp [square units]; 0 if unknown.
+    """
+    parameters = lamp.parameters
+    parameters.skip(*SAMPLING)
+    if lamp.kind not in ("diffuse", "area"):
+        context.approximated(lamp, "shines as diffuse does, since there is no such lamp")
+    two_sided = parameters.boolean("twosided", False)
+    colour = light(context, lamp, "L") * scale_factor(context, lamp)
+    power = parameters.number("power", -1.0)
+    if power > 0 and area > 0:
+        colour = colour * power / (math.pi * area * (2 if two_sided else 1))
+    elif power > 0:
+        context.ignored(lamp, '"power" of a shape whose area is not known')
+    if parameters.has("filename"):
+        parameters.skip("filename")
+        context.ignored(lamp, "the picture that it shines with")
+    return colour, two_sided
+
+
 def samples_of(context: Context, item: Parameter) -> tuple[Array, Array]:
     """Return wavelengths [nm] and values of a spectrum: of pairs, of a file of pairs, or a single number."""
     if isinstance(item.values, np.ndarray):

@@ -66,6 +66,7 @@ from rptcam_cl.rendering.cameras.shared_pupil import Window
 from rptcam_cl.scene.camera import (
     Camera,
     EnvironmentCamera,
+    OrthographicCamera,
     PinholeCamera,
     RealisticCamera,
     ThickLensCamera,
@@ -236,6 +237,25 @@ class _Pinhole(CameraOptics):
         width_m, height_m = self.scene.film.size_m()
         sides = {"horizontal": width_m, "vertical": height_m, "diagonal": self.scene.film.diagonal_m()}
         return sides[self.camera.fov_axis] * 1e3 / 2 / math.tan(math.radians(self.camera.fov_degrees) / 2)
+
+
+class _Orthographic(CameraOptics):
+    """A parallel view."""
+
+    camera: OrthographicCamera
+
+    def model(self, lens_colour: LensColour = "off", coarse: bool = False, windows: Windows = ()) -> CameraModel:
+        camera, (width, height) = self.camera, self.scene.film.size_m()
+        half = camera.width_m / 2
+        record = camera_record(
+            camera, self.scene.film, "pinhole",
+            half_width=half, half_height=half * height / width, near_distance=camera.near_m,
+        )  # fmt: skip
+        metadata: CameraMetadata = {"camera": "orthographic"}
+        return CameraModel("camera/orthographic.h", record, {}, metadata=metadata, view=CameraView(starts_ahead=True))
+
+    def chief_rays(self) -> CameraRays:
+        return PerspectiveRays(self.scene, -self.camera.width_m / 2 / half_film_mm(self.scene)[0], 0.0, 0.0, 0.0)
 
 
 class _Environment(CameraOptics):
@@ -523,6 +543,7 @@ class _TracedLens(_LensOfSurfaces):
 
 _KINDS: dict[str, type[CameraOptics]] = {
     "pinhole": _Pinhole,
+    "orthographic": _Orthographic,
     "environment": _Environment,
     "thin_lens": _ThinLens,
     "thick_lens": _ThickLens,

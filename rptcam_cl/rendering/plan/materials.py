@@ -31,6 +31,7 @@ from rptcam_cl.scene.materials import (
     Principled,
     Texture,
     ThinGlass,
+    Translucent,
     alpha_pair,
 )
 from rptcam_cl.scene.quantities import LARGEST_RADIANCE, Colour, SpectralColour
@@ -59,7 +60,10 @@ def _albedo(material: Material) -> LargestAlbedo:
             return 0.0
         case Mix():
             return largest_albedo(material.materials)
-        case Matte() | Mirror():
+        case Translucent():
+            parts = [_of_colour(colour) for colour in (material.reflectance, material.transmittance)]
+            return next((part for part in parts if isinstance(part, str)), None) or sum(map(float, parts))
+        case Matte(sigma_degrees=0) | Mirror():
             return _of_colour(material.reflectance)
         case Conductor() if material.reflectance is not None:
             return _of_colour(material.reflectance)
@@ -263,7 +267,8 @@ class Lobe:
         elif kind is MaterialKind.PRINCIPLED:
             share = _of_principled(record, cosine)
         elif kind in COVERS:
-            share = fresnel(cosine, np.where(behind, 1.0 / index, index))[:, None] * np.ones(3)
+            tint = colour if kind in (MaterialKind.DIELECTRIC, MaterialKind.ROUGH_DIELECTRIC) else np.ones(3)
+            share = fresnel(cosine, np.where(behind, 1.0 / index, index))[:, None] * tint
         else:
             share = np.tile(colour, (len(cosine), 1))
         return np.asarray(self.share * share)
@@ -287,9 +292,11 @@ def lobes_of(materials: NDArray[np.void], index: int, share: float = 1.0) -> Ite
     alpha = float(np.sqrt(record["alpha"] * record["alpha_across"]))
     if kind in (MaterialKind.MIRROR, MaterialKind.THIN_GLASS, MaterialKind.DIELECTRIC, MaterialKind.PLASTIC):
         alpha = 0.0
-    elif kind in (MaterialKind.MATTE, MaterialKind.EMISSIVE):
+    elif kind in (MaterialKind.MATTE, MaterialKind.TRANSLUCENT, MaterialKind.EMISSIVE):
         return
-    coloured = kind in (MaterialKind.CONDUCTOR, MaterialKind.METAL, MaterialKind.PRINCIPLED) and record["texture"] >= 0
+    coloured = record["texture"] >= 0 and kind in (
+        MaterialKind.CONDUCTOR, MaterialKind.METAL, MaterialKind.PRINCIPLED, *COVERS[:2]
+    )  # fmt: skip
     painted = coloured or max(record[f"{name}_texture"] for name in PAINTED) >= 0
     if share > 0 and alpha <= SMOOTH_ALPHA and not painted:
         yield Lobe(record, share, alpha)
@@ -406,6 +413,8 @@ class _Filler:
             _facets(record, material, material.alphas or (0.0, 0.0))
         if isinstance(material, Dielectric):
             fill_index(record, material)
+        if isinstance(material, Dielectric | Translucent):
+            self._colour(record, "passed", "passed_texture", material.transmittance, 1.0)
         if isinstance(material, Conductor) and material.metal is not None:
             self._metal(record, material.metal)
         if isinstance(material, Plastic):
@@ -488,6 +497,9 @@ def _facts(records: NDArray[np.void]) -> dict[str, int]:
     coated = principled & ((records["coat"] > 0) | (records["coat_texture"] >= 0))
     flat = (records["coat_flat"] != 0) & (records["normal_texture"] >= 0)
     clearing = records["transmission_texture"] >= 0
+    glass = records[np.isin(records["kind"], (MaterialKind.DIELECTRIC, MaterialKind.ROUGH_DIELECTRIC))]
+    white = np.array((1, 1, 1, 0), np.float32)
+    stained = np.any((glass["color"] != white) | (glass["passed"] != white)) or np.any(glass["texture"] >= 0)
     tinted = records["specular_color"][principled] != (1, 1, 1, 0)
     brushed = records["anisotropy_texture"] >= 0
     facts = {f"HAS_{kind.name}": int(kind in kinds) for kind in MaterialKind} | MATERIAL.facts_of(records)
@@ -502,6 +514,8 @@ def _facts(records: NDArray[np.void]) -> dict[str, int]:
         "HAS_GLOW": np.any(records["glow"] > 0) or np.any(records["glow_texture"] >= 0),
         "HAS_SPECULAR_COLOR": np.any(tinted) or np.any(records["specular_color_texture"] >= 0),
         "HAS_DISPERSION": np.any(records["dispersion_terms"] > 0),
+        "HAS_GLASS_TINT": stained or np.any(glass["passed_texture"] >= 0),
+        "HAS_OREN_NAYAR": np.any(records["parameter"][records["kind"] == MaterialKind.MATTE] > 0),
         "HAS_OPACITY": np.any(records["opacity"] < 1) or np.any(records["opacity_texture"] >= 0),
     }
     return facts | {name: int(value) for name, value in features.items()}
@@ -511,7 +525,7 @@ def _white(count: int) -> NDArray[np.void]:
     """Return records of materials of no kind: white, without textures or holes."""
     records = MATERIAL.zeros(count)
     white = (1.0, 1.0, 1.0)
-    fill(records, color=white, specular_color=white, opacity=1.0, **dict.fromkeys(MATERIAL_TEXTURES, -1))
+    fill(records, color=white, passed=white, specular_color=white, opacity=1.0, **dict.fromkeys(MATERIAL_TEXTURES, -1))
     return records
 
 

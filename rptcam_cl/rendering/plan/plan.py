@@ -63,6 +63,7 @@ from rptcam_cl.scene.materials import (
     Plastic,
     Principled,
     ThinGlass,
+    Translucent,
     has_holes,
 )
 from rptcam_cl.scene.scene import Scene, Solid
@@ -363,7 +364,7 @@ def _receives(material: Material) -> bool:
         return rough and all(not isinstance(share, float) or share < 0.5 for share in others)
     if isinstance(material, Plastic):
         return material.alphas is None or min(material.alphas) >= LEAST_ALPHA
-    return isinstance(material, Matte)
+    return isinstance(material, Matte | Translucent)
 
 
 def _role(primitive: Primitive) -> int:

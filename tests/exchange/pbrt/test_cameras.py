@@ -170,14 +170,16 @@ def test_panorama_has_the_directions_of_pbrt(convert: Convert) -> None:
     np.testing.assert_allclose([column, row], expected, atol=1e-9)
 
 
-def test_parallel_view_is_a_far_pinhole(convert: Convert) -> None:
+def test_parallel_view_is_exact(convert: Convert) -> None:
     window = "[-2 2 -1.5 1.5]"
     done = convert(SPHERES, head("Translate 0 0 6", f'"orthographic" "float screenwindow" {window}'))
     x, y = (POINTS[:, 0] + 2) / 4 * 64, (1.5 - POINTS[:, 1]) / 3 * 48
-    # 6 units behind the plane of the camera at 1000 units' distance: 0.6 % nearer to the middle
-    np.testing.assert_allclose(seen_at(done.scene), np.stack([x, y], axis=1), atol=0.01 * 32)
-    assert done.scene.camera.near_m == 1000
-    assert done.says("orthographic", "N/500 too large or small")
+    camera = done.scene.camera
+    centres = np.array([item.center for item in done.scene.objects])
+    right, up, _ = ((centres - camera.eye) @ camera.world_from_camera()[:3, :3]).T
+    np.testing.assert_allclose(x, (right / camera.width_m + 0.5) * 64, atol=1e-9)
+    np.testing.assert_allclose(y, (0.5 - up / camera.width_m * 64 / 48) * 48, atol=1e-9)
+    assert not done.says("approximated")
 
 
 LENS = "# doublet\n40 4 1.6 20\n-60 2 1 20\n0 3 0 8\n50 3 1.5 18\n-80 0 1 18\n"

@@ -47,7 +47,10 @@ def test_quiet_says_nothing(source: Path, capsys: Any) -> None:
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("in.blend", "out.yaml"), "in.blend: only scenes of pbrt can be converted (got .blend; allowed: .pbrt"),
+        (
+            ("in.blend", "out.yaml"),
+            "in.blend: only scenes of pbrt and stages of USD can be converted (got .blend; allowed: .pbrt",
+        ),
         (("in.obj", "out.yaml"), "put a mesh into a scene as an object of shape mesh"),
         (("in.pbrt", "out.json"), "out.json: a scene file is YAML (got .json; allowed: .yaml, .yml)"),
         (("in.pbrt", "no/out.yaml"), "there is no folder"),

@@ -39,7 +39,7 @@ KINDS: dict[str, tuple[dict[str, Any], str]] = {
     '"diffuse"': ({"kind": "matte", "reflectance": [0.5] * 3}, ""),
     '"diffuse" "rgb reflectance" [.1 .2 .3]': ({"kind": "matte", "reflectance": [0.1, 0.2, 0.3]}, ""),
     '"matte" "color Kd" [.1 .2 .3]': ({"kind": "matte", "reflectance": [0.1, 0.2, 0.3]}, ""),
-    '"matte" "float sigma" 20': ({"kind": "matte", "reflectance": [0.5] * 3}, "Lambert's law"),
+    '"matte" "float sigma" 20': ({"kind": "matte", "reflectance": [0.5] * 3, "sigma_degrees": 20.0}, ""),
     '"coateddiffuse" "float roughness" .25': (
         {"kind": "plastic", "reflectance": [0.5] * 3, "index": 1.5, "alpha": 0.5}, ""),
     '"coateddiffuse" "float eta" 1.7': ({"kind": "plastic", "reflectance": [0.5] * 3, "index": 1.7}, ""),
@@ -73,7 +73,7 @@ KINDS: dict[str, tuple[dict[str, Any], str]] = {
     '"coatedconductor"': ({"kind": "conductor", "metal": "copper", "alpha": 0.001}, "without its clear cover"),
     '"diffusetransmission" "rgb transmittance" [0 0 0]': ({"kind": "matte", "reflectance": [0.25] * 3}, ""),
     '"glass" "rgb Kt" [0 0 0]': (
-        {"kind": "conductor", "metal": {"n": [1.5] * 3, "k": [1e-3] * 3}, "alpha": 0.001}, "a mirror of its index"),
+        {"kind": "dielectric", "index": 1.5, "transmittance": [0.0] * 3}, ""),
     # Ks = 0.25 of the 4 % of index 1.5 is 1 %: (1 + 0.1) / (1 - 0.1)
     '"plastic"': (
         {"kind": "plastic", "reflectance": [0.25] * 3, "index": 1.1 / 0.9, "alpha": alpha_of(0.1, version=3)},
@@ -90,7 +90,11 @@ KINDS: dict[str, tuple[dict[str, Any], str]] = {
         {"kind": "plastic", "reflectance": [0.5] * 3, "index": (1 + 0.4**0.5) / (1 - 0.4**0.5),
          "alpha": alpha_of(0.1, version=3)}, "reflects 0.4 head-on"),
     '"translucent" "rgb reflect" [1 1 1] "rgb Ks" [1 1 1]': (
-        {"kind": "plastic", "reflectance": [0.25] * 3, "index": 1.5, "alpha": alpha_of(0.1, version=3)}, "left out"),
+        {"kind": "translucent", "reflectance": [0.25] * 3, "transmittance": [0.125] * 3}, "without its gloss"),
+    '"translucent" "rgb transmit" [0 0 0] "rgb reflect" [1 1 1] "rgb Ks" [1 1 1]': (
+        {"kind": "plastic", "reflectance": [0.25] * 3, "index": 1.5, "alpha": alpha_of(0.1, version=3)}, ""),
+    '"diffusetransmission" "rgb reflectance" [.8 .8 .8] "rgb transmittance" [.8 .4 0]': (
+        {"kind": "translucent", "reflectance": [0.5] * 3, "transmittance": [0.5, 0.25, 0.0]}, "divided by 1.6"),
     '"disney" "float spectrans" .5 "float eta" 1 "float anisotropic" 1 "float clearcoat" 2 "float clearcoatgloss" 0': (
         {"kind": "principled", "base_color": [0.5] * 3, "metallic": 0.0, "roughness": 0.5, "anisotropy": 1.0,
          "index": 1.02, "transmission": 0.5, "clearcoat": 1.0, "clearcoat_roughness": math.sqrt(0.1)}, ""),
@@ -114,10 +118,10 @@ KINDS: dict[str, tuple[dict[str, Any], str]] = {
     '"coatedconductor" "float conductor.roughness" .04 "float interface.roughness" .01': (
         {"kind": "conductor", "metal": "copper", "alpha": 0.2}, "without its clear cover"),
     '"diffusetransmission" "rgb reflectance" [.5 .5 .5] "float scale" .5': (
-        {"kind": "matte", "reflectance": [0.25] * 3}, "what shines through is left out"),
+        {"kind": "translucent", "reflectance": [0.25] * 3, "transmittance": [0.125] * 3}, ""),
     '"mirror"': ({"kind": "mirror", "reflectance": [0.9] * 3}, ""),
     '"glass" "float index" 1.6': ({"kind": "dielectric", "index": 1.6}, ""),
-    '"glass" "rgb Kt" [.5 1 1]': ({"kind": "dielectric", "index": 1.5}, "the tints Kr and Kt"),
+    '"glass" "rgb Kt" [.5 1 1]': ({"kind": "dielectric", "index": 1.5, "transmittance": [0.5, 1, 1]}, ""),
     '"glass" "float uroughness" .1 "float vroughness" .1': (
         {"kind": "dielectric", "index": 1.5, "alpha": alpha_of(0.1, version=3)}, ""),
     '"plastic" "rgb Kd" [.1 .2 .3] "rgb Ks" [1 1 1] "float roughness" .1': (
@@ -134,7 +138,8 @@ KINDS: dict[str, tuple[dict[str, Any], str]] = {
         {"kind": "mix", "factor": 0.5, "opacity": 0.9,
          "materials": [{"kind": "matte", "reflectance": [0.5] * 3}, {"kind": "dielectric", "index": 1.5}]},
         "0.5 of it clear glass"),
-    '"translucent" "rgb Ks" [0 0 0]': ({"kind": "matte", "reflectance": [0.125] * 3}, "shines through is left out"),
+    '"translucent" "rgb Ks" [0 0 0]': (
+        {"kind": "translucent", "reflectance": [0.125] * 3, "transmittance": [0.125] * 3}, ""),
     '"disney" "rgb color" [.2 .3 .4] "float metallic" 1 "float roughness" .3 "float sheen" .2': (
         {"kind": "principled", "base_color": [0.2, 0.3, 0.4], "metallic": 1.0, "roughness": 0.3, "anisotropy": 0.0,
          "index": 1.5, "transmission": 0.0, "clearcoat": 0.0, "clearcoat_roughness": math.sqrt(0.001)}, "sheen"),

@@ -12,6 +12,7 @@ import pytest
 
 import rptcam_cl
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.exchange.pbrt.shapes import MeshData, limit_of_loop
 from rptcam_cl.scene.placement import turn_about
 
 Convert = Callable[..., Any]
@@ -195,15 +196,50 @@ def test_bilinear_patch_that_is_not_flat_is_cut_into_cells(convert: Convert) -> 
     assert done.says("8 x 8 cells")
 
 
-def test_control_mesh_of_a_subdivision_surface(convert: Convert) -> None:
-    text = (
-        'Shape "loopsubdiv" "integer levels" 4 "integer indices" [0 1 2 0 2 3 0 3 1 1 3 2] '
-        '"point3 P" [0 0 0  1 0 0  0 1 0  0 0 1]'
-    )
-    done = convert(text, HEAD)
-    assert len(mesh_of(done).faces) == 4
-    assert mesh_of(done).normals is not None
-    assert done.says("control mesh with smooth normals, not subdivided 4 times")
+TETRAHEDRON = MeshData(
+    np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1.0]]),
+    np.array([[0, 1, 2], [0, 2, 3], [0, 3, 1], [1, 3, 2]]),
+)
+
+
+def test_subdivision_surfaces_are_subdivided(convert: Convert) -> None:
+    points = " ".join(f"{x:g}" for x in TETRAHEDRON.vertices.ravel())
+    indices = " ".join(map(str, TETRAHEDRON.faces.ravel()))
+    text = f'Shape "loopsubdiv" "integer levels" {{}} "integer indices" [{indices}] "point3 P" [{points}]'
+    done = convert(text.format(4), HEAD)
+    (part,) = done.scene.load_mesh(done.scene.objects[0]).contents.parts
+    assert len(part.mesh.faces) == 4 * 4**4
+    # the limit of a vertex of valence 3 is (1 - 3 g) p + g (sum of the others), g = 1 / (3 + 2): the others sum to -p
+    np.testing.assert_allclose(limit_of_loop(TETRAHEDRON, 4).vertices[:4], 0.2 * TETRAHEDRON.vertices, rtol=1e-12)
+    assert (np.einsum("ni,ni->n", part.mesh.normals, part.mesh.positions) > 0).all()
+    assert not done.report
+    assert convert(text.format(30), HEAD).says("subdivided 9 times, not 30")
+
+
+def lattice(size: int) -> MeshData:
+    """A sheet of the lattice of equal triangles, its heights the square of x."""
+    j, i = np.meshgrid(range(size), range(size), indexing="ij")
+    x = i + j / 2.0
+    corner = (np.arange(size - 1)[:, None] * size + np.arange(size - 1)).ravel()
+    faces = [[corner, corner + 1, corner + size], [corner + 1, corner + size + 1, corner + size]]
+    vertices = np.stack([x, j * np.sqrt(3) / 2, x**2], axis=-1).reshape(-1, 3)
+    return MeshData(vertices, np.concatenate([np.stack(part, axis=1) for part in faces]))
+
+
+def test_a_subdivision_surface_of_a_parabola_is_one() -> None:
+    # the box spline of the lattice gives polynomials of the third degree back, but for constants of their second parts
+    surface = limit_of_loop(lattice(13), 3).vertices
+    middle = np.abs(surface[:, :2] - [9, 3 * np.sqrt(3)]).max(axis=1) < 1
+    assert middle.sum() > 100
+    excess = surface[middle, 2] - surface[middle, 0] ** 2
+    # a vertex: 1/12 of the squared distances of its six neighbours, along x
+    np.testing.assert_allclose(excess, 3 / 12, atol=1e-12)
+
+
+@pytest.mark.parametrize("mesh", [TETRAHEDRON, lattice(4)], ids=["closed", "with a border"])
+def test_further_steps_leave_the_limit_of_a_vertex(mesh: MeshData) -> None:
+    first, last = limit_of_loop(mesh, 0).vertices, limit_of_loop(mesh, 3).vertices
+    np.testing.assert_allclose(last[: len(first)], first, atol=1e-12)
 
 
 @pytest.mark.parametrize("count", [200, 201])

@@ -186,8 +186,8 @@ def test_exr_of_other_primaries_becomes_srgb(tmp_path: Path, name: str) -> None:
     colours = np.random.default_rng(2).random((3, 5, 3), np.float32) * 0.2 + 0.4  # inside sRGB: nothing is cut
     picture = read_picture(save_exr(tmp_path / "a.exr", {"RGB": colours}, chromaticities=primaries))
     assert picture.texels[..., :3] == pytest.approx(colours @ np.array(matrix).T, abs=2e-4)
-    pure = np.zeros((1, 2, 3), np.float32) + [1, 0, 0]
-    picture = read_picture(save_exr(tmp_path / "b.exr", {"RGB": pure.astype(np.float32)}, chromaticities=primaries))
+    pure = np.array([[[1, 0, 0]] * 2], np.float32)
+    picture = read_picture(save_exr(tmp_path / "b.exr", {"RGB": pure}, chromaticities=primaries))
     assert picture.negative[0] == 2
     assert picture.texels[0, 0, 0] == pytest.approx(matrix[0][0], abs=2e-4)
 

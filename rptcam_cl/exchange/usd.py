@@ -1,0 +1,875 @@
+"""Stages of USD as scenes of ours: meshes, instances, preview materials, lamps and cameras, at one moment."""
+
+from __future__ import annotations
+
+import importlib
+import math
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import field
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.exchange.pbrt.convert import Conversion
+from rptcam_cl.exchange.pbrt.files import FileStore
+from rptcam_cl.exchange.pbrt.shapes import TABLED, MeshData
+from rptcam_cl.exchange.pbrt.source import Report
+from rptcam_cl.exchange.pbrt.world import is_bearable, is_transform_of_ours, tidy
+from rptcam_cl.rendering.plan.environment import axes
+from rptcam_cl.scene.assets.pictures import SUFFIXES
+from rptcam_cl.scene.materials import LEAST_BEND, MOST_INDEX
+
+Array = NDArray[np.float64]
+Faces = NDArray[np.int64]
+Keys = dict[str, Any]
+
+USD_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
+WIDTH_PX = 960
+LEVELS, MOST_FACES = 2, 400_000  # of a subdivision surface: steps, and faces that they may lead to
+MOST_PIXEL_ASPECT = 20.0
+
+
+def _module(name: str) -> Any:
+    try:
+        return importlib.import_module(f"pxr.{name}")
+    except ImportError:
+        raise InputError("stages of USD need usd-core: pip install 'rptcam_cl[usd]'") from None
+
+
+class PrimReport(Report):
+    """What became of prims: messages with the paths that they concern."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.prims: dict[tuple[str, str], list[str]] = {}
+
+    def say(self, effect: str, what: str, prim: Any) -> None:
+        """Note that something of a prim is ``ignored`` or ``approximated``."""
+        self.prims.setdefault((effect, what), []).append(str(prim.GetPath()))
+
+    def described(self) -> list[dict[str, Any]]:
+        """List the messages as plain data: what becomes of what, of which prims, and of how many objects."""
+        return [
+            {"effect": effect, "message": what, "prims": paths, "objects": len(paths)}
+            for (effect, what), paths in self.prims.items()
+        ]
+
+    def __iter__(self) -> Iterator[str]:
+        for (effect, what), paths in self.prims.items():
+            more = f" (and {len(paths) - 1} more)" if len(paths) > 1 else ""
+            yield f"{paths[0]}: {effect}: {what}{more}"
+
+    def __len__(self) -> int:
+        return len(self.prims)
+
+
+# Subdivision surfaces.
+
+
+@dataclass(frozen=True, eq=False)
+class Polygons:
+    """Faces of any number of corners.
+
+    Attributes
+    ----------
+    points : (n, 3) array
+    counts : (m,) array of int
+        Corners of each face.
+    corners : (c,) array of int
+        Points of the corners, face by face.
+    uvs, normals : (c, 2) and (c, 3) arrays or None
+        Of the corners.
+    """
+
+    points: Array
+    counts: Faces
+    corners: Faces
+    uvs: Array | None = None
+    normals: Array | None = None
+
+    @property
+    def starts(self) -> Faces:
+        """The first corner of each face."""
+        return np.concatenate([[0], np.cumsum(self.counts)[:-1]]).astype(np.int64)
+
+    @property
+    def following(self) -> Faces:
+        """The corner that follows each corner round its face."""
+        following = np.arange(1, len(self.corners) + 1)
+        following[self.starts + self.counts - 1] = self.starts
+        return following
+
+    def subdivided(self) -> Polygons:
+        """Divide faces into quadrilaterals (Catmull and Clark 1978); borders are splines, corners of one face stay."""
+        points, corners, following = self.points, self.corners, self.following
+        face_of = np.repeat(np.arange(len(self.counts)), self.counts)
+        middles = _sum_by(face_of, points[corners], len(self.counts)) / self.counts[:, None]
+        pairs = np.sort(np.stack([corners, corners[following]], axis=1), axis=1)
+        edges, edge_of, uses = np.unique(pairs, axis=0, return_inverse=True, return_counts=True)
+        edge_of, inner = edge_of.ravel(), uses == 2
+        ends = points[edges].sum(axis=1)
+        of_faces = _sum_by(edge_of, middles[face_of], len(edges))
+        on_edges = np.where(inner[:, None], (ends + of_faces) / 4, ends / 2)
+        count = len(points)
+        valence = np.bincount(edges.ravel(), minlength=count).astype(np.float64)
+        faces = np.bincount(corners, minlength=count).astype(np.float64)
+        q = _sum_by(corners, middles[face_of], count) / np.maximum(faces, 1)[:, None]
+        r = _sum_by(edges.ravel(), np.repeat(ends / 2, 2, axis=0), count) / np.maximum(valence, 1)[:, None]
+        n = np.maximum(valence, 1)[:, None]
+        moved = (q + 2 * r + (n - 3) * points) / n
+        border = edges[~inner]
+        along = _sum_by(border.ravel(), points[border[:, ::-1].ravel()], count)
+        on_border = np.bincount(border.ravel(), minlength=count)
+        moved = np.where((on_border > 0)[:, None], points, moved)
+        smooth = (on_border == 2) & (faces > 1)
+        moved = np.where(smooth[:, None], 0.75 * points + along / 8, moved)
+        before = np.empty_like(following)
+        before[following] = np.arange(len(following))
+        quads = np.stack(
+            [corners, count + edge_of, count + len(edges) + face_of, count + edge_of[before]], axis=1
+        )  # fmt: skip
+        uvs = None if self.uvs is None else self._even(self.uvs, face_of, following, before)
+        return Polygons(
+            np.concatenate([moved, on_edges, middles]), np.full(len(quads), 4), quads.ravel(), uvs
+        )  # fmt: skip
+
+    def _even(self, values: Array, face_of: Faces, following: Faces, before: Faces) -> Array:
+        """Return the values of corners at those of the quadrilaterals that each face is divided into."""
+        middle = (_sum_by(face_of, values, len(self.counts)) / self.counts[:, None])[face_of]
+        parts = [values, (values + values[following]) / 2, middle, (values + values[before]) / 2]
+        return np.stack(parts, axis=1).reshape(-1, values.shape[1])
+
+    def triangles(self, faces: Faces | None = None, *, smooth: bool = False) -> MeshData:
+        """Return some faces, or all, as triangles about their first corners."""
+        chosen = np.arange(len(self.counts)) if faces is None else faces
+        starts, fans = self.starts[chosen], np.maximum(self.counts[chosen] - 2, 0)
+        first = np.repeat(starts, fans)
+        step = np.arange(fans.sum()) - np.repeat(np.cumsum(fans) - fans, fans)
+        corners = np.stack([first, first + step + 1, first + step + 2], axis=1)
+        normals = self.normals
+        if smooth:
+            mesh = MeshData(self.points, self.corners[corners])
+            own = np.zeros_like(self.points)
+            for k in range(3):
+                np.add.at(own, mesh.faces[:, k], mesh.crosses())
+            normals = own[self.corners]
+        columns = [part for part in (normals, self.uvs) if part is not None]
+        if not columns:
+            used, numbers = np.unique(self.corners[corners], return_inverse=True)
+            return MeshData(self.points[used], numbers.reshape(-1, 3))
+        rows = np.hstack([self.corners[:, None], *columns])[corners.ravel()]
+        distinct, numbers = np.unique(rows, axis=0, return_inverse=True)
+        points, rest = self.points[distinct[:, 0].astype(np.int64)], distinct[:, 1:]
+        width = 0 if normals is None else 3
+        mesh_normals = None if normals is None else rest[:, :3]
+        mesh_uvs = None if self.uvs is None else rest[:, width : width + 2]
+        return MeshData(points, numbers.reshape(-1, 3), mesh_normals, mesh_uvs)
+
+
+def _sum_by(index: Faces, rows: Array, count: int) -> Array:
+    sums = np.zeros((count, rows.shape[1]))
+    np.add.at(sums, index, rows)
+    return sums
+
+
+# A stage, prim by prim.
+
+
+@dataclass(eq=False)
+class Stage:
+    """Takes the prims of a stage at one moment.
+
+    Attributes
+    ----------
+    objects : list of dict
+    places : dict
+        Matrices that an object stands at in tables, by its index.
+    """
+
+    stage: Any
+    time: Any
+    report: PrimReport
+    files: FileStore
+    objects: list[Keys] = field(default_factory=list)
+    lights: list[Keys] = field(default_factory=list)
+    materials: dict[str, Keys] = field(default_factory=dict)
+    environment: Keys | None = None
+    camera: Any = None
+    _meshes: dict[str, list[tuple[str, Any]]] = field(default_factory=dict)
+    _names: dict[str, str] = field(default_factory=dict)
+    _pictures: dict[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.geom, self.shade, self.lux = _module("UsdGeom"), _module("UsdShade"), _module("UsdLux")
+        self.cache = self.geom.XformCache(self.time)
+
+    def add_all(self) -> None:
+        """Add everything that is shown."""
+        self._add_below(self.stage.GetPseudoRoot(), None, None)
+
+    def _add_below(self, root: Any, frame: Any, table: str | None) -> None:
+        """Add the prims below one; with a frame, relative to it, at the places of a table."""
+        usd = _module("Usd")
+        walk = iter(usd.PrimRange(root, usd.TraverseInstanceProxies()))
+        for prim in walk:
+            if prim == self.stage.GetPseudoRoot():
+                continue
+            if not self._is_shown(prim) or prim.IsA(self.geom.PointInstancer):
+                walk.PruneChildren()
+            if not self._is_shown(prim):
+                continue
+            if prim.IsA(self.geom.PointInstancer):
+                self._add_instancer(prim, frame)
+            elif prim.IsA(self.geom.Camera):
+                self.camera = self.camera or prim
+            elif prim.HasAPI(self.lux.LightAPI):
+                self._add_light(prim)
+            elif prim.IsA(self.geom.Gprim):
+                self._add_shape(prim, self._placement(prim, frame), table)
+
+    def _is_shown(self, prim: Any) -> bool:
+        if not prim.IsActive() or prim.IsAbstract():
+            return False
+        imageable = self.geom.Imageable(prim)
+        if not imageable:
+            return True
+        visible = imageable.GetVisibilityAttr().Get(self.time) != self.geom.Tokens.invisible
+        return visible and imageable.ComputePurpose() in (self.geom.Tokens.default_, self.geom.Tokens.render)
+
+    def _placement(self, prim: Any, frame: Any) -> Array:
+        """Return the 4x4 matrix that takes a prim to the world, or to a prim above it."""
+        if frame is None:
+            return np.array(self.cache.GetLocalToWorldTransform(prim)).T
+        return np.array(self.cache.ComputeRelativeTransform(prim, frame.GetParent())[0]).T
+
+    def _add_instancer(self, prim: Any, frame: Any) -> None:
+        if frame is not None:
+            self.report.say("ignored", "instances of instances", prim)
+            return
+        instancer = self.geom.PointInstancer(prim)
+        own = instancer.ComputeInstanceTransformsAtTime(
+            self.time, self.time, instancer.ExcludeProtoXform, instancer.ApplyMask
+        )
+        numbers = np.array(instancer.GetProtoIndicesAttr().Get(self.time))
+        mask = instancer.ComputeMaskAtTime(self.time)
+        numbers = numbers[np.array(mask, bool)] if len(mask) else numbers
+        world = self._placement(prim, None)
+        matrices = world @ np.swapaxes(np.array(own).reshape(-1, 4, 4), 1, 2)
+        for number, path in enumerate(instancer.GetPrototypesRel().GetForwardedTargets()):
+            places = matrices[numbers == number]
+            places = np.array([place[:3] for place in places if _usable(place)])
+            root = self.stage.GetPrimAtPath(path)
+            if len(places) and root:
+                table = self._table(f"{prim.GetName()}-{number}", places)
+                self._add_below(root, root, table)
+
+    def _table(self, name: str, places: Array) -> str:
+        return self.files.add("places", f"{name}.npz", lambda path: np.savez(path, matrices=places))
+
+    def _add_shape(self, prim: Any, placement: Array, table: str | None) -> None:
+        if not _usable(placement):
+            self.report.say("ignored", "a transform that flattens space", prim)
+            return
+        shapes: list[tuple[Keys, Any]] = []
+        if prim.IsA(self.geom.Mesh):
+            shapes = [({"shape": "mesh", "file": file}, bound) for file, bound in self._mesh_files(prim)]
+        elif (keys := self._solid(prim)) is not None:
+            shapes = [(keys, prim)]
+        else:
+            self.report.say("ignored", f"there is no such shape as a {prim.GetTypeName()}", prim)
+        transform: Keys = {}
+        if not np.array_equal(placement, np.eye(4)):
+            transform = {"transform": {"matrix": tidy(placement[:3])}}
+        places = {"instances": {"file": table}} if table else {}
+        for keys, bound in shapes:
+            self.objects.append({**keys, **transform, **places, "material": self._material(bound, prim)})
+
+    def _mesh_files(self, prim: Any) -> list[tuple[str, Any]]:
+        """Return the files of a mesh, one for each of its materials, and the prims that the materials are bound to."""
+        source = prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim
+        key = str(source.GetPath())
+        if key not in self._meshes:
+            self._meshes[key] = self._write_mesh(prim)
+        subsets = {str(bound.GetName()): bound for bound in prim.GetChildren() if bound.IsA(self.geom.Subset)}
+        return [(file, subsets.get(name, prim)) for file, name in self._meshes[key]]
+
+    def _write_mesh(self, prim: Any) -> list[tuple[str, Any]]:
+        mesh = self.geom.Mesh(prim)
+        caged = self._polygons(prim, mesh)
+        if caged is None:
+            return []
+        polygons, begins, smooth = self._smoothed(prim, mesh, caged)
+        parts: list[tuple[str, Faces | None]] = []
+        taken = np.zeros(len(polygons.counts), bool)
+        for subset in self.shade.MaterialBindingAPI(prim).GetMaterialBindSubsets():
+            own = _numbers(subset.GetIndicesAttr().Get(self.time), 1, np.int64)
+            own = own[(own >= 0) & (own < len(begins) - 1)]
+            spans = zip(begins[own], begins[own + 1], strict=True)
+            faces = np.concatenate([own[:0], *(np.arange(begin, end) for begin, end in spans)])
+            taken[faces] = True
+            parts.append((subset.GetPrim().GetName(), faces))
+        parts.append(("", np.flatnonzero(~taken)))
+        written = []
+        for name, chosen in parts:
+            data = polygons.triangles(chosen, smooth=smooth)
+            data = MeshData(data.vertices, data.faces[data.areas() > 0], data.normals, data.uvs)
+            if len(data.faces):
+                file = self.files.add("meshes", f"{prim.GetName()}{name and '-'}{name}.ply", data.write_ply)
+                written.append((file, name))
+        if not written:
+            self.report.say("ignored", "a mesh without faces of any area", prim)
+        return written
+
+    def _polygons(self, prim: Any, mesh: Any) -> Polygons | None:
+        """Return the faces of a mesh as they are written; None, with a report, where they are not sound."""
+        points = _numbers(mesh.GetPointsAttr().Get(self.time), 3)
+        counts = _numbers(mesh.GetFaceVertexCountsAttr().Get(self.time), 1, np.int64)
+        corners = _numbers(mesh.GetFaceVertexIndicesAttr().Get(self.time), 1, np.int64)
+        sound = len(points) and len(counts) and counts.min() >= 0 and counts.sum() == len(corners)
+        if not sound or corners.min() < 0 or corners.max() >= len(points) or not np.isfinite(points).all():
+            self.report.say("ignored", "a mesh without sound faces", prim)
+            return None
+        face_of = np.repeat(np.arange(len(counts)), counts)
+        uvs = self._on_corners(self._uv_primvar(prim), corners, face_of, 2)
+        normals = self._on_corners(self._normals(prim, mesh), corners, face_of, 3)
+        if mesh.GetOrientationAttr().Get(self.time) == self.geom.Tokens.leftHanded:
+            ends = np.cumsum(counts)
+            order = np.concatenate(
+                [np.arange(end - 1, end - count - 1, -1) for end, count in zip(ends, counts, strict=True)]
+            )
+            corners = corners[order]
+            uvs, normals = (None if values is None else values[order] for values in (uvs, normals))
+        return Polygons(points, counts, corners, uvs, normals)
+
+    def _smoothed(self, prim: Any, mesh: Any, polygons: Polygons) -> tuple[Polygons, Faces, bool]:
+        """Subdivide a mesh where it says so.
+
+        Returns
+        -------
+        polygons : Polygons
+        begins : (n + 1,) array of int
+            Where the faces stand that each face has become, and where they end.
+        smooth : bool
+            Whether normals are to be made.
+        """
+        scheme = mesh.GetSubdivisionSchemeAttr().Get()
+        begins = np.arange(len(polygons.counts) + 1)
+        if polygons.normals is not None or scheme == self.geom.Tokens.none:
+            return polygons, begins, False
+        if scheme == self.geom.Tokens.catmullClark:
+            for _ in range(LEVELS):
+                if 4 * len(polygons.corners) > MOST_FACES:
+                    break
+                begins = np.concatenate([[0], np.cumsum(polygons.counts)])[begins]
+                polygons = polygons.subdivided()
+            if len(mesh.GetCreaseIndicesAttr().Get(self.time) or []):
+                self.report.say("approximated", "a subdivision surface without its creases", prim)
+        else:
+            self.report.say("approximated", f"a subdivision surface ({scheme}) as its smooth cage", prim)
+        return polygons, begins, True
+
+    def _on_corners(self, primvar: Any, corners: Faces, face_of: Faces, width: int) -> Array | None:
+        """Return values of a primvar at the corners of faces."""
+        if primvar is None:
+            return None
+        flat, interpolation = primvar
+        values = _numbers(flat, width)
+        index = {"vertex": corners, "varying": corners, "uniform": face_of, "constant": 0 * corners,
+                 "faceVarying": np.arange(len(corners))}.get(str(interpolation))  # fmt: skip
+        if index is None or not len(values) or index.max(initial=0) >= len(values):
+            return None
+        return np.asarray(values[index])
+
+    def _uv_primvar(self, prim: Any) -> Any:
+        primvars = self.geom.PrimvarsAPI(prim)
+        for primvar in sorted(primvars.FindPrimvarsWithInheritance(), key=lambda each: each.GetPrimvarName() != "st"):
+            if "texCoord2" in str(primvar.GetTypeName()) or (
+                primvar.GetPrimvarName() in ("st", "uv", "st0", "UVMap") and "2" in str(primvar.GetTypeName())
+            ):
+                return primvar.ComputeFlattened(self.time), primvar.GetInterpolation()
+        return None
+
+    def _normals(self, prim: Any, mesh: Any) -> Any:
+        primvar = self.geom.PrimvarsAPI(prim).GetPrimvar("normals")
+        if primvar and primvar.HasValue():
+            return primvar.ComputeFlattened(self.time), primvar.GetInterpolation()
+        if (normals := mesh.GetNormalsAttr().Get(self.time)) is not None:
+            return normals, mesh.GetNormalsInterpolation()
+        return None
+
+    def _solid(self, prim: Any) -> Keys | None:
+        """Return the keys of a shape of a few numbers; None for what is none of ours."""
+
+        def number(name: str, default: float) -> float:
+            value = prim.GetAttribute(name).Get(self.time)
+            return default if value is None else float(value)
+
+        axis = {"X": np.eye(3)[0], "Y": np.eye(3)[1]}.get(str(prim.GetAttribute("axis").Get()), np.eye(3)[2])
+        ends = {key: (sign * number("height", 2.0) / 2 * axis).tolist() for key, sign in (("base", -1), ("top", 1))}
+        match str(prim.GetTypeName()):
+            case "Sphere":
+                return {"shape": "sphere", "center": [0, 0, 0], "radius": number("radius", 1.0)}
+            case "Cube":
+                half = number("size", 2.0) / 2
+                return {"shape": "box", "min": [-half] * 3, "max": [half] * 3}
+            case "Cylinder":
+                return {"shape": "cylinder", **ends, "radius": number("radius", 1.0)}
+            case "Cone":
+                return {"shape": "cone", "base": ends["base"], "apex": ends["top"], "radius": number("radius", 1.0)}
+            case "Capsule":
+                self.report.say("approximated", "a capsule without its caps", prim)
+                return {"shape": "cylinder", **ends, "radius": number("radius", 0.5)}
+            case "Plane":
+                # along x width, along y length; about x along z width, about y along x width (UsdGeomPlane)
+                side, up = {"X": (2, 1), "Y": (0, 2)}.get("XYZ"[int(axis.argmax())], (0, 1))
+                u, v = np.eye(3)[side] * number("width", 2.0), np.eye(3)[up] * number("length", 2.0)
+                return {"shape": "rectangle", "corner": (-(u + v) / 2).tolist(), "edge_u": u.tolist(),
+                        "edge_v": v.tolist()}  # fmt: skip
+        return None
+
+    def _material(self, bound: Any, prim: Any) -> str:
+        """The name of the material that is bound to a prim; of one without, its colour."""
+        material, _ = self.shade.MaterialBindingAPI(bound).ComputeBoundMaterial()
+        if not material:
+            keys, name = self._display_colour(prim), "color"
+        else:
+            name = str(material.GetPrim().GetName())
+            path = str(material.GetPath())
+            if path in self._names:
+                return self._names[path]
+            keys = self._surface(material, prim)
+        content = repr(keys)
+        if content not in self._names:
+            count, free = 1, name
+            while free in self.materials:
+                count += 1
+                free = f"{name}-{count}"
+            self.materials[free], self._names[content] = keys, free
+        if material:
+            self._names[path] = self._names[content]
+        return self._names[content]
+
+    def _display_colour(self, prim: Any) -> Keys:
+        primvar = self.geom.PrimvarsAPI(prim).FindPrimvarWithInheritance("displayColor")
+        values = primvar.ComputeFlattened(self.time) if primvar and primvar.HasValue() else None
+        if values is None or not len(values):
+            return {"kind": "matte", "reflectance": [0.18] * 3}
+        if len(values) > 1:
+            self.report.say("approximated", "colours of vertices or faces as their mean", prim)
+        return {"kind": "matte", "reflectance": np.clip(np.mean(values, axis=0), 0, 1).tolist()}
+
+    def _surface(self, material: Any, prim: Any) -> Keys:
+        shader, _, _ = material.ComputeSurfaceSource()
+        if not shader:
+            shader, _, _ = material.ComputeSurfaceSource("mtlx")
+        kind = str(shader.GetIdAttr().Get() or "") if shader else ""
+        if kind == "UsdPreviewSurface":
+            return self._preview(shader)
+        if "standard_surface" in kind or "open_pbr_surface" in kind:
+            return self._standard(shader, "open_pbr" in kind)
+        self.report.say(
+            "approximated", f"the colour of the prim, as its shader is {kind or 'none'}", material.GetPrim()
+        )
+        return self._display_colour(prim)
+
+    def _preview(self, shader: Any) -> Keys:
+        keys: Keys = {"kind": "principled"}
+        get = _Inputs(self, shader)
+        keys["base_color"] = get.colour("diffuseColor", (0.18, 0.18, 0.18))
+        keys["roughness"] = get.number("roughness", 0.5)
+        keys["index"] = min(max(float(get.plain("ior", 1.5)), 1.0), MOST_INDEX)
+        if get.plain("useSpecularWorkflow", 0):
+            tint = np.array(get.plain("specularColor", (0, 0, 0)), np.float64)
+            keys["index"], keys["specular_color"] = _of_reflectance(tint)
+            get.textured("specularColor", "a specular colour that is a texture")
+        else:
+            keys["metallic"] = get.number("metallic", 0.0)
+        for name, key, default in (
+            ("clearcoat", "clearcoat", 0.0),
+            ("clearcoatRoughness", "clearcoat_roughness", 0.01),
+        ):
+            keys[key] = get.number(name, default)
+        keys["emission"] = get.colour("emissiveColor", (0.0, 0.0, 0.0), most=math.inf)
+        keys |= get.opacity("opacity", get.plain("opacityThreshold", 0.0))
+        if (normal := get.texture("normal")) is not None:
+            keys["normal_map"] = {
+                name: value for name, value in normal.items() if name not in ("kind", "gain", "channel")
+            }
+            keys["normal_map"]["color_space"] = "linear"
+        get.ignored("displacement", "displacement of the surface", 0.0)
+        return keys
+
+    def _standard(self, shader: Any, open_pbr: bool) -> Keys:
+        """Return standard_surface of Autodesk or OpenPBR, as far as the principled material goes."""
+        get = _Inputs(self, shader)
+        of_pbr = {"weight": "base_weight", "metal": "base_metalness", "index": "specular_ior", "coat": "coat_weight",
+                  "clear": "transmission_weight", "glow": "emission_luminance", "opacity": "geometry_opacity",
+                  "below": "subsurface_weight"}  # fmt: skip
+        of_standard = {"weight": "base", "metal": "metalness", "index": "specular_IOR", "coat": "coat",
+                       "clear": "transmission", "glow": "emission", "opacity": "opacity",
+                       "below": "subsurface"}  # fmt: skip
+        names = of_pbr if open_pbr else of_standard
+        colour = get.colour("base_color", (0.8, 0.8, 0.8))
+        weight = float(get.plain(names["weight"], 1.0 if open_pbr else 0.8))
+        if isinstance(colour, list):
+            colour = [channel * weight for channel in colour]
+        clear = get.number(names["clear"], 0.0)
+        index = float(get.plain(names["index"], 1.5))
+        glow = np.array(get.plain("emission_color", (1, 1, 1)), np.float64) * float(get.plain(names["glow"], 0.0))
+        if open_pbr:
+            glow = glow / 1000.0  # nits; a radiance of 1 stands for 1000
+        for name, what in ((names["below"], "subsurface scattering"), ("thin_film_thickness", "thin films")):
+            get.ignored(name, what, 0.0)
+        if clear == 1.0 and isinstance(colour, list):
+            colour = np.clip(get.plain("transmission_color", (1, 1, 1)), 0, 1).tolist()
+        return {
+            "kind": "principled", "base_color": colour, "metallic": get.number(names["metal"], 0.0),
+            "roughness": get.number("specular_roughness", 0.3 if open_pbr else 0.2),
+            "index": min(max(index, 1 + LEAST_BEND), 5.0), "transmission": clear,
+            "clearcoat": get.number(names["coat"], 0.0), "clearcoat_roughness": get.number("coat_roughness", 0.1),
+            "emission": np.maximum(glow, 0).tolist(), **get.opacity(names["opacity"], 0.0),
+        }  # fmt: skip
+
+    def picture(self, asset: Any) -> str | None:
+        """The name of a picture beside the scene, copied there also out of a .usdz; None where there is none."""
+        ar = _module("Ar")
+        path = asset.resolvedPath or asset.path
+        if not path or "<UDIM>" in path:
+            return None
+        if path not in self._pictures:
+            content = ar.GetResolver().OpenAsset(ar.ResolvedPath(path)) if asset.resolvedPath else None
+            name = Path(path.rstrip("]").replace("[", "/")).name
+            if content is None or Path(name).suffix.lower() not in SUFFIXES:
+                return None
+            raw = bytes(content.GetBuffer())
+            self._pictures[path] = self.files.add("files", name, partial(_write, raw))
+        return self._pictures[path]
+
+    def _add_light(self, prim: Any) -> None:
+        api = self.lux.LightAPI(prim)
+        placement = self._placement(prim, None)
+
+        def number(name: str, default: float) -> float:
+            value = prim.GetAttribute(f"inputs:{name}").Get(self.time)
+            return default if value is None else float(value)
+
+        colour = np.array(api.GetColorAttr().Get(self.time) or (1, 1, 1), np.float64)
+        if api.GetEnableColorTemperatureAttr().Get(self.time):
+            colour = colour * np.array(self.lux.BlackbodyTemperatureAsRgb(number("colorTemperature", 6500.0)))
+        kind = str(prim.GetTypeName())
+        strength = number("intensity", 50000.0 if kind == "DistantLight" else 1.0) * 2 ** number("exposure", 0.0)
+        radiance = np.maximum(colour * strength, 0)
+        normalize = bool(api.GetNormalizeAttr().Get(self.time))
+        if kind == "DistantLight":
+            self._add_distant(placement, radiance, number("angle", 0.53), normalize)
+        elif kind in ("DomeLight", "DomeLight_1"):
+            self._add_dome(prim, placement, radiance)
+        elif (shape := _lamp_shape(kind, number)) is None or not _usable(placement):
+            self.report.say("ignored", f"a lamp of the kind {kind}", prim)
+        else:
+            keys, area = shape
+            if normalize:
+                radiance = radiance / area(placement[:3, :3])
+            if prim.GetAttribute("inputs:texture:file").Get(self.time):
+                self.report.say("ignored", "the picture that a lamp shines with", prim)
+            if number("shaping:cone:angle", 90.0) < 90:
+                self.report.say("ignored", "the cone that a lamp is shaped to", prim)
+            material = {"kind": "emissive", "radiance": radiance.tolist()}
+            transform = {"transform": {"matrix": tidy(placement[:3])}}
+            self.objects.append({**keys, **transform, "name": str(prim.GetPath()), "material": material})
+
+    def _add_distant(self, placement: Array, radiance: Array, degrees: float, normalize: bool) -> None:
+        sine = math.sin(math.radians(degrees) / 2)
+        irradiance = radiance if normalize or degrees == 0 else radiance * math.pi * sine * sine
+        keys: Keys = {"direction": tidy(-placement[:3, 2]), "irradiance": irradiance.tolist()}
+        round_ = {"kind": "sun", "diameter_degrees": degrees, "visible": {"camera": False}}
+        self.lights.append(keys | (round_ if 0.01 <= degrees <= 180 else {"kind": "directional"}))
+
+    def _add_dome(self, prim: Any, placement: Array, radiance: Array) -> None:
+        if self.environment is not None:
+            self.report.say("ignored", "a second dome", prim)
+            return
+        asset = prim.GetAttribute("inputs:texture:file").Get(self.time)
+        file = self.picture(asset) if asset else None
+        if asset and file is None:
+            self.report.say("approximated", f"an even sky, as its picture cannot be read: {asset.path}", prim)
+        if file is None:
+            self.environment = {"kind": "constant", "radiance": radiance.tolist()}
+            return
+        if np.ptp(radiance) > 0:
+            self.report.say("approximated", "the colour of a dome with a picture as its mean", prim)
+        # OpenEXR: +y is up, the middle of the picture looks along +z, its left half towards +x
+        up, forward = (placement[:3, k] / np.linalg.norm(placement[:3, k]) for k in (1, 2))
+        right_at_0, _, forward_at_0 = axes(up.tolist(), 0.0)
+        turn = math.degrees(math.atan2(-(forward @ right_at_0), forward @ forward_at_0))
+        self.environment = {"kind": "image", "file": file, "up": tidy(up), "rotation_degrees": round(turn, 9) + 0.0,
+                            "gain": float(radiance.mean())}  # fmt: skip
+
+    def camera_keys(self, metres_per_unit: float) -> tuple[Keys, Keys]:
+        """Return the keys of camera and film."""
+        if self.camera is None:
+            raise InputError("no camera")
+        camera = self.geom.Camera(self.camera).GetCamera(self.time)
+        world = self._placement(self.camera, None)
+        _, up, back, eye = world[:3].T
+        pose: Keys = {"eye": tidy(eye), "target": tidy(eye - back / np.linalg.norm(back)),
+                      "up": tidy(up / np.linalg.norm(up))}  # fmt: skip
+        width, height = camera.horizontalAperture, camera.verticalAperture
+        if not (width > 0 and height > 0 and width / height < MOST_PIXEL_ASPECT):
+            width, height = 20.955, 15.2908
+        film: Keys = {"resolution": [WIDTH_PX, max(round(WIDTH_PX * height / width), 1)], "width_mm": float(width)}
+        if camera.horizontalApertureOffset or camera.verticalApertureOffset:
+            self.report.say("ignored", "the offset of the film", self.camera)
+        tenth = metres_per_unit / 10  # focal length and film are tenths of a unit of the scene
+        if str(camera.projection).endswith("Orthographic"):
+            return {"kind": "orthographic", **pose, "width_m": width * tenth}, film
+        fov = math.degrees(2 * math.atan(width / 2 / camera.focalLength))
+        keys: Keys = {"kind": "pinhole", **pose, "fov_degrees": fov}
+        if camera.fStop > 0 and camera.focusDistance > 0:
+            radius = camera.focalLength * tenth / camera.fStop / 2
+            focus = float(camera.focusDistance) * metres_per_unit
+            keys |= {"kind": "thin_lens", "aperture_radius_m": radius, "focus_distance_m": focus}
+        return keys, film
+
+    def framed(self) -> tuple[Keys, Keys]:
+        """Return the keys of a camera that sees everything, and of its film."""
+        purposes = [self.geom.Tokens.default_, self.geom.Tokens.render]
+        box = (
+            self.geom.BBoxCache(self.time, purposes).ComputeWorldBound(self.stage.GetPseudoRoot()).ComputeAlignedRange()
+        )
+        low, high = np.array(box.GetMin()), np.array(box.GetMax())
+        if box.IsEmpty() or not np.isfinite([low, high]).all():
+            low, high = -np.ones(3), np.ones(3)
+        z_up = self.geom.GetStageUpAxis(self.stage) == self.geom.Tokens.z
+        up, away = (np.eye(3)[2], [0.5, -1.0, 0.4]) if z_up else (np.eye(3)[1], [0.5, 0.4, 1.0])
+        middle, reach = (low + high) / 2, max(float(np.linalg.norm(high - low)) / 2, 1e-6)
+        eye = middle + np.array(away) / np.linalg.norm(away) * reach / math.sin(math.radians(20))
+        keys: Keys = {"kind": "pinhole", "eye": tidy(eye), "target": tidy(middle), "up": up.tolist(),
+                      "fov_degrees": 40, "fov_axis": "vertical"}  # fmt: skip
+        return keys, {"resolution": [WIDTH_PX, WIDTH_PX * 2 // 3]}
+
+
+class _Inputs:
+    """The inputs of a shader: constants, or textures of ours."""
+
+    def __init__(self, stage: Stage, shader: Any) -> None:
+        self.stage, self.shader = stage, shader
+
+    def _source(self, name: str, shader: Any = None) -> Any:
+        """Return the attribute that gives an input its value: of a shader's output, or of a constant; None without."""
+        given = (shader or self.shader).GetInput(name)
+        found = self.stage.shade.Utils.GetValueProducingAttributes(given) if given else ()
+        return found[0] if found else None
+
+    def plain(self, name: str, default: Any, shader: Any = None) -> Any:
+        """Return a constant; the default where something else gives the value."""
+        source = self._source(name, shader)
+        if source is None or self.stage.shade.Output.IsOutput(source):
+            return default
+        value = source.Get(self.stage.time)
+        return default if value is None else value
+
+    def colour(self, name: str, default: tuple[float, ...], most: float = 1.0) -> Any:
+        """Return a colour or a texture."""
+        if (texture := self.texture(name)) is not None:
+            return texture
+        return np.clip(np.array(self.plain(name, default), np.float64), 0, most).tolist()
+
+    def number(self, name: str, default: float) -> Any:
+        """Return a number from 0 to 1, or a texture."""
+        if (texture := self.texture(name)) is not None:
+            return texture
+        return float(np.clip(np.mean(self.plain(name, default)), 0, 1))
+
+    def opacity(self, name: str, threshold: Any) -> Keys:
+        """Return the keys of holes."""
+        share = self.number(name, 1.0)
+        if share == 1.0:
+            return {}
+        mask = {"opacity_mode": "mask", "opacity_cutoff": min(float(threshold), 1.0)} if threshold else {}
+        return {"opacity": share, **mask}
+
+    def ignored(self, name: str, what: str, nothing: float) -> None:
+        """Report an input that has no counterpart."""
+        source = self._source(name)
+        if source is not None and (self.stage.shade.Output.IsOutput(source) or source.Get(self.stage.time) != nothing):
+            self.stage.report.say("ignored", what, self.shader.GetPrim())
+
+    def textured(self, name: str, what: str) -> None:
+        """Report an input that is a texture where ours takes none."""
+        if self.texture(name) is not None:
+            self.stage.report.say("ignored", what, self.shader.GetPrim())
+
+    def texture(self, name: str) -> Keys | None:
+        """Return the picture that gives an input its value; None where none does."""
+        source = self._source(name)
+        if source is None or not self.stage.shade.Output.IsOutput(source):
+            return None
+        shader = self.stage.shade.Shader(source.GetPrim())
+        kind = str(shader.GetIdAttr().Get() or "")
+        asset = self.plain("file", None, shader)
+        if kind.startswith(("ND_normalmap", "ND_separate", "ND_convert")):
+            return _Inputs(self.stage, shader).texture("in")
+        file = self.stage.picture(asset) if asset else None
+        if file is None:
+            what = f"the picture {asset.path}" if asset else f"the shader {kind}"
+            self.stage.report.say("ignored", f"{what}, which gives {name}", self.shader.GetPrim())
+            return None
+        keys: Keys = {"kind": "image", "file": file, **self._layout(shader, kind)}
+        output = source.GetName().rsplit(":", 1)[-1]
+        if output in ("r", "g", "b", "a"):
+            keys["channel"] = output
+        space = str(self.plain("sourceColorSpace", "auto", shader))
+        if space != "auto":
+            keys["color_space"] = "srgb" if space == "sRGB" else "linear"
+        gain = np.array(self.plain("scale", (1, 1, 1, 1), shader), np.float64).ravel()[:3]
+        if name != "normal" and len(gain) == 3 and not np.all(gain == 1):
+            keys["gain"] = np.maximum(gain, 0).tolist()
+        bias = np.array(self.plain("bias", (0, 0, 0, 0), shader), np.float64)
+        if name != "normal" and bias.any():
+            self.stage.report.say("ignored", "the bias of a texture", shader.GetPrim())
+        return keys
+
+    def _layout(self, shader: Any, kind: str) -> Keys:
+        """Return how a picture lies on the surface."""
+        keys: Keys = {}
+        wraps = {str(self.plain(name, "useMetadata", shader)) for name in ("wrapS", "wrapT")}
+        if wraps & {"clamp", "black"}:
+            keys["wrap"] = "clamp"
+        elif wraps & {"mirror"}:
+            keys["wrap"] = "mirror"
+        if kind.startswith("ND_tiledimage"):
+            keys["scale"] = np.array(self.plain("uvtiling", (1, 1), shader), np.float64).tolist()
+            return keys
+        source = self._source("st", shader)
+        placed = self.stage.shade.Shader(source.GetPrim()) if source is not None else None
+        if placed and str(placed.GetIdAttr().Get()) == "UsdTransform2d":
+            keys["scale"] = np.array(self.plain("scale", (1, 1), placed), np.float64).tolist()
+            keys["rotation_degrees"] = float(self.plain("rotation", 0.0, placed))
+            keys["offset"] = np.array(self.plain("translation", (0, 0), placed), np.float64).tolist()
+        return keys
+
+
+def _write(content: bytes, target: Path) -> None:
+    target.write_bytes(content)
+
+
+def _numbers(values: Any, width: int, kind: Any = np.float64) -> Any:
+    """Return an array of a stage, (n, width) or of single numbers; an empty one for what is none."""
+    try:
+        array = np.asarray(values if values is not None else [], kind)
+    except (TypeError, ValueError):
+        array = np.zeros(0, kind)
+    fits = array.ndim == 2 and array.shape[1] == width if width > 1 else array.ndim == 1
+    return array if fits else np.zeros((0, width) if width > 1 else 0, kind)
+
+
+def _usable(placement: Array) -> bool:
+    return is_bearable(placement) and is_transform_of_ours(placement)
+
+
+def _of_reflectance(tint: Array) -> tuple[float, list[float]]:
+    """Return index and specular colour of a reflectance at normal incidence."""
+    most = float(np.clip(tint, 0, 0.99).max())
+    root = math.sqrt(most)
+    return max((1 + root) / (1 - root), 1.0), (np.clip(tint, 0, 1) / most if most > 0 else np.zeros(3)).tolist()
+
+
+def _lamp_shape(kind: str, number: Any) -> tuple[Keys, Any] | None:
+    """Return the shape of a lamp, and the function of its transform that gives its area; None for another kind."""
+
+    def flat(extent: float) -> Any:
+        return lambda linear: extent * float(np.linalg.norm(np.cross(linear[:, 0], linear[:, 1])))
+
+    if kind == "RectLight":
+        width, height = number("width", 1.0), number("height", 1.0)
+        corner = [width / 2, -height / 2, 0]
+        keys: Keys = {"shape": "rectangle", "corner": corner, "edge_u": [-width, 0, 0], "edge_v": [0, height, 0]}
+        return keys, flat(width * height)
+    radius = number("radius", 0.5)
+    if kind == "DiskLight":
+        return {"shape": "disk", "center": [0, 0, 0], "normal": [0, 0, -1], "radius": radius}, flat(math.pi * radius**2)
+    if kind == "SphereLight":
+        area = 4 * math.pi * radius**2
+        keys = {"shape": "sphere", "center": [0, 0, 0], "radius": radius}
+        return keys, lambda linear: area * float(np.cbrt(np.linalg.det(linear)) ** 2)
+    if kind == "CylinderLight":
+        length = number("length", 1.0)
+        keys = {"shape": "cylinder", "base": [-length / 2, 0, 0], "top": [length / 2, 0, 0], "radius": radius,
+                "capped": False}  # fmt: skip
+        return keys, lambda linear: 2 * math.pi * radius * length * float(np.cbrt(np.linalg.det(linear)) ** 2)
+    return None
+
+
+def _merge_instances(stage: Stage) -> None:
+    """Put objects that differ in their transforms alone into tables, where they are many."""
+    keys = [repr({key: value for key, value in item.items() if key != "transform"}) for item in stage.objects]
+    counts = Counter(keys)
+    merged: list[Keys] = []
+    for key, item in zip(keys, stage.objects, strict=True):
+        if counts[key] < TABLED or "instances" in item:
+            merged.append(item)
+        elif counts[key]:
+            alike = [other for k, other in zip(keys, stage.objects, strict=True) if k == key]
+            places = np.array([other.get("transform", {"matrix": np.eye(4)[:3]})["matrix"] for other in alike])
+            rest = {name: value for name, value in item.items() if name != "transform"}
+            merged.append({**rest, "instances": {"file": stage._table("places", places)}})
+            counts[key] = 0
+    stage.objects = merged
+
+
+def convert_stage(source: Path, target: Path, *, time_s: float | None = None) -> Conversion:
+    """Convert a stage of USD to a scene of ours.
+
+    Parameters
+    ----------
+    source
+        A .usd, .usda, .usdc or .usdz file.
+    target
+        Where the scene of ours is to go; files that it names lie beside it.
+    time_s
+        Moment, counted from the first time code [s]; by default that first one, if the stage has any.
+
+    Raises
+    ------
+    InputError
+        When there is no such stage, or nothing in it can be shown.
+    """
+    usd, geom = _module("Usd"), _module("UsdGeom")
+    if not source.is_file():
+        raise InputError(f"{source}: no such file")
+    try:
+        opened = usd.Stage.Open(str(source))
+    except Exception as problem:
+        raise InputError(f"{source}: is no stage of USD ({str(problem).splitlines()[-1].strip()[:200]})") from None
+    report = PrimReport()
+    start = opened.GetStartTimeCode() if opened.HasAuthoredTimeCodeRange() else 0.0
+    is_timed = opened.HasAuthoredTimeCodeRange() or time_s is not None
+    code = start + (time_s or 0.0) * opened.GetTimeCodesPerSecond()
+    stage = Stage(opened, usd.TimeCode(code) if is_timed else usd.TimeCode.EarliestTime(), report,
+                  FileStore(target.parent, target.stem, report))  # fmt: skip
+    stage.add_all()
+    if not stage.objects:
+        raise InputError(f"{source}: 0 objects: nothing of the stage can be shown")
+    _merge_instances(stage)
+    unit = float(geom.GetStageMetersPerUnit(opened))
+    camera, film = stage.framed() if stage.camera is None else stage.camera_keys(unit)
+    if stage.camera is None:
+        report.say("note", "has no camera: one that sees everything", opened.GetPseudoRoot())
+    scene: Keys = {"metres_per_unit": unit} if unit != 1 else {}
+    scene |= {"film": film, "camera": camera, "materials": stage.materials, "objects": stage.objects}
+    if stage.lights:
+        scene["lights"] = stage.lights
+    lit = stage.lights or any(isinstance(item["material"], dict) for item in stage.objects)
+    if stage.environment is None and not lit:
+        report.say("note", "has no lights: an even sky", opened.GetPseudoRoot())
+        stage.environment = {"kind": "constant", "radiance": [1.0, 1.0, 1.0]}
+    if stage.environment is not None:
+        scene["environment"] = stage.environment
+    return Conversion(source, scene, report, stage.files)

@@ -1,0 +1,229 @@
+"""Stages of USD as scenes of ours."""
+
+import math
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rptcam_cl.cli import main
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.exchange.usd import Polygons, convert_stage
+from rptcam_cl.scene.load import load_scene
+
+pytest.importorskip("pxr")
+
+HEAD = """#usda 1.0
+(
+    metersPerUnit = 0.01
+    upAxis = "Y"
+    startTimeCode = 1
+    endTimeCode = 25
+    timeCodesPerSecond = 24
+)
+"""
+# each statement begins a line, which the texts below spare
+TYPES = r"def|over|uniform|double3?|float[23]?|color3f|point3f|texCoord2f|token|asset|int|bool|rel"
+STATEMENT = re.compile(rf"(?<!uniform) +(?=({TYPES})[\[ ])| +(?=}})")
+BALL = 'def Sphere "ball" { double radius = 2 }\n'
+
+
+def convert(folder: Path, text: str, **options: Any) -> tuple[Any, Any]:
+    (folder / "in.usda").write_text(HEAD + STATEMENT.sub("\n", text))
+    done = convert_stage(folder / "in.usda", folder / "out.yaml", **options)
+    done.write(folder / "out.yaml")
+    return done, load_scene(folder / "out.yaml")
+
+
+def middle_of(scene: Any, index: int = 0) -> Any:
+    item = scene.objects[index]
+    low, high = scene.solids()[index].bounds()
+    places = item.places(scene.folders, 0.0)
+    return places[:, :3, :3] @ ((low + high) / 2) + places[:, :3, 3]
+
+
+def test_transforms_are_those_of_the_hierarchy(tmp_path: Path) -> None:
+    text = """def Xform "a" { double3 xformOp:translate = (1, 2, 3)  float xformOp:rotateZ = 90
+        uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:rotateZ"]
+        def Cube "b" { double size = 2  double3 xformOp:translate = (5, 0, 0)
+            uniform token[] xformOpOrder = ["xformOp:translate"] } }"""
+    _, scene = convert(tmp_path, text)
+    np.testing.assert_allclose(middle_of(scene), [[1, 7, 3]], atol=1e-9)
+    assert scene.metres_per_unit == 0.01
+
+
+def test_time_samples_are_read_at_a_moment(tmp_path: Path) -> None:
+    text = """def Sphere "b" { double3 xformOp:translate.timeSamples = { 1: (0, 0, 0), 25: (12, 0, 0) }
+        uniform token[] xformOpOrder = ["xformOp:translate"] }"""
+    for time_s, x in ((None, 0.0), (0.5, 6.0), (1.0, 12.0)):
+        _, scene = convert(tmp_path, text, time_s=time_s)
+        np.testing.assert_allclose(middle_of(scene), [[x, 0, 0]], atol=1e-9)
+
+
+def test_point_instancers_become_tables(tmp_path: Path) -> None:
+    text = """def PointInstancer "many" { double3 xformOp:translate = (0, 0, 10)
+        uniform token[] xformOpOrder = ["xformOp:translate"]
+        int[] protoIndices = [0, 1, 0] point3f[] positions = [(1, 0, 0), (2, 0, 0), (3, 0, 0)]
+        rel prototypes = [</many/p/ball>, </many/p/box>]
+        def Scope "p" { def Sphere "ball" { } def Cube "box" { } } }"""
+    done, scene = convert(tmp_path, text)
+    assert [item["shape"] for item in done.scene["objects"]] == ["sphere", "box"]
+    np.testing.assert_allclose(middle_of(scene, 0), [[1, 0, 10], [3, 0, 10]])
+    np.testing.assert_allclose(middle_of(scene, 1), [[2, 0, 10]])
+
+
+def test_what_is_hidden_or_a_guide_is_left_out(tmp_path: Path) -> None:
+    text = 'def Sphere "h" { token visibility = "invisible" } def Sphere "g" { uniform token purpose = "guide" }'
+    done, _ = convert(tmp_path, BALL + text)
+    assert len(done.scene["objects"]) == 1
+    with pytest.raises(InputError, match="0 objects"):
+        convert(tmp_path, text)
+
+
+MESH = """def Mesh "m" { int[] faceVertexCounts = [4, 4] int[] faceVertexIndices = [0, 1, 2, 3, 1, 4, 5, 2]
+    uniform token subdivisionScheme = "none" point3f[] points = [(0,0,0),(1,0,0),(1,1,0),(0,1,0),(2,0,0),(2,1,0)]
+    texCoord2f[] primvars:st = [(0,0),(1,0),(1,1),(0,1),(0,0),(1,0),(1,1),(0,1)] (interpolation = "faceVarying")
+    rel material:binding = </red> %s
+    def GeomSubset "right" { uniform token elementType = "face" uniform token familyName = "materialBind"
+        int[] indices = [1] rel material:binding = </blue> } }
+def Material "red" { token outputs:surface.connect = </red/s.outputs:surface>
+    def Shader "s" { uniform token info:id = "UsdPreviewSurface" color3f inputs:diffuseColor = (1, 0, 0)
+        float inputs:roughness = 0.3 float inputs:metallic = 1 float inputs:ior = 1.4 token outputs:surface } }
+def Material "blue" { token outputs:surface.connect = </blue/s.outputs:surface>
+    def Shader "s" { uniform token info:id = "UsdPreviewSurface" color3f inputs:diffuseColor = (0, 0, 1)
+        float inputs:opacity = 0.5 token outputs:surface } }
+"""
+
+
+@pytest.mark.parametrize("hand", ["rightHanded", "leftHanded"])
+def test_meshes_have_the_materials_of_their_faces(tmp_path: Path, hand: str) -> None:
+    done, scene = convert(tmp_path, MESH % f'uniform token orientation = "{hand}"')
+    names = [item["material"] for item in done.scene["objects"]]
+    assert names == ["blue", "red"]
+    assert done.scene["materials"]["red"]["base_color"] == [1, 0, 0]
+    assert scene.materials["red"].index == pytest.approx(1.4)
+    assert scene.materials["blue"].opacity == 0.5
+    for index, low in ((0, 1.0), (1, 0.0)):
+        (part,) = scene.load_mesh(scene.objects[index]).contents.parts
+        points = (part.mesh.positions + part.mesh.origin)[part.mesh.faces]
+        assert points[..., 0].min() == low
+        normal = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])[:, 2]
+        assert (normal > 0).all() if hand == "rightHanded" else (normal < 0).all()
+        np.testing.assert_allclose(part.mesh.uvs[part.mesh.faces][..., 0], points[..., 0] - low, atol=1e-6)
+
+
+def cube() -> Polygons:
+    points = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1.0)])
+    faces = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+    return Polygons(points, np.full(6, 4), np.array(faces).ravel())
+
+
+def test_a_subdivided_cube_has_the_points_of_catmull_and_clark() -> None:
+    once = cube().subdivided()
+    assert (len(once.counts), len(once.points)) == (24, 26)
+    # (Q + 2 R) / 3 at a corner of valence 3, from (1, 1, 1): Q and R are 1/3 and 2/3 of it
+    np.testing.assert_allclose(once.points[7], [5 / 9] * 3)
+    np.testing.assert_allclose(np.abs(once.points[8:20]).max(axis=1), 3 / 4)  # edges
+    np.testing.assert_allclose(np.abs(once.points[20:]).max(axis=1), 1)  # faces
+
+
+def test_a_subdivided_sheet_stays_a_sheet() -> None:
+    x, y = np.meshgrid(np.arange(5.0), np.arange(4.0))
+    corner = (np.arange(3)[:, None] * 5 + np.arange(4)).ravel()
+    corners = np.stack([corner, corner + 1, corner + 6, corner + 5], axis=1).ravel()
+    points = np.stack([x, y, 0 * x], axis=-1).reshape(-1, 3)
+    sheet = Polygons(points, np.full(12, 4), corners, uvs=points[corners][:, :2])
+    twice = sheet.subdivided().subdivided()
+    mesh = twice.triangles()
+    np.testing.assert_allclose(mesh.areas().sum(), 12, rtol=0.02)  # corners stay, borders are straight
+    inside = (np.abs(mesh.vertices[:, :2] - (2, 1.5)) < (0.99, 0.49)).all(axis=1)
+    assert mesh.uvs is not None
+    np.testing.assert_allclose(mesh.uvs[inside], mesh.vertices[inside, :2], atol=1e-9)
+
+
+LAMPS = {
+    'def RectLight "l" { float inputs:intensity = 2 float inputs:exposure = 1 float inputs:width = 3 }': 4.0,
+    'def RectLight "l" { float inputs:intensity = 6 bool inputs:normalize = 1 float inputs:width = 3 }': 2.0,
+    'def DiskLight "l" { float inputs:intensity = 8 bool inputs:normalize = 1 float inputs:radius = 2 }': 2 / math.pi,
+    'def SphereLight "l" { float inputs:intensity = 8 bool inputs:normalize = 1 float inputs:radius = 1 }': 2 / math.pi,
+}
+
+
+@pytest.mark.parametrize("text", LAMPS)
+def test_lamps_have_their_radiance(tmp_path: Path, text: str) -> None:
+    done, _ = convert(tmp_path, BALL + text)
+    np.testing.assert_allclose(done.scene["objects"][1]["material"]["radiance"], LAMPS[text])
+
+
+def test_flat_lamps_shine_along_minus_z(tmp_path: Path) -> None:
+    for kind in ("RectLight", "DiskLight"):
+        done, _ = convert(tmp_path, BALL + f'def {kind} "l" {{ }}')
+        lamp = done.scene["objects"][1]
+        normal = lamp["normal"] if "normal" in lamp else np.cross(lamp["edge_u"], lamp["edge_v"])
+        assert normal[2] < 0
+
+
+def test_a_camera_keeps_its_view_and_its_blur(tmp_path: Path) -> None:
+    text = """def Camera "c" { float focalLength = 50 float horizontalAperture = 36 float verticalAperture = 24
+        float fStop = 2 float focusDistance = 300 double3 xformOp:translate = (0, 0, 9)
+        uniform token[] xformOpOrder = ["xformOp:translate"] }"""
+    done, scene = convert(tmp_path, BALL + text)
+    camera = scene.camera
+    assert camera.kind == "thin_lens"
+    assert math.tan(math.radians(camera.fov_degrees) / 2) == pytest.approx(0.36)
+    # tenths of a unit, that is millimetres: 50 mm at f/2 has an opening of 12.5 mm radius; 300 units are 3 m
+    assert camera.aperture_radius_m == pytest.approx(0.0125)
+    assert camera.focus_distance_m == pytest.approx(3.0)
+    assert camera.eye == (0, 0, 9)
+    assert scene.film.resolution == (960, 640)
+    assert not [line for line in done.report if "camera" in line]
+
+
+def test_textures_come_along_with_their_layout(tmp_path: Path) -> None:
+    from PIL import Image
+
+    Image.new("RGB", (4, 4), (255, 0, 0)).save(tmp_path / "a.png")
+    shaders = """def Material "red" {
+      def Shader "t" { uniform token info:id = "UsdUVTexture" asset inputs:file = @a.png@ token inputs:wrapS = "mirror"
+        float2 inputs:st.connect = </red/p.outputs:result> float3 outputs:rgb float outputs:g }
+      def Shader "p" { uniform token info:id = "UsdTransform2d" float2 inputs:scale = (2, 3)
+        float inputs:rotation = 30 float2 inputs:translation = (0.5, 0) float2 outputs:result }"""
+    text = (MESH % "").replace('def Material "red" {', shaders)
+    text = text.replace("inputs:diffuseColor = (1, 0, 0)", "inputs:diffuseColor.connect = </red/t.outputs:rgb>")
+    text = text.replace("inputs:roughness = 0.3", "inputs:roughness.connect = </red/t.outputs:g>")
+    done, scene = convert(tmp_path, text)
+    colour = done.scene["materials"]["red"]["base_color"]
+    assert {key: colour[key] for key in ("wrap", "scale", "rotation_degrees", "offset")} == {
+        "wrap": "mirror", "scale": [2, 3], "rotation_degrees": 30, "offset": [0.5, 0],
+    }  # fmt: skip
+    assert done.scene["materials"]["red"]["roughness"]["channel"] == "g"
+    assert scene.materials["red"].base_color.source(scene.folders).is_file()
+
+
+def test_what_is_left_out_is_named(tmp_path: Path) -> None:
+    done, _ = convert(tmp_path, BALL + 'def Capsule "c" { } def BasisCurves "hair" { }')
+    described = {item["message"]: item["prims"] for item in done.report.described()}
+    assert described["a capsule without its caps"] == ["/c"]
+    assert described["there is no such shape as a BasisCurves"] == ["/hair"]
+    assert any(line.startswith("/c: approximated: ") for line in done.report)
+
+
+def test_what_is_no_stage_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "in.usda").write_text("no stage")
+    with pytest.raises(InputError, match="is no stage of USD"):
+        convert_stage(tmp_path / "in.usda", tmp_path / "out.yaml")
+
+
+@pytest.mark.parametrize("name", ["a.usda", "a.pbrt", "a.obj"])
+def test_foreign_scenes_are_rendered_directly(tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    texts = {
+        "a.usda": HEAD + STATEMENT.sub("\n", BALL),
+        "a.pbrt": 'Camera "perspective" WorldBegin LightSource "infinite" Translate 0 0 5 Shape "sphere"',
+        "a.obj": "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n",
+    }
+    (tmp_path / name).write_text(texts[name])
+    assert main(["render", str(tmp_path / name), "-o", str(tmp_path / "o.png"), "--spp", "1", "--size", "16x12"]) == 0
+    assert (tmp_path / "o.png").is_file()
+    assert "to keep it: rptcam" in capsys.readouterr().err
