@@ -75,7 +75,7 @@ class Reports:
         if not resting and time.monotonic() < self._last_state + STATE_S:
             return
         answers = tuple((client.number, client.answers) for client in clients)
-        here = (slot.session.generation, slot.dials, slot.messages, self._studio.paused, resting)
+        here = (slot.session.generation, slot.dials, slot.messages, self._studio.paused, self._studio.denoises, resting)
         reported = (*here, *self._compare_state(), answers)
         if reported != self._reported and not slot.wants_glance:
             self._reported, self._last_state = reported, time.monotonic()
@@ -204,6 +204,7 @@ class Requests:
             "pause": self._pause,
             "resume": self._pause,
             "view": self._view,
+            "denoise": self._denoise,
         }
 
     def answer(self, request: messages.Request | Scene) -> None:
@@ -417,6 +418,9 @@ class Requests:
 
     def _pause(self, client: messages.Client, message: messages.Signal) -> None:
         self._studio.paused = message.type == "pause"
+
+    def _denoise(self, client: messages.Client, message: messages.Denoise) -> None:
+        self._studio.denoises = message.on
 
     def _show_file(self, scene: Scene) -> None:
         """Show the scene file as it was read again, with what the page has changed of it."""

@@ -277,9 +277,16 @@ class Signal(Message):
     type: Literal["pause", "resume", "ping"]
 
 
+class Denoise(Message):
+    """Whether pictures are shown without their noise until they are clean."""
+
+    type: Literal["denoise"]
+    on: bool
+
+
 AnyMessage = (
     Hello | Ack | View | Set | Dial | Move | Reset | Focus | Autofocus | Pointer | Magnify | Compare | Save
-    | TextRequest | Signal
+    | TextRequest | Signal | Denoise
 )  # fmt: skip
 _READER: TypeAdapter[AnyMessage] = TypeAdapter(Annotated[AnyMessage, Field(discriminator="type")])
 

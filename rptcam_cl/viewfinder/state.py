@@ -258,6 +258,7 @@ def state_message(studio: Studio, slot: Slot, details: dict[str, Any] | None = N
         "compare": studio.compare,
         "changed": list(slot.changes),
         "paused": studio.paused,
+        "denoise": studio.denoises,
         "files": [name for name in FILE_MEDIA if name != "dng" or slot.scene.sensor is not None],
         "needle": meter_needle(slot.panel),
         "messages": [*slot.messages, *_left_out(slot), *(studio.b.messages if studio.b is not None else ())],

@@ -2,7 +2,7 @@
 
 import { Compare } from "./compare.js";
 import { Dials } from "./dials.js";
-import { choice, h } from "./dom.js";
+import { choice, h, toggle } from "./dom.js";
 import { exposurePanel, histogramView, meterNeedle, meterText, Overlays } from "./exposure.js";
 import { Focus } from "./focus.js";
 import { Gestures, TOOLS } from "./gestures.js";
@@ -65,7 +65,9 @@ export class Viewfinder {
   }
 
   panels() {
-    const camera = h("div", { class: "vf-panel" }, h("h3", {}, "Lens, film, picture"), this.dials.others);
+    const denoising = toggle("Denoise until it is clean", (wanted) => this.denoise(wanted), { key: "n", name: "denoise", pressed: true });
+    const camera = h("div", { class: "vf-panel" }, h("h3", {}, "Lens, film, picture"), this.dials.others, denoising);
+    this.link.on("state", ({ denoise }) => denoising.show(Boolean(denoise)));
     return [
       { name: "camera", label: "Camera", element: camera },
       { name: "exposure", label: "Exposure", element: exposurePanel(this.link, this.overlays) },
@@ -145,6 +147,11 @@ export class Viewfinder {
     const tool = TOOLS[number].value;
     this.tools.show(tool);
     this.gestures.use(tool);
+  }
+
+  /** Show pictures without their noise until they are clean, or as they are. */
+  denoise(wanted = !this.link.last.state?.denoise) {
+    this.link.tell("denoise", { on: wanted });
   }
 
   pause() {

@@ -31,6 +31,7 @@ const GROUPS = [
   ["Look", [
     ["z", "Zebra", (finder) => finder.overlays.set("zebra")],
     ["v", "False colour", (finder) => finder.overlays.set("false_colour")],
+    ["n", "Denoise", (finder) => finder.denoise()],
     ["g", "Thirds", (finder) => finder.guides.thirds()],
     ["c", "Compare: off, side by side, wipe", (finder) => finder.compare.next()],
     ["Space", "Pause, go on", (finder) => finder.pause()],
