@@ -409,7 +409,7 @@ class SceneCompiler:
         return True
 
     def is_guided(self, state: SceneState) -> bool:
-        """Whether pictures of a state can be denoised at once; otherwise their kernels are compiled in the background."""
+        """Whether pictures of a state can be denoised at once; otherwise kernels for it are compiled meanwhile."""
         wanted = state.plan, state.buffers, of_guides(state.scene)
         key = key_of(*wanted)
         self._collect()

@@ -420,8 +420,7 @@ class Denoiser:
         Parameters
         ----------
         blur
-            Diameter of what is blurred [pixels] per 1 / m that it is nearer than what is in focus, and 1 / the distance of
-            that [1 / m].
+            Blur of what is 1 / m nearer than the focus [pixels], and 1 / the distance of that [1 / m].
         """
         session, (width, height) = self._session, self._size
         session.write(self._picture, np.ascontiguousarray(pixels))

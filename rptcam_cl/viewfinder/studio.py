@@ -535,7 +535,7 @@ class Slot:
         return self._last
 
     def _denoised(self, frame: Frame) -> NDArray[np.float32] | None:
-        """Return a frame without its noise; None where it is shown as it is: it is clean, or has to wait for kernels."""
+        """Return a frame without its noise; None where it is shown as it is: clean, or while kernels compile."""
         if self.denoises and not self._is_clean(frame):
             if self._clean[0] is not frame or self._clean[1] is None:
                 self._clean = frame, self.session.denoised(frame)
@@ -551,7 +551,7 @@ class Slot:
         return late or frame.spp >= self.target_spp or (frame.noise is not None and frame.noise <= CLEAN)
 
     def clean_at(self, frame: Frame) -> dict[str, float] | None:
-        """How many samples a frame takes until its noise is not seen, and how long after the film's begin that is [s]."""
+        """How many samples it takes until the noise is not seen, and how long from the film's beginning [s]."""
         if frame.noise is None or frame.scale < 1 or frame.spp < 2:
             return None
         share = max((frame.noise / CLEAN) ** 2, 1.0)

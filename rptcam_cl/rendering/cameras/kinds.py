@@ -122,7 +122,7 @@ class Perspective:
         return near + self.pupil_mm, far + self.pupil_mm
 
     def blur(self, pixel_mm: float) -> tuple[float, float]:
-        """Return the blur [pixels] per 1 / m that something is nearer than the focus, and 1 / the distance of that [1 / m]."""
+        """Return the blur [pixels] of what is 1 / m nearer than the focus, and 1 / the distance of that [1 / m]."""
         reach_mm2 = self.diameter_mm * self.per_tangent_mm
         return 1e-3 * reach_mm2 / pixel_mm, 1e3 / (self.focus_mm - self.pupil_mm)
 
