@@ -66,7 +66,7 @@ __kernel void denoise(__global const float *guides,   // as the kernel of that n
 #endif
     for (int j = -REACH; j <= REACH; ++j) {
         for (int i = -REACH; i <= REACH; ++i) {
-            if ((i == 0 && j == 0) || (FIRST && ((i + j) & 1)))
+            if ((i == 0 && j == 0) || ((i + j) & FIRST))   // of the 24 of the first step every second one
                 continue;
             int to = at + step * (j * row + i);
             F there = TAKE(PLANE(guides, 10), to);
@@ -82,8 +82,9 @@ __kernel void denoise(__global const float *guides,   // as the kernel of that n
             same = there * (same + blurred * (ONE - same));
             F3 other = TAKE3(light, to), theirs = TAKE3(PLANE(light, 3), to);
             F their = brightness(other, theirs);
-            passes += there * TAKE(PLANE(light, 10), to);
-            all += there;
+            F across = there * TAKE(PLANE(guides, 10), at - step * (j * row + i));   // of both sides, as it may slope
+            passes += across * TAKE(PLANE(light, 10), to);
+            all += across;
             same = theirs.x > 0.0f ? same : ZERO;
 #if FIRST
             sums += same * their;
@@ -106,7 +107,7 @@ __kernel void denoise(__global const float *guides,   // as the kernel of that n
 #if FIRST
     F share = ONE / MAX(weights, (F)(1e-9f)), mean = sums * share;
     F spread = MAX(squares * share - mean * mean, ZERO), most = mean + STANDS_OUT * sqrt(spread);
-    sum = scale(sum, (weights > 1.0f) & (bright > most) ? most / bright : ONE);
+    sum = scale(sum, ((weights > 1.0f) & (bright > most)) ? most / bright : ONE);
     // Without neighbours on the same surface nothing is known of the noise: it may be as large as the light.
     spread = weights > 1.0f ? spread : bright * bright;
 #else
