@@ -275,6 +275,11 @@ def _differences(path: str, before: Any, after: Any) -> dict[str, Any]:
     return changes
 
 
+def changes_between(before: Scene, after: Scene) -> dict[str, Any]:
+    """Return the values of keys that make one scene the other; None removes a key."""
+    return _differences("", _data(before), _data(after))
+
+
 def scene_error(text: str) -> dict[str, Any]:
     """Return the message of an error in the scene file."""
     return {"type": "error", "id": None, "message": text, "where": place_of(text), "source": "scene"}
@@ -408,7 +413,7 @@ class Slot:
         self.shown: Shown | None = None
         self.reading_cd_m2: float | None = None
         self.messages: tuple[str, ...] = ()
-        self._follows = True  # dials that go by the light may change once for each change of the user's
+        self.follows_light = True  # dials that go by the light may change once for each change of the user's
         self.wants_glance, self.wants_showing = True, False
         self.compiling = False  # the last change waits for its kernels, and the picture is the one before
         self.awaits_kernels = False  # of the film, while glances have theirs
@@ -474,7 +479,7 @@ class Slot:
 
     def note_change(self, transient: bool, change: Change) -> None:
         """Note what a change came to: the picture is another from here on, or the film is developed in another way."""
-        self._follows = True
+        self.follows_light = True
         self._moving_until = time.monotonic() + (REST_S if transient else 0.0)
         self.compiling = self.session.is_waiting
         is_shown = change.kind in _SAME_FILM and self.show_again()
@@ -490,7 +495,7 @@ class Slot:
         """Show the change that has waited for its kernels, if they are there now; return whether they are."""
         if not (self.compiling and self.session.ready):
             return False
-        self.compiling, self._follows = False, True
+        self.compiling, self.follows_light = False, True
         self._begin_anew()
         return True
 
@@ -664,11 +669,11 @@ class Slot:
             return
         self._metered = shown.number
         self.reading_cd_m2 = film_reading(shown.frame.pixels, self.resolved, self.dials.meter)
-        if self._follows:
+        if self.follows_light:
             turned = follow_light(self.panel)
             if turned.changes:
                 self.change(turned.changes, dials=turned.dials, transient=shown.moving)
-            self.dials, self._follows = turned.dials, False
+            self.dials, self.follows_light = turned.dials, False
 
     def _plain_image(self, pixels: NDArray[np.float32]) -> Image:
         metadata = {"spectrum": self.session.metadata.get("spectrum", "rgb")}

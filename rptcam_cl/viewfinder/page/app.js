@@ -7,6 +7,7 @@ import { exposurePanel, histogramView, meterNeedle, meterText, Overlays } from "
 import { Focus } from "./focus.js";
 import { Gestures, TOOLS } from "./gestures.js";
 import { Guides } from "./guides-panel.js";
+import { History } from "./history.js";
 import { helpSheet, listen } from "./keys.js";
 import { LensView } from "./lens.js";
 import { Link } from "./link.js";
@@ -32,6 +33,7 @@ export class Viewfinder {
     this.compare = new Compare(this.link, this.stage);
     this.guides = new Guides(this.link, this.stage);
     this.lens = new LensView(this.link);
+    this.history = new History(this.link);
     this.out = new Out(this.link, this.toasts);
     this.help = helpSheet(root);
     this.gestures = new Gestures(this.stage, this.link, { pointed: (point) => this.pointed(point), clicked: (point) => this.clicked(point) });
@@ -75,6 +77,7 @@ export class Viewfinder {
       { name: "lens", label: "Lens", element: this.lens.panel() },
       { name: "guides", label: "Guides", element: this.guides.panel() },
       { name: "compare", label: "Compare", element: this.compare.panel() },
+      { name: "history", label: "History", element: this.history.panel() },
       { name: "out", label: "Save", element: this.out.panel() },
     ];
   }

@@ -35,6 +35,8 @@ const GROUPS = [
     ["g", "Thirds", (finder) => finder.guides.thirds()],
     ["c", "Compare: off, side by side, wipe", (finder) => finder.compare.next()],
     ["Space", "Pause, go on", (finder) => finder.pause()],
+    ["Ctrl+Z Ctrl+Shift+Z", "Undo, redo"],
+    ["b", "Keep a snapshot", (finder) => finder.history.tell("snap")],
     ["Ctrl+S", "Save the picture"],
     ["t", "Next panel", (finder) => finder.tabs.next()],
     ["?", "This sheet", (finder) => finder.help.open()],
@@ -94,6 +96,10 @@ function pressed(event, finder) {
   if (finder.help.element.open || event.target.closest?.(TYPED)) return false;
   if (event.ctrlKey && !event.altKey && event.key.toLowerCase() === "s") {
     finder.out.picture();
+    return true;
+  }
+  if ((event.ctrlKey || event.metaKey) && !event.altKey && ["z", "y"].includes(event.key.toLowerCase())) {
+    finder.history.tell(event.shiftKey || event.key.toLowerCase() === "y" ? "redo" : "undo");
     return true;
   }
   if (isOther(event) || (event.key.length === 1 && !finder.help.on)) return false;
