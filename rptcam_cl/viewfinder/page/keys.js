@@ -128,7 +128,7 @@ export function helpSheet(root) {
       h("dl", {}, rows.map(([keys, words]) => h("div", {}, h("dt", {}, caps(keys)), h("dd", {}, words))))))),
     h("p", { class: "vf-note" }, "Pointer: click focuses, drag moves as chosen, right button orbits, Shift or the middle button pans, wheel zooms. ",
       "Fingers: one moves as chosen, two pan and zoom. Dials: drag, turn the wheel, arrow keys, or Enter to type a value. ",
-      "Without keys of one character, arrows, Enter and Ctrl+S remain."));
+      "Without keys of one character, arrows, Enter, Ctrl+S and Ctrl+Z remain."));
   const sheet = { element, on: kept(), open: () => element.showModal() };
   function turn(on) {
     sheet.on = on;
