@@ -58,7 +58,7 @@ __kernel void denoise(__global const float *guides,   // as the kernel of that n
     for (int j = -1; j <= 1; ++j)
         for (int i = -1; i <= 1; ++i)
             variance += (float)((2 - abs(i)) * (2 - abs(j))) / 16.0f * TAKE(PLANE(light, 9), at + j * row + i);
-    F likeness = ONE / (ALIKE * sqrt(MAX(variance, ZERO)) + 1e-3f * bright + 1e-9f);
+    F per_deviation = ONE / (ALIKE * sqrt(MAX(variance, ZERO)) + 1e-3f * bright + 1e-9f);
     F spread = TAKE(PLANE(light, 9), at), weights = ONE;
 #if TINTED
     F tints = ONE;
@@ -91,7 +91,7 @@ __kernel void denoise(__global const float *guides,   // as the kernel of that n
             squares += same * their * their;
             weights += same;
 #else
-            F weight = same * (dark ? ONE : falling(absolute(their - bright) * likeness));
+            F weight = same * (dark ? ONE : falling(absolute(their - bright) * per_deviation));
             spread += weight * weight * TAKE(PLANE(light, 9), to);
             sum = add(sum, scale(other, weight));
             whole = add(whole, scale(theirs, weight));

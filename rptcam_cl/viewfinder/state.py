@@ -328,7 +328,7 @@ class History:
         self._at = -1
         self.snapshots: list[Past] = []
         self._number = 0
-        self.version = 0  # counts what clients have to be told
+        self.version = 0  # counts what clients have to hear
 
     def clear(self) -> None:
         """Forget the states: the file is another. Snapshots stay."""
@@ -439,7 +439,7 @@ class History:
         self.version += 1
 
     def message(self) -> dict[str, Any]:
-        """What clients are told of it."""
+        """What clients hear of it."""
         return {
             "type": "history",
             "states": [{"number": each.number, "label": each.label} for each in self._states],

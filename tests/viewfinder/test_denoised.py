@@ -117,7 +117,7 @@ def test_page_sees_denoised_pictures_and_files_and_the_last_one_are_as_they_are(
 
 
 @pytest.mark.parametrize("spp", [4, 16])
-def test_time_to_clean_is_told_by_the_noise(spp: int) -> None:
+def test_time_to_clean_follows_from_the_noise(spp: int) -> None:
     from rptcam_cl.viewfinder.studio import CLEAN, Slot
 
     with RenderSession(scene()) as session:
@@ -125,6 +125,6 @@ def test_time_to_clean_is_told_by_the_noise(spp: int) -> None:
         session.take(spp // 2)
         frame = session.take(spp // 2)
         assert frame.noise is not None
-        told = slot.clean_at(frame)
-    assert told is not None
-    assert told["spp"] == pytest.approx(spp * (frame.noise / CLEAN) ** 2)
+        found = slot.clean_at(frame)
+    assert found is not None
+    assert found["spp"] == pytest.approx(spp * (frame.noise / CLEAN) ** 2)
