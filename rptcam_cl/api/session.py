@@ -21,16 +21,18 @@ from rptcam_cl.device.session import NotKeptError, Session, open_sessions
 from rptcam_cl.imaging.image import Image
 from rptcam_cl.imaging.sensor import check_sensor
 from rptcam_cl.rendering.account import window
+from rptcam_cl.rendering.cameras.kinds import camera_of
 from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.rendering.ghosts import Ghosting
 from rptcam_cl.rendering.highlights import aimed_plan
+from rptcam_cl.rendering.layers import GUIDES, Denoiser
 from rptcam_cl.rendering.metering import reading_cd_m2
 from rptcam_cl.rendering.passes import signature
 from rptcam_cl.rendering.plan.plan import Plan, make_plan, with_film, with_lens, with_pose
 from rptcam_cl.rendering.plan.primitives import PlanParts
 from rptcam_cl.rendering.progressive import FilmRun, rendering_of
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
-from rptcam_cl.rendering.tracer import SMALL, Wavefront, WavefrontPool, order
+from rptcam_cl.rendering.tracer import SMALL, Wavefront, WavefrontPool, order, warm_up_denoiser
 from rptcam_cl.scene.exposure import LEAST_CD_M2, MOST_CD_M2
 from rptcam_cl.scene.film import Film, RenderSettings
 from rptcam_cl.scene.load import set_keys
@@ -42,6 +44,8 @@ Kind = Literal["none", "picture", "camera", "scene", "program"]
 
 QUEUE_SECONDS = 0.02  # of work that is enqueued before the device is waited for
 FIRST_SLOTS = 1 << 14  # of the first wave, whose time is not known
+MOST_DENOISED = 1 << 21  # pixels, as denoising takes 150 bytes of memory for each
+MOST_GUIDES = 8  # samples of the layers that guide it
 
 
 @dataclass(frozen=True)
@@ -255,7 +259,9 @@ def key_of(plan: Plan, scene: SceneBuffers, settings: RenderSettings) -> tuple[A
 
 def compile_here(device: Session, plan: Plan, scene: SceneBuffers, settings: RenderSettings) -> None:
     """Compile what a plan needs in this process."""
-    Wavefront(device, plan, SMALL, settings, buffers=scene, scouts=False).warm_up()
+    wavefront = Wavefront(device, plan, SMALL, settings, buffers=scene, scouts=False)
+    wavefront.warm_up()
+    warm_up_denoiser(wavefront)
 
 
 class SceneCompiler:
@@ -402,6 +408,18 @@ class SceneCompiler:
             self._begin_when_idle(self._of_glances(state))
         return True
 
+    def is_guided(self, state: SceneState) -> bool:
+        """Whether pictures of a state can be denoised at once; otherwise kernels for it are compiled meanwhile."""
+        wanted = state.plan, state.buffers, of_guides(state.scene)
+        key = key_of(*wanted)
+        self._collect()
+        if key in self._failed:
+            return False
+        if key in self._done or (self._device.generates_late and self._is_cached(wanted)):
+            return True
+        self._begin_when_idle(wanted)
+        return False
+
     def is_carried_out(self, name: Hashable, order: Callable[[], bytes]) -> bool:
         """Whether another process has carried out an order, successfully or not; it begins where it has not yet.
 
@@ -490,6 +508,11 @@ def of_glance(scene: Scene) -> RenderSettings:
     return scene.render.model_copy(update={"layers": (), "noise": None})
 
 
+def of_guides(scene: Scene) -> RenderSettings:
+    """Return the settings of the layers by which pictures are denoised."""
+    return of_glance(scene).model_copy(update={"layers": GUIDES, "layers_spp": MOST_GUIDES, "max_depth": 0})
+
+
 class RenderSession:
     """A scene on a device, to be changed and rendered again: poses, lenses, materials, whatever a scene file says.
 
@@ -548,6 +571,10 @@ class RenderSession:
         self._noise_spp = 1  # at which it was estimated
         self._waiting: SceneState | None = None
         self._seconds, self._added_s, self._complete = 0.0, 0.0, True  # spent on the film; by the last samples
+        self._guides: tuple[Any, FilmRun, tuple[float, float]] | None = (
+            None  # of the picture that was denoised last, and what that is
+        )
+        self._denoiser: tuple[tuple[int, int], Denoiser] | None = None  # of the size that was denoised last
         self._shown = self._compiler.first(given)
         self._reading = self._shown.resolved.metered_cd_m2  # of the exposure meter, for glances
         self._compiler.compile_fast(self._shown)
@@ -729,6 +756,42 @@ class RenderSession:
             self._reading = reading_of(pixels, plan, state, film) or self._reading
         return Frame(pixels, run.done, complete, time.perf_counter() - begun, None, scale, self._generation)
 
+    def denoised(self, frame: Frame) -> NDArray[np.float32] | None:
+        """Return a frame of what is shown without its noise: biased, and less so with every sample.
+
+        None where it has too many pixels, and while what it takes is compiled in the background.
+        """
+        self._check_open()
+        (height, width), state = frame.pixels.shape[:2], self._shown
+        if width * height > MOST_DENOISED or frame.generation != self._generation:
+            return None
+        if not self._compiler.is_guided(state):
+            return None
+        run, blur = self._guides_of(state, frame.scale)
+        if (missing := min(frame.spp, MOST_GUIDES) - run.done) > 0:
+            run.add(missing)
+        if self._denoiser is None or self._denoiser[0] != (width, height):
+            self._denoiser = None  # its memory is free before
+            self._denoiser = (width, height), Denoiser(self._device, width, height)
+        assert isinstance(run.wavefront, Wavefront) and run.wavefront.layer_pass is not None, "it has `GUIDES`"
+        return self._denoiser[1].clean(frame.pixels, run.wavefront.layer_pass, run.done, blur)
+
+    def _guides_of(self, state: SceneState, scale: float) -> tuple[FilmRun, tuple[float, float]]:
+        """The layers that guide the denoising of a frame, as far as they are there, and `Perspective.blur`."""
+        key = self._generation, scale, state.is_final
+        if self._guides is None or self._guides[0] != key:
+            plan, film = state.plan, state.resolved.scene.film
+            if scale != 1 or not state.is_final:
+                plan, film = plan_smaller_film(state, scale, self._reading)
+            buffers = self._compiler.pool.upload(plan)
+            settings = of_guides(state.scene)
+            wavefront = self._compiler.pool.wavefront(plan, buffers, FilmLayout.of(film), settings, "guides")
+            seen = camera_of(state.resolved.scene).perspective()
+            pixel_mm = film.size_m()[0] * 1e3 / film.resolution[0]
+            blur = (0.0, 0.0) if seen is None else seen.blur(pixel_mm)
+            self._guides = key, FilmRun(wavefront), blur
+        return self._guides[1:]
+
     def cancel(self) -> None:
         """End a `take` or `glance` under way in another thread: it returns with what there is."""
         self._cancelled.set()
@@ -770,7 +833,7 @@ class RenderSession:
 
     def close(self) -> None:
         """Let go of the device; the session is of no use then."""
-        self._run, self._waiting = None, None
+        self._run, self._waiting, self._guides, self._denoiser = None, None, None, None
         self._compiler.close()
         self._closed = True
 

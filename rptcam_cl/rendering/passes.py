@@ -391,7 +391,7 @@ class DepthPasses:
         run(self._film, pixels // self._lanes)
 
 
-Passes = tuple[CameraPasses | None, StreamPass | DepthPasses, LayerPass | None]
+Passes = tuple[CameraPasses | None, StreamPass | DepthPasses | None, LayerPass | None]
 """What takes a wave from the camera to the film and the layers."""
 
 
@@ -424,7 +424,7 @@ def signature(plan: Plan, scene: SceneBuffers, layout: FilmLayout, settings: Ren
     camera = plan.camera
     facts = (plan.facts, camera.facts, scene.tree_facts, plan.spectrum.facts)
     compiled = tuple(tuple(sorted(each.items())) for each in facts)
-    film = layout, settings.layers, settings.clamp is None
+    film = layout, settings.layers, settings.clamp is None, settings.max_depth == 0
     return compiled, camera.kernel, camera.has_lens, plan.camera_filter.cells, film
 
 

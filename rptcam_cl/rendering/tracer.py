@@ -30,7 +30,7 @@ from rptcam_cl.rendering.film import (
     step_of,
     wave_slots,
 )
-from rptcam_cl.rendering.layers import LayerPass, LayerPlanes
+from rptcam_cl.rendering.layers import Denoiser, LayerPass, LayerPlanes
 from rptcam_cl.rendering.passes import (
     PACKETS,
     CameraPasses,
@@ -68,7 +68,7 @@ class Wavefront(RenderedFilm):
     layout
         Which pixels to render.
     settings
-        Depth, roulette and seed.
+        Depth, roulette and seed. With a depth of 0 camera rays are added to the layers, and the film stays empty.
     wave_size
         Slots of a wave; rounded to a multiple of 256. The film does not depend on it.
     organisation
@@ -113,7 +113,8 @@ class Wavefront(RenderedFilm):
         single: bool = False,
         packets: int = PACKETS,
     ) -> None:
-        self._scouts = scouts
+        self._layers_only = settings.max_depth == 0
+        self._scouts = scouts and not self._layers_only
         self.session, self.layout, self.settings = session, layout, settings
         self.seed = settings.seed
         usual = ORGANISATION[session.kind]
@@ -161,8 +162,10 @@ class Wavefront(RenderedFilm):
         made = makes_rays(plan, self.settings, stream=stream)
         kept = keeps_rays(plan, self.settings, stream=stream)
         camera = None if made else CameraPasses(session, plan, held, stream=stream, packets=packets)
-        paths: StreamPass | DepthPasses
-        if stream:
+        paths: StreamPass | DepthPasses | None
+        if self._layers_only:
+            paths = None
+        elif stream:
             paths = StreamPass(session, plan, self.settings, held, makes_rays=made, keeps_rays=kept, packets=packets)
         else:
             paths = DepthPasses(session, plan, self.settings, held)
@@ -170,7 +173,7 @@ class Wavefront(RenderedFilm):
 
     def _photon_map(self, plan: Plan) -> PhotonMap | None:
         scene, pixels = self._held.scene, self.layout.full_width * self.layout.full_height
-        if scene.photons is None:
+        if scene.photons is None or self._layers_only:
             return None
         return PhotonMap(
             self.session, plan, scene.scene, scene.tree_facts, scene.photons, self.settings.max_depth, pixels
@@ -256,7 +259,8 @@ class Wavefront(RenderedFilm):
         if self._layers is not None:
             self._layers.set_wave(record, 0)
             run(self._layers.launch, pixels // self.session.lanes)
-        self._paths.enqueue(record, pixels, pixels, run)
+        if self._paths is not None:
+            self._paths.enqueue(record, pixels, pixels, run)
         self._launches.finish()
 
     def clear(self) -> None:
@@ -287,9 +291,10 @@ class Wavefront(RenderedFilm):
         scene = self._held.scene
         if plan.steps or len(self._bound) > 1 or self._photons is not None or scene.photons is not None:
             return False
-        if not isinstance(self._paths, StreamPass) or not (self._camera is None or self._camera.take_over(scene)):
+        if isinstance(self._paths, DepthPasses) or not (self._camera is None or self._camera.take_over(scene)):
             return False
-        self._paths.take_over(scene, self.settings)
+        if self._paths is not None:
+            self._paths.take_over(scene, self.settings)
         if self._layers is not None:
             self._layers.take_over(plan, scene)
         return True
@@ -322,7 +327,8 @@ class Wavefront(RenderedFilm):
             seen = min(samples, self.settings.layers_spp - first_sample)
             self._layers.set_wave(record, seen)
             run(self._layers.launch, pixels // self.session.lanes)
-        self._paths.enqueue(record, pixels, slots, run)
+        if self._paths is not None:
+            self._paths.enqueue(record, pixels, slots, run)
 
     def _scout(self) -> Roulette:
         """Render a few tiles of the picture, and scale the survival in roulette by them."""
@@ -346,7 +352,7 @@ class Wavefront(RenderedFilm):
         self._to_scout = False
         survival_scale = self.session.allocate(roulette.survival_scale.nbytes)
         self.session.write(survival_scale, roulette.survival_scale)
-        for _, paths, _ in self._bound:
+        for paths in (paths for _, paths, _ in self._bound if paths is not None):
             paths.use_roulette(roulette.limits(self.settings), survival_scale)
 
     def finish(self) -> None:
@@ -400,7 +406,7 @@ class Wavefront(RenderedFilm):
 # Wavefronts of one device for the plans to come, beside the scene that was uploaded last, from which the next one takes
 # what it shares.
 
-MOST = 3  # wavefronts that are kept: one of the picture, two of its glances
+MOST = 5  # wavefronts that are kept: one of the picture, two of its glances, and those of what guides denoising
 
 
 class WavefrontPool:
@@ -467,7 +473,18 @@ MOST_WITH_PHOTONS = 1 << 26  # of each array, where photons look at the scene
 def compile_plan(device: str, plan: Plan, buffers: SceneBuffers, settings: RenderSettings) -> None:
     """Compile in this process what a plan needs on a device; the arrays of the plan are on the host."""
     session = open_session(device)
-    Wavefront(session, plan, SMALL, settings, buffers=buffers.uploaded_to(session)).generate_code()
+    wavefront = Wavefront(session, plan, SMALL, settings, buffers=buffers.uploaded_to(session))
+    wavefront.generate_code()
+    warm_up_denoiser(wavefront)
+
+
+def warm_up_denoiser(wavefront: Wavefront) -> None:
+    """Have the code of denoising generated, where a small wavefront is of the layers that guide it."""
+    if wavefront.settings.max_depth == 0 and wavefront.layer_pass is not None:
+        width, height = SMALL.width, SMALL.height
+        Denoiser(wavefront.session, width, height).clean(
+            np.zeros((height, width, 3), np.float32), wavefront.layer_pass, 1
+        )
 
 
 def order(session: Session, plan: Plan, buffers: SceneBuffers, settings: RenderSettings) -> bytes | None:

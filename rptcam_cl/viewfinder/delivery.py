@@ -234,6 +234,8 @@ class Delivery:
             "moving": shown.moving,
             "stale": shown.stale,
             "lacks": list(shown.lacks),
+            "denoised": shown.clean is not None,
+            "clean_at": slot.clean_at(frame),
             "answers": shown.answers.get(client.number),
         }
 
@@ -249,7 +251,7 @@ def _png_frame(header: dict[str, Any], kind: str, size: tuple[int, int], data: b
 
 
 def _overlay(shown: Shown, name: OverlayName, level: float, width: int, height: int) -> tuple[tuple[int, int], bytes]:
-    return _picture(OVERLAYS[name](shown.frame.pixels, level, shown.frame.noise), width, height, "png", 100)
+    return _picture(OVERLAYS[name](shown.pixels, level, shown.frame.noise), width, height, "png", 100)
 
 
 def _magnify(codes: Codes, wanted: Magnify) -> tuple[tuple[int, int], bytes]:
@@ -260,7 +262,7 @@ def _magnify(codes: Codes, wanted: Magnify) -> tuple[tuple[int, int], bytes]:
 
 def _counts(slot: Slot, shown: Shown) -> dict[str, Any]:
     """Return the histograms of a picture; of the sensor's numbers once they are there, and None where there is none."""
-    pixels = shown.frame.pixels
+    pixels = shown.pixels
     counts = histogram.histogram(shown.codes, pixels).as_dict() | {"stops": histogram.stop_histogram(pixels).as_dict()}
     if shown.raw is not None:
         return counts | {"raw": histogram.raw_histogram(shown.raw).as_dict()}

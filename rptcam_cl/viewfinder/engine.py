@@ -32,7 +32,7 @@ from rptcam_cl.viewfinder.moves import (
     state_changes,
     viewpoint_of,
 )
-from rptcam_cl.viewfinder.state import MOST_CLIENTS, details_of, hello_message, state_message
+from rptcam_cl.viewfinder.state import MOST_CLIENTS, History, details_of, hello_message, state_message
 from rptcam_cl.viewfinder.studio import Origin, Slot, Studio, Watch, place_of, scene_error, text_of, values_before
 
 # What the engine says to clients without a request: how the camera stands, and what lies under the pointer.
@@ -75,7 +75,7 @@ class Reports:
         if not resting and time.monotonic() < self._last_state + STATE_S:
             return
         answers = tuple((client.number, client.answers) for client in clients)
-        here = (slot.session.generation, slot.dials, slot.messages, self._studio.paused, resting)
+        here = (slot.session.generation, slot.dials, slot.messages, self._studio.paused, self._studio.denoises, resting)
         reported = (*here, *self._compare_state(), answers)
         if reported != self._reported and not slot.wants_glance:
             self._reported, self._last_state = reported, time.monotonic()
@@ -186,6 +186,8 @@ class Requests:
     def __init__(self, studio: Studio, background: Background) -> None:
         self._studio = studio
         self._searching, self._saving = background.worker("focus"), background.worker("save")
+        self.history = History(studio)
+        self._acted = False  # whether somebody changed something since the last state was noted
         self._waiting: list[messages.Request] = []
         self._announced: list[messages.Request] = []  # those whose clients know that they wait
         self._handlers: dict[str, Callable[[messages.Client, Any], None]] = {
@@ -204,6 +206,8 @@ class Requests:
             "pause": self._pause,
             "resume": self._pause,
             "view": self._view,
+            "denoise": self._denoise,
+            "history": self._history,
         }
 
     def answer(self, request: messages.Request | Scene) -> None:
@@ -212,6 +216,7 @@ class Requests:
             self._show_file(request)
             return
         client, message = request
+        self._acted = self._acted or message.type in _LEAD_TO_STATES
         try:
             self._handlers[message.type](client, message)
         except (InputError, StateError) as problem:
@@ -418,6 +423,32 @@ class Requests:
     def _pause(self, client: messages.Client, message: messages.Signal) -> None:
         self._studio.paused = message.type == "pause"
 
+    def note_state(self) -> None:
+        """Note the state that is shown, to go back to."""
+        if not self.is_searching and self.history.note(acted=self._acted):
+            self._acted = False
+
+    def _history(self, client: messages.Client, message: messages.Past) -> None:
+        self.leave_search()
+        self.history.note(acted=True)
+        self._acted = False
+        match message.do, message.number:
+            case "undo", _:
+                self.history.step(-1)
+            case "redo", _:
+                self.history.step(1)
+            case "snap", _:
+                self.history.snap()
+            case "go", int(number):
+                self.history.go(number)
+            case "drop", int(number):
+                self.history.drop(number)
+            case "compare", int(number):
+                self.history.compare(number)
+
+    def _denoise(self, client: messages.Client, message: messages.Denoise) -> None:
+        self._studio.denoises = message.on
+
     def _show_file(self, scene: Scene) -> None:
         """Show the scene file as it was read again, with what the page has changed of it."""
         self.leave_search()
@@ -428,12 +459,14 @@ class Requests:
             self._studio.tell(self._studio.file_error)
             return
         self._studio.file_error = None
+        self.history.clear()
         text = "; ".join(("the scene file was read again", *(f"no longer possible: {item}" for item in dropped)))
         self._studio.tell({"type": "notice", "kind": "watch", "ok": True, "text": text})
 
 
 _CHANGE_THE_CAMERA = ("set", "dial", "move")
 _LEAVES_FOCUS = {"exposure", "picture", "sensor"}  # parts of a scene whose change leaves a search for focus as it is
+_LEAD_TO_STATES = ("set", "dial", "move", "reset", "focus", "autofocus", "compare")
 _WITH_OWN_ANSWER = ("focus", "autofocus", "save", "scene", "command", "pointer", "magnify")
 
 
@@ -443,7 +476,7 @@ WAIT_FOR_RELOAD_S = 0.4  # after the last client has gone, for a page that is on
 TIME_TO_PAINT_S = 0.06  # for pages to paint a first picture, before anything else takes the processor
 TIDY_S = 10.0  # between two times that freed memory is given back, which takes some milliseconds
 _POLL_S = 0.02  # between checks whether a compilation has ended
-_CHANGES = (*_CHANGE_THE_CAMERA, "compare")
+_CHANGES = (*_CHANGE_THE_CAMERA, "compare", "history")
 
 
 class Engine:
@@ -574,6 +607,7 @@ class Engine:
         self._deliver(clients)
         for slot in self._studio.slots:
             slot.follow()
+        self._requests.note_state()
         a, b = self._studio.a, self._studio.b
         if a is not None and b is not None and self._studio.compares_difference:
             self._delivery.difference(a, b, clients)
@@ -589,6 +623,7 @@ class Engine:
             timeout = _POLL_S if timeout is None else min(timeout, _POLL_S)
         timeout = self._let_workers_go_on(timeout)
         self._tell_busy(clients)
+        self._tell_history(clients)
         return timeout if self._inbox.is_empty else 0.0
 
     def _let_workers_go_on(self, timeout: float | None) -> float | None:
@@ -613,6 +648,18 @@ class Engine:
                 finish = slot.picture_later()
                 text = " and ".join(slot.comes_last) + (" of B" if name == "B" else "")
                 worker.start(Job(text, lambda job, finish=finish: finish(), slot.show_finished, _raise))  # type: ignore[misc]
+
+    def _tell_history(self, clients: list[messages.Client]) -> None:
+        history = self._requests.history
+        for client in clients:
+            if client.history == history.version or not client.was_greeted:
+                continue
+            client.history = history.version
+            client.outbox.news("history", history.message())
+            for number, data in history.thumbs().items():
+                if client.thumbs.get(number) != data:
+                    client.outbox.news(("thumb", number), {"type": "thumb", "number": number, "data": data})
+            client.thumbs = history.thumbs()
 
     def _tell_busy(self, clients: list[messages.Client]) -> None:
         texts = [*self._background.texts, *(["kernels of the focus search"] if self._requests.any_waits else [])]

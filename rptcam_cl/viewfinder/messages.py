@@ -277,9 +277,30 @@ class Signal(Message):
     type: Literal["pause", "resume", "ping"]
 
 
+class Past(Message):
+    """Go back, forward or to a state that was; keep, drop or compare one."""
+
+    type: Literal["history"]
+    do: Literal["undo", "redo", "go", "snap", "drop", "compare"]
+    number: Count | None = None
+
+    @model_validator(mode="after")
+    def _check_number(self) -> Self:
+        if (self.number is None) != (self.do in ("undo", "redo", "snap")):
+            raise ValueError("go, drop and compare take the number of a state; the others take none")
+        return self
+
+
+class Denoise(Message):
+    """Whether pictures are shown without their noise until they are clean."""
+
+    type: Literal["denoise"]
+    on: bool
+
+
 AnyMessage = (
     Hello | Ack | View | Set | Dial | Move | Reset | Focus | Autofocus | Pointer | Magnify | Compare | Save
-    | TextRequest | Signal
+    | TextRequest | Signal | Denoise | Past
 )  # fmt: skip
 _READER: TypeAdapter[AnyMessage] = TypeAdapter(Annotated[AnyMessage, Field(discriminator="type")])
 
@@ -500,6 +521,8 @@ class Client:
         self.lens_shown: int | None = None  # generation of the section that it has
         self.pointed_at: tuple[tuple[float, float] | None, int | None] | None = None  # and the picture under it
         self.was_greeted = False
+        self.history = -1  # the version of it that was sent
+        self.thumbs: dict[int, str] = {}  # that were sent
 
     def forget_picture(self, slot: str) -> None:
         """Take the next picture of a slot for new."""

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import base64
+from collections.abc import Mapping
 from typing import Any
 
 from rptcam_cl.core.constants import __version__
+from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.scene.film import COOLEST, HOTTEST, SIDES_MM, TONES
 from rptcam_cl.scene.lens_settings import METHODS, Aperture, CircularAperture
 from rptcam_cl.scene.scene import Scene
@@ -26,9 +30,9 @@ from rptcam_cl.viewfinder.dials import (
 )
 from rptcam_cl.viewfinder.instruments import false_colour_legend
 from rptcam_cl.viewfinder.lens_panel import INFINITY_M, LensPanel, focus_scale, nearest_focus_m, perspective
-from rptcam_cl.viewfinder.messages import FILE_MEDIA, MOST_BYTES, MOST_UNACKNOWLEDGED, VERSION
-from rptcam_cl.viewfinder.panel import EV_STEPS, F_NUMBERS, SPEEDS, TIMES, Panel, ev_text
-from rptcam_cl.viewfinder.studio import Slot, Studio
+from rptcam_cl.viewfinder.messages import FILE_MEDIA, MOST_BYTES, MOST_UNACKNOWLEDGED, VERSION, encode, shrink
+from rptcam_cl.viewfinder.panel import EV_STEPS, F_NUMBERS, SPEEDS, TIMES, Dials, Panel, ev_text
+from rptcam_cl.viewfinder.studio import Slot, Studio, changes_between
 
 # The dials as a page draws them: name, kind, value, text, limits or steps, and whether the exposure mode sets them.
 
@@ -258,6 +262,7 @@ def state_message(studio: Studio, slot: Slot, details: dict[str, Any] | None = N
         "compare": studio.compare,
         "changed": list(slot.changes),
         "paused": studio.paused,
+        "denoise": studio.denoises,
         "files": [name for name in FILE_MEDIA if name != "dng" or slot.scene.sensor is not None],
         "needle": meter_needle(slot.panel),
         "messages": [*slot.messages, *_left_out(slot), *(studio.b.messages if studio.b is not None else ())],
@@ -268,3 +273,193 @@ def state_message(studio: Studio, slot: Slot, details: dict[str, Any] | None = N
         message["messages"] = [*slot.scene.warnings, *message["messages"]]
         message |= details
     return message
+
+
+# The states that were, to go back to: undo, redo, snapshots.
+
+MOST_STATES = 60
+MOST_SNAPSHOTS = 12
+THUMB = (128, 72)  # pixels, at most
+
+
+@dataclass(eq=False)
+class Past:
+    """A state that was.
+
+    Attributes
+    ----------
+    number : int
+    label : str
+        What led to it.
+    scene, changes, dials, compare
+        As of the slot A and the studio then.
+    thumb : str or None
+        Its picture, a JPEG in base64.
+    thumb_scale : float
+        Share of the full resolution that was made of.
+    """
+
+    number: int
+    label: str
+    scene: Scene
+    changes: Mapping[str, Any]
+    dials: Dials
+    compare: Mapping[str, Any]
+    thumb: str | None = None
+    thumb_scale: float = 0.0
+
+    def is_now(self, studio: Studio, slot: Slot) -> bool:
+        """Whether it is what is shown."""
+        return (self.changes, self.dials, self.compare) == (slot.changes, slot.dials, studio.compare)
+
+
+class History:
+    """The states of the slot A, in order, and the snapshots among them. Only the engine's thread uses it.
+
+    Parameters
+    ----------
+    studio
+        Whose states they are.
+    """
+
+    def __init__(self, studio: Studio) -> None:
+        self._studio = studio
+        self._states: list[Past] = []
+        self._at = -1
+        self.snapshots: list[Past] = []
+        self._number = 0
+        self.version = 0  # counts what clients have to hear
+
+    def clear(self) -> None:
+        """Forget the states: the file is another. Snapshots stay."""
+        self._states, self._at = [], -1
+
+    def note(self, *, acted: bool) -> bool:
+        """Note the state that is shown, where it is another; return whether a hand has led to it.
+
+        Parameters
+        ----------
+        acted
+            Whether somebody did something since the last time; otherwise the camera has followed the light by itself.
+        """
+        slot, studio = self._studio.a, self._studio
+        if slot is None or slot.rests_in() > 0:
+            return False
+        here = self._states[self._at] if self._states else None
+        if here is not None and here.is_now(studio, slot):
+            self._picture(here, slot)
+            return False
+        label = "as in the file" if here is None else _label(here, slot, studio)
+        self.version += 1
+        if here is not None and not acted:
+            here.changes, here.dials, here.scene, here.compare = slot.changes, slot.dials, slot.scene, studio.compare
+            return False
+        self._number += 1
+        past = Past(self._number, label, slot.scene, slot.changes, slot.dials, studio.compare)
+        self._states = [*self._states[: self._at + 1], past][-MOST_STATES:]
+        self._at = len(self._states) - 1
+        return True
+
+    def _picture(self, here: Past, slot: Slot) -> None:
+        shown = slot.shown
+        if shown is None or shown.stale or shown.frame.scale <= here.thumb_scale:
+            return
+        if shown.frame.generation == slot.session.generation:
+            here.thumb = base64.b64encode(encode(shrink(shown.codes[..., :3], *THUMB), "jpeg", 70)).decode()
+            here.thumb_scale = shown.frame.scale
+            self.version += 1
+
+    def step(self, by: int) -> None:
+        """Go back or forward so many states.
+
+        Raises
+        ------
+        InputError
+            There are none.
+        """
+        if not 0 <= self._at + by < len(self._states):
+            raise InputError(f"history: there is nothing to {'undo' if by < 0 else 'do again'}")
+        self._go(self._states[self._at + by])
+        self._at += by
+
+    def go(self, number: int) -> None:
+        """Go to a state or a snapshot; a snapshot becomes the newest state.
+
+        Raises
+        ------
+        InputError
+            There is none of the number, or it cannot be shown any more.
+        """
+        past = self._find(number)
+        self._go(past)
+        if past in self._states:
+            self._at = self._states.index(past)
+        self.version += 1
+
+    def snap(self) -> None:
+        """Keep the state that is shown."""
+        here = self._states[self._at] if self._states else None
+        if here is not None and here not in self.snapshots:
+            self.snapshots = [*self.snapshots, here][-MOST_SNAPSHOTS:]
+            self.version += 1
+
+    def drop(self, number: int) -> None:
+        """Keep a snapshot no longer."""
+        self.snapshots = [each for each in self.snapshots if each.number != number]
+        self.version += 1
+
+    def compare(self, number: int) -> None:
+        """Show a state as B, under a wipe.
+
+        Raises
+        ------
+        InputError
+            There is none of the number, or it cannot be shown any more.
+        """
+        slot = self._studio.slot("A")
+        keys = changes_between(slot.scene, self._find(number).scene)
+        self._studio.set_compare({"mode": "wipe", "model": None, "changes": keys, "difference": False})
+
+    def _find(self, number: int) -> Past:
+        for each in (*self._states, *self.snapshots):
+            if each.number == number:
+                return each
+        raise InputError(f"history: there is no state {number}")
+
+    def _go(self, past: Past) -> None:
+        studio = self._studio
+        slot = studio.slot("A")
+        keys = changes_between(slot.scene, past.scene)
+        if keys:
+            studio.change("A", keys, dials=past.dials)
+        slot.changes, slot.dials = past.changes, past.dials
+        if studio.compare != past.compare:
+            studio.set_compare(past.compare)
+        slot.follows_light = False
+        self.version += 1
+
+    def message(self) -> dict[str, Any]:
+        """What clients hear of it."""
+        return {
+            "type": "history",
+            "states": [{"number": each.number, "label": each.label} for each in self._states],
+            "at": self._states[self._at].number if self._states else None,
+            "snapshots": [{"number": each.number, "label": each.label} for each in self.snapshots],
+        }
+
+    def thumbs(self) -> dict[int, str]:
+        """The pictures of states and snapshots, by number."""
+        return {each.number: each.thumb for each in (*self._states, *self.snapshots) if each.thumb is not None}
+
+
+def _label(before: Past, slot: Slot, studio: Studio) -> str:
+    """What leads from a state to the one that is shown, in words."""
+    keys = [key for key in {**before.changes, **slot.changes} if before.changes.get(key) != slot.changes.get(key)]
+    names = list(dict.fromkeys(key.split(".")[-1].replace("_", " ") for key in keys))
+    if {"eye", "target", "up"} & set(names):
+        names = ["camera", *(name for name in names if name not in ("eye", "target", "up"))]
+    if studio.compare != before.compare:
+        names.append("comparison")
+    if not names:
+        names = ["exposure mode"]
+    return ", ".join(names[:3])

@@ -14,6 +14,8 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import BaseModel
 
 from rptcam_cl.api.session import Change, Frame, RenderSession
@@ -273,6 +275,11 @@ def _differences(path: str, before: Any, after: Any) -> dict[str, Any]:
     return changes
 
 
+def changes_between(before: Scene, after: Scene) -> dict[str, Any]:
+    """Return the values of keys that make one scene the other; None removes a key."""
+    return _differences("", _data(before), _data(after))
+
+
 def scene_error(text: str) -> dict[str, Any]:
     """Return the message of an error in the scene file."""
     return {"type": "error", "id": None, "message": text, "where": place_of(text), "source": "scene"}
@@ -342,6 +349,10 @@ _SAME_FILM = ("none", "picture")  # kinds of change after which the film is as i
 _FILMS = itertools.count(1)
 _GROWN = 1.25  # by how much the samples of a film grow before it is finished once more
 _BODY = ("exposure", "shutter", "sensor", "camera")  # parts of the scene that the dials read
+# Relative standard error of a pixel that is not seen any more: contrast of fine detail that a person just sees, about
+# 0.02 at 20 cycles per degree (Campbell and Robson, J. Physiol. 197, 1968).
+CLEAN = 0.02
+DENOISED_S = 5.0  # of a film whose picture has what comes last: that is added to the noisy one
 
 
 @dataclass(frozen=True)
@@ -356,6 +367,12 @@ class Shown:
     answers: Mapping[int, int | None]  # by client: its last change that the frame shows
     raw: RawImage | None = None  # what the sensor puts out for it, where there is one
     lacks: tuple[str, ...] = ()  # what a saved picture has beyond it
+    clean: NDArray[np.float32] | None = None  # what was made of the frame's pixels to take their noise away
+
+    @property
+    def pixels(self) -> NDArray[np.float32]:
+        """Linear film as it is seen, (height, width, 3)."""
+        return self.frame.pixels if self.clean is None else self.clean
 
 
 @dataclass(frozen=True)
@@ -396,7 +413,7 @@ class Slot:
         self.shown: Shown | None = None
         self.reading_cd_m2: float | None = None
         self.messages: tuple[str, ...] = ()
-        self._follows = True  # dials that go by the light may change once for each change of the user's
+        self.follows_light = True  # dials that go by the light may change once for each change of the user's
         self.wants_glance, self.wants_showing = True, False
         self.compiling = False  # the last change waits for its kernels, and the picture is the one before
         self.awaits_kernels = False  # of the film, while glances have theirs
@@ -410,6 +427,9 @@ class Slot:
         self.finished: Finished | None = None  # the last picture of this film that lacks nothing
         self._reaches_noise = False  # the requested noise
         self._unread = False  # whether the film has samples that no picture was made of
+        self.denoises = True
+        self._clean: tuple[Frame | None, NDArray[np.float32] | None] = None, None  # a frame, and what was made of it
+        self._film_begun = time.monotonic()
 
     @property
     def scene(self) -> Scene:
@@ -459,7 +479,7 @@ class Slot:
 
     def note_change(self, transient: bool, change: Change) -> None:
         """Note what a change came to: the picture is another from here on, or the film is developed in another way."""
-        self._follows = True
+        self.follows_light = True
         self._moving_until = time.monotonic() + (REST_S if transient else 0.0)
         self.compiling = self.session.is_waiting
         is_shown = change.kind in _SAME_FILM and self.show_again()
@@ -475,7 +495,7 @@ class Slot:
         """Show the change that has waited for its kernels, if they are there now; return whether they are."""
         if not (self.compiling and self.session.ready):
             return False
-        self.compiling, self._follows = False, True
+        self.compiling, self.follows_light = False, True
         self._begin_anew()
         return True
 
@@ -484,6 +504,7 @@ class Slot:
         self.film, self.finished = next(_FILMS), None
         self._reaches_noise = self._unread = False
         self._next_samples = 1
+        self._film_begun = time.monotonic()
 
     @property
     def next_generation(self) -> int:
@@ -512,9 +533,34 @@ class Slot:
         """Return a first picture of what is there now, at the scale that keeps pace."""
         scale = self.pace.scale
         self.wants_glance = self.wants_showing = False
+        begun = time.perf_counter()
         self._last = self.session.glance(scale)
-        self.pace.note_glance(scale, self._last.seconds)
+        self._denoised(self._last)
+        self.pace.note_glance(scale, time.perf_counter() - begun)
         return self._last
+
+    def _denoised(self, frame: Frame) -> NDArray[np.float32] | None:
+        """Return a frame without its noise; None where it is shown as it is: clean, or while kernels compile."""
+        if self.denoises and not self._is_clean(frame):
+            if self._clean[0] is not frame or self._clean[1] is None:
+                self._clean = frame, self.session.denoised(frame)
+            return self._clean[1]
+        self._clean = None, None
+        return None
+
+    def _is_clean(self, frame: Frame) -> bool:
+        """Whether a frame needs no denoising: it is done, its noise is not seen, or what comes last is to be seen."""
+        if frame.scale < 1 or frame.spp == 0:
+            return False
+        late = bool(self.comes_last) and time.monotonic() > self._film_begun + DENOISED_S
+        return late or frame.spp >= self.target_spp or (frame.noise is not None and frame.noise <= CLEAN)
+
+    def clean_at(self, frame: Frame) -> dict[str, float] | None:
+        """How many samples it takes until the noise is not seen, and how long from the film's beginning [s]."""
+        if frame.noise is None or frame.scale < 1 or frame.spp < 2:
+            return None
+        share = max((frame.noise / CLEAN) ** 2, 1.0)
+        return {"spp": share * frame.spp, "seconds": share * (time.monotonic() - self._film_begun)}
 
     def again(self) -> Frame:
         """Return the picture that is there, to be developed anew."""
@@ -559,12 +605,14 @@ class Slot:
         if not stale:
             self._answers = answers
             self.shown_changes = (self.changes, self.dials)
-        image, lacks = self._plain_image(frame), self.comes_last
-        finished = self.finished
+        finished, lacks, clean = self.finished, self.comes_last, None
         if finished is not None and finished.frame is frame and self.scene.sensor is None:
             image, lacks = with_picture_settings(finished.image, self.scene.picture), ()
+        else:
+            clean = self._denoised(frame)
+            image = self._plain_image(frame.pixels if clean is None else clean)
         self._number += 1
-        self.shown = Shown(self._number, frame, codes_of(image), moving, stale, self._answers, None, lacks)
+        self.shown = Shown(self._number, frame, codes_of(image), moving, stale, self._answers, None, lacks, clean)
 
     @property
     def comes_last(self) -> tuple[str, ...]:
@@ -586,6 +634,8 @@ class Slot:
         if last is None or last.scale < 1 or not last.complete or last.spp == 0 or last.spp != self.session.spp:
             return False
         if not self.session.is_whole:  # what is left of a sample may take long
+            return False
+        if self.shown is not None and self.shown.clean is not None:  # which looks better for now
             return False
         if done is None or done.picture != self.scene.picture:
             return True
@@ -619,15 +669,15 @@ class Slot:
             return
         self._metered = shown.number
         self.reading_cd_m2 = film_reading(shown.frame.pixels, self.resolved, self.dials.meter)
-        if self._follows:
+        if self.follows_light:
             turned = follow_light(self.panel)
             if turned.changes:
                 self.change(turned.changes, dials=turned.dials, transient=shown.moving)
-            self.dials, self._follows = turned.dials, False
+            self.dials, self.follows_light = turned.dials, False
 
-    def _plain_image(self, frame: Frame) -> Image:
+    def _plain_image(self, pixels: NDArray[np.float32]) -> Image:
         metadata = {"spectrum": self.session.metadata.get("spectrum", "rgb")}
-        return with_picture_settings(Image(frame.pixels, metadata), self.scene.picture)
+        return with_picture_settings(Image(pixels, metadata), self.scene.picture)
 
     def close(self) -> None:
         """Free the device."""
@@ -670,6 +720,7 @@ class Studio:
         self.panel: LensPanel | None = None
         self.compare: dict[str, Any] = dict(NO_COMPARISON)
         self.paused = False
+        self._denoises = True
         self.was_seen = False
         self.file_error: dict[str, Any] | None = None
         self._busy: dict[str, bool] = {}
@@ -689,6 +740,18 @@ class Studio:
     def compares_difference(self) -> bool:
         """Whether the difference of both pictures is wanted."""
         return self.b is not None and bool(self.compare["difference"])
+
+    @property
+    def denoises(self) -> bool:
+        """Whether pictures are shown without their noise until they are clean."""
+        return self._denoises
+
+    @denoises.setter
+    def denoises(self, wanted: bool) -> None:
+        self._denoises = wanted
+        for slot in self.slots:
+            slot.denoises = wanted
+            slot.show_again()
 
     def slot(self, name: str) -> Slot:
         """Return a slot by its name.
@@ -732,6 +795,7 @@ class Studio:
                 session.change(changes)
                 dials = read_dials(session.scene, dials)
         self.a = Slot("A", session, changes, dials)
+        self.a.denoises = self._denoises
         if problem is not None:
             self.file_error = scene_error(str(problem))
         for client in self._clients():
@@ -840,6 +904,7 @@ class Studio:
             self.compare = dict(NO_COMPARISON)
             raise
         self.b = Slot("B", session, with_changes(self.a.changes, keys))
+        self.b.denoises = self._denoises
         self.b.note_change(False, change)
         for client in self._clients():
             client.forget_picture("B")

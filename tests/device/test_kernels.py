@@ -148,7 +148,7 @@ def test_scene_with_everything_turns_every_fact_on():
 
 
 LENS_PASSES = ("pass/generate.cl", "pass/trace_rays.cl", "pass/aim_rays.cl", "pass/trace_lens.cl")
-SCENE_PASSES = [name for name in PASSES if name not in LENS_PASSES]
+SCENE_PASSES = [name for name in PASSES if name not in (*LENS_PASSES, "pass/denoise.cl")]
 
 
 @pytest.mark.parametrize("short", [0, 1])
@@ -259,6 +259,13 @@ def test_passes_about_a_lens_in_float64_compile_alone_without_a_warning(session,
         without_warnings(session, ["pass/aim_rays.cl"], facts)
         without_warnings(session, ["pass/generate.cl"], facts)
         without_warnings(session, ["pass/trace_lens.cl"], facts | {"VW": min(lanes, 8), "DOUBLE": 1})
+
+
+@pytest.mark.parametrize("lanes", [1, 8, 16])
+def test_steps_of_denoising_compile_alone_without_a_warning(session, lanes):
+    for step in ("FIRST", "TINTED", "LAST"):
+        facts = dict.fromkeys(("FIRST", "TINTED", "LAST"), 0) | {step: 1, "VW": lanes}
+        without_warnings(session, ["pass/denoise.cl"], facts)
 
 
 @pytest.mark.parametrize("file", FILES)

@@ -1,6 +1,7 @@
 """Dials, movements and focus of the page do what they say, in a real browser before the real server."""
 
 import re
+import time
 from collections.abc import Callable
 
 import pytest
@@ -268,3 +269,46 @@ def test_temperature_begins_at_daylight(page: Page, finder: Viewfinder) -> None:
     reached(page, finder, "temperature_k", 6500)
     page.keyboard.press("ArrowRight")
     reached(page, finder, "temperature_k", 6550)
+
+
+def comes_true(page: Page, holds: Callable[[], bool]) -> None:
+    """Assert that something holds before long."""
+    end = time.monotonic() + 30
+    while not holds():
+        assert time.monotonic() < end
+        page.wait_for_timeout(50)
+
+
+def test_denoising_is_marked_and_switched_by_key_and_button(page: Page, finder: Viewfinder) -> None:
+    page.keyboard.press("]")
+    until(page, "!document.querySelector('.vf-denoised').hidden || window.painted.some((each) => each.denoised)")
+    page.keyboard.press("n")
+    until(page, "document.querySelector('[data-name=denoise]').getAttribute('aria-pressed') === 'false'")
+    comes_true(page, lambda: not finder._studio.denoises)
+    page.click("[data-tab=camera]")
+    page.click("[data-name=denoise]")
+    until(page, "document.querySelector('[data-name=denoise]').getAttribute('aria-pressed') === 'true'")
+    comes_true(page, lambda: finder._studio.denoises)
+
+
+def test_undo_redo_and_snapshots_by_keys_and_buttons(page: Page, finder: Viewfinder) -> None:
+    before = value(page, "f_number")
+    page.keyboard.press("]")
+    answered(page, "dial")
+    comes_true(page, lambda: value(page, "f_number") != before)
+    after = value(page, "f_number")
+    page.keyboard.press("Control+z")
+    comes_true(page, lambda: value(page, "f_number") == before)
+    page.keyboard.press("Control+Shift+Z")
+    comes_true(page, lambda: value(page, "f_number") == after)
+    page.click("[data-tab=history]")
+    page.keyboard.press("b")
+    page.wait_for_selector("[data-name=snapshots] img[src^='data:image/jpeg']")
+    page.click("[data-name=undo]")
+    comes_true(page, lambda: value(page, "f_number") == before)
+    page.click("[aria-label^='Go to snapshot 1']")
+    comes_true(page, lambda: value(page, "f_number") == after)
+    page.click("[aria-label^='Compare with snapshot 1']")
+    until(page, "window.painted.some((each) => each.slot === 'B')")
+    page.click("[aria-label^='Drop snapshot 1']")
+    page.wait_for_selector("[data-name=snapshots] img", state="detached")

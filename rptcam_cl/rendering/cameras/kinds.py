@@ -123,6 +123,11 @@ class Perspective:
         far = u * reach / (reach - circle_mm * u) if reach > circle_mm * u else math.inf
         return near + self.pupil_mm, far + self.pupil_mm
 
+    def blur(self, pixel_mm: float) -> tuple[float, float]:
+        """Return the blur [pixels] of what is 1 / m nearer than the focus, and 1 / the distance of that [1 / m]."""
+        reach_mm2 = self.diameter_mm * self.per_tangent_mm
+        return 1e-3 * reach_mm2 / pixel_mm, 1e3 / (self.focus_mm - self.pupil_mm)
+
 
 class CameraOptics(ABC):
     """The camera of a scene when the shutter opens, in focus. A kind overrides what it has; else it says what it lacks.

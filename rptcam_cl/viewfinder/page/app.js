@@ -2,11 +2,12 @@
 
 import { Compare } from "./compare.js";
 import { Dials } from "./dials.js";
-import { choice, h } from "./dom.js";
+import { choice, h, toggle } from "./dom.js";
 import { exposurePanel, histogramView, meterNeedle, meterText, Overlays } from "./exposure.js";
 import { Focus } from "./focus.js";
 import { Gestures, TOOLS } from "./gestures.js";
 import { Guides } from "./guides-panel.js";
+import { History } from "./history.js";
 import { helpSheet, listen } from "./keys.js";
 import { LensView } from "./lens.js";
 import { Link } from "./link.js";
@@ -32,6 +33,7 @@ export class Viewfinder {
     this.compare = new Compare(this.link, this.stage);
     this.guides = new Guides(this.link, this.stage);
     this.lens = new LensView(this.link);
+    this.history = new History(this.link);
     this.out = new Out(this.link, this.toasts);
     this.help = helpSheet(root);
     this.gestures = new Gestures(this.stage, this.link, { pointed: (point) => this.pointed(point), clicked: (point) => this.clicked(point) });
@@ -65,7 +67,9 @@ export class Viewfinder {
   }
 
   panels() {
-    const camera = h("div", { class: "vf-panel" }, h("h3", {}, "Lens, film, picture"), this.dials.others);
+    const denoising = toggle("Denoise until it is clean", (wanted) => this.denoise(wanted), { key: "n", name: "denoise", pressed: true });
+    const camera = h("div", { class: "vf-panel" }, h("h3", {}, "Lens, film, picture"), this.dials.others, denoising);
+    this.link.on("state", ({ denoise }) => denoising.show(Boolean(denoise)));
     return [
       { name: "camera", label: "Camera", element: camera },
       { name: "exposure", label: "Exposure", element: exposurePanel(this.link, this.overlays) },
@@ -73,6 +77,7 @@ export class Viewfinder {
       { name: "lens", label: "Lens", element: this.lens.panel() },
       { name: "guides", label: "Guides", element: this.guides.panel() },
       { name: "compare", label: "Compare", element: this.compare.panel() },
+      { name: "history", label: "History", element: this.history.panel() },
       { name: "out", label: "Save", element: this.out.panel() },
     ];
   }
@@ -145,6 +150,11 @@ export class Viewfinder {
     const tool = TOOLS[number].value;
     this.tools.show(tool);
     this.gestures.use(tool);
+  }
+
+  /** Show pictures without their noise until they are clean, or as they are. */
+  denoise(wanted = !this.link.last.state?.denoise) {
+    this.link.tell("denoise", { on: wanted });
   }
 
   pause() {

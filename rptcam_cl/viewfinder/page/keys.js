@@ -31,9 +31,12 @@ const GROUPS = [
   ["Look", [
     ["z", "Zebra", (finder) => finder.overlays.set("zebra")],
     ["v", "False colour", (finder) => finder.overlays.set("false_colour")],
+    ["n", "Denoise", (finder) => finder.denoise()],
     ["g", "Thirds", (finder) => finder.guides.thirds()],
     ["c", "Compare: off, side by side, wipe", (finder) => finder.compare.next()],
     ["Space", "Pause, go on", (finder) => finder.pause()],
+    ["Ctrl+Z Ctrl+Shift+Z", "Undo, redo"],
+    ["b", "Keep a snapshot", (finder) => finder.history.tell("snap")],
     ["Ctrl+S", "Save the picture"],
     ["t", "Next panel", (finder) => finder.tabs.next()],
     ["?", "This sheet", (finder) => finder.help.open()],
@@ -95,6 +98,10 @@ function pressed(event, finder) {
     finder.out.picture();
     return true;
   }
+  if ((event.ctrlKey || event.metaKey) && !event.altKey && ["z", "y"].includes(event.key.toLowerCase())) {
+    finder.history.tell(event.shiftKey || event.key.toLowerCase() === "y" ? "redo" : "undo");
+    return true;
+  }
   if (isOther(event) || (event.key.length === 1 && !finder.help.on)) return false;
   if ([" ", "Enter"].includes(event.key) && event.target.closest?.(OWN)) return false;
   if (event.key.startsWith("Arrow") && event.target.closest?.(MOVED)) return false;
@@ -121,7 +128,7 @@ export function helpSheet(root) {
       h("dl", {}, rows.map(([keys, words]) => h("div", {}, h("dt", {}, caps(keys)), h("dd", {}, words))))))),
     h("p", { class: "vf-note" }, "Pointer: click focuses, drag moves as chosen, right button orbits, Shift or the middle button pans, wheel zooms. ",
       "Fingers: one moves as chosen, two pan and zoom. Dials: drag, turn the wheel, arrow keys, or Enter to type a value. ",
-      "Without keys of one character, arrows, Enter and Ctrl+S remain."));
+      "Without keys of one character, arrows, Enter, Ctrl+S and Ctrl+Z remain."));
   const sheet = { element, on: kept(), open: () => element.showModal() };
   function turn(on) {
     sheet.on = on;

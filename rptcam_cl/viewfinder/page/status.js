@@ -10,6 +10,15 @@ const READINGS = [
   { name: "noise", label: "noise", title: "Relative standard error of the picture" },
 ];
 
+/** What a person sees of the noise: when the picture will be clean, by the samples or by the clock. */
+export function noiseWords(noise, spp, target, clean) {
+  if (noise === null || noise === undefined || !clean) return "–";
+  if (noise <= 0.02) return "clean";
+  if (spp >= target) return "grainy";
+  if (clean.spp > target) return `clean at ${digits(clean.spp, 2)} samples`;
+  return `clean at about ${clean.seconds < 90 ? `${digits(clean.seconds, 2)}\u00a0s` : `${digits(clean.seconds / 60, 2)}\u00a0min`}`;
+}
+
 export class Status {
   constructor(link, stage) {
     this.stage = stage;
@@ -20,10 +29,11 @@ export class Status {
     const list = h("dl", { class: "vf-readings", "aria-label": "Picture" },
       READINGS.map(({ name, label, title }) => h("div", { title }, h("dt", {}, label), this.values[name])));
     this.lacking = h("span", { class: "vf-lacks", hidden: true, title: "A saved picture has it; it is added to the picture at rest once it is computed" });
+    this.denoised = h("span", { class: "vf-lacks vf-denoised", hidden: true, title: "Noise is taken out of what is shown, until it is not seen any more. Saved files never have that. n switches it off" }, "denoised");
     this.busyWords = h("span", {});
     this.busy = h("p", { class: "vf-busy", role: "status", hidden: true }, h("i", {}), this.busyWords);
     this.messages = h("p", { class: "vf-messages", role: "status", hidden: true });
-    this.element = h("header", { class: "vf-top" }, h("h1", { class: "vf-name" }, this.lamp, this.name), this.words, this.busy, this.lacking, list);
+    this.element = h("header", { class: "vf-top" }, h("h1", { class: "vf-name" }, this.lamp, this.name), this.words, this.busy, this.denoised, this.lacking, list);
     link.on("link", ({ state, words }) => this.connection(state, words));
     link.on("hello", ({ scene, device }) => this.opened(scene, device));
     link.on("painted", (header) => this.painted(header));
@@ -56,7 +66,7 @@ export class Status {
     this.name.classList.toggle("vf-changed", changed.length > 0);
   }
 
-  painted({ kind, slot, scale, spp, target_spp: target, ms, noise, stale, moving, width, height, lacks = [] }) {
+  painted({ kind, slot, scale, spp, target_spp: target, ms, noise, stale, moving, width, height, lacks = [], denoised, clean_at: clean }) {
     if (kind !== "picture") return;
     if (slot === "A") {
       this.values.scale.textContent = reduction(scale);
@@ -65,10 +75,12 @@ export class Status {
       this.values.ms.textContent = digits(ms, 3);
       this.lacking.hidden = lacks.length === 0;
       this.lacking.textContent = `without ${lacks.join(", ")}`;
-      this.values.noise.textContent = noise === null || noise === undefined ? "–" : percent(noise);
+      this.denoised.hidden = !denoised;
+      this.values.noise.textContent = noiseWords(noise, spp, target, clean);
+      this.values.noise.parentElement.title = `Relative standard error of the picture${noise ? `: ${percent(noise)}` : ""}. Below 2\u00a0% nobody sees it`;
     }
     const words = `Picture ${slot}, ${width} by ${height} pixels, scale ${reduction(scale)}, ${spp} samples per pixel`;
-    this.stage.panes[slot].describe(words + (stale ? ", of an older setting" : "") + (moving ? ", moving" : "") + (lacks.length ? `, without ${lacks.join(", ")}` : ""));
+    this.stage.panes[slot].describe(words + (stale ? ", of an older setting" : "") + (moving ? ", moving" : "") + (denoised ? ", denoised" : "") + (lacks.length ? `, without ${lacks.join(", ")}` : ""));
     this.stage.panes[slot].element.classList.toggle("vf-stale", Boolean(stale));
   }
 }
