@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import Rows, dataclass
-from rptcam_cl.core.records import WAVE, device_declarations
+from rptcam_cl.core.records import WAVE, MaterialKind, device_declarations
 from rptcam_cl.device.session import Session
 from rptcam_cl.rendering.film import QUARTER, FilmLayout
+from rptcam_cl.rendering.plan.materials import lobes_of
 from rptcam_cl.rendering.plan.plan import Plan
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
 from rptcam_cl.scene.film import FILM_LAYERS, LAYER_NAMES, SHARP_LAYERS, LayerName
@@ -133,6 +134,114 @@ def _facing(values: Array, owners: Indices, directions: Array) -> SharpHits:
     normal, own = (np.where(met, turn * each, 0.0) for each in (normal, own))
     primitives, triangles, objects, materials = owners
     return SharpHits(point, normal, own, primitives, triangles, objects, materials, departure)
+
+
+# What rays lead to behind panes and by way of mirrors: the surface that a picture shows there.
+
+MOST_TURNS = 16  # polished surfaces that a ray is followed through
+MIRROR_ALPHA = 0.02  # GGX's alpha up to which a picture in a surface is one
+MOSTLY = 0.5  # of the light: what a ray is followed by
+_PASSED = (MaterialKind.DIELECTRIC, MaterialKind.THIN_GLASS)
+_REFLECT = (MaterialKind.MIRROR, MaterialKind.CONDUCTOR, MaterialKind.METAL)
+
+
+@dataclass(frozen=True)
+class SeenEnds(Rows):
+    """Where n rays end after all polished surfaces on their way.
+
+    Attributes
+    ----------
+    points, directions : (n, 3) arrays
+        End, about the eye when the shutter opens [m], and the unit direction in which it is reached.
+    lengths : (n,) array
+        Of the way [m]; infinite for a ray that ends nowhere.
+    objects, first_objects : (n,) arrays
+        The object at the end, and the first one on the way; -1 for none.
+    lamps : (n,) array
+        Whether the end shines by itself.
+    panes, mirrors : (n,) arrays
+        How many surfaces let the ray pass, and reflected it.
+    """
+
+    points: Array
+    directions: Array
+    lengths: Array
+    objects: Indices
+    first_objects: Indices
+    lamps: NDArray[np.bool_]
+    panes: Indices
+    mirrors: Indices
+
+
+def follow_rays(sharp: SharpPass, plan: Plan, origins: Array, directions: Array, times: Array) -> SeenEnds:
+    """Follow rays, as `SharpPass.hits` takes them, to what is not polished; each goes where most of its light does."""
+    count = len(origins)
+    ends = SeenEnds(
+        np.full((count, 3), np.nan), directions.copy(), np.zeros(count), np.full(count, -1, np.int32),
+        np.full(count, -1, np.int32), np.zeros(count, np.bool_), np.zeros(count, np.int32), np.zeros(count, np.int32),
+    )  # fmt: skip
+    within = np.full(count, -1, np.int32)  # the transparent solid that a ray is in
+    at, way, hits = origins, directions.copy(), None
+    for _ in range(MOST_TURNS):
+        hits = sharp.hits(at, way, times, hits)
+        on = hits.met
+        ends.lengths[on] += np.linalg.norm(hits.points - at, axis=1)[on]
+        ends.lengths[~on & np.isfinite(way).all(axis=1)] = np.inf
+        new = on & (ends.first_objects < 0)
+        ends.first_objects[new] = hits.objects[new]
+        at, way = hits.departures.copy(), np.where(on[:, None], way, np.nan)
+        material = np.where(on, plan.primitives["material"][np.maximum(hits.primitives, 0)], -1)
+        for index in np.unique(material[on]).tolist():
+            mine = np.flatnonzero(material == index)
+            bounced, passed = _turn_rays(plan, index, hits, mine, way, within)
+            at[bounced] = 2.0 * hits.points[bounced] - hits.departures[bounced]  # on this side of the surface
+            ends.mirrors[bounced] += 1
+            ends.panes[passed] += 1
+            end = np.setdiff1d(mine, np.concatenate([bounced, passed]))
+            ends.points[end], ends.directions[end], ends.objects[end] = hits.points[end], way[end], hits.objects[end]
+            ends.lamps[end] = _shines(plan.materials[index])
+            way[end] = np.nan
+        if not np.isfinite(way).all(axis=1).any():
+            break
+    ends.lengths[np.isfinite(way).all(axis=1)] = np.inf  # lost between mirrors
+    return ends
+
+
+def _shines(record: np.void) -> bool:
+    return int(record["kind"]) == MaterialKind.EMISSIVE or bool(record["glow"][:3].max() > 0)
+
+
+def _turn_rays(
+    plan: Plan, index: int, hits: SharpHits, mine: NDArray[np.intp], way: Array, within: Indices
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Turn the rays (`mine`) that meet a material; return those that it reflects and those that it lets pass."""
+    none = np.zeros(0, np.intp)
+    lobe = next((one for one in lobes_of(plan.materials, index) if _is_clear(one.record, one.share, one.coat)), None)
+    if lobe is None or lobe.alpha > MIRROR_ALPHA:
+        return none, none
+    kind, normals, along = MaterialKind(int(lobe.record["kind"])), hits.normals[mine], way[mine]
+    cosine = np.clip(-np.sum(normals * along, axis=1), 1e-6, 1.0)
+    passes = kind in _PASSED or lobe.record["transmission"] >= MOSTLY
+    behind = within[mine] == hits.objects[mine]
+    reflected = np.ones(len(mine), np.bool_)
+    if passes:
+        reflected = lobe.reflectance(cosine, behind).mean(axis=1) > MOSTLY
+    way[mine] = np.where(reflected[:, None], along + 2.0 * cosine[:, None] * normals, along)
+    if passes and kind is not MaterialKind.THIN_GLASS:
+        ratio = np.where(behind, float(lobe.record["parameter"]), 1.0 / float(lobe.record["parameter"]))
+        inside = np.sqrt(np.maximum(1.0 - ratio**2 * (1.0 - cosine**2), 0.0))
+        bent = ratio[:, None] * along + (ratio * cosine - inside)[:, None] * normals
+        through = mine[~reflected]
+        way[through] = bent[~reflected] / np.linalg.norm(bent[~reflected], axis=1, keepdims=True)
+        within[through] = np.where(behind[~reflected], -1, hits.objects[through])
+    return mine[reflected], mine[~reflected]
+
+
+def _is_clear(record: np.void, share: float, coat: bool) -> bool:
+    """Whether a polished share of a surface shows what lies behind it or in it, rather than a paint."""
+    kind = MaterialKind(int(record["kind"]))
+    principled = kind is MaterialKind.PRINCIPLED and max(record["metallic"], record["transmission"]) >= MOSTLY
+    return not coat and share >= MOSTLY and (kind in _PASSED or kind in _REFLECT or principled)
 
 
 # Planes of each layer: means over the rays, and values of the first ray.

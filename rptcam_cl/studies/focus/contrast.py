@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.studies.focus.drives import Drive
 from rptcam_cl.studies.focus.probe import (
@@ -24,7 +25,7 @@ from rptcam_cl.studies.focus.probe import (
     choose_zone,
     peak_of,
 )
-from rptcam_cl.studies.focus.renderer import MOST_SAMPLES, Probes, Task, probability_within
+from rptcam_cl.studies.focus.renderer import MOST_SAMPLES, SIGHT_ACROSS, Probes, Task, probability_within
 
 #
 # Focus by distance: rays tell how far away the zone is, and the lens says where its film has to be.
@@ -74,20 +75,70 @@ def check_reach(task: Task, state: float) -> None:
         When what decides is nearer than the camera can focus, or farther.
     """
     try:
-        depths = task.renderer.depths(state, task.zones, task.seed)
+        met = _subjects(task, state, dict(enumerate(task.zones)))
     except InputError:  # no light there: nothing is known of the reach
         return
-    met = {k: depth[np.isfinite(depth)] for k, depth in enumerate(depths) if np.isfinite(depth).mean() >= LEAST_SHARE}
     if not met:
         return
-    medians = {k: float(np.median(depth)) for k, depth in met.items()}
-    zone = choose_zone(task.policy, task.zones, {k: -median for k, median in medians.items()})
+    zone = choose_zone(task.policy, task.zones, {k: -subject.middle for k, subject in met.items()})
     try:
-        state_within_reach(task.drive, medians[zone], task.zones[zone])
+        state_within_reach(task.drive, met[zone].middle, task.zones[zone])
     except OutOfReach:
         raise
     except InputError:  # no light there: nothing is known of the reach
         return
+
+
+@dataclass(frozen=True)
+class Subject:
+    """What a zone is focused on.
+
+    Attributes
+    ----------
+    distances : (n,) array
+        How far its places lie from the film along the axis [m].
+    mask : (SIGHT_ACROSS, SIGHT_ACROSS) bool array
+        Which places of the zone show it.
+    """
+
+    distances: NDArray[np.float64]
+    mask: NDArray[np.bool_]
+
+    @property
+    def middle(self) -> float:
+        """The median of its distances [m]."""
+        return float(np.median(self.distances))
+
+
+APART = 1.0  # depths of focus between two things that one state does not show sharply
+MOST_LAMPS = 0.5  # share of what a zone shows, from which its lamps are what is focused on
+
+
+def subject_of(task: Task, state: float, zone: Zone) -> Subject | None:
+    """Return what a zone is focused on: of several distances the nearest that fills a quarter of it, else the most.
+
+    None where less than a quarter shows anything.
+    """
+    sight = task.renderer.sight(state, zone)
+    met = np.isfinite(sight.depths) & (sight.depths > 0)
+    if met.mean() < LEAST_SHARE:
+        return None
+    lamps = met & sight.lamps
+    own = np.flatnonzero(met & ~lamps if lamps.sum() < MOST_LAMPS * met.sum() else met)
+    own = own[np.argsort(-1 / sight.depths[own])]  # from near to far
+    gaps = np.diff(1 / sight.depths[own]) < -APART * task.drive.sharp_vergence(state)
+    groups = np.split(own, np.flatnonzero(gaps) + 1)
+    large = [group for group in groups if len(group) >= LEAST_SHARE * len(met)]
+    chosen = large[0] if large else max(groups, key=len)
+    mask = np.zeros(len(met), np.bool_)
+    mask[chosen] = True
+    return Subject(sight.depths[chosen], mask.reshape(SIGHT_ACROSS, -1))
+
+
+def _subjects(task: Task, state: float, zones: Mapping[int, Zone]) -> dict[int, Subject]:
+    """Return what some zones are focused on, of those that show enough."""
+    found = {k: subject_of(task, state, zone) for k, zone in zones.items()}
+    return {k: subject for k, subject in found.items() if subject is not None}
 
 
 MOST_PROBES = 10
@@ -114,48 +165,41 @@ def focus_by_depth(task: Task) -> FocusReport:
     for number in range(MOST_PROBES):
         samples, seconds = renderer.samples, renderer.seconds
         before = drive.coordinate(state)
-        zone, met, state = _state_by_rays(task, state, zones)
-        zones, middle = {zone: task.zones[zone]}, float(np.median(met))
+        zone, subject, state = _state_by_rays(task, state, zones)
+        zones, middle, met = {zone: task.zones[zone]}, subject.middle, subject.distances
         task.note_state(state)
         film = drive.film_distance(state)
         taken = (renderer.samples - samples, renderer.seconds - seconds)
         records.append(ProbeRecord(state, film, middle, _spread(met), 0.0, *taken, "distance"))
         if number and abs(drive.coordinate(state) - before) < CONVERGED * drive.depth_of_focus:
             break
-    share = _within_depth_of_field(task, state, met)
+    share = _within_depth_of_field(task, state, task.zones[zone], middle)
     distance = middle if drive.limits[0] < state < drive.limits[1] else None
     return task.report("depth", state, task.zones[zone], 0.0, share, records, distance)
 
 
-def _state_by_rays(task: Task, state: float, zones: Mapping[int, Zone]) -> tuple[int, NDArray[np.float64], float]:
-    """Return which of some zones decides by what its rays meet, their distances [m], and the state for the median.
+def _state_by_rays(task: Task, state: float, zones: Mapping[int, Zone]) -> tuple[int, Subject, float]:
+    """Return which of some zones decides by what its rays lead to, what that is, and the state for it.
 
     Raises
     ------
     NoContrast, OutOfReach
         As `focus_by_depth`.
     """
-    depths = [depth[np.isfinite(depth)] for depth in task.renderer.depths(state, list(zones.values()), task.seed)]
-    pixels = [task.renderer.view.pixels_of(zone) for zone in zones.values()]
-    met = {
-        k: depth
-        for k, depth, (x0, x1, y0, y1) in zip(zones, depths, pixels, strict=True)
-        if len(depth) >= LEAST_SHARE * (x1 - x0) * (y1 - y0)
-    }
+    met = _subjects(task, state, zones)
     if not met:
         raise NoContrast("nothing in the zone: its rays meet no surface; the focus stays as it was")
-    medians = {k: float(np.median(depth)) for k, depth in met.items()}
-    zone = choose_zone(task.policy, task.zones, {k: -median for k, median in medians.items()})
-    return zone, met[zone], state_within_reach(task.drive, medians[zone], task.zones[zone])
+    zone = choose_zone(task.policy, task.zones, {k: -subject.middle for k, subject in met.items()})
+    return zone, met[zone], state_within_reach(task.drive, met[zone].middle, task.zones[zone])
 
 
 BREATHING = 0.05  # by how much the image may grow on the way before the rays of a zone meet something else
 
 
-def aim(task: Task) -> float | None:
-    """Return the state that rays tell a search to begin in: what they meet is often, but not always, what is seen.
+def aim(task: Task) -> tuple[float, tuple[Zone, ...]] | None:
+    """Return the state that rays tell a search to begin in, and the parts of the zones that show what they lead to.
 
-    None where they meet nothing, or what is out of reach.
+    None where they lead to nothing, or to what is out of reach.
     """
     state, zones = task.renderer.state, dict(enumerate(task.zones))
     try:
@@ -165,7 +209,8 @@ def aim(task: Task) -> float | None:
     except InputError:
         return None
     task.note_state(aimed)
-    return aimed
+    subjects = _subjects(task, aimed, zones)
+    return aimed, tuple(narrowed(zone, subjects[k]) if k in subjects else zone for k, zone in zones.items())
 
 
 def _spread(depth: NDArray[np.float64]) -> float:
@@ -174,14 +219,47 @@ def _spread(depth: NDArray[np.float64]) -> float:
     return float(high - low) / 2
 
 
-def _within_depth_of_field(task: Task, state: float, depth: NDArray[np.float64]) -> float:
-    """Return the share of what is met in a zone that a state shows sharply, if it shows the median so.
+def _within_depth_of_field(task: Task, state: float, zone: Zone, middle: float) -> float:
+    """Return the share of what a zone shows that a state shows sharply, if it shows a distance so.
 
     Its width is that of first-order optics, its place that of exact rays. The places may differ by more than the width.
     """
+    depth = task.renderer.sight(state, zone).depths
     vergence = 1 / depth[np.isfinite(depth)]
-    away = np.abs(vergence - np.median(vergence))
-    return float(np.mean(away <= task.drive.sharp_vergence(state) / 2))
+    return (
+        float(np.mean(np.abs(vergence - 1 / middle) <= task.drive.sharp_vergence(state) / 2)) if len(vergence) else 0.0
+    )
+
+
+NARROWED = 0.9  # share of a zone from which on what it is focused on is the zone
+
+
+def narrowed(zone: Zone, subject: Subject) -> Zone:
+    """Return the part of a zone that shows what it is focused on: the largest rectangle, clear of what is beside it."""
+    mask = subject.mask
+    if mask.mean() >= NARROWED:
+        return zone
+    edges = np.pad(mask, 1, mode="edge")
+    clear = mask & edges[:-2, 1:-1] & edges[2:, 1:-1] & edges[1:-1, :-2] & edges[1:-1, 2:]
+    top, bottom, left, right = _largest_rectangle(clear if clear.any() else mask)
+    across, down = (zone.right - zone.left) / mask.shape[1], (zone.bottom - zone.top) / mask.shape[0]
+    return Zone(
+        zone.left + left * across, zone.left + right * across, zone.top + top * down, zone.top + bottom * down
+    )  # fmt: skip
+
+
+def _largest_rectangle(mask: NDArray[np.bool_]) -> tuple[int, int, int, int]:
+    """Return the first row, that behind the last, and the same of columns, of the largest rectangle within a mask."""
+    best, place = 0, (0, 1, 0, 1)
+    for top in range(len(mask)):
+        free = np.ones(mask.shape[1], np.bool_)
+        for bottom in range(top + 1, len(mask) + 1):
+            free &= mask[bottom - 1]
+            ends = np.flatnonzero(np.diff(np.concatenate([[0], free.astype(np.int8), [0]])))
+            for left, right in ends.reshape(-1, 2).tolist():
+                if (size := (right - left) * (bottom - top)) > best:
+                    best, place = size, (top, bottom, left, right)
+    return place
 
 
 #

@@ -41,6 +41,10 @@ SHARP_SHARE = 0.05  # of what the zone shows, that depth requires within the dep
 AT_AN_END = 1.0  # depths of focus from the end of the reach, where the target may lie beyond
 APART = 4.0  # depths of focus between two distances, or two line focuses, that are worth a word
 LEAST_SHARE = 0.2  # of a zone that shows another distance
+MOSTLY = 0.5  # of a zone that shows something through glass or in a mirror
+FAR_M = 1e6
+BY_DETAILS = ("contrast", "laplacian", "variance")  # which seek the clearest details, not the least spot
+DETAILS = (0.125, 0.25)  # cycles per pixel of a probe, of what they see
 
 
 def with_warnings(task: Task, report: FocusReport) -> FocusReport:
@@ -54,8 +58,78 @@ def with_warnings(task: Task, report: FocusReport) -> FocusReport:
     failure = _failure(report)
     if failure is not None or _is_at_an_end(task, report.state):
         check_reach(task, report.state)
-    remarks = [remark for remark in (_other_distance(task, report), _astigmatism(task, report)) if remark]
-    return replace(report, failure=failure, remarks=tuple(remarks))
+    failure = failure or _nothing_sharp(task, report)
+    words = (_other_distance(task, report), _astigmatism(task, report), _passage(task, report.state, report.zone))
+    return replace(report, failure=failure, remarks=tuple(remark for remark in words if remark))
+
+
+def _nothing_sharp(task: Task, report: FocusReport) -> str | None:
+    """Describe a focus on nothing that the zone shows: rays, which need no light, tell where that lies."""
+    drive, zone = task.drive, report.zone
+    try:
+        depth = task.renderer.sight(report.state, zone).depths
+    except InputError:  # no light there
+        return None
+    shown = 1 / depth[depth > 0]
+    if len(shown) < SHARP_SHARE * depth.size:
+        return None if task.renderer.scene.environment is not None else "the zone shows nothing"
+    distance = report.focus_distance_m
+    expected = drive.first_order_vergence(report.state) if distance is None else 1 / distance
+    sharp = drive.sharp_vergence(report.state)
+    nearest = float(shown[np.argmin(np.abs(shown - expected))])
+    try:
+        best = drive.state_for(min(1 / max(nearest, 1e-12), FAR_M), zone)
+    except InputError:  # out of reach
+        return None
+    off = drive.nearer * (drive.coordinate(report.state) - drive.coordinate(best)) / drive.depth_of_focus
+    away = np.abs(off - (shown - nearest) / sharp)
+    slack = 0.5 + _clearest_beside(task, best, zone, sharp) if report.method in BY_DETAILS else 0.5
+    if np.mean(away <= slack) >= SHARP_SHARE:
+        return None
+    where = "beyond infinity" if distance is None else f"at {distance:.4g} m"
+    cause = why_unseen(task, report.state, zone)
+    return (
+        f"nothing that the zone shows is sharp: the nearest to it lies {1 / nearest:.4g} m away, the focus {where},"
+        f" {away.min():.2g} depths of focus off{f' ({cause})' if cause else ''}"
+    )
+
+
+def _clearest_beside(task: Task, state: float, zone: Zone, sharp: float) -> float:
+    """Return how far from the least spot details may be clearest [depths of focus]."""
+    view = half_view(task.renderer, state, zone, "x")
+    return max(abs(view.clearest(cycles) - view.sharpest()) / sharp for cycles in DETAILS)
+
+
+def _passage(task: Task, state: float, zone: Zone) -> str | None:
+    """Say that the zone shows what is behind glass, or in a mirror."""
+    try:
+        sight = task.renderer.sight(state, zone)
+    except InputError:  # no light there
+        return None
+    for through, word in ((sight.mirrors, "in a mirror"), (sight.panes, "through glass")):
+        if through.mean() >= MOSTLY:
+            first = np.bincount(sight.first_objects[through & (sight.first_objects >= 0)]).argmax()
+            name = task.renderer.scene.objects[int(first)].name
+            return f"what the zone shows is seen {word}{f' ({name})' if name else ''}"
+    return None
+
+
+def why_unseen(task: Task, state: float, zone: Zone) -> str | None:
+    """Say what about a zone misleads or defeats methods that need contrast, by what its rays lead to."""
+    across, down = (zone.right - zone.left) / 2, (zone.bottom - zone.top) / 2
+    about = Zone(
+        max(zone.left - across, 0), min(zone.right + across, 1), max(zone.top - down, 0), min(zone.bottom + down, 1)
+    )  # fmt: skip
+    try:
+        sights = {"in": task.renderer.sight(state, zone), "beside": task.renderer.sight(state, about)}
+    except InputError:  # no light there
+        return "no light reaches it"
+    for word, sight in sights.items():
+        if sight.lamps.any():
+            return f"a lamp shines {word} the zone"
+    if not np.isfinite(sights["in"].depths).any():
+        return "its rays meet no surface"
+    return _passage(task, state, zone)
 
 
 def _failure(report: FocusReport) -> str | None:
@@ -126,7 +200,7 @@ def _distances_shown(task: Task, state: float, zone: Zone, gap: float) -> list[t
     Two are distinguished by a gap between them that nothing in the zone fills.
     """
     try:
-        depth = task.renderer.depths(state, [zone], task.seed)[0]
+        depth = task.renderer.sight(state, zone).depths
     except InputError:  # no light there
         return []
     met: NDArray[np.float64] = np.sort(1 / depth[np.isfinite(depth) & (depth > 0)])
@@ -300,11 +374,26 @@ def find_focus(
         on_probe=on_probe,
         on_state=on_state,
     )
+    return focus_of(task, settings.method)
+
+
+def focus_of(task: Task, method: str) -> FocusReport:
+    """Return the focus by a method, with what speaks against it.
+
+    Raises
+    ------
+    NoContrast, OutOfReach
+        As `find_focus`.
+    """
     try:
-        report = search(task, settings.method)
-    except NoContrast:
-        check_reach(task, renderer.state if near is None else near)
-        raise
+        report = search(task, method)
+    except NoContrast as problem:
+        state = task.renderer.state if task.near is None else task.near
+        check_reach(task, state)
+        causes = [why_unseen(task, state, zone) for zone in task.zones]
+        if (cause := next(filter(None, causes), None)) is None:
+            raise
+        raise NoContrast(f"{problem}; {cause}") from None
     return with_warnings(task, report)
 
 
@@ -323,12 +412,15 @@ def search(task: Task, method: str) -> FocusReport:
         As the method does.
     """
     aimed = aim(task) if method in AIMED else None
-    if aimed is not None:
-        try:
-            return METHODS[method](replace(task, near=aimed, reach=AIMED_REACH))
-        except NoContrast:
-            pass
-    return METHODS[method](task)
+    if aimed is None:
+        return METHODS[method](task)
+    near, zones = aimed
+    parts = replace(task, zones=zones)
+    try:
+        report = METHODS[method](replace(parts, near=near, reach=AIMED_REACH))
+    except NoContrast:
+        report = METHODS[method](parts)
+    return replace(report, zone=task.zones[zones.index(report.zone)], zones=task.zones)
 
 
 def focused_scene(scene: Scene, report: FocusReport) -> Scene:

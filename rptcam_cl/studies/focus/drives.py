@@ -26,6 +26,7 @@ from rptcam_cl.optics.lens import (
     shift_of,
     travel_mm,
 )
+from rptcam_cl.rendering.cameras.chief_rays import CameraRays
 from rptcam_cl.rendering.cameras.film_pupil import PupilRays
 from rptcam_cl.rendering.cameras.kinds import camera_of
 from rptcam_cl.rendering.cameras.model import CameraModel
@@ -90,6 +91,10 @@ class Drive(ABC):
     @abstractmethod
     def rays(self, scene: Scene, state: float, stop: float, places: NDArray[np.float64]) -> PupilRays:
         """Return the rays of places (m, 2) of the picture [pixels], in float64."""
+
+    @abstractmethod
+    def chief_rays(self, scene: Scene, state: float) -> CameraRays:
+        """Return the chief rays in a state, in float64."""
 
     @abstractmethod
     def film_distance(self, state: float) -> float:
@@ -204,6 +209,11 @@ class LensDrive(Drive):
         lens, film_distance_mm = self.lens_at(state)
         setting = LensSetting(stopped(lens, stop), film_distance_mm, None, self.own_camera)
         return camera_of(scene, setting).pupil_rays(places)
+
+    def chief_rays(self, scene: Scene, state: float) -> CameraRays:
+        """Return the chief rays in a state."""
+        lens, film_distance_mm = self.lens_at(state)
+        return camera_of(scene, LensSetting(lens, film_distance_mm, None, self.own_camera)).chief_rays()
 
     def _window(self, scene: Scene, zone: Zone) -> tuple[float, float, float, float]:
         """Return the part of the film that a zone needs [mm]: itself and what the filter reaches."""
@@ -506,6 +516,10 @@ class ThinDrive(Drive):
     def rays(self, scene: Scene, state: float, stop: float, places: NDArray[np.float64]) -> PupilRays:
         """Return the rays of places of the picture."""
         return camera_of(self._set(scene, state, stop)).pupil_rays(places)
+
+    def chief_rays(self, scene: Scene, state: float) -> CameraRays:
+        """Return the chief rays in a state."""
+        return camera_of(self._set(scene, state, 1.0)).chief_rays()
 
     def _set(self, scene: Scene, state: float, stop: float) -> Scene:
         camera = self._camera

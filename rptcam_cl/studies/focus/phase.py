@@ -41,6 +41,7 @@ from rptcam_cl.studies.focus.renderer import ProbeRenderer, Probes, Task, probab
 
 Array = NDArray[np.float64]
 
+CLEAREST_TRIALS, CLEAREST_ROUNDS = 17, 3  # of the search for the greatest contrast
 STEP = 12.0  # pixels to the places round the middle of a zone that tell the plane's scale
 
 
@@ -113,6 +114,29 @@ class HalfView:
         at, along = self._lines[:2]
         weights = self.rays.weights[0][self.rays.weights[0] > 0][:, None]
         return -float(np.sum(weights * at * along) / np.sum(weights * along * along))
+
+    def clearest(self, cycles: float) -> float:
+        """Return the vergence at which details of so many cycles per pixel keep most contrast, across and down [1/m].
+
+        With spherical aberration a small core in a wide halo shows them better than the least spot does.
+        """
+        middle, weights = self.sharpest(), self.rays.weights[0][self.rays.weights[0] > 0]
+
+        def lost(vergence: float) -> float:
+            waves = np.exp(2j * np.pi * cycles * self.offsets(vergence))
+            return -float(np.abs(weights @ waves).sum())
+
+        # from the least spot to where the blur of the whole pupil is that of two periods
+        per_vergence = float(np.sqrt(weights @ np.sum(self.offsets(middle + 1e-3) ** 2, axis=1))) / 1e-3
+        reach = (
+            max(2.0 / cycles, 2.0 * float(np.sqrt(weights @ np.sum(self.offsets(middle) ** 2, axis=1)))) / per_vergence
+        )
+        trials = middle + reach * np.linspace(-1, 1, CLEAREST_TRIALS)
+        for _ in range(CLEAREST_ROUNDS):
+            best = trials[int(np.argmin([lost(trial) for trial in trials]))]
+            step = trials[1] - trials[0]
+            trials = best + step * np.linspace(-1, 1, CLEAREST_TRIALS)
+        return float(best)
 
     def sharpest_along(self) -> tuple[float, float]:
         """Return the vergences at which the rays spread least across and least down [1/m]: apart by astigmatism."""

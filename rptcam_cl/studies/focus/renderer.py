@@ -22,11 +22,12 @@ from rptcam_cl.device.session import Session
 from rptcam_cl.rendering.cameras.film_pupil import PupilRays
 from rptcam_cl.rendering.cameras.model import CameraModel, exposed
 from rptcam_cl.rendering.film import TILE, FilmLayout
+from rptcam_cl.rendering.ground_truth import Moments
+from rptcam_cl.rendering.layers import SeenEnds, SharpPass, follow_rays
 from rptcam_cl.rendering.plan.plan import Plan, make_plan
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
 from rptcam_cl.rendering.tracer import Wavefront
 from rptcam_cl.scene.exposure import Exposure
-from rptcam_cl.scene.film import LayerName
 from rptcam_cl.scene.load import at_opening, change_scene
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.studies.focus.drives import Drive, focus_drive
@@ -42,47 +43,7 @@ from rptcam_cl.studies.focus.probe import (
     circle_of_confusion,
 )
 
-# Shares of the opening's diameter, the first f/100 for a lens of f/2. Where a lens is stopped down so far that rays,
-# which aim at boxes, rarely find the pupil, the next one is taken.
-OPENINGS = (0.02, 0.1, 0.5, 1.0)
-ENOUGH = 0.05  # of the rays pass
-SAMPLES = 16  # per pixel, of which few pass the opening
 SMALL_WAVE = 1 << 14  # slots, of work that may be given up: so few hold up nothing else on the device
-
-
-def first_hits(
-    drive: Drive,
-    scene: Scene,
-    session: Session,
-    state: float,
-    zones: Sequence[Zone],
-    layout: FilmLayout,
-    names: Sequence[LayerName],
-    seed: int,
-    first: int = 0,
-) -> tuple[dict[str, NDArray[Any]], int, int]:
-    """Return layers of what a part of the film sees, (height, width) each, the samples taken, and the opening.
-
-    Parameters
-    ----------
-    scene
-        With the film that `layout` is a part of.
-    zones
-        Where the layers are needed.
-    first
-        Number of the opening to begin with.
-    """
-    seen = change_scene(scene, render={"layers": tuple(names), "layers_spp": SAMPLES, "max_depth": 1, "noise": None})
-    taken = 0
-    for opening in range(first, len(OPENINGS)):
-        camera = exposed(drive.camera(seen, state, OPENINGS[opening], zones), seen)
-        wavefront = Wavefront(session, make_plan(seen, camera), layout, seen.render, _wave_size(), scouts=False)
-        wavefront.seed = seed
-        take_samples(wavefront, SAMPLES)
-        taken += wavefront.camera_rays
-        if wavefront.outcomes()["passed"] >= ENOUGH * wavefront.camera_rays:
-            break
-    return wavefront.layers(), taken, opening
 
 
 def _wave_size() -> int | None:
@@ -200,6 +161,92 @@ class ZoneView:
         return self.scene.model_copy(update={"film": film})
 
 
+# What chief rays of a zone show: how far away it seems to lie, through panes and by mirrors.
+
+SIGHT_ACROSS = 16  # places of a zone, across and down
+BESIDE_M = 1e-3  # between the rays whose difference tells how far away something seems to be
+BESIDE_RAD = 1e-3
+Follow = Callable[[NDArray[np.float64], NDArray[np.float64], Any], SeenEnds]
+
+
+@dataclass(frozen=True)
+class Sight:
+    """What n places of a zone show.
+
+    Attributes
+    ----------
+    depths : (n,) array
+        How far from the film along the axis it seems to lie [m]; infinite for nothing, nan for places without light.
+    objects, first_objects : (n,) arrays
+        What is seen, and what it is seen through or in where these differ; -1 for nothing.
+    lamps, panes, mirrors : (n,) bool arrays
+        Whether it shines by itself, is seen through glass, and in a mirror.
+    """
+
+    depths: NDArray[np.float64]
+    objects: NDArray[np.int32]
+    first_objects: NDArray[np.int32]
+    lamps: NDArray[np.bool_]
+    panes: NDArray[np.bool_]
+    mirrors: NDArray[np.bool_]
+
+
+def sight_of(origins: NDArray[np.float64], directions: NDArray[np.float64], follow: Follow) -> Sight:
+    """Return what some chief rays show.
+
+    Parameters
+    ----------
+    origins, directions : (n, 3) arrays
+        In the camera's frame [m].
+    follow
+        Returns where rays end that belong to some of them, by index.
+    """
+    every = np.arange(len(origins))
+    ends = follow(origins, directions, every)
+    apart = ends.lengths.copy()
+    turned = np.flatnonzero((ends.panes + ends.mirrors > 0) & np.isfinite(ends.lengths))
+    if len(turned):
+        apart[turned] = _distances_apart(origins[turned], directions[turned], ends[turned], turned, follow)
+    depths = np.full(len(origins), np.inf)
+    met = np.isfinite(apart)
+    depths[met] = -(origins[met, 2] + apart[met] * directions[met, 2])
+    depths[~np.isfinite(directions).all(axis=1)] = np.nan
+    return Sight(depths, ends.objects, ends.first_objects, ends.lamps, ends.panes > 0, ends.mirrors > 0)
+
+
+def _distances_apart(
+    origins: NDArray[np.float64],
+    directions: NDArray[np.float64],
+    ends: SeenEnds,
+    rays: NDArray[np.intp],
+    follow: Follow,
+) -> NDArray[np.float64]:
+    """Return how far away the ends of rays seem to be, by rays beside them: curved glass and mirrors change it.
+
+    A shift x of the ray's start moves its end by B x, and a turn w by A w: seen from beside, the end lies in the
+    direction -A^-1 B x, which is -x / D at a distance of D. What passed other surfaces than the ray counts by the way.
+    """
+    first = np.cross(directions, np.where(np.abs(directions[:, :1]) < 0.9, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]))
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    sides = first, np.cross(directions, first)
+    across = np.cross(ends.directions, np.where(np.abs(ends.directions[:, :1]) < 0.9, [1.0, 0, 0], [0, 1.0, 0]))
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    frame = np.stack([across, np.cross(ends.directions, across)], axis=1)
+    moved, alike = [], np.ones(len(rays), np.bool_)
+    for shift, turn in ((BESIDE_M, 0.0), (0.0, BESIDE_RAD)):
+        for side in sides:
+            beside = follow(origins + shift * side, directions + turn * side, rays)
+            away = beside.points - ends.points
+            step = np.sum(away * ends.directions, axis=1) / np.sum(beside.directions * ends.directions, axis=1)
+            moved.append(np.einsum("nij,nj->ni", frame, away - step[:, None] * beside.directions))
+            alike &= (beside.panes == ends.panes) & (beside.mirrors == ends.mirrors) & np.isfinite(beside.lengths)
+    shifted, turned = np.stack(moved[:2], axis=2) / BESIDE_M, np.stack(moved[2:], axis=2) / BESIDE_RAD
+    alike &= np.abs(np.linalg.det(np.where(np.isfinite(turned), turned, 0.0))) > 0
+    vergence = 1.0 / ends.lengths
+    vergence[alike] = np.trace(np.linalg.solve(turned[alike], shifted[alike]), axis1=1, axis2=2) / 2
+    return np.where(vergence > 0, 1.0 / np.where(vergence > 0, vergence, 1.0), np.inf)
+
+
 class ProbeRenderer:
     """A camera of a scene on a device, to be probed in any focus state.
 
@@ -231,7 +278,8 @@ class ProbeRenderer:
         self._plan: Plan | None = None
         self._buffers: SceneBuffers | None = None
         self._wavefronts: dict[tuple[tuple[str, int], ...], Wavefront] = {}
-        self._opening = 0  # that the last rays had
+        self._sharp: SharpPass | None = None
+        self._sights: dict[tuple[float, Zone], Sight] = {}
 
     @property
     def view(self) -> ZoneView:
@@ -316,39 +364,72 @@ class ProbeRenderer:
         parts, ranges = np.stack(pictures), [view.in_layout(view.shown(zone)) for zone in view.zones]
         return [ZoneImage(np.ascontiguousarray(parts[:, rows, columns]), count * PARTS) for rows, columns in ranges]
 
-    def depths(self, state: float, zones: Sequence[Zone], seed: int) -> list[NDArray[np.float64]]:
-        """Return how far along the axis what each zone's pixels show lies from the film [m]; infinite for nothing."""
-        begun, view = time.perf_counter(), self.choose_zones(zones)
-        layers, samples, self._opening = first_hits(
-            self.drive, view.scene, self.session, state, view.zones, view.layout, ("depth",), seed, self._opening
-        )
-        self.samples += samples
-        self.seconds += time.perf_counter() - begun
-        depth = layers["depth"].astype(np.float64)
-        return [depth[view.in_layout(view.pixels_of(zone))] for zone in view.zones]
+    def sight(self, state: float, zone: Zone) -> Sight:
+        """Return what a zone shows in a state, by the chief rays of a grid of places.
+
+        Raises
+        ------
+        InputError
+            When no light reaches it.
+        """
+        key = state, zone
+        if key not in self._sights:
+            across, down = (np.linspace(*ends, 2 * SIGHT_ACROSS + 1)[1::2] for ends in (
+                (zone.left, zone.right), (zone.top, zone.bottom)))  # fmt: skip
+            self._sights[key] = self._sight_of(state, np.stack(np.meshgrid(across, down), axis=-1).reshape(-1, 2))
+        return self._sights[key]
 
     def objects(self) -> NDArray[np.int32]:
         """Return which object each part of the picture shows, -1 for none, (height, width) of at most `ACROSS`."""
-        film = self.scene.film
-        scale = ACROSS / max(film.resolution)
-        columns, rows = (max(round(side * scale), 1) for side in film.resolution)
-        small = change_scene(self.scene, film=film.whole_in((columns, rows)))
-        layout = FilmLayout(columns, rows, 0, 0, columns, rows)
-        layers, _, _ = first_hits(self.drive, small, self.session, self.state, [WHOLE], layout, ("object_id",), 0)
-        return np.asarray(layers["object_id"], np.int32)
+        resolution = self.scene.film.resolution
+        columns, rows = (max(round(side * ACROSS / max(resolution)), 1) for side in resolution)
+        places = np.meshgrid((np.arange(columns) + 0.5) / columns, (np.arange(rows) + 0.5) / rows)
+        return self._sight_of(self.state, np.stack(places, axis=-1).reshape(-1, 2)).objects.reshape(rows, columns)
+
+    def _sight_of(self, state: float, shares: NDArray[np.float64]) -> Sight:
+        """Return what places, in fractions of the picture, show in a state."""
+        begun, plan = time.perf_counter(), self._scene_plan()
+        chief, moments = self.drive.chief_rays(self.scene, state), Moments(self.scene)
+        places = shares * self.scene.film.resolution
+        origins, directions = chief.rays(places)
+        dark = ~np.isfinite(directions).all(axis=1)
+        if dark.all():
+            raise InputError("no light reaches the zone")
+        sharp = self._sharp = self._sharp or SharpPass(self.session, plan, self._scene_buffers())
+        times = moments.middles(places)
+        poses, since_s = moments.poses(times), times - self.scene.shutter.open_s
+
+        def follow(origins: NDArray[np.float64], directions: NDArray[np.float64], rays: Any) -> SeenEnds:
+            turns = poses[rays, :3, :3]
+            world = np.einsum("nij,nj->ni", turns, origins) + poses[rays, :3, 3] - plan.eye_m
+            along = np.einsum("nij,nj->ni", turns, directions)
+            return follow_rays(sharp, plan, world, along, since_s[rays])
+
+        sight = sight_of(origins, directions, follow)
+        self.samples += len(places)
+        self.seconds += time.perf_counter() - begun
+        return sight
+
+    def _scene_plan(self) -> Plan:
+        """Return the plan of the scene, made at first use; its camera is replaced for each probe."""
+        if self._plan is None:
+            seen = (self._view or ZoneView.of(self.scene, (WHOLE,), (0, 0))).scene
+            self._plan = make_plan(seen, self.drive.camera(seen, self.state, 1.0, [WHOLE]))
+        return self._plan
+
+    def _scene_buffers(self) -> SceneBuffers:
+        if self._buffers is None:
+            self._buffers = SceneBuffers(self.session, self._scene_plan())
+        return self._buffers
 
     def _wavefront(self, camera: CameraModel) -> Wavefront:
         """Return the wavefront for a camera of these facts, made at first use."""
         facts = tuple(sorted(camera.facts.items()))
         if facts not in self._wavefronts:
             view = self.view
-            if self._plan is None:
-                self._plan = make_plan(view.scene, self.drive.camera(view.scene, self.state, 1.0, view.zones))
-            plan = replace(self._plan, camera=camera)
-            if self._buffers is None:
-                self._buffers = SceneBuffers(self.session, plan)
+            plan, buffers = replace(self._scene_plan(), camera=camera), self._scene_buffers()
             self._wavefronts[facts] = Wavefront(
-                self.session, plan, view.layout, view.scene.render, _wave_size(), buffers=self._buffers, scouts=False
+                self.session, plan, view.layout, view.scene.render, _wave_size(), buffers=buffers, scouts=False
             )
             self._wavefronts[facts].choose_tiles(view.tiles())
         return self._wavefronts[facts]

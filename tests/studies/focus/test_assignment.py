@@ -62,6 +62,6 @@ def test_targets_of_the_assignment_are_found(place, texture, method):
     assert report.method == method
     assert report.film_distance_mm == pytest.approx(film_mm, abs=0.5)
     probe = ProbeRenderer(scene, open_session(None))
-    shown = probe.depths(report.state, [Zone(*zone)], 1)[0]
+    shown = probe.sight(report.state, Zone(*zone)).depths
     ends = [probe.drive.state_for(float(depth), Zone(*zone)) for depth in np.percentile(shown, [75, 25])]
     assert ends[0] - 0.25 * probe.drive.depth_of_focus <= report.state <= ends[1] + 0.25 * probe.drive.depth_of_focus

@@ -140,7 +140,7 @@ def test_distance_that_a_zone_shows_only_once_the_focus_is_there_is_told():
     )
     task, report = report_of(probe, "contrast", 0.99, 3.0, zone)
     states = report.state, probe.drive.state_for(0.26, zone)
-    shown = [float(np.median(probe.depths(state, [zone], 0)[0])) for state in states]
+    shown = [float(np.median(probe.sight(state, zone).depths)) for state in states]
     assert shown == pytest.approx([3.0, 0.26], rel=1e-3)
     (remark,) = with_warnings(task, report).remarks
     assert "what is 0.26 m away fills 100% of the zone when the focus is there" in remark
