@@ -16,7 +16,6 @@ from .report import Report
 
 Matrix = NDArray[np.float64]
 
-FAR = 1000.0  # widths of its view, from which an orthographic camera looks at the scene
 NO_STOP = 1e-6  # an opening narrower than this is a pinhole's [m]
 
 
@@ -139,7 +138,7 @@ def camera_keys(
     if choice.lens:
         return _through_lens(camera, film, side, choice, report)
     if camera.kind == "ORTHO":
-        return {"film": film, "camera": _orthographic(camera, film, side, report)}
+        return {"film": film, "camera": _orthographic(camera, film, metres_per_unit)}
     return {"film": film, "camera": _ideal(camera, film, side, metres_per_unit, report)}
 
 
@@ -196,23 +195,16 @@ def _ideal(
     return {"kind": "thin_lens", **keys}
 
 
-def _orthographic(camera: BlenderCamera, film: dict[str, Any], side: float, report: Report) -> dict[str, Any]:
-    """A pinhole from so far away that its rays are nearly parallel."""
-    report.add(
-        f"Camera: orthographic; a pinhole {FAR:g} widths of the view away stands in, so sizes change by "
-        f"{1 / FAR:.1%} over a depth of one width."
-    )
+def _orthographic(camera: BlenderCamera, film: dict[str, Any], metres_per_unit: float) -> dict[str, Any]:
+    """Parallel rays from the plane of the camera on, moved by the shift."""
     width = camera.ortho_scale * film["size_mm"][0] / max(film["size_mm"])
-    distance = FAR * width
-    keys = _posed(camera, distance)
-    back = np.array(keys["eye"]) - np.array(keys["target"])
-    keys["target"], keys["eye"] = keys["eye"], (np.array(keys["eye"]) + back).tolist()
-    shift = camera.shift
-    if any(shift):
-        matrix = np.asarray(camera.matrix)
-        move = (matrix[:3, 0] * shift[0] + matrix[:3, 1] * shift[1]) * camera.ortho_scale
-        keys["eye"], keys["target"] = (list(np.array(keys[key]) + move) for key in ("eye", "target"))
-    return {"kind": "pinhole", **keys, **_field_of_view(width, distance)}
+    keys: dict[str, Any] = {"kind": "orthographic", **_posed(camera), "width_m": width * metres_per_unit}
+    right, up = (camera.matrix[:3, i] / np.linalg.norm(camera.matrix[:3, i]) for i in (0, 1))
+    move = (right * camera.shift[0] + up * camera.shift[1]) * camera.ortho_scale
+    keys |= {key: (np.array(keys[key]) + move).tolist() for key in ("eye", "target")}
+    if camera.clip_start > 0:
+        keys["near_m"] = camera.clip_start * metres_per_unit
+    return keys
 
 
 def _panorama(camera: BlenderCamera, frame: Frame, report: Report) -> dict[str, Any]:

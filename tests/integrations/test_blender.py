@@ -120,6 +120,7 @@ def test_material_looks_as_in_cycles(kind, tmp_path):
 @pytest.mark.parametrize("size", [(320, 200), (200, 320)])
 def test_corners_of_a_cube_lie_where_blender_projects_them(fit, size):
     """Chief rays of all pixels make a projection; it meets Blender's own within 0.05 px."""
+    import bpy  # noqa: F401  puts bpy_extras and mathutils on the path
     from bpy_extras.object_utils import world_to_camera_view
     from mathutils import Vector
 
@@ -144,6 +145,33 @@ def test_corners_of_a_cube_lie_where_blender_projects_them(fit, size):
         at = basis @ (corner - origin)
         place = np.array([at[0] / -at[2], at[1] / -at[2], 1.0]) @ affine
         assert depth > 0 and place == pytest.approx(expected, abs=0.05)
+
+
+@pytest.mark.parametrize("size", [(320, 200), (200, 320)])
+def test_corners_of_a_cube_lie_where_blender_projects_them_in_parallel(size):
+    """Origins of the rays of all pixels make a projection along their one direction."""
+    import bpy  # noqa: F401  puts bpy_extras and mathutils on the path
+    from bpy_extras.object_utils import world_to_camera_view
+    from mathutils import Vector
+
+    from tests.integrations import cycles
+
+    scene = cycles.empty_scene(size)
+    data = scene.camera.data
+    data.type, data.ortho_scale, data.shift_x, data.shift_y = "ORTHO", 5.0, 0.12, -0.2
+    scene.camera.rotation_euler = (1.3, 0.2, 0.3)
+    cycles.add("cube", cycles.material(), size=1.0, location=(1, 1, 0.5))
+    image = rptcam_cl.render(cycles.exported(render={"spp": 1, "layers": ["ray_origin", "ray_direction"]}).keys)
+    origins, rays = (image[name].reshape(-1, 3) for name in ("ray_origin", "ray_direction"))
+    assert np.ptp(rays, axis=0).max() < 1e-6
+    basis = np.linalg.inv(np.array(scene.camera.matrix_world)[:3, :3])
+    rows, columns = np.indices(size[::-1]) + 0.5
+    unknown = np.column_stack([(origins @ basis.T)[:, :2], np.ones(len(origins))])
+    affine, *_ = np.linalg.lstsq(unknown, np.column_stack([columns.ravel(), rows.ravel()]), rcond=None)
+    for corner in np.array(np.meshgrid([0.5, 1.5], [0.5, 1.5], [0.0, 1.0])).reshape(3, -1).T:
+        x, y, _ = world_to_camera_view(scene, scene.camera, Vector(corner))
+        place = np.append((basis @ corner)[:2], 1.0) @ affine
+        assert place == pytest.approx([x * size[0], (1 - y) * size[1]], abs=0.05)
 
 
 def test_saved_picture_is_the_film(tmp_path):

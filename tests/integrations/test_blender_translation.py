@@ -78,10 +78,16 @@ def test_border_is_rounded_to_pixels_and_counts_from_the_top():
     assert made["film"]["crop"] == pytest.approx([0.25, 0.5, 0.1, 0.9])
 
 
-def test_orthographic_camera_is_named_in_the_report():
+def test_orthographic_camera_shows_as_much_as_in_blender_and_is_moved_by_the_shift():
     report = Report()
-    keys = camera_keys(BlenderCamera(EYE, kind="ORTHO", ortho_scale=4), Frame((200, 100)), LensChoice(), 1, report)
-    assert keys["camera"]["eye"] == pytest.approx([0, 0, 4000]) and "orthographic" in report.sentences[0]
+    own = BlenderCamera(EYE, kind="ORTHO", ortho_scale=4, shift=(0.25, -0.5), clip_start=0.1)
+    made = camera_keys(own, Frame((200, 100)), LensChoice(), 0.5, report)
+    keys = made["camera"]
+    assert (keys["kind"], keys["width_m"], keys["near_m"]) == ("orthographic", 2.0, 0.05)
+    assert keys["eye"] == pytest.approx(EYE[:3, 3] + [1, -2, 0]) and not report.sentences
+    upright = camera_keys(own, Frame((100, 200)), LensChoice(), 1.0, report)
+    assert upright["camera"]["width_m"] == 2.0  # the longer side shows the scale
+    assert rptcam_cl.load_scene(made).camera.kind == "orthographic"
 
 
 def test_lamps_have_the_power_that_blender_gives_them():
