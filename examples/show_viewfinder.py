@@ -124,6 +124,19 @@ def guides(page: Page) -> None:
     page.check("[data-name=aspect] input[value='2.39']")
 
 
+def history(page: Page) -> None:
+    """States and a snapshot, and a denoised picture of few samples."""
+    page.click("[data-tab=history]")
+    for key, times in (("]", 3), ("ArrowLeft", 2), ("b", 1), (")", 1)):
+        for _ in range(times):
+            press(page, key)
+            page.wait_for_timeout(1200)
+    page.wait_for_selector("[data-name=snapshots] img[src^='data:image/jpeg']")
+    press(page, "ArrowUp")
+    until(page, "window.last.denoised && window.last.scale > 0.99 && window.last.spp >= 2")
+    press(page, " ")
+
+
 def compare(page: Page) -> None:
     """The traced lens against a thin one."""
     page.click("[data-tab=compare]")
@@ -147,7 +160,7 @@ def error(page: Page) -> None:
 
 SHOTS: dict[str, Callable[[Page], None]] = {
     each.__name__: each
-    for each in (view, keys, exposure, raw, false_colour, focus, lens, guides, compare, narrow, error)
+    for each in (view, keys, exposure, raw, false_colour, focus, lens, guides, history, compare, narrow, error)
 }
 MORE = {"raw": "exposure: {mode: auto}\nsensor: {}\n"}  # of the scene
 
@@ -165,7 +178,8 @@ def shoot(browser: Browser, name: str, folder: Path) -> None:
         page.goto(server.address(server.tokens.lasting))
         until(page, "window.last !== undefined")
         SHOTS[name](page)
-        rest(page)
+        if name != "history":  # which is paused while it is denoised
+            rest(page)
         page.screenshot(path=FOLDER / f"{name}.jpg", type="jpeg", quality=86, full_page=name == "narrow")
         page.close()
         server.stop()

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel
 
 from rptcam_cl.api.session import Change, Frame, RenderSession
+from rptcam_cl.core.colour import luminance
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, RptcamError
 from rptcam_cl.core.files import FileState, file_state, named_files, plain
@@ -352,6 +353,7 @@ _BODY = ("exposure", "shutter", "sensor", "camera")  # parts of the scene that t
 # Relative standard error of a pixel that is not seen any more: contrast of fine detail that a person just sees, about
 # 0.02 at 20 cycles per degree (Campbell and Robson, J. Physiol. 197, 1968).
 CLEAN = 0.02
+DARKEST = 0.01  # of white, below which a screen shows hardly any differences
 DENOISED_S = 5.0  # of a film whose picture has what comes last: that is added to the noisy one
 
 
@@ -385,6 +387,18 @@ class Finished:
     codes: Codes
     raw: RawImage | None
     picture: PictureSettings  # that it is developed by
+
+
+def visible_noise(pixels: NDArray[np.float32], clean: NDArray[np.float32]) -> float:
+    """Return the relative noise of most pixels of a film (height, width, 3) on a screen, where white has none.
+
+    Parameters
+    ----------
+    clean
+        The film without its noise.
+    """
+    seen, true = (np.minimum(luminance(each[::2, ::2], np.float32), 1.0) for each in (pixels, clean))
+    return float(1.4826 * np.median(np.abs(seen - true) / (true + DARKEST)))  # of a normal distribution
 
 
 class Slot:
@@ -430,6 +444,7 @@ class Slot:
         self.denoises = True
         self._clean: tuple[Frame | None, NDArray[np.float32] | None] = None, None  # a frame, and what was made of it
         self._film_begun = time.monotonic()
+        self._visible = 0.0, 0  # noise of the film that is seen, and its samples then
 
     @property
     def scene(self) -> Scene:
@@ -504,7 +519,7 @@ class Slot:
         self.film, self.finished = next(_FILMS), None
         self._reaches_noise = self._unread = False
         self._next_samples = 1
-        self._film_begun = time.monotonic()
+        self._film_begun, self._visible = time.monotonic(), (0.0, 0)
 
     @property
     def next_generation(self) -> int:
@@ -544,6 +559,8 @@ class Slot:
         if self.denoises and not self._is_clean(frame):
             if self._clean[0] is not frame or self._clean[1] is None:
                 self._clean = frame, self.session.denoised(frame)
+                if frame.scale == 1 and self._clean[1] is not None and frame.spp >= 2 * self._visible[1]:
+                    self._visible = visible_noise(frame.pixels, self._clean[1]), frame.spp
             return self._clean[1]
         self._clean = None, None
         return None
@@ -553,14 +570,22 @@ class Slot:
         if frame.scale < 1 or frame.spp == 0:
             return False
         late = bool(self.comes_last) and time.monotonic() > self._film_begun + DENOISED_S
-        return late or frame.spp >= self.target_spp or (frame.noise is not None and frame.noise <= CLEAN)
+        noise = self.visible_noise(frame)
+        return late or frame.spp >= self.target_spp or (noise is not None and noise <= CLEAN)
+
+    def visible_noise(self, frame: Frame) -> float | None:
+        """Return the noise of a frame of the film that is seen, by `visible_noise` at fewer samples."""
+        noise, spp = self._visible
+        return noise * math.sqrt(spp / frame.spp) if spp and frame.spp >= spp and frame.scale == 1 else None
 
     def clean_at(self, frame: Frame) -> dict[str, float] | None:
         """How many samples it takes until the noise is not seen, and how long from the film's beginning [s]."""
-        if frame.noise is None or frame.scale < 1 or frame.spp < 2:
+        noise = self.visible_noise(frame)
+        if noise is None:
             return None
-        share = max((frame.noise / CLEAN) ** 2, 1.0)
-        return {"spp": share * frame.spp, "seconds": share * (time.monotonic() - self._film_begun)}
+        share = max((noise / CLEAN) ** 2, 1.0)
+        seconds = share * (time.monotonic() - self._film_begun)
+        return {"noise": noise, "spp": share * frame.spp, "seconds": seconds}
 
     def again(self) -> Frame:
         """Return the picture that is there, to be developed anew."""

@@ -14,6 +14,7 @@ from PIL import Image as Pillow
 from rptcam_cl.api.interface import render
 from rptcam_cl.api.session import Frame, RenderSession
 from rptcam_cl.scene.load import load_scene
+from rptcam_cl.viewfinder.studio import CLEAN, DARKEST, Slot, visible_noise
 from tests.viewfinder.page_client import ALIVE_WITHIN_S, SCENE, page, serving
 
 Film = NDArray[np.float32]
@@ -116,15 +117,23 @@ def test_page_sees_denoised_pictures_and_files_and_the_last_one_are_as_they_are(
         assert not any(header["denoised"] for header in after)
 
 
-@pytest.mark.parametrize("spp", [4, 16])
-def test_time_to_clean_follows_from_the_noise(spp: int) -> None:
-    from rptcam_cl.viewfinder.studio import CLEAN, Slot
+def test_noise_that_is_seen_is_that_of_most_pixels_below_white() -> None:
+    clean = np.full((200, 300, 3), 0.4, np.float32)
+    factors = np.random.default_rng(1).normal(1.0, 0.1, (200, 300, 1)).astype(np.float32)
+    factors[::50, ::50] = 1e4  # fireflies
+    assert visible_noise(clean * factors, clean) == pytest.approx(0.1 * 0.4 / (0.4 + DARKEST), rel=0.03)
+    assert visible_noise(clean * factors * 10, clean * 10) == 0  # white
+    assert visible_noise(clean, clean) == 0
 
+
+def test_time_to_clean_falls_with_the_square_of_the_noise() -> None:
     with RenderSession(scene()) as session:
+        frame = session.take(4)
+        denoised(session, frame)
         slot = Slot("A", session, {})
-        session.take(spp // 2)
-        frame = session.take(spp // 2)
-        assert frame.noise is not None
+        slot.show(frame, False, {})
         found = slot.clean_at(frame)
-    assert found is not None
-    assert found["spp"] == pytest.approx(spp * (frame.noise / CLEAN) ** 2)
+        assert found is not None
+        assert slot.shown is not None and slot.shown.clean is not None
+        assert found["noise"] == visible_noise(frame.pixels, slot.shown.clean)
+        assert found["spp"] == pytest.approx(4 * (found["noise"] / CLEAN) ** 2)

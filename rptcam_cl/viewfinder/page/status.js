@@ -12,8 +12,8 @@ const READINGS = [
 
 /** What a person sees of the noise: when the picture will be clean, by the samples or by the clock. */
 export function noiseWords(noise, spp, target, clean) {
-  if (noise === null || noise === undefined || !clean) return "–";
-  if (noise <= 0.02) return "clean";
+  if (!clean) return noise === null || noise === undefined ? "–" : percent(noise);
+  if (clean.noise <= 0.02) return "clean";
   if (spp >= target) return "grainy";
   if (clean.spp > target) return `clean at ${digits(clean.spp, 2)} samples`;
   return `clean at about ${clean.seconds < 90 ? `${digits(clean.seconds, 2)}\u00a0s` : `${digits(clean.seconds / 60, 2)}\u00a0min`}`;
@@ -77,7 +77,7 @@ export class Status {
       this.lacking.textContent = `without ${lacks.join(", ")}`;
       this.denoised.hidden = !denoised;
       this.values.noise.textContent = noiseWords(noise, spp, target, clean);
-      this.values.noise.parentElement.title = `Relative standard error of the picture${noise ? `: ${percent(noise)}` : ""}. Below 2\u00a0% nobody sees it`;
+      this.values.noise.parentElement.title = `Relative standard error of the picture${noise ? `: ${percent(noise)}` : ""}${clean ? `; of most pixels, as seen: ${percent(clean.noise)}, of which less than 2\u00a0% is not seen` : ""}`;
     }
     const words = `Picture ${slot}, ${width} by ${height} pixels, scale ${reduction(scale)}, ${spp} samples per pixel`;
     this.stage.panes[slot].describe(words + (stale ? ", of an older setting" : "") + (moving ? ", moving" : "") + (denoised ? ", denoised" : "") + (lacks.length ? `, without ${lacks.join(", ")}` : ""));
