@@ -528,7 +528,7 @@ def probability_within(tolerance: float, error: float) -> float:
 
 
 MOST_SAMPLES = 512  # per pixel
-MOST_OF_SEARCH = 4_000_000  # samples of all pixels: what is not decided by then is refused, or as uncertain as it says
+MOST_OF_SEARCH = 10_000_000  # samples of all pixels: what is not decided by then is refused, or as uncertain as it says
 MOST_PROBES = 40  # after which a search gives up
 
 
