@@ -115,7 +115,7 @@ MOST_LAMPS = 0.5  # share of what a zone shows, from which its lamps are what is
 
 
 def subject_of(task: Task, state: float, zone: Zone) -> Subject | None:
-    """Return what a zone is focused on: of several distances the nearest that fills a quarter of it, else the most.
+    """Find what a zone is focused on: of several distances the nearest that fills a quarter of it, else the most.
 
     None where less than a quarter shows anything.
     """
@@ -136,7 +136,7 @@ def subject_of(task: Task, state: float, zone: Zone) -> Subject | None:
 
 
 def _subjects(task: Task, state: float, zones: Mapping[int, Zone]) -> dict[int, Subject]:
-    """Return what some zones are focused on, of those that show enough."""
+    """Find what some zones are focused on, of those that show enough."""
     found = {k: subject_of(task, state, zone) for k, zone in zones.items()}
     return {k: subject for k, subject in found.items() if subject is not None}
 

@@ -641,7 +641,7 @@ class PhaseSearch:
         """
         own = half_view(self.renderer, start, self.zone, "x").sharpest()
         away = width * self.drive.sharp_vergence(start)
-        refusal = "flat"
+        refusal: str | None = "flat"
         for split in _SPLITS:
             for samples in (SAMPLES, MOST_SAMPLES):
                 match = self._probe(start, split, samples, (own - away, own + away))
