@@ -115,7 +115,7 @@ MOST_LAMPS = 0.5  # share of what a zone shows, from which its lamps are what is
 
 
 def subject_of(task: Task, state: float, zone: Zone) -> Subject | None:
-    """Return what a zone is focused on: of several distances the nearest that fills a quarter of it, else the most.
+    """Find what a zone is focused on: of several distances the nearest that fills a quarter of it, else the most.
 
     None where less than a quarter shows anything.
     """
@@ -136,7 +136,7 @@ def subject_of(task: Task, state: float, zone: Zone) -> Subject | None:
 
 
 def _subjects(task: Task, state: float, zones: Mapping[int, Zone]) -> dict[int, Subject]:
-    """Return what some zones are focused on, of those that show enough."""
+    """Find what some zones are focused on, of those that show enough."""
     found = {k: subject_of(task, state, zone) for k, zone in zones.items()}
     return {k: subject for k, subject in found.items() if subject is not None}
 
@@ -285,14 +285,15 @@ CLEAR = 4.0  # standard errors by which a top must rise above the rest
 COARSE, FINE = 0.05, 0.05  # relative standard error of the measure that rounds aim at; `_refine` sees to the place
 FIRST_SAMPLES = 64  # per pixel
 NEAR_SAMPLES = 64  # of a search near a place, whose probes are sharp enough to tell more from fewer
-MOST_NEAR = 128  # of it, where nothing is seen: it may be elsewhere
+MOST_NEAR = 512  # of it, where nothing is seen: it may be elsewhere
 LUCK = 1.0  # standard errors that what is seen may lie below what there is
 PRECISE = 8.0  # parts of a depth of focus, of which a top may err by one
 
 
-def no_contrast(why: str) -> NoContrast:
-    """Return the refusal of a zone."""
-    return NoContrast(f"no contrast in the zone: {why}; the focus stays as it was (aim at something with texture)")
+def no_contrast(why: str, *, is_flat: bool = False) -> NoContrast:
+    """Return the refusal of a zone; of one that is flat where rays say that something stands."""
+    words = f"no contrast in the zone: {why}; the focus stays as it was (aim at something with texture)"
+    return NoContrast(words, is_flat=is_flat)
 
 
 def first_stop(probes: Probes) -> float:
@@ -375,7 +376,7 @@ def _round(
             break
         samples = min(4 * samples, most)
     if not seen:
-        raise no_contrast(_why_unseen(probes, made, zones, samples))
+        raise no_contrast(_why_unseen(probes, made, zones, samples), is_flat=True)
     zones[:] = seen
     factor = max(1.0, min((noise / wanted) ** 2, 16.0))
     return made, max(samples, min(int(samples * factor), most))

@@ -418,7 +418,9 @@ def search(task: Task, method: str) -> FocusReport:
     parts = replace(task, zones=zones)
     try:
         report = METHODS[method](replace(parts, near=near, reach=AIMED_REACH))
-    except NoContrast:
+    except NoContrast as problem:
+        if problem.is_flat:  # rays through all glass and by all mirrors lead there: elsewhere it is no sharper
+            raise
         report = METHODS[method](parts)
     return replace(report, zone=task.zones[zones.index(report.zone)], zones=task.zones)
 

@@ -170,6 +170,7 @@ POINTS = 7  # in each
 SMOOTH = 2  # frequencies to each side
 SMALLEST = 1e-30  # keeps 0 / 0 away where both halves blur everything, and where even light has no noise
 LEAST_GAIN = 150.0  # of the misfit at the best distance against the others, in units of noise
+NEAR_GAIN = 30.0  # the same among distances near one that rays tell
 RIVAL = 0.35  # share of that gain that another distance must lack for the best to be the only one
 UNLIKELY = 4.0  # times the least misfit: then it is no rival, however good
 APART = 1.5  # displacement from which on it is another one [pixels]
@@ -219,11 +220,19 @@ class Match:
     @property
     def refusal(self) -> str | None:
         """Why the distance cannot be relied on; None where it can."""
+        return self.refusal_among(LEAST_GAIN)
+
+    def refusal_among(self, least_gain: float) -> str | None:
+        """Return the same with another gain that is enough: among few distances a smaller one."""
         if self.significance < LEAST_SIGNIFICANCE or self.contrast < LEAST_CONTRAST:
             return "flat"
-        if self.gain < LEAST_GAIN or self.along < LEAST_ALONG:
+        if self.gain < least_gain or self.along < LEAST_ALONG:
             return "vague"
         return "ambiguous" if self.rival > RIVAL else None
+
+    def is_promising(self, more: float) -> bool:
+        """Whether so many times the samples may show what these do not: significance and gain grow with them."""
+        return more > 1 and self.significance * more > LEAST_SIGNIFICANCE and self.contrast > LEAST_CONTRAST / 2
 
 
 @dataclass(frozen=True)
@@ -632,15 +641,18 @@ class PhaseSearch:
         """
         own = half_view(self.renderer, start, self.zone, "x").sharpest()
         away = width * self.drive.sharp_vergence(start)
-        refusal = "flat"
+        refusal: str | None = "flat"
         for split in _SPLITS:
-            match = self._probe(start, split, SAMPLES, (own - away, own + away))
-            if match is not None and match.refusal is None and abs(match.vergence - own) <= away:
-                return
-            refusal = refusal if match is None else match.refusal or "vague"
+            for samples in (SAMPLES, MOST_SAMPLES):
+                match = self._probe(start, split, samples, (own - away, own + away))
+                refusal = "flat" if match is None else match.refusal_among(NEAR_GAIN)
+                if match is not None and refusal is None and abs(match.vergence - own) <= away:
+                    return
+                if match is None or not match.is_promising(MOST_SAMPLES / samples):
+                    break
             if refusal == "flat":
                 break
-        raise no_contrast(REASONS[refusal])
+        raise no_contrast(REASONS[refusal or "vague"], is_flat=refusal == "flat")
 
     def begin(self, start: float) -> None:
         """Probe from a state, and from others where that shows too little, until there is a distance.
@@ -876,7 +888,9 @@ def focus_by_hybrid(task: Task) -> FocusReport:
     try:
         search = phase_search(task)
         _approach(search)
-    except NoContrast:
+    except NoContrast as problem:
+        if problem.is_flat:
+            raise
         report = replace(focus_by_contrast(task), method="hybrid")
         report.notes["finished_by"] = "contrast alone"
         return report

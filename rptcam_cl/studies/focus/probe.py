@@ -506,7 +506,17 @@ def _vertex(places: Array, values: Array) -> tuple[float, float]:
 
 
 class NoContrast(InputError):  # noqa: N818  (a refusal, as photographers call it)
-    """Focus and blur cannot be distinguished in the zone; the camera stays as it was."""
+    """Focus and blur cannot be distinguished in the zone; the camera stays as it was.
+
+    Attributes
+    ----------
+    is_flat : bool
+        Whether no detail was seen at all, rather than none that tells sharp from blurred.
+    """
+
+    def __init__(self, message: str, *, is_flat: bool = False) -> None:
+        super().__init__(message)
+        self.is_flat = is_flat
 
 
 class OutOfReach(InputError):  # noqa: N818  (the same)

@@ -192,7 +192,7 @@ class Sight:
 
 
 def sight_of(origins: NDArray[np.float64], directions: NDArray[np.float64], follow: Follow) -> Sight:
-    """Return what some chief rays show.
+    """Find what some chief rays show.
 
     Parameters
     ----------
@@ -365,7 +365,7 @@ class ProbeRenderer:
         return [ZoneImage(np.ascontiguousarray(parts[:, rows, columns]), count * PARTS) for rows, columns in ranges]
 
     def sight(self, state: float, zone: Zone) -> Sight:
-        """Return what a zone shows in a state, by the chief rays of a grid of places.
+        """Find what a zone shows in a state, by the chief rays of a grid of places.
 
         Raises
         ------
@@ -387,7 +387,7 @@ class ProbeRenderer:
         return self._sight_of(self.state, np.stack(places, axis=-1).reshape(-1, 2)).objects.reshape(rows, columns)
 
     def _sight_of(self, state: float, shares: NDArray[np.float64]) -> Sight:
-        """Return what places, in fractions of the picture, show in a state."""
+        """Find what places, in fractions of the picture, show in a state."""
         begun, plan = time.perf_counter(), self._scene_plan()
         chief, moments = self.drive.chief_rays(self.scene, state), Moments(self.scene)
         places = shares * self.scene.film.resolution
@@ -528,7 +528,7 @@ def probability_within(tolerance: float, error: float) -> float:
 
 
 MOST_SAMPLES = 512  # per pixel
-MOST_OF_SEARCH = 4_000_000  # samples of all pixels: what is not decided by then is refused, or as uncertain as it says
+MOST_OF_SEARCH = 10_000_000  # samples of all pixels: what is not decided by then is refused, or as uncertain as it says
 MOST_PROBES = 40  # after which a search gives up
 
 

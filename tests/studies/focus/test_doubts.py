@@ -120,6 +120,27 @@ def test_low_confidence_is_a_failure(method, confidence, message):
         assert (sure.failure, sure.warnings) == (None, [])
 
 
+@pytest.mark.parametrize("off", [-3.0, -0.7, 0.7, 3.0])
+def test_focus_on_nothing_that_the_zone_shows_is_a_failure(off):
+    probe = probe_of(scene_of([target(4.0, 4.0, checker(200))], lens_camera("dgauss-50mm", f_number=2.1)))
+    task, report = report_of(probe, "phase", 1.0)
+    assert with_warnings(task, report).failure is None
+    state = report.state + off * probe.drive.depth_of_focus
+    failed = with_warnings(task, task.report("phase", state, CENTRE, 0.0, 1.0, []))
+    assert re.search(
+        rf"nothing that the zone shows is sharp.* 4 m away.* {abs(off):g} depths of focus off", failed.failure
+    )
+
+
+def test_edge_of_a_near_board_is_focused_on_the_board_alone():
+    walls = [target(1.0, 0.6, noise(120), x=-0.61), target(3.0, 3.0, noise(300))]
+    scene = scene_of(walls, lens_camera("dgauss-50mm", f_number=2.1))
+    for method in ("contrast", "phase"):
+        report = rptcam_cl.autofocus(scene, method, zones=[[0.46, 0.54, 0.45, 0.55]])
+        assert report.focus_distance_m == pytest.approx(1.0, rel=0.005)
+        assert report.zone == Zone(0.46, 0.54, 0.45, 0.55)
+
+
 def test_second_distance_in_a_zone_is_told():
     walls = [target(1.0, 0.6, noise(120), x=-0.6), target(3.0, 3.0, noise(300))]
     probe = probe_of(scene_of(walls, lens_camera("dgauss-50mm")))

@@ -8,6 +8,7 @@ import rptcam_cl
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.files import lenses_dir
 from rptcam_cl.scene.load import change_scene
+from rptcam_cl.studies.focus.controller import zone_of_object
 from rptcam_cl.studies.focus.probe import Zone
 from tests.rendering.pictures import seed_of
 from tests.studies.focus.scenes import CENTRE, checker, lens_camera, noise, probe_of, scene_of, target
@@ -158,3 +159,33 @@ def test_camera_focuses_before_a_film_of_any_kind():
     camera = lens_camera("dgauss-50mm", focus={"auto": {"method": "depth", "object": "wall"}})
     scene = scene_of([target(4.0, 4.0, checker(20)) | {"name": "wall"}], camera, film=film)
     assert rptcam_cl.autofocus(scene).focus_distance_m == pytest.approx(4.0, rel=1e-3)
+
+
+POSE = {"eye": [0, 0, 0], "target": [0, 0, -1]}
+GLASS, MIRROR = {"kind": "dielectric", "index": 1.5}, {"kind": "mirror"}
+BALL = {"shape": "sphere", "center": [0, 0, -2.5], "radius": 1.0, "material": MIRROR}
+PANE = {"shape": "box", "min": [-1, -1, -1.2], "max": [1, 1, -1.0], "material": GLASS}
+
+
+@pytest.mark.parametrize(
+    ("before", "behind", "depth"),
+    [
+        (PANE, 3.0, 3.0 - 0.2 * (1 - 1 / 1.5)),
+        (target(1.5, 2.0, MIRROR), -2.0, 1.5 + 3.5),
+        (BALL, -2.0, 1.5 + 1 / (1 / 3.5 + 2 / 1.0)),  # 1/v = 1/u + 2/R behind the vertex
+    ],
+    ids=["pane", "mirror", "convex mirror"],
+)
+def test_zone_shows_what_lies_behind_glass_and_in_mirrors_where_it_seems_to_be(before, behind, depth):
+    scene = scene_of([before, target(behind, 4.0, checker(100)) | {"name": "wall"}], THIN | POSE)
+    probe = probe_of(scene)
+    middle = Zone(0.495, 0.505, 0.495, 0.505)
+    sight = probe.sight(probe.state, middle)
+    assert np.median(sight.depths) == pytest.approx(depth, rel=1e-3)
+    assert (sight.objects == 1).all()
+    assert (sight.first_objects == 0).all()
+    zone = zone_of_object(probe, "wall")
+    assert zone.left < 0.5 < zone.right
+    report = rptcam_cl.autofocus(scene, "depth", zones=[[0.495, 0.505, 0.495, 0.505]])
+    assert report.focus_distance_m == pytest.approx(depth, rel=1e-3)
+    assert ("through glass" if before is PANE else "in a mirror") in report.remarks[0]
