@@ -33,7 +33,15 @@ from benchmarks.report import table, write_json
 
 TIME_LIMIT_S = 300
 OPTIONS = "-cl-std=CL1.2"
-OTHERS = ("passes", "lens", "meshes", "tree of shapes", "everything", "light of lamps")  # of tests.device.every_kernel
+OTHERS = (
+    "passes",
+    "lens",
+    "meshes",
+    "denoised",
+    "tree of shapes",
+    "everything",
+    "light of lamps",
+)  # of tests.device.every_kernel
 
 
 @dataclass(frozen=True)
@@ -76,11 +84,13 @@ class Limit:
 
 LIMITS = {
     "aim_rays": Limit(32, 0, 32),
+    "denoise": Limit(64, 0, 16),
     "fill_blocks": Limit(24, 0, 32),
     "film": Limit(40, 0, 16),
     "gather": Limit(24, 0, 32),
     "generate": Limit(56, 0, 16),
     "ghosts": Limit(40, 0, 16),
+    "guides": Limit(80, 224, 8),
     "histogram": Limit(48, 1728, 16),
     "intersect": Limit(64, 64, 8),
     "layers": Limit(168, 0, 8),

@@ -7,6 +7,7 @@ Prints the names of the kernels that ran. `RENDERS` says what each name renders.
 
 import json
 import sys
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -74,6 +75,15 @@ def meshes() -> None:
         assert viewed.take().pixels.max() > 0
 
 
+def denoised() -> None:
+    """A picture of a session without its noise, guided by layers that its lens shows."""
+    with rptcam_cl.RenderSession(still_life() | {"camera": LENS}, size=SIZE) as viewed:
+        frame = viewed.take(2)
+        while (clean := viewed.denoised(frame)) is None:  # while kernels are compiled in the background
+            time.sleep(0.05)
+        assert np.isfinite(clean).all()
+
+
 def tree_of_shapes() -> None:
     """A tree over shapes that the device builds, however few."""
     trees.BREAK_EVEN = trees.FEW = 0
@@ -106,6 +116,7 @@ RENDERS: dict[str, tuple[Callable[[], None], set[str]]] = {
     "stream": (stream, {"stream"}),
     "lens": (lens, WAVE | {"aim_rays", "trace_lens", "trace_rays"}),
     "meshes": (meshes, WAVE | TREES | {"fill_blocks", "layers", "sharp"}),
+    "denoised": (denoised, WAVE | {"layers", "guides", "denoise"}),
     "tree of shapes": (tree_of_shapes, WAVE | (TREES - {"histogram", "partition", "search", "reinsert"})),
     "everything": (everything, WAVE),
     "light of lamps": (light_of_lamps, WAVE | {"photons", "ghosts", "occluded"}),
