@@ -239,7 +239,7 @@ def test_what_a_killed_run_left_is_removed_after_a_while(folder, tree):
     fresh.touch()
     old.touch()
     os.utime(old, (0, 0))
-    for key in range(64):  # one in sixteen looks
+    for key in range(512):  # one in sixteen looks, by a hash that the code has part in: 64 did not do, once
         load_or_build(str(key), Build(tree))
     assert fresh.exists()
     assert not old.exists()
