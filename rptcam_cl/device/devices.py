@@ -493,9 +493,9 @@ _PRIVATE = re.compile("PCI|UUID|LUID|TOPOLOGY|OFFSET")  # where a card sits; whe
 
 def driver_answers(info: DeviceInfo) -> dict[str, Any]:
     """Everything that a driver answers about a device in numbers and words, those of its makers' own questions, too."""
-    asked = drivers.load_opencl().device_info
-    names = [name for name in vars(asked) if name.isupper() and not _PRIVATE.search(name)]
-    answers = {name.lower(): read_or_none(partial(info.handle.get_info, getattr(asked, name))) for name in names}
+    queries = drivers.load_opencl().device_info
+    names = [name for name in vars(queries) if name.isupper() and not _PRIVATE.search(name)]
+    answers = {name.lower(): read_or_none(partial(info.handle.get_info, getattr(queries, name))) for name in names}
     return {name: answer for name, answer in answers.items() if _is_plain(answer)}
 
 

@@ -285,8 +285,8 @@ class Program:
         begun = time.perf_counter()
         handle = cl.Program(context, source).build([*options_of(device, source), *verbose], [device], no_cache)
         seconds = time.perf_counter() - begun
-        asked = cl.kernel_work_group_info
-        kinds = {name: getattr(asked, name) for name in KERNEL_FIGURES}
+        queries = cl.kernel_work_group_info
+        kinds = {name: getattr(queries, name) for name in KERNEL_FIGURES}
         return {
             "build_seconds": seconds,
             "log": handle.get_build_info(device, cl.program_build_info.LOG).strip()[:LONGEST_LOG],
