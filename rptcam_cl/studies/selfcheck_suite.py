@@ -509,7 +509,7 @@ THUMBNAIL = (16, 8)  # blocks of pixels whose means stand in the report
 KNOWN_SIZE, KNOWN_SPP = 8, 16  # divides width and height; samples of a pixel
 KNOWN_MEANS = {"A": 0.5421156, "A_lens": 0.3248519, "B": 0.1215812, "C": 0.3166448}  # of the film: PoCL 3.0
 OFF = 1e-3  # by which such a mean may be off, relative: approximate roots and quotients change it by 1.3e-5
-LIMIT_S = 600.0  # after which no further step begins
+LIMIT_S = 540.0  # after which no further step begins: the last one has a minute
 
 Triangles = tuple[Array, NDArray[np.int64]]
 Make = Callable[[], tuple[Any, str, bool]]
