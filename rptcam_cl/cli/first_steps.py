@@ -216,7 +216,7 @@ def add_doctor(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--gpu",
         action="store_true",
-        help="find out in about ten minutes at most all that counts of one device, and write a file to send; 5 on failure",
+        help="find out in ten minutes at most all that counts of one device, and write a file to send; 5 on failure",
     )
     parser.add_argument("-o", "--output", type=Path, metavar="FILE", help=f"the file of --gpu (default: {GPU_REPORT})")
     parser.add_argument(
