@@ -33,7 +33,7 @@ from rptcam_cl.rendering.tree_build import (
     widen,
 )
 from rptcam_cl.rendering.trees import WIDTH
-from tests.support.mesh_scene import bumpy_ball, torus_knot
+from rptcam_cl.studies.selfcheck_suite import bumpy_ball, torus_knot
 
 Triangles = tuple[NDArray[np.float32], NDArray[np.int32]]
 STAGES = ("sort into leaves", "binary tree", "move nodes", "wide nodes")

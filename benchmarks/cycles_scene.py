@@ -19,7 +19,7 @@ from rptcam_cl.exchange.camera_view import view
 from rptcam_cl.rendering.plan.environment import axes
 from rptcam_cl.rendering.plan.primitives import mesh_parts
 from rptcam_cl.scene.scene import Scene
-from tests.support.mesh_scene import icosphere
+from rptcam_cl.studies.selfcheck_suite import icosphere
 
 LEVELS = 6  # how often the icosahedron of a sphere is divided
 NEVER = 1024  # bounces that no path has

@@ -25,7 +25,7 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.device.devices import choose_device
 from rptcam_cl.scene.assets.mesh import Draft, MeshSurface, Polygons, as_triangles, make_contents
 from rptcam_cl.scene.meshes import read_mesh_file
-from tests.support.mesh_scene import torus_knot
+from rptcam_cl.studies.selfcheck_suite import torus_knot
 
 ROOT = Path(__file__).resolve().parents[1]
 SIZES = {"small": (128, 32), "300k": (2432, 62), "5M": (9728, 257)}  # 8,192, 301,568 and 5,000,192 triangles

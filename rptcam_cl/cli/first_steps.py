@@ -12,7 +12,16 @@ from rptcam_cl.cli.output import as_bytes, as_json
 from rptcam_cl.cli.parser import Parser, add_device, port
 from rptcam_cl.cli.render import add_render, run_render
 from rptcam_cl.core.errors import DeviceError, InputError, NumericError
-from rptcam_cl.core.files import SCENES, example_files, example_scenes, make_folder, read_whole, replacing
+from rptcam_cl.core.files import (
+    SCENES,
+    check_writable,
+    example_files,
+    example_scenes,
+    fresh_cache,
+    make_folder,
+    read_whole,
+    replacing,
+)
 
 if TYPE_CHECKING:
     from rptcam_cl.studies.selfcheck import Check
@@ -20,6 +29,7 @@ if TYPE_CHECKING:
 # ``rptcam examples``: lists the scenes that come with the package, and copies one to be rendered and changed.
 
 LARGEST = 1 << 26  # bytes of one file
+GPU_REPORT = "rptcam_gpu_report.json"
 
 
 def add_examples(parser: argparse.ArgumentParser) -> None:
@@ -204,6 +214,12 @@ def add_doctor(parser: argparse.ArgumentParser) -> None:
         "--numerics", action="store_true", help="check what the devices compute; exit code 5 on failure"
     )
     parser.add_argument(
+        "--gpu",
+        action="store_true",
+        help="find out in ten minutes at most all that counts of one device, and write a file to send; 5 on failure",
+    )
+    parser.add_argument("-o", "--output", type=Path, metavar="FILE", help=f"the file of --gpu (default: {GPU_REPORT})")
+    parser.add_argument(
         "--device", metavar="SPEC", help="report on this device alone, as in render (default: every device found)"
     )
     parser.add_argument("--json", action="store_true", help="print JSON")
@@ -245,10 +261,40 @@ def _numerics(devices: list[dict[str, Any]], show: bool) -> dict[str, list[dict[
     return checks
 
 
+def _examine(arguments: argparse.Namespace) -> int:
+    """Write the report of one device, and print a line for each step."""
+    from rptcam_cl.device.devices import choose_device
+    from rptcam_cl.device.session import Session
+    from rptcam_cl.studies.selfcheck_suite import CardReport, environment
+
+    if arguments.numerics or arguments.json:
+        raise InputError("rptcam doctor: --gpu checks numerics too and writes JSON to its file; give it alone")
+    path = arguments.output or Path(GPU_REPORT)
+    check_writable(path)
+    info = choose_device(arguments.device)
+    report = CardReport(Session(info, profiling=True))
+    print(f"{info.id} {info.type}  {info.name}", flush=True)
+    with fresh_cache():  # so that trees are built here
+        for line in report.run():
+            print(line, flush=True)
+    written = environment(info.id) | {"failed": report.failed, "report": report.found}
+    with replacing(path) as temporary:
+        temporary.write_text(as_json(written) + "\n", encoding="utf-8")
+    print(f"wrote {path}; please send it to the authors", flush=True)
+    if report.failed:
+        raise NumericError(f"{len(report.failed)} steps failed: {'; '.join(report.failed)}")
+    return 0
+
+
 def run_doctor(arguments: argparse.Namespace) -> int:
     """Report on versions, devices with their drivers, and caches. With --numerics, check what the devices compute at
-    the extremes, in half a minute each. Send the output with a bug report.
+    the extremes, in half a minute each. With --gpu, find out all that counts of one device. Send the output with a
+    bug report.
     """
+    if arguments.gpu:
+        return _examine(arguments)
+    if arguments.output is not None:
+        raise InputError("rptcam doctor: -o is the file of --gpu; give both, or neither")
     from rptcam_cl.studies.selfcheck_suite import as_lines, environment
 
     report = environment(arguments.device)

@@ -72,6 +72,11 @@ def kernels_dir() -> Path:
     return _folder("kernels")
 
 
+def reference_dir() -> Path:
+    """Folder of the reference scenes."""
+    return _folder("tests/data/reference")
+
+
 def lenses_dir() -> Path:
     """Folder of the lens files that come with the package."""
     return _folder("lenses")
@@ -111,6 +116,20 @@ def cache_dir(kind: str) -> Path:
     """
     named = os.environ.get(CACHE_VARIABLE)
     return (Path(named) if named else _system_cache() / "rptcam_cl") / kind
+
+
+@contextlib.contextmanager
+def fresh_cache() -> Iterator[None]:
+    """Keep caches in an empty folder while the block runs, which is removed then."""
+    before = os.environ.get(CACHE_VARIABLE)
+    with scratch_folder() as folder:
+        os.environ[CACHE_VARIABLE] = folder
+        try:
+            yield
+        finally:
+            os.environ.pop(CACHE_VARIABLE)
+            if before is not None:
+                os.environ[CACHE_VARIABLE] = before
 
 
 def _system_cache() -> Path:

@@ -16,7 +16,7 @@ import time
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -466,13 +466,13 @@ def device_details(info: DeviceInfo) -> dict[str, Any]:
         "name": info.name,
         "type": info.type,
         "platform": info.platform,
-        "platform_version": _read_or_none(lambda: info.handle.platform.version.strip()),
-        "driver_version": _read_or_none(lambda: info.handle.driver_version.strip()),
-        "opencl_c": _read_or_none(lambda: info.handle.opencl_c_version.strip()),
+        "platform_version": read_or_none(lambda: info.handle.platform.version.strip()),
+        "driver_version": read_or_none(lambda: info.handle.driver_version.strip()),
+        "opencl_c": read_or_none(lambda: info.handle.opencl_c_version.strip()),
         "compute_units": info.compute_units,
-        "clock_mhz": _read_or_none(lambda: int(info.handle.max_clock_frequency)),
+        "clock_mhz": read_or_none(lambda: int(info.handle.max_clock_frequency)),
         "memory_bytes": info.memory_bytes,
-        "largest_buffer_bytes": _read_or_none(lambda: int(info.handle.max_mem_alloc_size)),
+        "largest_buffer_bytes": read_or_none(lambda: int(info.handle.max_mem_alloc_size)),
         "fp64": info.fp64,
         "problem": problem_of(info),
         "kernel_target": trial.library_arch,
@@ -480,11 +480,27 @@ def device_details(info: DeviceInfo) -> dict[str, Any]:
     }
 
 
-def _read_or_none(read: Callable[[], Any]) -> Any:
+def read_or_none(read: Callable[[], Any]) -> Any:
+    """What a driver answers; None where it raises."""
     try:
         return read()
     except Exception:  # a driver may raise anything; what is wrong with it is said in ``problem``
         return None
+
+
+_PRIVATE = re.compile("PCI|UUID|LUID|TOPOLOGY|OFFSET")  # where a card sits; when the machine started
+
+
+def driver_answers(info: DeviceInfo) -> dict[str, Any]:
+    """Everything that a driver answers about a device in numbers and words, those of its makers' own questions, too."""
+    queries = drivers.load_opencl().device_info
+    names = [name for name in vars(queries) if name.isupper() and not _PRIVATE.search(name)]
+    answers = {name.lower(): read_or_none(partial(info.handle.get_info, getattr(queries, name))) for name in names}
+    return {name: answer for name, answer in answers.items() if _is_plain(answer)}
+
+
+def _is_plain(answer: Any) -> bool:
+    return all(map(_is_plain, answer)) if isinstance(answer, list) else isinstance(answer, int | str)
 
 
 def opencl_version() -> str | None:

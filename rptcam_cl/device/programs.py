@@ -6,8 +6,10 @@ import hashlib
 import os
 import re
 import tempfile
+import time
+import uuid
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -15,7 +17,7 @@ import numpy as np
 from rptcam_cl.core.errors import DeviceError
 from rptcam_cl.core.files import kernels_dir
 from rptcam_cl.core.remember import Disk
-from rptcam_cl.device.devices import AVX512_ARCH, first_error, target_pragma
+from rptcam_cl.device.devices import AVX512_ARCH, first_error, read_or_none, target_pragma
 from rptcam_cl.device.drivers import AS_BEFORE_POCL_7, load_opencl
 
 #
@@ -268,6 +270,38 @@ class Program:
     def parameters(self) -> Parameters:
         """The names of the parameters of each kernel, in their order."""
         return kernel_parameters(self.source)
+
+    def figures(self, context: Any, device: Any) -> dict[str, Any]:
+        """What a driver says of the program when it builds it anew, past every cache: seconds, log and kernels.
+
+        A kernel has bytes of private and of local memory, the largest group and what group sizes are multiples of.
+        NVIDIA's compiler writes the registers of each kernel into the log.
+        """
+        import pyopencl as cl
+
+        source = f"{self.source}\n// {uuid.uuid4()}\n"
+        verbose = ["-cl-nv-verbose"] if "cl_nv_compiler_options" in device.extensions else []
+        no_cache: Any = False  # as pyopencl documents it, past its own types
+        begun = time.perf_counter()
+        handle = cl.Program(context, source).build([*options_of(device, source), *verbose], [device], no_cache)
+        seconds = time.perf_counter() - begun
+        queries = cl.kernel_work_group_info
+        kinds = {name: getattr(queries, name) for name in KERNEL_FIGURES}
+        return {
+            "build_seconds": seconds,
+            "log": handle.get_build_info(device, cl.program_build_info.LOG).strip()[:LONGEST_LOG],
+            "kernels": {
+                kernel.function_name: {
+                    name.lower(): read_or_none(partial(kernel.get_work_group_info, kind, device))
+                    for name, kind in kinds.items()
+                }
+                for kernel in handle.all_kernels()
+            },
+        }
+
+
+KERNEL_FIGURES = ("PRIVATE_MEM_SIZE", "LOCAL_MEM_SIZE", "WORK_GROUP_SIZE", "PREFERRED_WORK_GROUP_SIZE_MULTIPLE")
+LONGEST_LOG = 20_000  # characters
 
 
 _BINARIES = Disk(

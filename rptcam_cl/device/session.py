@@ -131,11 +131,18 @@ class Launch:
             raise DeviceError(f"kernel {self.name} failed on device {self._session.info.id}: {error}") from error
         if not self._program.is_noted:
             self._session.launched(self._program)
+        self._session.note_launch(self.name, event)
         return event
 
 
 class Session:
-    """Context, in-order queue and program cache of one device. Programs are built once and kept."""
+    """Context, in-order queue and program cache of one device. Programs are built once and kept.
+
+    Attributes
+    ----------
+    longest : dict
+        With profiling, the longest launch of each kernel up to the last `finish` [s]; also of those that build trees.
+    """
 
     def __init__(self, info: devices.DeviceInfo, *, profiling: bool = False) -> None:
         cl = load_opencl()
@@ -150,14 +157,15 @@ class Session:
             raise DeviceError(f"device {info.id} {info.name} cannot be used: {problem}; {instead()}")
         try:
             self.context = cl.Context([info.handle])
-            options = {"properties": cl.command_queue_properties.PROFILING_ENABLE} if profiling else {}
-            self.queue = cl.CommandQueue(self.context, info.handle, **options)
+            self.queue = self._new_queue()
         except cl.Error as error:
             raise DeviceError(f"device {info.id} {info.name} cannot be used: {error}") from error
         self._library_arch = devices.try_device(info.handle).library_arch
         self._programs: Memory[Program] = Memory(MOST_PROGRAMS)
         self._building = threading.Lock()
         self._launched: list[Program] = []  # whose code is not noted
+        self._events: list[tuple[str, Any]] = []  # of launches that may not have run
+        self.longest: dict[str, float] = {}
         self._foreseen: dict[str, Program] = {}  # by their sources
         self.is_quick = self._takes_built_only = False  # see `quick`, `built_only`
         self._few_left = [FEW_SAMPLES]  # the same list in every copy
@@ -275,11 +283,9 @@ class Session:
 
     def beside(self) -> Session:
         """Return a session of the same device, buffers and programs with a queue of its own, for another thread."""
-        import pyopencl as cl
-
         other = copy.copy(self)
-        other.queue = cl.CommandQueue(self.context, self.info.handle)
-        other._launched = []
+        other.queue = self._new_queue()
+        other._launched, other._events = [], []
         return other
 
     def alone(self) -> Session:
@@ -310,6 +316,17 @@ class Session:
         other = copy.copy(self)
         other._takes_built_only = self.generates_late
         return other
+
+    def _new_queue(self) -> Any:
+        import pyopencl as cl
+
+        options = {"properties": cl.command_queue_properties.PROFILING_ENABLE} if self.profiling else {}
+        return cl.CommandQueue(self.context, self.info.handle, **options)
+
+    def note_launch(self, name: str, event: Any) -> None:
+        """Keep the event of a launch until it has run, where launches are timed."""
+        if self.profiling:
+            self._events.append((name, event))
 
     def launched(self, program: Program) -> None:
         """Note, once it has run, that the driver has the code of a program."""
@@ -388,6 +405,9 @@ class Session:
         with self._named_failures():
             self.queue.finish()
         self._note_code()
+        for name, event in self._events:
+            self.longest[name] = max(self.longest.get(name, 0.0), (event.profile.end - event.profile.start) * 1e-9)
+        self._events.clear()
 
     @contextmanager
     def _named_failures(self) -> Iterator[None]:

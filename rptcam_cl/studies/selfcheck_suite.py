@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 import os
 import platform
+import statistics
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -16,7 +19,16 @@ from numpy.typing import NDArray
 
 from rptcam_cl.core.constants import LINE_D_NM, __version__
 from rptcam_cl.core.errors import DeviceError, InputError
-from rptcam_cl.device.devices import default_device, device_details, fitting_devices, list_devices, opencl_version
+from rptcam_cl.core.files import reference_dir
+from rptcam_cl.core.strict_yaml import read_yaml
+from rptcam_cl.device.devices import (
+    default_device,
+    device_details,
+    driver_answers,
+    fitting_devices,
+    list_devices,
+    opencl_version,
+)
 from rptcam_cl.device.drivers import pocl_cache_folder
 from rptcam_cl.device.session import Session
 from rptcam_cl.optics.glass import AIR, ConstantIndex
@@ -26,10 +38,11 @@ from rptcam_cl.optics.ray_trace import Rays, Status
 from rptcam_cl.optics.surface import Surface
 from rptcam_cl.rendering.account import film_rays
 from rptcam_cl.rendering.film import FilmLayout
+from rptcam_cl.rendering.passes import PACKETS, Way, fault_of
 from rptcam_cl.rendering.plan.plan import Plan, make_plan
 from rptcam_cl.rendering.progressive import render_plan
 from rptcam_cl.rendering.traceable_lens import Precision, trace_on_device
-from rptcam_cl.rendering.tracer import Wavefront
+from rptcam_cl.rendering.tracer import ORGANISATION, Wavefront
 from rptcam_cl.rendering.trees import cache_folder
 from rptcam_cl.scene.load import change_scene, load_scene
 from rptcam_cl.scene.scene import Scene
@@ -486,3 +499,248 @@ def run_suite(
             reason = f"{type(error).__name__}: {' '.join(str(error).split())}"
             made = selfcheck.Check(name, np.nan, 0, "could not be checked", reason)
         yield (made,) if isinstance(made, selfcheck.Check) else made, time.perf_counter() - begun
+
+
+# The report of a card: what `rptcam doctor --gpu` finds out, each step of it on its own.
+
+SPEED_SCENES = ("A", "A_lens", "B", "C")  # of tests/data/reference
+FULL_SIZE = {"A": (640, 360), "A_lens": (640, 360), "B": (512, 512), "C": (640, 360)}
+THUMBNAIL = (16, 8)  # blocks of pixels whose means stand in the report
+KNOWN_SIZE, KNOWN_SPP = 8, 16  # divides width and height; samples of a pixel
+KNOWN_MEANS = {"A": 0.5421156, "A_lens": 0.3248519, "B": 0.1215812, "C": 0.3166448}  # of the film: PoCL 3.0
+OFF = 1e-3  # by which such a mean may be off, relative: approximate roots and quotients change it by 1.3e-5
+LIMIT_S = 540.0  # after which no further step begins: the last one has a minute
+
+Triangles = tuple[Array, NDArray[np.int64]]
+Make = Callable[[], tuple[Any, str, bool]]
+Step = tuple[str, str, Make]
+"""Section of the report, what it is about, and what makes its value, a word for people and whether it is right."""
+
+
+def torus_knot(along: int = 2048, around: int = 54) -> Triangles:
+    """Points and faces of a tube of radius 0.26 round a (2, 3) torus knot, facing outwards."""
+    scale, tube, center = 0.40, 0.26, np.array([-1.05, 0.0, 1.45])
+
+    def curve(t: Array, core: float = 0.0) -> Array:
+        reach = 2 + (1 - core) * np.cos(3 * t)
+        return scale * np.stack([reach * np.cos(2 * t), -(1 - core) * np.sin(3 * t), reach * np.sin(2 * t)], axis=1)
+
+    t = 2 * np.pi * np.arange(along) / along
+    tangent = curve(t + 1e-4) - curve(t - 1e-4)
+    tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
+    out = curve(t) - curve(t, core=1.0)  # from the circle within the torus
+    out -= (out * tangent).sum(axis=1, keepdims=True) * tangent
+    out /= np.linalg.norm(out, axis=1, keepdims=True)
+    side = np.cross(tangent, out)
+    turn = 2 * np.pi * np.arange(around) / around
+    ring = np.cos(turn)[None, :, None] * out[:, None] + np.sin(turn)[None, :, None] * side[:, None]
+    points = center + curve(t)[:, None] + tube * ring
+    i, j = np.meshgrid(np.arange(along), np.arange(around), indexing="ij")
+    a, b = i * around + j, (i + 1) % along * around + j
+    c, d = (i + 1) % along * around + (j + 1) % around, i * around + (j + 1) % around
+    faces = np.stack([a, c, b, a, d, c], axis=-1).reshape(-1, 3)
+    return points.reshape(-1, 3), faces
+
+
+def icosphere(levels: int) -> Triangles:
+    """An icosahedron whose triangles are divided in four ``levels`` times, on the unit sphere."""
+    g = (1 + 5**0.5) / 2
+    corners: list[tuple[float, float, float]] = [
+        (-1, g, 0),
+        (1, g, 0),
+        (-1, -g, 0),
+        (1, -g, 0),
+        (0, -1, g),
+        (0, 1, g),
+        (0, -1, -g),
+        (0, 1, -g),
+    ]
+    corners += [(g, 0, -1), (g, 0, 1), (-g, 0, -1), (-g, 0, 1)]
+    points = np.array(corners) / np.hypot(1, g)
+    distance = np.linalg.norm(points[:, None] - points[None], axis=-1)
+    near = np.abs(distance - np.sort(distance[0])[1]) < 1e-9
+    faces = np.array(
+        [(a, b, c) for a in range(12) for b in range(a) for c in range(b) if near[a, b] & near[b, c] & near[c, a]]
+    )
+    for _ in range(levels):
+        edges = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+        unique, index = np.unique(edges, axis=0, return_inverse=True)
+        middle = points[unique].sum(axis=1)
+        m = len(points) + index.reshape(-1, 3)
+        points = np.concatenate([points, middle / np.linalg.norm(middle, axis=1, keepdims=True)])
+        (a, b, c), (ab, bc, ca) = faces.T, m.T
+        faces = np.concatenate([np.stack(x, 1) for x in ((a, ab, ca), (b, bc, ab), (c, ca, bc), (ab, bc, ca))])
+    corner = points[faces]
+    inwards = (np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]) * corner[:, 0]).sum(axis=1) < 0
+    faces[inwards] = faces[inwards][:, [0, 2, 1]]
+    return points, faces
+
+
+def bumpy_ball(levels: int = 6) -> Triangles:
+    """Points and faces of a sphere of radius about 1 with bumps of two sizes."""
+    points, faces = icosphere(levels)
+    x, y, z = points.T
+    bumps = 0.10 * np.sin(5 * x + 1) * np.sin(6 * y + 2) * np.sin(7 * z + 3)
+    bumps += 0.04 * np.sin(17 * x) * np.sin(19 * y) * np.sin(23 * z)
+    return points * (1 + bumps)[:, None] + np.array([1.55, 0.6, 1.20]), faces
+
+
+def speed_scene(name: str, shrink: int = 1) -> Scene:
+    """A reference scene, as it is rendered to see how fast a device is: without roulette."""
+    data = dict(read_yaml(reference_dir() / f"{name}.yaml").data)
+    meshes: dict[str, Callable[[], Triangles]] = {"knot.ply": torus_knot, "ball.ply": bumpy_ball}
+    data["objects"] = [
+        {key: value for key, value in each.items() if key != "file"}
+        | (dict(zip(("vertices", "faces"), meshes[each["file"]](), strict=True)) if "file" in each else {})
+        for each in data["objects"]
+    ]
+    width, height = FULL_SIZE[name]
+    camera = {"pupil": "auto"} if name == "A_lens" else {}
+    return change_scene(load_scene(data), film={"resolution": (width // shrink, height // shrink)}, camera=camera)
+
+
+class CardReport:
+    """What is found out about one device, step by step; a step that fails is reported and the next one is taken.
+
+    Parameters
+    ----------
+    session
+        The device; with profiling, or no launch is timed.
+    scenes, suite
+        What is rendered, and the checks of numerics.
+    shrink
+        Divides width and height of the pictures that are timed.
+    seconds
+        That each of them is rendered for.
+
+    Attributes
+    ----------
+    found : dict
+        The report so far, as plain data.
+    failed : list of str
+        Steps that failed or whose result is wrong.
+    """
+
+    def __init__(
+        self,
+        session: Session,
+        scenes: Sequence[str] = SPEED_SCENES,
+        suite: Mapping[str, CheckMaker] = SUITE,
+        shrink: int = 1,
+        seconds: float = 5.0,
+    ) -> None:
+        self._session, self._shrink, self._seconds = session, shrink, seconds
+        self._wavefronts: dict[str, Wavefront] = {}
+        self.found: dict[str, Any] = {}
+        self.failed: list[str] = []
+        ways = dict.fromkeys((Way(ORGANISATION[session.kind], PACKETS if session.lanes > 1 else 1), Way("passes", 1)))
+        self._steps: list[Step] = [
+            ("driver", "answers", self._answers),
+            *(("numerics", name, partial(self._numerics, name, make)) for name, make in suite.items()),
+            *(("trial", str(way), partial(self._trial, way)) for way in ways),
+        ]
+        for name in scenes:
+            self._steps += [
+                ("builds", name, partial(self._build, name)),
+                ("pictures", name, partial(self._picture, name)),
+                ("speeds", name, partial(self._speed, name)),
+            ]
+        self._steps += [
+            ("kernels", "figures of the driver", self._kernels),
+            ("launches", "longest of each kernel", self._launches),
+        ]
+
+    def run(self, limit_s: float = LIMIT_S) -> Iterator[str]:
+        """Take every step that begins within a limit, and yield a line of each."""
+        begun = time.perf_counter()
+        for number, (section, name, make) in enumerate(self._steps, 1):
+            before = time.perf_counter()
+            if before - begun > limit_s:
+                value, word, right = {"left_out": f"{limit_s:.0f} s were over"}, "left out, as time is over", True
+            else:
+                try:
+                    value, word, right = make()
+                except Exception as error:  # whatever a driver throws belongs in the report
+                    word = f"{type(error).__name__}: {' '.join(str(error).split())}"
+                    value, right = {"error": word}, False
+            if not right:
+                self.failed.append(f"{section}, {name}")
+            seconds = time.perf_counter() - before
+            self.found.setdefault(section, {})[name] = {"seconds": seconds, "right": right, "value": value}
+            verdict = "" if right else "FAIL "
+            yield f"[{number}/{len(self._steps)}] {section}, {name}: {verdict}{word} ({seconds:.1f} s)"
+
+    def _answers(self) -> tuple[Any, str, bool]:
+        answers = driver_answers(self._session.info)
+        return answers, f"{len(answers)} answers", True
+
+    def _numerics(self, name: str, make: CheckMaker) -> tuple[Any, str, bool]:
+        ((checks, _),) = run_suite(self._session, {name: make})
+        made = [check for check in checks if not check.skipped]
+        passed = sum(check.passed for check in made)
+        value = [{**vars(check), "passed": check.passed} for check in checks]
+        return value, f"{passed} of {len(made)} checks passed", passed == len(made)
+
+    def _trial(self, way: Way) -> tuple[Any, str, bool]:
+        fault = fault_of(self._session, way, Wavefront)
+        return {"fault": fault}, fault or "the known picture", fault is None
+
+    def _picture(self, name: str) -> tuple[Any, str, bool]:
+        """A small picture: its mean beside the known one, a hash of its bits, and means of its blocks."""
+        scene = speed_scene(name, KNOWN_SIZE)
+        wavefront = Wavefront(self._session, make_plan(scene), FilmLayout.of(scene.film), scene.render)
+        film = render_plan(wavefront, spp=KNOWN_SPP, seconds=None, has_lens=False).pixels
+        mean = float(film.mean(dtype=np.float64))
+        off = abs(mean / KNOWN_MEANS[name] - 1)
+        height, width = (size // blocks for size, blocks in zip(film.shape, THUMBNAIL[::-1], strict=False))
+        cut = film[: height * THUMBNAIL[1], : width * THUMBNAIL[0]].astype(np.float64)
+        blocks = cut.reshape(THUMBNAIL[1], height, THUMBNAIL[0], width, 3).mean(axis=(1, 3))
+        sha256 = hashlib.sha256(np.ascontiguousarray(film, "<f4").tobytes()).hexdigest()
+        value = {"mean": mean, "off": off, "sha256": sha256, "blocks": blocks.round(5).ravel().tolist()}
+        return value, f"mean {mean:.6f}, off by {off:.1e}", off <= OFF
+
+    def _build(self, name: str) -> tuple[Any, str, bool]:
+        """Everything up to the first sample of a picture of full size, as kernels and trees lie in caches or not."""
+        scene = speed_scene(name, self._shrink)
+        wavefront = Wavefront(self._session, make_plan(scene), FilmLayout.of(scene.film), scene.render)
+        wavefront.warm_up()
+        self._wavefronts[name] = wavefront
+        value: dict[str, Any] = {"slots": wavefront.capacity, "samples_of_wave": wavefront.samples_per_wave}
+        value |= {"bytes": dict(vars(wavefront.needs)), "organisation": wavefront.organisation}
+        return value, f"{wavefront.capacity} slots, as {wavefront.organisation}", True
+
+    def _speed(self, name: str) -> tuple[Any, str, bool]:
+        """Paths from the camera per second: whole waves by the clock, and what each pass has of the time."""
+        wavefront, first, rounds = self._wavefronts.pop(name), 0, list[float]()
+        wavefront.clear()
+        samples, pixels = wavefront.samples_per_wave, wavefront.layout.width * wavefront.layout.height
+        while len(rounds) < 2 or sum(rounds) < self._seconds:
+            begun = time.perf_counter()
+            for wave in wavefront.waves(first, samples):
+                wavefront.enqueue(*wave)
+            wavefront.finish()
+            seconds = time.perf_counter() - begun
+            first += samples
+            if seconds < self._seconds / 20:  # so that a wait for the last wave does not count
+                samples *= 2
+            else:
+                rounds.append(seconds)
+        rates = [samples * pixels / seconds for seconds in rounds]
+        value: dict[str, Any] = {
+            "paths_per_second": statistics.median(rates),
+            "fastest": max(rates),
+            "rounds": len(rounds),
+        }
+        value |= {"passes_seconds": dict(wavefront.passes), "samples": first}
+        return value, f"{value['paths_per_second'] / 1e6:.3g} million paths a second", True
+
+    def _kernels(self) -> tuple[Any, str, bool]:
+        session = self._session
+        value = [program.figures(session.context, session.info.handle) for program in session.programs]
+        return value, f"{len(value)} programs, built in {sum(each['build_seconds'] for each in value):.1f} s", True
+
+    def _launches(self) -> tuple[Any, str, bool]:
+        self._session.finish()
+        longest = self._session.longest
+        name = max(longest, key=lambda each: longest[each])
+        return dict(longest), f"{name}, {longest[name]:.3f} s", True

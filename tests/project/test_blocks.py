@@ -46,6 +46,7 @@ REASONS = {
     "takes several devices",
     "takes the extra denoise",
     "takes compilers for GPUs",
+    "takes a minute of a device",
     "serves until Ctrl-C",
 }
 

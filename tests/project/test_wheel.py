@@ -14,9 +14,11 @@ from hatchling.builders.wheel import WheelBuilder
 from packaging.requirements import Requirement
 
 from rptcam_cl.core.files import EXAMPLES, SCENES
+from rptcam_cl.studies.selfcheck_suite import SPEED_SCENES
 
 ONE_FILE = [f"examples/{name}.yaml" for name in EXAMPLES]
-DATA = ("kernels/", "lenses/", *(f"examples/{file}" for files in SCENES.values() for file in files))
+REFERENCE = (f"tests/data/reference/{name}.yaml" for name in SPEED_SCENES)
+DATA = ("kernels/", "lenses/", *REFERENCE, *(f"examples/{file}" for files in SCENES.values() for file in files))
 
 
 def wheel_of(root: Path, folder: Path) -> Path:

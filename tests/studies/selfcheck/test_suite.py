@@ -1,5 +1,6 @@
 """The checks of a device: a sound one passes them all, and each fault in the kernels fails one."""
 
+import itertools
 import json
 import math
 from dataclasses import replace
@@ -7,15 +8,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.scenes import reference_scene
 from rptcam_cl.cli import main
 from rptcam_cl.core.errors import DeviceError
 from rptcam_cl.device.devices import choose_device
 from rptcam_cl.device.session import Session
 from rptcam_cl.optics.library import load_lens
 from rptcam_cl.rendering.account import film_rays
+from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.studies import selfcheck_suite
 from rptcam_cl.studies.selfcheck import Check, film_values
-from rptcam_cl.studies.selfcheck_suite import SUITE, run_suite
+from rptcam_cl.studies.selfcheck_suite import FULL_SIZE, SUITE, CardReport, run_suite, speed_scene
 from tests.support.mutants import Mutant, assert_found, each_mutant
 
 
@@ -175,3 +178,109 @@ def test_doctor_without_a_device_reports_all_the_same(monkeypatch, capsys):
     streams = capsys.readouterr()
     assert "no device: no OpenCL platform was found" in streams.out
     assert streams.err == "error: no OpenCL platform was found\n"
+
+
+@pytest.fixture
+def small_report(monkeypatch):
+    """A report of one scene that is done in seconds."""
+    few = {"random numbers": SUITE["random numbers"]}
+    monkeypatch.setattr(CardReport.__init__, "__defaults__", (("B",), few, 16, 0.02))
+
+
+def test_report_of_a_card_has_every_section_and_the_known_picture(small_report, tmp_path, capsys):
+    file = tmp_path / "card.json"
+    assert main(["doctor", "--gpu", "-o", str(file)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    written = json.loads(file.read_text("utf-8"))
+    report = written["report"]
+    steps = [(section, name) for section, each in report.items() for name in each]
+    assert len(lines) == len(steps) + 2
+    assert all(f"[{n}/{len(steps)}] " in line for n, line in enumerate(lines[1:-1], 1))
+    assert [*report] == ["driver", "numerics", "trial", "builds", "pictures", "speeds", "kernels", "launches"]
+    assert written["failed"] == []
+    assert [device["id"] for device in written["devices"]] == [choose_device().id]
+    assert all(step["right"] and "error" not in step["value"] for each in report.values() for step in each.values())
+    assert report["driver"]["answers"]["value"]["name"] == choose_device().name
+    assert {trial["value"]["fault"] for trial in report["trial"].values()} == {None}
+    kernels = {
+        name: kernel
+        for each in report["kernels"]["figures of the driver"]["value"]
+        for name, kernel in each["kernels"].items()
+    }
+    assert kernels["stream"]["preferred_work_group_size_multiple"] > 0
+    assert kernels["stream"]["work_group_size"] > 0
+    assert report["launches"]["longest of each kernel"]["value"]["stream"] > 0
+
+
+def test_speed_of_a_report_is_paths_over_the_seconds_of_their_round(session, monkeypatch):
+    ticks = itertools.count()
+    monkeypatch.setattr(selfcheck_suite.time, "perf_counter", lambda: float(next(ticks)))
+    report = CardReport(Session(session.info, profiling=True), ("B",), {}, 16, 3.5)
+    list(report.run())
+    wave = report.found["builds"]["B"]["value"]["samples_of_wave"]
+    speed = report.found["speeds"]["B"]["value"]
+    assert (speed["rounds"], speed["samples"]) == (4, 4 * wave)
+    assert speed["paths_per_second"] == speed["fastest"] == wave * 32 * 32
+    longest = report.found["launches"]["longest of each kernel"]["value"]["stream"]
+    assert 0.25 * speed["passes_seconds"]["stream"] <= longest
+
+
+def test_report_names_steps_that_are_wrong_and_goes_on(small_report, monkeypatch, tmp_path, capsys):
+    monkeypatch.setitem(selfcheck_suite.KNOWN_MEANS, "B", 0.1)
+    monkeypatch.setattr(selfcheck_suite, "fault_of", lambda *_: "3 of 256 pixels")
+    not_a_number = {"broken": lambda _: Check("x", math.nan, 1.0, "mm")}
+    monkeypatch.setattr(CardReport.__init__, "__defaults__", (("B",), not_a_number, 16, 0.02))
+    file = tmp_path / "card.json"
+    assert main(["doctor", "--gpu", "-o", str(file)]) == 5
+    streams = capsys.readouterr()
+    written = json.loads(file.read_text("utf-8"))
+    assert [step.split(",")[0] for step in written["failed"]] == ["numerics", "trial", "trial", "pictures"]
+    assert written["report"]["pictures"]["B"]["value"]["off"] == pytest.approx(0.2158, abs=1e-3)
+    assert written["report"]["speeds"]["B"]["right"]
+    assert "pictures, B: FAIL mean 0.12" in streams.out
+    assert "pictures, B" in streams.err
+
+
+def test_report_leaves_out_what_would_begin_too_late(session):
+    report = CardReport(session, ("B",), {}, 16, 0.02)
+    assert all("left out, as time is over" in line for line in report.run(-1.0))
+    assert report.found["speeds"]["B"]["value"] == {"left_out": "-1 s were over"}
+
+
+def test_report_is_written_whole_or_not_at_all(small_report, monkeypatch, tmp_path, capsys):
+    def stopped(_):
+        raise KeyboardInterrupt
+
+    file = tmp_path / "card.json"
+    file.write_text("before")
+    monkeypatch.setattr(CardReport, "_kernels", stopped)
+    assert main(["doctor", "--gpu", "-o", str(file)]) != 0
+    assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [("card.json", "before")]
+    capsys.readouterr()
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--gpu", "--json"], "give it alone"),
+        (["--gpu", "--numerics"], "give it alone"),
+        (["-o", "x.json"], "-o is the file of --gpu"),
+        (["--gpu", "-o", "no/such/folder/x.json"], "no/such/folder"),
+    ],
+)
+def test_options_that_do_not_go_with_the_report_are_refused(options, said, capsys):
+    assert main(["doctor", *options]) != 0
+    assert said in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_every_scene_of_the_report_is_the_reference_scene_and_right(session):
+    report = CardReport(Session(session.info, profiling=True), shrink=8, seconds=0.2)
+    list(report.run())
+    assert report.failed == []
+    for name, size in FULL_SIZE.items():
+        ours, reference = speed_scene(name, 8), reference_scene(name, shrink=8)
+        assert ours.film.resolution == (size[0] // 8, size[1] // 8) == reference.film.resolution
+        films = [selfcheck_suite.picture(session, each, make_plan(each)) for each in (ours, reference)]
+        np.testing.assert_allclose(films[0].mean(), films[1].mean(), rtol=1e-5)
+    assert {"subtree", "stream"} <= {*report.found["launches"]["longest of each kernel"]["value"]}
