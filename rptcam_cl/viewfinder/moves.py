@@ -7,6 +7,7 @@ import math
 import pickle
 from collections.abc import Callable, Sequence
 from dataclasses import astuple, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -21,7 +22,7 @@ from rptcam_cl.scene.lens_settings import METHODS
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.studies.focus.controller import autofocus
 from rptcam_cl.studies.focus.drives import focus_drive
-from rptcam_cl.studies.focus.probe import FocusReport
+from rptcam_cl.studies.focus.probe import FocusReport, NoContrast
 
 # Camera moves: what a drag or a key does to eye, target and up.
 
@@ -243,6 +244,8 @@ def focus_at(
 ) -> FocusReport:
     """Find the focus on a point of the picture, the answer of ``rptcam focus SCENE --point x,y``.
 
+    Where nothing there tells focus from blur, it is by the distance of what is there, and says so.
+
     Parameters
     ----------
     scene
@@ -250,18 +253,29 @@ def focus_at(
     x, y
         In fractions of the picture from its left and top.
     method
-        In place of the scene's, or of contrast.
+        In place of the scene's, or of contrast; its answer stands.
     on_probe, on_state
         Called with every probe, and with every state that the focus is taken to be in by now.
 
     Raises
     ------
     NoContrast, OutOfReach
-        Nothing there tells focus from blur; it is nearer than the camera can focus, or farther.
+        Nothing is there; it is nearer than the camera can focus, or farther.
     InputError
         The camera has no focus, or an argument is wrong.
     """
-    return autofocus(scene, _method(method), point=(x, y), device=device, on_probe=on_probe, on_state=on_state)
+    search = partial(autofocus, scene, point=(x, y), device=device, on_probe=on_probe, on_state=on_state)
+    if method is not None:
+        return search(_method(method))
+    try:
+        found = search(None)
+        if found.failure is None:
+            return found
+        fault = found.failure
+    except NoContrast as problem:
+        fault = str(problem)
+    by_distance = search("depth")
+    return replace(by_distance, remarks=(*by_distance.remarks, f"by distance alone, as by contrast {fault}"))
 
 
 def focus_zones(

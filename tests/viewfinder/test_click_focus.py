@@ -76,6 +76,21 @@ def test_zones_and_curve_are_those_of_the_command(
     assert len(found["curve"]) == len(expected["details"]) >= 1
 
 
+def test_click_on_what_has_no_texture_focuses_by_its_distance() -> None:
+    """Whoever names a method has the answer of that one."""
+    blank = {
+        "shape": "rectangle", "corner": [-2, -2, -1.2], "edge_u": [4, 0, 0], "edge_v": [0, 4, 0],
+        "material": {"kind": "matte", "reflectance": [0.5, 0.5, 0.5]},
+    }  # fmt: skip
+    scene = load_scene(CONTENT | {"objects": [blank]})
+    found = focus_at(scene, open_session(None), 0.5, 0.5)
+    assert found.method == "depth" and found.failure is None
+    assert found.focus_distance_m == pytest.approx(scene.camera.eye[2] + 1.2, rel=1e-3)
+    assert any("by distance alone, as by contrast" in remark for remark in found.remarks)
+    with pytest.raises(NoContrast):
+        focus_at(scene, open_session(None), 0.5, 0.5, "contrast")
+
+
 def test_what_cannot_be_focused_is_refused(scene: Scene) -> None:
     device = open_session(None)
     for method in ("sonar", ""):

@@ -40,8 +40,8 @@ def lamp():
 
 
 MUTANTS = [
-    Mutant("fused edge functions", "#pragma OPENCL FP_CONTRACT OFF\n    const", "#pragma OPENCL FP_CONTRACT ON\n    const",
-           leaks),
+    Mutant("fused edge functions", "#pragma OPENCL FP_CONTRACT OFF\n    const",
+           "#pragma OPENCL FP_CONTRACT ON\n    const", leaks),
     Mutant("planes of a slab with finite inverse", "return (d < 0.0f ? (F)(-1.0f) : ONE) / absolute(d);",
            "return (d < 0.0f ? (F)(-1.0f) : ONE) / MAX(absolute(d), (F)(1e-18f));", trees),
     Mutant("no step off the surface", "with_sign(vertex.offset, dot3(vertex.ng, d))", "ZERO", departures),
