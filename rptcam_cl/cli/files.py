@@ -264,6 +264,9 @@ def add_new(parser: argparse.ArgumentParser) -> None:
         help="length of a unit of the model [m]: 0.001 where it counts millimetres (default: 1)",
     )  # fmt: skip
     parser.add_argument("--reframe", action="store_true", help="frame the model, even if its file has a camera")
+    parser.add_argument(
+        "--time-s", type=float, metavar="T", help="moment of a glTF file's animations [s] (default: the pose at rest)"
+    )
 
 
 def run_new(arguments: argparse.Namespace) -> int:
@@ -280,7 +283,7 @@ def run_new(arguments: argparse.Namespace) -> int:
     if target.exists():
         raise InputError(f"{target}: is there already; choose another name, or remove it first")
     check_writable(target)
-    names = ("model", "hdri", "lens", "size", "up", "metres_per_unit", "reframe")
+    names = ("model", "hdri", "lens", "size", "up", "metres_per_unit", "reframe", "time_s")
     for message in write_new(target, {name: getattr(arguments, name) for name in names}):
         print(message, file=sys.stderr)
     named, picture = shlex.quote(str(target)), shlex.quote(f"{target.stem}.png")

@@ -24,7 +24,7 @@ from rptcam_cl.scene.assets.gltf import GltfCamera, read_gltf_world
 from rptcam_cl.scene.assets.mesh import LAMPS_LEFT_OUT, MeshPlacement
 from rptcam_cl.scene.assets.pictures import read_picture
 from rptcam_cl.scene.load import load_scene
-from rptcam_cl.scene.meshes import read_mesh_file
+from rptcam_cl.scene.meshes import GLTF, read_mesh_file
 
 # Files that a new scene names: those elsewhere are copied beside it, because a scene reads its own folder only.
 
@@ -112,7 +112,6 @@ def _check_file(path: Path) -> Path:
 
 Array = NDArray[np.float64]
 MOST_POINTS = 20_000  # of a part, which say how large it looks to a hundredth of a per cent
-GLTF = (".gltf", ".glb")
 
 
 @dataclass(frozen=True)
@@ -166,8 +165,8 @@ class Subject:
         return float(distance[met].min()) if met.any() else None
 
 
-def read_subject(path: Path) -> Subject:
-    """Read the subject of a mesh file.
+def read_subject(path: Path, time_s: float | None = None) -> Subject:
+    """Read the subject of a mesh file, one of glTF at a time.
 
     Raises
     ------
@@ -177,8 +176,9 @@ def read_subject(path: Path) -> Subject:
     real = _check_file(path)
     folders = Folders(real.parent, owner="model")
     with named_files() as files:
-        contents = read_mesh_file(real, folders.find_beside(real))
-        cameras, lights, left_out = read_gltf_world(real) if real.suffix.lower() in GLTF else ([], [], [])
+        find = folders.find_beside(real)
+        contents = read_mesh_file(real, find, time_s=time_s)
+        cameras, lights, left_out = read_gltf_world(real, find, time_s) if real.suffix.lower() in GLTF else ([], [], [])
         bare = any(part.material is None for part in contents.parts)
         missing = () if bare else _missing_pictures(real)
     points, triangles = zip(*map(_place_part, contents.parts), strict=True)
@@ -504,6 +504,8 @@ class Start:
         Length of a unit of the model [m].
     reframe : bool
         Whether a camera of the model's file does not count.
+    time_s : float or None
+        Moment of the animations of a glTF file; None is the pose at rest.
     scene : dict
         Its data.
     report : list of str
@@ -518,6 +520,7 @@ class Start:
     up: str | None = None
     metres_per_unit: float = 1.0
     reframe: bool = False
+    time_s: float | None = None
     scene: dict[str, Any] = field(default_factory=dict)
     report: list[str] = field(default_factory=list)
 
@@ -528,7 +531,7 @@ class Start:
 
     @cached_property
     def _subject(self) -> Subject:
-        return balls() if self.model is None else read_subject(self.model)
+        return balls() if self.model is None else read_subject(self.model, self.time_s)
 
     @cached_property
     def _up(self) -> Array:
@@ -537,6 +540,8 @@ class Start:
 
     def build(self) -> None:
         """Make the scene."""
+        if self.time_s is not None and self.model is None:
+            raise InputError(f"time_s: is a moment of a model (got {self.time_s:g} without one; allowed: a glTF file)")
         subject = self._subject
         self.scene["metres_per_unit"] = self.metres_per_unit
         self.report += subject.notes
@@ -690,6 +695,8 @@ class Start:
             scene["objects"] = [*subject.objects, *scene.get("objects", [])]
             return
         keys: dict[str, Any] = {"name": "model", "shape": "mesh", "file": self.copies.name_of(self.model)}
+        if self.time_s is not None:
+            keys["time_s"] = self.time_s
         self.copies.add_companions(self.model, subject.files)
         if subject.bare:
             keys["material"] = "model"

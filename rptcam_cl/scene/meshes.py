@@ -60,13 +60,15 @@ from rptcam_cl.scene.materials import (
     ThinGlass,
 )
 from rptcam_cl.scene.placement import MATERIAL_NAME, Bounds, PlacedObject
-from rptcam_cl.scene.quantities import LARGEST_COORDINATE, LARGEST_GAIN, LARGEST_RADIANCE, Colour
+from rptcam_cl.scene.quantities import LARGEST_COORDINATE, LARGEST_GAIN, LARGEST_RADIANCE, Colour, Moment
 
 # Mesh files by their suffix.
 
 
-def read_draft(path: Path, find: Find) -> Draft:
-    """Read a mesh file of one of `SUFFIXES`, unchecked."""
+def read_draft(path: Path, find: Find, time_s: float | None = None) -> Draft:
+    """Read a mesh file of one of `SUFFIXES`, unchecked; one of glTF at a time."""
+    if time_s is not None and path.suffix.lower() not in GLTF:
+        raise InputError(f"{path}: has no animations, so no time_s (got {time_s:g}; allowed: none, or a glTF file)")
     match path.suffix.lower():  # no scene imports the readers of formats that it does not have
         case ".ply":
             from rptcam_cl.scene.assets.ply import read_ply
@@ -82,13 +84,14 @@ def read_draft(path: Path, find: Find) -> Draft:
             return Draft([read_stl(path)])
     from rptcam_cl.scene.assets.gltf import read_gltf
 
-    return read_gltf(path, find)
+    return read_gltf(path, find, time_s)
 
 
-SUFFIXES = (".ply", ".obj", ".gltf", ".glb", ".stl")
+GLTF = (".gltf", ".glb")
+SUFFIXES = (".ply", ".obj", *GLTF, ".stl")
 
 
-def read_mesh_file(path: Path, find: Find, *, painted: bool = True) -> MeshContents:
+def read_mesh_file(path: Path, find: Find, *, painted: bool = True, time_s: float | None = None) -> MeshContents:
     """Read a mesh file.
 
     Parameters
@@ -99,6 +102,8 @@ def read_mesh_file(path: Path, find: Find, *, painted: bool = True) -> MeshConte
         Returns the checked path of a further file that this one names.
     painted
         Whether it is shown in its own materials, and so in the colours of its vertices.
+    time_s : float, optional
+        A moment of the animations of a glTF file; without it the pose is at rest.
 
     Raises
     ------
@@ -110,7 +115,7 @@ def read_mesh_file(path: Path, find: Find, *, painted: bool = True) -> MeshConte
         if not path.stat().st_size:
             raise InputError(f"{path}: is empty")
         with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is found by looking at the numbers
-            return make_contents(read_draft(path, find), str(path), painted=painted)
+            return make_contents(read_draft(path, find, time_s), str(path), painted=painted)
     except OSError as problem:
         raise InputError(f"{path}: cannot be read ({problem.strerror or problem})") from None
 
@@ -559,12 +564,12 @@ class MeshLibrary:
         return item if item.mesh is None else self._named[item.mesh]
 
     def _key(self, source: MeshSource) -> Hashable:
-        """Identify the triangles of a source: by path, size and time of a file, or by the lists written out."""
+        """Identify the triangles of a source: by path, size, time and moment of a file, or by the lists written out."""
         if source.file is None:
             return tuple(map(id, (source.vertices, source.faces, source.uvs, source.given_normals, source.colors)))
         path = self._folders.find(source.file)
         state = path.stat()
-        return path, state.st_size, state.st_mtime_ns
+        return path, state.st_size, state.st_mtime_ns, source.time_s
 
     def load(self, item: MeshObject) -> LoadedMesh:
         """Return the parts and materials of an object; they are found once.
@@ -589,7 +594,8 @@ class MeshLibrary:
                 plain = _read_written_mesh(source, painted=painted)
             else:
                 path = self._folders.find(source.file)
-                plain = read_mesh_file(path, self._folders.find_beside(path), painted=painted)
+                find = self._folders.find_beside(path)
+                plain = read_mesh_file(path, find, painted=painted, time_s=source.time_s)
             self._known[key, "auto", painted] = plain.sharing(self._meshes)
         if (key, mode, painted) not in self._known:
             plain = self._known[key, "auto", painted]
@@ -644,6 +650,9 @@ class MeshSource(SceneModel):
     file: FilePath | None = None
     """Mesh file in the scene's folder: .ply, .obj, .stl, .gltf or .glb."""
 
+    time_s: Moment | None = None
+    """Moment [s] of the animations of a glTF file; without it, the pose is at rest."""
+
     vertices: Points | None = None
     """Vertices [scene units], a list of [x, y, z]."""
 
@@ -662,6 +671,13 @@ class MeshSource(SceneModel):
         """The normals that are written out."""
         normals = getattr(self, "normals", None)
         return normals if isinstance(normals, Vectors) else None
+
+    @model_validator(mode="after")
+    def _check_time(self) -> Self:
+        if self.time_s is not None and not (self.file or "").lower().endswith(GLTF):
+            got, allowed = self.file or "another mesh", " or ".join(GLTF)
+            raise refuse("is a moment of a glTF file", got=got, allowed=f"beside a file {allowed}", path=("time_s",))
+        return self
 
     @model_validator(mode="after")
     def _check_lists(self) -> Self:

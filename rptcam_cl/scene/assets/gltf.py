@@ -1,4 +1,4 @@
-"""glTF 2.0 files, .gltf and .glb: meshes at their places in the tree of nodes, materials, cameras and lamps."""
+"""glTF 2.0 files, .gltf and .glb, at a time: meshes at their places in the tree of nodes, materials, cameras, lamps."""
 
 from __future__ import annotations
 
@@ -122,6 +122,11 @@ class JsonNode:
             raise self.wrong(key, f"must be {len(default)} finite numbers", f"a list of {len(default)} numbers")
         return tuple(float(value) for value in values)
 
+    def with_changes(self, key: str, changes: Mapping[int, Mapping[str, Any]]) -> JsonNode:
+        """Return the mapping with further keys of those in the list of a key, by their places there."""
+        rows = [{**row, **changes.get(index, {})} for index, row in enumerate(self._list(key))]
+        return JsonNode({**self._value, key: rows}, self.place)
+
     def texts(self, key: str) -> list[str]:
         """Return the texts in the list of a key."""
         values = self._list(key)
@@ -240,7 +245,7 @@ MOST_JSON_BYTES = 256_000_000
 MOST_ZEROS = 10_000_000  # entries of an array that has no data, which no file size bounds
 
 COMPONENTS = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
-WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
+WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 
 Octets = NDArray[np.uint8]
 
@@ -716,17 +721,206 @@ def _transform_keys(transform: JsonNode) -> dict[str, Any]:
     }
 
 
+# Animations, morph targets and skins: the pose of a file at a time, or at rest.
+#
+# Source: glTF 2.0, sections 3.7.2.2 (morph targets), 3.7.3 (skins), 3.11 and appendix C (animations).
+
+PATHS = {"translation": "VEC3", "rotation": "VEC4", "scale": "VEC3", "weights": "SCALAR"}
+INTERPOLATIONS = {"LINEAR": 1, "STEP": 1, "CUBICSPLINE": 3}  # rows of each key: a spline has tangents on both sides
+
+
+def pose_at(document: JsonNode, data: Data, time_s: float | None) -> tuple[JsonNode, list[str]]:
+    """Put the nodes of a document where its animations have them at a time; say what of these is left out.
+
+    All animations play together, but one that moves what an earlier one moves: that is another clip of the same thing.
+    Before the first key of a channel its first value holds, after the last its last.
+    """
+    animations = document.parts("animations")
+    if time_s is None:
+        text = "animations are left out, and the pose is at rest; `time_s` gives a moment of them"
+        return document, [f"{document.place}: {text}"] if animations else []
+    nodes = document.parts("nodes")
+    changes: dict[int, dict[str, list[float]]] = {}
+    notes: list[str] = []
+    for animation in animations:
+        moved = _moved_by(animation, nodes, data, time_s, notes)
+        if any(path in changes.get(index, {}) for index, path in moved):
+            name = animation.text("name") or "it"
+            notes.append(f"{animation.place}: {name} moves what an earlier animation moves and is left out")
+            continue
+        for (index, path), values in moved.items():
+            changes.setdefault(index, {})[path] = values
+    if not animations:
+        notes.append(f"{document.place}: has no animations, so `time_s` changes nothing")
+    return document.with_changes("nodes", changes), notes
+
+
+def _moved_by(
+    animation: JsonNode, nodes: list[JsonNode], data: Data, time_s: float, notes: list[str]
+) -> dict[tuple[int, str], list[float]]:
+    """Evaluate the channels of an animation, by node and path."""
+    samplers = animation.parts("samplers")
+    moved: dict[tuple[int, str], list[float]] = {}
+    for channel in animation.parts("channels"):
+        target = channel.part("target")
+        path = target.text("path")
+        if path == "pointer":  # KHR_animation_pointer
+            notes.append(f"{target.place}: what it animates is no node, and is left out")
+            continue
+        if path not in PATHS:
+            raise target.wrong("path", "is not known", ", ".join(PATHS))
+        if not target.has("node"):
+            continue
+        index = target.whole("node", below=len(nodes))
+        if nodes[index].has("matrix") and path != "weights":
+            raise nodes[index].wrong("matrix", "is beside an animation", "translation, rotation and scale")
+        sampler = samplers[channel.whole("sampler", below=len(samplers))]
+        moved[index, path] = _sample(sampler, data, path, time_s)
+    return moved
+
+
+def _sample(sampler: JsonNode, data: Data, path: str, time_s: float) -> list[float]:
+    """Interpolate between the keys of a sampler."""
+    way = sampler.text("interpolation", "LINEAR")
+    if way not in INTERPOLATIONS:
+        raise sampler.wrong("interpolation", "is not known", ", ".join(INTERPOLATIONS))
+    times = data.array(sampler.whole("input", below=data.count), ("SCALAR",))[:, 0].astype(np.float64)
+    if not len(times) or not np.isfinite(times).all() or (np.diff(times) < 0).any():
+        raise sampler.wrong("input", "has no times that rise", "an accessor of rising seconds")
+    values = data.array(sampler.whole("output", below=data.count), (PATHS[path],)).astype(np.float64)
+    width, rest = divmod(values.size, len(times) * INTERPOLATIONS[way])
+    if rest or not width or (path != "weights" and width != values.shape[1]):
+        raise sampler.wrong("output", f"has {len(values)} entries", f"as many as its {len(times)} times need")
+    rows = values.reshape(len(times), INTERPOLATIONS[way], width)
+    at = min(max(time_s, times[0]), times[-1])
+    first = min(int(np.searchsorted(times, at, "right")) - 1, max(0, len(times) - 2))
+    second = min(first + 1, len(times) - 1)
+    span = times[second] - times[first]
+    share = (at - times[first]) / span if span > 0 else float(second > first)
+    match way:
+        case "STEP":
+            result = rows[second if share >= 1 else first, 0]
+        case "LINEAR" if path == "rotation":
+            result = _slerp(rows[first, 0], rows[second, 0], share)
+        case "LINEAR":
+            result = (1 - share) * rows[first, 0] + share * rows[second, 0]
+        case _:
+            square, cube = share**2, share**3
+            result = (2 * cube - 3 * square + 1) * rows[first, 1] + span * (cube - 2 * square + share) * rows[first, 2]
+            result = result + (3 * square - 2 * cube) * rows[second, 1] + span * (cube - square) * rows[second, 0]
+    return [float(value) for value in result]
+
+
+def _slerp(first: NDArray[np.float64], second: NDArray[np.float64], share: float) -> NDArray[np.float64]:
+    """Interpolate between quaternions on the shorter way (Shoemake 1985)."""
+    lengths = np.linalg.norm(first), np.linalg.norm(second)
+    if not min(lengths) > 0:
+        return first  # which its node refuses, as it does a second one when its time has come
+    first, second = first / lengths[0], second / lengths[1]
+    cosine = float(first @ second)
+    if cosine < 0:
+        second, cosine = -second, -cosine
+    sine = float(np.linalg.norm(second - cosine * first))
+    angle = math.atan2(sine, cosine)
+    if sine < 1e-9:
+        return second if share >= 1 else first
+    return np.asarray((math.sin((1 - share) * angle) * first + math.sin(share * angle) * second) / math.sin(angle))
+
+
+def _weights(node: JsonNode, mesh: JsonNode) -> tuple[float, ...]:
+    """Return the weights of morph targets where a node shows a mesh: the node's, the mesh's, or zeros."""
+    count = max((len(primitive.parts("targets")) for primitive in mesh.parts("primitives")), default=0)
+    if not count:
+        return ()
+    of_mesh = mesh.numbers("weights", (0.0,) * count)
+    return node.numbers("weights", of_mesh) if node.has("weights") else of_mesh
+
+
+def _morph(rows: NDArray[Any], key: str, primitive: JsonNode, weights: tuple[float, ...], data: Data) -> NDArray[Any]:
+    """Add to an attribute (n, 3) what the morph targets of a primitive have by their weights."""
+    for target, weight in zip(primitive.parts("targets"), weights, strict=False):
+        if weight == 0 or not target.has(key):
+            continue
+        steps = data.array(target.whole(key, below=data.count), ("VEC3",))
+        if len(steps) != len(rows):
+            raise target.wrong(key, f"has {len(steps)} entries", f"{len(rows)}, as the primitive has")
+        rows = rows + weight * steps.astype(np.float64)
+    return rows
+
+
+def _joints(skin: JsonNode, document: JsonNode, data: Data) -> NDArray[np.float64]:
+    """Return the matrices (j, 4, 4) by which the joints of a skin place what is bound to them."""
+    nodes = document.parts("nodes")
+    places = {node.place: placement for node, placement in placed_nodes(document)}
+    numbers = skin.wholes("joints", below=len(nodes))
+    if not numbers or any(nodes[number].place not in places for number in numbers):
+        raise skin.wrong("joints", "are not in the scene that is shown", "nodes of that scene")
+    result = np.stack([places[nodes[number].place] for number in numbers])
+    if not skin.has("inverseBindMatrices"):
+        return result
+    inverse = data.array(skin.whole("inverseBindMatrices", below=data.count), ("MAT4",)).astype(np.float64)
+    if len(inverse) < len(numbers):
+        raise skin.wrong("inverseBindMatrices", f"has {len(inverse)} entries", f"one for each of {len(numbers)} joints")
+    with np.errstate(over="ignore", invalid="ignore"):  # triangles with what is not finite are dropped
+        return np.asarray(result @ inverse[: len(numbers)].reshape(-1, 4, 4).transpose(0, 2, 1))
+
+
+def _blend(vertices: Vertices, joints: NDArray[np.float64], place: str) -> NDArray[np.float64]:
+    """Return the matrix (n, 3, 4) of each vertex: the mean of its joints' by their weights."""
+    blended: Any = 0.0
+    total: Any = 0.0
+    unbound = joints[:1, :3]
+    for number in range(100):
+        which, shares = (vertices.rows(f"{key}_{number}", ("VEC4",)) for key in ("JOINTS", "WEIGHTS"))
+        if which is None or shares is None:
+            break
+        which = np.where(shares != 0, which, 0).astype(np.int64)
+        if which.size and int(which.max()) >= len(joints):
+            raise InputError(
+                f"{place}: names a joint that is not there (got {which.max()}; allowed: below {len(joints)})"
+            )
+        for joint, share in zip(which.T, shares.T.astype(np.float64), strict=True):
+            blended = blended + share[:, None, None] * joints[joint, :3]
+            total = total + share
+    if isinstance(total, float):
+        raise InputError(f"{place}: is shown with a skin, but has no JOINTS_0 and WEIGHTS_0")
+    bound = (total != 0)[:, None, None]  # the sum is 1 but for rounding; what is bound to nothing follows one joint
+    return np.asarray(np.where(bound, blended / np.where(bound, total[:, None, None], 1), unbound))
+
+
+def _skin(surface: MeshSurface, matrices: NDArray[np.float64]) -> MeshSurface:
+    """Return a surface whose vertices are placed by a matrix each; a mirror image keeps its front."""
+    turns = matrices[:, :, :3]
+    positions = np.einsum("nij,nj->ni", turns, surface.positions.astype(np.float64)) + matrices[:, :, 3]
+    a, b, c = turns[:, 0], turns[:, 1], turns[:, 2]
+    cofactors = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1)
+    mirrors = np.einsum("ni,ni->n", a, cofactors[:, 0]) < 0
+    normals = surface.normals
+    if normals is not None:
+        wide = np.einsum("nij,nj->ni", cofactors, normals.astype(np.float64)) * np.where(mirrors, -1, 1)[:, None]
+        length = np.linalg.norm(wide, axis=1, keepdims=True)
+        normals = (wide / np.where(length > 0, length, 1)).astype(np.float32)
+    corners = np.where(mirrors[surface.faces[:, :1]], surface.faces[:, ::-1], surface.faces)
+    return replace(surface, positions=positions, faces=corners, normals=normals)
+
+
 # glTF 2.0 files, .gltf and .glb: meshes, their places in the tree of nodes, and materials.
 
 # Extensions that a file may require. What others do not require and are not listed here is left out.
 LIGHTS, VARIANTS, INSTANCES = "KHR_lights_punctual", "KHR_materials_variants", "EXT_mesh_gpu_instancing"
+Pose = tuple[str, tuple[float, ...], str | None]  # of a mesh: the weights of its morph targets, and its skin
 KNOWN_EXTENSIONS = (
     *FOLLOWED, DRACO, MESHOPT, INSTANCES, VARIANTS, WEBP, LIGHTS, "KHR_mesh_quantization", "KHR_texture_transform",
 )  # fmt: skip
 
 
-def read_gltf(path: Path, find: Find) -> Draft:
+def read_gltf(path: Path, find: Find, time_s: float | None = None) -> Draft:
     """Return the surfaces of a glTF file, one for each triangle primitive, and a part for each node that shows one.
+
+    Parameters
+    ----------
+    time_s : float, optional
+        A moment of its animations; without it the pose is at rest.
 
     Raises
     ------
@@ -736,22 +930,26 @@ def read_gltf(path: Path, find: Find) -> Draft:
     document, binary = read_container(path)
     _check_version(document, path)
     data = Data(document, binary, path.parent, find)
+    document, notes = pose_at(document, data, time_s)
     materials = GltfMaterials(document, data)
-    meshes = document.parts("meshes")
+    meshes, skins = document.parts("meshes"), document.parts("skins")
     surfaces: list[MeshSurface] = []
-    places: dict[int, list[int]] = {}
+    places: dict[Pose, list[int]] = {}
     nodes: list[Node] = []
-    for mesh, placement, name in placed_meshes(document, data):
-        if mesh not in places:
-            part, before = meshes[mesh], len(surfaces)
-            title = part.text("name") or None
-            shown = [_surface(primitive, data, materials, title) for primitive in part.parts("primitives")]
+    for node, placement in placed_meshes(document, data):
+        mesh = meshes[node.whole("mesh", below=len(meshes))]
+        skin = skins[node.whole("skin", below=len(skins))] if node.has("skin") else None
+        pose = mesh.place, _weights(node, mesh), None if skin is None else skin.place
+        if pose not in places:
+            joints, before = None if skin is None else _joints(skin, document, data), len(surfaces)
+            title = mesh.text("name") or None
+            shown = [_surface(part, data, materials, title, pose[1], joints) for part in mesh.parts("primitives")]
             surfaces += [surface for surface in shown if surface is not None]
-            places[mesh] = list(range(before, len(surfaces)))
-        nodes += [(index, placement, name or surfaces[index].name) for index in places[mesh]]
+            places[pose] = list(range(before, len(surfaces)))
+        nodes += [(index, placement, node.text("name") or surfaces[index].name) for index in places[pose]]
     if not nodes:
         raise InputError(f"{path}: its scene shows no triangles")
-    return Draft(surfaces, materials.materials, nodes, [*materials.notes, *_left_out(document)])
+    return Draft(surfaces, materials.materials, nodes, [*materials.notes, *notes, *_left_out(document)])
 
 
 def _check_version(document: JsonNode, path: Path) -> None:
@@ -768,16 +966,26 @@ def _left_out(document: JsonNode) -> list[str]:
     primitives = [primitive for mesh in document.parts("meshes") for primitive in mesh.parts("primitives")]
     omissions = {
         LAMPS_LEFT_OUT: any(part.parts("lights") for part in document.extensions(LIGHTS)),
-        "skins are left out": bool(document.parts("skins")),
-        "animations are left out": bool(document.parts("animations")),
-        "morph targets are left out": any(primitive.has("targets") for primitive in primitives),
+        "morph targets of colours and texture coordinates are left out": any(
+            name.startswith(("COLOR", "TEXCOORD"))
+            for primitive in primitives
+            for target in primitive.parts("targets")
+            for name in target.names()
+        ),
         "variants of materials are left out; the default materials show": VARIANTS in document.texts("extensionsUsed"),
     }
     return [f"{document.place}: {text}" for text, there in omissions.items() if there]
 
 
-def _surface(primitive: JsonNode, data: Data, materials: GltfMaterials, name: str | None) -> MeshSurface | None:
-    """Return the triangles of a primitive, None when it has none."""
+def _surface(
+    primitive: JsonNode,
+    data: Data,
+    materials: GltfMaterials,
+    name: str | None,
+    weights: tuple[float, ...],
+    joints: NDArray[np.float64] | None,
+) -> MeshSurface | None:
+    """Return the triangles of a primitive in the pose of its morph targets and joints, None when it has none."""
     mode = primitive.whole("mode", TRIANGLES)
     if mode not in (TRIANGLES, STRIP, FAN):
         return None
@@ -792,27 +1000,30 @@ def _surface(primitive: JsonNode, data: Data, materials: GltfMaterials, name: st
         return None
     check_corners(Polygons(np.arange(len(corners)), corners), len(positions), f"{primitive.place}: face")
     colours = vertices.rows("COLOR_0", ("VEC3", "VEC4"))
-    return MeshSurface(
-        positions,
+    normals = vertices.rows("NORMAL", ("VEC3",))
+    surface = MeshSurface(
+        _morph(positions, "POSITION", primitive, weights, data),
         corners,
-        vertices.rows("NORMAL", ("VEC3",)),
+        None if normals is None else _morph(normals, "NORMAL", primitive, weights, data),
         None if uvs is None else np.column_stack([uvs[:, 0], 1 - uvs[:, 1]]),
         material,
         name,
         None if colours is None else colours[:, :3],
     )
+    return surface if joints is None else _skin(surface, _blend(vertices, joints, primitive.place))
 
 
-def placed_meshes(document: JsonNode, data: Data) -> Iterator[tuple[int, NDArray[np.float64], str | None]]:
-    """Yield the meshes of the default scene with their placement and name, parents before children."""
-    meshes = len(document.parts("meshes"))
+def placed_meshes(document: JsonNode, data: Data) -> Iterator[tuple[JsonNode, NDArray[np.float64]]]:
+    """Yield the nodes of the default scene that show a mesh and where, parents before children.
+
+    A mesh with a skin is where its joints put it, and not where its node is (glTF 2.0, 3.7.3.3).
+    """
     for node, parent in placed_nodes(document):
         if not node.has("mesh"):
             continue
-        for instance in _instances(node, data):
-            placement = parent @ instance
+        for placement in [np.eye(4)] if node.has("skin") else [parent @ each for each in _instances(node, data)]:
             if _can_be_shown(placement, node):
-                yield node.whole("mesh", below=meshes), placement, node.text("name") or None
+                yield node, placement
 
 
 def _instances(node: JsonNode, data: Data) -> list[NDArray[np.float64]]:
@@ -929,17 +1140,21 @@ class GltfCamera:
     aspect: float | None
 
 
-def read_gltf_world(path: Path) -> tuple[list[GltfCamera], list[dict[str, Any]], list[str]]:
+def read_gltf_world(
+    path: Path, find: Find | None = None, time_s: float | None = None
+) -> tuple[list[GltfCamera], list[dict[str, Any]], list[str]]:
     """Read the cameras and lamps that the default scene of a glTF file shows, and notes on what is left out.
 
-    Lamps have the keys of a scene's lights.
+    Lamps have the keys of a scene's lights. At a time, which takes `find`, they are where animations move them.
 
     Raises
     ------
     InputError
         When the file is not as glTF 2.0 says.
     """
-    document, _ = read_container(path)
+    document, binary = read_container(path)
+    if find is not None:
+        document, _ = pose_at(document, Data(document, binary, path.parent, find), time_s)
     all_cameras = document.parts("cameras")
     all_lights = [light for part in document.extensions(LIGHTS) for light in part.parts("lights")]
     cameras: list[GltfCamera] = []

@@ -320,3 +320,17 @@ def test_gltf_without_indices_of_cameras_is_refused(home: Path) -> None:
     with pytest.raises(InputError, match=r"nodes\[1\]\.camera: must be a whole number in its range"):
         starting_scene(home, home / "room.gltf")
     assert json.loads((home / "room.gltf").read_text())["nodes"][1]["camera"] == 3
+
+
+def test_model_is_framed_at_its_time(home: Path) -> None:
+    writer = triangle()
+    keys = {"input": writer.array([0, 1]), "output": writer.array([[0, 0, 0], [8, 0, 0]])}
+    channel = {"sampler": 0, "target": {"node": 0, "path": "translation"}}
+    writer.json["animations"] = [{"samplers": [keys], "channels": [channel]}]
+    (home / "leaf.glb").write_bytes(writer.glb())
+    rest, late = (starting_scene(home, home / "leaf.glb", time_s=time_s).scene for time_s in (None, 0.5))
+    assert np.allclose(np.subtract(late["camera"]["eye"], rest["camera"]["eye"]), [4, 0, 0], atol=1e-4)
+    assert late["objects"][0]["time_s"] == 0.5
+    assert "time_s" not in rest["objects"][0]
+    with pytest.raises(InputError, match="time_s: is a moment of a model"):
+        starting_scene(home, time_s=0.5)

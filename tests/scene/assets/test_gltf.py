@@ -136,15 +136,14 @@ def test_node_without_size_shows_nothing(read: Read) -> None:
 
 
 def test_what_changes_the_looks_and_is_left_out_is_noted(read: Read) -> None:
-    writer = triangle(targets=[{}])
-    writer.json |= {"skins": [{}], "animations": [{}], "cameras": [{}], "extensionsUsed": ["KHR_materials_variants"]}
+    writer = triangle(targets=[{"COLOR_0": 0}])
+    writer.json |= {"animations": [{}], "cameras": [{}], "extensionsUsed": ["KHR_materials_variants"]}
     writer.json["extensions"] = {"KHR_lights_punctual": {"lights": [{"type": "point"}]}}
     notes = [note.partition("glTF: ")[2] for note in read("a.glb", writer.glb()).notes]
     assert notes == [
+        "animations are left out, and the pose is at rest; `time_s` gives a moment of them",
         "lamps are left out of an object; `rptcam new` makes a scene with them",
-        "skins are left out",
-        "animations are left out",
-        "morph targets are left out",
+        "morph targets of colours and texture coordinates are left out",
         "variants of materials are left out; the default materials show",
     ]
 
