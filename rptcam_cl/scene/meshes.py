@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Hashable, Iterable, Mapping
 from contextlib import suppress
+from dataclasses import replace
+from io import BytesIO
 from numbers import Integral
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
@@ -22,7 +24,7 @@ from pydantic import (
 )
 
 from rptcam_cl.core.errors import InputError, MissingFileError
-from rptcam_cl.core.files import Folders, known_suffix
+from rptcam_cl.core.files import Folders, known_suffix, name_errors
 from rptcam_cl.scene.assets.mesh import (
     Draft,
     FileMaterial,
@@ -38,7 +40,7 @@ from rptcam_cl.scene.assets.mesh import (
     make_contents,
     winding_number,
 )
-from rptcam_cl.scene.assets.pictures import has_alpha
+from rptcam_cl.scene.assets.pictures import has_alpha, read_picture
 from rptcam_cl.scene.base import Alternatives, SceneModel, describe, number_at, one_pixel, refuse, unknown_name
 from rptcam_cl.scene.materials import (
     LARGEST_INDEX,
@@ -58,6 +60,7 @@ from rptcam_cl.scene.materials import (
     NormalMap,
     Principled,
     ThinGlass,
+    Translucent,
 )
 from rptcam_cl.scene.placement import MATERIAL_NAME, Bounds, PlacedObject
 from rptcam_cl.scene.quantities import LARGEST_COORDINATE, LARGEST_GAIN, LARGEST_RADIANCE, Colour, Moment
@@ -309,6 +312,8 @@ class _Translation:
             return Emissive(kind="emissive", radiance=radiance, two_sided=given.both_sides)
         if given.matte and not emits:
             return Matte(kind="matte", reflectance=self._base(), **self._normals, **self._cover)
+        if given.translucency > 0 and not given.matte:
+            return self._sheet()
         if given.transmission == 0 or given.solid:
             return self._solid()
         return self._pane()
@@ -341,12 +346,23 @@ class _Translation:
         parts = (self._principled(0.0, {}), ThinGlass(kind="thin_glass", **glass))
         return Mix(kind="mix", materials=parts, factor=share, **self._cover)
 
+    def _sheet(self) -> Material:
+        """Return a thin sheet that passes light evenly, beside what does not pass."""
+        given = self._given
+        share = self._share(given.translucency, self._with_alpha(given.translucency_texture), "a")
+        color = self._colour(given.translucency_color, given.translucency_color_texture)
+        keys: dict[str, Any] = {"kind": "translucent", "reflectance": (0.0, 0.0, 0.0), "transmittance": color}
+        if share == 1:
+            return Translucent(**keys, **self._normals, **self._cover)
+        parts = (self._principled(0.0, {}), Translucent(**keys, **self._normals))
+        return Mix(kind="mix", materials=parts, factor=share, **self._cover)
+
     def _principled(self, transmission: float, cover: dict[str, Any]) -> Principled:
         given = self._given
         gloss: dict[str, Any] = {"specular": 0.0, "roughness": 1.0} if given.matte else {
             "specular": self._specular(),
             "metallic": self._share(given.metallic, given.metallic_texture, "b"),
-            "roughness": self._share(given.roughness, given.roughness_texture, "g"),
+            "roughness": self._roughness(),
             "anisotropy_rotation_degrees": given.anisotropy_rotation_degrees,
             "clearcoat": self._share(given.clearcoat, given.clearcoat_texture, "r"),
             "clearcoat_roughness": self._share(given.clearcoat_roughness, given.clearcoat_roughness_texture, "g"),
@@ -375,10 +391,24 @@ class _Translation:
             return {"clearcoat_flat": given.clearcoat_flat and given.normals is not None}
         return {"clearcoat_normal_map": self._normal_map(given.clearcoat_normals, given.clearcoat_normals_strength)}
 
+    def _roughness(self) -> float | ImageTexture:
+        """The roughness; where glossiness is painted, a picture of what that leaves of 1."""
+        given, gloss = self._given, self._with_alpha(self._given.gloss_texture)
+        if gloss is None:
+            return self._share(given.roughness, given.roughness_texture, "g")
+        with name_errors(f"material {given.name!r}: {gloss.name}"):
+            alpha = read_picture(self._source(gloss)).texels[..., 3]
+        share = alpha / np.float32(255) if alpha.dtype == np.uint8 else alpha
+        stream = BytesIO()
+        np.save(stream, np.rint(255 * (1 - (1 - given.roughness) * share)).astype(np.uint8))
+        return self._texture(replace(gloss, source=stream.getvalue(), name=f"roughness of {gloss.name}"), channel="r")
+
     def _specular(self) -> float | ImageTexture:
-        file_texture = self._given.specular_texture
-        painted = file_texture is not None and has_alpha(self._source(file_texture))
-        return self._share(self._given.specular, file_texture if painted else None, "a")
+        return self._share(self._given.specular, self._with_alpha(self._given.specular_texture), "a")
+
+    def _with_alpha(self, file_texture: FileTexture | None) -> FileTexture | None:
+        """Return a picture that has an alpha channel, None for one without, where it is 1."""
+        return file_texture if file_texture is not None and has_alpha(self._source(file_texture)) else None
 
     def _reflectance(self, transmission: float) -> dict[str, Any]:
         """Return index and colour of the reflectance head on; the index takes what of the colour exceeds 1."""

@@ -63,6 +63,10 @@ class JsonNode:
         """Return whether a key is there."""
         return key in self._value
 
+    def is_mapping(self, key: str) -> bool:
+        """Return whether a key holds a mapping."""
+        return isinstance(self._value.get(key), dict)
+
     def names(self) -> list[str]:
         """Return the keys."""
         return list(self._value)
@@ -511,7 +515,8 @@ PICTURES = ("image/png", "image/jpeg", "image/webp", "")
 WEBP = "EXT_texture_webp"
 
 FOLLOWED = (
-    "KHR_materials_anisotropy", "KHR_materials_clearcoat", "KHR_materials_emissive_strength", "KHR_materials_ior",
+    "KHR_materials_anisotropy", "KHR_materials_clearcoat", "KHR_materials_diffuse_transmission",
+    "KHR_materials_emissive_strength", "KHR_materials_ior", "KHR_materials_pbrSpecularGlossiness",
     "KHR_materials_sheen", "KHR_materials_specular", "KHR_materials_transmission", "KHR_materials_unlit",
     "KHR_materials_volume",
 )  # fmt: skip
@@ -609,12 +614,62 @@ class GltfMaterials:
             else:
                 texture = self._texture(transmission, "transmissionTexture")
                 material = replace(material, transmission_texture=texture)
+        for gloss in part.extensions("KHR_materials_pbrSpecularGlossiness"):
+            material = self._specular_gloss(gloss, material, part.text("alphaMode", "OPAQUE") == "OPAQUE")
+        for diffuse in part.extensions("KHR_materials_diffuse_transmission"):
+            material = self._diffuse_transmission(diffuse, material)
         for _ in part.extensions("KHR_materials_unlit"):
             material = replace(material, matte=True)
         for other in part.part("extensions").names():
             if other.startswith("KHR_materials_") and other not in FOLLOWED:
                 self.notes.append(f"{part.place}: {other} is left out")
         return self._add_layers(part, material)
+
+    def _specular_gloss(self, gloss: JsonNode, material: FileMaterial, opaque: bool) -> FileMaterial:
+        """Return a material whose base, metal and facets are by specular colour and glossiness.
+
+        Its diffuse colour is what the largest channel of the specular colour leaves of diffuseFactor.
+        """
+        *diffuse, alpha = (min(1.0, max(0.0, value)) for value in gloss.numbers("diffuseFactor", (1.0,) * 4))
+        specular = [min(1.0, max(0.0, value)) for value in gloss.numbers("specularFactor", (1.0,) * 3)]
+        base, facets = (self._texture(gloss, key) for key in ("diffuseTexture", "specularGlossinessTexture"))
+        left = 1 - max(specular) if facets is None else 1.0
+        if facets is not None:
+            self.notes.append(f"{gloss.place}: the painted specular colour does not darken the diffuse one")
+        return replace(
+            material,
+            base_color=_colour([value * left for value in diffuse]),
+            base_texture=base,
+            metallic=0.0,
+            metallic_texture=None,
+            roughness=1 - gloss.number("glossinessFactor", 1.0, 0, 1),
+            roughness_texture=None,
+            gloss_texture=facets,
+            index=1.5,
+            specular=1.0,
+            specular_texture=None,
+            specular_color=_colour([value / 0.04 for value in specular]),  # an index of 1.5 reflects 0.04 head on
+            specular_color_texture=facets,
+            opacity=1.0 if opaque else alpha,
+            opacity_texture=None if opaque else base,
+        )
+
+    def _diffuse_transmission(self, diffuse: JsonNode, material: FileMaterial) -> FileMaterial:
+        """Return a material with what passes a thin sheet evenly."""
+        if material.transmission > 0 or max(material.emission) > 0:
+            self.notes.append(f"{diffuse.place} is left out beside transmission or emission")
+            return material
+        if material.metallic > 0 and material.metallic_texture is not None:
+            self.notes.append(f"{diffuse.place}: passes light where the painting says metal, too")
+        text = "is that of a thin sheet, and the gloss shows by the share that it does not pass"
+        self.notes.append(f"{diffuse.place}: {text}")
+        return replace(
+            material,
+            translucency=diffuse.number("diffuseTransmissionFactor", 0.0, 0, 1) * (1 - material.metallic),
+            translucency_texture=self._texture(diffuse, "diffuseTransmissionTexture"),
+            translucency_color=_colour(diffuse.numbers("diffuseTransmissionColorFactor", (1.0,) * 3)),
+            translucency_color_texture=self._texture(diffuse, "diffuseTransmissionColorTexture"),
+        )
 
     def _add_layers(self, part: JsonNode, material: FileMaterial) -> FileMaterial:
         """Return a material with what extensions put over it: coat, sheen and the direction of its brushing."""
@@ -953,7 +1008,7 @@ def read_gltf(path: Path, find: Find, time_s: float | None = None) -> Draft:
 
 
 def _check_version(document: JsonNode, path: Path) -> None:
-    version = document.part("asset").text("version")
+    version = document.part("asset").text("version") or ("1.0, by its form" if document.is_mapping("meshes") else "")
     if version.split(".")[0] != "2":
         raise InputError(f"{path}: is not glTF 2.0 (got version {version or 'none'!s}; allowed: 2.0)")
     if missing := [name for name in document.texts("extensionsRequired") if name not in KNOWN_EXTENSIONS]:

@@ -104,6 +104,13 @@ class FileMaterial:
         directions in r and g, along u and v, and strengths in b.
     anisotropy_rotation_degrees : float
         Of those directions, from u towards v.
+    gloss_texture : FileTexture or None
+        Its alpha channel is a factor on 1 - roughness, in place of the painting of roughness.
+    translucency : float
+        Share of the surface that is a thin sheet which passes light evenly to its other side; the painting is read in
+        its alpha channel.
+    translucency_color : (red, green, blue)
+        Of the light that passes, linear, 0 to 1.
     """
 
     name: str = ""
@@ -144,6 +151,11 @@ class FileMaterial:
     anisotropy: float = 0.0
     anisotropy_texture: FileTexture | None = None
     anisotropy_rotation_degrees: float = 0.0
+    gloss_texture: FileTexture | None = None
+    translucency: float = 0.0
+    translucency_texture: FileTexture | None = None
+    translucency_color: Colour = (1.0, 1.0, 1.0)
+    translucency_color_texture: FileTexture | None = None
 
     @property
     def has_textures(self) -> bool:

@@ -9,8 +9,11 @@ import numpy as np
 import pytest
 
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.files import Folders
 from rptcam_cl.scene.assets.mesh import FileMaterial, MeshContents
 from rptcam_cl.scene.assets.pictures import has_alpha, read_picture
+from rptcam_cl.scene.materials import ImageTexture, Mix, Principled, Translucent
+from rptcam_cl.scene.meshes import material_of as scene_material
 
 from .conftest import Read
 from .gltf_writer import GltfWriter, triangle
@@ -220,6 +223,21 @@ def test_surface_without_texture_coordinates_has_no_pictures(read: Read) -> None
     [
         ({"extensions": {"KHR_materials_iridescence": {}}}, {}, "materials[0]: KHR_materials_iridescence is left out"),
         (
+            {"extensions": {"KHR_materials_diffuse_transmission": {}}},
+            {},
+            "KHR_materials_diffuse_transmission: is that of a thin sheet, and the gloss shows by the share",
+        ),
+        (
+            {"emissiveFactor": [1, 0, 0], "extensions": {"KHR_materials_diffuse_transmission": {}}},
+            {},
+            "KHR_materials_diffuse_transmission is left out beside transmission or emission",
+        ),
+        (
+            {"extensions": {"KHR_materials_pbrSpecularGlossiness": {"specularGlossinessTexture": {"index": 0}}}},
+            {},
+            "Glossiness: the painted specular colour does not darken the diffuse one",
+        ),
+        (
             {"extensions": {"KHR_materials_sheen": {"sheenRoughnessTexture": {"index": 0}}}},
             {},
             "KHR_materials_sheen.sheenRoughnessTexture is left out",
@@ -255,6 +273,83 @@ def test_surface_without_texture_coordinates_has_no_pictures(read: Read) -> None
 def test_what_is_left_out_is_noted(read: Read, material: dict[str, Any], parts: dict[str, Any], note: str) -> None:
     notes = contents_of(read, material, **parts).notes
     assert any(note in text for text in notes), notes
+
+
+def rgba(*levels: int) -> bytes:
+    """Return the PNG file of a row of texels of these alphas."""
+    import io
+
+    import PIL.Image
+
+    image = PIL.Image.new("RGBA", (len(levels), 1))
+    for column, level in enumerate(levels):
+        image.putpixel((column, 0), (255, 128, 0, level))
+    stream = io.BytesIO()
+    image.save(stream, "PNG")
+    return stream.getvalue()
+
+
+def test_specular_colour_and_glossiness_are_an_index_a_colour_and_roughness(read: Read) -> None:
+    """Head on the surface reflects specularFactor; what its largest channel leaves of the diffuse colour is diffuse."""
+    specular = [0.2, 0.1, 0.05]
+    gloss = {"diffuseFactor": [0.5, 0.25, 1, 0.3], "specularFactor": specular, "glossinessFactor": 0.7}
+    found = material_of(read, {
+        "pbrMetallicRoughness": {"metallicFactor": 1, "baseColorFactor": [0, 0, 0, 1]},
+        "extensions": {"KHR_materials_pbrSpecularGlossiness": gloss},
+    })  # fmt: skip
+    shown = scene_material(found, Folders())
+    assert isinstance(shown, Principled)
+    at_normal = ((shown.index - 1) / (shown.index + 1)) ** 2
+    assert isinstance(shown.specular_color, tuple)
+    assert [at_normal * value for value in shown.specular_color] == pytest.approx(specular)
+    assert shown.base_color == pytest.approx((0.4, 0.2, 0.8))
+    assert (shown.metallic, shown.roughness, shown.opacity) == (0, pytest.approx(0.3), 1)
+    blended = {"alphaMode": "BLEND", "extensions": {"KHR_materials_pbrSpecularGlossiness": gloss}}
+    assert material_of(read, blended).opacity == 0.3
+
+
+def test_painted_glossiness_is_what_roughness_leaves_of_1(read: Read) -> None:
+    writer = textured({"extensions": {"KHR_materials_pbrSpecularGlossiness": {
+        "specularFactor": [0.5, 1, 0.25], "glossinessFactor": 0.8, "specularGlossinessTexture": {"index": 0},
+    }}})  # fmt: skip
+    writer.json["images"] = [{"bufferView": writer.view(rgba(0, 51, 255)), "mimeType": "image/png"}]
+    found = read("a.glb", writer.glb()).parts[0].material
+    assert found is not None
+    shown = scene_material(found, Folders())
+    assert isinstance(shown, Principled)
+    assert isinstance(shown.roughness, ImageTexture) and isinstance(shown.specular_color, ImageTexture)
+    roughness = read_picture(shown.roughness.source(Folders())).texels[0, :, 0] / 255
+    assert roughness == pytest.approx([1, 1 - 0.8 * 0.2, 0.2], abs=0.5 / 255)
+    assert shown.roughness.channel == "r"
+    at_normal = ((shown.index - 1) / (shown.index + 1)) ** 2
+    assert at_normal * np.array(shown.specular_color.gain) == pytest.approx(0.996 * np.array([0.5, 1, 0.25]), rel=0.005)
+
+
+def test_diffuse_transmission_is_a_translucent_share(read: Read) -> None:
+    leaf = {"diffuseTransmissionFactor": 0.25, "diffuseTransmissionColorFactor": [0.2, 0.9, 0.1]}
+    given = {
+        "pbrMetallicRoughness": {"metallicFactor": 0, "baseColorFactor": [0.4, 0.6, 0.2, 1]},
+        "extensions": {"KHR_materials_diffuse_transmission": leaf},
+    }
+    shown = scene_material(material_of(read, given), Folders())
+    assert isinstance(shown, Mix)
+    solid, sheet = shown.materials
+    assert isinstance(solid, Principled) and isinstance(sheet, Translucent)
+    assert (shown.factor, solid.base_color) == (0.25, (0.4, 0.6, 0.2))
+    assert (sheet.reflectance, sheet.transmittance) == ((0, 0, 0), (0.2, 0.9, 0.1))
+    leaf["diffuseTransmissionFactor"] = 1
+    assert isinstance(scene_material(material_of(read, given), Folders()), Translucent)
+    given["pbrMetallicRoughness"]["metallicFactor"] = 0.5
+    half = scene_material(material_of(read, given), Folders())
+    assert isinstance(half, Mix) and half.factor == 0.5
+    leaf["diffuseTransmissionTexture"] = {"index": 0}
+    writer = textured(given)
+    writer.json["images"] = [{"bufferView": writer.view(rgba(10, 20)), "mimeType": "image/png"}]
+    found = read("a.glb", writer.glb()).parts[0].material
+    assert found is not None
+    painted = scene_material(found, Folders())
+    assert isinstance(painted, Mix) and isinstance(painted.factor, ImageTexture)
+    assert (painted.factor.channel, painted.factor.gain) == ("a", (0.5, 0.5, 0.5))
 
 
 def test_unlit_is_matte(read: Read) -> None:
