@@ -4,8 +4,8 @@
 
 NVIDIA's OpenCL compiler (Debian's libnvidia-nvvm4) and assembler (ptxas of PyPI's nvidia-cuda-nvcc-cu12), AMD's back
 end (clang with rocm-device-libs) and Intel's (intel-ocloc), about 800 MB on x86-64 with `dpkg`. Programs come with the
-C library of their suite and are run by its loader, so that they start on any Linux. Sizes and sums of packages are
-those of Debian's index, which is read over https.
+C library of their suite and are run by its loader, so that they start on any Linux. Packages come from the mirror of
+this system's sources, or that of DEBIAN_MIRROR; their sums are those of its index, which is read over https.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import hashlib
 import lzma
+import os
 import shutil
 import subprocess
 import sys
@@ -24,7 +25,7 @@ from functools import lru_cache
 from pathlib import Path
 
 FOLDER = Path(__file__).resolve().parents[1] / ".gpu-tools"
-DEBIAN = "https://deb.debian.org/debian"
+SOURCES = Path("/etc/apt")
 LIBRARIES = "usr/lib/x86_64-linux-gnu"
 # What compiles no kernel: clang depends on it for programs of this machine.
 NOT_NEEDED = ("libstdc++-", "libgcc-", "libobjc-", "libc6-dev", "binutils", "gcc-", "debconf", "libc-gconv")
@@ -48,6 +49,18 @@ TOOLS = {
 _ROOTS = {"nvidia": False, "amd": True, "intel": True}  # whether it brings its own C library
 
 
+@lru_cache(maxsize=1)
+def mirror() -> str:
+    """Return the address of a mirror of Debian."""
+    lists = (SOURCES / "sources.list", *sorted((SOURCES / "sources.list.d").glob("*")))
+    words = [word for each in lists if each.is_file() for word in each.read_text("utf-8", errors="replace").split()]
+    known = [os.environ.get("DEBIAN_MIRROR", ""), *(word for word in words if word.rstrip("/").endswith("/debian"))]
+    for address in known:
+        if address.startswith(("http://", "https://")):
+            return f"https://{address.partition('://')[2].rstrip('/')}"
+    raise SystemExit("this system's sources name no mirror of Debian (set DEBIAN_MIRROR to the address of one)")
+
+
 def fetched(address: str) -> bytes:
     """Return what stands at an address."""
     with urllib.request.urlopen(address, timeout=60) as answer:
@@ -57,7 +70,7 @@ def fetched(address: str) -> bytes:
 @lru_cache(maxsize=4)
 def index(suite: str, area: str) -> dict[str, dict[str, str]]:
     """Return the fields of every package of an area, by its name and by the names that it provides."""
-    text = lzma.decompress(fetched(f"{DEBIAN}/dists/{suite}/{area}/binary-amd64/Packages.xz")).decode()
+    text = lzma.decompress(fetched(f"{mirror()}/dists/{suite}/{area}/binary-amd64/Packages.xz")).decode()
     found: dict[str, dict[str, str]] = {}
     provided: dict[str, dict[str, str]] = {}
     for entry in text.split("\n\n"):
@@ -89,7 +102,7 @@ def unpack(name: str) -> None:
     shutil.rmtree(root, ignore_errors=True)
     root.mkdir(parents=True)
     for package, fields in closure(TOOLS[name], follow=_ROOTS[name]).items():
-        data = fetched(f"{DEBIAN}/{fields['Filename']}")
+        data = fetched(f"{mirror()}/{fields['Filename']}")
         if hashlib.sha256(data).hexdigest() != fields["SHA256"]:
             raise SystemExit(f"{package}: what was fetched is not what Debian's index says (try again)")
         with tempfile.NamedTemporaryFile(suffix=".deb") as file:
