@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rptcam_cl.core.cancel import checkpoint
 from rptcam_cl.core.colour import WAVELENGTHS_NM, luminance
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.records import EmitterKind, Hidden, SpectrumKind, device_declarations
+from rptcam_cl.core.remember import checkpoint
 from rptcam_cl.device.session import Session
 from rptcam_cl.optics.ghosts import with_wider_stop
 from rptcam_cl.optics.irradiance import veiling_glare
