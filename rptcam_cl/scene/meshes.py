@@ -49,21 +49,19 @@ from rptcam_cl.scene.materials import (
     MOST_INDEX,
     SMALLEST_ALPHA,
     SMALLEST_INDEX,
-    AnisotropyMap,
     Attenuation,
     Dielectric,
     Emissive,
-    ImageTexture,
     Material,
     Matte,
     Mix,
-    NormalMap,
     Principled,
     ThinGlass,
     Translucent,
 )
 from rptcam_cl.scene.placement import MATERIAL_NAME, Bounds, PlacedObject
 from rptcam_cl.scene.quantities import LARGEST_COORDINATE, LARGEST_GAIN, LARGEST_RADIANCE, Colour, Moment
+from rptcam_cl.scene.textures import AnisotropyMap, ImageTexture, NormalMap
 
 # Mesh files by their suffix.
 

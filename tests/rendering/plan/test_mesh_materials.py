@@ -13,8 +13,9 @@ from rptcam_cl.core.files import Folders
 from rptcam_cl.rendering.plan.primitives import mesh_parts
 from rptcam_cl.scene.assets.mesh import FileMaterial, FileTexture
 from rptcam_cl.scene.load import load_scene
-from rptcam_cl.scene.materials import ImageTexture, Material, Principled, alpha_pair
+from rptcam_cl.scene.materials import Material, Principled, alpha_pair
 from rptcam_cl.scene.meshes import MeshObject, material_of
+from rptcam_cl.scene.textures import ImageTexture
 
 from .conftest import GREY, MeshScene
 
