@@ -632,7 +632,7 @@ MATERIAL = Record(
         ("int", "transmission_texture"),
         ("int", "passed_texture"),
         ("int", "bump_texture"),
-        ("float", "bump_height"),  # of a texture of 1 [m]
+        ("float", "bump_height"),  # of a texture of 1 [m]; of bumps over u and v in scene units [scene units]
         ("int", "bump_lengths"),
     ),
     facts=(

@@ -235,3 +235,48 @@ def test_bumps_turn_the_normal_as_the_heights_would_turn_the_surface(uneven, sha
     assert_lit(image, seen, EYE - points, bent, front, hollow=shape in HOLLOW, atol=2e-3)
     flat = np.abs(bent @ SUN - front @ SUN)
     assert flat.max() > 0.05
+
+
+HILLS = np.random.default_rng(4).random((6, 8))
+
+
+LENGTHS = {"surface": (3, 2), "unit": (1, 1), "u": (3, 3)}
+
+
+def hilly(kind, lengths="surface", sign=1):
+    """One ray per pixel to a floor of 3 by 2 cm with smooth hills, as heights or as normals of them, under one sun."""
+    u, v = LENGTHS[lengths]
+    rows, columns = (np.arange(size) / size * 2 * np.pi for size in (96, 128))
+    heights = sum(
+        HILLS[i, j] * np.cos(i * rows[:, None] + j * columns + 9 * HILLS[i, -j]) / (1 + i * i + j * j)
+        for i, j in np.ndindex(6, 8)
+    )
+    heights = (heights - heights.min()) / np.ptp(heights)
+    np.save("heights.npy", np.rint(65535 * heights[::-1]).astype(np.uint16))
+    along = (np.roll(heights, -1, 1) - np.roll(heights, 1, 1)) / 2 * 128
+    up = (np.roll(heights, -1, 0) - np.roll(heights, 1, 0)) / 2 * 96
+    height = 0.03 * u
+    normals = np.stack([-height * along / u, -height * up / v, np.ones_like(up)], axis=-1)
+    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+    np.save("normals.npy", np.rint((normals[::-1] + 1) / 2 * 65535).astype(np.uint16))
+    picture = {"kind": "image", "file": f"{kind}.npy", "color_space": "linear"}
+    worn = (
+        {"normal_map": picture}
+        if kind == "normals"
+        else {"bump": {"texture": picture, "height": sign * height, "lengths": lengths}}
+    )
+    floor = {"shape": "rectangle", "corner": [-1.5, -1, 0], "edge_u": [3, 0, 0], "edge_v": [0, 2, 0]}
+    camera = looking([0, 0, 3], [0, 0, 0], up=(0, 1, 0), fov=50)
+    sun = {"kind": "directional", "direction": (-SUN).tolist(), "irradiance": [np.pi] * 3}
+    scene = scene_of([floor | {"material": MATTE | worn}], camera, depth=2, lights=[sun], metres_per_unit=0.01)
+    return np.asarray(one_sample(scene, ["uv"], seed=seed_of("hills")))[..., 0]
+
+
+@pytest.mark.parametrize("lengths", LENGTHS)
+def test_bumps_are_as_the_normal_map_of_the_same_heights(tmp_path, monkeypatch, lengths):
+    monkeypatch.chdir(tmp_path)
+    bumps, normals = hilly("heights", lengths), hilly("normals", lengths)
+    assert np.ptp(normals[normals > 0]) > 0.15
+    # slopes between texels are linear, normals between them nearly
+    np.testing.assert_allclose(bumps, normals, atol=4e-3)
+    assert np.abs(hilly("heights", lengths, -1) - normals).max() > 0.1

@@ -447,7 +447,8 @@ class _Filler:
             record["normal_strength"] = material.normal_map.strength
         if isinstance(material, BumpyMaterial) and material.bump is not None:
             _, record["bump_texture"] = self._textures.slot(material.bump.texture, limit=UNLIMITED)
-            record["bump_height"] = material.bump.height * self._textures.metres_per_unit
+            in_units = material.bump.lengths == "unit" and material.bump.texture.mapping is None
+            record["bump_height"] = material.bump.height * (1.0 if in_units else self._textures.metres_per_unit)
             record["bump_lengths"] = BumpLengths[material.bump.lengths.upper()]
 
     def _principled(self, record: np.void, material: Principled) -> None:
