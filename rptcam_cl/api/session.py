@@ -132,8 +132,14 @@ class QueueLimit:
 # A scene as a session renders it, and what changes of it come to.
 
 ANOTHER_LENS = ("kind", "lens", "zoom", "focal_length_mm")  # keys of the camera after which a focus found is void
-OF_DEVELOPMENT = {"picture"}  # parts of a scene that change no film
-OF_THE_LENS = {"camera", "exposure", "picture"}  # parts of a scene that objects and lights do not go by
+OF_DEVELOPMENT = {"picture", "sequence"}  # parts of a scene that change no film: a sequence is of frames
+OF_THE_LENS = {
+    "camera",
+    "exposure",
+    "picture",
+    "sequence",
+    "shutter",
+}  # parts of a scene that objects and lights do not go by
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,12 +205,19 @@ def kind_of(before: Plan, after: Plan, compiled: bool, keys: tuple[str, ...]) ->
 
 def plan_for_glances(before: SceneState, scene: Scene, resolved: Scene, parts: PlanParts) -> Plan:
     """The plan of a scene for glances, made of the plan before where nothing but the lens differs."""
-    same_time = before.resolved.scene.shutter == resolved.shutter  # where things that move are
+    same_time = before.resolved.scene.shutter == resolved.shutter or _stands_still(before.resolved.scene, resolved)
     if same_time and set(changed_parts(before.scene, scene)) <= OF_THE_LENS:
         if _moves_alone(before, scene, resolved):
             return with_pose(before.plan, resolved, parts)
         return with_lens(before.plan, resolved, coarse=True)
     return make_plan(resolved, coarse=True, parts=parts)
+
+
+def _stands_still(before: Scene, after: Scene) -> bool:
+    """Whether two scenes differ in the moment alone, and nothing in them moves."""
+    shutter = before.shutter.model_copy(update={"open_s": after.shutter.open_s})
+    moving = after.camera.motion or after.shutter.keys or any(each.motion for each in after.objects)
+    return shutter == after.shutter and not moving
 
 
 def _moves_alone(before: SceneState, scene: Scene, resolved: Scene) -> bool:

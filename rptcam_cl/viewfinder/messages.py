@@ -25,6 +25,7 @@ from rptcam_cl.core.files import plain, scratch_folder
 from rptcam_cl.imaging.development import developed_codes
 from rptcam_cl.imaging.image import Image
 from rptcam_cl.imaging.writers import film_part
+from rptcam_cl.scene.exposure import MOST_FRAMES
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.viewfinder.instruments import OverlayName
 
@@ -291,6 +292,29 @@ class Past(Message):
         return self
 
 
+class Time(Message):
+    """Go to a frame; set and delete keys; record; how long the bar is; a pull of the focus from one mark to another."""
+
+    type: Literal["time"]
+    do: Literal["go", "key", "unkey", "clear", "record", "length", "rack"]
+    frame: Annotated[int, Field(ge=1, le=MOST_FRAMES)] | None = None
+    channel: Literal["camera", "focus", "f_number", "zoom", "exposure"] | None = None
+    on: bool | None = None
+    playing: bool = False
+    transient: bool = False
+    from_m: Annotated[float, Field(gt=0)] | None = None
+    to_m: Annotated[float, Field(gt=0)] | None = None
+    seconds: Annotated[float, Field(gt=0, le=3600)] | None = None
+
+    @model_validator(mode="after")
+    def _check_needed(self) -> Self:
+        needed = {"go": ("frame",), "length": ("frame",), "record": ("on",), "rack": ("from_m", "to_m", "seconds")}
+        for name in needed.get(self.do, ("channel",)):
+            if getattr(self, name) is None:
+                raise ValueError(f"{self.do} takes {name}")
+        return self
+
+
 class Denoise(Message):
     """Whether pictures are shown without their noise until they are clean."""
 
@@ -300,7 +324,7 @@ class Denoise(Message):
 
 AnyMessage = (
     Hello | Ack | View | Set | Dial | Move | Reset | Focus | Autofocus | Pointer | Magnify | Compare | Save
-    | TextRequest | Signal | Denoise | Past
+    | TextRequest | Signal | Denoise | Past | Time
 )  # fmt: skip
 _READER: TypeAdapter[AnyMessage] = TypeAdapter(Annotated[AnyMessage, Field(discriminator="type")])
 
@@ -563,6 +587,8 @@ def _key(request: Request) -> Hashable:
         return ("set", message.slot, frozenset(message.changes))
     if isinstance(message, Move):
         return ("move", message.kind)
+    if isinstance(message, Time) and message.do == "go":
+        return ("time", client)
     if isinstance(message, Pointer | Magnify):
         return (message.type, client)
     return None

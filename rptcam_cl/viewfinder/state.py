@@ -33,6 +33,7 @@ from rptcam_cl.viewfinder.lens_panel import INFINITY_M, LensPanel, focus_scale, 
 from rptcam_cl.viewfinder.messages import FILE_MEDIA, MOST_BYTES, MOST_UNACKNOWLEDGED, VERSION, encode, shrink
 from rptcam_cl.viewfinder.panel import EV_STEPS, F_NUMBERS, SPEEDS, TIMES, Dials, Panel, ev_text
 from rptcam_cl.viewfinder.studio import Slot, Studio, changes_between
+from rptcam_cl.viewfinder.timeline import follows_anew, time_message
 
 # The dials as a page draws them: name, kind, value, text, limits or steps, and whether the exposure mode sets them.
 
@@ -265,7 +266,13 @@ def state_message(studio: Studio, slot: Slot, details: dict[str, Any] | None = N
         "denoise": studio.denoises,
         "files": [name for name in FILE_MEDIA if name != "dng" or slot.scene.sensor is not None],
         "needle": meter_needle(slot.panel),
-        "messages": [*slot.messages, *_left_out(slot), *(studio.b.messages if studio.b is not None else ())],
+        "time": time_message(slot.panel, studio.recorder),
+        "messages": [
+            *slot.messages,
+            *_left_out(slot),
+            *follows_anew(slot.panel),
+            *(studio.b.messages if studio.b is not None else ()),
+        ],
     }
     if studio.b is not None:
         message["dials_b"] = dial_list(studio.b.panel)
@@ -458,6 +465,9 @@ def _label(before: Past, slot: Slot, studio: Studio) -> str:
     names = list(dict.fromkeys(key.split(".")[-1].replace("_", " ") for key in keys))
     if {"eye", "target", "up"} & set(names):
         names = ["camera", *(name for name in names if name not in ("eye", "target", "up"))]
+    if len(names) > 1:  # keys beside what they are of, and the frame
+        names = [name for name in names if name not in ("sequence", "open s", "motion")] or ["keys"]
+    names = ["keys" if name in ("sequence", "motion") else "frame" if name == "open s" else name for name in names]
     if studio.compare != before.compare:
         names.append("comparison")
     if not names:

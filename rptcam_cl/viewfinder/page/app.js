@@ -16,6 +16,7 @@ import { Out } from "./out.js";
 import { Stage } from "./stage.js";
 import { Status } from "./status.js";
 import { Tabs } from "./tabs.js";
+import { Time } from "./time.js";
 import { Toasts } from "./toasts.js";
 
 export class Viewfinder {
@@ -34,6 +35,7 @@ export class Viewfinder {
     this.guides = new Guides(this.link, this.stage);
     this.lens = new LensView(this.link);
     this.history = new History(this.link);
+    this.time = new Time(this.link, this.dials);
     this.out = new Out(this.link, this.toasts);
     this.help = helpSheet(root);
     this.gestures = new Gestures(this.stage, this.link, { pointed: (point) => this.pointed(point), clicked: (point) => this.clicked(point) });
@@ -55,7 +57,7 @@ export class Viewfinder {
     const foot = this.foot = h("div", { class: "vf-foot" },
       h("div", { class: "vf-tools" }, this.tools, meterNeedle(this.link), h("span", { class: "vf-wheel" }),
         h("button", { type: "button", class: "vf-button vf-ask", "aria-label": "Keys", "data-name": "help", on: { click: () => this.help.open() } }, "?")),
-      this.status.messages, this.dials.strip);
+      this.status.messages, this.time.strip, this.dials.strip);
     this.link.on("state", ({ wheel, paused }) => {
       if (paused === this.pausing) this.pausing = null; // until then more presses go by what was asked
       const words = foot.querySelector(".vf-wheel");
@@ -77,6 +79,7 @@ export class Viewfinder {
       { name: "lens", label: "Lens", element: this.lens.panel() },
       { name: "guides", label: "Guides", element: this.guides.panel() },
       { name: "compare", label: "Compare", element: this.compare.panel() },
+      { name: "time", label: "Time", element: this.time.panel() },
       { name: "history", label: "History", element: this.history.panel() },
       { name: "out", label: "Save", element: this.out.panel() },
     ];
@@ -100,6 +103,7 @@ export class Viewfinder {
 
   /** Ask for the data of the panels in sight; those that are not cost nothing. */
   wanted() {
+    this.time.offer(this.tabs?.name === "time");
     const panels = ["histogram", "meter", ...(this.tabs?.name === "lens" ? ["lens"] : [])];
     if (this.link.isOpen) this.link.tell("view", { panels });
   }

@@ -1,0 +1,140 @@
+"""Time, things and lamps, scopes and the full screen answer to a hand, in a real browser before the real server."""
+
+import json
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+import yaml
+from playwright.sync_api import Page
+
+from rptcam_cl.viewfinder.engine import Viewfinder
+from tests.support.browsing import needs_chromium, repeated, until
+from tests.viewfinder.test_page_controls import answered, comes_true, value
+
+pytestmark = [
+    pytest.mark.slow,
+    needs_chromium,
+]
+
+
+def scene(finder: Viewfinder) -> dict[str, Any]:
+    """The scene as it is saved, from a client of its own."""
+    client, found = finder.connect(lambda: None), ""
+    try:
+        finder.receive(client, json.dumps({"type": "scene", "id": 1}))
+        while not found:
+            for message in client.outbox.take():
+                if isinstance(message, str) and json.loads(message)["type"] == "scene":
+                    found = json.loads(message)["yaml"]
+    finally:
+        finder.disconnect(client)
+    data: dict[str, Any] = yaml.safe_load(found)
+    return data
+
+
+def keys(finder: Viewfinder, path: str) -> list[float]:
+    """The frames that have keys of a key path."""
+    found = scene(finder).get("sequence", {}).get("keys", {}).get(path, [])
+    return [round(24 * each["time_s"] + 1, 6) for each in found]
+
+
+def middle(page: Page, selector: str) -> tuple[float, float]:
+    box = page.locator(selector).bounding_box()
+    assert box is not None
+    return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+
+
+def words(page: Page, selector: str, holds: Callable[[str], bool]) -> None:
+    comes_true(page, lambda: holds(page.inner_text(selector).replace("\u00a0", " ")))
+
+
+@pytest.fixture
+def time(page: Page, finder: Viewfinder) -> Page:
+    page.click("[data-tab=time]")
+    comes_true(page, lambda: keys(finder, "camera.focus.distance_m") == [])
+    return page
+
+
+def test_frame_is_scrubbed_by_drag_and_keys(time: Page) -> None:
+    x, y = middle(time, "[data-name=frame]")
+    box = time.locator("[data-name=frame]").bounding_box()
+    assert box is not None
+    time.mouse.move(box["x"] + 9, y)
+    time.mouse.down()
+    time.mouse.move(x, y, steps=6)
+    time.mouse.up()
+    answered(time, "time")
+    words(time, "[data-name=frame-words]", lambda text: text.startswith("49 / 97 · 2 s"))
+    repeated(time, lambda: time.keyboard.press(">"), 4, 10)
+    repeated(time, lambda: time.keyboard.press("<"), 1, 10)
+    words(time, "[data-name=frame-words]", lambda text: text.startswith("52 / 97"))
+    time.fill("[data-name=frames]", "many")
+    time.keyboard.press("Enter")
+    assert time.get_attribute("[data-name=frames]", "aria-invalid") == "true"
+    time.fill("[data-name=frames]", "60")
+    time.keyboard.press("Enter")
+    words(time, "[data-name=frame-words]", lambda text: text.startswith("52 / 60"))
+
+
+def test_focus_pull_is_recorded_by_dragging_the_dial_while_it_plays(time: Page, finder: Viewfinder) -> None:
+    before = value(time, "focus_m")
+    time.keyboard.press("u")
+    until(time, "document.querySelector('[data-name=record]').getAttribute('aria-pressed') === 'true'")
+    x, y = middle(time, "[data-dial=focus_m]")
+    time.mouse.move(x, y)
+    time.keyboard.press("o")
+    time.wait_for_timeout(300)
+    time.mouse.down()
+    for step in range(1, 9):
+        time.mouse.move(x + 12 * step, y)
+        time.wait_for_timeout(120)
+    time.mouse.up()
+    time.wait_for_timeout(200)
+    time.click("[data-name=play]")
+    comes_true(time, lambda: len(keys(finder, "camera.focus.distance_m")) > 3)
+    pull = scene(finder)["sequence"]["keys"]["camera.focus.distance_m"]
+    values = [each["value"] for each in pull]
+    assert values == sorted(values)
+    assert values[-1] > values[0]
+    words(time, "[data-name=keys-focus]", lambda text: text.startswith(f"{len(pull)} keys"))
+    until(time, "document.querySelectorAll('.vf-key-mark.vf-key-focus').length > 3")
+    time.keyboard.press("u")
+    time.keyboard.press("Control+z")
+    comes_true(time, lambda: keys(finder, "camera.focus.distance_m") == [] and value(time, "focus_m") == before)
+
+
+def test_keys_are_set_and_deleted_and_undone(time: Page, finder: Viewfinder) -> None:
+    for name, path in (
+        ("focus", "camera.focus.distance_m"),
+        ("f_number", "camera.f_number"),
+        ("exposure", "exposure.ev"),
+    ):
+        time.click(f"[data-name=key-{name}]")
+        comes_true(time, lambda path=path: keys(finder, path) == [1])  # type: ignore[misc]
+        words(time, f"[data-name=keys-{name}]", lambda text: text == "1 key, one here")
+    time.click("[data-name=unkey-focus]")
+    comes_true(time, lambda: keys(finder, "camera.focus.distance_m") == [])
+    time.click("[data-name=clear-f_number]")
+    comes_true(time, lambda: keys(finder, "camera.f_number") == [])
+    time.keyboard.press("Control+z")
+    comes_true(time, lambda: keys(finder, "camera.f_number") == [1])
+    time.click("[data-name=key-camera]")
+    comes_true(time, lambda: len(scene(finder)["camera"].get("motion", [])) == 1)
+    time.click("[data-name=key-zoom]")
+    words(time, "[data-name=keys-zoom]", lambda text: text == "1 key, one here")
+
+
+def test_focus_is_pulled_between_two_marks(time: Page, finder: Viewfinder) -> None:
+    assert time.is_disabled("[data-name=rack]")
+    time.click("[data-name=mark-A]")
+    repeated(time, lambda: time.keyboard.press("k"), 6, 10)
+    answered(time, "dial")
+    time.wait_for_timeout(500)
+    time.click("[data-name=mark-B]")
+    time.focus("[data-name=seconds]")
+    time.keyboard.press("ArrowLeft")
+    time.click("[data-name=rack]")
+    comes_true(time, lambda: keys(finder, "camera.focus.distance_m") == pytest.approx(range(1, 20)))
+    pull = [each["value"] for each in scene(finder)["sequence"]["keys"]["camera.focus.distance_m"]]
+    assert pull == sorted(pull)
