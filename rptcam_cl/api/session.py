@@ -24,6 +24,7 @@ from rptcam_cl.rendering.account import window
 from rptcam_cl.rendering.cameras.kinds import camera_of
 from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.rendering.ghosts import Ghosting
+from rptcam_cl.rendering.ground_truth import object_at
 from rptcam_cl.rendering.highlights import aimed_plan
 from rptcam_cl.rendering.layers import GUIDES, Denoiser
 from rptcam_cl.rendering.metering import reading_cd_m2
@@ -804,6 +805,18 @@ class RenderSession:
             blur = (0.0, 0.0) if seen is None else seen.blur(pixel_mm)
             self._guides = key, FilmRun(wavefront), blur
         return self._guides[1:]
+
+    def object_later(self, x: float, y: float) -> Callable[[], int | None]:
+        """Return what finds the object at a place of the picture, in any thread: its index, None where there is none.
+
+        Parameters
+        ----------
+        x, y
+            From the left and the top edge, 0 to 1; seen by the chief ray.
+        """
+        self._check_open()
+        plan, scene, device = self._shown.plan, self._shown.resolved.scene, self._device.beside()
+        return lambda: object_at(scene, plan, device, x, y)
 
     def cancel(self) -> None:
         """End a `take` or `glance` under way in another thread: it returns with what there is."""

@@ -36,6 +36,7 @@ from rptcam_cl.viewfinder.moves import (
 from rptcam_cl.viewfinder.panel import Clock
 from rptcam_cl.viewfinder.state import MOST_CLIENTS, History, details_of, hello_message, state_message
 from rptcam_cl.viewfinder.studio import Origin, Slot, Studio, Watch, place_of, scene_error, text_of, values_before
+from rptcam_cl.viewfinder.things import is_there, switch_lamp, turn_thing
 
 # What the engine says to clients without a request: how the camera stands, and what lies under the pointer.
 
@@ -85,6 +86,7 @@ class Reports:
             studio.paused,
             studio.denoises,
             studio.recorder.is_on,
+            studio.selected,
         )
         reported = (*here, resting, *self._compare_state(), answers)
         if reported != self._reported and not slot.wants_glance:
@@ -196,6 +198,7 @@ class Requests:
     def __init__(self, studio: Studio, background: Background) -> None:
         self._studio = studio
         self._searching, self._saving = background.worker("focus"), background.worker("save")
+        self._selecting = background.worker("select")
         self.history = History(studio)
         self._acted = False  # whether somebody changed something since the last state was noted
         self._waiting: list[messages.Request] = []
@@ -219,6 +222,8 @@ class Requests:
             "denoise": self._denoise,
             "history": self._history,
             "time": self._time,
+            "select": self._select,
+            "lamp": self._lamp,
         }
 
     def answer(self, request: messages.Request | Scene) -> None:
@@ -272,7 +277,10 @@ class Requests:
 
     def _dial(self, client: messages.Client, message: messages.Dial) -> None:
         slot = self._studio.slot(message.slot)
-        turned = turn_dial(slot.panel, message.name, message.value)
+        if message.name.startswith("thing_"):
+            turned = turn_thing(slot.panel, self._studio.selected, message.name, message.value)
+        else:
+            turned = turn_dial(slot.panel, message.name, message.value)
         slot.messages = turned.messages
         if turned.changes:
             self._change(message.slot, turned.changes, transient=message.transient, dials=turned.dials)
@@ -469,6 +477,35 @@ class Requests:
             case "compare", int(number):
                 self.history.compare(number)
 
+    def _select(self, client: messages.Client, message: messages.Select) -> None:
+        slot, studio = self._studio.slot("A"), self._studio
+
+        def done(index: int | None) -> None:
+            select(None if index is None else f"objects.{index}")
+
+        def select(name: str | None) -> None:
+            studio.selected = name if name is not None and is_there(slot.scene, name) else None
+            slot.show_again()
+            client.outbox.answer({"type": "selected", "id": message.id, "name": studio.selected})
+
+        def failed(problem: Exception) -> None:
+            client.error(text_of(problem), message.id, "change")
+
+        if message.x is None or message.y is None:
+            select(message.name)
+        else:
+            find = slot.session.object_later(message.x, message.y)
+            self._selecting.start(Job("selecting", lambda job: find(), done, failed, "select"))
+
+    def _lamp(self, client: messages.Client, message: messages.Lamp) -> None:
+        slot = self._studio.slot("A")
+        turned = switch_lamp(slot.panel, message.name, message.mute, message.solo)
+        if turned.changes:
+            self._change("A", turned.changes)
+        dark = {name: getattr(turned.dials, name) for name in ("dark", "mute", "solo")}
+        slot.dials = replace(slot.dials, **dark)
+        slot.show_again()
+
     def _time(self, client: messages.Client, message: messages.Time) -> None:
         slot, recorder = self._studio.slot("A"), self._studio.recorder
         if message.do == "record":
@@ -523,15 +560,15 @@ class Requests:
         self._studio.tell({"type": "notice", "kind": "watch", "ok": True, "text": text})
 
 
-_CHANGE_THE_CAMERA = ("set", "dial", "move", "time")
+_CHANGE_THE_CAMERA = ("set", "dial", "move", "time", "lamp")
 _LEAVES_FOCUS = {
     "exposure",
     "picture",
     "sensor",
     "sequence",
 }  # parts of a scene whose change leaves a search for focus as it is
-_LEAD_TO_STATES = ("set", "dial", "move", "reset", "focus", "autofocus", "compare")
-_WITH_OWN_ANSWER = ("focus", "autofocus", "save", "scene", "command", "pointer", "magnify")
+_LEAD_TO_STATES = ("set", "dial", "move", "reset", "focus", "autofocus", "compare", "lamp")
+_WITH_OWN_ANSWER = ("focus", "autofocus", "save", "scene", "command", "pointer", "magnify", "select")
 
 
 # The thread that owns the device: it answers requests, renders what somebody waits for, and sleeps otherwise.

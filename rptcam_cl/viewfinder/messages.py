@@ -315,6 +315,24 @@ class Time(Message):
         return self
 
 
+class Select(Message):
+    """Select what is seen at a point, or a thing by name; nothing without both."""
+
+    type: Literal["select"]
+    x: Share | None = None
+    y: Share | None = None
+    name: Annotated[str, Field(max_length=200)] | None = None
+
+
+class Lamp(Message):
+    """Mute a lamp, or have it shine alone."""
+
+    type: Literal["lamp"]
+    name: Annotated[str, Field(max_length=200)]
+    mute: bool | None = None
+    solo: bool | None = None
+
+
 class Denoise(Message):
     """Whether pictures are shown without their noise until they are clean."""
 
@@ -324,7 +342,7 @@ class Denoise(Message):
 
 AnyMessage = (
     Hello | Ack | View | Set | Dial | Move | Reset | Focus | Autofocus | Pointer | Magnify | Compare | Save
-    | TextRequest | Signal | Denoise | Past | Time
+    | TextRequest | Signal | Denoise | Past | Time | Select | Lamp
 )  # fmt: skip
 _READER: TypeAdapter[AnyMessage] = TypeAdapter(Annotated[AnyMessage, Field(discriminator="type")])
 

@@ -430,6 +430,10 @@ class Dials:
     cropped_mm : (width, height)
         What it was cropped to, the same without a crop.
     clock : Clock
+    dark : mapping
+        Strengths of lamps that are muted, by key path, as the scene had them.
+    mute, solo : frozenset of str
+        Lamps that a hand has muted, and those that shine alone.
     """
 
     mode: Mode
@@ -443,6 +447,9 @@ class Dials:
     whole_mm: tuple[float, float] = (36.0, 24.0)
     cropped_mm: tuple[float, float] = (36.0, 24.0)
     clock: Clock = Clock()
+    dark: Mapping[str, Any] = field(default_factory=dict)
+    mute: frozenset[str] = frozenset()
+    solo: frozenset[str] = frozenset()
 
     @property
     def meter(self) -> Exposure:
@@ -578,6 +585,8 @@ def read_dials(scene: Scene, before: Dials | None = None) -> Dials:
     exposure = scene.exposure
     common: dict[str, Any] = {"ev": exposure.ev, "written": exposure, "whole_mm": whole, "cropped_mm": size}
     common["clock"] = Clock.of(scene) if before is None else before.clock
+    if before is not None:
+        common |= {"dark": before.dark, "mute": before.mute, "solo": before.solo}
     if exposure.mode == "auto":
         common |= {"target": exposure.target, "metering": exposure.metering, "spot_at": exposure.spot_at}
         common["locked_cd_m2"] = exposure.lock_cd_m2

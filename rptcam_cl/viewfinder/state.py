@@ -33,6 +33,7 @@ from rptcam_cl.viewfinder.lens_panel import INFINITY_M, LensPanel, focus_scale, 
 from rptcam_cl.viewfinder.messages import FILE_MEDIA, MOST_BYTES, MOST_UNACKNOWLEDGED, VERSION, encode, shrink
 from rptcam_cl.viewfinder.panel import EV_STEPS, F_NUMBERS, SPEEDS, TIMES, Dials, Panel, ev_text
 from rptcam_cl.viewfinder.studio import Slot, Studio, changes_between
+from rptcam_cl.viewfinder.things import fields_of, things_message
 from rptcam_cl.viewfinder.timeline import follows_anew, time_message
 
 # The dials as a page draws them: name, kind, value, text, limits or steps, and whether the exposure mode sets them.
@@ -224,8 +225,14 @@ def hello_message(studio: Studio, slot: Slot, client: int) -> dict[str, Any]:
         "methods": [{"value": name, "label": name} for name in METHODS],
         "false_colour": false_colour_legend(),
         "limits": {"clients": MOST_CLIENTS, "message_bytes": MOST_BYTES, "unacknowledged": MOST_UNACKNOWLEDGED},
-        "dials": dial_list(slot.panel),
+        "dials": _dials_of(studio, slot),
     }
+
+
+def _dials_of(studio: Studio, slot: Slot) -> list[Entry]:
+    """The dials of the camera, and of the thing that is selected."""
+    fields = [] if studio.selected is None else fields_of(slot.panel, studio.selected)
+    return [*dial_list(slot.panel), *(each.entry for each in fields)]
 
 
 def _left_out(slot: Slot) -> list[str]:
@@ -251,7 +258,7 @@ def state_message(studio: Studio, slot: Slot, details: dict[str, Any] | None = N
     message: dict[str, Any] = {
         "type": "state",
         "generation": slot.session.generation,
-        "dials": dial_list(slot.panel),
+        "dials": _dials_of(studio, slot),
         "camera": {
             "kind": camera.kind,
             "lens": lens.design if lens is not None and isinstance(lens.design, str) else None,
@@ -267,6 +274,7 @@ def state_message(studio: Studio, slot: Slot, details: dict[str, Any] | None = N
         "files": [name for name in FILE_MEDIA if name != "dng" or slot.scene.sensor is not None],
         "needle": meter_needle(slot.panel),
         "time": time_message(slot.panel, studio.recorder),
+        "things": things_message(slot.panel, studio.selected),
         "messages": [
             *slot.messages,
             *_left_out(slot),

@@ -36,6 +36,7 @@ from rptcam_cl.viewfinder.instruments import as_model, film_reading
 from rptcam_cl.viewfinder.lens_panel import LensPanel
 from rptcam_cl.viewfinder.messages import Client, Codes, codes_of
 from rptcam_cl.viewfinder.panel import Clock, Dials, Panel, read_dials
+from rptcam_cl.viewfinder.things import is_there
 from rptcam_cl.viewfinder.timeline import Recorder
 
 # How much to render at once: the scale of a glance and the samples of a take, from the speed measured.
@@ -749,6 +750,7 @@ class Studio:
         self.panel: LensPanel | None = None
         self.compare: dict[str, Any] = dict(NO_COMPARISON)
         self.recorder = Recorder()
+        self.selected: str | None = None  # a thing of the scene, by key path
         self.paused = False
         self._denoises = True
         self.was_seen = False
@@ -964,7 +966,11 @@ class Studio:
         self._scene = scene
         wanted, slot.changes = {**self._by_hand, **turned}, {}
         dropped = _apply(slot, wanted)
-        slot.dials = replace(read_dials(slot.scene, slot.dials), clock=Clock.of(slot.scene))
+        dark = {path: value for path, value in slot.dials.dark.items() if path in slot.changes}
+        kept: dict[str, Any] = {} if dark else {"mute": frozenset(), "solo": frozenset()}
+        slot.dials = replace(read_dials(slot.scene, slot.dials), clock=Clock.of(slot.scene), dark=dark, **kept)
+        if self.selected is not None and not is_there(slot.scene, self.selected):
+            self.selected = None
         self._tell_compiling(slot, not slot.compiling)
         try:
             self.set_compare(self.compare)

@@ -9,7 +9,7 @@ import yaml
 from playwright.sync_api import Page
 
 from rptcam_cl.viewfinder.engine import Viewfinder
-from tests.support.browsing import needs_chromium, repeated, until
+from tests.support.browsing import needs_chromium, reached, repeated, standing, until
 from tests.viewfinder.test_page_controls import answered, comes_true, value
 
 pytestmark = [
@@ -138,3 +138,87 @@ def test_focus_is_pulled_between_two_marks(time: Page, finder: Viewfinder) -> No
     comes_true(time, lambda: keys(finder, "camera.focus.distance_m") == pytest.approx(range(1, 20)))
     pull = [each["value"] for each in scene(finder)["sequence"]["keys"]["camera.focus.distance_m"]]
     assert pull == sorted(pull)
+
+
+def at(page: Page, x: float, y: float) -> tuple[float, float]:
+    box = page.locator(".vf-frame[data-slot=A]").bounding_box()
+    assert box is not None
+    return box["x"] + x * box["width"], box["y"] + y * box["height"]
+
+
+def typed(page: Page, name: str, text: str) -> None:
+    page.focus(f"[data-dial={name}]")
+    page.keyboard.press("Enter")
+    page.keyboard.type(text)
+    page.keyboard.press("Enter")
+
+
+def selected(page: Page) -> str:
+    page.click("[data-name=tool] input[value=select]")
+    page.mouse.click(*at(page, 0.13, 0.75))  # the red pawn in front
+    until(page, "document.querySelector('[data-dial=thing_red]')?.checkVisibility()")
+    return page.inner_text("[data-name=selected]")
+
+
+def test_a_thing_is_selected_by_a_click_and_its_dials_come_to_where_a_hand_turns_them(
+    page: Page, finder: Viewfinder
+) -> None:
+    title = selected(page)
+    index = int(title.split()[-1]) - 1
+    assert scene(finder)["objects"][index]["material"] == "red"
+    before = scene(finder)
+    typed(page, "thing_red", "0.4")
+    reached(page, finder, "thing_red", 0.4)
+    typed(page, "thing_x", "−10")
+    reached(page, finder, "thing_x", pytest.approx(-10))
+    x, y = middle(page, "[data-dial=thing_blue]")
+    start = standing(finder)["thing_blue"]["value"]
+    page.mouse.move(x, y)
+    page.mouse.down()
+    for step in range(1, 6):
+        page.mouse.move(x + 12 * step, y)
+        page.wait_for_timeout(60)
+    page.mouse.up()
+    reached(page, finder, "thing_blue", pytest.approx(start + 0.05))
+    assert scene(finder)["materials"]["red"]["reflectance"] == pytest.approx([0.4, 0.045, start + 0.05])
+    page.focus("[data-dial=thing_x]")
+    repeated(page, lambda: page.keyboard.press("ArrowRight"), 4, 10)
+    step = standing(finder)["thing_x"]["step"]
+    reached(page, finder, "thing_x", pytest.approx(-10 + 4 * step))
+    page.select_option("[data-dial=thing_material]", "gold")
+    comes_true(page, lambda: scene(finder)["objects"][index]["material"] == "gold")
+    for _ in range(8):
+        page.keyboard.press("Control+z")
+        page.wait_for_timeout(300)
+    comes_true(page, lambda: scene(finder)["objects"] == before["objects"])
+    assert scene(finder)["materials"] == before["materials"]
+    page.click("[data-name=deselect]")
+    until(page, "!document.querySelector('[data-dial=thing_red]').checkVisibility()")
+
+
+def test_lamps_are_muted_shine_alone_and_are_selected_from_their_list(page: Page, finder: Viewfinder) -> None:
+    page.click("[data-tab=things]")
+    before = scene(finder)["materials"]
+    page.click("[data-name='mute materials.key']")
+    comes_true(page, lambda: scene(finder)["materials"]["key"]["radiance"] == [0, 0, 0])
+    page.click("[data-name='solo materials.fill']")
+    comes_true(page, lambda: scene(finder)["materials"]["candle"]["radiance"] == [0, 0, 0])
+    assert scene(finder)["materials"]["fill"] == before["fill"]
+    assert scene(finder)["environment"]["top"] == [0, 0, 0]
+    page.click("[data-name='solo materials.fill']")
+    comes_true(page, lambda: scene(finder)["materials"]["candle"] == before["candle"])
+    page.keyboard.press("Control+z")
+    comes_true(page, lambda: scene(finder)["materials"]["candle"]["radiance"] == [0, 0, 0])
+    until(page, """document.querySelector("[data-name='solo materials.fill']").ariaPressed === 'true'""")
+    page.keyboard.press("Control+z")
+    page.wait_for_timeout(400)
+    page.keyboard.press("Control+z")
+    comes_true(page, lambda: scene(finder)["materials"] == before)
+    page.click("[data-lamp='materials.key']")
+    until(page, "document.querySelector('[data-dial=thing_power]')?.checkVisibility()")
+    typed(page, "thing_power", "34")
+    comes_true(page, lambda: scene(finder)["materials"]["key"]["radiance"] == pytest.approx([34, 28, 21]))
+    page.focus("[data-dial=thing_power]")
+    page.keyboard.press("ArrowLeft")
+    reached(page, finder, "thing_power", pytest.approx(32))
+    page.click("[data-name=deselect]")

@@ -16,6 +16,7 @@ import { Out } from "./out.js";
 import { Stage } from "./stage.js";
 import { Status } from "./status.js";
 import { Tabs } from "./tabs.js";
+import { Things } from "./things.js";
 import { Time } from "./time.js";
 import { Toasts } from "./toasts.js";
 
@@ -35,6 +36,7 @@ export class Viewfinder {
     this.guides = new Guides(this.link, this.stage);
     this.lens = new LensView(this.link);
     this.history = new History(this.link);
+    this.things = new Things(this.link, this.stage, this.dials);
     this.time = new Time(this.link, this.dials);
     this.out = new Out(this.link, this.toasts);
     this.help = helpSheet(root);
@@ -79,6 +81,7 @@ export class Viewfinder {
       { name: "lens", label: "Lens", element: this.lens.panel() },
       { name: "guides", label: "Guides", element: this.guides.panel() },
       { name: "compare", label: "Compare", element: this.compare.panel() },
+      { name: "things", label: "Light", element: this.things.panel() },
       { name: "time", label: "Time", element: this.time.panel() },
       { name: "history", label: "History", element: this.history.panel() },
       { name: "out", label: "Save", element: this.out.panel() },
@@ -117,7 +120,12 @@ export class Viewfinder {
 
   clicked(point) {
     this.stage.element.focus({ preventScroll: true });
-    this.focus.at(point);
+    if (this.gestures.tool === "select") {
+      this.tabs.select("things");
+      this.things.select(point);
+    } else {
+      this.focus.at(point);
+    }
   }
 
   /** The meter's reading, beside the pointer. */

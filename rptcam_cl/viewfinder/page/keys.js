@@ -25,6 +25,7 @@ const GROUPS = [
     ["j k", "Focus nearer, farther", (finder, key) => finder.dials.step("focus_m", key === "j" ? -1 : 1)],
     ["5", "Point: arrows move the crosshair"],
     ["Enter", "Focus at the crosshair"],
+    ["6", "Select: a click, or Enter, selects a thing"],
     ["p", "Peaking", (finder) => finder.overlays.set("peaking")],
     ["x", "Magnifier: 1:1, 5×, 10×, off", (finder) => finder.magnifier.next()],
   ]],
@@ -112,7 +113,7 @@ function pressed(event, finder) {
   if (action) action(finder, event.key);
   else if (event.key === "+" || event.key === "=") finder.gestures.zoom(1);
   else if (event.key === "-" || event.key === "−") finder.gestures.zoom(-1);
-  else if (/^[1-5]$/.test(event.key)) finder.use(Number(event.key) - 1);
+  else if (/^[1-6]$/.test(event.key)) finder.use(Number(event.key) - 1);
   else return finder.gestures.key(event);
   return true;
 }
