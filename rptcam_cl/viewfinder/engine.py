@@ -438,9 +438,10 @@ class Requests:
         def failed(problem: Exception) -> None:
             client.error(text_of(problem), message.id, "save")
 
-        self._saving.start(
-            Job(f"saving {name}", lambda job: messages.file_bytes(later(), message.format), done, failed)
-        )
+        def work(job: Job) -> bytes:
+            return messages.file_bytes(messages.exposed_longer(later(), message.ev), message.format)
+
+        self._saving.start(Job(f"saving {name}", work, done, failed))
 
     def _text(self, client: messages.Client, message: messages.TextRequest) -> None:
         slot, origin = self._studio.slot(message.slot), self._studio.origin

@@ -82,6 +82,18 @@ def file_name(name: str, kind: str) -> str:
     return name if name.lower().endswith(suffix) else f"{name}{suffix}"
 
 
+def exposed_longer(image: Image, ev: float) -> Image:
+    """Return the picture as of an exposure that lasts longer by some stops, before its sensor."""
+    if ev == 0:
+        return image
+    factor = 2.0**ev
+    time_s = image.metadata.get("exposure_time_s")
+    timed = {} if time_s is None else {"exposure_time_s": time_s * factor}
+    return replace(
+        image, pixels=image.pixels * np.float32(factor), metadata=image.metadata | {"bracket_ev": ev} | timed
+    )
+
+
 def file_bytes(image: Image, kind: str) -> bytes:
     """Encode the picture as a file.
 
@@ -263,6 +275,8 @@ class Save(Message):
     format: Literal["png", "jpeg", "exr", "dng"]
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-][A-Za-z0-9_ .-]{0,79}$")] = "picture"
     slot: SlotName = "A"
+    ev: Annotated[float, Field(ge=-10, le=10)] = 0.0
+    """Stops that it is exposed longer: one of a bracket."""
 
 
 class TextRequest(Message):

@@ -9,7 +9,7 @@ from typing import Any
 from rptcam_cl.core.constants import __version__
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.scene.film import COOLEST, HOTTEST, SIDES_MM, TONES
+from rptcam_cl.scene.film import COOLEST, HOTTEST, NO_BALANCE, SIDES_MM, TONES
 from rptcam_cl.scene.lens_settings import METHODS, Aperture, CircularAperture
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.viewfinder.dials import (
@@ -51,6 +51,11 @@ SRGB_KELVIN = 6500.0  # which leaves a picture in sRGB nearly as it is
 KELVIN = {
     "A": 2856, "D50": 5003, "D55": 5503, "D65": 6504, "D75": 7504, "E": 5455, "F2": 4230, "F7": 6500, "F11": 4000,
     "LED-B1": 2733, "LED-B2": 2998, "LED-B3": 4103, "LED-B4": 5109, "LED-B5": 6598,
+}  # fmt: skip
+
+# What photographers call lights; shade is bluer than daylight, and fluorescent lamps are those of cool white.
+PHOTOGRAPHERS = {
+    NO_BALANCE: "as it is", "A": "tungsten", "F2": "fluorescent", "D55": "daylight", "D65": "overcast", "D75": "shade",
 }  # fmt: skip
 
 
@@ -191,7 +196,7 @@ def _development(panel: Panel) -> list[Entry]:
     picture = panel.scene.picture
     balance = picture.white_balance
     value: str = "none" if balance is None else balance.light or "own"
-    words = {name: name for name in BALANCES}
+    words = {name: _light_words(name) for name in sorted(BALANCES, key=_named_first)}
     if value == "own":
         words = {"own": "set by hand"} | words
     kelvin = None if balance is None else balance.temperature_k
@@ -203,6 +208,19 @@ def _development(panel: Panel) -> list[Entry]:
         ),
         _choice("tone", "tone", picture.tone.kind, {name: name for name in TONES}),
     ]  # fmt: skip
+
+
+def _named_first(light: str) -> tuple[bool, int, str]:
+    """The order of lights to choose from: without, those that photographers name by their temperature, and the rest."""
+    return light not in PHOTOGRAPHERS, KELVIN.get(light, 0) if light in PHOTOGRAPHERS else 0, light
+
+
+def _light_words(light: str) -> str:
+    kelvin = KELVIN.get(light)
+    if kelvin is None:
+        return "as it is" if light == NO_BALANCE else light
+    rounded = f"{round(kelvin, -2 if light in PHOTOGRAPHERS else 0)} K"
+    return f"{PHOTOGRAPHERS[light]}, {rounded} ({light})" if light in PHOTOGRAPHERS else f"{light}, {rounded}"
 
 
 # How the camera stands, as the page shows it.

@@ -222,3 +222,92 @@ def test_lamps_are_muted_shine_alone_and_are_selected_from_their_list(page: Page
     page.keyboard.press("ArrowLeft")
     reached(page, finder, "thing_power", pytest.approx(32))
     page.click("[data-name=deselect]")
+
+
+def test_scopes_are_of_the_picture_that_is_shown(page: Page) -> None:
+    lit = """(canvas) => {
+        const { data } = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height);
+        return data.filter((value, i) => i % 4 === 1 && value > 60).length; }"""
+    for name, width in (("waveform", 256), ("parade", 768), ("vectorscope", 200)):
+        page.click(f"[data-name=scope] input[value={name}]")
+        canvas = page.locator("[data-name=scope-canvas]")
+        assert canvas.evaluate("(each) => each.width") == width
+        assert canvas.evaluate(lit) > 100
+    page.keyboard.press("y")
+    until(page, "document.querySelector('.vf-histogram').checkVisibility()")
+    page.keyboard.press("y")
+    until(page, "document.querySelector('[data-name=scope-canvas]').checkVisibility()")
+    page.click("[data-name=scope] input[value=histogram]")
+
+
+def test_light_is_chosen_by_the_names_of_photographers(page: Page, finder: Viewfinder) -> None:
+    page.click("[data-tab=camera]")
+    listed = page.locator("[data-dial=white_balance] option").all_inner_texts()
+    assert listed[:6] == [
+        "As it is", "Tungsten, 2900 K (A)", "Fluorescent, 4200 K (F2)", "Daylight, 5500 K (D55)",
+        "Overcast, 6500 K (D65)", "Shade, 7500 K (D75)",
+    ]  # fmt: skip
+    page.select_option("[data-dial=white_balance]", label="Shade, 7500 K (D75)")
+    reached(page, finder, "white_balance", "D75")
+    page.keyboard.press("Control+z")
+    reached(page, finder, "white_balance", "none")
+
+
+def test_hyperfocal_distance_is_shown_by_the_dial_and_focused(page: Page, finder: Viewfinder) -> None:
+    until(page, "document.querySelector('[data-dial=focus_m] .vf-dial-hint')?.textContent.startsWith('H')")
+    page.click("[data-tab=focus]")
+    page.click("[data-name=hyperfocal]")
+    comes_true(page, lambda: standing(finder)["focus_m"]["value"] > 20)
+    half = standing(finder)["focus_m"]["value"] / 2
+    words(page, "[data-name=depth]", lambda text: f"sharp from {half:.1f} m" in text)
+    page.keyboard.press("Control+z")
+    reached(page, finder, "focus_m", pytest.approx(0.653))
+
+
+def test_frame_lines_are_drawn_with_and_without_a_mask(page: Page) -> None:
+    page.click("[data-tab=guides]")
+    page.check("[data-name=aspect] input[value='0.8']")
+    edge, picture = (page.locator(each).first.bounding_box() for each in (".vf-mask-edge", ".vf-frame[data-slot=A]"))
+    assert edge is not None
+    assert picture is not None
+    assert edge["width"] / edge["height"] == pytest.approx(0.8, rel=0.02)
+    assert edge["height"] == pytest.approx(picture["height"], abs=3)
+    assert page.locator(".vf-mask").count() > 0
+    page.click("[data-name=lines]")
+    assert page.locator(".vf-mask").count() == 0
+    assert page.locator(".vf-mask-edge").count() > 0
+    page.click("[data-name=lines]")
+    page.check("[data-name=aspect] input[value='']")
+
+
+def test_panels_hide_and_the_picture_fills_the_screen_with_its_settings(page: Page) -> None:
+    page.click("[data-tab=camera]")
+    small = page.locator(".vf-frame[data-slot=A]").bounding_box()
+    page.keyboard.press("h")
+    until(page, "!document.querySelector('.vf-side').checkVisibility()")
+    large = page.locator(".vf-frame[data-slot=A]").bounding_box()
+    assert small is not None
+    assert large is not None
+    assert large["width"] > 1.2 * small["width"]
+    before = page.inner_text("[data-name=evf]")
+    assert "f/2" in before
+    page.keyboard.press("]")
+    until(page, f"document.querySelector('[data-name=evf]').innerText !== {before!r}")
+    page.click("[data-name=panels]")
+    until(page, "document.querySelector('.vf-side').checkVisibility()")
+    page.keyboard.press("F")
+    until(page, "document.fullscreenElement !== null && !document.querySelector('.vf-side').checkVisibility()")
+    page.keyboard.press("F")
+    until(page, "document.fullscreenElement === null && document.querySelector('.vf-side').checkVisibility()")
+
+
+def test_a_bracket_is_saved_as_several_files(page: Page) -> None:
+    page.click("[data-tab=out]")
+    page.check("[data-name=bracket] input[value='3x1']")
+    names: list[str] = []
+    page.on("download", lambda file: names.append(file.suggested_filename))
+    page.click("[data-name=save]")
+    comes_true(page, lambda: len(names) == 3)
+    stem = "first_light"
+    assert sorted(names) == [f"{stem} minus 1 EV.png", f"{stem} plus 0 EV.png", f"{stem} plus 1 EV.png"]
+    page.check("[data-name=bracket] input[value='1x0']")

@@ -143,6 +143,14 @@ export class Dials {
     if (this.hands.get(name) === hand) this.show([...this.latest.values()], this.answers);
   }
 
+  /** Write something small beside a dial's name. */
+  hint(name, text) {
+    const dial = this.known.get(name);
+    if (!(dial instanceof Dial) || dial.hint === text) return;
+    dial.hint = text;
+    dial.showLabel();
+  }
+
   /** Turn a dial by steps, as keys do. */
   step(name, by) {
     const control = this.known.get(name);

@@ -30,6 +30,9 @@ const GROUPS = [
     ["x", "Magnifier: 1:1, 5×, 10×, off", (finder) => finder.magnifier.next()],
   ]],
   ["Look", [
+    ["F", "Full screen", (finder) => finder.fill()],
+    ["h", "Hide the panels", (finder) => finder.bare()],
+    ["y", "Scope: histogram, waveform, parade, vectorscope", (finder) => finder.scopes.next()],
     ["z", "Zebra", (finder) => finder.overlays.set("zebra")],
     ["v", "False colour", (finder) => finder.overlays.set("false_colour")],
     ["n", "Denoise", (finder) => finder.denoise()],
@@ -109,7 +112,7 @@ function pressed(event, finder) {
   if (isOther(event) || (event.key.length === 1 && !finder.help.on)) return false;
   if ([" ", "Enter"].includes(event.key) && event.target.closest?.(OWN)) return false;
   if (event.key.startsWith("Arrow") && event.target.closest?.(MOVED)) return false;
-  const action = ACTIONS.get(event.key) ?? ACTIONS.get(event.key.toLowerCase());
+  const action = ACTIONS.get(event.key) ?? ACTIONS.get(event.key.toLowerCase()); // F is another than f
   if (action) action(finder, event.key);
   else if (event.key === "+" || event.key === "=") finder.gestures.zoom(1);
   else if (event.key === "-" || event.key === "−") finder.gestures.zoom(-1);
