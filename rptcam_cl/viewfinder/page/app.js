@@ -60,7 +60,7 @@ export class Viewfinder {
 
   body() {
     this.tools = choice("What a drag does", TOOLS, (tool) => this.gestures.use(tool), { value: "tilt", name: "tool" });
-    const foot = this.foot = h("div", { class: "vf-foot" },
+    const foot = this.foot = h("section", { class: "vf-foot", "aria-label": "Camera" },
       h("div", { class: "vf-tools" }, this.tools, meterNeedle(this.link), h("span", { class: "vf-wheel" }),
         button("Full", () => this.fill(), { key: "F", name: "full", title: "Full screen: the picture alone" }),
         h("button", { type: "button", class: "vf-button vf-ask", "aria-label": "Keys", "data-name": "help", on: { click: () => this.help.open() } }, "?")),

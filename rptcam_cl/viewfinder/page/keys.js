@@ -111,7 +111,7 @@ function pressed(event, finder) {
   }
   if (isOther(event) || (event.key.length === 1 && !finder.help.on)) return false;
   if ([" ", "Enter"].includes(event.key) && event.target.closest?.(OWN)) return false;
-  if (event.key.startsWith("Arrow") && event.target.closest?.(MOVED)) return false;
+  if (event.key.startsWith("Arrow") && (event.target.closest?.(MOVED) || event.target.matches?.("[role=tabpanel]"))) return false; // which scrolls
   const action = ACTIONS.get(event.key) ?? ACTIONS.get(event.key.toLowerCase()); // F is another than f
   if (action) action(finder, event.key);
   else if (event.key === "+" || event.key === "=") finder.gestures.zoom(1);
