@@ -402,6 +402,14 @@ EMITTER_FACTS = {
 """Facts that kernels are compiled for, and the kinds of emitter of which one must be there."""
 
 
+class PatchMap(IntEnum):
+    """How the unit square lies on an emitter whose ghosts are traced."""
+
+    SQUARE = 0
+    DISK = 1
+    TRIANGLE = 2
+
+
 class Hidden(IntEnum):
     """Rays that something is hidden from; they add up."""
 
@@ -486,6 +494,7 @@ _PREFIXES: dict[str, type[IntEnum]] = {
     "HIDDEN": Hidden,
     "ENVIRONMENT": EnvironmentKind,
     "SPECTRUM": SpectrumKind,
+    "PATCH": PatchMap,
     "RAY": RayStatus,
 }
 

@@ -27,8 +27,7 @@ from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.core.files import Folders, References
-from rptcam_cl.core.strict_yaml import Document
-from rptcam_cl.optics.files.fields import FieldError
+from rptcam_cl.core.strict_yaml import Document, FieldError
 from rptcam_cl.optics.files.glasses import read_glass
 from rptcam_cl.optics.files.keys import GLASS, glass_json_schema
 from rptcam_cl.optics.glass import Medium, held_index, known_range

@@ -13,9 +13,9 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from rptcam_cl.core.cancel import CancelledError, cancellable
 from rptcam_cl.core.errors import DeviceError, InputError, RptcamError, StateError
 from rptcam_cl.core.files import give_back
+from rptcam_cl.core.remember import CancelledError, cancellable
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.studies.focus.probe import FocusReport, Probe
 from rptcam_cl.viewfinder import messages, timeline
