@@ -530,7 +530,7 @@ def _nearest(surface: np.void, points: NDArray[np.float64]) -> NDArray[np.float6
 # What a plan says of a scene but for its camera: primitives, materials, lamps and surroundings.
 
 # What wants the frame of u and v.
-FRAMED = ("HAS_ANISOTROPY_TURN", "HAS_ANISOTROPY_MAP", "HAS_NORMAL_MAP", "HAS_COAT_NORMAL")
+FRAMED = ("HAS_ANISOTROPY_TURN", "HAS_ANISOTROPY_MAP", "HAS_NORMAL_MAP", "HAS_COAT_NORMAL", "HAS_BUMP")
 FEW = 16  # primitives, as many as lanes that a processor permutes at once
 
 
@@ -561,7 +561,7 @@ def _pack_world(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> dict[
     first_triangles = meshes.first_triangles if meshes else ()
     emitters = pack_emitters(scene, primitives, first_triangles, table, spectra, surroundings)
     eye_m = np.array(scene.camera.eye) * scene.metres_per_unit
-    textures = parts.textures(seen)
+    textures = parts.textures(seen).seen_from(scene.camera.eye)
     records, kind_end = pack_primitives(primitives, shown.index, emitters.of_primitive, meshes)
     movements = pack_movements(scene, primitives)
     caustics = pack_caustics(scene, primitives, first_triangles, emitters)
@@ -607,7 +607,7 @@ def _facts_of_shapes(
     """Find which kinds of primitives there are, and what their surfaces require beside positions and normals."""
     kinds = {primitive.kind for primitive in primitives}
     is_smooth = any(primitive.mesh is not None and primitive.mesh.normals is not None for primitive in primitives)
-    bumpy = materials["HAS_NORMAL_MAP"] or materials["HAS_COAT_NORMAL"]
+    bumpy = materials["HAS_NORMAL_MAP"] or materials["HAS_COAT_NORMAL"] or materials["HAS_BUMP"]
     return {f"HAS_{kind.name}": int(kind in kinds) for kind in Kind} | {
         "HAS_TANGENT": int(materials["HAS_ANISOTROPY"] or any(materials[name] for name in FRAMED)),
         "HAS_BITANGENT": int(any(materials[name] for name in FRAMED)),
