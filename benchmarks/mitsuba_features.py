@@ -118,7 +118,8 @@ class Studio:
     def feature(self) -> Feature:
         """Return both descriptions."""
         ours = {
-            "camera": self.camera, "objects": self.objects, "lights": self.lights, "render": {"max_depth": 8, "caustics": "off"},
+            "camera": self.camera, "objects": self.objects, "lights": self.lights,
+            "render": {"max_depth": 8, "caustics": "off"},
             "environment": {"kind": "constant", "radiance": [0.3, 0.4, 0.5]},
             "film": {"resolution": list(RESOLUTION)},
         }  # fmt: skip
