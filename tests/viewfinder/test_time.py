@@ -162,3 +162,20 @@ def test_what_cannot_be_done_is_one_sentence(client: Page, keys: dict[str, Any],
     assert answer.type == "error"
     assert words in answer.header["message"]
     assert "\n" not in answer.header["message"]
+
+
+@pytest.mark.slow
+def test_things_that_move_and_a_camera_that_was_orbited_are_shown_as_frames_are_rendered(
+    checkout: Path, folder: Path
+) -> None:
+    data = yaml.safe_load((checkout / "examples" / "panning.yaml").read_text("utf-8"))
+    data["film"]["resolution"], data["render"]["spp"] = [48, 32], 8
+    file = folder / "panning.yaml"
+    file.write_text(yaml.safe_dump(data))
+    with serving(file) as (_, server), page(server) as client:
+        client.frame(at_rest)
+        client.ask(10, "move", kind="orbit", dx=0.1)
+        for number, frame in enumerate((5, 12)):
+            client.ask(20 + 10 * number, "time", do="go", frame=frame)
+            picture = shown(client, 21 + 10 * number)
+            assert np.array_equal(picture, rendered(saved(client, 25 + 10 * number), folder, frame))
