@@ -21,7 +21,7 @@ SCENE = Path("examples/first_light.yaml")
 FOLDER = Path("docs/images/viewfinder")
 SIZE = (960, 540)
 SAMPLES = 96  # that the picture has at least: hardly any grain
-PAWN = (0.5, 0.62)
+PAWN = (0.565, 0.6)
 FOLLOWING = """document.addEventListener('vf-painted', ({detail}) => {
     if (detail.kind === 'picture') window.last = detail;
 }, true);"""

@@ -81,6 +81,7 @@ def play(client: Page, dice: random.Random, until: float, number: int) -> int:
             waiting.discard(message.header.get("id", -1))
         client.seen.clear()
         if dice.random() < 0.2:
+            client.send("view", quality=80)  # a picture is due then, also where the last messages have changed nothing
             client.frame()
     return number
 
