@@ -97,7 +97,7 @@ class Studio:
         return {"shape": "rectangle", "corner": corner, "edge_u": u, "edge_v": v, "material": material}
 
     def stand(self, material: Keys, bsdf: Keys, shapes: str = "sphere card") -> None:
-        """Put a ball, a card and a mesh of a material on the floor."""
+        """Put a ball and a card of a material on the floor."""
         if "sphere" in shapes:
             self.objects.append({"shape": "sphere", "center": [-0.9, 0, 1], "radius": 0.9, "material": material})
             self.theirs["ball"] = {"type": "sphere", "center": [-0.9, 0, 1], "radius": 0.9, "bsdf": bsdf}
@@ -119,9 +119,8 @@ class Studio:
         """Return both descriptions."""
         ours = {
             "camera": self.camera, "objects": self.objects, "lights": self.lights,
-            "render": {"max_depth": 8, "caustics": "off"},
             "environment": {"kind": "constant", "radiance": [0.3, 0.4, 0.5]},
-            "film": {"resolution": list(RESOLUTION)},
+            "film": {"resolution": list(RESOLUTION)}, "render": {"max_depth": 8, "caustics": "off"},
         }  # fmt: skip
         return ours, self.theirs
 

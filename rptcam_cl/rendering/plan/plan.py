@@ -304,7 +304,7 @@ class Caustics:
 
 
 def pack_caustics(
-    scene: Scene, primitives: Sequence[Primitive], first_triangles: Sequence[int], emitters: Emitters
+    scene: Scene, primitives: Sequence[Primitive], first_triangles: NDArray[np.int32], emitters: Emitters
 ) -> Caustics:
     """Return the caustics of a scene, inactive where it has none or leaves them off.
 
@@ -387,7 +387,10 @@ def _nothing_to_do(roles: NDArray[np.int32], emitters: Emitters) -> str | None:
 
 
 def _surfaces(
-    primitives: Sequence[Primitive], first_triangles: Sequence[int], roles: NDArray[np.int32], eye: NDArray[np.float64]
+    primitives: Sequence[Primitive],
+    first_triangles: NDArray[np.int32],
+    roles: NDArray[np.int32],
+    eye: NDArray[np.float64],
 ) -> tuple[NDArray[np.void], NDArray[np.float64], NDArray[np.float64]]:
     """Return the records of smooth glass and mirrors, their areas [m²], and of triangles the middles about the eye."""
     records, areas, places = [], [], []
@@ -558,7 +561,7 @@ def _pack_world(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> dict[
     materials = {id(primitive.material): primitive.material for primitive in primitives}.values()
     seen = parts.appearance(scene, materials, files)
     table, spectra, shown, surroundings = seen.table, seen.spectra, seen.shown, seen.surroundings
-    first_triangles = meshes.first_triangles if meshes else ()
+    first_triangles = meshes.first_triangles if meshes else np.zeros(0, np.int32)
     emitters = pack_emitters(scene, primitives, first_triangles, table, spectra, surroundings)
     eye_m = np.array(scene.camera.eye) * scene.metres_per_unit
     textures = parts.textures(seen).seen_from(scene.camera.eye)
