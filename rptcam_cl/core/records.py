@@ -335,6 +335,7 @@ class MaterialKind(IntEnum):
     PRINCIPLED = 10
     MIX = 11
     TRANSLUCENT = 12
+    BOUNDARY = 13  # of a medium: light passes as if nothing were there
 
 
 class TextureKind(IntEnum):
@@ -408,6 +409,7 @@ class Hidden(IntEnum):
     FROM_CAMERA = 1
     FROM_SHADOW = 2
     FROM_REFLECTION = 4
+    FROM_ALL_BUT_WAYS = 8  # of paths: boundaries of media
 
 
 class EnvironmentKind(IntEnum):
@@ -600,7 +602,7 @@ MATERIAL = Record(
         ("int", "coat_flat"),  # whether the coat has the normals of the shape, and not those of `normal_texture`
         ("int", "transmission_texture"),
         ("int", "passed_texture"),
-        ("int", "reserved_0"),
+        ("int", "interior"),  # number of the medium in a solid that light enters, in a scene with media; else -1
         ("int", "reserved_1"),
         ("int", "reserved_2"),
     ),
@@ -620,6 +622,19 @@ MATERIAL = Record(
 )
 MATERIAL_TEXTURES = tuple(name for _, name in MATERIAL.members if name.endswith("texture"))
 """Members of a material that hold the index of a texture, or -1."""
+
+MEDIUM = Record(
+    "Medium",
+    (
+        ("float4", "absorption"),  # [1/m]
+        ("float4", "scattering"),  # [1/m]
+        ("float4", "emission"),  # radiance per metre
+        ("float", "asymmetry"),  # mean cosine of scattering
+        ("int", "reserved_0"),
+        ("int", "reserved_1"),
+        ("int", "reserved_2"),
+    ),
+)
 
 TEXTURE = Record(
     "Texture",
@@ -779,7 +794,7 @@ PHOTON_PASS = Record(
 )
 
 RECORDS = (
-    PRIMITIVE, INSTANCE, SEGMENT, MATERIAL, TEXTURE, EMITTER, ENVIRONMENT, SURFACE, PINHOLE_CAMERA, THIN_LENS_CAMERA,
+    PRIMITIVE, INSTANCE, SEGMENT, MATERIAL, MEDIUM, TEXTURE, EMITTER, ENVIRONMENT, SURFACE, PINHOLE_CAMERA, THIN_LENS_CAMERA,
     THICK_LENS_CAMERA, PUPIL_CIRCLE, PUPIL_GRID, PUPIL_LINES, PUPIL, REALISTIC_CAMERA, OWN_CAMERA, HALF_PUPIL, CAMERA,
     WAVE, LIMITS, VIEW, CAUSTIC_SURFACE, PHOTON_GRID, PHOTON_PASS,
 )  # fmt: skip
@@ -794,8 +809,10 @@ TIME_FIELDS = ("TIME",)
 COLOUR_FIELDS = ("WAVELENGTH_SAMPLE",)
 LIGHT_TREE_FIELDS = ("NX", "NY", "NZ")
 CAUSTIC_FIELDS = ("SINCE_RECEIVER",)
+MEDIA_FIELDS = ("MEDIUM", "FROM_MEDIUM")
 STATE_FIELDS = (
     PATH_FIELDS + LIGHT_FIELDS + MESH_FIELDS + TIME_FIELDS + COLOUR_FIELDS + LIGHT_TREE_FIELDS + CAUSTIC_FIELDS
+    + MEDIA_FIELDS
 )
 
 
@@ -808,16 +825,19 @@ def floats_per_slot(
     colours: bool,
     light_tree: bool,
     caustics: bool = False,
+    media: bool = False,
 ) -> int:
     """Return how many 4-byte numbers a slot holds.
 
     Camera rays for the stream; otherwise whole paths, with shadow rays where the scene has emitters to sample, with
     triangles where it has meshes, with the time where something moves, with the wavelength sample where paths have a
-    wavelength, with a normal where the scene has a light tree and with their past where photons bring caustics.
+    wavelength, with a normal where the scene has a light tree, with their past where photons bring caustics and with the media
+    around them where the scene has any.
     """
     if stream:
         return CAMERA_RAY_FLOATS
     last = {
+        MEDIA_FIELDS: media,
         CAUSTIC_FIELDS: caustics,
         LIGHT_TREE_FIELDS: light_tree,
         COLOUR_FIELDS: colours,

@@ -292,7 +292,7 @@ def lobes_of(materials: NDArray[np.void], index: int, share: float = 1.0) -> Ite
     alpha = float(np.sqrt(record["alpha"] * record["alpha_across"]))
     if kind in (MaterialKind.MIRROR, MaterialKind.THIN_GLASS, MaterialKind.DIELECTRIC, MaterialKind.PLASTIC):
         alpha = 0.0
-    elif kind in (MaterialKind.MATTE, MaterialKind.TRANSLUCENT, MaterialKind.EMISSIVE):
+    elif kind in (MaterialKind.MATTE, MaterialKind.TRANSLUCENT, MaterialKind.EMISSIVE, MaterialKind.BOUNDARY):
         return
     coloured = record["texture"] >= 0 and kind in (
         MaterialKind.CONDUCTOR, MaterialKind.METAL, MaterialKind.PRINCIPLED, *COVERS[:2]
