@@ -40,14 +40,14 @@ static F3 shadow_transmittance(Ray ray, I stack, F reach, I on, Scene scene)
         Hit hit = nearest_hit(ray, scene);
         I before = on & (hit.primitive >= 0) & (hit.t < reach - margin);
         F way = before ? hit.t : reach;
-        left = select3(on, mul(left, transmittance(inside_of(stack, on, scene).extinction, way)), left);
+        left = select3(on, mul(left, transmittance_of(inside_of(stack, on, scene).extinction, way)), left);
         on = before;
         if (ANY(on))
             pass_boundary(&ray, hit, &stack, on, scene);    // or what shadow rays do not see
         reach -= way;
     }
 #else
-    left = transmittance(inside_of(stack, on, scene).extinction, MIN(reach, (F)(FARTHEST)));
+    left = transmittance_of(inside_of(stack, on, scene).extinction, MIN(reach, (F)(FARTHEST)));
 #endif
     return left;
 }
@@ -64,7 +64,7 @@ typedef struct {
 // Density with which the transmittance chooses a distance.
 static inline F density_at(Stretch s, F t)
 {
-    return dot3(mul(s.shares, s.medium.extinction), transmittance(s.medium.extinction, t));
+    return dot3(mul(s.shares, s.medium.extinction), transmittance_of(s.medium.extinction, t));
 }
 
 #if HAS_EMITTERS
@@ -146,7 +146,7 @@ static void add_scattered(Path *path, Stretch s, F met, I scatters, I on, Scene 
         F rival = MIN(light.pdf, (F)(LARGEST_DENSITY));
         weight *= rival > 0.0f ? rival * rival / (rival * rival + phase * phase) : ONE;
 #endif
-        F3 added = scale(mul(mul(per_metre, transmittance(s.medium.extinction, t)), light.radiance), weight);
+        F3 added = scale(mul(mul(per_metre, transmittance_of(s.medium.extinction, t)), light.radiance), weight);
         F reach = (wanted & (max3(added) > 0.0f)) ? light.reach : ZERO;
         I lit = reach > 0.0f;
         if (!ANY(lit))
@@ -186,7 +186,7 @@ static I pass_stretch(Path *path, Stretch s, I on, F *met, Scene scene, Rules ru
     on = on & has_extinction(s.medium);
     I murky = on & (max3(s.medium.scattering) > 0.0f);
     I scatters = FALSE;
-    F3 left = transmittance(extinction, s.length);
+    F3 left = transmittance_of(extinction, s.length);
     if (ANY(murky)) {
         // Choose a distance by the transmittance of one of three.
         F3 albedo = f3(s.medium.scattering.x / MAX(extinction.x, (F)(SMALLEST)),
@@ -200,11 +200,11 @@ static I pass_stretch(Path *path, Stretch s, I on, F *met, Scene scene, Rules ru
         F t = -logarithm(MAX(1.0f - u.b, (F)(1e-9f))) / MAX(chosen, (F)(1e-20f));
         scatters = murky & (t < s.length);
 #if HAS_EMITTERS
-        I looks = murky & (path->depth < rules.max_depth);
-        if (ANY(looks))
-            add_scattered(path, s, t, scatters & looks, looks, scene, rules);
+        I lightable = murky & (path->depth < rules.max_depth);
+        if (ANY(lightable))
+            add_scattered(path, s, t, scatters & lightable, lightable, scene, rules);
 #endif
-        F3 over = transmittance(extinction, t);
+        F3 over = transmittance_of(extinction, t);
         F3 scattered = scale(mul(s.medium.scattering, over), ONE / MAX(density_at(s, t), (F)(SMALLEST)));
         F3 passed = scale(left, ONE / MAX(dot3(s.shares, left), (F)(SMALLEST)));
         left = select3(scatters, scattered, select3(murky, passed, left));
@@ -252,7 +252,7 @@ static Hit travel_on(Path *path, Scene scene, Rules rules)
             behind += on ? hit.t : ZERO;
         }
 #else
-        break;
+        on = FALSE;
 #endif
     }
     // A path that only boundaries hold goes no farther.

@@ -40,7 +40,7 @@ static Inside inside_of(I stack, I on, Scene scene)
     return all;
 }
 
-static inline F3 transmittance(F3 extinction, F length)
+static inline F3 transmittance_of(F3 extinction, F length)
 {
     return f3(exponential(-extinction.x * length), exponential(-extinction.y * length), exponential(-extinction.z * length));
 }

@@ -794,9 +794,9 @@ PHOTON_PASS = Record(
 )
 
 RECORDS = (
-    PRIMITIVE, INSTANCE, SEGMENT, MATERIAL, MEDIUM, TEXTURE, EMITTER, ENVIRONMENT, SURFACE, PINHOLE_CAMERA, THIN_LENS_CAMERA,
-    THICK_LENS_CAMERA, PUPIL_CIRCLE, PUPIL_GRID, PUPIL_LINES, PUPIL, REALISTIC_CAMERA, OWN_CAMERA, HALF_PUPIL, CAMERA,
-    WAVE, LIMITS, VIEW, CAUSTIC_SURFACE, PHOTON_GRID, PHOTON_PASS,
+    PRIMITIVE, INSTANCE, SEGMENT, MATERIAL, MEDIUM, TEXTURE, EMITTER, ENVIRONMENT, SURFACE, PINHOLE_CAMERA,
+    THIN_LENS_CAMERA, THICK_LENS_CAMERA, PUPIL_CIRCLE, PUPIL_GRID, PUPIL_LINES, PUPIL, REALISTIC_CAMERA, OWN_CAMERA,
+    HALF_PUPIL, CAMERA, WAVE, LIMITS, VIEW, CAUSTIC_SURFACE, PHOTON_GRID, PHOTON_PASS,
 )  # fmt: skip
 
 
@@ -811,7 +811,13 @@ LIGHT_TREE_FIELDS = ("NX", "NY", "NZ")
 CAUSTIC_FIELDS = ("SINCE_RECEIVER",)
 MEDIA_FIELDS = ("MEDIUM", "FROM_MEDIUM")
 STATE_FIELDS = (
-    PATH_FIELDS + LIGHT_FIELDS + MESH_FIELDS + TIME_FIELDS + COLOUR_FIELDS + LIGHT_TREE_FIELDS + CAUSTIC_FIELDS
+    PATH_FIELDS
+    + LIGHT_FIELDS
+    + MESH_FIELDS
+    + TIME_FIELDS
+    + COLOUR_FIELDS
+    + LIGHT_TREE_FIELDS
+    + CAUSTIC_FIELDS
     + MEDIA_FIELDS
 )
 
@@ -831,8 +837,8 @@ def floats_per_slot(
 
     Camera rays for the stream; otherwise whole paths, with shadow rays where the scene has emitters to sample, with
     triangles where it has meshes, with the time where something moves, with the wavelength sample where paths have a
-    wavelength, with a normal where the scene has a light tree, with their past where photons bring caustics and with the media
-    around them where the scene has any.
+    wavelength, with a normal where the scene has a light tree, with their past where photons bring caustics and with
+    the media around them where it has any.
     """
     if stream:
         return CAMERA_RAY_FLOATS

@@ -232,7 +232,8 @@ def _inside_warnings(camera: Camera, shutter: Shutter, objects: Objects, folders
     return [
         f"the camera stands inside objects[{index}]"
         for index, (item, solid) in enumerate(objects)
-        if not (isinstance(item, Plane) or _has_medium(solid)) and holds_eye(solid, item.places(folders, shutter.open_s), eye)
+        if not (isinstance(item, Plane) or _has_medium(solid))
+        and holds_eye(solid, item.places(folders, shutter.open_s), eye)
     ]
 
 

@@ -73,6 +73,7 @@ from rptcam_cl.scene.materials import (
     AnisotropyMap,
     Attenuation,
     Blend,
+    Boundary,
     BumpyMaterial,
     Checker,
     Conductor,
@@ -96,6 +97,7 @@ from rptcam_cl.scene.materials import (
     ThinGlass,
     Translucent,
 )
+from rptcam_cl.scene.media import ScatteringMedium
 from rptcam_cl.scene.meshes import MeshObject, MeshSource, NamedMesh
 from rptcam_cl.scene.placement import (
     CameraKeyframe,
@@ -173,6 +175,8 @@ SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
     "Principled": (Principled, "Holes", "Normals", "Absorption"),
     "Mix": (Mix, "Holes"),
     "Emissive": (Emissive,),
+    "Boundary": (Boundary,),
+    "Scattering medium": (ScatteringMedium,),
     "Checker": (Checker, "Every texture"),
     "Grid": (Grid, "Every texture"),
     "Gradient": (Gradient, "Every texture"),

@@ -51,7 +51,7 @@ class Media:
 
 
 def interior_of(material: Material) -> ScatteringMedium | None:
-    """Return what a solid has inside of it, empty space perhaps; None of a material that is no solid's."""
+    """Find the medium inside of a solid of a material, empty space perhaps; None where it is no solid's."""
     solid = isinstance(material, Dielectric | Boundary) or (
         isinstance(material, Principled) and material.transmission != 0
     )
@@ -139,7 +139,8 @@ def _check(scene: Scene, primitives: Sequence[Primitive], materials: Collection[
             raise InputError(f"{key}: does not go with media such as fog (allowed: {allowed})")
     medium = scene.medium
     if medium is not None and max(medium.emission_per_m) > 0:
-        if min(a + s for a, s in zip(medium.absorption, medium.scattering, strict=True)) <= 0:
+        thinnest = min(a + s for a, s in zip(medium.absorption, medium.scattering, strict=True))
+        if thinnest <= 0:
             raise InputError("medium.emission_per_m: shines without end where nothing absorbs or scatters"
                              " (allowed: coefficients above 0 in every channel)")  # fmt: skip
     if any(interior_of(material) is not None and has_holes(material) for material in materials):
@@ -155,7 +156,7 @@ def _check(scene: Scene, primitives: Sequence[Primitive], materials: Collection[
 
 
 def _of_mix(mix: Mix, inside: dict[int, int]) -> int:
-    """Return what is inside of a solid of mixed materials."""
+    """Return the number of the medium inside of a solid of mixed materials."""
     numbers = {inside[id(part)] for part in mix.materials} - {NOT_SOLID}
     if len(numbers) > 1:
         raise InputError("materials of a mix: two solids with different media inside (allowed: the same one)")
