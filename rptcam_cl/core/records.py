@@ -538,6 +538,8 @@ SEGMENT = Record(
     ),
 )
 
+ONCE_TERMS = 8
+
 MATERIAL = Record(
     "Material",
     (
@@ -594,6 +596,8 @@ MATERIAL = Record(
         ("float", "dispersion_low"),  # ends of what the polynomial is for; beyond them the index stays as it is there
         ("float", "dispersion_high"),
         ("float", f"dispersion[{DISPERSION_TERMS}]"),
+        ("float", f"once_outside[{ONCE_TERMS}]"),  # of rough glass: the light that facets scatter once, by the cosine
+        ("float", f"once_inside[{ONCE_TERMS}]"),
         ("float", "anisotropy_turn"),  # of the direction of `alpha`, from u towards v [turns]
         ("int", "specular_texture"),
         ("int", "specular_color_texture"),
@@ -884,6 +888,7 @@ def device_declarations() -> str:
     lines.append(f"#define RAY_STATUS_COUNT {len(RayStatus)}")
     lines.append(f"#define DISPERSION_SCALE ((real){DISPERSION_SCALE!r})")
     lines.append(f"#define DISPERSION_SHIFT ((real){DISPERSION_SHIFT!r})")
+    lines.append(f"#define ONCE_TERMS {ONCE_TERMS}")
     lines += [f"#define LOSS_TABLE_NM {LOSS_TABLE_NM}", f"#define LOSS_TABLE_LENGTH {LOSS_TABLE_LENGTH}"]
     lines += [f"#define {name} {value!r}f" for name, value in _CONSTANTS.items()]
     lines += [f"#define PATH_{name} {index}" for index, name in enumerate(STATE_FIELDS)]

@@ -36,7 +36,7 @@ from rptcam_cl.rendering.plan.emitters import (
     visible_lamps,
 )
 from rptcam_cl.rendering.plan.environment import Surroundings
-from rptcam_cl.rendering.plan.materials import LargestAlbedo, Materials, largest_albedo
+from rptcam_cl.rendering.plan.materials import LargestAlbedo, Materials, largest_albedo, scatters_again
 from rptcam_cl.rendering.plan.media import Media, boundaries, pack_media
 from rptcam_cl.rendering.plan.primitives import (
     Movements,
@@ -550,6 +550,7 @@ def _world(scene: Scene, parts: PlanParts) -> dict[str, Any]:
     solids, references = parts.part("solids", (scene.objects, named, far), lambda: _solids(scene, far))
     files = tuple(map(scene.digest_of, references))
     fog = scene.medium, getattr(scene.camera, "ghosts", "off")
+    fog = *fog, scene.render.multiple_scattering
     caustics = scene.render.caustics, "caustics" in scene.render.model_fields_set, scene.render.clamp is None
     about = scene.camera.eye, scene.metres_per_unit, scene.shutter, caustics, scene.film.transparent, fog
     of = scene.objects, solids, named, far, files, about
@@ -578,7 +579,8 @@ def _pack_world(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> dict[
     movements = pack_movements(scene, primitives)
     caustics = pack_caustics(scene, primitives, first_triangles, emitters, has_media=media.active)
     hidden = np.array([primitive.hidden for primitive in primitives] or [0], np.int32) | boundaries(primitives)
-    facts = media.facts | caustics.facts | shown.facts | textures.facts | emitters.facts | movements.facts
+    again = scene.render.multiple_scattering and scatters_again(shown.records)
+    facts = {"FACET_ENERGY": int(again)} | media.facts | caustics.facts | shown.facts | textures.facts | emitters.facts | movements.facts
     facts |= _facts_of_shapes(primitives, meshes, shown.facts) | {
         "ENVIRONMENT": int(surroundings.kind),
         "FEW_PRIMITIVES": int(len(primitives) <= FEW),
