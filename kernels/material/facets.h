@@ -214,6 +214,22 @@ static inline void add_sheen(Lobes *lobes, Vertex vertex, I behind, F below)
 #endif
 
 #if HAS_CLEARCOAT
+#if FACET_ENERGY
+// Share of light from the cosine `mu` that a clear coat reflects: Schlick's Fresnel at a mean cosine at its facets, which is
+// fitted to the quadrature, at most 0.0032 off (tests/device/test_covers.py).
+static F coat_albedo(F mu, Alpha alpha)
+{
+    F x = mu / (mu + 0.5f * alpha.x);
+    F r = sqrt(alpha.x);
+    F e0 = quartic(r, -0.0075f, 0.3084f, 1.3912f, -2.1739f, 0.9446f);
+    F e1 = quartic(r, 0.0115f, -0.2522f, 0.1039f, -0.7571f, 0.7059f);
+    F e2 = quartic(r, 0.0029f, -0.3415f, 3.5689f, -5.0284f, 1.1378f);
+    F e3 = quartic(r, -0.0068f, 0.2625f, -4.6f, 4.3796f, -0.1194f);
+    F steep = schlick(MAX(mu + e0 + x * (e1 + x * (e2 + x * e3)), ZERO));
+    return ggx_albedo(mu, alpha) * (COAT_REFLECTANCE + (1.0f - COAT_REFLECTANCE) * steep);
+}
+#endif
+
 static inline F3 to_coat(Lobes lobes, F3 w)
 {
 #if HAS_COAT_NORMAL
@@ -302,7 +318,7 @@ static F3 lobes_eval(Vertex vertex, Lobes lobes, F3 wo, F3 h, F *pdf)
     F3 coat_wi = to_coat(lobes, lobes.wi);
     F3 coat_wo = to_coat(lobes, wo);
 #if FACET_ENERGY
-    F taken = 1.0f - cover_albedo(lobes.coat_cover, coat_wi.z);     // what the coat sends back down comes up in the end
+    F taken = lobes.coat > 0.0f ? 1.0f - vertex.closure.coat * coat_albedo(coat_wi.z, lobes.coat_alpha) : ONE;
 #else
     F taken = (1.0f - cover_albedo(lobes.coat_cover, coat_wi.z)) * (1.0f - cover_albedo(lobes.coat_cover, absolute(coat_wo.z)));
 #endif
