@@ -105,6 +105,9 @@ typedef struct {
 #if SPECTRAL_COLOURS
     SpectralColours spectral;   // colours at the wavelengths of the lanes at hand
 #endif
+#if HAS_MAPPING
+    F3 place;       // of the lanes at hand, for textures that lie in space
+#endif
 #if HAS_DISPERSION
     F inverse;      // wavelength of the lanes at hand, as inverse_wavelength has it
 #endif

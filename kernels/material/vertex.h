@@ -7,6 +7,7 @@
 #if HAS_TANGENT
 #include "geometry/tangent.h"
 #endif
+#include "material/bump.h"
 
 typedef struct {
     F3 p, n;        // position and outward unit normal for shading
@@ -36,19 +37,6 @@ typedef struct {
 } Vertex;
 
 #include "material/flat_tables.h"
-
-#if HAS_BITANGENT
-// The frame of the texture coordinates about the normal: x towards growing u, y at a right angle, on the side of growing v.
-static void tangent_frame(SurfacePoint point, F3 *x, F3 *y)
-{
-    F3 flat = along(point.tangent, point.n, -dot3(point.tangent, point.n));
-    F length2 = dot3(flat, flat);
-    frame(point.n, x, y);
-    *x = select3(length2 > 0.0f, scale(flat, 1.0f / sqrt(MAX(length2, (F)(SMALLEST)))), *x);
-    *y = cross3(point.n, *x);
-    *y = scale(*y, with_sign(ONE, dot3(*y, point.bitangent)));
-}
-#endif
 
 #if HAS_ANISOTROPY_TURN || HAS_ANISOTROPY_MAP
 // The direction along which a material is brushed, u and v of the texture coordinates, turned.
@@ -151,6 +139,10 @@ static void take_material(Vertex *vertex, I mine, const __global Material *mater
 #if HAS_NORMAL_MAP
     if (material->normal_texture >= 0)
         vertex->n = select3(mine, mapped_normal(material->normal_texture, material->normal_strength, point, scene), vertex->n);
+#endif
+#if HAS_BUMP
+    if (material->bump_texture >= 0)
+        vertex->n = select3(mine, bumped_normal(material, point, point.n, scene), vertex->n);
 #endif
 #if HAS_AGAIN
     vertex->closure.again = mine ? scattered_again(material, dot3(vertex->n, d)) : vertex->closure.again;
@@ -265,6 +257,9 @@ static Vertex vertex_of(Ray ray, Hit hit, I on, F choice, Scene scene)
 #if HAS_MOTION
         if (moves(index, scene))
             point = surface_in_world(placing, point);
+#endif
+#if HAS_MAPPING
+        scene.place = point.p;
 #endif
         // Keep position and normals.
 #if HAS_MESH

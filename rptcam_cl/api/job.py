@@ -24,7 +24,7 @@ from rptcam_cl.device.session import Session, Split, Wanted, means_all, open_ses
 from rptcam_cl.imaging.development import GUIDES, check_denoiser
 from rptcam_cl.imaging.image import Image, with_picture_settings
 from rptcam_cl.imaging.sensor import check_sensor, sensor_of
-from rptcam_cl.imaging.truth_files import NAMES, ranked
+from rptcam_cl.imaging.writers import NAMES, ranked
 from rptcam_cl.rendering.account import (
     GEOMETRY,
     MEASURED_SECONDS,

@@ -27,7 +27,7 @@ from rptcam_cl.device.session import Wanted, open_sessions
 from rptcam_cl.exchange.camera_models import COEFFICIENTS, calibrate, calibrate_best
 from rptcam_cl.exchange.camera_view import View, view
 from rptcam_cl.imaging.image import Image
-from rptcam_cl.imaging.truth_files import LABELS, TRUTH_FILES, categories_of, with_classes
+from rptcam_cl.imaging.writers import LABELS, TRUTH_FILES, categories_of, with_classes
 from rptcam_cl.scene.load import change_scene, load_scene
 from rptcam_cl.scene.scene import Scene
 

@@ -23,7 +23,7 @@ from rptcam_cl.core.errors import InputError, RptcamError, out_of_range
 from rptcam_cl.core.strict_yaml import Document, KeyPath, dotted, read_yaml
 from rptcam_cl.exchange.camera_models import COEFFICIENTS
 from rptcam_cl.exchange.camera_view import view
-from rptcam_cl.imaging.truth_files import MOST_INSTANCES
+from rptcam_cl.imaging.writers import MOST_INSTANCES
 from rptcam_cl.scene.load import load_scene, set_keys
 from rptcam_cl.scene.scene import Scene
 

@@ -178,7 +178,7 @@ def layers_to_record(arguments: argparse.Namespace, scene: Scene) -> list[str] |
     layers = layers_of_outputs(arguments)
     if arguments.truth is None:
         return layers
-    from rptcam_cl.imaging.truth_files import LABELS
+    from rptcam_cl.imaging.writers import LABELS
 
     return list(dict.fromkeys((*(scene.render.layers if layers is None else layers), *LABELS, *RAYS)))
 

@@ -14,8 +14,15 @@ from typing import TYPE_CHECKING, Any
 
 from rptcam_cl.api.options import RENDER_OPTIONS, check_together
 from rptcam_cl.cli import output as summary
-from rptcam_cl.cli.cluster import render_by_cluster, render_frames_by_cluster
-from rptcam_cl.cli.frames import Frame, check_frame_options, missing_frames, render_again, write_video_of
+from rptcam_cl.cli.frames import (
+    Frame,
+    check_frame_options,
+    missing_frames,
+    render_again,
+    render_by_cluster,
+    render_frames_by_cluster,
+    write_video_of,
+)
 from rptcam_cl.cli.output import (
     INTERRUPTED,
     Show,
@@ -118,7 +125,7 @@ def check_truth(arguments: argparse.Namespace, scene: Scene) -> None:
     folder: Path | None = arguments.truth
     if folder is None:
         return
-    from rptcam_cl.imaging.truth_files import MOST_INSTANCES
+    from rptcam_cl.imaging.writers import MOST_INSTANCES
 
     check_together(arguments, "truth", "--truth")
     if len(scene.objects) >= MOST_INSTANCES:

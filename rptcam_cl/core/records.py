@@ -346,6 +346,34 @@ class TextureKind(IntEnum):
     GRADIENT = 2
     NOISE = 3
     IMAGE = 4
+    PERLIN = 5
+    MARBLE = 6
+    DOTS = 7
+
+
+class Mapped(IntEnum):
+    """What the coordinates of a texture follow from."""
+
+    UV = 0
+    SPACE = 1
+    SPHERICAL = 2
+    CYLINDRICAL = 3
+
+
+class PerlinForm(IntEnum):
+    """Sums of octaves of Perlin's noise."""
+
+    SUM = 0
+    TURBULENCE = 1
+    WIND = 2
+
+
+class BumpLengths(IntEnum):
+    """What a step of 1 in u and v is on a surface with bumps."""
+
+    SURFACE = 0
+    UNIT = 1
+    U = 2
 
 
 class TexelFormat(IntEnum):
@@ -401,6 +429,14 @@ EMITTER_FACTS = {
     },
 }
 """Facts that kernels are compiled for, and the kinds of emitter of which one must be there."""
+
+
+class PatchMap(IntEnum):
+    """How the unit square lies on an emitter whose ghosts are traced."""
+
+    SQUARE = 0
+    DISK = 1
+    TRIANGLE = 2
 
 
 class Hidden(IntEnum):
@@ -484,10 +520,14 @@ _PREFIXES: dict[str, type[IntEnum]] = {
     "TEXTURE": TextureKind,
     "TEXEL": TexelFormat,
     "WRAP": Wrap,
+    "MAPPED": Mapped,
+    "PERLIN": PerlinForm,
+    "BUMP": BumpLengths,
     "EMITTER": EmitterKind,
     "HIDDEN": Hidden,
     "ENVIRONMENT": EnvironmentKind,
     "SPECTRUM": SpectrumKind,
+    "PATCH": PatchMap,
     "RAY": RayStatus,
 }
 
@@ -606,7 +646,11 @@ MATERIAL = Record(
         ("int", "coat_flat"),  # whether the coat has the normals of the shape, and not those of `normal_texture`
         ("int", "transmission_texture"),
         ("int", "passed_texture"),
+        ("int", "bump_texture"),
+        ("float", "bump_height"),  # of a texture of 1 [m]; of bumps over u and v in scene units [scene units]
+        ("int", "bump_lengths"),
         ("int", "interior"),  # number of the medium in a solid that light enters, in a scene with media; else -1
+        ("int", "reserved_0"),
         ("int", "reserved_1"),
         ("int", "reserved_2"),
     ),
@@ -622,6 +666,7 @@ MATERIAL = Record(
         ("HAS_PASSED_TEXTURE", "passed_texture"),
         ("HAS_NORMAL_MAP", "normal_texture"),
         ("HAS_ANISOTROPY_MAP", "anisotropy_texture"),
+        ("HAS_BUMP", "bump_texture"),
     ),
 )
 MATERIAL_TEXTURES = tuple(name for _, name in MATERIAL.members if name.endswith("texture"))
@@ -647,6 +692,9 @@ TEXTURE = Record(
         ("float4", "b"),  # second colour
         ("float4", "row_u"),  # coordinates on the pattern: x u + y v + z
         ("float4", "row_v"),
+        ("float4", "row_x"),  # of a mapping: from the world to the frame of the texture
+        ("float4", "row_y"),
+        ("float4", "row_z"),
         ("int", "kind"),
         ("float", "parameter"),  # width of a grid's line; amplitude of an octave of noise relative to the last
         ("float", "contrast"),  # of noise
@@ -660,9 +708,9 @@ TEXTURE = Record(
         ("int", "nearest"),
         ("int", "wrap_u"),
         ("int", "wrap_v"),
-        ("int", "reserved_0"),
-        ("int", "reserved_1"),
-        ("int", "reserved_2"),
+        ("int", "mapping"),
+        ("int", "form"),  # of Perlin's noise
+        ("float", "variation"),  # of marble
     ),
 )
 

@@ -21,6 +21,7 @@ import time
 import warnings
 from collections import OrderedDict
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
+from contextvars import ContextVar
 from dataclasses import field
 from functools import lru_cache, wraps
 from pathlib import Path
@@ -34,6 +35,7 @@ from rptcam_cl.core.files import cache_dir, kernels_dir, package_dir
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+
 
 Arguments = ParamSpec("Arguments")
 Value = TypeVar("Value")
@@ -431,3 +433,34 @@ class OneMaker:
             if known[name] != value
         ]
         return "; ".join(words) or f"is made by several programs, unlike {self.first}"
+
+
+# Long work that can be given up: whoever does it for somebody asks at each step whether it is still wanted.
+
+_CHECK: ContextVar[Callable[[], None] | None] = ContextVar("whether work is still wanted", default=None)
+
+
+class CancelledError(Exception):
+    """Nobody wants the work any more."""
+
+
+def checkpoint() -> None:
+    """Raise what ends the work under way, or wait, where `cancellable` says so; nothing otherwise."""
+    check = _CHECK.get()
+    if check is not None:
+        check()
+
+
+def is_cancellable() -> bool:
+    """Whether somebody is asked at checkpoints, so that the device's queue is to be kept short between them."""
+    return _CHECK.get() is not None
+
+
+@contextlib.contextmanager
+def cancellable(check: Callable[[], None]) -> Iterator[None]:
+    """Have ``check`` called at every checkpoint that this thread comes to; it may wait, or raise a CancelledError."""
+    token = _CHECK.set(check)
+    try:
+        yield
+    finally:
+        _CHECK.reset(token)

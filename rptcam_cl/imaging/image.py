@@ -25,8 +25,18 @@ from rptcam_cl.core.files import FILM_SUFFIXES, check_writable, free_host_bytes,
 from rptcam_cl.imaging.development import GUIDES, PLAIN, denoise, developed_values, quantise
 from rptcam_cl.imaging.formats import ALL_METADATA, RawImage, from_exr_attributes
 from rptcam_cl.imaging.sensor import SensorModel, expose
-from rptcam_cl.imaging.truth_files import coco, save_truth
-from rptcam_cl.imaging.writers import PNG_BITS, Layer, alpha_of, check_layers, film_part, is_developed, png_to, write
+from rptcam_cl.imaging.writers import (
+    PNG_BITS,
+    Layer,
+    alpha_of,
+    check_layers,
+    coco,
+    film_part,
+    is_developed,
+    png_to,
+    save_truth,
+    write,
+)
 from rptcam_cl.scene.film import PictureSettings
 from rptcam_cl.scene.load import load_picture
 

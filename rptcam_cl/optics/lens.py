@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rptcam_cl.core.cancel import checkpoint
 from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.remember import checkpoint
 from rptcam_cl.optics.ray_trace import LensTransmission, Rays, trace
 from rptcam_cl.optics.stop_shape import StopMask, StopShape
 from rptcam_cl.optics.surface import Configuration, FocusingGroup, FocusState, Prescription, Surface

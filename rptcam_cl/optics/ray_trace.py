@@ -9,10 +9,10 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rptcam_cl.core.cancel import checkpoint
 from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.remember import checkpoint
 from rptcam_cl.optics.coating import BARE, Coating, Interface, LayerStack, MeasuredReflectance, QuarterWave
 from rptcam_cl.optics.glass import Medium, attenuation
 from rptcam_cl.optics.shapes import WORTH_MOVING, Hits

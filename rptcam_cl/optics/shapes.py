@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.records import SurfaceKind
-from rptcam_cl.optics.files.fields import NUMBER, Fields, Key
+from rptcam_cl.core.strict_yaml import NUMBER, Fields, Key
 
 #
 # What every kind of lens surface is: an object that knows its sag, where rays meet it and how a device sees it.

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.core.cancel import checkpoint, is_cancellable
 from rptcam_cl.core.colour import luminance
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import StateError
+from rptcam_cl.core.remember import checkpoint, is_cancellable
 from rptcam_cl.rendering.film import BLOCK, TILE_PIXELS, FilmLayout, Wave
 from rptcam_cl.rendering.several import WHOLE, AnyWavefront, FilmPart
 from rptcam_cl.scene.film import SHARP_LAYERS

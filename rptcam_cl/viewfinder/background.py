@@ -24,7 +24,7 @@ import time
 from collections.abc import Callable, Hashable
 from typing import Any
 
-from rptcam_cl.core.cancel import CancelledError, cancellable
+from rptcam_cl.core.remember import CancelledError, cancellable
 
 LOG = logging.getLogger("rptcam_cl.viewfinder")
 

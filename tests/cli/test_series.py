@@ -2,7 +2,7 @@
 
 import pytest
 
-from rptcam_cl.cli.cluster import F_NUMBERS, expand_ellipsis
+from rptcam_cl.cli.frames import F_NUMBERS, expand_ellipsis
 from rptcam_cl.core.errors import InputError
 
 

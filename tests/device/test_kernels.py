@@ -39,6 +39,9 @@ SOLIDS = ("box", "cylinder", "cone", "sphere")  # of a sphere an ellipsoid
 PATTERNS = {
     "gradient": {"kind": "gradient", "start": 0.1, "end": 0.9},
     "noise": {"kind": "noise", "low": 0.1, "high": 0.9},
+    "perlin": {"kind": "perlin", "mapping": {"kind": "space"}},
+    "marble": {"kind": "marble"},
+    "dots": {"kind": "dots", "inside": 0.9, "outside": 0.1},
     "image": {"kind": "image", "file": str(Path(__file__).parents[2] / "docs" / "images" / "boards.png")},
 }
 LIGHTS = [
@@ -66,6 +69,7 @@ EVERY_MATERIAL = {
         "specular_color": IMAGE, "normal_map": {"file": IMAGE["file"]},
     },
     "mix": {"kind": "mix", "materials": ["metal", "plastic"]},
+    "bumpy": {"kind": "matte", "reflectance": 0.5, "bump": {"texture": PATTERNS["perlin"], "lengths": "u"}},
 }  # fmt: skip
 
 

@@ -10,7 +10,7 @@ from pycocotools.coco import COCO
 
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.imaging.image import Image
-from rptcam_cl.imaging.truth_files import run_lengths, run_text
+from rptcam_cl.imaging.writers import run_lengths, run_text
 
 
 def picture() -> Image:

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.scene.assets.boards import DICTIONARIES, marker_bits
 from rptcam_cl.scene.load import load_scene
-from rptcam_cl.scene.shapes import Board
+from rptcam_cl.scene.shapes import DICTIONARIES, Board, marker_bits
 
 KINDS = ("checker", "charuco", "aruco", "circles", "siemens", "slanted_edge")
 

@@ -70,27 +70,18 @@ from rptcam_cl.scene.lights import (
 from rptcam_cl.scene.load import load_scene, scene_json_schema
 from rptcam_cl.scene.materials import (
     AbsorbingMaterial,
-    AnisotropyMap,
     Attenuation,
-    Blend,
     Boundary,
     BumpyMaterial,
-    Checker,
     Conductor,
     CoveringMaterial,
     Dielectric,
     Emissive,
-    Gradient,
-    Grid,
-    ImageTexture,
     Matte,
     MetalTable,
     Mirror,
     Mix,
-    Noise,
-    NormalMap,
     OpticalConstants,
-    Pattern,
     Plastic,
     Principled,
     RoughMaterial,
@@ -114,6 +105,22 @@ from rptcam_cl.scene.placement import (
 from rptcam_cl.scene.quantities import LightSpectrum, TabulatedSpectrum
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.scene.shapes import Board, Box, Cone, Cylinder, Disk, Plane, Rectangle, Sphere
+from rptcam_cl.scene.textures import (
+    AnisotropyMap,
+    Blend,
+    Bump,
+    Checker,
+    Dots,
+    Gradient,
+    Grid,
+    ImageTexture,
+    Mapping,
+    Marble,
+    Noise,
+    NormalMap,
+    Pattern,
+    Perlin,
+)
 
 # Sections of docs/scene.md: the model that each describes, and the sections that describe the keys that it shares.
 SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
@@ -161,6 +168,8 @@ SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
     "White balance": (WhiteBalance,),
     "Tone curve": (ToneCurve,),
     "Normal map": (NormalMap, "Every texture"),
+    "Bump": (Bump,),
+    "Mapping": (Mapping,),
     "Anisotropy map": (AnisotropyMap, "Every texture"),
     "Attenuation": (Attenuation,),
     "Matte": (Matte, "Holes", "Normals"),
@@ -181,6 +190,9 @@ SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
     "Grid": (Grid, "Every texture"),
     "Gradient": (Gradient, "Every texture"),
     "Noise": (Noise, "Every texture"),
+    "Perlin": (Perlin, "Every texture"),
+    "Marble": (Marble, "Every texture"),
+    "Dots": (Dots, "Every texture"),
     "Image": (ImageTexture, "Every texture"),
     "Instances": (Instances,),
     "Visibility": (Visibility, "Camera visibility"),

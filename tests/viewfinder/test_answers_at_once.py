@@ -10,7 +10,7 @@ import pytest
 
 import rptcam_cl
 from rptcam_cl.api.session import RenderSession
-from rptcam_cl.core.cancel import checkpoint
+from rptcam_cl.core.remember import checkpoint
 from rptcam_cl.viewfinder.delivery import Delivery
 from rptcam_cl.viewfinder.messages import Client, ClientSettings
 from rptcam_cl.viewfinder.studio import Slot

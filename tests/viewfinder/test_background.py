@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 from playwright.sync_api import Browser
 
-from rptcam_cl.core.cancel import checkpoint
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.remember import checkpoint
 from rptcam_cl.rendering.cameras.setting import lens_setting
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.studies.focus.controller import autofocus

@@ -353,6 +353,7 @@ def _scene_keys(context: Context, source: Path) -> dict[str, Any]:
     if camera is None:
         raise InputError(f"{source}: has no Camera; is it a part that another file includes?")
     frame = frame_of(camera)
+    context.world = frame.world
     film = options.get("Film")
     raster = raster_of(context, film)
     camera_keys, film_keys, own_keys = convert_camera(context, camera, frame, raster, film)

@@ -9,7 +9,7 @@ from pathlib import Path
 from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.core.records import MOST_LAYERS
-from rptcam_cl.core.strict_yaml import MAX_BYTES, Document, KeyPath
+from rptcam_cl.core.strict_yaml import MAX_BYTES, Document, Fields, KeyPath, problem, rises, value_at
 from rptcam_cl.optics import glass
 from rptcam_cl.optics.coating import (
     BARE,
@@ -24,7 +24,6 @@ from rptcam_cl.optics.coating import (
     constant_reflectance,
 )
 from rptcam_cl.optics.files import keys
-from rptcam_cl.optics.files.fields import Fields, problem, rises, value_at
 from rptcam_cl.optics.files.glass_catalogues import (
     LARGEST_FILE,
     find_glass,

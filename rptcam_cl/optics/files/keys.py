@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from rptcam_cl.core.records import MOST_LAYERS
-from rptcam_cl.optics.files.fields import NUMBER, POSITIVE, TEXT, Key, by_number, mapping, numbers
+from rptcam_cl.core.strict_yaml import NUMBER, POSITIVE, TEXT, Key, by_number, mapping, numbers
 from rptcam_cl.optics.shapes import FORMS
 
 #

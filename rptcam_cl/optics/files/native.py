@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.files import References
-from rptcam_cl.core.strict_yaml import Document, KeyPath
+from rptcam_cl.core.strict_yaml import Document, Fields, KeyPath, as_number, problem
 from rptcam_cl.optics.files import keys
-from rptcam_cl.optics.files.fields import Fields, as_number, problem
 from rptcam_cl.optics.files.glasses import apply_coatings, read_glass
 from rptcam_cl.optics.glass import AIR, Medium, continued_words
 from rptcam_cl.optics.lens import Lens, first_order, in_configuration

@@ -47,7 +47,7 @@ from rptcam_cl.rendering.cameras.model import (
     thick_lens_reach,
     thin_lens_reach,
 )
-from rptcam_cl.rendering.cameras.realistic import realistic_model
+from rptcam_cl.rendering.cameras.realistic import Window, realistic_model
 from rptcam_cl.rendering.cameras.setting import (
     CameraMetadata,
     EntrancePupil,
@@ -62,7 +62,6 @@ from rptcam_cl.rendering.cameras.setting import (
     on_film,
     place_film,
 )
-from rptcam_cl.rendering.cameras.shared_pupil import Window
 from rptcam_cl.scene.camera import (
     Camera,
     EnvironmentCamera,

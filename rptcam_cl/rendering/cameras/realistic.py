@@ -2,17 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable, Hashable, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.records import PupilKind
 from rptcam_cl.core.remember import remember
 from rptcam_cl.optics.irradiance import axial_irradiance, disk_irradiance, on_axis_irradiance
-from rptcam_cl.optics.lens import Lens
+from rptcam_cl.optics.lens import Lens, zoom_range_mm
+from rptcam_cl.optics.pupils import (
+    UNMOVED,
+    FilmFrame,
+    FilmProbe,
+    PupilShapes,
+    StoppedPupils,
+    Wavelengths,
+    narrowing_probes,
+    pupil_boxes,
+    shared_shapes,
+    stopped_pupils,
+)
 from rptcam_cl.optics.ray_trace import IDEAL, LensTransmission, axial_transmittance, is_tinted
 from rptcam_cl.rendering.cameras.ideal import shaped, thick_lens_intrinsics, thick_lens_of
 from rptcam_cl.rendering.cameras.lens_records import colour_error_px, disperses, usable_nm
@@ -24,29 +41,327 @@ from rptcam_cl.rendering.cameras.model import (
     lens_reach,
     traced_blur,
 )
-from rptcam_cl.rendering.cameras.pupil import PupilSampling, by_content, has_shape, on_disk, pupil_sampling
+from rptcam_cl.rendering.cameras.pupil import (
+    CELLS,
+    EDGE_SPREAD,
+    PROBES,
+    SPREAD,
+    PupilGrid,
+    PupilSampling,
+    by_content,
+    content_of,
+    has_shape,
+    loses_light,
+    on_disk,
+    pupil_sampling,
+    tight_sampling,
+    without_shape,
+)
 from rptcam_cl.rendering.cameras.ray_map import allowed_px, fitted_rays, traced_rays
 from rptcam_cl.rendering.cameras.setting import (
+    DESIGN,
     CameraMetadata,
     LensSetting,
+    Method,
     check_film,
+    design_to_focus,
     entrance_pupil,
     film_frame,
+    focused,
     half_film_mm,
     movements_metadata,
     place_film,
     place_fold,
 )
-from rptcam_cl.rendering.cameras.shared_pupil import Window, paraxial_irradiance, pupil_in_windows, shared_sampling
+from rptcam_cl.scene.camera import LensCamera
 from rptcam_cl.scene.film import LensColour
 from rptcam_cl.scene.scene import Scene
+
+# Tables of pupils that states of a lens near each other share: for pictures that each have another focus, f-number,
+# focal length or place of the film across the axis.
+#
+# States lie in cells of stops, of focus and of zoom. The table of a cell is that of its widest stop, and holds the
+# pupils of its nearest, middle and farthest focus, of a zoom lens at its shortest and longest focal length; so it
+# holds those in between. The cell follows from the state alone, whatever came before it. Rays that the true pupil
+# blocks change noise and nothing else.
+#
+# Cells that differ by the stop alone have their tables from one bundle of rays, traced with the stop wide open, where
+# its chief rays come through. In other cells each table is traced.
+
+# Pupil sampling of a few windows of the film, for looks through a lens in many states: boxes where needed.
+
+Window = tuple[float, float, float, float]
+"""Part of the film: x from, x to, y from, y to [mm], in the frame of the lens."""
+
+
+def pupil_in_windows(
+    lens: Lens,
+    film_distance_mm: float,
+    half_film_mm: tuple[float, float],
+    wavelength_nm: float,
+    windows: Sequence[Window],
+    frame: FilmFrame = UNMOVED,
+) -> PupilSampling:
+    """Return boxes round the pupils seen from the cells of the film that windows touch; from elsewhere it is dark.
+
+    Of a film that is moved, `half_film_mm` are half the sides of what it takes about the axis.
+    """
+    lens = without_shape(lens)
+    cells = _touched(half_film_mm, windows)
+    corners = np.unique(np.concatenate([cells + np.array([i, j]) for i in (0, 1) for j in (0, 1)]), axis=0)
+    size = 2 * np.array(half_film_mm) / CELLS
+    probes = narrowing_probes(lens, film_distance_mm, wavelength_nm, frame)
+    boxes, lit = pupil_boxes(probes, corners * size - half_film_mm, PROBES)
+    if not lit.any():
+        raise InputError(f"{lens.name}: no light reaches the zones {film_distance_mm:g} mm behind the lens")
+    place = {tuple(corner): k for k, corner in enumerate(corners.tolist())}
+    table = np.zeros((CELLS, CELLS, 4), np.float32)
+    for x, y in cells.tolist():
+        around = [place[x + i, y + j] for i in (0, 1) for j in (0, 1)]
+        table[y, x] = _around(boxes[around], lit[around])
+    parameters = PupilGrid(1 / size[0], 1 / size[1], CELLS, CELLS)
+    return PupilSampling("windows", PupilKind.BOXES, parameters, table.ravel())
+
+
+def _touched(half_film_mm: tuple[float, float], windows: Sequence[Window]) -> NDArray[np.int64]:
+    """Return the cells (n, 2) of the film, across and down, that windows touch."""
+    touched = np.zeros((CELLS, CELLS), np.bool_)
+    for window in windows:
+        low, high = np.array(window).reshape(2, 2).T
+        first, last = (np.floor((edge / half_film_mm + 1) / 2 * CELLS).astype(int) for edge in (low, high))
+        first, last = np.clip(first, 0, CELLS - 1), np.clip(last, 0, CELLS - 1)
+        touched[first[0] : last[0] + 1, first[1] : last[1] + 1] = True
+    return np.argwhere(touched)
+
+
+def _around(boxes: NDArray[np.float64], lit: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Return the corner and size of a box that holds the pupils of the corners of a cell, and a little more."""
+    if not lit.any():
+        return np.zeros(4)
+    low, high = boxes[lit][:, ::2].min(axis=0), boxes[lit][:, 1::2].max(axis=0)
+    spread = (SPREAD if lit.all() else EDGE_SPREAD) * (high - low)
+    return np.concatenate([low - spread, high - low + 2 * spread])
+
+
+def paraxial_irradiance(
+    lens: Lens, film_distance_mm: float, wavelength_nm: float, transmission: LensTransmission = IDEAL
+) -> float:
+    """Return the irradiance of the centre of the film for unit radiance by first-order optics."""
+    passed = float(axial_transmittance(lens, wavelength_nm, transmission))
+    pupil = lens.first_order(wavelength_nm).exit_pupil
+    if not np.isfinite(pupil.distance_mm):
+        return passed * float(np.pi / (4 * lens.first_order(wavelength_nm).f_number ** 2))
+    tangent = pupil.diameter_mm / 2 / (film_distance_mm - pupil.distance_mm)
+    return passed * float(np.pi * tangent**2 / (1 + tangent**2))
+
+
+CELLS_OF_A_STOP = 8
+FOCUS_CELL = 0.012  # by how much of the focal length the image of an object moves in a cell
+ZOOM_CELLS = 16  # while the focal length doubles
+FILM_CELLS = 4  # while the film doubles in size
+BEYOND_FILM = 1.02  # for states whose film is farther away
+FAR_MM = 1e12  # stands for infinity
+REMEMBERED = 256  # cells whose tables are kept, of 30 to 150 kB each; states of a lens whose numbers are
+FEW_REMEMBERED = 32  # cells of focus whose rays are kept, of 1 MB each
+
+
+@dataclass(frozen=True)
+class _Shared:
+    """A table, last vertex to film [mm] in the state that its film points are of, and how far from the axis they go."""
+
+    sampling: PupilSampling
+    film_distance_mm: float
+    radius_mm: float = math.inf
+
+    def holds(self, radius_mm: float, film_distance_mm: float) -> bool:
+        """Return whether it goes as far as a film at another distance."""
+        return radius_mm * self.film_distance_mm / film_distance_mm <= self.radius_mm
+
+
+def shared_sampling(scene: Scene, setting: LensSetting, wavelength_nm: Wavelengths) -> PupilSampling | None:
+    """Return the sampling that a lens shares with its states nearby; None where it needs one of its own.
+
+    So do lenses that are not round, have mirrors or are not as designed, a film that is turned, and a focus that is no
+    distance.
+    """
+    camera, distance_mm, film_distance_mm = setting.camera, setting.focus_distance_mm, setting.film_distance_mm
+    frame = film_frame(camera)
+    own = distance_mm is None or camera.focus.field is not None or setting.real != DESIGN
+    if own or not setting.lens.is_rotational or setting.lens.has_mirrors or not frame.is_flat:
+        return None
+    assert distance_mm is not None
+    opened = [{"f_number": None, "stop_diameter_mm": None} | at for at in _zooms(scene, camera)]
+    wide_open = [without_shape(design_to_focus(scene, camera.model_copy(update=keys))) for keys in opened]
+    lenses = _stopped(wide_open, setting.lens)
+    length_mm = abs(wide_open[0].first_order(camera.wavelength_nm).focal_length_mm)
+    if not (math.isfinite(length_mm) and distance_mm > 0):
+        return None
+    # The film of a lens much shorter than its focal length moves by more of its distance.
+    width = FOCUS_CELL / 2 ** max(math.ceil(math.log2(length_mm / (2 * film_distance_mm))), 0)
+    cell = math.floor(length_mm / distance_mm / width)
+    middle, *ends = (min(length_mm / max(at * width, 1e-300), FAR_MM) for at in (cell + 0.5, cell, cell + 1))
+    corner_mm = float(np.hypot(*frame.corners(half_film_mm(scene))[:, :2].T).max())
+    radius_mm, method = _rounded_up(BEYOND_FILM * corner_mm, FILM_CELLS), camera.focus.method
+
+    def cell_of(of: Sequence[Lens]) -> _Cell:
+        states = (of[0], middle), *((lens, end) for lens in of[1:] or of for end in ends)
+        return _Cell(states, method, radius_mm, camera.wavelength_nm, wavelength_nm)
+
+    shared = None
+    if method == "thick" and setting.lens.stop is not None:
+        shared = _with_stop(cell_of(wide_open), max(lens.stop.semi_diameter for lens in lenses if lens.stop))
+    if shared is None or not shared.holds(corner_mm, film_distance_mm):
+        shared = _of_traced(cell_of(lenses))
+    if shared is None:
+        return None
+    shared.sampling.table.flags.writeable = False
+    return _moved(shared, film_distance_mm)
+
+
+def _zooms(scene: Scene, camera: LensCamera) -> list[dict[str, float]]:
+    """Return the keys of the middle of a cell of zoom, and of its ends where the lens has any focal length."""
+    if camera.focal_length_mm is None:
+        return [{}]
+    low, high = zoom_range_mm(scene.load_lens(), camera.wavelength_nm)
+    cell = math.floor(ZOOM_CELLS * math.log2(camera.focal_length_mm))
+    lengths = (min(max(2.0 ** (at / ZOOM_CELLS), low), high) for at in (cell + 0.5, cell, cell + 1))
+    return [{"focal_length_mm": length} for length in lengths]
+
+
+def _rounded_up(value: float, cells: int) -> float:
+    """Return the next of the numbers of which so many lie between one and its double."""
+    return float(2.0 ** (math.ceil(cells * math.log2(value) - 1e-9) / cells))
+
+
+def _stopped(wide_open: Sequence[Lens], state: Lens) -> list[Lens]:
+    """Return lenses with their stop as wide as it is anywhere in the cell of a state."""
+    if state.stop is None:
+        return list(wide_open)
+    widest_mm = _rounded_up(2 * state.stop.semi_diameter, 2 * CELLS_OF_A_STOP)
+    return [
+        lens if lens.stop is None else lens.with_stop_diameter(min(widest_mm, 2 * lens.stop.semi_diameter))
+        for lens in wide_open
+    ]
+
+
+def _moved(shared: _Shared, film_distance_mm: float) -> PupilSampling:
+    """Return the table for a film at another distance: film points in one direction have the same outlines."""
+    parameters = shared.sampling.parameters
+    assert isinstance(parameters, PupilGrid)
+    scaled = parameters._replace(per_mm_across=parameters.per_mm_across * shared.film_distance_mm / film_distance_mm)
+    return replace(shared.sampling, parameters=scaled)
+
+
+@dataclass(frozen=True)
+class _Cell:
+    """A lens in its states in the middle and at the ends of a cell, each with its focus distance [mm], and the film.
+
+    With its stop wide open it is what the cells of all stops have in common.
+    """
+
+    states: tuple[tuple[Lens, float], ...]
+    method: Method
+    radius_mm: float
+    focused_nm: float
+    wavelength_nm: Wavelengths
+
+    def key(self) -> Hashable:
+        """Return all that follows from it."""
+        states = tuple((content_of(lens), distance) for lens, distance in self.states)
+        return states, self.method, self.radius_mm, self.focused_nm, self.wavelength_nm
+
+    def focused(self) -> list[tuple[Lens, float]]:
+        """Return the lens focused in each state, and last vertex to film [mm].
+
+        Raises
+        ------
+        InputError
+            Where an end of the cell is out of reach.
+        """
+        return [focused(lens, at, "film", self.method, self.focused_nm) for lens, at in self.states]
+
+
+@remember(most=REMEMBERED, by=lambda cell, semi_diameter_mm: (cell.key(), semi_diameter_mm))
+def _with_stop(cell: _Cell, semi_diameter_mm: float) -> _Shared | None:
+    """Return the table of a cell for a stop; None where it has to be traced."""
+    arrays, facts = _rays(cell)
+    if not arrays:
+        return None
+    rays = (arrays[key].astype(np.float64) for key in ("centres", "reach", "heights"))
+    return _of_pupils(StoppedPupils(facts["radius_mm"], *rays), facts["film_distance_mm"], semi_diameter_mm)
+
+
+def _of_pupils(pupils: StoppedPupils, film_distance_mm: float, semi_diameter_mm: float) -> _Shared | None:
+    shapes = pupils.shapes(semi_diameter_mm)
+    return None if shapes is None else _Shared(_of_shapes(shapes), film_distance_mm, pupils.radius_mm)
+
+
+def _of_shapes(shapes: PupilShapes) -> PupilSampling:
+    return replace(tight_sampling(shapes), tier="shared")
+
+
+@remember(most=FEW_REMEMBERED, by=lambda cell: cell.key(), disk=on_disk(pack=tuple, unpack=lambda *packed: packed))
+def _rays(cell: _Cell) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+    """Return the rays that tables of all stops follow from, and last vertex to film [mm], as they are kept.
+
+    There are none where they do not say what narrower stops let through.
+    """
+    nm, widest_mm = cell.wavelength_nm, max(lens.stop.semi_diameter for lens, _ in cell.states if lens.stop)
+    try:
+        states = cell.focused()
+        pupils = stopped_pupils(states, cell.radius_mm, nm if isinstance(nm, tuple) else (nm,))
+    except InputError:  # an end of the cell is out of reach, or dark
+        return {}, {}
+    film_distance_mm = states[0][1]
+    widest = None if pupils is None else _of_pupils(pupils, film_distance_mm, widest_mm)
+    if pupils is None or widest is None or _loses_light(widest, states, pupils.radius_mm / BEYOND_FILM, nm):
+        return {}, {}
+    arrays = {"centres": pupils.centres, "reach": pupils.reach, "heights": pupils.heights}
+    facts = {"radius_mm": pupils.radius_mm, "film_distance_mm": film_distance_mm}
+    return {key: values.astype(np.float32) for key, values in arrays.items()}, facts
+
+
+def _pack(shared: _Shared | None) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+    if shared is None:
+        return {}, {}
+    facts = {"sampling": shared.sampling.facts_but_table(), "film_distance_mm": shared.film_distance_mm}
+    return {"table": shared.sampling.table}, facts
+
+
+def _unpack(arrays: dict[str, NDArray[Any]], facts: dict[str, Any]) -> _Shared | None:
+    if not arrays:
+        return None
+    return _Shared(PupilSampling.of_facts(facts["sampling"], arrays["table"]), facts["film_distance_mm"])
+
+
+@remember(most=REMEMBERED, by=lambda cell: cell.key(), disk=on_disk(pack=_pack, unpack=_unpack))
+def _of_traced(cell: _Cell) -> _Shared | None:
+    """Return the table of a cell; None where it would lose light or cannot be focused."""
+    try:
+        states = cell.focused()
+        shapes = shared_shapes(states, cell.radius_mm, cell.wavelength_nm)
+    except InputError:  # an end of the cell is out of reach, or dark
+        return None
+    shared = _Shared(_of_shapes(shapes), states[0][1])
+    return None if _loses_light(shared, states, cell.radius_mm / BEYOND_FILM, cell.wavelength_nm) else shared
+
+
+def _loses_light(
+    shared: _Shared, states: Sequence[tuple[Lens, float]], radius_mm: float, wavelength_nm: Wavelengths
+) -> bool:
+    """Return whether rays of some state pass that lie well outside of the table."""
+    half_film_mm = radius_mm / math.sqrt(2.0), radius_mm / math.sqrt(2.0)
+    return any(
+        loses_light(_moved(shared, film_distance_mm), FilmProbe(state, film_distance_mm, wavelength_nm), half_film_mm)
+        for state, film_distance_mm in states
+    )
+
 
 SHOWS_PX = 0.5  # colour error that a picture shows, of all but a tenth of the light [pixels]
 SHOWS_TINT = 0.01  # share of the light by which colours differ that it shows
 TINTS_NM = (450.0, 545.0, 610.0)  # about what blue, green and red see
 AXIAL_SAMPLES = 9  # wavelengths at which the irradiance on the axis is found
 LOSS_SAMPLES = 101  # and those at which losses are
-REMEMBERED = 256  # numbers of lens states that are kept: irradiance, at some wavelengths, and errors
 
 
 def realistic_model(

@@ -43,9 +43,10 @@ from rptcam_cl.scene.lights import (
     SunLight,
     read_luminaire,
 )
-from rptcam_cl.scene.materials import Emissive, Material, Principled, Texture, has_holes
+from rptcam_cl.scene.materials import Emissive, Material, Principled, has_holes
 from rptcam_cl.scene.quantities import LARGEST_RADIANCE, Colour, cross
 from rptcam_cl.scene.scene import Scene
+from rptcam_cl.scene.textures import Texture
 
 # Lights without a surface as emitters: record and power of each.
 

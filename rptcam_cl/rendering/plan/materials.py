@@ -10,17 +10,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.core.records import MATERIAL, MATERIAL_TEXTURES, ONCE_TERMS, MaterialKind, fill
-from rptcam_cl.rendering.plan.textures import KnownSpectra, TextureTable, fill_index, metal_constants, metal_spectra
+from rptcam_cl.core.records import MATERIAL, MATERIAL_TEXTURES, ONCE_TERMS, BumpLengths, MaterialKind, fill
+from rptcam_cl.rendering.plan.textures import (
+    UNLIMITED,
+    KnownSpectra,
+    TextureTable,
+    fill_index,
+    metal_constants,
+    metal_spectra,
+)
 from rptcam_cl.scene.materials import (
     AbsorbingMaterial,
-    Blend,
     BumpyMaterial,
     Conductor,
     CoveringMaterial,
     Dielectric,
     Emissive,
-    ImageTexture,
     Material,
     Matte,
     MetalSpectrum,
@@ -29,12 +34,12 @@ from rptcam_cl.scene.materials import (
     OpticalConstants,
     Plastic,
     Principled,
-    Texture,
     ThinGlass,
     Translucent,
     alpha_pair,
 )
 from rptcam_cl.scene.quantities import LARGEST_RADIANCE, Colour, SpectralColour
+from rptcam_cl.scene.textures import Blend, ImageTexture, Texture
 
 # The largest share of light that any surface of a scene gives back: what bounds the light of long paths.
 
@@ -278,9 +283,7 @@ def scatters_again(records: NDArray[np.void]) -> bool:
     """Return whether facets of any material lose light that they scatter more than once, unless it is added."""
     kinds = (MaterialKind.CONDUCTOR, MaterialKind.METAL, MaterialKind.ROUGH_DIELECTRIC)
     principled = records["kind"] == MaterialKind.PRINCIPLED
-    shares = [
-        (records[name] > 0) | (records[f"{name}_texture"] >= 0) for name in ("metallic", "transmission", "coat")
-    ]
+    shares = [(records[name] > 0) | (records[f"{name}_texture"] >= 0) for name in ("metallic", "transmission", "coat")]
     return bool(np.any(np.isin(records["kind"], kinds)) or np.any(principled & np.any(shares, axis=0)))
 
 
@@ -357,7 +360,7 @@ def lobes_of(materials: NDArray[np.void], index: int, share: float = 1.0) -> Ite
     """
     record = materials[index]
     kind = MaterialKind(int(record["kind"]))
-    if record["opacity_texture"] >= 0 or record["normal_texture"] >= 0:
+    if max(record[f"{name}_texture"] for name in ("opacity", "normal", "bump")) >= 0:
         return
     share *= float(record["opacity"] if record["cutoff"] == 0 else record["opacity"] >= record["cutoff"])
     if kind is MaterialKind.MIX:
@@ -517,6 +520,11 @@ class _Filler:
         if isinstance(material, BumpyMaterial) and material.normal_map is not None:
             _, record["normal_texture"] = self._textures.slot(material.normal_map, limit=1.0)
             record["normal_strength"] = material.normal_map.strength
+        if isinstance(material, BumpyMaterial) and material.bump is not None:
+            _, record["bump_texture"] = self._textures.slot(material.bump.texture, limit=UNLIMITED)
+            in_units = material.bump.lengths == "unit" and material.bump.texture.mapping is None
+            record["bump_height"] = material.bump.height * (1.0 if in_units else self._textures.metres_per_unit)
+            record["bump_lengths"] = BumpLengths[material.bump.lengths.upper()]
 
     def _principled(self, record: np.void, material: Principled) -> None:
         self._colour(record, "color", "texture", material.base_color, 1.0)
@@ -572,7 +580,7 @@ def _facts(records: NDArray[np.void]) -> dict[str, int]:
     principled = records["kind"] == MaterialKind.PRINCIPLED
     clear = np.isin(records["kind"], (MaterialKind.DIELECTRIC, MaterialKind.ROUGH_DIELECTRIC, MaterialKind.PRINCIPLED))
     coated = principled & ((records["coat"] > 0) | (records["coat_texture"] >= 0))
-    flat = (records["coat_flat"] != 0) & (records["normal_texture"] >= 0)
+    flat = (records["coat_flat"] != 0) & ((records["normal_texture"] >= 0) | (records["bump_texture"] >= 0))
     clearing = records["transmission_texture"] >= 0
     glass = records[np.isin(records["kind"], (MaterialKind.DIELECTRIC, MaterialKind.ROUGH_DIELECTRIC))]
     white = np.array((1, 1, 1, 0), np.float32)
@@ -603,7 +611,16 @@ def _white(count: int) -> NDArray[np.void]:
     records = MATERIAL.zeros(count)
     white = (1.0, 1.0, 1.0)
     once = np.eye(1, ONCE_TERMS)[0]
-    fill(records, color=white, once_outside=once, once_inside=once, passed=white, specular_color=white, opacity=1.0, **dict.fromkeys(MATERIAL_TEXTURES, -1))
+    fill(
+        records,
+        color=white,
+        once_outside=once,
+        once_inside=once,
+        passed=white,
+        specular_color=white,
+        opacity=1.0,
+        **dict.fromkeys(MATERIAL_TEXTURES, -1),
+    )
     return records
 
 

@@ -540,7 +540,7 @@ def _nearest(surface: np.void, points: NDArray[np.float64]) -> NDArray[np.float6
 # What a plan says of a scene but for its camera: primitives, materials, lamps and surroundings.
 
 # What wants the frame of u and v.
-FRAMED = ("HAS_ANISOTROPY_TURN", "HAS_ANISOTROPY_MAP", "HAS_NORMAL_MAP", "HAS_COAT_NORMAL")
+FRAMED = ("HAS_ANISOTROPY_TURN", "HAS_ANISOTROPY_MAP", "HAS_NORMAL_MAP", "HAS_COAT_NORMAL", "HAS_BUMP")
 FEW = 16  # primitives, as many as lanes that a processor permutes at once
 
 
@@ -549,10 +549,9 @@ def _world(scene: Scene, parts: PlanParts) -> dict[str, Any]:
     far, named = (scene.lights, scene.environment), (tuple(scene.materials), tuple(scene.materials.values()))
     solids, references = parts.part("solids", (scene.objects, named, far), lambda: _solids(scene, far))
     files = tuple(map(scene.digest_of, references))
-    fog = scene.medium, getattr(scene.camera, "ghosts", "off")
-    fog = *fog, scene.render.multiple_scattering
+    light = scene.medium, getattr(scene.camera, "ghosts", "off"), scene.render.multiple_scattering
     caustics = scene.render.caustics, "caustics" in scene.render.model_fields_set, scene.render.clamp is None
-    about = scene.camera.eye, scene.metres_per_unit, scene.shutter, caustics, scene.film.transparent, fog
+    about = scene.camera.eye, scene.metres_per_unit, scene.shutter, caustics, scene.film.transparent, light
     of = scene.objects, solids, named, far, files, about
     return parts.part("world", of, lambda: _pack_world(scene, parts, files))
 
@@ -574,18 +573,18 @@ def _pack_world(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> dict[
     first_triangles = meshes.first_triangles if meshes else ()
     emitters = pack_emitters(scene, primitives, first_triangles, table, spectra, surroundings)
     eye_m = np.array(scene.camera.eye) * scene.metres_per_unit
-    textures = parts.textures(seen)
+    textures = parts.textures(seen).seen_from(scene.camera.eye)
     records, kind_end = pack_primitives(primitives, shown.index, emitters.of_primitive, meshes)
     movements = pack_movements(scene, primitives)
     caustics = pack_caustics(scene, primitives, first_triangles, emitters, has_media=media.active)
     hidden = np.array([primitive.hidden for primitive in primitives] or [0], np.int32) | boundaries(primitives)
-    again = scene.render.multiple_scattering and scatters_again(shown.records)
-    facts = {"FACET_ENERGY": int(again)} | media.facts | caustics.facts | shown.facts | textures.facts | emitters.facts | movements.facts
+    facts = media.facts | caustics.facts | shown.facts | textures.facts | emitters.facts | movements.facts
     facts |= _facts_of_shapes(primitives, meshes, shown.facts) | {
         "ENVIRONMENT": int(surroundings.kind),
         "FEW_PRIMITIVES": int(len(primitives) <= FEW),
         "HUGE_SPHERES": int(has_huge_sphere(primitives)),
         "HAS_HIDDEN": int(hidden.any()),
+        "FACET_ENERGY": int(scene.render.multiple_scattering and scatters_again(shown.records)),
         "HIDDEN_SKY": int(_hides_sky(scene)),
         "LAMPS_BY_SAMPLES": int(by_samples_alone(primitives, emitters)),
     }
@@ -622,7 +621,7 @@ def _facts_of_shapes(
     """Find which kinds of primitives there are, and what their surfaces require beside positions and normals."""
     kinds = {primitive.kind for primitive in primitives}
     is_smooth = any(primitive.mesh is not None and primitive.mesh.normals is not None for primitive in primitives)
-    bumpy = materials["HAS_NORMAL_MAP"] or materials["HAS_COAT_NORMAL"]
+    bumpy = materials["HAS_NORMAL_MAP"] or materials["HAS_COAT_NORMAL"] or materials["HAS_BUMP"]
     return {f"HAS_{kind.name}": int(kind in kinds) for kind in Kind} | {
         "HAS_TANGENT": int(materials["HAS_ANISOTROPY"] or any(materials[name] for name in FRAMED)),
         "HAS_BITANGENT": int(any(materials[name] for name in FRAMED)),

@@ -108,7 +108,8 @@ class PlanParts:
             shown = pack_materials(materials, table, spectra)
             return Appearance(table, spectra, shown, pack_environment(scene, table, spectra))
 
-        return self.part("appearance", (*materials, scene.environment, files), make).copy()
+        of = (*materials, scene.environment, files, scene.metres_per_unit)
+        return self.part("appearance", of, make).copy()
 
     def textures(self, appearance: Appearance) -> Textures:
         """Return the textures of appearance to which all has been added."""

@@ -38,8 +38,8 @@ ZOOM = {"camera.lens": "zoom-70-200mm", "camera.f_number": 4.2, "camera.focal_le
 WORK = {
     "programs": "device.session:Program",
     "pupil tables": "rendering.cameras.pupil:tight_sampling",
-    "cells of pupils": "rendering.cameras.shared_pupil:stopped_pupils",
-    "traced cells": "rendering.cameras.shared_pupil:shared_shapes",
+    "cells of pupils": "rendering.cameras.realistic:stopped_pupils",
+    "traced cells": "rendering.cameras.realistic:shared_shapes",
     "cameras": "rendering.cameras.kinds:realistic_model",
     "camera models": "batch.dataset:calibrate_best",
     "lamps in the lens": "rendering.cameras.lamp_aim:fits_of_small",

@@ -18,7 +18,7 @@ from rptcam_cl.batch.dataset import dataset
 from rptcam_cl.batch.specification import read_specification
 from rptcam_cl.cli import main
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.imaging.truth_files import LABELS
+from rptcam_cl.imaging.writers import LABELS
 
 SCENE = """\
 film: {resolution: [32, 24], width_mm: 36}

@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 from rptcam_cl.cli import build_parser, main
-from rptcam_cl.optics.files.fields import Key
+from rptcam_cl.core.strict_yaml import Key
 from rptcam_cl.optics.files.keys import CLEAR, CONFIGURATION, GLASS, LENS, SHAPE, SURFACE
 from rptcam_cl.optics.library import load_lens
 

@@ -8,7 +8,7 @@ import pytest
 from rptcam_cl.core.files import CACHE_VARIABLE
 from rptcam_cl.core.remember import forget
 from rptcam_cl.optics.pupils import FilmProbe, spread_points
-from rptcam_cl.rendering.cameras import shared_pupil
+from rptcam_cl.rendering.cameras import realistic
 from rptcam_cl.rendering.cameras.kinds import camera_model
 from rptcam_cl.rendering.cameras.pupil import PupilSampling, left_out
 from rptcam_cl.rendering.cameras.setting import film_frame, half_film_mm, lens_setting
@@ -27,7 +27,7 @@ def scene_of(lens: str, width_mm: float, distance_m: float, **camera: Any) -> Sc
 
 
 def shared(scene: Scene) -> PupilSampling:
-    found = shared_pupil.shared_sampling(scene, lens_setting(scene), NM)
+    found = realistic.shared_sampling(scene, lens_setting(scene), NM)
     assert found is not None and found.tier == "shared"
     return found
 
@@ -61,7 +61,7 @@ def test_a_cell_holds_the_pupils_of_all_its_states(
     random = np.random.default_rng(3)
     base = scene_of(lens, width_mm, nearest_m, focus={"distance_m": nearest_m, "method": method})
     if not traced:
-        monkeypatch.setattr(shared_pupil, "shared_shapes", None)  # whatever traces a table fails
+        monkeypatch.setattr(realistic, "shared_shapes", None)  # whatever traces a table fails
     widest = lens_setting(base).lens.first_order(NM).f_number
     for _ in range(2):
         number, vergence = widest * 2 ** random.uniform(0.02, 2), random.uniform(0.05, 1) / nearest_m
@@ -102,7 +102,7 @@ def test_focal_lengths_of_a_cell_have_one_table(monkeypatch: pytest.MonkeyPatch)
     scene = scene_of("zoom-70-200mm", 24, 5, focal_length_mm=101.0, stop_diameter_mm=12.1)
     first = shared(scene)
     for trace in ("shared_shapes", "stopped_pupils"):
-        monkeypatch.setattr(shared_pupil, trace, None)  # whatever traces another table fails
+        monkeypatch.setattr(realistic, trace, None)  # whatever traces another table fails
     assert shared(set_keys(scene, {"camera.focal_length_mm": 103.0})).table is first.table
     with pytest.raises(TypeError):
         shared(set_keys(scene, {"camera.focal_length_mm": 106.0}))
@@ -117,7 +117,7 @@ def test_a_film_that_is_shifted_has_the_table_of_a_larger_one(lens: str, monkeyp
     assert lost < 3e-5
     assert passing > 0.88
     for trace in ("shared_shapes", "stopped_pupils"):
-        monkeypatch.setattr(shared_pupil, trace, None)  # whatever traces another table fails
+        monkeypatch.setattr(realistic, trace, None)  # whatever traces another table fails
     near = set_keys(base, {"camera.movements.rise_mm": 2.9, "camera.movements.shift_mm": 2.1})
     assert shared(near).table is found.table
 
@@ -127,7 +127,7 @@ def test_states_of_a_cell_have_one_table_and_others_their_own(method: str, monke
     scene = scene_of("dgauss-50mm", 30, 1.5, stop_diameter_mm=8.1, focus={"distance_m": 1.5, "method": method})
     first = shared(scene)
     for trace in ("shared_shapes", "stopped_pupils"):
-        monkeypatch.setattr(shared_pupil, trace, None)  # whatever traces another table fails
+        monkeypatch.setattr(realistic, trace, None)  # whatever traces another table fails
     beside = {"camera.stop_diameter_mm": 8.3, "camera.focus.distance_m": 1.52, "film.width_mm": 29.5}
     near = shared(set_keys(scene, beside))
     assert near.table is first.table
@@ -184,5 +184,5 @@ def test_light_on_the_axis_is_that_of_a_state_with_its_own_table(colour: Any) ->
 )
 def test_what_shares_no_table_has_its_own(lens: str, camera: dict[str, Any]) -> None:
     scene = scene_of(lens, 20, 9.0, **camera)
-    assert shared_pupil.shared_sampling(scene, lens_setting(scene), NM) is None
+    assert realistic.shared_sampling(scene, lens_setting(scene), NM) is None
     assert camera_model(scene).metadata["pupil"] == "tight"

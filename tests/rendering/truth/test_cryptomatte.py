@@ -9,7 +9,7 @@ import OpenImageIO
 import pytest
 
 import rptcam_cl
-from rptcam_cl.imaging.truth_files import identifier, murmur3_32, name_hash, ranked
+from rptcam_cl.imaging.writers import identifier, murmur3_32, name_hash, ranked
 from tests.rendering.truth.test_sharp_layers import GREY, PINHOLE, SKY, panel
 
 THIN = {"kind": "thin_lens", "fov_degrees": 40, "aperture_radius_m": 0.3, "focus_distance_m": 3} | {

@@ -331,7 +331,7 @@ def test_files_are_written_though_nobody_reads_the_text(tmp_path, monkeypatch):
     def ended(*_, **__):
         raise BrokenPipeError(32, "Broken pipe", "standard output")
 
-    monkeypatch.setattr("rptcam_cl.cli.focus._print_tradeoff", ended)
+    monkeypatch.setattr("rptcam_cl.cli.camera._print_tradeoff", ended)
     monkeypatch.setattr("rptcam_cl.cli._abandon", lambda stream: None)
     assert main(["tradeoff", str(scene), "--budget", "0.1s", "--markdown", str(written), "--quiet"]) == 0
     assert "full accuracy" in written.read_text()
