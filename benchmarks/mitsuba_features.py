@@ -119,8 +119,9 @@ class Studio:
         """Return both descriptions."""
         ours = {
             "camera": self.camera, "objects": self.objects, "lights": self.lights,
+            "render": {"max_depth": 8, "caustics": "off", "multiple_scattering": False},
             "environment": {"kind": "constant", "radiance": [0.3, 0.4, 0.5]},
-            "film": {"resolution": list(RESOLUTION)}, "render": {"max_depth": 8, "caustics": "off"},
+            "film": {"resolution": list(RESOLUTION)},
         }  # fmt: skip
         return ours, self.theirs
 

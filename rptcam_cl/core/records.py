@@ -335,6 +335,7 @@ class MaterialKind(IntEnum):
     PRINCIPLED = 10
     MIX = 11
     TRANSLUCENT = 12
+    BOUNDARY = 13  # of a medium: light passes as if nothing were there
 
 
 class TextureKind(IntEnum):
@@ -444,6 +445,7 @@ class Hidden(IntEnum):
     FROM_CAMERA = 1
     FROM_SHADOW = 2
     FROM_REFLECTION = 4
+    FROM_ALL_BUT_WAYS = 8  # of paths: boundaries of media
 
 
 class EnvironmentKind(IntEnum):
@@ -576,6 +578,8 @@ SEGMENT = Record(
     ),
 )
 
+ONCE_TERMS = 8
+
 MATERIAL = Record(
     "Material",
     (
@@ -632,6 +636,8 @@ MATERIAL = Record(
         ("float", "dispersion_low"),  # ends of what the polynomial is for; beyond them the index stays as it is there
         ("float", "dispersion_high"),
         ("float", f"dispersion[{DISPERSION_TERMS}]"),
+        ("float", f"once_outside[{ONCE_TERMS}]"),  # of rough glass: the light that facets scatter once, by the cosine
+        ("float", f"once_inside[{ONCE_TERMS}]"),
         ("float", "anisotropy_turn"),  # of the direction of `alpha`, from u towards v [turns]
         ("int", "specular_texture"),
         ("int", "specular_color_texture"),
@@ -643,6 +649,10 @@ MATERIAL = Record(
         ("int", "bump_texture"),
         ("float", "bump_height"),  # of a texture of 1 [m]; of bumps over u and v in scene units [scene units]
         ("int", "bump_lengths"),
+        ("int", "interior"),  # number of the medium in a solid that light enters, in a scene with media; else -1
+        ("int", "reserved_0"),
+        ("int", "reserved_1"),
+        ("int", "reserved_2"),
     ),
     facts=(
         ("HAS_ROUGHNESS_TEXTURE", "roughness_texture"),
@@ -661,6 +671,19 @@ MATERIAL = Record(
 )
 MATERIAL_TEXTURES = tuple(name for _, name in MATERIAL.members if name.endswith("texture"))
 """Members of a material that hold the index of a texture, or -1."""
+
+MEDIUM = Record(
+    "Medium",
+    (
+        ("float4", "absorption"),  # [1/m]
+        ("float4", "scattering"),  # [1/m]
+        ("float4", "emission"),  # radiance per metre
+        ("float", "asymmetry"),  # mean cosine of scattering
+        ("int", "reserved_0"),
+        ("int", "reserved_1"),
+        ("int", "reserved_2"),
+    ),
+)
 
 TEXTURE = Record(
     "Texture",
@@ -823,9 +846,9 @@ PHOTON_PASS = Record(
 )
 
 RECORDS = (
-    PRIMITIVE, INSTANCE, SEGMENT, MATERIAL, TEXTURE, EMITTER, ENVIRONMENT, SURFACE, PINHOLE_CAMERA, THIN_LENS_CAMERA,
-    THICK_LENS_CAMERA, PUPIL_CIRCLE, PUPIL_GRID, PUPIL_LINES, PUPIL, REALISTIC_CAMERA, OWN_CAMERA, HALF_PUPIL, CAMERA,
-    WAVE, LIMITS, VIEW, CAUSTIC_SURFACE, PHOTON_GRID, PHOTON_PASS,
+    PRIMITIVE, INSTANCE, SEGMENT, MATERIAL, MEDIUM, TEXTURE, EMITTER, ENVIRONMENT, SURFACE, PINHOLE_CAMERA,
+    THIN_LENS_CAMERA, THICK_LENS_CAMERA, PUPIL_CIRCLE, PUPIL_GRID, PUPIL_LINES, PUPIL, REALISTIC_CAMERA, OWN_CAMERA,
+    HALF_PUPIL, CAMERA, WAVE, LIMITS, VIEW, CAUSTIC_SURFACE, PHOTON_GRID, PHOTON_PASS,
 )  # fmt: skip
 
 
@@ -838,8 +861,16 @@ TIME_FIELDS = ("TIME",)
 COLOUR_FIELDS = ("WAVELENGTH_SAMPLE",)
 LIGHT_TREE_FIELDS = ("NX", "NY", "NZ")
 CAUSTIC_FIELDS = ("SINCE_RECEIVER",)
+MEDIA_FIELDS = ("MEDIUM", "FROM_MEDIUM")
 STATE_FIELDS = (
-    PATH_FIELDS + LIGHT_FIELDS + MESH_FIELDS + TIME_FIELDS + COLOUR_FIELDS + LIGHT_TREE_FIELDS + CAUSTIC_FIELDS
+    PATH_FIELDS
+    + LIGHT_FIELDS
+    + MESH_FIELDS
+    + TIME_FIELDS
+    + COLOUR_FIELDS
+    + LIGHT_TREE_FIELDS
+    + CAUSTIC_FIELDS
+    + MEDIA_FIELDS
 )
 
 
@@ -852,16 +883,19 @@ def floats_per_slot(
     colours: bool,
     light_tree: bool,
     caustics: bool = False,
+    media: bool = False,
 ) -> int:
     """Return how many 4-byte numbers a slot holds.
 
     Camera rays for the stream; otherwise whole paths, with shadow rays where the scene has emitters to sample, with
     triangles where it has meshes, with the time where something moves, with the wavelength sample where paths have a
-    wavelength, with a normal where the scene has a light tree and with their past where photons bring caustics.
+    wavelength, with a normal where the scene has a light tree, with their past where photons bring caustics and with
+    the media around them where it has any.
     """
     if stream:
         return CAMERA_RAY_FLOATS
     last = {
+        MEDIA_FIELDS: media,
         CAUSTIC_FIELDS: caustics,
         LIGHT_TREE_FIELDS: light_tree,
         COLOUR_FIELDS: colours,
@@ -902,6 +936,7 @@ def device_declarations() -> str:
     lines.append(f"#define RAY_STATUS_COUNT {len(RayStatus)}")
     lines.append(f"#define DISPERSION_SCALE ((real){DISPERSION_SCALE!r})")
     lines.append(f"#define DISPERSION_SHIFT ((real){DISPERSION_SHIFT!r})")
+    lines.append(f"#define ONCE_TERMS {ONCE_TERMS}")
     lines += [f"#define LOSS_TABLE_NM {LOSS_TABLE_NM}", f"#define LOSS_TABLE_LENGTH {LOSS_TABLE_LENGTH}"]
     lines += [f"#define {name} {value!r}f" for name, value in _CONSTANTS.items()]
     lines += [f"#define PATH_{name} {index}" for index, name in enumerate(STATE_FIELDS)]

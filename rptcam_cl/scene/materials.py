@@ -39,6 +39,7 @@ from rptcam_cl.scene.base import (
     refuse,
     unknown_name,
 )
+from rptcam_cl.scene.media import ScatteringMedium
 from rptcam_cl.scene.quantities import (
     NUMBER,
     Albedo,
@@ -241,6 +242,9 @@ class AbsorbingMaterial(SceneModel):
     attenuation: Attenuation | None = None
     """The same, as the colour that is left after a distance."""
 
+    interior: ScatteringMedium | None = None
+    """What fills it, where that scatters light as well."""
+
     @property
     def absorption(self) -> Colour:
         """Absorption coefficient per channel [1/m]."""
@@ -259,7 +263,7 @@ def _depth(left: Colour, distance: float) -> Colour:
     return (red, green, blue)
 
 
-ABSORPTION = Alternatives(("absorption_per_m", "attenuation"), required=False)
+ABSORPTION = Alternatives(("absorption_per_m", "attenuation", "interior"), required=False)
 ROUGHNESS = Alternatives(("alpha", "roughness"), required=False)
 
 
@@ -631,6 +635,16 @@ class Plastic(RoughMaterial, BumpyMaterial):
         return self.index
 
 
+class Boundary(SceneModel):
+    """The boundary of a medium without a surface of its own: light passes it as if nothing were there."""
+
+    kind: Literal["boundary"]
+    """Kind of material."""
+
+    interior: ScatteringMedium
+    """What is behind it, in a closed shape."""
+
+
 class Emissive(SceneModel):
     """A lamp: it emits from the side of the normal and reflects nothing."""
 
@@ -679,7 +693,17 @@ class Mix(CoveringMaterial):
 
 
 Material = Annotated[
-    Matte | Translucent | Mirror | Conductor | Dielectric | Plastic | ThinGlass | Principled | Mix | Emissive,
+    Matte
+    | Translucent
+    | Mirror
+    | Conductor
+    | Dielectric
+    | Plastic
+    | ThinGlass
+    | Principled
+    | Mix
+    | Emissive
+    | Boundary,
     Field(discriminator="kind"),
 ]
 

@@ -71,6 +71,7 @@ from rptcam_cl.scene.load import load_scene, scene_json_schema
 from rptcam_cl.scene.materials import (
     AbsorbingMaterial,
     Attenuation,
+    Boundary,
     BumpyMaterial,
     Conductor,
     CoveringMaterial,
@@ -87,6 +88,7 @@ from rptcam_cl.scene.materials import (
     ThinGlass,
     Translucent,
 )
+from rptcam_cl.scene.media import ScatteringMedium
 from rptcam_cl.scene.meshes import MeshObject, MeshSource, NamedMesh
 from rptcam_cl.scene.placement import (
     CameraKeyframe,
@@ -182,6 +184,8 @@ SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
     "Principled": (Principled, "Holes", "Normals", "Absorption"),
     "Mix": (Mix, "Holes"),
     "Emissive": (Emissive,),
+    "Boundary": (Boundary,),
+    "Scattering medium": (ScatteringMedium,),
     "Checker": (Checker, "Every texture"),
     "Grid": (Grid, "Every texture"),
     "Gradient": (Gradient, "Every texture"),
