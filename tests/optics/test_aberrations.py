@@ -246,7 +246,8 @@ def test_seidel_sums_of_conics_and_aspheres_are_those_of_other_programs():
         {"radius": -110, "conic": 2.0, "diameter": 24},
     ]}).seidel(5.0).rows[1:3]  # fmt: skip
     asphere = load_lens({"name": "asphere", "surfaces": [
-        {"radius": 60, "conic": -0.5, "aspheric": {4: 1e-6, 6: 1e-9}, "thickness": 5, "glass": "N-SF11", "diameter": 40},
+        {"radius": 60, "conic": -0.5, "aspheric": {4: 1e-6, 6: 1e-9}, "thickness": 5, "glass": "N-SF11",
+         "diameter": 40},
         {"radius": -90, "aspheric": {4: -2e-6}, "thickness": 2, "diameter": 40},
         {"stop": True, "diameter": 10},
     ]}).seidel(5.0).rows[:2]  # fmt: skip
