@@ -616,13 +616,16 @@ def radius_of_share(shares_within: Callable[[Array], Array], share: float, most_
     most_mm : float
         Radius of the largest circle that is looked at.
     """
-    low, high = 0.0, most_mm
+    low, high, below, above = 0.0, most_mm, 0.0, 1.0
     for _ in range(3):
         radii = np.linspace(low, high, 18)[1:]
         shares = shares_within(radii)
-        k = int(np.argmax(shares >= share)) if (shares >= share).any() else len(radii) - 1
-        low, high = (radii[k - 1] if k else low), float(radii[k])
-    return (float(low) + high) / 2
+        if not (shares >= share).any():
+            return high
+        k = int(np.argmax(shares >= share))
+        low, below = (radii[k - 1], shares[k - 1]) if k else (low, below)
+        high, above = float(radii[k]), float(shares[k])
+    return float(low + (high - low) * (share - below) / max(above - below, NEVER_0))
 
 
 def diffraction_mtf(frequencies_per_mm: ArrayLike, aperture: float, wavelength_nm: float) -> Array:
