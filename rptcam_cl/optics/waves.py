@@ -284,9 +284,9 @@ class ExitRays:
         """Trace the cells whose points are not known, where light may pass."""
         points, plane, sphere, coverage = parts
         unknown = ~np.isfinite(points[..., 0])
-        rest = unknown.copy()
-        rest[rest] = self._passes(self.inverse(targets[rest]))
-        rest = _near(_near(rest)) & unknown
+        lit = coverage > 0
+        lit[unknown] = self._passes(self.inverse(targets[unknown]))
+        rest = _near(_near(lit)) & unknown
         if rest.any():
             found, rays, good = self._find_rays(targets[rest])
             plane[rest], sphere[rest] = (np.where(good, part, 0.0) for part in self.waves(found, rays))
