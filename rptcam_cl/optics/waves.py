@@ -15,7 +15,7 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.chief_rays import without_rims
 from rptcam_cl.optics.ray_trace import Rays, crossings
 from rptcam_cl.optics.spot import Beam, chief_ray, is_steep, passing_beam
-from rptcam_cl.optics.stop_shape import StopMask
+from rptcam_cl.optics.surface import StopMask
 
 if TYPE_CHECKING:
     from rptcam_cl.optics.lens import Lens

@@ -160,7 +160,7 @@ def test_wavefront_of_a_lens_whose_exit_pupil_is_at_infinity() -> None:
 
 @pytest.mark.parametrize("shape", [0, pytest.param(1, marks=pytest.mark.slow), 2])
 def test_stop_shapes_have_their_closed_patterns(shape: int) -> None:
-    from rptcam_cl.optics.stop_shape import polygon
+    from rptcam_cl.optics.surface import polygon
 
     expected = json.loads((WAVES / "stop_shapes.json").read_text())
     row, n = expected["shapes"][shape], 16.0
