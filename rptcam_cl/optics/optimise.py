@@ -17,7 +17,7 @@ from rptcam_cl.core.constants import LINE_C_NM, LINE_D_NM, LINE_F_NM, __version_
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.core.files import Folders, References, read_whole, replacing
-from rptcam_cl.core.strict_yaml import MAX_BYTES, Document, Fields, as_number, problem, read_yaml
+from rptcam_cl.core.strict_yaml import MAX_BYTES, Document, Fields, problem, read_yaml
 from rptcam_cl.optics.files.export import lens_text
 from rptcam_cl.optics.files.glass_catalogues import MAKERS, find_glass, glasses_of, makers_of
 from rptcam_cl.optics.files.native import document_of
@@ -222,8 +222,8 @@ class _Reader:
             lens, self.document.name, f_number, top.number("focal_length_mm", (length or [first.focal_length_mm])[0]),
             held, fields, self._weights("field_weights", len(fields)),
             wavelengths, self._weights("wavelength_weights", len(wavelengths)), tuple(variables), followers,
-            solves, film, self._bounds(), terms, glasses, self._hunt(), self._count("evaluations", 400, MOST_EVALUATIONS),
-            self._count("rings", 4, 40), self._count("arms", 4, 90), top.value.get("vignetting", True) is not False,
+            solves, film, self._bounds(), terms, glasses, self._hunt(),
+            self._count("evaluations", 400, MOST_EVALUATIONS), self._count("rings", 4, 40), self._count("arms", 4, 90), top.value.get("vignetting", True) is not False,
             tolerances, hashlib.sha256(text.encode()).hexdigest(),
         )  # fmt: skip
 
@@ -296,9 +296,9 @@ class _Reader:
                 if any(not 0 <= k <= last for k in chosen):
                     raise inner.fail(key, f"expected all, or surfaces from 0 to {last}")
             result += [Variable(kind, k) for k in chosen]
-        for k, path in inner.paths_by_number("aspheric", 0, self.last, "no such surface") if "aspheric" in inner else []:
-            rows = Fields(self.document, path[:-1], map(str, inner.value["aspheric"])) if False else None
-            del rows
+        for k, path in (
+            inner.paths_by_number("aspheric", 0, self.last, "no such surface") if "aspheric" in inner else []
+        ):
             powers = self.document.data["variables"]["aspheric"][path[-1]]
             if not isinstance(powers, list) or not all(isinstance(p, int) and 2 <= p <= 30 for p in powers):
                 raise problem(self.document, path, "expected powers of r from 2 to 30, such as [4, 6]", powers)
@@ -309,7 +309,9 @@ class _Reader:
         """Whether a number of surface k is one that `all` means: no curvature of a stop in air, no gap of 0."""
         if kind == "thickness":
             return self.lens.surfaces[k].thickness != 0
-        return self.lens.media[k] != self.lens.media[k + 1] and (kind == "curvature" or self.lens.surfaces[k].conic != 0)
+        return self.lens.media[k] != self.lens.media[k + 1] and (
+            kind == "curvature" or self.lens.surfaces[k].conic != 0
+        )
 
     def _glasses(self, inner: Fields) -> Iterator[GlassChange]:
         if "glasses" not in inner:
@@ -475,6 +477,18 @@ class Merit:
         self.weight = 0.0
         self.defaults = self._default_bounds()
         self._last: tuple[bytes, bool, Array, Array] | None = None
+        self._focus()
+
+    def _focus(self) -> None:
+        """Start with the film where the merit is least: spots are linear in its distance."""
+        for j, variable in enumerate(self.given.variables):
+            if variable.kind == "film":
+                values, by = self.evaluate(self.x0, True)
+                square = float(by[:, j] @ by[:, j])
+                moved = self.x0.copy()
+                moved[j] -= float(values @ by[:, j]) / square if square else 0.0
+                better, _ = self.evaluate(moved, False)
+                self.x0 = moved if better @ better < values @ values else self.x0
 
     def _scale(self, variable: Variable) -> float:
         length, height = abs(self.given.focal_length_mm), self.start.surfaces[variable.surface].semi_diameter
@@ -571,7 +585,9 @@ class Merit:
         points = np.vstack([self.points, np.full(self.points.shape[1], place)])
         index, d = self.of_rays[0], self.directions
         paths = index * np.sum(points * d, axis=0)
-        beam = trace_beam(lens, points, d, paths, self.of_rays, film, seeds, by_place, by_place[:, None] * (index * d[2]))
+        beam = trace_beam(
+            lens, points, d, paths, self.of_rays, film, seeds, by_place, by_place[:, None] * (index * d[2])
+        )
         return State(lens, film, seeds, paraxial, beam)
 
     def _lens(self, values: Array, derivatives: bool) -> tuple[Lens, float, Seeds]:
@@ -686,7 +702,9 @@ class Merit:
             return self._last[2], self._last[3]
         with np.errstate(all="ignore"):
             state = self.state(x, derivatives)
-            rows = [(term.weight * r, term.weight * j) for term in self.given.terms for _, r, j in self._term(state, term)]
+            rows = [
+                (term.weight * r, term.weight * j) for term in self.given.terms for _, r, j in self._term(state, term)
+            ]
             rows += [self._lost(state), self._bounds(state)]
         values, by = np.concatenate([r for r, _ in rows]), np.concatenate([j for _, j in rows])
         bad = ~np.isfinite(values)
@@ -717,7 +735,7 @@ class Merit:
         self._last = None
 
     def tighten(self, x: Array) -> float:
-        """Move bounds by what they are overstepped (method of multipliers); return by how much too much [1: allowed]."""
+        """Move bounds by what they are overstepped (method of multipliers); return the worst, 1 being allowed."""
         rows = self.overstepped(self.state(x, False))
         over = np.array([row[1] for row in rows])
         shifts = self.shifts if self.shifts is not None else np.zeros(len(rows))
@@ -803,7 +821,7 @@ class Merit:
         yield "wavefront", root * (w - mean), (root * (dw - dmean)).T
 
     def _mtf(self, state: State, rays: _Rays, term: Term) -> Iterator[_Rows]:
-        """What the geometrical modulation at a frequency lacks to 1, in both directions: smooth, without diffraction."""
+        """What the geometrical modulation lacks to 1, in both directions: smooth, and without diffraction."""
         weights, (x, y), (dx, dy) = self._of_field(state, rays)
         total, turn = weights.sum(), 2 * np.pi * term.target
         share = weights / (total or 1.0)
@@ -826,7 +844,11 @@ class Merit:
         each = rays.weights.shape[1]
         rows = rays.rows.start + each * (np.arange(rays.weights.shape[0]) + 1) - 1
         good = state.beam.status[rows] == Status.ok
-        return rows, np.where(good, state.beam.points[1, rows], 0.0), np.where(good, state.beam.points_by[1][:, rows], 0.0)
+        return (
+            rows,
+            np.where(good, state.beam.points[1, rows], 0.0),
+            np.where(good, state.beam.points_by[1][:, rows], 0.0),
+        )
 
     def _distortion(self, state: State, rays: _Rays) -> _Rows:
         _, y, dy = self._chief(state, rays)
@@ -919,7 +941,9 @@ def _scipy() -> Any:
     try:
         import scipy.optimize
     except ImportError:
-        raise StateError('lenses are optimised with scipy, which is not installed: pip install "rptcam_cl[optimise]"') from None
+        raise StateError(
+            'lenses are optimised with scipy, which is not installed: pip install "rptcam_cl[optimise]"'
+        ) from None
     return scipy.optimize
 
 
@@ -946,8 +970,6 @@ class _Search:
                 over = merit.tighten(x)
                 if over <= 1 and abs(last - value) <= 1e-3 * value:
                     break
-                if over <= 1 and last == math.inf and merit.values_of(x)["merit"] > 0:
-                    pass
                 last = value
             if spent >= self.given.evaluations:
                 break
@@ -967,14 +989,15 @@ class _Search:
 
     def hops(self, merit: Merit, x: Array) -> Array:
         """Return the best minimum of basin hopping."""
-        hunt, number = self.given.hunt, iter(range(1, hunt.count + 2))
+        hunt = self.given.hunt
+        number = iter(range(hunt.count + 1))
         random = np.random.default_rng(hunt.seed)
 
         def step(v: Array) -> Array:
             return np.asarray(v + hunt.step * random.uniform(-1, 1, len(v)))
 
         def minimise(_fun: Any, start: Array, args: Any = (), **_options: Any) -> Any:
-            found, _ = self.local(merit, np.asarray(start), f"hop {next(number) - 1}")
+            found, _ = self.local(merit, np.asarray(start), f"hop {next(number)}")
             return self.library.OptimizeResult(x=found, fun=self._compared(merit, found), success=True, nfev=1)
 
         result = self.library.basinhopping(
@@ -1024,8 +1047,10 @@ def neighbours(glass: Medium, change: GlassChange, wavelengths_nm: Sequence[floa
     rows = []
     for maker in change.makers:
         for one in glasses_of(maker).values():
-            if one.nd is not None and one.vd is not None and one.nd != glass.name:
-                away = ((one.nd - nd) / 0.02) ** 2 + ((one.vd - vd) / 2.0) ** 2 if math.isfinite(vd) else abs(one.nd - nd)
+            if one.nd is not None and one.vd is not None:
+                away = (
+                    ((one.nd - nd) / 0.02) ** 2 + ((one.vd - vd) / 2.0) ** 2 if math.isfinite(vd) else abs(one.nd - nd)
+                )
                 rows.append((away, f"{one.name}_{maker.upper()}"))
     found: list[Medium] = []
     for _, name in sorted(rows):
@@ -1089,13 +1114,15 @@ def _check_bounds(merit: Merit) -> None:
     for words, over, by, allowed in merit.overstepped(merit.state(merit.x0, True)):
         if over > allowed and not np.any(by):
             prefix = "" if words.startswith("focal_length_mm") else "bounds."
-            raise InputError(f"{merit.given.label}: {prefix}{words}, and no variable changes it ({over:.4g} mm are left)")
+            raise InputError(
+                f"{merit.given.label}: {prefix}{words}, and no variable changes it ({over:.4g} mm are left)"
+            )
 
 
 def finished_lens(merit: Merit, x: Array) -> tuple[Lens, float]:
     """Return the lens of some values, with stop and rims set, and its film distance [mm]."""
     state = merit.state(x, False)
-    given, ref = merit.given, merit.given.reference
+    ref = merit.given.reference
     height = state.paraxial.entrance_pupil(ref, float(merit.indices[0, ref]))[2] * merit.pupil
     heights = state.beam.heights.max(axis=1)
     changes: dict[int, dict[str, Any]] = {}
@@ -1108,5 +1135,6 @@ def finished_lens(merit: Merit, x: Array) -> tuple[Lens, float]:
 
 
 def _provenance(given: Problem, before: Mapping[str, float], after: Mapping[str, float]) -> str:
-    words = f"optimised by rptcam {__version__} ({Path(given.label).name}: merit {before['merit']:.4g} to {after['merit']:.4g})"
+    merits = f"merit {before['merit']:.4g} to {after['merit']:.4g}"
+    words = f"optimised by rptcam {__version__} ({Path(given.label).name}: {merits})"
     return f"{given.lens.source}; {words}" if given.lens.source else words

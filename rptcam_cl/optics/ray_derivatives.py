@@ -47,7 +47,8 @@ class Seeds:
     @classmethod
     def none(cls, surfaces: int, variables: int) -> Seeds:
         """Return derivatives that are all 0, to be filled in."""
-        return cls(*(np.zeros((surfaces, variables)) for _ in range(3)))
+        curvatures, thicknesses, conics = np.zeros((3, surfaces, variables))
+        return cls(curvatures, thicknesses, conics)
 
     def active(self, launched: Array) -> list[int]:
         """Return how many of the variables, counted from the first, matter to a ray up to behind each surface."""
@@ -278,7 +279,7 @@ class _Walk:
         return dn, np.asarray(dcos)
 
     def _miss(self, surface: Surface, k: int) -> tuple[Array, Array]:
-        """Return by how much rays miss a surface: more for steeper surfaces and rays farther out, and its derivative."""
+        """Return by how much rays miss a surface, more for steeper ones and rays farther out, and its derivative."""
         step = -self.p[2] / self.d[2]
         dstep = -(self.dp[2] + step * self.dd[2]) / self.d[2]
         x, y = (self.p[i] + step * self.d[i] for i in range(2))
@@ -353,7 +354,7 @@ class Paraxial:
 
 
 def trace_paraxial(lens: Prescription, indices: Array, seeds: Seeds, stop: int) -> Paraxial:
-    """Trace the two paraxial rays with their derivatives; `indices` (surfaces + 1, wavelengths) as of `Prescription`."""
+    """Trace the two paraxial rays with their derivatives; `indices` (surfaces + 1, wavelengths) of the media."""
     count, waves = seeds.curvatures.shape[1], indices.shape[1]
     y, v = np.tile([1.0, 0.0], (waves, 1)), np.tile([0.0, 1.0], (waves, 1))
     dy, dv = np.zeros((count, waves, 2)), np.zeros((count, waves, 2))
