@@ -199,7 +199,8 @@ class _Reader:
     def problem(self) -> Problem:
         top, lens = self.top, self.lens
         first = lens.first_order()
-        solves = tuple(self._solves())
+        solves = tuple(sorted(self._solves(), key=lambda solve: solve.kind == "curvature"))
+        self._check_solves(solves)
         terms = tuple(self._terms(first.focal_length_mm))
         held = not any(term.name in ("focal_length", "f_number") for term in terms)
         held = held and not any(solve.kind == "curvature" for solve in solves)
@@ -223,7 +224,8 @@ class _Reader:
             held, fields, self._weights("field_weights", len(fields)),
             wavelengths, self._weights("wavelength_weights", len(wavelengths)), tuple(variables), followers,
             solves, film, self._bounds(), terms, glasses, self._hunt(),
-            self._count("evaluations", 400, MOST_EVALUATIONS), self._count("rings", 4, 40), self._count("arms", 4, 90), top.value.get("vignetting", True) is not False,
+            self._count("evaluations", 400, MOST_EVALUATIONS), self._count("rings", 4, 40), self._count("arms", 4, 90),
+            top.flag("vignetting") if "vignetting" in top else True,
             tolerances, hashlib.sha256(text.encode()).hexdigest(),
         )  # fmt: skip
 
@@ -354,6 +356,16 @@ class _Reader:
                 raise row.fail(kind, "light does not bend there")
             yield Solve(kind, k, row.number(key))  # type: ignore[arg-type]
 
+    def _check_solves(self, solves: Sequence[Solve]) -> None:
+        bends = [solve.surface for solve in solves if solve.kind == "curvature"]
+        if len(bends) > 1:
+            raise self.top.fail("solves", "one curvature alone is solved for the focal length")
+        for solve in solves:
+            if solve.kind == "thickness" and any(k in (solve.surface, solve.surface + 1) for k in bends):
+                raise self.top.fail(
+                    "solves", f"the edge behind surface {solve.surface} ends at a curvature that is solved"
+                )
+
     def _one_of(self, row: Fields, names: Sequence[str]) -> str:
         given = [name for name in names if name in row]
         if len(given) != 1:
@@ -425,8 +437,8 @@ class _Reader:
 
 LOST = 0.02  # of the focal length: the spot that a lost ray counts as
 HOLD = 1e-3  # of the focal length: by how much a bound may be overstepped for ten times the merit
-KEEP_MM = 1e-6  # by how much bounds are overstepped at most in the end
-HOLD_SHARE = 1e-7  # the same of the focal length that is held
+KEEP_MM = 1e-4  # by how far inside bounds the search aims, so that it ends within them
+HOLD_SHARE = 1e-5  # of the focal length: how exactly it is held
 
 
 @dataclass(frozen=True)
@@ -463,10 +475,10 @@ _Rows = tuple[str, Array, Array]  # a name, values (n,) and derivatives (n, vari
 
 
 class Merit:
-    """The merit of a problem with some glasses."""
+    """The merit of a problem with some glasses; `opening` is the share of pupil and field that rays fill."""
 
-    def __init__(self, given: Problem, glasses: Mapping[int, Medium]) -> None:
-        self.given = given
+    def __init__(self, given: Problem, glasses: Mapping[int, Medium], opening: float = 1.0) -> None:
+        self.given, self.opening = given, opening
         self.start = given.lens.with_changes({k: {"glass": glass} for k, glass in glasses.items()})
         self.indices = self.start.indices(np.array(given.wavelengths_nm))
         self.pupil = given.focal_length_mm / given.f_number / 2
@@ -541,8 +553,8 @@ class Merit:
             fields += [np.full(n, math.radians(degrees))]
             waves += [np.repeat(np.arange(count), len(u))]
             low += n
-        self.points, self.waves = np.concatenate(points, axis=1) * self.pupil, np.concatenate(waves)
-        angle = np.concatenate(fields)
+        self.points = np.concatenate(points, axis=1) * self.pupil * self.opening
+        self.waves, angle = np.concatenate(waves), np.concatenate(fields) * self.opening
         self.directions = np.array([np.zeros_like(angle), np.sin(angle), np.cos(angle)])
         self.of_rays = self.indices[:, self.waves]
         weights = np.concatenate([rays.weights.ravel() for rays in self.fields])
@@ -670,7 +682,7 @@ class Merit:
         result = {}
         for label, key, value, _ in self.measures(self.state(self.x0, False)):
             if key in customary and key not in self.given.bounds:
-                result[label] = min(customary[key], value) if math.isfinite(value) else -math.inf
+                result[label] = min(customary[key], value - 2 * KEEP_MM) if math.isfinite(value) else -math.inf
         return result
 
     def overstepped(self, state: State) -> list[tuple[str, float, Array, float]]:
@@ -678,12 +690,10 @@ class Merit:
         result = []
         for label, key, value, by in self.measures(state):
             low, high = self.given.bounds.get(key, (self.defaults.get(label, -math.inf), math.inf))
-            if not math.isfinite(value):  # beyond the reach of a sphere: counts as an edge that is not there
-                value, by = low - abs(self.given.focal_length_mm) if math.isfinite(low) else 0.0, np.zeros_like(by)
             for over, sign, bound in ((low - value, -1.0, low), (value - high, 1.0, high)):
                 if math.isfinite(bound):
                     words = f"{key}: {label} must be {'at least' if sign < 0 else 'at most'} {bound:g} mm"
-                    result.append((words, over + KEEP_MM / 2, sign * by, KEEP_MM / 2))
+                    result.append((words, over + KEEP_MM, sign * by, KEEP_MM))
         if self.given.holds_focal_length:
             length, by_length = state.paraxial.focal_lengths()
             ref, wanted = self.given.reference, self.given.focal_length_mm
@@ -873,8 +883,11 @@ class Merit:
 # The search: damped least squares in legs that a file remembers, hops between minima, other glasses.
 
 LEG = 30  # evaluations between two states on disk
-ROUNDS = 40
+ROUNDS = 400
+MORE = 8  # legs after the evaluations are used up, in which bounds come to hold
 FTOL = 1e-6
+OPENINGS = (0.2, 0.4, 0.6, 0.8)  # of pupil and field, for starts that lose rays
+OPENING_EVALUATIONS = 60
 
 Glasses = dict[int, Medium]
 Progress = Callable[[str], object]
@@ -954,10 +967,10 @@ class _Search:
         self.given, self.journal, self.progress = given, journal, progress
         self.library, self.evaluations = _scipy(), 0
 
-    def local(self, merit: Merit, x: Array, label: str) -> tuple[Array, float]:
+    def local(self, merit: Merit, x: Array, label: str, most: int | None = None) -> tuple[Array, float]:
         """Return the minimum by damped least squares near x with all bounds held, and its merit."""
         merit.set_hold(merit.values_of(x)["merit"])
-        spent, last = 0, math.inf
+        spent, last, more = 0, math.inf, MORE
         for _ in range(ROUNDS):
             shifts = b"" if merit.shifts is None else merit.shifts.tobytes()
             key = hashlib.sha256(x.tobytes() + shifts + repr(merit.weight).encode() + label.encode()).hexdigest()
@@ -966,14 +979,24 @@ class _Search:
             spent, self.evaluations = spent + count, self.evaluations + count
             value = merit.values_of(x)["merit"]
             self.progress(f"{label}: merit {value:.6g} after {self.evaluations} evaluations")
-            if leg["converged"]:
-                over = merit.tighten(x)
-                if over <= 1 and abs(last - value) <= 1e-3 * value:
+            ends = spent >= (most or self.given.evaluations)
+            more -= ends
+            if leg["converged"] or ends:
+                if (merit.tighten(x) <= 1 and (ends or abs(last - value) <= 1e-3 * value)) or not more:
                     break
                 last = value
-            if spent >= self.given.evaluations:
-                break
         return x, value
+
+    def descent(self, merit: Merit, x: Array) -> Array:
+        """Return the minimum near x; where rays are lost in it, the one that opening pupil and field in steps finds."""
+        found, _ = self.local(merit, x, "descent")
+        if not merit.lost_rays(found):
+            return found
+        for opening in OPENINGS:
+            part = Merit(self.given, {}, opening)
+            x, _ = self.local(part, x, f"pupil and field opened to {opening:g}", OPENING_EVALUATIONS)
+        x, _ = self.local(merit, x, "fully open")
+        return min(x, found, key=lambda v: self._compared(merit, v))
 
     def _leg(self, merit: Merit, x: Array) -> dict[str, Any]:
         found = self.library.least_squares(
@@ -1092,12 +1115,14 @@ def optimise(
     start, x = merit, merit.x0
     _check_bounds(merit)
     if len(x):
-        x, _ = search.local(merit, x, "descent")
+        x = search.descent(merit, x)
     if given.hunt.kind == "hops":
         x = search.hops(merit, x)
     elif given.hunt.kind == "evolution":
         x = search.evolution(merit, x)
     merit, x = search.other_glasses(merit, x)
+    if merit is start and _holds(start, start.x0):
+        x = min(x, start.x0, key=lambda v: merit.values_of(v)["merit"] if _holds(merit, v) else math.inf)
     words, over = merit.worst_bound(x)
     if over > 0:
         raise InputError(f"{given.label}: bounds.{words}, and no values of the variables do it: {over:.4g} mm are left"

@@ -20,6 +20,8 @@ from rptcam_cl.optics.surface import Prescription, Surface
 Array = NDArray[np.float64]
 
 LEAST_SQUARE = 1e-24  # [mm^2]; a ray on the axis, where odd powers of r have no second derivative
+STEEP = 1.0  # how fast the penalty of a lost ray grows, so that it leads back
+REACH = 0.9  # of the square of the height that a conic reaches
 KINDS = (SurfaceKind.SPHERE, SurfaceKind.CONIC_KIND, SurfaceKind.ASPHERE)
 
 
@@ -65,7 +67,7 @@ class ProfileDerivatives:
     """Sag z of a profile over s = r^2 with z' = dz/ds and z'', and the derivatives of z and z' by its numbers."""
 
     def __init__(self, surface: Surface, s: Array) -> None:
-        self.s, self.c, self.q = s, surface.curvature, 1.0 + surface.conic
+        self.s, self.c, self.q = s, np.float64(surface.curvature), np.float64(1.0 + surface.conic)
         with np.errstate(invalid="ignore"):
             self.root = np.sqrt(1.0 - self.q * self.c * self.c * s)
         self.conic_sag = self.c * s / (1.0 + self.root)
@@ -107,12 +109,20 @@ class ProfileDerivatives:
 
 
 def sag_with_derivatives(surface: Surface, height: float, seeds: Seeds, k: int) -> tuple[float, Array]:
-    """Return the sag of surface k at a height from its axis [mm], and its derivatives; NaN beyond its reach."""
-    profile = ProfileDerivatives(surface, np.array([height * height]))
+    """Return the sag of surface k at a height from its axis [mm], and its derivatives.
+
+    Near the edge of what a conic reaches, and beyond, it goes on straight in s, so that bounds lead back from there.
+    """
+    s, q, c = height * height, 1.0 + surface.conic, surface.curvature
+    near = min(s, REACH / (q * c * c)) if q * c * c > 0 else s
+    profile, beyond = ProfileDerivatives(surface, np.array([near])), s - near
     total = np.zeros(seeds.curvatures.shape[1])
-    for seed, z, _ in profile.seeded(seeds, k, len(total)):
-        total = total + seed * z[0]
-    return float(profile.z[0]), total
+    for seed, z, slope in profile.seeded(seeds, k, len(total)):
+        total = total + seed * (z[0] + slope[0] * beyond)
+    if beyond > 0:
+        moved = -near * (2.0 * seeds.curvatures[k] / c + seeds.conics[k] / q)
+        total = total + profile.bend[0] * beyond * moved
+    return float(profile.z[0] + profile.slope[0] * beyond), total
 
 
 @dataclass(frozen=True)
@@ -295,9 +305,9 @@ class _Walk:
         """Note rays that fail, and send them on along the axis, where they harm nothing."""
         self.status[lost], self.surface[lost] = status, k
         ok = np.isfinite(excess)
-        self.excess = np.where(lost, np.where(ok, excess, 1.0), self.excess)
+        self.excess = np.where(lost, np.where(ok, 1.0 + STEEP * (excess - 1.0), 1.0), self.excess)
         fits = lost & ok
-        self.excess_by[: len(by)] = np.where(fits, by, self.excess_by[: len(by)])
+        self.excess_by[: len(by)] = np.where(fits, STEEP * by, self.excess_by[: len(by)])
         self.excess_by[~np.isfinite(self.excess_by)] = 0.0
         axis = np.array([[0.0], [0.0], [1.0]])
         self.p, self.d = np.where(lost, 0.0, self.p), np.where(lost, axis, self.d)
