@@ -144,8 +144,8 @@ def _write_drawings(found: "Optimised", folder: Path) -> None:
     from rptcam_cl.optics.image_quality import Setting, mtf
 
     problem = found.problem
-    for name, lens in (("before", found.start), ("after", found.lens)):
-        film = found.film_mm if name == "after" else lens.first_order().back_focal_distance_mm
+    states = (("before", found.start, found.start_film_mm), ("after", found.lens, found.film_mm))
+    for name, lens, film in states:
         use = Setting(lens, film if film > 0 else None)
         try:
             picture = draw_lens(use, View(fields=problem.fields_degrees))

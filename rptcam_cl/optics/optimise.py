@@ -911,6 +911,8 @@ class Optimised:
         Why rays are lost at the end.
     start : Lens
         The lens that it was, set likewise.
+    start_film_mm : float
+        Its best film distance by the same merit.
     """
 
     lens: Lens
@@ -920,6 +922,7 @@ class Optimised:
     evaluations: int
     lost: list[str]
     start: Lens
+    start_film_mm: float
     problem: Problem = field(repr=False)
 
 
@@ -1130,8 +1133,8 @@ def optimise(
     before, after = start.values_of(start.x0), merit.values_of(x)
     lens, film = finished_lens(merit, x)
     lens = replace(lens, name=f"{given.lens.name}, optimised", source=_provenance(given, before, after))
-    first = finished_lens(start, start.x0)[0]
-    return Optimised(lens, film, before, after, search.evaluations, merit.lost_rays(x), first, given)
+    first, first_film = finished_lens(start, start.x0)
+    return Optimised(lens, film, before, after, search.evaluations, merit.lost_rays(x), first, first_film, given)
 
 
 def _check_bounds(merit: Merit) -> None:
