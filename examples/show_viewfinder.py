@@ -21,7 +21,7 @@ SCENE = Path("examples/first_light.yaml")
 FOLDER = Path("docs/images/viewfinder")
 SIZE = (960, 540)
 SAMPLES = 96  # that the picture has at least: hardly any grain
-PAWN = (0.5, 0.62)
+PAWN = (0.565, 0.6)
 FOLLOWING = """document.addEventListener('vf-painted', ({detail}) => {
     if (detail.kind === 'picture') window.last = detail;
 }, true);"""
@@ -135,6 +135,56 @@ def history(page: Page) -> None:
     press(page, "ArrowUp")
     until(page, "window.last.denoised && window.last.scale > 0.99 && window.last.spp >= 2")
     press(page, " ")
+    page.evaluate("document.querySelector('.vf-tabpanel:not([hidden])').scrollTop = 0")
+
+
+def time_bar(page: Page) -> None:
+    """A focus pull between two marks, recorded keys of the camera and the f-number."""
+    page.click("[data-tab=time]")
+    page.click("[data-name=mark-A]")
+    for _ in range(6):
+        press(page, "k")
+    page.wait_for_timeout(1500)
+    page.click("[data-name=mark-B]")
+    page.click("[data-name=rack]")
+    page.wait_for_timeout(800)
+    press(page, "u")
+    for _ in range(12):
+        press(page, ">")
+    page.wait_for_timeout(1500)
+    press(page, "]")
+    page.wait_for_timeout(1500)
+    press(page, "u")
+    page.evaluate("document.querySelector('.vf-tabpanel:not([hidden])').scrollTop = 0")
+
+
+def light(page: Page) -> None:
+    """A thing that was selected, with its dials, and a lamp that is muted."""
+    page.check("[data-name=tool] input[value=select]")
+    point(page, 0.565, 0.62, click=True)
+    page.wait_for_selector("[data-dial=thing_x]:visible", timeout=60_000)
+    page.click("[data-name='mute materials.key']")
+    page.wait_for_timeout(1000)
+    point(page, 0.565, 0.62)
+
+
+def scopes(page: Page) -> None:
+    """The parade, and the lights that photographers name."""
+    page.check("[data-name=scope] input[value=parade]")
+    page.select_option("[data-dial=white_balance]", "D75")
+
+
+def vectorscope(page: Page) -> None:
+    """The vectorscope."""
+    page.check("[data-name=scope] input[value=vectorscope]")
+
+
+def full(page: Page) -> None:
+    """The picture alone, with frame lines."""
+    page.click("[data-tab=guides]")
+    page.check("[data-name=aspect] input[value='2.39']")
+    page.click("[data-name=lines]")
+    press(page, "h")
 
 
 def compare(page: Page) -> None:
@@ -160,7 +210,25 @@ def error(page: Page) -> None:
 
 SHOTS: dict[str, Callable[[Page], None]] = {
     each.__name__: each
-    for each in (view, keys, exposure, raw, false_colour, focus, lens, guides, history, compare, narrow, error)
+    for each in (
+        view,
+        keys,
+        exposure,
+        raw,
+        false_colour,
+        focus,
+        lens,
+        guides,
+        history,
+        time_bar,
+        light,
+        scopes,
+        vectorscope,
+        full,
+        compare,
+        narrow,
+        error,
+    )
 }
 MORE = {"raw": "exposure: {mode: auto}\nsensor: {}\n"}  # of the scene
 

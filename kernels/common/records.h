@@ -7,6 +7,7 @@
 // What a path's last-touched primitive may be besides an index.
 #define NO_PRIMITIVE   (-1)
 #define PATH_ENDED     (-2)
+#define IN_MEDIUM      (-3)     // scattered by a medium, away from surfaces
 
 // Where the slots of a wave lie on the film, whose buffers hold tiles of 8 x 8 pixels in row order, each as four of 4 x 4,
 // so that 8 neighbouring lanes are 4 x 2 pixels. `tiles` lists the tiles that are rendered. Slots run through the pixels

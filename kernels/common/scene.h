@@ -68,6 +68,14 @@
 #define CAUSTIC_PARTS(EACH)
 #endif
 
+#if HAS_MEDIA
+#define MEDIA_PARTS(EACH) \
+    EACH(const __global Medium *, media)                /* by number; the first is empty space */ \
+    EACH(int, media_at_camera)                          /* the stack of kernels/material/medium.h there */
+#else
+#define MEDIA_PARTS(EACH)
+#endif
+
 #define SCENE_PARTS(EACH) \
     EACH(const __global Primitive *, primitives)        /* sorted by kind */ \
     EACH(const __global int *, kind_end)                /* end of each kind in `primitives` */ \
@@ -79,7 +87,7 @@
     EACH(const __global float *, distribution)          /* curves of how light sampling picks, common/curve.h */ \
     EACH(int, emitter_count) \
     LIGHT_TREE_PARTS(EACH) CAUSTIC_PARTS(EACH) COLOUR_PARTS(EACH) MOTION_PARTS(EACH) HIDDEN_PARTS(EACH) TREE_PARTS(EACH) \
-    MESH_PARTS(EACH)
+    MESH_PARTS(EACH) MEDIA_PARTS(EACH)
 
 #define AS_MEMBER(type, name) type name;
 #define AS_PARAMETER(type, name) type name,
@@ -96,6 +104,9 @@ typedef struct {
 #endif
 #if SPECTRAL_COLOURS
     SpectralColours spectral;   // colours at the wavelengths of the lanes at hand
+#endif
+#if HAS_MAPPING
+    F3 place;       // of the lanes at hand, for textures that lie in space
 #endif
 #if HAS_DISPERSION
     F inverse;      // wavelength of the lanes at hand, as inverse_wavelength has it

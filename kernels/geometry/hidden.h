@@ -12,17 +12,24 @@
 #define KIND_OF_SHADOW HIDDEN_FROM_SHADOW
 #endif
 
+// Boundaries of media are there for the ways of paths alone.
+#ifndef MEETS_BOUNDARIES
+#define UNMET HIDDEN_FROM_ALL_BUT_WAYS
+#else
+#define UNMET 0
+#endif
+
 // Where the lanes of rays of a kind that hit primitive i at t find it: there, or nowhere.
 static inline F where_seen(F t, int i, I kind, Scene scene)
 {
-    return (kind & scene.hidden[i]) != 0 ? (F)(-1.0f) : t;
+    return ((kind | UNMET) & scene.hidden[i]) != 0 ? (F)(-1.0f) : t;
 }
 
 #if HAS_MESH
 // Whether a triangle, of an instance with that first primitive, is hidden from a ray.
 static inline int is_hidden(int triangle, int kind, int first_primitive, Scene scene)
 {
-    return (scene.hidden[first_primitive + scene.triangles[triangle].w] & kind) != 0;
+    return (scene.hidden[first_primitive + scene.triangles[triangle].w] & (kind | UNMET)) != 0;
 }
 #endif
 

@@ -75,6 +75,14 @@ static SurfacePoint point_on_mesh(Hit hit, I on, Scene scene)
 #if HAS_BITANGENT
     s.bitangent = scale(sub(scale(ac, u1), scale(ab, u2)), turn);
 #endif
+#if HAS_BUMP
+    // To their true lengths; none where the texture coordinates lie on a line.
+    F turned = absolute(u1 * v2 - u2 * v1) * unit;
+    I known = turned > 0.0f;
+    F true_length = ONE / (known ? turned : ONE);
+    s.tangent = scale(s.tangent, true_length);
+    s.bitangent = keep3(known, scale(s.bitangent, true_length));
+#endif
 #if HAS_INSTANCES
     I instance = on ? GATHER(I, scene.primitives, on ? hit.primitive : FALSE, .instance) : FALSE;
     Quad x = GATHER_ROW(world_x), y = GATHER_ROW(world_y), z = GATHER_ROW(world_z);

@@ -44,6 +44,9 @@ typedef struct {
     F3  n;          // normal where the ray starts, as light sampling takes it
 #endif
     U   pixel, sample, depth;
+#if HAS_MEDIA
+    I   medium;         // stack of the media around, material/medium.h
+#endif
 #if CAUSTICS
     I   since_receiver;     // 1 on the way from one, 2 if smooth glass and mirrors alone were met since; else 0
 #endif
@@ -58,6 +61,9 @@ typedef struct {
     F   reach;      // distance to the emitter; 0: no light sample
     I   target;     // the emitter's primitive
     I   target_triangle;    // and its triangle
+#if HAS_MEDIA
+    I   medium;     // where it starts, as that of a path
+#endif
 } ShadowRay;
 
 // Where a ray along `d` leaves a vertex: just off a mesh, on the side where it goes.
@@ -85,6 +91,9 @@ static inline F3 receiving_normal(Vertex vertex, F3 d)
 {
     I passes = (vertex.kind == MATERIAL_DIELECTRIC) | (vertex.kind == MATERIAL_ROUGH_DIELECTRIC)
         | (vertex.kind == MATERIAL_THIN_GLASS) | (vertex.kind == MATERIAL_TRANSLUCENT);
+#if HAS_MEDIA
+    passes |= phase_is(vertex.kind);
+#endif
 #if HAS_TRANSMISSION
     passes |= vertex.kind == MATERIAL_PRINCIPLED;
 #endif
@@ -171,6 +180,9 @@ static ShadowRay light_sample(Path path, Vertex vertex, I on, Hit hit, Scene sce
 #if HAS_MOTION
     shadow.ray.time = path.ray.time;
 #endif
+#if HAS_MEDIA
+    shadow.medium = stack_beyond(path.medium, hit.primitive, vertex.ng, path.ray.d, light.direction, scene);
+#endif
     shadow.target = light.primitive;
     shadow.target_triangle = light.triangle;
     shadow.reach = (on & (max3(shadow.light) > 0.0f)) ? light.reach : ZERO;
@@ -219,6 +231,10 @@ static ShadowRay shade_vertex(Path *path, Hit hit, Scene scene, Rules rules)
 #endif
     // Go on with those that hit something and may be continued or meet a lamp.
     I on = living & (hit.primitive >= 0);
+#if HAS_MEDIA
+    I afloat = living & (hit.primitive == IN_MEDIUM);
+    on = on | afloat;
+#endif
 #if !HAS_LAMPS
     on = on & (path->depth < rules.max_depth);
 #endif
@@ -232,7 +248,13 @@ static ShadowRay shade_vertex(Path *path, Hit hit, Scene scene, Rules rules)
 #else
     F choice = ZERO;
 #endif
+#if HAS_MEDIA
+    Vertex vertex = vertex_of(path->ray, hit, on & NOT(afloat), choice, scene);
+    if (ANY(afloat))
+        take_phase(&vertex, afloat, path->medium, path->ray.d, scene);
+#else
     Vertex vertex = vertex_of(path->ray, hit, on, choice, scene);
+#endif
 #if HAS_DISPERSION && !LENS_SPLITS
     leave_one_wavelength(path, vertex, on, scene);
 #endif
@@ -276,7 +298,12 @@ static ShadowRay shade_vertex(Path *path, Hit hit, Scene scene, Rules rules)
 #endif
     // Sample a light, for a shadow ray.
 #if HAS_EMITTERS
-    shadow = light_sample(*path, vertex, on, hit, scene, rules);
+#if HAS_MEDIA
+    I lightable = on & NOT(afloat);         // the way through the medium has taken that of the others
+#else
+    I lightable = on;
+#endif
+    shadow = light_sample(*path, vertex, lightable, hit, scene, rules);
 #endif
     // Sample the BSDF for the next direction.
     F4 u = random4(path->pixel, path->sample, 2u * path->depth, rules.seed);
@@ -293,6 +320,9 @@ static ShadowRay shade_vertex(Path *path, Hit hit, Scene scene, Rules rules)
     // Continue the path, or end it.
 #if LIGHT_TREE
     path->n = receiving_normal(vertex, path->ray.d);
+#endif
+#if HAS_MEDIA
+    path->medium = stack_beyond(path->medium, hit.primitive, vertex.ng, path->ray.d, next.direction, scene);
 #endif
     path->ray.o = departure(vertex, next.direction);
     path->ray.d = next.direction;

@@ -10,6 +10,9 @@
 static F3 textured_radiance(I e, I mine, F x, F y, F3 there, Scene scene)
 {
     F3 radiance = f3(ZERO, ZERO, ZERO);
+#if HAS_MAPPING
+    scene.place = there;
+#endif
     while (ANY(mine)) {
         int index = first_of(e, mine);
         I now = mine & (e == index);

@@ -178,22 +178,28 @@ static F reach_of_tiny(const __global Emitter *es, I e, I kind, F reach)
 }
 #endif
 
-// One emitter for each lane, and one direction towards it from p, on a surface with normal n.
-static LightSample sample_emitter(Scene scene, F3 p, F3 n, F pick_u, F u, F v)
+// The emitter that a random number picks at p, on a surface with normal n, and the probability of that.
+static inline I pick_lamp(Scene scene, F3 p, F3 n, F u, F *pick)
 {
-    const __global Emitter *es = scene.emitters;
-    // Pick an emitter.
 #if LIGHT_TREE
-    F pick;
-    I e = pick_emitter(scene, p, n, pick_u, &pick);
-#elif ONE_EMITTER
+    return pick_emitter(scene, p, n, u, pick);
+#else
+    const __global Emitter *es = scene.emitters;
+#if ONE_EMITTER
     I e = FALSE;
-    F pick = OF_EMITTER(F, pick);
 #else
     F inside, share;
-    I e = cell_at(scene.distribution, FALSE, scene.emitter_count, pick_u, &inside, &share);
-    F pick = OF_EMITTER(F, pick);
+    I e = cell_at(scene.distribution, FALSE, scene.emitter_count, u, &inside, &share);
 #endif
+    *pick = OF_EMITTER(F, pick);
+    return e;
+#endif
+}
+
+// One direction for each lane, from p towards emitter e, which was picked with that probability.
+static LightSample sample_picked(Scene scene, I e, F pick, F3 p, F u, F v)
+{
+    const __global Emitter *es = scene.emitters;
     I kind = OF_EMITTER(I, kind);
     F3 a = THREE_OF_EMITTER(a);
     LightSample s;
@@ -265,6 +271,14 @@ static LightSample sample_emitter(Scene scene, F3 p, F3 n, F pick_u, F u, F v)
 #endif
     s.radiance = scale(s.radiance, weight);
     return s;
+}
+
+// One emitter for each lane, and one direction towards it from p, on a surface with normal n.
+static inline LightSample sample_emitter(Scene scene, F3 p, F3 n, F pick_u, F u, F v)
+{
+    F pick;
+    I e = pick_lamp(scene, p, n, pick_u, &pick);
+    return sample_picked(scene, e, pick, p, u, v);
 }
 
 #endif

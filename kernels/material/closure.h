@@ -31,6 +31,11 @@
 #else
 #define HAS_PASSED 0
 #endif
+#if FACET_ENERGY && HAS_REFRACTION
+#define HAS_AGAIN 1             // light that facets of glass reflect and refract more than once
+#else
+#define HAS_AGAIN 0
+#endif
 #define HAS_LAMPS       (HAS_EMISSIVE || HAS_GLOW)
 #define HAS_CLOSURE     (HAS_GLOSSY || HAS_PLASTIC || HAS_THIN_GLASS || HAS_PASSED || HAS_ABSORPTION || HAS_GLOW) // any row below
 
@@ -59,6 +64,7 @@
     WHEN(HAS_GLOSSY,       EACH(Alpha, alpha,        same_alpha(ONE),  alpha_of(material, u, v, scene))) \
     WHEN(HAS_METAL,        EACH(F3,    n,            WHITE_3,          coefficient(material->metal_n, scene))) /* n + ik */ \
     WHEN(HAS_METAL,        EACH(F3,    k,            WHITE_3,          coefficient(material->metal_k, scene))) \
+    WHEN(HAS_AGAIN,        EACH(F,     again,        ONE,              ONE)) /* all light over that scattered once */ \
     WHEN(HAS_UNDERCOVER,   EACH(F,     internal,     ZERO,             (F)(material->internal))) /* diffuse share */ \
     WHEN(HAS_ROUGH_PLASTIC, EACH(Cover, cover,       no_cover(),       known_cover(material->cover, material->cover_last))) \
     WHEN(HAS_THIN_GLASS,   EACH(F3,    depth,        BLACK_3,          coefficient(material->absorption, scene))) \

@@ -2,7 +2,9 @@
 // fifth-order fade of Perlin, «Improving noise», 2002), and the sum of octaves of it.
 #ifndef NOISE_H
 #define NOISE_H
-#include "common/math.h"
+#include "common/scene.h"
+
+static inline F fade(F t) { return t * t * t * (t * (t * 6.0f - 15.0f) + 10.0f); }
 
 #if HAS_NOISE
 // 32 well-mixed bits of a lattice point: the integer hash of Jarzynski and Olano, JCGT 9(3) 2020, in two dimensions (pcg2d).
@@ -27,8 +29,6 @@ static inline F slope_at(I column, I row, uint seed, F x, F y)
     F b = TO_F(AS_I(bits >> 16)) * (1.0f / 32768.0f) - 1.0f;
     return a * x + b * y;
 }
-
-static inline F fade(F t) { return t * t * t * (t * (t * 6.0f - 15.0f) + 10.0f); }
 
 // Within -1 … 1; standard deviation 0.18.
 static F gradient_noise(F x, F y, uint seed)
@@ -61,6 +61,106 @@ static F octaves_of_noise(F x, F y, int octaves, float gain, uint seed)
         y = 2.0f * y + 0.5f;
     }
     return sum / sqrt(squares);
+}
+#endif
+
+#if HAS_PERLIN || HAS_MARBLE || HAS_DOTS
+// Perlin's noise of 2002 in space: slopes towards the twelve edges of a cube by a permutation of 256, which the table has
+// twice.
+static inline F slope_of_bits(I bits, F x, F y, F z)
+{
+    I edge = bits & 15;
+    I last = (edge == 12) | (edge == 13);
+    F u = ((edge < 8) | last) ? x : y;
+    F v = ((edge < 4) | last) ? y : z;
+    return ((edge & 1) != 0 ? -u : u) + ((edge & 2) != 0 ? -v : v);
+}
+
+static F perlin_noise(const __global uint *table, F x, F y, F z)
+{
+    F fx = FLOOR(x), fy = FLOOR(y), fz = FLOOR(z);
+    I ix = TO_I(fx) & 255, iy = TO_I(fy) & 255, iz = TO_I(fz) & 255;
+    F dx = x - fx, dy = y - fy, dz = z - fz;
+    F along_x = fade(dx), along_y = fade(dy), along_z = fade(dz);
+    I left = AS_I(GATHER(U, table, ix, )) + iy;
+    I right = AS_I(GATHER(U, table, ix + 1, )) + iy;
+    F layer[2];
+    for (int k = 0; k < 2; ++k) {
+        F row[2];
+        F z_k = dz - (float)k;
+        for (int j = 0; j < 2; ++j) {
+            F y_j = dy - (float)j;
+            I a = AS_I(GATHER(U, table, AS_I(GATHER(U, table, left + j, )) + iz + k, ));
+            I b = AS_I(GATHER(U, table, AS_I(GATHER(U, table, right + j, )) + iz + k, ));
+            F low = slope_of_bits(a, dx, y_j, z_k);
+            row[j] = low + along_x * (slope_of_bits(b, dx - 1.0f, y_j, z_k) - low);
+        }
+        layer[k] = row[0] + along_y * (row[1] - row[0]);
+    }
+    return layer[0] + along_z * (layer[1] - layer[0]);
+}
+
+// The sum of octaves, or of their sizes with what pbrt adds for all further ones: each 1.99 times as fine as the last and
+// `gain` times as strong.
+static F octaves_of_perlin(const __global uint *table, F3 p, int octaves, float gain, int sizes)
+{
+    F sum = ZERO;
+    float amplitude = 1.0f, fine = 1.0f;
+    for (int i = 0; i < octaves; ++i) {
+        F n = perlin_noise(table, fine * p.x, fine * p.y, fine * p.z);
+        sum += amplitude * (sizes ? absolute(n) : n);
+        fine *= 1.99f;
+        amplitude *= gain;
+    }
+    return sizes ? sum + 0.2f * amplitude : sum;
+}
+#endif
+
+#if HAS_PERLIN
+static F perlin_form(const __global uint *table, F3 p, const __global Texture *t)
+{
+    if (t->form == PERLIN_WIND) {
+        F gust = octaves_of_perlin(table, scale(p, (F)(0.1f)), 3, 0.5f, 0);
+        return absolute(gust) * octaves_of_perlin(table, p, 6, 0.5f, 0);
+    }
+    return octaves_of_perlin(table, p, t->octaves, t->parameter, t->form == PERLIN_TURBULENCE);
+}
+#endif
+
+#if HAS_MARBLE
+// A sine along y, shifted by noise, as a spline of colours: nine control points after the permutation, six cubic pieces.
+#define MARBLE_POINTS 512
+static inline F marble_point(const __global uint *table, I index) { return AS_F(GATHER(U, table, index, )); }
+
+static F3 marble_at(const __global uint *table, F3 p, const __global Texture *t)
+{
+    F phase = p.y + t->variation * octaves_of_perlin(table, p, t->octaves, t->parameter, 0);
+    F turns = phase * 0.159154943092f;
+    F sine, cosine;
+    sincos_turns(turns - FLOOR(turns), &sine, &cosine);
+    F place = 3.0f + 3.0f * sine;
+    F piece = MIN(MAX(FLOOR(place), ZERO), (F)(5.0f));
+    F k = place - piece, rest = 1.0f - k;
+    I first = MARBLE_POINTS + 3 * TO_I(piece);
+    F share[4] = {rest * rest * rest, 3.0f * k * rest * rest, 3.0f * k * k * rest, k * k * k};
+    F3 c = f3(ZERO, ZERO, ZERO);
+    for (int i = 0; i < 4; ++i)
+        c = along(c, f3(marble_point(table, first + 3 * i), marble_point(table, first + 3 * i + 1),
+                        marble_point(table, first + 3 * i + 2)), share[i]);
+    return mul(c, f3_of(t->a));
+}
+#endif
+
+#if HAS_DOTS
+// Whether a spot lies at a place: in the cells where noise is above 0, shifted within them by noise.
+static I in_spot(const __global uint *table, F x, F y)
+{
+    F cell_x = FLOOR(x + 0.5f), cell_y = FLOOR(y + 0.5f);
+    F half_way = (F)(0.5f);
+    I there = perlin_noise(table, cell_x + 0.5f, cell_y + 0.5f, half_way) > 0.0f;
+    F dx = x - cell_x - 0.15f * perlin_noise(table, cell_x + 1.5f, cell_y + 2.8f, half_way);
+    F dy = y - cell_y - 0.15f * perlin_noise(table, cell_x + 4.5f, cell_y + 9.8f, half_way);
+    return there & (dx * dx + dy * dy < 0.1225f);
 }
 #endif
 

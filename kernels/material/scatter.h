@@ -4,6 +4,9 @@
 #include "material/dielectric.h"
 #include "material/glossy.h"
 #include "material/matte.h"
+#if HAS_MEDIA
+#include "material/medium.h"
+#endif
 #include "material/mirror.h"
 #include "material/plastic.h"
 #include "material/thin_glass.h"
@@ -17,7 +20,15 @@
     WHEN(HAS_GLOSSY,     SPREAD(glossy)) \
     WHEN(HAS_MIRROR,     SPECULAR(mirror)) \
     WHEN(HAS_DIELECTRIC, SPECULAR(dielectric)) \
-    WHEN(HAS_THIN_GLASS, SPECULAR(thin_glass))
+    WHEN(HAS_THIN_GLASS, SPECULAR(thin_glass)) \
+    WHEN(HAS_MEDIA,      SPREAD(phase))
+
+// A medium has no surface to be on the wrong side of.
+#if HAS_MEDIA
+#define PHASES_AGREE | phase_is(vertex.kind)
+#else
+#define PHASES_AGREE
+#endif
 
 #define NOTHING_TO_EVAL(name)
 #define EVAL(name) \
@@ -39,7 +50,7 @@ static inline F3 scatter_eval(Vertex vertex, F3 d, F3 wo, F *pdf)
     *pdf = ZERO;
     BSDFS(EVAL, NOTHING_TO_EVAL)
 #if HAS_SHADING_NORMAL
-    I agrees = consistent(vertex, side, wo);
+    I agrees = consistent(vertex, side, wo) PHASES_AGREE;
     value = keep3(agrees, value);
     *pdf = agrees ? *pdf : ZERO;
 #endif
@@ -70,7 +81,7 @@ static Scattered scatter_sample(Vertex vertex, F3 d, F u, F v, F lobe)
     out.pdf = ZERO;
     BSDFS(SAMPLE, SAMPLE)
 #if HAS_SHADING_NORMAL
-    I agrees = consistent(vertex, side, out.direction);
+    I agrees = consistent(vertex, side, out.direction) PHASES_AGREE;
     out.weight = keep3(agrees, out.weight);
 #endif
     return out;

@@ -1,13 +1,28 @@
-// Textures: colours and numbers over the surface coordinates (u, v). One record says which; it is the same for all lanes.
+// Textures: colours and numbers over the surface coordinates (u, v), or over space. One record says which; it is the same for
+// all lanes.
 #ifndef TEXTURE_H
 #define TEXTURE_H
+#include "common/angles.h"
 #include "common/scene.h"
 #include "material/image.h"
 #include "material/noise.h"
 
 #if HAS_TEXTURE
+#if HAS_MAPPING
+// The coordinates that take the place of u and v, by where in the world the lanes are; z where they are those of space.
+static F3 mapped_coordinates(const __global Texture *t, Scene scene)
+{
+    F3 p = f3(row_point(t->row_x, scene.place), row_point(t->row_y, scene.place), row_point(t->row_z, scene.place));
+    if (t->mapping == MAPPED_SPHERICAL)
+        return f3(1.0f - share_upwards(p.z, sqrt(p.x * p.x + p.y * p.y)), turns_around(p.x, p.y), ZERO);
+    if (t->mapping == MAPPED_CYLINDRICAL)
+        return f3(turns_around(-p.x, -p.y), p.z, ZERO);
+    return p;
+}
+#endif
+
 // How far from colour a to colour b a pattern is at a point.
-static F pattern_at(const __global Texture *t, F x, F y)
+static F pattern_at(const __global Texture *t, F x, F y, F z, Scene scene)
 {
     F k = ZERO;
 #if HAS_CHECKER || HAS_GRID
@@ -16,7 +31,11 @@ static F pattern_at(const __global Texture *t, F x, F y)
 #endif
 #if HAS_CHECKER
     if (t->kind == TEXTURE_CHECKER) {
+#if HAS_MAPPING
+        F half_sum = 0.5f * (cell_x + cell_y + FLOOR(z));
+#else
         F half_sum = 0.5f * (cell_x + cell_y);
+#endif
         k = half_sum != FLOOR(half_sum) ? ONE : ZERO;
     }
 #endif
@@ -34,23 +53,59 @@ static F pattern_at(const __global Texture *t, F x, F y)
         k = MIN(MAX(n, ZERO), ONE);
     }
 #endif
+#if HAS_PERLIN
+    if (t->kind == TEXTURE_PERLIN)
+        k = perlin_form(scene.texels + t->first, f3(x, y, z), t);
+#endif
+#if HAS_DOTS
+    if (t->kind == TEXTURE_DOTS)
+        k = in_spot(scene.texels + t->first, x, y) ? ONE : ZERO;
+#endif
     return k;
 }
 
-static F3 texture_color(int texture, F u, F v, Scene scene)
+// Where on the pattern of a texture u and v are, or the place of the lanes.
+static F3 pattern_point(const __global Texture *t, F u, F v, Scene scene)
 {
-    const __global Texture *t = scene.textures + texture;
+    F z = ZERO;
+#if HAS_MAPPING
+    if (t->mapping != MAPPED_UV) {
+        F3 there = mapped_coordinates(t, scene);
+        u = there.x;
+        v = there.y;
+        z = there.z;
+    }
+#endif
     F x = t->row_u.x * u + t->row_u.y * v + t->row_u.z;
     F y = t->row_v.x * u + t->row_v.y * v + t->row_v.z;
+    return f3(x, y, z);
+}
+
+static F3 pattern_color(const __global Texture *t, F x, F y, F z, Scene scene)
+{
+#if HAS_MARBLE
+    if (t->kind == TEXTURE_MARBLE)
+        return marble_at(scene.texels + t->first, f3(x, y, z), t);
+#endif
 #if HAS_IMAGE
     if (t->kind == TEXTURE_IMAGE) {
         F3 c = mul(image_at(t, scene.texels, x, y), f3_of(t->a));
         return f3(MIN(c.x, (F)(t->limit)), MIN(c.y, (F)(t->limit)), MIN(c.z, (F)(t->limit)));
     }
 #endif
-    F k = pattern_at(t, x, y);
+    F k = pattern_at(t, x, y, z, scene);
+#if HAS_PERLIN
+    k = t->kind == TEXTURE_PERLIN ? MIN(MAX(k, ZERO), ONE) : k;
+#endif
     F rest = 1.0f - k;                              // so that both ends are exact
     return f3(rest * t->a.x + k * t->b.x, rest * t->a.y + k * t->b.y, rest * t->a.z + k * t->b.z);
+}
+
+static inline F3 texture_color(int texture, F u, F v, Scene scene)
+{
+    const __global Texture *t = scene.textures + texture;
+    F3 at = pattern_point(t, u, v, scene);
+    return pattern_color(t, at.x, at.y, at.z, scene);
 }
 
 // The first channel, of textures that stand for a number.

@@ -7,6 +7,7 @@
 #if HAS_TANGENT
 #include "geometry/tangent.h"
 #endif
+#include "material/bump.h"
 
 typedef struct {
     F3 p, n;        // position and outward unit normal for shading
@@ -36,19 +37,6 @@ typedef struct {
 } Vertex;
 
 #include "material/flat_tables.h"
-
-#if HAS_BITANGENT
-// The frame of the texture coordinates about the normal: x towards growing u, y at a right angle, on the side of growing v.
-static void tangent_frame(SurfacePoint point, F3 *x, F3 *y)
-{
-    F3 flat = along(point.tangent, point.n, -dot3(point.tangent, point.n));
-    F length2 = dot3(flat, flat);
-    frame(point.n, x, y);
-    *x = select3(length2 > 0.0f, scale(flat, 1.0f / sqrt(MAX(length2, (F)(SMALLEST)))), *x);
-    *y = cross3(point.n, *x);
-    *y = scale(*y, with_sign(ONE, dot3(*y, point.bitangent)));
-}
-#endif
 
 #if HAS_ANISOTROPY_TURN || HAS_ANISOTROPY_MAP
 // The direction along which a material is brushed, u and v of the texture coordinates, turned.
@@ -104,8 +92,23 @@ static F index_at(const __global Material *material, F inverse)
 }
 #endif
 
-// Fills the lanes `mine`, which share a material.
-static void take_material(Vertex *vertex, I mine, const __global Material *material, SurfacePoint point, Scene scene)
+#if HAS_AGAIN
+// All light that rough glass passes on, over what its facets scatter once, for a path whose direction has that cosine to the
+// normal: a polynomial in its root for either side (rptcam_cl/rendering/plan/materials.py).
+static F scattered_again(const __global Material *material, F cosine)
+{
+    F x = sqrt(MIN(absolute(cosine), ONE));
+    F inside = ZERO, outside = ZERO;
+    for (int i = ONCE_TERMS - 1; i >= 0; --i) {
+        inside = inside * x + material->once_inside[i];
+        outside = outside * x + material->once_outside[i];
+    }
+    return 1.0f / MIN(MAX(cosine > 0.0f ? inside : outside, (F)(0.1f)), ONE);
+}
+#endif
+
+// Fills the lanes `mine`, which share a material and are met along `d`.
+static void take_material(Vertex *vertex, I mine, const __global Material *material, SurfacePoint point, F3 d, Scene scene)
 {
     F3 color = reflectance_at(material, point.u, point.v, scene);
 #if SPECTRAL_COLOURS
@@ -137,6 +140,13 @@ static void take_material(Vertex *vertex, I mine, const __global Material *mater
     if (material->normal_texture >= 0)
         vertex->n = select3(mine, mapped_normal(material->normal_texture, material->normal_strength, point, scene), vertex->n);
 #endif
+#if HAS_BUMP
+    if (material->bump_texture >= 0)
+        vertex->n = select3(mine, bumped_normal(material, point, point.n, scene), vertex->n);
+#endif
+#if HAS_AGAIN
+    vertex->closure.again = mine ? scattered_again(material, dot3(vertex->n, d)) : vertex->closure.again;
+#endif
 #if HAS_COAT_NORMAL
     F3 coat_n = material->coat_flat ? point.n : vertex->n;
     if (material->coat_normal_texture >= 0)
@@ -147,7 +157,7 @@ static void take_material(Vertex *vertex, I mine, const __global Material *mater
 
 #if HAS_MIX
 // Each lane takes one of the two materials of a mix, by the random number in vertex->lobe.
-static void take_mix(Vertex *vertex, I mine, const __global Material *mix, SurfacePoint point, Scene scene)
+static void take_mix(Vertex *vertex, I mine, const __global Material *mix, SurfacePoint point, F3 d, Scene scene)
 {
     F factor = (F)(mix->factor);
 #if HAS_TEXTURE
@@ -159,9 +169,9 @@ static void take_mix(Vertex *vertex, I mine, const __global Material *mix, Surfa
     F rest = second ? choice / factor : (choice - factor) / (1.0f - factor);
     vertex->lobe = mine ? rest : choice;
     if (ANY(mine & NOT(second)))
-        take_material(vertex, mine & NOT(second), scene.materials + mix->first, point, scene);
+        take_material(vertex, mine & NOT(second), scene.materials + mix->first, point, d, scene);
     if (ANY(mine & second))
-        take_material(vertex, mine & second, scene.materials + mix->second, point, scene);
+        take_material(vertex, mine & second, scene.materials + mix->second, point, d, scene);
 }
 #endif
 
@@ -248,6 +258,9 @@ static Vertex vertex_of(Ray ray, Hit hit, I on, F choice, Scene scene)
         if (moves(index, scene))
             point = surface_in_world(placing, point);
 #endif
+#if HAS_MAPPING
+        scene.place = point.p;
+#endif
         // Keep position and normals.
 #if HAS_MESH
         vertex.offset = mine ? point.offset : vertex.offset;
@@ -261,10 +274,10 @@ static Vertex vertex_of(Ray ray, Hit hit, I on, F choice, Scene scene)
         // Take the material, and the emitter that light sampling knows the primitive by.
 #if HAS_MIX
         if (material->kind == MATERIAL_MIX)
-            take_mix(&vertex, mine, material, point, scene);
+            take_mix(&vertex, mine, material, point, ray.d, scene);
         else
 #endif
-            take_material(&vertex, mine, material, point, scene);
+            take_material(&vertex, mine, material, point, ray.d, scene);
 #if HAS_EMITTERS
 #if EMITTER_TRIANGLES
         vertex.emitter = mine ? (index >= first_mesh ? hit.triangle - primitive->first_triangle : FALSE)

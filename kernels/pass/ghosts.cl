@@ -8,8 +8,12 @@
 #define LENS_FRESNEL   1        // surfaces that reflect nothing make no ghosts
 #define LENS_POLARISED 1
 #include "lens/trace.h"
+#include "common/rng.h"
 
 #define GOLDEN      2654435769u         // 2^32 over the golden ratio
+#define PLASTIC_1   3242174889u         // 2^32 over the plastic number, and over its square (Roberts 2018)
+#define PLASTIC_2   2447445414u
+#define JITTER      0.25f               // random part of a place on a patch: without it the lattice shows as fringes
 #define ONE_LIGHT   68719476736.0f      // 2^36 units
 
 typedef struct {
@@ -36,12 +40,37 @@ static Landed through_lens(F3 p, F3 d, const __global Surface *surfaces, int cou
 }
 
 // A source is x, y, z towards it or where it is [mm], w: 1 for a place; then its box: corner and sides; then its weights; then
-// where its lattice begins. With GHOST_PENCILS w may be 2, of light whose direction is that of x, y, z at the first vertex;
-// how it changes along x and y stands last.
-#if GHOST_PENCILS
-#define SOURCE_ROWS 6
-#else
-#define SOURCE_ROWS 4
+// where its lattice begins. With GHOST_PATCHES a patch of an emitter stands around that point, and rays come from all over
+// it: base and map, two edges or radii with the bulge of a sun, a cell of the unit square, and the normal of a flat lamp over
+// the cosine that the weights have. With GHOST_PENCILS w may be 2, of light whose direction is that of x, y, z at the first
+// vertex; how it changes along x and y stands last.
+#define PATCH_ROWS  (5 * GHOST_PATCHES)
+#define SOURCE_ROWS (4 + PATCH_ROWS + 2 * GHOST_PENCILS)
+
+static inline F step_of(U n, uint step, float first)
+{
+    return TO_F(AS_I((n * step + (uint)(first * 16777216.0f) * 256u) >> 8)) * 5.9604645e-8f;
+}
+
+#if GHOST_PATCHES
+// A point of the patch of a source, one for each ray.
+static F3 point_of_patch(const __global float4 *patch, F s, F t)
+{
+    float4 base = patch[0], first = patch[1], second = patch[2], cell = patch[3];
+    F x = cell.x + s * cell.z, y = cell.y + t * cell.w, height = ONE;
+    if (base.w == (float)PATCH_DISK) {
+        F sine, cosine, radius = sqrt(x);
+        sincos_turns(y, &sine, &cosine);
+        height = sqrt(1.0f - x * first.w);
+        x = radius * cosine;
+        y = radius * sine;
+    } else if (base.w == (float)PATCH_TRIANGLE) {
+        I over = x + y > 1.0f;
+        x = over ? 1.0f - x : x;
+        y = over ? 1.0f - y : y;
+    }
+    return add(scale(f3_of(base), height), add(scale(f3_of(first), x), scale(f3_of(second), y)));
+}
 #endif
 
 static void enter_front(const __global float4 *source, uint number, uint rays, F3 *p, F3 *d, F *weight)
@@ -50,16 +79,28 @@ static void enter_front(const __global float4 *source, uint number, uint rays, F
     U n = AS_U((I)((int)number) + LANES);
     float4 first = source[3];
     F u = (TO_F(AS_I(n)) + first.x) / (float)rays;
-    F v = TO_F(AS_I((n * GOLDEN + (uint)(first.y * 16777216.0f) * 256u) >> 8)) * 5.9604645e-8f;
+    F v = step_of(n, GOLDEN, first.y);
     *p = f3(box.x + u * box.z, box.y + v * box.w, ZERO);
-    F3 away = at.w > 0.0f ? sub(*p, f3((F)(at.x), (F)(at.y), (F)(at.z))) : f3((F)(at.x), (F)(at.y), (F)(at.z));
+    F3 from = f3_of(at);
+#if GHOST_PATCHES
+    const __global float4 *patch = source + 4;
+    U4 h = hash4(n, (U)(0u), (U)(0u), (uint2)(as_uint(first.z), as_uint(first.w)));
+    F s = step_of(n, PLASTIC_1, first.z) + JITTER * unit_float(h.a);
+    F t = step_of(n, PLASTIC_2, first.w) + JITTER * unit_float(h.b);
+    from = point_of_patch(patch, s - floor(s), t - floor(t));
+#endif
+    F3 away = at.w > 0.0f ? sub(*p, from) : from;
     F length2 = dot3(away, away);
     *d = scale(away, ONE / sqrt(length2));
     float vertex2 = at.x * at.x + at.y * at.y + at.z * at.z;
     *weight = at.w > 0.0f ? d->z * vertex2 / length2 : d->z;            // a lamp's light over that at the first vertex
+#if GHOST_PATCHES
+    if (patch[4].w > 0.0f)
+        *weight *= MAX(dot3(f3_of(patch[4]), away), ZERO) / sqrt(length2);
+#endif
 #if GHOST_PENCILS
     if (at.w > 1.0f) {
-        float4 by_x = source[4], by_y = source[5];
+        float4 by_x = source[4 + PATCH_ROWS], by_y = source[5 + PATCH_ROWS];
         away = f3(at.x + by_x.x * p->x + by_y.x * p->y, at.y + by_x.y * p->x + by_y.y * p->y,
                   at.z + by_x.z * p->x + by_y.z * p->y);
         length2 = dot3(away, away);

@@ -38,6 +38,9 @@ __kernel void shade(SCENE_PARAMETERS
 #if CAUSTICS
     path.since_receiver = depth == 1u ? FALSE : READ_I(SINCE_RECEIVER, slot);
 #endif
+#if HAS_MEDIA
+    path.medium = READ_I(MEDIUM, slot);
+#endif
 #if HAS_EMITTERS
     path.pdf = READ_F(PDF, slot);
 #endif
@@ -77,6 +80,9 @@ __kernel void shade(SCENE_PARAMETERS
 #if CAUSTICS
     WRITE_I(SINCE_RECEIVER, slot, path.since_receiver);
 #endif
+#if HAS_MEDIA
+    WRITE_I(MEDIUM, slot, path.medium);
+#endif
 #if HAS_EMITTERS
     WRITE_F(PDF, slot, path.pdf);
     WRITE_F(REACH, slot, shadow.reach);
@@ -88,6 +94,9 @@ __kernel void shade(SCENE_PARAMETERS
         WRITE_F3(S, slot, shadow.ray.o);
         WRITE_F3(W, slot, shadow.ray.d);
         WRITE_F3(C, slot, shadow.light);
+#if HAS_MEDIA
+        WRITE_I(FROM_MEDIUM, slot, shadow.medium);
+#endif
     }
 #endif
 }

@@ -1,4 +1,8 @@
 // Adds the light samples that nothing blocks. Reads the shadow ray (FROM, S, W, REACH, TARGET, C); adds to radiance L.
+#if HAS_MEDIA
+#define MEETS_BOUNDARIES
+#include "integrator/media.h"
+#endif
 #include "geometry/nearest.h"
 #include "integrator/state.h"
 
@@ -20,12 +24,19 @@ __kernel void shadow(SCENE_PARAMETERS
 #endif
     ray.o = READ_F3(S, slot);
     ray.d = READ_F3(W, slot);
-    I blocked = any_hit(ray, reach, READ_I(TARGET, slot), READ_TRIANGLE(TARGET_TRIANGLE, slot), SCENE);
+    Scene scene = SCENE;
+    I blocked = any_hit(ray, reach, READ_I(TARGET, slot), READ_TRIANGLE(TARGET_TRIANGLE, slot), scene);
     I lit = wanted & NOT(blocked);
     WRITE_F(REACH, slot, ZERO);
     if (!ANY(lit))
         return;
     F3 radiance = READ_F3(L, slot);
     F3 light = READ_F3(C, slot);
+#if HAS_MEDIA
+#if SPECTRAL_COLOURS
+    scene.spectral = spectral_colours_of(READ_F(WAVELENGTH_SAMPLE, slot), scene.colours);
+#endif
+    light = mul(light, shadow_transmittance(ray, READ_I(FROM_MEDIUM, slot), reach, lit, scene));
+#endif
     WRITE_F3(L, slot, add(radiance, keep3(lit, light)));
 }

@@ -5,6 +5,10 @@
 // the wave before the first is taken, integrator/read_rays.h reads those that generate wrote.
 #include "integrator/film.h"
 #include "integrator/path.h"
+#if HAS_MEDIA
+#define MEETS_BOUNDARIES
+#include "integrator/media.h"
+#endif
 #include "geometry/nearest.h"
 #include RAYS_FILE
 
@@ -53,6 +57,9 @@ __kernel void stream(SCENE_PARAMETERS
 #if CAUSTICS
     path.since_receiver = FALSE;
 #endif
+#if HAS_MEDIA
+    path.medium = (I)(scene.media_at_camera);
+#endif
     path.depth = (U)(1u);
     path.pixel = camera_rays.lane.pixel;
     path.sample = camera_rays.lane.sample;
@@ -87,6 +94,9 @@ __kernel void stream(SCENE_PARAMETERS
 #if CAUSTICS
             path.since_receiver = started ? FALSE : path.since_receiver;
 #endif
+#if HAS_MEDIA
+            path.medium = started ? (I)(scene.media_at_camera) : path.medium;
+#endif
             path.depth = started ? (U)(1u) : path.depth;
             running |= started;
         }
@@ -96,12 +106,21 @@ __kernel void stream(SCENE_PARAMETERS
             continue;
         }
         // Intersect and shade one vertex of every path.
+#if HAS_MEDIA
+        Hit hit = travel_on(&path, scene, rules);
+        ShadowRay shadow = shade_vertex(&path, hit, scene, rules);
+#else
         ShadowRay shadow = shade_vertex(&path, nearest_hit(path.ray, scene), scene, rules);
+#endif
         // Add the light samples that nothing blocks.
 #if HAS_EMITTERS
         I wanted = shadow.reach > 0.0f;
         if (ANY(wanted)) {
             I dark = any_hit(shadow.ray, shadow.reach, shadow.target, shadow.target_triangle, scene);
+#if HAS_MEDIA
+            shadow.light = mul(shadow.light, shadow_transmittance(shadow.ray, shadow.medium, shadow.reach,
+                                                                  wanted & NOT(dark), scene));
+#endif
             path.radiance = add(path.radiance, keep3(wanted & NOT(dark), shadow.light));
         }
 #endif

@@ -24,6 +24,7 @@ from rptcam_cl.rendering.account import window
 from rptcam_cl.rendering.cameras.kinds import camera_of
 from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.rendering.ghosts import Ghosting
+from rptcam_cl.rendering.ground_truth import object_at
 from rptcam_cl.rendering.highlights import aimed_plan
 from rptcam_cl.rendering.layers import GUIDES, Denoiser
 from rptcam_cl.rendering.metering import reading_cd_m2
@@ -132,8 +133,14 @@ class QueueLimit:
 # A scene as a session renders it, and what changes of it come to.
 
 ANOTHER_LENS = ("kind", "lens", "zoom", "focal_length_mm")  # keys of the camera after which a focus found is void
-OF_DEVELOPMENT = {"picture"}  # parts of a scene that change no film
-OF_THE_LENS = {"camera", "exposure", "picture"}  # parts of a scene that objects and lights do not go by
+OF_DEVELOPMENT = {"picture", "sequence"}  # parts of a scene that change no film: a sequence is of frames
+OF_THE_LENS = {
+    "camera",
+    "exposure",
+    "picture",
+    "sequence",
+    "shutter",
+}  # parts of a scene that objects and lights do not go by
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,12 +206,19 @@ def kind_of(before: Plan, after: Plan, compiled: bool, keys: tuple[str, ...]) ->
 
 def plan_for_glances(before: SceneState, scene: Scene, resolved: Scene, parts: PlanParts) -> Plan:
     """The plan of a scene for glances, made of the plan before where nothing but the lens differs."""
-    same_time = before.resolved.scene.shutter == resolved.shutter  # where things that move are
+    same_time = before.resolved.scene.shutter == resolved.shutter or _stands_still(before.resolved.scene, resolved)
     if same_time and set(changed_parts(before.scene, scene)) <= OF_THE_LENS:
         if _moves_alone(before, scene, resolved):
             return with_pose(before.plan, resolved, parts)
         return with_lens(before.plan, resolved, coarse=True)
     return make_plan(resolved, coarse=True, parts=parts)
+
+
+def _stands_still(before: Scene, after: Scene) -> bool:
+    """Whether two scenes differ in the moment alone, and nothing in them moves."""
+    shutter = before.shutter.model_copy(update={"open_s": after.shutter.open_s})
+    moving = after.camera.motion or after.shutter.keys or any(each.motion for each in after.objects)
+    return shutter == after.shutter and not moving
 
 
 def _moves_alone(before: SceneState, scene: Scene, resolved: Scene) -> bool:
@@ -791,6 +805,18 @@ class RenderSession:
             blur = (0.0, 0.0) if seen is None else seen.blur(pixel_mm)
             self._guides = key, FilmRun(wavefront), blur
         return self._guides[1:]
+
+    def object_later(self, x: float, y: float) -> Callable[[], int | None]:
+        """Make a search for the object at a place of the picture, for any thread: its index, None where there is none.
+
+        Parameters
+        ----------
+        x, y
+            From the left and the top edge, 0 to 1; seen by the chief ray.
+        """
+        self._check_open()
+        plan, scene, device = self._shown.plan, self._shown.resolved.scene, self._device.beside()
+        return lambda: object_at(scene, plan, device, x, y)
 
     def cancel(self) -> None:
         """End a `take` or `glance` under way in another thread: it returns with what there is."""

@@ -335,6 +335,7 @@ class MaterialKind(IntEnum):
     PRINCIPLED = 10
     MIX = 11
     TRANSLUCENT = 12
+    BOUNDARY = 13  # of a medium: light passes as if nothing were there
 
 
 class TextureKind(IntEnum):
@@ -345,6 +346,34 @@ class TextureKind(IntEnum):
     GRADIENT = 2
     NOISE = 3
     IMAGE = 4
+    PERLIN = 5
+    MARBLE = 6
+    DOTS = 7
+
+
+class Mapped(IntEnum):
+    """What the coordinates of a texture follow from."""
+
+    UV = 0
+    SPACE = 1
+    SPHERICAL = 2
+    CYLINDRICAL = 3
+
+
+class PerlinForm(IntEnum):
+    """Sums of octaves of Perlin's noise."""
+
+    SUM = 0
+    TURBULENCE = 1
+    WIND = 2
+
+
+class BumpLengths(IntEnum):
+    """What a step of 1 in u and v is on a surface with bumps."""
+
+    SURFACE = 0
+    UNIT = 1
+    U = 2
 
 
 class TexelFormat(IntEnum):
@@ -402,12 +431,21 @@ EMITTER_FACTS = {
 """Facts that kernels are compiled for, and the kinds of emitter of which one must be there."""
 
 
+class PatchMap(IntEnum):
+    """How the unit square lies on an emitter whose ghosts are traced."""
+
+    SQUARE = 0
+    DISK = 1
+    TRIANGLE = 2
+
+
 class Hidden(IntEnum):
     """Rays that something is hidden from; they add up."""
 
     FROM_CAMERA = 1
     FROM_SHADOW = 2
     FROM_REFLECTION = 4
+    FROM_ALL_BUT_WAYS = 8  # of paths: boundaries of media
 
 
 class EnvironmentKind(IntEnum):
@@ -482,10 +520,14 @@ _PREFIXES: dict[str, type[IntEnum]] = {
     "TEXTURE": TextureKind,
     "TEXEL": TexelFormat,
     "WRAP": Wrap,
+    "MAPPED": Mapped,
+    "PERLIN": PerlinForm,
+    "BUMP": BumpLengths,
     "EMITTER": EmitterKind,
     "HIDDEN": Hidden,
     "ENVIRONMENT": EnvironmentKind,
     "SPECTRUM": SpectrumKind,
+    "PATCH": PatchMap,
     "RAY": RayStatus,
 }
 
@@ -535,6 +577,8 @@ SEGMENT = Record(
         ("float4", "turn"),  # at the beginning: quaternion x, y, z, w
     ),
 )
+
+ONCE_TERMS = 8
 
 MATERIAL = Record(
     "Material",
@@ -592,6 +636,8 @@ MATERIAL = Record(
         ("float", "dispersion_low"),  # ends of what the polynomial is for; beyond them the index stays as it is there
         ("float", "dispersion_high"),
         ("float", f"dispersion[{DISPERSION_TERMS}]"),
+        ("float", f"once_outside[{ONCE_TERMS}]"),  # of rough glass: the light that facets scatter once, by the cosine
+        ("float", f"once_inside[{ONCE_TERMS}]"),
         ("float", "anisotropy_turn"),  # of the direction of `alpha`, from u towards v [turns]
         ("int", "specular_texture"),
         ("int", "specular_color_texture"),
@@ -600,6 +646,10 @@ MATERIAL = Record(
         ("int", "coat_flat"),  # whether the coat has the normals of the shape, and not those of `normal_texture`
         ("int", "transmission_texture"),
         ("int", "passed_texture"),
+        ("int", "bump_texture"),
+        ("float", "bump_height"),  # of a texture of 1 [m]; of bumps over u and v in scene units [scene units]
+        ("int", "bump_lengths"),
+        ("int", "interior"),  # number of the medium in a solid that light enters, in a scene with media; else -1
         ("int", "reserved_0"),
         ("int", "reserved_1"),
         ("int", "reserved_2"),
@@ -616,10 +666,24 @@ MATERIAL = Record(
         ("HAS_PASSED_TEXTURE", "passed_texture"),
         ("HAS_NORMAL_MAP", "normal_texture"),
         ("HAS_ANISOTROPY_MAP", "anisotropy_texture"),
+        ("HAS_BUMP", "bump_texture"),
     ),
 )
 MATERIAL_TEXTURES = tuple(name for _, name in MATERIAL.members if name.endswith("texture"))
 """Members of a material that hold the index of a texture, or -1."""
+
+MEDIUM = Record(
+    "Medium",
+    (
+        ("float4", "absorption"),  # [1/m]
+        ("float4", "scattering"),  # [1/m]
+        ("float4", "emission"),  # radiance per metre
+        ("float", "asymmetry"),  # mean cosine of scattering
+        ("int", "reserved_0"),
+        ("int", "reserved_1"),
+        ("int", "reserved_2"),
+    ),
+)
 
 TEXTURE = Record(
     "Texture",
@@ -628,6 +692,9 @@ TEXTURE = Record(
         ("float4", "b"),  # second colour
         ("float4", "row_u"),  # coordinates on the pattern: x u + y v + z
         ("float4", "row_v"),
+        ("float4", "row_x"),  # of a mapping: from the world to the frame of the texture
+        ("float4", "row_y"),
+        ("float4", "row_z"),
         ("int", "kind"),
         ("float", "parameter"),  # width of a grid's line; amplitude of an octave of noise relative to the last
         ("float", "contrast"),  # of noise
@@ -641,9 +708,9 @@ TEXTURE = Record(
         ("int", "nearest"),
         ("int", "wrap_u"),
         ("int", "wrap_v"),
-        ("int", "reserved_0"),
-        ("int", "reserved_1"),
-        ("int", "reserved_2"),
+        ("int", "mapping"),
+        ("int", "form"),  # of Perlin's noise
+        ("float", "variation"),  # of marble
     ),
 )
 
@@ -779,9 +846,9 @@ PHOTON_PASS = Record(
 )
 
 RECORDS = (
-    PRIMITIVE, INSTANCE, SEGMENT, MATERIAL, TEXTURE, EMITTER, ENVIRONMENT, SURFACE, PINHOLE_CAMERA, THIN_LENS_CAMERA,
-    THICK_LENS_CAMERA, PUPIL_CIRCLE, PUPIL_GRID, PUPIL_LINES, PUPIL, REALISTIC_CAMERA, OWN_CAMERA, HALF_PUPIL, CAMERA,
-    WAVE, LIMITS, VIEW, CAUSTIC_SURFACE, PHOTON_GRID, PHOTON_PASS,
+    PRIMITIVE, INSTANCE, SEGMENT, MATERIAL, MEDIUM, TEXTURE, EMITTER, ENVIRONMENT, SURFACE, PINHOLE_CAMERA,
+    THIN_LENS_CAMERA, THICK_LENS_CAMERA, PUPIL_CIRCLE, PUPIL_GRID, PUPIL_LINES, PUPIL, REALISTIC_CAMERA, OWN_CAMERA,
+    HALF_PUPIL, CAMERA, WAVE, LIMITS, VIEW, CAUSTIC_SURFACE, PHOTON_GRID, PHOTON_PASS,
 )  # fmt: skip
 
 
@@ -794,8 +861,16 @@ TIME_FIELDS = ("TIME",)
 COLOUR_FIELDS = ("WAVELENGTH_SAMPLE",)
 LIGHT_TREE_FIELDS = ("NX", "NY", "NZ")
 CAUSTIC_FIELDS = ("SINCE_RECEIVER",)
+MEDIA_FIELDS = ("MEDIUM", "FROM_MEDIUM")
 STATE_FIELDS = (
-    PATH_FIELDS + LIGHT_FIELDS + MESH_FIELDS + TIME_FIELDS + COLOUR_FIELDS + LIGHT_TREE_FIELDS + CAUSTIC_FIELDS
+    PATH_FIELDS
+    + LIGHT_FIELDS
+    + MESH_FIELDS
+    + TIME_FIELDS
+    + COLOUR_FIELDS
+    + LIGHT_TREE_FIELDS
+    + CAUSTIC_FIELDS
+    + MEDIA_FIELDS
 )
 
 
@@ -808,16 +883,19 @@ def floats_per_slot(
     colours: bool,
     light_tree: bool,
     caustics: bool = False,
+    media: bool = False,
 ) -> int:
     """Return how many 4-byte numbers a slot holds.
 
     Camera rays for the stream; otherwise whole paths, with shadow rays where the scene has emitters to sample, with
     triangles where it has meshes, with the time where something moves, with the wavelength sample where paths have a
-    wavelength, with a normal where the scene has a light tree and with their past where photons bring caustics.
+    wavelength, with a normal where the scene has a light tree, with their past where photons bring caustics and with
+    the media around them where it has any.
     """
     if stream:
         return CAMERA_RAY_FLOATS
     last = {
+        MEDIA_FIELDS: media,
         CAUSTIC_FIELDS: caustics,
         LIGHT_TREE_FIELDS: light_tree,
         COLOUR_FIELDS: colours,
@@ -858,6 +936,7 @@ def device_declarations() -> str:
     lines.append(f"#define RAY_STATUS_COUNT {len(RayStatus)}")
     lines.append(f"#define DISPERSION_SCALE ((real){DISPERSION_SCALE!r})")
     lines.append(f"#define DISPERSION_SHIFT ((real){DISPERSION_SHIFT!r})")
+    lines.append(f"#define ONCE_TERMS {ONCE_TERMS}")
     lines += [f"#define LOSS_TABLE_NM {LOSS_TABLE_NM}", f"#define LOSS_TABLE_LENGTH {LOSS_TABLE_LENGTH}"]
     lines += [f"#define {name} {value!r}f" for name, value in _CONSTANTS.items()]
     lines += [f"#define PATH_{name} {index}" for index, name in enumerate(STATE_FIELDS)]

@@ -788,6 +788,8 @@ PART = 0.3  # of a way's rays; where fewer meet the frame, those get rays of the
 WIDE = 0.1  # what light beside the frame counts where rays are shared out
 SURE = 100  # rays that form the image; where fewer do, a wider stop says where light enters
 CLOSING = 4.0  # how far the stop is then closed at a time
+RARE = 40  # rays of a pair, below which more look for its light over the whole front
+SCOUTS, FEWEST_SCOUTS, MOST_SCOUTS = 300_000, 1024, 4096  # of all such pairs, and of each
 
 
 @dataclass(frozen=True)
@@ -865,10 +867,29 @@ def find_ghosts(lit: Lit, order: int = 2) -> Ghosts:
         factors = [opening / CLOSING**k for k in range(int(np.log(opening) / np.log(CLOSING)) + 1)]
         stops = [replace(lit, lens=with_wider_stop(lit.lens, factor)) for factor in factors] + [lit]
         landed = Tree(stops[0], order).landed
-    own = _own_light(landed, stops)
+    own = _own_light(landed | _scout_rare(stops[0], landed), stops)
     image = own.pop((), FilmLight((), 0.0, 0.0, (np.nan, np.nan), np.nan))
     ghosts = sorted((light for light in own.values() if light.flux > 0), key=lambda light: -light.flux_in_frame)
     return Ghosts(lit, image, tuple(ghosts), tree.account)
+
+
+def _scout_rare(lit: Lit, landed: Mapping[Way, Landed]) -> dict[Way, Landed]:
+    """Return more rays of the pairs of which few or none have landed: their light enters by a small part of the front.
+
+    Without them the table of `fisheye-10mm` in the light of a sun at 20 degrees lacks 5 % of its light.
+    """
+    indices, surfaces = lit.lens.indices(lit.wavelength_nm), lit.lens.surfaces
+    partly = [k for k, each in enumerate(surfaces) if not each.is_mirror and indices[k] != indices[k + 1]]
+    pairs = [(j, i) for j in partly for i in partly if i < j]
+    rare = [way for way in pairs if way not in landed or len(landed[way].points) < RARE]
+    entry = Entry(lit.lens, lit.source)
+    count = int(np.clip(SCOUTS // max(len(rare), 1), FEWEST_SCOUTS, MOST_SCOUTS))
+    points, area = entry.everywhere(count)
+    front = entry.rays(points, area)
+    found: dict[Way, Landed] = {}
+    for ways in _chunks(rare, dict.fromkeys(rare, count)):
+        found |= _trace_to_film(lit, entry, ways, [front] * len(ways), [area] * len(ways))
+    return {way: rays for way, rays in found.items() if len(rays.points)}
 
 
 def _own_light(landed: dict[Way, Landed], stops: list[Lit]) -> dict[Way, FilmLight]:

@@ -7,6 +7,7 @@ result depends on the scene alone, not on samples, waves or devices that share t
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -27,16 +28,8 @@ from rptcam_cl.rendering.cameras.lens_records import WayRecords, ghost_setting, 
 from rptcam_cl.rendering.cameras.setting import LensSetting
 from rptcam_cl.rendering.diffraction import shares_of_white
 from rptcam_cl.rendering.film import FilmLayout
-from rptcam_cl.rendering.highlights import (
-    Front,
-    Pencils,
-    highlights,
-    lamps_among,
-    lattice,
-    occluded,
-    points_at,
-    points_of,
-)
+from rptcam_cl.rendering.highlights import Front, Pencils, highlights, lamps_among, occluded
+from rptcam_cl.rendering.lamp_points import Patches, lattice, patches_of, points_alone, points_at, square_patch
 from rptcam_cl.rendering.plan.environment import bright_parts
 from rptcam_cl.rendering.plan.plan import Plan, observer
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
@@ -74,6 +67,8 @@ class Sources:
         Of all that light, what fainter sources than the brightest have.
     known : (n, 2) array
         Number of the spectrum of a lamp, 0 of one that has none, and how many times it is the irradiance.
+    patches : Patches
+        Of the emitter around each point, in the frame of the lens, from which rays come.
     mirrored : int
         How many are mirrored highlights.
     """
@@ -83,6 +78,7 @@ class Sources:
     left_out: tuple[str, ...]
     dropped_share: float
     known: Array
+    patches: Patches
     mirrored: int = 0
 
     @property
@@ -110,22 +106,28 @@ def ghost_sources(
     """
     turn = at_opening(scene).camera.world_from_camera()[:3, :3]
     front = _front(lens, film_z, turn)
-    points, left_out, parts = [], set(), []
+    points, patches, left_out, parts = [], [], set(), []
     records = plan.emitters.records[: plan.emitters.count]
     mirrored = records[records["hidden"] & Hidden.FROM_REFLECTION == 0]
     for record in records:
-        own, shown = points_of(record, front.vertex), float(not record["hidden"] & Hidden.FROM_CAMERA)
+        lamp, shown = patches_of(record, front.vertex), float(not record["hidden"] & Hidden.FROM_CAMERA)
         if int(record["kind"]) == EmitterKind.ENVIRONMENT:
-            parts = [points_at(*part, record) for part in _parts(scene)]
+            towards, irradiance, sides = bright_parts(scene)
+            parts = [points_at(towards[k : k + 1], 0.0, irradiance[k : k + 1], record) for k in range(len(towards))]
             points += [(at, shown * light, target, _spectrum_of(record, light)) for at, light, target in parts]
+            patches += [square_patch(middle, *own) for middle, own in zip(towards, sides, strict=True)]
             left_out.add("dim parts of the surroundings" if parts else "surroundings")
-        elif own is None:
+        elif lamp is None:
             left_out.add(EmitterKind(int(record["kind"])).name.lower())
         else:
-            points.append((own[0], shown * own[1], own[2], _spectrum_of(record, own[1])))
+            (at, light, target), around = lamp
+            points.append((at, shown * light, target, _spectrum_of(record, light)))
+            patches.append(around)
     if not points:
-        return Sources(np.zeros((0, 4)), np.zeros((0, 3)), tuple(sorted(left_out)), 0.0, np.zeros((0, 2)))
+        nothing = np.zeros((0, 4))
+        return Sources(nothing, nothing[:, :3], tuple(sorted(left_out)), 0.0, nothing[:, :2], points_alone(nothing))
     at, light, target, known = (np.concatenate(column) for column in zip(*points, strict=True))
+    patch = Patches.joined(patches)
     places = np.column_stack([at[:, :3] @ turn, at[:, 3]])
     lamps = places[:, 3] > 0
     places[:, :3] = np.where(lamps[:, None], (places[:, :3] - [0.0, 0.0, -film_z * 1e-3]) * 1e3, -places[:, :3])
@@ -134,10 +136,12 @@ def ghost_sources(
     order = np.flatnonzero(seen)[np.argsort(-bright, kind="stable")[:MOST]]
     dropped = 1.0 - float(luminance(light[order]).sum() / bright.sum()) if len(order) else 0.0
     places, light, target, at, known = places[order], light[order], target[order], at[order], known[order]
-    visible = _visible(session, plan, buffers, at, target, front)
+    patch = patch[order]
+    visible = _visible(session, plan, buffers, patch, at[:, 3] > 0, target, front)
     bright, kinds = visible > 0, tuple(sorted(left_out))
     known[:, 1] *= visible
-    direct = Sources(places[bright], light[bright] * visible[bright, None], kinds, dropped, known[bright])
+    own = _in_lens(patch[bright], at[bright, 3] > 0, turn, film_z)
+    direct = Sources(places[bright], light[bright] * visible[bright, None], kinds, dropped, known[bright], own)
     pencils = highlights(plan, session, buffers, lamps_among(mirrored, parts, front.vertex), front)
     return direct if pencils is None else _with_pencils(direct, pencils, turn)
 
@@ -158,10 +162,12 @@ def _front(lens: Lens, film_z: float, turn: Array) -> Front:
     return Front(turn @ vertex, spots @ turn.T, radius)
 
 
-def _parts(scene: Scene) -> list[tuple[Array, float, Array]]:
-    """Return the bright parts of the surroundings one by one, as `points_at` takes them."""
-    towards, irradiance = bright_parts(scene)
-    return [(towards[k : k + 1], 0.0, irradiance[k : k + 1]) for k in range(len(towards))]
+def _in_lens(patches: Patches, lamps: NDArray[np.bool_], turn: Array, film_z: float) -> Patches:
+    """Turn patches to the frame of the lens: places [mm], or ways in which light travels."""
+    scale = np.where(lamps, 1e3, -1.0)[:, None]
+    shift = np.where(lamps, film_z, 0.0)[:, None] * [0.0, 0.0, 1.0]
+    first, second, base = (scale * (each @ turn) for each in (patches.first, patches.second, patches.base))
+    return replace(patches, base=base + shift, first=first, second=second, normal=patches.normal @ turn)
 
 
 def _ahead(ways: Array) -> NDArray[np.bool_]:
@@ -189,19 +195,30 @@ def _with_pencils(direct: Sources, pencils: Pencils, turn: Array) -> Sources:
     every = float(bright[:first].sum()) / (1.0 - direct.dropped_share) + float(bright[first:].sum())
     dropped = 1.0 - float(bright[order].sum()) / every
     known = np.concatenate([direct.known, np.zeros((int(ahead.sum()), 2))])
-    return Sources(places[order], light[order], direct.left_out, dropped, known[order], mirrored)
+    patches = Patches.joined([direct.patches, points_alone(places[first:])])
+    return Sources(places[order], light[order], direct.left_out, dropped, known[order], patches[order], mirrored)
 
 
-def _visible(session: Session, plan: Plan, buffers: SceneBuffers, at: Array, target: Array, front: Front) -> Array:
-    """Return the share of the front of the lens (n,) that each source lights; `at` as `points_of` has it."""
-    origins = np.tile(front.spots, (len(at), 1))
-    places, lamps = np.repeat(at[:, :3], FRONT_POINTS, axis=0), np.repeat(at[:, 3], FRONT_POINTS) > 0
+def _visible(
+    session: Session,
+    plan: Plan,
+    buffers: SceneBuffers,
+    patches: Patches,
+    lamps: NDArray[np.bool_],
+    target: Array,
+    front: Front,
+) -> Array:
+    """Return the share of the front of the lens (n,) that each source lights, a point of it each point of that."""
+    count, (s, t) = len(patches), lattice(FRONT_POINTS)
+    origins = np.tile(front.spots, (count, 1))
+    places = np.stack([patches.at(*pair) for pair in zip(s, t, strict=True)], axis=1).reshape(-1, 3)
+    lamps = np.repeat(lamps, FRONT_POINTS)
     way = np.where(lamps[:, None], places - origins, places)
     length = np.linalg.norm(way, axis=1)
     reach = np.where(lamps, SHORT * length, np.finfo(np.float32).max / 4)
     targets = np.repeat(target, FRONT_POINTS, axis=0)
     dark = occluded(session, plan, buffers, origins, way / length[:, None], reach, targets)
-    return np.asarray(1.0 - dark.reshape(len(at), FRONT_POINTS).mean(axis=1))
+    return np.asarray(1.0 - dark.reshape(count, FRONT_POINTS).mean(axis=1))
 
 
 # Wavelengths at which light of ghosts is traced, and what each source gives the film's colours at them.
@@ -256,6 +273,8 @@ def _bands_of_spectrum(seen: Array, waves: tuple[float, ...]) -> Iterator[tuple[
 # Rays of ghosts: from the sources of a scene through boxes on the front of its lens, by a pair of its surfaces.
 
 Way = tuple[int, ...]
+Lit = NDArray[np.bool_] | NDArray[np.intp]
+"""Which sources."""
 
 GROUP = 4
 SCOUTS = 1024  # rays of a source that look for the light of each way
@@ -335,8 +354,11 @@ class GhostFilm:
         pixel_mm2 = 1e6 * width * height / (self.columns * self.rows)
         self.value = plan.camera.metadata["values_per_irradiance"] / pixel_mm2  # of 1 W/m2 over 1 mm2
         self.shape = (self.rows, self.columns, 3)
-        pencils = int(self.sources.mirrored > 0)
-        facts = self.lenses[0][0].facts | {"VW": session.lanes, "DOUBLE": 0, "GHOST_PENCILS": pencils}
+        places, patches = self.sources.places, self.sources.patches
+        pencils, sized = int(self.sources.mirrored > 0), int(patches.first.any())
+        self.light_rows = np.concatenate([places[:, :4], patches.rows()[:, : 20 * sized], places[:, 4:]], axis=1)
+        facts = self.lenses[0][0].facts | {"VW": session.lanes, "DOUBLE": 0}
+        facts |= {"GHOST_PENCILS": pencils, "GHOST_PATCHES": sized}
         self.programs = {
             scout: session.program(["pass/ghosts.cl"], facts | {"GHOST_SCOUT": scout}, device_declarations())
             for scout in (0, 1)
@@ -362,11 +384,11 @@ class GhostFilm:
         records = WayRecords.of(lens, nm, transmission)
         return records, self.session.upload(records.stop)
 
-    def _land(self, way: Way, opening: Opening, places: Array, boxes: Array, rays: int) -> tuple[Array, Array, Array]:
+    def _land(self, way: Way, opening: Opening, which: Lit, boxes: Array, rays: int) -> tuple[Array, Array, Array]:
         """Return column, row and share of the light (n, rays) of rays through boxes; no share beside the film."""
-        count = len(places)
+        count = len(boxes)
         memory = self.session.allocate(12 * count * rays)
-        self._launch(1, way, opening, self._table(places, boxes, np.ones((count, 3))), count, rays, memory)
+        self._launch(1, way, opening, self._table(which, boxes, np.ones((count, 3))), count, rays, memory)
         landed = self.session.read(memory, np.float32, 3 * count * rays).astype(np.float64)
         x, y, share = landed.reshape(3, count, rays)
         columns, rows = self.to_pixels[0] + self.to_pixels[1] * x, self.to_pixels[2] + self.to_pixels[3] * y
@@ -383,11 +405,12 @@ class GhostFilm:
         step = self.session.lanes * GROUP
         return max(int(np.ceil(rays / step)) * step, step)
 
-    def _table(self, places: Array, boxes: Array, weights: Array, first: ArrayLike = (0.5, 0.0)) -> Any:
-        """Return sources with their boxes, weights (n, 3) and first points of their lattices on the device."""
-        table = np.zeros((len(boxes), 3 + places.shape[1] // 4, 4), np.float32)
-        table[:, 0], table[:, 1], table[:, 2, :3], table[:, 3, :2] = places[:, :4], boxes, weights, first
-        table[:, 4:] = places[:, 4:].reshape(len(boxes), -1, 4)
+    def _table(self, which: Lit, boxes: Array, weights: Array, first: ArrayLike = (0.5, 0.0, 0.0, 0.0)) -> Any:
+        """Return some sources with their boxes, weights (n, 3) and first points of their lattices on the device."""
+        light = self.light_rows[which].reshape(len(boxes), -1, 4)
+        table = np.zeros((len(boxes), 3 + light.shape[1], 4), np.float32)
+        table[:, 0], table[:, 4:] = light[:, 0], light[:, 1:]
+        table[:, 1], table[:, 2, :3], table[:, 3] = boxes, weights, first
         return self.session.upload(table)
 
     def _launch(self, scout: int, way: Way, opening: Opening, table: Any, count: int, rays: int, out: Any) -> None:
@@ -414,7 +437,7 @@ class GhostFilm:
                 continue
             sample = self._whole_groups(SECOND_SCOUTS / (len(own) * waves))
             area = (own[:, 2] * own[:, 3] / sample)[:, None]
-            x, y, share = self._land(way, self.lenses[record], self.sources.places[lit], own, sample)
+            x, y, share = self._land(way, self.lenses[record], lit, own, sample)
             flux[record] = np.abs((share.sum(axis=1)[:, None] * area * light).sum(axis=0))
             hits = share > 0
             at = [(place[hits] * cell / size).astype(int)
@@ -443,7 +466,7 @@ class GhostFilm:
         narrow, margin = np.zeros_like(boxes), 1.5 / np.sqrt(scouts)
         if not len(lit):
             return narrow
-        inside = self._land(way, opening, self.sources.places[lit], boxes[lit], scouts)[2] > 0
+        inside = self._land(way, opening, lit, boxes[lit], scouts)[2] > 0
         numbers = np.arange(scouts, dtype=np.uint64)
         u = (numbers + 0.5) / scouts
         v = ((numbers * LATTICE % (1 << 32)) >> 8).astype(np.float64) / (1 << 24)
@@ -518,14 +541,14 @@ class GhostFilm:
                 weights = light[lit] * (boxes[:, 2] * boxes[:, 3] / count)[:, None]
                 brightest = 4.0 * one.largest * float(np.abs(weights).max())  # a ray may bring more than scouts
                 largest = max(largest, brightest)
-                alike.append((way, record, self.sources.places[lit], boxes, weights, count))
+                alike.append((way, record, lit, boxes, weights, count))
         film, session = np.zeros(self.shape), self.session
         for steps, alike in sorted(launches.items()):
             words = session.allocate(8 * film.size, zeroed=True)
-            for way, record, places, boxes, weights, count in alike:
+            for way, record, lit, boxes, weights, count in alike:
                 checkpoint()
                 first = _shifts(len(boxes) * record + np.arange(len(boxes)), count)
-                table = self._table(places, boxes, weights / largest, first)  # added up in units of `ONE_LIGHT`
+                table = self._table(lit, boxes, weights / largest, first)  # added up in units of `ONE_LIGHT`
                 self._launch(0, way, self.lenses[record], table, len(boxes), count, words)
             units = session.read(words, "<i8", film.size).astype(np.float64)
             film += _spread_light(units.reshape(film.shape), FINER**steps)
@@ -533,7 +556,7 @@ class GhostFilm:
 
 
 def _shifts(numbers: NDArray[np.intp], rays: int) -> Array:
-    """Return where lattices begin (n, 2) so that all of them together, and some in a row, are even as well.
+    """Return where lattices begin (n, 4) so that all of them together, and some in a row, are even as well.
 
     The first coordinate is in points of the lattice. They are points of the plane's plastic sequence (Roberts 2018) in
     the shortest basis of the lattice (n / rays, n g mod 1), which Gauss's reduction finds.
@@ -547,7 +570,8 @@ def _shifts(numbers: NDArray[np.intp], rays: int) -> Array:
         b = b - steps * a
     u, v = (np.mod(numbers[:, None] * PLASTIC + 0.5, 1.0) @ np.array([a, b])).T
     whole = np.floor(u * rays)
-    return np.column_stack([u * rays - whole, np.mod(v - whole * STEP, 1.0)])
+    aside = np.mod(numbers[:, None] * PLASTIC[::-1] + 0.5, 1.0)  # of the points of patches
+    return np.column_stack([u * rays - whole, np.mod(v - whole * STEP, 1.0), aside])
 
 
 def _pairs(lens: Lens) -> Iterator[Way]:

@@ -24,6 +24,7 @@ from rptcam_cl.rendering.scene_buffers import SceneBuffers
 from rptcam_cl.rendering.several import SHARP, array_of_text, text_of_array
 from rptcam_cl.scene.camera import pose_matrix
 from rptcam_cl.scene.film import SHARP_LAYERS, LayerName
+from rptcam_cl.scene.load import at_opening
 from rptcam_cl.scene.scene import Scene
 
 #
@@ -89,6 +90,28 @@ class Moments:
     def kind_of(self, index: int) -> str | None:
         """Return the shape of an object; None where there is no such object."""
         return self.scene.objects[index].shape if index < len(self.scene.objects) else None
+
+
+def object_at(scene: Scene, plan: Plan, session: Session, x: float, y: float) -> int | None:
+    """Return the index of the object that the chief ray of a place meets first; None where it meets none.
+
+    Parameters
+    ----------
+    scene
+        In focus.
+    plan
+        Of the scene; only its geometry counts.
+    x, y
+        From the left and the top edge of the picture, 0 to 1.
+    """
+    moments = Moments(at_opening(scene))
+    places = np.array([[x, y]]) * scene.film.resolution
+    times = moments.middles(places)
+    pose = moments.poses(times)[0]
+    origins, directions = (each @ pose[:3, :3].T for each in moments.chief.rays(places))
+    sharp = SharpPass(session, plan, SceneBuffers(session, plan))
+    hits = sharp.hits(origins + pose[:3, 3] - plan.eye_m, directions, times - scene.shutter.open_s)
+    return int(hits.objects[0]) if hits.met[0] else None
 
 
 def _at_moments(times: Array, matrix: Callable[[float], Array]) -> Array:

@@ -197,6 +197,7 @@ def bytes_of_state(plan: Plan, capacity: int, *, stream: bool) -> int:
         colours=plan.facts["SPECTRUM"] > 0,
         light_tree=plan.facts["LIGHT_TREE"] > 0,
         caustics=plan.facts["CAUSTICS"] > 0,
+        media=plan.facts["HAS_MEDIA"] > 0,
     )
     return 4 * floats * capacity
 
@@ -352,21 +353,31 @@ class StreamPass:
 
 
 class DepthPasses:
-    """The passes ``intersect``, ``shade`` and ``shadow`` for every depth of the paths, then ``film``."""
+    """The passes ``intersect``, ``shade`` and ``shadow`` for every depth of the paths, then ``film``.
+
+    Where a scene has media, ``travel`` stands in place of ``intersect``.
+    """
 
     def __init__(self, session: Session, plan: Plan, settings: RenderSettings, buffers: WaveBuffers) -> None:
         self._lanes = session.lanes
-        files = ["pass/intersect.cl", "pass/shade.cl", "pass/shadow.cl", "pass/film.cl"]
+        has_media = plan.facts["HAS_MEDIA"] > 0
+        first = "travel" if has_media else "intersect"
+        files = [f"pass/{first}.cl", "pass/shade.cl", "pass/shadow.cl", "pass/film.cl"]
         program, scene = _tracing_program(session, plan, buffers, files), buffers.scene.scene
-        self._intersect = session.bind(program, "intersect", **scene, **buffers.slots)
         self._shadow = session.bind(program, "shadow", **scene, **buffers.slots) if plan.emitters.count else None
+        depths = range(1, settings.max_depth + 1)
+        own = {**scene, **buffers.slots}
+        of_depth = {"wave": _NO_WAVE, "limits": ALIKE.limits(settings), "tiles": buffers.tiles}
         self._shade = [
             session.bind(
-                program, "shade", **scene, **buffers.slots, wave=_NO_WAVE, limits=ALIKE.limits(settings),
-                depth=np.uint32(depth), tiles=buffers.tiles, survival_scale=buffers.survival_scale,
+                program, "shade", **own, **of_depth, depth=np.uint32(depth), survival_scale=buffers.survival_scale
             )
-            for depth in range(1, settings.max_depth + 1)
-        ]  # fmt: skip
+            for depth in depths
+        ]
+        self._travel = [
+            session.bind(program, "travel", **own, **of_depth, depth=np.uint32(depth)) for depth in depths if has_media
+        ]
+        self._intersect = None if has_media else session.bind(program, "intersect", **own)
         self._film = session.bind(
             program, "film", **buffers.slots, sums=buffers.film.sums, counters=buffers.film.counters, wave=_NO_WAVE,
             pixels=np.uint32(buffers.film.pixels), tiles=buffers.tiles,
@@ -381,8 +392,12 @@ class DepthPasses:
     def enqueue(self, wave: bytes, pixels: int, slots: int, run: Run) -> None:
         """Trace a wave."""
         items = slots // self._lanes
-        for shade in self._shade:
-            run(self._intersect, items)
+        for index, shade in enumerate(self._shade):
+            if self._intersect is not None:
+                run(self._intersect, items)
+            else:
+                self._travel[index].set(wave=wave)
+                run(self._travel[index], items)
             shade.set(wave=wave)
             run(shade, items)
             if self._shadow is not None and shade is not self._shade[-1]:

@@ -343,6 +343,8 @@ class SceneBuffers:
         self._uploaded: dict[str, tuple[NDArray[Any], Any]] = {}
         self.scene: dict[str, Any] = {name: self._buffer(name, array) for name, array in _scene_arrays(plan).items()}
         self.scene["emitter_count"] = np.int32(plan.emitters.count)
+        if plan.facts["HAS_MEDIA"]:
+            self.scene["media_at_camera"] = np.int32(plan.media.at_camera)
         self.colours = self._buffer("colours", plan.spectrum.table)
         if plan.facts["SPECTRUM"]:
             self.scene["colours"] = self.colours
@@ -469,6 +471,8 @@ def _scene_arrays(plan: Plan) -> dict[str, NDArray[Any]]:
     }
     if plan.emitters.tree is not None:
         arrays["light_nodes"] = plan.emitters.tree.nodes
+    if plan.facts["HAS_MEDIA"]:
+        arrays["media"] = plan.media.records
     if plan.facts["HAS_HIDDEN"]:
         arrays["hidden"] = plan.hidden
     if plan.facts["HAS_MOTION"]:

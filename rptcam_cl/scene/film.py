@@ -103,6 +103,10 @@ class RenderSettings(SceneModel):
     """Whether photons bring the light that smooth glass and mirrors throw onto surfaces that scatter it; `auto`: where
     the scene has such light from lamps that paths hardly find, and no `clamp`."""
 
+    multiple_scattering: bool = Field(default=True, strict=True)
+    """Whether rough metal, rough glass and clear coats give back what their facets scatter more than once; else it is
+    lost, as in many programs."""
+
     layers: Layers = ()
     """Auxiliary layers to record beside the picture, as depth and normal."""
 

@@ -25,12 +25,13 @@ from rptcam_cl.scene.camera import CAMERA_KINDS, Pose
 from rptcam_cl.scene.exposure import value_at
 from rptcam_cl.scene.film import Film, PictureSettings, WhiteBalance
 from rptcam_cl.scene.lens_settings import DESIGN, GRADES, IN_WORDS, LAYERED, REAL, Focus, with_design
-from rptcam_cl.scene.materials import CONSTANT, MEASURED, WRITTEN_OUT
+from rptcam_cl.scene.materials import MEASURED, WRITTEN_OUT
 from rptcam_cl.scene.meshes import WRITTEN_LISTS, MeshObject
 from rptcam_cl.scene.placement import Instances, Vector, moments
 from rptcam_cl.scene.quantities import SPECTRUM
 from rptcam_cl.scene.scene import Scene, check_extent
 from rptcam_cl.scene.shapes import Object
+from rptcam_cl.scene.textures import CONSTANT
 
 # A scene's data as YAML text: sections in their usual order, one object a line.
 

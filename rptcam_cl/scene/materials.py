@@ -1,4 +1,4 @@
-"""Materials of a scene and their textures: matte, plastic, glass, metal, mirror, principled, emissive, and mixtures."""
+"""Materials of a scene: matte, plastic, glass, metal, mirror, principled, emissive, and mixtures."""
 
 from __future__ import annotations
 
@@ -32,243 +32,30 @@ from rptcam_cl.optics.files.glasses import read_glass
 from rptcam_cl.optics.files.keys import GLASS, glass_json_schema
 from rptcam_cl.optics.glass import Medium, held_index, known_range
 from rptcam_cl.scene.base import (
-    GREY,
     Alternatives,
     FileName,
-    FileReference,
     SceneModel,
-    one_pixel,
     read_number,
     refuse,
     unknown_name,
 )
+from rptcam_cl.scene.media import ScatteringMedium
 from rptcam_cl.scene.quantities import (
     NUMBER,
-    WHOLE_NUMBER,
     Albedo,
     Coefficient,
     Colour,
     Fraction,
-    GainColour,
-    LightSpectrum,
     Numbers,
-    PatternAlbedo,
-    Radiance,
     SpectralColour,
-    TexturePair,
     Turn,
     check_wavelengths,
     list_of,
     read_rows,
 )
-
-# Textures: colours and numbers that change over the surface coordinates (u, v).
-
-CONSTANT = "constant colour"
-SPECTRUM_KEYS = LightSpectrum.model_fields.keys() - {"scale"}  # textures have a scale, too
-
-
-class Pattern(SceneModel):
-    """What every texture has: where on the pattern a surface point lies."""
-
-    scale: TexturePair = (1.0, 1.0)
-    """Repeats of the pattern per unit of u and of v."""
-
-    rotation_degrees: Turn = 0.0
-    """Turn of the scaled coordinates about (0, 0), from u towards v [degrees]."""
-
-    offset: TexturePair = (0.0, 0.0)
-    """Shift of the scaled and turned coordinates [repeats]."""
-
-
-class Blend(Pattern):
-    """A pattern that is somewhere between two colours at every point."""
-
-    ends: ClassVar[tuple[str, str]]
-    """The keys of the two colours."""
-
-    number: ClassVar[str] = ""
-    """The key of the number of its own that the kernels read, if there is one."""
-
-    @property
-    def colours(self) -> tuple[Colour, Colour]:
-        """The two colours."""
-        first, second = (getattr(self, key) for key in self.ends)
-        return first, second
-
-    @property
-    def share(self) -> float:
-        """Share of the second colour in the mean over one repeat."""
-        return 0.5
-
-    @property
-    def parameter(self) -> float:
-        """The number of its own that the kernels read."""
-        return float(getattr(self, self.number)) if self.number else 0.0
-
-
-class Checker(Blend):
-    """A chessboard: a cell is even or odd as the sum of its whole coordinates is."""
-
-    ends = ("even", "odd")
-
-    kind: Literal["checker"]
-    """Kind of texture."""
-
-    even: PatternAlbedo
-    """Colour of even cells; channels 0 to 1."""
-
-    odd: PatternAlbedo
-    """Colour of odd cells; channels 0 to 1."""
-
-
-class Grid(Blend):
-    """Lines on a background: where the fraction of either coordinate is below `line_width`."""
-
-    ends = ("background", "line")
-    number = "line_width"
-
-    kind: Literal["grid"]
-    """Kind of texture."""
-
-    background: PatternAlbedo
-    """Colour between the lines; channels 0 to 1."""
-
-    line: PatternAlbedo
-    """Colour of the lines; channels 0 to 1."""
-
-    line_width: Fraction
-    """Width of a line as a fraction of the cell."""
-
-    @property
-    def share(self) -> float:
-        """Share of the lines."""
-        return 1 - (1 - self.line_width) ** 2
-
-
-class Gradient(Blend):
-    """A colour that changes evenly with the first coordinate, from 0 to 1, and stays beyond."""
-
-    ends = ("start", "end")
-
-    kind: Literal["gradient"]
-    """Kind of texture."""
-
-    start: PatternAlbedo
-    """Colour at 0; channels 0 to 1."""
-
-    end: PatternAlbedo
-    """Colour at 1; channels 0 to 1."""
-
-
-class Noise(Blend):
-    """Random mottling without a repeat: gradient noise summed over octaves, each twice as fine."""
-
-    ends = ("low", "high")
-    number = "gain"
-
-    kind: Literal["noise"]
-    """Kind of texture."""
-
-    low: PatternAlbedo
-    """Colour where the noise is lowest; channels 0 to 1."""
-
-    high: PatternAlbedo
-    """Colour where the noise is highest; channels 0 to 1."""
-
-    octaves: Annotated[int, Field(ge=1, le=12), WHOLE_NUMBER] = 4
-    """Number of octaves; the first has features about one repeat across."""
-
-    gain: Fraction = 0.5
-    """Amplitude of an octave relative to the one before it."""
-
-    contrast: Annotated[float, Field(gt=0, le=100), NUMBER] = 1.0
-    """Stretch of the noise about its middle; what leaves `low` or `high` is cut."""
-
-    seed: Annotated[int, Field(ge=0, le=2**31 - 1), WHOLE_NUMBER] = 0
-    """Which of the patterns."""
-
-
-class ImageTexture(FileReference, Pattern):
-    """A picture; its lower left corner is (0, 0) and its upper right corner (1, 1)."""
-
-    stand_in: ClassVar[bytes | None] = GREY
-
-    kind: Literal["image"]
-    """Kind of texture."""
-
-    color_space: Literal["auto", "srgb", "linear"] = "auto"
-    """How colours are stored; auto: sRGB for pictures of 8 and 16 bits read as rgb, linear for all else."""
-
-    filter: Literal["bilinear", "nearest"] = "bilinear"
-    """What is seen between the centres of texels."""
-
-    wrap: Literal["repeat", "clamp", "mirror"] = "repeat"
-    """What continues the picture beyond its edges."""
-
-    channel: Literal["rgb", "r", "g", "b", "a"] = "rgb"
-    """Which channels are read; a single one gives a grey, a is the alpha channel."""
-
-    gain: GainColour = (1.0, 1.0, 1.0)
-    """Factor on the linear values: a number, or [red, green, blue]."""
-
-
-Texture = Checker | Grid | Gradient | Noise | ImageTexture
-
-
-def _texture_form(value: Any) -> str | None:
-    """Return which form a textured parameter has: a constant (also as a spectrum), or the kind of texture."""
-    if isinstance(value, dict):
-        if "kind" not in value and not SPECTRUM_KEYS.isdisjoint(value):
-            return CONSTANT
-        kind = value.get("kind")
-        return kind if isinstance(kind, str) else None
-    return str(getattr(value, "kind", CONSTANT))
-
-
-_Textured = (
-    Annotated[Checker, Tag("checker")]
-    | Annotated[Grid, Tag("grid")]
-    | Annotated[Gradient, Tag("gradient")]
-    | Annotated[Noise, Tag("noise")]
-    | Annotated[ImageTexture, Tag("image")]
-)
-Reflectance = Annotated[Annotated[Albedo, Tag(CONSTANT)] | _Textured, Discriminator(_texture_form)]
-Share = Annotated[Annotated[Fraction, Tag(CONSTANT)] | _Textured, Discriminator(_texture_form)]
-Emission = Annotated[Annotated[Radiance, Tag(CONSTANT)] | _Textured, Discriminator(_texture_form)]
-
+from rptcam_cl.scene.textures import AnisotropyMap, Bump, Emission, NormalMap, Reflectance, Share
 
 # What most materials have besides how they scatter: holes, normals from a picture, roughness of facets.
-
-
-class NormalMap(ImageTexture):
-    """A picture of normals in the tangent frame, as glTF has them: red along u, green along v, blue outwards."""
-
-    stand_in: ClassVar[bytes | None] = one_pixel(128, 128, 255)  # the surface's own normal
-
-    kind: Literal["image"] = "image"
-    """Kind of texture."""
-
-    color_space: Literal["auto", "srgb", "linear"] = "linear"
-    """How the components are stored."""
-
-    strength: Annotated[float, Field(ge=0, le=10), NUMBER] = 1.0
-    """Factor on the components along u and v."""
-
-
-class AnisotropyMap(ImageTexture):
-    """A picture of how a surface is brushed, as glTF has it: red along u, green along v, blue the strength."""
-
-    stand_in: ClassVar[bytes | None] = one_pixel(255, 128, 0)  # not brushed
-
-    kind: Literal["image"] = "image"
-    """Kind of texture."""
-
-    color_space: Literal["auto", "srgb", "linear"] = "linear"
-    """How the components are stored."""
-
-    strength: Fraction = 1.0
-    """Factor on the strength."""
 
 
 class CoveringMaterial(SceneModel):
@@ -283,6 +70,12 @@ class CoveringMaterial(SceneModel):
     opacity_cutoff: Fraction = 0.5
     """Opacity from which on a mask is there."""
 
+    @model_validator(mode="after")
+    def _check_opacity(self) -> Self:
+        if not isinstance(self.opacity, float) and self.opacity.mapping is not None:
+            raise refuse("does not count for opacity", allowed="u and v of the shape", path=("opacity", "mapping"))
+        return self
+
 
 def has_holes(material: SceneModel) -> bool:
     """Return whether rays may pass a surface of this material as if it were not there."""
@@ -294,6 +87,15 @@ class BumpyMaterial(CoveringMaterial):
 
     normal_map: NormalMap | None = None
     """Normals from a picture; the shape needs texture coordinates."""
+
+    bump: Bump | None = None
+    """Normals from heights, in place of `normal_map`."""
+
+    @model_validator(mode="after")
+    def _check_normals(self) -> Self:
+        if self.bump is not None and self.normal_map is not None:
+            raise refuse("does not count beside normal_map", got="bump", path=("bump",), allowed="one of the two")
+        return self
 
 
 SMALLEST_ALPHA = 1e-3  # what float32 still resolves about a highlight
@@ -440,6 +242,9 @@ class AbsorbingMaterial(SceneModel):
     attenuation: Attenuation | None = None
     """The same, as the colour that is left after a distance."""
 
+    interior: ScatteringMedium | None = None
+    """What fills it, where that scatters light as well."""
+
     @property
     def absorption(self) -> Colour:
         """Absorption coefficient per channel [1/m]."""
@@ -458,7 +263,7 @@ def _depth(left: Colour, distance: float) -> Colour:
     return (red, green, blue)
 
 
-ABSORPTION = Alternatives(("absorption_per_m", "attenuation"), required=False)
+ABSORPTION = Alternatives(("absorption_per_m", "attenuation", "interior"), required=False)
 ROUGHNESS = Alternatives(("alpha", "roughness"), required=False)
 
 
@@ -830,6 +635,16 @@ class Plastic(RoughMaterial, BumpyMaterial):
         return self.index
 
 
+class Boundary(SceneModel):
+    """The boundary of a medium without a surface of its own: light passes it as if nothing were there."""
+
+    kind: Literal["boundary"]
+    """Kind of material."""
+
+    interior: ScatteringMedium
+    """What is behind it, in a closed shape."""
+
+
 class Emissive(SceneModel):
     """A lamp: it emits from the side of the normal and reflects nothing."""
 
@@ -878,7 +693,17 @@ class Mix(CoveringMaterial):
 
 
 Material = Annotated[
-    Matte | Translucent | Mirror | Conductor | Dielectric | Plastic | ThinGlass | Principled | Mix | Emissive,
+    Matte
+    | Translucent
+    | Mirror
+    | Conductor
+    | Dielectric
+    | Plastic
+    | ThinGlass
+    | Principled
+    | Mix
+    | Emissive
+    | Boundary,
     Field(discriminator="kind"),
 ]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Hashable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import replace
@@ -41,7 +42,7 @@ from rptcam_cl.scene.assets.mesh import (
     winding_number,
 )
 from rptcam_cl.scene.assets.pictures import has_alpha, read_picture
-from rptcam_cl.scene.base import Alternatives, SceneModel, describe, number_at, one_pixel, refuse, unknown_name
+from rptcam_cl.scene.base import GREY, Alternatives, SceneModel, describe, number_at, one_pixel, refuse, unknown_name
 from rptcam_cl.scene.materials import (
     LARGEST_INDEX,
     LEAST_BEND,
@@ -49,21 +50,19 @@ from rptcam_cl.scene.materials import (
     MOST_INDEX,
     SMALLEST_ALPHA,
     SMALLEST_INDEX,
-    AnisotropyMap,
     Attenuation,
     Dielectric,
     Emissive,
-    ImageTexture,
     Material,
     Matte,
     Mix,
-    NormalMap,
     Principled,
     ThinGlass,
     Translucent,
 )
 from rptcam_cl.scene.placement import MATERIAL_NAME, Bounds, PlacedObject
 from rptcam_cl.scene.quantities import LARGEST_COORDINATE, LARGEST_GAIN, LARGEST_RADIANCE, Colour, Moment
+from rptcam_cl.scene.textures import AnisotropyMap, Bump, ImageTexture, NormalMap
 
 # Mesh files by their suffix.
 
@@ -301,6 +300,8 @@ class _Translation:
         self._folders = folders
         self._cover = self._covering()
         self._normals: dict[str, Any] = {"normal_map": self._normal_map(given.normals, given.normals_strength)}
+        if given.normals is None and given.bumps is not None and given.bumps_height != 0:
+            self._normals = self._unevenness(given.bumps, given.bumps_height)
 
     def material(self) -> Material:
         """Return the material."""
@@ -481,6 +482,26 @@ class _Translation:
         normal_map = NormalMap(**self._texture_keys(normals), strength=_clip(strength, 0.0, 10.0))
         self._fill(normal_map, normals)
         return normal_map
+
+    def _unevenness(self, bumps: FileTexture, height: float) -> dict[str, Any]:
+        """Return the key for heights of MTL, or for normals, as many files have under that name.
+
+        MTL has no unit of heights. That of programs that make normals of heights is taken: one texel.
+        """
+        try:
+            source = self._source(bumps)
+        except MissingFileError as problem:
+            warnings.warn(f"{problem}; the surface stays smooth", UserWarning, stacklevel=2)
+            return {}
+        with name_errors(f"material {self._given.name!r}: {bumps.name}"):
+            texels = read_picture(source or GREY).texels
+        red, green, blue = texels[..., :3].mean(axis=(0, 1)) / (255 if texels.dtype == np.uint8 else 1)
+        if blue > 0.7 and max(red, green) < 0.65:
+            return {"normal_map": self._normal_map(bumps, abs(height))}
+        rows, columns = texels.shape[:2]
+        per_unit = (columns * abs(bumps.scale[0]) + rows * abs(bumps.scale[1])) / 2
+        texture = self._texture(bumps, color_space="linear")
+        return {"bump": Bump(texture=texture, height=height / max(per_unit, 1.0), lengths="unit")}
 
     def _source(self, file_texture: FileTexture) -> Path | bytes:
         if isinstance(file_texture.source, bytes):

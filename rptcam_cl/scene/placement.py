@@ -15,7 +15,7 @@ from typing import Annotated, Any, ClassVar, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import AfterValidator, BeforeValidator, Field, PrivateAttr, WithJsonSchema, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, PrivateAttr, model_validator
 from pydantic_core import PydanticCustomError
 
 from rptcam_cl.core.errors import InputError
@@ -23,7 +23,14 @@ from rptcam_cl.core.files import Folders
 from rptcam_cl.core.records import Hidden
 from rptcam_cl.scene.base import AlsoAccepts, Alternatives, FileReference, SceneModel, refuse
 from rptcam_cl.scene.materials import Material
-from rptcam_cl.scene.quantities import LARGEST_COORDINATE, NUMBER, Coordinate, Direction, Moment, Position, list_of
+from rptcam_cl.scene.quantities import (
+    LARGEST_COORDINATE,
+    NUMBER,
+    AffineRows,
+    Direction,
+    Moment,
+    Position,
+)
 
 # Transforms: steps that place an object in the world.
 
@@ -31,18 +38,6 @@ from rptcam_cl.scene.quantities import LARGEST_COORDINATE, NUMBER, Coordinate, D
 SMALLEST_STRETCH_RATIO = 1e-6
 
 Matrix = NDArray[np.float64]
-Row = Annotated[
-    tuple[Coordinate, Coordinate, Coordinate, Coordinate], BeforeValidator(list_of(4, "a row of 4 numbers"))
-]
-
-MATRIX_SCHEMA = WithJsonSchema(
-    {
-        "type": "array",
-        "minItems": 3,
-        "maxItems": 4,
-        "items": {"type": "array", "minItems": 4, "maxItems": 4, "items": {"type": "number"}},
-    }
-)
 
 
 def _three_factors(value: Any) -> Any:
@@ -50,17 +45,6 @@ def _three_factors(value: Any) -> Any:
     if isinstance(value, (list, tuple, np.ndarray)):
         return value
     return [value, value, value]
-
-
-def _four_rows(value: Any) -> Any:
-    """Return the rows of a 3x4 matrix with the last row of a 4x4 one."""
-    rows = value.tolist() if isinstance(value, np.ndarray) else value
-    if not isinstance(rows, (list, tuple)) or len(rows) not in (3, 4):
-        raise refuse("must be 3 or 4 rows", allowed="a list of 3 or 4 rows of 4 numbers")
-    return rows if len(rows) == 4 else [*rows, (0, 0, 0, 1)]
-
-
-AffineRows = Annotated[tuple[Row, Row, Row, Row], BeforeValidator(_four_rows), MATRIX_SCHEMA]
 
 
 class Rotation(SceneModel):

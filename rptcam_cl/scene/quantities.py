@@ -546,6 +546,14 @@ def list_of(length: int, meaning: str) -> Callable[[Any], Any]:
     return check
 
 
+def _four_rows(value: Any) -> Any:
+    """Return the rows of a 3x4 matrix with the last row of a 4x4 one."""
+    rows = value.tolist() if isinstance(value, np.ndarray) else value
+    if not isinstance(rows, (list, tuple)) or len(rows) not in (3, 4):
+        raise refuse("must be 3 or 4 rows", allowed="a list of 3 or 4 rows of 4 numbers")
+    return rows if len(rows) == 4 else [*rows, (0, 0, 0, 1)]
+
+
 def _not_zero(value: tuple[float, float, float]) -> tuple[float, float, float]:
     """Return a vector that is long enough to have a direction."""
     if math.hypot(*value) < SMALLEST_LENGTH:
@@ -578,6 +586,19 @@ Position = Annotated[
     tuple[Coordinate, Coordinate, Coordinate], BeforeValidator(list_of(3, "a point or vector [x, y, z]"))
 ]
 Direction = Annotated[Position, AfterValidator(_not_zero)]
+Row = Annotated[
+    tuple[Coordinate, Coordinate, Coordinate, Coordinate], BeforeValidator(list_of(4, "a row of 4 numbers"))
+]
+
+MATRIX_SCHEMA = WithJsonSchema(
+    {
+        "type": "array",
+        "minItems": 3,
+        "maxItems": 4,
+        "items": {"type": "array", "minItems": 4, "maxItems": 4, "items": {"type": "number"}},
+    }
+)
+AffineRows = Annotated[tuple[Row, Row, Row, Row], BeforeValidator(_four_rows), MATRIX_SCHEMA]
 Albedo = Annotated[Colour, ColourForms(1.0, "would reflect more light than arrives", TabulatedSpectrum, albedo)]
 Radiance = Annotated[
     Colour, ColourForms(LARGEST_RADIANCE, "is too bright for sums in float32", LightSpectrum, LightSpectrum.emission)

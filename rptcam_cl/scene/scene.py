@@ -37,6 +37,7 @@ from rptcam_cl.scene.film import SHARP_LAYERS, Film, PictureSettings, RenderSett
 from rptcam_cl.scene.lens_settings import GRADES, AutoFocus, RealLens
 from rptcam_cl.scene.lights import WITH_UP, Environment, Light
 from rptcam_cl.scene.materials import Dielectric, Emissive, Material, Principled, with_material, with_parts
+from rptcam_cl.scene.media import ScatteringMedium
 from rptcam_cl.scene.meshes import LoadedMesh, MeshLibrary, MeshObject, NamedMesh
 from rptcam_cl.scene.placement import PlacedObject, SceneObject, moments
 from rptcam_cl.scene.quantities import LARGEST_COORDINATE, NUMBER, SMALLEST_LENGTH
@@ -231,11 +232,16 @@ def _inside_warnings(camera: Camera, shutter: Shutter, objects: Objects, folders
     return [
         f"the camera stands inside objects[{index}]"
         for index, (item, solid) in enumerate(objects)
-        if not isinstance(item, Plane) and _holds_eye(solid, item.places(folders, shutter.open_s), eye)
+        if not (isinstance(item, Plane) or _has_medium(solid))
+        and holds_eye(solid, item.places(folders, shutter.open_s), eye)
     ]
 
 
-def _holds_eye(solid: Solid, places: NDArray[np.float64], eye: NDArray[np.float64]) -> bool:
+def _has_medium(solid: Solid) -> bool:
+    return any(getattr(material, "interior", None) is not None for material in solid.shown_materials())
+
+
+def holds_eye(solid: Solid, places: NDArray[np.float64], eye: NDArray[np.float64]) -> bool:
     """Return whether the eye is inside a solid at one of its places; of many, those whose box holds it are tried."""
     eyes = np.linalg.solve(places, np.broadcast_to(eye[:, None], (len(places), 4, 1)))[:, :3, 0]
     if len(eyes) > 1:
@@ -309,6 +315,9 @@ class Scene(SceneModel):
 
     environment: Environment | None = None
     """Light from infinitely far away; black by default."""
+
+    medium: ScatteringMedium | None = None
+    """What fills the space around camera and objects; nothing by default."""
 
     _folders: Folders = PrivateAttr(default_factory=Folders)
     _library: MeshLibrary = PrivateAttr()

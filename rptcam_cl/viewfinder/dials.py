@@ -495,10 +495,10 @@ def turn_focus(panel: Panel, value: Any) -> Turned:
     nearest = nearest_focus_m(panel.view)
     reached = INFINITY_M if metres >= INFINITE_M else max(metres, nearest or 0.0)
     messages = (f"the nearest focus is {nearest:.3g} m",) if nearest is not None and metres < nearest else ()
-    return Turned(panel.dials, _as_paths(camera.focus_keys(reached)), messages)
+    return Turned(panel.dials, as_paths(camera.focus_keys(reached)), messages)
 
 
-def _as_paths(keys: dict[str, Any]) -> dict[str, Any]:
+def as_paths(keys: dict[str, Any]) -> dict[str, Any]:
     """Return keys of the camera as key paths of the scene; those that others replace are left out."""
     return {f"camera.{name}": value for name, value in keys.items() if value is not None}
 

@@ -7,6 +7,7 @@ import logging
 import threading
 import time
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import TracebackType
@@ -17,10 +18,10 @@ from rptcam_cl.core.files import give_back
 from rptcam_cl.core.remember import CancelledError, cancellable
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.studies.focus.probe import FocusReport, Probe
-from rptcam_cl.viewfinder import messages
+from rptcam_cl.viewfinder import messages, timeline
 from rptcam_cl.viewfinder.background import Background, Job, Worker
 from rptcam_cl.viewfinder.delivery import Delivery
-from rptcam_cl.viewfinder.dials import lens_entries, turn_dial, zoom_by
+from rptcam_cl.viewfinder.dials import lens_entries, turn_dial, turn_focus, zoom_by
 from rptcam_cl.viewfinder.moves import (
     check_search,
     describe_focus,
@@ -32,8 +33,10 @@ from rptcam_cl.viewfinder.moves import (
     state_changes,
     viewpoint_of,
 )
+from rptcam_cl.viewfinder.panel import Clock
 from rptcam_cl.viewfinder.state import MOST_CLIENTS, History, details_of, hello_message, state_message
 from rptcam_cl.viewfinder.studio import Origin, Slot, Studio, Watch, place_of, scene_error, text_of, values_before
+from rptcam_cl.viewfinder.things import is_there, switch_lamp, turn_thing
 
 # What the engine says to clients without a request: how the camera stands, and what lies under the pointer.
 
@@ -75,8 +78,17 @@ class Reports:
         if not resting and time.monotonic() < self._last_state + STATE_S:
             return
         answers = tuple((client.number, client.answers) for client in clients)
-        here = (slot.session.generation, slot.dials, slot.messages, self._studio.paused, self._studio.denoises, resting)
-        reported = (*here, *self._compare_state(), answers)
+        studio = self._studio
+        here = (
+            slot.session.generation,
+            slot.dials,
+            slot.messages,
+            studio.paused,
+            studio.denoises,
+            studio.recorder.is_on,
+            studio.selected,
+        )
+        reported = (*here, resting, *self._compare_state(), answers)
         if reported != self._reported and not slot.wants_glance:
             self._reported, self._last_state = reported, time.monotonic()
             message = state_message(self._studio, slot)
@@ -186,6 +198,7 @@ class Requests:
     def __init__(self, studio: Studio, background: Background) -> None:
         self._studio = studio
         self._searching, self._saving = background.worker("focus"), background.worker("save")
+        self._selecting = background.worker("select")
         self.history = History(studio)
         self._acted = False  # whether somebody changed something since the last state was noted
         self._waiting: list[messages.Request] = []
@@ -208,6 +221,9 @@ class Requests:
             "view": self._view,
             "denoise": self._denoise,
             "history": self._history,
+            "time": self._time,
+            "select": self._select,
+            "lamp": self._lamp,
         }
 
     def answer(self, request: messages.Request | Scene) -> None:
@@ -239,6 +255,9 @@ class Requests:
 
     def _change(self, name: str, keys: Mapping[str, Any], **how: Any) -> None:
         """Change a slot by hand, which ends a search for the focus of another camera, or of another scene."""
+        if name == "A":
+            panel, transient = self._studio.slot("A").panel, how.get("transient", False)
+            keys = self._studio.recorder.rewrite(panel, keys, transient=transient)
         change = self._studio.change(name, keys, **how)
         if name == "A" and not set(change.keys) <= _LEAVES_FOCUS:
             self.leave_search()
@@ -258,7 +277,10 @@ class Requests:
 
     def _dial(self, client: messages.Client, message: messages.Dial) -> None:
         slot = self._studio.slot(message.slot)
-        turned = turn_dial(slot.panel, message.name, message.value)
+        if message.name.startswith("thing_"):
+            turned = turn_thing(slot.panel, self._studio.selected, message.name, message.value)
+        else:
+            turned = turn_dial(slot.panel, message.name, message.value)
         slot.messages = turned.messages
         if turned.changes:
             self._change(message.slot, turned.changes, transient=message.transient, dials=turned.dials)
@@ -351,7 +373,7 @@ class Requests:
 
         def done(report: FocusReport) -> None:
             try:
-                self._studio.change("A", focus_changes(scene, report))
+                self._studio.change("A", self._found(scene, report))
             except InputError as problem:
                 failed(problem)
             else:
@@ -366,8 +388,18 @@ class Requests:
 
         self._searching.start(Job("focus search", work, done, failed, ("focus", (client, message))))
 
+    def _found(self, scene: Scene, report: FocusReport) -> Mapping[str, Any]:
+        """Return the changes that set the focus that was found: where it has keys, by its distance, as these are."""
+        recorder, panel = self._studio.recorder, self._studio.slot("A").panel
+        if recorder.is_on or timeline.is_keyed(scene, "focus"):
+            keys = turn_focus(panel, report.focus_distance_m or 0.0).changes
+            return recorder.rewrite(panel, keys, transient=False)
+        return focus_changes(scene, report)
+
     def _follow(self, scene: Scene, state: float, followed: set[str]) -> None:
         """Set the focus to where a search takes it to be by now."""
+        if self._studio.recorder.is_on or timeline.is_keyed(scene, "focus"):
+            return
         keys = state_changes(scene, state)
         with contextlib.suppress(InputError):  # what cannot be shown is not
             self._studio.change("A", keys)
@@ -408,14 +440,16 @@ class Requests:
         def failed(problem: Exception) -> None:
             client.error(text_of(problem), message.id, "save")
 
-        self._saving.start(
-            Job(f"saving {name}", lambda job: messages.file_bytes(later(), message.format), done, failed)
-        )
+        def work(job: Job) -> bytes:
+            return messages.file_bytes(messages.exposed_longer(later(), message.ev), message.format)
+
+        self._saving.start(Job(f"saving {name}", work, done, failed))
 
     def _text(self, client: messages.Client, message: messages.TextRequest) -> None:
         slot, origin = self._studio.slot(message.slot), self._studio.origin
         if message.type == "scene":
-            answer = {"yaml": origin.text(slot.scene), "name": origin.name}
+            clock = self._studio.slot("A").dials.clock
+            answer = {"yaml": origin.text(timeline.as_file(slot.scene, clock)), "name": origin.name}
         else:
             answer = {"text": origin.command(slot.scene, slot.session.spp)}
         client.outbox.answer({"type": message.type, "id": message.id, **answer})
@@ -446,6 +480,73 @@ class Requests:
             case "compare", int(number):
                 self.history.compare(number)
 
+    def _select(self, client: messages.Client, message: messages.Select) -> None:
+        slot, studio = self._studio.slot("A"), self._studio
+
+        def done(index: int | None) -> None:
+            select(None if index is None else f"objects.{index}")
+
+        def select(name: str | None) -> None:
+            studio.selected = name if name is not None and is_there(slot.scene, name) else None
+            slot.show_again()
+            client.outbox.answer({"type": "selected", "id": message.id, "name": studio.selected})
+
+        def failed(problem: Exception) -> None:
+            client.error(text_of(problem), message.id, "change")
+
+        if message.x is None or message.y is None:
+            select(message.name)
+        else:
+            find = slot.session.object_later(message.x, message.y)
+            self._selecting.start(Job("selecting", lambda job: find(), done, failed, "select"))
+
+    def _lamp(self, client: messages.Client, message: messages.Lamp) -> None:
+        slot = self._studio.slot("A")
+        turned = switch_lamp(slot.panel, message.name, message.mute, message.solo)
+        if turned.changes:
+            self._change("A", turned.changes)
+        dark = {name: getattr(turned.dials, name) for name in ("dark", "mute", "solo")}
+        slot.dials = replace(slot.dials, **dark)
+        slot.show_again()
+
+    def _time(self, client: messages.Client, message: messages.Time) -> None:
+        slot, recorder = self._studio.slot("A"), self._studio.recorder
+        if message.do == "record":
+            recorder.is_on = bool(message.on)
+            if slot.dials.clock.frame == 0:
+                self._go(slot, 1)
+            slot.show_again()
+            return
+        if message.do == "length" and message.frame is not None:
+            self._at(replace(slot.dials.clock, frames=max(message.frame, 2)))
+            slot.show_again()
+            return
+        if slot.dials.clock.frame == 0 and message.do != "go":
+            self._go(slot, 1)
+        if message.do == "go" and message.frame is not None:
+            recorder.is_playing = message.playing
+            self._go(slot, message.frame, transient=message.transient)
+            return
+        self._acted = True
+        if message.channel is not None:
+            self._studio.change("A", timeline.key_changes(slot.panel, message.channel, message.do))
+        elif message.from_m is not None and message.to_m is not None and message.seconds is not None:
+            changes, clock = timeline.rack_changes(slot.panel, message.from_m, message.to_m, message.seconds)
+            self._studio.change("A", changes)
+            self._at(clock)
+
+    def _go(self, slot: Slot, frame: int, *, transient: bool = False) -> None:
+        """Show a frame; what S and P have found stays, as it does in the frames that are rendered."""
+        changes, clock = self._studio.recorder.go(slot.panel, frame)
+        self.leave_search()
+        self._studio.change("A", changes, transient=transient)
+        slot.follows_light = False
+        self._at(clock)
+
+    def _at(self, clock: Clock) -> None:
+        slot = self._studio.slot("A")
+        slot.dials = replace(slot.dials, clock=clock)
+
     def _denoise(self, client: messages.Client, message: messages.Denoise) -> None:
         self._studio.denoises = message.on
 
@@ -464,10 +565,15 @@ class Requests:
         self._studio.tell({"type": "notice", "kind": "watch", "ok": True, "text": text})
 
 
-_CHANGE_THE_CAMERA = ("set", "dial", "move")
-_LEAVES_FOCUS = {"exposure", "picture", "sensor"}  # parts of a scene whose change leaves a search for focus as it is
-_LEAD_TO_STATES = ("set", "dial", "move", "reset", "focus", "autofocus", "compare")
-_WITH_OWN_ANSWER = ("focus", "autofocus", "save", "scene", "command", "pointer", "magnify")
+_CHANGE_THE_CAMERA = ("set", "dial", "move", "time", "lamp")
+_LEAVES_FOCUS = {
+    "exposure",
+    "picture",
+    "sensor",
+    "sequence",
+}  # parts of a scene whose change leaves a search for focus as it is
+_LEAD_TO_STATES = ("set", "dial", "move", "reset", "focus", "autofocus", "compare", "lamp")
+_WITH_OWN_ANSWER = ("focus", "autofocus", "save", "scene", "command", "pointer", "magnify", "select")
 
 
 # The thread that owns the device: it answers requests, renders what somebody waits for, and sleeps otherwise.

@@ -25,6 +25,7 @@ from rptcam_cl.core.files import plain, scratch_folder
 from rptcam_cl.imaging.development import developed_codes
 from rptcam_cl.imaging.image import Image
 from rptcam_cl.imaging.writers import film_part
+from rptcam_cl.scene.exposure import MOST_FRAMES
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.viewfinder.instruments import OverlayName
 
@@ -79,6 +80,18 @@ def file_name(name: str, kind: str) -> str:
     """Return the name of the file that a client is offered: the one that it requests, with the suffix of its kind."""
     suffix = _SUFFIXES[kind]
     return name if name.lower().endswith(suffix) else f"{name}{suffix}"
+
+
+def exposed_longer(image: Image, ev: float) -> Image:
+    """Return the picture as of an exposure that lasts longer by some stops, before its sensor."""
+    if ev == 0:
+        return image
+    factor = 2.0**ev
+    time_s = image.metadata.get("exposure_time_s")
+    timed = {} if time_s is None else {"exposure_time_s": time_s * factor}
+    return replace(
+        image, pixels=image.pixels * np.float32(factor), metadata=image.metadata | {"bracket_ev": ev} | timed
+    )
 
 
 def file_bytes(image: Image, kind: str) -> bytes:
@@ -262,6 +275,8 @@ class Save(Message):
     format: Literal["png", "jpeg", "exr", "dng"]
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-][A-Za-z0-9_ .-]{0,79}$")] = "picture"
     slot: SlotName = "A"
+    ev: Annotated[float, Field(ge=-10, le=10)] = 0.0
+    """Stops that it is exposed longer: one of a bracket."""
 
 
 class TextRequest(Message):
@@ -291,6 +306,47 @@ class Past(Message):
         return self
 
 
+class Time(Message):
+    """Go to a frame; set and delete keys; record; how long the bar is; a pull of the focus from one mark to another."""
+
+    type: Literal["time"]
+    do: Literal["go", "key", "unkey", "clear", "record", "length", "rack"]
+    frame: Annotated[int, Field(ge=1, le=MOST_FRAMES)] | None = None
+    channel: Literal["camera", "focus", "f_number", "zoom", "exposure"] | None = None
+    on: bool | None = None
+    playing: bool = False
+    transient: bool = False
+    from_m: Annotated[float, Field(gt=0)] | None = None
+    to_m: Annotated[float, Field(gt=0)] | None = None
+    seconds: Annotated[float, Field(gt=0, le=3600)] | None = None
+
+    @model_validator(mode="after")
+    def _check_needed(self) -> Self:
+        needed = {"go": ("frame",), "length": ("frame",), "record": ("on",), "rack": ("from_m", "to_m", "seconds")}
+        for name in needed.get(self.do, ("channel",)):
+            if getattr(self, name) is None:
+                raise ValueError(f"{self.do} takes {name}")
+        return self
+
+
+class Select(Message):
+    """Select what is seen at a point, or a thing by name; nothing without both."""
+
+    type: Literal["select"]
+    x: Share | None = None
+    y: Share | None = None
+    name: Annotated[str, Field(max_length=200)] | None = None
+
+
+class Lamp(Message):
+    """Mute a lamp, or have it shine alone."""
+
+    type: Literal["lamp"]
+    name: Annotated[str, Field(max_length=200)]
+    mute: bool | None = None
+    solo: bool | None = None
+
+
 class Denoise(Message):
     """Whether pictures are shown without their noise until they are clean."""
 
@@ -300,7 +356,7 @@ class Denoise(Message):
 
 AnyMessage = (
     Hello | Ack | View | Set | Dial | Move | Reset | Focus | Autofocus | Pointer | Magnify | Compare | Save
-    | TextRequest | Signal | Denoise | Past
+    | TextRequest | Signal | Denoise | Past | Time | Select | Lamp
 )  # fmt: skip
 _READER: TypeAdapter[AnyMessage] = TypeAdapter(Annotated[AnyMessage, Field(discriminator="type")])
 
@@ -563,6 +619,8 @@ def _key(request: Request) -> Hashable:
         return ("set", message.slot, frozenset(message.changes))
     if isinstance(message, Move):
         return ("move", message.kind)
+    if isinstance(message, Time) and message.do == "go":
+        return ("time", client)
     if isinstance(message, Pointer | Magnify):
         return (message.type, client)
     return None

@@ -66,17 +66,9 @@ class Viewpoint:
 
 
 def viewpoint_of(scene: Scene) -> Viewpoint:
-    """Return where the camera of a scene is, which is in focus.
-
-    Raises
-    ------
-    InputError
-        Keyframes say where it is.
-    """
+    """Return where the camera of a scene is when the shutter opens, which is in focus."""
     camera = scene.camera
-    if camera.motion:
-        raise InputError("camera.motion: keyframes say where this camera is (allowed: moves of cameras without any)")
-    eye, target, up = (np.array(row, float) for row in (camera.eye, camera.target, camera.up))
+    eye, target, up = camera.pose_at(scene.shutter.open_s)
     distance = distance_in_focus(scene)
     if distance is None or not math.isfinite(distance):
         distance = float(np.linalg.norm(target - eye))

@@ -13,7 +13,7 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.remember import remember
 from rptcam_cl.rendering.cameras.kinds import camera_of
 from rptcam_cl.rendering.cameras.model import values_per_irradiance
-from rptcam_cl.scene.exposure import Exposure
+from rptcam_cl.scene.exposure import MOST_FRAMES, Exposure, FrameSequence
 from rptcam_cl.scene.lens_settings import ImageAperture
 from rptcam_cl.scene.load import at_opening, change_scene
 from rptcam_cl.scene.scene import Scene
@@ -371,6 +371,41 @@ AS_RADIANCE = Exposure()
 OF_NO_LENS = 8.0  # f-number that a camera without an opening is first exposed by
 
 
+SECONDS = 4.0  # of the bar of time where keys reach no further
+
+
+@dataclass(frozen=True)
+class Clock:
+    """Where a viewfinder stands in time.
+
+    Attributes
+    ----------
+    first_s : float
+        When the shutter of frame 1 opens [s].
+    frame : int
+        That is shown, from 1; 0 for the scene as it stands, where its sequence has keys that may say otherwise.
+    frames : int
+        How many the bar of time has.
+    """
+
+    first_s: float = 0.0
+    frame: int = 1
+    frames: int = 97
+
+    @classmethod
+    def of(cls, scene: Scene) -> Clock:
+        """The clock of a scene file that is opened."""
+        first_s, sequence = scene.shutter.open_s, scene.sequence or FrameSequence()
+        moving = [scene.camera.motion, *(each.motion for each in scene.objects)]
+        ends = [
+            frames[-1].time_s for frames in (*moving, *sequence.keys.values(), *scene.shutter.keys.values()) if frames
+        ]
+        rate = sequence.frames_per_second
+        last = math.ceil(round((max(ends) - first_s) * rate, 6)) + 1 if ends else 0
+        last = last if last > 1 else round(SECONDS * rate) + 1
+        return cls(first_s, 0 if sequence.keys else 1, min(max(last, 2), MOST_FRAMES))
+
+
 @dataclass(frozen=True)
 class Dials:
     """The state of a camera's body that a scene does not hold.
@@ -394,6 +429,11 @@ class Dials:
         The film before a prime was cropped to.
     cropped_mm : (width, height)
         What it was cropped to, the same without a crop.
+    clock : Clock
+    dark : mapping
+        Strengths of lamps that are muted, by key path, as the scene had them.
+    mute, solo : frozenset of str
+        Lamps that a hand has muted, and those that shine alone.
     """
 
     mode: Mode
@@ -406,6 +446,10 @@ class Dials:
     written: Exposure = AS_RADIANCE
     whole_mm: tuple[float, float] = (36.0, 24.0)
     cropped_mm: tuple[float, float] = (36.0, 24.0)
+    clock: Clock = Clock()
+    dark: Mapping[str, Any] = field(default_factory=dict)
+    mute: frozenset[str] = frozenset()
+    solo: frozenset[str] = frozenset()
 
     @property
     def meter(self) -> Exposure:
@@ -540,6 +584,9 @@ def read_dials(scene: Scene, before: Dials | None = None) -> Dials:
         return replace(before, whole_mm=whole, cropped_mm=size)
     exposure = scene.exposure
     common: dict[str, Any] = {"ev": exposure.ev, "written": exposure, "whole_mm": whole, "cropped_mm": size}
+    common["clock"] = Clock.of(scene) if before is None else before.clock
+    if before is not None:
+        common |= {"dark": before.dark, "mute": before.mute, "solo": before.solo}
     if exposure.mode == "auto":
         common |= {"target": exposure.target, "metering": exposure.metering, "spot_at": exposure.spot_at}
         common["locked_cd_m2"] = exposure.lock_cd_m2

@@ -9,7 +9,7 @@ from typing import Any
 from rptcam_cl.core.constants import __version__
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.scene.film import COOLEST, HOTTEST, SIDES_MM, TONES
+from rptcam_cl.scene.film import COOLEST, HOTTEST, NO_BALANCE, SIDES_MM, TONES
 from rptcam_cl.scene.lens_settings import METHODS, Aperture, CircularAperture
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.viewfinder.dials import (
@@ -33,6 +33,8 @@ from rptcam_cl.viewfinder.lens_panel import INFINITY_M, LensPanel, focus_scale, 
 from rptcam_cl.viewfinder.messages import FILE_MEDIA, MOST_BYTES, MOST_UNACKNOWLEDGED, VERSION, encode, shrink
 from rptcam_cl.viewfinder.panel import EV_STEPS, F_NUMBERS, SPEEDS, TIMES, Dials, Panel, ev_text
 from rptcam_cl.viewfinder.studio import Slot, Studio, changes_between
+from rptcam_cl.viewfinder.things import fields_of, things_message
+from rptcam_cl.viewfinder.timeline import follows_anew, time_message
 
 # The dials as a page draws them: name, kind, value, text, limits or steps, and whether the exposure mode sets them.
 
@@ -49,6 +51,11 @@ SRGB_KELVIN = 6500.0  # which leaves a picture in sRGB nearly as it is
 KELVIN = {
     "A": 2856, "D50": 5003, "D55": 5503, "D65": 6504, "D75": 7504, "E": 5455, "F2": 4230, "F7": 6500, "F11": 4000,
     "LED-B1": 2733, "LED-B2": 2998, "LED-B3": 4103, "LED-B4": 5109, "LED-B5": 6598,
+}  # fmt: skip
+
+# What photographers call lights; shade is bluer than daylight, and fluorescent lamps are those of cool white.
+PHOTOGRAPHERS = {
+    NO_BALANCE: "as it is", "A": "tungsten", "F2": "fluorescent", "D55": "daylight", "D65": "overcast", "D75": "shade",
 }  # fmt: skip
 
 
@@ -189,7 +196,7 @@ def _development(panel: Panel) -> list[Entry]:
     picture = panel.scene.picture
     balance = picture.white_balance
     value: str = "none" if balance is None else balance.light or "own"
-    words = {name: name for name in BALANCES}
+    words = {name: _light_words(name) for name in sorted(BALANCES, key=_named_first)}
     if value == "own":
         words = {"own": "set by hand"} | words
     kelvin = None if balance is None else balance.temperature_k
@@ -201,6 +208,19 @@ def _development(panel: Panel) -> list[Entry]:
         ),
         _choice("tone", "tone", picture.tone.kind, {name: name for name in TONES}),
     ]  # fmt: skip
+
+
+def _named_first(light: str) -> tuple[bool, int, str]:
+    """The order of lights to choose from: without, those that photographers name by their temperature, and the rest."""
+    return light not in PHOTOGRAPHERS, KELVIN.get(light, 0) if light in PHOTOGRAPHERS else 0, light
+
+
+def _light_words(light: str) -> str:
+    kelvin = KELVIN.get(light)
+    if kelvin is None:
+        return "as it is" if light == NO_BALANCE else light
+    rounded = f"{round(kelvin, -2 if light in PHOTOGRAPHERS else 0)} K"
+    return f"{PHOTOGRAPHERS[light]}, {rounded} ({light})" if light in PHOTOGRAPHERS else f"{light}, {rounded}"
 
 
 # How the camera stands, as the page shows it.
@@ -223,8 +243,14 @@ def hello_message(studio: Studio, slot: Slot, client: int) -> dict[str, Any]:
         "methods": [{"value": name, "label": name} for name in METHODS],
         "false_colour": false_colour_legend(),
         "limits": {"clients": MOST_CLIENTS, "message_bytes": MOST_BYTES, "unacknowledged": MOST_UNACKNOWLEDGED},
-        "dials": dial_list(slot.panel),
+        "dials": _dials_of(studio, slot),
     }
+
+
+def _dials_of(studio: Studio, slot: Slot) -> list[Entry]:
+    """The dials of the camera, and of the thing that is selected."""
+    fields = [] if studio.selected is None else fields_of(slot.panel, studio.selected)
+    return [*dial_list(slot.panel), *(each.entry for each in fields)]
 
 
 def _left_out(slot: Slot) -> list[str]:
@@ -250,7 +276,7 @@ def state_message(studio: Studio, slot: Slot, details: dict[str, Any] | None = N
     message: dict[str, Any] = {
         "type": "state",
         "generation": slot.session.generation,
-        "dials": dial_list(slot.panel),
+        "dials": _dials_of(studio, slot),
         "camera": {
             "kind": camera.kind,
             "lens": lens.design if lens is not None and isinstance(lens.design, str) else None,
@@ -265,7 +291,14 @@ def state_message(studio: Studio, slot: Slot, details: dict[str, Any] | None = N
         "denoise": studio.denoises,
         "files": [name for name in FILE_MEDIA if name != "dng" or slot.scene.sensor is not None],
         "needle": meter_needle(slot.panel),
-        "messages": [*slot.messages, *_left_out(slot), *(studio.b.messages if studio.b is not None else ())],
+        "time": time_message(slot.panel, studio.recorder),
+        "things": things_message(slot.panel, studio.selected),
+        "messages": [
+            *slot.messages,
+            *_left_out(slot),
+            *follows_anew(slot.panel),
+            *(studio.b.messages if studio.b is not None else ()),
+        ],
     }
     if studio.b is not None:
         message["dials_b"] = dial_list(studio.b.panel)
@@ -458,6 +491,9 @@ def _label(before: Past, slot: Slot, studio: Studio) -> str:
     names = list(dict.fromkeys(key.split(".")[-1].replace("_", " ") for key in keys))
     if {"eye", "target", "up"} & set(names):
         names = ["camera", *(name for name in names if name not in ("eye", "target", "up"))]
+    if len(names) > 1:  # keys beside what they are of, and the frame
+        names = [name for name in names if name not in ("sequence", "open s", "motion")] or ["keys"]
+    names = ["keys" if name in ("sequence", "motion") else "frame" if name == "open s" else name for name in names]
     if studio.compare != before.compare:
         names.append("comparison")
     if not names:

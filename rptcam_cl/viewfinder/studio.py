@@ -11,6 +11,7 @@ import shlex
 import threading
 import time
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -28,12 +29,15 @@ from rptcam_cl.imaging.image import Image, with_picture_settings
 from rptcam_cl.scene.film import PictureSettings
 from rptcam_cl.scene.load import change_scene, load_scene, scene_text, set_keys
 from rptcam_cl.scene.scene import Scene
+from rptcam_cl.viewfinder import timeline
 from rptcam_cl.viewfinder.background import Background
 from rptcam_cl.viewfinder.dials import follow_light
 from rptcam_cl.viewfinder.instruments import as_model, film_reading
 from rptcam_cl.viewfinder.lens_panel import LensPanel
 from rptcam_cl.viewfinder.messages import Client, Codes, codes_of
-from rptcam_cl.viewfinder.panel import Dials, Panel, read_dials
+from rptcam_cl.viewfinder.panel import Clock, Dials, Panel, read_dials
+from rptcam_cl.viewfinder.things import is_there
+from rptcam_cl.viewfinder.timeline import Recorder
 
 # How much to render at once: the scale of a glance and the samples of a take, from the speed measured.
 
@@ -229,6 +233,7 @@ class Origin:
         """
         assert self._loaded is not None, "a scene is loaded before it is shown"
         changes = _differences("", _data(self._loaded), _data(shown))
+        changes = {key: value for key, value in changes.items() if key.split(".")[0] != "sequence"}  # of frames alone
         own = [f"{key}={json.dumps(value, ensure_ascii=False)}" for key, value in changes.items()]
         sets = [word for text in (*self._overrides, *own) for word in ("--set", text)]
         name = self.name if self.path is None else str(self.path)
@@ -264,8 +269,8 @@ def _differences(path: str, before: Any, after: Any) -> dict[str, Any]:
     """Return the values of keys that make one part of a scene's data the other; None removes a key."""
     if before == after:
         return {}
-    if not (isinstance(before, dict) and isinstance(after, dict)):
-        return {path: after}
+    if not (isinstance(before, dict) and isinstance(after, dict)) or any("." in key for key in {*before, *after}):
+        return {path: after}  # names with dots, as keys of `sequence`, are no part of a key path
     inside = f"{path}." if path else ""
     changes: dict[str, Any] = {f"{inside}{key}": None for key in before if key not in after}
     for key, value in after.items():
@@ -610,7 +615,10 @@ class Slot:
         self._unread = not is_wanted()
         if self.session.spp == 0 or self._unread:
             return None
-        self._last = self.session.frame()
+        frame = self.session.frame()
+        if frame.spp == 0:  # kernels that were waited for have come within this call: the film is another
+            return None
+        self._last = frame
         return None if self.finished is not None else self._last
 
     def _add(self, is_wanted: Callable[[], bool]) -> None:
@@ -744,6 +752,8 @@ class Studio:
         self.b: Slot | None = None
         self.panel: LensPanel | None = None
         self.compare: dict[str, Any] = dict(NO_COMPARISON)
+        self.recorder = Recorder()
+        self.selected: str | None = None  # a thing of the scene, by key path
         self.paused = False
         self._denoises = True
         self.was_seen = False
@@ -946,7 +956,9 @@ class Studio:
             self._scene = scene
             return []
         slot = self.a
-        turned, by_hand = self._without_by_hand(slot.changes), self._by_hand
+        framed = timeline.overlaid(slot.scene)  # which begin anew with the first frame
+        turned = {key: value for key, value in self._without_by_hand(slot.changes).items() if key not in framed}
+        by_hand = self._by_hand
         try:
             change, self._by_hand = slot.session.replace(scene, wait=False), {}
         except InputError:
@@ -957,7 +969,11 @@ class Studio:
         self._scene = scene
         wanted, slot.changes = {**self._by_hand, **turned}, {}
         dropped = _apply(slot, wanted)
-        slot.dials = read_dials(slot.scene, slot.dials)
+        dark = {path: value for path, value in slot.dials.dark.items() if path in slot.changes}
+        kept: dict[str, Any] = {} if dark else {"mute": frozenset(), "solo": frozenset()}
+        slot.dials = replace(read_dials(slot.scene, slot.dials), clock=Clock.of(slot.scene), dark=dark, **kept)
+        if self.selected is not None and not is_there(slot.scene, self.selected):
+            self.selected = None
         self._tell_compiling(slot, not slot.compiling)
         try:
             self.set_compare(self.compare)

@@ -102,6 +102,14 @@ def everything() -> None:
     )
 
 
+def media() -> None:
+    """Fog around all, and smoke in a box without a surface."""
+    scene = still_life()
+    smoke = {"kind": "boundary", "interior": {"scattering_per_m": 1.0, "absorption_per_m": 0.5, "asymmetry": 0.5}}
+    box = {"shape": "box", "min": [-1, -1, 0], "max": [1, 1, 1], "material": smoke}
+    shown(scene | {"medium": {"visibility_m": 50, "emission_per_m": 0.01}, "objects": [*scene["objects"], box]})
+
+
 def light_of_lamps() -> None:
     """Photons through glass, rays aimed at a lamp out of focus, and ghosts between the surfaces of a lens."""
     bokeh = CASES["far"]
@@ -119,6 +127,7 @@ RENDERS: dict[str, tuple[Callable[[], None], set[str]]] = {
     "denoised": (denoised, WAVE | {"layers", "guides", "denoise"}),
     "tree of shapes": (tree_of_shapes, WAVE | (TREES - {"histogram", "partition", "search", "reinsert"})),
     "everything": (everything, WAVE),
+    "media": (media, WAVE - {"intersect"} | {"travel"}),
     "light of lamps": (light_of_lamps, WAVE | {"photons", "ghosts", "occluded"}),
 }
 

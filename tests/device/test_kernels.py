@@ -39,6 +39,9 @@ SOLIDS = ("box", "cylinder", "cone", "sphere")  # of a sphere an ellipsoid
 PATTERNS = {
     "gradient": {"kind": "gradient", "start": 0.1, "end": 0.9},
     "noise": {"kind": "noise", "low": 0.1, "high": 0.9},
+    "perlin": {"kind": "perlin", "mapping": {"kind": "space"}},
+    "marble": {"kind": "marble"},
+    "dots": {"kind": "dots", "inside": 0.9, "outside": 0.1},
     "image": {"kind": "image", "file": str(Path(__file__).parents[2] / "docs" / "images" / "boards.png")},
 }
 LIGHTS = [
@@ -66,6 +69,7 @@ EVERY_MATERIAL = {
         "specular_color": IMAGE, "normal_map": {"file": IMAGE["file"]},
     },
     "mix": {"kind": "mix", "materials": ["metal", "plastic"]},
+    "bumpy": {"kind": "matte", "reflectance": 0.5, "bump": {"texture": PATTERNS["perlin"], "lengths": "u"}},
 }  # fmt: skip
 
 
@@ -74,6 +78,7 @@ LOSSES = ("LENS_FRESNEL", "LENS_LAYERS", "LENS_STACKS", "LENS_DARK_LAYERS", "LEN
 SURFACES = ("LENS_POSE", "LENS_MIRROR", "LENS_REGION", "LENS_GENERAL", "LENS_CONIC", "LENS_OUTLINE", "LENS_MASK")
 GLASS = {"LENS_SPLITS": 1}
 PHOTONS = {"CAUSTICS": 1}
+MEDIA = {"HAS_MEDIA": 1, "HAS_BOUNDARY": 1}
 READ = {"RAYS_FILE": "integrator/read_rays.h"}  # by the stream, or made there
 KEPT = {"RAYS_FILE": "integrator/kept_rays.h", "CAMERA_HAS_LENS": 1, "SAMPLER_LATTICE": 1}
 MADE = {"RAYS_FILE": "integrator/made_rays.h", "CAMERA_FILE": "camera/thin_lens.h", "APERTURE_PARTS": 9, "FILTER": 1024}
@@ -142,13 +147,22 @@ def test_warning_is_an_error(session, tmp_path):
 
 
 def test_scene_with_everything_turns_every_fact_on():
-    # one emitter is not many, few primitives are not either, the world is of one kind, and photons do not move
+    # one emitter is not many, few primitives are not either, the world is of one kind, photons do not move, and media
+    # have no solids with holes
     off = {name for name, value in all_facts().items() if not value}
-    assert off == {"ONE_EMITTER", "LENS_SPLITS", "FEW_PRIMITIVES", *PHOTONS}
+    assert off == {"ONE_EMITTER", "LENS_SPLITS", "FEW_PRIMITIVES", *PHOTONS, *MEDIA}
 
 
 LENS_PASSES = ("pass/generate.cl", "pass/trace_rays.cl", "pass/aim_rays.cl", "pass/trace_lens.cl")
-SCENE_PASSES = [name for name in PASSES if name not in (*LENS_PASSES, "pass/denoise.cl")]
+SCENE_PASSES = [name for name in PASSES if name not in (*LENS_PASSES, "pass/denoise.cl", "pass/travel.cl")]
+MEDIA_PASSES = [
+    "pass/travel.cl",
+    "pass/shade.cl",
+    "pass/shadow.cl",
+    "pass/stream.cl",
+    "pass/layers.cl",
+    "pass/sharp.cl",
+]
 
 
 @pytest.mark.parametrize("short", [0, 1])
@@ -163,6 +177,18 @@ def test_meshes_compile_for_trees_of_four(session, file, short):
 def test_pass_with_everything_compiles_alone_without_a_warning(session, file, lanes):
     facts = all_facts() | TREES | layer_facts(LAYER_NAMES) | GLASS | MADE | PHOTONS | {"VW": lanes}
     without_warnings(session, [file], facts)
+
+
+@pytest.mark.parametrize("lanes", [1, 8])
+@pytest.mark.parametrize("file", MEDIA_PASSES)
+def test_pass_with_media_and_everything_compiles_alone_without_a_warning(session, file, lanes):
+    without_warnings(session, [file], all_facts() | TREES | layer_facts(LAYER_NAMES) | MADE | MEDIA | {"VW": lanes})
+
+
+@pytest.mark.parametrize("bounded", [0, 1])
+@pytest.mark.parametrize("file", ["pass/travel.cl", "pass/shadow.cl", "pass/stream.cl"])
+def test_pass_with_media_alone_compiles_without_a_warning(session, file, bounded):
+    without_warnings(session, [file], least_facts() | READ | MEDIA | {"HAS_BOUNDARY": bounded, "VW": 8})
 
 
 @pytest.mark.parametrize("file", ["pass/intersect.cl", "pass/shadow.cl"])

@@ -19,7 +19,7 @@ from rptcam_cl.optics.coating import (
     QuarterWave,
     constant_reflectance,
 )
-from rptcam_cl.optics.ghosts import Ghosts, Lit, find_ghosts, ghost_image, unfold
+from rptcam_cl.optics.ghosts import NOWHERE, Entry, Ghosts, Lit, find_ghosts, ghost_image, together, unfold
 from rptcam_cl.optics.lens import Lens, system_matrix
 from rptcam_cl.optics.library import load_lens
 from rptcam_cl.optics.ray_trace import UNCOATED, axial_transmittance, with_coating
@@ -200,3 +200,15 @@ def test_ghosts_say_what_they_do_not_know() -> None:
     endless = replace(lens, surfaces=(replace(lens.surfaces[0], semi_diameter=np.inf), *lens.surfaces[1:]))
     with pytest.raises(InputError, match="needs a diameter"):
         find_ghosts(Lit(endless, 36.0))
+
+
+def test_pairs_whose_light_enters_by_a_small_part_of_a_wide_front_are_found() -> None:
+    lens = load_lens("fisheye-10mm")
+    lit = Lit(lens, lens.first_order().back_focal_distance_mm, Beam(20.0), 550.0, (36.0, 24.0))
+    found = {ghost.way: ghost.flux for ghost in find_ghosts(lit).ghosts}
+    entry = Entry(lens, lit.source)
+    front = entry.rays(*entry.everywhere(1 << 18))
+    for way in ((3, 1), (7, 1), (7, 3)):  # a quarter of all light
+        turns = np.tile([*way, NOWHERE], (len(front.cosines), 1))
+        whole = together(lit, replace(front, beam=replace(front.beam, rows=np.arange(len(turns)))), turns)
+        assert found[way] == pytest.approx(whole.light.sum(), rel=0.03)  # of 100 to 1900 rays

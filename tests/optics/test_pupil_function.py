@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics import field_measures, image_quality
+from rptcam_cl.optics import aberrations, image_quality
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.library import load_lens
 from rptcam_cl.optics.spot import Beam
@@ -206,7 +206,7 @@ def test_ray_fans_end_where_the_beam_does() -> None:
     """The end of the fan is the highest of 2001 rays along it that passes, within their steps."""
     use = image_quality.setting(load_lens("achromat-100mm"))
     lens, first = use.lens, use.lens.surfaces[0]
-    rows = field_measures.ray_fan(use, [0.0], [587.5618], 3).rows
+    rows = aberrations.ray_fan(use, [0.0], [587.5618], 3).rows
     edge = next(row["off_um"] for row in rows if row["pupil"] == 1.0 and row["tangential"])
     heights = np.linspace(0.9, 1.0, 2001) * first.semi_diameter
     rays = lens.trace(

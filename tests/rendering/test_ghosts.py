@@ -266,6 +266,23 @@ def test_a_lamp_has_the_ghosts_of_its_distance() -> None:
     assert centre_y(image["ghosts"]) == pytest.approx(y, abs=0.1)
 
 
+def test_a_softbox_has_the_ghosts_of_the_many_small_lamps_that_it_is_made_of() -> None:
+    def lit(columns: int, rows: int) -> Any:
+        side, height = 0.9 / columns, 0.7 / rows
+        material = {"kind": "emissive", "radiance": 50}
+        boxes = [
+            {"shape": "rectangle", "corner": [0.1 + x * side, 0.3 + y * height, -3], "edge_u": [side, 0, 0],
+             "edge_v": [0, height, 0], "material": material} for x in range(columns) for y in range(rows)
+        ]  # fmt: skip
+        lamp = sun(10.0) | {"irradiance": 0}
+        image = rptcam_cl.render(scene(lamp, objects=tuple(boxes), f_number=4, focus={"distance_m": 3}))
+        return image["ghosts"][..., 1].astype(np.float64)
+
+    whole, parts = lit(1, 1), lit(6, 5)
+    assert whole.sum() == pytest.approx(parts.sum(), rel=5e-3)
+    assert np.sqrt(np.mean((whole - parts) ** 2) / np.mean(parts**2)) < 0.02  # 16 points in its place: 0.3
+
+
 def test_ghosts_are_those_of_rays_traced_back_from_the_film() -> None:
     lens, film, sun_radius, rng = load_lens("biconvex"), 48.0, np.radians(3.0), np.random.default_rng(5)
     lens = replace(lens, surfaces=tuple(replace(surface, semi_diameter=3.0) for surface in lens.surfaces))

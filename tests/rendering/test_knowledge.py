@@ -12,8 +12,9 @@ from rptcam_cl.core.errors import NumericError
 from rptcam_cl.core.files import kernels_dir
 from rptcam_cl.device import programs
 from rptcam_cl.rendering.plan.materials import largest_albedo
-from rptcam_cl.scene.materials import Checker, Conductor, Dielectric, Emissive, Matte, Mix
+from rptcam_cl.scene.materials import Conductor, Dielectric, Emissive, Matte, Mix
 from rptcam_cl.scene.quantities import SpectralColour
+from rptcam_cl.scene.textures import Checker
 from tests.rendering.pictures import pixels
 from tests.rendering.test_determinism import LENS
 from tests.rendering.test_furnaces import lit_cavity

@@ -1,4 +1,4 @@
-"""Normal maps on every shape: the shaded normal against the derivatives of the shape's points by u and v."""
+"""Normal maps and bumps on every shape: the shaded normal against the derivatives of the shape's points by u and v."""
 
 import numpy as np
 import pytest
@@ -7,6 +7,7 @@ from PIL import Image
 from rptcam_cl.rendering.plan.primitives import turn_to
 from rptcam_cl.scene.placement import TransformStep, product
 from tests.rendering.layers.scenes import one_sample
+from tests.rendering.light.perlin import perlin
 from tests.rendering.pictures import MATTE, looking, scene_of, seed_of
 
 HALF_TURN = {"axis": [1, 2, 3], "degrees": 35}
@@ -86,18 +87,36 @@ SUN = np.array([0.5, -0.6, 0.9]) / np.linalg.norm([0.5, -0.6, 0.9])
 STEP = 1e-5
 
 
-def pictured(bodies):
-    """One ray per pixel to bodies that wear a constant map, under one sun; and the normal that the map's bytes hold."""
-    code = np.round((np.array(MAP) + 1) / 2 * 255).astype(np.uint8)
-    Image.fromarray(np.broadcast_to(code, (4, 4, 3)).copy()).save("lean.png")
-    material = MATTE | {"normal_map": {"file": "lean.png"}}
+def bumpy(bodies, lengths="surface"):
+    """One ray per pixel to bodies with the bumps of `height_of`, under one sun."""
+    texture = {"kind": "perlin", "octaves": 2, "gain": 0.4, "scale": [3, 2], "rotation_degrees": 20, "offset": [0.2, 0]}
+    return under_sun(bodies, {"bump": {"texture": texture, "height": 0.15, "lengths": lengths}}), None
+
+
+def height_of(u, v):
+    """The height of the bumps, in float64."""
+    turn = np.radians(20)
+    x = 3 * u * np.cos(turn) - 2 * v * np.sin(turn) + 0.2
+    y = 3 * u * np.sin(turn) + 2 * v * np.cos(turn)
+    places = np.stack([x, y, 0 * x])
+    return 0.15 * (perlin(places) + 0.4 * perlin(1.99 * places))
+
+
+def under_sun(bodies, normals):
+    material = MATTE | normals
     sun = {"kind": "directional", "direction": (-SUN).tolist(), "irradiance": [np.pi] * 3}
     camera = looking(EYE, [0, -1, 0], fov=78)
     scene = scene_of([body | {"material": material} for body in bodies], camera, depth=2, lights=[sun],
                      resolution=(640, 256))  # fmt: skip
+    return one_sample(scene, ["position", "geometric_normal", "uv", "object_id"], seed=seed_of("maps"))
+
+
+def pictured(bodies):
+    """One ray per pixel to bodies that wear a constant map, under one sun; and the normal that the map's bytes hold."""
+    code = np.round((np.array(MAP) + 1) / 2 * 255).astype(np.uint8)
+    Image.fromarray(np.broadcast_to(code, (4, 4, 3)).copy()).save("lean.png")
     held = code / 255 * 2 - 1
-    layers = ["position", "geometric_normal", "uv", "object_id"]
-    return one_sample(scene, layers, seed=seed_of("maps")), held / np.linalg.norm(held)
+    return under_sun(bodies, {"normal_map": {"file": "lean.png"}}), held / np.linalg.norm(held)
 
 
 @pytest.fixture(scope="module")
@@ -110,6 +129,15 @@ def everything(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(tmp_path_factory.mktemp("maps"))
         return pictured(bodies)
+
+
+@pytest.fixture(scope="module")
+def uneven():
+    """The same with bumps."""
+    return bumpy([
+        BODIES[name] | {"transform": [*PLACED[placed], {"translate": place.tolist()}]}
+        for (name, placed), place in PLACES.items()
+    ])  # fmt: skip
 
 
 def of(everything, name, placed):
@@ -131,9 +159,14 @@ def assert_lit_as_mapped(picture, seen, points, along_u, along_v, front, *, holl
     x /= np.linalg.norm(x, axis=-1, keepdims=True)
     y = np.cross(front, x)
     y *= np.sign(np.sum(y * along_v, axis=-1, keepdims=True))
+    assert_lit(image, seen, towards, held[0] * x + held[1] * y + held[2] * front, front, hollow=hollow)
+
+
+def assert_lit(image, seen, towards, bent, front, *, hollow=False, atol=3e-4):
+    """Fail unless every pixel shows the cosine of the sun to a bent normal, given on the side of the front."""
     facing = np.sign(np.sum(front * towards, axis=-1, keepdims=True))
-    bent, true = facing * (held[0] * x + held[1] * y + held[2] * front), facing * front
-    towards /= np.linalg.norm(towards, axis=-1, keepdims=True)
+    bent, true = facing * bent, facing * front
+    towards = towards / np.linalg.norm(towards, axis=-1, keepdims=True)
     # where neither the eye nor the sun stands behind the surface or behind the bent normal
     clear = np.minimum(bent @ SUN, true @ SUN) > 0.05
     clear &= np.minimum(np.sum(bent * towards, axis=-1), np.sum(true * towards, axis=-1)) > 0.05
@@ -141,7 +174,7 @@ def assert_lit_as_mapped(picture, seen, points, along_u, along_v, front, *, holl
         clear &= facing[:, 0] > 0
     film = np.asarray(image)[seen][:, 0]
     assert clear.sum() > 4
-    np.testing.assert_allclose(film[clear], (bent @ SUN)[clear], atol=3e-4)
+    np.testing.assert_allclose(film[clear], (bent @ SUN)[clear], atol=atol)
 
 
 @pytest.mark.parametrize("placed", PLACED)
@@ -178,3 +211,72 @@ def test_a_mesh_without_coordinates_takes_its_first_edge_for_u(everything, place
     along_u = np.broadcast_to(edges[0], front.shape)
     points = everything[0]["position"][seen]
     assert_lit_as_mapped(everything, seen, points, along_u, np.cross(front, along_u), front)
+
+
+@pytest.mark.parametrize("placed", PLACED)
+@pytest.mark.parametrize("shape", SHAPES)
+def test_bumps_turn_the_normal_as_the_heights_would_turn_the_surface(uneven, shape, placed):
+    seen, matrix = of(uneven, shape, placed)
+    image, surface = uneven[0], SHAPES[shape][1]
+    u, v = image["uv"][seen].astype(np.float64).T
+    along_u = (surface(u + STEP, v) - surface(u - STEP, v)) / (2 * STEP) @ matrix.T
+    along_v = (surface(u, v + STEP) - surface(u, v - STEP)) / (2 * STEP) @ matrix.T
+    across = np.cross(along_u, along_v)
+    front = across * np.sign(np.linalg.det(matrix)) * (-1 if shape in BACK_OF_UVS else 1)
+    front /= np.linalg.norm(front, axis=-1, keepdims=True)
+    by_u = (height_of(u + STEP, v) - height_of(u - STEP, v)) / (2 * STEP)
+    by_v = (height_of(u, v + STEP) - height_of(u, v - STEP)) / (2 * STEP)
+    # the derivatives of the displaced surface (Pharr, Jakob and Humphreys 2023, eq. 10.13, without its last term)
+    bent = np.cross(along_u + by_u[:, None] * front, along_v + by_v[:, None] * front)
+    bent *= np.sign(np.sum(bent * front, axis=-1, keepdims=True))
+    bent /= np.linalg.norm(bent, axis=-1, keepdims=True)
+    points = image["position"][seen].astype(np.float64)
+    # float32 of u and v and of differences over 2^-9 of the pattern
+    assert_lit(image, seen, EYE - points, bent, front, hollow=shape in HOLLOW, atol=2e-3)
+    flat = np.abs(bent @ SUN - front @ SUN)
+    assert flat.max() > 0.05
+
+
+HILLS = np.random.default_rng(4).random((6, 8))
+
+
+LENGTHS = {"surface": (3, 2), "unit": (1, 1), "u": (3, 3)}
+
+
+def hilly(kind, lengths="surface", sign=1):
+    """One ray per pixel to a floor of 3 by 2 cm with smooth hills, as heights or as normals of them, under one sun."""
+    u, v = LENGTHS[lengths]
+    rows, columns = (np.arange(size) / size * 2 * np.pi for size in (96, 128))
+    heights = sum(
+        HILLS[i, j] * np.cos(i * rows[:, None] + j * columns + 9 * HILLS[i, -j]) / (1 + i * i + j * j)
+        for i, j in np.ndindex(6, 8)
+    )
+    heights = (heights - heights.min()) / np.ptp(heights)
+    np.save("heights.npy", np.rint(65535 * heights[::-1]).astype(np.uint16))
+    along = (np.roll(heights, -1, 1) - np.roll(heights, 1, 1)) / 2 * 128
+    up = (np.roll(heights, -1, 0) - np.roll(heights, 1, 0)) / 2 * 96
+    height = 0.03 * u
+    normals = np.stack([-height * along / u, -height * up / v, np.ones_like(up)], axis=-1)
+    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+    np.save("normals.npy", np.rint((normals[::-1] + 1) / 2 * 65535).astype(np.uint16))
+    picture = {"kind": "image", "file": f"{kind}.npy", "color_space": "linear"}
+    worn = (
+        {"normal_map": picture}
+        if kind == "normals"
+        else {"bump": {"texture": picture, "height": sign * height, "lengths": lengths}}
+    )
+    floor = {"shape": "rectangle", "corner": [-1.5, -1, 0], "edge_u": [3, 0, 0], "edge_v": [0, 2, 0]}
+    camera = looking([0, 0, 3], [0, 0, 0], up=(0, 1, 0), fov=50)
+    sun = {"kind": "directional", "direction": (-SUN).tolist(), "irradiance": [np.pi] * 3}
+    scene = scene_of([floor | {"material": MATTE | worn}], camera, depth=2, lights=[sun], metres_per_unit=0.01)
+    return np.asarray(one_sample(scene, ["uv"], seed=seed_of("hills")))[..., 0]
+
+
+@pytest.mark.parametrize("lengths", LENGTHS)
+def test_bumps_are_as_the_normal_map_of_the_same_heights(tmp_path, monkeypatch, lengths):
+    monkeypatch.chdir(tmp_path)
+    bumps, normals = hilly("heights", lengths), hilly("normals", lengths)
+    assert np.ptp(normals[normals > 0]) > 0.15
+    # slopes between texels are linear, normals between them nearly
+    np.testing.assert_allclose(bumps, normals, atol=4e-3)
+    assert np.abs(hilly("heights", lengths, -1) - normals).max() > 0.1

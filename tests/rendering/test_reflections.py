@@ -15,9 +15,9 @@ from rptcam_cl.rendering.highlights import (
     lamps_among,
     may_reflect,
     occluded,
-    points_of,
     reflections,
 )
+from rptcam_cl.rendering.lamp_points import points_of
 from rptcam_cl.rendering.plan.materials import lobes_of
 from rptcam_cl.rendering.plan.mirror_faces import Faces, polished_faces
 from rptcam_cl.rendering.plan.plan import make_plan

@@ -70,32 +70,25 @@ from rptcam_cl.scene.lights import (
 from rptcam_cl.scene.load import load_scene, scene_json_schema
 from rptcam_cl.scene.materials import (
     AbsorbingMaterial,
-    AnisotropyMap,
     Attenuation,
-    Blend,
+    Boundary,
     BumpyMaterial,
-    Checker,
     Conductor,
     CoveringMaterial,
     Dielectric,
     Emissive,
-    Gradient,
-    Grid,
-    ImageTexture,
     Matte,
     MetalTable,
     Mirror,
     Mix,
-    Noise,
-    NormalMap,
     OpticalConstants,
-    Pattern,
     Plastic,
     Principled,
     RoughMaterial,
     ThinGlass,
     Translucent,
 )
+from rptcam_cl.scene.media import ScatteringMedium
 from rptcam_cl.scene.meshes import MeshObject, MeshSource, NamedMesh
 from rptcam_cl.scene.placement import (
     CameraKeyframe,
@@ -112,6 +105,22 @@ from rptcam_cl.scene.placement import (
 from rptcam_cl.scene.quantities import LightSpectrum, TabulatedSpectrum
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.scene.shapes import Board, Box, Cone, Cylinder, Disk, Plane, Rectangle, Sphere
+from rptcam_cl.scene.textures import (
+    AnisotropyMap,
+    Blend,
+    Bump,
+    Checker,
+    Dots,
+    Gradient,
+    Grid,
+    ImageTexture,
+    Mapping,
+    Marble,
+    Noise,
+    NormalMap,
+    Pattern,
+    Perlin,
+)
 
 # Sections of docs/scene.md: the model that each describes, and the sections that describe the keys that it shares.
 SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
@@ -159,6 +168,8 @@ SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
     "White balance": (WhiteBalance,),
     "Tone curve": (ToneCurve,),
     "Normal map": (NormalMap, "Every texture"),
+    "Bump": (Bump,),
+    "Mapping": (Mapping,),
     "Anisotropy map": (AnisotropyMap, "Every texture"),
     "Attenuation": (Attenuation,),
     "Matte": (Matte, "Holes", "Normals"),
@@ -173,10 +184,15 @@ SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
     "Principled": (Principled, "Holes", "Normals", "Absorption"),
     "Mix": (Mix, "Holes"),
     "Emissive": (Emissive,),
+    "Boundary": (Boundary,),
+    "Scattering medium": (ScatteringMedium,),
     "Checker": (Checker, "Every texture"),
     "Grid": (Grid, "Every texture"),
     "Gradient": (Gradient, "Every texture"),
     "Noise": (Noise, "Every texture"),
+    "Perlin": (Perlin, "Every texture"),
+    "Marble": (Marble, "Every texture"),
+    "Dots": (Dots, "Every texture"),
     "Image": (ImageTexture, "Every texture"),
     "Instances": (Instances,),
     "Visibility": (Visibility, "Camera visibility"),

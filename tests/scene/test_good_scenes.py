@@ -13,9 +13,10 @@ from rptcam_cl.core.strict_yaml import read_yaml
 from rptcam_cl.scene.camera import RealisticCamera, ThickLensCamera
 from rptcam_cl.scene.lights import ConstantEnvironment, GradientEnvironment
 from rptcam_cl.scene.load import load_scene
-from rptcam_cl.scene.materials import Checker, Grid, Matte
+from rptcam_cl.scene.materials import Matte
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.scene.shapes import Sphere
+from rptcam_cl.scene.textures import Checker, Grid
 from tests.support.counting import calls
 
 from .conftest import EVERYTHING, SMALL, Load

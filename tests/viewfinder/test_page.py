@@ -219,3 +219,16 @@ def test_changes_of_a_comparison_are_read_line_by_line(page: Page) -> None:
     assert page.evaluate(program, text) == changes
     with pytest.raises(Exception, match="equals sign"):
         page.evaluate(program, "f/8 please")
+
+
+def test_scopes_count_levels_by_column_and_colours_by_rec_709(page: Page) -> None:
+    """Of a picture of 2 x 1: black and white; colours at 75 % lie where the matrix of BT.709 has them."""
+    program = (
+        "async () => [...(await import('/scopes.js')).columnCounts([0, 0, 0, 255, 255, 255, 255, 255], 2, (r) => r, 4)]"
+    )
+    assert page.evaluate(program) == [0, 1, 0, 0, 0, 0, 1, 0]
+    program = "async (colour) => (await import('/scopes.js')).chroma(...colour)"
+    for red, green, blue in ((191, 0, 0), (0, 191, 191), (90, 90, 90)):
+        luma = 0.2126 * red + 0.7152 * green + 0.0722 * blue
+        wanted = [(blue - luma) / (2 * (1 - 0.0722)) / 255, (red - luma) / (2 * (1 - 0.2126)) / 255]
+        assert page.evaluate(program, [red, green, blue]) == pytest.approx(wanted, abs=1e-4)

@@ -184,6 +184,18 @@ def test_saved_scene_renders_to_the_same_bits(client: Page, tmp_path: Path) -> N
     assert np.array_equal(read_film(tmp_path / "shot.exr").pixels, image.pixels)
 
 
+def test_one_of_a_bracket_is_exposed_by_so_many_stops_more(client: Page, tmp_path: Path) -> None:
+    client.send("view", id=5, format="png")
+    client.frame(lambda header: header["kind"] == "picture" and header["spp"] == 8)
+    plain = {ev: client.ask(6 + ev, "save", format="png", name="a", ev=ev).data for ev in (0, 1)}
+    client.ask(10, "set", changes={"exposure.ev": 1.0})
+    client.frame(lambda header: header["kind"] == "picture" and header["spp"] == 8 and header["scale"] == 1)
+    brighter = client.ask(11, "save", format="png", name="a").data
+    one, other = (np.asarray(Pillow.open(io.BytesIO(data)), int) for data in (plain[1], brighter))
+    assert np.array_equal(one, other)
+    assert plain[0] != plain[1]
+
+
 def test_pictures_are_saved_as_they_are_shown(client: Page) -> None:
     client.frame(at_rest)
     client.ask(4, "view", format="png", overlays={"zebra": True}, zebra_level=0.0)

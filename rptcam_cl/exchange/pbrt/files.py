@@ -169,6 +169,8 @@ class Context:
         Textures by ``id`` that were converted before: one may be a part of many, and they of many more.
     pictures : dict
         Names of pictures that are written anew, by their path.
+    world : (4, 4) array
+        From the world of pbrt to that of the scene.
     """
 
     scene: PbrtScene
@@ -179,6 +181,7 @@ class Context:
     absent: list[str] = field(default_factory=list)
     known: dict[int, object] = field(default_factory=dict, repr=False)
     pictures: dict[str, str] = field(default_factory=dict, repr=False)
+    world: NDArray[np.float64] = field(default_factory=lambda: np.eye(4), repr=False)
 
     def approximated(self, entity: Entity, what: str, place: Place | None = None) -> None:
         """Report what of an entity the scene of ours has in another way; at a place of its own where one is given."""

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.core.colour import luminance
 from rptcam_cl.exchange.pbrt.files import Context, is_readable, picture_name
-from rptcam_cl.exchange.pbrt.textures import Array, Shade, number_shade, samples_of, shade, single, value
+from rptcam_cl.exchange.pbrt.textures import Array, Shade, heights, number_shade, samples_of, shade, single, value
 from rptcam_cl.exchange.pbrt.world import Entity, MaterialName
 from rptcam_cl.scene.materials import LARGEST_INDEX, LEAST_BEND, SMALLEST_INDEX
 
@@ -393,12 +393,11 @@ def convert_material(context: Context, material: Entity | None, depth: int = 0) 
 
 
 def _take_normal_map(context: Context, material: Entity, keys: Keys) -> None:
-    """Add the normal map of pbrt-v4 to keys of ours that take one; other bumps are left out."""
+    """Add bumps, or the normal map of pbrt-v4, to keys of ours that take them."""
     parameters = material.parameters
     for name in ("bumpmap", "displacement"):
         if parameters.has(name):
-            parameters.skip(name)
-            context.ignored(material, f"{name}; the surface stays smooth", parameters.items[name].place)
+            _take_bumps(context, material, keys, name)
     name = parameters.text("normalmap", "")
     if not name:
         return
@@ -410,6 +409,37 @@ def _take_normal_map(context: Context, material: Entity, keys: Keys) -> None:
         keys["normal_map"] = {"file": picture_name(context, path, place)}
     else:
         context.ignored(material, f"the normal map {name}", place)
+
+
+def _take_bumps(context: Context, material: Entity, keys: Keys, name: str) -> None:
+    texture, factor = heights(context, material, name)
+    if texture is None or factor == 0:
+        return
+    if keys["kind"] == "thin_glass":
+        context.ignored(material, f"{name}; the pane stays smooth", material.parameters.items[name].place)
+        return
+    if keys["kind"] == "mirror":
+        context.approximated(material, "with bumps as a conductor of alpha 0.001")
+        keys |= {"kind": "conductor", **alpha_keys((SMOOTH, SMOOTH))}
+    for part in keys.get("materials", [keys]):
+        if part["kind"] not in ("mirror", "thin_glass"):
+            part["bump"] = {"texture": texture, "height": factor}
+        else:
+            context.ignored(material, f"{name} of its part that is a {part['kind']}")
+
+
+def bumps_of_mesh(keys: Keys, version: int) -> Keys:
+    """Return keys of a material as pbrt shows it on a mesh with vertex normals.
+
+    Lengths on the surface do not count there. pbrt-v4 takes that of u for v as well. pbrt-v3 takes 1 for both, and both
+    directions reversed, so that heights over u and v go inwards (Triangle::Intersect).
+    """
+    if "materials" in keys:
+        return keys | {"materials": [bumps_of_mesh(part, version) for part in keys["materials"]]}
+    if "bump" not in keys or "mapping" in keys["bump"]["texture"]:
+        return keys
+    bump, sign = keys["bump"], 1 if version == 4 else -1
+    return keys | {"bump": bump | {"height": sign * bump["height"], "lengths": "u" if version == 4 else "unit"}}
 
 
 def _coated_diffuse(context: Context, material: Entity) -> Keys:

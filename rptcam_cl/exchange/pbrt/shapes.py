@@ -18,7 +18,7 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.exchange.pbrt.camera import Frame
 from rptcam_cl.exchange.pbrt.files import Context
-from rptcam_cl.exchange.pbrt.materials import convert_material, opacity_keys
+from rptcam_cl.exchange.pbrt.materials import bumps_of_mesh, convert_material, opacity_keys
 from rptcam_cl.exchange.pbrt.source import Parameters, Place, read_limited
 from rptcam_cl.exchange.pbrt.textures import lamp_radiance, number_shade
 from rptcam_cl.exchange.pbrt.world import (
@@ -792,6 +792,8 @@ class Objects:
             textured, oriented = False, not lamp.parameters.boolean("twosided", False)
         else:
             material = {**(material or {}), **opacity}
+            if "bump" in json.dumps(material) and self._has_vertex_normals(use.shape):
+                material = bumps_of_mesh(material, self.context.scene.version)
             textured, oriented = _is_textured(material), _has_front(material)
         piece = convert_shape(self.context, Placed(use, world, textured, oriented, shared))
         if piece is None:
@@ -822,6 +824,14 @@ class Objects:
         if id(entity) not in self._converted:
             self._converted[id(entity)] = entity, convert_material(self.context, entity)
         return self._converted[id(entity)][1]
+
+    def _has_vertex_normals(self, shape: Entity) -> bool:
+        """Return whether a shape is a mesh with normals or tangents of its vertices, or one that pbrt gives some."""
+        if shape.kind != "plymesh":
+            return shape.kind == "loopsubdiv" or shape.parameters.has("N") or shape.parameters.has("S")
+        name, place = shape.file_name()
+        path = self.context.find_or_note(name, place, "the object is left out")
+        return path is not None and _read_mesh(path, place).normals is not None
 
     def _opacity(self, use: ShapeUse) -> Keys:
         """Return the holes of a shape, which pbrt gives as ``alpha``."""
@@ -923,12 +933,13 @@ class Objects:
 def _has_front(material: Keys) -> bool:
     """Return whether the front of a material is not as its back: of bumps the back has dents."""
     parts = material.get("materials", ())
-    return material["kind"] in ONE_SIDED or "normal_map" in material or any(map(_has_front, parts))
+    uneven = "normal_map" in material or "bump" in material
+    return material["kind"] in ONE_SIDED or uneven or any(map(_has_front, parts))
 
 
 def _is_textured(value: Any) -> bool:
     """Return whether some part of a material is a texture."""
     if isinstance(value, dict):
-        is_texture = value.get("kind") in ("image", "checker") or "file" in value
+        is_texture = value.get("kind") in ("image", "checker", "dots") or "file" in value
         return is_texture or any(_is_textured(item) for item in value.values())
     return isinstance(value, list) and any(_is_textured(item) for item in value)

@@ -14,7 +14,7 @@ from rptcam_cl.core.colour import RGB_FROM_XYZ, SRGB_WHITE, WAVELENGTHS_NM, blac
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.exchange.pbrt.files import NOT_READ, READABLE, Context, is_readable, mean_colour, picture_name
 from rptcam_cl.exchange.pbrt.source import Parameter, read_limited
-from rptcam_cl.exchange.pbrt.world import Entity
+from rptcam_cl.exchange.pbrt.world import Entity, is_invertible, tidy
 from rptcam_cl.scene.assets.pictures import write_exr
 
 # Spectra and colours of other spaces as linear sRGB (ITU-R BT.709 primaries, white D65).
@@ -223,8 +223,11 @@ FILTERING = ("maxanisotropy", "trilinear", "filter")
 GREY = 0.5
 # Along each side of the picture of u and v.
 UV_TEXELS = 256
+# The colours of textures of ours that lie between two.
+ENDS = {"checker": ("even", "odd"), "perlin": ("low", "high"), "dots": ("outside", "inside")}
 # Nested deeper than textures are on purpose; a name that refers to itself never gets here.
 DEEPEST = 32
+MOST_OCTAVES = 12
 
 
 @dataclass(frozen=True, eq=False)
@@ -256,7 +259,7 @@ class Shade:
         texture = self.texture
         if texture is not None:
             texture = dict(texture)
-            for name in ("even", "odd"):
+            for name in (*ENDS.get(texture["kind"], ()), "tint"):
                 if name in texture:
                     texture[name] = np.clip(np.array(texture[name]) * factor, 0, 1).tolist()
             if texture["kind"] == "image":
@@ -320,6 +323,22 @@ def _convert_named(
     return known
 
 
+def heights(context: Context, entity: Entity, name: str, depth: int = 0) -> tuple[Keys | None, float]:
+    """Return the texture of a parameter that gives heights, and the factor on it; no texture where all are the same."""
+    item = entity.parameters.get(name, "texture", "float")
+    if item is None or item.kind == "float":
+        return None, entity.parameters.number(name, 1.0)
+    texture = entity.textures.get(("float", " ".join(str(text) for text in item.values)))
+    if texture is None or texture.kind != "scale" or depth > DEEPEST:
+        known = _convert_named(context, entity, item, "float", 0.0, depth)
+        return known.texture, 1.0 if known.texture is not None else float(known.colour.mean())
+    (first, one), (second, two) = (heights(context, texture, key, depth + 1) for key in _factor_names(texture))
+    if first is not None and second is not None:
+        context.approximated(texture, "the second texture as 0.5")
+        two *= 0.5
+    return first if first is not None else second, one * two
+
+
 def _grey(context: Context, texture: Entity, depth: int) -> Shade:
     texture.parameters.skip_all()
     context.approximated(texture, f"grey {GREY:g}")
@@ -334,15 +353,59 @@ def _constant(context: Context, texture: Entity, depth: int) -> Shade:
 
 
 def _bilinear(context: Context, texture: Entity, depth: int) -> Shade:
-    corners = {"v00": 0.0, "v01": 1.0, "v10": 0.0, "v11": 1.0}
-    colours = [shade(context, texture, name, default, depth).colour for name, default in corners.items()]
-    context.approximated(texture, "the mean of its corners")
-    return Shade(np.mean(colours, axis=0))
+    """Return a colour that is linear in u and in v: a picture of four texels, whose centres are the corners."""
+    corners = {"v01": 1.0, "v11": 1.0, "v00": 0.0, "v10": 0.0}  # the top row first
+    colours = np.array([shade(context, texture, name, default, depth).colour for name, default in corners.items()])
+    lying = _mapping(context, texture)
+    if np.ptp(colours, axis=0).max() == 0:
+        return Shade(colours[0])
+    write = partial(write_exr, {"RGB": colours.reshape(2, 2, 3).astype(np.float32)})
+    name = context.files.add("files", "corners.exr", write)
+    context.report.noted(
+        texture.place, f"{texture.what}: written as a picture, to {name}; beyond 0 to 1 its edges go on"
+    )
+    scale, offset = (np.array(lying.get(key, default)) for key, default in (("scale", [1, 1]), ("offset", [0, 0])))
+    lying |= {"scale": (scale / 2).tolist(), "offset": (offset / 2 + 0.25).tolist()}
+    return Shade(colours.mean(axis=0), {"kind": "image", "file": name, "wrap": "clamp"} | lying)
+
+
+def _texture_from_scene(context: Context, texture: Entity, *, placed: bool = True) -> Array | None:
+    """Return the matrix from the scene of ours to the frame of a texture; None, with a note, where there is none.
+
+    Parameters
+    ----------
+    placed
+        Whether the current transform where the texture was declared counts.
+    """
+    world = context.world @ texture.world_from_object if placed else context.world
+    if not is_invertible(world):
+        context.approximated(texture, "u and v in place of its own space, whose transform cannot be inverted")
+        return None
+    return np.asarray(np.linalg.inv(world))
+
+
+def _in_space(context: Context, texture: Entity, scale: float = 1.0) -> Keys:
+    """Return the mapping of a texture that lies in space, scaled by a factor."""
+    matrix = _texture_from_scene(context, texture)
+    return {} if matrix is None else {"mapping": {"matrix": tidy((np.diag([scale] * 3 + [1.0]) @ matrix)[:3])}}
 
 
 def _mapping(context: Context, texture: Entity) -> Keys:
     parameters = texture.parameters
     mapping = parameters.text("mapping", "uv")
+    if mapping in ("spherical", "cylindrical", "planar"):
+        parameters.skip("uscale", "vscale")
+        along = [[*parameters.vector(key, axis), parameters.number(shift, 0.0)] for key, axis, shift in (
+            ("v1", (1, 0, 0), "udelta"), ("v2", (0, 1, 0), "vdelta"))]  # fmt: skip
+        planar = mapping == "planar"
+        matrix = _texture_from_scene(context, texture, placed=not planar or context.scene.version == 4)
+        if matrix is None:
+            return {}
+        if mapping == "cylindrical" and context.scene.version != 4:
+            context.approximated(texture, 'the mapping "cylindrical" as pbrt-v4 has it, with z as it is')
+        if planar:
+            return {"mapping": {"matrix": tidy([*(along @ matrix), np.zeros(4)])}}
+        return {"mapping": {"kind": mapping, "matrix": tidy(matrix[:3])}}
     if mapping != "uv":
         parameters.skip("v1", "v2")
         context.approximated(texture, f'the mapping "{mapping}" as that of u and v')
@@ -393,25 +456,29 @@ def _encoding(context: Context, texture: Entity) -> Keys:
 
 
 def _checkerboard(context: Context, texture: Entity, depth: int) -> Shade:
-    if texture.parameters.integer("dimension", 2) != 2:
-        context.approximated(texture, "in u and v, not in space")
+    in_space = texture.parameters.integer("dimension", 2) == 3
     texture.parameters.skip("aamode")
     even, odd = (shade(context, texture, name, default, depth) for name, default in (("tex1", 1.0), ("tex2", 0.0)))
     if even.texture is not None or odd.texture is not None:
         context.approximated(texture, "its textures as one colour each")
     keys = {"kind": "checker", "even": even.colour.tolist(), "odd": odd.colour.tolist()}
-    return Shade((even.colour + odd.colour) / 2, keys | _mapping(context, texture))
+    lying = _in_space(context, texture) if in_space else _mapping(context, texture)
+    return Shade((even.colour + odd.colour) / 2, keys | lying)
 
 
 def _scale(context: Context, texture: Entity, depth: int) -> Shade:
     """Return the product of two textures: ``tex`` and ``scale`` in pbrt-v4, ``tex1`` and ``tex2`` in pbrt-v3."""
-    names = ("tex", "scale") if texture.parameters.has("tex") or texture.parameters.has("scale") else ("tex1", "tex2")
-    first, second = (_factor(context, texture, name, depth) for name in names)
+    first, second = (_factor(context, texture, name, depth) for name in _factor_names(texture))
     if first.texture is not None and second.texture is not None:
         context.approximated(texture, "the second texture as one colour")
     if first.texture is None:
         first, second = second, first
     return first.scaled(second.colour)
+
+
+def _factor_names(texture: Entity) -> tuple[str, str]:
+    named = texture.parameters.has("tex") or texture.parameters.has("scale")
+    return ("tex", "scale") if named else ("tex1", "tex2")
 
 
 def _factor(context: Context, texture: Entity, name: str, depth: int) -> Shade:
@@ -428,20 +495,67 @@ def _mix(context: Context, texture: Entity, depth: int) -> Shade:
     for part, other in ((first, 1 - amount.colour), (second, amount.colour)):
         if amount.texture is None and np.all(other == 1):
             return part
+    parts = (first, second, amount)
+    patterns = [part.texture for part in parts if part.texture is not None]
+    if len(patterns) == 1 and (ends := ENDS.get(patterns[0]["kind"])):
+        return Shade(_mixed(*(part.colour for part in parts)), patterns[0] | _mixed_ends(parts, ends))
     if any(part.texture is not None for part in (first, second, amount)):
         context.approximated(texture, "its textures as one colour each")
-    return Shade((1 - amount.colour) * first.colour + amount.colour * second.colour)
+    return Shade(_mixed(first.colour, second.colour, amount.colour))
+
+
+def _mixed(first: Array, second: Array, amount: Array) -> Array:
+    return np.asarray((1 - amount) * first + amount * second)
+
+
+def _mixed_ends(parts: tuple[Shade, ...], ends: tuple[str, str]) -> Keys:
+    """Return the two colours of a mixture of which one part lies between two."""
+    defaults = {"low": np.zeros(3), "high": np.ones(3)}
+    return {end: _mixed(*(part.colour if part.texture is None else np.array(part.texture.get(end, defaults.get(end)))
+                          for part in parts)).tolist() for end in ends}  # fmt: skip
 
 
 def _dots(context: Context, texture: Entity, depth: int) -> Shade:
-    """Return the mean of spots and ground: every other cell of u and v has a spot of radius 0.35."""
+    """Return spots on a ground; half of the cells of u and v have one, of radius 0.35."""
     inside, outside = (
-        shade(context, texture, name, default, depth).colour for name, default in (("inside", 1.0), ("outside", 0.0))
+        shade(context, texture, name, default, depth) for name, default in (("inside", 1.0), ("outside", 0.0))
     )
-    _mapping(context, texture)
-    context.approximated(texture, "the mean of its spots and their ground")
+    if inside.texture is not None or outside.texture is not None:
+        context.approximated(texture, "its textures as one colour each")
     spots = 0.5 * math.pi * 0.35**2
-    return Shade(spots * inside + (1 - spots) * outside)
+    keys = {"kind": "dots", "inside": inside.colour.tolist(), "outside": outside.colour.tolist()}
+    return Shade(spots * inside.colour + (1 - spots) * outside.colour, keys | _mapping(context, texture))
+
+
+def _noise(context: Context, texture: Entity, depth: int, form: str) -> Shade:
+    """Return noise in space; pbrt leaves out octaves that are finer than a pixel, ours has them all."""
+    lying, octaves, gain = _noise_keys(context, texture)
+    keys: Keys = {"kind": "perlin", **({} if form == "sum" else {"form": form}), **lying}
+    mean = 0.12 if form == "sum" else 0.03
+    if form != "wind":
+        keys |= {"octaves": octaves, "gain": gain}
+    if form == "turbulence":
+        mean = min(0.22 * sum(gain**octave for octave in range(octaves)) + 0.2 * gain**octaves, 1.0)
+    return Shade(np.full(3, mean), keys)
+
+
+def _noise_keys(context: Context, texture: Entity, scale: float = 1.0) -> tuple[Keys, int, float]:
+    parameters = texture.parameters
+    octaves = parameters.integer("octaves", 8)
+    gain = parameters.number("roughness", 0.5)
+    if not 1 <= octaves <= MOST_OCTAVES or not 0 <= gain <= 1:
+        context.approximated(texture, f"octaves cut to 1 … {MOST_OCTAVES}, roughness to 0 … 1")
+    return _in_space(context, texture, scale), min(max(octaves, 1), MOST_OCTAVES), min(max(gain, 0.0), 1.0)
+
+
+def _marble(context: Context, texture: Entity, depth: int) -> Shade:
+    """Return marble, as pbrt-v4 has it: pbrt-v3 goes beyond the ends of its colours."""
+    lying, octaves, gain = _noise_keys(context, texture, texture.parameters.number("scale", 1.0))
+    variation = texture.parameters.number("variation", 0.2)
+    if context.scene.version != 4:
+        context.approximated(texture, "its colours as those of pbrt-v4")
+    keys = {"kind": "marble", "octaves": octaves, "gain": gain, "variation": variation, **lying}
+    return Shade(np.array([0.805, 0.803, 0.84]), keys)
 
 
 def _coordinates(context: Context, texture: Entity, depth: int) -> Shade:
@@ -459,5 +573,6 @@ def _coordinates(context: Context, texture: Entity, depth: int) -> Shade:
 KINDS: dict[str, Callable[[Context, Entity, int], Shade]] = {
     "constant": _constant, "imagemap": _image, "checkerboard": _checkerboard, "scale": _scale, "mix": _mix,
     "bilerp": _bilinear, "dots": _dots, "uv": _coordinates,
-    **dict.fromkeys(("fbm", "wrinkled", "windy", "marble", "ptex", "directionmix"), _grey),
+    "fbm": partial(_noise, form="sum"), "wrinkled": partial(_noise, form="turbulence"),
+    "windy": partial(_noise, form="wind"), "marble": _marble, "ptex": _grey, "directionmix": _grey,
 }  # fmt: skip

@@ -43,9 +43,10 @@ from rptcam_cl.scene.lights import (
     SunLight,
     read_luminaire,
 )
-from rptcam_cl.scene.materials import Emissive, Material, Principled, Texture, has_holes
+from rptcam_cl.scene.materials import Emissive, Material, Principled, has_holes
 from rptcam_cl.scene.quantities import LARGEST_RADIANCE, Colour, cross
 from rptcam_cl.scene.scene import Scene
+from rptcam_cl.scene.textures import Texture
 
 # Lights without a surface as emitters: record and power of each.
 
@@ -565,7 +566,7 @@ def _has_tiny(records: NDArray[np.void], primitives: list[Primitive], eye: NDArr
 def pack_emitters(
     scene: Scene,
     primitives: list[Primitive],
-    first_triangles: Sequence[int],
+    first_triangles: NDArray[np.int32],
     textures: TextureTable,
     spectra: KnownSpectra,
     surroundings: Surroundings,
@@ -647,7 +648,7 @@ def _note_infinity(kinds: NDArray[np.int32], surroundings: Surroundings) -> None
 
 def _surface_emitters(
     primitives: list[Primitive],
-    first_triangles: Sequence[int],
+    first_triangles: NDArray[np.int32],
     eye: NDArray[np.float64],
     textures: TextureTable,
     spectra: KnownSpectra,

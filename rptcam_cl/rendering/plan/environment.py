@@ -325,14 +325,22 @@ CONTRAST = 50.0  # times the mean of the sphere, from which a texel is bright
 ACROSS_DEGREES = 1.0  # of the cells within which bright texels make one point
 
 
-def bright_parts(scene: Scene) -> tuple[Array, Array]:
-    """Return unit directions (n, 3) towards the bright parts of a scene's picture, and their irradiance (n, 3) [W/m2].
+_NO_PARTS = np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 2, 3))
 
-    There are none where the surroundings are no picture, or an even one.
+
+def bright_parts(scene: Scene) -> tuple[Array, Array, Array]:
+    """Return the bright parts of a scene's picture; none where the surroundings are no picture, or an even one.
+
+    Returns
+    -------
+    towards, irradiance : (n, 3) arrays
+        Unit directions towards them, and light across that [W/m2].
+    sides : (n, 2, 3) array
+        Of a square of directions about each, of its solid angle.
     """
     image = scene.environment
     if not isinstance(image, ImageEnvironment):
-        return np.zeros((0, 3)), np.zeros((0, 3))
+        return _NO_PARTS
     colours = TextureTable(scene).colours(image, "rgb", image.color_space)
     light = _linear(colours)
     height, width = light.shape[:2]
@@ -342,17 +350,23 @@ def bright_parts(scene: Scene) -> tuple[Array, Array]:
     bright = brightness > CONTRAST * np.average(brightness, weights=solid)
     rows, columns = np.nonzero(bright)
     if not len(rows):
-        return np.zeros((0, 3)), np.zeros((0, 3))
+        return _NO_PARTS
     angle = 2 * np.pi * ((columns + 0.5) / width - 0.5)
     up = elevation[rows]
     local = np.stack([np.cos(up) * np.sin(angle), np.sin(up), np.cos(up) * np.cos(angle)], axis=1)
     towards = local @ axes(image.up, image.rotation_degrees)
-    flux = image.gain * light[rows, columns] * (np.cos(up) * 2 * np.pi / width * np.pi / height)[:, None]
+    solid_angle = np.cos(up) * 2 * np.pi / width * np.pi / height
+    flux = image.gain * light[rows, columns] * solid_angle[:, None]
     cell = max(round(height * ACROSS_DEGREES / 180), 1)
     _, place = np.unique((rows // cell) * width + columns // cell, return_inverse=True)
     irradiance = np.stack([np.bincount(place, part) for part in flux.T], axis=1)
     middle = np.stack([np.bincount(place, part * luminance(flux)) for part in towards.T], axis=1)
-    return np.asarray(middle / np.linalg.norm(middle, axis=1)[:, None], np.float64), np.asarray(irradiance, np.float64)
+    towards = np.asarray(middle / np.linalg.norm(middle, axis=1)[:, None], np.float64)
+    across = np.cross(axes(image.up, image.rotation_degrees)[1], towards)
+    across /= np.maximum(np.linalg.norm(across, axis=1), 1e-12)[:, None]
+    size = np.sqrt(np.bincount(place, solid_angle))[:, None, None]
+    sides = size * np.stack([across, np.cross(towards, across)], axis=1)
+    return towards, np.asarray(irradiance, np.float64), sides
 
 
 def _linear(colours: Colours) -> Array:

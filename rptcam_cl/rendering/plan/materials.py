@@ -10,17 +10,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.core.records import MATERIAL, MATERIAL_TEXTURES, MaterialKind, fill
-from rptcam_cl.rendering.plan.textures import KnownSpectra, TextureTable, fill_index, metal_constants, metal_spectra
+from rptcam_cl.core.records import MATERIAL, MATERIAL_TEXTURES, ONCE_TERMS, BumpLengths, MaterialKind, fill
+from rptcam_cl.rendering.plan.textures import (
+    UNLIMITED,
+    KnownSpectra,
+    TextureTable,
+    fill_index,
+    metal_constants,
+    metal_spectra,
+)
 from rptcam_cl.scene.materials import (
     AbsorbingMaterial,
-    Blend,
     BumpyMaterial,
     Conductor,
     CoveringMaterial,
     Dielectric,
     Emissive,
-    ImageTexture,
     Material,
     Matte,
     MetalSpectrum,
@@ -29,12 +34,12 @@ from rptcam_cl.scene.materials import (
     OpticalConstants,
     Plastic,
     Principled,
-    Texture,
     ThinGlass,
     Translucent,
     alpha_pair,
 )
 from rptcam_cl.scene.quantities import LARGEST_RADIANCE, Colour, SpectralColour
+from rptcam_cl.scene.textures import Blend, ImageTexture, Texture
 
 # The largest share of light that any surface of a scene gives back: what bounds the light of long paths.
 
@@ -208,6 +213,80 @@ def cover_mean(cover: tuple[float, ...]) -> float:
     return float(sum(2 * c / ((i + 1) * (i + 2)) for i, c in enumerate(cover)))
 
 
+ONCE_GRID, ONCE_COSINES, ONCE_AZIMUTHS = 96, 24, 4  # of the quadrature, and where the polynomial is fitted
+
+
+def once_scattered(cosine: float, alpha: tuple[float, float], eta: float, azimuth: float, *, schlick: bool) -> float:
+    """Return the share of light from a direction that GGX facets of glass reflect or refract once.
+
+    Parameters
+    ----------
+    cosine
+        Of the direction to the normal.
+    alpha
+        GGX's alpha along and across.
+    eta
+        Index beyond the surface over that before it.
+    azimuth
+        Of the direction [rad].
+    schlick
+        Whether facets reflect after Schlick, by the angle outside, or after Fresnel.
+    """
+    stretch = np.array([*alpha, 1.0])
+    u, v = np.meshgrid(*[(np.arange(ONCE_GRID) + 0.5) / ONCE_GRID] * 2)
+    sine = np.sqrt(1 - cosine**2)
+    wi = np.array([sine * np.cos(azimuth), sine * np.sin(azimuth), cosine])
+    w = wi * stretch / np.linalg.norm(wi * stretch)
+    z = (1 - v) * (1 + w[2]) - w[2]
+    r = np.sqrt(np.clip(1 - z**2, 0, None))
+    h = np.stack([r * np.cos(2 * np.pi * u) + w[0], r * np.sin(2 * np.pi * u) + w[1], z + w[2]], axis=-1) * stretch
+    h /= np.linalg.norm(h, axis=-1, keepdims=True)
+    c = np.clip(h @ wi, 0.0, 1.0)
+    inside = np.sqrt(np.clip(1 - (1 - c**2) / eta**2, 0, None))
+    reflected, refracted = 2 * c[..., None] * h - wi, (c / eta - inside)[..., None] * h - wi / eta
+    share = fresnel(c, eta)
+    if schlick:
+        f0 = ((eta - 1) / (eta + 1)) ** 2
+        share = np.where(share >= 1, 1.0, f0 + (1 - f0) * _schlick(inside if eta < 1 else c))
+    own, up, down = (_smith_lambda(each, stretch) for each in (wi, reflected, refracted))
+    back = np.where(reflected[..., 2] > 0, share * (1 + own) / (1 + own + up), 0.0)
+    return float((back + np.where(refracted[..., 2] < 0, (1 - share) / (1 + down), 0.0)).mean())
+
+
+def _smith_lambda(w: Array, stretch: Array) -> Array:
+    sideways2 = ((w * stretch)[..., :2] ** 2).sum(axis=-1)
+    return np.asarray((np.sqrt(1 + sideways2 / np.maximum(w[..., 2] ** 2, 1e-30)) - 1) / 2)
+
+
+@lru_cache(maxsize=256)
+def once_polynomial(alpha: tuple[float, float], eta: float, *, schlick: bool) -> tuple[float, ...]:
+    """Return the coefficients in the root of the cosine of `once_scattered`, a mean over azimuths."""
+    cosines = ((np.arange(ONCE_COSINES) + 0.5) / ONCE_COSINES) ** 2
+    turns = np.arange(1 if alpha[0] == alpha[1] else ONCE_AZIMUTHS) * (np.pi / 2 / (ONCE_AZIMUTHS - 1))
+    shares = np.array([np.mean([once_scattered(c, alpha, eta, t, schlick=schlick) for t in turns]) for c in cosines])
+    powers = np.sqrt(cosines)[:, None] ** np.arange(ONCE_TERMS)
+    return tuple(map(float, np.linalg.lstsq(powers / shares[:, None], np.ones(ONCE_COSINES), rcond=None)[0]))
+
+
+def _fill_once(record: np.void) -> None:
+    """Write what facets of rough glass scatter once; a texture of roughness leaves all light to them."""
+    kind = int(record["kind"])
+    clear = kind == MaterialKind.PRINCIPLED and (record["transmission"] > 0 or record["transmission_texture"] >= 0)
+    if kind != MaterialKind.ROUGH_DIELECTRIC and not (clear and record["roughness_texture"] < 0):
+        return
+    alpha, index = (float(record["alpha"]), float(record["alpha_across"])), float(record["parameter"])
+    for name, eta in (("once_outside", index), ("once_inside", 1.0 / index)):
+        record[name] = once_polynomial(alpha, eta, schlick=clear)
+
+
+def scatters_again(records: NDArray[np.void]) -> bool:
+    """Return whether facets of any material lose light that they scatter more than once, unless it is added."""
+    kinds = (MaterialKind.CONDUCTOR, MaterialKind.METAL, MaterialKind.ROUGH_DIELECTRIC)
+    principled = records["kind"] == MaterialKind.PRINCIPLED
+    shares = [(records[name] > 0) | (records[f"{name}_texture"] >= 0) for name in ("metallic", "transmission", "coat")]
+    return bool(np.any(np.isin(records["kind"], kinds)) or np.any(principled & np.any(shares, axis=0)))
+
+
 @lru_cache(maxsize=256)
 def smooth_mean(index: float) -> float:
     """Return the share of even light that a smooth cover reflects from outside."""
@@ -281,7 +360,7 @@ def lobes_of(materials: NDArray[np.void], index: int, share: float = 1.0) -> Ite
     """
     record = materials[index]
     kind = MaterialKind(int(record["kind"]))
-    if record["opacity_texture"] >= 0 or record["normal_texture"] >= 0:
+    if max(record[f"{name}_texture"] for name in ("opacity", "normal", "bump")) >= 0:
         return
     share *= float(record["opacity"] if record["cutoff"] == 0 else record["opacity"] >= record["cutoff"])
     if kind is MaterialKind.MIX:
@@ -292,7 +371,7 @@ def lobes_of(materials: NDArray[np.void], index: int, share: float = 1.0) -> Ite
     alpha = float(np.sqrt(record["alpha"] * record["alpha_across"]))
     if kind in (MaterialKind.MIRROR, MaterialKind.THIN_GLASS, MaterialKind.DIELECTRIC, MaterialKind.PLASTIC):
         alpha = 0.0
-    elif kind in (MaterialKind.MATTE, MaterialKind.TRANSLUCENT, MaterialKind.EMISSIVE):
+    elif kind in (MaterialKind.MATTE, MaterialKind.TRANSLUCENT, MaterialKind.EMISSIVE, MaterialKind.BOUNDARY):
         return
     coloured = record["texture"] >= 0 and kind in (
         MaterialKind.CONDUCTOR, MaterialKind.METAL, MaterialKind.PRINCIPLED, *COVERS[:2]
@@ -423,6 +502,7 @@ class _Filler:
             depth = material.depth if isinstance(material, ThinGlass) else material.absorption
             fill(record, absorption=(*depth, self._spectra.number(depth)))
         self._coverage(record, material)
+        _fill_once(record)
 
     def _metal(self, record: np.void, metal: str | OpticalConstants | MetalSpectrum) -> None:
         """Write the index n + i k of a metal: of each channel, and of one that was measured the spectra."""
@@ -440,6 +520,11 @@ class _Filler:
         if isinstance(material, BumpyMaterial) and material.normal_map is not None:
             _, record["normal_texture"] = self._textures.slot(material.normal_map, limit=1.0)
             record["normal_strength"] = material.normal_map.strength
+        if isinstance(material, BumpyMaterial) and material.bump is not None:
+            _, record["bump_texture"] = self._textures.slot(material.bump.texture, limit=UNLIMITED)
+            in_units = material.bump.lengths == "unit" and material.bump.texture.mapping is None
+            record["bump_height"] = material.bump.height * (1.0 if in_units else self._textures.metres_per_unit)
+            record["bump_lengths"] = BumpLengths[material.bump.lengths.upper()]
 
     def _principled(self, record: np.void, material: Principled) -> None:
         self._colour(record, "color", "texture", material.base_color, 1.0)
@@ -495,7 +580,7 @@ def _facts(records: NDArray[np.void]) -> dict[str, int]:
     principled = records["kind"] == MaterialKind.PRINCIPLED
     clear = np.isin(records["kind"], (MaterialKind.DIELECTRIC, MaterialKind.ROUGH_DIELECTRIC, MaterialKind.PRINCIPLED))
     coated = principled & ((records["coat"] > 0) | (records["coat_texture"] >= 0))
-    flat = (records["coat_flat"] != 0) & (records["normal_texture"] >= 0)
+    flat = (records["coat_flat"] != 0) & ((records["normal_texture"] >= 0) | (records["bump_texture"] >= 0))
     clearing = records["transmission_texture"] >= 0
     glass = records[np.isin(records["kind"], (MaterialKind.DIELECTRIC, MaterialKind.ROUGH_DIELECTRIC))]
     white = np.array((1, 1, 1, 0), np.float32)
@@ -525,7 +610,17 @@ def _white(count: int) -> NDArray[np.void]:
     """Return records of materials of no kind: white, without textures or holes."""
     records = MATERIAL.zeros(count)
     white = (1.0, 1.0, 1.0)
-    fill(records, color=white, passed=white, specular_color=white, opacity=1.0, **dict.fromkeys(MATERIAL_TEXTURES, -1))
+    once = np.eye(1, ONCE_TERMS)[0]
+    fill(
+        records,
+        color=white,
+        once_outside=once,
+        once_inside=once,
+        passed=white,
+        specular_color=white,
+        opacity=1.0,
+        **dict.fromkeys(MATERIAL_TEXTURES, -1),
+    )
     return records
 
 

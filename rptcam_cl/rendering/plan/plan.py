@@ -36,7 +36,8 @@ from rptcam_cl.rendering.plan.emitters import (
     visible_lamps,
 )
 from rptcam_cl.rendering.plan.environment import Surroundings
-from rptcam_cl.rendering.plan.materials import LargestAlbedo, Materials, largest_albedo
+from rptcam_cl.rendering.plan.materials import LargestAlbedo, Materials, largest_albedo, scatters_again
+from rptcam_cl.rendering.plan.media import Media, boundaries, pack_media
 from rptcam_cl.rendering.plan.primitives import (
     Movements,
     Owners,
@@ -304,7 +305,12 @@ class Caustics:
 
 
 def pack_caustics(
-    scene: Scene, primitives: Sequence[Primitive], first_triangles: Sequence[int], emitters: Emitters
+    scene: Scene,
+    primitives: Sequence[Primitive],
+    first_triangles: NDArray[np.int32],
+    emitters: Emitters,
+    *,
+    has_media: bool,
 ) -> Caustics:
     """Return the caustics of a scene, inactive where it has none or leaves them off.
 
@@ -318,6 +324,8 @@ def pack_caustics(
         Of those that are meshes, in their order.
     emitters
         The lamps that light sampling chooses from.
+    has_media
+        Whether fog and its like leave less of a photon's light, for which photons do not know how.
 
     Raises
     ------
@@ -337,6 +345,8 @@ def pack_caustics(
         if wanted == "on":
             raise InputError("render.caustics: objects that move have none (allowed: off or auto, or objects at rest)")
         return _without("objects move")
+    if has_media:
+        return _without("media such as fog")
     eye = np.array(scene.camera.eye) * scene.metres_per_unit
     surfaces, areas, places = _surfaces(primitives, first_triangles, roles, eye)
     if wanted == "auto" and (reason := _left_to_paths(scene, primitives, emitters, surfaces, places)):
@@ -387,7 +397,10 @@ def _nothing_to_do(roles: NDArray[np.int32], emitters: Emitters) -> str | None:
 
 
 def _surfaces(
-    primitives: Sequence[Primitive], first_triangles: Sequence[int], roles: NDArray[np.int32], eye: NDArray[np.float64]
+    primitives: Sequence[Primitive],
+    first_triangles: NDArray[np.int32],
+    roles: NDArray[np.int32],
+    eye: NDArray[np.float64],
 ) -> tuple[NDArray[np.void], NDArray[np.float64], NDArray[np.float64]]:
     """Return the records of smooth glass and mirrors, their areas [m²], and of triangles the middles about the eye."""
     records, areas, places = [], [], []
@@ -530,7 +543,7 @@ def _nearest(surface: np.void, points: NDArray[np.float64]) -> NDArray[np.float6
 # What a plan says of a scene but for its camera: primitives, materials, lamps and surroundings.
 
 # What wants the frame of u and v.
-FRAMED = ("HAS_ANISOTROPY_TURN", "HAS_ANISOTROPY_MAP", "HAS_NORMAL_MAP", "HAS_COAT_NORMAL")
+FRAMED = ("HAS_ANISOTROPY_TURN", "HAS_ANISOTROPY_MAP", "HAS_NORMAL_MAP", "HAS_COAT_NORMAL", "HAS_BUMP")
 FEW = 16  # primitives, as many as lanes that a processor permutes at once
 
 
@@ -539,8 +552,9 @@ def _world(scene: Scene, parts: PlanParts) -> dict[str, Any]:
     far, named = (scene.lights, scene.environment), (tuple(scene.materials), tuple(scene.materials.values()))
     solids, references = parts.part("solids", (scene.objects, named, far), lambda: _solids(scene, far))
     files = tuple(map(scene.digest_of, references))
+    light = scene.medium, getattr(scene.camera, "ghosts", "off"), scene.render.multiple_scattering
     caustics = scene.render.caustics, "caustics" in scene.render.model_fields_set, scene.render.clamp is None
-    about = scene.camera.eye, scene.metres_per_unit, scene.shutter, caustics, scene.film.transparent
+    about = scene.camera.eye, scene.metres_per_unit, scene.shutter, caustics, scene.film.transparent, light
     of = scene.objects, solids, named, far, files, about
     return parts.part("world", of, lambda: _pack_world(scene, parts, files))
 
@@ -557,21 +571,23 @@ def _pack_world(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> dict[
     primitives, meshes = with_meshes(scene_primitives(scene, parts), scene, parts)
     materials = {id(primitive.material): primitive.material for primitive in primitives}.values()
     seen = parts.appearance(scene, materials, files)
-    table, spectra, shown, surroundings = seen.table, seen.spectra, seen.shown, seen.surroundings
-    first_triangles = meshes.first_triangles if meshes else ()
+    table, spectra, surroundings = seen.table, seen.spectra, seen.surroundings
+    media, shown = pack_media(scene, primitives, seen.shown, spectra)
+    first_triangles = meshes.first_triangles if meshes else np.zeros(0, np.int32)
     emitters = pack_emitters(scene, primitives, first_triangles, table, spectra, surroundings)
     eye_m = np.array(scene.camera.eye) * scene.metres_per_unit
-    textures = parts.textures(seen)
+    textures = parts.textures(seen).seen_from(scene.camera.eye)
     records, kind_end = pack_primitives(primitives, shown.index, emitters.of_primitive, meshes)
     movements = pack_movements(scene, primitives)
-    caustics = pack_caustics(scene, primitives, first_triangles, emitters)
-    hidden = np.array([primitive.hidden for primitive in primitives] or [0], np.int32)
-    facts = caustics.facts | shown.facts | textures.facts | emitters.facts | movements.facts
+    caustics = pack_caustics(scene, primitives, first_triangles, emitters, has_media=media.active)
+    hidden = np.array([primitive.hidden for primitive in primitives] or [0], np.int32) | boundaries(primitives)
+    facts = media.facts | caustics.facts | shown.facts | textures.facts | emitters.facts | movements.facts
     facts |= _facts_of_shapes(primitives, meshes, shown.facts) | {
         "ENVIRONMENT": int(surroundings.kind),
         "FEW_PRIMITIVES": int(len(primitives) <= FEW),
         "HUGE_SPHERES": int(has_huge_sphere(primitives)),
         "HAS_HIDDEN": int(hidden.any()),
+        "FACET_ENERGY": int(scene.render.multiple_scattering and scatters_again(shown.records)),
         "HIDDEN_SKY": int(_hides_sky(scene)),
         "LAMPS_BY_SAMPLES": int(by_samples_alone(primitives, emitters)),
     }
@@ -588,10 +604,11 @@ def _pack_world(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> dict[
         "emitters": emitters,
         "surroundings": surroundings,
         "caustics": caustics,
+        "media": media,
         "meshes": meshes,
         "owners": owners_of(scene, primitives),
         "eye_m": eye_m,
-        "albedo": largest_albedo(materials),
+        "albedo": "media scatter light on and on" if media.active else largest_albedo(materials),
         "lamps": visible_lamps(primitives, eye_m, table),
     }
 
@@ -607,7 +624,7 @@ def _facts_of_shapes(
     """Find which kinds of primitives there are, and what their surfaces require beside positions and normals."""
     kinds = {primitive.kind for primitive in primitives}
     is_smooth = any(primitive.mesh is not None and primitive.mesh.normals is not None for primitive in primitives)
-    bumpy = materials["HAS_NORMAL_MAP"] or materials["HAS_COAT_NORMAL"]
+    bumpy = materials["HAS_NORMAL_MAP"] or materials["HAS_COAT_NORMAL"] or materials["HAS_BUMP"]
     return {f"HAS_{kind.name}": int(kind in kinds) for kind in Kind} | {
         "HAS_TANGENT": int(materials["HAS_ANISOTROPY"] or any(materials[name] for name in FRAMED)),
         "HAS_BITANGENT": int(any(materials[name] for name in FRAMED)),
@@ -638,6 +655,7 @@ class Plan:
     emitters: Emitters
     surroundings: Surroundings
     caustics: Caustics
+    media: Media
     primitive_count: int
     meshes: PackedMeshes | None
     owners: Owners

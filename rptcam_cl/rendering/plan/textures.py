@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import warnings
 from collections.abc import Callable
-from dataclasses import field
+from dataclasses import field, replace
 from functools import lru_cache
 from typing import Any, Literal
 
@@ -21,6 +21,8 @@ from rptcam_cl.core.records import (
     DISPERSION_SCALE,
     DISPERSION_SHIFT,
     TEXTURE,
+    Mapped,
+    PerlinForm,
     TexelFormat,
     TextureKind,
     Wrap,
@@ -31,9 +33,10 @@ from rptcam_cl.optics.glass import held_index, known_range
 from rptcam_cl.rendering.cameras.lens_records import fewest_terms, fit_nodes
 from rptcam_cl.scene.assets.pictures import Picture, read_picture
 from rptcam_cl.scene.base import FileReference
-from rptcam_cl.scene.materials import Dielectric, ImageTexture, MetalSpectrum, Noise, Texture
+from rptcam_cl.scene.materials import Dielectric, MetalSpectrum
 from rptcam_cl.scene.quantities import SpectralColour
 from rptcam_cl.scene.scene import Scene
+from rptcam_cl.scene.textures import Dots, ImageTexture, Marble, Noise, Perlin, Texture
 
 #
 # Spectra that the scene's colours are known by, constants of its metals, indices of its solids.
@@ -267,6 +270,19 @@ class Colours:
 
 # Textures of the scene as records.
 
+# Ken Perlin, «Improving noise», SIGGRAPH 2002: the permutation of its reference implementation.
+PERMUTATION = bytes.fromhex(
+    "97a0895b5a0f830dc95f6035c2e907e18c24671e458e086325f0150a17be0694f778ea4b001ac53e5efcdbcb75230b2039b12158"
+    "ed953857ae147d88aba844af4aa547868b301ba64d929ee7536fe57a3cd385e6dc695c29372ef528f4668f3641193fa101d85049"
+    "d14c84bbd05912a9c8c4878274bc9f56a4646dc6adba034034d9e2fa7c7b05ca2693767eff5255d4cfce3be32f103a11b6bd1c2a"
+    "dfb7aad577f898022c9aa346dd99659ba72bac09811627fd13626c6e4f71e0e8b2b97068daf661e4fb22f2c1eed2900cbfb3a2f1"
+    "513391ebf90eef6b31c0d61fb5c76a9db854ccb07379322d7f0496fe8aeccd5dde72431d1848f38d80c34e42d73d9cb4"
+)
+# The colours of marble: control points of six cubic pieces in a row, 1.5 times those that Pharr, Jakob and Humphreys
+# 2016, section 10.6.5, have, as they do.
+_STONE, _DULL, _WARM, _VEIN = (0.87, 0.87, 0.9), (0.75, 0.75, 0.75), (0.9, 0.885, 0.87), (0.3, 0.3, 0.495)
+MARBLE = np.array([_STONE, _STONE, _STONE, _DULL, _WARM, _STONE, _STONE, _VEIN, _STONE], np.float32)
+
 Colour = tuple[float, float, float]
 BLACK: Colour = (0.0, 0.0, 0.0)
 UNLIMITED = float(np.finfo(np.float32).max)
@@ -284,11 +300,24 @@ class Textures:
         Texels of all pictures, see ``kernels/material/image.h``.
     facts : dict
         Which kinds of texture there are.
+    metres_per_unit : float
+        Of the scene.
     """
 
     records: NDArray[np.void]
     texels: NDArray[np.uint32]
     facts: dict[str, int]
+    metres_per_unit: float
+
+    def seen_from(self, eye: Colour) -> Textures:
+        """Return these with what lies in the scene about the camera's eye, where the kernels' world has its origin."""
+        if not self.facts["HAS_MAPPING"]:
+            return self
+        records = self.records.copy()
+        unit = self.metres_per_unit
+        for name in ("row_x", "row_y", "row_z"):
+            records[name][:, 3] += np.float32(records[name][:, :3].astype(np.float64) @ (np.array(eye) * unit))
+        return replace(self, records=records)
 
 
 class TextureTable:
@@ -296,6 +325,7 @@ class TextureTable:
 
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
+        self.metres_per_unit = scene.metres_per_unit
         self._pictures: dict[str, Picture] = {}
         self._places: dict[str, int] = {}  # the word where the texels of a picture start
         self._words: list[NDArray[np.uint32]] = []
@@ -354,8 +384,9 @@ class TextureTable:
             records[index] = record
         kinds = {int(self._records[index]["kind"]) for index in self._index.values()}  # what materials show
         facts = {f"HAS_{kind.name}": int(kind in kinds) for kind in TextureKind} | {"HAS_TEXTURE": int(bool(kinds))}
+        facts["HAS_MAPPING"] = int(np.any(records["mapping"] != Mapped.UV))
         words = np.concatenate([*self._words, np.zeros(4, np.uint32)])  # kernels load four at a time
-        return Textures(records, words, facts)
+        return Textures(records, words, facts, self.metres_per_unit)
 
     def colours(self, reference: FileReference, channel: str, space: Literal["auto", "srgb", "linear"]) -> Colours:
         """Return the colours of the picture that a part of the scene names, or one of its channels as a grey.
@@ -418,6 +449,9 @@ class TextureTable:
     def _record(self, texture: Texture, limit: float) -> np.void:
         row_u, row_v = _map_uv(texture)
         record: np.void = TEXTURE.one(row_u=row_u, row_v=row_v)[0]
+        if texture.mapping is not None:
+            rows = np.array(texture.mapping.matrix[:3]) / np.array([*[self.metres_per_unit] * 3, 1.0])
+            fill(record, mapping=Mapped[texture.mapping.kind.upper()], row_x=rows[0], row_y=rows[1], row_z=rows[2])
         if isinstance(texture, ImageTexture):
             colours = self.colours(texture, texture.channel, texture.color_space)
             wrap = _WRAPS[texture.wrap]
@@ -428,8 +462,23 @@ class TextureTable:
         fill(record, kind=TextureKind[texture.kind.upper()], parameter=texture.parameter, a=first, b=second)
         if isinstance(texture, Noise):
             fill(record, contrast=texture.contrast, octaves=texture.octaves, seed=texture.seed)
+        if isinstance(texture, Perlin | Marble | Dots):
+            record["first"] = self._table()
+        if isinstance(texture, Perlin):
+            fill(record, octaves=texture.octaves, form=PerlinForm[texture.form.upper()])
+        if isinstance(texture, Marble):
+            fill(record, octaves=texture.octaves, variation=texture.variation, a=texture.tint)
         self._means.append((1 - texture.share) * np.array(first) + texture.share * np.array(second))
         return record
+
+    def _table(self) -> int:
+        """Return the word where the permutation of Perlin's noise and the colours of marble start."""
+        if "Perlin" not in self._places:
+            self._places["Perlin"] = self._word_count
+            permutation = np.frombuffer(2 * PERMUTATION, np.uint8).astype(np.uint32)
+            self._words.append(np.concatenate([permutation, MARBLE.view(np.uint32).ravel()]))
+            self._word_count += len(self._words[-1])
+        return self._places["Perlin"]
 
     def _image(self, colours: Colours, gain: float | tuple[float, float, float]) -> dict[str, Any]:
         """The members of an image's record that say its picture, whose mean is noted."""

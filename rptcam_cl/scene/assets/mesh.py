@@ -79,6 +79,10 @@ class FileMaterial:
         Opacity from which on the surface is there; None where it is there by that share.
     normals : FileTexture or None
         Normals in the tangent frame.
+    bumps : FileTexture or None
+        Heights in place of normals, or a picture of normals that a file calls heights.
+    bumps_height : float
+        Of a white texel over a black one [texels].
     emission : (red, green, blue)
         Radiance, linear.
     both_sides : bool
@@ -129,6 +133,8 @@ class FileMaterial:
     opacity_texture: FileTexture | None = None
     opacity_cutoff: float | None = None
     normals: FileTexture | None = None
+    bumps: FileTexture | None = None
+    bumps_height: float = 1.0
     normals_strength: float = 1.0
     emission: Colour = (0.0, 0.0, 0.0)
     emission_texture: FileTexture | None = None

@@ -82,6 +82,8 @@ class _Material:
             opacity=self._share("d", 1.0) if "d" in self._lines else min(1.0, max(0.0, 1 - self._number("tr", 0.0))),
             opacity_texture=self._texture("map_d"),
             normals=self._texture("norm") or self._texture("map_norm"),
+            bumps=self._texture("map_bump") or self._texture("bump"),
+            bumps_height=self._factor("map_bump" if "map_bump" in self._lines else "bump", "-bm"),
             emission=self._colour("ke", (1.0,) * 3 if "map_ke" in self._lines else (0.0,) * 3, most=math.inf),
             emission_texture=self._texture("map_ke"),
             both_sides=True,
@@ -121,6 +123,9 @@ class _Material:
         red, green, blue = (min(most, max(0.0, value)) for value in ([*values] * 3 if len(values) < 3 else values)[:3])
         return (red, green, blue)
 
+    def _factor(self, key: str, option: str) -> float:
+        return _options(self._lines[key][1])[0].get(option, (1.0, 0.0))[0] if key in self._lines else 1.0
+
     def _texture(self, key: str) -> mesh.FileTexture | None:
         if key not in self._lines:
             return None
@@ -145,7 +150,7 @@ def _options(words: list[str]) -> tuple[dict[str, tuple[float, float]], str]:
         values = words[place + 1 : place + 1 + OPTIONS[option]]
         if option in UP_TO:
             values = values[: next((n for n, word in enumerate(values) if not _is_number(word)), len(values))]
-        if option in ("-s", "-o") and values:
+        if option in ("-s", "-o", "-bm") and values and _is_number(values[0]):
             default = 1.0 if option == "-s" else 0.0
             options[option] = (float(values[0]), float(values[1]) if len(values) > 1 else default)
         elif option == "-clamp" and values == ["on"]:

@@ -2,7 +2,7 @@
 
 import { Compare } from "./compare.js";
 import { Dials } from "./dials.js";
-import { choice, h, toggle } from "./dom.js";
+import { button, choice, h, toggle } from "./dom.js";
 import { exposurePanel, histogramView, meterNeedle, meterText, Overlays } from "./exposure.js";
 import { Focus } from "./focus.js";
 import { Gestures, TOOLS } from "./gestures.js";
@@ -12,10 +12,14 @@ import { helpSheet, listen } from "./keys.js";
 import { LensView } from "./lens.js";
 import { Link } from "./link.js";
 import { Magnifier } from "./magnifier.js";
+import { distance } from "./numbers.js";
 import { Out } from "./out.js";
+import { Scopes } from "./scopes.js";
 import { Stage } from "./stage.js";
 import { Status } from "./status.js";
 import { Tabs } from "./tabs.js";
+import { Things } from "./things.js";
+import { Time } from "./time.js";
 import { Toasts } from "./toasts.js";
 
 export class Viewfinder {
@@ -29,15 +33,19 @@ export class Viewfinder {
     this.dials = new Dials(this.link);
     this.overlays = new Overlays(this.link, this.stage);
     this.magnifier = new Magnifier(this.link, this.stage);
-    this.focus = new Focus(this.link, this.stage, this.overlays);
+    this.focus = new Focus(this.link, this.stage, this.overlays, this.dials);
     this.compare = new Compare(this.link, this.stage);
     this.guides = new Guides(this.link, this.stage);
     this.lens = new LensView(this.link);
     this.history = new History(this.link);
+    this.things = new Things(this.link, this.stage, this.dials);
+    this.time = new Time(this.link, this.dials);
     this.out = new Out(this.link, this.toasts);
     this.help = helpSheet(root);
     this.gestures = new Gestures(this.stage, this.link, { pointed: (point) => this.pointed(point), clicked: (point) => this.clicked(point) });
+    this.scopes = new Scopes(this.link, this.stage, histogramView(this.link));
     this.meterTag();
+    this.inFinder();
     this.scaleKey();
     root.classList.add("vf");
     root.replaceChildren(this.body());
@@ -52,17 +60,18 @@ export class Viewfinder {
 
   body() {
     this.tools = choice("What a drag does", TOOLS, (tool) => this.gestures.use(tool), { value: "tilt", name: "tool" });
-    const foot = this.foot = h("div", { class: "vf-foot" },
+    const foot = this.foot = h("section", { class: "vf-foot", "aria-label": "Camera" },
       h("div", { class: "vf-tools" }, this.tools, meterNeedle(this.link), h("span", { class: "vf-wheel" }),
+        button("Full", () => this.fill(), { key: "F", name: "full", title: "Full screen: the picture alone" }),
         h("button", { type: "button", class: "vf-button vf-ask", "aria-label": "Keys", "data-name": "help", on: { click: () => this.help.open() } }, "?")),
-      this.status.messages, this.dials.strip);
+      this.status.messages, this.time.strip, this.dials.strip);
     this.link.on("state", ({ wheel, paused }) => {
       if (paused === this.pausing) this.pausing = null; // until then more presses go by what was asked
       const words = foot.querySelector(".vf-wheel");
       words.textContent = words.title = wheel?.text ? `Wheel: ${wheel.text}` : "";
     });
     this.tabs = new Tabs("Instruments", this.panels(), () => this.wanted());
-    const side = this.side = h("aside", { class: "vf-side", "aria-label": "Instruments" }, histogramView(this.link), this.tabs.element);
+    const side = this.side = h("aside", { class: "vf-side", "aria-label": "Instruments" }, this.scopes.element, this.tabs.element);
     return h("div", { class: "vf-body" }, this.status.element, h("main", { class: "vf-main" }, this.toasts.fault, this.stage.element, this.toasts.element), foot, side, this.help.element);
   }
 
@@ -77,6 +86,8 @@ export class Viewfinder {
       { name: "lens", label: "Lens", element: this.lens.panel() },
       { name: "guides", label: "Guides", element: this.guides.panel() },
       { name: "compare", label: "Compare", element: this.compare.panel() },
+      { name: "things", label: "Light", element: this.things.panel() },
+      { name: "time", label: "Time", element: this.time.panel() },
       { name: "history", label: "History", element: this.history.panel() },
       { name: "out", label: "Save", element: this.out.panel() },
     ];
@@ -100,6 +111,7 @@ export class Viewfinder {
 
   /** Ask for the data of the panels in sight; those that are not cost nothing. */
   wanted() {
+    this.time.offer(this.tabs?.name === "time");
     const panels = ["histogram", "meter", ...(this.tabs?.name === "lens" ? ["lens"] : [])];
     if (this.link.isOpen) this.link.tell("view", { panels });
   }
@@ -113,7 +125,12 @@ export class Viewfinder {
 
   clicked(point) {
     this.stage.element.focus({ preventScroll: true });
-    this.focus.at(point);
+    if (this.gestures.tool === "select") {
+      this.tabs.select("things");
+      this.things.select(point);
+    } else {
+      this.focus.at(point);
+    }
   }
 
   /** The meter's reading, beside the pointer. */
@@ -144,6 +161,37 @@ export class Viewfinder {
       return band;
     })));
     this.overlays.changed = () => { key.hidden = !this.overlays.on.false_colour; };
+  }
+
+  /** What an electronic viewfinder writes into the picture, while nothing else is in sight. */
+  inFinder() {
+    const words = h("span", { "data-name": "evf" });
+    const back = button("Panels", () => this.bare(false), { key: "h", name: "panels" });
+    back.addEventListener("pointerdown", (event) => event.stopPropagation()); // it is no drag on the picture
+    this.stage.over.append(h("div", { class: "vf-evf", role: "group", "aria-label": "Settings" }, words, back));
+    this.link.on("state", ({ dials, focus }) => {
+      const text = (name) => dials.find((dial) => dial.name === name)?.text;
+      const mode = dials.find((dial) => dial.name === "mode")?.value;
+      words.replaceChildren(...[mode?.length === 1 && mode, text("shutter_s"), text("f_number"), text("iso"), text("ev"), text("focus_m"), text("zoom")].filter(Boolean).map((each) => h("span", {}, each)));
+      if (focus !== undefined) this.dials.hint("focus_m", focus?.hyperfocal_m ? `H\u00a0${distance(Number(focus.hyperfocal_m.toPrecision(2)))}` : "");
+    });
+    document.addEventListener("fullscreenchange", () => {
+      if (!document.fullscreenElement) this.bare(false);
+    });
+  }
+
+  /** Hide the panels, or show them again. */
+  bare(hidden = !this.root.classList.contains("vf-bare")) {
+    this.root.classList.toggle("vf-bare", hidden);
+    if (!hidden && document.fullscreenElement) document.exitFullscreen();
+    this.stage.element.focus({ preventScroll: true });
+  }
+
+  /** Fill the screen with the picture, or end that. */
+  fill() {
+    const wanted = !document.fullscreenElement;
+    if (wanted) this.root.requestFullscreen?.().catch(() => {}); // without leave of the browser the panels hide all the same
+    this.bare(wanted);
   }
 
   use(number) {

@@ -54,12 +54,16 @@ export class Dial {
   show(description, inHand = undefined) {
     this.dial = description;
     this.steps = stepsOf(description);
-    this.label.textContent = capital(description.label);
+    this.showLabel();
     this.element.classList.toggle("vf-linked", Boolean(description.linked));
     this.knob.setAttribute("aria-disabled", String(!description.enabled));
-    this.knob.title = `${this.label.textContent}: ${description.linked || "drag, turn the wheel or press Enter to type"}`;
+    this.knob.title = `${capital(description.label)}: ${description.linked || "drag, turn the wheel or press Enter to type"}`;
     if (inHand === undefined) this.display(description.value, description.text);
     else this.display(inHand);
+  }
+
+  showLabel() {
+    this.label.replaceChildren(capital(this.dial.label), this.hint ? h("span", { class: "vf-dial-hint" }, this.hint) : "");
   }
 
   display(value, text = null) {

@@ -92,6 +92,7 @@ export class Dials {
     this.latest = new Map();
     this.strip = h("div", { class: "vf-dials", role: "group", "aria-label": "Dials" });
     this.others = h("div", { class: "vf-others" });
+    this.things = h("div", { class: "vf-others" }); // of what is selected
     link.on("link", () => this.hands.clear()); // what was under way is lost
     link.on("hello", (message) => this.show(message.dials ?? []));
     link.on("state", ({ dials = [], answers }) => this.show(dials, answers ?? 0));
@@ -117,7 +118,7 @@ export class Dials {
     control.element.dataset.place = place;
     this.known.set(name, control);
     if (place < 0) {
-      this.others.append(control.element);
+      (name.startsWith("thing_") ? this.things : this.others).append(control.element);
       return;
     }
     const after = [...this.strip.children].find((each) => Number(each.dataset.place) > place);
@@ -140,6 +141,14 @@ export class Dials {
     } catch { /* the message shows why */ }
     hand.asked -= 1;
     if (this.hands.get(name) === hand) this.show([...this.latest.values()], this.answers);
+  }
+
+  /** Write something small beside a dial's name. */
+  hint(name, text) {
+    const dial = this.known.get(name);
+    if (!(dial instanceof Dial) || dial.hint === text) return;
+    dial.hint = text;
+    dial.showLabel();
   }
 
   /** Turn a dial by steps, as keys do. */

@@ -1,6 +1,6 @@
 /** Distances as they are engraved on a lens, even in 1 / distance, with the depth of field of several f-numbers. */
 
-import { h, s } from "./dom.js";
+import { button, h, s } from "./dom.js";
 import { digits, distance } from "./numbers.js";
 
 const WIDTH = 352;
@@ -52,7 +52,7 @@ function drawing(scale, current, label) {
 }
 
 /** The scale and a sentence of what is sharp. */
-export function focusScale(link) {
+export function focusScale(link, turned) {
   const chart = h("div", { class: "vf-chart" });
   const words = h("p", { class: "vf-note", "data-name": "depth" }, UNFOCUSED);
   link.on("state", ({ focus, dials = [] }) => {
@@ -65,5 +65,10 @@ export function focusScale(link) {
     const opening = dials.find(({ name }) => name === "f_number");
     chart.replaceChildren(...(dial?.scale?.marks?.length ? [drawing(dial.scale, opening?.value ?? 1, words.textContent)] : []));
   });
-  return [chart, words];
+  const go = button("Focus at the hyperfocal distance", () => turned("focus_m", link.last.hyperfocal, false), { name: "hyperfocal" });
+  link.on("state", ({ focus }) => {
+    if (focus !== undefined) link.last.hyperfocal = focus?.hyperfocal_m;
+    go.disabled = !link.last.hyperfocal;
+  });
+  return [chart, words, go];
 }

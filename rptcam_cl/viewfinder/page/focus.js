@@ -32,8 +32,8 @@ function rectangle(zone, state) {
 }
 
 export class Focus {
-  constructor(link, stage, overlays) {
-    Object.assign(this, { link, stage, overlays, zones: [] });
+  constructor(link, stage, overlays, dials) {
+    Object.assign(this, { link, stage, overlays, dials, zones: [] });
     this.result = h("p", { class: "vf-note", role: "status" }, "Click the picture to focus there.");
     this.curve = h("div", { class: "vf-chart" });
     this.method = select("Method", METHODS, () => {}, { value: "", name: "method" });
@@ -131,7 +131,7 @@ export class Focus {
       changed: (value) => this.link.soon("peaking", "view", { peaking_level: value }),
     });
     return h("div", { class: "vf-panel" },
-      h("h3", {}, "Depth of field"), focusScale(this.link),
+      h("h3", {}, "Depth of field"), focusScale(this.link, (...how) => this.dials.turned(...how)),
       h("h3", {}, "Autofocus"), this.method,
       h("div", { class: "vf-row" }, this.start, this.useZone), this.result, this.curve,
       h("h3", {}, "By eye"),

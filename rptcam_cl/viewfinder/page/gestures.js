@@ -15,7 +15,10 @@ export const TOOLS = [
   { value: "pan", label: "Pan", key: "3", title: "Drag moves the camera sideways" },
   { value: "dolly", label: "Dolly", key: "4", title: "Drag moves the camera to and fro" },
   { value: "point", label: "Point", key: "5", title: "Arrow keys move the crosshair, Enter focuses there" },
+  { value: "select", label: "Select", key: "6", title: "A click, or Enter at the crosshair, selects a thing" },
 ];
+
+const AIMS = ["point", "select"]; // what moves a crosshair, and no camera
 
 const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
 const STEPS = { w: [0, 1, 0], s: [0, -1, 0], a: [-1, 0, 0], d: [1, 0, 0], q: [0, 0, -1], e: [0, 0, 1] };
@@ -85,7 +88,7 @@ export class Gestures {
   drag(held, dx, dy) {
     this.stage.element.classList.add("vf-dragging");
     if (held.kind === "dolly") this.send("dolly", { dy: -dy * DEPTH });
-    else if (held.kind !== "point") this.send(held.kind, { dx, dy });
+    else if (!AIMS.includes(held.kind)) this.send(held.kind, { dx, dy });
   }
 
   pinch(event, held, dx, dy) {
@@ -123,11 +126,11 @@ export class Gestures {
     const fine = event.shiftKey ? FINE : 1;
     const arrow = ARROWS[event.key];
     const step = STEPS[event.key.toLowerCase()];
-    if (arrow && this.tool === "point") this.point(arrow, fine);
+    if (arrow && AIMS.includes(this.tool)) this.point(arrow, fine);
     else if (arrow && this.tool === "dolly") this.send("dolly", { dy: -arrow[1] * fine, dx: 0 });
     else if (arrow) this.send(this.tool, { dx: -arrow[0] * KEY_TURN * fine, dy: -arrow[1] * KEY_TURN * fine });
     else if (step) this.send("walk", { dx: step[0] * fine, dy: step[1] * fine, dz: step[2] * fine });
-    else if (event.key === "Enter" && this.tool === "point") this.clicked(this.crosshair ?? { x: 0.5, y: 0.5 });
+    else if (event.key === "Enter" && AIMS.includes(this.tool)) this.clicked(this.crosshair ?? { x: 0.5, y: 0.5 });
     else return false;
     return true;
   }
@@ -146,6 +149,6 @@ export class Gestures {
 
   use(tool) {
     this.tool = tool;
-    this.aim(tool === "point" ? this.crosshair ?? { x: 0.5, y: 0.5 } : null);
+    this.aim(AIMS.includes(tool) ? this.crosshair ?? { x: 0.5, y: 0.5 } : null);
   }
 }

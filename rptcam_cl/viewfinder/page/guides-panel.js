@@ -24,6 +24,7 @@ export class Guides {
     this.stage = stage;
     this.shown = { aspect: "", ...kept() };
     this.buttons = LINES.map(({ name, label, key }) => toggle(label, (on) => this.change({ [name]: on }), { key, name, pressed: Boolean(this.shown[name]) }));
+    this.lines = toggle("Lines only", (on) => this.change({ lines: on }), { name: "lines", pressed: Boolean(this.shown.lines) });
     this.aspect = choice("Aspect mask", ASPECTS, (value) => this.change({ aspect: value }), { value: this.shown.aspect, name: "aspect" });
     this.note = h("p", { class: "vf-note" });
     link.on("state", ({ guides }) => guides !== undefined && this.circle(guides?.image_circle ?? null));
@@ -53,6 +54,6 @@ export class Guides {
   panel() {
     return h("div", { class: "vf-panel" },
       h("h3", {}, "Lines"), h("div", { class: "vf-row" }, this.buttons), this.note,
-      h("h3", {}, "Aspect mask"), this.aspect);
+      h("h3", {}, "Frame lines"), this.aspect, h("div", { class: "vf-row" }, this.lines));
   }
 }

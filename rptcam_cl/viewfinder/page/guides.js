@@ -6,11 +6,13 @@ import { s } from "./dom.js";
 export const ASPECTS = [
   { value: "", label: "None" },
   { value: String(1), label: "1:1" },
+  { value: String(9 / 16), label: "9:16" },
   { value: String(4 / 5), label: "4:5" },
   { value: String(4 / 3), label: "4:3" },
   { value: String(3 / 2), label: "3:2" },
   { value: String(16 / 9), label: "16:9" },
   { value: "1.85", label: "1.85" },
+  { value: "2", label: "2:1" },
   { value: "2.39", label: "2.39" },
 ];
 // Shares of the picture's sides, EBU R 95 (2017): action within 93 %, titles within 90 %.
@@ -32,10 +34,10 @@ function inner(w, h, aspect) {
   return { x: (w - width) / 2, y: (h - height) / 2, width, height };
 }
 
-function mask(w, h, aspect) {
+function mask(w, h, aspect, linesOnly) {
   const { x, y, width, height } = inner(w, h, aspect);
   return [
-    s("path", { class: "vf-mask", "fill-rule": "evenodd", d: `M0 0h${w}v${h}h${-w}zM${x} ${y}h${width}v${height}h${-width}z` }),
+    linesOnly ? "" : s("path", { class: "vf-mask", "fill-rule": "evenodd", d: `M0 0h${w}v${h}h${-w}zM${x} ${y}h${width}v${height}h${-width}z` }),
     s("rect", { class: "vf-guide vf-mask-edge", x, y, width, height }),
   ];
 }
@@ -77,7 +79,7 @@ export function guidesDrawing() {
     const { width: w, height: h } = size;
     element.setAttribute("viewBox", `0 0 ${w} ${h}`);
     element.replaceChildren(
-      ...(shown.aspect ? mask(w, h, Number(shown.aspect)) : []),
+      ...(shown.aspect ? mask(w, h, Number(shown.aspect), shown.lines) : []),
       ...(shown.thirds ? thirds(w, h) : []),
       ...(shown.centre ? centre(w, h) : []),
       ...(shown.safe ? safe(w, h, Number(shown.aspect)) : []),

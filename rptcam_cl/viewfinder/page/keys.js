@@ -25,10 +25,14 @@ const GROUPS = [
     ["j k", "Focus nearer, farther", (finder, key) => finder.dials.step("focus_m", key === "j" ? -1 : 1)],
     ["5", "Point: arrows move the crosshair"],
     ["Enter", "Focus at the crosshair"],
+    ["6", "Select: a click, or Enter, selects a thing"],
     ["p", "Peaking", (finder) => finder.overlays.set("peaking")],
     ["x", "Magnifier: 1:1, 5×, 10×, off", (finder) => finder.magnifier.next()],
   ]],
   ["Look", [
+    ["F", "Full screen", (finder) => finder.fill()],
+    ["h", "Hide the panels", (finder) => finder.bare()],
+    ["y", "Scope: histogram, waveform, parade, vectorscope", (finder) => finder.scopes.next()],
     ["z", "Zebra", (finder) => finder.overlays.set("zebra")],
     ["v", "False colour", (finder) => finder.overlays.set("false_colour")],
     ["n", "Denoise", (finder) => finder.denoise()],
@@ -36,6 +40,9 @@ const GROUPS = [
     ["c", "Compare: off, side by side, wipe", (finder) => finder.compare.next()],
     ["Space", "Pause, go on", (finder) => finder.pause()],
     ["Ctrl+Z Ctrl+Shift+Z", "Undo, redo"],
+    ["o", "Play, stop", (finder) => finder.time.run()],
+    ["u", "Record keys", (finder) => finder.time.record.click()],
+    ["< >", "Frame before, after", (finder, key) => finder.time.go(finder.time.frame + (key === "<" ? -1 : 1))],
     ["b", "Keep a snapshot", (finder) => finder.history.tell("snap")],
     ["Ctrl+S", "Save the picture"],
     ["t", "Next panel", (finder) => finder.tabs.next()],
@@ -104,12 +111,12 @@ function pressed(event, finder) {
   }
   if (isOther(event) || (event.key.length === 1 && !finder.help.on)) return false;
   if ([" ", "Enter"].includes(event.key) && event.target.closest?.(OWN)) return false;
-  if (event.key.startsWith("Arrow") && event.target.closest?.(MOVED)) return false;
-  const action = ACTIONS.get(event.key) ?? ACTIONS.get(event.key.toLowerCase());
+  if (event.key.startsWith("Arrow") && (event.target.closest?.(MOVED) || event.target.matches?.("[role=tabpanel]"))) return false; // which scrolls
+  const action = ACTIONS.get(event.key) ?? ACTIONS.get(event.key.toLowerCase()); // F is another than f
   if (action) action(finder, event.key);
   else if (event.key === "+" || event.key === "=") finder.gestures.zoom(1);
   else if (event.key === "-" || event.key === "−") finder.gestures.zoom(-1);
-  else if (/^[1-5]$/.test(event.key)) finder.use(Number(event.key) - 1);
+  else if (/^[1-6]$/.test(event.key)) finder.use(Number(event.key) - 1);
   else return finder.gestures.key(event);
   return true;
 }

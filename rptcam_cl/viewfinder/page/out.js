@@ -8,6 +8,12 @@ const FORMATS = [
   { value: "exr", label: "EXR" },
   { value: "dng", label: "DNG" },
 ];
+const BRACKETS = [
+  { value: "1x0", label: "One" },
+  { value: "3x1", label: "3 × 1 EV" },
+  { value: "3x2", label: "3 × 2 EV" },
+  { value: "5x1", label: "5 × 1 EV" },
+];
 const SUFFIX = { png: "png", jpeg: "jpg", exr: "exr", dng: "dng" };
 const KEPT_FOR = 60000; // [ms] that a browser has to fetch a download
 
@@ -34,7 +40,7 @@ async function copied(text, area) {
 
 export class Out {
   constructor(link, toast) {
-    Object.assign(this, { link, toast, format: "png", scene: "picture" });
+    Object.assign(this, { link, toast, format: "png", scene: "picture", bracket: "1x0" });
     this.formats = choice("Format", FORMATS, (value) => { this.format = value; }, { value: "png", name: "format" });
     this.text = h("textarea", { id: newId("text"), rows: 8, readonly: true, spellcheck: "false", hidden: true, "data-name": "text", "aria-label": "Text to copy" });
     link.on("state", ({ files }) => files && this.offer(files));
@@ -48,13 +54,17 @@ export class Out {
     this.formats.show(this.format);
   }
 
-  /** Save the picture in the format chosen. */
+  /** Save the picture in the format chosen; of a bracket several, exposed by so many stops more and less. */
   async picture() {
-    const name = `${this.scene.replace(/[^A-Za-z0-9 _.-]/g, "_").slice(0, 70)}.${SUFFIX[this.format]}`;
-    const file = await this.asked("save", { format: this.format, name });
-    if (!file) return;
-    download(file.name, file.bytes, file.media);
-    this.toast.show(`Saved ${file.name}`, "good");
+    const [count, step] = this.bracket.split("x").map(Number);
+    const stem = this.scene.replace(/[^A-Za-z0-9 _.-]/g, "_").slice(0, 60);
+    const evs = Array.from({ length: count }, (_, i) => (i - (count - 1) / 2) * step);
+    const names = evs.map((ev) => `${stem}${count > 1 ? ` ${ev < 0 ? "minus" : "plus"} ${Math.abs(ev)} EV` : ""}.${SUFFIX[this.format]}`);
+    const files = await Promise.all(evs.map((ev, i) => this.asked("save", { format: this.format, name: names[i], ev })));
+    for (const file of files.filter(Boolean)) {
+      download(file.name, file.bytes, file.media);
+      this.toast.show(`Saved ${file.name}`, "good");
+    }
   }
 
   async yaml() {
@@ -91,6 +101,7 @@ export class Out {
     return h("div", { class: "vf-panel" },
       h("h3", {}, "Picture"), this.formats,
       h("div", { class: "vf-row" }, button("Save the picture", () => this.picture(), { key: "Ctrl+S", name: "save" })),
+      choice("Bracket", BRACKETS, (value) => { this.bracket = value; }, { value: "1x0", name: "bracket" }),
       h("p", { class: "vf-note" }, "With the samples that it has now. Warnings and guides are not in the file."),
       h("h3", {}, "Scene"),
       h("div", { class: "vf-row" },

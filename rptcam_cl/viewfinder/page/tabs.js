@@ -11,7 +11,7 @@ export class Tabs {
       const tab = h("button", {
         type: "button", role: "tab", id: `${id}-tab`, "aria-controls": id, "data-tab": panel.name, on: { click: () => this.select(panel.name) },
       }, panel.label);
-      const body = h("div", { id, role: "tabpanel", "aria-labelledby": `${id}-tab`, class: "vf-tabpanel", tabindex: -1 }, panel.element);
+      const body = h("div", { id, role: "tabpanel", "aria-labelledby": `${id}-tab`, class: "vf-tabpanel", tabindex: 0 }, panel.element);
       return { ...panel, tab, body };
     });
     this.list = h("div", { class: "vf-tabs", role: "tablist", "aria-label": label, on: { keydown: (event) => this.key(event) } }, this.panels.map(({ tab }) => tab));

@@ -21,9 +21,9 @@ __kernel void probe_scatter(const __global Material *materials,
     vertex.kind = (I)(-1);
     vertex.tangent = f3(ONE, ZERO, ZERO);
     vertex.closure = empty_closure();
-    take_material(&vertex, TRUE, materials + material, point, scene);
 #define IN(k) LOAD_F(in + (k) * capacity, i)
     F3 d = f3(IN(0), IN(1), IN(2));
+    take_material(&vertex, TRUE, materials + material, point, d, scene);
     F pdf;
     F3 value = scatter_eval(vertex, d, f3(IN(3), IN(4), IN(5)), &pdf);
     Scattered next = scatter_sample(vertex, d, IN(6), IN(7), IN(8));

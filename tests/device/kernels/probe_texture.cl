@@ -7,7 +7,12 @@ __kernel void probe_texture(SCENE_PARAMETERS
                             uint                  count)
 {
     uint i = get_global_id(0) * VW;
-    F3 c = texture_color(0, LOAD_F(places, i), LOAD_F(places + count, i), SCENE);
+    F u = LOAD_F(places, i), v = LOAD_F(places + count, i);
+    Scene scene = SCENE;
+#if HAS_MAPPING
+    scene.place = f3(u, v, u - 0.5f * v);
+#endif
+    F3 c = texture_color(0, u, v, scene);
     STORE_F(colours, i, c.x);
     STORE_F(colours + count, i, c.y);
     STORE_F(colours + 2 * count, i, c.z);

@@ -306,13 +306,13 @@ TEXTURES: dict[str, tuple[Any, str]] = {
     CHECKS.replace('"t"', '"c"') + 'Texture "t" "spectrum" "mix" "texture tex1" "c" "float amount" 0': (
         {"kind": "checker", "even": [0.1, 0.2, 0.3], "odd": [0.4, 0.5, 0.6], "scale": [4, 1]}, ""),
     'Texture "t" "spectrum" "dots" "rgb inside" [1 0 0] "rgb outside" [0 0 1]': (
-        [0.125 * math.pi * 0.49, 0.0, 1 - 0.125 * math.pi * 0.49], "the mean of its spots"),
-    'Texture "t" "spectrum" "bilerp" "rgb v00" [1 0 0] "rgb v01" [1 0 0] "rgb v10" [0 0 0] "rgb v11" [0 1 0]': (
-        [0.5, 0.25, 0.0], "the mean of its corners"),
+        {"kind": "dots", "inside": [1.0, 0.0, 0.0], "outside": [0.0, 0.0, 1.0]}, ""),
     CHECKS.replace('"float uscale" 4', '"string mapping" "planar" "vector3 v1" [1 0 0]'): (
-        {"kind": "checker", "even": [0.1, 0.2, 0.3], "odd": [0.4, 0.5, 0.6]}, 'the mapping "planar" as that'),
+        {"kind": "checker", "even": [0.1, 0.2, 0.3], "odd": [0.4, 0.5, 0.6],
+         "mapping": {"matrix": [[1.0, 0, 0, 0], [0, 1, 0, 0], [0] * 4]}}, ""),
     CHECKS.replace('"float uscale" 4', '"integer dimension" 3 "string aamode" "none"'): (
-        {"kind": "checker", "even": [0.1, 0.2, 0.3], "odd": [0.4, 0.5, 0.6]}, "in u and v, not in space"),
+        {"kind": "checker", "even": [0.1, 0.2, 0.3], "odd": [0.4, 0.5, 0.6],
+         "mapping": {"matrix": np.eye(4)[:3].tolist()}}, ""),
     CHECKS.replace('"float uscale" 4', '"float vdelta" .5'): (
         {"kind": "checker", "even": [0.1, 0.2, 0.3], "odd": [0.4, 0.5, 0.6], "offset": [0, 0.5]}, ""),
     'Texture "t" "spectrum" "checkerboard"': ({"kind": "checker", "even": [1.0] * 3, "odd": [0.0] * 3}, ""),
@@ -324,14 +324,14 @@ TEXTURES: dict[str, tuple[Any, str]] = {
     CHECKS.replace('"t"', '"c"') + 'Texture "t" "spectrum" "scale" "rgb scale" [.5 .5 .5] "texture tex" "c"': (
         {"kind": "checker", "even": [0.05, 0.1, 0.15], "odd": [0.2, 0.25, 0.3], "scale": [4, 1]}, ""),
     CHECKS.replace('"t"', '"c"') + 'Texture "t" "spectrum" "mix" "texture tex1" "c" "rgb tex2" [1 1 1]': (
-        [0.625, 0.675, 0.725], "its textures as one colour each"),
+        {"kind": "checker", "even": [0.55, 0.6, 0.65], "odd": [0.7, 0.75, 0.8], "scale": [4, 1]}, ""),
     'Texture "t" "spectrum" "mix"': ([0.5] * 3, ""),
     'Texture "t" "spectrum" "scale" "rgb tex1" [.4 .4 .4]': ([0.4] * 3, ""),
     'Texture "t" "spectrum" "constant"': ([1.0] * 3, ""),
-    'Texture "t" "spectrum" "dots"': ([0.125 * math.pi * 0.49] * 3, "the mean of its spots"),
-    'Texture "t" "spectrum" "bilerp"': ([0.5] * 3, "the mean of its corners"),
-    'Texture "t" "spectrum" "fbm"': ([0.5] * 3, "grey 0.5"),
-    'Texture "t" "spectrum" "marble" "float scale" 2': ([0.5] * 3, "grey 0.5"),
+    'Texture "t" "spectrum" "dots"': ({"kind": "dots", "inside": [1.0] * 3, "outside": [0.0] * 3}, ""),
+    'Texture "t" "spectrum" "fbm" "float roughness" .25': (
+        {"kind": "perlin", "octaves": 8, "gain": 0.25, "mapping": {"matrix": np.eye(4)[:3].tolist()}}, ""),
+    'Texture "t" "spectrum" "ptex"': ([0.5] * 3, "grey 0.5"),
 }  # fmt: skip
 
 

@@ -47,13 +47,10 @@ WORLD = {
     'MakeNamedMedium "fog" "string type" "homogeneous"': 'ignored: MakeNamedMedium "fog"',
     'MediumInterface "fog" "air"': 'ignored: MediumInterface "fog" "air"',
     'Attribute "medium" "float g" 1': 'ignored: Attribute "medium"',
-    'LightSource "projection" "string filename" "a.exr"': "a point light without its picture",
     'LightSource "infinite" "point3 portal" [0 0 0 1 0 0 1 1 0 0 1 0]': 'ignored: LightSource "infinite": its portal',
     'LightSource "point" "float other" 1': 'ignored: LightSource "point": "float other"',
     'Shape "sphere" "float other" 1': 'ignored: Shape "sphere": "float other"',
     'Attribute "shape" "float other" 1 Shape "sphere"': '"float other"',
-    'Material "diffuse" "float displacement" 1 Shape "sphere"': "displacement; the surface stays smooth",
-    'Material "matte" "float bumpmap" 1 Shape "sphere"': "bumpmap; the surface stays smooth",
     'Material "diffuse" "float other" 1 Shape "sphere"': 'ignored: Material "diffuse": "float other"',
     'Texture "t" "spectrum" "constant" "float other" 1 Material "diffuse" "texture reflectance" "t" Shape "sphere"': (
         'ignored: Texture "t" "spectrum" "constant": "float other"'

@@ -11,6 +11,7 @@ from rptcam_cl.rendering.plan.plan import make_plan
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
 from rptcam_cl.scene.load import load_scene
 from tests.device.probes import run
+from tests.rendering.light.perlin import perlin, summed
 from tests.rendering.light.pictures import save_exr
 
 CAMERA = {"kind": "pinhole", "eye": [0, 0, 5], "target": [0, 0, 0], "fov_degrees": 40}
@@ -200,3 +201,85 @@ def test_picture_stands_upright_on_a_sphere(session, tmp_path) -> None:
     scene |= {"environment": {"kind": "constant", "radiance": 1}, "render": {"max_depth": 2}}
     film = pixels(load_scene(scene, base_dir=tmp_path), spp=64)
     np.testing.assert_allclose(film[4, 4], 0.75, rtol=1e-3)  # +z is the top of a sphere's texture
+
+
+FRAME = [[2.0, 0.5, 0, 0.3], [-0.4, 3.0, 0.2, -1], [0.1, 0.3, 1.5, 2]]
+POINTS = np.stack([*PLACES, PLACES[0] - 0.5 * PLACES[1], np.ones(COUNT)]).astype(np.float64)
+POINTS[:3] += np.array(CAMERA["eye"])[:, None]  # the kernels' world has its origin in the eye
+FRAMED = np.array(FRAME) @ POINTS
+IN_SPACE = {"mapping": {"matrix": FRAME}}
+
+
+@pytest.mark.parametrize("lanes", [1, 8])
+@pytest.mark.parametrize("form", ["sum", "turbulence", "wind"])
+def test_noise_in_space_is_that_of_perlin(session, tmp_path, form, lanes) -> None:
+    texture = {"kind": "perlin", "form": form, "octaves": 3, "gain": 0.4, "high": [1, 0.5, 0]} | IN_SPACE
+    found = looked_up(session, texture, tmp_path, lanes=lanes)
+    expected = {
+        "sum": summed(FRAMED, 3, 0.4),
+        "turbulence": summed(FRAMED, 3, 0.4, np.abs) + 0.2 * 0.4**3,
+        "wind": np.abs(summed(0.1 * FRAMED, 3)) * summed(FRAMED, 6),
+    }[form]
+    assert (expected > 0.01).mean() > 0.3
+    share = np.clip(expected, 0, 1)
+    # places of some 20 have 2e-6 in float32, 35 times that in the finest octave of wind
+    np.testing.assert_allclose(found, share[:, None] * [1, 0.5, 0], atol=2e-4)
+
+
+def test_noise_without_a_mapping_is_over_u_and_v(session, tmp_path) -> None:
+    found = looked_up(session, {"kind": "perlin", "octaves": 1, "scale": [2, 3]}, tmp_path)
+    places = np.stack([2 * PLACES[0], 3 * PLACES[1], 0 * PLACES[0]]).astype(np.float64)
+    np.testing.assert_allclose(found[:, 0], np.clip(perlin(places), 0, 1), atol=2e-5)
+
+
+def test_marble_is_a_sine_along_y_in_six_cubic_pieces(session, tmp_path) -> None:
+    texture = {"kind": "marble", "octaves": 4, "gain": 0.6, "variation": 1.5, "tint": [1, 0.5, 1]} | IN_SPACE
+    found = looked_up(session, texture, tmp_path)
+    along = 3 + 3 * np.sin(FRAMED[1] + 1.5 * summed(FRAMED, 4, 0.6))
+    piece = np.clip(np.floor(along), 0, 5).astype(int)
+    after = (along - piece)[:, None]
+    stone, dull, warm, vein = [0.58, 0.58, 0.6], [0.5, 0.5, 0.5], [0.6, 0.59, 0.58], [0.2, 0.2, 0.33]
+    points = np.array([stone, stone, stone, dull, warm, stone, stone, vein, stone])
+    first, second, third = ((1 - after) * points[piece + k] + after * points[piece + k + 1] for k in range(3))
+    first, second = (1 - after) * first + after * second, (1 - after) * second + after * third
+    expected = 1.5 * ((1 - after) * first + after * second) * [1, 0.5, 1]
+    assert np.ptp(expected[:, 0]) > 0.5
+    # the pieces do not join: on their edges rounding may pick the next
+    off = np.abs(found - expected).max(axis=1) > 1e-3
+    assert off.mean() < 2e-3
+
+
+def test_dots_lie_where_noise_puts_them(session, tmp_path) -> None:
+    found = looked_up(session, {"kind": "dots", "inside": 1, "outside": [0, 0.2, 0]}, tmp_path)[:, 0]
+    x, y = PLACES.astype(np.float64)
+    column, row = np.floor(x + 0.5), np.floor(y + 0.5)
+
+    def noise(right, up):
+        return perlin(np.stack([column + right, row + up, np.full(COUNT, 0.5)]))
+
+    aside = np.hypot(x - column - 0.15 * noise(1.5, 2.8), y - row - 0.15 * noise(4.5, 9.8))
+    expected = (noise(0.5, 0.5) > 0) & (aside < 0.35)
+    assert 0.05 < expected.mean() < 0.5
+    assert (found != expected).sum() < 5  # on the rims
+
+
+def test_checkers_in_space_count_all_three_coordinates(session, tmp_path) -> None:
+    found = looked_up(session, {"kind": "checker", "even": 1, "odd": 0} | IN_SPACE, tmp_path)[:, 0]
+    expected = np.floor(FRAMED).sum(axis=0) % 2 == 0
+    assert (found != expected).mean() < 1e-3
+
+
+@pytest.mark.parametrize("kind", ["spherical", "cylindrical"])
+def test_round_mappings_count_angles_about_z(session, tmp_path, kind) -> None:
+    texture = {"kind": "gradient", "start": 0, "end": 1, "mapping": {"kind": kind, "matrix": FRAME}}
+    x, y, z = FRAMED
+    round_z = np.arctan2(y, x) / (2 * np.pi) % 1
+    down = np.arccos(z / np.sqrt(x**2 + y**2 + z**2)) / np.pi
+    turned = (np.arctan2(y, x) + np.pi) / (2 * np.pi) % 1
+    u, v = (down, round_z) if kind == "spherical" else (turned, np.clip(z / 20, 0, 1))
+    found = looked_up(session, texture, tmp_path)[:, 0]
+    np.testing.assert_allclose(found, u, atol=2e-6)
+    upright = {"rotation_degrees": -90, "scale": [1, 1 if kind == "spherical" else 1 / 20]}
+    found = looked_up(session, texture | upright, tmp_path)[:, 0]
+    jump = np.minimum(v, 1 - v) < 1e-5
+    np.testing.assert_allclose(found[~jump], v[~jump], atol=2e-6)

@@ -13,8 +13,9 @@ from rptcam_cl.core.files import Folders
 from rptcam_cl.rendering.plan.primitives import mesh_parts
 from rptcam_cl.scene.assets.mesh import FileMaterial, FileTexture
 from rptcam_cl.scene.load import load_scene
-from rptcam_cl.scene.materials import ImageTexture, Material, Principled, alpha_pair
+from rptcam_cl.scene.materials import Material, Principled, alpha_pair
 from rptcam_cl.scene.meshes import MeshObject, material_of
+from rptcam_cl.scene.textures import ImageTexture
 
 from .conftest import GREY, MeshScene
 
@@ -284,3 +285,34 @@ def test_scene_in_another_folder_may_be_allowed(wood: Path, tmp_path_factory: py
     with pytest.raises(InputError, match="lies outside the scene's folder"):
         load_scene(data, base_dir=elsewhere)
     assert load_scene(data, base_dir=elsewhere, allow_folders=[wood]).objects
+
+
+def picture_of(colour: tuple[int, int, int]) -> FileTexture:
+    stream = io.BytesIO()
+    Image.new("RGB", (4, 2), colour).save(stream, "PNG")
+    return FileTexture(stream.getvalue(), "bumps", scale=(2.0, 4.0))
+
+
+def test_bumps_of_mtl_are_heights_in_texels() -> None:
+    material = material_of(
+        FileMaterial("rough", matte=True, bumps=picture_of((90, 90, 90)), bumps_height=0.4), Folders()
+    )
+    assert material.normal_map is None  # type: ignore[union-attr]
+    bump = material.bump  # type: ignore[union-attr]
+    assert (bump.lengths, bump.texture.color_space) == ("unit", "linear")
+    assert bump.height == pytest.approx(0.4 / 8)  # 4 x 2 texels along u, 2 x 4 along v
+
+
+def test_bumps_of_mtl_that_are_normals_are_a_normal_map() -> None:
+    material = material_of(
+        FileMaterial("lean", matte=True, bumps=picture_of((140, 120, 240)), bumps_height=0.5), Folders()
+    )
+    assert material.bump is None  # type: ignore[union-attr]
+    assert material.normal_map.strength == 0.5  # type: ignore[union-attr]
+
+
+def test_bumps_of_mtl_without_their_picture_are_left_out_with_a_warning() -> None:
+    given = FileMaterial("rough", matte=True, bumps=FileTexture(Path("none.png"), "none.png"))
+    with pytest.warns(UserWarning, match=r"'rough': none.png: .*the surface stays smooth"):
+        material = material_of(given, Folders())
+    assert material.bump is material.normal_map is None  # type: ignore[union-attr]

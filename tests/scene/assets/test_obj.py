@@ -166,6 +166,8 @@ def test_illumination_model_of_glass_is_glass(read: Read, tmp_path: Path, model:
             "base_color": (0.5, 1, 1), "base_texture": None, "transmission": 1.0, "solid": True, "matte": False}),
         ("map_Kd\n", {"base_texture": None}),
         ("map_norm n.png\n", {"normals": ("n.png", (1, 1), (0, 0), "repeat")}),
+        ("bump -bm 0.25 -s 2 2 b.png\n", {"bumps": ("b.png", (2, 2), (0, 0), "repeat"), "bumps_height": 0.25}),
+        ("map_Bump b.png\n", {"bumps": ("b.png", (1, 1), (0, 0), "repeat"), "bumps_height": 1.0}),
         ("map_Kd -clamp off -s 2 a b.png\n", {"base_texture": ("a b.png", (2, 1), (0, 0), "repeat")}),
         ("map_Kd -mm 0 1 -o 0.5 0.25 0 -clamp on a.png\n", {"base_texture": ("a.png", (1, 1), (0.5, 0.25), "clamp")}),
     ],

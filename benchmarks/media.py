@@ -1,0 +1,220 @@
+"""Random scenes with fog, smoke and milk beside Mitsuba 3 (its volpath): pictures must be the same but for noise.
+
+    python -m benchmarks.media [--scenes 12] [--seed 1] [--batches 8] [--spp 512] [--mitsuba-python PATH] [--json FILE]
+
+Each scene has media around all, in a box without a surface or in a ball of glass, of random coefficients, albedo and
+asymmetry; a lamp, perhaps a point of light, a floor and a ball. Both sides render it in batches by different seeds:
+the noise of the mean of each of 16 fields of the picture follows from those. A scene agrees where no field's difference
+is more noise than the largest of so many that chance allows once in a hundred times (Sidak), and where the noise of the
+whole picture's mean is small enough to show a difference of 0.3 %.
+"""
+
+from __future__ import annotations
+
+import sys
+from statistics import NormalDist
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import rptcam_cl
+from benchmarks.report import arguments, machine, print_machine, print_table, write_json
+from benchmarks.worker import Worker
+from rptcam_cl.device.devices import choose_device
+
+SIDE, FIELDS = 48, 4
+CHANCE = 0.01  # that equal pictures are called different, of all scenes together
+RESOLVED = 0.003  # relative difference of the means that noise must not hide
+MAX_DEPTH = 32
+Array = NDArray[np.float64]
+Pair = tuple[dict[str, Any], dict[str, Any]]  # a part of a scene in our words and in Mitsuba's
+
+
+def _rgb(values: Any) -> dict[str, Any]:
+    return {"type": "rgb", "value": [float(value) for value in values]}
+
+
+def medium(random: np.random.Generator, density: float) -> Pair:
+    """Return a medium of about a density [1/m]."""
+    extinction = density * random.uniform(0.5, 1.5, 3)
+    albedo = random.uniform(0.3, 1.0, 3)
+    g = float(random.uniform(-0.6, 0.85))
+    ours = {
+        "scattering_per_m": (extinction * albedo).tolist(),
+        "absorption_per_m": (extinction * (1 - albedo)).tolist(),
+    }
+    phase = {"type": "hg", "g": g}
+    most = float(extinction.max())  # their colours end at 1
+    theirs = {
+        "type": "homogeneous",
+        "sigma_t": _rgb(extinction / most),
+        "scale": most,
+        "albedo": _rgb(albedo),
+        "phase": phase,
+    }
+    return ours | {"asymmetry": g}, theirs
+
+
+def matte(random: np.random.Generator) -> Pair:
+    """Return a matte material."""
+    reflectance = random.uniform(0.1, 0.9, 3)
+    ours = {"kind": "matte", "reflectance": reflectance.tolist()}
+    return ours, {"bsdf": {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": _rgb(reflectance)}}}
+
+
+def ball(centre: Any, radius: float) -> Pair:
+    """Return a ball without a material."""
+    place = {"center": [float(x) for x in centre], "radius": radius}
+    return {"shape": "sphere"} | place, {"type": "sphere"} | place
+
+
+def cube(low: Any, high: Any) -> Pair:
+    """Return a box without a material."""
+    low, high = np.array(low, float), np.array(high, float)
+    rows = np.diag([*(high - low) / 2, 1.0])
+    rows[:3, 3] = (low + high) / 2
+    ours = {"shape": "box", "min": low.tolist(), "max": high.tolist()}
+    return ours, {"type": "cube", "to_world": {"matrix": rows.tolist()}}
+
+
+class Draw:
+    """A random scene in both programs' words."""
+
+    def __init__(self, seed: int) -> None:
+        self.random = random = np.random.default_rng(seed)
+        film = {"type": "hdrfilm", "width": SIDE, "height": SIDE, "rfilter": {"type": "box"}, "pixel_format": "rgb"}
+        self.sensor: dict[str, Any] = {
+            "type": "perspective", "fov": 50.0, "film": film | {"component_format": "float32"},
+            "to_world": {"matrix": [[-1, 0, 0, 0], [0, 1, 0, 0], [0, 0, -1, 4], [0, 0, 0, 1]]},
+            "sampler": {"type": "independent"},
+        }  # fmt: skip
+        self.theirs: dict[str, Any] = {"type": "scene", "sensor": self.sensor}
+        self.theirs["integrator"] = {"type": "volpath", "max_depth": MAX_DEPTH, "rr_depth": 1 << 20}
+        self.objects: list[dict[str, Any]] = []
+        self.ours: dict[str, Any] = {
+            "film": {"resolution": [SIDE, SIDE]},
+            "camera": {"kind": "pinhole", "eye": [0, 0, 4], "target": [0, 0, 0], "up": [0, 1, 0], "fov_degrees": 50},
+            "render": {"max_depth": MAX_DEPTH, "roulette_depth": 0, "caustics": "off"},
+            "objects": self.objects, "lights": [],
+        }  # fmt: skip
+        self.outside: dict[str, Any] = {}
+        if random.random() < 0.5:
+            own, other = medium(random, float(random.uniform(0.05, 0.3)))
+            self.ours["medium"], self.outside = own, {"exterior": other}
+            self.sensor["medium"] = other
+        self._fill()
+        self._shine()
+
+    def add(self, shape: Pair, own: dict[str, Any], other: dict[str, Any]) -> None:
+        """Add an object of a material."""
+        self.objects.append(shape[0] | {"material": own})
+        self.theirs[f"object_{len(self.objects)}"] = shape[1] | other
+
+    def _fill(self) -> None:
+        random = self.random
+        self.add(cube([-6, -1.4, -6], [6, -1.2, 3]), *matte(random))
+        self.add(ball(random.uniform([-1, -1, -1], [1, 0, 0]), 0.3), *matte(random))
+        if random.random() < 0.6 or not self.outside:
+            own, other = medium(random, float(random.uniform(0.3, 1.5)))
+            self.add(cube([-1.3, -1.0, -1.4], [1.2, 0.9, 0.6]), {"kind": "boundary", "interior": own},
+                     {"bsdf": {"type": "null"}, "interior": other} | self.outside)  # fmt: skip
+        if random.random() < 0.6:
+            own, other = medium(random, float(random.uniform(1.0, 4.0)))
+            self.add(ball([*random.uniform(-0.8, 0.8, 2), 1.4], 0.45), {"kind": "dielectric", "interior": own},
+                     {"bsdf": {"type": "dielectric", "int_ior": 1.5, "ext_ior": 1.0}, "interior": other}
+                     | self.outside)  # fmt: skip
+
+    def _shine(self) -> None:
+        random = self.random
+        glow = random.uniform(2.0, 10.0, 3)
+        lamp = {"kind": "emissive", "radiance": glow.tolist()}
+        black = {"type": "diffuse", "reflectance": _rgb((0.0, 0.0, 0.0))}
+        where = [float(random.uniform(-1.5, 1.5)), 2.4, float(random.uniform(-1.0, 1.0))]
+        self.add(ball(where, 0.5), lamp, {"bsdf": black, "emitter": {"type": "area", "radiance": _rgb(glow)}})
+        if not self.outside and random.random() < 0.6:  # fog about a point has noise without bounds
+            intensity = random.uniform(3.0, 9.0, 3)
+            at = [float(random.choice([-3.0, 3.0])), 0.6, 1.0]
+            self.ours["lights"].append({"kind": "point", "position": at, "intensity": intensity.tolist()})
+            self.theirs["point"] = {"type": "point", "position": at, "intensity": _rgb(intensity)}
+        if not self.outside:
+            sky = random.uniform(0.1, 1.0, 3)
+            self.ours["environment"] = {"kind": "constant", "radiance": sky.tolist()}
+            self.theirs["sky"] = {"type": "constant", "radiance": _rgb(sky)}
+
+
+def fields(picture: Array) -> Array:
+    """Return the mean of each field of a picture, and of the whole: (fields + 1, 3)."""
+    step = SIDE // FIELDS
+    parts = picture.reshape(FIELDS, step, FIELDS, step, 3).mean(axis=(1, 3)).reshape(-1, 3)
+    return np.concatenate([parts, parts.mean(axis=0, keepdims=True)])
+
+
+def compare(ours: Array, theirs: Array) -> dict[str, float]:
+    """Return how two stacks of batches (batches, fields + 1, 3) differ, in noise and in parts of the mean."""
+    means = [side.mean(axis=0) for side in (ours, theirs)]
+    noise = np.sqrt(sum(side.var(axis=0, ddof=1) / len(side) for side in (ours, theirs)))
+    difference = means[0] - means[1]
+    return {
+        "z": float(np.abs(difference / noise).max()),
+        "difference": float(np.abs(difference[-1] / means[1][-1]).max()),
+        "noise": float((noise[-1] / means[1][-1]).max()),
+    }
+
+
+def largest_z(comparisons: int, batches: int) -> float:
+    """Return the largest number of standard errors that chance allows among so many, for noise from so few batches."""
+    tail = 1 - (1 - CHANCE) ** (1 / comparisons)
+    z = NormalDist().inv_cdf(1 - tail / 2)
+    freedom = 2 * (batches - 1)  # Cornish and Fisher's expansion of Student's t
+    return z + (z**3 + z) / (4 * freedom) + (5 * z**5 + 16 * z**3 + 3 * z) / (96 * freedom**2)
+
+
+def main() -> None:
+    """Print a row for each scene; exit with 1 where one differs."""
+    parser = arguments(str(__doc__).partition("\n")[0])
+    parser.add_argument("--scenes", type=int, default=12)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--batches", type=int, default=8)
+    parser.add_argument("--spp", type=int, default=512)
+    parser.add_argument("--mitsuba-python", default=sys.executable, metavar="PATH")
+    options = parser.parse_args()
+    if options.quick:
+        options.scenes, options.batches, options.spp = 1, 4, 16
+    worker = Worker(options.mitsuba_python, "benchmarks.mitsuba_worker")
+    facts = machine(choose_device(options.device)) | {"mitsuba": worker.description}
+    print_machine(facts)
+    limit = largest_z(options.scenes * (FIELDS**2 + 1) * 3, options.batches)
+    rows, found = [], []
+    for seed in range(options.seed, options.seed + options.scenes):
+        draw = Draw(seed)
+        worker.ask(do="load", description=draw.theirs, **{"as": "scene"})
+        ours, theirs = [], []
+        for batch in range(options.batches):
+            picture = rptcam_cl.render(draw.ours, spp=options.spp, seed=1000 * seed + batch, device=options.device)
+            ours.append(fields(np.asarray(picture, np.float64)))
+            theirs.append(fields(_theirs(worker, options.spp, 1000 * seed + batch)))
+        result = compare(np.array(ours), np.array(theirs))
+        agrees = result["z"] < limit and (result["noise"] < RESOLVED or options.quick)
+        found.append(result | {"seed": seed, "agrees": agrees})
+        said = [f"{100 * result[name]:.2f} %" for name in ("difference", "noise")]
+        rows.append([str(seed), *said, f"{result['z']:.1f}", "yes" if agrees else "no"])
+        print("  ".join(rows[-1]), flush=True)
+    worker.close()
+    columns = ("scene", "mean differs", "noise of that", f"largest z (of {limit:.1f})", "agrees")
+    print_table("Media beside Mitsuba", columns, rows)
+    write_json(options.json, facts, found)
+    if not all(each["agrees"] for each in found):
+        sys.exit(1)
+
+
+def _theirs(worker: Worker, spp: int, seed: int) -> Array:
+    import tempfile
+
+    with tempfile.NamedTemporaryFile(suffix=".npy") as file:
+        worker.ask(do="render", spp=spp, seed=seed, save=file.name, **{"as": "scene"})
+        return np.asarray(np.load(file.name), np.float64)
+
+
+if __name__ == "__main__":
+    main()

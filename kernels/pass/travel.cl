@@ -1,0 +1,53 @@
+// Takes each path through media to what it meets first, and adds the light that they emit and scatter towards it on the way:
+// in place of intersect where a scene has media. Reads the path; writes HIT and T, B, L and MEDIUM.
+// Facts: HAS_MEDIA, HAS_BOUNDARY, HAS_EMITTERS, SPECTRUM.
+#define MEETS_BOUNDARIES
+#include "integrator/media.h"
+#include "integrator/state.h"
+
+__kernel void travel(SCENE_PARAMETERS
+                     __global float *state,      // path state
+                     uint            capacity,   // slots in the state
+                     Wave            wave,
+                     Limits          limits,
+                     uint            depth,      // of the vertex that follows, from 1
+                     const __global uint *tiles) // that are rendered
+{
+    uint slot = get_global_id(0) * VW;
+    // Read the path.
+    Path path;
+    path.ray.origin = READ_I(ORIGIN, slot);
+    if (!ANY(path.ray.origin != PATH_ENDED))
+        return;
+    Lane lane = lane_of(slot, wave, tiles);
+    path.pixel = lane.pixel;
+    path.sample = lane.sample;
+    path.depth = (U)(depth);
+    path.ray.triangle = READ_TRIANGLE(TRIANGLE, slot);
+    path.ray.o = READ_F3(O, slot);
+    path.ray.d = READ_F3(D, slot);
+#if HAS_MOTION
+    path.ray.time = READ_TIME(slot);
+#endif
+    path.beta = READ_F3(B, slot);
+    path.radiance = READ_F3(L, slot);
+    Scene scene = SCENE;
+    path.medium = depth == 1u ? (I)(scene.media_at_camera) : READ_I(MEDIUM, slot);
+#if SPECTRAL_COLOURS
+    scene.spectral = spectral_colours_of(READ_F(WAVELENGTH_SAMPLE, slot), scene.colours);
+#endif
+    // Take it through media.
+    Hit hit = travel_on(&path, scene, rules_of(wave, limits));
+    // Write what it met.
+    WRITE_I(ORIGIN, slot, path.ray.origin);
+    WRITE_F3(B, slot, path.beta);
+    WRITE_F3(L, slot, path.radiance);
+    WRITE_I(MEDIUM, slot, path.medium);
+    WRITE_I(HIT, slot, hit.primitive);
+    WRITE_F(T, slot, hit.t);
+#if HAS_MESH
+    WRITE_I(HIT_TRIANGLE, slot, hit.triangle);
+    WRITE_F(B1, slot, hit.b1);
+    WRITE_F(B2, slot, hit.b2);
+#endif
+}

@@ -1,0 +1,205 @@
+"""Lamps and suns as points of light, as they show to a place of the scene, and the patch of a lamp around each."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.core.dataclass import Rows, dataclass
+from rptcam_cl.core.records import EmitterKind, PatchMap
+from rptcam_cl.rendering.several import GOLDEN
+
+Array = NDArray[np.float64]
+Points = tuple[Array, Array, Array]
+
+POINTS = 16  # of a lamp or sun of a size
+FAR = (EmitterKind.SUN, EmitterKind.DIRECTIONAL)
+FLAT = (EmitterKind.RECTANGLE, EmitterKind.DISK, EmitterKind.TRIANGLE)
+
+
+def points_of(record: np.void, front: Array) -> Points | None:
+    """Return places [m about the eye] with 1, or directions towards with 0; irradiance at the front; and targets."""
+    known = patches_of(record, front)
+    return None if known is None else known[0]
+
+
+def patches_of(record: np.void, front: Array) -> tuple[Points, Patches] | None:
+    """Return the points of an emitter as they show to the front, and the patch of it that each stands for.
+
+    None of kinds whose light is not known so.
+    """
+    kind, radiance = EmitterKind(int(record["kind"])), record["radiance"][:3].astype(np.float64)
+    a = record["a"].astype(np.float64)
+    if kind in FAR:
+        towards, patches = _on_sun(record, kind)
+        weight = radiance if kind is EmitterKind.DIRECTIONAL else radiance * np.pi * a[3]
+        return points_at(towards, 0.0, np.tile(weight / len(towards), (len(towards), 1)), record), patches
+    if kind in (EmitterKind.POINT, EmitterKind.SPOT):
+        to = front - a[:3]
+        share = _spot_share(record, to / np.linalg.norm(to)) if kind is EmitterKind.SPOT else 1.0
+        return points_at(a[None, :3], 1.0, share * radiance[None] / (to @ to), record), points_alone(a[None, :3])
+    if kind in FLAT or kind is EmitterKind.SPHERE:
+        places, projected, patches = (
+            _on_sphere(a, front) if kind is EmitterKind.SPHERE else _on_flat(record, kind, front)
+        )
+        square = np.sum((front - places) ** 2, axis=1)
+        return points_at(places, 1.0, radiance * (projected / square)[:, None], record), patches
+    return None
+
+
+def points_at(places: Array, lamp: float, irradiance: Array, record: np.void) -> Points:
+    """Return points of an emitter as `points_of` does; `lamp` is 1 for places, 0 for directions."""
+    count = len(places)
+    target = np.tile([float(record["primitive"]), float(record["triangle"])], (count, 1))
+    return np.column_stack([places, np.full(count, lamp)]), irradiance, target
+
+
+# Patches of emitters: cells of the unit square, and the map of it onto the emitter.
+
+
+@dataclass(frozen=True, eq=False)
+class Patches(Rows):
+    """Parts of emitters, one behind each of n points.
+
+    Attributes
+    ----------
+    base, first, second : (n, 3) arrays
+        Corner or middle, and edges or radii, of places [m], or of directions towards a sun.
+    map : (n,) array
+        `PatchMap` of the unit square.
+    bulge : (n,) array
+        Square of the sine of a sun's radius, by which its disk bends to the sphere of directions.
+    cell : (n, 4) array
+        Of the unit square: where it begins, and its sides.
+    normal : (n, 3) array
+        Of a flat lamp, over the cosine under which its point is seen from the front; 0 of what has none.
+    """
+
+    base: Array
+    first: Array
+    second: Array
+    map: NDArray[np.intp]
+    bulge: Array
+    cell: Array
+    normal: Array
+
+    def at(self, s: Array, t: Array) -> Array:
+        """Return a point (n, 3) of each patch, at coordinates (n,) of its cell."""
+        u, v = self.cell[:, 0] + s * self.cell[:, 2], self.cell[:, 1] + t * self.cell[:, 3]
+        over = (self.map == PatchMap.TRIANGLE) & (u + v > 1)
+        x, y = np.where(over, 1 - u, u), np.where(over, 1 - v, v)
+        disk = self.map == PatchMap.DISK
+        x = np.where(disk, np.sqrt(u) * np.cos(2 * np.pi * v), x)
+        y = np.where(disk, np.sqrt(u) * np.sin(2 * np.pi * v), y)
+        base = self.base * np.sqrt(1.0 - u * self.bulge)[:, None]
+        return np.asarray(base + x[:, None] * self.first + y[:, None] * self.second)
+
+    def rows(self) -> Array:
+        """Return them (n, 20) as the kernel takes them."""
+        has_normal = self.normal.any(axis=1)
+        ends = self.map, self.bulge, np.zeros(len(self.map)), has_normal
+        base, first, second, normal = (
+            np.column_stack(pair) for pair in zip((self.base, self.first, self.second, self.normal), ends, strict=True)
+        )
+        return np.concatenate([base, first, second, self.cell, normal], axis=1)
+
+
+def _patches(base: Array, first: Array, second: Array, kind: PatchMap, cells: Array, bulge: float = 0.0) -> Patches:
+    count = len(cells)
+    base, first, second = (np.tile(row, (count, 1)) for row in (base, first, second))
+    return Patches(base, first, second, np.full(count, kind), np.full(count, bulge), cells, np.zeros((count, 3)))
+
+
+def points_alone(places: Array) -> Patches:
+    """Return patches that are no more than points (n, 3 or more)."""
+    nothing = np.zeros(3)
+    return replace(_patches(nothing, nothing, nothing, PatchMap.SQUARE, np.zeros((len(places), 4))), base=places[:, :3])
+
+
+def square_patch(middle: Array, first: Array, second: Array) -> Patches:
+    """Return one parallelogram of places or directions about a middle."""
+    corner = middle - 0.5 * (first + second)
+    return _patches(corner, first, second, PatchMap.SQUARE, np.array([[0.0, 0.0, 1.0, 1.0]]))
+
+
+def _disk_cells() -> Array:
+    """Return cells of a disk of equal areas: one in the middle, five and ten around it."""
+    rings = ((0, 1), (1, 5), (6, 10))
+    return np.array([(low / POINTS, k / n, n / POINTS, 1 / n) for low, n in rings for k in range(n)])
+
+
+def _square_cells(aspect: float) -> Array:
+    """Return cells of a square that are about as long as wide on a rectangle so many times as long as wide."""
+    columns = 2 ** int(np.clip(np.rint(0.5 * np.log2(POINTS * aspect)), 0, np.log2(POINTS)))
+    rows = POINTS // columns
+    x, y = (grid.ravel() for grid in np.indices((columns, rows)))
+    ones = np.ones(POINTS)
+    return np.column_stack([x / columns, y / rows, ones / columns, ones / rows])
+
+
+def _middles(patches: Patches) -> Array:
+    middle = np.where((patches.map == PatchMap.TRIANGLE)[:, None], 1 / 3, 0.5) * np.ones((1, 2))
+    whole = (patches.map == PatchMap.DISK) & (patches.cell[:, 3] == 1.0)  # about the middle of a disk, which is its own
+    return patches.at(np.where(whole, 0.0, middle[:, 0]), middle[:, 1])
+
+
+def lattice(count: int) -> tuple[Array, Array]:
+    """Return points (n,) that are spread evenly over the unit square."""
+    numbers = np.arange(count) + 0.5
+    return numbers / count, np.mod(numbers * GOLDEN, 1.0)
+
+
+def _on_sun(record: np.void, kind: EmitterKind) -> tuple[Array, Patches]:
+    """Return unit directions (n, 3) towards points spread evenly over a sun, and its patches."""
+    towards = record["normal"][:3].astype(np.float64)
+    if kind is EmitterKind.DIRECTIONAL:
+        return np.asarray(towards[None]), points_alone(towards[None])
+    sine2 = float(record["a"][3])
+    first, second = _across(towards)
+    patches = _patches(towards, np.sqrt(sine2) * first, np.sqrt(sine2) * second, PatchMap.DISK, _disk_cells(), sine2)
+    return _middles(patches), patches
+
+
+def _across(direction: Array) -> tuple[Array, Array]:
+    """Return two unit vectors across a unit direction."""
+    first = np.cross(direction, np.eye(3)[int(np.argmin(np.abs(direction)))])
+    first /= np.linalg.norm(first)
+    return np.asarray(first), np.cross(direction, first)
+
+
+def _spot_share(record: np.void, away: Array) -> float:
+    """Return the share of a spot's intensity in a unit direction away from it: a smooth step in the cosine."""
+    off = away - record["normal"][:3]
+    x = float(np.clip((float(record["u"][3]) - 0.5 * off @ off) * float(record["v"][3]), 0.0, 1.0))
+    return x * x * (3.0 - 2.0 * x)
+
+
+def _on_sphere(a: Array, front: Array) -> tuple[Array, Array, Patches]:
+    """Return points of the disk as which a sphere shows to the front, the area that each shows [m2], and its patches.
+
+    All have the same light there: the square of their distances is that of the centre.
+    """
+    distance = float(np.linalg.norm(front - a[:3]))
+    first, second = _across((front - a[:3]) / distance)
+    patches = _patches(a[:3], a[3] * first, a[3] * second, PatchMap.DISK, _disk_cells())
+    places = _middles(patches)
+    return places, np.pi * a[3] ** 2 / POINTS * np.sum((front - places) ** 2, axis=1) / distance**2, patches
+
+
+def _on_flat(record: np.void, kind: EmitterKind, front: Array) -> tuple[Array, Array, Patches]:
+    """Return points of a flat lamp, the area that each shows to the front [m2], and patches; dark from behind."""
+    corner, x, y, normal = (record[name][:3].astype(np.float64) for name in ("a", "u", "v", "normal"))
+    if kind is EmitterKind.TRIANGLE:
+        patches = _patches(corner, x, y, PatchMap.TRIANGLE, np.array([[0.0, 0.0, 1.0, 1.0]]))
+    elif kind is EmitterKind.DISK:
+        patches = _patches(corner, x, y, PatchMap.DISK, _disk_cells())
+    else:
+        patches = _patches(corner, x, y, PatchMap.SQUARE, _square_cells(float(np.linalg.norm(x) / np.linalg.norm(y))))
+    places = _middles(patches)
+    to = front - places
+    cosine = to @ normal / np.linalg.norm(to, axis=1)
+    facing = cosine if not record["two_sided"] else np.abs(cosine)
+    patches = replace(patches, normal=normal / np.where(cosine == 0, np.inf, cosine)[:, None])
+    return places, np.maximum(facing, 0.0) * float(record["a"][3]) / len(places), patches

@@ -1,0 +1,387 @@
+"""Objects, lamps and surroundings in the viewfinder: what is selected, its dials, and lamps that are muted or alone."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import field, replace
+from typing import Any
+
+import numpy as np
+
+from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.files import plain
+from rptcam_cl.scene.base import near_name
+from rptcam_cl.scene.load import key_path
+from rptcam_cl.scene.materials import Emissive, Principled
+from rptcam_cl.scene.scene import STRENGTHS, Scene
+from rptcam_cl.viewfinder.panel import Panel, Turned, number, word
+
+# A thing is named by its key path in the scene: objects.3, lights.0, materials.candle, environment.
+
+AXES = ("x", "y", "z")
+COLOURS = ("red", "green", "blue")
+STEPS = 1000  # of a position, either way
+POWERS = [0.0, *(2.0 ** (step / 3) for step in range(-60, 61))]  # thirds of a stop, and none
+_COLOUR_KEYS = ("reflectance", "base_color", "transmittance")
+_NUMBER_KEYS = {
+    "roughness": "roughness", "alpha": "roughness alpha", "metallic": "metallic", "specular": "specular",
+    "transmission": "transmission", "clearcoat": "clear coat",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Field:
+    """A dial of the thing that is selected: what it stands at, how far it goes, and what turning it changes."""
+
+    name: str
+    label: str
+    value: Any
+    changes: Callable[[Any], Mapping[str, Any]]
+    limits: Mapping[str, Any] = field(default_factory=dict)
+    kind: str = "number"
+    why_not: str | None = None
+
+    @property
+    def entry(self) -> dict[str, Any]:
+        """The dial as pages draw it."""
+        text = "–" if self.value is None else f"{self.value:.3g}" if self.kind == "number" else str(self.value)
+        return {
+            "name": f"thing_{self.name}", "label": self.label, "kind": self.kind, "value": self.value, "text": text,
+            "enabled": self.why_not is None, "linked": self.why_not, "unit": "", **self.limits,
+        }  # fmt: skip
+
+
+def title_of(scene: Scene, thing: str) -> str:
+    """What a thing is called."""
+    part, _, name = thing.partition(".")
+    if part == "objects":
+        index = int(name.removesuffix(".material"))
+        return scene.objects[index].name or f"{scene.objects[index].shape} {index + 1}"
+    if part == "lights":
+        return f"{scene.lights[int(name)].kind} {int(name) + 1}"
+    return "surroundings" if part == "environment" else name
+
+
+def is_there(scene: Scene, thing: str) -> bool:
+    """Whether a scene has a thing."""
+    part, _, name = thing.partition(".")
+    if part in ("objects", "lights"):
+        return name.isdecimal() and int(name) < len(getattr(scene, part))
+    return name in scene.materials if part == "materials" else thing == "environment" and scene.environment is not None
+
+
+def fields_of(panel: Panel, thing: str) -> list[Field]:
+    """The dials of a thing."""
+    scene, (part, _, name) = panel.scene, thing.partition(".")
+    if part == "objects":
+        return [
+            *_material_choice(scene, int(name)),
+            *_of_material(panel, _material_of(scene, int(name))),
+            *_position(scene, int(name)),
+        ]
+    if part == "materials":
+        return list(_of_material(panel, thing))
+    lamp = _model(scene, thing)
+    return [*_emission(panel, thing), *_numbers(thing, lamp), *_position_key(scene, thing, lamp)]
+
+
+def turn_thing(panel: Panel, thing: str | None, name: str, value: Any) -> Turned:
+    """Turn a dial of the thing that is selected.
+
+    Raises
+    ------
+    InputError
+        Nothing is selected, it has no such dial, or the value is not one of its kind.
+    """
+    if thing is None:
+        raise InputError(f"{name}: nothing is selected (allowed: dials of what is)")
+    fields = {f"thing_{each.name}": each for each in fields_of(panel, thing)}
+    if name not in fields:
+        raise InputError(f"{name}: {title_of(panel.scene, thing)} has no such dial{near_name(name, list(fields))}")
+    dial = fields[name]
+    if dial.why_not is not None:
+        return panel.same(f"{dial.label}: {dial.why_not}")
+    if dial.kind == "choice":
+        wanted = word(name, value, tuple(each["value"] for each in dial.limits["choices"]))
+        return Turned(panel.dials, dial.changes(wanted))
+    low, high = dial.limits["min"], dial.limits["max"]
+    reached = min(max(number(name, value), low), high)
+    messages = () if reached == value else (f"{dial.label} goes from {low:.3g} to {high:.3g}",)
+    return Turned(panel.dials, dial.changes(reached), messages)
+
+
+# Dials of materials and lamps.
+
+
+def _material_of(scene: Scene, index: int) -> str | None:
+    """The key path of an object's material; None where its file has it."""
+    given = _given(scene, index, "material")
+    if isinstance(given, str):
+        return f"materials.{given}" if "." not in given else None
+    return f"objects.{index}.material" if isinstance(given, dict) else None
+
+
+def _material_choice(scene: Scene, index: int) -> Iterator[Field]:
+    given = _given(scene, index, "material")
+    if isinstance(given, str) and len(scene.materials) > 1:
+        choices = [{"value": name, "label": name} for name in scene.materials]
+        path = f"objects.{index}.material"
+        yield Field("material", "material", given, lambda name: {path: name}, {"choices": choices}, "choice")
+
+
+def _of_material(panel: Panel, path: str | None) -> Iterator[Field]:
+    if path is None:
+        return
+    model = _model(panel.scene, path)
+    for key in _COLOUR_KEYS:
+        if hasattr(model, key):
+            yield from _albedo(path, key, getattr(model, key))
+            break
+    yield from _emission(panel, path)
+    for key, label in _NUMBER_KEYS.items():
+        value = getattr(model, key, None)
+        if isinstance(value, tuple) and len(set(value)) == 1:
+            value = value[0]
+        if isinstance(value, float):
+            low = 1e-3 if key == "alpha" else 0.0
+            yield Field(key, label, value, _setter(f"{path}.{key}"), {"min": low, "max": 1.0, "step": 0.01})
+
+
+def _albedo(path: str, key: str, value: Any) -> Iterator[Field]:
+    why_not = None if _is_rgb(value) else "its colour is a pattern or a spectrum"
+    for index, colour in enumerate(COLOURS):
+
+        def changes(wanted: float, index: int = index) -> dict[str, Any]:
+            return {f"{path}.{key}": [wanted if place == index else each for place, each in enumerate(value)]}
+
+        here = value[index] if why_not is None else None
+        yield Field(colour, colour, here, changes, {"min": 0.0, "max": 1.0, "step": 0.01}, why_not=why_not)
+
+
+def _emission(panel: Panel, path: str) -> Iterator[Field]:
+    """Power and colour of what shines."""
+    key = strength_key(_model(panel.scene, path))
+    if key is None:
+        return
+    value = getattr(_model(panel.scene, path), key)
+    why_not = "muted" if f"{path}.{key}" in panel.dials.dark else None
+    limits = {"min": 0.0, "max": POWERS[-1], "steps": POWERS}
+    if isinstance(value, float):
+        yield Field("power", "power", value, _setter(f"{path}.{key}"), limits, why_not=why_not)
+        return
+    if not _is_rgb(value):
+        yield Field("power", "power", None, _setter(path), limits, why_not="its colour is a pattern or a spectrum")
+        return
+    most = max(value)
+
+    def scaled(wanted: float) -> dict[str, Any]:
+        return {f"{path}.{key}": [each * wanted / most if most else wanted for each in value]}
+
+    yield Field("power", "power", most, scaled, limits, why_not=why_not)
+    for index, colour in enumerate(COLOURS):
+
+        def changes(wanted: float, index: int = index) -> dict[str, Any]:
+            return {f"{path}.{key}": [wanted if place == index else each for place, each in enumerate(value)]}
+
+        yield Field(f"light_{colour}", f"{colour} light", value[index], changes, limits, why_not=why_not)
+
+
+_LAMP_NUMBERS = {
+    "outer_degrees": ("cone", 1.0, 180.0), "sun_elevation_degrees": ("sun's height", 0.0, 90.0),
+    "sun_azimuth_degrees": ("sun's azimuth", -360.0, 360.0), "turbidity": ("haze", 2.0, 10.0),
+    "rotation_degrees": ("turn", -360.0, 360.0),
+}  # fmt: skip
+
+
+def _numbers(path: str, model: Any) -> Iterator[Field]:
+    for key, (label, low, high) in _LAMP_NUMBERS.items():
+        if isinstance(getattr(model, key, None), float):
+            step = 0.1 if key == "turbidity" else 1.0
+            yield Field(
+                key, label, getattr(model, key), _setter(f"{path}.{key}"), {"min": low, "max": high, "step": step}
+            )
+
+
+# Where things are.
+
+
+def _position(scene: Scene, index: int) -> Iterator[Field]:
+    """Where the middle of an object is, which is moved by the last step of its transform."""
+    item, path = scene.objects[index], f"objects.{index}.transform"
+    why_not = "it moves by keyframes" if item.motion else "it stands in several places" if item.instances else None
+    if not isinstance(scene.made_of["objects"][index], Mapping):
+        why_not = "it was made in Python"
+    if item.shape == "plane":
+        yield from _position_key(scene, f"objects.{index}", item, "point")
+        return
+    low, high = scene.solids()[index].bounds()
+    matrix = item.placed_at(scene.shutter.open_s)
+    middle = (matrix[:3, :3] @ ((np.asarray(low) + np.asarray(high)) / 2) + matrix[:3, 3]).tolist()
+    size = float(np.linalg.norm(matrix[:3, :3] @ (np.asarray(high) - np.asarray(low))))
+    given = plain(_given(scene, index, "transform") or [])
+    steps = [dict(each) for each in (given if isinstance(given, list) else [given])]
+    for axis, name in enumerate(AXES):
+
+        def changes(wanted: float, axis: int = axis) -> dict[str, Any]:
+            moved = [dict(each) for each in steps]
+            if not moved or "translate" not in moved[-1]:
+                moved.append({"translate": [0.0, 0.0, 0.0]})
+            shift = list(moved[-1]["translate"])
+            shift[axis] += wanted - middle[axis]
+            moved[-1] = {"translate": shift}
+            return {path: moved}
+
+        yield Field(name, name, middle[axis], changes, _around(middle[axis], size / 20), why_not=why_not)
+
+
+def _position_key(scene: Scene, thing: str, model: Any, key: str = "position") -> Iterator[Field]:
+    if not hasattr(model, key):
+        return
+    value = list(getattr(model, key))
+    size = math.dist(scene.camera.eye, scene.camera.target) / 2
+    for axis, name in enumerate(AXES):
+
+        def changes(wanted: float, axis: int = axis) -> dict[str, Any]:
+            return {f"{thing}.{key}": [wanted if place == axis else each for place, each in enumerate(value)]}
+
+        yield Field(name, name, value[axis], changes, _around(value[axis], size / 20))
+
+
+def _around(value: float, step: float) -> dict[str, float]:
+    """The limits of a dial without any: steps of 1, 2 or 5 times a power of ten around a value."""
+    power = 10.0 ** math.floor(math.log10(max(step, 1e-9)))
+    step = max(each * power for each in (1, 2, 5) if each * power <= max(step, 1e-9) * (1 + 1e-9))
+    middle = round(value / step) * step
+    return {"min": middle - STEPS * step, "max": middle + STEPS * step, "step": step}
+
+
+# Lamps: all that shines, lit or not.
+
+
+def strength_key(model: Any) -> str | None:
+    """The key that says how strong something shines; None for what does not."""
+    if isinstance(model, Principled):
+        value = model.emission
+        return "emission" if not isinstance(value, tuple) or max(value) > 0 else None
+    if isinstance(model, Emissive):
+        return "radiance"
+    return next(
+        (
+            key
+            for key in ("intensity", "irradiance", "radiance", "gain", "top")
+            if key in STRENGTHS and hasattr(model, key)
+        ),
+        None,
+    )
+
+
+def lamps_of(panel: Panel) -> list[dict[str, Any]]:
+    """All that shines, with what a hand has made of it: ``mute``, ``solo``, and ``lit``."""
+    scene, dials = panel.scene, panel.dials
+    listed = []
+    for thing, label in _lamps(scene, dials.dark):
+        lit = not any(path.startswith(f"{thing}.") for path in dials.dark)
+        listed.append(
+            {"name": thing, "label": label, "mute": thing in dials.mute, "solo": thing in dials.solo, "lit": lit}
+        )
+    return listed
+
+
+def _lamps(scene: Scene, dark: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    for index, light in enumerate(scene.lights):
+        yield f"lights.{index}", f"{light.kind} {index + 1}"
+    users: dict[str, int] = {}
+    for index in range(len(scene.objects)):
+        path = _material_of(scene, index)
+        if path is not None:
+            users[path] = users.get(path, 0) + 1
+    for path, count in users.items():
+        model = _model(scene, path)
+        if isinstance(model, Emissive | Principled) and (
+            strength_key(model) or any(each.startswith(f"{path}.") for each in dark)
+        ):
+            name = (
+                path.split(".", 1)[1]
+                if path.startswith("materials")
+                else title_of(scene, path.removesuffix(".material"))
+            )
+            yield path, f"{name} × {count}" if count > 1 else name
+    if scene.environment is not None and strength_key(scene.environment):
+        yield "environment", "surroundings"
+
+
+def switch_lamp(panel: Panel, thing: str, mute: bool | None, solo: bool | None) -> Turned:
+    """Mute a lamp or have it shine alone, or end that; what is dark has its strength back when it is lit again.
+
+    Raises
+    ------
+    InputError
+        There is no such lamp.
+    """
+    scene, dials = panel.scene, panel.dials
+    names = [name for name, _ in _lamps(scene, dials.dark)]
+    if thing not in names:
+        raise InputError(f"lamp: there is none of that name{near_name(thing, names)} (got {thing[:80]!r})")
+    muted = _switched(dials.mute, thing, mute)
+    alone = _switched(dials.solo, thing, solo)
+    dark, changes = dict(dials.dark), {}
+    for name in names:
+        wanted_dark = name not in alone if alone else name in muted
+        own = [path for path in dark if path.startswith(f"{name}.")]
+        if wanted_dark and not own:
+            model = _model(scene, name)
+            for key in (key for key in (*STRENGTHS, "emission") if hasattr(model, key)):
+                value = getattr(model, key)
+                dark[f"{name}.{key}"] = _data(scene, name).get(key)
+                changes[f"{name}.{key}"] = 0.0 if isinstance(value, float) else [0.0, 0.0, 0.0]
+        elif own and not wanted_dark:
+            changes |= {path: dark.pop(path) for path in own}
+    return Turned(replace(dials, dark=dark, mute=muted, solo=alone), changes)
+
+
+def _switched(names: frozenset[str], name: str, on: bool | None) -> frozenset[str]:
+    return names if on is None else names | {name} if on else names - {name}
+
+
+def things_message(panel: Panel, selected: str | None) -> dict[str, Any]:
+    """What clients hear of it."""
+    return {
+        "selected": selected,
+        "title": None if selected is None else title_of(panel.scene, selected),
+        "lamps": lamps_of(panel),
+    }
+
+
+# The scene's data and models by key path.
+
+
+def _given(scene: Scene, index: int, key: str) -> Any:
+    """What the scene file says of an object; nothing of one made in Python."""
+    item = scene.made_of["objects"][index]
+    return item.get(key) if isinstance(item, Mapping) else None
+
+
+def _data(scene: Scene, path: str) -> dict[str, Any]:
+    found: Any = scene.made_of
+    for key in key_path(path):
+        found = found[key]
+    if not isinstance(found, Mapping):  # made in Python
+        found = found.model_dump(mode="json", exclude_unset=True)
+    return dict(plain(found))
+
+
+def _model(scene: Scene, path: str) -> Any:
+    found: Any = scene
+    for key in key_path(path):
+        found = found[key] if isinstance(key, int) or isinstance(found, Mapping) else getattr(found, key)
+    return found
+
+
+def _setter(path: str) -> Callable[[Any], dict[str, Any]]:
+    return lambda value: {path: value}
+
+
+def _is_rgb(value: Any) -> bool:
+    return isinstance(value, tuple) and len(value) == 3 and all(isinstance(each, int | float) for each in value)

@@ -1,0 +1,198 @@
+"""Light in media: closed forms and quadrature in float64 of what they absorb, emit and scatter, and furnaces."""
+
+import numpy as np
+import pytest
+
+import rptcam_cl
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.rendering import tracer
+from tests.rendering.pictures import WHITE, bits, flat_mean, looking, pixels, scene_of, seed_of
+from tests.support.statistics import assert_equivalent
+
+ABSORPTION, SCATTERING, ASYMMETRY = np.array([0.05, 0.02, 0.01]), np.array([0.1, 0.2, 0.3]), 0.5
+FOG = {"absorption_per_m": ABSORPTION.tolist(), "scattering_per_m": SCATTERING.tolist(), "asymmetry": ASYMMETRY}
+BLACK = {"kind": "matte", "reflectance": 0.0}
+WALL = {"shape": "plane", "point": [0, 5, 0], "normal": [0, -1, 0], "material": BLACK}
+EYE = looking([0, 0, 0], [0, 1, 0], fov=20)
+BALL = {"shape": "sphere", "center": [0, 0, 0], "radius": 1}
+
+
+def henyey_greenstein(g, cosine):
+    return (1 - g * g) / (4 * np.pi * (1 + g * g - 2 * g * cosine) ** 1.5)
+
+
+def directions(fov, count):
+    """Unit directions spread evenly over the film of a camera like `EYE`."""
+    half = np.tan(np.radians(fov / 2))
+    x, z = np.meshgrid(*[((np.arange(count) + 0.5) / count * 2 - 1) * half] * 2)
+    d = np.stack([x.ravel(), np.ones(count**2), z.ravel()], axis=1)
+    return d / np.linalg.norm(d, axis=1, keepdims=True)
+
+
+def scattered_once(lamps, intensity):
+    """Mean radiance that fog before the wall scatters once from points of light, by Gauss's quadrature."""
+    nodes, weights = np.polynomial.legendre.leggauss(200)
+    d = directions(20, 48)
+    length = 5 / d[:, 1]
+    t = length[:, None] * (nodes + 1) / 2
+    total = np.zeros(3)
+    for lamp in lamps:
+        to = np.array(lamp) - t[..., None] * d[:, None]
+        r = np.linalg.norm(to, axis=-1)
+        phase = henyey_greenstein(ASYMMETRY, np.einsum("ijk,ik->ij", to, d) / r)
+        left = np.exp(-(ABSORPTION + SCATTERING) * (t + r)[..., None])
+        each = SCATTERING * left * (phase / r**2 * weights * length[:, None] / 2)[..., None]
+        total += intensity * each.sum(axis=1).mean(axis=0)
+    return total
+
+
+NOISE = 1e-3  # five standard errors of the mean of 1024 pixels
+LAMPS = [[1.6, 2.5, 0.3], [-1.4, 1.0, 0.9], [0.2, 4.0, -1.8]]
+
+
+def fog_of_points(lamps, **rest):
+    lights = [{"kind": "point", "position": at, "intensity": 1.0} for at in lamps]
+    return scene_of([WALL], EYE, depth=2, medium=FOG, lights=lights, **rest)
+
+
+def test_fog_scatters_light_of_points_once_as_quadrature_does():
+    mean = pixels(fog_of_points(LAMPS), seed=seed_of("points in fog"), spp=256).mean(axis=(0, 1))
+    np.testing.assert_allclose(mean, scattered_once(LAMPS, 1.0), rtol=NOISE)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("spectrum", ["rgb", "spectral"])
+def test_many_lamps_of_a_light_tree_light_fog_as_quadrature_does(spectrum):
+    random = np.random.default_rng(3)
+    lamps = (random.uniform([1.2, 0.2, -2], [3, 5, 2], (60, 3)) * random.choice([-1, 1], (60, 1)) ** [1, 0, 0]).tolist()
+    scene = fog_of_points(lamps, spectrum=spectrum)
+    mean = pixels(scene, seed=seed_of("tree in fog"), spp=512).mean(axis=(0, 1))
+    # a spectrum between three channels is not theirs
+    np.testing.assert_allclose(mean, scattered_once(lamps, 1.0), rtol=NOISE if spectrum == "rgb" else 0.05)
+
+
+def test_both_organisations_render_the_same_fog(monkeypatch):
+    scene = fog_of_points(LAMPS[:2])
+    films = []
+    for organisation in ("stream", "passes"):
+        monkeypatch.setattr(tracer, "ORGANISATION", dict.fromkeys(tracer.ORGANISATION, organisation))
+        films.append(bits(rptcam_cl.render(scene, spp=4, seed=1)))
+    assert films[0] == films[1]
+
+
+def ball_of(medium, material=None, **rest):
+    interior = {"interior": medium}
+    ball = BALL | {"material": (material or {"kind": "boundary"}) | interior}
+    return scene_of([ball], looking([0, -3, 0], [0, 0, 0], fov=0.2), resolution=(8, 8), **rest)
+
+
+def test_ball_absorbs_as_its_thickness_does():
+    absorption = np.array([0.3, 0.7, 2.0])
+    film = pixels(ball_of({"absorption_per_m": absorption.tolist()}, environment=WHITE), spp=4)
+    np.testing.assert_allclose(film.mean(axis=(0, 1)), np.exp(-2 * absorption), rtol=2e-4)  # rays are not all central
+
+
+def test_ball_emits_what_its_thickness_lets_out():
+    absorption, emission = np.array([0.0, 0.7, 2.0]), np.array([1.0, 2.0, 0.5])
+    medium = {"absorption_per_m": absorption.tolist(), "emission_per_m": emission.tolist()}
+    film = pixels(ball_of(medium), spp=4)
+    thickness = [2.0, *(1 - np.exp(-2 * absorption[1:])) / absorption[1:]]
+    np.testing.assert_allclose(film.mean(axis=(0, 1)), emission * thickness, rtol=2e-4)
+
+
+@pytest.mark.parametrize("asymmetry", [0.0, 0.8])
+def test_ball_that_only_scatters_vanishes_in_a_white_world(asymmetry):
+    scene = ball_of({"scattering_per_m": 3.0, "asymmetry": asymmetry}, environment=WHITE, depth=400)
+    # the same in every channel, so that each sample is 1, but for the few of more than 400 edges
+    film = pixels(scene, spp=16, seed=seed_of(str(asymmetry)))
+    np.testing.assert_allclose(film, 1, rtol=2e-6)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("material", [{"kind": "boundary"}, {"kind": "dielectric", "index": 1.3}])
+@pytest.mark.parametrize("spectrum", ["rgb", "spectral", "dispersive"])
+def test_coloured_ball_that_only_scatters_vanishes_in_a_white_world(material, spectrum):
+    medium = {"scattering_per_m": [1.0, 2.0, 4.0], "asymmetry": 0.3}
+    scene = ball_of(medium, material, environment=WHITE, depth=400, spectrum=spectrum)
+    mean, error = flat_mean(scene, f"{material} {spectrum}", spp=8192)
+    assert_equivalent(mean, error, 1.0, 0.015)
+
+
+def test_ball_scatters_the_sky_once_as_quadrature_does():
+    """Of a gradient of radiance z / 2 + 1 / 2 over directions, which phase sampling alone finds."""
+    medium = {"scattering_per_m": 0.4, "asymmetry": 0.6}
+    sky = {"kind": "gradient", "bottom": 0.0, "top": 1.0, "up": [0, 1, 0]}
+    mean, error = flat_mean(ball_of(medium, environment=sky, depth=2), "sky in a ball", spp=16384)
+    t_nodes, t_weights = np.polynomial.legendre.leggauss(60)
+    c_nodes, c_weights = np.polynomial.legendre.leggauss(200)
+    total = np.exp(-0.8) * 1.0  # straight on, towards +y
+    for t, weight in zip(t_nodes + 1, t_weights, strict=True):
+        at = t - 1  # on the axis
+        way = -at * c_nodes + np.sqrt(1 - at**2 * (1 - c_nodes**2))
+        scattered = 2 * np.pi * henyey_greenstein(0.6, c_nodes) * np.exp(-0.4 * way) * (0.5 + 0.5 * c_nodes)
+        total += weight * 0.4 * np.exp(-0.4 * t) * (scattered * c_weights).sum()
+    assert_equivalent(mean, error, total, 4e-3)
+
+
+def test_boundary_alone_is_not_there():
+    empty = {"interior": {}}
+    objects = [
+        BALL | {"material": {"kind": "boundary"} | empty},
+        {
+            "shape": "plane",
+            "point": [0, 0, -1.5],
+            "normal": [0, 0, 1],
+            "material": {"kind": "matte", "reflectance": 0.5},
+        },
+    ]
+    lights = [{"kind": "point", "position": [0, 0, 3], "intensity": 5.0}]
+    camera = looking([0, -4, 1], [0, 0, 0])
+    with_it = scene_of(objects, camera, lights=lights, depth=3)
+    without = scene_of(objects[1:], camera, lights=lights, depth=3)
+    layers = ["depth", "object_id"]
+    one, other = (rptcam_cl.render(scene, spp=4, seed=5, layers=layers) for scene in (with_it, without))
+    np.testing.assert_allclose(np.asarray(one), np.asarray(other), rtol=2e-5)
+    np.testing.assert_array_equal(one.layers["depth"], other.layers["depth"])
+
+
+@pytest.mark.slow
+def test_fog_dims_a_wall_of_light_behind_a_lens():
+    """Rays from a lens in the middle of a glowing ball go the same way through fog, but for the size of the lens."""
+    camera = {"kind": "realistic", "lens": "dgauss-50mm", "focus": {"distance_m": 5}} | {
+        key: EYE[key] for key in ("eye", "target", "up")
+    }
+    wall = BALL | {"radius": 10, "material": {"kind": "emissive", "radiance": 1.0, "two_sided": True}}
+    scene = scene_of([wall], camera, depth=1, exposure="relative")
+    clear = pixels(scene, spp=64)
+    foggy = pixels(scene | {"medium": {"absorption_per_m": [0.05, 0.1, 0.2]}}, spp=64)
+    ratio = (foggy.mean(axis=(0, 1)) / clear.mean(axis=(0, 1))).tolist()
+    np.testing.assert_allclose(ratio, np.exp(-10 * np.array([0.05, 0.1, 0.2])), rtol=0.2 * 0.1)  # 0.1 m of way
+
+
+def test_camera_in_a_ball_looks_through_what_fills_it():
+    water = BALL | {"radius": 2, "material": {"kind": "boundary", "interior": {"absorption_per_m": 0.5}}}
+    scene = scene_of([water], looking([0, 1, 0], [0, 2, 0], fov=0.5), environment=WHITE, resolution=(8, 8))
+    np.testing.assert_allclose(pixels(scene, spp=1).mean(), np.exp(-0.5), rtol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"film": {"transparent": True, "resolution": [8, 8]}}, "film.transparent: does not go with media"),
+        ({"render": {"caustics": "on"}}, "render.caustics: does not go with media"),
+        ({"medium": {"emission_per_m": 1}}, "medium.emission_per_m: shines without end"),
+        ({"medium": {"visibility_m": 10, "scattering_per_m": 1}}, "visibility_m"),
+        ({"medium": {"albedo": 0.5}}, "needs visibility_m"),
+        ({"medium": FOG, "objects": [BALL | {"material": {"kind": "dielectric", "opacity": 0.5}}]}, "holes"),
+    ],
+)
+def test_what_does_not_go_with_media_is_refused(change, message):
+    with pytest.raises(InputError, match=message):
+        rptcam_cl.render(fog_of_points(LAMPS) | change, spp=1)
+
+
+def test_visibility_leaves_a_twentieth_of_light():
+    medium = rptcam_cl.load_scene(fog_of_points(LAMPS) | {"medium": {"visibility_m": 40, "albedo": [0.5, 1, 0]}}).medium
+    extinction = np.add(medium.scattering, medium.absorption)
+    np.testing.assert_allclose(np.exp(-40 * extinction), 0.05)
+    np.testing.assert_allclose(np.divide(medium.scattering, extinction), [0.5, 1, 0])
