@@ -880,11 +880,11 @@ class Merit:
         return "telecentricity", root * np.array([slope]), root * ((dd[1][:, k] - slope * dd[2][:, k]) / d[2, k])[None]
 
 
-# The search: damped least squares in legs that a file remembers, hops between minima, other glasses.
+# The search: damped least squares in stages that a file remembers, hops between minima, other glasses.
 
-LEG = 30  # evaluations between two states on disk
+STAGE = 30  # evaluations between two states on disk
 ROUNDS = 400
-MORE = 8  # legs after the evaluations are used up, in which bounds come to hold
+MORE = 8  # stages after the evaluations are used up, in which bounds come to hold
 FTOL = 1e-6
 OPENINGS = (0.2, 0.4, 0.6, 0.8)  # of pupil and field, for starts that lose rays
 OPENING_EVALUATIONS = 60
@@ -927,30 +927,30 @@ class Optimised:
 
 
 class _Journal:
-    """Legs of the search in their order; a run that begins anew takes those that a file has."""
+    """Stages of the search in their order; a run that begins anew takes those that a file has."""
 
     def __init__(self, given: Problem, path: Path | None) -> None:
-        self.path, self.digest, self.legs, self.next = path, given.digest, [], 0
+        self.path, self.digest, self.stages, self.next = path, given.digest, [], 0
         if path is not None and path.exists():
             try:
                 data = json.loads(read_whole(path, 16 * MAX_BYTES))
-                known, self.legs = data["problem"], list(data["legs"])
+                known, self.stages = data["problem"], list(data["stages"])
             except (ValueError, KeyError, TypeError):
                 raise StateError(f"{path}: is no state of a lens search; delete it or name another") from None
             if known != self.digest:
                 raise StateError(f"{path}: is the state of another problem, lens or version; delete it or name another")
 
-    def leg(self, key: str, compute: Callable[[], dict[str, Any]]) -> dict[str, Any]:
-        """Return what a leg found, from the file or computed and written."""
+    def stage(self, key: str, compute: Callable[[], dict[str, Any]]) -> dict[str, Any]:
+        """Take the result of a stage from the file, or compute and write it."""
         number, self.next = self.next, self.next + 1
-        if number < len(self.legs) and self.legs[number]["key"] == key:
-            return dict(self.legs[number])
-        del self.legs[number:]
-        self.legs.append({"key": key, **compute()})
+        if number < len(self.stages) and self.stages[number]["key"] == key:
+            return dict(self.stages[number])
+        del self.stages[number:]
+        self.stages.append({"key": key, **compute()})
         if self.path is not None:
             with replacing(self.path) as temporary:
-                temporary.write_text(json.dumps({"problem": self.digest, "legs": self.legs}))
-        return dict(self.legs[-1])
+                temporary.write_text(json.dumps({"problem": self.digest, "stages": self.stages}))
+        return dict(self.stages[-1])
 
 
 def _scipy() -> Any:
@@ -977,14 +977,14 @@ class _Search:
         for _ in range(ROUNDS):
             shifts = b"" if merit.shifts is None else merit.shifts.tobytes()
             key = hashlib.sha256(x.tobytes() + shifts + repr(merit.weight).encode() + label.encode()).hexdigest()
-            leg = self.journal.leg(key, lambda start=x: self._leg(merit, start))  # type: ignore[misc]
-            x, count = np.array(leg["x"]), int(leg["evaluations"])
+            stage = self.journal.stage(key, lambda start=x: self._stage(merit, start))  # type: ignore[misc]
+            x, count = np.array(stage["x"]), int(stage["evaluations"])
             spent, self.evaluations = spent + count, self.evaluations + count
             value = merit.values_of(x)["merit"]
             self.progress(f"{label}: merit {value:.6g} after {self.evaluations} evaluations")
             ends = spent >= (most or self.given.evaluations)
             more -= ends
-            if leg["converged"] or ends:
+            if stage["converged"] or ends:
                 if (merit.tighten(x) <= 1 and (ends or abs(last - value) <= 1e-3 * value)) or not more:
                     break
                 last = value
@@ -1001,10 +1001,10 @@ class _Search:
         x, _ = self.local(merit, x, "fully open")
         return min(x, found, key=lambda v: self._compared(merit, v))
 
-    def _leg(self, merit: Merit, x: Array) -> dict[str, Any]:
+    def _stage(self, merit: Merit, x: Array) -> dict[str, Any]:
         found = self.library.least_squares(
             lambda v: merit.evaluate(v, False)[0], x, jac=lambda v: merit.evaluate(v, True)[1], x_scale="jac",
-            ftol=FTOL, xtol=1e-12, gtol=1e-15, max_nfev=LEG,
+            ftol=FTOL, xtol=1e-12, gtol=1e-15, max_nfev=STAGE,
         )  # fmt: skip
         return {"x": found.x.tolist(), "evaluations": int(found.nfev), "converged": bool(found.status != 0)}
 
@@ -1105,7 +1105,7 @@ def optimise(
     state
         A file of states: written as the search goes on, and taken up where it is there, with the same result.
     on_progress
-        Gets a line after each leg.
+        Gets a line after each stage.
 
     Raises
     ------
