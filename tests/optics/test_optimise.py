@@ -242,3 +242,25 @@ def test_command_writes_a_lens_that_says_where_it_is_from(tmp_path, capsys):
     assert main(["lens", "optimise", str(problem), "--scene", "board"]) == 2
     assert "--report" in capsys.readouterr().err
     assert Path(out).read_text().startswith("name: ")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind, count", [("hops", 3), ("evolution", 2)])
+def test_global_searches_are_no_worse_than_the_descent_and_repeat(kind, count):
+    given = {**TRIPLET, "variables": {"curvatures": "all"}, "rings": 2, "arms": 2, "evaluations": 60}
+    plain = optimise(given)
+    found = [optimise({**given, "search": {"kind": kind, "count": count, "step": 0.1, "seed": 3}}) for _ in range(2)]
+    assert found[0].lens == found[1].lens
+    assert found[0].after["merit"] <= plain.after["merit"] * 1.001
+
+
+@pytest.mark.slow
+def test_report_has_drawings_and_pictures_of_three_lenses(tmp_path):
+    problem = tmp_path / "problem.yaml"
+    problem.write_text("lens: biconvex-stop\nfields_degrees: [0, 5]\nvariables: {curvatures: all}\n")
+    folder = tmp_path / "report"
+    words = ["lens", "optimise", str(problem), "--report", str(folder), "--scene", "board", "--spp", "2"]
+    assert main([*words, "--tolerances", "precision"]) == 0
+    assert {"before.svg", "after.svg", "before.png", "after.png", "as_built_90.png", "pictures.png"} <= {
+        path.name for path in folder.iterdir()
+    }
