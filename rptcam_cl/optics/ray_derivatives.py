@@ -261,6 +261,11 @@ class _Walk:
         self, k: int, surface: Surface, at: Array, normal: Array, cos: Array, length: Array, index: Array, count: int
     ) -> tuple[list[Array], Array]:
         """Move to the points where rays hit; return the derivatives of unit normals and of cosines."""
+        self.paths = self.paths + index * length
+        self.p = at
+        if not count:
+            nothing = np.zeros((0, len(length)))
+            return [nothing] * 3, nothing
         d, dp, dd = self.d, [a[:count] for a in self.dp], [a[:count] for a in self.dd]
         moved = [dp[i] + length * dd[i] for i in range(3)]
         x, y = at[0], at[1]
@@ -274,8 +279,6 @@ class _Walk:
             moved[i] += dlength * d[i]
             self.dp[i][:count] = moved[i]
         self.dpaths[:count] += index * dlength
-        self.paths = self.paths + index * length
-        self.p = at
         # N = (-2 x z', -2 y z', 1) and n = N / |N|, with 1 / |N| the z of n
         dslope = (2.0 * profile.bend) * (x * moved[0] + y * moved[1])
         for seed, _, slope in rows:
