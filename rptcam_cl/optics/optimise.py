@@ -538,9 +538,9 @@ class Merit:
         radii, count = np.sqrt((nodes + 1) / 2), len(given.wavelengths_nm)
         shares = np.array(given.wavelength_weights) / sum(given.wavelength_weights)
         for degrees, weight in zip(given.fields_degrees, given.field_weights, strict=True):
-            arms = 1 if degrees == 0 else given.arms
+            arms = given.arms
             # the half of the pupil at x > 0: the other one is its mirror image
-            angles = np.array([0.0]) if degrees == 0 else (np.arange(arms) + 0.5) * np.pi / arms
+            angles = (np.arange(arms) + 0.5) * np.pi / arms
             middle, half_y, half_x = self._opening(degrees) if given.vignetting else (0.0, 1.0, 1.0)
             u = half_x * (radii[:, None] * np.sin(angles)).ravel()
             v = middle + half_y * (radii[:, None] * np.cos(angles)).ravel()
@@ -809,8 +809,7 @@ class Merit:
         weights, (x, y), (dx, dy) = self._of_field(state, rays)
         root, total = 1e3 * np.sqrt(weights), weights.sum() or 1.0
         yield "spot", root * (y - weights @ y / total), (root * (dy - (dy @ weights / total)[:, None])).T
-        if rays.field:
-            yield "spot", root * x, (root * dx).T
+        yield "spot", root * x, (root * dx).T
 
     def _wavefront(self, state: State, rays: _Rays, term: Term) -> Iterator[_Rows]:
         """Paths to the plane wave limit of the reference sphere about the centroid, less their mean [waves]."""
@@ -838,16 +837,13 @@ class Merit:
         root = np.sqrt(rays.weights.sum() / 2)
         middle, dmiddle = share @ y, dy @ share
         for h, dh, even in ((x, dx, True), (y - middle, dy - dmiddle[:, None], False)):
-            if not rays.field and even:
-                continue
             phase, size = turn * h, turn * dh
             real, imaginary = share @ np.cos(phase), 0.0 if even else share @ np.sin(phase)
             dreal = -size @ (share * np.sin(phase))
             dimaginary = 0.0 if even else size @ (share * np.cos(phase))
             modulus = np.hypot(real, imaginary)
             by = (real * dreal + imaginary * dimaginary) / max(modulus, 1e-9)
-            factor = root if rays.field else root * math.sqrt(2)
-            yield "mtf", np.array([factor * (1 - modulus)]), -factor * by[None]
+            yield "mtf", np.array([root * (1 - modulus)]), -root * by[None]
 
     def _chief(self, state: State, rays: _Rays) -> tuple[NDArray[np.intp], Array, Array]:
         """Return the rows of the chief rays by wavelength, and y and derivatives; 0 of those that are lost."""
