@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rptcam_cl.cli import lens_measures, lens_options
+from rptcam_cl.cli.lens_optimise import add_lens_optimise
 from rptcam_cl.cli.output import as_json
 from rptcam_cl.cli.parser import Commands, Parser, add_command, finite, positive, run_nothing
 from rptcam_cl.core.constants import LINE_D_NM
@@ -278,6 +279,7 @@ def add_lens(parser: Parser) -> None:
         lens_measures.add_lens_trace,
         add_lens_convert,
         add_lens_design,
+        add_lens_optimise,
     ):
         add(inner)
 
