@@ -1,4 +1,4 @@
-"""``rptcam lens``: the lenses that come with the package, commands that look at any lens, and one that makes it better."""
+"""``rptcam lens``: the lenses of the package, commands that look at any lens, and one that makes it better."""
 
 import argparse
 import math
