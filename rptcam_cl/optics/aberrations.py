@@ -25,8 +25,7 @@ from rptcam_cl.optics.image_quality import (
 from rptcam_cl.optics.ray_trace import Rays
 from rptcam_cl.optics.shapes import Biconic, Turned
 from rptcam_cl.optics.spot import Beam, chief_ray, passing_beam
-from rptcam_cl.optics.stop_shape import StopMask, StopShape
-from rptcam_cl.optics.surface import Region, Surface, SurfacePose
+from rptcam_cl.optics.surface import Region, StopMask, StopShape, Surface, SurfacePose
 from rptcam_cl.optics.waves import MOST_ACROSS, ExitRays, check_wavefront
 
 if TYPE_CHECKING:

@@ -19,7 +19,7 @@ FEATURES = ("MATTE", "MIRROR", "CONDUCTOR", "DIELECTRIC", "METAL", "ROUGH_DIELEC
             "SPECULAR_COLOR", "SPHERE", "TRANSLUCENT", "GLASS_TINT", "OREN_NAYAR")  # fmt: skip
 ABSENT = ("ABSORPTION", "GLOW", "METALLIC_TEXTURE", "COAT_TEXTURE", "COAT_ROUGHNESS_TEXTURE", "SHEEN_TEXTURE",
           "SPECULAR_TEXTURE", "SPECULAR_COLOR_TEXTURE", "TRANSMISSION_TEXTURE", "PASSED_TEXTURE")  # fmt: skip
-FACTS = {f"HAS_{name}": 1 for name in FEATURES} | {f"HAS_{name}": 0 for name in ABSENT} | {"VW": LANES}
+FACTS = {f"HAS_{name}": 1 for name in FEATURES} | {f"HAS_{name}": 0 for name in ABSENT} | {"VW": LANES, "HAS_MEDIA": 0}
 
 
 @dataclass(frozen=True)
@@ -40,8 +40,11 @@ def direction(cosine, turns=0.0):
     return np.stack([sine * np.cos(2 * np.pi * turns), sine * np.sin(2 * np.pi * turns), cosine], axis=-1)
 
 
-def scatter(session: Session, material, wi, wo=None, numbers=None) -> Scattered:
-    """Return what a material does to light from ``wo`` to ``wi`` (n, 3), and samples by ``numbers`` (n, 3)."""
+def scatter(session: Session, material, wi, wo=None, numbers=None, *, again: bool = False) -> Scattered:
+    """Return what a material does to light from ``wo`` to ``wi`` (n, 3), and samples by ``numbers`` (n, 3).
+
+    ``again`` adds the light that facets scatter more than once, as renders do.
+    """
     wi = np.atleast_2d(wi)
     count = max(len(np.atleast_2d(part)) for part in (wi, wo, numbers) if part is not None)
     padded = -(-count // 256) * 256
@@ -55,7 +58,8 @@ def scatter(session: Session, material, wi, wo=None, numbers=None) -> Scattered:
     records = pack_materials([scene.materials["tested"]], TextureTable(scene), KnownSpectra()).records
     out = session.allocate(11 * 4 * padded)
     run(
-        session, "probe_scatter", FACTS, padded // LANES, materials=session.upload(records),
+        session, "probe_scatter", FACTS | {"FACET_ENERGY": int(again)}, padded // LANES,
+        materials=session.upload(records),
         material=np.int32(0), out=out, capacity=np.uint32(padded), **{"in": session.upload(table)},
     )  # fmt: skip
     rows = session.read(out, np.float32, 11 * padded).reshape(11, padded)[:, :count].astype(np.float64)

@@ -37,7 +37,7 @@ def albedo(session, material):
     """Share of even light [per cent] that comes back, refracted radiance counted as energy."""
     rng = np.random.default_rng(3)
     wi = direction(np.sqrt(rng.uniform(size=COUNT)), rng.uniform(size=COUNT))
-    got = scatter(session, material, wi, numbers=rng.uniform(size=(COUNT, 3)))
+    got = scatter(session, material, wi, numbers=rng.uniform(size=(COUNT, 3)), again=True)
     return 100 * np.mean(got.weight[:, 1] * np.where(got.direction[:, 2] < 0, 1.5**2, 1.0))
 
 

@@ -121,10 +121,39 @@ def test_rough_metal_reflects_what_single_scattering_leaves(alpha, degrees):
     ground = {"shape": "plane", "point": [0, 0, 0], "normal": [0, 0, 1], "material": metal}
     eye = [-math.sin(angle), 0, math.cos(angle)]
     scene = scene_of([ground], looking(eye, [0, 0, 0], 0.001, up=(0, 1, 0)), environment=WHITE, depth=2)
+    scene["render"]["multiple_scattering"] = False
     mean, error = flat_mean(scene, f"metal {alpha} {degrees}", spp=512)
     expected = smith_reflectance(alpha, math.cos(angle))
     assert expected < 1
     assert_equivalent(mean, error, expected, 0.005)
+
+
+GLOSSY = {
+    "metal": {"kind": "conductor", "reflectance": 1.0},
+    "glass": {"kind": "dielectric", "index": 1.5},
+    "principled metal": {"kind": "principled", "base_color": 1.0, "metallic": 1.0},
+    "principled glass": {"kind": "principled", "base_color": 1.0, "transmission": 1.0},
+}
+ROUGHNESSES = (0.1, 0.3, 0.55, 0.8, 1.0)
+FRONT = {"kind": "orthographic", "width_m": 1.3, "eye": [0, -3, 0], "target": [0, 0, 0], "up": [0, 0, 1]}
+
+
+@pytest.mark.parametrize("kind", GLOSSY)
+def test_rough_white_balls_nearly_vanish_in_a_white_world(kind):
+    """What facets scatter more than once is not lost, to the fits of their albedos."""
+    for roughness in ROUGHNESSES:
+        ball = CONVEX["sphere"] | {"material": GLOSSY[kind] | {"roughness": roughness}}
+        mean, error = flat_mean(scene_of([ball], FRONT, environment=WHITE, depth=64), f"{kind} {roughness}", spp=256)
+        assert (np.abs(mean - 1) < 0.005 + 4 * error).all(), (roughness, mean)
+
+
+@pytest.mark.parametrize("under", [{"specular": 0.0, "roughness": 0.5}, {"metallic": 1.0, "roughness": 0.3}])
+def test_clear_coat_over_white_takes_no_light(under):
+    for roughness in ROUGHNESSES:
+        coated = {"kind": "principled", "base_color": 1.0, "clearcoat": 1.0, "clearcoat_roughness": roughness} | under
+        scene = scene_of([CONVEX["sphere"] | {"material": coated}], FRONT, environment=WHITE, depth=2)
+        mean, error = flat_mean(scene, f"coat {roughness}", spp=256)
+        assert (np.abs(mean - 1) < 0.005 + 4 * error).all(), (roughness, mean)
 
 
 def mirror(reflectance):

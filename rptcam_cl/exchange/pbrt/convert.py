@@ -163,7 +163,7 @@ def _pictured(context: Context, entity: Entity, frame: Frame) -> Keys:
 
 
 def _shown(pixels: Pixels, local: Array, fov: float, version: int) -> Array:
-    """Return what a lamp's picture has in directions of its own frame (…, 3): a projector's, or one all round.
+    """Look up a lamp's picture in directions of its own frame (…, 3): a projector's, or one all round.
 
     The whole sphere lies on a square of equal area in pbrt-v4, in longitude and latitude about +y in pbrt-v3.
     """

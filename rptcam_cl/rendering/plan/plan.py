@@ -36,7 +36,7 @@ from rptcam_cl.rendering.plan.emitters import (
     visible_lamps,
 )
 from rptcam_cl.rendering.plan.environment import Surroundings
-from rptcam_cl.rendering.plan.materials import LargestAlbedo, Materials, largest_albedo, scatters_again
+from rptcam_cl.rendering.plan.materials import LargestAlbedo, Materials, largest_albedo
 from rptcam_cl.rendering.plan.media import Media, boundaries, pack_media
 from rptcam_cl.rendering.plan.primitives import (
     Movements,
@@ -581,13 +581,13 @@ def _pack_world(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> dict[
     movements = pack_movements(scene, primitives)
     caustics = pack_caustics(scene, primitives, first_triangles, emitters, has_media=media.active)
     hidden = np.array([primitive.hidden for primitive in primitives] or [0], np.int32) | boundaries(primitives)
-    facts = media.facts | caustics.facts | shown.facts | textures.facts | emitters.facts | movements.facts
+    facts = shown.facts | media.facts | caustics.facts | textures.facts | emitters.facts | movements.facts
     facts |= _facts_of_shapes(primitives, meshes, shown.facts) | {
         "ENVIRONMENT": int(surroundings.kind),
         "FEW_PRIMITIVES": int(len(primitives) <= FEW),
         "HUGE_SPHERES": int(has_huge_sphere(primitives)),
         "HAS_HIDDEN": int(hidden.any()),
-        "FACET_ENERGY": int(scene.render.multiple_scattering and scatters_again(shown.records)),
+        "FACET_ENERGY": shown.facts["FACET_ENERGY"] * scene.render.multiple_scattering,
         "HIDDEN_SKY": int(_hides_sky(scene)),
         "LAMPS_BY_SAMPLES": int(by_samples_alone(primitives, emitters)),
     }
