@@ -494,11 +494,15 @@ class Requests:
         def failed(problem: Exception) -> None:
             client.error(text_of(problem), message.id, "change")
 
+        for job in self._selecting.jobs:
+            if isinstance(job.key, tuple):
+                job.key[0].done(job.key[1].id, studio.generation, superseded=True)
+        self._selecting.end()
         if message.x is None or message.y is None:
             select(message.name)
         else:
             find = slot.session.object_later(message.x, message.y)
-            self._selecting.start(Job("selecting", lambda job: find(), done, failed, "select"))
+            self._selecting.start(Job("selecting", lambda job: find(), done, failed, (client, message)))
 
     def _lamp(self, client: messages.Client, message: messages.Lamp) -> None:
         slot = self._studio.slot("A")
