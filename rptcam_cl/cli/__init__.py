@@ -16,8 +16,7 @@ from contextlib import AbstractContextManager
 from functools import partial
 from typing import Any, TextIO, cast
 
-from rptcam_cl.cli.output import INTERRUPTED
-from rptcam_cl.cli.parser import Parser, add_command, run_nothing
+from rptcam_cl.cli.output import INTERRUPTED, Parser, add_command, run_nothing
 from rptcam_cl.core.constants import __version__
 from rptcam_cl.core.errors import InputError, RptcamError, StateError
 
@@ -29,24 +28,24 @@ FAULT = 1  # exit code of an unexpected error
 # The module of each command and its line in the help, in their order there. `add_…` of the module adds its options,
 # `run_…` does it, and the docstring of that is the head of its own help.
 COMMANDS = {
-    "demo": ("files", "render a first picture of a scene that comes along"),
-    "examples": ("files", "list the scenes that come along, or copy one to a folder"),
+    "demo": ("first_steps", "render a first picture of a scene that comes along"),
+    "examples": ("first_steps", "list the scenes that come along, or copy one to a folder"),
     "new": ("files", "write a starting scene: your model, your light, your lens"),
     "render": ("render", "render a scene file to pictures"),
     "merge": ("files", "make the picture of a render that was made in parts"),
     "settle": ("files", "find focus, camera model and exposure, and write the scene so"),
     "sweep": ("frames", "render a scene with every combination of some values"),
     "dataset": ("frames", "render many pictures whose keys are drawn from distributions"),
-    "view": ("files", "open a scene in the browser, with the dials of a camera"),
+    "view": ("first_steps", "open a scene in the browser, with the dials of a camera"),
     "focus": ("camera", "find the focus of a scene's camera"),
     "tradeoff": ("camera", "measure what each approximation of a picture costs and gains"),
     "develop": ("files", "make pictures of a film that was saved"),
     "convert": ("files", "make a scene file from one of pbrt"),
     "lens": ("lens", "list, examine, draw, measure, convert and design lenses"),
     "camera": ("camera", "the camera for computer vision: intrinsics, distortion, pose"),
-    "devices": ("files", "list the OpenCL devices"),
-    "doctor": ("files", "report on versions, devices and caches; check the devices"),
-    "schema": ("files", "print the JSON schema of scene or lens files"),
+    "devices": ("first_steps", "list the OpenCL devices"),
+    "doctor": ("first_steps", "report on versions, devices and caches; check the devices"),
+    "schema": ("first_steps", "print the JSON schema of scene or lens files"),
 }
 
 

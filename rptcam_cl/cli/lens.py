@@ -9,8 +9,18 @@ from typing import TYPE_CHECKING, Any
 
 from rptcam_cl.api.options import digits, number
 from rptcam_cl.cli import lens_measures, lens_options
-from rptcam_cl.cli.output import as_json, print_table, print_warnings
-from rptcam_cl.cli.parser import Commands, Parser, add_command, add_device, finite, positive, run_nothing
+from rptcam_cl.cli.output import (
+    Commands,
+    Parser,
+    add_command,
+    add_device,
+    as_json,
+    finite,
+    positive,
+    print_table,
+    print_warnings,
+    run_nothing,
+)
 from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.files import known_suffix

@@ -182,7 +182,7 @@ NOT_FOR_A_RENDER = {
     "rptcam_cl.api.session",
     "rptcam_cl.api.sweeping",
     "rptcam_cl.cli.camera",
-    "rptcam_cl.cli.files",
+    "rptcam_cl.cli.first_steps",
     "rptcam_cl.cli.lens",
     *(f"rptcam_cl.scene.assets.{form}" for form in ("gltf", "obj", "ply")),
     "PIL",
