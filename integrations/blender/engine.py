@@ -135,6 +135,10 @@ class RptcamEngine(bpy.types.RenderEngine):
         for each in passes_of(renderlayer, scene):
             self.register_pass(scene, renderlayer, each.name, len(each.channels), each.channels, each.kind)
 
+    def is_given_up(self) -> bool:
+        """Whether the user has stopped the render."""
+        return bool(self.test_break())
+
     def render(self, depsgraph: Any) -> None:
         """Render a frame."""
         try:
@@ -157,6 +161,8 @@ class RptcamEngine(bpy.types.RenderEngine):
             if getattr(view_layer, flag, False):
                 export.report.add(f"View layer {view_layer.name}: the pass {name} is not made.")
         say(scene, export)
+        if self.is_given_up():
+            return
         self.update_stats("", "Preparing the lens and compiling")
         live = kept if scene.render.use_persistent_data else LiveScene()
         live.use(scene.rptcam.device)
@@ -175,9 +181,9 @@ class RptcamEngine(bpy.types.RenderEngine):
         result = self.begin_result(0, 0, width, height, layer=layer)  # within the border
         target, shown = int(session.scene.render.spp), time.monotonic()
         step = 1
-        while session.spp < target and not self.test_break():
+        while session.spp < target and not self.is_given_up():
             before, begun = session.spp, time.monotonic()
-            session.add(min(step, target - before), self.test_break)
+            session.add(min(step, target - before), self.is_given_up)
             if session.spp == before and session.is_whole:
                 break  # the noise target is met
             step = max(session.samples_per_wave, step * 2 if time.monotonic() - begun < 0.5 else step)
@@ -192,7 +198,12 @@ class RptcamEngine(bpy.types.RenderEngine):
             write(result.layers[0].passes["Combined"], with_alpha(image.pixels, image.layers.get("coverage")))
             for each in wanted:
                 write(result.layers[0].passes[each.name], each.made(image.layers[each.layer], export))
-        self.end_result(result, cancel=self.test_break())
+        given_up = session.spp < target and self.is_given_up()
+        if given_up:
+            mark = f"given up after {session.spp} of {target} samples"
+            self.report({"WARNING"}, mark.capitalize())
+            self.get_result().stamp_data_add_field("rptcam", mark)
+        self.end_result(result, cancel=given_up, do_merge_results=True)  # what there is stays
 
     # The viewport
 

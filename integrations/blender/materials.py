@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from .fields import Field, combine, constant, grey, rgb, texture_of
-from .nodes import Link, Node, ValueReader
+from .nodes import Link, Node, Paint, ValueReader
 from .report import Report
 
 
@@ -47,6 +47,8 @@ class Translated:
 
     keys: dict[str, Any]
     coordinates: str = "uv"
+    takes_colors: bool = False
+    """Whether it takes the colours of vertices, and so is another on each mesh."""
 
 
 BLACK = {"kind": "matte", "reflectance": 0.0}
@@ -55,9 +57,9 @@ SMOOTHEST = 0.032  # roughness that principled materials have at least
 MOST_RADIANCE = 1e30
 
 
-def translate(material: BlenderMaterial, report: Report) -> Translated:
-    """The material as a scene has it."""
-    reader = _Translator(f"Material {material.name}", report)
+def translate(material: BlenderMaterial, report: Report, paint: Paint | None = None) -> Translated:
+    """The material as a scene has it; with `paint` on a mesh that gives its nodes the colours of its vertices."""
+    reader = _Translator(f"Material {material.name}", report, paint)
     if material.surface is None:
         keys = {
             "kind": "principled",
@@ -71,7 +73,7 @@ def translate(material: BlenderMaterial, report: Report) -> Translated:
     if material.has_volume:
         reader.say("its volume is left out")
     keys = reader.surface(material.surface)
-    return Translated(keys, reader.coordinates())
+    return Translated(keys, reader.coordinates(), reader.takes_colors)
 
 
 class _Translator(ValueReader):

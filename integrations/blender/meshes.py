@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from rptcam_cl.scene.assets.mesh import MOST_TRIANGLES, MeshSurface, lay_out_colours
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,6 +31,8 @@ class BlenderMesh:
         Texture coordinates of each corner, (loops, 2) float32, by name; the first is the active one.
     is_flat : bool
         Whether all faces are flat, so that corners have the normals of their triangles.
+    colors : dict
+        Color attributes at each corner, (loops, 3) float32, linear, by name; the first is the one that is rendered.
     """
 
     points: NDArray[np.float32]
@@ -38,13 +42,17 @@ class BlenderMesh:
     normals: NDArray[np.float32]
     uvs: dict[str, NDArray[np.float32]]
     is_flat: bool = False
+    colors: dict[str, NDArray[np.float32]] = field(default_factory=dict)
 
 
 def part(mesh: BlenderMesh, slot: int, coordinates: str) -> dict[str, Any] | None:
     """The triangles of a material slot as a scene's mesh; None where it has none.
 
-    ``coordinates`` are ``uv``, ``uv:NAME``, ``generated`` or ``object``.
+    ``coordinates`` are ``uv``, ``uv:NAME``, ``generated``, ``object``, or ``color:NAME`` for those of `painted`.
     """
+    if coordinates.startswith("color:"):
+        found = painted(mesh, slot, coordinates[6:])
+        return part(mesh, slot, "uv") if found is None else found[0]
     loops = mesh.triangles[mesh.slot == slot]
     if not len(loops):
         return None
@@ -66,6 +74,28 @@ def part(mesh: BlenderMesh, slot: int, coordinates: str) -> dict[str, Any] | Non
     if uvs is not None:
         keys["uvs"] = uvs[corners[first]]
     return keys
+
+
+def painted(mesh: BlenderMesh, slot: int, name: str) -> tuple[dict[str, Any], NDArray[np.float32]] | None:
+    """The triangles of a slot with the texels of a color attribute, ``""`` for the one that is rendered.
+
+    None where it has no such colours, or too many triangles for them.
+    """
+    colors = mesh.colors.get(name or next(iter(mesh.colors), ""))
+    corners = mesh.triangles[mesh.slot == slot].ravel()
+    if colors is None or not len(corners) or len(corners) // 3 > MOST_TRIANGLES // 4:  # a split makes four of one
+        return None
+    surface, texels = lay_out_colours(
+        MeshSurface(
+            mesh.points[mesh.vertex_of_loop[corners]],
+            np.arange(len(corners)).reshape(-1, 3),
+            None if mesh.is_flat else mesh.normals[corners],
+            colours=colors[corners],
+        )
+    )
+    rows = {"vertices": surface.positions, "normals": surface.normals, "uvs": surface.uvs}
+    keys = {key: np.asarray(value, np.float32) for key, value in rows.items() if value is not None}
+    return keys | {"faces": surface.faces.astype(np.int32)}, texels
 
 
 def _distinct(rows: NDArray[np.uint32]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

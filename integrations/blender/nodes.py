@@ -54,11 +54,15 @@ class Node:
     values: dict[str, Any] = field(default_factory=dict)
 
 
+Paint = Callable[[str], Field | None]
+"""The colours of vertices by the name of their attribute, as a picture of the mesh's own or their mean."""
+
+
 class ValueReader:
     """The values of nodes of one material or world."""
 
-    def __init__(self, name: str, report: Report) -> None:
-        self._name, self._report = name, report
+    def __init__(self, name: str, report: Report, paint: Paint | None = None) -> None:
+        self._name, self._report, self._paint = name, report, paint
         self._fields: dict[tuple[int, str], Field] = {}
         self._sources: dict[str, None] = {}
 
@@ -66,9 +70,20 @@ class ValueReader:
         """Report what is not as in Blender."""
         self._report.add(f"{self._name}: {what}.")
 
+    @property
+    def takes_colors(self) -> bool:
+        """Whether a value came from colours of vertices."""
+        return any(source.startswith("color:") for source in self._sources)
+
     def coordinates(self) -> str:
-        """The coordinates of all its textures; with several kinds the first counts for all."""
+        """The coordinates of all its textures; with several kinds the first counts for all.
+
+        Those of colours of vertices count where nothing else has any.
+        """
         sources = list(self._sources) or ["uv"]
+        if len(sources) > 1 and self.takes_colors:
+            self.say("colours of vertices beside a texture or other such colours: their mean is taken")
+            sources = [source for source in sources if not source.startswith("color:")] or ["uv"]
         if len(sources) > 1:
             self.say(f"its textures go by {' and '.join(sources)}; all go by {sources[0]} here")
         return sources[0]
@@ -119,6 +134,8 @@ class ValueReader:
             fallback = node.values.get("stand_in", 0.5)
             self.say(f"the node {node.name} is not translated; the value {fallback} stands in for it")
             return constant(fallback)
+        if result.mapping.source.startswith("color:") and node.kind not in ("VERTEX_COLOR", "ATTRIBUTE"):
+            self.say(f"{node.name} is calculated at the vertices, whose colours it is of")
         return result
 
     # Nodes of values
@@ -192,6 +209,23 @@ class ValueReader:
             return Mapping((1 / scale[0], 1 / scale[1]), -rotation[2], offset)
         self.say(f"{node.name}: a mapping of the kind {kind.title()} with this turn and scale is left out")
         return Mapping()
+
+    def vertex_color(self, node: Node, output: str) -> Field | None:
+        """Color Attribute, and Attribute of the geometry."""
+        if node.values.get("attribute_type", "GEOMETRY") != "GEOMETRY":
+            return None
+        name = node.values.get("layer_name", node.values.get("attribute_name", ""))
+        if output == "Alpha":
+            self.say(f"{node.name}: the alpha of colours of vertices is 1 here")
+            return constant(1.0)
+        self._sources.setdefault(f"color:{name}")
+        if self._paint is None:
+            return constant((0.5, 0.5, 0.5))
+        colors = self._paint(name)
+        if colors is None:
+            self.say(f"the mesh has no colours {name or 'of vertices'}: {node.name} is black")
+            return constant((0.0, 0.0, 0.0))
+        return combine(lambda c: rgb(c).mean(axis=-1, keepdims=True), colors) if output == "Fac" else colors
 
     def checker(self, node: Node, output: str) -> Field | None:
         """Checker Texture over flat coordinates."""
@@ -330,6 +364,8 @@ _VALUES: MappingOf[str, Callable[[ValueReader, Node, str], Field | None]] = {
     "TEX_IMAGE": ValueReader.image,
     "TEX_ENVIRONMENT": ValueReader.image,
     "TEX_CHECKER": ValueReader.checker,
+    "VERTEX_COLOR": ValueReader.vertex_color,
+    "ATTRIBUTE": ValueReader.vertex_color,
     "VALTORGB": ValueReader.ramp,
     "CURVE_RGB": ValueReader.curves,
     "MIX": ValueReader.mix_values,

@@ -27,7 +27,7 @@ OF_NODES = (
     "vector_type", "operation", "use_clamp", "data_type", "blend_type", "clamp_factor", "clamp_result", "space",
     "uv_map", "invert", "clamp", "interpolation_type", "mode", "distribution", "extension", "interpolation",
     "projection", "sky_type", "sun_direction", "turbidity", "sun_elevation", "sun_rotation", "sun_disc", "dust_density",
-    "aerosol_density",
+    "aerosol_density", "layer_name", "attribute_name", "attribute_type",
 )  # fmt: skip
 SetTime = Callable[[int, float], None]
 
@@ -279,6 +279,7 @@ def mesh_of(item: Any) -> BlenderMesh | None:
         _array(mesh.corner_normals, "vector", 3, np.float32),
         _uvs(mesh),
         mesh.normals_domain == "FACE",
+        _colors(mesh),
     )
     if item.type != "MESH":
         item.to_mesh_clear()
@@ -289,6 +290,16 @@ def _uvs(mesh: Any) -> dict[str, NDArray[np.float32]]:
     """Texture coordinates by name, those that are rendered first."""
     layers = sorted(mesh.uv_layers, key=lambda layer: not layer.active_render)
     return {layer.name: _array(layer.uv, "vector", 2, np.float32) for layer in layers}
+
+
+def _colors(mesh: Any) -> dict[str, NDArray[np.float32]]:
+    """Color attributes by name, at corners, linear; the one that is rendered first."""
+    attributes, loops = mesh.color_attributes, _array(mesh.loops, "vertex_index", 1, np.int32).ravel()
+    found = {}
+    for _, attribute in sorted(enumerate(attributes), key=lambda each: each[0] != attributes.render_color_index):
+        rows = _array(attribute.data, "color", 4, np.float32)[:, :3]
+        found[attribute.name] = rows if attribute.domain == "CORNER" else rows[loops]
+    return found
 
 
 def _array(collection: Any, name: str, width: int, dtype: type) -> NDArray[Any]:

@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .camera import BlenderCamera, Frame, LensChoice, camera_keys, keyframes
+from .fields import Field, Mapping
 from .lights import BlenderLamp, lamp_keys
 from .materials import BlenderMaterial, Translated, translate
-from .meshes import BlenderMesh, can_be_inverted, movement, part
+from .meshes import BlenderMesh, can_be_inverted, movement, painted, part
 from .report import Report
 
 DEFAULT = "no_material"
@@ -76,6 +77,7 @@ class Parts:
     def __init__(self) -> None:
         self._meshes: dict[str, BlenderMesh] = {}
         self._parts: dict[tuple[str, int, str], dict[str, Any] | None] = {}
+        self._texels: dict[tuple[str, int, str], NDArray[np.float32] | None] = {}
 
     def __contains__(self, key: str) -> bool:
         return key in self._meshes
@@ -93,6 +95,7 @@ class Parts:
         """Forget a mesh that has changed."""
         self._meshes.pop(key, None)
         self._parts = {of: value for of, value in self._parts.items() if of[0] != key}
+        self._texels = {of: value for of, value in self._texels.items() if of[0] != key}
 
     def held(self) -> list[str]:
         """The meshes that are held."""
@@ -109,6 +112,18 @@ class Parts:
             self._parts[place] = part(self._meshes[key], slot, coordinates)
         return self._parts[place]
 
+    def texels(self, key: str, slot: int, name: str) -> tuple[NDArray[np.float32] | None, NDArray[np.float32] | None]:
+        """Colours of vertices of a part: as a picture, None where they are too many, and at its corners."""
+        mesh = self._meshes[key]
+        colors = mesh.colors.get(name or next(iter(mesh.colors), ""))
+        if colors is None:
+            return None, None
+        place = (key, slot, f"color:{name}")
+        if place not in self._texels:
+            found = painted(mesh, slot, name)
+            self._parts[place], self._texels[place] = found or (part(mesh, slot, "uv"), None)
+        return self._texels[place], colors[mesh.triangles[mesh.slot == slot].ravel()]
+
 
 class Builder:
     """Collects what one export consists of."""
@@ -117,6 +132,7 @@ class Builder:
         self._parts, self._units, self._report, self._shutter = parts, metres_per_unit, report, shutter
         self._materials: dict[str, Translated] = {}
         self._material_indices: dict[str, int] = {}
+        self._of_colors: dict[str, BlenderMaterial] = {}
         self._meshes: dict[str, Any] = {}
         self._objects: list[dict[str, Any]] = []
         self._indices: list[int] = []
@@ -132,9 +148,37 @@ class Builder:
         return name in self._materials
 
     def add_material(self, material: BlenderMaterial, index: int = 0) -> None:
-        """Translate a material."""
-        self._materials[material.name] = translate(material, self._report)
+        """Translate a material; one that takes the colours of vertices waits for the meshes that show it."""
+        report = Report()
+        self._materials[material.name] = made = translate(material, report)
         self._material_indices[material.name] = index
+        if made.takes_colors:
+            self._of_colors[material.name] = material
+        else:
+            self._report.extend(report)
+
+    def _painted(self, material: str, mesh: str, slot: int) -> str:
+        """The name of a material as the colours of a mesh make it."""
+        base = self._materials[material]
+        name = f"{material} on {mesh} {slot}"
+        if name in self._materials:
+            return name
+
+        def paint(attribute: str) -> Field | None:
+            texels, colors = self._parts.texels(mesh, slot, attribute)
+            if colors is None:
+                return None
+            if colors.min() < 0 or colors.max() > 1:
+                self._report.add(f"Material {material}: colours of vertices are cut at 0 and 1.")
+            if texels is not None and base.coordinates == f"color:{attribute}":
+                return Field(texels, Mapping(source=base.coordinates), "clamp")
+            if texels is None:
+                self._report.add(f"Material {material}: colours of so many vertices are their mean.")
+            return Field(np.clip(colors, 0, 1).mean(axis=0))
+
+        self._materials[name] = translate(self._of_colors[material], self._report, paint)
+        self._material_indices[name] = self._material_indices[material]
+        return name
 
     def place(self, item: Placed) -> None:
         """Show a mesh, one object for each material."""
@@ -156,6 +200,8 @@ class Builder:
             self._show(item, slot, name, motion)
 
     def _show(self, item: Placed, slot: int, material: str, motion: list[dict[str, Any]]) -> None:
+        if material in self._of_colors:
+            material = self._painted(material, item.mesh, slot)
         coordinates = self._materials[material].coordinates
         mesh = self._parts.of(item.mesh, slot, coordinates)
         if mesh is None:
@@ -201,9 +247,10 @@ class Builder:
         motion = keyframes(camera, 0.0, self._shutter.time_s)
         if motion:
             keys["camera"]["motion"] = motion
-        keys["materials"] = {safe(name): made.keys for name, made in self._materials.items()}
+        shown = [name for name in self._materials if name not in self._of_colors]
+        keys["materials"] = {safe(name): self._materials[name].keys for name in shown}
         keys |= {"meshes": self._meshes, "objects": self._objects, "lights": self._lights}
         if environment is not None:
             keys["environment"] = environment
-        indices = [self._material_indices[name] for name in self._materials]
+        indices = [self._material_indices[name] for name in shown]
         return Export(keys | more, self._report, np.array(self._indices, np.int32), np.array(indices, np.int32))

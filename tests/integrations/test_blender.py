@@ -116,6 +116,35 @@ def test_material_looks_as_in_cycles(kind, tmp_path):
     assert one[ball].mean((0, 1)) == pytest.approx(other[ball].mean((0, 1)), rel=0.02)
 
 
+@pytest.mark.parametrize("domain", ["POINT", "CORNER"])
+@pytest.mark.parametrize("kind", ["BYTE_COLOR", "FLOAT_COLOR"])
+@pytest.mark.parametrize("node", ["ShaderNodeVertexColor", "ShaderNodeAttribute", "default"])
+def test_colours_of_vertices_are_seen_as_in_cycles(node, kind, domain, tmp_path):
+    """A wall that shines in them, pixel by pixel; the grid's faces are two triangles each in both."""
+    from tests.integrations import cycles
+
+    cycles.empty_scene((48, 32))
+    bpy_material = cycles.shader("ShaderNodeEmission", Strength=1.0)
+    wall = cycles.add("grid", bpy_material, size=4, x_subdivisions=3, y_subdivisions=3, rotation=(1.4, 0, 0.2))
+    random = np.random.default_rng(5)
+    for name in ("other", "Col"):
+        made = wall.data.color_attributes.new(name, kind, domain)
+        values = random.random((len(made.data), 4))
+        values[:: 4 if domain == "CORNER" else 3, :3] = [1, 0, 0]  # a pure colour, whose fourth texel is out of range
+        made.data.foreach_set("color", values.astype(np.float32).ravel())
+    wall.data.color_attributes.render_color_index = 1
+    tree = bpy_material.node_tree
+    color = tree.nodes.new("ShaderNodeVertexColor" if node == "default" else node)
+    if node != "default":
+        setattr(color, "layer_name" if node == "ShaderNodeVertexColor" else "attribute_name", "Col")
+    tree.links.new(color.outputs["Color"], tree.nodes["Emission"].inputs["Color"])
+    one, other = cycles.ours(256, depth=2), cycles.of_cycles(tmp_path, 256, depth=2)
+    inside = np.s_[12:20, 18:30]
+    assert np.ptp(other[inside]) > 0.3
+    assert one[inside] == pytest.approx(other[inside], abs=0.03)  # noise within a pixel
+    assert one[inside].mean((0, 1)) == pytest.approx(other[inside].mean((0, 1)), rel=3e-3)
+
+
 @pytest.mark.parametrize("fit", ["AUTO", "HORIZONTAL", "VERTICAL"])
 @pytest.mark.parametrize("size", [(320, 200), (200, 320)])
 def test_corners_of_a_cube_lie_where_blender_projects_them(fit, size):
@@ -197,6 +226,51 @@ def test_saved_picture_is_the_film(tmp_path):
         export = Reader().read(bpy.context.evaluated_depsgraph_get(), settings_of(scene, []))
         film = rptcam_cl.render(export.keys).pixels
         assert np.array_equal(read_film(tmp_path / "ours.exr").pixels, film)
+    finally:
+        integrations.blender.unregister()
+
+
+def test_render_that_is_given_up_is_marked_and_leaves_nothing_running(tmp_path, monkeypatch):
+    """Blender's own flag cannot be set by a script, so the engine's question is answered in its place."""
+    import re
+    import threading
+
+    import bpy
+    import OpenEXR
+
+    import integrations.blender
+    from integrations.blender import engine
+    from rptcam_cl.imaging.image import read_film
+    from tests.integrations import cycles
+
+    integrations.blender.register()
+    try:
+        scene = cycles.empty_scene((48, 32))
+        cycles.add("cube", cycles.shader("ShaderNodeEmission", Strength=1.0), size=1.0)
+        scene.render.engine, scene.rptcam.samples = "RPTCAM", 1 << 16
+        scene.render.image_settings.file_format = "OPEN_EXR"
+        scene.render.filepath = str(tmp_path / "part.exr")
+        asked, closed, close = [], [], engine.LiveScene.close
+
+        def is_given_up(self):
+            asked.append(1)
+            return len(asked) > 20
+
+        monkeypatch.setattr(engine.RptcamEngine, "is_given_up", is_given_up)
+        monkeypatch.setattr(engine.LiveScene, "close", lambda self: (close(self), closed.append(self.session)))
+        before = threading.active_count()
+        bpy.ops.render.render(write_still=True)
+        assert len(asked) > 20 and closed[-1] is None and threading.active_count() <= before
+        film = read_film(tmp_path / "part.exr")
+        header = OpenEXR.File(str(tmp_path / "part.exr")).header()
+        assert film.pixels.max() == pytest.approx(1)  # what there is stays
+        (mark,) = (value for key, value in header.items() if key.endswith("rptcam"))
+        assert re.fullmatch(r"given up after [1-9]\d* of 65536 samples", mark)
+        monkeypatch.undo()
+        scene.rptcam.samples = 4
+        bpy.ops.render.render(write_still=True)  # the next one is whole
+        assert read_film(tmp_path / "part.exr").pixels.max() == pytest.approx(1)
+        assert not any(key.endswith("rptcam") for key in OpenEXR.File(str(tmp_path / "part.exr")).header())
     finally:
         integrations.blender.unregister()
 

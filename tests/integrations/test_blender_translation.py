@@ -1,13 +1,14 @@
 """What Blender's cameras, lamps, nodes and meshes become, without Blender: closed forms."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import rptcam_cl
 from integrations.blender.camera import BlenderCamera, Frame, LensChoice, camera_keys, film_size_mm
-from integrations.blender.fields import Field, Mapping, combine, constant, hue_saturation, mix_colours
+from integrations.blender.fields import Field, Mapping, _looked_up, combine, constant, hue_saturation, mix_colours
 from integrations.blender.lights import BlenderLamp, lamp_keys
 from integrations.blender.live import differences, is_same
 from integrations.blender.materials import BlenderMaterial, translate
@@ -306,3 +307,49 @@ def test_builder_makes_one_object_for_each_material():
     assert len(scene.objects) == 2 and export.object_indices.tolist() == [7, 7]
     assert export.material_indices.tolist() == [3, 3] and scene.objects[0].visible.camera is False
     assert report.sentences == ["Object Flat: flat by its scale, left out."]
+
+
+def test_colours_of_vertices_are_a_picture_of_each_mesh():
+    """Pure red, green and blue at the corners: the texels are the linear mix over the triangle, in exact numbers."""
+    pure = np.eye(3, dtype=np.float32)[[0, 1, 2, 0]]
+    parts, report = Parts(), Report()
+    parts.put("data quad", replace(quad(), slot=np.zeros(2, np.int32), colors={"Col": pure}))
+    parts.put("data bare", quad())
+    builder = Builder(parts, 1.0, report, Shutter(0.02))
+    color = Node("VERTEX_COLOR", "c", {}, {"layer_name": "Col"})
+    builder.add_material(BlenderMaterial("m", Node("BSDF_DIFFUSE", "d", {"Color": Link(color, "Color")})), 3)
+    for mesh in ("data quad", "data bare"):
+        builder.place(Placed(mesh, mesh, EYE, ("m",)))
+    keys = builder.export(BlenderCamera(EYE), Frame((30, 20)), LensChoice(), None, {}).keys
+    rptcam_cl.load_scene(keys)
+    assert len(keys["materials"]) == 3 and len(report.sentences) == 1  # of the mesh without colours
+    item = keys["objects"][0]
+    mesh, texture = keys["meshes"][item["mesh"]], keys["materials"][item["material"]]["reflectance"]
+    field = Field(texture["file"], wrap="clamp")
+    faces = mesh["faces"]
+    for share in (np.array([1, 1, 1]) / 3, np.array([0.5, 0.25, 0.25]), np.array([0.01, 0.01, 0.98])):
+        points, uvs = (np.einsum("c,fcx->fx", share, mesh[key][faces]) for key in ("vertices", "uvs"))
+        shown = _looked_up(field.values, uvs[:, 0], uvs[:, 1], "clamp")
+        for point, got in zip(points, shown, strict=True):
+            x, y = point[0] / 2, point[1] / 2  # corners (0, 0), (1, 0), (1, 1), (0, 1): red, green, blue, red
+            expected = [1 - x, x - y, y] if y <= x else [1 - x, 0, x]
+            assert got == pytest.approx(expected, abs=2e-6)
+
+
+def test_colours_of_vertices_beside_a_texture_are_their_mean():
+    parts, report = Parts(), Report()
+    colors = np.array([[0, 0, 0], [1, 0, 0], [1, 0, 0], [2, 0, 0]], np.float32)
+    parts.put("data quad", replace(quad(), slot=np.zeros(2, np.int32), colors={"Col": colors}))
+    builder = Builder(parts, 1.0, report, Shutter(0.02))
+    color = Node("ATTRIBUTE", "c", {}, {"attribute_name": "Col"})
+    image = picture(np.full((2, 2, 3), 255, np.uint8))
+    inputs = {"Base Color": Link(color, "Color"), "Roughness": Link(image, "Color")}
+    builder.add_material(BlenderMaterial("m", principled(**inputs)))
+    builder.place(Placed("q", "data quad", EYE, ("m",)))
+    made = next(
+        iter(builder.export(BlenderCamera(EYE), Frame((30, 20)), LensChoice(), None, {}).keys["materials"].values())
+    )
+    assert made["base_color"] == pytest.approx([(0 + 1 + 1 + 0 + 1 + 1) / 6, 0, 0])
+    assert any("mean" in each for each in report.sentences) and any(
+        "cut at 0 and 1" in each for each in report.sentences
+    )

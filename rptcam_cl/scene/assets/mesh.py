@@ -785,7 +785,13 @@ def paint_draft(draft: Draft, place: str) -> Draft:
 
 
 def paint_triangles(surface: MeshSurface) -> tuple[MeshSurface, FileTexture]:
-    """Return a surface whose triangles share no vertices, and the picture that lies on it.
+    """Return a surface whose triangles share no vertices, and the picture that lies on it."""
+    alone, texels = lay_out_colours(surface)
+    return alone, FileTexture(_png(texels), "colours of vertices", wrap="clamp")
+
+
+def lay_out_colours(surface: MeshSurface) -> tuple[MeshSurface, NDArray[np.float32]]:
+    """Return a surface whose triangles share no vertices, and the linear texels (rows, columns, 3) that lie on it.
 
     The colours of its vertices are cut at 0 and 1.
     """
@@ -812,7 +818,7 @@ def paint_triangles(surface: MeshSurface) -> tuple[MeshSurface, FileTexture]:
         uvs=np.column_stack([u.ravel(), v.ravel()]),
         colours=None,
     )
-    return alone, FileTexture(_png(texels), "colours of vertices", wrap="clamp")
+    return alone, texels
 
 
 def _fourths(surface: MeshSurface) -> tuple[NDArray[np.intp], NDArray[np.float32]]:
