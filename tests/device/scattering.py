@@ -58,7 +58,8 @@ def scatter(session: Session, material, wi, wo=None, numbers=None, *, again: boo
     records = pack_materials([scene.materials["tested"]], TextureTable(scene), KnownSpectra()).records
     out = session.allocate(11 * 4 * padded)
     run(
-        session, "probe_scatter", FACTS | {"FACET_ENERGY": int(again)}, padded // LANES, materials=session.upload(records),
+        session, "probe_scatter", FACTS | {"FACET_ENERGY": int(again)}, padded // LANES,
+        materials=session.upload(records),
         material=np.int32(0), out=out, capacity=np.uint32(padded), **{"in": session.upload(table)},
     )  # fmt: skip
     rows = session.read(out, np.float32, 11 * padded).reshape(11, padded)[:, :count].astype(np.float64)

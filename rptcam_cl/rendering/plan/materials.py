@@ -588,9 +588,9 @@ def _facts(records: NDArray[np.void]) -> dict[str, int]:
     tinted = records["specular_color"][principled] != (1, 1, 1, 0)
     brushed = records["anisotropy_texture"] >= 0
     facts = {f"HAS_{kind.name}": int(kind in kinds) for kind in MaterialKind} | MATERIAL.facts_of(records)
-    features = {
+    features: dict[str, Any] = {
         "FACET_ENERGY": _scatters_again(records),
-        "HAS_MEDIA": False,  # unless the plan finds some
+        "HAS_MEDIA": 0,  # unless the plan finds some
         "HAS_ANISOTROPY": np.any(records["alpha"] != records["alpha_across"]) or np.any(brushed),
         "HAS_ANISOTROPY_TURN": np.any(records["anisotropy_turn"][~brushed] != 0),
         "HAS_TRANSMISSION": np.any(records["transmission"][principled] > 0) or np.any(clearing),
