@@ -97,7 +97,7 @@ class Studio:
         return {"shape": "rectangle", "corner": corner, "edge_u": u, "edge_v": v, "material": material}
 
     def stand(self, material: Keys, bsdf: Keys, shapes: str = "sphere card") -> None:
-        """Put a ball, a card and a mesh of a material on the floor."""
+        """Put a ball and a card of a material on the floor."""
         if "sphere" in shapes:
             self.objects.append({"shape": "sphere", "center": [-0.9, 0, 1], "radius": 0.9, "material": material})
             self.theirs["ball"] = {"type": "sphere", "center": [-0.9, 0, 1], "radius": 0.9, "bsdf": bsdf}

@@ -58,11 +58,15 @@ MATERIALS: dict[str, Keys] = {
 }  # fmt: skip
 
 DARK, PALE = [0.08, 0.16, 0.3], [0.8, 0.75, 0.6]
+FINE: Keys = {"mapping": {"matrix": [[5, 0, 0, 0], [0, 5, 0, 0], [0, 0, 5, 0]]}}
 TEXTURES: dict[str, Keys] = {
     "Checker": {"kind": "checker", "even": DARK, "odd": PALE, "scale": [16, 8]},
     "Grid": {"kind": "grid", "background": PALE, "line": DARK, "line_width": 0.15, "scale": [16, 8]},
     "Gradient": {"kind": "gradient", "start": DARK, "end": PALE, "scale": [4, 1]},
     "Noise": {"kind": "noise", "low": DARK, "high": PALE, "scale": [9, 5], "contrast": 1.6},
+    "Perlin": {"kind": "perlin", "form": "turbulence", "low": DARK, "high": PALE, **FINE},
+    "Marble": {"kind": "marble", "variation": 3.0, **FINE},
+    "Dots": {"kind": "dots", "inside": ORANGE, "outside": PALE, "scale": [14, 7]},
     "ImageTexture": {"kind": "image", "file": "wood.jpg", "scale": [2, 1]},
 }
 WEAVE: Keys = {"file": "weave.png", "filter": "nearest", "scale": [8, 4]}

@@ -21,7 +21,7 @@ SCENE = Path("examples/first_light.yaml")
 FOLDER = Path("docs/images/viewfinder")
 SIZE = (960, 540)
 SAMPLES = 96  # that the picture has at least: hardly any grain
-PAWN = (0.5, 0.62)
+PAWN = (0.565, 0.6)
 FOLLOWING = """document.addEventListener('vf-painted', ({detail}) => {
     if (detail.kind === 'picture') window.last = detail;
 }, true);"""
@@ -135,6 +135,7 @@ def history(page: Page) -> None:
     press(page, "ArrowUp")
     until(page, "window.last.denoised && window.last.scale > 0.99 && window.last.spp >= 2")
     press(page, " ")
+    page.evaluate("document.querySelector('.vf-tabpanel:not([hidden])').scrollTop = 0")
 
 
 def time_bar(page: Page) -> None:
@@ -160,11 +161,11 @@ def time_bar(page: Page) -> None:
 def light(page: Page) -> None:
     """A thing that was selected, with its dials, and a lamp that is muted."""
     page.check("[data-name=tool] input[value=select]")
-    point(page, 0.52, 0.62, click=True)
+    point(page, 0.565, 0.62, click=True)
     page.wait_for_selector("[data-dial=thing_x]:visible", timeout=60_000)
     page.click("[data-name='mute materials.key']")
     page.wait_for_timeout(1000)
-    point(page, 0.52, 0.62)
+    point(page, 0.565, 0.62)
 
 
 def scopes(page: Page) -> None:

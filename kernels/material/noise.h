@@ -69,11 +69,11 @@ static F octaves_of_noise(F x, F y, int octaves, float gain, uint seed)
 // twice.
 static inline F slope_of_bits(I bits, F x, F y, F z)
 {
-    I edge = bits & 15;
-    I last = (edge == 12) | (edge == 13);
-    F u = ((edge < 8) | last) ? x : y;
-    F v = ((edge < 4) | last) ? y : z;
-    return ((edge & 1) != 0 ? -u : u) + ((edge & 2) != 0 ? -v : v);
+    I slope = bits & 15;
+    I last = (slope == 12) | (slope == 13);
+    F u = ((slope < 8) | last) ? x : y;
+    F v = ((slope < 4) | last) ? y : z;
+    return ((slope & 1) != 0 ? -u : u) + ((slope & 2) != 0 ? -v : v);
 }
 
 static F perlin_noise(const __global uint *table, F x, F y, F z)

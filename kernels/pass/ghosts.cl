@@ -44,8 +44,16 @@ static Landed through_lens(F3 p, F3 d, const __global Surface *surfaces, int cou
 // it: base and map, two edges or radii with the bulge of a sun, a cell of the unit square, and the normal of a flat lamp over
 // the cosine that the weights have. With GHOST_PENCILS w may be 2, of light whose direction is that of x, y, z at the first
 // vertex; how it changes along x and y stands last.
-#define PATCH_ROWS  (5 * GHOST_PATCHES)
-#define SOURCE_ROWS (4 + PATCH_ROWS + 2 * GHOST_PENCILS)
+#if GHOST_PATCHES
+#define PATCH_ROWS 5
+#else
+#define PATCH_ROWS 0
+#endif
+#if GHOST_PENCILS
+#define SOURCE_ROWS (6 + PATCH_ROWS)
+#else
+#define SOURCE_ROWS (4 + PATCH_ROWS)
+#endif
 
 static inline F step_of(U n, uint step, float first)
 {

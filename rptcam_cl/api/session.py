@@ -807,7 +807,7 @@ class RenderSession:
         return self._guides[1:]
 
     def object_later(self, x: float, y: float) -> Callable[[], int | None]:
-        """Return what finds the object at a place of the picture, in any thread: its index, None where there is none.
+        """Make a search for the object at a place of the picture, for any thread: its index, None where there is none.
 
         Parameters
         ----------

@@ -16,8 +16,7 @@ from contextlib import AbstractContextManager
 from functools import partial
 from typing import Any, TextIO, cast
 
-from rptcam_cl.cli.output import INTERRUPTED
-from rptcam_cl.cli.parser import Parser, add_command, run_nothing
+from rptcam_cl.cli.output import INTERRUPTED, Parser, add_command, run_nothing
 from rptcam_cl.core.constants import __version__
 from rptcam_cl.core.errors import InputError, RptcamError, StateError
 

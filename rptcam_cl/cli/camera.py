@@ -15,8 +15,17 @@ from typing import TYPE_CHECKING, Any
 
 from rptcam_cl.api.options import add_options, crop, duration, share, size
 from rptcam_cl.cli.lens_options import check_file, check_picture, number_list, wavelengths, write, write_picture
-from rptcam_cl.cli.output import as_json, print_table, print_warnings, say_on_stderr
-from rptcam_cl.cli.parser import add_device, focus_method, focus_policy, point, positive
+from rptcam_cl.cli.output import (
+    add_device,
+    as_json,
+    focus_method,
+    focus_policy,
+    point,
+    positive,
+    print_table,
+    print_warnings,
+    say_on_stderr,
+)
 from rptcam_cl.core.errors import InputError, StateError
 
 if TYPE_CHECKING:

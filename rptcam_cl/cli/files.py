@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rptcam_cl.api.options import add_options, size
-from rptcam_cl.cli.output import as_json, print_warnings, save
-from rptcam_cl.cli.parser import add_device, check_different, names_of, positive
+from rptcam_cl.cli.output import add_device, as_json, check_different, names_of, positive, print_warnings, save
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.files import (
     DEVELOPED_SUFFIXES,

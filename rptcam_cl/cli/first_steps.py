@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rptcam_cl.api.options import add_options
-from rptcam_cl.cli.output import as_bytes, as_json
-from rptcam_cl.cli.parser import Parser, add_device, port
+from rptcam_cl.cli.output import Parser, add_device, as_bytes, as_json, port
 from rptcam_cl.cli.render import add_render, run_render
 from rptcam_cl.core.errors import DeviceError, InputError, NumericError
 from rptcam_cl.core.files import (

@@ -20,13 +20,6 @@ from rptcam_cl.api.options import OF_A_CLUSTER, add_options, check_together, dig
 from rptcam_cl.cli.output import (
     ENDS_LATER,
     INTERRUPTED,
-    print_table,
-    print_warnings,
-    progress_on_stderr,
-    save,
-    stop_on_interrupt,
-)
-from rptcam_cl.cli.parser import (
     add_device,
     apply_options,
     check_cluster_arguments,
@@ -36,6 +29,11 @@ from rptcam_cl.cli.parser import (
     layers_of_outputs,
     names_of,
     point,
+    print_table,
+    print_warnings,
+    progress_on_stderr,
+    save,
+    stop_on_interrupt,
 )
 from rptcam_cl.core.constants import __version__
 from rptcam_cl.core.errors import InputError, RptcamError

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from rptcam_cl.api.options import digits, number
 from rptcam_cl.cli import lens_options
-from rptcam_cl.cli.output import as_json, print_table
-from rptcam_cl.cli.parser import Commands, Parser, add_command, finite, positive
+from rptcam_cl.cli.output import Commands, Parser, add_command, as_json, finite, positive, print_table
 from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.measures import MEASUREMENTS, MIDDLE_NM, Measurement, Option
@@ -58,6 +57,11 @@ def add_lens_measurements(commands: Commands) -> None:
             _add_option(parser, option)
             if k == 0 and measurement.has_best_focus:
                 _add_best_focus(parser)
+        if measurement.has_section:
+            parser.add_argument(
+                "--section", choices=("y", "x"), default="y",
+                help="fields lie along y, or along x, which then stands for y in the results (default: %(default)s)",
+            )  # fmt: skip
         if measurement.has_wavelength:
             lens_options.add_wavelength(parser)
         if measurement.has_coating:
@@ -97,11 +101,13 @@ def _measure(measurement: Measurement, arguments: argparse.Namespace) -> int:
     state = lens_options.lens_in_use(arguments, arguments.wavelength_nm if measurement.has_wavelength else LINE_D_NM)
     if measurement.has_best_focus:
         state = _in_best_focus(arguments, state)
-    result = measurement.measure(state, options)
+    section = arguments.section if measurement.has_section else "y"
+    result = measurement.measure(state, options, section)
     if arguments.json:
         parts = {name: result.about[name] for name in ("film_distance_mm", *measurement.facts)}
         rows = result.table[0] if measurement.is_single else result.table
-        print(as_json({"lens": state.lens.name, **parts, measurement.key: rows}))
+        along = {"section": section} if measurement.has_section else {}
+        print(as_json({"lens": state.lens.name, **along, **parts, measurement.key: rows}))
     elif measurement.is_single:
         print_table(("fact", "value"), list(result.table[0].items()), result.caption)
     else:

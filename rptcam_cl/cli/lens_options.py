@@ -10,8 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rptcam_cl.api.options import digits, number
-from rptcam_cl.cli.output import print_warnings
-from rptcam_cl.cli.parser import finite, positive
+from rptcam_cl.cli.output import finite, positive, print_warnings
 from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.errors import DeviceError, InputError
 from rptcam_cl.optics.measures import STEEPEST

@@ -27,12 +27,6 @@ from rptcam_cl.cli.output import (
     INTERRUPTED,
     Show,
     as_duration,
-    print_warnings,
-    progress_on_stderr,
-    save,
-    stop_on_interrupt,
-)
-from rptcam_cl.cli.parser import (
     check_different,
     checkpoint_of,
     device_of,
@@ -41,7 +35,11 @@ from rptcam_cl.cli.parser import (
     is_part,
     layers_of_outputs,
     names_of,
+    print_warnings,
+    progress_on_stderr,
     render_keywords,
+    save,
+    stop_on_interrupt,
 )
 from rptcam_cl.core.errors import InputError, NumericError, RptcamError, StateError
 

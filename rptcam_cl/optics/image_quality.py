@@ -826,23 +826,24 @@ MOST_POINTS = 1200  # along each side of the image
 
 def wave_transfer(group: Sequence[PupilFunction], frequencies_per_mm: ArrayLike) -> list[Array]:
     """Return tangential and sagittal modulation of one field, and what its perfect pupil would leave of each."""
-    weights = _weights(group)
-    origin = group[0].chief
-    parts, limits = [], []
+    limits = [transfer(wave.without_aberrations(), frequencies_per_mm) for wave in group]
+    perfect = [np.tensordot(_weights(group), [np.abs(limit[axis]) for limit in limits], 1) for axis in (0, 1)]
+    return [*_modulation(group, frequencies_per_mm), *perfect]
+
+
+def _modulation(group: Sequence[PupilFunction], frequencies_per_mm: ArrayLike) -> list[Array]:
+    """Return tangential and sagittal modulation of one field."""
+    weights, parts = _weights(group), []
     for wave in group:
-        off = origin - wave.chief
+        off = group[0].chief - wave.chief
         parts.append(transfer(wave, frequencies_per_mm, (float(off[0]), float(off[1]))))
-        limits.append([np.abs(curve) for curve in transfer(wave.without_aberrations(), frequencies_per_mm)])
-    curves = [np.abs(np.tensordot(weights, [part[axis] for part in parts], 1)) for axis in (0, 1)]
-    return [*curves, *(np.tensordot(weights, [limit[axis] for limit in limits], 1) for axis in (0, 1))]
+    return [np.abs(np.tensordot(weights, [part[axis] for part in parts], 1)) for axis in (0, 1)]
 
 
 def _transfer_errors(group: Sequence[PupilFunction], frequencies_per_mm: ArrayLike) -> list[float]:
     """Return by how much a third of the cells across the pupil changes the modulation of one field, over `FINER`."""
-    all_cells = np.array(wave_transfer(group, frequencies_per_mm)[:2])
-    parts = [
-        wave_transfer(part, frequencies_per_mm)[:2] for part in zip(*(wave.thirds() for wave in group), strict=True)
-    ]
+    all_cells = np.array(_modulation(group, frequencies_per_mm))
+    parts = [_modulation(part, frequencies_per_mm) for part in zip(*(wave.thirds() for wave in group), strict=True)]
     errors: list[float] = (np.abs(np.array(parts) - all_cells).max(axis=(0, 1)) / FINER).tolist()
     return errors
 

@@ -14,8 +14,15 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.remember import checkpoint
 from rptcam_cl.optics.ray_trace import LensTransmission, Rays, trace
-from rptcam_cl.optics.stop_shape import StopMask, StopShape
-from rptcam_cl.optics.surface import Configuration, FocusingGroup, FocusState, Prescription, Surface
+from rptcam_cl.optics.surface import (
+    Configuration,
+    FocusingGroup,
+    FocusState,
+    Prescription,
+    StopMask,
+    StopShape,
+    Surface,
+)
 
 #
 # First-order optics: focal length, cardinal points and pupils from 2 x 2 matrices on (height, index * angle).

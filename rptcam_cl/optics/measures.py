@@ -110,6 +110,8 @@ class Measurement:
         Whether it has one row, printed downwards.
     has_best_focus, has_wavelength, has_coating, has_chart : bool
         Whether the command can move the film to the least spot, choose one wavelength, coat the lens, and plot.
+    has_section : bool
+        Whether its fields, or rays, lie along y and may lie along x.
     array : str
         Which fact of the result the command writes as ``.npy``.
     """
@@ -129,10 +131,14 @@ class Measurement:
     has_wavelength: bool = False
     has_coating: bool = False
     has_chart: bool = True
+    has_section: bool = True
     array: str = ""
 
-    def measure(self, setting: Setting, options: Mapping[str, Any]) -> Measured:
-        """Measure a lens in use."""
+    def measure(self, setting: Setting, options: Mapping[str, Any], section: str = "y") -> Measured:
+        """Measure a lens in use, with its fields along y or x."""
+        from rptcam_cl.optics.aberrations import in_section
+
+        setting = in_section(setting, section)
         function = getattr(importlib.import_module(f"rptcam_cl.optics.{self.module}"), self.method)
         measured: Measured = function(setting, **options)
         return measured
@@ -154,6 +160,8 @@ class Measurement:
                     annotation=f"{kind} | None" if default is None else kind,
                 )
             )
+        if self.has_section:
+            parameters.append(kinds("section", kinds.KEYWORD_ONLY, default="y", annotation="str"))
         return inspect.Signature(parameters, return_annotation="Measured")
 
 
@@ -256,7 +264,7 @@ WAVEFRONT = Measurement(
     "wavefronts", ("fields", "wavelengths_nm"), has_best_focus=True,
 )  # fmt: skip
 SEIDEL = Measurement(
-    "seidel", "seidel", "field_measures",
+    "seidel", "seidel", "aberrations",
     "Seidel sums of each surface and of the lens: the aberrations of third order, and of colour",
     "Return the Seidel sums of each surface, and of the lens in the last row.",
     (
@@ -267,13 +275,13 @@ SEIDEL = Measurement(
     ),
     {
         "surface": "surface", "spherical": "spherical", "coma": "coma", "astigmatism": "astigmatism",
-        "petzval": "Petzval", "distortion": "distortion", "axial_colour": "axial colour",
-        "lateral_colour": "lateral colour",
+        "petzval": "Petzval", "tangential": "3 ast. + Petzval", "distortion": "distortion",
+        "axial_colour": "axial colour", "lateral_colour": "lateral colour",
     },
     "seidel", ("field_degrees", "wavelengths_nm"), facts=("field_degrees", "unit", "lagrange_invariant_mm"),
 )  # fmt: skip
 PARAXIAL = Measurement(
-    "paraxial", "paraxial", "field_measures",
+    "paraxial", "paraxial", "aberrations",
     "marginal and chief ray to first order: heights and slopes on each surface, and the y-ybar diagram",
     "Return heights and slopes of the marginal and the chief ray before each surface, and on the film in the last row.",
     (_field(),),
@@ -284,7 +292,7 @@ PARAXIAL = Measurement(
     "paraxial", ("field_degrees",), facts=("field_degrees",),
 )  # fmt: skip
 ZERNIKE = Measurement(
-    "zernike", "zernike", "field_measures",
+    "zernike", "zernike", "aberrations",
     "Zernike coefficients of the wavefront over the field, by their fringe numbers and by Noll's",
     "Return the Zernike coefficients of the wavefront of each field and wavelength.",
     (
@@ -333,7 +341,7 @@ DISTORTION = Measurement(
     "distortion", ("fields", "wavelengths_nm"), ("projection",),
 )  # fmt: skip
 RAY_FAN = Measurement(
-    "ray-fan", "ray_fan", "field_measures",
+    "ray-fan", "ray_fan", "aberrations",
     "ray fans: where tangential and sagittal rays land beside the chief ray",
     "Return where the rays of the tangential (1) and sagittal (0) fan land beside the chief ray [um].",
     (
@@ -345,7 +353,7 @@ RAY_FAN = Measurement(
     "ray_fans", ("fields", "wavelengths_nm"), has_best_focus=True,
 )  # fmt: skip
 FIELD_CURVATURE = Measurement(
-    "field-curvature", "field_curvature", "field_measures",
+    "field-curvature", "field_curvature", "aberrations",
     "where thin tangential and sagittal pencils are sharp, and astigmatism",
     "Return where thin tangential and sagittal pencils are sharp, from the film away from the lens [mm].",
     (_wavelengths((LINE_D_NM,)), _fields()),
@@ -355,7 +363,7 @@ FIELD_CURVATURE = Measurement(
     "field_curvature", ("fields", "wavelengths_nm"), has_best_focus=True,
 )  # fmt: skip
 FOCAL_SHIFT = Measurement(
-    "focal-shift", "focal_shift", "field_measures",
+    "focal-shift", "focal_shift", "aberrations",
     "where light of each wavelength meets the axis, paraxial and by zones of the pupil",
     "Return where light of each wavelength and zone meets the axis, from the film away from the lens [mm].",
     (_wavelengths((400.0, 450.0, 500.0, 550.0, 600.0, 650.0, 700.0)),),
@@ -363,7 +371,7 @@ FOCAL_SHIFT = Measurement(
     "focal_shift", ("wavelengths_nm",), has_best_focus=True,
 )  # fmt: skip
 THROUGH_FOCUS = Measurement(
-    "through-focus", "through_focus", "field_measures",
+    "through-focus", "through_focus", "aberrations",
     "rms spot of each field over shifts of the film",
     "Return the rms spot of each field over shifts of the film up to a range either way.\n\n"
     "By default the range is ten times the f-number in hundredths of a millimetre.",
@@ -384,7 +392,7 @@ TRANSMITTANCE = Measurement(
     _WAVELENGTH_COLUMN | {
         "glass": "glass", "bare": "bare", "coated": "coated", "t_number_bare": "T bare", "t_number_coated": "T coated",
     },
-    "transmittance", ("wavelengths_nm",), has_coating=True,
+    "transmittance", ("wavelengths_nm",), has_coating=True, has_section=False,
 )  # fmt: skip
 GLARE = Measurement(
     "glare", "glare", "field_measures",
@@ -398,7 +406,7 @@ GLARE = Measurement(
         _wavelengths((MIDDLE_NM,)),
     ),
     _WAVELENGTH_COLUMN | {"surfaces": "surfaces", "film": "film", "barrel": "barrel", "index": "glare index"},
-    "glare", ("wavelengths_nm",), has_coating=True, has_chart=False,
+    "glare", ("wavelengths_nm",), has_coating=True, has_chart=False, has_section=False,
 )  # fmt: skip
 
 MEASUREMENTS = (
@@ -420,7 +428,7 @@ def _method(measurement: Measurement) -> Callable[..., Measured]:
         for option in measurement.options:
             option.check(given[option.keyword], option.keyword)
         use = setting(given.pop("self"), given.pop("f_number"), given.pop("focus_distance_m"))
-        return measurement.measure(use, given)
+        return measurement.measure(use, given, given.pop("section", "y"))
 
     method.__name__ = method.__qualname__ = measurement.method
     method.__doc__ = measurement.doc
@@ -433,7 +441,8 @@ class Measurable:
 
     All methods take `f_number` to stop down to and `focus_distance_m` from the object to the film; by default the lens
     is wide open and focused at infinity. Fields are angles from the axis [degrees], chosen from the lens by default.
-    Wavelengths are nanometres. They raise `InputError` where nothing of any beam comes through, and for empty lists.
+    Wavelengths are nanometres. With `section="x"` fields lie along x, which in results stands for y. They raise
+    `InputError` where nothing of any beam comes through, and for empty lists.
     """
 
     spot = _method(SPOT)

@@ -317,6 +317,28 @@ def _trace_passing(
     return (rows, p, d) if good.all() else (rows[good], p[:, good], d[:, good])
 
 
+def crossings(lens: Prescription, origins: Array, directions: Array, wavelength_nm: float) -> tuple[list[Array], Mask]:
+    """Return where rays from the scene cross each surface, (2, n) in its frame, and which cross all; rims do not count.
+
+    Of a lens without half lenses, in one colour.
+    """
+    indices, places = lens.indices(wavelength_nm), list[Array]()
+    p, d = lens.from_scene_axes(origins.T, (directions / np.linalg.norm(directions, axis=1, keepdims=True)).T)
+    good = np.ones(len(origins), dtype=bool)
+    with np.errstate(all="ignore"):
+        for k, surface in enumerate(lens.surfaces):
+            hits, d, met = arrive(lens, k, lens.senses[k], p, d)
+            places.append(hits.points[:2])
+            good &= met
+            if surface.is_mirror:
+                d = reflect(d, hits.normals, hits.cosines)
+            elif (ratio := indices[k] / indices[k + 1]) != 1.0:
+                d, through = refract(d, hits.normals, hits.cosines, ratio)
+                good &= through
+            p, d = leave(lens, k, hits.points, d)
+    return places, good
+
+
 def arrive(lens: Prescription, k: int, sense: float, p: Array, d: Array) -> tuple[Hits, Array, Mask]:
     """Return where rays (3, n) hit a surface and their directions, both in its frame, and which of them meet it.
 

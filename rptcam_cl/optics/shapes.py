@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.records import SurfaceKind
 from rptcam_cl.core.strict_yaml import NUMBER, Fields, Key
 
@@ -96,6 +97,20 @@ class Shape(ABC):
         """Return the curvature at the vertex in the y-z or x-z section [1/mm], the r^2 term of an asphere included."""
         weight = profile.axes()[0 if section == "x" else 1]
         return profile.curvature * weight + 2.0 * weight * sum(a for power, a in profile.aspheric if power == 2)
+
+    def fourth_order(self, profile: Profile, section: str = "y") -> float:
+        """Return 8 times the factor of y^4, or x^4, in the sag: c^3 of a sphere [1/mm3]."""
+        weight = profile.axes()[0 if section == "x" else 1]
+        return weight * (conic_fourth(profile.curvature, profile.conic) + 8.0 * _factor_of_r4(profile))
+
+
+def conic_fourth(curvature: float, conic: float) -> float:
+    """Return 8 times the factor of r^4 in the sag of a conic [1/mm3]."""
+    return (1.0 + conic) * curvature**3
+
+
+def _factor_of_r4(profile: Profile) -> float:
+    return sum(a for power, a in profile.aspheric if power == 4)
 
 
 def on_vertex_plane(points: Array, directions: Array) -> tuple[Array, Array, Array]:
@@ -408,6 +423,12 @@ class Biconic(Form):
             return super().paraxial_curvature(profile, section)
         return self.curvature_x + 2.0 * sum(a for power, a in profile.aspheric if power == 2)
 
+    def fourth_order(self, profile: Profile, section: str = "y") -> float:
+        """Return 8 times the factor of y^4, or x^4, in the sag [1/mm3]."""
+        if section == "y":
+            return super().fourth_order(profile, section)
+        return conic_fourth(self.curvature_x, self.conic_x) + 8.0 * _factor_of_r4(profile)
+
     def sag_and_slopes(self, profile: Profile, x: Array, y: Array) -> tuple[Array, Array, Array]:
         """Return z, dz/dx and dz/dy."""
         cx, cy = self.curvature_x, profile.curvature
@@ -476,6 +497,10 @@ class Toroid(Form):
         """Return the curvature at the vertex in a section [1/mm]."""
         return self.curvature_x if section == "x" else super().paraxial_curvature(profile, section)
 
+    def fourth_order(self, profile: Profile, section: str = "y") -> float:
+        """Return 8 times the factor of y^4, or x^4, in the sag: across the profile it is a circle [1/mm3]."""
+        return conic_fourth(self.curvature_x, 0.0) if section == "x" else super().fourth_order(profile, section)
+
     def sag_and_slopes(self, profile: Profile, x: Array, y: Array) -> tuple[Array, Array, Array]:
         """Return z, dz/dx and dz/dy."""
         cx = self.curvature_x
@@ -484,6 +509,51 @@ class Toroid(Form):
         root = np.sqrt(w * w - cx * cx * x * x)
         return z + cx * x * x / (w + root), cx * x / root, 2.0 * y * slope * w / root
 
+
+# A form with its x and y exchanged, by which a lens is measured in its other section; no file and no device has it.
+
+
+@dataclass(frozen=True)
+class Turned(Form):
+    """A form whose x is its y.
+
+    Attributes
+    ----------
+    form : Form
+    """
+
+    form: Form
+
+    description = "turned to be measured in its other section"
+    keys: ClassVar = {}
+
+    @classmethod
+    def read(cls, fields: Fields, scale: float) -> None:
+        """Return nothing, as files have the form itself."""
+
+    def written(self) -> dict[str, Any]:
+        """Raise an error, as files have the form itself."""
+        raise InputError(f"a surface {self.description} has no place in a lens file")
+
+    def fill(self, record: Any, sense: float) -> None:
+        """Raise an error, as devices have the form itself."""
+        raise InputError(f"a surface {self.description} has no place on a device")
+
+    def paraxial_curvature(self, profile: Profile, section: str) -> float:
+        """Return the curvature at the vertex in a section [1/mm]."""
+        return self.form.paraxial_curvature(profile, _OTHER[section])
+
+    def fourth_order(self, profile: Profile, section: str = "y") -> float:
+        """Return 8 times the factor of y^4, or x^4, in the sag [1/mm3]."""
+        return self.form.fourth_order(profile, _OTHER[section])
+
+    def sag_and_slopes(self, profile: Profile, x: Array, y: Array) -> tuple[Array, Array, Array]:
+        """Return z, dz/dx and dz/dy."""
+        z, along_y, along_x = self.form.sag_and_slopes(profile, y, x)
+        return z, along_x, along_y
+
+
+_OTHER = {"x": "y", "y": "x"}
 
 #
 # The kinds of lens surface, each one class with all that the program knows of it.

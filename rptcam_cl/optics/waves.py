@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache, cached_property
 from typing import TYPE_CHECKING
@@ -13,12 +13,13 @@ from numpy.typing import ArrayLike, NDArray
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.chief_rays import without_rims
-from rptcam_cl.optics.ray_trace import Rays
+from rptcam_cl.optics.ray_trace import Rays, crossings
 from rptcam_cl.optics.spot import Beam, chief_ray, is_steep, passing_beam
-from rptcam_cl.optics.stop_shape import StopMask
+from rptcam_cl.optics.surface import StopMask
 
 if TYPE_CHECKING:
     from rptcam_cl.optics.lens import Lens
+    from rptcam_cl.optics.surface import Surface
 
 
 #
@@ -43,6 +44,10 @@ ROOM = 1.06  # width of the grid in widths of the pupil
 NEWTON = 8
 EXACT = 1e-12  # direction cosines to which a ray meets its place on the grid
 FINER = 8  # rays across a cell that the edge of the pupil runs through
+NODES = (48, 96)  # traced each way, of which the cells are interpolated
+STENCIL = 10  # nodes each way that a cell takes
+SAMPLE = 200  # cells that are traced, too
+SAME_WAVES = 1e-6  # by which these may differ
 MM_PER_NM = 1e-6
 NEVER_0 = float(np.finfo(np.float64).tiny)
 
@@ -158,14 +163,13 @@ def pupil_function(
     if across is not None and across < FEWEST_ACROSS:
         raise InputError(f"a wavefront needs at least {FEWEST_ACROSS} rays across the beam (got {across})")
     exit_rays = ExitRays(lens, beam, wavelength_nm, lens.film_z(film_distance_mm), sphere_z)
-    box = exit_rays.box
     if across is not None:
-        return exit_rays.on_grid(box, across)
-    pupil = exit_rays.on_grid(box, ACROSS)
+        return exit_rays.on_grid(across)
+    pupil = exit_rays.on_grid(ACROSS)
     steepest = _steepest(pupil)
     if steepest <= STEP:
         return pupil
-    return exit_rays.on_grid(box, min(int(np.ceil(ACROSS * steepest / STEP)), MOST_ACROSS))
+    return exit_rays.on_grid(min(int(np.ceil(ACROSS * steepest / STEP)), MOST_ACROSS))
 
 
 def check_wavefront(lens: Lens, beam: Beam) -> None:
@@ -193,6 +197,7 @@ class ExitRays:
     ) -> None:
         self.lens, self.beam, self.wavelength_nm, self.film_z = lens, beam, wavelength_nm, film_z
         self.open = without_rims(lens)
+        self._nodes: dict[int, tuple[Array, tuple[Array, Array], list[Array], Mask]] = {}
         indices = lens.indices(wavelength_nm)
         self.first_index, self.index = float(indices[0]), float(indices[-1])
         pupil_z = lens.film_z(lens.first_order().exit_pupil.distance_mm) if sphere_z is None else sphere_z
@@ -224,22 +229,77 @@ class ExitRays:
             return np.asarray(path)  # from the source on
         return np.asarray(path + self.first_index * np.einsum("ij,ij->i", *self.beam.rays(points)))
 
-    def on_grid(self, box: Array, across: int) -> PupilFunction:
-        """Return the pupil function on a grid over a box (middle, half width) of direction cosines."""
+    def on_grid(self, across: int) -> PupilFunction:
+        """Return the pupil function on a grid of direction cosines.
+
+        Rays are traced for the nodes of a coarser grid, and for cells between nodes where some ray is lost; the others
+        are interpolated, as long as a sample of them agrees with traced ones.
+        """
         cells = int(np.ceil(across * ROOM))
-        offsets = ((np.arange(cells) + 0.5) / cells * 2 - 1) * box[1, 0]
-        cosines_x, cosines_y = box[0, 0] + offsets, box[0, 1] + offsets
+        offsets = ((np.arange(cells) + 0.5) / cells * 2 - 1) * self.box[1, 0]
+        cosines_x, cosines_y = self.box[0, 0] + offsets, self.box[0, 1] + offsets
         step = float(offsets[1] - offsets[0])
         targets = np.stack(np.meshgrid(cosines_x, cosines_y), axis=-1)
-        points, rays, met = self._find_rays(targets.reshape(-1, 2))
-        plane, sphere = (np.where(met, part, 0.0).reshape(cells, cells) for part in self.waves(points, rays))
-        points = np.where(met[:, None], points, np.nan).reshape(cells, cells, 2)
+        for nodes in (*(count for count in NODES if count < cells), 0):
+            parts = points, plane, sphere, coverage = self._on_cells(targets, nodes)
+            self._trace_cells(parts, targets, step)
+            if nodes == 0 or self._agrees(targets, plane, coverage > 0):
+                break
         density = self._density(points, step)
-        coverage = np.where(np.isfinite(density), self._coverage(points, targets, step), 0.0)
+        coverage = np.where(np.isfinite(density), coverage, 0.0)
         return PupilFunction(
             self.beam.field_degrees, self.wavelength_nm, self.index, self.chief[:2].copy(), cosines_x, cosines_y,
             coverage, np.where(coverage > 0, density, 0.0), plane, sphere,
         )  # fmt: skip
+
+    def _on_cells(self, targets: Array, nodes: int) -> tuple[Array, Array, Array, Array]:
+        """Return points, path differences (plane, sphere) and coverage of cells from nodes; NaN, 0 where not known."""
+        shape = targets.shape[:2]
+        if not nodes:
+            return np.full((*shape, 2), np.nan), np.zeros(shape), np.zeros(shape), np.zeros(shape)
+        at = np.linspace(-1.0, 1.0, nodes) * self.box[1, 0]
+        weights = _between(at, targets[0, :, 0] - self.box[0, 0])
+        if nodes not in self._nodes:
+            of_nodes = np.stack(np.meshgrid(self.box[0, 0] + at, self.box[0, 1] + at), axis=-1).reshape(-1, 2)
+            points, rays, met = self._find_rays(of_nodes)
+            places, crossed = crossings(self.open, *self.beam.rays(points), self.wavelength_nm)
+            self._nodes[nodes] = points, self.waves(points, rays), places, met & crossed
+        points, waves, places, met = self._nodes[nodes]
+
+        def spread_out(values: Array) -> Array:
+            return np.asarray(weights @ np.where(met, values, 0.0).reshape(nodes, nodes) @ weights.T)
+
+        lost = (weights != 0) @ (~met).reshape(nodes, nodes).astype(float) @ (weights != 0).T > 0
+        plane, sphere = (np.where(lost, 0.0, spread_out(part)) for part in waves)
+        all_points = np.stack([spread_out(points[:, axis]) for axis in (0, 1)], axis=-1)
+        all_points[lost] = np.nan
+        limits = [
+            (surface, spread_out(x), spread_out(y))
+            for surface, (x, y) in zip(self.lens.surfaces, places, strict=True)
+            if surface.inner_semi_diameter or surface.stop_shape or not surface.clears(x[met], y[met]).all()
+        ]
+        return all_points, plane, sphere, np.where(lost, 0.0, _coverage_by_places(limits, plane.shape))
+
+    def _trace_cells(self, parts: tuple[Array, Array, Array, Array], targets: Array, step: float) -> None:
+        """Trace the cells whose points are not known, where light may pass."""
+        points, plane, sphere, coverage = parts
+        unknown = ~np.isfinite(points[..., 0])
+        lit = coverage > 0
+        lit[unknown] = self._passes(self.inverse(targets[unknown]))
+        rest = _near(_near(lit)) & unknown
+        if rest.any():
+            found, rays, good = self._find_rays(targets[rest])
+            plane[rest], sphere[rest] = (np.where(good, part, 0.0) for part in self.waves(found, rays))
+            points[rest] = np.where(good[:, None], found, np.nan)
+            coverage[rest] = self._coverage(points, targets, step, rest)[rest]
+
+    def _agrees(self, targets: Array, plane: Array, lit: Mask) -> bool:
+        """Return whether interpolated path differences of a sample of lit cells are those of traced rays."""
+        rows, columns = np.nonzero(lit)
+        some = np.unique(np.linspace(0, len(rows) - 1, min(SAMPLE, len(rows))).astype(int))
+        chosen = rows[some], columns[some]
+        found, rays, good = self._find_rays(targets[chosen])
+        return bool(good.all() and np.abs(self.waves(found, rays)[0] - plane[chosen]).max(initial=0.0) <= SAME_WAVES)
 
     def waves(self, points: Array, rays: Rays) -> tuple[Array, Array]:
         """Return by how much paths are shorter than the chief ray's: to the foot from C, and to the sphere."""
@@ -277,10 +337,10 @@ class ExitRays:
         reach = np.sum((points - source[:2]) ** 2, axis=-1) + distance**2
         return np.asarray(area * distance**3 / reach**1.5)
 
-    def _coverage(self, points: Array, targets: Array, step: float) -> Array:
-        """Return the share of each cell that passes every rim; of cells on an edge by rays within them."""
+    def _coverage(self, points: Array, targets: Array, step: float, of: Mask) -> Array:
+        """Return the share of cells that passes every rim by rays within those on an edge; elsewhere 0."""
         shape = points.shape[:2]
-        finite = np.isfinite(points).all(axis=-1)
+        finite = np.isfinite(points).all(axis=-1) & _near(of)
         passes = np.zeros(shape, dtype=bool)
         passes[finite] = self._passes(points[finite])
         edge: Mask = finite & _by_an_edge(passes)
@@ -289,39 +349,92 @@ class ExitRays:
         coverage = passes.astype(np.float64)
         within = (np.arange(FINER) + 0.5) / FINER - 0.5
         moves = np.stack(np.meshgrid(within, within), axis=-1).reshape(-1, 2) * step
-        guess = self.inverse(targets[edge])
-        correction = points[edge] - guess
-        total = np.zeros(int(edge.sum()))
-        for move in moves:
-            total += self._passes(self.inverse(targets[edge] + move) + correction)
-        coverage[edge] = total / len(moves)
+        correction = points[edge] - self.inverse(targets[edge])
+        moved = self.inverse((targets[edge][:, None] + moves).reshape(-1, 2)).reshape(-1, len(moves), 2)
+        coverage[edge] = self._passes((moved + correction[:, None]).reshape(-1, 2)).reshape(-1, len(moves)).mean(axis=1)
         return coverage
 
     def _passes(self, points: Array) -> Mask:
         return self.lens.trace(*self.beam.rays(points), self.wavelength_nm, start="scene").passed
 
 
+def _coverage_by_places(limits: Sequence[tuple[Surface, Array, Array]], shape: tuple[int, ...]) -> Array:
+    """Return the share of each cell that passes every rim, by where its ray crosses each surface: x and y of the cells.
+
+    Cells on an edge count by FINER times FINER places within, to second order of the places about them.
+    """
+    passes = np.ones(shape, dtype=bool)
+    for surface, x, y in limits:
+        passes &= surface.clears(x, y)
+    edge = _by_an_edge(passes)
+    if any(isinstance(surface.stop_shape, StopMask) for surface, _, _ in limits):
+        edge = np.ones(shape, dtype=bool)  # the holes of a mask may be smaller than a cell
+    parts = np.ones((int(edge.sum()), FINER**2), dtype=bool)
+    within = (np.arange(FINER) + 0.5) / FINER - 0.5
+    moves = np.stack(np.meshgrid(within, within), axis=-1).reshape(-1, 2)
+    for surface, x, y in limits:
+        parts &= surface.clears(_about(x, edge, moves), _about(y, edge, moves))
+    coverage = passes.astype(np.float64)
+    coverage[edge] = parts.mean(axis=1)
+    return coverage
+
+
 def _by_an_edge(passes: Mask) -> Mask:
     """Return which cells touch one that differs."""
-    wide = np.pad(passes, 1, mode="edge")
-    shape = passes.shape
-    near = [wide[i : i + shape[0], j : j + shape[1]] for i in range(3) for j in range(3)]
-    return np.asarray(np.logical_or.reduce(near) & ~np.logical_and.reduce(near))
+    return _near(passes) & _near(~passes)
+
+
+def _near(cells: Mask) -> Mask:
+    """Return which cells are among some, or touch them."""
+    wide, shape = np.pad(cells, 1, mode="edge"), cells.shape
+    lines = wide[:-2] | wide[1:-1] | wide[2:]
+    return np.asarray(lines[:, : shape[1]] | lines[:, 1 : shape[1] + 1] | lines[:, 2:])
+
+
+def _about(values: Array, cells: Mask, moves: Array) -> Array:
+    """Return values (cells, moves) at moves in parts of a cell, to second order of those of the neighbours."""
+    wide = np.pad(values, 1, mode="reflect", reflect_type="odd")
+    rows, columns = (index + 1 for index in np.nonzero(cells))
+    here = wide[rows, columns]
+    left, right, below, above = (wide[rows + i, columns + j] for i, j in ((0, -1), (0, 1), (-1, 0), (1, 0)))
+    across = sum(s * wide[rows + i, columns + j] for s, i, j in ((1, 1, 1), (-1, 1, -1), (-1, -1, 1), (1, -1, -1))) / 4
+    u, v = moves.T
+    parts = (here, (right - left) / 2, (above - below) / 2, left + right - 2 * here, above + below - 2 * here, across)
+    return np.asarray(np.stack(parts, axis=1) @ np.stack([np.ones_like(u), u, v, u * u / 2, v * v / 2, u * v]))
+
+
+def _between(nodes: Array, places: Array) -> Array:
+    """Return the weights (places, nodes) of values at even nodes for values between, by Lagrange's polynomials."""
+    count = min(STENCIL, len(nodes))
+    step = nodes[1] - nodes[0]
+    first = np.clip(np.rint((places - nodes[0]) / step - (count - 1) / 2).astype(int), 0, len(nodes) - count)
+    weights = np.zeros((len(places), len(nodes)))
+    at = (places - nodes[0]) / step - first
+    for k in range(count):
+        others = np.array([j for j in range(count) if j != k])
+        weights[np.arange(len(places)), first + k] = np.prod((at[:, None] - others) / (k - others), axis=1)
+    return weights
 
 
 def _fit(box: Array, cosines: Array, points: Array) -> Callable[[Array], Array]:
     """Return points of the first vertex plane as a polynomial of direction cosines, by least squares over a beam."""
     middle, half = box
     most = min(POWERS, int(np.sqrt(len(points))) - 2)
-    powers = [(i, j) for i in range(most + 1) for j in range(most + 1 - i)]
+    i, j = np.nonzero(np.add.outer(np.arange(most + 1), np.arange(most + 1)) <= most)
 
-    def terms(cosines: Array) -> Array:
+    def terms(cosines: Array) -> tuple[Array, Array]:
         x, y = ((cosines - middle) / half).T
-        in_x, in_y = np.polynomial.chebyshev.chebvander(x, most), np.polynomial.chebyshev.chebvander(y, most)
-        return np.stack([in_x[:, i] * in_y[:, j] for i, j in powers], axis=1)
+        return np.polynomial.chebyshev.chebvander(x, most), np.polynomial.chebyshev.chebvander(y, most)
 
-    factors = np.linalg.lstsq(terms(cosines), points, rcond=1e-13)[0]
-    return lambda cosines: np.asarray(terms(cosines) @ factors)
+    in_x, in_y = terms(cosines)
+    factors = np.zeros((most + 1, 2, most + 1))
+    factors[i, :, j] = np.linalg.lstsq(in_x[:, i] * in_y[:, j], points, rcond=1e-13)[0]
+
+    def inverse(cosines: Array) -> Array:
+        in_x, in_y = terms(cosines)
+        return np.asarray(np.sum(np.tensordot(in_x, factors, 1) * in_y[:, None], axis=2))
+
+    return inverse
 
 
 #
@@ -355,9 +468,8 @@ def rms_waves(pupil: PupilFunction, waves: Array, without_tilt: bool = False) ->
     axes = np.meshgrid(pupil.cosines_x, pupil.cosines_y)
     off = waves.ravel() - weight @ waves.ravel()
     if without_tilt:
-        tilt = np.stack([(axis - np.mean(axis)).ravel() for axis in axes] + [np.ones(len(off))], axis=1)
-        root = np.sqrt(weight)[:, None]
-        off = off - tilt @ np.linalg.lstsq(tilt * root, off * root[:, 0], rcond=None)[0]
+        tilt = np.stack([axis.ravel() - weight @ axis.ravel() for axis in axes])
+        off = off - np.linalg.solve((tilt * weight) @ tilt.T, (tilt * weight) @ off) @ tilt
     return float(np.sqrt(weight @ off**2))
 
 
@@ -395,8 +507,8 @@ def _slopes(pupil: PupilFunction, axis: int) -> float:
 def strehl(pupil: PupilFunction) -> Strehl:
     """Return the Strehl ratios at the chief ray's point and at the brightest point of the film."""
     perfect = float((np.sqrt(pupil.density) * pupil.coverage).sum()) ** 2
-    size = 1 << int(np.ceil(np.log2(PADDED * len(pupil.coverage))))
-    light = np.abs(np.fft.fft2(pupil.field, (size, size))) ** 2
+    size = _padded(pupil)
+    light = np.abs(np.fft.fft2(pupil.field.astype(np.complex64), (size, size)))  # single: it says where alone
     row, column = np.unravel_index(int(np.argmax(light)), light.shape)
     width = pupil.length_mm / (size * pupil.step)
     x, y = (-np.fft.fftfreq(size)[k] * size * width for k in (column, row))
@@ -432,7 +544,7 @@ def _correlate(pupil: PupilFunction, shifts: Array, axis: int) -> Waves:
     By the spread of a line on the film, which is its transform; each point counts on that side of the middle of the
     light where it lies nearer.
     """
-    count = PADDED * len(pupil.coverage)
+    count = _padded(pupil)
     line = (np.abs(np.fft.fft(pupil.field, count, axis=axis)) ** 2).sum(axis=1 - axis)
     line /= count * pupil.flux.sum()
     places = np.fft.fftfreq(count) * count
@@ -441,6 +553,11 @@ def _correlate(pupil: PupilFunction, shifts: Array, axis: int) -> Waves:
     values = np.exp(2j * np.pi / count * np.outer(shifts, places)) @ line
     values += (1.0 - line.sum()) * np.maximum(1.0 - shifts, 0.0)  # unmoved, cells on the edge count by their flux
     return np.where(shifts < len(pupil.coverage), values, 0.0)
+
+
+def _padded(pupil: PupilFunction) -> int:
+    """Return how many cells a transform has, a number that it is quick for."""
+    return -(-PADDED * len(pupil.coverage) // 64) * 64
 
 
 def encircled_function(pupil: PupilFunction, about: tuple[float, float]) -> Callable[[Array], Array]:
@@ -499,13 +616,16 @@ def radius_of_share(shares_within: Callable[[Array], Array], share: float, most_
     most_mm : float
         Radius of the largest circle that is looked at.
     """
-    low, high = 0.0, most_mm
+    low, high, below, above = 0.0, most_mm, 0.0, 1.0
     for _ in range(3):
         radii = np.linspace(low, high, 18)[1:]
         shares = shares_within(radii)
-        k = int(np.argmax(shares >= share)) if (shares >= share).any() else len(radii) - 1
-        low, high = (radii[k - 1] if k else low), float(radii[k])
-    return (float(low) + high) / 2
+        if not (shares >= share).any():
+            return high
+        k = int(np.argmax(shares >= share))
+        low, below = (radii[k - 1], shares[k - 1]) if k else (low, below)
+        high, above = float(radii[k]), float(shares[k])
+    return float(low + (high - low) * (share - below) / max(above - below, NEVER_0))
 
 
 def diffraction_mtf(frequencies_per_mm: ArrayLike, aperture: float, wavelength_nm: float) -> Array:

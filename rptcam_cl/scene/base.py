@@ -188,6 +188,11 @@ class Alternatives(NamedTuple):
     required: bool
 
 
+def read_switch(value: Any) -> Any:
+    """Return `on` and `off` for true and false, as which loaders of YAML 1.1 take these words."""
+    return {True: "on", False: "off"}[value] if isinstance(value, bool) else value
+
+
 class AlsoAccepts:
     """Adds to a field's JSON schema a form that its validator turns into the declared one.
 

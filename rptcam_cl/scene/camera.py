@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, get_a
 import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.as_built import Heat
 from rptcam_cl.scene import lens_settings
-from rptcam_cl.scene.base import AlsoAccepts, Alternatives, SceneModel, refuse
+from rptcam_cl.scene.base import AlsoAccepts, Alternatives, SceneModel, read_switch, refuse
 from rptcam_cl.scene.placement import CameraMotion, Vector, place_between
 from rptcam_cl.scene.quantities import NUMBER, SMALLEST_LENGTH, Direction, Metres, Millimetres, Position, cross
 
@@ -90,7 +90,7 @@ class Pose(SceneModel):
     motion: CameraMotion = ()
     """Where it is over time; without keyframes it stands still."""
 
-    diffraction: Literal["off", "auto", "on"] = "off"
+    diffraction: Annotated[Literal["off", "auto", "on"], BeforeValidator(read_switch)] = "off"
     """Whether the opening diffracts the light; `auto`: where the Airy radius is half a pixel or more."""
 
     stop: lens_settings.Stop = lens_settings.CLEAN
@@ -637,7 +637,7 @@ class RealisticCamera(LensCamera):
     accuracy: Annotated[lens_settings.Accuracy, AlsoAccepts(lens_settings.AUTO)] | None = None
     """Largest error of a cheaper camera model that may replace the lens; by default every ray is traced."""
 
-    ghosts: Literal["off", "on"] = "off"
+    ghosts: Annotated[Literal["off", "on"], BeforeValidator(read_switch)] = "off"
     """Whether lamps and suns make ghosts: light that two surfaces reflect onto the film. Needs a `transmission`."""
 
     barrel_reflectance: Annotated[float, Field(ge=0, lt=1), NUMBER] = 0.0

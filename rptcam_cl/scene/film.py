@@ -11,7 +11,16 @@ from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema, mod
 
 from rptcam_cl.core.colour import blackbody, illuminant, srgb_from_spectrum, srgb_from_xyz, xyz_from_spectrum
 from rptcam_cl.core.constants import MAX_SEED, MAX_SPP
-from rptcam_cl.scene.base import AlsoAccepts, Alternatives, SceneModel, number_at, read_number, refuse, word_for
+from rptcam_cl.scene.base import (
+    AlsoAccepts,
+    Alternatives,
+    SceneModel,
+    number_at,
+    read_number,
+    read_switch,
+    refuse,
+    word_for,
+)
 from rptcam_cl.scene.quantities import NUMBER, WHOLE_NUMBER, IlluminantName, Rectangle, list_of
 
 # How the picture is computed: samples, layers, and how colour is carried along paths.
@@ -99,7 +108,7 @@ class RenderSettings(SceneModel):
     clamp: Annotated[float, Field(ge=1e-6, le=1e30), NUMBER] | None = None
     """Most that a sample may bring to a channel of the film; brighter ones are scaled down, which is biased."""
 
-    caustics: Literal["off", "auto", "on"] = "auto"
+    caustics: Annotated[Literal["off", "auto", "on"], BeforeValidator(read_switch)] = "auto"
     """Whether photons bring the light that smooth glass and mirrors throw onto surfaces that scatter it; `auto`: where
     the scene has such light from lamps that paths hardly find, and no `clamp`."""
 
@@ -119,7 +128,7 @@ class RenderSettings(SceneModel):
         return self.spp if self.noise is None or "spp" in self.model_fields_set else ADAPTIVE_SPP
 
 
-LensColour = Literal["off", "auto", "on"]
+LensColour = Annotated[Literal["off", "auto", "on"], BeforeValidator(read_switch)]
 
 
 class SpectrumSettings(SceneModel):

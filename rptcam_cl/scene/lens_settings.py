@@ -416,10 +416,12 @@ class Stop(SceneModel):
 CLEAN = Stop()
 
 COATINGS = ("bare", "mgf2", "multi")
-WORDS: dict[str, dict[str, bool]] = {
+WORDS: dict[str, dict[str, Any]] = {
     "ideal": {"fresnel": False, "absorption": False},
     "bare": {"coatings": False},
     "coated": {"coatings": True},
+    "mgf2": {"coating": "mgf2"},
+    "multi": {"coating": "multi"},
 }
 
 IN_WORDS, LAYERED = "a coating", "a coating of layers"  # forms; not keys
@@ -478,7 +480,7 @@ Flag = Annotated[bool, Field(strict=True)]
 
 class Transmission(SceneModel):
     """What a lens takes from light: a word, or what counts. `ideal` is nothing, `bare` glass and surfaces without their
-    coatings, `coated` with them."""
+    coatings, `coated` with them, `mgf2` and `multi` with such a `coating`."""
 
     fresnel: Flag = True
     """Whether surfaces reflect."""

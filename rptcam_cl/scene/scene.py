@@ -36,8 +36,15 @@ from rptcam_cl.scene.exposure import Exposure, ExposureOrMode, FrameSequence, Sh
 from rptcam_cl.scene.film import SHARP_LAYERS, Film, PictureSettings, RenderSettings, Sensor, SpectrumSettings
 from rptcam_cl.scene.lens_settings import GRADES, AutoFocus, RealLens
 from rptcam_cl.scene.lights import WITH_UP, Environment, Light
-from rptcam_cl.scene.materials import Dielectric, Emissive, Material, Principled, with_material, with_parts
-from rptcam_cl.scene.media import ScatteringMedium
+from rptcam_cl.scene.materials import (
+    Dielectric,
+    Emissive,
+    Material,
+    Principled,
+    ScatteringMedium,
+    with_material,
+    with_parts,
+)
 from rptcam_cl.scene.meshes import LoadedMesh, MeshLibrary, MeshObject, NamedMesh
 from rptcam_cl.scene.placement import PlacedObject, SceneObject, moments
 from rptcam_cl.scene.quantities import LARGEST_COORDINATE, NUMBER, SMALLEST_LENGTH
@@ -71,12 +78,15 @@ def world_corners(item: PlacedObject, solid: Solid, folders: Folders | None = No
 def check_extent(item: Object, solid: Solid, path: tuple[str | int, ...], folders: Folders | None = None) -> None:
     """Refuse an object that its transform, or a table of places, makes too far, too large or too small for float32."""
     if isinstance(item, Plane):
-        corners = to_world(item, np.array([item.point]), folders)
-        extent = np.inf
+        reach, extent = float(np.abs(to_world(item, np.array([item.point]), folders)).max()), np.inf
     else:
-        corners = world_corners(item, solid, folders)
-        extent = float(np.ptp(corners, axis=1).max(axis=1).min())
-    if (reach := float(np.abs(corners).max())) > 4 * LARGEST_COORDINATE:
+        # of boxes, the bounds of their corners follow from the middle and the half sides, however many places there are
+        places = item.world_from_object[None] if folders is None else item.places(folders, 0.0)
+        low, high = np.array(solid.bounds(), np.float64)
+        middle = places[:, :3, :3] @ (low / 2 + high / 2) + places[:, :3, 3]
+        half = np.abs(places[:, :3, :3]) @ (high / 2 - low / 2)
+        reach, extent = float((np.abs(middle) + half).max()), 2 * float(half.max(axis=1).min())
+    if reach > 4 * LARGEST_COORDINATE:
         allowed = f"coordinates up to {LARGEST_COORDINATE:g}"
         raise refuse("reaches too far for float32", got=reach, allowed=allowed, path=path)
     if extent < SMALLEST_LENGTH / 4:

@@ -16,7 +16,7 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.irradiance import on_axis_irradiance
 from rptcam_cl.optics.lens import Lens
-from rptcam_cl.optics.stop_shape import StopMask, StopShape
+from rptcam_cl.optics.surface import StopMask, StopShape
 from rptcam_cl.rendering.cameras.ideal import shaped, stop_shape
 from rptcam_cl.rendering.cameras.kinds import camera_model
 from rptcam_cl.rendering.cameras.lens_records import EXTREMES_NM, colour_error_px, disperses, usable_nm

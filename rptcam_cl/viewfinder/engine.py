@@ -373,7 +373,7 @@ class Requests:
 
         def done(report: FocusReport) -> None:
             try:
-                self._change("A", self._found(scene, report))
+                self._studio.change("A", self._found(scene, report))
             except InputError as problem:
                 failed(problem)
             else:
@@ -390,8 +390,10 @@ class Requests:
 
     def _found(self, scene: Scene, report: FocusReport) -> Mapping[str, Any]:
         """Return the changes that set the focus that was found: where it has keys, by its distance, as these are."""
-        if self._studio.recorder.is_on or timeline.is_keyed(scene, "focus"):
-            return turn_focus(self._studio.slot("A").panel, report.focus_distance_m or 0.0).changes
+        recorder, panel = self._studio.recorder, self._studio.slot("A").panel
+        if recorder.is_on or timeline.is_keyed(scene, "focus"):
+            keys = turn_focus(panel, report.focus_distance_m or 0.0).changes
+            return recorder.rewrite(panel, keys, transient=False)
         return focus_changes(scene, report)
 
     def _follow(self, scene: Scene, state: float, followed: set[str]) -> None:
@@ -492,11 +494,15 @@ class Requests:
         def failed(problem: Exception) -> None:
             client.error(text_of(problem), message.id, "change")
 
+        for job in self._selecting.jobs:
+            if isinstance(job.key, tuple):
+                job.key[0].done(job.key[1].id, studio.generation, superseded=True)
+        self._selecting.end()
         if message.x is None or message.y is None:
             select(message.name)
         else:
             find = slot.session.object_later(message.x, message.y)
-            self._selecting.start(Job("selecting", lambda job: find(), done, failed, "select"))
+            self._selecting.start(Job("selecting", lambda job: find(), done, failed, (client, message)))
 
     def _lamp(self, client: messages.Client, message: messages.Lamp) -> None:
         slot = self._studio.slot("A")
@@ -511,6 +517,8 @@ class Requests:
         slot, recorder = self._studio.slot("A"), self._studio.recorder
         if message.do == "record":
             recorder.is_on = bool(message.on)
+            if slot.dials.clock.frame == 0:
+                self._go(slot, 1)
             slot.show_again()
             return
         if message.do == "length" and message.frame is not None:

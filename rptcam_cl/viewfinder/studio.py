@@ -615,7 +615,10 @@ class Slot:
         self._unread = not is_wanted()
         if self.session.spp == 0 or self._unread:
             return None
-        self._last = self.session.frame()
+        frame = self.session.frame()
+        if frame.spp == 0:  # kernels that were waited for have come within this call: the film is another
+            return None
+        self._last = frame
         return None if self.finished is not None else self._last
 
     def _add(self, is_wanted: Callable[[], bool]) -> None:

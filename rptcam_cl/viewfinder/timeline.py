@@ -98,13 +98,17 @@ class Recorder:
             return dict(changes)
         keys = _keys_of(scene)
         before = {name: list(frames) for name, frames in keys.items()}
+        stays: dict[str, Any] = {}  # keys of the exposure, which dials write as a whole
         for path in [each for each in keys if each not in flat and _is_replaced(each, changes)]:
-            del keys[path]
+            if path.startswith("camera."):  # another lens, or another way to focus
+                del keys[path]
+            else:
+                stays[path] = value_at(sequence_of(scene).keys[path], time_of(scene, panel.dials.clock))
         for path, value in flat.items():
-            if path not in POSE and (path in keys or (self.is_on and path in _RECORDED)):
+            if path in keys or (self.is_on and path in _RECORDED and path not in POSE):
                 self._set(panel, keys, path, value, transient)
         self._held = self._held & set(keys) if transient else self._held - set(flat)
-        found = _without_pose(changes) | self._pose(panel, flat)
+        found = _without_pose(changes) | stays | self._pose(panel, flat)
         return found if keys == before else found | _written(scene, keys)
 
     def _set(self, panel: Panel, keys: Keys, path: str, value: Any, transient: bool) -> None:
@@ -116,6 +120,8 @@ class Recorder:
         if not self.is_on:
             old = value_at(sequence_of(scene).keys[path], now)
             keys[path] = [each | {"value": _carried(panel, path, each["value"], old, value)} for each in keys[path]]
+            return
+        if path not in keys and value == _stood(panel, path):
             return
         if (self.is_playing and path not in self._held) or path not in keys:
             self._begin(panel, keys, path)
@@ -134,8 +140,7 @@ class Recorder:
         if path in keys:
             keys[path] = _put(keys[path], begin_s, value_at(sequence.keys[path], begin_s))
         else:
-            name = next(name for name, (_, paths) in CHANNELS.items() if path in paths)
-            stood = values_now(panel, name).get(path)
+            stood = _stood(panel, path)
             keys[path] = [] if stood is None else [{"time_s": begin_s, "value": stood}]
 
     def _pose(self, panel: Panel, flat: Mapping[str, Any]) -> dict[str, Any]:
@@ -276,6 +281,12 @@ def values_now(panel: Panel, name: str) -> dict[str, Any]:
     if not found:
         raise InputError(f"{CHANNELS[name][0]}: this camera has none to set keys of")
     return {path: value for path, value in found.items() if value is not None}
+
+
+def _stood(panel: Panel, path: str) -> Any:
+    """The value of a key path that is recorded, before a change; None where the camera has none."""
+    name = next(name for name, (_, paths) in CHANNELS.items() if path in paths)
+    return values_now(panel, name).get(path)
 
 
 def _focus_at(panel: Panel, metres: float) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from rptcam_cl.optics import irradiance
 from rptcam_cl.optics.irradiance import disk_irradiance, on_axis_irradiance
 from rptcam_cl.optics.lens import film_distance
 from rptcam_cl.optics.library import load_lens
-from rptcam_cl.optics.stop_shape import blades
+from rptcam_cl.optics.surface import blades
 
 NM = 587.56
 

@@ -148,3 +148,12 @@ def test_names_with_their_authors_and_of_old_glasses_are_taken_with_a_word(tmp_p
         path.write_text(f"RDM\nEPD 5\nSO 0 1E11\nS 50 5 {unknown}\n STO\nS -50 45\nSI 0 0\n")
         with pytest.raises(InputError, match=f"glass {unknown} is in no catalogue"):
             load_lens(path)
+
+
+@pytest.mark.parametrize("name", ["SCHOTT_N-BK7", "Schott N-BK7", "schott:nbk7"])
+def test_the_maker_may_stand_in_front(name):
+    from rptcam_cl.optics.files.glass_catalogues import named_glass
+
+    assert named_glass(name) == named_glass("N-BK7_SCHOTT")
+    assert named_glass("OHARA_S-LAH60").maker == "ohara"
+    assert named_glass("SCHOTT_NO-SUCH") is None

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics import field_measures, image_quality
+from rptcam_cl.optics import aberrations, image_quality
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.library import load_lens
 from rptcam_cl.optics.spot import Beam
@@ -160,7 +160,7 @@ def test_wavefront_of_a_lens_whose_exit_pupil_is_at_infinity() -> None:
 
 @pytest.mark.parametrize("shape", [0, pytest.param(1, marks=pytest.mark.slow), 2])
 def test_stop_shapes_have_their_closed_patterns(shape: int) -> None:
-    from rptcam_cl.optics.stop_shape import polygon
+    from rptcam_cl.optics.surface import polygon
 
     expected = json.loads((WAVES / "stop_shapes.json").read_text())
     row, n = expected["shapes"][shape], 16.0
@@ -206,7 +206,7 @@ def test_ray_fans_end_where_the_beam_does() -> None:
     """The end of the fan is the highest of 2001 rays along it that passes, within their steps."""
     use = image_quality.setting(load_lens("achromat-100mm"))
     lens, first = use.lens, use.lens.surfaces[0]
-    rows = field_measures.ray_fan(use, [0.0], [587.5618], 3).rows
+    rows = aberrations.ray_fan(use, [0.0], [587.5618], 3).rows
     edge = next(row["off_um"] for row in rows if row["pupil"] == 1.0 and row["tangential"])
     heights = np.linspace(0.9, 1.0, 2001) * first.semi_diameter
     rays = lens.trace(
@@ -215,3 +215,32 @@ def test_ray_fans_end_where_the_beam_does() -> None:
     last = int(np.flatnonzero(rays.passed)[-1])
     step = (use.film_z - rays.origins[last, 2]) / rays.directions[last, 2]
     assert edge == pytest.approx(1e3 * (rays.origins[last, 1] + step * rays.directions[last, 1]), rel=1e-3)
+
+
+@pytest.mark.parametrize(("name", "degrees"), [("phone-5.6mm", 0.0), ("dgauss-50mm", 13.0), ("mirror-500mm", 1.9)])
+def test_interpolated_wavefronts_are_those_of_rays_in_every_cell(name, degrees, monkeypatch):
+    from rptcam_cl.optics import waves
+
+    use = image_quality.setting(load_lens(name))
+    quick = waves.pupil_function(use.lens, use.film, Beam(degrees), across=100)
+    monkeypatch.setattr(waves, "NODES", ())
+    traced = waves.pupil_function(use.lens, use.film, Beam(degrees), across=100)
+    both = (quick.coverage > 0) & (traced.coverage > 0)
+    assert abs(quick.waves_on_sphere - traced.waves_on_sphere)[both].max() < 1e-5
+    assert quick.flux.sum() == pytest.approx(traced.flux.sum(), rel=1e-4)
+    assert abs(quick.coverage - traced.coverage).max() < 0.1
+    assert strehl(quick).at_peak == pytest.approx(strehl(traced).at_peak, rel=1e-3)
+
+
+def test_radii_of_light_have_no_steps() -> None:
+    """Of a disk of light: r^2 = share, within an eighth of the square of a step, 48 / 17^3, over the radius."""
+    from rptcam_cl.optics.waves import radius_of_share
+
+    def within(radii: np.ndarray) -> np.ndarray:
+        return np.minimum(radii, 1.0) ** 2
+
+    for share in (0.311, 0.5, 0.95):
+        assert radius_of_share(within, share, 48.0) == pytest.approx(
+            np.sqrt(share), abs=(48 / 17**3) ** 2 / 8 / np.sqrt(share)
+        )
+    assert radius_of_share(within, 0.5, 0.3) == 0.3

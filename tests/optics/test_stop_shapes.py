@@ -6,7 +6,7 @@ import pytest
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.irradiance import on_axis_irradiance
 from rptcam_cl.optics.library import load_lens
-from rptcam_cl.optics.stop_shape import blades, heart, polygon, star
+from rptcam_cl.optics.surface import blades, heart, polygon, star
 
 SHAPES = {"hexagon": blades(6), "round blades": blades(7, 10.0, 0.6), "star": star(5), "heart": heart()}
 

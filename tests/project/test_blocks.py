@@ -15,6 +15,7 @@ from rptcam_cl.batch.specification import read_specification
 from rptcam_cl.cli import build_parser
 from rptcam_cl.core.strict_yaml import read_yaml
 from rptcam_cl.optics.library import load_lens
+from rptcam_cl.optics.optimise import read_problem
 from rptcam_cl.rendering.tolerances import specification
 from rptcam_cl.scene.load import Missing, load_scene
 from rptcam_cl.scene.scene import Scene
@@ -35,6 +36,7 @@ from tests.support.pages import (
 UNDER = ROOT / "examples" / "first_light.yaml"  # the scene that a piece of a scene is laid over
 # Options that name results.
 WRITES = {
+    "report", "state",
     "output", "outputs", "raws", "stats", "plot", "json", "markdown", "target", "video", "truth",
     "opencv", "ros", "colmap", "openlensio", "osl", "usd",
 }  # fmt: skip
@@ -127,6 +129,8 @@ def test_yaml_is_a_scene_or_a_piece_of_one_or_a_lens_or_tolerances(block: Block)
         assert load_lens(content).surfaces
     elif "vary" in content:
         assert read_specification(content).vary
+    elif "variables" in content:
+        assert read_problem(content).variables
     elif "tolerances" in content:
         assert specification(content)
     else:

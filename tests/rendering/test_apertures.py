@@ -8,7 +8,7 @@ from PIL import Image, ImageDraw
 
 import rptcam_cl
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics.stop_shape import StopMask
+from rptcam_cl.optics.surface import StopMask
 from rptcam_cl.rendering.cameras.ideal import stop_shape
 
 POSE = {"eye": [0, 0, 0], "target": [0, 0, -1], "up": [0, 1, 0]}

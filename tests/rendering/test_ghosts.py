@@ -18,7 +18,7 @@ from rptcam_cl.optics.irradiance import veiling_glare
 from rptcam_cl.optics.library import load_lens
 from rptcam_cl.optics.ray_trace import UNCOATED, with_coating
 from rptcam_cl.optics.spot import Beam
-from rptcam_cl.optics.stop_shape import blades
+from rptcam_cl.optics.surface import blades
 from rptcam_cl.rendering import ghosts as ghost_film
 from rptcam_cl.rendering.diffraction import shares_of_white
 from rptcam_cl.rendering.ghosts import WAVES_NM, GhostFilm

@@ -280,3 +280,29 @@ def test_bumps_are_as_the_normal_map_of_the_same_heights(tmp_path, monkeypatch, 
     # slopes between texels are linear, normals between them nearly
     np.testing.assert_allclose(bumps, normals, atol=4e-3)
     assert np.abs(hilly("heights", lengths, -1) - normals).max() > 0.1
+
+
+def test_bumps_of_instances_have_the_lengths_of_their_places():
+    """A sheet that stands twice, stretched, beside a rectangle of the same size and coordinates."""
+    side = 100
+    grid = np.arange(side + 1) / side
+    corner = (np.arange(side)[:, None] * (side + 1) + np.arange(side)).ravel()
+    step = np.array([[0, side + 1, side + 2], [0, side + 2, 1]])
+    points = np.stack([*np.meshgrid(grid, grid, indexing="ij"), np.zeros((side + 1, side + 1))], axis=-1).reshape(-1, 3)
+    faces = (corner[:, None, None] + step).reshape(-1, 3)
+    sheet = {"vertices": points.tolist(), "faces": faces.tolist(), "uvs": points[:, :2].tolist()}
+    waves = {"kind": "perlin", "octaves": 1, "scale": [4, 4]}
+    worn = MATTE | {"bump": {"texture": waves, "height": 0.1}}
+    meshed = {"shape": "mesh", "mesh": "sheet", "material": worn}
+    far = meshed | {"transform": {"translate": [50, 0, 0]}}
+    here = meshed | {"transform": [{"scale": [3, 2, 1]}, {"translate": [-1.5, -1, 0]}]}
+    flat = {"shape": "rectangle", "corner": [-1.5, -1, 0], "edge_u": [3, 0, 0], "edge_v": [0, 2, 0], "material": worn}
+    sun = {"kind": "directional", "direction": (-SUN).tolist(), "irradiance": [np.pi] * 3}
+    shown = {"depth": 2, "lights": [sun], "meshes": {"sheet": sheet}}
+    camera = looking([0, 0, 3], [0, 0, 0], up=(0, 1, 0), fov=50)
+    pictures = [
+        np.asarray(one_sample(scene_of(objects, camera, **shown), ["uv"], seed=seed_of("places")))[..., 0]
+        for objects in ([here, far], [flat, far])
+    ]
+    assert np.ptp(pictures[1][pictures[1] > 0]) > 0.2
+    np.testing.assert_allclose(*pictures, atol=3e-3)

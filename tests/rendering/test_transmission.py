@@ -103,7 +103,7 @@ def test_thick_lens_loses_what_its_lens_loses_on_the_axis():
         ("coated", r"camera\.transmission: .* does not say how it is coated \(allowed: ideal, bare, or a coating"),
         (
             "clear",
-            r"camera\.transmission: is not what a lens lets through .*allowed: ideal, bare, coated, or a mapping",
+            r"camera\.transmission: is not what a lens lets through .*allowed: ideal, bare, coated, mgf2, multi, or a",
         ),
         ({"coating": "shiny"}, r"camera\.transmission\.coating: is no coating .*allowed: bare, mgf2, multi, a"),
         ({"coating": {"layers": [{"index": 0.5, "thickness_nm": 9}]}}, r"coating\.layers\[0\]\.index: .*1"),
@@ -117,6 +117,15 @@ def test_thick_lens_loses_what_its_lens_loses_on_the_axis():
 def test_losses_that_make_no_sense_are_refused(transmission, message):
     with pytest.raises(InputError, match=message):
         make_plan(load_scene(white_through("dgauss-50mm", transmission)))
+
+
+def test_a_coating_in_a_word_is_that_coating_and_true_is_on():
+    word = white_through("dgauss-50mm", "mgf2")
+    spelled = white_through("dgauss-50mm", {"coating": "mgf2"})
+    assert load_scene(word).camera.transmission == load_scene(spelled).camera.transmission
+    word["camera"] |= {"ghosts": True, "diffraction": False}
+    camera = load_scene(word).camera
+    assert (camera.ghosts, camera.diffraction) == ("on", "off")
 
 
 def test_losses_must_be_known_at_the_wavelength_of_the_camera():

@@ -85,10 +85,10 @@ from rptcam_cl.scene.materials import (
     Plastic,
     Principled,
     RoughMaterial,
+    ScatteringMedium,
     ThinGlass,
     Translucent,
 )
-from rptcam_cl.scene.media import ScatteringMedium
 from rptcam_cl.scene.meshes import MeshObject, MeshSource, NamedMesh
 from rptcam_cl.scene.placement import (
     CameraKeyframe,

@@ -32,6 +32,17 @@ def load_scene_text(text):
 
 
 REFUSED = [
+    (
+        "{kind: matte, reflectance: 1, normal_map: {file: a.png}, bump: {texture: {kind: marble}}}",
+        "bump: does not count beside normal_map",
+    ),
+    (
+        "{kind: matte, reflectance: 1, opacity: {kind: perlin, mapping: {}}}",
+        "opacity.mapping: does not count for opacity",
+    ),
+    ("{kind: matte, reflectance: 1, bump: {texture: 0.5}}", "allowed: checker, grid, gradient, noise, perlin"),
+    ("{kind: matte, reflectance: {kind: perlin, form: sums}}", "did you mean sum"),
+    ("{kind: matte, reflectance: {kind: dots, inside: 1, outside: 0, mapping: {matrix: [[1, 0, 0]]}}}", "3 or 4 rows"),
     ("{kind: conductor, alpha: 0.1}", "needs one of reflectance | metal"),
     ("{kind: conductor, metal: gold, reflectance: 1, alpha: 0.1}", "cannot be given together with"),
     ("{kind: conductor, metal: gold}", "needs one of alpha | roughness"),

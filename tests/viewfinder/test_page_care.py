@@ -20,6 +20,7 @@ pytestmark = [
 ]
 
 
+TABS = ("camera", "exposure", "focus", "lens", "guides", "compare", "things", "time", "history", "out")
 STARTS = {"png": b"\x89PNG", "jpeg": b"\xff\xd8", "exr": b"v/1\x01"}
 
 
@@ -59,7 +60,7 @@ def test_scene_and_command_leave_the_page(page: Page) -> None:
 
 def test_every_panel_and_control_fits_into_360_pixels(browser: Browser, address: str) -> None:
     with visited(browser, address, width=360, height=740) as page:
-        for tab in ("camera", "exposure", "focus", "lens", "guides", "compare", "out"):
+        for tab in TABS:
             page.click(f"[data-tab={tab}]")
             assert page.evaluate("document.documentElement.scrollWidth") <= 360, tab
         small = page.evaluate(
@@ -144,7 +145,7 @@ def test_all_text_has_the_contrast_of_wcag_aa(page: Page) -> None:
             return [each.textContent.trim().slice(0, 30), getComputedStyle(each).color, ground(behind)];
         })"""
     poor = {}
-    for tab in ("camera", "exposure", "focus", "lens", "guides", "compare", "out"):
+    for tab in TABS:
         page.click(f"[data-tab={tab}]")
         for text, ink, ground in page.evaluate(program):
             low, high = sorted((luminance(ink), luminance(ground)))

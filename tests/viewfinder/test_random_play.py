@@ -50,8 +50,17 @@ def some(dice: random.Random) -> tuple[str, dict[str, Any]]:
         ("command", {}),
         ("set", {"changes": {"materials.white.reflectance": [dice.random(), 0.5, 0.5]}, "transient": transient}),
         ("set", {"changes": {"no.such.key": 1}}),
+        ("time", {"do": "go", "frame": dice.randint(1, 60), "playing": transient, "transient": transient}),
+        ("time", {"do": dice.choice(["key", "unkey", "clear"]),
+                  "channel": dice.choice(["camera", "focus", "f_number", "zoom", "exposure"])}),
+        ("time", {"do": "record", "on": dice.random() < 0.5}),
+        ("time", {"do": "rack", "from_m": dice.uniform(0.7, 3), "to_m": dice.uniform(0.7, 3), "seconds": 0.5}),
+        ("select", dice.choice([place, {"name": "environment"}, {"name": "objects.0"}, {}])),
+        ("dial", {"name": dice.choice(["thing_x", "thing_red", "thing_power"]), "value": dice.random()}),
+        ("lamp", {"name": "environment", "mute": dice.random() < 0.2}),
+        ("history", {"do": dice.choice(["undo", "redo", "snap"])}),
     ]  # fmt: skip
-    weights = [6, 6, 1, 1, 1, 1, 2, 1, 1, 12, 2, 8, 1, 1, 1, 1, 1, 1, 1, 2, 1]
+    weights = [6, 6, 1, 1, 1, 1, 2, 1, 1, 12, 2, 8, 1, 1, 1, 1, 1, 1, 1, 2, 1, 6, 1, 0.5, 0.2, 1, 3, 1, 2]
     return dice.choices(turns, weights)[0]
 
 
@@ -72,6 +81,7 @@ def play(client: Page, dice: random.Random, until: float, number: int) -> int:
             waiting.discard(message.header.get("id", -1))
         client.seen.clear()
         if dice.random() < 0.2:
+            client.send("view", quality=80)  # a picture is due then, also where the last messages have changed nothing
             client.frame()
     return number
 

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -140,3 +141,12 @@ def test_the_needle_moves_by_the_stops_that_a_dial_turns(slots: Any) -> None:
         needles.append(meter_needle(Panel(slot.dials, slot.scene, slot.resolved, slot.reading_cd_m2)))
     assert all(needle is not None and math.isfinite(needle) for needle in needles)
     assert needles[1] - needles[0] == pytest.approx(1.0, abs=1e-3)
+
+
+def test_kernels_that_come_while_a_film_is_read_make_no_picture_of_no_samples(
+    monkeypatch: pytest.MonkeyPatch, slots: Any
+) -> None:
+    slot = slots(scene())
+    empty = replace(slot.session.take(1), spp=0)
+    monkeypatch.setattr(slot.session, "frame", lambda: empty)
+    assert slot.refine(lambda: True) is None

@@ -159,6 +159,14 @@ def test_a_click_selects_what_the_picture_shows_there(client: Page) -> None:
     assert client.ask(20, "select", name="materials.nothing").header["name"] is None
 
 
+def test_a_click_that_another_has_overtaken_is_answered(client: Page) -> None:
+    for number in range(30, 35):
+        client.send("select", id=number, x=0.3, y=0.5)
+    answers = [client.wait(lambda m, n=n: m.header.get("id") == n).header for n in range(30, 35)]  # type: ignore[misc]
+    assert answers[-1]["type"] == "selected"
+    assert all(answer["type"] == "selected" or answer["superseded"] for answer in answers)
+
+
 def test_a_selected_thing_is_turned_and_a_lamp_muted_and_both_undone(client: Page) -> None:
     before = client.ask(10, "scene").header["yaml"]
     client.ask(11, "select", x=0.5 + 0.12 / 0.72, y=0.47)

@@ -139,6 +139,44 @@ def test_a_camera_with_keyframes_is_moved_in_the_frame_that_is_shown(client: Pag
     assert keyed.pose_at(1) == pytest.approx(np.array([[0, 0, 1], [0.2, 0, 0], [0, 1, 0]]))
 
 
+def test_a_key_of_the_exposure_stays_when_another_of_its_dials_is_turned(client: Page) -> None:
+    client.ask(10, "dial", name="mode", value="M")
+    client.ask(11, "time", do="record", on=True)
+    client.ask(12, "dial", name="iso", value=400.0)
+    assert set(saved(client, 13)["sequence"]["keys"]) == {"exposure.iso"}  # what is turned, and nothing beside it
+    client.ask(14, "time", do="go", frame=25)
+    client.ask(15, "dial", name="iso", value=800.0)
+    client.ask(16, "dial", name="ev", value=1.0)
+    client.ask(17, "time", do="record", on=False)
+    client.ask(18, "dial", name="ev", value=2.0)
+    scene = saved(client, 19)
+    assert pulled(scene, "exposure.iso") == [(1, 400), (25, 800)]
+    assert pulled(scene, "exposure.ev") == [(1, 1), (25, 2)]
+
+
+def test_a_click_focuses_by_a_key_where_the_focus_has_keys(client: Page) -> None:
+    client.ask(10, "time", do="rack", from_m=0.8, to_m=1.6, seconds=1.0)
+    client.ask(11, "time", do="go", frame=13)
+    client.ask(12, "time", do="record", on=True)
+    found = client.ask(13, "focus", x=0.5, y=0.5).header
+    keys = dict(pulled(saved(client, 14)))
+    assert keys[13] == pytest.approx(found["distance_m"], rel=1e-6)
+    assert keys[25] == pytest.approx(1.6)
+
+
+def test_a_sequence_of_the_file_opens_as_it_stands_and_is_shown_frame_by_frame(folder: Path) -> None:
+    file, keys = folder / "keyed.yaml", [{"time_s": 0, "value": 4}, {"time_s": 1, "value": 8}]
+    file.write_text(SCENE + yaml.safe_dump({"sequence": {"keys": {"camera.f_number": keys}}}))
+    with serving(file) as (_, server), page(server) as client:
+        told = client.wait(lambda m: m.type == "state").header
+        assert told["time"]["frame"] == 0
+        assert next(dial["value"] for dial in told["dials"] if dial["name"] == "f_number") < 3  # wide open, as it says
+        assert saved(client, 10) == yaml.safe_load(file.read_text())
+        client.ask(11, "time", do="go", frame=13)
+        client.frame(at_rest)
+        assert np.array_equal(shown(client, 12), rendered(yaml.safe_load(file.read_text()), folder, 13))
+
+
 def test_frames_and_keys_are_said(client: Page) -> None:
     client.ask(10, "time", do="rack", from_m=1.0, to_m=2.0, seconds=0.125)
     client.send("time", id=11, do="go", frame=2)
@@ -162,3 +200,20 @@ def test_what_cannot_be_done_is_one_sentence(client: Page, keys: dict[str, Any],
     assert answer.type == "error"
     assert words in answer.header["message"]
     assert "\n" not in answer.header["message"]
+
+
+@pytest.mark.slow
+def test_things_that_move_and_a_camera_that_was_orbited_are_shown_as_frames_are_rendered(
+    checkout: Path, folder: Path
+) -> None:
+    data = yaml.safe_load((checkout / "examples" / "panning.yaml").read_text("utf-8"))
+    data["film"]["resolution"], data["render"]["spp"] = [48, 32], 8
+    file = folder / "panning.yaml"
+    file.write_text(yaml.safe_dump(data))
+    with serving(file) as (_, server), page(server) as client:
+        client.frame(at_rest)
+        client.ask(10, "move", kind="orbit", dx=0.1)
+        for number, frame in enumerate((5, 12)):
+            client.ask(20 + 10 * number, "time", do="go", frame=frame)
+            picture = shown(client, 21 + 10 * number)
+            assert np.array_equal(picture, rendered(saved(client, 25 + 10 * number), folder, frame))

@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.core.colour import LUMINANCE
+from rptcam_cl.core.colour import LUMINANCE, luminance
+from rptcam_cl.core.constants import LUMENS_PER_WATT
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.core.files import Folders, plain, replacing
@@ -37,6 +38,7 @@ from rptcam_cl.exchange.pbrt.files import (
     is_readable,
     linear_pixels,
     picture_name,
+    square_of_angles,
 )
 from rptcam_cl.exchange.pbrt.shapes import Objects
 from rptcam_cl.exchange.pbrt.source import Place, Report
@@ -69,7 +71,7 @@ def convert_lights(context: Context, frame: Frame) -> tuple[list[Keys], Array, l
     sky = np.zeros(3)
     maps: list[Entity] = []
     kinds: dict[str, Callable[[Context, Entity, Frame], Keys]] = {
-        "point": _point, "goniometric": _point, "projection": _point, "spot": _spot, "distant": _distant,
+        "point": _point, "goniometric": _pictured, "projection": _pictured, "spot": _spot, "distant": _distant,
     }  # fmt: skip
     for entity in context.scene.lights:
         entity.parameters.skip(*SAMPLING)
@@ -118,10 +120,77 @@ def _radiance(context: Context, entity: Entity, per_illuminance: float) -> Array
     return colour * illuminance / per_illuminance if illuminance > 0 else colour
 
 
-def _point(context: Context, entity: Entity, frame: Frame) -> Keys:
-    if entity.kind != "point":
-        entity.parameters.skip("filename", "mapname", "fov")
+STEP_DEGREES = 0.5  # of the directions of a lamp that shines with a picture, those that ours tells apart
+
+
+def _pictured(context: Context, entity: Entity, frame: Frame) -> Keys:
+    """Return a lamp that shines with a picture, goniometric or a projector, as one measured in many directions."""
+    parameters = entity.parameters
+    key = "filename" if parameters.has("filename") else "mapname"
+    fov = parameters.number("fov", 90.0 if context.scene.version == 4 else 45.0) if entity.kind == "projection" else 0.0
+    name = parameters.text(key, "")
+    path = context.find_or_note(name, parameters.items[key].place, "the lamp shines evenly") if name else None
+    if path is None or not is_readable(path):
         context.approximated(entity, "a point light without its picture")
+        return _point(context, entity, frame)
+    world = _world(entity, frame)
+    vertical, horizontal = np.arange(0, 180.1, STEP_DEGREES), np.arange(0, 360.1, STEP_DEGREES)
+    down, around = np.radians(vertical), np.radians(horizontal)[:, None]
+    aside = np.sin(down)
+    out = np.stack(np.broadcast_arrays(aside * np.cos(around), aside * np.sin(around), -np.cos(down)), axis=-1)
+    local = out @ np.linalg.inv(world[:3, :3]).T
+    local /= np.linalg.norm(local, axis=-1, keepdims=True)
+    pixels = linear_pixels(path, parameters.items[key].place)
+    shown = _shown(pixels, local, fov, context.scene.version)
+    weights = aside * np.ones_like(around) / (aside.sum() * len(around))  # of the whole sphere
+    mean = np.einsum("ij,ijk->k", weights, shown)
+    if not mean.any():
+        context.approximated(entity, "a point light without its picture, which is black where it is looked up")
+        return _point(context, entity, frame)
+    tint = mean / float(luminance(mean))
+    if np.ptp(tint) > 1e-3:
+        context.approximated(entity, "its picture in one colour, the mean")
+    pattern = shown @ np.asarray(LUMINANCE)
+    if fov:
+        context.approximated(entity, f"its picture in steps of {STEP_DEGREES:g} degrees")
+    color = tint * _intensity(context, entity, frame, 4 * math.pi * float(luminance(mean)))
+    largest = float(pattern.max())
+    file = context.files.add("files", f"{path.stem}.ies", partial(_write_ies, vertical, horizontal, pattern / largest))
+    return {
+        "kind": "ies", "file": file, "position": tidy(apply(world, np.zeros((1, 3)))[0]), "direction": [0, 0, -1],
+        "gain": largest * float(luminance(color)), "color": (color / max(color.max(), 1e-30)).tolist(),
+    }  # fmt: skip
+
+
+def _shown(pixels: Pixels, local: Array, fov: float, version: int) -> Array:
+    """Look up a lamp's picture in directions of its own frame (…, 3): a projector's, or one all round.
+
+    The whole sphere lies on a square of equal area in pbrt-v4, in longitude and latitude about +y in pbrt-v3.
+    """
+    height, width = pixels.shape[:2]
+    x, y, z = np.moveaxis(local, -1, 0)
+    inside = np.ones(x.shape, bool)
+    if fov:
+        aspect = np.array([max(width / height, 1.0), max(height / width, 1.0)])
+        ahead = np.maximum(z, 1e-3) * math.tan(math.radians(fov) / 2)
+        u, v = (axis / ahead / reach / 2 + 0.5 for axis, reach in zip((x, y), aspect, strict=True))
+        inside = (z > 1e-3) & (u >= 0) & (u <= 1) & (v >= 0) & (v <= 1)
+    elif version == 4:
+        u, v = square_of_angles(z, np.arctan2(y, x))
+    else:
+        u, v = np.arctan2(z, x) / (2 * np.pi) % 1, np.arccos(np.clip(y, -1, 1)) / np.pi
+    column, row = (np.clip(share * count, 0, count - 1).astype(np.intp) for share, count in ((u, width), (v, height)))
+    return np.asarray(np.where(inside[..., None], pixels[row, column], 0.0), np.float64)
+
+
+def _write_ies(vertical: Array, horizontal: Array, pattern: Array, path: Path) -> None:
+    """Write a pattern of intensities, 1 standing for 1 W/sr, by horizontal and vertical angle."""
+    head = f"IESNA:LM-63-2002\nTILT=NONE\n1 -1 {LUMENS_PER_WATT:g} {len(vertical)} {len(horizontal)} 1 2 0 0 0\n1 1 0\n"
+    rows = [" ".join(f"{value:.5g}" for value in row) for row in (vertical, horizontal, *pattern)]
+    path.write_text(head + "\n".join(rows) + "\n", encoding="ascii")
+
+
+def _point(context: Context, entity: Entity, frame: Frame) -> Keys:
     position = apply(_world(entity, frame), entity.parameters.vector("from", (0, 0, 0))[None])[0]
     intensity = _intensity(context, entity, frame, 4 * math.pi)
     return {"kind": "point", "position": tidy(position), "intensity": intensity}

@@ -32,8 +32,7 @@ from rptcam_cl.optics.glass import (
 from rptcam_cl.optics.image_quality import default_fields, setting
 from rptcam_cl.optics.lens import Lens, limiting_surface
 from rptcam_cl.optics.shapes import Biconic, Toroid, short_radius
-from rptcam_cl.optics.stop_shape import StopShape
-from rptcam_cl.optics.surface import FocusState, Region, Surface, SurfacePose, tilt_of
+from rptcam_cl.optics.surface import FocusState, Region, StopShape, Surface, SurfacePose, tilt_of
 
 # What files of other programs have in common when a lens is written: what they cannot say, beam, rows, tilts.
 

@@ -395,7 +395,7 @@ def named_glass(name: str, makers: Sequence[str] = (), successors: bool = False)
     Parameters
     ----------
     name : str
-        Such as ``N-BK7``, ``nbk7_schott`` or ``F2_HIKARI``; hyphens, blanks, quotes and case do not count.
+        Such as ``N-BK7``, ``nbk7_schott`` or ``OHARA_S-LAH60``; hyphens, blanks, quotes and case do not count.
     makers : sequence of str
         Whose catalogues come first, in their order.
     successors : bool
@@ -420,6 +420,9 @@ def named_glass(name: str, makers: Sequence[str] = (), successors: bool = False)
             return Named(_written_name(plain, maker), maker)
     if plain in _ALIASES and (successor := named_glass(_ALIASES[plain])):
         return Named(successor.written, successor.maker, False)
+    front, _, rest = name.strip(" '\"").replace(":", "_").replace(" ", "_").partition("_")
+    if rest and makers_of(front):
+        return named_glass(rest, makers_of(front), successors)
     return _successor(plain, tuple(_PREFIXES)) if successors else None
 
 

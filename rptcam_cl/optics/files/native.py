@@ -21,8 +21,20 @@ from rptcam_cl.optics.files.glasses import apply_coatings, read_glass
 from rptcam_cl.optics.glass import AIR, Medium, continued_words
 from rptcam_cl.optics.lens import Lens, first_order, in_configuration
 from rptcam_cl.optics.shapes import FORMS, Form
-from rptcam_cl.optics.stop_shape import StopShape, blades, heart, polygon, star
-from rptcam_cl.optics.surface import IN_PLACE, Configuration, FocusingGroup, FocusState, Region, Surface, SurfacePose
+from rptcam_cl.optics.surface import (
+    IN_PLACE,
+    Configuration,
+    FocusingGroup,
+    FocusState,
+    Region,
+    StopShape,
+    Surface,
+    SurfacePose,
+    blades,
+    heart,
+    polygon,
+    star,
+)
 
 #
 # Forbes's polynomials, Qcon and Qbfs, by which telephone lenses give their aspheres, as even powers of r.

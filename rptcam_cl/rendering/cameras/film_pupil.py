@@ -19,7 +19,7 @@ from rptcam_cl.optics.ghosts import with_wider_stop
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.pupils import cells, grid, narrowing_probes, pupil_boxes
 from rptcam_cl.optics.ray_trace import passing
-from rptcam_cl.optics.stop_shape import StopMask, StopShape
+from rptcam_cl.optics.surface import StopMask, StopShape
 from rptcam_cl.rendering.cameras.ideal import ThickLens, shaped
 from rptcam_cl.rendering.cameras.model import CameraModel
 from rptcam_cl.rendering.cameras.ray_map import allowed_px, fitted_map

@@ -18,7 +18,7 @@ from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.core.files import read_whole
 from rptcam_cl.core.records import curves
 from rptcam_cl.optics.lens import Lens, limiting_surface, system_matrix
-from rptcam_cl.optics.stop_shape import StopMask, StopShape, blades, fit_to_stop, heart, polygon, star
+from rptcam_cl.optics.surface import StopMask, StopShape, blades, fit_to_stop, heart, polygon, star
 from rptcam_cl.rendering.cameras.model import Blur, film_depths, intrinsics, perfect_blur
 from rptcam_cl.rendering.cameras.setting import Intrinsics, LensSetting
 from rptcam_cl.scene.lens_settings import (

@@ -26,8 +26,7 @@ from rptcam_cl.optics.ghosts import steps
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.pupils import UNMOVED, FilmFrame
 from rptcam_cl.optics.ray_trace import IDEAL, LensTransmission, is_tinted, known_nm, passed_rays
-from rptcam_cl.optics.stop_shape import StopMask, StopShape
-from rptcam_cl.optics.surface import Region, Surface, SurfacePose
+from rptcam_cl.optics.surface import Region, StopMask, StopShape, Surface, SurfacePose
 from rptcam_cl.rendering.cameras.ideal import shaped
 from rptcam_cl.rendering.cameras.setting import LensSetting, LossFiller, lens_setting
 from rptcam_cl.scene.film import Film

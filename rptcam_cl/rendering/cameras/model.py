@@ -20,7 +20,7 @@ from rptcam_cl.optics.best_focus import blur_variances
 from rptcam_cl.optics.lens import FirstOrder, Lens
 from rptcam_cl.optics.pupils import UNMOVED, FilmFrame
 from rptcam_cl.optics.ray_trace import passed_rays
-from rptcam_cl.optics.stop_shape import StopMask, StopShape
+from rptcam_cl.optics.surface import StopMask, StopShape
 from rptcam_cl.rendering.cameras.pupil import content_of
 from rptcam_cl.rendering.cameras.setting import (
     CameraMetadata,

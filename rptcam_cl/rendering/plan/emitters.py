@@ -566,7 +566,7 @@ def _has_tiny(records: NDArray[np.void], primitives: list[Primitive], eye: NDArr
 def pack_emitters(
     scene: Scene,
     primitives: list[Primitive],
-    first_triangles: Sequence[int],
+    first_triangles: NDArray[np.int32],
     textures: TextureTable,
     spectra: KnownSpectra,
     surroundings: Surroundings,
@@ -648,7 +648,7 @@ def _note_infinity(kinds: NDArray[np.int32], surroundings: Surroundings) -> None
 
 def _surface_emitters(
     primitives: list[Primitive],
-    first_triangles: Sequence[int],
+    first_triangles: NDArray[np.int32],
     eye: NDArray[np.float64],
     textures: TextureTable,
     spectra: KnownSpectra,

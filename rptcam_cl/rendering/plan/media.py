@@ -14,8 +14,7 @@ from rptcam_cl.core.records import MEDIUM, Hidden, fill
 from rptcam_cl.rendering.plan.materials import Materials
 from rptcam_cl.rendering.plan.primitives import Primitive
 from rptcam_cl.rendering.plan.textures import KnownSpectra
-from rptcam_cl.scene.materials import Boundary, Dielectric, Material, Mix, Principled, has_holes
-from rptcam_cl.scene.media import ScatteringMedium
+from rptcam_cl.scene.materials import Boundary, Dielectric, Material, Mix, Principled, ScatteringMedium, has_holes
 from rptcam_cl.scene.scene import Scene, Solid, holds_eye, world_corners
 from rptcam_cl.scene.shapes import Plane
 

@@ -307,7 +307,7 @@ class Caustics:
 def pack_caustics(
     scene: Scene,
     primitives: Sequence[Primitive],
-    first_triangles: Sequence[int],
+    first_triangles: NDArray[np.int32],
     emitters: Emitters,
     *,
     has_media: bool,
@@ -397,7 +397,10 @@ def _nothing_to_do(roles: NDArray[np.int32], emitters: Emitters) -> str | None:
 
 
 def _surfaces(
-    primitives: Sequence[Primitive], first_triangles: Sequence[int], roles: NDArray[np.int32], eye: NDArray[np.float64]
+    primitives: Sequence[Primitive],
+    first_triangles: NDArray[np.int32],
+    roles: NDArray[np.int32],
+    eye: NDArray[np.float64],
 ) -> tuple[NDArray[np.void], NDArray[np.float64], NDArray[np.float64]]:
     """Return the records of smooth glass and mirrors, their areas [m²], and of triangles the middles about the eye."""
     records, areas, places = [], [], []
@@ -570,7 +573,7 @@ def _pack_world(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> dict[
     seen = parts.appearance(scene, materials, files)
     table, spectra, surroundings = seen.table, seen.spectra, seen.surroundings
     media, shown = pack_media(scene, primitives, seen.shown, spectra)
-    first_triangles = meshes.first_triangles if meshes else ()
+    first_triangles = meshes.first_triangles if meshes else np.zeros(0, np.int32)
     emitters = pack_emitters(scene, primitives, first_triangles, table, spectra, surroundings)
     eye_m = np.array(scene.camera.eye) * scene.metres_per_unit
     textures = parts.textures(seen).seen_from(scene.camera.eye)

@@ -206,9 +206,9 @@ class PackedMeshes:
     group_of_instance : (i,) int array
     instanced : bool
         Whether rays must be taken to the frames of instances: false where all triangles stand in the world.
-    order : tuple of int
+    order : int32 array
         The placed meshes in the order in which their primitives must stand.
-    instance_of, first_triangles : tuple of int
+    instance_of, first_triangles : int32 arrays
         Per placed mesh, in that order: its instance and its first triangle in the pool.
     """
 
@@ -221,21 +221,25 @@ class PackedMeshes:
     instances: NDArray[np.void]
     group_of_instance: NDArray[np.int64]
     instanced: bool
-    order: tuple[int, ...]
-    instance_of: tuple[int, ...]
-    first_triangles: tuple[int, ...]
+    order: NDArray[np.int32]
+    instance_of: NDArray[np.int32]
+    first_triangles: NDArray[np.int32]
 
     def seen_from(self, eye: NDArray[np.float64]) -> PackedMeshes:
         """Return these as rays meet them about an eye, in the scene [m]; trees do not depend on it."""
         groups = tuple(
             group if group.centre is None else replace(group, shift=group.centre - eye) for group in self.groups
         )
-        instances, world = self.instances.copy(), self.placements.copy()
-        own = slice(int(groups[0].centre is not None), None)  # the first stands for all copied meshes, if any
-        world[own, :3, 3] += self.origins[own] - eye
-        for name, rows in (("row", np.linalg.inv(world)), ("world", world)):
-            for place, axis in enumerate("xyz"):
-                instances[f"{name}_{axis}"] = rows[:, place]
+        instances = self.instances.copy()
+        copied = int(groups[0].centre is not None)  # the first stands for all copied meshes, if any
+        for first in range(0, len(instances), BLOCK):
+            block = slice(first, first + BLOCK)
+            world = self.placements[block].copy()
+            own = slice(copied if first == 0 else 0, None)
+            world[own, :3, 3] += self.origins[block][own] - eye
+            for name, rows in (("row", np.linalg.inv(world)), ("world", world)):
+                for place, axis in enumerate("xyz"):
+                    instances[f"{name}_{axis}"][block] = rows[:, place]
         return replace(self, groups=groups, instances=instances)
 
 
@@ -294,6 +298,7 @@ def mesh_parts(scene: Scene, item: MeshObject | Board) -> tuple[MeshPart, ...]:
     )
 
 
+BLOCK = 1 << 14  # instances that are inverted at a time
 MOST_COPIED = 1 << 14  # triangles that copies of one mesh may add to the common tree
 
 Matrix = NDArray[np.float64]
@@ -335,9 +340,11 @@ def pack_meshes(placed: Sequence[Primitive], first_primitive: int, parts: PlanPa
         instances=_instances(len(shared), first_primitive, len(copied)),
         group_of_instance=np.array([0] * bool(copied) + groups),
         instanced=bool(shared),
-        order=(*copied, *shared),
-        instance_of=(*[0] * len(copied), *(bool(copied) + place for place in range(len(shared)))),
-        first_triangles=(*pools.first_triangles, *(pools.groups[group].first_triangle for group in groups)),
+        order=np.array([*copied, *shared], np.int32),
+        instance_of=np.array([0] * len(copied) + [*range(bool(copied), bool(copied) + len(shared))], np.int32),
+        first_triangles=np.array(
+            [*pools.first_triangles, *(pools.groups[group].first_triangle for group in groups)], np.int32
+        ),
     )
 
 
@@ -661,8 +668,18 @@ def _place_mesh(
         )
     scale = affine(scene.metres_per_unit * np.eye(3), np.zeros(3))
     trajectory = _trajectory(scene, item)
+    hidden = item.visible.hidden
+    if item.instances is not None:
+        places = item.places(scene.folders, scene.shutter.open_s)
+        stacks = [scale @ (places @ part.placement) for part in loaded.contents.parts]
+        meshed = [part.mesh for part in loaded.contents.parts]
+        return PlacedMesh(item, [
+            Primitive(Kind.MESH, placement, material, index, mesh, trajectory, hidden)
+            for each in zip(*stacks, strict=True)
+            for placement, material, mesh in zip(each, loaded.materials, meshed, strict=True)
+        ])  # fmt: skip
     primitives = [
-        Primitive(Kind.MESH, scale @ part.placement, part.material, index, part.mesh, trajectory, item.visible.hidden)
+        Primitive(Kind.MESH, scale @ part.placement, part.material, index, part.mesh, trajectory, hidden)
         for part in mesh_parts(scene, item)
     ]
     return PlacedMesh(item, primitives)
@@ -797,7 +814,8 @@ def owners_of(scene: Scene, primitives: Sequence[Primitive]) -> Owners:
             identifiers[id(primitive.material)] = len(names)
             names.append(f"objects.{primitive.object}.material")
     if primitives:
-        rows[:] = [(primitive.object, identifiers[id(primitive.material)]) for primitive in primitives]
+        rows[:, 0] = [primitive.object for primitive in primitives]
+        rows[:, 1] = [identifiers[id(primitive.material)] for primitive in primitives]
     return Owners(rows, objects, tuple(names))
 
 

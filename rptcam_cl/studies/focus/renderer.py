@@ -28,6 +28,7 @@ from rptcam_cl.rendering.plan.plan import Plan, make_plan
 from rptcam_cl.rendering.scene_buffers import SceneBuffers
 from rptcam_cl.rendering.tracer import Wavefront
 from rptcam_cl.scene.exposure import Exposure
+from rptcam_cl.scene.lights import ConstantEnvironment
 from rptcam_cl.scene.load import at_opening, change_scene
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.studies.focus.drives import Drive, focus_drive
@@ -278,6 +279,7 @@ class ProbeRenderer:
         self._plan: Plan | None = None
         self._buffers: SceneBuffers | None = None
         self._wavefronts: dict[tuple[tuple[str, int], ...], Wavefront] = {}
+        self._white: tuple[Plan, SceneBuffers] | None = None
         self._sharp: SharpPass | None = None
         self._sights: dict[tuple[float, Zone], Sight] = {}
 
@@ -347,19 +349,25 @@ class ProbeRenderer:
         return self.drive.rays(self.view.scene, state, stop, places)
 
     def render(self, camera: CameraModel, samples: int, seed: int) -> list[ZoneImage]:
-        """Render the chosen zones through a camera."""
+        """Render the chosen zones through a camera: the mean of the light of the rays that pass it.
+
+        Rays that a lens blocks would be most of the noise. With the same random numbers an empty white world is seen
+        by the same rays, so that its picture tells how many passed.
+        """
         begun, view = time.perf_counter(), self.view
         camera = exposed(camera, view.scene)
-        wavefront = self._wavefront(camera)
-        wavefront.use_camera(camera)
         count = -(-samples // PARTS)
+        both = [self._wavefront(camera, empty=empty) for empty in (False, True)]
+        for wavefront in both:
+            wavefront.use_camera(camera)
         pictures = []
         for part in range(PARTS):
-            wavefront.clear()
-            wavefront.seed = seed * PARTS + part
-            take_samples(wavefront, count)
-            self.samples += wavefront.camera_rays
-            pictures.append(wavefront.picture(count))
+            for wavefront in both:
+                wavefront.clear()
+                wavefront.seed = seed * PARTS + part
+                take_samples(wavefront, count)
+            self.samples += both[0].camera_rays
+            pictures.append(_mean_light(*(wavefront.picture(count) for wavefront in both)))
         self.seconds += time.perf_counter() - begun
         parts, ranges = np.stack(pictures), [view.in_layout(view.shown(zone)) for zone in view.zones]
         return [ZoneImage(np.ascontiguousarray(parts[:, rows, columns]), count * PARTS) for rows, columns in ranges]
@@ -422,17 +430,42 @@ class ProbeRenderer:
             self._buffers = SceneBuffers(self.session, self._scene_plan())
         return self._buffers
 
-    def _wavefront(self, camera: CameraModel) -> Wavefront:
-        """Return the wavefront for a camera of these facts, made at first use."""
-        facts = tuple(sorted(camera.facts.items()))
+    def _white_plan(self, camera: CameraModel) -> tuple[Plan, SceneBuffers]:
+        if self._white is None:
+            plan = make_plan(_white_world(self.view.scene), camera)
+            self._white = plan, SceneBuffers(self.session, plan)
+        return self._white
+
+    def _wavefront(self, camera: CameraModel, *, empty: bool) -> Wavefront:
+        """Return the wavefront for a camera of these facts, made at first use, for the scene or an empty world."""
+        facts = (*sorted(camera.facts.items()), ("empty", int(empty)))
         if facts not in self._wavefronts:
             view = self.view
-            plan, buffers = replace(self._scene_plan(), camera=camera), self._scene_buffers()
+            plan, buffers = self._white_plan(camera) if empty else (self._scene_plan(), self._scene_buffers())
+            plan = replace(plan, camera=camera)
             self._wavefronts[facts] = Wavefront(
                 self.session, plan, view.layout, view.scene.render, _wave_size(), buffers=buffers, scouts=False
             )
             self._wavefronts[facts].choose_tiles(view.tiles())
         return self._wavefronts[facts]
+
+
+LEAST_PASSED = 0.05  # of the mean weight: pixels with less have hardly any rays
+
+
+def _mean_light(light: NDArray[np.float32], weights: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return the mean light of the rays of each pixel, and of all where hardly any pass."""
+    mean = float(weights.mean())
+    passed = weights > LEAST_PASSED * mean
+    share = light / np.where(passed, weights, 1.0)
+    return np.asarray(np.where(passed, share, float(light.mean()) / mean if mean > 0 else 0.0), np.float32)
+
+
+def _white_world(scene: Scene) -> Scene:
+    """Return a scene without objects, white all round, that takes the same camera rays."""
+    white = ConstantEnvironment(kind="constant", radiance=(1.0, 1.0, 1.0))
+    settings = scene.render.model_copy(update={"clamp": None, "caustics": "off"})
+    return scene.model_copy(update={"objects": (), "lights": (), "environment": white, "render": settings})
 
 
 def _with_traced_lens(scene: Scene) -> Scene:

@@ -173,7 +173,7 @@ export class Viewfinder {
       const text = (name) => dials.find((dial) => dial.name === name)?.text;
       const mode = dials.find((dial) => dial.name === "mode")?.value;
       words.replaceChildren(...[mode?.length === 1 && mode, text("shutter_s"), text("f_number"), text("iso"), text("ev"), text("focus_m"), text("zoom")].filter(Boolean).map((each) => h("span", {}, each)));
-      if (focus !== undefined) this.dials.hint("focus_m", focus?.hyperfocal_m ? `H\u00a0${distance(focus.hyperfocal_m)}` : "");
+      if (focus !== undefined) this.dials.hint("focus_m", focus?.hyperfocal_m ? `H\u00a0${distance(Number(focus.hyperfocal_m.toPrecision(2)))}` : "");
     });
     document.addEventListener("fullscreenchange", () => {
       if (!document.fullscreenElement) this.bare(false);

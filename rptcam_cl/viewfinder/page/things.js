@@ -17,8 +17,8 @@ export class Things {
   /** Select what is seen at a point of the picture, or a thing by its name. */
   async select(what) {
     try {
-      const { name } = await this.link.ask("select", what.x === undefined ? what : { x: what.x, y: what.y });
-      if (what.x === undefined) return;
+      const { name, superseded } = await this.link.ask("select", what.x === undefined ? what : { x: what.x, y: what.y });
+      if (what.x === undefined || superseded) return;
       if (!name) this.title.textContent = "Nothing is there.";
       const zone = { x0: what.x - HALF, x1: what.x + HALF, y0: what.y - 1.6 * HALF, y1: what.y + 1.6 * HALF, state: name ? "found" : "failed" };
       this.stage.show({ zones: [zone] });

@@ -5,7 +5,7 @@ import { digits, distance } from "./numbers.js";
 
 const SPEEDS = [{ value: "1", label: "1×" }, { value: "0.5", label: "½" }, { value: "0.25", label: "¼" }];
 const CHANNELS = ["camera", "focus", "f_number", "zoom", "exposure"];
-const HEIGHT = 14; // of the track of keys
+const HEIGHT = 20; // of the track of keys
 
 export class Time {
   constructor(link, dials) {
@@ -41,7 +41,7 @@ export class Time {
     const at = (key) => digits((1000 * (key - 1)) / Math.max(1, frames - 1), 5);
     this.track.setAttribute("viewBox", `0 0 1000 ${HEIGHT}`);
     this.track.replaceChildren(...[{ name: "others", keys: others }, ...channels].flatMap(({ name, keys }, i) => keys
-      .filter((key) => key >= 1 && key <= frames).map((key) => s("path", { class: `vf-key-mark vf-key-${name}`, d: `M${at(key)} ${2 * i}v3` }))));
+      .filter((key) => key >= 1 && key <= frames).map((key) => s("path", { class: `vf-key-mark vf-key-${name}`, d: `M${at(key)} ${3 * i}v4` }))));
     for (const { name, keys } of channels) {
       const row = this.rows[name];
       const here = keys.some((key) => Math.abs(key - frame) < 1e-4);

@@ -1,5 +1,6 @@
 """Lights: where they shine, how brightly, and pictures of the sky."""
 
+import io
 import math
 from collections.abc import Callable
 from pathlib import Path
@@ -8,11 +9,13 @@ from typing import Any
 import numpy as np
 import OpenEXR
 import pytest
+from PIL import Image
 
 import rptcam_cl
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.exchange.pbrt.files import heights, in_longitude_and_latitude, square_of_angles
 from rptcam_cl.exchange.pbrt.textures import black_body_srgb
+from rptcam_cl.scene.lights import read_luminaire
 from tests.exchange.pbrt import reference as pbrt
 
 Convert = Callable[..., Any]
@@ -323,3 +326,60 @@ def test_constant_light_adds_to_the_picture_of_a_sky(convert: Convert, tmp_path:
 def test_pictures_of_the_sky_of_other_kinds_are_reported(convert: Convert) -> None:
     done = convert('LightSource "infinite" "string mapname" "sky.gif"' + BALL, RIGHT, **{"sky.gif": b"GIF"})
     assert done.says("in.pbrt:2: ignored: sky.gif: a kind of picture that is not read")
+
+
+V3_HEAD = 'Scale -1 1 1 LookAt 0 0 9  0 0 0  0 1 0 Camera "perspective" Film "image" WorldBegin\n'
+V4_HEAD = V3_HEAD.replace(' Film "image"', "")
+LAMP = 'AttributeBegin Translate 1 2 3 {}LightSource "{}" "rgb I" [4 4 4] "string {}" "a.png" {} AttributeEnd\n'
+EAST, NORTH = (90, 0), (180, 0)  # vertical and horizontal angles of our +x and +z
+
+
+def picture(pixels: Any) -> bytes:
+    """A PNG of two levels, 0 and 1, given in rows from the top."""
+    stream = io.BytesIO()
+    Image.fromarray(np.array(pixels, np.uint8) * 255).save(stream, "PNG")
+    return stream.getvalue()
+
+
+def intensities(done: Any, tmp_path: Path, *angles: tuple[float, float]) -> list[float]:
+    (lamp,) = done.keys["lights"]
+    assert (lamp["kind"], lamp["position"], lamp["direction"]) == ("ies", [1, 2, 3], [0, 0, -1])
+    luminaire = read_luminaire(tmp_path / lamp["file"])
+    return [lamp["gain"] * float(luminaire.intensity(np.array([v]), np.array([h]))[0, 0]) for v, h in angles]
+
+
+def test_goniometric_lamps_shine_as_their_picture_says(convert: Convert, tmp_path: Path) -> None:
+    # in longitude and latitude about +y: the upper half, and of it first that of z > 0
+    text = LAMP.format("", "goniometric", "mapname", "") + 'Shape "sphere"'
+    done = convert(text, V3_HEAD, **{"a.png": picture([[1, 1, 0, 0], [0, 0, 0, 0]])})
+    found = intensities(done, tmp_path, (100, 90), (100, 45), (100, 315), (135, 45), (45, 45))
+    assert found == pytest.approx([4, 4, 0, 4, 0], abs=0.01)
+    turned = LAMP.format("Rotate 90 0 0 1 ", "goniometric", "mapname", "") + 'Shape "sphere"'
+    done = convert(turned, V3_HEAD, **{"a.png": picture([[1], [0]])})
+    assert intensities(done, tmp_path, (90, 180), EAST) == pytest.approx([4, 0], abs=0.01)  # +y of the lamp is our -x
+
+
+def test_goniometric_lamps_of_pbrt_v4_lie_on_a_square(convert: Convert, tmp_path: Path) -> None:
+    # the middle of the square is +z, its corners are -z
+    pixels = np.zeros((8, 8))
+    pixels[3:5, 3:5] = 1
+    text = LAMP.format("", "goniometric", "filename", "") + 'Shape "sphere"'
+    done = convert(text, V4_HEAD, **{"a.png": picture(pixels)})
+    assert intensities(done, tmp_path, NORTH, (0, 0), EAST) == pytest.approx([4, 0, 0], abs=0.01)
+    # of the power that is given, all comes out, times I
+    done = convert(text.replace('"a.png" ', '"a.png" "float power" 100 '), V4_HEAD, **{"a.png": picture(pixels)})
+    (lamp,) = done.keys["lights"]
+    luminaire = read_luminaire(tmp_path / lamp["file"])
+    vertical, horizontal = (np.arange(180) + 0.5, np.arange(360) + 0.5)
+    mean = luminaire.intensity(vertical, horizontal).mean(axis=1)
+    weights = np.sin(np.radians(vertical))
+    assert lamp["gain"] * 4 * np.pi * (weights @ mean) / weights.sum() == pytest.approx(400, rel=0.02)
+
+
+def test_projectors_show_their_picture_upside_down_as_pbrt_does(convert: Convert, tmp_path: Path) -> None:
+    text = LAMP.format("", "projection", "filename", '"float fov" 60') + 'Shape "sphere"'
+    done = convert(text, V4_HEAD, **{"a.png": picture([[1, 0], [0, 0]])})
+    # 20 degrees from +z towards -x and -y, +x and -y, -x and +y; 40 degrees are beyond the edge
+    aside = [(160, 225), (160, 315), (160, 135), (140, 225 + 45)]
+    assert intensities(done, tmp_path, *aside) == pytest.approx([4, 0, 0, 0], abs=0.01)
+    assert done.says("steps of 0.5 degrees")

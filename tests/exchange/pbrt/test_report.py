@@ -47,7 +47,6 @@ WORLD = {
     'MakeNamedMedium "fog" "string type" "homogeneous"': 'ignored: MakeNamedMedium "fog"',
     'MediumInterface "fog" "air"': 'ignored: MediumInterface "fog" "air"',
     'Attribute "medium" "float g" 1': 'ignored: Attribute "medium"',
-    'LightSource "projection" "string filename" "a.exr"': "a point light without its picture",
     'LightSource "infinite" "point3 portal" [0 0 0 1 0 0 1 1 0 0 1 0]': 'ignored: LightSource "infinite": its portal',
     'LightSource "point" "float other" 1': 'ignored: LightSource "point": "float other"',
     'Shape "sphere" "float other" 1': 'ignored: Shape "sphere": "float other"',

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import dblquad
 
-from rptcam_cl.optics.stop_shape import StopMask, blades, heart, star
+from rptcam_cl.optics.surface import StopMask, blades, heart, star
 from rptcam_cl.rendering.cameras.model import opening_irradiance
 
 RADII = [1e-4, 0.05, 0.6]

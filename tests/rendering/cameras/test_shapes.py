@@ -10,8 +10,7 @@ from rptcam_cl.optics.glass import AIR, ConstantIndex
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.library import load_lens
 from rptcam_cl.optics.ray_trace import Status
-from rptcam_cl.optics.stop_shape import StopShape
-from rptcam_cl.optics.surface import Region, Surface, SurfacePose
+from rptcam_cl.optics.surface import Region, StopShape, Surface, SurfacePose
 from rptcam_cl.rendering import traceable_lens
 from rptcam_cl.rendering.traceable_lens import trace_on_device
 from tests.optics.test_surfaces import SHAPES

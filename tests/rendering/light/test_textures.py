@@ -210,8 +210,7 @@ FRAMED = np.array(FRAME) @ POINTS
 IN_SPACE = {"mapping": {"matrix": FRAME}}
 
 
-@pytest.mark.parametrize("lanes", [1, 8])
-@pytest.mark.parametrize("form", ["sum", "turbulence", "wind"])
+@pytest.mark.parametrize(("form", "lanes"), [("sum", 1), ("sum", 8), ("turbulence", 8), ("wind", 8)])
 def test_noise_in_space_is_that_of_perlin(session, tmp_path, form, lanes) -> None:
     texture = {"kind": "perlin", "form": form, "octaves": 3, "gain": 0.4, "high": [1, 0.5, 0]} | IN_SPACE
     found = looked_up(session, texture, tmp_path, lanes=lanes)

@@ -165,7 +165,7 @@ def test_json_of_a_glb_without_data_is_refused(read: Read) -> None:
 
 def test_more_json_than_allowed_is_refused(read: Read, monkeypatch: pytest.MonkeyPatch) -> None:
     text = triangle().gltf()
-    monkeypatch.setattr("rptcam_cl.scene.assets.gltf.MOST_JSON_BYTES", len(text))
+    monkeypatch.setattr("rptcam_cl.scene.assets.gltf_data.MOST_JSON_BYTES", len(text))
     assert read("a.gltf", text).parts
     with pytest.raises(InputError, match=f"a.gltf: has more than {len(text)} bytes of JSON"):
         read("a.gltf", text + " ")

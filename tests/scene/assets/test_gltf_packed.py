@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.scene.assets.gltf import JsonNode, meshopt_bytes
+from rptcam_cl.scene.assets.gltf_data import JsonNode, meshopt_bytes
 
 from .conftest import Read
 from .gltf_writer import GltfWriter

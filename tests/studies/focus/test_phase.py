@@ -176,7 +176,9 @@ def test_a_pattern_that_repeats_within_the_reach_is_refused():
 
 def test_probes_of_halves_differ_in_noise():
     # With the same random numbers the halves' noise would be correlated, which shifts the match (measured: a pixel).
-    probe = probe_of(scene_of([target(4.0, 4.0, {"kind": "matte", "reflectance": 0.5})], DGAUSS))
+    # Of light that is even nothing is noise.
+    lamp = target(-1.0, 0.5, {"kind": "emissive", "radiance": 50})
+    probe = probe_of(scene_of([target(4.0, 4.0, {"kind": "matte", "reflectance": 0.5}), lamp], DGAUSS))
     view = half_view(probe, probe.state, CENTRE, "x")
     through = half_probe(probe, view, probe.state, CENTRE, 16, seed_of("noise"))
     one, other = (picture - picture.mean() for picture in through.halves.pictures)

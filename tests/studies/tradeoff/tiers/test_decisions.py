@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from rptcam_cl.optics.stop_shape import star
+from rptcam_cl.optics.surface import star
 from rptcam_cl.rendering.cameras.kinds import camera_model
 from rptcam_cl.rendering.cameras.setting import lens_to_focus
 from rptcam_cl.scene.load import change_scene

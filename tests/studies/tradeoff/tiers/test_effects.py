@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rptcam_cl.optics.irradiance import film_irradiance
-from rptcam_cl.optics.stop_shape import StopMask, blades, heart, star
+from rptcam_cl.optics.surface import StopMask, blades, heart, star
 from rptcam_cl.studies.tier_models import FAR_MM, RayBundle, first_order_camera, round_stop
 from rptcam_cl.studies.tiers import EFFECTS, FIELDS, Truth, choose_camera, measure_lens, tier_error
 from tests.studies.tradeoff.tiers.cases import errors_of, half_film_mm, scene_of, stop_mm, truth_of
