@@ -34,6 +34,7 @@ from benchmarks.report import table, write_json
 TIME_LIMIT_S = 300
 OPTIONS = "-cl-std=CL1.2"
 OTHERS = (
+    "media",
     "passes",
     "lens",
     "meshes",
@@ -106,8 +107,10 @@ LIMITS = {
     "subtree": Limit(168, 2976, 16),
     "trace_lens": Limit(80, 0, 0),
     "trace_rays": Limit(64, 0, 16),
+    "travel": Limit(128, 0, 8),
     "C: intersect": Limit(64, 0, 16),  # meshes alone; a tree over shapes has a stack in memory
     "C: shadow": Limit(64, 0, 16),
+    "media: shadow": Limit(72, 64, 8),  # with the light that media let through
     "everything: photons": Limit(192, 1104, 8),
     "everything: shade": Limit(255, 1064, 8),
 }

@@ -178,6 +178,8 @@ def scenes() -> Iterator[tuple[str, Keys]]:
     dim = {"kind": "constant", "radiance": 0.02}
     for name, light in LIGHTS.items():
         yield name, scene_of([ball(0, 0, 0.5, MATERIALS["Matte"])], lights=[light], environment=dim)
+    smoke = {"kind": "boundary", "interior": {"scattering_per_m": 5, "absorption_per_m": [0.3, 1.5, 3]}}
+    yield "Boundary", scene_of([ball(0, 0, 0.5, smoke)], environment={**ROOM, "gain": 0.5}, lights=[SUN])
     pair = [ball(0.35, 0, 0.5, MATERIALS["Mirror"]), ball(-0.8, 0.1, 0.4, GREY)]
     for name, environment in ENVIRONMENTS.items():
         yield name, scene_of(pair, environment=environment, exposure="auto")

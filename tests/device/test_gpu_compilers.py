@@ -7,7 +7,7 @@ from benchmarks.gpu_compilers import LIMITS, TARGETS, beyond, compile_all, nvidi
 from benchmarks.gpu_tools import missing
 from rptcam_cl.core.files import kernels_dir
 
-SCENES = ("A", "A_lens", "B", "C", "first_light", "materials", "panning", "lens", "meshes")
+SCENES = ("A", "A_lens", "B", "C", "first_light", "materials", "panning", "lens", "meshes", "media")
 
 
 def test_warps_follow_from_registers_as_in_nvidias_table():

@@ -273,9 +273,9 @@ def exposure_ev(context: Context, film: Entity | None, camera: Entity) -> float:
 
 
 def render_keys(context: Context) -> dict[str, Any]:
-    """Return samples per pixel and path depth."""
+    """Return samples per pixel and path depth; pbrt loses what its facets scatter more than once."""
     options = context.scene.options
-    keys = {"spp": DEFAULT_SAMPLES, "max_depth": DEFAULT_DEPTH + 1}
+    keys = {"spp": DEFAULT_SAMPLES, "max_depth": DEFAULT_DEPTH + 1, "multiple_scattering": False}
     if (sampler := options.get("Sampler")) is not None:
         sampler.parameters.skip(*PATTERNS)
         parameters = sampler.parameters

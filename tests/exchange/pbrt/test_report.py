@@ -148,6 +148,7 @@ def test_settings_of_the_picture(convert: Convert) -> None:
     options = 'Sampler "stratified" "integer xsamples" 1 "integer ysamples" 1 Integrator "path" "integer maxdepth" 0'
     least = convert(BALL, f'{options} Camera "perspective" WorldBegin\n').scene.render
     assert (least.spp, least.max_depth) == (1, 1)
+    assert not least.multiple_scattering  # pbrt's facets lose that light
     default = convert(BALL, 'Sampler "stratified" Camera "perspective" WorldBegin\n').scene.render
     assert default.spp == 16
 
