@@ -54,7 +54,6 @@ MATERIALS: dict[str, Keys] = {
     "Mix": {"kind": "mix", "factor": {"kind": "checker", "even": 0, "odd": 1, "scale": [12, 6]}, "materials": [
         {"kind": "matte", "reflectance": [0.1, 0.25, 0.12]}, {"kind": "conductor", "metal": "gold", "roughness": 0.3}]},
     "Emissive": {"kind": "emissive", "radiance": [6, 4, 2]},
-    "Boundary": {"kind": "boundary", "interior": {"scattering_per_m": 4, "absorption_per_m": [0.2, 0.8, 1.6]}},
 }  # fmt: skip
 
 DARK, PALE = [0.08, 0.16, 0.3], [0.8, 0.75, 0.6]

@@ -590,7 +590,7 @@ def _facts(records: NDArray[np.void]) -> dict[str, int]:
     facts = {f"HAS_{kind.name}": int(kind in kinds) for kind in MaterialKind} | MATERIAL.facts_of(records)
     features: dict[str, Any] = {
         "FACET_ENERGY": _scatters_again(records),
-        "HAS_MEDIA": 0,  # unless the plan finds some
+        "HAS_MEDIA": False,  # unless the plan finds some
         "HAS_ANISOTROPY": np.any(records["alpha"] != records["alpha_across"]) or np.any(brushed),
         "HAS_ANISOTROPY_TURN": np.any(records["anisotropy_turn"][~brushed] != 0),
         "HAS_TRANSMISSION": np.any(records["transmission"][principled] > 0) or np.any(clearing),
