@@ -112,14 +112,23 @@ class _Translator(ValueReader):
         if is_clear:
             keys["transmission"] = texture_of(transmission, 1)
             if isinstance(keys["roughness"], float) and keys["roughness"] < SMOOTHEST:
-                white = base.is_constant and float(base.values[:3].min()) >= 1
-                if white and keys["transmission"] == 1 and keys["metallic"] == 0:
-                    keys = {"kind": "dielectric", "index": keys["index"]}
+                if keys["transmission"] == 1 and keys["metallic"] == 0 and not self._has_more(node, keys):
+                    keys = {"kind": "dielectric", "index": keys["index"]} | _tint("transmittance", base)
                     return keys | self._holes(node) | self._normals(node)
-                self.say(f"clear and tinted: its roughness is {SMOOTHEST} at least")
+                self.say(f"clear, and more than glass: its roughness is {SMOOTHEST} at least")
+        self._say_distribution(node, keys["roughness"])
         self._layers(node, keys)
         self._emission(node, keys)
         return keys | self._holes(node) | self._normals(node)
+
+    def _has_more(self, node: Node, keys: dict[str, Any]) -> bool:
+        """Whether a clear principled surface is more than a dielectric with a tint."""
+        layers = any(self.counts(node, name) for name in ("Coat Weight", "Sheen Weight"))
+        return layers or self.counts(node, "Emission Strength") or "specular_color" in keys
+
+    def _say_distribution(self, node: Node, roughness: Any) -> None:
+        if node.values.get("distribution") == "GGX" and not (isinstance(roughness, float) and roughness <= 0.3):
+            self.say("light that meets its facets twice is kept, as with the distribution Multiscatter GGX")
 
     def _index(self, node: Node, index: float, is_clear: bool) -> float:
         """The index that has the reflectance of Blender's index and specular level together."""
@@ -211,8 +220,7 @@ class _Translator(ValueReader):
             return {"kind": "mirror", "reflectance": [float(min(max(c, 0), 1)) for c in colour.colour]}
         if node.values.get("distribution", "GGX") not in ("GGX", "MULTI_GGX"):
             self.say(f"its {node.values['distribution'].title()} highlights are GGX here")
-        if roughness > 0.3 and node.values.get("distribution") == "MULTI_GGX":
-            self.say("light that meets its facets twice is lost (distribution GGX, not Multiscatter GGX)")
+        self._say_distribution(node, roughness)
         keys = {"kind": "conductor", "reflectance": self.colour(node, "Color"), "roughness": min(roughness, 1.0)}
         anisotropy = self.constant(node, "Anisotropy", "the anisotropy") if "Anisotropy" in node.inputs else 0.0
         if anisotropy:
@@ -229,17 +237,9 @@ class _Translator(ValueReader):
         rough = {"roughness": min(roughness, 1.0)} if roughness**2 >= 1e-3 else {}
         if rough and abs(index - 1) <= 0.01:
             index = 1.011
-        if rough and roughness > 0.3 and node.values.get("distribution") == "MULTI_GGX":
-            self.say("light that meets its facets twice is lost (distribution GGX, not Multiscatter GGX)")
-        if colour.is_constant and float(colour.colour.min()) >= 1:
-            return {"kind": "dielectric", "index": index} | rough | self._normals(node)
-        if index < 1.01:
-            self.say("tinted glass has an index of at least 1.01")
-        if not rough:
-            self.say(f"tinted glass: its roughness is {SMOOTHEST}")
-        tint = texture_of(colour, 3)
-        keys = {"base_color": tint, "specular_color": tint, "transmission": 1.0, "index": max(index, 1.01)}
-        return {"kind": "principled", "roughness": min(roughness, 1.0)} | keys | self._normals(node)
+        self._say_distribution(node, roughness)
+        tints = _tint("reflectance", colour) | _tint("transmittance", colour)  # both, as Cycles has it
+        return {"kind": "dielectric", "index": index} | rough | tints | self._normals(node)
 
     def transparent(self, node: Node) -> dict[str, Any]:
         """Transparent BSDF."""
@@ -384,6 +384,12 @@ class _Translator(ValueReader):
         normals = _normals_of_heights(grey(height.values)[..., 0], height, sign * strength * distance / size)
         texture = texture_of(replace(height, values=normals, codes=None), 3)
         return {"normal_map": texture}
+
+
+def _tint(key: str, colour: Field) -> dict[str, Any]:
+    """A colour of glass under its key; nothing where it is white."""
+    white = colour.is_constant and float(colour.colour.min()) >= 1
+    return {} if white else {key: texture_of(colour, 3)}
 
 
 def _normals_of_heights(heights: Any, picture: Field, gain: float) -> Any:

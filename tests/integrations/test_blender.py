@@ -87,6 +87,16 @@ MATERIALS = {
     "mirror": lambda make: make.shader("ShaderNodeBsdfGlossy", Color=(0.9, 0.6, 0.3, 1), Roughness=0.0),
     "glass": lambda make: make.shader("ShaderNodeBsdfGlass", Color=(1, 1, 1, 1), Roughness=0.0),
     "rough glass": lambda make: make.shader("ShaderNodeBsdfGlass", Color=(1, 1, 1, 1), Roughness=0.2),
+    "tinted glass": lambda make: make.shader("ShaderNodeBsdfGlass", Color=(0.8, 0.5, 0.2, 1), Roughness=0.0),
+    "tinted rough glass": lambda make: make.shader("ShaderNodeBsdfGlass", Color=(0.8, 0.5, 0.2, 1), Roughness=0.2),
+    "tinted principled": lambda make: make.material(
+        "t", Base_Color=(0.8, 0.5, 0.2, 1), Transmission_Weight=1.0, Roughness=0.0
+    ),
+    "tinted rough principled": lambda make: make.material(
+        "t", Base_Color=(0.8, 0.5, 0.2, 1), Transmission_Weight=1.0, Roughness=0.2
+    ),
+    "principled as made": lambda make: make.material("p", Roughness=0.5),
+    "rough metal": lambda make: make.material("m", Base_Color=(0.9, 0.6, 0.3, 1), Metallic=1.0, Roughness=0.6),
     "emission": lambda make: make.shader("ShaderNodeEmission", Color=(1, 0.5, 0.2, 1), Strength=2.0),
     "metal": lambda make: make.material("m", Base_Color=(0.9, 0.6, 0.3, 1), Metallic=1.0, Roughness=0.2),
     "clear principled": lambda make: make.material(

@@ -137,6 +137,24 @@ def test_white_glass_is_a_dielectric_and_tinted_takes_the_root_at_each_passage()
     assert clear == {"kind": "dielectric", "index": 1.5}
     tinted, said = surface_of(principled(Base_Color=(0.25, 0.81, 1.0), Transmission_Weight=1.0, Roughness=0.2))
     assert tinted["base_color"] == pytest.approx([0.5, 0.9, 1.0]) and not said
+    smooth, said = surface_of(principled(Base_Color=(0.25, 0.81, 1.0), Transmission_Weight=1.0, Roughness=0.0))
+    assert smooth["kind"] == "dielectric" and smooth["transmittance"] == pytest.approx([0.5, 0.9, 1.0]) and not said
+    coated, said = surface_of(
+        principled(Base_Color=(1.0, 1.0, 1.0), Transmission_Weight=1.0, Roughness=0.0, Coat_Weight=1.0, Coat_IOR=1.5)
+    )
+    assert coated["kind"] == "principled" and coated["clearcoat"] == 1.0 and "more than glass" in said[0]
+
+
+def test_tinted_slab_has_the_light_of_the_series_of_its_passages():
+    """Glass BSDF: each meeting with a face takes the whole colour, what is reflected too; in an even world of 1."""
+    colour, f = np.array([0.8, 0.5, 0.2]), 0.04
+    keys, said = surface_of(Node("BSDF_GLASS", "g", {"Color": tuple(colour), "Roughness": 0.0, "IOR": 1.5}))
+    slab = {"shape": "box", "min": [-20, -20, 0], "max": [20, 20, 1], "material": keys}
+    camera = {"kind": "pinhole", "eye": [0, 0, 9], "target": [0, 0, 0], "fov_degrees": 2}
+    scene = {"camera": camera, "film": {"resolution": [8, 8]}, "objects": [slab]}
+    scene |= {"environment": {"kind": "constant", "radiance": 1}, "render": {"spp": 256, "max_depth": 16}}
+    shown = np.asarray(rptcam_cl.render(scene)).mean((0, 1))
+    assert shown == pytest.approx(f * colour + (1 - f) ** 2 * colour**2 / (1 - f * colour), rel=0.005) and not said
 
 
 def test_layers_without_an_equal_are_reported():
