@@ -11,7 +11,9 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.core.errors import RptcamError
+import rptcam_cl
+from rptcam_cl.core.errors import InputError, RptcamError
+from rptcam_cl.imaging.development import GUIDES, check_denoiser
 
 from .live import LiveScene
 from .panels import settings_of
@@ -98,11 +100,12 @@ PASSES = (
     ),
 )  # fmt: skip
 WITHOUT = {
-    "use_pass_vector": "Vector", "use_pass_mist": "Mist", "use_pass_shadow": "Shadow", "use_pass_emit": "Emission",
+    "use_pass_mist": "Mist", "use_pass_shadow": "Shadow", "use_pass_emit": "Emission",
     "use_pass_environment": "Environment", "use_pass_ambient_occlusion": "Ambient Occlusion",
     "use_pass_diffuse_direct": "Diffuse Light", "use_pass_glossy_direct": "Glossy Light",
     "use_pass_transmission_direct": "Transmission Light", "use_pass_cryptomatte_asset": "Cryptomatte Asset",
 }  # fmt: skip
+VECTOR = "Vector"  # is made of two layers, and of the frames beside
 GHOSTS = Pass("Ghosts", "RGB", "COLOR", "", "ghosts", lambda layer, export: layer)
 
 
@@ -134,6 +137,8 @@ class RptcamEngine(bpy.types.RenderEngine):
         self.register_pass(scene, renderlayer, "Combined", 4, "RGBA", "COLOR")
         for each in passes_of(renderlayer, scene):
             self.register_pass(scene, renderlayer, each.name, len(each.channels), each.channels, each.kind)
+        if renderlayer.use_pass_vector:
+            self.register_pass(scene, renderlayer, VECTOR, 4, "XYZW", "VECTOR")
 
     def is_given_up(self) -> bool:
         """Whether the user has stopped the render."""
@@ -153,8 +158,21 @@ class RptcamEngine(bpy.types.RenderEngine):
         layers = list(dict.fromkeys(each.layer for each in wanted))
         if scene.render.film_transparent and "coverage" not in layers:
             layers.append("coverage")
+        cleans = scene.rptcam.denoise and denoiser_trouble() is None
+        layers += [name for name in GUIDES if cleans and name not in layers]
         self.update_stats("", "Reading the scene")
-        export = Reader().read(depsgraph, settings_of(scene, layers), set_time=self.frame_set)
+        settings = settings_of(scene, layers)
+        export = Reader().read(depsgraph, settings, set_time=self.frame_set)
+        beside = None
+        if view_layer.use_pass_vector:
+
+            def read() -> Export:  # each frame has meshes of its own
+                return Reader().read(depsgraph, settings, set_time=self.frame_set)
+
+            beside = read_beside(read, scene, self.frame_set)
+            say_beside(export, beside)
+        if scene.rptcam.denoise and not cleans:
+            export.report.add(f"The picture is not denoised: {denoiser_trouble()}.")
         if view_layer.material_override is not None:
             export.report.add(f"View layer {view_layer.name}: objects keep their own materials, without its override.")
         for flag, name in WITHOUT.items():
@@ -168,16 +186,20 @@ class RptcamEngine(bpy.types.RenderEngine):
         live.use(scene.rptcam.device)
         try:
             session = live.show(export.keys | {"picture": {}})
-            self._take(session, export, view_layer.name, wanted)
+            self._take(session, export, view_layer.name, wanted, cleans, beside)
         finally:
             if live is not kept:
                 live.close()
 
-    def _take(self, session: Any, export: Export, layer: str, wanted: list[Pass]) -> None:
+    def _take(
+        self, session: Any, export: Export, layer: str, wanted: list[Pass], cleans: bool, beside: Beside | None
+    ) -> None:
         """Add samples until there are enough, and show the picture now and then."""
         width, height = session.resolution
         for each in wanted:
             self.add_pass(each.name, len(each.channels), each.channels, layer=layer)
+        if beside is not None:
+            self.add_pass(VECTOR, 4, "XYZW", layer=layer)
         result = self.begin_result(0, 0, width, height, layer=layer)  # within the border
         target, shown = int(session.scene.render.spp), time.monotonic()
         step = 1
@@ -195,7 +217,12 @@ class RptcamEngine(bpy.types.RenderEngine):
                 shown = time.monotonic()
         if session.spp:
             image = session.image()
+            if cleans:
+                image = image.denoised()
+                self.get_result().stamp_data_add_field("rptcam_denoised", image.metadata["denoised"])
             write(result.layers[0].passes["Combined"], with_alpha(image.pixels, image.layers.get("coverage")))
+            if beside is not None:
+                write(result.layers[0].passes[VECTOR], vectors(export, beside, session.device))
             for each in wanted:
                 write(result.layers[0].passes[each.name], each.made(image.layers[each.layer], export))
         given_up = session.spp < target and self.is_given_up()
@@ -254,6 +281,55 @@ def with_alpha(pixels: Array, coverage: Array | None = None) -> Array:
     """A film with its coverage as alpha."""
     alpha = np.ones((*pixels.shape[:2], 1), np.float32) if coverage is None else coverage.reshape(*pixels.shape[:2], 1)
     return np.concatenate([pixels, alpha], axis=-1)
+
+
+def denoiser_trouble() -> str | None:
+    """Why pictures cannot be denoised; None where they can."""
+    try:
+        check_denoiser()
+    except InputError as problem:
+        return str(problem)
+    return None
+
+
+Beside = tuple[Export | None, Export | None]
+
+
+def read_beside(read: Callable[[], Export], scene: Any, set_time: Callable[[int, float], None]) -> Beside:
+    """The frames before and after, None for one with other objects: those of flow are known by their order."""
+    now, part = scene.frame_current, scene.frame_subframe
+    exports = []
+    for frame in (now - 1, now + 1, now):
+        set_time(frame, part)
+        exports.append(read() if frame != now else None)
+    return exports[0], exports[1]
+
+
+def say_beside(export: Export, beside: Beside) -> None:
+    """Report a frame beside whose objects are others, and objects that are deformed until then."""
+    for which, other in zip(("before", "after"), beside, strict=True):
+        if other is None or not has_same_objects(export, other):
+            export.report.add(f"Vector: the frame {which} has other objects; its vectors are 0.")
+            continue
+        for one, two in zip(export.keys["objects"], other.keys["objects"], strict=True):
+            shapes = [each.keys["meshes"].get(item.get("mesh")) for each, item in ((export, one), (other, two))]
+            if all(shapes) and not np.array_equal(shapes[0]["vertices"], shapes[1]["vertices"]):
+                export.report.add(f"Vector: {one['name']} is deformed; its vectors are of its motion as a whole.")
+
+
+def has_same_objects(one: Export, other: Export) -> bool:
+    """Whether two frames show the same objects in the same order."""
+    names = [[(item.get("name"), item.get("material")) for item in each.keys["objects"]] for each in (one, other)]
+    return names[0] == names[1]
+
+
+def vectors(export: Export, beside: Beside, device: Any) -> Array:
+    """Blender's pass: from here to the place in the frame before, then from that in the next frame to here; up is +."""
+    frames = tuple(each.keys if each and has_same_objects(export, each) else None for each in beside)
+    names = ["flow_backward", "flow_forward"]
+    image = rptcam_cl.render(export.keys, spp=1, layers=names, neighbours=frames, device=device)
+    back, forward = (np.nan_to_num(image.layers[name]) for name in names)
+    return np.concatenate([back * [1, -1], forward * [-1, 1]], axis=-1)
 
 
 def write(into: Any, pixels: Array) -> None:

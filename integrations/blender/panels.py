@@ -139,6 +139,7 @@ class SceneProperties(bpy.types.PropertyGroup):
         name="Caustics",
         items=[("auto", "Auto", "Photons where paths hardly find them"), ("on", "On", ""), ("off", "Off", "")],
     )
+    denoise: BoolProperty(name="Denoise", description="Remove the noise that F12 leaves (biased); needs pyoidn")
     device: StringProperty(name="Device", description="Empty for the fastest; cpu, gpu, 0:0 or a part of its name")
     exposure: EnumProperty(
         name="Exposure",
@@ -198,7 +199,17 @@ class RPTCAM_PT_sampling(_Panel, bpy.types.Panel):
         """Lay out."""
         given = context.scene.rptcam
         column = _column(self.layout)
-        for name in ("samples", "viewport_samples", "noise", "max_depth", "caustics", "clamp", "seed", "device"):
+        for name in (
+            "samples",
+            "viewport_samples",
+            "noise",
+            "max_depth",
+            "caustics",
+            "clamp",
+            "seed",
+            "denoise",
+            "device",
+        ):
             column.prop(given, name)
 
 

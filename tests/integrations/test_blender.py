@@ -529,3 +529,123 @@ def test_border_is_the_part_of_the_whole_picture(tmp_path):
         assert films[1].shape == (64, 54, 3) and np.array_equal(films[0][8:72, 30:84], films[1])
     finally:
         integrations.blender.unregister()
+
+
+def rendered_layers(folder):
+    """Channels of the scene's OpenEXR file of all passes, and its header."""
+    import bpy
+    import OpenEXR
+
+    settings = bpy.context.scene.render.image_settings
+    if hasattr(settings, "media_type"):  # from Blender 5.0 on
+        settings.media_type = "MULTI_LAYER_IMAGE"
+    settings.file_format, settings.color_depth = "OPEN_EXR_MULTILAYER", "32"
+    bpy.context.scene.render.filepath = str(folder / "layers.exr")
+    bpy.ops.render.render(write_still=True)
+    file = OpenEXR.File(str(folder / "layers.exr"))
+    channels = {name.split(".", 1)[1]: c.pixels for part in file.parts for name, c in part.channels.items()}
+    return channels, file.header()
+
+
+@pytest.mark.parametrize("blurred", [False, True])
+def test_vector_pass_has_the_pixels_that_a_cube_moves(blurred, tmp_path):
+    """Beside closed form and, without blur, Cycles; the front face is 5.5 units away."""
+    import bpy
+
+    import integrations.blender
+    from tests.integrations import cycles
+
+    integrations.blender.register()
+    try:
+        scene = cycles.empty_scene()
+        bpy.context.preferences.edit.keyframe_new_interpolation_type = "LINEAR"
+        scene.camera.location, scene.camera.rotation_euler = (0, -6, 0), (math.pi / 2, 0, 0)
+        cube = cycles.add("cube", cycles.shader("ShaderNodeEmission"), size=1.0)
+        places = ((-0.5, 0, -0.2), (0, 0, 0), (0.25, 0, 0.4), (0.5, 0, 0.8))
+        for frame, place in enumerate(places, 1):
+            cube.location = place
+            cube.keyframe_insert("location", frame=frame)
+        scene.frame_set(2)
+        scene.view_layers[0].use_pass_vector = True
+        scene.render.engine, scene.rptcam.samples = "RPTCAM", 4
+        scene.render.use_motion_blur, scene.render.motion_blur_shutter = blurred, 1e-3
+        seen = rendered_layers(tmp_path)[0]
+        assert scene.frame_current == 2 and cube.location.x == pytest.approx(0)
+        got = np.stack([seen[f"Vector.{name}"] for name in "XYZW"], axis=-1)
+        pixels = 50 / 36 * 96 / 5.5  # of a unit
+        expected = np.array([-0.5, -0.2, -0.25, -0.4]) * pixels
+        assert got[25:39, 40:56] == pytest.approx(np.broadcast_to(expected, (14, 16, 4)), abs=0.03 if blurred else 0.01)
+        assert got[2, 2] == pytest.approx(0, abs=1e-6)
+        if not blurred:
+            import addon_utils  # bpy puts it on the path
+
+            addon_utils.enable("cycles")
+            scene.render.engine, scene.cycles.samples, scene.cycles.device = "CYCLES", 4, "CPU"
+            scene.cycles.use_denoising = False
+            other = rendered_layers(tmp_path)[0]
+            theirs = np.stack([other[f"Vector.{name}"] for name in "XYZW"], axis=-1)
+            assert got[25:39, 40:56] == pytest.approx(theirs[25:39, 40:56], abs=0.01)
+    finally:
+        integrations.blender.unregister()
+
+
+def test_vector_pass_says_what_it_lacks(tmp_path):
+    """A ball that is there from frame 2 on, and a cube that a modifier bends from frame to frame."""
+    import bpy
+
+    import integrations.blender
+    from integrations.blender import engine
+    from tests.integrations import cycles
+
+    integrations.blender.register()
+    try:
+        scene = cycles.empty_scene((48, 32))
+        ball, cube = (cycles.add(kind, cycles.material(kind)) for kind in ("uv_sphere", "cube"))
+        bend = cube.modifiers.new("bend", "SIMPLE_DEFORM")
+        bend.deform_method = "STRETCH"
+        for frame in (1, 2, 3):
+            ball.hide_render = frame == 1
+            ball.keyframe_insert("hide_render", frame=frame)
+            bend.factor = 0.2 * frame
+            bend.keyframe_insert("factor", frame=frame)
+        bpy.context.scene.frame_set(2)
+        scene.view_layers[0].use_pass_vector = True
+        scene.render.engine, scene.rptcam.samples = "RPTCAM", 1
+        seen = rendered_layers(tmp_path)[0]
+        assert not seen["Vector.X"].any() and not seen["Vector.Y"].any()
+        said = [each for each in engine.REPORTS[scene.name] if each.startswith("Vector")]
+        assert len(said) == 2 and "frame before has other objects" in said[0] and "Cube is deformed" in said[1]
+    finally:
+        integrations.blender.unregister()
+
+
+def test_picture_is_denoised_or_a_sentence_says_why_not(tmp_path, monkeypatch):
+    import bpy
+
+    import integrations.blender
+    from integrations.blender import engine
+    from integrations.blender.panels import settings_of
+    from integrations.blender.reader import Reader
+    from rptcam_cl.imaging import development
+    from tests.integrations import cycles
+
+    has_denoiser = importlib.util.find_spec("pyoidn") is not None
+    integrations.blender.register()
+    try:
+        scene = cycles.empty_scene()
+        cycles.add("cube", cycles.material(), size=1.0)
+        cycles.world()
+        scene.render.engine, scene.rptcam.samples, scene.rptcam.denoise = "RPTCAM", 4, True
+        keys = Reader().read(bpy.context.evaluated_depsgraph_get(), settings_of(scene, list(engine.GUIDES))).keys
+        film = rptcam_cl.render(keys)
+        for there in {has_denoiser, False}:
+            if not there:
+                monkeypatch.setattr(development.importlib.util, "find_spec", lambda name: None)
+            seen, header = rendered_layers(tmp_path)
+            monkeypatch.undo()
+            shown = seen["Combined"][..., :3]
+            assert np.array_equal(shown, film.denoised().pixels if there else film.pixels)
+            assert any(key.endswith("rptcam_denoised") for key in header) is there
+            assert any("not denoised" in each and "pyoidn" in each for each in engine.REPORTS[scene.name]) is not there
+    finally:
+        integrations.blender.unregister()
