@@ -196,6 +196,7 @@ def test_search_finds_back_from_lost_rays(surface, curvature):
     assert not optimise(triplet_with(surface, curvature)).lost
 
 
+@pytest.mark.slow
 def test_bounds_that_cannot_hold_are_said_in_one_sentence():
     with pytest.raises(
         InputError,

@@ -154,6 +154,7 @@ def test_a_key_of_the_exposure_stays_when_another_of_its_dials_is_turned(client:
     assert pulled(scene, "exposure.ev") == [(1, 1), (25, 2)]
 
 
+@pytest.mark.slow
 def test_a_click_focuses_by_a_key_where_the_focus_has_keys(client: Page) -> None:
     client.ask(10, "time", do="rack", from_m=0.8, to_m=1.6, seconds=1.0)
     client.ask(11, "time", do="go", frame=13)
