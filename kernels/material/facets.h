@@ -15,6 +15,9 @@ typedef struct {
 #if FACET_ENERGY
     F3    boost;            // of metal, by the light that its facets reflect more than once
 #endif
+#if HAS_AGAIN
+    F3    again;            // of glass, by what its facets scatter more than once
+#endif
 #if HAS_BASE
     F3    base;             // diffuse reflectance that the way in leaves
     Cover cover;
@@ -75,8 +78,8 @@ static Facet principled_facet(Vertex vertex, Lobes lobes, F c)
     F3 of_clear = select3(sin2 >= 1.0f, WHITE_3, raised(f0, most, beyond));
     F3 passed = sub(WHITE_3, of_clear);
 #if HAS_AGAIN
-    of_clear = scale(of_clear, vertex.closure.again);
-    passed = scale(passed, vertex.closure.again);
+    of_clear = mul(of_clear, lobes.again);
+    passed = mul(passed, lobes.again);
 #endif
     f = along(f, sub(of_clear, f), clear);
 #endif
@@ -126,8 +129,8 @@ static Facet facet_of(Vertex vertex, Lobes lobes, F c)
         facet.reflected = select3(glass, f3(f, f, f), facet.reflected);
         facet.refracted = select3(glass & lobes.clear, f3(g, g, g), facet.refracted);
 #if HAS_AGAIN
-        facet.reflected = select3(glass, scale(facet.reflected, vertex.closure.again), facet.reflected);
-        facet.refracted = scale(facet.refracted, vertex.closure.again);
+        facet.reflected = select3(glass, mul(facet.reflected, lobes.again), facet.reflected);
+        facet.refracted = mul(facet.refracted, lobes.again);
 #endif
         facet.reflects = (glass & lobes.clear) ? f : facet.reflects;
 #if HAS_GLASS_TINT && HAS_ROUGH_DIELECTRIC
@@ -257,6 +260,21 @@ static F3 boost_of(Vertex vertex, F mu)
 }
 #endif
 
+#if HAS_AGAIN
+// What glass gains by light that its facets scatter more than once: mostly what one refracts and another reflects, so that it
+// takes the colour of reflections beside that of light scattered once.
+static F3 again_of(Vertex vertex)
+{
+    F again = vertex.closure.again;
+    F3 gain = f3(again, again, again);
+#if HAS_STAIN
+    I glass = vertex.kind == MATERIAL_ROUGH_DIELECTRIC;
+    gain = select3(glass, boost(again, vertex.closure.once, vertex.color), gain);
+#endif
+    return gain;
+}
+#endif
+
 static Lobes lobes_of(Vertex vertex, F3 wi, I behind)
 {
     Lobes lobes;
@@ -274,6 +292,9 @@ static Lobes lobes_of(Vertex vertex, F3 wi, I behind)
 #endif
 #if FACET_ENERGY
     lobes.boost = boost_of(vertex, wi.z);
+#endif
+#if HAS_AGAIN
+    lobes.again = again_of(vertex);
 #endif
 #if HAS_SHEEN
     add_sheen(&lobes, vertex, behind, add_base(&lobes, vertex));

@@ -109,16 +109,18 @@ static inline F ggx_mean_albedo(Alpha alphas)
     return MIN(quartic(alpha, 1.0045f, -0.1926f, -1.6264f, 1.9318f, -0.7089f), ONE);
 }
 
-// What light that meets facets again and again adds to what they reflect once, as a factor on that, seen from the cosine
-// `mu`; each reflects the share `f` of it on average (Turquin 2019, with the series of Kulla and Conty 2017).
-static F3 ggx_boost(F mu, Alpha alpha, F3 f)
+// All light over that scattered once, where facets send back the share `f` of what meets them on average, as a factor on that
+// which meets them once: `whole` and `mean` are those of facets that keep nothing, from one direction, and of the share
+// scattered once over even light (Turquin 2019, with the series of Kulla and Conty 2017).
+static F3 boost(F whole, F mean, F3 f)
 {
-    F missing = 1.0f / ggx_albedo(mu, alpha) - 1.0f;
-    F mean = ggx_mean_albedo(alpha);
+    F missing = whole - 1.0f;
     F kept = 1.0f - mean;
     return f3(1.0f + missing * f.x * mean / (1.0f - f.x * kept), 1.0f + missing * f.y * mean / (1.0f - f.y * kept),
               1.0f + missing * f.z * mean / (1.0f - f.z * kept));
 }
+
+static inline F3 ggx_boost(F mu, Alpha alpha, F3 f) { return boost(1.0f / ggx_albedo(mu, alpha), ggx_mean_albedo(alpha), f); }
 
 #define SCHLICK_MEAN 0.0476190476f      // of (1 - cos)^5 over even light
 
