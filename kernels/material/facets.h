@@ -156,8 +156,9 @@ static Facet facet_of(Vertex vertex, Lobes lobes, F c)
 
 #if HAS_BASE
 // The diffuse base (Kelemen and Szirmay-Kalos 2001): rho (1 - E(wi)) (1 - E(wo)) / (pi (1 - mean of E)) is symmetric, and
-// with rho = 1 gives back all that the cover does not. Returns about the albedo of it and of all lobes so far.
-static F add_base(Lobes *lobes, Vertex vertex)
+// with rho = 1 gives back all that the cover does not. `over` is the share that a coat reflects. Returns about the albedo of all
+// these lobes.
+static F add_base(Lobes *lobes, Vertex vertex, F over)
 {
     F3 rho = f3(ZERO, ZERO, ZERO);
     F mean = ZERO;
@@ -192,6 +193,10 @@ static F add_base(Lobes *lobes, Vertex vertex)
     F whole = 1.0f - mean;
     lobes->base = scale(rho, gets / MAX(whole, (F)(1e-6f)));
     F own = max3(lobes->base) * whole;
+    others += over;
+#if HAS_CLEARCOAT
+    lobes->coat = over > 0.0f ? MAX(over / others, (F)(LEAST_COAT)) : ZERO;
+#endif
     lobes->under = own > 0.0f ? own / (own + others) : ZERO;
     return own + others;
 }
@@ -296,11 +301,6 @@ static Lobes lobes_of(Vertex vertex, F3 wi, I behind)
 #if HAS_AGAIN
     lobes.again = again_of(vertex);
 #endif
-#if HAS_SHEEN
-    add_sheen(&lobes, vertex, behind, add_base(&lobes, vertex));
-#elif HAS_BASE
-    add_base(&lobes, vertex);
-#endif
 #if HAS_CLEARCOAT
     I coated = (vertex.kind == MATERIAL_PRINCIPLED) & NOT(lobes.clear & behind);
     F coat = coated ? vertex.closure.coat : ZERO;
@@ -311,8 +311,14 @@ static Lobes lobes_of(Vertex vertex, F3 wi, I behind)
     lobes.coat_n = vertex.coat_n;
     frame(lobes.coat_n, &lobes.coat_s, &lobes.coat_t);
 #endif
-    F share = cover_albedo(lobes.coat_cover, to_coat(lobes, wi).z);
-    lobes.coat = share > 0.0f ? MAX(share, (F)(LEAST_COAT)) : ZERO;
+    F over = cover_albedo(lobes.coat_cover, to_coat(lobes, wi).z);
+#elif HAS_BASE
+    F over = ZERO;
+#endif
+#if HAS_SHEEN
+    add_sheen(&lobes, vertex, behind, add_base(&lobes, vertex, over));
+#elif HAS_BASE
+    add_base(&lobes, vertex, over);
 #endif
     return lobes;
 }
@@ -366,8 +372,12 @@ static F3 lobes_eval(Vertex vertex, Lobes lobes, F3 wo, F3 h, F *pdf)
 #endif
 #if HAS_SHEEN
     if (ANY(lobes.sent > 0.0f)) {
-        F kept = sheen_share(vertex, lobes.fibres, absolute(wo.z));
-        sum = scale(sum, 1.0f - MAX(lobes.sent, kept));
+#if FACET_ENERGY
+        F kept = lobes.sent;
+#else
+        F kept = MAX(lobes.sent, sheen_share(vertex, lobes.fibres, absolute(wo.z)));
+#endif
+        sum = scale(sum, 1.0f - kept);
         sum = along(sum, lobes.fibres, sheen_reflect(vertex.closure, lobes.wi, wo, h));
         density += lobes.sheen * ((wo.z > 0.0f ? 0.5f * INV_PI_F : ZERO) - density);
     }

@@ -82,9 +82,10 @@ def test_smooth_cover_sends_back_what_tables_say():
 def facet_walk(cosine, alpha, eta, tints, reflectance, count):
     """Share of light that GGX facets of glass send on, by walks among them (Heitz and others 2016, uniform heights).
 
-    `tints` is (2, k), of what a facet reflects, the share `reflectance(cosine, index)`, and of what it refracts;
-    the result (k,) counts both sides. In float64, from the paper: a walk leaves the height h upwards with the probability C(h)^Lambda, C the distribution of heights,
-    and meets a visible normal otherwise; below the surface everything is turned over.
+    `tints` is (2, k), of what a facet reflects, the share `reflectance(cosine, index)`, and of what it refracts; the
+    result (k,) counts both sides. In float64, from the paper: a walk leaves the height h upwards with the probability
+    C(h)^Lambda, C the distribution of heights, and meets a visible normal otherwise; below the surface everything is
+    turned over.
     """
     rng = np.random.default_rng(11)
     way, height = np.tile([-math.sqrt(1 - cosine**2), 0.0, -cosine], (count, 1)), np.ones(count)  # share C(h)
