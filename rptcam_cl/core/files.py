@@ -190,7 +190,8 @@ class Folders:
             named.add(path)
         if not inside:
             allowed = ", ".join(dict.fromkeys(map(str, roots)))
-            raise OutsideFolderError(f"lies outside the {self.owner}'s folder (got {path}; allowed: files in {allowed})")
+            said = f"lies outside the {self.owner}'s folder (got {path}; allowed: files in {allowed})"
+            raise OutsideFolderError(said)
         if not exists:
             raise MissingFileError(f"no such file (got {path})")
         if not regular:

@@ -117,7 +117,7 @@ class Polygons:
         return following
 
     def subdivided(self) -> Polygons:
-        """Divide faces into quadrilaterals; borders are splines, and the points of a border that only one face has stay.
+        """Divide faces into quadrilaterals; borders are splines, but points of a border that only one face has stay.
 
         Sources: E. Catmull and J. Clark, "Recursively generated B-spline surfaces on arbitrary topological meshes",
         Computer-Aided Design 10, 1978; creases by T. DeRose, M. Kass and T. Truong, "Subdivision surfaces in
@@ -132,7 +132,7 @@ class Polygons:
         edges = np.stack(np.divmod(keys, count), axis=1)
         sharp = np.where(uses == 2, 0.0, np.inf)
         if self.creases is not None and self.sharpness is not None:
-            named = _edge_keys(*self.creases.T, count)
+            named = _edge_keys(self.creases[:, 0], self.creases[:, 1], count)
             at = np.minimum(np.searchsorted(keys, named), len(keys) - 1)
             there = keys[at] == named
             np.maximum.at(sharp, at[there], self.sharpness[there])

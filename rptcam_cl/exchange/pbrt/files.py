@@ -205,7 +205,7 @@ class Context:
             raise type(problem)(str(place.error(f"{name[:80]}: {problem}"))) from None
 
     def find_or_note(self, name: str, place: Place, otherwise: str) -> Path | None:
-        """Return the path of a picture or mesh; None for one that cannot be had, after noting what there is otherwise."""
+        """Return the path of a picture or mesh; None for one that cannot be had, after noting what stands in."""
         try:
             return self.find(name, place)
         except (MissingFileError, OutsideFolderError) as problem:
