@@ -249,7 +249,7 @@ def _cap(w: Array, u: Array, v: Array) -> Array:
 
 
 def _scattered_once(w: Any, cap: Any, stretch: Any, eta: float | None, *, schlick: bool) -> Any:
-    """Return the share (n, m) that facets of normals ``cap`` (3, m) scatter of light along ``w``, both where alpha is 1.
+    """Return the share (n, m) that facets of normals ``cap`` (3, m) scatter of light along ``w``, given for alpha 1.
 
     ``stretch`` (n, 3, 1) is what takes directions there; ``eta`` is as of `once_table`.
     """
@@ -325,7 +325,7 @@ def once_table(alphas: Array, turns: int, eta: float | None = None, *, schlick: 
 
 @lru_cache(maxsize=1)
 def brushed_table() -> NDArray[np.float32]:
-    """Return shares of light that brushed metal reflects once, by alphas and direction, and their means over even light."""
+    """Return shares of light that brushed metal reflects once, by alphas and direction, and their means."""
     count, turns = SHARE_SIDES["ALPHAS"], SHARE_SIDES["TURNS"]
     alphas = np.stack(np.meshgrid(*[np.arange(count) / (count - 1)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
     half = alphas[:, 0] <= alphas[:, 1]
