@@ -460,7 +460,7 @@ def paraboloid(parameters: Parameters) -> Profile:
     radii = radius * np.sqrt(heights / top)
     points = np.stack([radii, np.zeros_like(radii), heights], axis=1)
     tangents = np.stack([np.ones_like(radii), np.zeros_like(radii), 2 * top * radii / radius**2], axis=1)
-    return Profile(points, tangents, False, 0.0, v=(heights - bottom) / (top - bottom))
+    return Profile(points, tangents, False, 0.0, v=(heights - bottom) / (top - bottom or 1.0))
 
 
 def hyperboloid(parameters: Parameters) -> Profile:
