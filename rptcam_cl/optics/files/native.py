@@ -543,7 +543,7 @@ def read_native(document: Document) -> Lens:
 
 
 def _motor(top: Fields, scale: float) -> FocusMotor | None:
-    """Return what drives the focus: {speed, acceleration, source}."""
+    """Return the focus drive: {speed, acceleration, source}."""
     if "focus_drive" not in top:
         return None
     fields = top.inner("focus_drive", keys.FOCUS_DRIVE)

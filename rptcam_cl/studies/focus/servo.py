@@ -64,7 +64,7 @@ class Track:
 
     @classmethod
     def start(cls, time_s: float, vergence: float, error: float) -> Track:
-        """Return what a first measurement tells."""
+        """Return the track of a subject just seen."""
         return cls(time_s, vergence, 0.0, (error**2, 0.0, (FAST * vergence**2) ** 2))
 
     def _share(self, time_s: float) -> float:
@@ -78,7 +78,7 @@ class Track:
         return self.vergence + self.rate * (time_s - self.time_s)
 
     def at(self, time_s: float, acceleration: float, drift: float) -> Track:
-        """Return what is expected at a later moment.
+        """Return the expected track at a later moment.
 
         Parameters
         ----------
@@ -103,7 +103,7 @@ class Track:
         return self if self.rate == 0 else replace(self, rate=self.rate * max(1 - doubt / self.rate**2, 0.0))
 
     def corrected(self, vergence: float, error: float) -> Track:
-        """Return what is known with a measurement of this moment."""
+        """Return the track corrected by a measurement of this moment."""
         own, both, of_rate = self.variances
         gain, gain_of_rate = own / (own + error**2), both / (own + error**2)
         off = vergence - self.vergence
@@ -113,7 +113,7 @@ class Track:
         )
 
     def follow(self, time_s: float, vergence: float, error: float, sharp: float) -> Track | None:
-        """Return what is known after a measurement; None where another subject must have been measured.
+        """Return the track after a measurement; None where another subject must have been measured.
 
         Parameters
         ----------
@@ -161,7 +161,7 @@ class Limits:
 
 
 def drive_limits(drive: Drive, settings: ContinuousFocus) -> Limits:
-    """Return what the drive of a camera can do: as its lens file says, or else as usual."""
+    """Return the limits of a camera's drive: as its lens file says, or else as usual."""
     low, high = sorted(drive.coordinate(state) for state in drive.limits)
     known = drive.motor
     if known is None:
