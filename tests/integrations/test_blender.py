@@ -82,7 +82,24 @@ def test_picture_of_the_world_lies_as_in_cycles(tmp_path):
     assert np.abs(one - other).mean() < 0.01 * other.mean()
 
 
+def glass_by_hand(make):
+    """Refraction and gloss, mixed by a Fresnel node."""
+    made = make.shader("ShaderNodeMixShader")
+    tree, mix = made.node_tree, made.node_tree.nodes["Mix Shader"]
+    for kind, into, colour in (("Refraction", 1, (0.9, 1, 0.9, 1)), ("Glossy", 2, (1, 1, 1, 1))):
+        node = tree.nodes.new("ShaderNodeBsdfRefraction" if kind == "Refraction" else "ShaderNodeBsdfAnisotropic")
+        node.inputs["Color"].default_value, node.inputs["Roughness"].default_value = colour, 0.0
+        tree.links.new(node.outputs[0], mix.inputs[into])
+        if kind == "Refraction":
+            node.inputs["IOR"].default_value = 1.45
+    fresnel = tree.nodes.new("ShaderNodeFresnel")
+    fresnel.inputs["IOR"].default_value = 1.45
+    tree.links.new(fresnel.outputs[0], mix.inputs[0])
+    return made
+
+
 MATERIALS = {
+    "glass by hand": glass_by_hand,
     "diffuse": lambda make: make.shader("ShaderNodeBsdfDiffuse", Color=(0.8, 0.3, 0.1, 1)),
     "glossy": lambda make: make.shader("ShaderNodeBsdfGlossy", Color=(0.9, 0.6, 0.3, 1), Roughness=0.2),
     "mirror": lambda make: make.shader("ShaderNodeBsdfGlossy", Color=(0.9, 0.6, 0.3, 1), Roughness=0.0),
