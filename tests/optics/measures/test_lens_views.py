@@ -59,7 +59,7 @@ def test_methods_return_what_the_commands_print(lens, capsys):
 def test_every_measurement_is_a_command_and_a_method_with_the_same_numbers(lens, capsys, measurement):
     words, given = [], {}
     for option in measurement.options:
-        value = {"fields": [0.0, 10.0], "wavelengths_nm": [550.0], "steps": 3}.get(option.keyword)
+        value = {"fields": [0.0, 10.0], "wavelengths_nm": [550.0], "steps": 3, "f_numbers": [8.0]}.get(option.keyword)
         value = 24 if option.keyword == "rays" else value
         if value is not None:
             words += [option.flag, ",".join(map(str, value)) if isinstance(value, list) else str(value)]
