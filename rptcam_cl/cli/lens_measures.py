@@ -42,6 +42,7 @@ READERS = {
     "angle": finite,
     "wavelengths": lens_options.wavelengths,
     "numbers": lens_options.numbers,
+    "distances": lens_options.number_list("distances above 0 m, as 0.8,2,inf", lambda value: value > 0),
     "count": lens_options.count,
     "length": positive,
     "share": share,
@@ -137,7 +138,11 @@ def _print_rows(measurement: Measurement, result: "Measured") -> None:
     known = result.table[0] if result.table else measurement.columns
     columns = {key: head for key, head in measurement.columns.items() if key in known}
     cells = [
-        ["all" if key == "wavelength_nm" and row[key] is None else row[key] for key in columns] for row in result.table
+        [
+            "all" if key == "wavelength_nm" and row[key] is None else "inf" if row[key] == math.inf else row[key]
+            for key in columns
+        ]
+        for row in result.table
     ]
     print_table(list(columns.values()), cells, result.caption)
 
