@@ -17,7 +17,7 @@
 #endif
 
 // Probability with which sample_emitter picks emitter e, a lamp with a surface, at p on a surface with normal n.
-static inline F emitter_pick(Scene scene, I e, F3 p, F3 n)
+static inline F emitter_pick(Scene scene, I e, F3 p, Receiver n)
 {
 #if LIGHT_TREE
     return pick_of_lamp(scene, e, p, n);
@@ -179,7 +179,7 @@ static F reach_of_tiny(const __global Emitter *es, I e, I kind, F reach)
 #endif
 
 // The emitter that a random number picks at p, on a surface with normal n, and the probability of that.
-static inline I pick_lamp(Scene scene, F3 p, F3 n, F u, F *pick)
+static inline I pick_lamp(Scene scene, F3 p, Receiver n, F u, F *pick)
 {
 #if LIGHT_TREE
     return pick_emitter(scene, p, n, u, pick);
@@ -274,7 +274,7 @@ static LightSample sample_picked(Scene scene, I e, F pick, F3 p, F u, F v)
 }
 
 // One emitter for each lane, and one direction towards it from p, on a surface with normal n.
-static inline LightSample sample_emitter(Scene scene, F3 p, F3 n, F pick_u, F u, F v)
+static inline LightSample sample_emitter(Scene scene, F3 p, Receiver n, F pick_u, F u, F v)
 {
     F pick;
     I e = pick_lamp(scene, p, n, pick_u, &pick);

@@ -2,6 +2,7 @@
 #ifndef INFINITY_H
 #define INFINITY_H
 #include "light/environment.h"
+#include "light/receiver.h"
 #if LIGHT_TREE
 #include "light/light_tree.h"
 #endif
@@ -20,7 +21,7 @@ static inline F against_lights(F own, F other)
 }
 
 // Probability with which light sampling picks an emitter at infinity, at p on a surface with normal n.
-static inline F pick_from_afar(int e, F3 p, F3 n, Scene scene)
+static inline F pick_from_afar(int e, F3 p, Receiver n, Scene scene)
 {
 #if LIGHT_TREE
     return pick_of_distant(scene, e, p, n);
@@ -31,7 +32,7 @@ static inline F pick_from_afar(int e, F3 p, F3 n, Scene scene)
 
 #if EMITTER_SUNS
 // Of suns whose disk a direction meets, weighted; `kind` says what a ray is, one of HIDDEN_….
-static F3 suns_radiance(F3 p, F3 n, F3 d, F own, I kind, Scene scene)
+static F3 suns_radiance(F3 p, Receiver n, F3 d, F own, I kind, Scene scene)
 {
     F3 sum = f3(ZERO, ZERO, ZERO);
     int first = scene.environment->first_sun;
@@ -58,7 +59,7 @@ static F3 suns_radiance(F3 p, F3 n, F3 d, F own, I kind, Scene scene)
 
 // Radiance that a path meets which leaves the scene along d, weighted against light sampling at p, with normal n, where it
 // comes from; without suns in the lanes `sunless`. `kind` says what a ray is, one of HIDDEN_….
-static inline F3 light_from_infinity(F3 p, F3 n, F3 d, F own, I sunless, I kind, Scene scene)
+static inline F3 light_from_infinity(F3 p, Receiver n, F3 d, F own, I sunless, I kind, Scene scene)
 {
     F3 sum = f3(ZERO, ZERO, ZERO);
 #if ENVIRONMENT

@@ -23,8 +23,23 @@ IN_PLACE static F facing(F cosine, F spread)
     return MAX(0.5f * (cosine + root(cosine * cosine + spread)), (F)(LEAST_FACING));
 }
 
+// What of the light from a direction, or from directions of such a spread about it, a surface scatters along the path; over 1/pi.
+// The lobe of facets is D of GGX by the angle from the mirrored direction, which a node's extent widens: its integral is kept.
+IN_PLACE static F received(Receiver receiver, F3 to, F spread)
+{
+    F even = facing(dot3(receiver.n, to), spread + RECEIVER_SOFT);
+#if LIGHT_LOBES
+    F3 off = sub(to, receiver.mirrored);
+    F width = receiver.width + 2.0f * spread;
+    F rest = width + dot3(off, off);
+    return even + receiver.share * (width / (rest * rest) - even);
+#else
+    return even;
+#endif
+}
+
 // About the light of a node's lamps at p, on a surface with normal n; 0 for n stands for all directions.
-IN_PLACE static F light_of_node(Eight node, F3 p, F3 n)
+IN_PLACE static F light_of_node(Eight node, F3 p, Receiver n)
 {
     F3 to = f3(node.f[0] - p.x, node.f[1] - p.y, node.f[2] - p.z);
     F inverse = ONE / MAX(dot3(to, to) + node.f[3], (F)(SMALLEST));
@@ -32,21 +47,21 @@ IN_PLACE static F light_of_node(Eight node, F3 p, F3 n)
     F spread = 0.5f * node.f[3] * inverse;
     F3 axis = f3(node.f[4], node.f[5], node.f[6]);
     F shines = facing(-dot3(axis, to) * per_distance, spread + 0.25f * (1.0f - dot3(axis, axis)));
-    F receives = facing(dot3(n, to) * per_distance, spread + RECEIVER_SOFT);
+    F receives = received(n, scale(to, per_distance), spread);
     return node.f[7] * shines * receives * inverse;
 }
 
-static inline F light_of_tree(Scene scene, F3 p, F3 n) { return light_of_node(load_eight(scene.light_nodes, (I)(8)), p, n); }
+static inline F light_of_tree(Scene scene, F3 p, Receiver n) { return light_of_node(load_eight(scene.light_nodes, (I)(8)), p, n); }
 
 // The same of an emitter at infinity.
-static inline F light_from_afar(Scene scene, int e, F3 n)
+static inline F light_from_afar(Scene scene, int e, Receiver n)
 {
     const __global Emitter *emitter = scene.emitters + e;
     F light = (F)(emitter->pick);
-    return emitter->kind == EMITTER_ENVIRONMENT ? light : light * facing(dot3(n, f3_of(emitter->normal)), (F)(RECEIVER_SOFT));
+    return emitter->kind == EMITTER_ENVIRONMENT ? light : light * received(n, f3_of(emitter->normal), ZERO);
 }
 
-static F light_from_all_afar(Scene scene, F3 n)
+static F light_from_all_afar(Scene scene, Receiver n)
 {
     F sum = ZERO;
     for (int e = scene.environment->lamps; e < scene.emitter_count; ++e)
@@ -57,7 +72,7 @@ static F light_from_all_afar(Scene scene, F3 n)
 typedef struct { F a, b, c, d, sum; } Four;
 
 // Light of the four nodes below a node.
-IN_PLACE static Four light_below(Scene scene, I node, F3 p, F3 n)
+IN_PLACE static Four light_below(Scene scene, I node, F3 p, Receiver n)
 {
     Eight a = load_eight(scene.light_nodes, node * 32);
     Eight b = load_eight(scene.light_nodes, node * 32 + 8);
@@ -78,7 +93,7 @@ static inline I lamp_of_leaf(Scene scene, I leaf)
 }
 
 // Probability that the tree is asked at all: not the emitters at infinity.
-static inline F chance_of_tree(Scene scene, F3 p, F3 n)
+static inline F chance_of_tree(Scene scene, F3 p, Receiver n)
 {
     if (scene.environment->lamps == scene.emitter_count)
         return ONE;
@@ -87,7 +102,7 @@ static inline F chance_of_tree(Scene scene, F3 p, F3 n)
 }
 
 // The emitter at infinity of the lanes `open` that u picks among them, and its probability.
-static I pick_afar(Scene scene, F3 n, I open, F u, F chance, F *pick)
+static I pick_afar(Scene scene, Receiver n, I open, F u, F chance, F *pick)
 {
     F left = u * light_from_all_afar(scene, n);
     F per_light = chance / light_from_all_afar(scene, n);
@@ -110,7 +125,7 @@ static inline F rest_of(F u, F share, I second, F taken)
 }
 
 // The emitter that u picks, and the probability of that.
-static I pick_emitter(Scene scene, F3 p, F3 n, F u, F *pick)
+static I pick_emitter(Scene scene, F3 p, Receiver n, F u, F *pick)
 {
     F chance = chance_of_tree(scene, p, n);
     I afar = u >= chance;
@@ -139,7 +154,7 @@ static I pick_emitter(Scene scene, F3 p, F3 n, F u, F *pick)
 }
 
 // Probability with which pick_emitter returns a lamp of the tree.
-static F pick_of_lamp(Scene scene, I e, F3 p, F3 n)
+static F pick_of_lamp(Scene scene, I e, F3 p, Receiver n)
 {
     I leaf = GATHER(I, scene.emitters, e, .leaf);
     F chance = chance_of_tree(scene, p, n);
@@ -155,7 +170,7 @@ static F pick_of_lamp(Scene scene, I e, F3 p, F3 n)
 }
 
 // The same of an emitter at infinity.
-static inline F pick_of_distant(Scene scene, int e, F3 p, F3 n)
+static inline F pick_of_distant(Scene scene, int e, F3 p, Receiver n)
 {
     return (ONE - chance_of_tree(scene, p, n)) * light_from_afar(scene, e, n) / light_from_all_afar(scene, n);
 }
