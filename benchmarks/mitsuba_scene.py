@@ -153,8 +153,9 @@ def _look(material: Any) -> dict[str, Any]:
         metal = {"type": "roughconductor", "material": "none", "specular_reflectance": _rgb(material.reflectance)}
         return {"bsdf": metal | {"distribution": "ggx", "alpha_u": along, "alpha_v": across}}
     if material.kind == "plastic":
-        looks = {"diffuse_reflectance": _reflectance(material.reflectance), "int_ior": material.index, "nonlinear": True}
-        return {"bsdf": {"type": "roughplastic", "distribution": "ggx", "alpha": material.alphas[0], **looks}}
+        base = {"diffuse_reflectance": _reflectance(material.reflectance), "nonlinear": True}
+        cover = {"distribution": "ggx", "alpha": material.alphas[0], "int_ior": material.index}
+        return {"bsdf": {"type": "roughplastic", **base, **cover}}
     assert material.kind == "dielectric"
     glass = {"int_ior": material.index, "ext_ior": 1.0}
     if material.alphas is not None:
