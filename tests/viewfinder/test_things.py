@@ -9,10 +9,11 @@ import pytest
 import yaml
 
 import rptcam_cl
+from rptcam_cl.imaging.image import read_film
 from rptcam_cl.scene.load import set_keys
 from rptcam_cl.viewfinder.panel import Panel, read_dials
 from rptcam_cl.viewfinder.things import fields_of, lamps_of, switch_lamp, turn_thing
-from tests.viewfinder.page_client import Page, at_rest, page, serving
+from tests.viewfinder.page_client import Page, at_rest, reset_page, serving_text
 
 SCENE = """
 film: {resolution: [48, 32], width_mm: 36}
@@ -136,17 +137,13 @@ def test_patterns_and_keyframes_say_why_they_are_not_turned() -> None:
 
 @pytest.fixture(scope="module")
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
-    path: Path = tmp_path_factory.mktemp("scene") / "things.yaml"
-    path.write_text(SCENE)
-    with serving(path) as (_, server):
+    with serving_text(tmp_path_factory.mktemp("scene"), SCENE) as server:
         yield server
 
 
 @pytest.fixture
 def client(server: Any) -> Iterator[Page]:
-    with page(server) as found:
-        found.ask(1, "reset")
-        found.frame(at_rest)
+    with reset_page(server) as found:
         yield found
 
 
@@ -182,3 +179,15 @@ def test_a_selected_thing_is_turned_and_a_lamp_muted_and_both_undone(client: Pag
     client.ask(16, "history", do="undo")
     assert client.ask(17, "scene").header["yaml"] == before
     assert "no" in client.ask(18, "lamp", name="lights.9", mute=True).header["message"]
+
+
+def test_a_lamp_is_put_out_without_waiting_for_other_kernels(client: Page, tmp_path: Path) -> None:
+    client.seen.clear()
+    client.send("lamp", id=30, name="materials.warm", mute=True)
+    shown = client.frame(lambda header: (header["answers"] or 0) >= 30)
+    assert not shown.header["stale"]
+    client.frame(lambda header: at_rest(header) and not header["denoised"])
+    assert not any(message.header.get("busy") is True for message in client.seen if message.type == "compiling")
+    scene = yaml.safe_load(client.ask(31, "scene").header["yaml"])
+    (tmp_path / "a.exr").write_bytes(client.ask(32, "save", format="exr", name="a").data)
+    assert np.array_equal(read_film(tmp_path / "a.exr").pixels, rptcam_cl.render(scene, spp=8).pixels)
