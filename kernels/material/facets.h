@@ -226,7 +226,7 @@ static F coat_albedo(F mu, Alpha alpha)
     F e2 = quartic(r, 0.0029f, -0.3415f, 3.5689f, -5.0284f, 1.1378f);
     F e3 = quartic(r, -0.0068f, 0.2625f, -4.6f, 4.3796f, -0.1194f);
     F steep = schlick(MAX(mu + e0 + x * (e1 + x * (e2 + x * e3)), ZERO));
-    return ggx_albedo(mu, alpha) * (COAT_REFLECTANCE + (1.0f - COAT_REFLECTANCE) * steep);
+    return ggx_albedo(mu, alpha.x) * (COAT_REFLECTANCE + (1.0f - COAT_REFLECTANCE) * steep);
 }
 #endif
 
@@ -253,7 +253,12 @@ static F3 boost_of(Vertex vertex, F mu)
     mean = select3(vertex.kind == MATERIAL_PRINCIPLED, mean_fresnel(mean), mean);
 #endif
     I metal = (vertex.kind == MATERIAL_CONDUCTOR) | (vertex.kind == MATERIAL_METAL) | (vertex.kind == MATERIAL_PRINCIPLED);
-    return select3(metal, ggx_boost(mu, vertex.closure.alpha, mean), WHITE_3);
+#if HAS_BRUSHED_SHARE
+    return select3(metal, ggx_boost(vertex.closure.once, vertex.closure.once_mean, mean), WHITE_3);
+#else
+    F alpha = vertex.closure.alpha.x;
+    return select3(metal, ggx_boost(ggx_albedo(mu, alpha), ggx_mean_albedo(alpha), mean), WHITE_3);
+#endif
 }
 #endif
 

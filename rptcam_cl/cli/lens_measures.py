@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from rptcam_cl.optics.image_quality import Setting
     from rptcam_cl.optics.lens import Lens
     from rptcam_cl.optics.ray_trace import Rays
-    from rptcam_cl.rendering.tolerances import ToleranceRun
+    from rptcam_cl.rendering.tolerance_run import ToleranceRun
     from rptcam_cl.rendering.traceable_lens import Precision
 
 
@@ -426,7 +426,7 @@ def add_lens_tolerance(commands: Commands) -> None:
 
 
 def _run_lens_tolerance(arguments: argparse.Namespace) -> int:
-    from rptcam_cl.rendering.tolerances import report, tolerance, tolerance_chart
+    from rptcam_cl.rendering.tolerance_run import report, tolerance, tolerance_chart
 
     lens_options.check_picture(arguments.output, arguments.lens)
     if arguments.output is not None and arguments.output.resolve() == Path(arguments.spec).resolve():
@@ -448,7 +448,7 @@ def _run_lens_tolerance(arguments: argparse.Namespace) -> int:
 
 
 def _print_tolerance(run: "ToleranceRun", limit: float | None) -> None:
-    from rptcam_cl.rendering.tolerances import percentile_rows
+    from rptcam_cl.rendering.tolerance_run import percentile_rows
 
     by_spot = run.rank_by == "spot"
     head = f"{run.lens.name}, {run.copies.count} copies, fields {', '.join(f'{a:g}' for a in run.fields_degrees)}°"

@@ -76,3 +76,43 @@ def test_smooth_cover_sends_back_what_tables_say():
     assert smooth_mean(1.5) == pytest.approx(0.0918, abs=5e-5)
     assert internal_reflectance(smooth_mean(1.5), 1.5) == pytest.approx(0.5963, abs=1e-4)
     assert fresnel(np.array(1.0), 1.5) == pytest.approx(0.04)
+
+
+def share_once(w, alphas):
+    """Share of light along w (n, 3) that white facets of two alphas reflect once, over visible normals."""
+    node, weight = np.polynomial.legendre.leggauss(48)
+    u, v = np.meshgrid((np.arange(192) + 0.5) / 192, (node + 1) / 2)
+    stretch = np.array([*alphas, 1.0])
+    shares = []
+    for wi in w:
+        up = wi * stretch / np.linalg.norm(wi * stretch)
+        z = (1 - v) * (1 + up[2]) - up[2]
+        r = np.sqrt(1 - np.minimum(z * z, 1))
+        h = np.stack([r * np.cos(2 * np.pi * u), r * np.sin(2 * np.pi * u), z], axis=-1) + up
+        h = h * stretch / np.linalg.norm(h * stretch, axis=-1, keepdims=True)
+        wo = 2 * (h @ wi)[..., None] * h - wi
+        own, other = (np.sqrt(1 + ((x * stretch)[..., :2] ** 2).sum(-1) / x[..., 2] ** 2) for x in (wi, wo))
+        shares.append((np.where(wo[..., 2] > 0, (1 + own) / (own + other), 0).mean(axis=1) * weight).sum() / 2)
+    return np.array(shares)
+
+
+def test_brushed_metal_gives_back_all_light_from_every_side(session):
+    turns, cosines = np.meshgrid(np.linspace(0, 0.25, 7), [0.01, 0.03, 0.1, 0.25, 0.5, 0.8, 1.0])
+    w = direction(cosines.ravel(), turns.ravel())
+    for alphas in ((0.1, 0.6), (0.9, 0.05), (0.3, 0.4), (0.02, 0.5), (1.0, 0.5)):
+        white = {"kind": "conductor", "reflectance": WHITE, "alpha": list(alphas)}
+        several, once = (scatter(session, white, w, w, again=again).value[:, 1] for again in (True, False))
+        furnace = several / once * share_once(w, alphas)
+        assert furnace.min() >= 0.995 and furnace.max() <= 1.001, (alphas, furnace.min(), furnace.max())
+
+
+def test_glass_brushed_or_of_textured_roughness_passes_on_all_light(session):
+    rng = np.random.default_rng(5)
+    frosted = {"kind": "dielectric", "alpha": [0.1, 0.6]}
+    even = {"kind": "gradient", "start": 0.7, "end": 0.7}
+    painted = {"kind": "principled", "base_color": WHITE, "transmission": 1, "roughness": even}
+    for material in (frosted, painted):
+        for wi in direction([0.9, 0.3, 0.3, -0.9, -0.2], [0.1, 0, 0.25, 0.2, 0.05]):
+            got = scatter(session, material, wi, numbers=rng.uniform(size=(1 << 16, 3)), again=True)
+            energy = got.weight[:, 1] * np.where(got.direction[:, 2] * wi[2] < 0, 1.5 ** (2 * np.sign(wi[2])), 1)
+            assert energy.mean() == pytest.approx(1, abs=0.01 + 4 * energy.std() / 256), (material, wi)

@@ -12,17 +12,10 @@ from rptcam_cl.optics.best_focus import best_film_distance
 from rptcam_cl.optics.image_quality import Setting, film_spots, mtf_table, setting, spot_table
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.library import load_lens
-from rptcam_cl.rendering import tolerances
-from rptcam_cl.rendering.tolerances import (
-    Scores,
-    ToleranceRun,
-    percentile,
-    rank,
-    report,
-    share,
-    tolerance,
-    tolerance_chart,
-)
+from rptcam_cl.rendering import tolerance_run
+from rptcam_cl.rendering.tolerance_judge import Scores
+from rptcam_cl.rendering.tolerance_run import ToleranceRun, report, tolerance, tolerance_chart
+from rptcam_cl.rendering.tolerances import percentile, rank, share
 
 TRIPLET = load_lens("cooke-triplet-50mm")
 D_NM = 587.5618
@@ -59,7 +52,7 @@ def run() -> ToleranceRun:
 
 
 def test_sensitivities_are_those_of_another_program(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("rptcam_cl.rendering.tolerances._corners", lambda *_: np.zeros(0))  # its rays lay in even arms
+    monkeypatch.setattr("rptcam_cl.rendering.tolerance_judge._corners", lambda *_: np.zeros(0))  # its arms lay even
     merit = FIELDS | {"rings": 6, "arms": 12}
     run = tolerance(TRIPLET, {"refocus": False, "copies": 10, "merit": merit, "tolerances": TOLERANCES})
     found = {(one.label, one.direction): one.spot_change_um for one in run.sensitivities}
@@ -320,8 +313,8 @@ def test_rays_are_enough_where_the_most_find_the_same_modulation(
         def scores(self, *_: Any) -> Scores:
             return self.scored
 
-    monkeypatch.setattr(tolerances, "Judge", Judge)
+    monkeypatch.setattr(tolerance_run, "Judge", Judge)
     given = SimpleNamespace(rings=None, arms=None), 20.0, SimpleNamespace(lens=TRIPLET), np.zeros(2)
-    rays, (few, many) = tolerances._enough(lambda rings, arms: [Rays(rings)], *given)
+    rays, (few, many) = tolerance_run._enough(lambda rings, arms: [Rays(rings)], *given)
     assert rays == [enough]
     assert (few.modulation[0], many.modulation[0]) == (modulations[enough], 0.604)
