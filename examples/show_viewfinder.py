@@ -179,6 +179,14 @@ def vectorscope(page: Page) -> None:
     page.check("[data-name=scope] input[value=vectorscope]")
 
 
+def level(page: Page) -> None:
+    """A camera that is not level."""
+    page.click("[data-tab=guides]")
+    page.click("[data-name=level]")
+    page.evaluate("document.activeElement.blur()")
+    page.evaluate("window.vf?.link.tell('move', { kind: 'roll', dx: 0.7, dy: 0, dz: 0 })")
+
+
 def full(page: Page) -> None:
     """The picture alone, with frame lines."""
     page.click("[data-tab=guides]")
@@ -224,6 +232,7 @@ SHOTS: dict[str, Callable[[Page], None]] = {
         light,
         scopes,
         vectorscope,
+        level,
         full,
         compare,
         narrow,

@@ -324,20 +324,22 @@ class SceneCompiler:
 
         Autofocus takes millions of samples, for which full kernels are worth their time.
         """
-        is_final = True
         self._parts.drop_rough()
-        if self._quick is None or scene.requested_autofocus is not None:
-            resolved = resolve(scene, self._device)
-        else:
-            try:
-                resolved = resolve(scene, self._device.built_only())
-            except NotKeptError:
-                resolved, is_final = resolve(scene, self._quick), False
+        resolved, is_final = self._resolve_soon(scene, None)
         return self._plan_state(scene, resolved, make_plan(resolved.scene, parts=self._parts), is_final=is_final)
+
+    def _resolve_soon(self, scene: Scene, reading: float | None) -> tuple[Resolved, bool]:
+        """Resolve a scene; with it, whether it was not metered with quick kernels."""
+        if self._quick is None or scene.requested_autofocus is not None:
+            return resolve(scene, self._device, metered_cd_m2=reading), True
+        try:
+            return resolve(scene, self._device.built_only(), metered_cd_m2=reading), True
+        except NotKeptError:
+            return resolve(scene, self._quick, metered_cd_m2=reading), False
 
     def for_glances(self, before: SceneState, scene: Scene, reading: float | None) -> SceneState:
         """Plan a scene for glances: by the last reading of the meter and coarse tables."""
-        resolved = resolve(scene, self._device, metered_cd_m2=reading)
+        resolved, _ = self._resolve_soon(scene, reading)
         self._parts.rough = True
         plan = plan_for_glances(before, scene, resolved.scene, self._parts)
         if plan.camera.facts != before.plan.camera.facts:  # coarse tables may be of another kind

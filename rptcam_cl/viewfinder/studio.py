@@ -762,7 +762,7 @@ class Studio:
         self.panel: LensPanel | None = None
         self.compare: dict[str, Any] = dict(NO_COMPARISON)
         self.recorder = Recorder()
-        self.selected: str | None = None  # a thing of the scene, by key path
+        self._selected: str | None = None
         self.paused = False
         self._denoises = True
         self.was_seen = False
@@ -779,6 +779,16 @@ class Studio:
     def slots(self) -> list[Slot]:
         """The slots that are open."""
         return [slot for slot in (self.a, self.b) if slot is not None]
+
+    @property
+    def selected(self) -> str | None:
+        """A thing of the scene by its key path; None where it is there no more."""
+        name = self._selected
+        return name if name is not None and self.a is not None and is_there(self.a.scene, name) else None
+
+    @selected.setter
+    def selected(self, name: str | None) -> None:
+        self._selected = name
 
     @property
     def compares_difference(self) -> bool:
@@ -981,8 +991,6 @@ class Studio:
         dark = {path: value for path, value in slot.dials.dark.items() if path in slot.changes}
         kept: dict[str, Any] = {} if dark else {"mute": frozenset(), "solo": frozenset()}
         slot.dials = replace(read_dials(slot.scene, slot.dials), clock=Clock.of(slot.scene), dark=dark, **kept)
-        if self.selected is not None and not is_there(slot.scene, self.selected):
-            self.selected = None
         self._tell_compiling(slot, not slot.compiling)
         try:
             self.set_compare(self.compare)
