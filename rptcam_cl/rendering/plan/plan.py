@@ -27,6 +27,7 @@ from rptcam_cl.core.records import (
     EmitterKind,
     EnvironmentKind,
     Kind,
+    MaterialKind,
     SpectrumKind,
     curves,
     fill,
@@ -577,6 +578,10 @@ def _solids(scene: Scene, far: tuple[Any, ...]) -> tuple[tuple[Solid, ...], tupl
     return solids, tuple(reference for _, reference in file_references((tuple(shown.values()), far, tables)))
 
 
+# Whose facets reflect and pass nothing on: their lobe says which lamps of a light tree matter.
+LOBED = (MaterialKind.CONDUCTOR, MaterialKind.METAL, MaterialKind.ROUGH_PLASTIC, MaterialKind.PRINCIPLED)
+
+
 def _pack_world(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> dict[str, Any]:
     primitives, meshes = with_meshes(scene_primitives(scene, parts), scene, parts)
     materials = {id(primitive.material): primitive.material for primitive in primitives}.values()
@@ -604,6 +609,7 @@ def _pack_world(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> dict[
         "FACET_SHARES": shown.facts["FACET_SHARES"] * scene.render.multiple_scattering,
         "HIDDEN_SKY": int(_hides_sky(scene)),
         "LAMPS_BY_SAMPLES": int(by_samples_alone(primitives, emitters)),
+        "LIGHT_LOBES": int(facts["LIGHT_TREE"] and any(facts[f"HAS_{kind.name}"] for kind in LOBED)),
     }
     return {
         "facts": facts,
