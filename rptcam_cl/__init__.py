@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from rptcam_cl.device.devices import choose_device
     from rptcam_cl.imaging.image import Image, develop
     from rptcam_cl.rendering.progressive import Progress
-    from rptcam_cl.rendering.tolerances import tolerance
+    from rptcam_cl.rendering.tolerance_run import tolerance
     from rptcam_cl.scene.load import load_scene
     from rptcam_cl.scene.scene import Scene
     from rptcam_cl.studies.focus.controller import autofocus, focused_scene
@@ -34,7 +34,7 @@ _MODULES = {
     "device.devices": "choose_device",
     "imaging.image": "Image develop",
     "rendering.progressive": "Progress",
-    "rendering.tolerances": "tolerance",
+    "rendering.tolerance_run": "tolerance",
     "scene.load": "load_scene",
     "scene.scene": "Scene",
     "studies.focus.controller": "autofocus focused_scene",

@@ -17,7 +17,7 @@ from docs.site.docstrings import as_markdown
 # Rooms and modules that programs may import; the others serve them and may change without notice.
 ROOMS = (
     "", "optics", "optics.image_quality", "scene", "core.colour", "imaging", "studies.focus", "studies.tiers",
-    "rendering.tolerances", "batch", "viewfinder",
+    "rendering.tolerance_run", "batch", "viewfinder",
 )  # fmt: skip
 PROPERTIES = (property, cached_property)
 EXAMPLES = "docs/python-examples.md"

@@ -30,9 +30,10 @@ if TYPE_CHECKING:
     from rptcam_cl.imaging.image import Image
     from rptcam_cl.optics.design import GlassChoice
     from rptcam_cl.optics.lens import Lens
-    from rptcam_cl.optics.optimise import Optimised, Problem
+    from rptcam_cl.optics.optimise import Optimised
+    from rptcam_cl.optics.optimise_problem import Problem
     from rptcam_cl.optics.ray_trace import LensTransmission
-    from rptcam_cl.rendering.tolerances import ToleranceRun
+    from rptcam_cl.rendering.tolerance_run import ToleranceRun
     from rptcam_cl.scene.scene import Scene
 
 
@@ -288,6 +289,7 @@ def add_lens(parser: Parser) -> None:
         add_lens_draw,
         lens_measures.add_lens_measurements,
         lens_measures.add_lens_breathing,
+        lens_measures.add_lens_focus_scale,
         lens_measures.add_lens_tolerance,
         lens_measures.add_lens_ghosts,
         lens_measures.add_lens_trace,
@@ -419,7 +421,8 @@ def add_lens_optimise(commands: Commands) -> None:
 def _run_lens_optimise(arguments: argparse.Namespace) -> int:
     from rptcam_cl.core.files import check_writable
     from rptcam_cl.optics.files.export import lens_text
-    from rptcam_cl.optics.optimise import UNITS, optimise, read_problem
+    from rptcam_cl.optics.optimise import optimise
+    from rptcam_cl.optics.optimise_problem import UNITS, read_problem
 
     if arguments.scene is not None and arguments.report is None:
         raise InputError("--scene: needs --report FOLDER, where the pictures go")
@@ -456,7 +459,8 @@ def _run_lens_optimise(arguments: argparse.Namespace) -> int:
 
 def _tolerance(lens: "Lens", spec: str, problem: "Problem") -> "ToleranceRun | None":
     """The copies of a lens at the fields and wavelengths of the problem; none of a start that forms no image."""
-    from rptcam_cl.rendering.tolerances import specification, tolerance
+    from rptcam_cl.rendering.tolerance_run import tolerance
+    from rptcam_cl.rendering.tolerances import specification
 
     given = specification(spec)
     beams = {"fields_degrees": problem.fields_degrees, "wavelengths_nm": problem.wavelengths_nm}
@@ -472,7 +476,7 @@ def _tolerance(lens: "Lens", spec: str, problem: "Problem") -> "ToleranceRun | N
 
 
 def _yield_rows(runs: "list[ToleranceRun | None]") -> list[list[Any]]:
-    from rptcam_cl.rendering.tolerances import PERCENTILES, percentile_rows
+    from rptcam_cl.rendering.tolerance_run import PERCENTILES, percentile_rows
 
     columns = [
         [math.nan] * len(PERCENTILES) if run is None else [row["spot_um"] for row in percentile_rows(run)]

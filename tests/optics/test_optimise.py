@@ -13,7 +13,9 @@ from rptcam_cl.optics.design import GlassChoice, singlet
 from rptcam_cl.optics.glass import GLASSES, abbe_number
 from rptcam_cl.optics.image_quality import Setting, spot, wavefront
 from rptcam_cl.optics.library import load_lens
-from rptcam_cl.optics.optimise import Merit, neighbours, optimise, read_problem
+from rptcam_cl.optics.optimise import neighbours, optimise
+from rptcam_cl.optics.optimise_merit import Merit
+from rptcam_cl.optics.optimise_problem import read_problem
 from rptcam_cl.optics.ray_derivatives import Seeds, trace_beam
 from rptcam_cl.optics.ray_trace import Status, trace
 

@@ -15,7 +15,7 @@ from rptcam_cl.batch.specification import read_specification
 from rptcam_cl.cli import build_parser
 from rptcam_cl.core.strict_yaml import read_yaml
 from rptcam_cl.optics.library import load_lens
-from rptcam_cl.optics.optimise import read_problem
+from rptcam_cl.optics.optimise_problem import read_problem
 from rptcam_cl.rendering.tolerances import specification
 from rptcam_cl.scene.load import Missing, load_scene
 from rptcam_cl.scene.scene import Scene
@@ -36,7 +36,7 @@ from tests.support.pages import (
 UNDER = ROOT / "examples" / "first_light.yaml"  # the scene that a piece of a scene is laid over
 # Options that name results.
 WRITES = {
-    "report", "state",
+    "report", "state", "write",
     "output", "outputs", "raws", "stats", "plot", "json", "markdown", "target", "video", "truth",
     "opencv", "ros", "colmap", "openlensio", "osl", "usd",
 }  # fmt: skip
@@ -46,6 +46,7 @@ REASONS = {
     "downloads wheels",
     "takes several machines",
     "takes several devices",
+    "takes docker",
     "takes the extra denoise",
     "takes compilers for GPUs",
     "takes a minute of a device",

@@ -44,7 +44,7 @@ from rptcam_cl.scene.placement import CameraKeyframe
 from rptcam_cl.scene.scene import Scene
 
 if TYPE_CHECKING:
-    from rptcam_cl.rendering.tolerances import ChosenCopy
+    from rptcam_cl.rendering.tolerance_run import ChosenCopy
 
 
 # The film of a view camera: how a scene's movements place it, on the host and for ``kernels/camera/film_point.h``.
@@ -286,7 +286,8 @@ def real_state(scene: Scene) -> RealState:
             raise InputError(f"camera.lens.temperature_c: {problem}") from None
     if camera.as_built is None:
         return DESIGN if heat is None else RealState(heat=heat)
-    from rptcam_cl.rendering.tolerances import chosen_copy, specification
+    from rptcam_cl.rendering.tolerance_run import chosen_copy
+    from rptcam_cl.rendering.tolerances import specification
 
     source = scene.tolerances_source()
     assert source is not None

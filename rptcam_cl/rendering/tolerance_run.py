@@ -1,0 +1,623 @@
+"""Tolerance runs: copies of a lens made at random and judged, yield, the worst offenders, the copy behind a picture."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Hashable, Mapping, Sequence
+from dataclasses import asdict, replace
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.remember import remember
+from rptcam_cl.optics.as_built import Copies, Deviation, check_copies
+from rptcam_cl.optics.charts import FAINT, INK, new_figure, series, styled
+from rptcam_cl.optics.lens import Lens, brought_to_focus, film_distance, in_configuration
+from rptcam_cl.scene.lens_settings import Merit, Tolerances
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+from rptcam_cl.rendering.tolerance_judge import FieldRays, Judge, Sampler, Scores, default_fields, sample_field
+from rptcam_cl.rendering.tolerances import (
+    Interval,
+    Limit,
+    Specification,
+    alone,
+    draw_values,
+    limits,
+    percentile,
+    rank,
+    share,
+    specification,
+)
+
+Array = NDArray[np.float64]
+
+# A tolerance run: many copies of a lens made at random and judged, and each tolerance alone at its limits.
+
+RINGS = (6, 8, 10, 12, 16, 24, 32, 48)  # of rays in a beam, with twice as many in a ring, till figures stay
+SPOTS_STAY, MODULATION_STAYS = 0.0025, 0.005  # share of a spot, and modulation, by which more rays may change a field
+PROBES = 3  # copies that are tried
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """What one tolerance alone does at its limit.
+
+    Attributes
+    ----------
+    label : str
+        What is off: ``radius ±0.2 % of surface 3``.
+    direction : str
+        ``+``, ``-``, or of what lies across the axis ``+x``, ``-x``, ``+y`` or ``-y``; a tilt about that axis.
+    spot_um, mtf : float
+        The merit so changed.
+    spot_change_um, mtf_change : float
+        Less that of the design.
+    shift_mm : float
+        How far refocusing moves the film.
+    """
+
+    label: str
+    direction: str
+    spot_um: float
+    mtf: float
+    spot_change_um: float
+    mtf_change: float
+    shift_mm: float
+
+
+@dataclass(frozen=True)
+class ToleranceRun:
+    """The result.
+
+    Attributes
+    ----------
+    lens : Lens
+        The design, in the state in which copies are judged.
+    tolerances : Tolerances
+    limits : sequence of Limit
+        All that may be off.
+    fields_degrees : tuple of float
+        Angles from the axis that were judged; those beside 0 from four sides.
+    film_distance_mm : float
+        Where the film of the design stands, at the least spots of all fields together.
+    design : Scores
+        Those of the design, as of a single copy.
+    scores : Scores
+        Those of the copies, in the order in which they were made.
+    copies : Copies
+    sensitivities : tuple of Sensitivity
+    spot_error, mtf_error : float
+        By which share more rays change the spots of the design and some copies at most, and by how much the modulation.
+    """
+
+    lens: Lens
+    tolerances: Tolerances
+    limits: Sequence[Limit]
+    fields_degrees: tuple[float, ...]
+    film_distance_mm: float
+    design: Scores
+    scores: Scores
+    copies: Copies
+    sensitivities: tuple[Sensitivity, ...]
+    spot_error: float
+    mtf_error: float
+
+    @property
+    def rank_by(self) -> str:
+        """``spot`` or ``mtf``."""
+        return self.tolerances.merit.rank_by
+
+    @cached_property
+    def order(self) -> NDArray[np.intp]:
+        """Numbers of the copies, the best first."""
+        merit = self.scores.by(self.rank_by)
+        return np.argsort(merit if self.rank_by == "spot" else -merit, kind="stable")
+
+    def copy_at(self, percent: float) -> int:
+        """Return the number of the copy at a percentile: that percent of all are as good or better.
+
+        Raises
+        ------
+        InputError
+            For a percentile that is not above 0 and at most 100.
+        """
+        return int(self.order[rank(percent, len(self.order))])
+
+    def percentile(self, percent: float) -> Interval:
+        """Return the merit that this percent of the copies reach, with the bounds of its 95 % interval.
+
+        They hold what more copies and what more rays would change.
+        """
+        merit = self.scores.by(self.rank_by)[self.order]
+        if self.rank_by == "spot":
+            of_copies = percentile(merit, percent)
+            return Interval(
+                of_copies.value, of_copies.low * (1 - self.spot_error), of_copies.high * (1 + self.spot_error)
+            )
+        of_copies = percentile(-merit, percent)
+        return Interval(-of_copies.value, -of_copies.high - self.mtf_error, -of_copies.low + self.mtf_error)
+
+    def yield_at(self, limit: float) -> Interval:
+        """The share of all copies that is at least as good as a limit, with the bounds of its 95 % interval.
+
+        They hold what more copies and what more rays would change.
+        """
+        merit = self.scores.by(self.rank_by)
+        if self.rank_by == "spot":
+            merit, limit, error = -merit, -limit, limit * self.spot_error
+        else:
+            error = self.mtf_error
+        of_copies, worst, best = (
+            share(int(np.count_nonzero(merit >= limit + off)), len(merit)) for off in (0.0, error, -error)
+        )
+        return Interval(of_copies.value, worst.low, best.high)
+
+    def worst_offenders(self, count: int = 10) -> list[Sensitivity]:
+        """Return the tolerances that cost most, each in its worst direction."""
+        worst: dict[str, Sensitivity] = {}
+        for one in self.sensitivities:
+            if one.label not in worst or _cost(self.rank_by, one) > _cost(self.rank_by, worst[one.label]):
+                worst[one.label] = one
+        return sorted(worst.values(), key=lambda one: -_cost(self.rank_by, one))[:count]
+
+    def lens_of(self, number: int) -> Lens:
+        """Return a copy as a lens, by its number."""
+        return self.copies.copy(number)
+
+
+def tolerance(
+    lens: Lens,
+    spec: str | Path | Mapping[str, Any] | Tolerances | Specification,
+    *,
+    copies: int | None = None,
+    seed: int | None = None,
+    with_sensitivities: bool = True,
+) -> ToleranceRun:
+    """Find how copies of a lens turn out within tolerances.
+
+    Parameters
+    ----------
+    lens : Lens
+        The design.
+    spec
+        ``commercial``, ``precision`` or ``high_precision``; a YAML file; or the same as Python data.
+    copies, seed : int, optional
+        In place of what the specification says.
+    with_sensitivities : bool
+        Whether each tolerance is taken alone to its limits as well.
+
+    Raises
+    ------
+    InputError
+        When the specification is wrong or names what the lens does not have, or the lens cannot be judged by it.
+    StateError
+        When its file cannot be read.
+    """
+    spec = spec if isinstance(spec, Specification) else specification(spec)
+    wanted = spec.tolerances
+    check_copies(lens)
+    within = limits(lens, spec)
+    state, front = _state(lens, spec)
+    deviations = tuple(limit.deviation for limit in within)
+    count = copies or wanted.copies
+    sample = Copies(state, deviations, draw_values(within, count, wanted.seed if seed is None else seed))
+    plain = Copies(state, deviations, np.zeros((1, len(within), 2)))
+    tried = Copies(state, deviations, np.concatenate([plain.values, sample.values[:PROBES]]))
+    judge, fields, errors = _judge(spec, tried, front)
+    design = judge.scores(plain, wanted.refocus)
+    rows = _sensitivities(state, within, judge, design, wanted.refocus) if with_sensitivities else ()
+    scores = judge.scores(sample, wanted.refocus)
+    return ToleranceRun(state, wanted, within, fields, judge.film, design, scores, sample, rows, *errors)
+
+
+def _state(lens: Lens, given: Specification) -> tuple[Lens, float]:
+    """Return the design as copies are judged, and the distance from the object to its first vertex [mm]."""
+    wanted = given.tolerances
+    if wanted.zoom is not None:
+        lens = in_configuration(lens, wanted.zoom)
+    wave = wanted.merit.wavelengths_nm[len(wanted.merit.wavelengths_nm) // 2]
+    if wanted.f_number is not None:
+        lens = lens.with_stop_diameter(lens.stop_diameter_for(wanted.f_number, wave))
+    if wanted.focus_distance_m is None:
+        return lens, math.inf
+    distance = 1e3 * wanted.focus_distance_m
+    lens, film = brought_to_focus(lens, distance, wave)
+    return lens, distance - lens.length - film
+
+
+def _judge(given: Specification, tried: Copies, front: float) -> tuple[Judge, tuple[float, ...], tuple[float, float]]:
+    """Make what gives scores, with the film of the design at its best; the fields; and the errors of its rays.
+
+    Each field has as many rays as leave the scores of some copies, the first of which is the design, where they are.
+    """
+    lens, merit = tried.lens, given.tolerances.merit
+    wave = merit.wavelengths_nm[len(merit.wavelengths_nm) // 2]
+    film = film_distance(lens, front, "front", wave)
+    degrees = tuple(dict.fromkeys(merit.fields_degrees or default_fields(lens, film, front, wave)))
+    try:
+        fields = [sample_field(lens, each, front, wave) for each in degrees]
+        rays = [sample(RINGS[1], 2 * RINGS[1]) for sample in fields]
+    except InputError as problem:
+        raise given.problem(("merit", "fields_degrees"), str(problem)) from None
+
+    def judge(rays: Sequence[list[FieldRays]], film: float) -> Judge:
+        return Judge(lens, [one for each in rays for one in each], merit, film)
+
+    film += judge(rays, film).best_shift(lens)
+    shifts = judge(rays, film).scores(tried, given.tolerances.refocus).shifts_mm
+    enough = [_enough(sample, merit, film, tried, shifts) for sample in fields]
+    rays = [field_rays for field_rays, _ in enough]
+    few, many = (_join([scores[k] for _, scores in enough]) for k in (0, 1))
+    film += judge(rays, film).best_shift(lens)
+    errors = _moves(few.spot_um, many.spot_um, many.spot_um), _moves(few.modulation, many.modulation, 1.0)
+    return judge(rays, film), degrees, errors
+
+
+def _enough(
+    sample: Sampler, merit: Merit, film: float, tried: Copies, shifts: Array
+) -> tuple[list[FieldRays], tuple[Scores, Scores]]:
+    """Return the rays of a field, and what some copies are worth by them and by more.
+
+    They are as many as spots need. Modulation needs many more where spots are large: what rays do between these is by
+    polynomials, which traced rays confirm.
+    """
+
+    def score(rays: list[FieldRays]) -> Scores:
+        return Judge(tried.lens, rays, merit, film).scores(tried, False, shifts)
+
+    def spots_move(few: Scores, many: Scores) -> float:
+        return _moves(few.spots_um, many.spots_um, many.spots_um)
+
+    def modulation_moves(few: Scores, many: Scores) -> float:
+        return _moves(few.modulation, many.modulation, 1.0)
+
+    if merit.rings is not None or merit.arms is not None:
+        rings = merit.rings or max(2, (merit.arms or 0) // 2)
+        rays = sample(rings, merit.arms or 2 * rings)
+        return rays, (score(rays), score(sample(2 * rings, 2 * (merit.arms or 2 * rings))))
+    tries = [sample(rings, 2 * rings) for rings in RINGS[:2]]
+    scores = [score(rays) for rays in tries]
+    while len(tries) < len(RINGS) and (
+        spots_move(*scores[-2:]) > SPOTS_STAY or modulation_moves(*scores[-2:]) > MODULATION_STAYS
+    ):
+        tries.append(sample(RINGS[len(tries)], 2 * RINGS[len(tries)]))
+        scores.append(score(tries[-1]))
+    # Where figures do not come to rest, as those of copies that lose rays at an edge do, few rays are as good as many.
+    allowed = max(SPOTS_STAY, 2 * spots_move(*scores[-2:])), max(MODULATION_STAYS, 2 * modulation_moves(*scores[-2:]))
+    for number, rays in enumerate(tries[:-2]):
+        if spots_move(scores[number], scores[-1]) <= allowed[0]:
+            filled = [few.filled_in(many) for few, many in zip(rays, tries[-2], strict=True)]
+            by_few = score(filled)
+            if modulation_moves(by_few, scores[-1]) <= allowed[1]:
+                return filled, (by_few, scores[-1])
+    return tries[-2], (scores[-2], scores[-1])
+
+
+def _join(scores: Sequence[Scores]) -> Scores:
+    """Return the scores of several fields as those of one lens."""
+    spots, mtf = (np.concatenate([getattr(one, name) for one in scores], axis=1) for name in ("spots_um", "mtf"))
+    return Scores(spots, mtf, scores[0].shifts_mm)
+
+
+def _moves(one: Array, other: Array, scale: Array | float) -> float:
+    """Return the largest difference, in units of a scale, of numbers that are finite."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        moved = np.abs(one - other) / scale
+    return float(np.max(moved, where=np.isfinite(moved), initial=0.0))
+
+
+def _sensitivities(
+    lens: Lens, within: Sequence[Limit], judge: Judge, design: Scores, refocus: bool
+) -> tuple[Sensitivity, ...]:
+    """Score the design with each tolerance alone at each of its ends."""
+    rows: list[tuple[int, int, float, str]] = []
+    for number, limit in enumerate(within):
+        for k, axis in enumerate(("x", "y") if limit.deviation.is_pair else ("",)):
+            rows += [(number, k, limit.size, f"+{axis}"), (number, k, -limit.size, f"-{axis}")]
+    values = np.zeros((len(rows), len(within), 2))
+    for place, (number, k, value, _) in enumerate(rows):
+        values[place, number, k] = value
+    scores = judge.scores(Copies(lens, tuple(limit.deviation for limit in within), values), refocus)
+    spots, mtf = scores.spot_um, scores.modulation
+    return tuple(
+        Sensitivity(
+            within[number].label, direction, float(spots[k]), float(mtf[k]), float(spots[k] - design.spot_um[0]),
+            float(mtf[k] - design.modulation[0]), float(scores.shifts_mm[k]),
+        )
+        for k, (number, _, _, direction) in enumerate(rows)
+    )  # fmt: skip
+
+
+def _cost(rank_by: str, one: Sensitivity) -> float:
+    return one.spot_change_um if rank_by == "spot" else -one.mtf_change
+
+
+# The loosest set of tolerances with which enough copies are good enough.
+
+LOOSEST, TIGHTEST = 10.0, 1e-3  # times what the specification says
+LEAST_COST = 1e-4  # of the worst: tolerances that cost less are treated alike
+STEPS = 12  # of the bisection for the common factor, each a sample of copies
+
+
+@dataclass(frozen=True)
+class LoosestSet:
+    """Tolerances that make a yield.
+
+    Attributes
+    ----------
+    specification : dict
+        As a file has it: an entry for each thing that may be off.
+    factors : (limits,) array
+        By which each is looser than in the specification that it comes from.
+    labels : tuple of str
+        What they were of, and how large.
+    run : ToleranceRun
+        Other copies, made within it.
+    """
+
+    specification: dict[str, Any]
+    factors: Array
+    labels: tuple[str, ...]
+    run: ToleranceRun
+
+
+def loosest_set(
+    lens: Lens,
+    spec: str | Path | Mapping[str, Any] | Tolerances | Specification,
+    limit: float,
+    percent: float,
+    *,
+    copies: int | None = None,
+    seed: int | None = None,
+) -> LoosestSet:
+    """Find the loosest tolerances of the kinds of a specification, so that this percent of the copies reach a limit.
+
+    What makes a tolerance narrow costs as 1 / size (Sutherland and Roth 1975). With variances of the spot that add up,
+    least cost for a variance gives each the size a^(-1/3) of what it adds at its limit; their common factor is found by
+    copies, all of which have the same random numbers, such that the 95 % interval of their yield begins at what is
+    wanted. None becomes looser than ten times the specification.
+
+    Parameters
+    ----------
+    limit : float
+        Rms spot [µm], or modulation where copies are ranked by it.
+    percent : float
+        Above 0 and below 100.
+
+    Raises
+    ------
+    InputError
+        Where the design itself does not reach the limit.
+    """
+    spec = spec if isinstance(spec, Specification) else specification(spec)
+    run = tolerance(lens, spec, copies=copies, seed=seed)
+    by_spot, design = run.rank_by == "spot", float(run.design.by(run.rank_by)[0])
+    if not (design < limit if by_spot else design > limit):
+        unit = " µm of rms spot" if by_spot else " of modulation"
+        raise InputError(f"{lens.name}: no tolerances reach {limit:g}{unit}: the design itself has {design:.4g}")
+    cost = dict.fromkeys((one.label for one in run.limits), 0.0)
+    for one in run.sensitivities:
+        added = one.spot_um**2 - design**2 if by_spot else design - one.mtf
+        cost[one.label] = max(cost[one.label], added if math.isfinite(added) else math.inf)
+    adds = np.array([cost[one.label] for one in run.limits])
+    worst = adds[np.isfinite(adds)].max(initial=0.0) or 1.0
+    shares = np.clip(np.where(np.isfinite(adds), adds, worst) / worst, LEAST_COST, 1.0) ** (-1 / 3)
+    judge, _, _ = _judge(spec, run.copies, _state(lens, spec)[1])
+
+    def reached(scale: float) -> float:
+        values = run.copies.values * np.minimum(scale * shares, LOOSEST)[:, None]
+        merit = judge.scores(replace(run.copies, values=values), run.tolerances.refocus).by(run.rank_by)
+        good = merit <= limit if by_spot else merit >= limit
+        return share(int(np.count_nonzero(good)), len(good)).low
+
+    low, high = math.log(TIGHTEST), math.log(LOOSEST)
+    if reached(math.exp(high)) * 100 >= percent:
+        low = high
+    for _ in range(0 if low == high else STEPS):
+        middle = (low + high) / 2
+        low, high = (middle, high) if 100 * reached(math.exp(middle)) >= percent else (low, middle)
+    factors = np.minimum(math.exp(low) * shares, LOOSEST)
+    entries = [alone(lens, spec, one, factor) for one, factor in zip(run.limits, factors.tolist(), strict=True)]
+    given = spec.tolerances.model_dump(mode="json", exclude_none=True, exclude={"tolerances", "source"})
+    kept = ("distribution", "sigmas", "copies", "seed", "refocus", "f_number", "focus_distance_m", "zoom", "merit")
+    written = {"name": f"{given.get('name') or 'tolerances'}, {percent:g} % of {lens.name} at {limit:g}"}
+    written |= {key: given[key] for key in kept if key in given} | {"tolerances": entries}
+    return LoosestSet(
+        written, factors, tuple(one.label for one in run.limits),
+        tolerance(lens, written, copies=copies, seed=seed, with_sensitivities=False),
+    )  # fmt: skip
+
+
+# One copy of a lens, chosen by how good it is among all: the lens behind which a picture is taken.
+
+REMEMBERED = 8  # runs
+
+
+@dataclass(frozen=True)
+class ChosenCopy:
+    """A copy at a percentile.
+
+    Attributes
+    ----------
+    percent : float
+        Of the copies are as good or better.
+    number : int
+        Which one it is.
+    deviations : sequence of Deviation
+    values : (1, deviations, 2) array
+        What is off, as `Copies` has it.
+    shift_mm : float
+        How far refocusing moves its film along the light.
+    spot_um, mtf : float
+        Its merit.
+    """
+
+    percent: float
+    number: int
+    deviations: Sequence[Deviation]
+    values: NDArray[np.float64]
+    shift_mm: float
+    spot_um: float
+    mtf: float
+
+    def lens(self, state: Lens) -> Lens:
+        """Return the copy in the state that its design has: zoomed, stopped down, focused."""
+        return Copies(state, self.deviations, self.values).copy(0)
+
+
+def chosen_copy(lens: Lens, spec: Specification, percent: float) -> ChosenCopy:
+    """Return the copy of a lens at a percentile; the run is remembered.
+
+    Parameters
+    ----------
+    lens : Lens
+        The design as its file has it: the copy stays the same however the lens is set.
+    percent : float
+        Above 0, at most 100.
+
+    Raises
+    ------
+    InputError
+        As `tolerance`.
+    """
+    limits(lens, spec)  # whose errors name the place in the specification
+    run = _tolerance_run(lens, spec.tolerances)
+    number = run.copy_at(percent)
+    return ChosenCopy(
+        percent,
+        number,
+        run.copies.deviations,
+        run.copies.values[number : number + 1],
+        float(run.scores.shifts_mm[number]),
+        float(run.scores.spot_um[number]),
+        float(run.scores.modulation[number]),
+    )
+
+
+def _key(lens: Lens, tolerances: Tolerances) -> Hashable:
+    content = lens.name, lens.surfaces, lens.stop_index, lens.object_medium, lens.configurations, lens.floating
+    return content, tolerances
+
+
+@remember(most=REMEMBERED, by=_key)
+def _tolerance_run(lens: Lens, tolerances: Tolerances) -> ToleranceRun:
+    return tolerance(lens, tolerances, with_sensitivities=False)
+
+
+# A tolerance run as plain data: for JSON, and for tables.
+
+PERCENTILES = (10.0, 25.0, 50.0, 75.0, 90.0, 95.0, 98.0)
+CURVE = 41  # points of a yield curve
+
+
+def percentile_rows(run: ToleranceRun) -> list[dict[str, Any]]:
+    """Return a row for each of `PERCENTILES`: the merit that this percent of copies reach, and which copy does."""
+    rows = []
+    for percent in PERCENTILES:
+        number = run.copy_at(percent)
+        interval = run.percentile(percent)
+        rows.append(
+            {
+                "percent": percent,
+                "copy": number,
+                "spot_um": float(run.scores.spot_um[number]),
+                "mtf": float(run.scores.modulation[number]),
+                "low": interval.low,
+                "high": interval.high,
+                "shift_mm": float(run.scores.shifts_mm[number]),
+            }
+        )
+    return rows
+
+
+def yield_curve(run: ToleranceRun, points: int = CURVE) -> list[tuple[float, Interval]]:
+    """List limits of the merit and the share of all copies that is as good: from the best to the worst in whose fields
+    light arrives.
+    """
+    merit = run.scores.by(run.rank_by)
+    merit = merit[np.isfinite(merit)]
+    if not len(merit):
+        raise InputError(f"{run.lens.name}: every copy loses the light of some field; the tolerances are too wide")
+    return [(float(limit), run.yield_at(float(limit))) for limit in np.linspace(merit.min(), merit.max(), points)]
+
+
+def report(run: ToleranceRun) -> dict[str, Any]:
+    """Everything about a run but the numbers of each copy."""
+    merit = run.tolerances.merit
+    return {
+        "lens": run.lens.name,
+        "tolerances": run.tolerances.name,
+        "source": run.tolerances.source,
+        "rank_by": run.rank_by,
+        "copies": run.copies.count,
+        "refocus": run.tolerances.refocus,
+        "fields_degrees": list(run.fields_degrees),
+        "wavelengths_nm": list(merit.wavelengths_nm),
+        "mtf_per_mm": merit.mtf_per_mm,
+        "film_distance_mm": run.film_distance_mm,
+        "design": {"spot_um": float(run.design.spot_um[0]), "mtf": float(run.design.modulation[0])},
+        "sampling_error": {"spot_share": run.spot_error, "mtf": run.mtf_error},
+        "percentiles": percentile_rows(run),
+        "yield": [{"limit": limit, **asdict(each)} for limit, each in yield_curve(run)],
+        "sensitivities": [asdict(one) for one in run.sensitivities],
+    }
+
+
+# The chart of a tolerance run: how many copies are good enough, and which tolerances cost most.
+
+CHART_SIZE = (8.0, 7.6)  # inches
+OFFENDERS = 10
+LIMITS = 101
+
+
+@styled()
+def tolerance_chart(run: ToleranceRun) -> Figure:
+    """Return the yield curve with its 95 % band, above the worst offenders."""
+    tolerances = f" within {run.tolerances.name} tolerances" if run.tolerances.name else ""
+    figure = new_figure(f"{run.lens.name}: {run.copies.count} copies{tolerances}", CHART_SIZE)
+    parts = figure.subfigures(2, 1, squeeze=False, height_ratios=(5, 4))
+    _draw_yield(parts[0, 0].add_subplot(), run)
+    _draw_offenders(parts[1, 0].add_subplot(), run)
+    return figure
+
+
+def _draw_yield(axes: Axes, run: ToleranceRun) -> None:
+
+    scale, unit = _scale(run)
+    curve = yield_curve(run, LIMITS)
+    limits = scale * np.array([limit for limit, _ in curve])
+    value, low, high = (100 * np.array(row) for row in zip(*(interval for _, interval in curve), strict=True))
+    axes.fill_between(limits, low, high, color=series(0), alpha=0.2, linewidth=0)
+    axes.plot(limits, value, color=series(0))
+    design = scale * float(run.design.by(run.rank_by)[0])
+    axes.axvline(design, color=FAINT, linestyle=":")
+    axes.text(design, 93, " design", color=INK)
+    side = "or less" if run.rank_by == "spot" else "or more"
+    axes.set(xlabel=f"{unit}, {side}", ylabel="copies [%]", ylim=(0, 102))
+
+
+def _draw_offenders(axes: Axes, run: ToleranceRun) -> None:
+    scale, _ = _scale(run)
+    change = "spot with one tolerance at its limit, less the design's [µm]"
+    if run.rank_by != "spot":
+        change = "modulation with one tolerance at its limit, less the design's [%]"
+    worst = run.worst_offenders(OFFENDERS)[::-1]
+    changes = [scale * (one.spot_change_um if run.rank_by == "spot" else one.mtf_change) for one in worst]
+    axes.barh([f"{one.label}, {one.direction}" for one in worst], changes, color=series(1))
+    axes.set(xlabel=change)
+    axes.tick_params(axis="y", labelsize=8)
+    axes.grid(False, axis="y")
+
+
+def _scale(run: ToleranceRun) -> tuple[float, str]:
+    if run.rank_by == "spot":
+        return 1.0, "rms spot over the fields [µm]"
+    return 100.0, f"modulation at {run.tolerances.merit.mtf_per_mm:g} cycles/mm [%]"
