@@ -280,7 +280,7 @@ def strew(planes: Array, kernel: Array) -> Array:
 
 
 def received(kernel: Array, shape: tuple[int, ...]) -> Array:
-    """Return what each pixel of planes (height, width) of ones receives by a kernel as `strew` takes it, (3, ...)."""
+    """Return the light (3, height, width) that `strew` brings to each pixel of a film of ones, by a kernel."""
     height, width = shape
     top, left = kernel.shape[1] // 2 - height + 1, kernel.shape[2] // 2 - width + 1
     own = kernel[:, top : top + 2 * height - 1, left : left + 2 * width - 1]
