@@ -423,6 +423,7 @@ def _run_lens_optimise(arguments: argparse.Namespace) -> int:
     from rptcam_cl.optics.files.export import lens_text
     from rptcam_cl.optics.optimise import optimise
     from rptcam_cl.optics.optimise_problem import UNITS, read_problem
+    from rptcam_cl.rendering.tolerance_run import spot_of_copies
 
     if arguments.scene is not None and arguments.report is None:
         raise InputError("--scene: needs --report FOLDER, where the pictures go")
@@ -435,7 +436,10 @@ def _run_lens_optimise(arguments: argparse.Namespace) -> int:
     print_warnings(problem.lens.warnings)
     spec = arguments.tolerances or problem.tolerances
     scene = None if arguments.scene is None else _scene(arguments.scene, problem)
-    found = optimise(problem, state=arguments.state, on_progress=lambda line: print(line, file=sys.stderr))
+    judge = spot_of_copies(problem) if any(term.name == "as_built" for term in problem.terms) else None
+    found = optimise(
+        problem, state=arguments.state, on_progress=lambda line: print(line, file=sys.stderr), judge=judge
+    )
     print_warnings(f"{words} at the end" for words in found.lost)
     if arguments.output is not None:
         lens_options.write(lens_text(found.lens).encode(), arguments.output)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -64,11 +64,21 @@ class State:
 _Rows = tuple[str, Array, Array]  # a name, values (n,) and derivatives (n, variables)
 
 
-class Merit:
-    """The merit of a problem with some glasses; `opening` is the share of pupil and field that rays fill."""
+Judge = Callable[[Lens, float], float]  # of a lens and its film distance: the spot of its copies [um]
+STEP = 1e-4  # of a variable, by which the spot of copies is differentiated
 
-    def __init__(self, given: Problem, glasses: Mapping[int, Medium], opening: float = 1.0) -> None:
-        self.given, self.opening = given, opening
+
+class Merit:
+    """The merit of a problem with some glasses.
+
+    `opening` is the share of pupil and field that rays fill, and `judge` what says how good copies are; without it
+    they count for nothing.
+    """
+
+    def __init__(
+        self, given: Problem, glasses: Mapping[int, Medium], opening: float = 1.0, judge: Judge | None = None
+    ) -> None:
+        self.given, self.opening, self.judge = given, opening, judge
         self.start = given.lens.with_changes({k: {"glass": glass} for k, glass in glasses.items()})
         self.indices = self.start.indices(np.array(given.wavelengths_nm))
         self.pupil = given.focal_length_mm / given.f_number / 2
@@ -334,6 +344,19 @@ class Merit:
                 result.append((words, over, sign * by_length[:, ref], HOLD_SHARE * abs(wanted)))
         return result
 
+    def finished(self, state: State) -> tuple[Lens, float]:
+        """Return the lens of a state with stop and rims set, and its film distance [mm]."""
+        ref = self.given.reference
+        height = state.paraxial.entrance_pupil(ref, float(self.indices[0, ref]))[2] * self.pupil
+        heights = state.beam.heights.max(axis=1)
+        changes: dict[int, dict[str, Any]] = {}
+        for k, surface in enumerate(state.lens.surfaces):
+            radius = height if k == state.lens.stop_index else max(surface.semi_diameter, float(heights[k]))
+            changes[k] = {"semi_diameter": float(f"{radius:.9g}")}
+        length = float(state.paraxial.focal_lengths()[0][ref])
+        published = {"focal_length_mm": float(f"{length:.6g}"), "f_number": float(f"{length / (2 * self.pupil):.6g}")}
+        return state.lens.with_changes(changes, published=published, warnings=()), state.film_mm
+
     # Residuals
 
     def evaluate(self, x: Array, derivatives: bool) -> tuple[Array, Array]:
@@ -346,6 +369,7 @@ class Merit:
             rows = [
                 (term.weight * r, term.weight * j) for term in self.given.terms for _, r, j in self._term(state, term)
             ]
+            rows += self._as_built(x, state, derivatives)
             rows += [self._lost(state), self._bounds(state)]
         values, by = np.concatenate([r for r, _ in rows]), np.concatenate([j for _, j in rows])
         bad = ~np.isfinite(values)
@@ -353,6 +377,22 @@ class Merit:
         by[~np.isfinite(by)] = 0.0
         self._last = (key, derivatives, values, by)
         return values, by
+
+    def _copies_um(self, x: Array, state: State) -> float:
+        assert self.judge is not None
+        return self.judge(self.finished(state)[0], state.film_mm)
+
+    def _as_built(self, x: Array, state: State, derivatives: bool) -> list[tuple[Array, Array]]:
+        """Return the spot of copies; it is differentiated by differences, as all copies have the same errors."""
+        weight = sum(term.weight for term in self.given.terms if term.name == "as_built")
+        if not weight or self.judge is None:
+            return []
+        value, by = self._copies_um(x, state), np.zeros((1, len(x) if derivatives else 0))
+        for j in range(by.shape[1]):
+            moved = x.copy()
+            moved[j] += STEP
+            by[0, j] = (self._copies_um(moved, self.state(moved, False)) - value) / STEP
+        return [(weight * np.array([value]), weight * by)]
 
     def _lost(self, state: State) -> tuple[Array, Array]:
         """Count rays that miss a surface or are totally reflected as spots of `LOST`, larger the farther they fail."""
@@ -395,6 +435,8 @@ class Merit:
             state = self.state(x, False)
             parts = {term.name: [r for _, r, _ in self._term(state, term)] for term in self.given.terms}
         values = {name: float(np.sqrt(sum(np.sum(r * r) for r in rows))) for name, rows in parts.items()}
+        if "as_built" in values:
+            values["as_built"] = self._copies_um(x, state) if self.judge is not None else 0.0
         values["merit"] = math.sqrt(sum((term.weight * values[term.name]) ** 2 for term in self.given.terms))
         return values
 
@@ -420,6 +462,8 @@ class Merit:
                 for rays in self.fields:
                     if rays.field or term.name == "telecentricity":
                         yield getattr(self, f"_{term.name}")(state, rays)
+            case "as_built":
+                return  # see `_as_built`
             case "axial_colour":
                 lengths, by, *_ = self._images(state.paraxial)
                 low, high = int(np.argmin(given.wavelengths_nm)), int(np.argmax(given.wavelengths_nm))

@@ -32,6 +32,7 @@ Kind = Literal["curvature", "thickness", "conic", "aspheric", "film"]
 UNITS = {
     "spot": "µm", "wavefront": "waves", "mtf": "", "distortion": "%", "axial_colour": "mm", "lateral_colour": "µm",
     "focal_length": "mm", "f_number": "", "telecentricity": "°",
+    "as_built": "µm",
 }  # fmt: skip
 _TARGETS = {"mtf": "per_mm", "focal_length": "target_mm", "f_number": "target"}
 _BOUNDS = ("glass_centre_mm", "glass_edge_mm", "air_centre_mm", "air_edge_mm", "length_mm", "back_focal_mm")
@@ -210,6 +211,8 @@ class _Reader:
         followers = tuple(self._followers())
         self._check_twice([*variables, *followers, *solves])
         tolerances = top.text("tolerances")
+        if any(term.name == "as_built" for term in terms) and not tolerances:
+            raise top.fail(None, "merit.as_built needs tolerances: a grade or a file of them")
         text = json.dumps(self.document.data, sort_keys=True, default=str) + lens_text(lens) + __version__
         return Problem(
             lens, self.document.name, f_number, top.number("focal_length_mm", (length or [first.focal_length_mm])[0]),

@@ -19,6 +19,7 @@ from rptcam_cl.optics.optimise_merit import Merit
 from rptcam_cl.optics.optimise_problem import read_problem
 from rptcam_cl.optics.ray_derivatives import Seeds, trace_beam
 from rptcam_cl.optics.ray_trace import Status, trace
+from rptcam_cl.rendering.tolerance_run import spot_of_copies
 
 EVERY_TERM = {
     "spot": 1, "wavefront": 1, "mtf": {"weight": 1, "per_mm": 30}, "distortion": 1, "axial_colour": 1,
@@ -301,3 +302,18 @@ def test_report_has_drawings_and_pictures_of_three_lenses(tmp_path):
     assert {"before.svg", "after.svg", "before.png", "after.png", "as_built_90.png", "pictures.png"} <= {
         path.name for path in folder.iterdir()
     }
+
+
+@pytest.mark.slow
+def test_merit_of_copies_makes_them_better_where_that_of_the_design_makes_them_worse():
+    given = TRIPLET | {"variables": {"curvatures": [0, 4]}, "tolerances": "commercial", "evaluations": 20}
+    problem = read_problem(given | {"merit": {"as_built": 1}})
+    judge = spot_of_copies(problem)
+    found, plain = optimise(problem, judge=judge), optimise(given)
+    assert found.after["as_built"] < found.before["as_built"]
+    assert found.after["as_built"] == pytest.approx(judge(found.lens, found.film_mm), rel=1e-6)
+    assert found.after["as_built"] < judge(plain.lens, plain.film_mm)
+    with pytest.raises(InputError, match="needs a judge of copies"):
+        optimise(problem)
+    with pytest.raises(InputError, match=r"merit.as_built needs tolerances"):
+        read_problem(TRIPLET | {"merit": {"as_built": 1}})
