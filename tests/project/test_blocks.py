@@ -46,6 +46,7 @@ REASONS = {
     "downloads wheels",
     "takes several machines",
     "takes several devices",
+    "takes docker",
     "takes the extra denoise",
     "takes compilers for GPUs",
     "takes a minute of a device",
