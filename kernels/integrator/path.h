@@ -97,6 +97,9 @@ static inline F3 receiving_normal(Vertex vertex, F3 d)
 #if HAS_TRANSMISSION
     passes |= vertex.kind == MATERIAL_PRINCIPLED;
 #endif
+#if HAS_HAIR
+    passes |= vertex.kind == MATERIAL_HAIR;
+#endif
     return keep3(NOT(passes), scale(vertex.n, with_sign(ONE, -dot3(vertex.ng, d))));
 }
 #endif

@@ -718,6 +718,87 @@ class Plastic(RoughMaterial, BumpyMaterial):
         return self.index
 
 
+# Absorption [per radius] of the pigments of hair, of concentration 1 (d'Eon et al. 2011).
+EUMELANIN, PHEOMELANIN = (0.419, 0.697, 1.37), (0.187, 0.4, 1.05)
+
+
+def hair_depth(azimuthal: float) -> float:
+    """Return what the logarithm of the colour of hair is over the root of its absorption (Chiang et al. 2016, 4.2)."""
+    b = azimuthal
+    return 5.969 + b * (-0.215 + b * (2.532 + b * (-10.73 + b * (5.574 + b * 0.245))))
+
+
+class Hair(SceneModel):
+    """A fibre of hair: light is reflected, passes it, and is reflected in it (Chiang et al. 2016); of curves only."""
+
+    kind: Literal["hair"]
+    """Kind of material."""
+
+    reflectance: Reflectance | None = None
+    """Colour of much hair in even light, by which its absorption is chosen: channels 0 to 1, or a texture."""
+
+    absorption: Coefficient | None = None
+    """Absorption coefficient times the radius of the fibre, in place of `reflectance`; a colour."""
+
+    eumelanin: Annotated[float, Field(ge=0, le=100), NUMBER] | None = None
+    """Concentration of brown pigment, in place of `reflectance`: blond some 0.3, brown 1.3, black 8."""
+
+    pheomelanin: Annotated[float, Field(ge=0, le=100), NUMBER] = 0.0
+    """Concentration of red pigment, beside `eumelanin`."""
+
+    index: Annotated[float, Field(ge=1.01, le=3), NUMBER] = 1.55
+    """Refractive index of the fibre."""
+
+    roughness: Annotated[float, Field(ge=0.01, le=1), NUMBER] = 0.3
+    """Roughness along the fibre."""
+
+    roughness_across: Annotated[float, Field(ge=0.01, le=1), NUMBER] = 0.3
+    """Roughness round the fibre."""
+
+    tilt_degrees: Annotated[float, Field(ge=-10, le=10), NUMBER] = 2.0
+    """By how much the scales of the cuticle stand off, towards the root."""
+
+    alternatives: ClassVar[tuple[Alternatives, ...]] = (
+        Alternatives(("reflectance", "absorption", "eumelanin"), required=True),
+    )
+
+    @model_validator(mode="after")
+    def _check_pigment(self) -> Self:
+        if self.pheomelanin > 0 and self.eumelanin is None:
+            raise refuse("needs eumelanin", got=self.pheomelanin, allowed="eumelanin beside it", path=("pheomelanin",))
+        return self
+
+    @property
+    def color(self) -> Colour | Any:
+        """Its reflectance; that which stands for its absorption where that is given."""
+        if self.reflectance is not None:
+            return self.reflectance
+        absorption = self.absorption
+        if self.eumelanin is not None:
+            pairs = zip(EUMELANIN, PHEOMELANIN, strict=True)
+            red, green, blue = (self.eumelanin * brown + self.pheomelanin * ruddy for brown, ruddy in pairs)
+            absorption = (red, green, blue)
+        depth = hair_depth(self.roughness_across)
+        assert absorption is not None
+        red, green, blue = (math.exp(-math.sqrt(share) * depth) for share in absorption)
+        if isinstance(absorption, SpectralColour):
+            return SpectralColour((red, green, blue), np.exp(-np.sqrt(absorption.samples) * depth))
+        return (red, green, blue)
+
+    @property
+    def parameter(self) -> float:
+        """The number of its own that the kernels read: the index."""
+        return self.index
+
+    @property
+    def lobes(self) -> tuple[float, float, float, float]:
+        """Variance along the fibre, scale round it, sine of the tilt, and what `hair_depth` returns."""
+        m, n = self.roughness, self.roughness_across
+        variance = (0.726 * m + 0.812 * m**2 + 3.7 * m**20) ** 2
+        scale = math.sqrt(math.pi / 8) * (0.265 * n + 1.194 * n**2 + 5.372 * n**22)
+        return variance, scale, math.sin(math.radians(self.tilt_degrees)), hair_depth(n)
+
+
 class Boundary(SceneModel):
     """The boundary of a medium without a surface of its own: light passes it as if nothing were there."""
 
@@ -747,7 +828,7 @@ class Emissive(SceneModel):
 
 
 Leaf = Annotated[
-    Matte | Translucent | Mirror | Conductor | Dielectric | Plastic | ThinGlass | Principled,
+    Matte | Translucent | Mirror | Conductor | Dielectric | Plastic | ThinGlass | Principled | Hair,
     Field(discriminator="kind"),
 ]
 
@@ -767,10 +848,10 @@ class Mix(CoveringMaterial):
     @model_validator(mode="after")
     def _check_holes(self) -> Self:
         for index, part in enumerate(self.materials):
-            if part.opacity != 1.0:
+            if has_holes(part):
                 raise refuse(
-                    "does not count inside a mix", got=part.opacity, allowed="the opacity of the mix itself",
-                    path=("materials", index, "opacity"),
+                    "does not count inside a mix", got=getattr(part, "opacity", 1.0),
+                    allowed="the opacity of the mix itself", path=("materials", index, "opacity"),
                 )  # fmt: skip
         return self
 
@@ -786,7 +867,8 @@ Material = Annotated[
     | Principled
     | Mix
     | Emissive
-    | Boundary,
+    | Boundary
+    | Hair,
     Field(discriminator="kind"),
 ]
 

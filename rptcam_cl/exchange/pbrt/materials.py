@@ -497,6 +497,24 @@ def _subsurface(context: Context, material: Entity) -> Keys:
     return _plastic_keys(colour, index_of(context, material, default=1.33), alphas(context, material, 0.0))
 
 
+def _hair(context: Context, material: Entity) -> Keys:
+    parameters = material.parameters
+    keys: Keys = {
+        "kind": "hair", "index": value(context, material, "eta", 1.55),
+        "roughness": value(context, material, "beta_m", 0.3), "tilt_degrees": value(context, material, "alpha", 2.0),
+        "roughness_across": value(context, material, "beta_n", 0.3),
+    }  # fmt: skip
+    colour = next((name for name in ("reflectance", "color") if parameters.has(name)), None)
+    if parameters.has("sigma_a"):
+        return keys | {"absorption": np.maximum(shade(context, material, "sigma_a", 0.0).colour, 0).tolist()}
+    if colour is not None:
+        return keys | {"reflectance": shade(context, material, colour, 0.5).keys()}
+    pigments = {name: value(context, material, name, 0.0) for name in ("eumelanin", "pheomelanin")}
+    if not any(map(parameters.has, pigments)):
+        pigments["eumelanin"] = 1.3
+    return keys | pigments
+
+
 def _grey(context: Context, material: Entity) -> Keys:
     material.parameters.skip_all()
     context.approximated(material, "matte grey 0.5")
@@ -506,7 +524,7 @@ def _grey(context: Context, material: Entity) -> Keys:
 KINDS: dict[str, Callable[[Context, Entity], Keys]] = {
     "diffuse": partial(_matte, name="reflectance"), "coateddiffuse": _coated_diffuse, "conductor": _conductor,
     "coatedconductor": _coated_conductor, "dielectric": _dielectric, "thindielectric": _thin_dielectric,
-    "diffusetransmission": _diffuse_transmission, "subsurface": _subsurface, "measured": _grey, "hair": _grey,
+    "diffusetransmission": _diffuse_transmission, "subsurface": _subsurface, "measured": _grey, "hair": _hair,
     "matte": _matte, "plastic": _plastic, "mirror": _mirror, "glass": _glass,
     "metal": partial(_conductor, roughness=0.01), "uber": _uber, "substrate": _substrate,
     "translucent": _translucent, "disney": _disney, "kdsubsurface": _grey, "fourier": _grey,
