@@ -19,7 +19,7 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.exchange.pbrt.camera import Frame
 from rptcam_cl.exchange.pbrt.files import Context
-from rptcam_cl.exchange.pbrt.materials import bumps_of_mesh, convert_material, opacity_keys
+from rptcam_cl.exchange.pbrt.materials import bumps_of_mesh, convert_material, medium_keys, opacity_keys
 from rptcam_cl.exchange.pbrt.source import Parameters, Place, read_limited
 from rptcam_cl.exchange.pbrt.textures import lamp_radiance, number_shade
 from rptcam_cl.exchange.pbrt.world import (
@@ -819,6 +819,9 @@ class Objects:
             self.context.ignored(use.lamp, "lamps in objects do not shine, as in pbrt")
         material = self._material(use)
         opacity = self._opacity(use)
+        inside = self._medium(use)
+        if inside is not None and lamp is None:
+            material = self._with_interior(use, material, inside)
         if material is None and lamp is None:
             self.context.ignored(use.shape, "the boundary of a medium, without a surface")
             use.shape.parameters.skip_all()
@@ -852,6 +855,19 @@ class Objects:
             self._loose[len(self.items)] = use, mesh
         places = {"instances": {"file": table}} if table else {}
         self.items.append({**keys, **places, "material": name})
+
+    def _medium(self, use: ShapeUse) -> Keys | None:
+        medium = self.context.scene.media.get(use.inside)
+        return None if medium is None else medium_keys(self.context, medium)
+
+    def _with_interior(self, use: ShapeUse, material: Keys | None, inside: Keys) -> Keys:
+        """Return a material that is filled with a medium: of glass, or nothing but its boundary."""
+        if material is None:
+            return {"kind": "boundary", "interior": inside}
+        if material["kind"] == "dielectric":
+            return {**material, "interior": inside}
+        self.context.ignored(use.shape, f"the medium inside of {material['kind']}")
+        return material
 
     def _fitting(self, use: ShapeUse, material: Keys) -> Keys:
         """Return a material that its shape may have: hair is for curves alone, which are neither glass nor mirrors."""
