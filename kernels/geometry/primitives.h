@@ -231,7 +231,7 @@ static F hit_cone(const __global Primitive *p, Ray ray, I origin)
 #endif
 
 #if HAS_CURVE
-#include "geometry/curve.h"
+#include "geometry/cubic_curve.h"
 #endif
 
 // How each kind finds `t` of the primitive p from the ray `here`, which is taken to where p is at rest: negative, infinite

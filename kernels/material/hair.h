@@ -194,8 +194,8 @@ static Scattered hair_sample(Vertex vertex, F3 d, Side side, F u, F v, F lobe)
     F cosine = root(1.0f - sine * sine);
     // Round it: the logistic distribution cut at half a turn.
     F low = logistic((F)(-PI_F), f.scale);
-    F part = MIN(MAX(low + rest * f.whole, (F)(1e-7f)), (F)(0.9999999f));
-    F turn = centre - f.scale * logarithm((1.0f - part) / part);
+    F share = MIN(MAX(low + rest * f.whole, (F)(1e-7f)), (F)(0.9999999f));
+    F turn = centre - f.scale * logarithm((1.0f - share) / share);
     turn = last ? 2.0f * PI_F * rest : turn;
     F azimuth = (f.azimuth + turn) * (0.5f * INV_PI_F);
     sincos_turns(azimuth - FLOOR(azimuth), &sn, &cs);

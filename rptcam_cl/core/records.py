@@ -543,7 +543,7 @@ PRIMITIVE = Record(
     "Primitive",
     (
         # rows of object_from_world; of a sphere: centre and radius, x axis and handedness, z axis; of curves see
-        # kernels/geometry/curve.h, and for the last three members too
+        # kernels/geometry/cubic_curve.h, and for the last three members too
         ("float4", "row_x"),
         ("float4", "row_y"),
         ("float4", "row_z"),

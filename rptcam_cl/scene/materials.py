@@ -788,7 +788,7 @@ EUMELANIN, PHEOMELANIN = (0.419, 0.697, 1.37), (0.187, 0.4, 1.05)
 
 
 def hair_depth(azimuthal: float) -> float:
-    """Return what the logarithm of the colour of hair is over the root of its absorption (Chiang et al. 2016, 4.2)."""
+    """Return the logarithm of the colour of hair over the root of its absorption (Chiang et al. 2016, 4.2)."""
     b = azimuthal
     return 5.969 + b * (-0.215 + b * (2.532 + b * (-10.73 + b * (5.574 + b * 0.245))))
 

@@ -498,7 +498,7 @@ def _instances(shared: int, first_primitive: int, copied: int) -> NDArray[np.voi
 
 
 MOST = float(np.finfo(np.float32).max)
-SPAN_BITS = 15  # of kernels/geometry/curve.h
+SPAN_BITS = 15  # of kernels/geometry/cubic_curve.h
 
 
 @dataclass(frozen=True)
@@ -804,7 +804,7 @@ def pack_primitives(
 
 
 def _fill_curves(primitives: list[Primitive], records: NDArray[np.void]) -> None:
-    """Write widths of curves and their places along strands where `kernels/geometry/curve.h` looks for them."""
+    """Write widths of curves and their places along strands where `kernels/geometry/cubic_curve.h` looks for them."""
     members = _by_kind(primitives).get(Kind.CURVE)
     if members is None:
         return

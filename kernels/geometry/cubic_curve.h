@@ -2,8 +2,8 @@
 // the four Bézier points; `instance` and `first_triangle` the half widths at both ends, as bits of float, the first with a
 // sign where the curve shows itself flat and not as a tube; `emitter`, which is negative, the place along the whole strand.
 // A ray that starts on any curve meets curves beyond their width only: hair scatters light on both sides of where it is met.
-#ifndef CURVE_H
-#define CURVE_H
+#ifndef CUBIC_CURVE_H
+#define CUBIC_CURVE_H
 #include "geometry/hit.h"
 #include "geometry/surface.h"
 
@@ -81,13 +81,22 @@ static F hit_curve(const __global Primitive *p, Ray ray, I from_curve, F *u)
     F most = (F)(s.first > s.last ? s.first : s.last) * sqrt(dot3(middle, middle));
     if (!ANY(near <= most))
         return (F)(-1.0f);
+    // A piece is nowhere farther from its chord than an eighth of its second derivative, over the square of their number.
+    F3 bend0 = strand_bend(s, ZERO), bend1 = strand_bend(s, ONE);
+    F bulge = (0.125f / (CURVE_PIECES * CURVE_PIECES)) * sqrt(MAX(dot3(bend0, bend0), dot3(bend1, bend1)));
+    F reach = bulge + (s.first > s.last ? s.first : s.last);
     F3 start = s.q0;
     for (int k = 0; k < CURVE_PIECES; ++k) {
         float low = (float)k / CURVE_PIECES, high = (float)(k + 1) / CURVE_PIECES;
         F3 stop = strand_at(s, (F)(high));
         F3 chord = sub(stop, start);
-        F part = -dot3(start, chord) / MAX(dot3(chord, chord), (F)(SMALLEST));
-        F at = low + (high - low) * MIN(MAX(part, ZERO), ONE);
+        F share = -dot3(start, chord) / MAX(dot3(chord, chord), (F)(SMALLEST));
+        share = MIN(MAX(share, ZERO), ONE);
+        F3 off_chord = along(start, chord, share);
+        start = stop;
+        if (!ANY(dot3(off_chord, off_chord) <= reach * reach))
+            continue;
+        F at = low + (high - low) * share;
         F least = (F)(low), most_u = (F)(high);     // the nearest place lies between
         for (int step = 0; step < CURVE_STEPS; ++step) {
             F3 q = strand_at(s, at);
@@ -111,7 +120,6 @@ static F hit_curve(const __global Primitive *p, Ray ray, I from_curve, F *u)
         I met = (end | steady) & (dot3(off, off) <= half_w * half_w) & (depth > (from_curve ? 2.0f * half_w : ZERO)) & (depth < best);
         best = met ? depth : best;
         *u = met ? at : *u;
-        start = stop;
     }
     return best < NEVER ? best : (F)(-1.0f);
 }
