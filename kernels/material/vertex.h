@@ -107,6 +107,19 @@ static F scattered_again(const __global Material *material, F cosine)
 }
 #endif
 
+#if HAS_STAIN
+// The mean over even light of the share that those facets scatter once, the integral of 2 mu p(root of mu).
+static F mean_scattered_once(const __global Material *material, F cosine)
+{
+    float inside = 0.0f, outside = 0.0f;
+    for (int i = ONCE_TERMS - 1; i >= 0; --i) {
+        inside += material->once_inside[i] * (4.0f / (4 + i));
+        outside += material->once_outside[i] * (4.0f / (4 + i));
+    }
+    return MIN(cosine > 0.0f ? (F)(inside) : (F)(outside), ONE);
+}
+#endif
+
 #if FACET_SHARES
 // What tables say of the light that facets scatter once, of a path along `d`.
 static void take_shares(Vertex *vertex, I mine, const __global Material *material, F3 d, Scene scene)
@@ -180,6 +193,9 @@ static void take_material(Vertex *vertex, I mine, const __global Material *mater
 #endif
 #if HAS_HAIR
     vertex->closure.across = mine ? 2.0f * point.v - 1.0f : vertex->closure.across;
+#endif
+#if HAS_STAIN
+    vertex->closure.glass_mean = mine ? mean_scattered_once(material, dot3(vertex->n, d)) : vertex->closure.glass_mean;
 #endif
 #if FACET_SHARES
     take_shares(vertex, mine, material, d, scene);

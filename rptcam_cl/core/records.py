@@ -468,13 +468,14 @@ class SpectrumKind(IntEnum):
 
 
 class RayStatus(IntEnum):
-    """What became of a ray in a lens; the values agree with `rptcam_cl.optics.Status`."""
+    """What became of a ray in a lens; values up to DARK are those of `rptcam_cl.optics.ray_trace.Status`."""
 
     OK = 0
     MISSED = 1
     CLIPPED = 2
     TOTAL_INTERNAL_REFLECTION = 3
     NO_CONVERGENCE = 4
+    DARK = 5  # it comes from a place of the film that sees no light, and was never aimed
 
 
 class SurfaceKind(IntEnum):

@@ -2,6 +2,7 @@
 
 import importlib.util
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -81,7 +82,24 @@ def test_picture_of_the_world_lies_as_in_cycles(tmp_path):
     assert np.abs(one - other).mean() < 0.01 * other.mean()
 
 
+def glass_by_hand(make):
+    """Refraction and gloss, mixed by a Fresnel node."""
+    made = make.shader("ShaderNodeMixShader")
+    tree, mix = made.node_tree, made.node_tree.nodes["Mix Shader"]
+    for kind, into, colour in (("Refraction", 1, (0.9, 1, 0.9, 1)), ("Glossy", 2, (1, 1, 1, 1))):
+        node = tree.nodes.new("ShaderNodeBsdfRefraction" if kind == "Refraction" else "ShaderNodeBsdfAnisotropic")
+        node.inputs["Color"].default_value, node.inputs["Roughness"].default_value = colour, 0.0
+        tree.links.new(node.outputs[0], mix.inputs[into])
+        if kind == "Refraction":
+            node.inputs["IOR"].default_value = 1.45
+    fresnel = tree.nodes.new("ShaderNodeFresnel")
+    fresnel.inputs["IOR"].default_value = 1.45
+    tree.links.new(fresnel.outputs[0], mix.inputs[0])
+    return made
+
+
 MATERIALS = {
+    "glass by hand": glass_by_hand,
     "diffuse": lambda make: make.shader("ShaderNodeBsdfDiffuse", Color=(0.8, 0.3, 0.1, 1)),
     "glossy": lambda make: make.shader("ShaderNodeBsdfGlossy", Color=(0.9, 0.6, 0.3, 1), Roughness=0.2),
     "mirror": lambda make: make.shader("ShaderNodeBsdfGlossy", Color=(0.9, 0.6, 0.3, 1), Roughness=0.0),
@@ -95,6 +113,8 @@ MATERIALS = {
     "tinted rough principled": lambda make: make.material(
         "t", Base_Color=(0.8, 0.5, 0.2, 1), Transmission_Weight=1.0, Roughness=0.2
     ),
+    "tinted glass of 0.5": lambda make: make.shader("ShaderNodeBsdfGlass", Color=(0.8, 0.5, 0.2, 1), Roughness=0.5),
+    "coat": lambda make: make.material("c", Base_Color=(0.8, 0.6, 0.4, 1), Coat_Weight=1.0, Specular_IOR_Level=0.0),
     "principled as made": lambda make: make.material("p", Roughness=0.5),
     "rough metal": lambda make: make.material("m", Base_Color=(0.9, 0.6, 0.3, 1), Metallic=1.0, Roughness=0.6),
     "emission": lambda make: make.shader("ShaderNodeEmission", Color=(1, 0.5, 0.2, 1), Strength=2.0),
@@ -124,6 +144,87 @@ def test_material_looks_as_in_cycles(kind, tmp_path):
     one, other = cycles.ours(256, depth=8), cycles.of_cycles(tmp_path, 256, depth=8)
     print("ball", kind, one[ball].mean((0, 1)) / other[ball].mean((0, 1)))
     assert one[ball].mean((0, 1)) == pytest.approx(other[ball].mean((0, 1)), rel=0.02)
+
+
+def test_coat_of_a_black_ball_is_schlicks_here_and_fresnels_in_cycles(tmp_path):
+    """The whole of the difference in closed form: means over a hemisphere, as a ball far away shows them."""
+    import bpy
+
+    from rptcam_cl.rendering.plan.materials import smooth_mean
+    from tests.integrations import cycles
+
+    scene = cycles.empty_scene((64, 64))
+    scene.camera.location, scene.camera.rotation_euler = (0, -6, 0), (math.pi / 2, 0, 0)
+    scene.camera.data.type, scene.camera.data.ortho_scale = "ORTHO", 2.0
+    coat = cycles.material("c", Base_Color=(0, 0, 0, 1), Coat_Weight=1.0, Coat_Roughness=0.0, Specular_IOR_Level=0.0)
+    cycles.add("uv_sphere", coat, radius=1.0, segments=128, ring_count=64)
+    bpy.ops.object.shade_smooth()
+    cycles.world()
+    for film, expected in ((cycles.ours(64), 0.04 + 0.96 / 21), (cycles.of_cycles(tmp_path, 64), smooth_mean(1.5))):
+        ball = (film.mean() - 1) / (math.pi / 4) + 1  # the world is white beside it
+        assert ball == pytest.approx(expected, abs=2e-3)
+
+
+@pytest.mark.parametrize("roughness", [0.3, 0.5, 0.7])
+def test_sheen_sends_back_as_much_even_light_as_in_cycles(roughness, tmp_path):
+    """Of another formula, by the roughness that makes them equal; 0.02 of what comes back, and 0.001 of the light."""
+    import bpy
+
+    from tests.integrations import cycles
+
+    scene = cycles.empty_scene((64, 64))
+    scene.camera.location, scene.camera.rotation_euler = (0, -6, 0), (math.pi / 2, 0, 0)
+    scene.camera.data.type, scene.camera.data.ortho_scale = "ORTHO", 2.0
+    cloth = cycles.shader("ShaderNodeBsdfSheen", Color=(1, 1, 1, 1), Roughness=roughness)
+    cycles.add("uv_sphere", cloth, radius=1.0, segments=128, ring_count=64)
+    bpy.ops.object.shade_smooth()
+    cycles.world()
+    one, other = ((film.mean() - 1) / (math.pi / 4) + 1 for film in (cycles.ours(64), cycles.of_cycles(tmp_path, 64)))
+    assert one == pytest.approx(other, rel=0.02, abs=1e-3)
+
+
+def test_process_of_its_own_is_killed_and_blender_stays(tmp_path, monkeypatch):
+    """F12 ends with an error that says so, the file is as it was, and the next F12 is a picture with the same bits."""
+    import os
+    import signal
+    import threading
+
+    import bpy
+
+    import integrations.blender
+    from integrations.blender import live
+    from rptcam_cl.imaging.image import read_film
+    from tests.integrations import cycles
+
+    integrations.blender.register()
+    try:
+        scene = cycles.empty_scene((48, 32))
+        cycles.add("cube", cycles.material(), size=1.0)
+        cycles.world()
+        scene.render.engine, scene.rptcam.samples, scene.rptcam.own_process = "RPTCAM", 1 << 20, True
+        scene.render.image_settings.file_format, scene.render.image_settings.color_depth = "OPEN_EXR", "32"
+        made, begin = [], live.SessionApart.__init__
+
+        def begun(self, *given, **more):
+            begin(self, *given, **more)
+            made.append(self.pid)
+            if scene.rptcam.samples > 4:
+                threading.Timer(0.5, os.kill, (self.pid, signal.SIGKILL)).start()
+
+        monkeypatch.setattr(live.SessionApart, "__init__", begun)
+        scene.render.filepath = str(tmp_path / "apart.exr")
+        with pytest.raises(RuntimeError, match=r"process has ended \(signal 9\)"):
+            bpy.ops.render.render(write_still=True)
+        assert {item.name for item in bpy.data.objects} == {"Camera", "Cube"}
+        scene.rptcam.samples = 4
+        films = []
+        for scene.rptcam.own_process in (True, False):
+            bpy.ops.render.render(write_still=True)
+            films.append(read_film(tmp_path / "apart.exr").pixels)
+        assert len(set(made)) == 2 and np.array_equal(*films) and films[0].mean() > 0.1
+        assert not any(Path(f"/proc/{pid}").exists() for pid in made)
+    finally:
+        integrations.blender.unregister()
 
 
 @pytest.mark.parametrize("domain", ["POINT", "CORNER"])
@@ -445,7 +546,33 @@ def forest(cycles):
     return {"sky texture": 1}
 
 
-@pytest.mark.parametrize("make", [interior, street, walker, forest])
+def product(cycles):
+    """Brass, china and lacquer on a swept backdrop under two area lamps, with a row of small lamps out of focus."""
+    import bpy
+
+    scene = cycles.empty_scene((120, 80))
+    scene.camera.location, scene.camera.rotation_euler = (0, -5, 1.1), (math.radians(84), 0, 0)
+    scene.camera.data.dof.use_dof, scene.camera.data.dof.focus_distance = True, 4.8
+    backdrop = cycles.add("grid", cycles.material("paper", Base_Color=(0.6, 0.6, 0.62, 1)), size=12, location=(0, 2, 0))
+    for vertex in backdrop.data.vertices:
+        vertex.co.z = 0.25 * max(vertex.co.y - 1, 0) ** 2
+    brass = cycles.material("brass", Base_Color=(0.9, 0.7, 0.35, 1), Metallic=1.0, Roughness=0.25)
+    lacquer = cycles.material("lacquer", Base_Color=(0.6, 0.02, 0.02, 1), Roughness=0.5, Coat_Weight=1.0)
+    cycles.add("cylinder", brass, radius=0.35, depth=1.2, location=(-0.6, 0, 0.6), vertices=64)
+    cycles.add("uv_sphere", cycles.material("china", Roughness=0.15), radius=0.4, location=(0.35, 0.3, 0.4))
+    bpy.ops.object.shade_smooth()
+    bpy.ops.mesh.primitive_torus_add(location=(0.6, -0.7, 0.12), major_radius=0.3, minor_radius=0.12)
+    bpy.context.object.data.materials.append(lacquer)
+    bpy.ops.object.shade_smooth()
+    cycles.add_lamp("AREA", (-2, -2, 4), 150, size=1.5, rotation=(0.5, -0.4, 0))
+    cycles.add_lamp("AREA", (3, 0, 3), 60, size=1.0, rotation=(0, 0.8, 0))
+    for i in range(5):
+        bulb = cycles.shader("ShaderNodeEmission", Color=(1, 0.7, 0.4, 1), Strength=40)
+        cycles.add("uv_sphere", bulb, radius=0.02, location=(i - 2, 4, 1.6 + 0.1 * (i % 2)), segments=12, ring_count=8)
+    return {}
+
+
+@pytest.mark.parametrize("make", [interior, street, walker, forest, product])
 def test_scene_of_a_kind_is_exported_with_its_report(make):
     """The report names what is said of each scene, so often; what is exported renders, and is not dark."""
     from tests.integrations import cycles
@@ -462,9 +589,10 @@ def test_scene_of_a_kind_is_exported_with_its_report(make):
         cones = [item for item in export.keys["objects"] if "Cone" in item["name"]]
         assert len(cones) == 17 * 17 + 1  # the one that is carried is shown as well, as Blender's own list has it
         assert len(export.keys["meshes"]) == 2  # tree and ground, each once
-    if make is walker:
+    if make in (walker, product):
         assert not sentences
-    assert float(np.asarray(rptcam_cl.render(export.keys)).mean()) > 1e-3
+    film = np.asarray(rptcam_cl.render(export.keys))
+    assert np.isfinite(film).all() and float(film.mean()) > 1e-3
 
 
 @pytest.mark.parametrize("frame", [1, 9, 12])

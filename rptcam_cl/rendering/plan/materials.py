@@ -410,11 +410,12 @@ def _fill_once(record: np.void) -> None:
 
 
 def _scatters_again(records: NDArray[np.void]) -> bool:
-    """Return whether facets of any material lose light that they scatter more than once, unless it is added."""
+    """Return whether facets or fibres lose light that they scatter more than once, unless it is added."""
     kinds = (MaterialKind.CONDUCTOR, MaterialKind.METAL, MaterialKind.ROUGH_DIELECTRIC)
     principled = records["kind"] == MaterialKind.PRINCIPLED
-    shares = [(records[name] > 0) | (records[f"{name}_texture"] >= 0) for name in ("metallic", "transmission", "coat")]
-    return bool(np.any(np.isin(records["kind"], kinds)) or np.any(principled & np.any(shares, axis=0)))
+    losing = ("metallic", "transmission", "coat", "sheen")
+    given = [records[name].reshape(len(records), -1).any(axis=1) | (records[f"{name}_texture"] >= 0) for name in losing]
+    return bool(np.any(np.isin(records["kind"], kinds)) or np.any(principled & np.any(given, axis=0)))
 
 
 @lru_cache(maxsize=256)
