@@ -646,10 +646,10 @@ def _facts_of_shapes(
     is_smooth = any(primitive.mesh is not None and primitive.mesh.normals is not None for primitive in primitives)
     bumpy = materials["HAS_NORMAL_MAP"] or materials["HAS_COAT_NORMAL"] or materials["HAS_BUMP"]
     return {f"HAS_{kind.name}": int(kind in kinds) for kind in Kind} | {
-        "HAS_TANGENT": int(materials["HAS_ANISOTROPY"] or any(materials[name] for name in FRAMED)),
+        "HAS_TANGENT": int(any(materials[name] for name in ("HAS_ANISOTROPY", "HAS_HAIR", *FRAMED))),
         "HAS_BITANGENT": int(any(materials[name] for name in FRAMED)),
         "HAS_SHADING_NORMAL": int(bumpy or is_smooth),
-        "HAS_AFFINE": int(bool(kinds - {Kind.SPHERE, Kind.MESH})),
+        "HAS_AFFINE": int(bool(kinds - {Kind.SPHERE, Kind.CURVE, Kind.MESH})),
         "HAS_INSTANCES": int(meshes is not None and meshes.instanced),
     }
 
