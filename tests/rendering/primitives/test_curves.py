@@ -34,7 +34,7 @@ def nearest(o, d, controls, widths):
     return np.where(room >= 0, depth, np.inf).min(), np.abs(np.where(np.isfinite(room), room, 1)).min()
 
 
-@pytest.mark.parametrize("tree", [True, False])
+@pytest.mark.parametrize("tree", [True, pytest.param(False, marks=pytest.mark.slow)])
 def test_rays_meet_curves_where_float64_does(session, monkeypatch, tree):
     rng = np.random.default_rng(4)
     with_tree(monkeypatch, tree)
@@ -43,8 +43,8 @@ def test_rays_meet_curves_where_float64_does(session, monkeypatch, tree):
             "material": {"kind": "matte", "reflectance": 0.5}}  # fmt: skip
     scene = TracedScene(session, [item])
     assert scene.has_tree is tree
-    o = 1.5 * rng.normal(size=(1024, 3))
-    d = rows[rng.integers(40, size=1024), 2, :3] + rng.normal(scale=0.03, size=o.shape) - o
+    o = 1.5 * rng.normal(size=(400, 3))
+    d = rows[rng.integers(40, size=400), 2, :3] + rng.normal(scale=0.03, size=o.shape) - o
     d /= np.linalg.norm(d, axis=1, keepdims=True)
     found = scene.trace_shapes(o.astype(np.float32), d.astype(np.float32))
     pieces = bezier_pieces(rows, "bspline").reshape(-1, 4, 4)
@@ -57,10 +57,10 @@ def test_rays_meet_curves_where_float64_does(session, monkeypatch, tree):
         unlike += (found.primitive[k] >= 0) != np.isfinite(expected)
         if np.isfinite(expected) and found.primitive[k] >= 0:
             off.append(abs(found.t[k] - expected))
-    assert sure > 800
-    assert unlike <= 3  # rays that look along a curve
-    assert len(off) > 200
-    assert np.quantile(off, 0.98) < 2e-4  # rays almost along a curve find a place beside the nearest one
+    assert sure > 300
+    assert unlike <= 2  # rays that look along a curve
+    assert len(off) > 80
+    assert np.quantile(off, 0.95) < 2e-4  # rays almost along a curve: so far apart float64 tries places
     assert max(off) < 0.01
 
 
