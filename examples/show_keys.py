@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from PIL import Image, ImageDraw
 
 import rptcam_cl
@@ -172,6 +173,18 @@ def lamps() -> list[Keys]:
     ]  # fmt: skip
 
 
+def tuft(count: int, width: float, spread: float) -> Keys:
+    """Return strands that stand on a spot of the floor and fall apart."""
+    rng = np.random.default_rng(5)
+    roots, lean = 0.3 * rng.normal(size=(count, 2)).clip(-1.5, 1.5), spread * rng.normal(size=(count, 2))
+    heights, rows = rng.uniform(0.5, 0.9, count), np.zeros((count, 4, 4))
+    for k, share in enumerate((0, 0.4, 0.75, 1)):
+        rows[:, k, [0, 2]] = roots * (1 + share) + lean * share**2 * 2
+        rows[:, k, 1] = heights * share * (1.35 - 0.5 * share)
+        rows[:, k, 3] = width * (1 - 0.9 * share)
+    return {"shape": "curves", "points": rows.reshape(-1, 4).tolist(), "counts": [4] * count}
+
+
 def scenes() -> Iterator[tuple[str, Keys]]:
     """Yield the scene of each model that is not on the stage."""
     dim = {"kind": "constant", "radiance": 0.02}
@@ -179,6 +192,11 @@ def scenes() -> Iterator[tuple[str, Keys]]:
         yield name, scene_of([ball(0, 0, 0.5, MATERIALS["Matte"])], lights=[light], environment=dim)
     smoke = {"kind": "boundary", "interior": {"scattering_per_m": 5, "absorption_per_m": [0.3, 1.5, 3]}}
     yield "Boundary", scene_of([ball(0, 0, 0.5, smoke)], environment={**ROOM, "gain": 0.5}, lights=[SUN])
+    grass = {"kind": "translucent", "reflectance": [0.08, 0.2, 0.03], "transmittance": [0.06, 0.15, 0.02]}
+    blades = tuft(250, 0.025, 0.25) | {"form": "flat", "material": grass}
+    yield "Curves", scene_of([blades], environment=ROOM, lights=[SUN])
+    brown = {"kind": "hair", "eumelanin": 0.7, "pheomelanin": 0.2}
+    yield "Hair", scene_of([tuft(1500, 0.006, 0.1) | {"material": brown}], environment=ROOM, lights=[SUN])
     pair = [ball(0.35, 0, 0.5, MATERIALS["Mirror"]), ball(-0.8, 0.1, 0.4, GREY)]
     for name, environment in ENVIRONMENTS.items():
         yield name, scene_of(pair, environment=environment, exposure="auto")

@@ -15,7 +15,7 @@ static inline F exponential(F x)
     return x < -87.0f ? ZERO : p * power;
 }
 
-#if HAS_SHEEN || HAS_MEDIA
+#if HAS_SHEEN || HAS_MEDIA || HAS_HAIR
 // ln(x) for normal x > 0: x = 2^k m with m in [0.71, 1.42], then the series of artanh (error 1e-7 of the value).
 static F logarithm(F x)
 {

@@ -83,6 +83,11 @@ IN_PLACE static I meets_box(PackRay r, float4 middle, float4 size, F limit)
 #else
 #define IF_CONE
 #endif
+#if HAS_CURVE
+#define IF_CURVE      if (OF_KIND(KIND_CURVE)) { CURVE_T } else
+#else
+#define IF_CURVE
+#endif
 
 // Calls VISIT(index, t) for the primitives of every leaf that a lane of `on` enters before its `limit`; VISIT may lower
 // both.
@@ -111,7 +116,7 @@ IN_PLACE static I meets_box(PackRay r, float4 middle, float4 size, F limit)
                     Ray here = RAY_AT_REST(ray, i);                                         \
                     F t;                                                                    \
                     I met = TRUE;                                                           \
-                    IF_SPHERE IF_ELLIPSOID IF_RECTANGLE IF_DISK IF_BOX IF_CYLINDER IF_CONE  \
+                    IF_SPHERE IF_ELLIPSOID IF_RECTANGLE IF_DISK IF_BOX IF_CYLINDER IF_CONE IF_CURVE \
                         t = (F)(-1.0f);                                                     \
                     VISIT                                                                   \
                 }                                                                           \

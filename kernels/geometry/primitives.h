@@ -230,6 +230,10 @@ static F hit_cone(const __global Primitive *p, Ray ray, I origin)
 }
 #endif
 
+#if HAS_CURVE
+#include "geometry/cubic_curve.h"
+#endif
+
 // How each kind finds `t` of the primitive p from the ray `here`, which is taken to where p is at rest: negative, infinite
 // or NaN where there is no hit. Flat kinds hit where `met` only, so that masks need not go through t.
 // In the loop over all spheres, those that no lane meets ahead are left out; in leaves of a tree that is dearer.
@@ -250,6 +254,7 @@ static F hit_cone(const __global Primitive *p, Ray ray, I origin)
 #define BOX_T        t = hit_box(p, here, origin, &met);
 #define CYLINDER_T   t = hit_cylinder(p, here, origin);
 #define CONE_T       t = hit_cone(p, here, origin);
+#define CURVE_T      F u; t = hit_curve(p, here, STARTS_ON_CURVE(here.origin, kind_end), &u);
 
 // Calls VISIT(index, t, met) for every primitive.
 #define FOR_EACH_OF_KIND(KIND, ray, VISIT, HIT)                                    \
@@ -322,9 +327,14 @@ static F hit_cone(const __global Primitive *p, Ray ray, I origin)
 #else
 #define EACH_CONE(ray, VISIT)
 #endif
+#if HAS_CURVE
+#define EACH_CURVE(ray, VISIT) FOR_EACH_OF_KIND(KIND_CURVE, ray, VISIT, CURVE_T)
+#else
+#define EACH_CURVE(ray, VISIT)
+#endif
 #define EACH_PRIMITIVE(ray, WHICH, VISIT)                                                   \
     EACH_SPHERE(ray, VISIT) EACH_ELLIPSOID(ray, VISIT) EACH_RECTANGLE(ray, WHICH, VISIT)    \
     EACH_DISK(ray, WHICH, VISIT) EACH_PLANE(ray, VISIT) EACH_BOX(ray, VISIT)                       \
-    EACH_CYLINDER(ray, VISIT) EACH_CONE(ray, VISIT)
+    EACH_CYLINDER(ray, VISIT) EACH_CONE(ray, VISIT) EACH_CURVE(ray, VISIT)
 
 #endif

@@ -126,7 +126,12 @@ static Uv texture_coordinates(Ray ray, Hit hit, I on, F3 p, Scene scene)
         if (moves(index, scene))
             there = point_at_rest(placing_of(index, ray.time, scene), p);
 #endif
+#if HAS_CURVE
+        SurfacePoint point = index >= scene.kind_end[KIND_CURVE - 1]
+            ? point_on_curve(scene.primitives + index, RAY_AT_REST(ray, index), FALSE) : surface_point(index, there, 1, scene);
+#else
         SurfacePoint point = surface_point(index, there, 1, scene);
+#endif
         uv.u = mine ? point.u : uv.u;
         uv.v = mine ? point.v : uv.v;
         on = on & NOT(mine);

@@ -123,6 +123,9 @@ static Receiver receiver_of(Vertex vertex, F3 d)
 #if HAS_TRANSMISSION
     passes |= vertex.kind == MATERIAL_PRINCIPLED;
 #endif
+#if HAS_HAIR
+    passes |= vertex.kind == MATERIAL_HAIR;
+#endif
     Receiver receiver;
     receiver.n = keep3(NOT(passes), scale(vertex.n, with_sign(ONE, -dot3(vertex.ng, d))));
 #if LIGHT_LOBES

@@ -47,7 +47,7 @@
 #define HAS_BRUSHED_SHARE 0
 #endif
 #define HAS_LAMPS       (HAS_EMISSIVE || HAS_GLOW)
-#define HAS_CLOSURE     (HAS_GLOSSY || HAS_PLASTIC || HAS_THIN_GLASS || HAS_PASSED || HAS_ABSORPTION || HAS_GLOW) // any row below
+#define HAS_CLOSURE     (HAS_GLOSSY || HAS_PLASTIC || HAS_THIN_GLASS || HAS_PASSED || HAS_ABSORPTION || HAS_GLOW || HAS_HAIR) // any row below
 
 #include "material/ggx.h"
 #include "material/facet_shares.h"
@@ -81,6 +81,11 @@
     WHEN(HAS_BRUSHED_SHARE, EACH(F,    once_mean,    ONE,              ONE)) /* and its mean over even light */ \
     WHEN(HAS_UNDERCOVER,   EACH(F,     internal,     ZERO,             (F)(material->internal))) /* diffuse share */ \
     WHEN(HAS_ROUGH_PLASTIC, EACH(Cover, cover,       no_cover(),       known_cover(material->cover, material->cover_last))) \
+    WHEN(HAS_HAIR,         EACH(F,     across,       ZERO,             ZERO)) /* of a fibre, -1 to 1, by the point */ \
+    WHEN(HAS_HAIR,         EACH(F,     hair_variance, ONE,             (F)(material->hair.x))) \
+    WHEN(HAS_HAIR,         EACH(F,     hair_scale,   ONE,              (F)(material->hair.y))) \
+    WHEN(HAS_HAIR,         EACH(F,     hair_tilt,    ZERO,             (F)(material->hair.z))) \
+    WHEN(HAS_HAIR,         EACH(F,     hair_depth,   ONE,              (F)(material->hair.w))) \
     WHEN(HAS_THIN_GLASS,   EACH(F3,    depth,        BLACK_3,          coefficient(material->absorption, scene))) \
     WHEN(HAS_PASSED,       EACH(F3,    passed,       WHITE_3,          COLOR(HAS_PASSED_TEXTURE, passed))) \
     WHEN(HAS_PRINCIPLED,   EACH(F,     metallic,     ZERO,             NUMBER(HAS_METALLIC_TEXTURE, metallic))) \

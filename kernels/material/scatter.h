@@ -3,6 +3,7 @@
 #define SCATTER_H
 #include "material/dielectric.h"
 #include "material/glossy.h"
+#include "material/hair.h"
 #include "material/matte.h"
 #if HAS_MEDIA
 #include "material/medium.h"
@@ -18,16 +19,22 @@
     WHEN(HAS_TRANSLUCENT, SPREAD(translucent)) \
     WHEN(HAS_PLASTIC,    SPREAD(plastic)) \
     WHEN(HAS_GLOSSY,     SPREAD(glossy)) \
+    WHEN(HAS_HAIR,       SPREAD(hair)) \
     WHEN(HAS_MIRROR,     SPECULAR(mirror)) \
     WHEN(HAS_DIELECTRIC, SPECULAR(dielectric)) \
     WHEN(HAS_THIN_GLASS, SPECULAR(thin_glass)) \
     WHEN(HAS_MEDIA,      SPREAD(phase))
 
-// A medium has no surface to be on the wrong side of.
+// A medium has no surface to be on the wrong side of, and fibres scatter to all sides.
 #if HAS_MEDIA
 #define PHASES_AGREE | phase_is(vertex.kind)
 #else
 #define PHASES_AGREE
+#endif
+#if HAS_HAIR
+#define FIBRES_AGREE | hair_is(vertex.kind)
+#else
+#define FIBRES_AGREE
 #endif
 
 #define NOTHING_TO_EVAL(name)
@@ -50,7 +57,7 @@ static inline F3 scatter_eval(Vertex vertex, F3 d, F3 wo, F *pdf)
     *pdf = ZERO;
     BSDFS(EVAL, NOTHING_TO_EVAL)
 #if HAS_SHADING_NORMAL
-    I agrees = consistent(vertex, side, wo) PHASES_AGREE;
+    I agrees = consistent(vertex, side, wo) PHASES_AGREE FIBRES_AGREE;
     value = keep3(agrees, value);
     *pdf = agrees ? *pdf : ZERO;
 #endif
@@ -81,7 +88,7 @@ static Scattered scatter_sample(Vertex vertex, F3 d, F u, F v, F lobe)
     out.pdf = ZERO;
     BSDFS(SAMPLE, SAMPLE)
 #if HAS_SHADING_NORMAL
-    I agrees = consistent(vertex, side, out.direction) PHASES_AGREE;
+    I agrees = consistent(vertex, side, out.direction) PHASES_AGREE FIBRES_AGREE;
     out.weight = keep3(agrees, out.weight);
 #endif
     return out;

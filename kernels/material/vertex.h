@@ -191,6 +191,9 @@ static void take_material(Vertex *vertex, I mine, const __global Material *mater
 #if HAS_AGAIN
     vertex->closure.again = mine ? scattered_again(material, dot3(vertex->n, d)) : vertex->closure.again;
 #endif
+#if HAS_HAIR
+    vertex->closure.across = mine ? 2.0f * point.v - 1.0f : vertex->closure.across;
+#endif
 #if HAS_STAIN
     vertex->closure.glass_mean = mine ? mean_scattered_once(material, dot3(vertex->n, d)) : vertex->closure.glass_mean;
 #endif
@@ -226,8 +229,12 @@ static void take_mix(Vertex *vertex, I mine, const __global Material *mix, Surfa
 #endif
 
 // Of a primitive that is no mesh.
-static inline SurfacePoint other_point(int index, F3 p, int textured, Scene scene)
+static inline SurfacePoint other_point(int index, Ray ray, F3 p, int textured, Scene scene)
 {
+#if HAS_CURVE
+    if (index >= scene.kind_end[KIND_CURVE - 1])
+        return point_on_curve(scene.primitives + index, RAY_AT_REST(ray, index), STARTS_ON_CURVE(ray.origin, scene.kind_end));
+#endif
     SurfacePoint point = surface_point(index, p, textured, scene);
 #if HAS_TANGENT
     Tangents tangents = tangents_of(index, point.p, point.n, scene);
@@ -300,9 +307,9 @@ static Vertex vertex_of(Ray ray, Hit hit, I on, F choice, Scene scene)
         if (index >= first_mesh)
             point = on_mesh;
         else
-            point = other_point(index, there, material->textured, scene);
+            point = other_point(index, ray, there, material->textured, scene);
 #else
-        SurfacePoint point = other_point(index, there, material->textured, scene);
+        SurfacePoint point = other_point(index, ray, there, material->textured, scene);
 #endif
 #if HAS_MOTION
         if (moves(index, scene))

@@ -358,6 +358,8 @@ class RenderJob:
         self.ghosting = ghosting
         if ghosting is None and resolved.ghosts is not None:
             self.ghosting = ghosting_of(resolved.ghosts, plan, wavefront.session.beside())
+        found = resolved.diffraction
+        self._diffraction = None if found is None else replace(found, plan=plan)
         self._truth = self._ground_truth()
         if saver is not None:
             saver.of_picture = self._of_picture()
@@ -552,7 +554,7 @@ class RenderJob:
     def _with_optics(self, image: Image) -> Image:
         if self.ghosting is not None:
             image = with_ghosts(image, *self.ghosting.result)
-        return replace(image, pixels=diffract(self.resolved.diffraction, image.pixels))
+        return replace(image, pixels=diffract(self._diffraction, image.pixels))
 
     def _report_progress(self, progress: Progress) -> None:
         assert self.options.on_progress is not None
@@ -579,7 +581,7 @@ class RenderJob:
 
     def _arrays_beside(self, *, whole: bool) -> dict[str, Any]:
         """What `merge` needs beside the samples; of a part also the ghosts and the sharp layers."""
-        makers = (self.resolved.diffraction, *((None, None) if whole else (self.ghosting, self._truth)))
+        makers = (self._diffraction, *((None, None) if whole else (self.ghosting, self._truth)))
         return {name: array for each in makers if each is not None for name, array in each.arrays().items()}
 
     def _ground_truth(self) -> GroundTruth | None:

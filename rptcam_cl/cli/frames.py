@@ -29,6 +29,7 @@ from rptcam_cl.cli.output import (
     layers_of_outputs,
     names_of,
     point,
+    positive,
     print_table,
     print_warnings,
     progress_on_stderr,
@@ -470,6 +471,65 @@ def run_sweep(arguments: argparse.Namespace) -> int:
     print_table([*over, *entry.measures], rows)
     return 0
 
+
+# ``rptcam stack``: one picture that is sharp throughout, of many that are focused at different distances.
+
+
+def add_stack(parser: argparse.ArgumentParser) -> None:
+    """Add the options of the command."""
+    parser.add_argument("scene", type=Path, metavar="SCENE", help="scene file (YAML)")
+    for name, text in (("--near-m", "nearest"), ("--far-m", "farthest")):
+        parser.add_argument(name, type=positive, required=True, metavar="D", help=f"{text} distance of focus [m]")
+    parser.add_argument(
+        "--steps",
+        type=_count,
+        metavar="N",
+        help="pictures to take (default: as many as it needs)",
+    )
+    parser.add_argument(
+        "-o", "--output", action="append", required=True, type=Path, metavar="OUT", dest="outputs",
+        help=f"picture to write, as of render; {listed(LAYER_SUFFIXES)} have the depth map as layer; may be repeated",
+    )  # fmt: skip
+    add_options(parser, "spp", "size", "seed")
+    add_device(parser)
+    add_options(parser, "overrides", "quiet")
+
+
+def run_stack(arguments: argparse.Namespace) -> int:
+    """Render a scene focused at many distances, and make one sharp picture and a depth map of them."""
+    from rptcam_cl.api.stacking import focus_stack
+    from rptcam_cl.imaging.writers import check_output
+    from rptcam_cl.scene.load import load_scene
+
+    for output in arguments.outputs:
+        check_output(output, [arguments.scene])
+    scene = load_scene(arguments.scene, arguments.overrides)
+    print_warnings(scene.warnings)
+
+    def say(number: int, count: int, distance_m: float) -> None:
+        if not arguments.quiet:
+            print(f"picture {number} of {count}: focused at {distance_m:.4g} m", file=sys.stderr)
+
+    image = focus_stack(
+        scene, arguments.near_m, arguments.far_m, steps=arguments.steps, spp=arguments.spp, size=arguments.size,
+        seed=arguments.seed, device=arguments.device, on_picture=say,
+    )  # fmt: skip
+    about = image.metadata["focus_stack"]
+    if about["pictures"] < about["needed"]:
+        print_warnings([f"what lies between the pictures is not sharp; {about['needed']} would leave nothing out"])
+    if about["known_share"] < POOR:
+        print_warnings([
+            f"only {about['known_share']:.0%} of the picture has the texture that tells its depth; the rest is taken"
+            " from around it"
+        ])  # fmt: skip
+    arguments.raws, arguments.stats = [], None
+    save(image, arguments)
+    if not arguments.quiet:
+        print(f"wrote {names_of(arguments.outputs)}: {image.width} x {image.height}", file=sys.stderr)
+    return 0
+
+
+POOR = 0.5  # of the picture that tells its depth, below which there is a warning
 
 # Lists of values with an ellipsis: ``2,2.8,…,22`` goes on as it began, in stops for f-numbers, in equal steps else.
 

@@ -423,6 +423,7 @@ def _run_lens_optimise(arguments: argparse.Namespace) -> int:
     from rptcam_cl.optics.files.export import lens_text
     from rptcam_cl.optics.optimise import optimise
     from rptcam_cl.optics.optimise_problem import UNITS, read_problem
+    from rptcam_cl.rendering.tolerance_run import spot_of_copies
 
     if arguments.scene is not None and arguments.report is None:
         raise InputError("--scene: needs --report FOLDER, where the pictures go")
@@ -435,7 +436,10 @@ def _run_lens_optimise(arguments: argparse.Namespace) -> int:
     print_warnings(problem.lens.warnings)
     spec = arguments.tolerances or problem.tolerances
     scene = None if arguments.scene is None else _scene(arguments.scene, problem)
-    found = optimise(problem, state=arguments.state, on_progress=lambda line: print(line, file=sys.stderr))
+    judge = spot_of_copies(problem) if any(term.name == "as_built" for term in problem.terms) else None
+    found = optimise(
+        problem, state=arguments.state, on_progress=lambda line: print(line, file=sys.stderr), judge=judge
+    )
     print_warnings(f"{words} at the end" for words in found.lost)
     if arguments.output is not None:
         lens_options.write(lens_text(found.lens).encode(), arguments.output)
@@ -459,17 +463,20 @@ def _run_lens_optimise(arguments: argparse.Namespace) -> int:
 
 def _tolerance(lens: "Lens", spec: str, problem: "Problem") -> "ToleranceRun | None":
     """The copies of a lens at the fields and wavelengths of the problem; none of a start that forms no image."""
+    from rptcam_cl.optics.lens import film_distance
     from rptcam_cl.rendering.tolerance_run import tolerance
     from rptcam_cl.rendering.tolerances import specification
 
     given = specification(spec)
     beams = {"fields_degrees": problem.fields_degrees, "wavelengths_nm": problem.wavelengths_nm}
-    merit = given.tolerances.merit.model_copy(update=beams)
+    state: dict[str, Any] = {"merit": given.tolerances.merit.model_copy(update=beams)}
+    if math.isfinite(problem.object_distance_mm):
+        film = film_distance(lens, problem.object_distance_mm, "front")
+        state["focus_distance_m"] = (problem.object_distance_mm + lens.length + film) / 1000
     try:
         return tolerance(
-            lens, replace(given, tolerances=given.tolerances.model_copy(update={"merit": merit})),
-            with_sensitivities=False,
-        )  # fmt: skip
+            lens, replace(given, tolerances=given.tolerances.model_copy(update=state)), with_sensitivities=False
+        )
     except InputError as trouble:
         print_warnings([f"no yield: {trouble}"])
         return None
@@ -513,7 +520,7 @@ def _write_drawings(found: "Optimised", folder: Path) -> None:
     problem = found.problem
     states = (("before", found.start, found.start_film_mm), ("after", found.lens, found.film_mm))
     for name, lens, film in states:
-        use = Setting(lens, film if film > 0 else None)
+        use = Setting(lens, film if film > 0 else None, problem.object_distance_mm)
         try:
             picture = draw_lens(use, View(fields=problem.fields_degrees))
             lens_options.write(encode(picture, folder / f"{name}.svg"), folder / f"{name}.svg")
@@ -538,6 +545,8 @@ def _scene(given: str, problem: "Problem") -> "Scene":
     length = problem.focal_length_mm
     half = length * math.tan(math.radians(max(problem.fields_degrees) or 5.0))
     away, height = 0.1 * length, 2 * half * 2 / 3  # 100 focal lengths [m]
+    if math.isfinite(problem.object_distance_mm):
+        raise InputError("--scene: board stands far away; of a near object give a scene with the lens focused on it")
     size = [away / length * 2 * half * 1.1, away / length * height * 1.1]
     squares = 1.1 * ACROSS / SQUARE
     strip = STRIP / (ACROSS * 2 / 3) / 2

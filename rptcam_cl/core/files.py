@@ -35,7 +35,7 @@ EXAMPLES = ("first_light", "colour_chart", "sunny_sixteen")  # those that the RE
 # Scenes that come with the package: the files of each below the folder of examples, the scene file first.
 _SINGLE = (
     "portrait", "materials", "daylight", "reading_room", "propeller", "panning", "prism", "lamps", "lamps_f16",
-    "mirror_telephoto", "night_street", "sharpness", "sun_ghosts",
+    "mirror_telephoto", "night_street", "lamp_rings", "sharpness", "sun_ghosts",
 )  # fmt: skip
 _TEA_TABLE = (
     "tea_table.yaml", "bouquet.glb", "cloth.ply", "flask.ply", "knot.ply", "linen.jpg", "room.hdr", "stone.ply",

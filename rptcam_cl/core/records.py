@@ -316,7 +316,8 @@ class Kind(IntEnum):
     BOX = 5
     CYLINDER = 6
     CONE = 7
-    MESH = 8
+    CURVE = 8
+    MESH = 9
 
 
 class MaterialKind(IntEnum):
@@ -336,6 +337,7 @@ class MaterialKind(IntEnum):
     MIX = 11
     TRANSLUCENT = 12
     BOUNDARY = 13  # of a medium: light passes as if nothing were there
+    HAIR = 14
 
 
 class TextureKind(IntEnum):
@@ -541,7 +543,9 @@ def kind_constants() -> list[str]:
 PRIMITIVE = Record(
     "Primitive",
     (
-        ("float4", "row_x"),  # rows of object_from_world; of a sphere: centre and radius, x axis and handedness, z axis
+        # rows of object_from_world; of a sphere: centre and radius, x axis and handedness, z axis; of curves see
+        # kernels/geometry/cubic_curve.h, and for the last three members too
+        ("float4", "row_x"),
         ("float4", "row_y"),
         ("float4", "row_z"),
         ("int", "material"),
@@ -600,6 +604,7 @@ MATERIAL = Record(
             "float4",
             "passed",
         ),  # of glass the factor on what it refracts, of a leaf the share that it passes
+        ("float4", "hair"),  # variance along a fibre, scale round it, sine of the tilt, depth of its colour
         ("int", "kind"),
         ("int", "textured"),  # whether texture coordinates are wanted
         ("float", "parameter"),  # index of refraction; of matte the variance of slopes; 1 where a lamp's back shines

@@ -27,6 +27,7 @@ from rptcam_cl.rendering.plan.environment import axes
 from rptcam_cl.scene.assets.mesh import distinct_rows
 from rptcam_cl.scene.assets.pictures import SUFFIXES
 from rptcam_cl.scene.materials import LEAST_BEND, MOST_INDEX
+from rptcam_cl.scene.shapes import bezier_pieces
 
 Array = NDArray[np.float64]
 Faces = NDArray[np.int64]
@@ -318,6 +319,8 @@ class Stage:
         shapes: list[tuple[Keys, Any]] = []
         if prim.IsA(self.geom.Mesh):
             shapes = [({"shape": "mesh", "file": file}, bound) for file, bound in self._mesh_files(prim)]
+        elif prim.IsA(self.geom.BasisCurves):
+            shapes = [(keys, prim) for keys in self._strands(prim)]
         elif (keys := self._solid(prim)) is not None:
             shapes = [(keys, prim)]
         else:
@@ -327,7 +330,56 @@ class Stage:
             transform = {"transform": {"matrix": tidy(placement[:3])}}
         places = {"instances": {"file": table}} if table else {}
         for keys, bound in shapes:
-            self.objects.append({**keys, **transform, **places, "material": self._material(bound, prim)})
+            material = self._material(bound, prim)
+            if keys["shape"] == "curves":
+                material = self._material_of_curves(material, prim)
+            self.objects.append({**keys, **transform, **places, "material": material})
+
+    def _strands(self, prim: Any) -> Iterator[Keys]:
+        """Yield the curves of a prim: linear ones and cubic ones of every basis, with their widths."""
+        curves = self.geom.BasisCurves(prim)
+        points = _numbers(curves.GetPointsAttr().Get(self.time), 3)
+        counts = _numbers(curves.GetCurveVertexCountsAttr().Get(self.time), 1, np.int64)
+        basis = "linear" if str(curves.GetTypeAttr().Get()) == "linear" else str(curves.GetBasisAttr().Get())
+        wrap = str(curves.GetWrapAttr().Get())
+        if counts.sum() != len(points) or (counts < (2 if basis == "linear" or wrap == "pinned" else 4)).any():
+            self.report.say("ignored", "curves whose points are not those of their counts", prim)
+            return
+        if wrap == "periodic":
+            self.report.say("approximated", "closed curves by open ones", prim)
+        given = _numbers(curves.GetWidthsAttr().Get(self.time), 1)
+        widths = _widths_of(given if len(given) else np.ones(1), counts)
+        rows = np.column_stack([points, widths])
+        strands = []
+        for start, count in zip(np.cumsum(counts) - counts, counts, strict=True):
+            strand = rows[start : start + count]
+            if basis == "catmullRom" and wrap != "pinned":
+                ends = bezier_pieces(strand[None], "catmull_rom")[0, 1:-1]
+                strand = np.concatenate([ends[0, :1], ends[:, 1:].reshape(-1, 4)])
+            strands.append(strand)
+        if basis == "catmullRom":
+            basis = "catmull_rom" if wrap == "pinned" else "bezier"
+        if basis == "bezier" and any(len(strand) % 3 != 1 for strand in strands):
+            self.report.say("ignored", "Bézier curves whose points make no whole pieces", prim)
+            return
+        normals = curves.GetNormalsAttr().Get(self.time) is not None
+        if normals:
+            self.report.say("approximated", "ribbons with normals by such that turn to whoever sees them", prim)
+        arrays: Any = {"points": np.concatenate(strands), "counts": np.array([len(strand) for strand in strands])}
+        arrays["points"][:, 3] = np.maximum(arrays["points"][:, 3], 0)
+        file = self.files.add("curves", f"{prim.GetName()}.npz", lambda path: np.savez(path, **arrays))
+        yield {"shape": "curves", "file": file, "basis": basis, "form": "flat" if normals else "tube"}
+
+    def _material_of_curves(self, name: str, prim: Any) -> str:
+        """Return the name of a material that curves may have: that given, or its colour alone."""
+        keys = self.materials[name]
+        solid = keys["kind"] in ("dielectric", "thin_glass", "mirror", "emissive") or keys.get("transmission", 0) != 0
+        if not (solid or "emission" in keys or "opacity" in keys):
+            return name
+        self.report.say("approximated", "curves by a matte material of the same colour", prim)
+        colour = keys.get("base_color", keys.get("reflectance", [0.5] * 3))
+        self.materials[f"{name}-of-curves"] = {"kind": "matte", "reflectance": colour}
+        return f"{name}-of-curves"
 
     def _mesh_files(self, prim: Any) -> list[tuple[str, Any]]:
         """Return the files of a mesh, one for each of its materials, and the prims that the materials are bound to."""
@@ -842,6 +894,21 @@ def _numbers(values: Any, width: int, kind: Any = np.float64) -> Any:
         array = np.zeros(0, kind)
     fits = array.ndim == 2 and array.shape[1] == width if width > 1 else array.ndim == 1
     return array if fits else np.zeros((0, width) if width > 1 else 0, kind)
+
+
+def _widths_of(given: Array, counts: Faces) -> Array:
+    """Return a width for each point of curves: one for all, for each curve, each point, or the ends of their pieces."""
+    total = int(counts.sum())
+    if len(given) == total:
+        return given
+    if len(given) == len(counts):
+        return np.repeat(given, counts)
+    if len(given) < len(counts) or len(given) % len(counts):
+        return np.full(total, float(given.mean()))
+    per_curve = given.reshape(len(counts), -1)
+    places = [np.linspace(0, per_curve.shape[1] - 1, count) for count in counts]
+    of = [np.interp(at, np.arange(per_curve.shape[1]), own) for at, own in zip(places, per_curve, strict=True)]
+    return np.concatenate(of)
 
 
 def _usable(placement: Array) -> bool:

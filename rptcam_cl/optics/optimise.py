@@ -21,7 +21,7 @@ from rptcam_cl.core.strict_yaml import MAX_BYTES
 from rptcam_cl.optics.files.glass_catalogues import find_glass, glasses_of
 from rptcam_cl.optics.glass import Medium, abbe_number, known_range
 from rptcam_cl.optics.lens import Lens
-from rptcam_cl.optics.optimise_merit import Merit
+from rptcam_cl.optics.optimise_merit import Judge, Merit
 from rptcam_cl.optics.optimise_problem import GlassChange, Problem, read_problem
 
 Array = NDArray[np.float64]
@@ -199,7 +199,7 @@ class _Search:
             improved = False
             for change in self.given.glasses:
                 for medium in neighbours(glasses[change.surface], change, self.given.wavelengths_nm):
-                    tried = Merit(self.given, {**glasses, change.surface: medium})
+                    tried = Merit(self.given, {**glasses, change.surface: medium}, judge=merit.judge)
                     found, _ = self.local(tried, x, f"{medium.name} behind surface {change.surface}")
                     if tried.values_of(found)["merit"] < 0.999 * merit.values_of(x)["merit"] and _holds(tried, found):
                         merit, x, improved = tried, found, True
@@ -239,6 +239,7 @@ def optimise(
     *,
     state: str | Path | None = None,
     on_progress: Progress | None = None,
+    judge: Judge | None = None,
 ) -> Optimised:
     """Search for the best lens of a problem.
 
@@ -250,6 +251,9 @@ def optimise(
         A file of states: written as the search goes on, and taken up where it is there, with the same result.
     on_progress
         Gets a line after each stage.
+    judge
+        Returns the spot of copies of a lens, where the merit has `as_built`: `spot_of_copies` of
+        `rptcam_cl.rendering.tolerance_run`.
 
     Raises
     ------
@@ -257,8 +261,10 @@ def optimise(
         For a problem that cannot be read, and bounds that no values of the variables hold.
     """
     given = source if isinstance(source, Problem) else read_problem(source)
+    if judge is None and any(term.name == "as_built" for term in given.terms):
+        raise InputError(f"{given.label}: merit.as_built needs a judge of copies (see optimise)")
     search = _Search(given, _Journal(given, None if state is None else Path(state)), on_progress or (lambda _: None))
-    merit = Merit(given, {})
+    merit = Merit(given, {}, judge=judge)
     start, x = merit, merit.x0
     _check_bounds(merit)
     if len(x):
@@ -275,9 +281,9 @@ def optimise(
         raise InputError(f"{given.label}: bounds.{words}, and no values of the variables do it: {over:.4g} mm are left"
                          .replace("bounds.focal_length_mm", "focal_length_mm"))  # fmt: skip
     before, after = start.values_of(start.x0), merit.values_of(x)
-    lens, film = finished_lens(merit, x)
+    lens, film = merit.finished(merit.state(x, False))
     lens = replace(lens, name=f"{given.lens.name}, optimised", source=_provenance(given, before, after))
-    first, first_film = finished_lens(start, start.x0)
+    first, first_film = start.finished(start.state(start.x0, False))
     return Optimised(lens, film, before, after, search.evaluations, merit.lost_rays(x), first, first_film, given)
 
 
@@ -289,21 +295,6 @@ def _check_bounds(merit: Merit) -> None:
             raise InputError(
                 f"{merit.given.label}: {prefix}{words}, and no variable changes it ({over:.4g} mm are left)"
             )
-
-
-def finished_lens(merit: Merit, x: Array) -> tuple[Lens, float]:
-    """Return the lens of some values, with stop and rims set, and its film distance [mm]."""
-    state = merit.state(x, False)
-    ref = merit.given.reference
-    height = state.paraxial.entrance_pupil(ref, float(merit.indices[0, ref]))[2] * merit.pupil
-    heights = state.beam.heights.max(axis=1)
-    changes: dict[int, dict[str, Any]] = {}
-    for k, surface in enumerate(state.lens.surfaces):
-        radius = height if k == state.lens.stop_index else max(surface.semi_diameter, float(heights[k]))
-        changes[k] = {"semi_diameter": float(f"{radius:.9g}")}
-    length = float(state.paraxial.focal_lengths()[0][ref])
-    published = {"focal_length_mm": float(f"{length:.6g}"), "f_number": float(f"{length / (2 * merit.pupil):.6g}")}
-    return state.lens.with_changes(changes, published=published, warnings=()), state.film_mm
 
 
 def _provenance(given: Problem, before: Mapping[str, float], after: Mapping[str, float]) -> str:

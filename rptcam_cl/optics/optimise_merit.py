@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -64,11 +64,21 @@ class State:
 _Rows = tuple[str, Array, Array]  # a name, values (n,) and derivatives (n, variables)
 
 
-class Merit:
-    """The merit of a problem with some glasses; `opening` is the share of pupil and field that rays fill."""
+Judge = Callable[[Lens, float], float]  # of a lens and its film distance: the spot of its copies [um]
+STEP = 1e-4  # of a variable, by which the spot of copies is differentiated
 
-    def __init__(self, given: Problem, glasses: Mapping[int, Medium], opening: float = 1.0) -> None:
-        self.given, self.opening = given, opening
+
+class Merit:
+    """The merit of a problem with some glasses.
+
+    `opening` is the share of pupil and field that rays fill, and `judge` what says how good copies are; without it
+    they count for nothing.
+    """
+
+    def __init__(
+        self, given: Problem, glasses: Mapping[int, Medium], opening: float = 1.0, judge: Judge | None = None
+    ) -> None:
+        self.given, self.opening, self.judge = given, opening, judge
         self.start = given.lens.with_changes({k: {"glass": glass} for k, glass in glasses.items()})
         self.indices = self.start.indices(np.array(given.wavelengths_nm))
         self.pupil = given.focal_length_mm / given.f_number / 2
@@ -107,7 +117,14 @@ class Merit:
         return 1.0
 
     def _values(self, lens: Lens) -> Array:
-        film = lens.first_order(self.given.wavelengths_nm[self.given.reference]).back_focal_distance_mm
+        nm = self.given.wavelengths_nm[self.given.reference]
+        film = lens.first_order(nm).back_focal_distance_mm
+        if self.is_near:
+            film = float(
+                self._images(trace_paraxial(lens, self.indices, Seeds.none(len(lens.surfaces), 0), 0))[0][
+                    self.given.reference
+                ]
+            )
         values = []
         for variable in self.given.variables:
             surface = lens.surfaces[variable.surface]
@@ -146,6 +163,9 @@ class Merit:
         self.points = np.concatenate(points, axis=1) * self.pupil * self.opening
         self.waves, angle = np.concatenate(waves), np.concatenate(fields) * self.opening
         self.directions = np.array([np.zeros_like(angle), np.sin(angle), np.cos(angle)])
+        away = self.given.object_distance_mm
+        if self.is_near:
+            self.origins = -away * np.array([np.zeros_like(angle), np.tan(angle), np.ones_like(angle)])
         self.of_rays = self.indices[:, self.waves]
         weights = np.concatenate([rays.weights.ravel() for rays in self.fields])
         self.lost_weights = np.maximum(weights, weights[weights > 0].min())
@@ -162,9 +182,13 @@ class Merit:
         u, v = u[inside], v[inside]
         origins = np.stack([u * self.pupil, v * self.pupil, np.full(len(u), pupil)], axis=1)
         angle = math.radians(degrees)
-        direction = [0.0, math.sin(angle), math.cos(angle)]
+        directions = np.tile([0.0, math.sin(angle), math.cos(angle)], (len(u), 1))
+        if self.is_near:
+            away = self.given.object_distance_mm
+            directions = origins + np.array([0.0, away * math.tan(angle), away])
+            directions /= np.linalg.norm(directions, axis=1, keepdims=True)
         nm = self.given.wavelengths_nm[self.given.reference]
-        passed = trace(lens, origins, np.tile(direction, (len(u), 1)), nm, "scene").passed
+        passed = trace(lens, origins, directions, nm, "scene").passed
         if np.count_nonzero(passed) < 20:
             return 0.0, 1.0, 1.0  # the start is no lens for this field yet
         low, high = float(v[passed].min()), float(v[passed].max())
@@ -180,17 +204,44 @@ class Merit:
         assert lens.stop_index is not None
         paraxial = trace_paraxial(lens, self.indices, seeds, lens.stop_index)
         if self.given.film == "paraxial":
-            lengths, by = paraxial.back_focal_distances()
+            lengths, by, *_ = self._images(paraxial)
             film = float(lengths[ref])
             seeds.thicknesses[-1] = by[:, ref]
         place, by_place, _ = paraxial.entrance_pupil(ref, float(self.indices[0, ref]))
         points = np.vstack([self.points, np.full(self.points.shape[1], place)])
         index, d = self.of_rays[0], self.directions
+        if self.is_near:
+            return State(lens, film, seeds, paraxial, self._near_beam(lens, film, seeds, points, by_place))
         paths = index * np.sum(points * d, axis=0)
         beam = trace_beam(
             lens, points, d, paths, self.of_rays, film, seeds, by_place, by_place[:, None] * (index * d[2])
         )
         return State(lens, film, seeds, paraxial, beam)
+
+    @property
+    def is_near(self) -> bool:
+        """Whether the object is not far away."""
+        return math.isfinite(self.given.object_distance_mm)
+
+    def _near_beam(self, lens: Lens, film: float, seeds: Seeds, pupil: Array, by_place: Array) -> Beam:
+        """Return rays from points of a near object to points of the entrance pupil, which moves with the variables."""
+        away = pupil - self.origins
+        length = np.sqrt(np.sum(away * away, axis=0))
+        d = away / length
+        turn = -d * d[2] / length  # of a direction, per millimetre that the pupil moves
+        turn[2] += 1.0 / length
+        still = np.zeros((len(by_place), len(length)))
+        return trace_beam(
+            lens, self.origins, d, np.zeros(len(length)), self.of_rays, film, seeds, np.zeros(len(by_place)), still,
+            [by_place[:, None] * row for row in turn],
+        )  # fmt: skip
+
+    def _images(self, paraxial: Paraxial) -> tuple[Array, Array, Array, Array]:
+        """Return last vertex to image by wavelength and magnification (of far objects 1), each with its derivatives."""
+        if self.is_near:
+            return paraxial.images(self.given.object_distance_mm, self.indices[0])
+        lengths, by = paraxial.back_focal_distances()
+        return lengths, by, np.ones_like(lengths), np.zeros_like(by)
 
     def _lens(self, values: Array, derivatives: bool) -> tuple[Lens, float, Seeds]:
         given, count = self.given, len(values) if derivatives else 0
@@ -293,6 +344,19 @@ class Merit:
                 result.append((words, over, sign * by_length[:, ref], HOLD_SHARE * abs(wanted)))
         return result
 
+    def finished(self, state: State) -> tuple[Lens, float]:
+        """Return the lens of a state with stop and rims set, and its film distance [mm]."""
+        ref = self.given.reference
+        height = state.paraxial.entrance_pupil(ref, float(self.indices[0, ref]))[2] * self.pupil
+        heights = state.beam.heights.max(axis=1)
+        changes: dict[int, dict[str, Any]] = {}
+        for k, surface in enumerate(state.lens.surfaces):
+            radius = height if k == state.lens.stop_index else max(surface.semi_diameter, float(heights[k]))
+            changes[k] = {"semi_diameter": float(f"{radius:.9g}")}
+        length = float(state.paraxial.focal_lengths()[0][ref])
+        published = {"focal_length_mm": float(f"{length:.6g}"), "f_number": float(f"{length / (2 * self.pupil):.6g}")}
+        return state.lens.with_changes(changes, published=published, warnings=()), state.film_mm
+
     # Residuals
 
     def evaluate(self, x: Array, derivatives: bool) -> tuple[Array, Array]:
@@ -305,6 +369,7 @@ class Merit:
             rows = [
                 (term.weight * r, term.weight * j) for term in self.given.terms for _, r, j in self._term(state, term)
             ]
+            rows += self._as_built(x, state, derivatives)
             rows += [self._lost(state), self._bounds(state)]
         values, by = np.concatenate([r for r, _ in rows]), np.concatenate([j for _, j in rows])
         bad = ~np.isfinite(values)
@@ -312,6 +377,22 @@ class Merit:
         by[~np.isfinite(by)] = 0.0
         self._last = (key, derivatives, values, by)
         return values, by
+
+    def _copies_um(self, x: Array, state: State) -> float:
+        assert self.judge is not None
+        return self.judge(self.finished(state)[0], state.film_mm)
+
+    def _as_built(self, x: Array, state: State, derivatives: bool) -> list[tuple[Array, Array]]:
+        """Return the spot of copies; it is differentiated by differences, as all copies have the same errors."""
+        weight = sum(term.weight for term in self.given.terms if term.name == "as_built")
+        if not weight or self.judge is None:
+            return []
+        value, by = self._copies_um(x, state), np.zeros((1, len(x) if derivatives else 0))
+        for j in range(by.shape[1]):
+            moved = x.copy()
+            moved[j] += STEP
+            by[0, j] = (self._copies_um(moved, self.state(moved, False)) - value) / STEP
+        return [(weight * np.array([value]), weight * by)]
 
     def _lost(self, state: State) -> tuple[Array, Array]:
         """Count rays that miss a surface or are totally reflected as spots of `LOST`, larger the farther they fail."""
@@ -354,6 +435,8 @@ class Merit:
             state = self.state(x, False)
             parts = {term.name: [r for _, r, _ in self._term(state, term)] for term in self.given.terms}
         values = {name: float(np.sqrt(sum(np.sum(r * r) for r in rows))) for name, rows in parts.items()}
+        if "as_built" in values:
+            values["as_built"] = self._copies_um(x, state) if self.judge is not None else 0.0
         values["merit"] = math.sqrt(sum((term.weight * values[term.name]) ** 2 for term in self.given.terms))
         return values
 
@@ -379,8 +462,10 @@ class Merit:
                 for rays in self.fields:
                     if rays.field or term.name == "telecentricity":
                         yield getattr(self, f"_{term.name}")(state, rays)
+            case "as_built":
+                return  # see `_as_built`
             case "axial_colour":
-                lengths, by = state.paraxial.back_focal_distances()
+                lengths, by, *_ = self._images(state.paraxial)
                 low, high = int(np.argmin(given.wavelengths_nm)), int(np.argmax(given.wavelengths_nm))
                 yield term.name, lengths[[low]] - lengths[[high]], (by[:, low] - by[:, high])[None]
             case _:
@@ -450,6 +535,15 @@ class Merit:
         _, y, dy = self._chief(state, rays)
         ref, wanted = self.given.reference, self.given.focal_length_mm * math.tan(math.radians(rays.field))
         root = 100 * math.sqrt(rays.weights.sum()) / wanted
+        if self.is_near:
+            _, _, scale, by = self._images(state.paraxial)
+            wanted = -self.given.object_distance_mm * math.tan(math.radians(rays.field)) * float(scale[ref])
+            root = 100 * math.sqrt(rays.weights.sum()) / wanted
+            return (
+                "distortion",
+                root * (y[[ref]] - wanted),
+                root * (dy[:, ref] - y[ref] / scale[ref] * by[:, ref])[None],
+            )
         return "distortion", root * (y[[ref]] - wanted), root * dy[None, :, ref]
 
     def _lateral_colour(self, state: State, rays: _Rays) -> _Rows:

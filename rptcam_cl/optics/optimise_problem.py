@@ -32,11 +32,13 @@ Kind = Literal["curvature", "thickness", "conic", "aspheric", "film"]
 UNITS = {
     "spot": "µm", "wavefront": "waves", "mtf": "", "distortion": "%", "axial_colour": "mm", "lateral_colour": "µm",
     "focal_length": "mm", "f_number": "", "telecentricity": "°",
+    "as_built": "µm",
 }  # fmt: skip
 _TARGETS = {"mtf": "per_mm", "focal_length": "target_mm", "f_number": "target"}
 _BOUNDS = ("glass_centre_mm", "glass_edge_mm", "air_centre_mm", "air_edge_mm", "length_mm", "back_focal_mm")
 _TOP = (
-    "lens", "f_number", "focal_length_mm", "fields_degrees", "field_weights", "wavelengths_nm", "wavelength_weights",
+    "lens", "f_number", "focal_length_mm", "object_distance_mm", "fields_degrees", "field_weights", "wavelengths_nm",
+    "wavelength_weights",
     "variables", "pickups", "solves", "film", "bounds", "merit", "search", "evaluations", "rings", "arms",
     "vignetting", "tolerances",
 )  # fmt: skip
@@ -117,6 +119,8 @@ class Problem:
         The start.
     label : str
         The file, or what stands for it.
+    object_distance_mm : float
+        From the object plane to the first vertex; infinite for far objects.
     holds_focal_length : bool
         Whether the focal length is held where it should be, beside the merit.
     film : str or float
@@ -130,6 +134,7 @@ class Problem:
     label: str
     f_number: float
     focal_length_mm: float
+    object_distance_mm: float
     holds_focal_length: bool
     fields_degrees: tuple[float, ...]
     field_weights: tuple[float, ...]
@@ -206,10 +211,12 @@ class _Reader:
         followers = tuple(self._followers())
         self._check_twice([*variables, *followers, *solves])
         tolerances = top.text("tolerances")
+        if any(term.name == "as_built" for term in terms) and not tolerances:
+            raise top.fail(None, "merit.as_built needs tolerances: a grade or a file of them")
         text = json.dumps(self.document.data, sort_keys=True, default=str) + lens_text(lens) + __version__
         return Problem(
             lens, self.document.name, f_number, top.number("focal_length_mm", (length or [first.focal_length_mm])[0]),
-            held, fields, self._weights("field_weights", len(fields)),
+            top.positive("object_distance_mm", math.inf), held, fields, self._weights("field_weights", len(fields)),
             wavelengths, self._weights("wavelength_weights", len(wavelengths)), tuple(variables), followers,
             solves, film, self._bounds(), terms, glasses, self._hunt(),
             self._count("evaluations", 400, MOST_EVALUATIONS), self._count("rings", 4, 40), self._count("arms", 4, 90),

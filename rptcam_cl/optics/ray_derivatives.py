@@ -169,6 +169,7 @@ def trace_beam(
     seeds: Seeds,
     points_by_z: Array,
     paths_by: Array,
+    directions_by: list[Array] | None = None,
 ) -> Beam:
     """Trace rays from the scene to the film, with their derivatives.
 
@@ -177,7 +178,7 @@ def trace_beam(
     lens : Prescription
         All surfaces are such that `follows_derivatives` holds; rims stop no ray.
     points, directions : (3, n) arrays
-        In the frame of the first vertex [mm]; directions have unit length and do not depend on the variables.
+        In the frame of the first vertex [mm]; directions have unit length.
     paths : (n,) array
         Optical path up to the points [mm].
     indices : (surfaces + 1, n) array
@@ -190,10 +191,16 @@ def trace_beam(
         Derivative of z of all starting points; x and y are fixed.
     paths_by : (variables, n) array
         Derivatives of `paths`.
+    directions_by : list of three (variables, n) arrays, optional
+        Derivatives of directions; without them they do not depend on the variables.
     """
     walk = _Walk(lens, points, directions, paths, seeds, points_by_z, paths_by)
+    launched = np.abs(points_by_z)
+    if directions_by is not None:
+        walk.dd = [by.copy() for by in directions_by]
+        launched = launched + sum(np.abs(by).sum(axis=1) for by in directions_by)
     with np.errstate(all="ignore"):
-        for k, count in enumerate(seeds.active(points_by_z)):
+        for k, count in enumerate(seeds.active(launched)):
             walk.cross(k, lens.surfaces[k], indices[k], indices[k + 1], count)
             gap = film_mm if k + 1 == len(lens.surfaces) else lens.surfaces[k].thickness
             walk.shift(gap, seeds.thicknesses[k])
@@ -359,6 +366,14 @@ class Paraxial:
         length, by = self.focal_lengths()
         a = self.behind[0, :, 0]
         return a * length, self.behind_by[:, 0, :, 0] * length + a * by
+
+    def images(self, object_mm: float, index: Array) -> tuple[Array, Array, Array, Array]:
+        """Return where the image of a plane lies, from the last vertex [mm], and the magnification, by wavelength, each
+        with its derivatives. The plane is so far before the first vertex, in media of some index."""
+        at = np.stack([object_mm / index, np.ones_like(index)], axis=1)  # (y, n u) at the first vertex of an axial ray
+        y, v = np.sum(self.behind * at, axis=2)
+        dy, dv = np.moveaxis(np.sum(self.behind_by * at, axis=3), 1, 0)
+        return -self.index * y / v, self.index * (y * dv / v - dy) / v, 1 / v, -dv / v**2
 
     def entrance_pupil(self, wave: int, index: float) -> tuple[float, Array, float]:
         """Return its place from the first vertex [mm] with derivatives, and height at the stop per height in it."""

@@ -1,72 +1,83 @@
 """Diffraction of a rendered film: whether it shows, and the film with it.
 
 The rays have brought the geometrical image, defocus and aberrations included. The film receives its convolution with
-what the opening, as that part of the film sees it, makes of a point by a perfect wavefront: docs/diffraction.md says
-why, and how far that is from the full wave image.
+what the opening, as that part of the film sees it, makes of a point by a perfect wavefront; small lamps are imaged by
+waves alone. docs/diffraction.md says why, and how far that is from the full wave image.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import cache, cached_property
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.core.colour import WAVELENGTHS_NM, cie_1931, daylight_65, rgb_basis
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.remember import checkpoint
+from rptcam_cl.rendering.cameras.chief_rays import seen_places
 from rptcam_cl.rendering.cameras.film_pupil import FilmPupil, FilmPupils
 from rptcam_cl.rendering.cameras.ideal import dirt_edges, edges_of
 from rptcam_cl.rendering.cameras.kinds import camera_of
+from rptcam_cl.rendering.cameras.point_waves import (
+    kept_by_cells,
+)
 from rptcam_cl.rendering.cameras.setting import film_frame
+from rptcam_cl.rendering.far_light import FarLight, fade, quick, received, shares_of_white, strew
 from rptcam_cl.rendering.film import FilmLayout
-from rptcam_cl.rendering.several import GOLDEN
+from rptcam_cl.rendering.lamp_images import LampImage, View, brightness, by_waves, lamp_images, without_lamps
+from rptcam_cl.rendering.plan.plan import Plan
+from rptcam_cl.scene.load import at_opening
 from rptcam_cl.scene.scene import Scene
 
 #
 # A picture blurred by a kernel that varies over it: each pixel spreads its light by the kernels of the nearest nodes.
 #
 # Nodes lie on a grid over the whole film. A pixel's kernel is that of the four about it, weighted linearly, and the
-# weights sum to 1: no light is lost or made. What leaves the picture comes back as if from a mirror at its border,
-# where a real film receives as much from the scene beside it.
+# weights sum to 1. What leaves the picture is lost. What lies beside it is not known; it is taken to be as bright as
+# the border, lamps apart.
 
 Array = NDArray[np.float64]
 
 
-def blur(planes: Array, offset: tuple[int, int], nodes: tuple[Array, Array], kernels: Sequence[Array]) -> Array:
+def blur(
+    planes: Array, lamps: Array, offset: tuple[int, int], nodes: tuple[Array, Array], kernels: Sequence[Array | None]
+) -> Array:
     """Return planes (3, height, width) after each pixel has spread its light.
 
     Parameters
     ----------
     planes
         In float64, with any dynamic range.
+    lamps
+        What of them does not go on beside the picture.
     offset
         Column and row of the first pixel on the whole film.
     nodes
         Columns and rows of the nodes on the whole film, rising.
     kernels
-        One (3, k, k) for each node, by rows; k is odd.
+        One (3, k, k) for each node, by rows; k is odd, and may differ. None spreads nothing.
     """
-    height, width = planes.shape[1:]
-    reach = kernels[0].shape[-1] // 2
-    wide = np.zeros((3, height + 2 * reach, width + 2 * reach))
-    weights = [_hats(axis, start + np.arange(length)) for axis, start, length in
-               zip(nodes, offset, (width, height), strict=True)]  # fmt: skip
+    reach = max((part.shape[-1] // 2 for part in kernels if part is not None), default=0)
+    margin = ((0, 0), (reach, reach), (reach, reach))
+    source = np.pad(planes - lamps, margin, mode="edge") + np.pad(lamps, margin)
+    out = np.zeros((3, source.shape[1] + 2 * reach, source.shape[2] + 2 * reach))
+    weights = [_hats(axis, start - reach + np.arange(length)) for axis, start, length in
+               zip(nodes, offset, source.shape[:0:-1], strict=True)]  # fmt: skip
     for (row, column), kernel in zip(_places(nodes), kernels, strict=True):
         columns, rows = np.flatnonzero(weights[0][column]), np.flatnonzero(weights[1][row])
-        if not len(columns) or not len(rows):
+        if kernel is None or not len(columns) or not len(rows):
             continue
         left, right, top, bottom = columns[0], columns[-1] + 1, rows[0], rows[-1] + 1
-        share = weights[1][row, top:bottom, None] * weights[0][column, left:right]
-        for plane, part, target in zip(planes, kernel, wide, strict=True):
+        share, own = weights[1][row, top:bottom, None] * weights[0][column, left:right], kernel.shape[-1] // 2
+        for plane, part, target in zip(source, kernel, out, strict=True):
             checkpoint()
             spread = _convolve(plane[top:bottom, left:right] * share, part)
-            target[top : bottom + 2 * reach, left : right + 2 * reach] += spread
-    return _fold(_fold(wide, height, reach, 1), width, reach, 2)
+            target[reach - own + top : reach + own + bottom, reach - own + left : reach + own + right] += spread
+    return out[:, 2 * reach : 2 * reach + planes.shape[1], 2 * reach : 2 * reach + planes.shape[2]]
 
 
 def _places(nodes: tuple[Array, Array]) -> Iterator[tuple[int, int]]:
@@ -83,35 +94,12 @@ def _hats(nodes: Array, places: Array) -> Array:
 
 
 def _convolve(plane: Array, kernel: Array) -> Array:
-    """Return the full convolution; where nothing is negative before, nothing is after."""
+    """Return the full convolution; of what is nowhere negative, nothing is negative."""
     shape = tuple(quick(a + b - 1) for a, b in zip(plane.shape, kernel.shape, strict=True))
     product = np.fft.rfft2(plane, shape) * np.fft.rfft2(kernel, shape)
     height, width = (a + b - 1 for a, b in zip(plane.shape, kernel.shape, strict=True))
     spread = np.fft.irfft2(product, shape)[:height, :width]
-    return np.maximum(spread, 0.0) if plane.min() >= 0 else spread
-
-
-def quick(length: int) -> int:
-    """Return the next length whose only prime factors are 2, 3 and 5, which transforms are fast for."""
-    while True:
-        rest = length
-        for prime in (2, 3, 5):
-            while rest % prime == 0:
-                rest //= prime
-        if rest == 1:
-            return length
-        length += 1
-
-
-def _fold(wide: Array, length: int, reach: int, axis: int) -> Array:
-    """Return an axis of planes without its margins, whose light comes back mirrored."""
-    places = np.arange(-reach, length + reach) % (2 * length)
-    places = np.where(places < length, places, 2 * length - 1 - places)
-    moved = np.moveaxis(wide, axis, 0)
-    inner = np.zeros((length, *moved.shape[1:]))
-    for place, line in zip(places, moved, strict=True):
-        inner[place] += line
-    return np.moveaxis(inner, 0, axis)
+    return np.maximum(spread, 0.0) if plane.min() >= 0 and kernel.min() >= 0 else spread
 
 
 #
@@ -121,24 +109,13 @@ def _fold(wide: Array, length: int, reach: int, axis: int) -> Array:
 # open directions (Fraunhofer). Red, green and blue have each the mean over the wavelengths that make them in white
 # light. A kernel has no negative values and the sum 1, so that it neither rings nor adds light.
 
-REACH = 64.0  # half width of a kernel, in wavelength over twice the numerical aperture: 99.7 % of an Airy pattern
+NEAR, REACH = 20.0, 64.0  # half width of a kernel with far light and without, in wavelength over twice the aperture
 LEAST_REACH, MOST_REACH = 2, 256  # the same in pixels
-KNOWN = 1.5 * REACH  # from where the light is left out: an opening of 144 cells shows its image again 141 away
-TAPER = 0.75  # share of the reach from which the kernel fades, so that no square shows about a bright lamp
+KNOWN = 1.02 * REACH  # from where the light is left out; an opening of 144 cells shows its image again 141 away
 FINE = 2.5  # points per wavelength over twice the numerical aperture; 2 resolve the light exactly
 SHARP, SMOOTH = 1.4, 2.0  # the same in pixels: below the first a pixel averages the light, above the second it samples
 WAVES_NM = np.arange(410.0, 700.0, 20.0)
 MIDDLE_NM = 550.0
-
-
-@cache
-def shares_of_white(waves_nm: tuple[float, ...]) -> Array:
-    """Return the share of each of some wavelengths, evenly spaced [nm], in red, green and blue of daylight, (n, 3)."""
-    light = rgb_basis() * (cie_1931().sum(axis=1) * daylight_65())[:, None]
-    bands = np.rint((WAVELENGTHS_NM - waves_nm[0]) / (waves_nm[1] - waves_nm[0])).astype(int)
-    shares = np.zeros((len(waves_nm), 3))
-    np.add.at(shares, np.clip(bands, 0, len(waves_nm) - 1), light)
-    return np.asarray(shares / shares.sum(axis=0))
 
 
 def white_shares() -> Array:
@@ -152,15 +129,9 @@ def unit_px(pupil: FilmPupil, pixel_mm: tuple[float, float], nm: float = MIDDLE_
     return float(length / (2 * pupil.aperture) / np.sqrt(pixel_mm[0] * pixel_mm[1]))
 
 
-def reach_px(unit: float, largest: int) -> int:
+def reach_px(unit: float, largest: int, units: float = REACH) -> int:
     """Return half the width of a kernel [pixels], at most that of the film."""
-    return int(min(max(np.ceil(REACH * unit), LEAST_REACH), MOST_REACH, largest))
-
-
-def fade(radius_px: Array, reach: int) -> Array:
-    """Return the share of the light at radii that a kernel keeps; the rest of it is far light."""
-    radius = radius_px / (reach + 1)
-    return np.asarray(np.cos(np.pi / 2 * np.clip((radius - TAPER) / (1 - TAPER), 0.0, 1.0)) ** 2)
+    return int(min(max(np.ceil(units * unit), LEAST_REACH), MOST_REACH, largest))
 
 
 def kernel(pupil: FilmPupil, pixel_mm: tuple[float, float], reach: int) -> Array:
@@ -183,7 +154,7 @@ def kernel(pupil: FilmPupil, pixel_mm: tuple[float, float], reach: int) -> Array
 
 
 def of_wavelength(pupil: FilmPupil, pixel_mm: tuple[float, float], reach: int, nm: float) -> Array:
-    """Return the light of a wavelength in each pixel, its sum 1."""
+    """Return the share of the light of a wavelength in each pixel; what lies beyond is not among them."""
     checkpoint()
     unit, size = unit_px(pupil, pixel_mm, nm), 2 * reach + 1
     if KNOWN * unit < 0.5:  # all of it in the middle one
@@ -197,220 +168,29 @@ def of_wavelength(pupil: FilmPupil, pixel_mm: tuple[float, float], reach: int, n
     columns = np.exp(turn * pixel_mm[0] * np.outer(pupil.cosines_x - pupil.cosines_x.mean(), places[known]))
     rows = np.exp(turn * pixel_mm[1] * np.outer(places[known], pupil.cosines_y - pupil.cosines_y.mean()))
     light = np.zeros((len(places), len(places)))
-    light[np.ix_(known, known)] = np.abs(rows @ pupil.coverage @ columns) ** 2
+    kept = kept_by_cells(places[known] * pupil.step * pupil.index / (nm * 1e-6) * np.array(pixel_mm)[:, None])
+    light[np.ix_(known, known)] = np.abs(rows @ pupil.coverage @ columns) ** 2 / np.outer(kept[1], kept[0])
+    per_point = (pupil.step * pupil.index / (nm * 1e-6)) ** 2 * pixel_mm[0] * pixel_mm[1] / finer**2
     binned = light.reshape(size, finer, size, finer).sum(axis=(1, 3))
-    return np.asarray(binned / binned.sum())
+    return np.asarray(binned * per_point / pupil.coverage.sum())
 
 
 #
-# The far light of a lamp: what its opening, with dust and scratches, diffracts beyond the kernel about each pixel.
-#
-# An opening is a set of edges, seen along a line in each direction: how wide it is open there is a sum of ramps, and
-# the Fourier transform of that line is the field in this direction (the projection-slice theorem). Light of a
-# wavelength is that of another, scaled; so one table over directions and radii, summed up over both, gives all of
-# them in every pixel.
+# The film with what its openings make of it.
 
-ANGLES = 4096  # directions over half a turn; the other half is alike
-CELLS, LINE = 8192, 2.5  # of the line that an opening is seen along, and its length in widths of the opening
-RESOLVED = 1024.0  # wavelengths times f-number up to which the light is computed; beyond it falls as its cube
-BANDS, SPANS = 448, 384  # radii, evenly in their logarithm, of that light and of the film's
-STARBURST_NM = tuple(np.arange(405.0, 700.0, 5.0).tolist())
-AT_ONCE = 128  # directions
-LAMP = 16.0  # times the mean of the film, from which a pixel sends far light
-NARROW = 1e-7  # least width of an edge along the line
-
-
-@dataclass(frozen=True)
-class FarLight:
-    """What an opening makes of a lamp far from it on the film.
-
-    Attributes
-    ----------
-    edges : (n, 4) array
-        Of the opening in direction cosines, from x, y to x, y: its outline anticlockwise, holes clockwise.
-    index : float
-        Of the medium in front of the film.
-    pixel_mm : tuple of float
-        Width and height of a pixel.
-    reach : int
-        Of the kernel about each pixel, which fades as this begins [pixels].
-    """
-
-    edges: Array
-    index: float
-    pixel_mm: tuple[float, float]
-    reach: int
-
-    @property
-    def _pixel(self) -> float:
-        return float(np.sqrt(self.pixel_mm[0] * self.pixel_mm[1]))
-
-    @cached_property
-    def _area(self) -> float:
-        x, y, to_x, to_y = self.edges.T
-        return float((x * to_y - y * to_x).sum() / 2)
-
-    @cached_property
-    def _width(self) -> float:
-        """Diameter of the round opening of the same area, in direction cosines."""
-        return 2 * float(np.sqrt(self._area / np.pi))
-
-    def unit_px(self, nm: float) -> float:
-        """Return wavelength times f-number [pixels]."""
-        return nm * 1e-6 / self.index / self._width / self._pixel
-
-    @cached_property
-    def within(self) -> tuple[Array, Array]:
-        """Radii, in wavelengths times f-number, and the share of light within each for each direction, from the first.
-
-        The second has the shape (directions, radii), over half a turn that stands for both.
-        """
-        low = 0.5 * self.reach / self.unit_px(STARBURST_NM[-1])
-        radii = np.geomspace(min(low, RESOLVED / 4), RESOLVED, BANDS)
-        edges = (self.edges - np.tile(self._middle, 2)) / self._width
-        shares = np.zeros((ANGLES, BANDS))
-        rho = np.arange(CELLS // 2 + 1) / LINE
-        to_share = 2 * (np.pi / ANGLES) / LINE / (self._area / self._width**2)
-        for start in range(0, ANGLES, AT_ONCE):
-            angles = np.pi * (np.arange(start, min(start + AT_ONCE, ANGLES)) + 0.5) / ANGLES
-            light = _along(edges, angles) * to_share * rho
-            total = np.cumsum(light, axis=1)
-            shares[start : start + AT_ONCE] = [np.interp(radii, rho + 0.5 / LINE, line) for line in total]
-        return radii, shares - shares[:, :1]
-
-    @property
-    def _middle(self) -> Array:
-        corners = self.edges[:, :2]
-        return np.asarray((corners.max(axis=0) + corners.min(axis=0)) / 2)
-
-    @cached_property
-    def _beyond(self) -> Array:
-        """Light of each direction beyond what is resolved, by that of the outer half of it (directions,)."""
-        radii, within = self.within
-        half = int(np.searchsorted(radii, RESOLVED / 2))
-        return np.asarray((within[:, -1] - within[:, half]) / (RESOLVED / radii[half] - 1))
-
-    def _weights(self, pixels: Array) -> tuple[Array, Array]:
-        """Weights of light within `within`, and of that beyond, within radii [pixels], (BANDS, 3, n) and (3, n)."""
-        radii, columns = self.within[0], np.arange(len(pixels))
-        inner, outer = np.zeros((BANDS, 3, len(pixels))), np.zeros((3, len(pixels)))
-        for nm, shares in zip(STARBURST_NM, shares_of_white(STARBURST_NM), strict=True):
-            rho = pixels / self.unit_px(nm)
-            place = np.interp(np.log(rho), np.log(radii), np.arange(BANDS))
-            below = np.minimum(place.astype(np.int64), BANDS - 2)
-            part = place - below
-            inner[below, :, columns] += (1 - part)[:, None] * shares
-            inner[below + 1, :, columns] += part[:, None] * shares
-            outer += shares[:, None] * np.maximum(1 - RESOLVED / rho, 0)
-        return inner, outer
-
-    @cached_property
-    def shares(self) -> Array:
-        """Share of red, green and blue that is far light, on the film and beside it (3,)."""
-        edges = np.geomspace(0.6 * self.reach, 1e7, 2048)
-        inner, outer = self._weights(edges)
-        light = np.tensordot(self.within[1].sum(axis=0), inner, 1) + self._beyond.sum() * outer
-        middle = np.sqrt(edges[1:] * edges[:-1])
-        return np.asarray(np.diff(light, axis=1) @ (1 - fade(middle, self.reach)))
-
-    def kernel(self, width: int, height: int) -> Array:
-        """Return the far light (3, 2 height - 1, 2 width - 1) of a lamp in the middle; turned as `kernel` of a pupil.
-
-        Each pixel has the light of a box of its area along radius and circle.
-        """
-        sides = self.pixel_mm[0] / self._pixel, self.pixel_mm[1] / self._pixel
-        x, y = np.arange(-(width - 1), width) * sides[0], np.arange(height) * sides[1]
-        first = max(0.6 * self.reach - 0.5, 0.5)
-        edges = np.geomspace(first, np.hypot(x[-1], y[-1]) + 2.0, SPANS)
-        inner, outer = self._weights(edges)
-        light = np.tensordot(self.within[1], inner, 1) + self._beyond[:, None, None] * outer
-        table = _sum_up(np.moveaxis(light, 1, 0))
-        upper = np.zeros((3, height, 2 * width - 1))
-        for row in range(height):
-            radius, angle = np.hypot(x, y[row]), np.arctan2(y[row], x)
-            lit = radius > 0.75 * self.reach
-            if lit.any():
-                boxes = _boxes(table, edges, radius[lit], angle[lit])
-                upper[:, row, lit] = boxes * (1 - fade(radius[lit], self.reach))
-        return np.concatenate([upper[:, :0:-1, ::-1], upper], axis=1)
-
-
-def _along(edges: Array, angles: Array) -> Array:
-    """Return |F|^2 of an opening in its widths at multiples of 1 / LINE, (directions, CELLS / 2 + 1)."""
-    checkpoint()
-    n = np.stack([np.cos(angles), np.sin(angles)])
-    start, end = edges[:, :2] @ n, edges[:, 2:] @ n  # (edges, directions)
-    mass = n[0] * (edges[:, 3:4] - edges[:, 1:2]) - n[1] * (edges[:, 2:3] - edges[:, 0:1])
-    low, wide = np.minimum(start, end), np.maximum(np.abs(end - start), NARROW)
-    step = LINE / CELLS
-    rows = np.broadcast_to(np.arange(len(angles)) * CELLS, low.shape)
-    shift = np.mod(angles * ANGLES / np.pi * GOLDEN, 1.0)  # so that what is folded back adds up without a phase
-    second = np.zeros(len(angles) * CELLS)
-    for place, sign in ((low, 1.0), (low + wide, -1.0)):  # a ramp in the sum is two kinks
-        cell = (place + LINE / 2) / step + shift
-        whole = np.floor(cell).astype(np.int64)
-        part, weight = cell - whole, sign * mass / wide * step
-        second += np.bincount((rows + whole).ravel(), (weight * (1 - part)).ravel(), len(second))
-        second += np.bincount((rows + whole + 1).ravel(), (weight * part).ravel(), len(second))
-    ramp = np.cumsum(np.cumsum(second.reshape(len(angles), CELLS), axis=1), axis=1)
-    field = np.fft.rfft(ramp, axis=1) * step
-    rho = np.arange(CELLS // 2 + 1) / LINE
-    folded = (rho / (CELLS / LINE - rho)) ** 3  # from beyond what cells resolve, of light that falls as the cube
-    light = (field.real**2 + field.imag**2) / (1 + folded)
-    light[:, rho > RESOLVED + 1] = 0.0
-    return np.asarray(light)
-
-
-def _sum_up(light: Array) -> Array:
-    """Return light (3, directions, radii) summed up over directions from none, and half as many more on each side."""
-    table = np.cumsum(np.pad(light, ((0, 0), (1, 0), (0, 0))), axis=1)
-    whole = table[:, -1:]
-    return np.concatenate([table[:, ANGLES // 2 : -1] - whole, table, table[:, 1 : ANGLES // 2 + 1] + whole], axis=1)
-
-
-def _boxes(table: Array, edges: Array, radius: Array, angle: Array) -> Array:
-    """Return the light (3, n) of boxes of one pixel about places, of a table summed over directions."""
-    log = np.log(edges[1] / edges[0])
-    light = np.zeros((3, len(radius)))
-    half = np.minimum(0.5 / radius, np.pi / 4)
-    for outer in (-0.5, 0.5):
-        at = np.clip(np.log(np.maximum(radius + outer, edges[0]) / edges[0]) / log, 0, len(edges) - 1.001)
-        for side in (-1, 1):
-            to = (angle + side * half) * ANGLES / np.pi + ANGLES // 2
-            i, j = to.astype(np.int64), at.astype(np.int64)
-            u, v = to - i, at - j
-            value = (table[:, i, j] * (1 - u) + table[:, i + 1, j] * u) * (1 - v)
-            value += (table[:, i, j + 1] * (1 - u) + table[:, i + 1, j + 1] * u) * v
-            light += value * (side * (1 if outer > 0 else -1))
-    return np.maximum(light, 0.0) / 2  # a half turn of the table stands for both
+FARTHEST_M = 1e5  # of a lamp, beyond which focus is as at infinity
+AIRY = 1.2196698912665045  # radius of the first dark ring, in wavelength times f-number
+SHOWS_PX = 0.5  # Airy radius from which `auto` takes it: as much as `camera.accuracy: auto` lets light stray
+LAMP = 16.0  # times the mean of the film, from which a pixel counts as a lamp
+WIDE_PX = 2.0  # length of a lamp's straight edges, from which its far light is as wide as they are
+NODES = (5, 3)  # along the longer and the shorter side of the film
+NODE_PX = 16  # least distance between nodes
 
 
 def lamps_of(planes: Array) -> Array:
     """Return planes (3, height, width) of the pixels alone that outshine the mean of their film."""
     brightness = planes.max(axis=0)
     return np.asarray(planes * (brightness > LAMP * brightness.mean()))
-
-
-def strew(planes: Array, kernel: Array) -> Array:
-    """Return the light of planes (3, height, width) on them, by a kernel of twice the whole film or more.
-
-    What falls beside them is lost.
-    """
-    height, width = planes.shape[1:]
-    top, left = kernel.shape[1] // 2 - height + 1, kernel.shape[2] // 2 - width + 1
-    light = np.empty_like(planes)
-    shape = tuple(quick(2 * side - 1) for side in (height, width))
-    for plane, part, target in zip(planes, kernel, light, strict=True):
-        own = part[top : top + 2 * height - 1, left : left + 2 * width - 1]
-        product = np.fft.rfft2(plane, shape) * np.fft.rfft2(own, shape)
-        target[:] = np.fft.irfft2(product, shape)[height - 1 : 2 * height - 1, width - 1 : 2 * width - 1]
-    return np.maximum(light, 0.0)
-
-
-AIRY = 1.2196698912665045  # radius of the first dark ring, in wavelength times f-number
-SHOWS_PX = 0.5  # Airy radius from which `auto` takes it: as much as `camera.accuracy: auto` lets light stray
-NODES = (5, 3)  # along the longer and the shorter side of the film
-NODE_PX = 16  # least distance between nodes
 
 
 @dataclass(frozen=True)
@@ -427,52 +207,128 @@ class FilmSpread:
         The opening that each node sees, by rows of nodes.
     edges : (n, 4) array or None
         Of the opening that the film's middle sees, with its dirt, as `FarLight` has them; None where they are unknown.
+    lamps : tuple of LampImage
+        Those whose pictures by waves take the place of those by rays.
     """
 
     resolution: tuple[int, int]
     pixel_mm: tuple[float, float]
     pupils: tuple[FilmPupil, ...]
     edges: Array | None = None
+    lamps: tuple[LampImage, ...] = ()
 
     @cached_property
     def reach(self) -> int:
         """Of the kernels [pixels]."""
-        return reach_px(max(unit_px(pupil, self.pixel_mm) for pupil in self.pupils), max(self.resolution))
+        unit = max(unit_px(pupil, self.pixel_mm) for pupil in self.pupils)
+        return reach_px(unit, max(self.resolution), REACH if self.edges is None else NEAR)
 
     @cached_property
     def kernels(self) -> tuple[tuple[Array, Array], list[Array]]:
-        """Columns and rows of the nodes on the whole film, and the kernel of each."""
+        """Columns and rows of the nodes on the whole film, and the kernel of each, with the light that is not far."""
         own = [kernel(pupil, self.pixel_mm, self.reach)[:, :, ::-1] for pupil in self.pupils]  # x runs to the left
+        if self.edges is not None:
+            own = [part * (1 - self.far[0])[:, None, None] for part in own]
         return _nodes(self.resolution), own
+
+    @cached_property
+    def _far_light(self) -> FarLight:
+        assert self.edges is not None
+        return FarLight(self.edges, self.pupils[len(self.pupils) // 2].index, self.pixel_mm, self.reach)
 
     @cached_property
     def far(self) -> tuple[Array, Array]:
         """Share of the far light of red, green and blue, and its kernel over twice the whole film."""
-        assert self.edges is not None
-        light = FarLight(self.edges, self.pupils[len(self.pupils) // 2].index, self.pixel_mm, self.reach)
-        return light.shares, light.kernel(*self.resolution)[:, :, ::-1]
+        return self._far_light.shares, self._far_light.kernel(*self.resolution)[:, :, ::-1]
 
     def over(self, pixels: NDArray[np.float32], layout: FilmLayout) -> NDArray[np.float32]:
         """Return a film (height, width, 3) of linear RGB with its light spread."""
-        planes = np.moveaxis(pixels.astype(np.float64), -1, 0)
-        lamps = lamps_of(planes)
-        if self.edges is None or not lamps.any():
-            spread = blur(planes, (layout.x, layout.y), *self.kernels)
-        else:
+        planes, offset = np.moveaxis(pixels.astype(np.float64), -1, 0), (layout.x, layout.y)
+        bright, by_lamps = lamps_of(planes), brightness(planes, offset, self.lamps)
+        if by_lamps.any():
+            planes = without_lamps(planes, offset, self.lamps, by_lamps)
+            bright = np.where(bright > 0, planes, 0.0)
+        nodes, kernels = self.kernels
+        spread = blur(planes, bright, offset, nodes, kernels)
+        if self.edges is not None:
             shares, light = self.far
-            spread = blur(planes - lamps * shares[:, None, None], (layout.x, layout.y), *self.kernels)
-            spread += strew(lamps, light)
+            spread += strew(planes + self._at_lamps(planes.shape, offset, by_lamps), light)
+            beside = shares[:, None, None] - received(light, planes.shape[1:])
+            spread += beside * (planes - bright).mean(axis=(1, 2))[:, None, None]  # as bright beside the film as on it
+        if by_lamps.any():
+            spread += by_waves(planes.shape, offset, self._near_lamps, by_lamps)
+            for number in self._wide:
+                spread += by_lamps[number][:, None, None] * self._star(number, layout)
+            spread = np.maximum(spread, 0.0) if pixels.min(initial=0.0) >= 0 else spread
         return np.ascontiguousarray(np.moveaxis(spread, 0, -1), dtype=np.float32)
+
+    @cached_property
+    def _near_lamps(self) -> list[LampImage]:
+        """The pictures of lamps, of what their far light lacks beside them."""
+        if self.edges is None:
+            return [replace(lamp, waves=lamp.waves / lamp.waves.sum(axis=(1, 2))[:, None, None]) for lamp in self.lamps]
+        near = []
+        for number, lamp in enumerate(self.lamps):
+            if number in self._wide:
+                near.append(lamp)
+                continue
+            inner: Array = np.zeros(lamp.waves.shape)
+            rows, columns = np.arange(lamp.waves.shape[1]), np.arange(lamp.waves.shape[2])
+            x, y = columns + lamp.column + 0.5 - lamp.place[0], rows + lamp.row + 0.5 - lamp.place[1]
+            light = self.far[1]
+            middle = light.shape[1] // 2, light.shape[2] // 2
+            for column, row, share in _about(lamp.place):
+                i, j = rows + lamp.row - row + middle[0], columns + lamp.column - column + middle[1]
+                good = np.ix_((i >= 0) & (i < light.shape[1]), (j >= 0) & (j < light.shape[2]))
+                inner[:, good[0], good[1]] += share * light[:, i[good[0]], j[good[1]]]
+            inner *= fade(np.hypot(x[None, :], y[:, None]), lamp.reach)
+            near.append(replace(lamp, waves=(lamp.waves - inner).astype(np.float32)))
+        return near
+
+    @cached_property
+    def _wide(self) -> dict[int, float]:
+        """Of lamps whose straight edges show out of focus, the length of the longest [pixels]."""
+        if self.edges is None:
+            return {}
+        edges = {k: self._far_light.straightest * 2 * lamp.radius for k, lamp in enumerate(self.lamps)}
+        return {k: edge for k, edge in edges.items() if edge > WIDE_PX}
+
+    def _star(self, number: int, layout: FilmLayout) -> Array:
+        """Return the far light (3, height, width) of a wide lamp of light 1: that of each edge is as wide as it is."""
+        lamp, edge = self.lamps[number], self._wide[number]
+        columns = np.arange(layout.x + 0.5, layout.x + layout.width)
+        rows = np.arange(layout.y + 0.5, layout.y + layout.height)
+        some_columns, some_rows = (_sampled(axis, int(edge / 16)) for axis in (columns, rows))
+        out = float(np.sqrt(max(lamp.radius**2 - edge**2 / 4, 0.0)))
+        table = self._far_light.table(float(np.hypot(*self.resolution)), edge, out)
+        few = self._far_light.at(table, lamp.place[0] - some_columns, some_rows - lamp.place[1])  # x runs to the left
+        light = np.asarray(_hats(some_rows, rows).T @ few @ _hats(some_columns, columns))
+        away = np.hypot(columns - lamp.place[0], rows[:, None] - lamp.place[1])
+        return np.asarray(light * (1 - fade(away, lamp.reach)))
+
+    def _at_lamps(self, shape: tuple[int, ...], offset: tuple[int, int], light: Array) -> Array:
+        """Return planes with the light of lamps (n, 3) in the pixels about the middle of each."""
+        planes = np.zeros(shape)
+        for number, (lamp, own) in enumerate(zip(self.lamps, light, strict=True)):
+            for column, row, share in () if number in self._wide else _about(lamp.place):
+                column, row = column - offset[0], row - offset[1]
+                if 0 <= column < shape[2] and 0 <= row < shape[1]:
+                    planes[:, row, column] += share * own
+        return planes
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """The arrays that `spread_of` reads; shares of coverage are sixteenths, which float32 holds."""
-        return {
+        arrays: dict[str, NDArray[Any]] = {
             "diffraction_pixel_mm": np.array(self.pixel_mm),
             "diffraction_coverage": np.array([pupil.coverage for pupil in self.pupils], np.float32),
             "diffraction_cosines": np.array([[pupil.cosines_x, pupil.cosines_y] for pupil in self.pupils]),
             "diffraction_index": np.array([pupil.index for pupil in self.pupils]),
             "diffraction_edges": np.zeros((0, 4)) if self.edges is None else self.edges,
         }
+        for number, lamp in enumerate(self.lamps):
+            arrays[f"diffraction_lamp_{number}"] = np.stack([lamp.waves, lamp.rays])
+            arrays[f"diffraction_place_{number}"] = np.array([lamp.column, lamp.row, *lamp.place, lamp.radius])
+        return arrays
 
 
 def spread_of(arrays: Mapping[str, NDArray[Any]], resolution: tuple[int, int]) -> FilmSpread | None:
@@ -498,7 +354,13 @@ def spread_of(arrays: Mapping[str, NDArray[Any]], resolution: tuple[int, int]) -
     edges = arrays["diffraction_edges"]
     if edges.ndim != 2 or edges.shape[1] != 4 or not np.isfinite(edges).all():
         raise ValueError("diffraction")
-    return FilmSpread(resolution, (width, height), pupils, edges if len(edges) else None)
+    lamps, number = [], 0
+    while f"diffraction_lamp_{number}" in arrays:
+        (waves, rays), place = arrays[f"diffraction_lamp_{number}"], arrays[f"diffraction_place_{number}"].tolist()
+        lamps.append(LampImage(int(place[0]), int(place[1]), waves, rays, (place[2], place[3]), place[4]))
+        number += 1
+    edges_or_none = edges if len(edges) else None
+    return FilmSpread(resolution, (width, height), pupils, edges_or_none, tuple(lamps))
 
 
 @dataclass(frozen=True)
@@ -514,12 +376,15 @@ class Diffraction:
         In the middle of the film at 550 nm; None for a camera without an opening.
     pupils : callable or None
         Gives the opening that a point of the film sees.
+    plan : Plan or None
+        That of the render, whose lamps have pictures of their own; none have without it.
     """
 
     scene: Scene
     is_on: bool
     airy_radius_px: float | None
     pupils: FilmPupils | None
+    plan: Plan | None = None
 
     @cached_property
     def spread(self) -> FilmSpread:
@@ -530,8 +395,39 @@ class Diffraction:
         film = self.scene.film
         columns, rows = _nodes(film.resolution)
         seen = tuple(self._pupil_at(_film_point(self.scene, column, row)) for row in rows for column in columns)
-        near = FilmSpread(film.resolution, _pixel_mm(self.scene), seen)
-        return near if near.reach >= max(film.resolution) else replace(near, edges=self._edges)
+        plain = FilmSpread(film.resolution, _pixel_mm(self.scene), seen)
+        near = replace(plain, edges=self._edges)
+        near = near if near.reach < max(film.resolution) else plain
+        if self.plan is None:
+            return near
+        lamps = self._lamps(self.plan, REACH if near.edges is None else NEAR)
+        return replace(near, lamps=tuple(lamps))
+
+    def _lamps(self, plan: Plan, units: float) -> list[LampImage]:
+        """Return the pictures of lamps, near them as far as a kernel reaches, by wavelengths times f-number."""
+        assert self.pupils is not None
+        scene = at_opening(self.scene)
+        camera, lens = camera_of(scene), scene.camera.lens_camera
+        chief, side, setting = camera.chief_rays(), _pixel_mm(scene), camera.setting if lens is not None else None
+        film_z = 0.0 if setting is None else setting.lens.film_z(setting.film_distance_mm)
+        sense = -1.0 if scene.camera.flip else 1.0
+
+        def source(point: Array) -> Array:
+            length = float(np.linalg.norm(point[:3]))
+            there = point[:3] * min(FARTHEST_M / length, 1.0 if point[3] else np.inf)
+            return np.asarray(1e3 * there + [0.0, 0.0, film_z])
+
+        view = View(
+            self.pupils,
+            lambda points: seen_places(chief, points),
+            lambda place: _film_point(scene, place[0] - 0.5, place[1] - 0.5),
+            source,
+            (sense * side[0], -sense * side[1]),
+            scene.film.resolution,
+            bool(plan.facts.get("LENS_SPLITS")),
+            MIDDLE_NM if lens is None else lens.wavelength_nm,
+        )
+        return lamp_images(plan, scene.camera.world_from_camera()[:3, :3].T, view, units)
 
     @cached_property
     def _edges(self) -> Array | None:
@@ -566,6 +462,20 @@ class Diffraction:
         else:
             says = f"off: the Airy radius is {radius:.2g} px, and shows from {SHOWS_PX:g} px"
         return {"on": self.is_on, "airy_radius_px": radius, "says": says}
+
+
+def _sampled(axis: Array, every: int) -> Array:
+    """Return places of an axis at most so many steps apart, its ends among them."""
+    return np.linspace(axis[0], axis[-1], -(-(len(axis) - 1) // max(every, 1)) + 1) if len(axis) > 1 else axis
+
+
+def _about(place: tuple[float, float]) -> Iterator[tuple[int, int, float]]:
+    """Yield the four pixels about a place, column and row, and the share that each has of it."""
+    column, row = (int(np.floor(part - 0.5)) for part in place)
+    x, y = place[0] - 0.5 - column, place[1] - 0.5 - row
+    for i, by_column in ((column, 1 - x), (column + 1, x)):
+        for j, by_row in ((row, 1 - y), (row + 1, y)):
+            yield i, j, by_column * by_row
 
 
 def diffraction_of(scene: Scene) -> Diffraction | None:

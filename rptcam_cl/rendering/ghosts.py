@@ -26,7 +26,7 @@ from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.ray_trace import LensTransmission
 from rptcam_cl.rendering.cameras.lens_records import WayRecords, ghost_setting, ghosts_have_colours, usable_nm
 from rptcam_cl.rendering.cameras.setting import LensSetting
-from rptcam_cl.rendering.diffraction import shares_of_white
+from rptcam_cl.rendering.far_light import shares_of_white
 from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.rendering.highlights import Front, Pencils, highlights, lamps_among, occluded
 from rptcam_cl.rendering.lamp_points import Patches, lattice, patches_of, points_alone, points_at, square_patch

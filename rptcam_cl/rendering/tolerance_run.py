@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import asdict, replace
 from functools import cached_property
 from pathlib import Path
@@ -18,6 +18,7 @@ from rptcam_cl.core.remember import remember
 from rptcam_cl.optics.as_built import Copies, Deviation, check_copies
 from rptcam_cl.optics.charts import FAINT, INK, new_figure, series, styled
 from rptcam_cl.optics.lens import Lens, brought_to_focus, film_distance, in_configuration
+from rptcam_cl.optics.optimise_problem import Problem
 from rptcam_cl.scene.lens_settings import Merit, Tolerances
 
 if TYPE_CHECKING:
@@ -338,6 +339,40 @@ def _sensitivities(
 
 def _cost(rank_by: str, one: Sensitivity) -> float:
     return one.spot_change_um if rank_by == "spot" else -one.mtf_change
+
+
+# The spot of copies as a number that an optimiser follows: all lenses that it tries get the same errors.
+
+COPIES = 32
+
+
+def spot_of_copies(problem: Problem) -> Callable[[Lens, float], float]:
+    """Return the function that finds the rms spot of copies of a lens [um], by the tolerances of a problem.
+
+    It is the root of the mean square over copies, at fields and wavelengths of the problem; infinite where the lens
+    cannot be judged.
+    """
+    given = specification(problem.tolerances)
+    beams = {"fields_degrees": problem.fields_degrees, "wavelengths_nm": problem.wavelengths_nm}
+    merit = given.tolerances.merit.model_copy(update=beams)
+
+    def spot_um(lens: Lens, film_distance_mm: float) -> float:
+        try:
+            within = limits(lens, given)
+            copies = Copies(
+                lens, tuple(limit.deviation for limit in within), draw_values(within, COPIES, given.tolerances.seed)
+            )
+            rays = [
+                one
+                for degrees in problem.fields_degrees
+                for one in sample_field(lens, degrees, problem.object_distance_mm, merit.wavelengths_nm[0])(4, 8)
+            ]
+            scores = Judge(lens, rays, merit, film_distance_mm).scores(copies, given.tolerances.refocus)
+        except InputError:
+            return math.inf
+        return float(np.sqrt(np.mean(scores.spot_um**2)))
+
+    return spot_um
 
 
 # The loosest set of tolerances with which enough copies are good enough.

@@ -117,7 +117,7 @@ def primitive_tree(
     on_disk
         Whether a tree over few boxes, too, is kept from one run to the next.
     """
-    kinds = np.searchsorted(kind_end, np.arange(kind_end[Kind.CONE]), side="right")
+    kinds = np.searchsorted(kind_end, np.arange(kind_end[Kind.CURVE]), side="right")
     bounded = np.flatnonzero(kinds != Kind.PLANE).astype(np.int32)
     if len(bounded) < max(BREAK_EVEN, 1):
         return None
@@ -155,7 +155,26 @@ def primitive_bounds(records: NDArray[np.void], kinds: NDArray[np.int64]) -> tup
 
     They are those of the records: of the rows of numbers that rays meet, float32 as they are.
     """
-    return _bounds_of_rows(np.stack([records[f"row_{axis}"] for axis in "xyz"], axis=1).astype(np.float64), kinds)
+    rows = np.stack([records[f"row_{axis}"] for axis in "xyz"], axis=1).astype(np.float64)
+    curves = kinds == Kind.CURVE
+    if not curves.any():
+        return _bounds_of_rows(rows, kinds)
+    lower, upper = np.empty((2, len(rows), 3))
+    lower[~curves], upper[~curves] = _bounds_of_rows(rows[~curves], kinds[~curves])
+    lower[curves], upper[curves] = _bounds_of_curves(rows[curves], _half_width(records[curves]))
+    return lower, upper
+
+
+def _half_width(records: NDArray[np.void]) -> Array:
+    ends = np.stack([records["instance"], records["first_triangle"]]).view(np.float32)
+    return np.asarray(np.abs(ends).max(axis=0), np.float64)
+
+
+def _bounds_of_curves(rows: Array, half_width: Array) -> tuple[Array, Array]:
+    """Return the boxes of curves by their Bézier points (n, 3, 4), which hold them."""
+    farthest = np.abs(rows).max(axis=(1, 2)) + half_width
+    margin = (half_width + HIT_ROUNDING * farthest)[:, None]
+    return rows.min(axis=2) - margin, rows.max(axis=2) + margin
 
 
 def _swept(record: np.void, kind: int, places: Places, rest: tuple[Array, Array]) -> tuple[Array, Array]:
@@ -164,6 +183,10 @@ def _swept(record: np.void, kind: int, places: Places, rest: tuple[Array, Array]
     moved = np.tile(rows, (len(places.matrices), 1, 1))
     if kind == Kind.SPHERE:
         moved[:, 0, :3] = places.matrices[:, :3, :3] @ rows[0, :3] + places.matrices[:, :3, 3]
+    elif kind == Kind.CURVE:
+        moved = places.matrices[:, :3, :3] @ rows + places.matrices[:, :3, 3:]
+        half_width = np.full(len(moved), _half_width(record.reshape(1))[0])
+        return places.box(*_bounds_of_curves(moved, half_width), rest)
     else:
         moved = moved @ np.linalg.inv(places.matrices)
     return places.box(*_bounds_of_rows(moved, np.full(len(moved), kind)), rest)

@@ -62,12 +62,46 @@ LEFT_AT_VISIBILITY = 0.05  # of light, by which the World Meteorological Organiz
 MOST_ASYMMETRY = 0.99
 LEAST_ASYMMETRY = 1e-3  # below it float32 does not tell scattering from even scattering
 BLACK: Colour = (0.0, 0.0, 0.0)
+FreePath = Annotated[float, Field(ge=1e-6, le=1e9), NUMBER]
+FREE_PATHS = BeforeValidator(
+    lambda value: [value] * 3 if isinstance(value, (int, float)) and not isinstance(value, bool) else value
+)
+
+
+Substance = Literal[
+    "apple", "chicken", "cream", "ketchup", "marble", "potato", "skim_milk", "skin", "skin_pale", "spectralon",
+    "whole_milk",
+]  # fmt: skip
+# Scattering, reduced, and absorption [1/mm] in red, green and blue, by Jensen et al. (2001, fig. 5); pale skin
+# is their skin2, chicken their chicken1.
+SUBSTANCES: dict[str, tuple[tuple[float, float, float], tuple[float, float, float]]] = {
+    "apple": ((2.29, 2.39, 1.97), (0.0030, 0.0034, 0.046)),
+    "chicken": ((0.15, 0.21, 0.38), (0.015, 0.077, 0.19)),
+    "cream": ((7.38, 5.47, 3.15), (0.0002, 0.0028, 0.0163)),
+    "ketchup": ((0.18, 0.07, 0.03), (0.061, 0.97, 1.45)),
+    "marble": ((2.19, 2.62, 3.00), (0.0021, 0.0041, 0.0071)),
+    "potato": ((0.68, 0.70, 0.55), (0.0024, 0.0090, 0.12)),
+    "skim_milk": ((0.70, 1.22, 1.90), (0.0014, 0.0025, 0.0142)),
+    "skin": ((0.74, 0.88, 1.01), (0.032, 0.17, 0.48)),
+    "skin_pale": ((1.09, 1.59, 1.79), (0.013, 0.070, 0.145)),
+    "spectralon": ((11.6, 20.4, 14.9), (0.0, 0.0, 0.0)),
+    "whole_milk": ((2.55, 3.21, 3.77), (0.0011, 0.0024, 0.014)),
+}
+
+
+def albedo_for(colour: float) -> float:
+    """Return the share of light that an even medium must scatter so that a deep body of it gives back ``colour``.
+
+    Of light from all sides, without a surface that reflects (Kulla and Conty 2017, inverting van de Hulst's fit).
+    """
+    s = 4.09712 + 4.20863 * colour - math.sqrt(9.59217 + colour * (41.6808 + 17.7126 * colour))
+    return 1.0 - min(max(s, 0.0), 1.0) ** 2
 
 
 class ScatteringMedium(SceneModel):
     """A homogeneous medium: it absorbs, scatters and emits light alike everywhere.
 
-    How dense it is, is said by its two coefficients, or by how far one sees in it and its albedo.
+    How dense it is, is said by its coefficients, by how far one sees in it, by the colour of a deep body, or by a name.
     """
 
     absorption_per_m: Coefficient | None = None
@@ -85,23 +119,52 @@ class ScatteringMedium(SceneModel):
     asymmetry: Annotated[float, Field(ge=-MOST_ASYMMETRY, le=MOST_ASYMMETRY), NUMBER] = 0.0
     """Mean cosine of scattering (Henyey and Greenstein): above 0 forwards, as fog, some 0.8; 0 evenly."""
 
+    substance: Substance | None = None
+    """What it is, with the coefficients that Jensen et al. measured in 2001; in place of all these."""
+
+    color: Albedo | None = None
+    """With `free_path_mm`: colour of a deep body of it in light from all sides, of what enters the surface."""
+
+    free_path_mm: Annotated[tuple[FreePath, FreePath, FreePath], FREE_PATHS] | None = None
+    """With `color`: mean way of light between two events [mm], were scattering even; a number, or one a channel."""
+
     emission_per_m: Radiance = BLACK
     """Radiance that is emitted per metre [W/(m³ sr) per channel]; a colour."""
 
     alternatives: ClassVar[tuple[Alternatives, ...]] = (
         Alternatives(("visibility_m", "absorption_per_m"), required=False),
         Alternatives(("visibility_m", "scattering_per_m"), required=False),
+        Alternatives(("substance", "visibility_m", "free_path_mm"), required=False),
+        Alternatives(("substance", "absorption_per_m", "free_path_mm"), required=False),
+        Alternatives(("substance", "scattering_per_m", "free_path_mm"), required=False),
     )
 
     @model_validator(mode="after")
     def _check_albedo(self) -> ScatteringMedium:
         if self.albedo is not None and self.visibility_m is None:
             raise refuse("needs visibility_m", allowed="visibility_m beside it, or both coefficients", path=("albedo",))
+        if (self.color is None) != (self.free_path_mm is None):
+            missing = "free_path_mm" if self.free_path_mm is None else "color"
+            raise refuse(f"is needed beside {'color' if missing != 'color' else 'free_path_mm'}", path=(missing,))
         return self
+
+    @property
+    def _reduced(self) -> tuple[Colour, Colour] | None:
+        """Scattering, were it even, and absorption per channel [1/m], of a substance or a colour."""
+        if self.substance is not None:
+            scattering, absorption = SUBSTANCES[self.substance]
+            return _scaled(scattering, 1e3), _scaled(absorption, 1e3)
+        if self.color is None or self.free_path_mm is None:
+            return None
+        per_m = [1e3 / way for way in self.free_path_mm]
+        red, green, blue = (albedo_for(channel) * rate for channel, rate in zip(self.color, per_m, strict=True))
+        return (red, green, blue), (per_m[0] - red, per_m[1] - green, per_m[2] - blue)
 
     @property
     def scattering(self) -> Colour:
         """Scattering coefficient per channel [1/m]."""
+        if (reduced := self._reduced) is not None:
+            return _scaled(reduced[0], 1 / (1 - self.mean_cosine))
         if self.visibility_m is None:
             return BLACK if self.scattering_per_m is None else self.scattering_per_m
         return _scaled((1.0, 1.0, 1.0) if self.albedo is None else self.albedo, self._extinction)
@@ -109,6 +172,8 @@ class ScatteringMedium(SceneModel):
     @property
     def absorption(self) -> Colour:
         """Absorption coefficient per channel [1/m]."""
+        if (reduced := self._reduced) is not None:
+            return reduced[1]
         if self.visibility_m is None:
             return BLACK if self.absorption_per_m is None else self.absorption_per_m
         return BLACK if self.albedo is None else _scaled(_rest(self.albedo), self._extinction)
@@ -718,6 +783,87 @@ class Plastic(RoughMaterial, BumpyMaterial):
         return self.index
 
 
+# Absorption [per radius] of the pigments of hair, of concentration 1 (d'Eon et al. 2011).
+EUMELANIN, PHEOMELANIN = (0.419, 0.697, 1.37), (0.187, 0.4, 1.05)
+
+
+def hair_depth(azimuthal: float) -> float:
+    """Return the logarithm of the colour of hair over the root of its absorption (Chiang et al. 2016, 4.2)."""
+    b = azimuthal
+    return 5.969 + b * (-0.215 + b * (2.532 + b * (-10.73 + b * (5.574 + b * 0.245))))
+
+
+class Hair(SceneModel):
+    """A fibre of hair: light is reflected, passes it, and is reflected in it (Chiang et al. 2016); of curves only."""
+
+    kind: Literal["hair"]
+    """Kind of material."""
+
+    reflectance: Reflectance | None = None
+    """Colour of much hair in even light, by which its absorption is chosen: channels 0 to 1, or a texture."""
+
+    absorption: Coefficient | None = None
+    """Absorption coefficient times the radius of the fibre, in place of `reflectance`; a colour."""
+
+    eumelanin: Annotated[float, Field(ge=0, le=100), NUMBER] | None = None
+    """Concentration of brown pigment, in place of `reflectance`: blond some 0.3, brown 1.3, black 8."""
+
+    pheomelanin: Annotated[float, Field(ge=0, le=100), NUMBER] = 0.0
+    """Concentration of red pigment, beside `eumelanin`."""
+
+    index: Annotated[float, Field(ge=1.01, le=3), NUMBER] = 1.55
+    """Refractive index of the fibre."""
+
+    roughness: Annotated[float, Field(ge=0.01, le=1), NUMBER] = 0.3
+    """Roughness along the fibre."""
+
+    roughness_across: Annotated[float, Field(ge=0.01, le=1), NUMBER] = 0.3
+    """Roughness round the fibre."""
+
+    tilt_degrees: Annotated[float, Field(ge=-10, le=10), NUMBER] = 2.0
+    """By how much the scales of the cuticle stand off, towards the root."""
+
+    alternatives: ClassVar[tuple[Alternatives, ...]] = (
+        Alternatives(("reflectance", "absorption", "eumelanin"), required=True),
+    )
+
+    @model_validator(mode="after")
+    def _check_pigment(self) -> Self:
+        if self.pheomelanin > 0 and self.eumelanin is None:
+            raise refuse("needs eumelanin", got=self.pheomelanin, allowed="eumelanin beside it", path=("pheomelanin",))
+        return self
+
+    @property
+    def color(self) -> Colour | Any:
+        """Its reflectance; that which stands for its absorption where that is given."""
+        if self.reflectance is not None:
+            return self.reflectance
+        absorption = self.absorption
+        if self.eumelanin is not None:
+            pairs = zip(EUMELANIN, PHEOMELANIN, strict=True)
+            red, green, blue = (self.eumelanin * brown + self.pheomelanin * ruddy for brown, ruddy in pairs)
+            absorption = (red, green, blue)
+        depth = hair_depth(self.roughness_across)
+        assert absorption is not None
+        red, green, blue = (math.exp(-math.sqrt(share) * depth) for share in absorption)
+        if isinstance(absorption, SpectralColour):
+            return SpectralColour((red, green, blue), np.exp(-np.sqrt(absorption.samples) * depth))
+        return (red, green, blue)
+
+    @property
+    def parameter(self) -> float:
+        """The number of its own that the kernels read: the index."""
+        return self.index
+
+    @property
+    def lobes(self) -> tuple[float, float, float, float]:
+        """Variance along the fibre, scale round it, sine of the tilt, and what `hair_depth` returns."""
+        m, n = self.roughness, self.roughness_across
+        variance = (0.726 * m + 0.812 * m**2 + 3.7 * m**20) ** 2
+        scale = math.sqrt(math.pi / 8) * (0.265 * n + 1.194 * n**2 + 5.372 * n**22)
+        return variance, scale, math.sin(math.radians(self.tilt_degrees)), hair_depth(n)
+
+
 class Boundary(SceneModel):
     """The boundary of a medium without a surface of its own: light passes it as if nothing were there."""
 
@@ -747,7 +893,7 @@ class Emissive(SceneModel):
 
 
 Leaf = Annotated[
-    Matte | Translucent | Mirror | Conductor | Dielectric | Plastic | ThinGlass | Principled,
+    Matte | Translucent | Mirror | Conductor | Dielectric | Plastic | ThinGlass | Principled | Hair,
     Field(discriminator="kind"),
 ]
 
@@ -767,10 +913,10 @@ class Mix(CoveringMaterial):
     @model_validator(mode="after")
     def _check_holes(self) -> Self:
         for index, part in enumerate(self.materials):
-            if part.opacity != 1.0:
+            if has_holes(part):
                 raise refuse(
-                    "does not count inside a mix", got=part.opacity, allowed="the opacity of the mix itself",
-                    path=("materials", index, "opacity"),
+                    "does not count inside a mix", got=getattr(part, "opacity", 1.0),
+                    allowed="the opacity of the mix itself", path=("materials", index, "opacity"),
                 )  # fmt: skip
         return self
 
@@ -786,7 +932,8 @@ Material = Annotated[
     | Principled
     | Mix
     | Emissive
-    | Boundary,
+    | Boundary
+    | Hair,
     Field(discriminator="kind"),
 ]
 

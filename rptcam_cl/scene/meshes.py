@@ -249,6 +249,10 @@ _PLAIN = PlainSerializer(lambda value: value if value is None or isinstance(valu
 _POINTS_SCHEMA = _rows_schema("number", 3, 3)
 
 Points = Annotated[Vectors, PlainValidator(lambda value: _vectors(3, value)), _PLAIN, WithJsonSchema(_POINTS_SCHEMA)]
+WidePoints = Annotated[
+    Vectors, PlainValidator(lambda value: _vectors(4, value)), _PLAIN, WithJsonSchema(_rows_schema("number", 4, 4))
+]
+"""Points with a width each."""
 Pairs = Annotated[
     Vectors, PlainValidator(lambda value: _vectors(2, value)), _PLAIN, WithJsonSchema(_rows_schema("number", 2, 2))
 ]

@@ -39,7 +39,9 @@ from rptcam_cl.scene.lights import WITH_UP, Environment, Light
 from rptcam_cl.scene.materials import (
     Dielectric,
     Emissive,
+    Hair,
     Material,
+    Mix,
     Principled,
     ScatteringMedium,
     with_material,
@@ -48,7 +50,7 @@ from rptcam_cl.scene.materials import (
 from rptcam_cl.scene.meshes import LoadedMesh, MeshLibrary, MeshObject, NamedMesh
 from rptcam_cl.scene.placement import PlacedObject, SceneObject, moments
 from rptcam_cl.scene.quantities import LARGEST_COORDINATE, NUMBER, SMALLEST_LENGTH
-from rptcam_cl.scene.shapes import Board, Object, Plane
+from rptcam_cl.scene.shapes import Board, Curves, Object, Plane
 
 # Checks across the parts of a scene: errors where float32 is too small, and warnings of probable mistakes.
 
@@ -92,6 +94,15 @@ def check_extent(item: Object, solid: Solid, path: tuple[str | int, ...], folder
     if extent < SMALLEST_LENGTH / 4:
         allowed = f"an extent of at least {SMALLEST_LENGTH:g}"
         raise refuse("is too small for float32", got=extent, allowed=allowed, path=path)
+
+
+def check_no_hair(material: Material | None, path: tuple[str | int, ...]) -> None:
+    """Refuse hair on what is no curve."""
+    if isinstance(material, Mix):
+        for index, part in enumerate(material.materials):
+            check_no_hair(part, (*path, "materials", index))
+    if isinstance(material, Hair):
+        raise refuse("is of fibres, which this shape has none of", got="hair", allowed="shape: curves", path=path)
 
 
 def check_focus(camera: Camera, shutter: Shutter) -> None:
@@ -425,6 +436,8 @@ class Scene(SceneModel):
         check_keys_of_shutter(self.shutter, self.camera, self.render)
         checked = self._checked
         for index, item in enumerate(self.objects):
+            if id(item) not in checked and not isinstance(item, Curves):
+                check_no_hair(getattr(item, "material", None), ("objects", index, "material"))
             if id(item) not in checked and not isinstance(item, MeshObject):
                 check_extent(item, item, path=("objects", index))
         return self

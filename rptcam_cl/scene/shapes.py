@@ -4,24 +4,36 @@ from __future__ import annotations
 
 import json
 import math
+import zipfile
 from collections.abc import Sequence
 from dataclasses import field
 from functools import cache, cached_property
 from importlib.resources import files
 from itertools import pairwise
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.files import Folders
 from rptcam_cl.scene import assets
 from rptcam_cl.scene.assets.mesh import Draft, MeshSurface, make_contents
-from rptcam_cl.scene.base import refuse, unknown_name
-from rptcam_cl.scene.materials import Material, Matte
-from rptcam_cl.scene.meshes import LoadedMesh, MeshObject
+from rptcam_cl.scene.base import Alternatives, refuse, unknown_name
+from rptcam_cl.scene.materials import (
+    Conductor,
+    Hair,
+    Material,
+    Matte,
+    Mix,
+    Plastic,
+    Principled,
+    Translucent,
+    has_holes,
+)
+from rptcam_cl.scene.meshes import LoadedMesh, MeshObject, WidePoints
 from rptcam_cl.scene.placement import Bounds, PlacedObject, SceneObject
 from rptcam_cl.scene.quantities import NUMBER, SMALLEST_LENGTH, WHOLE_NUMBER, Direction, Length, Position, cross
 
@@ -600,6 +612,146 @@ class Plane(SceneObject):
     """Direction of the front side; any length."""
 
 
+# Hair, fur, grass and wires: cubic curves with a width.
+
+Basis = Literal["linear", "bezier", "bspline", "catmull_rom"]
+FEWEST: dict[str, int] = {"linear": 2, "bezier": 4, "bspline": 4, "catmull_rom": 2}
+MOST_POINTS = 1 << 22
+# Bézier points of a piece from four points in a row.
+_BEZIER_FROM = {
+    "bezier": np.eye(4),
+    "bspline": np.array([[1, 4, 1, 0], [0, 4, 2, 0], [0, 2, 4, 0], [0, 1, 4, 1]]) / 6,
+    "catmull_rom": np.array([[0, 6, 0, 0], [-1, 6, 1, 0], [0, 1, 6, -1], [0, 0, 6, 0]]) / 6,
+}
+
+
+def bezier_pieces(points: Array, basis: Basis) -> Array:
+    """Return the Bézier points (strands, pieces, 4, k) of strands of as many points each, (strands, n, k)."""
+    if basis == "linear":
+        first, last = points[:, :-1, None], points[:, 1:, None]
+        return np.asarray(first + np.arange(4)[:, None] / 3 * (last - first))
+    if basis == "catmull_rom":
+        before, after = 2 * points[:, :1] - points[:, 1:2], 2 * points[:, -1:] - points[:, -2:-1]
+        points = np.concatenate([before, points, after], axis=1)
+    step = 3 if basis == "bezier" else 1
+    rows = np.stack([points[:, k : points.shape[1] - 3 + k : step] for k in range(4)], axis=2)
+    return np.asarray(_BEZIER_FROM[basis] @ rows)
+
+
+class Curves(SceneObject):
+    """Strands of cubic curves with a width: hair, fur, grass, wires; u runs along each strand, v across it."""
+
+    shape: Literal["curves"]
+    """Kind of shape."""
+
+    points: WidePoints | None = None
+    """Points of all strands, one strand after the other: a list of [x, y, z, width] [scene units]."""
+
+    counts: tuple[Annotated[int, Field(ge=2), WHOLE_NUMBER], ...] = ()
+    """How many points each strand has; without it all are one strand."""
+
+    file: str | None = None
+    """NumPy file (.npz) with the arrays `points` (n, 4) and `counts`, in place of both."""
+
+    basis: Basis = "catmull_rom"
+    """What the points are: `catmull_rom` strands pass through them; `bezier`, `bspline` or `linear`."""
+
+    alternatives: ClassVar[tuple[Alternatives, ...]] = (Alternatives(("points", "file"), required=True),)
+
+    form: Literal["tube", "flat"] = "tube"
+    """Whether it is shaded as a tube, or as a flat ribbon; both turn to whoever sees them."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _read_file(cls, data: Any, info: ValidationInfo) -> Any:
+        if not isinstance(data, dict) or data.get("file") is None:
+            return data
+        if "points" in data or "counts" in data:
+            raise refuse("does not go with points and counts", got=data["file"], path=("file",), allowed="one of both")
+        folders = info.context["folders"] if info.context else Folders()
+        try:
+            with np.load(folders.find(data["file"]), allow_pickle=False) as content:
+                arrays = {name: content[name] for name in ("points", "counts") if name in content}
+        except InputError as problem:
+            raise refuse(str(problem), path=("file",)) from None
+        except (OSError, ValueError, EOFError, AttributeError, zipfile.BadZipFile) as problem:
+            raise refuse(f"is no .npz file of NumPy: {str(problem).splitlines()[0]}", path=("file",)) from None
+        if "points" not in arrays:
+            raise refuse("has no array `points`", path=("file",), allowed="points (n, 4) and perhaps counts")
+        counts = arrays.get("counts", np.zeros(0, int)).ravel().tolist()
+        own = {key: value for key, value in data.items() if key != "file"}
+        return own | {"points": arrays["points"], "counts": counts}
+
+    @model_validator(mode="after")
+    def _check_strands(self) -> Self:
+        rows = self.rows
+        total, sizes = len(rows), self.sizes
+        if sum(sizes) != total:
+            allowed = f"a sum of {total}"
+            raise refuse(f"does not add up to the {total} points", got=sum(sizes), path=("counts",), allowed=allowed)
+        if not 0 < total <= MOST_POINTS:
+            raise refuse("has too few or too many points", got=total, path=("points",), allowed=f"2 to {MOST_POINTS}")
+        least = FEWEST[self.basis]
+        for index, size in enumerate(sizes):
+            if size < least or (self.basis == "bezier" and size % 3 != 1):
+                allowed = "4, 7, 10 … points" if self.basis == "bezier" else f"at least {least} points"
+                what = f"makes no strand of basis {self.basis}"
+                raise refuse(what, got=size, path=("counts", index), allowed=allowed)
+        if (rows[:, 3] < 0).any():
+            index = int(np.argmin(rows[:, 3]))
+            raise refuse("is negative", got=float(rows[index, 3]), path=("points", index, 3), allowed="0 or more")
+        _check_strand_material(self.material)
+        return self
+
+    @property
+    def rows(self) -> Array:
+        """Points and widths (n, 4)."""
+        assert self.points is not None
+        return self.points.rows
+
+    @property
+    def sizes(self) -> tuple[int, ...]:
+        """Points of each strand."""
+        return self.counts or (len(self.rows),)
+
+    @cached_property
+    def pieces(self) -> tuple[Array, Array, Array]:
+        """Bézier points of all pieces (n, 4, 3), widths at their ends and places along their strands (n, 2)."""
+        sizes = np.array(self.sizes)
+        starts = np.cumsum(sizes) - sizes
+        parts, spans = [], []
+        for size in np.unique(sizes):
+            rows = self.rows[starts[sizes == size][:, None] + np.arange(size)]
+            of_strand = bezier_pieces(rows, self.basis)
+            strands, pieces = of_strand.shape[:2]
+            parts.append(of_strand.reshape(-1, 4, 4))
+            ends = np.arange(pieces + 1) / pieces
+            spans.append(np.tile(np.stack([ends[:-1], ends[1:]], axis=1), (strands, 1)))
+        whole = np.concatenate(parts)
+        return whole[:, :, :3], np.maximum(whole[:, [0, 3], 3], 0), np.concatenate(spans)
+
+    def bounds(self) -> Bounds:
+        """Return the lowest and highest corner of the curves."""
+        points, widths, _ = self.pieces
+        reach = widths.max() / 2
+        return points.min(axis=(0, 1)) - reach, points.max(axis=(0, 1)) + reach
+
+
+def _check_strand_material(material: Material, path: tuple[str | int, ...] = ("material",)) -> None:
+    """Refuse what curves cannot be made of: lamps, mirrors, solids of glass, media, holes."""
+    for index, part in enumerate(material.materials if isinstance(material, Mix) else ()):
+        _check_strand_material(part, (*path, "materials", index))
+    fits = isinstance(material, Hair | Matte | Translucent | Plastic | Conductor | Mix)
+    if isinstance(material, Principled):
+        emits = not isinstance(material.emission, tuple) or max(material.emission) > 0
+        fits = material.transmission == 0 and not emits
+    if not fits or has_holes(material):
+        raise refuse(
+            "is nothing that curves can be made of", got=material.kind, path=path,
+            allowed="hair, matte, translucent, plastic, conductor, opaque principled that does not shine; no holes",
+        )  # fmt: skip
+
+
 def _check_apart(base: tuple[float, ...], end: tuple[float, ...], key: str) -> None:
     if np.linalg.norm(np.subtract(end, base)) < SMALLEST_LENGTH:
         raise refuse("equals base, so there is no axis", got=list(end), path=(key,))
@@ -613,5 +765,6 @@ def _along_axis(point: NDArray[np.float64], base: NDArray[np.float64], end: NDAr
 
 
 Object = Annotated[
-    Sphere | Disk | Rectangle | Box | Cylinder | Cone | Plane | MeshObject | Board, Field(discriminator="shape")
+    Sphere | Disk | Rectangle | Box | Cylinder | Cone | Plane | Curves | MeshObject | Board,
+    Field(discriminator="shape"),
 ]

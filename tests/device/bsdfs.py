@@ -102,3 +102,41 @@ def sheen(wi, wo, alpha):
     d = sheen_density(np.hypot(h[:, 0], h[:, 1]), alpha)
     masking = 1 / (1 + sheen_lambda(wi[:, 2], alpha) + sheen_lambda(wo[:, 2], alpha))
     return (d * masking / (4 * wi[:, 2]))[:, None]
+
+
+def hair(wi, wo, color, *, across, index=1.55, roughness=0.3, around=0.3, tilt_degrees=2.0):
+    """Return the value of hair along x at a place of its width (Chiang et al. 2016), the fibre's frame about wi."""
+    x = np.array([1.0, 0, 0])
+    y = np.cross(x, -wi)
+    y /= np.linalg.norm(y, axis=1, keepdims=True)
+    z = np.cross(x, y)
+    depth = np.polynomial.Polynomial([5.969, -0.215, 2.532, -10.73, 5.574, 0.245])(around)
+    absorption = (np.log(color) / depth) ** 2
+    variance = (0.726 * roughness + 0.812 * roughness**2 + 3.7 * roughness**20) ** 2 * np.array([1, 0.25, 4, 4])
+    scale = np.sqrt(np.pi / 8) * (0.265 * around + 1.194 * around**2 + 5.372 * around**22)
+    # in turn for each pair of directions: theta, phi
+    theta_o, theta_i = np.arcsin(wi[:, 0]), np.arcsin(np.clip(wo[:, 0], -1, 1))
+    phi_o, phi_i = (np.arctan2((w * z).sum(1), (w * y).sum(1)) for w in (wi, wo))
+    gamma_o = np.arcsin(across)
+    modified = np.sqrt(index**2 - np.sin(theta_o) ** 2) / np.cos(theta_o)
+    gamma_t = np.arcsin(across / modified)
+    theta_t = np.arcsin(np.sin(theta_o) / index)
+    passed = np.exp(-absorption * (2 * np.cos(gamma_t) / np.cos(theta_t))[:, None])
+    f = dielectric(np.cos(theta_o) * np.cos(gamma_o), index)[:, None]
+    shares = [f + 0 * passed, (1 - f) ** 2 * passed, (1 - f) ** 2 * passed**2 * f]
+    shares.append(shares[2] * f * passed / (1 - f * passed))
+    value = 0.0
+    for p, (share, v) in enumerate(zip(shares, variance, strict=True)):
+        tilt = np.radians(tilt_degrees) * (-2, 1, 4, 0)[p]
+        theta = theta_o + tilt
+        a, b = np.cos(theta_i) * np.abs(np.cos(theta)) / v, np.sin(theta_i) * np.sin(theta) / v
+        along = np.exp(-b) * np.i0(a) / (2 * v * np.sinh(1 / v))
+        if p < 3:
+            turn = phi_i - phi_o - (2 * p * gamma_t - 2 * gamma_o + p * np.pi)
+            turn = (turn + np.pi) % (2 * np.pi) - np.pi
+            e = np.exp(-np.abs(turn) / scale)
+            around_it = e / (scale * (1 + e) ** 2) / np.tanh(np.pi / (2 * scale))
+        else:
+            around_it = np.full(len(wi), 1 / (2 * np.pi))
+        value = value + share * (along * around_it)[:, None]
+    return value

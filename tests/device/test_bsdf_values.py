@@ -68,6 +68,14 @@ FORMULAS = {
         BLACK_CLOTH | {"sheen_roughness": 0.15},
         lambda i, o: sheen_lobe(0.0225)[0] * bsdfs.sheen(i, o, 0.0225) * RGB,
     ),
+    "hair": (
+        {"kind": "hair", "reflectance": RGB},
+        lambda i, o: bsdfs.hair(i, o, RGB, across=0.5),
+    ),
+    "straight hair": (
+        {"kind": "hair", "reflectance": RGB, "roughness": 0.15, "roughness_across": 0.7, "tilt_degrees": -4},
+        lambda i, o: bsdfs.hair(i, o, RGB, across=0.5, roughness=0.15, around=0.7, tilt_degrees=-4),
+    ),
     "plastic": (
         {"kind": "plastic", "reflectance": RGB, "index": 1.4},
         lambda i, o: bsdfs.smooth_plastic(i, o, RGB, 1.4),

@@ -34,6 +34,7 @@ RARE = [
     {"shape": "disk", "center": [0, 0, 5], "normal": [0, 0, 1], "radius": 1e-5,
      "material": {"kind": "emissive", "radiance": 1}},
     {"shape": "sphere", "center": [0, 0, -1e7], "radius": 1e7, "material": "grid"},
+    {"shape": "curves", "points": [[0, 0, 0, 0.1], [0, 0, 1, 0.1]], "material": {"kind": "hair", "eumelanin": 1}},
 ]  # fmt: skip
 SOLIDS = ("box", "cylinder", "cone", "sphere")  # of a sphere an ellipsoid
 PATTERNS = {

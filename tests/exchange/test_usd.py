@@ -280,3 +280,14 @@ def test_foreign_scenes_are_rendered_directly(tmp_path: Path, name: str, capsys:
     assert main(["render", str(tmp_path / name), "-o", str(tmp_path / "o.png"), "--spp", "1", "--size", "16x12"]) == 0
     assert (tmp_path / "o.png").is_file()
     assert "to keep it: rptcam" in capsys.readouterr().err
+
+
+def test_basis_curves_become_strands(tmp_path: Path) -> None:
+    text = """def BasisCurves "fur" { uniform token type = "cubic" uniform token basis = "bspline"
+        int[] curveVertexCounts = [4, 5] point3f[] points = [(0, 0, 0), (1, 0, 0), (2, 0, 0), (3, 0, 0),
+        (0, 1, 0), (1, 1, 0), (2, 1, 0), (3, 1, 0), (4, 1, 0)] float[] widths = [0.5, 0.25] }"""
+    _, scene = convert(tmp_path, text)
+    (item,) = scene.objects
+    assert (item.counts, item.basis, item.form) == ((4, 5), "bspline", "tube")
+    np.testing.assert_allclose(item.rows[[0, -1]], [[0, 0, 0, 0.5], [4, 1, 0, 0.25]])
+    np.testing.assert_allclose(item.pieces[0][-1][[0, -1]], [[2, 1, 0], [3, 1, 0]], atol=1e-12)

@@ -12,12 +12,14 @@ from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.optics.design import GlassChoice, singlet
 from rptcam_cl.optics.glass import GLASSES, abbe_number
 from rptcam_cl.optics.image_quality import Setting, spot, wavefront
+from rptcam_cl.optics.lens import film_distance
 from rptcam_cl.optics.library import load_lens
 from rptcam_cl.optics.optimise import neighbours, optimise
 from rptcam_cl.optics.optimise_merit import Merit
 from rptcam_cl.optics.optimise_problem import read_problem
 from rptcam_cl.optics.ray_derivatives import Seeds, trace_beam
 from rptcam_cl.optics.ray_trace import Status, trace
+from rptcam_cl.rendering.tolerance_run import spot_of_copies
 
 EVERY_TERM = {
     "spot": 1, "wavefront": 1, "mtf": {"weight": 1, "per_mm": 30}, "distortion": 1, "axial_colour": 1,
@@ -81,9 +83,10 @@ def test_derivatives_through_an_asphere_are_those_of_central_differences(surface
         np.testing.assert_allclose((ends[0] - ends[1]) / (2 * step), exact, rtol=1e-5, atol=atol)
 
 
-def test_derivatives_of_every_term_bound_and_solve_are_those_of_central_differences():
+@pytest.mark.parametrize("near", [{}, {"object_distance_mm": 180}])
+def test_derivatives_of_every_term_bound_and_solve_are_those_of_central_differences(near):
     given = read_problem({
-        **TRIPLET, "merit": EVERY_TERM,
+        **TRIPLET, **near, "merit": EVERY_TERM,
         "variables": {"curvatures": [0, 1, 2, 3], "thicknesses": [0, 1, 3, 4], "conics": [2], "aspheric": {5: [4, 6]}},
         "pickups": [{"curvature": 4, "follows": 0, "factor": 0.3}],
         "solves": [{"curvature": 5, "focal_length_mm": 50}, {"thickness": 2, "edge_mm": 1.4}],
@@ -103,18 +106,18 @@ def test_derivatives_of_every_term_bound_and_solve_are_those_of_central_differen
     assert state.lens.surfaces[4].curvature == pytest.approx(0.3 * state.lens.surfaces[0].curvature, rel=1e-15)
 
 
-@pytest.mark.parametrize("degrees", [0, 1])
-def test_spot_and_wavefront_of_the_merit_are_those_that_are_measured(degrees):
+@pytest.mark.parametrize(("degrees", "away"), [(0, math.inf), (1, math.inf), (0, 400.0)])
+def test_spot_and_wavefront_of_the_merit_are_those_that_are_measured(degrees, away):
     lens = load_lens("achromat-100mm")
     lens = lens.with_stop_diameter(lens.stop_diameter_for(8))
-    film = lens.first_order().back_focal_distance_mm - 0.15
+    film = film_distance(lens, away, "front") - 0.15
     merit = Merit(read_problem({
         "lens": "achromat-100mm", "f_number": 8, "fields_degrees": [degrees], "wavelengths_nm": [587.5618],
         "variables": {"curvatures": [0]}, "film": {"distance_mm": film}, "merit": {"wavefront": 1, "spot": 1},
-        "vignetting": False, "rings": 8, "arms": 10,
+        "vignetting": False, "rings": 8, "arms": 10, **({"object_distance_mm": away} if away < math.inf else {}),
     }), {})  # fmt: skip
     found = merit.values_of(merit.x0)
-    use = Setting(lens, film)
+    use = Setting(lens, film, away)
     waves = wavefront(use, [degrees], [587.5618], rays=None)["rms_waves_without_tilt"][0]
     assert found["wavefront"] == pytest.approx(waves, rel=0.01)  # the measure has its own rays and sphere
     [spots] = [row for row in spot(use, [degrees], [587.5618], rays=None).rows if row["wavelength_nm"] == 587.5618]
@@ -132,6 +135,19 @@ def test_singlet_bends_to_the_shape_of_least_spherical_aberration():
     c1, c2 = (surface.curvature for surface in found.lens.surfaces)
     shape = (c1 + c2) / (c1 - c2)
     assert shape == pytest.approx(2 * (1.5**2 - 1) / (1.5 + 2), abs=5e-3)  # thickness 0.5 mm of 1000
+
+
+def test_singlet_for_a_picture_of_natural_size_bends_alike_on_both_sides():
+    # Thin lens: least spherical aberration at q = 2 (n^2 - 1) / (n + 2) (u + v) / (u - v), which is 0 for u = -v.
+    start = singlet(100, GlassChoice(1.5168, math.inf, {"index": 1.5168}), 4, bending=0.6)
+    start["surfaces"][0]["stop"] = True
+    found = optimise({
+        "lens": start, "object_distance_mm": 200, "fields_degrees": [0], "wavelengths_nm": [587.5618], "f_number": 50,
+        "variables": {"curvatures": "all"}, "merit": {"spot": 1}, "focal_length_mm": 100,
+    })  # fmt: skip
+    one, two = (surface.curvature for surface in found.lens.surfaces)
+    assert abs((one + two) / (one - two)) < 0.03  # its thickness
+    assert found.film_mm == pytest.approx(film_distance(found.lens, 200, "front"), abs=0.1)
 
 
 def test_doublet_gets_the_powers_of_a_thin_achromat():
@@ -286,3 +302,17 @@ def test_report_has_drawings_and_pictures_of_three_lenses(tmp_path):
     assert {"before.svg", "after.svg", "before.png", "after.png", "as_built_90.png", "pictures.png"} <= {
         path.name for path in folder.iterdir()
     }
+
+
+@pytest.mark.slow
+def test_merit_of_copies_falls_and_is_what_their_judge_says_of_the_lens():
+    given = TRIPLET | {"variables": {"curvatures": [0, 4]}, "tolerances": "commercial", "evaluations": 8}
+    problem = read_problem(given | {"merit": {"as_built": 1}})
+    judge = spot_of_copies(problem)
+    found = optimise(problem, judge=judge)
+    assert found.after["as_built"] < found.before["as_built"]
+    assert found.after["as_built"] == pytest.approx(judge(found.lens, found.film_mm), rel=1e-6)
+    with pytest.raises(InputError, match="needs a judge of copies"):
+        optimise(problem)
+    with pytest.raises(InputError, match=r"merit.as_built needs tolerances"):
+        read_problem(TRIPLET | {"merit": {"as_built": 1}})

@@ -13,20 +13,22 @@ from rptcam_cl.optics.library import load_lens
 from rptcam_cl.optics.spot import Beam
 from rptcam_cl.optics.waves import pupil_function, transfer
 from rptcam_cl.rendering.cameras.ideal import dirt_edges, edges_of
+from rptcam_cl.rendering.cameras.kinds import camera_of
+from rptcam_cl.rendering.cameras.point_waves import opening_of, point_wave, ray_picture, wave_picture
 from rptcam_cl.rendering.diffraction import (
     SHOWS_PX,
     WAVES_NM,
-    FarLight,
     blur,
     diffract,
     diffraction_of,
     kernel,
     of_wavelength,
     spread_of,
-    strew,
     white_shares,
 )
+from rptcam_cl.rendering.far_light import FarLight, strew
 from rptcam_cl.rendering.film import FilmLayout
+from rptcam_cl.rendering.lamp_images import LampImage, brightness, without_lamps
 from rptcam_cl.scene.lens_settings import Dirt
 from rptcam_cl.scene.load import load_scene
 from tests.rendering.pictures import scene_of
@@ -71,7 +73,7 @@ def test_a_pixel_much_larger_than_the_airy_disk_keeps_its_light(pixel_mm):
     v = np.pi * pixel_mm / 2 / (WAVES_NM * 1e-6 * 2)  # to the rim of the largest circle in a pixel
     inside = white_shares()[:, 1] @ (1 - j0(v) ** 2 - j1(v) ** 2)
     assert plane[len(plane) // 2, len(plane) // 2] > inside - 0.005  # some of a copy of the image is left
-    assert plane.sum() == pytest.approx(1)
+    assert plane.sum() + found.spread.far[0][1] == pytest.approx(1)
 
 
 def test_spikes_stand_across_the_blades_and_keep_their_handedness():
@@ -82,7 +84,7 @@ def test_spikes_stand_across_the_blades_and_keep_their_handedness():
     reach = len(plane) // 2
     down, right = np.mgrid[-reach : reach + 1, -reach : reach + 1]
     radius, angle = np.hypot(down, right), np.degrees(np.arctan2(-down, right)) % 180
-    ring = (radius > 0.2 * reach) & (radius < 0.7 * reach)
+    ring = (radius > 0.2 * reach) & (radius < 0.7 * reach)  # of 20 wavelengths times f-number
     light = np.bincount((angle[ring] // 2).astype(int), (plane * radius**2)[ring], minlength=90)
     light /= np.bincount((angle[ring] // 2).astype(int), minlength=90)
     spikes = {10, 70, 130}
@@ -90,28 +92,37 @@ def test_spikes_stand_across_the_blades_and_keep_their_handedness():
     assert all(min(abs(spike - at) for at in brightest) <= 2 for spike in spikes), brightest
 
 
-def test_light_is_kept_and_nothing_rings_beside_a_lamp():
-    found = found_of(f_number=22, resolution=(64, 2))
-    film = np.zeros((2, 64, 3), np.float32)
-    film[:, :8] = 1e-3
-    film[1, 30] = film[0, 0] = 1e9
-    spread = diffract(found, film)
-    assert spread.min() >= 0
-    np.testing.assert_allclose(spread.sum(axis=(0, 1), dtype=float), film.sum(axis=(0, 1), dtype=float), rtol=1e-6)
-    assert spread[1, 60, 1] < 2e-3 * spread[1, 30, 1]  # 7.8 rings away
+def test_light_of_a_lamp_is_where_its_closed_form_has_it_and_comes_back_from_no_border():
+    found = found_of(f_number=22, width_mm=0.3, resolution=(96, 96))
+    assert found.spread.edges is not None
+    film = np.full((96, 96, 3), 1e-3, np.float32)
+    film[48, 48] = 1e9
+    spread = diffract(found, film).astype(float)
+    assert spread.min() > 0
+    down, right = np.mgrid[:96, :96] - 48
+    radii = np.array([12.5, 20.5, 30.5, 46.5])  # of circles [pixels]: 3 to 12 wavelengths times f-number
+    inside = [spread[np.hypot(down, right) < radius].sum(axis=0) / 1e9 for radius in radii]
+    v = np.pi * radii[:, None] * (0.3 / 96) / (WAVES_NM * 1e-6 * 22.0)
+    np.testing.assert_allclose(inside, (1 - j0(v) ** 2 - j1(v) ** 2) @ white_shares(), atol=0.003)
+    film[48, 48], film[0, 48] = 1e-3, 1e9
+    border = diffract(found, film)[:8, 48, 1].astype(float)
+    np.testing.assert_allclose(border[1:], spread[49:56, 48, 1], rtol=1e-3)
 
 
-def test_even_light_stays_even_whatever_the_kernels():
+def test_even_light_stays_even_and_lamps_lose_what_leaves_the_picture():
     random = np.random.default_rng(3)
     kernels = [part / part.sum(axis=(1, 2), keepdims=True) for part in random.random((4, 3, 5, 5))]
-    symmetric = [(part + part[:, ::-1, ::-1]) / 2 for part in kernels]
     nodes = (np.array([0.0, 30.0]), np.array([0.0, 20.0]))
-    film = random.random((3, 21, 31))
-    assert blur(film, (0, 0), nodes, symmetric).sum(axis=(1, 2)) == pytest.approx(film.sum(axis=(1, 2)), rel=1e-12)
-    same = [(symmetric[0] + symmetric[0][:, ::-1]) / 2] * 4  # mirrored light adds up where kernels are mirrored too
-    np.testing.assert_allclose(blur(np.ones((3, 21, 31)), (0, 0), nodes, same), 1.0, rtol=1e-12)
-    whole, crop = blur(film, (0, 0), nodes, symmetric), blur(film[:, 5:, 6:], (6, 5), nodes, symmetric)
+    film, none = random.random((3, 21, 31)), np.zeros((3, 21, 31))
+    np.testing.assert_allclose(blur(np.ones_like(film), none, (0, 0), nodes, kernels[:1] * 4), 1.0, rtol=1e-12)
+    whole = blur(film, none, (0, 0), nodes, kernels)
+    crop = blur(film[:, 5:, 6:], none[:, 5:, 6:], (6, 5), nodes, kernels)
     np.testing.assert_allclose(crop[:, 2:, 2:], whole[:, 7:, 8:], rtol=1e-12)  # beyond the reach of the crop's border
+    lamp = none.copy()
+    lamp[:, 10, 15] = lamp[:, 0, 0] = 1e9
+    spread = blur(lamp, lamp, (0, 0), nodes, kernels)
+    inside = 1e9 * (1.0 + kernels[0][:, 2:, 2:].sum(axis=(1, 2)))  # nothing comes back from the border
+    assert spread.sum(axis=(1, 2)) == pytest.approx(inside, rel=1e-12)
 
 
 def test_auto_takes_it_where_the_airy_radius_shows():
@@ -273,7 +284,7 @@ def light_of(corners):
 def test_far_light_of_a_round_opening_is_that_of_its_closed_form():
     radii, found = light_of(512).within
     total = found.sum(axis=0)
-    for rho in (64.0, 200.0, 1000.0):  # 1 - J0^2 - J1^2 of pi rho, without its ripples
+    for rho in (64.0, 200.0, 500.0):  # 1 - J0^2 - J1^2 of pi rho, without its ripples
         expected = 2 / np.pi**2 * (1 / radii[0] - 1 / rho)
         assert np.interp(rho, radii, total) == pytest.approx(expected, rel=0.01)
     assert found[:, -1] == pytest.approx(found[:, -1].mean(), rel=0.03)  # the same all around
@@ -338,19 +349,14 @@ def test_dirt_is_seeded_lies_inside_and_scatters_its_shadow():
 
 
 @pytest.mark.slow
-def test_far_light_of_a_lamp_keeps_its_energy_and_does_not_ring():
+def test_far_light_of_a_lamp_does_not_ring_and_is_the_same_once_read():
     shape = {"shape": "polygon", "blades": 6}
     found = found_of(width_mm=4, resolution=(60, 5), f_number=16, aperture=shape, stop={"dirt": {}})
-    dim = np.full((5, 60, 3), 1e-3, np.float32)
-    diffract(found, dim)
-    assert "far" not in vars(found.spread)  # a film without lamps needs none
-    film = dim.copy()
+    film = np.full((5, 60, 3), 1e-3, np.float32)
+    np.testing.assert_allclose(diffract(found, film), 1e-3, rtol=1e-5)  # even light stays even
     film[2, 20] = 1e9
     spread = diffract(found, film).astype(float)
-    shares, light = found.spread.far
-    lost = (shares - light[:, 2:7, 39:99].sum(axis=(1, 2))) * 1e9  # what falls beside the film
-    assert (lost > 0).all() and (lost < shares * 1e9).all()
-    assert film.sum(axis=(0, 1), dtype=float) - lost == pytest.approx(spread.sum(axis=(0, 1)), rel=1e-6)
+    assert (spread.sum(axis=(0, 1)) < 1e9).all()  # some falls beside the film
     assert spread.min() > 0
     assert (np.diff(spread[2, 34:, 1]) < 0).mean() > 0.9  # it falls evenly, apart from what dirt scatters
     again = spread_of(found.arrays(), (60, 5)).over(film, FilmLayout.of(found.scene.film))
@@ -373,3 +379,132 @@ def test_far_light_of_a_lamp_keeps_its_energy_and_does_not_ring():
 def test_bad_dirt_is_refused(camera, fault):
     with pytest.raises(InputError, match=fault):
         found_of(**camera)
+
+
+#
+# Lamps out of focus, against full-wave pictures by Debye's integral.
+
+HEXAGON = np.stack([np.cos(np.arange(6) * np.pi / 3), np.sin(np.arange(6) * np.pi / 3)], axis=1)
+
+
+def full_wave_picture(image_mm, film_mm, nm, places_mm, radius_mm=50 / 11.2, corners=HEXAGON, across=600, finer=4):
+    """Light per mm2 on the film of a wave that converges from a polygon to a point: Debye's integral, of 1 altogether.
+
+    Over direction cosines of the light to the film's middle: a point of the pupil sends it sqrt(film^2 + r^2) far, and
+    is sqrt(image^2 + r^2) before the point where all light is in step. Even light on the pupil.
+    """
+    widest = radius_mm / film_mm
+    step = 2 * widest / across
+    cosines = (np.arange(across) + 0.5) * step - widest
+    within = ((np.arange(finer) + 0.5) / finer - 0.5) * step
+
+    def on_pupil(right, up):
+        l, m = np.meshgrid(cosines + right, cosines + up)  # noqa: E741
+        ahead = np.sqrt(1 - l**2 - m**2)
+        return film_mm * l / ahead, film_mm * m / ahead, ahead
+
+    open_share = np.zeros((across, across))
+    for right in within:
+        for up in within:
+            x, y, _ = on_pupil(right, up)
+            inside = np.ones(x.shape, bool)
+            for start, end in radius_mm * np.stack([corners, np.roll(corners, -1, axis=0)], axis=1):
+                inside &= (end[0] - start[0]) * (y - start[1]) >= (end[1] - start[1]) * (x - start[0])
+            open_share += inside / finer**2
+    x, y, ahead = on_pupil(0.0, 0.0)
+    square = x**2 + y**2
+    path = np.sqrt(image_mm**2 + square) - image_mm - np.sqrt(film_mm**2 + square) + film_mm
+    field = open_share / ahead**2 * np.exp(-2j * np.pi * path / (nm * 1e-6))
+    wave = np.exp(2j * np.pi / (nm * 1e-6) * np.outer(places_mm, cosines))
+    flux = (open_share / ahead**4).sum() * step**2
+    return np.abs(wave @ field @ wave.T) ** 2 * step**4 / flux / (nm * 1e-6) ** 2
+
+
+def lamp_scene(waves, pixels=160, blades=6, **camera):
+    """A lamp of 0.4 micrometres on the film, 200 m away, out of focus by so many waves of 550 nm, 50 mm f/5.6."""
+    image = 1 / (1 / 50 - 1 / 200e3)
+    film = 1 / (1 / image - 2 * waves * 550e-6 / (50 / 11.2) ** 2)
+    shape = {"aperture": {"shape": "polygon", "blades": blades}} if blades else {}
+    own = {"f_number": 5.6, "focus_distance_m": 1e-3 / (1 / 50 - 1 / film), "diffraction": "on"}
+    lamp = {"shape": "sphere", "center": [0, 0, -200], "radius": 0.0016,
+            "material": {"kind": "emissive", "radiance": 1e4}}  # fmt: skip
+    scene = scene_of([lamp], {**THIN, **own, **shape, **camera}, depth=1, film={"width_mm": 0.002 * pixels},
+                     resolution=(pixels, pixels), spectrum="rgb")  # fmt: skip
+    return scene, image, film
+
+
+@pytest.mark.parametrize("waves", [0.5, 7.5])
+def test_a_hexagon_out_of_focus_has_the_picture_of_its_waves(waves):
+    scene, image, film = lamp_scene(waves)
+    loaded = load_scene(scene)
+    pupils, source, middle = camera_of(loaded).film_pupils(), np.array([0.0, 0.0, -200e3]), np.zeros(2)
+    opening = opening_of(pupils, pupils(middle), middle, source, 550.0, 60.0)
+    wave = point_wave(pupils, opening, middle, source, 550.0)
+    places = (np.arange(160) - 79.5) * 0.0015
+    expected = full_wave_picture(image, film, 550.0, places)
+    found = wave_picture(wave, 550.0, places, places)
+    assert np.abs(found - expected).sum() < 0.01 * expected.sum()
+    by_rays = ray_picture(wave, places, places) / 0.0015**2
+    assert by_rays.sum() * 0.0015**2 == pytest.approx(1.0, abs=1e-6)
+    assert np.abs(by_rays - expected).sum() > 0.25 * expected.sum()
+
+
+@pytest.mark.parametrize(("degrees", "distance_mm"), [(8.0, 1500.0), (12.0, np.inf)])
+def test_light_traced_from_the_film_has_the_paths_of_light_traced_to_it(degrees, distance_mm):
+    lens = load_lens("dgauss-50mm").with_stop_diameter(6.0)
+    back = film_distance(lens, 1e9)
+    expected = pupil_function(lens, back, Beam(degrees, distance_mm), 550.0, 48)
+    camera = {"kind": "realistic", "lens": "dgauss-50mm", "stop_diameter_mm": 6, "focus": {"film_distance_mm": back}}
+    scene = load_scene(scene_of([], {**camera, "diffraction": "on", **POSE}, resolution=(32, 16)))
+    reach = min(distance_mm, 1e8)
+    source = np.array([0.0, -np.tan(np.radians(degrees)) * reach, -reach])
+    directions = np.stack(np.meshgrid(expected.cosines_x, expected.cosines_y), axis=-1)
+    rays = camera_of(scene).film_pupils().arrive(expected.chief, source, 550.0, directions)
+    lit = expected.coverage > 0.99
+    off = -rays.path_mm.reshape(lit.shape)[lit] / 550e-6 - expected.waves[lit]
+    assert np.ptp(off) < (1e-5 if np.isfinite(distance_mm) else 0.01)  # infinity is 100 km away
+    ratio = rays.density.reshape(lit.shape)[lit] / expected.density[lit]
+    assert np.ptp(ratio) < 1e-6 * ratio.mean()
+
+
+def test_lamps_are_as_bright_as_their_film_and_those_half_hidden_are_left():
+    down, right = np.mgrid[:21, :21] - 10
+    disk = np.float32(np.hypot(down, right) < 6)
+    rays = np.tile(disk / disk.sum(), (3, 1, 1))
+    lamps = [LampImage(column, 5, rays, rays, (column + 10.5, 15.5), 6.0) for column in (2, 8, 60)]
+    light = np.array([[300.0, 200.0, 100.0], [50.0, 60.0, 70.0], [90.0, 90.0, 90.0]])
+    film = np.full((3, 31, 90), 0.2)
+    for lamp, own in zip(lamps, light, strict=True):
+        film[:, 5:26, lamp.column : lamp.column + 21] += own[:, None, None] * rays
+    noisy = film * (1 + 0.2 * np.random.default_rng(5).standard_normal(film.shape))
+    assert brightness(film, (0, 0), lamps) == pytest.approx(light, rel=1e-6)
+    assert brightness(noisy, (0, 0), lamps) == pytest.approx(light, rel=0.12)
+    np.testing.assert_allclose(without_lamps(film, (0, 0), lamps, light), 0.2, rtol=1e-5)
+    film[:, :, 71:] = 0.2  # the last is half behind something
+    assert brightness(film, (0, 0), lamps) == pytest.approx(light * [[1], [1], [0]], rel=1e-6)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("waves", [0.5, 7.5])
+def test_a_rendered_lamp_out_of_focus_has_rings_and_spikes_as_wide_as_an_edge(waves):
+    scene, image, film = lamp_scene(waves)
+    picture = rptcam_cl.render(scene, spp=256, layers=["direct"])
+    places, expected = (np.arange(480) - 239.5) * 0.002 / 3, np.zeros((160, 160))
+    for nm, share in zip(WAVES_NM, white_shares()[:, 1], strict=True):
+        light = full_wave_picture(image, film, nm, places)
+        expected += share * light.reshape(160, 3, 160, 3).mean(axis=(1, 3)) * 0.002**2
+    found, rays = (film[..., 1].astype(float) / picture["direct"][..., 1].sum(dtype=float)
+                   for film in (picture.pixels, picture["direct"]))  # fmt: skip
+    assert np.abs(found - expected).sum() < 0.03 * expected.sum()
+    assert np.abs(rays - expected).sum() > 0.25 * expected.sum()
+
+
+@pytest.mark.slow
+def test_parts_of_a_film_with_lamps_are_merged_with_the_bits_of_the_whole(tmp_path):
+    small = lamp_scene(3.0, 64)[0]
+    whole = rptcam_cl.render(small, spp=8, layers=["direct"])
+    parts = [tmp_path / "1.rpck", tmp_path / "2.rpck"]
+    for number, path in enumerate(parts, 1):
+        rptcam_cl.render(small, spp=8, layers=["direct"], part=f"{number}/2", checkpoint=path)
+    np.testing.assert_array_equal(rptcam_cl.merge(parts), whole)
+    assert np.abs(whole.pixels - whole["direct"]).sum() > 0.2 * whole["direct"].sum()

@@ -77,6 +77,7 @@ from rptcam_cl.scene.materials import (
     CoveringMaterial,
     Dielectric,
     Emissive,
+    Hair,
     Matte,
     MetalTable,
     Mirror,
@@ -104,7 +105,7 @@ from rptcam_cl.scene.placement import (
 )
 from rptcam_cl.scene.quantities import LightSpectrum, TabulatedSpectrum
 from rptcam_cl.scene.scene import Scene
-from rptcam_cl.scene.shapes import Board, Box, Cone, Cylinder, Disk, Plane, Rectangle, Sphere
+from rptcam_cl.scene.shapes import Board, Box, Cone, Curves, Cylinder, Disk, Plane, Rectangle, Sphere
 from rptcam_cl.scene.textures import (
     AnisotropyMap,
     Blend,
@@ -185,6 +186,7 @@ SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
     "Mix": (Mix, "Holes"),
     "Emissive": (Emissive,),
     "Boundary": (Boundary,),
+    "Hair": (Hair,),
     "Scattering medium": (ScatteringMedium,),
     "Checker": (Checker, "Every texture"),
     "Grid": (Grid, "Every texture"),
@@ -204,6 +206,7 @@ SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
     "Cylinder": (Cylinder, "Every object"),
     "Cone": (Cone, "Every object"),
     "Plane": (Plane, "Every object"),
+    "Curves": (Curves, "Every object"),
     "Mesh": (MeshObject, "Every object", "Named mesh"),
     "Named mesh": (NamedMesh,),
     "Board": (Board,),

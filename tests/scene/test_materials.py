@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from rptcam_cl.core.errors import InputError
@@ -114,3 +115,12 @@ def test_mix_takes_names_and_mappings():
 def test_attenuation_is_absorption():
     glass = material("{kind: dielectric, attenuation: {color: [1, 0.5, 0], distance_m: 2}}")
     assert glass.absorption == pytest.approx((0, 0.34657359, 6.9077553))
+
+
+def test_media_by_colour_or_name_have_coefficients():
+    wax = material("{kind: boundary, interior: {color: [0.0, 0.5, 1.0], free_path_mm: 2, asymmetry: 0.5}}").interior
+    # nothing is scattered of black, nothing absorbed of white; scattering that is not even is twice as dense here
+    assert np.array(wax.absorption) == pytest.approx([500, 500 * 0.2971**2, 0], rel=1e-3, abs=0.01)
+    assert np.array(wax.scattering) == pytest.approx([0, 1000 * (1 - 0.2971**2), 1000], rel=1e-3, abs=0.01)
+    milk = material("{kind: dielectric, interior: {substance: whole_milk}}").interior
+    assert (milk.scattering, milk.absorption) == ((2550.0, 3210.0, 3770.0), (1.1, 2.4, 14.0))

@@ -40,6 +40,7 @@ from rptcam_cl.exchange.pbrt.files import (
     picture_name,
     square_of_angles,
 )
+from rptcam_cl.exchange.pbrt.materials import medium_keys
 from rptcam_cl.exchange.pbrt.shapes import Objects
 from rptcam_cl.exchange.pbrt.source import Place, Report
 from rptcam_cl.exchange.pbrt.textures import GREY, SAMPLING, light, scale_factor
@@ -339,6 +340,7 @@ def _photometric(pixels: Pixels, illuminance: float, place: Place) -> float:
 
 # Parameters of every camera that concern motion, which is not converted.
 SHUTTER = ("shutteropen", "shutterclose")
+DEEP = 200  # times that light is scattered below a surface, at most
 
 
 @dataclass(frozen=True, eq=False)
@@ -438,7 +440,7 @@ def _scene_keys(context: Context, source: Path) -> dict[str, Any]:
     if camera is None:
         raise InputError(f"{source}: has no Camera; is it a part that another file includes?")
     frame = frame_of(camera)
-    context.world = frame.world
+    context.world, context.metres_per_unit = frame.world, frame.metres_per_unit
     film = options.get("Film")
     raster = raster_of(context, film)
     camera_keys, film_keys, own_keys = convert_camera(context, camera, frame, raster, film)
@@ -458,6 +460,11 @@ def _scene_keys(context: Context, source: Path) -> dict[str, Any]:
         context.refuse_missing()
         raise InputError(_no_objects(context, source))
     scene |= sections
+    around = context.scene.media.get(context.scene.around_camera)
+    if around is not None and (fog := medium_keys(context, around)) is not None:
+        scene["medium"] = fog
+    if context.deep and scene["render"].get("max_depth", 8) < DEEP:
+        scene["render"]["max_depth"] = DEEP
     lights, sky, maps = convert_lights(context, frame)
     if lights:
         scene["lights"] = lights

@@ -171,6 +171,10 @@ class Context:
         Names of pictures that are written anew, by their path.
     world : (4, 4) array
         From the world of pbrt to that of the scene.
+    metres_per_unit : float
+        Of the scene.
+    deep : bool
+        Whether light is to be scattered many times, below surfaces.
     """
 
     scene: PbrtScene
@@ -182,6 +186,8 @@ class Context:
     known: dict[int, object] = field(default_factory=dict, repr=False)
     pictures: dict[str, str] = field(default_factory=dict, repr=False)
     world: NDArray[np.float64] = field(default_factory=lambda: np.eye(4), repr=False)
+    metres_per_unit: float = 1.0
+    deep: bool = False
 
     def approximated(self, entity: Entity, what: str, place: Place | None = None) -> None:
         """Report what of an entity the scene of ours has in another way; at a place of its own where one is given."""

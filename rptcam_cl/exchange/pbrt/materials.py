@@ -12,9 +12,21 @@ from numpy.typing import NDArray
 
 from rptcam_cl.core.colour import luminance
 from rptcam_cl.exchange.pbrt.files import Context, is_readable, picture_name
-from rptcam_cl.exchange.pbrt.textures import Array, Shade, heights, number_shade, samples_of, shade, single, value
+from rptcam_cl.exchange.pbrt.textures import (
+    COLOURS,
+    Array,
+    Shade,
+    heights,
+    light,
+    number_shade,
+    reflectance_srgb,
+    samples_of,
+    shade,
+    single,
+    value,
+)
 from rptcam_cl.exchange.pbrt.world import Entity, MaterialName
-from rptcam_cl.scene.materials import LARGEST_INDEX, LEAST_BEND, SMALLEST_INDEX
+from rptcam_cl.scene.materials import LARGEST_INDEX, LEAST_BEND, MOST_ASYMMETRY, SMALLEST_INDEX, SUBSTANCES
 
 # Materials of ours as plain keys, and pbrt's roughness as GGX's alpha.
 
@@ -490,11 +502,82 @@ def _diffuse_transmission(context: Context, material: Entity) -> Keys:
     return _sheet(context, material, back, on) if has_effect(on) else matte(back)
 
 
+# Media of pbrt by its names; where a medium gives no coefficients, they are whole milk's.
+SUBSTANCES_OF = {
+    "Apple": "apple", "Chicken1": "chicken", "Cream": "cream", "Ketchup": "ketchup", "Marble": "marble",
+    "Potato": "potato", "Skimmilk": "skim_milk", "Skin1": "skin", "Skin2": "skin_pale", "Spectralon": "spectralon",
+    "Wholemilk": "whole_milk",
+}  # fmt: skip
+
+
+def _coefficient(context: Context, entity: Entity, name: str, default: tuple[float, float, float]) -> Array:
+    item = entity.parameters.get(name, *COLOURS)
+    if item is None:
+        return np.array(default)
+    if item.kind == "spectrum":
+        return np.maximum(reflectance_srgb(*samples_of(context, item)), 0)
+    return light(context, entity, name)
+
+
+def medium_keys(context: Context, medium: Entity, preset: str = "preset") -> Keys | None:
+    """Return a medium of ours; None, with a report, for one that varies from place to place."""
+    if medium.kind != "homogeneous" and preset == "preset":
+        medium.parameters.skip_all()
+        context.ignored(medium, f'media of the type "{medium.kind}"')
+        return None
+    parameters = medium.parameters
+    name = parameters.text(preset, "")
+    if name and name not in SUBSTANCES_OF:
+        context.approximated(medium, f'whole milk in place of "{name}"')
+    scattering, absorption = SUBSTANCES[SUBSTANCES_OF.get(name, "whole_milk")]
+    scale = value(context, medium, "scale", 1.0) / context.metres_per_unit
+    sigma_a = scale * _coefficient(context, medium, "sigma_a", absorption)
+    keys: Keys = {
+        "absorption_per_m": sigma_a.tolist(),
+        "scattering_per_m": (scale * _coefficient(context, medium, "sigma_s", scattering)).tolist(),
+    }
+    if g := parameters.number("g", 0.0):
+        keys["asymmetry"] = float(np.clip(g, -MOST_ASYMMETRY, MOST_ASYMMETRY))
+    emitted = parameters.number("Lescale", 1.0)
+    if parameters.has("Le") and emitted:
+        keys["emission_per_m"] = (emitted * sigma_a * light(context, medium, "Le")).tolist()
+    return keys
+
+
 def _subsurface(context: Context, material: Entity) -> Keys:
-    material.parameters.skip_all()
-    context.approximated(material, "plastic; light does not pass below the surface")
-    colour = shade(context, material, "reflectance" if material.parameters.has("reflectance") else "Kd", 0.5)
-    return _plastic_keys(colour, index_of(context, material, default=1.33), alphas(context, material, 0.0))
+    """Return rough glass round a medium in which light walks at random, where pbrt has it come out by a table."""
+    parameters = material.parameters
+    keys = dielectric(index_of(context, material, default=1.33), alphas(context, material, 0.0))
+    colour = next((name for name in ("reflectance", "Kd") if parameters.has(name)), None)
+    context.deep = True
+    context.approximated(material, "light walks at random below the surface")
+    if colour is None:
+        return keys | {"interior": medium_keys(context, material, "name")}
+    mean = shade(context, material, colour, 0.5)
+    if mean.texture is not None:
+        context.approximated(material, "its colour below the surface is the mean of the texture")
+    way = 1e3 * context.metres_per_unit * _coefficient(context, material, "mfp", (1.0, 1.0, 1.0))
+    parameters.skip("sigma_a", "sigma_s", "g", "scale")
+    inside = {"color": np.clip(mean.colour, 0, 1).tolist(), "free_path_mm": np.maximum(way, 1e-6).tolist()}
+    return keys | {"interior": inside}
+
+
+def _hair(context: Context, material: Entity) -> Keys:
+    parameters = material.parameters
+    keys: Keys = {
+        "kind": "hair", "index": value(context, material, "eta", 1.55),
+        "roughness": value(context, material, "beta_m", 0.3), "tilt_degrees": value(context, material, "alpha", 2.0),
+        "roughness_across": value(context, material, "beta_n", 0.3),
+    }  # fmt: skip
+    colour = next((name for name in ("reflectance", "color") if parameters.has(name)), None)
+    if parameters.has("sigma_a"):
+        return keys | {"absorption": np.maximum(shade(context, material, "sigma_a", 0.0).colour, 0).tolist()}
+    if colour is not None:
+        return keys | {"reflectance": shade(context, material, colour, 0.5).keys()}
+    pigments = {name: value(context, material, name, 0.0) for name in ("eumelanin", "pheomelanin")}
+    if not any(map(parameters.has, pigments)):
+        pigments["eumelanin"] = 1.3
+    return keys | pigments
 
 
 def _grey(context: Context, material: Entity) -> Keys:
@@ -506,10 +589,10 @@ def _grey(context: Context, material: Entity) -> Keys:
 KINDS: dict[str, Callable[[Context, Entity], Keys]] = {
     "diffuse": partial(_matte, name="reflectance"), "coateddiffuse": _coated_diffuse, "conductor": _conductor,
     "coatedconductor": _coated_conductor, "dielectric": _dielectric, "thindielectric": _thin_dielectric,
-    "diffusetransmission": _diffuse_transmission, "subsurface": _subsurface, "measured": _grey, "hair": _grey,
+    "diffusetransmission": _diffuse_transmission, "subsurface": _subsurface, "measured": _grey, "hair": _hair,
     "matte": _matte, "plastic": _plastic, "mirror": _mirror, "glass": _glass,
     "metal": partial(_conductor, roughness=0.01), "uber": _uber, "substrate": _substrate,
-    "translucent": _translucent, "disney": _disney, "kdsubsurface": _grey, "fourier": _grey,
+    "translucent": _translucent, "disney": _disney, "kdsubsurface": _subsurface, "fourier": _grey,
     "shinymetal": _shiny_metal,
 }  # fmt: skip
 

@@ -8,6 +8,7 @@ import tempfile
 from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.exchange.pbrt.camera import Frame
 from rptcam_cl.exchange.pbrt.files import Context
-from rptcam_cl.exchange.pbrt.materials import bumps_of_mesh, convert_material, opacity_keys
+from rptcam_cl.exchange.pbrt.materials import bumps_of_mesh, convert_material, medium_keys, opacity_keys
 from rptcam_cl.exchange.pbrt.source import Parameters, Place, read_limited
 from rptcam_cl.exchange.pbrt.textures import lamp_radiance, number_shade
 from rptcam_cl.exchange.pbrt.world import (
@@ -37,6 +38,7 @@ from rptcam_cl.exchange.pbrt.world import (
     tidy,
 )
 from rptcam_cl.scene.meshes import read_mesh_file
+from rptcam_cl.scene.shapes import bezier_pieces
 
 # Triangle meshes on their way from pbrt to a scene of ours.
 
@@ -565,7 +567,8 @@ def convert_shape(context: Context, placed: Placed) -> Piece | None:
     shape = placed.shape
     kinds: dict[str, Callable[[Context, Placed], Piece | None]] = {
         "sphere": _sphere, "disk": _round, "cylinder": _round, "cone": _round, "paraboloid": _round,
-        "hyperboloid": _round, "trianglemesh": _mesh, "bilinearmesh": _mesh, "loopsubdiv": _mesh, "plymesh": _ply,
+        "hyperboloid": _round, "curve": _curve, "trianglemesh": _mesh, "bilinearmesh": _mesh, "loopsubdiv": _mesh,
+        "plymesh": _ply,
     }  # fmt: skip
     if shape.kind not in kinds:
         shape.parameters.skip_all()
@@ -642,6 +645,41 @@ def _mesh(context: Context, placed: Placed) -> Piece | None:
         context.approximated(placed.shape, "a texture without texture coordinates")
     area = float(mesh.transformed(placed.shape.world_from_object).areas().sum()) / parts
     return _piece(placed, mesh, area)
+
+
+def _curve(context: Context, placed: Placed) -> Piece | None:
+    """Return a curve as one strand of Bézier points in the world, or in its own space where it is shared."""
+    shape, parameters = placed.shape, placed.shape.parameters
+    degree, basis = parameters.integer("degree", 3), parameters.text("basis", "bezier")
+    parameters.skip("splitdepth", "N")
+    points = _points(shape)
+    if degree not in (2, 3) or basis not in ("bezier", "bspline"):
+        raise shape.error(f"curves have the degree 2 or 3 and the basis bezier or bspline (got {degree}, {basis})")
+    if len(points) <= degree or (basis == "bezier" and (len(points) - 1) % degree):
+        raise shape.error(f"curve: {len(points)} points P make no curves of degree {degree}")
+    step = degree if basis == "bezier" else 1
+    windows = np.stack([points[k : len(points) - degree + k : step] for k in range(degree + 1)], axis=1)
+    if degree == 2:
+        if basis == "bspline":
+            windows = np.stack([windows[:, :2].mean(axis=1), windows[:, 1], windows[:, 1:].mean(axis=1)], axis=1)
+        raised = np.array([[1, 0, 0], [1 / 3, 2 / 3, 0], [0, 2 / 3, 1 / 3], [0, 0, 1]])
+        pieces = raised @ windows
+    else:
+        pieces = bezier_pieces(points[None], "bezier" if basis == "bezier" else "bspline")[0]
+    width = parameters.number("width", 1.0)
+    ends = parameters.number("width0", width), parameters.number("width1", width)
+    rows = np.concatenate([pieces[0, :1], pieces[:, 1:].reshape(-1, 3)])
+    widths = np.interp(np.linspace(0, 1, len(rows)), (0, 1), ends)
+    form = parameters.text("type", "flat")
+    if form == "ribbon":
+        context.approximated(shape, "a ribbon that turns to whoever sees it")
+    keys: Keys = {"shape": "curves", "basis": "bezier", "form": "tube" if form == "cylinder" else "flat"}
+    if placed.shared:
+        keys |= transform_keys(placed.world)
+    else:
+        rows = rows @ placed.world[:3, :3].T + placed.world[:3, 3]
+        widths = widths * mean_scale(placed.world)
+    return keys | {"points": np.column_stack([rows, widths]).tolist()}, 0.0, None
 
 
 def _note_no_area(context: Context, shape: Entity) -> None:
@@ -733,6 +771,7 @@ class Objects:
             self._merge_spheres()
         for index, (use, mesh) in self._loose.items():
             self.items[index] = {"shape": "mesh", **self._mesh_keys(use, mesh), **self.items[index]}
+        self._merge_curves()
         self.items = [item for item in self.items if item]
         sections = {"materials": self.materials, "meshes": self.meshes, "objects": self.items}
         return {name: section for name, section in sections.items() if section}
@@ -784,6 +823,9 @@ class Objects:
             self.context.ignored(use.lamp, "lamps in objects do not shine, as in pbrt")
         material = self._material(use)
         opacity = self._opacity(use)
+        inside = self._medium(use)
+        if inside is not None and lamp is None:
+            material = self._with_interior(use, material, inside)
         if material is None and lamp is None:
             self.context.ignored(use.shape, "the boundary of a medium, without a surface")
             use.shape.parameters.skip_all()
@@ -796,6 +838,7 @@ class Objects:
             textured, oriented = False, not lamp.parameters.boolean("twosided", False)
         else:
             material = {**(material or {}), **opacity}
+            material = self._fitting(use, material)
             if "bump" in json.dumps(material) and self._has_vertex_normals(use.shape):
                 material = bumps_of_mesh(material, self.context.scene.version)
             textured, oriented = _is_textured(material), _has_front(material)
@@ -816,6 +859,32 @@ class Objects:
             self._loose[len(self.items)] = use, mesh
         places = {"instances": {"file": table}} if table else {}
         self.items.append({**keys, **places, "material": name})
+
+    def _medium(self, use: ShapeUse) -> Keys | None:
+        medium = self.context.scene.media.get(use.inside)
+        return None if medium is None else medium_keys(self.context, medium)
+
+    def _with_interior(self, use: ShapeUse, material: Keys | None, inside: Keys) -> Keys:
+        """Return a material that is filled with a medium: of glass, or nothing but its boundary."""
+        if material is None:
+            return {"kind": "boundary", "interior": inside}
+        if material["kind"] == "dielectric":
+            return {**material, "interior": inside}
+        self.context.ignored(use.shape, f"the medium inside of {material['kind']}")
+        return material
+
+    def _fitting(self, use: ShapeUse, material: Keys) -> Keys:
+        """Return a material that its shape may have: hair is for curves alone, which are neither glass nor mirrors."""
+        is_curve, kind = use.shape.kind == "curve", material["kind"]
+        parts = {kind, *(part["kind"] for part in material.get("materials", ()))}
+        if is_curve and "opacity" in material:
+            self.context.ignored(use.shape, "holes of curves")
+            material = {key: value for key, value in material.items() if not key.startswith("opacity")}
+        if (is_curve and parts & {"dielectric", "thin_glass", "mirror"}) or (not is_curve and "hair" in parts):
+            self.context.approximated(use.shape, f"matte in place of {kind}")
+            colour = material.get("reflectance", [0.5] * 3)
+            return {"kind": "matte", "reflectance": colour}
+        return material
 
     def _leave_out(self, use: ShapeUse, instance: Instance | None) -> None:
         """Report a shape whose transform flattens space, or leads out of it."""
@@ -878,6 +947,27 @@ class Objects:
                 self.items[index] = {}
             one = {"shape": "sphere", "center": [0, 0, 0], "radius": 1, "instances": {"file": table}}
             self.items[members[0]] = {**one, "material": material}
+
+    def _merge_curves(self) -> None:
+        """Put the strands of each material together, many points into a file beside the scene."""
+        groups: dict[str, list[int]] = {}
+        for index, item in enumerate(self.items):
+            if item.get("shape") == "curves":
+                same = {key: value for key, value in item.items() if key != "points"}
+                groups.setdefault(json.dumps(same), []).append(index)
+        for members in groups.values():
+            strands = [self.items[index]["points"] for index in members]
+            points, counts = [row for strand in strands for row in strand], [len(strand) for strand in strands]
+            for index in members[1:]:
+                self.items[index] = {}
+            first = self.items[members[0]]
+            if len(points) > MOST_INLINE:
+                name = f"{first['material']}.npz"
+                arrays: dict[str, Any] = {"points": np.array(points), "counts": np.array(counts)}
+                del first["points"]
+                first["file"] = self.context.files.add("curves", name, partial(np.savez, **arrays))
+            else:
+                first |= {"points": points, "counts": counts}
 
     def _merge(self) -> None:
         """Put the meshes of each material together that stand in one place only."""

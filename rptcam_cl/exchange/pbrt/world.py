@@ -239,12 +239,13 @@ class MaterialName:
 
 @dataclass(frozen=True, eq=False)
 class ShapeUse:
-    """A shape with what it is made of."""
+    """A shape with what it is made of, and the name of the medium inside."""
 
     shape: Entity
     material: Entity | MaterialName | None
     lamp: Entity | None
     reverse: bool
+    inside: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -276,6 +277,8 @@ class PbrtScene:
     objects: dict[str, list[ShapeUse]] = field(default_factory=dict)
     lights: list[Entity] = field(default_factory=list)
     materials: dict[str, Entity] = field(default_factory=dict)
+    media: dict[str, Entity] = field(default_factory=dict)
+    around_camera: str = ""  # name of a medium
     version: int = 4
 
     def material_of(self, use: Entity | MaterialName | None) -> Entity | None:
@@ -309,6 +312,8 @@ class GraphicsState:
     reverse: bool = False
     material: Entity | MaterialName | None = None
     lamp: Entity | None = None
+    inside: str = ""
+    outside: str = ""
     color_space: str = "srgb"
     defaults: Mapping[str, tuple[Parameter, ...]] = field(default_factory=dict)
 
@@ -317,17 +322,15 @@ COLOR_SPACES = ("srgb", "rec2020", "dci-p3", "aces2065-1")
 OPTIONS = ("Camera", "Film", "Sampler", "Integrator", "SurfaceIntegrator", "PixelFilter")
 IGNORED = {
     "Accelerator": "how rays find surfaces is decided by the renderer",
-    "MakeNamedMedium": "there are no media such as fog",
-    "MediumInterface": "there are no media such as fog",
     "TransformTimes": "nothing moves while the shutter is open",
     "Option": "it steers pbrt itself",
     "Renderer": "it steers pbrt-v2 itself",
-    "Volume": "there are no media such as fog",
-    "VolumeIntegrator": "there are no media such as fog",
+    "Volume": "there are no media of pbrt-v2",
+    "VolumeIntegrator": "there are no media of pbrt-v2",
 }
 # Targets of ``Attribute`` by the directive that takes the defaults.
 TARGETS = {"Shape": "shape", "LightSource": "light", "AreaLightSource": "light", "Material": "material",
-           "MakeNamedMaterial": "material", "Texture": "texture"}  # fmt: skip
+           "MakeNamedMaterial": "material", "Texture": "texture", "MakeNamedMedium": "medium"}  # fmt: skip
 # Nested deeper than any scene that was written on purpose.
 DEEPEST = 10_000
 
@@ -423,6 +426,7 @@ class World:
             self.report.ignored(self.scene.options[name].place, f"{name}: a later one takes its place")
         self.scene.options[name] = self.entity(statement, statement.texts[0])
         if name == "Camera":
+            self.scene.around_camera = self.state.outside
             world_from_camera = np.linalg.inv(self.state.ctm) if is_invertible(self.state.ctm) else NOWHERE
             self.spaces["camera"] = np.asarray(world_from_camera, np.float64)
         if statement.directive == "SurfaceIntegrator" or (name == "Film" and statement.texts[0] == "image"):
@@ -526,11 +530,9 @@ def _color_space(world: World, statement: Statement) -> None:
 
 def _attribute(world: World, statement: Statement) -> None:
     (target,) = statement.texts
-    allowed = (*dict.fromkeys(TARGETS.values()), "medium")
+    allowed = tuple(dict.fromkeys(TARGETS.values()))
     if target not in allowed:
         raise statement.place.error(f'unknown target "{target}" of Attribute (allowed: {", ".join(allowed)})')
-    if target == "medium":
-        world.report.ignored(statement.place, f"{statement.described()}: {IGNORED['MakeNamedMedium']}")
     items = (*statement.with_parameters().items.values(), *world.state.defaults.get(target, ()))
     world.state = replace(world.state, defaults={**world.state.defaults, target: items})
 
@@ -556,6 +558,16 @@ def _make_named_material(world: World, statement: Statement) -> None:
     world.scene.materials[name] = world.entity(statement, parameters.text("type", "matte"))
 
 
+def _make_named_medium(world: World, statement: Statement) -> None:
+    kind = statement.with_parameters().text("type", "homogeneous")
+    world.scene.media[statement.texts[0]] = world.entity(statement, kind)
+
+
+def _medium_interface(world: World, statement: Statement) -> None:
+    inside, *outside = statement.texts
+    world.state = replace(world.state, inside=inside, outside=outside[0] if outside else inside)
+
+
 def _texture(world: World, statement: Statement) -> None:
     name, kind, form = statement.texts
     kinds = {"float": "float", "spectrum": "spectrum", "color": "spectrum"}
@@ -575,7 +587,8 @@ def _area_light(world: World, statement: Statement) -> None:
 
 def _shape(world: World, statement: Statement) -> None:
     state = world.state
-    use = ShapeUse(world.entity(statement, statement.texts[0]), state.material, state.lamp, state.reverse)
+    shape = world.entity(statement, statement.texts[0])
+    use = ShapeUse(shape, state.material, state.lamp, state.reverse, state.inside)
     if world.current_object is None:
         world.scene.shapes.append(use)
     else:
@@ -589,7 +602,8 @@ _ACTIONS: dict[str, Callable[[World, Statement], None]] = {
     "CoordinateSystem": _coordinate_system, "CoordSysTransform": _coordinate_system_transform, "Identity": _identity,
     "ActiveTransform": _active_transform, "ReverseOrientation": _reverse, "ColorSpace": _color_space,
     "Attribute": _attribute, "Material": _material, "NamedMaterial": _named_material,
-    "MakeNamedMaterial": _make_named_material, "Texture": _texture, "LightSource": _light,
+    "MakeNamedMaterial": _make_named_material, "MakeNamedMedium": _make_named_medium,
+    "MediumInterface": _medium_interface, "Texture": _texture, "LightSource": _light,
     "AreaLightSource": _area_light, "Shape": _shape,
 }  # fmt: skip
 

@@ -8,17 +8,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Literal
+from functools import partial
+from typing import Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.optics.chief_rays import without_rims
 from rptcam_cl.optics.ghosts import with_wider_stop
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.pupils import cells, grid, narrowing_probes, pupil_boxes
-from rptcam_cl.optics.ray_trace import passing
+from rptcam_cl.optics.ray_trace import Rays, passing
 from rptcam_cl.optics.surface import StopMask, StopShape
 from rptcam_cl.rendering.cameras.ideal import ThickLens, shaped
 from rptcam_cl.rendering.cameras.model import CameraModel
@@ -171,6 +173,9 @@ def _through(
 
 Mask = NDArray[np.bool_]
 
+NUDGE_MM = 1e-3  # by which a ray starts beside a point of the film, to see where that leads
+MET_MM = 1e-9  # of the film, within which a ray of a source is found
+NEWTON = 12
 PUPIL_ACROSS = 144  # cells across the opening
 FIRST_ACROSS = 48  # of the search for it
 WIDER = (64.0, 16.0, 4.0)  # times the stop, through which an opening is found that no direction of the search meets
@@ -178,7 +183,36 @@ FINER = 4  # points across a cell that the edge runs through
 CORNERS = 1024  # of an outline
 HALVINGS = 24  # that find each
 SAME_AREA = 0.02  # within which an outline and the cells inside it are one opening
-OpenTo = Callable[[Array], Mask]  # which directions (n, 2), as cosines, are open
+
+
+class OpenTo(Protocol):
+    """Which directions (n, 2), as cosines, are open to a point of the film, or each to a point (n, 2) of its own."""
+
+    def __call__(self, cosines: Array, places: Array | None = None) -> Mask:
+        """Return them."""
+
+
+@dataclass(frozen=True)
+class Arrivals:
+    """Rays of a point of the scene that reach the film in given directions, as if no rim stopped them.
+
+    Attributes
+    ----------
+    places : (n, 2) array
+        Where they meet the film [mm].
+    path_mm : (n,) array
+        Optical path to the foot of the perpendicular from a common point of the film, but for a constant.
+    density : (n,) array
+        Flux of an even source per unit of direction cosines, to a common factor; nan where no ray is found.
+    """
+
+    places: Array
+    path_mm: Array
+    density: Array
+
+
+Arrive = Callable[[Array, Array, float, Array], Arrivals]
+"""Of a film point [mm], a source [mm] in the frame of the lens, a wavelength [nm] and directions (n, n, 2)."""
 
 
 @dataclass(frozen=True)
@@ -223,11 +257,17 @@ class FilmPupils:
         Of the medium in front of the film.
     radius_mm : float
         Of the stop: of the circle that its shape touches.
+    arrive : callable
+        Gives the rays of a point of the scene that reach the film about a point.
+    pupil_mm : float
+        How far before the film the exit pupil is; negative behind it.
     """
 
     directions: Callable[[Array], tuple[OpenTo, Array]]
     index: float
     radius_mm: float
+    arrive: Arrive
+    pupil_mm: float
 
     def __call__(self, point: Array) -> FilmPupil:
         """Return the opening as a grid.
@@ -273,14 +313,11 @@ def traced_pupils(setting: LensSetting) -> FilmPupils:
         origin = np.array([point[0], point[1], film_z])
 
         def opens_through(stopped: Lens) -> OpenTo:
-            def opens(cosines: Array) -> Mask:
-                square = np.sum(cosines * cosines, axis=1)
-                inside = square < 1
-                along = -lens.sense * np.sqrt(np.where(inside, 1 - square, 1.0))
-                directions = np.column_stack([-cosines, along])
-                origins = np.broadcast_to(origin, directions.shape)
-                passed = passing(stopped, np.ascontiguousarray(origins), directions, wavelength)
-                return np.asarray(inside & passed)
+            def opens(cosines: Array, places: Array | None = None) -> Mask:
+                inside, directions = _backwards(lens, cosines)
+                origins = np.empty_like(directions)
+                origins[:, :2], origins[:, 2] = point if places is None else places, film_z
+                return np.asarray(inside & passing(stopped, origins, directions, wavelength))
 
             return opens
 
@@ -293,7 +330,60 @@ def traced_pupils(setting: LensSetting) -> FilmPupils:
         return opens, box
 
     stop = lens.stop or lens.surfaces[0]
-    return FilmPupils(seen, float(lens.indices(wavelength)[-1]), float(stop.semi_diameter))
+    index = float(lens.indices(wavelength)[-1])
+    away = lens.sense * (film_z - lens.film_z(lens.first_order(wavelength).exit_pupil.distance_mm))
+    arrive = partial(_traced_arrivals, without_rims(lens), film_z)
+    return FilmPupils(seen, index, float(stop.semi_diameter), arrive, float(away) or np.inf)
+
+
+def _backwards(lens: Lens, cosines: Array) -> tuple[Mask, Array]:
+    """Return which cosines (n, 2) are directions of light, and these turned towards the scene (n, 3)."""
+    square = np.sum(cosines * cosines, axis=1)
+    inside = np.asarray(square < 1)
+    return inside, np.column_stack([-cosines, -lens.sense * np.sqrt(np.where(inside, 1 - square, 1.0))])
+
+
+def _traced_arrivals(lens: Lens, film_z: float, point: Array, source: Array, nm: float, cosines: Array) -> Arrivals:
+    """Return the rays of a source that leave a lens without rims in some directions (n, n, 2).
+
+    Traced from the film; where each starts there is found by Newton's iteration, until it meets the source.
+    """
+    flat = cosines.reshape(-1, 2)
+    inside, back = _backwards(lens, flat)
+    places = np.tile(np.asarray(point, np.float64), (len(flat), 1))
+
+    def trace(starts: Array, ways: Array) -> tuple[Rays, Array]:
+        rays = lens.trace(np.column_stack([starts, np.full(len(starts), film_z)]), ways, nm)
+        with np.errstate(all="ignore"):
+            along = (source[2] - rays.origins[:, 2]) / rays.directions[:, 2]
+        there = rays.origins[:, :2] + along[:, None] * rays.directions[:, :2]
+        return rays, np.where(rays.passed[:, None], there, np.nan)
+
+    middle = int(np.argmin(np.sum((flat - flat.mean(axis=0)) ** 2, axis=1)))
+    moved = np.asarray(point) + NUDGE_MM * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+    _, there = trace(moved, np.repeat(back[middle : middle + 1], 3, axis=0))
+    try:
+        inverse = np.linalg.inv((there[1:] - there[0]).T / NUDGE_MM)
+    except np.linalg.LinAlgError:
+        inverse = np.full((2, 2), np.nan)
+    for _ in range(NEWTON):
+        rays, there = trace(places, back)
+        step = (source[:2] - there) @ inverse.T
+        if not np.nanmax(np.abs(step), initial=0.0) > MET_MM:
+            break
+        places = places + np.where(np.isfinite(step), step, 0.0)
+    met = inside & rays.passed & (np.abs(step).max(axis=1, initial=0.0) < 1e3 * MET_MM)
+    to_source = source - rays.origins
+    path = rays.optical_path + lens.indices(nm)[0] * np.einsum("ij,ij->i", to_source, rays.directions)
+    path += lens.indices(nm)[-1] * np.einsum("ij,ij->i", point - places, -back[:, :2])
+    front = rays.origins - (rays.origins[:, 2] / rays.directions[:, 2])[:, None] * rays.directions
+    plane = np.where(met[:, None], front[:, :2], np.nan).reshape(cosines.shape)
+    axes = cosines[:, 0, 1], cosines[0, :, 0]
+    (xm, xl), (ym, yl) = (np.gradient(plane[..., axis], *axes, edge_order=2) for axis in (0, 1))
+    area = np.abs(xl * ym - xm * yl).ravel()
+    reach = np.hypot(np.linalg.norm(source - front, axis=1), 1e-9)
+    density = area * np.abs(rays.directions[:, 2]) * (abs(source[2]) / reach) ** 2
+    return Arrivals(places, path, np.where(met, density, np.nan))
 
 
 def _rear_box(lens: Lens, origin: Array, rear: float) -> Array:
@@ -308,7 +398,12 @@ def _rear_box(lens: Lens, origin: Array, rear: float) -> Array:
 
 
 def flat_pupils(
-    slopes: tuple[float, float], shape: StopShape | StopMask | None, sense: float, index: float, radius_mm: float
+    slopes: tuple[float, float],
+    shape: StopShape | StopMask | None,
+    sense: float,
+    index: float,
+    radius_mm: float,
+    ahead: tuple[Callable[[float], tuple[float, float]], int],
 ) -> FilmPupils:
     """Return the openings of an ideal lens: its pupil is a disk across the axis.
 
@@ -320,15 +415,18 @@ def flat_pupils(
         1 where the slopes are those towards the pupil, and light has the opposite ones.
     index, radius_mm
         As in `FilmPupils`.
+    ahead
+        What gives, for a plane at z in the frame of the lens [mm], where rays meet it: factors of the film point [mm]
+        and of the pupil's; and the power of the cosine by which the light per direction cosines goes.
     """
 
     def seen(point: Array) -> tuple[OpenTo, Array]:
         middle = slopes[0] * np.asarray(point, dtype=np.float64)
 
-        def opens(cosines: Array) -> Mask:
+        def opens(cosines: Array, places: Array | None = None) -> Mask:
             square = np.sum(cosines * cosines, axis=1)
             towards = -sense * cosines / np.sqrt(np.where(square < 1, 1 - square, 1.0))[:, None]
-            x, y = ((towards - middle) / slopes[1]).T
+            x, y = ((towards - (middle if places is None else slopes[0] * places)) / slopes[1]).T
             inside = (square < 1) & (x * x + y * y <= 1)
             return np.asarray(inside if shape is None else inside & shape.holds(x, y))
 
@@ -338,7 +436,22 @@ def flat_pupils(
         low, high = cosines.min(axis=0), cosines.max(axis=0)
         return opens, np.stack([(low + high) / 2, np.full(2, float((high - low).max()) / 2 * 1.02)])
 
-    return FilmPupils(seen, index, radius_mm)
+    def arrive(point: Array, source: Array, nm: float, cosines: Array) -> Arrivals:
+        """A perfect lens: all rays of the source meet in one point, C + t (slope) of the film point that sees it."""
+        flat = cosines.reshape(-1, 2)
+        per_film, per_pupil = ahead[0](float(source[2]))
+        at, drift = source[:2] / per_film, -per_pupil / per_film  # a film point is at + drift times the pupil's
+        square = np.sum(flat * flat, axis=1)
+        cosine = np.sqrt(np.where(square < 1, 1 - square, 1.0))
+        towards = -sense * flat / cosine[:, None]
+        pupil = (towards - slopes[0] * at) / (slopes[1] + slopes[0] * drift)
+        places = at + drift * pupil
+        t = -drift / (slopes[1] + slopes[0] * drift)  # towards the pupil, where `places + t towards` is the same point
+        image = np.append(at + t * slopes[0] * at, t) - np.append(point, 0.0)
+        path = -index * (flat @ image[:2] - sense * cosine * image[2])
+        return Arrivals(places, path, np.where(square < 1, cosine ** ahead[1], np.nan))
+
+    return FilmPupils(seen, index, radius_mm, arrive, -sense / slopes[0] if slopes[0] else np.inf)
 
 
 def _pupil(opens: OpenTo, box: Array, index: float) -> FilmPupil:

@@ -369,7 +369,13 @@ class _ThinLens(CameraOptics):
         if not self._radius_m > 0:
             return super().film_pupils()
         slopes = (-1e-3 / self._film_m, self._radius_m / self._film_m)
-        return flat_pupils(slopes, stop_shape(self.scene, self.camera.aperture), 1.0, 1.0, 1e3 * self._radius_m)
+        radius, film, plane = 1e3 * self._radius_m, 1e3 * self._film_m, 1e3 * self.camera.plane_m
+
+        def scene_side(z: float) -> tuple[float, float]:
+            return z / film, radius * (1 + z / plane)  # the scene lies at z < 0
+
+        shape = stop_shape(self.scene, self.camera.aperture)
+        return flat_pupils(slopes, shape, 1.0, 1.0, radius, (scene_side, -4))
 
     def entrance_pupil(self) -> EntrancePupil:
         return EntrancePupil(diameter_mm=2e3 * self._radius_m)
@@ -507,7 +513,13 @@ class _ThickLens(_LensOfSurfaces):
         lens = self.setting.lens
         index = float(lens.indices(self.camera.wavelength_nm)[-1])
         stop = lens.stop or lens.surfaces[0]
-        return flat_pupils(self._thick.film_slope, None, -1.0, index, float(stop.semi_diameter))
+        thick = self._thick
+
+        def scene_side(z: float) -> tuple[float, float]:
+            first, second = (height - z * slope for height, slope in zip(thick.height, thick.slope, strict=True))
+            return first, second
+
+        return flat_pupils(thick.film_slope, None, -1.0, index, float(stop.semi_diameter), (scene_side, 0))
 
     def entrance_pupil(self) -> EntrancePupil:
         return entrance_pupil(self.scene, self.setting, drifts=False)

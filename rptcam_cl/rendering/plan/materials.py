@@ -27,6 +27,7 @@ from rptcam_cl.scene.materials import (
     CoveringMaterial,
     Dielectric,
     Emissive,
+    Hair,
     Material,
     Matte,
     MetalSpectrum,
@@ -501,7 +502,8 @@ def lobes_of(materials: NDArray[np.void], index: int, share: float = 1.0) -> Ite
     alpha = float(np.sqrt(record["alpha"] * record["alpha_across"]))
     if kind in (MaterialKind.MIRROR, MaterialKind.THIN_GLASS, MaterialKind.DIELECTRIC, MaterialKind.PLASTIC):
         alpha = 0.0
-    elif kind in (MaterialKind.MATTE, MaterialKind.TRANSLUCENT, MaterialKind.EMISSIVE, MaterialKind.BOUNDARY):
+    elif kind in (MaterialKind.MATTE, MaterialKind.TRANSLUCENT, MaterialKind.EMISSIVE, MaterialKind.BOUNDARY,
+                  MaterialKind.HAIR):  # fmt: skip
         return
     coloured = record["texture"] >= 0 and kind in (
         MaterialKind.CONDUCTOR, MaterialKind.METAL, MaterialKind.PRINCIPLED, *COVERS[:2]
@@ -624,6 +626,9 @@ class _Filler:
             fill_index(record, material)
         if isinstance(material, Dielectric | Translucent):
             self._colour(record, "passed", "passed_texture", material.transmittance, 1.0)
+        if isinstance(material, Hair):
+            self._colour(record, "color", "texture", material.color, 1.0)
+            fill(record, hair=material.lobes)
         if isinstance(material, Conductor) and material.metal is not None:
             self._metal(record, material.metal)
         if isinstance(material, Plastic):

@@ -132,7 +132,8 @@ def _polished_primitives(plan: Plan) -> Iterator[tuple[int, Kind]]:
     seen = plan.hidden[: plan.primitive_count] & Hidden.FROM_CAMERA == 0
     own = np.flatnonzero(polished[plan.primitives["material"][: plan.primitive_count]] & seen)
     kinds = np.searchsorted(plan.kind_end, own, side="right")
-    yield from ((int(index), Kind(int(kind))) for index, kind in zip(own, kinds, strict=True))
+    found = ((int(index), Kind(int(kind))) for index, kind in zip(own, kinds, strict=True))
+    yield from ((index, kind) for index, kind in found if kind is not Kind.CURVE)  # too fine for a mirror image
 
 
 def _on_shape(bend: Bend, points: Array) -> tuple[Array, Array]:

@@ -646,10 +646,10 @@ def _facts_of_shapes(
     is_smooth = any(primitive.mesh is not None and primitive.mesh.normals is not None for primitive in primitives)
     bumpy = materials["HAS_NORMAL_MAP"] or materials["HAS_COAT_NORMAL"] or materials["HAS_BUMP"]
     return {f"HAS_{kind.name}": int(kind in kinds) for kind in Kind} | {
-        "HAS_TANGENT": int(materials["HAS_ANISOTROPY"] or any(materials[name] for name in FRAMED)),
+        "HAS_TANGENT": int(any(materials[name] for name in ("HAS_ANISOTROPY", "HAS_HAIR", *FRAMED))),
         "HAS_BITANGENT": int(any(materials[name] for name in FRAMED)),
         "HAS_SHADING_NORMAL": int(bumpy or is_smooth),
-        "HAS_AFFINE": int(bool(kinds - {Kind.SPHERE, Kind.MESH})),
+        "HAS_AFFINE": int(bool(kinds - {Kind.SPHERE, Kind.CURVE, Kind.MESH})),
         "HAS_INSTANCES": int(meshes is not None and meshes.instanced),
     }
 
@@ -734,7 +734,7 @@ def _still_plan(scene: Scene, camera: CameraModel | None, coarse: bool, parts: P
 # Facts that are 1 where kernels know of something: those that know of it do for scenes without it, to the bit.
 # Not among them is what has arrays of its own, or chooses in which way light is found.
 _APART = {"HAS_MESH", "HAS_INSTANCES", "HAS_MOTION", "HAS_MEDIA", "HAS_BOUNDARY", "HAS_DISPERSION", "HAS_SPECTRA"}
-_APART |= {"HAS_HIDDEN", "HAS_OPACITY"}
+_APART |= {"HAS_HIDDEN", "HAS_OPACITY", "HAS_CURVE", "HAS_HAIR"}
 _KNOWING = ("HAS_", "EMITTER_", "FACET_ENERGY", "ENVIRONMENT_SAMPLED", "TINY_LAMPS")
 
 

@@ -29,7 +29,7 @@ from rptcam_cl.scene.meshes import LoadedMesh, MeshObject
 from rptcam_cl.scene.placement import PlacedObject, Trajectory, moments, quaternion_of
 from rptcam_cl.scene.quantities import cross
 from rptcam_cl.scene.scene import Scene
-from rptcam_cl.scene.shapes import Board, Box, Cone, Cylinder, Disk, Object, Plane, Rectangle, Sphere
+from rptcam_cl.scene.shapes import Board, Box, Cone, Curves, Cylinder, Disk, Object, Plane, Rectangle, Sphere
 
 # What the last plan was made of, for the next: the frames of a dataset and what a viewfinder shows change little.
 
@@ -501,6 +501,7 @@ def _instances(shared: int, first_primitive: int, copied: int) -> NDArray[np.voi
 
 
 MOST = float(np.finfo(np.float32).max)
+SPAN_BITS = 15  # of kernels/geometry/cubic_curve.h
 
 
 @dataclass(frozen=True)
@@ -621,6 +622,12 @@ def scene_primitives(scene: Scene, parts: PlanParts | None = None) -> list[Primi
             continue
         way, hidden = _trajectory(scene, item), item.visible.hidden
         places = item.places(scene.folders, scene.shutter.open_s)
+        if isinstance(item, Curves):
+            primitives += [
+                Primitive(Kind.CURVE, placement, item.material, index, trajectory=way, hidden=hidden)
+                for placement in _place_curves(item, world @ places)
+            ]
+            continue
         for kind, canonical in _canonical(item):
             # a product of stacks rounds in another way than one of single matrices
             placements = world @ places @ canonical if len(places) > 1 else (world @ places[0] @ canonical)[None]
@@ -634,13 +641,30 @@ def scene_primitives(scene: Scene, parts: PlanParts | None = None) -> list[Primi
     return sorted(primitives, key=lambda primitive: primitive.kind)
 
 
+def _place_curves(item: Curves, places: Matrix) -> Matrix:
+    """Return the pieces of curves at places (n, 4, 4) as rows of Bézier points in the world, (m, 4, 4).
+
+    The last row of each holds the half widths at its ends, that of a flat one with a sign at the first, and from where
+    to where along its strand it goes.
+    """
+    points, widths, spans = item.pieces
+    placed = np.ones((len(places), len(points), 4, 4))
+    placed[:, :, :3] = places[:, None, :3, :3] @ points.transpose(0, 2, 1) + places[:, None, :3, 3, None]
+    scales = np.cbrt(np.abs(np.linalg.det(places[:, :3, :3])))
+    placed[:, :, 3, :2] = scales[:, None, None] * widths / 2
+    placed[:, :, 3, 2:] = spans
+    if item.form == "flat":
+        placed[:, :, 3, 0] *= -1.0
+    return placed.reshape(-1, 4, 4)
+
+
 def object_frame(item: Object, time_s: float) -> Matrix:
     """Return the 4x4 matrix that takes the canonical shape of an object to the scene [scene units] at a moment.
 
     The points of a surface keep their coordinates in it while the object moves, and while the keys of its shape change.
     """
     placed = item.placed_at(time_s)
-    return placed if isinstance(item, MeshObject | Board) else np.asarray(placed @ next(_canonical(item))[1])
+    return placed if isinstance(item, MeshObject | Board | Curves) else np.asarray(placed @ next(_canonical(item))[1])
 
 
 class PlacedMesh(NamedTuple):
@@ -764,6 +788,8 @@ def pack_primitives(
                 (axes[:, :, 2], np.clip(powers, -MOST, MOST)),
             )
             rows = np.stack([np.column_stack(pair) for pair in columns], axis=1).astype(np.float32)
+        elif kind is Kind.CURVE:
+            rows = placements[:, :3].astype(np.float32)
         else:
             rows = np.linalg.inv(placements)[:, :3].astype(np.float32) + 0.0  # no -0: kernels test bits
         for place, axis in enumerate("xyz"):
@@ -771,12 +797,26 @@ def pack_primitives(
     if primitives:
         records["material"] = [materials[id(primitive.material)] for primitive in primitives]
         records["emitter"] = [emitters.get(index, -1) for index in range(len(primitives))]
+        _fill_curves(primitives, records)
     _count_shared_planes(primitives, records)
     if meshes is not None:
         records["instance"][-len(meshes.order) :] = meshes.instance_of
         records["first_triangle"][-len(meshes.order) :] = meshes.first_triangles
     kinds = np.array([primitive.kind for primitive in primitives], np.int32)
     return records, np.searchsorted(kinds, list(Kind), side="right").astype(np.int32)
+
+
+def _fill_curves(primitives: list[Primitive], records: NDArray[np.void]) -> None:
+    """Write widths of curves and their places along strands where `kernels/geometry/cubic_curve.h` looks for them."""
+    members = _by_kind(primitives).get(Kind.CURVE)
+    if members is None:
+        return
+    ends = np.array([primitive.placement[3] for primitive in primitives[members]])
+    first, last = ends[:, :2].astype(np.float32).T.copy().view(np.int32)
+    records["instance"][members], records["first_triangle"][members] = first, last
+    most = (1 << SPAN_BITS) - 1
+    begin, end = np.rint(most * ends[:, 2:]).astype(np.int32).T
+    records["emitter"][members] = -1 - (begin | end << SPAN_BITS)
 
 
 def _by_kind(primitives: Sequence[Primitive]) -> dict[Kind, slice]:

@@ -17,7 +17,8 @@ __kernel void probe_scatter(const __global Material *materials,
     SurfacePoint point;
     point.n = point.ng = f3(ZERO, ZERO, ONE);
     point.p = f3(ZERO, ZERO, ZERO);
-    point.u = point.v = ZERO;
+    point.u = ZERO;
+    point.v = (F)(0.75f);       // half way from the middle of a fibre to its side
     Vertex vertex;
     vertex.n = vertex.ng = point.n;
     vertex.color = f3(ZERO, ZERO, ZERO);

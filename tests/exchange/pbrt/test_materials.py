@@ -102,7 +102,11 @@ KINDS: dict[str, tuple[dict[str, Any], str]] = {
         {"kind": "principled", "base_color": [0.5] * 3, "metallic": 0.0, "roughness": 0.5, "anisotropy": 0.0,
          "index": 1.0, "transmission": 0.0, "clearcoat": 0.0, "clearcoat_roughness": math.sqrt(0.001)}, ""),
     '"subsurface" "rgb Kd" [.2 .3 .4] "float eta" 1.4 "float roughness" .04': (
-        {"kind": "plastic", "reflectance": [0.2, 0.3, 0.4], "index": 1.4, "alpha": 0.2}, "light does not pass below"),
+        {"kind": "dielectric", "index": 1.4, "alpha": 0.2,
+         "interior": {"color": [0.2, 0.3, 0.4], "free_path_mm": [1000.0] * 3}}, "walks at random"),
+    '"subsurface" "string name" "Skin1"': (
+        {"kind": "dielectric", "index": 1.33,
+         "interior": {"absorption_per_m": [0.032, 0.17, 0.48], "scattering_per_m": [0.74, 0.88, 1.01]}}, "at random"),
     '"shinymetal" "color Ks" [.1 .1 .1] "color Kr" [.5 .4 .3]': (
         {"kind": "conductor", "reflectance": [0.5, 0.4, 0.3], "alpha": 0.001}, "the stronger"),
     '"thindielectric" "float eta" 1.4': ({"kind": "thin_glass", "index": 1.4}, ""),
@@ -144,10 +148,10 @@ KINDS: dict[str, tuple[dict[str, Any], str]] = {
         {"kind": "principled", "base_color": [0.2, 0.3, 0.4], "metallic": 1.0, "roughness": 0.3, "anisotropy": 0.0,
          "index": 1.5, "transmission": 0.0, "clearcoat": 0.0, "clearcoat_roughness": math.sqrt(0.001)}, "sheen"),
     '"subsurface" "rgb reflectance" [.2 .3 .4]': (
-        {"kind": "plastic", "reflectance": [0.2, 0.3, 0.4], "index": 1.33}, "light does not pass below"),
+        {"kind": "dielectric", "index": 1.33,
+         "interior": {"color": [0.2, 0.3, 0.4], "free_path_mm": [1000.0] * 3}}, "walks at random"),
     '"shinymetal" "color Ks" [.5 .4 .3] "color Kr" [.1 .1 .1] "float roughness" .25': (
         {"kind": "conductor", "reflectance": [0.5, 0.4, 0.3], "alpha": math.sqrt(2 / 6)}, "the stronger"),
-    '"hair" "float beta_m" .2': ({"kind": "matte", "reflectance": [0.5] * 3}, "matte grey 0.5"),
     '"fourier" "string bsdffile" "a.bsdf"': ({"kind": "matte", "reflectance": [0.5] * 3}, "matte grey 0.5"),
 }  # fmt: skip
 
@@ -589,3 +593,15 @@ def test_bad_materials_are_told(convert: Convert, text: str) -> None:
             },
         )
     assert BAD[text] in str(problem.value)
+
+
+FOG = 'MakeNamedMedium "fog" "rgb sigma_a" [.1 .2 .3] "rgb sigma_s" [4 5 6] "float g" .5 "float scale" 2 '
+
+
+def test_media_fill_glass_clouds_and_the_space_around_the_camera(convert: Convert) -> None:
+    inside = 'MediumInterface "fog" "" Material "interface" Shape "sphere" Material "dielectric" Shape "sphere"'
+    done = convert(inside, f'{FOG} MediumInterface "" "fog" {HEAD}')
+    fog = {"absorption_per_m": [0.2, 0.4, 0.6], "scattering_per_m": [8.0, 10.0, 12.0], "asymmetry": 0.5}
+    assert done.keys["medium"] == near(fog)
+    assert done.material(0) == near({"kind": "boundary", "interior": fog})
+    assert done.material(1) == near({"kind": "dielectric", "index": 1.5, "interior": fog})

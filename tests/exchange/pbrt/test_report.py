@@ -44,9 +44,9 @@ OPTIONS = {
     'Camera "perspective" "float other" 1': 'ignored: Camera "perspective": "float other"',
 }
 WORLD = {
-    'MakeNamedMedium "fog" "string type" "homogeneous"': 'ignored: MakeNamedMedium "fog"',
-    'MediumInterface "fog" "air"': 'ignored: MediumInterface "fog" "air"',
-    'Attribute "medium" "float g" 1': 'ignored: Attribute "medium"',
+    'MakeNamedMedium "f" "string type" "cloud" MediumInterface "f" "" Material "dielectric" Shape "sphere"': (
+        'media of the type "cloud"'
+    ),
     'LightSource "infinite" "point3 portal" [0 0 0 1 0 0 1 1 0 0 1 0]': 'ignored: LightSource "infinite": its portal',
     'LightSource "point" "float other" 1': 'ignored: LightSource "point": "float other"',
     'Shape "sphere" "float other" 1': 'ignored: Shape "sphere": "float other"',

@@ -449,3 +449,25 @@ def test_what_pbrt_skips_of_shapes_is_reported(convert: Convert) -> None:
     assert done.says('Shape "teapot": there is no such shape')
     assert done.says('ObjectInstance "x": no object has the name')
     assert done.says('LightSource "sun": there is no such light')
+
+
+def test_curves_of_a_material_become_strands_of_hair(convert: Convert) -> None:
+    curve = 'Shape "curve" "point3 P" [0 0 0  0 1 0  1 1 0  1 2 0] "float width0" .2 "float width1" .1 '
+    spline = 'Shape "curve" "string basis" "bspline" "point3 P" [0 0 0  1 0 0  2 0 0  3 0 0  4 0 0] "float width" .5'
+    hair = f'Material "hair" "float eumelanin" .4 Scale 2 2 2 {curve} {curve} '
+    done = convert(f'{hair} Material "diffuse" {spline}', HEAD)
+    hair, matte = done.scene.objects
+    assert done.material(0) == pytest.approx(
+        {"kind": "hair", "eumelanin": 0.4, "pheomelanin": 0, "index": 1.55, "tilt_degrees": 2.0}
+        | {"roughness": 0.3, "roughness_across": 0.3}
+    )
+    assert hair.counts == (4, 4)
+    np.testing.assert_allclose(hair.rows[3], [2, 4, 0, 0.2])
+    np.testing.assert_allclose(matte.rows[[0, -1]], [[2, 0, 0, 1], [6, 0, 0, 1]], atol=1e-12)
+    assert matte.form == "flat"
+
+
+def test_hair_on_other_shapes_is_matte(convert: Convert) -> None:
+    done = convert('Material "hair" "rgb reflectance" [.1 .2 .3] Shape "sphere"')
+    assert done.material() == {"kind": "matte", "reflectance": [0.1, 0.2, 0.3]}
+    assert done.says("matte in place of hair")

@@ -1,0 +1,301 @@
+"""The far light of a film: what an opening, with dust and scratches, diffracts beyond the kernel about each pixel."""
+
+from __future__ import annotations
+
+from functools import cache, cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.core.colour import WAVELENGTHS_NM, cie_1931, daylight_65, rgb_basis
+from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.core.remember import checkpoint
+from rptcam_cl.rendering.several import GOLDEN
+
+# An opening is a set of edges, seen along a line in each direction: how wide it is open there is a sum of ramps, and
+# the Fourier transform of that line is the field in this direction (the projection-slice theorem). Light of a
+# wavelength is that of another, scaled; so one table over directions and radii, summed up over both, gives all of
+# them in every pixel.
+
+Array = NDArray[np.float64]
+
+ANGLES = 2048  # directions over half a turn; the other half is alike
+CELLS, LINE = 4096, 2.5  # of the line that an opening is seen along, and its length in widths of the opening
+RESOLVED = 512.0  # wavelengths times f-number up to which the light is computed; beyond it falls as its cube
+BANDS, SPANS = 448, 384  # radii, evenly in their logarithm, of that light and of the film's
+STARBURST_NM = tuple(np.arange(405.0, 700.0, 5.0).tolist())
+AT_ONCE = 128  # directions
+STRAIGHT = 120  # directions of edges round a turn, of which two neighbours count as one
+NARROW = 1e-7  # least width of an edge along the line
+
+
+TAPER = 0.75  # share of the reach from which the kernel fades, so that no square shows about a bright lamp
+
+
+@cache
+def shares_of_white(waves_nm: tuple[float, ...]) -> Array:
+    """Return the share of each of some wavelengths, evenly spaced [nm], in red, green and blue of daylight, (n, 3)."""
+    light = rgb_basis() * (cie_1931().sum(axis=1) * daylight_65())[:, None]
+    bands = np.rint((WAVELENGTHS_NM - waves_nm[0]) / (waves_nm[1] - waves_nm[0])).astype(int)
+    shares = np.zeros((len(waves_nm), 3))
+    np.add.at(shares, np.clip(bands, 0, len(waves_nm) - 1), light)
+    return np.asarray(shares / shares.sum(axis=0))
+
+
+def fade(radius_px: Array, reach: int) -> Array:
+    """Return the share of the light at radii that a kernel keeps; the rest of it is far light."""
+    radius = radius_px / (reach + 1)
+    return np.asarray(np.cos(np.pi / 2 * np.clip((radius - TAPER) / (1 - TAPER), 0.0, 1.0)) ** 2)
+
+
+@dataclass(frozen=True)
+class FarLight:
+    """What an opening makes of a lamp far from it on the film.
+
+    Attributes
+    ----------
+    edges : (n, 4) array
+        Of the opening in direction cosines, from x, y to x, y: its outline anticlockwise, holes clockwise.
+    index : float
+        Of the medium in front of the film.
+    pixel_mm : tuple of float
+        Width and height of a pixel.
+    reach : int
+        Of the kernel about each pixel, which fades as this begins [pixels].
+    """
+
+    edges: Array
+    index: float
+    pixel_mm: tuple[float, float]
+    reach: int
+
+    @property
+    def _pixel(self) -> float:
+        return float(np.sqrt(self.pixel_mm[0] * self.pixel_mm[1]))
+
+    @cached_property
+    def _area(self) -> float:
+        x, y, to_x, to_y = self.edges.T
+        return float((x * to_y - y * to_x).sum() / 2)
+
+    @cached_property
+    def _width(self) -> float:
+        """Diameter of the round opening of the same area, in direction cosines."""
+        return 2 * float(np.sqrt(self._area / np.pi))
+
+    def unit_px(self, nm: float) -> float:
+        """Return wavelength times f-number [pixels]."""
+        return nm * 1e-6 / self.index / self._width / self._pixel
+
+    @cached_property
+    def within(self) -> tuple[Array, Array]:
+        """Radii, in wavelengths times f-number, and the share of light within each for each direction, from the first.
+
+        The second has the shape (directions, radii), over half a turn that stands for both.
+        """
+        low = 0.5 * self.reach / self.unit_px(STARBURST_NM[-1])
+        radii = np.geomspace(min(low, RESOLVED / 4), RESOLVED, BANDS)
+        edges = (self.edges - np.tile(self._middle, 2)) / self._width
+        shares = np.zeros((ANGLES, BANDS))
+        rho = np.arange(CELLS // 2 + 1) / LINE
+        to_share = 2 * (np.pi / ANGLES) / LINE / (self._area / self._width**2)
+        for start in range(0, ANGLES, AT_ONCE):
+            angles = np.pi * (np.arange(start, min(start + AT_ONCE, ANGLES)) + 0.5) / ANGLES
+            light = _along(edges, angles) * to_share * rho
+            total = np.cumsum(light, axis=1)
+            shares[start : start + AT_ONCE] = [np.interp(radii, rho + 0.5 / LINE, line) for line in total]
+        return radii, shares - shares[:, :1]
+
+    @property
+    def _middle(self) -> Array:
+        corners = self.edges[:, :2]
+        return np.asarray((corners.max(axis=0) + corners.min(axis=0)) / 2)
+
+    @cached_property
+    def _beyond(self) -> Array:
+        """Light of each direction beyond what is resolved, by that of the outer half of it (directions,)."""
+        radii, within = self.within
+        half = int(np.searchsorted(radii, RESOLVED / 2))
+        return np.asarray((within[:, -1] - within[:, half]) / (RESOLVED / radii[half] - 1))
+
+    def _weights(self, pixels: Array) -> tuple[Array, Array]:
+        """Weights of light within `within`, and of that beyond, within radii [pixels], (BANDS, 3, n) and (3, n)."""
+        radii, columns = self.within[0], np.arange(len(pixels))
+        inner, outer = np.zeros((BANDS, 3, len(pixels))), np.zeros((3, len(pixels)))
+        for nm, shares in zip(STARBURST_NM, shares_of_white(STARBURST_NM), strict=True):
+            rho = pixels / self.unit_px(nm)
+            place = np.interp(np.log(rho), np.log(radii), np.arange(BANDS))
+            below = np.minimum(place.astype(np.int64), BANDS - 2)
+            part = place - below
+            inner[below, :, columns] += (1 - part)[:, None] * shares
+            inner[below + 1, :, columns] += part[:, None] * shares
+            outer += shares[:, None] * np.maximum(1 - RESOLVED / rho, 0)
+        return inner, outer
+
+    @cached_property
+    def shares(self) -> Array:
+        """Share of red, green and blue that is far light, on the film and beside it (3,)."""
+        edges = np.geomspace(0.6 * self.reach, 1e7, 2048)
+        inner, outer = self._weights(edges)
+        light = np.tensordot(self.within[1].sum(axis=0), inner, 1) + self._beyond.sum() * outer
+        middle = np.sqrt(edges[1:] * edges[:-1])
+        return np.asarray(np.diff(light, axis=1) @ (1 - fade(middle, self.reach)))
+
+    def kernel(self, width: int, height: int) -> Array:
+        """Return the far light (3, 2 height - 1, 2 width - 1) of a lamp in the middle; turned as `kernel` of a pupil.
+
+        Each pixel has the light of a box of its area along radius and circle.
+        """
+        x = np.arange(1.0 - width, width) * (self.pixel_mm[0] / self._pixel)
+        y = np.arange(float(height)) * (self.pixel_mm[1] / self._pixel)
+        table = self.table(float(np.hypot(x[-1], y[-1])))
+        upper = self.at(table, x, y)
+        for row in range(height):
+            upper[:, row] *= 1 - fade(np.hypot(x, y[row]), self.reach)
+        return np.concatenate([upper[:, :0:-1, ::-1], upper], axis=1)
+
+    def table(self, farthest: float, across: float = 1.0, out: float = 0.0) -> tuple[Array, Array]:
+        """Return the light of pixels by directions and radii, and these radii up to the farthest [pixels].
+
+        Parameters
+        ----------
+        across
+            Width along the circle that it is the mean over [pixels]: that of an edge, of a lamp out of focus.
+        out
+            How far such an edge is from the middle, this way and that [pixels].
+        """
+        edges = np.geomspace(max(0.6 * self.reach - 0.5, 0.5), farthest + 2.0, SPANS)
+        inner, outer = self._weights(edges)
+        light = np.tensordot(self.within[1], inner, 1) + self._beyond[:, None, None] * outer
+        return _boxes(np.moveaxis(light, 1, 0), edges, across, out), edges
+
+    def at(self, table: tuple[Array, Array], x: Array, y: Array) -> Array:
+        """Return the light of pixels (3, y, x) at places from a lamp [pixels], by a table; none where that has none."""
+        boxes, edges = table
+        light, step = np.zeros((3, len(y), len(x))), np.log(edges[1] / edges[0])
+        for row, up in enumerate(y):
+            radius, angle = np.hypot(x, up), np.arctan2(up, x)
+            lit = radius > TAPER * self.reach
+            if lit.any():
+                at = np.clip(np.log(radius[lit] / edges[0]) / step, 0, SPANS - 1.001)
+                light[:, row, lit] = _between(boxes, angle[lit] * ANGLES / np.pi - 0.5, at)
+        return light
+
+    @cached_property
+    def straightest(self) -> float:
+        """The length of the longest straight edge, over the opening's width; near 0 of a round one."""
+        along = self.edges[:, 2:] - self.edges[:, :2]
+        bins = np.floor(np.arctan2(along[:, 1], along[:, 0]) * STRAIGHT / (2 * np.pi)).astype(int) % STRAIGHT
+        lengths = np.bincount(bins, np.hypot(*along.T), STRAIGHT)
+        return float((lengths + np.roll(lengths, 1)).max() / self._width)
+
+
+def _along(edges: Array, angles: Array) -> Array:
+    """Return |F|^2 of an opening in its widths at multiples of 1 / LINE, (directions, CELLS / 2 + 1)."""
+    checkpoint()
+    n = np.stack([np.cos(angles), np.sin(angles)])
+    start, end = edges[:, :2] @ n, edges[:, 2:] @ n  # (edges, directions)
+    mass = n[0] * (edges[:, 3:4] - edges[:, 1:2]) - n[1] * (edges[:, 2:3] - edges[:, 0:1])
+    low, wide = np.minimum(start, end), np.maximum(np.abs(end - start), NARROW)
+    step = LINE / CELLS
+    rows = np.broadcast_to(np.arange(len(angles)) * CELLS, low.shape)
+    shift = np.mod(angles * ANGLES / np.pi * GOLDEN, 1.0)  # so that what is folded back adds up without a phase
+    second = np.zeros(len(angles) * CELLS)
+    for place, sign in ((low, 1.0), (low + wide, -1.0)):  # a ramp in the sum is two kinks
+        cell = (place + LINE / 2) / step + shift
+        whole = np.floor(cell).astype(np.int64)
+        part, weight = cell - whole, sign * mass / wide * step
+        second += np.bincount((rows + whole).ravel(), (weight * (1 - part)).ravel(), len(second))
+        second += np.bincount((rows + whole + 1).ravel(), (weight * part).ravel(), len(second))
+    ramp = np.cumsum(np.cumsum(second.reshape(len(angles), CELLS), axis=1), axis=1)
+    field = np.fft.rfft(ramp, axis=1) * step
+    rho = np.arange(CELLS // 2 + 1) / LINE
+    folded = (rho / (CELLS / LINE - rho)) ** 3  # from beyond what cells resolve, of light that falls as the cube
+    light = (field.real**2 + field.imag**2) / (1 + folded)
+    light[:, rho > RESOLVED + 1] = 0.0
+    return np.asarray(light)
+
+
+def _boxes(light: Array, edges: Array, across: float, out: float) -> Array:
+    """Return the light of pixels, as boxes along the radius and over some pixels of the circle.
+
+    Parameters
+    ----------
+    light : (3, directions, radii) array
+        Within radii.
+    """
+    places, step = np.arange(len(edges)), np.log(edges[1] / edges[0])
+
+    def within(radii: Array) -> Array:
+        at = np.clip(np.log(np.maximum(radii, edges[0]) / edges[0]) / step, 0, len(edges) - 1.001)
+        first = at.astype(int)
+        return np.asarray(light[..., first] * (1 - at % 1) + light[..., first + 1] * (at % 1))
+
+    middles = (edges,) if out == 0 else (edges - out, edges + out)
+    ring = sum((within(at + 0.5) - within(at - 0.5) for at in middles), np.zeros_like(light)) / len(middles)
+    total = np.concatenate([np.zeros_like(ring[:, :1]), np.cumsum(np.tile(ring, (1, 3, 1)), axis=1)], axis=1)
+    half = np.minimum(0.5 * across / edges, np.pi / 4)
+    pixels = 2 * half * edges  # of each box
+    half = half * ANGLES / np.pi
+    directions = ANGLES + np.arange(ANGLES) + 0.5
+    boxes = np.empty(ring.shape)  # by rows, whatever the order of the light
+    for k in places:
+        below, above = (_interpolated(total[:, :, k], directions + side * half[k]) for side in (-1, 1))
+        boxes[:, :, k] = (above - below) / max(pixels[k], 1.0)
+    return np.maximum(boxes, 0.0) / 2  # a half turn of the table stands for both
+
+
+def _interpolated(rows: Array, at: Array) -> Array:
+    first = at.astype(np.int64)
+    return np.asarray(rows[:, first] * (1 - at % 1) + rows[:, first + 1] * (at % 1))
+
+
+def _between(table: Array, turn: Array, at: Array) -> Array:
+    """Return a table (3, directions, radii) between its entries (3, n); directions go round."""
+    first, j = np.floor(turn).astype(np.int64), at.astype(np.int64)
+    u, v = turn - first, at - j
+    i, following = first % ANGLES, (first + 1) % ANGLES
+    flat = table.reshape(3, -1)
+    value = np.zeros((3, len(turn)))
+    for row, weight in ((i, 1 - u), (following, u)):
+        place = row * table.shape[2] + j
+        value += flat[:, place] * (weight * (1 - v)) + flat[:, place + 1] * (weight * v)
+    return value
+
+
+def strew(planes: Array, kernel: Array) -> Array:
+    """Return the light of planes (3, height, width) on them, by a kernel of twice the whole film or more.
+
+    What falls beside them is lost.
+    """
+    height, width = planes.shape[1:]
+    top, left = kernel.shape[1] // 2 - height + 1, kernel.shape[2] // 2 - width + 1
+    light = np.empty_like(planes)
+    shape = tuple(quick(2 * side - 1) for side in (height, width))
+    for plane, part, target in zip(planes, kernel, light, strict=True):
+        own = part[top : top + 2 * height - 1, left : left + 2 * width - 1]
+        product = np.fft.rfft2(plane, shape) * np.fft.rfft2(own, shape)
+        target[:] = np.fft.irfft2(product, shape)[height - 1 : 2 * height - 1, width - 1 : 2 * width - 1]
+    return np.maximum(light, 0.0) if planes.min() >= 0 else light
+
+
+def received(kernel: Array, shape: tuple[int, ...]) -> Array:
+    """Return the light (3, height, width) that `strew` brings to each pixel of a film of ones, by a kernel."""
+    height, width = shape
+    top, left = kernel.shape[1] // 2 - height + 1, kernel.shape[2] // 2 - width + 1
+    own = kernel[:, top : top + 2 * height - 1, left : left + 2 * width - 1]
+    total = np.pad(np.cumsum(np.cumsum(own, axis=1), axis=2), ((0, 0), (1, 0), (1, 0)))
+    low = total[:, height:] - total[:, :height]
+    return np.asarray(low[:, :, width:] - low[:, :, :width])
+
+
+def quick(length: int) -> int:
+    """Return the next length whose only prime factors are 2, 3 and 5, which transforms are fast for."""
+    while True:
+        rest = length
+        for prime in (2, 3, 5):
+            while rest % prime == 0:
+                rest //= prime
+        if rest == 1:
+            return length
+        length += 1
