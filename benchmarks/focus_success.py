@@ -28,8 +28,8 @@ from rptcam_cl.device.devices import choose_device
 from rptcam_cl.device.session import Session
 from rptcam_cl.scene.load import change_scene, load_scene
 from rptcam_cl.scene.scene import Scene
-from rptcam_cl.studies.focus.controller import BY_DETAILS, DETAILS, focus_of
-from rptcam_cl.studies.focus.phase import half_view
+from rptcam_cl.studies.focus.controller import BY_DETAILS, focus_of
+from rptcam_cl.studies.focus.phase import DETAILS, half_view
 from rptcam_cl.studies.focus.probe import FocusReport, Policy, Zone
 from rptcam_cl.studies.focus.renderer import ProbeRenderer, Task
 

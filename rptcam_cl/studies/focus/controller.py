@@ -30,13 +30,13 @@ from rptcam_cl.studies.focus.contrast import (
     focus_by_variance,
 )
 from rptcam_cl.studies.focus.drives import Drive, focus_drive
-from rptcam_cl.studies.focus.phase import focus_by_hybrid, focus_by_phase, half_view
+from rptcam_cl.studies.focus.phase import clearest_beside, focus_by_hybrid, focus_by_phase, half_view
 from rptcam_cl.studies.focus.probe import FocusReport, NoContrast, OutOfReach, Policy, Probe, Zone
 from rptcam_cl.studies.focus.renderer import ProbeRenderer, Task
 
 # What can be wrong with a focus that was found: too uncertain, one of two distances, or one of two line focuses.
 
-SURE = 0.5  # confidence below which a focus counts as not found
+SURE = 2 / 3  # confidence below which a focus counts as not found: that of an error of a quarter of a depth of focus
 SHARP_SHARE = 0.05  # of what the zone shows, that depth requires within the depth of field
 AT_AN_END = 1.0  # depths of focus from the end of the reach, where the target may lie beyond
 APART = 4.0  # depths of focus between two distances, or two line focuses, that are worth a word
@@ -44,7 +44,6 @@ LEAST_SHARE = 0.2  # of a zone that shows another distance
 MOSTLY = 0.5  # of a zone that shows something through glass or in a mirror
 FAR_M = 1e6
 BY_DETAILS = ("contrast", "laplacian", "variance")  # which seek the clearest details, not the least spot
-DETAILS = (0.125, 0.25)  # cycles per pixel of a probe, of what they see
 
 
 def with_warnings(task: Task, report: FocusReport) -> FocusReport:
@@ -83,21 +82,16 @@ def _nothing_sharp(task: Task, report: FocusReport) -> str | None:
         return None
     off = drive.nearer * (drive.coordinate(report.state) - drive.coordinate(best)) / drive.depth_of_focus
     away = np.abs(off - (shown - nearest) / sharp)
-    slack = 0.5 + _clearest_beside(task, best, zone, sharp) if report.method in BY_DETAILS else 0.5
+    slack = 0.5 + clearest_beside(task.renderer, best, zone) if report.method in BY_DETAILS else 0.5
     if np.mean(away <= slack) >= SHARP_SHARE:
         return None
     where = "beyond infinity" if distance is None else f"at {distance:.4g} m"
+    lies = f"{1 / nearest:.4g} m away" if nearest > 0 else "infinitely far away"
     cause = why_unseen(task, report.state, zone)
     return (
-        f"nothing that the zone shows is sharp: the nearest to it lies {1 / nearest:.4g} m away, the focus {where},"
+        f"nothing that the zone shows is sharp: the nearest to it lies {lies}, the focus {where},"
         f" {away.min():.2g} depths of focus off{f' ({cause})' if cause else ''}"
     )
-
-
-def _clearest_beside(task: Task, state: float, zone: Zone, sharp: float) -> float:
-    """Return how far from the least spot details may be clearest [depths of focus]."""
-    view = half_view(task.renderer, state, zone, "x")
-    return max(abs(view.clearest(cycles) - view.sharpest()) / sharp for cycles in DETAILS)
 
 
 def _passage(task: Task, state: float, zone: Zone) -> str | None:
