@@ -127,13 +127,13 @@ def _beam_to(
     few: bool,
 ) -> Beam:
     """Return the light of the object point that the mean ray from a film point meets."""
-    film = np.array([film_point_mm], dtype=np.float64)
-    if few:  # which grids that find a small pupil step by step allow
-        probes, aims = narrowing_probes(lens, film_distance_mm, wavelength_nm), (FEW_AIMS, FEW_AIMS)
-        probe, (boxes, lit) = probes[-1], pupil_boxes(probes, film)
-    else:
-        probe, aims = FilmProbe(lens, film_distance_mm, wavelength_nm), AIMS
-        boxes, lit = narrow_boxes(probe, film, probe.windows(film), aims)
+    probe, film = FilmProbe(lens, film_distance_mm, wavelength_nm), np.array([film_point_mm], dtype=np.float64)
+    boxes, lit = np.empty((1, 4)), np.array([False])
+    if not few:
+        boxes, lit = narrow_boxes(probe, film, probe.windows(film), AIMS)
+    if not lit[0]:  # a small pupil, which is found step by step
+        boxes, lit = pupil_boxes(narrowing_probes(lens, film_distance_mm, wavelength_nm), film)
+    aims = (FEW_AIMS, FEW_AIMS) if few else AIMS
     if not lit[0]:
         x, y = film_point_mm
         raise InputError(f"{lens.name}: no light reaches the film point ({x:g}, {y:g}) mm")

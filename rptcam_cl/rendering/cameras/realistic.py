@@ -114,16 +114,48 @@ def pupil_in_windows(
     boxes, lit = pupil_boxes(probes, corners, PROBES)
     if not lit.any():
         raise InputError(f"{lens.name}: no light reaches the zones {film_distance_mm:g} mm behind the lens")
-    low, high = np.full((CELLS, CELLS, 2), np.inf), np.full((CELLS, CELLS, 2), -np.inf)
+    low, high = np.full((FINE, FINE, 2), np.inf), np.full((FINE, FINE, 2), -np.inf)
+    size = 2 * half / FINE
     for tile, around in zip(tiles, at.reshape(-1, 4), strict=True):
         if lit[around].any():
-            corner, sides = np.split(_around(boxes[around], lit[around]), 2)
-            (x0, y0), (x1, y1) = np.clip(np.floor((tile + half) / size).astype(int), 0, CELLS - 1)
+            (x0, y0), (x1, y1) = np.clip(np.floor((tile + half) / size).astype(int), 0, FINE - 1)
             held = slice(y0, y1 + 1), slice(x0, x1 + 1)
+            corner, sides = np.split(_between(tile, boxes[around], lit[around], held, size, half), 2, axis=-1)
             low[held], high[held] = np.minimum(low[held], corner), np.maximum(high[held], corner + sides)
     table = np.where(low[..., :1] < np.inf, np.concatenate([low, high - low], axis=2), 0.0)
-    parameters = PupilGrid(1 / size[0], 1 / size[1], CELLS, CELLS)
+    parameters = PupilGrid(1 / size[0], 1 / size[1], FINE, FINE)
     return PupilSampling("windows", PupilKind.BOXES, parameters, table.astype(np.float32).ravel())
+
+
+FINE = (
+    64  # cells of the film across and down: close behind a lens a small pupil moves by more than itself in larger ones
+)
+BENT = 0.02  # of a tile's pupils: by how much they may lie beside those between its corners
+
+
+def _between(
+    tile: NDArray[np.float64],
+    boxes: NDArray[np.float64],
+    lit: NDArray[np.bool_],
+    held: tuple[slice, slice],
+    size: NDArray[np.float64],
+    half: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Return the corner and size (rows, columns, 4) of boxes that hold the pupils of cells, from those at the corners
+    of a tile."""
+    whole = _around(boxes, lit)
+    rows, columns = (np.arange(part.start, part.stop + 1) for part in held)
+    if not lit.all():
+        return np.broadcast_to(whole, (len(rows) - 1, len(columns) - 1, 4))
+    extent = np.maximum(tile[1] - tile[0], 1e-300)
+    u, v = (np.clip((ends * size[k] - half[k] - tile[0, k]) / extent[k], 0, 1)
+            for k, ends in ((0, columns), (1, rows)))  # fmt: skip
+    across = [boxes[k] + u[:, None] * (boxes[k + 1] - boxes[k]) for k in (0, 2)]
+    at = across[0] + v[:, None, None] * (across[1] - across[0])
+    at = np.stack([at[:-1, :-1], at[:-1, 1:], at[1:, :-1], at[1:, 1:]])
+    low, high = at[..., ::2].min(axis=0), at[..., 1::2].max(axis=0)
+    spread = SPREAD * (high - low) + BENT * (boxes[:, ::2].max(axis=0) - boxes[:, ::2].min(axis=0))
+    return np.concatenate([low - spread, high - low + 2 * spread], axis=-1)
 
 
 TILE = 1.8  # cells that a part of a window spans at most, whose corners tell of all of it

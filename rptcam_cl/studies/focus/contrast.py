@@ -504,15 +504,16 @@ def _refine(probes: Probes, made: list[Probe], zone: int, peak: Peak, samples: i
     """
     sharp, most = probes.drive.depth_of_focus, probes.affordable
     low, high = probes.ends
-    reference = made[0].reference
+    reference, widest = made[0].reference, WIDEST * sharp
     for _ in range(4):
         if peak.rise < CLEAR and samples >= most:
             raise _same_everywhere(peak)
         is_converged = peak.rise >= CLEAR and (peak.error < sharp / PRECISE or samples >= most)
-        if is_converged and _is_even(made, zone, peak, (low, high), WIDEST * sharp):
+        if is_converged and _is_even(made, zone, peak, (low, high), widest):
             return peak
-        step = min(max(SHARE * peak.width, sharp), (WIDEST / 2 if is_converged else WIDEST) * sharp)
+        step = min(max(SHARE * peak.width, sharp), widest / 2 if is_converged else widest)
         if not is_converged:
+            widest *= 2  # so coarse a texture, or so blurred a picture, tells little nearer by
             more = 4.0 if peak.rise < CLEAR else float(np.clip(1.5 * (PRECISE * peak.error / sharp) ** 2, 1.5, 16))
             samples, made, reference = min(int(more * samples), most), [], peak.place
         for place in _three_places(probes, peak.place, step):
